@@ -1,0 +1,1 @@
+//! The `.anim` file format.

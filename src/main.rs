@@ -1,0 +1,3 @@
+//! The `splatblur` command line.
+
+fn main() {}

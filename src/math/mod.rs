@@ -1,0 +1,9 @@
+//! Small mathematics shared by all parts: the sRGB transfer curve, bounding boxes, transforms as translate/rotate/scale.
+
+mod bounds;
+pub mod srgb;
+mod trs;
+
+pub use bounds::Bounds;
+pub(crate) use trs::rotation;
+pub use trs::{RotateOrder, Trs};

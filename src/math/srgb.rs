@@ -1,0 +1,37 @@
+//! The sRGB transfer curve (IEC 61966-2-1). The only place that knows it.
+
+/// Linear light from an sRGB-encoded value; both nominally in [0, 1], odd about 0.
+pub fn to_linear(encoded: f32) -> f32 {
+    let e = f64::from(encoded.abs());
+    let linear = if e <= 0.040_45 { e / 12.92 } else { libm::pow((e + 0.055) / 1.055, 2.4) };
+    (linear as f32).copysign(encoded)
+}
+
+/// sRGB-encoded value from linear light; both nominally in [0, 1], odd about 0.
+pub fn from_linear(linear: f32) -> f32 {
+    let l = f64::from(linear.abs());
+    let encoded = if l <= 0.003_130_8 { l * 12.92 } else { 1.055 * libm::pow(l, 1.0 / 2.4) - 0.055 };
+    (encoded as f32).copysign(linear)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn known_values() {
+        // IEC 61966-2-1: 0.5 encodes to 0.735357, and 188/255 is about half of the light.
+        assert!((from_linear(0.5) - 0.735_357).abs() < 1e-6);
+        assert!((to_linear(188.0 / 255.0) - 0.502_886).abs() < 1e-6);
+        assert_eq!(to_linear(0.0), 0.0);
+        assert!((to_linear(1.0) - 1.0).abs() < 1e-7);
+    }
+
+    #[test]
+    fn round_trip_of_every_byte() {
+        for b in 0..=255_u8 {
+            let e = f32::from(b) / 255.0;
+            assert_eq!((from_linear(to_linear(e)) * 255.0).round() as u8, b);
+        }
+    }
+}

@@ -1,0 +1,1 @@
+//! Low-discrepancy sequences: pure functions of (index, dimension, seed).

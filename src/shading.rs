@@ -1,0 +1,1 @@
+//! The shading equation (thesis 4.1.1).

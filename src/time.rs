@@ -1,0 +1,181 @@
+//! The shutter: the exposure interval, its time weight a(t), and the time samples it is cut into.
+//!
+//! Times inside the shutter are t in [0, 1]; frames are `f64`.
+
+/// Time weight a(t) over the shutter, each normalised to integral 1 (thesis 3.1; formulas in docs/math.md).
+#[derive(Clone, Debug, PartialEq)]
+pub enum Weight {
+    /// a(t) = 1.
+    Box,
+    /// a(t) ~ min(t, 1 - t).
+    Tent,
+    /// a(t) ~ 1 - |t - centre|; `centre` 1 is thesis fig. 3.1c, 2t.
+    Ramp {
+        /// Peak, in [0, 1].
+        centre: f64,
+    },
+    /// a(t) ~ exp(-rate |t - centre|).
+    Exponential {
+        /// Decay per shutter, > 0.
+        rate: f64,
+        /// Peak, in [0, 1].
+        centre: f64,
+    },
+    /// a(t) ~ exp(-(t - centre)^2 / (2 width^2)).
+    Gaussian {
+        /// Peak, in [0, 1].
+        centre: f64,
+        /// Standard deviation, in shutters, > 0.
+        width: f64,
+    },
+    /// Drawn: linear between (t, weight) points, constant outside them; t rises strictly, in [0, 1]; weights >= 0 and not all 0.
+    Curve(Vec<(f64, f64)>),
+}
+
+impl Weight {
+    /// The unnormalised integral of a from 0 to `t`.
+    fn primitive(&self, t: f64) -> f64 {
+        match self {
+            Self::Box => t,
+            Self::Tent => {
+                if t <= 0.5 {
+                    0.5 * t * t
+                } else {
+                    0.25 - 0.5 * (1.0 - t) * (1.0 - t)
+                }
+            }
+            Self::Ramp { centre } => t - 0.5 * ((t - centre) * (t - centre).abs() + centre * centre),
+            Self::Exponential { rate, centre } => {
+                // integral of exp(-rate |s|) from 0 to s
+                let half = |s: f64| -libm::expm1(-rate * s.abs()) / rate * s.signum();
+                half(t - centre) - half(-centre)
+            }
+            Self::Gaussian { centre, width } => {
+                let half = |s: f64| libm::erf(s / (width * std::f64::consts::SQRT_2));
+                half(t - centre) - half(-centre)
+            }
+            Self::Curve(points) => curve_primitive(points, t),
+        }
+    }
+
+    /// Integral of a(t) over [from, to], a sub-interval of [0, 1]; 1 over the whole shutter.
+    pub fn integral(&self, from: f64, to: f64) -> f64 {
+        (self.primitive(to) - self.primitive(from)) / self.primitive(1.0)
+    }
+}
+
+/// Integral from 0 to `t` of the polyline through `points`, constant before the first and after the last.
+fn curve_primitive(points: &[(f64, f64)], t: f64) -> f64 {
+    let Some(&(first_t, first_w)) = points.first() else { return t };
+    let mut sum = first_w * first_t.min(t);
+    for pair in points.windows(2) {
+        let ((t0, w0), (t1, w1)) = (pair[0], pair[1]);
+        let end = t1.min(t);
+        if end <= t0 {
+            return sum;
+        }
+        let w_end = w0 + (w1 - w0) * (end - t0) / (t1 - t0);
+        sum += 0.5 * (w0 + w_end) * (end - t0);
+    }
+    let (last_t, last_w) = points[points.len() - 1];
+    sum + last_w * (t - last_t).max(0.0)
+}
+
+/// The exposure interval around a frame, in frames relative to the frame number.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shutter {
+    /// Opening time, frames relative to the frame number.
+    pub open: f64,
+    /// Closing time, > `open`; the span may exceed a frame.
+    pub close: f64,
+    /// Time weight.
+    pub weight: Weight,
+}
+
+impl Default for Shutter {
+    fn default() -> Self {
+        Self { open: -0.25, close: 0.25, weight: Weight::Box }
+    }
+}
+
+impl Shutter {
+    /// Scene time, in frames, of shutter time `t` in [0, 1] at frame `frame`.
+    pub fn frame_time(&self, frame: f64, t: f64) -> f64 {
+        frame + self.open + (self.close - self.open) * t
+    }
+
+    /// Mid-stratum times t_i = (i + 1/2)/n and their weights, the integrals of a over the strata; weights sum to 1.
+    pub fn strata(&self, n: u32) -> Vec<(f64, f64)> {
+        let n_f = f64::from(n);
+        (0..n)
+            .map(|i| {
+                let i = f64::from(i);
+                ((i + 0.5) / n_f, self.weight.integral(i / n_f, (i + 1.0) / n_f))
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all() -> Vec<(Weight, fn(f64) -> f64)> {
+        vec![
+            (Weight::Box, |_| 1.0),
+            (Weight::Tent, |t| t.min(1.0 - t)),
+            (Weight::Ramp { centre: 1.0 }, |t| 2.0 * t),
+            (Weight::Ramp { centre: 0.3 }, |t| 1.0 - (t - 0.3).abs()),
+            (Weight::Exponential { rate: 3.0, centre: 1.0 }, |t| (-3.0 * (t - 1.0).abs()).exp()),
+            (Weight::Exponential { rate: 5.0, centre: 0.4 }, |t| (-5.0 * (t - 0.4).abs()).exp()),
+            (Weight::Gaussian { centre: 0.5, width: 0.2 }, |t| (-(t - 0.5).powi(2) / 0.08).exp()),
+            (Weight::Curve(vec![(0.2, 0.0), (0.5, 2.0), (0.6, 1.0)]), |t| {
+                if t < 0.2 {
+                    0.0
+                } else if t < 0.5 {
+                    2.0 * (t - 0.2) / 0.3
+                } else if t < 0.6 {
+                    2.0 - (t - 0.5) / 0.1
+                } else {
+                    1.0
+                }
+            }),
+        ]
+    }
+
+    /// Midpoint rule over [from, to].
+    fn quadrature(f: fn(f64) -> f64, from: f64, to: f64) -> f64 {
+        let n = 200_000;
+        let h = (to - from) / f64::from(n);
+        (0..n).map(|i| f(from + (f64::from(i) + 0.5) * h)).sum::<f64>() * h
+    }
+
+    #[test]
+    fn integrals_match_quadrature() {
+        for (weight, a) in all() {
+            let whole = quadrature(a, 0.0, 1.0);
+            for (from, to) in [(0.0, 1.0), (0.0, 0.35), (0.35, 0.55), (0.55, 1.0), (0.31, 0.32)] {
+                let want = quadrature(a, from, to) / whole;
+                let got = weight.integral(from, to);
+                assert!((got - want).abs() < 1e-8, "{weight:?} over {from}..{to}: {got}, quadrature {want}");
+            }
+        }
+    }
+
+    #[test]
+    fn strata_tile_the_shutter() {
+        for (weight, _) in all() {
+            let shutter = Shutter { weight, ..Shutter::default() };
+            let strata = shutter.strata(7);
+            assert!((strata.iter().map(|s| s.1).sum::<f64>() - 1.0).abs() < 1e-12);
+            assert!((strata[3].0 - 0.5).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn times_are_relative_to_the_frame() {
+        let shutter = Shutter { open: -0.5, close: 1.0, weight: Weight::Box };
+        assert_eq!(shutter.frame_time(10.0, 0.0), 9.5);
+        assert_eq!(shutter.frame_time(10.0, 1.0), 11.0);
+    }
+}
