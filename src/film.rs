@@ -70,3 +70,89 @@ pub struct Background {
     /// Leave it out and keep alpha.
     pub transparent: bool,
 }
+
+/// Which planes a film has: r, g, b, alpha, then those of the AOVs (alpha needs none of its own).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FilmPlanes {
+    /// Number of planes.
+    pub count: usize,
+    /// Plane of depth.
+    pub depth: Option<usize>,
+    /// First of three planes of the normal.
+    pub normal: Option<usize>,
+    /// First of two planes of velocity.
+    pub velocity: Option<usize>,
+}
+
+impl FilmPlanes {
+    /// The planes that `aovs` need.
+    pub fn of(aovs: &[Aov]) -> Self {
+        let mut count = 4;
+        let mut take = |aov: Aov| {
+            aovs.contains(&aov).then(|| {
+                count += aov.channels().len();
+                count - aov.channels().len()
+            })
+        };
+        let (depth, normal, velocity) = (take(Aov::Depth), take(Aov::Normal), take(Aov::Velocity));
+        Self { count, depth, normal, velocity }
+    }
+
+    /// First plane of an AOV that is wanted; alpha shares the film's own.
+    fn first(&self, aov: Aov) -> usize {
+        match aov {
+            Aov::Alpha => Some(3),
+            Aov::Depth => self.depth,
+            Aov::Normal => self.normal,
+            Aov::Velocity => self.velocity,
+        }
+        .unwrap_or(3)
+    }
+}
+
+/// Accumulated, premultiplied values of some of the image's pixels, plane by plane.
+pub trait Film {
+    /// Value of plane `plane` at pixel (x, y).
+    fn value(&self, plane: usize, x: u32, y: u32) -> f32;
+}
+
+/// Composites the film once over the background, and divides the AOVs by alpha (design section 2).
+pub fn develop(film: &impl Film, size: [u32; 2], aovs: &[Aov], background: Background) -> Picture {
+    let planes = FilmPlanes::of(aovs);
+    let [width, height] = size;
+    let pixels = || (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
+    let behind = background.colour.as_vec3().to_array();
+    let rgba = pixels()
+        .map(|(x, y)| {
+            let alpha = film.value(3, x, y);
+            let through = 1.0 - alpha;
+            let colour = |c: usize| {
+                let light = film.value(c, x, y);
+                if background.transparent { light } else { light + through * behind[c] }
+            };
+            [colour(0), colour(1), colour(2), if background.transparent { alpha } else { 1.0 }]
+        })
+        .collect();
+    let layers = Aov::ALL
+        .into_iter()
+        .filter(|aov| aovs.contains(aov))
+        .map(|aov| {
+            let plane = |channel: usize| {
+                pixels()
+                    .map(|(x, y)| {
+                        let alpha = film.value(3, x, y);
+                        let value = film.value(planes.first(aov) + channel, x, y);
+                        match aov {
+                            Aov::Alpha => alpha,
+                            _ if alpha > 0.0 => value / alpha,
+                            Aov::Depth => f32::INFINITY,
+                            Aov::Normal | Aov::Velocity => 0.0,
+                        }
+                    })
+                    .collect()
+            };
+            Layer { aov, planes: (0..aov.channels().len()).map(plane).collect() }
+        })
+        .collect();
+    Picture { width, height, rgba, layers }
+}

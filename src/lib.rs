@@ -26,7 +26,9 @@
 pub mod anim;
 pub mod backend;
 pub mod film;
+pub mod frame;
 pub mod image;
+pub mod layout;
 pub mod math;
 pub mod model;
 pub mod plan;

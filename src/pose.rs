@@ -70,3 +70,59 @@ fn rigid_inverse(m: &DMat4) -> DMat4 {
     let r = DMat3::from_mat4(*m).transpose();
     DMat4::from_mat3_translation(r, -(r * m.w_axis.truncate()))
 }
+
+/// Time derivative, per shutter, of camera_from_model at scene time `frame_time` (frames).
+///
+/// A central difference over 1/256 of the shutter, one-sided where an animation jumps inside that span, so that nothing
+/// streaks through a teleport; zero between two jumps.
+pub fn object_velocity(scene: &Scene, object: &Object, frame_time: f64) -> DMat4 {
+    let span = scene.shutter.close - scene.shutter.open;
+    let step = span / 512.0;
+    let jumps = |from: f64, to: f64| {
+        [object.animation.as_ref(), scene.camera.animation.as_ref()].into_iter().flatten().any(|binding| {
+            !binding.node.breaks(seconds(scene, from), seconds(scene, to), binding.interpolation).is_empty()
+        })
+    };
+    let from = if jumps(frame_time - step, frame_time) { frame_time } else { frame_time - step };
+    let to = if jumps(frame_time, frame_time + step) { frame_time } else { frame_time + step };
+    if to <= from {
+        return DMat4::ZERO;
+    }
+    let at = |time: f64| camera_from_world(scene, time) * object_pose(scene, object, time).world_from_model;
+    (at(to) - at(from)) * (span / (to - from))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_camera_looks_along_minus_z_with_y_up() {
+        let camera = Camera {
+            eye: DVec3::new(1.0, 2.0, 3.0),
+            at: DVec3::new(1.0, 2.0, -7.0),
+            up: DVec3::Y,
+            fovy: 1.0,
+            near: 0.1,
+            animation: None,
+            automatic: false,
+        };
+        let m = look_at(&camera);
+        let p = m.transform_point3(DVec3::new(1.5, 2.25, -1.0));
+        assert!((p - DVec3::new(0.5, 0.25, -4.0)).length() < 1e-12, "{p}");
+    }
+
+    #[test]
+    fn motions_turn_about_their_centre_and_start_at_frame_0() {
+        let turn = Motion::Rotation {
+            axis: DVec3::Y,
+            per_frame: std::f64::consts::FRAC_PI_2,
+            centre: DVec3::new(1.0, 0.0, 0.0),
+        };
+        assert_eq!(motion_matrix(&turn, 0.0), DMat4::IDENTITY);
+        let p = motion_matrix(&turn, 1.0).transform_point3(DVec3::new(2.0, 5.0, 0.0));
+        assert!((p - DVec3::new(1.0, 5.0, -1.0)).length() < 1e-12, "{p}");
+        let go = Motion::Linear { velocity: DVec3::new(0.5, 0.0, -1.0) };
+        assert_eq!(motion_matrix(&go, 4.0).transform_point3(DVec3::ZERO), DVec3::new(2.0, 0.0, -4.0));
+    }
+}

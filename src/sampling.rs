@@ -1,1 +1,110 @@
 //! Low-discrepancy sequences: pure functions of (index, dimension, seed).
+//!
+//! Sobol' points in base 2 with Owen scrambling by hashing (Laine and Karras 2011; Burley 2020).
+
+/// Point `index` of the first two Sobol' dimensions, as 32-bit fractions.
+///
+/// Dimension 0 is the van der Corput sequence, dimension 1 the Pascal-matrix Sobol' sequence; together a (0, 2)-sequence.
+pub fn sobol2(index: u32) -> [u32; 2] {
+    let mut second = 0;
+    let mut direction = 1_u32 << 31;
+    let mut bits = index;
+    while bits != 0 {
+        if bits & 1 == 1 {
+            second ^= direction;
+        }
+        direction ^= direction >> 1;
+        bits >>= 1;
+    }
+    [index.reverse_bits(), second]
+}
+
+/// Owen-scrambles a 32-bit fraction: a random permutation at every node of the binary tree, chosen by `seed`.
+pub fn owen_scramble(fraction: u32, seed: u32) -> u32 {
+    // Laine-Karras: each step lets a bit depend on lower bits alone, that is, on higher digits once reversed.
+    let mut x = fraction.reverse_bits();
+    x ^= x.wrapping_mul(0x3d20_adea);
+    x = x.wrapping_add(seed);
+    x = x.wrapping_mul((seed >> 16) | 1);
+    x ^= x.wrapping_mul(0x0552_6c56);
+    x ^= x.wrapping_mul(0x53a2_2864);
+    x.reverse_bits()
+}
+
+/// A well-mixed 32-bit hash of a seed and a stream number (the finaliser of SplitMix64).
+pub fn hash(seed: u64, stream: u64) -> u32 {
+    let mut z = seed.wrapping_add(stream.wrapping_mul(0x9e37_79b9_7f4a_7c15)).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 32) as u32
+}
+
+/// `n` sub-pixel offsets in [-1/2, 1/2)^2, in pixels, that go with the time samples 0..n in order.
+///
+/// With the time samples they form a (0, m, 3)-net for n = 2^m, so that x, y and t are stratified together. Each coordinate
+/// takes each of the values (k + 1/2)/n - 1/2 once: the mean is 0, and one sample sits at the pixel's centre.
+pub fn pixel_offsets(n: u32, seed: u64) -> Vec<[f32; 2]> {
+    let scrambled: Vec<[u32; 2]> = (0..n)
+        .map(|i| {
+            let p = sobol2(i);
+            [owen_scramble(p[0], hash(seed, 0)), owen_scramble(p[1], hash(seed, 1))]
+        })
+        .collect();
+    let mut offsets = vec![[0.0; 2]; n as usize];
+    for dimension in 0..2 {
+        let mut order: Vec<usize> = (0..n as usize).collect();
+        order.sort_unstable_by_key(|&i| (scrambled[i][dimension], i));
+        for (rank, &i) in order.iter().enumerate() {
+            offsets[i][dimension] = ((rank as f64 + 0.5) / f64::from(n) - 0.5) as f32;
+        }
+    }
+    offsets
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every elementary box of 2^a x 2^b x 2^c cells holds exactly one of the 2^(a+b+c) points (t, x, y).
+    #[test]
+    fn offsets_and_times_form_a_net() {
+        let m = 6;
+        let n = 1_u32 << m;
+        for seed in [1, 2, 77] {
+            let offsets = pixel_offsets(n, seed);
+            for a in 0..=m {
+                for b in 0..=m - a {
+                    let c = m - a - b;
+                    let mut seen = vec![false; n as usize];
+                    for (i, [x, y]) in offsets.iter().enumerate() {
+                        let cell =
+                            |v: f32, bits: u32| (((v + 0.5) * (1_u32 << bits) as f32) as usize).min((1 << bits) - 1);
+                        let t = i >> (m - a);
+                        let index = ((t << b) + cell(*x, b) << c) + cell(*y, c);
+                        assert!(!seen[index], "seed {seed}, box {a} {b} {c}");
+                        seen[index] = true;
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn offsets_are_centred() {
+        assert_eq!(pixel_offsets(1, 5), [[0.0, 0.0]]);
+        for n in [2, 3, 7, 16, 100, 1024] {
+            let offsets = pixel_offsets(n, 1);
+            for d in 0..2 {
+                let mean = offsets.iter().map(|o| f64::from(o[d])).sum::<f64>() / f64::from(n);
+                assert!(mean.abs() < 1e-7, "n {n}: mean {mean}");
+                assert!(offsets.iter().all(|o| (-0.5..0.5).contains(&o[d])));
+            }
+        }
+    }
+
+    #[test]
+    fn seeds_matter() {
+        assert_ne!(pixel_offsets(16, 1), pixel_offsets(16, 2));
+        assert_eq!(pixel_offsets(16, 1), pixel_offsets(16, 1));
+    }
+}

@@ -1,1 +1,134 @@
-//! The shading equation (thesis 4.1.1).
+//! The shading equation, thesis 4.1.1 (Phong 1975), per light:
+//!
+//! I = ka c La + sum over lights of L (kd c max(n.l, 0) + ks max(r.v, 0)^shininess),  r = 2 (n.l) n - l
+//!
+//! Everything is relative to the eye, with world-space directions. Nothing is clamped.
+
+use glam::Vec3;
+
+use crate::math::fast;
+use crate::model::Material;
+
+/// A light as a shader sees it: relative to the eye, `f32`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ShadingLight {
+    /// From everywhere.
+    Ambient {
+        /// Radiance.
+        colour: Vec3,
+    },
+    /// From infinitely far.
+    Directional {
+        /// Unit direction towards the light, world space.
+        towards: Vec3,
+        /// Radiance.
+        colour: Vec3,
+    },
+    /// Falls off with 1/distance^2.
+    Point {
+        /// Position relative to the eye, world space.
+        position: Vec3,
+        /// Radiance at distance 1.
+        colour: Vec3,
+    },
+}
+
+/// Factors of the diffuse and of the specular term for a light from the unit direction `towards`, on a surface with unit
+/// normal `n` seen along the unit direction `view` (from the surface to the eye): (max(n.l, 0), max(r.v, 0)^shininess).
+#[inline(always)]
+pub fn lobes(n: [f32; 3], towards: [f32; 3], view: [f32; 3], shininess: f32) -> (f32, f32) {
+    let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let nl = dot(n, towards);
+    let rv = 2.0 * nl * dot(n, view) - dot(towards, view);
+    (if nl > 0.0 { nl } else { 0.0 }, fast::pow(if rv > 0.0 { rv } else { 0.0 }, shininess))
+}
+
+/// Unit direction and 1/distance^2 from a surface point to a point light, both relative to the eye.
+///
+/// At the light itself the direction is 0 and the factor large but finite.
+#[inline(always)]
+pub fn towards_point(light: [f32; 3], surface: [f32; 3]) -> ([f32; 3], f32) {
+    let d = [light[0] - surface[0], light[1] - surface[1], light[2] - surface[2]];
+    let d2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+    let inverse = 1.0 / (if d2 > 1e-30 { d2 } else { 1e-30 });
+    let s = inverse.sqrt();
+    ([d[0] * s, d[1] * s, d[2] * s], inverse)
+}
+
+/// Shades one surface point: `colour` linear, `normal` unit, `position` relative to the eye (view = -position).
+pub fn shade(lights: &[ShadingLight], material: &Material, colour: Vec3, normal: Vec3, position: Vec3) -> Vec3 {
+    let view = (-position).normalize_or_zero().to_array();
+    let mut out = Vec3::ZERO;
+    for light in lights {
+        let (towards, radiance) = match *light {
+            ShadingLight::Ambient { colour: la } => {
+                out += material.ambient * colour * la;
+                continue;
+            }
+            ShadingLight::Directional { towards, colour } => (towards.to_array(), colour),
+            ShadingLight::Point { position: at, colour } => {
+                let (towards, falloff) = towards_point(at.to_array(), position.to_array());
+                (towards, colour * falloff)
+            }
+        };
+        let (diffuse, specular) = lobes(normal.to_array(), towards, view, material.shininess);
+        out += radiance * (material.diffuse * diffuse * colour + material.specular * specular);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WHITE: Vec3 = Vec3::ONE;
+
+    fn directional(travel: Vec3) -> ShadingLight {
+        ShadingLight::Directional { towards: -travel.normalize(), colour: WHITE }
+    }
+
+    #[test]
+    fn ambient_one_shows_the_colour() {
+        let m = Material { ambient: 1.0, diffuse: 0.0, specular: 0.0, shininess: 30.0 };
+        let c = Vec3::new(0.2, 0.5, 0.7);
+        assert_eq!(shade(&[ShadingLight::Ambient { colour: WHITE }], &m, c, Vec3::Y, -Vec3::Z), c);
+    }
+
+    #[test]
+    fn diffuse_is_lamberts_cosine() {
+        let m = Material { ambient: 0.0, diffuse: 0.5, specular: 0.0, shininess: 1.0 };
+        for degrees in [0.0_f32, 30.0, 60.0, 89.0, 100.0] {
+            let a = degrees.to_radians();
+            let travel = Vec3::new(a.sin(), -a.cos(), 0.0);
+            let got = shade(&[directional(travel)], &m, WHITE, Vec3::Y, -Vec3::Z);
+            assert!((got - Vec3::splat(0.5 * a.cos().max(0.0))).length() < 1e-6, "{degrees}: {got}");
+        }
+    }
+
+    #[test]
+    fn mirror_direction_is_brightest() {
+        let m = Material { ambient: 0.0, diffuse: 0.0, specular: 1.0, shininess: 20.0 };
+        // Light comes down at 45 degrees along +x; the mirror direction leaves at 45 degrees along +x.
+        let light = directional(Vec3::new(1.0, -1.0, 0.0));
+        let seen_from = |view: Vec3| shade(&[light], &m, WHITE, Vec3::Y, -view.normalize()).x;
+        assert!((seen_from(Vec3::new(1.0, 1.0, 0.0)) - 1.0).abs() < 1e-5);
+        // 20 degrees off: cos(20 degrees)^20
+        let a = 25.0_f32.to_radians();
+        let off = seen_from(Vec3::new(a.sin(), a.cos(), 0.0));
+        assert!((f64::from(off) - 20_f64.to_radians().cos().powi(20)).abs() < 1e-4, "{off}");
+        assert!(seen_from(Vec3::new(-1.0, 1.0, 0.0)) < 1e-6);
+    }
+
+    #[test]
+    fn point_lights_fall_off_with_the_square() {
+        let m = Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 };
+        let at = |height: f32| {
+            let position = Vec3::new(0.0, 0.0, -3.0);
+            let light = ShadingLight::Point { position: position + height * Vec3::Y, colour: WHITE };
+            shade(&[light], &m, WHITE, Vec3::Y, position).x
+        };
+        assert!((at(1.0) - 1.0).abs() < 1e-6);
+        assert!((at(2.0) - 0.25).abs() < 1e-6);
+        assert!(at(0.0).is_finite());
+    }
+}

@@ -2,6 +2,32 @@
 
 pub mod cpu;
 
+use std::time::Duration;
+
+use crate::film::Picture;
+use crate::frame::Frame;
+
+/// A machine that executes plans. It knows passes, and nothing about blur modes, scenes or files.
+pub trait Backend {
+    /// Name and size of the machine, for people.
+    fn describe(&self) -> String;
+
+    /// Executes a frame's plan.
+    ///
+    /// # Errors
+    /// The frame does not fit into the machine's limits.
+    fn render(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError>;
+}
+
+/// A picture, and what it took.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// The picture.
+    pub picture: Picture,
+    /// What it took.
+    pub stats: Stats,
+}
+
 /// Why a backend could not render.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -18,4 +44,23 @@ pub enum BackendError {
         /// Budget, bytes.
         allowed: u64,
     },
+}
+
+/// What one frame took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stats {
+    /// Time samples.
+    pub samples: u64,
+    /// Surfels posed, over all time samples.
+    pub surfels: u64,
+    /// Splats that reached the image, over all time samples.
+    pub splats: u64,
+    /// CPU time of `project` and `bin`, over all threads.
+    pub project: Duration,
+    /// CPU time of `visibility`, over all threads.
+    pub visibility: Duration,
+    /// CPU time of `attribute`, over all threads.
+    pub attribute: Duration,
+    /// CPU time of `resolve`, over all threads.
+    pub resolve: Duration,
 }

@@ -1,6 +1,7 @@
 //! Small mathematics shared by all parts: the sRGB transfer curve, bounding boxes, transforms as translate/rotate/scale.
 
 mod bounds;
+pub mod fast;
 pub mod srgb;
 mod trs;
 

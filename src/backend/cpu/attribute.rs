@@ -1,0 +1,149 @@
+//! Pass `attribute`: weighted sums of the attributes of the splats that pass the depth test (thesis 4.1.1, 4.2.3).
+//!
+//! In: splats of a tile's list, the tile's thresholds, the surfels' attributes. Out: the tile's sums. In list order.
+
+use glam::Vec3;
+
+use super::project::LOW_PASS;
+use super::simd::dispatch;
+use super::tiles::{LANES, STRIDE, TileRect};
+use super::visibility::{Row, Touched};
+use crate::frame::{FrameObject, PosedObject, PosedSample};
+use crate::layout::{Channels, FLAG_BACK, Splat};
+use crate::math::fast;
+use crate::model::Material;
+use crate::plan::Shading;
+use crate::shading::shade;
+
+/// What the pass needs beside splats and thresholds.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Attributes<'a> {
+    pub sample: &'a PosedSample,
+    pub posed: &'a PosedObject,
+    pub object: &'a FrameObject<'a>,
+    pub channels: &'a Channels,
+    pub near: f32,
+    pub low_pass: bool,
+    pub shading: Shading,
+}
+
+dispatch! {
+    /// Adds the splats that `list` names to `sums`.
+    fn attribute(
+        splats: &[Splat], list: &[u32], attributes: &Attributes<'_>, tile: &TileRect, threshold: &[f32], sums: &mut [f32],
+    ) = attribute_body
+}
+
+#[inline(always)]
+fn attribute_body(
+    splats: &[Splat],
+    list: &[u32],
+    attributes: &Attributes<'_>,
+    tile: &TileRect,
+    threshold: &[f32],
+    sums: &mut [f32],
+) {
+    const LOW_PASS_SCALE: f32 = 1.0 / (LOW_PASS * LOW_PASS);
+    let most_inverse_depth = 1.0 / attributes.near;
+    let channels = attributes.channels.count;
+    for &index in list {
+        let splat = &splats[index as usize];
+        let Touched { x0, x1, y0, y1 } = Touched::of(splat, tile);
+        let mut values = None;
+        for y in y0..=y1 {
+            let row = Row::of(splat, tile.origin[1] + y);
+            let mut x = x0;
+            while x <= x1 {
+                let limit = &threshold[y * STRIDE + x..][..LANES];
+                let first = (tile.origin[0] + x) as f32;
+                let last = (tile.origin[0] + x1) as f32;
+                let mut weights = [0.0_f32; LANES];
+                let mut depths = [0.0_f32; LANES];
+                let mut most = 0.0_f32;
+                for l in 0..LANES {
+                    let pixel = first + l as f32;
+                    let hit = row.at(splat, pixel);
+                    let plane_depth = 1.0 / hit.inverse_depth;
+                    let inside = hit.inside & (hit.inverse_depth <= most_inverse_depth);
+                    let r3d = hit.scaled_r2 * (plane_depth * plane_depth);
+                    // Without the low-pass disc its distance counts as infinite.
+                    let d2 = (hit.x * hit.x + row.y * row.y) * LOW_PASS_SCALE;
+                    let r2d = if attributes.low_pass { d2 } else { f32::INFINITY };
+                    let depth = if inside { plane_depth } else { splat.centre_depth };
+                    let r3d = if inside { r3d } else { f32::INFINITY };
+                    let r2d = if splat.centre_depth > 0.0 { r2d } else { f32::INFINITY };
+                    let r2 = if r2d < r3d { r2d } else { r3d };
+                    let passes = (inside | (r2 <= 1.0)) & (depth <= limit[l]) & (pixel <= last);
+                    let r2 = if r2 < 1.0 { r2 } else { 1.0 };
+                    weights[l] = if passes { fast::kernel(r2) } else { 0.0 };
+                    depths[l] = if passes { depth } else { 0.0 };
+                }
+                for &w in &weights {
+                    most = if w > most { w } else { most };
+                }
+                if most > 0.0 {
+                    let values = values.get_or_insert_with(|| splat_values(splat, attributes));
+                    let out = &mut sums[y * channels * STRIDE..][..channels * STRIDE];
+                    for (value, plane) in values.iter().zip(out.chunks_exact_mut(STRIDE)) {
+                        let plane = &mut plane[x..][..LANES];
+                        for l in 0..LANES {
+                            plane[l] += weights[l] * value;
+                        }
+                    }
+                    if let Some(depth) = attributes.channels.depth {
+                        let plane = &mut out[depth * STRIDE + x..][..LANES];
+                        for l in 0..LANES {
+                            plane[l] += weights[l] * depths[l];
+                        }
+                    }
+                }
+                x += LANES;
+            }
+        }
+    }
+}
+
+/// The splat's value for each channel (0 for depth, which differs from pixel to pixel).
+#[inline(always)]
+fn splat_values(splat: &Splat, attributes: &Attributes<'_>) -> [f32; Channels::MOST] {
+    let surfels = attributes.object.surfels;
+    let i = splat.surfel as usize;
+    let colour = surfels.colour[i];
+    let mut values = [0.0; Channels::MOST];
+    values[0] = 1.0;
+    values[1..4].copy_from_slice(&colour.to_array());
+    let gouraud = attributes.shading == Shading::Gouraud;
+    let channels = attributes.channels;
+    if channels.normal.is_some() || gouraud {
+        let turned = (attributes.posed.normal_matrix * surfels.normal[i]).normalize_or_zero();
+        let normal = if splat.flags & FLAG_BACK == 0 { turned } else { -turned };
+        if let Some(at) = channels.normal {
+            values[at..at + 3].copy_from_slice(&normal.to_array());
+        }
+        if gouraud {
+            let position = attributes.posed.world_from_model * surfels.position[i] + attributes.posed.world_origin;
+            let lit = shade(&attributes.sample.lights, &material(attributes, i), colour, normal, position);
+            values[1..4].copy_from_slice(&lit.to_array());
+        }
+    }
+    if let Some(at) = channels.velocity {
+        values[at..at + 2].copy_from_slice(&velocity(surfels.position[i], attributes.posed));
+    }
+    if let Some(at) = channels.material {
+        let m = material(attributes, i);
+        values[at..at + 4].copy_from_slice(&[m.ambient, m.diffuse, m.specular, m.shininess]);
+    }
+    values
+}
+
+fn material(attributes: &Attributes<'_>, surfel: usize) -> Material {
+    attributes.object.material.or_else(|| attributes.object.surfels.material.get(surfel).copied()).unwrap_or_default()
+}
+
+/// Screen velocity of a surfel's centre, pixels per shutter: the derivative of (x, y) = (X, Y) / depth.
+fn velocity(position: Vec3, posed: &PosedObject) -> [f32; 2] {
+    let p = posed.screen_from_model * position + posed.screen_origin;
+    let rate = posed.screen_rate * position + posed.screen_origin_rate;
+    let over = 1.0 / p.z;
+    [(rate.x - p.x * over * rate.z) * over, (rate.y - p.y * over * rate.z) * over]
+}

@@ -1,0 +1,224 @@
+//! Pass `resolve`: normalise, shade, add to the film with the time weight (thesis 4.1.1, eq. 4.14).
+//!
+//! In: a tile's sums and thresholds. Out: the tile's film. One sample position at a time, order-free.
+
+use glam::Vec3;
+
+use super::simd::dispatch;
+use super::tiles::{LANES, STRIDE, TILE, TileRect};
+use crate::film::{Film, FilmPlanes};
+use crate::frame::PosedSample;
+use crate::layout::Channels;
+use crate::model::Material;
+use crate::plan::Shading;
+use crate::shading::{ShadingLight, lobes, towards_point};
+
+/// Film of one tile: plane by plane, `TILE` x `TILE`.
+#[derive(Clone, Debug)]
+pub(super) struct TileFilm {
+    values: Vec<f32>,
+}
+
+impl TileFilm {
+    pub(super) fn new(planes: usize) -> Self {
+        Self { values: vec![0.0; planes * TILE * TILE] }
+    }
+
+    /// Bytes of one tile's film.
+    pub(super) const fn bytes(planes: usize) -> u64 {
+        (planes * TILE * TILE * size_of::<f32>()) as u64
+    }
+}
+
+/// All tiles of an image, row by row.
+#[derive(Debug)]
+pub(super) struct TiledFilm {
+    pub tiles: Vec<TileFilm>,
+    pub tiles_x: usize,
+}
+
+impl Film for TiledFilm {
+    fn value(&self, plane: usize, x: u32, y: u32) -> f32 {
+        let (x, y) = (x as usize, y as usize);
+        let tile = &self.tiles[y / TILE * self.tiles_x + x / TILE];
+        tile.values[(plane * TILE + y % TILE) * TILE + x % TILE]
+    }
+}
+
+/// What the pass needs beside sums and thresholds.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Resolve<'a> {
+    pub sample: &'a PosedSample,
+    pub channels: &'a Channels,
+    pub planes: &'a FilmPlanes,
+    pub shading: Shading,
+    /// Image size and focal length, pixels: what turns a pixel into a ray.
+    pub size: [u32; 2],
+    pub focal: f32,
+}
+
+type Lanes = [f32; LANES];
+
+dispatch! {
+    /// Adds one group's share of the exposure to `film`.
+    fn resolve(resolve: &Resolve<'_>, tile: &TileRect, threshold: &[f32], sums: &[f32], film: &mut TileFilm) = resolve_body
+}
+
+#[inline(always)]
+fn resolve_body(resolve: &Resolve<'_>, tile: &TileRect, threshold: &[f32], sums: &[f32], film: &mut TileFilm) {
+    let channels = resolve.channels;
+    for y in 0..tile.height {
+        let row = &sums[y * channels.count * STRIDE..][..channels.count * STRIDE];
+        for x in (0..tile.width).step_by(LANES) {
+            let load = |channel: usize| -> Lanes {
+                let mut out = [0.0; LANES];
+                out.copy_from_slice(&row[channel * STRIDE + x..][..LANES]);
+                out
+            };
+            let weights = load(0);
+            if weights.iter().all(|&w| w == 0.0) {
+                continue;
+            }
+            let limit = &threshold[y * STRIDE + x..][..LANES];
+            let mut inverse = [0.0; LANES];
+            let mut share = [0.0; LANES];
+            for l in 0..LANES {
+                let w = weights[l];
+                inverse[l] = if w > 0.0 { 1.0 / w } else { 0.0 };
+                // Where no visibility splat covers, only low-pass discs reach: their weights are the coverage.
+                let partial = if w < 1.0 { w } else { 1.0 };
+                let coverage = if limit[l] < f32::INFINITY { 1.0 } else { partial };
+                share[l] = if w > 0.0 { coverage * resolve.sample.weight } else { 0.0 };
+            }
+            let mean = |channel: usize| -> Lanes {
+                let mut out = load(channel);
+                for l in 0..LANES {
+                    out[l] *= inverse[l];
+                }
+                out
+            };
+            let mut colour = [mean(1), mean(2), mean(3)];
+            let normal = channels.normal.map(|at| unit([mean(at), mean(at + 1), mean(at + 2)]));
+            if let (Shading::Phong, Some(normal)) = (resolve.shading, &normal) {
+                let depth = channels.depth.map(&mean);
+                let material = channels.material.map(|at| [mean(at), mean(at + 1), mean(at + 2), mean(at + 3)]);
+                let pixel = [(tile.origin[0] + x) as f32, (tile.origin[1] + y) as f32];
+                colour = shade_lanes(resolve, pixel, &colour, normal, depth.as_ref(), material.as_ref());
+            }
+            let mut add = |plane: usize, value: Option<&Lanes>| {
+                let out = &mut film.values[(plane * TILE + y) * TILE + x..][..LANES];
+                for l in 0..LANES {
+                    out[l] += share[l] * value.map_or(1.0, |value| value[l]);
+                }
+            };
+            add(0, Some(&colour[0]));
+            add(1, Some(&colour[1]));
+            add(2, Some(&colour[2]));
+            add(3, None);
+            if let (Some(plane), Some(channel)) = (resolve.planes.depth, channels.depth) {
+                add(plane, Some(&mean(channel)));
+            }
+            if let (Some(plane), Some(normal)) = (resolve.planes.normal, &normal) {
+                (0..3).for_each(|c| add(plane + c, Some(&normal[c])));
+            }
+            if let (Some(plane), Some(channel)) = (resolve.planes.velocity, channels.velocity) {
+                (0..2).for_each(|c| add(plane + c, Some(&mean(channel + c))));
+            }
+        }
+    }
+}
+
+/// Vectors of length 1; a zero vector stays zero.
+#[inline(always)]
+fn unit(mut v: [Lanes; 3]) -> [Lanes; 3] {
+    for l in 0..LANES {
+        let d2 = v[0][l] * v[0][l] + v[1][l] * v[1][l] + v[2][l] * v[2][l];
+        let s = 1.0 / (if d2 > 1e-30 { d2 } else { 1e-30 }).sqrt();
+        v[0][l] *= s;
+        v[1][l] *= s;
+        v[2][l] *= s;
+    }
+    v
+}
+
+/// Deferred shading (thesis 4.1.1): the equation of `shading::shade`, for `LANES` neighbouring pixels.
+#[inline(always)]
+fn shade_lanes(
+    resolve: &Resolve<'_>,
+    pixel: [f32; 2],
+    colour: &[Lanes; 3],
+    normal: &[Lanes; 3],
+    depth: Option<&Lanes>,
+    material: Option<&[Lanes; 4]>,
+) -> [Lanes; 3] {
+    let uniform = resolve.channels.uniform.unwrap_or(Material::default());
+    let flat = [uniform.ambient, uniform.diffuse, uniform.specular, uniform.shininess];
+    let material = material.copied().unwrap_or(flat.map(|v| [v; LANES]));
+    // The ray through the sample position, world axes, with depth 1.
+    let camera = resolve.sample.world_from_camera;
+    let over = 1.0 / resolve.focal;
+    let ray_y = (0.5 * resolve.size[1] as f32 - (pixel[1] + 0.5 + resolve.sample.offset[1])) * over;
+    let first = camera.y_axis * ray_y - camera.z_axis;
+    let mut ray = [[0.0; LANES]; 3];
+    let mut view = [[0.0; LANES]; 3];
+    for l in 0..LANES {
+        let ray_x = (pixel[0] + l as f32 + 0.5 + resolve.sample.offset[0] - 0.5 * resolve.size[0] as f32) * over;
+        let r =
+            [first.x + camera.x_axis.x * ray_x, first.y + camera.x_axis.y * ray_x, first.z + camera.x_axis.z * ray_x];
+        let s = -1.0 / (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]).sqrt();
+        for c in 0..3 {
+            ray[c][l] = r[c];
+            view[c][l] = r[c] * s;
+        }
+    }
+    let mut out = [[0.0; LANES]; 3];
+    for light in &resolve.sample.lights {
+        match *light {
+            ShadingLight::Ambient { colour: la } => {
+                for c in 0..3 {
+                    for l in 0..LANES {
+                        out[c][l] += material[0][l] * colour[c][l] * la[c];
+                    }
+                }
+            }
+            ShadingLight::Directional { towards, colour: light } => {
+                let towards = towards.to_array();
+                for l in 0..LANES {
+                    add_lobes(&mut out, l, &material, colour, normal, &view, towards, light, 1.0);
+                }
+            }
+            ShadingLight::Point { position, colour: light } => {
+                let position = position.to_array();
+                for l in 0..LANES {
+                    let depth = depth.map_or(0.0, |depth| depth[l]);
+                    let surface = [ray[0][l] * depth, ray[1][l] * depth, ray[2][l] * depth];
+                    let (towards, falloff) = towards_point(position, surface);
+                    add_lobes(&mut out, l, &material, colour, normal, &view, towards, light, falloff);
+                }
+            }
+        }
+    }
+    out
+}
+
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "one loop body, shared by two kinds of light")]
+fn add_lobes(
+    out: &mut [Lanes; 3],
+    l: usize,
+    material: &[Lanes; 4],
+    colour: &[Lanes; 3],
+    normal: &[Lanes; 3],
+    view: &[Lanes; 3],
+    towards: [f32; 3],
+    light: Vec3,
+    falloff: f32,
+) {
+    let n = [normal[0][l], normal[1][l], normal[2][l]];
+    let v = [view[0][l], view[1][l], view[2][l]];
+    let (diffuse, specular) = lobes(n, towards, v, material[3][l]);
+    let light = light.to_array();
+    for c in 0..3 {
+        out[c][l] += light[c] * falloff * (material[1][l] * diffuse * colour[c][l] + material[2][l] * specular);
+    }
+}

@@ -1,0 +1,86 @@
+//! Tiles: the squares of the image that are worked on one at a time, and the buffers of one.
+
+/// Edge of a tile, pixels.
+pub(super) const TILE: usize = 32;
+/// Pixels that inner loops work on at once.
+pub(super) const LANES: usize = 8;
+/// Floats from one row of a tile buffer to the next: loops may start at any pixel and write `LANES` of them.
+pub(super) const STRIDE: usize = TILE + LANES;
+
+/// A rectangle of tiles that is rendered together: whole rows of tiles.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Band {
+    /// First and one past the last row of tiles.
+    pub tile_rows: [usize; 2],
+    /// Tiles in a row.
+    pub tiles_x: usize,
+    /// First and last pixel column, first and last pixel row.
+    pub pixels: [i32; 4],
+}
+
+impl Band {
+    pub(super) fn new(size: [u32; 2], tile_rows: [usize; 2]) -> Self {
+        let bottom = (tile_rows[1] * TILE).min(size[1] as usize);
+        Self {
+            tile_rows,
+            tiles_x: (size[0] as usize).div_ceil(TILE),
+            pixels: [0, size[0] as i32 - 1, (tile_rows[0] * TILE) as i32, bottom as i32 - 1],
+        }
+    }
+
+    /// Tiles in the band.
+    pub(super) fn len(&self) -> usize {
+        self.tiles_x * (self.tile_rows[1] - self.tile_rows[0])
+    }
+
+    /// Tile `index` of the band, row by row.
+    pub(super) fn tile(&self, index: usize) -> TileRect {
+        let (x, y) = (index % self.tiles_x, index / self.tiles_x + self.tile_rows[0]);
+        let (x0, y0) = (x * TILE, y * TILE);
+        TileRect {
+            tile: [x, y],
+            origin: [x0, y0],
+            width: (self.pixels[1] as usize + 1 - x0).min(TILE),
+            height: (self.pixels[3] as usize + 1 - y0).min(TILE),
+        }
+    }
+}
+
+/// A tile of the image.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TileRect {
+    /// Column and row among the tiles.
+    pub tile: [usize; 2],
+    /// First pixel column and row.
+    pub origin: [usize; 2],
+    /// Pixels of the image in a row of the tile.
+    pub width: usize,
+    /// Pixel rows of the image in the tile.
+    pub height: usize,
+}
+
+/// What one group accumulates in one tile.
+#[derive(Clone, Debug, Default)]
+pub(super) struct TileBuffers {
+    /// T(x, t) of the visibility rule, +inf where no splat covers: `TILE` rows of `STRIDE`.
+    pub threshold: Vec<f32>,
+    /// Weighted sums: for each row, for each channel, `STRIDE` floats.
+    pub sums: Vec<f32>,
+}
+
+impl TileBuffers {
+    pub(super) fn clear_threshold(&mut self) {
+        self.threshold.clear();
+        self.threshold.resize(TILE * STRIDE, f32::INFINITY);
+    }
+
+    pub(super) fn clear_sums(&mut self, channels: usize) {
+        self.sums.clear();
+        self.sums.resize(TILE * channels * STRIDE, 0.0);
+    }
+
+    /// Bytes of one tile's buffers.
+    pub(super) const fn bytes(channels: usize) -> u64 {
+        ((1 + channels) * TILE * STRIDE * size_of::<f32>()) as u64
+    }
+}

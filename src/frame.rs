@@ -1,0 +1,231 @@
+//! One frame, posed: everything that a backend needs to execute a plan, as plain values.
+//!
+//! Transforms are composed in `f64` and only then rounded, so that far-away world coordinates cost no precision.
+
+use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
+
+use crate::film::{Aov, Background};
+use crate::model::{Material, Surfels};
+use crate::plan::{Pass, Plan, Prefilter, RenderOptions, Shading};
+use crate::pose::{ObjectPose, camera_from_world, object_pose, object_velocity};
+use crate::scene::{Light, Object, Scene};
+use crate::shading::ShadingLight;
+
+/// One frame, posed.
+#[derive(Clone, Debug)]
+pub struct Frame<'a> {
+    /// Image size, pixels.
+    pub size: [u32; 2],
+    /// Focal length, pixels: (height / 2) / tan(fovy / 2).
+    pub focal: f32,
+    /// Nearest visible depth, scene units.
+    pub near: f32,
+    /// Screen-space prefilter.
+    pub prefilter: Prefilter,
+    /// Where shading happens.
+    pub shading: Shading,
+    /// Show back faces, with normals turned to the viewer.
+    pub two_sided: bool,
+    /// Extra channels.
+    pub aovs: &'a [Aov],
+    /// What shows where the film is not covered.
+    pub background: Background,
+    /// Bytes that the frame may take.
+    pub memory: u64,
+    /// Stages of each group, in order.
+    pub passes: &'static [Pass],
+    /// Objects that can be seen at some sample, in document order.
+    pub objects: Vec<FrameObject<'a>>,
+    /// Groups in the order in which they are added to the film.
+    pub groups: Vec<PosedGroup>,
+}
+
+/// What of an object does not change over the frame.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameObject<'a> {
+    /// The surfels.
+    pub surfels: &'a Surfels,
+    /// Material of the whole object; `None`: one a surfel, `surfels.material`.
+    pub material: Option<Material>,
+}
+
+/// Posed samples that share one visibility test and one resolve.
+#[derive(Clone, Debug)]
+pub struct PosedGroup {
+    /// At least one.
+    pub samples: Vec<PosedSample>,
+}
+
+/// The scene at one time sample.
+#[derive(Clone, Debug)]
+pub struct PosedSample {
+    /// Share of the exposure.
+    pub weight: f32,
+    /// Offset of the sample position from the pixel's centre, pixels.
+    pub offset: [f32; 2],
+    /// Camera axes in world space: columns right, up, back.
+    pub world_from_camera: Mat3,
+    /// Lights, relative to the eye.
+    pub lights: Vec<ShadingLight>,
+    /// One a `Frame::objects` entry.
+    pub objects: Vec<PosedObject>,
+}
+
+/// An object at one time sample.
+///
+/// *Screen space* here is (f X, -f Y, -Z) of camera space: a point's pixel is its first two coordinates over the third (its
+/// depth), counted from the image's centre, x right and y down.
+#[derive(Clone, Copy, Debug)]
+pub struct PosedObject {
+    /// False: skipped.
+    pub visible: bool,
+    /// Linear part of model space (relative to the model's origin) to screen space.
+    pub screen_from_model: Mat3,
+    /// Screen-space position of the model's origin.
+    pub screen_origin: Vec3,
+    /// Time derivative of `screen_from_model`, per shutter; zero unless the velocity AOV is wanted.
+    pub screen_rate: Mat3,
+    /// Time derivative of `screen_origin`, per shutter.
+    pub screen_origin_rate: Vec3,
+    /// Model normals to world normals, up to length: the inverse transpose.
+    pub normal_matrix: Mat3,
+    /// World-space linear part, for surfel positions relative to the eye.
+    pub world_from_model: Mat3,
+    /// The model's origin relative to the eye, world axes.
+    pub world_origin: Vec3,
+    /// -1 for transforms that mirror, else 1.
+    pub handedness: f32,
+    /// Depth tolerance of the visibility rule, world units.
+    pub epsilon: f32,
+}
+
+impl<'a> Frame<'a> {
+    /// Poses `scene` at every time sample of frame `number`.
+    pub fn new(scene: &'a Scene, number: i64, options: &'a RenderOptions) -> Self {
+        let plan = Plan::new(options.mode, options.filter, options.seed, &scene.shutter, number as f64);
+        let size = [scene.image.width, scene.image.height];
+        let focal = 0.5 * f64::from(size[1]) / libm::tan(0.5 * scene.camera.fovy);
+        let poser = Poser { scene, number: number as f64, focal, options };
+        let groups = plan
+            .groups
+            .iter()
+            .map(|group| PosedGroup {
+                samples: group
+                    .samples
+                    .iter()
+                    .map(|sample| poser.sample(sample.time, sample.weight, sample.offset))
+                    .collect(),
+            })
+            .collect();
+        Self {
+            size,
+            focal: focal as f32,
+            near: scene.camera.near as f32,
+            prefilter: options.prefilter,
+            shading: options.shading,
+            two_sided: options.two_sided,
+            aovs: &options.aovs,
+            background: Background { colour: scene.image.background, transparent: scene.image.transparent },
+            memory: options.memory,
+            passes: plan.passes,
+            objects: scene.objects.iter().map(frame_object).collect(),
+            groups,
+        }
+    }
+}
+
+/// Material of the object: the scene's, else the file's, else the default (design section 2).
+fn frame_object(object: &Object) -> FrameObject<'_> {
+    let material = match object.material {
+        Some(material) => Some(material),
+        None if object.model.material.is_empty() => Some(Material::default()),
+        None => None,
+    };
+    FrameObject { surfels: &object.model, material }
+}
+
+struct Poser<'a> {
+    scene: &'a Scene,
+    number: f64,
+    focal: f64,
+    options: &'a RenderOptions,
+}
+
+impl Poser<'_> {
+    fn sample(&self, time: f64, weight: f64, offset: [f32; 2]) -> PosedSample {
+        let camera = camera_from_world(self.scene, time);
+        let world_from_camera = DMat3::from_mat4(camera).transpose();
+        let eye = -(world_from_camera * camera.w_axis.truncate());
+        PosedSample {
+            weight: weight as f32,
+            offset,
+            world_from_camera: world_from_camera.as_mat3(),
+            lights: self.scene.lights.iter().map(|light| shading_light(light, eye)).collect(),
+            objects: self.scene.objects.iter().map(|object| self.object(object, time, &camera)).collect(),
+        }
+    }
+
+    fn object(&self, object: &Object, time: f64, camera: &DMat4) -> PosedObject {
+        // blur="false": object and camera are posed at the frame number (design section 2).
+        let (time, camera) =
+            if object.blur { (time, *camera) } else { (self.number, camera_from_world(self.scene, self.number)) };
+        let ObjectPose { world_from_model, visible } = object_pose(self.scene, object, time);
+        let to_origin = DMat4::from_translation(object.model.origin);
+        let camera_from_model = camera * world_from_model * to_origin;
+        let screen = self.screen(&camera_from_model);
+        let linear = DMat3::from_mat4(world_from_model);
+        let det = linear.determinant();
+        let (rate, origin_rate) = if self.options.aovs.contains(&Aov::Velocity) && object.blur {
+            let velocity = object_velocity(self.scene, object, time) * to_origin;
+            self.screen(&velocity)
+        } else {
+            (DMat3::ZERO, DVec3::ZERO)
+        };
+        // Rotation of the camera that posed the object: normals and positions are kept in world axes.
+        let world_from_camera = DMat3::from_mat4(camera).transpose();
+        let epsilon = self
+            .options
+            .epsilon
+            .or(object.epsilon)
+            .unwrap_or_else(|| f64::from(object.median_radius) * libm::cbrt(det.abs()));
+        PosedObject {
+            visible: visible && det != 0.0,
+            screen_from_model: screen.0.as_mat3(),
+            screen_origin: screen.1.as_vec3(),
+            screen_rate: rate.as_mat3(),
+            screen_origin_rate: origin_rate.as_vec3(),
+            normal_matrix: normal_matrix(&linear).as_mat3(),
+            world_from_model: linear.as_mat3(),
+            world_origin: (world_from_camera * camera_from_model.w_axis.truncate()).as_vec3(),
+            handedness: if det < 0.0 { -1.0 } else { 1.0 },
+            epsilon: epsilon as f32,
+        }
+    }
+
+    /// Camera space to screen space, as linear part and origin.
+    fn screen(&self, m: &DMat4) -> (DMat3, DVec3) {
+        let k = DMat3::from_diagonal(DVec3::new(self.focal, -self.focal, -1.0));
+        (k * DMat3::from_mat4(*m), k * m.w_axis.truncate())
+    }
+}
+
+/// Inverse transpose up to a positive factor, finite for singular matrices: the cofactors, with the determinant's sign.
+fn normal_matrix(m: &DMat3) -> DMat3 {
+    let (a, b, c) = (m.x_axis, m.y_axis, m.z_axis);
+    let cofactors = DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b));
+    let size = cofactors.x_axis.length().max(cofactors.y_axis.length()).max(cofactors.z_axis.length());
+    let sign = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
+    if size > 0.0 { cofactors * (sign / size) } else { cofactors }
+}
+
+fn shading_light(light: &Light, eye: DVec3) -> ShadingLight {
+    match *light {
+        Light::Ambient { colour } => ShadingLight::Ambient { colour: colour.as_vec3() },
+        Light::Directional { direction, colour } => {
+            ShadingLight::Directional { towards: (-direction).as_vec3(), colour: colour.as_vec3() }
+        }
+        Light::Point { position, colour } => {
+            ShadingLight::Point { position: (position - eye).as_vec3(), colour: colour.as_vec3() }
+        }
+    }
+}

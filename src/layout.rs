@@ -1,0 +1,97 @@
+//! Plain structs that passes exchange, laid out for machines.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::film::Aov;
+use crate::frame::Frame;
+use crate::model::Material;
+use crate::plan::Shading;
+use crate::shading::ShadingLight;
+
+/// A surfel's kernel, posed and projected for one time sample.
+///
+/// At the sample position p = pixel + 1/2 + offset, with (x, y) = p - `reference`: the splat's plane has depth
+/// 1 / (i.(x, y, 1)) on the ray, and the ray meets it at tangent-plane coordinates u = u.(x, y, 1) * depth, v likewise
+/// (ray casting of thesis 4.2.1, eq. 4.2, as a homography; docs/math.md).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Splat {
+    /// Where x and y are counted from, minus the sub-pixel offset, pixels: the projected centre of an ordinary splat, the
+    /// image's centre for one that reaches the camera plane.
+    pub reference: [f32; 2],
+    /// Inverse depth: coefficients of x, y and 1.
+    pub inverse_depth: [f32; 3],
+    /// u times inverse depth.
+    pub u: [f32; 3],
+    /// v times inverse depth.
+    pub v: [f32; 3],
+    /// Depth of the centre; NaN where the low-pass disc around `reference` does not exist.
+    pub centre_depth: f32,
+    /// First and last pixel column, then first and last row, that the splat may touch.
+    pub bounds: [u16; 4],
+    /// Index of the surfel in its model.
+    pub surfel: u32,
+    /// Bit 0: seen from behind (normals turn to the viewer).
+    pub flags: u32,
+}
+
+/// The splat shows its back.
+pub const FLAG_BACK: u32 = 1;
+
+/// Which weighted sums the attribute pass keeps for each sample position, and where.
+///
+/// Channel 0 is the sum of weights, 1 to 3 colour; the others stand where they are needed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Channels {
+    /// Number of channels.
+    pub count: usize,
+    /// First of three: world-space normal.
+    pub normal: Option<usize>,
+    /// Depth.
+    pub depth: Option<usize>,
+    /// First of two: screen velocity, pixels per shutter.
+    pub velocity: Option<usize>,
+    /// First of four: ambient, diffuse, specular, shininess; only where materials differ.
+    pub material: Option<usize>,
+    /// The material of everything, where it is the same.
+    pub uniform: Option<Material>,
+}
+
+impl Channels {
+    /// Most channels that there can be.
+    pub const MOST: usize = 14;
+
+    /// What `frame` needs.
+    pub fn of(frame: &Frame<'_>) -> Self {
+        let deferred = frame.shading == Shading::Phong;
+        let lit_by_points = frame
+            .groups
+            .iter()
+            .flat_map(|g| &g.samples)
+            .any(|s| s.lights.iter().any(|light| matches!(light, ShadingLight::Point { .. })));
+        let first = frame.objects.first().and_then(|object| object.material);
+        let uniform = first.filter(|_| frame.objects.iter().all(|object| object.material == first));
+        let mut count = 4;
+        let mut take = |wanted: bool, n: usize| {
+            wanted.then(|| {
+                count += n;
+                count - n
+            })
+        };
+        let normal = take(deferred || frame.aovs.contains(&Aov::Normal), 3);
+        let depth = take(deferred && lit_by_points || frame.aovs.contains(&Aov::Depth), 1);
+        let velocity = take(frame.aovs.contains(&Aov::Velocity), 2);
+        let material = take(deferred && uniform.is_none(), 4);
+        Self { count, normal, depth, velocity, material, uniform }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_splat_is_a_cache_line() {
+        assert_eq!(size_of::<Splat>(), 64);
+    }
+}

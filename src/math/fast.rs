@@ -1,0 +1,127 @@
+//! Elementary functions as `f32` polynomials: the same bits on every CPU, and free of branches so that loops over pixels
+//! vectorise. No `mul_add`: rounding is part of the contract between a pass and its twin.
+//!
+//! Coefficients: Chebyshev interpolation in f64.
+
+/// The reconstruction kernel exp(-2 r^2) (design section 2; thesis eq. 4.3) from r^2 in [0, 1].
+///
+/// Absolute error below 2e-7 (kernel peak is 1); a polynomial in y = 2 r^2 - 1, not meaningful outside [0, 1].
+#[inline(always)]
+pub fn kernel(r2: f32) -> f32 {
+    const C: [f32; 8] = [
+        0.367_879_37,
+        -0.367_879_4,
+        0.183_942_06,
+        -0.061_313_726,
+        0.015_316_665,
+        -0.003_063_919_3,
+        0.000_529_479_4,
+        -0.000_075_304_9,
+    ];
+    let y = 2.0 * r2 - 1.0;
+    let mut p = C[7];
+    p = p * y + C[6];
+    p = p * y + C[5];
+    p = p * y + C[4];
+    p = p * y + C[3];
+    p = p * y + C[2];
+    p = p * y + C[1];
+    p * y + C[0]
+}
+
+/// 2^x for x clamped to [-126, 126]; relative error below 3e-7.
+#[inline(always)]
+pub fn exp2(x: f32) -> f32 {
+    const C: [f32; 7] =
+        [1.0, 0.693_147_2, 0.240_226_51, 0.055_503_27, 0.009_618_026, 0.001_340_043_2, 0.000_154_697_32];
+    /// Adding it leaves the nearest integer in the low mantissa bits (a saturating cast would block vector code).
+    const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
+    let x = if x > -126.0 { x } else { -126.0 };
+    let x = if x < 126.0 { x } else { 126.0 };
+    let shifted = x + ROUND;
+    let whole = shifted - ROUND;
+    let f = x - whole;
+    let mut p = C[6];
+    p = p * f + C[5];
+    p = p * f + C[4];
+    p = p * f + C[3];
+    p = p * f + C[2];
+    p = p * f + C[1];
+    p = p * f + C[0];
+    f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
+}
+
+/// log2(x) for normal x > 0; absolute error below 2e-7 + 1e-7 |log2 x|.
+#[inline(always)]
+pub fn log2(x: f32) -> f32 {
+    const C: [f32; 4] = [2.885_390_1, 0.961_798_85, 0.576_714_5, 0.431_733_02];
+    const SQRT_HALF_BITS: u32 = 0x3f35_04f3;
+    // x = m 2^e with m in [sqrt(1/2), sqrt(2))
+    let offset = x.to_bits().wrapping_sub(SQRT_HALF_BITS);
+    let e = (offset as i32) >> 23;
+    let m = f32::from_bits(x.to_bits().wrapping_sub((e as u32) << 23));
+    let s = (m - 1.0) / (m + 1.0);
+    let z = s * s;
+    let mut p = C[3];
+    p = p * z + C[2];
+    p = p * z + C[1];
+    p = p * z + C[0];
+    e as f32 + s * p
+}
+
+/// base^exponent for base >= 0 and exponent >= 0; 0^0 = 1. Relative error below about 1e-6 (1 + exponent |log2 base|).
+#[inline(always)]
+pub fn pow(base: f32, exponent: f32) -> f32 {
+    let base = if base > f32::MIN_POSITIVE { base } else { f32::MIN_POSITIVE };
+    exp2(exponent * log2(base))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kernel_is_the_gaussian() {
+        let worst = (0..=100_000)
+            .map(|i| {
+                let r2 = i as f32 / 100_000.0;
+                (f64::from(kernel(r2)) - (-2.0 * f64::from(r2)).exp()).abs()
+            })
+            .fold(0.0, f64::max);
+        assert!(worst < 2e-7, "{worst}");
+        assert!((kernel(0.0) - 1.0).abs() < 2e-7);
+    }
+
+    #[test]
+    fn exp2_is_exact_to_rounding() {
+        let worst = (-1_250_000..=1_250_000)
+            .map(|i| {
+                let x = i as f32 * 1e-4;
+                (f64::from(exp2(x)) / f64::from(x).exp2() - 1.0).abs()
+            })
+            .fold(0.0, f64::max);
+        assert!(worst < 3e-7, "{worst}");
+        assert_eq!(exp2(0.0), 1.0);
+        assert_eq!(exp2(10.0), 1024.0);
+        assert!(exp2(-1e9) > 0.0 && exp2(1e9).is_finite());
+    }
+
+    #[test]
+    fn log2_is_exact_to_rounding() {
+        for i in 1..200_000 {
+            let x = i as f32 * 1.7e-4;
+            let want = f64::from(x).log2();
+            assert!((f64::from(log2(x)) - want).abs() < 2e-7 + 1e-7 * want.abs(), "{x}");
+        }
+        assert_eq!(log2(1.0), 0.0);
+        assert_eq!(log2(8.0), 3.0);
+    }
+
+    #[test]
+    fn pow_of_the_ends() {
+        assert_eq!(pow(0.0, 0.0), 1.0);
+        assert!(pow(0.0, 30.0) < 1e-30);
+        assert_eq!(pow(1.0, 30.0), 1.0);
+        assert!((pow(0.9, 30.0) - 0.042_391_16).abs() < 1e-6);
+    }
+}
