@@ -1,6 +1,7 @@
 //! The film: accumulators that become a [`Picture`].
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// A channel set beside colour (arbitrary output variable): the coverage-weighted mean over the exposure, divided by alpha.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -110,49 +111,64 @@ impl FilmPlanes {
     }
 }
 
-/// Accumulated, premultiplied values of some of the image's pixels, plane by plane.
-pub trait Film {
-    /// Value of plane `plane` at pixel (x, y).
-    fn value(&self, plane: usize, x: u32, y: u32) -> f32;
+/// Accumulated, premultiplied values of an image, plane by plane.
+pub trait Film: Sync {
+    /// Copies row `y` of plane `plane` to `out`, which is as long as the image is wide.
+    fn row(&self, plane: usize, y: u32, out: &mut [f32]);
 }
 
 /// Composites the film once over the background, and divides the AOVs by alpha (design section 2).
 pub fn develop(film: &impl Film, size: [u32; 2], aovs: &[Aov], background: Background) -> Picture {
-    let planes = FilmPlanes::of(aovs);
     let [width, height] = size;
-    let pixels = || (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
+    let columns = width as usize;
+    let planes = FilmPlanes::of(aovs);
     let behind = background.colour.as_vec3().to_array();
-    let rgba = pixels()
-        .map(|(x, y)| {
-            let alpha = film.value(3, x, y);
-            let through = 1.0 - alpha;
-            let colour = |c: usize| {
-                let light = film.value(c, x, y);
-                if background.transparent { light } else { light + through * behind[c] }
-            };
-            [colour(0), colour(1), colour(2), if background.transparent { alpha } else { 1.0 }]
-        })
-        .collect();
+    let mut rgba = vec![[0.0; 4]; columns * height as usize];
+    rgba.par_chunks_mut(columns).zip(0..height).for_each_init(
+        || vec![0.0; columns],
+        |row, (out, y)| {
+            for channel in 0..4 {
+                film.row(channel, y, row);
+                out.iter_mut().zip(&*row).for_each(|(out, &value)| out[channel] = value);
+            }
+            if !background.transparent {
+                for pixel in out {
+                    let through = 1.0 - pixel[3];
+                    *pixel = [
+                        pixel[0] + through * behind[0],
+                        pixel[1] + through * behind[1],
+                        pixel[2] + through * behind[2],
+                        1.0,
+                    ];
+                }
+            }
+        },
+    );
+    let plane = |aov: Aov, channel: usize| {
+        let mut plane = vec![0.0; columns * height as usize];
+        plane.par_chunks_mut(columns).zip(0..height).for_each_init(
+            || vec![0.0; columns],
+            |alpha, (out, y)| {
+                film.row(3, y, alpha);
+                film.row(planes.first(aov) + channel, y, out);
+                out.iter_mut().zip(&*alpha).for_each(|(value, &alpha)| *value = aov_value(aov, *value, alpha));
+            },
+        );
+        plane
+    };
     let layers = Aov::ALL
         .into_iter()
         .filter(|aov| aovs.contains(aov))
-        .map(|aov| {
-            let plane = |channel: usize| {
-                pixels()
-                    .map(|(x, y)| {
-                        let alpha = film.value(3, x, y);
-                        let value = film.value(planes.first(aov) + channel, x, y);
-                        match aov {
-                            Aov::Alpha => alpha,
-                            _ if alpha > 0.0 => value / alpha,
-                            Aov::Depth => f32::INFINITY,
-                            Aov::Normal | Aov::Velocity => 0.0,
-                        }
-                    })
-                    .collect()
-            };
-            Layer { aov, planes: (0..aov.channels().len()).map(plane).collect() }
-        })
+        .map(|aov| Layer { aov, planes: (0..aov.channels().len()).map(|channel| plane(aov, channel)).collect() })
         .collect();
     Picture { width, height, rgba, layers }
+}
+
+fn aov_value(aov: Aov, sum: f32, alpha: f32) -> f32 {
+    match aov {
+        Aov::Alpha => alpha,
+        _ if alpha > 0.0 => sum / alpha,
+        Aov::Depth => f32::INFINITY,
+        Aov::Normal | Aov::Velocity => 0.0,
+    }
 }

@@ -49,9 +49,10 @@ fn attribute_body(
     for &index in list {
         let splat = &splats[index as usize];
         let Touched { x0, x1, y0, y1 } = Touched::of(splat, tile);
-        let mut values = None;
+        let values = splat_values(splat, attributes);
         for y in y0..=y1 {
             let row = Row::of(splat, tile.origin[1] + y);
+            let out = &mut sums[y * channels * STRIDE..][..channels * STRIDE];
             let mut x = x0;
             while x <= x1 {
                 let limit = &threshold[y * STRIDE + x..][..LANES];
@@ -59,7 +60,6 @@ fn attribute_body(
                 let last = (tile.origin[0] + x1) as f32;
                 let mut weights = [0.0_f32; LANES];
                 let mut depths = [0.0_f32; LANES];
-                let mut most = 0.0_f32;
                 for l in 0..LANES {
                     let pixel = first + l as f32;
                     let hit = row.at(splat, pixel);
@@ -78,27 +78,29 @@ fn attribute_body(
                     weights[l] = if passes { fast::kernel(r2) } else { 0.0 };
                     depths[l] = if passes { depth } else { 0.0 };
                 }
-                for &w in &weights {
-                    most = if w > most { w } else { most };
+                // No early exit where nothing passes: a branch that is often wrong costs more than adding zeros.
+                for (value, plane) in values.iter().zip(out.chunks_exact_mut(STRIDE)) {
+                    add(&mut plane[x..], &weights, *value);
                 }
-                if most > 0.0 {
-                    let values = values.get_or_insert_with(|| splat_values(splat, attributes));
-                    let out = &mut sums[y * channels * STRIDE..][..channels * STRIDE];
-                    for (value, plane) in values.iter().zip(out.chunks_exact_mut(STRIDE)) {
-                        let plane = &mut plane[x..][..LANES];
-                        for l in 0..LANES {
-                            plane[l] += weights[l] * value;
-                        }
+                if let Some(depth) = attributes.channels.depth {
+                    for l in 0..LANES {
+                        depths[l] *= weights[l];
                     }
-                    if let Some(depth) = attributes.channels.depth {
-                        let plane = &mut out[depth * STRIDE + x..][..LANES];
-                        for l in 0..LANES {
-                            plane[l] += weights[l] * depths[l];
-                        }
-                    }
+                    add(&mut out[depth * STRIDE + x..], &depths, 1.0);
                 }
                 x += LANES;
             }
+        }
+    }
+}
+
+/// plane += weights * value, for the first `LANES` pixels of `plane`.
+#[inline(always)]
+fn add(plane: &mut [f32], weights: &[f32; LANES], value: f32) {
+    if let Some(plane) = plane.first_chunk_mut::<LANES>() {
+        let old = *plane;
+        for l in 0..LANES {
+            plane[l] = old[l] + weights[l] * value;
         }
     }
 }

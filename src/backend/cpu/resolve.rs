@@ -38,10 +38,13 @@ pub(super) struct TiledFilm {
 }
 
 impl Film for TiledFilm {
-    fn value(&self, plane: usize, x: u32, y: u32) -> f32 {
-        let (x, y) = (x as usize, y as usize);
-        let tile = &self.tiles[y / TILE * self.tiles_x + x / TILE];
-        tile.values[(plane * TILE + y % TILE) * TILE + x % TILE]
+    fn row(&self, plane: usize, y: u32, out: &mut [f32]) {
+        let y = y as usize;
+        let tiles = &self.tiles[y / TILE * self.tiles_x..];
+        for (out, tile) in out.chunks_mut(TILE).zip(tiles) {
+            let first = (plane * TILE + y % TILE) * TILE;
+            out.copy_from_slice(&tile.values[first..first + out.len()]);
+        }
     }
 }
 

@@ -1,0 +1,115 @@
+//! Scenes and models made in code, for tests and benches. Shares no mathematics with the renderer.
+#![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use splatblur::backend::cpu::Cpu;
+use splatblur::film::Picture;
+use splatblur::model::{Material, Surfels};
+use splatblur::plan::RenderOptions;
+use splatblur::render::render_frame;
+use splatblur::scene::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
+use splatblur::time::{Shutter, Weight};
+
+/// Surfels facing `normal` with circular kernels.
+pub fn round_surfels(points: impl IntoIterator<Item = (DVec3, DVec3, f64, Vec3)>) -> Surfels {
+    let mut surfels = Surfels::default();
+    for (position, normal, radius, colour) in points {
+        let helper = if normal.x.abs() < 0.5 { DVec3::X } else { DVec3::Y };
+        let u = normal.cross(helper).normalize();
+        surfels.position.push(position.as_vec3());
+        surfels.axis_u.push((u * radius).as_vec3());
+        surfels.axis_v.push((normal.cross(u) * radius).as_vec3());
+        surfels.normal.push(normal.as_vec3());
+        surfels.colour.push(colour);
+    }
+    surfels
+}
+
+/// The speed-test model: unit sphere, Fibonacci lattice, `n` surfels of radius 4/sqrt(n), in a 16 x 8 checker.
+pub fn sphere(n: usize) -> Surfels {
+    let golden = PI * (3.0 - 5_f64.sqrt());
+    round_surfels((0..n).map(|i| {
+        let z = 1.0 - 2.0 * (i as f64 + 0.5) / n as f64;
+        let phi = (i as f64 + 0.5) * golden;
+        let q = (1.0 - z * z).sqrt();
+        let p = DVec3::new(q * phi.cos(), q * phi.sin(), z);
+        let cell = (p.y.asin() / PI * 8.0).floor() + (p.x.atan2(p.z) / PI * 8.0).floor();
+        let colour = if cell.rem_euclid(2.0) < 0.5 { Vec3::new(0.9, 0.85, 0.8) } else { Vec3::new(0.7, 0.15, 0.1) };
+        (p, p, 4.0 / (n as f64).sqrt(), colour)
+    }))
+}
+
+/// An object with nothing but a model.
+pub fn object(model: Surfels) -> Object {
+    let (median_radius, bounds) = (model.median_radius(), model.bounds());
+    Object {
+        name: "object".into(),
+        model_path: "made in code".into(),
+        model: Arc::new(model),
+        radius_scale: 1.0,
+        colour_space: None,
+        transform: Default::default(),
+        animation: None,
+        motions: Vec::new(),
+        place: Default::default(),
+        material: None,
+        epsilon: None,
+        blur: true,
+        median_radius,
+        bounds,
+    }
+}
+
+/// Colours show unchanged under one ambient light of intensity 1.
+pub const UNLIT: Material = Material { ambient: 1.0, diffuse: 0.0, specular: 0.0, shininess: 1.0 };
+
+/// Objects before a camera at `eye` that looks along -z, lit by one ambient light; shutter 0..1, black background.
+pub fn scene(objects: Vec<Object>, size: [u32; 2], eye: DVec3, fovy_degrees: f64) -> Scene {
+    Scene {
+        name: "test".into(),
+        image: ImageSettings { width: size[0], height: size[1], ..Default::default() },
+        frames: FrameRange { first: 0, last: 0, rate: 24.0 },
+        shutter: Shutter { open: 0.0, close: 1.0, weight: Weight::Box },
+        camera: Camera {
+            eye,
+            at: eye - DVec3::Z,
+            up: DVec3::Y,
+            fovy: fovy_degrees.to_radians(),
+            near: 0.01,
+            animation: None,
+            automatic: false,
+        },
+        lights: vec![Light::Ambient { colour: DVec3::ONE }],
+        objects,
+    }
+}
+
+/// Key light and ambient light of the design.
+pub fn default_lights() -> Vec<Light> {
+    vec![
+        Light::Directional { direction: DVec3::new(-0.5, -1.0, -0.8).normalize(), colour: DVec3::splat(0.9) },
+        Light::Ambient { colour: DVec3::splat(0.3) },
+    ]
+}
+
+/// The speed-test scene: the sphere before an eye at (0, 0, 4), fovy 40.
+pub fn sphere_scene(n: usize, size: u32, moving: bool) -> Scene {
+    let mut sphere = object(sphere(n).spatially_ordered());
+    if moving {
+        sphere.motions = vec![
+            Motion::Rotation { axis: DVec3::Y, per_frame: 30_f64.to_radians(), centre: DVec3::ZERO },
+            Motion::Linear { velocity: DVec3::new(0.4, 0.1, 0.0) },
+        ];
+    }
+    let mut scene = scene(vec![sphere], [size, size], DVec3::new(0.0, 0.0, 4.0), 40.0);
+    scene.lights = default_lights();
+    scene
+}
+
+/// Frame 0 on the CPU.
+pub fn render(scene: &Scene, options: &RenderOptions) -> Picture {
+    render_frame(&mut Cpu::default(), scene, 0, options).expect("the frame fits").picture
+}
