@@ -174,9 +174,3 @@ pub fn load(path: &Path, _options: &LoadOptions, _progress: Progress<'_>) -> Res
     let _bytes = std::fs::read(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
     Ok(Loaded { surfels: Surfels::default(), notes: Vec::new() })
 }
-impl Surfels {
-    /// stub
-    pub fn spatially_ordered(self) -> Self {
-        self
-    }
-}
