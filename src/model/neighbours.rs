@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::{Progress, order::morton_codes};
 
-/// Points below which a subtree is searched by looking at each; measured: 4 to 16 differ by less than 10 %.
+/// Points below which a subtree is searched by looking at each; 4, 8 and 16 are about equally fast.
 const LEAF: usize = 8;
 /// Points above which a subtree is built by two threads.
 const FORK: usize = 4096;

@@ -13,6 +13,8 @@ use super::{
 
 /// Evidence, of at most 2, above which a piece's own shape decides its sign.
 const CONFIDENT: f64 = 0.25;
+/// Neighbours that a point is linked to. 16 give the same signs at twice the memory.
+const EDGES: usize = 8;
 /// Edges between two reports of progress.
 const REPORT: usize = 1 << 18;
 
@@ -21,7 +23,7 @@ const REPORT: usize = 1 << 18;
 /// A piece (a tree of the forest without a given normal) is turned outward by its shape: see [`Piece::evidence`]. A piece
 /// without a clear shape (a scrap of a surface, say) follows the nearest points of the others if they are nearer than it is
 /// wide; else its largest mean component is made positive: floors face up, walls face +z or +x.
-/// Memory: 12 bytes an edge, at most 16 edges a point. The result does not depend on the number of threads.
+/// Memory: 12 bytes an edge, at most 8 edges a point. The result does not depend on the number of threads.
 pub(super) fn orient(
     position: &[Vec3],
     normal: &mut [Vec3],
@@ -54,9 +56,9 @@ fn grow(forest: &mut Forest, position: &[Vec3], normal: &[Vec3], neighbours: &Ne
     let mut edges: Vec<Edge> = (0..position.len())
         .into_par_iter()
         .flat_map_iter(|i| {
-            neighbours.of(i).iter().filter_map(move |&j| {
-                let seen_from_there = (j as usize) < i && neighbours.of(j as usize).contains(&(i as u32));
-                let needed = !seen_from_there && !(given[i] && given[j as usize]);
+            linked(neighbours, i).iter().filter_map(move |&j| {
+                let seen_from_there = (j as usize) < i && linked(neighbours, j as usize).contains(&(i as u32));
+                let needed = !(seen_from_there || given[i] && given[j as usize]);
                 needed.then(|| (link(i, j as usize).1.to_bits(), i as u32, j))
             })
         })
@@ -70,11 +72,18 @@ fn grow(forest: &mut Forest, position: &[Vec3], normal: &[Vec3], neighbours: &Ne
     }
 }
 
+fn linked(neighbours: &Neighbours, i: usize) -> &[u32] {
+    let near = neighbours.of(i);
+    &near[..near.len().min(EDGES)]
+}
+
 /// Whether two neighbouring normals disagree in sign, and the cost, >= 0, of relying on it.
 ///
 /// On a circle through both points, one normal is the other mirrored in the plane between the points, so they are compared
 /// after that mirroring: it is right around sharp edges and across thin plates, where the plain product fails. (Xie et al.
 /// 2003.) It is wrong for two samples of one surface that noise has put one above the other, so steep edges cost more.
+/// Measured on the guanyin scan, pixels of the front view that show a back: 1963, with the plain product 4015 (the rest is the
+/// open crown); without the cost of steep edges a noisy sphere has wrong signs.
 fn link(p: Vec3, n: Vec3, q: Vec3, m: Vec3) -> (bool, f32) {
     let along = (q.as_dvec3() - p.as_dvec3()).normalize_or_zero();
     let (n, m) = (n.as_dvec3(), m.as_dvec3());
@@ -292,7 +301,7 @@ mod tests {
         // Noise of half the distance between points in every direction.
         let points: Vec<Vec3> = sphere(20_000).iter().zip(0..).map(|(&p, i)| p + 0.0125 * noise(i)).collect();
         let share = right(&points, |p| p);
-        assert!(share > 0.995, "{share}");
+        assert!(share > 0.9999, "{share}");
     }
 
     #[test]
@@ -309,7 +318,7 @@ mod tests {
             }
         }
         let share = right(&points, |p| if p.z == 1.0 { p - Vec3::new(29.5, 29.5, 1.0) } else { Vec3::Z * (p.z - 1.0) });
-        assert!(share > 0.99, "{share}");
+        assert!(share > 0.999, "{share}");
     }
 
     #[test]
@@ -318,7 +327,7 @@ mod tests {
         assert_eq!(right(&bowl, |p| p), 1.0);
         let terrain: Vec<Vec3> = (0..10_000)
             .map(|i| {
-                let (x, z) = ((i % 100) as f64 * 0.1, f64::from(i / 100) * 0.1);
+                let (x, z) = (f64::from(i % 100) * 0.1, f64::from(i / 100) * 0.1);
                 DVec3::new(x, 0.3 * libm::sin(2.0 * x) * libm::cos(z), z).as_vec3()
             })
             .collect();

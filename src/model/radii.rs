@@ -7,7 +7,20 @@ use super::neighbours::{Distinct, Neighbours};
 /// Neighbours that a radius is estimated from.
 pub(super) const NEAREST: usize = 6;
 /// Cut-off radius over the mean distance to the six nearest distinct points.
-const FACTOR: f64 = 1.0;
+///
+/// Measured: discs over a point of a Fibonacci sphere of 50 000 points and of guanyin.ply; and of 10 000 pixels of guanyin
+/// from the front, parallel projection, 800 pixels a unit, those through which something 0.03 deeper shows:
+///
+/// | factor | sphere | guanyin | holes |
+/// | --- | --- | --- | --- |
+/// | 0.8 | 1.0 | 2.5 | 130 |
+/// | 1 | 4.3 | 3.9 | 12 |
+/// | 1.25 | 7.0 | 6.2 | 0.5 |
+/// | 1.5 | 8.3 | 9.0 | 0.3 |
+/// | 2 | 16.4 | 16.1 | 0.3 |
+///
+/// What is left from 1.25 on are deep folds, not holes.
+const FACTOR: f64 = 1.25;
 /// Greatest radius, in local medians. Of a Poisson cloud, less than one point in a thousand is that lonely.
 const LONE: f64 = 4.0;
 /// Cut-off radius where there is no distance to estimate it from, model units.
