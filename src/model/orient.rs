@@ -335,26 +335,56 @@ mod tests {
     }
 
     #[test]
-    fn a_scrap_follows_the_surface_beside_it() {
-        // A flat scrap of 5 x 5 points below a large ball: by itself it would face up; beside the ball it faces down.
-        let spacing = 0.002;
-        let scrap = (0..25).map(|i| Vec3::new((i % 5) as f32 * spacing, -1.02, (i / 5) as f32 * spacing));
-        let alone: Vec<Vec3> = scrap.clone().collect();
-        assert!(estimated(&alone).iter().all(|n| n.y > 0.9));
-        let wide = (0..25).map(|i| Vec3::new((i % 5) as f32 * 0.01 - 0.02, -1.02, (i / 5) as f32 * 0.01 - 0.02));
-        let points: Vec<Vec3> = sphere(20_000).into_iter().chain(wide).collect();
-        assert_eq!(right(&points, |p| p), 1.0);
+    fn a_scrap_follows_a_near_surface_and_faces_up_far_from_any() {
+        // A flat scrap below a ball, too far to be linked to it. By itself it faces up; near the ball it faces down.
+        let below = |y: f32| {
+            let scrap = (0..169)
+                .map(move |i| Vec3::new((i % 13) as f32 - 6.0, 0.0, (i / 13) as f32 - 6.0) * 0.01 + y * Vec3::Y);
+            sphere(20_000).into_iter().chain(scrap).collect::<Vec<Vec3>>()
+        };
+        assert_eq!(right(&below(-1.065), |p| p), 1.0, "near");
+        assert_eq!(right(&below(-2.0), |p| if p.y < -1.5 { Vec3::Y } else { p }), 1.0, "far");
+    }
+
+    #[test]
+    fn links_see_the_two_sides_of_a_plate_and_of_an_edge() {
+        let disagree = |p, n, q, m| link(p, n, q, m).0;
+        assert!(!disagree(Vec3::ZERO, Vec3::Y, Vec3::X, Vec3::Y));
+        assert!(disagree(Vec3::ZERO, Vec3::Y, Vec3::X, -Vec3::Y));
+        assert!(!disagree(Vec3::ZERO, -Vec3::Z, Vec3::Z, Vec3::Z));
+        assert!(disagree(Vec3::ZERO, Vec3::Z, Vec3::Z, Vec3::Z));
+        // A wedge of 20 degrees, its edge along z, its sides facing up and down.
+        let (s, c) = libm::sincosf(10_f32.to_radians());
+        assert!(!disagree(Vec3::new(c, s, 0.0), Vec3::new(-s, c, 0.0), Vec3::new(c, -s, 0.1), Vec3::new(-s, -c, 0.0)));
+        // Flat links are the cheapest, steep ones the dearest.
+        let cost = |q| link(Vec3::ZERO, Vec3::Y, q, Vec3::Y).1;
+        assert!(cost(Vec3::X) < 1e-6 && cost(Vec3::ONE) > 0.5 && cost(Vec3::Y) > 1.9);
+    }
+
+    #[test]
+    fn volume_and_extreme_points_both_count() {
+        let blind = vec![(1.0, Vec3::ZERO); 14];
+        let seeing: Vec<(f32, Vec3)> = directions().map(|d| (1.0, d)).collect();
+        let piece = |flux, extreme| Piece { flux, reach: 2.0, extreme, ..Piece::default() };
+        assert_eq!(piece(1.0, blind.clone()).evidence(), 0.5);
+        assert!((piece(0.0, seeing).evidence() - 1.0).abs() < 1e-6);
+        assert_eq!(piece(-1.0, blind.clone()).turn(), Some(true));
+        assert_eq!(piece(0.1, blind).turn(), None);
     }
 
     #[test]
     fn opposed_given_normals_do_not_fight() {
-        // A plane with both signs given: all estimated ones are parallel to it, all given ones are kept.
-        let points: Vec<Vec3> = (0..400).map(|i| Vec3::new((i % 20) as f32, 0.0, (i / 20) as f32)).collect();
-        let mut given = vec![Vec3::ZERO; 400];
-        given[0] = Vec3::Y;
-        given[399] = -Vec3::Y;
-        let normals = completed(&points, given);
-        assert_eq!((normals[0], normals[399]), (Vec3::Y, -Vec3::Y));
-        assert!(normals.iter().all(|n| n.y.abs() > 0.999));
+        // Two faces of a box that meet in an edge; one normal of each is given.
+        let face = |at: fn(f32, f32) -> Vec3| (0..300).map(move |i| at((i % 20) as f32, (i / 20 + 1) as f32));
+        let points: Vec<Vec3> = face(|x, d| Vec3::new(x, 0.0, d)).chain(face(|x, d| Vec3::new(x, -d, 0.0))).collect();
+        for front in [Vec3::Z, -Vec3::Z] {
+            let mut given = vec![Vec3::ZERO; 600];
+            given[150] = Vec3::Y;
+            given[450] = front;
+            let normals = completed(&points, given);
+            // The five rows farthest from the edge.
+            assert!(normals[200..300].iter().all(|n| n.y > 0.99));
+            assert!(normals[500..600].iter().all(|n| n.dot(front) > 0.99), "{front}");
+        }
     }
 }
