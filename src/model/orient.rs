@@ -82,8 +82,8 @@ fn linked(neighbours: &Neighbours, i: usize) -> &[u32] {
 /// On a circle through both points, one normal is the other mirrored in the plane between the points, so they are compared
 /// after that mirroring: it is right around sharp edges and across thin plates, where the plain product fails. (Xie et al.
 /// 2003.) It is wrong for two samples of one surface that noise has put one above the other, so steep edges cost more.
-/// Measured on the guanyin scan, pixels of the front view that show a back: 1963, with the plain product 4015 (the rest is the
-/// open crown); without the cost of steep edges a noisy sphere has wrong signs.
+/// Measured, pixels of the guanyin scan's front view that show a back (most are its open crown): 1900 of 280 000 with the
+/// mirroring, the cost or both, 4000 with neither. Without the cost a noisy sphere gets wrong signs.
 fn link(p: Vec3, n: Vec3, q: Vec3, m: Vec3) -> (bool, f32) {
     let along = (q.as_dvec3() - p.as_dvec3()).normalize_or_zero();
     let (n, m) = (n.as_dvec3(), m.as_dvec3());
