@@ -6,6 +6,15 @@ use glam::{DVec3, Vec3};
 
 use crate::math::Bounds;
 
+mod complete;
+mod neighbours;
+mod normals;
+mod order;
+mod orient;
+mod radii;
+
+pub use complete::complete;
+
 /// How a file stored its colours; decides the default colour space.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColourStorage {
@@ -129,6 +138,9 @@ impl Surfels {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelError {
+    /// Nothing is left to render.
+    #[error("the model has no usable points")]
+    NoPoints,
     /// The file could not be read.
     #[error("cannot read model {}", path.display())]
     Read {

@@ -1,0 +1,296 @@
+//! A cloud as a file gives it, completed into surfels: recentred, with normals, axes and linear colours for all.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::{
+    Cloud, ColourSpace, ColourStorage, LoadOptions, Material, ModelError, Progress, Surfels,
+    neighbours::{Distinct, Neighbours},
+    normals, radii,
+};
+use crate::math::{Bounds, srgb};
+
+/// Greatest coordinate and length, model units: its square is far from overflow in `f32`.
+const HUGE: f64 = 1e18;
+/// Smallest length, model units: its square does not underflow in `f32`.
+const TINY: f64 = 1e-18;
+/// Greatest magnitude of a linear colour: that of a 16-bit float.
+const BRIGHTEST: f32 = 65_504.0;
+/// Least sine of the angle between two axes.
+const PARALLEL: f64 = 1e-4;
+
+/// Makes a cloud renderable; gives the surfels, in the order of the cloud, and the notes of the cloud and of this function.
+///
+/// Points that are not finite or farther than 1e18 from the origin are dropped. Positions become relative to the centre of
+/// their box. Missing normals and radii are estimated (of elliptical splats without a normal it is u x v); lengths are kept
+/// within 1e-18..=1e18. Missing colours are white. A column whose length is not that of `position` is ignored.
+/// At most 2^32 - 1 points. The result does not depend on the number of threads.
+///
+/// # Errors
+/// [`ModelError::NoPoints`] if no point is left.
+pub fn complete(
+    mut cloud: Cloud,
+    options: &LoadOptions,
+    progress: Progress<'_>,
+) -> Result<(Surfels, Vec<String>), ModelError> {
+    let mut notes = std::mem::take(&mut cloud.notes);
+    drop_misfits(&mut cloud, &mut notes);
+    drop_unusable(&mut cloud, &mut notes);
+    if cloud.position.is_empty() {
+        return Err(ModelError::NoPoints);
+    }
+    let origin = box_of(&cloud.position).centre();
+    let position: Vec<Vec3> = cloud.position.par_iter().map(|p| (p - origin).as_vec3()).collect();
+    cloud.position = Vec::new();
+
+    let (normal, axes) = surfaces(&mut cloud, &position, options.radius_scale, progress, &mut notes);
+    let (axis_u, axis_v) = axes.into_par_iter().map(|[u, v]| (u, v)).unzip();
+    let colour = linear_colours(&cloud, position.len(), options.colour_space, &mut notes);
+    repair(&mut cloud.material, is_valid_material, Material::default(), "reflection coefficients", &mut notes);
+    repair(&mut cloud.velocity, Vec3::is_finite, Vec3::ZERO, "velocities", &mut notes);
+    let surfels = Surfels {
+        origin,
+        position,
+        axis_u,
+        axis_v,
+        normal,
+        colour,
+        material: cloud.material,
+        velocity: cloud.velocity,
+    };
+    Ok((surfels, notes))
+}
+
+/// Calls `$with` on every optional column and its name.
+macro_rules! for_each_column {
+    ($cloud:expr, $with:expr) => {
+        $with(&mut $cloud.normal, "normals");
+        $with(&mut $cloud.radius, "radii");
+        $with(&mut $cloud.axes, "axes");
+        $with(&mut $cloud.colour, "colours");
+        $with(&mut $cloud.material, "reflection coefficients");
+        $with(&mut $cloud.velocity, "velocities");
+    };
+}
+
+/// A column, seen without the type of its elements.
+trait Column {
+    fn len(&self) -> usize;
+    fn empty(&mut self);
+    fn keep(&mut self, kept: &[bool]);
+}
+
+impl<T> Column for Vec<T> {
+    fn len(&self) -> usize {
+        self.len()
+    }
+
+    fn empty(&mut self) {
+        *self = Self::new();
+    }
+
+    fn keep(&mut self, kept: &[bool]) {
+        let mut kept = kept.iter();
+        self.retain(|_| kept.next() == Some(&true));
+    }
+}
+
+fn drop_misfits(cloud: &mut Cloud, notes: &mut Vec<String>) {
+    let points = cloud.position.len();
+    let mut check = |column: &mut dyn Column, name: &str| {
+        if column.len() != points && column.len() != 0 {
+            notes.push(format!("{name} ignored: {} of them for {points} points", column.len()));
+            column.empty();
+        }
+    };
+    for_each_column!(cloud, check);
+}
+
+fn drop_unusable(cloud: &mut Cloud, notes: &mut Vec<String>) {
+    // NaN and infinity fail the comparison too.
+    let kept: Vec<bool> = cloud.position.par_iter().map(|p| p.abs().cmple(DVec3::splat(HUGE)).all()).collect();
+    let dropped = kept.iter().filter(|&&k| !k).count();
+    if dropped > 0 {
+        notes.push(format!("{dropped} points dropped: position not finite or beyond {HUGE:e}"));
+        cloud.position.keep(&kept);
+        for_each_column!(cloud, |column: &mut dyn Column, _| column.keep(&kept));
+    }
+}
+
+fn box_of(position: &[DVec3]) -> Bounds {
+    let merge = |mut a: Bounds, b: Bounds| {
+        a.merge(&b);
+        a
+    };
+    let add = |mut bounds: Bounds, &p: &DVec3| {
+        bounds.add(p);
+        bounds
+    };
+    position.par_iter().fold(Bounds::default, add).reduce(Bounds::default, merge)
+}
+
+/// Normals and axes of all points; empties `normal`, `radius` and `axes` of the cloud.
+fn surfaces(
+    cloud: &mut Cloud,
+    position: &[Vec3],
+    radius_scale: f64,
+    progress: Progress<'_>,
+    notes: &mut Vec<String>,
+) -> (Vec<Vec3>, Vec<[Vec3; 2]>) {
+    let points = position.len();
+    let mut normal = std::mem::take(&mut cloud.normal);
+    normal.resize(points, Vec3::ZERO);
+    let mut radius = std::mem::take(&mut cloud.radius);
+    radius.resize(points, 0.0);
+    let mut axes = std::mem::take(&mut cloud.axes);
+    let elliptical = !axes.is_empty();
+    axes.resize(points, [Vec3::ZERO; 2]);
+
+    // First what the file says of each point; zero stands for what it does not.
+    let mut flat = 0;
+    for ((n, r), a) in normal.iter_mut().zip(&mut radius).zip(&mut axes) {
+        *n = unit(*n).unwrap_or(Vec3::ZERO);
+        *r = length(f64::from(*r)).unwrap_or(0.0);
+        let lengths = a.map(|axis| length(axis.as_dvec3().length()).unwrap_or(0.0));
+        if let Some(across) = plane(*a, lengths) {
+            *r = lengths[0].max(lengths[1]);
+            if *n == Vec3::ZERO {
+                *n = across;
+            }
+        } else if elliptical {
+            flat += 1;
+            *a = [Vec3::ZERO; 2];
+            let longer = lengths[0].max(lengths[1]);
+            *r = if longer > 0.0 { longer } else { *r };
+        }
+    }
+    if flat > 0 {
+        notes.push(format!("axes of {flat} points are zero, parallel or not finite: drawn as discs"));
+    }
+    estimate(position, &mut normal, &mut radius, progress, notes);
+
+    let (normals, radii) = (&normal, &radius);
+    axes.par_iter_mut().enumerate().for_each(|(i, a)| *a = scaled_axes(*a, normals[i], radii[i], radius_scale));
+    (normal, axes)
+}
+
+/// A unit vector along `n`; `None` if it is zero or not finite.
+fn unit(n: Vec3) -> Option<Vec3> {
+    if n.is_finite() && n.is_normalized() { Some(n) } else { n.as_dvec3().try_normalize().map(DVec3::as_vec3) }
+}
+
+/// A length that `f32` can square, or `None` if it is not positive or beyond [`HUGE`].
+fn length(l: f64) -> Option<f32> {
+    (l > 0.0 && l <= HUGE).then(|| l.max(TINY) as f32)
+}
+
+/// Unit normal of the plane of two axes, if they span one.
+fn plane([u, v]: [Vec3; 2], lengths: [f32; 2]) -> Option<Vec3> {
+    if lengths.contains(&0.0) {
+        return None;
+    }
+    let across = u.as_dvec3().normalize_or_zero().cross(v.as_dvec3().normalize_or_zero());
+    if across.length() > PARALLEL { unit(across.as_vec3()) } else { None }
+}
+
+/// Fills in the normals and radii that are zero.
+fn estimate(
+    position: &[Vec3],
+    normal: &mut [Vec3],
+    radius: &mut [f32],
+    progress: Progress<'_>,
+    notes: &mut Vec<String>,
+) {
+    let normals_missing = normal.contains(&Vec3::ZERO);
+    let radii_missing = radius.contains(&0.0);
+    if !normals_missing && !radii_missing {
+        return;
+    }
+    let points = position.len();
+    let share = |count: usize| if count == points { "all".to_owned() } else { format!("{count} of") };
+    let distinct = Distinct::new(position);
+    let count = if normals_missing { normals::NEAREST } else { radii::NEAREST };
+    let neighbours = Neighbours::new(&distinct.position, count, progress);
+    let least = |count: usize| count.min(distinct.position.len() - 1);
+    if normals_missing {
+        let count = normals::estimate(normal, &distinct, &neighbours, progress);
+        let near = least(normals::NEAREST);
+        notes.push(format!("normals of {} {points} points estimated from {near} neighbours", share(count)));
+    }
+    if radii_missing {
+        let estimated = radii::estimate(radius, &distinct, &neighbours);
+        let near = least(radii::NEAREST);
+        notes.push(format!("radii of {} {points} points estimated from {near} neighbours", share(estimated.count)));
+        if estimated.lone > 0 {
+            notes.push(format!("radii of {} lone points limited to those around them", estimated.lone));
+        }
+    }
+}
+
+/// The axes of a surfel: those of the file, or a disc perpendicular to the normal; (u x v) . normal >= 0.
+fn scaled_axes(axes: [Vec3; 2], normal: Vec3, radius: f32, scale: f64) -> [Vec3; 2] {
+    let [u, v] = if axes == [Vec3::ZERO; 2] {
+        // Orthonormal frame of Duff et al. 2017, continuous but for n.z = 0.
+        let (u, v) = normal.any_orthonormal_pair();
+        let radius = f64::from(radius);
+        [u.as_dvec3() * radius, v.as_dvec3() * radius]
+    } else {
+        axes.map(Vec3::as_dvec3)
+    };
+    // A factor that would leave the range is limited, not the axes' ratio.
+    let (longer, shorter) = (u.length().max(v.length()), u.length().min(v.length()));
+    let scale = scale.min(HUGE / longer).max(TINY / shorter);
+    let [u, v] = [u, v].map(|a| (a * scale).clamp(DVec3::splat(-HUGE), DVec3::splat(HUGE)).as_vec3());
+    if u.cross(v).dot(normal) < 0.0 { [v, u] } else { [u, v] }
+}
+
+/// Colours in linear light: white where there is none.
+fn linear_colours(cloud: &Cloud, points: usize, space: Option<ColourSpace>, notes: &mut Vec<String>) -> Vec<Vec3> {
+    if cloud.colour.is_empty() {
+        notes.push("no colours: white".to_owned());
+        return vec![Vec3::ONE; points];
+    }
+    let unusable = cloud.colour.par_iter().filter(|c| !c.is_finite()).count();
+    if unusable > 0 {
+        notes.push(format!("colours of {unusable} points are not finite: white"));
+    }
+    let by_storage = match cloud.colour_storage {
+        ColourStorage::Integer => ColourSpace::Srgb,
+        ColourStorage::Float => ColourSpace::Linear,
+    };
+    let is_linear = space.unwrap_or(by_storage) == ColourSpace::Linear;
+    // Colours stored as bytes take one of 256 values: the curve costs a power, the table a look.
+    let bytes: Vec<(f32, f32)> =
+        (0..=255_u8).map(|b| f32::from(b) / 255.0).map(|encoded| (encoded, srgb::to_linear(encoded))).collect();
+    let channel = |encoded: f32| {
+        if is_linear {
+            return encoded;
+        }
+        match bytes.get((encoded * 255.0).round() as usize) {
+            Some(&(exact, linear)) if exact == encoded => linear,
+            _ => srgb::to_linear(encoded),
+        }
+    };
+    let clamped = |c: f32| channel(c).clamp(-BRIGHTEST, BRIGHTEST);
+    let linear = |c: &Vec3| if c.is_finite() { Vec3::from(c.to_array().map(clamped)) } else { Vec3::ONE };
+    cloud.colour.par_iter().map(linear).collect()
+}
+
+fn is_valid_material(m: Material) -> bool {
+    [m.ambient, m.diffuse, m.specular, m.shininess].iter().all(|c| c.is_finite() && *c >= 0.0)
+}
+
+/// Replaces the entries that are not valid, and says so.
+fn repair<T: Copy>(column: &mut [T], is_valid: fn(T) -> bool, fill: T, name: &str, notes: &mut Vec<String>) {
+    let mut count = 0;
+    for entry in column.iter_mut().filter(|e| !is_valid(**e)) {
+        *entry = fill;
+        count += 1;
+    }
+    if count > 0 {
+        notes.push(format!("{name} of {count} points are not valid: replaced by the default"));
+    }
+}
+
+#[cfg(test)]
+mod tests;

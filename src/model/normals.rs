@@ -1,0 +1,245 @@
+//! Normals for points that have none: the direction in which a point's neighbourhood is thinnest.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::{DMat3, DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::{
+    Progress,
+    neighbours::{Distinct, Neighbours},
+    orient::orient,
+};
+
+/// Neighbours that a normal is estimated from.
+pub(super) const NEAREST: usize = 16;
+/// Points that one task handles.
+const BLOCK: usize = 4096;
+/// A neighbourhood is a line if its second variance is below this share of the first. (Positions are rounded to 2^-24 of the
+/// model, variances are squares: a neighbourhood a hundredth of the model wide is noisy by 4e-11.)
+const LINE: f64 = 1e-10;
+
+/// Replaces the normals that are zero by estimates; gives their number.
+///
+/// Direction: principal components of the point and its 16 nearest distinct ones. Sign: see [`orient`]; given normals are
+/// kept and their neighbours follow them. In a straight neighbourhood the normal is the perpendicular nearest to +z (of a line
+/// along z: +y); a cloud in one place faces +z, towards the default camera.
+/// `normal` has an entry a point of the cloud, `neighbours` has those of the distinct points.
+pub(super) fn estimate(
+    normal: &mut [Vec3],
+    cloud: &Distinct,
+    neighbours: &Neighbours,
+    progress: Progress<'_>,
+) -> usize {
+    // Of several points in one place the first that has a normal speaks for the place.
+    let mut place = vec![Vec3::ZERO; cloud.position.len()];
+    for (&n, &i) in normal.iter().zip(&cloud.of) {
+        let at = &mut place[i as usize];
+        if *at == Vec3::ZERO {
+            *at = n;
+        }
+    }
+    let given: Vec<bool> = place.iter().map(|&n| n != Vec3::ZERO).collect();
+    let total = place.len();
+    let done = AtomicUsize::new(0);
+    place.par_chunks_mut(BLOCK).enumerate().for_each(|(block, normals)| {
+        for (i, n) in (block * BLOCK..).zip(normals.iter_mut()) {
+            if !given[i] {
+                *n = thinnest(&cloud.position, i, neighbours.of(i));
+            }
+        }
+        let share = done.fetch_add(normals.len(), Ordering::Relaxed) + normals.len();
+        progress("estimating normals", share as f32 / total as f32);
+    });
+    orient(&cloud.position, &mut place, given, neighbours, progress);
+    let mut count = 0;
+    for (n, &i) in normal.iter_mut().zip(&cloud.of) {
+        if *n == Vec3::ZERO {
+            *n = place[i as usize];
+            count += 1;
+        }
+    }
+    count
+}
+
+/// Unit direction of the least variance of a point and its neighbours.
+fn thinnest(position: &[Vec3], i: usize, near: &[u32]) -> Vec3 {
+    let centre = position[i].as_dvec3();
+    let offset = |&j: &u32| position[j as usize].as_dvec3() - centre;
+    let mean = near.iter().map(offset).sum::<DVec3>() / (near.len() + 1) as f64;
+    // The point itself has offset zero. Scaled to a neighbourhood of size 1, so that squares neither over- nor underflow.
+    let size = near.iter().map(|j| offset(j).abs().max_element()).fold(0.0, f64::max);
+    if size == 0.0 {
+        return Vec3::Z;
+    }
+    let outer = |d: DVec3| DMat3::from_cols(d * d.x, d * d.y, d * d.z);
+    let covariance = near.iter().fold(outer(mean / size), |sum, j| sum + outer((offset(j) - mean) / size));
+    let (variance, direction) = eigen(covariance);
+    let along = direction[2];
+    let normal = if variance[1] <= LINE * variance[2] {
+        let reject = |from: DVec3| from - along * along.dot(from);
+        let z = reject(DVec3::Z);
+        if z.length_squared() > 1e-6 { z } else { reject(DVec3::Y) }
+    } else {
+        direction[0]
+    };
+    normal.normalize_or(DVec3::Z).as_vec3()
+}
+
+/// Eigenvalues, ascending, and unit eigenvectors of a symmetric matrix, by cyclic Jacobi rotations (Golub and Van Loan,
+/// *Matrix Computations*, 8.5). Needs square roots only, so the bytes repeat on every machine.
+fn eigen(mut a: DMat3) -> ([f64; 3], [DVec3; 3]) {
+    let mut v = DMat3::IDENTITY;
+    // Converges quadratically: five sweeps are the most that was seen.
+    for _ in 0..12 {
+        let off = a.y_axis.x.abs() + a.z_axis.x.abs() + a.z_axis.y.abs();
+        let diagonal = a.x_axis.x.abs() + a.y_axis.y.abs() + a.z_axis.z.abs();
+        if off <= 1e-17 * diagonal {
+            break;
+        }
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            let apq = a.col(q)[p];
+            if apq == 0.0 {
+                continue;
+            }
+            let theta = (a.col(q)[q] - a.col(p)[p]) / (2.0 * apq);
+            let t = 1.0_f64.copysign(theta) / (theta.abs() + (theta * theta + 1.0).sqrt());
+            let c = 1.0 / (t * t + 1.0).sqrt();
+            let s = t * c;
+            let mut rotation = DMat3::IDENTITY;
+            rotation.col_mut(p)[p] = c;
+            rotation.col_mut(q)[q] = c;
+            rotation.col_mut(q)[p] = s;
+            rotation.col_mut(p)[q] = -s;
+            a = rotation.transpose() * a * rotation;
+            v *= rotation;
+        }
+    }
+    let values = [a.x_axis.x, a.y_axis.y, a.z_axis.z];
+    let mut order = [0, 1, 2];
+    order.sort_by(|&i, &j| values[i].total_cmp(&values[j]));
+    (order.map(|i| values[i]), order.map(|i| v.col(i)))
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A Fibonacci sphere of radius 1.
+    pub(crate) fn sphere(n: usize) -> Vec<Vec3> {
+        (0..n)
+            .map(|i| {
+                let z = 1.0 - 2.0 * (i as f64 + 0.5) / n as f64;
+                let (s, c) = libm::sincos((i as f64 + 0.5) * std::f64::consts::PI * (3.0 - 5.0_f64.sqrt()));
+                let r = (1.0 - z * z).sqrt();
+                DVec3::new(r * c, r * s, z).as_vec3()
+            })
+            .collect()
+    }
+
+    /// Uniform in -1..1, the same on every run.
+    pub(crate) fn noise(seed: u32) -> Vec3 {
+        let hash = |k: u32| {
+            let mut x = seed.wrapping_mul(3).wrapping_add(k).wrapping_mul(0x9e37_79b9) ^ 0x5bd1_e995;
+            x = (x ^ (x >> 15)).wrapping_mul(0x2c1b_3c6d);
+            x = (x ^ (x >> 12)).wrapping_mul(0x297a_2d39);
+            (x ^ (x >> 15)) as f32 / u32::MAX as f32 * 2.0 - 1.0
+        };
+        Vec3::new(hash(0), hash(1), hash(2))
+    }
+
+    pub(crate) fn completed(points: &[Vec3], mut normal: Vec<Vec3>) -> Vec<Vec3> {
+        let cloud = Distinct::new(points);
+        let neighbours = Neighbours::new(&cloud.position, NEAREST, &|_, _| {});
+        estimate(&mut normal, &cloud, &neighbours, &|_, _| {});
+        normal
+    }
+
+    pub(crate) fn estimated(points: &[Vec3]) -> Vec<Vec3> {
+        completed(points, vec![Vec3::ZERO; points.len()])
+    }
+
+    #[test]
+    fn a_sphere_looks_outward() {
+        for n in [30, 300, 30_000] {
+            let points = sphere(n);
+            let worst = estimated(&points).iter().zip(&points).map(|(n, p)| n.dot(*p)).fold(1.0, f32::min);
+            assert!(worst > if n < 100 { 0.9 } else { 0.99 }, "{n} points: {worst}");
+        }
+    }
+
+    #[test]
+    fn a_plane_is_flat_and_faces_up_or_forward() {
+        let grid =
+            |at: fn(f32, f32) -> Vec3| (0..400).map(|i| at((i % 20) as f32, (i / 20) as f32)).collect::<Vec<_>>();
+        assert!(estimated(&grid(|x, y| Vec3::new(x, 0.0, y))).iter().all(|n| n.distance(Vec3::Y) < 1e-6));
+        assert!(estimated(&grid(|x, y| Vec3::new(x, y, 3.0))).iter().all(|n| n.distance(Vec3::Z) < 1e-6));
+    }
+
+    #[test]
+    fn few_points_and_lines() {
+        assert_eq!(estimated(&[Vec3::ONE]), [Vec3::Z]);
+        assert_eq!(estimated(&[Vec3::ONE; 40]), [Vec3::Z; 40]);
+        assert_eq!(estimated(&[Vec3::ZERO, Vec3::X]), [Vec3::Z; 2]);
+        assert_eq!(estimated(&[Vec3::ZERO, Vec3::Z]), [Vec3::Y; 2]);
+        assert_eq!(estimated(&[Vec3::ZERO, Vec3::X, Vec3::Y]), [Vec3::Z; 3]);
+        let line: Vec<Vec3> = (0..100).map(|i| Vec3::new(0.1, 0.7, -0.3) * i as f32).collect();
+        let normals = estimated(&line);
+        assert!(normals.iter().all(|n| n.is_normalized() && n.dot(line[1]).abs() < 1e-3 && n.z > 0.9), "{normals:?}");
+    }
+
+    #[test]
+    fn given_normals_are_kept_and_followed() {
+        // Inward on purpose: three given normals turn the whole sphere.
+        let points = sphere(3000);
+        let mut given = vec![Vec3::ZERO; 3000];
+        for i in [10, 1500, 2900] {
+            given[i] = -points[i];
+        }
+        let normals = completed(&points, given);
+        assert!(normals.iter().zip(&points).all(|(n, p)| n.dot(*p) < -0.99));
+        assert_eq!(normals[10], -points[10]);
+    }
+
+    #[test]
+    fn copies_share_the_normal_of_the_first_that_has_one() {
+        let mut points = sphere(300);
+        points.extend([points[7]; 5]);
+        let mut given: Vec<Vec3> = vec![Vec3::ZERO; 305];
+        given[302] = points[7];
+        let normals = completed(&points, given);
+        assert_eq!(normals[7], points[7]);
+        assert_eq!(normals[304], points[7]);
+    }
+
+    #[test]
+    fn tiny_and_huge_clouds_have_the_same_normals() {
+        let points = sphere(500);
+        let normal = estimated(&points);
+        for size in [2.0_f32.powi(-60), 2.0_f32.powi(58)] {
+            let scaled: Vec<Vec3> = points.iter().map(|&p| p * size).collect();
+            assert_eq!(estimated(&scaled), normal);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn eigenvectors_solve_their_equation(m in prop::array::uniform6(-1.0_f64..1.0), zeros in 0_u8..64) {
+            let m: [f64; 6] = std::array::from_fn(|i| if zeros >> i & 1 == 1 { 0.0 } else { m[i] });
+            let a = DMat3::from_cols_array(&[m[0], m[1], m[2], m[1], m[3], m[4], m[2], m[4], m[5]]);
+            let (values, vectors) = eigen(a);
+            prop_assert!(values[0] <= values[1] && values[1] <= values[2]);
+            for (value, vector) in values.iter().zip(vectors) {
+                prop_assert!((a * vector - vector * *value).length() < 1e-14);
+                prop_assert!((vector.length() - 1.0).abs() < 1e-14);
+            }
+        }
+
+        #[test]
+        fn always_unit(points in prop::collection::vec(prop::array::uniform3(-3_i8..3), 1..120)) {
+            let points: Vec<Vec3> = points.into_iter().map(|p| Vec3::from(p.map(f32::from)) * 0.1).collect();
+            prop_assert!(estimated(&points).iter().all(|n| n.is_normalized()));
+        }
+    }
+}
