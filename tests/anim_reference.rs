@@ -21,7 +21,10 @@ fn data() -> PathBuf {
     root().join("tests/data/anim")
 }
 
-fn parse_table(text: &str) -> Result<(Vec<&str>, Vec<Vec<f64>>), Box<dyn Error>> {
+/// Column names and rows.
+type Table<'a> = (Vec<&'a str>, Vec<Vec<f64>>);
+
+fn parse_table(text: &str) -> Result<Table<'_>, Box<dyn Error>> {
     let mut lines = text.lines();
     let header = lines.next().ok_or("empty table")?.split(',').collect();
     let rows = lines.map(|line| line.split(',').map(str::parse).collect::<Result<_, _>>()).collect::<Result<_, _>>()?;

@@ -2,6 +2,8 @@
 //!
 //! A header with units, then curves: `anim ADDRESS;` and an `animData` block with keys. Two dialects are refused because guessing
 //! would be silent: Unity's YAML clips, and numbers with commas.
+//!
+//! Longer than most files here: it holds the whole grammar, one method a production, so that it can be read beside Maya's documentation.
 
 mod units;
 mod words;
@@ -132,18 +134,9 @@ impl Nodes {
             list.push(NodeAnimation::new(node.to_owned(), rate));
             list.len() - 1
         });
-        let attributes = &mut list[index].attributes;
-        match self.by_attribute.get(&(index, attribute.name.clone())) {
-            Some(&known) => {
-                attributes[known] = attribute;
-                false
-            }
-            None => {
-                self.by_attribute.insert((index, attribute.name.clone()), attributes.len());
-                attributes.push(attribute);
-                true
-            }
-        }
+        let node = &mut list[index];
+        let known = *self.by_attribute.entry((index, attribute.name.clone())).or_insert(node.attributes().len());
+        node.set(known, attribute)
     }
 }
 

@@ -21,17 +21,47 @@ pub struct NodeAnimation {
     /// File time units a second.
     rate: f64,
     /// In file order, names distinct, each with at least one key.
-    pub(super) attributes: Vec<Attribute>,
+    attributes: Vec<Attribute>,
+    /// Indices into `attributes` of what [`CHANNELS`] names.
+    channels: [Option<usize>; CHANNELS.len()],
 }
 
-const TRANSFORM: [&str; 9] =
-    ["translateX", "translateY", "translateZ", "rotateX", "rotateY", "rotateZ", "scaleX", "scaleY", "scaleZ"];
-const VISIBILITY: &str = "visibility";
-const ROTATE_ORDER: &str = "rotateOrder";
+/// Attributes that move or hide a model: nine of the transform, then visibility and rotation order.
+const CHANNELS: [&str; 11] = [
+    "translateX",
+    "translateY",
+    "translateZ",
+    "rotateX",
+    "rotateY",
+    "rotateZ",
+    "scaleX",
+    "scaleY",
+    "scaleZ",
+    "visibility",
+    "rotateOrder",
+];
+const ROTATE: usize = 3;
+const SCALE: usize = 6;
+const VISIBILITY: usize = 9;
+const ROTATE_ORDER: usize = 10;
 
 impl NodeAnimation {
     pub(super) fn new(name: String, rate: f64) -> Self {
-        Self { name, rate, attributes: Vec::new() }
+        Self { name, rate, attributes: Vec::new(), channels: [None; CHANNELS.len()] }
+    }
+
+    /// Puts an attribute at `index`, at most one past the last; false if it replaces one, which must have the same name.
+    pub(super) fn set(&mut self, index: usize, attribute: Attribute) -> bool {
+        if let Some(channel) = CHANNELS.iter().position(|name| *name == attribute.name) {
+            self.channels[channel] = Some(index);
+        }
+        let new = index == self.attributes.len();
+        if new {
+            self.attributes.push(attribute);
+        } else {
+            self.attributes[index] = attribute;
+        }
+        new
     }
 
     /// Transform and visibility at `seconds`.
@@ -41,17 +71,17 @@ impl NodeAnimation {
     /// as the file's values are not near the limits of f64.
     pub fn at(&self, seconds: f64, interpolation: Interpolation) -> NodeState {
         let time = self.file_time(seconds);
-        let value = |name: &str| self.curve(name).map(|curve| curve.at(time, interpolation));
+        let value = |channel: usize| self.curve(channel).map(|curve| curve.at(time, interpolation));
         let vector = |first: usize, default: f64| {
-            let [x, y, z] = [first, first + 1, first + 2].map(|i| value(TRANSFORM[i]).unwrap_or(default));
+            let [x, y, z] = [first, first + 1, first + 2].map(|i| value(i).unwrap_or(default));
             DVec3::new(x, y, z)
         };
-        let degrees = vector(3, 0.0);
+        let degrees = vector(ROTATE, 0.0);
         NodeState {
             transform: Trs {
                 translate: vector(0, 0.0),
                 rotate: DVec3::new(degrees.x.to_radians(), degrees.y.to_radians(), degrees.z.to_radians()),
-                scale: vector(6, 1.0),
+                scale: vector(SCALE, 1.0),
                 order: value(ROTATE_ORDER).map_or(RotateOrder::Xyz, order),
             },
             visible: value(VISIBILITY).is_none_or(visible),
@@ -66,9 +96,11 @@ impl NodeAnimation {
 
     /// As [`Self::range`], in file time units.
     pub fn key_range(&self) -> (f64, f64) {
-        let all = !self.attributes.iter().any(|a| matters(&a.name));
-        let ends =
-            self.attributes.iter().filter(|a| all || matters(&a.name)).map(|a| (a.curve.first(), a.curve.last()));
+        let mut curves: Vec<&Curve> = (0..CHANNELS.len()).filter_map(|channel| self.curve(channel)).collect();
+        if curves.is_empty() {
+            curves = self.attributes.iter().map(|a| &a.curve).collect();
+        }
+        let ends = curves.into_iter().map(|curve| (curve.first(), curve.last()));
         ends.map(|(first, last)| (first.point.x, last.point.x))
             .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
             .unwrap_or((0.0, 0.0))
@@ -80,19 +112,19 @@ impl NodeAnimation {
     /// The state at such a time itself belongs to one of its sides (a step has happened, a step to the next value has not): to pose
     /// both sides, stay inside by more than one rounding, such as a billionth of the interval. At most 65,536 jumps a curve are found.
     pub fn breaks(&self, from: f64, to: f64, interpolation: Interpolation) -> Vec<f64> {
-        if !(from < to) {
+        if from.is_nan() || to.is_nan() || from >= to {
             return Vec::new();
         }
         let (start, end) = (from * self.rate, to * self.rate);
         let mut times = Vec::new();
-        for attribute in self.attributes.iter().filter(|a| matters(&a.name)) {
-            times.append(&mut attribute.curve.jumps(start, end));
-            let changes = match attribute.name.as_str() {
-                VISIBILITY => attribute.curve.changes(start, end, interpolation, |v| u32::from(visible(v))),
-                ROTATE_ORDER => attribute.curve.changes(start, end, interpolation, |v| order(v) as u32),
-                _ => Vec::new(),
-            };
-            times.extend(changes);
+        for channel in 0..CHANNELS.len() {
+            let Some(curve) = self.curve(channel) else { continue };
+            times.append(&mut curve.jumps(start, end));
+            match channel {
+                VISIBILITY => times.extend(curve.changes(start, end, interpolation, |v| u32::from(visible(v)))),
+                ROTATE_ORDER => times.extend(curve.changes(start, end, interpolation, |v| order(v) as u32)),
+                _ => {}
+            }
         }
         times.sort_by(f64::total_cmp);
         // The same jump seen in two curves, or as the end of one cycle and the start of the next, may differ by rounding.
@@ -117,7 +149,7 @@ impl NodeAnimation {
 
     /// True if a translate, rotate or scale attribute has a curve.
     pub fn has_transform(&self) -> bool {
-        self.attributes.iter().any(|a| TRANSFORM.contains(&a.name.as_str()))
+        self.channels[..VISIBILITY].iter().any(Option::is_some)
     }
 
     /// True if visibility has a curve.
@@ -127,11 +159,12 @@ impl NodeAnimation {
 
     /// Attributes with curves that [`Self::at`] does not use.
     pub(super) fn ignored(&self) -> impl Iterator<Item = &str> {
-        self.attributes().filter(|name| !matters(name))
+        self.attributes().filter(|name| !CHANNELS.contains(name))
     }
 
-    fn curve(&self, name: &str) -> Option<&Curve> {
-        self.attributes.iter().find(|a| a.name == name).map(|a| &a.curve)
+    /// Curve of one of [`CHANNELS`].
+    fn curve(&self, channel: usize) -> Option<&Curve> {
+        self.channels[channel].map(|index| &self.attributes[index].curve)
     }
 
     /// Seconds to file time units. Frame f arrives as f / rate, and two roundings later is not quite f: snapped to whole units, so
@@ -141,10 +174,6 @@ impl NodeAnimation {
         let whole = libm::rint(time);
         if super::curve::same_time(time, whole) { whole } else { time }
     }
-}
-
-fn matters(name: &str) -> bool {
-    TRANSFORM.contains(&name) || name == VISIBILITY || name == ROTATE_ORDER
 }
 
 fn visible(value: f64) -> bool {
@@ -168,16 +197,20 @@ mod tests {
 
     const MAYA: Interpolation = Interpolation::Maya;
 
+    type Channel<'a> = (&'a str, &'a str, &'a str, &'a [(f64, f64)]);
+
     /// An animation with the given (attribute, tangent type, post infinity, keys) of node `n` at 24 frames a second.
-    fn animation(curves: &[(&str, &str, &str, &[(f64, f64)])]) -> Animation {
+    fn animation(curves: &[Channel<'_>]) -> Animation {
         let mut text = "animVersion 1.1;\n".to_owned();
         for (name, tangent, post, keys) in curves {
-            text += &format!("anim {name} {name} n 0 0 0;\nanimData {{\n  postInfinity {post};\n  keys {{\n");
-            if *name == "rotateOrder" || *name == VISIBILITY {
-                text = text.replace("\n  postInfinity", "\n  output unitless;\n  postInfinity");
-            }
+            let plain = name.starts_with("rotateOrder") || name.starts_with("visibility");
+            let output = if plain { "output unitless;" } else { "" };
+            let head =
+                format!("anim {name} {name} n 0 0 0;\nanimData {{\n  {output} postInfinity {post};\n  keys {{\n");
+            text.push_str(&head);
             for (t, v) in *keys {
-                text += &format!("    {t} {v} {tangent} {tangent} 1 1 0;\n");
+                let key = format!("    {t} {v} {tangent} {tangent} 1 1 0;\n");
+                text.push_str(&key);
             }
             text += "  }\n}\n";
         }
@@ -196,12 +229,12 @@ mod tests {
 
     #[test]
     fn channels_reach_their_places() {
-        let names = TRANSFORM;
+        let names = &CHANNELS[..VISIBILITY];
         let keys: Vec<[(f64, f64); 1]> = (1..=9).map(|i| [(0.0, f64::from(i) * 10.0)]).collect();
-        let mut curves: Vec<(&str, &str, &str, &[(f64, f64)])> =
+        let mut curves: Vec<Channel<'_>> =
             names.iter().zip(&keys).map(|(n, k)| (*n, "auto", "constant", k.as_slice())).collect();
-        curves.push((ROTATE_ORDER, "step", "constant", &[(0.0, 5.0)]));
-        curves.push((VISIBILITY, "step", "constant", &[(0.0, 0.5)]));
+        curves.push(("rotateOrder", "step", "constant", &[(0.0, 5.0)]));
+        curves.push(("visibility", "step", "constant", &[(0.0, 0.5)]));
         let state = animation(&curves).nodes[0].at(3.0, MAYA);
         assert_eq!(state.transform.translate, DVec3::new(10.0, 20.0, 30.0));
         assert!((state.transform.rotate - DVec3::new(40.0, 50.0, 60.0) * (PI / 180.0)).length() < 1e-15);

@@ -62,8 +62,8 @@ fn monotonic(a: f64, q: f64) -> (f64, f64) {
     if a * a + q * q + a * q - 2.0 * (a + q) + 1.0 <= 0.0 {
         return (a, q);
     }
-    let root = libm::sqrt((a * (4.0 - 3.0 * a)).max(0.0));
-    (a, q.clamp((2.0 - a - root) / 2.0, (2.0 - a + root) / 2.0))
+    let (centre, half) = (1.0 - 0.5 * a, 0.5 * libm::sqrt((a * (4.0 - 3.0 * a)).max(0.0)));
+    (a, q.clamp(centre - half, centre + half))
 }
 
 /// By how much a handle grew; a handle of no length has no direction to move along.
