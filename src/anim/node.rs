@@ -257,13 +257,26 @@ mod tests {
         }
     }
 
+    /// Steps at `keys`, `rate` a second. (f / 24) 24 happens to be f for every whole f, so 24 would prove nothing.
+    fn steps(rate: &str, keys: &[(u32, u32)]) -> Animation {
+        let keys: String = keys.iter().map(|(t, v)| format!("{t} {v} step step 1 1 0;\n")).collect();
+        let data = format!("animData {{ postInfinity cycle; keys {{\n{keys}}} }}");
+        let text = format!("animVersion 1.1; timeUnit {rate}; anim t translateX n 0 0 0; {data}");
+        maya::parse(text.as_bytes(), Path::new("n.anim")).expect("valid")
+    }
+
     #[test]
     fn steps_happen_on_their_frame_at_every_rate() {
-        let keys: Vec<(f64, f64)> = (0..2000).map(|i| (f64::from(i), f64::from(i))).collect();
-        let a = animation(&[("translateX", "step", "constant", &keys)]);
-        for i in 0..2000 {
-            let f = f64::from(i);
-            assert_eq!(a.nodes[0].at(f / 24.0, MAYA).transform.translate.x, f);
+        let every: Vec<(u32, u32)> = (0..5000).map(|i| (i, i)).collect();
+        for rate in ["pal", "ntsc", "29.97fps", "23.976fps", "ntscf"] {
+            let a = steps(rate, &every);
+            // Beyond the keys no key is near to round to: the time itself must come back whole.
+            let cycle = steps(rate, &[(0, 0), (1, 1), (2, 2), (3, 0)]);
+            for i in 0..5000 {
+                let x = |a: &Animation| a.nodes[0].at(f64::from(i) / a.rate, MAYA).transform.translate.x;
+                assert_eq!(x(&a), f64::from(i), "{rate}");
+                assert_eq!(x(&cycle), f64::from(i % 3), "{rate} frame {i}");
+            }
         }
     }
 
