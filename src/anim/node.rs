@@ -259,7 +259,8 @@ mod tests {
 
     /// Steps at `keys`, `rate` a second. (f / 24) 24 happens to be f for every whole f, so 24 would prove nothing.
     fn steps(rate: &str, keys: &[(u32, u32)]) -> Animation {
-        let keys: String = keys.iter().map(|(t, v)| format!("{t} {v} step step 1 1 0;\n")).collect();
+        let keys: Vec<String> = keys.iter().map(|(t, v)| format!("{t} {v} step step 1 1 0;\n")).collect();
+        let keys = keys.concat();
         let data = format!("animData {{ postInfinity cycle; keys {{\n{keys}}} }}");
         let text = format!("animVersion 1.1; timeUnit {rate}; anim t translateX n 0 0 0; {data}");
         maya::parse(text.as_bytes(), Path::new("n.anim")).expect("valid")
