@@ -1,0 +1,153 @@
+//! Why an animation is refused.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// A line of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Location {
+    /// The file.
+    pub path: PathBuf,
+    /// Line number, from 1.
+    pub line: usize,
+}
+
+impl fmt::Display for Location {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}", self.path.display(), self.line)
+    }
+}
+
+/// Why an animation was refused.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AnimError {
+    /// The file could not be read.
+    #[error("cannot read animation {}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A directory, a pipe or a device, which may never end.
+    #[error("{} is not a regular file, so it cannot be read as an animation", path.display())]
+    NotAFile {
+        /// What was named.
+        path: PathBuf,
+    },
+    /// Larger than any animation; refused before it is read.
+    #[error("{} is too large for an animation: {bytes} bytes, the limit is {limit}", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its size; at least this.
+        bytes: u64,
+        /// Largest size that is read.
+        limit: u64,
+    },
+    /// Unity gives its YAML clips the same extension.
+    #[error(
+        "{} is a Unity animation clip (YAML); expected Maya's .anim format, which begins with `animVersion`",
+        path.display()
+    )]
+    Unity {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Some other kind of file.
+    #[error("{at}: not a Maya .anim file: found {found}, expected `animVersion`")]
+    NotAnim {
+        /// Where the first word is.
+        at: Location,
+        /// The first word, or what the data look like.
+        found: String,
+    },
+    /// The text breaks the grammar.
+    #[error("{at}: found {found}, expected {expected}")]
+    Expected {
+        /// Where.
+        at: Location,
+        /// What stands there.
+        found: String,
+        /// What would be right.
+        expected: &'static str,
+    },
+    /// A unit that is not known; guessing one would scale the motion.
+    #[error("{at}: unknown {what} `{found}` (known: {known})")]
+    UnknownUnit {
+        /// Where.
+        at: Location,
+        /// The header word.
+        what: &'static str,
+        /// The unit found.
+        found: String,
+        /// The units that are understood.
+        known: &'static str,
+    },
+    /// A comma inside a number: thousands separator or decimal comma, nobody can tell which.
+    #[error(
+        "{at}: found `{found}`, expected a number with a decimal point and no comma: a comma may separate thousands or \
+         decimals, so the value is not guessed (write the file again with the C locale)"
+    )]
+    Comma {
+        /// Where.
+        at: Location,
+        /// The word found.
+        found: String,
+    },
+    /// An infinite or undefined number, or one too large to calculate with.
+    #[error("{at}: found `{found}`, expected a finite number of magnitude 1e30 or less")]
+    NotFinite {
+        /// Where.
+        at: Location,
+        /// The word found.
+        found: String,
+    },
+    /// The file is well formed, but moves nothing.
+    #[error("{} holds no usable curve: expected at least one curve over time that has keys{}", path.display(), hint(notes))]
+    NoCurves {
+        /// The file.
+        path: PathBuf,
+        /// What was skipped.
+        notes: Vec<String>,
+    },
+    /// No node has translate, rotate, scale or visibility curves.
+    #[error("{} animates no transform: expected translate, rotate, scale or visibility curves (nodes: {known})", path.display())]
+    NoTransform {
+        /// The file.
+        path: PathBuf,
+        /// The nodes there are.
+        known: String,
+    },
+    /// The named node is not in the file.
+    #[error("{} has no node `{found}` (it has: {known})", path.display())]
+    UnknownNode {
+        /// The file.
+        path: PathBuf,
+        /// The name asked for.
+        found: String,
+        /// The nodes there are.
+        known: String,
+    },
+    /// A short name that several nodes share.
+    #[error("{} has several nodes named `{found}`; give the full path (it has: {known})", path.display())]
+    AmbiguousNode {
+        /// The file.
+        path: PathBuf,
+        /// The name asked for.
+        found: String,
+        /// The nodes there are.
+        known: String,
+    },
+}
+
+impl AnimError {
+    pub(super) fn read(path: &Path, source: std::io::Error) -> Self {
+        Self::Read { path: path.to_owned(), source }
+    }
+}
+
+fn hint(notes: &[String]) -> String {
+    if notes.is_empty() { String::new() } else { format!(" ({})", notes.join("; ")) }
+}
