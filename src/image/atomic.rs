@@ -31,6 +31,15 @@ pub fn replace_with<E: From<io::Error>>(path: &Path, write: impl FnOnce(&Path) -
     Ok(())
 }
 
+/// Finds out whether files can be made in a directory, by making and removing one.
+///
+/// # Errors
+/// They cannot.
+pub fn check_writable(directory: &Path) -> io::Result<()> {
+    let probe = Temporary(temporary_name(&directory.join("probe"))?);
+    File::create_new(&probe.0).map(drop)
+}
+
 /// Removed when dropped; after the rename there is nothing left to remove.
 struct Temporary(PathBuf);
 

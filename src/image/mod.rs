@@ -12,7 +12,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 
-pub use atomic::{replace, replace_with};
+pub use atomic::{check_writable, replace, replace_with};
 
 use crate::film::Picture;
 
