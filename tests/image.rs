@@ -1,4 +1,5 @@
 //! Picture files: what they hold, that it comes back, that it repeats, and that damaged files are refused.
+#![allow(clippy::unwrap_used, reason = "helpers of tests, too, fail by panicking")]
 
 use std::path::{Path, PathBuf};
 
@@ -147,7 +148,7 @@ fn exr_is_what_other_programs_expect() {
         &path,
         |size, _| vec![[0.0_f32; 4]; size.area()],
         |pixels: &mut Vec<[f32; 4]>, at, (r, g, b, a): (f32, f32, f32, f32)| {
-            pixels[at.y() * 19 + at.x()] = [r, g, b, a]
+            pixels[at.y() * 19 + at.x()] = [r, g, b, a];
         },
     )
     .unwrap();

@@ -72,7 +72,9 @@ impl Convert {
         let loaded = model::load(&self.input, &options, &|what, share| progress.step(what, share))?;
         drop(progress);
         if !self.quiet {
-            loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
+            for note in &loaded.notes {
+                say(&format!("note: {note}"));
+            }
         }
         image::replace_with(&self.output, |temporary| pending::write_model(temporary, &loaded.surfels, binary))
             .with_context(|| format!("cannot write {}", self.output.display()))?;

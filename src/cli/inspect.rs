@@ -25,6 +25,11 @@ fn tidy(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
 }
 
+/// An f32 with the digits that an f32 has.
+fn single(value: f32) -> Value {
+    json!(value.to_string().parse::<f64>().unwrap_or(f64::from(value)))
+}
+
 /// A scene with all that it names.
 pub(super) fn scene(loaded: &scene::Loaded) -> Value {
     let s = &loaded.scene;
@@ -98,7 +103,10 @@ fn scene_object(o: &Object) -> Value {
 }
 
 fn material(m: &Material) -> Value {
-    json!({ "ambient": m.ambient, "diffuse": m.diffuse, "specular": m.specular, "shininess": m.shininess })
+    json!({
+        "ambient": single(m.ambient), "diffuse": single(m.diffuse),
+        "specular": single(m.specular), "shininess": single(m.shininess),
+    })
 }
 
 fn motion(m: &Motion) -> Value {
@@ -146,7 +154,10 @@ fn model(s: &Surfels) -> Value {
         let least = radii.iter().copied().fold(f32::INFINITY, f32::min);
         let greatest = radii.iter().copied().fold(0.0, f32::max);
         pairs.push(("bounds", json!({ "min": vector(min), "max": vector(max) })));
-        pairs.push(("radius", json!({ "min": least, "median": s.median_radius(), "max": greatest })));
+        pairs.push((
+            "radius",
+            json!({ "min": single(least), "median": single(s.median_radius()), "max": single(greatest) }),
+        ));
     }
     object(pairs)
 }
@@ -204,15 +215,22 @@ pub(super) fn text(report: &Value) -> String {
 }
 
 /// Keys that come first in text, in this order; all others follow by name.
-const ORDER: [&str; 19] = [
+const ORDER: [&str; 27] = [
     "kind",
     "name",
     "type",
     "surfels",
     "width",
     "height",
+    "background",
+    "frames",
+    "shutter",
+    "camera",
+    "lights",
+    "objects",
     "path",
     "node",
+    "nodes",
     "first",
     "last",
     "first_frame",
@@ -224,6 +242,7 @@ const ORDER: [&str; 19] = [
     "median",
     "max",
     "open",
+    "properties",
 ];
 
 /// The members of an object in the order of the text.
@@ -284,7 +303,11 @@ fn short(value: &Value) -> String {
             let words = list.iter().any(Value::is_string);
             list.iter().map(short).collect::<Vec<_>>().join(if words { ", " } else { " " })
         }
-        other => other.to_string(),
+        // 5, not 5.0.
+        Value::Number(number) => {
+            number.as_f64().filter(|_| number.is_f64()).map_or(number.to_string(), |v| v.to_string())
+        }
+        Value::Object(_) => value.to_string(),
     }
 }
 
@@ -317,7 +340,7 @@ mod tests {
         assert!(text.starts_with("kind: model\n"), "{text}");
         assert!(text.contains("  surfels: 3\n"), "{text}");
         assert!(text.contains("  properties: position, normal, colour, radius\n"), "{text}");
-        assert!(text.contains("  bounds: min 10.0 0.0 0.0, max 11.0 1.0 0.0\n"), "{text}");
+        assert!(text.contains("  bounds: min 10 0 0, max 11 1 0\n"), "{text}");
         assert!(text.ends_with("note: normals estimated\n"), "{text}");
         let empty = model::Loaded { surfels: Surfels::default(), notes: Vec::new() };
         assert_eq!(model_file(&empty)["model"]["surfels"], 0);
@@ -326,6 +349,7 @@ mod tests {
     #[test]
     fn degrees_are_tidy() {
         assert_eq!(tidy(40.0_f64.to_radians().to_degrees()), 40.0);
+        assert_eq!(single(0.1), json!(0.1));
         assert_eq!(tidy(0.0), 0.0);
         assert_eq!(tidy(-1.25), -1.25);
     }

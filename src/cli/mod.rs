@@ -12,6 +12,7 @@ mod output;
 mod pending;
 mod progress;
 mod render;
+mod report;
 mod sequence;
 mod settings;
 

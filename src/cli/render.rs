@@ -7,11 +7,10 @@ use std::time::Instant;
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
-use serde::Serialize;
 use splatblur::backend::cpu::Cpu;
 use splatblur::image::{self, Bits, Format};
 use splatblur::plan::{self, BlurMode, RenderOptions};
-use splatblur::render::{Stats, render_frame};
+use splatblur::render::render_frame;
 use splatblur::scene::{self, Loaded, Scene};
 use splatblur::time::Weight;
 
@@ -19,6 +18,7 @@ use super::grammar::{self, Frames};
 use super::movie::Movie;
 use super::output::{print, print_json, say};
 use super::progress::{Loading, Rendering};
+use super::report::{FrameReport, Report};
 use super::sequence::{Finished, Sequence};
 use super::settings::{self, Settings};
 
@@ -188,42 +188,6 @@ enum Backend {
     Cpu,
 }
 
-/// `--json`.
-#[derive(Serialize)]
-struct Report<'a> {
-    program: &'static str,
-    scene: &'a str,
-    directory: &'a Path,
-    backend: &'static str,
-    frames: Vec<FrameReport<'a>>,
-    load_seconds: f64,
-    seconds: f64,
-    notes: &'a [String],
-    ffmpeg: Option<String>,
-    settings: &'a Settings,
-}
-
-#[derive(Serialize)]
-struct FrameReport<'a> {
-    frame: i64,
-    path: &'a Path,
-    skipped: bool,
-    seconds: f64,
-    samples: u64,
-    surfels: u64,
-    splats: u64,
-    cpu_seconds: CpuSeconds,
-}
-
-#[derive(Serialize)]
-struct CpuSeconds {
-    project: f64,
-    visibility: f64,
-    attribute: f64,
-    resolve: f64,
-    total: f64,
-}
-
 impl Render {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let start = Instant::now();
@@ -233,7 +197,9 @@ impl Render {
         let Loaded { mut scene, notes } = self.load(&pool)?;
         let load_seconds = start.elapsed().as_secs_f64();
         if !self.quiet {
-            notes.iter().for_each(|note| say(&format!("note: {note}")));
+            for note in &notes {
+                say(&format!("note: {note}"));
+            }
         }
         self.apply(&mut scene);
         let format = match format {
@@ -380,25 +346,6 @@ impl Render {
     }
 }
 
-impl<'a> FrameReport<'a> {
-    fn new(finished: &'a Finished) -> Self {
-        let (seconds, stats) = finished.rendered.unwrap_or((0.0, Stats::default()));
-        let [project, visibility, attribute, resolve] =
-            [stats.project, stats.visibility, stats.attribute, stats.resolve].map(|pass| pass.as_secs_f64());
-        let total = project + visibility + attribute + resolve;
-        Self {
-            frame: finished.frame,
-            path: &finished.path,
-            skipped: finished.rendered.is_none(),
-            seconds,
-            samples: stats.samples,
-            surfels: stats.surfels,
-            splats: stats.splats,
-            cpu_seconds: CpuSeconds { project, visibility, attribute, resolve, total },
-        }
-    }
-}
-
 /// Backend, size, mode, frames: one line.
 fn headline(scene: &Scene, frames: Frames, options: &RenderOptions, threads: usize) -> String {
     let range = if frames.first == frames.last {
@@ -419,11 +366,8 @@ fn conclude(finished: &[Finished], movie: &Movie<'_>, seconds: f64) -> anyhow::R
     let skipped = finished.iter().filter(|f| f.rendered.is_none()).count();
     let also = if skipped > 0 { format!(" ({skipped} were there already)") } else { String::new() };
     let word = if finished.len() == 1 { "image" } else { "images" };
-    let mut text = format!("{} {word}{also} in {seconds:.1} s: {}\n", finished.len(), movie.files());
-    if let Some(line) = movie.ffmpeg() {
-        text += &format!("as a movie: {line}\n");
-    }
-    print(&text)
+    let movie_line = movie.ffmpeg().map_or_else(String::new, |line| format!("as a movie: {line}\n"));
+    print(&format!("{} {word}{also} in {seconds:.1} s: {}\n{movie_line}", finished.len(), movie.files()))
 }
 
 /// Makes the output directory, and finds out now, not after the first frame, whether files can be written there.

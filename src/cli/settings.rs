@@ -96,7 +96,10 @@ impl Settings {
             inputs: inputs(scene)?,
             hash: String::new(),
         };
-        let canonical = pending::canonical_xml(scene, scene_path.parent().unwrap_or(Path::new("")));
+        // A longer sequence has the same frames.
+        let mut alone = scene.clone();
+        (alone.frames.first, alone.frames.last) = (0, 0);
+        let canonical = pending::canonical_xml(&alone, scene_path.parent().unwrap_or(Path::new("")));
         let text = serde_json::to_string(&settings)? + &canonical;
         settings.hash = format!("{:032x}", fnv1a(text.as_bytes()));
         Ok(settings)
@@ -138,8 +141,7 @@ fn inputs(scene: &Scene) -> anyhow::Result<Vec<Input>> {
     let mut paths: BTreeSet<&PathBuf> = scene.objects.iter().map(|object| &object.model_path).collect();
     paths.extend(scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path));
     paths.extend(scene.camera.animation.as_ref().map(|a| &a.path));
-    let mut inputs =
-        paths.into_iter().map(|path| input(path)).collect::<anyhow::Result<Vec<_>>>().context("checksums")?;
+    let mut inputs = paths.into_iter().map(|path| input(path)).collect::<anyhow::Result<Vec<_>>>()?;
     // By name: the order of the paths would depend on where the scene lies.
     inputs.sort_by(|a, b| (&a.file, &a.crc32).cmp(&(&b.file, &b.crc32)));
     Ok(inputs)

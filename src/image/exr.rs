@@ -1,7 +1,7 @@
-//! OpenEXR: 32-bit float, linear Rec.709, premultiplied, ZIP in blocks of 16 lines.
+//! `OpenEXR`: 32-bit float, linear Rec.709, premultiplied, ZIP in blocks of 16 lines.
 //!
 //! One part. Colour is `R G B A`; an AOV is a layer of extra channels named `layer.channel` (`depth.Z`, `normal.X`,
-//! `velocity.Y`, `alpha.A`). That is the OpenEXR project's own convention for layers in one part: Nuke, Blender, tev, ffmpeg
+//! `velocity.Y`, `alpha.A`). That is the `OpenEXR` project's own convention for layers in one part: Nuke, Blender, tev, ffmpeg
 //! and every reader of plain RGBA understand it, while several of them open only the first part of a file with many.
 
 use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
@@ -36,8 +36,8 @@ pub(super) fn encode(picture: &Picture, settings: &str) -> Result<Vec<u8>, Image
             channels.push(channel(&format!("{}.{name}", layer.aov.name()), plane.clone()));
         }
     }
-    let mut attributes = LayerAttributes::default();
-    attributes.software_name = Text::new_or_none(concat!("splatblur ", env!("CARGO_PKG_VERSION")));
+    let software_name = Text::new_or_none(concat!("splatblur ", env!("CARGO_PKG_VERSION")));
+    let mut attributes = LayerAttributes { software_name, ..LayerAttributes::default() };
     // The only entry: the library writes this map in an order that changes from run to run.
     attributes.other.insert(Text::from(SETTINGS), AttributeValue::Text(utf8(settings)));
     let size = Vec2(picture.width as usize, picture.height as usize);
@@ -56,7 +56,7 @@ pub(super) fn encode(picture: &Picture, settings: &str) -> Result<Vec<u8>, Image
     Ok(bytes.into_inner())
 }
 
-/// Attribute text is bytes; by OpenEXR's convention they are UTF-8.
+/// Attribute text is bytes; by `OpenEXR`'s convention they are UTF-8.
 fn utf8(text: &str) -> Text {
     Text::from_bytes_unchecked(text.as_bytes().into())
 }
