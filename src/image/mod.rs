@@ -1,1 +1,270 @@
-//! Pictures to files. Files appear whole or not at all: written under a temporary name, then renamed.
+//! Pictures to files and back. Files appear whole or not at all: written under a temporary name, then renamed.
+//!
+//! A file carries the settings that it was made with, as text (PNG: an `iTXt` chunk; EXR: a header attribute, both named
+//! [`SETTINGS`]), and nothing that would differ between two runs: no time, no machine name. The same picture, format and
+//! settings give the same bytes.
+
+mod atomic;
+mod exr;
+mod png;
+
+use std::fs::File;
+use std::io::{self, Read, Seek};
+use std::path::{Path, PathBuf};
+
+pub use atomic::{check_writable, replace, replace_with};
+
+use crate::film::Picture;
+
+/// Name of the PNG chunk and of the EXR attribute that hold the settings.
+pub const SETTINGS: &str = "splatblur";
+
+/// Greatest width and height in pixels.
+pub const MAX_SIZE: u32 = 65_535;
+
+/// Deflate, which PNG and EXR use, shrinks by at most this factor: a file that promises more is damaged.
+const DEFLATE_LIMIT: u64 = 1032;
+
+/// Bits of a PNG channel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Bits {
+    /// 0..=255.
+    #[default]
+    Eight,
+    /// 0..=65535.
+    Sixteen,
+}
+
+/// File formats that are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// sRGB-encoded, straight alpha; no AOVs.
+    Png {
+        /// Channel depth.
+        bits: Bits,
+        /// RGBA instead of RGB. Said by the caller, not guessed from the pixels, so that all frames of a sequence agree.
+        alpha: bool,
+    },
+    /// 32-bit float, linear, premultiplied, ZIP (16 lines); AOVs as layers.
+    Exr,
+}
+
+impl Format {
+    /// File name extension.
+    pub const fn extension(self) -> &'static str {
+        match self {
+            Self::Png { .. } => "png",
+            Self::Exr => "exr",
+        }
+    }
+}
+
+/// Why a picture could not be written or read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImageError {
+    /// The picture has no pixels, or too many.
+    #[error("a picture of {width} x {height} pixels cannot be written (each side: 1 to {MAX_SIZE})")]
+    Size {
+        /// Width.
+        width: u32,
+        /// Height.
+        height: u32,
+    },
+    /// A plane has not one value a pixel.
+    #[error("picture channel `{channel}` has {found} values, expected {expected}")]
+    Length {
+        /// The channel.
+        channel: String,
+        /// Values found.
+        found: usize,
+        /// Pixels.
+        expected: usize,
+    },
+    /// A layer has the wrong number of planes, or appears twice.
+    #[error("picture layer `{layer}`: {what}")]
+    Layer {
+        /// The layer.
+        layer: &'static str,
+        /// What is wrong.
+        what: String,
+    },
+    /// NaN, or infinite colour.
+    #[error("picture channel `{channel}` is {value} at pixel ({x}, {y})")]
+    NotFinite {
+        /// The channel.
+        channel: String,
+        /// Column.
+        x: usize,
+        /// Row, from the top.
+        y: usize,
+        /// The value.
+        value: f32,
+    },
+    /// PNG holds colour and alpha only.
+    #[error("PNG cannot hold the layer `{layer}`; EXR can")]
+    PngLayer {
+        /// The first layer.
+        layer: &'static str,
+    },
+    /// The encoder failed.
+    #[error("cannot encode the picture: {what}")]
+    Encode {
+        /// What the encoder says.
+        what: String,
+    },
+    /// The file could not be written.
+    #[error("cannot write {}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The file could not be read.
+    #[error("cannot read {}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The file is not a picture that can be read.
+    #[error("{}: {what}", path.display())]
+    Decode {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+}
+
+/// The bytes of a picture file. They depend on the arguments alone.
+///
+/// # Errors
+/// The picture is not valid, or the format cannot hold it.
+pub fn encode(picture: &Picture, format: Format, settings: &str) -> Result<Vec<u8>, ImageError> {
+    check(picture)?;
+    match format {
+        Format::Png { bits, alpha } => png::encode(picture, bits, alpha, settings),
+        Format::Exr => exr::encode(picture, settings),
+    }
+}
+
+/// Writes a picture file, which appears whole or not at all.
+///
+/// # Errors
+/// The picture is not valid, the format cannot hold it, or the file cannot be written.
+pub fn write(path: &Path, picture: &Picture, format: Format, settings: &str) -> Result<(), ImageError> {
+    let bytes = encode(picture, format, settings)?;
+    replace(path, &bytes).map_err(|source| ImageError::Write { path: path.to_owned(), source })
+}
+
+/// Reads a PNG or EXR picture, as written by [`write`], into linear premultiplied floats.
+///
+/// # Errors
+/// The file cannot be read, or is no such picture.
+pub fn read(path: &Path) -> Result<Picture, ImageError> {
+    let bytes = read_regular(path).map_err(|source| ImageError::Read { path: path.to_owned(), source })?;
+    let decoded = match kind(&bytes) {
+        Some(Kind::Png) => png::decode(&bytes),
+        Some(Kind::Exr) => exr::decode(&bytes),
+        None => Err("neither a PNG nor an EXR file".to_owned()),
+    };
+    decoded.map_err(|what| ImageError::Decode { path: path.to_owned(), what })
+}
+
+/// The settings that a picture file carries; `None` where there are none, or where the file is not readable.
+///
+/// Reads the header only.
+pub fn read_settings(path: &Path) -> Option<String> {
+    let mut file = io::BufReader::new(open_regular(path).ok()?);
+    let mut head = [0; 8];
+    file.read_exact(&mut head).ok()?;
+    file.rewind().ok()?;
+    match kind(&head)? {
+        Kind::Png => png::settings(&mut file),
+        Kind::Exr => exr::settings(&mut file),
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Png,
+    Exr,
+}
+
+fn kind(head: &[u8]) -> Option<Kind> {
+    if head.starts_with(png::SIGNATURE) {
+        Some(Kind::Png)
+    } else if head.starts_with(exr::SIGNATURE) {
+        Some(Kind::Exr)
+    } else {
+        None
+    }
+}
+
+fn open_regular(path: &Path) -> io::Result<File> {
+    // Asked before opening: opening a pipe would wait for its writer.
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file"));
+    }
+    File::open(path)
+}
+
+fn read_regular(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open_regular(path)?.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Refuses pictures whose planes do not fit their size, and values that would hide a fault.
+fn check(picture: &Picture) -> Result<(), ImageError> {
+    let (width, height) = (picture.width, picture.height);
+    if !(1..=MAX_SIZE).contains(&width) || !(1..=MAX_SIZE).contains(&height) {
+        return Err(ImageError::Size { width, height });
+    }
+    let (w, expected) = (width as usize, width as usize * height as usize);
+    let length = |channel: &dyn Fn() -> String, found: usize| {
+        if found == expected { Ok(()) } else { Err(ImageError::Length { channel: channel(), found, expected }) }
+    };
+    length(&|| "RGBA".to_owned(), picture.rgba.len())?;
+    for (i, pixel) in picture.rgba.iter().enumerate() {
+        if let Some(c) = pixel.iter().position(|v| !v.is_finite()) {
+            let channel = ["R", "G", "B", "A"][c].to_owned();
+            return Err(ImageError::NotFinite { channel, x: i % w, y: i / w, value: pixel[c] });
+        }
+    }
+    for (i, layer) in picture.layers.iter().enumerate() {
+        let name = layer.aov.name();
+        let (found, needed) = (layer.planes.len(), layer.aov.channels().len());
+        if found != needed {
+            return Err(ImageError::Layer { layer: name, what: format!("{found} planes, expected {needed}") });
+        }
+        if picture.layers[..i].iter().any(|l| l.aov == layer.aov) {
+            return Err(ImageError::Layer { layer: name, what: "appears twice".to_owned() });
+        }
+        for (plane, channel) in layer.planes.iter().zip(layer.aov.channels()) {
+            length(&|| format!("{name}.{channel}"), plane.len())?;
+            // +inf is the depth of nothing.
+            if let Some(at) = plane.iter().position(|v| v.is_nan()) {
+                let channel = format!("{name}.{channel}");
+                return Err(ImageError::NotFinite { channel, x: at % w, y: at / w, value: plane[at] });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Refuses what a damaged header promises, before memory is taken for it. `bytes_a_pixel` as stored.
+fn plausible(width: u64, height: u64, bytes_a_pixel: u64, file_length: usize) -> Result<(), String> {
+    let limit = u64::from(MAX_SIZE);
+    if !(1..=limit).contains(&width) || !(1..=limit).contains(&height) {
+        return Err(format!("the header says {width} x {height} pixels, expected 1 to {MAX_SIZE} each"));
+    }
+    let promised = width * height * bytes_a_pixel;
+    if promised > DEFLATE_LIMIT.saturating_mul(file_length as u64) {
+        return Err(format!("the header promises {promised} bytes of pixels; the file has only {file_length} bytes"));
+    }
+    Ok(())
+}

@@ -1,0 +1,103 @@
+//! `splatblur convert`: a model of any format to `.bin` or `.ply`.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+use clap::{Args, ValueEnum};
+use splatblur::{image, model};
+
+use super::output::{print, say};
+use super::progress::Loading;
+use super::{grammar, pending};
+
+/// Convert a model to splatblur's own .bin or to .ply.
+///
+/// Reads any model that a scene may name, estimates what is missing (normals, radii), and writes the result, so that later
+/// runs need not estimate again. The ending of OUT decides: .bin loads fastest, .ply opens in other programs.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  splatblur convert scan.ply scan.bin
+  splatblur convert pond.ply pond.bin --radius-scale 2.5
+  splatblur convert statue.sfl statue.ply --force")]
+pub(super) struct Convert {
+    /// Model: .ply, .sfl, .obj, .bin.
+    #[arg(value_name = "IN")]
+    input: PathBuf,
+    /// File to write, ending in .bin or .ply.
+    #[arg(value_name = "OUT")]
+    output: PathBuf,
+    /// Factor on all splat radii.
+    #[arg(long, value_name = "F", default_value = "1", allow_hyphen_values = true, value_parser = grammar::positive)]
+    radius_scale: f64,
+    /// Colour space of the file's colours [default: srgb where they are integers, linear where they are floats].
+    #[arg(long, value_enum, value_name = "SPACE")]
+    colour_space: Option<ColourSpace>,
+    /// Replace OUT if it exists.
+    #[arg(long)]
+    force: bool,
+    /// Say nothing but errors.
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// `--colour-space`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum ColourSpace {
+    Srgb,
+    Linear,
+}
+
+impl From<ColourSpace> for model::ColourSpace {
+    fn from(space: ColourSpace) -> Self {
+        match space {
+            ColourSpace::Srgb => Self::Srgb,
+            ColourSpace::Linear => Self::Linear,
+        }
+    }
+}
+
+impl Convert {
+    pub(super) fn run(&self) -> anyhow::Result<()> {
+        let binary = binary(&self.output)?;
+        if same_file(&self.input, &self.output) {
+            bail!("{} is both IN and OUT", self.input.display());
+        }
+        if !self.force && self.output.symlink_metadata().is_ok() {
+            bail!("{} exists already (--force replaces it)", self.output.display());
+        }
+        let options =
+            model::LoadOptions { radius_scale: self.radius_scale, colour_space: self.colour_space.map(Into::into) };
+        let progress = Loading::new(self.quiet);
+        let loaded = model::load(&self.input, &options, &|what, share| progress.step(what, share))?;
+        drop(progress);
+        if !self.quiet {
+            for note in &loaded.notes {
+                say(&format!("note: {note}"));
+            }
+        }
+        image::replace_with(&self.output, |temporary| pending::write_model(temporary, &loaded.surfels, binary))
+            .with_context(|| format!("cannot write {}", self.output.display()))?;
+        if self.quiet {
+            return Ok(());
+        }
+        print(&format!("{} surfels: {}\n", loaded.surfels.len(), self.output.display()))
+    }
+}
+
+/// True for `.bin`, false for `.ply`.
+fn binary(path: &Path) -> anyhow::Result<bool> {
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    match ending.to_str() {
+        Some("bin") => Ok(true),
+        Some("ply") => Ok(false),
+        _ => bail!("{} must end in .bin or .ply", path.display()),
+    }
+}
+
+fn same_file(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    }
+}

@@ -1,0 +1,338 @@
+//! What is written on the command line, to plain values: frame ranges, sizes, weights, colours, amounts of memory.
+//!
+//! Every parser returns one sentence that says what was expected; clap puts the option's name before it.
+
+use glam::DVec3;
+use splatblur::film::Aov;
+use splatblur::time::Weight;
+
+/// An inclusive range of frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Frames {
+    pub(super) first: i64,
+    pub(super) last: i64,
+}
+
+impl Frames {
+    pub(super) fn count(self) -> u64 {
+        self.first.abs_diff(self.last) + 1
+    }
+}
+
+/// Greatest distance of a frame from 0: times beside it are still exact to 1e-6 frames.
+const MAX_FRAME: i64 = 1_000_000_000;
+
+/// Most frames of one run.
+const MAX_FRAMES: u64 = 1_000_000;
+
+/// Most time samples and sub-pixel positions.
+const MAX_SAMPLES: u32 = 65_536;
+
+/// `A..B`, `A-B` (neither negative), or `A`; inclusive.
+pub(super) fn frames(text: &str) -> Result<Frames, String> {
+    let number = |part: &str| {
+        let value: i64 = part
+            .trim()
+            .parse()
+            .map_err(|_| format!("`{part}` is not a frame number (write A..B, A-B or one frame, as in 1..48)"))?;
+        if value.abs() > MAX_FRAME {
+            return Err(format!("frame {value} is beyond {MAX_FRAME}"));
+        }
+        Ok(value)
+    };
+    let (first, last) = if let Some((a, b)) = text.split_once("..") {
+        (number(a)?, number(b.strip_prefix('=').unwrap_or(b))?)
+    } else if text.trim_start().starts_with('-') {
+        return Err(format!("negative frames need `..`, as in `{0}..{0}` for one or `-5..-2` for several", lead(text)));
+    } else if let Some((a, b)) = text.split_once('-') {
+        (number(a)?, number(b)?)
+    } else {
+        let one = number(text)?;
+        (one, one)
+    };
+    check_range(Frames { first, last })
+}
+
+/// The first negative number of a mistaken range, for the hint.
+fn lead(text: &str) -> &str {
+    let text = text.trim();
+    let end = text.char_indices().skip(1).find(|(_, c)| !c.is_ascii_digit()).map_or(text.len(), |(i, _)| i);
+    if end > 1 { &text[..end] } else { "-5" }
+}
+
+/// Refuses ranges that run backwards or never end.
+pub(super) fn check_range(range: Frames) -> Result<Frames, String> {
+    let Frames { first, last } = range;
+    if last < first {
+        return Err(format!("the range {first}..{last} is empty; did you mean {last}..{first}?"));
+    }
+    if range.count() > MAX_FRAMES {
+        return Err(format!("{} frames are too many for one run (at most {MAX_FRAMES})", range.count()));
+    }
+    Ok(range)
+}
+
+/// `A..B` in frames that need not be whole.
+pub(super) fn times(text: &str) -> Result<(f64, f64), String> {
+    if let Some((a, b)) = text.split_once("..") {
+        let (first, last) = (real(a)?, real(b)?);
+        if last < first {
+            return Err(format!("the range {first}..{last} is empty; did you mean {last}..{first}?"));
+        }
+        if first.abs().max(last.abs()) > MAX_FRAME as f64 {
+            return Err(format!("frames end at {MAX_FRAME}"));
+        }
+        return Ok((first, last));
+    }
+    real(text).map(|one| (one, one)).or_else(|_| frames(text).map(|f| (f.first as f64, f.last as f64)))
+}
+
+/// A finite number.
+fn real(text: &str) -> Result<f64, String> {
+    let value: f64 = text.trim().parse().map_err(|_| format!("`{text}` is not a number"))?;
+    if value.is_finite() { Ok(value) } else { Err(format!("`{text}` is not a finite number")) }
+}
+
+/// A finite number > 0.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    let value = real(text)?;
+    if value > 0.0 { Ok(value) } else { Err(format!("{value} is not greater than 0")) }
+}
+
+/// A finite number >= 0.
+pub(super) fn not_negative(text: &str) -> Result<f64, String> {
+    let value = real(text)?;
+    if value >= 0.0 { Ok(value) } else { Err(format!("{value} is less than 0")) }
+}
+
+/// A count of samples.
+pub(super) fn samples(text: &str) -> Result<u32, String> {
+    let expected = || format!("expected a whole number, 1 to {MAX_SAMPLES}");
+    let value: u32 = text.parse().map_err(|_| expected())?;
+    if (1..=MAX_SAMPLES).contains(&value) { Ok(value) } else { Err(expected()) }
+}
+
+/// `WxH` in pixels.
+pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
+    let limit = splatblur::image::MAX_SIZE;
+    let expected = || format!("expected WIDTHxHEIGHT with sides of 1 to {limit} pixels, as in 1920x1080");
+    let (w, h) = text.split_once(['x', 'X']).ok_or_else(expected)?;
+    let side = |part: &str| part.parse().ok().filter(|n| (1..=limit).contains(n)).ok_or_else(expected);
+    Ok((side(w)?, side(h)?))
+}
+
+/// `OPEN,CLOSE` in frames relative to the frame number.
+pub(super) fn shutter(text: &str) -> Result<(f64, f64), String> {
+    let expected = || "expected OPEN,CLOSE in frames around the frame number, as in -0.25,0.25".to_owned();
+    let (open, close) = text.split_once(',').ok_or_else(expected)?;
+    let (open, close) = (real(open)?, real(close)?);
+    if open >= close {
+        return Err(format!("the shutter closes at {close}, not after it opens at {open}"));
+    }
+    if open.abs().max(close.abs()) > 1e6 {
+        return Err("the shutter must stay within a million frames".to_owned());
+    }
+    Ok((open, close))
+}
+
+/// `box`, `tent`, `ramp:centre=1`, `exponential:rate=3,centre=1`, `gaussian:centre=.5,width=.2`.
+pub(super) fn weight(text: &str) -> Result<Weight, String> {
+    let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
+    let known: &[&str] = match name {
+        "box" | "tent" => &[],
+        "ramp" => &["centre"],
+        "exponential" => &["rate", "centre"],
+        "gaussian" => &["centre", "width"],
+        _ => return Err(format!("`{name}` is no weight (there are: box, tent, ramp, exponential, gaussian)")),
+    };
+    let mut values = Vec::new();
+    for part in parameters.split(',').filter(|part| !part.is_empty()) {
+        let (key, value) = part.split_once('=').ok_or_else(|| format!("`{part}` is not of the form name=value"))?;
+        if !known.contains(&key) {
+            let takes = if known.is_empty() { "nothing".to_owned() } else { known.join(", ") };
+            return Err(format!("the weight `{name}` has no parameter `{key}` (it takes: {takes})"));
+        }
+        if values.iter().any(|(k, _)| *k == key) {
+            return Err(format!("`{key}` is given twice"));
+        }
+        let value = real(value)?;
+        if key == "centre" && !(0.0..=1.0).contains(&value) {
+            return Err(format!("centre is {value}, must be 0 to 1 (the shutter)"));
+        }
+        if key != "centre" && !(1e-6..=1e6).contains(&value) {
+            return Err(format!("{key} is {value}, must be 1e-6 to 1e6"));
+        }
+        values.push((key, value));
+    }
+    let get = |key: &str, default: f64| values.iter().find(|(k, _)| *k == key).map_or(default, |(_, v)| *v);
+    Ok(match name {
+        "box" => Weight::Box,
+        "tent" => Weight::Tent,
+        "ramp" => Weight::Ramp { centre: get("centre", 1.0) },
+        "exponential" => Weight::Exponential { rate: get("rate", 3.0), centre: get("centre", 1.0) },
+        _ => Weight::Gaussian { centre: get("centre", 0.5), width: get("width", 0.2) },
+    })
+}
+
+/// `R,G,B`, linear, >= 0.
+pub(super) fn colour(text: &str) -> Result<DVec3, String> {
+    let parts: Vec<f64> = text.split(',').map(real).collect::<Result<_, _>>()?;
+    match parts[..] {
+        [r, g, b] if parts.iter().all(|v| (0.0..=1e6).contains(v)) => Ok(DVec3::new(r, g, b)),
+        [_, _, _] => Err("a colour's numbers must be 0 to 1e6 (linear light, 1 is white)".to_owned()),
+        _ => Err("expected R,G,B in linear light, as in 0.2,0.2,0.25".to_owned()),
+    }
+}
+
+/// `512k`, `64M`, `1G`, `1GiB`, or bytes; units are powers of 1024.
+pub(super) fn memory(text: &str) -> Result<u64, String> {
+    let expected = || "expected an amount of memory of at least 1M, as in 64M, 1.5G, 1GiB".to_owned();
+    let digits = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+    let (number, unit) = text.split_at(digits);
+    let shift = match unit.to_ascii_lowercase().as_str() {
+        "" | "b" => 0,
+        "k" | "kb" | "kib" => 10,
+        "m" | "mb" | "mib" => 20,
+        "g" | "gb" | "gib" => 30,
+        "t" | "tb" | "tib" => 40,
+        _ => return Err(expected()),
+    };
+    let bytes = real(number).map_err(|_| expected())? * (1_u64 << shift) as f64;
+    if (1_048_576.0..=1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(expected()) }
+}
+
+/// `depth,normal`: extra channels, put in the order of their layers.
+pub(super) fn aovs(names: &[String]) -> Result<Vec<Aov>, String> {
+    let mut aovs = Vec::new();
+    for name in names {
+        let Some(aov) = Aov::ALL.into_iter().find(|aov| aov.name() == name) else {
+            let known: Vec<_> = Aov::ALL.iter().map(|aov| aov.name()).collect();
+            return Err(format!("--aov: `{name}` is not known (there are: {})", known.join(", ")));
+        };
+        if aovs.contains(&aov) {
+            return Err(format!("--aov: `{name}` is given twice"));
+        }
+        aovs.push(aov);
+    }
+    aovs.sort_unstable();
+    Ok(aovs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frame_ranges() {
+        let range = |text: &str| frames(text).map(|f| (f.first, f.last));
+        for (text, want) in [
+            ("1..48", (1, 48)),
+            ("3-7", (3, 7)),
+            ("3..=7", (3, 7)),
+            ("5", (5, 5)),
+            ("0", (0, 0)),
+            ("-5..-2", (-5, -2)),
+            ("-5..-5", (-5, -5)),
+            ("-3..4", (-3, 4)),
+            ("100000000..100000001", (100_000_000, 100_000_001)),
+        ] {
+            assert_eq!(range(text), Ok(want), "{text}");
+        }
+        for (text, hint) in [
+            ("-5", "-5..-5"),
+            ("-5-3", "-5..-5"),
+            ("-", "`..`"),
+            ("7..3", "did you mean 3..7?"),
+            ("7-3", "did you mean 3..7?"),
+            ("", "not a frame number"),
+            ("..", "not a frame number"),
+            ("1..", "not a frame number"),
+            ("a..b", "`a` is not a frame number"),
+            ("1.5", "not a frame number"),
+            ("3--7", "empty"),
+            ("99999999999999999999", "not a frame number"),
+            ("9223372036854775807", "beyond"),
+            ("0..1000000", "too many"),
+        ] {
+            let error = range(text).unwrap_err();
+            assert!(error.contains(hint), "{text}: {error}");
+        }
+        assert_eq!(range("0..999999"), Ok((0, 999_999)));
+    }
+
+    #[test]
+    fn ranges_of_times() {
+        assert_eq!(times("-20..20.5"), Ok((-20.0, 20.5)));
+        assert_eq!(times("0.25"), Ok((0.25, 0.25)));
+        assert_eq!(times("3-7"), Ok((3.0, 7.0)));
+        assert_eq!(times("-5"), Ok((-5.0, -5.0)));
+        assert!(times("2..1").is_err());
+        assert!(times("nan..1").is_err());
+        assert!(times("0..1e300").is_err());
+    }
+
+    #[test]
+    fn weights() {
+        assert_eq!(weight("box"), Ok(Weight::Box));
+        assert_eq!(weight("tent"), Ok(Weight::Tent));
+        assert_eq!(weight("ramp"), Ok(Weight::Ramp { centre: 1.0 }));
+        assert_eq!(weight("ramp:centre=.25"), Ok(Weight::Ramp { centre: 0.25 }));
+        assert_eq!(weight("exponential"), Ok(Weight::Exponential { rate: 3.0, centre: 1.0 }));
+        assert_eq!(weight("exponential:centre=0,rate=5"), Ok(Weight::Exponential { rate: 5.0, centre: 0.0 }));
+        assert_eq!(weight("gaussian:width=.1"), Ok(Weight::Gaussian { centre: 0.5, width: 0.1 }));
+        for (text, hint) in [
+            ("triangle", "there are: box, tent"),
+            ("box:centre=1", "it takes: nothing"),
+            ("ramp:center=1", "it takes: centre"),
+            ("ramp:centre", "name=value"),
+            ("ramp:centre=2", "0 to 1"),
+            ("ramp:centre=x", "not a number"),
+            ("ramp:centre=nan", "not a finite number"),
+            ("gaussian:width=0", "1e-6 to 1e6"),
+            ("exponential:rate=-3", "1e-6 to 1e6"),
+            ("ramp:centre=1,centre=0", "twice"),
+            ("", "is no weight"),
+        ] {
+            let error = weight(text).unwrap_err();
+            assert!(error.contains(hint), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn amounts_of_memory() {
+        assert_eq!(memory("64M"), Ok(64 << 20));
+        assert_eq!(memory("1G"), Ok(1 << 30));
+        assert_eq!(memory("1GiB"), Ok(1 << 30));
+        assert_eq!(memory("1.5g"), Ok(3 << 29));
+        assert_eq!(memory("2048k"), Ok(2 << 20));
+        assert_eq!(memory("1048576"), Ok(1 << 20));
+        for text in ["", "M", "1", "64X", "-1G", "nanG", "infG", "1e30G", "0", "64 Q"] {
+            assert!(memory(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn sizes_shutters_colours() {
+        assert_eq!(size("640x480"), Ok((640, 480)));
+        assert_eq!(size("1X65535"), Ok((1, 65_535)));
+        for text in ["640", "0x5", "5x0", "65536x1", "-5x5", "5x5x5", "axb", "x"] {
+            assert!(size(text).is_err(), "{text}");
+        }
+        assert_eq!(shutter("-0.25,.25"), Ok((-0.25, 0.25)));
+        for text in ["0", "0,0", "1,0", "nan,1", "0,inf", "0,1,2", "0,1e9"] {
+            assert!(shutter(text).is_err(), "{text}");
+        }
+        assert_eq!(colour("0,0.5,2"), Ok(DVec3::new(0.0, 0.5, 2.0)));
+        for text in ["0", "0,0", "0,0,-1", "0,0,nan", "0,0,0,0", "red"] {
+            assert!(colour(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn aovs_are_sorted_and_unique() {
+        let list = |names: &[&str]| aovs(&names.iter().map(|&n| n.to_owned()).collect::<Vec<_>>());
+        assert_eq!(list(&["velocity", "depth"]), Ok(vec![Aov::Depth, Aov::Velocity]));
+        assert!(list(&["depth", "depth"]).unwrap_err().contains("twice"));
+        assert!(list(&["colour"]).unwrap_err().contains("alpha, depth, normal, velocity"));
+    }
+}

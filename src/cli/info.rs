@@ -1,0 +1,188 @@
+//! `splatblur info`: reads any file that the program reads, whole, and reports what `render` would see.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+use clap::Args;
+use splatblur::{anim, image, model, scene};
+
+use super::output::{print, print_json};
+use super::progress::Loading;
+use super::{convert, grammar, inspect, pending};
+
+/// Report what a file holds: a scene, a model, an animation, or a rendered image.
+///
+/// Reads the file whole, with all that it names, and refuses what `render` would refuse. Scenes: every resolved value, or
+/// canonical XML that loads back to the same scene. Models: counts, bounds, radii, properties. Animations: nodes, attributes,
+/// range, or the evaluated channels. Images: size, layers, and the settings that made them.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  splatblur info scenes/three_objects.xml
+  splatblur info scenes/three_objects.xml --xml > resolved.xml
+  splatblur info bunny.ply --json
+  splatblur info thrown.anim --frames -5..40 --step 0.5 --csv
+  splatblur info out/spin/spin.0001.exr")]
+#[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
+pub(super) struct Info {
+    /// Scene (.xml), model (.ply, .sfl, .obj, .bin), animation (.anim) or image (.png, .exr); told apart by content.
+    file: PathBuf,
+
+    /// Print one JSON object.
+    #[arg(long, conflicts_with_all = ["xml", "csv"])]
+    json: bool,
+    /// Scene: print it as canonical XML, with every default filled in.
+    #[arg(long, conflicts_with = "csv")]
+    xml: bool,
+    /// Animation: print the evaluated channels, one line a frame.
+    #[arg(long)]
+    csv: bool,
+    /// Frames of --csv, inclusive, not necessarily whole [default: the animation's range].
+    #[arg(long, value_name = "A..B", requires = "csv", allow_hyphen_values = true, value_parser = grammar::times)]
+    frames: Option<(f64, f64)>,
+    /// Distance of the frames of --csv.
+    #[arg(long, value_name = "S", requires = "csv", default_value = "1", allow_hyphen_values = true, value_parser = grammar::positive)]
+    step: f64,
+    /// Model: factor on all splat radii.
+    #[arg(long, value_name = "F", default_value = "1", allow_hyphen_values = true, value_parser = grammar::positive)]
+    radius_scale: f64,
+    /// Model: colour space of the file's colours [default: srgb where they are integers, linear where they are floats].
+    #[arg(long, value_enum, value_name = "SPACE")]
+    colour_space: Option<convert::ColourSpace>,
+    /// Scene: report unknown words instead of refusing them.
+    #[arg(long)]
+    lenient: bool,
+    /// Scene: refuse paths outside DIR.
+    #[arg(long, value_name = "DIR")]
+    restrict: Option<PathBuf>,
+}
+
+/// Most lines of `--csv`.
+const MAX_LINES: f64 = 1e7;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Scene,
+    Animation,
+    Image,
+    Model,
+}
+
+impl Info {
+    pub(super) fn run(&self) -> anyhow::Result<()> {
+        let head = head(&self.file).with_context(|| format!("cannot read {}", self.file.display()))?;
+        let kind = kind(&head, &self.file);
+        if self.xml && kind != Kind::Scene {
+            bail!("--xml is for scenes; {} is none", self.file.display());
+        }
+        if self.csv && kind != Kind::Animation {
+            bail!("--csv is for animations; {} is none", self.file.display());
+        }
+        match kind {
+            Kind::Scene => self.scene(),
+            Kind::Animation => self.animation(),
+            Kind::Image => self.image(),
+            Kind::Model => self.model(),
+        }
+    }
+
+    fn scene(&self) -> anyhow::Result<()> {
+        let progress = Loading::new(false);
+        let step = |what: &str, share: f32| progress.step(what, share);
+        let restrict = self.restrict.as_deref();
+        let loaded =
+            scene::load(&self.file, &scene::LoadOptions { lenient: self.lenient, restrict, progress: Some(&step) })?;
+        drop(progress);
+        if self.xml {
+            return print(&pending::canonical_xml(&loaded.scene, self.file.parent().unwrap_or(Path::new(""))));
+        }
+        self.show(&inspect::scene(&loaded))
+    }
+
+    fn animation(&self) -> anyhow::Result<()> {
+        let animation = anim::load(&self.file)?;
+        if !self.csv {
+            return self.show(&inspect::animation(&animation));
+        }
+        let (first, last) = self.frames.unwrap_or_else(|| inspect::frame_range(&animation));
+        if (last - first) / self.step > MAX_LINES {
+            bail!("frames {first}..{last} in steps of {} are more than {MAX_LINES} lines", self.step);
+        }
+        print(&pending::csv(&animation, first, last, self.step)?)
+    }
+
+    fn image(&self) -> anyhow::Result<()> {
+        let picture = image::read(&self.file)?;
+        self.show(&inspect::image(&picture, image::read_settings(&self.file)))
+    }
+
+    fn model(&self) -> anyhow::Result<()> {
+        let progress = Loading::new(false);
+        let options =
+            model::LoadOptions { radius_scale: self.radius_scale, colour_space: self.colour_space.map(Into::into) };
+        let loaded = model::load(&self.file, &options, &|what, share| progress.step(what, share))?;
+        drop(progress);
+        self.show(&inspect::model_file(&loaded))
+    }
+
+    fn show(&self, report: &serde_json::Value) -> anyhow::Result<()> {
+        if self.json { print_json(report) } else { print(&inspect::text(report)) }
+    }
+}
+
+/// The first bytes of a regular file.
+fn head(path: &Path) -> anyhow::Result<Vec<u8>> {
+    // Asked before opening: opening a pipe would wait for its writer.
+    let meta = std::fs::metadata(path)?;
+    if meta.is_dir() {
+        bail!("it is a directory");
+    }
+    if !meta.is_file() {
+        bail!("it is not a regular file");
+    }
+    let mut head = Vec::new();
+    File::open(path)?.take(512).read_to_end(&mut head)?;
+    Ok(head)
+}
+
+/// By content, then by the ending; whatever else is taken for a model, whose loader knows several formats.
+fn kind(head: &[u8], path: &Path) -> Kind {
+    let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
+    let utf16_xml = head.starts_with(b"\xff\xfe<\0") || head.starts_with(b"\xfe\xff\0<");
+    if text.starts_with(b"<") || utf16_xml {
+        Kind::Scene
+    } else if text.starts_with(b"animVersion") {
+        Kind::Animation
+    } else if head.starts_with(b"\x89PNG") || head.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
+        Kind::Image
+    } else if text.starts_with(b"ply") {
+        Kind::Model
+    } else {
+        match path.extension().unwrap_or_default().to_ascii_lowercase().to_str() {
+            Some("xml") => Kind::Scene,
+            Some("anim") => Kind::Animation,
+            Some("png" | "exr") => Kind::Image,
+            _ => Kind::Model,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds() {
+        let kind = |head: &[u8], name: &str| kind(head, Path::new(name));
+        assert_eq!(kind(b"<?xml", "a.anim"), Kind::Scene);
+        assert_eq!(kind(b"\xef\xbb\xbf\r\n <scene>", "a"), Kind::Scene);
+        assert_eq!(kind(b"\nanimVersion 1.1;", "a.txt"), Kind::Animation);
+        assert_eq!(kind(b"// a comment", "a.ANIM"), Kind::Animation);
+        assert_eq!(kind(b"\x89PNG\r\n", "a.ply"), Kind::Image);
+        assert_eq!(kind(b"ply\n", "a.xml"), Kind::Model);
+        assert_eq!(kind(b"", "a.xml"), Kind::Scene);
+        assert_eq!(kind(b"v 0 0 0", "a.obj"), Kind::Model);
+    }
+}

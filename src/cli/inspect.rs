@@ -1,0 +1,356 @@
+//! What `info` reports, as JSON values, and those as text: one source for both.
+//!
+//! Text is `key: value` with two spaces of indent a level; short lists of numbers stay on one line.
+
+use glam::DVec3;
+use serde_json::{Map, Value, json};
+use splatblur::anim::{Animation, NodeAnimation};
+use splatblur::film::Picture;
+use splatblur::math::{Bounds, Trs};
+use splatblur::model::{self, Material, Surfels};
+use splatblur::scene::{self, AnimationBinding, Camera, Light, Motion, Object};
+
+use super::{pending, settings};
+
+fn object(pairs: Vec<(&str, Value)>) -> Value {
+    Value::Object(pairs.into_iter().map(|(key, value)| (key.to_owned(), value)).collect::<Map<_, _>>())
+}
+
+fn vector(v: DVec3) -> Value {
+    json!(v.to_array().map(tidy))
+}
+
+/// Twelve digits: enough for every value that a file can hold as f32, without the noise of unit conversions.
+fn tidy(value: f64) -> f64 {
+    format!("{value:.11e}").parse().unwrap_or(value)
+}
+
+/// An f32 with the digits that an f32 has.
+fn single(value: f32) -> Value {
+    json!(value.to_string().parse::<f64>().unwrap_or(f64::from(value)))
+}
+
+/// A scene with all that it names.
+pub(super) fn scene(loaded: &scene::Loaded) -> Value {
+    let s = &loaded.scene;
+    object(vec![
+        ("kind", json!("scene")),
+        ("name", json!(s.name)),
+        ("width", json!(s.image.width)),
+        ("height", json!(s.image.height)),
+        ("background", if s.image.transparent { json!("transparent") } else { vector(s.image.background) }),
+        ("frames", json!({ "first": s.frames.first, "last": s.frames.last, "rate": s.frames.rate })),
+        (
+            "shutter",
+            json!({
+                "open": s.shutter.open, "close": s.shutter.close, "weight": settings::weight(&s.shutter.weight),
+            }),
+        ),
+        ("camera", camera(&s.camera)),
+        ("lights", Value::Array(s.lights.iter().map(light).collect())),
+        ("objects", Value::Array(s.objects.iter().map(scene_object).collect())),
+        ("notes", json!(loaded.notes)),
+    ])
+}
+
+fn camera(c: &Camera) -> Value {
+    let mut pairs = vec![("fovy_degrees", json!(tidy(c.fovy.to_degrees()))), ("near", json!(c.near))];
+    if let Some(animation) = &c.animation {
+        pairs.push(("animation", binding(animation)));
+    } else {
+        pairs.extend([("eye", vector(c.eye)), ("at", vector(c.at)), ("up", vector(c.up))]);
+    }
+    pairs.push(("automatic", json!(c.automatic)));
+    object(pairs)
+}
+
+fn light(l: &Light) -> Value {
+    match *l {
+        Light::Directional { direction, colour } => {
+            json!({ "type": "directional", "direction": vector(direction), "colour": vector(colour) })
+        }
+        Light::Point { position, colour } => {
+            json!({ "type": "point", "position": vector(position), "colour": vector(colour) })
+        }
+        Light::Ambient { colour } => json!({ "type": "ambient", "colour": vector(colour) }),
+    }
+}
+
+fn scene_object(o: &Object) -> Value {
+    let mut pairs = vec![
+        ("name", json!(o.name)),
+        ("path", json!(o.model_path.to_string_lossy())),
+        ("model", model(&o.model)),
+        ("radius_scale", json!(o.radius_scale)),
+        ("blur", json!(o.blur)),
+        ("epsilon", o.epsilon.map_or_else(|| json!("median radius"), |e| json!(e))),
+        ("transform", trs(&o.transform)),
+        ("place", trs(&o.place)),
+    ];
+    if let Some(space) = o.colour_space {
+        pairs.push(("colour_space", json!(format!("{space:?}").to_lowercase())));
+    }
+    if let Some(animation) = &o.animation {
+        pairs.push(("animation", binding(animation)));
+    }
+    if !o.motions.is_empty() {
+        pairs.push(("motions", Value::Array(o.motions.iter().map(motion).collect())));
+    }
+    if let Some(m) = &o.material {
+        pairs.push(("material", material(m)));
+    }
+    object(pairs)
+}
+
+fn material(m: &Material) -> Value {
+    json!({
+        "ambient": single(m.ambient), "diffuse": single(m.diffuse),
+        "specular": single(m.specular), "shininess": single(m.shininess),
+    })
+}
+
+fn motion(m: &Motion) -> Value {
+    match *m {
+        Motion::Linear { velocity } => json!({ "type": "linear", "velocity": vector(velocity) }),
+        Motion::Rotation { axis, per_frame, centre } => json!({
+            "type": "rotation", "axis": vector(axis), "degrees_per_frame": tidy(per_frame.to_degrees()), "centre": vector(centre),
+        }),
+    }
+}
+
+fn binding(b: &AnimationBinding) -> Value {
+    let (first, last) = b.node.range();
+    json!({
+        "path": b.path.to_string_lossy(), "node": b.node.name, "interpolation": format!("{:?}", b.interpolation).to_lowercase(),
+        "first_second": tidy(first), "last_second": tidy(last),
+    })
+}
+
+fn trs(t: &Trs) -> Value {
+    if *t == Trs::default() {
+        return json!("none");
+    }
+    let m = t.matrix();
+    json!({ "matrix_rows": (0..3).map(|r| m.row(r).to_array().map(tidy)).collect::<Vec<_>>() })
+}
+
+/// A model file.
+pub(super) fn model_file(loaded: &model::Loaded) -> Value {
+    object(vec![("kind", json!("model")), ("model", model(&loaded.surfels)), ("notes", json!(loaded.notes))])
+}
+
+fn model(s: &Surfels) -> Value {
+    let Bounds { min, max } = s.bounds();
+    let radii: Vec<f32> = (0..s.len()).map(|i| s.radius(i)).collect();
+    let elliptical = (0..s.len()).any(|i| {
+        let (u, v) = (s.axis_u[i].length(), s.axis_v[i].length());
+        (u - v).abs() > 1e-4 * u.max(v)
+    });
+    let mut properties = vec!["position", "normal", "colour", if elliptical { "two radii" } else { "radius" }];
+    properties.extend((!s.material.is_empty()).then_some("material"));
+    properties.extend((!s.velocity.is_empty()).then_some("velocity"));
+    let mut pairs = vec![("surfels", json!(s.len())), ("properties", json!(properties))];
+    if !s.is_empty() {
+        let least = radii.iter().copied().fold(f32::INFINITY, f32::min);
+        let greatest = radii.iter().copied().fold(0.0, f32::max);
+        pairs.push(("bounds", json!({ "min": vector(min), "max": vector(max) })));
+        pairs.push((
+            "radius",
+            json!({ "min": single(least), "median": single(s.median_radius()), "max": single(greatest) }),
+        ));
+    }
+    object(pairs)
+}
+
+/// An animation file.
+pub(super) fn animation(a: &Animation) -> Value {
+    let (first, last) = frame_range(a);
+    object(vec![
+        ("kind", json!("animation")),
+        ("rate", json!(a.rate)),
+        ("first_frame", json!(tidy(first))),
+        ("last_frame", json!(tidy(last))),
+        ("nodes", Value::Array(a.nodes.iter().map(|n| node(n, a.rate)).collect())),
+        ("notes", json!(a.notes)),
+    ])
+}
+
+fn node(n: &NodeAnimation, rate: f64) -> Value {
+    let (first, last) = n.range();
+    object(vec![
+        ("name", json!(n.name)),
+        ("attributes", json!(pending::attributes(n))),
+        ("first_frame", json!(tidy(first * rate))),
+        ("last_frame", json!(tidy(last * rate))),
+    ])
+}
+
+/// First and last frame of all nodes, in file time units; 0..0 without nodes.
+pub(super) fn frame_range(a: &Animation) -> (f64, f64) {
+    let ranges = a.nodes.iter().map(|n| n.range());
+    ranges
+        .reduce(|x, y| (x.0.min(y.0), x.1.max(y.1)))
+        .map_or((0.0, 0.0), |(first, last)| (first * a.rate, last * a.rate))
+}
+
+/// An image file and the settings that it carries.
+pub(super) fn image(picture: &Picture, settings: Option<String>) -> Value {
+    let layers: Vec<_> = picture.layers.iter().map(|layer| layer.aov.name()).collect();
+    // Ours are JSON; what another program wrote under our name is shown as it is.
+    let settings = settings.map(|text| serde_json::from_str(&text).unwrap_or(Value::String(text)));
+    object(vec![
+        ("kind", json!("image")),
+        ("width", json!(picture.width)),
+        ("height", json!(picture.height)),
+        ("layers", json!(layers)),
+        ("settings", settings.unwrap_or(Value::Null)),
+    ])
+}
+
+/// A report for a person.
+pub(super) fn text(report: &Value) -> String {
+    let mut lines = Vec::new();
+    members(report, 0, &mut lines);
+    lines.join("\n") + "\n"
+}
+
+/// Keys that come first in text, in this order; all others follow by name.
+const ORDER: [&str; 27] = [
+    "kind",
+    "name",
+    "type",
+    "surfels",
+    "width",
+    "height",
+    "background",
+    "frames",
+    "shutter",
+    "camera",
+    "lights",
+    "objects",
+    "path",
+    "node",
+    "nodes",
+    "first",
+    "last",
+    "first_frame",
+    "last_frame",
+    "eye",
+    "at",
+    "up",
+    "min",
+    "median",
+    "max",
+    "open",
+    "properties",
+];
+
+/// The members of an object in the order of the text.
+fn ordered(map: &Map<String, Value>) -> Vec<(&String, &Value)> {
+    let mut list: Vec<_> = map.iter().collect();
+    let rank = |key: &str| ORDER.iter().position(|known| *known == key).unwrap_or(ORDER.len());
+    // Stable: the map is sorted by name.
+    list.sort_by_key(|(key, _)| rank(key));
+    list
+}
+
+fn members(value: &Value, level: usize, lines: &mut Vec<String>) {
+    let Value::Object(map) = value else { return };
+    for (key, member) in ordered(map) {
+        entry(&key.replace('_', " "), member, level, lines);
+    }
+}
+
+fn entry(key: &str, value: &Value, level: usize, lines: &mut Vec<String>) {
+    let indent = "  ".repeat(level);
+    match value {
+        Value::Object(map) if map.values().all(is_short) && map.len() <= 4 => {
+            let parts: Vec<_> =
+                ordered(map).into_iter().map(|(k, v)| format!("{} {}", k.replace('_', " "), short(v))).collect();
+            lines.push(format!("{indent}{key}: {}", parts.join(", ")));
+        }
+        Value::Object(_) => {
+            lines.push(format!("{indent}{key}:"));
+            members(value, level + 1, lines);
+        }
+        Value::Array(list) if !list.iter().all(is_scalar) => {
+            for item in list {
+                entry(key.strip_suffix('s').unwrap_or(key), item, level, lines);
+            }
+        }
+        Value::Array(list) if key == "notes" => {
+            lines.extend(list.iter().map(|note| format!("{indent}note: {}", short(note))));
+        }
+        _ => lines.push(format!("{indent}{key}: {}", short(value))),
+    }
+}
+
+fn is_scalar(value: &Value) -> bool {
+    !matches!(value, Value::Object(_) | Value::Array(_))
+}
+
+fn is_short(value: &Value) -> bool {
+    is_scalar(value) || value.as_array().is_some_and(|list| list.len() <= 4 && list.iter().all(is_scalar))
+}
+
+fn short(value: &Value) -> String {
+    match value {
+        Value::Null => "none".to_owned(),
+        Value::Bool(yes) => (if *yes { "yes" } else { "no" }).to_owned(),
+        Value::String(text) => text.clone(),
+        Value::Array(list) if list.is_empty() => "none".to_owned(),
+        Value::Array(list) => {
+            let words = list.iter().any(Value::is_string);
+            list.iter().map(short).collect::<Vec<_>>().join(if words { ", " } else { " " })
+        }
+        // 5, not 5.0.
+        Value::Number(number) => {
+            number.as_f64().filter(|_| number.is_f64()).map_or(number.to_string(), |v| v.to_string())
+        }
+        Value::Object(_) => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    fn square() -> Surfels {
+        Surfels {
+            origin: DVec3::new(10.0, 0.0, 0.0),
+            position: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            axis_u: vec![Vec3::X, Vec3::X * 2.0, Vec3::X * 3.0],
+            axis_v: vec![Vec3::Y, Vec3::Y * 2.0, Vec3::Y * 3.0],
+            normal: vec![Vec3::Z; 3],
+            colour: vec![Vec3::ONE; 3],
+            ..Surfels::default()
+        }
+    }
+
+    #[test]
+    fn a_model_is_counted_and_measured() {
+        let loaded = model::Loaded { surfels: square(), notes: vec!["normals estimated".to_owned()] };
+        let report = model_file(&loaded);
+        assert_eq!(report["model"]["surfels"], 3);
+        assert_eq!(report["model"]["radius"], json!({ "min": 1.0, "median": 2.0, "max": 3.0 }));
+        assert_eq!(report["model"]["bounds"], json!({ "min": [10.0, 0.0, 0.0], "max": [11.0, 1.0, 0.0] }));
+        let text = text(&report);
+        assert!(text.starts_with("kind: model\n"), "{text}");
+        assert!(text.contains("  surfels: 3\n"), "{text}");
+        assert!(text.contains("  properties: position, normal, colour, radius\n"), "{text}");
+        assert!(text.contains("  bounds: min 10 0 0, max 11 1 0\n"), "{text}");
+        assert!(text.ends_with("note: normals estimated\n"), "{text}");
+        let empty = model::Loaded { surfels: Surfels::default(), notes: Vec::new() };
+        assert_eq!(model_file(&empty)["model"]["surfels"], 0);
+    }
+
+    #[test]
+    fn degrees_are_tidy() {
+        assert_eq!(tidy(7.7_f64.to_radians().to_degrees()), 7.7);
+        assert_eq!(single(0.1), json!(0.1));
+        assert_eq!(tidy(0.0), 0.0);
+        assert_eq!(tidy(-1.25), -1.25);
+    }
+}

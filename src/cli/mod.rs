@@ -1,0 +1,113 @@
+//! The command line: parsing, dispatch, exit status. One file a subcommand.
+//!
+//! Exit status: 0 done, 1 reserved for comparisons over their limit, 2 error (one line on stderr), 130 interrupted.
+//! What a user asked for goes to stdout, everything else to stderr.
+
+mod convert;
+mod grammar;
+mod info;
+mod inspect;
+mod movie;
+mod output;
+mod pending;
+mod progress;
+mod render;
+mod report;
+mod sequence;
+mod settings;
+
+use std::io;
+use std::process::ExitCode;
+
+use clap::error::ErrorKind;
+use clap::{Parser, Subcommand};
+
+/// Status of every error.
+const FAILED: u8 = 2;
+/// Status after Ctrl-C, as a shell reports it.
+const INTERRUPTED: u8 = 130;
+
+/// Render moving point-sampled surfaces with motion blur.
+#[derive(Debug, Parser)]
+#[command(name = "splatblur", version, propagate_version = true, arg_required_else_help = true)]
+#[command(after_help = "\
+Examples:
+  splatblur render scenes/three_objects.xml           all frames, into out/three_objects/
+  splatblur render scene.xml --frames 12 --size 640x480 --mode still
+  splatblur info scene.xml                            what would be rendered
+  splatblur help render                               all options, with examples
+
+Exit status: 0 done, 2 error, 130 interrupted.")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Render(Box<render::Render>),
+    Info(info::Info),
+    Convert(convert::Convert),
+}
+
+/// Runs the program.
+pub(super) fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return refuse(&error),
+    };
+    let done = match &cli.command {
+        Command::Render(render) => render.run(),
+        Command::Info(info) => info.run(),
+        Command::Convert(convert) => convert.run(),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        // The reader of our output has seen enough, as `head` has.
+        Err(error) if output::is_closed_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            output::say(&format!("error: {error:#}"));
+            ExitCode::from(FAILED)
+        }
+    }
+}
+
+/// Help and version as clap prints them; a mistake in one line.
+fn refuse(error: &clap::Error) -> ExitCode {
+    let asked = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
+    if asked || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        // A closed pipe is no reason to complain.
+        let _: io::Result<()> = error.print();
+        return if asked { ExitCode::SUCCESS } else { ExitCode::from(FAILED) };
+    }
+    output::say(&one_line(&error.render().to_string()));
+    ExitCode::from(FAILED)
+}
+
+/// clap's message without its usage lines, joined into one line.
+fn one_line(message: &str) -> String {
+    let lines = message.lines().map(str::trim).take_while(|line| !line.starts_with("Usage:"));
+    let kept: Vec<_> = lines.filter(|line| !line.is_empty() && !line.starts_with("For more information")).collect();
+    kept.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_definition_is_sound() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn mistakes_take_one_line() {
+        let error = Cli::try_parse_from(["splatblur", "render", "a.xml", "--sampels", "3"]).unwrap_err();
+        let line = one_line(&error.render().to_string());
+        assert!(line.starts_with("error: unexpected argument '--sampels' found"), "{line}");
+        assert!(line.contains("tip: a similar argument exists: '--samples'"), "{line}");
+        assert!(!line.contains('\n') && !line.contains("Usage"), "{line}");
+    }
+}

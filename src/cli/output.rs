@@ -1,0 +1,30 @@
+//! The two streams. Neither panics where its reader has gone.
+
+use std::io::{self, Write};
+
+/// One line for the person at the terminal, on stderr.
+pub(super) fn say(line: &str) {
+    // Where stderr is closed nobody listens.
+    let _ = writeln!(io::stderr().lock(), "{line}");
+}
+
+/// What was asked for, on stdout.
+pub(super) fn print(text: &str) -> anyhow::Result<()> {
+    let mut stdout = io::stdout().lock();
+    let written = stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush());
+    written.map_err(|source| Stdout(source).into())
+}
+
+/// One JSON document on stdout.
+pub(super) fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
+    print(&(serde_json::to_string_pretty(value)? + "\n"))
+}
+
+/// True where the reader of stdout has gone, which is no error.
+pub(super) fn is_closed_pipe(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<Stdout>().is_some_and(|e| e.0.kind() == io::ErrorKind::BrokenPipe)
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write to standard output")]
+struct Stdout(#[source] io::Error);

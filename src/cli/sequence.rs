@@ -1,0 +1,168 @@
+//! Frames to files: each is written while the next one renders; finished ones may be skipped.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError, mpsc};
+use std::time::Instant;
+
+use splatblur::film::Picture;
+use splatblur::image::{self, Format, ImageError};
+use splatblur::render::{Rendered, Stats};
+
+use super::grammar::Frames;
+
+/// `<stem>.<frame, 4 digits>.<ext>`; longer where the number is, negative with a minus before its four digits, which is how
+/// ffmpeg reads `%04d`.
+pub(super) fn file_name(stem: &str, frame: i64, format: Format) -> String {
+    let sign = if frame < 0 { "-" } else { "" };
+    format!("{stem}.{sign}{:04}.{}", frame.unsigned_abs(), format.extension())
+}
+
+/// What to write, and where.
+pub(super) struct Sequence<'a> {
+    pub(super) frames: Frames,
+    pub(super) directory: &'a Path,
+    pub(super) stem: &'a str,
+    pub(super) format: Format,
+    /// Skip frames whose file carries the same settings.
+    pub(super) resume: bool,
+    /// Held while a file is being written: whoever holds it may end the program and leave nothing half done.
+    pub(super) gate: &'a Mutex<()>,
+}
+
+/// One frame of a finished sequence.
+#[derive(Debug)]
+pub(super) struct Finished {
+    pub(super) frame: i64,
+    pub(super) path: PathBuf,
+    /// Wall time of rendering, and what it took; `None`: an earlier run made it.
+    pub(super) rendered: Option<(f64, Stats)>,
+}
+
+struct Page {
+    path: PathBuf,
+    picture: Picture,
+    settings: String,
+}
+
+impl Sequence<'_> {
+    /// Renders and writes all frames in order; stops at the first error. `finished` hears of each rendered or skipped frame.
+    pub(super) fn run(
+        &self,
+        settings: impl Fn(i64) -> anyhow::Result<String>,
+        mut render: impl FnMut(i64) -> anyhow::Result<Rendered>,
+        finished: impl Fn(&Finished),
+    ) -> anyhow::Result<Vec<Finished>> {
+        std::thread::scope(|scope| {
+            // No buffer: at most one picture waits while one is written and one rendered.
+            let (pages, received) = mpsc::sync_channel(0);
+            let writer = scope.spawn(move || self.write_all(&received));
+            let rendered = self.render_all(&pages, settings, &mut render, finished);
+            drop(pages);
+            match writer.join() {
+                Ok(written) => written?,
+                Err(panic) => std::panic::resume_unwind(panic),
+            }
+            rendered
+        })
+    }
+
+    fn render_all(
+        &self,
+        pages: &mpsc::SyncSender<Page>,
+        settings: impl Fn(i64) -> anyhow::Result<String>,
+        render: &mut impl FnMut(i64) -> anyhow::Result<Rendered>,
+        finished: impl Fn(&Finished),
+    ) -> anyhow::Result<Vec<Finished>> {
+        let mut list = Vec::new();
+        for frame in self.frames.first..=self.frames.last {
+            let path = self.directory.join(file_name(self.stem, frame, self.format));
+            let settings = settings(frame)?;
+            let mut done = Finished { frame, path: path.clone(), rendered: None };
+            if !(self.resume && image::read_settings(&path).is_some_and(|found| found == settings)) {
+                let start = Instant::now();
+                let Rendered { picture, stats } = render(frame)?;
+                done.rendered = Some((start.elapsed().as_secs_f64(), stats));
+                if pages.send(Page { path, picture, settings }).is_err() {
+                    // The writer has stopped; it says why.
+                    break;
+                }
+            }
+            finished(&done);
+            list.push(done);
+        }
+        Ok(list)
+    }
+
+    fn write_all(&self, pages: &mpsc::Receiver<Page>) -> Result<(), ImageError> {
+        for page in pages {
+            let _held = self.gate.lock().unwrap_or_else(PoisonError::into_inner);
+            image::write(&page.path, &page.picture, self.format, &page.settings)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use splatblur::image::Bits;
+
+    use super::*;
+
+    const PNG: Format = Format::Png { bits: Bits::Eight, alpha: false };
+
+    /// Runs frames 1..3 with a fake renderer; returns the frames that it was asked for.
+    fn run(directory: &Path, resume: bool, settings: &str) -> anyhow::Result<Vec<i64>> {
+        let gate = Mutex::new(());
+        let frames = Frames { first: 1, last: 3 };
+        let sequence = Sequence { frames, directory, stem: "a", format: PNG, resume, gate: &gate };
+        let asked = RefCell::new(Vec::new());
+        let list = sequence.run(
+            |frame| Ok(format!("{settings} {frame}")),
+            |frame| {
+                asked.borrow_mut().push(frame);
+                let picture = Picture { width: 1, height: 1, rgba: vec![[0.5; 4]], layers: Vec::new() };
+                Ok(Rendered { picture, stats: Stats::default() })
+            },
+            |_| (),
+        )?;
+        assert_eq!(list.iter().map(|f| f.frame).collect::<Vec<_>>(), [1, 2, 3]);
+        let rendered: Vec<_> = list.iter().filter(|f| f.rendered.is_some()).map(|f| f.frame).collect();
+        assert_eq!(rendered, *asked.borrow());
+        Ok(rendered)
+    }
+
+    #[test]
+    fn names() {
+        let names = [0, 7, 12_345, -5, -12_345].map(|frame| file_name("a", frame, Format::Exr));
+        assert_eq!(names, ["a.0000.exr", "a.0007.exr", "a.12345.exr", "a.-0005.exr", "a.-12345.exr"]);
+    }
+
+    #[test]
+    fn resume_skips_what_has_the_same_settings() {
+        let dir = tempfile::tempdir().unwrap();
+        assert_eq!(run(dir.path(), true, "x").unwrap(), [1, 2, 3]);
+        assert_eq!(run(dir.path(), true, "x").unwrap(), [0; 0]);
+        std::fs::remove_file(dir.path().join("a.0002.png")).unwrap();
+        std::fs::write(dir.path().join("a.0003.png"), "damaged").unwrap();
+        assert_eq!(run(dir.path(), true, "x").unwrap(), [2, 3]);
+        // Other settings, or no --resume: all over again.
+        assert_eq!(run(dir.path(), true, "y").unwrap(), [1, 2, 3]);
+        assert_eq!(run(dir.path(), false, "y").unwrap(), [1, 2, 3]);
+        // Another frame's file under this frame's name is not this frame.
+        std::fs::copy(dir.path().join("a.0001.png"), dir.path().join("a.0002.png")).unwrap();
+        assert_eq!(run(dir.path(), true, "y").unwrap(), [2]);
+    }
+
+    #[test]
+    fn a_write_error_ends_the_sequence_and_leaves_finished_frames_only() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::create_dir(dir.path().join("a.0002.png")).unwrap();
+        let error = run(dir.path(), false, "x").unwrap_err();
+        assert!(format!("{error:#}").contains("a.0002.png"), "{error:#}");
+        let mut names: Vec<_> = std::fs::read_dir(dir.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        assert_eq!(names, ["a.0001.png", "a.0002.png"]);
+    }
+}

@@ -1,0 +1,115 @@
+//! `OpenEXR`: 32-bit float, linear Rec.709, premultiplied, ZIP in blocks of 16 lines.
+//!
+//! One part. Colour is `R G B A`; an AOV is a layer of extra channels named `layer.channel` (`depth.Z`, `normal.X`,
+//! `velocity.Y`, `alpha.A`). That is the `OpenEXR` project's own convention for layers in one part: Nuke, Blender, tev, ffmpeg
+//! and every reader of plain RGBA understand it, while several of them open only the first part of a file with many.
+
+use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
+
+use ::exr::compression::Compression;
+use ::exr::image::read::image::ReadLayers as _;
+use ::exr::image::read::layers::ReadChannels as _;
+use ::exr::image::read::read;
+use ::exr::image::write::WritableImage;
+use ::exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image, Layer as Part};
+use ::exr::math::Vec2;
+use ::exr::meta::MetaData;
+use ::exr::meta::attribute::{AttributeValue, Chromaticities, LineOrder, Text};
+use ::exr::meta::header::LayerAttributes;
+
+use super::{ImageError, SETTINGS, plausible};
+use crate::film::{Aov, Layer, Picture};
+
+pub(super) const SIGNATURE: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
+
+const COLOUR: [&str; 4] = ["R", "G", "B", "A"];
+
+pub(super) fn encode(picture: &Picture, settings: &str) -> Result<Vec<u8>, ImageError> {
+    let channel = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
+    let mut channels: Vec<_> = COLOUR
+        .iter()
+        .enumerate()
+        .map(|(c, name)| channel(name, picture.rgba.iter().map(|pixel| pixel[c]).collect()))
+        .collect();
+    for layer in &picture.layers {
+        for (name, plane) in layer.aov.channels().iter().zip(&layer.planes) {
+            channels.push(channel(&format!("{}.{name}", layer.aov.name()), plane.clone()));
+        }
+    }
+    let software_name = Text::new_or_none(concat!("splatblur ", env!("CARGO_PKG_VERSION")));
+    let mut attributes = LayerAttributes { software_name, ..LayerAttributes::default() };
+    // The only entry: the library writes this map in an order that changes from run to run.
+    attributes.other.insert(Text::from(SETTINGS), AttributeValue::Text(utf8(settings)));
+    let size = Vec2(picture.width as usize, picture.height as usize);
+    let encoding =
+        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+    let mut image = Image::from_layer(Part::new(size, attributes, encoding, AnyChannels::sort(channels.into())));
+    image.attributes.chromaticities = Some(Chromaticities {
+        red: Vec2(0.64, 0.33),
+        green: Vec2(0.30, 0.60),
+        blue: Vec2(0.15, 0.06),
+        white: Vec2(0.3127, 0.3290),
+    });
+    let mut bytes = Cursor::new(Vec::new());
+    // One thread: a frame is written while the next one renders.
+    image.write().non_parallel().to_buffered(&mut bytes).map_err(|e| ImageError::Encode { what: e.to_string() })?;
+    Ok(bytes.into_inner())
+}
+
+/// Attribute text is bytes; by `OpenEXR`'s convention they are UTF-8.
+fn utf8(text: &str) -> Text {
+    Text::from_bytes_unchecked(text.as_bytes().into())
+}
+
+pub(super) fn settings(file: &mut (impl BufRead + Seek)) -> Option<String> {
+    file.seek(SeekFrom::Start(0)).ok()?;
+    // A length in a damaged header must not become memory: 64 MiB is more than any header.
+    let meta = MetaData::read_from_buffered(file.take(1 << 26), false).ok()?;
+    let value = meta.headers.first()?.own_attributes.other.get(&Text::from(SETTINGS))?;
+    match value {
+        AttributeValue::Text(text) => String::from_utf8(text.as_slice().to_vec()).ok(),
+        _ => None,
+    }
+}
+
+pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
+    let refused = |e: ::exr::error::Error| format!("not a readable EXR file: {e}");
+    let meta = MetaData::read_from_buffered(bytes, false).map_err(refused)?;
+    for header in &meta.headers {
+        let Vec2(w, h) = header.layer_size;
+        plausible(w as u64, h as u64, header.channels.bytes_per_pixel as u64, bytes.len())?;
+    }
+    let image = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(refused)?;
+    let part = image.layer_data;
+    let Vec2(w, h) = part.size;
+    let plane = |name: &str| {
+        let channel = part.channel_data.list.iter().find(|c| c.name.eq(name))?;
+        Some(channel.sample_data.values_as_f32().collect::<Vec<_>>())
+    };
+    let mut rgba = vec![[0.0, 0.0, 0.0, 1.0]; w * h];
+    for (c, name) in COLOUR.iter().enumerate() {
+        match plane(name) {
+            Some(values) if values.len() == rgba.len() => {
+                rgba.iter_mut().zip(values).for_each(|(pixel, v)| pixel[c] = v);
+            }
+            // Alpha is 1 where a file has none.
+            None if *name == "A" => {}
+            _ => return Err(format!("no whole channel `{name}` in the first part of the EXR file")),
+        }
+    }
+    let mut layers = Vec::new();
+    for aov in Aov::ALL {
+        let planes: Option<Vec<_>> =
+            aov.channels().iter().map(|channel| plane(&format!("{}.{channel}", aov.name()))).collect();
+        layers.extend(planes.map(|planes| Layer { aov, planes }));
+    }
+    Ok(Picture { width: w as u32, height: h as u32, rgba, layers })
+}

@@ -1,0 +1,312 @@
+//! The command line as a user meets it.
+#![allow(clippy::unwrap_used, reason = "helpers of tests, too, fail by panicking")]
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use splatblur::film::{Aov, Layer, Picture};
+use splatblur::image::{self, Bits, Format};
+
+fn splatblur(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_splatblur")).args(arguments).stdin(Stdio::null()).output().unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+/// Exit status 2, nothing on stdout, one line on stderr; returns the line.
+fn refused(arguments: &[&str]) -> String {
+    let output = splatblur(arguments);
+    let line = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {line}");
+    assert_eq!(stdout(&output), "", "{arguments:?}");
+    assert!(line.starts_with("error: ") && line.ends_with('\n'), "{arguments:?}: {line:?}");
+    assert_eq!(line.matches('\n').count(), 1, "{arguments:?}: {line:?}");
+    line
+}
+
+fn names(directory: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(directory).unwrap();
+    let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn help_lists_every_option() {
+    let render = "--out --frames --mode --samples --pixel-samples --size --shutter --weight --filter --prefilter --shading \
+                  --two-sided --epsilon --background --transparent --backend --format --bits --aov --threads --seed --memory \
+                  --resume --json --lenient --restrict --quiet";
+    for (command, options) in [
+        ("render", render),
+        ("info", "--json --xml --csv --frames --step --lenient --restrict"),
+        ("convert", "--radius-scale --colour-space --force"),
+    ] {
+        for help in [vec![command, "--help"], vec!["help", command], vec![command, "-h"]] {
+            let output = splatblur(&help);
+            assert_eq!(output.status.code(), Some(0));
+            let text = stdout(&output);
+            for option in options.split_whitespace() {
+                assert!(
+                    text.contains(&format!("{option} ")) || text.contains(&format!("{option}\n")),
+                    "{help:?}: {option}"
+                );
+            }
+        }
+        let long = stdout(&splatblur(&[command, "--help"]));
+        assert!(long.contains("Examples:") && long.contains(&format!("splatblur {command} ")), "{long}");
+    }
+    let version = splatblur(&["--version"]);
+    assert_eq!(stdout(&version), concat!("splatblur ", env!("CARGO_PKG_VERSION"), "\n"));
+    let nothing = splatblur(&[]);
+    assert_eq!(nothing.status.code(), Some(2));
+    assert!(stderr(&nothing).contains("Usage: splatblur"));
+}
+
+#[test]
+fn bad_values_are_refused_in_one_line() {
+    let table: &[(&[&str], &str)] = &[
+        (&["--frames", "7..3"], "did you mean 3..7?"),
+        (&["--frames", "-5"], "-5..-5"),
+        (&["--frames", "x"], "not a frame number"),
+        (&["--size", "0x0"], "1920x1080"),
+        (&["--size", "99999999x99999999"], "65535"),
+        (&["--samples", "0"], "1 to 65536"),
+        (&["--samples", "-3"], "-3"),
+        (&["--pixel-samples", "4"], "--mode still"),
+        (&["--mode", "still", "--samples", "4"], "--pixel-samples"),
+        (&["--mode", "swept"], "still, supersample"),
+        (&["--shutter", "1,0"], "closes at 0"),
+        (&["--shutter", "nan,nan"], "finite"),
+        (&["--weight", "ramp:centre=7"], "0 to 1"),
+        (&["--weight", "hat"], "tent"),
+        (&["--filter", "sinc"], "box, point"),
+        (&["--prefilter", "ewa"], "approx, none"),
+        (&["--shading", "flat"], "phong, gouraud"),
+        (&["--epsilon", "-1"], "less than 0"),
+        (&["--epsilon", "inf"], "finite"),
+        (&["--background", "1,1"], "R,G,B"),
+        (&["--background", "-1,0,0"], "0 to 1e6"),
+        (&["--background", "1,1,1", "--transparent"], "cannot be used with"),
+        (&["--backend", "gpu"], "auto, cpu"),
+        (&["--format", "jpg"], "png, exr"),
+        (&["--bits", "10"], "8, 16"),
+        (&["--bits", "16", "--format", "exr"], "32-bit float"),
+        (&["--aov", "depth"], "--format exr"),
+        (&["--aov", "colour", "--format", "exr"], "alpha, depth, normal, velocity"),
+        (&["--aov", "depth,depth", "--format", "exr"], "twice"),
+        (&["--threads", "0"], "1..=1024"),
+        (&["--threads", "99999999999"], "1024"),
+        (&["--memory", "64X"], "64M"),
+        (&["--memory", "0"], "at least 1M"),
+        (&["--seed", "-1"], "-1"),
+        (&["--restrict", "/no/such/directory"], "not a directory"),
+        (&["--sampels", "3"], "--samples"),
+        (&["another.xml"], "unexpected argument"),
+    ];
+    for (options, expected) in table {
+        let line = refused(&[&["render", "no_such_scene.xml"], *options].concat());
+        assert!(line.contains(expected), "{options:?}: {line}");
+    }
+}
+
+#[test]
+fn bad_files_are_refused_in_one_line() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    for file in [path("none.xml"), path("none.ply"), dir.path().to_str().unwrap().to_owned(), "/dev/null".to_owned()] {
+        for arguments in [vec!["info", &file], vec!["render", &file]] {
+            assert!(refused(&arguments).contains(&file), "{arguments:?}");
+        }
+    }
+    std::fs::write(path("a.ply"), "ply\n").unwrap();
+    std::fs::write(path("b.ply"), "ply\n").unwrap();
+    assert!(refused(&["info", &path("a.ply"), "--xml"]).contains("--xml is for scenes"));
+    assert!(refused(&["info", &path("a.ply"), "--csv"]).contains("--csv is for animations"));
+    assert!(refused(&["info", &path("a.ply"), "--frames", "1..2"]).contains("--csv"));
+    assert!(refused(&["info", &path("a.ply"), "--csv", "--step", "0"]).contains("greater than 0"));
+    assert!(refused(&["convert", &path("a.ply"), &path("a.obj")]).contains(".bin or .ply"));
+    assert!(refused(&["convert", &path("a.ply"), &path("a.ply")]).contains("both IN and OUT"));
+    assert!(refused(&["convert", &path("a.ply"), &path("b.ply")]).contains("--force"));
+    assert!(refused(&["convert", &path("a.ply"), &path("c.bin"), "--radius-scale", "-1"]).contains("greater than 0"));
+    assert_eq!(names(dir.path()), ["a.ply", "b.ply"]);
+}
+
+#[test]
+fn info_shows_images_and_their_settings() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.exr");
+    let layers = vec![Layer { aov: Aov::Depth, planes: vec![vec![1.0, 2.0]] }];
+    let picture = Picture { width: 2, height: 1, rgba: vec![[0.5; 4]; 2], layers };
+    image::write(&path, &picture, Format::Exr, "{\"frame\":7,\"seed\":1}").unwrap();
+    let output = splatblur(&["info", path.to_str().unwrap(), "--json"]);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["kind"], "image");
+    assert_eq!(report["layers"], serde_json::json!(["depth"]));
+    assert_eq!(report["settings"]["frame"], 7);
+    let text = stdout(&splatblur(&["info", path.to_str().unwrap()]));
+    assert!(text.starts_with("kind: image\nwidth: 2\nheight: 1\n"), "{text}");
+    assert!(text.contains("settings: frame 7, seed 1"), "{text}");
+    // Damaged: an error, no panic.
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    assert!(refused(&["info", path.to_str().unwrap()]).contains("not a readable EXR file"));
+}
+
+#[test]
+fn a_closed_pipe_is_no_error() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.png");
+    let picture = Picture { width: 1, height: 1, rgba: vec![[0.5; 4]], layers: Vec::new() };
+    // Longer than a pipe holds.
+    let settings = format!("\"{}\"", "x".repeat(1 << 20));
+    image::write(&path, &picture, Format::Png { bits: Bits::Eight, alpha: true }, &settings).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_splatblur"))
+        .args(["info", path.to_str().unwrap()])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!((output.status.code(), stderr(&output).as_str()), (Some(0), ""));
+}
+
+/// A scene of one triangle of surfels that moves, in a directory of its own.
+struct Fixture(tempfile::TempDir);
+
+impl Fixture {
+    fn new() -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                   property float nx\nproperty float ny\nproperty float nz\nproperty float radius\nend_header\n\
+                   0 0 0 0 0 1 1\n1 0 0 0 0 1 1\n0 1 0 0 0 1 1\n";
+        let xml = "<?xml version=\"1.0\" encoding=\"ISO-8859-1\"?>\n<scene><image width=\"12\" height=\"9\"/>\
+                   <frames first=\"1\" last=\"3\" rate=\"24\"/><camera eye=\"0 0 5\" at=\"0 0 0\"/>\
+                   <object><pointModel>three.ply</pointModel><motion type=\"linear\" velocity=\"0.1 0 0\"/></object></scene>\n";
+        std::fs::write(dir.path().join("three.ply"), ply).unwrap();
+        std::fs::write(dir.path().join("tiny.xml"), xml).unwrap();
+        Self(dir)
+    }
+
+    fn command(&self, options: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_splatblur"));
+        command.current_dir(self.0.path()).args(["render", "tiny.xml"]).args(options).stdin(Stdio::null());
+        command
+    }
+
+    fn render(&self, options: &[&str]) -> Output {
+        let output = self.command(options).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{options:?}: {}", stderr(&output));
+        output
+    }
+
+    fn json(&self, options: &[&str]) -> serde_json::Value {
+        serde_json::from_slice(&self.render(&[options, &["--json"]].concat()).stdout).unwrap()
+    }
+
+    fn path(&self, name: &str) -> std::path::PathBuf {
+        self.0.path().join(name)
+    }
+}
+
+/// Which frames a report says were rendered, not skipped.
+fn rendered(report: &serde_json::Value) -> Vec<i64> {
+    let frames = report["frames"].as_array().unwrap().iter();
+    frames.filter(|f| f["skipped"] == false).map(|f| f["frame"].as_i64().unwrap()).collect()
+}
+
+#[test]
+#[ignore = "needs the scene loader"]
+fn render_names_its_files_and_says_where_they_are() {
+    let fixture = Fixture::new();
+    let output = fixture.render(&[]);
+    assert_eq!(names(&fixture.path("out/tiny")), ["tiny.0001.png", "tiny.0002.png", "tiny.0003.png"]);
+    let text = stdout(&output);
+    assert!(text.contains("out/tiny/tiny.0001.png .. tiny.0003.png"), "{text}");
+    assert!(text.contains("ffmpeg -framerate 24 -start_number 1 -i out/tiny/tiny.%04d.png"), "{text}");
+    assert!(stderr(&output).contains("tiny: frames 1..3, 12 x 9 pixels, mode supersample with 32 samples, on the CPU"));
+    // No progress in a pipe.
+    assert!(!stderr(&output).contains(['\r', '\u{1b}']), "{:?}", stderr(&output));
+    fixture.render(&["--frames", "-2..-1", "--out", "b", "--format", "exr", "--aov", "depth,normal,alpha,velocity"]);
+    assert_eq!(names(&fixture.path("b")), ["tiny.-0001.exr", "tiny.-0002.exr"]);
+    assert_eq!(image::read(&fixture.path("b/tiny.-0001.exr")).unwrap().layers.len(), 4);
+    let quiet = fixture.render(&["--quiet"]);
+    assert_eq!((stdout(&quiet).as_str(), stderr(&quiet).as_str()), ("", ""));
+}
+
+#[test]
+#[ignore = "needs the scene loader"]
+fn render_takes_options_over_the_scene() {
+    let fixture = Fixture::new();
+    let report = fixture.json(&["--frames", "5", "--size", "7x3", "--transparent", "--weight", "ramp", "--seed", "9"]);
+    assert_eq!(rendered(&report), [5]);
+    assert_eq!(report["settings"]["weight"], "ramp:centre=1");
+    assert_eq!(report["settings"]["seed"], 9);
+    assert_eq!(report["ffmpeg"], serde_json::Value::Null);
+    let picture = image::read(&fixture.path("out/tiny/tiny.0005.png")).unwrap();
+    assert_eq!((picture.width, picture.height), (7, 3));
+    let carried = image::read_settings(&fixture.path("out/tiny/tiny.0005.png")).unwrap();
+    let carried: serde_json::Value = serde_json::from_str(&carried).unwrap();
+    assert_eq!((&carried["hash"], &carried["frame"]), (&report["settings"]["hash"], &serde_json::json!(5)));
+}
+
+#[test]
+#[ignore = "needs the scene loader"]
+fn render_repeats_and_resumes() {
+    let fixture = Fixture::new();
+    let bytes = || std::fs::read(fixture.path("out/tiny/tiny.0002.png")).unwrap();
+    assert_eq!(rendered(&fixture.json(&["--threads", "1"])), [1, 2, 3]);
+    let first = bytes();
+    assert_eq!(rendered(&fixture.json(&["--threads", "2", "--memory", "64M"])), [1, 2, 3]);
+    assert!(bytes() == first, "other bytes with other threads and memory");
+    assert_eq!(rendered(&fixture.json(&["--resume", "--threads", "2"])), [0; 0]);
+    assert_eq!(rendered(&fixture.json(&["--resume", "--frames", "2..4"])), [4]);
+    assert_eq!(rendered(&fixture.json(&["--resume", "--epsilon", "0.5"])), [1, 2, 3]);
+    // A model with other bytes is another picture.
+    let ply = std::fs::read_to_string(fixture.path("three.ply")).unwrap().replace("0 1 0 0 0 1 1", "0 2 0 0 0 1 1");
+    std::fs::write(fixture.path("three.ply"), ply).unwrap();
+    assert_eq!(rendered(&fixture.json(&["--resume", "--epsilon", "0.5"])), [1, 2, 3]);
+}
+
+#[test]
+#[ignore = "needs the scene loader"]
+fn render_refuses_an_output_directory_before_rendering() {
+    let fixture = Fixture::new();
+    std::fs::write(fixture.path("file"), "").unwrap();
+    for out in ["file", "file/below", "/proc/splatblur"] {
+        let output = fixture.command(&["--out", out]).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        let said = stderr(&output);
+        let last = said.lines().last().unwrap();
+        assert!(last.starts_with("error: cannot write into the output directory"), "{said}");
+    }
+    assert_eq!(names(fixture.0.path()), ["file", "three.ply", "tiny.xml"]);
+}
+
+#[cfg(unix)]
+#[test]
+#[ignore = "needs the scene loader"]
+fn an_interrupt_leaves_finished_frames_only() {
+    let fixture = Fixture::new();
+    let child =
+        fixture.command(&["--frames", "0..999999"]).stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    let out = fixture.path("out/tiny");
+    while !out.join("tiny.0003.png").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130));
+    assert!(stderr(&output).contains("interrupted"), "{}", stderr(&output));
+    let left = names(&out);
+    assert!(left.len() >= 4 && left.iter().all(|name| name.starts_with("tiny.")), "{left:?}");
+    for name in &left {
+        assert_eq!(image::read(&out.join(name)).unwrap().width, 12);
+    }
+}
