@@ -1,4 +1,18 @@
-//! A scene, resolved into plain values: what the renderer sees. `xml.rs` alone knows XML.
+//! A scene, resolved into plain values: what the renderer sees. `xml.rs` alone knows how to read XML.
+//!
+//! A file goes through `xml` (bytes to a tree), `check` (the tree against the `schema`), `document` (values, without files)
+//! and `resolve` (files read, defaults filled in); `write` goes back. The format: docs/scene-format.md.
+
+mod automatic;
+mod check;
+mod document;
+mod dom;
+mod error;
+mod paths;
+mod resolve;
+mod schema;
+mod write;
+mod xml;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,6 +23,9 @@ use crate::anim::{Interpolation, NodeAnimation};
 use crate::math::{Bounds, Trs};
 use crate::model::{ColourSpace, Material, Progress, Surfels};
 use crate::time::Shutter;
+
+pub use error::{Location, SceneError};
+pub use write::to_xml;
 
 /// A scene with everything loaded and every default filled in.
 #[derive(Clone, Debug)]
@@ -166,20 +183,6 @@ pub struct Object {
     pub bounds: Bounds,
 }
 
-/// Why a scene was refused.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SceneError {
-    /// The file could not be read.
-    #[error("cannot read scene {}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-}
-
 /// How scene files are read.
 #[derive(Clone, Copy, Default)]
 pub struct LoadOptions<'a> {
@@ -204,6 +207,11 @@ pub struct Loaded {
 ///
 /// # Errors
 /// The scene, or a file that it names, cannot be read or is not valid.
-pub fn load(path: &Path, _options: &LoadOptions<'_>) -> Result<Loaded, SceneError> {
-    Err(SceneError::Read { path: path.to_owned(), source: std::io::ErrorKind::Unsupported.into() })
+pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, SceneError> {
+    let source = xml::read(path)?;
+    let root = xml::parse(&source)?;
+    let notes = check::check(&source, &root, options.lenient)?;
+    let document = document::read(&source, &root)?;
+    drop(root);
+    resolve::resolve(&source, document, options, notes)
 }
