@@ -1,5 +1,7 @@
 //! Scene files: what loads, to which values, and what is refused with which words.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "helpers of tests may panic")]
+
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
@@ -8,7 +10,7 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 use proptest::prelude::*;
 use splatblur::anim::Interpolation;
-use splatblur::scene::{Light, LoadOptions, Loaded, Motion, Scene, SceneError, load, to_xml};
+use splatblur::scene::{Light, LoadOptions, Loaded, Motion, Scene, SceneError, load, to_xml, validate};
 use splatblur::time::Weight;
 
 const MODEL: &str = include_str!("data/scenes/m.ply");
@@ -416,7 +418,7 @@ fn structure_is_checked() {
 fn what_does_not_apply_is_refused() {
     refused(
         scene("", "<motion type='rotation' axis='0 1 0' degreesPerFrame='1' velocity='1 0 0'/>"),
-        "scene.xml:5:57: `velocity` does not apply to <motion> with type=\"rotation\" (it takes: type, axis, \
+        "scene.xml:5:58: `velocity` does not apply to <motion> with type=\"rotation\" (it takes: type, axis, \
          degreesPerFrame, centre)",
     );
     refused(
@@ -581,15 +583,33 @@ fn entities_are_not_expanded() {
 fn hostile_sizes_are_cheap() {
     refused("<a>".repeat(300_000), "scene.xml:1:49: deeper nesting, expected at most 16 elements inside each other");
     let attributes: String = (0..100_000).map(|i| format!(" a{i}=''")).collect();
-    refused(format!("<scene{attributes}/>"), "scene.xml:1:439: more attributes, expected at most 64 on one element");
+    refused(format!("<scene{attributes}/>"), "scene.xml:1:446: more attributes, expected at most 64 on one element");
     let long = "x".repeat(900_000);
     refused(
         format!("<{long}/>"),
         &format!("scene.xml:1:1: the root element `{}...`, expected <scene>", "x".repeat(60)),
     );
     refused(
-        format!("<scene><image width='{long}'/></scene>"),
-        &format!("scene.xml:1:15: `width` is `{}...`, expected a whole number from 1 to 65536", "x".repeat(60)),
+        scene(&format!("<image width='{long}'/>"), ""),
+        &format!("scene.xml:2:8: `width` is `{}...`, expected a whole number from 1 to 65536", "x".repeat(60)),
+    );
+}
+
+#[test]
+fn crowds_are_quick() {
+    // One line, so that positions are as costly as they get.
+    let object = "<object><pointModel>M.ply</pointModel><animation>a.anim</animation></object>";
+    let dir = Dir::new(format!("<scene>{}</scene>", object.repeat(13_000)));
+    let start = Instant::now();
+    let Loaded { scene, notes } = dir.load().unwrap();
+    assert!(start.elapsed() < Duration::from_secs(2), "{:?}", start.elapsed());
+    assert_eq!(scene.objects.len(), 13_000);
+    assert!(notes.len() < 10, "{}", notes.len());
+    let object = |i| format!("<object><pointModel radiusScale='1.{i}'>m.ply</pointModel></object>");
+    refused(
+        format!("<scene>{}</scene>", (10..43).map(object).collect::<String>()),
+        "scene.xml:1:2159: <pointModel> is variant 33 of the file m.ply, expected at most 32 pairs of `radiusScale` and \
+         `colourSpace` for one file",
     );
 }
 
@@ -597,11 +617,13 @@ fn hostile_sizes_are_cheap() {
 fn survives(bytes: &[u8]) -> Result<(), TestCaseError> {
     let dir = Dir::new(bytes);
     let start = Instant::now();
+    let valid = validate(&dir.path("scene.xml"), bytes, false).is_ok();
     for lenient in [false, true] {
         // Most are refused, some load: neither may panic. What loads must also come back.
         if let Ok(first) = dir.load_with(&LoadOptions { lenient, ..LoadOptions::default() }) {
             let again = Dir::new(to_xml(&first.scene, dir.0.path()));
             prop_assert!(again.load().is_ok());
+            prop_assert!(valid || lenient);
         }
     }
     prop_assert!(start.elapsed() < Duration::from_secs(2));

@@ -85,7 +85,7 @@ pub(super) fn read(source: &Source, root: &Element) -> Result<Document, SceneErr
     if let (Some(first), Some(last)) = (spec.first, spec.last)
         && first > last
     {
-        return Err(frames.bad("last", last, format!("at least `first`, {first}")));
+        return Err(frames.bad("last", &last, format!("at least `first`, {first}")));
     }
     let lights = root.children("light").map(|e| light(&Part::new(source, e, "light"))).collect::<Result<_, _>>()?;
     Ok(Document {
@@ -106,7 +106,7 @@ pub(super) fn read(source: &Source, root: &Element) -> Result<Document, SceneErr
 fn shutter(part: &Part<'_>) -> Result<Shutter, SceneError> {
     let (open, close) = (part.number("open")?, part.number("close")?);
     if open >= close {
-        return Err(part.bad("close", close, format!("more than `open`, {open}")));
+        return Err(part.bad("close", &close, format!("more than `open`, {open}")));
     }
     let weight = if let Some(curve) = part.element.child("curve") {
         drawn(part.source, curve)?
@@ -130,7 +130,7 @@ fn drawn(source: &Source, curve: &Element) -> Result<Weight, SceneError> {
         if let Some(&(before, _)) = points.last()
             && time <= before
         {
-            return Err(part.bad("time", time, format!("more than that of the point before, {before}")));
+            return Err(part.bad("time", &time, format!("more than that of the point before, {before}")));
         }
         points.push((time, weight));
     }
@@ -176,7 +176,7 @@ fn objects(source: &Source, root: &Element) -> Result<Vec<ObjectSpec>, SceneErro
         if let Some(name) = part.text("name")?
             && !taken.insert(name.clone())
         {
-            return Err(part.bad("name", quoted(&name), "a name that no other object has".to_owned()));
+            return Err(part.bad("name", &quoted(&name), "a name that no other object has".to_owned()));
         }
     }
     let named = |(i, element): (usize, &Element)| {
@@ -312,7 +312,7 @@ impl<'a> Part<'a> {
     fn parse<T>(&self, name: &str, f: impl FnOnce(&str, Kind) -> Option<T>) -> Result<Option<T>, SceneError> {
         let (value, row) = self.value(name)?;
         let Some(value) = value else { return Ok(None) };
-        f(value, row.kind).map(Some).ok_or_else(|| self.bad(name, quoted(value), row.kind.to_string()))
+        f(value, row.kind).map(Some).ok_or_else(|| self.bad(name, &quoted(value), row.kind.to_string()))
     }
 
     fn given(&self, name: &str) -> bool {
@@ -366,13 +366,13 @@ impl<'a> Part<'a> {
     }
 
     /// The error for a value that is not right.
-    fn bad(&self, name: &str, found: impl ToString, expected: String) -> SceneError {
+    fn bad(&self, name: &str, found: &dyn std::fmt::Display, expected: String) -> SceneError {
         let at = self.element.attribute(name).map_or(self.element.at, |a| a.at);
         let default = if self.given(name) { "" } else { " by default" };
         SceneError::BadValue {
             at: self.source.locate(at),
             what: format!("`{name}`"),
-            found: found.to_string() + default,
+            found: format!("{found}{default}"),
             expected,
         }
     }

@@ -133,12 +133,12 @@ pub struct AnimationBinding {
 /// `<motion>`: motion without a file, from frame 0 on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
-    /// Thesis: LinearAnimation.
+    /// Thesis: `LinearAnimation`.
     Linear {
         /// Scene units a frame.
         velocity: DVec3,
     },
-    /// Thesis: RotationalAnimation.
+    /// Thesis: `RotationalAnimation`.
     Rotation {
         /// Axis, unit length.
         axis: DVec3,
@@ -149,8 +149,8 @@ pub enum Motion {
     },
 }
 
-/// `<object>`. world_from_model = place * (motions in document order, the first applied first, or animation) * transform;
-/// with both an animation and motions, the animation is applied first.
+/// `<object>`. A point goes through `transform`, the animation, the motions in document order and `place`:
+/// `world_from_model` = place * motions, the last on the left * animation * transform.
 #[derive(Clone, Debug)]
 pub struct Object {
     /// Name, unique in the scene (default: `object1`, `object2`, ...).
@@ -208,10 +208,21 @@ pub struct Loaded {
 /// # Errors
 /// The scene, or a file that it names, cannot be read or is not valid.
 pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, SceneError> {
-    let source = xml::read(path)?;
+    let source = xml::decode(path, &xml::read(path)?)?;
     let root = xml::parse(&source)?;
     let notes = check::check(&source, &root, options.lenient)?;
     let document = document::read(&source, &root)?;
     drop(root);
     resolve::resolve(&source, document, options, notes)
+}
+
+/// Checks the bytes of a scene file without looking at the files that it names; gives the notes of `lenient`.
+///
+/// # Errors
+/// The bytes are not a valid scene; `path` stands for the file in the message.
+pub fn validate(path: &Path, bytes: &[u8], lenient: bool) -> Result<Vec<String>, SceneError> {
+    let source = xml::decode(path, bytes)?;
+    let root = xml::parse(&source)?;
+    let notes = check::check(&source, &root, lenient)?;
+    document::read(&source, &root).map(|_| notes)
 }

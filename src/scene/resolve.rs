@@ -23,8 +23,17 @@ pub(super) fn resolve(
     notes: Vec<String>,
 ) -> Result<Loaded, SceneError> {
     let finder = Finder::new(source, options.restrict)?;
-    let mut files =
-        Files { source, finder, options, notes, models: HashMap::new(), animations: HashMap::new(), rate: None };
+    let mut files = Files {
+        source,
+        finder,
+        options,
+        notes,
+        found: HashMap::new(),
+        models: HashMap::new(),
+        variants: HashMap::new(),
+        animations: HashMap::new(),
+        rate: None,
+    };
     let objects = document.objects.into_iter().map(|o| files.object(o)).collect::<Result<Vec<_>, _>>()?;
     let camera_binding = match document.camera.as_ref().and_then(|c| c.animation.as_ref()) {
         Some(spec) => Some(files.bind(spec)?),
@@ -115,6 +124,9 @@ fn camera(
     Ok(camera)
 }
 
+/// Most copies of one model file that differ in radius scale or colour space: a small scene must not fill the memory.
+const MOST_VARIANTS: usize = 32;
+
 /// What two objects share if they name it alike: file, radius scale (its bits) and colour space.
 type ModelKey = (PathBuf, u64, Option<bool>);
 
@@ -132,7 +144,11 @@ struct Files<'a> {
     finder: Finder<'a>,
     options: &'a LoadOptions<'a>,
     notes: Vec<String>,
+    /// By the text that names them.
+    found: HashMap<String, PathBuf>,
     models: HashMap<ModelKey, Model>,
+    /// How often each file was read as a model.
+    variants: HashMap<PathBuf, usize>,
     animations: HashMap<PathBuf, Arc<Animation>>,
     /// Where the first animation is named, and its file's rate.
     rate: Option<(usize, f64)>,
@@ -162,12 +178,12 @@ impl Files<'_> {
     }
 
     fn find(&mut self, file: &FileRef) -> Result<PathBuf, SceneError> {
-        let (path, note) = self.finder.find(file)?;
-        if let Some(note) = note
-            && !self.notes.contains(&note)
-        {
-            self.notes.push(note);
+        if let Some(path) = self.found.get(&file.text) {
+            return Ok(path.clone());
         }
+        let (path, note) = self.finder.find(file)?;
+        self.notes.extend(note);
+        self.found.insert(file.text.clone(), path.clone());
         Ok(path)
     }
 
@@ -176,6 +192,16 @@ impl Files<'_> {
         let key = (canonical(path), spec.options.radius_scale.to_bits(), linear);
         if let Some(model) = self.models.get(&key) {
             return Ok(model.clone());
+        }
+        let variants = self.variants.entry(key.0.clone()).or_default();
+        *variants += 1;
+        if *variants > MOST_VARIANTS {
+            return Err(SceneError::BadValue {
+                at: self.source.locate(spec.model.at),
+                what: "<pointModel>".to_owned(),
+                found: format!("variant {variants} of the file {}", path.display()),
+                expected: format!("at most {MOST_VARIANTS} pairs of `radiusScale` and `colourSpace` for one file"),
+            });
         }
         let silent = |_: &str, _: f32| {};
         let progress = self.options.progress.unwrap_or(&silent);
@@ -190,8 +216,8 @@ impl Files<'_> {
 
     fn bind(&mut self, spec: &AnimationSpec) -> Result<AnimationBinding, SceneError> {
         let path = self.find(&spec.file)?;
-        let at = self.source.locate(spec.file.at);
-        let refuse = |e| SceneError::Animation { at, source: Box::new(e) };
+        let source = self.source;
+        let refuse = |e| SceneError::Animation { at: source.locate(spec.file.at), source: Box::new(e) };
         let key = canonical(&path);
         let animation = if let Some(animation) = self.animations.get(&key) {
             Arc::clone(animation)
@@ -223,6 +249,7 @@ fn spatially_ordered(surfels: Surfels) -> Surfels {
 }
 
 /// Stand-in for `Animation::node` until the animation loader is merged.
+#[expect(clippy::unnecessary_wraps, reason = "has the signature of what it stands in for")]
 fn choose_node(animation: &Animation, name: Option<&str>) -> Result<Arc<NodeAnimation>, AnimError> {
     let mut nodes = animation.nodes.iter();
     let found = name.map_or_else(|| nodes.next(), |name| animation.nodes.iter().find(|n| n.name == name));

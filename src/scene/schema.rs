@@ -42,7 +42,7 @@ impl Occurs {
 }
 
 /// An attribute. One name may have several rows, each for other values of the selector.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct AttributeSchema {
     pub(super) name: &'static str,
     pub(super) kind: Kind,

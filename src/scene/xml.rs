@@ -8,6 +8,7 @@ use std::io::Read;
 use std::path::Path;
 
 use encoding_rs::{DecoderResult, Encoding, UTF_8};
+use quick_xml::errors::IllFormedError;
 use quick_xml::escape::EscapeError;
 use quick_xml::events::attributes::AttrError;
 use quick_xml::events::{BytesStart, Event};
@@ -17,14 +18,14 @@ use super::dom::{Attribute, Element, Source};
 use super::error::{SceneError, quoted};
 
 /// Most bytes of a scene file.
-pub(super) const MOST_BYTES: u64 = 1_000_000;
+const MOST_BYTES: u64 = 1_000_000;
 /// Most elements inside each other; a scene has four.
 const MOST_DEPTH: usize = 16;
 /// Most attributes of one element; scenes use at most seven.
 const MOST_ATTRIBUTES: usize = 64;
 
-/// Reads a scene file into text.
-pub(super) fn read(path: &Path) -> Result<Source, SceneError> {
+/// Reads a scene file.
+pub(super) fn read(path: &Path) -> Result<Vec<u8>, SceneError> {
     let fail = |source| SceneError::Read { path: path.to_owned(), source };
     // Looked at before it is opened, because opening a pipe waits for its writer.
     let kind = fs::metadata(path).map_err(fail)?.file_type();
@@ -36,7 +37,7 @@ pub(super) fn read(path: &Path) -> Result<Source, SceneError> {
     if bytes.len() as u64 > MOST_BYTES {
         return Err(SceneError::TooLarge { path: path.to_owned(), limit: MOST_BYTES });
     }
-    decode(path, &bytes)
+    Ok(bytes)
 }
 
 /// What is there instead of a regular file.
@@ -251,8 +252,7 @@ impl Tree<'_> {
     /// An attribute that quick-xml refuses; its positions count from behind the `<`.
     fn bad_attribute(&self, tag: usize, error: &AttrError) -> SceneError {
         let (at, found) = match *error {
-            AttrError::ExpectedEq(at) => (at, "an attribute without a value"),
-            AttrError::ExpectedValue(at) => (at, "an attribute without a value"),
+            AttrError::ExpectedEq(at) | AttrError::ExpectedValue(at) => (at, "an attribute without a value"),
             AttrError::UnquotedValue(at) => (at, "an attribute value without quotes"),
             AttrError::ExpectedQuote(at, _) => (at, "an attribute value without its closing quote"),
             AttrError::Duplicated(at, _) => (at, "an attribute that was there before"),
@@ -268,13 +268,10 @@ impl Tree<'_> {
             _ => "well-formed XML".to_owned(),
         };
         let found = match error {
-            Error::IllFormed(quick_xml::errors::IllFormedError::MismatchedEndTag { found, .. })
-            | Error::IllFormed(quick_xml::errors::IllFormedError::UnmatchedEndTag(found)) => {
-                format!("</{}>", short(found))
-            }
-            Error::IllFormed(quick_xml::errors::IllFormedError::UnclosedReference) => {
-                return self.entity(at, "&");
-            }
+            Error::IllFormed(
+                IllFormedError::MismatchedEndTag { found, .. } | IllFormedError::UnmatchedEndTag(found),
+            ) => format!("</{}>", short(found)),
+            Error::IllFormed(IllFormedError::UnclosedReference) => return self.entity(at, "&"),
             other => other.to_string(),
         };
         self.syntax(at, found, expected)
