@@ -145,7 +145,99 @@ impl Grid {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use super::super::{ImageSettings, Motion, Object};
     use super::*;
+    use crate::math::Trs;
+    use crate::pose::camera_from_world;
+    use crate::time::Shutter;
+
+    /// A scene with one object that fills a box around (3, 1, -2).
+    fn boxed(motion: Motion, image: (u32, u32), transform: Trs) -> Scene {
+        let centre = DVec3::new(3.0, 1.0, -2.0);
+        let half = DVec3::new(1.0, 0.5, 0.25);
+        let object = Object {
+            name: String::new(),
+            model_path: "m".into(),
+            model: Arc::default(),
+            radius_scale: 1.0,
+            colour_space: None,
+            transform,
+            animation: None,
+            motions: vec![motion],
+            place: Trs::default(),
+            material: None,
+            epsilon: None,
+            blur: true,
+            median_radius: 0.01,
+            bounds: [centre - half, centre + half].into_iter().collect(),
+        };
+        Scene {
+            name: String::new(),
+            image: ImageSettings { width: image.0, height: image.1, ..ImageSettings::default() },
+            frames: FrameRange { first: 0, last: 24, rate: 24.0 },
+            shutter: Shutter::default(),
+            camera: camera_at(DVec3::ZERO),
+            lights: Vec::new(),
+            objects: vec![object],
+        }
+    }
+
+    fn camera_at(eye: DVec3) -> Camera {
+        Camera { eye, at: eye - DVec3::Z, up: DVec3::Y, fovy: 1.0, near: 0.01, animation: None, automatic: false }
+    }
+
+    #[test]
+    fn the_camera_sees_all_and_is_not_far_away() {
+        let still = Motion::Linear { velocity: DVec3::ZERO };
+        let far = Motion::Linear { velocity: DVec3::new(0.5, 0.25, -1.0) };
+        let turn = Motion::Rotation { axis: DVec3::Z, per_frame: 0.26, centre: DVec3::X };
+        let scaled = |scale: f64| Trs { scale: DVec3::splat(scale), ..Trs::default() };
+        let away = Trs { translate: DVec3::new(5e6, -2e6, 1e6), ..Trs::default() };
+        for (motion, image, transform) in [
+            (still, (640, 480), Trs::default()),
+            (far, (1000, 100), Trs::default()),
+            (turn, (100, 900), Trs::default()),
+            (still, (640, 480), scaled(1e-4)),
+            (still, (640, 480), scaled(-1e5)),
+            (turn, (640, 480), away),
+        ] {
+            let mut scene = boxed(motion, image, transform);
+            scene.camera = camera(&scene, None);
+            let tan = (0.5 * scene.camera.fovy).tan();
+            let aspect = f64::from(image.0) / f64::from(image.1);
+            let (mut widest, mut highest) = (0.0_f64, 0.0_f64);
+            for i in -1..=97 {
+                let time = f64::from(i) / 4.0;
+                let pose = object_pose(&scene, &scene.objects[0], time);
+                let view = camera_from_world(&scene, time) * pose.world_from_model;
+                for corner in scene.objects[0].bounds.corners() {
+                    let p = view.transform_point3(corner);
+                    assert!(-p.z > scene.camera.near, "{p} {:?}", scene.camera);
+                    widest = widest.max(p.x.abs() / (-p.z * tan * aspect));
+                    highest = highest.max(p.y.abs() / (-p.z * tan));
+                }
+            }
+            let most = widest.max(highest);
+            assert!(most < 1.0 && most > 0.4, "{most} {:?}", scene.camera);
+        }
+    }
+
+    #[test]
+    fn a_given_eye_or_target_is_kept() {
+        let scene = boxed(Motion::Linear { velocity: DVec3::ZERO }, (640, 480), Trs::default());
+        let spec =
+            |eye, target| CameraSpec { at: 0, eye, target, up: DVec3::Y, fovy: 0.5, near: Some(0.2), animation: None };
+        let eye = DVec3::new(10.0, 10.0, 10.0);
+        let from_eye = camera(&scene, Some(&spec(Some(eye), None)));
+        assert_eq!((from_eye.eye, from_eye.at), (eye, DVec3::new(3.0, 1.0, -2.0)));
+        assert_eq!((from_eye.fovy, from_eye.near, from_eye.automatic), (0.5, 0.2, true));
+        let target = DVec3::new(3.0, 1.5, -2.0);
+        let to_target = camera(&scene, Some(&spec(None, Some(target))));
+        assert_eq!((to_target.at, to_target.eye.x, to_target.eye.y), (target, 3.0, 1.5));
+        assert!(to_target.eye.z > 0.0);
+    }
 
     fn of(spec: &FramesSpec, keys: &[(f64, f64)], rate: Option<f64>, moving: bool) -> (i64, i64, f64) {
         let f = frames(spec, keys.iter().copied(), rate, moving);
