@@ -1,6 +1,6 @@
 //! A scene, resolved into plain values: what the renderer sees. `xml.rs` alone knows how to read XML.
 //!
-//! A file goes through `xml` (bytes to a tree), `check` (the tree against the `schema`), `document` (values, without files)
+//! A file goes through `xml` (bytes to a tree), `check` (the tree against the `schema`), `document` (`values`, without files)
 //! and `resolve` (files read, defaults filled in); `write` goes back. The format: docs/scene-format.md.
 
 mod automatic;
@@ -11,6 +11,7 @@ mod error;
 mod paths;
 mod resolve;
 mod schema;
+mod values;
 mod write;
 mod xml;
 

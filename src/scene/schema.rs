@@ -1,6 +1,7 @@
 //! The language of scene files: one table of every element and attribute, and the structural check against it.
 //!
 //! The same table writes the `it takes: ...` of errors, supplies the defaults and is held against docs/scene-format.md.
+//! A long file, because a table that is split is no longer one table.
 
 /// An element.
 #[derive(Debug)]
