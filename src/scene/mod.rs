@@ -1,4 +1,19 @@
-//! A scene, resolved into plain values: what the renderer sees. `xml.rs` alone knows XML.
+//! A scene, resolved into plain values: what the renderer sees. `xml.rs` alone knows how to read XML.
+//!
+//! A file goes through `xml` (bytes to a tree), `check` (the tree against the `schema`), `document` (`values`, without files)
+//! and `resolve` (files read, defaults filled in); `write` goes back. The format: docs/scene-format.md.
+
+mod automatic;
+mod check;
+mod document;
+mod dom;
+mod error;
+mod paths;
+mod resolve;
+mod schema;
+mod values;
+mod write;
+mod xml;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,6 +24,9 @@ use crate::anim::{Interpolation, NodeAnimation};
 use crate::math::{Bounds, Trs};
 use crate::model::{ColourSpace, Material, Progress, Surfels};
 use crate::time::Shutter;
+
+pub use error::{Location, SceneError};
+pub use write::to_xml;
 
 /// A scene with everything loaded and every default filled in.
 #[derive(Clone, Debug)]
@@ -116,12 +134,12 @@ pub struct AnimationBinding {
 /// `<motion>`: motion without a file, from frame 0 on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
-    /// Thesis: LinearAnimation.
+    /// Thesis: `LinearAnimation`.
     Linear {
         /// Scene units a frame.
         velocity: DVec3,
     },
-    /// Thesis: RotationalAnimation.
+    /// Thesis: `RotationalAnimation`.
     Rotation {
         /// Axis, unit length.
         axis: DVec3,
@@ -132,8 +150,8 @@ pub enum Motion {
     },
 }
 
-/// `<object>`. world_from_model = place * (motions in document order, the first applied first, or animation) * transform;
-/// with both an animation and motions, the animation is applied first.
+/// `<object>`. A point goes through `transform`, the animation, the motions in document order and `place`:
+/// `world_from_model` = place * motions, the last on the left * animation * transform.
 #[derive(Clone, Debug)]
 pub struct Object {
     /// Name, unique in the scene (default: `object1`, `object2`, ...).
@@ -166,20 +184,6 @@ pub struct Object {
     pub bounds: Bounds,
 }
 
-/// Why a scene was refused.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SceneError {
-    /// The file could not be read.
-    #[error("cannot read scene {}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-}
-
 /// How scene files are read.
 #[derive(Clone, Copy, Default)]
 pub struct LoadOptions<'a> {
@@ -204,6 +208,22 @@ pub struct Loaded {
 ///
 /// # Errors
 /// The scene, or a file that it names, cannot be read or is not valid.
-pub fn load(path: &Path, _options: &LoadOptions<'_>) -> Result<Loaded, SceneError> {
-    Err(SceneError::Read { path: path.to_owned(), source: std::io::ErrorKind::Unsupported.into() })
+pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, SceneError> {
+    let source = xml::decode(path, &xml::read(path)?)?;
+    let root = xml::parse(&source)?;
+    let notes = check::check(&source, &root, options.lenient)?;
+    let document = document::read(&source, &root)?;
+    drop(root);
+    resolve::resolve(&source, document, options, notes)
+}
+
+/// Checks the bytes of a scene file without looking at the files that it names; gives the notes of `lenient`.
+///
+/// # Errors
+/// The bytes are not a valid scene; `path` stands for the file in the message.
+pub fn validate(path: &Path, bytes: &[u8], lenient: bool) -> Result<Vec<String>, SceneError> {
+    let source = xml::decode(path, bytes)?;
+    let root = xml::parse(&source)?;
+    let notes = check::check(&source, &root, lenient)?;
+    document::read(&source, &root).map(|_| notes)
 }

@@ -1,0 +1,271 @@
+//! A checked tree to plain values that need no file.
+
+use glam::DVec3;
+
+use super::dom::{Element, Source};
+use super::error::{SceneError, quoted};
+use super::values::Part;
+use super::{ImageSettings, Light, Motion};
+use crate::anim::Interpolation;
+use crate::math::{RotateOrder, Trs};
+use crate::model::{self, ColourSpace, Material};
+use crate::time::{Shutter, Weight};
+
+/// A scene before its files are read.
+#[derive(Debug)]
+pub(super) struct Document {
+    pub(super) image: ImageSettings,
+    pub(super) frames: FramesSpec,
+    pub(super) shutter: Shutter,
+    /// `None`: the scene has no <camera>.
+    pub(super) camera: Option<CameraSpec>,
+    pub(super) lights: Vec<Light>,
+    pub(super) objects: Vec<ObjectSpec>,
+}
+
+/// `<frames>`, what of it is given.
+#[derive(Debug, Default)]
+pub(super) struct FramesSpec {
+    pub(super) first: Option<i64>,
+    pub(super) last: Option<i64>,
+    pub(super) rate: Option<f64>,
+}
+
+#[derive(Debug)]
+pub(super) struct CameraSpec {
+    pub(super) at: usize,
+    pub(super) eye: Option<DVec3>,
+    pub(super) target: Option<DVec3>,
+    pub(super) up: DVec3,
+    /// Radians.
+    pub(super) fovy: f64,
+    pub(super) near: Option<f64>,
+    pub(super) animation: Option<AnimationSpec>,
+}
+
+/// A file that the scene names.
+#[derive(Debug)]
+pub(super) struct FileRef {
+    pub(super) text: String,
+    pub(super) at: usize,
+}
+
+#[derive(Debug)]
+pub(super) struct AnimationSpec {
+    pub(super) file: FileRef,
+    pub(super) interpolation: Interpolation,
+    pub(super) node: Option<String>,
+}
+
+#[derive(Debug)]
+pub(super) struct ObjectSpec {
+    pub(super) name: String,
+    pub(super) blur: bool,
+    pub(super) epsilon: Option<f64>,
+    pub(super) model: FileRef,
+    pub(super) options: model::LoadOptions,
+    pub(super) transform: Trs,
+    pub(super) animation: Option<AnimationSpec>,
+    pub(super) motions: Vec<Motion>,
+    pub(super) place: Trs,
+    pub(super) material: Option<Material>,
+}
+
+/// Reads a checked tree.
+pub(super) fn read(source: &Source, root: &Element) -> Result<Document, SceneError> {
+    let absent = Element { at: root.at, ..Element::default() };
+    let part = |name: &'static str| Part::new(source, root.child(name).unwrap_or(&absent), name);
+    let (image, frames) = (part("image"), part("frames"));
+    let spec = FramesSpec {
+        first: frames.integer("first")?,
+        last: frames.integer("last")?,
+        rate: frames.optional_number("rate")?,
+    };
+    if let (Some(first), Some(last)) = (spec.first, spec.last)
+        && first > last
+    {
+        return Err(frames.bad("last", &last, format!("at least `first`, {first}")));
+    }
+    let lights = root.children("light").map(|e| light(&Part::new(source, e, "light"))).collect::<Result<_, _>>()?;
+    Ok(Document {
+        image: ImageSettings {
+            width: image.integer("width")?.unwrap_or_default() as u32,
+            height: image.integer("height")?.unwrap_or_default() as u32,
+            background: image.vector("background")?,
+            transparent: image.boolean("transparent")?,
+        },
+        frames: spec,
+        shutter: shutter(&part("shutter"))?,
+        camera: root.child("camera").map(|e| camera(&Part::new(source, e, "camera"))).transpose()?,
+        lights,
+        objects: objects(source, root)?,
+    })
+}
+
+fn shutter(part: &Part<'_>) -> Result<Shutter, SceneError> {
+    let (open, close) = (part.number("open")?, part.number("close")?);
+    if open >= close {
+        return Err(part.bad("close", &close, format!("more than `open`, {open}")));
+    }
+    let weight = if let Some(curve) = part.element.child("curve") {
+        drawn(part.source, curve)?
+    } else {
+        match part.choice("weight")?.as_deref() {
+            Some("tent") => Weight::Tent,
+            Some("ramp") => Weight::Ramp { centre: part.number("centre")? },
+            Some("exponential") => Weight::Exponential { rate: part.number("rate")?, centre: part.number("centre")? },
+            Some("gaussian") => Weight::Gaussian { centre: part.number("centre")?, width: part.number("width")? },
+            _ => Weight::Box,
+        }
+    };
+    Ok(Shutter { open, close, weight })
+}
+
+fn drawn(source: &Source, curve: &Element) -> Result<Weight, SceneError> {
+    let mut points: Vec<(f64, f64)> = Vec::new();
+    for element in curve.children("point") {
+        let part = Part::new(source, element, "point");
+        let (time, weight) = (part.number("time")?, part.number("weight")?);
+        if let Some(&(before, _)) = points.last()
+            && time <= before
+        {
+            return Err(part.bad("time", &time, format!("more than that of the point before, {before}")));
+        }
+        points.push((time, weight));
+    }
+    let weight = Weight::Curve(points);
+    // Weights that are all 0, or so nearly that their integral is, cannot be normalised.
+    if (weight.integral(0.0, 1.0) - 1.0).abs() < 1e-9 {
+        return Ok(weight);
+    }
+    Err(SceneError::BadValue {
+        at: source.locate(curve.at),
+        what: "the area under <curve>".to_owned(),
+        found: "0".to_owned(),
+        expected: "some weight above 0".to_owned(),
+    })
+}
+
+fn camera(part: &Part<'_>) -> Result<CameraSpec, SceneError> {
+    Ok(CameraSpec {
+        at: part.element.at,
+        eye: part.optional_vector("eye")?,
+        target: part.optional_vector("at")?,
+        up: part.vector("up")?,
+        fovy: part.number("fovy")?.to_radians(),
+        near: part.given("near").then(|| part.number("near")).transpose()?,
+        animation: animation(part)?,
+    })
+}
+
+fn light(part: &Part<'_>) -> Result<Light, SceneError> {
+    let kind = part.choice("type")?;
+    let colour = part.vector("colour")? * part.number("intensity")?;
+    Ok(match kind.as_deref() {
+        Some("point") => Light::Point { position: part.vector("position")?, colour },
+        Some("ambient") => Light::Ambient { colour },
+        _ => Light::Directional { direction: unit(part.vector("direction")?), colour },
+    })
+}
+
+fn objects(source: &Source, root: &Element) -> Result<Vec<ObjectSpec>, SceneError> {
+    let mut taken = std::collections::HashSet::new();
+    for element in root.children("object") {
+        let part = Part::new(source, element, "object");
+        if let Some(name) = part.text("name")?
+            && !taken.insert(name.clone())
+        {
+            return Err(part.bad("name", &quoted(&name), "a name that no other object has".to_owned()));
+        }
+    }
+    let named = |(i, element): (usize, &Element)| {
+        let part = Part::new(source, element, "object");
+        let name = part.text("name")?.unwrap_or_else(|| {
+            let name = format!("object{}", i + 1);
+            // Another object may have been given just this name.
+            if taken.contains(&name) { free_name(&name, &taken) } else { name }
+        });
+        object(&part, name)
+    };
+    root.children("object").enumerate().map(named).collect()
+}
+
+/// `name` with the first suffix that makes it free.
+fn free_name(name: &str, taken: &std::collections::HashSet<String>) -> String {
+    let mut candidate = format!("{name}_");
+    while taken.contains(&candidate) {
+        candidate.push('_');
+    }
+    candidate
+}
+
+fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
+    let absent = Element { at: part.element.at, ..Element::default() };
+    let inside = |name: &'static str| Part::new(part.source, part.element.child(name).unwrap_or(&absent), name);
+    let model = inside("pointModel");
+    let colour_space = model.choice("colourSpace")?.map(|word| match word.as_str() {
+        "linear" => ColourSpace::Linear,
+        _ => ColourSpace::Srgb,
+    });
+    let motions = part.element.children("motion").map(|e| motion(&Part::new(part.source, e, "motion")));
+    let material = part.element.child("material").map(|e| material(&Part::new(part.source, e, "material")));
+    Ok(ObjectSpec {
+        name,
+        blur: part.boolean("blur")?,
+        epsilon: part.optional_number("epsilon")?,
+        model: model.file(),
+        options: model::LoadOptions { radius_scale: model.number("radiusScale")?, colour_space },
+        transform: placement(&inside("transform"))?,
+        animation: animation(part)?,
+        motions: motions.collect::<Result<_, _>>()?,
+        place: placement(&inside("place"))?,
+        material: material.transpose()?,
+    })
+}
+
+fn animation(parent: &Part<'_>) -> Result<Option<AnimationSpec>, SceneError> {
+    let Some(element) = parent.element.child("animation") else { return Ok(None) };
+    let part = Part::new(parent.source, element, "animation");
+    let interpolation = match part.choice("interpolation")?.as_deref() {
+        Some("linear") => Interpolation::Linear,
+        Some("spline") => Interpolation::Spline,
+        _ => Interpolation::Maya,
+    };
+    Ok(Some(AnimationSpec { file: part.file(), interpolation, node: part.text("node")? }))
+}
+
+fn motion(part: &Part<'_>) -> Result<Motion, SceneError> {
+    Ok(match part.choice("type")?.as_deref() {
+        Some("linear") => Motion::Linear { velocity: part.vector("velocity")? },
+        _ => Motion::Rotation {
+            axis: unit(part.vector("axis")?),
+            per_frame: part.number("degreesPerFrame")?.to_radians(),
+            centre: part.vector("centre")?,
+        },
+    })
+}
+
+fn placement(part: &Part<'_>) -> Result<Trs, SceneError> {
+    let degrees = part.vector("rotate")?;
+    let rotate = DVec3::new(degrees.x.to_radians(), degrees.y.to_radians(), degrees.z.to_radians());
+    let (translate, scale) = (part.vector("translate")?, part.vector("scale")?);
+    Ok(Trs { translate, rotate, scale, order: RotateOrder::Xyz })
+}
+
+fn material(part: &Part<'_>) -> Result<Material, SceneError> {
+    let number = |name| part.number(name).map(|x| x as f32);
+    Ok(Material {
+        ambient: number("ambient")?,
+        diffuse: number("diffuse")?,
+        specular: number("specular")?,
+        shininess: number("shininess")?,
+    })
+}
+
+/// `v` at length 1. A vector that has it to rounding is kept as it is, so that what was written loads back.
+pub(super) fn unit(v: DVec3) -> DVec3 {
+    if (v.length_squared() - 1.0).abs() < 1e-14 {
+        return v;
+    }
+    v / v.length()
+}

@@ -1,0 +1,451 @@
+//! The language of scene files: one table of every element and attribute, and the structural check against it.
+//!
+//! The same table writes the `it takes: ...` of errors, supplies the defaults and is held against docs/scene-format.md.
+//! A long file, because a table that is split is no longer one table.
+
+/// An element.
+#[derive(Debug)]
+pub(super) struct ElementSchema {
+    pub(super) name: &'static str,
+    /// What its text is; elements without are empty or hold elements.
+    pub(super) text: Option<&'static str>,
+    /// The attribute that decides which others apply, if any.
+    pub(super) selector: Option<&'static str>,
+    pub(super) attributes: &'static [AttributeSchema],
+    pub(super) children: &'static [Child],
+}
+
+/// An element inside another.
+#[derive(Debug)]
+pub(super) struct Child {
+    pub(super) name: &'static str,
+    pub(super) occurs: Occurs,
+}
+
+/// How often a child may be there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Occurs {
+    One,
+    AtMostOne,
+    AtLeastOne,
+    Any,
+}
+
+impl Occurs {
+    pub(super) const fn describe(self) -> &'static str {
+        match self {
+            Self::One => "exactly one",
+            Self::AtMostOne => "at most one",
+            Self::AtLeastOne => "at least one",
+            Self::Any => "any number",
+        }
+    }
+}
+
+/// An attribute. One name may have several rows, each for other values of the selector.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AttributeSchema {
+    pub(super) name: &'static str,
+    pub(super) kind: Kind,
+    pub(super) default: Absent,
+    /// Values of the selector that it applies to; empty: all.
+    pub(super) only: &'static [&'static str],
+    /// Meaning and unit.
+    pub(super) meaning: &'static str,
+}
+
+/// What a value may be.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Kind {
+    /// Text, not empty, without control characters.
+    Text,
+    Boolean,
+    Choice(&'static [&'static str]),
+    Integer(i64, i64),
+    Number(Range),
+    /// Three numbers.
+    Vector(Range),
+    /// Three numbers, not all 0.
+    Direction,
+    /// One number for all axes, or three; none 0.
+    Scale,
+}
+
+/// Bounds of a number, both included.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Range(pub(super) f64, pub(super) f64);
+
+/// What an absent attribute means.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Absent {
+    Required,
+    Value(&'static str),
+    /// Worked out from the rest of the scene, as said here.
+    Auto(#[cfg_attr(not(test), expect(dead_code, reason = "for docs/scene-format.md alone"))] &'static str),
+}
+
+/// Largest coordinate: its square is far from the largest `f64`.
+pub(super) const FAR: f64 = 1e30;
+const COORDINATE: Range = Range(-FAR, FAR);
+const LIGHT: Range = Range(0.0, 1e6);
+/// A power of two, so that `write.rs` can split any allowed radiance into colour and intensity without rounding.
+pub(super) const MOST_INTENSITY: f64 = 1_048_576.0;
+const FRAME: Kind = Kind::Integer(-1_000_000_000, 1_000_000_000);
+const PIXELS: Kind = Kind::Integer(1, 65_536);
+const UNIT: Range = Range(0.0, 1.0);
+const DEGREES: Range = Range(-1e9, 1e9);
+
+impl Range {
+    pub(super) fn holds(self, x: f64) -> bool {
+        (self.0..=self.1).contains(&x)
+    }
+}
+
+impl std::fmt::Display for Range {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        // `Debug` writes large and small numbers as powers of ten.
+        let text = |x: f64| format!("{x:?}").trim_end_matches(".0").to_owned();
+        write!(f, "from {} to {}", text(self.0), text(self.1))
+    }
+}
+
+impl std::fmt::Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Text => f.write_str("text without control characters"),
+            Self::Boolean => f.write_str("true or false"),
+            Self::Choice(words) => f.write_str(&words.join(", ")),
+            Self::Integer(lo, hi) => write!(f, "a whole number from {lo} to {hi}"),
+            Self::Number(range) => write!(f, "a number {range}"),
+            Self::Vector(range) => write!(f, "three numbers {range}"),
+            Self::Direction => f.write_str("three numbers, length from 1e-9 to 1e30"),
+            Self::Scale => f.write_str("one number or three, each from 1e-9 to 1e9 or the negative of that"),
+        }
+    }
+}
+
+const fn row(name: &'static str, kind: Kind, default: Absent, meaning: &'static str) -> AttributeSchema {
+    AttributeSchema { name, kind, default, only: &[], meaning }
+}
+
+const fn only(only: &'static [&'static str], row: AttributeSchema) -> AttributeSchema {
+    AttributeSchema { only, ..row }
+}
+
+const fn child(name: &'static str, occurs: Occurs) -> Child {
+    Child { name, occurs }
+}
+
+const PLACEMENT: &[AttributeSchema] = &[
+    row("translate", Kind::Vector(COORDINATE), Absent::Value("0 0 0"), "translation, scene units; applied last"),
+    row("rotate", Kind::Vector(DEGREES), Absent::Value("0 0 0"), "rotation about x, then y, then z, degrees"),
+    row("scale", Kind::Scale, Absent::Value("1"), "scale along the axes; applied first"),
+];
+
+use Absent::{Auto, Required, Value};
+use Occurs::{Any, AtLeastOne, AtMostOne, One};
+
+/// Every element; the root first.
+pub(super) static ELEMENTS: &[ElementSchema] = &[
+    ElementSchema {
+        name: "scene",
+        text: None,
+        selector: None,
+        attributes: &[],
+        children: &[
+            child("image", AtMostOne),
+            child("frames", AtMostOne),
+            child("shutter", AtMostOne),
+            child("camera", AtMostOne),
+            child("light", Any),
+            child("object", AtLeastOne),
+        ],
+    },
+    ElementSchema {
+        name: "image",
+        text: None,
+        selector: None,
+        attributes: &[
+            row("width", PIXELS, Value("1024"), "width, pixels"),
+            row("height", PIXELS, Value("768"), "height, pixels"),
+            row("background", Kind::Vector(LIGHT), Value("0 0 0"), "background, linear red green blue"),
+            row("transparent", Kind::Boolean, Value("false"), "leave the background out and keep alpha"),
+        ],
+        children: &[],
+    },
+    ElementSchema {
+        name: "frames",
+        text: None,
+        selector: None,
+        attributes: &[
+            row("first", FRAME, Auto("the first key of the animations, see below"), "first frame"),
+            row("last", FRAME, Auto("the last key of the animations, see below"), "last frame, included"),
+            row(
+                "rate",
+                Kind::Number(Range(0.001, 1e6)),
+                Auto("that of the first animation file, else 24"),
+                "frames per second",
+            ),
+        ],
+        children: &[],
+    },
+    ElementSchema {
+        name: "shutter",
+        text: None,
+        selector: Some("weight"),
+        attributes: &[
+            row("open", Kind::Number(Range(-1e6, 1e6)), Value("-0.25"), "opening, frames after the frame number"),
+            row("close", Kind::Number(Range(-1e6, 1e6)), Value("0.25"), "closing, likewise; after `open`"),
+            row(
+                "weight",
+                Kind::Choice(&["box", "tent", "ramp", "exponential", "gaussian"]),
+                Value("box"),
+                "time weight; not with a <curve>",
+            ),
+            only(
+                &["ramp", "exponential"],
+                row("centre", Kind::Number(UNIT), Value("1"), "time of the peak, 0 at `open`, 1 at `close`"),
+            ),
+            only(
+                &["gaussian"],
+                row("centre", Kind::Number(UNIT), Value("0.5"), "time of the peak, 0 at `open`, 1 at `close`"),
+            ),
+            only(&["exponential"], row("rate", Kind::Number(Range(0.001, 1000.0)), Value("3"), "decay per shutter")),
+            only(
+                &["gaussian"],
+                row("width", Kind::Number(Range(0.001, 1000.0)), Value("0.2"), "standard deviation, shutters"),
+            ),
+        ],
+        children: &[child("curve", AtMostOne)],
+    },
+    ElementSchema {
+        name: "curve",
+        text: None,
+        selector: None,
+        attributes: &[],
+        children: &[child("point", AtLeastOne)],
+    },
+    ElementSchema {
+        name: "point",
+        text: None,
+        selector: None,
+        attributes: &[
+            row("time", Kind::Number(UNIT), Required, "0 at `open`, 1 at `close`; after the point before"),
+            row("weight", Kind::Number(LIGHT), Required, "weight there, linear in between; not all 0"),
+        ],
+        children: &[],
+    },
+    ElementSchema {
+        name: "camera",
+        text: None,
+        selector: None,
+        attributes: &[
+            row("eye", Kind::Vector(COORDINATE), Auto("in front (+z) of `at`, all objects in view"), "eye point"),
+            row("at", Kind::Vector(COORDINATE), Auto("middle of the box round all motion"), "point looked at"),
+            row("up", Kind::Direction, Value("0 1 0"), "up direction, not along the view"),
+            row("fovy", Kind::Number(Range(1e-6, 179.999)), Value("40"), "vertical field of view, degrees"),
+            row("near", Kind::Number(Range(1e-9, FAR)), Value("0.01"), "nearest visible depth, scene units"),
+        ],
+        children: &[child("animation", AtMostOne)],
+    },
+    ElementSchema {
+        name: "light",
+        text: None,
+        selector: Some("type"),
+        attributes: &[
+            row("type", Kind::Choice(&["directional", "point", "ambient"]), Required, "kind of light"),
+            only(
+                &["directional"],
+                row("direction", Kind::Direction, Value("-0.5 -1 -0.8"), "direction in which the light travels"),
+            ),
+            only(&["point"], row("position", Kind::Vector(COORDINATE), Required, "position, scene units")),
+            row("colour", Kind::Vector(LIGHT), Value("1 1 1"), "linear red green blue"),
+            row("intensity", Kind::Number(Range(0.0, MOST_INTENSITY)), Value("1"), "factor on `colour`"),
+        ],
+        children: &[],
+    },
+    ElementSchema {
+        name: "object",
+        text: None,
+        selector: None,
+        attributes: &[
+            row("name", Kind::Text, Auto("object1, object2, ... in document order"), "unique name"),
+            row("blur", Kind::Boolean, Value("true"), "false: posed, with the camera, at the frame number"),
+            row(
+                "epsilon",
+                Kind::Number(Range(0.0, FAR)),
+                Auto("median radius times the object's scale"),
+                "depth tolerance of visibility, scene units",
+            ),
+        ],
+        // A shape made by formula instead of a file would stand beside pointModel: one of the two.
+        children: &[
+            child("pointModel", One),
+            child("transform", AtMostOne),
+            child("animation", AtMostOne),
+            child("motion", Any),
+            child("place", AtMostOne),
+            child("material", AtMostOne),
+        ],
+    },
+    ElementSchema {
+        name: "pointModel",
+        text: Some("the path of a model file"),
+        selector: None,
+        attributes: &[
+            row("radiusScale", Kind::Number(Range(1e-6, 1e6)), Value("1"), "factor on all radii"),
+            row(
+                "colourSpace",
+                Kind::Choice(&["srgb", "linear"]),
+                Auto("srgb for integer colours, linear for floats"),
+                "colour space of the file's colours",
+            ),
+        ],
+        children: &[],
+    },
+    ElementSchema {
+        name: "animation",
+        text: Some("the path of an animation file"),
+        selector: None,
+        attributes: &[
+            row("interpolation", Kind::Choice(&["maya", "linear", "spline"]), Value("maya"), "between the keys"),
+            row("node", Kind::Text, Auto("the first with a transform curve"), "node of the file, by name"),
+        ],
+        children: &[],
+    },
+    ElementSchema {
+        name: "motion",
+        text: None,
+        selector: Some("type"),
+        attributes: &[
+            row("type", Kind::Choice(&["linear", "rotation"]), Required, "kind of motion"),
+            only(&["linear"], row("velocity", Kind::Vector(COORDINATE), Required, "scene units per frame")),
+            only(&["rotation"], row("axis", Kind::Direction, Required, "axis, right-handed")),
+            only(&["rotation"], row("degreesPerFrame", Kind::Number(DEGREES), Required, "degrees per frame")),
+            only(&["rotation"], row("centre", Kind::Vector(COORDINATE), Value("0 0 0"), "a point on the axis")),
+        ],
+        children: &[],
+    },
+    ElementSchema { name: "transform", text: None, selector: None, attributes: PLACEMENT, children: &[] },
+    ElementSchema { name: "place", text: None, selector: None, attributes: PLACEMENT, children: &[] },
+    ElementSchema {
+        name: "material",
+        text: None,
+        selector: None,
+        attributes: &[
+            row("ambient", Kind::Number(LIGHT), Value("1"), "ambient coefficient"),
+            row("diffuse", Kind::Number(LIGHT), Value("1"), "diffuse coefficient"),
+            row("specular", Kind::Number(LIGHT), Value("0.1"), "specular coefficient"),
+            row("shininess", Kind::Number(LIGHT), Value("30"), "specular exponent"),
+        ],
+        children: &[],
+    },
+];
+
+/// The root element's schema.
+pub(super) fn root() -> &'static ElementSchema {
+    &ELEMENTS[0]
+}
+
+/// The schema of an element by name.
+pub(super) fn element(name: &str) -> Option<&'static ElementSchema> {
+    ELEMENTS.iter().find(|e| e.name == name)
+}
+
+impl ElementSchema {
+    /// The row of an attribute for a value of the selector.
+    pub(super) fn row(&self, name: &str, selected: &str) -> Option<&'static AttributeSchema> {
+        self.attributes.iter().find(|a| a.name == name && a.applies(selected))
+    }
+
+    /// All attributes, for messages.
+    pub(super) fn takes(&self) -> String {
+        list(self.attributes.iter().map(|a| a.name))
+    }
+
+    /// All elements that may stand inside, for messages.
+    pub(super) fn holds(&self) -> String {
+        let names: Vec<String> = self.children.iter().map(|c| format!("<{}>", c.name)).collect();
+        list(names.iter().map(String::as_str))
+    }
+}
+
+impl AttributeSchema {
+    /// True if it goes with a value of the selector.
+    pub(super) fn applies(&self, selected: &str) -> bool {
+        self.only.is_empty() || self.only.contains(&selected)
+    }
+}
+
+/// Names for messages, each once.
+pub(super) fn list<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let mut names: Vec<&str> = names.collect();
+    names.dedup();
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::fmt::Write;
+
+    use super::*;
+
+    /// The table as docs/scene-format.md prints it.
+    fn as_markdown() -> BTreeSet<String> {
+        let mut lines = BTreeSet::new();
+        for e in ELEMENTS {
+            lines.insert(format!("### `<{}>`", e.name));
+            if let Some(text) = e.text {
+                lines.insert(format!("Text of `<{}>`: {text}.", e.name));
+            }
+            for c in e.children {
+                lines.insert(format!("Inside `<{}>`: {} `<{}>`.", e.name, c.occurs.describe(), c.name));
+            }
+            for a in e.attributes {
+                let mut line = format!("| `{}.{}`", e.name, a.name);
+                if !a.only.is_empty() {
+                    write!(line, " ({})", a.only.join(", ")).unwrap();
+                }
+                let default = match a.default {
+                    Absent::Required => "required".to_owned(),
+                    Absent::Value(v) => format!("`{v}`"),
+                    Absent::Auto(how) => how.to_owned(),
+                };
+                lines.insert(format!("{line} | {} | {} | {default} |", a.meaning, a.kind));
+            }
+        }
+        lines
+    }
+
+    #[test]
+    fn the_document_says_what_the_table_says() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/scene-format.md");
+        let doc = std::fs::read_to_string(path).unwrap();
+        let heads = ["### ", "Text of ", "Inside ", "| `"];
+        let found: BTreeSet<String> =
+            doc.lines().filter(|l| heads.iter().any(|h| l.starts_with(h))).map(str::to_owned).collect();
+        let wanted = as_markdown();
+        let missing: Vec<_> = wanted.difference(&found).collect();
+        let wrong: Vec<_> = found.difference(&wanted).collect();
+        assert!(missing.is_empty() && wrong.is_empty(), "missing: {missing:#?}\nnot in the table: {wrong:#?}");
+    }
+
+    #[test]
+    fn every_child_has_a_schema_and_every_schema_a_place() {
+        let placed: BTreeSet<&str> = ELEMENTS.iter().flat_map(|e| e.children).map(|c| c.name).collect();
+        let known: BTreeSet<&str> = ELEMENTS[1..].iter().map(|e| e.name).collect();
+        assert_eq!(placed, known);
+        for e in ELEMENTS {
+            assert!(e.selector.is_none_or(|s| e.attributes.iter().any(|a| a.name == s)), "{}", e.name);
+        }
+    }
+
+    #[test]
+    fn ranges_refuse_what_is_not_finite() {
+        assert!(COORDINATE.holds(1.0) && COORDINATE.holds(-FAR));
+        assert!(!COORDINATE.holds(f64::NAN) && !COORDINATE.holds(f64::INFINITY));
+        assert_eq!(COORDINATE.to_string(), "from -1e30 to 1e30");
+        assert_eq!(UNIT.to_string(), "from 0 to 1");
+    }
+}

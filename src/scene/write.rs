@@ -1,0 +1,314 @@
+//! A resolved scene back to canonical XML that loads to the same scene.
+//!
+//! Every value is written, whether it was given or is a default, with the fewest digits that give the same number back.
+//! What has no place in a scene file is left out: the models and curves themselves, and whether the camera was chosen
+//! automatically (it is written as a camera like any other).
+
+use std::fmt::Write;
+use std::path::{Component, Path, PathBuf};
+
+use glam::DVec3;
+
+use super::schema::MOST_INTENSITY;
+use super::xml::is_xml;
+use super::{AnimationBinding, Camera, Light, Motion, Object, Scene};
+use crate::anim::Interpolation;
+use crate::math::Trs;
+use crate::model::ColourSpace;
+use crate::time::{Shutter, Weight};
+
+/// The scene as UTF-8 XML; paths are written relative to the directory `relative_to`, where the file is to stand.
+pub fn to_xml(scene: &Scene, relative_to: &Path) -> String {
+    let mut out = Xml(String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<scene>\n"));
+    let image = &scene.image;
+    out.line(
+        1,
+        "image",
+        &[
+            ("width", image.width.to_string()),
+            ("height", image.height.to_string()),
+            ("background", vector(image.background)),
+            ("transparent", image.transparent.to_string()),
+        ],
+    );
+    let frames = &scene.frames;
+    out.line(
+        1,
+        "frames",
+        &[("first", frames.first.to_string()), ("last", frames.last.to_string()), ("rate", number(frames.rate))],
+    );
+    out.shutter(&scene.shutter);
+    out.camera(&scene.camera, relative_to);
+    scene.lights.iter().for_each(|light| out.light(light));
+    scene.objects.iter().for_each(|object| out.object(object, relative_to));
+    out.0.push_str("</scene>\n");
+    out.0
+}
+
+/// A camera without animation as one `<camera .../>` element.
+pub(super) fn camera_line(camera: &Camera) -> String {
+    let mut out = Xml(String::new());
+    out.open(0, "camera", &camera_attributes(camera));
+    out.0 + "/>"
+}
+
+fn camera_attributes(camera: &Camera) -> [(&'static str, String); 5] {
+    [
+        ("eye", vector(camera.eye)),
+        ("at", vector(camera.at)),
+        ("up", vector(camera.up)),
+        ("fovy", degrees(camera.fovy)),
+        ("near", number(camera.near)),
+    ]
+}
+
+struct Xml(String);
+
+impl Xml {
+    /// `<name attribute="value" ...` without its end.
+    fn open(&mut self, depth: usize, name: &str, attributes: &[(&str, String)]) {
+        self.0.extend(std::iter::repeat_n("  ", depth));
+        self.0.push('<');
+        self.0.push_str(name);
+        for (name, value) in attributes {
+            let _ = write!(self.0, " {name}=\"{}\"", escaped(value));
+        }
+    }
+
+    fn line(&mut self, depth: usize, name: &str, attributes: &[(&str, String)]) {
+        self.open(depth, name, attributes);
+        self.0.push_str("/>\n");
+    }
+
+    fn file(&mut self, depth: usize, name: &str, attributes: &[(&str, String)], path: &str) {
+        self.open(depth, name, attributes);
+        let _ = writeln!(self.0, ">{}</{name}>", escaped(path));
+    }
+
+    fn shutter(&mut self, shutter: &Shutter) {
+        let mut attributes = vec![("open", number(shutter.open)), ("close", number(shutter.close))];
+        let mut shape = |weight: &str, values: &[(&'static str, f64)]| {
+            attributes.push(("weight", weight.to_owned()));
+            attributes.extend(values.iter().map(|&(name, x)| (name, number(x))));
+        };
+        match &shutter.weight {
+            Weight::Box => shape("box", &[]),
+            Weight::Tent => shape("tent", &[]),
+            Weight::Ramp { centre } => shape("ramp", &[("centre", *centre)]),
+            Weight::Exponential { rate, centre } => shape("exponential", &[("rate", *rate), ("centre", *centre)]),
+            Weight::Gaussian { centre, width } => shape("gaussian", &[("centre", *centre), ("width", *width)]),
+            Weight::Curve(points) => {
+                self.open(1, "shutter", &attributes);
+                self.0.push_str(">\n    <curve>\n");
+                for &(time, weight) in points {
+                    self.line(3, "point", &[("time", number(time)), ("weight", number(weight))]);
+                }
+                self.0.push_str("    </curve>\n  </shutter>\n");
+                return;
+            }
+        }
+        self.line(1, "shutter", &attributes);
+    }
+
+    fn camera(&mut self, camera: &Camera, base: &Path) {
+        self.open(1, "camera", &camera_attributes(camera));
+        if let Some(animation) = &camera.animation {
+            self.0.push_str(">\n");
+            self.animation(animation, base);
+            self.0.push_str("  </camera>\n");
+        } else {
+            self.0.push_str("/>\n");
+        }
+    }
+
+    fn light(&mut self, light: &Light) {
+        let (kind, place, colour) = match *light {
+            Light::Directional { direction, colour } => ("directional", Some(("direction", direction)), colour),
+            Light::Point { position, colour } => ("point", Some(("position", position)), colour),
+            Light::Ambient { colour } => ("ambient", None, colour),
+        };
+        let mut attributes = vec![("type", kind.to_owned())];
+        attributes.extend(place.map(|(name, v)| (name, vector(v))));
+        // Colours are kept multiplied by the intensity, which may take them out of one attribute's range.
+        let largest = colour.max_element();
+        let intensity = if largest > 1e6 { largest.log2().ceil().exp2().min(MOST_INTENSITY) } else { 1.0 };
+        attributes.extend([("colour", vector(colour / intensity)), ("intensity", number(intensity))]);
+        self.line(1, "light", &attributes);
+    }
+
+    fn object(&mut self, object: &Object, base: &Path) {
+        let mut attributes = vec![("name", object.name.clone()), ("blur", object.blur.to_string())];
+        attributes.extend(object.epsilon.map(|e| ("epsilon", number(e))));
+        self.open(1, "object", &attributes);
+        self.0.push_str(">\n");
+        let mut attributes = vec![("radiusScale", number(object.radius_scale))];
+        attributes.extend(object.colour_space.map(|c| {
+            let word = match c {
+                ColourSpace::Srgb => "srgb",
+                ColourSpace::Linear => "linear",
+            };
+            ("colourSpace", word.to_owned())
+        }));
+        self.file(2, "pointModel", &attributes, &relative(&object.model_path, base));
+        self.placement("transform", &object.transform);
+        if let Some(animation) = &object.animation {
+            self.animation(animation, base);
+        }
+        object.motions.iter().for_each(|motion| self.motion(motion));
+        self.placement("place", &object.place);
+        if let Some(m) = &object.material {
+            self.line(
+                2,
+                "material",
+                &[
+                    ("ambient", m.ambient.to_string()),
+                    ("diffuse", m.diffuse.to_string()),
+                    ("specular", m.specular.to_string()),
+                    ("shininess", m.shininess.to_string()),
+                ],
+            );
+        }
+        self.0.push_str("  </object>\n");
+    }
+
+    fn placement(&mut self, name: &str, trs: &Trs) {
+        let DVec3 { x, y, z } = trs.rotate;
+        self.line(
+            2,
+            name,
+            &[
+                ("translate", vector(trs.translate)),
+                ("rotate", format!("{} {} {}", degrees(x), degrees(y), degrees(z))),
+                ("scale", vector(trs.scale)),
+            ],
+        );
+    }
+
+    fn animation(&mut self, binding: &AnimationBinding, base: &Path) {
+        let interpolation = match binding.interpolation {
+            Interpolation::Maya => "maya",
+            Interpolation::Linear => "linear",
+            Interpolation::Spline => "spline",
+        };
+        let mut attributes = vec![("interpolation", interpolation.to_owned())];
+        // A name that XML cannot hold was not chosen by name.
+        let name = &binding.node.name;
+        if !name.is_empty() && name.trim() == name && !name.contains(|c: char| c.is_control() || !is_xml(c)) {
+            attributes.push(("node", name.clone()));
+        }
+        self.file(2, "animation", &attributes, &relative(&binding.path, base));
+    }
+
+    fn motion(&mut self, motion: &Motion) {
+        match *motion {
+            Motion::Linear { velocity } => {
+                self.line(2, "motion", &[("type", "linear".to_owned()), ("velocity", vector(velocity))]);
+            }
+            Motion::Rotation { axis, per_frame, centre } => self.line(
+                2,
+                "motion",
+                &[
+                    ("type", "rotation".to_owned()),
+                    ("axis", vector(axis)),
+                    ("degreesPerFrame", degrees(per_frame)),
+                    ("centre", vector(centre)),
+                ],
+            ),
+        }
+    }
+}
+
+/// The fewest digits that parse to the same `f64`; powers of ten where they are shorter.
+fn number(x: f64) -> String {
+    let (plain, power) = (x.to_string(), format!("{x:e}"));
+    if plain.len() <= power.len() + 4 { plain } else { power }
+}
+
+fn vector(v: DVec3) -> String {
+    format!("{} {} {}", number(v.x), number(v.y), number(v.z))
+}
+
+/// Degrees that a scene file turns back into exactly `radians`, the shortest of those that are near.
+///
+/// Only some `f64` are reached by `to_radians`, but everything that came from a scene file is; for others the nearest
+/// value is written.
+fn degrees(radians: f64) -> String {
+    let start = radians.to_degrees();
+    let back = |text: &String| text.parse::<f64>().is_ok_and(|d| d.to_radians().to_bits() == radians.to_bits());
+    let rounded = (0..=15).map(|digits| format!("{start:.digits$e}"));
+    if let Some(text) = rounded.filter(back).map(|text| number(text.parse().unwrap_or(start))).next() {
+        return text;
+    }
+    let neighbours =
+        [start, start.next_up(), start.next_down(), start.next_up().next_up(), start.next_down().next_down()];
+    neighbours.into_iter().map(number).find(back).unwrap_or_else(|| number(start))
+}
+
+/// Text as XML takes it, in attributes and between tags.
+fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\t' | '\n' | '\r' => {
+                let _ = write!(out, "&#{};", u32::from(c));
+            }
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// `path` as seen from the directory `base`; absolute where there is no way.
+fn relative(path: &Path, base: &Path) -> String {
+    let inside = if base.as_os_str().is_empty() { Some(path) } else { path.strip_prefix(base).ok() };
+    let found = inside.filter(|p| p.is_relative()).map(Path::to_owned).or_else(|| way(path, base));
+    let text = found.as_deref().unwrap_or(path).to_string_lossy().into_owned();
+    // Blanks at its start would be trimmed.
+    if text.starts_with(char::is_whitespace) { format!("./{text}") } else { text }
+}
+
+/// The way between real places, up with `..` and down again.
+fn way(path: &Path, base: &Path) -> Option<PathBuf> {
+    let here = if base.as_os_str().is_empty() { Path::new(".") } else { base };
+    let (path, base) = (path.canonicalize().ok()?, here.canonicalize().ok()?);
+    let shared = path.components().zip(base.components()).take_while(|(a, b)| a == b).count();
+    let up = base.components().skip(shared).map(|_| Component::ParentDir);
+    Some(up.chain(path.components().skip(shared)).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn angles_survive(d in prop_oneof![-1e9..1e9_f64, -360.0..360.0_f64, any::<i16>().prop_map(f64::from)]) {
+            let radians = d.to_radians();
+            prop_assert_eq!(degrees(radians).parse::<f64>().unwrap().to_radians().to_bits(), radians.to_bits());
+        }
+
+        #[test]
+        fn numbers_survive(x in any::<f64>().prop_filter("finite", |x| x.is_finite())) {
+            prop_assert_eq!(number(x).parse::<f64>().unwrap().to_bits(), x.to_bits());
+        }
+
+        #[test]
+        fn material_numbers_survive(x in 0.0..1e6_f32) {
+            prop_assert_eq!(x.to_string().parse::<f64>().unwrap() as f32, x);
+        }
+    }
+
+    #[test]
+    fn round_angles_stay_round() {
+        for text in ["40", "-90", "0.1", "33.3", "1e-9", "720"] {
+            let d: f64 = text.parse().unwrap();
+            assert_eq!(degrees(d.to_radians()).parse::<f64>().unwrap(), d, "{text}");
+        }
+    }
+}
