@@ -11,7 +11,7 @@ use super::dom::Source;
 use super::error::SceneError;
 use super::paths::Finder;
 use super::{AnimationBinding, Camera, FrameRange, Light, LoadOptions, Loaded, Object, Scene, automatic, write};
-use crate::anim::{self, AnimError, Animation, NodeAnimation};
+use crate::anim::{self, Animation};
 use crate::math::Bounds;
 use crate::model::{self, Surfels};
 
@@ -209,7 +209,7 @@ impl Files<'_> {
             .map_err(|e| SceneError::Model { at: self.source.locate(spec.model.at), source: Box::new(e) })?;
         self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
         let (median_radius, bounds) = (loaded.surfels.median_radius(), loaded.surfels.bounds());
-        let model = Model { surfels: Arc::new(spatially_ordered(loaded.surfels)), median_radius, bounds };
+        let model = Model { surfels: Arc::new(loaded.surfels.spatially_ordered()), median_radius, bounds };
         self.models.insert(key, model.clone());
         Ok(model)
     }
@@ -233,7 +233,7 @@ impl Files<'_> {
         if self.rate.is_none_or(|(first, _)| spec.file.at < first) {
             self.rate = Some((spec.file.at, animation.rate));
         }
-        let node = choose_node(&animation, spec.node.as_deref()).map_err(refuse)?;
+        let node = Arc::clone(animation.node(spec.node.as_deref()).map_err(refuse)?);
         Ok(AnimationBinding { path, node, interpolation: spec.interpolation })
     }
 }
@@ -241,17 +241,4 @@ impl Files<'_> {
 /// One name for one file, however the scene writes it.
 fn canonical(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_owned())
-}
-
-/// Stand-in for `Surfels::spatially_ordered` until the model loaders are merged.
-fn spatially_ordered(surfels: Surfels) -> Surfels {
-    surfels
-}
-
-/// Stand-in for `Animation::node` until the animation loader is merged.
-#[expect(clippy::unnecessary_wraps, reason = "has the signature of what it stands in for")]
-fn choose_node(animation: &Animation, name: Option<&str>) -> Result<Arc<NodeAnimation>, AnimError> {
-    let mut nodes = animation.nodes.iter();
-    let found = name.map_or_else(|| nodes.next(), |name| animation.nodes.iter().find(|n| n.name == name));
-    Ok(found.map_or_else(|| Arc::new(NodeAnimation { name: name.unwrap_or_default().to_owned() }), Arc::clone))
 }
