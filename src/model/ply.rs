@@ -1,7 +1,17 @@
 //! PLY files: point clouds, surfels, meshes taken as points, and Gaussian-splat captures.
 //!
-//! The header (`ply_header`) becomes a list of steps, one a property, and the body (`ply_body`) is read in one pass. The
-//! names that are understood are those of docs/formats: any letter case, any order, any type.
+//! The header (`ply_header`) becomes a list of steps, one a property, and the body (`ply_body`) is read in one pass.
+//! Names count in any letter case and order, values in any type:
+//!
+//! | what | names |
+//! |---|---|
+//! | position | x y z |
+//! | normal | nx ny nz, normal_x.. ; else from faces (vertex_indices, vertex_index; tristrips) |
+//! | colour | red green blue, r g b, diffuse_red.. ; else grey: intensity, quality, grey, gray, scalar_* |
+//! | cut-off radius | radius, psz, point_size, size, value, scale (a float) |
+//! | axes, velocity | tux tuy tuz tvx tvy tvz; vx vy vz, velocity_x.. |
+//! | material (ours) | ambient diffuse specular shininess |
+//! | Gaussian splat | f_dc_0.. opacity scale_0.. rot_0.. |
 
 use std::collections::HashMap;
 

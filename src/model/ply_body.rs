@@ -116,7 +116,9 @@ impl<'a> Body<'a> {
     /// An error at byte `at`, given as a line for text.
     pub(super) fn fault(&self, at: usize, found: impl Into<String>, expected: impl Into<String>) -> ParseError {
         if self.encoding == Encoding::Ascii {
-            ParseError::line(line_of(self.bytes, at), found, expected)
+            // The word itself, not the white space before it.
+            let blanks = self.bytes.get(at..).and_then(|rest| rest.iter().position(|b| !b.is_ascii_whitespace()));
+            ParseError::line(line_of(self.bytes, at + blanks.unwrap_or(0)), found, expected)
         } else {
             ParseError::byte(at, found, expected)
         }

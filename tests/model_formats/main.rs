@@ -1,0 +1,11 @@
+//! Model file formats: valid files read to known values, hostile files refused with one clear error and no panic.
+
+mod bin;
+mod files;
+mod hostile;
+mod obj;
+mod ply;
+mod ply_crosscheck;
+mod sfl;
+mod support;
+mod write;
