@@ -53,7 +53,9 @@ fn big_endian_mesh() {
         let Property::ListInt(ref corners) = face["vertex_indices"] else { panic!("{face:?}") };
         let [a, b, c] = [0, 1, 2].map(|k| corners[k] as usize);
         let area = (positions[b] - positions[a]).cross(positions[c] - positions[a]);
-        [a, b, c].into_iter().for_each(|i| normals[i] += area);
+        for i in [a, b, c] {
+            normals[i] += area;
+        }
     }
     for (ours, theirs) in ours.normal.iter().zip(normals) {
         assert!((*ours - theirs.normalize().as_vec3()).length() < 1e-6);

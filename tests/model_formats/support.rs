@@ -95,7 +95,9 @@ impl Ply {
         for row in rows {
             self.number("uchar", 7.0);
             self.number(count, row.len() as f64);
-            row.iter().for_each(|v| self.number(item, *v));
+            for value in row {
+                self.number(item, *value);
+            }
             self.number("double", 0.5);
             self.end_row();
         }
