@@ -83,7 +83,7 @@ fn format_version_0_announces_what_it_does_not_store() {
 #[test]
 fn coded_normals_flags_and_colour_models() {
     for (mask, code, expected) in [
-        (0b1000, vec![0b0100_1111, 0b1101_1111], Vec3::new(-1.0, 63.0, 63.0)),
+        (0b1000, vec![0b0100_0000, 0b0001_1111], Vec3::new(-1.0, 63.0, -63.0)),
         (0b1100, vec![0x00, 0x00, 0x3f, 0xff], Vec3::new(1.0, -1.0, 1.0)),
     ] {
         let record: Vec<u8> = be(&[0.0, 0.0, 0.0])
