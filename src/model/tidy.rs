@@ -27,8 +27,8 @@ pub(super) fn tidy(mut cloud: Cloud) -> Cloud {
             *radius = 0.0;
         }
     }
-    let flat = each(&mut cloud.axes, |[u, v]| !usable(*u, *v), [Vec3::ZERO; 2]);
-    note(&mut cloud.notes, flat, "unusable tangent axes (zero, parallel or not finite)");
+    // Counted when they are replaced.
+    each(&mut cloud.axes, |[u, v]| !usable(*u, *v), [Vec3::ZERO; 2]);
     let odd = each(&mut cloud.colour, |c| !c.is_finite(), Vec3::ONE);
     note(&mut cloud.notes, odd, "a colour that is not finite (drawn white)");
     let odd = each(&mut cloud.velocity, |v| !v.is_finite(), Vec3::ZERO);
