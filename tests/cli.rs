@@ -222,7 +222,6 @@ fn rendered(report: &serde_json::Value) -> Vec<i64> {
 }
 
 #[test]
-#[ignore = "needs the scene loader"]
 fn render_names_its_files_and_says_where_they_are() {
     let fixture = Fixture::new();
     let output = fixture.render(&[]);
@@ -241,7 +240,6 @@ fn render_names_its_files_and_says_where_they_are() {
 }
 
 #[test]
-#[ignore = "needs the scene loader"]
 fn render_takes_options_over_the_scene() {
     let fixture = Fixture::new();
     let report = fixture.json(&["--frames", "5", "--size", "7x3", "--transparent", "--weight", "ramp", "--seed", "9"]);
@@ -257,7 +255,6 @@ fn render_takes_options_over_the_scene() {
 }
 
 #[test]
-#[ignore = "needs the scene loader"]
 fn render_repeats_and_resumes() {
     let fixture = Fixture::new();
     let bytes = || std::fs::read(fixture.path("out/tiny/tiny.0002.png")).unwrap();
@@ -275,7 +272,6 @@ fn render_repeats_and_resumes() {
 }
 
 #[test]
-#[ignore = "needs the scene loader"]
 fn render_refuses_an_output_directory_before_rendering() {
     let fixture = Fixture::new();
     std::fs::write(fixture.path("file"), "").unwrap();
@@ -291,7 +287,6 @@ fn render_refuses_an_output_directory_before_rendering() {
 
 #[cfg(unix)]
 #[test]
-#[ignore = "needs the scene loader"]
 fn an_interrupt_leaves_finished_frames_only() {
     let fixture = Fixture::new();
     let child =

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail};
+use anyhow::bail;
 use clap::{Args, ValueEnum};
-use splatblur::{image, model};
+use splatblur::model;
 
+use super::grammar;
 use super::output::{print, say};
 use super::progress::Loading;
-use super::{grammar, pending};
 
 /// Convert a model to splatblur's own .bin or to .ply.
 ///
@@ -76,8 +76,8 @@ impl Convert {
                 say(&format!("note: {note}"));
             }
         }
-        image::replace_with(&self.output, |temporary| pending::write_model(temporary, &loaded.surfels, binary))
-            .with_context(|| format!("cannot write {}", self.output.display()))?;
+        let write = if binary { model::write_bin } else { model::write_ply };
+        write(&self.output, &loaded.surfels)?;
         if self.quiet {
             return Ok(());
         }

@@ -10,7 +10,7 @@ use splatblur::{anim, image, model, scene};
 
 use super::output::{print, print_json};
 use super::progress::Loading;
-use super::{convert, grammar, inspect, pending};
+use super::{convert, grammar, inspect};
 
 /// Report what a file holds: a scene, a model, an animation, or a rendered image.
 ///
@@ -96,7 +96,7 @@ impl Info {
             scene::load(&self.file, &scene::LoadOptions { lenient: self.lenient, restrict, progress: Some(&step) })?;
         drop(progress);
         if self.xml {
-            return print(&pending::canonical_xml(&loaded.scene, self.file.parent().unwrap_or(Path::new(""))));
+            return print(&scene::to_xml(&loaded.scene, self.file.parent().unwrap_or(Path::new(""))));
         }
         self.show(&inspect::scene(&loaded))
     }
@@ -110,7 +110,10 @@ impl Info {
         if (last - first) / self.step > MAX_LINES {
             bail!("frames {first}..{last} in steps of {} are more than {MAX_LINES} lines", self.step);
         }
-        print(&pending::csv(&animation, first, last, self.step)?)
+        // A millionth of a step forgives decimal steps that do not add up exactly.
+        let rows = ((last - first) / self.step + 1e-6).floor() as u64;
+        let frames = (0..=rows).map(|i| first + i as f64 * self.step);
+        print(&animation.csv(frames, anim::Interpolation::Maya))
     }
 
     fn image(&self) -> anyhow::Result<()> {

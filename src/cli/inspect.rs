@@ -10,7 +10,7 @@ use splatblur::math::{Bounds, Trs};
 use splatblur::model::{self, Material, Surfels};
 use splatblur::scene::{self, AnimationBinding, Camera, Light, Motion, Object};
 
-use super::{pending, settings};
+use super::settings;
 
 fn object(pairs: Vec<(&str, Value)>) -> Value {
     Value::Object(pairs.into_iter().map(|(key, value)| (key.to_owned(), value)).collect::<Map<_, _>>())
@@ -179,7 +179,7 @@ fn node(n: &NodeAnimation, rate: f64) -> Value {
     let (first, last) = n.range();
     object(vec![
         ("name", json!(n.name)),
-        ("attributes", json!(pending::attributes(n))),
+        ("attributes", json!(n.attributes().collect::<Vec<_>>())),
         ("first_frame", json!(tidy(first * rate))),
         ("last_frame", json!(tidy(last * rate))),
     ])

@@ -9,7 +9,6 @@ mod info;
 mod inspect;
 mod movie;
 mod output;
-mod pending;
 mod progress;
 mod render;
 mod report;

@@ -15,8 +15,6 @@ use splatblur::plan::{BlurMode, RenderOptions};
 use splatblur::scene::Scene;
 use splatblur::time::Weight;
 
-use super::pending;
-
 /// The settings of all frames of one run.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Settings {
@@ -99,7 +97,7 @@ impl Settings {
         // A longer sequence has the same frames.
         let mut alone = scene.clone();
         (alone.frames.first, alone.frames.last) = (0, 0);
-        let canonical = pending::canonical_xml(&alone, scene_path.parent().unwrap_or(Path::new("")));
+        let canonical = splatblur::scene::to_xml(&alone, scene_path.parent().unwrap_or(Path::new("")));
         let text = serde_json::to_string(&settings)? + &canonical;
         settings.hash = format!("{:032x}", fnv1a(text.as_bytes()));
         Ok(settings)

@@ -1,19 +1,37 @@
 //! Point models: file formats into a [`Cloud`], and a cloud completed into [`Surfels`].
 
-use std::path::{Path, PathBuf};
+mod bin;
+mod complete;
+mod error;
+mod gaussian;
+mod map;
+mod mesh;
+mod neighbours;
+mod normals;
+mod obj;
+mod order;
+mod orient;
+mod ply;
+mod ply_body;
+mod ply_header;
+mod radii;
+mod sfl;
+mod sfl_codes;
+mod sfl_container;
+mod store;
+mod tidy;
+mod write_ply;
+
+use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
-use crate::math::Bounds;
-
-mod complete;
-mod neighbours;
-mod normals;
-mod order;
-mod orient;
-mod radii;
-
+pub use bin::write_bin;
 pub use complete::complete;
+pub use error::{ModelError, ParseError, Place};
+pub use write_ply::write_ply;
+
+use crate::math::{Bounds, srgb};
 
 /// How a file stored its colours; decides the default colour space.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -134,23 +152,6 @@ impl Surfels {
     }
 }
 
-/// Why a model was refused.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ModelError {
-    /// Nothing is left to render.
-    #[error("the model has no usable points")]
-    NoPoints,
-    /// The file could not be read.
-    #[error("cannot read model {}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-}
-
 /// What a scene may say about a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadOptions {
@@ -178,11 +179,107 @@ pub struct Loaded {
     pub notes: Vec<String>,
 }
 
+/// A file format of models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Polygon file format: point clouds, surfels, meshes taken as points, Gaussian-splat captures.
+    Ply,
+    /// `Pointshop3D` surfels.
+    Sfl,
+    /// Wavefront OBJ: vertices taken as points.
+    Obj,
+    /// Our own (docs/bin-format.md).
+    Bin,
+}
+
+impl Format {
+    /// What can be read, as messages say it.
+    pub const KNOWN: &'static str = "PLY, Pointshop3D .sfl, Wavefront .obj, splatblur .bin";
+
+    /// The format of a file: by its first bytes, else (OBJ has no mark) by its extension.
+    pub fn detect(bytes: &[u8], path: &Path) -> Option<Self> {
+        if bytes.starts_with(&bin::MAGIC) {
+            Some(Self::Bin)
+        } else if bytes.starts_with(b"GFLF") {
+            Some(Self::Sfl)
+        } else if bytes.starts_with(b"ply") && bytes.get(3).is_none_or(u8::is_ascii_whitespace) {
+            Some(Self::Ply)
+        } else {
+            path.extension().filter(|e| e.eq_ignore_ascii_case("obj")).map(|_| Self::Obj)
+        }
+    }
+}
+
+/// What [`parse`] reads.
+#[derive(Clone, Debug)]
+pub enum Parsed {
+    /// Points as the file gives them.
+    Cloud(Cloud),
+    /// Complete surfels, from our own format.
+    Surfels(Surfels),
+}
+
+/// Reads the bytes of a model file. Points that cannot be drawn are dropped; nothing is estimated yet.
+///
+/// Memory stays within a small multiple of the file's size, whatever the file says.
+///
+/// # Errors
+/// The bytes are not a valid file of this format.
+pub fn parse(bytes: &[u8], format: Format) -> Result<Parsed, ParseError> {
+    parse_told(bytes, format, &|_| {})
+}
+
 /// Reads a model file of any format (by its content, then by its extension) and completes it.
 ///
 /// # Errors
-/// The file cannot be read, or is not a valid model of a known format.
-pub fn load(path: &Path, _options: &LoadOptions, _progress: Progress<'_>) -> Result<Loaded, ModelError> {
-    let _bytes = std::fs::read(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
-    Ok(Loaded { surfels: Surfels::default(), notes: Vec::new() })
+/// The file cannot be read, is not a regular file, or is not a valid model of a known format with at least one point.
+pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<Loaded, ModelError> {
+    let parsed = {
+        let bytes = map::map(path)?;
+        let format = Format::detect(&bytes, path).ok_or_else(|| ModelError::UnknownFormat { path: path.to_owned() })?;
+        parse_told(&bytes, format, &|share| progress("reading", share))
+            .map_err(|source| ModelError::Invalid { path: path.to_owned(), source })?
+    };
+    match parsed {
+        Parsed::Surfels(surfels) if surfels.is_empty() => {
+            Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: String::new() })
+        }
+        Parsed::Surfels(surfels) => Ok(Loaded { surfels: adjust(surfels, options), notes: Vec::new() }),
+        Parsed::Cloud(mut cloud) => {
+            let mut notes = std::mem::take(&mut cloud.notes);
+            let (surfels, completed) = complete::complete(cloud, options, progress).map_err(|error| match error {
+                ModelError::NoPoints => {
+                    let dropped = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
+                    ModelError::NoPointsIn { path: path.to_owned(), dropped }
+                }
+                other => other,
+            })?;
+            notes.extend(completed);
+            Ok(Loaded { surfels, notes })
+        }
+    }
+}
+
+fn parse_told(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Parsed, ParseError> {
+    let cloud = match format {
+        Format::Ply => ply::parse(bytes, progress)?,
+        Format::Sfl => sfl::parse(bytes, progress)?,
+        Format::Obj => obj::parse(bytes, progress)?,
+        Format::Bin => return bin::parse(bytes).map(Parsed::Surfels),
+    };
+    Ok(Parsed::Cloud(tidy::tidy(cloud)))
+}
+
+/// What a scene says, for surfels that are already complete: their colours are linear unless the scene insists.
+fn adjust(mut surfels: Surfels, options: &LoadOptions) -> Surfels {
+    if options.radius_scale != 1.0 {
+        let scale = options.radius_scale as f32;
+        surfels.axis_u.iter_mut().chain(&mut surfels.axis_v).for_each(|axis| *axis *= scale);
+    }
+    if options.colour_space == Some(ColourSpace::Srgb) {
+        for c in &mut surfels.colour {
+            *c = Vec3::from_array(c.to_array().map(srgb::to_linear));
+        }
+    }
+    surfels
 }

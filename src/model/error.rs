@@ -1,0 +1,146 @@
+//! Why a model was refused: where in the file, what was found there and what would be right.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use super::Format;
+
+/// Why a model was refused or could not be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ModelError {
+    /// The file could not be read.
+    #[error("cannot read model {}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file could not be written; nothing is left behind.
+    #[error("cannot write model {}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A directory, a device, a pipe or a socket. It was not opened.
+    #[error("model {} is {found}, expected a regular file", path.display())]
+    NotAFile {
+        /// What was named.
+        path: PathBuf,
+        /// What it is.
+        found: &'static str,
+    },
+    /// A file of no bytes.
+    #[error("model {} is empty (0 bytes)", path.display())]
+    EmptyFile {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Neither the content nor the extension is known.
+    #[error("model {} is of no known format (known: {})", path.display(), Format::KNOWN)]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file breaks the rules of its format.
+    #[error("model {}: {source}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// Where and what.
+        source: ParseError,
+    },
+    /// A cloud without a point that could be drawn.
+    #[error("the model has no usable points")]
+    NoPoints,
+    /// A file without a point that could be drawn.
+    #[error("model {} has no usable points{dropped}", path.display())]
+    NoPointsIn {
+        /// The file.
+        path: PathBuf,
+        /// Empty, or `: ` and why points were dropped.
+        dropped: String,
+    },
+    /// Surfels to be written whose arrays do not agree in length.
+    #[error("surfels to be written have {found} of `{column}`, expected {expected}")]
+    UnequalColumns {
+        /// The array.
+        column: &'static str,
+        /// Its length.
+        found: usize,
+        /// The number of surfels.
+        expected: usize,
+    },
+}
+
+/// A place in a model file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Line of a text file or text header, from 1.
+    Line(u64),
+    /// Offset in a binary file, from 0.
+    Byte(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(n) => write!(f, "line {n}"),
+            Self::Byte(n) => write!(f, "byte {n}"),
+        }
+    }
+}
+
+/// What breaks the rules of a format.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{at}: found {found}, expected {expected}")]
+pub struct ParseError {
+    /// Where.
+    pub at: Place,
+    /// What stands there.
+    pub found: String,
+    /// What would be right.
+    pub expected: String,
+}
+
+impl ParseError {
+    /// Something wrong at a line (from 1).
+    pub(super) fn line(line: u64, found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self { at: Place::Line(line), found: found.into(), expected: expected.into() }
+    }
+
+    /// Something wrong at a byte offset (from 0).
+    pub(super) fn byte(at: usize, found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self { at: Place::Byte(at as u64), found: found.into(), expected: expected.into() }
+    }
+
+    /// Adds what was being read.
+    pub(super) fn of(mut self, what: &str) -> Self {
+        self.expected.push_str(" (");
+        self.expected.push_str(what);
+        self.expected.push(')');
+        self
+    }
+}
+
+/// Text of a file as it may stand in a message: quoted, escaped, at most 60 characters.
+pub(super) fn quote(text: &[u8]) -> String {
+    let text = String::from_utf8_lossy(text.get(..256).unwrap_or(text));
+    let mut shown: String = text.chars().take(60).flat_map(char::escape_debug).collect();
+    if text.chars().nth(60).is_some() {
+        shown.push_str("...");
+    }
+    format!("`{shown}`")
+}
+
+/// Line (from 1) of byte `at`; LF, CRLF and CR each end a line.
+pub(super) fn line_of(bytes: &[u8], at: usize) -> u64 {
+    let before = bytes.get(..at).unwrap_or(bytes);
+    let lf = before.split(|&b| b == b'\n').count() - 1;
+    let lone_cr = before.windows(2).filter(|w| w.first() == Some(&b'\r') && w.last() != Some(&b'\n')).count();
+    let last_cr = usize::from(before.last() == Some(&b'\r') && bytes.get(before.len()) != Some(&b'\n'));
+    1 + (lf + lone_cr + last_cr) as u64
+}

@@ -1,0 +1,372 @@
+//! PLY files: point clouds, surfels, meshes taken as points, and Gaussian-splat captures.
+//!
+//! The header (`ply_header`) becomes a list of steps, one a property, and the body (`ply_body`) is read in one pass.
+//! Names count in any letter case and order, values in any type:
+//!
+//! | what | names |
+//! |---|---|
+//! | position | x y z |
+//! | normal | nx ny nz, normal_x.. ; else from faces (vertex_indices, vertex_index; tristrips) |
+//! | colour | red green blue, r g b, diffuse_red.. ; else grey: intensity, quality, grey, gray, scalar_* |
+//! | cut-off radius | radius, psz, point_size, size, value, scale (a float) |
+//! | axes, velocity | tux tuy tuz tvx tvy tvz; vx vy vz, velocity_x.. |
+//! | material (ours) | ambient diffuse specular shininess |
+//! | Gaussian splat | f_dc_0.. opacity scale_0.. rot_0.. |
+
+use std::collections::HashMap;
+
+use glam::{DVec3, Vec3};
+
+use super::error::ParseError;
+use super::mesh::AreaNormals;
+use super::ply_body::{Body, within};
+use super::ply_header::{self, Element, Header, Kind, Scalar};
+use super::{Cloud, ColourStorage, Material, gaussian};
+
+/// Comment by which [`super::write_ply`] says that float colours are linear light and may exceed 1.
+pub(super) const LINEAR_COLOURS: &str = "splatblur colours are linear light";
+
+/// Names of the material properties, in the order of [`Material`]'s fields.
+pub(super) const MATERIAL: [&str; 4] = ["ambient", "diffuse", "specular", "shininess"];
+
+/// Reads a PLY file. `progress` is told the share of vertices read, now and then.
+///
+/// # Errors
+/// With line or byte: anything outside the grammar, a body that is cut short, no vertex positions, bad face indices.
+pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, ParseError> {
+    let header = ply_header::parse(bytes)?;
+    let mut body = Body::new(bytes, header.body, header.encoding);
+    let mut cloud = Cloud::default();
+    let mut faces = Vec::new();
+    let mut has_vertices = false;
+    for element in &header.elements {
+        match element.name.as_str() {
+            "vertex" => {
+                has_vertices = true;
+                read_vertices(&mut body, element, &header, &mut cloud, progress)?;
+            }
+            "face" | "tristrips" => {
+                faces.push((element, body.at));
+                body.skip_element(element)?;
+            }
+            _ => body.skip_element(element)?,
+        }
+    }
+    if !has_vertices {
+        return Err(ParseError::line(1, "no element `vertex`", "`element vertex COUNT` in the header"));
+    }
+    let surplus = body.surplus();
+    if surplus > 0 {
+        cloud.notes.push(format!("{surplus} bytes after the last element ignored"));
+    }
+    if cloud.normal.is_empty() && !faces.is_empty() {
+        let mut normals = AreaNormals::new(&cloud.position);
+        let mut polygons = 0;
+        for (element, at) in faces {
+            body.at = at;
+            polygons += read_faces(&mut body, element, &mut normals)?;
+        }
+        if polygons > 0 {
+            cloud.normal = normals.finish();
+            cloud.notes.push(format!("normals from {polygons} faces, weighted by area"));
+        }
+    }
+    Ok(cloud)
+}
+
+/// Where the columns of a cloud are found in a record: slots of wanted numbers.
+struct Columns {
+    position: [usize; 3],
+    normal: Option<[usize; 3]>,
+    colour: Option<[usize; 3]>,
+    grey: Option<usize>,
+    radius: Option<usize>,
+    axes: Option<[usize; 6]>,
+    velocity: Option<[usize; 3]>,
+    material: [Option<usize>; 4],
+    gaussian: Option<[usize; 11]>,
+    colour_type: Scalar,
+}
+
+/// What to do with the next property of a record.
+enum Step {
+    Take { scalar: Scalar, slot: usize },
+    Skip(Kind),
+}
+
+fn read_vertices(
+    body: &mut Body<'_>,
+    element: &Element,
+    header: &Header,
+    cloud: &mut Cloud,
+    progress: &dyn Fn(f32),
+) -> Result<(), ParseError> {
+    const CHUNK: usize = 1 << 16;
+    let mut finder = Finder::new(element);
+    let columns = columns(&mut finder, element, &mut cloud.notes)?;
+    let steps = finder.steps();
+    let count = body.count(element)?;
+    let mut values = vec![0.0; steps.len()];
+    cloud.position.reserve_exact(count);
+    let mut splats = Vec::new();
+    for row in 0..count {
+        if row % CHUNK == 0 {
+            progress(row as f32 / count as f32);
+        }
+        for (step, property) in steps.iter().zip(&element.properties) {
+            match *step {
+                Step::Take { scalar, slot } => body.scalar(scalar).map(|value| values[slot] = value),
+                Step::Skip(kind) => body.skip(kind),
+            }
+            .map_err(|e| within(e, element, row, &property.name))?;
+        }
+        columns.push(&values, cloud, &mut splats);
+    }
+    if columns.gaussian.is_some() {
+        gaussian::fill(cloud, &splats);
+    } else if columns.colour.is_some() || columns.grey.is_some() {
+        let declared_linear = header.comments.iter().any(|c| c == LINEAR_COLOURS);
+        scale_colours(cloud, columns.colour_type, columns.grey.is_some(), declared_linear);
+    }
+    Ok(())
+}
+
+impl Columns {
+    fn push(&self, values: &[f64], cloud: &mut Cloud, splats: &mut Vec<[f64; 11]>) {
+        let vector = |s: [usize; 3]| Vec3::new(values[s[0]] as f32, values[s[1]] as f32, values[s[2]] as f32);
+        let p = self.position;
+        cloud.position.push(DVec3::new(values[p[0]], values[p[1]], values[p[2]]));
+        if let Some(slots) = self.gaussian {
+            splats.push(slots.map(|s| values[s]));
+            return;
+        }
+        if let Some(n) = self.normal {
+            // Scaled in f64: an f32 overflow would lose the direction.
+            let wide = DVec3::new(values[n[0]], values[n[1]], values[n[2]]);
+            let largest = wide.abs().max_element();
+            let near_one = (0.5..2.0).contains(&largest) || largest == 0.0;
+            cloud.normal.push(if near_one { wide.as_vec3() } else { (wide / largest).as_vec3() });
+        }
+        if let Some(c) = self.colour {
+            cloud.colour.push(vector(c));
+        } else if let Some(g) = self.grey {
+            cloud.colour.push(Vec3::splat(values[g] as f32));
+        }
+        if let Some(r) = self.radius {
+            cloud.radius.push(values[r] as f32);
+        }
+        if let Some([a, b, c, d, e, f]) = self.axes {
+            cloud.axes.push([vector([a, b, c]), vector([d, e, f])]);
+        }
+        if let Some(v) = self.velocity {
+            cloud.velocity.push(vector(v));
+        }
+        if self.material.iter().any(Option::is_some) {
+            let d = Material::default();
+            let value = |i: usize, default: f32| {
+                let found = self.material[i].map(|slot| values[slot] as f32);
+                found.filter(|x| x.is_finite() && *x >= 0.0).unwrap_or(default)
+            };
+            cloud.material.push(Material {
+                ambient: value(0, d.ambient),
+                diffuse: value(1, d.diffuse),
+                specular: value(2, d.specular),
+                shininess: value(3, d.shininess),
+            });
+        }
+    }
+}
+
+/// Chooses the properties to use; what is left over is named in the notes.
+fn columns(finder: &mut Finder<'_>, element: &Element, notes: &mut Vec<String>) -> Result<Columns, ParseError> {
+    let Some(position) = finder.take(["x", "y", "z"]) else {
+        let packed = finder.by_name.contains_key("packed_position");
+        let (found, expected) = if packed {
+            ("a compressed Gaussian-splat PLY (packed_position)", "the plain layout: convert it first")
+        } else {
+            ("an element `vertex` without x, y and z", "numbers x, y and z")
+        };
+        return Err(ParseError::line(element.line, found, expected));
+    };
+    let gaussian = finder.take([
+        "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
+    ]);
+    if gaussian.is_some() {
+        return Ok(Columns {
+            position,
+            normal: None,
+            colour: None,
+            grey: None,
+            radius: None,
+            axes: None,
+            velocity: None,
+            material: [None; 4],
+            gaussian,
+            colour_type: Scalar::F32,
+        });
+    }
+    let normal = finder.take_first(&[["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]]);
+    let colour_names = [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
+    let colour = finder.take_first(&colour_names);
+    let mut colour_type = colour.map_or(Scalar::U8, |c| finder.scalar(c[0]));
+    if let Some(other) = colour.and_then(|c| c.into_iter().map(|s| finder.scalar(s)).find(|s| *s != colour_type)) {
+        let found = format!("colour channels of types {} and {}", colour_type.name(), other.name());
+        return Err(ParseError::line(element.line, found, "one type"));
+    }
+    let axes = finder.take(["tux", "tuy", "tuz", "tvx", "tvy", "tvz"]);
+    let mut radius = finder.take_first(&[["radius"], ["psz"], ["point_size"], ["size"], ["value"]]);
+    if radius.is_none() && !finder.by_name.contains_key("scale_0") {
+        radius = finder.take(["scale"]).filter(|s| finder.scalar(s[0]).is_float());
+    }
+    let velocity = finder.take_first(&[["vx", "vy", "vz"], ["velocity_x", "velocity_y", "velocity_z"]]);
+    let material = MATERIAL.map(|name| finder.take([name]).map(|s| s[0]));
+    let mut grey = None;
+    if colour.is_none() {
+        let scalars = element.properties.iter().map(|p| p.name.as_str()).filter(|n| n.starts_with("scalar_"));
+        let name = ["intensity", "quality", "grey", "gray"].into_iter().chain(scalars).find(|n| finder.has(n));
+        if let Some(name) = name {
+            grey = finder.take([name]).map(|s| s[0]);
+            colour_type = grey.map_or(colour_type, |s| finder.scalar(s));
+            notes.push(format!("no colours: `{name}` is shown as grey"));
+        }
+    }
+    finder.note_ignored(notes);
+    Ok(Columns {
+        position,
+        normal,
+        colour,
+        grey,
+        radius: radius.map(|s| s[0]),
+        axes,
+        velocity,
+        material,
+        gaussian,
+        colour_type,
+    })
+}
+
+/// Brings colours to 0..=1: 8-bit and other whole numbers by 255 (65535 if that is not enough), 16-bit by 65535; floats
+/// are 0..=1, or 0..=255 where one exceeds 1 (by more than rounding).
+fn scale_colours(cloud: &mut Cloud, scalar: Scalar, grey: bool, declared_linear: bool) {
+    let largest = cloud.colour.iter().filter(|c| c.is_finite()).fold(0.0_f32, |m, c| m.max(c.max_element()));
+    let divisor = match scalar {
+        _ if declared_linear && scalar.is_float() => 1.0,
+        Scalar::I8 | Scalar::U8 => 255.0,
+        Scalar::U16 => 65535.0,
+        Scalar::F32 | Scalar::F64 if largest <= 1.001 => 1.0,
+        _ if largest <= 255.0 => 255.0,
+        _ if grey => f64::from(largest),
+        _ if scalar.is_float() => 255.0,
+        _ => 65535.0,
+    };
+    if scalar.is_float() && divisor == 1.0 {
+        cloud.colour_storage = ColourStorage::Float;
+    } else if scalar.is_float() {
+        cloud.notes.push(format!("float colours up to {largest}: divided by {divisor}, taken as sRGB"));
+    }
+    let scale = |x: f32| {
+        // A signed byte is a byte whose sign is an accident.
+        let x = if scalar == Scalar::I8 && x < 0.0 { x + 256.0 } else { x };
+        (f64::from(x) / divisor) as f32
+    };
+    cloud.colour.iter_mut().for_each(|c| *c = Vec3::new(scale(c.x), scale(c.y), scale(c.z)));
+}
+
+/// Adds the polygons of an element; returns how many there are.
+fn read_faces(body: &mut Body<'_>, element: &Element, normals: &mut AreaNormals<'_>) -> Result<usize, ParseError> {
+    let is_indices = |name: &str| matches!(name, "vertex_indices" | "vertex_index");
+    let strips = element.name == "tristrips";
+    let mut indices = Vec::new();
+    let mut polygons = 0;
+    for row in 0..body.count(element)? {
+        for property in &element.properties {
+            let at = body.at;
+            let located = |e: ParseError| within(e, element, row, &property.name);
+            match property.kind {
+                Kind::List { count, item } if is_indices(&property.name) => {
+                    body.indices(count, item, &mut indices).map_err(located)?;
+                    let added = if strips { normals.add_strips(&indices) } else { normals.add(&indices) };
+                    added.map_err(|index| {
+                        let found = format!("vertex index {index}");
+                        located(body.fault(at, found, "the index of a vertex of this file, from 0"))
+                    })?;
+                    polygons += 1;
+                }
+                kind => body.skip(kind).map_err(located)?,
+            }
+        }
+    }
+    Ok(polygons)
+}
+
+/// Hands out slots for the properties that are wanted.
+struct Finder<'a> {
+    element: &'a Element,
+    /// Plain numbers only.
+    by_name: HashMap<&'a str, (usize, Scalar)>,
+    /// Slot of each property of the element.
+    slots: Vec<Option<usize>>,
+    /// Type of each slot.
+    types: Vec<Scalar>,
+}
+
+impl<'a> Finder<'a> {
+    fn new(element: &'a Element) -> Self {
+        let plain = element.properties.iter().enumerate().filter_map(|(i, p)| match p.kind {
+            Kind::Scalar(scalar) => Some((p.name.as_str(), (i, scalar))),
+            Kind::List { .. } => None,
+        });
+        Self { element, by_name: plain.collect(), slots: vec![None; element.properties.len()], types: Vec::new() }
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.by_name.contains_key(name)
+    }
+
+    /// Slots of all the names, or `None` if one is missing.
+    fn take<const N: usize>(&mut self, names: [&str; N]) -> Option<[usize; N]> {
+        let mut found = [(0, Scalar::F32); N];
+        for (place, name) in found.iter_mut().zip(names) {
+            *place = *self.by_name.get(name)?;
+        }
+        Some(found.map(|(property, scalar)| {
+            let slot = self.types.len();
+            self.types.push(scalar);
+            self.slots[property] = Some(slot);
+            slot
+        }))
+    }
+
+    /// The first of several namings that is complete.
+    fn take_first<const N: usize>(&mut self, namings: &[[&str; N]]) -> Option<[usize; N]> {
+        namings.iter().find_map(|names| self.take(*names))
+    }
+
+    fn scalar(&self, slot: usize) -> Scalar {
+        self.types[slot]
+    }
+
+    fn steps(&self) -> Vec<Step> {
+        let steps =
+            self.element.properties.iter().zip(&self.slots).map(|(property, slot)| match (property.kind, *slot) {
+                (Kind::Scalar(scalar), Some(slot)) => Step::Take { scalar, slot },
+                (kind, _) => Step::Skip(kind),
+            });
+        steps.collect()
+    }
+
+    fn note_ignored(&self, notes: &mut Vec<String>) {
+        const SHOWN: usize = 12;
+        let unused = self.element.properties.iter().zip(&self.slots).filter(|(_, slot)| slot.is_none());
+        // Opacity and confidence have no meaning for opaque surfels, and are in nearly every file.
+        let names: Vec<&str> =
+            unused.map(|(p, _)| p.name.as_str()).filter(|n| !matches!(*n, "alpha" | "confidence")).collect();
+        if !names.is_empty() {
+            let more = names.len().saturating_sub(SHOWN);
+            let shown: Vec<String> =
+                names.iter().take(SHOWN).map(|n| n.chars().take(40).flat_map(char::escape_debug).collect()).collect();
+            let tail = if more > 0 { format!(" and {more} more") } else { String::new() };
+            notes.push(format!("vertex properties ignored: {}{tail}", shown.join(", ")));
+        }
+    }
+}

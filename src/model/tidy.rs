@@ -1,0 +1,91 @@
+//! What every format needs after reading: points that cannot be drawn are dropped, odd attributes made harmless, and
+//! both are counted in the notes.
+
+use glam::{DVec3, Vec3};
+
+use super::Cloud;
+
+/// Largest coordinate that is drawn, in model units: its square still fits a 32-bit float.
+pub(super) const MAX_COORDINATE: f64 = 1e18;
+
+/// Drops points whose position is not finite or beyond [`MAX_COORDINATE`]; normalises normals.
+///
+/// Attributes that are not usable become "missing" for that point (normal and axes zero, radius zero), which
+/// [`super::complete`] estimates; a colour that is not finite becomes white.
+pub(super) fn tidy(mut cloud: Cloud) -> Cloud {
+    let keep: Vec<bool> = cloud.position.iter().map(|p| drawable(*p)).collect();
+    let dropped = keep.iter().filter(|k| !**k).count();
+    if dropped > 0 {
+        retain(&mut cloud, &keep);
+        cloud.notes.push(format!("{dropped} points dropped: a coordinate is not finite or beyond {MAX_COORDINATE:e}"));
+    }
+    for normal in &mut cloud.normal {
+        *normal = unit(*normal);
+    }
+    for radius in &mut cloud.radius {
+        if !(radius.is_finite() && *radius > 0.0 && f64::from(*radius) <= MAX_COORDINATE) {
+            *radius = 0.0;
+        }
+    }
+    // Counted when they are replaced.
+    each(&mut cloud.axes, |[u, v]| !usable(*u, *v), [Vec3::ZERO; 2]);
+    let odd = each(&mut cloud.colour, |c| !c.is_finite(), Vec3::ONE);
+    note(&mut cloud.notes, odd, "a colour that is not finite (drawn white)");
+    let odd = each(&mut cloud.velocity, |v| !v.is_finite(), Vec3::ZERO);
+    note(&mut cloud.notes, odd, "a velocity that is not finite (taken as 0)");
+    cloud
+}
+
+/// Keeps the points whose flag is set, in order.
+pub(super) fn retain(cloud: &mut Cloud, keep: &[bool]) {
+    fn filter<T>(items: &mut Vec<T>, keep: &[bool]) {
+        let mut flags = keep.iter();
+        items.retain(|_| flags.next().copied().unwrap_or(false));
+    }
+    filter(&mut cloud.position, keep);
+    filter(&mut cloud.normal, keep);
+    filter(&mut cloud.radius, keep);
+    filter(&mut cloud.axes, keep);
+    filter(&mut cloud.colour, keep);
+    filter(&mut cloud.material, keep);
+    filter(&mut cloud.velocity, keep);
+}
+
+/// True for axes that span a plane: finite, of sane size, not parallel (sine of the angle above 1e-6).
+pub(super) fn usable(u: Vec3, v: Vec3) -> bool {
+    let (u, v) = (u.as_dvec3(), v.as_dvec3());
+    let area = u.cross(v).length();
+    let product = u.length() * v.length();
+    u.is_finite() && v.is_finite() && u.abs().max(v.abs()).max_element() <= MAX_COORDINATE && area > 1e-6 * product
+}
+
+/// Unit vector along `normal`, unchanged where it is one already (to 1e-6, so that re-reading is exact); zero where it
+/// has no direction.
+pub(super) fn unit(normal: Vec3) -> Vec3 {
+    let wide = normal.as_dvec3();
+    if (wide.length_squared() - 1.0).abs() < 1e-6 {
+        return normal;
+    }
+    let length = wide.length();
+    if length.is_finite() && length > 1e-30 { (wide / length).as_vec3() } else { Vec3::ZERO }
+}
+
+fn drawable(p: DVec3) -> bool {
+    // Comparisons with NaN are false.
+    p.x.abs() <= MAX_COORDINATE && p.y.abs() <= MAX_COORDINATE && p.z.abs() <= MAX_COORDINATE
+}
+
+fn each<T: Copy>(items: &mut [T], odd: impl Fn(&T) -> bool, instead: T) -> usize {
+    let mut count = 0;
+    for item in items.iter_mut().filter(|item| odd(item)) {
+        *item = instead;
+        count += 1;
+    }
+    count
+}
+
+fn note(notes: &mut Vec<String>, count: usize, what: &str) {
+    if count > 0 {
+        notes.push(format!("{count} points have {what}"));
+    }
+}

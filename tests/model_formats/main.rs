@@ -1,0 +1,13 @@
+//! Model file formats: valid files read to known values, hostile files refused with one clear error and no panic.
+
+#![allow(clippy::unwrap_used, reason = "clippy knows #[test] functions, not their helpers")]
+
+mod bin;
+mod files;
+mod hostile;
+mod obj;
+mod ply;
+mod ply_crosscheck;
+mod sfl;
+mod support;
+mod write;
