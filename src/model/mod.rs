@@ -1,5 +1,7 @@
 //! Point models: file formats into a [`Cloud`], and a cloud completed into [`Surfels`].
 
+pub mod generate;
+
 use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec3};
