@@ -4,6 +4,7 @@
 //! What a user asked for goes to stdout, everything else to stderr.
 
 mod convert;
+mod generate;
 mod grammar;
 mod info;
 mod inspect;
@@ -47,6 +48,7 @@ enum Command {
     Render(Box<render::Render>),
     Info(info::Info),
     Convert(convert::Convert),
+    Generate(generate::Generate),
 }
 
 /// Runs the program.
@@ -59,6 +61,7 @@ pub(super) fn main() -> ExitCode {
         Command::Render(render) => render.run(),
         Command::Info(info) => info.run(),
         Command::Convert(convert) => convert.run(),
+        Command::Generate(generate) => generate.run(),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -4,6 +4,7 @@ mod bin;
 mod complete;
 mod error;
 mod gaussian;
+pub mod generate;
 mod map;
 mod mesh;
 mod neighbours;

@@ -1,0 +1,78 @@
+//! What ships beside the code: models and scenes.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use splatblur::model::{Cloud, generate};
+use splatblur::scene;
+
+fn scenes() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")
+}
+
+/// Names of the files directly in a directory.
+fn names(directory: &Path) -> BTreeSet<String> {
+    let entries = fs::read_dir(directory).unwrap().map(Result::unwrap);
+    entries.filter(|e| e.path().is_file()).map(|e| e.file_name().into_string().unwrap()).collect()
+}
+
+fn assert_shipped(name: &str, cloud: &Cloud) {
+    let mut bytes = Vec::new();
+    generate::write(cloud, &mut bytes).unwrap();
+    let shipped = fs::read(scenes().join("models").join(name)).unwrap();
+    let differs = shipped.iter().zip(&bytes).position(|(a, b)| a != b);
+    assert!(
+        shipped.len() == bytes.len() && differs.is_none(),
+        "{name}: {} bytes ship, {} are generated, first difference at {differs:?}",
+        shipped.len(),
+        bytes.len()
+    );
+}
+
+#[test]
+fn generated_models_are_what_the_generator_writes() {
+    assert_shipped("ball.ply", &generate::ball());
+    assert_shipped("checker_plane.ply", &generate::checker_plane());
+    assert_shipped("floor.ply", &generate::floor());
+    assert_shipped("fence.ply", &generate::fence());
+}
+
+#[test]
+fn everything_stays_within_15_megabytes() {
+    let size = |directory: &Path| -> u64 {
+        names(directory).iter().map(|name| fs::metadata(directory.join(name)).unwrap().len()).sum()
+    };
+    let total = size(&scenes()) + size(&scenes().join("models"));
+    assert!(total > 1_000_000 && total <= 15_000_000, "{total} bytes");
+}
+
+#[test]
+fn every_model_has_its_origin_and_licence_listed() {
+    let readme = fs::read_to_string(scenes().join("models/README.md")).unwrap();
+    let listed: BTreeSet<String> = readme
+        .lines()
+        .filter_map(|line| line.strip_prefix("| `")?.split_once('`').map(|(name, _)| name.to_owned()))
+        .collect();
+    let mut present = names(&scenes().join("models"));
+    assert!(present.remove("README.md") && present.remove("LICENSES.txt"));
+    assert_eq!(listed, present);
+}
+
+#[test]
+fn every_scene_loads_without_a_word_of_doubt() {
+    let files = names(&scenes());
+    assert!(files.len() >= 8, "{files:?}");
+    for name in files {
+        let path = scenes().join(&name);
+        let loaded = scene::load(&path, &scene::LoadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let scene = loaded.scene;
+        assert_eq!((scene.image.width, scene.image.height), (960, 540), "{name}");
+        assert_eq!((scene.shutter.open, scene.shutter.close), (-0.5, 0.5), "{name}");
+        assert!(!scene.camera.automatic, "{name}");
+        // Only the captured guitar has something to report: splats that were too faint.
+        if name != "static.xml" {
+            assert_eq!(loaded.notes, Vec::<String>::new(), "{name}");
+        }
+    }
+}
