@@ -14,11 +14,15 @@ pub enum Aov {
     Normal,
     /// Screen velocity, pixels per shutter, x right, y down, forward in time; 0 where alpha is 0.
     Velocity,
+    /// Standard error of the picture's colour and of the coverage; of the reference only, and never divided by alpha.
+    Error,
 }
 
 impl Aov {
-    /// All, in the order of their layers.
+    /// All that every renderer makes, in the order of their layers.
     pub const ALL: [Self; 4] = [Self::Alpha, Self::Depth, Self::Normal, Self::Velocity];
+    /// All that a file may hold, in the order of their layers.
+    pub const LAYERS: [Self; 5] = [Self::Alpha, Self::Depth, Self::Normal, Self::Velocity, Self::Error];
 
     /// Layer name.
     pub const fn name(self) -> &'static str {
@@ -27,6 +31,7 @@ impl Aov {
             Self::Depth => "depth",
             Self::Normal => "normal",
             Self::Velocity => "velocity",
+            Self::Error => "error",
         }
     }
 
@@ -37,6 +42,7 @@ impl Aov {
             Self::Depth => &["Z"],
             Self::Normal => &["X", "Y", "Z"],
             Self::Velocity => &["X", "Y"],
+            Self::Error => &["R", "G", "B", "A"],
         }
     }
 }
@@ -59,7 +65,7 @@ pub struct Picture {
     pub height: u32,
     /// Linear Rec.709, premultiplied by alpha, row-major. Alpha is 1 where a background was composited.
     pub rgba: Vec<[f32; 4]>,
-    /// AOVs, in the order of [`Aov::ALL`].
+    /// AOVs, in the order of [`Aov::LAYERS`].
     pub layers: Vec<Layer>,
 }
 
@@ -102,7 +108,7 @@ impl FilmPlanes {
     /// First plane of an AOV that is wanted; alpha shares the film's own.
     fn first(&self, aov: Aov) -> usize {
         match aov {
-            Aov::Alpha => Some(3),
+            Aov::Alpha | Aov::Error => Some(3),
             Aov::Depth => self.depth,
             Aov::Normal => self.normal,
             Aov::Velocity => self.velocity,
@@ -169,6 +175,6 @@ fn aov_value(aov: Aov, sum: f32, alpha: f32) -> f32 {
         Aov::Alpha => alpha,
         _ if alpha > 0.0 => sum / alpha,
         Aov::Depth => f32::INFINITY,
-        Aov::Normal | Aov::Velocity => 0.0,
+        Aov::Normal | Aov::Velocity | Aov::Error => 0.0,
     }
 }

@@ -33,6 +33,7 @@ pub mod math;
 pub mod model;
 pub mod plan;
 pub mod pose;
+pub mod reference;
 pub mod render;
 pub mod sampling;
 pub mod scene;

@@ -1,6 +1,6 @@
 //! Where things are at a time: scene and frame time to transforms.
 
-use glam::{DMat3, DMat4, DVec3};
+use glam::{DAffine3, DMat3, DMat4, DVec3};
 
 use crate::math::rotation;
 use crate::scene::{Camera, Motion, Object, Scene};
@@ -27,6 +27,50 @@ pub fn object_pose(scene: &Scene, object: &Object, frame_time: f64) -> ObjectPos
         m = motion_matrix(motion, frame_time) * m;
     }
     ObjectPose { world_from_model: object.place.matrix() * m, visible }
+}
+
+/// [`object_pose`] for many times: what does not change is computed once.
+#[derive(Clone, Debug)]
+pub struct ObjectPoser<'a> {
+    scene: &'a Scene,
+    object: &'a Object,
+    transform: DAffine3,
+    /// `None` where it changes nothing.
+    place: Option<DAffine3>,
+}
+
+impl<'a> ObjectPoser<'a> {
+    /// For an object of `scene`.
+    pub fn new(scene: &'a Scene, object: &'a Object) -> Self {
+        let place = DAffine3::from_mat4(object.place.matrix());
+        let place = (place != DAffine3::IDENTITY).then_some(place);
+        Self { scene, object, transform: DAffine3::from_mat4(object.transform.matrix()), place }
+    }
+
+    /// `world_from_model` at scene time `frame_time` (frames), as far as rounding the same as [`object_pose`]'s; `None` where
+    /// the animation hides the object.
+    pub fn at(&self, frame_time: f64) -> Option<DAffine3> {
+        let mut m = self.transform;
+        if let Some(binding) = &self.object.animation {
+            let state = binding.node.at(seconds(self.scene, frame_time), binding.interpolation);
+            if !state.visible {
+                return None;
+            }
+            m = DAffine3::from_mat4(state.transform.matrix()) * m;
+        }
+        for motion in &self.object.motions {
+            match *motion {
+                Motion::Linear { velocity } => m.translation += velocity * frame_time,
+                Motion::Rotation { .. } => m = DAffine3::from_mat4(motion_matrix(motion, frame_time)) * m,
+            }
+        }
+        Some(self.place.map_or(m, |place| place * m))
+    }
+
+    /// True if the pose does not depend on time.
+    pub fn is_fixed(&self) -> bool {
+        self.object.animation.is_none() && self.object.motions.is_empty()
+    }
 }
 
 /// Rigid transform from world space to camera space (-z forward, +y up) at scene time `frame_time` (frames).

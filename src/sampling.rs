@@ -19,6 +19,33 @@ pub fn sobol2(index: u32) -> [u32; 2] {
     [index.reverse_bits(), second]
 }
 
+/// Point `index` of the first three Sobol' dimensions, as 32-bit fractions: a (1, 3)-sequence, whose first two dimensions
+/// are those of [`sobol2`].
+pub fn sobol3(index: u32) -> [u32; 3] {
+    let [first, second] = sobol2(index);
+    let mut third = 0;
+    let mut bits = index;
+    while bits != 0 {
+        third ^= THIRD[bits.trailing_zeros() as usize];
+        bits &= bits - 1;
+    }
+    [first, second, third]
+}
+
+/// Direction numbers of the third dimension, from the primitive polynomial x^2 + x + 1 and the start m = 1, 3
+/// (Bratley and Fox 1988).
+const THIRD: [u32; 32] = {
+    let mut v = [0; 32];
+    v[0] = 1 << 31;
+    v[1] = 3 << 30;
+    let mut i = 2;
+    while i < 32 {
+        v[i] = v[i - 1] ^ v[i - 2] ^ (v[i - 2] >> 2);
+        i += 1;
+    }
+    v
+};
+
 /// Owen-scrambles a 32-bit fraction: a random permutation at every node of the binary tree, chosen by `seed`.
 pub fn owen_scramble(fraction: u32, seed: u32) -> u32 {
     // Laine-Karras: each step lets a bit depend on lower bits alone, that is, on higher digits once reversed.
@@ -84,6 +111,33 @@ mod tests {
                         assert!(!seen[index], "seed {seed}, box {a} {b} {c}");
                         seen[index] = true;
                     }
+                }
+            }
+        }
+    }
+
+    /// Every aligned block of 2^m points has at most 2 in each elementary box of volume 2^-(m - 1) that a (1, 3)-sequence
+    /// promises exactly 2 in, scrambled or not.
+    #[test]
+    fn three_dimensions_form_a_sequence() {
+        for (block, seed) in [(0, None), (5, None), (3, Some(9_u64))] {
+            let m = 7;
+            let n = 1_u32 << m;
+            let points: Vec<[u32; 3]> = (block * n..(block + 1) * n)
+                .map(|i| {
+                    let p = sobol3(i);
+                    std::array::from_fn(|d| seed.map_or(p[d], |s| owen_scramble(p[d], hash(s, d as u64))))
+                })
+                .collect();
+            for a in 0..m {
+                for b in 0..m - a {
+                    let c = m - 1 - a - b;
+                    let mut seen = vec![0; n as usize / 2];
+                    for p in &points {
+                        let cell = |v: u32, bits: u32| (u64::from(v) >> (32 - bits)) as usize;
+                        seen[(cell(p[0], a) << b | cell(p[1], b)) << c | cell(p[2], c)] += 1;
+                    }
+                    assert!(seen.iter().all(|&count| count == 2), "block {block}, box {a} {b} {c}");
                 }
             }
         }

@@ -106,7 +106,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
         }
     }
     let mut layers = Vec::new();
-    for aov in Aov::ALL {
+    for aov in Aov::LAYERS {
         let planes: Option<Vec<_>> =
             aov.channels().iter().map(|channel| plane(&format!("{}.{channel}", aov.name()))).collect();
         layers.extend(planes.map(|planes| Layer { aov, planes }));

@@ -2,6 +2,7 @@
 
 mod bounds;
 pub mod fast;
+pub(crate) mod simd;
 pub mod srgb;
 mod trs;
 

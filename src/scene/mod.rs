@@ -18,7 +18,7 @@ mod xml;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::anim::{Interpolation, NodeAnimation};
 use crate::math::{Bounds, Trs};
@@ -182,6 +182,17 @@ pub struct Object {
     pub median_radius: f32,
     /// Box around the model's surfel centres, model space.
     pub bounds: Bounds,
+    /// An ideal sphere instead of the model, which is empty then: for the reference alone; no splatter can show it.
+    pub sphere: Option<Sphere>,
+}
+
+/// `<sphere>`: the thesis's ideal sphere (B.2.4), about the model's origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sphere {
+    /// Radius, model space, > 0.
+    pub radius: f64,
+    /// Colour, linear Rec.709.
+    pub colour: Vec3,
 }
 
 /// How scene files are read.

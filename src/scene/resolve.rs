@@ -174,6 +174,7 @@ impl Files<'_> {
             blur: spec.blur,
             median_radius,
             bounds,
+            sphere: None,
         })
     }
 

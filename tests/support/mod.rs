@@ -1,6 +1,8 @@
 //! Scenes and models made in code, for tests and benches. Shares no mathematics with the renderer.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
 
+pub mod closed_forms;
+
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -60,6 +62,7 @@ pub fn object(model: Surfels) -> Object {
         blur: true,
         median_radius,
         bounds,
+        sphere: None,
     }
 }
 

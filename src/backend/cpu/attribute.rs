@@ -5,12 +5,12 @@
 use glam::Vec3;
 
 use super::project::LOW_PASS;
-use super::simd::dispatch;
 use super::tiles::{LANES, STRIDE, TileRect};
 use super::visibility::{Row, Touched};
 use crate::frame::{FrameObject, PosedObject, PosedSample};
 use crate::layout::{Channels, FLAG_BACK, Splat};
 use crate::math::fast;
+use crate::math::simd::dispatch;
 use crate::model::Material;
 use crate::plan::Shading;
 use crate::shading::shade;

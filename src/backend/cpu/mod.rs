@@ -9,7 +9,6 @@ mod attribute;
 mod bin;
 mod project;
 mod resolve;
-mod simd;
 mod tiles;
 mod visibility;
 

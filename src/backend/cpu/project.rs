@@ -7,9 +7,9 @@ use std::ops::Range;
 
 use glam::{Mat3, Vec3};
 
-use super::simd::dispatch;
 use crate::frame::PosedObject;
 use crate::layout::{FLAG_BACK, Splat};
+use crate::math::simd::dispatch;
 use crate::model::Surfels;
 
 /// Surfels worked on at once.

@@ -4,11 +4,11 @@
 
 use glam::Vec3;
 
-use super::simd::dispatch;
 use super::tiles::{LANES, STRIDE, TILE, TileRect};
 use crate::film::{Film, FilmPlanes};
 use crate::frame::PosedSample;
 use crate::layout::Channels;
+use crate::math::simd::dispatch;
 use crate::model::Material;
 use crate::plan::Shading;
 use crate::shading::{ShadingLight, lobes, towards_point};

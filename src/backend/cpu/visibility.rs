@@ -2,9 +2,9 @@
 //!
 //! In: splats of a tile's list. Out: the tile's thresholds. Order-free (a minimum).
 
-use super::simd::dispatch;
 use super::tiles::{LANES, STRIDE, TileRect};
 use crate::layout::Splat;
+use crate::math::simd::dispatch;
 
 /// Smallest depth tolerance, as a share of the depth: 4 units in the last place.
 const LEAST_EPSILON: f32 = 4.0 * f32::EPSILON;

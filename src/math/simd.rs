@@ -1,31 +1,28 @@
-//! Run-time dispatch to wider vectors. The only `unsafe` of the renderer.
+//! Run-time dispatch to wider vectors. The only `unsafe` of the renderer and of the reference.
 
-/// Defines `fn name(args)` that runs `body(args)`, compiled once for the baseline and once for AVX2.
+/// Defines `fn name(args)` that returns `body(args)`, compiled once for the baseline and once for AVX2.
 ///
 /// `body` must be `#[inline(always)]`, so that it is compiled anew inside the AVX2 version. Neither version contracts
 /// multiplications and additions, so both give the same bits.
 macro_rules! dispatch {
-    ($(#[$doc:meta])* fn $name:ident($($arg:ident: $ty:ty),* $(,)?) = $body:path) => {
+    ($(#[$doc:meta])* fn $name:ident($($arg:ident: $ty:ty),* $(,)?) $(-> $out:ty)? = $body:path) => {
         $(#[$doc])*
-        pub(super) fn $name($($arg: $ty),*) {
+        pub(super) fn $name($($arg: $ty),*) $(-> $out)? {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2")]
-                fn avx2($($arg: $ty),*) {
-                    $body($($arg),*);
+                fn avx2($($arg: $ty),*) $(-> $out)? {
+                    $body($($arg),*)
                 }
                 if std::arch::is_x86_feature_detected!("avx2") {
                     #[allow(unsafe_code, reason = "AVX2 was detected on the line before")]
                     // SAFETY: the CPU has the only feature that the function enables.
-                    unsafe {
-                        avx2($($arg),*);
-                    }
-                    return;
+                    return unsafe { avx2($($arg),*) };
                 }
             }
-            $body($($arg),*);
+            $body($($arg),*)
         }
     };
 }
 
-pub(super) use dispatch;
+pub(crate) use dispatch;

@@ -1,0 +1,302 @@
+//! A bounding volume hierarchy over the surfels of one model, in model space relative to the model's origin.
+//!
+//! The tree is built binary, by parallel locally-ordered clustering (crate `obvhs`), and collapsed into nodes of eight children
+//! and leaves of up to eight surfels. Boxes and leaves are structures of arrays, eight wide, so that one node or one leaf is
+//! tested with vector instructions. Leaves hold copies of what the intersection needs: 36 bytes a surfel plus its number.
+
+use glam::{DVec3, Vec3, Vec3A};
+use obvhs::Boundable;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+use rayon::prelude::*;
+
+use crate::model::Surfels;
+
+/// Children of a node, and most surfels of a leaf.
+pub(super) const WIDTH: usize = 8;
+
+/// Set in a child's number if it is a leaf.
+pub(super) const LEAF: u32 = 1 << 31;
+
+/// Boxes grow by this share of the model's radius, so that f32 traversal misses nothing that f64 intersection hits.
+///
+/// In units of 2^-24 times the radius R: a ray's origin is moved to the model's sphere, |o| <= R about its centre, and rounded
+/// (1); its direction is rounded over a path of 2 R (2); (b - o) is rounded (2); the reciprocal of the direction and the
+/// product add two roundings each over 2 R (8). 13 in all; 32 with room to spare. Leaves the centre out: models are recentred,
+/// so it is at most R away (another 1 + 2).
+const PADDING: f64 = 32.0 / (1_u32 << 24) as f64;
+
+/// Eight boxes.
+#[derive(Clone, Debug)]
+#[repr(C, align(32))]
+pub(super) struct Node {
+    /// Low sides, then high sides; x, y, z; one a child. A missing child has low = +inf and high = -inf.
+    pub sides: [[[f32; WIDTH]; 3]; 2],
+    /// Node, or leaf with [`LEAF`].
+    pub children: [u32; WIDTH],
+}
+
+/// Up to eight surfels.
+#[derive(Clone, Debug)]
+#[repr(C, align(32))]
+pub(super) struct Leaf {
+    /// Centres, x, y, z; NaN where there is no surfel.
+    pub centre: [[f32; WIDTH]; 3],
+    /// First axes.
+    pub u: [[f32; WIDTH]; 3],
+    /// Second axes.
+    pub v: [[f32; WIDTH]; 3],
+    /// Surfel numbers.
+    pub surfel: [u32; WIDTH],
+}
+
+/// The hierarchy of one model.
+#[derive(Clone, Debug)]
+pub(super) struct Bvh {
+    /// The first one is the root.
+    pub nodes: Vec<Node>,
+    pub leaves: Vec<Leaf>,
+    /// A sphere around all boxes.
+    pub centre: DVec3,
+    pub radius: f64,
+}
+
+struct Ellipse {
+    low: Vec3A,
+    high: Vec3A,
+}
+
+impl Boundable for Ellipse {
+    fn aabb(&self) -> Aabb {
+        Aabb::new(self.low, self.high)
+    }
+}
+
+impl Bvh {
+    /// Builds the hierarchy; surfels that are not finite are left out.
+    pub(super) fn new(surfels: &Surfels) -> Self {
+        let exact: Vec<(Vec3, Vec3)> = (0..surfels.len()).into_par_iter().map(|i| bounds(surfels, i)).collect();
+        let whole = exact
+            .par_iter()
+            .filter(|(low, high)| low.is_finite() && high.is_finite())
+            .fold(|| NOTHING, |a, b| (a.0.min(b.0), a.1.max(b.1)))
+            .reduce(|| NOTHING, |a, b| (a.0.min(b.0), a.1.max(b.1)));
+        if !(whole.0.cmple(whole.1).all()) {
+            return Self { nodes: Vec::new(), leaves: Vec::new(), centre: DVec3::ZERO, radius: 0.0 };
+        }
+        let (low, high) = (whole.0.as_dvec3(), whole.1.as_dvec3());
+        let centre = 0.5 * (low + high);
+        let reach = 0.5 * (high - low).length() + centre.length();
+        let padding = PADDING * reach;
+        let radius = 0.5 * (high - low).length() + 2.0 * padding;
+        let grow = Vec3::splat(padding as f32);
+        let index: Vec<u32> =
+            (0..exact.len()).filter(|&i| exact[i].0.is_finite() && exact[i].1.is_finite()).map(|i| i as u32).collect();
+        let ellipses: Vec<Ellipse> = index
+            .iter()
+            .map(|&i| {
+                let (low, high) = exact[i as usize];
+                Ellipse { low: (low - grow).into(), high: (high + grow).into() }
+            })
+            .collect();
+        drop(exact);
+        let tree = PlocBuilder::with_capacity(ellipses.len()).build(
+            PlocSearchDistance::Low,
+            &ellipses,
+            (0..ellipses.len() as u32).collect(),
+            SortPrecision::U64,
+            2,
+        );
+        let mut collapse =
+            Collapse { tree: &tree, index: &index, surfels, counts: counts(&tree), out: (Vec::new(), Vec::new()) };
+        collapse.run();
+        let (nodes, leaves) = collapse.out;
+        Self { nodes, leaves, centre, radius }
+    }
+
+    /// Bytes of nodes and leaves.
+    pub(super) fn bytes(&self) -> u64 {
+        (size_of_val(self.nodes.as_slice()) + size_of_val(self.leaves.as_slice())) as u64
+    }
+}
+
+const NOTHING: (Vec3, Vec3) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+
+/// Box of an elliptical disc: its extent along an axis e is sqrt((u.e)^2 + (v.e)^2). Rounding is left to the padding.
+fn bounds(surfels: &Surfels, i: usize) -> (Vec3, Vec3) {
+    let (c, u, v) = (surfels.position[i], surfels.axis_u[i], surfels.axis_v[i]);
+    let reach = (u * u + v * v).map(f32::sqrt);
+    (c - reach, c + reach)
+}
+
+/// Surfels below each node of the binary tree.
+fn counts(tree: &Bvh2) -> Vec<u32> {
+    let mut counts = vec![0; tree.nodes.len()];
+    let mut stack = vec![(0_usize, false)];
+    while let Some((at, seen)) = stack.pop() {
+        let node = &tree.nodes[at];
+        if node.is_leaf() {
+            counts[at] = node.prim_count;
+        } else if seen {
+            let child = node.first_index as usize;
+            counts[at] = counts[child] + counts[child + 1];
+        } else {
+            stack.push((at, true));
+            stack.push((node.first_index as usize, false));
+            stack.push((node.first_index as usize + 1, false));
+        }
+    }
+    counts
+}
+
+/// Binary tree to eight-wide tree.
+struct Collapse<'a> {
+    tree: &'a Bvh2,
+    /// Surfel of each primitive of the tree.
+    index: &'a [u32],
+    surfels: &'a Surfels,
+    counts: Vec<u32>,
+    out: (Vec<Node>, Vec<Leaf>),
+}
+
+impl Collapse<'_> {
+    fn run(&mut self) {
+        // (binary node, place of the wide node that it becomes)
+        let mut work = vec![(0_usize, 0_usize)];
+        self.out.0.push(Node::empty());
+        while let Some((at, place)) = work.pop() {
+            let mut children = [0_usize; WIDTH];
+            let mut n = 1;
+            children[0] = at;
+            while n < WIDTH {
+                // Open the child that costs most: the one most rays enter.
+                let open = (0..n)
+                    .filter(|&i| self.counts[children[i]] > WIDTH as u32)
+                    .max_by(|&i, &j| self.area(children[i]).total_cmp(&self.area(children[j])));
+                let Some(open) = open else { break };
+                let first = self.tree.nodes[children[open]].first_index as usize;
+                children[open] = first;
+                children[n] = first + 1;
+                n += 1;
+            }
+            for (slot, &child) in children[..n].iter().enumerate() {
+                let number = if self.counts[child] <= WIDTH as u32 {
+                    let leaf = self.leaf(child);
+                    self.out.1.push(leaf);
+                    LEAF | (self.out.1.len() - 1) as u32
+                } else {
+                    self.out.0.push(Node::empty());
+                    work.push((child, self.out.0.len() - 1));
+                    (self.out.0.len() - 1) as u32
+                };
+                let aabb = self.tree.nodes[child].aabb();
+                let node = &mut self.out.0[place];
+                for axis in 0..3 {
+                    node.sides[0][axis][slot] = aabb.min[axis];
+                    node.sides[1][axis][slot] = aabb.max[axis];
+                }
+                node.children[slot] = number;
+            }
+        }
+    }
+
+    fn area(&self, node: usize) -> f32 {
+        self.tree.nodes[node].aabb().half_area()
+    }
+
+    fn leaf(&self, node: usize) -> Leaf {
+        let mut leaf = Leaf {
+            centre: [[f32::NAN; WIDTH]; 3],
+            u: [[0.0; WIDTH]; 3],
+            v: [[0.0; WIDTH]; 3],
+            surfel: [u32::MAX; WIDTH],
+        };
+        let mut stack = vec![node];
+        let mut slot = 0;
+        while let Some(at) = stack.pop() {
+            let node = &self.tree.nodes[at];
+            if !node.is_leaf() {
+                stack.push(node.first_index as usize + 1);
+                stack.push(node.first_index as usize);
+                continue;
+            }
+            for p in node.first_index..node.first_index + node.prim_count {
+                let surfel = self.index[self.tree.primitive_indices[p as usize] as usize];
+                let i = surfel as usize;
+                for axis in 0..3 {
+                    leaf.centre[axis][slot] = self.surfels.position[i][axis];
+                    leaf.u[axis][slot] = self.surfels.axis_u[i][axis];
+                    leaf.v[axis][slot] = self.surfels.axis_v[i][axis];
+                }
+                leaf.surfel[slot] = surfel;
+                slot += 1;
+            }
+        }
+        leaf
+    }
+}
+
+impl Node {
+    const fn empty() -> Self {
+        Self { sides: [[[f32::INFINITY; WIDTH]; 3], [[f32::NEG_INFINITY; WIDTH]; 3]], children: [0; WIDTH] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cloud(n: u32) -> Surfels {
+        let mut surfels = Surfels::default();
+        for i in 0..n {
+            let h = |k: u64| f64::from(crate::sampling::hash(u64::from(i), k)) as f32 / 4.3e9;
+            surfels.position.push(Vec3::new(h(0), h(1), h(2)));
+            surfels.axis_u.push(Vec3::new(h(3), h(4), h(5)) * 0.05);
+            surfels.axis_v.push(Vec3::new(h(6), -h(7), h(8)) * 0.05);
+            surfels.normal.push(Vec3::Z);
+            surfels.colour.push(Vec3::ONE);
+        }
+        surfels
+    }
+
+    /// Every surfel is in one leaf, and every box holds what is below it.
+    #[test]
+    fn boxes_hold_their_surfels() {
+        for n in [0, 1, 2, 8, 9, 1000] {
+            let mut surfels = cloud(n);
+            if n == 1000 {
+                // Many in one place, one beside reality.
+                surfels.position[10..200].fill(Vec3::ONE);
+                surfels.position[500].x = f32::NAN;
+            }
+            let bvh = Bvh::new(&surfels);
+            let mut seen = vec![0; n as usize];
+            let mut work = vec![(0_u32, [Vec3::NEG_INFINITY, Vec3::INFINITY])];
+            if bvh.nodes.is_empty() {
+                work.clear();
+            }
+            while let Some((number, [low, high])) = work.pop() {
+                if number & LEAF != 0 {
+                    for i in bvh.leaves[(number & !LEAF) as usize].surfel.into_iter().filter(|&i| i != u32::MAX) {
+                        seen[i as usize] += 1;
+                        let b = bounds(&surfels, i as usize);
+                        assert!(low.cmple(b.0).all() && high.cmpge(b.1).all(), "surfel {i}");
+                    }
+                    continue;
+                }
+                let node = &bvh.nodes[number as usize];
+                for slot in 0..WIDTH {
+                    let side = |s: usize| Vec3::from_array([0, 1, 2].map(|axis| node.sides[s][axis][slot]));
+                    if side(0).x < f32::INFINITY {
+                        assert!(low.cmple(side(0)).all() && high.cmpge(side(1)).all());
+                        work.push((node.children[slot], [side(0), side(1)]));
+                    }
+                }
+            }
+            for (i, &count) in seen.iter().enumerate() {
+                assert_eq!(count, i32::from(surfels.position[i].is_finite()), "surfel {i} of {n}");
+            }
+        }
+    }
+}

@@ -1,0 +1,317 @@
+//! The reference: the same scene by quasi-Monte-Carlo ray tracing (thesis 3.6.4, 4.5), with a standard error for each pixel.
+//!
+//! Every sample has a place in the pixel's square and a time of its own; the scene is posed at just that time, a ray is cast
+//! through a hierarchy over each model's surfels, and the visibility rule and the kernel of design section 2 are evaluated in
+//! `f64`. Nothing is shared with the passes that this is to judge. There is no screen-space prefilter: rays have no footprint, so
+//! the reference is what a splatter without prefilter converges to. See docs/reference.md.
+
+mod bvh;
+mod posed;
+mod sampler;
+mod sums;
+mod trace;
+mod traverse;
+mod warp;
+
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use self::posed::World;
+use self::sampler::Points;
+use self::sums::PixelSums;
+use self::trace::{Seen, Tracer};
+use self::warp::TimeWarp;
+use crate::film::{Aov, Background, FilmPlanes, Picture};
+use crate::plan::{PixelFilter, Shading};
+use crate::scene::Scene;
+
+pub use self::sampler::{SCRAMBLINGS, Sampler};
+pub use self::sums::Sums;
+
+/// Samples of a pixel in one round of a run that stops at an error.
+pub const ROUND: u64 = 256;
+
+/// Most samples of a pixel: each scrambling has 2^32 points.
+pub const MOST_SAMPLES: u64 = 1 << 36;
+
+/// How a reference is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReferenceOptions {
+    /// Samples of a pixel, a multiple of [`SCRAMBLINGS`]; with `error`, the most.
+    pub samples: u64,
+    /// Stop after the round ([`ROUND`] samples) in which the mean standard error falls below this.
+    pub error: Option<f64>,
+    /// How positions and times are chosen.
+    pub sampler: Sampler,
+    /// Positions over the pixel's square, or at its centre.
+    pub filter: PixelFilter,
+    /// Where shading happens.
+    pub shading: Shading,
+    /// Show back faces, with their normals turned to the viewer.
+    pub two_sided: bool,
+    /// Depth tolerance for all objects, world units, >= 0; overrides the scene's.
+    pub epsilon: Option<f64>,
+    /// Seed of positions and times.
+    pub seed: u64,
+    /// Extra channels, in the order of [`Aov::ALL`], each at most once.
+    pub aovs: Vec<Aov>,
+}
+
+impl Default for ReferenceOptions {
+    fn default() -> Self {
+        Self {
+            samples: 1024,
+            error: None,
+            sampler: Sampler::Sobol,
+            filter: PixelFilter::Box,
+            shading: Shading::Phong,
+            two_sided: false,
+            epsilon: None,
+            seed: 1,
+            aovs: Vec::new(),
+        }
+    }
+}
+
+/// A finished reference.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// The picture; its last layer is the standard error.
+    pub picture: Picture,
+    /// Partial sums, to go on from.
+    pub sums: Sums,
+    /// What it took.
+    pub stats: Stats,
+}
+
+/// What a reference took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stats {
+    /// Samples of a pixel, those of earlier runs included.
+    pub samples: u64,
+    /// Samples of this run, over all pixels.
+    pub traced: u64,
+    /// Mean standard error over all pixels and r, g, b (of the picture) and coverage.
+    pub mean_error: f64,
+    /// Surfels of the distinct models.
+    pub surfels: u64,
+    /// Bytes of their hierarchies.
+    pub hierarchy_bytes: u64,
+    /// Bytes of the partial sums.
+    pub sums_bytes: u64,
+    /// Wall time of building the hierarchies.
+    pub build: Duration,
+    /// Wall time of tracing.
+    pub trace: Duration,
+}
+
+/// How far a run is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Samples of a pixel before this round.
+    pub samples: u64,
+    /// Samples of a pixel after it.
+    pub end: u64,
+    /// Finished share of the round, 0..=1.
+    pub share: f64,
+    /// Mean standard error before this round, where it is looked at.
+    pub error: Option<f64>,
+}
+
+/// Told how far a run is; called from several threads.
+pub type Progress<'a> = &'a (dyn Fn(Step) + Sync);
+
+/// Why there is no reference.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReferenceError {
+    /// The number of samples does not suit the scramblings.
+    #[error(
+        "{samples} samples cannot be shared by {SCRAMBLINGS} scramblings: a multiple of {SCRAMBLINGS} is needed, at most {MOST_SAMPLES}"
+    )]
+    Samples {
+        /// What was asked for.
+        samples: u64,
+    },
+    /// Jittered grids have a fixed size.
+    #[error(
+        "the jittered sampler has a fixed number of samples: it can neither stop at an error nor go on from an earlier run"
+    )]
+    Fixed,
+    /// The earlier run was of another kind.
+    #[error("the earlier run has {found}, this one {expected}")]
+    Unlike {
+        /// What the earlier run has.
+        found: String,
+        /// What is needed.
+        expected: String,
+    },
+}
+
+/// Makes the reference of one frame, from the beginning or from the sums of an earlier run with the same scene and options
+/// (beside `samples` and `error`). If that run has as many samples as this one needs, none are added.
+///
+/// # Errors
+/// The options contradict each other or the earlier run.
+pub fn render(
+    scene: &Scene,
+    frame: i64,
+    options: &ReferenceOptions,
+    earlier: Option<Sums>,
+    progress: Progress<'_>,
+) -> Result<Reference, ReferenceError> {
+    let samples = options.samples;
+    if samples == 0 || !samples.is_multiple_of(SCRAMBLINGS as u64) || samples > MOST_SAMPLES {
+        return Err(ReferenceError::Samples { samples });
+    }
+    if !options.sampler.is_progressive() && (options.error.is_some() || earlier.is_some()) {
+        return Err(ReferenceError::Fixed);
+    }
+    let size = [scene.image.width, scene.image.height];
+    let mut sums = match earlier {
+        Some(sums) => sums.like(size, &options.aovs)?,
+        None => Sums::new(size, &options.aovs),
+    };
+    let start = Instant::now();
+    let world = World::new(scene, frame, options);
+    let build = start.elapsed();
+    let start = Instant::now();
+    let before = sums.samples;
+    let background = Background { colour: scene.image.background, transparent: scene.image.transparent };
+    let integrator = Integrator { world: &world, warp: TimeWarp::new(&scene.shutter.weight), frame: frame as f64 };
+    if let Some(limit) = options.error {
+        let mut error = None;
+        while sums.samples < samples {
+            if sums.samples > 0 {
+                let now = sums.mean_error_of_even(background);
+                error = Some(now);
+                if now < limit {
+                    break;
+                }
+            }
+            let end = (sums.samples / ROUND * ROUND + ROUND).min(samples);
+            integrator.add(&mut sums, end, error, progress);
+        }
+    } else if sums.samples < samples {
+        integrator.add(&mut sums, samples, None, progress);
+    }
+    let stats = Stats {
+        samples: sums.samples,
+        traced: (sums.samples - before) * u64::from(size[0]) * u64::from(size[1]),
+        mean_error: sums.mean_error(background),
+        surfels: world.surfels(),
+        hierarchy_bytes: world.models.iter().map(bvh::Bvh::bytes).sum(),
+        sums_bytes: sums.bytes(),
+        build,
+        trace: start.elapsed(),
+    };
+    Ok(Reference { picture: sums.develop(&options.aovs, background), sums, stats })
+}
+
+/// Rows that one task takes.
+const STRIP: usize = 4;
+
+struct Integrator<'w, 'a> {
+    world: &'w World<'a>,
+    warp: TimeWarp,
+    frame: f64,
+}
+
+impl Integrator<'_, '_> {
+    /// Brings every pixel to `end` samples.
+    fn add(&self, sums: &mut Sums, end: u64, error: Option<f64>, progress: Progress<'_>) {
+        let options = self.world.options;
+        let each = SCRAMBLINGS as u64;
+        let (first, last) = (sums.samples / each, end / each);
+        let points = Points::new(options.sampler, options.seed, first, last, options.samples / each);
+        let planes = FilmPlanes::of(&options.aovs);
+        let strip = STRIP * sums.width as usize;
+        let strips = (sums.height as usize).div_ceil(STRIP);
+        let mut extras: Vec<&mut [f64]> = if sums.planes == 0 {
+            (0..strips).map(|_| Default::default()).collect()
+        } else {
+            sums.extra.chunks_mut(strip * sums.planes).collect()
+        };
+        let finished = std::sync::atomic::AtomicUsize::new(0);
+        let (samples, width) = (sums.samples, sums.width as usize);
+        sums.colour.par_chunks_mut(strip.max(1)).zip(&mut extras).enumerate().for_each_init(
+            || Tracer::new(self.world),
+            |tracer, (number, (colour, extra))| {
+                let rows = colour.len() / width;
+                // Column by column: neighbouring pixels see the same surfels.
+                for x in 0..width {
+                    for y in 0..rows {
+                        let at = y * width + x;
+                        let extra = if extra.is_empty() {
+                            &mut [][..]
+                        } else {
+                            &mut extra[at * (planes.count - 4)..][..planes.count - 4]
+                        };
+                        let mut pixel = Pixel { planes: &planes, sums: &mut colour[at], extra };
+                        self.pixel(tracer, &points, [x, number * STRIP + y], first..last, &mut pixel);
+                    }
+                }
+                let done = finished.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
+                progress(Step { samples, end, share: done as f64 / strips as f64, error });
+            },
+        );
+        sums.samples = end;
+    }
+
+    fn pixel(
+        &self,
+        tracer: &mut Tracer<'_, '_>,
+        points: &Points,
+        [x, y]: [usize; 2],
+        range: std::ops::Range<u64>,
+        pixel: &mut Pixel<'_>,
+    ) {
+        let number = (y * self.world.size[0] as usize + x) as u64;
+        let of_pixel = points.pixel(number);
+        let scrambled: [_; SCRAMBLINGS] = std::array::from_fn(|r| of_pixel.scrambling(r));
+        for k in range {
+            for (r, scrambling) in scrambled.iter().enumerate() {
+                let (film, time) = self.place([x, y], scrambling.at(k));
+                if let Some(seen) = tracer.sample(film, time) {
+                    pixel.add(r, &seen);
+                }
+            }
+        }
+    }
+
+    /// Film point (pixels) and scene time (frames) of a point of the unit cube.
+    fn place(&self, pixel: [usize; 2], [u, v, share]: [f64; 3]) -> ([f64; 2], f64) {
+        let (u, v) = match self.world.options.filter {
+            PixelFilter::Box => (u, v),
+            PixelFilter::Point => (0.5, 0.5),
+        };
+        let time = self.world.scene.shutter.frame_time(self.frame, self.warp.time(share));
+        ([pixel[0] as f64 + u, pixel[1] as f64 + v], time)
+    }
+}
+
+/// Where the samples of one pixel are added.
+struct Pixel<'a> {
+    planes: &'a FilmPlanes,
+    sums: &'a mut PixelSums,
+    extra: &'a mut [f64],
+}
+
+impl Pixel<'_> {
+    fn add(&mut self, scrambling: usize, seen: &Seen) {
+        let sums = &mut self.sums[scrambling];
+        sums[0] += seen.colour.x;
+        sums[1] += seen.colour.y;
+        sums[2] += seen.colour.z;
+        sums[3] += 1.0;
+        let mut add = |plane: Option<usize>, values: &[f64]| {
+            if let Some(first) = plane {
+                self.extra[first - 4..].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+            }
+        };
+        add(self.planes.depth, &[seen.depth]);
+        add(self.planes.normal, &seen.normal.to_array());
+        add(self.planes.velocity, &seen.velocity.to_array());
+    }
+}

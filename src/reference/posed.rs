@@ -1,0 +1,211 @@
+//! The scene at the time of one sample, exactly: no pose is interpolated. What does not change over the frame is computed once.
+
+use glam::{DAffine3, DMat3, DMat4, DVec3};
+use rayon::prelude::*;
+
+use super::ReferenceOptions;
+use super::bvh::Bvh;
+use crate::model::{Material, Surfels};
+use crate::pose::{ObjectPoser, camera_from_world};
+use crate::scene::{Light, Object, Scene, Sphere};
+use crate::shading::ShadingLight;
+
+/// One frame of a scene, ready for rays.
+#[derive(Debug)]
+pub(super) struct World<'a> {
+    pub scene: &'a Scene,
+    pub options: &'a ReferenceOptions,
+    /// The frame's number: its time.
+    pub number: f64,
+    /// Image size, pixels.
+    pub size: [u32; 2],
+    /// Focal length, pixels.
+    pub focal: f64,
+    pub bodies: Vec<Body<'a>>,
+    /// Hierarchies, each shared by the objects with its model.
+    pub models: Vec<Bvh>,
+    /// The camera, if it does not move.
+    fixed_camera: Option<CameraPose>,
+    /// The camera at the frame's number.
+    pub frame_camera: CameraPose,
+}
+
+/// The camera at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct CameraPose {
+    /// Columns right, up, back.
+    pub world_from_camera: DMat3,
+    pub eye: DVec3,
+}
+
+/// What rays can hit of an object.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Shape {
+    /// Number of a hierarchy.
+    Model(usize),
+    Sphere(Sphere),
+    Nothing,
+}
+
+/// What of an object does not change over the frame.
+#[derive(Debug)]
+pub(super) struct Body<'a> {
+    pub object: &'a Object,
+    pub surfels: &'a Surfels,
+    pub shape: Shape,
+    poser: ObjectPoser<'a>,
+    /// The pose, if it does not change.
+    fixed: Option<Placed>,
+    /// Depth tolerance, if it does not change.
+    epsilon: Option<f64>,
+}
+
+/// An object at a time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed {
+    /// Linear part, and the place of the model's origin.
+    pub world_from_model: DAffine3,
+    /// Inverse of the linear part.
+    pub model_from_world: DMat3,
+    /// Depth tolerance of the visibility rule, world units.
+    pub epsilon: f64,
+}
+
+impl Placed {
+    /// Model normals to world normals, up to length: the inverse transpose.
+    pub(super) fn normal(&self, normal: DVec3) -> DVec3 {
+        (self.model_from_world.transpose() * normal).normalize_or_zero()
+    }
+}
+
+impl<'a> World<'a> {
+    /// Builds the hierarchies and poses what does not move.
+    pub(super) fn new(scene: &'a Scene, frame: i64, options: &'a ReferenceOptions) -> Self {
+        let number = frame as f64;
+        let mut distinct: Vec<&Surfels> = Vec::new();
+        let bodies: Vec<Body<'a>> = scene
+            .objects
+            .iter()
+            .map(|object| {
+                let surfels: &Surfels = &object.model;
+                let shape = match object.sphere {
+                    Some(sphere) => Shape::Sphere(sphere),
+                    None if surfels.is_empty() => Shape::Nothing,
+                    None => {
+                        Shape::Model(distinct.iter().position(|m| std::ptr::eq(*m, surfels)).unwrap_or_else(|| {
+                            distinct.push(surfels);
+                            distinct.len() - 1
+                        }))
+                    }
+                };
+                Body::new(scene, object, shape, number, options)
+            })
+            .collect();
+        let models = distinct.into_par_iter().map(Bvh::new).collect();
+        let frame_camera = CameraPose::new(&camera_from_world(scene, number));
+        Self {
+            scene,
+            options,
+            number,
+            size: [scene.image.width, scene.image.height],
+            focal: 0.5 * f64::from(scene.image.height) / libm::tan(0.5 * scene.camera.fovy),
+            bodies,
+            models,
+            fixed_camera: scene.camera.animation.is_none().then_some(frame_camera),
+            frame_camera,
+        }
+    }
+
+    /// The camera at scene time `time` (frames).
+    pub(super) fn camera(&self, time: f64) -> CameraPose {
+        self.fixed_camera.unwrap_or_else(|| CameraPose::new(&camera_from_world(self.scene, time)))
+    }
+
+    /// Camera-space direction of depth 1 through a film point (pixels).
+    pub(super) fn direction(&self, film: [f64; 2]) -> DVec3 {
+        let [w, h] = self.size.map(f64::from);
+        DVec3::new((film[0] - 0.5 * w) / self.focal, (0.5 * h - film[1]) / self.focal, -1.0)
+    }
+
+    /// The lights relative to `eye`.
+    pub(super) fn lights(&self, eye: DVec3, out: &mut Vec<ShadingLight>) {
+        out.clear();
+        out.extend(self.scene.lights.iter().map(|light| match *light {
+            Light::Ambient { colour } => ShadingLight::Ambient { colour: colour.as_vec3() },
+            Light::Directional { direction, colour } => {
+                ShadingLight::Directional { towards: (-direction).as_vec3(), colour: colour.as_vec3() }
+            }
+            Light::Point { position, colour } => {
+                ShadingLight::Point { position: (position - eye).as_vec3(), colour: colour.as_vec3() }
+            }
+        }));
+    }
+
+    /// Surfels of the distinct models.
+    pub(super) fn surfels(&self) -> u64 {
+        let of_model = |m| self.bodies.iter().find(|b| matches!(b.shape, Shape::Model(n) if n == m));
+        (0..self.models.len()).filter_map(of_model).map(|body| body.surfels.len() as u64).sum()
+    }
+
+    /// True if the lights are the same for every sample, as seen from the eye.
+    pub(super) fn fixed_lights(&self) -> bool {
+        self.fixed_camera.is_some()
+    }
+}
+
+impl CameraPose {
+    fn new(camera_from_world: &DMat4) -> Self {
+        let world_from_camera = DMat3::from_mat4(*camera_from_world).transpose();
+        Self { world_from_camera, eye: -(world_from_camera * camera_from_world.w_axis.truncate()) }
+    }
+}
+
+impl<'a> Body<'a> {
+    fn new(scene: &'a Scene, object: &'a Object, shape: Shape, number: f64, options: &ReferenceOptions) -> Self {
+        let mut body = Self {
+            object,
+            surfels: &object.model,
+            shape,
+            poser: ObjectPoser::new(scene, object),
+            fixed: None,
+            epsilon: options.epsilon.or(object.epsilon),
+        };
+        // Motions by formula keep lengths; keyframes may not.
+        if object.animation.is_none() {
+            body.epsilon = body.pose(number).map(|placed| placed.epsilon).or(body.epsilon);
+        }
+        if body.poser.is_fixed() || !object.blur {
+            body.fixed = body.pose(number);
+            if body.fixed.is_none() {
+                body.shape = Shape::Nothing;
+            }
+        }
+        body
+    }
+
+    /// The object at scene time `time` (frames), or at the frame's number where it does not blur; `None` if it is hidden or has
+    /// no extent.
+    pub(super) fn placed(&self, time: f64) -> Option<Placed> {
+        self.fixed.or_else(|| self.pose(time))
+    }
+
+    fn pose(&self, time: f64) -> Option<Placed> {
+        let mut world_from_model = self.poser.at(time)?;
+        world_from_model.translation += world_from_model.matrix3 * self.surfels.origin;
+        let linear = world_from_model.matrix3;
+        let (a, b, c) = (linear.x_axis, linear.y_axis, linear.z_axis);
+        let (bc, ca, ab) = (b.cross(c), c.cross(a), a.cross(b));
+        let det = a.dot(bc);
+        if det == 0.0 {
+            return None;
+        }
+        let model_from_world = DMat3::from_cols(bc, ca, ab).transpose() * (1.0 / det);
+        let epsilon = self.epsilon.unwrap_or_else(|| f64::from(self.object.median_radius) * libm::cbrt(det.abs()));
+        Some(Placed { world_from_model, model_from_world, epsilon })
+    }
+
+    /// Material of a surfel: the scene's, else the file's, else the default (design section 2).
+    pub(super) fn material(&self, surfel: usize) -> Material {
+        self.object.material.or_else(|| self.surfels.material.get(surfel).copied()).unwrap_or_default()
+    }
+}

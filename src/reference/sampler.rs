@@ -1,0 +1,223 @@
+//! Where in a pixel's square, and when in the shutter, the samples of a pixel lie: pure functions of (seed, pixel, number).
+//!
+//! Sample i belongs to scrambling i mod 16. The scramblings are independent of each other, so the spread of their sixteen means
+//! tells the standard error; each is a stratified sequence of its own, of which sample i takes the point i / 16.
+
+use crate::sampling::{hash, owen_scramble, sobol3};
+
+/// Independent scramblings.
+pub const SCRAMBLINGS: usize = 16;
+
+/// How positions and times are chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Sampler {
+    /// x, y and t together: a three-dimensional Sobol' sequence, Owen-scrambled for each pixel. Progressive.
+    #[default]
+    Sobol,
+    /// The thesis's own strategy (4.5): a jittered grid of positions, and for each position a random subset of the cells of a
+    /// jittered grid of times that has `density` times as many cells as the position takes. 1: the same cells for each
+    /// position, which bands; many: noise. Its number of samples is fixed beforehand.
+    Jittered {
+        /// Cells of the grid of times for each time sample, >= 1.
+        density: u32,
+    },
+    /// Independent random numbers. Progressive.
+    Random,
+}
+
+impl Sampler {
+    /// The first k samples of a longer run are the shorter run.
+    pub const fn is_progressive(self) -> bool {
+        !matches!(self, Self::Jittered { .. })
+    }
+}
+
+/// Points that do not depend on the pixel, made once for a range of samples.
+#[derive(Debug)]
+pub(super) struct Points {
+    sampler: Sampler,
+    seed: u64,
+    /// Samples of one scrambling: all that there will be.
+    total: u64,
+    /// First point, and Sobol' points from there on; empty for the other samplers.
+    first: u64,
+    sobol: Vec<[u32; 3]>,
+}
+
+/// The samples of one pixel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PixelPoints<'a> {
+    points: &'a Points,
+    seed: u64,
+}
+
+/// The samples of one scrambling of one pixel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Scrambled<'a> {
+    points: &'a Points,
+    seed: u64,
+    scrambles: [u32; 3],
+}
+
+impl Points {
+    /// For the points `first`..`end` of each scrambling, of `total` that there will be.
+    pub(super) fn new(sampler: Sampler, seed: u64, first: u64, end: u64, total: u64) -> Self {
+        let sobol = match sampler {
+            Sampler::Sobol => (first..end).map(|k| sobol3(k as u32)).collect(),
+            Sampler::Jittered { .. } | Sampler::Random => Vec::new(),
+        };
+        Self { sampler, seed, total, first, sobol }
+    }
+
+    /// Those of pixel number `pixel`.
+    pub(super) fn pixel(&self, pixel: u64) -> PixelPoints<'_> {
+        PixelPoints { points: self, seed: pair(self.seed, pixel) }
+    }
+}
+
+impl<'a> PixelPoints<'a> {
+    /// Those of scrambling `r`.
+    pub(super) fn scrambling(&self, r: usize) -> Scrambled<'a> {
+        let seed = pair(self.seed, r as u64);
+        Scrambled { points: self.points, seed, scrambles: [0, 1, 2].map(|d| hash(seed, d)) }
+    }
+}
+
+impl Scrambled<'_> {
+    /// Point `k`: x and y in the pixel's square, and the share of the exposure that is over; each in (0, 1).
+    pub(super) fn at(&self, k: u64) -> [f64; 3] {
+        match self.points.sampler {
+            Sampler::Sobol => {
+                let p = self.points.sobol[(k - self.points.first) as usize];
+                [0, 1, 2].map(|d| fraction(owen_scramble(p[d], self.scrambles[d])))
+            }
+            Sampler::Random => [0, 1, 2].map(|d| fraction(hash(self.seed, 3 * k + d))),
+            Sampler::Jittered { density } => self.jittered(k, u64::from(density)),
+        }
+    }
+
+    fn jittered(&self, k: u64, density: u64) -> [f64; 3] {
+        let side = grid_side(self.points.total);
+        let times = self.points.total / (side * side);
+        let (position, time) = (k / times, k % times);
+        let jitter = |stream: u64, n: u64| fraction(hash(self.seed, stream << 34 | n));
+        let cells = times * density;
+        let key = pair(self.seed, 1 << 40 | position);
+        let cell = permute(time, cells, key);
+        [
+            ((position % side) as f64 + jitter(1, position)) / side as f64,
+            ((position / side) as f64 + jitter(2, position)) / side as f64,
+            (cell as f64 + jitter(3, cell)) / cells as f64,
+        ]
+    }
+}
+
+/// Side of the grid of positions: the greatest one that is not above the cube root and whose square divides `n`.
+fn grid_side(n: u64) -> u64 {
+    (1..).take_while(|p| p * p * p <= n).filter(|p| n.is_multiple_of(p * p)).last().unwrap_or(1)
+}
+
+/// Place of `i` in a random order of 0..n: a Feistel network on the next power of 4, walked until it comes back into the range.
+fn permute(i: u64, n: u64, key: u64) -> u64 {
+    let half = (64 - n.saturating_sub(1).leading_zeros()).div_ceil(2).max(1);
+    let mask = (1_u64 << half) - 1;
+    let mut x = i;
+    loop {
+        let (mut left, mut right) = (x >> half, x & mask);
+        for round in 0..4 {
+            (left, right) = (right, left ^ (u64::from(hash(key, round << 32 | right)) & mask));
+        }
+        x = left << half | right;
+        if x < n {
+            return x;
+        }
+    }
+}
+
+/// The middle of the 2^-32 wide interval that a 32-bit fraction stands for.
+fn fraction(x: u32) -> f64 {
+    (f64::from(x) + 0.5) / 4_294_967_296.0
+}
+
+/// A 64-bit seed for a stream of its own.
+fn pair(seed: u64, stream: u64) -> u64 {
+    u64::from(hash(seed, 2 * stream)) << 32 | u64::from(hash(seed, 2 * stream + 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all(sampler: Sampler, seed: u64, pixel: u64, n: u64) -> Vec<Vec<[f64; 3]>> {
+        let points = Points::new(sampler, seed, 0, n, n);
+        (0..SCRAMBLINGS).map(|r| (0..n).map(|k| points.pixel(pixel).scrambling(r).at(k)).collect()).collect()
+    }
+
+    #[test]
+    fn seeds_pixels_and_scramblings_differ() {
+        for sampler in [Sampler::Sobol, Sampler::Random, Sampler::Jittered { density: 4 }] {
+            let a = all(sampler, 1, 7, 8);
+            assert_eq!(a, all(sampler, 1, 7, 8));
+            assert_ne!(a, all(sampler, 2, 7, 8));
+            assert_ne!(a, all(sampler, 1, 8, 8));
+            assert_ne!(a[0], a[1]);
+            assert!(a.iter().flatten().flatten().all(|x| *x > 0.0 && *x < 1.0));
+        }
+    }
+
+    /// The mean over many pixels of each coordinate, of its square, and of products of coordinates are those of independent
+    /// uniform numbers, for each single point.
+    #[test]
+    fn every_point_is_uniform_by_itself() {
+        for sampler in [Sampler::Sobol, Sampler::Random, Sampler::Jittered { density: 3 }] {
+            let n = 8;
+            let points = Points::new(sampler, 3, 0, n, n);
+            for k in 0..n {
+                let mut sums = [0.0; 9];
+                let pixels = 20_000;
+                for pixel in 0..pixels {
+                    // Jittered points are uniform over all points of a pixel, not each by itself.
+                    let k = if sampler.is_progressive() { k } else { (k + pixel) % n };
+                    let [x, y, t] = points.pixel(pixel).scrambling(5).at(k);
+                    for (sum, value) in sums.iter_mut().zip([x, y, t, x * x, y * y, t * t, x * y, y * t, t * x]) {
+                        *sum += value / pixels as f64;
+                    }
+                }
+                for (i, sum) in sums.into_iter().enumerate() {
+                    let want = [0.5, 1.0 / 3.0, 0.25][i / 3];
+                    assert!((sum - want).abs() < 0.01, "{sampler:?} point {k} moment {i}: {sum}, not {want}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_range_is_a_part_of_the_whole() {
+        let whole = Points::new(Sampler::Sobol, 1, 0, 64, 64);
+        let part = Points::new(Sampler::Sobol, 1, 40, 64, 64);
+        assert_eq!(whole.pixel(3).scrambling(2).at(50), part.pixel(3).scrambling(2).at(50));
+    }
+
+    #[test]
+    fn jittered_grids_have_one_sample_in_each_cell() {
+        for (n, side) in [(1, 1), (2, 1), (4, 1), (8, 2), (64, 4), (128, 4), (256, 4), (1024, 8), (7, 1)] {
+            assert_eq!(grid_side(n), side, "{n}");
+        }
+        let points = &all(Sampler::Jittered { density: 1 }, 1, 0, 64)[0];
+        let mut seen = [0; 64];
+        for [x, y, t] in points {
+            let cell = |v: f64| (v * 4.0) as usize;
+            seen[(cell(*x) * 4 + cell(*y)) * 4 + cell(*t)] += 1;
+        }
+        assert_eq!(seen, [1; 64]);
+    }
+
+    #[test]
+    fn permutations_are_permutations() {
+        for n in [1, 2, 3, 16, 17, 100] {
+            let mut order: Vec<u64> = (0..n).map(|i| permute(i, n, 5)).collect();
+            order.sort_unstable();
+            assert_eq!(order, (0..n).collect::<Vec<_>>());
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! One sample: a film point and a time to what is seen there, by the visibility rule (design section 2).
+//!
+//! T = min over the surfels on the ray of (depth + epsilon), over all objects; colour = sum(w c) / sum(w) over the surfels with
+//! depth <= T. The sums are taken in the order of objects and surfels, so they do not depend on the hierarchy.
+
+use glam::{DVec2, DVec3, Vec3};
+
+use super::posed::{Body, CameraPose, Placed, Shape, World};
+use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, traverse};
+use crate::film::Aov;
+use crate::model::Material;
+use crate::plan::Shading;
+use crate::pose::object_velocity;
+use crate::scene::Sphere;
+use crate::shading::{ShadingLight, shade};
+
+/// What one sample sees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Seen {
+    /// Linear Rec.709, shaded.
+    pub colour: DVec3,
+    /// Mean camera depth.
+    pub depth: f64,
+    /// Averaged normal, world axes, unit.
+    pub normal: DVec3,
+    /// Mean screen velocity, pixels per shutter; 0 unless the AOV is wanted.
+    pub velocity: DVec2,
+}
+
+/// One object on the ray of the current sample.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Target {
+    pub placed: Placed,
+    /// The eye that the object is seen from: the frame number's where it does not blur.
+    pub eye: DVec3,
+    /// World-space direction of depth 1.
+    pub direction: DVec3,
+}
+
+/// Traces samples on one thread.
+#[derive(Debug)]
+pub(super) struct Tracer<'w, 'a> {
+    world: &'w World<'a>,
+    pub found: Found,
+    /// One an object; `None` where the ray misses it or it is hidden.
+    pub targets: Vec<Option<Target>>,
+    lights: Vec<ShadingLight>,
+}
+
+/// The surfel number of an ideal sphere's hits.
+pub(super) const SPHERE: u32 = u32::MAX;
+
+impl<'w, 'a> Tracer<'w, 'a> {
+    pub(super) fn new(world: &'w World<'a>) -> Self {
+        let mut lights = Vec::new();
+        world.lights(world.frame_camera.eye, &mut lights);
+        Self { world, found: Found::default(), targets: vec![None; world.bodies.len()], lights }
+    }
+
+    /// What is seen at the film point `film` (pixels) at scene time `time` (frames); `None`: nothing.
+    pub(super) fn sample(&mut self, film: [f64; 2], time: f64) -> Option<Seen> {
+        let camera = self.world.camera(time);
+        let direction = self.world.direction(film);
+        self.hits(&camera, direction, time);
+        self.blend(&camera, camera.world_from_camera * direction, time)
+    }
+
+    /// Collects hits and the limit T of the ray `direction` (camera space, depth 1).
+    pub(super) fn hits(&mut self, camera: &CameraPose, direction: DVec3, time: f64) {
+        let world = self.world;
+        self.found.clear();
+        for (number, body) in world.bodies.iter().enumerate() {
+            self.targets[number] = None;
+            if matches!(body.shape, Shape::Nothing) {
+                continue;
+            }
+            let Some(placed) = body.placed(time) else { continue };
+            let camera = if body.object.blur { camera } else { &world.frame_camera };
+            let (eye, direction) = (camera.eye, camera.world_from_camera * direction);
+            let ray = ModelRay {
+                origin: placed.model_from_world * (eye - placed.world_from_model.translation),
+                direction: placed.model_from_world * direction,
+                near: world.scene.camera.near,
+                epsilon: placed.epsilon,
+                two_sided: world.options.two_sided,
+                object: number as u32,
+            };
+            let before = self.found.hits.len();
+            match body.shape {
+                Shape::Model(model) => traverse(&world.models[model], &ray, &mut self.found),
+                Shape::Sphere(sphere) => intersect_sphere(&sphere, &ray, &mut self.found),
+                Shape::Nothing => {}
+            }
+            if self.found.hits.len() > before {
+                self.targets[number] = Some(Target { placed, eye, direction });
+            }
+        }
+    }
+
+    /// The weighted mean of the hits up to T, shaded. `direction`: of the sample's ray, world space, depth 1.
+    fn blend(&mut self, camera: &CameraPose, direction: DVec3, time: f64) -> Option<Seen> {
+        let limit = self.found.limit;
+        let hits = &mut self.found.hits;
+        hits.retain(|hit| hit.depth <= limit);
+        if hits.is_empty() {
+            return None;
+        }
+        hits.sort_unstable_by_key(|hit| (hit.object, hit.surfel));
+        if !self.world.fixed_lights() {
+            self.world.lights(camera.eye, &mut self.lights);
+        }
+        let (mut weight, mut colour, mut normal, mut depth) = (0.0, DVec3::ZERO, DVec3::ZERO, 0.0);
+        let (mut material, mut velocity) = ([0.0; 4], DVec2::ZERO);
+        for hit in &self.found.hits {
+            let body = &self.world.bodies[hit.object as usize];
+            let Some(target) = &self.targets[hit.object as usize] else { continue };
+            let surface = Surface::of(body, target, hit);
+            let w = hit.weight();
+            let c = match self.world.options.shading {
+                Shading::Phong => surface.colour,
+                Shading::Gouraud => {
+                    let position = (surface.centre - target.eye).as_vec3();
+                    shade(&self.lights, &surface.material, surface.colour, surface.normal.as_vec3(), position)
+                }
+            };
+            weight += w;
+            colour += w * c.as_dvec3();
+            normal += w * surface.normal;
+            depth += w * hit.depth;
+            let Material { ambient, diffuse, specular, shininess } = surface.material;
+            for (sum, value) in material.iter_mut().zip([ambient, diffuse, specular, shininess]) {
+                *sum += w * f64::from(value);
+            }
+            if self.world.options.aovs.contains(&Aov::Velocity) {
+                velocity += w * self.velocity(body, target, &surface, time);
+            }
+        }
+        let over = 1.0 / weight;
+        let (mut colour, normal, depth) = (colour * over, normal.normalize_or_zero(), depth * over);
+        if self.world.options.shading == Shading::Phong {
+            let [ambient, diffuse, specular, shininess] = material.map(|sum| (sum * over) as f32);
+            let material = Material { ambient, diffuse, specular, shininess };
+            let position = (direction * depth).as_vec3();
+            colour = shade(&self.lights, &material, colour.as_vec3(), normal.as_vec3(), position).as_dvec3();
+        }
+        Some(Seen { colour, depth, normal, velocity: velocity * over })
+    }
+
+    /// Screen velocity of a surfel's centre, pixels per shutter: the derivative of (f X, -f Y) / depth.
+    fn velocity(&self, body: &Body<'_>, target: &Target, surface: &Surface, time: f64) -> DVec2 {
+        if !body.object.blur {
+            return DVec2::ZERO;
+        }
+        let world = self.world;
+        let camera = world.camera(time).world_from_camera.transpose();
+        let p = camera * (surface.centre - target.eye);
+        // The rate is that of camera space from model space about the model's own origin.
+        let rate = object_velocity(world.scene, body.object, time);
+        let v = rate.transform_vector3(surface.model + body.surfels.origin) + rate.w_axis.truncate();
+        let (x, y, d) = (world.focal * p.x, -world.focal * p.y, -p.z);
+        let (dx, dy, dd) = (world.focal * v.x, -world.focal * v.y, -v.z);
+        DVec2::new((dx - x / d * dd) / d, (dy - y / d * dd) / d)
+    }
+}
+
+impl Hit {
+    /// The reconstruction kernel, exp(-2 r^2).
+    pub(super) fn weight(&self) -> f64 {
+        libm::exp(-2.0 * (self.u * self.u + self.v * self.v))
+    }
+}
+
+/// What a hit contributes.
+pub(super) struct Surface {
+    pub colour: Vec3,
+    /// World axes, unit, turned to the viewer where it is seen from behind.
+    pub normal: DVec3,
+    /// Centre of the surfel (for a sphere: the point hit), relative to the model's origin, model axes.
+    pub model: DVec3,
+    /// The same in the world.
+    pub centre: DVec3,
+    pub material: Material,
+}
+
+impl Surface {
+    pub(super) fn of(body: &Body<'_>, target: &Target, hit: &Hit) -> Self {
+        let placed = &target.placed;
+        let (colour, normal, model) = if let Shape::Sphere(sphere) = body.shape {
+            let point = target.eye + target.direction * hit.depth - placed.world_from_model.translation;
+            let point = placed.model_from_world * point;
+            (sphere.colour, point, point)
+        } else {
+            let i = hit.surfel as usize;
+            (body.surfels.colour[i], body.surfels.normal[i].as_dvec3(), body.surfels.position[i].as_dvec3())
+        };
+        let normal = placed.normal(normal);
+        Self {
+            colour,
+            normal: if hit.back { -normal } else { normal },
+            model,
+            centre: placed.world_from_model.transform_point3(model),
+            material: body.material(hit.surfel as usize),
+        }
+    }
+}
+
+/// The ideal sphere about the model's origin: one hit with the kernel's peak as weight, seen from outside or, two-sided, from
+/// inside too.
+fn intersect_sphere(sphere: &Sphere, ray: &ModelRay, found: &mut Found) {
+    let d2 = ray.direction.length_squared();
+    let middle = -ray.origin.dot(ray.direction) / d2;
+    let closest = ray.origin + ray.direction * middle;
+    let half2 = (sphere.radius * sphere.radius - closest.length_squared()) / d2;
+    if !(half2 >= 0.0 && half2 < f64::INFINITY) {
+        return;
+    }
+    let half = half2.sqrt();
+    for (depth, back) in [(middle - half, false), (middle + half, true)] {
+        if depth >= ray.near && depth <= found.limit && (!back || ray.two_sided) {
+            found.hits.push(Hit { object: ray.object, surfel: SPHERE, depth, u: 0.0, v: 0.0, back });
+            found.limit = found.limit.min(depth + ray.epsilon.max(LEAST_EPSILON * depth));
+        }
+    }
+}

@@ -1,0 +1,245 @@
+//! Rays against a model: boxes in f32, padded so that nothing is missed; surfels in f64.
+//!
+//! A ray's direction is scaled so that its parameter is camera depth. Transforms are affine, so this holds in model space too:
+//! depths from different objects compare without any conversion.
+
+use glam::DVec3;
+
+use super::bvh::{Bvh, LEAF, Leaf, Node, WIDTH};
+use crate::math::simd::dispatch;
+
+/// Smallest depth tolerance, as a share of the depth: 4 units in the last place of f32, as for the splatter (design section 2).
+pub(super) const LEAST_EPSILON: f64 = 4.0 * f32::EPSILON as f64;
+
+/// A ray in model space, relative to the model's origin: points are `origin` + depth `direction`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ModelRay {
+    pub origin: DVec3,
+    pub direction: DVec3,
+    /// Nearest visible depth.
+    pub near: f64,
+    /// Depth tolerance of the object, world units.
+    pub epsilon: f64,
+    pub two_sided: bool,
+    /// Number of the object, copied to its hits.
+    pub object: u32,
+}
+
+/// A surfel under a ray.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hit {
+    pub object: u32,
+    pub surfel: u32,
+    /// Camera depth of the surfel's plane on the ray.
+    pub depth: f64,
+    /// Position on the surfel in units of its axes.
+    pub u: f64,
+    pub v: f64,
+    /// Seen from behind.
+    pub back: bool,
+}
+
+/// What one thread needs for its rays; kept so that no memory is taken per ray.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    /// Surfels hit so far; those beyond the final limit are still among them.
+    pub hits: Vec<Hit>,
+    /// T of the visibility rule so far: the least depth + epsilon.
+    pub limit: f64,
+    stack: Vec<(u32, f32)>,
+}
+
+impl Found {
+    /// Before the first object.
+    pub(super) fn clear(&mut self) {
+        self.hits.clear();
+        self.limit = f64::INFINITY;
+    }
+}
+
+dispatch! {
+    /// Adds the surfels that `ray` hits at depths up to the limit, and lowers the limit.
+    fn traverse(bvh: &Bvh, ray: &ModelRay, found: &mut Found) = traverse_body
+}
+
+/// The ray as boxes see it: from `start` (a depth) on, where it enters the model's sphere.
+struct BoxRay {
+    origin: [f32; 3],
+    inverse: [f32; 3],
+    /// 1 where the direction is negative: the side that the ray meets first.
+    first: [usize; 3],
+}
+
+#[inline(always)]
+fn traverse_body(bvh: &Bvh, ray: &ModelRay, found: &mut Found) {
+    let d2 = ray.direction.length_squared();
+    let from = ray.origin - bvh.centre;
+    let middle = -from.dot(ray.direction) / d2;
+    let closest = from + ray.direction * middle;
+    let half2 = (bvh.radius * bvh.radius - closest.length_squared()) / d2;
+    // Also false for a direction that is 0 or not finite.
+    if bvh.nodes.is_empty() || !(half2 >= 0.0 && half2 < f64::INFINITY) {
+        return;
+    }
+    let half = half2.sqrt();
+    let start = middle - half;
+    if middle + half < ray.near || start > found.limit {
+        return;
+    }
+    let origin = ray.origin + ray.direction * start;
+    // A component near 0 is replaced by one that moves the ray by less than the padding.
+    let least = 1e-9 * d2.sqrt();
+    let direction = ray.direction.to_array().map(|d| if d.abs() < least { least.copysign(d) } else { d });
+    let boxes = BoxRay {
+        origin: origin.as_vec3().to_array(),
+        inverse: direction.map(|d| (1.0 / d) as f32),
+        first: direction.map(|d| usize::from(d < 0.0)),
+    };
+    let base = found.stack.len();
+    found.stack.push((0, f32::NEG_INFINITY));
+    let mut limit = above(found.limit - start);
+    let near = below(ray.near - start);
+    while found.stack.len() > base
+        && let Some((number, entry)) = found.stack.pop()
+    {
+        if entry > limit {
+            continue;
+        }
+        if number & LEAF != 0 {
+            if leaf(&bvh.leaves[(number & !LEAF) as usize], ray, found) {
+                limit = above(found.limit - start);
+            }
+            continue;
+        }
+        let node = &bvh.nodes[number as usize];
+        let (entries, mut mask) = enter(node, &boxes, near, limit);
+        // Sorted so that the nearest child is on top of the stack.
+        let bottom = found.stack.len();
+        while mask != 0 {
+            let slot = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            let item = (node.children[slot], entries[slot]);
+            found.stack.push(item);
+            let mut at = found.stack.len() - 1;
+            while at > bottom && found.stack[at - 1].1 < item.1 {
+                found.stack[at] = found.stack[at - 1];
+                at -= 1;
+            }
+            found.stack[at] = item;
+        }
+    }
+}
+
+/// The f32 not below x.
+#[inline(always)]
+fn above(x: f64) -> f32 {
+    let rounded = x as f32;
+    if f64::from(rounded) < x { rounded.next_up() } else { rounded }
+}
+
+/// The f32 not above x.
+#[inline(always)]
+fn below(x: f64) -> f32 {
+    -above(-x)
+}
+
+/// Parameters at which the ray enters the boxes, and which it enters between `near` and `limit` (bit mask).
+#[inline(always)]
+fn enter(node: &Node, ray: &BoxRay, near: f32, limit: f32) -> ([f32; WIDTH], u32) {
+    let mut entry = [near; WIDTH];
+    let mut exit = [limit; WIDTH];
+    for axis in 0..3 {
+        let low = &node.sides[ray.first[axis]][axis];
+        let high = &node.sides[1 - ray.first[axis]][axis];
+        let (o, inverse) = (ray.origin[axis], ray.inverse[axis]);
+        for l in 0..WIDTH {
+            let a = (low[l] - o) * inverse;
+            let b = (high[l] - o) * inverse;
+            entry[l] = if a > entry[l] { a } else { entry[l] };
+            exit[l] = if b < exit[l] { b } else { exit[l] };
+        }
+    }
+    let mut mask = 0;
+    for l in 0..WIDTH {
+        mask |= u32::from(entry[l] <= exit[l]) << l;
+    }
+    (entry, mask)
+}
+
+type Lanes = [f64; WIDTH];
+type Vectors = [Lanes; 3];
+
+/// Intersects the surfels of a leaf; true if the limit fell.
+///
+/// With n = u x v, the plane is met at s = n.(c - o) / n.d; the point p relative to c has the coordinates
+/// (p x v).n / n^2 and (u x p).n / n^2, also where u and v are not orthogonal.
+#[inline(always)]
+fn leaf(leaf: &Leaf, ray: &ModelRay, found: &mut Found) -> bool {
+    let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
+    let (u, v) = (widen(&leaf.u), widen(&leaf.v));
+    let mut c = widen(&leaf.centre);
+    for axis in 0..3 {
+        for l in 0..WIDTH {
+            c[axis][l] -= o[axis];
+        }
+    }
+    let n = cross(&u, &v);
+    let mut facing = [0.0; WIDTH];
+    let mut depth = [0.0; WIDTH];
+    let mut a = [0.0; WIDTH];
+    let mut b = [0.0; WIDTH];
+    let mut mask = 0;
+    for l in 0..WIDTH {
+        facing[l] = n[0][l] * d[0] + n[1][l] * d[1] + n[2][l] * d[2];
+        depth[l] = (n[0][l] * c[0][l] + n[1][l] * c[1][l] + n[2][l] * c[2][l]) / facing[l];
+    }
+    let mut p = [[0.0; WIDTH]; 3];
+    for axis in 0..3 {
+        for l in 0..WIDTH {
+            p[axis][l] = d[axis] * depth[l] - c[axis][l];
+        }
+    }
+    let (pv, up) = (cross(&p, &v), cross(&u, &p));
+    for l in 0..WIDTH {
+        let over = 1.0 / (n[0][l] * n[0][l] + n[1][l] * n[1][l] + n[2][l] * n[2][l]);
+        a[l] = (pv[0][l] * n[0][l] + pv[1][l] * n[1][l] + pv[2][l] * n[2][l]) * over;
+        b[l] = (up[0][l] * n[0][l] + up[1][l] * n[1][l] + up[2][l] * n[2][l]) * over;
+    }
+    for l in 0..WIDTH {
+        // Edge-on, missing and overflowing surfels have NaN or infinite coordinates.
+        let inside = a[l] * a[l] + b[l] * b[l] <= 1.0;
+        let within = (depth[l] >= ray.near) & (depth[l] <= found.limit);
+        mask |= u32::from(inside & within & ((facing[l] < 0.0) | ray.two_sided)) << l;
+    }
+    let before = found.limit;
+    while mask != 0 {
+        let l = mask.trailing_zeros() as usize;
+        mask &= mask - 1;
+        let (u, v, back) = (a[l], b[l], facing[l] > 0.0);
+        found.hits.push(Hit { object: ray.object, surfel: leaf.surfel[l], depth: depth[l], u, v, back });
+        found.limit = found.limit.min(depth[l] + ray.epsilon.max(LEAST_EPSILON * depth[l]));
+    }
+    found.limit < before
+}
+
+#[inline(always)]
+fn widen(v: &[[f32; WIDTH]; 3]) -> Vectors {
+    let mut out = [[0.0; WIDTH]; 3];
+    for axis in 0..3 {
+        for l in 0..WIDTH {
+            out[axis][l] = f64::from(v[axis][l]);
+        }
+    }
+    out
+}
+
+#[inline(always)]
+fn cross(a: &Vectors, b: &Vectors) -> Vectors {
+    let mut out = [[0.0; WIDTH]; 3];
+    for l in 0..WIDTH {
+        out[0][l] = a[1][l] * b[2][l] - a[2][l] * b[1][l];
+        out[1][l] = a[2][l] * b[0][l] - a[0][l] * b[2][l];
+        out[2][l] = a[0][l] * b[1][l] - a[1][l] * b[0][l];
+    }
+    out
+}
