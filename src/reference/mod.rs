@@ -235,9 +235,10 @@ impl Integrator<'_, '_> {
         };
         let finished = std::sync::atomic::AtomicUsize::new(0);
         let (samples, width) = (sums.samples, sums.width as usize);
-        sums.colour.par_chunks_mut(strip.max(1)).zip(&mut extras).enumerate().for_each_init(
+        let places = sums.colour.par_chunks_mut(strip).zip(sums.range.par_chunks_mut(strip)).zip(&mut extras);
+        places.enumerate().for_each_init(
             || Tracer::new(self.world),
-            |tracer, (number, (colour, extra))| {
+            |tracer, (number, ((colour, range), extra))| {
                 let rows = colour.len() / width;
                 // Column by column: neighbouring pixels see the same surfels.
                 for x in 0..width {
@@ -248,7 +249,7 @@ impl Integrator<'_, '_> {
                         } else {
                             &mut extra[at * (planes.count - 4)..][..planes.count - 4]
                         };
-                        let mut pixel = Pixel { planes: &planes, sums: &mut colour[at], extra };
+                        let mut pixel = Pixel { planes: &planes, sums: &mut colour[at], range: &mut range[at], extra };
                         self.pixel(tracer, &points, [x, number * STRIP + y], first..last, &mut pixel);
                     }
                 }
@@ -295,6 +296,7 @@ impl Integrator<'_, '_> {
 struct Pixel<'a> {
     planes: &'a FilmPlanes,
     sums: &'a mut PixelSums,
+    range: &'a mut [[f32; 3]; 2],
     extra: &'a mut [f64],
 }
 
@@ -305,6 +307,12 @@ impl Pixel<'_> {
         sums[1] += seen.colour.y;
         sums[2] += seen.colour.z;
         sums[3] += 1.0;
+        let colour = seen.colour.as_vec3().to_array();
+        let [low, high] = self.range;
+        for c in 0..3 {
+            low[c] = low[c].min(colour[c]);
+            high[c] = high[c].max(colour[c]);
+        }
         let mut add = |plane: Option<usize>, values: &[f64]| {
             if let Some(first) = plane {
                 self.extra[first - 4..].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);

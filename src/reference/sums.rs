@@ -18,10 +18,23 @@ pub struct Sums {
     pub(super) samples: u64,
     /// Row-major.
     pub(super) colour: Vec<PixelSums>,
+    /// Least and greatest shaded colour of the samples that hit something, row-major; inverted where none did.
+    pub(super) range: Vec<[[f32; 3]; 2]>,
     /// Sums of the planes of AOVs beyond the first four, `planes` a pixel, row-major.
     pub(super) extra: Vec<f64>,
     pub(super) planes: usize,
 }
+
+/// Variance, in squares of the change that one sample makes to the mean, that is left when all sixteen scramblings agree.
+///
+/// Stratified samples of a step differ by at most one from scrambling to scrambling, and of something that covers a thousandth of
+/// a pixel there may be none: sixteen equal means then say little, and their spread alone would claim an error of 0. By
+/// Laplace's rule of succession the probability of one sample more has, after 0 of 16, the variance 17 / (18^2 19); one sample
+/// of a scrambling changes its mean by 16 times as much as the whole mean.
+const RARE: f64 = 256.0 * 17.0 / (18.0 * 18.0 * 19.0);
+
+/// The range of no samples.
+pub(super) const NO_RANGE: [[f32; 3]; 2] = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
 
 /// Which scramblings a standard error is taken from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +64,7 @@ impl Sums {
             height: size[1],
             samples: 0,
             colour: vec![[[0.0; 4]; SCRAMBLINGS]; pixels],
+            range: vec![NO_RANGE; pixels],
             extra: vec![0.0; pixels * planes],
             planes,
         }
@@ -71,7 +85,12 @@ impl Sums {
 
     /// Bytes in memory.
     pub fn bytes(&self) -> u64 {
-        (size_of_val(self.colour.as_slice()) + size_of_val(self.extra.as_slice())) as u64
+        let bytes = [
+            size_of_val(self.colour.as_slice()),
+            size_of_val(self.range.as_slice()),
+            size_of_val(self.extra.as_slice()),
+        ];
+        bytes.into_iter().sum::<usize>() as u64
     }
 
     /// Mean of premultiplied r, g, b and coverage of pixel `i`.
@@ -91,11 +110,14 @@ impl Sums {
         hits / (self.samples as f64 * self.colour.len() as f64)
     }
 
-    /// Standard error of the picture's r, g, b (composited) and of the coverage of pixel `i`: that of the mean over all samples,
-    /// judged by the spread of the means of the scramblings in `half`.
+    /// Standard error of the picture's r, g, b (composited) and of the coverage of pixel `i`.
+    ///
+    /// Two terms, added in squares. First the standard error of the mean over all samples as judged by the spread of the means
+    /// of the scramblings in `half`. Second [`RARE`] times the square of (greatest - least sample value in the pixel and its
+    /// neighbours) / samples: what one sample more or less would change. See docs/reference.md.
     fn pixel_error(&self, i: usize, background: Background, half: Half) -> [f64; 4] {
         let each = self.samples as f64 / SCRAMBLINGS as f64;
-        let behind = if background.transparent { [0.0; 3] } else { background.colour.to_array() };
+        let behind = behind(background);
         let seen = |sums: &[f64; 4]| {
             let [r, g, b, a] = sums.map(|s| s / each);
             let through = 1.0 - a;
@@ -111,8 +133,37 @@ impl Sums {
         for m in means() {
             (0..4).for_each(|c| square[c] += (m[c] - mean[c]) * (m[c] - mean[c]));
         }
+        let quantum = self.spread(i, behind).map(|d| d / self.samples as f64);
         // Variance of one scrambling's mean, shared by all of them.
-        square.map(|s| (s / (n - 1.0) / SCRAMBLINGS as f64).sqrt())
+        std::array::from_fn(|c| (square[c] / (n - 1.0) / SCRAMBLINGS as f64 + RARE * quantum[c] * quantum[c]).sqrt())
+    }
+
+    /// Greatest minus least value of any sample in pixel `i` and its eight neighbours: r, g, b as seen, coverage.
+    fn spread(&self, i: usize, behind: [f64; 3]) -> [f64; 4] {
+        let width = self.width as usize;
+        let (x, y) = (i % width, i / width);
+        let (mut low, mut high) = ([f64::INFINITY; 4], [f64::NEG_INFINITY; 4]);
+        let mut add = |values: [f64; 4]| {
+            for c in 0..4 {
+                low[c] = low[c].min(values[c]);
+                high[c] = high[c].max(values[c]);
+            }
+        };
+        for y in y.saturating_sub(1)..(y + 2).min(self.height as usize) {
+            for x in x.saturating_sub(1)..(x + 2).min(width) {
+                let at = y * width + x;
+                let hits = self.colour[at].iter().map(|sums| sums[3]).sum::<f64>();
+                if hits > 0.0 {
+                    for [r, g, b] in self.range[at] {
+                        add([f64::from(r), f64::from(g), f64::from(b), 1.0]);
+                    }
+                }
+                if hits < self.samples as f64 {
+                    add([behind[0], behind[1], behind[2], 0.0]);
+                }
+            }
+        }
+        std::array::from_fn(|c| high[c] - low[c])
     }
 
     /// Mean standard error over all pixels and r, g, b and coverage.
@@ -148,6 +199,11 @@ impl Sums {
         picture.layers.push(Layer { aov: Aov::Error, planes });
         picture
     }
+}
+
+/// What is seen through the film's gaps.
+fn behind(background: Background) -> [f64; 3] {
+    if background.transparent { [0.0; 3] } else { background.colour.to_array() }
 }
 
 impl Film for Sums {

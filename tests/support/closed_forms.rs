@@ -72,21 +72,24 @@ pub fn edge() -> Scene {
 /// A turning disc in two colours, as a lattice of surfels of radius 0.28 px, symmetric about the seam: within half a pixel of
 /// the truth's, and to be compared away from centre and rim.
 pub fn spin() -> Scene {
-    const SPACING: f64 = 0.2;
-    const RADIUS: f64 = 0.28;
+    spin_of(0.2)
+}
+
+/// [`spin`] with surfels `spacing` pixels apart, of 1.4 times that radius.
+pub fn spin_of(spacing: f64) -> Scene {
     let px = DEPTH / FOCAL;
     let (s, c) = 12_f64.to_radians().sin_cos();
-    let n = (21.3 / SPACING) as i32;
+    let n = (21.3 / spacing) as i32;
     let mut points = Vec::new();
     for j in -n..n {
         for i in -n..=n {
             // The seam runs along v = 0; A is where v > 0 (angle minus 12 degrees in [0, 180)).
-            let (u, v) = (f64::from(i) * SPACING, (f64::from(j) + 0.5) * SPACING);
+            let (u, v) = (f64::from(i) * spacing, (f64::from(j) + 0.5) * spacing);
             if u.hypot(v) > 21.3 {
                 continue;
             }
             let colour = if v > 0.0 { Vec3::new(0.95, 0.2, 0.1) } else { Vec3::new(0.1, 0.35, 0.9) };
-            points.push((DVec3::new(u * c - v * s, u * s + v * c, 0.0) * px, DVec3::Z, RADIUS * px, colour));
+            points.push((DVec3::new(u * c - v * s, u * s + v * c, 0.0) * px, DVec3::Z, 1.4 * spacing * px, colour));
         }
     }
     let at = world(31.4, 33.2);
