@@ -146,88 +146,99 @@ fn below(x: f64) -> f32 {
 /// Parameters at which the ray enters the boxes, and which it enters between `near` and `limit` (bit mask).
 #[inline(always)]
 fn enter(node: &Node, ray: &BoxRay, near: f32, limit: f32) -> ([f32; WIDTH], u32) {
-    let mut entry = [near; WIDTH];
-    let mut exit = [limit; WIDTH];
-    for axis in 0..3 {
-        let low = &node.sides[ray.first[axis]][axis];
-        let high = &node.sides[1 - ray.first[axis]][axis];
-        let (o, inverse) = (ray.origin[axis], ray.inverse[axis]);
-        for l in 0..WIDTH {
-            let a = (low[l] - o) * inverse;
-            let b = (high[l] - o) * inverse;
-            entry[l] = if a > entry[l] { a } else { entry[l] };
-            exit[l] = if b < exit[l] { b } else { exit[l] };
-        }
-    }
-    let mut mask = 0;
+    let [first_x, first_y, first_z] = [0, 1, 2].map(|axis| &node.sides[ray.first[axis]][axis]);
+    let [last_x, last_y, last_z] = [0, 1, 2].map(|axis| &node.sides[1 - ray.first[axis]][axis]);
+    let [ox, oy, oz] = ray.origin;
+    let [ix, iy, iz] = ray.inverse;
+    let mut entry = [0.0; WIDTH];
+    let mut bits = [0; WIDTH];
     for l in 0..WIDTH {
-        mask |= u32::from(entry[l] <= exit[l]) << l;
+        let later = |a: f32, b: f32| if a > b { a } else { b };
+        let sooner = |a: f32, b: f32| if a < b { a } else { b };
+        let (x, y, z) = ((first_x[l] - ox) * ix, (first_y[l] - oy) * iy, (first_z[l] - oz) * iz);
+        entry[l] = later(later(x, y), later(z, near));
+        let (x, y, z) = ((last_x[l] - ox) * ix, (last_y[l] - oy) * iy, (last_z[l] - oz) * iz);
+        let exit = sooner(sooner(x, y), sooner(z, limit));
+        bits[l] = if entry[l] <= exit { 1_u32 << l } else { 0 };
     }
-    (entry, mask)
+    (entry, bits.iter().fold(0, |mask, bit| mask | bit))
 }
 
-type Lanes = [f64; WIDTH];
+/// Surfels intersected at once: four f64 fill a vector register, and all that is needed stays in registers.
+const LANES: usize = 4;
+type Lanes = [f64; LANES];
 type Vectors = [Lanes; 3];
 
 /// Intersects the surfels of a leaf; true if the limit fell.
-///
-/// With n = u x v, the plane is met at s = n.(c - o) / n.d; the point p relative to c has the coordinates
-/// (p x v).n / n^2 and (u x p).n / n^2, also where u and v are not orthogonal.
 #[inline(always)]
 fn leaf(leaf: &Leaf, ray: &ModelRay, found: &mut Found) -> bool {
-    let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
-    let (u, v) = (widen(&leaf.u), widen(&leaf.v));
-    let mut c = widen(&leaf.centre);
-    for axis in 0..3 {
-        for l in 0..WIDTH {
-            c[axis][l] -= o[axis];
-        }
-    }
-    let n = cross(&u, &v);
-    let mut facing = [0.0; WIDTH];
-    let mut depth = [0.0; WIDTH];
-    let mut a = [0.0; WIDTH];
-    let mut b = [0.0; WIDTH];
-    let mut mask = 0;
-    for l in 0..WIDTH {
-        facing[l] = n[0][l] * d[0] + n[1][l] * d[1] + n[2][l] * d[2];
-        depth[l] = (n[0][l] * c[0][l] + n[1][l] * c[1][l] + n[2][l] * c[2][l]) / facing[l];
-    }
-    let mut p = [[0.0; WIDTH]; 3];
-    for axis in 0..3 {
-        for l in 0..WIDTH {
-            p[axis][l] = d[axis] * depth[l] - c[axis][l];
-        }
-    }
-    let (pv, up) = (cross(&p, &v), cross(&u, &p));
-    for l in 0..WIDTH {
-        let over = 1.0 / (n[0][l] * n[0][l] + n[1][l] * n[1][l] + n[2][l] * n[2][l]);
-        a[l] = (pv[0][l] * n[0][l] + pv[1][l] * n[1][l] + pv[2][l] * n[2][l]) * over;
-        b[l] = (up[0][l] * n[0][l] + up[1][l] * n[1][l] + up[2][l] * n[2][l]) * over;
-    }
-    for l in 0..WIDTH {
-        // Edge-on, missing and overflowing surfels have NaN or infinite coordinates.
-        let inside = a[l] * a[l] + b[l] * b[l] <= 1.0;
-        let within = (depth[l] >= ray.near) & (depth[l] <= found.limit);
-        mask |= u32::from(inside & within & ((facing[l] < 0.0) | ray.two_sided)) << l;
-    }
     let before = found.limit;
-    while mask != 0 {
-        let l = mask.trailing_zeros() as usize;
-        mask &= mask - 1;
-        let (u, v, back) = (a[l], b[l], facing[l] > 0.0);
-        found.hits.push(Hit { object: ray.object, surfel: leaf.surfel[l], depth: depth[l], u, v, back });
-        found.limit = found.limit.min(depth[l] + ray.epsilon.max(LEAST_EPSILON * depth[l]));
+    for first in [0, LANES] {
+        // Surfels fill a leaf from its start.
+        if leaf.surfel[first] != u32::MAX {
+            half_leaf(leaf, first, ray, found);
+        }
     }
     found.limit < before
 }
 
+/// Intersects the surfels `first`..`first` + 4.
+///
+/// With n = u x v, the plane is met at s = n.(c - o) / n.d; the point p relative to c has the coordinates
+/// (p x v).n / n^2 and (u x p).n / n^2, also where u and v are not orthogonal.
 #[inline(always)]
-fn widen(v: &[[f32; WIDTH]; 3]) -> Vectors {
-    let mut out = [[0.0; WIDTH]; 3];
+fn half_leaf(leaf: &Leaf, first: usize, ray: &ModelRay, found: &mut Found) {
+    let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
+    let (u, v) = (widen(&leaf.u, first), widen(&leaf.v, first));
+    let mut c = widen(&leaf.centre, first);
     for axis in 0..3 {
-        for l in 0..WIDTH {
-            out[axis][l] = f64::from(v[axis][l]);
+        for l in 0..LANES {
+            c[axis][l] -= o[axis];
+        }
+    }
+    let n = cross(&u, &v);
+    let mut facing = [0.0; LANES];
+    let mut depth = [0.0; LANES];
+    let nc = dot(&n, &c);
+    for l in 0..LANES {
+        facing[l] = n[0][l] * d[0] + n[1][l] * d[1] + n[2][l] * d[2];
+        depth[l] = nc[l] / facing[l];
+    }
+    let mut p = [[0.0; LANES]; 3];
+    for axis in 0..3 {
+        for l in 0..LANES {
+            p[axis][l] = d[axis] * depth[l] - c[axis][l];
+        }
+    }
+    let n2 = dot(&n, &n);
+    let (mut a, mut b) = (dot(&cross(&p, &v), &n), dot(&cross(&u, &p), &n));
+    let mut bits = [0_u64; LANES];
+    for l in 0..LANES {
+        let over = 1.0 / n2[l];
+        a[l] *= over;
+        b[l] *= over;
+        // Edge-on, missing and overflowing surfels have NaN or infinite coordinates.
+        let inside = a[l] * a[l] + b[l] * b[l] <= 1.0;
+        let within = (depth[l] >= ray.near) & (depth[l] <= found.limit);
+        bits[l] = if inside & within & ((facing[l] < 0.0) | ray.two_sided) { 1 << l } else { 0 };
+    }
+    let mut mask = bits.iter().fold(0, |mask, bit| mask | bit);
+    while mask != 0 {
+        let l = mask.trailing_zeros() as usize;
+        mask &= mask - 1;
+        let (u, v, back) = (a[l], b[l], facing[l] > 0.0);
+        found.hits.push(Hit { object: ray.object, surfel: leaf.surfel[first + l], depth: depth[l], u, v, back });
+        found.limit = found.limit.min(depth[l] + ray.epsilon.max(LEAST_EPSILON * depth[l]));
+    }
+}
+
+#[inline(always)]
+fn widen(v: &[[f32; WIDTH]; 3], first: usize) -> Vectors {
+    let mut out = [[0.0; LANES]; 3];
+    for axis in 0..3 {
+        let half = &v[axis][first..first + LANES];
+        for l in 0..LANES {
+            out[axis][l] = f64::from(half[l]);
         }
     }
     out
@@ -235,11 +246,20 @@ fn widen(v: &[[f32; WIDTH]; 3]) -> Vectors {
 
 #[inline(always)]
 fn cross(a: &Vectors, b: &Vectors) -> Vectors {
-    let mut out = [[0.0; WIDTH]; 3];
-    for l in 0..WIDTH {
+    let mut out = [[0.0; LANES]; 3];
+    for l in 0..LANES {
         out[0][l] = a[1][l] * b[2][l] - a[2][l] * b[1][l];
         out[1][l] = a[2][l] * b[0][l] - a[0][l] * b[2][l];
         out[2][l] = a[0][l] * b[1][l] - a[1][l] * b[0][l];
+    }
+    out
+}
+
+#[inline(always)]
+fn dot(a: &Vectors, b: &Vectors) -> Lanes {
+    let mut out = [0.0; LANES];
+    for l in 0..LANES {
+        out[l] = a[0][l] * b[0][l] + a[1][l] * b[1][l] + a[2][l] * b[2][l];
     }
     out
 }
