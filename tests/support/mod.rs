@@ -1,5 +1,6 @@
 //! Scenes and models made in code, for tests and benches. Shares no mathematics with the renderer.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
+#![allow(clippy::expect_used, reason = "tests and benches may stop")]
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -7,6 +8,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
+use splatblur::math::Trs;
 use splatblur::model::{Material, Surfels};
 use splatblur::plan::RenderOptions;
 use splatblur::render::render_frame;
@@ -51,10 +53,10 @@ pub fn object(model: Surfels) -> Object {
         model: Arc::new(model),
         radius_scale: 1.0,
         colour_space: None,
-        transform: Default::default(),
+        transform: Trs::default(),
         animation: None,
         motions: Vec::new(),
-        place: Default::default(),
+        place: Trs::default(),
         material: None,
         epsilon: None,
         blur: true,
