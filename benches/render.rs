@@ -53,10 +53,11 @@ fn frames(criterion: &mut Criterion) {
     }
 }
 
+type Split = fn(&Stats) -> Duration;
+
 fn passes(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("pass");
     group.sample_size(10).measurement_time(Duration::from_secs(3));
-    type Split = fn(&Stats) -> Duration;
     let split: [(&str, Split); 4] = [
         ("project+bin", |stats| stats.project),
         ("visibility", |stats| stats.visibility),
