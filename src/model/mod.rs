@@ -239,7 +239,7 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
         let bytes = map::map(path)?;
         let format = Format::detect(&bytes, path).ok_or_else(|| ModelError::UnknownFormat { path: path.to_owned() })?;
         parse_told(&bytes, format, &|share| progress("reading", share))
-            .map_err(|source| ModelError::Invalid { path: path.to_owned(), source })?
+            .map_err(|why| ModelError::Invalid { path: path.to_owned(), why })?
     };
     match parsed {
         Parsed::Surfels(surfels) if surfels.is_empty() => {
