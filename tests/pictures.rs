@@ -5,9 +5,11 @@ mod support;
 
 use std::collections::VecDeque;
 use std::path::Path;
+use std::sync::Arc;
 
+use glam::{DMat3, DVec3};
 use splatblur::backend::cpu::Cpu;
-use splatblur::film::Picture;
+use splatblur::film::{Aov, Picture};
 use splatblur::plan::{BlurMode, PixelFilter, Prefilter, RenderOptions};
 use splatblur::render::render_frame;
 use splatblur::scene::{self, Scene};
@@ -61,22 +63,22 @@ impl Mask {
         grown.map(|x, y| disc.iter().all(|(dx, dy)| !inside(x + dx, y + dy) || grown.at(x + dx, y + dy)))
     }
 
-    /// Pixels of the background regions (4-connected) that closing removes whole: holes, as opposed to notches in a silhouette.
-    fn holes(&self) -> usize {
+    /// Background regions (4-connected) that closing removes whole, as opposed to notches in a silhouette.
+    fn filled_regions(&self) -> Vec<Vec<(i32, i32)>> {
         let closed = self.closed();
         let [w, h] = self.size;
         let mut seen = self.set.clone();
-        let mut holes = 0;
+        let mut holes = Vec::new();
         for start in 0..seen.len() {
             if seen[start] {
                 continue;
             }
             seen[start] = true;
             let mut queue = VecDeque::from([start]);
-            let (mut region, mut filled) = (0, true);
+            let (mut region, mut filled) = (Vec::new(), true);
             while let Some(i) = queue.pop_front() {
-                region += 1;
                 let (x, y) = (i as i32 % w, i as i32 / w);
+                region.push((x, y));
                 filled &= closed.at(x, y) && x > 0 && y > 0 && x < w - 1 && y < h - 1;
                 for (nx, ny) in [(x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)] {
                     let n = (ny * w + nx) as usize;
@@ -87,29 +89,97 @@ impl Mask {
                 }
             }
             if filled {
-                holes += region;
+                holes.push(region);
             }
         }
         holes
     }
+
+    /// Covered pixels around a region, up to 2 px away; `None` if there is more background.
+    fn ring(&self, region: &[(i32, i32)]) -> Option<Vec<(i32, i32)>> {
+        let mut ring: Vec<(i32, i32)> =
+            region.iter().flat_map(|&(x, y)| disc().into_iter().map(move |(dx, dy)| (x + dx, y + dy))).collect();
+        ring.sort_unstable();
+        ring.dedup();
+        ring.retain(|p| !region.contains(p));
+        ring.iter().all(|&(x, y)| self.at(x, y)).then_some(ring)
+    }
+}
+
+/// Largest distance in depth of pixels from the plane that fits them best; planes have linear inverse depth on the screen.
+fn bump(depth: &[f32], width: i32, ring: &[(i32, i32)]) -> f64 {
+    let mean = |f: &dyn Fn(f64, f64, f64) -> f64| {
+        let value = |&(x, y): &(i32, i32)| {
+            f(f64::from(x - ring[0].0), f64::from(y - ring[0].1), 1.0 / f64::from(depth[(y * width + x) as usize]))
+        };
+        ring.iter().map(value).sum::<f64>()
+    };
+    let m = DMat3::from_cols(
+        DVec3::new(mean(&|x, _, _| x * x), mean(&|x, y, _| x * y), mean(&|x, _, _| x)),
+        DVec3::new(mean(&|x, y, _| x * y), mean(&|_, y, _| y * y), mean(&|_, y, _| y)),
+        DVec3::new(mean(&|x, _, _| x), mean(&|_, y, _| y), mean(&|_, _, _| 1.0)),
+    );
+    let fit = m.inverse() * DVec3::new(mean(&|x, _, i| x * i), mean(&|_, y, i| y * i), mean(&|_, _, i| i));
+    let distance = |&(x, y): &(i32, i32)| {
+        let plane = 1.0 / fit.dot(DVec3::new(f64::from(x - ring[0].0), f64::from(y - ring[0].1), 1.0));
+        (f64::from(depth[(y * width + x) as usize]) - plane).abs()
+    };
+    ring.iter().map(distance).fold(0.0, f64::max)
+}
+
+/// Pixels of holes inside a surface: regions that closing removes and that one smooth piece of surface surrounds. Where the
+/// surroundings jump in depth, two parts of an object stand apart and the background shows rightly (a hair beside the neck).
+fn holes(picture: &Picture, epsilon: f64) -> Vec<(i32, i32)> {
+    let mask = Mask::of(picture);
+    let depth = &picture.layers[0].planes[0];
+    let smooth = |region: &Vec<(i32, i32)>| {
+        mask.ring(region).is_some_and(|ring| bump(depth, picture.width as i32, &ring) <= epsilon)
+    };
+    mask.filled_regions().into_iter().filter(smooth).flatten().collect()
 }
 
 #[test]
 fn closing_finds_holes_and_only_holes() {
     let solid = Mask { size: [20, 20], set: vec![true; 400] };
-    assert_eq!(solid.holes(), 0);
+    assert!(solid.filled_regions().is_empty());
     let mut pierced = solid.clone();
     for i in [5 * 20 + 5, 5 * 20 + 6, 12 * 20 + 9] {
         pierced.set[i] = false;
     }
-    assert_eq!(pierced.holes(), 3);
+    assert_eq!(pierced.filled_regions(), [vec![(5, 5), (6, 5)], vec![(9, 12)]]);
     let notch = solid.map(|x, y| !(x == 10 && y < 8));
-    assert_eq!(notch.holes(), 0);
+    assert!(notch.filled_regions().is_empty());
     let window = solid.map(|x, y| !((5..15).contains(&x) && (5..15).contains(&y)));
-    assert_eq!(window.holes(), 0);
+    assert!(window.filled_regions().is_empty());
 }
 
-/// Every scene, several frames, frozen: closing removes no background inside the objects.
+/// What closing finds in every object of a scene, alone and frozen.
+fn holes_of(whole: &Scene, frames: &[i64]) -> Vec<String> {
+    let mut found = Vec::new();
+    for object in &whole.objects {
+        let mut scene = Scene { objects: vec![object.clone()], ..whole.clone() };
+        scene.image.transparent = true;
+        let size = object.place.scale * object.transform.scale;
+        let epsilon = f64::from(object.median_radius) * size.element_product().abs().cbrt();
+        for &frame in frames {
+            for prefilter in [Prefilter::None, Prefilter::Approx] {
+                let options = RenderOptions {
+                    mode: BlurMode::Still { pixel_samples: 1 },
+                    filter: PixelFilter::Point,
+                    prefilter,
+                    aovs: vec![Aov::Depth],
+                    ..RenderOptions::default()
+                };
+                let holes = holes(&render(&scene, frame, &options), epsilon);
+                if !holes.is_empty() {
+                    found.push(format!("{}, frame {frame}, prefilter {prefilter:?}: {holes:?}", object.name));
+                }
+            }
+        }
+    }
+    found
+}
+
 #[test]
 fn shipped_models_have_no_holes() {
     let cases: [(&str, &[i64]); 8] = [
@@ -122,24 +192,17 @@ fn shipped_models_have_no_holes() {
         ("crossing", &[4, 12, 20]),
         ("static", &[0]),
     ];
-    let mut failures = Vec::new();
     for (name, frames) in cases {
-        let mut scene = shipped(name);
-        scene.image.transparent = true;
-        for &frame in frames {
-            for prefilter in [Prefilter::None, Prefilter::Approx] {
-                let options = RenderOptions {
-                    mode: BlurMode::Still { pixel_samples: 1 },
-                    filter: PixelFilter::Point,
-                    prefilter,
-                    ..RenderOptions::default()
-                };
-                let holes = Mask::of(&render(&scene, frame, &options)).holes();
-                if holes > 0 {
-                    failures.push(format!("{name} frame {frame}, prefilter {prefilter:?}: {holes} px"));
-                }
-            }
-        }
+        let found = holes_of(&shipped(name), frames);
+        assert!(found.is_empty(), "holes in {name}:\n{}", found.join("\n"));
     }
-    assert!(failures.is_empty(), "holes:\n{}", failures.join("\n"));
+}
+
+/// The test above can fail: radii that are too small leave holes, and it sees them.
+#[test]
+fn thin_surfels_leave_holes() {
+    let mut scene = shipped("spin");
+    let thin = Arc::make_mut(&mut scene.objects[0].model);
+    thin.axis_u.iter_mut().chain(&mut thin.axis_v).for_each(|axis| *axis *= 0.55);
+    assert!(!holes_of(&scene, &[1]).is_empty());
 }

@@ -94,6 +94,8 @@ pub struct Cloud {
     pub material: Vec<Material>,
     /// Velocities, model units a frame (kept for later use).
     pub velocity: Vec<Vec3>,
+    /// The signs of the normals mean nothing (Gaussian splats): both sides are to be shown.
+    pub two_sided: bool,
     /// What a user should know about the reading: points dropped, properties ignored, conventions assumed.
     pub notes: Vec<String>,
 }
@@ -119,6 +121,8 @@ pub struct Surfels {
     pub material: Vec<Material>,
     /// Velocities, model units a frame, or empty.
     pub velocity: Vec<Vec3>,
+    /// The signs of the normals mean nothing: both sides are shown unless the scene says otherwise.
+    pub two_sided: bool,
 }
 
 impl Surfels {

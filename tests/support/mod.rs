@@ -60,6 +60,7 @@ pub fn object(model: Surfels) -> Object {
         material: None,
         epsilon: None,
         blur: true,
+        two_sided: false,
         median_radius,
         bounds,
     }
