@@ -1,5 +1,6 @@
 //! Pictures of the scenes that ship: no holes, smooth silhouettes, no strobing, the right thing in front.
-#![allow(clippy::expect_used, reason = "tests may stop")]
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
 mod support;
 
@@ -205,4 +206,54 @@ fn thin_surfels_leave_holes() {
     let thin = Arc::make_mut(&mut scene.objects[0].model);
     thin.axis_u.iter_mut().chain(&mut thin.axis_v).for_each(|axis| *axis *= 0.55);
     assert!(!holes_of(&scene, &[1]).is_empty());
+}
+
+fn alpha_difference(a: &Picture, b: &Picture) -> (f64, f64) {
+    let differences = a.rgba.iter().zip(&b.rgba).map(|(a, b)| f64::from((a[3] - b[3]).abs()));
+    let band: Vec<f64> = differences.filter(|d| *d > 0.0).collect();
+    let rms = (band.iter().map(|d| d * d).sum::<f64>() / band.len().max(1) as f64).sqrt();
+    (rms, band.iter().copied().fold(0.0, f64::max))
+}
+
+/// A streak of 25 px: alpha is off by half a sample's weight in the mean and by two at the most, so that the steps of 16
+/// samples are soft and those of 64 do not show.
+#[test]
+fn silhouettes_are_smooth_and_do_not_strobe() {
+    let mut scene = shipped("diagonal");
+    scene.image.transparent = true;
+    let truth = render(&scene, 13, &supersample(1024));
+    for samples in [16, 64] {
+        let (rms, max) = alpha_difference(&render(&scene, 13, &supersample(samples)), &truth);
+        println!("N = {samples}: alpha rms {rms:.4}, max {max:.4} where they differ");
+        let weight = 1.0 / f64::from(samples);
+        assert!(rms < 0.5 * weight && max < 2.0 * weight, "N = {samples}: {rms} {max}");
+    }
+}
+
+/// Slats that pass once before a resting object: an even mix, from occlusion that is right at every time.
+#[test]
+fn a_passing_fence_hides_each_pixel_for_its_share_of_the_time() {
+    let mut scene = shipped("blinker_fence");
+    scene.image.transparent = true;
+    let alone = |name: &str| {
+        let objects: Vec<_> = scene.objects.iter().filter(|o| o.name == name).cloned().collect();
+        assert_eq!(objects.len(), 1);
+        render(&Scene { objects, ..scene.clone() }, 0, &supersample(256))
+    };
+    let (fence, spot, both) = (alone("fence"), alone("spot"), render(&scene, 0, &supersample(256)));
+    let (mut pixels, mut worst) = (0, 0.0_f32);
+    for ((fence, spot), both) in fence.rgba.iter().zip(&spot.rgba).zip(&both.rgba) {
+        if spot[3] < 1.0 {
+            continue;
+        }
+        pixels += 1;
+        // A slat is 0.19 wide between its outer surfels, which reach 0.012 further, and comes every 0.7.
+        assert!((0.19 / 0.7 - 0.01..=0.214 / 0.7 + 0.01).contains(&fence[3]), "{}", fence[3]);
+        for c in 0..4 {
+            worst = worst.max((both[c] - (fence[c] + (1.0 - fence[3]) * spot[c])).abs());
+        }
+    }
+    println!("{pixels} pixels, worst difference from the mix {worst:.4}");
+    assert!(pixels > 10_000);
+    assert!(worst < 0.02, "{worst}");
 }

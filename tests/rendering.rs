@@ -1,6 +1,6 @@
 //! Properties of rendered pictures that follow from the design, each with a closed form or an equality.
 
-#![allow(clippy::expect_used, reason = "tests may stop")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
 mod support;
 

@@ -1,6 +1,6 @@
 //! Scene files: what loads, to which values, and what is refused with which words.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "helpers of tests may panic")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
 use std::fs;
 use std::path::Path;
