@@ -3,6 +3,8 @@
 //! `cargo bench --bench render`. On one thread wall time is CPU time, which is what `docs/performance.md` quotes for moving
 //! scenes; `threads=all` is what a user waits for. The 10^7 case takes a while to build: `cargo bench -- 10000000`.
 
+#![allow(clippy::expect_used, reason = "a bench may stop")]
+
 #[path = "../tests/support/mod.rs"]
 mod support;
 
@@ -51,10 +53,12 @@ fn frames(criterion: &mut Criterion) {
     }
 }
 
+type Split = fn(&Stats) -> Duration;
+
 fn passes(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("pass");
     group.sample_size(10).measurement_time(Duration::from_secs(3));
-    let split: [(&str, fn(&Stats) -> Duration); 4] = [
+    let split: [(&str, Split); 4] = [
         ("project+bin", |stats| stats.project),
         ("visibility", |stats| stats.visibility),
         ("attribute", |stats| stats.attribute),

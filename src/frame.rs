@@ -24,8 +24,6 @@ pub struct Frame<'a> {
     pub prefilter: Prefilter,
     /// Where shading happens.
     pub shading: Shading,
-    /// Show back faces, with normals turned to the viewer.
-    pub two_sided: bool,
     /// Extra channels.
     pub aovs: &'a [Aov],
     /// What shows where the film is not covered.
@@ -47,6 +45,8 @@ pub struct FrameObject<'a> {
     pub surfels: &'a Surfels,
     /// Material of the whole object; `None`: one a surfel, `surfels.material`.
     pub material: Option<Material>,
+    /// Show back faces, with normals turned to the viewer.
+    pub two_sided: bool,
 }
 
 /// Posed samples that share one visibility test and one resolve.
@@ -123,25 +123,24 @@ impl<'a> Frame<'a> {
             near: scene.camera.near as f32,
             prefilter: options.prefilter,
             shading: options.shading,
-            two_sided: options.two_sided,
             aovs: &options.aovs,
             background: Background { colour: scene.image.background, transparent: scene.image.transparent },
             memory: options.memory,
             passes: plan.passes,
-            objects: scene.objects.iter().map(frame_object).collect(),
+            objects: scene.objects.iter().map(|object| frame_object(object, options)).collect(),
             groups,
         }
     }
 }
 
 /// Material of the object: the scene's, else the file's, else the default (design section 2).
-fn frame_object(object: &Object) -> FrameObject<'_> {
+fn frame_object<'a>(object: &'a Object, options: &RenderOptions) -> FrameObject<'a> {
     let material = match object.material {
         Some(material) => Some(material),
         None if object.model.material.is_empty() => Some(Material::default()),
         None => None,
     };
-    FrameObject { surfels: &object.model, material }
+    FrameObject { surfels: &object.model, material, two_sided: options.two_sided || object.two_sided }
 }
 
 struct Poser<'a> {

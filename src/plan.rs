@@ -60,7 +60,7 @@ pub struct RenderOptions {
     pub prefilter: Prefilter,
     /// Where shading happens.
     pub shading: Shading,
-    /// Show back faces, with their normals turned to the viewer.
+    /// Show the back faces of all objects, with their normals turned to the viewer.
     pub two_sided: bool,
     /// Depth tolerance for all objects, world units, >= 0; overrides the scene's.
     pub epsilon: Option<f64>,

@@ -115,7 +115,7 @@ fn rigid_inverse(m: &DMat4) -> DMat4 {
     DMat4::from_mat3_translation(r, -(r * m.w_axis.truncate()))
 }
 
-/// Time derivative, per shutter, of camera_from_model at scene time `frame_time` (frames).
+/// Time derivative, per shutter, of `camera_from_model` at scene time `frame_time` (frames).
 ///
 /// A central difference over 1/256 of the shutter, one-sided where an animation jumps inside that span, so that nothing
 /// streaks through a teleport; zero between two jumps.

@@ -58,7 +58,7 @@ pub fn owen_scramble(fraction: u32, seed: u32) -> u32 {
     x.reverse_bits()
 }
 
-/// A well-mixed 32-bit hash of a seed and a stream number (the finaliser of SplitMix64).
+/// A well-mixed 32-bit hash of a seed and a stream number (the finaliser of `SplitMix64`).
 pub fn hash(seed: u64, stream: u64) -> u32 {
     let mut z = seed.wrapping_add(stream.wrapping_mul(0x9e37_79b9_7f4a_7c15)).wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -107,7 +107,7 @@ mod tests {
                         let cell =
                             |v: f32, bits: u32| (((v + 0.5) * (1_u32 << bits) as f32) as usize).min((1 << bits) - 1);
                         let t = i >> (m - a);
-                        let index = ((t << b) + cell(*x, b) << c) + cell(*y, c);
+                        let index = (((t << b) + cell(*x, b)) << c) + cell(*y, c);
                         assert!(!seen[index], "seed {seed}, box {a} {b} {c}");
                         seen[index] = true;
                     }

@@ -104,7 +104,7 @@ impl Shutter {
         frame + self.open + (self.close - self.open) * t
     }
 
-    /// Mid-stratum times t_i = (i + 1/2)/n and their weights, the integrals of a over the strata; weights sum to 1.
+    /// Mid-stratum times `t_i = (i + 1/2)/n` and their weights, the integrals of a over the strata; weights sum to 1.
     pub fn strata(&self, n: u32) -> Vec<(f64, f64)> {
         let n_f = f64::from(n);
         (0..n)
@@ -120,7 +120,9 @@ impl Shutter {
 mod tests {
     use super::*;
 
-    fn all() -> Vec<(Weight, fn(f64) -> f64)> {
+    type Formula = fn(f64) -> f64;
+
+    fn all() -> Vec<(Weight, Formula)> {
         vec![
             (Weight::Box, |_| 1.0),
             (Weight::Tent, |t| t.min(1.0 - t)),

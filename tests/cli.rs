@@ -1,5 +1,6 @@
 //! The command line as a user meets it.
-#![allow(clippy::unwrap_used, reason = "helpers of tests, too, fail by panicking")]
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

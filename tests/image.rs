@@ -1,5 +1,6 @@
 //! Picture files: what they hold, that it comes back, that it repeats, and that damaged files are refused.
-#![allow(clippy::unwrap_used, reason = "helpers of tests, too, fail by panicking")]
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
 use std::path::{Path, PathBuf};
 

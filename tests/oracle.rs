@@ -1,6 +1,8 @@
 //! The renderer against a brute-force evaluation of the visibility rule (design section 2) in `f64`, pixel by pixel over all
 //! surfels. The oracle shares no code with the passes: it intersects rays with planes and solves for u and v.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
+
 mod support;
 
 use glam::{DMat3, DVec3, Vec3};
@@ -74,7 +76,7 @@ impl Oracle {
             let mut disc = None;
             if self.low_pass && depth >= NEAR {
                 let (cx, cy) = (0.5 * w + f * c.x / depth, 0.5 * h - f * c.y / depth);
-                let d2 = ((cx - p[0]).powi(2) + (cy - p[1]).powi(2)) / 2.0;
+                let d2 = 0.5 * ((cx - p[0]).powi(2) + (cy - p[1]).powi(2));
                 fragile |= near_one(d2);
                 disc = (d2 <= 1.0).then_some(d2);
             }

@@ -1,5 +1,7 @@
 //! Properties of rendered pictures that follow from the design, each with a closed form or an equality.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
+
 mod support;
 
 use glam::{DVec3, Vec3};
@@ -39,7 +41,7 @@ fn unlit(model: Surfels) -> Object {
     object
 }
 
-fn plane<'a>(picture: &'a Picture, aov: Aov, channel: usize) -> &'a [f32] {
+fn plane(picture: &Picture, aov: Aov, channel: usize) -> &[f32] {
     let layer = picture.layers.iter().find(|layer| layer.aov == aov).expect("the AOV was asked for");
     &layer.planes[channel]
 }

@@ -1,6 +1,6 @@
 //! Scene files: what loads, to which values, and what is refused with which words.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "helpers of tests may panic")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
 use std::fs;
 use std::path::Path;
@@ -134,7 +134,7 @@ fn defaults_are_those_of_the_document() {
     assert!((d - direction).length() < 1e-15 && colour == DVec3::splat(0.9));
     assert_eq!(s.lights[1..], [Light::Ambient { colour: DVec3::splat(0.3) }]);
     let o = &s.objects[0];
-    assert!(o.blur && o.epsilon.is_none() && o.material.is_none() && o.radius_scale == 1.0);
+    assert!(o.blur && !o.two_sided && o.epsilon.is_none() && o.material.is_none() && o.radius_scale == 1.0);
     assert_eq!(notes.iter().filter(|n| n.contains("<camera eye=")).count(), 1, "{notes:?}");
     // Motion by formula: a second of film.
     let s = loaded(scene("", "<motion type='linear' velocity='1 0 0'/>")).scene;
@@ -157,7 +157,7 @@ fn every_value_arrives() {
     );
     let o = &s.objects[0];
     assert_eq!(o.name, "a <b> & \"c\" é");
-    assert_eq!((o.blur, o.epsilon, o.radius_scale), (false, Some(0.0125), 2.25));
+    assert_eq!((o.blur, o.two_sided, o.epsilon, o.radius_scale), (false, true, Some(0.0125), 2.25));
     assert_eq!(o.transform.scale, DVec3::splat(1.7));
     assert_eq!(o.transform.rotate.y, -std::f64::consts::FRAC_PI_2);
     assert_eq!(o.motions[1], Motion::Linear { velocity: DVec3::new(0.0, 0.0, 0.1) });

@@ -1,5 +1,7 @@
 //! What ships beside the code: models and scenes.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -74,5 +76,31 @@ fn every_scene_loads_without_a_word_of_doubt() {
         if name != "static.xml" {
             assert_eq!(loaded.notes, Vec::<String>::new(), "{name}");
         }
+    }
+}
+
+#[test]
+fn every_file_that_the_documents_link_to_exists() {
+    // Pictures are made from a release and need not be there while one is prepared.
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut links = 0;
+    for document in ["README.md", "docs/architecture.md", "fuzz/README.md", "scenes/models/README.md"] {
+        let text = fs::read_to_string(root.join(document)).unwrap();
+        for target in text.split("](").skip(1).filter_map(|rest| rest.split_once(')').map(|(target, _)| target)) {
+            if !target.contains("://") && !target.starts_with("docs/images/") {
+                links += 1;
+                let path = root.join(document).with_file_name(target);
+                assert!(path.exists(), "{document} links to {target}");
+            }
+        }
+    }
+    assert!(links > 5, "found {links} links");
+}
+
+#[test]
+fn the_readme_lists_every_scene() {
+    let readme = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
+    for name in names(&scenes()) {
+        assert!(readme.contains(&format!("`{}`", name.trim_end_matches(".xml"))), "{name}");
     }
 }

@@ -83,6 +83,7 @@ fn scene_object(o: &Object) -> Value {
         ("model", model(&o.model)),
         ("radius_scale", json!(o.radius_scale)),
         ("blur", json!(o.blur)),
+        ("two_sided", json!(o.two_sided)),
         ("epsilon", o.epsilon.map_or_else(|| json!("median radius"), |e| json!(e))),
         ("transform", trs(&o.transform)),
         ("place", trs(&o.place)),

@@ -160,7 +160,7 @@ pub fn write(path: &Path, picture: &Picture, format: Format, settings: &str) -> 
     replace(path, &bytes).map_err(|source| ImageError::Write { path: path.to_owned(), source })
 }
 
-/// Reads a PNG or EXR picture, as written by [`write`], into linear premultiplied floats.
+/// Reads a PNG or EXR picture, as written by [`write()`], into linear premultiplied floats.
 ///
 /// # Errors
 /// The file cannot be read, or is no such picture.

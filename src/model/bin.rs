@@ -17,6 +17,7 @@ const HEADER: usize = 64;
 const CRC_AT: usize = 48;
 const HAS_MATERIAL: u32 = 1;
 const HAS_VELOCITY: u32 = 2;
+const TWO_SIDED: u32 = 4;
 
 /// Reads a file into surfels.
 ///
@@ -33,8 +34,12 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
         return Err(ParseError::byte(8, format!("version {version}"), format!("{VERSION}")));
     }
     let mask = u32::from_le_bytes(field(bytes, 12)?);
-    if mask & !(HAS_MATERIAL | HAS_VELOCITY) != 0 {
-        return Err(ParseError::byte(12, format!("column mask {mask:#x}"), "bits 0 (material) and 1 (velocity) only"));
+    if mask & !(HAS_MATERIAL | HAS_VELOCITY | TWO_SIDED) != 0 {
+        return Err(ParseError::byte(
+            12,
+            format!("column mask {mask:#x}"),
+            "bits 0 (material), 1 (velocity) and 2 (two-sided) only",
+        ));
     }
     let count = u64::from_le_bytes(field(bytes, 16)?);
     let origin = [24, 32, 40].map(|at| field(bytes, at).map(f64::from_le_bytes));
@@ -70,6 +75,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
         colour: columns.vectors(),
         material: if mask & HAS_MATERIAL == 0 { Vec::new() } else { columns.materials() },
         velocity: if mask & HAS_VELOCITY == 0 { Vec::new() } else { columns.vectors() },
+        two_sided: mask & TWO_SIDED != 0,
     };
     check(&surfels)?;
     Ok(surfels)
@@ -87,6 +93,9 @@ pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     }
     if !surfels.velocity.is_empty() {
         mask |= HAS_VELOCITY;
+    }
+    if surfels.two_sided {
+        mask |= TWO_SIDED;
     }
     let mut header = [0; HEADER];
     let origin = surfels.origin.to_array().map(f64::to_le_bytes);

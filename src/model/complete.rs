@@ -57,6 +57,7 @@ pub fn complete(
         colour,
         material: cloud.material,
         velocity: cloud.velocity,
+        two_sided: cloud.two_sided,
     };
     Ok((surfels, notes))
 }

@@ -46,12 +46,12 @@ pub enum ModelError {
         path: PathBuf,
     },
     /// The file breaks the rules of its format.
-    #[error("model {}: {source}", path.display())]
+    #[error("model {}: {why}", path.display())]
     Invalid {
         /// The file.
         path: PathBuf,
         /// Where and what.
-        source: ParseError,
+        why: ParseError,
     },
     /// A cloud without a point that could be drawn.
     #[error("the model has no usable points")]

@@ -56,6 +56,7 @@ pub(super) fn fill(cloud: &mut Cloud, splats: &[[f64; 11]]) {
     }
     retain(cloud, &keep);
     cloud.colour_storage = ColourStorage::Integer;
+    cloud.two_sided = true;
     let total = splats.len();
     cloud.notes.push(format!(
         "Gaussian splats drawn as opaque surfels: {} of {total} kept; dropped {faint} with opacity up to {LEAST_ALPHA}, \
@@ -64,8 +65,7 @@ pub(super) fn fill(cloud: &mut Cloud, splats: &[[f64; 11]]) {
         100.0 * LARGEST_SIGMA,
     ));
     cloud.notes.push(
-        "Gaussian splats: colours taken as sRGB; normals (the smallest axes) point away from the middle by assumption: \
-         shade two-sided"
+        "Gaussian splats: colours taken as sRGB; normals (the smallest axes) have no sign: both sides are shown"
             .to_owned(),
     );
 }

@@ -90,7 +90,7 @@ pub fn write(cloud: &Cloud, out: &mut impl Write) -> io::Result<()> {
     Ok(())
 }
 
-/// A sphere of `n` surfels with a checkerboard of `turn` cells to half a turn of longitude and `rise` from pole to pole.
+/// A sphere of radius `size` with `n` surfels; its checkerboard has 2 `turn` cells round the poles and `rise` from pole to pole.
 fn lattice(n: u32, size: f64, turn: f64, rise: f64) -> Cloud {
     let count = f64::from(n);
     let golden = PI * (3.0 - libm::sqrt(5.0));

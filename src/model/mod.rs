@@ -94,6 +94,8 @@ pub struct Cloud {
     pub material: Vec<Material>,
     /// Velocities, model units a frame (kept for later use).
     pub velocity: Vec<Vec3>,
+    /// The signs of the normals mean nothing (Gaussian splats): both sides are to be shown.
+    pub two_sided: bool,
     /// What a user should know about the reading: points dropped, properties ignored, conventions assumed.
     pub notes: Vec<String>,
 }
@@ -119,6 +121,8 @@ pub struct Surfels {
     pub material: Vec<Material>,
     /// Velocities, model units a frame, or empty.
     pub velocity: Vec<Vec3>,
+    /// The signs of the normals mean nothing: both sides are shown unless the scene says otherwise.
+    pub two_sided: bool,
 }
 
 impl Surfels {
@@ -239,7 +243,7 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
         let bytes = map::map(path)?;
         let format = Format::detect(&bytes, path).ok_or_else(|| ModelError::UnknownFormat { path: path.to_owned() })?;
         parse_told(&bytes, format, &|share| progress("reading", share))
-            .map_err(|source| ModelError::Invalid { path: path.to_owned(), source })?
+            .map_err(|why| ModelError::Invalid { path: path.to_owned(), why })?
     };
     match parsed {
         Parsed::Surfels(surfels) if surfels.is_empty() => {

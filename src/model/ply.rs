@@ -25,6 +25,8 @@ use super::{Cloud, ColourStorage, Material, gaussian};
 
 /// Comment by which [`super::write_ply`] says that float colours are linear light and may exceed 1.
 pub(super) const LINEAR_COLOURS: &str = "splatblur colours are linear light";
+/// Comment of our own files whose normals have no sign.
+pub(super) const TWO_SIDED: &str = "splatblur shows both sides";
 
 /// Names of the material properties, in the order of [`Material`]'s fields.
 pub(super) const MATERIAL: [&str; 4] = ["ambient", "diffuse", "specular", "shininess"];
@@ -122,6 +124,7 @@ fn read_vertices(
         }
         columns.push(&values, cloud, &mut splats);
     }
+    cloud.two_sided = header.comments.iter().any(|c| c == TWO_SIDED);
     if columns.gaussian.is_some() {
         gaussian::fill(cloud, &splats);
     } else if columns.colour.is_some() || columns.grey.is_some() {

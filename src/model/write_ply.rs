@@ -6,7 +6,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::ply::{LINEAR_COLOURS, MATERIAL};
+use super::ply::{LINEAR_COLOURS, MATERIAL, TWO_SIDED};
 use super::{ModelError, Surfels, store};
 use crate::math::srgb;
 
@@ -60,6 +60,9 @@ fn header(s: &Surfels, wide: bool, byte_colours: bool) -> String {
     let mut text = "ply\nformat binary_little_endian 1.0\n".to_owned();
     if !byte_colours {
         let _ = writeln!(text, "comment {LINEAR_COLOURS}");
+    }
+    if s.two_sided {
+        let _ = writeln!(text, "comment {TWO_SIDED}");
     }
     let _ = writeln!(text, "element vertex {}", s.len());
     let mut properties = |kind: &str, names: &[&str]| {

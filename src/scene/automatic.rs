@@ -170,6 +170,7 @@ mod tests {
             material: None,
             epsilon: None,
             blur: true,
+            two_sided: false,
             median_radius: 0.01,
             bounds: [centre - half, centre + half].into_iter().collect(),
         };

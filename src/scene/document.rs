@@ -61,6 +61,7 @@ pub(super) struct AnimationSpec {
 pub(super) struct ObjectSpec {
     pub(super) name: String,
     pub(super) blur: bool,
+    pub(super) two_sided: Option<bool>,
     pub(super) epsilon: Option<f64>,
     pub(super) model: FileRef,
     pub(super) options: model::LoadOptions,
@@ -212,6 +213,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
     Ok(ObjectSpec {
         name,
         blur: part.boolean("blur")?,
+        two_sided: part.optional_boolean("twoSided")?,
         epsilon: part.optional_number("epsilon")?,
         model: model.file(),
         options: model::LoadOptions { radius_scale: model.number("radiusScale")?, colour_space },

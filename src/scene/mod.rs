@@ -178,6 +178,8 @@ pub struct Object {
     pub epsilon: Option<f64>,
     /// False: object and camera are posed at the frame number.
     pub blur: bool,
+    /// True: back faces show, with their normals turned to the viewer.
+    pub two_sided: bool,
     /// Median cut-off radius of `model`.
     pub median_radius: f32,
     /// Box around the model's surfel centres, model space.

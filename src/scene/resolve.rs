@@ -162,6 +162,7 @@ impl Files<'_> {
         Ok(Object {
             name: spec.name,
             model_path,
+            two_sided: spec.two_sided.unwrap_or(surfels.two_sided),
             model: surfels,
             radius_scale: spec.options.radius_scale,
             colour_space: spec.options.colour_space,

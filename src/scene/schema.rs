@@ -272,6 +272,12 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("name", Kind::Text, Auto("object1, object2, ... in document order"), "unique name"),
             row("blur", Kind::Boolean, Value("true"), "false: posed, with the camera, at the frame number"),
             row(
+                "twoSided",
+                Kind::Boolean,
+                Auto("true for Gaussian splats, else false"),
+                "true: back faces show, with their normals turned to the viewer",
+            ),
+            row(
                 "epsilon",
                 Kind::Number(Range(0.0, FAR)),
                 Auto("median radius times the object's scale"),

@@ -83,7 +83,11 @@ impl<'a> Part<'a> {
     }
 
     pub(super) fn boolean(&self, name: &str) -> Result<bool, SceneError> {
-        self.parse(name, |value, _| value.parse().ok()).map(Option::unwrap_or_default)
+        self.optional_boolean(name).map(Option::unwrap_or_default)
+    }
+
+    pub(super) fn optional_boolean(&self, name: &str) -> Result<Option<bool>, SceneError> {
+        self.parse(name, |value, _| value.parse().ok())
     }
 
     pub(super) fn choice(&self, name: &str) -> Result<Option<String>, SceneError> {

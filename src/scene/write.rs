@@ -138,6 +138,7 @@ impl Xml {
 
     fn object(&mut self, object: &Object, base: &Path) {
         let mut attributes = vec![("name", object.name.clone()), ("blur", object.blur.to_string())];
+        attributes.push(("twoSided", object.two_sided.to_string()));
         attributes.extend(object.epsilon.map(|e| ("epsilon", number(e))));
         self.open(1, "object", &attributes);
         self.0.push_str(">\n");

@@ -34,7 +34,7 @@ fn layout_as_documented() {
     let s = sample(3, true);
     let bytes = encode(&s);
     assert_eq!(&bytes[..8], b"\x89SPLAT\r\n");
-    assert_eq!((bytes[8], bytes[12], bytes[16]), (1, 3, 3));
+    assert_eq!((bytes[8], bytes[12], bytes[16]), (1, 7, 3));
     assert_eq!(bytes[24..32], s.origin.x.to_le_bytes());
     // Three rows of 12 bytes and 4 of padding.
     assert_eq!(bytes.len(), 64 + 6 * 40 + 3 * 16);
@@ -98,7 +98,7 @@ fn nonsense_with_a_right_checksum_is_refused() {
     assert!(message(104, &[0; 12]).contains("an unusable pair of axes"));
     assert!(message(24, &f64::INFINITY.to_le_bytes()).contains("origin"));
     assert!(message(8, &[2]).contains("found version 2, expected 1"));
-    assert!(message(12, &[7]).contains("column mask 0x7"));
+    assert!(message(12, &[15]).contains("column mask 0xf"));
     assert!(message(60, &[1]).contains("reserved"));
     // Counts whose product overflows, or would fill the memory.
     for count in [u64::MAX, u64::MAX / 12, 1 << 40, 4, 2] {

@@ -272,6 +272,7 @@ fn gaussian_splats() {
         assert!((c.axes[0][0].abs() - Vec3::Y * 6.0).length() < 1e-5, "{:?}", c.axes);
         assert!((c.axes[0][1].abs() - Vec3::Z * 4.0).length() < 1e-5, "{:?}", c.axes);
         assert!((c.normal[0].abs() - Vec3::X).length() < 1e-6);
+        assert!(c.two_sided, "the smallest axis has no sign");
         assert!(c.notes[0].contains("1 of 3 kept; dropped 1 with opacity"), "{:?}", c.notes);
         assert!(c.notes[0].contains("1 with a bad scale or rotation"), "{:?}", c.notes);
     }

@@ -26,6 +26,7 @@ pub(crate) fn sample(n: usize, far: bool) -> Surfels {
     }
     if far {
         s.origin = DVec3::new(4.5e6, -1e7, 0.25);
+        s.two_sided = true;
     }
     s
 }
@@ -48,6 +49,7 @@ fn ply_round_trip() {
         assert_eq!(header.contains("uchar red"), !far);
         assert_eq!((&back.normal, &back.colour), (&s.normal, &s.colour));
         assert_eq!((&back.axis_u, &back.axis_v), (&s.axis_u, &s.axis_v));
+        assert_eq!(back.two_sided, s.two_sided);
         assert_eq!((&back.material, &back.velocity), (&s.material, &s.velocity));
         for i in 0..s.len() {
             let position = |s: &Surfels| s.origin + s.position[i].as_dvec3();

@@ -1,5 +1,6 @@
 //! Scenes and models made in code, for tests and benches. Shares no mathematics with the renderer.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
+#![allow(clippy::expect_used, reason = "tests and benches may stop")]
 
 pub mod closed_forms;
 
@@ -9,6 +10,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
+use splatblur::math::Trs;
 use splatblur::model::{Material, Surfels};
 use splatblur::plan::RenderOptions;
 use splatblur::render::render_frame;
@@ -53,13 +55,14 @@ pub fn object(model: Surfels) -> Object {
         model: Arc::new(model),
         radius_scale: 1.0,
         colour_space: None,
-        transform: Default::default(),
+        transform: Trs::default(),
         animation: None,
         motions: Vec::new(),
-        place: Default::default(),
+        place: Trs::default(),
         material: None,
         epsilon: None,
         blur: true,
+        two_sided: false,
         median_radius,
         bounds,
         sphere: None,

@@ -218,7 +218,7 @@ impl Work<'_> {
             pixels: self.band.pixels,
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,
-            two_sided: self.frame.two_sided,
+            two_sided: self.frame.objects[chunk.object].two_sided,
         };
         binned.splats.clear();
         project::project(&view, self.frame.objects[chunk.object].surfels, chunk.surfels.clone(), &mut binned.splats);

@@ -131,7 +131,7 @@ fn project_lane(view: &View<'_>, block: &Block, l: usize, shape: &mut Shape) {
     let area = ux * vy - uy * vx;
     // det [u v centre] < 0 faces the viewer; a splat seen edge-on (or with a NaN) covers nothing.
     let det = area * depth * view.object.handedness;
-    let facing = if view.two_sided { (det != 0.0) & (det == det) } else { det < 0.0 };
+    let facing = if view.two_sided { det.abs() > 0.0 } else { det < 0.0 };
 
     let reach2 = ud * ud + vd * vd;
     let d22 = reach2 - depth * depth;

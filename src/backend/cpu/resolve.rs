@@ -9,7 +9,6 @@ use crate::film::{Film, FilmPlanes};
 use crate::frame::PosedSample;
 use crate::layout::Channels;
 use crate::math::simd::dispatch;
-use crate::model::Material;
 use crate::plan::Shading;
 use crate::shading::{ShadingLight, lobes, towards_point};
 
@@ -154,7 +153,7 @@ fn shade_lanes(
     depth: Option<&Lanes>,
     material: Option<&[Lanes; 4]>,
 ) -> [Lanes; 3] {
-    let uniform = resolve.channels.uniform.unwrap_or(Material::default());
+    let uniform = resolve.channels.uniform.unwrap_or_default();
     let flat = [uniform.ambient, uniform.diffuse, uniform.specular, uniform.shininess];
     let material = material.copied().unwrap_or(flat.map(|v| [v; LANES]));
     // The ray through the sample position, world axes, with depth 1.
