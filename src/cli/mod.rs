@@ -11,6 +11,7 @@ mod inspect;
 mod movie;
 mod output;
 mod progress;
+mod reference;
 mod render;
 mod report;
 mod sequence;
@@ -46,6 +47,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Render(Box<render::Render>),
+    Reference(Box<reference::Reference>),
     Info(info::Info),
     Convert(convert::Convert),
     Generate(generate::Generate),
@@ -59,6 +61,7 @@ pub(super) fn main() -> ExitCode {
     };
     let done = match &cli.command {
         Command::Render(render) => render.run(),
+        Command::Reference(reference) => reference.run(),
         Command::Info(info) => info.run(),
         Command::Convert(convert) => convert.run(),
         Command::Generate(generate) => generate.run(),

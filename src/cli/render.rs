@@ -135,14 +135,14 @@ pub(super) struct Render {
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum FileFormat {
+pub(super) enum FileFormat {
     #[default]
     Png,
     Exr,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Depth {
+pub(super) enum Depth {
     #[value(name = "8")]
     Eight,
     #[value(name = "16")]
@@ -159,7 +159,7 @@ enum Mode {
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
-enum Filter {
+pub(super) enum Filter {
     #[default]
     Box,
     Point,
@@ -173,7 +173,7 @@ enum Prefilter {
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
-enum Shading {
+pub(super) enum Shading {
     #[default]
     Phong,
     Gouraud,
@@ -371,14 +371,14 @@ fn conclude(finished: &[Finished], movie: &Movie<'_>, seconds: f64) -> anyhow::R
 }
 
 /// Makes the output directory, and finds out now, not after the first frame, whether files can be written there.
-fn open_directory(directory: &Path) -> anyhow::Result<()> {
+pub(super) fn open_directory(directory: &Path) -> anyhow::Result<()> {
     let context = || format!("cannot write into the output directory {}", directory.display());
     std::fs::create_dir_all(directory).with_context(context)?;
     image::check_writable(directory).with_context(context)
 }
 
 /// On Ctrl-C: lets the file that is being written become whole, and ends the program.
-fn stop_on_interrupt(gate: &Arc<Mutex<()>>, directory: &Path, quiet: bool) -> anyhow::Result<()> {
+pub(super) fn stop_on_interrupt(gate: &Arc<Mutex<()>>, directory: &Path, quiet: bool) -> anyhow::Result<()> {
     let (gate, directory) = (Arc::clone(gate), directory.to_owned());
     let stop = move || {
         let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);

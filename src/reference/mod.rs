@@ -7,7 +7,9 @@
 
 mod bvh;
 mod posed;
+mod probe;
 mod sampler;
+mod store;
 mod sums;
 mod trace;
 mod traverse;
@@ -26,6 +28,7 @@ use crate::film::{Aov, Background, FilmPlanes, Picture};
 use crate::plan::{PixelFilter, Shading};
 use crate::scene::Scene;
 
+pub use self::probe::{Probe, ProbedHit, Sample, probe};
 pub use self::sampler::{SCRAMBLINGS, Sampler};
 pub use self::sums::Sums;
 
@@ -71,6 +74,14 @@ impl Default for ReferenceOptions {
             seed: 1,
             aovs: Vec::new(),
         }
+    }
+}
+
+impl ReferenceOptions {
+    fn checked_samples(&self) -> Result<u64, ReferenceError> {
+        let samples = self.samples;
+        let valid = samples > 0 && samples.is_multiple_of(SCRAMBLINGS as u64) && samples <= MOST_SAMPLES;
+        if valid { Ok(samples) } else { Err(ReferenceError::Samples { samples }) }
     }
 }
 
@@ -139,6 +150,29 @@ pub enum ReferenceError {
         "the jittered sampler has a fixed number of samples: it can neither stop at an error nor go on from an earlier run"
     )]
     Fixed,
+    /// Bytes that should be partial sums are not.
+    #[error("these are no partial sums of a reference, or they are damaged")]
+    Damaged,
+    /// The pixel is outside the image.
+    #[error("pixel {x},{y} is outside the image of {width} x {height}")]
+    NoPixel {
+        /// Column.
+        x: u32,
+        /// Row.
+        y: u32,
+        /// Width of the image.
+        width: u32,
+        /// Height of the image.
+        height: u32,
+    },
+    /// The sample is beyond the last one.
+    #[error("sample {sample} is beyond the last of {samples} samples, {}", samples - 1)]
+    NoSample {
+        /// The sample.
+        sample: u64,
+        /// How many there are.
+        samples: u64,
+    },
     /// The earlier run was of another kind.
     #[error("the earlier run has {found}, this one {expected}")]
     Unlike {
@@ -161,10 +195,7 @@ pub fn render(
     earlier: Option<Sums>,
     progress: Progress<'_>,
 ) -> Result<Reference, ReferenceError> {
-    let samples = options.samples;
-    if samples == 0 || !samples.is_multiple_of(SCRAMBLINGS as u64) || samples > MOST_SAMPLES {
-        return Err(ReferenceError::Samples { samples });
-    }
+    let samples = options.checked_samples()?;
     if !options.sampler.is_progressive() && (options.error.is_some() || earlier.is_some()) {
         return Err(ReferenceError::Fixed);
     }

@@ -15,8 +15,6 @@ use crate::shading::ShadingLight;
 pub(super) struct World<'a> {
     pub scene: &'a Scene,
     pub options: &'a ReferenceOptions,
-    /// The frame's number: its time.
-    pub number: f64,
     /// Image size, pixels.
     pub size: [u32; 2],
     /// Focal length, pixels.
@@ -106,7 +104,6 @@ impl<'a> World<'a> {
         Self {
             scene,
             options,
-            number,
             size: [scene.image.width, scene.image.height],
             focal: 0.5 * f64::from(scene.image.height) / libm::tan(0.5 * scene.camera.fovy),
             bodies,

@@ -82,7 +82,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
                 direction: placed.model_from_world * direction,
                 near: world.scene.camera.near,
                 epsilon: placed.epsilon,
-                two_sided: world.options.two_sided,
+                two_sided: world.options.two_sided || body.object.two_sided,
                 object: number as u32,
             };
             let before = self.found.hits.len();

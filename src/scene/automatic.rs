@@ -173,6 +173,7 @@ mod tests {
             two_sided: false,
             median_radius: 0.01,
             bounds: [centre - half, centre + half].into_iter().collect(),
+            sphere: None,
         };
         Scene {
             name: String::new(),

@@ -1,0 +1,215 @@
+//! Everything about one pixel or one sample, for people who wonder about a value.
+
+use std::fmt;
+
+use glam::DVec3;
+
+use super::posed::{Shape, World};
+use super::sampler::{Points, SCRAMBLINGS};
+use super::trace::{Seen, Surface, Tracer};
+use super::warp::TimeWarp;
+use super::{Integrator, ReferenceError, ReferenceOptions};
+use crate::scene::Scene;
+
+/// One sample.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    /// Its number in the pixel.
+    pub number: u64,
+    /// Film point, pixels.
+    pub film: [f64; 2],
+    /// Scene time, frames.
+    pub time: f64,
+    /// Eye and direction (of depth 1) of the ray, world space.
+    pub ray: [DVec3; 2],
+    /// T of the visibility rule: the greatest depth that contributes; infinite where nothing is hit.
+    pub limit: f64,
+    /// Surfels on the ray, nearest first: those that contribute, and what else was met on the way (farther ones may have been
+    /// passed over).
+    pub hits: Vec<ProbedHit>,
+    /// Linear colour, shaded; `None` where nothing is hit.
+    pub colour: Option<DVec3>,
+    /// Mean depth and unit normal (world axes) of what contributes.
+    pub surface: Option<(f64, DVec3)>,
+}
+
+/// A surfel on a probed ray.
+#[derive(Clone, Debug)]
+pub struct ProbedHit {
+    /// Name of the object.
+    pub object: String,
+    /// Number of the surfel in the model; `None` for an ideal sphere.
+    pub surfel: Option<u32>,
+    /// Camera depth of its plane on the ray.
+    pub depth: f64,
+    /// Position on the surfel in units of its axes.
+    pub uv: [f64; 2],
+    /// Kernel weight.
+    pub weight: f64,
+    /// Depth tolerance of its object, world units.
+    pub epsilon: f64,
+    /// Not beyond T.
+    pub admitted: bool,
+    /// Seen from behind.
+    pub back: bool,
+    /// Unshaded colour.
+    pub colour: DVec3,
+    /// Unit normal, world axes.
+    pub normal: DVec3,
+}
+
+/// One pixel, and its samples if they were asked for.
+#[derive(Clone, Debug)]
+pub struct Probe {
+    /// Column and row.
+    pub pixel: [u32; 2],
+    /// Samples taken.
+    pub samples: u64,
+    /// Samples that hit something.
+    pub hits: u64,
+    /// Mean of premultiplied r, g, b and coverage.
+    pub mean: [f64; 4],
+    /// Their means over each scrambling.
+    pub scramblings: [[f64; 4]; SCRAMBLINGS],
+    /// Standard error of `mean` as the spread of the scramblings tells it.
+    pub error: [f64; 4],
+    /// The sample that was asked for.
+    pub sample: Option<Sample>,
+}
+
+/// Looks at pixel (x, y) of a frame as [`super::render`] samples it, and at its sample number `sample`.
+///
+/// # Errors
+/// The number of samples does not suit, or the pixel or the sample is outside.
+pub fn probe(
+    scene: &Scene,
+    frame: i64,
+    options: &ReferenceOptions,
+    pixel: [u32; 2],
+    sample: Option<u64>,
+) -> Result<Probe, ReferenceError> {
+    let samples = options.checked_samples()?;
+    let [width, height] = [scene.image.width, scene.image.height];
+    if pixel[0] >= width || pixel[1] >= height {
+        return Err(ReferenceError::NoPixel { x: pixel[0], y: pixel[1], width, height });
+    }
+    if let Some(sample) = sample.filter(|&sample| sample >= samples) {
+        return Err(ReferenceError::NoSample { sample, samples });
+    }
+    let world = World::new(scene, frame, options);
+    let integrator = Integrator { world: &world, warp: TimeWarp::new(&scene.shutter.weight), frame: frame as f64 };
+    let each = samples / SCRAMBLINGS as u64;
+    let points = Points::new(options.sampler, options.seed, 0, each, each);
+    let of_pixel = points.pixel(u64::from(pixel[1]) * u64::from(width) + u64::from(pixel[0]));
+    let place = pixel.map(|c| c as usize);
+    let mut tracer = Tracer::new(&world);
+    let mut sums = [[0.0; 4]; SCRAMBLINGS];
+    for k in 0..each {
+        for (r, sums) in sums.iter_mut().enumerate() {
+            let (film, time) = integrator.place(place, of_pixel.scrambling(r).at(k));
+            if let Some(Seen { colour, .. }) = tracer.sample(film, time) {
+                (0..3).for_each(|c| sums[c] += colour[c]);
+                sums[3] += 1.0;
+            }
+        }
+    }
+    let n = SCRAMBLINGS as f64;
+    let hits = sums.iter().map(|s| s[3]).sum::<f64>() as u64;
+    let scramblings = sums.map(|s| s.map(|sum| sum / each as f64));
+    let mean: [f64; 4] = std::array::from_fn(|c| scramblings.iter().map(|m| m[c]).sum::<f64>() / n);
+    let error = std::array::from_fn(|c| {
+        let squares = scramblings.iter().map(|m| (m[c] - mean[c]) * (m[c] - mean[c])).sum::<f64>();
+        (squares / (n * (n - 1.0))).sqrt()
+    });
+    let sample = sample.map(|number| {
+        let scrambling = of_pixel.scrambling((number % SCRAMBLINGS as u64) as usize);
+        let (film, time) = integrator.place(place, scrambling.at(number / SCRAMBLINGS as u64));
+        look(&world, &mut tracer, number, film, time)
+    });
+    Ok(Probe { pixel, samples, hits, mean, scramblings, error, sample })
+}
+
+fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64; 2], time: f64) -> Sample {
+    let camera = world.camera(time);
+    let direction = world.direction(film);
+    tracer.hits(&camera, direction, time);
+    let limit = tracer.found.limit;
+    let mut hits: Vec<ProbedHit> = Vec::new();
+    for hit in &tracer.found.hits {
+        let body = &world.bodies[hit.object as usize];
+        let Some(target) = &tracer.targets[hit.object as usize] else { continue };
+        let surface = Surface::of(body, target, hit);
+        hits.push(ProbedHit {
+            object: body.object.name.clone(),
+            surfel: (!matches!(body.shape, Shape::Sphere(_))).then_some(hit.surfel),
+            depth: hit.depth,
+            uv: [hit.u, hit.v],
+            weight: hit.weight(),
+            epsilon: target.placed.epsilon,
+            admitted: hit.depth <= limit,
+            back: hit.back,
+            colour: surface.colour.as_dvec3(),
+            normal: surface.normal,
+        });
+    }
+    hits.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+    let seen = tracer.sample(film, time);
+    Sample {
+        number,
+        film,
+        time,
+        ray: [camera.eye, camera.world_from_camera * direction],
+        limit,
+        hits,
+        colour: seen.map(|seen| seen.colour),
+        surface: seen.map(|seen| (seen.depth, seen.normal)),
+    }
+}
+
+impl fmt::Display for Probe {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "pixel {}, {}: {} of {} samples hit something",
+            self.pixel[0], self.pixel[1], self.hits, self.samples
+        )?;
+        writeln!(f, "premultiplied r g b, coverage: {}", numbers(&self.mean))?;
+        writeln!(f, "standard error (spread of the scramblings): {}", numbers(&self.error))?;
+        let Some(sample) = &self.sample else {
+            for (r, mean) in self.scramblings.iter().enumerate() {
+                writeln!(f, "  scrambling {r:>2}: {}", numbers(mean))?;
+            }
+            return Ok(());
+        };
+        writeln!(f, "sample {} (scrambling {}):", sample.number, sample.number % SCRAMBLINGS as u64)?;
+        writeln!(f, "  film point {}, scene time {} frames", numbers(&sample.film), sample.time)?;
+        let [eye, direction] = sample.ray.map(|v| numbers(&v.to_array()));
+        writeln!(f, "  eye {eye}, direction of depth 1 {direction}")?;
+        for hit in &sample.hits {
+            let what = hit.surfel.map_or_else(|| "ideal sphere".to_owned(), |i| format!("surfel {i}"));
+            writeln!(
+                f,
+                "  {} `{}` {what}: depth {}, u v {}, weight {:.6}, epsilon {}{}, colour {}, normal {}",
+                if hit.admitted { "takes " } else { "leaves" },
+                hit.object,
+                hit.depth,
+                numbers(&hit.uv),
+                hit.weight,
+                hit.epsilon,
+                if hit.back { ", from behind" } else { "" },
+                numbers(&hit.colour.to_array()),
+                numbers(&hit.normal.to_array()),
+            )?;
+        }
+        if let (Some(colour), Some((depth, normal))) = (sample.colour, sample.surface) {
+            writeln!(f, "  T {}, mean depth {depth}, normal {}", sample.limit, numbers(&normal.to_array()))?;
+            writeln!(f, "  colour {}", numbers(&colour.to_array()))
+        } else {
+            writeln!(f, "  nothing is hit")
+        }
+    }
+}
+
+fn numbers(values: &[f64]) -> String {
+    values.iter().map(|v| format!("{v:.9}")).collect::<Vec<_>>().join(" ")
+}
