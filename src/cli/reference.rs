@@ -186,7 +186,9 @@ impl Reference {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start the threads")?;
         let Loaded { mut scene, notes } = self.load(&pool)?;
         if !self.quiet {
-            notes.iter().for_each(|note| say(&format!("note: {note}")));
+            for note in &notes {
+                say(&format!("note: {note}"));
+            }
         }
         self.apply(&mut scene);
         let frames = self

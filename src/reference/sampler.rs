@@ -114,7 +114,8 @@ impl Scrambled<'_> {
 
 /// Side of the grid of positions: the greatest one that is not above the cube root and whose square divides `n`.
 fn grid_side(n: u64) -> u64 {
-    (1..).take_while(|p| p * p * p <= n).filter(|p| n.is_multiple_of(p * p)).last().unwrap_or(1)
+    let most = libm::cbrt(n as f64) as u64 + 1;
+    (1..=most).rev().find(|p| p * p * p <= n && n.is_multiple_of(p * p)).unwrap_or(1)
 }
 
 /// Place of `i` in a random order of 0..n: a Feistel network on the next power of 4, walked until it comes back into the range.

@@ -211,7 +211,7 @@ fn intersect_sphere(sphere: &Sphere, ray: &ModelRay, found: &mut Found) {
     let middle = -ray.origin.dot(ray.direction) / d2;
     let closest = ray.origin + ray.direction * middle;
     let half2 = (sphere.radius * sphere.radius - closest.length_squared()) / d2;
-    if !(half2 >= 0.0 && half2 < f64::INFINITY) {
+    if !(0.0..f64::INFINITY).contains(&half2) {
         return;
     }
     let half = half2.sqrt();

@@ -78,7 +78,7 @@ fn traverse_body(bvh: &Bvh, ray: &ModelRay, found: &mut Found) {
     let closest = from + ray.direction * middle;
     let half2 = (bvh.radius * bvh.radius - closest.length_squared()) / d2;
     // Also false for a direction that is 0 or not finite.
-    if bvh.nodes.is_empty() || !(half2 >= 0.0 && half2 < f64::INFINITY) {
+    if bvh.nodes.is_empty() || !(0.0..f64::INFINITY).contains(&half2) {
         return;
     }
     let half = half2.sqrt();
