@@ -1,8 +1,8 @@
 //! A bounding volume hierarchy over the surfels of one model, in model space relative to the model's origin.
 //!
 //! The tree is built binary, by parallel locally-ordered clustering (crate `obvhs`), and collapsed into nodes of eight children
-//! and leaves of up to eight surfels. Boxes and leaves are structures of arrays, eight wide, so that one node or one leaf is
-//! tested with vector instructions. Leaves hold copies of what the intersection needs: 36 bytes a surfel plus its number.
+//! and leaves of up to four surfels. Both are structures of arrays, so that one node or one leaf is tested with vector
+//! instructions: eight boxes in f32, four surfels in f64. Leaves hold copies of what the intersection needs: 36 bytes a surfel plus its number.
 
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::Boundable;
@@ -13,8 +13,11 @@ use rayon::prelude::*;
 
 use crate::model::Surfels;
 
-/// Children of a node, and most surfels of a leaf.
+/// Children of a node.
 pub(super) const WIDTH: usize = 8;
+
+/// Most surfels of a leaf: four f64 fill a vector register.
+pub(super) const LANES: usize = 4;
 
 /// Set in a child's number if it is a leaf.
 pub(super) const LEAF: u32 = 1 << 31;
@@ -37,18 +40,18 @@ pub(super) struct Node {
     pub children: [u32; WIDTH],
 }
 
-/// Up to eight surfels.
+/// Up to four surfels.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Leaf {
     /// Centres, x, y, z; NaN where there is no surfel.
-    pub centre: [[f32; WIDTH]; 3],
+    pub centre: [[f32; LANES]; 3],
     /// First axes.
-    pub u: [[f32; WIDTH]; 3],
+    pub u: [[f32; LANES]; 3],
     /// Second axes.
-    pub v: [[f32; WIDTH]; 3],
+    pub v: [[f32; LANES]; 3],
     /// Surfel numbers.
-    pub surfel: [u32; WIDTH],
+    pub surfel: [u32; LANES],
 }
 
 /// The hierarchy of one model.
@@ -172,7 +175,7 @@ impl Collapse<'_> {
             while n < WIDTH {
                 // Open the child that costs most: the one most rays enter.
                 let open = (0..n)
-                    .filter(|&i| self.counts[children[i]] > WIDTH as u32)
+                    .filter(|&i| self.counts[children[i]] > LANES as u32)
                     .max_by(|&i, &j| self.area(children[i]).total_cmp(&self.area(children[j])));
                 let Some(open) = open else { break };
                 let first = self.tree.nodes[children[open]].first_index as usize;
@@ -181,7 +184,7 @@ impl Collapse<'_> {
                 n += 1;
             }
             for (slot, &child) in children[..n].iter().enumerate() {
-                let number = if self.counts[child] <= WIDTH as u32 {
+                let number = if self.counts[child] <= LANES as u32 {
                     let leaf = self.leaf(child);
                     self.out.1.push(leaf);
                     LEAF | (self.out.1.len() - 1) as u32
@@ -207,10 +210,10 @@ impl Collapse<'_> {
 
     fn leaf(&self, node: usize) -> Leaf {
         let mut leaf = Leaf {
-            centre: [[f32::NAN; WIDTH]; 3],
-            u: [[0.0; WIDTH]; 3],
-            v: [[0.0; WIDTH]; 3],
-            surfel: [u32::MAX; WIDTH],
+            centre: [[f32::NAN; LANES]; 3],
+            u: [[0.0; LANES]; 3],
+            v: [[0.0; LANES]; 3],
+            surfel: [u32::MAX; LANES],
         };
         let mut stack = vec![node];
         let mut slot = 0;

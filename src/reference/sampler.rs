@@ -85,11 +85,13 @@ impl<'a> PixelPoints<'a> {
 
 impl Scrambled<'_> {
     /// Point `k`: x and y in the pixel's square, and the share of the exposure that is over; each in (0, 1).
+    #[inline]
     pub(super) fn at(&self, k: u64) -> [f64; 3] {
         match self.points.sampler {
             Sampler::Sobol => {
-                let p = self.points.sobol[(k - self.points.first) as usize];
-                [0, 1, 2].map(|d| fraction(owen_scramble(p[d], self.scrambles[d])))
+                let [x, y, t] = self.points.sobol[(k - self.points.first) as usize];
+                let [a, b, c] = self.scrambles;
+                [fraction(owen_scramble(x, a)), fraction(owen_scramble(y, b)), fraction(owen_scramble(t, c))]
             }
             Sampler::Random => [0, 1, 2].map(|d| fraction(hash(self.seed, 3 * k + d))),
             Sampler::Jittered { density } => self.jittered(k, u64::from(density)),

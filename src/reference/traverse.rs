@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 
-use super::bvh::{Bvh, LEAF, Leaf, Node, WIDTH};
+use super::bvh::{Bvh, LANES, LEAF, Leaf, Node, WIDTH};
 use crate::math::simd::dispatch;
 
 /// Smallest depth tolerance, as a share of the depth: 4 units in the last place of f32, as for the splatter (design section 2).
@@ -95,37 +95,42 @@ fn traverse_body(bvh: &Bvh, ray: &ModelRay, found: &mut Found) {
         inverse: direction.map(|d| (1.0 / d) as f32),
         first: direction.map(|d| usize::from(d < 0.0)),
     };
-    let base = found.stack.len();
-    found.stack.push((0, f32::NEG_INFINITY));
     let mut limit = above(found.limit - start);
     let near = below(ray.near - start);
-    while found.stack.len() > base
-        && let Some((number, entry)) = found.stack.pop()
-    {
-        if entry > limit {
-            continue;
-        }
-        if number & LEAF != 0 {
-            if leaf(&bvh.leaves[(number & !LEAF) as usize], ray, found) {
-                limit = above(found.limit - start);
+    // Taken out of `found`, so that its length and place stay in registers.
+    let mut stack = std::mem::take(&mut found.stack);
+    let mut number = 0;
+    loop {
+        if number & LEAF == 0 {
+            let node = &bvh.nodes[number as usize];
+            let (entries, mut mask) = enter(node, &boxes, near, limit);
+            if mask != 0 {
+                // The nearest child is next; the others wait in any order.
+                let mut nearest = mask.trailing_zeros() as usize;
+                mask &= mask - 1;
+                while mask != 0 {
+                    let slot = mask.trailing_zeros() as usize;
+                    mask &= mask - 1;
+                    let later = if entries[slot] < entries[nearest] { nearest } else { slot };
+                    nearest = nearest + slot - later;
+                    stack.push((node.children[later], entries[later]));
+                }
+                number = node.children[nearest];
+                continue;
             }
-            continue;
+        } else if leaf(&bvh.leaves[(number & !LEAF) as usize], ray, found) {
+            limit = above(found.limit - start);
         }
-        let node = &bvh.nodes[number as usize];
-        let (entries, mut mask) = enter(node, &boxes, near, limit);
-        // Sorted so that the nearest child is on top of the stack.
-        let bottom = found.stack.len();
-        while mask != 0 {
-            let slot = mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            let item = (node.children[slot], entries[slot]);
-            found.stack.push(item);
-            let mut at = found.stack.len() - 1;
-            while at > bottom && found.stack[at - 1].1 < item.1 {
-                found.stack[at] = found.stack[at - 1];
-                at -= 1;
+        // What lies beyond the limit by now is passed over.
+        loop {
+            let Some((waiting, entry)) = stack.pop() else {
+                found.stack = stack;
+                return;
+            };
+            if entry <= limit {
+                number = waiting;
+                break;
             }
-            found.stack[at] = item;
         }
     }
 }
@@ -164,102 +169,49 @@ fn enter(node: &Node, ray: &BoxRay, near: f32, limit: f32) -> ([f32; WIDTH], u32
     (entry, bits.iter().fold(0, |mask, bit| mask | bit))
 }
 
-/// Surfels intersected at once: four f64 fill a vector register, and all that is needed stays in registers.
-const LANES: usize = 4;
-type Lanes = [f64; LANES];
-type Vectors = [Lanes; 3];
-
 /// Intersects the surfels of a leaf; true if the limit fell.
-#[inline(always)]
-fn leaf(leaf: &Leaf, ray: &ModelRay, found: &mut Found) -> bool {
-    let before = found.limit;
-    for first in [0, LANES] {
-        // Surfels fill a leaf from its start.
-        if leaf.surfel[first] != u32::MAX {
-            half_leaf(leaf, first, ray, found);
-        }
-    }
-    found.limit < before
-}
-
-/// Intersects the surfels `first`..`first` + 4.
 ///
 /// With n = u x v, the plane is met at s = n.(c - o) / n.d; the point p relative to c has the coordinates
 /// (p x v).n / n^2 and (u x p).n / n^2, also where u and v are not orthogonal.
 #[inline(always)]
-fn half_leaf(leaf: &Leaf, first: usize, ray: &ModelRay, found: &mut Found) {
-    let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
-    let (u, v) = (widen(&leaf.u, first), widen(&leaf.v, first));
-    let mut c = widen(&leaf.centre, first);
-    for axis in 0..3 {
-        for l in 0..LANES {
-            c[axis][l] -= o[axis];
-        }
-    }
-    let n = cross(&u, &v);
+fn leaf(leaf: &Leaf, ray: &ModelRay, found: &mut Found) -> bool {
+    let before = found.limit;
+    let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin.to_array(), ray.direction.to_array());
+    let (near, limit) = (ray.near, found.limit);
     let mut facing = [0.0; LANES];
     let mut depth = [0.0; LANES];
-    let nc = dot(&n, &c);
-    for l in 0..LANES {
-        facing[l] = n[0][l] * d[0] + n[1][l] * d[1] + n[2][l] * d[2];
-        depth[l] = nc[l] / facing[l];
-    }
-    let mut p = [[0.0; LANES]; 3];
-    for axis in 0..3 {
-        for l in 0..LANES {
-            p[axis][l] = d[axis] * depth[l] - c[axis][l];
-        }
-    }
-    let n2 = dot(&n, &n);
-    let (mut a, mut b) = (dot(&cross(&p, &v), &n), dot(&cross(&u, &p), &n));
+    let mut a = [0.0; LANES];
+    let mut b = [0.0; LANES];
     let mut bits = [0_u64; LANES];
+    // One lane's scalars from beginning to end: that is what becomes vector code without shuffles.
     for l in 0..LANES {
-        let over = 1.0 / n2[l];
-        a[l] *= over;
-        b[l] *= over;
+        let at = |v: &[[f32; LANES]; 3]| (f64::from(v[0][l]), f64::from(v[1][l]), f64::from(v[2][l]));
+        let ((cx, cy, cz), (ux, uy, uz), (vx, vy, vz)) = (at(&leaf.centre), at(&leaf.u), at(&leaf.v));
+        let (cx, cy, cz) = (cx - ox, cy - oy, cz - oz);
+        let (nx, ny, nz) = (uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx);
+        let nd = nx * dx + ny * dy + nz * dz;
+        let s = (nx * cx + ny * cy + nz * cz) / nd;
+        let (px, py, pz) = (dx * s - cx, dy * s - cy, dz * s - cz);
+        let over = 1.0 / (nx * nx + ny * ny + nz * nz);
+        let pv = (py * vz - pz * vy) * nx + (pz * vx - px * vz) * ny + (px * vy - py * vx) * nz;
+        let up = (uy * pz - uz * py) * nx + (uz * px - ux * pz) * ny + (ux * py - uy * px) * nz;
+        let (pv, up) = (pv * over, up * over);
         // Edge-on, missing and overflowing surfels have NaN or infinite coordinates.
-        let inside = a[l] * a[l] + b[l] * b[l] <= 1.0;
-        let within = (depth[l] >= ray.near) & (depth[l] <= found.limit);
-        bits[l] = if inside & within & ((facing[l] < 0.0) | ray.two_sided) { 1 << l } else { 0 };
+        let inside = pv * pv + up * up <= 1.0;
+        let within = (s >= near) & (s <= limit) & ((nd < 0.0) | ray.two_sided);
+        facing[l] = nd;
+        depth[l] = s;
+        a[l] = pv;
+        b[l] = up;
+        bits[l] = if inside & within { 1 << l } else { 0 };
     }
     let mut mask = bits.iter().fold(0, |mask, bit| mask | bit);
     while mask != 0 {
         let l = mask.trailing_zeros() as usize;
         mask &= mask - 1;
         let (u, v, back) = (a[l], b[l], facing[l] > 0.0);
-        found.hits.push(Hit { object: ray.object, surfel: leaf.surfel[first + l], depth: depth[l], u, v, back });
+        found.hits.push(Hit { object: ray.object, surfel: leaf.surfel[l], depth: depth[l], u, v, back });
         found.limit = found.limit.min(depth[l] + ray.epsilon.max(LEAST_EPSILON * depth[l]));
     }
-}
-
-#[inline(always)]
-fn widen(v: &[[f32; WIDTH]; 3], first: usize) -> Vectors {
-    let mut out = [[0.0; LANES]; 3];
-    for axis in 0..3 {
-        let half = &v[axis][first..first + LANES];
-        for l in 0..LANES {
-            out[axis][l] = f64::from(half[l]);
-        }
-    }
-    out
-}
-
-#[inline(always)]
-fn cross(a: &Vectors, b: &Vectors) -> Vectors {
-    let mut out = [[0.0; LANES]; 3];
-    for l in 0..LANES {
-        out[0][l] = a[1][l] * b[2][l] - a[2][l] * b[1][l];
-        out[1][l] = a[2][l] * b[0][l] - a[0][l] * b[2][l];
-        out[2][l] = a[0][l] * b[1][l] - a[1][l] * b[0][l];
-    }
-    out
-}
-
-#[inline(always)]
-fn dot(a: &Vectors, b: &Vectors) -> Lanes {
-    let mut out = [0.0; LANES];
-    for l in 0..LANES {
-        out[l] = a[0][l] * b[0][l] + a[1][l] * b[1][l] + a[2][l] * b[2][l];
-    }
-    out
+    found.limit < before
 }
