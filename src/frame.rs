@@ -83,6 +83,8 @@ pub struct PosedObject {
     pub screen_from_model: Mat3,
     /// Screen-space position of the model's origin.
     pub screen_origin: Vec3,
+    /// The eye in model space, relative to the model's origin.
+    pub eye: Vec3,
     /// Time derivative of `screen_from_model`, per shutter; zero unless the velocity AOV is wanted.
     pub screen_rate: Mat3,
     /// Time derivative of `screen_origin`, per shutter.
@@ -191,6 +193,7 @@ impl Poser<'_> {
             visible: visible && det != 0.0,
             screen_from_model: screen.0.as_mat3(),
             screen_origin: screen.1.as_vec3(),
+            eye: -(screen.0.inverse() * screen.1).as_vec3(),
             screen_rate: rate.as_mat3(),
             screen_origin_rate: origin_rate.as_vec3(),
             normal_matrix: normal_matrix(&linear).as_mat3(),

@@ -62,8 +62,7 @@ impl Backend for Cpu {
         let channels = Channels::of(frame);
         let budget = Budget::of(frame, &planes, &channels)?;
         let [tiles_x, tiles_y] = frame.size.map(|pixels| (pixels as usize).div_ceil(TILE));
-        let mut film =
-            TiledFilm { tiles: (0..tiles_x * tiles_y).map(|_| TileFilm::new(planes.count)).collect(), tiles_x };
+        let mut film = TiledFilm { tiles: vec![TileFilm::default(); tiles_x * tiles_y], tiles_x };
         let clocks = Clocks::default();
         for first in (0..tiles_y).step_by(budget.band_rows) {
             let rows = [first, (first + budget.band_rows).min(tiles_y)];
@@ -135,6 +134,9 @@ impl Cpu {
                 || (TileBuffers::default(), Vec::new()),
                 |(buffers, scratch), (index, film)| {
                     let tile = work.band.tile(index);
+                    if binned[..taken].iter().all(|binned| binned.list(&tile, scratch).is_empty()) {
+                        return;
+                    }
                     for &pass in &tile_passes {
                         work.prepare(pass, buffers);
                         work.tile(pass, &chunks, binned, &tile, buffers, scratch, film);
