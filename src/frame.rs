@@ -2,6 +2,8 @@
 //!
 //! Transforms are composed in `f64` and only then rounded, so that far-away world coordinates cost no precision.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
 
 use crate::film::{Aov, Background};
@@ -28,8 +30,10 @@ pub struct Frame<'a> {
     pub aovs: &'a [Aov],
     /// What shows where the film is not covered.
     pub background: Background,
-    /// Bytes that the frame may take.
+    /// Bytes that the frame and its models may take.
     pub memory: u64,
+    /// Bytes that the models take; a model shared by several objects counts once.
+    pub model_bytes: u64,
     /// Stages of each group, in order.
     pub passes: &'static [Pass],
     /// Objects that can be seen at some sample, in document order.
@@ -128,11 +132,19 @@ impl<'a> Frame<'a> {
             aovs: &options.aovs,
             background: Background { colour: scene.image.background, transparent: scene.image.transparent },
             memory: options.memory,
+            model_bytes: model_bytes(scene),
             passes: plan.passes,
             objects: scene.objects.iter().map(|object| frame_object(object, options)).collect(),
             groups,
         }
     }
+}
+
+fn model_bytes(scene: &Scene) -> u64 {
+    let mut models: Vec<_> = scene.objects.iter().map(|object| &object.model).collect();
+    models.sort_by_key(|model| Arc::as_ptr(model));
+    models.dedup_by_key(|model| Arc::as_ptr(model));
+    models.iter().map(|model| model.bytes()).sum()
 }
 
 /// Material of the object: the scene's, else the file's, else the default (design section 2).

@@ -98,13 +98,19 @@ impl Budget {
             let band = Band::new(frame.size, [0, rows as usize]);
             (threads + 1) * Binned::most_bytes(CHUNK, &band)
         };
-        let needed = film + row + wave(1);
+        let needed = frame.model_bytes + film + row + wave(1);
         if needed > frame.memory {
             let [width, height] = frame.size;
-            return Err(BackendError::Memory { width, height, needed, allowed: frame.memory });
+            return Err(BackendError::Memory {
+                width,
+                height,
+                models: frame.model_bytes,
+                needed,
+                allowed: frame.memory,
+            });
         }
         // Half of what is left for the tiles' buffers at the most; the rest for splats.
-        let left = frame.memory - film;
+        let left = frame.memory - frame.model_bytes - film;
         let rows = (left / 2 / row.max(1)).clamp(1, tiles_y.max(1));
         Ok(Self { band_rows: rows as usize, splat_bytes: left.saturating_sub(rows * row).max(wave(rows)) })
     }
