@@ -8,6 +8,7 @@ use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use splatblur::backend::cpu::Cpu;
+use splatblur::files;
 use splatblur::image::{self, Bits, Format};
 use splatblur::plan::{self, BlurMode, RenderOptions};
 use splatblur::render::render_frame;
@@ -374,7 +375,7 @@ fn conclude(finished: &[Finished], movie: &Movie<'_>, seconds: f64) -> anyhow::R
 fn open_directory(directory: &Path) -> anyhow::Result<()> {
     let context = || format!("cannot write into the output directory {}", directory.display());
     std::fs::create_dir_all(directory).with_context(context)?;
-    image::check_writable(directory).with_context(context)
+    files::check_writable(directory).with_context(context)
 }
 
 /// On Ctrl-C: lets the file that is being written become whole, and ends the program.

@@ -4,7 +4,6 @@
 //! [`SETTINGS`]), and nothing that would differ between two runs: no time, no machine name. The same picture, format and
 //! settings give the same bytes.
 
-mod atomic;
 mod exr;
 mod png;
 
@@ -12,8 +11,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 
-pub use atomic::{check_writable, replace, replace_with};
-
+use crate::files;
 use crate::film::Picture;
 
 /// Name of the PNG chunk and of the EXR attribute that hold the settings.
@@ -157,7 +155,7 @@ pub fn encode(picture: &Picture, format: Format, settings: &str) -> Result<Vec<u
 /// The picture is not valid, the format cannot hold it, or the file cannot be written.
 pub fn write(path: &Path, picture: &Picture, format: Format, settings: &str) -> Result<(), ImageError> {
     let bytes = encode(picture, format, settings)?;
-    replace(path, &bytes).map_err(|source| ImageError::Write { path: path.to_owned(), source })
+    files::replace(path, &bytes).map_err(|source| ImageError::Write { path: path.to_owned(), source })
 }
 
 /// Reads a PNG or EXR picture, as written by [`write()`], into linear premultiplied floats.
