@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use glam::DVec3;
 use splatblur::backend::cpu::Cpu;
 use splatblur::files;
-use splatblur::image::{self, Bits, Format};
+use splatblur::image::{Bits, Format};
 use splatblur::plan::{self, BlurMode, RenderOptions};
 use splatblur::render::render_frame;
 use splatblur::scene::{self, Loaded, Scene};
