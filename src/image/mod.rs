@@ -23,11 +23,11 @@ pub const MAX_SIZE: u32 = 65_535;
 /// Deflate, which PNG and EXR use, shrinks by at most this factor: a file that promises more is damaged.
 const DEFLATE_LIMIT: u64 = 1032;
 
-/// Pixels of so many bytes are read whatever the length of the file: 33 million of 8-bit RGBA.
-const READ_ALWAYS: u64 = 1 << 27;
+/// Pixels of so many bytes are read whatever the length of the file: an empty 4K frame with all AOVs takes 365 MB.
+const READ_ALWAYS: u64 = 1 << 29;
 
-/// Beyond [`READ_ALWAYS`], pixels may take this many times the length of the file.
-const READ_RATIO: u64 = 64;
+/// Beyond [`READ_ALWAYS`], pixels in memory may take this many times the length of the file.
+const READ_RATIO: u64 = 256;
 
 /// Bits of a PNG channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -270,10 +270,12 @@ fn plausible(width: u64, height: u64, bytes_a_pixel: u64, file_length: usize) ->
     if promised > DEFLATE_LIMIT.saturating_mul(file_length as u64) {
         return Err(format!("the header promises {promised} bytes of pixels; the file has only {file_length} bytes"));
     }
+    // In memory a pixel takes four floats at the least, however few bits the file gives it.
+    let memory = width * height * bytes_a_pixel.max(16);
     let limit = READ_ALWAYS.max(READ_RATIO.saturating_mul(file_length as u64));
-    if promised > limit {
+    if memory > limit {
         return Err(format!(
-            "{promised} bytes of pixels in a file of {file_length} bytes, expected at most {limit}: too much memory"
+            "{memory} bytes of pixels from a file of {file_length} bytes, expected at most {limit}: too much memory"
         ));
     }
     Ok(())
