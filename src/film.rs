@@ -131,22 +131,16 @@ pub fn develop(film: &impl Film, size: [u32; 2], aovs: &[Aov], background: Backg
     let behind = background.colour.as_vec3().to_array();
     let mut rgba = vec![[0.0; 4]; columns * height as usize];
     rgba.par_chunks_mut(columns).zip(0..height).for_each_init(
-        || vec![0.0; columns],
-        |row, (out, y)| {
-            for channel in 0..4 {
-                film.row(channel, y, row);
-                out.iter_mut().zip(&*row).for_each(|(out, &value)| out[channel] = value);
-            }
-            if !background.transparent {
-                for pixel in out {
-                    let through = 1.0 - pixel[3];
-                    *pixel = [
-                        pixel[0] + through * behind[0],
-                        pixel[1] + through * behind[1],
-                        pixel[2] + through * behind[2],
-                        1.0,
-                    ];
-                }
+        || vec![0.0; 4 * columns],
+        |rows, (out, y)| {
+            rows.chunks_exact_mut(columns).enumerate().for_each(|(plane, row)| film.row(plane, y, row));
+            let (colour, alpha) = rows.split_at(3 * columns);
+            let (red, rest) = colour.split_at(columns);
+            let (green, blue) = rest.split_at(columns);
+            for ((((out, r), g), b), alpha) in out.iter_mut().zip(red).zip(green).zip(blue).zip(alpha) {
+                let through = if background.transparent { 0.0 } else { 1.0 - alpha };
+                let cover = if background.transparent { *alpha } else { 1.0 };
+                *out = [r + through * behind[0], g + through * behind[1], b + through * behind[2], cover];
             }
         },
     );

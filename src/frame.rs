@@ -2,6 +2,8 @@
 //!
 //! Transforms are composed in `f64` and only then rounded, so that far-away world coordinates cost no precision.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
 
 use crate::film::{Aov, Background};
@@ -28,8 +30,10 @@ pub struct Frame<'a> {
     pub aovs: &'a [Aov],
     /// What shows where the film is not covered.
     pub background: Background,
-    /// Bytes that the frame may take.
+    /// Bytes that the frame and its models may take.
     pub memory: u64,
+    /// Bytes that the models take; a model shared by several objects counts once.
+    pub model_bytes: u64,
     /// Stages of each group, in order.
     pub passes: &'static [Pass],
     /// Objects that can be seen at some sample, in document order.
@@ -83,6 +87,8 @@ pub struct PosedObject {
     pub screen_from_model: Mat3,
     /// Screen-space position of the model's origin.
     pub screen_origin: Vec3,
+    /// The eye in model space, relative to the model's origin.
+    pub eye: Vec3,
     /// Time derivative of `screen_from_model`, per shutter; zero unless the velocity AOV is wanted.
     pub screen_rate: Mat3,
     /// Time derivative of `screen_origin`, per shutter.
@@ -126,11 +132,19 @@ impl<'a> Frame<'a> {
             aovs: &options.aovs,
             background: Background { colour: scene.image.background, transparent: scene.image.transparent },
             memory: options.memory,
+            model_bytes: model_bytes(scene),
             passes: plan.passes,
             objects: scene.objects.iter().map(|object| frame_object(object, options)).collect(),
             groups,
         }
     }
+}
+
+fn model_bytes(scene: &Scene) -> u64 {
+    let mut models: Vec<_> = scene.objects.iter().map(|object| &object.model).collect();
+    models.sort_by_key(|model| Arc::as_ptr(model));
+    models.dedup_by_key(|model| Arc::as_ptr(model));
+    models.iter().map(|model| model.bytes()).sum()
 }
 
 /// Material of the object: the scene's, else the file's, else the default (design section 2).
@@ -191,6 +205,7 @@ impl Poser<'_> {
             visible: visible && det != 0.0,
             screen_from_model: screen.0.as_mat3(),
             screen_origin: screen.1.as_vec3(),
+            eye: -(screen.0.inverse() * screen.1).as_vec3(),
             screen_rate: rate.as_mat3(),
             screen_origin_rate: origin_rate.as_vec3(),
             normal_matrix: normal_matrix(&linear).as_mat3(),

@@ -25,6 +25,7 @@
 
 pub mod anim;
 pub mod backend;
+pub mod files;
 pub mod film;
 pub mod frame;
 pub mod image;

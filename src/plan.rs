@@ -66,7 +66,7 @@ pub struct RenderOptions {
     pub epsilon: Option<f64>,
     /// Seed of the sub-pixel offsets.
     pub seed: u64,
-    /// Bytes that a frame may take beside the models.
+    /// Bytes that a frame and the models may take together.
     pub memory: u64,
     /// Extra channels, in the order of [`Aov::ALL`], each at most once.
     pub aovs: Vec<Aov>,

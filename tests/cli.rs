@@ -76,9 +76,10 @@ fn bad_values_are_refused_in_one_line() {
         (&["--frames", "-5"], "-5..-5"),
         (&["--frames", "x"], "not a frame number"),
         (&["--size", "0x0"], "1920x1080"),
+        (&["--size", "-5x5"], "1920x1080"),
         (&["--size", "99999999x99999999"], "65535"),
         (&["--samples", "0"], "1 to 65536"),
-        (&["--samples", "-3"], "-3"),
+        (&["--samples", "-3"], "1 to 65536"),
         (&["--pixel-samples", "4"], "--mode still"),
         (&["--mode", "still", "--samples", "4"], "--pixel-samples"),
         (&["--mode", "swept"], "still, supersample"),
@@ -89,7 +90,9 @@ fn bad_values_are_refused_in_one_line() {
         (&["--filter", "sinc"], "box, point"),
         (&["--prefilter", "ewa"], "approx, none"),
         (&["--shading", "flat"], "phong, gouraud"),
-        (&["--epsilon", "-1"], "less than 0"),
+        (&["--epsilon", "-1"], "0 to 1e30"),
+        (&["--epsilon", "1e40"], "0 to 1e30"),
+        (&["--weight", "gaussian:width=1e-4"], "0.001 to 1000"),
         (&["--epsilon", "inf"], "finite"),
         (&["--background", "1,1"], "R,G,B"),
         (&["--background", "-1,0,0"], "0 to 1e6"),
@@ -102,9 +105,11 @@ fn bad_values_are_refused_in_one_line() {
         (&["--aov", "colour", "--format", "exr"], "alpha, depth, normal, velocity"),
         (&["--aov", "depth,depth", "--format", "exr"], "twice"),
         (&["--threads", "0"], "1..=1024"),
+        (&["--threads", "-1"], "1..=1024"),
         (&["--threads", "99999999999"], "1024"),
         (&["--memory", "64X"], "64M"),
         (&["--memory", "0"], "at least 1M"),
+        (&["--memory", "-1"], "at least 1M"),
         (&["--seed", "-1"], "-1"),
         (&["--restrict", "/no/such/directory"], "not a directory"),
         (&["--sampels", "3"], "--samples"),
@@ -134,7 +139,8 @@ fn bad_files_are_refused_in_one_line() {
     assert!(refused(&["convert", &path("a.ply"), &path("a.obj")]).contains(".bin or .ply"));
     assert!(refused(&["convert", &path("a.ply"), &path("a.ply")]).contains("both IN and OUT"));
     assert!(refused(&["convert", &path("a.ply"), &path("b.ply")]).contains("--force"));
-    assert!(refused(&["convert", &path("a.ply"), &path("c.bin"), "--radius-scale", "-1"]).contains("greater than 0"));
+    assert!(refused(&["convert", &path("a.ply"), &path("c.bin"), "--radius-scale", "-1"]).contains("1e-6 to 1e6"));
+    assert!(refused(&["info", &path("a.ply"), "--radius-scale", "1e300"]).contains("1e-6 to 1e6"));
     assert_eq!(names(dir.path()), ["a.ply", "b.ply"]);
 }
 

@@ -251,6 +251,22 @@ fn what_is_not_a_picture_is_refused() {
     assert!(refused(&huge).contains("the header promises"), "{}", refused(&huge));
 }
 
+/// A black PNG whose pixels shrink a thousandfold must not take a thousand times its own size.
+#[test]
+fn a_small_file_of_very_many_pixels_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("bomb.png");
+    let side = 8000_u32;
+    let file = std::fs::File::create(&path).unwrap();
+    let black = vec![0; side as usize * side as usize * 3];
+    let encoder = ::image::codecs::png::PngEncoder::new(file);
+    ::image::ImageEncoder::write_image(encoder, &black, side, side, ::image::ExtendedColorType::Rgb8).unwrap();
+    // The pixels are dropped first: a failure would print them all.
+    let error = image::read(&path).map(drop).unwrap_err().to_string();
+    assert!(error.contains("1024000000 bytes of pixels from a file of"), "{error}");
+    assert!(error.contains("expected at most 536870912"), "{error}");
+}
+
 /// Files to damage.
 fn specimens() -> Vec<Vec<u8>> {
     let mut small = rich();

@@ -81,8 +81,9 @@ fn bytes_depend_on_neither_threads_nor_memory_nor_the_run() {
         let plenty = with(1, 1 << 30);
         assert!(plenty == with(1, 1 << 30), "second run");
         assert!(plenty == with(2, 1 << 30), "2 threads");
-        assert!(plenty == with(3, 12_000_000), "3 threads, waves");
-        assert!(plenty == with(2, 6_800_000), "2 threads, waves and bands");
+        let models = scene.objects.iter().map(|object| object.model.bytes()).sum::<u64>();
+        assert!(plenty == with(3, models + 12_000_000), "3 threads, waves");
+        assert!(plenty == with(2, models + 6_800_000), "2 threads, waves and bands");
     }
 }
 
@@ -313,4 +314,34 @@ fn the_low_pass_disc_shows_what_falls_between_pixels() {
         assert!((pixel(&dim, x, y)[3] - (-0.5_f32).exp()).abs() < 1e-3, "{:?}", pixel(&dim, x, y));
     }
     assert_eq!(pixel(&dim, 2, 2)[3], 0.0);
+}
+
+#[test]
+fn the_default_epsilon_is_the_median_radius_times_the_scale() {
+    // Two sheets 0.3 apart, of surfels of radius 0.1: hidden as they are, blended once both grow four times.
+    let sheets = |scale: f64| {
+        let sheet = |z: f64, colour: Vec3| {
+            let mut object = unlit(patch(1.0, 0.1, colour));
+            object.transform.scale = DVec3::splat(scale);
+            object.place.translate.z = z;
+            object
+        };
+        let objects = vec![sheet(0.0, Vec3::X), sheet(-0.3, Vec3::Z)];
+        pixel(&render(&scene(objects, [9, 9], DVec3::new(0.0, 0.0, 4.0), 10.0), &still()), 4, 4)
+    };
+    assert_eq!(sheets(1.0), [1.0, 0.0, 0.0, 1.0]);
+    assert!(sheets(4.0)[2] > 0.3, "{:?}", sheets(4.0));
+}
+
+#[test]
+fn recentred_models_stay_in_place() {
+    let plain = sphere_scene(5_000, 64, true);
+    let mut recentred = plain.clone();
+    let shift = Vec3::new(0.5, -0.25, 2.0);
+    let model = std::sync::Arc::make_mut(&mut recentred.objects[0].model);
+    model.position.iter_mut().for_each(|p| *p -= shift);
+    model.origin = shift.as_dvec3();
+    let (a, b) = (render(&plain, &supersample(3)), render(&recentred, &supersample(3)));
+    let off = a.rgba.iter().flatten().zip(b.rgba.iter().flatten()).filter(|(a, b)| (*a - *b).abs() > 1e-3).count();
+    assert!(off < 20, "{off} channels differ by more than rounding at rims");
 }

@@ -438,8 +438,8 @@ fn what_does_not_apply_is_refused() {
 #[test]
 fn values_are_checked() {
     let image = |value: &str| scene(&format!("<image width='{value}'/>"), "");
-    for bad in ["0", "65537", "-1", "1.5", "", "9999999999999999999999", "1e3"] {
-        let words = format!("scene.xml:2:8: `width` is `{bad}`, expected a whole number from 1 to 65536");
+    for bad in ["0", "65536", "-1", "1.5", "", "9999999999999999999999", "1e3"] {
+        let words = format!("scene.xml:2:8: `width` is `{bad}`, expected a whole number from 1 to 65535");
         refused(image(bad), &words);
     }
     for bad in ["0", "180", "NaN", "inf", "1e999", "-40", "40deg"] {
@@ -591,7 +591,7 @@ fn hostile_sizes_are_cheap() {
     );
     refused(
         scene(&format!("<image width='{long}'/>"), ""),
-        &format!("scene.xml:2:8: `width` is `{}...`, expected a whole number from 1 to 65536", "x".repeat(60)),
+        &format!("scene.xml:2:8: `width` is `{}...`, expected a whole number from 1 to 65535", "x".repeat(60)),
     );
 }
 
@@ -674,4 +674,34 @@ proptest! {
         );
         comes_back(&Dir::new(scene(&beside, &inside)));
     }
+}
+
+/// A camera's animation replaces eye, at and up: it sits at the node, looks along its -z, and a scale changes nothing.
+#[test]
+fn an_animated_camera_is_rigid() {
+    let curve = |attribute: &str, output: &str, value: f64| {
+        format!(
+            "anim {0}.{0}{1} {0}{1} cam 0 1 0;\nanimData {{\n input time;\n output {output};\n weighted 0;\n keys {{\n  \
+             1 {value} linear linear 1 1 0;\n  9 {value} linear linear 1 1 0;\n }}\n}}\n",
+            &attribute[..attribute.len() - 1],
+            &attribute[attribute.len() - 1..],
+        )
+    };
+    let anim = format!(
+        "animVersion 1.1;\ntimeUnit film;\nlinearUnit cm;\nangularUnit deg;\n{}{}{}",
+        curve("translateX", "linear", 5.0),
+        curve("rotateY", "angular", 90.0),
+        curve("scaleZ", "unitless", 3.0),
+    );
+    let dir = tempfile::tempdir().unwrap();
+    fs::write(dir.path().join("m.ply"), MODEL).unwrap();
+    fs::write(dir.path().join("cam.anim"), anim).unwrap();
+    let path = dir.path().join("s.xml");
+    let scene = "<scene><camera><animation>cam.anim</animation></camera><object><pointModel>m.ply</pointModel></object></scene>";
+    fs::write(&path, scene).unwrap();
+    let scene = load(&path, &LoadOptions::default()).unwrap().scene;
+    let camera_from_world = splatblur::pose::camera_from_world(&scene, 4.0);
+    // Turned by 90 degrees about y, -z looks along -x; a point 2 ahead and 1 above the eye at (5, 0, 0).
+    let p = camera_from_world.transform_point3(DVec3::new(3.0, 1.0, 0.0));
+    assert!((p - DVec3::new(0.0, 1.0, -2.0)).length() < 1e-12, "{p}");
 }

@@ -33,12 +33,17 @@ pub struct Rendered {
 #[non_exhaustive]
 pub enum BackendError {
     /// The frame does not fit into the memory that it may take.
-    #[error("a frame of {width} x {height} needs at least {needed} bytes, but may take {allowed} (--memory)")]
+    #[error(
+        "a frame of {width} x {height} and models of {models} bytes need at least {needed} bytes, but may take {allowed} \
+         (--memory)"
+    )]
     Memory {
         /// Image width.
         width: u32,
         /// Image height.
         height: u32,
+        /// Bytes of the models.
+        models: u64,
         /// Smallest workable budget, bytes.
         needed: u64,
         /// Budget, bytes.

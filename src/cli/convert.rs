@@ -28,7 +28,7 @@ pub(super) struct Convert {
     #[arg(value_name = "OUT")]
     output: PathBuf,
     /// Factor on all splat radii.
-    #[arg(long, value_name = "F", default_value = "1", allow_hyphen_values = true, value_parser = grammar::positive)]
+    #[arg(long, value_name = "F", default_value = "1", allow_hyphen_values = true, value_parser = grammar::radius_scale)]
     radius_scale: f64,
     /// Colour space of the file's colours [default: srgb where they are integers, linear where they are floats].
     #[arg(long, value_enum, value_name = "SPACE")]

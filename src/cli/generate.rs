@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
-use splatblur::image;
+use splatblur::files;
 use splatblur::model::{Cloud, generate};
 
 use super::output::print;
@@ -61,7 +61,7 @@ impl Generate {
             bail!("{} exists already (--force replaces it)", self.output.display());
         }
         let cloud = self.cloud();
-        image::replace_with(&self.output, |temporary| {
+        files::replace_with(&self.output, |temporary| {
             let mut out = BufWriter::new(std::fs::File::create(temporary)?);
             generate::write(&cloud, &mut out)?;
             out.flush()

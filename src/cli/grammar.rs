@@ -93,16 +93,22 @@ fn real(text: &str) -> Result<f64, String> {
     if value.is_finite() { Ok(value) } else { Err(format!("`{text}` is not a finite number")) }
 }
 
+/// A factor on splat radii, in the range of a scene's `radiusScale`.
+pub(super) fn radius_scale(text: &str) -> Result<f64, String> {
+    let value = real(text)?;
+    if (1e-6..=1e6).contains(&value) { Ok(value) } else { Err(format!("{value} is not from 1e-6 to 1e6")) }
+}
+
+/// A depth tolerance, in the range of a scene's `epsilon`.
+pub(super) fn epsilon(text: &str) -> Result<f64, String> {
+    let value = real(text)?;
+    if (0.0..=1e30).contains(&value) { Ok(value) } else { Err(format!("{value} is not from 0 to 1e30")) }
+}
+
 /// A finite number > 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     let value = real(text)?;
     if value > 0.0 { Ok(value) } else { Err(format!("{value} is not greater than 0")) }
-}
-
-/// A finite number >= 0.
-pub(super) fn not_negative(text: &str) -> Result<f64, String> {
-    let value = real(text)?;
-    if value >= 0.0 { Ok(value) } else { Err(format!("{value} is less than 0")) }
 }
 
 /// A count of samples.
@@ -159,8 +165,8 @@ pub(super) fn weight(text: &str) -> Result<Weight, String> {
         if key == "centre" && !(0.0..=1.0).contains(&value) {
             return Err(format!("centre is {value}, must be 0 to 1 (the shutter)"));
         }
-        if key != "centre" && !(1e-6..=1e6).contains(&value) {
-            return Err(format!("{key} is {value}, must be 1e-6 to 1e6"));
+        if key != "centre" && !(1e-3..=1e3).contains(&value) {
+            return Err(format!("{key} is {value}, must be 0.001 to 1000"));
         }
         values.push((key, value));
     }
@@ -288,8 +294,8 @@ mod tests {
             ("ramp:centre=2", "0 to 1"),
             ("ramp:centre=x", "not a number"),
             ("ramp:centre=nan", "not a finite number"),
-            ("gaussian:width=0", "1e-6 to 1e6"),
-            ("exponential:rate=-3", "1e-6 to 1e6"),
+            ("gaussian:width=0", "0.001 to 1000"),
+            ("exponential:rate=-3", "0.001 to 1000"),
             ("ramp:centre=1,centre=0", "twice"),
             ("", "is no weight"),
         ] {

@@ -46,7 +46,7 @@ pub(super) struct Info {
     #[arg(long, value_name = "S", requires = "csv", default_value = "1", allow_hyphen_values = true, value_parser = grammar::positive)]
     step: f64,
     /// Model: factor on all splat radii.
-    #[arg(long, value_name = "F", default_value = "1", allow_hyphen_values = true, value_parser = grammar::positive)]
+    #[arg(long, value_name = "F", default_value = "1", allow_hyphen_values = true, value_parser = grammar::radius_scale)]
     radius_scale: f64,
     /// Model: colour space of the file's colours [default: srgb where they are integers, linear where they are floats].
     #[arg(long, value_enum, value_name = "SPACE")]

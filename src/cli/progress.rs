@@ -22,7 +22,7 @@ pub(super) struct Loading(ProgressBar);
 
 impl Loading {
     pub(super) fn new(quiet: bool) -> Self {
-        Self(bar(STEPS, "{msg} [{bar:30}] {percent}%", quiet))
+        Self(bar(STEPS, "{msg} [{wide_bar}] {percent}%", quiet))
     }
 
     /// For [`splatblur::model::Progress`].
@@ -45,7 +45,7 @@ pub(super) struct Rendering(ProgressBar);
 
 impl Rendering {
     pub(super) fn new(frames: u64, quiet: bool) -> Self {
-        let bar = bar(frames, "[{bar:30}] {pos}/{len} frames, {elapsed} gone, {eta} left", quiet);
+        let bar = bar(frames, "[{wide_bar}] {pos}/{len} frames, {elapsed} gone, {eta} left", quiet);
         if !bar.is_hidden() {
             bar.enable_steady_tick(Duration::from_millis(500));
         }

@@ -8,7 +8,8 @@ use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use splatblur::backend::cpu::Cpu;
-use splatblur::image::{self, Bits, Format};
+use splatblur::files;
+use splatblur::image::{Bits, Format};
 use splatblur::plan::{self, BlurMode, RenderOptions};
 use splatblur::render::render_frame;
 use splatblur::scene::{self, Loaded, Scene};
@@ -54,7 +55,7 @@ pub(super) struct Render {
     #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = grammar::frames, help_heading = "Output")]
     frames: Option<Frames>,
     /// Image size in pixels [default: the scene's, else 1024x768].
-    #[arg(long, value_name = "WxH", value_parser = grammar::size, help_heading = "Output")]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = grammar::size, help_heading = "Output")]
     size: Option<(u32, u32)>,
     /// File format: PNG is sRGB with straight alpha; EXR is float, linear, premultiplied.
     #[arg(long, value_enum, default_value_t, help_heading = "Output")]
@@ -79,10 +80,10 @@ pub(super) struct Render {
     #[arg(long, value_enum, default_value_t, help_heading = "Blur")]
     mode: Mode,
     /// Time samples of mode supersample [default: 32].
-    #[arg(long, value_name = "N", value_parser = grammar::samples, help_heading = "Blur")]
+    #[arg(long, value_name = "N", allow_hyphen_values = true, value_parser = grammar::samples, help_heading = "Blur")]
     samples: Option<u32>,
     /// Sub-pixel positions of mode still [default: 16].
-    #[arg(long, value_name = "P", value_parser = grammar::samples, help_heading = "Blur")]
+    #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = grammar::samples, help_heading = "Blur")]
     pixel_samples: Option<u32>,
     /// Shutter opening and closing, frames around the frame number [default: the scene's, else -0.25,0.25].
     #[arg(long, value_name = "OPEN,CLOSE", allow_hyphen_values = true, value_parser = grammar::shutter, help_heading = "Blur")]
@@ -95,7 +96,7 @@ pub(super) struct Render {
     #[arg(long, value_enum, default_value_t, help_heading = "Blur")]
     filter: Filter,
     /// Seed of the sub-pixel positions.
-    #[arg(long, value_name = "S", default_value_t = 1, help_heading = "Blur")]
+    #[arg(long, value_name = "S", default_value_t = 1, allow_hyphen_values = true, help_heading = "Blur")]
     seed: u64,
 
     /// Screen-space prefilter against aliasing of small splats.
@@ -108,17 +109,17 @@ pub(super) struct Render {
     #[arg(long, help_heading = "Surfaces")]
     two_sided: bool,
     /// Depth tolerance of visibility, scene units, for all objects [default: the scene's, else the median splat radius].
-    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = grammar::not_negative, help_heading = "Surfaces")]
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = grammar::epsilon, help_heading = "Surfaces")]
     epsilon: Option<f64>,
 
     /// Machine to render on.
     #[arg(long, value_enum, default_value_t, help_heading = "Running")]
     backend: Backend,
     /// Threads [default: all cores]. The images do not depend on it.
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Running")]
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Running")]
     threads: Option<u16>,
     /// Memory that a frame may take beside the models, as in 64M, 1G. The images do not depend on it.
-    #[arg(long, value_name = "SIZE", default_value = "1G", value_parser = grammar::memory, help_heading = "Running")]
+    #[arg(long, value_name = "SIZE", default_value = "1G", allow_hyphen_values = true, value_parser = grammar::memory, help_heading = "Running")]
     memory: u64,
     /// Report unknown words of the scene instead of refusing them.
     #[arg(long, help_heading = "Running")]
@@ -374,7 +375,7 @@ fn conclude(finished: &[Finished], movie: &Movie<'_>, seconds: f64) -> anyhow::R
 pub(super) fn open_directory(directory: &Path) -> anyhow::Result<()> {
     let context = || format!("cannot write into the output directory {}", directory.display());
     std::fs::create_dir_all(directory).with_context(context)?;
-    image::check_writable(directory).with_context(context)
+    files::check_writable(directory).with_context(context)
 }
 
 /// On Ctrl-C: lets the file that is being written become whole, and ends the program.

@@ -4,7 +4,6 @@
 //! [`SETTINGS`]), and nothing that would differ between two runs: no time, no machine name. The same picture, format and
 //! settings give the same bytes.
 
-mod atomic;
 mod exr;
 mod png;
 
@@ -12,8 +11,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 
-pub use atomic::{check_writable, replace, replace_with};
-
+use crate::files;
 use crate::film::Picture;
 
 /// Name of the PNG chunk and of the EXR attribute that hold the settings.
@@ -24,6 +22,12 @@ pub const MAX_SIZE: u32 = 65_535;
 
 /// Deflate, which PNG and EXR use, shrinks by at most this factor: a file that promises more is damaged.
 const DEFLATE_LIMIT: u64 = 1032;
+
+/// Pixels of so many bytes are read whatever the length of the file: an empty 4K frame with all AOVs takes 365 MB.
+const READ_ALWAYS: u64 = 1 << 29;
+
+/// Beyond [`READ_ALWAYS`], pixels in memory may take this many times the length of the file.
+const READ_RATIO: u64 = 256;
 
 /// Bits of a PNG channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -157,7 +161,7 @@ pub fn encode(picture: &Picture, format: Format, settings: &str) -> Result<Vec<u
 /// The picture is not valid, the format cannot hold it, or the file cannot be written.
 pub fn write(path: &Path, picture: &Picture, format: Format, settings: &str) -> Result<(), ImageError> {
     let bytes = encode(picture, format, settings)?;
-    replace(path, &bytes).map_err(|source| ImageError::Write { path: path.to_owned(), source })
+    files::replace(path, &bytes).map_err(|source| ImageError::Write { path: path.to_owned(), source })
 }
 
 /// Reads a PNG or EXR picture, as written by [`write()`], into linear premultiplied floats.
@@ -265,6 +269,14 @@ fn plausible(width: u64, height: u64, bytes_a_pixel: u64, file_length: usize) ->
     let promised = width * height * bytes_a_pixel;
     if promised > DEFLATE_LIMIT.saturating_mul(file_length as u64) {
         return Err(format!("the header promises {promised} bytes of pixels; the file has only {file_length} bytes"));
+    }
+    // In memory a pixel takes four floats at the least, however few bits the file gives it.
+    let memory = width * height * bytes_a_pixel.max(16);
+    let limit = READ_ALWAYS.max(READ_RATIO.saturating_mul(file_length as u64));
+    if memory > limit {
+        return Err(format!(
+            "{memory} bytes of pixels from a file of {file_length} bytes, expected at most {limit}: too much memory"
+        ));
     }
     Ok(())
 }

@@ -141,28 +141,36 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
     let mut data = vec![0; length];
     decoder.read_image(&mut data).map_err(refused)?;
     let channels = usize::from(colour.channel_count());
-    let values: Vec<f32> = match colour {
-        ColorType::Rgb8 | ColorType::Rgba8 | ColorType::L8 | ColorType::La8 => {
-            data.iter().map(|&v| f32::from(v) / 255.0).collect()
-        }
+    let rgba = match colour {
+        ColorType::Rgb8 | ColorType::Rgba8 | ColorType::L8 | ColorType::La8 => linear(&data, channels, 255.0),
         ColorType::Rgb16 | ColorType::Rgba16 | ColorType::L16 | ColorType::La16 => {
-            data.chunks_exact(2).map(|v| f32::from(u16::from_ne_bytes([v[0], v[1]])) / 65_535.0).collect()
+            let codes: Vec<u16> = data.chunks_exact(2).map(|v| u16::from_ne_bytes([v[0], v[1]])).collect();
+            linear(&codes, channels, 65_535.0)
         }
         other => return Err(format!("pixels of type {other:?}, expected grey or RGB, with or without alpha")),
     };
-    let rgba = values
+    Ok(Picture { width, height, rgba, layers: Vec::new() })
+}
+
+/// Codes 0..=`top` in file order to linear premultiplied pixels.
+fn linear<T: Copy + Into<u16>>(codes: &[T], channels: usize, top: f32) -> Vec<[f32; 4]> {
+    // Each code is decoded once: there are far fewer codes than pixels.
+    let table: Vec<f32> = (0..=top as u16).map(|code| srgb::to_linear(f32::from(code) / top)).collect();
+    let light = |code: T| table[usize::from(code.into())];
+    let share = |code: T| f32::from(code.into()) / top;
+    codes
         .chunks_exact(channels)
         .map(|v| {
             let (colour, a) = match *v {
                 [l] => ([l; 3], 1.0),
-                [l, a] => ([l; 3], a),
+                [l, a] => ([l; 3], share(a)),
                 [r, g, b] => ([r, g, b], 1.0),
-                [r, g, b, a] => ([r, g, b], a),
-                _ => ([0.0; 3], 0.0),
+                [r, g, b, a] => ([r, g, b], share(a)),
+                // No PNG has another number of channels.
+                _ => return [0.0; 4],
             };
-            let [r, g, b] = colour.map(|c| srgb::to_linear(c) * a);
+            let [r, g, b] = colour.map(|c| light(c) * a);
             [r, g, b, a]
         })
-        .collect();
-    Ok(Picture { width, height, rgba, layers: Vec::new() })
+        .collect()
 }

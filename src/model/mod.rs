@@ -136,6 +136,13 @@ impl Surfels {
         self.position.is_empty()
     }
 
+    /// Bytes that the columns take.
+    pub fn bytes(&self) -> u64 {
+        let vectors = [&self.position, &self.axis_u, &self.axis_v, &self.normal, &self.colour, &self.velocity];
+        let vectors: usize = vectors.iter().map(|column| size_of_val(column.as_slice())).sum();
+        (vectors + size_of_val(self.material.as_slice())) as u64
+    }
+
     /// Cut-off radius of surfel `i`: the longer of its two axes.
     pub fn radius(&self, i: usize) -> f32 {
         self.axis_u[i].length().max(self.axis_v[i].length())

@@ -157,6 +157,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Header, ParseError> {
     let mut encoding = None;
     let mut comments = Vec::new();
     let mut elements: Vec<Element> = Vec::new();
+    let mut element_names: HashSet<String> = HashSet::new();
     let mut names: HashSet<String> = HashSet::new();
     loop {
         let line = lines.next()?;
@@ -174,7 +175,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Header, ParseError> {
             }
             ["element", name, count] => {
                 let name = name.to_ascii_lowercase();
-                if elements.iter().any(|e| e.name == name) {
+                if !element_names.insert(name.clone()) {
                     return Err(lines.fault(format!("a second element {}", quote(name.as_bytes())), "different names"));
                 }
                 let count = count.parse().map_err(|_| {

@@ -165,6 +165,18 @@ fn counts_beyond_the_file() {
     assert!(parse(text.as_bytes(), Format::Ply).is_ok());
 }
 
+/// Time must not grow with the square of the number of elements: that took 5 s here.
+#[test]
+fn sixty_thousand_elements() {
+    use std::fmt::Write as _;
+    let mut header = "ply\nformat ascii 1.0\n".to_owned();
+    (0..60_000).for_each(|i| writeln!(header, "element {i} 1").unwrap());
+    let start = std::time::Instant::now();
+    let found = refused((header + "element 7 1\nend_header\n").as_bytes(), Format::Ply).to_string();
+    assert!(found.contains("a second element `7`"), "{found}");
+    assert!(start.elapsed().as_secs_f64() < 1.0, "{:?}", start.elapsed());
+}
+
 #[test]
 fn twenty_thousand_properties() {
     use std::fmt::Write as _;

@@ -117,7 +117,7 @@ fn splat_values(splat: &Splat, attributes: &Attributes<'_>) -> [f32; Channels::M
     let gouraud = attributes.shading == Shading::Gouraud;
     let channels = attributes.channels;
     if channels.normal.is_some() || gouraud {
-        let turned = (attributes.posed.normal_matrix * surfels.normal[i]).normalize_or_zero();
+        let turned = unit(attributes.posed.normal_matrix * surfels.normal[i]);
         let normal = if splat.flags & FLAG_BACK == 0 { turned } else { -turned };
         if let Some(at) = channels.normal {
             values[at..at + 3].copy_from_slice(&normal.to_array());
@@ -136,6 +136,13 @@ fn splat_values(splat: &Splat, attributes: &Attributes<'_>) -> [f32; Channels::M
         values[at..at + 4].copy_from_slice(&[m.ambient, m.diffuse, m.specular, m.shininess]);
     }
     values
+}
+
+/// The vector with length 1; a zero vector stays zero. Without `glam`'s branches.
+#[inline(always)]
+fn unit(v: Vec3) -> Vec3 {
+    let d2 = v.x * v.x + v.y * v.y + v.z * v.z;
+    v * (1.0 / (if d2 > 1e-30 { d2 } else { 1e-30 }).sqrt())
 }
 
 fn material(attributes: &Attributes<'_>, surfel: usize) -> Material {

@@ -61,8 +61,7 @@ impl Backend for Cpu {
         let channels = Channels::of(frame);
         let budget = Budget::of(frame, &planes, &channels)?;
         let [tiles_x, tiles_y] = frame.size.map(|pixels| (pixels as usize).div_ceil(TILE));
-        let mut film =
-            TiledFilm { tiles: (0..tiles_x * tiles_y).map(|_| TileFilm::new(planes.count)).collect(), tiles_x };
+        let mut film = TiledFilm { tiles: vec![TileFilm::default(); tiles_x * tiles_y], tiles_x };
         let clocks = Clocks::default();
         for first in (0..tiles_y).step_by(budget.band_rows) {
             let rows = [first, (first + budget.band_rows).min(tiles_y)];
@@ -98,13 +97,19 @@ impl Budget {
             let band = Band::new(frame.size, [0, rows as usize]);
             (threads + 1) * Binned::most_bytes(CHUNK, &band)
         };
-        let needed = film + row + wave(1);
+        let needed = frame.model_bytes + film + row + wave(1);
         if needed > frame.memory {
             let [width, height] = frame.size;
-            return Err(BackendError::Memory { width, height, needed, allowed: frame.memory });
+            return Err(BackendError::Memory {
+                width,
+                height,
+                models: frame.model_bytes,
+                needed,
+                allowed: frame.memory,
+            });
         }
         // Half of what is left for the tiles' buffers at the most; the rest for splats.
-        let left = frame.memory - film;
+        let left = frame.memory - frame.model_bytes - film;
         let rows = (left / 2 / row.max(1)).clamp(1, tiles_y.max(1));
         Ok(Self { band_rows: rows as usize, splat_bytes: left.saturating_sub(rows * row).max(wave(rows)) })
     }
@@ -134,6 +139,9 @@ impl Cpu {
                 || (TileBuffers::default(), Vec::new()),
                 |(buffers, scratch), (index, film)| {
                     let tile = work.band.tile(index);
+                    if binned[..taken].iter().all(|binned| binned.list(&tile, scratch).is_empty()) {
+                        return;
+                    }
                     for &pass in &tile_passes {
                         work.prepare(pass, buffers);
                         work.tile(pass, &chunks, binned, &tile, buffers, scratch, film);

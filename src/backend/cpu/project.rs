@@ -50,12 +50,17 @@ fn project_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &m
     while first < range.end {
         let n = (range.end - first).min(LANES);
         let at = first..first + n;
-        let mut block = Block::default();
-        let (position, axis_u, axis_v) =
-            (&surfels.position[at.clone()], &surfels.axis_u[at.clone()], &surfels.axis_v[at]);
-        transform(&view.object.screen_from_model, view.object.screen_origin, position, &mut block.centre);
-        transform(&view.object.screen_from_model, Vec3::ZERO, axis_u, &mut block.u);
-        transform(&view.object.screen_from_model, Vec3::ZERO, axis_v, &mut block.v);
+        let position = lanes(&surfels.position[at.clone()]);
+        let (axis_u, axis_v) = (lanes(&surfels.axis_u[at.clone()]), lanes(&surfels.axis_v[at]));
+        if !view.two_sided && all_face_away(view.object, &position, &axis_u, &axis_v) {
+            first += n;
+            continue;
+        }
+        let block = Block {
+            centre: transform(&view.object.screen_from_model, view.object.screen_origin, &position),
+            u: transform(&view.object.screen_from_model, Vec3::ZERO, &axis_u),
+            v: transform(&view.object.screen_from_model, Vec3::ZERO, &axis_v),
+        };
         let mut shape = Shape::default();
         for l in 0..LANES {
             project_lane(view, &block, l, &mut shape);
@@ -63,7 +68,7 @@ fn project_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &m
         for l in 0..n {
             let surfel = (first + l) as u32;
             if shape.kind[l] == ORDINARY {
-                push_ordinary(view, &block, &shape, l, surfel, out);
+                push_ordinary(&shape, l, surfel, out);
             } else if shape.kind[l] == CROSSING {
                 push_crossing(view, &block, l, surfel, out);
             }
@@ -73,52 +78,87 @@ fn project_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &m
 }
 
 /// Screen-space centre and axes of a block of surfels: homogeneous pixel coordinates (x, y, depth).
-#[derive(Default)]
 struct Block {
     centre: [Lanes; 3],
     u: [Lanes; 3],
     v: [Lanes; 3],
 }
 
+/// Coordinate by coordinate; zero where there are fewer points than lanes.
 #[inline(always)]
-fn transform(m: &Mat3, origin: Vec3, points: &[Vec3], out: &mut [Lanes; 3]) {
-    let mut p = [[0.0; LANES]; 3];
-    for (l, point) in points.iter().enumerate() {
-        p[0][l] = point.x;
-        p[1][l] = point.y;
-        p[2][l] = point.z;
+fn lanes(points: &[Vec3]) -> [Lanes; 3] {
+    let flat: &[f32] = bytemuck::cast_slice(points);
+    let mut padded = [0.0; 3 * LANES];
+    // A whole block is a copy of fixed size, which stays in registers.
+    let block = flat.first_chunk::<{ 3 * LANES }>().unwrap_or_else(|| {
+        padded[..flat.len()].copy_from_slice(flat);
+        &padded
+    });
+    let mut out = [[0.0; LANES]; 3];
+    for l in 0..LANES {
+        out[0][l] = block[3 * l];
+        out[1][l] = block[3 * l + 1];
+        out[2][l] = block[3 * l + 2];
     }
+    out
+}
+
+#[inline(always)]
+fn transform(m: &Mat3, origin: Vec3, p: &[Lanes; 3]) -> [Lanes; 3] {
     let m = m.to_cols_array_2d();
     let origin = origin.to_array();
+    let mut out = [[0.0; LANES]; 3];
     for row in 0..3 {
         for l in 0..LANES {
             out[row][l] = m[0][row] * p[0][l] + m[1][row] * p[1][l] + m[2][row] * p[2][l] + origin[row];
         }
     }
+    out
+}
+
+/// A quick way out for blocks that lie on the far side (neighbours in memory are neighbours in space): true only if every
+/// surfel clearly shows its back, by more than rounding, to the eye in model space.
+#[inline(always)]
+fn all_face_away(object: &PosedObject, p: &[Lanes; 3], u: &[Lanes; 3], v: &[Lanes; 3]) -> bool {
+    const MARGIN: f32 = 1e-3;
+    let eye = object.eye.to_array();
+    let mut kept = 0_u32;
+    for l in 0..LANES {
+        let n = [
+            u[1][l] * v[2][l] - u[2][l] * v[1][l],
+            u[2][l] * v[0][l] - u[0][l] * v[2][l],
+            u[0][l] * v[1][l] - u[1][l] * v[0][l],
+        ];
+        let d = [p[0][l] - eye[0], p[1][l] - eye[1], p[2][l] - eye[2]];
+        let towards = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
+        let n2 = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+        let d2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        let away = (towards > 0.0) & (towards * towards > MARGIN * MARGIN * (n2 * d2));
+        kept |= u32::from(!away);
+    }
+    kept == 0
 }
 
 const CULLED: u32 = 0;
 const ORDINARY: u32 = 1;
 const CROSSING: u32 = 2;
 
-/// What is known of a block's splats after the vectorised part.
+/// A block's splats, field by field.
 #[derive(Default)]
 struct Shape {
     kind: [u32; LANES],
-    /// Projected centre, pixels from the image's centre.
-    x: Lanes,
-    y: Lanes,
-    /// Signed area of the projected axes: negative faces the viewer, if not mirrored.
-    area: Lanes,
-    /// Bounds relative to the centre.
-    left: Lanes,
-    right: Lanes,
-    top: Lanes,
-    bottom: Lanes,
+    reference: [Lanes; 2],
+    inverse_depth: [Lanes; 3],
+    u: [Lanes; 2],
+    v: [Lanes; 2],
+    centre_depth: Lanes,
+    /// First and last pixel column, then first and last row.
+    bounds: [Lanes; 4],
+    flags: [u32; LANES],
 }
 
-/// Culls by facing and depth and bounds the ellipse by its dual conic, D = T diag(1, 1, -1) T^t with T = [u v centre]
-/// (Sigg et al. 2006; docs/math.md): exact in perspective.
+/// Culls by facing, depth and pixels wanted; bounds the ellipse by its dual conic, D = T diag(1, 1, -1) T^t with
+/// T = [u v centre] (Sigg et al. 2006; docs/math.md): exact in perspective.
 #[inline(always)]
 fn project_lane(view: &View<'_>, block: &Block, l: usize, shape: &mut Shape) {
     let depth = block.centre[2][l];
@@ -128,8 +168,9 @@ fn project_lane(view: &View<'_>, block: &Block, l: usize, shape: &mut Shape) {
     let (ud, vd) = (block.u[2][l], block.v[2][l]);
     let (ux, uy) = (block.u[0][l] - x * ud, block.u[1][l] - y * ud);
     let (vx, vy) = (block.v[0][l] - x * vd, block.v[1][l] - y * vd);
+    // Signed area of the projected axes. det [u v centre] < 0 faces the viewer; a splat seen edge-on (or with a NaN) covers
+    // nothing.
     let area = ux * vy - uy * vx;
-    // det [u v centre] < 0 faces the viewer; a splat seen edge-on (or with a NaN) covers nothing.
     let det = area * depth * view.object.handedness;
     let facing = if view.two_sided { det.abs() > 0.0 } else { det < 0.0 };
 
@@ -137,74 +178,75 @@ fn project_lane(view: &View<'_>, block: &Block, l: usize, shape: &mut Shape) {
     let d22 = reach2 - depth * depth;
     let behind = depth + reach2.sqrt() < view.near;
     let crossing = (depth <= 0.0) | (d22 > -1e-3 * depth * depth);
-    let inverse22 = 1.0 / d22;
-    let (d02, d12) = (ux * ud + vx * vd, uy * ud + vy * vd);
-    let half = |d00: f32, d02: f32| {
-        let disc = d02 * d02 - d00 * d22;
-        (if disc > 0.0 { disc } else { 0.0 }).sqrt() * -inverse22
-    };
-    let (mid_x, mid_y) = (d02 * inverse22, d12 * inverse22);
-    let (half_x, half_y) = (half(ux * ux + vx * vx, d02), half(uy * uy + vy * vy, d12));
     let low_pass = if view.low_pass & (depth >= view.near) { LOW_PASS } else { 0.0 };
-    let (left, right) = (mid_x - half_x, mid_x + half_x);
-    let (top, bottom) = (mid_y - half_y, mid_y + half_y);
-    shape.left[l] = if left < -low_pass { left } else { -low_pass };
-    shape.right[l] = if right > low_pass { right } else { low_pass };
-    shape.top[l] = if top < -low_pass { top } else { -low_pass };
-    shape.bottom[l] = if bottom > low_pass { bottom } else { low_pass };
-    shape.x[l] = x;
-    shape.y[l] = y;
-    shape.area[l] = area;
-    let kind = if crossing { CROSSING } else { ORDINARY };
+    let inverse22 = 1.0 / d22;
+    let reference_x = 0.5 * view.size[0] as f32 + x - view.offset[0];
+    let reference_y = 0.5 * view.size[1] as f32 + y - view.offset[1];
+    let [x0, x1, y0, y1] = view.pixels;
+    let (left, right) = extent(ux * ux + vx * vx, ux * ud + vx * vd, d22, inverse22, low_pass);
+    let (top, bottom) = extent(uy * uy + vy * vy, uy * ud + vy * vd, d22, inverse22, low_pass);
+    let columns = pixel_range(reference_x, left, right, x0, x1);
+    let rows = pixel_range(reference_y, top, bottom, y0, y1);
+    let seen = (columns.0 <= columns.1) & (rows.0 <= rows.1);
+
+    let over_area = 1.0 / area;
+    let over_both = over_area * inverse;
+    shape.reference[0][l] = reference_x;
+    shape.reference[1][l] = reference_y;
+    shape.inverse_depth[0][l] = (uy * vd - ud * vy) * over_both;
+    shape.inverse_depth[1][l] = (ud * vx - ux * vd) * over_both;
+    shape.inverse_depth[2][l] = inverse;
+    shape.u[0][l] = vy * over_area;
+    shape.u[1][l] = -vx * over_area;
+    shape.v[0][l] = -uy * over_area;
+    shape.v[1][l] = ux * over_area;
+    shape.centre_depth[l] = if depth >= view.near { depth } else { f32::NAN };
+    shape.bounds[0][l] = columns.0;
+    shape.bounds[1][l] = columns.1;
+    shape.bounds[2][l] = rows.0;
+    shape.bounds[3][l] = rows.1;
+    shape.flags[l] = if area * view.object.handedness < 0.0 { 0 } else { FLAG_BACK };
+    let ordinary = if seen { ORDINARY } else { CULLED };
+    let kind = if crossing { CROSSING } else { ordinary };
     shape.kind[l] = if facing & !behind { kind } else { CULLED };
 }
 
-/// Pixels whose sample position lies in [low, high], cut to [first, last]; `None` if there are none (or with a NaN).
+/// Ends of the ellipse along one axis, relative to the projected centre and widened to the low-pass disc: the roots of
+/// d22 k^2 - 2 d02 k + d00 = 0 for d22 < 0.
 #[inline(always)]
-fn pixel_range(low: f32, high: f32, first: i32, last: i32) -> Option<[u16; 2]> {
-    let a = (low - 0.5).ceil();
-    let b = (high - 0.5).floor();
-    let a = if a > first as f32 { a } else { first as f32 };
-    let b = if b < last as f32 { b } else { last as f32 };
-    (a <= b).then_some([a as u16, b as u16])
+fn extent(d00: f32, d02: f32, d22: f32, inverse22: f32, low_pass: f32) -> (f32, f32) {
+    let disc = d02 * d02 - d00 * d22;
+    let half = (if disc > 0.0 { disc } else { 0.0 }).sqrt() * -inverse22;
+    let middle = d02 * inverse22;
+    let (low, high) = (middle - half, middle + half);
+    (if low < -low_pass { low } else { -low_pass }, if high > low_pass { high } else { low_pass })
+}
+
+/// First and last pixel whose sample position may lie in [low, high] about `reference`, cut to [first, last]; none if the
+/// first is not at most the last (also with a NaN).
+#[inline(always)]
+fn pixel_range(reference: f32, low: f32, high: f32, first: i32, last: i32) -> (f32, f32) {
+    let slack = SLACK + SLACK_SHARE * (high - low) + reference.abs() * f32::EPSILON;
+    let a = (reference + low - slack - 0.5).ceil();
+    let b = (reference + high + slack - 0.5).floor();
+    // A NaN stays one, and fails the comparison of first with last.
+    let a = if a < first as f32 { first as f32 } else { a };
+    let b = if b > last as f32 { last as f32 } else { b };
+    (a, b)
 }
 
 #[inline(always)]
-fn push_ordinary(view: &View<'_>, block: &Block, shape: &Shape, l: usize, surfel: u32, out: &mut Vec<Splat>) {
-    let reference = [
-        0.5 * view.size[0] as f32 + shape.x[l] - view.offset[0],
-        0.5 * view.size[1] as f32 + shape.y[l] - view.offset[1],
-    ];
-    let slack_x = SLACK + SLACK_SHARE * (shape.right[l] - shape.left[l]) + reference[0].abs() * f32::EPSILON;
-    let slack_y = SLACK + SLACK_SHARE * (shape.bottom[l] - shape.top[l]) + reference[1].abs() * f32::EPSILON;
-    let [x0, x1, y0, y1] = view.pixels;
-    let Some(columns) =
-        pixel_range(reference[0] + shape.left[l] - slack_x, reference[0] + shape.right[l] + slack_x, x0, x1)
-    else {
-        return;
-    };
-    let Some(rows) =
-        pixel_range(reference[1] + shape.top[l] - slack_y, reference[1] + shape.bottom[l] + slack_y, y0, y1)
-    else {
-        return;
-    };
-    let depth = block.centre[2][l];
-    let (x, y, area) = (shape.x[l], shape.y[l], shape.area[l]);
-    let (ud, vd) = (block.u[2][l], block.v[2][l]);
-    let (ux, uy) = (block.u[0][l] - x * ud, block.u[1][l] - y * ud);
-    let (vx, vy) = (block.v[0][l] - x * vd, block.v[1][l] - y * vd);
-    let over_area = 1.0 / area;
-    let over_depth = 1.0 / depth;
-    let over_both = over_area * over_depth;
+fn push_ordinary(shape: &Shape, l: usize, surfel: u32, out: &mut Vec<Splat>) {
+    let three = |form: &[Lanes; 3]| [form[0][l], form[1][l], form[2][l]];
     out.push(Splat {
-        reference,
-        inverse_depth: [(uy * vd - ud * vy) * over_both, (ud * vx - ux * vd) * over_both, over_depth],
-        u: [vy * over_area, -vx * over_area, 0.0],
-        v: [-uy * over_area, ux * over_area, 0.0],
-        centre_depth: if depth >= view.near { depth } else { f32::NAN },
-        bounds: [columns[0], columns[1], rows[0], rows[1]],
+        reference: [shape.reference[0][l], shape.reference[1][l]],
+        inverse_depth: three(&shape.inverse_depth),
+        u: [shape.u[0][l], shape.u[1][l], 0.0],
+        v: [shape.v[0][l], shape.v[1][l], 0.0],
+        centre_depth: shape.centre_depth[l],
+        bounds: [0, 1, 2, 3].map(|side| shape.bounds[side][l] as u16),
         surfel,
-        flags: if area * view.object.handedness < 0.0 { 0 } else { FLAG_BACK },
+        flags: shape.flags[l],
     });
 }
 

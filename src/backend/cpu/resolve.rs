@@ -12,17 +12,13 @@ use crate::math::simd::dispatch;
 use crate::plan::Shading;
 use crate::shading::{ShadingLight, lobes, towards_point};
 
-/// Film of one tile: plane by plane, `TILE` x `TILE`.
-#[derive(Clone, Debug)]
+/// Film of one tile: plane by plane, `TILE` x `TILE`; empty until something is added.
+#[derive(Clone, Debug, Default)]
 pub(super) struct TileFilm {
     values: Vec<f32>,
 }
 
 impl TileFilm {
-    pub(super) fn new(planes: usize) -> Self {
-        Self { values: vec![0.0; planes * TILE * TILE] }
-    }
-
     /// Bytes of one tile's film.
     pub(super) const fn bytes(planes: usize) -> u64 {
         (planes * TILE * TILE * size_of::<f32>()) as u64
@@ -42,7 +38,10 @@ impl Film for TiledFilm {
         let tiles = &self.tiles[y / TILE * self.tiles_x..];
         for (out, tile) in out.chunks_mut(TILE).zip(tiles) {
             let first = (plane * TILE + y % TILE) * TILE;
-            out.copy_from_slice(&tile.values[first..first + out.len()]);
+            match tile.values.get(first..first + out.len()) {
+                Some(row) => out.copy_from_slice(row),
+                None => out.fill(0.0),
+            }
         }
     }
 }
@@ -69,6 +68,7 @@ dispatch! {
 #[inline(always)]
 fn resolve_body(resolve: &Resolve<'_>, tile: &TileRect, threshold: &[f32], sums: &[f32], film: &mut TileFilm) {
     let channels = resolve.channels;
+    film.values.resize(resolve.planes.count * TILE * TILE, 0.0);
     for y in 0..tile.height {
         let row = &sums[y * channels.count * STRIDE..][..channels.count * STRIDE];
         for x in (0..tile.width).step_by(LANES) {
