@@ -2,12 +2,14 @@
 //!
 //! `cargo bench --bench reference [-- SAMPLES [SURFELS]]`. Each case runs once, for seconds: not a matter for criterion.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a bench may stop and report")]
+
 #[path = "../tests/support/mod.rs"]
 mod support;
 
 use std::time::Instant;
 
-use splatblur::reference::{ReferenceOptions, Sampler, render};
+use splatblur::reference::{ReferenceOptions, render};
 use support::sphere_scene;
 
 fn main() {
@@ -17,8 +19,8 @@ fn main() {
     println!("{} threads, {samples} samples a pixel", rayon::current_num_threads());
     for surfels in sizes {
         let scene = sphere_scene(surfels as usize, 512, true);
-        for sampler in [Sampler::Sobol] {
-            let options = ReferenceOptions { samples, sampler, ..ReferenceOptions::default() };
+        {
+            let options = ReferenceOptions { samples, ..ReferenceOptions::default() };
             let start = Instant::now();
             let reference = render(&scene, 0, &options, None, &|_| ()).expect("valid options");
             let (wall, stats) = (start.elapsed().as_secs_f64(), reference.stats);

@@ -1,6 +1,8 @@
 //! What the reference promises beside the right values: the same bytes on any number of threads, progressive samples, runs in
 //! parts, a stop that respects the error; and its agreement with brute force, with the splatter, and with an ideal sphere.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
+
 mod support;
 
 use glam::{DVec3, Vec3};

@@ -1,9 +1,14 @@
 //! How fast the samplers converge on shipped scenes: the table of docs/reference.md.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
+
 use std::path::Path;
 
+use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
+use splatblur::plan::{BlurMode, Prefilter, RenderOptions};
 use splatblur::reference::{ReferenceOptions, Sampler, render};
+use splatblur::render::render_frame;
 use splatblur::scene::{LoadOptions, Scene, load};
 
 const COUNTS: [u64; 7] = [16, 32, 64, 128, 256, 512, 1024];
@@ -55,5 +60,69 @@ fn slopes() {
         // Between the two; slopes are known to about 0.03.
         assert!(sobol < jittered && jittered < random + 0.03, "{name}: {jittered}");
         assert!(least < middle && middle < most, "{name}: {least:.2e} {middle:.2e} {most:.2e}");
+    }
+}
+
+/// z = (supersampling - reference) / standard error of the reference, coverage and mean of r, g, b: lag-1 autocorrelation along
+/// rows, mean in a band of 2 pixels along silhouettes (in units of its own error, 1/sqrt(n)), and overall rms.
+#[test]
+#[ignore = "takes minutes; run with --ignored to make the table of docs/reference.md"]
+fn supersampling_on_shipped_scenes() {
+    println!("| scene | prefilter | rms difference | mean SE | autocorrelation | band: mean z | limit | pixels |");
+    let scenes = [
+        ("diagonal", 12),
+        ("crossing", 12),
+        ("checkerboard", 5),
+        ("blinker", 5),
+        ("blinker_fence", 5),
+        ("spin", 5),
+        ("static", 0),
+        ("three_objects", 5),
+        ("toward_camera_and_sideways", 5),
+    ];
+    for (name, frame) in scenes {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).with_extension("xml");
+        let mut scene = load(&path, &LoadOptions::default()).expect("a shipped scene").scene;
+        (scene.image.width, scene.image.height, scene.image.transparent) = (160, 120, true);
+        let options = ReferenceOptions { samples: 1024, ..ReferenceOptions::default() };
+        let made = render(&scene, frame, &options, None, &|_| ()).expect("valid options");
+        let errors = made.picture.layers.last().expect("the error layer");
+        for prefilter in [Prefilter::None, Prefilter::Approx] {
+            let options =
+                RenderOptions { mode: BlurMode::Supersample { samples: 1024 }, prefilter, ..RenderOptions::default() };
+            let splatted = render_frame(&mut Cpu::default(), &scene, frame, &options).expect("it fits").picture;
+            let z: Vec<Option<f64>> = (0..splatted.rgba.len())
+                .map(|i| {
+                    let error = f64::from(errors.planes[1][i]);
+                    (error > 0.0).then(|| f64::from(splatted.rgba[i][1] - made.picture.rgba[i][1]) / error)
+                })
+                .collect();
+            let row = |i: usize| i / 160;
+            let pairs: Vec<(f64, f64)> =
+                (1..z.len()).filter(|&i| row(i) == row(i - 1)).filter_map(|i| Some((z[i - 1]?, z[i]?))).collect();
+            let square = z.iter().flatten().map(|z| z * z).sum::<f64>() / z.iter().flatten().count() as f64;
+            let lag = pairs.iter().map(|(a, b)| a * b).sum::<f64>() / pairs.len() as f64 / square;
+            let covered = |x: i32, y: i32| {
+                let inside = (0..160).contains(&x) && (0..120).contains(&y);
+                inside.then(|| f64::from(made.picture.rgba[(y * 160 + x) as usize][3]))
+            };
+            let band: Vec<f64> = (0..z.len())
+                .filter(|&i| {
+                    let (x, y) = ((i % 160) as i32, (i / 160) as i32);
+                    let around = (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (dx, dy)));
+                    let near: Vec<f64> = around.filter_map(|(dx, dy)| covered(x + dx, y + dy)).collect();
+                    near.iter().any(|&a| a > 0.5) && near.iter().any(|&a| a < 0.5)
+                })
+                .filter_map(|i| z[i])
+                .collect();
+            let mean = band.iter().sum::<f64>() / band.len().max(1) as f64;
+            println!(
+                "| {name} | {prefilter:?} | {:.2e} | {:.2e} | {lag:.3} | {mean:.3} | {:.3} | {} |",
+                rms(&splatted, &made.picture),
+                made.stats.mean_error,
+                3.0 / (band.len().max(1) as f64).sqrt(),
+                band.len()
+            );
+        }
     }
 }

@@ -4,6 +4,8 @@
 //! Where the standard error is exactly 0 (the pixel and its neighbours saw one value only) there is no z, but mean and truth
 //! must agree to 1e-6 all the same.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
+
 mod support;
 
 use glam::{DVec3, Vec3};
@@ -18,7 +20,7 @@ use support::{UNLIT, object, round_surfels, scene};
 
 const SAMPLES: u64 = 4096;
 
-/// Linear [A]: what is expected of a pixel: r, g, b, alpha; `None`: not compared.
+/// What is expected of a pixel: premultiplied r, g, b, and alpha; `None`: not compared.
 type Expected<'a> = &'a dyn Fn(usize, usize) -> Option<[f64; 4]>;
 
 fn reference(scene: &Scene, filter: PixelFilter) -> Reference {
@@ -125,7 +127,10 @@ fn transparent(objects: Vec<Object>) -> Scene {
     scene
 }
 
-fn weights() -> [(&'static str, Weight, fn(f64) -> f64); 4] {
+/// Name, weight, and the integral of a(t) from 0.
+type Weighted = (&'static str, Weight, fn(f64) -> f64);
+
+fn weights() -> [Weighted; 4] {
     [
         ("box", Weight::Box, |t| t),
         ("tent", Weight::Tent, |t| if t < 0.5 { 2.0 * t * t } else { 1.0 - 2.0 * (1.0 - t) * (1.0 - t) }),

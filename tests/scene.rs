@@ -344,7 +344,7 @@ fn the_unknown_is_refused_with_what_is_known() {
     refused(
         scene("", "<transfrom/>"),
         "scene.xml:5:1: <object> has no element `transfrom`, did you mean `transform`? (it takes: <pointModel>, \
-         <transform>, <animation>, <motion>, <place>, <material>)",
+         <sphere>, <transform>, <animation>, <motion>, <place>, <material>)",
     );
     refused(
         scene("<camera\n  fov='40'/>", ""),
@@ -387,17 +387,24 @@ fn notes_about_the_unknown_are_few_and_quick() {
 #[test]
 fn structure_is_checked() {
     refused("<scene/>", "scene.xml:1:1: <scene> has no <object>, expected at least one");
-    refused("<scene>\n<object/></scene>", "scene.xml:2:1: <object> has no <pointModel>, expected exactly one");
+    refused(
+        "<scene>\n<object/></scene>",
+        "scene.xml:2:1: <object> has no <pointModel>, expected exactly one shape (pointModel or sphere)",
+    );
     refused(
         scene("", "<pointModel>m.ply</pointModel>"),
-        "scene.xml:5:1: a second <pointModel> in <object>, expected exactly one",
+        "scene.xml:5:1: a second <pointModel> in <object>, expected exactly one shape (pointModel or sphere)",
+    );
+    refused(
+        scene("", "<sphere/>"),
+        "scene.xml:5:1: a second <sphere> in <object>, expected exactly one shape (pointModel or sphere)",
     );
     refused(scene("<image/> <image/>", ""), "scene.xml:2:10: a second <image> in <scene>, expected at most one");
     refused(scene("<shutter><curve/></shutter>", ""), "scene.xml:2:10: <curve> has no <point>, expected at least one");
     refused(
         scene("", "fast"),
-        "scene.xml:5:1: text `fast` in <object>, expected only <pointModel>, <transform>, <animation>, <motion>, <place>, \
-         <material>",
+        "scene.xml:5:1: text `fast` in <object>, expected only <pointModel>, <sphere>, <transform>, <animation>, <motion>, \
+         <place>, <material>",
     );
     refused(scene("<image>big</image>", ""), "scene.xml:2:8: text `big` in <image>, expected nothing inside");
     refused(
@@ -704,4 +711,22 @@ fn an_animated_camera_is_rigid() {
     // Turned by 90 degrees about y, -z looks along -x; a point 2 ahead and 1 above the eye at (5, 0, 0).
     let p = camera_from_world.transform_point3(DVec3::new(3.0, 1.0, 0.0));
     assert!((p - DVec3::new(0.0, 1.0, -2.0)).length() < 1e-12, "{p}");
+}
+
+#[test]
+fn an_ideal_sphere_takes_the_place_of_a_model() {
+    let text =
+        "<scene><object><sphere radius='2.5' colour='0.1 0.2 0.3'/><transform translate='1 2 3'/></object></scene>";
+    let Loaded { scene, .. } = loaded(text);
+    let object = &scene.objects[0];
+    let sphere = object.sphere.expect("a sphere");
+    assert_eq!((sphere.radius, sphere.colour.to_array()), (2.5, [0.1, 0.2, 0.3]));
+    assert!(object.model.is_empty());
+    assert_eq!(object.bounds.size(), DVec3::splat(5.0));
+    let again = loaded(to_xml(&scene, Path::new(""))).scene;
+    assert_eq!(again.objects[0].sphere, object.sphere);
+    assert_eq!(to_xml(&again, Path::new("")), to_xml(&scene, Path::new("")));
+    let mut cpu = splatblur::backend::cpu::Cpu::default();
+    let error = splatblur::render::render_frame(&mut cpu, &scene, 0, &Default::default()).unwrap_err();
+    assert_eq!(error.to_string(), "object `object1` is an ideal sphere, which only the reference can show");
 }

@@ -32,6 +32,12 @@ pub struct Rendered {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BackendError {
+    /// An ideal sphere has no surfels to splat.
+    #[error("object `{object}` is an ideal sphere, which only the reference can show")]
+    Sphere {
+        /// Name of the object.
+        object: String,
+    },
     /// The frame does not fit into the memory that it may take.
     #[error(
         "a frame of {width} x {height} and models of {models} bytes need at least {needed} bytes, but may take {allowed} \

@@ -8,6 +8,7 @@ use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use serde::Serialize;
+use splatblur::files;
 use splatblur::image::{self, Bits, Format};
 use splatblur::plan::{self, BlurMode, RenderOptions};
 use splatblur::reference::{self, ReferenceOptions, SCRAMBLINGS, Stats, Sums};
@@ -116,7 +117,7 @@ pub(super) struct Reference {
     #[arg(long, help_heading = "Surfaces")]
     two_sided: bool,
     /// Depth tolerance of visibility, scene units, for all objects [default: the scene's, else the median splat radius].
-    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = grammar::not_negative, help_heading = "Surfaces")]
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = grammar::epsilon, help_heading = "Surfaces")]
     epsilon: Option<f64>,
 
     /// Threads [default: all cores]. The images do not depend on it.
@@ -191,6 +192,10 @@ impl Reference {
             }
         }
         self.apply(&mut scene);
+        let format = match format {
+            Format::Png { bits, .. } => Format::Png { bits, alpha: scene.image.transparent },
+            Format::Exr => Format::Exr,
+        };
         let frames = self
             .frames
             .map_or_else(|| grammar::check_range(Frames { first: scene.frames.first, last: scene.frames.last }), Ok)
@@ -241,7 +246,7 @@ impl Reference {
         let _held = output.gate.lock().unwrap_or_else(PoisonError::into_inner);
         // Sums first: an interruption between the two files leaves nothing that could not go on.
         if !self.no_sums && output.options.sampler.is_progressive() {
-            let written = image::replace(&sums_path, &made.sums.to_bytes(&kind));
+            let written = files::replace(&sums_path, &made.sums.to_bytes(&kind));
             written.with_context(|| format!("cannot write {}", sums_path.display()))?;
         }
         image::write(&path, &picture, output.format, &settings)?;

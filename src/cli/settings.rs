@@ -136,7 +136,8 @@ fn lower(variant: impl std::fmt::Debug) -> String {
 
 /// All model and animation files of a scene, each once, in a fixed order.
 fn inputs(scene: &Scene) -> anyhow::Result<Vec<Input>> {
-    let mut paths: BTreeSet<&PathBuf> = scene.objects.iter().map(|object| &object.model_path).collect();
+    let mut paths: BTreeSet<&PathBuf> =
+        scene.objects.iter().filter(|object| object.sphere.is_none()).map(|object| &object.model_path).collect();
     paths.extend(scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path));
     paths.extend(scene.camera.animation.as_ref().map(|a| &a.path));
     let mut inputs = paths.into_iter().map(|path| input(path)).collect::<anyhow::Result<Vec<_>>>()?;

@@ -149,7 +149,13 @@ impl Checker<'_> {
             };
             let known = &schema.children[i];
             counts[i] += 1;
-            if counts[i] > 1 && matches!(known.occurs, Occurs::One | Occurs::AtMostOne) {
+            let shapes = || schema.children.iter().zip(&counts).filter(|(c, _)| c.occurs == Occurs::OneShape);
+            let again = match known.occurs {
+                Occurs::OneShape => shapes().map(|(_, count)| count).sum::<usize>() > 1,
+                Occurs::AtMostOne => counts[i] > 1,
+                Occurs::AtLeastOne | Occurs::Any => false,
+            };
+            if again {
                 return Err(SceneError::RepeatedElement {
                     at: self.source.locate(child.at),
                     parent: schema.name,
@@ -161,8 +167,15 @@ impl Checker<'_> {
                 self.element(child, schema)?;
             }
         }
+        let mut shaped = schema.children.iter().zip(&counts).any(|(c, &n)| c.occurs == Occurs::OneShape && n > 0);
         for (known, count) in schema.children.iter().zip(counts) {
-            if count == 0 && matches!(known.occurs, Occurs::One | Occurs::AtLeastOne) {
+            let missing = match known.occurs {
+                // Reported at the first kind of shape, unless there is another.
+                Occurs::OneShape => !std::mem::replace(&mut shaped, true),
+                Occurs::AtLeastOne => count == 0,
+                Occurs::AtMostOne | Occurs::Any => false,
+            };
+            if missing {
                 return Err(SceneError::MissingElement {
                     at: self.source.locate(element.at),
                     parent: schema.name,

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::dom::{Element, Source};
 use super::error::{SceneError, quoted};
 use super::values::Part;
-use super::{ImageSettings, Light, Motion};
+use super::{ImageSettings, Light, Motion, Sphere};
 use crate::anim::Interpolation;
 use crate::math::{RotateOrder, Trs};
 use crate::model::{self, ColourSpace, Material};
@@ -57,13 +57,20 @@ pub(super) struct AnimationSpec {
     pub(super) node: Option<String>,
 }
 
+/// What an object looks like.
+#[derive(Debug)]
+pub(super) enum ShapeSpec {
+    Model(FileRef),
+    Sphere(Sphere),
+}
+
 #[derive(Debug)]
 pub(super) struct ObjectSpec {
     pub(super) name: String,
     pub(super) blur: bool,
     pub(super) two_sided: Option<bool>,
     pub(super) epsilon: Option<f64>,
-    pub(super) model: FileRef,
+    pub(super) shape: ShapeSpec,
     pub(super) options: model::LoadOptions,
     pub(super) transform: Trs,
     pub(super) animation: Option<AnimationSpec>,
@@ -215,7 +222,10 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         blur: part.boolean("blur")?,
         two_sided: part.optional_boolean("twoSided")?,
         epsilon: part.optional_number("epsilon")?,
-        model: model.file(),
+        shape: match part.element.child("sphere") {
+            Some(element) => ShapeSpec::Sphere(sphere(&Part::new(part.source, element, "sphere"))?),
+            None => ShapeSpec::Model(model.file()),
+        },
         options: model::LoadOptions { radius_scale: model.number("radiusScale")?, colour_space },
         transform: placement(&inside("transform"))?,
         animation: animation(part)?,
@@ -223,6 +233,10 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         place: placement(&inside("place"))?,
         material: material.transpose()?,
     })
+}
+
+fn sphere(part: &Part<'_>) -> Result<Sphere, SceneError> {
+    Ok(Sphere { radius: part.number("radius")?, colour: part.vector("colour")?.as_vec3() })
 }
 
 fn animation(parent: &Part<'_>) -> Result<Option<AnimationSpec>, SceneError> {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::document::{AnimationSpec, CameraSpec, Document, FileRef, ObjectSpec, unit};
+use super::document::{AnimationSpec, CameraSpec, Document, FileRef, ObjectSpec, ShapeSpec, unit};
 use super::dom::Source;
 use super::error::SceneError;
 use super::paths::Finder;
@@ -157,8 +157,19 @@ struct Files<'a> {
 impl Files<'_> {
     fn object(&mut self, spec: ObjectSpec) -> Result<Object, SceneError> {
         let animation = spec.animation.as_ref().map(|a| self.bind(a)).transpose()?;
-        let model_path = self.find(&spec.model)?;
-        let Model { surfels, median_radius, bounds } = self.model(&spec, &model_path)?;
+        let (model_path, model, sphere) = match &spec.shape {
+            ShapeSpec::Model(file) => {
+                let path = self.find(file)?;
+                let model = self.model(file, &spec.options, &path)?;
+                (path, model, None)
+            }
+            ShapeSpec::Sphere(sphere) => {
+                let corner = DVec3::splat(sphere.radius);
+                let bounds = [-corner, corner].into_iter().collect();
+                (PathBuf::new(), Model { surfels: Arc::default(), median_radius: 0.0, bounds }, Some(*sphere))
+            }
+        };
+        let Model { surfels, median_radius, bounds } = model;
         Ok(Object {
             name: spec.name,
             model_path,
@@ -175,7 +186,7 @@ impl Files<'_> {
             blur: spec.blur,
             median_radius,
             bounds,
-            sphere: None,
+            sphere,
         })
     }
 
@@ -189,9 +200,9 @@ impl Files<'_> {
         Ok(path)
     }
 
-    fn model(&mut self, spec: &ObjectSpec, path: &Path) -> Result<Model, SceneError> {
-        let linear = spec.options.colour_space.map(|c| c == model::ColourSpace::Linear);
-        let key = (canonical(path), spec.options.radius_scale.to_bits(), linear);
+    fn model(&mut self, file: &FileRef, options: &model::LoadOptions, path: &Path) -> Result<Model, SceneError> {
+        let linear = options.colour_space.map(|c| c == model::ColourSpace::Linear);
+        let key = (canonical(path), options.radius_scale.to_bits(), linear);
         if let Some(model) = self.models.get(&key) {
             return Ok(model.clone());
         }
@@ -199,7 +210,7 @@ impl Files<'_> {
         *variants += 1;
         if *variants > MOST_VARIANTS {
             return Err(SceneError::BadValue {
-                at: self.source.locate(spec.model.at),
+                at: self.source.locate(file.at),
                 what: "<pointModel>".to_owned(),
                 found: format!("variant {variants} of the file {}", path.display()),
                 expected: format!("at most {MOST_VARIANTS} pairs of `radiusScale` and `colourSpace` for one file"),
@@ -207,8 +218,8 @@ impl Files<'_> {
         }
         let silent = |_: &str, _: f32| {};
         let progress = self.options.progress.unwrap_or(&silent);
-        let loaded = model::load(path, &spec.options, progress)
-            .map_err(|e| SceneError::Model { at: self.source.locate(spec.model.at), source: Box::new(e) })?;
+        let loaded = model::load(path, options, progress)
+            .map_err(|e| SceneError::Model { at: self.source.locate(file.at), source: Box::new(e) })?;
         self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
         let (median_radius, bounds) = (loaded.surfels.median_radius(), loaded.surfels.bounds());
         let model = Model { surfels: Arc::new(loaded.surfels.spatially_ordered()), median_radius, bounds };

@@ -25,7 +25,8 @@ pub(super) struct Child {
 /// How often a child may be there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Occurs {
-    One,
+    /// With the others of this kind, exactly one.
+    OneShape,
     AtMostOne,
     AtLeastOne,
     Any,
@@ -34,7 +35,7 @@ pub(super) enum Occurs {
 impl Occurs {
     pub(super) const fn describe(self) -> &'static str {
         match self {
-            Self::One => "exactly one",
+            Self::OneShape => "exactly one shape (pointModel or sphere)",
             Self::AtMostOne => "at most one",
             Self::AtLeastOne => "at least one",
             Self::Any => "any number",
@@ -143,7 +144,7 @@ const PLACEMENT: &[AttributeSchema] = &[
 ];
 
 use Absent::{Auto, Required, Value};
-use Occurs::{Any, AtLeastOne, AtMostOne, One};
+use Occurs::{Any, AtLeastOne, AtMostOne, OneShape};
 
 /// Every element; the root first.
 pub(super) static ELEMENTS: &[ElementSchema] = &[
@@ -284,9 +285,9 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 "depth tolerance of visibility, scene units",
             ),
         ],
-        // A shape made by formula instead of a file would stand beside pointModel: one of the two.
         children: &[
-            child("pointModel", One),
+            child("pointModel", OneShape),
+            child("sphere", OneShape),
             child("transform", AtMostOne),
             child("animation", AtMostOne),
             child("motion", Any),
@@ -306,6 +307,16 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 Auto("srgb for integer colours, linear for floats"),
                 "colour space of the file's colours",
             ),
+        ],
+        children: &[],
+    },
+    ElementSchema {
+        name: "sphere",
+        text: None,
+        selector: None,
+        attributes: &[
+            row("radius", Kind::Number(Range(1e-9, FAR)), Value("1"), "radius, scene units"),
+            row("colour", Kind::Vector(LIGHT), Value("1 1 1"), "linear red green blue"),
         ],
         children: &[],
     },

@@ -7,7 +7,7 @@
 use std::fmt::Write;
 use std::path::{Component, Path, PathBuf};
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::schema::MOST_INTENSITY;
 use super::xml::is_xml;
@@ -142,15 +142,7 @@ impl Xml {
         attributes.extend(object.epsilon.map(|e| ("epsilon", number(e))));
         self.open(1, "object", &attributes);
         self.0.push_str(">\n");
-        let mut attributes = vec![("radiusScale", number(object.radius_scale))];
-        attributes.extend(object.colour_space.map(|c| {
-            let word = match c {
-                ColourSpace::Srgb => "srgb",
-                ColourSpace::Linear => "linear",
-            };
-            ("colourSpace", word.to_owned())
-        }));
-        self.file(2, "pointModel", &attributes, &relative(&object.model_path, base));
+        self.shape(object, base);
         self.placement("transform", &object.transform);
         if let Some(animation) = &object.animation {
             self.animation(animation, base);
@@ -170,6 +162,23 @@ impl Xml {
             );
         }
         self.0.push_str("  </object>\n");
+    }
+
+    fn shape(&mut self, object: &Object, base: &Path) {
+        if let Some(sphere) = &object.sphere {
+            let Vec3 { x, y, z } = sphere.colour;
+            let attributes = [("radius", number(sphere.radius)), ("colour", format!("{x} {y} {z}"))];
+            return self.line(2, "sphere", &attributes);
+        }
+        let mut attributes = vec![("radiusScale", number(object.radius_scale))];
+        attributes.extend(object.colour_space.map(|c| {
+            let word = match c {
+                ColourSpace::Srgb => "srgb",
+                ColourSpace::Linear => "linear",
+            };
+            ("colourSpace", word.to_owned())
+        }));
+        self.file(2, "pointModel", &attributes, &relative(&object.model_path, base));
     }
 
     fn placement(&mut self, name: &str, trs: &Trs) {
