@@ -5,6 +5,8 @@
 
 mod support;
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use splatblur::film::{Aov, Picture};
@@ -283,7 +285,7 @@ fn dense_surfels_approach_the_ideal_sphere() {
     };
     let colour = Vec3::new(0.8, 0.6, 0.4);
     let mut ideal = base(1);
-    ideal.objects[0].model = Default::default();
+    ideal.objects[0].model = Arc::default();
     ideal.objects[0].sphere = Some(Sphere { radius: 1.0, colour });
     let options = with(256);
     let ideal = reference(&ideal, &options).picture;

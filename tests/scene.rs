@@ -727,6 +727,7 @@ fn an_ideal_sphere_takes_the_place_of_a_model() {
     assert_eq!(again.objects[0].sphere, object.sphere);
     assert_eq!(to_xml(&again, Path::new("")), to_xml(&scene, Path::new("")));
     let mut cpu = splatblur::backend::cpu::Cpu::default();
-    let error = splatblur::render::render_frame(&mut cpu, &scene, 0, &Default::default()).unwrap_err();
+    let error =
+        splatblur::render::render_frame(&mut cpu, &scene, 0, &splatblur::plan::RenderOptions::default()).unwrap_err();
     assert_eq!(error.to_string(), "object `object1` is an ideal sphere, which only the reference can show");
 }
