@@ -1,4 +1,4 @@
-//! Run-time dispatch to wider vectors. The only `unsafe` of the renderer and of the reference.
+//! Run-time dispatch to wider vectors. The only `unsafe` of the renderer.
 
 /// Defines `fn name(args)` that returns `body(args)`, compiled once for the baseline and once for AVX2.
 ///

@@ -119,7 +119,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
             let c = match self.world.options.shading {
                 Shading::Phong => surface.colour,
                 Shading::Gouraud => {
-                    let position = (surface.centre - target.eye).as_vec3();
+                    let position = (surface.centre(target) - target.eye).as_vec3();
                     shade(&self.lights, &surface.material, surface.colour, surface.normal.as_vec3(), position)
                 }
             };
@@ -153,7 +153,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
         }
         let world = self.world;
         let camera = world.camera(time).world_from_camera.transpose();
-        let p = camera * (surface.centre - target.eye);
+        let p = camera * (surface.centre(target) - target.eye);
         // The rate is that of camera space from model space about the model's own origin.
         let rate = object_velocity(world.scene, body.object, time);
         let v = rate.transform_vector3(surface.model + body.surfels.origin) + rate.w_axis.truncate();
@@ -177,12 +177,15 @@ pub(super) struct Surface {
     pub normal: DVec3,
     /// Centre of the surfel (for a sphere: the point hit), relative to the model's origin, model axes.
     pub model: DVec3,
-    /// The same in the world.
-    pub centre: DVec3,
     pub material: Material,
 }
 
 impl Surface {
+    /// Centre of the surfel in the world.
+    fn centre(&self, target: &Target) -> DVec3 {
+        target.placed.world_from_model.transform_point3(self.model)
+    }
+
     pub(super) fn of(body: &Body<'_>, target: &Target, hit: &Hit) -> Self {
         let placed = &target.placed;
         let (colour, normal, model) = if let Shape::Sphere(sphere) = body.shape {
@@ -198,7 +201,6 @@ impl Surface {
             colour,
             normal: if hit.back { -normal } else { normal },
             model,
-            centre: placed.world_from_model.transform_point3(model),
             material: body.material(hit.surfel as usize),
         }
     }

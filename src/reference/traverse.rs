@@ -6,7 +6,6 @@
 use glam::DVec3;
 
 use super::bvh::{Bvh, LANES, LEAF, Leaf, Node, WIDTH};
-use crate::math::simd::dispatch;
 
 /// Smallest depth tolerance, as a share of the depth: 4 units in the last place of f32, as for the splatter (design section 2).
 pub(super) const LEAST_EPSILON: f64 = 4.0 * f32::EPSILON as f64;
@@ -57,9 +56,24 @@ impl Found {
     }
 }
 
-dispatch! {
-    /// Adds the surfels that `ray` hits at depths up to the limit, and lowers the limit.
-    fn traverse(bvh: &Bvh, ray: &ModelRay, found: &mut Found) = traverse_body
+/// Adds the surfels that `ray` hits at depths up to the limit, and lowers the limit.
+///
+/// Compiled for the baseline and for AVX2, where the boxes are tested with intrinsics (compilers make shuffles of it). Boxes only
+/// decide what is looked at, and the intersection's operations are the same: so are the hits, to the bit.
+pub(super) fn traverse(bvh: &Bvh, ray: &ModelRay, found: &mut Found) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2")]
+        fn avx2(bvh: &Bvh, ray: &ModelRay, found: &mut Found) {
+            traverse_body(bvh, ray, found, |node, ray, near, limit| enter_avx(node, ray, near, limit));
+        }
+        if std::arch::is_x86_feature_detected!("avx2") {
+            #[allow(unsafe_code, reason = "AVX2 was detected on the line before")]
+            // SAFETY: the CPU has the only feature that the function enables.
+            return unsafe { avx2(bvh, ray, found) };
+        }
+    }
+    traverse_body(bvh, ray, found, enter);
 }
 
 /// The ray as boxes see it: from `start` (a depth) on, where it enters the model's sphere.
@@ -71,7 +85,12 @@ struct BoxRay {
 }
 
 #[inline(always)]
-fn traverse_body(bvh: &Bvh, ray: &ModelRay, found: &mut Found) {
+fn traverse_body(
+    bvh: &Bvh,
+    ray: &ModelRay,
+    found: &mut Found,
+    enter: impl Fn(&Node, &BoxRay, f32, f32) -> ([f32; WIDTH], u32),
+) {
     let d2 = ray.direction.length_squared();
     let from = ray.origin - bvh.centre;
     let middle = -from.dot(ray.direction) / d2;
@@ -167,6 +186,28 @@ fn enter(node: &Node, ray: &BoxRay, near: f32, limit: f32) -> ([f32; WIDTH], u32
         bits[l] = if entry[l] <= exit { 1_u32 << l } else { 0 };
     }
     (entry, bits.iter().fold(0, |mask, bit| mask | bit))
+}
+
+/// As [`enter`], with AVX.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx")]
+#[inline]
+fn enter_avx(node: &Node, ray: &BoxRay, near: f32, limit: f32) -> ([f32; WIDTH], u32) {
+    use std::arch::x86_64::{
+        __m256, _CMP_LE_OQ, _mm256_cmp_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps,
+        _mm256_set1_ps, _mm256_sub_ps,
+    };
+    let mut entry = _mm256_set1_ps(near);
+    let mut exit = _mm256_set1_ps(limit);
+    for axis in 0..3 {
+        let first: __m256 = bytemuck::cast(node.sides[ray.first[axis]][axis]);
+        let last: __m256 = bytemuck::cast(node.sides[1 - ray.first[axis]][axis]);
+        let (o, inverse) = (_mm256_set1_ps(ray.origin[axis]), _mm256_set1_ps(ray.inverse[axis]));
+        entry = _mm256_max_ps(_mm256_mul_ps(_mm256_sub_ps(first, o), inverse), entry);
+        exit = _mm256_min_ps(_mm256_mul_ps(_mm256_sub_ps(last, o), inverse), exit);
+    }
+    let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(entry, exit));
+    (bytemuck::cast(entry), mask as u32)
 }
 
 /// Intersects the surfels of a leaf; true if the limit fell.
