@@ -64,7 +64,7 @@ pub struct Stats {
     pub samples: u64,
     /// Surfels posed, over all time samples.
     pub surfels: u64,
-    /// Splats that reached the image, over all time samples.
+    /// Splats projected onto the image, over all time samples; where they pass in waves (`--memory`), once for each pass.
     pub splats: u64,
     /// CPU time of `project` and `bin`, over all threads.
     pub project: Duration,
