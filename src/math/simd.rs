@@ -1,4 +1,4 @@
-//! Run-time dispatch to wider vectors. The only `unsafe` of the renderer.
+//! Run-time dispatch to wider vectors. The only `unsafe` of the splatter.
 
 /// Defines `fn name(args)` that returns `body(args)`, compiled once for the baseline and once for AVX2.
 ///
