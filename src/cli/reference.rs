@@ -9,16 +9,16 @@ use clap::{Args, ValueEnum};
 use glam::DVec3;
 use serde::Serialize;
 use splatblur::files;
-use splatblur::image::{self, Bits, Format};
+use splatblur::image::{self, Format};
 use splatblur::plan::{self, BlurMode, RenderOptions};
 use splatblur::reference::{self, ReferenceOptions, SCRAMBLINGS, Stats, Sums};
-use splatblur::scene::{self, Loaded, Scene};
+use splatblur::scene::{Loaded, Scene};
 use splatblur::time::Weight;
 
 use super::grammar::{self, Frames};
 use super::output::{print, print_json, say};
 use super::progress::Loading;
-use super::render::{Depth, FileFormat, Filter, Shading, open_directory, stop_on_interrupt};
+use super::render::{Depth, FileFormat, Filter, Shading, file_format, load_scene, open_directory, stop_on_interrupt};
 use super::sequence::file_name;
 use super::settings::Settings;
 
@@ -181,11 +181,12 @@ struct FrameReport {
 impl Reference {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let options = self.options()?;
-        let format = self.format()?;
+        let format = file_format(self.format, self.bits, self.transparent, &self.aov)?;
         // 0: as many as there are cores.
         let threads = self.threads.map_or(0, usize::from);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start the threads")?;
-        let Loaded { mut scene, notes } = self.load(&pool)?;
+        let Loaded { mut scene, notes } =
+            load_scene(&self.scene, self.lenient, self.restrict.as_deref(), self.quiet, &pool)?;
         if !self.quiet {
             for note in &notes {
                 say(&format!("note: {note}"));
@@ -306,31 +307,6 @@ impl Reference {
             seed: self.seed,
             aovs: grammar::aovs(&self.aov).map_err(anyhow::Error::msg)?,
         })
-    }
-
-    fn format(&self) -> anyhow::Result<Format> {
-        match self.format {
-            FileFormat::Png if !self.aov.is_empty() => {
-                bail!("--aov needs --format exr: PNG holds colour and alpha only")
-            }
-            FileFormat::Exr if self.bits.is_some() => bail!("--bits is for --format png: EXR is always 32-bit float"),
-            FileFormat::Exr => Ok(Format::Exr),
-            FileFormat::Png => {
-                let bits = if matches!(self.bits, Some(Depth::Sixteen)) { Bits::Sixteen } else { Bits::Eight };
-                Ok(Format::Png { bits, alpha: self.transparent })
-            }
-        }
-    }
-
-    fn load(&self, pool: &rayon::ThreadPool) -> anyhow::Result<Loaded> {
-        if let Some(directory) = self.restrict.as_deref().filter(|directory| !directory.is_dir()) {
-            bail!("--restrict: {} is not a directory", directory.display());
-        }
-        let progress = Loading::new(self.quiet);
-        let step = |what: &str, share: f32| progress.step(what, share);
-        let options =
-            scene::LoadOptions { lenient: self.lenient, restrict: self.restrict.as_deref(), progress: Some(&step) };
-        Ok(pool.install(|| scene::load(&self.scene, &options))?)
     }
 
     /// Options that replace what the scene says.

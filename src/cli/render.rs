@@ -193,9 +193,10 @@ impl Render {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let start = Instant::now();
         let options = self.options()?;
-        let format = self.format()?;
+        let format = file_format(self.format, self.bits, self.transparent, &self.aov)?;
         let pool = self.pool()?;
-        let Loaded { mut scene, notes } = self.load(&pool)?;
+        let Loaded { mut scene, notes } =
+            load_scene(&self.scene, self.lenient, self.restrict.as_deref(), self.quiet, &pool)?;
         let load_seconds = start.elapsed().as_secs_f64();
         if !self.quiet {
             for note in &notes {
@@ -295,38 +296,10 @@ impl Render {
         })
     }
 
-    fn format(&self) -> anyhow::Result<Format> {
-        match self.format {
-            FileFormat::Png if !self.aov.is_empty() => {
-                bail!("--aov needs --format exr: PNG holds colour and alpha only")
-            }
-            FileFormat::Exr if self.bits.is_some() => bail!("--bits is for --format png: EXR is always 32-bit float"),
-            FileFormat::Exr => Ok(Format::Exr),
-            FileFormat::Png => {
-                let bits = match self.bits {
-                    Some(Depth::Sixteen) => Bits::Sixteen,
-                    Some(Depth::Eight) | None => Bits::Eight,
-                };
-                Ok(Format::Png { bits, alpha: self.transparent })
-            }
-        }
-    }
-
     fn pool(&self) -> anyhow::Result<rayon::ThreadPool> {
         // 0: as many as there are cores.
         let threads = self.threads.map_or(0, usize::from);
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start the threads")
-    }
-
-    fn load(&self, pool: &rayon::ThreadPool) -> anyhow::Result<Loaded> {
-        if let Some(directory) = self.restrict.as_deref().filter(|directory| !directory.is_dir()) {
-            bail!("--restrict: {} is not a directory", directory.display());
-        }
-        let progress = Loading::new(self.quiet);
-        let step = |what: &str, share: f32| progress.step(what, share);
-        let options =
-            scene::LoadOptions { lenient: self.lenient, restrict: self.restrict.as_deref(), progress: Some(&step) };
-        Ok(pool.install(|| scene::load(&self.scene, &options))?)
     }
 
     /// Options that replace what the scene says.
@@ -369,6 +342,44 @@ fn conclude(finished: &[Finished], movie: &Movie<'_>, seconds: f64) -> anyhow::R
     let word = if finished.len() == 1 { "image" } else { "images" };
     let movie_line = movie.ffmpeg().map_or_else(String::new, |line| format!("as a movie: {line}\n"));
     print(&format!("{} {word}{also} in {seconds:.1} s: {}\n{movie_line}", finished.len(), movie.files()))
+}
+
+/// What the options on files ask for; what the format cannot hold is refused.
+pub(super) fn file_format<T>(
+    format: FileFormat,
+    bits: Option<Depth>,
+    transparent: bool,
+    aovs: &[T],
+) -> anyhow::Result<Format> {
+    match format {
+        FileFormat::Png if !aovs.is_empty() => bail!("--aov needs --format exr: PNG holds colour and alpha only"),
+        FileFormat::Exr if bits.is_some() => bail!("--bits is for --format png: EXR is always 32-bit float"),
+        FileFormat::Exr => Ok(Format::Exr),
+        FileFormat::Png => {
+            let bits = match bits {
+                Some(Depth::Sixteen) => Bits::Sixteen,
+                Some(Depth::Eight) | None => Bits::Eight,
+            };
+            Ok(Format::Png { bits, alpha: transparent })
+        }
+    }
+}
+
+/// Reads the scene with the threads of `pool`, showing progress on a terminal.
+pub(super) fn load_scene(
+    path: &Path,
+    lenient: bool,
+    restrict: Option<&Path>,
+    quiet: bool,
+    pool: &rayon::ThreadPool,
+) -> anyhow::Result<Loaded> {
+    if let Some(directory) = restrict.filter(|directory| !directory.is_dir()) {
+        bail!("--restrict: {} is not a directory", directory.display());
+    }
+    let progress = Loading::new(quiet);
+    let step = |what: &str, share: f32| progress.step(what, share);
+    let options = scene::LoadOptions { lenient, restrict, progress: Some(&step) };
+    Ok(pool.install(|| scene::load(path, &options))?)
 }
 
 /// Makes the output directory, and finds out now, not after the first frame, whether files can be written there.
