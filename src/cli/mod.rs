@@ -3,6 +3,7 @@
 //! Exit status: 0 done, 1 reserved for comparisons over their limit, 2 error (one line on stderr), 130 interrupted.
 //! What a user asked for goes to stdout, everything else to stderr.
 
+mod common;
 mod convert;
 mod generate;
 mod grammar;
