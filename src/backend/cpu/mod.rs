@@ -231,7 +231,7 @@ impl Work<'_> {
         let sample = &self.group.samples[chunk.sample];
         let view = View {
             object: &sample.objects[chunk.object],
-            raster: &self.group.raster,
+            raster: self.group.raster,
             pixels: self.band.pixels,
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,
