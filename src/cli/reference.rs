@@ -243,7 +243,7 @@ impl Output<'_> {
     /// partial sums are of the same kind.
     fn settings(&self, scene_path: &Path, frame: i64, samples: u64) -> anyhow::Result<String> {
         let options = RenderOptions {
-            mode: BlurMode::Supersample { samples: u32::try_from(samples).unwrap_or(u32::MAX) },
+            mode: BlurMode::supersample(u32::try_from(samples).unwrap_or(u32::MAX)),
             filter: self.options.filter,
             prefilter: plan::Prefilter::None,
             shading: self.options.shading,
