@@ -10,7 +10,7 @@ use serde::Serialize;
 use splatblur::files;
 use splatblur::image::{self, Format};
 use splatblur::plan::{self, BlurMode, RenderOptions};
-use splatblur::reference::{self, ReferenceOptions, SCRAMBLINGS, Stats, Sums};
+use splatblur::reference::{self, ReferenceError, ReferenceOptions, SCRAMBLINGS, Stats, Sums};
 use splatblur::scene::Scene;
 
 use super::common::{Exposure, Images, Ready, Running, Surfaces, open_directory, stop_on_interrupt};
@@ -51,23 +51,23 @@ pub(super) struct Reference {
     #[arg(long, conflicts_with = "resume", help_heading = "Output")]
     no_sums: bool,
     /// Print all about pixel X,Y of the first frame, and write nothing.
-    #[arg(long, value_name = "X,Y", value_parser = pixel, help_heading = "Output")]
+    #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = pixel, conflicts_with_all = ["error", "resume", "json"], help_heading = "Output")]
     pixel: Option<[u32; 2]>,
     /// Print all about this sample of the pixel: its ray, time, hits, depths, weights.
-    #[arg(long, value_name = "I", requires = "pixel", help_heading = "Output")]
+    #[arg(long, value_name = "I", allow_hyphen_values = true, requires = "pixel", help_heading = "Output")]
     sample: Option<u64>,
 
     /// Samples a pixel, a multiple of 16; with --error, the most.
-    #[arg(long, value_name = "SPP", default_value_t = 1024, help_heading = "Sampling")]
+    #[arg(long, value_name = "SPP", default_value_t = 1024, allow_hyphen_values = true, help_heading = "Sampling")]
     samples: u64,
     /// Stop after the round of 256 samples in which the mean standard error falls below this.
-    #[arg(long, value_name = "E", value_parser = grammar::positive, help_heading = "Sampling")]
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = grammar::positive, help_heading = "Sampling")]
     error: Option<f64>,
     /// How positions and times are chosen.
     #[arg(long, value_enum, default_value_t, help_heading = "Sampling")]
     sampler: Sampler,
     /// Cells of the jittered grid of times for each time sample: 1 bands, many are noisy [default: 4].
-    #[arg(long, value_name = "CELLS", value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Sampling")]
+    #[arg(long, value_name = "CELLS", allow_hyphen_values = true, value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Sampling")]
     jitter_density: Option<u32>,
 
     #[command(flatten)]
@@ -210,7 +210,7 @@ impl Reference {
         if self.jitter_density.is_some() && self.sampler != Sampler::Jittered {
             bail!("--jitter-density is for --sampler jittered");
         }
-        Ok(ReferenceOptions {
+        let options = ReferenceOptions {
             samples: self.samples,
             error: self.error,
             sampler: match self.sampler {
@@ -224,7 +224,12 @@ impl Reference {
             epsilon: self.surfaces.epsilon,
             seed: self.exposure.seed,
             aovs: self.images.aovs()?,
-        })
+        };
+        options.check()?;
+        if self.resume && !options.sampler.is_progressive() {
+            return Err(ReferenceError::Fixed.into());
+        }
+        Ok(options)
     }
 }
 

@@ -78,10 +78,19 @@ impl Default for ReferenceOptions {
 }
 
 impl ReferenceOptions {
-    fn checked_samples(&self) -> Result<u64, ReferenceError> {
+    /// Whether there can be a reference with these options.
+    ///
+    /// # Errors
+    /// The number of samples does not suit the scramblings, or the sampler cannot stop at an error.
+    pub const fn check(&self) -> Result<(), ReferenceError> {
         let samples = self.samples;
-        let valid = samples > 0 && samples.is_multiple_of(SCRAMBLINGS as u64) && samples <= MOST_SAMPLES;
-        if valid { Ok(samples) } else { Err(ReferenceError::Samples { samples }) }
+        if samples == 0 || !samples.is_multiple_of(SCRAMBLINGS as u64) || samples > MOST_SAMPLES {
+            return Err(ReferenceError::Samples { samples });
+        }
+        if self.error.is_some() && !self.sampler.is_progressive() {
+            return Err(ReferenceError::Fixed);
+        }
+        Ok(())
     }
 }
 
@@ -150,6 +159,14 @@ pub enum ReferenceError {
         "the jittered sampler has a fixed number of samples: it can neither stop at an error nor go on from an earlier run"
     )]
     Fixed,
+    /// The image is too large.
+    #[error("the sums of {width} x {height} pixels do not fit into memory")]
+    Memory {
+        /// Width of the image.
+        width: u32,
+        /// Height of the image.
+        height: u32,
+    },
     /// Bytes that should be partial sums are not.
     #[error("these are no partial sums of a reference, or they are damaged")]
     Damaged,
@@ -195,22 +212,23 @@ pub fn render(
     earlier: Option<Sums>,
     progress: Progress<'_>,
 ) -> Result<Reference, ReferenceError> {
-    let samples = options.checked_samples()?;
-    if !options.sampler.is_progressive() && (options.error.is_some() || earlier.is_some()) {
+    options.check()?;
+    if !options.sampler.is_progressive() && earlier.is_some() {
         return Err(ReferenceError::Fixed);
     }
+    let samples = options.samples;
     let size = [scene.image.width, scene.image.height];
     let mut sums = match earlier {
         Some(sums) => sums.like(size, &options.aovs)?,
-        None => Sums::new(size, &options.aovs),
+        None => Sums::new(size, &options.aovs)?,
     };
     let start = Instant::now();
     let world = World::new(scene, frame, options);
     let build = start.elapsed();
     let start = Instant::now();
     let before = sums.samples;
-    let background = Background { colour: scene.image.background, transparent: scene.image.transparent };
-    let integrator = Integrator { world: &world, warp: TimeWarp::new(&scene.shutter.weight), frame: frame as f64 };
+    let background = background(scene);
+    let integrator = Integrator::new(&world, frame, [0, 0]);
     if let Some(limit) = options.error {
         let mut error = None;
         while sums.samples < samples {
@@ -240,17 +258,29 @@ pub fn render(
     Ok(Reference { picture: sums.develop(&options.aovs, background), sums, stats })
 }
 
+/// What the picture of a scene is put over.
+const fn background(scene: &Scene) -> Background {
+    Background { colour: scene.image.background, transparent: scene.image.transparent }
+}
+
 /// Rows that one task takes.
 const STRIP: usize = 4;
 
+/// Samples the pixels of an image, or of a window in it.
 struct Integrator<'w, 'a> {
     world: &'w World<'a>,
     warp: TimeWarp,
     frame: f64,
+    /// First pixel of the window.
+    origin: [u32; 2],
 }
 
-impl Integrator<'_, '_> {
-    /// Brings every pixel to `end` samples.
+impl<'w, 'a> Integrator<'w, 'a> {
+    fn new(world: &'w World<'a>, frame: i64, origin: [u32; 2]) -> Self {
+        Self { world, warp: TimeWarp::new(&world.scene.shutter.weight), frame: frame as f64, origin }
+    }
+
+    /// Brings every pixel of the window to `end` samples.
     fn add(&self, sums: &mut Sums, end: u64, error: Option<f64>, progress: Progress<'_>) {
         let options = self.world.options;
         let each = SCRAMBLINGS as u64;
@@ -281,7 +311,8 @@ impl Integrator<'_, '_> {
                             &mut extra[at * (planes.count - 4)..][..planes.count - 4]
                         };
                         let mut pixel = Pixel { planes: &planes, sums: &mut colour[at], range: &mut range[at], extra };
-                        self.pixel(tracer, &points, [x, number * STRIP + y], first..last, &mut pixel);
+                        let place = [self.origin[0] + x as u32, self.origin[1] + (number * STRIP + y) as u32];
+                        self.pixel(tracer, &points, place, first..last, &mut pixel);
                     }
                 }
                 let done = finished.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
@@ -295,16 +326,15 @@ impl Integrator<'_, '_> {
         &self,
         tracer: &mut Tracer<'_, '_>,
         points: &Points,
-        [x, y]: [usize; 2],
+        place: [u32; 2],
         range: std::ops::Range<u64>,
         pixel: &mut Pixel<'_>,
     ) {
-        let number = (y * self.world.size[0] as usize + x) as u64;
-        let of_pixel = points.pixel(number);
+        let of_pixel = points.pixel(self.number(place));
         let scrambled: [_; SCRAMBLINGS] = std::array::from_fn(|r| of_pixel.scrambling(r));
         for k in range {
             for (r, scrambling) in scrambled.iter().enumerate() {
-                let (film, time) = self.place([x, y], scrambling.at(k));
+                let (film, time) = self.place(place, scrambling.at(k));
                 if let Some(seen) = tracer.sample(film, time) {
                     pixel.add(r, &seen);
                 }
@@ -312,14 +342,19 @@ impl Integrator<'_, '_> {
         }
     }
 
+    /// The number of a pixel of the image: what its samples depend on.
+    fn number(&self, [x, y]: [u32; 2]) -> u64 {
+        u64::from(y) * u64::from(self.world.size[0]) + u64::from(x)
+    }
+
     /// Film point (pixels) and scene time (frames) of a point of the unit cube.
-    fn place(&self, pixel: [usize; 2], [u, v, share]: [f64; 3]) -> ([f64; 2], f64) {
+    fn place(&self, pixel: [u32; 2], [u, v, share]: [f64; 3]) -> ([f64; 2], f64) {
         let (u, v) = match self.world.options.filter {
             PixelFilter::Box => (u, v),
             PixelFilter::Point => (0.5, 0.5),
         };
         let time = self.world.scene.shutter.frame_time(self.frame, self.warp.time(share));
-        ([pixel[0] as f64 + u, pixel[1] as f64 + v], time)
+        ([f64::from(pixel[0]) + u, f64::from(pixel[1]) + v], time)
     }
 }
 
