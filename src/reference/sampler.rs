@@ -234,6 +234,25 @@ mod tests {
         assert_eq!(seen, [1; 64]);
     }
 
+    /// The cells of the grid of times are shared, but not the choice among them; a density of 1 leaves no choice.
+    #[test]
+    fn jittered_positions_choose_their_own_times() {
+        let (n, density) = (64, 4);
+        for (density, most) in [(1, 4), (density, 16)] {
+            let points = &all(Sampler::Jittered { density }, 1, 0, n)[3];
+            let times = |position: usize| -> Vec<u64> {
+                let mut times: Vec<u64> = points[4 * position..][..4].iter().map(|p| p[2].to_bits()).collect();
+                times.sort_unstable();
+                times
+            };
+            let mut all: Vec<u64> = (0..16).flat_map(times).collect();
+            all.sort_unstable();
+            all.dedup();
+            assert!(all.len() <= most && all.len() > most / 2, "{} times for density {density}", all.len());
+            assert_eq!((1..16).all(|position| times(position) == times(0)), density == 1);
+        }
+    }
+
     #[test]
     fn permutations_are_permutations() {
         for n in [1, 2, 3, 16, 17, 100] {

@@ -239,3 +239,59 @@ impl Film for Sums {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    const BLACK: Background = Background { colour: DVec3::ZERO, transparent: false };
+
+    /// Three columns and rows; pixel 4 in the middle has `hits` of 10 samples in each scrambling, white.
+    fn sums(hits: [f64; SCRAMBLINGS]) -> Sums {
+        let mut sums = Sums::new([3, 3], &[]).unwrap();
+        sums.samples = 160;
+        sums.colour[4] = hits.map(|n| [n, n, n, n]);
+        if hits.iter().any(|&n| n > 0.0) {
+            sums.range[4] = [[1.0; 3]; 2];
+        }
+        sums
+    }
+
+    /// The textbook formula, by hand: eight means of 0.2 and eight of 0.6.
+    #[test]
+    fn the_error_is_that_of_the_mean_of_sixteen() {
+        let hits = std::array::from_fn(|r| if r % 4 < 2 { 2.0 } else { 6.0 });
+        let want = (16.0_f64 * 0.2 * 0.2 / 15.0 / 16.0).sqrt();
+        for error in sums(hits).error(4, BLACK) {
+            assert!((error - want).abs() < 1e-12, "{error}, not {want}");
+        }
+        // Of the even ones alone: the variance of eight, shared by sixteen.
+        let want = (8.0_f64 * 0.2 * 0.2 / 7.0 / 16.0).sqrt();
+        let got = sums(hits).error_of(4, BLACK, Half::Even);
+        assert!(got.iter().all(|error| (error - want).abs() < 1e-12), "{got:?}, not {want}");
+        // What is behind counts in colours, not in coverage: white before white has no error.
+        let white = Background { colour: DVec3::ONE, transparent: false };
+        let [r, _, _, a] = sums(hits).error(4, white);
+        assert!(r < 1e-12 && a > 0.04, "{r} {a}");
+    }
+
+    /// Where all agree, what one sample changes is left, in the pixel and in all its neighbours, and nowhere else.
+    #[test]
+    fn where_all_agree_a_part_of_a_sample_is_left() {
+        let want = (256.0_f64 * 2.0 / (18.0 * 19.0)).sqrt() / 160.0;
+        let agreed = sums([3.0; SCRAMBLINGS]);
+        for i in 0..9 {
+            let errors = agreed.error(i, BLACK);
+            assert!(errors.iter().all(|error| (error - want).abs() < 1e-12), "pixel {i}: {errors:?}, not {want}");
+        }
+        for full in [0.0, 10.0] {
+            let mut sums = sums([full; SCRAMBLINGS]);
+            let (colour, range) = (sums.colour[4], sums.range[4]);
+            sums.colour.fill(colour);
+            sums.range.fill(range);
+            assert!(sums.error(4, BLACK).iter().all(|error| *error < 1e-12), "one value only");
+        }
+    }
+}
