@@ -61,7 +61,7 @@ impl Backend for Cpu {
         let channels = Channels::of(frame);
         let budget = Budget::of(frame, &planes, &channels)?;
         let stride = frame.stride as usize;
-        let mut films = RasterFilms { films: Vec::new(), stride };
+        let mut films = RasterFilms { films: Vec::new(), stride, samples: frame.samples() };
         let clocks = Clocks::default();
         for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
             let size = groups[0].raster.size;
