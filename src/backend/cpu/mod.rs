@@ -323,7 +323,6 @@ impl Work<'_> {
                 }
                 let resolve = Resolve {
                     sample: &samples[samples.len() / 2],
-                    weight: samples.iter().map(|sample| sample.weight).sum(),
                     channels: self.channels,
                     planes: self.planes,
                     shading: self.frame.shading,
