@@ -61,7 +61,7 @@ impl Backend for Cpu {
         let channels = Channels::of(frame);
         let budget = Budget::of(frame, &planes, &channels)?;
         let stride = frame.stride as usize;
-        let mut films = RasterFilms { films: Vec::new(), stride };
+        let mut films = RasterFilms { films: Vec::new(), stride, samples: frame.samples() };
         let clocks = Clocks::default();
         for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
             let size = groups[0].raster.size;
@@ -231,7 +231,7 @@ impl Work<'_> {
         let sample = &self.group.samples[chunk.sample];
         let view = View {
             object: &sample.objects[chunk.object],
-            raster: &self.group.raster,
+            raster: self.group.raster,
             pixels: self.band.pixels,
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,

@@ -59,6 +59,8 @@ impl TiledFilm {
 pub(super) struct RasterFilms {
     pub films: Vec<TiledFilm>,
     pub stride: usize,
+    /// Time samples of a pixel.
+    pub samples: u32,
 }
 
 impl Film for RasterFilms {
@@ -69,6 +71,10 @@ impl Film for RasterFilms {
                 film.row(plane, y / stride, stride, out);
             }
         }
+    }
+
+    fn samples(&self, _y: u32, out: &mut [f32]) {
+        out.fill(self.samples as f32);
     }
 }
 
