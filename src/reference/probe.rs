@@ -106,8 +106,7 @@ pub fn probe(
     let mut sums = [[0.0; 4]; SCRAMBLINGS];
     for k in 0..each {
         for (r, sums) in sums.iter_mut().enumerate() {
-            let (film, time) = integrator.place(place, of_pixel.scrambling(r).at(k));
-            if let Some(Seen { colour, .. }) = tracer.sample(film, time) {
+            if let Some(Seen { colour, .. }) = tracer.sample(integrator.place(place, of_pixel.scrambling(r).at(k))) {
                 (0..3).for_each(|c| sums[c] += colour[c]);
                 sums[3] += 1.0;
             }
@@ -132,12 +131,12 @@ pub fn probe(
 fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64; 2], time: f64) -> Sample {
     let camera = world.camera(time);
     let direction = world.direction(film);
-    tracer.hits(&camera, direction, time);
-    let limit = tracer.found.limit;
+    tracer.hits(&[(film, time)]);
+    let limit = tracer.found[0].limit;
     let mut hits: Vec<ProbedHit> = Vec::new();
-    for hit in &tracer.found.hits {
+    for hit in &tracer.found[0].hits {
         let body = &world.bodies[hit.object as usize];
-        let Some(target) = &tracer.targets[hit.object as usize] else { continue };
+        let Some(target) = tracer.target(0, hit) else { continue };
         let surface = Surface::of(body, target, hit);
         hits.push(ProbedHit {
             object: body.object.name.clone(),
@@ -153,7 +152,7 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
         });
     }
     hits.sort_by(|a, b| a.depth.total_cmp(&b.depth));
-    let seen = tracer.sample(film, time);
+    let seen = tracer.seen(0);
     Sample {
         number,
         film,
