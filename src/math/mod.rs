@@ -7,5 +7,5 @@ pub mod srgb;
 mod trs;
 
 pub use bounds::Bounds;
-pub(crate) use trs::rotation;
 pub use trs::{RotateOrder, Trs};
+pub(crate) use trs::{norm, rotation};

@@ -8,6 +8,7 @@
 mod bvh;
 mod posed;
 mod probe;
+mod reach;
 mod sampler;
 mod store;
 mod sums;
@@ -20,6 +21,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use self::posed::World;
+use self::reach::{Reach, Sights};
 use self::sampler::Points;
 use self::sums::PixelSums;
 use self::trace::{Place, Seen, Tracer};
@@ -211,7 +213,7 @@ pub fn render(
     let start = Instant::now();
     let before = sums.samples;
     let background = Background { colour: scene.image.background, transparent: scene.image.transparent };
-    let integrator = Integrator { world: &world, warp: TimeWarp::new(&scene.shutter.weight), frame: frame as f64 };
+    let integrator = Integrator::new(&world, frame);
     if let Some(limit) = options.error {
         let mut error = None;
         while sums.samples < samples {
@@ -250,10 +252,16 @@ const POINTS: u64 = 4;
 struct Integrator<'w, 'a> {
     world: &'w World<'a>,
     warp: TimeWarp,
+    reach: Reach,
     frame: f64,
 }
 
-impl Integrator<'_, '_> {
+impl<'w, 'a> Integrator<'w, 'a> {
+    fn new(world: &'w World<'a>, frame: i64) -> Self {
+        let frame = frame as f64;
+        Self { world, warp: TimeWarp::new(&world.scene.shutter.weight), reach: Reach::new(world, frame), frame }
+    }
+
     /// Brings every pixel to `end` samples.
     fn add(&self, sums: &mut Sums, end: u64, error: Option<f64>, progress: Progress<'_>) {
         let options = self.world.options;
@@ -274,11 +282,17 @@ impl Integrator<'_, '_> {
         places.enumerate().for_each_init(
             || (Tracer::new(self.world), Batch::default()),
             |(tracer, batch), (number, ((colour, range), extra))| {
-                let mut strip = Strip { planes: &planes, width, colour, range, extra };
+                let mut strip = Strip { planes: &planes, colour, range, extra };
+                let rows = strip.colour.len() / width;
                 for left in (0..width).step_by(TILE) {
+                    let (corner, size) = ([left, number * TILE], [TILE.min(width - left), rows]);
+                    self.reach.sights(self.world, corner, size, &mut batch.sights);
+                    if batch.sights.any == 0 {
+                        continue;
+                    }
                     for k in (first..last).step_by(POINTS as usize) {
-                        self.place_tile(batch, &points, [left, number * TILE], &strip, k..(k + POINTS).min(last));
-                        batch.trace(tracer);
+                        self.place_tile(batch, &points, corner, size, k..(k + POINTS).min(last));
+                        batch.trace(tracer, &self.reach);
                         batch.samples.iter().zip(&batch.seen).for_each(|(sample, seen)| {
                             if let Some(seen) = seen {
                                 strip.add(sample.pixel as usize, sample.scrambling as usize, seen);
@@ -293,30 +307,29 @@ impl Integrator<'_, '_> {
         sums.samples = end;
     }
 
-    /// The samples of a tile whose corner is (left, top): of each of its pixels the points `range` of each scrambling.
+    /// The samples of a tile that may hit something: of each of its pixels the points `range` of each scrambling.
     fn place_tile(
         &self,
         batch: &mut Batch,
         points: &Points,
         [left, top]: [usize; 2],
-        strip: &Strip<'_>,
+        [columns, rows]: [usize; 2],
         range: std::ops::Range<u64>,
     ) {
+        let width = self.world.size[0] as usize;
         batch.samples.clear();
-        let rows = strip.colour.len() / strip.width;
         for y in 0..rows {
-            for x in left..(left + TILE).min(strip.width) {
-                let of_pixel = points.pixel(((top + y) * strip.width + x) as u64);
+            for x in left..left + columns {
+                let of_pixel = points.pixel(((top + y) * width + x) as u64);
                 let scrambled: [_; SCRAMBLINGS] = std::array::from_fn(|r| of_pixel.scrambling(r));
                 for k in range.clone() {
                     for (r, scrambling) in scrambled.iter().enumerate() {
                         let point = scrambling.at(k);
-                        batch.samples.push(Placed {
-                            place: self.place([x, top + y], point),
-                            share: point[2] as f32,
-                            pixel: (y * strip.width + x) as u32,
-                            scrambling: r as u32,
-                        });
+                        let place = self.place([x, top + y], point);
+                        if batch.sights.any >> self.reach.slot(place.1) & 1 == 1 {
+                            let pixel = (y * width + x) as u32;
+                            batch.samples.push(Placed { place, share: point[2] as f32, pixel, scrambling: r as u32 });
+                        }
                     }
                 }
             }
@@ -348,6 +361,8 @@ struct Placed {
 /// Samples that are traced in the order of their times, so that those which go together meet the objects at nearly the same places.
 #[derive(Debug, Default)]
 struct Batch {
+    /// What they may hit.
+    sights: Sights,
     samples: Vec<Placed>,
     /// What they see, in their own order.
     seen: Vec<Option<Seen>>,
@@ -361,8 +376,12 @@ struct Batch {
 const INTERVAL: usize = 8;
 
 impl Batch {
-    fn trace(&mut self, tracer: &mut Tracer<'_, '_>) {
+    fn trace(&mut self, tracer: &mut Tracer<'_, '_>, reach: &Reach) {
         let n = self.samples.len();
+        self.seen.resize(n, None);
+        if n == 0 {
+            return;
+        }
         // Sorted by counting: within an interval of times the order stays.
         let intervals = n.div_ceil(INTERVAL);
         let interval = |sample: &Placed| ((sample.share * intervals as f32) as usize).min(intervals - 1);
@@ -378,13 +397,12 @@ impl Batch {
             self.order[*end as usize] = number as u32;
             *end += 1;
         }
-        self.seen.resize(n, None);
         let mut places = [Place::default(); PACKET];
         for packet in self.order.chunks(PACKET) {
             for (place, &number) in places.iter_mut().zip(packet) {
                 *place = self.samples[number as usize].place;
             }
-            tracer.hits(&places[..packet.len()]);
+            tracer.hits(&places[..packet.len()], &self.sights, reach);
             for (lane, &number) in packet.iter().enumerate() {
                 self.seen[number as usize] = tracer.seen(lane);
             }
@@ -395,7 +413,6 @@ impl Batch {
 /// The sums of a strip of pixels.
 struct Strip<'a> {
     planes: &'a FilmPlanes,
-    width: usize,
     colour: &'a mut [PixelSums],
     range: &'a mut [[[f32; 3]; 2]],
     extra: &'a mut [f64],

@@ -6,6 +6,7 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use super::posed::{Body, CameraPose, Placed, Shape, World};
+use super::reach::{Reach, Sights};
 use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, PACKET, Waiting, traverse};
 use crate::film::Aov;
 use crate::model::Material;
@@ -82,13 +83,13 @@ impl<'w, 'a> Tracer<'w, 'a> {
     }
 
     /// What is seen at one place; `None`: nothing.
-    pub(super) fn sample(&mut self, place: Place) -> Option<Seen> {
-        self.hits(&[place]);
+    pub(super) fn sample(&mut self, place: Place, sights: &Sights, reach: &Reach) -> Option<Seen> {
+        self.hits(&[place], sights, reach);
         self.seen(0)
     }
 
     /// Collects hits and the limits T of the rays through `places`, at most [`PACKET`], which become the lanes.
-    pub(super) fn hits(&mut self, places: &[Place]) {
+    pub(super) fn hits(&mut self, places: &[Place], sights: &Sights, reach: &Reach) {
         let world = self.world;
         self.views.clear();
         self.views.extend(places.iter().map(|&(film, time)| View {
@@ -97,12 +98,13 @@ impl<'w, 'a> Tracer<'w, 'a> {
             time,
         }));
         self.found.iter_mut().for_each(Found::clear);
-        for (number, body) in world.bodies.iter().enumerate() {
-            if matches!(body.shape, Shape::Nothing) {
-                continue;
-            }
+        for &(number, slots) in &sights.bodies {
+            let body = &world.bodies[number];
             self.rays.clear();
             for (lane, view) in self.views.iter().enumerate() {
+                if slots >> reach.slot(view.time) & 1 == 0 {
+                    continue;
+                }
                 let Some(placed) = body.placed(view.time) else { continue };
                 let camera = if body.object.blur { &view.camera } else { &world.frame_camera };
                 let (eye, direction) = (camera.eye, camera.world_from_camera * view.direction);

@@ -215,7 +215,8 @@ fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PA
             boxes.inverse[axis][l] = inverse;
             origins[axis] = [origins[axis][0].min(o), origins[axis][1].max(o)];
             inverses[axis] = [inverses[axis][0].min(inverse), inverses[axis][1].max(inverse)];
-            ends[axis] = [ends[axis][0].min(origin[axis]).min(end[axis]), ends[axis][1].max(origin[axis]).max(end[axis])];
+            ends[axis] =
+                [ends[axis][0].min(origin[axis]).min(end[axis]), ends[axis][1].max(origin[axis]).max(end[axis])];
         }
         starts[l] = start;
         boxes.near[l] = below(ray.near - start);
@@ -226,8 +227,7 @@ fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PA
     if limit == f32::NEG_INFINITY {
         return None;
     }
-    let mut beam =
-        Beam { first: [0; 3], early: [0.0; 3], late: [0.0; 3], inverse: inverses, near, limit };
+    let mut beam = Beam { first: [0; 3], early: [0.0; 3], late: [0.0; 3], inverse: inverses, near, limit };
     for axis in 0..3 {
         let [low, high] = inverses[axis];
         if low > 0.0 {
