@@ -173,8 +173,8 @@ impl<'a> Body<'a> {
             fixed: None,
             epsilon: options.epsilon.or(object.epsilon),
         };
-        // Motions by formula keep lengths; keyframes may not.
-        if object.animation.is_none() {
+        // Motions by formula keep lengths; keyframes of the scale do not.
+        if object.animation.as_ref().is_none_or(|binding| !binding.node.has_scale()) {
             body.epsilon = body.pose(number).map(|placed| placed.epsilon).or(body.epsilon);
         }
         if body.poser.is_fixed() || !object.blur {
