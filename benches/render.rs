@@ -22,7 +22,7 @@ fn options(mode: BlurMode) -> RenderOptions {
 }
 
 const STILL: BlurMode = BlurMode::Still { pixel_samples: 1 };
-const SIXTEEN: BlurMode = BlurMode::Supersample { samples: 16 };
+const SIXTEEN: BlurMode = BlurMode::supersample(16);
 
 fn pool(threads: usize) -> rayon::ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool")

@@ -18,8 +18,8 @@ use crate::shading::ShadingLight;
 pub struct Frame<'a> {
     /// Image size, pixels.
     pub size: [u32; 2],
-    /// Focal length, pixels: (height / 2) / tan(fovy / 2).
-    pub focal: f32,
+    /// Pixels from one pixel of a group's raster to the next, along both axes.
+    pub stride: u32,
     /// Nearest visible depth, scene units.
     pub near: f32,
     /// Screen-space prefilter.
@@ -38,8 +38,43 @@ pub struct Frame<'a> {
     pub passes: &'static [Pass],
     /// Objects that can be seen at some sample, in document order.
     pub objects: Vec<FrameObject<'a>>,
-    /// Groups in the order in which they are added to the film.
+    /// Groups in the order in which they are added to the film; those of one raster stand together.
     pub groups: Vec<PosedGroup>,
+}
+
+/// The pixels that a group is rendered for, as an image of their own: every `Frame::stride`-th pixel of the frame's image.
+///
+/// Raster pixel (i, j) is pixel (`phase.x` + i stride, `phase.y` + j stride) of the image. With stride 1 it is the image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Raster {
+    /// Raster pixels; an axis is 0 where the image is smaller than the phase.
+    pub size: [u32; 2],
+    /// Pixel of the image that the first raster pixel is.
+    pub phase: [u32; 2],
+    /// Where the camera's axis meets the raster, raster pixels.
+    pub axis: [f32; 2],
+    /// Focal length, raster pixels: (height / 2) / tan(fovy / 2) / stride.
+    pub focal: f32,
+    /// Radius of the low-pass disc of the approximate EWA filter, raster pixels (Botsch et al. 2005; thesis 4.2.3).
+    pub low_pass: f32,
+    /// Offset of the sample position from the raster pixel's centre, raster pixels.
+    pub offset: [f32; 2],
+}
+
+impl Raster {
+    /// For an image of `size` pixels with focal length `focal`.
+    fn new(size: [u32; 2], focal: f64, stride: u32, phase: [u32; 2], offset: [f32; 2]) -> Self {
+        let s = f64::from(stride);
+        let axis = |i: usize| ((0.5 * f64::from(size[i]) - f64::from(phase[i]) - 0.5) / s + 0.5) as f32;
+        Self {
+            size: [0, 1].map(|i| size[i].saturating_sub(phase[i]).div_ceil(stride)),
+            phase,
+            axis: [axis(0), axis(1)],
+            focal: (focal / s) as f32,
+            low_pass: (std::f64::consts::SQRT_2 / s) as f32,
+            offset: offset.map(|o| (f64::from(o) / s) as f32),
+        }
+    }
 }
 
 /// What of an object does not change over the frame.
@@ -56,8 +91,10 @@ pub struct FrameObject<'a> {
 /// Posed samples that share one visibility test and one resolve.
 #[derive(Clone, Debug)]
 pub struct PosedGroup {
-    /// At least one.
+    /// At least one, rising in time.
     pub samples: Vec<PosedSample>,
+    /// The pixels that it is rendered for.
+    pub raster: Raster,
 }
 
 /// The scene at one time sample.
@@ -65,8 +102,6 @@ pub struct PosedGroup {
 pub struct PosedSample {
     /// Share of the exposure.
     pub weight: f32,
-    /// Offset of the sample position from the pixel's centre, pixels.
-    pub offset: [f32; 2],
     /// Camera axes in world space: columns right, up, back.
     pub world_from_camera: Mat3,
     /// Lights, relative to the eye.
@@ -77,8 +112,8 @@ pub struct PosedSample {
 
 /// An object at one time sample.
 ///
-/// *Screen space* here is (f X, -f Y, -Z) of camera space: a point's pixel is its first two coordinates over the third (its
-/// depth), counted from the image's centre, x right and y down.
+/// *Screen space* here is (f X, -f Y, -Z) of camera space, f the focal length of the group's raster: a point's raster pixel is
+/// its first two coordinates over the third (its depth), counted from the raster's `axis`, x right and y down.
 #[derive(Clone, Copy, Debug)]
 pub struct PosedObject {
     /// False: skipped.
@@ -111,21 +146,18 @@ impl<'a> Frame<'a> {
         let plan = Plan::new(options.mode, options.filter, options.seed, &scene.shutter, number as f64);
         let size = [scene.image.width, scene.image.height];
         let focal = 0.5 * f64::from(size[1]) / libm::tan(0.5 * scene.camera.fovy);
-        let poser = Poser { scene, number: number as f64, focal, options };
+        let poser = Poser { scene, number: number as f64, focal: focal / f64::from(plan.stride), options };
         let groups = plan
             .groups
             .iter()
             .map(|group| PosedGroup {
-                samples: group
-                    .samples
-                    .iter()
-                    .map(|sample| poser.sample(sample.time, sample.weight, sample.offset))
-                    .collect(),
+                samples: group.samples.iter().map(|sample| poser.sample(sample.time, sample.weight)).collect(),
+                raster: Raster::new(size, focal, plan.stride, group.phase, group.offset),
             })
             .collect();
         Self {
             size,
-            focal: focal as f32,
+            stride: plan.stride,
             near: scene.camera.near as f32,
             prefilter: options.prefilter,
             shading: options.shading,
@@ -137,6 +169,14 @@ impl<'a> Frame<'a> {
             objects: scene.objects.iter().map(|object| frame_object(object, options)).collect(),
             groups,
         }
+    }
+}
+
+impl Frame<'_> {
+    /// Time samples of a pixel.
+    pub fn samples(&self) -> u32 {
+        let groups = self.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase).next().unwrap_or_default();
+        groups.iter().map(|group| group.samples.len() as u32).sum()
     }
 }
 
@@ -160,18 +200,18 @@ fn frame_object<'a>(object: &'a Object, options: &RenderOptions) -> FrameObject<
 struct Poser<'a> {
     scene: &'a Scene,
     number: f64,
+    /// Raster pixels.
     focal: f64,
     options: &'a RenderOptions,
 }
 
 impl Poser<'_> {
-    fn sample(&self, time: f64, weight: f64, offset: [f32; 2]) -> PosedSample {
+    fn sample(&self, time: f64, weight: f64) -> PosedSample {
         let camera = camera_from_world(self.scene, time);
         let world_from_camera = DMat3::from_mat4(camera).transpose();
         let eye = -(world_from_camera * camera.w_axis.truncate());
         PosedSample {
             weight: weight as f32,
-            offset,
             world_from_camera: world_from_camera.as_mat3(),
             lights: self.scene.lights.iter().map(|light| shading_light(light, eye)).collect(),
             objects: self.scene.objects.iter().map(|object| self.object(object, time, &camera)).collect(),

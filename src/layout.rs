@@ -10,14 +10,14 @@ use crate::shading::ShadingLight;
 
 /// A surfel's kernel, posed and projected for one time sample.
 ///
-/// At the sample position p = pixel + 1/2 + offset, with (x, y) = p - `reference`: the splat's plane has depth
+/// At the sample position p = pixel + 1/2 + offset of the group's raster, with (x, y) = p - `reference`: the splat's plane has depth
 /// 1 / (i.(x, y, 1)) on the ray, and the ray meets it at tangent-plane coordinates u = u.(x, y, 1) * depth, v likewise
 /// (ray casting of thesis 4.2.1, eq. 4.2, as a homography; docs/math.md).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Splat {
     /// Where x and y are counted from, minus the sub-pixel offset, pixels: the projected centre of an ordinary splat, the
-    /// image's centre for one that reaches the camera plane.
+    /// camera's axis for one that reaches the camera plane.
     pub reference: [f32; 2],
     /// Inverse depth: coefficients of x, y and 1.
     pub inverse_depth: [f32; 3],

@@ -1,5 +1,7 @@
 //! How a frame is rendered: options, and the plan that a backend executes.
 
+use std::fmt;
+
 use crate::film::Aov;
 use crate::sampling::pixel_offsets;
 use crate::time::Shutter;
@@ -14,9 +16,85 @@ pub enum BlurMode {
     },
     /// Temporal supersampling (thesis 3.6.1, 4.3): one visibility test, one normalisation and one shading per time sample.
     Supersample {
-        /// Time samples, >= 1.
+        /// Time samples of a pixel, >= 1.
         samples: u32,
+        /// Which pixels share their times.
+        interleave: Interleave,
     },
+    /// Time bucketing (thesis 3.6.2, 4.4): one visibility test, one normalisation and one shading per bucket, whose samples
+    /// contribute their attributes.
+    Bucket {
+        /// Buckets of a pixel, >= 1.
+        buckets: u32,
+        /// Time samples of a bucket, >= 1.
+        samples: u32,
+        /// Fewest sub-pixel positions of a pixel, >= 1: where there are fewer buckets, each is rendered at several.
+        pixel_samples: u32,
+        /// Which pixels share their times.
+        interleave: Interleave,
+    },
+}
+
+/// The mode as the command line's mode grammar names it: `still:16`, `supersample:8+interleave=2`, `bucket:8x4`.
+impl fmt::Display for BlurMode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let interleaved = match *self {
+            Self::Still { pixel_samples } => return write!(f, "still:{pixel_samples}"),
+            Self::Supersample { samples, interleave } => {
+                write!(f, "supersample:{samples}")?;
+                interleave
+            }
+            Self::Bucket { buckets, samples, pixel_samples, interleave } => {
+                write!(f, "bucket:{buckets}x{samples}")?;
+                if pixel_samples > buckets {
+                    write!(f, "+pixel-samples={pixel_samples}")?;
+                }
+                interleave
+            }
+        };
+        if interleaved == Interleave::None { Ok(()) } else { write!(f, "+interleave={}", interleaved.stride()) }
+    }
+}
+
+/// Interleaved time sampling: the pixels of an S x S lattice fall into S^2 classes, each with times of its own, so that
+/// neighbouring pixels see different times (design section 5; Keller and Heidrich 2001, for rays).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interleave {
+    /// All pixels see the same times.
+    #[default]
+    None,
+    /// A 2 x 2 lattice.
+    Two,
+    /// A 4 x 4 lattice.
+    Four,
+}
+
+impl Interleave {
+    /// Pixels from one pixel of a class to the next, along both axes: 1, 2 or 4.
+    pub const fn stride(self) -> u32 {
+        match self {
+            Self::None => 1,
+            Self::Two => 2,
+            Self::Four => 4,
+        }
+    }
+
+    /// The one with this stride.
+    pub const fn with_stride(stride: u32) -> Option<Self> {
+        match stride {
+            1 => Some(Self::None),
+            2 => Some(Self::Two),
+            4 => Some(Self::Four),
+            _ => None,
+        }
+    }
+
+    /// Place of the class of pixel `phase` in Bayer order, 0..stride^2: consecutive classes lie far apart.
+    fn order(self, phase: [u32; 2]) -> u32 {
+        let [x, y] = phase;
+        let bits = self.stride().trailing_zeros();
+        (0..bits).fold(0, |order, bit| order << 2 | ((x ^ y) >> bit & 1) << 1 | y >> bit & 1)
+    }
 }
 
 /// How sub-pixel positions are chosen.
@@ -75,7 +153,7 @@ pub struct RenderOptions {
 impl Default for RenderOptions {
     fn default() -> Self {
         Self {
-            mode: BlurMode::Supersample { samples: 32 },
+            mode: BlurMode::supersample(32),
             filter: PixelFilter::Box,
             prefilter: Prefilter::Approx,
             shading: Shading::Phong,
@@ -104,11 +182,18 @@ pub enum Pass {
 }
 
 impl BlurMode {
+    /// Plain supersampling with `samples` time samples, >= 1.
+    pub const fn supersample(samples: u32) -> Self {
+        Self::Supersample { samples, interleave: Interleave::None }
+    }
+
     /// Passes of one group, in order. The only place that knows the order.
     pub const fn passes(self) -> &'static [Pass] {
         use Pass::{Attribute, Bin, Project, Resolve, Visibility};
         match self {
-            Self::Still { .. } | Self::Supersample { .. } => &[Project, Bin, Visibility, Attribute, Resolve],
+            Self::Still { .. } | Self::Supersample { .. } | Self::Bucket { .. } => {
+                &[Project, Bin, Visibility, Attribute, Resolve]
+            }
         }
     }
 }
@@ -118,17 +203,19 @@ impl BlurMode {
 pub struct TimeSample {
     /// Scene time, frames.
     pub time: f64,
-    /// Share of the exposure; all samples of a frame sum to 1.
+    /// Share of the exposure; all samples of a pixel sum to 1.
     pub weight: f64,
-    /// Offset of the sample position from the pixel's centre, pixels, each in [-1/2, 1/2).
-    pub offset: [f32; 2],
 }
 
 /// Time samples that share one visibility test and one resolve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
-    /// At least one.
+    /// At least one, rising in time.
     pub samples: Vec<TimeSample>,
+    /// Offset of the sample position from the pixel's centre, pixels, each in [-1/2, 1/2).
+    pub offset: [f32; 2],
+    /// First pixel that the group is rendered for; the others are whole strides away.
+    pub phase: [u32; 2],
 }
 
 /// What a backend executes for one frame: `passes` for each group, in order. Backends know nothing about blur modes.
@@ -136,30 +223,71 @@ pub struct Group {
 pub struct Plan {
     /// Stages of each group.
     pub passes: &'static [Pass],
-    /// Groups, in the order in which they are added to the film.
+    /// Pixels from one that a group is rendered for to the next, along both axes.
+    pub stride: u32,
+    /// Groups, in the order in which they are added to the film; those of one phase stand together.
     pub groups: Vec<Group>,
 }
 
 impl Plan {
     /// The plan of frame `frame` with this shutter.
     pub fn new(mode: BlurMode, filter: PixelFilter, seed: u64, shutter: &Shutter, frame: f64) -> Self {
-        let moments: Vec<(f64, f64)> = match mode {
-            BlurMode::Still { pixel_samples } => vec![(frame, 1.0 / f64::from(pixel_samples)); pixel_samples as usize],
-            BlurMode::Supersample { samples } => {
-                shutter.strata(samples).iter().map(|&(t, weight)| (shutter.frame_time(frame, t), weight)).collect()
+        let still = |weight| vec![TimeSample { time: frame, weight }];
+        let (groups, interleave) = match mode {
+            BlurMode::Still { pixel_samples } => {
+                let moments = vec![still(1.0 / f64::from(pixel_samples)); pixel_samples as usize];
+                (with_offsets(moments, filter, seed, [0, 0]), Interleave::None)
+            }
+            BlurMode::Supersample { samples, interleave } => {
+                (exposure(samples, 1, 1, interleave, filter, seed, shutter, frame), interleave)
+            }
+            BlurMode::Bucket { buckets, samples, pixel_samples, interleave } => {
+                let repeats = pixel_samples.div_ceil(buckets);
+                (exposure(buckets, samples, repeats, interleave, filter, seed, shutter, frame), interleave)
             }
         };
-        let offsets = match filter {
-            PixelFilter::Box => pixel_offsets(moments.len() as u32, seed),
-            PixelFilter::Point => vec![[0.0; 2]; moments.len()],
-        };
-        let groups = moments
-            .iter()
-            .zip(offsets)
-            .map(|(&(time, weight), offset)| Group { samples: vec![TimeSample { time, weight, offset }] })
-            .collect();
-        Self { passes: mode.passes(), groups }
+        Self { passes: mode.passes(), stride: interleave.stride(), groups }
     }
+}
+
+/// For each class of pixels, `strata` groups that tile the shutter, of `samples` samples each, `repeats` times over.
+#[allow(clippy::too_many_arguments, reason = "the numbers that define an exposure")]
+fn exposure(
+    strata: u32,
+    samples: u32,
+    repeats: u32,
+    interleave: Interleave,
+    filter: PixelFilter,
+    seed: u64,
+    shutter: &Shutter,
+    frame: f64,
+) -> Vec<Group> {
+    let stride = interleave.stride();
+    let classes = (0..stride * stride).map(|class| [class % stride, class / stride]);
+    let groups = classes.flat_map(|phase| {
+        let order = interleave.order(phase);
+        let place = (f64::from(order) + 0.5) / f64::from(stride * stride);
+        let moments: Vec<TimeSample> = shutter
+            .strata(strata * samples, place)
+            .into_iter()
+            .map(|(t, weight)| TimeSample { time: shutter.frame_time(frame, t), weight: weight / f64::from(repeats) })
+            .collect();
+        let moments = moments
+            .chunks(samples as usize)
+            .flat_map(|group| std::iter::repeat_n(group.to_vec(), repeats as usize))
+            .collect();
+        // Each class has offsets of its own.
+        with_offsets(moments, filter, seed.wrapping_add(u64::from(order) << 32), phase)
+    });
+    groups.collect()
+}
+
+fn with_offsets(moments: Vec<Vec<TimeSample>>, filter: PixelFilter, seed: u64, phase: [u32; 2]) -> Vec<Group> {
+    let offsets = match filter {
+        PixelFilter::Box => pixel_offsets(moments.len() as u32, seed),
+        PixelFilter::Point => vec![[0.0; 2]; moments.len()],
+    };
+    moments.into_iter().zip(offsets).map(|(samples, offset)| Group { samples, offset, phase }).collect()
 }
 
 #[cfg(test)]
@@ -174,9 +302,9 @@ mod tests {
     #[test]
     fn supersample_takes_mid_strata() {
         let shutter = Shutter { open: -0.5, close: 0.5, weight: Weight::Ramp { centre: 1.0 } };
-        let plan = Plan::new(BlurMode::Supersample { samples: 2 }, PixelFilter::Point, 1, &shutter, 10.0);
+        let plan = Plan::new(BlurMode::supersample(2), PixelFilter::Point, 1, &shutter, 10.0);
         assert_eq!(times(&plan), [(9.75, 0.25), (10.25, 0.75)]);
-        assert!(plan.groups.iter().all(|g| g.samples[0].offset == [0.0; 2]));
+        assert!(plan.groups.iter().all(|g| g.offset == [0.0; 2]));
     }
 
     #[test]
@@ -184,12 +312,70 @@ mod tests {
         let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Box };
         let plan = Plan::new(BlurMode::Still { pixel_samples: 4 }, PixelFilter::Box, 1, &shutter, 3.0);
         assert_eq!(times(&plan), [(3.0, 0.25); 4]);
-        assert!(plan.groups.iter().any(|g| g.samples[0].offset != [0.0; 2]));
+        assert!(plan.groups.iter().any(|g| g.offset != [0.0; 2]));
     }
 
     #[test]
     fn one_sample_sits_at_mid_shutter_and_pixel_centre() {
-        let plan = Plan::new(BlurMode::Supersample { samples: 1 }, PixelFilter::Box, 9, &Shutter::default(), 3.0);
-        assert_eq!(plan.groups[0].samples, [TimeSample { time: 3.0, weight: 1.0, offset: [0.0; 2] }]);
+        let plan = Plan::new(BlurMode::supersample(1), PixelFilter::Box, 9, &Shutter::default(), 3.0);
+        assert_eq!(plan.groups[0].samples, [TimeSample { time: 3.0, weight: 1.0 }]);
+        assert_eq!(plan.groups[0].offset, [0.0; 2]);
+    }
+
+    #[test]
+    fn classes_follow_bayers_order() {
+        let matrix = |interleave: Interleave| -> Vec<u32> {
+            let s = interleave.stride();
+            (0..s * s).map(|i| interleave.order([i % s, i / s])).collect()
+        };
+        // Bayer 1973.
+        assert_eq!(matrix(Interleave::None), [0]);
+        assert_eq!(matrix(Interleave::Two), [0, 2, 3, 1]);
+        assert_eq!(matrix(Interleave::Four), [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5]);
+    }
+
+    /// The classes together have the times of S^2 N strata, and each class has the whole exposure.
+    #[test]
+    fn interleaved_classes_share_the_strata() {
+        let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 } };
+        for interleave in [Interleave::Two, Interleave::Four] {
+            let plan = Plan::new(BlurMode::Supersample { samples: 3, interleave }, PixelFilter::Box, 1, &shutter, 0.0);
+            let s = interleave.stride();
+            let n = 3 * s * s;
+            assert_eq!((plan.stride, plan.groups.len()), (s, n as usize));
+            let mut all: Vec<f64> = times(&plan).iter().map(|t| t.0).collect();
+            all.sort_by(f64::total_cmp);
+            for (i, t) in (0..n).zip(all) {
+                assert!((t - (f64::from(i) + 0.5) / f64::from(n)).abs() < 1e-12);
+            }
+            for class in plan.groups.chunk_by(|a, b| a.phase == b.phase) {
+                assert_eq!(class.len(), 3);
+                let sum: f64 = class.iter().map(|g| g.samples[0].weight).sum();
+                assert!((sum - 1.0).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn buckets_of_one_sample_are_supersampling() {
+        let shutter = Shutter { weight: Weight::Tent, ..Shutter::default() };
+        for interleave in [Interleave::None, Interleave::Two] {
+            let bucket = BlurMode::Bucket { buckets: 5, samples: 1, pixel_samples: 5, interleave };
+            let samples = BlurMode::Supersample { samples: 5, interleave };
+            let plan = |mode| Plan::new(mode, PixelFilter::Box, 3, &shutter, 1.0);
+            assert_eq!(plan(bucket), plan(samples));
+        }
+    }
+
+    #[test]
+    fn few_buckets_repeat_for_their_sub_pixel_positions() {
+        let mode = BlurMode::Bucket { buckets: 3, samples: 2, pixel_samples: 8, interleave: Interleave::None };
+        let plan = Plan::new(mode, PixelFilter::Box, 1, &Shutter::default(), 0.0);
+        assert_eq!(plan.groups.len(), 9);
+        assert_eq!(plan.groups[3].samples, plan.groups[5].samples);
+        assert_ne!(plan.groups[3].offset, plan.groups[5].offset);
+        assert_eq!(plan.groups[3].samples.len(), 2);
+        let sum: f64 = times(&plan).iter().map(|t| t.1).sum();
+        assert!((sum - 1.0).abs() < 1e-12);
     }
 }

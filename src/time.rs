@@ -104,13 +104,13 @@ impl Shutter {
         frame + self.open + (self.close - self.open) * t
     }
 
-    /// Mid-stratum times `t_i = (i + 1/2)/n` and their weights, the integrals of a over the strata; weights sum to 1.
-    pub fn strata(&self, n: u32) -> Vec<(f64, f64)> {
+    /// Times `t_i = (i + place)/n`, `place` in [0, 1], and their weights, the integrals of a over the strata; weights sum to 1.
+    pub fn strata(&self, n: u32, place: f64) -> Vec<(f64, f64)> {
         let n_f = f64::from(n);
         (0..n)
             .map(|i| {
                 let i = f64::from(i);
-                ((i + 0.5) / n_f, self.weight.integral(i / n_f, (i + 1.0) / n_f))
+                ((i + place) / n_f, self.weight.integral(i / n_f, (i + 1.0) / n_f))
             })
             .collect()
     }
@@ -168,7 +168,7 @@ mod tests {
     fn strata_tile_the_shutter() {
         for (weight, _) in all() {
             let shutter = Shutter { weight, ..Shutter::default() };
-            let strata = shutter.strata(7);
+            let strata = shutter.strata(7, 0.5);
             assert!((strata.iter().map(|s| s.1).sum::<f64>() - 1.0).abs() < 1e-12);
             assert!((strata[3].0 - 0.5).abs() < 1e-15);
         }

@@ -154,7 +154,7 @@ fn compare(seed: u64, prefilter: Prefilter, two_sided: bool, offset: [f32; 2]) -
         ..RenderOptions::default()
     };
     let mut frame = Frame::new(&scene, 0, &options);
-    frame.groups[0].samples[0].offset = offset;
+    frame.groups[0].raster.offset = offset;
     let picture = Cpu::default().render(&frame).expect("the frame fits").picture;
     let oracle = Oracle { surfels, eye, low_pass: prefilter == Prefilter::Approx, two_sided, offset };
     let (mut compared, mut skipped) = (0, 0);

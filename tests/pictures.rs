@@ -25,7 +25,7 @@ fn render(scene: &Scene, frame: i64, options: &RenderOptions) -> Picture {
 }
 
 fn supersample(samples: u32) -> RenderOptions {
-    RenderOptions { mode: BlurMode::Supersample { samples }, ..RenderOptions::default() }
+    RenderOptions { mode: BlurMode::supersample(samples), ..RenderOptions::default() }
 }
 
 /// Offsets within a disc of radius 2 px: the structuring element of the closing.

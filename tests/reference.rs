@@ -242,7 +242,7 @@ fn supersampling_converges_to_it() {
         let aovs = Aov::ALL.to_vec();
         let made = reference(&scene, &ReferenceOptions { shading, filter, aovs: aovs.clone(), ..with(1024) });
         let splatted = |samples| {
-            let mode = BlurMode::Supersample { samples };
+            let mode = BlurMode::supersample(samples);
             let aovs = aovs.clone();
             let options =
                 RenderOptions { mode, shading, filter, prefilter: Prefilter::None, aovs, ..Default::default() };

@@ -88,8 +88,7 @@ fn supersampling_on_shipped_scenes() {
         let made = render(&scene, frame, &options, None, &|_| ()).expect("valid options");
         let errors = made.picture.layers.last().expect("the error layer");
         for prefilter in [Prefilter::None, Prefilter::Approx] {
-            let options =
-                RenderOptions { mode: BlurMode::Supersample { samples: 1024 }, prefilter, ..RenderOptions::default() };
+            let options = RenderOptions { mode: BlurMode::supersample(1024), prefilter, ..RenderOptions::default() };
             let splatted = render_frame(&mut Cpu::default(), &scene, frame, &options).expect("it fits").picture;
             let z: Vec<Option<f64>> = (0..splatted.rgba.len())
                 .map(|i| {

@@ -22,7 +22,7 @@ fn exact(samples: u32) -> RenderOptions {
 }
 
 fn supersample(samples: u32) -> RenderOptions {
-    RenderOptions { mode: BlurMode::Supersample { samples }, ..RenderOptions::default() }
+    RenderOptions { mode: BlurMode::supersample(samples), ..RenderOptions::default() }
 }
 
 /// A square of surfels about the origin, facing +z.

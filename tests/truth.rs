@@ -25,7 +25,7 @@ fn error(mut scene: Scene, name: &str, weight: &str, filter: &str, counts: impl 
         _ => Weight::Ramp { centre: 1.0 },
     };
     let options = RenderOptions {
-        mode: BlurMode::Supersample { samples: SAMPLES },
+        mode: BlurMode::supersample(SAMPLES),
         filter: if filter == "box" { PixelFilter::Box } else { PixelFilter::Point },
         prefilter: Prefilter::None,
         ..RenderOptions::default()

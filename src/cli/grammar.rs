@@ -4,6 +4,7 @@
 
 use glam::DVec3;
 use splatblur::film::Aov;
+use splatblur::plan::Interleave;
 use splatblur::time::Weight;
 
 /// An inclusive range of frames.
@@ -26,7 +27,7 @@ const MAX_FRAME: i64 = 1_000_000_000;
 const MAX_FRAMES: u64 = 1_000_000;
 
 /// Most time samples and sub-pixel positions.
-const MAX_SAMPLES: u32 = 65_536;
+pub(super) const MAX_SAMPLES: u32 = 65_536;
 
 /// `A..B`, `A-B` (neither negative), or `A`; inclusive.
 pub(super) fn frames(text: &str) -> Result<Frames, String> {
@@ -116,6 +117,11 @@ pub(super) fn samples(text: &str) -> Result<u32, String> {
     let expected = || format!("expected a whole number, 1 to {MAX_SAMPLES}");
     let value: u32 = text.parse().map_err(|_| expected())?;
     if (1..=MAX_SAMPLES).contains(&value) { Ok(value) } else { Err(expected()) }
+}
+
+/// A lattice of interleaved sampling: 1, 2 or 4.
+pub(super) fn interleave(text: &str) -> Result<Interleave, String> {
+    text.parse().ok().and_then(Interleave::with_stride).ok_or_else(|| "expected 1, 2 or 4".to_owned())
 }
 
 /// `WxH` in pixels.
@@ -339,6 +345,6 @@ mod tests {
         let list = |names: &[&str]| aovs(&names.iter().map(|&n| n.to_owned()).collect::<Vec<_>>());
         assert_eq!(list(&["velocity", "depth"]), Ok(vec![Aov::Depth, Aov::Velocity]));
         assert!(list(&["depth", "depth"]).unwrap_err().contains("twice"));
-        assert!(list(&["colour"]).unwrap_err().contains("alpha, depth, normal, velocity"));
+        assert!(list(&["colour"]).unwrap_err().contains("alpha, depth, normal, velocity, samples"));
     }
 }

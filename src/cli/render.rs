@@ -10,7 +10,7 @@ use glam::DVec3;
 use splatblur::backend::cpu::Cpu;
 use splatblur::files;
 use splatblur::image::{Bits, Format};
-use splatblur::plan::{self, BlurMode, RenderOptions};
+use splatblur::plan::{self, BlurMode, Interleave, RenderOptions};
 use splatblur::render::render_frame;
 use splatblur::scene::{self, Loaded, Scene};
 use splatblur::time::Weight;
@@ -21,7 +21,7 @@ use super::output::{print, print_json, say};
 use super::progress::{Loading, Rendering};
 use super::report::{FrameReport, Report};
 use super::sequence::{Finished, Sequence};
-use super::settings::{self, Settings};
+use super::settings::Settings;
 
 /// Render a scene to an image sequence.
 ///
@@ -63,7 +63,7 @@ pub(super) struct Render {
     /// Bits of a PNG channel [default: 8].
     #[arg(long, value_enum, value_name = "BITS", help_heading = "Output")]
     bits: Option<Depth>,
-    /// Extra layers, EXR only: depth, normal, alpha, velocity; several with commas.
+    /// Extra layers, EXR only: alpha, depth, normal, velocity, samples; several with commas.
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
     aov: Vec<String>,
     /// Background in linear light [default: the scene's].
@@ -79,10 +79,16 @@ pub(super) struct Render {
     /// How motion becomes blur.
     #[arg(long, value_enum, default_value_t, help_heading = "Blur")]
     mode: Mode,
-    /// Time samples of mode supersample [default: 32].
+    /// Time samples of mode supersample [default: 32], or of each bucket [default: 4].
     #[arg(long, value_name = "N", allow_hyphen_values = true, value_parser = grammar::samples, help_heading = "Blur")]
     samples: Option<u32>,
-    /// Sub-pixel positions of mode still [default: 16].
+    /// Buckets of mode bucket: intervals with one visibility test and one shading each [default: 8].
+    #[arg(long, value_name = "B", allow_hyphen_values = true, value_parser = grammar::samples, help_heading = "Blur")]
+    buckets: Option<u32>,
+    /// Interleaved sampling: each pixel of a lattice of S x S (1, 2 or 4) has times of its own [default: 1].
+    #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = grammar::interleave, help_heading = "Blur")]
+    interleave: Option<Interleave>,
+    /// Sub-pixel positions of mode still [default: 16]; in mode bucket the fewest, where there are fewer buckets [default: 1].
     #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = grammar::samples, help_heading = "Blur")]
     pixel_samples: Option<u32>,
     /// Shutter opening and closing, frames around the frame number [default: the scene's, else -0.25,0.25].
@@ -157,6 +163,8 @@ enum Mode {
     /// Motion blur: the mean of N renderings over the shutter.
     #[default]
     Supersample,
+    /// Motion blur: the mean of B buckets of N renderings that share one visibility test and one shading.
+    Bucket,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
@@ -264,16 +272,7 @@ impl Render {
     }
 
     fn options(&self) -> anyhow::Result<RenderOptions> {
-        let mode = match self.mode {
-            Mode::Still if self.samples.is_some() => {
-                bail!("--samples counts the time samples of --mode supersample; for --mode still use --pixel-samples")
-            }
-            Mode::Supersample if self.pixel_samples.is_some() => {
-                bail!("--pixel-samples is for --mode still; for --mode supersample use --samples")
-            }
-            Mode::Still => BlurMode::Still { pixel_samples: self.pixel_samples.unwrap_or(16) },
-            Mode::Supersample => BlurMode::Supersample { samples: self.samples.unwrap_or(32) },
-        };
+        let mode = self.blur()?;
         Ok(RenderOptions {
             mode,
             filter: match self.filter {
@@ -294,6 +293,40 @@ impl Render {
             memory: self.memory,
             aovs: grammar::aovs(&self.aov).map_err(anyhow::Error::msg)?,
         })
+    }
+
+    fn blur(&self) -> anyhow::Result<BlurMode> {
+        let refuse = |given: bool, message: &str| if given { Err(anyhow::anyhow!("{message}")) } else { Ok(()) };
+        let interleave = self.interleave.unwrap_or_default();
+        if !matches!(self.mode, Mode::Bucket) {
+            refuse(self.buckets.is_some(), "--buckets is for --mode bucket")?;
+        }
+        match self.mode {
+            Mode::Still => {
+                refuse(
+                    self.samples.is_some(),
+                    "--samples counts time samples, which --mode still has not; use --pixel-samples",
+                )?;
+                refuse(self.interleave.is_some(), "--interleave is for modes with time samples, not for --mode still")?;
+                Ok(BlurMode::Still { pixel_samples: self.pixel_samples.unwrap_or(16) })
+            }
+            Mode::Supersample => {
+                refuse(
+                    self.pixel_samples.is_some(),
+                    "--pixel-samples is not for --mode supersample, whose time samples have one sub-pixel position each; \
+                     use --samples",
+                )?;
+                Ok(BlurMode::Supersample { samples: self.samples.unwrap_or(32), interleave })
+            }
+            Mode::Bucket => {
+                let (buckets, samples) = (self.buckets.unwrap_or(8), self.samples.unwrap_or(4));
+                refuse(
+                    u64::from(buckets) * u64::from(samples) > u64::from(grammar::MAX_SAMPLES),
+                    &format!("{buckets} buckets of {samples} samples: at most {} in all", grammar::MAX_SAMPLES),
+                )?;
+                Ok(BlurMode::Bucket { buckets, samples, pixel_samples: self.pixel_samples.unwrap_or(1), interleave })
+            }
+        }
     }
 
     fn pool(&self) -> anyhow::Result<rayon::ThreadPool> {
@@ -327,11 +360,10 @@ fn headline(scene: &Scene, frames: Frames, options: &RenderOptions, threads: usi
     } else {
         format!("frames {}..{}", frames.first, frames.last)
     };
-    let (mode, samples) = settings::mode(options.mode);
-    let (threads_end, samples_end) = (if threads == 1 { "" } else { "s" }, if samples == 1 { "" } else { "s" });
+    let threads_end = if threads == 1 { "" } else { "s" };
     format!(
-        "{}: {range}, {} x {} pixels, mode {mode} with {samples} sample{samples_end}, on the CPU ({threads} thread{threads_end})",
-        scene.name, scene.image.width, scene.image.height
+        "{}: {range}, {} x {} pixels, mode {}, on the CPU ({threads} thread{threads_end})",
+        scene.name, scene.image.width, scene.image.height, options.mode
     )
 }
 

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use serde::Serialize;
 use splatblur::image::{Bits, Format};
-use splatblur::plan::{BlurMode, RenderOptions};
+use splatblur::plan::RenderOptions;
 use splatblur::scene::Scene;
 use splatblur::time::Weight;
 
@@ -24,8 +24,7 @@ pub(super) struct Settings {
     frame: Option<i64>,
     rate: f64,
     backend: &'static str,
-    mode: &'static str,
-    samples: u32,
+    mode: String,
     width: u32,
     height: u32,
     shutter: [f64; 2],
@@ -63,15 +62,13 @@ impl Settings {
         format: Format,
         backend: &'static str,
     ) -> anyhow::Result<Self> {
-        let (mode, samples) = mode(options.mode);
         let mut settings = Self {
             program: concat!("splatblur ", env!("CARGO_PKG_VERSION")),
             scene: scene.name.clone(),
             frame: None,
             rate: scene.frames.rate,
             backend,
-            mode,
-            samples,
+            mode: options.mode.to_string(),
             width: scene.image.width,
             height: scene.image.height,
             shutter: [scene.shutter.open, scene.shutter.close],
@@ -106,14 +103,6 @@ impl Settings {
     /// The text that the file of a frame carries: equal texts, equal pictures.
     pub(super) fn of_frame(&self, frame: i64) -> anyhow::Result<String> {
         Ok(serde_json::to_string(&Self { frame: Some(frame), ..self.clone() })?)
-    }
-}
-
-/// Name and sample count of a mode.
-pub(super) fn mode(mode: BlurMode) -> (&'static str, u32) {
-    match mode {
-        BlurMode::Still { pixel_samples } => ("still", pixel_samples),
-        BlurMode::Supersample { samples } => ("supersample", samples),
     }
 }
 

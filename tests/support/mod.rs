@@ -3,6 +3,7 @@
 #![allow(clippy::expect_used, reason = "tests and benches may stop")]
 
 pub mod closed_forms;
+pub mod study;
 
 use std::f64::consts::PI;
 use std::sync::Arc;

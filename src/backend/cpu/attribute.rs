@@ -1,10 +1,10 @@
 //! Pass `attribute`: weighted sums of the attributes of the splats that pass the depth test (thesis 4.1.1, 4.2.3).
 //!
-//! In: splats of a tile's list, the tile's thresholds, the surfels' attributes. Out: the tile's sums. In list order.
+//! In: splats of a tile's list, all of one time sample, the tile's thresholds, the surfels' attributes. Out: the tile's sums and,
+//! in a group of several samples, where the sample covers. In list order.
 
 use glam::Vec3;
 
-use super::project::LOW_PASS;
 use super::tiles::{LANES, STRIDE, TileRect};
 use super::visibility::{Row, Touched};
 use crate::frame::{FrameObject, PosedObject, PosedSample};
@@ -23,14 +23,20 @@ pub(super) struct Attributes<'a> {
     pub object: &'a FrameObject<'a>,
     pub channels: &'a Channels,
     pub near: f32,
-    pub low_pass: bool,
+    /// Radius of the low-pass disc, raster pixels; +0 without it.
+    pub low_pass: f32,
+    /// Pixels of the image to one of the raster.
+    pub stride: f32,
+    /// The sample's share of its group's weight.
+    pub share: f32,
     pub shading: Shading,
 }
 
 dispatch! {
-    /// Adds the splats that `list` names to `sums`.
+    /// Adds the splats that `list` names to `sums` and, unless it is empty, to `reach`.
     fn attribute(
         splats: &[Splat], list: &[u32], attributes: &Attributes<'_>, tile: &TileRect, threshold: &[f32], sums: &mut [f32],
+        reach: &mut [f32],
     ) = attribute_body
 }
 
@@ -42,8 +48,11 @@ fn attribute_body(
     tile: &TileRect,
     threshold: &[f32],
     sums: &mut [f32],
+    reach: &mut [f32],
 ) {
-    const LOW_PASS_SCALE: f32 = 1.0 / (LOW_PASS * LOW_PASS);
+    // Without the low-pass disc its distance counts as infinite.
+    let with_low_pass = attributes.low_pass > 0.0;
+    let low_pass_scale = 1.0 / (attributes.low_pass * attributes.low_pass);
     let most_inverse_depth = 1.0 / attributes.near;
     let channels = attributes.channels.count;
     for &index in list {
@@ -60,23 +69,28 @@ fn attribute_body(
                 let last = (tile.origin[0] + x1) as f32;
                 let mut weights = [0.0_f32; LANES];
                 let mut depths = [0.0_f32; LANES];
+                let mut reaches = [0.0_f32; LANES];
                 for l in 0..LANES {
                     let pixel = first + l as f32;
                     let hit = row.at(splat, pixel);
                     let plane_depth = 1.0 / hit.inverse_depth;
                     let inside = hit.inside & (hit.inverse_depth <= most_inverse_depth);
                     let r3d = hit.scaled_r2 * (plane_depth * plane_depth);
-                    // Without the low-pass disc its distance counts as infinite.
-                    let d2 = (hit.x * hit.x + row.y * row.y) * LOW_PASS_SCALE;
-                    let r2d = if attributes.low_pass { d2 } else { f32::INFINITY };
+                    let d2 = (hit.x * hit.x + row.y * row.y) * low_pass_scale;
+                    let r2d = if with_low_pass { d2 } else { f32::INFINITY };
                     let depth = if inside { plane_depth } else { splat.centre_depth };
                     let r3d = if inside { r3d } else { f32::INFINITY };
                     let r2d = if splat.centre_depth > 0.0 { r2d } else { f32::INFINITY };
                     let r2 = if r2d < r3d { r2d } else { r3d };
                     let passes = (inside | (r2 <= 1.0)) & (depth <= limit[l]) & (pixel <= last);
                     let r2 = if r2 < 1.0 { r2 } else { 1.0 };
-                    weights[l] = if passes { fast::kernel(r2) } else { 0.0 };
+                    let weight = if passes { fast::kernel(r2) } else { 0.0 };
+                    reaches[l] = if passes & inside { 1.0 } else { weight };
+                    weights[l] = weight * attributes.share;
                     depths[l] = if passes { depth } else { 0.0 };
+                }
+                if !reach.is_empty() {
+                    add(&mut reach[y * STRIDE + x..], &reaches, 1.0);
                 }
                 // No early exit where nothing passes: a branch that is often wrong costs more than adding zeros.
                 for (value, plane) in values.iter().zip(out.chunks_exact_mut(STRIDE)) {
@@ -129,7 +143,8 @@ fn splat_values(splat: &Splat, attributes: &Attributes<'_>) -> [f32; Channels::M
         }
     }
     if let Some(at) = channels.velocity {
-        values[at..at + 2].copy_from_slice(&velocity(surfels.position[i], attributes.posed));
+        values[at..at + 2]
+            .copy_from_slice(&velocity(surfels.position[i], attributes.posed).map(|v| v * attributes.stride));
     }
     if let Some(at) = channels.material {
         let m = material(attributes, i);
@@ -149,7 +164,7 @@ fn material(attributes: &Attributes<'_>, surfel: usize) -> Material {
     attributes.object.material.or_else(|| attributes.object.surfels.material.get(surfel).copied()).unwrap_or_default()
 }
 
-/// Screen velocity of a surfel's centre, pixels per shutter: the derivative of (x, y) = (X, Y) / depth.
+/// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth.
 fn velocity(position: Vec3, posed: &PosedObject) -> [f32; 2] {
     let p = posed.screen_from_model * position + posed.screen_origin;
     let rate = posed.screen_rate * position + posed.screen_origin_rate;

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use self::attribute::Attributes;
 use self::bin::Binned;
 use self::project::View;
-use self::resolve::{Resolve, TileFilm, TiledFilm};
+use self::resolve::{RasterFilms, Resolve, TileFilm, TiledFilm};
 use self::tiles::{Band, TILE, TileBuffers, TileRect};
 use self::visibility::Depths;
 use super::{Backend, BackendError, Rendered, Stats};
@@ -60,19 +60,25 @@ impl Backend for Cpu {
         let planes = FilmPlanes::of(frame.aovs);
         let channels = Channels::of(frame);
         let budget = Budget::of(frame, &planes, &channels)?;
-        let [tiles_x, tiles_y] = frame.size.map(|pixels| (pixels as usize).div_ceil(TILE));
-        let mut film = TiledFilm { tiles: vec![TileFilm::default(); tiles_x * tiles_y], tiles_x };
+        let stride = frame.stride as usize;
+        let mut films = RasterFilms { films: Vec::new(), stride, samples: frame.samples() };
         let clocks = Clocks::default();
-        for first in (0..tiles_y).step_by(budget.band_rows) {
-            let rows = [first, (first + budget.band_rows).min(tiles_y)];
-            let band = Band::new(frame.size, rows);
-            let films = &mut film.tiles[rows[0] * tiles_x..rows[1] * tiles_x];
-            for group in &frame.groups {
-                let work = Work { frame, group, band, planes: &planes, channels: &channels, clocks: &clocks };
-                self.group(&work, budget.splat_bytes, films);
+        for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
+            let size = groups[0].raster.size;
+            let mut film = TiledFilm::new(size);
+            let tiles_y = (size[1] as usize).div_ceil(TILE);
+            for first in (0..tiles_y).step_by(budget.band_rows) {
+                let rows = [first, (first + budget.band_rows).min(tiles_y)];
+                let band = Band::new(size, rows);
+                let tiles = &mut film.tiles[rows[0] * film.tiles_x..rows[1] * film.tiles_x];
+                for group in groups {
+                    let work = Work { frame, group, band, planes: &planes, channels: &channels, clocks: &clocks };
+                    self.group(&work, budget.splat_bytes, tiles);
+                }
             }
+            films.films.push(film);
         }
-        let picture = develop(&film, frame.size, frame.aovs, frame.background);
+        let picture = develop(&films, frame.size, frame.aovs, frame.background);
         Ok(Rendered { picture, stats: clocks.stats(frame) })
     }
 }
@@ -87,14 +93,18 @@ struct Budget {
 
 impl Budget {
     fn of(frame: &Frame<'_>, planes: &FilmPlanes, channels: &Channels) -> Result<Self, BackendError> {
-        let [tiles_x, tiles_y] = frame.size.map(|pixels| u64::from(pixels).div_ceil(TILE as u64));
+        // The largest raster is the first one.
+        let raster = frame.groups.first().map_or(frame.size, |group| group.raster.size);
+        let rasters = u64::from(frame.stride * frame.stride);
+        let samples = frame.groups.iter().map(|group| group.samples.len()).max().unwrap_or(1);
+        let [tiles_x, tiles_y] = raster.map(|pixels| u64::from(pixels).div_ceil(TILE as u64));
         let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
         // The film, the picture that it becomes, and its copy in the file's form.
-        let film = tiles_x * tiles_y * TileFilm::bytes(planes.count) + 2 * pixels * 4 * planes.count as u64;
-        let row = tiles_x * TileBuffers::bytes(channels.count);
+        let film = rasters * tiles_x * tiles_y * TileFilm::bytes(planes.count) + 2 * pixels * 4 * planes.count as u64;
+        let row = tiles_x * TileBuffers::bytes(channels.count, samples);
         let threads = rayon::current_num_threads() as u64;
         let wave = |rows: u64| {
-            let band = Band::new(frame.size, [0, rows as usize]);
+            let band = Band::new(raster, [0, rows as usize]);
             (threads + 1) * Binned::most_bytes(CHUNK, &band)
         };
         let needed = frame.model_bytes + film + row + wave(1);
@@ -221,8 +231,7 @@ impl Work<'_> {
         let sample = &self.group.samples[chunk.sample];
         let view = View {
             object: &sample.objects[chunk.object],
-            size: self.frame.size,
-            offset: sample.offset,
+            raster: self.group.raster,
             pixels: self.band.pixels,
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,
@@ -235,11 +244,17 @@ impl Work<'_> {
         self.clocks.project.add(start);
     }
 
+    /// Share that a sample of weight `weight` has in its group: 1 where it is alone.
+    fn share(&self, weight: f32) -> f32 {
+        let total: f32 = self.group.samples.iter().map(|sample| sample.weight).sum();
+        if total > 0.0 { weight / total } else { 1.0 }
+    }
+
     /// Clears what `pass` will write.
     fn prepare(&self, pass: Pass, buffers: &mut TileBuffers) {
         match pass {
             Pass::Visibility => buffers.clear_threshold(),
-            Pass::Attribute => buffers.clear_sums(self.channels.count),
+            Pass::Attribute => buffers.clear_sums(self.channels.count, self.group.samples.len()),
             Pass::Project | Pass::Bin | Pass::Resolve => {}
         }
     }
@@ -256,7 +271,8 @@ impl Work<'_> {
         film: &mut TileFilm,
     ) {
         let start = Instant::now();
-        let TileBuffers { threshold, sums } = buffers;
+        let TileBuffers { threshold, sums, union } = buffers;
+        let several = self.group.samples.len() > 1;
         match pass {
             Pass::Project | Pass::Bin => {}
             Pass::Visibility => {
@@ -278,29 +294,41 @@ impl Work<'_> {
                         continue;
                     }
                     let sample = &self.group.samples[chunk.sample];
+                    if several && chunk.sample != union.sample {
+                        union.turn(self.group.samples[union.sample].weight, chunk.sample);
+                    }
                     let attributes = Attributes {
                         sample,
                         posed: &sample.objects[chunk.object],
                         object: &self.frame.objects[chunk.object],
                         channels: self.channels,
                         near: self.frame.near,
-                        low_pass: self.frame.prefilter == Prefilter::Approx,
+                        low_pass: if self.frame.prefilter == Prefilter::Approx {
+                            self.group.raster.low_pass
+                        } else {
+                            0.0
+                        },
+                        stride: self.frame.stride as f32,
+                        share: self.share(sample.weight),
                         shading: self.frame.shading,
                     };
-                    attribute::attribute(&binned.splats, list, &attributes, tile, threshold, sums);
+                    attribute::attribute(&binned.splats, list, &attributes, tile, threshold, sums, &mut union.reach);
                 }
                 self.clocks.attribute.add(start);
             }
             Pass::Resolve => {
+                let samples = &self.group.samples;
+                if several {
+                    union.turn(samples[union.sample].weight, 0);
+                }
                 let resolve = Resolve {
-                    sample: &self.group.samples[0],
+                    sample: &samples[samples.len() / 2],
                     channels: self.channels,
                     planes: self.planes,
                     shading: self.frame.shading,
-                    size: self.frame.size,
-                    focal: self.frame.focal,
+                    raster: &self.group.raster,
                 };
-                resolve::resolve(&resolve, tile, threshold, sums, film);
+                resolve::resolve(&resolve, tile, threshold, sums, &union.coverage, film);
                 self.clocks.resolve.add(start);
             }
         }

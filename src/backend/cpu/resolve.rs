@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::tiles::{LANES, STRIDE, TILE, TileRect};
 use crate::film::{Film, FilmPlanes};
-use crate::frame::PosedSample;
+use crate::frame::{PosedSample, Raster};
 use crate::layout::Channels;
 use crate::math::simd::dispatch;
 use crate::plan::Shading;
@@ -25,48 +25,91 @@ impl TileFilm {
     }
 }
 
-/// All tiles of an image, row by row.
+/// All tiles of a raster, row by row.
 #[derive(Debug)]
 pub(super) struct TiledFilm {
     pub tiles: Vec<TileFilm>,
     pub tiles_x: usize,
 }
 
-impl Film for TiledFilm {
-    fn row(&self, plane: usize, y: u32, out: &mut [f32]) {
-        let y = y as usize;
+impl TiledFilm {
+    /// An empty film of `size` pixels.
+    pub(super) fn new(size: [u32; 2]) -> Self {
+        let [tiles_x, tiles_y] = size.map(|pixels| (pixels as usize).div_ceil(TILE));
+        Self { tiles: vec![TileFilm::default(); tiles_x * tiles_y], tiles_x }
+    }
+
+    /// Writes row `y` of plane `plane` to every `stride`-th place of `out`, from the first.
+    fn row(&self, plane: usize, y: usize, stride: usize, out: &mut [f32]) {
         let tiles = &self.tiles[y / TILE * self.tiles_x..];
-        for (out, tile) in out.chunks_mut(TILE).zip(tiles) {
+        for (out, tile) in out.chunks_mut(TILE * stride).zip(tiles) {
             let first = (plane * TILE + y % TILE) * TILE;
-            match tile.values.get(first..first + out.len()) {
-                Some(row) => out.copy_from_slice(row),
-                None => out.fill(0.0),
+            let pixels = out.len().div_ceil(stride);
+            match tile.values.get(first..first + pixels) {
+                Some(row) if stride == 1 => out.copy_from_slice(row),
+                Some(row) => out.iter_mut().step_by(stride).zip(row).for_each(|(out, value)| *out = *value),
+                None => out.iter_mut().step_by(stride).for_each(|out| *out = 0.0),
             }
         }
+    }
+}
+
+/// The films of all rasters of a frame: that of phase (x, y) at y stride + x.
+#[derive(Debug)]
+pub(super) struct RasterFilms {
+    pub films: Vec<TiledFilm>,
+    pub stride: usize,
+    /// Time samples of a pixel.
+    pub samples: u32,
+}
+
+impl Film for RasterFilms {
+    fn row(&self, plane: usize, y: u32, out: &mut [f32]) {
+        let (y, stride) = (y as usize, self.stride);
+        for (x, film) in self.films[y % stride * stride..][..stride].iter().enumerate() {
+            if let Some(out) = out.get_mut(x..) {
+                film.row(plane, y / stride, stride, out);
+            }
+        }
+    }
+
+    fn samples(&self, _y: u32, out: &mut [f32]) {
+        out.fill(self.samples as f32);
     }
 }
 
 /// What the pass needs beside sums and thresholds.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Resolve<'a> {
+    /// The sample whose camera and lights shade.
     pub sample: &'a PosedSample,
     pub channels: &'a Channels,
     pub planes: &'a FilmPlanes,
     pub shading: Shading,
-    /// Image size and focal length, pixels: what turns a pixel into a ray.
-    pub size: [u32; 2],
-    pub focal: f32,
+    /// What turns a pixel into a ray.
+    pub raster: &'a Raster,
 }
 
 type Lanes = [f32; LANES];
 
 dispatch! {
     /// Adds one group's share of the exposure to `film`.
-    fn resolve(resolve: &Resolve<'_>, tile: &TileRect, threshold: &[f32], sums: &[f32], film: &mut TileFilm) = resolve_body
+    ///
+    /// `coverage` is that of the group's samples together, weights included; it is empty for a group of one sample.
+    fn resolve(
+        resolve: &Resolve<'_>, tile: &TileRect, threshold: &[f32], sums: &[f32], coverage: &[f32], film: &mut TileFilm,
+    ) = resolve_body
 }
 
 #[inline(always)]
-fn resolve_body(resolve: &Resolve<'_>, tile: &TileRect, threshold: &[f32], sums: &[f32], film: &mut TileFilm) {
+fn resolve_body(
+    resolve: &Resolve<'_>,
+    tile: &TileRect,
+    threshold: &[f32],
+    sums: &[f32],
+    coverage: &[f32],
+    film: &mut TileFilm,
+) {
     let channels = resolve.channels;
     film.values.resize(resolve.planes.count * TILE * TILE, 0.0);
     for y in 0..tile.height {
@@ -89,8 +132,11 @@ fn resolve_body(resolve: &Resolve<'_>, tile: &TileRect, threshold: &[f32], sums:
                 inverse[l] = if w > 0.0 { 1.0 / w } else { 0.0 };
                 // Where no visibility splat covers, only low-pass discs reach: their weights are the coverage.
                 let partial = if w < 1.0 { w } else { 1.0 };
-                let coverage = if limit[l] < f32::INFINITY { 1.0 } else { partial };
-                share[l] = if w > 0.0 { coverage * resolve.sample.weight } else { 0.0 };
+                let covered = if limit[l] < f32::INFINITY { 1.0 } else { partial };
+                share[l] = if w > 0.0 { covered * resolve.sample.weight } else { 0.0 };
+            }
+            if let Some(coverage) = coverage.get(y * STRIDE + x..).and_then(<[f32]>::first_chunk::<LANES>) {
+                share = *coverage;
             }
             let mean = |channel: usize| -> Lanes {
                 let mut out = load(channel);
@@ -158,13 +204,13 @@ fn shade_lanes(
     let material = material.copied().unwrap_or(flat.map(|v| [v; LANES]));
     // The ray through the sample position, world axes, with depth 1.
     let camera = resolve.sample.world_from_camera;
-    let over = 1.0 / resolve.focal;
-    let ray_y = (0.5 * resolve.size[1] as f32 - (pixel[1] + 0.5 + resolve.sample.offset[1])) * over;
+    let over = 1.0 / resolve.raster.focal;
+    let ray_y = (resolve.raster.axis[1] - (pixel[1] + 0.5 + resolve.raster.offset[1])) * over;
     let first = camera.y_axis * ray_y - camera.z_axis;
     let mut ray = [[0.0; LANES]; 3];
     let mut view = [[0.0; LANES]; 3];
     for l in 0..LANES {
-        let ray_x = (pixel[0] + l as f32 + 0.5 + resolve.sample.offset[0] - 0.5 * resolve.size[0] as f32) * over;
+        let ray_x = (pixel[0] + l as f32 + 0.5 + resolve.raster.offset[0] - resolve.raster.axis[0]) * over;
         let r =
             [first.x + camera.x_axis.x * ray_x, first.y + camera.x_axis.y * ray_x, first.z + camera.x_axis.z * ray_x];
         let s = -1.0 / (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]).sqrt();

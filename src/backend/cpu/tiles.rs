@@ -66,6 +66,30 @@ pub(super) struct TileBuffers {
     pub threshold: Vec<f32>,
     /// Weighted sums: for each row, for each channel, `STRIDE` floats.
     pub sums: Vec<f32>,
+    /// Coverage by the samples of a group that has several; empty where there is one.
+    pub union: Union,
+}
+
+/// Coverage by the samples of a group, one after the other: `TILE` rows of `STRIDE`.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Union {
+    /// Sample whose splats are being added.
+    pub sample: usize,
+    /// Of that sample: at least 1 where a splat covers, else the weights of the low-pass discs.
+    pub reach: Vec<f32>,
+    /// Of the samples before: sum of weight times coverage.
+    pub coverage: Vec<f32>,
+}
+
+impl Union {
+    /// Ends the current sample, of weight `weight`, and starts sample `next`.
+    pub(super) fn turn(&mut self, weight: f32, next: usize) {
+        for (coverage, reach) in self.coverage.iter_mut().zip(&mut self.reach) {
+            *coverage += weight * if *reach < 1.0 { *reach } else { 1.0 };
+            *reach = 0.0;
+        }
+        self.sample = next;
+    }
 }
 
 impl TileBuffers {
@@ -74,13 +98,21 @@ impl TileBuffers {
         self.threshold.resize(TILE * STRIDE, f32::INFINITY);
     }
 
-    pub(super) fn clear_sums(&mut self, channels: usize) {
+    /// For a group of `samples` samples.
+    pub(super) fn clear_sums(&mut self, channels: usize, samples: usize) {
         self.sums.clear();
         self.sums.resize(TILE * channels * STRIDE, 0.0);
+        let union = if samples > 1 { TILE * STRIDE } else { 0 };
+        self.union.sample = 0;
+        for plane in [&mut self.union.reach, &mut self.union.coverage] {
+            plane.clear();
+            plane.resize(union, 0.0);
+        }
     }
 
-    /// Bytes of one tile's buffers.
-    pub(super) const fn bytes(channels: usize) -> u64 {
-        ((1 + channels) * TILE * STRIDE * size_of::<f32>()) as u64
+    /// Bytes of one tile's buffers, for groups of `samples` samples.
+    pub(super) const fn bytes(channels: usize, samples: usize) -> u64 {
+        let union = if samples > 1 { 2 } else { 0 };
+        ((1 + channels + union) * TILE * STRIDE * size_of::<f32>()) as u64
     }
 }
