@@ -61,7 +61,10 @@ fn holds_the_object_at_every_time() {
                             farthest = farthest.max((p - x).length());
                         }
                     }
-                    assert!(farthest <= r * (1.0 + 1e-9), "{animation:?} {mode:?} {moving} {from}..{to}: {farthest} > {r}");
+                    assert!(
+                        farthest <= r * (1.0 + 1e-9),
+                        "{animation:?} {mode:?} {moving} {from}..{to}: {farthest} > {r}"
+                    );
                     tight += u32::from(farthest > 0.5 * r);
                 }
             }

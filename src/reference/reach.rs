@@ -119,12 +119,10 @@ impl Cone {
         let offset = camera.world_from_camera.transpose() * (centre - camera.eye);
         let radius = radius + SLACK * (radius + centre.length() + camera.eye.length());
         let distance = offset.length();
-        // Also false where a number is not finite.
-        if !(distance > radius) {
-            return None;
-        }
         let sin = radius / distance;
-        Some(Self { axis: offset / distance, sin: sin + SLACK, cos: (1.0 - sin * sin).max(0.0).sqrt() })
+        // Also false where a number is not finite.
+        let outside = (0.0..1.0).contains(&sin) && distance.is_finite();
+        outside.then(|| Self { axis: offset / distance, sin: sin + SLACK, cos: (1.0 - sin * sin).max(0.0).sqrt() })
     }
 
     /// The angle of the axes is at most the sum of the cones' angles, each below a right angle.

@@ -182,8 +182,8 @@ fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PA
         near: [f32::INFINITY; PACKET],
         limit: [f32::NEG_INFINITY; PACKET],
     };
-    const NOTHING: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
-    let (mut origins, mut inverses) = ([NOTHING; 3], [NOTHING; 3]);
+    let nothing = [f32::INFINITY, f32::NEG_INFINITY];
+    let (mut origins, mut inverses) = ([nothing; 3], [nothing; 3]);
     let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
     let (mut near, mut limit) = (f32::INFINITY, f32::NEG_INFINITY);
     for (l, ray) in rays.iter().enumerate() {
