@@ -4,8 +4,9 @@ mod bounds;
 pub mod fast;
 pub(crate) mod simd;
 pub mod srgb;
+pub mod sweep;
 mod trs;
 
 pub use bounds::Bounds;
-pub(crate) use trs::rotation;
 pub use trs::{RotateOrder, Trs};
+pub(crate) use trs::{norm, rotation};

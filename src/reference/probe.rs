@@ -5,6 +5,7 @@ use std::fmt;
 use glam::DVec3;
 
 use super::posed::{Shape, World};
+use super::reach::Sights;
 use super::sampler::{Points, SCRAMBLINGS};
 use super::sums::{Sums, mean};
 use super::trace::{Surface, Tracer};
@@ -116,7 +117,11 @@ pub fn probe(
         let of_pixel = points.pixel(integrator.number(pixel));
         let scrambling = of_pixel.scrambling((number % SCRAMBLINGS as u64) as usize);
         let (film, time) = integrator.place(pixel, scrambling.at(k));
-        look(&world, &mut Tracer::new(&world), number, film, time)
+        let mut sights = Sights::default();
+        integrator.reach.sights(&world, pixel.map(|c| c as usize), [1, 1], &mut sights);
+        let mut tracer = Tracer::new(&world);
+        tracer.hits(&[(film, time)], &sights, &integrator.reach);
+        look(&world, &mut tracer, number, film, time)
     });
     Ok(Probe { pixel, samples, hits, mean, scramblings, error, sample })
 }
@@ -124,12 +129,11 @@ pub fn probe(
 fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64; 2], time: f64) -> Sample {
     let camera = world.camera(time);
     let direction = world.direction(film);
-    tracer.hits(&camera, direction, time);
-    let limit = tracer.found.limit;
+    let limit = tracer.found[0].limit;
     let mut hits: Vec<ProbedHit> = Vec::new();
-    for hit in &tracer.found.hits {
+    for hit in &tracer.found[0].hits {
         let body = &world.bodies[hit.object as usize];
-        let Some(target) = &tracer.targets[hit.object as usize] else { continue };
+        let Some(target) = tracer.target(0, hit) else { continue };
         let surface = Surface::of(body, target, hit);
         hits.push(ProbedHit {
             object: body.object.name.clone(),
@@ -145,7 +149,7 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
         });
     }
     hits.sort_by(|a, b| a.depth.total_cmp(&b.depth));
-    let seen = tracer.sample(film, time);
+    let seen = tracer.seen(0);
     Sample {
         number,
         film,

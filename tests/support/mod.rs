@@ -4,6 +4,7 @@
 
 pub mod closed_forms;
 pub mod plot;
+pub mod study;
 
 use std::f64::consts::PI;
 use std::sync::Arc;
