@@ -97,8 +97,7 @@ pub fn log_log(title: &str, [x_name, y_name]: [&str; 2], x: &[u64], range: [f64;
                 "<path d=\"M{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"2\" stroke-dasharray=\"{dashes}\"/>",
                 points.join("L")
             );
-            let markers: String = points.iter().map(|at| format!("M{at}{marker}")).collect();
-            let _ = writeln!(out, "<path d=\"{markers}\" fill=\"{colour}\"/>");
+            let _ = writeln!(out, "<path d=\"M{}{marker}\" fill=\"{colour}\"/>", points.join(&format!("{marker}M")));
             let (x, y) = (left + 16.0, TOP + HEIGHT - 52.0 + 20.0 * line as f64);
             let _ = writeln!(
                 out,
