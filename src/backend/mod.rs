@@ -1,6 +1,8 @@
 //! Machines that execute a plan.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 
 use std::time::Duration;
 
@@ -55,6 +57,25 @@ pub enum BackendError {
         /// Budget, bytes.
         allowed: u64,
     },
+    /// There is no device to render on.
+    #[error(
+        "there is no graphics adapter{wanted} (found: {found}); a GPU needs its Vulkan driver and the Vulkan loader (Debian: \
+         libvulkan1), a software device mesa-vulkan-drivers"
+    )]
+    NoAdapter {
+        /// What it was looked for by, with a space in front; empty for any.
+        wanted: String,
+        /// Names of those that there are.
+        found: String,
+    },
+    /// The device refused, or lacks something.
+    #[error("{adapter}: {what}")]
+    Device {
+        /// Name of the adapter.
+        adapter: String,
+        /// What it says or lacks.
+        what: String,
+    },
 }
 
 /// What one frame took.
@@ -66,12 +87,23 @@ pub struct Stats {
     pub surfels: u64,
     /// Splats projected onto the image, over all time samples; where they pass in waves (`--memory`), once for each pass.
     pub splats: u64,
-    /// CPU time of `project` and `bin`, over all threads.
+    /// Time of `project`: on the CPU that of all threads, `bin` included; on a device as its clock has it.
     pub project: Duration,
-    /// CPU time of `visibility`, over all threads.
+    /// Time of `bin`, where it is measured apart.
+    pub bin: Duration,
+    /// Time of `visibility`.
     pub visibility: Duration,
-    /// CPU time of `attribute`, over all threads.
+    /// Time of `attribute`.
     pub attribute: Duration,
-    /// CPU time of `resolve`, over all threads.
+    /// Time of `resolve`.
     pub resolve: Duration,
+}
+
+impl Stats {
+    /// Samples and surfels of a frame, before anything is measured.
+    fn of(frame: &Frame<'_>) -> Self {
+        let samples: u64 = frame.groups.iter().map(|group| group.samples.len() as u64).sum();
+        let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
+        Self { samples, surfels: samples * surfels, ..Self::default() }
+    }
 }

@@ -361,16 +361,13 @@ struct Clocks {
 
 impl Clocks {
     fn stats(&self, frame: &Frame<'_>) -> Stats {
-        let samples: u64 = frame.groups.iter().map(|group| group.samples.len() as u64).sum();
-        let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
         Stats {
-            samples,
-            surfels: samples * surfels,
             splats: self.splats.load(Relaxed),
             project: self.project.total(),
             visibility: self.visibility.total(),
             attribute: self.attribute.total(),
             resolve: self.resolve.total(),
+            ..Stats::of(frame)
         }
     }
 }
