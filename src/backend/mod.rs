@@ -10,15 +10,39 @@ use crate::film::Picture;
 use crate::frame::Frame;
 
 /// A machine that executes plans. It knows passes, and nothing about blur modes, scenes or files.
-pub trait Backend {
+pub trait Backend: Send {
     /// Name and size of the machine, for people.
     fn describe(&self) -> String;
 
-    /// Executes a frame's plan.
+    /// Frames that may be begun and not finished: one where `begin` does the work, two where the host can prepare the next
+    /// while the device renders.
+    fn in_flight(&self) -> usize;
+
+    /// Begins to execute a frame's plan. Frames are finished in the order in which they were begun.
     ///
     /// # Errors
     /// The frame does not fit into the machine's limits.
-    fn render(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError>;
+    fn begin(&mut self, frame: &Frame<'_>) -> Result<(), BackendError>;
+
+    /// Finishes the oldest frame. `None`: there is none, or it turned out to need more room, which there is now; it must be
+    /// begun again.
+    ///
+    /// # Errors
+    /// The frame does not fit into the machine's limits.
+    fn finish(&mut self) -> Result<Option<Rendered>, BackendError>;
+
+    /// Executes a frame's plan, with no other under way.
+    ///
+    /// # Errors
+    /// The frame does not fit into the machine's limits.
+    fn render(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError> {
+        loop {
+            self.begin(frame)?;
+            if let Some(rendered) = self.finish()? {
+                return Ok(rendered);
+            }
+        }
+    }
 }
 
 /// A picture, and what it took.

@@ -3,6 +3,8 @@
 //! Exit status: 0 done, 1 reserved for comparisons over their limit, 2 error (one line on stderr), 130 interrupted.
 //! What a user asked for goes to stdout, everything else to stderr.
 
+mod adapters;
+mod backend;
 mod convert;
 mod generate;
 mod grammar;

@@ -10,6 +10,8 @@ mod bin;
 mod project;
 mod resolve;
 mod tiles;
+#[cfg(all(test, feature = "gpu"))]
+pub(super) mod twins;
 mod visibility;
 
 use std::ops::Range;
@@ -40,6 +42,8 @@ pub struct Cpu {
     binned: Vec<Binned>,
     /// Likewise, for bands whose splats come in waves.
     buffers: Vec<TileBuffers>,
+    /// The frame that was begun.
+    done: Option<Rendered>,
 }
 
 /// Some surfels of one object at one sample of the group.
@@ -56,7 +60,22 @@ impl Backend for Cpu {
         format!("cpu ({threads} thread{})", if threads == 1 { "" } else { "s" })
     }
 
-    fn render(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError> {
+    fn in_flight(&self) -> usize {
+        1
+    }
+
+    fn begin(&mut self, frame: &Frame<'_>) -> Result<(), BackendError> {
+        self.done = Some(self.render_whole(frame)?);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<Rendered>, BackendError> {
+        Ok(self.done.take())
+    }
+}
+
+impl Cpu {
+    fn render_whole(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError> {
         let planes = FilmPlanes::of(frame.aovs);
         let channels = Channels::of(frame);
         let budget = Budget::of(frame, &planes, &channels)?;

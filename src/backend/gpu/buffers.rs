@@ -6,7 +6,6 @@ use super::device::Device;
 use super::layout::{BLOCK, DIGIT_BITS, Light, Segment, Status, UNIFORM_STRIDE};
 use super::schedule::{DeviceChannels, Schedule};
 use crate::backend::BackendError;
-use crate::film::FilmPlanes;
 use crate::layout::Splat;
 
 /// What the passes of one group and wave exchange, and the film.
@@ -31,8 +30,6 @@ pub(super) struct Buffers {
     pub thresholds: Buffer,
     pub sums: Buffer,
     pub film: Buffer,
-    /// Film and status for the host.
-    pub staging: Buffer,
     /// Entries that there is room for.
     pub entries: u64,
 }
@@ -62,7 +59,6 @@ impl Buffers {
             thresholds: empty()?,
             sums: empty()?,
             film: empty()?,
-            staging: device.buffer("staging", 0, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?,
             entries: 0,
         })
     }
@@ -73,7 +69,6 @@ impl Buffers {
         device: &Device,
         schedule: &Schedule,
         channels: &DeviceChannels,
-        planes: &FilmPlanes,
     ) -> Result<(), BackendError> {
         let slots = schedule.slots;
         grow(device, &mut self.splats, "splats", slots * size_of::<Splat>() as u64)?;
@@ -85,9 +80,7 @@ impl Buffers {
         grow(device, &mut self.starts, "lists", 4 * (schedule.band_tiles + 2))?;
         grow(device, &mut self.thresholds, "thresholds", tile * schedule.band_tiles)?;
         grow(device, &mut self.sums, "sums", tile * channels.count as u64 * schedule.band_tiles)?;
-        debug_assert!(schedule.film_bytes.is_multiple_of(tile * planes.count as u64));
-        grow(device, &mut self.film, "the film's planes", schedule.film_bytes)?;
-        grow(device, &mut self.staging, "the film's copy", schedule.film_bytes + size_of::<Status>() as u64)
+        grow(device, &mut self.film, "the film's planes", schedule.film_bytes)
     }
 
     /// Makes room for `entries` entries.
@@ -119,7 +112,7 @@ impl Buffers {
 }
 
 /// Replaces `buffer` by a larger one, if it has less than `bytes` bytes. What is in it is lost.
-fn grow(device: &Device, buffer: &mut Buffer, label: &str, bytes: u64) -> Result<(), BackendError> {
+pub(super) fn grow(device: &Device, buffer: &mut Buffer, label: &str, bytes: u64) -> Result<(), BackendError> {
     if buffer.size() < bytes {
         let usage = buffer.usage();
         // The old one's memory first.

@@ -181,10 +181,4 @@ impl Device {
             Some(_) => Err(self.error(format!("{label} need {size} bytes, which the device's memory has not left"))),
         }
     }
-
-    /// Waits until everything that was submitted is done.
-    pub(super) fn wait(&self) -> Result<(), BackendError> {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| self.error(e.to_string()))?;
-        self.check()
-    }
 }

@@ -1,16 +1,16 @@
-//! Executes a frame's plan on the device: cuts the frame up, records the passes of each group, submits them one after the
-//! other, and takes the film back at the end.
+//! Executes a frame's plan on the device: cuts the frame up, records the passes of each group, and submits them one after
+//! the other. Nothing waits for the device here.
 
-use wgpu::{CommandEncoder, ComputePassDescriptor, MapMode};
+use wgpu::{CommandEncoder, ComputePassDescriptor};
 
 use super::bindings::{Bench, Step, Steps};
-use super::film::DeviceFilm;
-use super::layout::{BLOCK, Status, TILE, UNIFORM_STRIDE, View, lights};
+use super::clock::Marks;
+use super::layout::{BLOCK, DIGIT_BITS, TILE, UNIFORM_STRIDE, View, lights};
 use super::models::Block;
-use super::schedule::{Band, DeviceChannels, Schedule, Wave};
+use super::schedule::{Band, DeviceChannels, ENTRIES_PER_SLOT, Schedule, Wave};
 use super::{Gpu, Machine};
-use crate::backend::{BackendError, Rendered, Stats};
-use crate::film::{FilmPlanes, develop};
+use crate::backend::BackendError;
+use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup};
 use crate::plan::Pass;
 
@@ -25,43 +25,47 @@ pub(super) struct Execution<'a> {
 }
 
 impl Gpu {
-    pub(super) fn execute(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError> {
-        let mut execution = self.prepare(frame)?;
-        let mut entries = execution.schedule.first_entries();
-        loop {
-            self.machine.buffers.fit_entries(&self.machine.device, entries)?;
-            self.submit(&execution)?;
-            let (rendered, status) = self.take(&execution)?;
-            // Lists that outgrew their buffers were left empty, and the frame is repeated with more room, or in more waves.
-            let wanted = u64::from(status.most_entries);
-            if wanted <= self.machine.buffers.entries {
-                return Ok(rendered);
-            }
-            if wanted <= execution.schedule.most_entries {
-                entries = (wanted + wanted / 4).min(execution.schedule.most_entries);
-            } else if !execution.schedule.halve() {
-                return Err(self.machine.device.error(format!("lists of {wanted} entries do not fit into its buffers")));
-            }
-        }
-    }
-
     /// Cuts the frame up and makes room for it.
     pub(super) fn prepare<'a>(&mut self, frame: &'a Frame<'a>) -> Result<Execution<'a>, BackendError> {
         let channels = DeviceChannels::of(frame);
         let planes = FilmPlanes::of(frame.aovs);
-        let schedule = Schedule::new(frame, &channels, &planes, self.most_bytes())?;
+        let mut schedule = Schedule::new(frame, &channels, &planes, self.most_bytes)?;
+        schedule.slots = schedule.slots.min(self.most_slots);
         let Machine { device, models, buffers, .. } = &mut self.machine;
         let blocks = frame
             .objects
             .iter()
             .map(|object| models.blocks(device, object.surfels))
             .collect::<Result<Vec<_>, _>>()?;
-        buffers.fit(device, &schedule, &channels, &planes)?;
+        buffers.fit(device, &schedule, &channels)?;
+        let entries = (ENTRIES_PER_SLOT * schedule.slots).min(self.first_entries).max(self.wanted_entries);
+        buffers.fit_entries(device, entries.min(schedule.most_entries))?;
         Ok(Execution { frame, channels, planes, blocks, schedule })
     }
 
     /// Records and submits all groups.
-    pub(super) fn submit(&mut self, execution: &Execution<'_>) -> Result<(), BackendError> {
+    pub(super) fn submit(&mut self, execution: &Execution<'_>, marks: &mut Marks) -> Result<(), BackendError> {
+        let steps = self.steps(execution, marks)?;
+        let Execution { frame, schedule, .. } = execution;
+        let mut encoder = self.machine.encoder();
+        encoder.clear_buffer(&self.machine.buffers.film, 0, None);
+        encoder.clear_buffer(&self.machine.buffers.status, 0, None);
+        self.machine.device.queue.submit([encoder.finish()]);
+        let mut part = 0;
+        for (raster, groups) in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase).enumerate() {
+            for band in schedule.bands(raster) {
+                for group in groups {
+                    let work = Work { execution, group, raster, band, steps: &steps, resolve: &steps.resolve[part] };
+                    self.machine.group(&work, marks);
+                }
+                part += 1;
+            }
+        }
+        self.machine.device.check()
+    }
+
+    /// Makes room for the largest group's uniforms and for all marks; binds the programs.
+    pub(super) fn steps(&mut self, execution: &Execution<'_>, marks: &mut Marks) -> Result<Steps, BackendError> {
         let Execution { frame, schedule, .. } = execution;
         let mut most = [0_usize; 3];
         let mut passes = 0;
@@ -73,78 +77,17 @@ impl Gpu {
             passes += 6 * waves.len() + 1;
         }
         let bands: usize = (0..schedule.rasters.len()).map(|raster| schedule.bands(raster).count()).max().unwrap_or(0);
-        let Machine { device, buffers, pipelines, clock, .. } = &mut self.machine;
+        let Machine { device, buffers, pipelines, .. } = &mut self.machine;
         buffers.fit_group(device, most[0], most[1], most[2])?;
-        if let Some(clock) = clock {
-            clock.begin(device, passes * bands)?;
-        }
-        let steps = Bench { device, pipelines, buffers }.steps(
+        marks.begin(device, passes * bands)?;
+        Bench { device, pipelines, buffers }.steps(
             frame,
             &execution.channels,
             &execution.planes,
             &execution.blocks,
             schedule.band_tiles,
             &execution.parts(),
-        )?;
-        let mut encoder = self.machine.encoder();
-        encoder.clear_buffer(&self.machine.buffers.film, 0, None);
-        encoder.clear_buffer(&self.machine.buffers.status, 0, None);
-        self.machine.device.queue.submit([encoder.finish()]);
-        let mut part = 0;
-        for (raster, groups) in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase).enumerate() {
-            for band in schedule.bands(raster) {
-                for group in groups {
-                    let work = Work { execution, group, raster, band, steps: &steps, resolve: &steps.resolve[part] };
-                    self.machine.group(&work);
-                }
-                part += 1;
-            }
-        }
-        self.machine.device.check()
-    }
-
-    /// Takes film, status and times back.
-    fn take(&mut self, execution: &Execution<'_>) -> Result<(Rendered, Status), BackendError> {
-        let Machine { device, buffers, clock, .. } = &mut self.machine;
-        let frame = execution.frame;
-        let film_bytes = execution.schedule.film_bytes;
-        let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let status_bytes = size_of::<Status>() as u64;
-        if film_bytes > 0 {
-            encoder.copy_buffer_to_buffer(&buffers.film, 0, &buffers.staging, 0, film_bytes);
-        }
-        encoder.copy_buffer_to_buffer(&buffers.status, 0, &buffers.staging, film_bytes, status_bytes);
-        device.queue.submit([encoder.finish()]);
-        let map = |buffer: &wgpu::Buffer| buffer.map_async(MapMode::Read, .., |_| ());
-        map(&buffers.staging);
-        if let Some(clock) = clock {
-            map(clock.marks());
-        }
-        device.wait()?;
-        let mut stats = Stats::of(frame);
-        let status;
-        let picture = {
-            let view =
-                buffers.staging.get_mapped_range(..).map_err(|e| device.error(format!("cannot read the film: {e}")))?;
-            let (film, rest) = view.split_at(film_bytes as usize);
-            status = bytemuck::pod_read_unaligned::<Status>(&rest[..size_of::<Status>()]);
-            let film = DeviceFilm {
-                rasters: &execution.schedule.rasters,
-                stride: frame.stride as usize,
-                planes: execution.planes.count,
-                values: bytemuck::cast_slice(film),
-            };
-            develop(&film, frame.size, frame.aovs, frame.background)
-        };
-        buffers.staging.unmap();
-        stats.splats = u64::from(status.splats_high) << 32 | u64::from(status.splats_low);
-        if let Some(clock) = clock {
-            if let Ok(marks) = clock.marks().get_mapped_range(..) {
-                clock.add(bytemuck::cast_slice(&marks), &mut stats);
-            }
-            clock.marks().unmap();
-        }
-        Ok((Rendered { picture, stats }, status))
+        )
     }
 }
 
@@ -179,7 +122,7 @@ impl Machine {
     }
 
     /// Records and submits one group: the plan's passes, those that need lists wave by wave.
-    pub(super) fn group(&mut self, work: &Work<'_>) {
+    pub(super) fn group(&self, work: &Work<'_>, marks: &mut Marks) {
         let waves = self.upload(work);
         let Some(last) = waves.len().checked_sub(1) else { return };
         let mut encoder = self.encoder();
@@ -191,26 +134,25 @@ impl Machine {
                 Pass::Visibility | Pass::Attribute => {
                     for (number, wave) in waves.iter().enumerate() {
                         if at_hand != Some(number) {
-                            self.record(&mut encoder, Pass::Project, work, wave, number);
-                            self.record(&mut encoder, Pass::Bin, work, wave, number);
+                            self.record(&mut encoder, Pass::Project, work, wave, number, marks);
+                            self.record(&mut encoder, Pass::Bin, work, wave, number, marks);
                             at_hand = Some(number);
                         }
-                        self.record(&mut encoder, pass, work, wave, number);
+                        self.record(&mut encoder, pass, work, wave, number, marks);
                         if waves.len() > 1 {
-                            self.flush(&mut encoder);
+                            self.flush(&mut encoder, marks);
                         }
                     }
                 }
-                Pass::Resolve => self.record(&mut encoder, pass, work, &waves[last], last),
+                Pass::Resolve => self.record(&mut encoder, pass, work, &waves[last], last, marks),
             }
         }
-        self.flush(&mut encoder);
+        self.flush(&mut encoder, marks);
     }
 
-    fn flush(&mut self, encoder: &mut CommandEncoder) {
-        if let Some(clock) = &mut self.clock {
-            clock.collect(encoder);
-        }
+    /// Submits what is recorded.
+    fn flush(&self, encoder: &mut CommandEncoder, marks: &mut Marks) {
+        marks.collect(encoder);
         let done = std::mem::replace(encoder, self.encoder());
         self.device.queue.submit([done.finish()]);
     }
@@ -255,14 +197,15 @@ impl Machine {
 
     /// Records one pass of one wave.
     pub(super) fn record(
-        &mut self,
+        &self,
         encoder: &mut CommandEncoder,
         pass: Pass,
         work: &Work<'_>,
         wave: &Wave,
         number: usize,
+        marks: &mut Marks,
     ) {
-        let timestamp_writes = self.clock.as_mut().and_then(|clock| clock.mark(pass));
+        let timestamp_writes = marks.mark(pass);
         let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
         let steps = work.steps;
         let view = number as u32 * UNIFORM_STRIDE as u32;
@@ -283,7 +226,7 @@ impl Machine {
                     round.count.set(&mut recorder, &[view]);
                     recorder.dispatch_workgroups_indirect(totals, 0);
                     round.scan.set(&mut recorder, &[view]);
-                    recorder.dispatch_workgroups(1 << super::layout::DIGIT_BITS, 1, 1);
+                    recorder.dispatch_workgroups(1 << DIGIT_BITS, 1, 1);
                     round.scatter.set(&mut recorder, &[view]);
                     recorder.dispatch_workgroups_indirect(totals, 0);
                 }

@@ -10,6 +10,7 @@ mod clock;
 mod device;
 mod execute;
 mod film;
+mod flight;
 mod layout;
 mod models;
 mod programs;
@@ -17,10 +18,12 @@ mod schedule;
 #[cfg(test)]
 mod tests;
 
+use std::collections::VecDeque;
+
 use self::buffers::Buffers;
-use self::clock::Clock;
 use self::device::Device;
 pub use self::device::{AdapterReport, Choice, adapters};
+use self::flight::{Flight, Landing};
 use self::models::Models;
 use self::programs::Pipelines;
 use super::{Backend, BackendError, Rendered};
@@ -30,6 +33,17 @@ use crate::frame::Frame;
 #[derive(Debug)]
 pub struct Gpu {
     machine: Machine,
+    /// Frames that were begun, in order.
+    flights: VecDeque<Flight>,
+    landings: Vec<Landing>,
+    /// Most bytes of a buffer that a program can reach.
+    most_bytes: u64,
+    /// Most slots of a wave, since lists of larger ones did not fit.
+    most_slots: u64,
+    /// Most entries to make room for before it is known how many there are.
+    first_entries: u64,
+    /// Entries that there must be room for, as earlier frames showed.
+    wanted_entries: u64,
 }
 
 /// The device and everything that is kept on it between frames.
@@ -39,7 +53,6 @@ struct Machine {
     pipelines: Pipelines,
     models: Models,
     buffers: Buffers,
-    clock: Option<Clock>,
 }
 
 impl Gpu {
@@ -50,21 +63,21 @@ impl Gpu {
     pub fn open(choice: &Choice) -> Result<Self, BackendError> {
         let device = Device::open(choice)?;
         let buffers = Buffers::new(&device)?;
-        let clock = Clock::new(&device)?;
         device.check()?;
         Ok(Self {
-            machine: Machine { device, pipelines: Pipelines::default(), models: Models::default(), buffers, clock },
+            most_bytes: device.most_bytes(),
+            machine: Machine { device, pipelines: Pipelines::default(), models: Models::default(), buffers },
+            flights: VecDeque::new(),
+            landings: Vec::new(),
+            most_slots: u64::MAX,
+            first_entries: u64::MAX,
+            wanted_entries: 0,
         })
     }
 
     /// Name of the adapter.
     pub fn adapter(&self) -> &str {
         &self.machine.device.adapter.name
-    }
-
-    /// Bytes of a buffer that a program can reach.
-    fn most_bytes(&self) -> u64 {
-        self.machine.device.most_bytes()
     }
 }
 
@@ -73,7 +86,20 @@ impl Backend for Gpu {
         format!("gpu ({})", self.adapter())
     }
 
-    fn render(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError> {
-        self.execute(frame)
+    fn in_flight(&self) -> usize {
+        2
+    }
+
+    fn begin(&mut self, frame: &Frame<'_>) -> Result<(), BackendError> {
+        let flight = self.depart(frame)?;
+        self.flights.push_back(flight);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<Rendered>, BackendError> {
+        match self.flights.pop_front() {
+            Some(flight) => self.land(flight),
+            None => Ok(None),
+        }
     }
 }

@@ -10,9 +10,9 @@ use crate::layout::{Channels, Splat};
 /// Pixels of a tile.
 const TILE_PIXELS: u64 = (TILE * TILE) as u64;
 /// Fewest slots of a wave that are worth a dispatch; their lists always fit.
-const LEAST_SLOTS: u64 = 1 << 16;
+pub(super) const LEAST_SLOTS: u64 = 1 << 16;
 /// Entries of lists for each slot, to begin with.
-const ENTRIES_PER_SLOT: u64 = 3;
+pub(super) const ENTRIES_PER_SLOT: u64 = 3;
 /// Bytes of an entry: tile and slot, twice, and its share of the histogram.
 const ENTRY_BYTES: u64 = 17;
 
@@ -138,19 +138,6 @@ impl Schedule {
             .min(most_bytes / 4)
             .min(65_535 * u64::from(BLOCK));
         Ok(Self { rasters, film_bytes, band_tiles, band_rows, slots, most_entries })
-    }
-
-    /// Half as many slots a wave, after lists outgrew `most_entries`; false where there are few already.
-    pub(super) fn halve(&mut self) -> bool {
-        let halved = (self.slots / 2).max(LEAST_SLOTS.min(self.most_entries / u64::from(WIDEST)));
-        let smaller = halved < self.slots;
-        self.slots = halved;
-        smaller
-    }
-
-    /// Entries to make room for at the beginning.
-    pub(super) fn first_entries(&self) -> u64 {
-        (ENTRIES_PER_SLOT * self.slots).min(self.most_entries)
     }
 
     /// The bands of raster `index`.
