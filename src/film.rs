@@ -14,15 +14,17 @@ pub enum Aov {
     Normal,
     /// Screen velocity, pixels per shutter, x right, y down, forward in time; 0 where alpha is 0.
     Velocity,
+    /// Time samples of the pixel; never divided by alpha.
+    Samples,
     /// Standard error of the picture's colour and of the coverage; of the reference only, and never divided by alpha.
     Error,
 }
 
 impl Aov {
     /// All that every renderer makes, in the order of their layers.
-    pub const ALL: [Self; 4] = [Self::Alpha, Self::Depth, Self::Normal, Self::Velocity];
+    pub const ALL: [Self; 5] = [Self::Alpha, Self::Depth, Self::Normal, Self::Velocity, Self::Samples];
     /// All that a file may hold, in the order of their layers.
-    pub const LAYERS: [Self; 5] = [Self::Alpha, Self::Depth, Self::Normal, Self::Velocity, Self::Error];
+    pub const LAYERS: [Self; 6] = [Self::Alpha, Self::Depth, Self::Normal, Self::Velocity, Self::Samples, Self::Error];
 
     /// Layer name.
     pub const fn name(self) -> &'static str {
@@ -31,6 +33,7 @@ impl Aov {
             Self::Depth => "depth",
             Self::Normal => "normal",
             Self::Velocity => "velocity",
+            Self::Samples => "samples",
             Self::Error => "error",
         }
     }
@@ -42,6 +45,7 @@ impl Aov {
             Self::Depth => &["Z"],
             Self::Normal => &["X", "Y", "Z"],
             Self::Velocity => &["X", "Y"],
+            Self::Samples => &["N"],
             Self::Error => &["R", "G", "B", "A"],
         }
     }
@@ -78,7 +82,7 @@ pub struct Background {
     pub transparent: bool,
 }
 
-/// Which planes a film has: r, g, b, alpha, then those of the AOVs (alpha needs none of its own).
+/// Which planes a film has: r, g, b, alpha, then those of the AOVs (alpha and samples need none of their own).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FilmPlanes {
     /// Number of planes.
@@ -108,7 +112,7 @@ impl FilmPlanes {
     /// First plane of an AOV that is wanted; alpha shares the film's own.
     fn first(&self, aov: Aov) -> usize {
         match aov {
-            Aov::Alpha | Aov::Error => Some(3),
+            Aov::Alpha | Aov::Samples | Aov::Error => Some(3),
             Aov::Depth => self.depth,
             Aov::Normal => self.normal,
             Aov::Velocity => self.velocity,
@@ -121,6 +125,9 @@ impl FilmPlanes {
 pub trait Film: Sync {
     /// Copies row `y` of plane `plane` to `out`, which is as long as the image is wide.
     fn row(&self, plane: usize, y: u32, out: &mut [f32]);
+
+    /// Time samples that each pixel of row `y` saw.
+    fn samples(&self, y: u32, out: &mut [f32]);
 }
 
 /// Composites the film once over the background, and divides the AOVs by alpha (design section 2).
@@ -149,6 +156,9 @@ pub fn develop(film: &impl Film, size: [u32; 2], aovs: &[Aov], background: Backg
         plane.par_chunks_mut(columns).zip(0..height).for_each_init(
             || vec![0.0; columns],
             |alpha, (out, y)| {
+                if aov == Aov::Samples {
+                    return film.samples(y, out);
+                }
                 film.row(3, y, alpha);
                 film.row(planes.first(aov) + channel, y, out);
                 out.iter_mut().zip(&*alpha).for_each(|(value, &alpha)| *value = aov_value(aov, *value, alpha));
@@ -166,7 +176,7 @@ pub fn develop(film: &impl Film, size: [u32; 2], aovs: &[Aov], background: Backg
 
 fn aov_value(aov: Aov, sum: f32, alpha: f32) -> f32 {
     match aov {
-        Aov::Alpha => alpha,
+        Aov::Alpha | Aov::Samples => alpha,
         _ if alpha > 0.0 => sum / alpha,
         Aov::Depth => f32::INFINITY,
         Aov::Normal | Aov::Velocity | Aov::Error => 0.0,

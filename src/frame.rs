@@ -172,6 +172,14 @@ impl<'a> Frame<'a> {
     }
 }
 
+impl Frame<'_> {
+    /// Time samples of a pixel.
+    pub fn samples(&self) -> u32 {
+        let groups = self.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase).next().unwrap_or_default();
+        groups.iter().map(|group| group.samples.len() as u32).sum()
+    }
+}
+
 fn model_bytes(scene: &Scene) -> u64 {
     let mut models: Vec<_> = scene.objects.iter().map(|object| &object.model).collect();
     models.sort_by_key(|model| Arc::as_ptr(model));

@@ -25,6 +25,7 @@
 
 pub mod anim;
 pub mod backend;
+pub mod compare;
 pub mod files;
 pub mod film;
 pub mod frame;

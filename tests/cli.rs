@@ -80,7 +80,11 @@ fn bad_values_are_refused_in_one_line() {
         (&["--size", "99999999x99999999"], "65535"),
         (&["--samples", "0"], "1 to 65536"),
         (&["--samples", "-3"], "1 to 65536"),
-        (&["--pixel-samples", "4"], "--mode still"),
+        (&["--pixel-samples", "4"], "not for --mode supersample"),
+        (&["--buckets", "4"], "--mode bucket"),
+        (&["--interleave", "3"], "1, 2 or 4"),
+        (&["--mode", "still", "--interleave", "2"], "not for --mode still"),
+        (&["--mode", "bucket", "--buckets", "6000", "--samples", "6000"], "at most 65536"),
         (&["--mode", "still", "--samples", "4"], "--pixel-samples"),
         (&["--mode", "swept"], "still, supersample"),
         (&["--shutter", "1,0"], "closes at 0"),
@@ -236,7 +240,7 @@ fn render_names_its_files_and_says_where_they_are() {
     let text = stdout(&output);
     assert!(text.contains("out/tiny/tiny.0001.png .. tiny.0003.png"), "{text}");
     assert!(text.contains("ffmpeg -framerate 24 -start_number 1 -i out/tiny/tiny.%04d.png"), "{text}");
-    assert!(stderr(&output).contains("tiny: frames 1..3, 12 x 9 pixels, mode supersample with 32 samples, on the CPU"));
+    assert!(stderr(&output).contains("tiny: frames 1..3, 12 x 9 pixels, mode supersample:32, on the CPU"));
     // No progress in a pipe.
     assert!(!stderr(&output).contains(['\r', '\u{1b}']), "{:?}", stderr(&output));
     fixture.render(&["--frames", "-2..-1", "--out", "b", "--format", "exr", "--aov", "depth,normal,alpha,velocity"]);

@@ -139,7 +139,7 @@ fn exr_is_what_other_programs_expect() {
     let header = &meta.headers[0];
     assert_eq!(header.compression, Compression::ZIP16);
     let names: Vec<_> = header.channels.list.iter().map(|c| c.name.to_string()).collect();
-    let want = "A B G R alpha.A depth.Z normal.X normal.Y normal.Z velocity.X velocity.Y";
+    let want = "A B G R alpha.A depth.Z normal.X normal.Y normal.Z samples.N velocity.X velocity.Y";
     assert_eq!(names.join(" "), want);
     assert!(header.channels.list.iter().all(|c| c.sample_type == SampleType::F32));
     assert!(header.shared_attributes.chromaticities.is_some());

@@ -10,10 +10,13 @@ use splatblur::model::Surfels;
 use splatblur::plan::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading};
 use splatblur::scene::{Light, Motion, Scene};
 use splatblur::time::Weight;
+use support::closed_forms::{disc, edge, truth};
 use support::{UNLIT, object, render, round_surfels, scene, sphere_scene};
 
+/// With all layers that should agree between modes.
 fn options(mode: BlurMode) -> RenderOptions {
-    RenderOptions { mode, aovs: Aov::ALL.to_vec(), ..RenderOptions::default() }
+    let aovs = vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity];
+    RenderOptions { mode, aovs, ..RenderOptions::default() }
 }
 
 const fn bucket(buckets: u32, samples: u32) -> BlurMode {
@@ -115,6 +118,28 @@ fn an_interleaved_class_is_supersampling_at_its_own_times() {
     }
 }
 
+/// Closed forms (tests/data/truth/README.md): temporal alpha of 64 buckets of 4 samples within 2/255; over the pixel's square,
+/// where each bucket has one sub-pixel position only, with 1024 of them.
+#[test]
+fn alpha_of_buckets_meets_the_closed_forms() {
+    let cases = [("disc", disc(), [0.9, 0.5, 0.2]), ("edge", edge(), [0.3, 0.7, 0.95])];
+    for (name, mut scene, colour) in cases {
+        for (weight, filter) in [("box", "point"), ("ramp", "point"), ("box", "box"), ("ramp", "box")] {
+            scene.shutter.weight = if weight == "box" { Weight::Box } else { Weight::Ramp { centre: 1.0 } };
+            let filtered = if filter == "box" { PixelFilter::Box } else { PixelFilter::Point };
+            let pixel_samples = if filter == "box" { 1024 } else { 1 };
+            let mode = BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples, interleave: Interleave::None };
+            let options = RenderOptions { filter: filtered, prefilter: Prefilter::None, ..options(mode) };
+            let picture = render(&scene, &options);
+            let truth = truth(&format!("{name}_{weight}_{filter}"));
+            let errors = picture.layers[0].planes[0].iter().zip(&truth).map(|(a, t)| (a - t[1] / colour[1]).abs());
+            let worst = errors.fold(0.0, f32::max);
+            println!("{name} {weight} {filter}: {:.2}/255", worst * 255.0);
+            assert!(worst <= 2.0 / 255.0, "{name} {weight} {filter}: {:.2}/255", worst * 255.0);
+        }
+    }
+}
+
 /// Thesis fig. 3.7: with one visibility test, what the moving object hides at any time is hidden at all times.
 #[test]
 fn one_bucket_hides_what_the_mover_passes() {
@@ -135,6 +160,36 @@ fn one_bucket_hides_what_the_mover_passes() {
     assert!((many[0] - 0.5).abs() < 0.07 && (many[1] - 0.5).abs() < 0.07, "{many:?}");
     let one = centre(bucket(1, 32));
     assert!((one[0] - 0.5).abs() < 0.07 && one[1] == 0.0, "{one:?}");
+}
+
+/// A patch, red on the left and green on the right, moves left by its half width: the centre sees red, then green.
+#[test]
+fn samples_of_a_bucket_count_by_their_weights() {
+    let mut surfels = patch(1.0, 0.02, Vec3::ZERO);
+    for (colour, position) in surfels.colour.iter_mut().zip(&surfels.position) {
+        *colour = if position.x < 0.5 { Vec3::X } else { Vec3::Y };
+    }
+    let mut mover = object(surfels);
+    mover.material = Some(UNLIT);
+    mover.motions = vec![Motion::Linear { velocity: DVec3::new(-1.0, 0.0, 0.0) }];
+    let mut scene = scene(vec![mover], [33, 33], DVec3::new(0.0, 0.0, 4.0), 40.0);
+    scene.shutter.weight = Weight::Ramp { centre: 1.0 };
+    let picture = render(&scene, &RenderOptions { filter: PixelFilter::Point, ..options(bucket(1, 32)) });
+    let [red, green, _, alpha] = picture.rgba[16 * 33 + 16];
+    // The ramp gives 1/4 to the first half of the exposure; the blend at the border lasts about a sample.
+    assert!((red - 0.25).abs() < 0.03 && (green - 0.75).abs() < 0.03 && (alpha - 1.0).abs() < 1e-5, "{red} {green}");
+}
+
+#[test]
+fn interleaved_samples_lie_within_their_pixels() {
+    let mut scene = sphere_scene(20_000, 64, false);
+    scene.image.transparent = true;
+    let plain = render(&scene, &options(BlurMode::supersample(64)));
+    let classes = render(&scene, &options(BlurMode::Supersample { samples: 64, interleave: Interleave::Two }));
+    // 64 stratified positions in a pixel that an edge divides: 1/64 to 2/64; twice as wide a filter differs by up to 1/8.
+    let worst = plain.rgba.iter().zip(&classes.rgba).map(|(a, b)| (a[3] - b[3]).abs()).fold(0.0, f32::max);
+    println!("{worst}");
+    assert!(worst < 0.05 && plain.rgba.iter().any(|pixel| (0.2..0.8).contains(&pixel[3])), "{worst}");
 }
 
 #[test]
@@ -160,5 +215,19 @@ fn images_smaller_than_the_lattice_render() {
         (scene.image.width, scene.image.height) = (size[0], size[1]);
         let picture = render(&scene, &options(BlurMode::Supersample { samples: 2, interleave: Interleave::Four }));
         assert!(picture.rgba.iter().all(|pixel| pixel[3] > 0.9), "{size:?}");
+    }
+}
+
+#[test]
+fn the_samples_layer_counts_time_samples() {
+    let scene = sphere_scene(1_000, 9, true);
+    for (mode, want) in [
+        (BlurMode::Still { pixel_samples: 3 }, 3.0),
+        (BlurMode::Supersample { samples: 5, interleave: Interleave::Two }, 5.0),
+        (BlurMode::Bucket { buckets: 2, samples: 3, pixel_samples: 5, interleave: Interleave::Four }, 18.0),
+    ] {
+        let picture = render(&scene, &RenderOptions { aovs: vec![Aov::Samples], ..options(mode) });
+        let layer = picture.layers.last().unwrap();
+        assert!(layer.aov == Aov::Samples && layer.planes[0].iter().all(|&n| n == want), "{mode}");
     }
 }

@@ -345,6 +345,6 @@ mod tests {
         let list = |names: &[&str]| aovs(&names.iter().map(|&n| n.to_owned()).collect::<Vec<_>>());
         assert_eq!(list(&["velocity", "depth"]), Ok(vec![Aov::Depth, Aov::Velocity]));
         assert!(list(&["depth", "depth"]).unwrap_err().contains("twice"));
-        assert!(list(&["colour"]).unwrap_err().contains("alpha, depth, normal, velocity"));
+        assert!(list(&["colour"]).unwrap_err().contains("alpha, depth, normal, velocity, samples"));
     }
 }

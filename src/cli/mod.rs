@@ -1,17 +1,20 @@
 //! The command line: parsing, dispatch, exit status. One file a subcommand.
 //!
-//! Exit status: 0 done, 1 reserved for comparisons over their limit, 2 error (one line on stderr), 130 interrupted.
+//! Exit status: 0 done, 1 a comparison is over its limit, 2 error (one line on stderr), 130 interrupted.
 //! What a user asked for goes to stdout, everything else to stderr.
 
 mod adapters;
 mod backend;
+mod compare;
 mod convert;
 mod generate;
 mod grammar;
 mod info;
 mod inspect;
+mod limits;
 mod movie;
 mod output;
+mod pictures;
 mod progress;
 mod reference;
 mod render;
@@ -25,6 +28,8 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
+/// Status of a comparison that is over its limit.
+const OVER: u8 = 1;
 /// Status of every error.
 const FAILED: u8 = 2;
 /// Status after Ctrl-C, as a shell reports it.
@@ -37,10 +42,11 @@ const INTERRUPTED: u8 = 130;
 Examples:
   splatblur render scenes/three_objects.xml           all frames, into out/three_objects/
   splatblur render scene.xml --frames 12 --size 640x480 --mode still
+  splatblur compare a.png b.exr --limit flip=0.02     how far a picture is from another
   splatblur info scene.xml                            what would be rendered
   splatblur help render                               all options, with examples
 
-Exit status: 0 done, 2 error, 130 interrupted.")]
+Exit status: 0 done, 1 a comparison over its limit, 2 error, 130 interrupted.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -50,6 +56,7 @@ struct Cli {
 enum Command {
     Render(Box<render::Render>),
     Reference(Box<reference::Reference>),
+    Compare(compare::Compare),
     Info(info::Info),
     Convert(convert::Convert),
     Generate(generate::Generate),
@@ -62,14 +69,15 @@ pub(super) fn main() -> ExitCode {
         Err(error) => return refuse(&error),
     };
     let done = match &cli.command {
-        Command::Render(render) => render.run(),
-        Command::Reference(reference) => reference.run(),
-        Command::Info(info) => info.run(),
-        Command::Convert(convert) => convert.run(),
-        Command::Generate(generate) => generate.run(),
+        Command::Render(render) => render.run().map(|()| ExitCode::SUCCESS),
+        Command::Reference(reference) => reference.run().map(|()| ExitCode::SUCCESS),
+        Command::Compare(compare) => compare.run(),
+        Command::Info(info) => info.run().map(|()| ExitCode::SUCCESS),
+        Command::Convert(convert) => convert.run().map(|()| ExitCode::SUCCESS),
+        Command::Generate(generate) => generate.run().map(|()| ExitCode::SUCCESS),
     };
     match done {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         // The reader of our output has seen enough, as `head` has.
         Err(error) if output::is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {

@@ -63,7 +63,7 @@ pub(super) struct Render {
     /// Bits of a PNG channel [default: 8].
     #[arg(long, value_enum, value_name = "BITS", help_heading = "Output")]
     bits: Option<Depth>,
-    /// Extra layers, EXR only: depth, normal, alpha, velocity; several with commas.
+    /// Extra layers, EXR only: alpha, depth, normal, velocity, samples; several with commas.
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
     aov: Vec<String>,
     /// Background in linear light [default: the scene's].

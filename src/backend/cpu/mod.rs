@@ -80,7 +80,7 @@ impl Cpu {
         let channels = Channels::of(frame);
         let budget = Budget::of(frame, &planes, &channels)?;
         let stride = frame.stride as usize;
-        let mut films = RasterFilms { films: Vec::new(), stride };
+        let mut films = RasterFilms { films: Vec::new(), stride, samples: frame.samples() };
         let clocks = Clocks::default();
         for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
             let size = groups[0].raster.size;
@@ -342,7 +342,6 @@ impl Work<'_> {
                 }
                 let resolve = Resolve {
                     sample: &samples[samples.len() / 2],
-                    weight: samples.iter().map(|sample| sample.weight).sum(),
                     channels: self.channels,
                     planes: self.planes,
                     shading: self.frame.shading,

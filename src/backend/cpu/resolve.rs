@@ -64,6 +64,8 @@ impl TiledFilm {
 pub(super) struct RasterFilms {
     pub films: Vec<TiledFilm>,
     pub stride: usize,
+    /// Time samples of a pixel.
+    pub samples: u32,
 }
 
 impl Film for RasterFilms {
@@ -75,6 +77,10 @@ impl Film for RasterFilms {
             }
         }
     }
+
+    fn samples(&self, _y: u32, out: &mut [f32]) {
+        out.fill(self.samples as f32);
+    }
 }
 
 /// What the pass needs beside sums and thresholds.
@@ -82,8 +88,6 @@ impl Film for RasterFilms {
 pub(super) struct Resolve<'a> {
     /// The sample whose camera and lights shade.
     pub sample: &'a PosedSample,
-    /// The group's share of the exposure.
-    pub weight: f32,
     pub channels: &'a Channels,
     pub planes: &'a FilmPlanes,
     pub shading: Shading,
@@ -134,7 +138,7 @@ fn resolve_body(
                 // Where no visibility splat covers, only low-pass discs reach: their weights are the coverage.
                 let partial = if w < 1.0 { w } else { 1.0 };
                 let covered = if limit[l] < f32::INFINITY { 1.0 } else { partial };
-                share[l] = if w > 0.0 { covered * resolve.weight } else { 0.0 };
+                share[l] = if w > 0.0 { covered * resolve.sample.weight } else { 0.0 };
             }
             if let Some(coverage) = coverage.get(y * STRIDE + x..).and_then(<[f32]>::first_chunk::<LANES>) {
                 share = *coverage;

@@ -163,7 +163,6 @@ impl Twins<'_> {
         }
         let resolve = Resolve {
             sample: &samples[samples.len() / 2],
-            weight: samples.iter().map(|sample| sample.weight).sum(),
             channels: &channels,
             planes: &planes,
             shading: frame.shading,

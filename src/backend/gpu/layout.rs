@@ -126,7 +126,7 @@ impl View {
             low_pass_scale: if low_pass > 0.0 { 1.0 / (low_pass * low_pass) } else { 0.0 },
             focal: raster.focal,
             stride: frame.stride as f32,
-            weight: group.samples.iter().map(|sample| sample.weight).sum(),
+            weight: middle.weight,
             camera: [column(camera.x_axis), column(camera.y_axis), column(camera.z_axis)],
             material: coefficients(uniform.unwrap_or_default()),
             first_light: (group.samples.len() / 2 * middle.lights.len()) as u32,

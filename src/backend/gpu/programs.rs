@@ -68,6 +68,7 @@ const RESOLVE: &str = wgsl!("common/types.wgsl", "common/fast.wgsl", "common/sha
 type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
+    #[cfg(test)]
     pub(super) const ALL: [Self; 12] = [
         Self::Project,
         Self::BinReduce,
@@ -145,9 +146,12 @@ pub(super) type Constants = Vec<(&'static str, u32)>;
 /// Pipelines, made when they are first wanted.
 #[derive(Debug, Default)]
 pub(super) struct Pipelines {
-    modules: HashMap<&'static str, wgpu::ShaderModule>,
+    modules: HashMap<String, wgpu::ShaderModule>,
     layouts: HashMap<Program, Layouts>,
     pipelines: HashMap<(Program, Constants), wgpu::ComputePipeline>,
+    /// Text to be replaced in all programs, for tests that want a broken one.
+    #[cfg(test)]
+    pub mutant: Option<(&'static str, &'static str)>,
 }
 
 #[derive(Clone, Debug)]
@@ -163,6 +167,15 @@ impl Pipelines {
         self.layouts.entry(program).or_insert_with(|| layouts(device, program))
     }
 
+    #[cfg_attr(not(test), allow(clippy::unused_self, reason = "tests keep what they replace"))]
+    fn source(&self, program: Program) -> String {
+        #[cfg(test)]
+        if let Some((from, to)) = self.mutant {
+            return program.wgsl().replacen(from, to, 1);
+        }
+        program.wgsl().to_owned()
+    }
+
     pub(super) fn get(
         &mut self,
         device: &Device,
@@ -175,10 +188,11 @@ impl Pipelines {
         }
         let layouts = self.layouts(device, program).clone();
         let scope = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let module = self.modules.entry(program.wgsl()).or_insert_with(|| {
+        let source = self.source(program);
+        let module = self.modules.entry(source.clone()).or_insert_with(|| {
             device.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(program.entry()),
-                source: wgpu::ShaderSource::Wgsl(program.wgsl().into()),
+                source: wgpu::ShaderSource::Wgsl(source.into()),
             })
         });
         let layout = device.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {

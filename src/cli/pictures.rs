@@ -1,0 +1,224 @@
+//! Pictures named on the command line: a file, a folder, or a pattern such as `out/a.%04d.png`.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+
+/// One picture, or a sequence by frame number.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Pictures {
+    One(PathBuf),
+    Sequence(BTreeMap<i64, PathBuf>),
+}
+
+impl Pictures {
+    /// What `argument` names.
+    pub(super) fn find(argument: &Path) -> anyhow::Result<Self> {
+        if argument.is_dir() {
+            return folder(argument);
+        }
+        let name = argument.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        match Pattern::parse(&name) {
+            // A file may well have such a name.
+            Some(_) if argument.exists() => Ok(Self::One(argument.to_owned())),
+            Some(pattern) => sequence(argument, &pattern),
+            None => Ok(Self::One(argument.to_owned())),
+        }
+    }
+}
+
+/// Pairs of one frame each; `None`: single pictures.
+pub(super) type Pairs = Vec<(Option<i64>, PathBuf, PathBuf)>;
+
+/// Puts the pictures of two arguments together by frame number. Both must have the same frames.
+pub(super) fn pairs(a: &Path, b: &Path) -> anyhow::Result<Pairs> {
+    let lacks = |path: &Path, frame: i64| format!("{} has no frame {frame}, which the other has", path.display());
+    match (Pictures::find(a)?, Pictures::find(b)?) {
+        (Pictures::One(a), Pictures::One(b)) => Ok(vec![(None, a, b)]),
+        (Pictures::Sequence(mine), Pictures::Sequence(mut others)) => {
+            let mut pairs = Vec::new();
+            for (frame, path) in mine {
+                let other = others.remove(&frame).with_context(|| lacks(b, frame))?;
+                pairs.push((Some(frame), path, other));
+            }
+            if let Some(&frame) = others.keys().next() {
+                bail!(lacks(a, frame));
+            }
+            Ok(pairs)
+        }
+        (Pictures::One(_), Pictures::Sequence(_)) => {
+            bail!("{} is one picture, {} a sequence: nothing to pair", a.display(), b.display())
+        }
+        (Pictures::Sequence(_), Pictures::One(_)) => {
+            bail!("{} is a sequence, {} one picture: nothing to pair", a.display(), b.display())
+        }
+    }
+}
+
+/// The numbered PNG and EXR files of a folder, which must be one sequence; others are passed over.
+fn folder(directory: &Path) -> anyhow::Result<Pictures> {
+    let mut sequences: BTreeMap<(String, String), BTreeMap<i64, PathBuf>> = BTreeMap::new();
+    for (name, path) in entries(directory)? {
+        let Some((stem, extension)) = name.rsplit_once('.') else { continue };
+        if !["png", "exr"].contains(&extension.to_ascii_lowercase().as_str()) || name.starts_with('.') {
+            continue;
+        }
+        let digits = stem.len() - stem.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+        let at = sign_before(stem, stem.len() - digits);
+        let Ok(frame) = stem[at..].parse() else { continue };
+        let frames = sequences.entry((stem[..at].to_owned(), extension.to_owned())).or_default();
+        insert(frames, frame, path)?;
+    }
+    let mut names = sequences.keys().map(|(stem, extension)| format!("{stem}%04d.{extension}"));
+    match (names.next(), names.next()) {
+        (Some(first), Some(second)) => {
+            bail!("{} holds several sequences: name one, as {first} or {second}", directory.display())
+        }
+        (None, _) => bail!("{} holds no numbered PNG or EXR files", directory.display()),
+        (Some(_), None) => {}
+    }
+    drop(names);
+    Ok(Pictures::Sequence(sequences.into_values().next().unwrap_or_default()))
+}
+
+/// Start of a number that starts at `digits`, its minus included: one after a dot or at the start of the name.
+fn sign_before(stem: &str, digits: usize) -> usize {
+    match stem[..digits].strip_suffix('-') {
+        Some(before) if before.is_empty() || before.ends_with('.') => before.len(),
+        _ => digits,
+    }
+}
+
+fn sequence(argument: &Path, pattern: &Pattern) -> anyhow::Result<Pictures> {
+    let directory = argument.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut frames = BTreeMap::new();
+    for (name, path) in entries(directory)? {
+        if let Some(frame) = pattern.frame(&name) {
+            insert(&mut frames, frame, path)?;
+        }
+    }
+    if frames.is_empty() {
+        bail!("no file is named like {}", argument.display());
+    }
+    Ok(Pictures::Sequence(frames))
+}
+
+fn insert(frames: &mut BTreeMap<i64, PathBuf>, frame: i64, path: PathBuf) -> anyhow::Result<()> {
+    match frames.insert(frame, path.clone()) {
+        Some(earlier) => bail!("frame {frame} is there twice: {} and {}", earlier.display(), path.display()),
+        None => Ok(()),
+    }
+}
+
+/// Names (those that are Unicode) and paths of a folder, in the order of names.
+fn entries(directory: &Path) -> anyhow::Result<Vec<(String, PathBuf)>> {
+    let context = || format!("cannot read the folder {}", directory.display());
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(directory).with_context(context)? {
+        let entry = entry.with_context(context)?;
+        if let Ok(name) = entry.file_name().into_string() {
+            found.push((name, entry.path()));
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// A file name with one place for the frame number: `%d`, `%04d` or `####`.
+#[derive(Debug, PartialEq, Eq)]
+struct Pattern {
+    before: String,
+    after: String,
+}
+
+impl Pattern {
+    fn parse(name: &str) -> Option<Self> {
+        let (at, length) = match name.find('#') {
+            Some(at) => (at, name[at..].len() - name[at..].trim_start_matches('#').len()),
+            None => {
+                let at = name.find('%')?;
+                let digits = name[at + 1..].bytes().take_while(u8::is_ascii_digit).count();
+                (name[at + 1 + digits..].starts_with('d')).then_some((at, digits + 2))?
+            }
+        };
+        Some(Self { before: name[..at].to_owned(), after: name[at + length..].to_owned() })
+    }
+
+    fn frame(&self, name: &str) -> Option<i64> {
+        let number = name.strip_prefix(&self.before)?.strip_suffix(&self.after)?;
+        let digits = number.strip_prefix('-').unwrap_or(number);
+        // `parse` would take a plus, too.
+        if digits.bytes().all(|b| b.is_ascii_digit()) { number.parse().ok() } else { None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn directory(names: &[&str]) -> tempfile::TempDir {
+        let dir = tempfile::tempdir().unwrap();
+        for name in names {
+            std::fs::write(dir.path().join(name), "").unwrap();
+        }
+        dir
+    }
+
+    fn frames(pictures: Pictures) -> Vec<(i64, String)> {
+        let Pictures::Sequence(frames) = pictures else { panic!("{pictures:?}") };
+        let name = |path: PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
+        frames.into_iter().map(|(frame, path)| (frame, name(path))).collect()
+    }
+
+    #[test]
+    fn folders() {
+        let dir = directory(&["s.0002.png", "s.-0001.png", "s.0010.png", "notes.txt", "sheet.png", ".x.0001.png"]);
+        let found = frames(Pictures::find(dir.path()).unwrap());
+        assert_eq!(found.iter().map(|(f, _)| *f).collect::<Vec<_>>(), [-1, 2, 10]);
+        assert_eq!(found[0].1, "s.-0001.png");
+        // A minus between words is none of the number.
+        let found = frames(Pictures::find(directory(&["take-0007.exr"]).path()).unwrap());
+        assert_eq!(found, [(7, "take-0007.exr".to_owned())]);
+        for (names, hint) in [
+            (&["a.0001.png", "b.0001.png"][..], "several sequences: name one, as a.%04d.png or b.%04d.png"),
+            (&["a.0001.png", "a.0001.exr"], "several sequences"),
+            (&["a.1.png", "a.01.png"], "frame 1 is there twice"),
+            (&["a.png", "99999999999999999999.png"], "no numbered"),
+            (&[], "no numbered"),
+        ] {
+            let error = format!("{:#}", Pictures::find(directory(names).path()).unwrap_err());
+            assert!(error.contains(hint), "{error}");
+        }
+    }
+
+    #[test]
+    fn patterns() {
+        let dir = directory(&["s.0002.png", "s.-0001.png", "s.10.png", "s.x.png", "s.+3.png", "s.2.exr", "t.0002.png"]);
+        for pattern in ["s.%04d.png", "s.%d.png", "s.####.png", "s.#.png"] {
+            let found = frames(Pictures::find(&dir.path().join(pattern)).unwrap());
+            assert_eq!(found.iter().map(|(f, _)| *f).collect::<Vec<_>>(), [-1, 2, 10], "{pattern}");
+        }
+        assert!(Pictures::find(&dir.path().join("u.%04d.png")).is_err());
+        assert!(Pictures::find(&dir.path().join("none/u.%04d.png")).is_err());
+        // Names without a place for the number are files, be they there or not.
+        for name in ["50%.png", "a%s.png", "plain.png", "%", "%04"] {
+            assert_eq!(Pictures::find(Path::new(name)).unwrap(), Pictures::One(name.into()));
+        }
+        let dir = directory(&["take#1.png"]);
+        assert!(matches!(Pictures::find(&dir.path().join("take#1.png")).unwrap(), Pictures::One(_)));
+    }
+
+    #[test]
+    fn pairs_have_the_same_frames() {
+        let (a, b) = (directory(&["a.1.png", "a.2.png"]), directory(&["b.0001.exr", "b.0002.exr"]));
+        let paired = pairs(a.path(), b.path()).unwrap();
+        assert_eq!(paired.iter().map(|p| p.0).collect::<Vec<_>>(), [Some(1), Some(2)]);
+        std::fs::write(b.path().join("b.0003.exr"), "").unwrap();
+        let error = pairs(a.path(), b.path()).unwrap_err().to_string();
+        assert!(error.contains("has no frame 3"), "{error}");
+        assert!(pairs(b.path(), a.path()).unwrap_err().to_string().contains("has no frame 3"));
+        assert!(pairs(a.path(), Path::new("x.png")).unwrap_err().to_string().contains("nothing to pair"));
+        assert!(pairs(Path::new("x.png"), a.path()).unwrap_err().to_string().contains("nothing to pair"));
+    }
+}

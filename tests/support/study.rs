@@ -1,0 +1,75 @@
+//! The three generated scenes on which blur modes are measured (docs/modes.md): two checkered spheres of 50,000 surfels, 512 x 512
+//! pixels, f = 512, eye at the origin, epsilon 0.03, shutter 0..1.
+
+use glam::{DVec3, Vec3};
+use splatblur::model::{Material, Surfels};
+use splatblur::scene::{Motion, Object, Scene};
+
+use super::{default_lights, object, scene, sphere};
+
+/// Surfels of one sphere.
+pub const SURFELS: usize = 50_000;
+
+/// Radii of the lattice's kernels: sqrt(4 pi / n), one disc's share of the sphere.
+fn ball(colours: Option<[Vec3; 2]>) -> Surfels {
+    let mut surfels = sphere(SURFELS);
+    let scale = (4.0 * std::f32::consts::PI).sqrt() / 4.0;
+    surfels.axis_u.iter_mut().chain(&mut surfels.axis_v).for_each(|axis| *axis *= scale);
+    if let Some([light, dark]) = colours {
+        surfels.colour.iter_mut().for_each(|colour| *colour = if colour.y > 0.5 { light } else { dark });
+    }
+    surfels.spatially_ordered()
+}
+
+fn placed(model: Surfels, from: DVec3, motions: Vec<Motion>) -> Object {
+    let mut object = object(model);
+    object.transform.translate = from;
+    object.motions = motions;
+    object.material = Some(Material { ambient: 1.0, diffuse: 1.0, specular: 0.1, shininess: 30.0 });
+    object.epsilon = Some(0.03);
+    object
+}
+
+fn linear(from: [f64; 3], to: [f64; 3]) -> Motion {
+    Motion::Linear { velocity: DVec3::from(to) - DVec3::from(from) }
+}
+
+fn pair(a: Object, b: Object, name: &str) -> Scene {
+    let mut scene = scene(vec![a, b], [512, 512], DVec3::ZERO, 2.0 * 0.5_f64.atan().to_degrees());
+    scene.name = name.into();
+    scene.lights = default_lights();
+    scene
+}
+
+fn red() -> Surfels {
+    ball(None)
+}
+
+fn blue() -> Surfels {
+    ball(Some([Vec3::new(0.85, 0.87, 0.9), Vec3::new(0.1, 0.25, 0.65)]))
+}
+
+/// A moves across, before B, which stands still.
+pub fn lin() -> Scene {
+    let (from, to) = ([-0.8, 0.6, -6.0], [0.9, -0.6, -6.0]);
+    let a = placed(red(), from.into(), vec![linear(from, to)]);
+    pair(a, placed(blue(), DVec3::new(0.3, 0.0, -7.5), Vec::new()), "lin")
+}
+
+/// A turns by 1 rad while it moves a little, B moves up before it.
+pub fn rot() -> Scene {
+    let (from, to) = ([-0.5, 0.0, -5.0], [-0.3, 0.0, -5.0]);
+    let axis = DVec3::new(0.3, 1.0, 0.2).normalize();
+    let turn = Motion::Rotation { axis, per_frame: 1.0, centre: from.into() };
+    let a = placed(red(), from.into(), vec![turn, linear(from, to)]);
+    let (from, to) = ([0.3, -1.2, -5.5], [0.3, 1.2, -5.5]);
+    pair(a, placed(blue(), from.into(), vec![linear(from, to)]), "rot")
+}
+
+/// A and B cross in depth: while A moves to the right, B comes nearer, from behind it to before it.
+pub fn cross() -> Scene {
+    let (from, to) = ([-1.2, 0.0, -6.0], [1.2, 0.0, -6.0]);
+    let a = placed(red(), from.into(), vec![linear(from, to)]);
+    let (from, to) = ([0.0, -1.2, -7.0], [0.0, 1.2, -5.0]);
+    pair(a, placed(blue(), from.into(), vec![linear(from, to)]), "cross")
+}
