@@ -98,8 +98,7 @@ impl Info {
         let progress = Loading::new(false);
         let step = |what: &str, share: f32| progress.step(what, share);
         let restrict = self.restrict.as_deref();
-        let loaded =
-            scene::load(file, &scene::LoadOptions { lenient: self.lenient, restrict, progress: Some(&step) })?;
+        let loaded = scene::load(file, &scene::LoadOptions { lenient: self.lenient, restrict, progress: Some(&step) })?;
         drop(progress);
         if self.xml {
             return print(&scene::to_xml(&loaded.scene, file.parent().unwrap_or(Path::new(""))));

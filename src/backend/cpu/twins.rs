@@ -112,15 +112,7 @@ impl Twins<'_> {
             };
             let list = self.list(posed, tile);
             let (sums, reach) = (&mut buffers.sums, &mut union.reach);
-            attribute::attribute(
-                &posed.splats,
-                &list,
-                &attributes,
-                &self.rect(tile),
-                &buffers.threshold,
-                sums,
-                reach,
-            );
+            attribute::attribute(&posed.splats, &list, &attributes, &self.rect(tile), &buffers.threshold, sums, reach);
         }
         if group.samples.len() > 1 && union.sample != group.samples.len() - 1 {
             union.turn(group.samples[union.sample].weight, group.samples.len() - 1);
@@ -150,8 +142,7 @@ impl Twins<'_> {
                 buffers.sums[(y * channels.count + c) * STRIDE..][..self.edge].copy_from_slice(row);
             }
         }
-        for (plane, values) in
-            [(&mut buffers.union.reach, &sums.reach), (&mut buffers.union.coverage, &sums.coverage)]
+        for (plane, values) in [(&mut buffers.union.reach, &sums.reach), (&mut buffers.union.coverage, &sums.coverage)]
         {
             for (y, row) in values.chunks(self.edge).enumerate() {
                 plane[y * STRIDE..][..self.edge].copy_from_slice(row);

@@ -165,7 +165,12 @@ impl Device {
     }
 
     /// A buffer of at least `bytes` bytes, which the device must have.
-    pub(super) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, BackendError> {
+    pub(super) fn buffer(
+        &self,
+        label: &str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, BackendError> {
         let size = bytes.next_multiple_of(16).max(16);
         if size > self.limits.max_buffer_size {
             return Err(self.error(format!(

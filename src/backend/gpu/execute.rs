@@ -32,11 +32,8 @@ impl Gpu {
         let mut schedule = Schedule::new(frame, &channels, &planes, self.most_bytes)?;
         schedule.slots = schedule.slots.min(self.most_slots);
         let Machine { device, models, buffers, .. } = &mut self.machine;
-        let blocks = frame
-            .objects
-            .iter()
-            .map(|object| models.blocks(device, object.surfels))
-            .collect::<Result<Vec<_>, _>>()?;
+        let blocks =
+            frame.objects.iter().map(|object| models.blocks(device, object.surfels)).collect::<Result<Vec<_>, _>>()?;
         buffers.fit(device, &schedule, &channels)?;
         let entries = (ENTRIES_PER_SLOT * schedule.slots).min(self.first_entries).max(self.wanted_entries);
         buffers.fit_entries(device, entries.min(schedule.most_entries))?;

@@ -11,6 +11,8 @@ pub(super) struct DeviceFilm<'a> {
     pub rasters: &'a [RasterFilm],
     pub stride: usize,
     pub planes: usize,
+    /// Time samples of a pixel.
+    pub samples: u32,
     pub values: &'a [f32],
 }
 
@@ -27,5 +29,9 @@ impl Film for DeviceFilm<'_> {
                 out.iter_mut().step_by(stride).zip(row).for_each(|(out, value)| *out = *value);
             }
         }
+    }
+
+    fn samples(&self, _y: u32, out: &mut [f32]) {
+        out.fill(self.samples as f32);
     }
 }

@@ -29,6 +29,7 @@ pub(super) struct Flight {
     submission: SubmissionIndex,
     size: [u32; 2],
     stride: usize,
+    samples: u32,
     aovs: Vec<Aov>,
     background: Background,
     rasters: Vec<RasterFilm>,
@@ -75,6 +76,7 @@ impl Gpu {
             submission,
             size: frame.size,
             stride: frame.stride as usize,
+            samples: frame.samples(),
             aovs: frame.aovs.to_vec(),
             background: frame.background,
             rasters: schedule.rasters,
@@ -106,6 +108,7 @@ impl Gpu {
                 rasters: &flight.rasters,
                 stride: flight.stride,
                 planes: flight.planes,
+                samples: flight.samples,
                 values: bytemuck::cast_slice(film),
             };
             develop(&film, flight.size, &flight.aovs, flight.background)

@@ -151,7 +151,7 @@ pub(super) struct Pipelines {
     pipelines: HashMap<(Program, Constants), wgpu::ComputePipeline>,
     /// Text to be replaced in all programs, for tests that want a broken one.
     #[cfg(test)]
-    pub mutant: Option<(&'static str, &'static str)>,
+    mutant: Option<(&'static str, &'static str)>,
 }
 
 #[derive(Clone, Debug)]
@@ -162,6 +162,12 @@ pub(super) struct Layouts {
 }
 
 impl Pipelines {
+    /// With `to` in place of the first `from` in each program.
+    #[cfg(test)]
+    pub(super) fn broken(from: &'static str, to: &'static str) -> Self {
+        Self { mutant: Some((from, to)), ..Self::default() }
+    }
+
     /// The layouts of a program's two bind groups.
     pub(super) fn layouts(&mut self, device: &Device, program: Program) -> &Layouts {
         self.layouts.entry(program).or_insert_with(|| layouts(device, program))

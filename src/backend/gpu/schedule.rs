@@ -125,7 +125,9 @@ impl Schedule {
         let band_tiles = reach.min((left - least_wave) / 2 / tile_bytes).max(widest).min(widest * tallest);
         let band_rows = rasters
             .iter()
-            .map(|raster| (band_tiles / u64::from(raster.tiles[0].max(1))).clamp(1, u64::from(raster.tiles[1].max(1))) as u32)
+            .map(|raster| {
+                (band_tiles / u64::from(raster.tiles[0].max(1))).clamp(1, u64::from(raster.tiles[1].max(1))) as u32
+            })
             .collect();
         let left = left - band_tiles * tile_bytes;
         let samples = frame.groups.iter().map(|group| group.samples.len()).max().unwrap_or(1) as u64;
