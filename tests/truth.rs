@@ -118,6 +118,10 @@ fn spin_away_from_centre_and_rim() {
     for mut machine in machines("spin_away_from_centre_and_rim") {
         for weight in ["box", "ramp"] {
             for filter in ["point", "box"] {
+                // One case is enough where each takes long.
+                if machine.samples < 1024 && (weight, filter) != ("ramp", "point") {
+                    continue;
+                }
                 let error = error(&mut machine, spin(), "spin", weight, filter, ring);
                 let k = machine.coarseness();
                 assert!(error.rmse <= 0.003 * k, "{weight} {filter}: {:.2e}", error.rmse);

@@ -46,3 +46,22 @@ fn log_of_two(x: f32) -> f32 {
 fn power(base: f32, exponent: f32) -> f32 {
     return power_of_two(exponent * log_of_two(max(base, 1.17549435e-38)));
 }
+
+// erf(x), WGSL has none.
+fn erf(x: f32) -> f32 {
+    let y = clamp(x, -3.92, 3.92);
+    let z = y * y;
+    var p = 0.0000020347786;
+    p = p * z + 0.0002874759;
+    p = p * z + 0.003868139;
+    p = p * z + 0.053059906;
+    p = p * z + 0.19275954;
+    p = p * z + 1.128379;
+    var q = 0.000038070917;
+    q = q * z + 0.001188071;
+    q = q * z + 0.015171919;
+    q = q * z + 0.11508277;
+    q = q * z + 0.50416034;
+    q = q * z + 1.0;
+    return clamp(y * p / q, -1.0, 1.0);
+}

@@ -17,7 +17,7 @@ const MUTANTS: [(&str, &str, &str); 21] = [
     ("(sorted_keys[first + i] >> SHIFT)", "(sorted_keys[first + i] >> 1u)", "hard"),
     ("at.y += 1u", "at.y += 0u", "hard"),
     ("depth + epsilon, covers", "depth, covers", "supersample"),
-    ("LEAST_EPSILON * depth", "0.0 * depth", "supersample"),
+    ("max(vec4<f32>(segments[", "min(vec4<f32>(segments[", "supersample"),
     ("column + 3u >= bounds.x", "column >= bounds.x", "supersample"),
     ("(depth <= limit)", "(depth <= limit + 1.0)", "supersample"),
     ("0.0005294794", "0.0005394794", "supersample"),
