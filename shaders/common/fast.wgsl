@@ -47,21 +47,27 @@ fn power(base: f32, exponent: f32) -> f32 {
     return power_of_two(exponent * log_of_two(max(base, 1.17549435e-38)));
 }
 
-// erf(x), WGSL has none.
-fn erf(x: f32) -> f32 {
-    let y = clamp(x, -3.92, 3.92);
-    let z = y * y;
-    var p = 0.0000020347786;
-    p = p * z + 0.0002874759;
-    p = p * z + 0.003868139;
-    p = p * z + 0.053059906;
-    p = p * z + 0.19275954;
-    p = p * z + 1.128379;
-    var q = 0.000038070917;
-    q = q * z + 0.001188071;
-    q = q * z + 0.015171919;
-    q = q * z + 0.11508277;
-    q = q * z + 0.50416034;
-    q = q * z + 1.0;
-    return clamp(y * p / q, -1.0, 1.0);
+// (erf(b) - erf(a)) / (b - a) for a and b in [-sqrt 2, sqrt 2]; WGSL has no erf.
+fn erf_slope(a: f32, b: f32) -> f32 {
+    let y = a * a - 1.0;
+    let z = b * b - 1.0;
+    // Horner's rule at y, and at z for the quotient that it leaves.
+    var p = 0.0000006895415;
+    var slope = p;
+    p = p * y - 0.000006363161;
+    slope = slope * z + p;
+    p = p * y + 0.00005102865;
+    slope = slope * z + p;
+    p = p * y - 0.00037004027;
+    slope = slope * z + p;
+    p = p * y + 0.0023330792;
+    slope = slope * z + p;
+    p = p * y - 0.012549916;
+    slope = slope * z + p;
+    p = p * y + 0.056570612;
+    slope = slope * z + p;
+    p = p * y - 0.21379665;
+    slope = slope * z + p;
+    p = p * y + 0.8427008;
+    return p + b * (a + b) * slope;
 }

@@ -128,6 +128,8 @@ impl Machine {
             match pass {
                 // Run where lists are needed that are not at hand.
                 Pass::Project | Pass::Bin => {}
+                // Kernels in motion are refused before.
+                Pass::Density | Pass::Keep | Pass::Sweep | Pass::SweptAttribute | Pass::SweptResolve => {}
                 Pass::Visibility | Pass::Attribute => {
                     for (number, wave) in waves.iter().enumerate() {
                         if at_hand != Some(number) {
@@ -237,6 +239,7 @@ impl Machine {
                 recorder.dispatch_workgroups(tiles[0], tiles[1], 1);
             }
             Pass::Resolve => dispatch(work.resolve, tiles),
+            Pass::Density | Pass::Keep | Pass::Sweep | Pass::SweptAttribute | Pass::SweptResolve => {}
         }
     }
 }
