@@ -31,6 +31,7 @@ impl Gpu {
         let planes = FilmPlanes::of(frame.aovs);
         let mut schedule = Schedule::new(frame, &channels, &planes, self.most_bytes)?;
         schedule.slots = schedule.slots.min(self.most_slots);
+        schedule.most_entries = schedule.most_entries.min(self.most_entries);
         let Machine { device, models, buffers, .. } = &mut self.machine;
         let blocks =
             frame.objects.iter().map(|object| models.blocks(device, object.surfels)).collect::<Result<Vec<_>, _>>()?;
