@@ -21,7 +21,7 @@ Modes, several with commas: NAME[:COUNTS][+OPTION=VALUE]...[@BACKEND]
                                  +alpha=sum, +normalise=once (+once), +source-samples=K, +pixel-samples=P; +published: all as
                                  in the thesis
   reference:1024                 ray-traced, SPP samples of a pixel (a multiple of 16), with another seed than --reference
-Counts may be left out; then they are those of `render`. @cpu names the machine.";
+Counts may be left out; then they are those of `render`. @cpu and @gpu name the machine.";
 
 /// A mode and the machine that renders it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -65,14 +65,16 @@ impl Method {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Machine {
     Cpu,
+    Gpu,
 }
 
 impl Machine {
-    const ALL: [Self; 1] = [Self::Cpu];
+    const ALL: [Self; 2] = [Self::Cpu, Self::Gpu];
 
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
         }
     }
 }
@@ -346,6 +348,7 @@ mod tests {
         assert_eq!(mode("bucket:8x4+interleave=2@cpu").method.family(), "bucket+interleave=2");
         assert_eq!(mode("still").method.family(), "still");
         assert_eq!(machines("cpu"), Ok(vec![Machine::Cpu]));
+        assert_eq!(machines("cpu, gpu"), Ok(vec![Machine::Cpu, Machine::Gpu]));
         assert!(machines("cpu,cpu").is_err() && machines("").is_err());
     }
 
@@ -386,6 +389,7 @@ mod tests {
             ("reference:99999999999999999999", "a multiple of 16"),
             ("still@tpu", "`tpu` is no backend"),
             ("still@", "is no backend"),
+            ("reference:16@gpu", "always made on the CPU"),
         ] {
             let error = text.parse::<Mode>().unwrap_err();
             assert!(error.contains(hint), "{text}: {error}");

@@ -60,7 +60,7 @@ pub(super) struct Report {
     /// Modes, several with commas.
     #[arg(long, value_name = "MODES", value_parser = modes::list, help_heading = "Report")]
     modes: std::vec::Vec<Mode>,
-    /// Machines for modes that do not name one, several with commas: cpu.
+    /// Machines for modes that do not name one, several with commas: cpu, gpu.
     #[arg(long, value_name = "LIST", default_value = "cpu", value_parser = modes::machines, help_heading = "Report")]
     backends: std::vec::Vec<Machine>,
     /// Samples of a pixel of the reference (a multiple of 16).
@@ -231,7 +231,7 @@ impl Report {
                 let what = format!("frame {frame}, {}", entry.name());
                 bar.at(step, &what, 0.0);
                 let shot = trial
-                    .shoot(entry.method, frame, &|share| bar.at(step, &what, share))
+                    .shoot(entry.method, entry.machine, frame, &|share| bar.at(step, &what, share))
                     .with_context(|| format!("mode {}", entry.name()))?;
                 step += if traced { 2 } else { 1 };
                 if round > 0 {
@@ -290,7 +290,7 @@ impl Report {
         Ok(Study {
             program: concat!("splatblur ", env!("CARGO_PKG_VERSION")).to_owned(),
             scene: self.scene_study(trial, range)?,
-            machines: machines.into_iter().map(|machine| trial.describe(machine)).collect(),
+            machines: machines.into_iter().map(|machine| trial.describe(machine)).collect::<anyhow::Result<_>>()?,
             frames,
             sequence,
             over: over.iter().map(ToString::to_string).collect(),

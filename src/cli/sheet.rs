@@ -10,7 +10,7 @@ use splatblur::sheet::{self, Crop, Layout, Panel};
 
 use super::grammar;
 use super::limits::Shown;
-use super::modes::{self, Mode};
+use super::modes::{self, Machine, Mode};
 use super::output::{print, say};
 use super::progress::Loading;
 use super::render::open_directory;
@@ -126,12 +126,14 @@ impl Sheet {
         let judge = self.reference.map(|samples| trial.judge(samples, self.frame, &share)).transpose()?;
         if let Some(mode) = self.modes.first() {
             progress.step("warming up", 0.0);
-            trial.shoot(mode.method, self.frame, &|_| ())?;
+            trial.shoot(mode.method, machine(mode), self.frame, &|_| ())?;
         }
         let mut shots = Vec::new();
         for (i, mode) in self.modes.iter().enumerate() {
             progress.step(&mode.to_string(), i as f32 / self.modes.len() as f32);
-            shots.push(trial.shoot(mode.method, self.frame, &|_| ()).with_context(|| format!("mode {mode}"))?);
+            shots.push(
+                trial.shoot(mode.method, machine(mode), self.frame, &|_| ()).with_context(|| format!("mode {mode}"))?,
+            );
         }
         drop(progress);
 
@@ -192,6 +194,11 @@ impl Sheet {
         }
         Ok(panels)
     }
+}
+
+/// Where a mode that does not say renders.
+fn machine(mode: &Mode) -> Machine {
+    mode.machine.unwrap_or(Machine::Cpu)
 }
 
 fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {

@@ -6,8 +6,6 @@ use std::time::Instant;
 use anyhow::Context as _;
 use clap::Args;
 use glam::DVec3;
-use splatblur::backend::Backend as _;
-use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::image::Format;
 use splatblur::plan::{self, BlurMode, Interleave, RenderOptions};
@@ -17,6 +15,7 @@ use splatblur::report::STRATA;
 use splatblur::scene::{Loaded, Scene};
 use splatblur::time::{Shutter, Weight};
 
+use super::backend::{self, Wanted};
 use super::grammar;
 use super::modes::{Machine, Method};
 use super::output::say;
@@ -88,7 +87,8 @@ pub(super) struct Trial<'a> {
     common: &'a Common,
     path: PathBuf,
     pool: rayon::ThreadPool,
-    cpu: Cpu,
+    /// Those that were needed so far.
+    machines: Vec<(Machine, backend::Machine)>,
 }
 
 /// One rendering.
@@ -122,7 +122,7 @@ impl Common {
         if let Some(weight) = &self.weight {
             scene.shutter.weight = weight.clone();
         }
-        Ok(Trial { scene, notes, common: self, path: path.to_owned(), pool, cpu: Cpu::default() })
+        Ok(Trial { scene, notes, common: self, path: path.to_owned(), pool, machines: Vec::new() })
     }
 
     /// The depth tolerance of the modes, where it is not the scene's.
@@ -148,12 +148,20 @@ impl Common {
 
 impl Trial<'_> {
     /// Renders a frame in one way. `share`: told how far it is, where that is known.
-    pub(super) fn shoot(&mut self, method: Method, frame: i64, share: Share<'_>) -> anyhow::Result<Shot> {
+    pub(super) fn shoot(
+        &mut self,
+        method: Method,
+        machine: Machine,
+        frame: i64,
+        share: Share<'_>,
+    ) -> anyhow::Result<Shot> {
         match method {
             Method::Splat(mode) => {
                 let options = self.common.render_options(mode, Vec::new());
+                // Opening a device is no part of rendering.
+                self.open(machine)?;
                 let start = Instant::now();
-                let picture = self.splat(None, frame, &options)?;
+                let picture = self.splat(None, machine, frame, &options)?;
                 Ok(Shot { picture, seconds: start.elapsed().as_secs_f64() })
             }
             Method::Reference(samples) => self.reference(samples, self.seed_of_others(), frame, share),
@@ -180,7 +188,7 @@ impl Trial<'_> {
             .map(|k| {
                 let open = open + part * f64::from(k);
                 scene.shutter = Shutter { open, close: open + part, weight: Weight::Box };
-                self.splat(Some(&scene), frame, &options)
+                self.splat(Some(&scene), Machine::Cpu, frame, &options)
             })
             .collect()
     }
@@ -201,10 +209,26 @@ impl Trial<'_> {
     }
 
     /// The machine in words.
-    pub(super) fn describe(&self, machine: Machine) -> String {
-        match machine {
-            Machine::Cpu => self.pool.install(|| self.cpu.describe()),
-        }
+    pub(super) fn describe(&mut self, machine: Machine) -> anyhow::Result<String> {
+        Ok(self.open(machine)?.place.clone())
+    }
+
+    /// The machine, opened where it was not yet.
+    fn open(&mut self, machine: Machine) -> anyhow::Result<&mut backend::Machine> {
+        let at = match self.machines.iter().position(|(open, _)| *open == machine) {
+            Some(at) => at,
+            None => {
+                let wanted = match machine {
+                    Machine::Cpu => Wanted::Cpu,
+                    Machine::Gpu => Wanted::Gpu,
+                };
+                let mode = BlurMode::Still { pixel_samples: 1 };
+                let opened = backend::Machine::open(wanted, None, mode, self.pool.current_num_threads())?;
+                self.machines.push((machine, opened));
+                self.machines.len() - 1
+            }
+        };
+        Ok(&mut self.machines[at].1)
     }
 
     fn seed_of_others(&self) -> u64 {
@@ -212,9 +236,24 @@ impl Trial<'_> {
     }
 
     /// Of the trial's scene, or of another.
-    fn splat(&mut self, scene: Option<&Scene>, frame: i64, options: &RenderOptions) -> anyhow::Result<Picture> {
-        let Self { scene: own, pool, cpu, .. } = self;
-        Ok(pool.install(|| render_frame(cpu, scene.unwrap_or(own), frame, options))?.picture)
+    fn splat(
+        &mut self,
+        scene: Option<&Scene>,
+        machine: Machine,
+        frame: i64,
+        options: &RenderOptions,
+    ) -> anyhow::Result<Picture> {
+        self.open(machine)?;
+        let Self { scene: own, pool, machines, .. } = self;
+        let opened = machines.iter_mut().find(|(open, _)| *open == machine).context("the machine is open")?;
+        let backend = &mut *opened.1.backend;
+        let scene = scene.unwrap_or(own);
+        // The GPU's own threads need none of the pool's.
+        let rendered = match machine {
+            Machine::Cpu => pool.install(|| render_frame(backend, scene, frame, options)),
+            Machine::Gpu => render_frame(backend, scene, frame, options),
+        };
+        Ok(rendered?.picture)
     }
 
     fn reference(&self, samples: u64, seed: u64, frame: i64, share: Share<'_>) -> anyhow::Result<Shot> {
@@ -228,7 +267,8 @@ impl Trial<'_> {
         };
         let start = Instant::now();
         let step = |step: reference::Step| share(step.share as f32);
-        let made = self.pool.install(|| reference::render(&self.scene, frame, &options, None, &step))?;
+        let scene = &self.scene;
+        let made = self.pool.install(|| reference::render(scene, frame, &options, None, &step))?;
         Ok(Shot { picture: made.picture, seconds: start.elapsed().as_secs_f64() })
     }
 }
