@@ -105,15 +105,9 @@ fn add_all<const FOOTPRINT: u8>(
                 for part in 0..swept.source_samples {
                     let mut lanes = Lanes::default();
                     for l in 0..LANES {
-                        ray.meet::<FOOTPRINT>(
-                            splat,
-                            swept,
-                            part,
-                            [(pixel + l as i32) as f32, row as f32],
-                            x1 as f32,
-                            &mut lanes,
-                            l,
-                        );
+                        // As floats: checked additions would block vector code.
+                        let place = [pixel as f32 + l as f32, row as f32];
+                        ray.meet::<FOOTPRINT>(splat, swept, part, place, x1 as f32, &mut lanes, l);
                     }
                     if lanes.covers == [0; LANES] {
                         continue;
