@@ -100,8 +100,7 @@ fn by_splat(splat: &SweptSplat, x: u32, y: u32) -> [f64; 2] {
     let (x, y) = (x as f32 + 0.5 - splat.reference[0], y as f32 + 0.5 - splat.reference[1]);
     let form = |c: [f32; 3]| c[0] * x + (c[1] * y + c[2]);
     let w = form(splat.inverse_depth);
-    let path =
-        Path { at: [form(splat.u), form(splat.v)], rate: [form(splat.u_rate), form(splat.v_rate)], w };
+    let path = Path { at: [form(splat.u), form(splat.v)], rate: [form(splat.u_rate), form(splat.v_rate)], w };
     let tube = Sweep::tube(path);
     let [mut first, mut last] = tube.covered();
     let k: f32 = (0..3).map(|i| splat.inverse_depth[i] * splat.motion[i]).sum();
@@ -134,7 +133,8 @@ impl Random {
 fn random_disc(random: &mut Random) -> Disc {
     let depth = 1.0 + 6.0 * random.next();
     Disc {
-        centre: DVec3::new(0.5 * depth, 0.5 * depth, 1.0) * random.vector() * DVec3::new(1.0, 1.0, 0.0) - depth * DVec3::Z,
+        centre: DVec3::new(0.5 * depth, 0.5 * depth, 1.0) * random.vector() * DVec3::new(1.0, 1.0, 0.0)
+            - depth * DVec3::Z,
         motion: random.vector() * 10_f64.powf(3.0 * random.next() - 2.5),
         u: random.vector() * 0.6 * random.next(),
         v: random.vector() * 0.6 * random.next(),
@@ -170,7 +170,10 @@ fn splats_are_the_moving_discs() {
                 for i in 0..2 {
                     // Half a step at each end, and rounding in a grazing splat.
                     let tolerance = 1.0 / f64::from(STEPS) + 1e-3;
-                    assert!((want[i] - got[i]).abs() < tolerance, "case {case} [{i}] {x} {y}: {got:?} {want:?} {disc:?}");
+                    assert!(
+                        (want[i] - got[i]).abs() < tolerance,
+                        "case {case} [{i}] {x} {y}: {got:?} {want:?} {disc:?}"
+                    );
                 }
             }
         }
