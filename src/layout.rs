@@ -25,13 +25,13 @@ pub struct Splat {
     pub u: [f32; 3],
     /// v times inverse depth.
     pub v: [f32; 3],
-    /// Depth of the centre; NaN where the low-pass disc around `reference` does not exist.
+    /// Depth of the centre; 0 where the low-pass disc around `reference` does not exist.
     pub centre_depth: f32,
     /// First and last pixel column, then first and last row, that the splat may touch.
     pub bounds: [u16; 4],
     /// Index of the surfel in its model.
     pub surfel: u32,
-    /// Bit 0: seen from behind (normals turn to the viewer).
+    /// Bit 0: seen from behind (normals turn to the viewer). Above, a backend may keep what it needs.
     pub flags: u32,
 }
 

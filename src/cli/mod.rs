@@ -3,6 +3,8 @@
 //! Exit status: 0 done, 1 a comparison is over its limit, 2 error (one line on stderr), 130 interrupted.
 //! What a user asked for goes to stdout, everything else to stderr.
 
+mod adapters;
+mod backend;
 mod compare;
 mod convert;
 mod generate;

@@ -32,12 +32,19 @@ pub(super) struct FrameReport<'a> {
     samples: u64,
     surfels: u64,
     splats: u64,
-    cpu_seconds: CpuSeconds,
+    /// Of all threads, on the CPU.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cpu_seconds: Option<PassSeconds>,
+    /// On a GPU, as far as it measures them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    device_seconds: Option<PassSeconds>,
 }
 
 #[derive(Serialize)]
-struct CpuSeconds {
+struct PassSeconds {
     project: f64,
+    /// On the CPU a part of `project`.
+    bin: f64,
     visibility: f64,
     attribute: f64,
     resolve: f64,
@@ -45,11 +52,13 @@ struct CpuSeconds {
 }
 
 impl<'a> FrameReport<'a> {
-    pub(super) fn new(finished: &'a Finished) -> Self {
+    pub(super) fn new(finished: &'a Finished, backend: &str) -> Self {
         let (seconds, stats) = finished.rendered.unwrap_or((0.0, Stats::default()));
-        let [project, visibility, attribute, resolve] =
-            [stats.project, stats.visibility, stats.attribute, stats.resolve].map(|pass| pass.as_secs_f64());
-        let total = project + visibility + attribute + resolve;
+        let [project, bin, visibility, attribute, resolve] =
+            [stats.project, stats.bin, stats.visibility, stats.attribute, stats.resolve].map(|pass| pass.as_secs_f64());
+        let total = project + bin + visibility + attribute + resolve;
+        let passes = Some(PassSeconds { project, bin, visibility, attribute, resolve, total });
+        let (cpu_seconds, device_seconds) = if backend == "cpu" { (passes, None) } else { (None, passes) };
         Self {
             frame: finished.frame,
             path: &finished.path,
@@ -58,7 +67,8 @@ impl<'a> FrameReport<'a> {
             samples: stats.samples,
             surfels: stats.surfels,
             splats: stats.splats,
-            cpu_seconds: CpuSeconds { project, visibility, attribute, resolve, total },
+            cpu_seconds,
+            device_seconds,
         }
     }
 }

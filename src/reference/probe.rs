@@ -5,9 +5,10 @@ use std::fmt;
 use glam::DVec3;
 
 use super::posed::{Shape, World};
+use super::reach::Sights;
 use super::sampler::{Points, SCRAMBLINGS};
 use super::trace::{Seen, Surface, Tracer};
-use super::warp::TimeWarp;
+
 use super::{Integrator, ReferenceError, ReferenceOptions};
 use crate::scene::Scene;
 
@@ -97,7 +98,9 @@ pub fn probe(
         return Err(ReferenceError::NoSample { sample, samples });
     }
     let world = World::new(scene, frame, options);
-    let integrator = Integrator { world: &world, warp: TimeWarp::new(&scene.shutter.weight), frame: frame as f64 };
+    let integrator = Integrator::new(&world, frame);
+    let mut sights = Sights::default();
+    integrator.reach.sights(&world, pixel.map(|c| c as usize), [1, 1], &mut sights);
     let each = samples / SCRAMBLINGS as u64;
     let points = Points::new(options.sampler, options.seed, 0, each, each);
     let of_pixel = points.pixel(u64::from(pixel[1]) * u64::from(width) + u64::from(pixel[0]));
@@ -106,8 +109,8 @@ pub fn probe(
     let mut sums = [[0.0; 4]; SCRAMBLINGS];
     for k in 0..each {
         for (r, sums) in sums.iter_mut().enumerate() {
-            let (film, time) = integrator.place(place, of_pixel.scrambling(r).at(k));
-            if let Some(Seen { colour, .. }) = tracer.sample(film, time) {
+            let at = integrator.place(place, of_pixel.scrambling(r).at(k));
+            if let Some(Seen { colour, .. }) = tracer.sample(at, &sights, &integrator.reach) {
                 (0..3).for_each(|c| sums[c] += colour[c]);
                 sums[3] += 1.0;
             }
@@ -124,6 +127,7 @@ pub fn probe(
     let sample = sample.map(|number| {
         let scrambling = of_pixel.scrambling((number % SCRAMBLINGS as u64) as usize);
         let (film, time) = integrator.place(place, scrambling.at(number / SCRAMBLINGS as u64));
+        tracer.hits(&[(film, time)], &sights, &integrator.reach);
         look(&world, &mut tracer, number, film, time)
     });
     Ok(Probe { pixel, samples, hits, mean, scramblings, error, sample })
@@ -132,12 +136,11 @@ pub fn probe(
 fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64; 2], time: f64) -> Sample {
     let camera = world.camera(time);
     let direction = world.direction(film);
-    tracer.hits(&camera, direction, time);
-    let limit = tracer.found.limit;
+    let limit = tracer.found[0].limit;
     let mut hits: Vec<ProbedHit> = Vec::new();
-    for hit in &tracer.found.hits {
+    for hit in &tracer.found[0].hits {
         let body = &world.bodies[hit.object as usize];
-        let Some(target) = &tracer.targets[hit.object as usize] else { continue };
+        let Some(target) = tracer.target(0, hit) else { continue };
         let surface = Surface::of(body, target, hit);
         hits.push(ProbedHit {
             object: body.object.name.clone(),
@@ -153,7 +156,7 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
         });
     }
     hits.sort_by(|a, b| a.depth.total_cmp(&b.depth));
-    let seen = tracer.sample(film, time);
+    let seen = tracer.seen(0);
     Sample {
         number,
         film,

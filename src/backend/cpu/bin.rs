@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn no_splats_no_lists() {
-        let mut binned = Binned::<Splat>::default();
+        let mut binned: Binned<Splat> = Binned::default();
         binned.bin();
         let tile = Band::new([64, 64], [0, 2]).tile(0);
         assert!(binned.list(&tile, &mut Vec::new()).is_empty());

@@ -11,6 +11,8 @@ mod project;
 mod resolve;
 mod swept;
 mod tiles;
+#[cfg(all(test, feature = "gpu"))]
+pub(super) mod twins;
 mod visibility;
 
 use std::ops::Range;
@@ -46,6 +48,8 @@ pub struct Cpu {
     buffers: Vec<TileBuffers>,
     /// Likewise, for kernels in motion.
     map: Map,
+    /// The frame that was begun.
+    done: Option<Rendered>,
 }
 
 /// Some surfels of one object at one sample of the group.
@@ -62,7 +66,22 @@ impl Backend for Cpu {
         format!("cpu ({threads} thread{})", if threads == 1 { "" } else { "s" })
     }
 
-    fn render(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError> {
+    fn in_flight(&self) -> usize {
+        1
+    }
+
+    fn begin(&mut self, frame: &Frame<'_>) -> Result<(), BackendError> {
+        self.done = Some(self.render_whole(frame)?);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<Rendered>, BackendError> {
+        Ok(self.done.take())
+    }
+}
+
+impl Cpu {
+    fn render_whole(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError> {
         let planes = FilmPlanes::of(frame.aovs);
         let once = frame.swept.is_some_and(|swept| swept.normalise == Normalise::Once);
         let planes = if once { planes.pooled() } else { planes };
@@ -551,16 +570,13 @@ struct Clocks {
 
 impl Clocks {
     fn stats(&self, frame: &Frame<'_>) -> Stats {
-        let samples: u64 = frame.groups.iter().map(|group| group.samples.len() as u64).sum();
-        let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
         Stats {
-            samples,
-            surfels: samples * surfels,
             splats: self.splats.load(Relaxed),
             project: self.project.total(),
             visibility: self.visibility.total(),
             attribute: self.attribute.total(),
             resolve: self.resolve.total(),
+            ..Stats::of(frame)
         }
     }
 }
