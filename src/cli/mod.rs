@@ -5,6 +5,7 @@
 
 mod adapters;
 mod backend;
+mod common;
 mod compare;
 mod convert;
 mod generate;

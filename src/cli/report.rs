@@ -16,12 +16,12 @@ use splatblur::report::{
 use splatblur::sheet::{Canvas, densest};
 use splatblur::{files, image};
 
+use super::common::{open_directory, stop_on_interrupt};
 use super::grammar::{self, Frames};
 use super::limits::{self, Limit};
 use super::modes::{self, Machine, Method, Mode};
 use super::output::{is_closed_pipe, print, say};
 use super::progress::Steps;
-use super::render::{open_directory, stop_on_interrupt};
 use super::report_store::Store;
 use super::trial::{Common, Trial};
 

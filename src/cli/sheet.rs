@@ -8,12 +8,12 @@ use splatblur::compare::{Comparison, Metric};
 use splatblur::files;
 use splatblur::sheet::{self, Crop, Layout, Panel};
 
+use super::common::open_directory;
 use super::grammar;
 use super::limits::Shown;
 use super::modes::{self, Machine, Mode};
 use super::output::{print, say};
 use super::progress::Loading;
-use super::render::open_directory;
 use super::settings;
 use super::trial::{Common, Shot};
 

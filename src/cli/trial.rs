@@ -16,10 +16,10 @@ use splatblur::scene::{Loaded, Scene};
 use splatblur::time::{Shutter, Weight};
 
 use super::backend::{self, Wanted};
+use super::common::{Filter, Prefilter, Shading, load_scene};
 use super::grammar;
 use super::modes::{Machine, Method};
 use super::output::say;
-use super::render::{Filter, Prefilter, Shading, load_scene};
 use super::settings::Settings;
 
 /// Added to the seed for references that are judged: with the seed of the judge their errors would be those of the judge.
