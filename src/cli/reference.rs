@@ -209,7 +209,7 @@ impl Reference {
         let directory = self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{}.reference", scene.name)));
         open_directory(&directory)?;
         let gate = Arc::new(Mutex::new(()));
-        stop_on_interrupt(&gate, &directory, self.quiet)?;
+        stop_on_interrupt(&gate, &directory, "--resume", self.quiet)?;
         let output = Output { scene: &scene, options: &options, format, directory: &directory, gate: &gate };
         let mut reports = Vec::new();
         for frame in frames.first..=frames.last {
@@ -294,14 +294,8 @@ impl Reference {
                 Sampler::Jittered => reference::Sampler::Jittered { density: self.jitter_density.unwrap_or(4) },
                 Sampler::Random => reference::Sampler::Random,
             },
-            filter: match self.filter {
-                Filter::Box => plan::PixelFilter::Box,
-                Filter::Point => plan::PixelFilter::Point,
-            },
-            shading: match self.shading {
-                Shading::Phong => plan::Shading::Phong,
-                Shading::Gouraud => plan::Shading::Gouraud,
-            },
+            filter: self.filter.into(),
+            shading: self.shading.into(),
             two_sided: self.two_sided,
             epsilon: self.epsilon,
             seed: self.seed,

@@ -19,7 +19,7 @@ use super::grammar::{self, Frames};
 use super::movie::Movie;
 use super::output::{print, print_json, say};
 use super::progress::{Loading, Rendering};
-use super::report::{FrameReport, Report};
+use super::render_report::{FrameReport, Report};
 use super::sequence::{Finished, Sequence};
 use super::settings::Settings;
 
@@ -235,7 +235,7 @@ pub(super) enum Filter {
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
-enum Prefilter {
+pub(super) enum Prefilter {
     #[default]
     Approx,
     None,
@@ -246,6 +246,33 @@ pub(super) enum Shading {
     #[default]
     Phong,
     Gouraud,
+}
+
+impl From<Filter> for plan::PixelFilter {
+    fn from(filter: Filter) -> Self {
+        match filter {
+            Filter::Box => Self::Box,
+            Filter::Point => Self::Point,
+        }
+    }
+}
+
+impl From<Prefilter> for plan::Prefilter {
+    fn from(prefilter: Prefilter) -> Self {
+        match prefilter {
+            Prefilter::Approx => Self::Approx,
+            Prefilter::None => Self::None,
+        }
+    }
+}
+
+impl From<Shading> for plan::Shading {
+    fn from(shading: Shading) -> Self {
+        match shading {
+            Shading::Phong => Self::Phong,
+            Shading::Gouraud => Self::Gouraud,
+        }
+    }
 }
 
 impl Render {
@@ -281,7 +308,7 @@ impl Render {
             say(&headline(&scene, frames, &options, &place));
         }
         let gate = Arc::new(Mutex::new(()));
-        stop_on_interrupt(&gate, &directory, self.quiet)?;
+        stop_on_interrupt(&gate, &directory, "--resume", self.quiet)?;
         let sequence =
             Sequence { frames, directory: &directory, stem: &scene.name, format, resume: self.resume, gate: &gate };
         let progress = Rendering::new(frames.count(), self.quiet);
@@ -325,18 +352,9 @@ impl Render {
         let mode = self.blur()?;
         Ok(RenderOptions {
             mode,
-            filter: match self.filter {
-                Filter::Box => plan::PixelFilter::Box,
-                Filter::Point => plan::PixelFilter::Point,
-            },
-            prefilter: match self.prefilter {
-                Prefilter::Approx => plan::Prefilter::Approx,
-                Prefilter::None => plan::Prefilter::None,
-            },
-            shading: match self.shading {
-                Shading::Phong => plan::Shading::Phong,
-                Shading::Gouraud => plan::Shading::Gouraud,
-            },
+            filter: self.filter.into(),
+            prefilter: self.prefilter.into(),
+            shading: self.shading.into(),
             two_sided: self.two_sided,
             epsilon: self.epsilon,
             seed: self.seed,
@@ -533,13 +551,18 @@ pub(super) fn open_directory(directory: &Path) -> anyhow::Result<()> {
     files::check_writable(directory).with_context(context)
 }
 
-/// On Ctrl-C: lets the file that is being written become whole, and ends the program.
-pub(super) fn stop_on_interrupt(gate: &Arc<Mutex<()>>, directory: &Path, quiet: bool) -> anyhow::Result<()> {
+/// On Ctrl-C: lets the file that is being written become whole, and ends the program. `how` goes on later.
+pub(super) fn stop_on_interrupt(
+    gate: &Arc<Mutex<()>>,
+    directory: &Path,
+    how: &'static str,
+    quiet: bool,
+) -> anyhow::Result<()> {
     let (gate, directory) = (Arc::clone(gate), directory.to_owned());
     let stop = move || {
         let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
         if !quiet {
-            say(&format!("\ninterrupted; finished frames are in {} (--resume goes on)", directory.display()));
+            say(&format!("\ninterrupted; finished frames are in {} ({how} goes on)", directory.display()));
         }
         std::process::exit(i32::from(super::INTERRUPTED));
     };
