@@ -186,4 +186,10 @@ impl Device {
             Some(_) => Err(self.error(format!("{label} need {size} bytes, which the device's memory has not left"))),
         }
     }
+
+    /// Waits until everything that was submitted is done.
+    pub(super) fn wait(&self) -> Result<(), BackendError> {
+        self.handle.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| self.error(e.to_string()))?;
+        self.check()
+    }
 }

@@ -154,9 +154,9 @@ pub(super) struct Pipelines {
     modules: HashMap<String, wgpu::ShaderModule>,
     layouts: HashMap<Program, Layouts>,
     made: HashMap<(Program, Constants), wgpu::ComputePipeline>,
-    /// Text to be replaced in all programs, for tests that want a broken one.
+    /// Text to be replaced in all programs, for tests that want other ones.
     #[cfg(test)]
-    mutant: Option<(&'static str, &'static str)>,
+    replaced: &'static [(&'static str, &'static str)],
 }
 
 #[derive(Clone, Debug)]
@@ -167,10 +167,10 @@ pub(super) struct Layouts {
 }
 
 impl Pipelines {
-    /// With `to` in place of the first `from` in each program.
+    /// With the second of each pair in place of the first in each program, once.
     #[cfg(test)]
-    pub(super) fn broken(from: &'static str, to: &'static str) -> Self {
-        Self { mutant: Some((from, to)), ..Self::default() }
+    pub(super) fn with(replaced: &'static [(&'static str, &'static str)]) -> Self {
+        Self { replaced, ..Self::default() }
     }
 
     /// The layouts of a program's two bind groups.
@@ -178,13 +178,15 @@ impl Pipelines {
         self.layouts.entry(program).or_insert_with(|| layouts(device, program))
     }
 
-    #[cfg_attr(not(test), allow(clippy::unused_self, reason = "tests keep what they replace"))]
+    #[cfg(not(test))]
+    #[allow(clippy::unused_self, reason = "tests keep what they replace")]
     fn source(&self, program: Program) -> String {
-        #[cfg(test)]
-        if let Some((from, to)) = self.mutant {
-            return program.wgsl().replacen(from, to, 1);
-        }
         program.wgsl().to_owned()
+    }
+
+    #[cfg(test)]
+    fn source(&self, program: Program) -> String {
+        self.replaced.iter().fold(program.wgsl().to_owned(), |source, (from, to)| source.replacen(from, to, 1))
     }
 
     pub(super) fn get(
