@@ -89,7 +89,7 @@ fn main() {
     println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- |");
     let columns: Vec<String> = passes.iter().map(|&pass| format!("{:.2} ms", milliseconds(pass))).collect();
     println!(
-        "| {} | {:.2} ms | {:.0} M | {:.0} bytes | {:.1} GB |",
+        "| {} | {:.2} ms | {:.2} M | {:.0} bytes | {:.3} GB |",
         columns.join(" | "),
         milliseconds(device),
         surfels as f64 / device.as_secs_f64() / 1e6,
