@@ -215,18 +215,17 @@ impl Trial<'_> {
 
     /// The machine, opened where it was not yet.
     fn open(&mut self, machine: Machine) -> anyhow::Result<&mut backend::Machine> {
-        let at = match self.machines.iter().position(|(open, _)| *open == machine) {
-            Some(at) => at,
-            None => {
-                let wanted = match machine {
-                    Machine::Cpu => Wanted::Cpu,
-                    Machine::Gpu => Wanted::Gpu,
-                };
-                let mode = BlurMode::Still { pixel_samples: 1 };
-                let opened = backend::Machine::open(wanted, None, mode, self.pool.current_num_threads())?;
-                self.machines.push((machine, opened));
-                self.machines.len() - 1
-            }
+        let at = if let Some(at) = self.machines.iter().position(|(open, _)| *open == machine) {
+            at
+        } else {
+            let wanted = match machine {
+                Machine::Cpu => Wanted::Cpu,
+                Machine::Gpu => Wanted::Gpu,
+            };
+            let mode = BlurMode::Still { pixel_samples: 1 };
+            let opened = backend::Machine::open(wanted, None, mode, self.pool.current_num_threads())?;
+            self.machines.push((machine, opened));
+            self.machines.len() - 1
         };
         Ok(&mut self.machines[at].1)
     }
