@@ -15,13 +15,18 @@ use support::closed_forms::{SIZE, disc, edge, spin, truth};
 
 /// Each backend at hand, with a number of time samples that it renders in seconds.
 fn machines(test: &str) -> Vec<Machine> {
-    let mut machines = vec![Machine { backend: Box::new(Cpu::default()), samples: 1024 }];
-    #[cfg(feature = "gpu")]
-    if let Some(gpu) = support::gpu::gpu_or_skip(test) {
-        machines.push(Machine { backend: Box::new(gpu), samples: 256 });
-    }
-    let _ = test;
-    machines
+    let cpu = Machine { backend: Box::new(Cpu::default()), samples: 1024 };
+    std::iter::once(cpu).chain(gpu(test)).collect()
+}
+
+#[cfg(feature = "gpu")]
+fn gpu(test: &str) -> Option<Machine> {
+    support::gpu::gpu_or_skip(test).map(|gpu| Machine { backend: Box::new(gpu), samples: 256 })
+}
+
+#[cfg(not(feature = "gpu"))]
+fn gpu(_test: &str) -> Option<Machine> {
+    None
 }
 
 struct Machine {

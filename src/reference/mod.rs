@@ -81,10 +81,19 @@ impl Default for ReferenceOptions {
 }
 
 impl ReferenceOptions {
-    fn checked_samples(&self) -> Result<u64, ReferenceError> {
+    /// Whether there can be a reference with these options.
+    ///
+    /// # Errors
+    /// The number of samples does not suit the scramblings, or the sampler cannot stop at an error.
+    pub const fn check(&self) -> Result<(), ReferenceError> {
         let samples = self.samples;
-        let valid = samples > 0 && samples.is_multiple_of(SCRAMBLINGS as u64) && samples <= MOST_SAMPLES;
-        if valid { Ok(samples) } else { Err(ReferenceError::Samples { samples }) }
+        if samples == 0 || !samples.is_multiple_of(SCRAMBLINGS as u64) || samples > MOST_SAMPLES {
+            return Err(ReferenceError::Samples { samples });
+        }
+        if self.error.is_some() && !self.sampler.is_progressive() {
+            return Err(ReferenceError::Fixed);
+        }
+        Ok(())
     }
 }
 
@@ -153,6 +162,14 @@ pub enum ReferenceError {
         "the jittered sampler has a fixed number of samples: it can neither stop at an error nor go on from an earlier run"
     )]
     Fixed,
+    /// The image is too large.
+    #[error("the sums of {width} x {height} pixels do not fit into memory")]
+    Memory {
+        /// Width of the image.
+        width: u32,
+        /// Height of the image.
+        height: u32,
+    },
     /// Bytes that should be partial sums are not.
     #[error("these are no partial sums of a reference, or they are damaged")]
     Damaged,
@@ -198,22 +215,23 @@ pub fn render(
     earlier: Option<Sums>,
     progress: Progress<'_>,
 ) -> Result<Reference, ReferenceError> {
-    let samples = options.checked_samples()?;
-    if !options.sampler.is_progressive() && (options.error.is_some() || earlier.is_some()) {
+    options.check()?;
+    if !options.sampler.is_progressive() && earlier.is_some() {
         return Err(ReferenceError::Fixed);
     }
+    let samples = options.samples;
     let size = [scene.image.width, scene.image.height];
     let mut sums = match earlier {
         Some(sums) => sums.like(size, &options.aovs)?,
-        None => Sums::new(size, &options.aovs),
+        None => Sums::new(size, &options.aovs)?,
     };
     let start = Instant::now();
     let world = World::new(scene, frame, options);
     let build = start.elapsed();
     let start = Instant::now();
     let before = sums.samples;
-    let background = Background { colour: scene.image.background, transparent: scene.image.transparent };
-    let integrator = Integrator::new(&world, frame);
+    let background = background(scene);
+    let integrator = Integrator::new(&world, frame, [0, 0]);
     if let Some(limit) = options.error {
         let mut error = None;
         while sums.samples < samples {
@@ -243,26 +261,34 @@ pub fn render(
     Ok(Reference { picture: sums.develop(&options.aovs, background), sums, stats })
 }
 
+/// What the picture of a scene is put over.
+const fn background(scene: &Scene) -> Background {
+    Background { colour: scene.image.background, transparent: scene.image.transparent }
+}
+
 /// Rows and columns of pixels whose samples are traced together.
 const TILE: usize = 4;
 
 /// Points of each scrambling that are traced together.
 const POINTS: u64 = 4;
 
+/// Samples the pixels of an image, or of a window in it.
 struct Integrator<'w, 'a> {
     world: &'w World<'a>,
     warp: TimeWarp,
     reach: Reach,
     frame: f64,
+    /// First pixel of the window.
+    origin: [u32; 2],
 }
 
 impl<'w, 'a> Integrator<'w, 'a> {
-    fn new(world: &'w World<'a>, frame: i64) -> Self {
+    fn new(world: &'w World<'a>, frame: i64, origin: [u32; 2]) -> Self {
         let frame = frame as f64;
-        Self { world, warp: TimeWarp::new(&world.scene.shutter.weight), reach: Reach::new(world, frame), frame }
+        Self { world, warp: TimeWarp::new(&world.scene.shutter.weight), reach: Reach::new(world, frame), frame, origin }
     }
 
-    /// Brings every pixel to `end` samples.
+    /// Brings every pixel of the window to `end` samples.
     fn add(&self, sums: &mut Sums, end: u64, error: Option<f64>, progress: Progress<'_>) {
         let options = self.world.options;
         let each = SCRAMBLINGS as u64;
@@ -285,13 +311,14 @@ impl<'w, 'a> Integrator<'w, 'a> {
                 let mut strip = Strip { planes: &planes, colour, range, extra };
                 let rows = strip.colour.len() / width;
                 for left in (0..width).step_by(TILE) {
-                    let (corner, size) = ([left, number * TILE], [TILE.min(width - left), rows]);
+                    let (first_pixel, size) = ([left, number * TILE], [TILE.min(width - left), rows]);
+                    let corner = [0, 1].map(|axis| self.origin[axis] as usize + first_pixel[axis]);
                     self.reach.sights(self.world, corner, size, &mut batch.sights);
                     if batch.sights.any == 0 {
                         continue;
                     }
                     for k in (first..last).step_by(POINTS as usize) {
-                        self.place_tile(batch, &points, corner, size, k..(k + POINTS).min(last));
+                        self.place_tile(batch, &points, (corner, size), width, k..(k + POINTS).min(last));
                         batch.trace(tracer, &self.reach);
                         batch.samples.iter().zip(&batch.seen).for_each(|(sample, seen)| {
                             if let Some(seen) = seen {
@@ -307,27 +334,29 @@ impl<'w, 'a> Integrator<'w, 'a> {
         sums.samples = end;
     }
 
-    /// The samples of a tile that may hit something: of each of its pixels the points `range` of each scrambling.
+    /// The samples of a tile (corner in the image, size) that may hit something: of each of its pixels the points `range` of each
+    /// scrambling. The window is `width` pixels wide.
     fn place_tile(
         &self,
         batch: &mut Batch,
         points: &Points,
-        [left, top]: [usize; 2],
-        [columns, rows]: [usize; 2],
+        (corner, [columns, rows]): ([usize; 2], [usize; 2]),
+        width: usize,
         range: std::ops::Range<u64>,
     ) {
-        let width = self.world.size[0] as usize;
+        let left = corner[0] - self.origin[0] as usize;
         batch.samples.clear();
         for y in 0..rows {
-            for x in left..left + columns {
-                let of_pixel = points.pixel(((top + y) * width + x) as u64);
+            for x in 0..columns {
+                let at = [(corner[0] + x) as u32, (corner[1] + y) as u32];
+                let of_pixel = points.pixel(self.number(at));
                 let scrambled: [_; SCRAMBLINGS] = std::array::from_fn(|r| of_pixel.scrambling(r));
                 for k in range.clone() {
                     for (r, scrambling) in scrambled.iter().enumerate() {
                         let point = scrambling.at(k);
-                        let place = self.place([x, top + y], point);
+                        let place = self.place(at, point);
                         if batch.sights.any >> self.reach.slot(place.1) & 1 == 1 {
-                            let pixel = (y * width + x) as u32;
+                            let pixel = (y * width + left + x) as u32;
                             batch.samples.push(Placed { place, share: point[2] as f32, pixel, scrambling: r as u32 });
                         }
                     }
@@ -336,14 +365,19 @@ impl<'w, 'a> Integrator<'w, 'a> {
         }
     }
 
+    /// The number of a pixel of the image: what its samples depend on.
+    fn number(&self, [x, y]: [u32; 2]) -> u64 {
+        u64::from(y) * u64::from(self.world.size[0]) + u64::from(x)
+    }
+
     /// Film point (pixels) and scene time (frames) of a point of the unit cube.
-    fn place(&self, pixel: [usize; 2], [u, v, share]: [f64; 3]) -> ([f64; 2], f64) {
+    fn place(&self, pixel: [u32; 2], [u, v, share]: [f64; 3]) -> ([f64; 2], f64) {
         let (u, v) = match self.world.options.filter {
             PixelFilter::Box => (u, v),
             PixelFilter::Point => (0.5, 0.5),
         };
         let time = self.world.scene.shutter.frame_time(self.frame, self.warp.time(share));
-        ([pixel[0] as f64 + u, pixel[1] as f64 + v], time)
+        ([f64::from(pixel[0]) + u, f64::from(pixel[1]) + v], time)
     }
 }
 

@@ -82,12 +82,6 @@ impl<'w, 'a> Tracer<'w, 'a> {
         }
     }
 
-    /// What is seen at one place; `None`: nothing.
-    pub(super) fn sample(&mut self, place: Place, sights: &Sights, reach: &Reach) -> Option<Seen> {
-        self.hits(&[place], sights, reach);
-        self.seen(0)
-    }
-
     /// Collects hits and the limits T of the rays through `places`, at most [`PACKET`], which become the lanes.
     pub(super) fn hits(&mut self, places: &[Place], sights: &Sights, reach: &Reach) {
         let world = self.world;

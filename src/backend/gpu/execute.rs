@@ -116,7 +116,7 @@ pub(super) struct Work<'a> {
 
 impl Machine {
     pub(super) fn encoder(&self) -> CommandEncoder {
-        self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+        self.device.handle.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
     /// Records and submits one group: the plan's passes, those that need lists wave by wave.
@@ -127,10 +127,14 @@ impl Machine {
         let mut at_hand = None;
         for &pass in work.execution.frame.passes {
             match pass {
-                // Run where lists are needed that are not at hand.
-                Pass::Project | Pass::Bin => {}
-                // Kernels in motion are refused before.
-                Pass::Density | Pass::Keep | Pass::Sweep | Pass::SweptAttribute | Pass::SweptResolve => {}
+                // Run where lists are needed that are not at hand; kernels in motion are refused before.
+                Pass::Project
+                | Pass::Bin
+                | Pass::Density
+                | Pass::Keep
+                | Pass::Sweep
+                | Pass::SweptAttribute
+                | Pass::SweptResolve => {}
                 Pass::Visibility | Pass::Attribute => {
                     for (number, wave) in waves.iter().enumerate() {
                         if at_hand != Some(number) {

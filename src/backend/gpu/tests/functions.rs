@@ -38,11 +38,11 @@ fn functions_are_as_exact_as_their_twins() {
     let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
     let buffer = device.buffer("numbers", 16 * numbers.len() as u64, usage).unwrap();
     device.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&numbers));
-    let module = device.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+    let module = device.handle.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
         source: wgpu::ShaderSource::Wgsl(PROGRAM.into()),
     });
-    let pipeline = device.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+    let pipeline = device.handle.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: None,
         layout: None,
         module: &module,
@@ -50,7 +50,7 @@ fn functions_are_as_exact_as_their_twins() {
         compilation_options: wgpu::PipelineCompilationOptions::default(),
         cache: None,
     });
-    let group = device.device.create_bind_group(&wgpu::BindGroupDescriptor {
+    let group = device.handle.create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
         layout: &pipeline.get_bind_group_layout(0),
         entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
