@@ -82,8 +82,8 @@ impl Raster {
 /// What of an object does not change over the frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameObject<'a> {
-    /// The surfels.
-    pub surfels: &'a Surfels,
+    /// The surfels; shared, so that a backend can tell models apart for as long as it remembers them.
+    pub surfels: &'a Arc<Surfels>,
     /// Material of the whole object; `None`: one a surfel, `surfels.material`.
     pub material: Option<Material>,
     /// Show back faces, with normals turned to the viewer.

@@ -25,20 +25,20 @@ pub struct Splat {
     pub u: [f32; 3],
     /// v times inverse depth.
     pub v: [f32; 3],
-    /// Depth of the centre; NaN where the low-pass disc around `reference` does not exist.
+    /// Depth of the centre; 0 where the low-pass disc around `reference` does not exist.
     pub centre_depth: f32,
     /// First and last pixel column, then first and last row, that the splat may touch.
     pub bounds: [u16; 4],
     /// Index of the surfel in its model.
     pub surfel: u32,
-    /// Bit 0: seen from behind (normals turn to the viewer).
+    /// Bit 0: seen from behind (normals turn to the viewer). Above, a backend may keep what it needs.
     pub flags: u32,
 }
 
 /// A surfel's kernel in motion over an interval, tau in [-1, 1], projected (docs/math.md, section 7).
 ///
 /// With (x, y) counted from `reference` as in [`Splat`] and w = i.(x, y, 1): on the ray through a sample position the kernel is met at
-/// tangent-plane coordinates u(tau) = (u.(x, y, 1) + tau u_rate.(x, y, 1)) / w, v likewise, and at depth (1 + k tau) / w with
+/// tangent-plane coordinates (`u`.(x, y, 1) + tau `u_rate`.(x, y, 1)) / w, v likewise, and at depth (1 + k tau) / w with
 /// k = i.motion: all linear in tau. It is met only where w > 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]

@@ -1,4 +1,6 @@
-//! The driver: a scene and a frame number to a picture.
+//! The driver: a scene and frame numbers to pictures.
+
+use std::collections::VecDeque;
 
 use crate::backend::{Backend, BackendError};
 use crate::frame::Frame;
@@ -17,8 +19,83 @@ pub fn render_frame(
     frame: i64,
     options: &RenderOptions,
 ) -> Result<Rendered, BackendError> {
-    if let Some(object) = scene.objects.iter().find(|object| object.sphere.is_some()) {
-        return Err(BackendError::Sphere { object: object.name.clone() });
-    }
+    check(scene)?;
     backend.render(&Frame::new(scene, frame, options))
+}
+
+fn check(scene: &Scene) -> Result<(), BackendError> {
+    match scene.objects.iter().find(|object| object.sphere.is_some()) {
+        Some(object) => Err(BackendError::Sphere { object: object.name.clone() }),
+        None => Ok(()),
+    }
+}
+
+/// Renders frames of a scene one after the other, with as many under way as the backend allows.
+pub struct Frames<'a> {
+    backend: &'a mut dyn Backend,
+    scene: &'a Scene,
+    options: &'a RenderOptions,
+    /// Begun and not finished.
+    under_way: VecDeque<i64>,
+    /// Finished and not handed out.
+    ready: VecDeque<(i64, Rendered)>,
+}
+
+impl<'a> Frames<'a> {
+    /// No frames yet. `backend` must have none under way.
+    ///
+    /// # Errors
+    /// The scene holds what only the reference can show.
+    pub fn new(
+        backend: &'a mut dyn Backend,
+        scene: &'a Scene,
+        options: &'a RenderOptions,
+    ) -> Result<Self, BackendError> {
+        check(scene)?;
+        Ok(Self { backend, scene, options, under_way: VecDeque::new(), ready: VecDeque::new() })
+    }
+
+    /// Begins frame `number`; hands out an earlier one, or this one, with its number, if the backend takes no more.
+    ///
+    /// # Errors
+    /// The backend cannot render the frame within its limits.
+    pub fn begin(&mut self, number: i64) -> Result<Option<(i64, Rendered)>, BackendError> {
+        self.backend.begin(&Frame::new(self.scene, number, self.options))?;
+        self.under_way.push_back(number);
+        if self.ready.len() + self.under_way.len() < self.backend.in_flight() {
+            return Ok(None);
+        }
+        self.finish()
+    }
+
+    /// Hands out the next frame, in the order in which they were begun; `None` after the last.
+    ///
+    /// # Errors
+    /// The backend cannot render the frame within its limits.
+    pub fn finish(&mut self) -> Result<Option<(i64, Rendered)>, BackendError> {
+        if self.ready.is_empty() {
+            let Some(number) = self.under_way.pop_front() else { return Ok(None) };
+            match self.backend.finish()? {
+                Some(rendered) => return Ok(Some((number, rendered))),
+                None => self.repeat(number)?,
+            }
+        }
+        Ok(self.ready.pop_front())
+    }
+
+    /// Renders frame `number` again, which turned out to need more room, after all others that are under way.
+    fn repeat(&mut self, number: i64) -> Result<(), BackendError> {
+        let mut rest = Vec::new();
+        for later in std::mem::take(&mut self.under_way) {
+            rest.push((later, self.backend.finish()?));
+        }
+        for (number, rendered) in std::iter::once((number, None)).chain(rest) {
+            let rendered = match rendered {
+                Some(rendered) => rendered,
+                None => self.backend.render(&Frame::new(self.scene, number, self.options))?,
+            };
+            self.ready.push_back((number, rendered));
+        }
+        Ok(())
+    }
 }

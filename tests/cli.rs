@@ -101,7 +101,7 @@ fn bad_values_are_refused_in_one_line() {
         (&["--background", "1,1"], "R,G,B"),
         (&["--background", "-1,0,0"], "0 to 1e6"),
         (&["--background", "1,1,1", "--transparent"], "cannot be used with"),
-        (&["--backend", "gpu"], "auto, cpu"),
+        (&["--backend", "tpu"], "auto, gpu, cpu"),
         (&["--format", "jpg"], "png, exr"),
         (&["--bits", "10"], "8, 16"),
         (&["--bits", "16", "--format", "exr"], "32-bit float"),

@@ -1,6 +1,8 @@
 //! Machines that execute a plan.
 
 pub mod cpu;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 
 use std::time::Duration;
 
@@ -8,15 +10,39 @@ use crate::film::Picture;
 use crate::frame::Frame;
 
 /// A machine that executes plans. It knows passes, and nothing about blur modes, scenes or files.
-pub trait Backend {
+pub trait Backend: Send {
     /// Name and size of the machine, for people.
     fn describe(&self) -> String;
 
-    /// Executes a frame's plan.
+    /// Frames that may be begun and not finished: one where `begin` does the work, two where the host can prepare the next
+    /// while the device renders.
+    fn in_flight(&self) -> usize;
+
+    /// Begins to execute a frame's plan. Frames are finished in the order in which they were begun.
     ///
     /// # Errors
     /// The frame does not fit into the machine's limits.
-    fn render(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError>;
+    fn begin(&mut self, frame: &Frame<'_>) -> Result<(), BackendError>;
+
+    /// Finishes the oldest frame. `None`: there is none, or it turned out to need more room, which there is now; it must be
+    /// begun again.
+    ///
+    /// # Errors
+    /// The frame does not fit into the machine's limits.
+    fn finish(&mut self) -> Result<Option<Rendered>, BackendError>;
+
+    /// Executes a frame's plan, with no other under way.
+    ///
+    /// # Errors
+    /// The frame does not fit into the machine's limits.
+    fn render(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError> {
+        loop {
+            self.begin(frame)?;
+            if let Some(rendered) = self.finish()? {
+                return Ok(rendered);
+            }
+        }
+    }
 }
 
 /// A picture, and what it took.
@@ -55,6 +81,31 @@ pub enum BackendError {
         /// Budget, bytes.
         allowed: u64,
     },
+    /// The backend lacks a pass.
+    #[error("the {backend} backend cannot render kernels in motion (mode volumetric) yet; --backend cpu can")]
+    Pass {
+        /// Which backend.
+        backend: &'static str,
+    },
+    /// There is no device to render on.
+    #[error(
+        "there is no graphics adapter{wanted} (found: {found}); a GPU needs its Vulkan driver and the Vulkan loader (Debian: \
+         libvulkan1), a software device mesa-vulkan-drivers"
+    )]
+    NoAdapter {
+        /// What it was looked for by, with a space in front; empty for any.
+        wanted: String,
+        /// Names of those that there are.
+        found: String,
+    },
+    /// The device refused, or lacks something.
+    #[error("{adapter}: {what}")]
+    Device {
+        /// Name of the adapter.
+        adapter: String,
+        /// What it says or lacks.
+        what: String,
+    },
 }
 
 /// What one frame took.
@@ -66,12 +117,23 @@ pub struct Stats {
     pub surfels: u64,
     /// Splats projected onto the image, over all time samples; where they pass in waves (`--memory`), once for each pass.
     pub splats: u64,
-    /// CPU time of `project` and `bin`, over all threads.
+    /// Time of `project`: on the CPU that of all threads, `bin` included; on a device as its clock has it.
     pub project: Duration,
-    /// CPU time of `visibility`, over all threads.
+    /// Time of `bin`, where it is measured apart.
+    pub bin: Duration,
+    /// Time of `visibility`.
     pub visibility: Duration,
-    /// CPU time of `attribute`, over all threads.
+    /// Time of `attribute`.
     pub attribute: Duration,
-    /// CPU time of `resolve`, over all threads.
+    /// Time of `resolve`.
     pub resolve: Duration,
+}
+
+impl Stats {
+    /// Samples and surfels of a frame, before anything is measured.
+    fn of(frame: &Frame<'_>) -> Self {
+        let samples: u64 = frame.groups.iter().map(|group| group.samples.len() as u64).sum();
+        let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
+        Self { samples, surfels: samples * surfels, ..Self::default() }
+    }
 }

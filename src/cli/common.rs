@@ -118,17 +118,51 @@ enum Depth {
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
-enum Filter {
+pub(super) enum Filter {
     #[default]
     Box,
     Point,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
-enum Shading {
+pub(super) enum Prefilter {
+    #[default]
+    Approx,
+    None,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub(super) enum Shading {
     #[default]
     Phong,
     Gouraud,
+}
+
+impl From<Filter> for plan::PixelFilter {
+    fn from(filter: Filter) -> Self {
+        match filter {
+            Filter::Box => Self::Box,
+            Filter::Point => Self::Point,
+        }
+    }
+}
+
+impl From<Prefilter> for plan::Prefilter {
+    fn from(prefilter: Prefilter) -> Self {
+        match prefilter {
+            Prefilter::Approx => Self::Approx,
+            Prefilter::None => Self::None,
+        }
+    }
+}
+
+impl From<Shading> for plan::Shading {
+    fn from(shading: Shading) -> Self {
+        match shading {
+            Shading::Phong => Self::Phong,
+            Shading::Gouraud => Self::Gouraud,
+        }
+    }
 }
 
 /// A scene that is ready for its first frame.
@@ -177,11 +211,8 @@ impl Images {
 }
 
 impl Exposure {
-    pub(super) const fn filter(&self) -> plan::PixelFilter {
-        match self.filter {
-            Filter::Box => plan::PixelFilter::Box,
-            Filter::Point => plan::PixelFilter::Point,
-        }
+    pub(super) fn filter(&self) -> plan::PixelFilter {
+        self.filter.into()
     }
 
     fn apply(&self, scene: &mut Scene) {
@@ -195,11 +226,8 @@ impl Exposure {
 }
 
 impl Surfaces {
-    pub(super) const fn shading(&self) -> plan::Shading {
-        match self.shading {
-            Shading::Phong => plan::Shading::Phong,
-            Shading::Gouraud => plan::Shading::Gouraud,
-        }
+    pub(super) fn shading(&self) -> plan::Shading {
+        self.shading.into()
     }
 }
 
@@ -209,18 +237,6 @@ impl Running {
         let threads = self.threads.map_or(0, usize::from);
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start the threads")
     }
-
-    /// Reads the scene with the threads of `pool`, showing progress on a terminal.
-    fn load(&self, path: &Path, pool: &rayon::ThreadPool) -> anyhow::Result<Loaded> {
-        let restrict = self.restrict.as_deref();
-        if let Some(directory) = restrict.filter(|directory| !directory.is_dir()) {
-            bail!("--restrict: {} is not a directory", directory.display());
-        }
-        let progress = Loading::new(self.quiet);
-        let step = |what: &str, share: f32| progress.step(what, share);
-        let options = scene::LoadOptions { lenient: self.lenient, restrict, progress: Some(&step) };
-        Ok(pool.install(|| scene::load(path, &options))?)
-    }
 }
 
 impl Ready {
@@ -228,7 +244,8 @@ impl Ready {
     pub(super) fn new(images: &Images, exposure: &Exposure, running: &Running) -> anyhow::Result<Self> {
         let format = images.format()?;
         let pool = running.pool()?;
-        let Loaded { mut scene, notes } = running.load(&images.scene, &pool)?;
+        let restrict = running.restrict.as_deref();
+        let Loaded { mut scene, notes } = load_scene(&images.scene, running.lenient, restrict, running.quiet, &pool)?;
         if !running.quiet {
             for note in &notes {
                 say(&format!("note: {note}"));
@@ -247,6 +264,23 @@ impl Ready {
     }
 }
 
+/// Reads the scene with the threads of `pool`, showing progress on a terminal.
+pub(super) fn load_scene(
+    path: &Path,
+    lenient: bool,
+    restrict: Option<&Path>,
+    quiet: bool,
+    pool: &rayon::ThreadPool,
+) -> anyhow::Result<Loaded> {
+    if let Some(directory) = restrict.filter(|directory| !directory.is_dir()) {
+        bail!("--restrict: {} is not a directory", directory.display());
+    }
+    let progress = Loading::new(quiet);
+    let step = |what: &str, share: f32| progress.step(what, share);
+    let options = scene::LoadOptions { lenient, restrict, progress: Some(&step) };
+    Ok(pool.install(|| scene::load(path, &options))?)
+}
+
 /// Makes the output directory, and finds out now, not after the first frame, whether files can be written there.
 pub(super) fn open_directory(directory: &Path) -> anyhow::Result<()> {
     let context = || format!("cannot write into the output directory {}", directory.display());
@@ -254,13 +288,18 @@ pub(super) fn open_directory(directory: &Path) -> anyhow::Result<()> {
     files::check_writable(directory).with_context(context)
 }
 
-/// On Ctrl-C: lets the file that is being written become whole, and ends the program.
-pub(super) fn stop_on_interrupt(gate: &Arc<Mutex<()>>, directory: &Path, quiet: bool) -> anyhow::Result<()> {
+/// On Ctrl-C: lets the file that is being written become whole, and ends the program. `how` goes on later.
+pub(super) fn stop_on_interrupt(
+    gate: &Arc<Mutex<()>>,
+    directory: &Path,
+    how: &'static str,
+    quiet: bool,
+) -> anyhow::Result<()> {
     let (gate, directory) = (Arc::clone(gate), directory.to_owned());
     let stop = move || {
         let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
         if !quiet {
-            say(&format!("\ninterrupted; finished frames are in {} (--resume goes on)", directory.display()));
+            say(&format!("\ninterrupted; finished frames are in {} ({how} goes on)", directory.display()));
         }
         std::process::exit(i32::from(super::INTERRUPTED));
     };

@@ -10,7 +10,7 @@ use splatblur::{anim, image, model, scene};
 
 use super::output::{print, print_json};
 use super::progress::Loading;
-use super::{convert, grammar, inspect};
+use super::{adapters, convert, grammar, inspect};
 
 /// Report what a file holds: a scene, a model, an animation, or a rendered image.
 ///
@@ -24,12 +24,17 @@ Examples:
   splatblur info scenes/three_objects.xml --xml > resolved.xml
   splatblur info bunny.ply --json
   splatblur info thrown.anim --frames -5..40 --step 0.5 --csv
-  splatblur info out/spin/spin.0001.exr")]
+  splatblur info out/spin/spin.0001.exr
+  splatblur info --adapters")]
 #[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub(super) struct Info {
     /// Scene (.xml), model (.ply, .sfl, .obj, .bin), animation (.anim) or image (.png, .exr); told apart by content.
-    file: PathBuf,
+    #[arg(required_unless_present = "adapters")]
+    file: Option<PathBuf>,
 
+    /// List the graphics adapters that `render --backend gpu` can use, with their limits.
+    #[arg(long, conflicts_with = "file")]
+    adapters: bool,
     /// Print one JSON object.
     #[arg(long, conflicts_with_all = ["xml", "csv"])]
     json: bool,
@@ -72,37 +77,37 @@ enum Kind {
 
 impl Info {
     pub(super) fn run(&self) -> anyhow::Result<()> {
-        let head = head(&self.file).with_context(|| format!("cannot read {}", self.file.display()))?;
-        let kind = kind(&head, &self.file);
+        let Some(file) = self.file.as_deref() else { return adapters::list(self.json) };
+        let head = head(file).with_context(|| format!("cannot read {}", file.display()))?;
+        let kind = kind(&head, file);
         if self.xml && kind != Kind::Scene {
-            bail!("--xml is for scenes; {} is none", self.file.display());
+            bail!("--xml is for scenes; {} is none", file.display());
         }
         if self.csv && kind != Kind::Animation {
-            bail!("--csv is for animations; {} is none", self.file.display());
+            bail!("--csv is for animations; {} is none", file.display());
         }
         match kind {
-            Kind::Scene => self.scene(),
-            Kind::Animation => self.animation(),
-            Kind::Image => self.image(),
-            Kind::Model => self.model(),
+            Kind::Scene => self.scene(file),
+            Kind::Animation => self.animation(file),
+            Kind::Image => self.image(file),
+            Kind::Model => self.model(file),
         }
     }
 
-    fn scene(&self) -> anyhow::Result<()> {
+    fn scene(&self, file: &Path) -> anyhow::Result<()> {
         let progress = Loading::new(false);
         let step = |what: &str, share: f32| progress.step(what, share);
         let restrict = self.restrict.as_deref();
-        let loaded =
-            scene::load(&self.file, &scene::LoadOptions { lenient: self.lenient, restrict, progress: Some(&step) })?;
+        let loaded = scene::load(file, &scene::LoadOptions { lenient: self.lenient, restrict, progress: Some(&step) })?;
         drop(progress);
         if self.xml {
-            return print(&scene::to_xml(&loaded.scene, self.file.parent().unwrap_or(Path::new(""))));
+            return print(&scene::to_xml(&loaded.scene, file.parent().unwrap_or(Path::new(""))));
         }
         self.show(&inspect::scene(&loaded))
     }
 
-    fn animation(&self) -> anyhow::Result<()> {
-        let animation = anim::load(&self.file)?;
+    fn animation(&self, file: &Path) -> anyhow::Result<()> {
+        let animation = anim::load(file)?;
         if !self.csv {
             return self.show(&inspect::animation(&animation));
         }
@@ -116,16 +121,16 @@ impl Info {
         print(&animation.csv(frames, anim::Interpolation::Maya))
     }
 
-    fn image(&self) -> anyhow::Result<()> {
-        let picture = image::read(&self.file)?;
-        self.show(&inspect::image(&picture, image::read_settings(&self.file)))
+    fn image(&self, file: &Path) -> anyhow::Result<()> {
+        let picture = image::read(file)?;
+        self.show(&inspect::image(&picture, image::read_settings(file)))
     }
 
-    fn model(&self) -> anyhow::Result<()> {
+    fn model(&self, file: &Path) -> anyhow::Result<()> {
         let progress = Loading::new(false);
         let options =
             model::LoadOptions { radius_scale: self.radius_scale, colour_space: self.colour_space.map(Into::into) };
-        let loaded = model::load(&self.file, &options, &|what, share| progress.step(what, share))?;
+        let loaded = model::load(file, &options, &|what, share| progress.step(what, share))?;
         drop(progress);
         self.show(&inspect::model_file(&loaded))
     }

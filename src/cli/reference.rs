@@ -133,7 +133,7 @@ impl Reference {
             self.images.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{}.reference", scene.name)));
         open_directory(&directory)?;
         let gate = Arc::new(Mutex::new(()));
-        stop_on_interrupt(&gate, &directory, self.running.quiet)?;
+        stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
         let output = Output { scene: &scene, options: &options, format, directory: &directory, gate: &gate };
         let mut reports = Vec::new();
         for frame in frames.first..=frames.last {

@@ -6,17 +6,17 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use clap::{Args, ValueEnum};
-use splatblur::backend::cpu::Cpu;
 use splatblur::plan::{self, BlurMode, Interleave, RenderOptions, SourceSamples, SweptKernel};
-use splatblur::render::render_frame;
+use splatblur::render::{self, Rendered};
 use splatblur::scene::Scene;
 
-use super::common::{Exposure, Images, Ready, Running, Surfaces, open_directory, stop_on_interrupt};
+use super::backend::{Machine, Wanted};
+use super::common::{Exposure, Images, Prefilter, Ready, Running, Surfaces, open_directory, stop_on_interrupt};
 use super::grammar::{self, Frames};
 use super::movie::Movie;
 use super::output::{print, print_json, say};
 use super::progress::Rendering;
-use super::report::{FrameReport, Report};
+use super::render_report::{FrameReport, Report};
 use super::sequence::{Finished, Sequence};
 use super::settings::Settings;
 
@@ -38,7 +38,7 @@ Examples:
     splatblur render scene.xml --format exr --aov depth,normal,velocity --resume
 
 JSON (--json), one object: program, scene, directory, backend, frames: [{frame, path, skipped, seconds (wall, rendering),
-samples, surfels, splats, cpu_seconds: {project, visibility, attribute, resolve, total}}], load_seconds, seconds (whole run),
+samples, surfels, splats, cpu_seconds or device_seconds: {project, bin, visibility, attribute, resolve, total}}], load_seconds, seconds (whole run),
 notes, ffmpeg (null for one frame), settings (as each file carries them, with `frame`, in its header).")]
 pub(super) struct Render {
     #[command(flatten)]
@@ -92,7 +92,10 @@ pub(super) struct Render {
 
     /// Machine to render on.
     #[arg(long, value_enum, default_value_t, help_heading = "Running")]
-    backend: Backend,
+    backend: Wanted,
+    /// Part of the name of the adapter to render on (`splatblur info --adapters` lists them).
+    #[arg(long, value_name = "NAME", help_heading = "Running")]
+    adapter: Option<String>,
     /// Memory that a frame may take beside the models, as in 64M, 1G. The images do not depend on it.
     #[arg(long, value_name = "SIZE", default_value = "1G", allow_hyphen_values = true, value_parser = grammar::memory, help_heading = "Running")]
     memory: u64,
@@ -149,47 +152,30 @@ enum Normalise {
     Once,
 }
 
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-enum Prefilter {
-    #[default]
-    Approx,
-    None,
-}
-
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-enum Backend {
-    /// The fastest there is; today the CPU.
-    #[default]
-    Auto,
-    /// The processor, all cores.
-    Cpu,
-}
-
 impl Render {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let start = Instant::now();
         let options = self.options()?;
         let Ready { scene, notes, frames, format, pool } = Ready::new(&self.images, &self.exposure, &self.running)?;
+        let machine = Machine::open(self.backend, self.adapter.as_deref(), options.mode, pool.current_num_threads())?;
+        let Machine { mut backend, name: backend_name, place } = machine;
         let load_seconds = start.elapsed().as_secs_f64();
-        let settings = Settings::new(&scene, &self.images.scene, &options, format, "cpu")?;
+        let settings = Settings::new(&scene, &self.images.scene, &options, format, backend_name)?;
 
         let directory = self.images.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
         open_directory(&directory)?;
         if !self.running.quiet {
-            say(&headline(&scene, frames, &options, pool.current_num_threads()));
+            say(&headline(&scene, frames, &options, &place));
         }
         let gate = Arc::new(Mutex::new(()));
-        stop_on_interrupt(&gate, &directory, self.running.quiet)?;
+        stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
         let sequence =
             Sequence { frames, directory: &directory, stem: &scene.name, format, resume: self.resume, gate: &gate };
         let progress = Rendering::new(frames.count(), self.running.quiet);
-        let mut cpu = Cpu::default();
+        let mut under_way = render::Frames::new(&mut *backend, &scene, &options)?;
         let finished = sequence.run(
             |frame| settings.of_frame(frame),
-            |frame| {
-                let rendered = pool.install(|| render_frame(&mut cpu, &scene, frame, &options));
-                rendered.with_context(|| format!("frame {frame}"))
-            },
+            |frame| pool.install(|| step(&mut under_way, frame)),
             |done| progress.finished(done.rendered.is_none()),
         )?;
         drop(progress);
@@ -210,8 +196,8 @@ impl Render {
                 program: concat!("splatblur ", env!("CARGO_PKG_VERSION")),
                 scene: &scene.name,
                 directory: &directory,
-                backend: "cpu",
-                frames: finished.iter().map(FrameReport::new).collect(),
+                backend: backend_name,
+                frames: finished.iter().map(|done| FrameReport::new(done, backend_name)).collect(),
                 load_seconds,
                 seconds,
                 notes: &notes,
@@ -227,10 +213,7 @@ impl Render {
         Ok(RenderOptions {
             mode,
             filter: self.exposure.filter(),
-            prefilter: match self.prefilter {
-                Prefilter::Approx => plan::Prefilter::Approx,
-                Prefilter::None => plan::Prefilter::None,
-            },
+            prefilter: self.prefilter.into(),
             shading: self.surfaces.shading(),
             two_sided: self.surfaces.two_sided,
             epsilon: self.surfaces.epsilon,
@@ -330,16 +313,23 @@ impl Render {
     }
 }
 
+/// Begins a frame or, without one, finishes one that was begun.
+fn step(under_way: &mut render::Frames<'_>, frame: Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>> {
+    match frame {
+        Some(number) => under_way.begin(number).with_context(|| format!("frame {number}")),
+        None => Ok(under_way.finish()?),
+    }
+}
+
 /// Backend, size, mode, frames: one line.
-fn headline(scene: &Scene, frames: Frames, options: &RenderOptions, threads: usize) -> String {
+fn headline(scene: &Scene, frames: Frames, options: &RenderOptions, place: &str) -> String {
     let range = if frames.first == frames.last {
         format!("frame {}", frames.first)
     } else {
         format!("frames {}..{}", frames.first, frames.last)
     };
-    let threads_end = if threads == 1 { "" } else { "s" };
     format!(
-        "{}: {range}, {} x {} pixels, mode {}, on the CPU ({threads} thread{threads_end})",
+        "{}: {range}, {} x {} pixels, mode {}, on {place}",
         scene.name, scene.image.width, scene.image.height, options.mode
     )
 }

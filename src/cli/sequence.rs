@@ -1,5 +1,6 @@
-//! Frames to files: each is written while the next one renders; finished ones may be skipped.
+//! Frames to files: each is written while later ones render; finished ones may be skipped.
 
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Instant;
@@ -34,7 +35,8 @@ pub(super) struct Sequence<'a> {
 pub(super) struct Finished {
     pub(super) frame: i64,
     pub(super) path: PathBuf,
-    /// Wall time of rendering, and what it took; `None`: an earlier run made it.
+    /// Wall time of rendering (with several frames under way, since the one before), and what it took; `None`: an earlier run
+    /// made it.
     pub(super) rendered: Option<(f64, Stats)>,
 }
 
@@ -44,12 +46,45 @@ struct Page {
     settings: String,
 }
 
+/// The writer ended before the last frame.
+#[derive(Debug, thiserror::Error)]
+#[error("the writer has stopped")]
+struct WriterStopped;
+
+/// Frames that were begun and not handed out, and the wall time since the last that was.
+struct Rendering {
+    waiting: VecDeque<(i64, PathBuf, String)>,
+    seconds: f64,
+}
+
+impl Rendering {
+    /// Begins `frame`, or finishes one; the frame that comes out of it, if there is one.
+    fn step(
+        &mut self,
+        render: &mut impl FnMut(Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>>,
+        frame: Option<i64>,
+    ) -> anyhow::Result<Option<(Finished, Page)>> {
+        let start = Instant::now();
+        let rendered = render(frame);
+        self.seconds += start.elapsed().as_secs_f64();
+        let Some((number, Rendered { picture, stats })) = rendered? else { return Ok(None) };
+        while let Some((frame, path, settings)) = self.waiting.pop_front() {
+            if frame == number {
+                let rendered = Some((std::mem::take(&mut self.seconds), stats));
+                return Ok(Some((Finished { frame, path: path.clone(), rendered }, Page { path, picture, settings })));
+            }
+        }
+        Ok(None)
+    }
+}
+
 impl Sequence<'_> {
-    /// Renders and writes all frames in order; stops at the first error. `finished` hears of each rendered or skipped frame.
+    /// Renders and writes all frames in order; stops at the first error. `render` begins a frame and may hand one out that was
+    /// begun before; without a number it finishes the next of those. `finished` hears of each rendered or skipped frame.
     pub(super) fn run(
         &self,
         settings: impl Fn(i64) -> anyhow::Result<String>,
-        mut render: impl FnMut(i64) -> anyhow::Result<Rendered>,
+        mut render: impl FnMut(Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>>,
         finished: impl Fn(&Finished),
     ) -> anyhow::Result<Vec<Finished>> {
         std::thread::scope(|scope| {
@@ -70,27 +105,50 @@ impl Sequence<'_> {
         &self,
         pages: &mpsc::SyncSender<Page>,
         settings: impl Fn(i64) -> anyhow::Result<String>,
-        render: &mut impl FnMut(i64) -> anyhow::Result<Rendered>,
+        render: &mut impl FnMut(Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>>,
         finished: impl Fn(&Finished),
     ) -> anyhow::Result<Vec<Finished>> {
         let mut list = Vec::new();
-        for frame in self.frames.first..=self.frames.last {
+        let mut rendering = Rendering { waiting: VecDeque::new(), seconds: 0.0 };
+        let all = (self.frames.first..=self.frames.last).try_for_each(|frame| {
             let path = self.directory.join(file_name(self.stem, frame, self.format));
             let settings = settings(frame)?;
-            let mut done = Finished { frame, path: path.clone(), rendered: None };
-            if !(self.resume && image::read_settings(&path).is_some_and(|found| found == settings)) {
-                let start = Instant::now();
-                let Rendered { picture, stats } = render(frame)?;
-                done.rendered = Some((start.elapsed().as_secs_f64(), stats));
-                if pages.send(Page { path, picture, settings }).is_err() {
-                    // The writer has stopped; it says why.
-                    break;
-                }
+            if self.resume && image::read_settings(&path).is_some_and(|found| found == settings) {
+                let done = Finished { frame, path, rendered: None };
+                finished(&done);
+                list.push(done);
+                return Ok(());
             }
-            finished(&done);
-            list.push(done);
+            rendering.waiting.push_back((frame, path, settings));
+            if let Some((done, page)) = rendering.step(render, Some(frame))? {
+                pages.send(page).map_err(|_| WriterStopped)?;
+                finished(&done);
+                list.push(done);
+            }
+            Ok(())
+        });
+        // What was begun before an error is finished all the same.
+        let rest = loop {
+            match rendering.step(render, None) {
+                Ok(Some((done, page))) => {
+                    if pages.send(page).is_err() {
+                        break Ok(());
+                    }
+                    finished(&done);
+                    list.push(done);
+                }
+                Ok(None) => break Ok(()),
+                Err(error) => break Err(error),
+            }
+        };
+        match all.and(rest) {
+            // The writer says why it stopped.
+            Err(error) if !error.is::<WriterStopped>() => Err(error),
+            _ => {
+                list.sort_by_key(|done| done.frame);
+                Ok(list)
+            }
         }
-        Ok(list)
     }
 
     fn write_all(&self, pages: &mpsc::Receiver<Page>) -> Result<(), ImageError> {
@@ -118,12 +176,19 @@ mod tests {
         let frames = Frames { first: 1, last: 3 };
         let sequence = Sequence { frames, directory, stem: "a", format: PNG, resume, gate: &gate };
         let asked = RefCell::new(Vec::new());
+        let waiting = RefCell::new(VecDeque::new());
         let list = sequence.run(
             |frame| Ok(format!("{settings} {frame}")),
             |frame| {
-                asked.borrow_mut().push(frame);
+                // Two under way.
+                asked.borrow_mut().extend(frame);
+                waiting.borrow_mut().extend(frame);
+                if frame.is_some() && waiting.borrow().len() < 2 {
+                    return Ok(None);
+                }
+                let Some(number) = waiting.borrow_mut().pop_front() else { return Ok(None) };
                 let picture = Picture { width: 1, height: 1, rgba: vec![[0.5; 4]], layers: Vec::new() };
-                Ok(Rendered { picture, stats: Stats::default() })
+                Ok(Some((number, Rendered { picture, stats: Stats::default() })))
             },
             |_| (),
         )?;

@@ -3,6 +3,8 @@
 #![allow(clippy::expect_used, reason = "tests and benches may stop")]
 
 pub mod closed_forms;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod plot;
 pub mod study;
 

@@ -11,6 +11,8 @@ mod project;
 mod resolve;
 mod swept;
 mod tiles;
+#[cfg(all(test, feature = "gpu"))]
+pub(super) mod twins;
 mod visibility;
 
 use std::ops::Range;
@@ -46,6 +48,8 @@ pub struct Cpu {
     buffers: Vec<TileBuffers>,
     /// Likewise, for kernels in motion.
     map: Map,
+    /// The frame that was begun.
+    done: Option<Rendered>,
 }
 
 /// Some surfels of one object at one sample of the group.
@@ -62,7 +66,22 @@ impl Backend for Cpu {
         format!("cpu ({threads} thread{})", if threads == 1 { "" } else { "s" })
     }
 
-    fn render(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError> {
+    fn in_flight(&self) -> usize {
+        1
+    }
+
+    fn begin(&mut self, frame: &Frame<'_>) -> Result<(), BackendError> {
+        self.done = Some(self.render_whole(frame)?);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<Rendered>, BackendError> {
+        Ok(self.done.take())
+    }
+}
+
+impl Cpu {
+    fn render_whole(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError> {
         let planes = FilmPlanes::of(frame.aovs);
         let once = frame.swept.is_some_and(|swept| swept.normalise == Normalise::Once);
         let planes = if once { planes.pooled() } else { planes };
@@ -179,7 +198,9 @@ impl Cpu {
         let map = &self.map;
         let tiles = Tiles { work, chunks: &chunks, passes: moving, splat_bytes };
         let project = |chunk: &Chunk, binned: &mut _| work.sweep(chunk, binned);
-        tiles.run(&mut self.swept, &mut self.buffers, films, project, |pass, job| work.swept_tile(pass, map, job));
+        tiles.run(&mut self.swept, &mut self.buffers, films, project, |pass, mut job| {
+            work.swept_tile(pass, map, &mut job);
+        });
     }
 }
 
@@ -401,7 +422,7 @@ impl Work<'_> {
     }
 
     /// Pass `visibility` of one tile.
-    fn visibility<O>(&self, job: Job<'_, Splat, O>) {
+    fn visibility<O>(&self, job: &mut Job<'_, Splat, O>) {
         let start = Instant::now();
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);
@@ -416,11 +437,11 @@ impl Work<'_> {
     }
 
     /// A pass of one tile of the image.
-    fn tile(&self, pass: Pass, job: Job<'_, Splat, TileFilm>) {
+    fn tile(&self, pass: Pass, mut job: Job<'_, Splat, TileFilm>) {
         let start = Instant::now();
         let several = self.group.samples.len() > 1;
         match pass {
-            Pass::Visibility => self.visibility(job),
+            Pass::Visibility => self.visibility(&mut job),
             Pass::Attribute => {
                 let TileBuffers { threshold, sums, union, .. } = job.buffers;
                 for (chunk, binned) in job.chunks.iter().zip(job.binned) {
@@ -452,16 +473,22 @@ impl Work<'_> {
                 resolve::resolve(&self.resolve(), &job.tile, threshold, sums, &union.coverage, job.out);
                 self.clocks.resolve.add(start);
             }
-            Pass::Project | Pass::Bin | Pass::Density | Pass::Keep | Pass::Sweep => {}
-            Pass::SweptAttribute | Pass::SweptResolve => {}
+            // Of other halves of a plan, or not tile by tile; likewise below.
+            Pass::Project
+            | Pass::Bin
+            | Pass::Density
+            | Pass::Keep
+            | Pass::Sweep
+            | Pass::SweptAttribute
+            | Pass::SweptResolve => {}
         }
     }
 
     /// A pass of one tile of the map.
-    fn map_tile(&self, pass: Pass, job: Job<'_, Splat, MapTile>) {
+    fn map_tile(&self, pass: Pass, mut job: Job<'_, Splat, MapTile>) {
         let start = Instant::now();
         match pass {
-            Pass::Visibility => self.visibility(job),
+            Pass::Visibility => self.visibility(&mut job),
             Pass::Density => {
                 let channels = Channels::weights();
                 for (chunk, binned) in job.chunks.iter().zip(job.binned) {
@@ -479,17 +506,22 @@ impl Work<'_> {
                 swept::keep(&job.tile, &job.buffers.threshold, &job.buffers.sums, job.out);
                 self.clocks.visibility.add(start);
             }
-            Pass::Project | Pass::Bin | Pass::Attribute | Pass::Resolve => {}
-            Pass::Sweep | Pass::SweptAttribute | Pass::SweptResolve => {}
+            Pass::Project
+            | Pass::Bin
+            | Pass::Attribute
+            | Pass::Resolve
+            | Pass::Sweep
+            | Pass::SweptAttribute
+            | Pass::SweptResolve => {}
         }
     }
 
     /// A pass of kernels in motion on one tile of the image.
-    fn swept_tile(&self, pass: Pass, map: &Map, job: Job<'_, SweptSplat, TileFilm>) {
+    fn swept_tile(&self, pass: Pass, map: &Map, job: &mut Job<'_, SweptSplat, TileFilm>) {
         let start = Instant::now();
         let (Some(kernel), Some(interval)) = (self.frame.swept, &self.group.interval) else { return };
         let sum = kernel.alpha == TemporalAlpha::Sum;
-        let TileBuffers { threshold, sums, union, presence } = job.buffers;
+        let TileBuffers { threshold, sums, union, presence } = &mut *job.buffers;
         match pass {
             Pass::SweptAttribute => {
                 for (chunk, binned) in job.chunks.iter().zip(job.binned) {
@@ -520,8 +552,14 @@ impl Work<'_> {
                 }
                 self.clocks.resolve.add(start);
             }
-            Pass::Project | Pass::Bin | Pass::Visibility | Pass::Attribute | Pass::Resolve => {}
-            Pass::Density | Pass::Keep | Pass::Sweep => {}
+            Pass::Project
+            | Pass::Bin
+            | Pass::Visibility
+            | Pass::Attribute
+            | Pass::Resolve
+            | Pass::Density
+            | Pass::Keep
+            | Pass::Sweep => {}
         }
     }
 }
@@ -551,16 +589,13 @@ struct Clocks {
 
 impl Clocks {
     fn stats(&self, frame: &Frame<'_>) -> Stats {
-        let samples: u64 = frame.groups.iter().map(|group| group.samples.len() as u64).sum();
-        let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
         Stats {
-            samples,
-            surfels: samples * surfels,
             splats: self.splats.load(Relaxed),
             project: self.project.total(),
             visibility: self.visibility.total(),
             attribute: self.attribute.total(),
             resolve: self.resolve.total(),
+            ..Stats::of(frame)
         }
     }
 }

@@ -197,7 +197,7 @@ fn project_lane(view: &View<'_>, block: &Block, l: usize, shape: &mut Shape) {
     shape.u[1][l] = -vx * over_area;
     shape.v[0][l] = -uy * over_area;
     shape.v[1][l] = ux * over_area;
-    shape.centre_depth[l] = if depth >= view.near { depth } else { f32::NAN };
+    shape.centre_depth[l] = if depth >= view.near { depth } else { 0.0 };
     shape.bounds[0][l] = columns.0;
     shape.bounds[1][l] = columns.1;
     shape.bounds[2][l] = rows.0;
@@ -270,7 +270,7 @@ fn push_crossing(view: &View<'_>, block: &Block, l: usize, surfel: u32, out: &mu
         inverse_depth: (normal * over).to_array(),
         u: (v.cross(c) * over).to_array(),
         v: (c.cross(u) * over).to_array(),
-        centre_depth: f32::NAN,
+        centre_depth: 0.0,
         bounds: bounds(view, view.pixels),
         surfel,
         flags: if det * view.object.handedness < 0.0 { 0 } else { FLAG_BACK },

@@ -19,6 +19,11 @@ pub(super) struct TileFilm {
 }
 
 impl TileFilm {
+    #[cfg(all(test, feature = "gpu"))]
+    pub(super) fn values(&self) -> &[f32] {
+        &self.values
+    }
+
     /// Bytes of one tile's film.
     pub(super) const fn bytes(planes: usize) -> u64 {
         (planes * TILE * TILE * size_of::<f32>()) as u64

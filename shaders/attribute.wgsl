@@ -1,0 +1,281 @@
+// Pass `attribute`: weighted sums of the attributes of the splats that pass the depth test.
+// Twin: src/backend/cpu/attribute.rs.  Math: docs/math.md, eq. 6 and 10.
+//
+// `splat_values`, one invocation per surfel of a segment:
+//   in   segment, geometry, looks, lights
+//   out  values    for each slot: colour, then normal, velocity, material where they are wanted
+// `sum_attributes`, one workgroup per tile, one invocation per quad of pixels, sums in registers, in list order:
+//   in   splats, list, starts, wide, thresholds, values; segments: sample of a splat, its weight and share
+//   out  sums      for each tile, for each channel, its quads: weight, colour, then normal, depth, velocity, material where
+//                  they are wanted; in groups of several samples last the reach of the current sample and the coverage of
+//                  those before it
+
+@group(0) @binding(1) var<uniform> segment: Segment;
+@group(1) @binding(0) var<storage, read> geometry: array<f32>;
+@group(1) @binding(1) var<storage, read> looks: array<f32>;
+@group(1) @binding(2) var<storage, read> segments: array<Segment>;
+@group(1) @binding(3) var<storage, read> lights: array<Light>;
+@group(1) @binding(4) var<storage, read> splats: array<Splat>;
+@group(1) @binding(5) var<storage, read> touched: array<u32>;
+@group(1) @binding(10) var<storage, read> list: array<u32>;
+@group(1) @binding(11) var<storage, read> wide: array<u32>;
+@group(1) @binding(12) var<storage, read> starts: array<u32>;
+@group(1) @binding(17) var<storage, read> thresholds: array<vec4<f32>>;
+@group(1) @binding(18) var<storage, read_write> written_values: array<f32>;
+@group(1) @binding(19) var<storage, read> values: array<f32>;
+@group(1) @binding(20) var<storage, read_write> sums: array<vec4<f32>>;
+
+// First channel of each; 0: not wanted. Those of `Channels` in src/layout.rs.
+override NORMAL: u32 = 0u;
+override DEPTH: u32 = 0u;
+override VELOCITY: u32 = 0u;
+override MATERIAL: u32 = 0u;
+// Two channels, in groups of several samples.
+override REACH: u32 = 0u;
+// Number of channels, and of floats that a splat has in `values`.
+override CHANNELS: u32 = 4u;
+override VALUES: u32 = 3u;
+override GOURAUD: bool = false;
+
+@compute @workgroup_size(256)
+fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= segment.surfels { return; }
+    let slot = segment.first_slot + id.x;
+    if touched[slot] == 0u { return; }
+    let surfel = segment.first_surfel + id.x;
+    let at = 3u * surfel;
+    let column = 3u * segment.block;
+    var normal = vec3<f32>(looks[at], looks[at + 1u], looks[at + 2u]);
+    normal = unit(apply_linear(segment.normal, normal));
+    if (splats[slot].flags & FLAG_BACK) != 0u {
+        normal = -normal;
+    }
+    var colour = vec3<f32>(looks[column + at], looks[column + at + 1u], looks[column + at + 2u]);
+    var material = segment.material;
+    if (segment.flags & 2u) != 0u {
+        let m = 2u * column + 4u * surfel;
+        material = vec4<f32>(looks[m], looks[m + 1u], looks[m + 2u], looks[m + 3u]);
+    }
+    let position = vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]);
+    if GOURAUD {
+        let world = apply(segment.world, position);
+        colour = shade(segment.first_light, view.lights, material, colour, normal, world, unit(-world));
+    }
+    var next = slot * VALUES;
+    written_values[next] = colour.x;
+    written_values[next + 1u] = colour.y;
+    written_values[next + 2u] = colour.z;
+    next += 3u;
+    if NORMAL != 0u {
+        written_values[next] = normal.x;
+        written_values[next + 1u] = normal.y;
+        written_values[next + 2u] = normal.z;
+        next += 3u;
+    }
+    if VELOCITY != 0u {
+        // The derivative of (x, y) = (X, Y) / depth, in pixels of the image.
+        let p = apply(segment.screen, position);
+        let rate = apply(segment.rate, position);
+        let over = 1.0 / p.z;
+        written_values[next] = (rate.x - p.x * over * rate.z) * over * view.stride;
+        written_values[next + 1u] = (rate.y - p.y * over * rate.z) * over * view.stride;
+        next += 2u;
+    }
+    if MATERIAL != 0u {
+        written_values[next] = material.x;
+        written_values[next + 1u] = material.y;
+        written_values[next + 2u] = material.z;
+        written_values[next + 3u] = material.w;
+    }
+}
+
+// Sums of one quad.
+struct Sums {
+    weight: vec4<f32>,
+    red: vec4<f32>,
+    green: vec4<f32>,
+    blue: vec4<f32>,
+    normal_x: vec4<f32>,
+    normal_y: vec4<f32>,
+    normal_z: vec4<f32>,
+    depth: vec4<f32>,
+    velocity_x: vec4<f32>,
+    velocity_y: vec4<f32>,
+    ambient: vec4<f32>,
+    diffuse: vec4<f32>,
+    specular: vec4<f32>,
+    shininess: vec4<f32>,
+    reach: vec4<f32>,
+    coverage: vec4<f32>,
+    // The sample that `reach` belongs to, and its weight.
+    sample: u32,
+    sample_weight: f32,
+}
+
+@compute @workgroup_size(4, 16)
+fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) quad: vec3<u32>) {
+    let index = tile.y * view.tiles.x + tile.x;
+    let in_tile = quad.y * 4u + quad.x;
+    let column = tile.x * TILE + quad.x * 4u;
+    let row = (view.first_tile_row + tile.y) * TILE + quad.y;
+    let limit = thresholds[index * TILE_QUADS + in_tile];
+    let at = index * CHANNELS * TILE_QUADS + in_tile;
+    var sum: Sums;
+    sum.sample = view.first_sample;
+    sum.sample_weight = view.first_weight;
+    if view.resumes != 0u {
+        load_sums(&sum, at);
+    }
+
+    // Two rising lists of slots, merged.
+    var next = starts[index];
+    let end = starts[index + 1u];
+    var next_wide = 0u;
+    let end_wide = starts[view.tiles.x * view.tiles.y + 1u];
+    while next < end || next_wide < end_wide {
+        var slot = 0xffffffffu;
+        if next < end {
+            slot = list[next];
+        }
+        var wide_slot = 0xffffffffu;
+        if next_wide < end_wide {
+            wide_slot = wide[next_wide];
+        }
+        if slot < wide_slot {
+            next += 1u;
+        } else {
+            slot = wide_slot;
+            next_wide += 1u;
+        }
+        add_splat(&sum, slot, limit, column, row);
+    }
+    if REACH != 0u && sum.sample != view.last_sample {
+        turn(&sum);
+    }
+    store_sums(&sum, at);
+}
+
+// Ends a sample of the group: what of the pixel it covers counts with its weight.
+fn turn(sum: ptr<function, Sums>) {
+    (*sum).coverage += (*sum).sample_weight * min((*sum).reach, vec4<f32>(1.0));
+    (*sum).reach = vec4<f32>(0.0);
+}
+
+fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32, row: u32) {
+    let bounds = unpack(splats[slot].bounds);
+    if !touches(bounds, column, row) { return; }
+    let splat = splats[slot];
+    var share = 1.0;
+    if REACH != 0u {
+        let segment_index = splat.flags >> 1u;
+        share = segments[segment_index].share;
+        let sample = segments[segment_index].flags >> 2u;
+        if sample != (*sum).sample {
+            turn(sum);
+            (*sum).sample = sample;
+            (*sum).sample_weight = segments[segment_index].weight;
+        }
+    }
+    let first = f32(column);
+    let at = hit(splat, vec4<f32>(first, first + 1.0, first + 2.0, first + 3.0), f32(row));
+    let plane_depth = 1.0 / at.inverse_depth;
+    let inside = at.inside & (at.inverse_depth <= vec4<f32>(view.most_inverse_depth));
+    let none = vec4<f32>(NONE);
+    let r3d = select(none, at.scaled_r2 * (plane_depth * plane_depth), inside);
+    let with_low_pass = view.low_pass > 0.0 && splat.centre_depth > 0.0;
+    let r2d = select(none, (at.x * at.x + at.y * at.y) * view.low_pass_scale, with_low_pass);
+    let depth = select(vec4<f32>(splat.centre_depth), plane_depth, inside);
+    let r2 = min(r2d, r3d);
+    let passes = (inside | (r2 <= vec4<f32>(1.0))) & (depth <= limit) & in_columns(bounds, column);
+    if !any(passes) { return; }
+    let zero = vec4<f32>(0.0);
+    let unshared = select(zero, kernel(min(r2, vec4<f32>(1.0))), passes);
+    let weight = unshared * share;
+    if REACH != 0u {
+        (*sum).reach += select(unshared, vec4<f32>(1.0), passes & inside);
+    }
+    var next = slot * VALUES;
+    (*sum).weight += weight;
+    (*sum).red += weight * values[next];
+    (*sum).green += weight * values[next + 1u];
+    (*sum).blue += weight * values[next + 2u];
+    next += 3u;
+    if NORMAL != 0u {
+        (*sum).normal_x += weight * values[next];
+        (*sum).normal_y += weight * values[next + 1u];
+        (*sum).normal_z += weight * values[next + 2u];
+        next += 3u;
+    }
+    if DEPTH != 0u {
+        (*sum).depth += select(zero, depth, passes) * weight;
+    }
+    if VELOCITY != 0u {
+        (*sum).velocity_x += weight * values[next];
+        (*sum).velocity_y += weight * values[next + 1u];
+        next += 2u;
+    }
+    if MATERIAL != 0u {
+        (*sum).ambient += weight * values[next];
+        (*sum).diffuse += weight * values[next + 1u];
+        (*sum).specular += weight * values[next + 2u];
+        (*sum).shininess += weight * values[next + 3u];
+    }
+}
+
+fn load_sums(sum: ptr<function, Sums>, at: u32) {
+    (*sum).weight = sums[at];
+    (*sum).red = sums[at + TILE_QUADS];
+    (*sum).green = sums[at + 2u * TILE_QUADS];
+    (*sum).blue = sums[at + 3u * TILE_QUADS];
+    if NORMAL != 0u {
+        (*sum).normal_x = sums[at + NORMAL * TILE_QUADS];
+        (*sum).normal_y = sums[at + (NORMAL + 1u) * TILE_QUADS];
+        (*sum).normal_z = sums[at + (NORMAL + 2u) * TILE_QUADS];
+    }
+    if DEPTH != 0u {
+        (*sum).depth = sums[at + DEPTH * TILE_QUADS];
+    }
+    if VELOCITY != 0u {
+        (*sum).velocity_x = sums[at + VELOCITY * TILE_QUADS];
+        (*sum).velocity_y = sums[at + (VELOCITY + 1u) * TILE_QUADS];
+    }
+    if MATERIAL != 0u {
+        (*sum).ambient = sums[at + MATERIAL * TILE_QUADS];
+        (*sum).diffuse = sums[at + (MATERIAL + 1u) * TILE_QUADS];
+        (*sum).specular = sums[at + (MATERIAL + 2u) * TILE_QUADS];
+        (*sum).shininess = sums[at + (MATERIAL + 3u) * TILE_QUADS];
+    }
+    if REACH != 0u {
+        (*sum).reach = sums[at + REACH * TILE_QUADS];
+        (*sum).coverage = sums[at + (REACH + 1u) * TILE_QUADS];
+    }
+}
+
+fn store_sums(sum: ptr<function, Sums>, at: u32) {
+    sums[at] = (*sum).weight;
+    sums[at + TILE_QUADS] = (*sum).red;
+    sums[at + 2u * TILE_QUADS] = (*sum).green;
+    sums[at + 3u * TILE_QUADS] = (*sum).blue;
+    if NORMAL != 0u {
+        sums[at + NORMAL * TILE_QUADS] = (*sum).normal_x;
+        sums[at + (NORMAL + 1u) * TILE_QUADS] = (*sum).normal_y;
+        sums[at + (NORMAL + 2u) * TILE_QUADS] = (*sum).normal_z;
+    }
+    if DEPTH != 0u {
+        sums[at + DEPTH * TILE_QUADS] = (*sum).depth;
+    }
+    if VELOCITY != 0u {
+        sums[at + VELOCITY * TILE_QUADS] = (*sum).velocity_x;
+        sums[at + (VELOCITY + 1u) * TILE_QUADS] = (*sum).velocity_y;
+    }
+    if MATERIAL != 0u {
+        sums[at + MATERIAL * TILE_QUADS] = (*sum).ambient;
+        sums[at + (MATERIAL + 1u) * TILE_QUADS] = (*sum).diffuse;
+        sums[at + (MATERIAL + 2u) * TILE_QUADS] = (*sum).specular;
+        sums[at + (MATERIAL + 3u) * TILE_QUADS] = (*sum).shininess;
+    }
+    if REACH != 0u {
+        sums[at + REACH * TILE_QUADS] = (*sum).reach;
+        sums[at + (REACH + 1u) * TILE_QUADS] = (*sum).coverage;
+    }
+}

@@ -1,0 +1,222 @@
+// Pass `bin`: splats to one list per tile, in global surfel order.
+// Twin: src/backend/cpu/bin.rs, whose lists are per chunk; the order is the same.
+//   in   touched   tiles of each slot's splat, WIDE for those listed apart
+//        splats    their bounds
+//   out  list      slots, tile after tile, rising within each tile
+//        starts    where each tile's list starts; one more for the end, then the number of wide splats
+//        wide      slots of splats that touch more than WIDEST tiles, rising
+// Count, scan, emit (tile, slot) pairs in slot order, then sort them by tile: a radix sort, which keeps the order of equal
+// keys. Scans are reduce-then-scan over several dispatches; no workgroup ever waits for another. Integers only.
+
+@group(1) @binding(4) var<storage, read> splats: array<Splat>;
+@group(1) @binding(5) var<storage, read> touched: array<u32>;
+// For each BLOCK of slots: entries and wide splats, then those before it.
+@group(1) @binding(6) var<storage, read_write> partials: array<vec2<u32>>;
+@group(1) @binding(7) var<storage, read_write> written_totals: Totals;
+@group(1) @binding(22) var<storage, read> totals: Totals;
+@group(1) @binding(8) var<storage, read_write> status: Status;
+@group(1) @binding(9) var<storage, read_write> keys: array<u32>;
+@group(1) @binding(10) var<storage, read_write> list: array<u32>;
+@group(1) @binding(11) var<storage, read_write> wide: array<u32>;
+@group(1) @binding(12) var<storage, read_write> starts: array<u32>;
+// For each digit, for each group of entries: entries of that digit, then those before it of the same digit.
+@group(1) @binding(13) var<storage, read_write> histogram: array<u32>;
+@group(1) @binding(14) var<storage, read_write> digit_totals: array<u32>;
+@group(1) @binding(15) var<storage, read> sorted_keys: array<u32>;
+@group(1) @binding(16) var<storage, read> sorted_list: array<u32>;
+
+struct Totals {
+    // What an indirect dispatch over groups of entries takes.
+    groups: vec3<u32>,
+    entries: u32,
+    wide: u32,
+}
+
+// Written by one invocation of one dispatch after the other; read by the host after the frame.
+struct Status {
+    // Most entries that a wave wanted.
+    most_entries: u32,
+    // Splats so far, 64 bits.
+    splats_low: u32,
+    splats_high: u32,
+}
+
+const BLOCK: u32 = 1024u;
+const DIGITS: u32 = 64u;
+// Lowest bit of the digit that is sorted by.
+override SHIFT: u32 = 0u;
+
+fn touched_at(slot: u32) -> u32 {
+    if slot < view.slots { return touched[slot]; }
+    return 0u;
+}
+
+fn entries_of(count: u32) -> vec2<u32> {
+    return select(vec2<u32>(count, 0u), vec2<u32>(0u, 1u), count == WIDE);
+}
+
+var<workgroup> seen: atomic<u32>;
+
+@compute @workgroup_size(256)
+fn bin_reduce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    var sum = vec2<u32>(0u);
+    var visible = 0u;
+    for (var i = 0u; i < 4u; i += 1u) {
+        let count = touched_at(group.x * BLOCK + i * 256u + lane);
+        sum += entries_of(count);
+        visible += select(0u, 1u, count != 0u);
+    }
+    atomicAdd(&seen, visible);
+    let result = scan(sum, lane);
+    if lane == 0u {
+        // Splats travel in the high half until the scan: a block has 1024 wide splats at the most.
+        partials[group.x] = vec2<u32>(result.total.x, result.total.y | (atomicLoad(&seen) << 16u));
+    }
+}
+
+@compute @workgroup_size(256)
+fn bin_scan(@builtin(local_invocation_index) lane: u32) {
+    let blocks = (view.slots + BLOCK - 1u) / BLOCK;
+    var before = vec2<u32>(0u);
+    var visible = 0u;
+    for (var first = 0u; first < blocks; first += 256u) {
+        var value = vec2<u32>(0u);
+        if first + lane < blocks {
+            let partial = partials[first + lane];
+            value = vec2<u32>(partial.x, partial.y & 0xffffu);
+            visible += partial.y >> 16u;
+        }
+        let result = scan(value, lane);
+        if first + lane < blocks {
+            partials[first + lane] = before + result.before;
+        }
+        before += result.total;
+    }
+    let splats_seen = scan(vec2<u32>(visible, 0u), lane).total.x;
+    if lane == 0u {
+        // A list that does not fit is left empty; the host grows it and repeats the frame.
+        let fits = before.x <= view.entry_capacity;
+        written_totals.entries = select(0u, before.x, fits);
+        written_totals.wide = before.y;
+        written_totals.groups = vec3<u32>((written_totals.entries + BLOCK - 1u) / BLOCK, 1u, 1u);
+        status.most_entries = max(status.most_entries, before.x);
+        let low = status.splats_low + splats_seen;
+        status.splats_high += select(0u, 1u, low < splats_seen);
+        status.splats_low = low;
+    }
+}
+
+@compute @workgroup_size(256)
+fn bin_emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    // Each invocation has four slots in a row.
+    let first = group.x * BLOCK + lane * 4u;
+    var sum = vec2<u32>(0u);
+    for (var i = 0u; i < 4u; i += 1u) {
+        sum += entries_of(touched_at(first + i));
+    }
+    var at = partials[group.x] + scan(sum, lane).before;
+    for (var i = 0u; i < 4u; i += 1u) {
+        let slot = first + i;
+        let count = touched_at(slot);
+        if count == WIDE {
+            wide[at.y] = slot;
+            at.y += 1u;
+        } else if count > 0u && totals.entries > 0u {
+            let tiles = unpack(splats[slot].bounds) / TILE;
+            for (var y = tiles.z; y <= tiles.w; y += 1u) {
+                for (var x = tiles.x; x <= tiles.y; x += 1u) {
+                    keys[at.x] = (y - view.first_tile_row) * view.tiles.x + x;
+                    list[at.x] = slot;
+                    at.x += 1u;
+                }
+            }
+        }
+    }
+}
+
+var<workgroup> counts: array<atomic<u32>, DIGITS>;
+
+@compute @workgroup_size(64)
+fn sort_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let first = group.x * BLOCK;
+    let end = min(first + BLOCK, totals.entries);
+    for (var i = first + lane; i < end; i += 64u) {
+        atomicAdd(&counts[(sorted_keys[i] >> SHIFT) % DIGITS], 1u);
+    }
+    workgroupBarrier();
+    histogram[lane * totals.groups.x + group.x] = atomicLoad(&counts[lane]);
+}
+
+// One workgroup per digit.
+@compute @workgroup_size(256)
+fn sort_scan(@builtin(workgroup_id) digit: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let groups = totals.groups.x;
+    var before = 0u;
+    for (var first = 0u; first < groups; first += 256u) {
+        let i = first + lane;
+        let at = digit.x * groups + i;
+        var value = 0u;
+        if i < groups {
+            value = histogram[at];
+        }
+        let result = scan(vec2<u32>(value, 0u), lane);
+        if i < groups {
+            histogram[at] = before + result.before.x;
+        }
+        before += result.total.x;
+    }
+    if lane == 0u {
+        digit_totals[digit.x] = before;
+    }
+}
+
+var<workgroup> digits: array<u32, BLOCK>;
+var<workgroup> ranks: array<u32, BLOCK>;
+
+// Entries of equal digits keep their order: each invocation owns one digit and numbers its entries one after the other.
+@compute @workgroup_size(64)
+fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let first = group.x * BLOCK;
+    let count = min(BLOCK, totals.entries - first);
+    for (var i = lane; i < count; i += 64u) {
+        digits[i] = (sorted_keys[first + i] >> SHIFT) % DIGITS;
+    }
+    workgroupBarrier();
+    var rank = histogram[lane * totals.groups.x + group.x];
+    for (var digit = 0u; digit < lane; digit += 1u) {
+        rank += digit_totals[digit];
+    }
+    for (var i = 0u; i < count; i += 1u) {
+        if digits[i] == lane {
+            ranks[i] = rank;
+            rank += 1u;
+        }
+    }
+    workgroupBarrier();
+    for (var i = lane; i < count; i += 64u) {
+        keys[ranks[i]] = sorted_keys[first + i];
+        list[ranks[i]] = sorted_list[first + i];
+    }
+}
+
+// First entry of each tile, by bisection; after the last tile the end of the list, then the number of wide splats.
+@compute @workgroup_size(256)
+fn bin_starts(@builtin(global_invocation_id) id: vec3<u32>) {
+    let tiles = view.tiles.x * view.tiles.y;
+    if id.x > tiles + 1u { return; }
+    if id.x == tiles + 1u {
+        starts[id.x] = totals.wide;
+        return;
+    }
+    var low = 0u;
+    var high = totals.entries;
+    while low < high {
+        let middle = low + (high - low) / 2u;
+        if sorted_keys[middle] < id.x {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
+    }
+    starts[id.x] = low;
+}

@@ -1,0 +1,36 @@
+// A splat's plane on the rays through four neighbouring pixels of a row. Twin: Row and Hit of src/backend/cpu/visibility.rs.
+
+struct Hit {
+    // Distance from the splat's reference, pixels.
+    x: vec4<f32>,
+    y: f32,
+    inverse_depth: vec4<f32>,
+    // (u^2 + v^2) times the squared inverse depth.
+    scaled_r2: vec4<f32>,
+    // In front of the camera and within the cut-off radius.
+    inside: vec4<bool>,
+}
+
+fn hit(splat: Splat, columns: vec4<f32>, row: f32) -> Hit {
+    var out: Hit;
+    out.y = row + 0.5 - splat.reference.y;
+    out.x = columns + 0.5 - splat.reference.x;
+    out.inverse_depth =
+        splat.inverse_depth[0] * out.x + (splat.inverse_depth[1] * out.y + splat.inverse_depth[2]);
+    let u = splat.u[0] * out.x + (splat.u[1] * out.y + splat.u[2]);
+    let v = splat.v[0] * out.x + (splat.v[1] * out.y + splat.v[2]);
+    out.scaled_r2 = u * u + v * v;
+    out.inside = (out.inverse_depth > vec4<f32>(0.0)) & (out.scaled_r2 <= out.inverse_depth * out.inverse_depth);
+    return out;
+}
+
+// Pixels of the quad from column `column` on that lie in the splat's columns.
+fn in_columns(bounds: vec4<u32>, column: u32) -> vec4<bool> {
+    let columns = vec4<u32>(column, column + 1u, column + 2u, column + 3u);
+    return (columns >= vec4<u32>(bounds.x)) & (columns <= vec4<u32>(bounds.y));
+}
+
+// May the splat touch the quad?
+fn touches(bounds: vec4<u32>, column: u32, row: u32) -> bool {
+    return column <= bounds.y && column + 3u >= bounds.x && row >= bounds.z && row <= bounds.w;
+}

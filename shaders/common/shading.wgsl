@@ -1,0 +1,37 @@
+// The shading equation. Twin: src/shading.rs (thesis 4.1.1).
+
+// Diffuse and specular factor of a light from the unit direction `towards`; twin: shading::lobes.
+fn lobes(n: vec3<f32>, towards: vec3<f32>, eye: vec3<f32>, shininess: f32) -> vec2<f32> {
+    let nl = n.x * towards.x + n.y * towards.y + n.z * towards.z;
+    let nv = n.x * eye.x + n.y * eye.y + n.z * eye.z;
+    let lv = towards.x * eye.x + towards.y * eye.y + towards.z * eye.z;
+    let rv = 2.0 * nl * nv - lv;
+    return vec2<f32>(max(nl, 0.0), power(max(rv, 0.0), shininess));
+}
+
+// Shades a surface point; `material` is (ambient, diffuse, specular, shininess), `position` is relative to the eye and only
+// needed for point lights, `eye` is the unit direction to the eye.
+fn shade(
+    first_light: u32, count: u32, material: vec4<f32>, colour: vec3<f32>, normal: vec3<f32>, position: vec3<f32>,
+    eye: vec3<f32>,
+) -> vec3<f32> {
+    var lit = vec3<f32>(0.0);
+    for (var i = first_light; i < first_light + count; i += 1u) {
+        let light = lights[i];
+        if light.vector.w == AMBIENT {
+            lit += material.x * colour * light.colour.xyz;
+            continue;
+        }
+        var towards = light.vector.xyz;
+        var radiance = light.colour.xyz;
+        if light.vector.w != DIRECTIONAL {
+            let d = light.vector.xyz - position;
+            let inverse = 1.0 / max(d.x * d.x + d.y * d.y + d.z * d.z, 1e-30);
+            towards = d * sqrt(inverse);
+            radiance = radiance * inverse;
+        }
+        let factors = lobes(normal, towards, eye, material.w);
+        lit += radiance * (material.y * factors.x * colour + material.z * factors.y);
+    }
+    return lit;
+}

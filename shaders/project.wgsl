@@ -1,0 +1,134 @@
+// Pass `project`: surfels to splats; posed, projected, bounded and culled.
+// Twin: src/backend/cpu/project.rs.  Math: docs/math.md, section 2.
+//   in   segment   the surfels and their pose
+//        geometry  columns of the block: positions, axes u, axes v
+//   out  splats    one a slot; unwritten where culled
+//        touched   tiles that the splat touches; 0: culled; WIDE: more than WIDEST
+// One invocation per surfel. The slot is the surfel's place in the wave, so nothing is compacted and order is kept.
+
+@group(0) @binding(1) var<uniform> segment: Segment;
+@group(1) @binding(0) var<storage, read> geometry: array<f32>;
+@group(1) @binding(4) var<storage, read_write> splats: array<Splat>;
+@group(1) @binding(5) var<storage, read_write> touched: array<u32>;
+
+// Slack of screen bounds, pixels plus a share of the size: they must not be too small by rounding.
+const SLACK: f32 = 1e-3;
+const SLACK_SHARE: f32 = 1e-5;
+
+@compute @workgroup_size(256)
+fn project(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= segment.surfels { return; }
+    let slot = segment.first_slot + id.x;
+    touched[slot] = 0u;
+    let at = 3u * (segment.first_surfel + id.x);
+    let column = 3u * segment.block;
+    let c = apply(segment.screen, vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]));
+    let at_u = at + column;
+    let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
+    let at_v = at_u + column;
+    let v = apply_linear(segment.screen, vec3<f32>(geometry[at_v], geometry[at_v + 1u], geometry[at_v + 2u]));
+    if !(all_finite(c) && all_finite(u) && all_finite(v)) { return; }
+
+    let depth = c.z;
+    let inverse = 1.0 / depth;
+    let x = c.x * inverse;
+    let y = c.y * inverse;
+    let ux = u.x - x * u.z;
+    let uy = u.y - y * u.z;
+    let vx = v.x - x * v.z;
+    let vy = v.y - y * v.z;
+    // Signed area of the projected axes. det [u v centre] < 0 faces the viewer; a splat seen edge-on covers nothing.
+    let area = ux * vy - uy * vx;
+    let det = area * depth * segment.handedness;
+    let two_sided = (segment.flags & 1u) != 0u;
+    let reach2 = u.z * u.z + v.z * v.z;
+    let d22 = reach2 - depth * depth;
+    let facing = det < 0.0 || (two_sided && det > 0.0);
+    if !facing || depth + sqrt(reach2) < view.near { return; }
+    var splat: Splat;
+    splat.surfel = segment.block_start + segment.first_surfel + id.x;
+    splat.flags = segment.index << 1u;
+    if depth <= 0.0 || d22 > -1e-3 * depth * depth {
+        write_crossing(slot, splat, c, u, v);
+        return;
+    }
+    let over_area = 1.0 / area;
+    if !finite(over_area) { return; }
+    let low_pass = select(0.0, view.low_pass, depth >= view.near);
+    let inverse22 = 1.0 / d22;
+    let reference = view.axis + vec2<f32>(x, y) - view.offset;
+    let columns = extent(ux * ux + vx * vx, ux * u.z + vx * v.z, d22, inverse22, low_pass);
+    let rows = extent(uy * uy + vy * vy, uy * u.z + vy * v.z, d22, inverse22, low_pass);
+    let across = pixel_range(reference.x, columns, view.pixels.xy);
+    let down = pixel_range(reference.y, rows, view.pixels.zw);
+    if !(across.x <= across.y && down.x <= down.y) { return; }
+
+    let over_both = over_area * inverse;
+    splat.reference = reference;
+    splat.inverse_depth[0] = (uy * v.z - u.z * vy) * over_both;
+    splat.inverse_depth[1] = (u.z * vx - ux * v.z) * over_both;
+    splat.inverse_depth[2] = inverse;
+    splat.u[0] = vy * over_area;
+    splat.u[1] = -vx * over_area;
+    splat.v[0] = -uy * over_area;
+    splat.v[1] = ux * over_area;
+    splat.centre_depth = select(0.0, depth, depth >= view.near);
+    splat.flags |= select(FLAG_BACK, 0u, area * segment.handedness < 0.0);
+    let bounds = vec4<u32>(
+        vec2<u32>(vec2<i32>(clamp(across, vec2<f32>(0.0), vec2<f32>(65535.0)))),
+        vec2<u32>(vec2<i32>(clamp(down, vec2<f32>(0.0), vec2<f32>(65535.0)))),
+    );
+    write(slot, splat, bounds);
+}
+
+// A splat that reaches the camera plane: its bounds are all that is wanted, and pixels are counted from the camera's axis.
+fn write_crossing(slot: u32, posed: Splat, c: vec3<f32>, u: vec3<f32>, v: vec3<f32>) {
+    let normal = cross(u, v);
+    let det = normal.x * c.x + normal.y * c.y + normal.z * c.z;
+    let over = 1.0 / det;
+    if !(finite(det) && finite(over)) { return; }
+    let i = normal * over;
+    let form_u = cross(v, c) * over;
+    let form_v = cross(c, u) * over;
+    var splat = posed;
+    splat.reference = view.axis - view.offset;
+    splat.inverse_depth = array<f32, 3>(i.x, i.y, i.z);
+    splat.u = array<f32, 3>(form_u.x, form_u.y, form_u.z);
+    splat.v = array<f32, 3>(form_v.x, form_v.y, form_v.z);
+    splat.centre_depth = 0.0;
+    splat.flags |= select(FLAG_BACK, 0u, det * segment.handedness < 0.0);
+    write(slot, splat, vec4<u32>(view.pixels));
+}
+
+fn write(slot: u32, posed: Splat, bounds: vec4<u32>) {
+    var splat = posed;
+    splat.bounds = vec2<u32>(bounds.x | (bounds.y << 16u), bounds.z | (bounds.w << 16u));
+    splats[slot] = splat;
+    let tiles = bounds / TILE;
+    let count = (tiles.y + 1u - tiles.x) * (tiles.w + 1u - tiles.z);
+    touched[slot] = select(count, WIDE, count > WIDEST);
+}
+
+// Ends of the ellipse along one axis, relative to the projected centre and widened to the low-pass disc.
+fn extent(d00: f32, d02: f32, d22: f32, inverse22: f32, low_pass: f32) -> vec2<f32> {
+    let half = sqrt(max(d02 * d02 - d00 * d22, 0.0)) * -inverse22;
+    let middle = d02 * inverse22;
+    return vec2<f32>(min(middle - half, -low_pass), max(middle + half, low_pass));
+}
+
+// First and last pixel whose sample position may lie in the range about `reference`, cut to `wanted`.
+fn pixel_range(reference: f32, range: vec2<f32>, wanted: vec2<i32>) -> vec2<f32> {
+    let slack = SLACK + SLACK_SHARE * (range.y - range.x) + abs(reference) * EPSILON;
+    let a = ceil(reference + range.x - slack - 0.5);
+    let b = floor(reference + range.y + slack - 0.5);
+    return vec2<f32>(max(a, f32(wanted.x)), min(b, f32(wanted.y)));
+}
+
+// By their bits: comparisons with a NaN mean nothing in WGSL.
+fn finite(x: f32) -> bool {
+    return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
+}
+
+fn all_finite(v: vec3<f32>) -> bool {
+    return finite(v.x) && finite(v.y) && finite(v.z);
+}

@@ -1,0 +1,93 @@
+// Pass `resolve`: normalise, shade, add to the film with the time weight.
+// Twin: src/backend/cpu/resolve.rs.  Math: docs/math.md, eq. 6 to 8 and 10.
+//   in   thresholds, sums, lights
+//   out  film      for each tile, for each plane, its pixels: premultiplied colour, alpha, then depth, normal, velocity where
+//                  they are wanted
+// One invocation per pixel. Order-free within a group; groups are added in their order, one dispatch each.
+
+@group(1) @binding(3) var<storage, read> lights: array<Light>;
+@group(1) @binding(17) var<storage, read> thresholds: array<f32>;
+@group(1) @binding(20) var<storage, read> sums: array<f32>;
+@group(1) @binding(21) var<storage, read_write> film: array<f32>;
+
+// As in attribute.wgsl.
+override NORMAL: u32 = 0u;
+override DEPTH: u32 = 0u;
+override VELOCITY: u32 = 0u;
+override MATERIAL: u32 = 0u;
+override REACH: u32 = 0u;
+override CHANNELS: u32 = 4u;
+override PHONG: bool = false;
+// First plane of each; 0: not wanted.
+override DEPTH_PLANE: u32 = 0u;
+override NORMAL_PLANE: u32 = 0u;
+override VELOCITY_PLANE: u32 = 0u;
+override PLANES: u32 = 4u;
+
+@compute @workgroup_size(16, 16)
+fn resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {
+    let index = tile.y * view.tiles.x + tile.x;
+    let in_tile = pixel.y * TILE + pixel.x;
+    let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
+    let weight = sums[sum_at];
+    if !(weight > 0.0) { return; }
+    let inverse = 1.0 / weight;
+    let threshold = thresholds[index * TILE_PIXELS + in_tile];
+    // Where no visibility splat covers, only low-pass discs reach: their weights are the coverage.
+    var share = select(min(weight, 1.0), 1.0, threshold < NONE) * view.weight;
+    if REACH != 0u {
+        let reach = sums[sum_at + REACH * TILE_PIXELS];
+        share = sums[sum_at + (REACH + 1u) * TILE_PIXELS] + view.last_weight * min(reach, 1.0);
+    }
+    var colour = mean(sum_at, 1u, inverse);
+    var normal = vec3<f32>(0.0);
+    if NORMAL != 0u {
+        normal = unit(mean(sum_at, NORMAL, inverse));
+    }
+    var depth = 0.0;
+    if DEPTH != 0u {
+        depth = sums[sum_at + DEPTH * TILE_PIXELS] * inverse;
+    }
+    if PHONG {
+        var material = view.material;
+        if MATERIAL != 0u {
+            material = vec4<f32>(mean(sum_at, MATERIAL, inverse), sums[sum_at + (MATERIAL + 3u) * TILE_PIXELS] * inverse);
+        }
+        // The ray through the sample position, world axes, with depth 1.
+        let over = 1.0 / view.focal;
+        let column = f32(tile.x * TILE + pixel.x);
+        let row = f32((view.first_tile_row + tile.y) * TILE + pixel.y);
+        let ray_y = (view.axis.y - (row + 0.5 + view.offset.y)) * over;
+        let ray_x = (column + 0.5 + view.offset.x - view.axis.x) * over;
+        let ray = (view.camera[1].xyz * ray_y - view.camera[2].xyz) + view.camera[0].xyz * ray_x;
+        let eye = ray * (-1.0 / sqrt(ray.x * ray.x + ray.y * ray.y + ray.z * ray.z));
+        colour = shade(view.first_light, view.lights, material, colour, normal, ray * depth, eye);
+    }
+    let at = index * PLANES * TILE_PIXELS + in_tile;
+    add(at, colour, share);
+    film[at + 3u * TILE_PIXELS] += share;
+    if DEPTH_PLANE != 0u {
+        film[at + DEPTH_PLANE * TILE_PIXELS] += share * depth;
+    }
+    if NORMAL_PLANE != 0u {
+        add(at + NORMAL_PLANE * TILE_PIXELS, normal, share);
+    }
+    if VELOCITY_PLANE != 0u {
+        let x = at + VELOCITY_PLANE * TILE_PIXELS;
+        film[x] += share * (sums[sum_at + VELOCITY * TILE_PIXELS] * inverse);
+        film[x + TILE_PIXELS] += share * (sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS] * inverse);
+    }
+}
+
+// Three neighbouring channels, normalised.
+fn mean(sum_at: u32, channel: u32, inverse: f32) -> vec3<f32> {
+    let x = sum_at + channel * TILE_PIXELS;
+    return vec3<f32>(sums[x], sums[x + TILE_PIXELS], sums[x + 2u * TILE_PIXELS]) * inverse;
+}
+
+// Adds to three neighbouring planes.
+fn add(at: u32, value: vec3<f32>, share: f32) {
+    film[at] += share * value.x;
+    film[at + TILE_PIXELS] += share * value.y;
+    film[at + 2u * TILE_PIXELS] += share * value.z;
+}

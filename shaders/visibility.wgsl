@@ -1,0 +1,50 @@
+// Pass `visibility`: T(x, t) = min over splats covering x of (depth + epsilon), per pixel.
+// Twin: src/backend/cpu/visibility.rs.  Math: docs/math.md, eq. 5.
+//   in   splats, list, starts, wide   what `bin` made
+//        segments                     epsilon of a splat's object
+//   out  thresholds                   tile after tile, four pixels of a row together; NONE where no splat covers
+// One workgroup per tile, one invocation per quad of pixels. Order-free (a minimum), so waves may come one after the other.
+
+@group(1) @binding(2) var<storage, read> segments: array<Segment>;
+@group(1) @binding(4) var<storage, read> splats: array<Splat>;
+@group(1) @binding(10) var<storage, read> list: array<u32>;
+@group(1) @binding(11) var<storage, read> wide: array<u32>;
+@group(1) @binding(12) var<storage, read> starts: array<u32>;
+@group(1) @binding(17) var<storage, read_write> thresholds: array<vec4<f32>>;
+
+// Smallest depth tolerance, as a share of the depth: 4 units in the last place.
+const LEAST_EPSILON: f32 = 4.0 * EPSILON;
+
+@compute @workgroup_size(4, 16)
+fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) quad: vec3<u32>) {
+    let index = tile.y * view.tiles.x + tile.x;
+    let at = index * TILE_QUADS + quad.y * 4u + quad.x;
+    let column = tile.x * TILE + quad.x * 4u;
+    let row = (view.first_tile_row + tile.y) * TILE + quad.y;
+    var threshold = vec4<f32>(NONE);
+    if view.resumes != 0u {
+        threshold = thresholds[at];
+    }
+    let end = starts[index + 1u];
+    for (var i = starts[index]; i < end; i += 1u) {
+        threshold = lowered(threshold, list[i], column, row);
+    }
+    let wide_splats = starts[view.tiles.x * view.tiles.y + 1u];
+    for (var i = 0u; i < wide_splats; i += 1u) {
+        threshold = lowered(threshold, wide[i], column, row);
+    }
+    thresholds[at] = threshold;
+}
+
+fn lowered(threshold: vec4<f32>, slot: u32, column: u32, row: u32) -> vec4<f32> {
+    let bounds = unpack(splats[slot].bounds);
+    if !touches(bounds, column, row) { return threshold; }
+    let splat = splats[slot];
+    let first = f32(column);
+    let at = hit(splat, vec4<f32>(first, first + 1.0, first + 2.0, first + 3.0), f32(row));
+    let depth = 1.0 / at.inverse_depth;
+    let epsilon = max(vec4<f32>(segments[splat.flags >> 1u].epsilon), LEAST_EPSILON * depth);
+    let covers = at.inside & (at.inverse_depth <= vec4<f32>(view.most_inverse_depth)) & in_columns(bounds, column);
+    let candidate = select(vec4<f32>(NONE), depth + epsilon, covers);
+    return min(candidate, threshold);
+}

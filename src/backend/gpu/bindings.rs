@@ -1,0 +1,231 @@
+//! Which buffers the programs of a frame reach, and their pipelines: made once a frame.
+
+use wgpu::{BindGroup, BindGroupEntry, BindingResource, BufferBinding, BufferSize, ComputePass, ComputePipeline};
+
+use super::buffers::Buffers;
+use super::device::Device;
+use super::layout::{DIGIT_BITS, UNIFORM_STRIDE};
+use super::models::Block;
+use super::programs::{Constants, Pipelines, Program, Slot};
+use super::schedule::DeviceChannels;
+use crate::backend::BackendError;
+use crate::film::FilmPlanes;
+use crate::frame::Frame;
+use crate::plan::Shading;
+
+/// A pipeline and what it is bound to.
+#[derive(Clone, Debug)]
+pub(super) struct Step {
+    pipeline: ComputePipeline,
+    uniforms: BindGroup,
+    buffers: BindGroup,
+}
+
+impl Step {
+    /// Sets everything for a dispatch; `offsets`: of the view and, where the program has one, the segment.
+    pub(super) fn set(&self, pass: &mut ComputePass<'_>, offsets: &[u32]) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.uniforms, offsets);
+        pass.set_bind_group(1, &self.buffers, &[]);
+    }
+}
+
+/// One round of the sort.
+#[derive(Clone, Debug)]
+pub(super) struct Round {
+    pub count: Step,
+    pub scan: Step,
+    pub scatter: Step,
+}
+
+/// The steps of a frame.
+#[derive(Debug)]
+pub(super) struct Steps {
+    /// For each object, for each block.
+    pub project: Vec<Vec<Step>>,
+    pub bin_reduce: Step,
+    pub bin_scan: Step,
+    pub bin_emit: Step,
+    pub sort: Vec<Round>,
+    pub bin_starts: Step,
+    pub visibility: Step,
+    /// For each object, for each block.
+    pub splat_values: Vec<Vec<Step>>,
+    pub sum_attributes: Step,
+    /// One for each part of the film.
+    pub resolve: Vec<Step>,
+}
+
+/// Everything that steps are made from.
+pub(super) struct Bench<'a> {
+    pub device: &'a Device,
+    pub pipelines: &'a mut Pipelines,
+    pub buffers: &'a Buffers,
+}
+
+impl Bench<'_> {
+    /// Where the sort's buffers are reached from `from` to the other one.
+    fn buffer(&self, slot: Slot, from: usize) -> &wgpu::Buffer {
+        let b = self.buffers;
+        match slot {
+            Slot::Segments => &b.segments,
+            Slot::Lights => &b.lights,
+            Slot::Splats => &b.splats,
+            Slot::Touched => &b.touched,
+            Slot::Partials => &b.partials,
+            Slot::WrittenTotals | Slot::Totals => &b.totals,
+            Slot::Status => &b.status,
+            Slot::Keys => &b.keys[1 - from],
+            Slot::List => &b.lists[1 - from],
+            Slot::SortedKeys => &b.keys[from],
+            Slot::SortedList => &b.lists[from],
+            Slot::Wide => &b.wide,
+            Slot::Starts => &b.starts,
+            Slot::Histogram => &b.histogram,
+            Slot::DigitTotals => &b.digit_totals,
+            Slot::Thresholds => &b.thresholds,
+            Slot::WrittenValues | Slot::Values => &b.values,
+            Slot::Sums => &b.sums,
+            // These are bound block by block and band by band.
+            Slot::Film | Slot::Geometry | Slot::Looks => &b.film,
+        }
+    }
+
+    /// A step whose lists lie in the buffers other than `from`.
+    fn step(
+        &mut self,
+        program: Program,
+        constants: &Constants,
+        from: usize,
+        special: &[(Slot, BufferBinding<'_>)],
+    ) -> Result<Step, BackendError> {
+        let pipeline = self.pipelines.get(self.device, program, constants)?;
+        let layouts = self.pipelines.layouts(self.device, program).clone();
+        let uniform = |buffer| {
+            BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: BufferSize::new(UNIFORM_STRIDE) })
+        };
+        let uniforms = [
+            BindGroupEntry { binding: 0, resource: uniform(&self.buffers.views) },
+            BindGroupEntry { binding: 1, resource: uniform(&self.buffers.segments) },
+        ];
+        let uniforms = &uniforms[..if program.has_segment() { 2 } else { 1 }];
+        let (read, written) = program.buffers();
+        let entries: Vec<_> = read
+            .iter()
+            .chain(written)
+            .map(|&slot| {
+                let own = special.iter().find(|(special, _)| *special == slot).map(|(_, binding)| binding.clone());
+                let binding = own.unwrap_or_else(|| self.buffer(slot, from).as_entire_buffer_binding());
+                BindGroupEntry { binding: slot as u32, resource: BindingResource::Buffer(binding) }
+            })
+            .collect();
+        let bind = |layout, entries| {
+            let descriptor = wgpu::BindGroupDescriptor { label: Some(program.entry()), layout, entries };
+            self.device.handle.create_bind_group(&descriptor)
+        };
+        let uniforms = bind(&layouts.uniforms, uniforms);
+        let buffers = bind(&layouts.buffers, &entries);
+        Ok(Step { pipeline, uniforms, buffers })
+    }
+
+    /// `program` for each block of each object.
+    fn of_blocks(
+        &mut self,
+        program: Program,
+        constants: &Constants,
+        blocks: &[Vec<Block>],
+    ) -> Result<Vec<Vec<Step>>, BackendError> {
+        let mut one = |block: &Block| {
+            let special = [
+                (Slot::Geometry, block.geometry.as_entire_buffer_binding()),
+                (Slot::Looks, block.looks.as_entire_buffer_binding()),
+            ];
+            self.step(program, constants, 0, &special)
+        };
+        blocks.iter().map(|blocks| blocks.iter().map(&mut one).collect()).collect()
+    }
+
+    /// All steps of a frame. `most_tiles`: of a band. `parts`: first byte and length of what each band has of the film.
+    pub(super) fn steps(
+        &mut self,
+        frame: &Frame<'_>,
+        channels: &DeviceChannels,
+        planes: &FilmPlanes,
+        blocks: &[Vec<Block>],
+        most_tiles: u64,
+        parts: &[(u64, u64)],
+    ) -> Result<Steps, BackendError> {
+        let none = Constants::new();
+        let rounds = most_tiles.max(1).next_power_of_two().trailing_zeros().div_ceil(DIGIT_BITS) as usize;
+        let sums = sum_constants(channels);
+        let values = value_constants(frame, channels);
+        // After an even number of rounds entries are back where they began.
+        let begin = rounds % 2;
+        let mut sort = Vec::new();
+        for round in 0..rounds {
+            let from = (begin + round) % 2;
+            let shift = vec![("SHIFT", round as u32 * DIGIT_BITS)];
+            sort.push(Round {
+                count: self.step(Program::SortCount, &shift, from, &[])?,
+                scan: self.step(Program::SortScan, &none, from, &[])?,
+                scatter: self.step(Program::SortScatter, &shift, from, &[])?,
+            });
+        }
+        let resolve = resolve_constants(frame, channels, planes);
+        let film = self.buffers.film.clone();
+        let resolve = parts
+            .iter()
+            .map(|&(offset, bytes)| {
+                let part = BufferBinding { buffer: &film, offset, size: BufferSize::new(bytes) };
+                self.step(Program::Resolve, &resolve, 0, &[(Slot::Film, part)])
+            })
+            .collect::<Result<_, _>>()?;
+        Ok(Steps {
+            project: self.of_blocks(Program::Project, &none, blocks)?,
+            bin_reduce: self.step(Program::BinReduce, &none, 0, &[])?,
+            bin_scan: self.step(Program::BinScan, &none, 0, &[])?,
+            bin_emit: self.step(Program::BinEmit, &none, 1 - begin, &[])?,
+            sort,
+            bin_starts: self.step(Program::BinStarts, &none, 0, &[])?,
+            // The sorted lists lie in the first buffers.
+            visibility: self.step(Program::Visibility, &none, 1, &[])?,
+            splat_values: self.of_blocks(Program::SplatValues, &values, blocks)?,
+            sum_attributes: self.step(Program::SumAttributes, &sums, 1, &[])?,
+            resolve,
+        })
+    }
+}
+
+fn sum_constants(channels: &DeviceChannels) -> Constants {
+    let at = |channel: Option<usize>| channel.unwrap_or(0) as u32;
+    let shared = &channels.shared;
+    vec![
+        ("NORMAL", at(shared.normal)),
+        ("DEPTH", at(shared.depth)),
+        ("VELOCITY", at(shared.velocity)),
+        ("MATERIAL", at(shared.material)),
+        ("REACH", at(channels.reach)),
+        ("CHANNELS", channels.count as u32),
+        ("VALUES", channels.values),
+    ]
+}
+
+fn value_constants(frame: &Frame<'_>, channels: &DeviceChannels) -> Constants {
+    let mut constants = sum_constants(channels);
+    constants.push(("GOURAUD", u32::from(frame.shading == Shading::Gouraud)));
+    constants
+}
+
+fn resolve_constants(frame: &Frame<'_>, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
+    let at = |plane: Option<usize>| plane.unwrap_or(0) as u32;
+    let mut constants = sum_constants(channels);
+    constants.retain(|(name, _)| *name != "VALUES");
+    constants.extend([
+        ("PHONG", u32::from(frame.shading == Shading::Phong)),
+        ("DEPTH_PLANE", at(planes.depth)),
+        ("NORMAL_PLANE", at(planes.normal)),
+        ("VELOCITY_PLANE", at(planes.velocity)),
+        ("PLANES", planes.count as u32),
+    ]);
+    constants
+}

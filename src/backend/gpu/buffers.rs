@@ -1,0 +1,123 @@
+//! Buffers that passes exchange. They grow when a frame needs more, and are kept between frames.
+
+use wgpu::{Buffer, BufferUsages};
+
+use super::device::Device;
+use super::layout::{BLOCK, DIGIT_BITS, Light, Segment, Status, UNIFORM_STRIDE};
+use super::schedule::{DeviceChannels, Schedule};
+use crate::backend::BackendError;
+use crate::layout::Splat;
+
+/// What the passes of one group and wave exchange, and the film.
+#[derive(Debug)]
+pub(super) struct Buffers {
+    pub views: Buffer,
+    pub segments: Buffer,
+    pub lights: Buffer,
+    pub splats: Buffer,
+    pub touched: Buffer,
+    pub partials: Buffer,
+    pub totals: Buffer,
+    pub status: Buffer,
+    pub wide: Buffer,
+    pub values: Buffer,
+    /// Tiles and slots of entries, as the sort moves them to and fro; the sorted ones end in the first.
+    pub keys: [Buffer; 2],
+    pub lists: [Buffer; 2],
+    pub histogram: Buffer,
+    pub digit_totals: Buffer,
+    pub starts: Buffer,
+    pub thresholds: Buffer,
+    pub sums: Buffer,
+    pub film: Buffer,
+    /// Entries that there is room for.
+    pub entries: u64,
+}
+
+const SHARED: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC).union(BufferUsages::COPY_DST);
+
+impl Buffers {
+    pub(super) fn new(device: &Device) -> Result<Self, BackendError> {
+        let digits = 1_u64 << DIGIT_BITS;
+        let empty = || device.buffer("buffers", 0, SHARED);
+        Ok(Self {
+            views: device.buffer("views", UNIFORM_STRIDE, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?,
+            segments: device.buffer("segments", UNIFORM_STRIDE, BufferUsages::UNIFORM | SHARED)?,
+            lights: device.buffer("lights", size_of::<Light>() as u64, SHARED)?,
+            splats: device.buffer("splats", size_of::<Splat>() as u64, SHARED)?,
+            touched: empty()?,
+            partials: empty()?,
+            totals: device.buffer("totals", 32, SHARED | BufferUsages::INDIRECT)?,
+            status: device.buffer("status", size_of::<Status>() as u64, SHARED)?,
+            wide: empty()?,
+            values: empty()?,
+            keys: [empty()?, empty()?],
+            lists: [empty()?, empty()?],
+            histogram: empty()?,
+            digit_totals: device.buffer("totals", 4 * digits, SHARED)?,
+            starts: empty()?,
+            thresholds: empty()?,
+            sums: empty()?,
+            film: empty()?,
+            entries: 0,
+        })
+    }
+
+    /// Makes room for a frame.
+    pub(super) fn fit(
+        &mut self,
+        device: &Device,
+        schedule: &Schedule,
+        channels: &DeviceChannels,
+    ) -> Result<(), BackendError> {
+        let slots = schedule.slots;
+        grow(device, &mut self.splats, "splats", slots * size_of::<Splat>() as u64)?;
+        grow(device, &mut self.touched, "tile counts", 4 * slots)?;
+        grow(device, &mut self.partials, "tile counts", 8 * slots.div_ceil(u64::from(BLOCK)))?;
+        grow(device, &mut self.wide, "lists", 4 * slots)?;
+        grow(device, &mut self.values, "attributes", 4 * u64::from(channels.values) * slots)?;
+        let tile = 4 * 256;
+        grow(device, &mut self.starts, "lists", 4 * (schedule.band_tiles + 2))?;
+        grow(device, &mut self.thresholds, "thresholds", tile * schedule.band_tiles)?;
+        grow(device, &mut self.sums, "sums", tile * channels.count as u64 * schedule.band_tiles)?;
+        grow(device, &mut self.film, "the film's planes", schedule.film_bytes)
+    }
+
+    /// Makes room for `entries` entries.
+    pub(super) fn fit_entries(&mut self, device: &Device, entries: u64) -> Result<(), BackendError> {
+        if entries <= self.entries {
+            return Ok(());
+        }
+        for buffer in self.keys.iter_mut().chain(&mut self.lists) {
+            grow(device, buffer, "lists", 4 * entries)?;
+        }
+        let groups = entries.div_ceil(u64::from(BLOCK));
+        grow(device, &mut self.histogram, "lists", 4 * (groups << DIGIT_BITS))?;
+        self.entries = entries;
+        Ok(())
+    }
+
+    /// Makes room for a group's uniforms.
+    pub(super) fn fit_group(
+        &mut self,
+        device: &Device,
+        views: usize,
+        segments: usize,
+        lights: usize,
+    ) -> Result<(), BackendError> {
+        grow(device, &mut self.views, "views", views as u64 * UNIFORM_STRIDE)?;
+        grow(device, &mut self.segments, "segments", (segments * size_of::<Segment>()) as u64)?;
+        grow(device, &mut self.lights, "lights", (lights * size_of::<Light>()) as u64)
+    }
+}
+
+/// Replaces `buffer` by a larger one, if it has less than `bytes` bytes. What is in it is lost.
+pub(super) fn grow(device: &Device, buffer: &mut Buffer, label: &str, bytes: u64) -> Result<(), BackendError> {
+    if buffer.size() < bytes {
+        let usage = buffer.usage();
+        // The old one's memory first.
+        buffer.destroy();
+        *buffer = device.buffer(label, bytes, usage)?;
+    }
+    Ok(())
+}

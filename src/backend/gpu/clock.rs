@@ -1,0 +1,118 @@
+//! Time of passes, measured by the device where it can.
+
+use std::time::Duration;
+
+use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePassTimestampWrites, QuerySet};
+
+use super::buffers::grow;
+use super::device::Device;
+use crate::backend::{BackendError, Stats};
+use crate::plan::Pass;
+
+/// Marks of one submission; the most that every device has.
+const MARKS: u32 = 4096;
+
+/// Begin and end of the passes of one frame.
+#[derive(Debug)]
+pub(super) struct Marks {
+    clock: Option<Clock>,
+    /// Passes since the last `collect`, then those before.
+    pending: Vec<Pass>,
+    passes: Vec<Pass>,
+}
+
+#[derive(Debug)]
+struct Clock {
+    queries: QuerySet,
+    /// Where a submission's marks are resolved to.
+    resolved: Buffer,
+    /// All marks of the frame, for the host.
+    marks: Buffer,
+    /// Nanoseconds of a tick.
+    period: f64,
+}
+
+impl Marks {
+    /// Marks nothing where the device measures nothing.
+    pub(super) fn new(device: &Device) -> Result<Self, BackendError> {
+        let bytes = u64::from(MARKS) * 8;
+        let clock = if device.timestamps {
+            Some(Clock {
+                queries: device.handle.create_query_set(&wgpu::QuerySetDescriptor {
+                    label: Some("marks"),
+                    ty: wgpu::QueryType::Timestamp,
+                    count: MARKS,
+                }),
+                resolved: device.buffer("marks", bytes, BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC)?,
+                marks: device.buffer("marks", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?,
+                period: f64::from(device.queue.get_timestamp_period()),
+            })
+        } else {
+            None
+        };
+        Ok(Self { clock, pending: Vec::new(), passes: Vec::new() })
+    }
+
+    /// Starts a frame of at most `passes` passes.
+    pub(super) fn begin(&mut self, device: &Device, passes: usize) -> Result<(), BackendError> {
+        self.pending.clear();
+        self.passes.clear();
+        match &mut self.clock {
+            Some(clock) => grow(device, &mut clock.marks, "marks", 16 * passes as u64),
+            None => Ok(()),
+        }
+    }
+
+    /// Marks for the next pass; none where there are too many since the last `collect`, which are not measured.
+    pub(super) fn mark(&mut self, pass: Pass) -> Option<ComputePassTimestampWrites<'_>> {
+        let clock = self.clock.as_ref()?;
+        let next = 2 * self.pending.len() as u32;
+        let room = clock.marks.size() >= 16 * (self.passes.len() + self.pending.len() + 1) as u64;
+        (room && next + 2 <= MARKS).then(|| {
+            self.pending.push(pass);
+            ComputePassTimestampWrites {
+                query_set: &clock.queries,
+                beginning_of_pass_write_index: Some(next),
+                end_of_pass_write_index: Some(next + 1),
+            }
+        })
+    }
+
+    /// Collects the marks of a submission at its end.
+    pub(super) fn collect(&mut self, encoder: &mut CommandEncoder) {
+        let count = 2 * self.pending.len() as u32;
+        if let Some(clock) = self.clock.as_ref().filter(|_| count > 0) {
+            encoder.resolve_query_set(&clock.queries, 0..count, &clock.resolved, 0);
+            let at = 16 * self.passes.len() as u64;
+            encoder.copy_buffer_to_buffer(&clock.resolved, 0, &clock.marks, at, u64::from(count) * 8);
+            self.passes.append(&mut self.pending);
+        }
+    }
+
+    /// Asks for the marks, after the last submission of a frame.
+    pub(super) fn ask(&self) {
+        if let Some(clock) = &self.clock {
+            clock.marks.map_async(wgpu::MapMode::Read, .., |_| ());
+        }
+    }
+
+    /// Adds the measured times to `stats`, once the device is done.
+    pub(super) fn add_to(&self, stats: &mut Stats) {
+        let Some(clock) = &self.clock else { return };
+        if let Ok(marks) = clock.marks.get_mapped_range(..) {
+            let marks: &[u64] = bytemuck::cast_slice(&marks);
+            for (pass, marks) in self.passes.iter().zip(marks.chunks_exact(2)) {
+                let ticks = marks[1].saturating_sub(marks[0]);
+                let time = Duration::from_nanos((ticks as f64 * clock.period) as u64);
+                match pass {
+                    Pass::Project | Pass::Sweep => stats.project += time,
+                    Pass::Bin => stats.bin += time,
+                    Pass::Visibility | Pass::Density | Pass::Keep => stats.visibility += time,
+                    Pass::Attribute | Pass::SweptAttribute => stats.attribute += time,
+                    Pass::Resolve | Pass::SweptResolve => stats.resolve += time,
+                }
+            }
+        }
+        clock.marks.unmap();
+    }
+}

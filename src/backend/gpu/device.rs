@@ -1,0 +1,195 @@
+//! Which device, and what it can do.
+
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use wgpu::{Adapter, AdapterInfo, Backends, DeviceType, Instance, InstanceDescriptor, Limits};
+
+use crate::backend::BackendError;
+
+/// Which adapters are wanted.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Choice {
+    /// Part of the adapter's name, whatever the case.
+    pub name: Option<String>,
+    /// Leave out adapters that run on the processor.
+    pub hardware_only: bool,
+}
+
+/// An adapter, for people.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AdapterReport {
+    /// Its name.
+    pub name: String,
+    /// `discrete`, `integrated`, `virtual`, `software` or `other`.
+    pub kind: &'static str,
+    /// Programming interface, as in `vulkan`.
+    pub interface: String,
+    /// Name and version of the driver.
+    pub driver: String,
+    /// Largest buffer, bytes.
+    pub buffer_bytes: u64,
+    /// Largest part of a buffer that a program can reach, bytes.
+    pub binding_bytes: u64,
+    /// Storage buffers that a program can reach.
+    pub storage_buffers: u32,
+    /// Workgroups of a dispatch, along one axis.
+    pub workgroups: u32,
+    /// Does it measure the time of passes?
+    pub timestamps: bool,
+}
+
+/// Storage buffers that a program reaches at the most.
+const STORAGE_BUFFERS: u32 = 8;
+
+/// A device and its queue, as the passes use it.
+pub(super) struct Device {
+    pub adapter: AdapterInfo,
+    pub limits: Limits,
+    pub timestamps: bool,
+    pub handle: wgpu::Device,
+    pub queue: wgpu::Queue,
+    /// The first error that no scope caught.
+    failure: Arc<Mutex<Option<String>>>,
+}
+
+impl fmt::Debug for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Device").field("adapter", &self.adapter.name).finish_non_exhaustive()
+    }
+}
+
+/// All adapters that this machine has.
+pub fn adapters() -> Vec<AdapterReport> {
+    all().iter().map(report).collect()
+}
+
+fn all() -> Vec<Adapter> {
+    let instance = Instance::new(InstanceDescriptor::new_without_display_handle_from_env());
+    pollster::block_on(instance.enumerate_adapters(Backends::all()))
+}
+
+fn report(adapter: &Adapter) -> AdapterReport {
+    let (info, limits) = (adapter.get_info(), adapter.limits());
+    AdapterReport {
+        name: info.name,
+        kind: match info.device_type {
+            DeviceType::DiscreteGpu => "discrete",
+            DeviceType::IntegratedGpu => "integrated",
+            DeviceType::VirtualGpu => "virtual",
+            DeviceType::Cpu => "software",
+            DeviceType::Other => "other",
+        },
+        interface: info.backend.to_string(),
+        driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+        buffer_bytes: limits.max_buffer_size,
+        binding_bytes: limits.max_storage_buffer_binding_size,
+        storage_buffers: limits.max_storage_buffers_per_shader_stage,
+        workgroups: limits.max_compute_workgroups_per_dimension,
+        timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+    }
+}
+
+/// The best of the adapters that are wanted: discrete before integrated before virtual before software.
+fn choose(choice: &Choice) -> Result<Adapter, BackendError> {
+    let mut found = all();
+    let names = found.iter().map(|adapter| adapter.get_info().name).collect::<Vec<_>>();
+    if let Some(name) = &choice.name {
+        found.retain(|adapter| adapter.get_info().name.to_lowercase().contains(&name.to_lowercase()));
+    }
+    if choice.hardware_only {
+        found.retain(|adapter| adapter.get_info().device_type != DeviceType::Cpu);
+    }
+    let rank = |adapter: &Adapter| match adapter.get_info().device_type {
+        DeviceType::DiscreteGpu => 0,
+        DeviceType::IntegratedGpu => 1,
+        DeviceType::VirtualGpu => 2,
+        DeviceType::Other => 3,
+        DeviceType::Cpu => 4,
+    };
+    found.into_iter().min_by_key(rank).ok_or_else(|| {
+        let found = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        let wanted = choice.name.as_ref().map_or_else(String::new, |name| format!(" whose name holds `{name}`"));
+        BackendError::NoAdapter { wanted, found }
+    })
+}
+
+impl Device {
+    pub(super) fn open(choice: &Choice) -> Result<Self, BackendError> {
+        let adapter = choose(choice)?;
+        let info = adapter.get_info();
+        let limits = adapter.limits();
+        if limits.max_storage_buffers_per_shader_stage < STORAGE_BUFFERS {
+            return Err(BackendError::Device {
+                adapter: info.name,
+                what: format!(
+                    "a program needs {STORAGE_BUFFERS} storage buffers, but the device has {}",
+                    limits.max_storage_buffers_per_shader_stage
+                ),
+            });
+        }
+        let timestamps = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let description = wgpu::DeviceDescriptor {
+            label: Some("splatblur"),
+            required_features: timestamps,
+            required_limits: limits.clone(),
+            ..Default::default()
+        };
+        let opened = pollster::block_on(adapter.request_device(&description));
+        let (handle, queue) =
+            opened.map_err(|e| BackendError::Device { adapter: info.name.clone(), what: e.to_string() })?;
+        let failure = Arc::new(Mutex::new(None));
+        let seen = Arc::clone(&failure);
+        handle.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            seen.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(|| error.to_string());
+        }));
+        Ok(Self { adapter: info, limits, timestamps: !timestamps.is_empty(), handle, queue, failure })
+    }
+
+    /// An error of this device.
+    pub(super) fn error(&self, what: impl Into<String>) -> BackendError {
+        BackendError::Device { adapter: self.adapter.name.clone(), what: what.into() }
+    }
+
+    /// The first error since the last call, if there was one.
+    pub(super) fn check(&self) -> Result<(), BackendError> {
+        match self.failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            Some(what) => Err(self.error(what)),
+            None => Ok(()),
+        }
+    }
+
+    /// Bytes of the largest buffer that a program can reach whole, a multiple of 1024.
+    pub(super) fn most_bytes(&self) -> u64 {
+        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size) & !1023
+    }
+
+    /// A buffer of at least `bytes` bytes, which the device must have.
+    pub(super) fn buffer(
+        &self,
+        label: &str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, BackendError> {
+        let size = bytes.next_multiple_of(16).max(16);
+        if size > self.limits.max_buffer_size {
+            return Err(self.error(format!(
+                "{label} need a buffer of {size} bytes, but the device's largest is {}",
+                self.limits.max_buffer_size
+            )));
+        }
+        let memory = self.handle.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let descriptor = wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+        let buffer = self.handle.create_buffer(&descriptor);
+        match pollster::block_on(memory.pop()) {
+            None => Ok(buffer),
+            Some(_) => Err(self.error(format!("{label} need {size} bytes, which the device's memory has not left"))),
+        }
+    }
+
+    /// Waits until everything that was submitted is done.
+    pub(super) fn wait(&self) -> Result<(), BackendError> {
+        self.handle.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| self.error(e.to_string()))?;
+        self.check()
+    }
+}

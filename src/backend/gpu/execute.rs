@@ -1,0 +1,259 @@
+//! Executes a frame's plan on the device: cuts the frame up, records the passes of each group, and submits them one after
+//! the other. Nothing waits for the device here.
+
+use wgpu::{CommandEncoder, ComputePassDescriptor};
+
+use super::bindings::{Bench, Step, Steps};
+use super::clock::Marks;
+use super::layout::{BLOCK, DIGIT_BITS, TILE, UNIFORM_STRIDE, View, lights};
+use super::models::Block;
+use super::schedule::{Band, DeviceChannels, ENTRIES_PER_SLOT, Schedule, Wave};
+use super::{Gpu, Machine};
+use crate::backend::BackendError;
+use crate::film::FilmPlanes;
+use crate::frame::{Frame, PosedGroup};
+use crate::plan::Pass;
+
+/// What stays the same while a frame is rendered.
+pub(super) struct Execution<'a> {
+    pub frame: &'a Frame<'a>,
+    pub channels: DeviceChannels,
+    pub planes: FilmPlanes,
+    /// Of each object.
+    pub blocks: Vec<Vec<Block>>,
+    pub schedule: Schedule,
+}
+
+impl Gpu {
+    /// Cuts the frame up and makes room for it.
+    pub(super) fn prepare<'a>(&mut self, frame: &'a Frame<'a>) -> Result<Execution<'a>, BackendError> {
+        let channels = DeviceChannels::of(frame);
+        let planes = FilmPlanes::of(frame.aovs);
+        let mut schedule = Schedule::new(frame, &channels, &planes, self.most_bytes)?;
+        schedule.slots = schedule.slots.min(self.most_slots);
+        schedule.most_entries = schedule.most_entries.min(self.most_entries);
+        let Machine { device, models, buffers, .. } = &mut self.machine;
+        let blocks =
+            frame.objects.iter().map(|object| models.blocks(device, object.surfels)).collect::<Result<Vec<_>, _>>()?;
+        buffers.fit(device, &schedule, &channels)?;
+        let entries = (ENTRIES_PER_SLOT * schedule.slots).min(self.first_entries).max(self.wanted_entries);
+        buffers.fit_entries(device, entries.min(schedule.most_entries))?;
+        Ok(Execution { frame, channels, planes, blocks, schedule })
+    }
+
+    /// Records and submits all groups.
+    pub(super) fn submit(&mut self, execution: &Execution<'_>, marks: &mut Marks) -> Result<(), BackendError> {
+        let steps = self.steps(execution, marks)?;
+        let Execution { frame, schedule, .. } = execution;
+        let mut encoder = self.machine.encoder();
+        encoder.clear_buffer(&self.machine.buffers.film, 0, None);
+        encoder.clear_buffer(&self.machine.buffers.status, 0, None);
+        self.machine.device.queue.submit([encoder.finish()]);
+        let mut part = 0;
+        for (raster, groups) in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase).enumerate() {
+            for band in schedule.bands(raster) {
+                for group in groups {
+                    let work = Work { execution, group, raster, band, steps: &steps, resolve: &steps.resolve[part] };
+                    self.machine.group(&work, marks);
+                }
+                part += 1;
+            }
+        }
+        self.machine.device.check()
+    }
+
+    /// Makes room for the largest group's uniforms and for all marks; binds the programs.
+    pub(super) fn steps(&mut self, execution: &Execution<'_>, marks: &mut Marks) -> Result<Steps, BackendError> {
+        let Execution { frame, schedule, .. } = execution;
+        let mut most = [0_usize; 3];
+        let mut passes = 0;
+        for group in &frame.groups {
+            let waves = schedule.waves(frame, group, &execution.blocks);
+            let segments = waves.iter().map(|wave| wave.segments.len()).sum();
+            let lights = group.samples.iter().map(|sample| sample.lights.len()).sum();
+            most = [most[0].max(waves.len()), most[1].max(segments), most[2].max(lights)];
+            passes += 6 * waves.len() + 1;
+        }
+        let bands: usize = (0..schedule.rasters.len()).map(|raster| schedule.bands(raster).count()).max().unwrap_or(0);
+        let Machine { device, buffers, pipelines, .. } = &mut self.machine;
+        buffers.fit_group(device, most[0], most[1], most[2])?;
+        marks.begin(device, passes * bands)?;
+        Bench { device, pipelines, buffers }.steps(
+            frame,
+            &execution.channels,
+            &execution.planes,
+            &execution.blocks,
+            schedule.band_tiles,
+            &execution.parts(),
+        )
+    }
+}
+
+impl Execution<'_> {
+    /// First byte and length of what each band has of the film.
+    fn parts(&self) -> Vec<(u64, u64)> {
+        let mut parts = Vec::new();
+        for (index, raster) in self.schedule.rasters.iter().enumerate() {
+            let row = u64::from(raster.tiles[0]) * u64::from(TILE * TILE) * 4 * self.planes.count as u64;
+            for band in self.schedule.bands(index) {
+                parts.push((4 * raster.start + u64::from(band.first_row) * row, u64::from(band.rows) * row));
+            }
+        }
+        parts
+    }
+}
+
+/// One group in one band.
+#[derive(Clone, Copy)]
+pub(super) struct Work<'a> {
+    pub execution: &'a Execution<'a>,
+    pub group: &'a PosedGroup,
+    pub raster: usize,
+    pub band: Band,
+    pub steps: &'a Steps,
+    pub resolve: &'a Step,
+}
+
+impl Machine {
+    pub(super) fn encoder(&self) -> CommandEncoder {
+        self.device.handle.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+
+    /// Records and submits one group: the plan's passes, those that need lists wave by wave.
+    pub(super) fn group(&self, work: &Work<'_>, marks: &mut Marks) {
+        let waves = self.upload(work);
+        let Some(last) = waves.len().checked_sub(1) else { return };
+        let mut encoder = self.encoder();
+        let mut at_hand = None;
+        for &pass in work.execution.frame.passes {
+            match pass {
+                // Run where lists are needed that are not at hand; kernels in motion are refused before.
+                Pass::Project
+                | Pass::Bin
+                | Pass::Density
+                | Pass::Keep
+                | Pass::Sweep
+                | Pass::SweptAttribute
+                | Pass::SweptResolve => {}
+                Pass::Visibility | Pass::Attribute => {
+                    for (number, wave) in waves.iter().enumerate() {
+                        if at_hand != Some(number) {
+                            self.record(&mut encoder, Pass::Project, work, wave, number, marks);
+                            self.record(&mut encoder, Pass::Bin, work, wave, number, marks);
+                            at_hand = Some(number);
+                        }
+                        self.record(&mut encoder, pass, work, wave, number, marks);
+                        if waves.len() > 1 {
+                            self.flush(&mut encoder, marks);
+                        }
+                    }
+                }
+                Pass::Resolve => self.record(&mut encoder, pass, work, &waves[last], last, marks),
+            }
+        }
+        self.flush(&mut encoder, marks);
+    }
+
+    /// Submits what is recorded.
+    fn flush(&self, encoder: &mut CommandEncoder, marks: &mut Marks) {
+        marks.collect(encoder);
+        let done = std::mem::replace(encoder, self.encoder());
+        self.device.queue.submit([done.finish()]);
+    }
+
+    /// Uploads a group's views, segments and lights; returns its waves.
+    pub(super) fn upload(&self, work: &Work<'_>) -> Vec<Wave> {
+        let Work { execution, group, raster, band, .. } = *work;
+        let frame = execution.frame;
+        let waves = execution.schedule.waves(frame, group, &execution.blocks);
+        let raster = &execution.schedule.rasters[raster];
+        let last_pixel_row = ((band.first_row + band.rows) * TILE).min(raster.size[1]) as i32 - 1;
+        let shared = View {
+            pixels: [0, raster.size[0] as i32 - 1, (band.first_row * TILE) as i32, last_pixel_row],
+            tiles: [raster.tiles[0], band.rows],
+            first_tile_row: band.first_row,
+            entry_capacity: self.buffers.entries.min(u64::from(u32::MAX)) as u32,
+            ..View::of(frame, group, execution.channels.shared.uniform)
+        };
+        let mut views = Vec::new();
+        let mut before = 0;
+        for (number, wave) in waves.iter().enumerate() {
+            let view = View {
+                slots: wave.slots,
+                resumes: u32::from(number > 0),
+                first_sample: before as u32,
+                first_weight: group.samples[before].weight,
+                last_sample: wave.last_sample as u32,
+                last_weight: group.samples[wave.last_sample].weight,
+                ..shared
+            };
+            before = wave.last_sample;
+            views.extend_from_slice(bytemuck::bytes_of(&view));
+            views.resize((number + 1) * UNIFORM_STRIDE as usize, 0);
+        }
+        let segments: Vec<_> = waves.iter().flat_map(|wave| &wave.segments).map(|segment| segment.0).collect();
+        let queue = &self.device.queue;
+        queue.write_buffer(&self.buffers.views, 0, &views);
+        queue.write_buffer(&self.buffers.segments, 0, bytemuck::cast_slice(&segments));
+        queue.write_buffer(&self.buffers.lights, 0, bytemuck::cast_slice(&lights(&group.samples)));
+        waves
+    }
+
+    /// Records one pass of one wave.
+    pub(super) fn record(
+        &self,
+        encoder: &mut CommandEncoder,
+        pass: Pass,
+        work: &Work<'_>,
+        wave: &Wave,
+        number: usize,
+        marks: &mut Marks,
+    ) {
+        let timestamp_writes = marks.mark(pass);
+        let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
+        let steps = work.steps;
+        let view = number as u32 * UNIFORM_STRIDE as u32;
+        let tiles = [work.execution.schedule.rasters[work.raster].tiles[0], work.band.rows];
+        let mut dispatch = |step: &Step, groups: [u32; 2]| {
+            step.set(&mut recorder, &[view]);
+            recorder.dispatch_workgroups(groups[0], groups[1], 1);
+        };
+        match pass {
+            Pass::Project => of_segments(&mut recorder, &steps.project, wave, view),
+            Pass::Bin => {
+                let blocks = [wave.slots.div_ceil(BLOCK), 1];
+                dispatch(&steps.bin_reduce, blocks);
+                dispatch(&steps.bin_scan, [1, 1]);
+                dispatch(&steps.bin_emit, blocks);
+                let totals = &self.buffers.totals;
+                for round in &steps.sort {
+                    round.count.set(&mut recorder, &[view]);
+                    recorder.dispatch_workgroups_indirect(totals, 0);
+                    round.scan.set(&mut recorder, &[view]);
+                    recorder.dispatch_workgroups(1 << DIGIT_BITS, 1, 1);
+                    round.scatter.set(&mut recorder, &[view]);
+                    recorder.dispatch_workgroups_indirect(totals, 0);
+                }
+                steps.bin_starts.set(&mut recorder, &[view]);
+                recorder.dispatch_workgroups((tiles[0] * tiles[1] + 2).div_ceil(256), 1, 1);
+            }
+            Pass::Visibility => dispatch(&steps.visibility, tiles),
+            Pass::Attribute => {
+                of_segments(&mut recorder, &steps.splat_values, wave, view);
+                steps.sum_attributes.set(&mut recorder, &[view]);
+                recorder.dispatch_workgroups(tiles[0], tiles[1], 1);
+            }
+            Pass::Resolve => dispatch(work.resolve, tiles),
+            Pass::Density | Pass::Keep | Pass::Sweep | Pass::SweptAttribute | Pass::SweptResolve => {}
+        }
+    }
+}
+
+/// One dispatch for each segment of the wave.
+fn of_segments(recorder: &mut wgpu::ComputePass<'_>, steps: &[Vec<Step>], wave: &Wave, view: u32) {
+    for (segment, object, block) in &wave.segments {
+        let offset = segment.index * UNIFORM_STRIDE as u32;
+        steps[*object][*block].set(recorder, &[view, offset]);
+        recorder.dispatch_workgroups(segment.surfels.div_ceil(256), 1, 1);
+    }
+}

@@ -1,0 +1,37 @@
+//! The film as it comes from the device.
+
+use super::layout::TILE;
+use super::schedule::RasterFilm;
+use crate::film::Film;
+
+/// The films of all rasters of a frame, each tile after tile, plane after plane, `TILE` x `TILE`; that of phase (x, y) at
+/// y stride + x.
+#[derive(Debug)]
+pub(super) struct DeviceFilm<'a> {
+    pub rasters: &'a [RasterFilm],
+    pub stride: usize,
+    pub planes: usize,
+    /// Time samples of a pixel.
+    pub samples: u32,
+    pub values: &'a [f32],
+}
+
+impl Film for DeviceFilm<'_> {
+    fn row(&self, plane: usize, y: u32, out: &mut [f32]) {
+        let (y, stride, tile) = (y as usize, self.stride, TILE as usize);
+        for (x, raster) in self.rasters[y % stride * stride..][..stride].iter().enumerate() {
+            let (y, tiles_x) = (y / stride, raster.tiles[0] as usize);
+            let tile_floats = self.planes * tile * tile;
+            let tiles = &self.values[raster.start as usize + y / tile * tiles_x * tile_floats..];
+            let Some(out) = out.get_mut(x..) else { continue };
+            for (out, values) in out.chunks_mut(tile * stride).zip(tiles.chunks_exact(tile_floats)) {
+                let row = &values[(plane * tile + y % tile) * tile..][..tile];
+                out.iter_mut().step_by(stride).zip(row).for_each(|(out, value)| *out = *value);
+            }
+        }
+    }
+
+    fn samples(&self, _y: u32, out: &mut [f32]) {
+        out.fill(self.samples as f32);
+    }
+}

@@ -1,0 +1,159 @@
+//! Structs shared with WGSL (`shaders/common/types.wgsl`); a test compares the layouts.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{Mat3, Vec3};
+
+use crate::frame::{Frame, FrameObject, PosedGroup, PosedObject, PosedSample};
+use crate::model::Material;
+use crate::plan::Prefilter;
+use crate::shading::ShadingLight;
+
+/// Edge of a tile, pixels.
+pub(super) const TILE: u32 = 16;
+/// Slots, or entries of lists, that one workgroup of pass `bin` works on.
+pub(super) const BLOCK: u32 = 1024;
+/// Most entries that the lists hold of one splat.
+pub(super) const WIDEST: u32 = 64;
+/// Bits of a key that one round of the sort goes by.
+pub(super) const DIGIT_BITS: u32 = 6;
+/// Distance of uniforms in their buffers, bytes; no device asks for more.
+pub(super) const UNIFORM_STRIDE: u64 = 256;
+
+/// What a dispatch works on: one group, one band of the image, one wave of surfels.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(super) struct View {
+    pub axis: [f32; 2],
+    pub offset: [f32; 2],
+    pub pixels: [i32; 4],
+    pub tiles: [u32; 2],
+    pub first_tile_row: u32,
+    pub slots: u32,
+    pub near: f32,
+    pub most_inverse_depth: f32,
+    pub low_pass: f32,
+    pub low_pass_scale: f32,
+    pub focal: f32,
+    pub stride: f32,
+    pub weight: f32,
+    pub entry_capacity: u32,
+    pub camera: [[f32; 4]; 3],
+    pub material: [f32; 4],
+    pub first_light: u32,
+    pub lights: u32,
+    pub resumes: u32,
+    pub first_sample: u32,
+    pub first_weight: f32,
+    pub last_sample: u32,
+    pub last_weight: f32,
+    pub unused: u32,
+}
+
+/// Some surfels of one block of a model, posed at one time sample.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(super) struct Segment {
+    pub screen: [[f32; 4]; 3],
+    pub rate: [[f32; 4]; 3],
+    pub normal: [[f32; 4]; 3],
+    pub world: [[f32; 4]; 3],
+    pub material: [f32; 4],
+    pub epsilon: f32,
+    pub handedness: f32,
+    pub weight: f32,
+    pub share: f32,
+    pub first_slot: u32,
+    pub first_surfel: u32,
+    pub surfels: u32,
+    pub block: u32,
+    pub block_start: u32,
+    pub index: u32,
+    pub first_light: u32,
+    pub flags: u32,
+}
+
+/// A light of one sample.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(super) struct Light {
+    pub vector: [f32; 4],
+    pub colour: [f32; 4],
+}
+
+/// What of pass `bin` the host reads after a frame.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct Status {
+    pub most_entries: u32,
+    pub splats_low: u32,
+    pub splats_high: u32,
+}
+
+impl Segment {
+    /// The pose of an object; which surfels it is for is left open.
+    pub(super) fn posed(posed: &PosedObject, object: &FrameObject<'_>, sample: usize, weight: f32, share: f32) -> Self {
+        let materials = object.material.is_none() && !object.surfels.material.is_empty();
+        Self {
+            screen: rows(&posed.screen_from_model, posed.screen_origin),
+            rate: rows(&posed.screen_rate, posed.screen_origin_rate),
+            normal: rows(&posed.normal_matrix, Vec3::ZERO),
+            world: rows(&posed.world_from_model, posed.world_origin),
+            material: coefficients(object.material.unwrap_or_default()),
+            epsilon: posed.epsilon,
+            handedness: posed.handedness,
+            weight,
+            share,
+            flags: u32::from(object.two_sided) | u32::from(materials) << 1 | (sample as u32) << 2,
+            ..Self::zeroed()
+        }
+    }
+}
+
+impl View {
+    /// What of a group all its bands and waves share.
+    pub(super) fn of(frame: &Frame<'_>, group: &PosedGroup, uniform: Option<Material>) -> Self {
+        let raster = &group.raster;
+        let low_pass = if frame.prefilter == Prefilter::Approx { raster.low_pass } else { 0.0 };
+        let middle = &group.samples[group.samples.len() / 2];
+        let column = |v: Vec3| v.extend(0.0).to_array();
+        let camera = middle.world_from_camera;
+        Self {
+            axis: raster.axis,
+            offset: raster.offset,
+            near: frame.near,
+            most_inverse_depth: 1.0 / frame.near,
+            low_pass,
+            low_pass_scale: if low_pass > 0.0 { 1.0 / (low_pass * low_pass) } else { 0.0 },
+            focal: raster.focal,
+            stride: frame.stride as f32,
+            weight: middle.weight,
+            camera: [column(camera.x_axis), column(camera.y_axis), column(camera.z_axis)],
+            material: coefficients(uniform.unwrap_or_default()),
+            first_light: (group.samples.len() / 2 * middle.lights.len()) as u32,
+            lights: middle.lights.len() as u32,
+            ..Self::zeroed()
+        }
+    }
+}
+
+/// The lights of a group's samples, one sample after the other; every sample has the same number.
+pub(super) fn lights(samples: &[PosedSample]) -> Vec<Light> {
+    samples.iter().flat_map(|sample| &sample.lights).map(light).collect()
+}
+
+fn light(light: &ShadingLight) -> Light {
+    let (vector, kind, colour) = match *light {
+        ShadingLight::Ambient { colour } => (Vec3::ZERO, 0.0, colour),
+        ShadingLight::Directional { towards, colour } => (towards, 1.0, colour),
+        ShadingLight::Point { position, colour } => (position, 2.0, colour),
+    };
+    Light { vector: vector.extend(kind).to_array(), colour: colour.extend(0.0).to_array() }
+}
+
+fn rows(m: &Mat3, origin: Vec3) -> [[f32; 4]; 3] {
+    [0, 1, 2].map(|i| m.row(i).extend(origin[i]).to_array())
+}
+
+fn coefficients(material: Material) -> [f32; 4] {
+    [material.ambient, material.diffuse, material.specular, material.shininess]
+}

@@ -1,0 +1,111 @@
+//! The GPU backend: the passes as compute programs (`shaders/`), on any device that wgpu reaches.
+//!
+//! Surfels of a group are cut into waves, the image into bands, so that every buffer fits; nothing is read back before the
+//! frame is done. Lists are in global surfel order and floats are summed by one invocation for each pixel, so the same frame
+//! gives the same bytes on the same device. What is on the device, and who writes it: docs/architecture.md.
+
+mod bindings;
+mod buffers;
+mod clock;
+mod device;
+mod execute;
+mod film;
+mod flight;
+mod layout;
+mod models;
+mod programs;
+mod schedule;
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+
+use self::buffers::Buffers;
+use self::device::Device;
+pub use self::device::{AdapterReport, Choice, adapters};
+use self::flight::{Flight, Landing};
+use self::models::Models;
+use self::programs::Pipelines;
+use super::{Backend, BackendError, Rendered};
+use crate::frame::Frame;
+
+/// Executes plans on a GPU, or on a processor that pretends to be one.
+#[derive(Debug)]
+pub struct Gpu {
+    machine: Machine,
+    /// Frames that were begun, in order.
+    flights: VecDeque<Flight>,
+    landings: Vec<Landing>,
+    /// Most bytes of a buffer that a program can reach.
+    most_bytes: u64,
+    /// Most slots of a wave, since lists of larger ones did not fit.
+    most_slots: u64,
+    /// Most entries to make room for, whatever a program can reach.
+    most_entries: u64,
+    /// Most entries to make room for before it is known how many there are.
+    first_entries: u64,
+    /// Entries that there must be room for, as earlier frames showed.
+    wanted_entries: u64,
+}
+
+/// The device and everything that is kept on it between frames.
+#[derive(Debug)]
+struct Machine {
+    device: Device,
+    pipelines: Pipelines,
+    models: Models,
+    buffers: Buffers,
+}
+
+impl Gpu {
+    /// Opens the best of the adapters that are wanted.
+    ///
+    /// # Errors
+    /// There is none, or it lacks what the passes need.
+    pub fn open(choice: &Choice) -> Result<Self, BackendError> {
+        let device = Device::open(choice)?;
+        let buffers = Buffers::new(&device)?;
+        device.check()?;
+        Ok(Self {
+            most_bytes: device.most_bytes(),
+            machine: Machine { device, pipelines: Pipelines::default(), models: Models::default(), buffers },
+            flights: VecDeque::new(),
+            landings: Vec::new(),
+            most_slots: u64::MAX,
+            most_entries: u64::MAX,
+            first_entries: u64::MAX,
+            wanted_entries: 0,
+        })
+    }
+
+    /// Name of the adapter.
+    pub fn adapter(&self) -> &str {
+        &self.machine.device.adapter.name
+    }
+}
+
+impl Backend for Gpu {
+    fn describe(&self) -> String {
+        format!("gpu ({})", self.adapter())
+    }
+
+    fn in_flight(&self) -> usize {
+        2
+    }
+
+    fn begin(&mut self, frame: &Frame<'_>) -> Result<(), BackendError> {
+        if frame.swept.is_some() {
+            return Err(BackendError::Pass { backend: "gpu" });
+        }
+        let flight = self.depart(frame)?;
+        self.flights.push_back(flight);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Option<Rendered>, BackendError> {
+        match self.flights.pop_front() {
+            Some(flight) => self.land(flight),
+            None => Ok(None),
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Models on the device: uploaded when a frame first names them, kept while the scene holds them.
+
+use std::ops::Range;
+use std::sync::{Arc, Weak};
+
+use wgpu::{Buffer, BufferUsages};
+
+use super::device::Device;
+use crate::backend::BackendError;
+use crate::model::Surfels;
+
+/// Most surfels of a block: one dispatch reaches them along one axis.
+const MOST_SURFELS: u64 = 1 << 22;
+
+/// The models that were uploaded.
+#[derive(Debug, Default)]
+pub(super) struct Models {
+    models: Vec<Model>,
+}
+
+#[derive(Debug)]
+struct Model {
+    /// Holds the address, so that no other model can get it, but not the surfels.
+    surfels: Weak<Surfels>,
+    blocks: Vec<Block>,
+}
+
+/// Some surfels of a model, in buffers that a program can reach whole.
+#[derive(Clone, Debug)]
+pub(super) struct Block {
+    /// Which surfels of the model.
+    pub surfels: Range<usize>,
+    /// Columns: positions, axes u, axes v.
+    pub geometry: Buffer,
+    /// Columns: normals, colours, then materials where the model has them.
+    pub looks: Buffer,
+}
+
+impl Models {
+    /// The blocks of `surfels`, uploaded if they are not there yet.
+    pub(super) fn blocks(&mut self, device: &Device, surfels: &Arc<Surfels>) -> Result<Vec<Block>, BackendError> {
+        self.models.retain(|model| model.surfels.strong_count() > 0);
+        if let Some(model) = self.models.iter().find(|model| model.surfels.as_ptr() == Arc::as_ptr(surfels)) {
+            return Ok(model.blocks.clone());
+        }
+        let blocks = upload(device, surfels)?;
+        self.models.push(Model { surfels: Arc::downgrade(surfels), blocks: blocks.clone() });
+        Ok(blocks)
+    }
+}
+
+fn upload(device: &Device, surfels: &Surfels) -> Result<Vec<Block>, BackendError> {
+    // 36 bytes of geometry, at most 40 of looks.
+    let most = (device.most_bytes() / 40).clamp(1, MOST_SURFELS) as usize;
+    let mut blocks = Vec::new();
+    for start in (0..surfels.len()).step_by(most) {
+        let range = start..(start + most).min(surfels.len());
+        let geometry = [&surfels.position, &surfels.axis_u, &surfels.axis_v]
+            .map(|column| bytemuck::cast_slice::<_, u8>(&column[range.clone()]));
+        let materials: Vec<[f32; 4]> = surfels
+            .material
+            .get(range.clone())
+            .unwrap_or_default()
+            .iter()
+            .map(|m| [m.ambient, m.diffuse, m.specular, m.shininess])
+            .collect();
+        let looks = [
+            bytemuck::cast_slice(&surfels.normal[range.clone()]),
+            bytemuck::cast_slice(&surfels.colour[range.clone()]),
+            bytemuck::cast_slice(&materials),
+        ];
+        blocks.push(Block {
+            surfels: range,
+            geometry: columns(device, "surfels", &geometry)?,
+            looks: columns(device, "surfels", &looks)?,
+        });
+        // What is on its way takes memory too: one block at a time.
+        device.queue.submit([]);
+        device.wait()?;
+    }
+    Ok(blocks)
+}
+
+/// A buffer of columns, one after the other.
+fn columns(device: &Device, label: &str, columns: &[&[u8]]) -> Result<Buffer, BackendError> {
+    let bytes: usize = columns.iter().map(|column| column.len()).sum();
+    let buffer = device.buffer(label, bytes as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
+    let mut at = 0;
+    for column in columns {
+        device.queue.write_buffer(&buffer, at, column);
+        at += column.len() as u64;
+    }
+    Ok(buffer)
+}

@@ -1,0 +1,252 @@
+//! Programs: WGSL, the buffers each reaches, and its pipelines.
+
+use std::collections::HashMap;
+
+use wgpu::{BindGroupLayout, BindingType, BufferBindingType, ShaderStages};
+
+use super::device::Device;
+use crate::backend::BackendError;
+
+/// Buffers that programs reach; the number is their binding in group 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Slot {
+    Geometry = 0,
+    Looks = 1,
+    Segments = 2,
+    Lights = 3,
+    Splats = 4,
+    Touched = 5,
+    Partials = 6,
+    WrittenTotals = 7,
+    Status = 8,
+    Keys = 9,
+    List = 10,
+    Wide = 11,
+    Starts = 12,
+    Histogram = 13,
+    DigitTotals = 14,
+    SortedKeys = 15,
+    SortedList = 16,
+    Thresholds = 17,
+    WrittenValues = 18,
+    Values = 19,
+    Sums = 20,
+    Film = 21,
+    Totals = 22,
+}
+
+/// A compute program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Program {
+    Project,
+    BinReduce,
+    BinScan,
+    BinEmit,
+    SortCount,
+    SortScan,
+    SortScatter,
+    BinStarts,
+    Visibility,
+    SplatValues,
+    SumAttributes,
+    Resolve,
+}
+
+/// WGSL files, one after the other.
+macro_rules! wgsl {
+    ($($file:literal),+ $(,)?) => { concat!($(include_str!(concat!("../../../shaders/", $file)), "\n"),+) };
+}
+
+const PROJECT: &str = wgsl!("common/types.wgsl", "project.wgsl");
+const BIN: &str = wgsl!("common/types.wgsl", "common/scan.wgsl", "bin.wgsl");
+const VISIBILITY: &str = wgsl!("common/types.wgsl", "common/hit.wgsl", "visibility.wgsl");
+const ATTRIBUTE: &str =
+    wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "common/hit.wgsl", "attribute.wgsl");
+const RESOLVE: &str = wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "resolve.wgsl");
+
+/// What a program only reads, and what it writes.
+type Buffers = (&'static [Slot], &'static [Slot]);
+
+impl Program {
+    #[cfg(test)]
+    pub(super) const ALL: [Self; 12] = [
+        Self::Project,
+        Self::BinReduce,
+        Self::BinScan,
+        Self::BinEmit,
+        Self::SortCount,
+        Self::SortScan,
+        Self::SortScatter,
+        Self::BinStarts,
+        Self::Visibility,
+        Self::SplatValues,
+        Self::SumAttributes,
+        Self::Resolve,
+    ];
+
+    pub(super) const fn wgsl(self) -> &'static str {
+        match self {
+            Self::Project => PROJECT,
+            Self::BinReduce
+            | Self::BinScan
+            | Self::BinEmit
+            | Self::BinStarts
+            | Self::SortCount
+            | Self::SortScan
+            | Self::SortScatter => BIN,
+            Self::Visibility => VISIBILITY,
+            Self::SplatValues | Self::SumAttributes => ATTRIBUTE,
+            Self::Resolve => RESOLVE,
+        }
+    }
+
+    pub(super) const fn entry(self) -> &'static str {
+        match self {
+            Self::Project => "project",
+            Self::BinReduce => "bin_reduce",
+            Self::BinScan => "bin_scan",
+            Self::BinEmit => "bin_emit",
+            Self::SortCount => "sort_count",
+            Self::SortScan => "sort_scan",
+            Self::SortScatter => "sort_scatter",
+            Self::BinStarts => "bin_starts",
+            Self::Visibility => "visibility",
+            Self::SplatValues => "splat_values",
+            Self::SumAttributes => "sum_attributes",
+            Self::Resolve => "resolve",
+        }
+    }
+
+    pub(super) const fn buffers(self) -> Buffers {
+        use Slot::{
+            DigitTotals, Film, Geometry, Histogram, Keys, Lights, List, Looks, Partials, Segments, SortedKeys,
+            SortedList, Splats, Starts, Status, Sums, Thresholds, Totals, Touched, Values, Wide, WrittenTotals,
+            WrittenValues,
+        };
+        match self {
+            Self::Project => (&[Geometry], &[Splats, Touched]),
+            Self::BinReduce => (&[Touched], &[Partials]),
+            Self::BinScan => (&[], &[Partials, WrittenTotals, Status]),
+            Self::BinEmit => (&[Splats, Touched, Totals], &[Partials, Keys, List, Wide]),
+            Self::SortCount => (&[Totals, SortedKeys], &[Histogram]),
+            Self::SortScan => (&[Totals], &[Histogram, DigitTotals]),
+            Self::SortScatter => (&[Totals, SortedKeys, SortedList], &[Histogram, DigitTotals, Keys, List]),
+            Self::BinStarts => (&[Totals, SortedKeys], &[Starts]),
+            Self::Visibility => (&[Segments, Splats, List, Wide, Starts], &[Thresholds]),
+            Self::SplatValues => (&[Geometry, Looks, Lights, Splats, Touched], &[WrittenValues]),
+            Self::SumAttributes => (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums]),
+            Self::Resolve => (&[Lights, Thresholds, Sums], &[Film]),
+        }
+    }
+
+    /// The part of the buffer that a uniform is, for those that have a segment.
+    pub(super) const fn has_segment(self) -> bool {
+        matches!(self, Self::Project | Self::SplatValues)
+    }
+}
+
+/// Values of a program's `override` constants.
+pub(super) type Constants = Vec<(&'static str, u32)>;
+
+/// Pipelines, made when they are first wanted.
+#[derive(Debug, Default)]
+pub(super) struct Pipelines {
+    modules: HashMap<String, wgpu::ShaderModule>,
+    layouts: HashMap<Program, Layouts>,
+    made: HashMap<(Program, Constants), wgpu::ComputePipeline>,
+    /// Text to be replaced in all programs, for tests that want other ones.
+    #[cfg(test)]
+    replaced: &'static [(&'static str, &'static str)],
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct Layouts {
+    /// View and, where the program has one, segment.
+    pub uniforms: BindGroupLayout,
+    pub buffers: BindGroupLayout,
+}
+
+impl Pipelines {
+    /// With the second of each pair in place of the first in each program, once.
+    #[cfg(test)]
+    pub(super) fn with(replaced: &'static [(&'static str, &'static str)]) -> Self {
+        Self { replaced, ..Self::default() }
+    }
+
+    /// The layouts of a program's two bind groups.
+    pub(super) fn layouts(&mut self, device: &Device, program: Program) -> &Layouts {
+        self.layouts.entry(program).or_insert_with(|| layouts(device, program))
+    }
+
+    #[cfg(not(test))]
+    #[allow(clippy::unused_self, reason = "tests keep what they replace")]
+    fn source(&self, program: Program) -> String {
+        program.wgsl().to_owned()
+    }
+
+    #[cfg(test)]
+    fn source(&self, program: Program) -> String {
+        self.replaced.iter().fold(program.wgsl().to_owned(), |source, (from, to)| source.replacen(from, to, 1))
+    }
+
+    pub(super) fn get(
+        &mut self,
+        device: &Device,
+        program: Program,
+        constants: &Constants,
+    ) -> Result<wgpu::ComputePipeline, BackendError> {
+        let key = (program, constants.clone());
+        if let Some(pipeline) = self.made.get(&key) {
+            return Ok(pipeline.clone());
+        }
+        let layouts = self.layouts(device, program).clone();
+        let scope = device.handle.push_error_scope(wgpu::ErrorFilter::Validation);
+        let source = self.source(program);
+        let module = self.modules.entry(source.clone()).or_insert_with(|| {
+            device.handle.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(program.entry()),
+                source: wgpu::ShaderSource::Wgsl(source.into()),
+            })
+        });
+        let layout = device.handle.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(program.entry()),
+            bind_group_layouts: &[Some(&layouts.uniforms), Some(&layouts.buffers)],
+            immediate_size: 0,
+        });
+        let values: Vec<(&str, f64)> = constants.iter().map(|&(name, value)| (name, f64::from(value))).collect();
+        let pipeline = device.handle.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(program.entry()),
+            layout: Some(&layout),
+            module,
+            entry_point: Some(program.entry()),
+            compilation_options: wgpu::PipelineCompilationOptions { constants: &values, ..Default::default() },
+            cache: None,
+        });
+        match pollster::block_on(scope.pop()) {
+            Some(error) => Err(device.error(format!("program `{}`: {error}", program.entry()))),
+            None => Ok(self.made.entry(key).or_insert(pipeline).clone()),
+        }
+    }
+}
+
+fn layouts(device: &Device, program: Program) -> Layouts {
+    let entry = |binding: u32, ty: BufferBindingType, has_dynamic_offset: bool| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: ShaderStages::COMPUTE,
+        ty: BindingType::Buffer { ty, has_dynamic_offset, min_binding_size: None },
+        count: None,
+    };
+    let make = |entries: &[wgpu::BindGroupLayoutEntry]| {
+        let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some(program.entry()), entries };
+        device.handle.create_bind_group_layout(&descriptor)
+    };
+    let uniforms = [entry(0, BufferBindingType::Uniform, true), entry(1, BufferBindingType::Uniform, true)];
+    let (read, written) = program.buffers();
+    let buffers: Vec<_> = [(read, true), (written, false)]
+        .iter()
+        .flat_map(|&(slots, read_only)| {
+            slots.iter().map(move |&slot| entry(slot as u32, BufferBindingType::Storage { read_only }, false))
+        })
+        .collect();
+    Layouts { uniforms: make(&uniforms[..if program.has_segment() { 2 } else { 1 }]), buffers: make(&buffers) }
+}

@@ -1,0 +1,193 @@
+//! How a frame is cut up: rasters into bands of tile rows, groups into waves of surfels, so that every buffer fits.
+
+use super::layout::{BLOCK, Segment, TILE, UNIFORM_STRIDE, WIDEST};
+use super::models::Block;
+use crate::backend::BackendError;
+use crate::film::FilmPlanes;
+use crate::frame::{Frame, PosedGroup};
+use crate::layout::{Channels, Splat};
+
+/// Pixels of a tile.
+const TILE_PIXELS: u64 = (TILE * TILE) as u64;
+/// Fewest slots of a wave that are worth a dispatch; their lists always fit.
+pub(super) const LEAST_SLOTS: u64 = 1 << 16;
+/// Entries of lists for each slot, to begin with.
+pub(super) const ENTRIES_PER_SLOT: u64 = 3;
+/// Bytes of an entry: tile and slot, twice, and its share of the histogram.
+const ENTRY_BYTES: u64 = 17;
+
+/// Channels of sums on the device: those of the twin, then two for groups of several samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct DeviceChannels {
+    pub shared: Channels,
+    /// Floats of a splat in `values`.
+    pub values: u32,
+    /// First of two: reach and coverage.
+    pub reach: Option<usize>,
+    pub count: usize,
+}
+
+impl DeviceChannels {
+    pub(super) fn of(frame: &Frame<'_>) -> Self {
+        let shared = Channels::of(frame);
+        let several = frame.groups.iter().any(|group| group.samples.len() > 1);
+        // The weight and depth are no values of a splat.
+        let values = shared.count - 1 - usize::from(shared.depth.is_some());
+        Self {
+            shared,
+            values: values as u32,
+            reach: several.then_some(shared.count),
+            count: shared.count + if several { 2 } else { 0 },
+        }
+    }
+}
+
+/// One raster of the frame and its place in the film.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct RasterFilm {
+    pub size: [u32; 2],
+    pub tiles: [u32; 2],
+    /// First float in the film.
+    pub start: u64,
+}
+
+/// Tile rows that are rendered together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Band {
+    pub first_row: u32,
+    pub rows: u32,
+}
+
+/// Surfels that go through the passes together.
+#[derive(Clone, Debug)]
+pub(super) struct Wave {
+    pub slots: u32,
+    /// Segments, with the object and the block of each.
+    pub segments: Vec<(Segment, usize, usize)>,
+    pub last_sample: usize,
+}
+
+/// How a frame is cut up.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Schedule {
+    /// In the order of the frame's groups.
+    pub rasters: Vec<RasterFilm>,
+    /// Bytes of the film.
+    pub film_bytes: u64,
+    /// Most tiles of a band.
+    pub band_tiles: u64,
+    /// Tile rows of a band, for each raster.
+    pub band_rows: Vec<u32>,
+    /// Most slots of a wave.
+    pub slots: u64,
+    /// Most entries of a wave's lists that may be made room for.
+    pub most_entries: u64,
+}
+
+impl Schedule {
+    /// `most_bytes`: of what a program can reach of a buffer.
+    pub(super) fn new(
+        frame: &Frame<'_>,
+        channels: &DeviceChannels,
+        planes: &FilmPlanes,
+        most_bytes: u64,
+    ) -> Result<Self, BackendError> {
+        let (mut rasters, mut film_floats) = (Vec::new(), 0);
+        for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
+            let size = groups[0].raster.size;
+            let tiles = size.map(|pixels| pixels.div_ceil(TILE));
+            rasters.push(RasterFilm { size, tiles, start: film_floats });
+            film_floats += u64::from(tiles[0]) * u64::from(tiles[1]) * TILE_PIXELS * planes.count as u64;
+        }
+        let film_bytes = 4 * film_floats;
+        let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
+        // The film, its copy for the host, and the picture.
+        let film = 2 * film_bytes + 4 * pixels * planes.count as u64;
+        let tile_bytes = 4 * TILE_PIXELS * (1 + channels.count as u64) + 4;
+        let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
+        let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
+        let slot_bytes = (size_of::<Splat>() + 8) as u64 + 4 * u64::from(channels.values) + 8 / u64::from(BLOCK);
+        let least_wave = LEAST_SLOTS * (slot_bytes + u64::from(WIDEST) * ENTRY_BYTES);
+
+        let needed = frame.model_bytes + film + widest * tile_bytes + least_wave;
+        if needed > frame.memory {
+            let [width, height] = frame.size;
+            return Err(BackendError::Memory {
+                width,
+                height,
+                models: frame.model_bytes,
+                needed,
+                allowed: frame.memory,
+            });
+        }
+        let left = frame.memory - frame.model_bytes - film;
+        let reach = most_bytes / (4 * TILE_PIXELS * channels.count.max(planes.count) as u64);
+        let band_tiles = reach.min((left - least_wave) / 2 / tile_bytes).max(widest).min(widest * tallest);
+        let band_rows = rasters
+            .iter()
+            .map(|raster| {
+                (band_tiles / u64::from(raster.tiles[0].max(1))).clamp(1, u64::from(raster.tiles[1].max(1))) as u32
+            })
+            .collect();
+        let left = left - band_tiles * tile_bytes;
+        let samples = frame.groups.iter().map(|group| group.samples.len()).max().unwrap_or(1) as u64;
+        let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
+        let reach = most_bytes / (size_of::<Splat>() as u64).max(4 * u64::from(channels.values));
+        let fit = left / (slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES);
+        let slots = (samples * surfels).min(fit).max(LEAST_SLOTS).min(reach);
+        let most_entries = ((left.saturating_sub(slots * slot_bytes)) / ENTRY_BYTES)
+            .max(LEAST_SLOTS * u64::from(WIDEST))
+            .min(most_bytes / 4)
+            .min(65_535 * u64::from(BLOCK));
+        Ok(Self { rasters, film_bytes, band_tiles, band_rows, slots, most_entries })
+    }
+
+    /// The bands of raster `index`.
+    pub(super) fn bands(&self, index: usize) -> impl Iterator<Item = Band> + use<> {
+        let (all, step) = (self.rasters[index].tiles[1], self.band_rows[index]);
+        let some = if self.rasters[index].tiles[0] == 0 { 0 } else { all };
+        (0..some).step_by(step as usize).map(move |first_row| Band { first_row, rows: step.min(all - first_row) })
+    }
+
+    /// The surfels of `group` in waves; `blocks` are those of each object.
+    pub(super) fn waves(&self, frame: &Frame<'_>, group: &PosedGroup, blocks: &[Vec<Block>]) -> Vec<Wave> {
+        let most = self.slots as usize;
+        let total: f32 = group.samples.iter().map(|sample| sample.weight).sum();
+        let mut waves: Vec<Wave> = Vec::new();
+        let mut index = 0;
+        for (sample, posed) in group.samples.iter().enumerate() {
+            let share = if total > 0.0 { posed.weight / total } else { 1.0 };
+            for (object, pose) in posed.objects.iter().enumerate().filter(|(_, pose)| pose.visible) {
+                let template = Segment::posed(pose, &frame.objects[object], sample, posed.weight, share);
+                for (number, block) in blocks[object].iter().enumerate() {
+                    let mut first = 0;
+                    while first < block.surfels.len() {
+                        if waves.last().is_none_or(|wave| wave.slots as usize >= most) {
+                            waves.push(Wave { slots: 0, segments: Vec::new(), last_sample: 0 });
+                        }
+                        let Some(wave) = waves.last_mut() else { break };
+                        let surfels = (block.surfels.len() - first).min(most - wave.slots as usize);
+                        let segment = Segment {
+                            first_slot: wave.slots,
+                            first_surfel: first as u32,
+                            surfels: surfels as u32,
+                            block: block.surfels.len() as u32,
+                            block_start: block.surfels.start as u32,
+                            index,
+                            first_light: (sample * posed.lights.len()) as u32,
+                            ..template
+                        };
+                        wave.segments.push((segment, object, number));
+                        wave.slots += surfels as u32;
+                        wave.last_sample = sample;
+                        first += surfels;
+                        index += 1;
+                    }
+                }
+            }
+        }
+        waves
+    }
+}
+
+const _: () = assert!(size_of::<Segment>() as u64 == UNIFORM_STRIDE);

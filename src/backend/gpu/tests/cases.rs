@@ -1,0 +1,186 @@
+//! Small scenes that take every branch of the passes.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use crate::film::Aov;
+use crate::math::Trs;
+use crate::model::{Material, Surfels};
+use crate::plan::{BlurMode, Interleave, Prefilter, RenderOptions, Shading};
+use crate::scene::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
+use crate::time::{Shutter, Weight};
+
+/// A scene and how it is rendered.
+pub(super) struct Case {
+    pub name: &'static str,
+    pub scene: Scene,
+    pub options: RenderOptions,
+}
+
+/// Numbers in [0, 1) that repeat.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f32 / (1_u64 << 24) as f32
+    }
+
+    fn vector(&mut self) -> Vec3 {
+        2.0 * Vec3::new(self.next(), self.next(), self.next()) - 1.0
+    }
+}
+
+/// Elliptical surfels scattered over a ball of radius 1, as dense as a surface of `n` surfels.
+pub(super) fn ball(n: usize, seed: u64, materials: bool) -> Surfels {
+    let mut random = Random(seed);
+    let mut surfels = Surfels::default();
+    while surfels.len() < n {
+        let position = random.vector();
+        if !(0.1..1.0).contains(&position.length()) {
+            continue;
+        }
+        let normal = position.normalize();
+        let u = normal.any_orthonormal_vector();
+        let size = 4.0 / (n as f32).sqrt();
+        surfels.position.push(normal);
+        surfels.axis_u.push(u * size);
+        surfels.axis_v.push(normal.cross(u) * size * (0.5 + random.next()));
+        surfels.normal.push((normal + 0.2 * random.vector()).normalize());
+        surfels.colour.push(Vec3::new(random.next(), random.next(), random.next()));
+        if materials {
+            let [ambient, diffuse, specular] = [random.next(), random.next(), random.next()];
+            surfels.material.push(Material { ambient, diffuse, specular, shininess: 40.0 * random.next() });
+        }
+    }
+    surfels
+}
+
+/// What is hard on a projection: edge-on, near and around the camera, huge, tiny, far away, not numbers.
+fn hard() -> Surfels {
+    let mut surfels = Surfels::default();
+    let mut add = |position: Vec3, u: Vec3, v: Vec3| {
+        surfels.position.push(position);
+        surfels.axis_u.push(u);
+        surfels.axis_v.push(v);
+        surfels.normal.push(u.cross(v).try_normalize().unwrap_or(Vec3::Z));
+        surfels.colour.push(Vec3::new(0.2, 0.5, 0.8));
+    };
+    let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
+    add(Vec3::ZERO, 0.1 * x, 0.1 * z); // edge-on
+    add(Vec3::ZERO, 0.1 * x, 0.1 * (z + 1e-4 * y)); // nearly
+    add(Vec3::new(0.1, 0.0, 2.98), 0.1 * x, 0.1 * y); // at the near plane
+    add(Vec3::new(0.0, -0.1, 2.9), 0.5 * z, 0.3 * x); // through the camera's plane
+    add(Vec3::new(0.0, 0.2, 3.5), 0.5 * z, 0.3 * x); // behind, but reaching
+    add(Vec3::new(0.0, 0.0, 9.0), 0.1 * x, 0.1 * y); // behind
+    add(Vec3::new(0.0, 0.0, -4.0), 9.0 * x, 9.0 * y); // the whole image
+    add(Vec3::new(0.0, 0.0, -5.0), 1e6 * x, 1e6 * y);
+    add(Vec3::new(0.0, -2.0, -1e3), 1e4 * x, 1e4 * (y + z));
+    add(Vec3::new(1e6, 0.0, -1.0), 0.1 * x, 0.1 * y); // off the image
+    add(Vec3::new(0.3, 0.3, 0.0), 1e-4 * x, 1e-4 * y); // below a pixel
+    add(Vec3::new(0.4, 0.3, 0.0), 1e-20 * x, 1e-20 * y);
+    add(Vec3::new(f32::NAN, 0.0, 0.0), 0.1 * x, 0.1 * y);
+    add(Vec3::ZERO, Vec3::new(f32::INFINITY, 0.0, 0.0), 0.1 * y);
+    add(Vec3::new(0.0, f32::INFINITY, 0.0), 0.1 * x, 0.1 * y);
+    add(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
+    add(Vec3::new(-0.4, 0.1, 0.0), 0.2 * x, -0.2 * y); // from behind
+    surfels
+}
+
+fn object(model: Surfels, at: DVec3) -> Object {
+    Object {
+        name: "object".into(),
+        model_path: "made in code".into(),
+        radius_scale: 1.0,
+        colour_space: None,
+        transform: Trs { translate: at, ..Trs::default() },
+        animation: None,
+        motions: Vec::new(),
+        place: Trs::default(),
+        material: None,
+        epsilon: None,
+        blur: true,
+        two_sided: false,
+        median_radius: model.median_radius(),
+        bounds: model.bounds(),
+        sphere: None,
+        model: Arc::new(model),
+    }
+}
+
+fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
+    let eye = DVec3::new(0.0, 0.0, 3.0);
+    Scene {
+        name: "test".into(),
+        image: ImageSettings { width: size[0], height: size[1], ..Default::default() },
+        frames: FrameRange { first: 0, last: 0, rate: 24.0 },
+        shutter: Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 } },
+        camera: Camera {
+            eye,
+            at: eye - DVec3::Z,
+            up: DVec3::Y,
+            fovy: 40_f64.to_radians(),
+            near: 0.01,
+            animation: None,
+            automatic: false,
+        },
+        lights: vec![
+            Light::Directional { direction: DVec3::new(-0.5, -1.0, -0.8).normalize(), colour: DVec3::splat(0.9) },
+            Light::Ambient { colour: DVec3::new(0.3, 0.2, 0.4) },
+            Light::Point { position: DVec3::new(1.0, 0.5, 2.0), colour: DVec3::new(0.1, 0.4, 0.2) },
+        ],
+        objects,
+    }
+}
+
+/// Two moving balls, one mirrored and seen from both sides, with materials of their own.
+fn two_balls(size: [u32; 2]) -> Scene {
+    let mut first = object(ball(900, 1, true), DVec3::new(-0.3, 0.0, -1.0));
+    first.motions = vec![
+        Motion::Rotation { axis: DVec3::Y, per_frame: 0.7, centre: DVec3::ZERO },
+        Motion::Linear { velocity: DVec3::new(0.3, 0.1, 0.2) },
+    ];
+    let mut second = object(ball(300, 2, false), DVec3::new(0.5, 0.2, -0.6));
+    second.transform.scale = DVec3::new(-0.5, 0.7, 0.4);
+    second.two_sided = true;
+    second.epsilon = Some(0.0);
+    scene(vec![first, second], size)
+}
+
+/// All cases.
+pub(super) fn all() -> Vec<Case> {
+    let options = |mode| RenderOptions { mode, aovs: Aov::ALL.to_vec(), ..RenderOptions::default() };
+    let bucket = |interleave| BlurMode::Bucket { buckets: 2, samples: 3, pixel_samples: 2, interleave };
+    let mut mirrored = two_balls([70, 45]);
+    mirrored.objects[1].two_sided = false;
+    let mut seen_twice = scene(vec![object(hard(), DVec3::ZERO)], [150, 140]);
+    seen_twice.objects[0].two_sided = true;
+    let case = |name, scene, options| Case { name, scene, options };
+    vec![
+        case("supersample", two_balls([70, 45]), options(BlurMode::supersample(2))),
+        case("bucket", two_balls([70, 45]), options(bucket(Interleave::None))),
+        case("interleaved", mirrored.clone(), options(bucket(Interleave::Two))),
+        case(
+            "gouraud",
+            two_balls([70, 45]),
+            RenderOptions { shading: Shading::Gouraud, aovs: Vec::new(), ..options(BlurMode::supersample(2)) },
+        ),
+        case(
+            "plain",
+            mirrored,
+            RenderOptions { prefilter: Prefilter::None, aovs: Vec::new(), ..options(BlurMode::supersample(2)) },
+        ),
+        case("hard", scene(vec![object(hard(), DVec3::ZERO)], [150, 140]), options(BlurMode::supersample(2))),
+        case("hard, two-sided", seen_twice, options(bucket(Interleave::None))),
+        case("one pixel", two_balls([1, 1]), options(BlurMode::supersample(1))),
+    ]
+}
+
+/// Few splats, each on dozens of tiles.
+pub(super) fn large_splats() -> Case {
+    let mut scene = scene(vec![object(ball(100, 3, false), DVec3::ZERO)], [256, 256]);
+    scene.objects[0].two_sided = true;
+    let options = RenderOptions { mode: BlurMode::supersample(1), ..RenderOptions::default() };
+    Case { name: "large splats", scene, options }
+}

@@ -1,0 +1,46 @@
+//! Buffers that are too small: lists are grown, work is split, and the picture stays the same to the bit.
+
+use super::cases;
+use super::gpu_or_skip;
+use crate::backend::gpu::Gpu;
+use crate::film::Picture;
+use crate::render::render_frame;
+
+fn picture(gpu: &mut Gpu, case: &cases::Case) -> Picture {
+    render_frame(gpu, &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}")).picture
+}
+
+#[test]
+fn small_buffers_change_nothing() {
+    let open = || gpu_or_skip("small_buffers_change_nothing");
+    let Some(mut roomy) = open() else { return };
+    let (Some(mut waves), Some(mut bands)) = (open(), open()) else { return };
+    for case in cases::all() {
+        let want = picture(&mut roomy, &case);
+
+        // Lists outgrow their buffers, which are grown.
+        let Some(mut small) = open() else { return };
+        small.first_entries = 1;
+        assert_eq!(picture(&mut small, &case), want, "{}: lists of one entry", case.name);
+        assert_eq!(picture(&mut small, &case), want, "{}: again", case.name);
+
+        // Surfels pass in many waves.
+        waves.most_slots = 100;
+        assert_eq!(picture(&mut waves, &case), want, "{}: waves of 100", case.name);
+
+        // No program reaches more than a few tiles.
+        bands.most_bytes = 160 << 10;
+        assert_eq!(picture(&mut bands, &case), want, "{}: bindings of 160 KiB", case.name);
+    }
+}
+
+#[test]
+fn lists_that_cannot_grow_split_the_waves() {
+    let open = || gpu_or_skip("lists_that_cannot_grow_split_the_waves");
+    let (Some(mut roomy), Some(mut gpu)) = (open(), open()) else { return };
+    let case = cases::large_splats();
+    let want = picture(&mut roomy, &case);
+    gpu.most_entries = 300;
+    assert_eq!(picture(&mut gpu, &case), want);
+    assert!(gpu.most_slots < u64::MAX, "no wave was split");
+}

@@ -1,0 +1,133 @@
+//! Programs are valid, and structs lie where the host puts them.
+
+use std::collections::BTreeSet;
+use std::mem::offset_of;
+
+use naga::front::wgsl;
+use naga::proc::Layouter;
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{AddressSpace, Module, StorageAccess, TypeInner};
+
+use crate::backend::gpu::layout::{BLOCK, DIGIT_BITS, Light, Segment, Status, TILE, View, WIDEST};
+use crate::backend::gpu::programs::Program;
+use crate::layout::Splat;
+
+fn module(program: Program) -> Module {
+    wgsl::parse_str(program.wgsl()).unwrap_or_else(|e| panic!("{}", e.emit_to_string(program.wgsl())))
+}
+
+#[test]
+fn programs_are_valid() {
+    for program in Program::ALL {
+        let module = module(program);
+        let valid = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
+        let info = valid.unwrap_or_else(|e| panic!("{}: {e:?}", program.entry()));
+        // The table names what the program reaches, and no more.
+        let index = module.entry_points.iter().position(|entry| entry.name == program.entry()).unwrap();
+        let uses = info.get_entry_point(index);
+        let (read, written) = program.buffers();
+        let mut reached = BTreeSet::new();
+        for (handle, global) in module.global_variables.iter() {
+            let Some(binding) = &global.binding else { continue };
+            if binding.group == 1 && !uses[handle].is_empty() {
+                let AddressSpace::Storage { access } = global.space else { panic!("{:?}", global.name) };
+                reached.insert((binding.binding, access.contains(StorageAccess::STORE)));
+            }
+        }
+        let table =
+            read.iter().map(|&slot| (slot as u32, false)).chain(written.iter().map(|&slot| (slot as u32, true)));
+        assert_eq!(reached, table.collect(), "{}", program.entry());
+        assert!(reached.len() <= 8, "{}: more buffers than every device has", program.entry());
+    }
+}
+
+/// Name and offset of each member, and the size.
+fn layout(module: &Module, name: &str) -> (Vec<(String, usize)>, usize) {
+    let mut layouter = Layouter::default();
+    layouter.update(module.to_ctx()).unwrap();
+    let (handle, ty) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).unwrap();
+    let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no struct") };
+    assert_eq!(layouter[handle].to_stride(), *span);
+    (members.iter().map(|m| (m.name.clone().unwrap(), m.offset as usize)).collect(), *span as usize)
+}
+
+macro_rules! assert_same_layout {
+    ($module:expr, $ty:ident { $($field:ident),+ $(,)? }) => {
+        let rust = vec![$((stringify!($field).to_owned(), offset_of!($ty, $field))),+];
+        assert_eq!(layout(&$module, stringify!($ty)), (rust, size_of::<$ty>()));
+    };
+}
+
+#[test]
+fn structs_lie_where_the_host_puts_them() {
+    let module = module(Program::SumAttributes);
+    assert_same_layout!(module, Splat { reference, inverse_depth, u, v, centre_depth, bounds, surfel, flags });
+    assert_same_layout!(
+        module,
+        View {
+            axis,
+            offset,
+            pixels,
+            tiles,
+            first_tile_row,
+            slots,
+            near,
+            most_inverse_depth,
+            low_pass,
+            low_pass_scale,
+            focal,
+            stride,
+            weight,
+            entry_capacity,
+            camera,
+            material,
+            first_light,
+            lights,
+            resumes,
+            first_sample,
+            first_weight,
+            last_sample,
+            last_weight,
+            unused
+        }
+    );
+    assert_same_layout!(
+        module,
+        Segment {
+            screen,
+            rate,
+            normal,
+            world,
+            material,
+            epsilon,
+            handedness,
+            weight,
+            share,
+            first_slot,
+            first_surfel,
+            surfels,
+            block,
+            block_start,
+            index,
+            first_light,
+            flags
+        }
+    );
+    assert_same_layout!(module, Light { vector, colour });
+    let module = self::module(Program::BinScan);
+    assert_same_layout!(module, Status { most_entries, splats_low, splats_high });
+}
+
+#[test]
+fn constants_are_the_hosts() {
+    let bin = Program::BinScan.wgsl();
+    for line in [
+        format!("const TILE: u32 = {TILE}u;"),
+        format!("const TILE_PIXELS: u32 = {}u;", TILE * TILE),
+        format!("const WIDEST: u32 = {WIDEST}u;"),
+        format!("const BLOCK: u32 = {BLOCK}u;"),
+        format!("const DIGITS: u32 = {}u;", 1 << DIGIT_BITS),
+    ] {
+        assert!(bin.contains(&line), "{line}");
+    }
+}
