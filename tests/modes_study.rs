@@ -12,7 +12,9 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::compare::{flip, gamma_rmse};
 use splatblur::film::Picture;
 use splatblur::image::{self, Format};
-use splatblur::plan::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading};
+use splatblur::plan::{
+    BlurMode, Interleave, KernelShape, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel,
+};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::render::render_frame;
 use splatblur::scene::{LoadOptions, Scene, load};
@@ -71,6 +73,13 @@ fn table(scene: &Scene, frame: i64) {
     for (buckets, samples) in [(1, 32), (2, 8), (4, 4), (8, 2), (8, 4), (16, 2)] {
         for interleave in [Interleave::None, Interleave::Two] {
             row(scene, frame, &truth, BlurMode::Bucket { buckets, samples, pixel_samples: 1, interleave });
+        }
+    }
+    let ellipsoid = SweptKernel { shape: KernelShape::Ellipsoid, ..SweptKernel::default() };
+    let once = SweptKernel { normalise: Normalise::Once, ..SweptKernel::default() };
+    for intervals in [1, 2, 3, 5, 10, 20] {
+        for swept in [SweptKernel::default(), ellipsoid, once, SweptKernel::PUBLISHED] {
+            row(scene, frame, &truth, BlurMode::Volumetric { intervals, pixel_samples: 1, swept });
         }
     }
 }
