@@ -93,6 +93,8 @@ pub struct FilmPlanes {
     pub normal: Option<usize>,
     /// First of two planes of velocity.
     pub velocity: Option<usize>,
+    /// Plane of the sum of weights, where colours are divided by them at the end.
+    pub weight: Option<usize>,
 }
 
 impl FilmPlanes {
@@ -106,7 +108,12 @@ impl FilmPlanes {
             })
         };
         let (depth, normal, velocity) = (take(Aov::Depth), take(Aov::Normal), take(Aov::Velocity));
-        Self { count, depth, normal, velocity }
+        Self { count, depth, normal, velocity, weight: None }
+    }
+
+    /// With a plane for the sum of weights.
+    pub const fn pooled(self) -> Self {
+        Self { count: self.count + 1, weight: Some(self.count), ..self }
     }
 
     /// First plane of an AOV that is wanted; alpha shares the film's own.

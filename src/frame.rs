@@ -8,8 +8,8 @@ use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
 
 use crate::film::{Aov, Background};
 use crate::model::{Material, Surfels};
-use crate::plan::{Pass, Plan, Prefilter, RenderOptions, Shading};
-use crate::pose::{ObjectPose, camera_from_world, object_pose, object_velocity};
+use crate::plan::{BlurMode, Interval, Pass, Plan, Prefilter, RenderOptions, Shading, SweptKernel, TimeSample};
+use crate::pose::{ObjectPose, camera_from_world, jumps, object_pose, object_velocity};
 use crate::scene::{Light, Object, Scene};
 use crate::shading::ShadingLight;
 
@@ -36,6 +36,8 @@ pub struct Frame<'a> {
     pub model_bytes: u64,
     /// Stages of each group, in order.
     pub passes: &'static [Pass],
+    /// What kernels in motion sweep, where there are any.
+    pub swept: Option<SweptKernel>,
     /// Objects that can be seen at some sample, in document order.
     pub objects: Vec<FrameObject<'a>>,
     /// Groups in the order in which they are added to the film; those of one raster stand together.
@@ -95,6 +97,20 @@ pub struct PosedGroup {
     pub samples: Vec<PosedSample>,
     /// The pixels that it is rendered for.
     pub raster: Raster,
+    /// The interval that its one sample stands for.
+    pub interval: Option<PosedInterval>,
+}
+
+/// An interval of the exposure, for kernels in motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PosedInterval {
+    /// Share of the exposure of each 32nd of the interval.
+    pub moments: [f32; 32],
+    /// Change of the time weight from the middle of the interval to its end, over its mean; in [-1, 1].
+    pub slope: f32,
+    /// Pixels by which anything moves on the raster from the middle of the interval to an end: how far beyond the raster a kernel's
+    /// source may lie. Half the raster's longer side at the most.
+    pub guard: u32,
 }
 
 /// The scene at one time sample.
@@ -122,6 +138,16 @@ pub struct PosedObject {
     pub screen_from_model: Mat3,
     /// Screen-space position of the model's origin.
     pub screen_origin: Vec3,
+    /// The same for surfels' centres: over an interval, the mean of the poses at its ends; else `screen_from_model`.
+    pub centre_from_model: Mat3,
+    /// Screen-space position of the model's origin, likewise.
+    pub centre_origin: Vec3,
+    /// Half the difference of the poses at the interval's ends, linear part; else 0.
+    pub motion_from_model: Mat3,
+    /// Motion of the model's origin, likewise.
+    pub motion_origin: Vec3,
+    /// True where the centres' pose is not the axes' own.
+    pub moves: bool,
     /// The eye in model space, relative to the model's origin.
     pub eye: Vec3,
     /// Time derivative of `screen_from_model`, per shutter; zero unless the velocity AOV is wanted.
@@ -143,16 +169,27 @@ pub struct PosedObject {
 impl<'a> Frame<'a> {
     /// Poses `scene` at every time sample of frame `number`.
     pub fn new(scene: &'a Scene, number: i64, options: &'a RenderOptions) -> Self {
-        let plan = Plan::new(options.mode, options.filter, options.seed, &scene.shutter, number as f64);
+        let swept = match options.mode {
+            BlurMode::Volumetric { swept, .. } => Some(swept),
+            BlurMode::Still { .. } | BlurMode::Supersample { .. } | BlurMode::Bucket { .. } => None,
+        };
+        let jumps = swept.map_or_else(Vec::new, |_| {
+            let at = |t: f64| scene.shutter.frame_time(number as f64, t);
+            jumps(scene, at(0.0), at(1.0))
+        });
+        let plan = Plan::new(options.mode, options.filter, options.seed, &scene.shutter, number as f64, &jumps);
         let size = [scene.image.width, scene.image.height];
         let focal = 0.5 * f64::from(size[1]) / libm::tan(0.5 * scene.camera.fovy);
         let poser = Poser { scene, number: number as f64, focal: focal / f64::from(plan.stride), options };
         let groups = plan
             .groups
             .iter()
-            .map(|group| PosedGroup {
-                samples: group.samples.iter().map(|sample| poser.sample(sample.time, sample.weight)).collect(),
-                raster: Raster::new(size, focal, plan.stride, group.phase, group.offset),
+            .map(|group| {
+                let raster = Raster::new(size, focal, plan.stride, group.phase, group.offset);
+                let pose = |sample: &TimeSample| poser.sample(sample.time, sample.weight, group.interval.as_ref());
+                let samples: Vec<PosedSample> = group.samples.iter().map(pose).collect();
+                let interval = group.interval.map(|interval| poser.interval(&interval, &samples, raster.size));
+                PosedGroup { samples, raster, interval }
             })
             .collect();
         Self {
@@ -160,12 +197,14 @@ impl<'a> Frame<'a> {
             stride: plan.stride,
             near: scene.camera.near as f32,
             prefilter: options.prefilter,
-            shading: options.shading,
+            // Normals are not averaged over time (thesis fig. 4.4).
+            shading: if swept.is_some() { Shading::Gouraud } else { options.shading },
             aovs: &options.aovs,
             background: Background { colour: scene.image.background, transparent: scene.image.transparent },
             memory: options.memory,
             model_bytes: model_bytes(scene),
             passes: plan.passes,
+            swept,
             objects: scene.objects.iter().map(|object| frame_object(object, options)).collect(),
             groups,
         }
@@ -206,7 +245,7 @@ struct Poser<'a> {
 }
 
 impl Poser<'_> {
-    fn sample(&self, time: f64, weight: f64) -> PosedSample {
+    fn sample(&self, time: f64, weight: f64, interval: Option<&Interval>) -> PosedSample {
         let camera = camera_from_world(self.scene, time);
         let world_from_camera = DMat3::from_mat4(camera).transpose();
         let eye = -(world_from_camera * camera.w_axis.truncate());
@@ -214,11 +253,48 @@ impl Poser<'_> {
             weight: weight as f32,
             world_from_camera: world_from_camera.as_mat3(),
             lights: self.scene.lights.iter().map(|light| shading_light(light, eye)).collect(),
-            objects: self.scene.objects.iter().map(|object| self.object(object, time, &camera)).collect(),
+            objects: self.scene.objects.iter().map(|object| self.object(object, time, &camera, interval)).collect(),
         }
     }
 
-    fn object(&self, object: &Object, time: f64, camera: &DMat4) -> PosedObject {
+    /// Camera-from-model transform (the model relative to its origin) at scene time `time`.
+    fn camera_from_model(&self, object: &Object, time: f64) -> DMat4 {
+        camera_from_world(self.scene, time)
+            * object_pose(self.scene, object, time).world_from_model
+            * DMat4::from_translation(object.model.origin)
+    }
+
+    /// An interval whose one sample is `samples`, on a raster of `size`.
+    fn interval(&self, interval: &Interval, samples: &[PosedSample], size: [u32; 2]) -> PosedInterval {
+        let half = |range: std::ops::Range<usize>| interval.moments[range].iter().sum::<f64>();
+        let (early, late) = (half(0..16), half(16..32));
+        // The linear weight 1 + s tau has (1 + s/2)/2 of its integral in the later half.
+        let slope = if early + late > 0.0 { (2.0 * (late - early) / (early + late)).clamp(-1.0, 1.0) } else { 0.0 };
+        let most = f64::from(size[0].max(size[1]) / 2);
+        let near = self.scene.camera.near;
+        let posed = samples.iter().flat_map(|sample| self.scene.objects.iter().zip(&sample.objects));
+        let drifts = posed
+            .filter(|(object, posed)| posed.visible && posed.moves && !object.bounds.is_empty())
+            .flat_map(|(object, posed)| {
+                object.bounds.corners().map(|corner| {
+                    let p = (corner - object.model.origin).as_vec3();
+                    let centre = (posed.centre_from_model * p + posed.centre_origin).as_dvec3();
+                    let motion = (posed.motion_from_model * p + posed.motion_origin).as_dvec3();
+                    let (from, to) = (centre - motion, centre + motion);
+                    if from.z.min(to.z) < near {
+                        return most;
+                    }
+                    let on_raster = |p: DVec3| p.truncate() / p.z;
+                    let drift = |end: DVec3| (on_raster(end) - on_raster(centre)).abs().max_element();
+                    drift(from).max(drift(to))
+                })
+            });
+        let largest = drifts.fold(0.0, |a: f64, b| if b.is_nan() { most } else { a.max(b) });
+        let guard = if largest > 0.0 { (largest + 2.0).ceil().min(most) as u32 } else { 0 };
+        PosedInterval { moments: interval.moments.map(|share| share as f32), slope: slope as f32, guard }
+    }
+
+    fn object(&self, object: &Object, time: f64, camera: &DMat4, interval: Option<&Interval>) -> PosedObject {
         // blur="false": object and camera are posed at the frame number (design section 2).
         let (time, camera) =
             if object.blur { (time, *camera) } else { (self.number, camera_from_world(self.scene, self.number)) };
@@ -226,6 +302,12 @@ impl Poser<'_> {
         let to_origin = DMat4::from_translation(object.model.origin);
         let camera_from_model = camera * world_from_model * to_origin;
         let screen = self.screen(&camera_from_model);
+        // The chord that surfels travel over an interval, as mean and half difference of its ends.
+        let (centre, motion) =
+            interval.filter(|_| object.blur).map_or((screen, (DMat3::ZERO, DVec3::ZERO)), |interval| {
+                let [from, to] = interval.ends.map(|time| self.camera_from_model(object, time));
+                (self.screen(&((from + to) * 0.5)), self.screen(&((to - from) * 0.5)))
+            });
         let linear = DMat3::from_mat4(world_from_model);
         let det = linear.determinant();
         let (rate, origin_rate) = if self.options.aovs.contains(&Aov::Velocity) && object.blur {
@@ -245,6 +327,11 @@ impl Poser<'_> {
             visible: visible && det != 0.0,
             screen_from_model: screen.0.as_mat3(),
             screen_origin: screen.1.as_vec3(),
+            centre_from_model: centre.0.as_mat3(),
+            centre_origin: centre.1.as_vec3(),
+            motion_from_model: motion.0.as_mat3(),
+            motion_origin: motion.1.as_vec3(),
+            moves: motion != (DMat3::ZERO, DVec3::ZERO),
             eye: -(screen.0.inverse() * screen.1).as_vec3(),
             screen_rate: rate.as_mat3(),
             screen_origin_rate: origin_rate.as_vec3(),

@@ -35,8 +35,46 @@ pub struct Splat {
     pub flags: u32,
 }
 
+/// A surfel's kernel in motion over an interval, tau in [-1, 1], projected (docs/math.md, section 7).
+///
+/// With (x, y) counted from `reference` as in [`Splat`] and w = i.(x, y, 1): on the ray through a sample position the kernel is met at
+/// tangent-plane coordinates u(tau) = (u.(x, y, 1) + tau u_rate.(x, y, 1)) / w, v likewise, and at depth (1 + k tau) / w with
+/// k = i.motion: all linear in tau. It is met only where w > 0.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct SweptSplat {
+    /// Where x and y are counted from, minus the sub-pixel offset, pixels: the projected centre at tau = 0 of an ordinary splat,
+    /// the camera's axis for one that reaches the camera plane.
+    pub reference: [f32; 2],
+    /// Inverse depth at tau = 0: coefficients of x, y and 1.
+    pub inverse_depth: [f32; 3],
+    /// u times inverse depth at tau = 0.
+    pub u: [f32; 3],
+    /// v times inverse depth at tau = 0.
+    pub v: [f32; 3],
+    /// Change of u times inverse depth to tau = 1.
+    pub u_rate: [f32; 3],
+    /// Change of v times inverse depth to tau = 1.
+    pub v_rate: [f32; 3],
+    /// Motion from tau = 0 to 1 in screen space, sheared so that `reference` is its axis: x and y times depth, depth.
+    pub motion: [f32; 3],
+    /// Pixel columns (first, last) and rows between which the kernel lies at tau = -1 and at tau = 1, not rounded; at other times
+    /// they are what lies between.
+    pub ends: [[f32; 4]; 2],
+    /// First and last pixel column, then first and last row, that the kernel may touch.
+    pub bounds: [u16; 4],
+    /// Index of the surfel in its model.
+    pub surfel: u32,
+    /// [`FLAG_BACK`], [`FLAG_LOW_PASS`], [`FLAG_CROSSING`].
+    pub flags: u32,
+}
+
 /// The splat shows its back.
 pub const FLAG_BACK: u32 = 1;
+/// The low-pass disc around `reference` exists.
+pub const FLAG_LOW_PASS: u32 = 2;
+/// The kernel reaches the camera plane: `ends` mean nothing.
+pub const FLAG_CROSSING: u32 = 4;
 
 /// Which weighted sums the attribute pass keeps for each sample position, and where.
 ///
@@ -60,6 +98,11 @@ pub struct Channels {
 impl Channels {
     /// Most channels that there can be.
     pub const MOST: usize = 14;
+
+    /// The sum of weights alone.
+    pub const fn weights() -> Self {
+        Self { count: 1, normal: None, depth: None, velocity: None, material: None, uniform: None }
+    }
 
     /// What `frame` needs.
     pub fn of(frame: &Frame<'_>) -> Self {
@@ -93,5 +136,6 @@ mod tests {
     #[test]
     fn a_splat_is_a_cache_line() {
         assert_eq!(size_of::<Splat>(), 64);
+        assert_eq!(size_of::<SweptSplat>(), 128);
     }
 }

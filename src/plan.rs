@@ -33,6 +33,98 @@ pub enum BlurMode {
         /// Which pixels share their times.
         interleave: Interleave,
     },
+    /// Volumetric kernels (thesis 3.6.3, 4.1.2): one visibility test, one normalisation and one shading per interval, over which
+    /// each kernel sweeps a volume.
+    Volumetric {
+        /// Intervals of the shutter, >= 1.
+        intervals: u32,
+        /// Fewest sub-pixel positions of a pixel, >= 1: where there are fewer intervals, each is rendered at several.
+        pixel_samples: u32,
+        /// What kernels sweep, and how they add up.
+        swept: SweptKernel,
+    },
+}
+
+/// How volumetric kernels weigh and add up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SweptKernel {
+    /// The volume that a kernel sweeps.
+    pub shape: KernelShape,
+    /// Its weight on a ray.
+    pub weight: KernelWeight,
+    /// Places on the ray within a kernel whose sources are tested for visibility, >= 1 (thesis eq. C.41).
+    pub source_samples: SourceSamples,
+    /// Where temporal alpha comes from.
+    pub alpha: TemporalAlpha,
+    /// When colours are divided by weights.
+    pub normalise: Normalise,
+}
+
+/// Places on the ray within a kernel whose sources are tested for visibility, >= 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SourceSamples(pub u32);
+
+impl Default for SourceSamples {
+    fn default() -> Self {
+        Self(1)
+    }
+}
+
+impl SweptKernel {
+    /// As published in the thesis; kernels of neighbouring intervals overlap (fig. 5.2 and 6.1 show what it takes).
+    pub const PUBLISHED: Self = Self {
+        shape: KernelShape::Ellipsoid,
+        weight: KernelWeight::Chord,
+        source_samples: SourceSamples(1),
+        alpha: TemporalAlpha::Sum,
+        normalise: Normalise::Once,
+    };
+
+    /// Motion of a kernel over that of its surfel during the interval: 2 in the published variant, whose half-axis is the whole
+    /// spacing of the time samples.
+    pub fn stretch(self) -> f64 {
+        if (Self { source_samples: SourceSamples(1), ..self }) == Self::PUBLISHED { 2.0 } else { 1.0 }
+    }
+}
+
+/// The volume that a kernel sweeps over an interval.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum KernelShape {
+    /// The 2D kernel moved along: equal weight at all times (Heinzle et al. 2010).
+    #[default]
+    Tube,
+    /// 2D Gaussian times a 1D Gaussian along the motion (thesis appendix C).
+    Ellipsoid,
+}
+
+/// The weight of a kernel on a ray.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum KernelWeight {
+    /// The integral over time.
+    #[default]
+    Integral,
+    /// By the length of the ray's chord (thesis eq. 4.12); of the ellipsoid only.
+    Chord,
+}
+
+/// Where temporal alpha comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TemporalAlpha {
+    /// The times at which any kernel covers.
+    #[default]
+    Union,
+    /// The sum of all weights, clamped (thesis 4.1.2, fig. 5.3).
+    Sum,
+}
+
+/// When colours are divided by weights.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Normalise {
+    /// For each interval, before they are added up.
+    #[default]
+    Interval,
+    /// Once, at the end (thesis 4.1.2).
+    Once,
 }
 
 /// The mode as the command line's mode grammar names it: `still:16`, `supersample:8+interleave=2`, `bucket:8x4`.
@@ -51,8 +143,39 @@ impl fmt::Display for BlurMode {
                 }
                 interleave
             }
+            Self::Volumetric { intervals, pixel_samples, swept } => {
+                write!(f, "volumetric:{intervals}")?;
+                if pixel_samples > intervals {
+                    write!(f, "+pixel-samples={pixel_samples}")?;
+                }
+                return write!(f, "{swept}");
+            }
         };
         if interleaved == Interleave::None { Ok(()) } else { write!(f, "+interleave={}", interleaved.stride()) }
+    }
+}
+
+/// What differs from the defaults, as in `+kernel=ellipsoid+source-samples=4`; nothing for the defaults.
+impl fmt::Display for SweptKernel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let SourceSamples(source_samples) = self.source_samples;
+        if self.stretch() > 1.0 {
+            write!(f, "+published")?;
+        } else {
+            if self.shape == KernelShape::Ellipsoid {
+                write!(f, "+kernel=ellipsoid")?;
+            }
+            if self.weight == KernelWeight::Chord {
+                write!(f, "+kernel-weight=chord")?;
+            }
+            if self.alpha == TemporalAlpha::Sum {
+                write!(f, "+alpha=sum")?;
+            }
+            if self.normalise == Normalise::Once {
+                write!(f, "+normalise=once")?;
+            }
+        }
+        if source_samples == 1 { Ok(()) } else { write!(f, "+source-samples={source_samples}") }
     }
 }
 
@@ -179,6 +302,16 @@ pub enum Pass {
     Attribute,
     /// Normalise, shade, add to the film with the time weight.
     Resolve,
+    /// Sum of the weights of the splats that pass the depth test, per pixel.
+    Density,
+    /// What was found so far goes into a map of all pixels and a guard band around them.
+    Keep,
+    /// Surfels to kernels in motion over the group's interval, and those to per-tile lists, in global surfel order.
+    Sweep,
+    /// Weighted sums of the attributes of the kernels whose source on the map is visible, and when they cover.
+    SweptAttribute,
+    /// When they cover becomes coverage; then as `Resolve`, or pooled with the other intervals.
+    SweptResolve,
 }
 
 impl BlurMode {
@@ -189,10 +322,16 @@ impl BlurMode {
 
     /// Passes of one group, in order. The only place that knows the order.
     pub const fn passes(self) -> &'static [Pass] {
-        use Pass::{Attribute, Bin, Project, Resolve, Visibility};
+        use Pass::{Attribute, Bin, Density, Keep, Project, Resolve, Sweep, SweptAttribute, SweptResolve, Visibility};
         match self {
             Self::Still { .. } | Self::Supersample { .. } | Self::Bucket { .. } => {
                 &[Project, Bin, Visibility, Attribute, Resolve]
+            }
+            Self::Volumetric { swept: SweptKernel { weight: KernelWeight::Integral, .. }, .. } => {
+                &[Project, Bin, Visibility, Density, Keep, Sweep, SweptAttribute, SweptResolve]
+            }
+            Self::Volumetric { swept: SweptKernel { weight: KernelWeight::Chord, .. }, .. } => {
+                &[Project, Bin, Visibility, Keep, Sweep, SweptAttribute, SweptResolve]
             }
         }
     }
@@ -216,6 +355,17 @@ pub struct Group {
     pub offset: [f32; 2],
     /// First pixel that the group is rendered for; the others are whole strides away.
     pub phase: [u32; 2],
+    /// The interval whose motion the one sample, at its middle, stands for.
+    pub interval: Option<Interval>,
+}
+
+/// A part of the exposure during which things move steadily.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// Scene times of both ends, frames; just inside where something jumps at an end.
+    pub ends: [f64; 2],
+    /// Share of the exposure of each 32nd of the interval.
+    pub moments: [f64; 32],
 }
 
 /// What a backend executes for one frame: `passes` for each group, in order. Backends know nothing about blur modes.
@@ -231,7 +381,9 @@ pub struct Plan {
 
 impl Plan {
     /// The plan of frame `frame` with this shutter.
-    pub fn new(mode: BlurMode, filter: PixelFilter, seed: u64, shutter: &Shutter, frame: f64) -> Self {
+    ///
+    /// `jumps` are the scene times within the shutter at which something jumps, rising, frames: intervals are split there.
+    pub fn new(mode: BlurMode, filter: PixelFilter, seed: u64, shutter: &Shutter, frame: f64, jumps: &[f64]) -> Self {
         let still = |weight| vec![TimeSample { time: frame, weight }];
         let (groups, interleave) = match mode {
             BlurMode::Still { pixel_samples } => {
@@ -244,6 +396,10 @@ impl Plan {
             BlurMode::Bucket { buckets, samples, pixel_samples, interleave } => {
                 let repeats = pixel_samples.div_ceil(buckets);
                 (exposure(buckets, samples, repeats, interleave, filter, seed, shutter, frame), interleave)
+            }
+            BlurMode::Volumetric { intervals, pixel_samples, swept: _ } => {
+                let repeats = pixel_samples.div_ceil(intervals);
+                (swept_exposure(intervals, repeats, filter, seed, shutter, frame, jumps), Interleave::None)
             }
         };
         Self { passes: mode.passes(), stride: interleave.stride(), groups }
@@ -282,12 +438,54 @@ fn exposure(
     groups.collect()
 }
 
+/// `count` groups that tile the shutter, and more where something jumps, `repeats` times over.
+fn swept_exposure(
+    count: u32,
+    repeats: u32,
+    filter: PixelFilter,
+    seed: u64,
+    shutter: &Shutter,
+    frame: f64,
+    jumps: &[f64],
+) -> Vec<Group> {
+    let span = shutter.close - shutter.open;
+    let mut cuts: Vec<(f64, bool)> = (0..=count).map(|i| (f64::from(i) / f64::from(count), false)).collect();
+    cuts.extend(jumps.iter().map(|&time| ((time - frame - shutter.open) / span, true)));
+    cuts.retain(|(t, _)| (0.0..=1.0).contains(t));
+    cuts.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // A jump at a cut, or two at once, make no interval of their own.
+    cuts.dedup_by(|b, a| {
+        let same = b.0 - a.0 < 1e-9;
+        a.1 |= same && b.1;
+        same
+    });
+    let mut moments = Vec::new();
+    let mut intervals = Vec::new();
+    for (&(from, from_jump), &(to, to_jump)) in cuts.iter().zip(cuts.iter().skip(1)) {
+        let share = |a: f64, b: f64| shutter.weight.integral(a, b) / f64::from(repeats);
+        let at = |i: u32| from + (to - from) * f64::from(i) / 32.0;
+        let time = |t: f64| shutter.frame_time(frame, t);
+        let inside = (1e-6 * (to - from) * span).max(8.0 * f64::EPSILON * time(to).abs());
+        let nudge = |jump: bool| if jump { inside } else { 0.0 };
+        let ends = [time(from) + nudge(from_jump), time(to) - nudge(to_jump)];
+        moments.push(vec![TimeSample { time: 0.5 * (ends[0] + ends[1]), weight: share(from, to) }]);
+        intervals.push(Interval { ends, moments: std::array::from_fn(|i| share(at(i as u32), at(i as u32 + 1))) });
+    }
+    let repeats = repeats as usize;
+    let moments = moments.into_iter().flat_map(|moment| std::iter::repeat_n(moment, repeats)).collect();
+    let mut groups = with_offsets(moments, filter, seed, [0, 0]);
+    for (group, interval) in groups.iter_mut().zip(intervals.iter().flat_map(|i| std::iter::repeat_n(*i, repeats))) {
+        group.interval = Some(interval);
+    }
+    groups
+}
+
 fn with_offsets(moments: Vec<Vec<TimeSample>>, filter: PixelFilter, seed: u64, phase: [u32; 2]) -> Vec<Group> {
     let offsets = match filter {
         PixelFilter::Box => pixel_offsets(moments.len() as u32, seed),
         PixelFilter::Point => vec![[0.0; 2]; moments.len()],
     };
-    moments.into_iter().zip(offsets).map(|(samples, offset)| Group { samples, offset, phase }).collect()
+    moments.into_iter().zip(offsets).map(|(samples, offset)| Group { samples, offset, phase, interval: None }).collect()
 }
 
 #[cfg(test)]
@@ -302,7 +500,7 @@ mod tests {
     #[test]
     fn supersample_takes_mid_strata() {
         let shutter = Shutter { open: -0.5, close: 0.5, weight: Weight::Ramp { centre: 1.0 } };
-        let plan = Plan::new(BlurMode::supersample(2), PixelFilter::Point, 1, &shutter, 10.0);
+        let plan = Plan::new(BlurMode::supersample(2), PixelFilter::Point, 1, &shutter, 10.0, &[]);
         assert_eq!(times(&plan), [(9.75, 0.25), (10.25, 0.75)]);
         assert!(plan.groups.iter().all(|g| g.offset == [0.0; 2]));
     }
@@ -310,14 +508,14 @@ mod tests {
     #[test]
     fn still_stays_at_the_frame_number() {
         let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Box };
-        let plan = Plan::new(BlurMode::Still { pixel_samples: 4 }, PixelFilter::Box, 1, &shutter, 3.0);
+        let plan = Plan::new(BlurMode::Still { pixel_samples: 4 }, PixelFilter::Box, 1, &shutter, 3.0, &[]);
         assert_eq!(times(&plan), [(3.0, 0.25); 4]);
         assert!(plan.groups.iter().any(|g| g.offset != [0.0; 2]));
     }
 
     #[test]
     fn one_sample_sits_at_mid_shutter_and_pixel_centre() {
-        let plan = Plan::new(BlurMode::supersample(1), PixelFilter::Box, 9, &Shutter::default(), 3.0);
+        let plan = Plan::new(BlurMode::supersample(1), PixelFilter::Box, 9, &Shutter::default(), 3.0, &[]);
         assert_eq!(plan.groups[0].samples, [TimeSample { time: 3.0, weight: 1.0 }]);
         assert_eq!(plan.groups[0].offset, [0.0; 2]);
     }
@@ -339,7 +537,8 @@ mod tests {
     fn interleaved_classes_share_the_strata() {
         let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 } };
         for interleave in [Interleave::Two, Interleave::Four] {
-            let plan = Plan::new(BlurMode::Supersample { samples: 3, interleave }, PixelFilter::Box, 1, &shutter, 0.0);
+            let plan =
+                Plan::new(BlurMode::Supersample { samples: 3, interleave }, PixelFilter::Box, 1, &shutter, 0.0, &[]);
             let s = interleave.stride();
             let n = 3 * s * s;
             assert_eq!((plan.stride, plan.groups.len()), (s, n as usize));
@@ -362,7 +561,7 @@ mod tests {
         for interleave in [Interleave::None, Interleave::Two] {
             let bucket = BlurMode::Bucket { buckets: 5, samples: 1, pixel_samples: 5, interleave };
             let samples = BlurMode::Supersample { samples: 5, interleave };
-            let plan = |mode| Plan::new(mode, PixelFilter::Box, 3, &shutter, 1.0);
+            let plan = |mode| Plan::new(mode, PixelFilter::Box, 3, &shutter, 1.0, &[]);
             assert_eq!(plan(bucket), plan(samples));
         }
     }
@@ -370,7 +569,7 @@ mod tests {
     #[test]
     fn few_buckets_repeat_for_their_sub_pixel_positions() {
         let mode = BlurMode::Bucket { buckets: 3, samples: 2, pixel_samples: 8, interleave: Interleave::None };
-        let plan = Plan::new(mode, PixelFilter::Box, 1, &Shutter::default(), 0.0);
+        let plan = Plan::new(mode, PixelFilter::Box, 1, &Shutter::default(), 0.0, &[]);
         assert_eq!(plan.groups.len(), 9);
         assert_eq!(plan.groups[3].samples, plan.groups[5].samples);
         assert_ne!(plan.groups[3].offset, plan.groups[5].offset);

@@ -136,6 +136,24 @@ pub fn object_velocity(scene: &Scene, object: &Object, frame_time: f64) -> DMat4
     (at(to) - at(from)) * (span / (to - from))
 }
 
+/// Most jumps that an exposure is split at; no shutter needs more, and a hostile animation must not make any number of intervals.
+const MOST_JUMPS: usize = 1024;
+
+/// Scene times within (`from`, `to`), rising, frames, at which something that blurs jumps: a step key, the seam of a cycle, a change
+/// of visibility. Those beyond the first 1024 are left out.
+pub fn jumps(scene: &Scene, from: f64, to: f64) -> Vec<f64> {
+    let objects = scene.objects.iter().filter(|object| object.blur).filter_map(|object| object.animation.as_ref());
+    let mut times: Vec<f64> = objects
+        .chain(scene.camera.animation.as_ref())
+        .flat_map(|binding| binding.node.breaks(seconds(scene, from), seconds(scene, to), binding.interpolation))
+        .map(|time| time * scene.frames.rate)
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    times.truncate(MOST_JUMPS);
+    times
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -119,6 +119,11 @@ pub(super) fn samples(text: &str) -> Result<u32, String> {
     if (1..=MAX_SAMPLES).contains(&value) { Ok(value) } else { Err(expected()) }
 }
 
+/// Places within a kernel: 1 to 64.
+pub(super) fn source_samples(text: &str) -> Result<u32, String> {
+    text.parse().ok().filter(|n| (1..=64).contains(n)).ok_or_else(|| "expected a whole number, 1 to 64".to_owned())
+}
+
 /// A lattice of interleaved sampling: 1, 2 or 4.
 pub(super) fn interleave(text: &str) -> Result<Interleave, String> {
     text.parse().ok().and_then(Interleave::with_stride).ok_or_else(|| "expected 1, 2 or 4".to_owned())

@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use glam::DVec3;
 use splatblur::files;
 use splatblur::image::{Bits, Format};
-use splatblur::plan::{self, BlurMode, Interleave, RenderOptions};
+use splatblur::plan::{self, BlurMode, Interleave, RenderOptions, SourceSamples, SweptKernel};
 use splatblur::render::{self, Rendered};
 use splatblur::scene::{self, Loaded, Scene};
 use splatblur::time::Weight;
@@ -79,7 +79,7 @@ pub(super) struct Render {
     /// How motion becomes blur.
     #[arg(long, value_enum, default_value_t, help_heading = "Blur")]
     mode: Mode,
-    /// Time samples of mode supersample [default: 32], or of each bucket [default: 4].
+    /// Time samples of mode supersample [default: 32], or of each bucket [default: 4]; intervals of mode volumetric [default: 10].
     #[arg(long, value_name = "N", allow_hyphen_values = true, value_parser = grammar::samples, help_heading = "Blur")]
     samples: Option<u32>,
     /// Buckets of mode bucket: intervals with one visibility test and one shading each [default: 8].
@@ -88,9 +88,28 @@ pub(super) struct Render {
     /// Interleaved sampling: each pixel of a lattice of S x S (1, 2 or 4) has times of its own [default: 1].
     #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = grammar::interleave, help_heading = "Blur")]
     interleave: Option<Interleave>,
-    /// Sub-pixel positions of mode still [default: 16]; in mode bucket the fewest, where there are fewer buckets [default: 1].
+    /// Sub-pixel positions of mode still [default: 16]; in modes bucket and volumetric the fewest, where there are fewer
+    /// buckets or intervals [default: 1].
     #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = grammar::samples, help_heading = "Blur")]
     pixel_samples: Option<u32>,
+    /// Mode volumetric: what a kernel sweeps over an interval [default: tube].
+    #[arg(long, value_enum, value_name = "KERNEL", help_heading = "Blur")]
+    kernel: Option<Kernel>,
+    /// Mode volumetric: its weight on a ray [default: integral].
+    #[arg(long, value_enum, value_name = "WEIGHT", help_heading = "Blur")]
+    kernel_weight: Option<KernelWeight>,
+    /// Mode volumetric: places within a kernel, on a ray, whose visibility is tested [default: 1].
+    #[arg(long, value_name = "N", allow_hyphen_values = true, value_parser = grammar::source_samples, help_heading = "Blur")]
+    source_samples: Option<u32>,
+    /// Mode volumetric: where the coverage of a moving surface comes from [default: union].
+    #[arg(long, value_enum, value_name = "ALPHA", help_heading = "Blur")]
+    alpha: Option<Alpha>,
+    /// Mode volumetric: when sums of colours are divided by sums of weights [default: interval].
+    #[arg(long, value_enum, value_name = "WHEN", help_heading = "Blur")]
+    normalise: Option<Normalise>,
+    /// Mode volumetric as the thesis has it: ellipsoids that overlap in time, chord, sum, once.
+    #[arg(long, conflicts_with_all = ["kernel", "kernel_weight", "alpha", "normalise"], help_heading = "Blur")]
+    published: bool,
     /// Shutter opening and closing, frames around the frame number [default: the scene's, else -0.25,0.25].
     #[arg(long, value_name = "OPEN,CLOSE", allow_hyphen_values = true, value_parser = grammar::shutter, help_heading = "Blur")]
     shutter: Option<(f64, f64)>,
@@ -168,6 +187,44 @@ enum Mode {
     Supersample,
     /// Motion blur: the mean of B buckets of N renderings that share one visibility test and one shading.
     Bucket,
+    /// Motion blur: the mean of N intervals over which each kernel sweeps a volume.
+    Volumetric,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum Kernel {
+    /// The 2D kernel moved along: the same weight at all times.
+    #[default]
+    Tube,
+    /// 2D Gaussian times a Gaussian along the motion.
+    Ellipsoid,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum KernelWeight {
+    /// The integral over time.
+    #[default]
+    Integral,
+    /// By the length of the ray within the kernel; with --kernel ellipsoid only.
+    Chord,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum Alpha {
+    /// The times at which any kernel covers the pixel.
+    #[default]
+    Union,
+    /// The sum of all weights, at most 1.
+    Sum,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum Normalise {
+    /// For each interval.
+    #[default]
+    Interval,
+    /// Once, at the end.
+    Once,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
@@ -294,7 +351,35 @@ impl Render {
         if !matches!(self.mode, Mode::Bucket) {
             refuse(self.buckets.is_some(), "--buckets is for --mode bucket")?;
         }
+        if !matches!(self.mode, Mode::Volumetric) {
+            for (given, option) in [
+                (self.kernel.is_some(), "--kernel"),
+                (self.kernel_weight.is_some(), "--kernel-weight"),
+                (self.source_samples.is_some(), "--source-samples"),
+                (self.alpha.is_some(), "--alpha"),
+                (self.normalise.is_some(), "--normalise"),
+                (self.published, "--published"),
+            ] {
+                refuse(given, &format!("{option} is for --mode volumetric"))?;
+            }
+        }
         match self.mode {
+            Mode::Volumetric => {
+                refuse(
+                    self.interleave.is_some(),
+                    "--interleave is not for --mode volumetric, which has no time samples",
+                )?;
+                let swept = self.swept();
+                refuse(
+                    swept.weight == plan::KernelWeight::Chord && swept.shape == plan::KernelShape::Tube,
+                    "--kernel-weight chord is the length within an ellipsoid: it needs --kernel ellipsoid",
+                )?;
+                Ok(BlurMode::Volumetric {
+                    intervals: self.samples.unwrap_or(10),
+                    pixel_samples: self.pixel_samples.unwrap_or(1),
+                    swept,
+                })
+            }
             Mode::Still => {
                 refuse(
                     self.samples.is_some(),
@@ -319,6 +404,33 @@ impl Render {
                 )?;
                 Ok(BlurMode::Bucket { buckets, samples, pixel_samples: self.pixel_samples.unwrap_or(1), interleave })
             }
+        }
+    }
+
+    /// Of mode volumetric.
+    fn swept(&self) -> SweptKernel {
+        let source_samples = SourceSamples(self.source_samples.unwrap_or(1));
+        if self.published {
+            return SweptKernel { source_samples, ..SweptKernel::PUBLISHED };
+        }
+        SweptKernel {
+            shape: match self.kernel.unwrap_or_default() {
+                Kernel::Tube => plan::KernelShape::Tube,
+                Kernel::Ellipsoid => plan::KernelShape::Ellipsoid,
+            },
+            weight: match self.kernel_weight.unwrap_or_default() {
+                KernelWeight::Integral => plan::KernelWeight::Integral,
+                KernelWeight::Chord => plan::KernelWeight::Chord,
+            },
+            source_samples,
+            alpha: match self.alpha.unwrap_or_default() {
+                Alpha::Union => plan::TemporalAlpha::Union,
+                Alpha::Sum => plan::TemporalAlpha::Sum,
+            },
+            normalise: match self.normalise.unwrap_or_default() {
+                Normalise::Interval => plan::Normalise::Interval,
+                Normalise::Once => plan::Normalise::Once,
+            },
         }
     }
 

@@ -4,6 +4,7 @@ mod bounds;
 pub mod fast;
 pub(crate) mod simd;
 pub mod srgb;
+pub mod sweep;
 mod trs;
 
 pub use bounds::Bounds;

@@ -1,13 +1,13 @@
 //! Run-time dispatch to wider vectors. The only `unsafe` of the splatter.
 
-/// Defines `fn name(args)` that returns `body(args)`, compiled once for the baseline and once for AVX2.
+/// Defines `fn name(args)`, with its visibility, that returns `body(args)`, compiled once for the baseline and once for AVX2.
 ///
 /// `body` must be `#[inline(always)]`, so that it is compiled anew inside the AVX2 version. Neither version contracts
 /// multiplications and additions, so both give the same bits.
 macro_rules! dispatch {
-    ($(#[$doc:meta])* fn $name:ident($($arg:ident: $ty:ty),* $(,)?) $(-> $out:ty)? = $body:path) => {
+    ($(#[$doc:meta])* $vis:vis fn $name:ident($($arg:ident: $ty:ty),* $(,)?) $(-> $out:ty)? = $body:path) => {
         $(#[$doc])*
-        pub(super) fn $name($($arg: $ty),*) $(-> $out)? {
+        $vis fn $name($($arg: $ty),*) $(-> $out)? {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2")]

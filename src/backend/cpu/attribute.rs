@@ -34,7 +34,7 @@ pub(super) struct Attributes<'a> {
 
 dispatch! {
     /// Adds the splats that `list` names to `sums` and, unless it is empty, to `reach`.
-    fn attribute(
+    pub(super) fn attribute(
         splats: &[Splat], list: &[u32], attributes: &Attributes<'_>, tile: &TileRect, threshold: &[f32], sums: &mut [f32],
         reach: &mut [f32],
     ) = attribute_body
@@ -58,15 +58,15 @@ fn attribute_body(
     for &index in list {
         let splat = &splats[index as usize];
         let Touched { x0, x1, y0, y1 } = Touched::of(splat, tile);
-        let values = splat_values(splat, attributes);
+        let values = splat_values(splat.surfel, splat.flags, attributes);
         for y in y0..=y1 {
-            let row = Row::of(splat, tile.origin[1] + y);
+            let row = Row::of(splat, tile.corner[1] + y as i32);
             let out = &mut sums[y * channels * STRIDE..][..channels * STRIDE];
             let mut x = x0;
             while x <= x1 {
                 let limit = &threshold[y * STRIDE + x..][..LANES];
-                let first = (tile.origin[0] + x) as f32;
-                let last = (tile.origin[0] + x1) as f32;
+                let first = (tile.corner[0] + x as i32) as f32;
+                let last = (tile.corner[0] + x1 as i32) as f32;
                 let mut weights = [0.0_f32; LANES];
                 let mut depths = [0.0_f32; LANES];
                 let mut reaches = [0.0_f32; LANES];
@@ -110,7 +110,7 @@ fn attribute_body(
 
 /// plane += weights * value, for the first `LANES` pixels of `plane`.
 #[inline(always)]
-fn add(plane: &mut [f32], weights: &[f32; LANES], value: f32) {
+pub(super) fn add(plane: &mut [f32], weights: &[f32; LANES], value: f32) {
     if let Some(plane) = plane.first_chunk_mut::<LANES>() {
         let old = *plane;
         for l in 0..LANES {
@@ -121,9 +121,9 @@ fn add(plane: &mut [f32], weights: &[f32; LANES], value: f32) {
 
 /// The splat's value for each channel (0 for depth, which differs from pixel to pixel).
 #[inline(always)]
-fn splat_values(splat: &Splat, attributes: &Attributes<'_>) -> [f32; Channels::MOST] {
+pub(super) fn splat_values(surfel: u32, flags: u32, attributes: &Attributes<'_>) -> [f32; Channels::MOST] {
     let surfels = attributes.object.surfels;
-    let i = splat.surfel as usize;
+    let i = surfel as usize;
     let colour = surfels.colour[i];
     let mut values = [0.0; Channels::MOST];
     values[0] = 1.0;
@@ -132,7 +132,7 @@ fn splat_values(splat: &Splat, attributes: &Attributes<'_>) -> [f32; Channels::M
     let channels = attributes.channels;
     if channels.normal.is_some() || gouraud {
         let turned = unit(attributes.posed.normal_matrix * surfels.normal[i]);
-        let normal = if splat.flags & FLAG_BACK == 0 { turned } else { -turned };
+        let normal = if flags & FLAG_BACK == 0 { turned } else { -turned };
         if let Some(at) = channels.normal {
             values[at..at + 3].copy_from_slice(&normal.to_array());
         }

@@ -3,18 +3,57 @@
 //! In: splats of a chunk. Out: for each tile of the chunk's own rectangle, the indices of the splats that may touch it. A
 //! splat that touches very many tiles is listed once, apart, so that the lists stay bounded. Order-free.
 
-use crate::layout::Splat;
-
+use super::swept::Hull;
 use super::tiles::{Band, TILE, TileRect};
+use crate::layout::{Splat, SweptSplat};
 
 /// Splats that touch more tiles than this are kept in a list of their own.
 const WIDE: usize = 64;
 
+/// What touches tiles.
+pub(super) trait Tiled {
+    /// First and last row of tiles.
+    fn tile_rows(&self) -> [usize; 2];
+
+    /// First and last tile column, in one of these rows; none if the first is not at most the last.
+    fn tile_columns(&self, row: usize) -> [usize; 2];
+}
+
+impl Tiled for Splat {
+    fn tile_rows(&self) -> [usize; 2] {
+        [self.bounds[2], self.bounds[3]].map(tile_of)
+    }
+
+    fn tile_columns(&self, _row: usize) -> [usize; 2] {
+        [self.bounds[0], self.bounds[1]].map(tile_of)
+    }
+}
+
+impl Tiled for SweptSplat {
+    fn tile_rows(&self) -> [usize; 2] {
+        [self.bounds[2], self.bounds[3]].map(tile_of)
+    }
+
+    fn tile_columns(&self, row: usize) -> [usize; 2] {
+        let [x0, x1] = [self.bounds[0], self.bounds[1]].map(tile_of);
+        if x0 == x1 && self.bounds[2] / TILE as u16 == self.bounds[3] / TILE as u16 {
+            return [x0, x1];
+        }
+        let (first, last) = ((row * TILE) as f32, (row * TILE + TILE - 1) as f32);
+        let [first, last] = Hull::of(self).columns(first, last);
+        if first > last { [1, 0] } else { [first as usize / TILE, last as usize / TILE] }
+    }
+}
+
+fn tile_of(pixel: u16) -> usize {
+    usize::from(pixel) / TILE
+}
+
 /// The binned splats of one chunk of surfels.
-#[derive(Debug, Default)]
-pub(super) struct Binned {
+#[derive(Debug)]
+pub(super) struct Binned<S = Splat> {
     /// Splats, in surfel order.
-    pub splats: Vec<Splat>,
+    pub splats: Vec<S>,
     /// First tile column and row of the rectangle, and its width and height in tiles.
     rect: [usize; 4],
     /// For each tile of the rectangle, where its list starts in `entries`; one more at the end.
@@ -25,16 +64,22 @@ pub(super) struct Binned {
     wide: Vec<u32>,
 }
 
-impl Binned {
+impl<S> Default for Binned<S> {
+    fn default() -> Self {
+        Self { splats: Vec::new(), rect: [0; 4], starts: Vec::new(), entries: Vec::new(), wide: Vec::new() }
+    }
+}
+
+impl<S: Tiled> Binned<S> {
     /// Most bytes that a chunk of `surfels` surfels can take in `band`.
     pub(super) fn most_bytes(surfels: usize, band: &Band) -> u64 {
-        (surfels * (size_of::<Splat>() + WIDE * size_of::<u32>()) + (band.len() + 1) * size_of::<u32>()) as u64
+        (surfels * (size_of::<S>() + WIDE * size_of::<u32>()) + (band.len() + 1) * size_of::<u32>()) as u64
     }
 
     /// Bytes that the chunk takes now.
     pub(super) fn bytes(&self) -> u64 {
         let words = self.starts.capacity() + self.entries.capacity() + self.wide.capacity();
-        (self.splats.capacity() * size_of::<Splat>() + words * size_of::<u32>()) as u64
+        (self.splats.capacity() * size_of::<S>() + words * size_of::<u32>()) as u64
     }
 
     /// Lists `self.splats` by tile.
@@ -43,10 +88,20 @@ impl Binned {
         self.wide.clear();
         self.entries.clear();
         self.starts.clear();
-        for splat in &self.splats {
-            let [x0, x1, y0, y1] = tiles_of(splat);
-            if (x1 + 1 - x0) * (y1 + 1 - y0) <= WIDE {
-                rect = [rect[0].min(x0), rect[1].max(x1), rect[2].min(y0), rect[3].max(y1)];
+        for (index, splat) in self.splats.iter().enumerate() {
+            let [y0, y1] = splat.tile_rows();
+            let mut touched = 0;
+            let mut reach = [u16::MAX as usize, 0];
+            for [x0, x1] in (y0..=y1).map(|row| splat.tile_columns(row)) {
+                if x0 <= x1 {
+                    touched += x1 + 1 - x0;
+                    reach = [reach[0].min(x0), reach[1].max(x1)];
+                }
+            }
+            if touched > WIDE {
+                self.wide.push(index as u32);
+            } else if touched > 0 {
+                rect = [rect[0].min(reach[0]), rect[1].max(reach[1]), rect[2].min(y0), rect[3].max(y1)];
             }
         }
         if rect[0] > rect[1] {
@@ -56,39 +111,28 @@ impl Binned {
         let width = self.rect[2];
         // Counting sort: counts, then starts, then entries; `starts` is moved one ahead so that filling restores it.
         self.starts.resize(width * self.rect[3] + 2, 0);
-        for (index, splat) in self.splats.iter().enumerate() {
-            let [x0, x1, y0, y1] = tiles_of(splat);
-            if (x1 + 1 - x0) * (y1 + 1 - y0) > WIDE {
-                self.wide.push(index as u32);
-                continue;
+        let starts = &mut self.starts;
+        visit_listed(&self.splats, &self.wide, |_, row, [x0, x1]| {
+            let row = (row - rect[2]) * width;
+            for x in x0..=x1 {
+                starts[row + x - rect[0] + 2] += 1;
             }
-            for y in y0..=y1 {
-                let row = (y - rect[2]) * width;
-                for x in x0..=x1 {
-                    self.starts[row + x - rect[0] + 2] += 1;
-                }
-            }
-        }
+        });
         let mut sum = 0;
-        for start in &mut self.starts {
+        for start in &mut *starts {
             sum += *start;
             *start = sum;
         }
         self.entries.resize(sum as usize, 0);
-        for (index, splat) in self.splats.iter().enumerate() {
-            let [x0, x1, y0, y1] = tiles_of(splat);
-            if (x1 + 1 - x0) * (y1 + 1 - y0) > WIDE {
-                continue;
+        let entries = &mut self.entries;
+        visit_listed(&self.splats, &self.wide, |index, row, [x0, x1]| {
+            let row = (row - rect[2]) * width;
+            for x in x0..=x1 {
+                let next = &mut starts[row + x - rect[0] + 1];
+                entries[*next as usize] = index;
+                *next += 1;
             }
-            for y in y0..=y1 {
-                let row = (y - rect[2]) * width;
-                for x in x0..=x1 {
-                    let next = &mut self.starts[row + x - rect[0] + 1];
-                    self.entries[*next as usize] = index as u32;
-                    *next += 1;
-                }
-            }
-        }
+        });
     }
 
     /// Indices of the splats that may touch `tile`, rising. `scratch` is used where two lists must be merged.
@@ -107,17 +151,35 @@ impl Binned {
         scratch.clear();
         scratch.extend_from_slice(entries);
         scratch.extend(self.wide.iter().filter(|&&index| {
-            let [x0, x1, y0, y1] = tiles_of(&self.splats[index as usize]);
-            (x0..=x1).contains(&x) && (y0..=y1).contains(&y)
+            let splat = &self.splats[index as usize];
+            let [y0, y1] = splat.tile_rows();
+            let columns = |y| {
+                let [x0, x1] = splat.tile_columns(y);
+                x0..=x1
+            };
+            (y0..=y1).contains(&y) && columns(y).contains(&x)
         }));
         scratch.sort_unstable();
         scratch
     }
 }
 
-/// First and last tile column, first and last tile row, that a splat may touch.
-fn tiles_of(splat: &Splat) -> [usize; 4] {
-    splat.bounds.map(|pixel| usize::from(pixel) / TILE)
+/// Calls `visit(index, row, columns)` for each row of tiles that each splat touches, but for the splats in `wide`.
+#[inline(always)]
+fn visit_listed<S: Tiled>(splats: &[S], wide: &[u32], mut visit: impl FnMut(u32, usize, [usize; 2])) {
+    let mut wide = wide.iter().copied().peekable();
+    for (index, splat) in (0..).zip(splats) {
+        if wide.next_if_eq(&index).is_some() {
+            continue;
+        }
+        let [y0, y1] = splat.tile_rows();
+        for row in y0..=y1 {
+            let [x0, x1] = splat.tile_columns(row);
+            if x0 <= x1 {
+                visit(index, row, [x0, x1]);
+            }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -160,7 +222,7 @@ mod tests {
 
     #[test]
     fn no_splats_no_lists() {
-        let mut binned = Binned::default();
+        let mut binned: Binned<Splat> = Binned::default();
         binned.bin();
         let tile = Band::new([64, 64], [0, 2]).tile(0);
         assert!(binned.list(&tile, &mut Vec::new()).is_empty());

@@ -9,6 +9,7 @@ mod attribute;
 mod bin;
 mod project;
 mod resolve;
+mod swept;
 mod tiles;
 #[cfg(all(test, feature = "gpu"))]
 pub(super) mod twins;
@@ -21,16 +22,17 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use self::attribute::Attributes;
-use self::bin::Binned;
+use self::bin::{Binned, Tiled};
 use self::project::View;
 use self::resolve::{RasterFilms, Resolve, TileFilm, TiledFilm};
+use self::swept::{Exposure, Footprint, Map, MapTile, Swept, Volume};
 use self::tiles::{Band, TILE, TileBuffers, TileRect};
 use self::visibility::Depths;
 use super::{Backend, BackendError, Rendered, Stats};
 use crate::film::{FilmPlanes, develop};
 use crate::frame::{Frame, PosedGroup};
-use crate::layout::Channels;
-use crate::plan::{Pass, Prefilter};
+use crate::layout::{Channels, Splat, SweptSplat};
+use crate::plan::{KernelShape, Normalise, Pass, Prefilter, TemporalAlpha};
 
 /// Surfels of a chunk.
 const CHUNK: usize = 4096;
@@ -40,8 +42,12 @@ const CHUNK: usize = 4096;
 pub struct Cpu {
     /// Kept between groups and frames, so that their memory is reused.
     binned: Vec<Binned>,
+    /// Likewise, of kernels in motion.
+    swept: Vec<Binned<SweptSplat>>,
     /// Likewise, for bands whose splats come in waves.
     buffers: Vec<TileBuffers>,
+    /// Likewise, for kernels in motion.
+    map: Map,
     /// The frame that was begun.
     done: Option<Rendered>,
 }
@@ -77,6 +83,8 @@ impl Backend for Cpu {
 impl Cpu {
     fn render_whole(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError> {
         let planes = FilmPlanes::of(frame.aovs);
+        let once = frame.swept.is_some_and(|swept| swept.normalise == Normalise::Once);
+        let planes = if once { planes.pooled() } else { planes };
         let channels = Channels::of(frame);
         let budget = Budget::of(frame, &planes, &channels)?;
         let stride = frame.stride as usize;
@@ -94,6 +102,9 @@ impl Cpu {
                     let work = Work { frame, group, band, planes: &planes, channels: &channels, clocks: &clocks };
                     self.group(&work, budget.splat_bytes, tiles);
                 }
+            }
+            if frame.swept.is_some_and(|swept| once || swept.alpha == TemporalAlpha::Sum) {
+                film.tiles.par_iter_mut().for_each(|tile| swept::finish(&planes, &mut tile.values));
             }
             films.films.push(film);
         }
@@ -120,13 +131,24 @@ impl Budget {
         let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
         // The film, the picture that it becomes, and its copy in the file's form.
         let film = rasters * tiles_x * tiles_y * TileFilm::bytes(planes.count) + 2 * pixels * 4 * planes.count as u64;
-        let row = tiles_x * TileBuffers::bytes(channels.count, samples);
+        // What the tiles of some rows need together, for as many rows as the bands shall have.
+        let swept = frame.swept.is_some();
+        let guard = frame.groups.iter().filter_map(|group| group.interval).map(|interval| interval.guard).max();
+        let buffers = |rows: u64| {
+            let band = Band::new(raster, [0, rows as usize]);
+            let guarded = guard.map_or(0, |guard| band.guarded(guard).len() as u64);
+            let tile = TileBuffers::bytes(channels.count, samples, swept);
+            // Tiles of the map have fewer sums, but there are more of them.
+            guarded * Map::bytes(1) + guarded.max(band.len() as u64) * tile
+        };
         let threads = rayon::current_num_threads() as u64;
         let wave = |rows: u64| {
             let band = Band::new(raster, [0, rows as usize]);
-            (threads + 1) * Binned::most_bytes(CHUNK, &band)
+            let guarded = guard.map_or(band, |guard| band.guarded(guard));
+            let moving = if swept { Binned::<SweptSplat>::most_bytes(CHUNK, &band) } else { 0 };
+            (threads + 1) * (Binned::<Splat>::most_bytes(CHUNK, &guarded) + moving)
         };
-        let needed = frame.model_bytes + film + row + wave(1);
+        let needed = frame.model_bytes + film + buffers(1) + wave(1);
         if needed > frame.memory {
             let [width, height] = frame.size;
             return Err(BackendError::Memory {
@@ -139,8 +161,8 @@ impl Budget {
         }
         // Half of what is left for the tiles' buffers at the most; the rest for splats.
         let left = frame.memory - frame.model_bytes - film;
-        let rows = (left / 2 / row.max(1)).clamp(1, tiles_y.max(1));
-        Ok(Self { band_rows: rows as usize, splat_bytes: left.saturating_sub(rows * row).max(wave(rows)) })
+        let rows = (1..=tiles_y).rev().find(|&rows| buffers(rows) <= left / 2).unwrap_or(1);
+        Ok(Self { band_rows: rows as usize, splat_bytes: left.saturating_sub(buffers(rows)).max(wave(rows)) })
     }
 }
 
@@ -158,47 +180,100 @@ struct Work<'a> {
 impl Cpu {
     fn group(&mut self, work: &Work<'_>, splat_bytes: u64, films: &mut [TileFilm]) {
         let chunks = work.chunks();
-        let tile_passes: Vec<Pass> =
-            work.frame.passes.iter().copied().filter(|pass| !matches!(pass, Pass::Project | Pass::Bin)).collect();
-        let taken = self.wave(work, &chunks, splat_bytes);
+        let passes = work.frame.passes;
+        let Some(kept) = passes.iter().position(|&pass| pass == Pass::Keep) else {
+            let tiles = Tiles { work, chunks: &chunks, passes, splat_bytes };
+            let project = |chunk: &Chunk, binned: &mut _| work.project(chunk, binned);
+            tiles.run(&mut self.binned, &mut self.buffers, films, project, |pass, job| work.tile(pass, job));
+            return;
+        };
+        // Kernels in motion look up sources anywhere on the map, so it must be whole before they are added.
+        let (still, moving) = passes.split_at(kept + 1);
+        let guard = work.group.interval.map_or(0, |interval| interval.guard);
+        let around = Work { band: work.band.guarded(guard), ..*work };
+        let map = self.map.lay(&around.band);
+        let tiles = Tiles { work: &around, chunks: &chunks, passes: still, splat_bytes };
+        let project = |chunk: &Chunk, binned: &mut _| around.project(chunk, binned);
+        tiles.run(&mut self.binned, &mut self.buffers, map, project, |pass, job| around.map_tile(pass, job));
+        let map = &self.map;
+        let tiles = Tiles { work, chunks: &chunks, passes: moving, splat_bytes };
+        let project = |chunk: &Chunk, binned: &mut _| work.sweep(chunk, binned);
+        tiles.run(&mut self.swept, &mut self.buffers, films, project, |pass, job| work.swept_tile(pass, map, job));
+    }
+}
+
+/// Passes of a group over the tiles of its band.
+struct Tiles<'a> {
+    work: &'a Work<'a>,
+    chunks: &'a [Chunk],
+    passes: &'a [Pass],
+    /// Bytes for splats and their lists.
+    splat_bytes: u64,
+}
+
+/// One tile in one pass.
+struct Job<'a, S, O> {
+    chunks: &'a [Chunk],
+    /// The splats of `chunks`.
+    binned: &'a [Binned<S>],
+    tile: TileRect,
+    buffers: &'a mut TileBuffers,
+    scratch: &'a mut Vec<u32>,
+    out: &'a mut O,
+}
+
+impl Tiles<'_> {
+    /// Runs all passes; `project` makes the splats of a chunk, `tile` runs a pass on a tile. One output a tile.
+    fn run<S: Tiled + Send + Sync, O: Send>(
+        &self,
+        binned: &mut Vec<Binned<S>>,
+        buffers: &mut Vec<TileBuffers>,
+        outputs: &mut [O],
+        project: impl Fn(&Chunk, &mut Binned<S>) + Sync,
+        tile: impl Fn(Pass, Job<'_, S, O>) + Sync,
+    ) {
+        let &Self { work, chunks, .. } = self;
+        let passes = || self.passes.iter().copied().filter(|pass| !pass.makes_splats());
+        let taken = self.wave(chunks, binned, &project);
         if taken == chunks.len() {
             // All splats at hand: each tile goes through its passes at once, in buffers that stay in the cache.
-            let binned = &self.binned;
-            films.par_iter_mut().enumerate().for_each_init(
+            let binned = &binned[..taken];
+            outputs.par_iter_mut().enumerate().for_each_init(
                 || (TileBuffers::default(), Vec::new()),
-                |(buffers, scratch), (index, film)| {
-                    let tile = work.band.tile(index);
-                    if binned[..taken].iter().all(|binned| binned.list(&tile, scratch).is_empty()) {
+                |(buffers, scratch), (index, out)| {
+                    let rect = work.band.tile(index);
+                    if binned.iter().all(|binned| binned.list(&rect, scratch).is_empty()) {
                         return;
                     }
-                    for &pass in &tile_passes {
+                    for pass in passes() {
                         work.prepare(pass, buffers);
-                        work.tile(pass, &chunks, binned, &tile, buffers, scratch, film);
+                        tile(pass, Job { chunks, binned, tile: rect, buffers, scratch, out });
                     }
                 },
             );
             return;
         }
-        self.buffers.resize_with(films.len().max(self.buffers.len()), TileBuffers::default);
+        buffers.resize_with(outputs.len().max(buffers.len()), TileBuffers::default);
         let mut done = taken;
         let mut start = 0;
-        for &pass in &tile_passes {
-            self.buffers.par_iter_mut().for_each(|buffers| work.prepare(pass, buffers));
+        for pass in passes() {
+            buffers.par_iter_mut().for_each(|buffers| work.prepare(pass, buffers));
             loop {
                 let wave = &chunks[start..done];
-                let binned = &self.binned;
-                self.buffers.par_iter_mut().zip(films.par_iter_mut()).enumerate().for_each_init(
+                let splats = &binned[..wave.len()];
+                buffers.par_iter_mut().zip(outputs.par_iter_mut()).enumerate().for_each_init(
                     Vec::new,
-                    |scratch, (index, (buffers, film))| {
-                        work.tile(pass, wave, binned, &work.band.tile(index), buffers, scratch, film);
+                    |scratch, (index, (buffers, out))| {
+                        let rect = work.band.tile(index);
+                        tile(pass, Job { chunks: wave, binned: splats, tile: rect, buffers, scratch, out });
                     },
                 );
-                if pass == Pass::Resolve {
+                if !pass.reads_splats() {
                     break;
                 }
                 // On to the next wave; after the last, back to the first for the next pass.
                 start = if done == chunks.len() { 0 } else { done };
-                done = start + self.wave(work, &chunks[start..], splat_bytes);
+                done = start + self.wave(&chunks[start..], binned, &project);
                 if start == 0 {
                     break;
                 }
@@ -206,25 +281,42 @@ impl Cpu {
         }
     }
 
-    /// Projects and bins as many of `chunks` as fit into `splat_bytes`, at least one; returns how many.
-    fn wave(&mut self, work: &Work<'_>, chunks: &[Chunk], splat_bytes: u64) -> usize {
-        let most = Binned::most_bytes(CHUNK, &work.band);
+    /// Projects and bins as many of `chunks` as fit into the memory for splats, at least one; returns how many.
+    fn wave<S: Tiled + Send>(
+        &self,
+        chunks: &[Chunk],
+        binned: &mut Vec<Binned<S>>,
+        project: &(impl Fn(&Chunk, &mut Binned<S>) + Sync),
+    ) -> usize {
+        let most = Binned::<S>::most_bytes(CHUNK, &self.work.band);
         let least = rayon::current_num_threads();
         let mut used = 0;
         let mut done = 0;
         while done < chunks.len() {
-            let fit = (splat_bytes.saturating_sub(used) / most) as usize;
+            let fit = (self.splat_bytes.saturating_sub(used) / most) as usize;
             if fit < least && done > 0 {
                 break;
             }
             let end = (done + fit.max(least)).min(chunks.len());
-            self.binned.resize_with(self.binned.len().max(end), Binned::default);
-            let slots = &mut self.binned[done..end];
-            slots.par_iter_mut().zip(&chunks[done..end]).for_each(|(binned, chunk)| work.project(chunk, binned));
+            binned.resize_with(binned.len().max(end), Binned::default);
+            let slots = &mut binned[done..end];
+            slots.par_iter_mut().zip(&chunks[done..end]).for_each(|(binned, chunk)| project(chunk, binned));
             used += slots.iter().map(Binned::bytes).sum::<u64>();
             done = end;
         }
         done
+    }
+}
+
+impl Pass {
+    /// Splats are made of surfels, not tile by tile.
+    const fn makes_splats(self) -> bool {
+        matches!(self, Self::Project | Self::Bin | Self::Sweep)
+    }
+
+    /// Reads the splats of a tile's list, and not only what was made of them.
+    const fn reads_splats(self) -> bool {
+        !matches!(self, Self::Resolve | Self::Keep | Self::SweptResolve)
     }
 }
 
@@ -244,20 +336,37 @@ impl Work<'_> {
         chunks
     }
 
-    /// Passes `project` and `bin` of one chunk.
-    fn project(&self, chunk: &Chunk, binned: &mut Binned) {
-        let start = Instant::now();
-        let sample = &self.group.samples[chunk.sample];
-        let view = View {
-            object: &sample.objects[chunk.object],
+    fn view(&self, chunk: &Chunk) -> View<'_> {
+        View {
+            object: &self.group.samples[chunk.sample].objects[chunk.object],
             raster: self.group.raster,
             pixels: self.band.pixels,
+            corner: self.band.corner,
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,
             two_sided: self.frame.objects[chunk.object].two_sided,
-        };
+        }
+    }
+
+    /// Passes `project` and `bin` of one chunk.
+    fn project(&self, chunk: &Chunk, binned: &mut Binned) {
+        let start = Instant::now();
+        let surfels = self.frame.objects[chunk.object].surfels;
         binned.splats.clear();
-        project::project(&view, self.frame.objects[chunk.object].surfels, chunk.surfels.clone(), &mut binned.splats);
+        project::project(&self.view(chunk), surfels, chunk.surfels.clone(), &mut binned.splats);
+        binned.bin();
+        self.clocks.splats.fetch_add(binned.splats.len() as u64, Relaxed);
+        self.clocks.project.add(start);
+    }
+
+    /// Pass `sweep` of one chunk.
+    fn sweep(&self, chunk: &Chunk, binned: &mut Binned<SweptSplat>) {
+        let start = Instant::now();
+        let kernel = self.frame.swept.unwrap_or_default();
+        let volume = Volume { ellipsoid: kernel.shape == KernelShape::Ellipsoid, stretch: kernel.stretch() as f32 };
+        let surfels = self.frame.objects[chunk.object].surfels;
+        binned.splats.clear();
+        swept::project(&self.view(chunk), volume, surfels, chunk.surfels.clone(), &mut binned.splats);
         binned.bin();
         self.clocks.splats.fetch_add(binned.splats.len() as u64, Relaxed);
         self.clocks.project.add(start);
@@ -269,87 +378,169 @@ impl Work<'_> {
         if total > 0.0 { weight / total } else { 1.0 }
     }
 
+    fn attributes(&self, chunk: &Chunk) -> Attributes<'_> {
+        let sample = &self.group.samples[chunk.sample];
+        Attributes {
+            sample,
+            posed: &sample.objects[chunk.object],
+            object: &self.frame.objects[chunk.object],
+            channels: self.channels,
+            near: self.frame.near,
+            low_pass: if self.frame.prefilter == Prefilter::Approx { self.group.raster.low_pass } else { 0.0 },
+            stride: self.frame.stride as f32,
+            share: self.share(sample.weight),
+            shading: self.frame.shading,
+        }
+    }
+
+    /// What a group's pixels are resolved with.
+    fn resolve(&self) -> Resolve<'_> {
+        Resolve {
+            sample: &self.group.samples[self.group.samples.len() / 2],
+            channels: self.channels,
+            planes: self.planes,
+            shading: self.frame.shading,
+            raster: &self.group.raster,
+        }
+    }
+
     /// Clears what `pass` will write.
     fn prepare(&self, pass: Pass, buffers: &mut TileBuffers) {
         match pass {
             Pass::Visibility => buffers.clear_threshold(),
+            Pass::Density => buffers.clear_sums(1, 1),
             Pass::Attribute => buffers.clear_sums(self.channels.count, self.group.samples.len()),
-            Pass::Project | Pass::Bin | Pass::Resolve => {}
+            Pass::SweptAttribute => {
+                buffers.clear_threshold();
+                buffers.clear_sums(self.channels.count, 1);
+                buffers.clear_presence();
+            }
+            Pass::Project | Pass::Bin | Pass::Resolve | Pass::Keep | Pass::Sweep | Pass::SweptResolve => {}
         }
     }
 
-    #[allow(clippy::too_many_arguments, reason = "a tile's inputs and outputs, each of another owner")]
-    fn tile(
-        &self,
-        pass: Pass,
-        chunks: &[Chunk],
-        binned: &[Binned],
-        tile: &TileRect,
-        buffers: &mut TileBuffers,
-        scratch: &mut Vec<u32>,
-        film: &mut TileFilm,
-    ) {
+    /// Pass `visibility` of one tile.
+    fn visibility<O>(&self, job: Job<'_, Splat, O>) {
         let start = Instant::now();
-        let TileBuffers { threshold, sums, union } = buffers;
+        for (chunk, binned) in job.chunks.iter().zip(job.binned) {
+            let list = binned.list(&job.tile, job.scratch);
+            if list.is_empty() {
+                continue;
+            }
+            let epsilon = self.group.samples[chunk.sample].objects[chunk.object].epsilon;
+            let depths = Depths { near: self.frame.near, epsilon };
+            visibility::visibility(&binned.splats, list, depths, &job.tile, &mut job.buffers.threshold);
+        }
+        self.clocks.visibility.add(start);
+    }
+
+    /// A pass of one tile of the image.
+    fn tile(&self, pass: Pass, job: Job<'_, Splat, TileFilm>) {
+        let start = Instant::now();
         let several = self.group.samples.len() > 1;
         match pass {
-            Pass::Project | Pass::Bin => {}
-            Pass::Visibility => {
-                for (chunk, binned) in chunks.iter().zip(binned) {
-                    let list = binned.list(tile, scratch);
-                    if list.is_empty() {
-                        continue;
-                    }
-                    let epsilon = self.group.samples[chunk.sample].objects[chunk.object].epsilon;
-                    let depths = Depths { near: self.frame.near, epsilon };
-                    visibility::visibility(&binned.splats, list, depths, tile, threshold);
-                }
-                self.clocks.visibility.add(start);
-            }
+            Pass::Visibility => self.visibility(job),
             Pass::Attribute => {
-                for (chunk, binned) in chunks.iter().zip(binned) {
-                    let list = binned.list(tile, scratch);
+                let TileBuffers { threshold, sums, union, .. } = job.buffers;
+                for (chunk, binned) in job.chunks.iter().zip(job.binned) {
+                    let list = binned.list(&job.tile, job.scratch);
                     if list.is_empty() {
                         continue;
                     }
-                    let sample = &self.group.samples[chunk.sample];
                     if several && chunk.sample != union.sample {
                         union.turn(self.group.samples[union.sample].weight, chunk.sample);
                     }
-                    let attributes = Attributes {
-                        sample,
-                        posed: &sample.objects[chunk.object],
-                        object: &self.frame.objects[chunk.object],
-                        channels: self.channels,
-                        near: self.frame.near,
-                        low_pass: if self.frame.prefilter == Prefilter::Approx {
-                            self.group.raster.low_pass
-                        } else {
-                            0.0
-                        },
-                        stride: self.frame.stride as f32,
-                        share: self.share(sample.weight),
-                        shading: self.frame.shading,
-                    };
-                    attribute::attribute(&binned.splats, list, &attributes, tile, threshold, sums, &mut union.reach);
+                    let attributes = self.attributes(chunk);
+                    attribute::attribute(
+                        &binned.splats,
+                        list,
+                        &attributes,
+                        &job.tile,
+                        threshold,
+                        sums,
+                        &mut union.reach,
+                    );
                 }
                 self.clocks.attribute.add(start);
             }
             Pass::Resolve => {
-                let samples = &self.group.samples;
+                let TileBuffers { threshold, sums, union, .. } = job.buffers;
                 if several {
-                    union.turn(samples[union.sample].weight, 0);
+                    union.turn(self.group.samples[union.sample].weight, 0);
                 }
-                let resolve = Resolve {
-                    sample: &samples[samples.len() / 2],
-                    channels: self.channels,
-                    planes: self.planes,
-                    shading: self.frame.shading,
-                    raster: &self.group.raster,
-                };
-                resolve::resolve(&resolve, tile, threshold, sums, &union.coverage, film);
+                resolve::resolve(&self.resolve(), &job.tile, threshold, sums, &union.coverage, job.out);
                 self.clocks.resolve.add(start);
             }
+            Pass::Project | Pass::Bin | Pass::Density | Pass::Keep | Pass::Sweep => {}
+            Pass::SweptAttribute | Pass::SweptResolve => {}
+        }
+    }
+
+    /// A pass of one tile of the map.
+    fn map_tile(&self, pass: Pass, job: Job<'_, Splat, MapTile>) {
+        let start = Instant::now();
+        match pass {
+            Pass::Visibility => self.visibility(job),
+            Pass::Density => {
+                let channels = Channels::weights();
+                for (chunk, binned) in job.chunks.iter().zip(job.binned) {
+                    let list = binned.list(&job.tile, job.scratch);
+                    if list.is_empty() {
+                        continue;
+                    }
+                    let attributes = Attributes { channels: &channels, ..self.attributes(chunk) };
+                    let TileBuffers { threshold, sums, .. } = &mut *job.buffers;
+                    attribute::attribute(&binned.splats, list, &attributes, &job.tile, threshold, sums, &mut []);
+                }
+                self.clocks.visibility.add(start);
+            }
+            Pass::Keep => {
+                swept::keep(&job.tile, &job.buffers.threshold, &job.buffers.sums, job.out);
+                self.clocks.visibility.add(start);
+            }
+            Pass::Project | Pass::Bin | Pass::Attribute | Pass::Resolve => {}
+            Pass::Sweep | Pass::SweptAttribute | Pass::SweptResolve => {}
+        }
+    }
+
+    /// A pass of kernels in motion on one tile of the image.
+    fn swept_tile(&self, pass: Pass, map: &Map, job: Job<'_, SweptSplat, TileFilm>) {
+        let start = Instant::now();
+        let (Some(kernel), Some(interval)) = (self.frame.swept, &self.group.interval) else { return };
+        let sum = kernel.alpha == TemporalAlpha::Sum;
+        let TileBuffers { threshold, sums, union, presence } = job.buffers;
+        match pass {
+            Pass::SweptAttribute => {
+                for (chunk, binned) in job.chunks.iter().zip(job.binned) {
+                    let list = binned.list(&job.tile, job.scratch);
+                    if list.is_empty() {
+                        continue;
+                    }
+                    let swept = Swept {
+                        attributes: self.attributes(chunk),
+                        footprint: Footprint::of(kernel),
+                        source_samples: kernel.source_samples.0,
+                        slope: interval.slope,
+                        sum,
+                        map,
+                    };
+                    swept::attribute(&binned.splats, list, &swept, &job.tile, sums, presence);
+                }
+                self.clocks.attribute.add(start);
+            }
+            Pass::SweptResolve => {
+                let weight = self.group.samples[0].weight;
+                let coverage = &mut union.coverage;
+                swept::coverage(&Exposure { interval, weight, sum }, presence, coverage);
+                if kernel.normalise == Normalise::Once {
+                    swept::pool(weight, self.channels, self.planes, &job.tile, sums, coverage, &mut job.out.values);
+                } else {
+                    resolve::resolve(&self.resolve(), &job.tile, threshold, sums, coverage, job.out);
+                }
+                self.clocks.resolve.add(start);
+            }
+            Pass::Project | Pass::Bin | Pass::Visibility | Pass::Attribute | Pass::Resolve => {}
+            Pass::Density | Pass::Keep | Pass::Sweep => {}
         }
     }
 }

@@ -28,6 +28,8 @@ pub(super) struct View<'a> {
     pub raster: Raster,
     /// First and last pixel column, first and last row, of what is wanted.
     pub pixels: [i32; 4],
+    /// Pixel from which bounds are counted.
+    pub corner: [i32; 2],
     pub near: f32,
     /// With the low-pass disc?
     pub low_pass: bool,
@@ -36,7 +38,7 @@ pub(super) struct View<'a> {
 
 dispatch! {
     /// Appends the splats of `surfels[range]` that may touch the wanted pixels, in surfel order.
-    fn project(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Splat>) = project_body
+    pub(super) fn project(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Splat>) = project_body
 }
 
 #[inline(always)]
@@ -47,12 +49,12 @@ fn project_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &m
         let at = first..first + n;
         let position = lanes(&surfels.position[at.clone()]);
         let (axis_u, axis_v) = (lanes(&surfels.axis_u[at.clone()]), lanes(&surfels.axis_v[at]));
-        if !view.two_sided && all_face_away(view.object, &position, &axis_u, &axis_v) {
+        if !view.two_sided && !view.object.moves && all_face_away(view.object, &position, &axis_u, &axis_v) {
             first += n;
             continue;
         }
         let block = Block {
-            centre: transform(&view.object.screen_from_model, view.object.screen_origin, &position),
+            centre: transform(&view.object.centre_from_model, view.object.centre_origin, &position),
             u: transform(&view.object.screen_from_model, Vec3::ZERO, &axis_u),
             v: transform(&view.object.screen_from_model, Vec3::ZERO, &axis_v),
         };
@@ -63,7 +65,7 @@ fn project_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &m
         for l in 0..n {
             let surfel = (first + l) as u32;
             if shape.kind[l] == ORDINARY {
-                push_ordinary(&shape, l, surfel, out);
+                push_ordinary(view, &shape, l, surfel, out);
             } else if shape.kind[l] == CROSSING {
                 push_crossing(view, &block, l, surfel, out);
             }
@@ -209,7 +211,7 @@ fn project_lane(view: &View<'_>, block: &Block, l: usize, shape: &mut Shape) {
 /// Ends of the ellipse along one axis, relative to the projected centre and widened to the low-pass disc: the roots of
 /// d22 k^2 - 2 d02 k + d00 = 0 for d22 < 0.
 #[inline(always)]
-fn extent(d00: f32, d02: f32, d22: f32, inverse22: f32, low_pass: f32) -> (f32, f32) {
+pub(super) fn extent(d00: f32, d02: f32, d22: f32, inverse22: f32, low_pass: f32) -> (f32, f32) {
     let disc = d02 * d02 - d00 * d22;
     let half = (if disc > 0.0 { disc } else { 0.0 }).sqrt() * -inverse22;
     let middle = d02 * inverse22;
@@ -231,7 +233,7 @@ fn pixel_range(reference: f32, low: f32, high: f32, first: i32, last: i32) -> (f
 }
 
 #[inline(always)]
-fn push_ordinary(shape: &Shape, l: usize, surfel: u32, out: &mut Vec<Splat>) {
+fn push_ordinary(view: &View<'_>, shape: &Shape, l: usize, surfel: u32, out: &mut Vec<Splat>) {
     let three = |form: &[Lanes; 3]| [form[0][l], form[1][l], form[2][l]];
     out.push(Splat {
         reference: [shape.reference[0][l], shape.reference[1][l]],
@@ -239,10 +241,17 @@ fn push_ordinary(shape: &Shape, l: usize, surfel: u32, out: &mut Vec<Splat>) {
         u: [shape.u[0][l], shape.u[1][l], 0.0],
         v: [shape.v[0][l], shape.v[1][l], 0.0],
         centre_depth: shape.centre_depth[l],
-        bounds: [0, 1, 2, 3].map(|side| shape.bounds[side][l] as u16),
+        bounds: bounds(view, [0, 1, 2, 3].map(|side| shape.bounds[side][l] as i32)),
         surfel,
         flags: shape.flags[l],
     });
+}
+
+/// Pixels, as bounds counted from the view's corner.
+#[inline(always)]
+pub(super) fn bounds(view: &View<'_>, [x0, x1, y0, y1]: [i32; 4]) -> [u16; 4] {
+    let [x, y] = view.corner;
+    [(x0 - x) as u16, (x1 - x) as u16, (y0 - y) as u16, (y1 - y) as u16]
 }
 
 /// A splat that reaches the camera plane: its bounds are all that is wanted, and pixels are counted from the camera's axis.
@@ -256,14 +265,13 @@ fn push_crossing(view: &View<'_>, block: &Block, l: usize, surfel: u32, out: &mu
     if !over.is_finite() {
         return;
     }
-    let [x0, x1, y0, y1] = view.pixels;
     out.push(Splat {
         reference: [0, 1].map(|i| view.raster.axis[i] - view.raster.offset[i]),
         inverse_depth: (normal * over).to_array(),
         u: (v.cross(c) * over).to_array(),
         v: (c.cross(u) * over).to_array(),
         centre_depth: 0.0,
-        bounds: [x0 as u16, x1 as u16, y0 as u16, y1 as u16],
+        bounds: bounds(view, view.pixels),
         surfel,
         flags: if det * view.object.handedness < 0.0 { 0 } else { FLAG_BACK },
     });

@@ -15,7 +15,7 @@ use crate::shading::{ShadingLight, lobes, towards_point};
 /// Film of one tile: plane by plane, `TILE` x `TILE`; empty until something is added.
 #[derive(Clone, Debug, Default)]
 pub(super) struct TileFilm {
-    values: Vec<f32>,
+    pub values: Vec<f32>,
 }
 
 impl TileFilm {
@@ -101,7 +101,7 @@ dispatch! {
     /// Adds one group's share of the exposure to `film`.
     ///
     /// `coverage` is that of the group's samples together, weights included; it is empty for a group of one sample.
-    fn resolve(
+    pub(super) fn resolve(
         resolve: &Resolve<'_>, tile: &TileRect, threshold: &[f32], sums: &[f32], coverage: &[f32], film: &mut TileFilm,
     ) = resolve_body
 }

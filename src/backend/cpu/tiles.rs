@@ -16,6 +16,8 @@ pub(super) struct Band {
     pub tiles_x: usize,
     /// First and last pixel column, first and last pixel row.
     pub pixels: [i32; 4],
+    /// Pixel at which the tiles and their pixels are counted from: 0, but in a guard band.
+    pub corner: [i32; 2],
 }
 
 impl Band {
@@ -25,6 +27,23 @@ impl Band {
             tile_rows,
             tiles_x: (size[0] as usize).div_ceil(TILE),
             pixels: [0, size[0] as i32 - 1, (tile_rows[0] * TILE) as i32, bottom as i32 - 1],
+            corner: [0; 2],
+        }
+    }
+
+    /// The band and `guard` pixels around it, in tiles of its own; as much of them as pixels can be numbered.
+    pub(super) fn guarded(&self, guard: u32) -> Self {
+        let [x0, x1, y0, y1] = self.pixels;
+        let room =
+            |first: i32, last: i32| guard.min((u32::from(u16::MAX) + 1).saturating_sub((last + 1 - first) as u32) / 2);
+        let guard = room(x0, x1).min(room(y0, y1)) as i32;
+        let pixels = [x0 - guard, x1 + guard, y0 - guard, y1 + guard];
+        let tiles = |first: i32, last: i32| ((last + 1 - first) as usize).div_ceil(TILE);
+        Self {
+            tile_rows: [0, tiles(pixels[2], pixels[3])],
+            tiles_x: tiles(pixels[0], pixels[1]),
+            pixels,
+            corner: [pixels[0], pixels[2]],
         }
     }
 
@@ -40,8 +59,9 @@ impl Band {
         TileRect {
             tile: [x, y],
             origin: [x0, y0],
-            width: (self.pixels[1] as usize + 1 - x0).min(TILE),
-            height: (self.pixels[3] as usize + 1 - y0).min(TILE),
+            corner: [self.corner[0] + x0 as i32, self.corner[1] + y0 as i32],
+            width: ((self.pixels[1] + 1 - self.corner[0]) as usize - x0).min(TILE),
+            height: ((self.pixels[3] + 1 - self.corner[1]) as usize - y0).min(TILE),
         }
     }
 }
@@ -51,8 +71,10 @@ impl Band {
 pub(super) struct TileRect {
     /// Column and row among the tiles.
     pub tile: [usize; 2],
-    /// First pixel column and row.
+    /// First pixel column and row, counted from the band's corner.
     pub origin: [usize; 2],
+    /// First pixel column and row of the raster.
+    pub corner: [i32; 2],
     /// Pixels of the image in a row of the tile.
     pub width: usize,
     /// Pixel rows of the image in the tile.
@@ -68,6 +90,19 @@ pub(super) struct TileBuffers {
     pub sums: Vec<f32>,
     /// Coverage by the samples of a group that has several; empty where there is one.
     pub union: Union,
+    /// Coverage by kernels in motion; empty where there are none.
+    pub presence: Presence,
+}
+
+/// When kernels in motion cover, one bit each 32nd of the interval: `TILE` rows of `STRIDE`.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Presence {
+    /// Object-space kernels.
+    pub surface: Vec<u32>,
+    /// Low-pass discs.
+    pub low_pass: Vec<u32>,
+    /// Sum of the weights of low-pass discs beyond those of their kernels; or of all weights, where the sum is the coverage.
+    pub loose: Vec<f32>,
 }
 
 /// Coverage by the samples of a group, one after the other: `TILE` rows of `STRIDE`.
@@ -110,9 +145,20 @@ impl TileBuffers {
         }
     }
 
-    /// Bytes of one tile's buffers, for groups of `samples` samples.
-    pub(super) const fn bytes(channels: usize, samples: usize) -> u64 {
+    /// For kernels in motion.
+    pub(super) fn clear_presence(&mut self) {
+        for plane in [&mut self.presence.surface, &mut self.presence.low_pass] {
+            plane.clear();
+            plane.resize(TILE * STRIDE, 0);
+        }
+        self.presence.loose.clear();
+        self.presence.loose.resize(TILE * STRIDE, 0.0);
+    }
+
+    /// Bytes of one tile's buffers, for groups of `samples` samples, with kernels in motion or without.
+    pub(super) const fn bytes(channels: usize, samples: usize, swept: bool) -> u64 {
         let union = if samples > 1 { 2 } else { 0 };
-        ((1 + channels + union) * TILE * STRIDE * size_of::<f32>()) as u64
+        let presence = if swept { 4 } else { 0 };
+        ((1 + channels + union + presence) * TILE * STRIDE * size_of::<f32>()) as u64
     }
 }

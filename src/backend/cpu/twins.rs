@@ -45,6 +45,7 @@ impl Twins<'_> {
                     object: pose,
                     raster: group.raster,
                     pixels: [0, group.raster.size[0] as i32 - 1, 0, group.raster.size[1] as i32 - 1],
+                    corner: [0; 2],
                     near: frame.near,
                     low_pass: frame.prefilter == Prefilter::Approx,
                     two_sided: frame.objects[object].two_sided,
@@ -61,7 +62,7 @@ impl Twins<'_> {
     fn rect(&self, tile: [usize; 2]) -> TileRect {
         let origin = tile.map(|i| i * self.edge);
         let [width, height] = [0, 1].map(|i| (self.group.raster.size[i] as usize - origin[i]).min(self.edge));
-        TileRect { tile, origin, width, height }
+        TileRect { tile, origin, corner: origin.map(|i| i as i32), width, height }
     }
 
     /// Splats of `posed` that may touch the tile.
@@ -160,7 +161,7 @@ impl Twins<'_> {
             raster: &group.raster,
         };
         let mut film = TileFilm::default();
-        let TileBuffers { threshold, sums, union } = &buffers;
+        let TileBuffers { threshold, sums, union, .. } = &buffers;
         resolve::resolve(&resolve, &self.rect(tile), threshold, sums, &union.coverage, &mut film);
         (0..planes.count).map(|p| self.take(|y| &film.values()[(p * TILE + y) * TILE..])).collect()
     }

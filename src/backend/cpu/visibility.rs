@@ -18,7 +18,7 @@ pub(super) struct Depths {
 
 dispatch! {
     /// Lowers `threshold` by the splats that `list` names.
-    fn visibility(splats: &[Splat], list: &[u32], depths: Depths, tile: &TileRect, threshold: &mut [f32]) = visibility_body
+    pub(super) fn visibility(splats: &[Splat], list: &[u32], depths: Depths, tile: &TileRect, threshold: &mut [f32]) = visibility_body
 }
 
 #[inline(always)]
@@ -28,12 +28,12 @@ fn visibility_body(splats: &[Splat], list: &[u32], depths: Depths, tile: &TileRe
         let splat = &splats[index as usize];
         let Touched { x0, x1, y0, y1 } = Touched::of(splat, tile);
         for y in y0..=y1 {
-            let row = Row::of(splat, tile.origin[1] + y);
+            let row = Row::of(splat, tile.corner[1] + y as i32);
             let mut x = x0;
             while x <= x1 {
                 let out = &mut threshold[y * STRIDE + x..][..LANES];
-                let first = (tile.origin[0] + x) as f32;
-                let last = (tile.origin[0] + x1) as f32;
+                let first = (tile.corner[0] + x as i32) as f32;
+                let last = (tile.corner[0] + x1 as i32) as f32;
                 for l in 0..LANES {
                     let pixel = first + l as f32;
                     let hit = row.at(splat, pixel);
@@ -92,7 +92,7 @@ pub(super) struct Hit {
 
 impl Row {
     #[inline(always)]
-    pub(super) fn of(splat: &Splat, pixel_row: usize) -> Self {
+    pub(super) fn of(splat: &Splat, pixel_row: i32) -> Self {
         let y = pixel_row as f32 + 0.5 - splat.reference[1];
         let form = |c: [f32; 3]| c[1] * y + c[2];
         Self { y, inverse_depth: form(splat.inverse_depth), u: form(splat.u), v: form(splat.v) }

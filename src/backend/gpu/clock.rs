@@ -105,11 +105,11 @@ impl Marks {
                 let ticks = marks[1].saturating_sub(marks[0]);
                 let time = Duration::from_nanos((ticks as f64 * clock.period) as u64);
                 match pass {
-                    Pass::Project => stats.project += time,
+                    Pass::Project | Pass::Sweep => stats.project += time,
                     Pass::Bin => stats.bin += time,
-                    Pass::Visibility => stats.visibility += time,
-                    Pass::Attribute => stats.attribute += time,
-                    Pass::Resolve => stats.resolve += time,
+                    Pass::Visibility | Pass::Density | Pass::Keep => stats.visibility += time,
+                    Pass::Attribute | Pass::SweptAttribute => stats.attribute += time,
+                    Pass::Resolve | Pass::SweptResolve => stats.resolve += time,
                 }
             }
         }

@@ -27,6 +27,9 @@ pub(super) struct Execution<'a> {
 impl Gpu {
     /// Cuts the frame up and makes room for it.
     pub(super) fn prepare<'a>(&mut self, frame: &'a Frame<'a>) -> Result<Execution<'a>, BackendError> {
+        if frame.swept.is_some() {
+            return Err(self.machine.device.error("mode volumetric is not on the GPU yet"));
+        }
         let channels = DeviceChannels::of(frame);
         let planes = FilmPlanes::of(frame.aovs);
         let mut schedule = Schedule::new(frame, &channels, &planes, self.most_bytes)?;
@@ -142,6 +145,7 @@ impl Machine {
                     }
                 }
                 Pass::Resolve => self.record(&mut encoder, pass, work, &waves[last], last, marks),
+                Pass::Density | Pass::Keep | Pass::Sweep | Pass::SweptAttribute | Pass::SweptResolve => {}
             }
         }
         self.flush(&mut encoder, marks);
@@ -237,6 +241,7 @@ impl Machine {
                 recorder.dispatch_workgroups(tiles[0], tiles[1], 1);
             }
             Pass::Resolve => dispatch(work.resolve, tiles),
+            Pass::Density | Pass::Keep | Pass::Sweep | Pass::SweptAttribute | Pass::SweptResolve => {}
         }
     }
 }

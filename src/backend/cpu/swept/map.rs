@@ -1,0 +1,64 @@
+//! What a group shows at mid-interval, over the image and a guard band around it: where swept kernels look up whether their source is
+//! visible (thesis fig. 4.5), and how densely kernels lie there.
+
+use crate::backend::cpu::tiles::{Band, STRIDE, TILE, TileRect};
+
+/// Depth threshold and inverse density of each sample position, tile by tile.
+#[derive(Clone, Debug, Default)]
+pub(in crate::backend::cpu) struct Map {
+    /// First pixel column and row.
+    corner: [i32; 2],
+    /// Tiles in a row, and rows of tiles.
+    tiles: [i32; 2],
+    values: Vec<[f32; 2]>,
+}
+
+/// Values of one tile: `TILE` rows of `TILE`.
+pub(in crate::backend::cpu) type MapTile = [[f32; 2]; TILE * TILE];
+
+/// Where nothing is known everything is visible.
+const UNKNOWN: [f32; 2] = [f32::INFINITY, 1.0];
+
+impl Map {
+    /// Bytes of a map of `tiles` tiles.
+    pub(in crate::backend::cpu) const fn bytes(tiles: u64) -> u64 {
+        tiles * size_of::<MapTile>() as u64
+    }
+
+    /// Clears the map and lays it over `band`; returns its tiles, row by row.
+    pub(in crate::backend::cpu) fn lay(&mut self, band: &Band) -> &mut [MapTile] {
+        self.corner = band.corner;
+        self.tiles = [band.tiles_x as i32, (band.len() / band.tiles_x.max(1)) as i32];
+        self.values.clear();
+        self.values.resize(band.len() * TILE * TILE, UNKNOWN);
+        self.values.as_chunks_mut().0
+    }
+
+    /// Threshold and inverse density at pixel (`x`, `y`).
+    #[inline(always)]
+    pub(super) fn at(&self, x: i32, y: i32) -> [f32; 2] {
+        const BITS: u32 = TILE.trailing_zeros();
+        const MASK: i32 = TILE as i32 - 1;
+        let (x, y) = (x.wrapping_sub(self.corner[0]), y.wrapping_sub(self.corner[1]));
+        let (tile_x, tile_y) = (x >> BITS, y >> BITS);
+        if (tile_x as u32) < self.tiles[0] as u32 && (tile_y as u32) < self.tiles[1] as u32 {
+            let tile = (tile_y * self.tiles[0] + tile_x) as usize;
+            let place = ((y & MASK) << BITS | (x & MASK)) as usize;
+            self.values.get(tile * (TILE * TILE) + place).copied().unwrap_or(UNKNOWN)
+        } else {
+            UNKNOWN
+        }
+    }
+}
+
+/// Pass `keep`: a tile's thresholds and, where there are any, sums of weights into its part of the map.
+pub(in crate::backend::cpu) fn keep(tile: &TileRect, threshold: &[f32], sums: &[f32], out: &mut MapTile) {
+    for y in 0..tile.height {
+        for x in 0..tile.width {
+            let at = y * STRIDE + x;
+            let density = sums.get(at).copied().unwrap_or(1.0);
+            // Where there is no kernel the inverse is infinite: a share is the most that it can be.
+            out[y * TILE + x] = [threshold[at], 1.0 / density];
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! Pass `project`, swept: surfels to kernels in motion over an interval; projected, bounded and culled.
+//!
+//! Math: docs/math.md, section 7. In: surfels of one object, its pose at mid-interval and its motion over it. Out: swept splats in
+//! surfel order. Order-free.
+
+use std::ops::Range;
+
+use glam::Vec3;
+
+use crate::backend::cpu::project::{View, extent};
+use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, SweptSplat};
+use crate::math::simd::dispatch;
+use crate::model::Surfels;
+
+/// Slack of screen bounds, pixels plus a share of the size: they must not be too small by rounding.
+const SLACK: f32 = 1e-3;
+const SLACK_SHARE: f32 = 1e-5;
+
+/// Which volume a kernel sweeps.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::backend::cpu) struct Volume {
+    /// The ellipsoid instead of the tube.
+    pub ellipsoid: bool,
+    /// Motion of the kernel over that of the surfel: 2 where neighbouring kernels overlap.
+    pub stretch: f32,
+}
+
+dispatch! {
+    /// Appends the swept splats of `surfels[range]` that may touch the wanted pixels, in surfel order.
+    pub(in crate::backend::cpu) fn project(view: &View<'_>, volume: Volume, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>) = project_body
+}
+
+#[inline(always)]
+fn project_body(view: &View<'_>, volume: Volume, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>) {
+    let object = view.object;
+    for i in range {
+        let posed = Posed {
+            centre: object.centre_from_model * surfels.position[i] + object.centre_origin,
+            motion: (object.motion_from_model * surfels.position[i] + object.motion_origin) * volume.stretch,
+            u: object.screen_from_model * surfels.axis_u[i],
+            v: object.screen_from_model * surfels.axis_v[i],
+        };
+        if let Some(splat) = sweep(view, volume.ellipsoid, &posed, i as u32) {
+            out.push(splat);
+        }
+    }
+}
+
+/// A kernel in screen space: homogeneous pixel coordinates (x, y, depth) about the camera's axis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Posed {
+    /// Centre at tau = 0.
+    pub centre: Vec3,
+    /// From there to tau = 1.
+    pub motion: Vec3,
+    pub u: Vec3,
+    pub v: Vec3,
+}
+
+/// The splat of one kernel; none if it shows the wrong face at mid-interval, or nowhere touches the wanted pixels.
+#[inline(always)]
+pub(super) fn sweep(view: &View<'_>, ellipsoid: bool, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
+    let &Posed { centre, motion, u, v } = posed;
+    let reach2 = u.z * u.z + v.z * v.z;
+    let depths = [centre.z - motion.z, centre.z + motion.z];
+    if (if depths[0] > depths[1] { depths[0] } else { depths[1] }) + reach2.sqrt() < view.near {
+        return None;
+    }
+    let crosses = |depth: f32| !(depth > 0.0) || reach2 - depth * depth > -1e-3 * depth * depth;
+    if crosses(depths[0]) || crosses(depths[1]) {
+        return crossing(view, posed, surfel);
+    }
+    let inverse = 1.0 / centre.z;
+    let (x, y) = (centre.x * inverse, centre.y * inverse);
+    let (ux, uy) = (u.x - x * u.z, u.y - y * u.z);
+    let (vx, vy) = (v.x - x * v.z, v.y - y * v.z);
+    let (mx, my) = (motion.x - x * motion.z, motion.y - y * motion.z);
+    let area = ux * vy - uy * vx;
+    let det = area * centre.z * view.object.handedness;
+    let facing = if view.two_sided { det.abs() > 0.0 } else { det < 0.0 };
+    if !facing {
+        return None;
+    }
+    let low_pass = if view.low_pass && centre.z >= view.near { view.raster.low_pass } else { 0.0 };
+    // On the screen the disc grows as it nears: in space it keeps its size.
+    let ends = [centre - motion, centre + motion].map(|at| end(view, at, u, v, low_pass * (centre.z / at.z)));
+    let reference = [view.raster.axis[0] + x - view.raster.offset[0], view.raster.axis[1] + y - view.raster.offset[1]];
+    let low = |a: f32, b: f32| if a < b { a } else { b };
+    let high = |a: f32, b: f32| if a > b { a } else { b };
+    let mut hull =
+        [0, 1, 2, 3].map(|i| if i % 2 == 0 { low(ends[0][i], ends[1][i]) } else { high(ends[0][i], ends[1][i]) });
+    if ellipsoid {
+        // The dual conic T diag(1, 1, 1, -1) T^t with T = [u v motion centre] (Sigg et al. 2006); and that of the low-pass disc.
+        let disc = low_pass * centre.z;
+        let d22 = reach2 + motion.z * motion.z - centre.z * centre.z;
+        let disc22 = motion.z * motion.z - centre.z * centre.z;
+        let bound = |[u, v, m]: [f32; 3], reference: f32| {
+            let kernel =
+                extent(u * u + v * v + m * m, u * posed.u.z + v * posed.v.z + m * motion.z, d22, 1.0 / d22, 0.0);
+            let disc = extent(disc * disc + m * m, m * motion.z, disc22, 1.0 / disc22, 0.0);
+            index_range(reference, low(kernel.0, disc.0), high(kernel.1, disc.1))
+        };
+        let (columns, rows) = (bound([ux, vx, mx], reference[0]), bound([uy, vy, my], reference[1]));
+        hull = [high(hull[0], columns.0), low(hull[1], columns.1), high(hull[2], rows.0), low(hull[3], rows.1)];
+    }
+    let [x0, x1, y0, y1] = view.pixels.map(|pixel| pixel as f32);
+    let bounds =
+        [high(hull[0].ceil(), x0), low(hull[1].floor(), x1), high(hull[2].ceil(), y0), low(hull[3].floor(), y1)];
+    // False with a NaN.
+    if !(bounds[0] <= bounds[1] && bounds[2] <= bounds[3]) {
+        return None;
+    }
+    let over_area = 1.0 / area;
+    let over_both = over_area * inverse;
+    let back = if area * view.object.handedness < 0.0 { 0 } else { FLAG_BACK };
+    Some(SweptSplat {
+        reference,
+        inverse_depth: [(uy * v.z - u.z * vy) * over_both, (u.z * vx - ux * v.z) * over_both, inverse],
+        u: [vy * over_area, -vx * over_area, 0.0],
+        v: [-uy * over_area, ux * over_area, 0.0],
+        u_rate: [
+            (vy * motion.z - v.z * my) * over_both,
+            (v.z * mx - vx * motion.z) * over_both,
+            (vx * my - vy * mx) * over_both,
+        ],
+        v_rate: [
+            (my * u.z - motion.z * uy) * over_both,
+            (motion.z * ux - mx * u.z) * over_both,
+            (mx * uy - my * ux) * over_both,
+        ],
+        motion: [mx, my, motion.z],
+        ends,
+        bounds: bounds.map(|bound| bound as u16),
+        surfel,
+        flags: back | if low_pass > 0.0 { FLAG_LOW_PASS } else { 0 },
+    })
+}
+
+/// Pixel columns and rows between which the kernel and its low-pass disc lie when its centre is `centre`: the dual conic of the
+/// ellipse, as for a splat that does not move. `low_pass` is the disc's radius there.
+#[inline(always)]
+fn end(view: &View<'_>, centre: Vec3, u: Vec3, v: Vec3, low_pass: f32) -> [f32; 4] {
+    let inverse = 1.0 / centre.z;
+    let d22 = u.z * u.z + v.z * v.z - centre.z * centre.z;
+    let inverse22 = 1.0 / d22;
+    let range = |u: f32, v: f32, centre: f32, i: usize, [uz, vz]: [f32; 2]| {
+        let x = centre * inverse;
+        let (u, v) = (u - x * uz, v - x * vz);
+        let (first, last) = extent(u * u + v * v, u * uz + v * vz, d22, inverse22, low_pass);
+        index_range(view.raster.axis[i] + x - view.raster.offset[i], first, last)
+    };
+    let columns = range(u.x, v.x, centre.x, 0, [u.z, v.z]);
+    let rows = range(u.y, v.y, centre.y, 1, [u.z, v.z]);
+    [columns.0, columns.1, rows.0, rows.1]
+}
+
+/// What lies in [low, high] about `reference`, in pixel indices, with slack.
+#[inline(always)]
+fn index_range(reference: f32, low: f32, high: f32) -> (f32, f32) {
+    let slack = SLACK + SLACK_SHARE * (high - low) + reference.abs() * f32::EPSILON;
+    (reference + low - slack - 0.5, reference + high + slack - 0.5)
+}
+
+/// A kernel that reaches the camera plane: its bounds are all that is wanted, and pixels are counted from the camera's axis.
+#[inline(never)]
+fn crossing(view: &View<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
+    let &Posed { centre, motion, u, v } = posed;
+    let normal = u.cross(v);
+    let det = normal.dot(centre);
+    let turned = det * view.object.handedness;
+    let facing = if view.two_sided { turned.abs() > 0.0 } else { turned < 0.0 };
+    let over = 1.0 / det;
+    if !(facing && over.is_finite()) {
+        return None;
+    }
+    Some(SweptSplat {
+        reference: [0, 1].map(|i| view.raster.axis[i] - view.raster.offset[i]),
+        inverse_depth: (normal * over).to_array(),
+        u: (v.cross(centre) * over).to_array(),
+        v: (centre.cross(u) * over).to_array(),
+        u_rate: (v.cross(motion) * over).to_array(),
+        v_rate: (motion.cross(u) * over).to_array(),
+        motion: motion.to_array(),
+        ends: [[0.0; 4]; 2],
+        bounds: view.pixels.map(|pixel| pixel as u16),
+        surfel,
+        flags: FLAG_CROSSING | if turned < 0.0 { 0 } else { FLAG_BACK },
+    })
+}

@@ -1,0 +1,104 @@
+//! Pass `resolve`, swept: when kernels cover becomes coverage; colours that are normalised once are pooled (docs/math.md, section 7).
+//!
+//! In: a tile's sums and presence. Out: its coverage, or its film. One sample position at a time, order-free.
+
+use crate::backend::cpu::tiles::{LANES, Presence, STRIDE, TILE, TileRect};
+use crate::film::FilmPlanes;
+use crate::frame::PosedInterval;
+use crate::layout::Channels;
+use crate::math::simd::dispatch;
+
+/// What an interval contributes.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::backend::cpu) struct Exposure<'a> {
+    pub interval: &'a PosedInterval,
+    /// The interval's share of the exposure.
+    pub weight: f32,
+    /// Coverage is the sum of weights.
+    pub sum: bool,
+}
+
+dispatch! {
+    /// The share of the exposure that each pixel of a tile is covered for, `TILE` rows of `STRIDE`.
+    pub(in crate::backend::cpu) fn coverage(exposure: &Exposure<'_>, presence: &Presence, out: &mut Vec<f32>) = coverage_body
+}
+
+#[inline(always)]
+fn coverage_body(exposure: &Exposure<'_>, presence: &Presence, out: &mut Vec<f32>) {
+    out.clear();
+    out.resize(TILE * STRIDE, 0.0);
+    let lanes = presence.surface.chunks_exact(LANES).zip(presence.low_pass.chunks_exact(LANES));
+    let lanes = lanes.zip(presence.loose.chunks_exact(LANES)).zip(out.chunks_exact_mut(LANES));
+    for (((surface, low_pass), loose), out) in lanes {
+        if exposure.sum {
+            for l in 0..LANES {
+                out[l] = exposure.weight * loose[l];
+            }
+            continue;
+        }
+        let mut covered = [0.0_f32; LANES];
+        let mut reached = [0.0_f32; LANES];
+        for (i, &share) in exposure.interval.moments.iter().enumerate() {
+            for l in 0..LANES {
+                let bit = surface[l] >> i & 1;
+                let other = low_pass[l] >> i & !bit & 1;
+                covered[l] += if bit == 1 { share } else { 0.0 };
+                reached[l] += if other == 1 { share } else { 0.0 };
+            }
+        }
+        for l in 0..LANES {
+            // Where only low-pass discs reach, the sum of their weights is the coverage, up to the time for which they do.
+            let loose = exposure.weight * loose[l];
+            let loose = if loose < reached[l] { loose } else { reached[l] };
+            out[l] = if surface[l] == u32::MAX { exposure.weight } else { covered[l] + loose };
+        }
+    }
+}
+
+/// Adds one interval's sums, as they are, to the tile's film.
+pub(in crate::backend::cpu) fn pool(
+    weight: f32,
+    channels: &Channels,
+    planes: &FilmPlanes,
+    tile: &TileRect,
+    sums: &[f32],
+    coverage: &[f32],
+    film: &mut Vec<f32>,
+) {
+    film.resize(planes.count * TILE * TILE, 0.0);
+    let mut places = vec![(1, 0), (2, 1), (3, 2)];
+    places.extend(planes.weight.map(|plane| (0, plane)));
+    places.extend(channels.depth.zip(planes.depth));
+    places
+        .extend(channels.normal.zip(planes.normal).into_iter().flat_map(|(c, p)| (0..3).map(move |i| (c + i, p + i))));
+    places.extend(
+        channels.velocity.zip(planes.velocity).into_iter().flat_map(|(c, p)| (0..2).map(move |i| (c + i, p + i))),
+    );
+    for y in 0..tile.height {
+        let row = &sums[y * channels.count * STRIDE..][..channels.count * STRIDE];
+        let out = |plane: usize| (plane * TILE + y) * TILE..(plane * TILE + y) * TILE + tile.width;
+        for &(channel, plane) in &places {
+            let sums = &row[channel * STRIDE..][..tile.width];
+            film[out(plane)].iter_mut().zip(sums).for_each(|(film, sum)| *film += weight * sum);
+        }
+        let coverage = &coverage[y * STRIDE..][..tile.width];
+        film[out(3)].iter_mut().zip(coverage).for_each(|(film, coverage)| *film += coverage);
+    }
+}
+
+/// After all intervals: clamps coverage, and divides what was pooled by the sum of weights.
+pub(in crate::backend::cpu) fn finish(planes: &FilmPlanes, film: &mut [f32]) {
+    if film.is_empty() {
+        return;
+    }
+    for pixel in 0..TILE * TILE {
+        let at = |plane: usize| plane * TILE * TILE + pixel;
+        let alpha = film[at(3)].min(1.0);
+        let total = film[at(planes.weight.unwrap_or(3))];
+        let scale = if total > 0.0 { alpha / total } else { 0.0 };
+        for plane in (0..planes.count).filter(|&plane| plane != 3) {
+            film[at(plane)] *= scale;
+        }
+        film[at(3)] = alpha;
+    }
+}
