@@ -16,8 +16,9 @@ pub(in crate::backend::cpu) struct Map {
 /// Values of one tile: `TILE` rows of `TILE`.
 pub(in crate::backend::cpu) type MapTile = [[f32; 2]; TILE * TILE];
 
-/// Where nothing is known everything is visible.
-const UNKNOWN: [f32; 2] = [f32::INFINITY, 1.0];
+/// Where nothing is known everything is visible, however sparse: what `keep` makes of a pixel without kernels, so that it does not
+/// matter which tiles had any.
+const UNKNOWN: [f32; 2] = [f32::INFINITY; 2];
 
 impl Map {
     /// Bytes of a map of `tiles` tiles.

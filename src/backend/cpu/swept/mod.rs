@@ -5,6 +5,8 @@ mod hull;
 mod map;
 mod project;
 mod resolve;
+#[cfg(all(test, feature = "gpu"))]
+pub(in crate::backend) mod twins;
 
 pub(super) use self::attribute::{Footprint, Swept, attribute};
 pub(super) use self::hull::Hull;
