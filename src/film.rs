@@ -112,6 +112,7 @@ impl FilmPlanes {
     }
 
     /// With a plane for the sum of weights.
+    #[must_use]
     pub const fn pooled(self) -> Self {
         Self { count: self.count + 1, weight: Some(self.count), ..self }
     }

@@ -38,7 +38,7 @@ pub struct Splat {
 /// A surfel's kernel in motion over an interval, tau in [-1, 1], projected (docs/math.md, section 7).
 ///
 /// With (x, y) counted from `reference` as in [`Splat`] and w = i.(x, y, 1): on the ray through a sample position the kernel is met at
-/// tangent-plane coordinates u(tau) = (u.(x, y, 1) + tau u_rate.(x, y, 1)) / w, v likewise, and at depth (1 + k tau) / w with
+/// tangent-plane coordinates (`u`.(x, y, 1) + tau `u_rate`.(x, y, 1)) / w, v likewise, and at depth (1 + k tau) / w with
 /// k = i.motion: all linear in tau. It is met only where w > 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]

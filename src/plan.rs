@@ -489,6 +489,7 @@ fn with_offsets(moments: Vec<Vec<TimeSample>>, filter: PixelFilter, seed: u64, p
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may stop")]
 mod tests {
     use super::*;
     use crate::time::Weight;
@@ -576,5 +577,35 @@ mod tests {
         assert_eq!(plan.groups[3].samples.len(), 2);
         let sum: f64 = times(&plan).iter().map(|t| t.1).sum();
         assert!((sum - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn intervals_tile_the_shutter_and_end_at_jumps() {
+        let shutter = Shutter { open: -0.5, close: 0.5, weight: Weight::Ramp { centre: 1.0 } };
+        let mode = BlurMode::Volumetric { intervals: 4, pixel_samples: 1, swept: SweptKernel::default() };
+        let plan = |jumps: &[f64]| Plan::new(mode, PixelFilter::Point, 1, &shutter, 10.0, jumps);
+        let ends = |plan: &Plan| plan.groups.iter().map(|g| g.interval.unwrap().ends).collect::<Vec<_>>();
+        assert_eq!(ends(&plan(&[])), [[9.5, 9.75], [9.75, 10.0], [10.0, 10.25], [10.25, 10.5]]);
+        // One inside, one at a cut.
+        let split = plan(&[9.6, 10.25]);
+        let inside = ends(&split);
+        assert_eq!(inside.len(), 5);
+        assert!(inside[0][1] < 9.6 && inside[0][1] > 9.6 - 1e-6 && inside[1][0] > 9.6 && inside[1][0] < 9.6 + 1e-6);
+        assert!(inside[3][1] < 10.25 && inside[4][0] > 10.25 && inside[2][1] == 10.0 && inside[3][0] == 10.0);
+        for group in &split.groups {
+            let moments: f64 = group.interval.unwrap().moments.iter().sum();
+            assert!((moments - group.samples[0].weight).abs() < 1e-12);
+        }
+        assert!((times(&split).iter().map(|t| t.1).sum::<f64>() - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn modes_have_names() {
+        let name = |swept| BlurMode::Volumetric { intervals: 3, pixel_samples: 8, swept }.to_string();
+        assert_eq!(name(SweptKernel::default()), "volumetric:3+pixel-samples=8");
+        let kernel = SweptKernel { source_samples: SourceSamples(4), ..SweptKernel::PUBLISHED };
+        assert_eq!(name(kernel), "volumetric:3+pixel-samples=8+published+source-samples=4");
+        let kernel = SweptKernel { alpha: TemporalAlpha::Sum, ..SweptKernel::default() };
+        assert_eq!(name(kernel), "volumetric:3+pixel-samples=8+alpha=sum");
     }
 }

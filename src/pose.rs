@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 
-use crate::math::rotation;
+use crate::math::{norm, rotation};
 use crate::scene::{Camera, Motion, Object, Scene};
 
 /// An object at one time.
@@ -65,6 +65,41 @@ impl<'a> ObjectPoser<'a> {
             }
         }
         Some(self.place.map_or(m, |place| place * m))
+    }
+
+    /// A sphere in the world that holds the model's sphere at all scene times from `from` to `to` (frames) at which the object is
+    /// visible; `None` if none is known.
+    ///
+    /// The way |x(t) - x(m)| of the centre x from where it is at mid-time m is bounded motion by motion. An animation T R S makes
+    /// |T(t) - T(m)| + |R(t) - R(m)| |S(t) x| + |S(t) - S(m)| |x| of a fixed x; a linear motion adds |v (t - m)|, and a rotation by w
+    /// per frame about q adds |w (t - m)| |x(m) - q|.
+    pub fn swept_sphere(&self, centre: DVec3, radius: f64, from: f64, to: f64) -> Option<(DVec3, f64)> {
+        let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
+        let mut x = self.transform.transform_point3(centre);
+        let mut radius = radius * norm(&self.transform.matrix3);
+        let mut drift = 0.0;
+        if let Some(binding) = &self.object.animation {
+            let [from, middle, to] = [from, middle, to].map(|time| seconds(self.scene, time));
+            let by = binding.node.drift(from, to, binding.interpolation)?;
+            let transform = binding.node.at(middle, binding.interpolation).transform;
+            let scale = transform.scale.abs().max_element() + by.scale;
+            drift = by.translate + (by.rotate * scale + by.scale) * x.length();
+            radius *= scale;
+            x = transform.matrix().transform_point3(x);
+        }
+        for motion in &self.object.motions {
+            match *motion {
+                Motion::Linear { velocity } => drift += velocity.length() * half,
+                Motion::Rotation { per_frame, centre, .. } => drift += (per_frame * half).abs() * (x - centre).length(),
+            }
+            x = motion_matrix(motion, middle).transform_point3(x);
+        }
+        if let Some(place) = &self.place {
+            x = place.transform_point3(x);
+            let norm = norm(&place.matrix3);
+            (radius, drift) = (radius * norm, drift * norm);
+        }
+        Some((x, radius + drift))
     }
 
     /// True if the pose does not depend on time.

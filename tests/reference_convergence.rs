@@ -1,6 +1,8 @@
-//! How fast the samplers converge on shipped scenes: the table of docs/reference.md.
+//! How fast the samplers converge on shipped scenes: the table and the plot of docs/reference.md; and how near the splatter comes.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
+
+mod support;
 
 use std::path::Path;
 
@@ -10,6 +12,7 @@ use splatblur::plan::{BlurMode, Prefilter, RenderOptions};
 use splatblur::reference::{ReferenceOptions, Sampler, render};
 use splatblur::render::render_frame;
 use splatblur::scene::{LoadOptions, Scene, load};
+use support::plot::{Panel, Series, log_log};
 
 const COUNTS: [u64; 7] = [16, 32, 64, 128, 256, 512, 1024];
 const TRUTH: u64 = 8192;
@@ -38,8 +41,9 @@ fn slope(errors: &[f64]) -> f64 {
 }
 
 #[test]
-#[ignore = "takes minutes; run with --ignored to make the table of docs/reference.md"]
+#[ignore = "takes minutes; run with --ignored to make the table and the plot of docs/reference.md"]
 fn slopes() {
+    let mut panels = Vec::new();
     println!("| scene | sampler | {} | slope |", COUNTS.map(|n| n.to_string()).join(" | "));
     for (name, frame) in [("diagonal", 12), ("crossing", 12), ("checkerboard", 5)] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).with_extension("xml");
@@ -47,13 +51,16 @@ fn slopes() {
         (scene.image.width, scene.image.height, scene.image.transparent) = (96, 72, true);
         let truth = picture(&scene, frame, Sampler::Sobol, TRUTH, 99);
         let samplers = [Sampler::Sobol, Sampler::Jittered { density: 4 }, Sampler::Random];
+        let mut series = Vec::new();
         let results = samplers.map(|sampler| {
             let errors = COUNTS.map(|n| rms(&picture(&scene, frame, sampler, n, 1), &truth));
             let word = format!("{sampler:?}").split(' ').next().unwrap_or_default().to_lowercase();
             let numbers = errors.map(|e| format!("{e:.2e}")).join(" | ");
             println!("| {name} | {word} | {numbers} | {:.2} |", slope(&errors));
+            series.push(Series { name: word, note: format!("{:.2}", slope(&errors)), values: errors.to_vec() });
             (slope(&errors), errors[COUNTS.len() - 1])
         });
+        panels.push(Panel { name: name.to_owned(), series });
         let [(sobol, least), (jittered, middle), (random, most)] = results;
         assert!(sobol <= -0.7, "{name}: {sobol}");
         assert!((random + 0.5).abs() <= 0.03, "{name}: {random}");
@@ -61,6 +68,10 @@ fn slopes() {
         assert!(sobol < jittered && jittered < random + 0.03, "{name}: {jittered}");
         assert!(least < middle && middle < most, "{name}: {least:.2e} {middle:.2e} {most:.2e}");
     }
+    let title = "RMS difference from 8192 samples of another seed, and slope in log-log";
+    let svg = log_log(title, ["samples a pixel", "RMS difference"], &COUNTS, [4e-4, 5e-2], &panels);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/images/reference_convergence.svg");
+    std::fs::write(path, svg).expect("the docs are there");
 }
 
 /// z = (supersampling - reference) / standard error of the reference, coverage and mean of r, g, b: lag-1 autocorrelation along
@@ -68,7 +79,9 @@ fn slopes() {
 #[test]
 #[ignore = "takes minutes; run with --ignored to make the table of docs/reference.md"]
 fn supersampling_on_shipped_scenes() {
-    println!("| scene | prefilter | rms difference | mean SE | autocorrelation | band: mean z | limit | pixels |");
+    println!(
+        "| scene | prefilter | rms difference | mean SE | autocorrelation | its error | band: mean z | limit | pixels |"
+    );
     let scenes = [
         ("diagonal", 12),
         ("crossing", 12),
@@ -117,9 +130,10 @@ fn supersampling_on_shipped_scenes() {
                 .collect();
             let mean = band.iter().sum::<f64>() / band.len().max(1) as f64;
             println!(
-                "| {name} | {prefilter:?} | {:.2e} | {:.2e} | {lag:.3} | {mean:.3} | {:.3} | {} |",
+                "| {name} | {prefilter:?} | {:.2e} | {:.2e} | {lag:.3} | {:.3} | {mean:.3} | {:.3} | {} |",
                 rms(&splatted, &made.picture),
                 made.stats.mean_error,
+                1.0 / (pairs.len() as f64).sqrt(),
                 3.0 / (band.len().max(1) as f64).sqrt(),
                 band.len()
             );

@@ -46,3 +46,28 @@ fn log_of_two(x: f32) -> f32 {
 fn power(base: f32, exponent: f32) -> f32 {
     return power_of_two(exponent * log_of_two(max(base, 1.17549435e-38)));
 }
+
+// (erf(b) - erf(a)) / (b - a) for a and b in [-sqrt 2, sqrt 2]; WGSL has no erf.
+fn erf_slope(a: f32, b: f32) -> f32 {
+    let y = a * a - 1.0;
+    let z = b * b - 1.0;
+    // Horner's rule at y, and at z for the quotient that it leaves.
+    var p = 0.0000006895415;
+    var slope = p;
+    p = p * y - 0.000006363161;
+    slope = slope * z + p;
+    p = p * y + 0.00005102865;
+    slope = slope * z + p;
+    p = p * y - 0.00037004027;
+    slope = slope * z + p;
+    p = p * y + 0.0023330792;
+    slope = slope * z + p;
+    p = p * y - 0.012549916;
+    slope = slope * z + p;
+    p = p * y + 0.056570612;
+    slope = slope * z + p;
+    p = p * y - 0.21379665;
+    slope = slope * z + p;
+    p = p * y + 0.8427008;
+    return p + b * (a + b) * slope;
+}

@@ -1,5 +1,5 @@
 // A kernel in linear motion on one ray: when it covers the ray, and with what weight.
-// Twin: src/math/sweep.rs, and erf_slope of src/math/fast.rs; the same coefficients.
+// Twin: src/math/sweep.rs.
 //
 // Along a ray, at tau in [-1, 1], the tangent-plane coordinates of the kernel are linear in tau:
 // (u, v)(tau) = (at + tau rate) / w. Everything is regular without motion.
@@ -61,31 +61,6 @@ fn covered(s: Sweep) -> vec2<f32> {
 // Squared distance of the path from the kernel's centre, in kernel radii.
 fn nearest(s: Sweep) -> f32 {
     return select(s.across, s.r2, s.still) / select(s.w2 * s.a, s.w2, s.still);
-}
-
-// (erf(b) - erf(a)) / (b - a) for a and b in [-sqrt 2, sqrt 2]; at a = b the derivative.
-fn erf_slope(a: f32, b: f32) -> f32 {
-    let y = a * a - 1.0;
-    let z = b * b - 1.0;
-    // Horner's rule at y, and at z for the quotient that it leaves.
-    var p = 0.0000006895415;
-    var slope = p;
-    p = p * y - 0.000006363161;
-    slope = slope * z + p;
-    p = p * y + 0.00005102865;
-    slope = slope * z + p;
-    p = p * y - 0.00037004027;
-    slope = slope * z + p;
-    p = p * y + 0.0023330792;
-    slope = slope * z + p;
-    p = p * y - 0.012549916;
-    slope = slope * z + p;
-    p = p * y + 0.056570612;
-    slope = slope * z + p;
-    p = p * y - 0.21379665;
-    slope = slope * z + p;
-    p = p * y + 0.8427008;
-    return p + b * (a + b) * slope;
 }
 
 // Weight of the ellipsoid by its chord (thesis eq. 4.12).

@@ -7,7 +7,7 @@ use glam::DVec2;
 use splines::interpolate::Interpolate;
 
 use super::Interpolation;
-use super::segment::{Segment, slope};
+use super::segment::{Segment, slope, steepness};
 use super::tangent::{self, RawKey, Tangent};
 
 /// What a curve does beyond its first or last key.
@@ -144,7 +144,7 @@ impl Curve {
         let end = if after { last } else { first };
         let period = last.x - first.x;
         // One key, or keys that unit conversion made one.
-        if period <= 0.0 {
+        if period <= 0.0 || rule == Infinity::Constant {
             return end.y;
         }
         // The remainder is exact; the count is then a whole number whatever the division rounds to.
@@ -201,11 +201,63 @@ impl Curve {
         }
     }
 
+    /// The greatest |slope| at times from `from` to `to` (frames), from above; infinite where the value may jump.
+    pub(super) fn steepness(&self, from: f64, to: f64, mode: Interpolation) -> f64 {
+        // Times within rounding of a key count as the key.
+        let (from, to) = (from - 4.0 * f64::EPSILON * from.abs(), to + 4.0 * f64::EPSILON * to.abs());
+        let (first, last) = (self.first().point, self.last().point);
+        // Also false for NaN.
+        if !(-MAX_TIME <= from && from <= to && to <= MAX_TIME) {
+            return f64::INFINITY;
+        }
+        let mut all = false;
+        let mut steepest: f64 = 0.0;
+        for (outside, after, rule) in [(from <= first.x, false, self.pre), (to >= last.x, true, self.post)] {
+            match rule {
+                _ if !outside || self.keys.len() < 2 => {}
+                Infinity::Constant => {}
+                Infinity::Linear => steepest = steepest.max(self.end_slope(after, mode).abs()),
+                Infinity::Cycle if first.y != last.y => return f64::INFINITY,
+                Infinity::Cycle | Infinity::CycleRelative | Infinity::Oscillate => all = true,
+            }
+        }
+        for i in 0..self.keys.len() - 1 {
+            let (key, next) = (&self.keys[i], &self.keys[i + 1]);
+            if !all && (next.point.x < from || key.point.x > to) {
+                continue;
+            }
+            let segment = Segment { start: key.point, out: key.out, end: next.point, inward: next.inward };
+            let chord = slope(next.point - key.point);
+            let here = match (key.hold, mode) {
+                (Hold::Until, _) if !all && next.point.x > to => 0.0,
+                (Hold::After, _) if !all && key.point.x < from => 0.0,
+                (Hold::Until | Hold::After, _) => f64::INFINITY,
+                (Hold::Not, Interpolation::Linear) => chord.abs(),
+                (Hold::Not, Interpolation::Spline) => {
+                    let [before, a, b, beyond] = self.neighbours(i);
+                    steepness(slope(b - before), slope(beyond - a), chord)
+                }
+                (Hold::Not, Interpolation::Maya) if self.weighted => segment.bezier_steepness(),
+                (Hold::Not, Interpolation::Maya) => segment.hermite_steepness(),
+            };
+            steepest = steepest.max(here);
+        }
+        // NaN from values near the limits of f64.
+        if steepest.is_nan() { f64::INFINITY } else { steepest }
+    }
+
     /// Catmull-Rom cubic between keys `i` and `i + 1`: cubic Hermite whose slope at a key is that of the chord between the key's
     /// neighbours in time, (v[i+1] - v[i-1]) / (t[i+1] - t[i-1]), so uneven spacing is respected. At an end of the curve, and next
     /// to a step (which must not bend its neighbours), the missing key is the mirror image of the other neighbour: the slope
     /// there is that of the segment's own chord, and two keys give a straight line.
     fn spline(&self, i: usize, time: f64) -> f64 {
+        let [before, a, b, beyond] = self.neighbours(i);
+        let pair = |p: DVec2| (p.x, p.y);
+        f64::cubic_hermite((time - a.x) / (b.x - a.x), pair(before), pair(a), pair(b), pair(beyond))
+    }
+
+    /// The keys `i` and `i + 1` (time, value) between those that give [`Self::spline`] its slopes.
+    fn neighbours(&self, i: usize) -> [DVec2; 4] {
         let (a, b) = (self.keys[i].point, self.keys[i + 1].point);
         let smooth = |from: usize| self.keys[from].hold == Hold::Not;
         let before = match i.checked_sub(1) {
@@ -216,8 +268,7 @@ impl Curve {
             Some(next) if smooth(i + 1) => next.point,
             _ => b + (b - a),
         };
-        let pair = |p: DVec2| (p.x, p.y);
-        f64::cubic_hermite((time - a.x) / (b.x - a.x), pair(before), pair(a), pair(b), pair(beyond))
+        [before, a, b, beyond]
     }
 }
 

@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 pub use error::{AnimError, Location};
 pub use maya::parse;
-pub use node::NodeAnimation;
+pub use node::{Drift, NodeAnimation};
 
 use crate::math::Trs;
 

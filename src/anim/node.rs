@@ -26,6 +26,17 @@ pub struct NodeAnimation {
     channels: [Option<usize>; CHANNELS.len()],
 }
 
+/// How far a transform may be from another one, from above.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drift {
+    /// Distance of the translations.
+    pub translate: f64,
+    /// Sum of the differences of the three angles, radians.
+    pub rotate: f64,
+    /// The greatest difference of the three scales.
+    pub scale: f64,
+}
+
 /// Attributes that move or hide a model: nine of the transform, then visibility and rotation order.
 const CHANNELS: [&str; 11] = [
     "translateX",
@@ -86,6 +97,29 @@ impl NodeAnimation {
             },
             visible: value(VISIBILITY).is_none_or(visible),
         }
+    }
+
+    /// How far the transform at times from `from` to `to` (seconds) may be from that at mid-time; `None` where it may jump.
+    pub fn drift(&self, from: f64, to: f64, interpolation: Interpolation) -> Option<Drift> {
+        if self.curve(ROTATE_ORDER).is_some() {
+            return None;
+        }
+        let (from, to) = (from * self.rate, to * self.rate);
+        // Times are rounded on their way to the curves.
+        let half = 0.5 * (to - from) + 8.0 * f64::EPSILON * from.abs().max(to.abs());
+        let vector = |first: usize| {
+            let steepness = |i: usize| self.curve(i).map_or(0.0, |curve| curve.steepness(from, to, interpolation));
+            half * DVec3::new(steepness(first), steepness(first + 1), steepness(first + 2))
+        };
+        let (translate, rotate, scale) =
+            (vector(0).length(), vector(ROTATE).element_sum(), vector(SCALE).max_element());
+        let drift = Drift { translate, rotate: rotate.to_radians(), scale };
+        (translate + rotate + scale).is_finite().then_some(drift)
+    }
+
+    /// True if a scale attribute has a curve.
+    pub fn has_scale(&self) -> bool {
+        self.channels[SCALE..VISIBILITY].iter().any(Option::is_some)
     }
 
     /// First and last key of the transform and visibility curves, in seconds; of all curves if there are none of these.

@@ -20,6 +20,11 @@ pub(super) fn slope(tangent: DVec2) -> f64 {
     if tangent.x == 0.0 { 0.0 } else { tangent.y / tangent.x }
 }
 
+/// The greatest |slope| of a cubic with these slopes at its ends and this chord, from above: the control points of its derivative.
+pub(super) fn steepness(first: f64, last: f64, chord: f64) -> f64 {
+    first.abs().max(last.abs()).max((3.0 * chord - first - last).abs())
+}
+
 impl Segment {
     /// Cubic Hermite at `time` in [start, end]. With s = (t - x0)/D, h = slope D, d = y3 - y0:
     /// y = y0 + s (h0 + s (3d - 2 h0 - h1 + s (h0 + h1 - 2d))).
@@ -33,8 +38,24 @@ impl Segment {
         self.start.y + s * (h0 + s * (3.0 * rise - 2.0 * h0 - h1 + s * (h0 + h1 - 2.0 * rise)))
     }
 
-    /// 2D Bezier at `time` in [start, end]: x(s) = t is solved for s, the value is y(s).
-    pub(super) fn bezier(&self, time: f64) -> f64 {
+    /// The greatest |dy/dt| of [`Self::hermite`], from above.
+    pub(super) fn hermite_steepness(&self) -> f64 {
+        let span = self.end - self.start;
+        steepness(slope(self.out), slope(self.inward), span.y / span.x)
+    }
+
+    /// The greatest |dy/dt| of [`Self::bezier`], from above: the greatest |dy/ds| over the least dx/ds, each among the control
+    /// points of the derivative. Infinite where a handle has no length in time.
+    pub(super) fn bezier_steepness(&self) -> f64 {
+        let ([a, b], [y1, y2]) = self.handles();
+        let span = self.end.x - self.start.x;
+        let rises = [y1 - self.start.y, y2 - y1, self.end.y - y2].map(f64::abs);
+        let least = a.min(b - a).min(1.0 - b);
+        if least > 0.0 { rises.into_iter().fold(0.0, f64::max) / (least * span) } else { f64::INFINITY }
+    }
+
+    /// Control points of the Bezier curve: times as fractions of the segment, and values.
+    fn handles(&self) -> ([f64; 2], [f64; 2]) {
         let span = self.end - self.start;
         let a = (self.out.x / 3.0 / span.x).max(0.0);
         let q = (self.inward.x / 3.0 / span.x).max(0.0);
@@ -42,7 +63,13 @@ impl Segment {
         // A control point that moves stays on its tangent.
         let y1 = self.start.y + self.out.y / 3.0 * ratio(a1, a);
         let y2 = self.end.y - self.inward.y / 3.0 * ratio(q1, q);
-        let s = solve(a1, 1.0 - q1, (time - self.start.x) / span.x);
+        ([a1, 1.0 - q1], [y1, y2])
+    }
+
+    /// 2D Bezier at `time` in [start, end]: x(s) = t is solved for s, the value is y(s).
+    pub(super) fn bezier(&self, time: f64) -> f64 {
+        let ([a, b], [y1, y2]) = self.handles();
+        let s = solve(a, b, (time - self.start.x) / (self.end.x - self.start.x));
         let r = 1.0 - s;
         r * r * r * self.start.y + 3.0 * s * r * (r * y1 + s * y2) + s * s * s * self.end.y
     }

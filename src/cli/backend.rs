@@ -26,7 +26,7 @@ pub(super) struct Machine {
 }
 
 impl Machine {
-    /// `adapter`: part of the name of the one that is wanted. `threads`: of the CPU.
+    /// The one that is to render. `adapter`: part of the name of the one that is wanted. `threads`: of the CPU.
     pub(super) fn open(wanted: Wanted, adapter: Option<&str>, threads: usize) -> anyhow::Result<Self> {
         match (wanted, adapter) {
             (Wanted::Cpu, Some(_)) => anyhow::bail!("--adapter is for --backend gpu"),

@@ -7,10 +7,10 @@ use std::process::ExitCode;
 use anyhow::{Context as _, bail};
 use clap::Args;
 use serde_json::{Value, json};
-use splatblur::compare::{AlphaErrors, Comparison, Metric, Worst, flip, ssim};
+use splatblur::compare::{AlphaErrors, Comparison, Metric, Worst, flip, number, ssim, values};
 use splatblur::image;
 
-use super::limits::{self, Limit, Over, Shown, number};
+use super::limits::{self, Limit, Over, Shown};
 use super::output::{is_closed_pipe, print, print_json};
 use super::pictures;
 
@@ -209,7 +209,7 @@ impl Compare {
                     "b": path(&pair.b),
                     "width": pair.size.0,
                     "height": pair.size.1,
-                    "metrics": limits::values(&pair.errors, &shown),
+                    "metrics": values(&pair.errors, &shown),
                     "worst": { "x": place.x, "y": place.y, "difference": number(place.difference) },
                     "non_finite": pair.errors.non_finite,
                 })
@@ -219,7 +219,7 @@ impl Compare {
             "program": concat!("splatblur ", env!("CARGO_PKG_VERSION")),
             "a": path(&self.a),
             "b": path(&self.b),
-            "metrics": limits::values(whole, &shown),
+            "metrics": values(whole, &shown),
             "bias": whole.colour.bias.map(number),
             "worst": worst(&whole.colour.worst),
             "alpha_bias": number(*alpha_bias),

@@ -3,8 +3,7 @@
 use std::fmt;
 
 use serde::Serialize;
-use serde_json::Value;
-use splatblur::compare::{Comparison, Metric, Sense};
+use splatblur::compare::{Comparison, Metric, Sense, number};
 
 /// A metric by its name.
 pub(super) fn metric(text: &str) -> Result<Metric, String> {
@@ -83,19 +82,10 @@ impl fmt::Display for Shown {
     }
 }
 
-/// A number for JSON, which has none that are not finite: those become "NaN", "inf", "-inf".
-pub(super) fn number(value: f64) -> Value {
-    serde_json::Number::from_f64(value).map_or_else(|| Value::from(value.to_string()), Value::Number)
-}
-
-/// Metrics by their names; null where one was not made.
-pub(super) fn values(errors: &Comparison, metrics: &[Metric]) -> Value {
-    let value = |metric: &Metric| errors.value(*metric).map_or(Value::Null, number);
-    metrics.iter().map(|metric| (metric.name().to_owned(), value(metric))).collect::<serde_json::Map<_, _>>().into()
-}
-
 #[cfg(test)]
 mod tests {
+    use serde_json::Value;
+
     use super::*;
 
     #[test]

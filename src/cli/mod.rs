@@ -5,6 +5,7 @@
 
 mod adapters;
 mod backend;
+mod common;
 mod compare;
 mod convert;
 mod generate;
@@ -12,15 +13,20 @@ mod grammar;
 mod info;
 mod inspect;
 mod limits;
+mod modes;
 mod movie;
 mod output;
 mod pictures;
 mod progress;
 mod reference;
 mod render;
+mod render_report;
 mod report;
+mod report_store;
 mod sequence;
 mod settings;
+mod sheet;
+mod trial;
 
 use std::io;
 use std::process::ExitCode;
@@ -43,6 +49,8 @@ Examples:
   splatblur render scenes/three_objects.xml           all frames, into out/three_objects/
   splatblur render scene.xml --frames 12 --size 640x480 --mode still
   splatblur compare a.png b.exr --limit flip=0.02     how far a picture is from another
+  splatblur sheet scene.xml --frame 12 --modes supersample:8,bucket:8x4 --out sheet.png
+  splatblur report scene.xml --frames 12 --modes supersample:8,bucket:8x4 --reference 1024 --out report
   splatblur info scene.xml                            what would be rendered
   splatblur help render                               all options, with examples
 
@@ -57,6 +65,8 @@ enum Command {
     Render(Box<render::Render>),
     Reference(Box<reference::Reference>),
     Compare(compare::Compare),
+    Sheet(Box<sheet::Sheet>),
+    Report(Box<report::Report>),
     Info(info::Info),
     Convert(convert::Convert),
     Generate(generate::Generate),
@@ -72,6 +82,8 @@ pub(super) fn main() -> ExitCode {
         Command::Render(render) => render.run().map(|()| ExitCode::SUCCESS),
         Command::Reference(reference) => reference.run().map(|()| ExitCode::SUCCESS),
         Command::Compare(compare) => compare.run(),
+        Command::Sheet(sheet) => sheet.run().map(|()| ExitCode::SUCCESS),
+        Command::Report(report) => report.run(),
         Command::Info(info) => info.run().map(|()| ExitCode::SUCCESS),
         Command::Convert(convert) => convert.run().map(|()| ExitCode::SUCCESS),
         Command::Generate(generate) => generate.run().map(|()| ExitCode::SUCCESS),

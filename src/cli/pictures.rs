@@ -68,7 +68,7 @@ fn folder(directory: &Path) -> anyhow::Result<Pictures> {
         let at = sign_before(stem, stem.len() - digits);
         let Ok(frame) = stem[at..].parse() else { continue };
         let frames = sequences.entry((stem[..at].to_owned(), extension.to_owned())).or_default();
-        insert(frames, frame, path)?;
+        insert(frames, frame, &path)?;
     }
     let mut names = sequences.keys().map(|(stem, extension)| format!("{stem}%04d.{extension}"));
     match (names.next(), names.next()) {
@@ -95,7 +95,7 @@ fn sequence(argument: &Path, pattern: &Pattern) -> anyhow::Result<Pictures> {
     let mut frames = BTreeMap::new();
     for (name, path) in entries(directory)? {
         if let Some(frame) = pattern.frame(&name) {
-            insert(&mut frames, frame, path)?;
+            insert(&mut frames, frame, &path)?;
         }
     }
     if frames.is_empty() {
@@ -104,8 +104,8 @@ fn sequence(argument: &Path, pattern: &Pattern) -> anyhow::Result<Pictures> {
     Ok(Pictures::Sequence(frames))
 }
 
-fn insert(frames: &mut BTreeMap<i64, PathBuf>, frame: i64, path: PathBuf) -> anyhow::Result<()> {
-    match frames.insert(frame, path.clone()) {
+fn insert(frames: &mut BTreeMap<i64, PathBuf>, frame: i64, path: &Path) -> anyhow::Result<()> {
+    match frames.insert(frame, path.to_owned()) {
         Some(earlier) => bail!("frame {frame} is there twice: {} and {}", earlier.display(), path.display()),
         None => Ok(()),
     }
@@ -134,13 +134,12 @@ struct Pattern {
 
 impl Pattern {
     fn parse(name: &str) -> Option<Self> {
-        let (at, length) = match name.find('#') {
-            Some(at) => (at, name[at..].len() - name[at..].trim_start_matches('#').len()),
-            None => {
-                let at = name.find('%')?;
-                let digits = name[at + 1..].bytes().take_while(u8::is_ascii_digit).count();
-                (name[at + 1 + digits..].starts_with('d')).then_some((at, digits + 2))?
-            }
+        let (at, length) = if let Some(at) = name.find('#') {
+            (at, name[at..].len() - name[at..].trim_start_matches('#').len())
+        } else {
+            let at = name.find('%')?;
+            let digits = name[at + 1..].bytes().take_while(u8::is_ascii_digit).count();
+            name[at + 1 + digits..].starts_with('d').then_some((at, digits + 2))?
         };
         Some(Self { before: name[..at].to_owned(), after: name[at + length..].to_owned() })
     }

@@ -66,3 +66,36 @@ impl Drop for Rendering {
         self.0.finish_and_clear();
     }
 }
+
+/// Renderings finished, what is going on, and the time left.
+pub(super) struct Steps(ProgressBar);
+
+impl Steps {
+    pub(super) fn new(steps: u64, quiet: bool) -> Self {
+        let bar = bar(steps * STEPS, "{msg} [{wide_bar}] {percent}%, {elapsed} gone, {eta} left", quiet);
+        if !bar.is_hidden() {
+            bar.enable_steady_tick(Duration::from_millis(500));
+        }
+        Self(bar)
+    }
+
+    /// Step number `step` (from 0) is at this share.
+    pub(super) fn at(&self, step: u64, what: &str, share: f32) {
+        if self.0.message() != what {
+            self.0.set_message(what.to_owned());
+        }
+        self.0.set_position(step * STEPS + (share.clamp(0.0, 1.0) * STEPS as f32) as u64);
+    }
+
+    /// All before step number `step` took no time, which says nothing about the time left.
+    pub(super) fn skip_to(&self, step: u64) {
+        self.0.set_position(step * STEPS);
+        self.0.reset_eta();
+    }
+}
+
+impl Drop for Steps {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}

@@ -6,19 +6,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
-use glam::DVec3;
 use serde::Serialize;
 use splatblur::files;
 use splatblur::image::{self, Format};
 use splatblur::plan::{self, BlurMode, RenderOptions};
-use splatblur::reference::{self, ReferenceOptions, SCRAMBLINGS, Stats, Sums};
-use splatblur::scene::{Loaded, Scene};
-use splatblur::time::Weight;
+use splatblur::reference::{self, ReferenceError, ReferenceOptions, SCRAMBLINGS, Stats, Sums};
+use splatblur::scene::Scene;
 
-use super::grammar::{self, Frames};
+use super::common::{Exposure, Images, Ready, Running, Surfaces, open_directory, stop_on_interrupt};
+use super::grammar;
 use super::output::{print, print_json, say};
 use super::progress::Loading;
-use super::render::{Depth, FileFormat, Filter, Shading, file_format, load_scene, open_directory, stop_on_interrupt};
 use super::sequence::file_name;
 use super::settings::Settings;
 
@@ -41,35 +39,11 @@ Examples:
 
 JSON (--json), one object: program, scene, directory, frames: [{frame, path, samples, traced (samples of this run, all pixels),
 mean_error, surfels, hierarchy_bytes, build_seconds, trace_seconds}], notes.")]
-#[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
+#[command(mut_arg("out", |arg| arg.help("Directory of the images; made if missing [default: out/<scene>.reference]")))]
+#[command(mut_arg("format", |arg| arg.default_value("exr").help("File format; PNG has neither errors nor other layers")))]
 pub(super) struct Reference {
-    /// Scene file (XML).
-    scene: PathBuf,
-
-    /// Directory of the images; made if missing [default: out/<scene>.reference].
-    #[arg(long, value_name = "DIR", help_heading = "Output")]
-    out: Option<PathBuf>,
-    /// Frames, inclusive: A..B, A-B or one; negative ones with `..` only, as in -5..-2 [default: the scene's].
-    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = grammar::frames, help_heading = "Output")]
-    frames: Option<Frames>,
-    /// Image size in pixels [default: the scene's, else 1024x768].
-    #[arg(long, value_name = "WxH", value_parser = grammar::size, help_heading = "Output")]
-    size: Option<(u32, u32)>,
-    /// File format; PNG has neither errors nor other layers.
-    #[arg(long, value_enum, default_value = "exr", help_heading = "Output")]
-    format: FileFormat,
-    /// Bits of a PNG channel [default: 8].
-    #[arg(long, value_enum, value_name = "BITS", help_heading = "Output")]
-    bits: Option<Depth>,
-    /// Extra layers, EXR only: alpha, depth, normal, velocity, samples; several with commas.
-    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
-    aov: Vec<String>,
-    /// Background in linear light [default: the scene's].
-    #[arg(long, value_name = "R,G,B", allow_hyphen_values = true, value_parser = grammar::colour, help_heading = "Output")]
-    background: Option<DVec3>,
-    /// Leave the background out and keep alpha.
-    #[arg(long, conflicts_with = "background", help_heading = "Output")]
-    transparent: bool,
+    #[command(flatten)]
+    images: Images,
     /// Go on from the .ref files of an earlier run with the same settings; frames without one start anew.
     #[arg(long, help_heading = "Output")]
     resume: bool,
@@ -77,64 +51,33 @@ pub(super) struct Reference {
     #[arg(long, conflicts_with = "resume", help_heading = "Output")]
     no_sums: bool,
     /// Print all about pixel X,Y of the first frame, and write nothing.
-    #[arg(long, value_name = "X,Y", value_parser = pixel, help_heading = "Output")]
+    #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = pixel, conflicts_with_all = ["error", "resume", "json"], help_heading = "Output")]
     pixel: Option<[u32; 2]>,
     /// Print all about this sample of the pixel: its ray, time, hits, depths, weights.
-    #[arg(long, value_name = "I", requires = "pixel", help_heading = "Output")]
+    #[arg(long, value_name = "I", allow_hyphen_values = true, requires = "pixel", help_heading = "Output")]
     sample: Option<u64>,
 
     /// Samples a pixel, a multiple of 16; with --error, the most.
-    #[arg(long, value_name = "SPP", default_value_t = 1024, help_heading = "Sampling")]
+    #[arg(long, value_name = "SPP", default_value_t = 1024, allow_hyphen_values = true, help_heading = "Sampling")]
     samples: u64,
     /// Stop after the round of 256 samples in which the mean standard error falls below this.
-    #[arg(long, value_name = "E", value_parser = grammar::positive, help_heading = "Sampling")]
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = grammar::positive, help_heading = "Sampling")]
     error: Option<f64>,
     /// How positions and times are chosen.
     #[arg(long, value_enum, default_value_t, help_heading = "Sampling")]
     sampler: Sampler,
     /// Cells of the jittered grid of times for each time sample: 1 bands, many are noisy [default: 4].
-    #[arg(long, value_name = "CELLS", value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Sampling")]
+    #[arg(long, value_name = "CELLS", allow_hyphen_values = true, value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Sampling")]
     jitter_density: Option<u32>,
-    /// Seed of positions and times.
-    #[arg(long, value_name = "S", default_value_t = 1, help_heading = "Sampling")]
-    seed: u64,
 
-    /// Shutter opening and closing, frames around the frame number [default: the scene's, else -0.25,0.25].
-    #[arg(long, value_name = "OPEN,CLOSE", allow_hyphen_values = true, value_parser = grammar::shutter, help_heading = "Blur")]
-    shutter: Option<(f64, f64)>,
-    /// Time weight over the shutter: box, tent, ramp:centre=1, exponential:rate=3,centre=1, gaussian:centre=.5,width=.2
-    /// (parameters optional) [default: the scene's, else box].
-    #[arg(long, value_name = "WEIGHT", value_parser = grammar::weight, help_heading = "Blur")]
-    weight: Option<Weight>,
-    /// Where samples lie: over the pixel's square, or at its centre.
-    #[arg(long, value_enum, default_value_t, help_heading = "Blur")]
-    filter: Filter,
+    #[command(flatten)]
+    exposure: Exposure,
 
-    /// Shading per pixel (phong) or per surfel (gouraud).
-    #[arg(long, value_enum, default_value_t, help_heading = "Surfaces")]
-    shading: Shading,
-    /// Show back faces, with their normals turned to the viewer.
-    #[arg(long, help_heading = "Surfaces")]
-    two_sided: bool,
-    /// Depth tolerance of visibility, scene units, for all objects [default: the scene's, else the median splat radius].
-    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = grammar::epsilon, help_heading = "Surfaces")]
-    epsilon: Option<f64>,
+    #[command(flatten)]
+    surfaces: Surfaces,
 
-    /// Threads [default: all cores]. The images do not depend on it.
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Running")]
-    threads: Option<u16>,
-    /// Report unknown words of the scene instead of refusing them.
-    #[arg(long, help_heading = "Running")]
-    lenient: bool,
-    /// Refuse scenes that name files outside DIR.
-    #[arg(long, value_name = "DIR", help_heading = "Running")]
-    restrict: Option<PathBuf>,
-    /// Print one JSON object about the run on stdout instead of text.
-    #[arg(long, help_heading = "Running")]
-    json: bool,
-    /// Say nothing but errors.
-    #[arg(long, help_heading = "Running")]
-    quiet: bool,
+    #[command(flatten)]
+    running: Running,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -181,45 +124,26 @@ struct FrameReport {
 impl Reference {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let options = self.options()?;
-        let format = file_format(self.format, self.bits, self.transparent, &self.aov)?;
-        // 0: as many as there are cores.
-        let threads = self.threads.map_or(0, usize::from);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start the threads")?;
-        let Loaded { mut scene, notes } =
-            load_scene(&self.scene, self.lenient, self.restrict.as_deref(), self.quiet, &pool)?;
-        if !self.quiet {
-            for note in &notes {
-                say(&format!("note: {note}"));
-            }
-        }
-        self.apply(&mut scene);
-        let format = match format {
-            Format::Png { bits, .. } => Format::Png { bits, alpha: scene.image.transparent },
-            Format::Exr => Format::Exr,
-        };
-        let frames = self
-            .frames
-            .map_or_else(|| grammar::check_range(Frames { first: scene.frames.first, last: scene.frames.last }), Ok)
-            .map_err(anyhow::Error::msg)
-            .context("frames of the scene")?;
+        let Ready { scene, notes, frames, format, pool } = Ready::new(&self.images, &self.exposure, &self.running)?;
         if let Some(pixel) = self.pixel {
             let probe = pool.install(|| reference::probe(&scene, frames.first, &options, pixel, self.sample))?;
             return print(&probe.to_string());
         }
-        let directory = self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{}.reference", scene.name)));
+        let directory =
+            self.images.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{}.reference", scene.name)));
         open_directory(&directory)?;
         let gate = Arc::new(Mutex::new(()));
-        stop_on_interrupt(&gate, &directory, self.quiet)?;
+        stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
         let output = Output { scene: &scene, options: &options, format, directory: &directory, gate: &gate };
         let mut reports = Vec::new();
         for frame in frames.first..=frames.last {
             let report = pool.install(|| self.frame(&output, frame)).with_context(|| format!("frame {frame}"))?;
-            if !self.quiet && !self.json {
+            if !self.running.quiet && !self.running.json {
                 print(&summary(&report))?;
             }
             reports.push(report);
         }
-        if self.json {
+        if self.running.json {
             let program = concat!("splatblur ", env!("CARGO_PKG_VERSION"));
             let (scene, directory) = (&*scene.name, &*directory);
             return print_json(&Report { program, scene, directory, frames: reports, notes: &notes });
@@ -230,16 +154,16 @@ impl Reference {
     fn frame(&self, output: &Output<'_>, frame: i64) -> anyhow::Result<FrameReport> {
         let path = output.directory.join(file_name(&output.scene.name, frame, output.format));
         let sums_path = path.with_extension("ref");
-        let kind = output.settings(&self.scene, frame, SCRAMBLINGS as u64)?;
+        let kind = output.settings(&self.images.scene, frame, SCRAMBLINGS as u64)?;
         let earlier = if self.resume { self.earlier(&sums_path, &kind)? } else { None };
-        let progress = Loading::new(self.quiet);
+        let progress = Loading::new(self.running.quiet);
         let made = reference::render(output.scene, frame, output.options, earlier, &|step| {
             let error = step.error.map_or_else(String::new, |e| format!(", error {e:.1e}"));
             let what = format!("frame {frame}, samples {} to {}{error}", step.samples, step.end);
             progress.step(&what, step.share as f32);
         })?;
         drop(progress);
-        let settings = output.settings(&self.scene, frame, made.stats.samples)?;
+        let settings = output.settings(&self.images.scene, frame, made.stats.samples)?;
         let mut picture = made.picture;
         if output.format != Format::Exr {
             picture.layers.clear();
@@ -274,7 +198,7 @@ impl Reference {
         let context = || format!("cannot go on from {}", path.display());
         let (sums, settings) = Sums::from_bytes(&fs::read(path).with_context(context)?).with_context(context)?;
         if settings != kind {
-            if !self.quiet {
+            if !self.running.quiet {
                 say(&format!("note: {} was made with other settings; starting anew", path.display()));
             }
             return Ok(None);
@@ -286,7 +210,7 @@ impl Reference {
         if self.jitter_density.is_some() && self.sampler != Sampler::Jittered {
             bail!("--jitter-density is for --sampler jittered");
         }
-        Ok(ReferenceOptions {
+        let options = ReferenceOptions {
             samples: self.samples,
             error: self.error,
             sampler: match self.sampler {
@@ -294,36 +218,18 @@ impl Reference {
                 Sampler::Jittered => reference::Sampler::Jittered { density: self.jitter_density.unwrap_or(4) },
                 Sampler::Random => reference::Sampler::Random,
             },
-            filter: match self.filter {
-                Filter::Box => plan::PixelFilter::Box,
-                Filter::Point => plan::PixelFilter::Point,
-            },
-            shading: match self.shading {
-                Shading::Phong => plan::Shading::Phong,
-                Shading::Gouraud => plan::Shading::Gouraud,
-            },
-            two_sided: self.two_sided,
-            epsilon: self.epsilon,
-            seed: self.seed,
-            aovs: grammar::aovs(&self.aov).map_err(anyhow::Error::msg)?,
-        })
-    }
-
-    /// Options that replace what the scene says.
-    fn apply(&self, scene: &mut Scene) {
-        if let Some((width, height)) = self.size {
-            (scene.image.width, scene.image.height) = (width, height);
+            filter: self.exposure.filter(),
+            shading: self.surfaces.shading(),
+            two_sided: self.surfaces.two_sided,
+            epsilon: self.surfaces.epsilon,
+            seed: self.exposure.seed,
+            aovs: self.images.aovs()?,
+        };
+        options.check()?;
+        if self.resume && !options.sampler.is_progressive() {
+            return Err(ReferenceError::Fixed.into());
         }
-        if let Some(colour) = self.background {
-            (scene.image.background, scene.image.transparent) = (colour, false);
-        }
-        scene.image.transparent |= self.transparent;
-        if let Some((open, close)) = self.shutter {
-            (scene.shutter.open, scene.shutter.close) = (open, close);
-        }
-        if let Some(weight) = &self.weight {
-            scene.shutter.weight = weight.clone();
-        }
+        Ok(options)
     }
 }
 

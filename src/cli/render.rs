@@ -1,25 +1,22 @@
 //! `splatblur render`: a scene to an image sequence.
 
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::path::Path;
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
 use clap::{Args, ValueEnum};
-use glam::DVec3;
-use splatblur::files;
-use splatblur::image::{Bits, Format};
 use splatblur::plan::{self, BlurMode, Interleave, RenderOptions, SourceSamples, SweptKernel};
 use splatblur::render::{self, Rendered};
-use splatblur::scene::{self, Loaded, Scene};
-use splatblur::time::Weight;
+use splatblur::scene::Scene;
 
 use super::backend::{Machine, Wanted};
+use super::common::{Exposure, Images, Prefilter, Ready, Running, Surfaces, open_directory, stop_on_interrupt};
 use super::grammar::{self, Frames};
 use super::movie::Movie;
 use super::output::{print, print_json, say};
-use super::progress::{Loading, Rendering};
-use super::report::{FrameReport, Report};
+use super::progress::Rendering;
+use super::render_report::{FrameReport, Report};
 use super::sequence::{Finished, Sequence};
 use super::settings::Settings;
 
@@ -43,35 +40,9 @@ Examples:
 JSON (--json), one object: program, scene, directory, backend, frames: [{frame, path, skipped, seconds (wall, rendering),
 samples, surfels, splats, cpu_seconds or device_seconds: {project, bin, visibility, attribute, resolve, total}}], load_seconds, seconds (whole run),
 notes, ffmpeg (null for one frame), settings (as each file carries them, with `frame`, in its header).")]
-#[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub(super) struct Render {
-    /// Scene file (XML).
-    scene: PathBuf,
-
-    /// Directory of the images; made if missing [default: out/<scene>].
-    #[arg(long, value_name = "DIR", help_heading = "Output")]
-    out: Option<PathBuf>,
-    /// Frames, inclusive: A..B, A-B or one; negative ones with `..` only, as in -5..-2 [default: the scene's].
-    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = grammar::frames, help_heading = "Output")]
-    frames: Option<Frames>,
-    /// Image size in pixels [default: the scene's, else 1024x768].
-    #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = grammar::size, help_heading = "Output")]
-    size: Option<(u32, u32)>,
-    /// File format: PNG is sRGB with straight alpha; EXR is float, linear, premultiplied.
-    #[arg(long, value_enum, default_value_t, help_heading = "Output")]
-    format: FileFormat,
-    /// Bits of a PNG channel [default: 8].
-    #[arg(long, value_enum, value_name = "BITS", help_heading = "Output")]
-    bits: Option<Depth>,
-    /// Extra layers, EXR only: alpha, depth, normal, velocity, samples; several with commas.
-    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
-    aov: Vec<String>,
-    /// Background in linear light [default: the scene's].
-    #[arg(long, value_name = "R,G,B", allow_hyphen_values = true, value_parser = grammar::colour, help_heading = "Output")]
-    background: Option<DVec3>,
-    /// Leave the background out and keep alpha.
-    #[arg(long, conflicts_with = "background", help_heading = "Output")]
-    transparent: bool,
+    #[command(flatten)]
+    images: Images,
     /// Skip frames whose file was made with the same settings.
     #[arg(long, help_heading = "Output")]
     resume: bool,
@@ -110,32 +81,14 @@ pub(super) struct Render {
     /// Mode volumetric as the thesis has it: ellipsoids that overlap in time, chord, sum, once.
     #[arg(long, conflicts_with_all = ["kernel", "kernel_weight", "alpha", "normalise"], help_heading = "Blur")]
     published: bool,
-    /// Shutter opening and closing, frames around the frame number [default: the scene's, else -0.25,0.25].
-    #[arg(long, value_name = "OPEN,CLOSE", allow_hyphen_values = true, value_parser = grammar::shutter, help_heading = "Blur")]
-    shutter: Option<(f64, f64)>,
-    /// Time weight over the shutter: box, tent, ramp:centre=1, exponential:rate=3,centre=1, gaussian:centre=.5,width=.2
-    /// (parameters optional) [default: the scene's, else box].
-    #[arg(long, value_name = "WEIGHT", value_parser = grammar::weight, help_heading = "Blur")]
-    weight: Option<Weight>,
-    /// Where samples lie: over the pixel's square, or at its centre.
-    #[arg(long, value_enum, default_value_t, help_heading = "Blur")]
-    filter: Filter,
-    /// Seed of the sub-pixel positions.
-    #[arg(long, value_name = "S", default_value_t = 1, allow_hyphen_values = true, help_heading = "Blur")]
-    seed: u64,
+    #[command(flatten)]
+    exposure: Exposure,
 
     /// Screen-space prefilter against aliasing of small splats.
     #[arg(long, value_enum, default_value_t, help_heading = "Surfaces")]
     prefilter: Prefilter,
-    /// Shading per pixel (phong) or per surfel (gouraud).
-    #[arg(long, value_enum, default_value_t, help_heading = "Surfaces")]
-    shading: Shading,
-    /// Show back faces, with their normals turned to the viewer.
-    #[arg(long, help_heading = "Surfaces")]
-    two_sided: bool,
-    /// Depth tolerance of visibility, scene units, for all objects [default: the scene's, else the median splat radius].
-    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = grammar::epsilon, help_heading = "Surfaces")]
-    epsilon: Option<f64>,
+    #[command(flatten)]
+    surfaces: Surfaces,
 
     /// Machine to render on.
     #[arg(long, value_enum, default_value_t, help_heading = "Running")]
@@ -143,39 +96,11 @@ pub(super) struct Render {
     /// Part of the name of the adapter to render on (`splatblur info --adapters` lists them).
     #[arg(long, value_name = "NAME", help_heading = "Running")]
     adapter: Option<String>,
-    /// Threads [default: all cores]. The images do not depend on it.
-    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = clap::value_parser!(u16).range(1..=1024), help_heading = "Running")]
-    threads: Option<u16>,
     /// Memory that a frame may take beside the models, as in 64M, 1G. The images do not depend on it.
     #[arg(long, value_name = "SIZE", default_value = "1G", allow_hyphen_values = true, value_parser = grammar::memory, help_heading = "Running")]
     memory: u64,
-    /// Report unknown words of the scene instead of refusing them.
-    #[arg(long, help_heading = "Running")]
-    lenient: bool,
-    /// Refuse scenes that name files outside DIR.
-    #[arg(long, value_name = "DIR", help_heading = "Running")]
-    restrict: Option<PathBuf>,
-    /// Print one JSON object about the run on stdout instead of text.
-    #[arg(long, help_heading = "Running")]
-    json: bool,
-    /// Say nothing but errors.
-    #[arg(long, help_heading = "Running")]
-    quiet: bool,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(super) enum FileFormat {
-    #[default]
-    Png,
-    Exr,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(super) enum Depth {
-    #[value(name = "8")]
-    Eight,
-    #[value(name = "16")]
-    Sixteen,
+    #[command(flatten)]
+    running: Running,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
@@ -227,64 +152,26 @@ enum Normalise {
     Once,
 }
 
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-pub(super) enum Filter {
-    #[default]
-    Box,
-    Point,
-}
-
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-enum Prefilter {
-    #[default]
-    Approx,
-    None,
-}
-
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-pub(super) enum Shading {
-    #[default]
-    Phong,
-    Gouraud,
-}
-
 impl Render {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let start = Instant::now();
         let options = self.options()?;
-        let format = file_format(self.format, self.bits, self.transparent, &self.aov)?;
-        let pool = self.pool()?;
+        let Ready { scene, notes, frames, format, pool } = Ready::new(&self.images, &self.exposure, &self.running)?;
         let machine = Machine::open(self.backend, self.adapter.as_deref(), pool.current_num_threads())?;
         let Machine { mut backend, name: backend_name, place } = machine;
-        let Loaded { mut scene, notes } =
-            load_scene(&self.scene, self.lenient, self.restrict.as_deref(), self.quiet, &pool)?;
         let load_seconds = start.elapsed().as_secs_f64();
-        if !self.quiet {
-            for note in &notes {
-                say(&format!("note: {note}"));
-            }
-        }
-        self.apply(&mut scene);
-        let format = match format {
-            Format::Png { bits, .. } => Format::Png { bits, alpha: scene.image.transparent },
-            Format::Exr => Format::Exr,
-        };
-        let frames = self
-            .frames
-            .map_or_else(|| grammar::check_range(Frames { first: scene.frames.first, last: scene.frames.last }), Ok);
-        let frames = frames.map_err(anyhow::Error::msg).context("frames of the scene")?;
-        let settings = Settings::new(&scene, &self.scene, &options, format, backend_name)?;
+        let settings = Settings::new(&scene, &self.images.scene, &options, format, backend_name)?;
 
-        let directory = self.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
+        let directory = self.images.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
         open_directory(&directory)?;
-        if !self.quiet {
+        if !self.running.quiet {
             say(&headline(&scene, frames, &options, &place));
         }
         let gate = Arc::new(Mutex::new(()));
-        stop_on_interrupt(&gate, &directory, self.quiet)?;
+        stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
         let sequence =
             Sequence { frames, directory: &directory, stem: &scene.name, format, resume: self.resume, gate: &gate };
-        let progress = Rendering::new(frames.count(), self.quiet);
+        let progress = Rendering::new(frames.count(), self.running.quiet);
         let mut under_way = render::Frames::new(&mut *backend, &scene, &options)?;
         let finished = sequence.run(
             |frame| settings.of_frame(frame),
@@ -304,7 +191,7 @@ impl Render {
             transparent: scene.image.transparent,
         };
         let seconds = start.elapsed().as_secs_f64();
-        if self.json {
+        if self.running.json {
             return print_json(&Report {
                 program: concat!("splatblur ", env!("CARGO_PKG_VERSION")),
                 scene: &scene.name,
@@ -318,30 +205,21 @@ impl Render {
                 settings: &settings,
             });
         }
-        if self.quiet { Ok(()) } else { conclude(&finished, &movie, seconds) }
+        if self.running.quiet { Ok(()) } else { conclude(&finished, &movie, seconds) }
     }
 
     fn options(&self) -> anyhow::Result<RenderOptions> {
         let mode = self.blur()?;
         Ok(RenderOptions {
             mode,
-            filter: match self.filter {
-                Filter::Box => plan::PixelFilter::Box,
-                Filter::Point => plan::PixelFilter::Point,
-            },
-            prefilter: match self.prefilter {
-                Prefilter::Approx => plan::Prefilter::Approx,
-                Prefilter::None => plan::Prefilter::None,
-            },
-            shading: match self.shading {
-                Shading::Phong => plan::Shading::Phong,
-                Shading::Gouraud => plan::Shading::Gouraud,
-            },
-            two_sided: self.two_sided,
-            epsilon: self.epsilon,
-            seed: self.seed,
+            filter: self.exposure.filter(),
+            prefilter: self.prefilter.into(),
+            shading: self.surfaces.shading(),
+            two_sided: self.surfaces.two_sided,
+            epsilon: self.surfaces.epsilon,
+            seed: self.exposure.seed,
             memory: self.memory,
-            aovs: grammar::aovs(&self.aov).map_err(anyhow::Error::msg)?,
+            aovs: self.images.aovs()?,
         })
     }
 
@@ -433,29 +311,6 @@ impl Render {
             },
         }
     }
-
-    fn pool(&self) -> anyhow::Result<rayon::ThreadPool> {
-        // 0: as many as there are cores.
-        let threads = self.threads.map_or(0, usize::from);
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start the threads")
-    }
-
-    /// Options that replace what the scene says.
-    fn apply(&self, scene: &mut Scene) {
-        if let Some((width, height)) = self.size {
-            (scene.image.width, scene.image.height) = (width, height);
-        }
-        if let Some(colour) = self.background {
-            (scene.image.background, scene.image.transparent) = (colour, false);
-        }
-        scene.image.transparent |= self.transparent;
-        if let Some((open, close)) = self.shutter {
-            (scene.shutter.open, scene.shutter.close) = (open, close);
-        }
-        if let Some(weight) = &self.weight {
-            scene.shutter.weight = weight.clone();
-        }
-    }
 }
 
 /// Begins a frame or, without one, finishes one that was begun.
@@ -486,62 +341,4 @@ fn conclude(finished: &[Finished], movie: &Movie<'_>, seconds: f64) -> anyhow::R
     let word = if finished.len() == 1 { "image" } else { "images" };
     let movie_line = movie.ffmpeg().map_or_else(String::new, |line| format!("as a movie: {line}\n"));
     print(&format!("{} {word}{also} in {seconds:.1} s: {}\n{movie_line}", finished.len(), movie.files()))
-}
-
-/// What the options on files ask for; what the format cannot hold is refused.
-pub(super) fn file_format<T>(
-    format: FileFormat,
-    bits: Option<Depth>,
-    transparent: bool,
-    aovs: &[T],
-) -> anyhow::Result<Format> {
-    match format {
-        FileFormat::Png if !aovs.is_empty() => bail!("--aov needs --format exr: PNG holds colour and alpha only"),
-        FileFormat::Exr if bits.is_some() => bail!("--bits is for --format png: EXR is always 32-bit float"),
-        FileFormat::Exr => Ok(Format::Exr),
-        FileFormat::Png => {
-            let bits = match bits {
-                Some(Depth::Sixteen) => Bits::Sixteen,
-                Some(Depth::Eight) | None => Bits::Eight,
-            };
-            Ok(Format::Png { bits, alpha: transparent })
-        }
-    }
-}
-
-/// Reads the scene with the threads of `pool`, showing progress on a terminal.
-pub(super) fn load_scene(
-    path: &Path,
-    lenient: bool,
-    restrict: Option<&Path>,
-    quiet: bool,
-    pool: &rayon::ThreadPool,
-) -> anyhow::Result<Loaded> {
-    if let Some(directory) = restrict.filter(|directory| !directory.is_dir()) {
-        bail!("--restrict: {} is not a directory", directory.display());
-    }
-    let progress = Loading::new(quiet);
-    let step = |what: &str, share: f32| progress.step(what, share);
-    let options = scene::LoadOptions { lenient, restrict, progress: Some(&step) };
-    Ok(pool.install(|| scene::load(path, &options))?)
-}
-
-/// Makes the output directory, and finds out now, not after the first frame, whether files can be written there.
-pub(super) fn open_directory(directory: &Path) -> anyhow::Result<()> {
-    let context = || format!("cannot write into the output directory {}", directory.display());
-    std::fs::create_dir_all(directory).with_context(context)?;
-    files::check_writable(directory).with_context(context)
-}
-
-/// On Ctrl-C: lets the file that is being written become whole, and ends the program.
-pub(super) fn stop_on_interrupt(gate: &Arc<Mutex<()>>, directory: &Path, quiet: bool) -> anyhow::Result<()> {
-    let (gate, directory) = (Arc::clone(gate), directory.to_owned());
-    let stop = move || {
-        let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
-        if !quiet {
-            say(&format!("\ninterrupted; finished frames are in {} (--resume goes on)", directory.display()));
-        }
-        std::process::exit(i32::from(super::INTERRUPTED));
-    };
-    ctrlc::set_handler(stop).context("cannot watch for Ctrl-C")
 }

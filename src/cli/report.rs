@@ -1,74 +1,386 @@
-//! What `render --json` prints. The long help of `render` lists the fields.
+//! `splatblur report`: modes measured against the reference, as one HTML page with JSON and CSV.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use serde::Serialize;
-use splatblur::render::Stats;
+use anyhow::{Context as _, bail};
+use clap::Args;
+use splatblur::compare::{self, Comparison, Metric, flip, ssim};
+use splatblur::film::Picture;
+use splatblur::report::page::{FramePictures, ModePictures, page};
+use splatblur::report::{
+    FrameStudy, ModeStudy, Region, STRATA, SceneStudy, Study, Times, classify, csv, flip_map, pass_rate, signed_error,
+    split, standard_error,
+};
+use splatblur::sheet::{Canvas, densest};
+use splatblur::{files, image};
 
-use super::sequence::Finished;
-use super::settings::Settings;
+use super::common::{open_directory, stop_on_interrupt};
+use super::grammar::{self, Frames};
+use super::limits::{self, Limit};
+use super::modes::{self, Machine, Method, Mode};
+use super::output::{is_closed_pipe, print, say};
+use super::progress::Steps;
+use super::report_store::Store;
+use super::trial::{Common, Trial};
 
-/// `--json`.
-#[derive(Serialize)]
-pub(super) struct Report<'a> {
-    pub(super) program: &'static str,
-    pub(super) scene: &'a str,
-    pub(super) directory: &'a Path,
-    pub(super) backend: &'static str,
-    pub(super) frames: Vec<FrameReport<'a>>,
-    pub(super) load_seconds: f64,
-    pub(super) seconds: f64,
-    pub(super) notes: &'a [String],
-    pub(super) ffmpeg: Option<String>,
-    pub(super) settings: &'a Settings,
+/// Greatest width of a picture on the page.
+const PICTURE: u32 = 640;
+/// The crops where FLIP is worst.
+const CROP: (u32, u32) = (60, 45);
+/// Each of their pixels becomes a square of so many.
+const ENLARGED: u32 = 6;
+
+/// Measure modes against the ray-traced reference: an HTML page, JSON and CSV.
+///
+/// Renders each frame in each mode and on each backend in turn, after one rendering of each to warm up, measures the times, and
+/// compares the pictures with the reference. Writes DIR/index.html, one file that needs no other and no network, DIR/report.json,
+/// DIR/report.csv, and DIR/renderings, from which an interrupted report goes on when it is started again.
+#[derive(Debug, Args)]
+#[command(after_long_help = format!("{}
+
+Examples:
+  Which mode, how many samples, how wrong, how slow:
+    splatblur report scenes/spin.xml --frames 12 --modes supersample:8,supersample:32,bucket:8x4 --reference 4096 --out report
+  As a gate: every mode, frame and backend must pass
+    splatblur report scene.xml --frames 1..24 --modes supersample:32 --reference 1024 --limit flip=0.02 --out report
+
+Limits are those of `splatblur compare`. JSON and CSV: metrics by the names of `compare`, seconds (median, least, most),
+z_pass (share of values that the standard error of the reference explains), regions; for each frame, and for all.
+
+Exit status: 0 within the limits (or none given), 1 over a limit, 2 error, 130 interrupted.", modes::HELP))]
+pub(super) struct Report {
+    /// Scene file (XML).
+    scene: PathBuf,
+
+    /// Frames, inclusive: A..B, A-B or one; negative ones with `..` only, as in -5..-2 [default: the scene's].
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = grammar::frames, help_heading = "Report")]
+    frames: Option<Frames>,
+    /// Modes, several with commas.
+    #[arg(long, value_name = "MODES", value_parser = modes::list, help_heading = "Report")]
+    modes: std::vec::Vec<Mode>,
+    /// Machines for modes that do not name one, several with commas: cpu, gpu.
+    #[arg(long, value_name = "LIST", default_value = "cpu", value_parser = modes::machines, help_heading = "Report")]
+    backends: std::vec::Vec<Machine>,
+    /// Samples of a pixel of the reference (a multiple of 16).
+    #[arg(long, value_name = "SPP", default_value_t = 1024, value_parser = modes::reference_samples, help_heading = "Report")]
+    reference: u64,
+    /// Directory of the report; made if missing.
+    #[arg(long, value_name = "DIR", help_heading = "Report")]
+    out: PathBuf,
+    /// Timed renderings of each mode (one of references).
+    #[arg(long, value_name = "R", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000), help_heading = "Report")]
+    repeats: u32,
+    /// Exit with status 1 where METRIC of a mode, in a frame or in all, is beyond VALUE; may be repeated.
+    #[arg(long, value_name = "METRIC=VALUE", value_delimiter = ',', value_parser = limits::limit, help_heading = "Report")]
+    limit: Vec<Limit>,
+    /// Render all anew, instead of taking what an earlier run with the same settings has finished.
+    #[arg(long, help_heading = "Report")]
+    fresh: bool,
+
+    #[command(flatten)]
+    common: Common,
 }
 
-#[derive(Serialize)]
-pub(super) struct FrameReport<'a> {
-    frame: i64,
-    path: &'a Path,
-    skipped: bool,
-    seconds: f64,
-    samples: u64,
-    surfels: u64,
-    splats: u64,
-    /// Of all threads, on the CPU.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    cpu_seconds: Option<PassSeconds>,
-    /// On a GPU, as far as it measures them.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    device_seconds: Option<PassSeconds>,
+/// A mode on a machine.
+#[derive(Clone, Copy)]
+struct Entry {
+    method: Method,
+    machine: Machine,
 }
 
-#[derive(Serialize)]
-struct PassSeconds {
-    project: f64,
-    /// On the CPU a part of `project`.
-    bin: f64,
-    visibility: f64,
-    attribute: f64,
-    resolve: f64,
-    total: f64,
+impl Entry {
+    fn name(self) -> String {
+        format!("{}@{}", self.method, self.machine)
+    }
 }
 
-impl<'a> FrameReport<'a> {
-    pub(super) fn new(finished: &'a Finished, backend: &str) -> Self {
-        let (seconds, stats) = finished.rendered.unwrap_or((0.0, Stats::default()));
-        let [project, bin, visibility, attribute, resolve] =
-            [stats.project, stats.bin, stats.visibility, stats.attribute, stats.resolve].map(|pass| pass.as_secs_f64());
-        let total = project + bin + visibility + attribute + resolve;
-        let passes = Some(PassSeconds { project, bin, visibility, attribute, resolve, total });
-        let (cpu_seconds, device_seconds) = if backend == "cpu" { (passes, None) } else { (None, passes) };
-        Self {
-            frame: finished.frame,
-            path: &finished.path,
-            skipped: finished.rendered.is_none(),
-            seconds,
-            samples: stats.samples,
-            surfels: stats.surfels,
-            splats: stats.splats,
-            cpu_seconds,
-            device_seconds,
+impl Report {
+    pub(super) fn run(&self) -> anyhow::Result<ExitCode> {
+        let entries = self.entries()?;
+        let mut trial = self.common.load(&self.scene)?;
+        let frames = self
+            .frames
+            .map_or_else(
+                || grammar::check_range(Frames { first: trial.scene.frames.first, last: trial.scene.frames.last }),
+                Ok,
+            )
+            .map_err(anyhow::Error::msg)
+            .context("frames of the scene")?;
+        self.check_size(&trial)?;
+        open_directory(&self.out)?;
+        let gate = Arc::new(Mutex::new(()));
+        stop_on_interrupt(&gate, &self.out, "the same command", self.common.quiet)?;
+        let store = Store { directory: &self.out, gate: &gate, fresh: self.fresh };
+        let bar = Steps::new(frames.count() * self.steps_of_frame(&entries), self.common.quiet);
+        let mut step = 0;
+        for frame in frames.first..=frames.last {
+            self.render(&mut trial, &store, frame, &entries, &bar, step).with_context(|| format!("frame {frame}"))?;
+            step += self.steps_of_frame(&entries);
+        }
+        drop(bar);
+        let study = self.study(&mut trial, &store, frames, &entries)?;
+        let pictures = pictured(&study)
+            .into_iter()
+            .map(|frame| pictures_of(&store, frame, &entries))
+            .collect::<anyhow::Result<Vec<_>>>()?;
+        let index = self.out.join("index.html");
+        {
+            let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
+            write(&self.out.join("report.json"), &serde_json::to_vec_pretty(&study.json())?)?;
+            write(&self.out.join("report.csv"), csv(&study).as_bytes())?;
+            write(&index, page(&study, &pictures)?.as_bytes())?;
+        }
+        for over in &study.over {
+            say(&format!("over the limit: {over}"));
+        }
+        let code = if study.over.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(super::OVER) };
+        match if self.common.quiet { Ok(()) } else { print(&format!("{}\n", index.display())) } {
+            // The verdict stands, whoever stopped reading.
+            Err(error) if !is_closed_pipe(&error) => Err(error),
+            _ => Ok(code),
         }
     }
+
+    /// Modes times machines; references are made on the CPU.
+    fn entries(&self) -> anyhow::Result<Vec<Entry>> {
+        let mut entries = Vec::new();
+        for mode in &self.modes {
+            let machines = match (mode.machine, mode.method) {
+                (Some(machine), _) => vec![machine],
+                (None, Method::Reference(_)) => vec![Machine::Cpu],
+                (None, Method::Splat(_)) => self.backends.clone(),
+            };
+            for machine in machines {
+                let entry = Entry { method: mode.method, machine };
+                if entries.iter().any(|other: &Entry| other.name() == entry.name()) {
+                    bail!("--modes: {} is there twice", entry.name());
+                }
+                entries.push(entry);
+            }
+        }
+        Ok(entries)
+    }
+
+    fn check_size(&self, trial: &Trial<'_>) -> anyhow::Result<()> {
+        let smallest = trial.scene.image.width.min(trial.scene.image.height);
+        if smallest < ssim::WINDOW {
+            bail!("a report needs pictures of at least {0} x {0} pixels, for SSIM", ssim::WINDOW);
+        }
+        for (i, limit) in self.limit.iter().enumerate() {
+            if self.limit[..i].iter().any(|other| other.metric == limit.metric) {
+                bail!("--limit: {} has two limits", limit.metric.name());
+            }
+        }
+        Ok(())
+    }
+
+    fn repeats_of(&self, method: Method) -> u32 {
+        // Slow, and hardly varying.
+        if matches!(method, Method::Reference(_)) { 1 } else { self.repeats }
+    }
+
+    /// Renderings of a frame: the reference, and for each mode one to warm up and the timed ones.
+    fn steps_of_frame(&self, entries: &[Entry]) -> u64 {
+        1 + entries.iter().map(|entry| 1 + u64::from(self.repeats_of(entry.method))).sum::<u64>()
+    }
+
+    /// Renders what is missing of a frame. Where modes are missing, they are measured in turn.
+    fn render(
+        &self,
+        trial: &mut Trial<'_>,
+        store: &Store<'_>,
+        frame: i64,
+        entries: &[Entry],
+        bar: &Steps,
+        first_step: u64,
+    ) -> anyhow::Result<()> {
+        let mut step = first_step;
+        let judge = Method::Reference(self.reference);
+        let path = store.path(frame, "judge");
+        let settings = trial.settings(judge, Machine::Cpu, frame, true)?;
+        if store.finished(&path, &settings).is_none() {
+            let shot = trial
+                .judge(self.reference, frame, &|share| bar.at(step, &format!("frame {frame}, reference"), share))?;
+            store.keep(&path, &shot.picture, &settings, &[shot.seconds])?;
+        }
+        step += 1;
+        let mut missing = Vec::new();
+        for &entry in entries {
+            let path = store.path(frame, &entry.name());
+            let settings = trial.settings(entry.method, entry.machine, frame, false)?;
+            match store.finished(&path, &settings) {
+                // An earlier run may have measured fewer times.
+                Some(seconds) if seconds.len() >= self.repeats_of(entry.method) as usize => {
+                    step += 1 + u64::from(self.repeats_of(entry.method));
+                }
+                _ => missing.push((entry, path, settings, Vec::new())),
+            }
+        }
+        bar.skip_to(step);
+        let most = missing.iter().map(|(entry, ..)| self.repeats_of(entry.method)).max().unwrap_or(0);
+        for round in 0..=most {
+            for (entry, path, settings, seconds) in &mut missing {
+                let repeats = self.repeats_of(entry.method);
+                // A reference is its own warm-up: nothing is gained by tracing twice.
+                let traced = matches!(entry.method, Method::Reference(_));
+                if round > repeats || (traced && round == 0) {
+                    continue;
+                }
+                let what = format!("frame {frame}, {}", entry.name());
+                bar.at(step, &what, 0.0);
+                let shot = trial
+                    .shoot(entry.method, entry.machine, frame, &|share| bar.at(step, &what, share))
+                    .with_context(|| format!("mode {}", entry.name()))?;
+                step += if traced { 2 } else { 1 };
+                if round > 0 {
+                    seconds.push(shot.seconds);
+                }
+                if round == repeats {
+                    store.keep(path, &shot.picture, settings, seconds)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Compares what was rendered.
+    fn study(
+        &self,
+        trial: &mut Trial<'_>,
+        store: &Store<'_>,
+        range: Frames,
+        entries: &[Entry],
+    ) -> anyhow::Result<Study> {
+        let mut frames = Vec::new();
+        for frame in range.first..=range.last {
+            let regions =
+                classify(&trial.moments(frame)?, f64::from(STRATA)).context("the layers of depth and velocity")?;
+            let path = store.path(frame, "judge");
+            let reference = image::read(&path)?;
+            let settings = trial.settings(Method::Reference(self.reference), Machine::Cpu, frame, true)?;
+            let seconds = Store { fresh: false, ..*store }.finished(&path, &settings).unwrap_or_default();
+            let mut modes = Vec::new();
+            for entry in entries {
+                modes.push(measure(trial, store, frame, *entry, &reference, &regions)?);
+            }
+            let standard_error = standard_error(&reference).context("the reference has no standard error")?;
+            frames.push(FrameStudy { frame, reference_seconds: Times::of(&seconds).median, standard_error, modes });
+        }
+        let sequence: Vec<_> = (0..entries.len())
+            .filter_map(|i| ModeStudy::pooled(&frames.iter().map(|f| &f.modes[i]).collect::<Vec<_>>()))
+            .collect();
+        let mut over = Vec::new();
+        for limit in &self.limit {
+            for f in &frames {
+                over.extend(
+                    f.modes.iter().filter_map(|m| limit.check(&m.errors, format!("frame {}, {}", f.frame, m.name()))),
+                );
+            }
+            if frames.len() > 1 {
+                over.extend(
+                    sequence.iter().filter_map(|m| limit.check(&m.errors, format!("all frames, {}", m.name()))),
+                );
+            }
+        }
+        let mut machines: Vec<Machine> = entries.iter().map(|entry| entry.machine).collect();
+        machines.sort();
+        machines.dedup();
+        Ok(Study {
+            program: concat!("splatblur ", env!("CARGO_PKG_VERSION")).to_owned(),
+            scene: self.scene_study(trial, range)?,
+            machines: machines.into_iter().map(|machine| trial.describe(machine)).collect::<anyhow::Result<_>>()?,
+            frames,
+            sequence,
+            over: over.iter().map(ToString::to_string).collect(),
+            notes: trial.notes.clone(),
+        })
+    }
+
+    /// The settings that all modes share, and the reference's.
+    fn scene_study(&self, trial: &Trial<'_>, range: Frames) -> anyhow::Result<SceneStudy> {
+        let text = trial.settings(Method::Reference(self.reference), Machine::Cpu, range.first, true)?;
+        let fields: serde_json::Map<String, serde_json::Value> = serde_json::from_str(&text)?;
+        // Those that say nothing here, or are of one rendering only.
+        let left_out = ["frame", "mode", "backend", "format", "bits", "aovs", "epsilon"];
+        let mut settings: Vec<(String, String)> = fields
+            .into_iter()
+            .filter(|(name, value)| !left_out.contains(&name.as_str()) && !value.is_null())
+            .map(|(name, value)| (name, value.as_str().map_or_else(|| value.to_string(), str::to_owned)))
+            .collect();
+        let own = |value: Option<f64>| value.map_or_else(|| "the scene's".to_owned(), |e| e.to_string());
+        settings.push(("epsilon of the modes".to_owned(), own(self.common.epsilon())));
+        settings.push(("epsilon of the reference".to_owned(), own(None)));
+        let (width, height) = (trial.scene.image.width, trial.scene.image.height);
+        let (name, reference, repeats) = (trial.scene.name.clone(), self.reference, self.repeats);
+        Ok(SceneStudy { name, size: [width, height], reference, repeats, settings })
+    }
+}
+
+/// One mode against the reference.
+fn measure(
+    trial: &Trial<'_>,
+    store: &Store<'_>,
+    frame: i64,
+    entry: Entry,
+    reference: &Picture,
+    regions: &[Region],
+) -> anyhow::Result<ModeStudy> {
+    let path = store.path(frame, &entry.name());
+    let settings = trial.settings(entry.method, entry.machine, frame, false)?;
+    let seconds = Store { fresh: false, ..*store }.finished(&path, &settings).unwrap_or_default();
+    let picture = image::read(&path)?;
+    let mut errors = Comparison::new(&picture, reference, &[Metric::Ssim])?;
+    let map = flip::map(&picture, reference)?;
+    errors.flip = Some(compare::mean(&map, picture.width as usize));
+    Ok(ModeStudy {
+        mode: entry.method.to_string(),
+        family: entry.method.family(),
+        backend: entry.machine.to_string(),
+        samples: entry.method.samples(),
+        times: Times::of(&seconds),
+        z_pass: pass_rate(&picture, reference).context("the reference has no standard error")?,
+        regions: split(&picture, reference, &map, regions),
+        errors,
+    })
+}
+
+/// The pictures of a frame for the page.
+fn pictures_of(store: &Store<'_>, frame: i64, entries: &[Entry]) -> anyhow::Result<FramePictures> {
+    let reference = image::read(&store.path(frame, "judge"))?;
+    let (signed_range, flip_range) = (0.25, 0.5);
+    let mut modes = Vec::new();
+    for entry in entries {
+        let picture = image::read(&store.path(frame, &entry.name()))?;
+        let map = flip::map(&picture, &reference)?;
+        let values: Vec<f64> = map.iter().map(|&v| f64::from(v)).collect();
+        let crop = densest(&values, picture.width, CROP.0, CROP.1);
+        modes.push(ModePictures {
+            picture: Canvas::shrunk(&picture, PICTURE)?,
+            signed: signed_error(&picture, &reference, signed_range)?,
+            flip: flip_map(&map, picture.width, picture.height, flip_range)?,
+            worst: [Canvas::enlarged(&picture, crop, ENLARGED)?, Canvas::enlarged(&reference, crop, ENLARGED)?],
+        });
+    }
+    Ok(FramePictures { frame, reference: Canvas::shrunk(&reference, PICTURE)?, modes, signed_range, flip_range })
+}
+
+/// Frames with pictures on the page: all of up to three, else the first, that with the greatest FLIP, and the last.
+fn pictured(study: &Study) -> Vec<i64> {
+    let frames = &study.frames;
+    let flip = |f: &FrameStudy| f.modes.iter().filter_map(|m| m.errors.flip).fold(0.0, f64::max);
+    let mut chosen: Vec<i64> = if frames.len() <= 3 {
+        frames.iter().map(|f| f.frame).collect()
+    } else {
+        let worst = frames.iter().max_by(|a, b| flip(a).total_cmp(&flip(b)));
+        [frames.first(), worst, frames.last()].into_iter().flatten().map(|f| f.frame).collect()
+    };
+    chosen.sort_unstable();
+    chosen.dedup();
+    chosen
+}
+
+fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    files::replace(path, bytes).with_context(|| format!("cannot write {}", path.display()))
 }

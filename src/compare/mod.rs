@@ -9,6 +9,7 @@
 mod display;
 mod filter;
 pub mod flip;
+mod json;
 mod metric;
 mod pixels;
 pub mod ssim;
@@ -16,6 +17,7 @@ pub mod ssim;
 use crate::film::Picture;
 
 pub use self::display::{encode, gamma_rmse};
+pub use self::json::{number, values};
 pub use self::metric::{Metric, Sense};
 pub use self::pixels::{AlphaErrors, ColourErrors, RELATIVE_EPSILON, Worst};
 
@@ -172,7 +174,7 @@ fn check(a: &Picture, b: &Picture) -> Result<(), CompareError> {
 }
 
 /// The mean of a row-major map, summed row by row; NaN where any value is.
-fn mean(map: &[f32], width: usize) -> f64 {
+pub fn mean(map: &[f32], width: usize) -> f64 {
     map.chunks(width.max(1)).map(|row| row.iter().map(|&v| f64::from(v)).sum::<f64>()).sum::<f64>() / map.len() as f64
 }
 

@@ -8,5 +8,5 @@ pub mod sweep;
 mod trs;
 
 pub use bounds::Bounds;
-pub(crate) use trs::rotation;
 pub use trs::{RotateOrder, Trs};
+pub(crate) use trs::{norm, rotation};

@@ -41,6 +41,8 @@ pub struct Sweep {
     r2: f32,
     /// Squared distance of the line from the origin, times `a`: the square of a cross product, so that nothing cancels.
     across: f32,
+    /// 1 / (w^2 a); without motion 1 / w^4.
+    inverse: f32,
     /// No motion to speak of.
     still: bool,
 }
@@ -64,7 +66,9 @@ impl Sweep {
         let r2 = u * u + v * v;
         let cross = u * dv - v * du;
         let a = du * du + dv * dv + e * w2;
-        Self { w2, a, b: u * du + v * dv, r2, across: cross * cross + e * (w2 * r2), still: a <= UNMOVED * w2 }
+        let still = a <= UNMOVED * w2;
+        let inverse = 1.0 / (w2 * if still { w2 } else { a });
+        Self { w2, a, b: u * du + v * dv, r2, across: cross * cross + e * (w2 * r2), inverse, still }
     }
 
     /// First and last tau in [-1, 1] at which the ray is covered; none if the first is not less than the last.
@@ -90,14 +94,13 @@ impl Sweep {
     /// Squared distance of the path from the kernel's centre, in kernel radii.
     #[inline(always)]
     pub fn nearest(&self) -> f32 {
-        let (numerator, denominator) = if self.still { (self.r2, self.w2) } else { (self.across, self.w2 * self.a) };
-        numerator / denominator
+        (if self.still { self.r2 * self.w2 } else { self.across }) * self.inverse
     }
 
     /// Mean over [first, last] of exp(-2 (u^2 + v^2 + e tau^2)); [first, last] within `covered`.
     #[inline(always)]
     pub fn mean(&self, [first, last]: [f32; 2]) -> f32 {
-        let scale = if self.still { 0.0 } else { SQRT_2 / (self.w2 * self.a).sqrt() };
+        let scale = if self.still { 0.0 } else { SQRT_2 * self.inverse.sqrt() };
         let x = |tau: f32| scale * (self.b + self.a * tau);
         fast::kernel(self.nearest()) * (HALF_SQRT_PI * fast::erf_slope(x(first), x(last)))
     }

@@ -84,6 +84,14 @@ pub(crate) fn rotation(axis: DVec3, radians: f64) -> DMat3 {
     )
 }
 
+/// The most by which a linear map makes vectors longer, from above: |M|^2 is at most the greatest sum of absolute values in a row
+/// of M^T M. Exact for rotations with scales along the axes.
+pub(crate) fn norm(m: &DMat3) -> f64 {
+    let square = m.transpose() * *m;
+    let rows = [square.x_axis, square.y_axis, square.z_axis].map(|row| row.abs().element_sum());
+    rows.into_iter().fold(0.0, f64::max).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

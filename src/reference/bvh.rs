@@ -60,7 +60,7 @@ pub(super) struct Bvh {
     /// The first one is the root.
     pub nodes: Vec<Node>,
     pub leaves: Vec<Leaf>,
-    /// A sphere around all boxes.
+    /// A sphere around all surfels.
     pub centre: DVec3,
     pub radius: f64,
 }
@@ -92,7 +92,12 @@ impl Bvh {
         let centre = 0.5 * (low + high);
         let reach = 0.5 * (high - low).length() + centre.length();
         let padding = PADDING * reach;
-        let radius = 0.5 * (high - low).length() + 2.0 * padding;
+        let farthest = exact
+            .par_iter()
+            .filter(|(low, high)| low.is_finite() && high.is_finite())
+            .map(|(low, high)| (high.as_dvec3() - centre).max(centre - low.as_dvec3()).length_squared())
+            .reduce(|| 0.0, f64::max);
+        let radius = farthest.sqrt() + 2.0 * padding;
         let grow = Vec3::splat(padding as f32);
         let index: Vec<u32> =
             (0..exact.len()).filter(|&i| exact[i].0.is_finite() && exact[i].1.is_finite()).map(|i| i as u32).collect();

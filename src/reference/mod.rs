@@ -8,6 +8,7 @@
 mod bvh;
 mod posed;
 mod probe;
+mod reach;
 mod sampler;
 mod store;
 mod sums;
@@ -20,9 +21,11 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 
 use self::posed::World;
+use self::reach::{Reach, Sights};
 use self::sampler::Points;
 use self::sums::PixelSums;
-use self::trace::{Seen, Tracer};
+use self::trace::{Place, Seen, Tracer};
+use self::traverse::PACKET;
 use self::warp::TimeWarp;
 use crate::film::{Aov, Background, FilmPlanes, Picture};
 use crate::plan::{PixelFilter, Shading};
@@ -78,10 +81,19 @@ impl Default for ReferenceOptions {
 }
 
 impl ReferenceOptions {
-    fn checked_samples(&self) -> Result<u64, ReferenceError> {
+    /// Whether there can be a reference with these options.
+    ///
+    /// # Errors
+    /// The number of samples does not suit the scramblings, or the sampler cannot stop at an error.
+    pub const fn check(&self) -> Result<(), ReferenceError> {
         let samples = self.samples;
-        let valid = samples > 0 && samples.is_multiple_of(SCRAMBLINGS as u64) && samples <= MOST_SAMPLES;
-        if valid { Ok(samples) } else { Err(ReferenceError::Samples { samples }) }
+        if samples == 0 || !samples.is_multiple_of(SCRAMBLINGS as u64) || samples > MOST_SAMPLES {
+            return Err(ReferenceError::Samples { samples });
+        }
+        if self.error.is_some() && !self.sampler.is_progressive() {
+            return Err(ReferenceError::Fixed);
+        }
+        Ok(())
     }
 }
 
@@ -150,6 +162,14 @@ pub enum ReferenceError {
         "the jittered sampler has a fixed number of samples: it can neither stop at an error nor go on from an earlier run"
     )]
     Fixed,
+    /// The image is too large.
+    #[error("the sums of {width} x {height} pixels do not fit into memory")]
+    Memory {
+        /// Width of the image.
+        width: u32,
+        /// Height of the image.
+        height: u32,
+    },
     /// Bytes that should be partial sums are not.
     #[error("these are no partial sums of a reference, or they are damaged")]
     Damaged,
@@ -195,22 +215,23 @@ pub fn render(
     earlier: Option<Sums>,
     progress: Progress<'_>,
 ) -> Result<Reference, ReferenceError> {
-    let samples = options.checked_samples()?;
-    if !options.sampler.is_progressive() && (options.error.is_some() || earlier.is_some()) {
+    options.check()?;
+    if !options.sampler.is_progressive() && earlier.is_some() {
         return Err(ReferenceError::Fixed);
     }
+    let samples = options.samples;
     let size = [scene.image.width, scene.image.height];
     let mut sums = match earlier {
         Some(sums) => sums.like(size, &options.aovs)?,
-        None => Sums::new(size, &options.aovs),
+        None => Sums::new(size, &options.aovs)?,
     };
     let start = Instant::now();
     let world = World::new(scene, frame, options);
     let build = start.elapsed();
     let start = Instant::now();
     let before = sums.samples;
-    let background = Background { colour: scene.image.background, transparent: scene.image.transparent };
-    let integrator = Integrator { world: &world, warp: TimeWarp::new(&scene.shutter.weight), frame: frame as f64 };
+    let background = background(scene);
+    let integrator = Integrator::new(&world, frame, [0, 0]);
     if let Some(limit) = options.error {
         let mut error = None;
         while sums.samples < samples {
@@ -240,25 +261,42 @@ pub fn render(
     Ok(Reference { picture: sums.develop(&options.aovs, background), sums, stats })
 }
 
-/// Rows that one task takes.
-const STRIP: usize = 4;
+/// What the picture of a scene is put over.
+const fn background(scene: &Scene) -> Background {
+    Background { colour: scene.image.background, transparent: scene.image.transparent }
+}
 
+/// Rows and columns of pixels whose samples are traced together.
+const TILE: usize = 4;
+
+/// Points of each scrambling that are traced together.
+const POINTS: u64 = 4;
+
+/// Samples the pixels of an image, or of a window in it.
 struct Integrator<'w, 'a> {
     world: &'w World<'a>,
     warp: TimeWarp,
+    reach: Reach,
     frame: f64,
+    /// First pixel of the window.
+    origin: [u32; 2],
 }
 
-impl Integrator<'_, '_> {
-    /// Brings every pixel to `end` samples.
+impl<'w, 'a> Integrator<'w, 'a> {
+    fn new(world: &'w World<'a>, frame: i64, origin: [u32; 2]) -> Self {
+        let frame = frame as f64;
+        Self { world, warp: TimeWarp::new(&world.scene.shutter.weight), reach: Reach::new(world, frame), frame, origin }
+    }
+
+    /// Brings every pixel of the window to `end` samples.
     fn add(&self, sums: &mut Sums, end: u64, error: Option<f64>, progress: Progress<'_>) {
         let options = self.world.options;
         let each = SCRAMBLINGS as u64;
         let (first, last) = (sums.samples / each, end / each);
         let points = Points::new(options.sampler, options.seed, first, last, options.samples / each);
         let planes = FilmPlanes::of(&options.aovs);
-        let strip = STRIP * sums.width as usize;
-        let strips = (sums.height as usize).div_ceil(STRIP);
+        let strip = TILE * sums.width as usize;
+        let strips = (sums.height as usize).div_ceil(TILE);
         let mut extras: Vec<&mut [f64]> = if sums.planes == 0 {
             (0..strips).map(|_| Default::default()).collect()
         } else {
@@ -268,20 +306,25 @@ impl Integrator<'_, '_> {
         let (samples, width) = (sums.samples, sums.width as usize);
         let places = sums.colour.par_chunks_mut(strip).zip(sums.range.par_chunks_mut(strip)).zip(&mut extras);
         places.enumerate().for_each_init(
-            || Tracer::new(self.world),
-            |tracer, (number, ((colour, range), extra))| {
-                let rows = colour.len() / width;
-                // Column by column: neighbouring pixels see the same surfels.
-                for x in 0..width {
-                    for y in 0..rows {
-                        let at = y * width + x;
-                        let extra = if extra.is_empty() {
-                            &mut [][..]
-                        } else {
-                            &mut extra[at * (planes.count - 4)..][..planes.count - 4]
-                        };
-                        let mut pixel = Pixel { planes: &planes, sums: &mut colour[at], range: &mut range[at], extra };
-                        self.pixel(tracer, &points, [x, number * STRIP + y], first..last, &mut pixel);
+            || (Tracer::new(self.world), Batch::default()),
+            |(tracer, batch), (number, ((colour, range), extra))| {
+                let mut strip = Strip { planes: &planes, colour, range, extra };
+                let rows = strip.colour.len() / width;
+                for left in (0..width).step_by(TILE) {
+                    let (first_pixel, size) = ([left, number * TILE], [TILE.min(width - left), rows]);
+                    let corner = [0, 1].map(|axis| self.origin[axis] as usize + first_pixel[axis]);
+                    self.reach.sights(self.world, corner, size, &mut batch.sights);
+                    if batch.sights.any == 0 {
+                        continue;
+                    }
+                    for k in (first..last).step_by(POINTS as usize) {
+                        self.place_tile(batch, &points, (corner, size), width, k..(k + POINTS).min(last));
+                        batch.trace(tracer, &self.reach);
+                        batch.samples.iter().zip(&batch.seen).for_each(|(sample, seen)| {
+                            if let Some(seen) = seen {
+                                strip.add(sample.pixel as usize, sample.scrambling as usize, seen);
+                            }
+                        });
                     }
                 }
                 let done = finished.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
@@ -291,62 +334,142 @@ impl Integrator<'_, '_> {
         sums.samples = end;
     }
 
-    fn pixel(
+    /// The samples of a tile (corner in the image, size) that may hit something: of each of its pixels the points `range` of each
+    /// scrambling. The window is `width` pixels wide.
+    fn place_tile(
         &self,
-        tracer: &mut Tracer<'_, '_>,
+        batch: &mut Batch,
         points: &Points,
-        [x, y]: [usize; 2],
+        (corner, [columns, rows]): ([usize; 2], [usize; 2]),
+        width: usize,
         range: std::ops::Range<u64>,
-        pixel: &mut Pixel<'_>,
     ) {
-        let number = (y * self.world.size[0] as usize + x) as u64;
-        let of_pixel = points.pixel(number);
-        let scrambled: [_; SCRAMBLINGS] = std::array::from_fn(|r| of_pixel.scrambling(r));
-        for k in range {
-            for (r, scrambling) in scrambled.iter().enumerate() {
-                let (film, time) = self.place([x, y], scrambling.at(k));
-                if let Some(seen) = tracer.sample(film, time) {
-                    pixel.add(r, &seen);
+        let left = corner[0] - self.origin[0] as usize;
+        batch.samples.clear();
+        for y in 0..rows {
+            for x in 0..columns {
+                let at = [(corner[0] + x) as u32, (corner[1] + y) as u32];
+                let of_pixel = points.pixel(self.number(at));
+                let scrambled: [_; SCRAMBLINGS] = std::array::from_fn(|r| of_pixel.scrambling(r));
+                for k in range.clone() {
+                    for (r, scrambling) in scrambled.iter().enumerate() {
+                        let point = scrambling.at(k);
+                        let place = self.place(at, point);
+                        if batch.sights.any >> self.reach.slot(place.1) & 1 == 1 {
+                            let pixel = (y * width + left + x) as u32;
+                            batch.samples.push(Placed { place, share: point[2] as f32, pixel, scrambling: r as u32 });
+                        }
+                    }
                 }
             }
         }
     }
 
+    /// The number of a pixel of the image: what its samples depend on.
+    fn number(&self, [x, y]: [u32; 2]) -> u64 {
+        u64::from(y) * u64::from(self.world.size[0]) + u64::from(x)
+    }
+
     /// Film point (pixels) and scene time (frames) of a point of the unit cube.
-    fn place(&self, pixel: [usize; 2], [u, v, share]: [f64; 3]) -> ([f64; 2], f64) {
+    fn place(&self, pixel: [u32; 2], [u, v, share]: [f64; 3]) -> ([f64; 2], f64) {
         let (u, v) = match self.world.options.filter {
             PixelFilter::Box => (u, v),
             PixelFilter::Point => (0.5, 0.5),
         };
         let time = self.world.scene.shutter.frame_time(self.frame, self.warp.time(share));
-        ([pixel[0] as f64 + u, pixel[1] as f64 + v], time)
+        ([f64::from(pixel[0]) + u, f64::from(pixel[1]) + v], time)
     }
 }
 
-/// Where the samples of one pixel are added.
-struct Pixel<'a> {
+/// A sample, and where it is added.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    place: Place,
+    /// Share of the exposure that is over.
+    share: f32,
+    /// Pixel of the strip.
+    pixel: u32,
+    scrambling: u32,
+}
+
+/// Samples that are traced in the order of their times, so that those which go together meet the objects at nearly the same places.
+#[derive(Debug, Default)]
+struct Batch {
+    /// What they may hit.
+    sights: Sights,
+    samples: Vec<Placed>,
+    /// What they see, in their own order.
+    seen: Vec<Option<Seen>>,
+    /// Their numbers in the order of times.
+    order: Vec<u32>,
+    /// End of each interval of times in that order.
+    ends: Vec<u32>,
+}
+
+/// Samples of one interval of times.
+const INTERVAL: usize = 8;
+
+impl Batch {
+    fn trace(&mut self, tracer: &mut Tracer<'_, '_>, reach: &Reach) {
+        let n = self.samples.len();
+        self.seen.resize(n, None);
+        if n == 0 {
+            return;
+        }
+        // Sorted by counting: within an interval of times the order stays.
+        let intervals = n.div_ceil(INTERVAL);
+        let interval = |sample: &Placed| ((sample.share * intervals as f32) as usize).min(intervals - 1);
+        self.ends.clear();
+        self.ends.resize(intervals + 1, 0);
+        self.samples.iter().for_each(|sample| self.ends[interval(sample) + 1] += 1);
+        for i in 0..intervals {
+            self.ends[i + 1] += self.ends[i];
+        }
+        self.order.resize(n, 0);
+        for (number, sample) in self.samples.iter().enumerate() {
+            let end = &mut self.ends[interval(sample)];
+            self.order[*end as usize] = number as u32;
+            *end += 1;
+        }
+        let mut places = [Place::default(); PACKET];
+        for packet in self.order.chunks(PACKET) {
+            for (place, &number) in places.iter_mut().zip(packet) {
+                *place = self.samples[number as usize].place;
+            }
+            tracer.hits(&places[..packet.len()], &self.sights, reach);
+            for (lane, &number) in packet.iter().enumerate() {
+                self.seen[number as usize] = tracer.seen(lane);
+            }
+        }
+    }
+}
+
+/// The sums of a strip of pixels.
+struct Strip<'a> {
     planes: &'a FilmPlanes,
-    sums: &'a mut PixelSums,
-    range: &'a mut [[f32; 3]; 2],
+    colour: &'a mut [PixelSums],
+    range: &'a mut [[[f32; 3]; 2]],
     extra: &'a mut [f64],
 }
 
-impl Pixel<'_> {
-    fn add(&mut self, scrambling: usize, seen: &Seen) {
-        let sums = &mut self.sums[scrambling];
+impl Strip<'_> {
+    fn add(&mut self, pixel: usize, scrambling: usize, seen: &Seen) {
+        let sums = &mut self.colour[pixel][scrambling];
         sums[0] += seen.colour.x;
         sums[1] += seen.colour.y;
         sums[2] += seen.colour.z;
         sums[3] += 1.0;
         let colour = seen.colour.as_vec3().to_array();
-        let [low, high] = self.range;
+        let [low, high] = &mut self.range[pixel];
         for c in 0..3 {
             low[c] = low[c].min(colour[c]);
             high[c] = high[c].max(colour[c]);
         }
+        let planes = self.planes.count - 4;
+        let extra = &mut self.extra[pixel * planes..][..planes];
         let mut add = |plane: Option<usize>, values: &[f64]| {
             if let Some(first) = plane {
-                self.extra[first - 4..].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+                extra[first - 4..].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
             }
         };
         add(self.planes.depth, &[seen.depth]);

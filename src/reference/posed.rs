@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::ReferenceOptions;
 use super::bvh::Bvh;
+use crate::math::norm;
 use crate::model::{Material, Surfels};
 use crate::pose::{ObjectPoser, camera_from_world};
 use crate::scene::{Light, Object, Scene, Sphere};
@@ -144,6 +145,11 @@ impl<'a> World<'a> {
         (0..self.models.len()).filter_map(of_model).map(|body| body.surfels.len() as u64).sum()
     }
 
+    /// The camera that an object is seen by, if it does not move.
+    pub(super) fn camera_of(&self, body: &Body<'_>) -> Option<CameraPose> {
+        if body.object.blur { self.fixed_camera } else { Some(self.frame_camera) }
+    }
+
     /// True if the lights are the same for every sample, as seen from the eye.
     pub(super) fn fixed_lights(&self) -> bool {
         self.fixed_camera.is_some()
@@ -167,8 +173,8 @@ impl<'a> Body<'a> {
             fixed: None,
             epsilon: options.epsilon.or(object.epsilon),
         };
-        // Motions by formula keep lengths; keyframes may not.
-        if object.animation.is_none() {
+        // Motions by formula keep lengths; keyframes of the scale do not.
+        if object.animation.as_ref().is_none_or(|binding| !binding.node.has_scale()) {
             body.epsilon = body.pose(number).map(|placed| placed.epsilon).or(body.epsilon);
         }
         if body.poser.is_fixed() || !object.blur {
@@ -184,6 +190,23 @@ impl<'a> Body<'a> {
     /// no extent.
     pub(super) fn placed(&self, time: f64) -> Option<Placed> {
         self.fixed.or_else(|| self.pose(time))
+    }
+
+    /// True if its pose does not change over the frame.
+    pub(super) fn is_fixed(&self) -> bool {
+        self.fixed.is_some()
+    }
+
+    /// A sphere in the world that holds a model's sphere, about `centre` relative to the model's origin, at all scene times from
+    /// `from` to `to` (frames); `None` if none is known.
+    pub(super) fn swept_sphere(&self, centre: DVec3, radius: f64, from: f64, to: f64) -> Option<(DVec3, f64)> {
+        match &self.fixed {
+            Some(placed) => {
+                let radius = radius * norm(&placed.world_from_model.matrix3);
+                Some((placed.world_from_model.transform_point3(centre), radius))
+            }
+            None => self.poser.swept_sphere(centre + self.surfels.origin, radius, from, to),
+        }
     }
 
     fn pose(&self, time: f64) -> Option<Placed> {

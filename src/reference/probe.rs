@@ -5,10 +5,11 @@ use std::fmt;
 use glam::DVec3;
 
 use super::posed::{Shape, World};
+use super::reach::Sights;
 use super::sampler::{Points, SCRAMBLINGS};
-use super::trace::{Seen, Surface, Tracer};
-use super::warp::TimeWarp;
-use super::{Integrator, ReferenceError, ReferenceOptions};
+use super::sums::{Sums, mean};
+use super::trace::{Surface, Tracer};
+use super::{Integrator, ReferenceError, ReferenceOptions, background};
 use crate::scene::Scene;
 
 /// One sample.
@@ -67,11 +68,11 @@ pub struct Probe {
     pub samples: u64,
     /// Samples that hit something.
     pub hits: u64,
-    /// Mean of premultiplied r, g, b and coverage.
+    /// r, g, b as the picture has them (premultiplied, over its background) and coverage.
     pub mean: [f64; 4],
-    /// Their means over each scrambling.
+    /// The same of each scrambling alone.
     pub scramblings: [[f64; 4]; SCRAMBLINGS],
-    /// Standard error of `mean` as the spread of the scramblings tells it.
+    /// Standard error of `mean`: what the picture's layer of errors has.
     pub error: [f64; 4],
     /// The sample that was asked for.
     pub sample: Option<Sample>,
@@ -88,7 +89,8 @@ pub fn probe(
     pixel: [u32; 2],
     sample: Option<u64>,
 ) -> Result<Probe, ReferenceError> {
-    let samples = options.checked_samples()?;
+    options.check()?;
+    let samples = options.samples;
     let [width, height] = [scene.image.width, scene.image.height];
     if pixel[0] >= width || pixel[1] >= height {
         return Err(ReferenceError::NoPixel { x: pixel[0], y: pixel[1], width, height });
@@ -97,33 +99,28 @@ pub fn probe(
         return Err(ReferenceError::NoSample { sample, samples });
     }
     let world = World::new(scene, frame, options);
-    let integrator = Integrator { world: &world, warp: TimeWarp::new(&scene.shutter.weight), frame: frame as f64 };
-    let each = samples / SCRAMBLINGS as u64;
-    let points = Points::new(options.sampler, options.seed, 0, each, each);
-    let of_pixel = points.pixel(u64::from(pixel[1]) * u64::from(width) + u64::from(pixel[0]));
-    let place = pixel.map(|c| c as usize);
-    let mut tracer = Tracer::new(&world);
-    let mut sums = [[0.0; 4]; SCRAMBLINGS];
-    for k in 0..each {
-        for (r, sums) in sums.iter_mut().enumerate() {
-            let (film, time) = integrator.place(place, of_pixel.scrambling(r).at(k));
-            if let Some(Seen { colour, .. }) = tracer.sample(film, time) {
-                (0..3).for_each(|c| sums[c] += colour[c]);
-                sums[3] += 1.0;
-            }
-        }
-    }
-    let n = SCRAMBLINGS as f64;
-    let hits = sums.iter().map(|s| s[3]).sum::<f64>() as u64;
-    let scramblings = sums.map(|s| s.map(|sum| sum / each as f64));
-    let mean: [f64; 4] = std::array::from_fn(|c| scramblings.iter().map(|m| m[c]).sum::<f64>() / n);
-    let error = std::array::from_fn(|c| {
-        let squares = scramblings.iter().map(|m| (m[c] - mean[c]) * (m[c] - mean[c])).sum::<f64>();
-        (squares / (n * (n - 1.0))).sqrt()
-    });
+    // With its neighbours: the error depends on what they saw.
+    let origin = pixel.map(|c| c.saturating_sub(1));
+    let [w, h] = [0, 1].map(|axis| (pixel[axis] + 2).min([width, height][axis]) - origin[axis]);
+    let integrator = Integrator::new(&world, frame, origin);
+    let mut sums = Sums::new([w, h], &[])?;
+    integrator.add(&mut sums, samples, None, &|_| ());
+    let at = ((pixel[1] - origin[1]) * w + pixel[0] - origin[0]) as usize;
+    let background = background(scene);
+    let scramblings = sums.seen(at, background);
+    let mean = mean(&scramblings);
+    let error = sums.error(at, background);
+    let hits = sums.hits(at) as u64;
     let sample = sample.map(|number| {
+        let (k, each) = (number / SCRAMBLINGS as u64, samples / SCRAMBLINGS as u64);
+        let points = Points::new(options.sampler, options.seed, k, k + 1, each);
+        let of_pixel = points.pixel(integrator.number(pixel));
         let scrambling = of_pixel.scrambling((number % SCRAMBLINGS as u64) as usize);
-        let (film, time) = integrator.place(place, scrambling.at(number / SCRAMBLINGS as u64));
+        let (film, time) = integrator.place(pixel, scrambling.at(k));
+        let mut sights = Sights::default();
+        integrator.reach.sights(&world, pixel.map(|c| c as usize), [1, 1], &mut sights);
+        let mut tracer = Tracer::new(&world);
+        tracer.hits(&[(film, time)], &sights, &integrator.reach);
         look(&world, &mut tracer, number, film, time)
     });
     Ok(Probe { pixel, samples, hits, mean, scramblings, error, sample })
@@ -132,12 +129,11 @@ pub fn probe(
 fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64; 2], time: f64) -> Sample {
     let camera = world.camera(time);
     let direction = world.direction(film);
-    tracer.hits(&camera, direction, time);
-    let limit = tracer.found.limit;
+    let limit = tracer.found[0].limit;
     let mut hits: Vec<ProbedHit> = Vec::new();
-    for hit in &tracer.found.hits {
+    for hit in &tracer.found[0].hits {
         let body = &world.bodies[hit.object as usize];
-        let Some(target) = &tracer.targets[hit.object as usize] else { continue };
+        let Some(target) = tracer.target(0, hit) else { continue };
         let surface = Surface::of(body, target, hit);
         hits.push(ProbedHit {
             object: body.object.name.clone(),
@@ -153,7 +149,7 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
         });
     }
     hits.sort_by(|a, b| a.depth.total_cmp(&b.depth));
-    let seen = tracer.sample(film, time);
+    let seen = tracer.seen(0);
     Sample {
         number,
         film,
@@ -173,8 +169,8 @@ impl fmt::Display for Probe {
             "pixel {}, {}: {} of {} samples hit something",
             self.pixel[0], self.pixel[1], self.hits, self.samples
         )?;
-        writeln!(f, "premultiplied r g b, coverage: {}", numbers(&self.mean))?;
-        writeln!(f, "standard error (spread of the scramblings): {}", numbers(&self.error))?;
+        writeln!(f, "r g b of the picture (linear, premultiplied), coverage: {}", numbers(&self.mean))?;
+        writeln!(f, "standard error: {}", numbers(&self.error))?;
         let Some(sample) = &self.sample else {
             for (r, mean) in self.scramblings.iter().enumerate() {
                 writeln!(f, "  scrambling {r:>2}: {}", numbers(mean))?;

@@ -39,6 +39,8 @@ pub(super) struct Points {
     seed: u64,
     /// Samples of one scrambling: all that there will be.
     total: u64,
+    /// Side of the jittered grid of positions.
+    side: u64,
     /// First point, and Sobol' points from there on; empty for the other samplers.
     first: u64,
     sobol: Vec<[u32; 3]>,
@@ -66,7 +68,7 @@ impl Points {
             Sampler::Sobol => (first..end).map(|k| sobol3(k as u32)).collect(),
             Sampler::Jittered { .. } | Sampler::Random => Vec::new(),
         };
-        Self { sampler, seed, total, first, sobol }
+        Self { sampler, seed, total, side: grid_side(total), first, sobol }
     }
 
     /// Those of pixel number `pixel`.
@@ -99,7 +101,7 @@ impl Scrambled<'_> {
     }
 
     fn jittered(&self, k: u64, density: u64) -> [f64; 3] {
-        let side = grid_side(self.points.total);
+        let side = self.points.side;
         let times = self.points.total / (side * side);
         let (position, time) = (k / times, k % times);
         let jitter = |stream: u64, n: u64| fraction(hash(self.seed, stream << 34 | n));
@@ -114,10 +116,13 @@ impl Scrambled<'_> {
     }
 }
 
-/// Side of the grid of positions: the greatest one that is not above the cube root and whose square divides `n`.
+/// Side of the grid of positions: of those whose square divides `n`, the one nearest to the cube root, by ratio.
 fn grid_side(n: u64) -> u64 {
-    let most = libm::cbrt(n as f64) as u64 + 1;
-    (1..=most).rev().find(|p| p * p * p <= n && n.is_multiple_of(p * p)).unwrap_or(1)
+    let root = libm::cbrt(n as f64);
+    let off = |side: u64| (side as f64 / root).max(root / side as f64);
+    // 1 is at most `root` off: what is beyond its square is farther.
+    let most = (root * root) as u64 + 1;
+    (1..=most).filter(|p| n.is_multiple_of(p * p)).min_by(|&a, &b| off(a).total_cmp(&off(b))).unwrap_or(1)
 }
 
 /// Place of `i` in a random order of 0..n: a Feistel network on the next power of 4, walked until it comes back into the range,
@@ -204,7 +209,20 @@ mod tests {
 
     #[test]
     fn jittered_grids_have_one_sample_in_each_cell() {
-        for (n, side) in [(1, 1), (2, 1), (4, 1), (8, 2), (64, 4), (128, 4), (256, 4), (1024, 8), (7, 1)] {
+        for (n, side) in [
+            (1, 1),
+            (2, 1),
+            (4, 2),
+            (8, 2),
+            (16, 2),
+            (32, 4),
+            (64, 4),
+            (128, 4),
+            (256, 8),
+            (1024, 8),
+            (7, 1),
+            (1009, 1),
+        ] {
             assert_eq!(grid_side(n), side, "{n}");
         }
         let points = &all(Sampler::Jittered { density: 1 }, 1, 0, 64)[0];
@@ -214,6 +232,25 @@ mod tests {
             seen[(cell(*x) * 4 + cell(*y)) * 4 + cell(*t)] += 1;
         }
         assert_eq!(seen, [1; 64]);
+    }
+
+    /// The cells of the grid of times are shared, but not the choice among them; a density of 1 leaves no choice.
+    #[test]
+    fn jittered_positions_choose_their_own_times() {
+        let (n, density) = (64, 4);
+        for (density, most) in [(1, 4), (density, 16)] {
+            let points = &all(Sampler::Jittered { density }, 1, 0, n)[3];
+            let times = |position: usize| -> Vec<u64> {
+                let mut times: Vec<u64> = points[4 * position..][..4].iter().map(|p| p[2].to_bits()).collect();
+                times.sort_unstable();
+                times
+            };
+            let mut all: Vec<u64> = (0..16).flat_map(times).collect();
+            all.sort_unstable();
+            all.dedup();
+            assert!(all.len() <= most && all.len() > most / 2, "{} times for density {density}", all.len());
+            assert_eq!((1..16).all(|position| times(position) == times(0)), density == 1);
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@
 
 use super::ReferenceError;
 use super::sampler::SCRAMBLINGS;
-use super::sums::{NO_RANGE, Sums};
+use super::sums::Sums;
 
 const MARK: &[u8; 8] = b"SBREFSM1";
 
@@ -59,15 +59,8 @@ fn read(bytes: &[u8]) -> Option<(Sums, String)> {
     if !samples.is_multiple_of(SCRAMBLINGS as u64) || planes > 6 {
         return None;
     }
-    let mut sums = Sums {
-        width,
-        height,
-        samples,
-        colour: vec![Default::default(); pixels],
-        range: vec![NO_RANGE; pixels],
-        extra: vec![0.0; pixels * planes],
-        planes,
-    };
+    let mut sums = Sums::empty(width, height, planes)?;
+    sums.samples = samples;
     for i in (0..pixels).filter(|&i| bits[i / 8] >> (i % 8) & 1 == 1) {
         for sum in sums.colour[i].iter_mut().flatten() {
             *sum = f64::from_le_bytes(take(&mut rest)?);
@@ -95,7 +88,7 @@ mod tests {
 
     #[test]
     fn bytes_come_back() {
-        let mut sums = Sums::new([5, 3], &[Aov::Depth, Aov::Velocity]);
+        let mut sums = Sums::new([5, 3], &[Aov::Depth, Aov::Velocity]).unwrap();
         sums.samples = 32;
         sums.colour[7][3] = [0.1, 2.0, -1e-300, 1.0];
         sums.range[7] = [[0.5; 3], [0.75; 3]];

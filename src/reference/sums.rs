@@ -25,13 +25,14 @@ pub struct Sums {
     pub(super) planes: usize,
 }
 
-/// Variance, in squares of the change that one sample makes to the mean, that is left when all sixteen scramblings agree.
+/// Least variance of a mean, in squares of the change that one sample makes to it: what is expected where all sixteen scramblings
+/// agree.
 ///
-/// Stratified samples of a step differ by at most one from scrambling to scrambling, and of something that covers a thousandth of
-/// a pixel there may be none: sixteen equal means then say little, and their spread alone would claim an error of 0. By
-/// Laplace's rule of succession the probability of one sample more has, after 0 of 16, the variance 17 / (18^2 19); one sample
-/// of a scrambling changes its mean by 16 times as much as the whole mean.
-const RARE: f64 = 256.0 * 17.0 / (18.0 * 18.0 * 19.0);
+/// Of a step, each scrambling counts k or k + 1 samples, the latter with probability p, where k + p is right. Sixteen equal counts
+/// then say little, and their spread alone would claim an error of 0. p is uniform over pixels, so where 0 of 16 have the
+/// greater count it has the density 17 (1 - p)^16, and the squared error p^2 of that count is 2 / (18 19) on average. One sample
+/// of a scrambling changes its mean by 16 times what it changes the whole mean.
+const RARE: f64 = 256.0 * 2.0 / (18.0 * 19.0);
 
 /// The range of no samples.
 pub(super) const NO_RANGE: [[f32; 3]; 2] = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
@@ -56,18 +57,29 @@ impl Half {
 
 impl Sums {
     /// Before the first sample.
-    pub(super) fn new(size: [u32; 2], aovs: &[Aov]) -> Self {
-        let pixels = size[0] as usize * size[1] as usize;
+    ///
+    /// # Errors
+    /// They do not fit into memory.
+    pub(super) fn new([width, height]: [u32; 2], aovs: &[Aov]) -> Result<Self, ReferenceError> {
         let planes = FilmPlanes::of(aovs).count - 4;
-        Self {
-            width: size[0],
-            height: size[1],
+        Self::empty(width, height, planes).ok_or(ReferenceError::Memory { width, height })
+    }
+
+    /// No samples of an image, if they fit into memory.
+    pub(super) fn empty(width: u32, height: u32, planes: usize) -> Option<Self> {
+        let pixels = (width as usize).checked_mul(height as usize)?;
+        let each = size_of::<PixelSums>() + size_of::<[[f32; 3]; 2]>() + size_of::<f64>() * planes;
+        // Asked for and given back: `vec!` would end the program.
+        Vec::<u8>::new().try_reserve_exact(pixels.checked_mul(each)?).ok()?;
+        Some(Self {
+            width,
+            height,
             samples: 0,
             colour: vec![[[0.0; 4]; SCRAMBLINGS]; pixels],
             range: vec![NO_RANGE; pixels],
             extra: vec![0.0; pixels * planes],
             planes,
-        }
+        })
     }
 
     /// Itself, if it is of an image of this size with these AOVs.
@@ -104,38 +116,45 @@ impl Sums {
         sum.map(|s| s / self.samples as f64)
     }
 
+    /// Samples of pixel `i` that hit something.
+    pub(super) fn hits(&self, i: usize) -> f64 {
+        self.colour[i].iter().map(|sums| sums[3]).sum()
+    }
+
     /// Share of all samples that hit something.
     pub fn mean_coverage(&self) -> f64 {
-        let hits: f64 = self.colour.iter().flatten().map(|sums| sums[3]).sum();
+        let hits: f64 = (0..self.colour.len()).map(|i| self.hits(i)).sum();
         hits / (self.samples as f64 * self.colour.len() as f64)
     }
 
-    /// Standard error of the picture's r, g, b (composited) and of the coverage of pixel `i`.
-    ///
-    /// Two terms, added in squares. First the standard error of the mean over all samples as judged by the spread of the means
-    /// of the scramblings in `half`. Second [`RARE`] times the square of (greatest - least sample value in the pixel and its
-    /// neighbours) / samples: what one sample more or less would change. See docs/reference.md.
-    fn pixel_error(&self, i: usize, background: Background, half: Half) -> [f64; 4] {
+    /// Means of r, g, b (composited) and coverage of pixel `i`, one a scrambling.
+    pub(super) fn seen(&self, i: usize, background: Background) -> PixelSums {
         let each = self.samples as f64 / SCRAMBLINGS as f64;
         let behind = behind(background);
-        let seen = |sums: &[f64; 4]| {
+        self.colour[i].map(|sums| {
             let [r, g, b, a] = sums.map(|s| s / each);
             let through = 1.0 - a;
             [r + through * behind[0], g + through * behind[1], b + through * behind[2], a]
-        };
-        let means = || self.colour[i].iter().step_by(half.step()).map(seen);
-        let n = (SCRAMBLINGS / half.step()) as f64;
-        let mut mean = [0.0; 4];
-        for m in means() {
-            (0..4).for_each(|c| mean[c] += m[c] / n);
-        }
-        let mut square = [0.0; 4];
-        for m in means() {
-            (0..4).for_each(|c| square[c] += (m[c] - mean[c]) * (m[c] - mean[c]));
-        }
-        let quantum = self.spread(i, behind).map(|d| d / self.samples as f64);
-        // Variance of one scrambling's mean, shared by all of them.
-        std::array::from_fn(|c| (square[c] / (n - 1.0) / SCRAMBLINGS as f64 + RARE * quantum[c] * quantum[c]).sqrt())
+        })
+    }
+
+    /// Standard error of the picture's r, g, b (composited) and of the coverage of pixel `i`.
+    pub(super) fn error(&self, i: usize, background: Background) -> [f64; 4] {
+        self.error_of(i, background, Half::All)
+    }
+
+    /// That of the mean over all samples as judged by the spread of the means of the scramblings in `half`; but its square is not
+    /// below [`RARE`] times that of (greatest - least sample value in the pixel and its neighbours) / samples: what one sample
+    /// more or less would change. See docs/reference.md.
+    fn error_of(&self, i: usize, background: Background, half: Half) -> [f64; 4] {
+        let means: Vec<[f64; 4]> = self.seen(i, background).into_iter().step_by(half.step()).collect();
+        let (n, mean) = (means.len() as f64, mean(&means));
+        let quantum = self.spread(i, behind(background)).map(|d| d / self.samples as f64);
+        std::array::from_fn(|c| {
+            let squares: f64 = means.iter().map(|m| (m[c] - mean[c]) * (m[c] - mean[c])).sum();
+            // Variance of one scrambling's mean, shared by all of them.
+            (squares / (n - 1.0) / SCRAMBLINGS as f64).max(RARE * quantum[c] * quantum[c]).sqrt()
+        })
     }
 
     /// Greatest minus least value of any sample in pixel `i` and its eight neighbours: r, g, b as seen, coverage.
@@ -152,7 +171,7 @@ impl Sums {
         for y in y.saturating_sub(1)..(y + 2).min(self.height as usize) {
             for x in x.saturating_sub(1)..(x + 2).min(width) {
                 let at = y * width + x;
-                let hits = self.colour[at].iter().map(|sums| sums[3]).sum::<f64>();
+                let hits = self.hits(at);
                 if hits > 0.0 {
                     for [r, g, b] in self.range[at] {
                         add([f64::from(r), f64::from(g), f64::from(b), 1.0]);
@@ -181,9 +200,7 @@ impl Sums {
         // Row by row, so that the sum does not depend on the number of threads.
         let rows: Vec<f64> = (0..self.height as usize)
             .into_par_iter()
-            .map(|y| {
-                (y * width..(y + 1) * width).map(|i| self.pixel_error(i, background, half).iter().sum::<f64>()).sum()
-            })
+            .map(|y| (y * width..(y + 1) * width).map(|i| self.error_of(i, background, half).iter().sum::<f64>()).sum())
             .collect();
         rows.iter().sum::<f64>() / (4.0 * self.colour.len() as f64)
     }
@@ -191,14 +208,17 @@ impl Sums {
     /// The picture, with a layer of standard errors.
     pub(super) fn develop(&self, aovs: &[Aov], background: Background) -> Picture {
         let mut picture = develop(self, [self.width, self.height], aovs, background);
-        let errors: Vec<[f32; 4]> = (0..self.colour.len())
-            .into_par_iter()
-            .map(|i| self.pixel_error(i, background, Half::All).map(|e| e as f32))
-            .collect();
+        let errors: Vec<[f32; 4]> =
+            (0..self.colour.len()).into_par_iter().map(|i| self.error(i, background).map(|e| e as f32)).collect();
         let planes = (0..4).map(|c| errors.iter().map(|e| e[c]).collect()).collect();
         picture.layers.push(Layer { aov: Aov::Error, planes });
         picture
     }
+}
+
+/// The mean of each channel.
+pub(super) fn mean(values: &[[f64; 4]]) -> [f64; 4] {
+    std::array::from_fn(|c| values.iter().map(|v| v[c]).sum::<f64>() / values.len() as f64)
 }
 
 /// What is seen through the film's gaps.
@@ -221,5 +241,61 @@ impl Film for Sums {
 
     fn samples(&self, _y: u32, out: &mut [f32]) {
         out.fill(self.samples as f32);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    const BLACK: Background = Background { colour: DVec3::ZERO, transparent: false };
+
+    /// Three columns and rows; pixel 4 in the middle has `hits` of 10 samples in each scrambling, white.
+    fn sums(hits: [f64; SCRAMBLINGS]) -> Sums {
+        let mut sums = Sums::new([3, 3], &[]).unwrap();
+        sums.samples = 160;
+        sums.colour[4] = hits.map(|n| [n, n, n, n]);
+        if hits.iter().any(|&n| n > 0.0) {
+            sums.range[4] = [[1.0; 3]; 2];
+        }
+        sums
+    }
+
+    /// The textbook formula, by hand: eight means of 0.2 and eight of 0.6.
+    #[test]
+    fn the_error_is_that_of_the_mean_of_sixteen() {
+        let hits = std::array::from_fn(|r| if r % 4 < 2 { 2.0 } else { 6.0 });
+        let want = (16.0_f64 * 0.2 * 0.2 / 15.0 / 16.0).sqrt();
+        for error in sums(hits).error(4, BLACK) {
+            assert!((error - want).abs() < 1e-12, "{error}, not {want}");
+        }
+        // Of the even ones alone: the variance of eight, shared by sixteen.
+        let want = (8.0_f64 * 0.2 * 0.2 / 7.0 / 16.0).sqrt();
+        let got = sums(hits).error_of(4, BLACK, Half::Even);
+        assert!(got.iter().all(|error| (error - want).abs() < 1e-12), "{got:?}, not {want}");
+        // What is behind counts in colours, not in coverage: white before white has no error.
+        let white = Background { colour: DVec3::ONE, transparent: false };
+        let [r, _, _, a] = sums(hits).error(4, white);
+        assert!(r < 1e-12 && a > 0.04, "{r} {a}");
+    }
+
+    /// Where all agree, what one sample changes is left, in the pixel and in all its neighbours, and nowhere else.
+    #[test]
+    fn where_all_agree_a_part_of_a_sample_is_left() {
+        let want = (256.0_f64 * 2.0 / (18.0 * 19.0)).sqrt() / 160.0;
+        let agreed = sums([3.0; SCRAMBLINGS]);
+        for i in 0..9 {
+            let errors = agreed.error(i, BLACK);
+            assert!(errors.iter().all(|error| (error - want).abs() < 1e-12), "pixel {i}: {errors:?}, not {want}");
+        }
+        for full in [0.0, 10.0] {
+            let mut sums = sums([full; SCRAMBLINGS]);
+            let (colour, range) = (sums.colour[4], sums.range[4]);
+            sums.colour.fill(colour);
+            sums.range.fill(range);
+            assert!(sums.error(4, BLACK).iter().all(|error| *error < 1e-12), "one value only");
+        }
     }
 }

@@ -6,7 +6,8 @@
 use glam::{DVec2, DVec3, Vec3};
 
 use super::posed::{Body, CameraPose, Placed, Shape, World};
-use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, traverse};
+use super::reach::{Reach, Sights};
+use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, PACKET, Waiting, traverse};
 use crate::film::Aov;
 use crate::model::Material;
 use crate::plan::Shading;
@@ -37,14 +38,30 @@ pub(super) struct Target {
     pub direction: DVec3,
 }
 
-/// Traces samples on one thread.
+/// A film point (pixels) and a scene time (frames).
+pub(super) type Place = ([f64; 2], f64);
+
+/// Traces samples on one thread, up to [`PACKET`] of them together, each in a lane.
 #[derive(Debug)]
 pub(super) struct Tracer<'w, 'a> {
     world: &'w World<'a>,
-    pub found: Found,
-    /// One an object; `None` where the ray misses it or it is hidden.
-    pub targets: Vec<Option<Target>>,
+    /// What each lane hits.
+    pub found: Vec<Found>,
+    views: Vec<View>,
+    /// The objects of each lane; of use where it hits them.
+    targets: Vec<Option<Target>>,
+    rays: Vec<ModelRay>,
+    stack: Vec<Waiting>,
     lights: Vec<ShadingLight>,
+}
+
+/// Where and when the sample of a lane looks.
+#[derive(Clone, Copy, Debug)]
+struct View {
+    camera: CameraPose,
+    /// Camera-space direction of depth 1.
+    direction: DVec3,
+    time: f64,
 }
 
 /// The surfel number of an ideal sphere's hits.
@@ -54,66 +71,82 @@ impl<'w, 'a> Tracer<'w, 'a> {
     pub(super) fn new(world: &'w World<'a>) -> Self {
         let mut lights = Vec::new();
         world.lights(world.frame_camera.eye, &mut lights);
-        Self { world, found: Found::default(), targets: vec![None; world.bodies.len()], lights }
+        Self {
+            world,
+            found: vec![Found::default(); PACKET],
+            views: Vec::new(),
+            targets: vec![None; PACKET * world.bodies.len()],
+            rays: Vec::new(),
+            stack: Vec::new(),
+            lights,
+        }
     }
 
-    /// What is seen at the film point `film` (pixels) at scene time `time` (frames); `None`: nothing.
-    pub(super) fn sample(&mut self, film: [f64; 2], time: f64) -> Option<Seen> {
-        let camera = self.world.camera(time);
-        let direction = self.world.direction(film);
-        self.hits(&camera, direction, time);
-        self.blend(&camera, camera.world_from_camera * direction, time)
-    }
-
-    /// Collects hits and the limit T of the ray `direction` (camera space, depth 1).
-    pub(super) fn hits(&mut self, camera: &CameraPose, direction: DVec3, time: f64) {
+    /// Collects hits and the limits T of the rays through `places`, at most [`PACKET`], which become the lanes.
+    pub(super) fn hits(&mut self, places: &[Place], sights: &Sights, reach: &Reach) {
         let world = self.world;
-        self.found.clear();
-        for (number, body) in world.bodies.iter().enumerate() {
-            self.targets[number] = None;
-            if matches!(body.shape, Shape::Nothing) {
-                continue;
+        self.views.clear();
+        self.views.extend(places.iter().map(|&(film, time)| View {
+            camera: world.camera(time),
+            direction: world.direction(film),
+            time,
+        }));
+        self.found.iter_mut().for_each(Found::clear);
+        for &(number, slots) in &sights.bodies {
+            let body = &world.bodies[number];
+            self.rays.clear();
+            for (lane, view) in self.views.iter().enumerate() {
+                if slots >> reach.slot(view.time) & 1 == 0 {
+                    continue;
+                }
+                let Some(placed) = body.placed(view.time) else { continue };
+                let camera = if body.object.blur { &view.camera } else { &world.frame_camera };
+                let (eye, direction) = (camera.eye, camera.world_from_camera * view.direction);
+                self.rays.push(ModelRay {
+                    origin: placed.model_from_world * (eye - placed.world_from_model.translation),
+                    direction: placed.model_from_world * direction,
+                    near: world.scene.camera.near,
+                    epsilon: placed.epsilon,
+                    two_sided: world.options.two_sided || body.object.two_sided,
+                    object: number as u32,
+                    lane,
+                });
+                self.targets[lane * world.bodies.len() + number] = Some(Target { placed, eye, direction });
             }
-            let Some(placed) = body.placed(time) else { continue };
-            let camera = if body.object.blur { camera } else { &world.frame_camera };
-            let (eye, direction) = (camera.eye, camera.world_from_camera * direction);
-            let ray = ModelRay {
-                origin: placed.model_from_world * (eye - placed.world_from_model.translation),
-                direction: placed.model_from_world * direction,
-                near: world.scene.camera.near,
-                epsilon: placed.epsilon,
-                two_sided: world.options.two_sided || body.object.two_sided,
-                object: number as u32,
-            };
-            let before = self.found.hits.len();
             match body.shape {
-                Shape::Model(model) => traverse(&world.models[model], &ray, &mut self.found),
-                Shape::Sphere(sphere) => intersect_sphere(&sphere, &ray, &mut self.found),
+                Shape::Model(model) => traverse(&world.models[model], &self.rays, &mut self.found, &mut self.stack),
+                Shape::Sphere(sphere) => {
+                    self.rays.iter().for_each(|ray| intersect_sphere(&sphere, ray, &mut self.found[ray.lane]));
+                }
                 Shape::Nothing => {}
-            }
-            if self.found.hits.len() > before {
-                self.targets[number] = Some(Target { placed, eye, direction });
             }
         }
     }
 
-    /// The weighted mean of the hits up to T, shaded. `direction`: of the sample's ray, world space, depth 1.
-    fn blend(&mut self, camera: &CameraPose, direction: DVec3, time: f64) -> Option<Seen> {
-        let limit = self.found.limit;
-        let hits = &mut self.found.hits;
+    /// The object that a hit of a lane is on.
+    pub(super) fn target(&self, lane: usize, hit: &Hit) -> Option<&Target> {
+        self.targets[lane * self.world.bodies.len() + hit.object as usize].as_ref()
+    }
+
+    /// What a lane sees: the weighted mean of its hits up to T, shaded.
+    pub(super) fn seen(&mut self, lane: usize) -> Option<Seen> {
+        let limit = self.found[lane].limit;
+        let hits = &mut self.found[lane].hits;
         hits.retain(|hit| hit.depth <= limit);
         if hits.is_empty() {
             return None;
         }
         hits.sort_unstable_by_key(|hit| (hit.object, hit.surfel));
+        let View { camera, direction, time } = self.views[lane];
+        let direction = camera.world_from_camera * direction;
         if !self.world.fixed_lights() {
             self.world.lights(camera.eye, &mut self.lights);
         }
         let (mut weight, mut colour, mut normal, mut depth) = (0.0, DVec3::ZERO, DVec3::ZERO, 0.0);
         let (mut material, mut velocity) = ([0.0; 4], DVec2::ZERO);
-        for hit in &self.found.hits {
+        for hit in &self.found[lane].hits {
             let body = &self.world.bodies[hit.object as usize];
-            let Some(target) = &self.targets[hit.object as usize] else { continue };
+            let Some(target) = self.target(lane, hit) else { continue };
             let surface = Surface::of(body, target, hit);
             let w = hit.weight();
             let c = match self.world.options.shading {

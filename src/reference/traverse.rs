@@ -2,6 +2,9 @@
 //!
 //! A ray's direction is scaled so that its parameter is camera depth. Transforms are affine, so this holds in model space too:
 //! depths from different objects compare without any conversion.
+//!
+//! Up to eight rays go together. Nodes are entered by the beam of all of them: the intervals of what the rays' box tests would
+//! compute. Before a leaf each ray is tested by itself.
 
 use glam::DVec3;
 
@@ -9,6 +12,9 @@ use super::bvh::{Bvh, LANES, LEAF, Leaf, Node, WIDTH};
 
 /// Smallest depth tolerance, as a share of the depth: 4 units in the last place of f32, as for the splatter (design section 2).
 pub(super) const LEAST_EPSILON: f64 = 4.0 * f32::EPSILON as f64;
+
+/// Most rays that go together.
+pub(super) const PACKET: usize = 8;
 
 /// A ray in model space, relative to the model's origin: points are `origin` + depth `direction`.
 #[derive(Clone, Copy, Debug)]
@@ -22,6 +28,8 @@ pub(super) struct ModelRay {
     pub two_sided: bool,
     /// Number of the object, copied to its hits.
     pub object: u32,
+    /// Which of the samples that go together it belongs to.
+    pub lane: usize,
 }
 
 /// A surfel under a ray.
@@ -38,14 +46,13 @@ pub(super) struct Hit {
     pub back: bool,
 }
 
-/// What one thread needs for its rays; kept so that no memory is taken per ray.
-#[derive(Debug, Default)]
+/// What a sample has hit; kept so that no memory is taken per ray.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Found {
     /// Surfels hit so far; those beyond the final limit are still among them.
     pub hits: Vec<Hit>,
     /// T of the visibility rule so far: the least depth + epsilon.
     pub limit: f64,
-    stack: Vec<(u32, f32)>,
 }
 
 impl Found {
@@ -56,73 +63,82 @@ impl Found {
     }
 }
 
-/// Adds the surfels that `ray` hits at depths up to the limit, and lowers the limit.
+/// Adds the surfels that `rays`, at most [`PACKET`], hit at depths up to the limits of their lanes, and lowers the limits.
 ///
 /// Compiled for the baseline and for AVX2, where the boxes are tested with intrinsics (compilers make shuffles of it). Boxes only
 /// decide what is looked at, and the intersection's operations are the same: so are the hits, to the bit.
-pub(super) fn traverse(bvh: &Bvh, ray: &ModelRay, found: &mut Found) {
+pub(super) fn traverse(bvh: &Bvh, rays: &[ModelRay], found: &mut [Found], stack: &mut Vec<Waiting>) {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2")]
-        fn avx2(bvh: &Bvh, ray: &ModelRay, found: &mut Found) {
-            traverse_body(bvh, ray, found, |node, ray, near, limit| enter_avx(node, ray, near, limit));
+        fn avx2(bvh: &Bvh, rays: &[ModelRay], found: &mut [Found], stack: &mut Vec<Waiting>) {
+            let beam = |node: &Node, beam: &Beam| avx::enter_beam(node, beam);
+            traverse_body(bvh, rays, found, stack, beam, |node, slot, rays| avx::enter_rays(node, slot, rays));
         }
         if std::arch::is_x86_feature_detected!("avx2") {
             #[allow(unsafe_code, reason = "AVX2 was detected on the line before")]
             // SAFETY: the CPU has the only feature that the function enables.
-            return unsafe { avx2(bvh, ray, found) };
+            return unsafe { avx2(bvh, rays, found, stack) };
         }
     }
-    traverse_body(bvh, ray, found, enter);
+    traverse_body(bvh, rays, found, stack, enter_beam, enter_rays);
 }
 
-/// The ray as boxes see it: from `start` (a depth) on, where it enters the model's sphere.
-struct BoxRay {
-    origin: [f32; 3],
-    inverse: [f32; 3],
-    /// 1 where the direction is negative: the side that the ray meets first.
+/// A child that is still to be visited.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Waiting {
+    node: u32,
+    slot: u32,
+    /// Parameter before which no ray enters it.
+    entry: f32,
+}
+
+/// The rays as boxes see them, each from its own start (a depth) on, where it enters the model's sphere.
+#[repr(align(32))]
+struct BoxRays {
+    origin: [[f32; PACKET]; 3],
+    inverse: [[f32; PACKET]; 3],
+    near: [f32; PACKET],
+    limit: [f32; PACKET],
+}
+
+/// Intervals that hold all of the rays.
+///
+/// With (side - origin) inverse, the bounds of origin and inverse give bounds of the result; rounding is monotonic, so they bound
+/// the rounded results of the single rays as well, and the beam enters whatever a ray enters.
+struct Beam {
+    /// 1 where all directions are negative: the side that the rays meet first.
     first: [usize; 3],
+    /// The origins' bound that makes entries early, and that makes exits late.
+    early: [f32; 3],
+    late: [f32; 3],
+    /// Bounds of the inverse directions.
+    inverse: [[f32; 2]; 3],
+    near: f32,
+    limit: f32,
 }
 
 #[inline(always)]
 fn traverse_body(
     bvh: &Bvh,
-    ray: &ModelRay,
-    found: &mut Found,
-    enter: impl Fn(&Node, &BoxRay, f32, f32) -> ([f32; WIDTH], u32),
+    rays: &[ModelRay],
+    found: &mut [Found],
+    stack: &mut Vec<Waiting>,
+    enter_beam: impl Fn(&Node, &Beam) -> ([f32; WIDTH], u32),
+    enter_rays: impl Fn(&Node, usize, &BoxRays) -> u32,
 ) {
-    let d2 = ray.direction.length_squared();
-    let from = ray.origin - bvh.centre;
-    let middle = -from.dot(ray.direction) / d2;
-    let closest = from + ray.direction * middle;
-    let half2 = (bvh.radius * bvh.radius - closest.length_squared()) / d2;
-    // Also false for a direction that is 0 or not finite.
-    if bvh.nodes.is_empty() || !(0.0..f64::INFINITY).contains(&half2) {
+    if bvh.nodes.is_empty() {
         return;
     }
-    let half = half2.sqrt();
-    let start = middle - half;
-    if middle + half < ray.near || start > found.limit {
-        return;
-    }
-    let origin = ray.origin + ray.direction * start;
-    // A component near 0 is replaced by one that moves the ray by less than the padding.
-    let least = 1e-9 * d2.sqrt();
-    let direction = ray.direction.to_array().map(|d| if d.abs() < least { least.copysign(d) } else { d });
-    let boxes = BoxRay {
-        origin: origin.as_vec3().to_array(),
-        inverse: direction.map(|d| (1.0 / d) as f32),
-        first: direction.map(|d| usize::from(d < 0.0)),
-    };
-    let mut limit = above(found.limit - start);
-    let near = below(ray.near - start);
-    // Taken out of `found`, so that its length and place stay in registers.
-    let mut stack = std::mem::take(&mut found.stack);
+    let mut starts = [0.0; PACKET];
+    let Some((mut boxes, mut beam)) = approach(bvh, rays, found, &mut starts) else { return };
+    stack.clear();
+    let mut at = Waiting { node: 0, slot: 0, entry: 0.0 };
     let mut number = 0;
     loop {
         if number & LEAF == 0 {
             let node = &bvh.nodes[number as usize];
-            let (entries, mut mask) = enter(node, &boxes, near, limit);
+            let (entries, mut mask) = enter_beam(node, &beam);
             if mask != 0 {
                 // The nearest child is next; the others wait in any order.
                 let mut nearest = mask.trailing_zeros() as usize;
@@ -132,26 +148,100 @@ fn traverse_body(
                     mask &= mask - 1;
                     let later = if entries[slot] < entries[nearest] { nearest } else { slot };
                     nearest = nearest + slot - later;
-                    stack.push((node.children[later], entries[later]));
+                    stack.push(Waiting { node: number, slot: later as u32, entry: entries[later] });
                 }
+                at = Waiting { node: number, slot: nearest as u32, entry: entries[nearest] };
                 number = node.children[nearest];
                 continue;
             }
-        } else if leaf(&bvh.leaves[(number & !LEAF) as usize], ray, found) {
-            limit = above(found.limit - start);
+        } else {
+            let lanes = enter_rays(&bvh.nodes[at.node as usize], at.slot as usize, &boxes);
+            if lanes != 0 && leaf(&bvh.leaves[(number & !LEAF) as usize], rays, lanes, found, &mut boxes, &starts) {
+                beam.limit = boxes.limit.into_iter().fold(f32::NEG_INFINITY, |a, b| if a > b { a } else { b });
+            }
         }
         // What lies beyond the limit by now is passed over.
         loop {
-            let Some((waiting, entry)) = stack.pop() else {
-                found.stack = stack;
-                return;
-            };
-            if entry <= limit {
-                number = waiting;
+            let Some(waiting) = stack.pop() else { return };
+            if waiting.entry <= beam.limit {
+                number = bvh.nodes[waiting.node as usize].children[waiting.slot as usize];
+                at = waiting;
                 break;
             }
         }
     }
+}
+
+/// The rays from the model's sphere on; `None` if all miss it.
+#[inline(always)]
+fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PACKET]) -> Option<(BoxRays, Beam)> {
+    // What misses the sphere enters nothing.
+    let mut boxes = BoxRays {
+        origin: [[0.0; PACKET]; 3],
+        inverse: [[0.0; PACKET]; 3],
+        near: [f32::INFINITY; PACKET],
+        limit: [f32::NEG_INFINITY; PACKET],
+    };
+    let nothing = [f32::INFINITY, f32::NEG_INFINITY];
+    let (mut origins, mut inverses) = ([nothing; 3], [nothing; 3]);
+    let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
+    let (mut near, mut limit) = (f32::INFINITY, f32::NEG_INFINITY);
+    for (l, ray) in rays.iter().enumerate() {
+        let d2 = ray.direction.length_squared();
+        let from = ray.origin - bvh.centre;
+        let middle = -from.dot(ray.direction) / d2;
+        let closest = from + ray.direction * middle;
+        let half2 = (bvh.radius * bvh.radius - closest.length_squared()) / d2;
+        // Also false for a direction that is 0 or not finite.
+        if !(0.0..f64::INFINITY).contains(&half2) {
+            continue;
+        }
+        let half = half2.sqrt();
+        let start = middle - half;
+        let most = found[ray.lane].limit;
+        if middle + half < ray.near || start > most {
+            continue;
+        }
+        let origin = ray.origin + ray.direction * start;
+        let end = ray.origin + ray.direction * (middle + half);
+        // A component near 0 is replaced by one that moves the ray by less than the padding.
+        let least = 1e-9 * d2.sqrt();
+        for axis in 0..3 {
+            let d = ray.direction[axis];
+            let d = if d.abs() < least { least.copysign(d) } else { d };
+            let o = origin[axis] as f32;
+            let inverse = ((1.0 / d) as f32).clamp(f32::MIN, f32::MAX);
+            boxes.origin[axis][l] = o;
+            boxes.inverse[axis][l] = inverse;
+            origins[axis] = [origins[axis][0].min(o), origins[axis][1].max(o)];
+            inverses[axis] = [inverses[axis][0].min(inverse), inverses[axis][1].max(inverse)];
+            ends[axis] =
+                [ends[axis][0].min(origin[axis]).min(end[axis]), ends[axis][1].max(origin[axis]).max(end[axis])];
+        }
+        starts[l] = start;
+        boxes.near[l] = below(ray.near - start);
+        boxes.limit[l] = above(most - start);
+        near = near.min(boxes.near[l]);
+        limit = limit.max(boxes.limit[l]);
+    }
+    if limit == f32::NEG_INFINITY {
+        return None;
+    }
+    let mut beam = Beam { first: [0; 3], early: [0.0; 3], late: [0.0; 3], inverse: inverses, near, limit };
+    for axis in 0..3 {
+        let [low, high] = inverses[axis];
+        if low > 0.0 {
+            [beam.late[axis], beam.early[axis]] = origins[axis];
+        } else if high < 0.0 {
+            beam.first[axis] = 1;
+            [beam.early[axis], beam.late[axis]] = origins[axis];
+        } else {
+            // Rays that go both ways: inside the sphere they are between these planes, and boxes beside them are entered nowhere.
+            (beam.late[axis], beam.early[axis]) = (below(ends[axis][0]), above(ends[axis][1]));
+            beam.inverse[axis] = [f32::INFINITY; 2];
+        }
+    }
+    Some((boxes, beam))
 }
 
 /// The f32 not below x.
@@ -167,55 +257,128 @@ fn below(x: f64) -> f32 {
     -above(-x)
 }
 
-/// Parameters at which the ray enters the boxes, and which it enters between `near` and `limit` (bit mask).
+/// The greater one; the second one if one is NaN.
 #[inline(always)]
-fn enter(node: &Node, ray: &BoxRay, near: f32, limit: f32) -> ([f32; WIDTH], u32) {
-    let [first_x, first_y, first_z] = [0, 1, 2].map(|axis| &node.sides[ray.first[axis]][axis]);
-    let [last_x, last_y, last_z] = [0, 1, 2].map(|axis| &node.sides[1 - ray.first[axis]][axis]);
-    let [ox, oy, oz] = ray.origin;
-    let [ix, iy, iz] = ray.inverse;
-    let mut entry = [0.0; WIDTH];
-    let mut bits = [0; WIDTH];
-    for l in 0..WIDTH {
-        let later = |a: f32, b: f32| if a > b { a } else { b };
-        let sooner = |a: f32, b: f32| if a < b { a } else { b };
-        let (x, y, z) = ((first_x[l] - ox) * ix, (first_y[l] - oy) * iy, (first_z[l] - oz) * iz);
-        entry[l] = later(later(x, y), later(z, near));
-        let (x, y, z) = ((last_x[l] - ox) * ix, (last_y[l] - oy) * iy, (last_z[l] - oz) * iz);
-        let exit = sooner(sooner(x, y), sooner(z, limit));
-        bits[l] = if entry[l] <= exit { 1_u32 << l } else { 0 };
-    }
-    (entry, bits.iter().fold(0, |mask, bit| mask | bit))
+fn later(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
 }
 
-/// As [`enter`], with AVX.
+/// The lesser one; the second one if one is NaN.
+#[inline(always)]
+fn sooner(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// Parameters before which no ray enters the boxes, and the boxes that rays may enter between `near` and `limit` (bit mask).
+#[inline(always)]
+fn enter_beam(node: &Node, beam: &Beam) -> ([f32; WIDTH], u32) {
+    let mut entry = [beam.near; WIDTH];
+    let mut mask = 0;
+    for l in 0..WIDTH {
+        let mut exit = beam.limit;
+        for axis in 0..3 {
+            let first = node.sides[beam.first[axis]][axis][l] - beam.early[axis];
+            let last = node.sides[1 - beam.first[axis]][axis][l] - beam.late[axis];
+            let [a, b] = beam.inverse[axis];
+            entry[l] = later(sooner(first * a, first * b), entry[l]);
+            exit = sooner(later(last * a, last * b), exit);
+        }
+        mask |= u32::from(entry[l] <= exit) << l;
+    }
+    (entry, mask)
+}
+
+/// The rays that enter one box between their `near` and `limit` (bit mask).
+#[inline(always)]
+fn enter_rays(node: &Node, slot: usize, rays: &BoxRays) -> u32 {
+    let mut mask = 0;
+    for l in 0..PACKET {
+        let (mut entry, mut exit) = (rays.near[l], rays.limit[l]);
+        for axis in 0..3 {
+            let low = (node.sides[0][axis][slot] - rays.origin[axis][l]) * rays.inverse[axis][l];
+            let high = (node.sides[1][axis][slot] - rays.origin[axis][l]) * rays.inverse[axis][l];
+            entry = later(sooner(low, high), entry);
+            exit = sooner(later(low, high), exit);
+        }
+        mask |= u32::from(entry <= exit) << l;
+    }
+    mask
+}
+
+/// The box tests with AVX.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx")]
-#[inline]
-fn enter_avx(node: &Node, ray: &BoxRay, near: f32, limit: f32) -> ([f32; WIDTH], u32) {
+mod avx {
     use std::arch::x86_64::{
         __m256, _CMP_LE_OQ, _mm256_cmp_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps,
         _mm256_set1_ps, _mm256_sub_ps,
     };
-    let mut entry = _mm256_set1_ps(near);
-    let mut exit = _mm256_set1_ps(limit);
-    for axis in 0..3 {
-        let first: __m256 = bytemuck::cast(node.sides[ray.first[axis]][axis]);
-        let last: __m256 = bytemuck::cast(node.sides[1 - ray.first[axis]][axis]);
-        let (o, inverse) = (_mm256_set1_ps(ray.origin[axis]), _mm256_set1_ps(ray.inverse[axis]));
-        entry = _mm256_max_ps(_mm256_mul_ps(_mm256_sub_ps(first, o), inverse), entry);
-        exit = _mm256_min_ps(_mm256_mul_ps(_mm256_sub_ps(last, o), inverse), exit);
+
+    use super::{Beam, BoxRays, Node, WIDTH};
+
+    #[target_feature(enable = "avx")]
+    #[inline]
+    pub(super) fn enter_beam(node: &Node, beam: &Beam) -> ([f32; WIDTH], u32) {
+        let mut entry = _mm256_set1_ps(beam.near);
+        let mut exit = _mm256_set1_ps(beam.limit);
+        for axis in 0..3 {
+            let first: __m256 = bytemuck::cast(node.sides[beam.first[axis]][axis]);
+            let last: __m256 = bytemuck::cast(node.sides[1 - beam.first[axis]][axis]);
+            let first = _mm256_sub_ps(first, _mm256_set1_ps(beam.early[axis]));
+            let last = _mm256_sub_ps(last, _mm256_set1_ps(beam.late[axis]));
+            let (a, b) = (_mm256_set1_ps(beam.inverse[axis][0]), _mm256_set1_ps(beam.inverse[axis][1]));
+            entry = _mm256_max_ps(_mm256_min_ps(_mm256_mul_ps(first, a), _mm256_mul_ps(first, b)), entry);
+            exit = _mm256_min_ps(_mm256_max_ps(_mm256_mul_ps(last, a), _mm256_mul_ps(last, b)), exit);
+        }
+        let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(entry, exit));
+        (bytemuck::cast(entry), mask as u32)
     }
-    let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(entry, exit));
-    (bytemuck::cast(entry), mask as u32)
+
+    #[target_feature(enable = "avx")]
+    #[inline]
+    pub(super) fn enter_rays(node: &Node, slot: usize, rays: &BoxRays) -> u32 {
+        let mut entry: __m256 = bytemuck::cast(rays.near);
+        let mut exit: __m256 = bytemuck::cast(rays.limit);
+        for axis in 0..3 {
+            let (origin, inverse) = (bytemuck::cast(rays.origin[axis]), bytemuck::cast(rays.inverse[axis]));
+            let low = _mm256_mul_ps(_mm256_sub_ps(_mm256_set1_ps(node.sides[0][axis][slot]), origin), inverse);
+            let high = _mm256_mul_ps(_mm256_sub_ps(_mm256_set1_ps(node.sides[1][axis][slot]), origin), inverse);
+            entry = _mm256_max_ps(_mm256_min_ps(low, high), entry);
+            exit = _mm256_min_ps(_mm256_max_ps(low, high), exit);
+        }
+        _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(entry, exit)) as u32
+    }
+}
+
+/// Intersects the rays `lanes` (bit mask) with the surfels of a leaf; true if a limit fell.
+#[inline(always)]
+fn leaf(
+    leaf: &Leaf,
+    rays: &[ModelRay],
+    mut lanes: u32,
+    found: &mut [Found],
+    boxes: &mut BoxRays,
+    starts: &[f64; PACKET],
+) -> bool {
+    let mut fell = false;
+    while lanes != 0 {
+        let l = lanes.trailing_zeros() as usize;
+        lanes &= lanes - 1;
+        let ray = &rays[l];
+        let found = &mut found[ray.lane];
+        if intersect(leaf, ray, found) {
+            boxes.limit[l] = above(found.limit - starts[l]);
+            fell = true;
+        }
+    }
+    fell
 }
 
 /// Intersects the surfels of a leaf; true if the limit fell.
 ///
-/// With n = u x v, the plane is met at s = n.(c - o) / n.d; the point p relative to c has the coordinates
-/// (p x v).n / n^2 and (u x p).n / n^2, also where u and v are not orthogonal.
+/// The ray meets c + a u + b v where s d - a u - b v = c - o. By Cramer's rule, with n = u x v and w = (c - o) x d:
+/// s = n.(c - o) / n.d, a = v.w / n.d and b = -u.w / n.d, also where u and v are not orthogonal.
 #[inline(always)]
-fn leaf(leaf: &Leaf, ray: &ModelRay, found: &mut Found) -> bool {
+fn intersect(leaf: &Leaf, ray: &ModelRay, found: &mut Found) -> bool {
     let before = found.limit;
     let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin.to_array(), ray.direction.to_array());
     let (near, limit) = (ray.near, found.limit);
@@ -230,13 +393,12 @@ fn leaf(leaf: &Leaf, ray: &ModelRay, found: &mut Found) -> bool {
         let ((cx, cy, cz), (ux, uy, uz), (vx, vy, vz)) = (at(&leaf.centre), at(&leaf.u), at(&leaf.v));
         let (cx, cy, cz) = (cx - ox, cy - oy, cz - oz);
         let (nx, ny, nz) = (uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx);
+        let (wx, wy, wz) = (cy * dz - cz * dy, cz * dx - cx * dz, cx * dy - cy * dx);
         let nd = nx * dx + ny * dy + nz * dz;
-        let s = (nx * cx + ny * cy + nz * cz) / nd;
-        let (px, py, pz) = (dx * s - cx, dy * s - cy, dz * s - cz);
-        let over = 1.0 / (nx * nx + ny * ny + nz * nz);
-        let pv = (py * vz - pz * vy) * nx + (pz * vx - px * vz) * ny + (px * vy - py * vx) * nz;
-        let up = (uy * pz - uz * py) * nx + (uz * px - ux * pz) * ny + (ux * py - uy * px) * nz;
-        let (pv, up) = (pv * over, up * over);
+        let over = 1.0 / nd;
+        let s = (nx * cx + ny * cy + nz * cz) * over;
+        let pv = (vx * wx + vy * wy + vz * wz) * over;
+        let up = (ux * wx + uy * wy + uz * wz) * -over;
         // Edge-on, missing and overflowing surfels have NaN or infinite coordinates.
         let inside = pv * pv + up * up <= 1.0;
         let within = (s >= near) & (s <= limit) & ((nd < 0.0) | ray.two_sided);

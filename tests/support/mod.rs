@@ -5,6 +5,7 @@
 pub mod closed_forms;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod plot;
 pub mod study;
 
 use std::f64::consts::PI;

@@ -200,7 +200,9 @@ impl Cpu {
         let map = &self.map;
         let tiles = Tiles { work, chunks: &chunks, passes: moving, splat_bytes };
         let project = |chunk: &Chunk, binned: &mut _| work.sweep(chunk, binned);
-        tiles.run(&mut self.swept, &mut self.buffers, films, project, |pass, job| work.swept_tile(pass, map, job));
+        tiles.run(&mut self.swept, &mut self.buffers, films, project, |pass, mut job| {
+            work.swept_tile(pass, map, &mut job);
+        });
     }
 }
 
@@ -422,7 +424,7 @@ impl Work<'_> {
     }
 
     /// Pass `visibility` of one tile.
-    fn visibility<O>(&self, job: Job<'_, Splat, O>) {
+    fn visibility<O>(&self, job: &mut Job<'_, Splat, O>) {
         let start = Instant::now();
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);
@@ -437,11 +439,11 @@ impl Work<'_> {
     }
 
     /// A pass of one tile of the image.
-    fn tile(&self, pass: Pass, job: Job<'_, Splat, TileFilm>) {
+    fn tile(&self, pass: Pass, mut job: Job<'_, Splat, TileFilm>) {
         let start = Instant::now();
         let several = self.group.samples.len() > 1;
         match pass {
-            Pass::Visibility => self.visibility(job),
+            Pass::Visibility => self.visibility(&mut job),
             Pass::Attribute => {
                 let TileBuffers { threshold, sums, union, .. } = job.buffers;
                 for (chunk, binned) in job.chunks.iter().zip(job.binned) {
@@ -473,16 +475,22 @@ impl Work<'_> {
                 resolve::resolve(&self.resolve(), &job.tile, threshold, sums, &union.coverage, job.out);
                 self.clocks.resolve.add(start);
             }
-            Pass::Project | Pass::Bin | Pass::Density | Pass::Keep | Pass::Sweep => {}
-            Pass::SweptAttribute | Pass::SweptResolve => {}
+            // Of other halves of a plan, or not tile by tile; likewise below.
+            Pass::Project
+            | Pass::Bin
+            | Pass::Density
+            | Pass::Keep
+            | Pass::Sweep
+            | Pass::SweptAttribute
+            | Pass::SweptResolve => {}
         }
     }
 
     /// A pass of one tile of the map.
-    fn map_tile(&self, pass: Pass, job: Job<'_, Splat, MapTile>) {
+    fn map_tile(&self, pass: Pass, mut job: Job<'_, Splat, MapTile>) {
         let start = Instant::now();
         match pass {
-            Pass::Visibility => self.visibility(job),
+            Pass::Visibility => self.visibility(&mut job),
             Pass::Density => {
                 let channels = Channels::weights();
                 for (chunk, binned) in job.chunks.iter().zip(job.binned) {
@@ -500,17 +508,22 @@ impl Work<'_> {
                 swept::keep(&job.tile, &job.buffers.threshold, &job.buffers.sums, job.out);
                 self.clocks.visibility.add(start);
             }
-            Pass::Project | Pass::Bin | Pass::Attribute | Pass::Resolve => {}
-            Pass::Sweep | Pass::SweptAttribute | Pass::SweptResolve => {}
+            Pass::Project
+            | Pass::Bin
+            | Pass::Attribute
+            | Pass::Resolve
+            | Pass::Sweep
+            | Pass::SweptAttribute
+            | Pass::SweptResolve => {}
         }
     }
 
     /// A pass of kernels in motion on one tile of the image.
-    fn swept_tile(&self, pass: Pass, map: &Map, job: Job<'_, SweptSplat, TileFilm>) {
+    fn swept_tile(&self, pass: Pass, map: &Map, job: &mut Job<'_, SweptSplat, TileFilm>) {
         let start = Instant::now();
         let (Some(kernel), Some(interval)) = (self.frame.swept, &self.group.interval) else { return };
         let sum = kernel.alpha == TemporalAlpha::Sum;
-        let TileBuffers { threshold, sums, union, presence } = job.buffers;
+        let TileBuffers { threshold, sums, union, presence } = &mut *job.buffers;
         match pass {
             Pass::SweptAttribute => {
                 for (chunk, binned) in job.chunks.iter().zip(job.binned) {
@@ -541,8 +554,14 @@ impl Work<'_> {
                 }
                 self.clocks.resolve.add(start);
             }
-            Pass::Project | Pass::Bin | Pass::Visibility | Pass::Attribute | Pass::Resolve => {}
-            Pass::Density | Pass::Keep | Pass::Sweep => {}
+            Pass::Project
+            | Pass::Bin
+            | Pass::Visibility
+            | Pass::Attribute
+            | Pass::Resolve
+            | Pass::Density
+            | Pass::Keep
+            | Pass::Sweep => {}
         }
     }
 }

@@ -142,7 +142,7 @@ impl Bench<'_> {
             .collect();
         let bind = |layout, entries| {
             let descriptor = wgpu::BindGroupDescriptor { label: Some(program.entry()), layout, entries };
-            self.device.device.create_bind_group(&descriptor)
+            self.device.handle.create_bind_group(&descriptor)
         };
         let uniforms = bind(&layouts.uniforms, uniforms);
         let buffers = bind(&layouts.buffers, &entries);

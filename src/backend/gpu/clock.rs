@@ -38,7 +38,7 @@ impl Marks {
         let bytes = u64::from(MARKS) * 8;
         let clock = if device.timestamps {
             Some(Clock {
-                queries: device.device.create_query_set(&wgpu::QuerySetDescriptor {
+                queries: device.handle.create_query_set(&wgpu::QuerySetDescriptor {
                     label: Some("marks"),
                     ty: wgpu::QueryType::Timestamp,
                     count: MARKS,

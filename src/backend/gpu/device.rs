@@ -47,7 +47,7 @@ pub(super) struct Device {
     pub adapter: AdapterInfo,
     pub limits: Limits,
     pub timestamps: bool,
-    pub device: wgpu::Device,
+    pub handle: wgpu::Device,
     pub queue: wgpu::Queue,
     /// The first error that no scope caught.
     failure: Arc<Mutex<Option<String>>>,
@@ -136,14 +136,14 @@ impl Device {
             ..Default::default()
         };
         let opened = pollster::block_on(adapter.request_device(&description));
-        let (device, queue) =
+        let (handle, queue) =
             opened.map_err(|e| BackendError::Device { adapter: info.name.clone(), what: e.to_string() })?;
         let failure = Arc::new(Mutex::new(None));
         let seen = Arc::clone(&failure);
-        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+        handle.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             seen.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(|| error.to_string());
         }));
-        Ok(Self { adapter: info, limits, timestamps: !timestamps.is_empty(), device, queue, failure })
+        Ok(Self { adapter: info, limits, timestamps: !timestamps.is_empty(), handle, queue, failure })
     }
 
     /// An error of this device.
@@ -178,12 +178,18 @@ impl Device {
                 self.limits.max_buffer_size
             )));
         }
-        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let memory = self.handle.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let descriptor = wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
-        let buffer = self.device.create_buffer(&descriptor);
+        let buffer = self.handle.create_buffer(&descriptor);
         match pollster::block_on(memory.pop()) {
             None => Ok(buffer),
             Some(_) => Err(self.error(format!("{label} need {size} bytes, which the device's memory has not left"))),
         }
+    }
+
+    /// Waits until everything that was submitted is done.
+    pub(super) fn wait(&self) -> Result<(), BackendError> {
+        self.handle.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| self.error(e.to_string()))?;
+        self.check()
     }
 }

@@ -33,6 +33,7 @@ impl Gpu {
         let planes = if once { planes.pooled() } else { planes };
         let mut schedule = Schedule::new(frame, &channels, &planes, self.most_bytes)?;
         schedule.slots = schedule.slots.min(self.most_slots);
+        schedule.most_entries = schedule.most_entries.min(self.most_entries);
         let Machine { device, models, buffers, .. } = &mut self.machine;
         let blocks =
             frame.objects.iter().map(|object| models.blocks(device, object.surfels)).collect::<Result<Vec<_>, _>>()?;
@@ -134,7 +135,7 @@ impl Work<'_> {
 
 impl Machine {
     pub(super) fn encoder(&self) -> CommandEncoder {
-        self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+        self.device.handle.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
     /// Records and submits one group.

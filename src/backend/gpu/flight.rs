@@ -94,7 +94,7 @@ impl Gpu {
     pub(super) fn land(&mut self, flight: Flight) -> Result<Option<Rendered>, BackendError> {
         let device = &self.machine.device;
         let wait = PollType::Wait { submission_index: Some(flight.submission.clone()), timeout: None };
-        device.device.poll(wait).map_err(|e| device.error(e.to_string()))?;
+        device.handle.poll(wait).map_err(|e| device.error(e.to_string()))?;
         device.check()?;
         let mut stats = flight.stats;
         let staging = &flight.landing.staging;

@@ -40,6 +40,8 @@ pub struct Gpu {
     most_bytes: u64,
     /// Most slots of a wave, since lists of larger ones did not fit.
     most_slots: u64,
+    /// Most entries to make room for, whatever a program can reach.
+    most_entries: u64,
     /// Most entries to make room for before it is known how many there are.
     first_entries: u64,
     /// Entries that there must be room for, as earlier frames showed.
@@ -70,6 +72,7 @@ impl Gpu {
             flights: VecDeque::new(),
             landings: Vec::new(),
             most_slots: u64::MAX,
+            most_entries: u64::MAX,
             first_entries: u64::MAX,
             wanted_entries: 0,
         })

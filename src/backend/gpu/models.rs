@@ -74,6 +74,9 @@ fn upload(device: &Device, surfels: &Surfels) -> Result<Vec<Block>, BackendError
             geometry: columns(device, "surfels", &geometry)?,
             looks: columns(device, "surfels", &looks)?,
         });
+        // What is on its way takes memory too: one block at a time.
+        device.queue.submit([]);
+        device.wait()?;
     }
     Ok(blocks)
 }

@@ -109,8 +109,13 @@ impl Program {
     pub(super) const fn wgsl(self) -> &'static str {
         match self {
             Self::Project => PROJECT,
-            Self::BinReduce | Self::BinScan | Self::BinEmit | Self::BinStarts => BIN,
-            Self::SortCount | Self::SortScan | Self::SortScatter => BIN,
+            Self::BinReduce
+            | Self::BinScan
+            | Self::BinEmit
+            | Self::BinStarts
+            | Self::SortCount
+            | Self::SortScan
+            | Self::SortScatter => BIN,
             Self::Visibility => VISIBILITY,
             Self::SplatValues | Self::SumAttributes => ATTRIBUTE,
             Self::Resolve => RESOLVE,
@@ -185,10 +190,10 @@ pub(super) type Constants = Vec<(&'static str, u32)>;
 pub(super) struct Pipelines {
     modules: HashMap<String, wgpu::ShaderModule>,
     layouts: HashMap<Program, Layouts>,
-    pipelines: HashMap<(Program, Constants), wgpu::ComputePipeline>,
-    /// Text to be replaced in all programs, for tests that want a broken one.
+    made: HashMap<(Program, Constants), wgpu::ComputePipeline>,
+    /// Text to be replaced in all programs, for tests that want other ones.
     #[cfg(test)]
-    mutant: Option<(&'static str, &'static str)>,
+    replaced: &'static [(&'static str, &'static str)],
 }
 
 #[derive(Clone, Debug)]
@@ -199,10 +204,10 @@ pub(super) struct Layouts {
 }
 
 impl Pipelines {
-    /// With `to` in place of the first `from` in each program.
+    /// With the second of each pair in place of the first in each program, once.
     #[cfg(test)]
-    pub(super) fn broken(from: &'static str, to: &'static str) -> Self {
-        Self { mutant: Some((from, to)), ..Self::default() }
+    pub(super) fn with(replaced: &'static [(&'static str, &'static str)]) -> Self {
+        Self { replaced, ..Self::default() }
     }
 
     /// The layouts of a program's two bind groups.
@@ -210,13 +215,15 @@ impl Pipelines {
         self.layouts.entry(program).or_insert_with(|| layouts(device, program))
     }
 
-    #[cfg_attr(not(test), allow(clippy::unused_self, reason = "tests keep what they replace"))]
+    #[cfg(not(test))]
+    #[allow(clippy::unused_self, reason = "tests keep what they replace")]
     fn source(&self, program: Program) -> String {
-        #[cfg(test)]
-        if let Some((from, to)) = self.mutant {
-            return program.wgsl().replacen(from, to, 1);
-        }
         program.wgsl().to_owned()
+    }
+
+    #[cfg(test)]
+    fn source(&self, program: Program) -> String {
+        self.replaced.iter().fold(program.wgsl().to_owned(), |source, (from, to)| source.replacen(from, to, 1))
     }
 
     pub(super) fn get(
@@ -226,25 +233,25 @@ impl Pipelines {
         constants: &Constants,
     ) -> Result<wgpu::ComputePipeline, BackendError> {
         let key = (program, constants.clone());
-        if let Some(pipeline) = self.pipelines.get(&key) {
+        if let Some(pipeline) = self.made.get(&key) {
             return Ok(pipeline.clone());
         }
         let layouts = self.layouts(device, program).clone();
-        let scope = device.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let scope = device.handle.push_error_scope(wgpu::ErrorFilter::Validation);
         let source = self.source(program);
         let module = self.modules.entry(source.clone()).or_insert_with(|| {
-            device.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            device.handle.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(program.entry()),
                 source: wgpu::ShaderSource::Wgsl(source.into()),
             })
         });
-        let layout = device.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        let layout = device.handle.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(program.entry()),
             bind_group_layouts: &[Some(&layouts.uniforms), Some(&layouts.buffers)],
             immediate_size: 0,
         });
         let values: Vec<(&str, f64)> = constants.iter().map(|&(name, value)| (name, f64::from(value))).collect();
-        let pipeline = device.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        let pipeline = device.handle.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(program.entry()),
             layout: Some(&layout),
             module,
@@ -254,7 +261,7 @@ impl Pipelines {
         });
         match pollster::block_on(scope.pop()) {
             Some(error) => Err(device.error(format!("program `{}`: {error}", program.entry()))),
-            None => Ok(self.pipelines.entry(key).or_insert(pipeline).clone()),
+            None => Ok(self.made.entry(key).or_insert(pipeline).clone()),
         }
     }
 }
@@ -268,7 +275,7 @@ fn layouts(device: &Device, program: Program) -> Layouts {
     };
     let make = |entries: &[wgpu::BindGroupLayoutEntry]| {
         let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some(program.entry()), entries };
-        device.device.create_bind_group_layout(&descriptor)
+        device.handle.create_bind_group_layout(&descriptor)
     };
     let uniforms = [entry(0, BufferBindingType::Uniform, true), entry(1, BufferBindingType::Uniform, true)];
     let (read, written) = program.buffers();

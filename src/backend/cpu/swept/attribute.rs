@@ -65,10 +65,14 @@ fn attribute_body(
     sums: &mut [f32],
     presence: &mut Presence,
 ) {
+    let low_pass = swept.attributes.low_pass > 0.0;
     match swept.footprint {
-        Footprint::Tube => add_all::<TUBE>(splats, list, swept, tile, sums, presence),
-        Footprint::Ellipsoid => add_all::<ELLIPSOID>(splats, list, swept, tile, sums, presence),
-        Footprint::Chord => add_all::<CHORD>(splats, list, swept, tile, sums, presence),
+        Footprint::Tube if low_pass => add_all::<TUBE, true>(splats, list, swept, tile, sums, presence),
+        Footprint::Tube => add_all::<TUBE, false>(splats, list, swept, tile, sums, presence),
+        Footprint::Ellipsoid if low_pass => add_all::<ELLIPSOID, true>(splats, list, swept, tile, sums, presence),
+        Footprint::Ellipsoid => add_all::<ELLIPSOID, false>(splats, list, swept, tile, sums, presence),
+        Footprint::Chord if low_pass => add_all::<CHORD, true>(splats, list, swept, tile, sums, presence),
+        Footprint::Chord => add_all::<CHORD, false>(splats, list, swept, tile, sums, presence),
     }
 }
 
@@ -77,7 +81,7 @@ const ELLIPSOID: u8 = 1;
 const CHORD: u8 = 2;
 
 #[inline(always)]
-fn add_all<const FOOTPRINT: u8>(
+fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
     splats: &[SweptSplat],
     list: &[u32],
     swept: &Swept<'_>,
@@ -105,15 +109,9 @@ fn add_all<const FOOTPRINT: u8>(
                 for part in 0..swept.source_samples {
                     let mut lanes = Lanes::default();
                     for l in 0..LANES {
-                        ray.meet::<FOOTPRINT>(
-                            splat,
-                            swept,
-                            part,
-                            [(pixel + l as i32) as f32, row as f32],
-                            x1 as f32,
-                            &mut lanes,
-                            l,
-                        );
+                        // As floats: checked additions would block vector code.
+                        let place = [pixel as f32 + l as f32, row as f32];
+                        ray.meet::<FOOTPRINT, LOW_PASS>(splat, swept, part, place, x1 as f32, &mut lanes, l);
                     }
                     if lanes.covers == [0; LANES] {
                         continue;
@@ -185,7 +183,7 @@ impl Ray {
     /// Part `part` of the kernel on the ray through the sample position of `pixel`; nothing beyond column `last`.
     #[inline(always)]
     #[allow(clippy::too_many_arguments, reason = "one loop body")]
-    fn meet<const FOOTPRINT: u8>(
+    fn meet<const FOOTPRINT: u8, const LOW_PASS: bool>(
         &self,
         splat: &SweptSplat,
         swept: &Swept<'_>,
@@ -224,7 +222,7 @@ impl Ray {
             if disc_span[0] > self.disc_span[0] { disc_span[0] } else { self.disc_span[0] },
             if disc_span[1] < self.disc_span[1] { disc_span[1] } else { self.disc_span[1] },
         ];
-        let disc_met = wanted & (self.disc > 0.0) & (disc_span[0] < disc_span[1]);
+        let disc_met = LOW_PASS & wanted & (self.disc > 0.0) & (disc_span[0] < disc_span[1]);
         let disc_span = cut(disc_span, part, swept.source_samples);
         let (disc_weight, disc_most, disc_intensity) = weigh::<FOOTPRINT>(&disc_sweep, disc_span);
         let disc_tau = 0.5 * (disc_span[0] + disc_span[1]);

@@ -63,3 +63,20 @@ pub(in crate::backend::cpu) fn keep(tile: &TileRect, threshold: &[f32], sums: &[
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A tile whose list is empty is left as it was laid, so that must be what `keep` makes of pixels without kernels: how large tiles
+    /// are must not show.
+    #[test]
+    fn a_tile_without_kernels_is_like_pixels_without() {
+        let band = Band::new([TILE as u32; 2], [0, 1]);
+        let mut map = Map::default();
+        let laid = map.lay(&band)[0];
+        let mut kept = [[0.0; 2]; TILE * TILE];
+        keep(&band.tile(0), &[f32::INFINITY; TILE * STRIDE], &[0.0; TILE * STRIDE], &mut kept);
+        assert_eq!(laid, kept);
+    }
+}

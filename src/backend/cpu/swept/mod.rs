@@ -5,6 +5,8 @@ mod hull;
 mod map;
 mod project;
 mod resolve;
+#[cfg(test)]
+mod tests;
 #[cfg(all(test, feature = "gpu"))]
 pub(in crate::backend) mod twins;
 

@@ -66,8 +66,9 @@ pub(super) fn sweep(view: &View<'_>, ellipsoid: bool, posed: &Posed, surfel: u32
     if (if depths[0] > depths[1] { depths[0] } else { depths[1] }) + reach2.sqrt() < view.near {
         return None;
     }
-    let crosses = |depth: f32| !(depth > 0.0) || reach2 - depth * depth > -1e-3 * depth * depth;
-    if crosses(depths[0]) || crosses(depths[1]) {
+    // False with a NaN.
+    let before = |depth: f32| depth > 0.0 && reach2 - depth * depth <= -1e-3 * depth * depth;
+    if !(before(depths[0]) && before(depths[1])) {
         return crossing(view, posed, surfel);
     }
     let inverse = 1.0 / centre.z;

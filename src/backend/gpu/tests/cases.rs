@@ -182,7 +182,8 @@ pub(super) fn all() -> Vec<Case> {
 
 /// Few splats, each on dozens of tiles.
 pub(super) fn large_splats() -> Case {
-    let scene = scene(vec![object(ball(100, 3, false), DVec3::ZERO)], [256, 256]);
+    let mut scene = scene(vec![object(ball(100, 3, false), DVec3::ZERO)], [256, 256]);
+    scene.objects[0].two_sided = true;
     let options = RenderOptions { mode: BlurMode::supersample(1), ..RenderOptions::default() };
     Case { name: "large splats", scene, options }
 }

@@ -205,7 +205,7 @@ pub(super) fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer, count: usize) -> Vec<T> {
     encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, bytes);
     device.queue.submit([encoder.finish()]);
     copy.map_async(MapMode::Read, .., |_| ());
-    device.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    device.handle.poll(wgpu::PollType::wait_indefinitely()).unwrap();
     device.check().unwrap();
     let view = copy.get_mapped_range(..).unwrap();
     bytemuck::pod_collect_to_vec(&view[..bytes as usize])

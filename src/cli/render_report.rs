@@ -1,0 +1,74 @@
+//! What `render --json` prints. The long help of `render` lists the fields.
+
+use std::path::Path;
+
+use serde::Serialize;
+use splatblur::render::Stats;
+
+use super::sequence::Finished;
+use super::settings::Settings;
+
+/// `--json`.
+#[derive(Serialize)]
+pub(super) struct Report<'a> {
+    pub(super) program: &'static str,
+    pub(super) scene: &'a str,
+    pub(super) directory: &'a Path,
+    pub(super) backend: &'static str,
+    pub(super) frames: Vec<FrameReport<'a>>,
+    pub(super) load_seconds: f64,
+    pub(super) seconds: f64,
+    pub(super) notes: &'a [String],
+    pub(super) ffmpeg: Option<String>,
+    pub(super) settings: &'a Settings,
+}
+
+#[derive(Serialize)]
+pub(super) struct FrameReport<'a> {
+    frame: i64,
+    path: &'a Path,
+    skipped: bool,
+    seconds: f64,
+    samples: u64,
+    surfels: u64,
+    splats: u64,
+    /// Of all threads, on the CPU.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cpu_seconds: Option<PassSeconds>,
+    /// On a GPU, as far as it measures them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    device_seconds: Option<PassSeconds>,
+}
+
+#[derive(Serialize)]
+struct PassSeconds {
+    project: f64,
+    /// On the CPU a part of `project`.
+    bin: f64,
+    visibility: f64,
+    attribute: f64,
+    resolve: f64,
+    total: f64,
+}
+
+impl<'a> FrameReport<'a> {
+    pub(super) fn new(finished: &'a Finished, backend: &str) -> Self {
+        let (seconds, stats) = finished.rendered.unwrap_or((0.0, Stats::default()));
+        let [project, bin, visibility, attribute, resolve] =
+            [stats.project, stats.bin, stats.visibility, stats.attribute, stats.resolve].map(|pass| pass.as_secs_f64());
+        let total = project + bin + visibility + attribute + resolve;
+        let passes = Some(PassSeconds { project, bin, visibility, attribute, resolve, total });
+        let (cpu_seconds, device_seconds) = if backend == "cpu" { (passes, None) } else { (None, passes) };
+        Self {
+            frame: finished.frame,
+            path: &finished.path,
+            skipped: finished.rendered.is_none(),
+            seconds,
+            samples: stats.samples,
+            surfels: stats.surfels,
+            splats: stats.splats,
+            cpu_seconds,
+            device_seconds,
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! `sheet` and `report` as a user meets them.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+fn splatblur(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_splatblur")).args(arguments).stdin(Stdio::null()).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+fn refused(arguments: &[&str]) -> String {
+    let output = splatblur(arguments);
+    let line = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {line}");
+    assert_eq!(text(&output.stdout), "", "{arguments:?}");
+    assert!(line.starts_with("error: ") && line.matches('\n').count() == 1, "{arguments:?}: {line:?}");
+    line
+}
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/spin.xml");
+
+/// `command` for a small picture, with its own arguments.
+fn small<'a>(command: &'a str, arguments: &[&'a str]) -> Vec<&'a str> {
+    [&[command, SCENE, "--size", "80x60", "--quiet"], arguments].concat()
+}
+
+fn path(dir: &Path, name: &str) -> String {
+    dir.join(name).to_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_sheet_and_its_flip_through() {
+    let dir = tempfile::tempdir().unwrap();
+    let (out, flip) = (path(dir.path(), "new/sheet.png"), path(dir.path(), "flip.png"));
+    let modes = "still:1,supersample:4+interleave=2,bucket:2x2,volumetric:2";
+    let sheet = |more: &[&str]| {
+        splatblur(&small("sheet", &[&["--frame", "3", "--modes", modes, "--out", &out], more].concat()))
+    };
+    let done = sheet(&["--flip", &flip, "--reference", "16"]);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    let read = |path: &str| {
+        png::Decoder::new(std::io::BufReader::new(std::fs::File::open(path).unwrap())).read_info().unwrap()
+    };
+    let info = read(&flip);
+    assert_eq!(info.info().animation_control().map(|a| a.num_frames), Some(5), "the reference and four modes");
+    let with_reference = read(&out).info().size();
+    // Without the reference there are four panels in one row, not three and two.
+    assert_eq!(sheet(&["--crop", "10,10,20x15"]).status.code(), Some(0));
+    let without = read(&out).info().size();
+    assert!(without.0 > with_reference.0 && without.1 < with_reference.1, "{without:?} {with_reference:?}");
+
+    let bad = |arguments: &[&str]| refused(&small("sheet", arguments));
+    let base = ["--frame", "3", "--out", &out, "--modes"];
+    assert!(bad(&[&base[..], &["superb:3"]].concat()).contains("there is no mode `superb`"));
+    assert!(
+        bad(&[&base[..], &["still", "--crop", "70,0,20x10"]].concat()).contains("does not lie in a picture of 80 x 60")
+    );
+    assert!(bad(&[&base[..], &["still", "--crop", "4294967295,0,2x2"]].concat()).contains("does not lie"));
+    assert!(bad(&[&base[..], &["still", "--reference", "17"]].concat()).contains("multiple of 16"));
+    assert!(bad(&[&base[..], &["still", "--flip", &out]].concat()).contains("same file"));
+    assert!(bad(&["--frame", "3", "--modes", "still", "--out", "sheet.gif"]).contains("a PNG file"));
+    assert!(bad(&["--frame", "1..3", "--modes", "still", "--out", &out]).contains("not a frame number"));
+}
+
+#[test]
+fn a_report_goes_on_where_it_was_and_is_a_gate() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = path(dir.path(), "report");
+    let report = |modes: &str, more: &[&str]| {
+        let own = [
+            "--prefilter",
+            "none",
+            "--frames",
+            "2..3",
+            "--reference",
+            "64",
+            "--out",
+            &out,
+            "--repeats",
+            "2",
+            "--modes",
+            modes,
+        ];
+        let output = splatblur(&small("report", &[&own, more].concat()));
+        (output.status.code().unwrap(), text(&output.stderr))
+    };
+    let modes = "supersample:8,supersample:2,reference:16";
+    assert_eq!(report(modes, &[]), (0, String::new()));
+    let read = |name: &str| std::fs::read_to_string(dir.path().join("report").join(name)).unwrap();
+    let json: Value = serde_json::from_str(&read("report.json")).unwrap();
+    assert_eq!(json["frames"].as_array().unwrap().len(), 2);
+    let flip = |mode: usize| json["sequence"][mode]["metrics"]["flip"].as_f64().unwrap();
+    assert!(flip(0) < flip(1), "more samples, less error: {} {}", flip(0), flip(1));
+    let pixels =
+        json["frames"][0]["modes"][0]["regions"].as_array().unwrap().iter().map(|r| r["pixels"].as_f64().unwrap());
+    assert!((pixels.sum::<f64>() - 1.0).abs() < 1e-12);
+    assert_eq!(json["sequence"][2]["mode"], "reference:16");
+    assert!(json["frames"][0]["standard_error"].as_f64().unwrap() > 0.0);
+    assert_eq!(read("report.csv").lines().count(), 1 + 2 * 3 + 3);
+    assert!(read("index.html").contains("supersample:8@cpu"));
+
+    // A finished report is made again from what is there: the times are those of the first run, to the last digit.
+    assert_eq!(report(modes, &[]), (0, String::new()));
+    assert_eq!(serde_json::from_str::<Value>(&read("report.json")).unwrap(), json);
+    // What is missing or damaged is rendered again, and only that.
+    let folder = dir.path().join("report/renderings/3");
+    std::fs::remove_file(folder.join("supersample-2.cpu.exr")).unwrap();
+    std::fs::write(folder.join("supersample-8.cpu.json"), "{}").unwrap();
+    assert_eq!(report(modes, &[]), (0, String::new()));
+    let again: Value = serde_json::from_str(&read("report.json")).unwrap();
+    assert_eq!(again["frames"][0], json["frames"][0]);
+    for mode in 0..2 {
+        let (a, b) = (&again["frames"][1]["modes"][mode], &json["frames"][1]["modes"][mode]);
+        assert_eq!(a["metrics"], b["metrics"]);
+        assert_ne!(a["seconds"], b["seconds"]);
+    }
+    assert_eq!(again["frames"][1]["reference_seconds"], json["frames"][1]["reference_seconds"]);
+
+    // The gate: good modes pass; a tiny depth tolerance tears surfaces and does not.
+    let limit = format!("gamma-rmse={}", 1.5 * json["sequence"][0]["metrics"]["gamma-rmse"].as_f64().unwrap());
+    assert_eq!(report("supersample:8", &["--limit", &limit]).0, 0);
+    let (code, said) = report("supersample:8", &["--limit", &limit, "--epsilon", "1e-6"]);
+    assert_eq!(code, 1, "{said}");
+    assert!(said.contains("over the limit: frame 2, supersample:8@cpu: gamma-rmse is "), "{said}");
+    assert!(read("index.html").contains("Over the limit"));
+}
+
+#[test]
+fn what_a_report_refuses() {
+    let bad = |arguments: &[&str]| refused(&small("report", arguments));
+    assert!(bad(&["--modes", "still", "--out", "/proc/none"]).contains("cannot write into"));
+    let dir = tempfile::tempdir().unwrap();
+    let out = path(dir.path(), "r");
+    assert!(bad(&["--out", &out, "--modes", "still,still:16"]).contains("twice"));
+    assert!(bad(&["--out", &out, "--modes", "still,still@cpu"]).contains("twice"));
+    assert!(bad(&["--out", &out, "--modes", "still", "--backends", "tpu"]).contains("no backend"));
+    assert!(bad(&["--out", &out, "--modes", "still", "--limit", "flip=1,flip=2"]).contains("two limits"));
+    assert!(bad(&["--out", &out, "--modes", "still", "--reference", "0"]).contains("multiple of 16"));
+    assert!(bad(&["--out", &out]).contains("--modes"));
+    let tiny = ["report", SCENE, "--size", "8x8", "--quiet", "--modes", "still", "--out", &out];
+    assert!(refused(&tiny).contains("at least 11 x 11"));
+    assert!(!dir.path().join("r").exists(), "nothing is made before all is checked");
+}
+
+#[test]
+fn help_teaches() {
+    for (command, words) in [
+        ("sheet", &["--crop", "--flip", "--reference", "supersample:8+interleave=2", "Examples:"][..]),
+        (
+            "report",
+            &["--backends", "--limit", "--repeats", "--fresh", "bucket:8x4", "Examples:", "Exit status: 0 within"],
+        ),
+    ] {
+        let help = text(&splatblur(&[command, "--help"]).stdout);
+        for word in words {
+            assert!(help.contains(word), "{command}: {word}");
+        }
+    }
+}
