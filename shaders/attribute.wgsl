@@ -36,6 +36,10 @@ override REACH: u32 = 0u;
 override CHANNELS: u32 = 4u;
 override VALUES: u32 = 3u;
 override GOURAUD: bool = false;
+// False: the weight is the only channel (pass `density`).
+override COLOUR: bool = true;
+// As in bin.wgsl.
+override SPLATS: u32 = 1u;
 
 @compute @workgroup_size(256)
 fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -47,7 +51,7 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
     let column = 3u * segment.block;
     var normal = vec3<f32>(looks[at], looks[at + 1u], looks[at + 2u]);
     normal = unit(apply_linear(segment.normal, normal));
-    if (splats[slot].flags & FLAG_BACK) != 0u {
+    if (splats[SPLATS * slot + SPLATS - 1u].flags & FLAG_BACK) != 0u {
         normal = -normal;
     }
     var colour = vec3<f32>(looks[column + at], looks[column + at + 1u], looks[column + at + 2u]);
@@ -176,8 +180,7 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
             (*sum).sample_weight = segments[segment_index].weight;
         }
     }
-    let first = f32(column);
-    let at = hit(splat, vec4<f32>(first, first + 1.0, first + 2.0, first + 3.0), f32(row));
+    let at = hit(splat, column, row);
     let plane_depth = 1.0 / at.inverse_depth;
     let inside = at.inside & (at.inverse_depth <= vec4<f32>(view.most_inverse_depth));
     let none = vec4<f32>(NONE);
@@ -196,10 +199,12 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
     }
     var next = slot * VALUES;
     (*sum).weight += weight;
-    (*sum).red += weight * values[next];
-    (*sum).green += weight * values[next + 1u];
-    (*sum).blue += weight * values[next + 2u];
-    next += 3u;
+    if COLOUR {
+        (*sum).red += weight * values[next];
+        (*sum).green += weight * values[next + 1u];
+        (*sum).blue += weight * values[next + 2u];
+        next += 3u;
+    }
     if NORMAL != 0u {
         (*sum).normal_x += weight * values[next];
         (*sum).normal_y += weight * values[next + 1u];
@@ -224,9 +229,11 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
 
 fn load_sums(sum: ptr<function, Sums>, at: u32) {
     (*sum).weight = sums[at];
-    (*sum).red = sums[at + TILE_QUADS];
-    (*sum).green = sums[at + 2u * TILE_QUADS];
-    (*sum).blue = sums[at + 3u * TILE_QUADS];
+    if COLOUR {
+        (*sum).red = sums[at + TILE_QUADS];
+        (*sum).green = sums[at + 2u * TILE_QUADS];
+        (*sum).blue = sums[at + 3u * TILE_QUADS];
+    }
     if NORMAL != 0u {
         (*sum).normal_x = sums[at + NORMAL * TILE_QUADS];
         (*sum).normal_y = sums[at + (NORMAL + 1u) * TILE_QUADS];
@@ -253,9 +260,11 @@ fn load_sums(sum: ptr<function, Sums>, at: u32) {
 
 fn store_sums(sum: ptr<function, Sums>, at: u32) {
     sums[at] = (*sum).weight;
-    sums[at + TILE_QUADS] = (*sum).red;
-    sums[at + 2u * TILE_QUADS] = (*sum).green;
-    sums[at + 3u * TILE_QUADS] = (*sum).blue;
+    if COLOUR {
+        sums[at + TILE_QUADS] = (*sum).red;
+        sums[at + 2u * TILE_QUADS] = (*sum).green;
+        sums[at + 3u * TILE_QUADS] = (*sum).blue;
+    }
     if NORMAL != 0u {
         sums[at + NORMAL * TILE_QUADS] = (*sum).normal_x;
         sums[at + (NORMAL + 1u) * TILE_QUADS] = (*sum).normal_y;

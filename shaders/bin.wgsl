@@ -45,6 +45,8 @@ const BLOCK: u32 = 1024u;
 const DIGITS: u32 = 64u;
 // Lowest bit of the digit that is sorted by.
 override SHIFT: u32 = 0u;
+// Size of what a slot holds, in splats: 2 for kernels in motion, which end as splats do.
+override SPLATS: u32 = 1u;
 
 fn touched_at(slot: u32) -> u32 {
     if slot < view.slots { return touched[slot]; }
@@ -122,7 +124,7 @@ fn bin_emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
             wide[at.y] = slot;
             at.y += 1u;
         } else if count > 0u && totals.entries > 0u {
-            let tiles = unpack(splats[slot].bounds) / TILE;
+            let tiles = unpack(splats[SPLATS * slot + SPLATS - 1u].bounds) / TILE;
             for (var y = tiles.z; y <= tiles.w; y += 1u) {
                 for (var x = tiles.x; x <= tiles.y; x += 1u) {
                     keys[at.x] = (y - view.first_tile_row) * view.tiles.x + x;

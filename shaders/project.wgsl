@@ -1,6 +1,6 @@
 // Pass `project`: surfels to splats; posed, projected, bounded and culled.
 // Twin: src/backend/cpu/project.rs.  Math: docs/math.md, section 2.
-//   in   segment   the surfels and their pose
+//   in   segment   the surfels and their pose; travels: that of their centres
 //        geometry  columns of the block: positions, axes u, axes v
 //   out  splats    one a slot; unwritten where culled
 //        touched   tiles that the splat touches; 0: culled; WIDE: more than WIDEST
@@ -10,10 +10,7 @@
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
 @group(1) @binding(4) var<storage, read_write> splats: array<Splat>;
 @group(1) @binding(5) var<storage, read_write> touched: array<u32>;
-
-// Slack of screen bounds, pixels plus a share of the size: they must not be too small by rounding.
-const SLACK: f32 = 1e-3;
-const SLACK_SHARE: f32 = 1e-5;
+@group(1) @binding(23) var<storage, read> travels: array<Travel>;
 
 @compute @workgroup_size(256)
 fn project(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -22,7 +19,7 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
     touched[slot] = 0u;
     let at = 3u * (segment.first_surfel + id.x);
     let column = 3u * segment.block;
-    let c = apply(segment.screen, vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]));
+    let c = apply(travels[segment.index].centre, vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]));
     let at_u = at + column;
     let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
     let at_v = at_u + column;
@@ -59,8 +56,8 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
     let reference = view.axis + vec2<f32>(x, y) - view.offset;
     let columns = extent(ux * ux + vx * vx, ux * u.z + vx * v.z, d22, inverse22, low_pass);
     let rows = extent(uy * uy + vy * vy, uy * u.z + vy * v.z, d22, inverse22, low_pass);
-    let across = pixel_range(reference.x, columns, view.pixels.xy);
-    let down = pixel_range(reference.y, rows, view.pixels.zw);
+    let across = pixels_in(index_range(reference.x, columns), view.pixels.xy);
+    let down = pixels_in(index_range(reference.y, rows), view.pixels.zw);
     if !(across.x <= across.y && down.x <= down.y) { return; }
 
     let over_both = over_area * inverse;
@@ -74,11 +71,7 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
     splat.v[1] = ux * over_area;
     splat.centre_depth = select(0.0, depth, depth >= view.near);
     splat.flags |= select(FLAG_BACK, 0u, area * segment.handedness < 0.0);
-    let bounds = vec4<u32>(
-        vec2<u32>(vec2<i32>(clamp(across, vec2<f32>(0.0), vec2<f32>(65535.0)))),
-        vec2<u32>(vec2<i32>(clamp(down, vec2<f32>(0.0), vec2<f32>(65535.0)))),
-    );
-    write(slot, splat, bounds);
+    write(slot, splat, bounds_of(across, down));
 }
 
 // A splat that reaches the camera plane: its bounds are all that is wanted, and pixels are counted from the camera's axis.
@@ -97,38 +90,12 @@ fn write_crossing(slot: u32, posed: Splat, c: vec3<f32>, u: vec3<f32>, v: vec3<f
     splat.v = array<f32, 3>(form_v.x, form_v.y, form_v.z);
     splat.centre_depth = 0.0;
     splat.flags |= select(FLAG_BACK, 0u, det * segment.handedness < 0.0);
-    write(slot, splat, vec4<u32>(view.pixels));
+    write(slot, splat, vec4<u32>(view.pixels - view.corner.xxyy));
 }
 
 fn write(slot: u32, posed: Splat, bounds: vec4<u32>) {
     var splat = posed;
-    splat.bounds = vec2<u32>(bounds.x | (bounds.y << 16u), bounds.z | (bounds.w << 16u));
+    splat.bounds = pack(bounds);
     splats[slot] = splat;
-    let tiles = bounds / TILE;
-    let count = (tiles.y + 1u - tiles.x) * (tiles.w + 1u - tiles.z);
-    touched[slot] = select(count, WIDE, count > WIDEST);
-}
-
-// Ends of the ellipse along one axis, relative to the projected centre and widened to the low-pass disc.
-fn extent(d00: f32, d02: f32, d22: f32, inverse22: f32, low_pass: f32) -> vec2<f32> {
-    let half = sqrt(max(d02 * d02 - d00 * d22, 0.0)) * -inverse22;
-    let middle = d02 * inverse22;
-    return vec2<f32>(min(middle - half, -low_pass), max(middle + half, low_pass));
-}
-
-// First and last pixel whose sample position may lie in the range about `reference`, cut to `wanted`.
-fn pixel_range(reference: f32, range: vec2<f32>, wanted: vec2<i32>) -> vec2<f32> {
-    let slack = SLACK + SLACK_SHARE * (range.y - range.x) + abs(reference) * EPSILON;
-    let a = ceil(reference + range.x - slack - 0.5);
-    let b = floor(reference + range.y + slack - 0.5);
-    return vec2<f32>(max(a, f32(wanted.x)), min(b, f32(wanted.y)));
-}
-
-// By their bits: comparisons with a NaN mean nothing in WGSL.
-fn finite(x: f32) -> bool {
-    return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
-}
-
-fn all_finite(v: vec3<f32>) -> bool {
-    return finite(v.x) && finite(v.y) && finite(v.z);
+    touched[slot] = tiles_in(bounds);
 }

@@ -31,7 +31,6 @@ fn resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id)
     let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
     let weight = sums[sum_at];
     if !(weight > 0.0) { return; }
-    let inverse = 1.0 / weight;
     let threshold = thresholds[index * TILE_PIXELS + in_tile];
     // Where no visibility splat covers, only low-pass discs reach: their weights are the coverage.
     var share = select(min(weight, 1.0), 1.0, threshold < NONE) * view.weight;
@@ -39,6 +38,14 @@ fn resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id)
         let reach = sums[sum_at + REACH * TILE_PIXELS];
         share = sums[sum_at + (REACH + 1u) * TILE_PIXELS] + view.last_weight * min(reach, 1.0);
     }
+    add_pixel(index, tile.xy, pixel.xy, share);
+}
+
+// Adds what the sums say of one pixel of tile `index` to the film, with weight `share`; the sum of weights is > 0.
+fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, share: f32) {
+    let in_tile = pixel.y * TILE + pixel.x;
+    let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
+    let inverse = 1.0 / sums[sum_at];
     var colour = mean(sum_at, 1u, inverse);
     var normal = vec3<f32>(0.0);
     if NORMAL != 0u {

@@ -40,8 +40,7 @@ fn lowered(threshold: vec4<f32>, slot: u32, column: u32, row: u32) -> vec4<f32> 
     let bounds = unpack(splats[slot].bounds);
     if !touches(bounds, column, row) { return threshold; }
     let splat = splats[slot];
-    let first = f32(column);
-    let at = hit(splat, vec4<f32>(first, first + 1.0, first + 2.0, first + 3.0), f32(row));
+    let at = hit(splat, column, row);
     let depth = 1.0 / at.inverse_depth;
     let epsilon = max(vec4<f32>(segments[splat.flags >> 1u].epsilon), LEAST_EPSILON * depth);
     let covers = at.inside & (at.inverse_depth <= vec4<f32>(view.most_inverse_depth)) & in_columns(bounds, column);

@@ -11,10 +11,12 @@ struct Hit {
     inside: vec4<bool>,
 }
 
-fn hit(splat: Splat, columns: vec4<f32>, row: f32) -> Hit {
+// Of the quad from column `column` on, counted from the view's corner.
+fn hit(splat: Splat, column: u32, row: u32) -> Hit {
+    let pixel = vec2<f32>(vec2<i32>(vec2<u32>(column, row)) + view.corner);
     var out: Hit;
-    out.y = row + 0.5 - splat.reference.y;
-    out.x = columns + 0.5 - splat.reference.x;
+    out.y = pixel.y + 0.5 - splat.reference.y;
+    out.x = pixel.x + vec4<f32>(0.0, 1.0, 2.0, 3.0) + 0.5 - splat.reference.x;
     out.inverse_depth =
         splat.inverse_depth[0] * out.x + (splat.inverse_depth[1] * out.y + splat.inverse_depth[2]);
     let u = splat.u[0] * out.x + (splat.u[1] * out.y + splat.u[2]);

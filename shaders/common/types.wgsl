@@ -1,5 +1,5 @@
 // Structs and constants that programs share.
-// Twins: src/layout.rs (Splat), src/backend/gpu/layout.rs (View, Segment, Light); a test compares the layouts.
+// Twins: src/layout.rs (Splat), src/backend/gpu/layout.rs (View, Segment, Travel, Light); a test compares the layouts.
 
 // Edge of a tile, pixels; four neighbouring pixels of a row are worked on by one invocation, a quad.
 const TILE: u32 = 16u;
@@ -56,7 +56,14 @@ struct View {
     first_weight: f32,
     last_sample: u32,
     last_weight: f32,
-    unused: u32,
+    // Change of the time weight from the middle of the interval to its end, over its mean.
+    slope: f32,
+    // Pixel from which tiles, bounds and pixels of tiles are counted: 0, but for the map.
+    corner: vec2<i32>,
+    // First pixel of the map; tiles in a row and rows of tiles.
+    map_corner: vec2<i32>,
+    map_tiles: vec2<u32>,
+    unused: vec2<u32>,
 }
 
 // Some surfels of one block of a model, posed at one time sample; row i of a transform is (m_i0, m_i1, m_i2, origin_i).
@@ -81,6 +88,12 @@ struct Segment {
     first_light: u32,
     // Bit 0: two-sided; bit 1: one material a surfel; above: the sample in its group.
     flags: u32,
+}
+
+// Pose of a segment's centres, to screen space: over an interval the mean of the poses at its ends, and half their difference.
+struct Travel {
+    centre: array<vec4<f32>, 3>,
+    motion: array<vec4<f32>, 3>,
 }
 
 // `vector`: towards a directional light, or a point light's position relative to the eye; w tells the kind.

@@ -81,12 +81,6 @@ pub enum BackendError {
         /// Budget, bytes.
         allowed: u64,
     },
-    /// The backend lacks a pass.
-    #[error("the {backend} backend cannot render kernels in motion (mode volumetric) yet; --backend cpu can")]
-    Pass {
-        /// Which backend.
-        backend: &'static str,
-    },
     /// There is no device to render on.
     #[error(
         "there is no graphics adapter{wanted} (found: {found}); a GPU needs its Vulkan driver and the Vulkan loader (Debian: \

@@ -3,7 +3,6 @@
 use clap::ValueEnum;
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
-use splatblur::plan::BlurMode;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum Wanted {
@@ -27,14 +26,11 @@ pub(super) struct Machine {
 }
 
 impl Machine {
-    /// The one that is to render in `mode`. `adapter`: part of the name of the one that is wanted. `threads`: of the CPU.
-    pub(super) fn open(wanted: Wanted, adapter: Option<&str>, mode: BlurMode, threads: usize) -> anyhow::Result<Self> {
+    /// The one that is to render. `adapter`: part of the name of the one that is wanted. `threads`: of the CPU.
+    pub(super) fn open(wanted: Wanted, adapter: Option<&str>, threads: usize) -> anyhow::Result<Self> {
         match (wanted, adapter) {
             (Wanted::Cpu, Some(_)) => anyhow::bail!("--adapter is for --backend gpu"),
             (Wanted::Cpu, None) => Ok(Self::cpu(threads, "")),
-            (Wanted::Auto, None) if matches!(mode, BlurMode::Volumetric { .. }) => {
-                Ok(Self::cpu(threads, "; mode volumetric is not on the GPU yet"))
-            }
             (Wanted::Auto, None) => Ok(Self::best(threads)),
             (Wanted::Gpu, _) | (Wanted::Auto, Some(_)) => Self::gpu(adapter),
         }

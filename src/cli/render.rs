@@ -157,7 +157,7 @@ impl Render {
         let start = Instant::now();
         let options = self.options()?;
         let Ready { scene, notes, frames, format, pool } = Ready::new(&self.images, &self.exposure, &self.running)?;
-        let machine = Machine::open(self.backend, self.adapter.as_deref(), options.mode, pool.current_num_threads())?;
+        let machine = Machine::open(self.backend, self.adapter.as_deref(), pool.current_num_threads())?;
         let Machine { mut backend, name: backend_name, place } = machine;
         let load_seconds = start.elapsed().as_secs_f64();
         let settings = Settings::new(&scene, &self.images.scene, &options, format, backend_name)?;

@@ -222,8 +222,7 @@ impl Trial<'_> {
                 Machine::Cpu => Wanted::Cpu,
                 Machine::Gpu => Wanted::Gpu,
             };
-            let mode = BlurMode::Still { pixel_samples: 1 };
-            let opened = backend::Machine::open(wanted, None, mode, self.pool.current_num_threads())?;
+            let opened = backend::Machine::open(wanted, None, self.pool.current_num_threads())?;
             self.machines.push((machine, opened));
             self.machines.len() - 1
         };

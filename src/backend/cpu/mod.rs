@@ -25,6 +25,8 @@ use self::attribute::Attributes;
 use self::bin::{Binned, Tiled};
 use self::project::View;
 use self::resolve::{RasterFilms, Resolve, TileFilm, TiledFilm};
+#[cfg(all(test, feature = "gpu"))]
+pub(super) use self::swept::twins as swept_twins;
 use self::swept::{Exposure, Footprint, Map, MapTile, Swept, Volume};
 use self::tiles::{Band, TILE, TileBuffers, TileRect};
 use self::visibility::Depths;

@@ -43,9 +43,9 @@ impl Twins<'_> {
             for (object, pose) in posed.objects.iter().enumerate().filter(|(_, pose)| pose.visible) {
                 let view = View {
                     object: pose,
-                    corner: [0; 2],
                     raster: group.raster,
                     pixels: [0, group.raster.size[0] as i32 - 1, 0, group.raster.size[1] as i32 - 1],
+                    corner: [0; 2],
                     near: frame.near,
                     low_pass: frame.prefilter == Prefilter::Approx,
                     two_sided: frame.objects[object].two_sided,

@@ -11,7 +11,8 @@ use super::schedule::DeviceChannels;
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
 use crate::frame::Frame;
-use crate::plan::Shading;
+use crate::layout::{Channels, Splat, SweptSplat};
+use crate::plan::{KernelShape, KernelWeight, Normalise, Pass, Shading, SweptKernel, TemporalAlpha};
 
 /// A pipeline and what it is bound to.
 #[derive(Clone, Debug)]
@@ -54,6 +55,22 @@ pub(super) struct Steps {
     pub sum_attributes: Step,
     /// One for each part of the film.
     pub resolve: Vec<Step>,
+    /// Likewise, where the film is not finished when all groups are added.
+    pub finish: Vec<Step>,
+    pub swept: Option<SweptSteps>,
+}
+
+/// What is other for kernels in motion.
+#[derive(Debug)]
+pub(super) struct SweptSteps {
+    pub density: Step,
+    pub keep: Step,
+    /// For each object, for each block.
+    pub project: Vec<Vec<Step>>,
+    pub bin_emit: Step,
+    /// For each object, for each block.
+    pub splat_values: Vec<Vec<Step>>,
+    pub attribute: Step,
 }
 
 /// Everything that steps are made from.
@@ -70,6 +87,10 @@ impl Bench<'_> {
         match slot {
             Slot::Segments => &b.segments,
             Slot::Lights => &b.lights,
+            Slot::Travels => &b.travels,
+            Slot::Map => &b.map,
+            Slot::Presence => &b.presence,
+            Slot::Moments => &b.moments,
             Slot::Splats => &b.splats,
             Slot::Touched => &b.touched,
             Slot::Partials => &b.partials,
@@ -172,14 +193,22 @@ impl Bench<'_> {
             });
         }
         let resolve = resolve_constants(frame, channels, planes);
-        let film = self.buffers.film.clone();
-        let resolve = parts
-            .iter()
-            .map(|&(offset, bytes)| {
-                let part = BufferBinding { buffer: &film, offset, size: BufferSize::new(bytes) };
-                self.step(Program::Resolve, &resolve, 0, &[(Slot::Film, part)])
-            })
-            .collect::<Result<_, _>>()?;
+        let program = match frame.swept.map(|swept| swept.normalise) {
+            None => Program::Resolve,
+            Some(Normalise::Interval) => Program::SweptResolve,
+            Some(Normalise::Once) => Program::Pool,
+        };
+        let resolve_parts = self.of_parts(program, &resolve, parts)?;
+        let unfinished = |swept: SweptKernel| swept.normalise == Normalise::Once || swept.alpha == TemporalAlpha::Sum;
+        let finish = if frame.swept.is_some_and(unfinished) {
+            self.of_parts(Program::Finish, &resolve, parts)?
+        } else {
+            Vec::new()
+        };
+        let swept = match frame.swept {
+            Some(swept) => Some(self.swept_steps(frame, swept, channels, blocks, 1 - begin)?),
+            None => None,
+        };
         Ok(Steps {
             project: self.of_blocks(Program::Project, &none, blocks)?,
             bin_reduce: self.step(Program::BinReduce, &none, 0, &[])?,
@@ -191,7 +220,54 @@ impl Bench<'_> {
             visibility: self.step(Program::Visibility, &none, 1, &[])?,
             splat_values: self.of_blocks(Program::SplatValues, &values, blocks)?,
             sum_attributes: self.step(Program::SumAttributes, &sums, 1, &[])?,
-            resolve,
+            resolve: resolve_parts,
+            finish,
+            swept,
+        })
+    }
+
+    /// `program` for each part of the film.
+    fn of_parts(
+        &mut self,
+        program: Program,
+        constants: &Constants,
+        parts: &[(u64, u64)],
+    ) -> Result<Vec<Step>, BackendError> {
+        let film = self.buffers.film.clone();
+        parts
+            .iter()
+            .map(|&(offset, bytes)| {
+                let part = BufferBinding { buffer: &film, offset, size: BufferSize::new(bytes) };
+                self.step(program, constants, 0, &[(Slot::Film, part)])
+            })
+            .collect()
+    }
+
+    /// `emitted`: which of the sort's buffers new lists do not go to.
+    fn swept_steps(
+        &mut self,
+        frame: &Frame<'_>,
+        swept: SweptKernel,
+        channels: &DeviceChannels,
+        blocks: &[Vec<Block>],
+        emitted: usize,
+    ) -> Result<SweptSteps, BackendError> {
+        let double = ("SPLATS", (size_of::<SweptSplat>() / size_of::<Splat>()) as u32);
+        let mut values = value_constants(frame, channels);
+        values.push(double);
+        let weights = DeviceChannels { shared: Channels::weights(), values: channels.values, reach: None, count: 1 };
+        let mut density = sum_constants(&weights);
+        density.push(("COLOUR", 0));
+        let volume =
+            vec![("ELLIPSOID", u32::from(swept.shape == KernelShape::Ellipsoid)), ("STRETCH", swept.stretch() as u32)];
+        let counted = frame.passes.contains(&Pass::Density);
+        Ok(SweptSteps {
+            density: self.step(Program::SumAttributes, &density, 1, &[])?,
+            keep: self.step(Program::Keep, &vec![("DENSITY", u32::from(counted))], 0, &[])?,
+            project: self.of_blocks(Program::Sweep, &volume, blocks)?,
+            bin_emit: self.step(Program::BinEmit, &vec![double], emitted, &[])?,
+            splat_values: self.of_blocks(Program::SplatValues, &values, blocks)?,
+            attribute: self.step(Program::SweptAttribute, &swept_constants(swept, channels), 1, &[])?,
         })
     }
 }
@@ -216,6 +292,22 @@ fn value_constants(frame: &Frame<'_>, channels: &DeviceChannels) -> Constants {
     constants
 }
 
+fn swept_constants(swept: SweptKernel, channels: &DeviceChannels) -> Constants {
+    let mut constants = sum_constants(channels);
+    constants.retain(|(name, _)| !["MATERIAL", "REACH"].contains(name));
+    let footprint = match (swept.weight, swept.shape) {
+        (KernelWeight::Integral, KernelShape::Tube) => 0,
+        (KernelWeight::Integral, KernelShape::Ellipsoid) => 1,
+        (KernelWeight::Chord, _) => 2,
+    };
+    constants.extend([
+        ("FOOTPRINT", footprint),
+        ("SOURCE_SAMPLES", swept.source_samples.0),
+        ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
+    ]);
+    constants
+}
+
 fn resolve_constants(frame: &Frame<'_>, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
     let at = |plane: Option<usize>| plane.unwrap_or(0) as u32;
     let mut constants = sum_constants(channels);
@@ -227,5 +319,12 @@ fn resolve_constants(frame: &Frame<'_>, channels: &DeviceChannels, planes: &Film
         ("VELOCITY_PLANE", at(planes.velocity)),
         ("PLANES", planes.count as u32),
     ]);
+    if let Some(swept) = frame.swept {
+        // Without a plane for them, weights are the coverage, plane 3.
+        constants.extend([
+            ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
+            ("WEIGHT_PLANE", planes.weight.unwrap_or(3) as u32),
+        ]);
+    }
     constants
 }

@@ -3,16 +3,17 @@
 use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
-use super::layout::{BLOCK, DIGIT_BITS, Light, Segment, Status, UNIFORM_STRIDE};
+use super::layout::{BLOCK, DIGIT_BITS, Light, Segment, Status, Travel, UNIFORM_STRIDE};
 use super::schedule::{DeviceChannels, Schedule};
 use crate::backend::BackendError;
-use crate::layout::Splat;
+use crate::layout::SweptSplat;
 
 /// What the passes of one group and wave exchange, and the film.
 #[derive(Debug)]
 pub(super) struct Buffers {
     pub views: Buffer,
     pub segments: Buffer,
+    pub travels: Buffer,
     pub lights: Buffer,
     pub splats: Buffer,
     pub touched: Buffer,
@@ -29,6 +30,10 @@ pub(super) struct Buffers {
     pub starts: Buffer,
     pub thresholds: Buffer,
     pub sums: Buffer,
+    /// Of kernels in motion.
+    pub map: Buffer,
+    pub presence: Buffer,
+    pub moments: Buffer,
     pub film: Buffer,
     /// Entries that there is room for.
     pub entries: u64,
@@ -43,8 +48,10 @@ impl Buffers {
         Ok(Self {
             views: device.buffer("views", UNIFORM_STRIDE, BufferUsages::UNIFORM | BufferUsages::COPY_DST)?,
             segments: device.buffer("segments", UNIFORM_STRIDE, BufferUsages::UNIFORM | SHARED)?,
+            travels: device.buffer("segments", size_of::<Travel>() as u64, SHARED)?,
             lights: device.buffer("lights", size_of::<Light>() as u64, SHARED)?,
-            splats: device.buffer("splats", size_of::<Splat>() as u64, SHARED)?,
+            // What is larger is bound as what is smaller, never the other way round.
+            splats: device.buffer("splats", size_of::<SweptSplat>() as u64, SHARED)?,
             touched: empty()?,
             partials: empty()?,
             totals: device.buffer("totals", 32, SHARED | BufferUsages::INDIRECT)?,
@@ -58,6 +65,9 @@ impl Buffers {
             starts: empty()?,
             thresholds: empty()?,
             sums: empty()?,
+            map: empty()?,
+            presence: empty()?,
+            moments: device.buffer("moments", size_of::<[f32; 32]>() as u64, SHARED)?,
             film: empty()?,
             entries: 0,
         })
@@ -71,15 +81,20 @@ impl Buffers {
         channels: &DeviceChannels,
     ) -> Result<(), BackendError> {
         let slots = schedule.slots;
-        grow(device, &mut self.splats, "splats", slots * size_of::<Splat>() as u64)?;
+        grow(device, &mut self.splats, "splats", slots * schedule.splat_bytes)?;
         grow(device, &mut self.touched, "tile counts", 4 * slots)?;
         grow(device, &mut self.partials, "tile counts", 8 * slots.div_ceil(u64::from(BLOCK)))?;
         grow(device, &mut self.wide, "lists", 4 * slots)?;
         grow(device, &mut self.values, "attributes", 4 * u64::from(channels.values) * slots)?;
         let tile = 4 * 256;
-        grow(device, &mut self.starts, "lists", 4 * (schedule.band_tiles + 2))?;
-        grow(device, &mut self.thresholds, "thresholds", tile * schedule.band_tiles)?;
-        grow(device, &mut self.sums, "sums", tile * channels.count as u64 * schedule.band_tiles)?;
+        let (band, map) = (schedule.band_tiles, schedule.map_tiles);
+        grow(device, &mut self.starts, "lists", 4 * (band.max(map) + 2))?;
+        grow(device, &mut self.thresholds, "thresholds", tile * band.max(map))?;
+        grow(device, &mut self.sums, "sums", tile * map.max(channels.count as u64 * band))?;
+        if map > 0 {
+            grow(device, &mut self.map, "the map", 2 * tile * map)?;
+            grow(device, &mut self.presence, "presence", 3 * tile * band)?;
+        }
         grow(device, &mut self.film, "the film's planes", schedule.film_bytes)
     }
 
@@ -107,6 +122,7 @@ impl Buffers {
     ) -> Result<(), BackendError> {
         grow(device, &mut self.views, "views", views as u64 * UNIFORM_STRIDE)?;
         grow(device, &mut self.segments, "segments", (segments * size_of::<Segment>()) as u64)?;
+        grow(device, &mut self.travels, "segments", (segments * size_of::<Travel>()) as u64)?;
         grow(device, &mut self.lights, "lights", (lights * size_of::<Light>()) as u64)
     }
 }

@@ -1,18 +1,18 @@
 //! Executes a frame's plan on the device: cuts the frame up, records the passes of each group, and submits them one after
 //! the other. Nothing waits for the device here.
 
-use wgpu::{CommandEncoder, ComputePassDescriptor};
+use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 
 use super::bindings::{Bench, Step, Steps};
 use super::clock::Marks;
-use super::layout::{BLOCK, DIGIT_BITS, TILE, UNIFORM_STRIDE, View, lights};
+use super::layout::{BLOCK, DIGIT_BITS, TILE, Travel, UNIFORM_STRIDE, View, lights};
 use super::models::Block;
-use super::schedule::{Band, DeviceChannels, ENTRIES_PER_SLOT, Schedule, Wave};
+use super::schedule::{Area, Band, DeviceChannels, ENTRIES_PER_SLOT, Schedule, Wave};
 use super::{Gpu, Machine};
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup};
-use crate::plan::Pass;
+use crate::plan::{Normalise, Pass};
 
 /// What stays the same while a frame is rendered.
 pub(super) struct Execution<'a> {
@@ -29,6 +29,8 @@ impl Gpu {
     pub(super) fn prepare<'a>(&mut self, frame: &'a Frame<'a>) -> Result<Execution<'a>, BackendError> {
         let channels = DeviceChannels::of(frame);
         let planes = FilmPlanes::of(frame.aovs);
+        let once = frame.swept.is_some_and(|swept| swept.normalise == Normalise::Once);
+        let planes = if once { planes.pooled() } else { planes };
         let mut schedule = Schedule::new(frame, &channels, &planes, self.most_bytes)?;
         schedule.slots = schedule.slots.min(self.most_slots);
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
@@ -53,8 +55,12 @@ impl Gpu {
         for (raster, groups) in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase).enumerate() {
             for band in schedule.bands(raster) {
                 for group in groups {
-                    let work = Work { execution, group, raster, band, steps: &steps, resolve: &steps.resolve[part] };
+                    let resolve = &steps.resolve[part];
+                    let work = Work { execution, group, raster, band, on_map: false, steps: &steps, resolve };
                     self.machine.group(&work, marks);
+                }
+                if let Some(finish) = steps.finish.get(part) {
+                    self.machine.finish(finish, schedule.rasters[raster].area(band));
                 }
                 part += 1;
             }
@@ -72,7 +78,7 @@ impl Gpu {
             let segments = waves.iter().map(|wave| wave.segments.len()).sum();
             let lights = group.samples.iter().map(|sample| sample.lights.len()).sum();
             most = [most[0].max(waves.len()), most[1].max(segments), most[2].max(lights)];
-            passes += 6 * waves.len() + 1;
+            passes += 9 * waves.len() + 2;
         }
         let bands: usize = (0..schedule.rasters.len()).map(|raster| schedule.bands(raster).count()).max().unwrap_or(0);
         let Machine { device, buffers, pipelines, .. } = &mut self.machine;
@@ -83,7 +89,7 @@ impl Gpu {
             &execution.channels,
             &execution.planes,
             &execution.blocks,
-            schedule.band_tiles,
+            schedule.band_tiles.max(schedule.map_tiles),
             &execution.parts(),
         )
     }
@@ -110,8 +116,21 @@ pub(super) struct Work<'a> {
     pub group: &'a PosedGroup,
     pub raster: usize,
     pub band: Band,
+    /// On the map around the band, not on the band itself.
+    pub on_map: bool,
     pub steps: &'a Steps,
     pub resolve: &'a Step,
+}
+
+impl Work<'_> {
+    fn map(&self) -> Area {
+        let guard = self.group.interval.map_or(0, |interval| interval.guard);
+        self.execution.schedule.rasters[self.raster].area(self.band).guarded(guard)
+    }
+
+    pub(super) fn area(&self) -> Area {
+        if self.on_map { self.map() } else { self.execution.schedule.rasters[self.raster].area(self.band) }
+    }
 }
 
 impl Machine {
@@ -119,27 +138,37 @@ impl Machine {
         self.device.handle.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
-    /// Records and submits one group: the plan's passes, those that need lists wave by wave.
+    /// Records and submits one group.
     pub(super) fn group(&self, work: &Work<'_>, marks: &mut Marks) {
+        let passes = work.execution.frame.passes;
+        let Some(kept) = passes.iter().position(|&pass| pass == Pass::Keep) else {
+            self.passes(work, passes, marks);
+            return;
+        };
+        // Kernels in motion look up sources anywhere on the map, so it must be whole before they are added.
+        let (still, moving) = passes.split_at(kept + 1);
+        self.passes(&Work { on_map: true, ..*work }, still, marks);
+        self.passes(work, moving, marks);
+    }
+
+    /// Records and submits some passes of a group, those that need lists wave by wave.
+    fn passes(&self, work: &Work<'_>, passes: &[Pass], marks: &mut Marks) {
         let waves = self.upload(work);
         let Some(last) = waves.len().checked_sub(1) else { return };
         let mut encoder = self.encoder();
         let mut at_hand = None;
-        for &pass in work.execution.frame.passes {
+        for &pass in passes {
             match pass {
-                // Run where lists are needed that are not at hand; kernels in motion are refused before.
-                Pass::Project
-                | Pass::Bin
-                | Pass::Density
-                | Pass::Keep
-                | Pass::Sweep
-                | Pass::SweptAttribute
-                | Pass::SweptResolve => {}
-                Pass::Visibility | Pass::Attribute => {
+                // Run where lists are needed that are not at hand.
+                Pass::Project | Pass::Bin | Pass::Sweep => {}
+                Pass::Visibility | Pass::Attribute | Pass::Density | Pass::SweptAttribute => {
                     for (number, wave) in waves.iter().enumerate() {
                         if at_hand != Some(number) {
-                            self.record(&mut encoder, Pass::Project, work, wave, number, marks);
-                            self.record(&mut encoder, Pass::Bin, work, wave, number, marks);
+                            let of_still: &[Pass] = &[Pass::Project, Pass::Bin];
+                            let makes = if pass == Pass::SweptAttribute { &[Pass::Sweep] } else { of_still };
+                            for &pass in makes {
+                                self.record(&mut encoder, pass, work, wave, number, marks);
+                            }
                             at_hand = Some(number);
                         }
                         self.record(&mut encoder, pass, work, wave, number, marks);
@@ -148,10 +177,22 @@ impl Machine {
                         }
                     }
                 }
-                Pass::Resolve => self.record(&mut encoder, pass, work, &waves[last], last, marks),
+                Pass::Resolve | Pass::Keep | Pass::SweptResolve => {
+                    self.record(&mut encoder, pass, work, &waves[last], last, marks);
+                }
             }
         }
         self.flush(&mut encoder, marks);
+    }
+
+    /// Ends a band whose film is not finished when all groups are added.
+    fn finish(&self, step: &Step, area: Area) {
+        let mut encoder = self.encoder();
+        let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+        step.set(&mut recorder, &[0]);
+        recorder.dispatch_workgroups(area.tiles[0], area.tiles[1], 1);
+        drop(recorder);
+        self.device.queue.submit([encoder.finish()]);
     }
 
     /// Submits what is recorded.
@@ -163,15 +204,17 @@ impl Machine {
 
     /// Uploads a group's views, segments and lights; returns its waves.
     pub(super) fn upload(&self, work: &Work<'_>) -> Vec<Wave> {
-        let Work { execution, group, raster, band, .. } = *work;
+        let Work { execution, group, .. } = *work;
         let frame = execution.frame;
         let waves = execution.schedule.waves(frame, group, &execution.blocks);
-        let raster = &execution.schedule.rasters[raster];
-        let last_pixel_row = ((band.first_row + band.rows) * TILE).min(raster.size[1]) as i32 - 1;
+        let (area, map) = (work.area(), work.map());
         let shared = View {
-            pixels: [0, raster.size[0] as i32 - 1, (band.first_row * TILE) as i32, last_pixel_row],
-            tiles: [raster.tiles[0], band.rows],
-            first_tile_row: band.first_row,
+            pixels: area.pixels,
+            corner: area.corner,
+            tiles: area.tiles,
+            first_tile_row: area.first_tile_row,
+            map_corner: map.corner,
+            map_tiles: map.tiles,
             entry_capacity: self.buffers.entries.min(u64::from(u32::MAX)) as u32,
             ..View::of(frame, group, execution.channels.shared.uniform)
         };
@@ -192,7 +235,12 @@ impl Machine {
             views.resize((number + 1) * UNIFORM_STRIDE as usize, 0);
         }
         let segments: Vec<_> = waves.iter().flat_map(|wave| &wave.segments).map(|segment| segment.0).collect();
+        let travels: Vec<Travel> = waves.iter().flat_map(|wave| wave.travels.iter().copied()).collect();
         let queue = &self.device.queue;
+        if let Some(interval) = &group.interval {
+            queue.write_buffer(&self.buffers.moments, 0, bytemuck::bytes_of(&interval.moments));
+        }
+        queue.write_buffer(&self.buffers.travels, 0, bytemuck::cast_slice(&travels));
         queue.write_buffer(&self.buffers.views, 0, &views);
         queue.write_buffer(&self.buffers.segments, 0, bytemuck::cast_slice(&segments));
         queue.write_buffer(&self.buffers.lights, 0, bytemuck::cast_slice(&lights(&group.samples)));
@@ -213,44 +261,57 @@ impl Machine {
         let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
         let steps = work.steps;
         let view = number as u32 * UNIFORM_STRIDE as u32;
-        let tiles = [work.execution.schedule.rasters[work.raster].tiles[0], work.band.rows];
-        let mut dispatch = |step: &Step, groups: [u32; 2]| {
-            step.set(&mut recorder, &[view]);
-            recorder.dispatch_workgroups(groups[0], groups[1], 1);
-        };
-        match pass {
-            Pass::Project => of_segments(&mut recorder, &steps.project, wave, view),
-            Pass::Bin => {
-                let blocks = [wave.slots.div_ceil(BLOCK), 1];
-                dispatch(&steps.bin_reduce, blocks);
-                dispatch(&steps.bin_scan, [1, 1]);
-                dispatch(&steps.bin_emit, blocks);
-                let totals = &self.buffers.totals;
-                for round in &steps.sort {
-                    round.count.set(&mut recorder, &[view]);
-                    recorder.dispatch_workgroups_indirect(totals, 0);
-                    round.scan.set(&mut recorder, &[view]);
-                    recorder.dispatch_workgroups(1 << DIGIT_BITS, 1, 1);
-                    round.scatter.set(&mut recorder, &[view]);
-                    recorder.dispatch_workgroups_indirect(totals, 0);
-                }
-                steps.bin_starts.set(&mut recorder, &[view]);
-                recorder.dispatch_workgroups((tiles[0] * tiles[1] + 2).div_ceil(256), 1, 1);
+        let tiles = work.area().tiles;
+        let recorder = &mut recorder;
+        match (pass, &steps.swept) {
+            (Pass::Project, _) => of_segments(recorder, &steps.project, wave, view),
+            (Pass::Bin, _) => self.bin(recorder, steps, &steps.bin_emit, wave, tiles, view),
+            (Pass::Visibility, _) => dispatch(recorder, &steps.visibility, tiles, view),
+            (Pass::Attribute, _) => {
+                of_segments(recorder, &steps.splat_values, wave, view);
+                dispatch(recorder, &steps.sum_attributes, tiles, view);
             }
-            Pass::Visibility => dispatch(&steps.visibility, tiles),
-            Pass::Attribute => {
-                of_segments(&mut recorder, &steps.splat_values, wave, view);
-                steps.sum_attributes.set(&mut recorder, &[view]);
-                recorder.dispatch_workgroups(tiles[0], tiles[1], 1);
+            (Pass::Resolve | Pass::SweptResolve, _) => dispatch(recorder, work.resolve, tiles, view),
+            (Pass::Density, Some(swept)) => dispatch(recorder, &swept.density, tiles, view),
+            (Pass::Keep, Some(swept)) => dispatch(recorder, &swept.keep, tiles, view),
+            (Pass::Sweep, Some(swept)) => {
+                of_segments(recorder, &swept.project, wave, view);
+                self.bin(recorder, steps, &swept.bin_emit, wave, tiles, view);
             }
-            Pass::Resolve => dispatch(work.resolve, tiles),
-            Pass::Density | Pass::Keep | Pass::Sweep | Pass::SweptAttribute | Pass::SweptResolve => {}
+            (Pass::SweptAttribute, Some(swept)) => {
+                of_segments(recorder, &swept.splat_values, wave, view);
+                dispatch(recorder, &swept.attribute, tiles, view);
+            }
+            // Only where the plan is of kernels in motion.
+            (Pass::Density | Pass::Keep | Pass::Sweep | Pass::SweptAttribute, None) => {}
         }
+    }
+
+    /// Pass `bin` of one wave.
+    fn bin(&self, recorder: &mut ComputePass<'_>, steps: &Steps, emit: &Step, wave: &Wave, tiles: [u32; 2], view: u32) {
+        let blocks = [wave.slots.div_ceil(BLOCK), 1];
+        dispatch(recorder, &steps.bin_reduce, blocks, view);
+        dispatch(recorder, &steps.bin_scan, [1, 1], view);
+        dispatch(recorder, emit, blocks, view);
+        let totals = &self.buffers.totals;
+        for round in &steps.sort {
+            round.count.set(recorder, &[view]);
+            recorder.dispatch_workgroups_indirect(totals, 0);
+            dispatch(recorder, &round.scan, [1 << DIGIT_BITS, 1], view);
+            round.scatter.set(recorder, &[view]);
+            recorder.dispatch_workgroups_indirect(totals, 0);
+        }
+        dispatch(recorder, &steps.bin_starts, [(tiles[0] * tiles[1] + 2).div_ceil(256), 1], view);
     }
 }
 
+fn dispatch(recorder: &mut ComputePass<'_>, step: &Step, groups: [u32; 2], view: u32) {
+    step.set(recorder, &[view]);
+    recorder.dispatch_workgroups(groups[0], groups[1], 1);
+}
+
 /// One dispatch for each segment of the wave.
-fn of_segments(recorder: &mut wgpu::ComputePass<'_>, steps: &[Vec<Step>], wave: &Wave, view: u32) {
+fn of_segments(recorder: &mut ComputePass<'_>, steps: &[Vec<Step>], wave: &Wave, view: u32) {
     for (segment, object, block) in &wave.segments {
         let offset = segment.index * UNIFORM_STRIDE as u32;
         steps[*object][*block].set(recorder, &[view, offset]);

@@ -46,7 +46,11 @@ pub(super) struct View {
     pub first_weight: f32,
     pub last_sample: u32,
     pub last_weight: f32,
-    pub unused: u32,
+    pub slope: f32,
+    pub corner: [i32; 2],
+    pub map_corner: [i32; 2],
+    pub map_tiles: [u32; 2],
+    pub unused: [u32; 2],
 }
 
 /// Some surfels of one block of a model, posed at one time sample.
@@ -70,6 +74,14 @@ pub(super) struct Segment {
     pub index: u32,
     pub first_light: u32,
     pub flags: u32,
+}
+
+/// Pose of a segment's centres: over an interval, mean of the poses at its ends and half their difference.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(super) struct Travel {
+    pub centre: [[f32; 4]; 3],
+    pub motion: [[f32; 4]; 3],
 }
 
 /// A light of one sample.
@@ -109,6 +121,15 @@ impl Segment {
     }
 }
 
+impl Travel {
+    pub(super) fn of(posed: &PosedObject) -> Self {
+        Self {
+            centre: rows(&posed.centre_from_model, posed.centre_origin),
+            motion: rows(&posed.motion_from_model, posed.motion_origin),
+        }
+    }
+}
+
 impl View {
     /// What of a group all its bands and waves share.
     pub(super) fn of(frame: &Frame<'_>, group: &PosedGroup, uniform: Option<Material>) -> Self {
@@ -131,6 +152,7 @@ impl View {
             material: coefficients(uniform.unwrap_or_default()),
             first_light: (group.samples.len() / 2 * middle.lights.len()) as u32,
             lights: middle.lights.len() as u32,
+            slope: group.interval.map_or(0.0, |interval| interval.slope),
             ..Self::zeroed()
         }
     }

@@ -94,9 +94,6 @@ impl Backend for Gpu {
     }
 
     fn begin(&mut self, frame: &Frame<'_>) -> Result<(), BackendError> {
-        if frame.swept.is_some() {
-            return Err(BackendError::Pass { backend: "gpu" });
-        }
         let flight = self.depart(frame)?;
         self.flights.push_back(flight);
         Ok(())

@@ -33,6 +33,10 @@ pub(super) enum Slot {
     Sums = 20,
     Film = 21,
     Totals = 22,
+    Travels = 23,
+    Map = 24,
+    Presence = 25,
+    Moments = 26,
 }
 
 /// A compute program.
@@ -50,6 +54,12 @@ pub(super) enum Program {
     SplatValues,
     SumAttributes,
     Resolve,
+    Sweep,
+    Keep,
+    SweptAttribute,
+    SweptResolve,
+    Pool,
+    Finish,
 }
 
 /// WGSL files, one after the other.
@@ -57,19 +67,25 @@ macro_rules! wgsl {
     ($($file:literal),+ $(,)?) => { concat!($(include_str!(concat!("../../../shaders/", $file)), "\n"),+) };
 }
 
-const PROJECT: &str = wgsl!("common/types.wgsl", "project.wgsl");
+const PROJECT: &str = wgsl!("common/types.wgsl", "common/bounds.wgsl", "project.wgsl");
 const BIN: &str = wgsl!("common/types.wgsl", "common/scan.wgsl", "bin.wgsl");
 const VISIBILITY: &str = wgsl!("common/types.wgsl", "common/hit.wgsl", "visibility.wgsl");
 const ATTRIBUTE: &str =
     wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "common/hit.wgsl", "attribute.wgsl");
 const RESOLVE: &str = wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "resolve.wgsl");
+const SWEEP: &str = wgsl!("common/types.wgsl", "common/bounds.wgsl", "common/swept.wgsl", "swept/project.wgsl");
+const MAP: &str = wgsl!("common/types.wgsl", "swept/map.wgsl");
+const SWEPT_ATTRIBUTE: &str =
+    wgsl!("common/types.wgsl", "common/fast.wgsl", "common/swept.wgsl", "common/sweep.wgsl", "swept/attribute.wgsl");
+const SWEPT_RESOLVE: &str =
+    wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "resolve.wgsl", "swept/resolve.wgsl");
 
 /// What a program only reads, and what it writes.
 type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(super) const ALL: [Self; 12] = [
+    pub(super) const ALL: [Self; 18] = [
         Self::Project,
         Self::BinReduce,
         Self::BinScan,
@@ -82,6 +98,12 @@ impl Program {
         Self::SplatValues,
         Self::SumAttributes,
         Self::Resolve,
+        Self::Sweep,
+        Self::Keep,
+        Self::SweptAttribute,
+        Self::SweptResolve,
+        Self::Pool,
+        Self::Finish,
     ];
 
     pub(super) const fn wgsl(self) -> &'static str {
@@ -97,6 +119,10 @@ impl Program {
             Self::Visibility => VISIBILITY,
             Self::SplatValues | Self::SumAttributes => ATTRIBUTE,
             Self::Resolve => RESOLVE,
+            Self::Sweep => SWEEP,
+            Self::Keep => MAP,
+            Self::SweptAttribute => SWEPT_ATTRIBUTE,
+            Self::SweptResolve | Self::Pool | Self::Finish => SWEPT_RESOLVE,
         }
     }
 
@@ -114,17 +140,23 @@ impl Program {
             Self::SplatValues => "splat_values",
             Self::SumAttributes => "sum_attributes",
             Self::Resolve => "resolve",
+            Self::Sweep => "sweep",
+            Self::Keep => "keep",
+            Self::SweptAttribute => "swept_attribute",
+            Self::SweptResolve => "swept_resolve",
+            Self::Pool => "pool",
+            Self::Finish => "finish",
         }
     }
 
     pub(super) const fn buffers(self) -> Buffers {
         use Slot::{
-            DigitTotals, Film, Geometry, Histogram, Keys, Lights, List, Looks, Partials, Segments, SortedKeys,
-            SortedList, Splats, Starts, Status, Sums, Thresholds, Totals, Touched, Values, Wide, WrittenTotals,
-            WrittenValues,
+            DigitTotals, Film, Geometry, Histogram, Keys, Lights, List, Looks, Map, Moments, Partials, Presence,
+            Segments, SortedKeys, SortedList, Splats, Starts, Status, Sums, Thresholds, Totals, Touched, Travels,
+            Values, Wide, WrittenTotals, WrittenValues,
         };
         match self {
-            Self::Project => (&[Geometry], &[Splats, Touched]),
+            Self::Project | Self::Sweep => (&[Geometry, Travels], &[Splats, Touched]),
             Self::BinReduce => (&[Touched], &[Partials]),
             Self::BinScan => (&[], &[Partials, WrittenTotals, Status]),
             Self::BinEmit => (&[Splats, Touched, Totals], &[Partials, Keys, List, Wide]),
@@ -136,12 +168,17 @@ impl Program {
             Self::SplatValues => (&[Geometry, Looks, Lights, Splats, Touched], &[WrittenValues]),
             Self::SumAttributes => (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums]),
             Self::Resolve => (&[Lights, Thresholds, Sums], &[Film]),
+            Self::Keep => (&[Thresholds, Sums], &[Map]),
+            Self::SweptAttribute => (&[Splats, List, Wide, Starts, Values, Map], &[Sums, Presence]),
+            Self::SweptResolve => (&[Lights, Sums, Presence, Moments], &[Film]),
+            Self::Pool => (&[Sums, Presence, Moments], &[Film]),
+            Self::Finish => (&[], &[Film]),
         }
     }
 
     /// The part of the buffer that a uniform is, for those that have a segment.
     pub(super) const fn has_segment(self) -> bool {
-        matches!(self, Self::Project | Self::SplatValues)
+        matches!(self, Self::Project | Self::Sweep | Self::SplatValues)
     }
 }
 

@@ -1,11 +1,11 @@
 //! How a frame is cut up: rasters into bands of tile rows, groups into waves of surfels, so that every buffer fits.
 
-use super::layout::{BLOCK, Segment, TILE, UNIFORM_STRIDE, WIDEST};
+use super::layout::{BLOCK, Segment, TILE, Travel, UNIFORM_STRIDE, WIDEST};
 use super::models::Block;
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup};
-use crate::layout::{Channels, Splat};
+use crate::layout::{Channels, Splat, SweptSplat};
 
 /// Pixels of a tile.
 const TILE_PIXELS: u64 = (TILE * TILE) as u64;
@@ -15,6 +15,10 @@ pub(super) const LEAST_SLOTS: u64 = 1 << 16;
 pub(super) const ENTRIES_PER_SLOT: u64 = 3;
 /// Bytes of an entry: tile and slot, twice, and its share of the histogram.
 const ENTRY_BYTES: u64 = 17;
+/// Bytes of a tile of the map beside its start: the map, thresholds and the sum of weights.
+const MAP_TILE_BYTES: u64 = 4 * 4 * TILE_PIXELS + 4;
+/// Bytes of a tile's presence.
+const PRESENCE_BYTES: u64 = 3 * 4 * TILE_PIXELS;
 
 /// Channels of sums on the device: those of the twin, then two for groups of several samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,12 +62,62 @@ pub(super) struct Band {
     pub rows: u32,
 }
 
+/// The pixels that passes work on: those of a band, or of the map around it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Area {
+    /// First and last pixel column, then first and last row.
+    pub pixels: [i32; 4],
+    /// Pixel from which tiles and their pixels are counted.
+    pub corner: [i32; 2],
+    /// Tiles in a row and rows of tiles.
+    pub tiles: [u32; 2],
+    /// Row of tiles, from the corner, of the first one.
+    pub first_tile_row: u32,
+}
+
+impl RasterFilm {
+    /// The pixels of a band.
+    pub(super) fn area(&self, band: Band) -> Area {
+        let last_row = ((band.first_row + band.rows) * TILE).min(self.size[1]) as i32 - 1;
+        Area {
+            pixels: [0, self.size[0] as i32 - 1, (band.first_row * TILE) as i32, last_row],
+            corner: [0; 2],
+            tiles: [self.tiles[0], band.rows],
+            first_tile_row: band.first_row,
+        }
+    }
+}
+
+impl Area {
+    /// The area and `guard` pixels around it, in tiles of its own; as much of them as pixels can be numbered. As on the CPU.
+    pub(super) fn guarded(&self, guard: u32) -> Self {
+        let [x0, x1, y0, y1] = self.pixels;
+        let room =
+            |first: i32, last: i32| guard.min((u32::from(u16::MAX) + 1).saturating_sub((last + 1 - first) as u32) / 2);
+        let guard = room(x0, x1).min(room(y0, y1)) as i32;
+        let pixels = [x0 - guard, x1 + guard, y0 - guard, y1 + guard];
+        let tiles = |first: i32, last: i32| ((last + 1 - first) as u32).div_ceil(TILE);
+        Self {
+            pixels,
+            corner: [pixels[0], pixels[2]],
+            tiles: [tiles(pixels[0], pixels[1]), tiles(pixels[2], pixels[3])],
+            first_tile_row: 0,
+        }
+    }
+
+    fn len(&self) -> u64 {
+        u64::from(self.tiles[0]) * u64::from(self.tiles[1])
+    }
+}
+
 /// Surfels that go through the passes together.
 #[derive(Clone, Debug)]
 pub(super) struct Wave {
     pub slots: u32,
     /// Segments, with the object and the block of each.
     pub segments: Vec<(Segment, usize, usize)>,
+    /// One a segment.
+    pub travels: Vec<Travel>,
     pub last_sample: usize,
 }
 
@@ -76,6 +130,10 @@ pub(super) struct Schedule {
     pub film_bytes: u64,
     /// Most tiles of a band.
     pub band_tiles: u64,
+    /// Most tiles of a map; 0 without kernels in motion.
+    pub map_tiles: u64,
+    /// Bytes of a slot's splat.
+    pub splat_bytes: u64,
     /// Tile rows of a band, for each raster.
     pub band_rows: Vec<u32>,
     /// Most slots of a wave.
@@ -103,13 +161,28 @@ impl Schedule {
         let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
         // The film, its copy for the host, and the picture.
         let film = 2 * film_bytes + 4 * pixels * planes.count as u64;
-        let tile_bytes = 4 * TILE_PIXELS * (1 + channels.count as u64) + 4;
+        let swept = frame.swept.is_some();
+        let presence = if swept { PRESENCE_BYTES } else { 0 };
+        let tile_bytes = 4 * TILE_PIXELS * (1 + channels.count as u64) + 4 + presence;
         let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
         let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
-        let slot_bytes = (size_of::<Splat>() + 8) as u64 + 4 * u64::from(channels.values) + 8 / u64::from(BLOCK);
+        let splat_bytes = if swept { size_of::<SweptSplat>() } else { size_of::<Splat>() } as u64;
+        let slot_bytes = splat_bytes + 8 + 4 * u64::from(channels.values) + 8 / u64::from(BLOCK);
         let least_wave = LEAST_SLOTS * (slot_bytes + u64::from(WIDEST) * ENTRY_BYTES);
 
-        let needed = frame.model_bytes + film + widest * tile_bytes + least_wave;
+        // Tiles of the largest map around a band of so many rows of tiles.
+        let guard = frame.groups.iter().filter_map(|group| group.interval).map(|interval| interval.guard).max();
+        let map_of = |rows: u32| {
+            let around = |raster: &RasterFilm| {
+                let rows = rows.min(raster.tiles[1]);
+                let middle = Band { first_row: 0, rows };
+                guard.map_or(0, |guard| raster.area(middle).guarded(guard).len())
+            };
+            rasters.iter().map(around).max().unwrap_or(0)
+        };
+        let least_map = map_of(1) * MAP_TILE_BYTES;
+
+        let needed = frame.model_bytes + film + widest * tile_bytes + least_map + least_wave;
         if needed > frame.memory {
             let [width, height] = frame.size;
             return Err(BackendError::Memory {
@@ -123,23 +196,36 @@ impl Schedule {
         let left = frame.memory - frame.model_bytes - film;
         let reach = most_bytes / (4 * TILE_PIXELS * channels.count.max(planes.count) as u64);
         let band_tiles = reach.min((left - least_wave) / 2 / tile_bytes).max(widest).min(widest * tallest);
-        let band_rows = rasters
+        let band_rows: Vec<u32> = rasters
             .iter()
             .map(|raster| {
                 (band_tiles / u64::from(raster.tiles[0].max(1))).clamp(1, u64::from(raster.tiles[1].max(1))) as u32
             })
             .collect();
-        let left = left - band_tiles * tile_bytes;
+        let (band_tiles, band_rows) = if swept {
+            // The map takes its share: fewer rows, until both fit.
+            let fits = |rows: u32| {
+                u64::from(rows) * widest * tile_bytes + map_of(rows) * MAP_TILE_BYTES <= (left - least_wave) / 2
+                    && map_of(rows) * 8 * TILE_PIXELS <= most_bytes
+            };
+            let most: u32 = band_rows.iter().copied().max().unwrap_or(1);
+            let rows = (1..=most).rev().find(|&rows| fits(rows)).unwrap_or(1);
+            (widest * u64::from(rows), band_rows.iter().map(|&of: &u32| of.min(rows)).collect())
+        } else {
+            (band_tiles, band_rows)
+        };
+        let map_tiles = map_of(band_rows.iter().copied().max().unwrap_or(0));
+        let left = left - band_tiles * tile_bytes - map_tiles * MAP_TILE_BYTES;
         let samples = frame.groups.iter().map(|group| group.samples.len()).max().unwrap_or(1) as u64;
         let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
-        let reach = most_bytes / (size_of::<Splat>() as u64).max(4 * u64::from(channels.values));
+        let reach = most_bytes / splat_bytes.max(4 * u64::from(channels.values));
         let fit = left / (slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES);
         let slots = (samples * surfels).min(fit).max(LEAST_SLOTS).min(reach);
         let most_entries = ((left.saturating_sub(slots * slot_bytes)) / ENTRY_BYTES)
             .max(LEAST_SLOTS * u64::from(WIDEST))
             .min(most_bytes / 4)
             .min(65_535 * u64::from(BLOCK));
-        Ok(Self { rasters, film_bytes, band_tiles, band_rows, slots, most_entries })
+        Ok(Self { rasters, film_bytes, band_tiles, map_tiles, splat_bytes, band_rows, slots, most_entries })
     }
 
     /// The bands of raster `index`.
@@ -163,7 +249,7 @@ impl Schedule {
                     let mut first = 0;
                     while first < block.surfels.len() {
                         if waves.last().is_none_or(|wave| wave.slots as usize >= most) {
-                            waves.push(Wave { slots: 0, segments: Vec::new(), last_sample: 0 });
+                            waves.push(Wave { slots: 0, segments: Vec::new(), travels: Vec::new(), last_sample: 0 });
                         }
                         let Some(wave) = waves.last_mut() else { break };
                         let surfels = (block.surfels.len() - first).min(most - wave.slots as usize);
@@ -178,6 +264,7 @@ impl Schedule {
                             ..template
                         };
                         wave.segments.push((segment, object, number));
+                        wave.travels.push(Travel::of(pose));
                         wave.slots += surfels as u32;
                         wave.last_sample = sample;
                         first += surfels;

@@ -16,8 +16,9 @@ pub(in crate::backend::cpu) struct Map {
 /// Values of one tile: `TILE` rows of `TILE`.
 pub(in crate::backend::cpu) type MapTile = [[f32; 2]; TILE * TILE];
 
-/// Where nothing is known everything is visible.
-const UNKNOWN: [f32; 2] = [f32::INFINITY, 1.0];
+/// Where nothing is known everything is visible, however sparse: what `keep` makes of a pixel without kernels, so that it does not
+/// matter which tiles had any.
+const UNKNOWN: [f32; 2] = [f32::INFINITY; 2];
 
 impl Map {
     /// Bytes of a map of `tiles` tiles.
@@ -60,5 +61,22 @@ pub(in crate::backend::cpu) fn keep(tile: &TileRect, threshold: &[f32], sums: &[
             // Where there is no kernel the inverse is infinite: a share is the most that it can be.
             out[y * TILE + x] = [threshold[at], 1.0 / density];
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A tile whose list is empty is left as it was laid, so that must be what `keep` makes of pixels without kernels: how large tiles
+    /// are must not show.
+    #[test]
+    fn a_tile_without_kernels_is_like_pixels_without() {
+        let band = Band::new([TILE as u32; 2], [0, 1]);
+        let mut map = Map::default();
+        let laid = map.lay(&band)[0];
+        let mut kept = [[0.0; 2]; TILE * TILE];
+        keep(&band.tile(0), &[f32::INFINITY; TILE * STRIDE], &[0.0; TILE * STRIDE], &mut kept);
+        assert_eq!(laid, kept);
     }
 }

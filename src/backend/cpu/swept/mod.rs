@@ -7,6 +7,8 @@ mod project;
 mod resolve;
 #[cfg(test)]
 mod tests;
+#[cfg(all(test, feature = "gpu"))]
+pub(in crate::backend) mod twins;
 
 pub(super) use self::attribute::{Footprint, Swept, attribute};
 pub(super) use self::hull::Hull;

@@ -7,7 +7,10 @@ use glam::{DVec3, Vec3};
 use crate::film::Aov;
 use crate::math::Trs;
 use crate::model::{Material, Surfels};
-use crate::plan::{BlurMode, Interleave, Prefilter, RenderOptions, Shading};
+use crate::plan::{
+    BlurMode, Interleave, KernelShape, KernelWeight, Normalise, Prefilter, RenderOptions, Shading, SourceSamples,
+    SweptKernel, TemporalAlpha,
+};
 use crate::scene::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
 use crate::time::{Shutter, Weight};
 
@@ -183,4 +186,39 @@ pub(super) fn large_splats() -> Case {
     scene.objects[0].two_sided = true;
     let options = RenderOptions { mode: BlurMode::supersample(1), ..RenderOptions::default() };
     Case { name: "large splats", scene, options }
+}
+
+/// Kernels in motion: each that there is.
+pub(super) fn swept() -> Vec<Case> {
+    // No centre comes to lie on the plane of the camera, where its velocity is infinite.
+    let mut moving = scene(vec![object(hard(), DVec3::ZERO)], [150, 140]);
+    moving.objects[0].motions = vec![Motion::Linear { velocity: DVec3::new(0.3, 0.1, 0.41) }];
+    moving.objects[0].two_sided = true;
+    let mut fast = two_balls([70, 45]);
+    fast.objects[0].motions.push(Motion::Linear { velocity: DVec3::new(0.9, -0.4, 1.2) });
+    let options = |swept| RenderOptions {
+        mode: BlurMode::Volumetric { intervals: 2, pixel_samples: 1, swept },
+        aovs: Aov::ALL.to_vec(),
+        ..RenderOptions::default()
+    };
+    let tube = SweptKernel::default();
+    let ellipsoid = SweptKernel { shape: KernelShape::Ellipsoid, ..tube };
+    let chord = SweptKernel { weight: KernelWeight::Chord, ..ellipsoid };
+    let parts = SweptKernel { source_samples: SourceSamples(3), ..tube };
+    let case = |name, scene: &Scene, options| Case { name, scene: scene.clone(), options };
+    vec![
+        case("tube", &two_balls([70, 45]), options(tube)),
+        case("fast", &fast, options(tube)),
+        case("hard", &moving, options(tube)),
+        case("plain", &fast, RenderOptions { prefilter: Prefilter::None, aovs: Vec::new(), ..options(tube) }),
+        case("sum", &fast, options(SweptKernel { alpha: TemporalAlpha::Sum, ..tube })),
+        case("once", &fast, options(SweptKernel { normalise: Normalise::Once, ..tube })),
+        case("parts", &fast, options(parts)),
+        case("ellipsoid", &fast, options(ellipsoid)),
+        case("hard ellipsoid", &moving, options(ellipsoid)),
+        case("ellipsoid in parts", &fast, options(SweptKernel { source_samples: SourceSamples(2), ..ellipsoid })),
+        case("chord", &fast, options(chord)),
+        case("published", &fast, options(SweptKernel::PUBLISHED)),
+        case("one pixel", &two_balls([1, 1]), options(tube)),
+    ]
 }

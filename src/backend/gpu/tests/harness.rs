@@ -17,7 +17,7 @@ use crate::plan::Pass;
 /// Stands for +infinity on the device.
 pub(super) const NONE: f32 = 3.402_823_4e38;
 /// Marks splats that are listed apart.
-const WIDE: u32 = 1 << 31;
+pub(super) const WIDE: u32 = 1 << 31;
 pub(super) const PIXELS: usize = (TILE * TILE) as usize;
 
 /// The first group of a frame on the device.
@@ -57,7 +57,8 @@ impl<'a> Harness<'a> {
         let band = execution.schedule.bands(0).next()?;
         assert_eq!(band.rows, execution.schedule.rasters[0].tiles[1], "one band");
         let group = &frame.groups[0];
-        let work = Work { execution: &execution, group, raster: 0, band, steps: &steps, resolve: &steps.resolve[0] };
+        let resolve = &steps.resolve[0];
+        let work = Work { execution: &execution, group, raster: 0, band, on_map: false, steps: &steps, resolve };
         let mut waves = gpu.machine.upload(&work);
         assert!(waves.len() <= 1, "one wave");
         let wave = waves.pop()?;
@@ -153,21 +154,28 @@ impl<'a> Harness<'a> {
     }
 
     pub(super) fn run(&mut self, pass: Pass) {
+        self.run_on(pass, false);
+    }
+
+    /// On the band, or on the map around it.
+    pub(super) fn run_on(&mut self, pass: Pass, on_map: bool) {
         let work = Work {
             execution: &self.execution,
             group: self.twins.group,
             raster: 0,
             band: self.band,
+            on_map,
             steps: &self.steps,
             resolve: &self.steps.resolve[0],
         };
+        self.gpu.machine.upload(&work);
         let mut encoder = self.gpu.machine.encoder();
         self.gpu.machine.record(&mut encoder, pass, &work, &self.wave, 0, &mut self.marks);
         self.gpu.machine.device.queue.submit([encoder.finish()]);
         self.gpu.machine.device.check().unwrap();
     }
 
-    fn write<T: Pod>(&self, buffer: &Buffer, values: &[T]) {
+    pub(super) fn write<T: Pod>(&self, buffer: &Buffer, values: &[T]) {
         self.gpu.machine.device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
     }
 

@@ -1,5 +1,5 @@
 //! Tests that reach into the backend: programs and layouts (`wgsl`), parity with the CPU's passes (`parity`), broken programs
-//! (`mutants`), buffers that are too small (`room`).
+//! (`mutants`), buffers that are too small (`room`), kernels in motion (`swept`).
 #![allow(clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
 
 mod cases;
@@ -8,6 +8,7 @@ mod harness;
 mod mutants;
 mod parity;
 mod room;
+mod swept;
 mod wgsl;
 
 use std::io::Write;

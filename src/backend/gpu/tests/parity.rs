@@ -18,16 +18,16 @@ const BUDGET: f64 = 1e-3;
 
 /// What two backends have of one slot.
 #[derive(Default)]
-struct Tally {
+pub(super) struct Tally {
     worst: f32,
     decided_otherwise: usize,
-    count: usize,
+    pub count: usize,
     first: Option<String>,
 }
 
 impl Tally {
     /// Compares values whose size is that of `scale`.
-    fn floats(&mut self, got: &[f32], want: &[f32], scale: f32, at: impl Fn() -> String) {
+    pub(super) fn floats(&mut self, got: &[f32], want: &[f32], scale: f32, at: impl Fn() -> String) {
         assert_eq!(got.len(), want.len(), "{}", at());
         let difference =
             got.iter().zip(want).map(|(g, w)| (g - w).abs()).fold(0.0, |a: f32, b| if b <= a { a } else { b });
@@ -40,12 +40,12 @@ impl Tally {
         }
     }
 
-    fn otherwise(&mut self, at: impl Fn() -> String) {
+    pub(super) fn otherwise(&mut self, at: impl Fn() -> String) {
         self.decided_otherwise += 1;
         self.first.get_or_insert_with(at);
     }
 
-    fn check(self, what: &str) -> Result<(), String> {
+    pub(super) fn check(self, what: &str) -> Result<(), String> {
         let Self { worst, decided_otherwise, count, first } = self;
         eprintln!("{what}: worst {worst:.1e}, {decided_otherwise} of {count} decided otherwise");
         if decided_otherwise as f64 > BUDGET * count as f64 {
@@ -63,7 +63,7 @@ fn skew(splat: &Splat) -> f32 {
     (u[0].hypot(u[1]) * v[0].hypot(v[1]) / area.max(1e-30)).max(1.0)
 }
 
-fn largest(values: &[f32]) -> f32 {
+pub(super) fn largest(values: &[f32]) -> f32 {
     values.iter().fold(0.0, |a, b| a.max(b.abs()))
 }
 

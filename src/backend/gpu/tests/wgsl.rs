@@ -8,9 +8,9 @@ use naga::proc::Layouter;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
-use crate::backend::gpu::layout::{BLOCK, DIGIT_BITS, Light, Segment, Status, TILE, View, WIDEST};
+use crate::backend::gpu::layout::{BLOCK, DIGIT_BITS, Light, Segment, Status, TILE, Travel, View, WIDEST};
 use crate::backend::gpu::programs::Program;
-use crate::layout::Splat;
+use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, Splat, SweptSplat};
 
 fn module(program: Program) -> Module {
     wgsl::parse_str(program.wgsl()).unwrap_or_else(|e| panic!("{}", e.emit_to_string(program.wgsl())))
@@ -88,6 +88,10 @@ fn structs_lie_where_the_host_puts_them() {
             first_weight,
             last_sample,
             last_weight,
+            slope,
+            corner,
+            map_corner,
+            map_tiles,
             unused
         }
     );
@@ -113,9 +117,21 @@ fn structs_lie_where_the_host_puts_them() {
             flags
         }
     );
+    assert_same_layout!(module, Travel { centre, motion });
     assert_same_layout!(module, Light { vector, colour });
     let module = self::module(Program::BinScan);
     assert_same_layout!(module, Status { most_entries, splats_low, splats_high });
+    let module = self::module(Program::Sweep);
+    assert_same_layout!(
+        module,
+        SweptSplat { reference, inverse_depth, u, v, u_rate, v_rate, motion, ends, bounds, surfel, flags }
+    );
+    // Programs that read bounds and flags alone take a kernel in motion for two splats.
+    assert_eq!(size_of::<SweptSplat>(), 2 * size_of::<Splat>());
+    let (of_splat, of_swept) = (offset_of!(Splat, bounds), offset_of!(SweptSplat, bounds));
+    assert_eq!(size_of::<Splat>() - of_splat, size_of::<SweptSplat>() - of_swept);
+    let (of_splat, of_swept) = (offset_of!(Splat, flags), offset_of!(SweptSplat, flags));
+    assert_eq!(size_of::<Splat>() - of_splat, size_of::<SweptSplat>() - of_swept);
 }
 
 #[test]
@@ -129,5 +145,8 @@ fn constants_are_the_hosts() {
         format!("const DIGITS: u32 = {}u;", 1 << DIGIT_BITS),
     ] {
         assert!(bin.contains(&line), "{line}");
+    }
+    for (name, flag) in [("BACK", FLAG_BACK), ("LOW_PASS", FLAG_LOW_PASS), ("CROSSING", FLAG_CROSSING)] {
+        assert!(Program::Sweep.wgsl().contains(&format!("const FLAG_{name}: u32 = {flag}u;")), "{name}");
     }
 }

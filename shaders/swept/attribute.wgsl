@@ -1,0 +1,342 @@
+// Pass `attribute`, swept: weighted sums of the attributes of kernels in motion whose source passes the depth test.
+// Twins: src/backend/cpu/swept/attribute.rs, hull.rs.  Math: docs/math.md.
+//   in   splats, list, starts, wide   what `sweep` and `bin` made
+//        map, values
+//   out  sums      for each tile, for each channel, its pixels: weight, colour, then normal, depth, velocity where they are wanted
+//        presence  for each tile, its pixels: when kernels cover, when low-pass discs do (a bit each 32nd of the interval), and
+//                  the weights of low-pass discs beyond their kernels', or all weights where the sum is the coverage
+// One workgroup per tile, one invocation per pixel, sums in registers, in list order.
+
+@group(1) @binding(4) var<storage, read> splats: array<SweptSplat>;
+@group(1) @binding(10) var<storage, read> list: array<u32>;
+@group(1) @binding(11) var<storage, read> wide: array<u32>;
+@group(1) @binding(12) var<storage, read> starts: array<u32>;
+@group(1) @binding(19) var<storage, read> values: array<f32>;
+@group(1) @binding(20) var<storage, read_write> sums: array<f32>;
+@group(1) @binding(24) var<storage, read> map: array<vec2<f32>>;
+@group(1) @binding(25) var<storage, read_write> presence: array<u32>;
+
+// As in attribute.wgsl.
+override NORMAL: u32 = 0u;
+override DEPTH: u32 = 0u;
+override VELOCITY: u32 = 0u;
+override CHANNELS: u32 = 4u;
+override VALUES: u32 = 3u;
+// How kernels weigh.
+override FOOTPRINT: u32 = 0u;
+const TUBE: u32 = 0u;
+const ELLIPSOID: u32 = 1u;
+const CHORD: u32 = 2u;
+// Places of a kernel on one ray whose sources are looked up.
+override SOURCE_SAMPLES: u32 = 1u;
+// Keep the sum of weights instead of when kernels cover.
+override SUM: bool = false;
+
+// Slack of hulls against rounding, pixels.
+const HULL_SLACK: f32 = 1e-2;
+// As good as infinite, as a pixel.
+const FAR: f32 = 1e6;
+
+// Sums of one pixel.
+struct Sums {
+    weight: f32,
+    colour: vec3<f32>,
+    normal: vec3<f32>,
+    depth: f32,
+    velocity: vec2<f32>,
+    surface: u32,
+    low_pass: u32,
+    loose: f32,
+}
+
+@compute @workgroup_size(16, 16)
+fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) in_tile: vec3<u32>) {
+    let index = tile.y * view.tiles.x + tile.x;
+    let pixel = vec2<u32>(tile.x, view.first_tile_row + tile.y) * TILE + in_tile.xy;
+    let at = in_tile.y * TILE + in_tile.x;
+    let sum_at = index * CHANNELS * TILE_PIXELS + at;
+    let presence_at = 3u * index * TILE_PIXELS + at;
+    var sum: Sums;
+    if view.resumes != 0u {
+        sum.weight = sums[sum_at];
+        sum.colour = load(sum_at, 1u);
+        if NORMAL != 0u { sum.normal = load(sum_at, NORMAL); }
+        if DEPTH != 0u { sum.depth = sums[sum_at + DEPTH * TILE_PIXELS]; }
+        if VELOCITY != 0u {
+            sum.velocity.x = sums[sum_at + VELOCITY * TILE_PIXELS];
+            sum.velocity.y = sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS];
+        }
+        sum.surface = presence[presence_at];
+        sum.low_pass = presence[presence_at + TILE_PIXELS];
+        sum.loose = bitcast<f32>(presence[presence_at + 2u * TILE_PIXELS]);
+    }
+
+    // Two rising lists of slots, merged.
+    var next = starts[index];
+    let end = starts[index + 1u];
+    var next_wide = 0u;
+    let end_wide = starts[view.tiles.x * view.tiles.y + 1u];
+    while next < end || next_wide < end_wide {
+        var slot = 0xffffffffu;
+        if next < end {
+            slot = list[next];
+        }
+        var wide_slot = 0xffffffffu;
+        if next_wide < end_wide {
+            wide_slot = wide[next_wide];
+        }
+        if slot < wide_slot {
+            next += 1u;
+        } else {
+            slot = wide_slot;
+            next_wide += 1u;
+        }
+        add_splat(&sum, slot, pixel);
+    }
+
+    sums[sum_at] = sum.weight;
+    store(sum_at, 1u, sum.colour);
+    if NORMAL != 0u { store(sum_at, NORMAL, sum.normal); }
+    if DEPTH != 0u { sums[sum_at + DEPTH * TILE_PIXELS] = sum.depth; }
+    if VELOCITY != 0u {
+        sums[sum_at + VELOCITY * TILE_PIXELS] = sum.velocity.x;
+        sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS] = sum.velocity.y;
+    }
+    presence[presence_at] = sum.surface;
+    presence[presence_at + TILE_PIXELS] = sum.low_pass;
+    presence[presence_at + 2u * TILE_PIXELS] = bitcast<u32>(sum.loose);
+}
+
+fn load(sum_at: u32, channel: u32) -> vec3<f32> {
+    let x = sum_at + channel * TILE_PIXELS;
+    return vec3<f32>(sums[x], sums[x + TILE_PIXELS], sums[x + 2u * TILE_PIXELS]);
+}
+
+fn store(sum_at: u32, channel: u32, value: vec3<f32>) {
+    let x = sum_at + channel * TILE_PIXELS;
+    sums[x] = value.x;
+    sums[x + TILE_PIXELS] = value.y;
+    sums[x + 2u * TILE_PIXELS] = value.z;
+}
+
+fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>) {
+    let bounds = unpack(splats[slot].bounds);
+    if pixel.x < bounds.x || pixel.x > bounds.y || pixel.y < bounds.z || pixel.y > bounds.w { return; }
+    let at = vec2<f32>(pixel);
+    if !in_hull(slot, at) { return; }
+    let splat = splats[slot];
+    let ray = ray_of(splat);
+    for (var part = 0u; part < SOURCE_SAMPLES; part += 1u) {
+        let met = meet(splat, ray, part, at);
+        if !met.covers { continue; }
+        // What is hidden loses its weight. Weights become shares of the surface at the source.
+        let known = source(met.source);
+        if !(met.source_depth <= known.x) { continue; }
+        var weight = met.weight;
+        if FOOTPRINT != CHORD {
+            weight = min(weight * known.y, met.most);
+        }
+        (*sum).loose += met.loose;
+        if !SUM {
+            (*sum).surface |= met.surface;
+            (*sum).low_pass |= met.low_pass;
+        }
+        var next = slot * VALUES;
+        (*sum).weight += weight;
+        (*sum).colour += weight * vec3<f32>(values[next], values[next + 1u], values[next + 2u]);
+        next += 3u;
+        if NORMAL != 0u {
+            (*sum).normal += weight * vec3<f32>(values[next], values[next + 1u], values[next + 2u]);
+            next += 3u;
+        }
+        if DEPTH != 0u {
+            (*sum).depth += met.depth * weight;
+        }
+        if VELOCITY != 0u {
+            (*sum).velocity += weight * vec2<f32>(values[next], values[next + 1u]);
+        }
+    }
+}
+
+// Threshold and inverse density at a pixel; where nothing is known everything is visible.
+fn source(pixel: vec2<i32>) -> vec2<f32> {
+    let place = pixel - view.map_corner;
+    let tile = place >> vec2<u32>(4u);
+    let outside = (tile < vec2<i32>(0)) | (tile >= vec2<i32>(view.map_tiles));
+    if any(outside) { return vec2<f32>(NONE); }
+    let in_tile = vec2<u32>(place) % TILE;
+    return map[(u32(tile.y) * view.map_tiles.x + u32(tile.x)) * TILE_PIXELS + in_tile.y * TILE + in_tile.x];
+}
+
+// The boxes around a kernel at times between its ends are box(t) = (1 - t) box(0) + t box(1): is the pixel in one of those that
+// meet its row?
+fn in_hull(slot: u32, pixel: vec2<f32>) -> bool {
+    if (splats[slot].flags & FLAG_CROSSING) != 0u { return true; }
+    let begin = splats[slot].ends[0];
+    let end = splats[slot].ends[1];
+    // Times at which the box's first row is at most the pixel's, and its last row at least.
+    let above = cut_times(vec2<f32>(0.0, 1.0), pixel.y + HULL_SLACK - begin[2], end[2] - begin[2]);
+    let times = cut_times(above, begin[3] - (pixel.y - HULL_SLACK), begin[3] - end[3]);
+    if !(times.x <= times.y) { return false; }
+    let low = begin[0] + times * (end[0] - begin[0]);
+    let high = begin[1] + times * (end[1] - begin[1]);
+    return pixel.x >= min(low.x, low.y) - HULL_SLACK && pixel.x <= max(high.x, high.y) + HULL_SLACK;
+}
+
+// `times` at which room - t change >= 0; none if the first is larger than the last.
+fn cut_times(times: vec2<f32>, room: f32, change: f32) -> vec2<f32> {
+    if change == 0.0 { return select(vec2<f32>(1.0, 0.0), times, room >= 0.0); }
+    let at = room / change;
+    if change > 0.0 { return vec2<f32>(times.x, min(times.y, at)); }
+    return vec2<f32>(max(times.x, at), times.y);
+}
+
+// What is the same for all rays of a splat.
+struct Ray {
+    // (1 + k tau) / w is the depth at tau.
+    k: f32,
+    inverse_k: f32,
+    // The low-pass disc: its radius, its centre's motion over the centre's depth, when it is beyond `near`.
+    disc: f32,
+    drift: vec3<f32>,
+    disc_span: vec2<f32>,
+}
+
+fn ray_of(splat: SweptSplat) -> Ray {
+    let i = splat.inverse_depth;
+    let m = splat.motion;
+    var ray: Ray;
+    ray.k = i[0] * m[0] + i[1] * m[1] + i[2] * m[2];
+    ray.inverse_k = reciprocal(ray.k);
+    ray.drift = vec3<f32>(m[0], m[1], m[2]) * i[2];
+    ray.disc = select(0.0, view.low_pass, (splat.flags & FLAG_LOW_PASS) != 0u);
+    ray.disc_span = beyond_near(view.near * i[2] - 1.0, ray.drift.z, reciprocal(ray.drift.z), vec2<f32>(-1.0, 1.0));
+    return ray;
+}
+
+// What a kernel is on one ray.
+struct Met {
+    covers: bool,
+    // Of the colour: the weight, and what it may be at the most however sparse the kernels.
+    weight: f32,
+    most: f32,
+    // Of the coverage: what the low-pass disc adds, or for sums the whole weight.
+    loose: f32,
+    // Mean depth on the ray.
+    depth: f32,
+    // The pixel nearest the source point, and the depth there that is compared.
+    source: vec2<i32>,
+    source_depth: f32,
+    // When the kernel covers, and when its low-pass disc does.
+    surface: u32,
+    low_pass: u32,
+}
+
+fn meet(splat: SweptSplat, ray: Ray, part: u32, pixel: vec2<f32>) -> Met {
+    var met: Met;
+    let x = pixel.x + 0.5 - splat.reference.x;
+    let y = pixel.y + 0.5 - splat.reference.y;
+    let w = form(splat.inverse_depth, x, y);
+    let path = Path(
+        vec2<f32>(form(splat.u, x, y), form(splat.v, x, y)),
+        vec2<f32>(form(splat.u_rate, x, y), form(splat.v_rate, x, y)),
+        w,
+    );
+    let lacks = view.near * w - 1.0;
+    let tube = sweep_of(path, 0.0);
+    var span = beyond_near(lacks, ray.k, ray.inverse_k, covered(tube));
+    var body = tube;
+    var weighed = span;
+    if FOOTPRINT != TUBE {
+        body = sweep_of(path, 1.0);
+        weighed = beyond_near(lacks, ray.k, ray.inverse_k, covered(body));
+    }
+    let body_met = w > 0.0 && weighed.x < weighed.y;
+
+    // The low-pass disc: a disc of fixed size in space that faces the viewer, so that it, too, is a swept kernel.
+    let d = ray.drift;
+    let disc = Path(vec2<f32>(x, y), vec2<f32>(x * d.z - d.x, y * d.z - d.y), ray.disc);
+    var e = 0.0;
+    if FOOTPRINT != TUBE { e = 1.0; }
+    let disc_sweep = sweep_of(disc, e);
+    var disc_span = covered(disc_sweep);
+    disc_span = vec2<f32>(max(disc_span.x, ray.disc_span.x), min(disc_span.y, ray.disc_span.y));
+    let disc_met = ray.disc > 0.0 && disc_span.x < disc_span.y;
+    met.covers = body_met || disc_met;
+    if !met.covers { return met; }
+
+    weighed = cut(weighed, part);
+    span = cut(span, part);
+    disc_span = cut(disc_span, part);
+    let tau = 0.5 * (weighed.x + weighed.y);
+    let disc_tau = 0.5 * (disc_span.x + disc_span.y);
+    let time = 1.0 + view.slope * tau;
+    let disc_time = 1.0 + view.slope * disc_tau;
+    let own = weigh(body, weighed);
+    let discs = weigh(disc_sweep, disc_span);
+    let weight = select(0.0, own.x * time, body_met);
+    let disc_weight = select(0.0, discs.x * disc_time, disc_met);
+    let larger = disc_weight > weight;
+    met.weight = select(weight, disc_weight, larger);
+    met.most = select(own.y * time, discs.y * disc_time, larger);
+    if SUM {
+        met.loose = select(weight * own.z, disc_weight * discs.z, larger);
+    } else {
+        met.loose = select(0.0, disc_weight - weight, larger);
+    }
+
+    // The source point, on the splat at mid-interval; of the low-pass disc where the kernel itself is not met.
+    let depth = (1.0 + ray.k * tau) / w;
+    let m = splat.motion;
+    let source_depth = depth - m[2] * tau;
+    let over = 1.0 / source_depth;
+    let near_x = select(x + disc_tau * disc.rate.x, (depth * x - m[0] * tau) * over, body_met);
+    let near_y = select(y + disc_tau * disc.rate.y, (depth * y - m[1] * tau) * over, body_met);
+    let column = nearest_pixel(near_x + splat.reference.x - 0.5);
+    let row = nearest_pixel(near_y + splat.reference.y - 0.5);
+    let there = form(splat.inverse_depth, column + 0.5 - splat.reference.x, row + 0.5 - splat.reference.y);
+    let plane_depth = select(source_depth, 1.0 / there, there > 0.0);
+    let centre_depth = 1.0 / splat.inverse_depth[2];
+    met.source = vec2<i32>(i32(column), i32(row));
+    met.source_depth = select(centre_depth, plane_depth, body_met);
+    met.depth = select(centre_depth * (1.0 + d.z * disc_tau), depth, body_met);
+    met.surface = select(0u, moments_in(span), body_met);
+    met.low_pass = select(0u, moments_in(disc_span), disc_met);
+    return met;
+}
+
+fn form(c: array<f32, 3>, x: f32, y: f32) -> f32 {
+    return c[0] * x + (c[1] * y + c[2]);
+}
+
+// Weight over the interval, its greatest value for kernels of peak 1, and what makes it an intensity.
+fn weigh(s: Sweep, span: vec2<f32>) -> vec3<f32> {
+    if FOOTPRINT == TUBE { return vec3<f32>(tube_weight(mean_over(s, span), span), tube_weight(1.0, span), 1.0); }
+    if FOOTPRINT == ELLIPSOID {
+        return vec3<f32>(ellipsoid_weight(mean_over(s, span), span), ellipsoid_weight(1.0, span), 1.0);
+    }
+    return vec3<f32>(chord(s), 1.0, chord_intensity(s));
+}
+
+// `span` without the times at which (1 + k tau) / w is nearer than `near`; `lacks` is near w - 1.
+fn beyond_near(lacks: f32, k: f32, inverse_k: f32, span: vec2<f32>) -> vec2<f32> {
+    let at = lacks * inverse_k;
+    let limits = select(vec2<f32>(at, 1.0), vec2<f32>(-1.0, at), k < 0.0);
+    return vec2<f32>(max(span.x, limits.x), min(span.y, limits.y));
+}
+
+// 1 / v, and large but finite where that is not.
+fn reciprocal(v: f32) -> f32 {
+    return select(1e30, 1.0 / v, abs(v) > 1e-30);
+}
+
+// Part `part` of SOURCE_SAMPLES equal ones.
+fn cut(span: vec2<f32>, part: u32) -> vec2<f32> {
+    if SOURCE_SAMPLES == 1u { return span; }
+    let step = (span.y - span.x) / f32(SOURCE_SAMPLES);
+    return vec2<f32>(span.x + f32(part) * step, span.x + f32(part + 1u) * step);
+}
+
+fn nearest_pixel(index: f32) -> f32 {
+    return round(clamp(index, -FAR, FAR));
+}

@@ -1,0 +1,164 @@
+// Pass `sweep`: surfels to kernels in motion over an interval; projected, bounded and culled.
+// Twin: src/backend/cpu/swept/project.rs.  Math: docs/math.md.
+//   in   segment   the surfels and their pose at mid-interval; travels: what of it their centres have, and their motion
+//        geometry  columns of the block: positions, axes u, axes v
+//   out  splats    one a slot; unwritten where culled
+//        touched   tiles that the kernel touches; 0: culled; WIDE: more than WIDEST
+// One invocation per surfel.
+
+@group(0) @binding(1) var<uniform> segment: Segment;
+@group(1) @binding(0) var<storage, read> geometry: array<f32>;
+@group(1) @binding(4) var<storage, read_write> splats: array<SweptSplat>;
+@group(1) @binding(5) var<storage, read_write> touched: array<u32>;
+@group(1) @binding(23) var<storage, read> travels: array<Travel>;
+
+// The ellipsoid instead of the tube.
+override ELLIPSOID: bool = false;
+// Motion of the kernel over that of the surfel.
+override STRETCH: u32 = 1u;
+
+@compute @workgroup_size(256)
+fn sweep(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= segment.surfels { return; }
+    let slot = segment.first_slot + id.x;
+    touched[slot] = 0u;
+    let at = 3u * (segment.first_surfel + id.x);
+    let column = 3u * segment.block;
+    let position = vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]);
+    let centre = apply(travels[segment.index].centre, position);
+    let motion = apply(travels[segment.index].motion, position) * f32(STRETCH);
+    let at_u = at + column;
+    let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
+    let at_v = at_u + column;
+    let v = apply_linear(segment.screen, vec3<f32>(geometry[at_v], geometry[at_v + 1u], geometry[at_v + 2u]));
+    if !(all_finite(centre) && all_finite(motion) && all_finite(u) && all_finite(v)) { return; }
+
+    let reach2 = u.z * u.z + v.z * v.z;
+    let depths = vec2<f32>(centre.z - motion.z, centre.z + motion.z);
+    if max(depths.x, depths.y) + sqrt(reach2) < view.near { return; }
+    var splat: SweptSplat;
+    splat.surfel = segment.block_start + segment.first_surfel + id.x;
+    if crosses(depths.x, reach2) || crosses(depths.y, reach2) {
+        write_crossing(slot, splat, centre, motion, u, v);
+        return;
+    }
+    let inverse = 1.0 / centre.z;
+    let x = centre.x * inverse;
+    let y = centre.y * inverse;
+    let ux = u.x - x * u.z;
+    let uy = u.y - y * u.z;
+    let vx = v.x - x * v.z;
+    let vy = v.y - y * v.z;
+    let mx = motion.x - x * motion.z;
+    let my = motion.y - y * motion.z;
+    let area = ux * vy - uy * vx;
+    if !faces(area * centre.z * segment.handedness) { return; }
+    let low_pass = select(0.0, view.low_pass, centre.z >= view.near);
+    // On the screen the disc grows as it nears: in space it keeps its size.
+    let begin = box(centre - motion, u, v, low_pass * (centre.z / (centre.z - motion.z)));
+    let end = box(centre + motion, u, v, low_pass * (centre.z / (centre.z + motion.z)));
+    let reference = view.axis + vec2<f32>(x, y) - view.offset;
+    var across = vec2<f32>(min(begin.x, end.x), max(begin.y, end.y));
+    var down = vec2<f32>(min(begin.z, end.z), max(begin.w, end.w));
+    if ELLIPSOID {
+        // The dual conic T diag(1, 1, 1, -1) T^t with T = [u v motion centre], and that of the low-pass disc.
+        let disc = low_pass * centre.z;
+        let columns = volume(vec3<f32>(ux, vx, mx), vec3<f32>(u.z, v.z, motion.z), disc, centre.z, reference.x);
+        let rows = volume(vec3<f32>(uy, vy, my), vec3<f32>(u.z, v.z, motion.z), disc, centre.z, reference.y);
+        across = vec2<f32>(max(across.x, columns.x), min(across.y, columns.y));
+        down = vec2<f32>(max(down.x, rows.x), min(down.y, rows.y));
+    }
+    across = pixels_in(across, view.pixels.xy);
+    down = pixels_in(down, view.pixels.zw);
+    if !(across.x <= across.y && down.x <= down.y) { return; }
+
+    let over_area = 1.0 / area;
+    let over_both = over_area * inverse;
+    splat.reference = reference;
+    splat.inverse_depth[0] = (uy * v.z - u.z * vy) * over_both;
+    splat.inverse_depth[1] = (u.z * vx - ux * v.z) * over_both;
+    splat.inverse_depth[2] = inverse;
+    splat.u[0] = vy * over_area;
+    splat.u[1] = -vx * over_area;
+    splat.v[0] = -uy * over_area;
+    splat.v[1] = ux * over_area;
+    splat.u_rate[0] = (vy * motion.z - v.z * my) * over_both;
+    splat.u_rate[1] = (v.z * mx - vx * motion.z) * over_both;
+    splat.u_rate[2] = (vx * my - vy * mx) * over_both;
+    splat.v_rate[0] = (my * u.z - motion.z * uy) * over_both;
+    splat.v_rate[1] = (motion.z * ux - mx * u.z) * over_both;
+    splat.v_rate[2] = (mx * uy - my * ux) * over_both;
+    splat.motion = array<f32, 3>(mx, my, motion.z);
+    splat.ends = array<array<f32, 4>, 2>(
+        array<f32, 4>(begin.x, begin.y, begin.z, begin.w),
+        array<f32, 4>(end.x, end.y, end.z, end.w),
+    );
+    splat.flags = select(FLAG_BACK, 0u, area * segment.handedness < 0.0);
+    splat.flags |= select(0u, FLAG_LOW_PASS, low_pass > 0.0);
+    write(slot, splat, bounds_of(across, down));
+}
+
+fn crosses(depth: f32, reach2: f32) -> bool {
+    return depth <= 0.0 || reach2 - depth * depth > -1e-3 * depth * depth;
+}
+
+fn faces(det: f32) -> bool {
+    return det < 0.0 || ((segment.flags & 1u) != 0u && det > 0.0);
+}
+
+// A kernel that reaches the camera plane: its bounds are all that is wanted, and pixels are counted from the camera's axis.
+fn write_crossing(slot: u32, posed: SweptSplat, centre: vec3<f32>, motion: vec3<f32>, u: vec3<f32>, v: vec3<f32>) {
+    let normal = cross(u, v);
+    let det = normal.x * centre.x + normal.y * centre.y + normal.z * centre.z;
+    let turned = det * segment.handedness;
+    let over = 1.0 / det;
+    if !(faces(turned) && finite(over)) { return; }
+    var splat = posed;
+    splat.reference = view.axis - view.offset;
+    splat.inverse_depth = form(normal * over);
+    splat.u = form(cross(v, centre) * over);
+    splat.v = form(cross(centre, u) * over);
+    splat.u_rate = form(cross(v, motion) * over);
+    splat.v_rate = form(cross(motion, u) * over);
+    splat.motion = form(motion);
+    splat.flags = FLAG_CROSSING | select(FLAG_BACK, 0u, turned < 0.0);
+    write(slot, splat, vec4<u32>(view.pixels - view.corner.xxyy));
+}
+
+fn form(v: vec3<f32>) -> array<f32, 3> {
+    return array<f32, 3>(v.x, v.y, v.z);
+}
+
+fn write(slot: u32, posed: SweptSplat, bounds: vec4<u32>) {
+    var splat = posed;
+    splat.bounds = pack(bounds);
+    splats[slot] = splat;
+    touched[slot] = tiles_in(bounds);
+}
+
+// Pixel columns and rows between which the kernel and its low-pass disc lie when its centre is `centre`.
+fn box(centre: vec3<f32>, u: vec3<f32>, v: vec3<f32>, low_pass: f32) -> vec4<f32> {
+    let inverse = 1.0 / centre.z;
+    let d22 = u.z * u.z + v.z * v.z - centre.z * centre.z;
+    let inverse22 = 1.0 / d22;
+    let at = centre.xy * inverse;
+    let a = u.xy - at * u.z;
+    let b = v.xy - at * v.z;
+    let d00 = a * a + b * b;
+    let d02 = a * u.z + b * v.z;
+    let origin = view.axis + at - view.offset;
+    let columns = index_range(origin.x, extent(d00.x, d02.x, d22, inverse22, low_pass));
+    let rows = index_range(origin.y, extent(d00.y, d02.y, d22, inverse22, low_pass));
+    return vec4<f32>(columns, rows);
+}
+
+// Pixels along one axis between which the ellipsoid and the disc's own lie; `along`: that axis of u, v and motion, `z`: depth.
+fn volume(along: vec3<f32>, z: vec3<f32>, disc: f32, depth: f32, reference: f32) -> vec2<f32> {
+    let d22 = z.x * z.x + z.y * z.y + z.z * z.z - depth * depth;
+    let disc22 = z.z * z.z - depth * depth;
+    let d00 = along.x * along.x + along.y * along.y + along.z * along.z;
+    let d02 = along.x * z.x + along.y * z.y + along.z * z.z;
+    let body = extent(d00, d02, d22, 1.0 / d22, 0.0);
+    let wide = extent(disc * disc + along.z * along.z, along.z * z.z, disc22, 1.0 / disc22, 0.0);
+    return index_range(reference, vec2<f32>(min(body.x, wide.x), max(body.y, wide.y)));
+}

@@ -1,0 +1,79 @@
+// Pass `resolve`, swept: when kernels cover becomes coverage; colours that are normalised once are pooled.
+// Twin: src/backend/cpu/swept/resolve.rs.
+//   in   sums, presence, lights; moments: share of the exposure of each 32nd of the interval
+//   out  film
+// `swept_resolve` adds a group as `resolve` does, `pool` its sums as they are; `finish` comes once, after all groups.
+// One invocation per pixel.
+
+@group(1) @binding(25) var<storage, read> presence: array<u32>;
+@group(1) @binding(26) var<storage, read> moments: array<f32>;
+
+// Coverage is the sum of weights.
+override SUM: bool = false;
+// Plane of the sum of weights; that of alpha where there is none.
+override WEIGHT_PLANE: u32 = 3u;
+
+// The share of the exposure that a pixel is covered for.
+fn coverage(index: u32, in_tile: u32) -> f32 {
+    let at = 3u * index * TILE_PIXELS + in_tile;
+    var loose = view.weight * bitcast<f32>(presence[at + 2u * TILE_PIXELS]);
+    if SUM { return loose; }
+    let surface = presence[at];
+    if surface == 0xffffffffu { return view.weight; }
+    let others = presence[at + TILE_PIXELS] & ~surface;
+    var covers = 0.0;
+    var reached = 0.0;
+    for (var i = 0u; i < 32u; i += 1u) {
+        covers += select(0.0, moments[i], ((surface >> i) & 1u) != 0u);
+        reached += select(0.0, moments[i], ((others >> i) & 1u) != 0u);
+    }
+    // Where only low-pass discs reach, the sum of their weights is the coverage, up to the time for which they do.
+    return covers + min(loose, reached);
+}
+
+@compute @workgroup_size(16, 16)
+fn swept_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {
+    let index = tile.y * view.tiles.x + tile.x;
+    let in_tile = pixel.y * TILE + pixel.x;
+    if !(sums[index * CHANNELS * TILE_PIXELS + in_tile] > 0.0) { return; }
+    add_pixel(index, tile.xy, pixel.xy, coverage(index, in_tile));
+}
+
+@compute @workgroup_size(16, 16)
+fn pool(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {
+    let index = tile.y * view.tiles.x + tile.x;
+    let in_tile = pixel.y * TILE + pixel.x;
+    let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
+    let at = index * PLANES * TILE_PIXELS + in_tile;
+    let weight = view.weight;
+    film[at + WEIGHT_PLANE * TILE_PIXELS] += weight * sums[sum_at];
+    add(at, mean(sum_at, 1u, 1.0), weight);
+    film[at + 3u * TILE_PIXELS] += coverage(index, in_tile);
+    if DEPTH_PLANE != 0u {
+        film[at + DEPTH_PLANE * TILE_PIXELS] += weight * sums[sum_at + DEPTH * TILE_PIXELS];
+    }
+    if NORMAL_PLANE != 0u {
+        add(at + NORMAL_PLANE * TILE_PIXELS, mean(sum_at, NORMAL, 1.0), weight);
+    }
+    if VELOCITY_PLANE != 0u {
+        let x = at + VELOCITY_PLANE * TILE_PIXELS;
+        film[x] += weight * sums[sum_at + VELOCITY * TILE_PIXELS];
+        film[x + TILE_PIXELS] += weight * sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS];
+    }
+}
+
+// Clamps coverage, and divides the other planes by the sum of weights.
+@compute @workgroup_size(16, 16)
+fn finish(
+    @builtin(workgroup_id) tile: vec3<u32>, @builtin(num_workgroups) tiles: vec3<u32>,
+    @builtin(local_invocation_id) pixel: vec3<u32>,
+) {
+    let at = (tile.y * tiles.x + tile.x) * PLANES * TILE_PIXELS + pixel.y * TILE + pixel.x;
+    let alpha = min(film[at + 3u * TILE_PIXELS], 1.0);
+    let total = film[at + WEIGHT_PLANE * TILE_PIXELS];
+    let scale = select(0.0, alpha / total, total > 0.0);
+    for (var plane = 0u; plane < PLANES; plane += 1u) {
+        film[at + plane * TILE_PIXELS] *= scale;
+    }
+    film[at + 3u * TILE_PIXELS] = alpha;
+}

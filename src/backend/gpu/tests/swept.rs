@@ -1,0 +1,398 @@
+//! Kernels in motion: parity with the CPU, pass by pass, slot by slot, each pass fed the CPU's results of the passes before it; broken
+//! programs; small buffers; whole images.
+
+use bytemuck::Pod;
+
+use super::cases::{self, Case};
+use super::gpu_or_skip;
+use super::harness::{Harness, NONE, PIXELS, WIDE};
+use super::parity::{Tally, largest};
+use crate::backend::cpu::Cpu;
+use crate::backend::cpu::swept_twins::{Of, SweptSums, SweptTwins};
+use crate::backend::gpu::Gpu;
+use crate::backend::gpu::layout::{TILE, WIDEST};
+use crate::backend::gpu::programs::{Pipelines, Program};
+use crate::film::Picture;
+use crate::frame::Frame;
+use crate::layout::{Splat, SweptSplat};
+use crate::plan::Pass;
+use crate::render::render_frame;
+
+/// What a slot may hold.
+trait Slotted: Pod {
+    fn bounds(&self) -> [u16; 4];
+    fn surfel(&self) -> u32;
+    /// What must be the same, and floats, each with the size that its rounding goes by.
+    fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>);
+}
+
+impl Slotted for Splat {
+    fn bounds(&self) -> [u16; 4] {
+        self.bounds
+    }
+    fn surfel(&self) -> u32 {
+        self.surfel
+    }
+    fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
+        let Self { reference, inverse_depth, u, v, centre_depth, .. } = *self;
+        let floats = vec![reference.to_vec(), inverse_depth.to_vec(), u.to_vec(), v.to_vec(), vec![centre_depth]];
+        ([self.surfel, self.flags], floats.into_iter().map(|part| (part.clone(), largest(&part))).collect())
+    }
+}
+
+impl Slotted for SweptSplat {
+    fn bounds(&self) -> [u16; 4] {
+        self.bounds
+    }
+    fn surfel(&self) -> u32 {
+        self.surfel
+    }
+    fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
+        let Self { reference, inverse_depth, u, v, u_rate, v_rate, motion, ends, .. } = *self;
+        // Rates are differences of products of what the forms are made of.
+        let rate = largest(&u).max(largest(&v)).max(1.0) * largest(&motion).max(1.0);
+        let mut floats = vec![
+            (reference.to_vec(), largest(&reference)),
+            (inverse_depth.to_vec(), largest(&inverse_depth)),
+            (u.to_vec(), largest(&u)),
+            (v.to_vec(), largest(&v)),
+            (u_rate.to_vec(), largest(&u_rate).max(rate)),
+            (v_rate.to_vec(), largest(&v_rate).max(rate)),
+            (motion.to_vec(), largest(&motion)),
+        ];
+        floats.extend(ends.map(|end| (end.to_vec(), largest(&end))));
+        ([self.surfel, self.flags], floats)
+    }
+}
+
+/// The CPU's splats by slot, and their lists.
+struct Slots<S> {
+    splats: Vec<Option<S>>,
+    touched: Vec<u32>,
+    starts: Vec<u32>,
+    list: Vec<u32>,
+    wide: Vec<u32>,
+}
+
+impl<S: Slotted> Slots<S> {
+    /// `finish`: what the device adds, given the segment.
+    fn new(harness: &Harness<'_>, of: &[Of<S>], tiles: &[[usize; 2]], finish: impl Fn(&S, u32) -> S) -> Self {
+        let slots = harness.wave.slots as usize;
+        let mut splats = vec![None; slots];
+        for (segment, object, _) in &harness.wave.segments {
+            let first = segment.block_start + segment.first_surfel;
+            let of = of.iter().find(|of| of.object == *object).unwrap();
+            for splat in of.splats.iter().filter(|s| (first..first + segment.surfels).contains(&s.surfel())) {
+                splats[(segment.first_slot + splat.surfel() - first) as usize] = Some(finish(splat, segment.index));
+            }
+        }
+        let tiles_of = |splat: &S| splat.bounds().map(|pixel| u32::from(pixel) / TILE);
+        let count = |splat: &Option<S>| {
+            let count = splat.as_ref().map_or(0, |splat| {
+                let [x0, x1, y0, y1] = tiles_of(splat);
+                (x1 + 1 - x0) * (y1 + 1 - y0)
+            });
+            if count > WIDEST { WIDE } else { count }
+        };
+        let touched: Vec<u32> = splats.iter().map(count).collect();
+        let wide: Vec<u32> = (0..slots as u32).filter(|&slot| touched[slot as usize] == WIDE).collect();
+        let (mut starts, mut list) = (Vec::new(), Vec::new());
+        for &[x, y] in tiles {
+            starts.push(list.len() as u32);
+            list.extend((0..slots as u32).filter(|&slot| {
+                touched[slot as usize] != WIDE
+                    && splats[slot as usize].as_ref().is_some_and(|splat| {
+                        let [x0, x1, y0, y1] = tiles_of(splat).map(|i| i as usize);
+                        (x0..=x1).contains(&x) && (y0..=y1).contains(&y)
+                    })
+            }));
+        }
+        starts.extend([list.len() as u32, wide.len() as u32]);
+        Self { splats, touched, starts, list, wide }
+    }
+
+    /// Writes splats and lists.
+    fn feed(&self, harness: &Harness<'_>) {
+        let buffers = &harness.gpu.machine.buffers;
+        let splats: Vec<S> = self.splats.iter().map(|splat| splat.unwrap_or(S::zeroed())).collect();
+        harness.write(&buffers.splats, &splats);
+        harness.write(&buffers.touched, &self.touched);
+        harness.write(&buffers.starts, &self.starts);
+        harness.write(&buffers.lists[0], &self.list);
+        harness.write(&buffers.wide, &self.wide);
+    }
+
+    fn compare_splats(&self, harness: &Harness<'_>) -> Result<(), String> {
+        let buffers = &harness.gpu.machine.buffers;
+        let touched: Vec<u32> = harness.read(&buffers.touched, self.touched.len());
+        let splats: Vec<S> = harness.read(&buffers.splats, self.splats.len());
+        let mut tally = Tally::default();
+        for (slot, (want, got)) in self.splats.iter().zip(&splats).enumerate() {
+            if touched[slot] != self.touched[slot] {
+                tally.count += 1;
+                tally.otherwise(|| format!("slot {slot}: {} tiles, not {}", touched[slot], self.touched[slot]));
+                continue;
+            }
+            let Some(want) = want else { continue };
+            let ((got_same, got_floats), (same, floats)) = (got.parts(), want.parts());
+            if got_same != same {
+                return Err(format!("slot {slot}: {got_same:?}, not {same:?}"));
+            }
+            if got.bounds() != want.bounds() {
+                tally.otherwise(|| format!("slot {slot}: bounds {:?}, not {:?}", got.bounds(), want.bounds()));
+            }
+            for (part, ((got, _), (want, scale))) in got_floats.iter().zip(&floats).enumerate() {
+                tally.floats(got, want, *scale, || format!("slot {slot}, part {part}"));
+            }
+        }
+        tally.check("splats")
+    }
+
+    fn compare_lists(&self, harness: &Harness<'_>) -> Result<(), String> {
+        let buffers = &harness.gpu.machine.buffers;
+        let same = |what: &str, got: Vec<u32>, want: &[u32]| {
+            if got == want { Ok(()) } else { Err(format!("{what}: {got:?}, not {want:?}")) }
+        };
+        same("starts", harness.read(&buffers.starts, self.starts.len()), &self.starts)?;
+        same("list", harness.read(&buffers.lists[0], self.list.len()), &self.list)?;
+        same("wide", harness.read(&buffers.wide, self.wide.len()), &self.wide)
+    }
+}
+
+fn flat<T: Copy>(tiles: &[Vec<T>]) -> Vec<T> {
+    tiles.iter().flatten().copied().collect()
+}
+
+/// Single values in the order in which the device has them.
+fn compare(what: &str, got: &[f32], want: &[f32], scale: impl Fn(usize) -> f32) -> Result<(), String> {
+    assert_eq!(got.len(), want.len(), "{what}");
+    let mut tally = Tally::default();
+    for (i, (got, want)) in got.iter().zip(want).enumerate() {
+        let want = want.min(NONE);
+        tally.floats(&[*got], &[want], scale(i).max(want.abs()), || format!("{i}"));
+    }
+    tally.check(what)
+}
+
+fn tiles(size: [u32; 2]) -> Vec<[usize; 2]> {
+    let [x, y] = size.map(|n| n as usize);
+    (0..x * y).map(|i| [i % x, i / x]).collect()
+}
+
+/// Spoils what passes write.
+fn spoil(harness: &Harness<'_>) {
+    let buffers = &harness.gpu.machine.buffers;
+    let mut encoder = harness.gpu.machine.encoder();
+    let spoilt = [&buffers.splats, &buffers.touched, &buffers.starts, &buffers.thresholds, &buffers.sums, &buffers.map];
+    for buffer in spoilt.into_iter().chain([&buffers.presence, &buffers.film]) {
+        encoder.clear_buffer(buffer, 0, None);
+    }
+    harness.gpu.machine.device.queue.submit([encoder.finish()]);
+}
+
+/// All passes of the first group of a case; the first that differs.
+fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
+    let frame = Frame::new(&case.scene, 0, &case.options);
+    let Some(mut harness) = Harness::new(gpu, &frame) else { return Ok(()) };
+    let (group, kernel) = (&frame.groups[0], frame.swept.unwrap());
+    let twins = SweptTwins { frame: &frame, group, kernel, edge: TILE as usize };
+    let raster = harness.execution.schedule.rasters[0];
+    let band = harness.execution.schedule.bands(0).next().unwrap();
+    let around = raster.area(band).guarded(group.interval.unwrap().guard);
+    let (on_map, on_band) = (tiles(around.tiles), tiles(raster.tiles));
+    let passes = || frame.passes.iter().copied();
+    let failed = |pass: Pass| move |what: String| format!("{}: {pass:?}: {what}", case.name);
+
+    let still = twins.project();
+    let slots =
+        Slots::new(&harness, &still, &on_map, |splat, segment| Splat { flags: splat.flags | segment << 1, ..*splat });
+    spoil(&harness);
+    harness.run_on(Pass::Project, true);
+    slots.compare_splats(&harness).map_err(failed(Pass::Project))?;
+    slots.feed(&harness);
+    harness.run_on(Pass::Bin, true);
+    slots.compare_lists(&harness).map_err(failed(Pass::Bin))?;
+
+    let thresholds: Vec<_> = on_map.iter().map(|&tile| twins.visibility(&still, tile)).collect();
+    let count = on_map.len() * PIXELS;
+    slots.feed(&harness);
+    harness.run_on(Pass::Visibility, true);
+    let got: Vec<f32> = harness.read(&harness.gpu.machine.buffers.thresholds, count);
+    compare("thresholds", &got, &flat(&thresholds), |_| 1.0).map_err(failed(Pass::Visibility))?;
+
+    let finite: Vec<f32> = thresholds.iter().flatten().map(|t| t.min(NONE)).collect();
+    harness.write(&harness.gpu.machine.buffers.thresholds, &finite);
+    let mut density = vec![Vec::new(); on_map.len()];
+    if passes().any(|pass| pass == Pass::Density) {
+        density = on_map.iter().zip(&thresholds).map(|(&tile, t)| twins.density(&still, tile, t)).collect();
+        harness.run_on(Pass::Density, true);
+        let got: Vec<f32> = harness.read(&harness.gpu.machine.buffers.sums, count);
+        compare("density", &got, &flat(&density), |_| 1.0).map_err(failed(Pass::Density))?;
+        harness.write(&harness.gpu.machine.buffers.sums, &flat(&density));
+    }
+    let kept: Vec<_> =
+        on_map.iter().zip(thresholds.iter().zip(&density)).map(|(&tile, (t, d))| twins.keep(tile, t, d)).collect();
+    harness.run_on(Pass::Keep, true);
+    let got: Vec<[f32; 2]> = harness.read(&harness.gpu.machine.buffers.map, count);
+    // Beyond the guard band there is nothing to keep on the CPU; sources do not lie there.
+    let [width, height] = [around.pixels[1] + 1 - around.pixels[0], around.pixels[3] + 1 - around.pixels[2]];
+    let inside = |i: usize| {
+        let (tile, pixel) = (on_map[i / PIXELS], i % PIXELS);
+        let edge = TILE as usize;
+        tile[0] * edge + pixel % edge < width as usize && tile[1] * edge + pixel / edge < height as usize
+    };
+    let some = |values: &[[f32; 2]]| -> Vec<f32> {
+        values.iter().enumerate().filter(|(i, _)| inside(*i)).flat_map(|(_, value)| *value).collect()
+    };
+    compare("map", &some(&got), &some(&flat(&kept)), |_| 1.0).map_err(failed(Pass::Keep))?;
+
+    let moving = twins.sweep();
+    let slots = Slots::new(&harness, &moving, &on_band, |splat, _| *splat);
+    harness.run(Pass::Sweep);
+    slots.compare_splats(&harness).map_err(failed(Pass::Sweep))?;
+    slots.compare_lists(&harness).map_err(failed(Pass::Sweep))?;
+
+    let map = twins.map(&kept, around.tiles[0] as usize);
+    let sums: Vec<_> = on_band.iter().map(|&tile| twins.attribute(&moving, tile, &map)).collect();
+    slots.feed(&harness);
+    let fed: Vec<[f32; 2]> = flat(&kept).into_iter().map(|value| value.map(|v| v.min(NONE))).collect();
+    harness.write(&harness.gpu.machine.buffers.map, &fed);
+    harness.run(Pass::SweptAttribute);
+    compare_sums(&harness, &sums).map_err(failed(Pass::SweptAttribute))?;
+
+    let buffers = &harness.gpu.machine.buffers;
+    harness.write(&buffers.sums, &sums.iter().flat_map(|sums| flat(&sums.channels)).collect::<Vec<_>>());
+    harness.write(&buffers.presence, &sums.iter().flat_map(presence).flatten().collect::<Vec<u32>>());
+    harness.run(Pass::SweptResolve);
+    let want: Vec<_> = on_band.iter().zip(&sums).flat_map(|(&tile, sums)| twins.resolve(tile, sums)).collect();
+    let got: Vec<f32> = harness.read(&harness.gpu.machine.buffers.film, want.len() * PIXELS);
+    compare("film", &got, &flat(&want), |_| 1.0).map_err(failed(Pass::SweptResolve))
+}
+
+fn presence(sums: &SweptSums) -> [Vec<u32>; 3] {
+    [sums.surface.clone(), sums.low_pass.clone(), sums.loose.iter().map(|v| v.to_bits()).collect()]
+}
+
+fn compare_sums(harness: &Harness<'_>, want: &[SweptSums]) -> Result<(), String> {
+    let buffers = &harness.gpu.machine.buffers;
+    let channels = harness.execution.channels.count;
+    let got: Vec<f32> = harness.read(&buffers.sums, want.len() * channels * PIXELS);
+    let values: Vec<f32> = want.iter().flat_map(|sums| flat(&sums.channels)).collect();
+    // A sum's rounding goes with the sum of the weights.
+    let weight = |i: usize| want[i / (channels * PIXELS)].channels[0][i % PIXELS];
+    compare("sums", &got, &values, weight)?;
+    let got: Vec<u32> = harness.read(&buffers.presence, want.len() * 3 * PIXELS);
+    let bits: Vec<u32> = want.iter().flat_map(presence).flatten().collect();
+    let (mut times, mut loose) = (Tally::default(), Tally::default());
+    for (i, (&got, &want)) in got.iter().zip(&bits).enumerate() {
+        if i / PIXELS % 3 == 2 {
+            let [got, want] = [got, want].map(f32::from_bits);
+            loose.floats(&[got], &[want], want.abs(), || format!("{i}"));
+        } else {
+            times.count += 1;
+            if got != want {
+                times.otherwise(|| format!("{i}: {got:032b}, not {want:032b}"));
+            }
+        }
+    }
+    times.check("presence")?;
+    loose.check("loose weights")
+}
+
+#[test]
+fn swept_passes_agree() {
+    let Some(mut gpu) = gpu_or_skip("swept_passes_agree") else { return };
+    for case in cases::swept() {
+        eprintln!("{}:", case.name);
+        check(&mut gpu, &case).unwrap_or_else(|what| panic!("{what}"));
+    }
+}
+
+/// Text of a program, what replaces it, and a case that must notice.
+static MUTANTS: [([(&str, &str); 1], &str); 20] = [
+    ([("apply(travels[segment.index].motion, position)", "-apply(travels[segment.index].motion, position)")], "tube"),
+    ([("(vx * my - vy * mx) * over_both", "(vx * my + vy * mx) * over_both")], "tube"),
+    ([("max(begin.y, end.y)", "begin.y")], "fast"),
+    ([("min(across.y, columns.y)", "across.y")], "ellipsoid"),
+    ([("f32(STRETCH)", "1.0")], "published"),
+    ([("form(cross(motion, u) * over)", "form(cross(u, motion) * over)")], "hard"),
+    ([("SPLATS * slot + SPLATS - 1u", "SPLATS * slot")], "tube"),
+    ([("vec2<u32>(column, row)) + view.corner", "vec2<u32>(column, row))")], "tube"),
+    ([("1.0 / sums[at], sums[at] > 0.0", "1.0, sums[at] > 0.0")], "tube"),
+    ([("pixel - view.map_corner", "pixel")], "fast"),
+    ([("let y = a * a - 1.0", "let y = a * b - 1.0")], "tube"),
+    ([("0.00005102865", "0.00006102865")], "fast"),
+    ([("cross * cross + e", "e")], "tube"),
+    ([("below(span.y) & ~below(span.x)", "below(span.y)")], "fast"),
+    ([("depth - m[2] * tau", "depth")], "fast"),
+    ([("1.0 + view.slope * tau", "1.0")], "fast"),
+    ([("min(weight * known.y, met.most)", "weight * known.y")], "fast"),
+    ([("f32(part + 1u) * step", "f32(part) * step")], "parts"),
+    ([("presence[at + TILE_PIXELS] & ~surface", "presence[at + TILE_PIXELS]")], "fast"),
+    ([("covers + min(loose, reached)", "covers + reached")], "fast"),
+];
+
+#[test]
+fn broken_swept_programs_are_noticed() {
+    let Some(mut gpu) = gpu_or_skip("broken_swept_programs_are_noticed") else { return };
+    let cases = cases::swept();
+    let mut unnoticed = Vec::new();
+    for (pair, name) in &MUTANTS {
+        let [(from, to)] = pair;
+        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
+        let case = cases.iter().find(|case| case.name == *name).unwrap();
+        gpu.machine.pipelines = Pipelines::with(pair);
+        match check(&mut gpu, case) {
+            Ok(()) => unnoticed.push(format!("`{from}` became `{to}`")),
+            Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
+        }
+    }
+    assert!(unnoticed.is_empty(), "nothing was noticed: {unnoticed:#?}");
+}
+
+fn values(picture: &Picture) -> Vec<f32> {
+    let layers = picture.layers.iter().flat_map(|layer| layer.planes.iter().flatten());
+    picture.rgba.iter().flatten().chain(layers).copied().collect()
+}
+
+/// Whole images. On the software device pixels differ by rounding alone, but where a rounded value decides.
+#[test]
+fn swept_images_look_the_same() {
+    let Some(mut gpu) = gpu_or_skip("swept_images_look_the_same") else { return };
+    for case in cases::swept() {
+        let render = |gpu: bool, machine: &mut Gpu| {
+            let mut cpu = Cpu::default();
+            let rendered = if gpu {
+                render_frame(machine, &case.scene, 0, &case.options)
+            } else {
+                render_frame(&mut cpu, &case.scene, 0, &case.options)
+            };
+            rendered.unwrap_or_else(|e| panic!("{e}")).picture
+        };
+        let (got, want) = (render(true, &mut gpu), render(false, &mut gpu));
+        let (got, want) = (values(&got), values(&want));
+        let scale = want.iter().copied().filter(|v| v.is_finite()).fold(1.0_f32, |a, b| a.max(b.abs()));
+        let difference = |(g, w): (&f32, &f32)| if g == w { 0.0 } else { (g - w).abs() / scale };
+        let differences: Vec<f32> = got.iter().zip(&want).map(difference).collect();
+        let worst = differences.iter().copied().fold(0.0, f32::max);
+        let differing = differences.iter().filter(|&&d| d >= 1e-4 || d.is_nan()).count();
+        let covered = want.iter().filter(|&&v| v != 0.0 && v.is_finite()).count();
+        eprintln!("{}: worst {worst:.1e}, {differing} of {} values differ, {covered} not 0", case.name, want.len());
+        assert!(differing as f64 <= 1e-3 * want.len() as f64, "{}: {differing} values differ", case.name);
+        assert!(covered > 0, "{}: nothing to compare", case.name);
+    }
+}
+
+#[test]
+fn small_buffers_change_no_swept_image() {
+    let open = || gpu_or_skip("small_buffers_change_no_swept_image");
+    let (Some(mut roomy), Some(mut waves), Some(mut bands)) = (open(), open(), open()) else { return };
+    (waves.most_slots, bands.most_bytes) = (100, 256 << 10);
+    for case in cases::swept() {
+        let picture =
+            |gpu: &mut Gpu| render_frame(gpu, &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}")).picture;
+        let want = picture(&mut roomy);
+        assert_eq!(picture(&mut waves), want, "{}: waves of 100", case.name);
+        assert_eq!(picture(&mut bands), want, "{}: small bindings", case.name);
+    }
+}
