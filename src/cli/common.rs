@@ -172,7 +172,6 @@ pub(super) struct Ready {
     pub(super) notes: Vec<String>,
     pub(super) frames: Frames,
     pub(super) format: Format,
-    pub(super) pool: rayon::ThreadPool,
 }
 
 impl Images {
@@ -232,7 +231,8 @@ impl Surfaces {
 }
 
 impl Running {
-    fn pool(&self) -> anyhow::Result<rayon::ThreadPool> {
+    /// The threads that everything runs on.
+    pub(super) fn pool(&self) -> anyhow::Result<rayon::ThreadPool> {
         // 0: as many as there are cores.
         let threads = self.threads.map_or(0, usize::from);
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start the threads")
@@ -240,12 +240,16 @@ impl Running {
 }
 
 impl Ready {
-    /// Checks the options, starts the threads, reads the scene, says its notes, and lets the options replace what it says.
-    pub(super) fn new(images: &Images, exposure: &Exposure, running: &Running) -> anyhow::Result<Self> {
+    /// Checks the options, reads the scene with the threads of `pool`, says its notes, and lets the options replace what it says.
+    pub(super) fn new(
+        images: &Images,
+        exposure: &Exposure,
+        running: &Running,
+        pool: &rayon::ThreadPool,
+    ) -> anyhow::Result<Self> {
         let format = images.format()?;
-        let pool = running.pool()?;
         let restrict = running.restrict.as_deref();
-        let Loaded { mut scene, notes } = load_scene(&images.scene, running.lenient, restrict, running.quiet, &pool)?;
+        let Loaded { mut scene, notes } = load_scene(&images.scene, running.lenient, restrict, running.quiet, pool)?;
         if !running.quiet {
             for note in &notes {
                 say(&format!("note: {note}"));
@@ -260,7 +264,7 @@ impl Ready {
         let of_scene = Frames { first: scene.frames.first, last: scene.frames.last };
         let frames = images.frames.map_or_else(|| grammar::check_range(of_scene), Ok);
         let frames = frames.map_err(anyhow::Error::msg).context("frames of the scene")?;
-        Ok(Self { scene, notes, frames, format, pool })
+        Ok(Self { scene, notes, frames, format })
     }
 }
 

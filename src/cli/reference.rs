@@ -124,7 +124,8 @@ struct FrameReport {
 impl Reference {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let options = self.options()?;
-        let Ready { scene, notes, frames, format, pool } = Ready::new(&self.images, &self.exposure, &self.running)?;
+        let pool = self.running.pool()?;
+        let Ready { scene, notes, frames, format } = Ready::new(&self.images, &self.exposure, &self.running, &pool)?;
         if let Some(pixel) = self.pixel {
             let probe = pool.install(|| reference::probe(&scene, frames.first, &options, pixel, self.sample))?;
             return print(&probe.to_string());

@@ -156,9 +156,11 @@ impl Render {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let start = Instant::now();
         let options = self.options()?;
-        let Ready { scene, notes, frames, format, pool } = Ready::new(&self.images, &self.exposure, &self.running)?;
+        let pool = self.running.pool()?;
+        // Before the scene, which may take long to load.
         let machine = Machine::open(self.backend, self.adapter.as_deref(), pool.current_num_threads())?;
         let Machine { mut backend, name: backend_name, place } = machine;
+        let Ready { scene, notes, frames, format } = Ready::new(&self.images, &self.exposure, &self.running, &pool)?;
         let load_seconds = start.elapsed().as_secs_f64();
         let settings = Settings::new(&scene, &self.images.scene, &options, format, backend_name)?;
 
