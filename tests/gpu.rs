@@ -122,6 +122,21 @@ fn too_little_memory_is_an_error() {
     assert!(error.contains("--memory"), "{error}");
 }
 
+/// Software devices end loops early: all splats of a model may lie in one tile.
+#[test]
+fn a_tile_holds_more_splats_than_a_loop_has_turns() {
+    let Some(mut gpu) = gpu_or_skip("a_tile_holds_more_splats_than_a_loop_has_turns") else { return };
+    let scene = sphere_scene(300_000, 16, false);
+    let options = RenderOptions { mode: BlurMode::Still { pixel_samples: 1 }, ..RenderOptions::default() };
+    let cpu = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap();
+    let picture = render_frame(&mut gpu, &scene, 0, &options).unwrap().picture;
+    assert!(cpu.stats.splats > 70_000, "{}", cpu.stats.splats);
+    let pairs = picture.rgba.iter().flatten().zip(cpu.picture.rgba.iter().flatten());
+    let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    // Sums of some thousand weights.
+    assert!(worst < 1e-3, "{worst}");
+}
+
 fn splatblur(arguments: &[&str], environment: &[(&str, &str)]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_splatblur"))
         .args(arguments)

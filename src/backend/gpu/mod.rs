@@ -57,6 +57,10 @@ struct Machine {
     buffers: Buffers,
 }
 
+/// Most slots of a wave on a software device: Mesa's llvmpipe silently ends a shader's loops after 65,535 iterations in all, and
+/// the list of one tile may hold every slot of a wave.
+const SOFTWARE_SLOTS: u64 = 60_000;
+
 impl Gpu {
     /// Opens the best of the adapters that are wanted.
     ///
@@ -66,12 +70,13 @@ impl Gpu {
         let device = Device::open(choice)?;
         let buffers = Buffers::new(&device)?;
         device.check()?;
+        let software = device.adapter.device_type == wgpu::DeviceType::Cpu;
         Ok(Self {
             most_bytes: device.most_bytes(),
             machine: Machine { device, pipelines: Pipelines::default(), models: Models::default(), buffers },
             flights: VecDeque::new(),
             landings: Vec::new(),
-            most_slots: u64::MAX,
+            most_slots: if software { SOFTWARE_SLOTS } else { u64::MAX },
             most_entries: u64::MAX,
             first_entries: u64::MAX,
             wanted_entries: 0,
