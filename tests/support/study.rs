@@ -40,7 +40,7 @@ fn pair(a: Object, b: Object, name: &str) -> Scene {
 }
 
 // The contrast decides how large FLIP is; with these colours plain supersampling has the error of the prototype that the
-// project was planned with, to 7 % (docs/modes.md).
+// project was planned with, to 12 % (docs/modes.md).
 
 fn red() -> Surfels {
     ball([Vec3::new(0.85, 0.35, 0.25), Vec3::new(0.3, 0.1, 0.07)])
