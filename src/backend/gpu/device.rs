@@ -90,9 +90,17 @@ fn report(adapter: &Adapter) -> AdapterReport {
     }
 }
 
+/// Can there be a hardware GPU at all? On Linux each comes with a device node: that is seen without waking the Vulkan loader and
+/// its software drivers, which takes time and on a machine without a display prints lines of its own.
+fn has_device_node() -> bool {
+    const NODES: [&str; 6] =
+        ["/dev/dri", "/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0", "/dev/nvhost-ctrl"];
+    !cfg!(target_os = "linux") || NODES.iter().any(|node| std::path::Path::new(node).exists())
+}
+
 /// The best of the adapters that are wanted: discrete before integrated before virtual before software.
 fn choose(choice: &Choice) -> Result<Adapter, BackendError> {
-    let mut found = all();
+    let mut found = if choice.hardware_only && !has_device_node() { Vec::new() } else { all() };
     let names = found.iter().map(|adapter| adapter.get_info().name).collect::<Vec<_>>();
     if let Some(name) = &choice.name {
         found.retain(|adapter| adapter.get_info().name.to_lowercase().contains(&name.to_lowercase()));
