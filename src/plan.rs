@@ -320,6 +320,14 @@ impl BlurMode {
         Self::Supersample { samples, interleave: Interleave::None }
     }
 
+    /// What kernels sweep, where they do.
+    pub const fn swept(self) -> Option<SweptKernel> {
+        match self {
+            Self::Volumetric { swept, .. } => Some(swept),
+            Self::Still { .. } | Self::Supersample { .. } | Self::Bucket { .. } => None,
+        }
+    }
+
     /// Passes of one group, in order. The only place that knows the order.
     pub const fn passes(self) -> &'static [Pass] {
         use Pass::{Attribute, Bin, Density, Keep, Project, Resolve, Sweep, SweptAttribute, SweptResolve, Visibility};
