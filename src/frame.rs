@@ -47,6 +47,32 @@ pub struct Frame<'a> {
     pub objects: Vec<FrameObject<'a>>,
     /// Groups in the order in which they are added to the film; those of one raster stand together.
     pub groups: Vec<PosedGroup>,
+    /// The parts of the image that are rendered; the others stay empty. `None`: all.
+    pub wanted: Option<Blocks>,
+}
+
+/// Blocks of [`Blocks::EDGE`] x [`Blocks::EDGE`] raster pixels, the same of every raster: true where wanted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Blocks {
+    /// Blocks in a row.
+    pub width: usize,
+    /// Row by row.
+    pub wanted: Vec<bool>,
+}
+
+impl Blocks {
+    /// Raster pixels along the edge of a block.
+    pub const EDGE: usize = 32;
+
+    /// Blocks in a row and rows of them, for an image of `size` pixels whose rasters take every `stride`-th.
+    pub fn count(size: [u32; 2], stride: u32) -> [usize; 2] {
+        size.map(|pixels| (pixels.div_ceil(stride) as usize).div_ceil(Self::EDGE))
+    }
+
+    /// Is the block in column `x` and row `y` wanted? Those beyond the image are not.
+    pub fn at(&self, x: usize, y: usize) -> bool {
+        x < self.width && self.wanted.get(y * self.width + x).is_some_and(|&wanted| wanted)
+    }
 }
 
 /// The pixels that a group is rendered for, as an image of their own: every `Frame::stride`-th pixel of the frame's image.
@@ -227,6 +253,7 @@ impl<'a> Frame<'a> {
                 .map(|(object, still)| frame_object(object, options, still))
                 .collect(),
             groups,
+            wanted: None,
         }
     }
 }

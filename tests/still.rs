@@ -8,7 +8,7 @@ use glam::DVec3;
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
-use splatblur::frame::Frame;
+use splatblur::frame::{Blocks, Frame};
 use splatblur::plan::{BlurMode, Interleave, PixelFilter, RenderOptions, Shading, SweptKernel};
 use splatblur::scene::{Motion, Scene};
 use support::{default_lights, object, scene, sphere};
@@ -130,4 +130,28 @@ fn what_moves_is_not_held() {
     assert_eq!(still(&scene, swept), [false, true, false]);
     scene.objects[0].blur = false;
     assert_eq!(still(&scene, BlurMode::supersample(4)), [true, true, false]);
+}
+
+/// Blocks that are not wanted stay empty, the others are as if all were.
+#[test]
+fn only_wanted_blocks_are_rendered() {
+    let scene = through();
+    for mode in [BlurMode::supersample(4), BlurMode::Supersample { samples: 3, interleave: Interleave::Two }] {
+        let options = RenderOptions { aovs: Vec::new(), ..options(mode) };
+        let mut frame = Frame::new(&scene, 0, &options);
+        frame.background.transparent = true;
+        let (whole, _) = splat(&frame);
+        let [width, height] = Blocks::count(frame.size, frame.stride);
+        let wanted = (0..width * height).map(|block| block % 2 == 1).collect();
+        frame.wanted = Some(Blocks { width, wanted });
+        let (part, _) = splat(&frame);
+        let edge = Blocks::EDGE * frame.stride as usize;
+        let mut seen = [0, 0];
+        for (index, (part, whole)) in part.rgba.iter().zip(&whole.rgba).enumerate() {
+            let block = index / 96 / edge * width + index % 96 / edge;
+            assert_eq!(*part, if block % 2 == 1 { *whole } else { [0.0; 4] }, "{mode}: pixel {index}");
+            seen[block % 2] += usize::from(whole[3] > 0.0);
+        }
+        assert!(seen.iter().all(|&covered| covered > 100), "{mode}: {seen:?}");
+    }
 }

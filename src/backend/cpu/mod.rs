@@ -34,9 +34,11 @@ use self::tiles::{Band, STRIDE, TILE, TileBuffers, TileRect};
 use self::visibility::Depths;
 use super::{Backend, BackendError, Rendered, Stats};
 use crate::film::{FilmPlanes, develop};
-use crate::frame::{Frame, PosedGroup};
+use crate::frame::{Blocks, Frame, PosedGroup};
 use crate::layout::{Channels, Splat, SweptSplat};
 use crate::plan::{KernelShape, Normalise, Pass, Prefilter, TemporalAlpha};
+
+const _: () = assert!(TILE == Blocks::EDGE);
 
 /// Surfels of a chunk.
 const CHUNK: usize = 4096;
@@ -210,8 +212,9 @@ impl Cpu {
         }
         let chunks: Vec<Chunk> = work.still_chunks().collect();
         let mut binned = std::mem::take(&mut self.still);
-        let tiles = Tiles { work, chunks: &chunks, passes: &[], splat_bytes: splat_bytes / 2 };
-        let fits = tiles.wave(&chunks, &mut binned, &|chunk: &Chunk, binned: &mut _| work.project(chunk, binned))
+        let tiles_of_layer = Tiles { work, chunks: &chunks, passes: &[], splat_bytes: splat_bytes / 2 };
+        let fits = tiles_of_layer
+            .wave(&chunks, &mut binned, &|chunk: &Chunk, binned: &mut _| work.project(chunk, binned))
             == chunks.len();
         if chunks.is_empty() || !fits {
             self.still = binned;
@@ -224,7 +227,7 @@ impl Cpu {
             || (TileBuffers::default(), Vec::new()),
             |(buffers, scratch), (index, out)| {
                 let tile = work.band.tile(index);
-                if binned.iter().all(|binned| binned.list(&tile, scratch).is_empty()) {
+                if !tiles_of_layer.wants(&tile) || binned.iter().all(|binned| binned.list(&tile, scratch).is_empty()) {
                     return;
                 }
                 buffers.clear_threshold();
@@ -327,6 +330,9 @@ impl Tiles<'_> {
                 || (TileBuffers::default(), Vec::new()),
                 |(buffers, scratch), (index, out)| {
                     let rect = work.band.tile(index);
+                    if !self.wants(&rect) {
+                        return;
+                    }
                     let empty = binned.iter().all(|binned| binned.list(&rect, scratch).is_empty());
                     if empty && (work.layer_tile(index).is_none() || unmoved(index, out)) {
                         return;
@@ -352,6 +358,9 @@ impl Tiles<'_> {
                     Vec::new,
                     |scratch, (index, (buffers, out))| {
                         let rect = work.band.tile(index);
+                        if !self.wants(&rect) {
+                            return;
+                        }
                         tile(pass, Job { chunks: wave, binned: splats, tile: rect, buffers, scratch, out });
                     },
                 );
@@ -366,6 +375,12 @@ impl Tiles<'_> {
                 }
             }
         }
+    }
+
+    /// Is the tile rendered? All tiles of a map are.
+    fn wants(&self, tile: &TileRect) -> bool {
+        let [x, y] = tile.tile;
+        self.work.frame.swept.is_some() || self.work.frame.wanted.as_ref().is_none_or(|blocks| blocks.at(x, y))
     }
 
     /// Projects and bins as many of `chunks` as fit into the memory for splats, at least one; returns how many.
