@@ -141,6 +141,7 @@ impl Common {
             epsilon: self.epsilon,
             seed: self.seed,
             memory: self.memory,
+            reconstruct: false,
             aovs,
         }
     }
