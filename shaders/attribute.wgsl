@@ -77,12 +77,16 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
         next += 3u;
     }
     if VELOCITY != 0u {
-        // The derivative of (x, y) = (X, Y) / depth, in pixels of the image.
+        // The derivative of (x, y) = (X, Y) / depth, in pixels of the image; 0 where the centre has none.
         let p = apply(segment.screen, position);
         let rate = apply(segment.rate, position);
-        let over = 1.0 / p.z;
-        written_values[next] = (rate.x - p.x * over * rate.z) * over * view.stride;
-        written_values[next + 1u] = (rate.y - p.y * over * rate.z) * over * view.stride;
+        var velocity = vec2<f32>(0.0);
+        if p.z >= view.near {
+            let over = 1.0 / p.z;
+            velocity = vec2<f32>((rate.x - p.x * over * rate.z) * over, (rate.y - p.y * over * rate.z) * over);
+        }
+        written_values[next] = velocity.x * view.stride;
+        written_values[next + 1u] = velocity.y * view.stride;
         next += 2u;
     }
     if MATERIAL != 0u {

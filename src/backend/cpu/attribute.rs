@@ -143,8 +143,7 @@ pub(super) fn splat_values(surfel: u32, flags: u32, attributes: &Attributes<'_>)
         }
     }
     if let Some(at) = channels.velocity {
-        values[at..at + 2]
-            .copy_from_slice(&velocity(surfels.position[i], attributes.posed).map(|v| v * attributes.stride));
+        values[at..at + 2].copy_from_slice(&velocity(surfels.position[i], attributes).map(|v| v * attributes.stride));
     }
     if let Some(at) = channels.material {
         let m = material(attributes, i);
@@ -164,10 +163,15 @@ fn material(attributes: &Attributes<'_>, surfel: usize) -> Material {
     attributes.object.material.or_else(|| attributes.object.surfels.material.get(surfel).copied()).unwrap_or_default()
 }
 
-/// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth.
-fn velocity(position: Vec3, posed: &PosedObject) -> [f32; 2] {
+/// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth. 0 where the centre has
+/// no image, being nearer than `near`.
+fn velocity(position: Vec3, attributes: &Attributes<'_>) -> [f32; 2] {
+    let posed = attributes.posed;
     let p = posed.screen_from_model * position + posed.screen_origin;
     let rate = posed.screen_rate * position + posed.screen_origin_rate;
+    if p.z < attributes.near {
+        return [0.0; 2];
+    }
     let over = 1.0 / p.z;
     [(rate.x - p.x * over * rate.z) * over, (rate.y - p.y * over * rate.z) * over]
 }
