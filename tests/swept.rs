@@ -7,7 +7,7 @@ mod support;
 use glam::{DVec3, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::plan::{
-    BlurMode, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel, TemporalAlpha,
+    BlurMode, Interleave, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel, TemporalAlpha,
 };
 use splatblur::scene::{Motion, Scene};
 use splatblur::time::Weight;
@@ -89,6 +89,44 @@ fn temporal_alpha_of_disc_and_edge() {
                 let step = if weight == "box" { 1.0 } else { 2.0 } / f64::from(32 * n);
                 assert!(error.max <= step + 1e-3, "{name} {weight} {n}: {}", error.max);
             }
+        }
+    }
+}
+
+/// A disc in two colours turns by 200 degrees: its alpha is 1 at all times, and its colours are the shares of the exposure for which each
+/// is seen. Compared away from centre and rim, as tests/truth.rs does.
+#[test]
+fn colours_of_a_turning_disc() {
+    let bucket = BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples: 1, interleave: Interleave::None };
+    for (weight, a) in [("box", Weight::Box), ("ramp", Weight::Ramp { centre: 1.0 })] {
+        let truth = truth(&format!("spin_{weight}_point"));
+        for mode in [bucket, volumetric(16)] {
+            let mut scene = spin_of(0.4);
+            scene.shutter.weight = a.clone();
+            let options = RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(mode) };
+            let picture = render(&scene, &options);
+            let (mut sum, mut count, mut worst, mut bare) = (0.0, 0, 0.0_f64, 0.0_f32);
+            for (i, (got, want)) in picture.rgba.iter().zip(&truth).enumerate() {
+                let radius = ((i % SIZE) as f64 + 0.5 - 31.4).hypot((i / SIZE) as f64 + 0.5 - 33.2);
+                if !(4.0..=20.0).contains(&radius) {
+                    continue;
+                }
+                bare = bare.max((1.0 - got[3]).abs());
+                for c in 0..3 {
+                    let error = f64::from(got[c] - want[c]);
+                    (sum, count, worst) = (sum + error * error, count + 1, worst.max(error.abs()));
+                }
+            }
+            let rmse = (sum / f64::from(count)).sqrt();
+            println!(
+                "spin {weight} {mode}: alpha {bare:.1e}, rmse {rmse:.2e}, max {worst:.2e} = {:.2}/255",
+                worst * 255.0
+            );
+            assert!(
+                bare < 1e-5 && worst < 2.0 / 255.0,
+                "spin {weight} {mode}: alpha {bare:.1e}, {:.2}/255",
+                worst * 255.0
+            );
         }
     }
 }
