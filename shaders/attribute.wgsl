@@ -193,14 +193,16 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
     let r2d = select(none, (at.x * at.x + at.y * at.y) * view.low_pass_scale, with_low_pass);
     let depth = select(vec4<f32>(splat.centre_depth), plane_depth, inside);
     let r2 = min(r2d, r3d);
-    let passes = (inside | (r2 <= vec4<f32>(1.0))) & (depth <= limit) & in_columns(bounds, column);
-    if !any(passes) { return; }
+    let within = in_columns(bounds, column);
+    let passes = (inside | (r2 <= vec4<f32>(1.0))) & (depth <= limit) & within;
     let zero = vec4<f32>(0.0);
     let unshared = select(zero, kernel(min(r2, vec4<f32>(1.0))), passes);
-    let weight = unshared * share;
     if REACH != 0u {
-        (*sum).reach += select(unshared, vec4<f32>(1.0), passes & inside);
+        // What covers the pixel is part of its coverage even if it is hidden: something before it covers, too.
+        (*sum).reach += select(unshared, vec4<f32>(1.0), inside & within);
     }
+    if !any(passes) { return; }
+    let weight = unshared * share;
     var next = slot * VALUES;
     (*sum).weight += weight;
     if COLOUR {

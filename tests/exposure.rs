@@ -358,6 +358,31 @@ fn pixel_samples_approach_the_box_filter() {
     }
 }
 
+/// What is hidden at a time covers all the same, as does what hides it: one depth test for many times takes nothing from alpha, and
+/// leaves no colour out.
+#[test]
+fn coverage_does_not_depend_on_the_depth_test() {
+    let mut scene = unlit_sphere();
+    scene.objects[0].motions = vec![Motion::Linear { velocity: DVec3::new(0.5, 0.2, 0.0) }];
+    let mut other = scene.objects[0].clone();
+    other.motions = vec![Motion::Linear { velocity: DVec3::new(-0.8, -0.3, 1.2) }];
+    other.transform.translate = DVec3::new(0.7, 0.1, -1.4);
+    scene.objects.push(other);
+    let of = |mode| render(&scene, &exact(mode)).rgba;
+    // Two modes for each set of moments.
+    let buckets = [BlurMode::supersample(64), bucket(16, 4, Interleave::None)];
+    let swept = [BlurMode::supersample(128), volumetric(4, SweptKernel::default())];
+    for [mode, moments] in [buckets, swept].map(|[moments, mode]| [mode, moments]) {
+        let (got, want) = (of(mode), of(moments));
+        let differ = got.iter().zip(&want).filter(|(got, want)| (got[3] - want[3]).abs() > 1e-5).count();
+        let partly = want.iter().filter(|pixel| (0.01..0.99).contains(&pixel[3])).count();
+    XX
+        let darkest = got.iter().filter(|pixel| pixel[3] > 0.0).map(|pixel| pixel[0] / pixel[3]).fold(1.0, f32::min);
+        println!("{mode}: alpha of {differ} of {partly} pixels differs from {moments}'s; darkest {darkest}");
+        assert!(differ * 500 < partly && darkest > 0.2099, "{mode}: {differ} of {partly} differ; {darkest}");
+    }
+}
+
 /// A surfel whose centre lies on the plane of the camera has no image there, and no velocity; what it covers is finite.
 #[test]
 fn velocity_is_finite_where_a_centre_lies_on_the_camera_plane() {

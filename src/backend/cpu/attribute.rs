@@ -85,7 +85,8 @@ fn attribute_body(
                     let passes = (inside | (r2 <= 1.0)) & (depth <= limit[l]) & (pixel <= last);
                     let r2 = if r2 < 1.0 { r2 } else { 1.0 };
                     let weight = if passes { fast::kernel(r2) } else { 0.0 };
-                    reaches[l] = if passes & inside { 1.0 } else { weight };
+                    // What covers the pixel is part of its coverage even if it is hidden: something before it covers, too.
+                    reaches[l] = if inside & (pixel <= last) { 1.0 } else { weight };
                     weights[l] = weight * attributes.share;
                     depths[l] = if passes { depth } else { 0.0 };
                 }
