@@ -12,8 +12,6 @@ use crate::layout::{Channels, FLAG_BACK, Splat};
 use crate::math::fast;
 use crate::math::simd::dispatch;
 use crate::model::Material;
-use crate::plan::Shading;
-use crate::shading::shade;
 
 /// What the pass needs beside splats and thresholds.
 #[derive(Clone, Copy, Debug)]
@@ -29,14 +27,24 @@ pub(super) struct Attributes<'a> {
     pub stride: f32,
     /// The sample's share of its group's weight.
     pub share: f32,
-    pub shading: Shading,
+    /// Of each splat what it shows under the lights; empty where pixels are shaded.
+    pub lit: &'a [Vec3],
+}
+
+/// Where a tile's splats are added up; see `TileBuffers`.
+#[derive(Debug)]
+pub(super) struct Tally<'a> {
+    pub sums: &'a mut [f32],
+    /// Coverage by the current sample; empty where it is not wanted.
+    pub reach: &'a mut [f32],
+    /// Least depth of what passes, +inf where nothing does; empty where it is not wanted.
+    pub nearest: &'a mut [f32],
 }
 
 dispatch! {
-    /// Adds the splats that `list` names to `sums` and, unless it is empty, to `reach`.
+    /// Adds the splats that `list` names to `tally`.
     pub(super) fn attribute(
-        splats: &[Splat], list: &[u32], attributes: &Attributes<'_>, tile: &TileRect, threshold: &[f32], sums: &mut [f32],
-        reach: &mut [f32],
+        splats: &[Splat], list: &[u32], attributes: &Attributes<'_>, tile: &TileRect, threshold: &[f32], tally: &mut Tally<'_>,
     ) = attribute_body
 }
 
@@ -47,9 +55,9 @@ fn attribute_body(
     attributes: &Attributes<'_>,
     tile: &TileRect,
     threshold: &[f32],
-    sums: &mut [f32],
-    reach: &mut [f32],
+    tally: &mut Tally<'_>,
 ) {
+    let Tally { sums, reach, nearest } = tally;
     // Without the low-pass disc its distance counts as infinite.
     let with_low_pass = attributes.low_pass > 0.0;
     let low_pass_scale = 1.0 / (attributes.low_pass * attributes.low_pass);
@@ -58,7 +66,7 @@ fn attribute_body(
     for &index in list {
         let splat = &splats[index as usize];
         let Touched { x0, x1, y0, y1 } = Touched::of(splat, tile);
-        let values = splat_values(splat.surfel, splat.flags, attributes);
+        let values = splat_values(index, splat.surfel, splat.flags, attributes);
         for y in y0..=y1 {
             let row = Row::of(splat, tile.corner[1] + y as i32);
             let out = &mut sums[y * channels * STRIDE..][..channels * STRIDE];
@@ -93,6 +101,12 @@ fn attribute_body(
                 if !reach.is_empty() {
                     add(&mut reach[y * STRIDE + x..], &reaches, 1.0);
                 }
+                if let Some(nearest) = nearest.get_mut(y * STRIDE + x..).and_then(<[f32]>::first_chunk_mut::<LANES>) {
+                    for l in 0..LANES {
+                        let closer = (weights[l] > 0.0) & (depths[l] < nearest[l]);
+                        nearest[l] = if closer { depths[l] } else { nearest[l] };
+                    }
+                }
                 // No early exit where nothing passes: a branch that is often wrong costs more than adding zeros.
                 for (value, plane) in values.iter().zip(out.chunks_exact_mut(STRIDE)) {
                     add(&mut plane[x..], &weights, *value);
@@ -120,28 +134,20 @@ pub(super) fn add(plane: &mut [f32], weights: &[f32; LANES], value: f32) {
     }
 }
 
-/// The splat's value for each channel (0 for depth, which differs from pixel to pixel).
+/// The value of splat `splat` of the chunk for each channel (0 for depth, which differs from pixel to pixel).
 #[inline(always)]
-pub(super) fn splat_values(surfel: u32, flags: u32, attributes: &Attributes<'_>) -> [f32; Channels::MOST] {
+pub(super) fn splat_values(splat: u32, surfel: u32, flags: u32, attributes: &Attributes<'_>) -> [f32; Channels::MOST] {
     let surfels = attributes.object.surfels;
     let i = surfel as usize;
-    let colour = surfels.colour[i];
+    let colour = attributes.lit.get(splat as usize).copied().unwrap_or(surfels.colour[i]);
     let mut values = [0.0; Channels::MOST];
     values[0] = 1.0;
     values[1..4].copy_from_slice(&colour.to_array());
-    let gouraud = attributes.shading == Shading::Gouraud;
     let channels = attributes.channels;
-    if channels.normal.is_some() || gouraud {
+    if let Some(at) = channels.normal {
         let turned = unit(attributes.posed.normal_matrix * surfels.normal[i]);
         let normal = if flags & FLAG_BACK == 0 { turned } else { -turned };
-        if let Some(at) = channels.normal {
-            values[at..at + 3].copy_from_slice(&normal.to_array());
-        }
-        if gouraud {
-            let position = attributes.posed.world_from_model * surfels.position[i] + attributes.posed.world_origin;
-            let lit = shade(&attributes.sample.lights, &material(attributes, i), colour, normal, position);
-            values[1..4].copy_from_slice(&lit.to_array());
-        }
+        values[at..at + 3].copy_from_slice(&normal.to_array());
     }
     if let Some(at) = channels.velocity {
         values[at..at + 2].copy_from_slice(&velocity(surfels.position[i], attributes).map(|v| v * attributes.stride));
@@ -160,7 +166,7 @@ fn unit(v: Vec3) -> Vec3 {
     v * (1.0 / (if d2 > 1e-30 { d2 } else { 1e-30 }).sqrt())
 }
 
-fn material(attributes: &Attributes<'_>, surfel: usize) -> Material {
+pub(super) fn material(attributes: &Attributes<'_>, surfel: usize) -> Material {
     attributes.object.material.or_else(|| attributes.object.surfels.material.get(surfel).copied()).unwrap_or_default()
 }
 

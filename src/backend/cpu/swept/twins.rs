@@ -1,7 +1,8 @@
 //! The passes of an interval one at a time, for tests that compare another backend's with them.
 
 use super::{Exposure, Footprint, Map, MapTile, Swept, Volume, coverage, keep, pool};
-use crate::backend::cpu::attribute::{self, Attributes};
+use crate::backend::cpu::attribute::{self, Attributes, Tally};
+use crate::backend::cpu::lit;
 use crate::backend::cpu::project::{self, View};
 use crate::backend::cpu::resolve::{self, Resolve, TileFilm};
 use crate::backend::cpu::tiles::{Band, STRIDE, TILE, TileBuffers, TileRect};
@@ -56,6 +57,7 @@ impl SweptTwins<'_> {
             raster: self.group.raster,
             pixels: band.pixels,
             corner: band.corner,
+            wanted: None,
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,
             two_sided: self.frame.objects[object].two_sided,
@@ -130,7 +132,7 @@ impl SweptTwins<'_> {
             low_pass: if self.frame.prefilter == Prefilter::Approx { self.group.raster.low_pass } else { 0.0 },
             stride: self.frame.stride as f32,
             share: 1.0,
-            shading: self.frame.shading,
+            lit: &[],
         }
     }
 
@@ -145,7 +147,8 @@ impl SweptTwins<'_> {
             let list = self.list(splats.iter().map(|splat| splat.bounds), tile);
             let (rect, TileBuffers { threshold, sums, .. }) = (self.rect(&self.around(), tile), &mut buffers);
             let attributes = self.attributes(*object, &channels);
-            attribute::attribute(splats, &list, &attributes, &rect, threshold, sums, &mut []);
+            let mut tally = Tally { sums, reach: &mut [], nearest: &mut [] };
+            attribute::attribute(splats, &list, &attributes, &rect, threshold, &mut tally);
         }
         self.take(&buffers.sums, STRIDE)
     }
@@ -190,8 +193,12 @@ impl SweptTwins<'_> {
         let Some(interval) = &self.group.interval else { return SweptSums::default() };
         for Of { object, splats } in moving {
             let list = self.list(splats.iter().map(|splat| splat.bounds), tile);
+            let mut attributes = self.attributes(*object, &channels);
+            let mut lit = Vec::new();
+            lit::light(splats, &attributes, &mut lit);
+            attributes.lit = &lit;
             let swept = Swept {
-                attributes: self.attributes(*object, &channels),
+                attributes,
                 footprint: Footprint::of(self.kernel),
                 source_samples: self.kernel.source_samples.0,
                 slope: interval.slope,
@@ -237,6 +244,7 @@ impl SweptTwins<'_> {
         } else {
             let resolve = Resolve {
                 sample: &group.samples[0],
+                weight,
                 channels: &channels,
                 planes: &planes,
                 shading: frame.shading,
