@@ -10,8 +10,9 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use splatblur::anim::{self, Interpolation};
 use splatblur::film::{Aov, Picture};
+use splatblur::model::Material;
 use splatblur::plan::{BlurMode, Interleave, KernelShape, PixelFilter, Prefilter, RenderOptions, SweptKernel};
-use splatblur::scene::{AnimationBinding, Motion, Scene};
+use splatblur::scene::{AnimationBinding, Light, Motion, Scene};
 use splatblur::time::Weight;
 use support::closed_forms::{DEPTH, FOCAL, SIZE, disc, edge, truth};
 use support::{UNLIT, object, render, round_surfels, scene, sphere_scene};
@@ -332,6 +333,27 @@ fn a_teleport_shows_both_places_and_nothing_between() {
             }
         }
     }
+}
+
+/// A bucket is shaded once, with the camera of its middle sample: a highlight on a wall that fills the image, before a camera that pans.
+#[test]
+fn a_bucket_is_shaded_at_its_middle() {
+    let grid = (-45..=45).flat_map(|j| (-45..=45).map(move |i| DVec3::new(f64::from(i), f64::from(j), 0.0) * 0.05));
+    let mut wall = object(round_surfels(grid.map(|p| (p, DVec3::Z, 0.1, Vec3::splat(0.2)))));
+    wall.material = Some(Material { ambient: 0.1, diffuse: 0.2, specular: 0.9, shininess: 40.0 });
+    let mut still = scene(vec![wall], [48, 48], DVec3::new(0.0, 0.0, 4.0), 40.0);
+    still.lights.push(Light::Directional { direction: DVec3::new(0.1, 0.0, -1.0).normalize(), colour: DVec3::ONE });
+    let mut panned = still.clone();
+    panned.camera.animation = Some(animation(&[
+        ("translate.translateZ", &[(0.0, 4.0), (1.0, 4.0)], "linear"),
+        ("rotate.rotateY", &[(0.0, -4.0), (1.0, 4.0)], "linear"),
+    ]));
+    let want = render(&still, &exact(BlurMode::Still { pixel_samples: 1 })).rgba;
+    let got = render(&panned, &exact(bucket(1, 3, Interleave::None))).rgba;
+    let worst = got.iter().zip(&want).map(|(a, b)| (a[0] - b[0]).abs()).fold(0.0, f32::max);
+    let [low, high] = want.iter().fold([1.0_f32, 0.0], |[low, high], p| [low.min(p[0]), high.max(p[0])]);
+    println!("{worst:.1e}; from {low} to {high}");
+    assert!(worst < 1e-4 && high > low + 0.5, "{worst}; from {low} to {high}");
 }
 
 /// Sub-pixel positions beyond the number of groups: the edge's closed form over the pixel's square, which few positions miss.
