@@ -11,7 +11,7 @@ use splatblur::sheet::{self, Crop, Layout, Panel};
 use super::common::open_directory;
 use super::grammar;
 use super::limits::Shown;
-use super::modes::{self, Machine, Mode};
+use super::modes::{self, Machine, Method, Mode};
 use super::output::{print, say};
 use super::progress::Loading;
 use super::settings;
@@ -19,7 +19,7 @@ use super::trial::{Common, Shot};
 
 /// Show one frame in several modes, side by side in one labelled image.
 ///
-/// Each panel has the mode, its samples, the seconds that it took (wall time, after one rendering to warm up), the picture
+/// Each panel has the mode, its samples, the seconds that it took (wall time, after one rendering of the mode to warm up), the picture
 /// and an enlarged crop, the same for all: where the modes differ most, unless --crop says where. With --reference the
 /// ray-traced reference comes first, and each panel states its error against it.
 #[derive(Debug, Args)]
@@ -124,16 +124,20 @@ impl Sheet {
         let progress = Loading::new(self.common.quiet);
         let share = |share| progress.step("reference", share);
         let judge = self.reference.map(|samples| trial.judge(samples, self.frame, &share)).transpose()?;
-        if let Some(mode) = self.modes.first() {
-            progress.step("warming up", 0.0);
-            trial.shoot(mode.method, machine(mode), self.frame, &|_| ())?;
-        }
         let mut shots = Vec::new();
         for (i, mode) in self.modes.iter().enumerate() {
-            progress.step(&mode.to_string(), i as f32 / self.modes.len() as f32);
-            shots.push(
-                trial.shoot(mode.method, machine(mode), self.frame, &|_| ()).with_context(|| format!("mode {mode}"))?,
-            );
+            // Once to warm up, once measured; references are slow and need no warming.
+            let renderings = if matches!(mode.method, Method::Reference(_)) { 1 } else { 2 };
+            for turn in 0..renderings {
+                let share = (i as f32 + turn as f32 / renderings as f32) / self.modes.len() as f32;
+                progress.step(&mode.to_string(), share);
+                let shot = trial
+                    .shoot(mode.method, machine(mode), self.frame, &|_| ())
+                    .with_context(|| format!("mode {mode}"))?;
+                if turn + 1 == renderings {
+                    shots.push(shot);
+                }
+            }
         }
         drop(progress);
 
