@@ -187,6 +187,32 @@ fn a_gate_rejects_backward_motion_and_weights_that_are_not_normalised() {
     assert_eq!(found.map(|(status, _)| status), [0, 1, 1], "{limit}: {found:?}");
 }
 
+#[cfg(unix)]
+#[test]
+fn an_interrupted_report_goes_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = path(dir.path(), "r");
+    let common = ["--modes", "supersample:2", "--reference", "16", "--repeats", "1", "--out", &out];
+    let mut arguments = small("report", &[&common[..], &["--frames", "0..9999"]].concat());
+    arguments.retain(|argument| *argument != "--quiet");
+    let child = Command::new(env!("CARGO_BIN_EXE_splatblur")).args(&arguments).stderr(Stdio::piped()).spawn().unwrap();
+    let second = dir.path().join("r/renderings/1/supersample-2.cpu.exr");
+    while !second.exists() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("interrupted"), "{}", text(&output.stderr));
+    assert!(!dir.path().join("r/index.html").exists());
+    let made = |file: &Path| std::fs::metadata(file).unwrap().modified().unwrap();
+    let before = made(&second);
+    let done = splatblur(&small("report", &[&common[..], &["--frames", "0..1"]].concat()));
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    assert_eq!(made(&second), before, "what was finished is not rendered again");
+    assert!(dir.path().join("r/index.html").exists());
+}
+
 #[test]
 fn what_a_report_refuses() {
     let bad = |arguments: &[&str]| refused(&small("report", arguments));
