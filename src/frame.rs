@@ -8,10 +8,15 @@ use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
 
 use crate::film::{Aov, Background};
 use crate::model::{Material, Surfels};
-use crate::plan::{BlurMode, Interval, Pass, Plan, Prefilter, RenderOptions, Shading, SweptKernel, TimeSample};
+use crate::plan::{Interval, Pass, Plan, Prefilter, RenderOptions, Shading, SweptKernel, TimeSample};
 use crate::pose::{ObjectPose, camera_from_world, jumps, object_pose, object_velocity};
 use crate::scene::{Light, Object, Scene};
 use crate::shading::ShadingLight;
+
+mod still;
+
+pub use self::still::STILL_PATH;
+use self::still::hold_still;
 
 /// One frame, posed.
 #[derive(Clone, Debug)]
@@ -42,6 +47,32 @@ pub struct Frame<'a> {
     pub objects: Vec<FrameObject<'a>>,
     /// Groups in the order in which they are added to the film; those of one raster stand together.
     pub groups: Vec<PosedGroup>,
+    /// The parts of the image that are rendered; the others stay empty. `None`: all.
+    pub wanted: Option<Blocks>,
+}
+
+/// Blocks of [`Blocks::EDGE`] x [`Blocks::EDGE`] raster pixels, the same of every raster: true where wanted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Blocks {
+    /// Blocks in a row.
+    pub width: usize,
+    /// Row by row.
+    pub wanted: Vec<bool>,
+}
+
+impl Blocks {
+    /// Raster pixels along the edge of a block.
+    pub const EDGE: usize = 32;
+
+    /// Blocks in a row and rows of them, for an image of `size` pixels whose rasters take every `stride`-th.
+    pub fn count(size: [u32; 2], stride: u32) -> [usize; 2] {
+        size.map(|pixels| (pixels.div_ceil(stride) as usize).div_ceil(Self::EDGE))
+    }
+
+    /// Is the block in column `x` and row `y` wanted? Those beyond the image are not.
+    pub fn at(&self, x: usize, y: usize) -> bool {
+        x < self.width && self.wanted.get(y * self.width + x).is_some_and(|&wanted| wanted)
+    }
 }
 
 /// The pixels that a group is rendered for, as an image of their own: every `Frame::stride`-th pixel of the frame's image.
@@ -88,6 +119,8 @@ pub struct FrameObject<'a> {
     pub material: Option<Material>,
     /// Show back faces, with normals turned to the viewer.
     pub two_sided: bool,
+    /// Posed alike in all samples: its splats are the first in the order of sums, and count once in a group.
+    pub still: bool,
 }
 
 /// Posed samples that share one visibility test and one resolve.
@@ -130,7 +163,7 @@ pub struct PosedSample {
 ///
 /// *Screen space* here is (f X, -f Y, -Z) of camera space, f the focal length of the group's raster: a point's raster pixel is
 /// its first two coordinates over the third (its depth), counted from the raster's `axis`, x right and y down.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PosedObject {
     /// False: skipped.
     pub visible: bool,
@@ -169,19 +202,24 @@ pub struct PosedObject {
 impl<'a> Frame<'a> {
     /// Poses `scene` at every time sample of frame `number`.
     pub fn new(scene: &'a Scene, number: i64, options: &'a RenderOptions) -> Self {
-        let swept = match options.mode {
-            BlurMode::Volumetric { swept, .. } => Some(swept),
-            BlurMode::Still { .. } | BlurMode::Supersample { .. } | BlurMode::Bucket { .. } => None,
-        };
-        let jumps = swept.map_or_else(Vec::new, |_| {
+        Self::planned(scene, number, options, &Self::plan(scene, number, options))
+    }
+
+    fn plan(scene: &Scene, number: i64, options: &RenderOptions) -> Plan {
+        let jumps = options.mode.swept().map_or_else(Vec::new, |_| {
             let at = |t: f64| scene.shutter.frame_time(number as f64, t);
             jumps(scene, at(0.0), at(1.0))
         });
-        let plan = Plan::new(options.mode, options.filter, options.seed, &scene.shutter, number as f64, &jumps);
+        Plan::new(options.mode, options.filter, options.seed, &scene.shutter, number as f64, &jumps)
+    }
+
+    /// Poses `scene` at every time sample of `plan`, which is one of frame `number`.
+    pub fn planned(scene: &'a Scene, number: i64, options: &'a RenderOptions, plan: &Plan) -> Self {
+        let swept = options.mode.swept();
         let size = [scene.image.width, scene.image.height];
         let focal = 0.5 * f64::from(size[1]) / libm::tan(0.5 * scene.camera.fovy);
         let poser = Poser { scene, number: number as f64, focal: focal / f64::from(plan.stride), options };
-        let groups = plan
+        let mut groups: Vec<PosedGroup> = plan
             .groups
             .iter()
             .map(|group| {
@@ -192,10 +230,13 @@ impl<'a> Frame<'a> {
                 PosedGroup { samples, raster, interval }
             })
             .collect();
+        let near = scene.camera.near as f32;
+        let times: Vec<f64> = plan.groups.iter().flat_map(|group| &group.samples).map(|sample| sample.time).collect();
+        let still = hold_still(scene, &times, &mut groups, plan.stride, near);
         Self {
             size,
             stride: plan.stride,
-            near: scene.camera.near as f32,
+            near,
             prefilter: options.prefilter,
             // Normals are not averaged over time (thesis fig. 4.4).
             shading: if swept.is_some() { Shading::Gouraud } else { options.shading },
@@ -205,13 +246,26 @@ impl<'a> Frame<'a> {
             model_bytes: model_bytes(scene),
             passes: plan.passes,
             swept,
-            objects: scene.objects.iter().map(|object| frame_object(object, options)).collect(),
+            objects: scene
+                .objects
+                .iter()
+                .zip(still)
+                .map(|(object, still)| frame_object(object, options, still))
+                .collect(),
             groups,
+            wanted: None,
         }
     }
 }
 
 impl Frame<'_> {
+    /// Are camera and lights the same in all samples?
+    pub fn has_one_view(&self) -> bool {
+        let mut samples = self.groups.iter().flat_map(|group| &group.samples);
+        let Some(first) = samples.next() else { return true };
+        samples.all(|s| s.world_from_camera == first.world_from_camera && s.lights == first.lights)
+    }
+
     /// Time samples of a pixel.
     pub fn samples(&self) -> u32 {
         let groups = self.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase).next().unwrap_or_default();
@@ -227,13 +281,13 @@ fn model_bytes(scene: &Scene) -> u64 {
 }
 
 /// Material of the object: the scene's, else the file's, else the default (design section 2).
-fn frame_object<'a>(object: &'a Object, options: &RenderOptions) -> FrameObject<'a> {
+fn frame_object<'a>(object: &'a Object, options: &RenderOptions, still: bool) -> FrameObject<'a> {
     let material = match object.material {
         Some(material) => Some(material),
         None if object.model.material.is_empty() => Some(Material::default()),
         None => None,
     };
-    FrameObject { surfels: &object.model, material, two_sided: options.two_sided || object.two_sided }
+    FrameObject { surfels: &object.model, material, two_sided: options.two_sided || object.two_sided, still }
 }
 
 struct Poser<'a> {

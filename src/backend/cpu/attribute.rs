@@ -32,11 +32,20 @@ pub(super) struct Attributes<'a> {
     pub shading: Shading,
 }
 
+/// Where a tile's splats are added up; see `TileBuffers`.
+#[derive(Debug)]
+pub(super) struct Tally<'a> {
+    pub sums: &'a mut [f32],
+    /// Coverage by the current sample; empty where it is not wanted.
+    pub reach: &'a mut [f32],
+    /// Least depth of what passes, +inf where nothing does; empty where it is not wanted.
+    pub nearest: &'a mut [f32],
+}
+
 dispatch! {
-    /// Adds the splats that `list` names to `sums` and, unless it is empty, to `reach`.
+    /// Adds the splats that `list` names to `tally`.
     pub(super) fn attribute(
-        splats: &[Splat], list: &[u32], attributes: &Attributes<'_>, tile: &TileRect, threshold: &[f32], sums: &mut [f32],
-        reach: &mut [f32],
+        splats: &[Splat], list: &[u32], attributes: &Attributes<'_>, tile: &TileRect, threshold: &[f32], tally: &mut Tally<'_>,
     ) = attribute_body
 }
 
@@ -47,9 +56,9 @@ fn attribute_body(
     attributes: &Attributes<'_>,
     tile: &TileRect,
     threshold: &[f32],
-    sums: &mut [f32],
-    reach: &mut [f32],
+    tally: &mut Tally<'_>,
 ) {
+    let Tally { sums, reach, nearest } = tally;
     // Without the low-pass disc its distance counts as infinite.
     let with_low_pass = attributes.low_pass > 0.0;
     let low_pass_scale = 1.0 / (attributes.low_pass * attributes.low_pass);
@@ -91,6 +100,12 @@ fn attribute_body(
                 }
                 if !reach.is_empty() {
                     add(&mut reach[y * STRIDE + x..], &reaches, 1.0);
+                }
+                if let Some(nearest) = nearest.get_mut(y * STRIDE + x..).and_then(<[f32]>::first_chunk_mut::<LANES>) {
+                    for l in 0..LANES {
+                        let closer = (weights[l] > 0.0) & (depths[l] < nearest[l]);
+                        nearest[l] = if closer { depths[l] } else { nearest[l] };
+                    }
                 }
                 // No early exit where nothing passes: a branch that is often wrong costs more than adding zeros.
                 for (value, plane) in values.iter().zip(out.chunks_exact_mut(STRIDE)) {

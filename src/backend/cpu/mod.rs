@@ -7,6 +7,7 @@
 
 mod attribute;
 mod bin;
+mod layer;
 mod project;
 mod resolve;
 mod swept;
@@ -21,20 +22,23 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use self::attribute::Attributes;
+use self::attribute::{Attributes, Tally};
 use self::bin::{Binned, Tiled};
+use self::layer::{Layer, LayerTile};
 use self::project::View;
 use self::resolve::{RasterFilms, Resolve, TileFilm, TiledFilm};
 #[cfg(all(test, feature = "gpu"))]
 pub(super) use self::swept::twins as swept_twins;
 use self::swept::{Exposure, Footprint, Map, MapTile, Swept, Volume};
-use self::tiles::{Band, TILE, TileBuffers, TileRect};
+use self::tiles::{Band, STRIDE, TILE, TileBuffers, TileRect};
 use self::visibility::Depths;
 use super::{Backend, BackendError, Rendered, Stats};
 use crate::film::{FilmPlanes, develop};
-use crate::frame::{Frame, PosedGroup};
+use crate::frame::{Blocks, Frame, PosedGroup};
 use crate::layout::{Channels, Splat, SweptSplat};
 use crate::plan::{KernelShape, Normalise, Pass, Prefilter, TemporalAlpha};
+
+const _: () = assert!(TILE == Blocks::EDGE);
 
 /// Surfels of a chunk.
 const CHUNK: usize = 4096;
@@ -44,6 +48,8 @@ const CHUNK: usize = 4096;
 pub struct Cpu {
     /// Kept between groups and frames, so that their memory is reused.
     binned: Vec<Binned>,
+    /// Likewise, of what lies still.
+    still: Vec<Binned>,
     /// Likewise, of kernels in motion.
     swept: Vec<Binned<SweptSplat>>,
     /// Likewise, for bands whose splats come in waves.
@@ -57,6 +63,7 @@ pub struct Cpu {
 /// Some surfels of one object at one sample of the group.
 #[derive(Clone, Debug)]
 struct Chunk {
+    /// The first one for objects that lie still.
     sample: usize,
     object: usize,
     surfels: Range<usize>,
@@ -100,9 +107,23 @@ impl Cpu {
                 let rows = [first, (first + budget.band_rows).min(tiles_y)];
                 let band = Band::new(size, rows);
                 let tiles = &mut film.tiles[rows[0] * film.tiles_x..rows[1] * film.tiles_x];
-                for group in groups {
-                    let work = Work { frame, group, band, planes: &planes, channels: &channels, clocks: &clocks };
-                    self.group(&work, budget.splat_bytes, tiles);
+                for groups in groups.chunk_by(|a, b| a.raster == b.raster) {
+                    let of_group = |group| Work {
+                        frame,
+                        group,
+                        band,
+                        planes: &planes,
+                        channels: &channels,
+                        layer: None,
+                        clocks: &clocks,
+                    };
+                    let layer =
+                        if groups.len() > 1 { self.layer(&of_group(&groups[0]), budget.splat_bytes) } else { None };
+                    for group in groups {
+                        let work = Work { layer: layer.as_ref(), ..of_group(group) };
+                        self.group(&work, budget.splat_bytes, tiles);
+                    }
+                    self.still = layer.map(|layer| layer.binned).unwrap_or_default();
                 }
             }
             if frame.swept.is_some_and(|swept| once || swept.alpha == TemporalAlpha::Sum) {
@@ -139,7 +160,9 @@ impl Budget {
         let buffers = |rows: u64| {
             let band = Band::new(raster, [0, rows as usize]);
             let guarded = guard.map_or(0, |guard| band.guarded(guard).len() as u64);
-            let tile = TileBuffers::bytes(channels.count, samples, swept);
+            let still = frame.objects.iter().any(|object| object.still);
+            let layer = if still { LayerTile::bytes(channels.count, samples, planes.count) } else { 0 };
+            let tile = TileBuffers::bytes(channels.count, samples, swept) + layer;
             // Tiles of the map have fewer sums, but there are more of them.
             guarded * Map::bytes(1) + guarded.max(band.len() as u64) * tile
         };
@@ -176,17 +199,62 @@ struct Work<'a> {
     band: Band,
     planes: &'a FilmPlanes,
     channels: &'a Channels,
+    /// What lies still, where it was splatted already.
+    layer: Option<&'a Layer>,
     clocks: &'a Clocks,
 }
 
 impl Cpu {
+    /// What lies still in a group, if there is anything, and room to keep it.
+    fn layer(&mut self, work: &Work<'_>, splat_bytes: u64) -> Option<Layer> {
+        if work.frame.swept.is_some() {
+            return None;
+        }
+        let chunks: Vec<Chunk> = work.still_chunks().collect();
+        let mut binned = std::mem::take(&mut self.still);
+        let tiles_of_layer = Tiles { work, chunks: &chunks, passes: &[], splat_bytes: splat_bytes / 2 };
+        let fits = tiles_of_layer
+            .wave(&chunks, &mut binned, &|chunk: &Chunk, binned: &mut _| work.project(chunk, binned))
+            == chunks.len();
+        if chunks.is_empty() || !fits {
+            self.still = binned;
+            return None;
+        }
+        binned.truncate(chunks.len());
+        let mut tiles = vec![LayerTile::default(); work.band.len()];
+        let same_view = work.frame.has_one_view();
+        tiles.par_iter_mut().enumerate().for_each_init(
+            || (TileBuffers::default(), Vec::new()),
+            |(buffers, scratch), (index, out)| {
+                let tile = work.band.tile(index);
+                if !tiles_of_layer.wants(&tile) || binned.iter().all(|binned| binned.list(&tile, scratch).is_empty()) {
+                    return;
+                }
+                buffers.clear_threshold();
+                let mut job = Job { chunks: &chunks, binned: &binned, tile, buffers, scratch, out: &mut () };
+                work.visibility(&mut job);
+                job.buffers.clear_sums(work.channels.count, work.group.samples.len());
+                let mut nearest = vec![f32::INFINITY; TILE * STRIDE];
+                work.attribute(&mut job, &mut nearest);
+                let mut film = TileFilm::default();
+                if same_view && work.group.samples.len() == 1 {
+                    let whole = Resolve { weight: 1.0, ..work.resolve() };
+                    resolve::resolve(&whole, &tile, &buffers.threshold, &buffers.sums, &[], &mut film);
+                }
+                *out = LayerTile::of(buffers, &nearest, film);
+            },
+        );
+        Some(Layer { chunks, binned, tiles })
+    }
+
     fn group(&mut self, work: &Work<'_>, splat_bytes: u64, films: &mut [TileFilm]) {
         let chunks = work.chunks();
         let passes = work.frame.passes;
         let Some(kept) = passes.iter().position(|&pass| pass == Pass::Keep) else {
             let tiles = Tiles { work, chunks: &chunks, passes, splat_bytes };
             let project = |chunk: &Chunk, binned: &mut _| work.project(chunk, binned);
-            tiles.run(&mut self.binned, &mut self.buffers, films, project, |pass, job| work.tile(pass, job));
+            let unmoved = |index, film: &mut _| work.add_still(index, film);
+            tiles.run(&mut self.binned, &mut self.buffers, films, project, unmoved, |pass, job| work.tile(pass, job));
             return;
         };
         // Kernels in motion look up sources anywhere on the map, so it must be whole before they are added.
@@ -196,13 +264,27 @@ impl Cpu {
         let map = self.map.lay(&around.band);
         let tiles = Tiles { work: &around, chunks: &chunks, passes: still, splat_bytes };
         let project = |chunk: &Chunk, binned: &mut _| around.project(chunk, binned);
-        tiles.run(&mut self.binned, &mut self.buffers, map, project, |pass, job| around.map_tile(pass, job));
+        tiles.run(
+            &mut self.binned,
+            &mut self.buffers,
+            map,
+            project,
+            |_, _| false,
+            |pass, job| around.map_tile(pass, job),
+        );
         let map = &self.map;
         let tiles = Tiles { work, chunks: &chunks, passes: moving, splat_bytes };
         let project = |chunk: &Chunk, binned: &mut _| work.sweep(chunk, binned);
-        tiles.run(&mut self.swept, &mut self.buffers, films, project, |pass, mut job| {
-            work.swept_tile(pass, map, &mut job);
-        });
+        tiles.run(
+            &mut self.swept,
+            &mut self.buffers,
+            films,
+            project,
+            |_, _| false,
+            |pass, mut job| {
+                work.swept_tile(pass, map, &mut job);
+            },
+        );
     }
 }
 
@@ -227,13 +309,15 @@ struct Job<'a, S, O> {
 }
 
 impl Tiles<'_> {
-    /// Runs all passes; `project` makes the splats of a chunk, `tile` runs a pass on a tile. One output a tile.
+    /// Runs all passes; `project` makes the splats of a chunk, `tile` runs a pass on a tile. One output a tile. `unmoved` is asked for
+    /// tiles without splats: true if it has dealt with the tile, which else goes through its passes where something lies still.
     fn run<S: Tiled + Send + Sync, O: Send>(
         &self,
         binned: &mut Vec<Binned<S>>,
         buffers: &mut Vec<TileBuffers>,
         outputs: &mut [O],
         project: impl Fn(&Chunk, &mut Binned<S>) + Sync,
+        unmoved: impl Fn(usize, &mut O) -> bool + Sync,
         tile: impl Fn(Pass, Job<'_, S, O>) + Sync,
     ) {
         let &Self { work, chunks, .. } = self;
@@ -246,11 +330,15 @@ impl Tiles<'_> {
                 || (TileBuffers::default(), Vec::new()),
                 |(buffers, scratch), (index, out)| {
                     let rect = work.band.tile(index);
-                    if binned.iter().all(|binned| binned.list(&rect, scratch).is_empty()) {
+                    if !self.wants(&rect) {
+                        return;
+                    }
+                    let empty = binned.iter().all(|binned| binned.list(&rect, scratch).is_empty());
+                    if empty && (work.layer_tile(index).is_none() || unmoved(index, out)) {
                         return;
                     }
                     for pass in passes() {
-                        work.prepare(pass, buffers);
+                        work.prepare(pass, index, buffers, scratch);
                         tile(pass, Job { chunks, binned, tile: rect, buffers, scratch, out });
                     }
                 },
@@ -261,7 +349,8 @@ impl Tiles<'_> {
         let mut done = taken;
         let mut start = 0;
         for pass in passes() {
-            buffers.par_iter_mut().for_each(|buffers| work.prepare(pass, buffers));
+            let prepare = |scratch: &mut _, (index, buffers)| work.prepare(pass, index, buffers, scratch);
+            buffers[..outputs.len()].par_iter_mut().enumerate().for_each_init(Vec::new, prepare);
             loop {
                 let wave = &chunks[start..done];
                 let splats = &binned[..wave.len()];
@@ -269,6 +358,9 @@ impl Tiles<'_> {
                     Vec::new,
                     |scratch, (index, (buffers, out))| {
                         let rect = work.band.tile(index);
+                        if !self.wants(&rect) {
+                            return;
+                        }
                         tile(pass, Job { chunks: wave, binned: splats, tile: rect, buffers, scratch, out });
                     },
                 );
@@ -283,6 +375,12 @@ impl Tiles<'_> {
                 }
             }
         }
+    }
+
+    /// Is the tile rendered? All tiles of a map are.
+    fn wants(&self, tile: &TileRect) -> bool {
+        let [x, y] = tile.tile;
+        self.work.frame.swept.is_some() || self.work.frame.wanted.as_ref().is_none_or(|blocks| blocks.at(x, y))
     }
 
     /// Projects and bins as many of `chunks` as fit into the memory for splats, at least one; returns how many.
@@ -325,19 +423,26 @@ impl Pass {
 }
 
 impl Work<'_> {
+    /// Everything that the group must splat: first what lies still, once for all samples.
     fn chunks(&self) -> Vec<Chunk> {
-        let mut chunks = Vec::new();
-        for (sample, posed) in self.group.samples.iter().enumerate() {
-            for (object, pose) in posed.objects.iter().enumerate() {
-                if !pose.visible {
-                    continue;
-                }
-                let len = self.frame.objects[object].surfels.len();
-                let ranges = (0..len).step_by(CHUNK).map(|first| first..(first + CHUNK).min(len));
-                chunks.extend(ranges.map(|surfels| Chunk { sample, object, surfels }));
-            }
-        }
-        chunks
+        let still = self.still_chunks().filter(|_| self.layer.is_none());
+        let samples = 0..self.group.samples.len();
+        still.chain(samples.flat_map(|sample| self.chunks_of(sample, false))).collect()
+    }
+
+    fn still_chunks(&self) -> impl Iterator<Item = Chunk> {
+        self.chunks_of(0, true)
+    }
+
+    /// The objects that lie still, or do not, at one sample.
+    fn chunks_of(&self, sample: usize, still: bool) -> impl Iterator<Item = Chunk> {
+        let objects = self.group.samples[sample].objects.iter().zip(&self.frame.objects).enumerate();
+        let wanted = objects.filter(move |(_, (pose, object))| pose.visible && object.still == still);
+        wanted.flat_map(move |(index, (_, object))| {
+            let len = object.surfels.len();
+            let ranges = (0..len).step_by(CHUNK).map(move |first| first..(first + CHUNK).min(len));
+            ranges.map(move |surfels| Chunk { sample, object: index, surfels })
+        })
     }
 
     fn view(&self, chunk: &Chunk) -> View<'_> {
@@ -346,6 +451,7 @@ impl Work<'_> {
             raster: self.group.raster,
             pixels: self.band.pixels,
             corner: self.band.corner,
+            wanted: self.frame.wanted.as_ref().filter(|_| self.frame.swept.is_none()),
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,
             two_sided: self.frame.objects[chunk.object].two_sided,
@@ -392,7 +498,7 @@ impl Work<'_> {
             near: self.frame.near,
             low_pass: if self.frame.prefilter == Prefilter::Approx { self.group.raster.low_pass } else { 0.0 },
             stride: self.frame.stride as f32,
-            share: self.share(sample.weight),
+            share: if self.frame.objects[chunk.object].still { 1.0 } else { self.share(sample.weight) },
             shading: self.frame.shading,
         }
     }
@@ -401,6 +507,7 @@ impl Work<'_> {
     fn resolve(&self) -> Resolve<'_> {
         Resolve {
             sample: &self.group.samples[self.group.samples.len() / 2],
+            weight: self.group.samples[0].weight,
             channels: self.channels,
             planes: self.planes,
             shading: self.frame.shading,
@@ -408,12 +515,49 @@ impl Work<'_> {
         }
     }
 
-    /// Clears what `pass` will write.
-    fn prepare(&self, pass: Pass, buffers: &mut TileBuffers) {
+    /// What lies still in tile `index`, where it was splatted already.
+    fn layer_tile(&self, index: usize) -> Option<&LayerTile> {
+        self.layer.and_then(|layer| layer.tiles.get(index)).filter(|tile| !tile.is_empty())
+    }
+
+    /// Adds what lies still to a tile into which nothing else moves; false if it must be resolved anew for this group.
+    fn add_still(&self, index: usize, film: &mut TileFilm) -> bool {
+        let Some(still) = self.layer_tile(index).map(|tile| &tile.film.values).filter(|values| !values.is_empty())
+        else {
+            return false;
+        };
+        let start = Instant::now();
+        film.values.resize(still.len(), 0.0);
+        let weight = self.group.samples[0].weight;
+        film.values.iter_mut().zip(still).for_each(|(out, value)| *out += weight * value);
+        self.clocks.resolve.add(start);
+        true
+    }
+
+    /// Brings what `pass` will write to where it starts, in tile `index`.
+    fn prepare(&self, pass: Pass, index: usize, buffers: &mut TileBuffers, scratch: &mut Vec<u32>) {
         match pass {
-            Pass::Visibility => buffers.clear_threshold(),
+            Pass::Visibility => {
+                buffers.clear_threshold();
+                if let Some(still) = self.layer_tile(index) {
+                    still.begin(&mut buffers.threshold);
+                }
+            }
             Pass::Density => buffers.clear_sums(1, 1),
-            Pass::Attribute => buffers.clear_sums(self.channels.count, self.group.samples.len()),
+            Pass::Attribute => {
+                let start = Instant::now();
+                buffers.clear_sums(self.channels.count, self.group.samples.len());
+                let still = self.layer_tile(index).and_then(|still| still.recall(self.channels.count, buffers));
+                if let (Some(layer), Some(mut anew)) = (self.layer, still) {
+                    std::mem::swap(&mut buffers.threshold, &mut anew);
+                    let tile = self.band.tile(index);
+                    let mut job =
+                        Job { chunks: &layer.chunks, binned: &layer.binned, tile, buffers, scratch, out: &mut () };
+                    self.add_splats(&mut job, &mut []);
+                    std::mem::swap(&mut buffers.threshold, &mut anew);
+                }
+                self.clocks.attribute.add(start);
+            }
             Pass::SweptAttribute => {
                 buffers.clear_threshold();
                 buffers.clear_sums(self.channels.count, 1);
@@ -438,39 +582,38 @@ impl Work<'_> {
         self.clocks.visibility.add(start);
     }
 
+    /// Pass `attribute` of one tile; `nearest` as in `Tally`.
+    fn attribute<O>(&self, job: &mut Job<'_, Splat, O>, nearest: &mut [f32]) {
+        let start = Instant::now();
+        self.add_splats(job, nearest);
+        self.clocks.attribute.add(start);
+    }
+
+    fn add_splats<O>(&self, job: &mut Job<'_, Splat, O>, nearest: &mut [f32]) {
+        let TileBuffers { threshold, sums, union, .. } = &mut *job.buffers;
+        for (chunk, binned) in job.chunks.iter().zip(job.binned) {
+            let list = binned.list(&job.tile, job.scratch);
+            if list.is_empty() {
+                continue;
+            }
+            if self.group.samples.len() > 1 && !self.frame.objects[chunk.object].still {
+                union.turn(|sample| self.group.samples[sample].weight, chunk.sample);
+            }
+            let mut tally = Tally { sums, reach: &mut union.reach, nearest };
+            attribute::attribute(&binned.splats, list, &self.attributes(chunk), &job.tile, threshold, &mut tally);
+        }
+    }
+
     /// A pass of one tile of the image.
     fn tile(&self, pass: Pass, mut job: Job<'_, Splat, TileFilm>) {
-        let start = Instant::now();
-        let several = self.group.samples.len() > 1;
         match pass {
             Pass::Visibility => self.visibility(&mut job),
-            Pass::Attribute => {
-                let TileBuffers { threshold, sums, union, .. } = job.buffers;
-                for (chunk, binned) in job.chunks.iter().zip(job.binned) {
-                    let list = binned.list(&job.tile, job.scratch);
-                    if list.is_empty() {
-                        continue;
-                    }
-                    if several && chunk.sample != union.sample {
-                        union.turn(self.group.samples[union.sample].weight, chunk.sample);
-                    }
-                    let attributes = self.attributes(chunk);
-                    attribute::attribute(
-                        &binned.splats,
-                        list,
-                        &attributes,
-                        &job.tile,
-                        threshold,
-                        sums,
-                        &mut union.reach,
-                    );
-                }
-                self.clocks.attribute.add(start);
-            }
+            Pass::Attribute => self.attribute(&mut job, &mut []),
             Pass::Resolve => {
+                let start = Instant::now();
                 let TileBuffers { threshold, sums, union, .. } = job.buffers;
-                if several {
-                    union.turn(self.group.samples[union.sample].weight, 0);
+                if self.group.samples.len() > 1 {
+                    union.turn(|sample| self.group.samples[sample].weight, self.group.samples.len());
                 }
                 resolve::resolve(&self.resolve(), &job.tile, threshold, sums, &union.coverage, job.out);
                 self.clocks.resolve.add(start);
@@ -500,7 +643,8 @@ impl Work<'_> {
                     }
                     let attributes = Attributes { channels: &channels, ..self.attributes(chunk) };
                     let TileBuffers { threshold, sums, .. } = &mut *job.buffers;
-                    attribute::attribute(&binned.splats, list, &attributes, &job.tile, threshold, sums, &mut []);
+                    let mut tally = Tally { sums, reach: &mut [], nearest: &mut [] };
+                    attribute::attribute(&binned.splats, list, &attributes, &job.tile, threshold, &mut tally);
                 }
                 self.clocks.visibility.add(start);
             }

@@ -88,6 +88,8 @@ impl Film for RasterFilms {
 pub(super) struct Resolve<'a> {
     /// The sample whose camera and lights shade.
     pub sample: &'a PosedSample,
+    /// Share of the exposure of a group of one sample.
+    pub weight: f32,
     pub channels: &'a Channels,
     pub planes: &'a FilmPlanes,
     pub shading: Shading,
@@ -138,10 +140,12 @@ fn resolve_body(
                 // Where no visibility splat covers, only low-pass discs reach: their weights are the coverage.
                 let partial = if w < 1.0 { w } else { 1.0 };
                 let covered = if limit[l] < f32::INFINITY { 1.0 } else { partial };
-                share[l] = if w > 0.0 { covered * resolve.sample.weight } else { 0.0 };
+                share[l] = if w > 0.0 { covered } else { 0.0 };
             }
+            let mut weight = resolve.weight;
             if let Some(coverage) = coverage.get(y * STRIDE + x..).and_then(<[f32]>::first_chunk::<LANES>) {
                 share = *coverage;
+                weight = 1.0;
             }
             let mean = |channel: usize| -> Lanes {
                 let mut out = load(channel);
@@ -161,7 +165,7 @@ fn resolve_body(
             let mut add = |plane: usize, value: Option<&Lanes>| {
                 let out = &mut film.values[(plane * TILE + y) * TILE + x..][..LANES];
                 for l in 0..LANES {
-                    out[l] += share[l] * value.map_or(1.0, |value| value[l]);
+                    out[l] += weight * (share[l] * value.map_or(1.0, |value| value[l]));
                 }
             };
             add(0, Some(&colour[0]));

@@ -108,22 +108,31 @@ pub(super) struct Presence {
 /// Coverage by the samples of a group, one after the other: `TILE` rows of `STRIDE`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Union {
-    /// Sample whose splats are being added.
-    pub sample: usize,
+    /// Sample whose splats are being added; `None` while it is those of all samples.
+    pub sample: Option<usize>,
     /// Of that sample: at least 1 where a splat covers, else the weights of the low-pass discs.
     pub reach: Vec<f32>,
+    /// What all samples have of `reach`.
+    pub still: Vec<f32>,
     /// Of the samples before: sum of weight times coverage.
     pub coverage: Vec<f32>,
 }
 
 impl Union {
-    /// Ends the current sample, of weight `weight`, and starts sample `next`.
-    pub(super) fn turn(&mut self, weight: f32, next: usize) {
-        for (coverage, reach) in self.coverage.iter_mut().zip(&mut self.reach) {
-            *coverage += weight * if *reach < 1.0 { *reach } else { 1.0 };
-            *reach = 0.0;
+    /// Ends all samples before `next`; `weights` are those of all samples.
+    pub(super) fn turn(&mut self, weights: impl Fn(usize) -> f32, next: usize) {
+        let first = self.sample.unwrap_or_else(|| {
+            self.still.copy_from_slice(&self.reach);
+            0
+        });
+        for sample in first..next {
+            let weight = weights(sample);
+            for ((coverage, reach), still) in self.coverage.iter_mut().zip(&mut self.reach).zip(&self.still) {
+                *coverage += weight * if *reach < 1.0 { *reach } else { 1.0 };
+                *reach = *still;
+            }
         }
-        self.sample = next;
+        self.sample = Some(next);
     }
 }
 
@@ -138,8 +147,8 @@ impl TileBuffers {
         self.sums.clear();
         self.sums.resize(TILE * channels * STRIDE, 0.0);
         let union = if samples > 1 { TILE * STRIDE } else { 0 };
-        self.union.sample = 0;
-        for plane in [&mut self.union.reach, &mut self.union.coverage] {
+        self.union.sample = None;
+        for plane in [&mut self.union.reach, &mut self.union.still, &mut self.union.coverage] {
             plane.clear();
             plane.resize(union, 0.0);
         }
@@ -157,7 +166,7 @@ impl TileBuffers {
 
     /// Bytes of one tile's buffers, for groups of `samples` samples, with kernels in motion or without.
     pub(super) const fn bytes(channels: usize, samples: usize, swept: bool) -> u64 {
-        let union = if samples > 1 { 2 } else { 0 };
+        let union = if samples > 1 { 3 } else { 0 };
         let presence = if swept { 4 } else { 0 };
         ((1 + channels + union + presence) * TILE * STRIDE * size_of::<f32>()) as u64
     }

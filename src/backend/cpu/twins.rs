@@ -1,6 +1,6 @@
 //! The passes one at a time, for tests that compare another backend's with them.
 
-use super::attribute::{self, Attributes};
+use super::attribute::{self, Attributes, Tally};
 use super::project::{self, View};
 use super::resolve::{self, Resolve, TileFilm};
 use super::tiles::{STRIDE, TILE, TileBuffers, TileRect};
@@ -46,6 +46,7 @@ impl Twins<'_> {
                     raster: group.raster,
                     pixels: [0, group.raster.size[0] as i32 - 1, 0, group.raster.size[1] as i32 - 1],
                     corner: [0; 2],
+                    wanted: None,
                     near: frame.near,
                     low_pass: frame.prefilter == Prefilter::Approx,
                     two_sided: frame.objects[object].two_sided,
@@ -97,14 +98,15 @@ impl Twins<'_> {
         let union = &mut buffers.union;
         for posed in posed {
             let sample = &group.samples[posed.sample];
-            if group.samples.len() > 1 && posed.sample != union.sample {
-                union.turn(group.samples[union.sample].weight, posed.sample);
+            if group.samples.len() > 1 {
+                union.turn(|sample| group.samples[sample].weight, posed.sample);
             }
             let attributes = Attributes {
                 sample,
                 posed: &sample.objects[posed.object],
                 object: &frame.objects[posed.object],
                 channels: &channels,
+                wanted: None,
                 near: frame.near,
                 low_pass: if frame.prefilter == Prefilter::Approx { group.raster.low_pass } else { 0.0 },
                 stride: frame.stride as f32,
@@ -112,11 +114,11 @@ impl Twins<'_> {
                 shading: frame.shading,
             };
             let list = self.list(posed, tile);
-            let (sums, reach) = (&mut buffers.sums, &mut union.reach);
-            attribute::attribute(&posed.splats, &list, &attributes, &self.rect(tile), &buffers.threshold, sums, reach);
+            let mut tally = Tally { sums: &mut buffers.sums, reach: &mut union.reach, nearest: &mut [] };
+            attribute::attribute(&posed.splats, &list, &attributes, &self.rect(tile), &buffers.threshold, &mut tally);
         }
-        if group.samples.len() > 1 && union.sample != group.samples.len() - 1 {
-            union.turn(group.samples[union.sample].weight, group.samples.len() - 1);
+        if group.samples.len() > 1 {
+            union.turn(|sample| group.samples[sample].weight, group.samples.len() - 1);
         }
         let plane = |values: &[f32]| match values {
             [] => Vec::new(),
@@ -151,10 +153,12 @@ impl Twins<'_> {
         }
         let samples = &group.samples;
         if samples.len() > 1 {
-            buffers.union.turn(samples[samples.len() - 1].weight, 0);
+            buffers.union.sample = Some(samples.len() - 1);
+            buffers.union.turn(|sample| samples[sample].weight, samples.len());
         }
         let resolve = Resolve {
             sample: &samples[samples.len() / 2],
+            weight: samples[0].weight,
             channels: &channels,
             planes: &planes,
             shading: frame.shading,

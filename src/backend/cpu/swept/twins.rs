@@ -1,7 +1,7 @@
 //! The passes of an interval one at a time, for tests that compare another backend's with them.
 
 use super::{Exposure, Footprint, Map, MapTile, Swept, Volume, coverage, keep, pool};
-use crate::backend::cpu::attribute::{self, Attributes};
+use crate::backend::cpu::attribute::{self, Attributes, Tally};
 use crate::backend::cpu::project::{self, View};
 use crate::backend::cpu::resolve::{self, Resolve, TileFilm};
 use crate::backend::cpu::tiles::{Band, STRIDE, TILE, TileBuffers, TileRect};
@@ -56,6 +56,7 @@ impl SweptTwins<'_> {
             raster: self.group.raster,
             pixels: band.pixels,
             corner: band.corner,
+            wanted: None,
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,
             two_sided: self.frame.objects[object].two_sided,
@@ -126,6 +127,7 @@ impl SweptTwins<'_> {
             posed: &sample.objects[object],
             object: &self.frame.objects[object],
             channels,
+            wanted: None,
             near: self.frame.near,
             low_pass: if self.frame.prefilter == Prefilter::Approx { self.group.raster.low_pass } else { 0.0 },
             stride: self.frame.stride as f32,
@@ -145,7 +147,8 @@ impl SweptTwins<'_> {
             let list = self.list(splats.iter().map(|splat| splat.bounds), tile);
             let (rect, TileBuffers { threshold, sums, .. }) = (self.rect(&self.around(), tile), &mut buffers);
             let attributes = self.attributes(*object, &channels);
-            attribute::attribute(splats, &list, &attributes, &rect, threshold, sums, &mut []);
+            let mut tally = Tally { sums, reach: &mut [], nearest: &mut [] };
+            attribute::attribute(splats, &list, &attributes, &rect, threshold, &mut tally);
         }
         self.take(&buffers.sums, STRIDE)
     }
@@ -237,6 +240,7 @@ impl SweptTwins<'_> {
         } else {
             let resolve = Resolve {
                 sample: &group.samples[0],
+                weight,
                 channels: &channels,
                 planes: &planes,
                 shading: frame.shading,

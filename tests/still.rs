@@ -1,0 +1,157 @@
+//! What lies still is splatted once for all time samples that share a sample position; it must look as if it were not.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests may stop")]
+
+mod support;
+
+use glam::DVec3;
+use splatblur::backend::Backend;
+use splatblur::backend::cpu::Cpu;
+use splatblur::film::{Aov, Picture};
+use splatblur::frame::{Blocks, Frame};
+use splatblur::plan::{BlurMode, Interleave, PixelFilter, RenderOptions, Shading, SweptKernel};
+use splatblur::scene::{Motion, Scene};
+use support::{default_lights, object, scene, sphere};
+
+/// A textured sphere at rest, one that moves through its surface, and one that passes behind.
+fn through() -> Scene {
+    let still = object(sphere(20_000).spatially_ordered());
+    let moving = |from: DVec3, velocity: DVec3| {
+        let mut ball = object(sphere(1500).spatially_ordered());
+        ball.transform.translate = from;
+        ball.transform.scale = DVec3::splat(0.45);
+        ball.motions = vec![Motion::Linear { velocity }];
+        ball
+    };
+    let through = moving(DVec3::new(-0.9, 0.1, 0.75), DVec3::new(0.9, 0.1, -0.1));
+    let behind = moving(DVec3::new(0.4, 0.7, -1.2), DVec3::new(0.8, 0.2, 0.0));
+    let mut scene = scene(vec![through, still, behind], [96, 80], DVec3::new(0.0, 0.0, 4.0), 40.0);
+    scene.lights = default_lights();
+    scene
+}
+
+fn options(mode: BlurMode) -> RenderOptions {
+    let aovs = Aov::ALL.to_vec();
+    RenderOptions { mode, filter: PixelFilter::Point, aovs, epsilon: Some(0.03), ..RenderOptions::default() }
+}
+
+fn modes() -> [BlurMode; 4] {
+    [
+        BlurMode::Still { pixel_samples: 3 },
+        BlurMode::supersample(8),
+        BlurMode::Supersample { samples: 3, interleave: Interleave::Two },
+        BlurMode::Bucket { buckets: 3, samples: 3, pixel_samples: 1, interleave: Interleave::None },
+    ]
+}
+
+fn splat(frame: &Frame<'_>) -> (Picture, u64) {
+    let rendered = Cpu::default().render(frame).unwrap();
+    (rendered.picture, rendered.stats.splats)
+}
+
+/// Largest difference of any value, as a share of the larger of the two and 1.
+fn difference(a: &Picture, b: &Picture) -> f32 {
+    let share = |(a, b): (&f32, &f32)| if a == b { 0.0 } else { (a - b).abs() / a.abs().max(b.abs()).max(1.0) };
+    let colour = a.rgba.as_flattened().iter().zip(b.rgba.as_flattened()).map(share);
+    let planes = a.layers.iter().zip(&b.layers).flat_map(|(a, b)| a.planes.iter().zip(&b.planes));
+    colour.chain(planes.flat_map(|(a, b)| a.iter().zip(b).map(share))).fold(0.0, f32::max)
+}
+
+#[test]
+fn what_lies_still_looks_as_if_splatted_anew() {
+    let scene = through();
+    for mode in modes() {
+        for shading in [Shading::Phong, Shading::Gouraud] {
+            let options = RenderOptions { shading, ..options(mode) };
+            let frame = Frame::new(&scene, 0, &options);
+            let of_still: Vec<bool> = frame.objects.iter().map(|object| object.still).collect();
+            let all = matches!(mode, BlurMode::Still { .. });
+            assert_eq!(of_still, [all, true, all]);
+            let mut anew = frame.clone();
+            anew.objects.iter_mut().for_each(|object| object.still = false);
+            let ((kept, fewer), (anew, more)) = (splat(&frame), splat(&anew));
+            assert!(fewer * 2 < more, "{mode}: {fewer} of {more} splats");
+            // Sums of up to about 100 terms in another order, and quotients of two of them.
+            let worst = difference(&kept, &anew);
+            assert!(worst < 200.0 * f32::EPSILON, "{mode}: {worst}");
+        }
+    }
+}
+
+/// Splats that cannot be kept are made anew for each group, and added up in the same order.
+#[test]
+fn memory_for_what_lies_still_does_not_show() {
+    let scene = through();
+    for mode in modes() {
+        let options = options(mode);
+        let frame = Frame::new(&scene, 0, &options);
+        let kept = splat(&frame);
+        let mut scarce = frame.clone();
+        let anew = (1..).find_map(|step| {
+            scarce.memory = frame.model_bytes + (step << 17);
+            Cpu::default().render(&scarce).ok()
+        });
+        let anew = anew.unwrap();
+        assert!(anew.stats.splats > kept.1, "{mode}: {} of {} splats", kept.1, anew.stats.splats);
+        assert!(anew.picture == kept.0, "{mode}");
+    }
+}
+
+/// An object whose way on the screen is a fifth of a pixel is held; at a third of a pixel it moves.
+#[test]
+fn slow_objects_are_held_at_mid_exposure() {
+    let held = |way: f64| {
+        let mut ball = object(sphere(500));
+        // Focal length 109.9 px at depth 4: the corners of the model's box come as near as depth 3.
+        ball.motions = vec![Motion::Linear { velocity: DVec3::X * way * 3.0 / 109.9 }];
+        let scene = scene(vec![ball], [96, 80], DVec3::new(0.0, 0.0, 4.0), 40.0);
+        let options = options(BlurMode::supersample(9));
+        let frame = Frame::new(&scene, 0, &options);
+        let at = |group: usize| frame.groups[group].samples[0].objects[0].screen_origin.x;
+        let middle = 109.9 * (0.5 * way * 3.0 / 109.9) as f32;
+        assert_eq!(frame.objects[0].still, (0..9).all(|group| (at(group) - middle).abs() < 1e-3));
+        frame.objects[0].still
+    };
+    // Samples lie at the middles of ninths: they see 8/9 of the way.
+    assert!(held(0.27));
+    assert!(!held(0.30));
+}
+
+/// A jump within the exposure, a camera in motion, and an interval's motion are motion; `blur="false"` is none.
+#[test]
+fn what_moves_is_not_held() {
+    let mut scene = through();
+    scene.camera.automatic = false;
+    let still = |scene: &Scene, mode| {
+        let options = options(mode);
+        Frame::new(scene, 0, &options).objects.iter().map(|object| object.still).collect::<Vec<_>>()
+    };
+    let swept = BlurMode::Volumetric { intervals: 1, pixel_samples: 1, swept: SweptKernel::default() };
+    assert_eq!(still(&scene, swept), [false, true, false]);
+    scene.objects[0].blur = false;
+    assert_eq!(still(&scene, BlurMode::supersample(4)), [true, true, false]);
+}
+
+/// Blocks that are not wanted stay empty, the others are as if all were.
+#[test]
+fn only_wanted_blocks_are_rendered() {
+    let scene = through();
+    for mode in [BlurMode::supersample(4), BlurMode::Supersample { samples: 3, interleave: Interleave::Two }] {
+        let options = RenderOptions { aovs: Vec::new(), ..options(mode) };
+        let mut frame = Frame::new(&scene, 0, &options);
+        frame.background.transparent = true;
+        let (whole, _) = splat(&frame);
+        let [width, height] = Blocks::count(frame.size, frame.stride);
+        let wanted = (0..width * height).map(|block| block % 2 == 1).collect();
+        frame.wanted = Some(Blocks { width, wanted });
+        let (part, _) = splat(&frame);
+        let edge = Blocks::EDGE * frame.stride as usize;
+        let mut seen = [0, 0];
+        for (index, (part, whole)) in part.rgba.iter().zip(&whole.rgba).enumerate() {
+            let block = index / 96 / edge * width + index % 96 / edge;
+            assert_eq!(*part, if block % 2 == 1 { *whole } else { [0.0; 4] }, "{mode}: pixel {index}");
+            seen[block % 2] += usize::from(whole[3] > 0.0);
+        }
+        assert!(seen.iter().all(|&covered| covered > 100), "{mode}: {seen:?}");
+    }
+}
