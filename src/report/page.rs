@@ -257,10 +257,10 @@ fn regions(modes: &[ModeStudy]) -> Markup {
     let share =
         |region: Region| modes.iter().flat_map(|m| &m.regions).find(|r| r.region == region).map_or(0.0, |r| r.pixels);
     html! {
-        p { "In each cell: RMSE (linear) and FLIP of the region, below them its share of the squared error of the picture. Static: one surface that moves by less than 0.25 pixels while the "
+        p { "Below a region's name its share of the pixels; in each cell its RMSE (linear) and FLIP, below them its share of the squared error. Static: one surface that moves by less than 0.25 pixels while the "
             "shutter is open; swept: one that moves farther; occlusion change: another surface comes or goes; silhouette: a still edge." }
         div class="wide" { table {
-            thead { tr { th { "mode" } @for &region in &used { th { i class="patch" style=(patch(region)) {} (region.name()) br; (percent(share(region))) " of the pixels" } } } }
+            thead { tr { th { "mode" } @for &region in &used { th { i class="patch" style=(patch(region)) {} (region.name()) br; span class="faint" { (percent(share(region))) } } } } }
             tbody { @for m in modes { tr {
                 td { (breakable(&m.name())) }
                 @for &region in &used { td {
