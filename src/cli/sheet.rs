@@ -13,7 +13,7 @@ use super::grammar;
 use super::limits::Shown;
 use super::modes::{self, Machine, Method, Mode};
 use super::output::{print, say};
-use super::progress::Loading;
+use super::progress::Steps;
 use super::settings;
 use super::trial::{Common, Shot};
 
@@ -121,20 +121,26 @@ impl Sheet {
                 bail!("--crop: {crop} does not lie in a picture of {width} x {height}");
             }
         }
-        let progress = Loading::new(self.common.quiet);
-        let share = |share| progress.step("reference", share);
-        let judge = self.reference.map(|samples| trial.judge(samples, self.frame, &share)).transpose()?;
+        // Once to warm up, once measured; references are slow and need no warming.
+        let renderings = |mode: &Mode| if matches!(mode.method, Method::Reference(_)) { 1 } else { 2 };
+        let steps = u64::from(self.reference.is_some()) + self.modes.iter().map(renderings).sum::<u64>();
+        let progress = Steps::new(steps, self.common.quiet);
+        let mut step = 0;
+        let mut judge = None;
+        if let Some(samples) = self.reference {
+            judge = Some(trial.judge(samples, self.frame, &|share| progress.at(step, "reference", share))?);
+            step += 1;
+        }
         let mut shots = Vec::new();
-        for (i, mode) in self.modes.iter().enumerate() {
-            // Once to warm up, once measured; references are slow and need no warming.
-            let renderings = if matches!(mode.method, Method::Reference(_)) { 1 } else { 2 };
-            for turn in 0..renderings {
-                let share = (i as f32 + turn as f32 / renderings as f32) / self.modes.len() as f32;
-                progress.step(&mode.to_string(), share);
+        for mode in &self.modes {
+            for turn in 1..=renderings(mode) {
+                let share = |share: f32| progress.at(step, &mode.to_string(), share);
+                share(0.0);
                 let shot = trial
-                    .shoot(mode.method, machine(mode), self.frame, &|_| ())
+                    .shoot(mode.method, machine(mode), self.frame, &share)
                     .with_context(|| format!("mode {mode}"))?;
-                if turn + 1 == renderings {
+                step += 1;
+                if turn == renderings(mode) {
                     shots.push(shot);
                 }
             }
