@@ -8,12 +8,8 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use splatblur::compare::{self, Comparison, Metric, flip, ssim};
 use splatblur::film::Picture;
-use splatblur::report::page::{FramePictures, ModePictures, page};
-use splatblur::report::{
-    Floor, FrameStudy, ModeStudy, Region, STRATA, SceneStudy, Study, Times, classify, csv, flip_map, pass_rate,
-    region_map, signed_error, split,
-};
-use splatblur::sheet::{Canvas, densest};
+use splatblur::report::page::page;
+use splatblur::report::{Floor, FrameStudy, ModeStudy, Region, SceneStudy, Study, Times, csv, pass_rate, split};
 use splatblur::{files, image};
 
 use super::common::{open_directory, stop_on_interrupt};
@@ -22,13 +18,9 @@ use super::limits::{self, Limit};
 use super::modes::{self, Machine, Method, Mode};
 use super::output::{is_closed_pipe, print, say};
 use super::progress::Steps;
+use super::report_pictures::{pictured, pictures_of, regions};
 use super::report_store::Store;
 use super::trial::{Common, Trial};
-
-/// Greatest width of a picture on the page.
-const PICTURE: u32 = 640;
-/// The crops where FLIP is worst.
-const CROP: (u32, u32) = (60, 45);
 
 /// Measure modes against the ray-traced reference: an HTML page, JSON and CSV.
 ///
@@ -83,13 +75,13 @@ pub(super) struct Report {
 
 /// A mode on a machine.
 #[derive(Clone, Copy)]
-struct Entry {
+pub(super) struct Entry {
     method: Method,
     machine: Machine,
 }
 
 impl Entry {
-    fn name(self) -> String {
+    pub(super) fn name(self) -> String {
         format!("{}@{}", self.method, self.machine)
     }
 }
@@ -360,54 +352,6 @@ fn measure(
         regions: split(&picture, reference, &map, regions),
         errors,
     })
-}
-
-/// The regions of a frame's picture.
-fn regions(trial: &mut Trial<'_>, frame: i64) -> anyhow::Result<Vec<Region>> {
-    classify(&trial.moments(frame)?, f64::from(STRATA)).context("the layers of depth and velocity")
-}
-
-/// The pictures of a frame for the page.
-fn pictures_of(
-    trial: &mut Trial<'_>,
-    store: &Store<'_>,
-    frame: i64,
-    entries: &[Entry],
-) -> anyhow::Result<FramePictures> {
-    let reference = image::read(&store.path(frame, "judge"))?;
-    let (signed_range, flip_range) = (0.25, 0.5);
-    let mut modes = Vec::new();
-    for entry in entries {
-        let picture = image::read(&store.path(frame, &entry.name()))?;
-        let map = flip::map(&picture, &reference)?;
-        let values: Vec<f64> = map.iter().map(|&v| f64::from(v)).collect();
-        let crop = densest(&values, picture.width, CROP.0, CROP.1);
-        let flip = flip_map(&map, picture.width, picture.height, flip_range)?;
-        let cut = |canvas: &Canvas| canvas.enlarged(crop, 1);
-        let worst = [cut(&Canvas::of(&picture)?)?, cut(&Canvas::of(&reference)?)?, cut(&flip)?];
-        let signed = signed_error(&picture, &reference, signed_range)?;
-        let mut shown = Canvas::shrunk(&picture, PICTURE)?;
-        shown.mark(crop, picture.width);
-        modes.push(ModePictures { picture: shown, signed, flip, worst, crop });
-    }
-    let regions = region_map(&regions(trial, frame)?, reference.width)?;
-    let reference = Canvas::shrunk(&reference, PICTURE)?;
-    Ok(FramePictures { frame, reference, regions, modes, signed_range, flip_range })
-}
-
-/// Frames with pictures on the page: all of up to three, else the first, that with the greatest FLIP, and the last.
-fn pictured(study: &Study) -> Vec<i64> {
-    let frames = &study.frames;
-    let flip = |f: &FrameStudy| f.modes.iter().filter_map(|m| m.errors.flip).fold(0.0, f64::max);
-    let mut chosen: Vec<i64> = if frames.len() <= 3 {
-        frames.iter().map(|f| f.frame).collect()
-    } else {
-        let worst = frames.iter().max_by(|a, b| flip(a).total_cmp(&flip(b)));
-        [frames.first(), worst, frames.last()].into_iter().flatten().map(|f| f.frame).collect()
-    };
-    chosen.sort_unstable();
-    chosen.dedup();
-    chosen
 }
 
 fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
