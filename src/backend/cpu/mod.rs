@@ -8,6 +8,7 @@
 mod attribute;
 mod bin;
 mod layer;
+mod lit;
 mod project;
 mod resolve;
 mod swept;
@@ -20,11 +21,13 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use self::attribute::{Attributes, Tally};
 use self::bin::{Binned, Tiled};
 use self::layer::{Layer, LayerTile};
+use self::lit::Faced;
 use self::project::View;
 use self::resolve::{RasterFilms, Resolve, TileFilm, TiledFilm};
 #[cfg(all(test, feature = "gpu"))]
@@ -36,7 +39,7 @@ use super::{Backend, BackendError, Rendered, Stats};
 use crate::film::{FilmPlanes, develop};
 use crate::frame::{Blocks, Frame, PosedGroup};
 use crate::layout::{Channels, Splat, SweptSplat};
-use crate::plan::{KernelShape, Normalise, Pass, Prefilter, TemporalAlpha};
+use crate::plan::{KernelShape, Normalise, Pass, Prefilter, Shading, TemporalAlpha};
 
 const _: () = assert!(TILE == Blocks::EDGE);
 
@@ -465,6 +468,9 @@ impl Work<'_> {
         binned.splats.clear();
         project::project(&self.view(chunk), surfels, chunk.surfels.clone(), &mut binned.splats);
         binned.bin();
+        if self.frame.swept.is_none() {
+            self.light(chunk, binned);
+        }
         self.clocks.splats.fetch_add(binned.splats.len() as u64, Relaxed);
         self.clocks.project.add(start);
     }
@@ -478,8 +484,16 @@ impl Work<'_> {
         binned.splats.clear();
         swept::project(&self.view(chunk), volume, surfels, chunk.surfels.clone(), &mut binned.splats);
         binned.bin();
+        self.light(chunk, binned);
         self.clocks.splats.fetch_add(binned.splats.len() as u64, Relaxed);
         self.clocks.project.add(start);
+    }
+
+    /// Shades the splats of one chunk, where surfels are shaded.
+    fn light<S: Faced>(&self, chunk: &Chunk, binned: &mut Binned<S>) {
+        if self.frame.shading == Shading::Gouraud {
+            lit::light(&binned.splats, &self.attributes(chunk, &[]), &mut binned.lit);
+        }
     }
 
     /// Share that a sample of weight `weight` has in its group: 1 where it is alone.
@@ -488,7 +502,8 @@ impl Work<'_> {
         if total > 0.0 { weight / total } else { 1.0 }
     }
 
-    fn attributes(&self, chunk: &Chunk) -> Attributes<'_> {
+    /// `lit`: what the splats of the chunk show.
+    fn attributes<'b>(&'b self, chunk: &Chunk, lit: &'b [Vec3]) -> Attributes<'b> {
         let sample = &self.group.samples[chunk.sample];
         Attributes {
             sample,
@@ -499,7 +514,7 @@ impl Work<'_> {
             low_pass: if self.frame.prefilter == Prefilter::Approx { self.group.raster.low_pass } else { 0.0 },
             stride: self.frame.stride as f32,
             share: if self.frame.objects[chunk.object].still { 1.0 } else { self.share(sample.weight) },
-            shading: self.frame.shading,
+            lit,
         }
     }
 
@@ -600,7 +615,14 @@ impl Work<'_> {
                 union.turn(|sample| self.group.samples[sample].weight, chunk.sample);
             }
             let mut tally = Tally { sums, reach: &mut union.reach, nearest };
-            attribute::attribute(&binned.splats, list, &self.attributes(chunk), &job.tile, threshold, &mut tally);
+            attribute::attribute(
+                &binned.splats,
+                list,
+                &self.attributes(chunk, &binned.lit),
+                &job.tile,
+                threshold,
+                &mut tally,
+            );
         }
     }
 
@@ -641,7 +663,7 @@ impl Work<'_> {
                     if list.is_empty() {
                         continue;
                     }
-                    let attributes = Attributes { channels: &channels, ..self.attributes(chunk) };
+                    let attributes = Attributes { channels: &channels, ..self.attributes(chunk, &binned.lit) };
                     let TileBuffers { threshold, sums, .. } = &mut *job.buffers;
                     let mut tally = Tally { sums, reach: &mut [], nearest: &mut [] };
                     attribute::attribute(&binned.splats, list, &attributes, &job.tile, threshold, &mut tally);
@@ -676,7 +698,7 @@ impl Work<'_> {
                         continue;
                     }
                     let swept = Swept {
-                        attributes: self.attributes(chunk),
+                        attributes: self.attributes(chunk, &binned.lit),
                         footprint: Footprint::of(kernel),
                         source_samples: kernel.source_samples.0,
                         slope: interval.slope,

@@ -1,6 +1,7 @@
 //! The passes one at a time, for tests that compare another backend's with them.
 
 use super::attribute::{self, Attributes, Tally};
+use super::lit;
 use super::project::{self, View};
 use super::resolve::{self, Resolve, TileFilm};
 use super::tiles::{STRIDE, TILE, TileBuffers, TileRect};
@@ -8,7 +9,7 @@ use super::visibility::{self, Depths};
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup};
 use crate::layout::{Channels, Splat};
-use crate::plan::Prefilter;
+use crate::plan::{Prefilter, Shading};
 
 /// Splats of one object at one sample, in surfel order.
 #[derive(Clone, Debug)]
@@ -101,18 +102,22 @@ impl Twins<'_> {
             if group.samples.len() > 1 {
                 union.turn(|sample| group.samples[sample].weight, posed.sample);
             }
-            let attributes = Attributes {
+            let mut attributes = Attributes {
                 sample,
                 posed: &sample.objects[posed.object],
                 object: &frame.objects[posed.object],
                 channels: &channels,
-                wanted: None,
                 near: frame.near,
                 low_pass: if frame.prefilter == Prefilter::Approx { group.raster.low_pass } else { 0.0 },
                 stride: frame.stride as f32,
                 share: if total > 0.0 { sample.weight / total } else { 1.0 },
-                shading: frame.shading,
+                lit: &[],
             };
+            let mut lit = Vec::new();
+            if frame.shading == Shading::Gouraud {
+                lit::light(&posed.splats, &attributes, &mut lit);
+                attributes.lit = &lit;
+            }
             let list = self.list(posed, tile);
             let mut tally = Tally { sums: &mut buffers.sums, reach: &mut union.reach, nearest: &mut [] };
             attribute::attribute(&posed.splats, &list, &attributes, &self.rect(tile), &buffers.threshold, &mut tally);
