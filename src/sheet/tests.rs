@@ -49,6 +49,10 @@ fn the_crop_goes_where_pictures_differ() {
     // Only this crop has both.
     assert_eq!(most_different(&[&a, &b], 8, 6).unwrap(), Crop { x: 20, y: 10, width: 8, height: 6 });
     assert_eq!(most_different(&[&a, &b, &a], 99, 99).unwrap(), Crop { x: 0, y: 0, width: 40, height: 30 });
+    // One that is wrong nearly everywhere does not hide where the others differ.
+    let mut wrong = solid(40, 30, 5.0);
+    wrong.rgba[10 * 40 + 20] = [0.5; 4];
+    assert_eq!(most_different(&[&a, &b, &wrong], 8, 6).unwrap(), Crop { x: 20, y: 10, width: 8, height: 6 });
     assert!(most_different(&[], 8, 6).is_err());
     assert!(most_different(&[&a, &solid(3, 3, 0.0)], 8, 6).is_err());
 }
