@@ -20,7 +20,7 @@ use super::output::{is_closed_pipe, print, say};
 use super::progress::Steps;
 use super::report_pictures::{pictured, pictures_of, regions};
 use super::report_store::Store;
-use super::trial::{Common, Trial};
+use super::trial::{Common, Trial, samples_of};
 
 /// Measure modes against the ray-traced reference: an HTML page, JSON and CSV.
 ///
@@ -346,7 +346,7 @@ fn measure(
         mode: entry.method.to_string(),
         family: entry.method.family(),
         backend: entry.machine.to_string(),
-        samples: entry.method.samples(),
+        samples: samples_of(entry.method, &picture),
         times: Times::of(&seconds),
         z_pass: pass_rate(&picture, reference).context("the reference has no standard error")?,
         regions: split(&picture, reference, &map, regions),

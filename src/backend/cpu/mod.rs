@@ -9,6 +9,7 @@ mod attribute;
 mod bin;
 mod layer;
 mod lit;
+mod pieces;
 mod project;
 mod resolve;
 mod swept;
@@ -28,6 +29,7 @@ use self::attribute::{Attributes, Tally};
 use self::bin::{Binned, Tiled};
 use self::layer::{Layer, LayerTile};
 use self::lit::Faced;
+use self::pieces::Pieces;
 use self::project::View;
 use self::resolve::{RasterFilms, Resolve, TileFilm, TiledFilm};
 #[cfg(all(test, feature = "gpu"))]
@@ -102,6 +104,10 @@ impl Cpu {
         let stride = frame.stride as usize;
         let mut films = RasterFilms { films: Vec::new(), stride, samples: frame.samples() };
         let clocks = Clocks::default();
+        let pieces = match frame.wanted {
+            Some(_) if frame.swept.is_none() => frame.objects.iter().map(|object| Pieces::of(object.surfels)).collect(),
+            _ => Vec::new(),
+        };
         for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
             let size = groups[0].raster.size;
             let mut film = TiledFilm::new(size);
@@ -118,6 +124,7 @@ impl Cpu {
                         planes: &planes,
                         channels: &channels,
                         layer: None,
+                        pieces: &pieces,
                         clocks: &clocks,
                     };
                     let layer =
@@ -204,6 +211,8 @@ struct Work<'a> {
     channels: &'a Channels,
     /// What lies still, where it was splatted already.
     layer: Option<&'a Layer>,
+    /// Of each object, where only some blocks are wanted.
+    pieces: &'a [Pieces],
     clocks: &'a Clocks,
 }
 
@@ -443,8 +452,17 @@ impl Work<'_> {
         let wanted = objects.filter(move |(_, (pose, object))| pose.visible && object.still == still);
         wanted.flat_map(move |(index, (_, object))| {
             let len = object.surfels.len();
-            let ranges = (0..len).step_by(CHUNK).map(move |first| first..(first + CHUNK).min(len));
-            ranges.map(move |surfels| Chunk { sample, object: index, surfels })
+            let chunks = (0..len).step_by(CHUNK).map(move |first| {
+                let surfels = first..(first + CHUNK).min(len);
+                Chunk { sample, object: index, surfels }
+            });
+            chunks.flat_map(move |chunk| {
+                let parts = match self.pieces.get(index) {
+                    Some(pieces) => pieces.wanted(&self.view(&chunk), chunk.surfels.clone()),
+                    None => vec![chunk.surfels.clone()],
+                };
+                parts.into_iter().map(move |surfels| Chunk { surfels, ..chunk })
+            })
         })
     }
 
