@@ -1,5 +1,5 @@
 //! Stated and true errors of mode auto, and its cost beside that of supersampling: makes tables of docs/modes.md. Takes minutes, so it
-//! is ignored by default:
+//! is ignored by default. `BOX=1`: samples over the pixel's square, not at its centre. `SCENE=spin`: one shipped scene.
 //!
 //! `cargo test --release --test auto_study -- --ignored --nocapture`; references are kept in the build folder and used again.
 
@@ -113,6 +113,9 @@ fn shipped_scenes() {
         ("three_objects", 20),
         ("toward_camera_and_sideways", 5),
     ] {
+        if std::env::var("SCENE").is_ok_and(|wanted| wanted != name) {
+            continue;
+        }
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).with_extension("xml");
         let mut scene = load(&path, &LoadOptions::default()).unwrap().scene;
         (scene.image.width, scene.image.height) = (480, 270);

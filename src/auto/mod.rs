@@ -28,6 +28,8 @@ const SAMPLES: f64 = 0.025;
 /// From this target on, neighbouring pixels see different times, which halves FLIP at the same cost; a tighter one has the smaller error
 /// without a lattice, whose classes sample off the middles of their strata.
 const LOOSE: f64 = 0.02;
+/// Shortest way between two time samples, pixels, for which they do; below it steps hardly show, and the lattice would.
+const WIDE_STEP: f64 = 8.0;
 /// The difference of the halves is too low an estimate, by so much on average and a little more (docs/modes.md): classes of a lattice
 /// see times off the middles of their strata, and what that does is the same in both halves; sub-pixel positions are less even than times.
 const fn safety(interleave: Interleave, filter: PixelFilter) -> f64 {
@@ -50,14 +52,16 @@ pub fn render(
 ) -> Result<Rendered, BackendError> {
     let way = path::longest(scene, number);
     let moves = way >= f64::from(STILL_PATH);
-    let interleave = if moves && target.error >= LOOSE { Interleave::Two } else { Interleave::None };
+    let moving_samples = first_samples(way, &target);
+    let steps = way / f64::from(moving_samples);
+    let interleave = if target.error >= LOOSE && steps >= WIDE_STEP { Interleave::Two } else { Interleave::None };
     let positions = match options.filter {
         // A lattice shares out four times as many.
         PixelFilter::Box if moves && interleave == Interleave::None => 2 * target.pixel_samples,
         PixelFilter::Box => target.pixel_samples.next_multiple_of(2),
         PixelFilter::Point => 1,
     };
-    let samples = if moves { first_samples(way, &target) } else { positions.max(2) };
+    let samples = if moves { moving_samples } else { positions.max(2) };
     let first = Round { scene, number, options, interleave, samples, factor: 1, positions };
     let mut stats = Stats::default();
     let mut halves = Halves::render(backend, &first, None, &mut stats)?;
