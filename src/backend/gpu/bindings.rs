@@ -57,7 +57,18 @@ pub(super) struct Steps {
     pub resolve: Vec<Step>,
     /// Likewise, where the film is not finished when all groups are added.
     pub finish: Vec<Step>,
+    pub layer: Option<LayerSteps>,
     pub swept: Option<SweptSteps>,
+}
+
+/// What comes for groups that share a sample position.
+#[derive(Debug)]
+pub(super) struct LayerSteps {
+    /// Sums of what lies still.
+    pub sum: Step,
+    pub recall: Step,
+    /// Sums of what must be added anew: for each wave of what lies still.
+    pub anew: Vec<Step>,
 }
 
 /// What is other for kernels in motion.
@@ -109,6 +120,10 @@ impl Bench<'_> {
             Slot::Sums => &b.sums,
             // These are bound block by block and band by band.
             Slot::Film | Slot::Geometry | Slot::Looks => &b.film,
+            Slot::Wanted => &b.wanted,
+            Slot::LayerThresholds => &b.layer_thresholds,
+            Slot::LayerSums => &b.layer_sums,
+            Slot::Limits => &b.limits,
         }
     }
 
@@ -166,7 +181,7 @@ impl Bench<'_> {
         blocks.iter().map(|blocks| blocks.iter().map(&mut one).collect()).collect()
     }
 
-    /// All steps of a frame. `most_tiles`: of a band. `parts`: first byte and length of what each band has of the film.
+    /// All steps of a frame. `most_tiles`: of a band. `kept_waves`: of what lies still. `parts`: first byte and length of what each band has of the film.
     pub(super) fn steps(
         &mut self,
         frame: &Frame<'_>,
@@ -174,6 +189,7 @@ impl Bench<'_> {
         planes: &FilmPlanes,
         blocks: &[Vec<Block>],
         most_tiles: u64,
+        kept_waves: usize,
         parts: &[(u64, u64)],
     ) -> Result<Steps, BackendError> {
         let none = Constants::new();
@@ -222,8 +238,44 @@ impl Bench<'_> {
             sum_attributes: self.step(Program::SumAttributes, &sums, 1, &[])?,
             resolve: resolve_parts,
             finish,
+            layer: self.layer_steps(channels, kept_waves)?,
             swept,
         })
+    }
+
+    /// `kept_waves`: of what lies still.
+    fn layer_steps(
+        &mut self,
+        channels: &DeviceChannels,
+        kept_waves: usize,
+    ) -> Result<Option<LayerSteps>, BackendError> {
+        if kept_waves == 0 {
+            return Ok(None);
+        }
+        let buffers = self.buffers;
+        let least_depth = DeviceChannels { count: channels.count + 1, ..*channels };
+        let mut with_nearest = sum_constants(&least_depth);
+        with_nearest.push(("NEAREST", channels.count as u32));
+        let to_layer = [(Slot::Sums, buffers.layer_sums.as_entire_buffer_binding())];
+        let sums = sum_constants(channels);
+        let anew = buffers.kept[..kept_waves].iter().map(|kept| {
+            let special = [
+                (Slot::Splats, &kept.splats),
+                (Slot::List, &kept.list),
+                (Slot::Wide, &kept.wide),
+                (Slot::Starts, &kept.starts),
+                (Slot::Values, &kept.values),
+                (Slot::Thresholds, &buffers.limits),
+            ];
+            let special = special.map(|(slot, buffer)| (slot, buffer.as_entire_buffer_binding()));
+            self.step(Program::SumAttributes, &sums, 1, &special)
+        });
+        let anew = anew.collect::<Result<_, _>>()?;
+        Ok(Some(LayerSteps {
+            sum: self.step(Program::SumAttributes, &with_nearest, 1, &to_layer)?,
+            recall: self.step(Program::Recall, &vec![("CHANNELS", channels.count as u32)], 0, &[])?,
+            anew,
+        }))
     }
 
     /// `program` for each part of the film.
