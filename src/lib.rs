@@ -24,6 +24,7 @@
 //! `f64`, scene units. Names of transforms read right to left: `camera_from_world`. Colours are linear Rec.709.
 
 pub mod anim;
+pub mod auto;
 pub mod backend;
 pub mod compare;
 pub mod files;

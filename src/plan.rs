@@ -7,7 +7,7 @@ use crate::sampling::pixel_offsets;
 use crate::time::Shutter;
 
 /// How motion becomes blur.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BlurMode {
     /// No motion: everything at the frame number, averaged over sub-pixel offsets.
     Still {
@@ -43,6 +43,34 @@ pub enum BlurMode {
         /// What kernels sweep, and how they add up.
         swept: SweptKernel,
     },
+    /// As many time samples as an error takes, by [`crate::auto`]; a plan of its own has the fewest.
+    Auto(Target),
+}
+
+/// What mode auto aims at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// Root mean squared error of the display values, > 0.
+    pub error: f64,
+    /// Most time samples of a pixel, >= 4.
+    pub samples_max: u32,
+    /// Sub-pixel positions of the first samples, >= 1; an even number is used.
+    pub pixel_samples: u32,
+}
+
+impl Target {
+    /// Quick looks: noise and steps show where one looks for them.
+    pub const DRAFT: f64 = 0.03;
+    /// Steps do not show in motion.
+    pub const GOOD: f64 = 0.015;
+    /// Steps do not show in stills.
+    pub const FINAL: f64 = 0.0075;
+}
+
+impl Default for Target {
+    fn default() -> Self {
+        Self { error: Self::GOOD, samples_max: 256, pixel_samples: 8 }
+    }
 }
 
 /// How volumetric kernels weigh and add up.
@@ -150,8 +178,24 @@ impl fmt::Display for BlurMode {
                 }
                 return write!(f, "{swept}");
             }
+            Self::Auto(target) => return write!(f, "auto:{target}"),
         };
         if interleaved == Interleave::None { Ok(()) } else { write!(f, "+interleave={}", interleaved.stride()) }
+    }
+}
+
+/// The error, and what differs from the defaults, as in `0.015+samples-max=64`.
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let default = Self::default();
+        write!(f, "{}", self.error)?;
+        if self.samples_max != default.samples_max {
+            write!(f, "+samples-max={}", self.samples_max)?;
+        }
+        if self.pixel_samples != default.pixel_samples {
+            write!(f, "+pixel-samples={}", self.pixel_samples)?;
+        }
+        Ok(())
     }
 }
 
@@ -213,7 +257,7 @@ impl Interleave {
     }
 
     /// Place of the class of pixel `phase` in Bayer order, 0..stride^2: consecutive classes lie far apart.
-    fn order(self, phase: [u32; 2]) -> u32 {
+    pub(crate) fn order(self, phase: [u32; 2]) -> u32 {
         let [x, y] = phase;
         let bits = self.stride().trailing_zeros();
         (0..bits).fold(0, |order, bit| order << 2 | ((x ^ y) >> bit & 1) << 1 | y >> bit & 1)
@@ -324,7 +368,7 @@ impl BlurMode {
     pub const fn swept(self) -> Option<SweptKernel> {
         match self {
             Self::Volumetric { swept, .. } => Some(swept),
-            Self::Still { .. } | Self::Supersample { .. } | Self::Bucket { .. } => None,
+            Self::Still { .. } | Self::Supersample { .. } | Self::Bucket { .. } | Self::Auto(_) => None,
         }
     }
 
@@ -332,7 +376,7 @@ impl BlurMode {
     pub const fn passes(self) -> &'static [Pass] {
         use Pass::{Attribute, Bin, Density, Keep, Project, Resolve, Sweep, SweptAttribute, SweptResolve, Visibility};
         match self {
-            Self::Still { .. } | Self::Supersample { .. } | Self::Bucket { .. } => {
+            Self::Still { .. } | Self::Supersample { .. } | Self::Bucket { .. } | Self::Auto(_) => {
                 &[Project, Bin, Visibility, Attribute, Resolve]
             }
             Self::Volumetric { swept: SweptKernel { weight: KernelWeight::Integral, .. }, .. } => {
@@ -401,6 +445,7 @@ impl Plan {
             BlurMode::Supersample { samples, interleave } => {
                 (exposure(samples, 1, 1, interleave, filter, seed, shutter, frame), interleave)
             }
+            BlurMode::Auto(_) => (exposure(4, 1, 1, Interleave::None, filter, seed, shutter, frame), Interleave::None),
             BlurMode::Bucket { buckets, samples, pixel_samples, interleave } => {
                 let repeats = pixel_samples.div_ceil(buckets);
                 (exposure(buckets, samples, repeats, interleave, filter, seed, shutter, frame), interleave)

@@ -2,9 +2,10 @@
 
 use std::collections::VecDeque;
 
+use crate::auto;
 use crate::backend::{Backend, BackendError};
 use crate::frame::Frame;
-use crate::plan::RenderOptions;
+use crate::plan::{BlurMode, RenderOptions};
 use crate::scene::Scene;
 
 pub use crate::backend::{Rendered, Stats};
@@ -20,7 +21,10 @@ pub fn render_frame(
     options: &RenderOptions,
 ) -> Result<Rendered, BackendError> {
     check(scene)?;
-    backend.render(&Frame::new(scene, frame, options))
+    match options.mode {
+        BlurMode::Auto(target) => auto::render(backend, scene, frame, options, target),
+        _ => backend.render(&Frame::new(scene, frame, options)),
+    }
 }
 
 fn check(scene: &Scene) -> Result<(), BackendError> {
@@ -60,6 +64,11 @@ impl<'a> Frames<'a> {
     /// # Errors
     /// The backend cannot render the frame within its limits.
     pub fn begin(&mut self, number: i64) -> Result<Option<(i64, Rendered)>, BackendError> {
+        if matches!(self.options.mode, BlurMode::Auto(_)) {
+            // Each step waits for the one before.
+            let rendered = render_frame(self.backend, self.scene, number, self.options)?;
+            return Ok(Some((number, rendered)));
+        }
         self.backend.begin(&Frame::new(self.scene, number, self.options))?;
         self.under_way.push_back(number);
         if self.ready.len() + self.under_way.len() < self.backend.in_flight() {

@@ -121,9 +121,44 @@ pub struct Stats {
     pub attribute: Duration,
     /// Time of `resolve`.
     pub resolve: Duration,
+    /// What mode auto reached.
+    pub achieved: Option<Achieved>,
+}
+
+/// What mode auto reached, and by what.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Achieved {
+    /// Root mean squared error of the display values, as estimated.
+    pub error: f64,
+    /// Longest way of a surfel over the screen, pixels.
+    pub way: f64,
+    /// Time samples that each pixel began with.
+    pub samples: u32,
+    /// Time samples of a pixel where there are most.
+    pub most_samples: u32,
+    /// Pixels of the lattice whose pixels see different times, along both axes.
+    pub interleave: u32,
+    /// Blocks of the image.
+    pub blocks: u32,
+    /// Blocks that were refined.
+    pub refined: u32,
+    /// Blocks that needed more samples than are allowed.
+    pub capped: u32,
 }
 
 impl Stats {
+    /// Adds what another part of the same frame took.
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.samples += other.samples;
+        self.surfels += other.surfels;
+        self.splats += other.splats;
+        self.project += other.project;
+        self.bin += other.bin;
+        self.visibility += other.visibility;
+        self.attribute += other.attribute;
+        self.resolve += other.resolve;
+    }
+
     /// Samples and surfels of a frame, before anything is measured.
     fn of(frame: &Frame<'_>) -> Self {
         let samples: u64 = frame.groups.iter().map(|group| group.samples.len() as u64).sum();

@@ -24,7 +24,7 @@ Modes, several with commas: NAME[:COUNTS][+OPTION=VALUE]...[@BACKEND]
 Counts may be left out; then they are those of `render`. @cpu and @gpu name the machine.";
 
 /// A mode and the machine that renders it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Mode {
     pub(super) method: Method,
     /// `None`: not said.
@@ -32,7 +32,7 @@ pub(super) struct Mode {
 }
 
 /// How an image is made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Method {
     /// By splatting.
     Splat(BlurMode),
@@ -56,6 +56,8 @@ impl Method {
             Self::Splat(BlurMode::Supersample { samples, .. }) => samples.into(),
             Self::Splat(BlurMode::Bucket { buckets, samples, .. }) => u64::from(buckets) * u64::from(samples),
             Self::Splat(BlurMode::Volumetric { intervals, .. }) => intervals.into(),
+            // Each pixel has its own; no curve over them is drawn.
+            Self::Splat(BlurMode::Auto(_)) => 0,
             Self::Reference(samples) => samples,
         }
     }

@@ -451,6 +451,7 @@ impl Work<'_> {
             raster: self.group.raster,
             pixels: self.band.pixels,
             corner: self.band.corner,
+            wanted: self.frame.wanted.as_ref().filter(|_| self.frame.swept.is_none()),
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,
             two_sided: self.frame.objects[chunk.object].two_sided,

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use glam::{Mat3, Vec3};
 
-use crate::frame::{PosedObject, Raster};
+use crate::frame::{Blocks, PosedObject, Raster};
 use crate::layout::{FLAG_BACK, Splat};
 use crate::math::simd::dispatch;
 use crate::model::Surfels;
@@ -30,10 +30,22 @@ pub(super) struct View<'a> {
     pub pixels: [i32; 4],
     /// Pixel from which bounds are counted.
     pub corner: [i32; 2],
+    /// Blocks of those pixels that are wanted; `None`: all.
+    pub wanted: Option<&'a Blocks>,
     pub near: f32,
     /// With the low-pass disc?
     pub low_pass: bool,
     pub two_sided: bool,
+}
+
+impl View<'_> {
+    /// Does a splat touch a block that is wanted? `bounds`: first and last pixel column, first and last row.
+    #[inline(always)]
+    fn wants(&self, [x0, x1, y0, y1]: [usize; 4]) -> bool {
+        let Some(blocks) = self.wanted else { return true };
+        let of = |first: usize, last: usize| first / Blocks::EDGE..=last / Blocks::EDGE;
+        of(y0, y1).any(|y| of(x0, x1).any(|x| blocks.at(x, y)))
+    }
 }
 
 dispatch! {
@@ -64,7 +76,7 @@ fn project_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &m
         }
         for l in 0..n {
             let surfel = (first + l) as u32;
-            if shape.kind[l] == ORDINARY {
+            if shape.kind[l] == ORDINARY && view.wants([0, 1, 2, 3].map(|side| shape.bounds[side][l] as usize)) {
                 push_ordinary(view, &shape, l, surfel, out);
             } else if shape.kind[l] == CROSSING {
                 push_crossing(view, &block, l, surfel, out);

@@ -1,0 +1,83 @@
+//! How far an image is from the truth, by the difference of its halves.
+//!
+//! With A the alternating sum of the samples over their number, half the difference of the means of both halves, the error of a block
+//! is half the root of the mean of |g A|^2 / 3, g the slope of the display's curve; here g A is the difference of what is displayed.
+
+use glam::Vec3;
+
+use super::halves::{Halves, rows};
+use crate::film::Picture;
+use crate::frame::Blocks;
+use crate::math::srgb;
+
+/// Squared errors of an image, by blocks.
+pub(super) struct Errors {
+    /// Blocks in a row.
+    pub width: usize,
+    /// Mean over the pixels and channels of each block, of display values.
+    pub squares: Vec<f64>,
+    /// Pixels of each block; 0 where it was not looked at.
+    pixels: Vec<u32>,
+}
+
+impl Errors {
+    /// Root of the mean square over the image.
+    pub(super) fn root_mean(&self) -> f64 {
+        let pixels: f64 = self.pixels.iter().copied().map(f64::from).sum();
+        let sum: f64 = self.squares.iter().zip(&self.pixels).map(|(square, &n)| square * f64::from(n)).sum();
+        if pixels > 0.0 { (sum / pixels).sqrt() } else { 0.0 }
+    }
+
+    /// Takes over the blocks that `newer` looked at.
+    pub(super) fn replace(&mut self, newer: Self) {
+        for (old, (square, pixels)) in self.squares.iter_mut().zip(newer.squares.into_iter().zip(newer.pixels)) {
+            if pixels > 0 {
+                *old = square;
+            }
+        }
+    }
+}
+
+/// Errors of the mean of `halves` in the blocks that are wanted, `edge` pixels each.
+pub(super) fn block_errors(halves: &Halves, background: Vec3, edge: usize, wanted: Option<&Blocks>) -> Errors {
+    let [even, odd] = halves.pictures();
+    let columns = even.width as usize;
+    let width = columns.div_ceil(edge);
+    let of_row = |y: usize| {
+        let mut sums = vec![(0.0_f64, 0_u32); width];
+        for (block, (sum, pixels)) in sums.iter_mut().enumerate() {
+            if wanted.is_some_and(|blocks| !blocks.at(block, y / edge)) {
+                continue;
+            }
+            for x in block * edge..((block + 1) * edge).min(columns) {
+                let at = y * columns + x;
+                *pixels += 1;
+                // Most pixels of a still background are alike, and the curve is slow.
+                if even.rgba[at] != odd.rgba[at] {
+                    let difference = shown(even, at, background) - shown(odd, at, background);
+                    // A quarter of the mean of (g A)^2, where g A is half of the difference.
+                    *sum += f64::from(difference.length_squared()) / (3.0 * 16.0);
+                }
+            }
+        }
+        sums
+    };
+    let rows = rows(even.height, of_row);
+    let mut errors = Errors { width, squares: Vec::new(), pixels: Vec::new() };
+    for rows in rows.chunks(edge) {
+        for block in 0..width {
+            let of_block = rows.iter().map(|row| row[block]);
+            let (sum, pixels) = of_block.fold((0.0, 0), |(sum, pixels), (s, n)| (sum + s, pixels + n));
+            errors.squares.push(if pixels > 0 { sum / f64::from(pixels) } else { 0.0 });
+            errors.pixels.push(pixels);
+        }
+    }
+    errors
+}
+
+/// What a screen shows of a pixel before the background.
+fn shown(picture: &Picture, at: usize, background: Vec3) -> Vec3 {
+    let [r, g, b, alpha] = picture.rgba[at];
+    let colour = Vec3::new(r, g, b) + background * (1.0 - alpha);
+    Vec3::from_array(colour.to_array().map(|value| srgb::from_linear(value.clamp(0.0, 1.0))))
+}

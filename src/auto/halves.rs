@@ -1,0 +1,185 @@
+//! The even and the odd time samples of a frame, as two pictures.
+
+use rayon::prelude::*;
+
+use super::keeps;
+use crate::backend::{Backend, BackendError, Stats};
+use crate::film::{Aov, Picture};
+use crate::frame::{Blocks, Frame};
+use crate::plan::{BlurMode, Group, Interleave, PixelFilter, Plan, RenderOptions, TimeSample};
+use crate::sampling::pixel_offsets;
+use crate::scene::Scene;
+
+/// Some time samples of a frame: of `samples * factor` those that `samples` alone do not have, all if `factor` is 1.
+#[derive(Clone, Copy)]
+pub(super) struct Round<'a> {
+    pub scene: &'a Scene,
+    pub number: i64,
+    pub options: &'a RenderOptions,
+    pub interleave: Interleave,
+    /// Even.
+    pub samples: u32,
+    /// Odd.
+    pub factor: u32,
+    /// Sub-pixel positions that `samples` share out, even; or 1: the pixel's centre.
+    pub positions: u32,
+}
+
+/// Time samples of one class within their strata.
+struct Place {
+    /// Of the fine strata, in [0, 1).
+    fine: f64,
+    /// Stratum i of the coarse ones has its sample in fine stratum i * factor + `shift`.
+    shift: u32,
+}
+
+impl Round<'_> {
+    /// With places (2c + 1) / 2S^2 in the strata, c the class, an odd factor puts each coarse sample at such a place of a fine stratum.
+    fn place(&self, phase: [u32; 2]) -> Place {
+        let classes = f64::from(self.interleave.stride().pow(2));
+        let scaled = f64::from(self.factor) * (f64::from(self.interleave.order(phase)) + 0.5) / classes;
+        Place { fine: scaled.fract(), shift: scaled as u32 }
+    }
+
+    /// Is stratum `index` one of half `half`, and not one that the coarser samples have?
+    fn is_fresh(&self, place: &Place, index: u32, half: u32) -> bool {
+        let kept = self.factor > 1 && keeps(self.scene) && index % self.factor == place.shift;
+        index % 2 == half && !kept
+    }
+
+    /// The new samples of half `half`; their weights sum to 1. Samples of one sub-pixel position stand together.
+    fn plan(&self, half: u32) -> Plan {
+        let stride = self.interleave.stride();
+        let classes = (0..stride * stride).map(|class| [class % stride, class / stride]);
+        let groups = classes.flat_map(|phase| self.groups(phase, half)).collect();
+        Plan { passes: BlurMode::supersample(1).passes(), stride, groups }
+    }
+
+    fn groups(&self, phase: [u32; 2], half: u32) -> Vec<Group> {
+        let Self { scene, number, options, interleave, .. } = *self;
+        let place = self.place(phase);
+        let strata = scene.shutter.strata(self.samples * self.factor, place.fine);
+        let fresh = (0..).zip(strata).filter(|(index, _)| self.is_fresh(&place, *index, half));
+        let fresh: Vec<(f64, f64)> = fresh.map(|(_, stratum)| stratum).collect();
+        let total: f64 = fresh.iter().map(|(_, weight)| weight).sum();
+        let seed = options.seed.wrapping_add(u64::from(interleave.order(phase)) << 32);
+        let offsets = match options.filter {
+            // The first and the last half of the positions are each spread over the pixel.
+            PixelFilter::Box => {
+                let all = pixel_offsets(self.positions * self.factor, seed);
+                all.chunks(all.len() / 2).nth(half as usize).unwrap_or_default().to_vec()
+            }
+            PixelFilter::Point => vec![[0.0; 2]],
+        };
+        let of_position = |position: usize| {
+            let samples = fresh.iter().skip(position).step_by(offsets.len());
+            let offset = offsets[position];
+            samples.map(move |&(t, weight)| {
+                let weight = if total > 0.0 { weight / total } else { 0.0 };
+                let sample = TimeSample { time: scene.shutter.frame_time(number as f64, t), weight };
+                Group { samples: vec![sample], offset, phase, interval: None }
+            })
+        };
+        (0..offsets.len()).flat_map(of_position).collect()
+    }
+}
+
+/// Means over the even and the odd samples, without a background.
+pub(super) struct Halves([Picture; 2]);
+
+impl Halves {
+    /// Renders a round, in the blocks that are wanted.
+    pub(super) fn render(
+        backend: &mut dyn Backend,
+        round: &Round<'_>,
+        wanted: Option<&Blocks>,
+        stats: &mut Stats,
+    ) -> Result<Self, BackendError> {
+        let mut half = |half: u32| {
+            let mut frame = Frame::planned(round.scene, round.number, round.options, &round.plan(half));
+            frame.background.transparent = true;
+            frame.wanted = wanted.cloned();
+            let mut rendered = backend.render(&frame)?;
+            stats.add(&rendered.stats);
+            rendered.picture.layers.retain(|layer| layer.aov != Aov::Samples);
+            Ok(rendered.picture)
+        };
+        Ok(Self([half(0)?, half(1)?]))
+    }
+
+    /// The even and the odd half.
+    pub(super) const fn pictures(&self) -> &[Picture; 2] {
+        &self.0
+    }
+
+    /// Adds the samples of `round`, which are `fresh`, where `blocks` wants them; `edge` is that of a block, pixels.
+    pub(super) fn refine(&mut self, fresh: &Self, round: &Round<'_>, blocks: &Blocks, edge: usize) {
+        let stride = round.interleave.stride() as usize;
+        let old = if keeps(round.scene) { 1.0 / round.factor as f32 } else { 0.0 };
+        let width = self.0[0].width as usize;
+        // Even strata that lie in odd finer ones change halves.
+        let swaps: Vec<bool> = (0..stride * stride)
+            .map(|class| round.place([class % stride, class / stride].map(|p| p as u32)).shift % 2 == 1)
+            .collect();
+        let wanted = |at: usize| blocks.at(at % width / edge, at / width / edge);
+        let [even, odd] = &mut self.0;
+        let swap = |at: usize| wanted(at) && swaps[at / width % stride * stride + at % width % stride];
+        swap_pixels(even, odd, &swap);
+        mix(even, &fresh.0[0], &|at| if wanted(at) { old } else { 1.0 });
+        mix(odd, &fresh.0[1], &|at| if wanted(at) { old } else { 1.0 });
+    }
+
+    /// The mean of both.
+    pub(super) fn mean(self) -> Picture {
+        let [mut mean, odd] = self.0;
+        mix(&mut mean, &odd, &|_| 0.5);
+        mean
+    }
+}
+
+/// Pixels that are worked on at once.
+const RUN: usize = 4096;
+
+/// Exchanges the pixels for which `which` is true.
+fn swap_pixels(a: &mut Picture, b: &mut Picture, which: &(dyn Fn(usize) -> bool + Sync)) {
+    fn swap<T: Send>(a: &mut [T], b: &mut [T], which: &(dyn Fn(usize) -> bool + Sync)) {
+        let pairs = a.par_iter_mut().zip(b).with_min_len(RUN).enumerate();
+        pairs.filter(|(at, _)| which(*at)).for_each(|(_, (a, b))| std::mem::swap(a, b));
+    }
+    swap(&mut a.rgba, &mut b.rgba, which);
+    for (a, b) in a.layers.iter_mut().zip(&mut b.layers) {
+        a.planes.iter_mut().zip(&mut b.planes).for_each(|(a, b)| swap(a, b, which));
+    }
+}
+
+/// `a` becomes `share` of itself, for each pixel, and the rest of `b`. What is a mean over what is covered goes by coverage.
+fn mix(a: &mut Picture, b: &Picture, share: &(dyn Fn(usize) -> f32 + Sync)) {
+    for (layer, of_b) in a.layers.iter_mut().zip(&b.layers) {
+        for (plane, of_b) in layer.planes.iter_mut().zip(&of_b.planes) {
+            let linear = layer.aov == Aov::Alpha;
+            let pixels =
+                plane.par_iter_mut().zip(of_b).zip(a.rgba.par_iter().zip(&b.rgba)).with_min_len(RUN).enumerate();
+            pixels.for_each(|(at, ((value, &other), (a, b)))| {
+                let share = share(at);
+                let by = if linear { [share, 1.0 - share] } else { [share * a[3], (1.0 - share) * b[3]] };
+                // Where one of them has nothing, its value may be infinite.
+                *value = match by {
+                    [_, 0.0] => *value,
+                    [0.0, _] => other,
+                    [of_a, of_b] => (of_a * *value + of_b * other) / (of_a + of_b),
+                };
+            });
+        }
+    }
+    a.rgba.par_iter_mut().zip(&b.rgba).with_min_len(RUN).enumerate().for_each(|(at, (a, b))| {
+        let share = share(at);
+        if share < 1.0 {
+            a.iter_mut().zip(b).for_each(|(a, b)| *a = share * *a + (1.0 - share) * b);
+        }
+    });
+}
+
+/// Calls `of_row(y)` for all rows, in parallel, in order.
+pub(super) fn rows<T: Send>(height: u32, of_row: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+    (0..height as usize).into_par_iter().map(of_row).collect()
+}

@@ -1,0 +1,58 @@
+//! How far things move on the screen.
+
+use glam::{DVec2, DVec3};
+
+use crate::pose::{camera_from_world, object_pose};
+use crate::scene::{Object, Scene};
+
+/// Surfels of an object that are looked at.
+const LOOKED_AT: usize = 4096;
+/// Times at which they are, and the intervals between.
+const INTERVALS: u32 = 4;
+
+/// Longest way of a surfel over the screen during the exposure of frame `number`, pixels, as far as it lies on the image.
+pub(super) fn longest(scene: &Scene, number: i64) -> f64 {
+    scene.objects.iter().map(|object| of_object(scene, object, number)).fold(0.0, f64::max)
+}
+
+fn of_object(scene: &Scene, object: &Object, number: i64) -> f64 {
+    let [width, height] = [scene.image.width, scene.image.height].map(f64::from);
+    let focal = 0.5 * height / libm::tan(0.5 * scene.camera.fovy);
+    let poses: Vec<_> = (0..=INTERVALS)
+        .filter_map(|i| {
+            let t = if object.blur { f64::from(i) / f64::from(INTERVALS) } else { 0.5 };
+            let time = scene.shutter.frame_time(number as f64, t);
+            let pose = object_pose(scene, object, time);
+            pose.visible.then(|| camera_from_world(scene, time) * pose.world_from_model)
+        })
+        .collect();
+    // What appears or disappears moves no less than what crosses the image.
+    if poses.is_empty() {
+        return 0.0;
+    }
+    if poses.len() <= INTERVALS as usize {
+        return width.max(height);
+    }
+    if !object.blur || poses.iter().all(|pose| *pose == poses[0]) {
+        return 0.0;
+    }
+    let step = object.model.len().div_ceil(LOOKED_AT).max(1);
+    let on_image = |p: DVec2| p.x.abs() <= 0.5 * width && p.y.abs() <= 0.5 * height;
+    let way = |position: DVec3| {
+        let mut length = 0.0;
+        let mut last: Option<DVec2> = None;
+        for pose in &poses {
+            let p = pose.transform_point3(position);
+            let here = (-p.z >= scene.camera.near).then(|| p.truncate() * (focal / -p.z));
+            if let (Some(from), Some(to)) = (last, here)
+                && (on_image(from) || on_image(to))
+            {
+                length += from.distance(to);
+            }
+            last = here;
+        }
+        length
+    };
+    let positions = object.model.position.iter().step_by(step);
+    positions.map(|p| way(p.as_dvec3() + object.model.origin)).fold(0.0, f64::max)
+}

@@ -1,0 +1,141 @@
+//! Stated and true errors of mode auto, and its cost beside that of supersampling: makes tables of docs/modes.md. Takes minutes, so it
+//! is ignored by default:
+//!
+//! `cargo test --release --test auto_study -- --ignored --nocapture`; references are kept in the build folder and used again.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
+
+mod support;
+
+use std::path::Path;
+use std::time::Instant;
+
+use splatblur::backend::cpu::Cpu;
+use splatblur::compare::{flip, gamma_rmse};
+use splatblur::film::Picture;
+use splatblur::image::{self, Format};
+use splatblur::plan::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading, Target};
+use splatblur::reference::{self, ReferenceOptions};
+use splatblur::render::{Rendered, render_frame};
+use splatblur::scene::{LoadOptions, Scene, load};
+use support::study::{cross, lin, rot};
+
+const SAMPLES: u64 = 1024;
+
+fn reference(scene: &Scene, frame: i64, filter: PixelFilter) -> Picture {
+    let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("study");
+    std::fs::create_dir_all(&directory).unwrap();
+    let kind = if filter == PixelFilter::Box { "box_" } else { "" };
+    let path = directory.join(format!("{}_{frame}_{kind}{SAMPLES}.exr", scene.name));
+    if let Ok(picture) = image::read(&path) {
+        return picture;
+    }
+    let options =
+        ReferenceOptions { samples: SAMPLES, filter, shading: Shading::Gouraud, ..ReferenceOptions::default() };
+    let made = reference::render(scene, frame, &options, None, &|_| ()).unwrap();
+    println!("{}: reference, mean standard error {:.1e}", scene.name, made.stats.mean_error);
+    image::write(&path, &made.picture, Format::Exr, "").unwrap();
+    made.picture
+}
+
+/// The rendering, and the least wall time of three.
+fn rendered(scene: &Scene, frame: i64, filter: PixelFilter, mode: BlurMode) -> (Rendered, f64) {
+    let (prefilter, shading) = (Prefilter::None, Shading::Gouraud);
+    let options = RenderOptions { mode, filter, prefilter, shading, ..RenderOptions::default() };
+    let mut cpu = Cpu::default();
+    let runs = (0..3).map(|_| {
+        let start = Instant::now();
+        (render_frame(&mut cpu, scene, frame, &options).unwrap(), start.elapsed().as_secs_f64())
+    });
+    runs.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap()
+}
+
+fn table(scene: &Scene, frame: i64, filter: PixelFilter) {
+    let truth = reference(scene, frame, filter);
+    let interleave = Interleave::None;
+    for samples in [8, 16, 24, 32, 48, 64] {
+        let mode = BlurMode::Supersample { samples, interleave };
+        let (rendered, seconds) = rendered(scene, frame, filter, mode);
+        row(scene, &format!("{mode}"), &rendered, &truth, seconds);
+    }
+    for error in [0.07, 0.05, 0.035, 0.025, 0.0125] {
+        let mode = BlurMode::Auto(Target { error, ..Target::default() });
+        let (rendered, seconds) = rendered(scene, frame, filter, mode);
+        row(scene, &format!("{mode}"), &rendered, &truth, seconds);
+    }
+}
+
+fn row(scene: &Scene, mode: &str, rendered: &Rendered, truth: &Picture, seconds: f64) {
+    let (flip, rmse) = (flip::mean(&rendered.picture, truth).unwrap(), gamma_rmse(&rendered.picture, truth).unwrap());
+    let auto = rendered.stats.achieved.map_or_else(String::new, |a| {
+        format!(
+            " {:.4} | {:.2} | {:.0} px, {}..{}, S {}, {} of {} blocks, {} capped |",
+            a.error,
+            a.error / rmse,
+            a.way,
+            a.samples,
+            a.most_samples,
+            a.interleave,
+            a.refined,
+            a.blocks,
+            a.capped
+        )
+    });
+    let splats = rendered.stats.splats as f64 / 1e6;
+    println!("| {} | {mode} | {flip:.4} | {rmse:.4} | {seconds:.3} | {splats:.2} |{auto}", scene.name);
+}
+
+fn filter() -> PixelFilter {
+    if std::env::var_os("BOX").is_some() { PixelFilter::Box } else { PixelFilter::Point }
+}
+
+#[test]
+#[ignore = "takes minutes; makes a table of docs/modes.md"]
+fn generated_scenes() {
+    println!("| scene | mode | FLIP | RMSE | s | M splats | stated | stated / true | by |");
+    for scene in [lin(), rot(), cross()] {
+        table(&scene, 0, filter());
+    }
+}
+
+#[test]
+#[ignore = "takes minutes; makes a table of docs/modes.md"]
+fn shipped_scenes() {
+    println!("| scene | mode | FLIP | RMSE | s | M splats | stated | stated / true | by |");
+    for (name, frame) in [
+        ("diagonal", 12),
+        ("crossing", 12),
+        ("checkerboard", 5),
+        ("blinker", 5),
+        ("blinker_fence", 5),
+        ("spin", 5),
+        ("three_objects", 5),
+        ("three_objects", 20),
+        ("toward_camera_and_sideways", 5),
+    ] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).with_extension("xml");
+        let mut scene = load(&path, &LoadOptions::default()).unwrap().scene;
+        (scene.image.width, scene.image.height) = (480, 270);
+        table(&scene, frame, filter());
+    }
+}
+
+#[test]
+#[ignore = "profiling"]
+fn prof() {
+    for scene in [rot(), cross()] {
+        for (mode, shading) in [
+            BlurMode::Supersample { samples: 8, interleave: Interleave::None },
+            BlurMode::Supersample { samples: 8, interleave: Interleave::Two },
+            BlurMode::Supersample { samples: 24, interleave: Interleave::None },
+            BlurMode::Supersample { samples: 40, interleave: Interleave::None },
+            BlurMode::Auto(Target { error: 0.07, ..Target::default() }),
+            BlurMode::Auto(Target { error: 0.05, ..Target::default() }),
+        ].into_iter().flat_map(|mode| [(mode, Shading::Phong), (mode, Shading::Gouraud)]) {
+            let options = RenderOptions { mode, filter: PixelFilter::Point, prefilter: Prefilter::None, shading, ..RenderOptions::default() };
+            let mut cpu = Cpu::default();
+            let s = (0..3).map(|_| render_frame(&mut cpu, &scene, 0, &options).unwrap().stats).min_by_key(|s| s.project + s.visibility + s.attribute + s.resolve).unwrap();
+            println!("{} {mode:30} {shading:?} {:?} = p {:?} v {:?} a {:?} r {:?}", scene.name, s.project + s.visibility + s.attribute + s.resolve, s.project, s.visibility, s.attribute, s.resolve);
+        }
+    }
+}
