@@ -131,11 +131,31 @@ fn prof() {
             BlurMode::Supersample { samples: 40, interleave: Interleave::None },
             BlurMode::Auto(Target { error: 0.07, ..Target::default() }),
             BlurMode::Auto(Target { error: 0.05, ..Target::default() }),
-        ].into_iter().flat_map(|mode| [(mode, Shading::Phong), (mode, Shading::Gouraud)]) {
-            let options = RenderOptions { mode, filter: PixelFilter::Point, prefilter: Prefilter::None, shading, ..RenderOptions::default() };
+        ]
+        .into_iter()
+        .flat_map(|mode| [(mode, Shading::Phong), (mode, Shading::Gouraud)])
+        {
+            let options = RenderOptions {
+                mode,
+                filter: PixelFilter::Point,
+                prefilter: Prefilter::None,
+                shading,
+                ..RenderOptions::default()
+            };
             let mut cpu = Cpu::default();
-            let s = (0..3).map(|_| render_frame(&mut cpu, &scene, 0, &options).unwrap().stats).min_by_key(|s| s.project + s.visibility + s.attribute + s.resolve).unwrap();
-            println!("{} {mode:30} {shading:?} {:?} = p {:?} v {:?} a {:?} r {:?}", scene.name, s.project + s.visibility + s.attribute + s.resolve, s.project, s.visibility, s.attribute, s.resolve);
+            let s = (0..3)
+                .map(|_| render_frame(&mut cpu, &scene, 0, &options).unwrap().stats)
+                .min_by_key(|s| s.project + s.visibility + s.attribute + s.resolve)
+                .unwrap();
+            println!(
+                "{} {mode:30} {shading:?} {:?} = p {:?} v {:?} a {:?} r {:?}",
+                scene.name,
+                s.project + s.visibility + s.attribute + s.resolve,
+                s.project,
+                s.visibility,
+                s.attribute,
+                s.resolve
+            );
         }
     }
 }

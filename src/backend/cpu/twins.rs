@@ -156,7 +156,6 @@ impl Twins<'_> {
                 posed: &sample.objects[posed.object],
                 object: &frame.objects[posed.object],
                 channels: &channels,
-                wanted: None,
                 near: frame.near,
                 low_pass: if frame.prefilter == Prefilter::Approx { group.raster.low_pass } else { 0.0 },
                 stride: frame.stride as f32,

@@ -60,6 +60,7 @@ impl Disc {
             raster,
             pixels: [0, SIZE as i32 - 1, 0, SIZE as i32 - 1],
             corner: [0; 2],
+            wanted: None,
             near: NEAR as f32,
             low_pass: false,
             two_sided: true,

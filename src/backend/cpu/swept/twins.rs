@@ -131,7 +131,6 @@ impl SweptTwins<'_> {
             posed: &sample.objects[object],
             object: &self.frame.objects[object],
             channels,
-            wanted: None,
             near: self.frame.near,
             low_pass: if self.frame.prefilter == Prefilter::Approx { self.group.raster.low_pass } else { 0.0 },
             stride: self.frame.stride as f32,
