@@ -4,6 +4,7 @@ use wgpu::{BindGroup, BindGroupEntry, BindingResource, BufferBinding, BufferSize
 
 use super::buffers::Buffers;
 use super::device::Device;
+use super::execute::Execution;
 use super::layout::{DIGIT_BITS, UNIFORM_STRIDE};
 use super::models::Block;
 use super::programs::{Constants, Pipelines, Program, Slot};
@@ -181,19 +182,18 @@ impl Bench<'_> {
         blocks.iter().map(|blocks| blocks.iter().map(&mut one).collect()).collect()
     }
 
-    /// All steps of a frame. `most_tiles`: of a band. `kept_waves`: of what lies still. `parts`: first byte and length of what each band has of the film.
-    pub(super) fn steps(
-        &mut self,
-        frame: &Frame<'_>,
-        channels: &DeviceChannels,
-        planes: &FilmPlanes,
-        blocks: &[Vec<Block>],
-        most_tiles: u64,
-        kept_waves: usize,
-        parts: &[(u64, u64)],
-    ) -> Result<Steps, BackendError> {
+    /// All steps of a frame.
+    pub(super) fn steps(&mut self, execution: &Execution<'_>) -> Result<Steps, BackendError> {
+        let Execution { frame, channels, planes, blocks, schedule } = execution;
+        let parts = &execution.parts();
         let none = Constants::new();
-        let rounds = most_tiles.max(1).next_power_of_two().trailing_zeros().div_ceil(DIGIT_BITS) as usize;
+        let rounds = schedule
+            .band_tiles
+            .max(schedule.map_tiles)
+            .max(1)
+            .next_power_of_two()
+            .trailing_zeros()
+            .div_ceil(DIGIT_BITS) as usize;
         let sums = sum_constants(channels);
         let values = value_constants(frame, channels);
         // After an even number of rounds entries are back where they began.
@@ -238,7 +238,7 @@ impl Bench<'_> {
             sum_attributes: self.step(Program::SumAttributes, &sums, 1, &[])?,
             resolve: resolve_parts,
             finish,
-            layer: self.layer_steps(channels, kept_waves)?,
+            layer: self.layer_steps(channels, schedule.kept_waves() as usize)?,
             swept,
         })
     }

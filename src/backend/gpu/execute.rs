@@ -108,21 +108,13 @@ impl Gpu {
         let Machine { device, buffers, pipelines, .. } = &mut self.machine;
         buffers.fit_group(device, most[0], most[1], most[2])?;
         marks.begin(device, passes * bands)?;
-        Bench { device, pipelines, buffers }.steps(
-            frame,
-            &execution.channels,
-            &execution.planes,
-            &execution.blocks,
-            schedule.band_tiles.max(schedule.map_tiles),
-            schedule.kept_waves() as usize,
-            &execution.parts(),
-        )
+        Bench { device, pipelines, buffers }.steps(execution)
     }
 }
 
 impl Execution<'_> {
     /// First byte and length of what each band has of the film.
-    fn parts(&self) -> Vec<(u64, u64)> {
+    pub(super) fn parts(&self) -> Vec<(u64, u64)> {
         let mut parts = Vec::new();
         for (index, raster) in self.schedule.rasters.iter().enumerate() {
             let row = u64::from(raster.tiles[0]) * u64::from(TILE * TILE) * 4 * self.planes.count as u64;

@@ -89,9 +89,10 @@ impl Cutter<'_> {
         for (sample, object) in objects {
             let posed = &self.group.samples[sample];
             let (pose, of_frame) = (&posed.objects[object], &self.frame.objects[object]);
-            let (turn, share) = match of_frame.still {
-                true => (0, 1.0),
-                false => (sample as u32 + 1, if total > 0.0 { posed.weight / total } else { 1.0 }),
+            let (turn, share) = if of_frame.still {
+                (0, 1.0)
+            } else {
+                (sample as u32 + 1, if total > 0.0 { posed.weight / total } else { 1.0 })
             };
             let template = Segment::posed(pose, of_frame, turn, share);
             for (number, block) in self.blocks[object].iter().enumerate() {

@@ -147,7 +147,7 @@ fn constants_are_the_hosts() {
         assert!(bin.contains(&line), "{line}");
     }
     let tiles = format!("const BLOCK_TILES: u32 = {}u;", Blocks::EDGE as u32 / TILE);
-    assert!(bin.contains(&tiles) && Blocks::EDGE as u32 % TILE == 0, "{tiles}");
+    assert!(bin.contains(&tiles) && (Blocks::EDGE as u32).is_multiple_of(TILE), "{tiles}");
     for (name, flag) in [("BACK", FLAG_BACK), ("LOW_PASS", FLAG_LOW_PASS), ("CROSSING", FLAG_CROSSING)] {
         assert!(Program::Sweep.wgsl().contains(&format!("const FLAG_{name}: u32 = {flag}u;")), "{name}");
     }
