@@ -50,7 +50,7 @@ pub enum BlurMode {
 /// What mode auto aims at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
-    /// Root mean squared error of the display values, > 0.
+    /// Largest error of a block of the image: root mean square of the display values, > 0.
     pub error: f64,
     /// Most time samples of a pixel, >= 4.
     pub samples_max: u32,
@@ -59,12 +59,12 @@ pub struct Target {
 }
 
 impl Target {
-    /// Quick looks: noise and steps show where one looks for them.
-    pub const DRAFT: f64 = 0.03;
-    /// Steps do not show in motion.
-    pub const GOOD: f64 = 0.015;
-    /// Steps do not show in stills.
-    pub const FINAL: f64 = 0.0075;
+    /// For quick looks: FLIP about 0.01.
+    pub const DRAFT: f64 = 0.05;
+    /// FLIP about 0.006.
+    pub const GOOD: f64 = 0.025;
+    /// FLIP about 0.004.
+    pub const FINAL: f64 = 0.0125;
 }
 
 impl Default for Target {

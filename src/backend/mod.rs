@@ -4,6 +4,7 @@ pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 
+use std::fmt;
 use std::time::Duration;
 
 use crate::film::Picture;
@@ -126,7 +127,7 @@ pub struct Stats {
 }
 
 /// What mode auto reached, and by what.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Achieved {
     /// Root mean squared error of the display values, as estimated.
     pub error: f64,
@@ -144,6 +145,20 @@ pub struct Achieved {
     pub refined: u32,
     /// Blocks that needed more samples than are allowed.
     pub capped: u32,
+}
+
+impl fmt::Display for Achieved {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { error, samples, most_samples, refined, blocks, capped, .. } = self;
+        write!(f, "error {error:.4} with {samples} samples of a pixel")?;
+        if most_samples > samples {
+            write!(f, ", up to {most_samples} in {refined} of {blocks} blocks")?;
+        }
+        if *capped > 0 {
+            write!(f, "; {capped} blocks needed more than are allowed (--samples-max)")?;
+        }
+        Ok(())
+    }
 }
 
 impl Stats {

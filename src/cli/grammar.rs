@@ -4,7 +4,7 @@
 
 use glam::DVec3;
 use splatblur::film::Aov;
-use splatblur::plan::Interleave;
+use splatblur::plan::{Interleave, Target};
 use splatblur::time::Weight;
 
 /// An inclusive range of frames.
@@ -119,6 +119,25 @@ pub(super) fn samples(text: &str) -> Result<u32, String> {
     if (1..=MAX_SAMPLES).contains(&value) { Ok(value) } else { Err(expected()) }
 }
 
+/// The error that mode auto aims at: a number, or the name of one.
+pub(super) fn error(text: &str) -> Result<f64, String> {
+    match text {
+        "draft" => Ok(Target::DRAFT),
+        "good" => Ok(Target::GOOD),
+        "final" => Ok(Target::FINAL),
+        _ => text
+            .parse()
+            .ok()
+            .filter(|error| (1e-4..=1.0).contains(error))
+            .ok_or_else(|| "expected draft, good, final, or a number from 0.0001 to 1".to_owned()),
+    }
+}
+
+/// Most samples of a pixel in mode auto, which begins with 4 at the least.
+pub(super) fn samples_max(text: &str) -> Result<u32, String> {
+    samples(text).ok().filter(|&n| n >= 4).ok_or_else(|| format!("expected a whole number, 4 to {MAX_SAMPLES}"))
+}
+
 /// Places within a kernel: 1 to 64.
 pub(super) fn source_samples(text: &str) -> Result<u32, String> {
     text.parse().ok().filter(|n| (1..=64).contains(n)).ok_or_else(|| "expected a whole number, 1 to 64".to_owned())
@@ -222,8 +241,8 @@ pub(super) fn memory(text: &str) -> Result<u64, String> {
 pub(super) fn aovs(names: &[String]) -> Result<Vec<Aov>, String> {
     let mut aovs = Vec::new();
     for name in names {
-        let Some(aov) = Aov::ALL.into_iter().find(|aov| aov.name() == name) else {
-            let known: Vec<_> = Aov::ALL.iter().map(|aov| aov.name()).collect();
+        let Some(aov) = Aov::LAYERS.into_iter().find(|aov| aov.name() == name) else {
+            let known: Vec<_> = Aov::LAYERS.iter().map(|aov| aov.name()).collect();
             return Err(format!("--aov: `{name}` is not known (there are: {})", known.join(", ")));
         };
         if aovs.contains(&aov) {

@@ -5,7 +5,9 @@
 use std::fmt;
 use std::str::FromStr;
 
-use splatblur::plan::{BlurMode, KernelShape, KernelWeight, Normalise, SourceSamples, SweptKernel, TemporalAlpha};
+use splatblur::plan::{
+    BlurMode, KernelShape, KernelWeight, Normalise, SourceSamples, SweptKernel, Target, TemporalAlpha,
+};
 use splatblur::reference::SCRAMBLINGS;
 
 use super::grammar;
@@ -20,6 +22,8 @@ Modes, several with commas: NAME[:COUNTS][+OPTION=VALUE]...[@BACKEND]
   volumetric:10                  N intervals of swept kernels; +kernel=ellipsoid (or +ellipsoid), +kernel-weight=chord (+chord),
                                  +alpha=sum, +normalise=once (+once), +source-samples=K, +pixel-samples=P; +published: all as
                                  in the thesis
+  auto:0.025                     as many time samples as the error takes (or auto:draft, auto:good, auto:final); +samples-max=N,
+                                 +pixel-samples=P
   reference:1024                 ray-traced, SPP samples of a pixel (a multiple of 16), with another seed than --reference
 Counts may be left out; then they are those of `render`. @cpu and @gpu name the machine.";
 
@@ -49,14 +53,13 @@ impl Method {
         format!("{name}{options}")
     }
 
-    /// Samples of a pixel.
+    /// Samples of a pixel; 0 in mode auto, whose pictures say it themselves.
     pub(super) fn samples(self) -> u64 {
         match self {
             Self::Splat(BlurMode::Still { pixel_samples }) => pixel_samples.into(),
             Self::Splat(BlurMode::Supersample { samples, .. }) => samples.into(),
             Self::Splat(BlurMode::Bucket { buckets, samples, .. }) => u64::from(buckets) * u64::from(samples),
             Self::Splat(BlurMode::Volumetric { intervals, .. }) => intervals.into(),
-            // Each pixel has its own; no curve over them is drawn.
             Self::Splat(BlurMode::Auto(_)) => 0,
             Self::Reference(samples) => samples,
         }
@@ -188,7 +191,17 @@ fn blur(name: &str, counts: Option<&str>, options: &mut Options<'_>) -> Result<B
                 swept: swept(options)?,
             })
         }
-        _ => Err(format!("there is no mode `{name}` (there are: still, supersample, bucket, volumetric, reference)")),
+        "auto" => {
+            let default = Target::default();
+            Ok(BlurMode::Auto(Target {
+                error: counts.map_or(Ok(default.error), grammar::error)?,
+                samples_max: options.take("samples-max", grammar::samples_max)?.unwrap_or(default.samples_max),
+                pixel_samples: options.take("pixel-samples", grammar::samples)?.unwrap_or(default.pixel_samples),
+            }))
+        }
+        _ => Err(format!(
+            "there is no mode `{name}` (there are: auto, still, supersample, bucket, volumetric, reference)"
+        )),
     }
 }
 

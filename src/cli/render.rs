@@ -6,7 +6,9 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use clap::{Args, ValueEnum};
-use splatblur::plan::{self, BlurMode, Interleave, RenderOptions, SourceSamples, SweptKernel};
+use splatblur::backend::Achieved;
+use splatblur::film::Aov;
+use splatblur::plan::{self, BlurMode, Interleave, RenderOptions, SourceSamples, SweptKernel, Target};
 use splatblur::render::{self, Rendered};
 use splatblur::scene::Scene;
 
@@ -32,13 +34,15 @@ Examples:
     splatblur render scenes/three_objects.xml
   A quick look at one frame, without blur:
     splatblur render scene.xml --frames 12 --mode still --pixel-samples 4 --size 320x240
+  Quickly, with an error that shows where one looks for it:
+    splatblur render scene.xml --error draft
   Smooth long trails that fade, as PNG with alpha:
     splatblur render scene.xml --shutter -1,0 --weight ramp --samples 128 --transparent
   For compositing: float, linear, premultiplied, with layers; go on after an interruption:
     splatblur render scene.xml --format exr --aov depth,normal,velocity --resume
 
 JSON (--json), one object: program, scene, directory, backend, frames: [{frame, path, skipped, seconds (wall, rendering),
-samples, surfels, splats, cpu_seconds or device_seconds: {project, bin, visibility, attribute, resolve, total}}], load_seconds, seconds (whole run),
+samples, surfels, splats, auto (error, way, samples, most_samples, interleave, blocks, refined, capped), cpu_seconds or device_seconds: {project, bin, visibility, attribute, resolve, total}}], load_seconds, seconds (whole run),
 notes, ffmpeg (null for one frame), settings (as each file carries them, with `frame`, in its header).")]
 pub(super) struct Render {
     #[command(flatten)]
@@ -47,9 +51,16 @@ pub(super) struct Render {
     #[arg(long, help_heading = "Output")]
     resume: bool,
 
-    /// How motion becomes blur.
-    #[arg(long, value_enum, default_value_t, help_heading = "Blur")]
-    mode: Mode,
+    /// How motion becomes blur [default: auto; supersample with --samples or --interleave].
+    #[arg(long, value_enum, help_heading = "Blur")]
+    mode: Option<Mode>,
+    /// Mode auto: the largest error of any part of the image, as root mean square of display values: draft (0.05), good
+    /// (0.025), final (0.0125), or a number [default: good].
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = grammar::error, help_heading = "Blur")]
+    error: Option<f64>,
+    /// Mode auto: most time samples of a pixel [default: 256].
+    #[arg(long, value_name = "N", allow_hyphen_values = true, value_parser = grammar::samples_max, help_heading = "Blur")]
+    samples_max: Option<u32>,
     /// Time samples of mode supersample [default: 32], or of each bucket [default: 4]; intervals of mode volumetric [default: 10].
     #[arg(long, value_name = "N", allow_hyphen_values = true, value_parser = grammar::samples, help_heading = "Blur")]
     samples: Option<u32>,
@@ -59,8 +70,8 @@ pub(super) struct Render {
     /// Interleaved sampling: each pixel of a lattice of S x S (1, 2 or 4) has times of its own [default: 1].
     #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = grammar::interleave, help_heading = "Blur")]
     interleave: Option<Interleave>,
-    /// Sub-pixel positions of mode still [default: 16]; in modes bucket and volumetric the fewest, where there are fewer
-    /// buckets or intervals [default: 1].
+    /// Sub-pixel positions of mode still [default: 16], and of what lies still in mode auto [default: 8]; in modes bucket and
+    /// volumetric the fewest, where there are fewer buckets or intervals [default: 1].
     #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = grammar::samples, help_heading = "Blur")]
     pixel_samples: Option<u32>,
     /// Mode volumetric: what a kernel sweeps over an interval [default: tube].
@@ -103,12 +114,13 @@ pub(super) struct Render {
     running: Running,
 }
 
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Mode {
+    /// Motion blur: as many time samples as the error takes that is asked for.
+    Auto,
     /// No motion: everything at the frame number.
     Still,
     /// Motion blur: the mean of N renderings over the shutter.
-    #[default]
     Supersample,
     /// Motion blur: the mean of B buckets of N renderings that share one visibility test and one shading.
     Bucket,
@@ -212,6 +224,10 @@ impl Render {
 
     fn options(&self) -> anyhow::Result<RenderOptions> {
         let mode = self.blur()?;
+        let aovs = self.images.aovs()?;
+        if aovs.contains(&Aov::Error) && !matches!(mode, BlurMode::Auto(_)) {
+            anyhow::bail!("--aov error is for --mode auto, which estimates it");
+        }
         Ok(RenderOptions {
             mode,
             filter: self.exposure.filter(),
@@ -221,17 +237,23 @@ impl Render {
             epsilon: self.surfaces.epsilon,
             seed: self.exposure.seed,
             memory: self.memory,
-            aovs: self.images.aovs()?,
+            aovs,
         })
     }
 
     fn blur(&self) -> anyhow::Result<BlurMode> {
         let refuse = |given: bool, message: &str| if given { Err(anyhow::anyhow!("{message}")) } else { Ok(()) };
         let interleave = self.interleave.unwrap_or_default();
-        if !matches!(self.mode, Mode::Bucket) {
+        let counted = self.samples.is_some() || self.interleave.is_some();
+        let mode = self.mode.unwrap_or(if counted { Mode::Supersample } else { Mode::Auto });
+        if mode != Mode::Auto {
+            refuse(self.error.is_some(), "--error is for --mode auto")?;
+            refuse(self.samples_max.is_some(), "--samples-max is for --mode auto")?;
+        }
+        if mode != Mode::Bucket {
             refuse(self.buckets.is_some(), "--buckets is for --mode bucket")?;
         }
-        if !matches!(self.mode, Mode::Volumetric) {
+        if mode != Mode::Volumetric {
             for (given, option) in [
                 (self.kernel.is_some(), "--kernel"),
                 (self.kernel_weight.is_some(), "--kernel-weight"),
@@ -243,7 +265,23 @@ impl Render {
                 refuse(given, &format!("{option} is for --mode volumetric"))?;
             }
         }
-        match self.mode {
+        match mode {
+            Mode::Auto => {
+                refuse(
+                    self.samples.is_some(),
+                    "--mode auto chooses the samples; use --samples-max, or --mode supersample",
+                )?;
+                refuse(
+                    self.interleave.is_some(),
+                    "--mode auto chooses the lattice; --interleave is for --mode supersample",
+                )?;
+                let default = Target::default();
+                Ok(BlurMode::Auto(Target {
+                    error: self.error.unwrap_or(default.error),
+                    samples_max: self.samples_max.unwrap_or(default.samples_max),
+                    pixel_samples: self.pixel_samples.unwrap_or(default.pixel_samples),
+                }))
+            }
             Mode::Volumetric => {
                 refuse(
                     self.interleave.is_some(),
@@ -336,11 +374,19 @@ fn headline(scene: &Scene, frames: Frames, options: &RenderOptions, place: &str)
     )
 }
 
+/// What mode auto reached in the frame with the largest error.
+fn worst(finished: &[Finished]) -> Option<Achieved> {
+    let achieved = finished.iter().filter_map(|done| done.rendered.and_then(|(_, stats)| stats.achieved));
+    achieved.max_by(|a, b| a.error.total_cmp(&b.error))
+}
+
 /// Where the images are, and how to make a movie.
 fn conclude(finished: &[Finished], movie: &Movie<'_>, seconds: f64) -> anyhow::Result<()> {
     let skipped = finished.iter().filter(|f| f.rendered.is_none()).count();
     let also = if skipped > 0 { format!(" ({skipped} were there already)") } else { String::new() };
     let word = if finished.len() == 1 { "image" } else { "images" };
     let movie_line = movie.ffmpeg().map_or_else(String::new, |line| format!("as a movie: {line}\n"));
-    print(&format!("{} {word}{also} in {seconds:.1} s: {}\n{movie_line}", finished.len(), movie.files()))
+    let reached =
+        worst(finished).map_or_else(String::new, |achieved| format!("the frame with the largest: {achieved}\n"));
+    print(&format!("{} {word}{also} in {seconds:.1} s: {}\n{reached}{movie_line}", finished.len(), movie.files()))
 }

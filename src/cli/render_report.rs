@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::Serialize;
+use splatblur::backend::Achieved;
 use splatblur::render::Stats;
 
 use super::sequence::Finished;
@@ -32,6 +33,9 @@ pub(super) struct FrameReport<'a> {
     samples: u64,
     surfels: u64,
     splats: u64,
+    /// What mode auto reached.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    auto: Option<Achieved>,
     /// Of all threads, on the CPU.
     #[serde(skip_serializing_if = "Option::is_none")]
     cpu_seconds: Option<PassSeconds>,
@@ -67,6 +71,7 @@ impl<'a> FrameReport<'a> {
             samples: stats.samples,
             surfels: stats.surfels,
             splats: stats.splats,
+            auto: stats.achieved,
             cpu_seconds,
             device_seconds,
         }

@@ -23,7 +23,7 @@ use super::modes::{self, Machine, Method, Mode};
 use super::output::{is_closed_pipe, print, say};
 use super::progress::Steps;
 use super::report_store::Store;
-use super::trial::{Common, Trial};
+use super::trial::{Common, Trial, samples_of};
 
 /// Greatest width of a picture on the page.
 const PICTURE: u32 = 640;
@@ -338,7 +338,7 @@ fn measure(
         mode: entry.method.to_string(),
         family: entry.method.family(),
         backend: entry.machine.to_string(),
-        samples: entry.method.samples(),
+        samples: samples_of(entry.method, &picture),
         times: Times::of(&seconds),
         z_pass: pass_rate(&picture, reference).context("the reference has no standard error")?,
         regions: split(&picture, reference, &map, regions),

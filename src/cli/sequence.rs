@@ -44,6 +44,8 @@ struct Page {
     path: PathBuf,
     picture: Picture,
     settings: String,
+    /// What mode auto reached.
+    comment: Option<String>,
 }
 
 /// The writer ended before the last frame.
@@ -71,7 +73,9 @@ impl Rendering {
         while let Some((frame, path, settings)) = self.waiting.pop_front() {
             if frame == number {
                 let rendered = Some((std::mem::take(&mut self.seconds), stats));
-                return Ok(Some((Finished { frame, path: path.clone(), rendered }, Page { path, picture, settings })));
+                let comment = stats.achieved.map(|achieved| achieved.to_string());
+                let page = Page { path: path.clone(), picture, settings, comment };
+                return Ok(Some((Finished { frame, path, rendered }, page)));
             }
         }
         Ok(None)
@@ -154,7 +158,11 @@ impl Sequence<'_> {
     fn write_all(&self, pages: &mpsc::Receiver<Page>) -> Result<(), ImageError> {
         for page in pages {
             let _held = self.gate.lock().unwrap_or_else(PoisonError::into_inner);
-            image::write(&page.path, &page.picture, self.format, &page.settings)?;
+            let Page { path, picture, settings, comment } = &page;
+            match comment {
+                Some(comment) => image::write_with_comment(path, picture, self.format, settings, comment)?,
+                None => image::write(path, picture, self.format, settings)?,
+            }
         }
         Ok(())
     }

@@ -15,7 +15,7 @@ use super::modes::{self, Machine, Mode};
 use super::output::{print, say};
 use super::progress::Loading;
 use super::settings;
-use super::trial::{Common, Shot};
+use super::trial::{Common, Shot, samples_of};
 
 /// Show one frame in several modes, side by side in one labelled image.
 ///
@@ -184,7 +184,7 @@ impl Sheet {
             panels.push(Panel { title: "reference".to_owned(), lines, picture: &shot.picture });
         }
         for (mode, shot) in self.modes.iter().zip(shots) {
-            let mut lines = vec![took(mode.method.samples(), shot.seconds)];
+            let mut lines = vec![took(samples_of(mode.method, &shot.picture), shot.seconds)];
             if let Some(judge) = judge {
                 let errors = Comparison::new(&shot.picture, &judge.picture, &[Metric::Flip])?;
                 let value = |metric| Shown(errors.value(metric).unwrap_or(f64::NAN));

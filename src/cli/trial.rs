@@ -146,6 +146,13 @@ impl Common {
     }
 }
 
+/// Samples of a pixel of a picture that was made in one way: their mean where it says them itself.
+pub(super) fn samples_of(method: Method, picture: &Picture) -> u64 {
+    let Some(layer) = picture.layers.iter().find(|layer| layer.aov == Aov::Samples) else { return method.samples() };
+    let plane = layer.planes.iter().flatten();
+    (plane.map(|&samples| f64::from(samples)).sum::<f64>() / picture.rgba.len() as f64).round() as u64
+}
+
 impl Trial<'_> {
     /// Renders a frame in one way. `share`: told how far it is, where that is known.
     pub(super) fn shoot(
@@ -157,7 +164,8 @@ impl Trial<'_> {
     ) -> anyhow::Result<Shot> {
         match method {
             Method::Splat(mode) => {
-                let options = self.common.render_options(mode, Vec::new());
+                let aovs = if matches!(mode, BlurMode::Auto(_)) { vec![Aov::Samples] } else { Vec::new() };
+                let options = self.common.render_options(mode, aovs);
                 // Opening a device is no part of rendering.
                 self.open(machine)?;
                 let start = Instant::now();

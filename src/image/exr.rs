@@ -24,7 +24,7 @@ pub(super) const SIGNATURE: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 
 const COLOUR: [&str; 4] = ["R", "G", "B", "A"];
 
-pub(super) fn encode(picture: &Picture, settings: &str) -> Result<Vec<u8>, ImageError> {
+pub(super) fn encode(picture: &Picture, settings: &str, comment: Option<&str>) -> Result<Vec<u8>, ImageError> {
     let channel = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
     let mut channels: Vec<_> = COLOUR
         .iter()
@@ -37,7 +37,8 @@ pub(super) fn encode(picture: &Picture, settings: &str) -> Result<Vec<u8>, Image
         }
     }
     let software_name = Text::new_or_none(concat!("splatblur ", env!("CARGO_PKG_VERSION")));
-    let mut attributes = LayerAttributes { software_name, ..LayerAttributes::default() };
+    let comments = comment.map(utf8);
+    let mut attributes = LayerAttributes { software_name, comments, ..LayerAttributes::default() };
     // The only entry: the library writes this map in an order that changes from run to run.
     attributes.other.insert(Text::from(SETTINGS), AttributeValue::Text(utf8(settings)));
     let size = Vec2(picture.width as usize, picture.height as usize);

@@ -151,7 +151,7 @@ pub fn encode(picture: &Picture, format: Format, settings: &str) -> Result<Vec<u
     check(picture)?;
     match format {
         Format::Png { bits, alpha } => png::encode(picture, bits, alpha, settings),
-        Format::Exr => exr::encode(picture, settings),
+        Format::Exr => exr::encode(picture, settings, None),
     }
 }
 
@@ -161,6 +161,25 @@ pub fn encode(picture: &Picture, format: Format, settings: &str) -> Result<Vec<u
 /// The picture is not valid, the format cannot hold it, or the file cannot be written.
 pub fn write(path: &Path, picture: &Picture, format: Format, settings: &str) -> Result<(), ImageError> {
     let bytes = encode(picture, format, settings)?;
+    files::replace(path, &bytes).map_err(|source| ImageError::Write { path: path.to_owned(), source })
+}
+
+/// As [`write()`]; an EXR file carries `comment`, which is no part of the settings.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_with_comment(
+    path: &Path,
+    picture: &Picture,
+    format: Format,
+    settings: &str,
+    comment: &str,
+) -> Result<(), ImageError> {
+    if format != Format::Exr {
+        return write(path, picture, format, settings);
+    }
+    check(picture)?;
+    let bytes = exr::encode(picture, settings, Some(comment))?;
     files::replace(path, &bytes).map_err(|source| ImageError::Write { path: path.to_owned(), source })
 }
 

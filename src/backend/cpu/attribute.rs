@@ -12,8 +12,6 @@ use crate::layout::{Channels, FLAG_BACK, Splat};
 use crate::math::fast;
 use crate::math::simd::dispatch;
 use crate::model::Material;
-use crate::plan::Shading;
-use crate::shading::shade;
 
 /// What the pass needs beside splats and thresholds.
 #[derive(Clone, Copy, Debug)]
@@ -29,7 +27,8 @@ pub(super) struct Attributes<'a> {
     pub stride: f32,
     /// The sample's share of its group's weight.
     pub share: f32,
-    pub shading: Shading,
+    /// Of each splat what it shows under the lights; empty where pixels are shaded.
+    pub lit: &'a [Vec3],
 }
 
 /// Where a tile's splats are added up; see `TileBuffers`.
@@ -67,7 +66,7 @@ fn attribute_body(
     for &index in list {
         let splat = &splats[index as usize];
         let Touched { x0, x1, y0, y1 } = Touched::of(splat, tile);
-        let values = splat_values(splat.surfel, splat.flags, attributes);
+        let values = splat_values(index, splat.surfel, splat.flags, attributes);
         for y in y0..=y1 {
             let row = Row::of(splat, tile.corner[1] + y as i32);
             let out = &mut sums[y * channels * STRIDE..][..channels * STRIDE];
@@ -134,28 +133,20 @@ pub(super) fn add(plane: &mut [f32], weights: &[f32; LANES], value: f32) {
     }
 }
 
-/// The splat's value for each channel (0 for depth, which differs from pixel to pixel).
+/// The value of splat `splat` of the chunk for each channel (0 for depth, which differs from pixel to pixel).
 #[inline(always)]
-pub(super) fn splat_values(surfel: u32, flags: u32, attributes: &Attributes<'_>) -> [f32; Channels::MOST] {
+pub(super) fn splat_values(splat: u32, surfel: u32, flags: u32, attributes: &Attributes<'_>) -> [f32; Channels::MOST] {
     let surfels = attributes.object.surfels;
     let i = surfel as usize;
-    let colour = surfels.colour[i];
+    let colour = attributes.lit.get(splat as usize).copied().unwrap_or(surfels.colour[i]);
     let mut values = [0.0; Channels::MOST];
     values[0] = 1.0;
     values[1..4].copy_from_slice(&colour.to_array());
-    let gouraud = attributes.shading == Shading::Gouraud;
     let channels = attributes.channels;
-    if channels.normal.is_some() || gouraud {
+    if let Some(at) = channels.normal {
         let turned = unit(attributes.posed.normal_matrix * surfels.normal[i]);
         let normal = if flags & FLAG_BACK == 0 { turned } else { -turned };
-        if let Some(at) = channels.normal {
-            values[at..at + 3].copy_from_slice(&normal.to_array());
-        }
-        if gouraud {
-            let position = attributes.posed.world_from_model * surfels.position[i] + attributes.posed.world_origin;
-            let lit = shade(&attributes.sample.lights, &material(attributes, i), colour, normal, position);
-            values[1..4].copy_from_slice(&lit.to_array());
-        }
+        values[at..at + 3].copy_from_slice(&normal.to_array());
     }
     if let Some(at) = channels.velocity {
         values[at..at + 2]
@@ -175,7 +166,7 @@ fn unit(v: Vec3) -> Vec3 {
     v * (1.0 / (if d2 > 1e-30 { d2 } else { 1e-30 }).sqrt())
 }
 
-fn material(attributes: &Attributes<'_>, surfel: usize) -> Material {
+pub(super) fn material(attributes: &Attributes<'_>, surfel: usize) -> Material {
     attributes.object.material.or_else(|| attributes.object.surfels.material.get(surfel).copied()).unwrap_or_default()
 }
 

@@ -8,6 +8,8 @@
 mod attribute;
 mod bin;
 mod layer;
+mod lit;
+mod pieces;
 mod project;
 mod resolve;
 mod swept;
@@ -20,11 +22,14 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use self::attribute::{Attributes, Tally};
 use self::bin::{Binned, Tiled};
 use self::layer::{Layer, LayerTile};
+use self::lit::Faced;
+use self::pieces::Pieces;
 use self::project::View;
 use self::resolve::{RasterFilms, Resolve, TileFilm, TiledFilm};
 #[cfg(all(test, feature = "gpu"))]
@@ -36,7 +41,7 @@ use super::{Backend, BackendError, Rendered, Stats};
 use crate::film::{FilmPlanes, develop};
 use crate::frame::{Blocks, Frame, PosedGroup};
 use crate::layout::{Channels, Splat, SweptSplat};
-use crate::plan::{KernelShape, Normalise, Pass, Prefilter, TemporalAlpha};
+use crate::plan::{KernelShape, Normalise, Pass, Prefilter, Shading, TemporalAlpha};
 
 const _: () = assert!(TILE == Blocks::EDGE);
 
@@ -99,6 +104,10 @@ impl Cpu {
         let stride = frame.stride as usize;
         let mut films = RasterFilms { films: Vec::new(), stride, samples: frame.samples() };
         let clocks = Clocks::default();
+        let pieces = match frame.wanted {
+            Some(_) if frame.swept.is_none() => frame.objects.iter().map(|object| Pieces::of(object.surfels)).collect(),
+            _ => Vec::new(),
+        };
         for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
             let size = groups[0].raster.size;
             let mut film = TiledFilm::new(size);
@@ -115,6 +124,7 @@ impl Cpu {
                         planes: &planes,
                         channels: &channels,
                         layer: None,
+                        pieces: &pieces,
                         clocks: &clocks,
                     };
                     let layer =
@@ -201,6 +211,8 @@ struct Work<'a> {
     channels: &'a Channels,
     /// What lies still, where it was splatted already.
     layer: Option<&'a Layer>,
+    /// Of each object, where only some blocks are wanted.
+    pieces: &'a [Pieces],
     clocks: &'a Clocks,
 }
 
@@ -440,8 +452,17 @@ impl Work<'_> {
         let wanted = objects.filter(move |(_, (pose, object))| pose.visible && object.still == still);
         wanted.flat_map(move |(index, (_, object))| {
             let len = object.surfels.len();
-            let ranges = (0..len).step_by(CHUNK).map(move |first| first..(first + CHUNK).min(len));
-            ranges.map(move |surfels| Chunk { sample, object: index, surfels })
+            let chunks = (0..len).step_by(CHUNK).map(move |first| {
+                let surfels = first..(first + CHUNK).min(len);
+                Chunk { sample, object: index, surfels }
+            });
+            chunks.flat_map(move |chunk| {
+                let parts = match self.pieces.get(index) {
+                    Some(pieces) => pieces.wanted(&self.view(&chunk), chunk.surfels.clone()),
+                    None => vec![chunk.surfels.clone()],
+                };
+                parts.into_iter().map(move |surfels| Chunk { surfels, ..chunk })
+            })
         })
     }
 
@@ -465,6 +486,9 @@ impl Work<'_> {
         binned.splats.clear();
         project::project(&self.view(chunk), surfels, chunk.surfels.clone(), &mut binned.splats);
         binned.bin();
+        if self.frame.swept.is_none() {
+            self.light(chunk, binned);
+        }
         self.clocks.splats.fetch_add(binned.splats.len() as u64, Relaxed);
         self.clocks.project.add(start);
     }
@@ -478,8 +502,16 @@ impl Work<'_> {
         binned.splats.clear();
         swept::project(&self.view(chunk), volume, surfels, chunk.surfels.clone(), &mut binned.splats);
         binned.bin();
+        self.light(chunk, binned);
         self.clocks.splats.fetch_add(binned.splats.len() as u64, Relaxed);
         self.clocks.project.add(start);
+    }
+
+    /// Shades the splats of one chunk, where surfels are shaded.
+    fn light<S: Faced>(&self, chunk: &Chunk, binned: &mut Binned<S>) {
+        if self.frame.shading == Shading::Gouraud {
+            lit::light(&binned.splats, &self.attributes(chunk, &[]), &mut binned.lit);
+        }
     }
 
     /// Share that a sample of weight `weight` has in its group: 1 where it is alone.
@@ -488,7 +520,8 @@ impl Work<'_> {
         if total > 0.0 { weight / total } else { 1.0 }
     }
 
-    fn attributes(&self, chunk: &Chunk) -> Attributes<'_> {
+    /// `lit`: what the splats of the chunk show.
+    fn attributes<'b>(&'b self, chunk: &Chunk, lit: &'b [Vec3]) -> Attributes<'b> {
         let sample = &self.group.samples[chunk.sample];
         Attributes {
             sample,
@@ -499,7 +532,7 @@ impl Work<'_> {
             low_pass: if self.frame.prefilter == Prefilter::Approx { self.group.raster.low_pass } else { 0.0 },
             stride: self.frame.stride as f32,
             share: if self.frame.objects[chunk.object].still { 1.0 } else { self.share(sample.weight) },
-            shading: self.frame.shading,
+            lit,
         }
     }
 
@@ -600,7 +633,14 @@ impl Work<'_> {
                 union.turn(|sample| self.group.samples[sample].weight, chunk.sample);
             }
             let mut tally = Tally { sums, reach: &mut union.reach, nearest };
-            attribute::attribute(&binned.splats, list, &self.attributes(chunk), &job.tile, threshold, &mut tally);
+            attribute::attribute(
+                &binned.splats,
+                list,
+                &self.attributes(chunk, &binned.lit),
+                &job.tile,
+                threshold,
+                &mut tally,
+            );
         }
     }
 
@@ -641,7 +681,7 @@ impl Work<'_> {
                     if list.is_empty() {
                         continue;
                     }
-                    let attributes = Attributes { channels: &channels, ..self.attributes(chunk) };
+                    let attributes = Attributes { channels: &channels, ..self.attributes(chunk, &binned.lit) };
                     let TileBuffers { threshold, sums, .. } = &mut *job.buffers;
                     let mut tally = Tally { sums, reach: &mut [], nearest: &mut [] };
                     attribute::attribute(&binned.splats, list, &attributes, &job.tile, threshold, &mut tally);
@@ -676,7 +716,7 @@ impl Work<'_> {
                         continue;
                     }
                     let swept = Swept {
-                        attributes: self.attributes(chunk),
+                        attributes: self.attributes(chunk, &binned.lit),
                         footprint: Footprint::of(kernel),
                         source_samples: kernel.source_samples.0,
                         slope: interval.slope,

@@ -41,7 +41,7 @@ pub(super) struct View<'a> {
 impl View<'_> {
     /// Does a splat touch a block that is wanted? `bounds`: first and last pixel column, first and last row.
     #[inline(always)]
-    fn wants(&self, [x0, x1, y0, y1]: [usize; 4]) -> bool {
+    pub(super) fn wants(&self, [x0, x1, y0, y1]: [usize; 4]) -> bool {
         let Some(blocks) = self.wanted else { return true };
         let of = |first: usize, last: usize| first / Blocks::EDGE..=last / Blocks::EDGE;
         of(y0, y1).any(|y| of(x0, x1).any(|x| blocks.at(x, y)))

@@ -4,6 +4,7 @@
 
 use glam::Vec3;
 
+use super::lit::unit;
 use super::tiles::{LANES, STRIDE, TILE, TileRect};
 use crate::film::{Film, FilmPlanes};
 use crate::frame::{PosedSample, Raster};
@@ -183,19 +184,6 @@ fn resolve_body(
             }
         }
     }
-}
-
-/// Vectors of length 1; a zero vector stays zero.
-#[inline(always)]
-fn unit(mut v: [Lanes; 3]) -> [Lanes; 3] {
-    for l in 0..LANES {
-        let d2 = v[0][l] * v[0][l] + v[1][l] * v[1][l] + v[2][l] * v[2][l];
-        let s = 1.0 / (if d2 > 1e-30 { d2 } else { 1e-30 }).sqrt();
-        v[0][l] *= s;
-        v[1][l] *= s;
-        v[2][l] *= s;
-    }
-    v
 }
 
 /// Deferred shading (thesis 4.1.1): the equation of `shading::shade`, for `LANES` neighbouring pixels.

@@ -2,6 +2,7 @@
 
 use super::attribute::{self, Attributes, Tally};
 use super::layer::LayerTile;
+use super::lit;
 use super::project::{self, View};
 use super::resolve::{self, Resolve, TileFilm};
 use super::tiles::{STRIDE, TILE, TileBuffers, TileRect};
@@ -9,7 +10,7 @@ use super::visibility::{self, Depths};
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup};
 use crate::layout::{Channels, Splat};
-use crate::plan::Prefilter;
+use crate::plan::{Prefilter, Shading};
 
 /// Splats of one object at one sample, in surfel order; those of one that lies still are of the first.
 #[derive(Clone, Debug)]
@@ -151,7 +152,7 @@ impl Twins<'_> {
             if group.samples.len() > 1 && !still {
                 union.turn(|sample| group.samples[sample].weight, posed.sample);
             }
-            let attributes = Attributes {
+            let mut attributes = Attributes {
                 sample,
                 posed: &sample.objects[posed.object],
                 object: &frame.objects[posed.object],
@@ -160,8 +161,13 @@ impl Twins<'_> {
                 low_pass: if frame.prefilter == Prefilter::Approx { group.raster.low_pass } else { 0.0 },
                 stride: frame.stride as f32,
                 share: if total > 0.0 && !still { sample.weight / total } else { 1.0 },
-                shading: frame.shading,
+                lit: &[],
             };
+            let mut lit = Vec::new();
+            if frame.shading == Shading::Gouraud {
+                lit::light(&posed.splats, &attributes, &mut lit);
+                attributes.lit = &lit;
+            }
             let list = self.list(posed, tile);
             let mut tally = Tally { sums, reach: &mut union.reach, nearest };
             attribute::attribute(&posed.splats, &list, &attributes, &self.rect(tile), threshold, &mut tally);

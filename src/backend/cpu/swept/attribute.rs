@@ -94,7 +94,7 @@ fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
     let [left, top] = tile.corner;
     for &index in list {
         let splat = &splats[index as usize];
-        let values = splat_values(splat.surfel, splat.flags, attributes);
+        let values = splat_values(index, splat.surfel, splat.flags, attributes);
         let hull = Hull::of(splat);
         let ray = Ray::of(splat, attributes.near, attributes.low_pass);
         let [_, _, y0, y1] = splat.bounds.map(i32::from);

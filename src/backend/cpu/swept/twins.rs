@@ -2,6 +2,7 @@
 
 use super::{Exposure, Footprint, Map, MapTile, Swept, Volume, coverage, keep, pool};
 use crate::backend::cpu::attribute::{self, Attributes, Tally};
+use crate::backend::cpu::lit;
 use crate::backend::cpu::project::{self, View};
 use crate::backend::cpu::resolve::{self, Resolve, TileFilm};
 use crate::backend::cpu::tiles::{Band, STRIDE, TILE, TileBuffers, TileRect};
@@ -135,7 +136,7 @@ impl SweptTwins<'_> {
             low_pass: if self.frame.prefilter == Prefilter::Approx { self.group.raster.low_pass } else { 0.0 },
             stride: self.frame.stride as f32,
             share: 1.0,
-            shading: self.frame.shading,
+            lit: &[],
         }
     }
 
@@ -196,8 +197,12 @@ impl SweptTwins<'_> {
         let Some(interval) = &self.group.interval else { return SweptSums::default() };
         for Of { object, splats } in moving {
             let list = self.list(splats.iter().map(|splat| splat.bounds), tile);
+            let mut attributes = self.attributes(*object, &channels);
+            let mut lit = Vec::new();
+            lit::light(splats, &attributes, &mut lit);
+            attributes.lit = &lit;
             let swept = Swept {
-                attributes: self.attributes(*object, &channels),
+                attributes,
                 footprint: Footprint::of(self.kernel),
                 source_samples: self.kernel.source_samples.0,
                 slope: interval.slope,
