@@ -79,12 +79,16 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
         next += 3u;
     }
     if VELOCITY != 0u {
-        // The derivative of (x, y) = (X, Y) / depth, in pixels of the image.
+        // The derivative of (x, y) = (X, Y) / depth, in pixels of the image; 0 where the centre has none.
         let p = apply(segment.screen, position);
         let rate = apply(segment.rate, position);
-        let over = 1.0 / p.z;
-        written_values[next] = (rate.x - p.x * over * rate.z) * over * view.stride;
-        written_values[next + 1u] = (rate.y - p.y * over * rate.z) * over * view.stride;
+        var velocity = vec2<f32>(0.0);
+        if p.z >= view.near {
+            let over = 1.0 / p.z;
+            velocity = vec2<f32>((rate.x - p.x * over * rate.z) * over, (rate.y - p.y * over * rate.z) * over);
+        }
+        written_values[next] = velocity.x * view.stride;
+        written_values[next + 1u] = velocity.y * view.stride;
         next += 2u;
     }
     if MATERIAL != 0u {
@@ -199,14 +203,16 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
     let r2d = select(none, (at.x * at.x + at.y * at.y) * view.low_pass_scale, with_low_pass);
     let depth = select(vec4<f32>(splat.centre_depth), plane_depth, inside);
     let r2 = min(r2d, r3d);
-    let passes = (inside | (r2 <= vec4<f32>(1.0))) & (depth <= limit) & in_columns(bounds, column);
-    if !any(passes) { return; }
+    let within = in_columns(bounds, column);
+    let passes = (inside | (r2 <= vec4<f32>(1.0))) & (depth <= limit) & within;
     let zero = vec4<f32>(0.0);
     let unshared = select(zero, kernel(min(r2, vec4<f32>(1.0))), passes);
-    let weight = unshared * share;
     if REACH != 0u {
-        (*sum).reach += select(unshared, vec4<f32>(1.0), passes & inside);
+        // What covers the pixel is part of its coverage even if it is hidden: something before it covers, too.
+        (*sum).reach += select(unshared, vec4<f32>(1.0), inside & within);
     }
+    if !any(passes) { return; }
+    let weight = unshared * share;
     if NEAREST != 0u {
         (*sum).nearest = min((*sum).nearest, select(vec4<f32>(NONE), depth, passes));
     }

@@ -2,7 +2,8 @@
 // Twin: LayerTile::recall of src/backend/cpu/layer.rs.
 //   in   layer_thresholds, layer_sums   of what lies still alone; the last channel is the least depth of what was added
 //        thresholds                     of all splats
-//   out  sums      those of the layer where no splat that moves hides any of it; 0 where splats hide all of it, or some
+//   out  sums      those of the layer where no splat that moves hides any of it; 0 where splats hide all of it, or some, but
+//                  for the reach: what is hidden covers all the same
 //        limits    the threshold where they hide some and its splats are to be added anew, else UNWANTED
 // One invocation per quad of pixels.
 
@@ -14,6 +15,7 @@
 
 // As in attribute.wgsl, without the least depth.
 override CHANNELS: u32 = 4u;
+override REACH: u32 = 0u;
 
 @compute @workgroup_size(4, 16)
 fn recall(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) quad: vec3<u32>) {
@@ -26,12 +28,16 @@ fn recall(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) 
         limits[pixels] = unwanted;
         return;
     }
-    let lowered = threshold < layer_thresholds[pixels];
+    let zero = vec4<f32>(0.0);
+    let layer_threshold = layer_thresholds[pixels];
+    let lowered = threshold < layer_threshold;
+    let covers = select(zero, vec4<f32>(1.0), layer_threshold < vec4<f32>(NONE));
     let at = index * CHANNELS * TILE_QUADS + in_tile;
     let layer_at = index * (CHANNELS + 1u) * TILE_QUADS + in_tile;
     for (var channel = 0u; channel < CHANNELS; channel += 1u) {
         let plane = channel * TILE_QUADS;
-        sums[at + plane] = select(layer_sums[layer_at + plane], vec4<f32>(0.0), lowered);
+        let of_hidden = select(zero, covers, REACH != 0u && channel == REACH);
+        sums[at + plane] = select(layer_sums[layer_at + plane], of_hidden, lowered);
     }
     let nearest = layer_sums[layer_at + CHANNELS * TILE_QUADS];
     limits[pixels] = select(unwanted, threshold, lowered & (threshold >= nearest));

@@ -36,6 +36,7 @@ pub mod math;
 pub mod model;
 pub mod plan;
 pub mod pose;
+pub mod reconstruct;
 pub mod reference;
 pub mod render;
 pub mod report;

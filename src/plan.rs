@@ -313,7 +313,9 @@ pub struct RenderOptions {
     pub seed: u64,
     /// Bytes that a frame and the models may take together.
     pub memory: u64,
-    /// Extra channels, in the order of [`Aov::ALL`], each at most once.
+    /// Smooth along the motion afterwards?
+    pub reconstruct: bool,
+    /// Extra channels, in the order of [`Aov::LAYERS`], each at most once.
     pub aovs: Vec<Aov>,
 }
 
@@ -328,6 +330,7 @@ impl Default for RenderOptions {
             epsilon: None,
             seed: 1,
             memory: 1 << 30,
+            reconstruct: false,
             aovs: Vec::new(),
         }
     }

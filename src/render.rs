@@ -4,8 +4,10 @@ use std::collections::VecDeque;
 
 use crate::auto;
 use crate::backend::{Backend, BackendError};
+use crate::film::Aov;
 use crate::frame::Frame;
 use crate::plan::{BlurMode, RenderOptions};
+use crate::reconstruct;
 use crate::scene::Scene;
 
 pub use crate::backend::{Rendered, Stats};
@@ -21,10 +23,30 @@ pub fn render_frame(
     options: &RenderOptions,
 ) -> Result<Rendered, BackendError> {
     check(scene)?;
+    if options.reconstruct {
+        let rendered = render_frame(backend, scene, frame, &with_velocity(options))?;
+        return Ok(reconstructed(rendered, options));
+    }
     match options.mode {
         BlurMode::Auto(target) => auto::render(backend, scene, frame, options, target),
         _ => backend.render(&Frame::new(scene, frame, options)),
     }
+}
+
+/// What [`reconstruct::along`] needs to be rendered.
+fn with_velocity(options: &RenderOptions) -> RenderOptions {
+    let mut options = RenderOptions { reconstruct: false, ..options.clone() };
+    if !options.aovs.contains(&Aov::Velocity) {
+        options.aovs.push(Aov::Velocity);
+        options.aovs.sort_unstable();
+    }
+    options
+}
+
+fn reconstructed(mut rendered: Rendered, options: &RenderOptions) -> Rendered {
+    reconstruct::along(&mut rendered.picture);
+    rendered.picture.layers.retain(|layer| options.aovs.contains(&layer.aov));
+    rendered
 }
 
 fn check(scene: &Scene) -> Result<(), BackendError> {
@@ -64,8 +86,8 @@ impl<'a> Frames<'a> {
     /// # Errors
     /// The backend cannot render the frame within its limits.
     pub fn begin(&mut self, number: i64) -> Result<Option<(i64, Rendered)>, BackendError> {
-        if matches!(self.options.mode, BlurMode::Auto(_)) {
-            // Each step waits for the one before.
+        if self.options.reconstruct || matches!(self.options.mode, BlurMode::Auto(_)) {
+            // There are steps that wait for those before.
             let rendered = render_frame(self.backend, self.scene, number, self.options)?;
             return Ok(Some((number, rendered)));
         }

@@ -40,7 +40,7 @@ fn names(directory: &Path) -> Vec<String> {
 
 #[test]
 fn help_lists_every_option() {
-    let render = "--out --frames --mode --samples --pixel-samples --size --shutter --weight --filter --prefilter --shading \
+    let render = "--out --frames --mode --error --samples-max --samples --pixel-samples --size --shutter --weight --filter --prefilter --shading \
                   --two-sided --epsilon --background --transparent --backend --format --bits --aov --threads --seed --memory \
                   --resume --json --lenient --restrict --quiet";
     for (command, options) in [
@@ -80,7 +80,17 @@ fn bad_values_are_refused_in_one_line() {
         (&["--size", "99999999x99999999"], "65535"),
         (&["--samples", "0"], "1 to 65536"),
         (&["--samples", "-3"], "1 to 65536"),
-        (&["--pixel-samples", "4"], "not for --mode supersample"),
+        (&["--samples", "4", "--pixel-samples", "4"], "not for --mode supersample"),
+        (&["--mode", "auto", "--samples", "8"], "--samples-max"),
+        (&["--mode", "auto", "--interleave", "2"], "chooses the lattice"),
+        (&["--samples", "8", "--error", "good"], "--error is for --mode auto"),
+        (&["--mode", "bucket", "--samples-max", "8"], "--samples-max is for --mode auto"),
+        (&["--error", "0"], "draft, good, final"),
+        (&["--error", "-1"], "draft, good, final"),
+        (&["--error", "nan"], "draft, good, final"),
+        (&["--error", "best"], "draft, good, final"),
+        (&["--samples-max", "3"], "4 to 65536"),
+        (&["--format", "exr", "--samples", "4", "--aov", "error"], "--aov error is for --mode auto"),
         (&["--buckets", "4"], "--mode bucket"),
         (&["--interleave", "3"], "1, 2 or 4"),
         (&["--mode", "still", "--interleave", "2"], "not for --mode still"),
@@ -92,7 +102,7 @@ fn bad_values_are_refused_in_one_line() {
         (&["--mode", "volumetric", "--source-samples", "0"], "1 to 64"),
         (&["--mode", "volumetric", "--interleave", "2"], "--interleave"),
         (&["--mode", "still", "--samples", "4"], "--pixel-samples"),
-        (&["--mode", "swept"], "still, supersample"),
+        (&["--mode", "swept"], "auto, still, supersample"),
         (&["--shutter", "1,0"], "closes at 0"),
         (&["--shutter", "nan,nan"], "finite"),
         (&["--weight", "ramp:centre=7"], "0 to 1"),
@@ -246,7 +256,7 @@ fn render_names_its_files_and_says_where_they_are() {
     let text = stdout(&output);
     assert!(text.contains("out/tiny/tiny.0001.png .. tiny.0003.png"), "{text}");
     assert!(text.contains("ffmpeg -framerate 24 -start_number 1 -i out/tiny/tiny.%04d.png"), "{text}");
-    assert!(stderr(&output).contains("tiny: frames 1..3, 12 x 9 pixels, mode supersample:32, on the CPU"));
+    assert!(stderr(&output).contains("tiny: frames 1..3, 12 x 9 pixels, mode auto:0.025, on the CPU"));
     // No progress in a pipe.
     assert!(!stderr(&output).contains(['\r', '\u{1b}']), "{:?}", stderr(&output));
     fixture.render(&["--frames", "-2..-1", "--out", "b", "--format", "exr", "--aov", "depth,normal,alpha,velocity"]);

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
+use splatblur::image::{self, Format};
 
 fn splatblur(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_splatblur")).args(arguments).stdin(Stdio::null()).output().unwrap()
@@ -130,6 +131,86 @@ fn a_report_goes_on_where_it_was_and_is_a_gate() {
     assert_eq!(code, 1, "{said}");
     assert!(said.contains("over the limit: frame 2, supersample:8@cpu: gamma-rmse is "), "{said}");
     assert!(read("index.html").contains("Over the limit"));
+}
+
+/// A ball that is at `x` = -0.3 + 0.6 f in frame f, and moves there by `velocity` a frame.
+fn ball(dir: &Path, frame: f64, velocity: f64) -> String {
+    let scene = path(dir, &format!("ball_{velocity}_{frame}.xml"));
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/models/ball.ply");
+    // Motion starts at frame 0.
+    let start = -0.3 + 0.6 * frame - velocity * frame;
+    let text = format!(
+        r#"<scene><image width="96" height="54"/><shutter open="-0.5" close="0.5"/><camera eye="0 0 4" at="0 0 0" fovy="34"/>
+        <object><pointModel>{model}</pointModel><transform translate="{start} 0 0"/><motion type="linear" velocity="{velocity} 0 0"/></object></scene>"#
+    );
+    std::fs::write(&scene, text).unwrap();
+    scene
+}
+
+#[test]
+fn a_gate_rejects_backward_motion_and_weights_that_are_not_normalised() {
+    let dir = tempfile::tempdir().unwrap();
+    let exposed = ["--weight", "ramp", "--transparent", "--quiet"];
+    let make = |command: &str, to: &str, velocity: f64, more: &[&str]| {
+        for frame in [0_u8, 1] {
+            let scene = ball(dir.path(), frame.into(), velocity);
+            let (out, frame) = (path(dir.path(), &format!("{to}_{frame}")), frame.to_string());
+            let own = [command, &scene, "--frames", &frame, "--out", &out];
+            let done = splatblur(&[&own[..], &exposed, more].concat());
+            assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+            let made = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().path());
+            let picture = made.into_iter().find(|file| file.extension().is_some_and(|e| e == "exr")).unwrap();
+            std::fs::create_dir_all(dir.path().join(to)).unwrap();
+            std::fs::rename(picture, dir.path().join(to).join(format!("x.000{frame}.exr"))).unwrap();
+        }
+    };
+    let splatted = ["--format", "exr", "--mode", "volumetric", "--samples", "4", "--prefilter", "none"];
+    make("render", "good", 0.6, &splatted);
+    make("render", "backward", -0.6, &splatted);
+    make("reference", "judge", 0.6, &["--samples", "64"]);
+    // The integral of the ramp 1 - |t - 1| is 1/2: a film whose time weights are not divided by it.
+    std::fs::create_dir_all(dir.path().join("raw")).unwrap();
+    for name in ["raw/x.0000.exr", "raw/x.0001.exr"] {
+        let mut picture = image::read(&dir.path().join(name.replace("raw", "good"))).unwrap();
+        picture.rgba.iter_mut().flatten().for_each(|value| *value *= 0.5);
+        image::write(&dir.path().join(name), &picture, Format::Exr, "").unwrap();
+    }
+    let [good, backward, raw, judge] = ["good", "backward", "raw", "judge"].map(|name| path(dir.path(), name));
+    let gate = |pictures: &str, limit: &str| {
+        let output = splatblur(&["compare", pictures, &judge, "--json", "--limit", limit]);
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+        (output.status.code().unwrap(), found["metrics"]["gamma-rmse"].as_f64().unwrap())
+    };
+    let limit = format!("gamma-rmse={}", 1.5 * gate(&good, "gamma-rmse=1").1);
+    let found = [&good, &backward, &raw].map(|pictures| gate(pictures, &limit));
+    println!("{limit}: {found:?}");
+    assert_eq!(found.map(|(status, _)| status), [0, 1, 1], "{limit}: {found:?}");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_report_goes_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = path(dir.path(), "r");
+    let common = ["--modes", "supersample:2", "--reference", "16", "--repeats", "1", "--out", &out];
+    let mut arguments = small("report", &[&common[..], &["--frames", "0..9999"]].concat());
+    arguments.retain(|argument| *argument != "--quiet");
+    let child = Command::new(env!("CARGO_BIN_EXE_splatblur")).args(&arguments).stderr(Stdio::piped()).spawn().unwrap();
+    let second = dir.path().join("r/renderings/1/supersample-2.cpu.exr");
+    while !second.exists() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("interrupted"), "{}", text(&output.stderr));
+    assert!(!dir.path().join("r/index.html").exists());
+    let made = |file: &Path| std::fs::metadata(file).unwrap().modified().unwrap();
+    let before = made(&second);
+    let done = splatblur(&small("report", &[&common[..], &["--frames", "0..1"]].concat()));
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    assert_eq!(made(&second), before, "what was finished is not rendered again");
+    assert!(dir.path().join("r/index.html").exists());
 }
 
 #[test]

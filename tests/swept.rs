@@ -7,7 +7,7 @@ mod support;
 use glam::{DVec3, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::plan::{
-    BlurMode, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel, TemporalAlpha,
+    BlurMode, Interleave, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel, TemporalAlpha,
 };
 use splatblur::scene::{Motion, Scene};
 use splatblur::time::Weight;
@@ -93,6 +93,44 @@ fn temporal_alpha_of_disc_and_edge() {
     }
 }
 
+/// A disc in two colours turns by 200 degrees: its alpha is 1 at all times, and its colours are the shares of the exposure for which each
+/// is seen. Compared away from centre and rim, as tests/truth.rs does.
+#[test]
+fn colours_of_a_turning_disc() {
+    let bucket = BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples: 1, interleave: Interleave::None };
+    for (weight, a) in [("box", Weight::Box), ("ramp", Weight::Ramp { centre: 1.0 })] {
+        let truth = truth(&format!("spin_{weight}_point"));
+        for mode in [bucket, volumetric(16)] {
+            let mut scene = spin_of(0.4);
+            scene.shutter.weight = a.clone();
+            let options = RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(mode) };
+            let picture = render(&scene, &options);
+            let (mut sum, mut count, mut worst, mut bare) = (0.0, 0, 0.0_f64, 0.0_f32);
+            for (i, (got, want)) in picture.rgba.iter().zip(&truth).enumerate() {
+                let radius = ((i % SIZE) as f64 + 0.5 - 31.4).hypot((i / SIZE) as f64 + 0.5 - 33.2);
+                if !(4.0..=20.0).contains(&radius) {
+                    continue;
+                }
+                bare = bare.max((1.0 - got[3]).abs());
+                for c in 0..3 {
+                    let error = f64::from(got[c] - want[c]);
+                    (sum, count, worst) = (sum + error * error, count + 1, worst.max(error.abs()));
+                }
+            }
+            let rmse = (sum / f64::from(count)).sqrt();
+            println!(
+                "spin {weight} {mode}: alpha {bare:.1e}, rmse {rmse:.2e}, max {worst:.2e} = {:.2}/255",
+                worst * 255.0
+            );
+            assert!(
+                bare < 1e-5 && worst < 2.0 / 255.0,
+                "spin {weight} {mode}: alpha {bare:.1e}, {:.2}/255",
+                worst * 255.0
+            );
+        }
+    }
+}
+
 /// A square of surfels that moves `travel` to the right, over the shutter's middle at the origin, seen from 4 away.
 fn passing(half: f64, spacing: f64, travel: f64) -> Scene {
     let n = (half / spacing) as i32;
@@ -141,8 +179,8 @@ fn nothing_tears_on_rotation() {
     }
 }
 
-/// A sphere of `n` random surfels, a disc of each four times its share of the area.
-fn random_sphere(n: usize, seed: u64) -> Scene {
+/// A sphere of `n` random surfels, with `cover` discs over each point on average.
+fn random_sphere(n: usize, seed: u64, cover: f64) -> Scene {
     let mut state = seed;
     let mut next = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -151,7 +189,7 @@ fn random_sphere(n: usize, seed: u64) -> Scene {
     let surfels = (0..n).map(|_| {
         let (z, phi) = (2.0 * next() - 1.0, std::f64::consts::TAU * next());
         let p = DVec3::new((1.0 - z * z).sqrt() * phi.cos(), (1.0 - z * z).sqrt() * phi.sin(), z);
-        (p, p, 4.0 / (n as f64).sqrt(), Vec3::ONE)
+        (p, p, 2.0 * (cover / n as f64).sqrt(), Vec3::ONE)
     });
     let mut sphere = object(round_surfels(surfels));
     sphere.material = Some(UNLIT);
@@ -160,25 +198,39 @@ fn random_sphere(n: usize, seed: u64) -> Scene {
     scene(vec![sphere], [64, 64], DVec3::new(0.0, 0.0, 6.0), 40.0)
 }
 
-/// Issue 5, item 2: the density of a model does not show.
+/// Issue 5, item 2: the density of a model does not show. Alpha is that of supersampling at the 512 moments of the intervals, also
+/// where random surfels leave holes (between discs that cover each point four times on average 1.8 % of the area).
 #[test]
 fn density_does_not_show() {
     let alpha = |scene: &Scene, mode| {
         let options = RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(mode) };
         render(scene, &options).layers[0].planes[0].clone()
     };
-    let mut means = Vec::new();
     for (density, seed) in [(1, 11), (2, 12), (4, 13)] {
-        let scene = random_sphere(1500 * density, seed);
-        let (got, want) = (alpha(&scene, volumetric(16)), alpha(&scene, BlurMode::supersample(4096)));
-        let streak = got.iter().zip(&want).filter(|(got, want)| **got > 0.0 || **want > 0.0);
-        let differences: Vec<f64> = streak.map(|(got, want)| f64::from((got - want).abs())).collect();
-        means.push(255.0 * differences.iter().sum::<f64>() / differences.len() as f64);
+        for cover in [4.0, 9.0] {
+            let scene = random_sphere(1500 * density, seed, cover);
+            let swept = alpha(&scene, volumetric(16));
+            let difference = |samples| {
+                let want = alpha(&scene, BlurMode::supersample(samples));
+                let streak = swept.iter().zip(&want).filter(|(got, want)| **got > 0.0 || **want > 0.0);
+                let differences: Vec<f64> = streak.map(|(got, want)| f64::from((got - want).abs())).collect();
+                255.0 * differences.iter().sum::<f64>() / differences.len() as f64
+            };
+            let at_moments = difference(512);
+            println!(
+                "{density}x, {cover} discs: mean difference from supersampling at the same moments {at_moments:.4}/255"
+            );
+            // A handful of 1400 pixels, where rounding decides for a moment, 0.5/255.
+            assert!(at_moments < 0.005, "{density}x, {cover} discs: {at_moments}");
+            if cover > 4.0 {
+                // Without holes a pixel is entered and left once at the most, each time rounded by up to half of 1/512: the mean of
+                // the sum's magnitude is 2/3 of 1/1024, of a single end 1/2 of it.
+                let mean = difference(4096);
+                println!("{density}x: from supersampling with 4096 samples {mean:.4}/255");
+                assert!(mean < 255.0 / 1024.0 * 2.0 / 3.0, "{density}x: {mean}");
+            }
+        }
     }
-    println!("mean difference of alpha at 1x, 2x, 4x: {means:.3?}/255");
-    // A pixel is entered and left once, each time rounded by up to half of 1/512: the mean of the sum's magnitude is 2/3 of
-    // 1/1024, 0.166/255, whatever the density.
-    assert!(means.iter().all(|&mean| mean < 1.5 * 0.166), "{means:?}");
 }
 
 /// A lit, turning and moving sphere that another one crosses.

@@ -119,6 +119,9 @@ fn store(sum_at: u32, channel: u32, value: vec3<f32>) {
     sums[x + 2u * TILE_PIXELS] = value.z;
 }
 
+// What is left of the weight of a hidden kernel: nothing beside any that is seen, but a colour where the map hides all that covers.
+const HIDDEN: f32 = 5.9604645e-8;
+
 fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>) {
     let bounds = unpack(splats[slot].bounds);
     if pixel.x < bounds.x || pixel.x > bounds.y || pixel.y < bounds.z || pixel.y > bounds.w { return; }
@@ -129,17 +132,23 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>) {
     for (var part = 0u; part < SOURCE_SAMPLES; part += 1u) {
         let met = meet(splat, ray, part, at);
         if !met.covers { continue; }
-        // What is hidden loses its weight. Weights become shares of the surface at the source.
+        // What is hidden loses its weight, but still covers, as something before it does. Weights become shares of the surface at
+        // the source.
         let known = source(met.source);
-        if !(met.source_depth <= known.x) { continue; }
         var weight = met.weight;
         if FOOTPRINT != CHORD {
             weight = min(weight * known.y, met.most);
         }
-        (*sum).loose += met.loose;
         if !SUM {
             (*sum).surface |= met.surface;
-            (*sum).low_pass |= met.low_pass;
+        }
+        if met.source_depth <= known.x {
+            (*sum).loose += met.loose;
+            if !SUM {
+                (*sum).low_pass |= met.low_pass;
+            }
+        } else {
+            weight *= HIDDEN;
         }
         var next = slot * VALUES;
         (*sum).weight += weight;

@@ -25,14 +25,15 @@ const FIRST: [u32; 6] = [4, 6, 8, 12, 16, 24];
 const FACTORS: [u32; 7] = [3, 5, 7, 9, 15, 25, 45];
 /// Samples per square root of a pixel of motion, times the error (gamma-space RMSE): 0.5 where FLIP is about 0.01, 1 at 0.006.
 const SAMPLES: f64 = 0.025;
-/// From this target on, neighbouring pixels may see different times; the lattice has a floor of its own.
-const LOOSE: f64 = 0.03;
+/// From this target on, neighbouring pixels see different times, which halves FLIP at the same cost; a tighter one has the smaller error
+/// without a lattice, whose classes sample off the middles of their strata.
+const LOOSE: f64 = 0.02;
 /// The difference of the halves is too low an estimate, by so much on average and a little more (docs/modes.md): classes of a lattice
-/// see times off the middles of their strata, and what that does is the same in both halves.
-const fn safety(interleave: Interleave) -> f64 {
-    match interleave {
-        Interleave::None => 1.3,
-        Interleave::Two | Interleave::Four => 1.5,
+/// see times off the middles of their strata, and what that does is the same in both halves; sub-pixel positions are less even than times.
+const fn safety(interleave: Interleave, filter: PixelFilter) -> f64 {
+    match (interleave, filter) {
+        (Interleave::None, PixelFilter::Point) => 1.3,
+        _ => 1.5,
     }
 }
 
@@ -48,12 +49,15 @@ pub fn render(
     target: Target,
 ) -> Result<Rendered, BackendError> {
     let way = path::longest(scene, number);
+    let moves = way >= f64::from(STILL_PATH);
+    let interleave = if moves && target.error >= LOOSE { Interleave::Two } else { Interleave::None };
     let positions = match options.filter {
+        // A lattice shares out four times as many.
+        PixelFilter::Box if moves && interleave == Interleave::None => 2 * target.pixel_samples,
         PixelFilter::Box => target.pixel_samples.next_multiple_of(2),
         PixelFilter::Point => 1,
     };
-    let interleave = if target.error >= LOOSE { Interleave::Two } else { Interleave::None };
-    let samples = if way < f64::from(STILL_PATH) { positions.max(2) } else { first_samples(way, &target) };
+    let samples = if moves { first_samples(way, &target) } else { positions.max(2) };
     let first = Round { scene, number, options, interleave, samples, factor: 1, positions };
     let mut stats = Stats::default();
     let mut halves = Halves::render(backend, &first, None, &mut stats)?;
@@ -61,7 +65,7 @@ pub fn render(
     let background = if scene.image.transparent { DVec3::ZERO } else { scene.image.background };
     let mut errors = block_errors(&halves, background.as_vec3(), edge, None);
 
-    let safety = safety(interleave);
+    let safety = safety(interleave, options.filter);
     let wanted = target.error / safety;
     let mut factors = vec![1_u32; errors.squares.len()];
     let mut capped = 0;

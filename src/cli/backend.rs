@@ -36,6 +36,12 @@ impl Machine {
         }
     }
 
+    /// What it is, with the processor's name or the adapter's kind and driver, where the system tells.
+    pub(super) fn in_full(&self) -> String {
+        let more = if self.name == "cpu" { processor() } else { driver(&self.place) };
+        more.map_or_else(|| self.place.clone(), |more| format!("{}: {more}", self.place))
+    }
+
     fn cpu(threads: usize, why: &str) -> Self {
         let end = if threads == 1 { "" } else { "s" };
         let place = format!("the CPU ({threads} thread{end}{why})");
@@ -75,4 +81,23 @@ impl Machine {
     fn best(threads: usize) -> Self {
         Self::cpu(threads, "")
     }
+}
+
+/// The processor's name, where Linux tells.
+fn processor() -> Option<String> {
+    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    let line = text.lines().find(|line| line.starts_with("model name"))?;
+    Some(line.split_once(':')?.1.trim().to_owned())
+}
+
+/// Kind, interface and driver of the adapter that `place` ends in.
+#[cfg(feature = "gpu")]
+fn driver(place: &str) -> Option<String> {
+    let adapter = splatblur::backend::gpu::adapters().into_iter().find(|a| place.ends_with(&a.name))?;
+    Some(format!("{}, {}, driver {}", adapter.kind, adapter.interface, adapter.driver))
+}
+
+#[cfg(not(feature = "gpu"))]
+fn driver(_place: &str) -> Option<String> {
+    None
 }

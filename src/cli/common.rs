@@ -303,7 +303,9 @@ pub(super) fn stop_on_interrupt(
     let stop = move || {
         let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
         if !quiet {
-            say(&format!("\ninterrupted; finished frames are in {} ({how} goes on)", directory.display()));
+            // Below the ^C of the terminal.
+            say("");
+            say(&format!("interrupted; finished frames are in {} ({how} goes on)", directory.display()));
         }
         std::process::exit(i32::from(super::INTERRUPTED));
     };

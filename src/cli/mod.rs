@@ -22,6 +22,7 @@ mod reference;
 mod render;
 mod render_report;
 mod report;
+mod report_pictures;
 mod report_store;
 mod sequence;
 mod settings;

@@ -5,7 +5,12 @@ use std::io::{self, Write};
 /// One line for the person at the terminal, on stderr.
 pub(super) fn say(line: &str) {
     // Where stderr is closed nobody listens.
-    let _ = writeln!(io::stderr().lock(), "{line}");
+    let _ = writeln!(io::stderr().lock(), "{}", visible(line));
+}
+
+/// Names of files may hold line ends and what steers terminals: these are shown as escapes.
+fn visible(line: &str) -> String {
+    line.chars().map(|c| if c.is_control() { c.escape_default().to_string() } else { c.to_string() }).collect()
 }
 
 /// What was asked for, on stdout.
@@ -28,3 +33,11 @@ pub(super) fn is_closed_pipe(error: &anyhow::Error) -> bool {
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write to standard output")]
 struct Stdout(#[source] io::Error);
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_line_stays_a_line() {
+        assert_eq!(super::visible("no \u{e9}\\\n\u{1b}[2J"), "no \u{e9}\\\\n\\u{1b}[2J");
+    }
+}

@@ -92,6 +92,9 @@ pub(super) struct Render {
     /// Mode volumetric as the thesis has it: ellipsoids that overlap in time, chord, sum, once.
     #[arg(long, conflicts_with_all = ["kernel", "kernel_weight", "alpha", "normalise"], help_heading = "Blur")]
     published: bool,
+    /// What is done to the finished image.
+    #[arg(long, value_enum, default_value_t, help_heading = "Blur")]
+    reconstruct: Reconstruct,
     #[command(flatten)]
     exposure: Exposure,
 
@@ -126,6 +129,15 @@ enum Mode {
     Bucket,
     /// Motion blur: the mean of N intervals over which each kernel sweeps a volume.
     Volumetric,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Reconstruct {
+    /// Nothing.
+    #[default]
+    None,
+    /// A 1-2-1 filter along the mean motion, where that is longer than 4 pixels: evens out the pattern of interleaving.
+    Along,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
@@ -237,6 +249,7 @@ impl Render {
             epsilon: self.surfaces.epsilon,
             seed: self.exposure.seed,
             memory: self.memory,
+            reconstruct: self.reconstruct == Reconstruct::Along,
             aovs,
         })
     }

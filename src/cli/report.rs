@@ -8,12 +8,8 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use splatblur::compare::{self, Comparison, Metric, flip, ssim};
 use splatblur::film::Picture;
-use splatblur::report::page::{FramePictures, ModePictures, page};
-use splatblur::report::{
-    FrameStudy, ModeStudy, Region, STRATA, SceneStudy, Study, Times, classify, csv, flip_map, pass_rate, signed_error,
-    split, standard_error,
-};
-use splatblur::sheet::{Canvas, densest};
+use splatblur::report::page::page;
+use splatblur::report::{Floor, FrameStudy, ModeStudy, Region, SceneStudy, Study, Times, csv, pass_rate, split};
 use splatblur::{files, image};
 
 use super::common::{open_directory, stop_on_interrupt};
@@ -22,15 +18,9 @@ use super::limits::{self, Limit};
 use super::modes::{self, Machine, Method, Mode};
 use super::output::{is_closed_pipe, print, say};
 use super::progress::Steps;
+use super::report_pictures::{pictured, pictures_of, regions};
 use super::report_store::Store;
 use super::trial::{Common, Trial, samples_of};
-
-/// Greatest width of a picture on the page.
-const PICTURE: u32 = 640;
-/// The crops where FLIP is worst.
-const CROP: (u32, u32) = (60, 45);
-/// Each of their pixels becomes a square of so many.
-const ENLARGED: u32 = 6;
 
 /// Measure modes against the ray-traced reference: an HTML page, JSON and CSV.
 ///
@@ -85,13 +75,13 @@ pub(super) struct Report {
 
 /// A mode on a machine.
 #[derive(Clone, Copy)]
-struct Entry {
+pub(super) struct Entry {
     method: Method,
     machine: Machine,
 }
 
 impl Entry {
-    fn name(self) -> String {
+    pub(super) fn name(self) -> String {
         format!("{}@{}", self.method, self.machine)
     }
 }
@@ -123,7 +113,7 @@ impl Report {
         let study = self.study(&mut trial, &store, frames, &entries)?;
         let pictures = pictured(&study)
             .into_iter()
-            .map(|frame| pictures_of(&store, frame, &entries))
+            .map(|frame| pictures_of(&mut trial, &store, frame, &entries))
             .collect::<anyhow::Result<Vec<_>>>()?;
         let index = self.out.join("index.html");
         {
@@ -255,8 +245,7 @@ impl Report {
     ) -> anyhow::Result<Study> {
         let mut frames = Vec::new();
         for frame in range.first..=range.last {
-            let regions =
-                classify(&trial.moments(frame)?, f64::from(STRATA)).context("the layers of depth and velocity")?;
+            let regions = regions(trial, frame)?;
             let path = store.path(frame, "judge");
             let reference = image::read(&path)?;
             let settings = trial.settings(Method::Reference(self.reference), Machine::Cpu, frame, true)?;
@@ -265,8 +254,8 @@ impl Report {
             for entry in entries {
                 modes.push(measure(trial, store, frame, *entry, &reference, &regions)?);
             }
-            let standard_error = standard_error(&reference).context("the reference has no standard error")?;
-            frames.push(FrameStudy { frame, reference_seconds: Times::of(&seconds).median, standard_error, modes });
+            let floor = Floor::of(&reference)?.context("the reference has no standard error")?;
+            frames.push(FrameStudy { frame, reference_seconds: Times::of(&seconds).median, floor, modes });
         }
         let sequence: Vec<_> = (0..entries.len())
             .filter_map(|i| ModeStudy::pooled(&frames.iter().map(|f| &f.modes[i]).collect::<Vec<_>>()))
@@ -302,19 +291,38 @@ impl Report {
     fn scene_study(&self, trial: &Trial<'_>, range: Frames) -> anyhow::Result<SceneStudy> {
         let text = trial.settings(Method::Reference(self.reference), Machine::Cpu, range.first, true)?;
         let fields: serde_json::Map<String, serde_json::Value> = serde_json::from_str(&text)?;
-        // Those that say nothing here, or are of one rendering only.
-        let left_out = ["frame", "mode", "backend", "format", "bits", "aovs", "epsilon"];
-        let mut settings: Vec<(String, String)> = fields
-            .into_iter()
-            .filter(|(name, value)| !left_out.contains(&name.as_str()) && !value.is_null())
-            .map(|(name, value)| (name, value.as_str().map_or_else(|| value.to_string(), str::to_owned)))
-            .collect();
+        // Those that say nothing here, stand elsewhere, or are of one rendering only.
+        let left_out = ["program", "width", "height", "frame", "mode", "backend", "format", "bits", "aovs", "epsilon"];
+        let mut settings = vec![("scene file".to_owned(), self.scene.display().to_string())];
+        settings.extend(
+            fields
+                .iter()
+                .filter(|(name, value)| !left_out.contains(&name.as_str()) && !value.is_null())
+                .map(|(name, value)| (name.replace('_', " "), in_words(name, value))),
+        );
+        settings.push(("seed of references among the modes".to_owned(), trial.seed_of_others().to_string()));
         let own = |value: Option<f64>| value.map_or_else(|| "the scene's".to_owned(), |e| e.to_string());
         settings.push(("epsilon of the modes".to_owned(), own(self.common.epsilon())));
         settings.push(("epsilon of the reference".to_owned(), own(None)));
         let (width, height) = (trial.scene.image.width, trial.scene.image.height);
         let (name, reference, repeats) = (trial.scene.name.clone(), self.reference, self.repeats);
         Ok(SceneStudy { name, size: [width, height], reference, repeats, settings })
+    }
+}
+
+/// A setting of the reference for people.
+fn in_words(name: &str, value: &serde_json::Value) -> String {
+    let text = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    match (name, value.as_array().map(Vec::as_slice)) {
+        ("shutter", Some([open, close])) => format!("{open} to {close} frames"),
+        ("inputs", Some(files)) => {
+            let file = |f: &serde_json::Value| {
+                format!("{} ({} bytes, CRC-32 {})", text(&f["file"]), f["bytes"], text(&f["crc32"]))
+            };
+            files.iter().map(file).collect::<Vec<_>>().join(", ")
+        }
+        (_, Some(list)) => list.iter().map(text).collect::<Vec<_>>().join(", "),
+        _ => text(value),
     }
 }
 
@@ -344,41 +352,6 @@ fn measure(
         regions: split(&picture, reference, &map, regions),
         errors,
     })
-}
-
-/// The pictures of a frame for the page.
-fn pictures_of(store: &Store<'_>, frame: i64, entries: &[Entry]) -> anyhow::Result<FramePictures> {
-    let reference = image::read(&store.path(frame, "judge"))?;
-    let (signed_range, flip_range) = (0.25, 0.5);
-    let mut modes = Vec::new();
-    for entry in entries {
-        let picture = image::read(&store.path(frame, &entry.name()))?;
-        let map = flip::map(&picture, &reference)?;
-        let values: Vec<f64> = map.iter().map(|&v| f64::from(v)).collect();
-        let crop = densest(&values, picture.width, CROP.0, CROP.1);
-        modes.push(ModePictures {
-            picture: Canvas::shrunk(&picture, PICTURE)?,
-            signed: signed_error(&picture, &reference, signed_range)?,
-            flip: flip_map(&map, picture.width, picture.height, flip_range)?,
-            worst: [Canvas::enlarged(&picture, crop, ENLARGED)?, Canvas::enlarged(&reference, crop, ENLARGED)?],
-        });
-    }
-    Ok(FramePictures { frame, reference: Canvas::shrunk(&reference, PICTURE)?, modes, signed_range, flip_range })
-}
-
-/// Frames with pictures on the page: all of up to three, else the first, that with the greatest FLIP, and the last.
-fn pictured(study: &Study) -> Vec<i64> {
-    let frames = &study.frames;
-    let flip = |f: &FrameStudy| f.modes.iter().filter_map(|m| m.errors.flip).fold(0.0, f64::max);
-    let mut chosen: Vec<i64> = if frames.len() <= 3 {
-        frames.iter().map(|f| f.frame).collect()
-    } else {
-        let worst = frames.iter().max_by(|a, b| flip(a).total_cmp(&flip(b)));
-        [frames.first(), worst, frames.last()].into_iter().flatten().map(|f| f.frame).collect()
-    };
-    chosen.sort_unstable();
-    chosen.dedup();
-    chosen
 }
 
 fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {

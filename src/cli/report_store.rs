@@ -24,6 +24,8 @@ pub(super) struct Store<'a> {
 #[derive(Serialize, Deserialize)]
 struct Record {
     settings: String,
+    /// Of the picture's file: a damaged one is rendered anew.
+    crc32: u32,
     seconds: Vec<f64>,
 }
 
@@ -42,14 +44,15 @@ impl Store<'_> {
         self.directory.join("renderings").join(frame.to_string()).join(name + ".exr")
     }
 
-    /// The times of a rendering with these settings, if it is finished.
+    /// The times of a rendering with these settings, if it is finished and sound.
     pub(super) fn finished(&self, path: &Path, settings: &str) -> Option<Vec<f64>> {
-        if self.fresh || image::read_settings(path)? != settings {
+        if self.fresh {
             return None;
         }
-        let record: Record = serde_json::from_slice(&std::fs::read(path.with_extension("json")).ok()?).ok()?;
-        let sound = !record.seconds.is_empty() && record.seconds.iter().all(|s| s.is_finite() && *s >= 0.0);
-        (record.settings == settings && sound).then_some(record.seconds)
+        let record: Record = serde_json::from_slice(&bytes(&path.with_extension("json"))?).ok()?;
+        let timed = !record.seconds.is_empty() && record.seconds.iter().all(|s| s.is_finite() && *s >= 0.0);
+        let sound = timed && record.settings == settings && crc32fast::hash(&bytes(path)?) == record.crc32;
+        sound.then_some(record.seconds)
     }
 
     /// Keeps a finished rendering.
@@ -59,9 +62,16 @@ impl Store<'_> {
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).with_context(context)?;
         }
-        let record = Record { settings: settings.to_owned(), seconds: seconds.to_vec() };
-        // The picture last: it is what says that the rendering is finished.
+        let bytes = image::encode(picture, Format::Exr, settings)?;
+        let crc32 = crc32fast::hash(&bytes);
+        let record = Record { settings: settings.to_owned(), crc32, seconds: seconds.to_vec() };
+        // A picture without its record, or with that of another, is not finished.
         files::replace(&path.with_extension("json"), &serde_json::to_vec(&record)?).with_context(context)?;
-        Ok(image::write(path, picture, Format::Exr, settings)?)
+        files::replace(path, &bytes).with_context(context)
     }
+}
+
+/// The bytes of a file that can be read to its end.
+fn bytes(path: &Path) -> Option<Vec<u8>> {
+    std::fs::metadata(path).ok()?.is_file().then(|| std::fs::read(path).ok())?
 }

@@ -25,6 +25,8 @@ pub(super) struct Settings {
     rate: f64,
     backend: &'static str,
     mode: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reconstruct: Option<&'static str>,
     width: u32,
     height: u32,
     shutter: [f64; 2],
@@ -69,6 +71,7 @@ impl Settings {
             rate: scene.frames.rate,
             backend,
             mode: options.mode.to_string(),
+            reconstruct: options.reconstruct.then_some("along"),
             width: scene.image.width,
             height: scene.image.height,
             shutter: [scene.shutter.open, scene.shutter.close],

@@ -11,15 +11,15 @@ use splatblur::sheet::{self, Crop, Layout, Panel};
 use super::common::open_directory;
 use super::grammar;
 use super::limits::Shown;
-use super::modes::{self, Machine, Mode};
+use super::modes::{self, Machine, Method, Mode};
 use super::output::{print, say};
-use super::progress::Loading;
+use super::progress::Steps;
 use super::settings;
 use super::trial::{Common, Shot, samples_of};
 
 /// Show one frame in several modes, side by side in one labelled image.
 ///
-/// Each panel has the mode, its samples, the seconds that it took (wall time, after one rendering to warm up), the picture
+/// Each panel has the mode, its samples, the seconds that it took (wall time, after one rendering of the mode to warm up), the picture
 /// and an enlarged crop, the same for all: where the modes differ most, unless --crop says where. With --reference the
 /// ray-traced reference comes first, and each panel states its error against it.
 #[derive(Debug, Args)]
@@ -121,19 +121,29 @@ impl Sheet {
                 bail!("--crop: {crop} does not lie in a picture of {width} x {height}");
             }
         }
-        let progress = Loading::new(self.common.quiet);
-        let share = |share| progress.step("reference", share);
-        let judge = self.reference.map(|samples| trial.judge(samples, self.frame, &share)).transpose()?;
-        if let Some(mode) = self.modes.first() {
-            progress.step("warming up", 0.0);
-            trial.shoot(mode.method, machine(mode), self.frame, &|_| ())?;
+        // Once to warm up, once measured; references are slow and need no warming.
+        let renderings = |mode: &Mode| if matches!(mode.method, Method::Reference(_)) { 1 } else { 2 };
+        let steps = u64::from(self.reference.is_some()) + self.modes.iter().map(renderings).sum::<u64>();
+        let progress = Steps::new(steps, self.common.quiet);
+        let mut step = 0;
+        let mut judge = None;
+        if let Some(samples) = self.reference {
+            judge = Some(trial.judge(samples, self.frame, &|share| progress.at(step, "reference", share))?);
+            step += 1;
         }
         let mut shots = Vec::new();
-        for (i, mode) in self.modes.iter().enumerate() {
-            progress.step(&mode.to_string(), i as f32 / self.modes.len() as f32);
-            shots.push(
-                trial.shoot(mode.method, machine(mode), self.frame, &|_| ()).with_context(|| format!("mode {mode}"))?,
-            );
+        for mode in &self.modes {
+            for turn in 1..=renderings(mode) {
+                let share = |share: f32| progress.at(step, &mode.to_string(), share);
+                share(0.0);
+                let shot = trial
+                    .shoot(mode.method, machine(mode), self.frame, &share)
+                    .with_context(|| format!("mode {mode}"))?;
+                step += 1;
+                if turn == renderings(mode) {
+                    shots.push(shot);
+                }
+            }
         }
         drop(progress);
 

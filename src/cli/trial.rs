@@ -141,6 +141,7 @@ impl Common {
             epsilon: self.epsilon,
             seed: self.seed,
             memory: self.memory,
+            reconstruct: false,
             aovs,
         }
     }
@@ -216,9 +217,9 @@ impl Trial<'_> {
         Ok(serde_json::to_string(&fields)?)
     }
 
-    /// The machine in words.
+    /// The machine in words, with all that times depend on.
     pub(super) fn describe(&mut self, machine: Machine) -> anyhow::Result<String> {
-        Ok(self.open(machine)?.place.clone())
+        Ok(self.open(machine)?.in_full())
     }
 
     /// The machine, opened where it was not yet.
@@ -237,7 +238,8 @@ impl Trial<'_> {
         Ok(&mut self.machines[at].1)
     }
 
-    fn seed_of_others(&self) -> u64 {
+    /// The seed of references that are judged.
+    pub(super) fn seed_of_others(&self) -> u64 {
         self.common.seed.wrapping_add(OTHER_SEED)
     }
 

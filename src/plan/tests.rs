@@ -40,6 +40,15 @@ fn classes_follow_bayers_order() {
     assert_eq!(matrix(Interleave::Four), [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5]);
 }
 
+#[test]
+fn classes_have_offsets_of_their_own() {
+    let mode = BlurMode::Supersample { samples: 4, interleave: Interleave::Two };
+    let plan = Plan::new(mode, PixelFilter::Box, 1, &Shutter::default(), 0.0, &[]);
+    let offsets = |class: &[Group]| class.iter().map(|group| group.offset).collect::<Vec<_>>();
+    let classes: Vec<_> = plan.groups.chunk_by(|a, b| a.phase == b.phase).map(offsets).collect();
+    assert!((1..4).all(|i| (0..i).all(|j| classes[i] != classes[j])), "{classes:?}");
+}
+
 /// The classes together have the times of S^2 N strata, and each class has the whole exposure.
 #[test]
 fn interleaved_classes_share_the_strata() {

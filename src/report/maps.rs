@@ -1,5 +1,6 @@
 //! Errors as pictures.
 
+use super::regions::Region;
 use crate::compare::encode;
 use crate::film::Picture;
 use crate::sheet::{Canvas, Colour, SheetError};
@@ -29,6 +30,15 @@ pub fn signed_error(picture: &Picture, reference: &Picture, range: f32) -> Resul
         })
         .collect();
     Canvas::from_pixels(picture.width, picture.height, pixels)
+}
+
+/// The regions of a picture of `width` columns in their colours.
+///
+/// # Errors
+/// The picture is too large, or the rows are not whole.
+pub fn region_map(regions: &[Region], width: u32) -> Result<Canvas, SheetError> {
+    let height = regions.len() / width.max(1) as usize;
+    Canvas::from_pixels(width, height as u32, regions.iter().map(|region| region.colour()).collect())
 }
 
 /// A FLIP map in colours from black (0) over violet and orange to pale yellow (`range` and more).

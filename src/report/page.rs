@@ -3,11 +3,12 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::chart::{COLOURS, Series, log_log};
+use super::floor::Floor;
 use super::maps::flip_scale;
 use super::regions::Region;
 use super::study::{ModeStudy, Study};
 use crate::compare::{Metric, flip};
-use crate::sheet::{Canvas, SheetError};
+use crate::sheet::{Canvas, Crop, SheetError};
 
 const STYLE: &str = include_str!("page.css");
 
@@ -18,6 +19,8 @@ pub struct FramePictures {
     pub frame: i64,
     /// The reference.
     pub reference: Canvas,
+    /// The regions.
+    pub regions: Canvas,
     /// One for each mode of the frame, in the order of the study.
     pub modes: Vec<ModePictures>,
     /// Difference of display values that has the full colour of the signed maps.
@@ -35,8 +38,10 @@ pub struct ModePictures {
     pub signed: Canvas,
     /// FLIP.
     pub flip: Canvas,
-    /// Where FLIP is worst: the picture, and the reference.
-    pub worst: [Canvas; 2],
+    /// Where FLIP is worst.
+    pub crop: Crop,
+    /// There: the picture, the reference, FLIP.
+    pub worst: [Canvas; 3],
 }
 
 /// The page, with pictures of some frames.
@@ -58,33 +63,35 @@ pub fn page(study: &Study, pictures: &[FramePictures]) -> Result<String, SheetEr
             }
             body {
                 h1 { "Blur modes of " (scene.name) " against the ray-traced reference" }
-                p class="faint" { (frames(study)) ", " (scene.size[0]) " x " (scene.size[1]) " pixels, reference with " (scene.reference) " samples a pixel. " (study.program) "." }
+                (summary(study))
                 (verdict(study))
                 h2 { @if several { "All frames" } @else { "Result" } }
                 p { "A star marks modes to which no other is both faster and better by FLIP. Seconds: wall time of a frame, median of "
                     (scene.repeats) " renderings, shortest to longest; the modes were rendered in turn after one rendering each to warm up"
-                    @if several { "; means over the frames" } "." }
-                (table(&study.sequence, &[Metric::Flip, Metric::GammaRmse, Metric::Rmse, Metric::Ssim, Metric::Psnr]))
+                    @if several { "; means over the frames" } "."
+                    @if study.scene.settings.iter().any(|(name, value)| name == "prefilter" && value != "none") {
+                        " The modes have a prefilter and the reference has none: part of each error is the prefilter's, and no number of samples "
+                        "removes it (--prefilter none shows the modes alone)."
+                    } }
+                (results(&study.sequence, study.floor()))
                 h2 { "Error against samples and time" }
                 (charts(study))
                 h2 { "All metrics" }
-                (table(&study.sequence, &Metric::ALL))
-                (formulas())
+                (metrics(&study.sequence))
                 h2 { "Where the error is" }
                 (regions(&study.sequence))
                 @if several {
                     h2 { "Each frame" }
                     @for f in &study.frames {
                         h3 { "Frame " (f.frame) }
-                        p class="faint" { "Standard error of the reference: " (figure(f.standard_error)) }
-                        (table(&f.modes, &[Metric::Flip, Metric::GammaRmse, Metric::Rmse, Metric::Ssim, Metric::Psnr]))
+                        (results(&f.modes, f.floor))
                     }
                 }
                 @if several && shown.len() < study.frames.len() {
                     p class="faint" { "Pictures: the first frame, the one with the greatest FLIP, and the last." }
                 }
                 @for markup in shown { (markup) }
-                h2 { "What was rendered" }
+                h2 id="rendered" { "What was rendered" }
                 (settings(study))
             }
         }
@@ -97,6 +104,19 @@ fn frames(study: &Study) -> String {
         [one] => format!("frame {}", one.frame),
         [first, .., last] => format!("{} frames, {} to {}", study.frames.len(), first.frame, last.frame),
         [] => "no frames".to_owned(),
+    }
+}
+
+/// What was rendered, in one sentence.
+fn summary(study: &Study) -> Markup {
+    let scene = &study.scene;
+    let setting = |name: &str| scene.settings.iter().find(|(n, _)| n == name).map_or("", |(_, value)| value);
+    html! {
+        p class="faint" {
+            (frames(study)) ", " (scene.size[0]) " x " (scene.size[1]) " pixels, shutter " (setting("shutter")) ", weight " (setting("weight"))
+            ", prefilter " (setting("prefilter")) ". Reference: " (scene.reference) " samples a pixel, standard error " (figure(study.floor().rmse))
+            ". " (study.program) " on " (study.machines.join("; ")) ". Everything else is listed " a href="#rendered" { "below" } "."
+        }
     }
 }
 
@@ -114,24 +134,78 @@ fn verdict(study: &Study) -> Markup {
     }
 }
 
-fn table(modes: &[ModeStudy], metrics: &[Metric]) -> Markup {
+/// The figures that a mode is chosen by. The last line is what the reference's noise makes.
+fn results(modes: &[ModeStudy], floor: Floor) -> Markup {
+    const SHOWN: [Metric; 5] = [Metric::Flip, Metric::GammaRmse, Metric::Rmse, Metric::Ssim, Metric::Psnr];
     html! {
         div class="wide" { table {
             thead { tr {
-                th { "mode" } th { "samples" }
-                @for metric in metrics { th title=(metric.meaning()) { (metric.name()) } }
-                th { "bias r, g, b" } th { "z-test" } th { "seconds" } th { "from" } th { "to" }
+                th { "mode" } th { "seconds" } th { "from, to" } th { "samples" } (heads(&SHOWN)) th { "z-test" }
             } }
-            tbody { @for m in modes {
-                tr class=[m.leads(modes).then_some("leads")] {
-                    td { (m.name()) } td { (m.samples) }
-                    @for &metric in metrics { td { (m.errors.value(metric).map_or_else(|| "-".to_owned(), figure)) } }
-                    td { (m.errors.colour.bias.map(|b| format!("{b:+.1e}")).join(" ")) }
-                    td { (percent(m.z_pass)) }
-                    td { (figure(m.times.median)) } td { (figure(m.times.least)) } td { (figure(m.times.most)) }
+            tbody {
+                @for m in modes { tr class=[m.leads(modes).then_some("leads")] {
+                    td { (breakable(&m.name())) } td { (figure(m.times.median)) } td { (figure(m.times.least)) ", " (figure(m.times.most)) } td { (m.samples) }
+                    (values(m, &SHOWN)) td { (percent(m.z_pass)) }
+                } }
+                tr class="faint" {
+                    td { "noise of the reference" } td {} td {} td {}
+                    @for metric in SHOWN {
+                        td { @match metric { Metric::Flip => (figure(floor.flip)), Metric::Rmse => (figure(floor.rmse)), _ => {} } }
+                    }
+                    td {}
                 }
-            } }
+            }
         } }
+    }
+}
+
+/// All metrics, a table for each kind of values.
+fn metrics(modes: &[ModeStudy]) -> Markup {
+    const DISPLAY: [Metric; 4] = [Metric::GammaRmse, Metric::Psnr, Metric::Ssim, Metric::Flip];
+    let of = |metrics: &[Metric], bias: bool| {
+        html! {
+            div class="wide" { table {
+                thead { tr { th { "mode" } (heads(metrics)) @if bias { th { "signed bias of r, g, b" } } } }
+                tbody { @for m in modes { tr {
+                    td { (breakable(&m.name())) } (values(m, metrics)) @if bias { td { (m.errors.colour.bias.map(|b| format!("{b:+.1e}")).join(", ")) } }
+                } } }
+            } }
+        }
+    };
+    let (colour, alpha) = Metric::ALL.split_at(Metric::ALL.iter().position(|m| *m == Metric::AlphaRmse).unwrap_or(0));
+    let linear: Vec<Metric> = colour.iter().copied().filter(|metric| !DISPLAY.contains(metric)).collect();
+    html! {
+        h3 { "Linear light, as stored, not clamped" } (of(&linear, true)) (formulas(&linear))
+        h3 { "Display values: sRGB-encoded, clamped to 0..1" } (of(&DISPLAY, false)) (formulas(&DISPLAY))
+        h3 { "Alpha (1 everywhere where the scene has a background), and values that are not finite" } (of(alpha, false)) (formulas(alpha))
+        p class="faint" {
+            "a is the mode's picture, b the reference. FLIP at " (format!("{:.2}", flip::PIXELS_PER_DEGREE)) " pixels per degree: a monitor 0.7 m wide with 3840 "
+            "pixels, seen from 0.7 m. z-test: share of the values that differ from the reference by no more than its standard error "
+            "(at least 1e-4) explains, two-sided, 1 % for all values together (Šidák). Noise of the reference: the errors of a picture "
+            "that has none of its own; RMSE is the standard error (root mean square), FLIP that of normal noise of that size."
+        }
+    }
+}
+
+fn heads(metrics: &[Metric]) -> Markup {
+    html! { @for metric in metrics { th title=(metric.meaning()) { (metric.name()) } } }
+}
+
+/// The name of a mode, which may go on in a new line after an option.
+fn breakable(name: &str) -> Markup {
+    html! { @for part in name.split_inclusive('+') { (part) wbr; } }
+}
+
+fn values(mode: &ModeStudy, metrics: &[Metric]) -> Markup {
+    html! { @for &metric in metrics { td { (mode.errors.value(metric).map_or_else(|| "-".to_owned(), figure)) } } }
+}
+
+fn formulas(metrics: &[Metric]) -> Markup {
+    html! {
+        p class="faint" { @for (i, metric) in metrics.iter().enumerate() {
+            @if i > 0 { "; " }
+            b { (metric.name()) } " " (metric.meaning().split_once(": ").map_or(metric.meaning(), |(_, formula)| formula))
+        } "." }
     }
 }
 
@@ -157,9 +231,8 @@ fn charts(study: &Study) -> Markup {
             })
             .collect()
     };
-    let squares: f64 = study.frames.iter().map(|f| f.standard_error.powi(2)).sum();
-    let floor = (squares / study.frames.len().max(1) as f64).sqrt();
-    let floor = Some((floor, "standard error of the reference"));
+    let floor = study.floor();
+    let name = "noise of the reference";
     let samples: fn(&ModeStudy) -> f64 = |m| m.samples as f64;
     let seconds: fn(&ModeStudy) -> f64 = |m| m.times.median;
     let chart = |x_name: &str, x, y_name: &str, y, floor| PreEscaped(log_log(x_name, y_name, &series(x, y), floor));
@@ -170,10 +243,10 @@ fn charts(study: &Study) -> Markup {
             }
         }
         div class="charts" {
-            div class="card" { h3 { "FLIP against time" } (chart("seconds a frame", seconds, "FLIP", Metric::Flip, None)) }
-            div class="card" { h3 { "RMSE (linear) against time" } (chart("seconds a frame", seconds, "RMSE", Metric::Rmse, floor)) }
-            div class="card" { h3 { "FLIP against samples" } (chart("samples a pixel", samples, "FLIP", Metric::Flip, None)) }
-            div class="card" { h3 { "RMSE (linear) against samples" } (chart("samples a pixel", samples, "RMSE", Metric::Rmse, floor)) }
+            div class="card" { h3 { "FLIP against time" } (chart("seconds a frame", seconds, "FLIP", Metric::Flip, Some((floor.flip, name)))) }
+            div class="card" { h3 { "RMSE (linear) against time" } (chart("seconds a frame", seconds, "RMSE", Metric::Rmse, Some((floor.rmse, name)))) }
+            div class="card" { h3 { "FLIP against samples" } (chart("samples a pixel", samples, "FLIP", Metric::Flip, Some((floor.flip, name)))) }
+            div class="card" { h3 { "RMSE (linear) against samples" } (chart("samples a pixel", samples, "RMSE", Metric::Rmse, Some((floor.rmse, name)))) }
         }
     }
 }
@@ -184,15 +257,15 @@ fn regions(modes: &[ModeStudy]) -> Markup {
     let share =
         |region: Region| modes.iter().flat_map(|m| &m.regions).find(|r| r.region == region).map_or(0.0, |r| r.pixels);
     html! {
-        p { "In each cell: RMSE (linear), FLIP, share of the squared error. Static: one surface that moves by less than 0.25 pixels while the "
+        p { "Below a region's name its share of the pixels; in each cell its RMSE (linear) and FLIP, below them its share of the squared error. Static: one surface that moves by less than 0.25 pixels while the "
             "shutter is open; swept: one that moves farther; occlusion change: another surface comes or goes; silhouette: a still edge." }
         div class="wide" { table {
-            thead { tr { th { "mode" } @for &region in &used { th { (region.name()) br; (percent(share(region))) " of the pixels" } } } }
+            thead { tr { th { "mode" } @for &region in &used { th { i class="patch" style=(patch(region)) {} (region.name()) br; span class="faint" { (percent(share(region))) } } } } }
             tbody { @for m in modes { tr {
-                td { (m.name()) }
+                td { (breakable(&m.name())) }
                 @for &region in &used { td {
                     @if let Some(r) = m.regions.iter().find(|r| r.region == region) {
-                        (figure(r.rmse)) ", " (figure(r.flip)) ", " (percent(r.error))
+                        (figure(r.rmse)) ", " (figure(r.flip)) br; span class="faint" { (percent(r.error)) }
                     }
                 } }
             } } }
@@ -210,7 +283,7 @@ fn frame_pictures(study: &Study, pictures: &FramePictures) -> Result<Markup, She
                 h3 { (m.name()) }
                 p class="faint" {
                     "FLIP " (figure(m.errors.flip.unwrap_or(f64::NAN))) ", RMSE " (figure(m.errors.value(Metric::Rmse).unwrap_or(f64::NAN)))
-                    ", " (figure(m.times.median)) " s; worst pixel (" (worst.x) ", " (worst.y) ")"
+                    ", " (figure(m.times.median)) " s; worst pixel (" (worst.x) ", " (worst.y) "); FLIP is worst where the picture has a frame: " (p.crop)
                 }
                 div class="pictures" {
                     (image(&p.picture, "picture", false)?)
@@ -218,22 +291,37 @@ fn frame_pictures(study: &Study, pictures: &FramePictures) -> Result<Markup, She
                     (image(&p.flip, "FLIP", false)?)
                     (image(&p.worst[0], "where FLIP is worst", true)?)
                     (image(&p.worst[1], "the reference there", true)?)
+                    (image(&p.worst[2], "FLIP there", true)?)
                 }
             }
         });
     }
     Ok(html! {
         h2 { "Frame " (pictures.frame) }
-        p { "Signed error, mean of r, g, b of display values: -" (figure(f64::from(pictures.signed_range)))
+        p { "Signed error, mean of r, g, b of display values: " span class="key" { "-" (figure(f64::from(pictures.signed_range)))
             span class="scale" style="background:linear-gradient(90deg,rgb(33,102,172),#fff,rgb(178,24,43))" {}
-            "+" (figure(f64::from(pictures.signed_range))) ". FLIP: 0"
+            "+" (figure(f64::from(pictures.signed_range))) } ". FLIP: " span class="key" { "0"
             span class="scale" style=(format!("background:linear-gradient(90deg,{})", flip_stops())) {}
-            (figure(f64::from(pictures.flip_range))) ". The maps of a frame share their scales." }
+            (figure(f64::from(pictures.flip_range))) } ". The maps of all modes share these scales." }
         div class="modes" {
-            div class="card" { h3 { "reference" } div class="reference" { (image(&pictures.reference, "the reference", false)?) } }
+            div class="card" {
+                h3 { "reference" }
+                div class="pair" {
+                    (image(&pictures.reference, "ray-traced", false)?)
+                    div {
+                        (image(&pictures.regions, "regions", false)?)
+                        p class="legend" { @for region in Region::ALL { span { i class="patch" style=(patch(region)) {} (region.name()) } } }
+                    }
+                }
+            }
             @for card in cards { (card) }
         }
     })
+}
+
+fn patch(region: Region) -> String {
+    let [r, g, b] = region.colour();
+    format!("background:rgb({r},{g},{b})")
 }
 
 fn flip_stops() -> String {
@@ -254,27 +342,13 @@ fn image(canvas: &Canvas, caption: &str, crop: bool) -> Result<Markup, SheetErro
     })
 }
 
-fn formulas() -> Markup {
-    html! {
-        p class="faint" {
-            @for (i, metric) in Metric::ALL.into_iter().enumerate() {
-                @if i > 0 { "; " }
-                b { (metric.name()) } " " (metric.meaning())
-            }
-            ". Linear: light as stored, not clamped; display: sRGB-encoded, clamped to 0..1. FLIP at " (format!("{:.2}", flip::PIXELS_PER_DEGREE))
-            " pixels per degree (monitor 0.7 m wide, 3840 pixels, seen from 0.7 m). z-test: share of the values that differ from the reference "
-            "by no more than its standard error (at least 1e-4) explains, two-sided, 1 % for all values together (Šidák)."
-        }
-    }
-}
-
 fn settings(study: &Study) -> Markup {
     html! {
         div class="wide" { table class="settings" { tbody {
             @for (name, value) in &study.scene.settings { tr { td { (name) } td { (value) } } }
             @for machine in &study.machines { tr { td { "machine" } td { (machine) } } }
             @for f in &study.frames {
-                tr { td { "reference of frame " (f.frame) } td { "standard error (root mean square) " (figure(f.standard_error)) ", made in " (figure(f.reference_seconds)) " s" } }
+                tr { td { "reference of frame " (f.frame) } td { "standard error (root mean square) " (figure(f.floor.rmse)) ", FLIP of such noise " (figure(f.floor.flip)) ", made in " (figure(f.reference_seconds)) " s on the CPU" } }
             }
             @for note in &study.notes { tr { td { "note" } td { (note) } } }
         } } }
@@ -294,9 +368,12 @@ fn figure(value: f64) -> String {
 }
 
 fn percent(share: f64) -> String {
-    // 100 % is only what is all: a few wrong values must not be rounded away.
-    let text = format!("{:.2} %", share * 100.0);
-    if share < 1.0 && text == "100.00 %" { "99.99 %".to_owned() } else { text }
+    // A few wrong values must not be rounded away, nor a few pixels.
+    match format!("{:.2} %", share * 100.0).as_str() {
+        "100.00 %" if share < 1.0 => "99.99 %".to_owned(),
+        "0.00 %" if share > 0.0 => "< 0.01 %".to_owned(),
+        text => text.to_owned(),
+    }
 }
 
 /// RFC 4648, with padding.

@@ -4,6 +4,7 @@
 //! centres without blur.
 
 use crate::film::{Aov, Picture};
+use crate::sheet::Colour;
 
 /// Moments of the shutter that are looked at.
 pub const STRATA: u32 = 9;
@@ -41,6 +42,17 @@ impl Region {
             Self::Occlusion => "occlusion change",
             Self::Silhouette => "silhouette",
             Self::Background => "background",
+        }
+    }
+
+    /// Its colour in maps.
+    pub const fn colour(self) -> Colour {
+        match self {
+            Self::Static => [120, 160, 120],
+            Self::Swept => [70, 130, 200],
+            Self::Occlusion => [235, 140, 50],
+            Self::Silhouette => [140, 80, 160],
+            Self::Background => [232, 232, 228],
         }
     }
 }

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
+use super::floor::Floor;
 use super::regions::{Region, RegionErrors};
 use crate::compare::{Comparison, Metric, flip, number, values};
 
@@ -48,8 +49,8 @@ pub struct FrameStudy {
     pub frame: i64,
     /// Wall time of the reference.
     pub reference_seconds: f64,
-    /// Root mean square of the reference's standard error, linear.
-    pub standard_error: f64,
+    /// What the reference's noise makes.
+    pub floor: Floor,
     /// The modes.
     pub modes: Vec<ModeStudy>,
 }
@@ -178,6 +179,11 @@ fn pooled_region(region: Region, frames: &[&ModeStudy]) -> Option<RegionErrors> 
 }
 
 impl Study {
+    /// The floor of all frames.
+    pub fn floor(&self) -> Floor {
+        Floor::pooled(self.frames.iter().map(|f| f.floor))
+    }
+
     /// The report's JSON.
     pub fn json(&self) -> Value {
         let SceneStudy { name, size, reference, repeats, settings } = &self.scene;
@@ -190,7 +196,8 @@ impl Study {
                 json!({
                     "frame": f.frame,
                     "reference_seconds": f.reference_seconds,
-                    "standard_error": number(f.standard_error),
+                    "standard_error": number(f.floor.rmse),
+                    "flip_floor": number(f.floor.flip),
                     "modes": f.modes.iter().map(ModeStudy::json).collect::<Vec<_>>(),
                 })
             })
@@ -219,17 +226,14 @@ pub fn csv(study: &Study) -> String {
     for metric in Metric::ALL {
         let _ = write!(out, ",{}", metric.name());
     }
-    out.push_str(",bias_r,bias_g,bias_b,z_pass,standard_error");
+    out.push_str(",bias_r,bias_g,bias_b,z_pass,standard_error,flip_floor");
     for region in Region::ALL {
         let name = region.name().replace(' ', "_");
         let _ = write!(out, ",{name}_pixels,{name}_rmse,{name}_flip");
     }
     out.push('\n');
-    let rows =
-        study.frames.iter().flat_map(|f| f.modes.iter().map(move |m| (f.frame.to_string(), m, f.standard_error)));
-    let squares: f64 = study.frames.iter().map(|f| f.standard_error.powi(2)).sum();
-    let error = (squares / study.frames.len().max(1) as f64).sqrt();
-    for (frame, m, error) in rows.chain(study.sequence.iter().map(|m| ("all".to_owned(), m, error))) {
+    let rows = study.frames.iter().flat_map(|f| f.modes.iter().map(move |m| (f.frame.to_string(), m, f.floor)));
+    for (frame, m, floor) in rows.chain(study.sequence.iter().map(|m| ("all".to_owned(), m, study.floor()))) {
         let Times { median, least, most } = m.times;
         // Modes have neither commas nor quotes.
         let _ = write!(out, "{frame},{},{},{},{median},{least},{most}", m.mode, m.backend, m.samples);
@@ -237,7 +241,7 @@ pub fn csv(study: &Study) -> String {
             let _ = write!(out, ",{}", m.errors.value(metric).map_or_else(String::new, |v| v.to_string()));
         }
         let [r, g, b] = m.errors.colour.bias;
-        let _ = write!(out, ",{r},{g},{b},{},{error}", m.z_pass);
+        let _ = write!(out, ",{r},{g},{b},{},{},{}", m.z_pass, floor.rmse, floor.flip);
         for region in Region::ALL {
             match m.regions.iter().find(|r| r.region == region) {
                 Some(r) => drop(write!(out, ",{},{},{}", r.pixels, r.rmse, r.flip)),

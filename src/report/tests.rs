@@ -2,7 +2,7 @@ use super::page::{FramePictures, ModePictures, base64, page};
 use super::*;
 use crate::compare::{Comparison, Metric};
 use crate::film::{Aov, Layer, Picture};
-use crate::sheet::Canvas;
+use crate::sheet::{Canvas, Crop};
 
 fn solid(width: u32, height: u32, value: f32) -> Picture {
     Picture { width, height, rgba: vec![[value, value, value, 1.0]; (width * height) as usize], layers: Vec::new() }
@@ -32,7 +32,6 @@ fn the_z_test_passes_noise_and_rejects_bias() {
     assert_eq!(pass_rate(&solid(100, 100, 0.5 + 6e-4), &sure), Some(0.0));
     assert_eq!(pass_rate(&picture, &solid(100, 100, 0.5)), None);
     assert_eq!(pass_rate(&solid(9, 9, 0.5), &reference), None);
-    assert!((standard_error(&reference).unwrap() - 1e-3).abs() < 1e-9);
 }
 
 /// Nine moments of a picture of one row: depth and velocity of each pixel at each moment.
@@ -99,6 +98,18 @@ fn signed_errors_have_their_colours() {
 }
 
 #[test]
+fn noise_makes_a_floor() {
+    let of = |error: f32| Floor::of(&with_error(solid(64, 48, 0.5), error)).unwrap().unwrap();
+    assert!((of(1e-3).rmse - 1e-3).abs() < 1e-9);
+    assert_eq!(of(0.0), Floor::default());
+    assert!(of(1e-3).flip > 0.0 && of(1e-2).flip > of(1e-3).flip);
+    assert_eq!(of(1e-3), of(1e-3));
+    assert_eq!(Floor::of(&solid(64, 48, 0.5)).unwrap(), None);
+    let both = Floor::pooled([Floor { rmse: 3.0, flip: 1.0 }, Floor { rmse: 4.0, flip: 2.0 }].into_iter());
+    assert_eq!(both, Floor { rmse: 12.5_f64.sqrt(), flip: 1.5 });
+}
+
+#[test]
 fn times_have_a_median() {
     assert_eq!(Times::of(&[3.0, 1.0, 2.0]), Times { median: 2.0, least: 1.0, most: 3.0 });
     assert_eq!(Times::of(&[4.0, 1.0]).median, 2.5);
@@ -157,7 +168,12 @@ fn study(frames: usize) -> Study {
     };
     let modes = || vec![mode("fast:8", 0.6, 0.1), mode("good:8", 0.51, 1.0), mode("neither:8", 0.55, 2.0)];
     let frames: Vec<_> = (0..frames as i64)
-        .map(|frame| FrameStudy { frame, reference_seconds: 9.0, standard_error: 1e-3, modes: modes() })
+        .map(|frame| FrameStudy {
+            frame,
+            reference_seconds: 9.0,
+            floor: Floor { rmse: 1e-3, flip: 2e-3 },
+            modes: modes(),
+        })
         .collect();
     let sequence =
         (0..3).map(|i| ModeStudy::pooled(&frames.iter().map(|f| &f.modes[i]).collect::<Vec<_>>()).unwrap()).collect();
@@ -171,10 +187,13 @@ fn study(frames: usize) -> Study {
 fn the_page_needs_nothing_else_and_says_all() {
     let study = study(2);
     let canvas = || Canvas::of(&solid(12, 12, 0.5)).unwrap();
-    let mode = || ModePictures { picture: canvas(), signed: canvas(), flip: canvas(), worst: [canvas(), canvas()] };
+    let worst = || [canvas(), canvas(), canvas()];
+    let crop = Crop { x: 1, y: 2, width: 3, height: 4 };
+    let mode = || ModePictures { picture: canvas(), signed: canvas(), flip: canvas(), crop, worst: worst() };
     let pictures = FramePictures {
         frame: 1,
         reference: canvas(),
+        regions: region_map(&[Region::Swept; 144], 12).unwrap(),
         modes: vec![mode(), mode(), mode()],
         signed_range: 0.25,
         flip_range: 0.5,
@@ -183,7 +202,7 @@ fn the_page_needs_nothing_else_and_says_all() {
     // Nothing is fetched: neither links, scripts nor addresses but for pictures that are inside.
     assert!(!html.contains("http") && !html.contains("<script") && !html.contains("<link"), "outside references");
     assert_eq!(html.matches("src=\"").count(), html.matches("src=\"data:image/png;base64,").count());
-    assert_eq!(html.matches("<img").count(), 1 + 3 * 5);
+    assert_eq!(html.matches("<img").count(), 2 + 3 * 6);
     assert_eq!(html.matches("<svg").count(), 4);
     // What was written by others is text.
     assert!(!html.contains("<b>&\"scene") && html.contains("&lt;b&gt;&amp;"));
@@ -197,6 +216,9 @@ fn the_page_needs_nothing_else_and_says_all() {
         "prefers-color-scheme:dark",
         "@media print",
         "Šidák",
+        "1,2,3x4",
+        "noise of the reference",
+        "0.00200",
     ] {
         assert!(html.contains(words), "{words}");
     }
@@ -204,7 +226,7 @@ fn the_page_needs_nothing_else_and_says_all() {
         assert!(html.contains(metric.name()), "{}", metric.name());
     }
     // Two modes lead in each table; the third is slower and worse than one of them.
-    assert_eq!(html.matches("class=\"leads\"").count(), 2 * 4);
+    assert_eq!(html.matches("class=\"leads\"").count(), 2 * 3);
     // The same study, the same bytes.
     assert_eq!(page(&study, &[]).unwrap(), page(&study, &[]).unwrap());
 }

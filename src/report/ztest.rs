@@ -9,7 +9,7 @@ pub const FLOOR: f64 = 1e-4;
 pub const SIGNIFICANCE: f64 = 0.01;
 
 /// The planes of r, g, b of a reference's standard error.
-fn errors(reference: &Picture) -> Option<[&[f32]; 3]> {
+pub(super) fn errors(reference: &Picture) -> Option<[&[f32]; 3]> {
     let layer = reference.layers.iter().find(|layer| layer.aov == Aov::Error)?;
     let [r, g, b, _] = &layer.planes[..] else { return None };
     Some([r, g, b])
@@ -35,11 +35,4 @@ pub fn pass_rate(picture: &Picture, reference: &Picture) -> Option<f64> {
     };
     let passed = (0..n).flat_map(|i| (0..3).map(move |c| (i, c))).filter(|&(i, c)| passes(i, c)).count();
     Some(passed as f64 / values)
-}
-
-/// Root mean square of a reference's standard error over pixels and r, g, b, linear: the least RMSE that can be seen with it.
-pub fn standard_error(reference: &Picture) -> Option<f64> {
-    let errors = errors(reference)?;
-    let squares: f64 = errors.iter().map(|plane| plane.iter().map(|&e| f64::from(e).powi(2)).sum::<f64>()).sum();
-    Some((squares / (3.0 * reference.rgba.len() as f64)).sqrt())
 }

@@ -13,6 +13,9 @@ pub(super) const MAX_PIXELS: u64 = 1 << 27;
 /// sRGB-encoded r, g, b.
 pub type Colour = [u8; 3];
 
+/// Outlines of crops.
+const MARK: Colour = [255, 196, 0];
+
 /// Rows from the top, sRGB-encoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Canvas {
@@ -103,18 +106,18 @@ impl Canvas {
         Self::from_pixels(width, height, pixels)
     }
 
-    /// A part of a picture, each pixel a square of `factor` pixels.
+    /// A part, each pixel a square of `factor` pixels.
     ///
     /// # Errors
-    /// The part is not inside the picture, or the result would be too large.
-    pub fn enlarged(picture: &Picture, crop: Crop, factor: u32) -> Result<Self, SheetError> {
-        crop.check(picture.width, picture.height)?;
+    /// The part is not inside, or the result would be too large.
+    pub fn enlarged(&self, crop: Crop, factor: u32) -> Result<Self, SheetError> {
+        crop.check(self.width, self.height)?;
         let (w, h) = (u64::from(crop.width) * u64::from(factor), u64::from(crop.height) * u64::from(factor));
         let mut canvas = Self::new(w, h, [0; 3])?;
         let w = w as usize;
         for (i, pixel) in canvas.pixels.iter_mut().enumerate() {
             let (x, y) = ((i % w) as u32 / factor + crop.x, (i / w) as u32 / factor + crop.y);
-            *pixel = shown(&picture.rgba[y as usize * picture.width as usize + x as usize]);
+            *pixel = self.pixels[y as usize * self.width as usize + x as usize];
         }
         Ok(canvas)
     }
@@ -150,8 +153,14 @@ impl Canvas {
         }
     }
 
+    /// Outlines a crop of the picture of `width` columns that this shows, perhaps smaller.
+    pub fn mark(&mut self, crop: Crop, width: u32) {
+        let scaled = |v: u32| (f64::from(v) * f64::from(self.width) / f64::from(width.max(1))).round() as u32;
+        self.outline(scaled(crop.x), scaled(crop.y), scaled(crop.width), scaled(crop.height), MARK);
+    }
+
     /// The outline of a rectangle, one pixel wide, that goes around the pixels x..x+width, y..y+height.
-    pub fn outline(&mut self, x: u32, y: u32, width: u32, height: u32, colour: Colour) {
+    fn outline(&mut self, x: u32, y: u32, width: u32, height: u32, colour: Colour) {
         let (x, y, w, h) = (i64::from(x), i64::from(y), i64::from(width), i64::from(height));
         let level = (x - 1..=x + w).flat_map(|i| [(i, y - 1), (i, y + h)]);
         let upright = (y - 1..=y + h).flat_map(|j| [(x - 1, j), (x + w, j)]);

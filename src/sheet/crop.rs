@@ -37,8 +37,11 @@ impl Crop {
     }
 }
 
-/// The crop of this size (or smaller, where the pictures are) in which the display values of the pictures are farthest apart,
-/// by the sum of (largest - smallest)^2 over pixels and channels. The first in reading order where there are several.
+/// The crop of this size (or smaller, where the pictures are) in which the display values of the pictures differ most.
+///
+/// Each pair of pictures counts alike: the sum over pairs of d^2 / (mean of d^2 + one code of 8 bits squared), d^2 the squared
+/// difference of r, g, b at a pixel. So one picture that is wrong all over does not hide where the others differ, and rounding
+/// counts for nothing. The first in reading order where there are several.
 ///
 /// # Errors
 /// There are no pictures, or their sizes differ.
@@ -49,18 +52,18 @@ pub fn most_different(pictures: &[&Picture], width: u32, height: u32) -> Result<
     {
         return Err(SheetError::Sizes);
     }
-    let (mut low, mut high) = (encode(first), encode(first));
-    for picture in &pictures[1..] {
-        for (c, plane) in encode(picture).into_iter().enumerate() {
-            low[c].iter_mut().zip(&plane).for_each(|(low, &v)| *low = low.min(v));
-            high[c].iter_mut().zip(&plane).for_each(|(high, &v)| *high = high.max(v));
+    let shown: Vec<_> = pictures.iter().map(|picture| encode(picture)).collect();
+    let mut sums = vec![0.0; first.rgba.len()];
+    for (k, a) in shown.iter().enumerate() {
+        for b in &shown[k + 1..] {
+            let square = |i: usize| (0..3).map(|c| f64::from(a[c][i] - b[c][i]).powi(2)).sum::<f64>();
+            let squares: Vec<f64> = (0..sums.len()).map(square).map(|d| if d.is_finite() { d } else { 0.0 }).collect();
+            let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+            let scale = 1.0 / (mean + (1.0_f64 / 255.0).powi(2));
+            sums.iter_mut().zip(&squares).for_each(|(sum, d)| *sum += d * scale);
         }
     }
-    let spread = |i: usize| {
-        (0..3).map(|c| f64::from(high[c][i] - low[c][i])).filter(|d| d.is_finite()).map(|d| d * d).sum::<f64>()
-    };
-    let values: Vec<f64> = (0..first.rgba.len()).map(spread).collect();
-    Ok(densest(&values, w, width, height))
+    Ok(densest(&sums, w, width, height))
 }
 
 /// The crop of this size (or smaller, where the map is) with the greatest sum of a row-major map of rows of `columns` values;

@@ -7,7 +7,6 @@ use crate::film::Picture;
 const PAPER: Colour = [250, 250, 248];
 const INK: Colour = [20, 20, 24];
 const FAINT: Colour = [95, 95, 105];
-const MARK: Colour = [255, 196, 0];
 /// Between panels, pixels.
 const GAP: u32 = 12;
 /// Between lines of text, pixels.
@@ -88,10 +87,9 @@ pub fn sheet(heading: &str, panels: &[Panel<'_>], crop: Crop, layout: Layout) ->
             canvas.text(line, Text::Small, x, y + below, cell, FAINT);
         }
         let mut picture = Canvas::shrunk(panel.picture, small.width())?;
-        let scaled = |v: u32| (f64::from(v) * f64::from(small.width()) / f64::from(width)).round() as u32;
-        picture.outline(scaled(crop.x), scaled(crop.y), scaled(crop.width), scaled(crop.height), MARK);
+        picture.mark(crop, width);
         canvas.put(&picture, x, y + label);
-        canvas.put(&Canvas::enlarged(panel.picture, crop, factor)?, x, y + label + small.height() + GAP / 2);
+        canvas.put(&Canvas::of(panel.picture)?.enlarged(crop, factor)?, x, y + label + small.height() + GAP / 2);
     }
     Ok(canvas)
 }

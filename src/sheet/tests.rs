@@ -49,6 +49,10 @@ fn the_crop_goes_where_pictures_differ() {
     // Only this crop has both.
     assert_eq!(most_different(&[&a, &b], 8, 6).unwrap(), Crop { x: 20, y: 10, width: 8, height: 6 });
     assert_eq!(most_different(&[&a, &b, &a], 99, 99).unwrap(), Crop { x: 0, y: 0, width: 40, height: 30 });
+    // One that is wrong nearly everywhere does not hide where the others differ.
+    let mut wrong = solid(40, 30, 5.0);
+    wrong.rgba[10 * 40 + 20] = [0.5; 4];
+    assert_eq!(most_different(&[&a, &b, &wrong], 8, 6).unwrap(), Crop { x: 20, y: 10, width: 8, height: 6 });
     assert!(most_different(&[], 8, 6).is_err());
     assert!(most_different(&[&a, &solid(3, 3, 0.0)], 8, 6).is_err());
 }
@@ -57,9 +61,9 @@ fn the_crop_goes_where_pictures_differ() {
 fn crops_reach_nothing_outside() {
     let a = solid(10, 10, 0.5);
     for (x, y, width, height) in [(9, 0, 2, 1), (0, 9, 1, 2), (0, 0, 0, 1), (u32::MAX, 0, 2, 2)] {
-        assert!(Canvas::enlarged(&a, Crop { x, y, width, height }, 3).is_err());
+        assert!(Canvas::of(&a).unwrap().enlarged(Crop { x, y, width, height }, 3).is_err());
     }
-    let part = Canvas::enlarged(&a, Crop { x: 8, y: 8, width: 2, height: 2 }, 3).unwrap();
+    let part = Canvas::of(&a).unwrap().enlarged(Crop { x: 8, y: 8, width: 2, height: 2 }, 3).unwrap();
     assert_eq!((part.width(), part.height(), part.pixels()[0]), (6, 6, [188; 3]));
 }
 

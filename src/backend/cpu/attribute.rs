@@ -93,7 +93,8 @@ fn attribute_body(
                     let passes = (inside | (r2 <= 1.0)) & (depth <= limit[l]) & (pixel <= last);
                     let r2 = if r2 < 1.0 { r2 } else { 1.0 };
                     let weight = if passes { fast::kernel(r2) } else { 0.0 };
-                    reaches[l] = if passes & inside { 1.0 } else { weight };
+                    // What covers the pixel is part of its coverage even if it is hidden: something before it covers, too.
+                    reaches[l] = if inside & (pixel <= last) { 1.0 } else { weight };
                     weights[l] = weight * attributes.share;
                     depths[l] = if passes { depth } else { 0.0 };
                 }
@@ -149,8 +150,7 @@ pub(super) fn splat_values(splat: u32, surfel: u32, flags: u32, attributes: &Att
         values[at..at + 3].copy_from_slice(&normal.to_array());
     }
     if let Some(at) = channels.velocity {
-        values[at..at + 2]
-            .copy_from_slice(&velocity(surfels.position[i], attributes.posed).map(|v| v * attributes.stride));
+        values[at..at + 2].copy_from_slice(&velocity(surfels.position[i], attributes).map(|v| v * attributes.stride));
     }
     if let Some(at) = channels.material {
         let m = material(attributes, i);
@@ -170,10 +170,15 @@ pub(super) fn material(attributes: &Attributes<'_>, surfel: usize) -> Material {
     attributes.object.material.or_else(|| attributes.object.surfels.material.get(surfel).copied()).unwrap_or_default()
 }
 
-/// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth.
-fn velocity(position: Vec3, posed: &PosedObject) -> [f32; 2] {
+/// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth. 0 where the centre has
+/// no image, being nearer than `near`.
+fn velocity(position: Vec3, attributes: &Attributes<'_>) -> [f32; 2] {
+    let posed = attributes.posed;
     let p = posed.screen_from_model * position + posed.screen_origin;
     let rate = posed.screen_rate * position + posed.screen_origin_rate;
+    if p.z < attributes.near {
+        return [0.0; 2];
+    }
     let over = 1.0 / p.z;
     [(rate.x - p.x * over * rate.z) * over, (rate.y - p.y * over * rate.z) * over]
 }

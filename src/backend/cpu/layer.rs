@@ -90,7 +90,13 @@ impl LayerTile {
                     if let (Some(reach), Some(&old)) = (buffers.union.reach.get_mut(at), self.reach.get(at)) {
                         *reach = old;
                     }
-                } else if buffers.threshold[at] >= self.nearest[at] {
+                    continue;
+                }
+                // What is hidden covers all the same.
+                if let Some(reach) = buffers.union.reach.get_mut(at) {
+                    *reach = if self.threshold[at] < f32::INFINITY { 1.0 } else { 0.0 };
+                }
+                if buffers.threshold[at] >= self.nearest[at] {
                     let limits = anew.get_or_insert_with(|| vec![f32::NEG_INFINITY; TILE * STRIDE]);
                     limits[at] = buffers.threshold[at];
                 }

@@ -258,6 +258,7 @@ impl Bench<'_> {
         with_nearest.push(("NEAREST", channels.count as u32));
         let to_layer = [(Slot::Sums, buffers.layer_sums.as_entire_buffer_binding())];
         let sums = sum_constants(channels);
+        let recalled = vec![("CHANNELS", channels.count as u32), ("REACH", channels.reach.unwrap_or(0) as u32)];
         let anew = buffers.kept[..kept_waves].iter().map(|kept| {
             let special = [
                 (Slot::Splats, &kept.splats),
@@ -273,7 +274,7 @@ impl Bench<'_> {
         let anew = anew.collect::<Result<_, _>>()?;
         Ok(Some(LayerSteps {
             sum: self.step(Program::SumAttributes, &with_nearest, 1, &to_layer)?,
-            recall: self.step(Program::Recall, &vec![("CHANNELS", channels.count as u32)], 0, &[])?,
+            recall: self.step(Program::Recall, &recalled, 0, &[])?,
             anew,
         }))
     }

@@ -134,6 +134,10 @@ fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
     }
 }
 
+/// What is left of the weight of a hidden kernel: nothing beside any that is seen, but a colour where the map, which holds a sample
+/// for each pixel, hides all that covers.
+const HIDDEN: f32 = 1.0 / (1 << 24) as f32;
+
 /// What a kernel is on the rays through some neighbouring pixels. A lane where nothing is met has weight 0 and covers nothing.
 #[derive(Default)]
 struct Lanes {
@@ -266,7 +270,8 @@ impl Ray {
 }
 
 impl Lanes {
-    /// Compares the sources with the map: what is hidden loses its weight. Weights become shares of the surface at the source.
+    /// Compares the sources with the map: what is hidden loses its weight, but still covers, as something before it does. Weights
+    /// become shares of the surface at the source.
     #[inline(always)]
     fn test<const FOOTPRINT: u8>(&mut self, swept: &Swept<'_>) {
         let mut limit = [0.0_f32; LANES];
@@ -275,16 +280,16 @@ impl Lanes {
             [limit[l], inverse_density[l]] = swept.map.at(self.source[0][l], self.source[1][l]);
         }
         for l in 0..LANES {
-            let passes = (self.covers[l] != 0) & (self.source_depth[l] <= limit[l]);
+            let covers = self.covers[l] != 0;
+            let passes = covers & (self.source_depth[l] <= limit[l]);
             let weight = self.weight[l];
             let share = if FOOTPRINT == CHORD { weight } else { weight * inverse_density[l] };
             let share = if (FOOTPRINT == CHORD) | (share < self.most[l]) { share } else { self.most[l] };
-            let bits = if passes { u32::MAX } else { 0 };
-            self.weight[l] = if passes { share } else { 0.0 };
+            let share = if passes { share } else { share * HIDDEN };
+            self.weight[l] = if covers { share } else { 0.0 };
             self.loose[l] = if passes { self.loose[l] } else { 0.0 };
-            self.depth[l] = if passes { self.depth[l] } else { 0.0 };
-            self.surface[l] &= bits;
-            self.low_pass[l] &= bits;
+            self.depth[l] = if covers { self.depth[l] } else { 0.0 };
+            self.low_pass[l] &= if passes { u32::MAX } else { 0 };
         }
     }
 

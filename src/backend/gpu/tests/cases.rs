@@ -90,6 +90,7 @@ fn hard() -> Surfels {
     add(Vec3::new(0.1, 0.0, 2.98), 0.1 * x, 0.1 * y); // at the near plane
     add(Vec3::new(0.0, -0.1, 2.9), 0.5 * z, 0.3 * x); // through the camera's plane
     add(Vec3::new(0.0, 0.2, 3.5), 0.5 * z, 0.3 * x); // behind, but reaching
+    add(Vec3::new(0.1, -0.2, 3.0), 0.5 * z, 0.3 * x); // its centre on the camera's plane
     add(Vec3::new(0.0, 0.0, 9.0), 0.1 * x, 0.1 * y); // behind
     add(Vec3::new(0.0, 0.0, -4.0), 9.0 * x, 9.0 * y); // the whole image
     add(Vec3::new(0.0, 0.0, -5.0), 1e6 * x, 1e6 * y);
@@ -211,9 +212,8 @@ pub(super) fn large_splats() -> Case {
 
 /// Kernels in motion: each that there is.
 pub(super) fn swept() -> Vec<Case> {
-    // No centre comes to lie on the plane of the camera, where its velocity is infinite.
     let mut moving = scene(vec![object(hard(), DVec3::ZERO)], [150, 140]);
-    moving.objects[0].motions = vec![Motion::Linear { velocity: DVec3::new(0.3, 0.1, 0.41) }];
+    moving.objects[0].motions = vec![Motion::Linear { velocity: DVec3::new(0.3, 0.1, 0.4) }];
     moving.objects[0].two_sided = true;
     let mut fast = two_balls([70, 45]);
     fast.objects[0].motions.push(Motion::Linear { velocity: DVec3::new(0.9, -0.4, 1.2) });

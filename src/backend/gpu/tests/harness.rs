@@ -133,8 +133,10 @@ impl<'a> Harness<'a> {
             if self.wants(tile) { twins.visibility(&posed, tile) } else { vec![UNWANTED; PIXELS] }
         };
         let thresholds: Vec<_> = self.tiles().iter().map(threshold).collect();
+        // Hidden splats cover too: none in a tile that is not wanted.
+        let of_tile = |tile| if self.wants(tile) { &posed[..] } else { &[] };
         let sums: Vec<_> =
-            self.tiles().iter().zip(&thresholds).map(|(&tile, t)| twins.attribute(&posed, tile, t)).collect();
+            self.tiles().iter().zip(&thresholds).map(|(&tile, t)| twins.attribute(of_tile(tile), tile, t)).collect();
         let film =
             self.tiles().into_iter().zip(thresholds.iter().zip(&sums)).map(|(tile, (t, s))| twins.resolve(tile, t, s));
         let film = film.collect();
