@@ -96,7 +96,10 @@ impl Exposure {
 }
 
 /// All time weights, each with its definition (docs/math.md, section 6), not normalised.
-fn weights() -> [(Weight, fn(f64) -> f64); 7] {
+/// A weight and its formula.
+type Weighing = (Weight, fn(f64) -> f64);
+
+fn weights() -> [Weighing; 7] {
     [
         (Weight::Box, |_| 1.0),
         (Weight::Tent, |t| t.min(1.0 - t)),
@@ -196,7 +199,10 @@ fn line_error(exposure: &Exposure, t: f64, intervals: u32) -> f64 {
 }
 
 /// An animation whose curves are `keys` (attribute, keys, tangents), in frames and degrees.
-fn animation(curves: &[(&str, &[(f64, f64)], &str)]) -> AnimationBinding {
+/// Attribute, keys, and tangents.
+type Curve<'a> = (&'a str, &'a [(f64, f64)], &'a str);
+
+fn animation(curves: &[Curve<'_>]) -> AnimationBinding {
     let mut text = String::from("animVersion 1.1;\ntimeUnit film;\nlinearUnit cm;\nangularUnit deg;\n");
     for (attribute, keys, tangent) in curves {
         let short = attribute.rsplit('.').next().unwrap();

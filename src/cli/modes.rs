@@ -358,6 +358,13 @@ mod tests {
         };
         assert_eq!(mode("volumetric:3+ellipsoid+once+alpha=sum"), volumetric(kernel));
         assert_eq!(mode("volumetric:3+kernel=ellipsoid+normalise=once+sum"), volumetric(kernel));
+        assert_eq!(mode("auto"), splat(BlurMode::Auto(Target::default())));
+        let target = Target { error: Target::DRAFT, samples_max: 64, pixel_samples: 4 };
+        assert_eq!(mode("auto:draft+samples-max=64+pixel-samples=4"), splat(BlurMode::Auto(target)));
+        assert_eq!(
+            mode(&mode("auto:draft+samples-max=64+pixel-samples=4").to_string()).method,
+            Method::Splat(BlurMode::Auto(target))
+        );
         assert_eq!(mode("reference:64").method, Method::Reference(64));
         assert_eq!(mode("bucket:8x4").method.samples(), 32);
         assert_eq!(mode("bucket:8x4+interleave=2@cpu").method.family(), "bucket+interleave=2");
@@ -378,7 +385,7 @@ mod tests {
     #[test]
     fn mistakes_are_explained() {
         for (text, hint) in [
-            ("", "there are: still, supersample, bucket, volumetric, reference"),
+            ("", "there are: auto, still, supersample, bucket, volumetric, reference"),
             ("super:8", "there is no mode `super`"),
             ("supersample:0", "1 to 65536"),
             ("supersample:", "1 to 65536"),
@@ -399,6 +406,10 @@ mod tests {
             ("volumetric:3+tube", "it takes: "),
             ("volumetric:3+alpha", "needs a value"),
             ("volumetric:3+interleave=2", "has no option"),
+            ("auto:0", "draft, good, final"),
+            ("auto:best", "draft, good, final"),
+            ("auto:0.1+samples-max=3", "4 to 65536"),
+            ("auto:0.1+interleave=2", "it takes: samples-max, pixel-samples"),
             ("reference:100", "a multiple of 16"),
             ("reference:0", "a multiple of 16"),
             ("reference:99999999999999999999", "a multiple of 16"),

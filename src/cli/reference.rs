@@ -8,6 +8,7 @@ use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use splatblur::files;
+use splatblur::film::Aov;
 use splatblur::image::{self, Format};
 use splatblur::plan::{self, BlurMode, RenderOptions};
 use splatblur::reference::{self, ReferenceError, ReferenceOptions, SCRAMBLINGS, Stats, Sums};
@@ -226,6 +227,9 @@ impl Reference {
             seed: self.exposure.seed,
             aovs: self.images.aovs()?,
         };
+        if options.aovs.contains(&Aov::Error) {
+            anyhow::bail!("--aov: a reference always has its error (others: alpha, depth, normal, velocity, samples)");
+        }
         options.check()?;
         if self.resume && !options.sampler.is_progressive() {
             return Err(ReferenceError::Fixed.into());

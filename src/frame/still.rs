@@ -52,8 +52,7 @@ fn path<'a>(poses: impl Iterator<Item = &'a PosedObject>, point: Vec3, near: f32
     let mut last = None;
     for pose in poses {
         let p = pose.screen_from_model * point + pose.screen_origin;
-        // Also where it is not a number.
-        if !(p.z >= near) {
+        if p.z.is_nan() || p.z < near {
             return f32::INFINITY;
         }
         let here = p.truncate() / p.z;

@@ -127,8 +127,11 @@ impl Cpu {
                         pieces: &pieces,
                         clocks: &clocks,
                     };
-                    let layer =
-                        if groups.len() > 1 { self.layer(&of_group(&groups[0]), budget.splat_bytes) } else { None };
+                    let layer = if budget.layers && groups.len() > 1 {
+                        self.layer(&of_group(&groups[0]), budget.splat_bytes)
+                    } else {
+                        None
+                    };
                     for group in groups {
                         let work = Work { layer: layer.as_ref(), ..of_group(group) };
                         self.group(&work, budget.splat_bytes, tiles);
@@ -152,6 +155,8 @@ struct Budget {
     band_rows: usize,
     /// Bytes for splats and their lists.
     splat_bytes: u64,
+    /// Is there room to keep what lies still?
+    layers: bool,
 }
 
 impl Budget {
@@ -167,11 +172,11 @@ impl Budget {
         // What the tiles of some rows need together, for as many rows as the bands shall have.
         let swept = frame.swept.is_some();
         let guard = frame.groups.iter().filter_map(|group| group.interval).map(|interval| interval.guard).max();
-        let buffers = |rows: u64| {
+        let still = frame.objects.iter().any(|object| object.still);
+        let layer = if still { LayerTile::bytes(channels.count, samples, planes.count) } else { 0 };
+        let buffers_with = |rows: u64, layer: u64| {
             let band = Band::new(raster, [0, rows as usize]);
             let guarded = guard.map_or(0, |guard| band.guarded(guard).len() as u64);
-            let still = frame.objects.iter().any(|object| object.still);
-            let layer = if still { LayerTile::bytes(channels.count, samples, planes.count) } else { 0 };
             let tile = TileBuffers::bytes(channels.count, samples, swept) + layer;
             // Tiles of the map have fewer sums, but there are more of them.
             guarded * Map::bytes(1) + guarded.max(band.len() as u64) * tile
@@ -183,7 +188,7 @@ impl Budget {
             let moving = if swept { Binned::<SweptSplat>::most_bytes(CHUNK, &band) } else { 0 };
             (threads + 1) * (Binned::<Splat>::most_bytes(CHUNK, &guarded) + moving)
         };
-        let needed = frame.model_bytes + film + buffers(1) + wave(1);
+        let needed = frame.model_bytes + film + buffers_with(1, 0) + wave(1);
         if needed > frame.memory {
             let [width, height] = frame.size;
             return Err(BackendError::Memory {
@@ -196,8 +201,11 @@ impl Budget {
         }
         // Half of what is left for the tiles' buffers at the most; the rest for splats.
         let left = frame.memory - frame.model_bytes - film;
+        let layers = buffers_with(1, layer) + wave(1) <= left / 2;
+        let buffers = |rows: u64| buffers_with(rows, if layers { layer } else { 0 });
         let rows = (1..=tiles_y).rev().find(|&rows| buffers(rows) <= left / 2).unwrap_or(1);
-        Ok(Self { band_rows: rows as usize, splat_bytes: left.saturating_sub(buffers(rows)).max(wave(rows)) })
+        let splat_bytes = left.saturating_sub(buffers(rows)).max(wave(rows));
+        Ok(Self { band_rows: rows as usize, splat_bytes, layers })
     }
 }
 

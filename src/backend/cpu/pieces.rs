@@ -56,8 +56,7 @@ fn touches(view: &View<'_>, [low, high]: &[Vec3; 2]) -> bool {
         let pick = |c: usize| if corner >> c & 1 == 0 { low[c] } else { high[c] };
         let point = Vec3::new(pick(0), pick(1), pick(2));
         let p = view.object.screen_from_model * point + view.object.screen_origin;
-        // Also where it is not a number.
-        if !(p.z > view.near) {
+        if p.z.is_nan() || p.z <= view.near {
             return true;
         }
         for c in 0..2 {
