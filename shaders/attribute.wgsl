@@ -7,8 +7,8 @@
 // `sum_attributes`, one workgroup per tile, one invocation per quad of pixels, sums in registers, in list order:
 //   in   splats, list, starts, wide, thresholds, values; segments: sample of a splat, its weight and share
 //   out  sums      for each tile, for each channel, its quads: weight, colour, then normal, depth, velocity, material where
-//                  they are wanted; in groups of several samples last the reach of the current sample and the coverage of
-//                  those before it
+//                  they are wanted; in groups of several samples the reach of the current sample, the coverage of those
+//                  before it, and the reach of what lies still; for what is kept of that last its least depth
 
 @group(0) @binding(1) var<uniform> segment: Segment;
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
@@ -30,8 +30,10 @@ override NORMAL: u32 = 0u;
 override DEPTH: u32 = 0u;
 override VELOCITY: u32 = 0u;
 override MATERIAL: u32 = 0u;
-// Two channels, in groups of several samples.
+// Three channels, in groups of several samples.
 override REACH: u32 = 0u;
+// Least depth of what is added, NONE where nothing is.
+override NEAREST: u32 = 0u;
 // Number of channels, and of floats that a splat has in `values`.
 override CHANNELS: u32 = 4u;
 override VALUES: u32 = 3u;
@@ -115,9 +117,10 @@ struct Sums {
     shininess: vec4<f32>,
     reach: vec4<f32>,
     coverage: vec4<f32>,
-    // The sample that `reach` belongs to, and its weight.
-    sample: u32,
-    sample_weight: f32,
+    still: vec4<f32>,
+    nearest: vec4<f32>,
+    // Whose `reach` it is: that of what lies still in turn 0, then sample by sample.
+    turn: u32,
 }
 
 @compute @workgroup_size(4, 16)
@@ -127,19 +130,20 @@ fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
     let column = tile.x * TILE + quad.x * 4u;
     let row = (view.first_tile_row + tile.y) * TILE + quad.y;
     let limit = thresholds[index * TILE_QUADS + in_tile];
-    let at = index * CHANNELS * TILE_QUADS + in_tile;
-    var sum: Sums;
-    sum.sample = view.first_sample;
-    sum.sample_weight = view.first_weight;
-    if view.resumes != 0u {
-        load_sums(&sum, at);
-    }
-
+    if all(limit == vec4<f32>(UNWANTED)) { return; }
     // Two rising lists of slots, merged.
     var next = starts[index];
     let end = starts[index + 1u];
     var next_wide = 0u;
     let end_wide = starts[view.tiles.x * view.tiles.y + 1u];
+    let at = index * CHANNELS * TILE_QUADS + in_tile;
+    var sum: Sums;
+    sum.turn = view.first_turn;
+    sum.nearest = vec4<f32>(NONE);
+    if view.resumes != 0u {
+        if REACH == 0u && next == end && end_wide == 0u { return; }
+        load_sums(&sum, at);
+    }
     while next < end || next_wide < end_wide {
         var slot = 0xffffffffu;
         if next < end {
@@ -157,16 +161,24 @@ fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
         }
         add_splat(&sum, slot, limit, column, row);
     }
-    if REACH != 0u && sum.sample != view.last_sample {
-        turn(&sum);
+    if REACH != 0u && sum.turn < view.last_turn {
+        turn(&sum, view.last_turn);
     }
     store_sums(&sum, at);
 }
 
-// Ends a sample of the group: what of the pixel it covers counts with its weight.
-fn turn(sum: ptr<function, Sums>) {
-    (*sum).coverage += (*sum).sample_weight * min((*sum).reach, vec4<f32>(1.0));
-    (*sum).reach = vec4<f32>(0.0);
+// Ends all turns before `next`: what of the pixel a sample covers counts with its weight, and what lies still is in each.
+fn turn(sum: ptr<function, Sums>, next: u32) {
+    var at = (*sum).turn;
+    if at == 0u {
+        (*sum).still = (*sum).reach;
+        at = 1u;
+    }
+    for (; at < next; at += 1u) {
+        (*sum).coverage += segments[at - 1u].weight * min((*sum).reach, vec4<f32>(1.0));
+        (*sum).reach = (*sum).still;
+    }
+    (*sum).turn = next;
 }
 
 fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32, row: u32) {
@@ -177,11 +189,9 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
     if REACH != 0u {
         let segment_index = splat.flags >> 1u;
         share = segments[segment_index].share;
-        let sample = segments[segment_index].flags >> 2u;
-        if sample != (*sum).sample {
-            turn(sum);
-            (*sum).sample = sample;
-            (*sum).sample_weight = segments[segment_index].weight;
+        let its_turn = segments[segment_index].flags >> 2u;
+        if its_turn != (*sum).turn {
+            turn(sum, its_turn);
         }
     }
     let at = hit(splat, column, row);
@@ -203,6 +213,9 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
     }
     if !any(passes) { return; }
     let weight = unshared * share;
+    if NEAREST != 0u {
+        (*sum).nearest = min((*sum).nearest, select(vec4<f32>(NONE), depth, passes));
+    }
     var next = slot * VALUES;
     (*sum).weight += weight;
     if COLOUR {
@@ -261,6 +274,10 @@ fn load_sums(sum: ptr<function, Sums>, at: u32) {
     if REACH != 0u {
         (*sum).reach = sums[at + REACH * TILE_QUADS];
         (*sum).coverage = sums[at + (REACH + 1u) * TILE_QUADS];
+        (*sum).still = sums[at + (REACH + 2u) * TILE_QUADS];
+    }
+    if NEAREST != 0u {
+        (*sum).nearest = sums[at + NEAREST * TILE_QUADS];
     }
 }
 
@@ -292,5 +309,9 @@ fn store_sums(sum: ptr<function, Sums>, at: u32) {
     if REACH != 0u {
         sums[at + REACH * TILE_QUADS] = (*sum).reach;
         sums[at + (REACH + 1u) * TILE_QUADS] = (*sum).coverage;
+        sums[at + (REACH + 2u) * TILE_QUADS] = (*sum).still;
+    }
+    if NEAREST != 0u {
+        sums[at + NEAREST * TILE_QUADS] = (*sum).nearest;
     }
 }

@@ -1,6 +1,6 @@
 // Pass `bin`: splats to one list per tile, in global surfel order.
 // Twin: src/backend/cpu/bin.rs, whose lists are per chunk; the order is the same.
-//   in   touched   tiles of each slot's splat, WIDE for those listed apart
+//   in   touched   wanted tiles of each slot's splat, WIDE for those listed apart
 //        splats    their bounds
 //   out  list      slots, tile after tile, rising within each tile
 //        starts    where each tile's list starts; one more for the end, then the number of wide splats
@@ -127,6 +127,7 @@ fn bin_emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
             let tiles = unpack(splats[SPLATS * slot + SPLATS - 1u].bounds) / TILE;
             for (var y = tiles.z; y <= tiles.w; y += 1u) {
                 for (var x = tiles.x; x <= tiles.y; x += 1u) {
+                    if !is_wanted(vec2<u32>(x, y)) { continue; }
                     keys[at.x] = (y - view.first_tile_row) * view.tiles.x + x;
                     list[at.x] = slot;
                     at.x += 1u;

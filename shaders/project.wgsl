@@ -3,7 +3,7 @@
 //   in   segment   the surfels and their pose; travels: that of their centres
 //        geometry  columns of the block: positions, axes u, axes v
 //   out  splats    one a slot; unwritten where culled
-//        touched   tiles that the splat touches; 0: culled; WIDE: more than WIDEST
+//        touched   wanted tiles that the splat touches; 0: culled; WIDE: more than WIDEST
 // One invocation per surfel. The slot is the surfel's place in the wave, so nothing is compacted and order is kept.
 
 @group(0) @binding(1) var<uniform> segment: Segment;

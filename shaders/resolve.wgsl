@@ -29,20 +29,28 @@ fn resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id)
     let index = tile.y * view.tiles.x + tile.x;
     let in_tile = pixel.y * TILE + pixel.x;
     let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
-    let weight = sums[sum_at];
-    if !(weight > 0.0) { return; }
     let threshold = thresholds[index * TILE_PIXELS + in_tile];
+    if threshold == UNWANTED { return; }
+    let sum = sums[sum_at];
+    if !(sum > 0.0) { return; }
     // Where no visibility splat covers, only low-pass discs reach: their weights are the coverage.
-    var share = select(min(weight, 1.0), 1.0, threshold < NONE) * view.weight;
+    var share = select(min(sum, 1.0), 1.0, threshold < NONE);
+    var weight = view.weight;
     if REACH != 0u {
-        let reach = sums[sum_at + REACH * TILE_PIXELS];
-        share = sums[sum_at + (REACH + 1u) * TILE_PIXELS] + view.last_weight * min(reach, 1.0);
+        share = sums[sum_at + (REACH + 1u) * TILE_PIXELS];
+        weight = 1.0;
     }
-    add_pixel(index, tile.xy, pixel.xy, share);
+    add_pixel(index, tile.xy, pixel.xy, Share(share, weight));
 }
 
-// Adds what the sums say of one pixel of tile `index` to the film, with weight `share`; the sum of weights is > 0.
-fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, share: f32) {
+// What a pixel's mean counts with: how much of it is covered, times a weight.
+struct Share {
+    covered: f32,
+    weight: f32,
+}
+
+// Adds what the sums say of one pixel of tile `index` to the film; the sum of weights is > 0.
+fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, share: Share) {
     let in_tile = pixel.y * TILE + pixel.x;
     let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
     let inverse = 1.0 / sums[sum_at];
@@ -72,17 +80,19 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, share: f32) {
     }
     let at = index * PLANES * TILE_PIXELS + in_tile;
     add(at, colour, share);
-    film[at + 3u * TILE_PIXELS] += share;
+    film[at + 3u * TILE_PIXELS] += share.weight * share.covered;
     if DEPTH_PLANE != 0u {
-        film[at + DEPTH_PLANE * TILE_PIXELS] += share * depth;
+        film[at + DEPTH_PLANE * TILE_PIXELS] += share.weight * (share.covered * depth);
     }
     if NORMAL_PLANE != 0u {
         add(at + NORMAL_PLANE * TILE_PIXELS, normal, share);
     }
     if VELOCITY_PLANE != 0u {
         let x = at + VELOCITY_PLANE * TILE_PIXELS;
-        film[x] += share * (sums[sum_at + VELOCITY * TILE_PIXELS] * inverse);
-        film[x + TILE_PIXELS] += share * (sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS] * inverse);
+        let velocity_x = sums[sum_at + VELOCITY * TILE_PIXELS] * inverse;
+        let velocity_y = sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS] * inverse;
+        film[x] += share.weight * (share.covered * velocity_x);
+        film[x + TILE_PIXELS] += share.weight * (share.covered * velocity_y);
     }
 }
 
@@ -93,8 +103,9 @@ fn mean(sum_at: u32, channel: u32, inverse: f32) -> vec3<f32> {
 }
 
 // Adds to three neighbouring planes.
-fn add(at: u32, value: vec3<f32>, share: f32) {
-    film[at] += share * value.x;
-    film[at + TILE_PIXELS] += share * value.y;
-    film[at + 2u * TILE_PIXELS] += share * value.z;
+fn add(at: u32, value: vec3<f32>, share: Share) {
+    let added = share.weight * (share.covered * value);
+    film[at] += added.x;
+    film[at + TILE_PIXELS] += added.y;
+    film[at + 2u * TILE_PIXELS] += added.z;
 }

@@ -2,7 +2,8 @@
 // Twin: src/backend/cpu/visibility.rs.  Math: docs/math.md, eq. 5.
 //   in   splats, list, starts, wide   what `bin` made
 //        segments                     epsilon of a splat's object
-//   out  thresholds                   tile after tile, four pixels of a row together; NONE where no splat covers
+//   out  thresholds                   tile after tile, four pixels of a row together; NONE where no splat covers, UNWANTED in
+//                                     tiles that are not wanted
 // One workgroup per tile, one invocation per quad of pixels. Order-free (a minimum), so waves may come one after the other.
 
 @group(1) @binding(2) var<storage, read> segments: array<Segment>;
@@ -21,15 +22,21 @@ fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_
     let at = index * TILE_QUADS + quad.y * 4u + quad.x;
     let column = tile.x * TILE + quad.x * 4u;
     let row = (view.first_tile_row + tile.y) * TILE + quad.y;
+    if !is_wanted(vec2<u32>(tile.x, view.first_tile_row + tile.y)) {
+        thresholds[at] = vec4<f32>(UNWANTED);
+        return;
+    }
+    let first = starts[index];
+    let end = starts[index + 1u];
+    let wide_splats = starts[view.tiles.x * view.tiles.y + 1u];
     var threshold = vec4<f32>(NONE);
     if view.resumes != 0u {
+        if first == end && wide_splats == 0u { return; }
         threshold = thresholds[at];
     }
-    let end = starts[index + 1u];
-    for (var i = starts[index]; i < end; i += 1u) {
+    for (var i = first; i < end; i += 1u) {
         threshold = lowered(threshold, list[i], column, row);
     }
-    let wide_splats = starts[view.tiles.x * view.tiles.y + 1u];
     for (var i = 0u; i < wide_splats; i += 1u) {
         threshold = lowered(threshold, wide[i], column, row);
     }

@@ -1,6 +1,6 @@
 //! What lies still is splatted once for all time samples that share a sample position; it must look as if it were not.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests may stop")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
 mod support;
 
@@ -44,8 +44,8 @@ fn modes() -> [BlurMode; 4] {
     ]
 }
 
-fn splat(frame: &Frame<'_>) -> (Picture, u64) {
-    let rendered = Cpu::default().render(frame).unwrap();
+fn splat(backend: &mut dyn Backend, frame: &Frame<'_>) -> (Picture, u64) {
+    let rendered = backend.render(frame).unwrap();
     (rendered.picture, rendered.stats.splats)
 }
 
@@ -57,11 +57,10 @@ fn difference(a: &Picture, b: &Picture) -> f32 {
     colour.chain(planes.flat_map(|(a, b)| a.iter().zip(b).map(share))).fold(0.0, f32::max)
 }
 
-#[test]
-fn what_lies_still_looks_as_if_splatted_anew() {
+fn looks_as_if_splatted_anew(backend: &mut dyn Backend, shadings: &[Shading]) {
     let scene = through();
     for mode in modes() {
-        for shading in [Shading::Phong, Shading::Gouraud] {
+        for &shading in shadings {
             let options = RenderOptions { shading, ..options(mode) };
             let frame = Frame::new(&scene, 0, &options);
             let of_still: Vec<bool> = frame.objects.iter().map(|object| object.still).collect();
@@ -69,7 +68,7 @@ fn what_lies_still_looks_as_if_splatted_anew() {
             assert_eq!(of_still, [all, true, all]);
             let mut anew = frame.clone();
             anew.objects.iter_mut().for_each(|object| object.still = false);
-            let ((kept, fewer), (anew, more)) = (splat(&frame), splat(&anew));
+            let ((kept, fewer), (anew, more)) = (splat(backend, &frame), splat(backend, &anew));
             assert!(fewer * 2 < more, "{mode}: {fewer} of {more} splats");
             // Sums of up to about 100 terms in another order, and quotients of two of them.
             let worst = difference(&kept, &anew);
@@ -78,23 +77,32 @@ fn what_lies_still_looks_as_if_splatted_anew() {
     }
 }
 
-/// Splats that cannot be kept are made anew for each group, and added up in the same order.
 #[test]
-fn memory_for_what_lies_still_does_not_show() {
+fn what_lies_still_looks_as_if_splatted_anew() {
+    looks_as_if_splatted_anew(&mut Cpu::default(), &[Shading::Phong, Shading::Gouraud]);
+}
+
+/// Splats that cannot be kept are made anew for each group, and added up in the same order.
+fn memory_does_not_show(backend: &mut dyn Backend) {
     let scene = through();
     for mode in modes() {
         let options = options(mode);
         let frame = Frame::new(&scene, 0, &options);
-        let kept = splat(&frame);
+        let kept = splat(backend, &frame);
         let mut scarce = frame.clone();
         let anew = (1..).find_map(|step| {
             scarce.memory = frame.model_bytes + (step << 17);
-            Cpu::default().render(&scarce).ok()
+            backend.render(&scarce).ok()
         });
         let anew = anew.unwrap();
         assert!(anew.stats.splats > kept.1, "{mode}: {} of {} splats", kept.1, anew.stats.splats);
         assert!(anew.picture == kept.0, "{mode}");
     }
+}
+
+#[test]
+fn memory_for_what_lies_still_does_not_show() {
+    memory_does_not_show(&mut Cpu::default());
 }
 
 /// An object whose way on the screen is a fifth of a pixel is held; at a third of a pixel it moves.
@@ -133,18 +141,17 @@ fn what_moves_is_not_held() {
 }
 
 /// Blocks that are not wanted stay empty, the others are as if all were.
-#[test]
-fn only_wanted_blocks_are_rendered() {
+fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
     let scene = through();
     for mode in [BlurMode::supersample(4), BlurMode::Supersample { samples: 3, interleave: Interleave::Two }] {
         let options = RenderOptions { aovs: Vec::new(), ..options(mode) };
         let mut frame = Frame::new(&scene, 0, &options);
         frame.background.transparent = true;
-        let (whole, _) = splat(&frame);
+        let (whole, _) = splat(backend, &frame);
         let [width, height] = Blocks::count(frame.size, frame.stride);
         let wanted = (0..width * height).map(|block| block % 2 == 1).collect();
         frame.wanted = Some(Blocks { width, wanted });
-        let (part, _) = splat(&frame);
+        let (part, _) = splat(backend, &frame);
         let edge = Blocks::EDGE * frame.stride as usize;
         let mut seen = [0, 0];
         for (index, (part, whole)) in part.rgba.iter().zip(&whole.rgba).enumerate() {
@@ -153,5 +160,52 @@ fn only_wanted_blocks_are_rendered() {
             seen[block % 2] += usize::from(whole[3] > 0.0);
         }
         assert!(seen.iter().all(|&covered| covered > 100), "{mode}: {seen:?}");
+    }
+}
+
+#[test]
+fn only_wanted_blocks_are_rendered() {
+    renders_only_wanted_blocks(&mut Cpu::default());
+}
+
+#[cfg(feature = "gpu")]
+mod gpu {
+    use super::support::gpu::gpu_or_skip;
+    use super::*;
+
+    #[test]
+    fn what_lies_still_looks_as_if_splatted_anew() {
+        let Some(mut gpu) = gpu_or_skip("what_lies_still_looks_as_if_splatted_anew") else { return };
+        looks_as_if_splatted_anew(&mut gpu, &[Shading::Phong]);
+    }
+
+    #[test]
+    fn memory_for_what_lies_still_does_not_show() {
+        let Some(mut gpu) = gpu_or_skip("memory_for_what_lies_still_does_not_show") else { return };
+        memory_does_not_show(&mut gpu);
+    }
+
+    #[test]
+    fn only_wanted_blocks_are_rendered() {
+        let Some(mut gpu) = gpu_or_skip("only_wanted_blocks_are_rendered") else { return };
+        renders_only_wanted_blocks(&mut gpu);
+    }
+
+    /// All planes of scenes with something still, as the CPU has them.
+    #[test]
+    fn pictures_are_the_cpus() {
+        let Some(mut gpu) = gpu_or_skip("pictures_are_the_cpus") else { return };
+        let scene = through();
+        let swept = BlurMode::Volumetric { intervals: 2, pixel_samples: 1, swept: SweptKernel::default() };
+        for mode in modes().into_iter().chain([swept]) {
+            for shading in [Shading::Phong, Shading::Gouraud] {
+                let options = RenderOptions { shading, ..options(mode) };
+                let frame = Frame::new(&scene, 0, &options);
+                let ((want, splats), (got, of_gpu)) = (splat(&mut Cpu::default(), &frame), splat(&mut gpu, &frame));
+                let worst = difference(&got, &want);
+                println!("{mode}, {shading:?}: {splats} and {of_gpu} splats, {worst:.1e}");
+                assert!(worst < 1e-5, "{mode}, {shading:?}: {worst}");
+            }
+        }
     }
 }

@@ -32,11 +32,23 @@ fn pack(bounds: vec4<u32>) -> vec2<u32> {
     return vec2<u32>(bounds.x | (bounds.y << 16u), bounds.z | (bounds.w << 16u));
 }
 
-// Tiles that the bounds touch; WIDE: more than WIDEST.
+// Wanted tiles that the bounds touch; WIDE: there are some, and more than WIDEST tiles in all.
 fn tiles_in(bounds: vec4<u32>) -> u32 {
     let tiles = bounds / TILE;
     let count = (tiles.y + 1u - tiles.x) * (tiles.w + 1u - tiles.z);
-    return select(count, WIDE, count > WIDEST);
+    let is_wide = count > WIDEST;
+    if view.blocks.x == 0u {
+        return select(count, WIDE, is_wide);
+    }
+    var found = 0u;
+    let ends = select(tiles, tiles / BLOCK_TILES, is_wide);
+    for (var y = ends.z; y <= ends.w; y += 1u) {
+        for (var x = ends.x; x <= ends.y; x += 1u) {
+            if is_wide && is_wanted_block(vec2<u32>(x, y)) { return WIDE; }
+            found += select(0u, 1u, !is_wide && is_wanted(vec2<u32>(x, y)));
+        }
+    }
+    return found;
 }
 
 // By their bits: comparisons with a NaN mean nothing in WGSL.

@@ -7,6 +7,8 @@ const TILE_PIXELS: u32 = 256u;
 const TILE_QUADS: u32 = 64u;
 // Stands for +infinity, which WGSL does not promise.
 const NONE: f32 = 3.4028234e38;
+// Threshold where nothing shall be added: no splat passes, and sums stay as they are.
+const UNWANTED: f32 = -NONE;
 // Mark in `touched` of a splat that touches more tiles than `WIDEST`: listed once, apart.
 const WIDE: u32 = 0x80000000u;
 const WIDEST: u32 = 64u;
@@ -49,15 +51,15 @@ struct View {
     material: vec4<f32>,
     first_light: u32,
     lights: u32,
-    // 1: this is not the group's first wave.
+    // 1: thresholds and sums go on from what is there.
     resumes: u32,
-    // Sample that `reach` belongs to at the start of the wave, and the last sample of the wave, with their weights.
-    first_sample: u32,
-    first_weight: f32,
-    last_sample: u32,
-    last_weight: f32,
+    // Whose turn it is before and after the wave: 0 is that of what lies still, then the samples' come; see attribute.wgsl.
+    first_turn: u32,
+    last_turn: u32,
     // Change of the time weight from the middle of the interval to its end, over its mean.
     slope: f32,
+    // Blocks in a row and rows of them, where only some are wanted; 0 where all are.
+    blocks: vec2<u32>,
     // Pixel from which tiles, bounds and pixels of tiles are counted: 0, but for the map.
     corner: vec2<i32>,
     // First pixel of the map; tiles in a row and rows of tiles.
@@ -66,7 +68,7 @@ struct View {
     unused: vec2<u32>,
 }
 
-// Some surfels of one block of a model, posed at one time sample; row i of a transform is (m_i0, m_i1, m_i2, origin_i).
+// Some surfels of one block of a model, posed at one time sample. Before the first, each sample has one that holds its weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i).
 struct Segment {
     screen: array<vec4<f32>, 3>,
     rate: array<vec4<f32>, 3>,
@@ -86,7 +88,7 @@ struct Segment {
     // Place in the array of segments.
     index: u32,
     first_light: u32,
-    // Bit 0: two-sided; bit 1: one material a surfel; above: the sample in its group.
+    // Bit 0: two-sided; bit 1: one material a surfel; above: its turn, 0 for what lies still, else 1 + the sample in its group.
     flags: u32,
 }
 

@@ -36,7 +36,7 @@ fn swept_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocati
     let index = tile.y * view.tiles.x + tile.x;
     let in_tile = pixel.y * TILE + pixel.x;
     if !(sums[index * CHANNELS * TILE_PIXELS + in_tile] > 0.0) { return; }
-    add_pixel(index, tile.xy, pixel.xy, coverage(index, in_tile));
+    add_pixel(index, tile.xy, pixel.xy, Share(coverage(index, in_tile), 1.0));
 }
 
 @compute @workgroup_size(16, 16)
@@ -47,13 +47,13 @@ fn pool(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pi
     let at = index * PLANES * TILE_PIXELS + in_tile;
     let weight = view.weight;
     film[at + WEIGHT_PLANE * TILE_PIXELS] += weight * sums[sum_at];
-    add(at, mean(sum_at, 1u, 1.0), weight);
+    add(at, mean(sum_at, 1u, 1.0), Share(1.0, weight));
     film[at + 3u * TILE_PIXELS] += coverage(index, in_tile);
     if DEPTH_PLANE != 0u {
         film[at + DEPTH_PLANE * TILE_PIXELS] += weight * sums[sum_at + DEPTH * TILE_PIXELS];
     }
     if NORMAL_PLANE != 0u {
-        add(at + NORMAL_PLANE * TILE_PIXELS, mean(sum_at, NORMAL, 1.0), weight);
+        add(at + NORMAL_PLANE * TILE_PIXELS, mean(sum_at, NORMAL, 1.0), Share(1.0, weight));
     }
     if VELOCITY_PLANE != 0u {
         let x = at + VELOCITY_PLANE * TILE_PIXELS;

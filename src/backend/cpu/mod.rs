@@ -517,6 +517,8 @@ impl Work<'_> {
 
     /// Shades the splats of one chunk, where surfels are shaded.
     fn light<S: Faced>(&self, chunk: &Chunk, binned: &mut Binned<S>) {
+        // Those of an earlier frame must go.
+        binned.lit.clear();
         if self.frame.shading == Shading::Gouraud {
             lit::light(&binned.splats, &self.attributes(chunk, &[]), &mut binned.lit);
         }

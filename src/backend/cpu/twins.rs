@@ -1,6 +1,7 @@
 //! The passes one at a time, for tests that compare another backend's with them.
 
 use super::attribute::{self, Attributes, Tally};
+use super::layer::LayerTile;
 use super::lit;
 use super::project::{self, View};
 use super::resolve::{self, Resolve, TileFilm};
@@ -11,7 +12,7 @@ use crate::frame::{Frame, PosedGroup};
 use crate::layout::{Channels, Splat};
 use crate::plan::{Prefilter, Shading};
 
-/// Splats of one object at one sample, in surfel order.
+/// Splats of one object at one sample, in surfel order; those of one that lies still are of the first.
 #[derive(Clone, Debug)]
 pub(in crate::backend) struct Posed {
     pub sample: usize,
@@ -19,12 +20,24 @@ pub(in crate::backend) struct Posed {
     pub splats: Vec<Splat>,
 }
 
-/// Sums of a tile: channel by channel, `edge` x `edge`; reach and coverage only for groups of several samples.
+/// Sums of a tile: channel by channel, `edge` x `edge`; what follows the channels only for groups of several samples.
 #[derive(Clone, Debug, Default)]
 pub(in crate::backend) struct Sums {
     pub channels: Vec<Vec<f32>>,
     pub reach: Vec<f32>,
     pub coverage: Vec<f32>,
+    /// Reach of what lies still.
+    pub still: Vec<f32>,
+}
+
+/// What lies still in a tile, `edge` x `edge`, and what a group that starts from it has before what moves is added.
+pub(in crate::backend) struct Recalled {
+    pub layer_thresholds: Vec<f32>,
+    pub layer: Sums,
+    pub nearest: Vec<f32>,
+    pub sums: Sums,
+    /// Thresholds where sums must be added up anew, else negative.
+    pub limits: Vec<f32>,
 }
 
 /// One group, and tiles of another size than the backend's own.
@@ -40,8 +53,10 @@ impl Twins<'_> {
     pub(in crate::backend) fn project(&self) -> Vec<Posed> {
         let Self { frame, group, .. } = *self;
         let mut out = Vec::new();
-        for (sample, posed) in group.samples.iter().enumerate() {
-            for (object, pose) in posed.objects.iter().enumerate().filter(|(_, pose)| pose.visible) {
+        let all = (0..group.samples.len()).map(|sample| (sample, false));
+        for (sample, still) in std::iter::once((0, true)).chain(all) {
+            let of_sample = group.samples[sample].objects.iter().enumerate();
+            for (object, pose) in of_sample.filter(|(i, pose)| pose.visible && frame.objects[*i].still == still) {
                 let view = View {
                     object: pose,
                     raster: group.raster,
@@ -90,16 +105,51 @@ impl Twins<'_> {
     }
 
     pub(in crate::backend) fn attribute(&self, posed: &[Posed], tile: [usize; 2], thresholds: &[f32]) -> Sums {
-        let Self { frame, group, .. } = *self;
-        let channels = Channels::of(frame);
+        let group = self.group;
         let mut buffers = TileBuffers::default();
         self.put(thresholds, &mut buffers);
-        buffers.clear_sums(channels.count, group.samples.len());
+        buffers.clear_sums(Channels::of(self.frame).count, group.samples.len());
+        self.add(posed, tile, &mut buffers, &mut []);
+        if group.samples.len() > 1 {
+            buffers.union.turn(|sample| group.samples[sample].weight, group.samples.len());
+        }
+        self.sums(&buffers)
+    }
+
+    /// Starts pass `attribute` from what lies still in a tile.
+    pub(in crate::backend) fn recall(&self, posed: &[Posed], tile: [usize; 2], thresholds: &[f32]) -> Recalled {
+        let (channels, samples) = (Channels::of(self.frame).count, self.group.samples.len());
+        let still: Vec<Posed> = posed.iter().filter(|posed| self.frame.objects[posed.object].still).cloned().collect();
+        let layer_thresholds = self.visibility(&still, tile);
+        let mut buffers = TileBuffers::default();
+        self.put(&layer_thresholds, &mut buffers);
+        buffers.clear_sums(channels, samples);
+        let mut nearest = vec![f32::INFINITY; TILE * STRIDE];
+        self.add(&still, tile, &mut buffers, &mut nearest);
+        let layer = LayerTile::of(&buffers, &nearest, TileFilm::default());
+        let of_layer = self.sums(&buffers);
+        self.put(thresholds, &mut buffers);
+        buffers.clear_sums(channels, samples);
+        let limits = layer.recall(channels, &mut buffers).unwrap_or_else(|| vec![f32::NEG_INFINITY; TILE * STRIDE]);
+        Recalled {
+            layer_thresholds,
+            layer: of_layer,
+            nearest: self.take(|y| &nearest[y * STRIDE..]),
+            sums: self.sums(&buffers),
+            limits: self.take(|y| &limits[y * STRIDE..]),
+        }
+    }
+
+    /// Adds the splats of `posed` to the buffers' sums.
+    fn add(&self, posed: &[Posed], tile: [usize; 2], buffers: &mut TileBuffers, nearest: &mut [f32]) {
+        let Self { frame, group, .. } = *self;
+        let channels = Channels::of(frame);
         let total: f32 = group.samples.iter().map(|sample| sample.weight).sum();
-        let union = &mut buffers.union;
+        let TileBuffers { threshold, sums, union, .. } = buffers;
         for posed in posed {
             let sample = &group.samples[posed.sample];
-            if group.samples.len() > 1 {
+            let still = frame.objects[posed.object].still;
+            if group.samples.len() > 1 && !still {
                 union.turn(|sample| group.samples[sample].weight, posed.sample);
             }
             let mut attributes = Attributes {
@@ -110,7 +160,7 @@ impl Twins<'_> {
                 near: frame.near,
                 low_pass: if frame.prefilter == Prefilter::Approx { group.raster.low_pass } else { 0.0 },
                 stride: frame.stride as f32,
-                share: if total > 0.0 { sample.weight / total } else { 1.0 },
+                share: if total > 0.0 && !still { sample.weight / total } else { 1.0 },
                 lit: &[],
             };
             let mut lit = Vec::new();
@@ -119,22 +169,22 @@ impl Twins<'_> {
                 attributes.lit = &lit;
             }
             let list = self.list(posed, tile);
-            let mut tally = Tally { sums: &mut buffers.sums, reach: &mut union.reach, nearest: &mut [] };
-            attribute::attribute(&posed.splats, &list, &attributes, &self.rect(tile), &buffers.threshold, &mut tally);
+            let mut tally = Tally { sums, reach: &mut union.reach, nearest };
+            attribute::attribute(&posed.splats, &list, &attributes, &self.rect(tile), threshold, &mut tally);
         }
-        if group.samples.len() > 1 {
-            union.turn(|sample| group.samples[sample].weight, group.samples.len() - 1);
-        }
+    }
+
+    fn sums(&self, buffers: &TileBuffers) -> Sums {
+        let channels = Channels::of(self.frame).count;
         let plane = |values: &[f32]| match values {
             [] => Vec::new(),
             _ => self.take(|y| &values[y * STRIDE..]),
         };
         Sums {
-            channels: (0..channels.count)
-                .map(|c| self.take(|y| &buffers.sums[(y * channels.count + c) * STRIDE..]))
-                .collect(),
-            reach: plane(&union.reach),
-            coverage: plane(&union.coverage),
+            channels: (0..channels).map(|c| self.take(|y| &buffers.sums[(y * channels + c) * STRIDE..])).collect(),
+            reach: plane(&buffers.union.reach),
+            coverage: plane(&buffers.union.coverage),
+            still: plane(&buffers.union.still),
         }
     }
 
@@ -150,17 +200,10 @@ impl Twins<'_> {
                 buffers.sums[(y * channels.count + c) * STRIDE..][..self.edge].copy_from_slice(row);
             }
         }
-        for (plane, values) in [(&mut buffers.union.reach, &sums.reach), (&mut buffers.union.coverage, &sums.coverage)]
-        {
-            for (y, row) in values.chunks(self.edge).enumerate() {
-                plane[y * STRIDE..][..self.edge].copy_from_slice(row);
-            }
+        for (y, row) in sums.coverage.chunks(self.edge).enumerate() {
+            buffers.union.coverage[y * STRIDE..][..self.edge].copy_from_slice(row);
         }
         let samples = &group.samples;
-        if samples.len() > 1 {
-            buffers.union.sample = Some(samples.len() - 1);
-            buffers.union.turn(|sample| samples[sample].weight, samples.len());
-        }
         let resolve = Resolve {
             sample: &samples[samples.len() / 2],
             weight: samples[0].weight,

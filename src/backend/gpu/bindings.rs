@@ -4,6 +4,7 @@ use wgpu::{BindGroup, BindGroupEntry, BindingResource, BufferBinding, BufferSize
 
 use super::buffers::Buffers;
 use super::device::Device;
+use super::execute::Execution;
 use super::layout::{DIGIT_BITS, UNIFORM_STRIDE};
 use super::models::Block;
 use super::programs::{Constants, Pipelines, Program, Slot};
@@ -57,7 +58,18 @@ pub(super) struct Steps {
     pub resolve: Vec<Step>,
     /// Likewise, where the film is not finished when all groups are added.
     pub finish: Vec<Step>,
+    pub layer: Option<LayerSteps>,
     pub swept: Option<SweptSteps>,
+}
+
+/// What comes for groups that share a sample position.
+#[derive(Debug)]
+pub(super) struct LayerSteps {
+    /// Sums of what lies still.
+    pub sum: Step,
+    pub recall: Step,
+    /// Sums of what must be added anew: for each wave of what lies still.
+    pub anew: Vec<Step>,
 }
 
 /// What is other for kernels in motion.
@@ -109,6 +121,10 @@ impl Bench<'_> {
             Slot::Sums => &b.sums,
             // These are bound block by block and band by band.
             Slot::Film | Slot::Geometry | Slot::Looks => &b.film,
+            Slot::Wanted => &b.wanted,
+            Slot::LayerThresholds => &b.layer_thresholds,
+            Slot::LayerSums => &b.layer_sums,
+            Slot::Limits => &b.limits,
         }
     }
 
@@ -166,18 +182,18 @@ impl Bench<'_> {
         blocks.iter().map(|blocks| blocks.iter().map(&mut one).collect()).collect()
     }
 
-    /// All steps of a frame. `most_tiles`: of a band. `parts`: first byte and length of what each band has of the film.
-    pub(super) fn steps(
-        &mut self,
-        frame: &Frame<'_>,
-        channels: &DeviceChannels,
-        planes: &FilmPlanes,
-        blocks: &[Vec<Block>],
-        most_tiles: u64,
-        parts: &[(u64, u64)],
-    ) -> Result<Steps, BackendError> {
+    /// All steps of a frame.
+    pub(super) fn steps(&mut self, execution: &Execution<'_>) -> Result<Steps, BackendError> {
+        let Execution { frame, channels, planes, blocks, schedule } = execution;
+        let parts = &execution.parts();
         let none = Constants::new();
-        let rounds = most_tiles.max(1).next_power_of_two().trailing_zeros().div_ceil(DIGIT_BITS) as usize;
+        let rounds = schedule
+            .band_tiles
+            .max(schedule.map_tiles)
+            .max(1)
+            .next_power_of_two()
+            .trailing_zeros()
+            .div_ceil(DIGIT_BITS) as usize;
         let sums = sum_constants(channels);
         let values = value_constants(frame, channels);
         // After an even number of rounds entries are back where they began.
@@ -222,8 +238,45 @@ impl Bench<'_> {
             sum_attributes: self.step(Program::SumAttributes, &sums, 1, &[])?,
             resolve: resolve_parts,
             finish,
+            layer: self.layer_steps(channels, schedule.kept_waves() as usize)?,
             swept,
         })
+    }
+
+    /// `kept_waves`: of what lies still.
+    fn layer_steps(
+        &mut self,
+        channels: &DeviceChannels,
+        kept_waves: usize,
+    ) -> Result<Option<LayerSteps>, BackendError> {
+        if kept_waves == 0 {
+            return Ok(None);
+        }
+        let buffers = self.buffers;
+        let least_depth = DeviceChannels { count: channels.count + 1, ..*channels };
+        let mut with_nearest = sum_constants(&least_depth);
+        with_nearest.push(("NEAREST", channels.count as u32));
+        let to_layer = [(Slot::Sums, buffers.layer_sums.as_entire_buffer_binding())];
+        let sums = sum_constants(channels);
+        let recalled = vec![("CHANNELS", channels.count as u32), ("REACH", channels.reach.unwrap_or(0) as u32)];
+        let anew = buffers.kept[..kept_waves].iter().map(|kept| {
+            let special = [
+                (Slot::Splats, &kept.splats),
+                (Slot::List, &kept.list),
+                (Slot::Wide, &kept.wide),
+                (Slot::Starts, &kept.starts),
+                (Slot::Values, &kept.values),
+                (Slot::Thresholds, &buffers.limits),
+            ];
+            let special = special.map(|(slot, buffer)| (slot, buffer.as_entire_buffer_binding()));
+            self.step(Program::SumAttributes, &sums, 1, &special)
+        });
+        let anew = anew.collect::<Result<_, _>>()?;
+        Ok(Some(LayerSteps {
+            sum: self.step(Program::SumAttributes, &with_nearest, 1, &to_layer)?,
+            recall: self.step(Program::Recall, &recalled, 0, &[])?,
+            anew,
+        }))
     }
 
     /// `program` for each part of the film.

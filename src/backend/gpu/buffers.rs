@@ -35,8 +35,27 @@ pub(super) struct Buffers {
     pub presence: Buffer,
     pub moments: Buffer,
     pub film: Buffer,
+    /// Blocks that are wanted.
+    pub wanted: Buffer,
+    /// Of what lies still, alone: thresholds and sums.
+    pub layer_thresholds: Buffer,
+    pub layer_sums: Buffer,
+    /// Thresholds of the pixels that what lies still is added to anew.
+    pub limits: Buffer,
+    /// The waves of what lies still.
+    pub kept: Vec<Kept>,
     /// Entries that there is room for.
     pub entries: u64,
+}
+
+/// One wave of what lies still: its splats, lists and attributes.
+#[derive(Debug)]
+pub(super) struct Kept {
+    pub splats: Buffer,
+    pub list: Buffer,
+    pub wide: Buffer,
+    pub starts: Buffer,
+    pub values: Buffer,
 }
 
 const SHARED: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC).union(BufferUsages::COPY_DST);
@@ -69,6 +88,11 @@ impl Buffers {
             presence: empty()?,
             moments: device.buffer("moments", size_of::<[f32; 32]>() as u64, SHARED)?,
             film: empty()?,
+            wanted: empty()?,
+            layer_thresholds: empty()?,
+            layer_sums: empty()?,
+            limits: empty()?,
+            kept: Vec::new(),
             entries: 0,
         })
     }
@@ -95,7 +119,41 @@ impl Buffers {
             grow(device, &mut self.map, "the map", 2 * tile * map)?;
             grow(device, &mut self.presence, "presence", 3 * tile * band)?;
         }
+        if schedule.kept_slots > 0 {
+            grow(device, &mut self.layer_thresholds, "thresholds", tile * band)?;
+            grow(device, &mut self.layer_sums, "sums", tile * (channels.count as u64 + 1) * band)?;
+            grow(device, &mut self.limits, "thresholds", tile * band)?;
+        }
         grow(device, &mut self.film, "the film's planes", schedule.film_bytes)
+    }
+
+    /// Makes room for what lies still, once there is room for the entries of a wave.
+    pub(super) fn fit_kept(
+        &mut self,
+        device: &Device,
+        schedule: &Schedule,
+        channels: &DeviceChannels,
+    ) -> Result<(), BackendError> {
+        let slots = schedule.slots.min(schedule.kept_slots);
+        for wave in 0..schedule.kept_waves() as usize {
+            if self.kept.len() <= wave {
+                let empty = || device.buffer("what lies still", 0, SHARED);
+                self.kept.push(Kept {
+                    splats: device.buffer("what lies still", size_of::<SweptSplat>() as u64, SHARED)?,
+                    list: empty()?,
+                    wide: empty()?,
+                    starts: empty()?,
+                    values: empty()?,
+                });
+            }
+            let kept = &mut self.kept[wave];
+            grow(device, &mut kept.splats, "what lies still", slots * schedule.splat_bytes)?;
+            grow(device, &mut kept.list, "what lies still", 4 * self.entries)?;
+            grow(device, &mut kept.wide, "what lies still", 4 * slots)?;
+            grow(device, &mut kept.starts, "what lies still", 4 * (schedule.band_tiles + 2))?;
+            grow(device, &mut kept.values, "what lies still", 4 * u64::from(channels.values) * slots)?;
+        }
+        Ok(())
     }
 
     /// Makes room for `entries` entries.

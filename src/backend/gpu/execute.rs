@@ -1,13 +1,17 @@
 //! Executes a frame's plan on the device: cuts the frame up, records the passes of each group, and submits them one after
 //! the other. Nothing waits for the device here.
 
+use bytemuck::Zeroable;
 use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 
 use super::bindings::{Bench, Step, Steps};
+use super::buffers::grow;
 use super::clock::Marks;
-use super::layout::{BLOCK, DIGIT_BITS, TILE, Travel, UNIFORM_STRIDE, View, lights};
+use super::layer::KEEPING;
+use super::layout::{BLOCK, DIGIT_BITS, Segment, TILE, Travel, UNIFORM_STRIDE, View, lights, wanted};
 use super::models::Block;
-use super::schedule::{Area, Band, DeviceChannels, ENTRIES_PER_SLOT, Schedule, Wave};
+use super::schedule::{Area, Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, Schedule};
+use super::waves::{Part, Wave, Waves};
 use super::{Gpu, Machine};
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
@@ -31,8 +35,8 @@ impl Gpu {
         let planes = FilmPlanes::of(frame.aovs);
         let once = frame.swept.is_some_and(|swept| swept.normalise == Normalise::Once);
         let planes = if once { planes.pooled() } else { planes };
-        let mut schedule = Schedule::new(frame, &channels, &planes, self.most_bytes)?;
-        schedule.slots = schedule.slots.min(self.most_slots);
+        let limits = Limits { bytes: self.most_bytes, slots: self.most_slots };
+        let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
         let Machine { device, models, buffers, .. } = &mut self.machine;
         let blocks =
@@ -40,6 +44,10 @@ impl Gpu {
         buffers.fit(device, &schedule, &channels)?;
         let entries = (ENTRIES_PER_SLOT * schedule.slots).min(self.first_entries).max(self.wanted_entries);
         buffers.fit_entries(device, entries.min(schedule.most_entries))?;
+        buffers.fit_kept(device, &schedule, &channels)?;
+        let wanted = wanted(frame);
+        grow(device, &mut buffers.wanted, "blocks", 4 * wanted.len() as u64)?;
+        device.queue.write_buffer(&buffers.wanted, 0, bytemuck::cast_slice(&wanted));
         Ok(Execution { frame, channels, planes, blocks, schedule })
     }
 
@@ -54,10 +62,24 @@ impl Gpu {
         let mut part = 0;
         for (raster, groups) in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase).enumerate() {
             for band in schedule.bands(raster) {
-                for group in groups {
-                    let resolve = &steps.resolve[part];
-                    let work = Work { execution, group, raster, band, on_map: false, steps: &steps, resolve };
-                    self.machine.group(&work, marks);
+                for groups in groups.chunk_by(|a, b| a.raster == b.raster) {
+                    let work = |group, part_of_group| Work {
+                        execution,
+                        group,
+                        raster,
+                        band,
+                        part: part_of_group,
+                        on_map: false,
+                        steps: &steps,
+                        resolve: &steps.resolve[part],
+                    };
+                    let keeps = schedule.kept_slots > 0 && groups.len() > 1;
+                    if keeps {
+                        self.machine.passes(&work(&groups[0], Part::Still), &KEEPING, marks);
+                    }
+                    for group in groups {
+                        self.machine.group(&work(group, if keeps { Part::Moving } else { Part::Whole }), marks);
+                    }
                 }
                 if let Some(finish) = steps.finish.get(part) {
                     self.machine.finish(finish, schedule.rasters[raster].area(band));
@@ -74,30 +96,25 @@ impl Gpu {
         let mut most = [0_usize; 3];
         let mut passes = 0;
         for group in &frame.groups {
-            let waves = schedule.waves(frame, group, &execution.blocks);
-            let segments = waves.iter().map(|wave| wave.segments.len()).sum();
+            // Cut in two there may be a view more.
+            let waves = schedule.waves(frame, group, &execution.blocks, Part::Whole);
+            let views = waves.waves.len() + 2;
+            let segments = group.samples.len() + waves.segments().count() + views;
             let lights = group.samples.iter().map(|sample| sample.lights.len()).sum();
-            most = [most[0].max(waves.len()), most[1].max(segments), most[2].max(lights)];
-            passes += 9 * waves.len() + 2;
+            most = [most[0].max(views), most[1].max(segments), most[2].max(lights)];
+            passes += 9 * views + 3;
         }
         let bands: usize = (0..schedule.rasters.len()).map(|raster| schedule.bands(raster).count()).max().unwrap_or(0);
         let Machine { device, buffers, pipelines, .. } = &mut self.machine;
         buffers.fit_group(device, most[0], most[1], most[2])?;
         marks.begin(device, passes * bands)?;
-        Bench { device, pipelines, buffers }.steps(
-            frame,
-            &execution.channels,
-            &execution.planes,
-            &execution.blocks,
-            schedule.band_tiles.max(schedule.map_tiles),
-            &execution.parts(),
-        )
+        Bench { device, pipelines, buffers }.steps(execution)
     }
 }
 
 impl Execution<'_> {
     /// First byte and length of what each band has of the film.
-    fn parts(&self) -> Vec<(u64, u64)> {
+    pub(super) fn parts(&self) -> Vec<(u64, u64)> {
         let mut parts = Vec::new();
         for (index, raster) in self.schedule.rasters.iter().enumerate() {
             let row = u64::from(raster.tiles[0]) * u64::from(TILE * TILE) * 4 * self.planes.count as u64;
@@ -116,6 +133,7 @@ pub(super) struct Work<'a> {
     pub group: &'a PosedGroup,
     pub raster: usize,
     pub band: Band,
+    pub part: Part,
     /// On the map around the band, not on the band itself.
     pub on_map: bool,
     pub steps: &'a Steps,
@@ -152,33 +170,40 @@ impl Machine {
     }
 
     /// Records and submits some passes of a group, those that need lists wave by wave.
-    fn passes(&self, work: &Work<'_>, passes: &[Pass], marks: &mut Marks) {
-        let waves = self.upload(work);
+    pub(super) fn passes(&self, work: &Work<'_>, passes: &[Pass], marks: &mut Marks) {
+        let Waves { kept, waves } = self.upload(work);
         let Some(last) = waves.len().checked_sub(1) else { return };
         let mut encoder = self.encoder();
         let mut at_hand = None;
         for &pass in passes {
+            if work.part == Part::Moving {
+                self.recall(&mut encoder, pass, work, kept.len(), marks);
+            }
             match pass {
                 // Run where lists are needed that are not at hand.
                 Pass::Project | Pass::Bin | Pass::Sweep => {}
                 Pass::Visibility | Pass::Attribute | Pass::Density | Pass::SweptAttribute => {
                     for (number, wave) in waves.iter().enumerate() {
+                        let view = kept.len() + number;
                         if at_hand != Some(number) {
                             let of_still: &[Pass] = &[Pass::Project, Pass::Bin];
                             let makes = if pass == Pass::SweptAttribute { &[Pass::Sweep] } else { of_still };
                             for &pass in makes {
-                                self.record(&mut encoder, pass, work, wave, number, marks);
+                                self.record(&mut encoder, pass, work, wave, view, marks);
                             }
                             at_hand = Some(number);
                         }
-                        self.record(&mut encoder, pass, work, wave, number, marks);
+                        self.record(&mut encoder, pass, work, wave, view, marks);
+                        if work.part == Part::Still && pass == Pass::Attribute {
+                            self.keep(&mut encoder, work, wave, number);
+                        }
                         if waves.len() > 1 {
                             self.flush(&mut encoder, marks);
                         }
                     }
                 }
                 Pass::Resolve | Pass::Keep | Pass::SweptResolve => {
-                    self.record(&mut encoder, pass, work, &waves[last], last, marks);
+                    self.record(&mut encoder, pass, work, &waves[last], kept.len() + last, marks);
                 }
             }
         }
@@ -203,10 +228,10 @@ impl Machine {
     }
 
     /// Uploads a group's views, segments and lights; returns its waves.
-    pub(super) fn upload(&self, work: &Work<'_>) -> Vec<Wave> {
-        let Work { execution, group, .. } = *work;
+    pub(super) fn upload(&self, work: &Work<'_>) -> Waves {
+        let Work { execution, group, part, .. } = *work;
         let frame = execution.frame;
-        let waves = execution.schedule.waves(frame, group, &execution.blocks);
+        let waves = execution.schedule.waves(frame, group, &execution.blocks, part);
         let (area, map) = (work.area(), work.map());
         let shared = View {
             pixels: area.pixels,
@@ -220,22 +245,22 @@ impl Machine {
         };
         let mut views = Vec::new();
         let mut before = 0;
-        for (number, wave) in waves.iter().enumerate() {
+        let mut travels = vec![Travel::zeroed(); group.samples.len()];
+        for (number, wave) in waves.kept.iter().chain(&waves.waves).enumerate() {
             let view = View {
                 slots: wave.slots,
-                resumes: u32::from(number > 0),
-                first_sample: before as u32,
-                first_weight: group.samples[before].weight,
-                last_sample: wave.last_sample as u32,
-                last_weight: group.samples[wave.last_sample].weight,
+                resumes: u32::from(number > 0 || part == Part::Moving),
+                first_turn: before,
+                last_turn: wave.last_turn,
                 ..shared
             };
-            before = wave.last_sample;
+            before = wave.last_turn;
             views.extend_from_slice(bytemuck::bytes_of(&view));
-            views.resize((number + 1) * UNIFORM_STRIDE as usize, 0);
+            views.resize(view_offset(number + 1) as usize, 0);
+            travels.extend_from_slice(&wave.travels);
         }
-        let segments: Vec<_> = waves.iter().flat_map(|wave| &wave.segments).map(|segment| segment.0).collect();
-        let travels: Vec<Travel> = waves.iter().flat_map(|wave| wave.travels.iter().copied()).collect();
+        let weights = group.samples.iter().map(|sample| Segment::weighing(sample.weight));
+        let segments: Vec<_> = weights.chain(waves.segments().copied()).collect();
         let queue = &self.device.queue;
         if let Some(interval) = &group.interval {
             queue.write_buffer(&self.buffers.moments, 0, bytemuck::bytes_of(&interval.moments));
@@ -247,7 +272,7 @@ impl Machine {
         waves
     }
 
-    /// Records one pass of one wave.
+    /// Records one pass of one wave, whose view is `number`.
     pub(super) fn record(
         &self,
         encoder: &mut CommandEncoder,
@@ -260,7 +285,7 @@ impl Machine {
         let timestamp_writes = marks.mark(pass);
         let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
         let steps = work.steps;
-        let view = number as u32 * UNIFORM_STRIDE as u32;
+        let view = view_offset(number);
         let tiles = work.area().tiles;
         let recorder = &mut recorder;
         match (pass, &steps.swept) {
@@ -269,7 +294,8 @@ impl Machine {
             (Pass::Visibility, _) => dispatch(recorder, &steps.visibility, tiles, view),
             (Pass::Attribute, _) => {
                 of_segments(recorder, &steps.splat_values, wave, view);
-                dispatch(recorder, &steps.sum_attributes, tiles, view);
+                let keeping = steps.layer.as_ref().filter(|_| work.part == Part::Still);
+                dispatch(recorder, keeping.map_or(&steps.sum_attributes, |layer| &layer.sum), tiles, view);
             }
             (Pass::Resolve | Pass::SweptResolve, _) => dispatch(recorder, work.resolve, tiles, view),
             (Pass::Density, Some(swept)) => dispatch(recorder, &swept.density, tiles, view),
@@ -305,7 +331,12 @@ impl Machine {
     }
 }
 
-fn dispatch(recorder: &mut ComputePass<'_>, step: &Step, groups: [u32; 2], view: u32) {
+/// Where view `number` begins.
+pub(super) const fn view_offset(number: usize) -> u32 {
+    number as u32 * UNIFORM_STRIDE as u32
+}
+
+pub(super) fn dispatch(recorder: &mut ComputePass<'_>, step: &Step, groups: [u32; 2], view: u32) {
     step.set(recorder, &[view]);
     recorder.dispatch_workgroups(groups[0], groups[1], 1);
 }

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
-use crate::frame::{Frame, FrameObject, PosedGroup, PosedObject, PosedSample};
+use crate::frame::{Blocks, Frame, FrameObject, PosedGroup, PosedObject, PosedSample};
 use crate::model::Material;
 use crate::plan::Prefilter;
 use crate::shading::ShadingLight;
@@ -42,18 +42,17 @@ pub(super) struct View {
     pub first_light: u32,
     pub lights: u32,
     pub resumes: u32,
-    pub first_sample: u32,
-    pub first_weight: f32,
-    pub last_sample: u32,
-    pub last_weight: f32,
+    pub first_turn: u32,
+    pub last_turn: u32,
     pub slope: f32,
+    pub blocks: [u32; 2],
     pub corner: [i32; 2],
     pub map_corner: [i32; 2],
     pub map_tiles: [u32; 2],
     pub unused: [u32; 2],
 }
 
-/// Some surfels of one block of a model, posed at one time sample.
+/// Some surfels of one block of a model, posed at one time sample; or, of a sample, its weight.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(super) struct Segment {
@@ -102,8 +101,13 @@ pub(super) struct Status {
 }
 
 impl Segment {
-    /// The pose of an object; which surfels it is for is left open.
-    pub(super) fn posed(posed: &PosedObject, object: &FrameObject<'_>, sample: usize, weight: f32, share: f32) -> Self {
+    /// The weight of a sample.
+    pub(super) fn weighing(weight: f32) -> Self {
+        Self { weight, ..Self::zeroed() }
+    }
+
+    /// The pose of an object; which surfels it is for is left open. `turn`: 0 for what lies still, else 1 + the sample.
+    pub(super) fn posed(posed: &PosedObject, object: &FrameObject<'_>, turn: u32, share: f32) -> Self {
         let materials = object.material.is_none() && !object.surfels.material.is_empty();
         Self {
             screen: rows(&posed.screen_from_model, posed.screen_origin),
@@ -113,9 +117,8 @@ impl Segment {
             material: coefficients(object.material.unwrap_or_default()),
             epsilon: posed.epsilon,
             handedness: posed.handedness,
-            weight,
             share,
-            flags: u32::from(object.two_sided) | u32::from(materials) << 1 | (sample as u32) << 2,
+            flags: u32::from(object.two_sided) | u32::from(materials) << 1 | turn << 2,
             ..Self::zeroed()
         }
     }
@@ -153,9 +156,25 @@ impl View {
             first_light: (group.samples.len() / 2 * middle.lights.len()) as u32,
             lights: middle.lights.len() as u32,
             slope: group.interval.map_or(0.0, |interval| interval.slope),
+            blocks: blocks(frame),
             ..Self::zeroed()
         }
     }
+}
+
+/// Blocks in a row and rows of them, where only some are wanted; else 0. All of a map are.
+fn blocks(frame: &Frame<'_>) -> [u32; 2] {
+    if frame.wanted.is_none() || frame.swept.is_some() {
+        return [0; 2];
+    }
+    Blocks::count(frame.size, frame.stride).map(|blocks| blocks as u32)
+}
+
+/// One a block, row by row: not 0 where it is wanted.
+pub(super) fn wanted(frame: &Frame<'_>) -> Vec<u32> {
+    let [width, height] = blocks(frame).map(|blocks| blocks as usize);
+    let wanted = |index: usize| frame.wanted.as_ref().is_some_and(|blocks| blocks.at(index % width, index / width));
+    (0..width * height).map(|index| u32::from(wanted(index))).collect()
 }
 
 /// The lights of a group's samples, one sample after the other; every sample has the same number.

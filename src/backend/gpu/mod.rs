@@ -11,12 +11,14 @@ mod device;
 mod execute;
 mod film;
 mod flight;
+mod layer;
 mod layout;
 mod models;
 mod programs;
 mod schedule;
 #[cfg(test)]
 mod tests;
+mod waves;
 
 use std::collections::VecDeque;
 

@@ -37,6 +37,10 @@ pub(super) enum Slot {
     Map = 24,
     Presence = 25,
     Moments = 26,
+    Wanted = 27,
+    LayerThresholds = 28,
+    LayerSums = 29,
+    Limits = 30,
 }
 
 /// A compute program.
@@ -51,6 +55,7 @@ pub(super) enum Program {
     SortScatter,
     BinStarts,
     Visibility,
+    Recall,
     SplatValues,
     SumAttributes,
     Resolve,
@@ -67,13 +72,15 @@ macro_rules! wgsl {
     ($($file:literal),+ $(,)?) => { concat!($(include_str!(concat!("../../../shaders/", $file)), "\n"),+) };
 }
 
-const PROJECT: &str = wgsl!("common/types.wgsl", "common/bounds.wgsl", "project.wgsl");
-const BIN: &str = wgsl!("common/types.wgsl", "common/scan.wgsl", "bin.wgsl");
-const VISIBILITY: &str = wgsl!("common/types.wgsl", "common/hit.wgsl", "visibility.wgsl");
+const PROJECT: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/bounds.wgsl", "project.wgsl");
+const BIN: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/scan.wgsl", "bin.wgsl");
+const VISIBILITY: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/hit.wgsl", "visibility.wgsl");
+const RECALL: &str = wgsl!("common/types.wgsl", "recall.wgsl");
 const ATTRIBUTE: &str =
     wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "common/hit.wgsl", "attribute.wgsl");
 const RESOLVE: &str = wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "resolve.wgsl");
-const SWEEP: &str = wgsl!("common/types.wgsl", "common/bounds.wgsl", "common/swept.wgsl", "swept/project.wgsl");
+const SWEEP: &str =
+    wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/bounds.wgsl", "common/swept.wgsl", "swept/project.wgsl");
 const MAP: &str = wgsl!("common/types.wgsl", "swept/map.wgsl");
 const SWEPT_ATTRIBUTE: &str =
     wgsl!("common/types.wgsl", "common/fast.wgsl", "common/swept.wgsl", "common/sweep.wgsl", "swept/attribute.wgsl");
@@ -85,7 +92,7 @@ type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(super) const ALL: [Self; 18] = [
+    pub(super) const ALL: [Self; 19] = [
         Self::Project,
         Self::BinReduce,
         Self::BinScan,
@@ -95,6 +102,7 @@ impl Program {
         Self::SortScatter,
         Self::BinStarts,
         Self::Visibility,
+        Self::Recall,
         Self::SplatValues,
         Self::SumAttributes,
         Self::Resolve,
@@ -117,6 +125,7 @@ impl Program {
             | Self::SortScan
             | Self::SortScatter => BIN,
             Self::Visibility => VISIBILITY,
+            Self::Recall => RECALL,
             Self::SplatValues | Self::SumAttributes => ATTRIBUTE,
             Self::Resolve => RESOLVE,
             Self::Sweep => SWEEP,
@@ -137,6 +146,7 @@ impl Program {
             Self::SortScatter => "sort_scatter",
             Self::BinStarts => "bin_starts",
             Self::Visibility => "visibility",
+            Self::Recall => "recall",
             Self::SplatValues => "splat_values",
             Self::SumAttributes => "sum_attributes",
             Self::Resolve => "resolve",
@@ -151,20 +161,21 @@ impl Program {
 
     pub(super) const fn buffers(self) -> Buffers {
         use Slot::{
-            DigitTotals, Film, Geometry, Histogram, Keys, Lights, List, Looks, Map, Moments, Partials, Presence,
-            Segments, SortedKeys, SortedList, Splats, Starts, Status, Sums, Thresholds, Totals, Touched, Travels,
-            Values, Wide, WrittenTotals, WrittenValues,
+            DigitTotals, Film, Geometry, Histogram, Keys, LayerSums, LayerThresholds, Lights, Limits, List, Looks, Map,
+            Moments, Partials, Presence, Segments, SortedKeys, SortedList, Splats, Starts, Status, Sums, Thresholds,
+            Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
         };
         match self {
-            Self::Project | Self::Sweep => (&[Geometry, Travels], &[Splats, Touched]),
+            Self::Project | Self::Sweep => (&[Geometry, Travels, Wanted], &[Splats, Touched]),
             Self::BinReduce => (&[Touched], &[Partials]),
             Self::BinScan => (&[], &[Partials, WrittenTotals, Status]),
-            Self::BinEmit => (&[Splats, Touched, Totals], &[Partials, Keys, List, Wide]),
+            Self::BinEmit => (&[Splats, Touched, Totals, Wanted], &[Partials, Keys, List, Wide]),
             Self::SortCount => (&[Totals, SortedKeys], &[Histogram]),
             Self::SortScan => (&[Totals], &[Histogram, DigitTotals]),
             Self::SortScatter => (&[Totals, SortedKeys, SortedList], &[Histogram, DigitTotals, Keys, List]),
             Self::BinStarts => (&[Totals, SortedKeys], &[Starts]),
-            Self::Visibility => (&[Segments, Splats, List, Wide, Starts], &[Thresholds]),
+            Self::Visibility => (&[Segments, Splats, List, Wide, Starts, Wanted], &[Thresholds]),
+            Self::Recall => (&[Thresholds, LayerThresholds, LayerSums], &[Sums, Limits]),
             Self::SplatValues => (&[Geometry, Looks, Lights, Splats, Touched], &[WrittenValues]),
             Self::SumAttributes => (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums]),
             Self::Resolve => (&[Lights, Thresholds, Sums], &[Film]),

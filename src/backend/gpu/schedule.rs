@@ -1,10 +1,9 @@
-//! How a frame is cut up: rasters into bands of tile rows, groups into waves of surfels, so that every buffer fits.
+//! How a frame is cut up: rasters into bands of tile rows, so that every buffer fits; how large waves of surfels may be.
 
-use super::layout::{BLOCK, Segment, TILE, Travel, UNIFORM_STRIDE, WIDEST};
-use super::models::Block;
+use super::layout::{BLOCK, TILE, WIDEST};
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
-use crate::frame::{Frame, PosedGroup};
+use crate::frame::Frame;
 use crate::layout::{Channels, Splat, SweptSplat};
 
 /// Pixels of a tile.
@@ -20,13 +19,16 @@ const MAP_TILE_BYTES: u64 = 4 * 4 * TILE_PIXELS + 4;
 /// Bytes of a tile's presence.
 const PRESENCE_BYTES: u64 = 3 * 4 * TILE_PIXELS;
 
-/// Channels of sums on the device: those of the twin, then two for groups of several samples.
+/// Bytes of an entry of a list that is kept.
+const KEPT_ENTRY_BYTES: u64 = 4;
+
+/// Channels of sums on the device: those of the twin, then three for groups of several samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct DeviceChannels {
     pub shared: Channels,
     /// Floats of a splat in `values`.
     pub values: u32,
-    /// First of two: reach and coverage.
+    /// First of three: reach, coverage, and the reach of what lies still.
     pub reach: Option<usize>,
     pub count: usize,
 }
@@ -41,7 +43,7 @@ impl DeviceChannels {
             shared,
             values: values as u32,
             reach: several.then_some(shared.count),
-            count: shared.count + if several { 2 } else { 0 },
+            count: shared.count + if several { 3 } else { 0 },
         }
     }
 }
@@ -105,20 +107,10 @@ impl Area {
         }
     }
 
-    fn len(&self) -> u64 {
+    /// Tiles.
+    pub(super) fn len(&self) -> u64 {
         u64::from(self.tiles[0]) * u64::from(self.tiles[1])
     }
-}
-
-/// Surfels that go through the passes together.
-#[derive(Clone, Debug)]
-pub(super) struct Wave {
-    pub slots: u32,
-    /// Segments, with the object and the block of each.
-    pub segments: Vec<(Segment, usize, usize)>,
-    /// One a segment.
-    pub travels: Vec<Travel>,
-    pub last_sample: usize,
 }
 
 /// How a frame is cut up.
@@ -140,16 +132,44 @@ pub(super) struct Schedule {
     pub slots: u64,
     /// Most entries of a wave's lists that may be made room for.
     pub most_entries: u64,
+    /// Slots of what lies still that are kept for groups that share a sample position; 0: all groups splat everything.
+    pub kept_slots: u64,
+}
+
+/// What a device sets limits to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    /// Bytes of what a program can reach of a buffer.
+    pub bytes: u64,
+    /// Slots of a wave.
+    pub slots: u64,
 }
 
 impl Schedule {
-    /// `most_bytes`: of what a program can reach of a buffer.
     pub(super) fn new(
         frame: &Frame<'_>,
         channels: &DeviceChannels,
         planes: &FilmPlanes,
-        most_bytes: u64,
+        limits: Limits,
     ) -> Result<Self, BackendError> {
+        let still = still_surfels(frame);
+        let kept = (still > 0).then(|| Self::cut(frame, channels, planes, limits, still));
+        match kept {
+            Some(Ok(schedule)) => Ok(schedule),
+            // Without room to keep anything there may be room to render.
+            _ => Self::cut(frame, channels, planes, limits, 0),
+        }
+    }
+
+    /// With `kept_slots` of what lies still.
+    fn cut(
+        frame: &Frame<'_>,
+        channels: &DeviceChannels,
+        planes: &FilmPlanes,
+        limits: Limits,
+        kept_slots: u64,
+    ) -> Result<Self, BackendError> {
+        let most_bytes = limits.bytes;
         let (mut rasters, mut film_floats) = (Vec::new(), 0);
         for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
             let size = groups[0].raster.size;
@@ -163,12 +183,21 @@ impl Schedule {
         let film = 2 * film_bytes + 4 * pixels * planes.count as u64;
         let swept = frame.swept.is_some();
         let presence = if swept { PRESENCE_BYTES } else { 0 };
-        let tile_bytes = 4 * TILE_PIXELS * (1 + channels.count as u64) + 4 + presence;
+        let keeps = kept_slots > 0;
+        let tile_bytes = {
+            let own = 4 * TILE_PIXELS * (1 + channels.count as u64) + 4 + presence;
+            // Thresholds, sums with the least depth, limits.
+            let kept = 4 * TILE_PIXELS * (3 + channels.count as u64) + 4;
+            own + if keeps { kept } else { 0 }
+        };
         let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
         let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
         let splat_bytes = if swept { size_of::<SweptSplat>() } else { size_of::<Splat>() } as u64;
         let slot_bytes = splat_bytes + 8 + 4 * u64::from(channels.values) + 8 / u64::from(BLOCK);
-        let least_wave = LEAST_SLOTS * (slot_bytes + u64::from(WIDEST) * ENTRY_BYTES);
+        let kept_bytes = kept_slots * (splat_bytes + 4 + 4 * u64::from(channels.values));
+        // Room for the entries of a wave is room for them in each wave that is kept.
+        let entry_bytes = |slots: u64| ENTRY_BYTES + KEPT_ENTRY_BYTES * kept_slots.div_ceil(slots);
+        let least_wave = LEAST_SLOTS * (slot_bytes + u64::from(WIDEST) * entry_bytes(LEAST_SLOTS)) + kept_bytes;
 
         // Tiles of the largest map around a band of so many rows of tiles.
         let guard = frame.groups.iter().filter_map(|group| group.interval).map(|interval| interval.guard).max();
@@ -194,7 +223,8 @@ impl Schedule {
             });
         }
         let left = frame.memory - frame.model_bytes - film;
-        let reach = most_bytes / (4 * TILE_PIXELS * channels.count.max(planes.count) as u64);
+        let sums = channels.count + usize::from(keeps);
+        let reach = most_bytes / (4 * TILE_PIXELS * sums.max(planes.count) as u64);
         let band_tiles = reach.min((left - least_wave) / 2 / tile_bytes).max(widest).min(widest * tallest);
         let band_rows: Vec<u32> = rasters
             .iter()
@@ -215,17 +245,18 @@ impl Schedule {
             (band_tiles, band_rows)
         };
         let map_tiles = map_of(band_rows.iter().copied().max().unwrap_or(0));
-        let left = left - band_tiles * tile_bytes - map_tiles * MAP_TILE_BYTES;
+        let left = left - band_tiles * tile_bytes - map_tiles * MAP_TILE_BYTES - kept_bytes;
         let samples = frame.groups.iter().map(|group| group.samples.len()).max().unwrap_or(1) as u64;
         let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
         let reach = most_bytes / splat_bytes.max(4 * u64::from(channels.values));
-        let fit = left / (slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES);
-        let slots = (samples * surfels).min(fit).max(LEAST_SLOTS).min(reach);
-        let most_entries = ((left.saturating_sub(slots * slot_bytes)) / ENTRY_BYTES)
+        let kept_entry_bytes = if keeps { KEPT_ENTRY_BYTES } else { 0 };
+        let fit = left / (slot_bytes + ENTRIES_PER_SLOT * (ENTRY_BYTES + kept_entry_bytes));
+        let slots = (samples * surfels).min(fit).max(LEAST_SLOTS).min(reach).min(limits.slots);
+        let most_entries = ((left.saturating_sub(slots * slot_bytes)) / entry_bytes(slots))
             .max(LEAST_SLOTS * u64::from(WIDEST))
             .min(most_bytes / 4)
             .min(65_535 * u64::from(BLOCK));
-        Ok(Self { rasters, film_bytes, band_tiles, map_tiles, splat_bytes, band_rows, slots, most_entries })
+        Ok(Self { rasters, film_bytes, band_tiles, map_tiles, splat_bytes, band_rows, slots, most_entries, kept_slots })
     }
 
     /// The bands of raster `index`.
@@ -235,46 +266,19 @@ impl Schedule {
         (0..some).step_by(step as usize).map(move |first_row| Band { first_row, rows: step.min(all - first_row) })
     }
 
-    /// The surfels of `group` in waves; `blocks` are those of each object.
-    pub(super) fn waves(&self, frame: &Frame<'_>, group: &PosedGroup, blocks: &[Vec<Block>]) -> Vec<Wave> {
-        let most = self.slots as usize;
-        let total: f32 = group.samples.iter().map(|sample| sample.weight).sum();
-        let mut waves: Vec<Wave> = Vec::new();
-        let mut index = 0;
-        for (sample, posed) in group.samples.iter().enumerate() {
-            let share = if total > 0.0 { posed.weight / total } else { 1.0 };
-            for (object, pose) in posed.objects.iter().enumerate().filter(|(_, pose)| pose.visible) {
-                let template = Segment::posed(pose, &frame.objects[object], sample, posed.weight, share);
-                for (number, block) in blocks[object].iter().enumerate() {
-                    let mut first = 0;
-                    while first < block.surfels.len() {
-                        if waves.last().is_none_or(|wave| wave.slots as usize >= most) {
-                            waves.push(Wave { slots: 0, segments: Vec::new(), travels: Vec::new(), last_sample: 0 });
-                        }
-                        let Some(wave) = waves.last_mut() else { break };
-                        let surfels = (block.surfels.len() - first).min(most - wave.slots as usize);
-                        let segment = Segment {
-                            first_slot: wave.slots,
-                            first_surfel: first as u32,
-                            surfels: surfels as u32,
-                            block: block.surfels.len() as u32,
-                            block_start: block.surfels.start as u32,
-                            index,
-                            first_light: (sample * posed.lights.len()) as u32,
-                            ..template
-                        };
-                        wave.segments.push((segment, object, number));
-                        wave.travels.push(Travel::of(pose));
-                        wave.slots += surfels as u32;
-                        wave.last_sample = sample;
-                        first += surfels;
-                        index += 1;
-                    }
-                }
-            }
-        }
-        waves
+    /// Waves of what is kept.
+    pub(super) fn kept_waves(&self) -> u64 {
+        if self.kept_slots == 0 { 0 } else { self.kept_slots.div_ceil(self.slots) }
     }
 }
 
-const _: () = assert!(size_of::<Segment>() as u64 == UNIFORM_STRIDE);
+/// Surfels of the objects that lie still, where several groups share a sample position; else 0.
+fn still_surfels(frame: &Frame<'_>) -> u64 {
+    let shared = frame.groups.windows(2).any(|pair| pair[0].raster == pair[1].raster);
+    if frame.swept.is_some() || !shared {
+        return 0;
+    }
+    let poses = frame.groups.iter().take(1).flat_map(|group| &group.samples[0].objects);
+    let seen = frame.objects.iter().zip(poses).filter(|(object, pose)| object.still && pose.visible);
+    seen.map(|(object, _)| object.surfels.len() as u64).sum()
+}

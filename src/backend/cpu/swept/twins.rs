@@ -64,9 +64,13 @@ impl SweptTwins<'_> {
         }
     }
 
+    /// What lies still comes first.
     fn visible(&self) -> impl Iterator<Item = usize> {
         let objects = &self.group.samples[0].objects;
-        (0..objects.len()).filter(|&object| objects[object].visible)
+        let of = move |still| {
+            (0..objects.len()).filter(move |&i| objects[i].visible && self.frame.objects[i].still == still)
+        };
+        of(true).chain(of(false))
     }
 
     /// Splats at mid-interval, on the map.

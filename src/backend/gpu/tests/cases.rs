@@ -5,11 +5,12 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use crate::film::Aov;
+use crate::frame::{Blocks, Frame};
 use crate::math::Trs;
 use crate::model::{Material, Surfels};
 use crate::plan::{
-    BlurMode, Interleave, KernelShape, KernelWeight, Normalise, Prefilter, RenderOptions, Shading, SourceSamples,
-    SweptKernel, TemporalAlpha,
+    BlurMode, Interleave, KernelShape, KernelWeight, Normalise, PixelFilter, Prefilter, RenderOptions, Shading,
+    SourceSamples, SweptKernel, TemporalAlpha,
 };
 use crate::scene::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
 use crate::time::{Shutter, Weight};
@@ -19,6 +20,19 @@ pub(super) struct Case {
     pub name: &'static str,
     pub scene: Scene,
     pub options: RenderOptions,
+    /// Only every other block of the image.
+    pub in_part: bool,
+}
+
+impl Case {
+    /// Its frame.
+    pub(super) fn frame(&self) -> Frame<'_> {
+        let mut frame = Frame::new(&self.scene, 0, &self.options);
+        let [width, height] = Blocks::count(frame.size, frame.stride);
+        let wanted = (0..width * height).map(|block| block % 2 == 1).collect();
+        frame.wanted = self.in_part.then_some(Blocks { width, wanted });
+        frame
+    }
 }
 
 /// Numbers in [0, 1) that repeat.
@@ -160,7 +174,10 @@ pub(super) fn all() -> Vec<Case> {
     mirrored.objects[1].two_sided = false;
     let mut seen_twice = scene(vec![object(hard(), DVec3::ZERO)], [150, 140]);
     seen_twice.objects[0].two_sided = true;
-    let case = |name, scene, options| Case { name, scene, options };
+    // With a tolerance that lets splats hide some of what lies still at a pixel, and not all.
+    let point = |mode| RenderOptions { filter: PixelFilter::Point, epsilon: Some(0.4), ..options(mode) };
+    let case = |name, scene, options| Case { name, scene, options, in_part: false };
+    let in_part = |name, scene, options| Case { in_part: true, ..case(name, scene, options) };
     vec![
         case("supersample", two_balls([70, 45]), options(BlurMode::supersample(2))),
         case("bucket", two_balls([70, 45]), options(bucket(Interleave::None))),
@@ -176,7 +193,11 @@ pub(super) fn all() -> Vec<Case> {
             RenderOptions { prefilter: Prefilter::None, aovs: Vec::new(), ..options(BlurMode::supersample(2)) },
         ),
         case("hard", scene(vec![object(hard(), DVec3::ZERO)], [150, 140]), options(BlurMode::supersample(2))),
-        case("hard, two-sided", seen_twice, options(bucket(Interleave::None))),
+        case("hard, two-sided", seen_twice.clone(), options(bucket(Interleave::None))),
+        case("layer", two_balls([70, 45]), point(BlurMode::supersample(3))),
+        case("layer, bucket", two_balls([70, 45]), point(bucket(Interleave::None))),
+        in_part("in part", two_balls([70, 45]), point(BlurMode::supersample(2))),
+        in_part("in part, hard", seen_twice, options(bucket(Interleave::None))),
         case("one pixel", two_balls([1, 1]), options(BlurMode::supersample(1))),
     ]
 }
@@ -186,7 +207,7 @@ pub(super) fn large_splats() -> Case {
     let mut scene = scene(vec![object(ball(100, 3, false), DVec3::ZERO)], [256, 256]);
     scene.objects[0].two_sided = true;
     let options = RenderOptions { mode: BlurMode::supersample(1), ..RenderOptions::default() };
-    Case { name: "large splats", scene, options }
+    Case { name: "large splats", scene, options, in_part: false }
 }
 
 /// Kernels in motion: each that there is.
@@ -205,7 +226,7 @@ pub(super) fn swept() -> Vec<Case> {
     let ellipsoid = SweptKernel { shape: KernelShape::Ellipsoid, ..tube };
     let chord = SweptKernel { weight: KernelWeight::Chord, ..ellipsoid };
     let parts = SweptKernel { source_samples: SourceSamples(3), ..tube };
-    let case = |name, scene: &Scene, options| Case { name, scene: scene.clone(), options };
+    let case = |name, scene: &Scene, options| Case { name, scene: scene.clone(), options, in_part: false };
     vec![
         case("tube", &two_balls([70, 45]), options(tube)),
         case("fast", &fast, options(tube)),

@@ -3,19 +3,23 @@
 use bytemuck::{Pod, Zeroable};
 use wgpu::{Buffer, BufferUsages, MapMode};
 
-use crate::backend::cpu::twins::{Posed, Sums, Twins};
+use crate::backend::cpu::twins::{Posed, Recalled, Sums, Twins};
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::bindings::Steps;
 use crate::backend::gpu::clock::Marks;
 use crate::backend::gpu::execute::{Execution, Work};
+use crate::backend::gpu::layer::KEEPING;
 use crate::backend::gpu::layout::{TILE, WIDEST};
-use crate::backend::gpu::schedule::{Band, Wave};
-use crate::frame::Frame;
+use crate::backend::gpu::schedule::Band;
+use crate::backend::gpu::waves::{Part, Wave};
+use crate::frame::{Blocks, Frame};
 use crate::layout::Splat;
 use crate::plan::Pass;
 
 /// Stands for +infinity on the device.
 pub(super) const NONE: f32 = 3.402_823_4e38;
+/// Stands for the threshold of what is not wanted.
+pub(super) const UNWANTED: f32 = -NONE;
 /// Marks splats that are listed apart.
 pub(super) const WIDE: u32 = 1 << 31;
 pub(super) const PIXELS: usize = (TILE * TILE) as usize;
@@ -28,7 +32,6 @@ pub(super) struct Harness<'a> {
     steps: Steps,
     band: Band,
     pub wave: Wave,
-    marks: Marks,
 }
 
 /// What the CPU has of a group.
@@ -58,17 +61,32 @@ impl<'a> Harness<'a> {
         assert_eq!(band.rows, execution.schedule.rasters[0].tiles[1], "one band");
         let group = &frame.groups[0];
         let resolve = &steps.resolve[0];
-        let work = Work { execution: &execution, group, raster: 0, band, on_map: false, steps: &steps, resolve };
-        let mut waves = gpu.machine.upload(&work);
+        let work = Work {
+            execution: &execution,
+            group,
+            raster: 0,
+            band,
+            part: Part::Whole,
+            on_map: false,
+            steps: &steps,
+            resolve,
+        };
+        let mut waves = gpu.machine.upload(&work).waves;
         assert!(waves.len() <= 1, "one wave");
         let wave = waves.pop()?;
         let twins = Twins { frame, group, edge: TILE as usize };
-        Some(Self { gpu, twins, execution, steps, band, wave, marks })
+        Some(Self { gpu, twins, execution, steps, band, wave })
     }
 
     fn tiles(&self) -> Vec<[usize; 2]> {
         let [x, y] = self.execution.schedule.rasters[0].tiles.map(|n| n as usize);
         (0..x * y).map(|i| [i % x, i / x]).collect()
+    }
+
+    /// Is the tile of the raster rendered?
+    fn wants(&self, tile: [usize; 2]) -> bool {
+        let [x, y] = tile.map(|i| i * TILE as usize / Blocks::EDGE);
+        self.twins.frame.wanted.as_ref().is_none_or(|blocks| blocks.at(x, y))
     }
 
     /// All passes on the CPU.
@@ -78,7 +96,7 @@ impl<'a> Harness<'a> {
         let slots = self.wave.slots as usize;
         let mut splats = vec![None; slots];
         for (segment, object, _) in &self.wave.segments {
-            let sample = (segment.flags >> 2) as usize;
+            let sample = (segment.flags >> 2).saturating_sub(1) as usize;
             let of = posed.iter().find(|p| p.sample == sample && p.object == *object).unwrap();
             let first = segment.block_start + segment.first_surfel;
             for splat in of.splats.iter().filter(|s| (first..first + segment.surfels).contains(&s.surfel)) {
@@ -90,11 +108,11 @@ impl<'a> Harness<'a> {
         let touched: Vec<u32> = splats
             .iter()
             .map(|splat| {
-                let count = splat.as_ref().map_or(0, |splat| {
-                    let [x0, x1, y0, y1] = tiles_of(splat);
-                    (x1 + 1 - x0) * (y1 + 1 - y0)
-                });
-                if count > WIDEST { WIDE } else { count }
+                let Some(splat) = splat else { return 0 };
+                let [x0, x1, y0, y1] = tiles_of(splat).map(|i| i as usize);
+                let wanted = (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| [x, y])).filter(|&tile| self.wants(tile));
+                let count = wanted.count() as u32;
+                if (x1 + 1 - x0) * (y1 + 1 - y0) > WIDEST as usize && count > 0 { WIDE } else { count }
             })
             .collect();
         let wide: Vec<u32> = (0..slots as u32).filter(|&slot| touched[slot as usize] == WIDE).collect();
@@ -103,6 +121,7 @@ impl<'a> Harness<'a> {
             starts.push(list.len() as u32);
             list.extend((0..slots as u32).filter(|&slot| {
                 touched[slot as usize] != WIDE
+                    && self.wants([x, y])
                     && splats[slot as usize].as_ref().is_some_and(|splat| {
                         let [x0, x1, y0, y1] = tiles_of(splat).map(|i| i as usize);
                         (x0..=x1).contains(&x) && (y0..=y1).contains(&y)
@@ -110,13 +129,31 @@ impl<'a> Harness<'a> {
             }));
         }
         starts.extend([list.len() as u32, wide.len() as u32]);
-        let thresholds: Vec<_> = self.tiles().iter().map(|&tile| twins.visibility(&posed, tile)).collect();
+        let threshold = |&tile: &[usize; 2]| {
+            if self.wants(tile) { twins.visibility(&posed, tile) } else { vec![UNWANTED; PIXELS] }
+        };
+        let thresholds: Vec<_> = self.tiles().iter().map(threshold).collect();
+        // Hidden splats cover too: none in a tile that is not wanted.
+        let of_tile = |tile| if self.wants(tile) { &posed[..] } else { &[] };
         let sums: Vec<_> =
-            self.tiles().iter().zip(&thresholds).map(|(&tile, t)| twins.attribute(&posed, tile, t)).collect();
+            self.tiles().iter().zip(&thresholds).map(|(&tile, t)| twins.attribute(of_tile(tile), tile, t)).collect();
         let film =
             self.tiles().into_iter().zip(thresholds.iter().zip(&sums)).map(|(tile, (t, s))| twins.resolve(tile, t, s));
         let film = film.collect();
         Host { posed, splats, touched, starts, list, wide, thresholds, sums, film }
+    }
+
+    /// By tile: what lies still, and what of it is recalled.
+    pub(super) fn recalled(&self, host: &Host) -> Vec<Recalled> {
+        let one = |(tile, thresholds): ([usize; 2], &Vec<f32>)| {
+            let mut recalled = self.twins.recall(&host.posed, tile, thresholds);
+            if !self.wants(tile) {
+                recalled.layer_thresholds = vec![UNWANTED; PIXELS];
+                recalled.limits = vec![UNWANTED; PIXELS];
+            }
+            recalled
+        };
+        self.tiles().into_iter().zip(&host.thresholds).map(one).collect()
     }
 
     /// Writes what the passes before `pass` make, and spoils what it will write.
@@ -157,20 +194,45 @@ impl<'a> Harness<'a> {
         self.run_on(pass, false);
     }
 
-    /// On the band, or on the map around it.
-    pub(super) fn run_on(&mut self, pass: Pass, on_map: bool) {
-        let work = Work {
+    /// Splats what lies still, and keeps it.
+    pub(super) fn keep(&mut self) {
+        let work = self.work(Part::Still, false);
+        let mut marks = Marks::new(&self.gpu.machine.device).unwrap();
+        self.gpu.machine.passes(&work, &KEEPING, &mut marks);
+        self.gpu.machine.device.check().unwrap();
+    }
+
+    /// Starts pass `attribute` from what lies still, without what must be added anew.
+    pub(super) fn recall(&mut self) {
+        let work = self.work(Part::Moving, false);
+        let mut encoder = self.gpu.machine.encoder();
+        let mut marks = Marks::new(&self.gpu.machine.device).unwrap();
+        self.gpu.machine.upload(&work);
+        self.gpu.machine.recall(&mut encoder, Pass::Attribute, &work, 0, &mut marks);
+        self.gpu.machine.device.queue.submit([encoder.finish()]);
+        self.gpu.machine.device.check().unwrap();
+    }
+
+    fn work(&self, part: Part, on_map: bool) -> Work<'_> {
+        Work {
             execution: &self.execution,
             group: self.twins.group,
             raster: 0,
             band: self.band,
+            part,
             on_map,
             steps: &self.steps,
             resolve: &self.steps.resolve[0],
-        };
+        }
+    }
+
+    /// On the band, or on the map around it.
+    pub(super) fn run_on(&mut self, pass: Pass, on_map: bool) {
+        let mut marks = Marks::new(&self.gpu.machine.device).unwrap();
+        let work = self.work(Part::Whole, on_map);
         self.gpu.machine.upload(&work);
         let mut encoder = self.gpu.machine.encoder();
-        self.gpu.machine.record(&mut encoder, pass, &work, &self.wave, 0, &mut self.marks);
+        self.gpu.machine.record(&mut encoder, pass, &work, &self.wave, 0, &mut marks);
         self.gpu.machine.device.queue.submit([encoder.finish()]);
         self.gpu.machine.device.check().unwrap();
     }
@@ -188,7 +250,7 @@ impl<'a> Harness<'a> {
 pub(super) fn planes_of(sums: &Sums) -> Vec<Vec<f32>> {
     let mut planes = sums.channels.clone();
     if !sums.reach.is_empty() {
-        planes.extend([sums.reach.clone(), sums.coverage.clone()]);
+        planes.extend([sums.reach.clone(), sums.coverage.clone(), sums.still.clone()]);
     }
     planes
 }

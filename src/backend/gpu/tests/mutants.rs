@@ -6,7 +6,7 @@ use super::parity;
 use crate::backend::gpu::programs::{Pipelines, Program};
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 21] = [
+static MUTANTS: [([(&str, &str); 1], &str); 31] = [
     ([("vec2<f32>(x, y) - view.offset", "vec2<f32>(x, y) + view.offset")], "supersample"),
     ([("uy * v.z - u.z * vy", "uy * v.z + u.z * vy")], "supersample"),
     ([("area * depth * segment.handedness", "area * depth")], "plain"),
@@ -27,7 +27,17 @@ static MUTANTS: [([(&str, &str); 1], &str); 21] = [
     ([("2.0 * nl * nv - lv", "2.0 * nl * nv + lv")], "supersample"),
     ([("threshold < NONE", "threshold <= NONE")], "supersample"),
     ([("* min((*sum).reach, vec4<f32>(1.0))", "* (*sum).reach")], "bucket"),
-    ([("view.last_weight * min(reach, 1.0)", "view.last_weight")], "bucket"),
+    ([("share = sums[sum_at + (REACH + 1u)", "share = sums[sum_at + (REACH + 0u)")], "bucket"),
+    ([("(*sum).still = (*sum).reach", "(*sum).still = 0.0 * (*sum).reach")], "bucket"),
+    ([("(*sum).reach = (*sum).still", "(*sum).reach = 0.0 * (*sum).still")], "bucket"),
+    ([("threshold < layer_threshold;", "threshold <= layer_threshold;")], "layer"),
+    ([("(threshold >= nearest)", "(threshold < nearest)")], "layer"),
+    ([("select(vec4<f32>(NONE), depth, passes)", "depth")], "layer"),
+    ([("of_hidden, lowered)", "1.0 + of_hidden, lowered)")], "layer"),
+    ([("channel == REACH", "channel == 99u")], "layer, bucket"),
+    ([("thresholds[at] = vec4<f32>(UNWANTED)", "thresholds[at] = vec4<f32>(NONE)")], "in part"),
+    ([("!is_wide && is_wanted(vec2<u32>(x, y))", "!is_wide")], "in part"),
+    ([("if is_wide && is_wanted_block", "if !is_wide && is_wanted_block")], "in part, hard"),
 ];
 
 #[test]

@@ -2,9 +2,9 @@
 
 use super::cases::{self, Case};
 use super::gpu_or_skip;
-use super::harness::{Harness, Host, NONE, PIXELS, planes_of};
+use super::harness::{Harness, Host, NONE, PIXELS, UNWANTED, planes_of};
+use crate::backend::cpu::twins::Recalled;
 use crate::backend::gpu::Gpu;
-use crate::frame::Frame;
 use crate::layout::Splat;
 use crate::plan::Pass;
 
@@ -153,9 +153,64 @@ fn resolve(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
     tally.check("film")
 }
 
+/// What lies still, and what a group recalls of it.
+fn layer(harness: &mut Harness<'_>, host: &Host) -> Result<(), String> {
+    let recalled: Vec<Recalled> = harness.recalled(host);
+    let channels = harness.execution.channels.count;
+    let planes = |sums: &[Vec<f32>], nearest: &[f32]| {
+        let least = nearest.iter().map(|depth| depth.min(NONE)).collect();
+        [sums, &[least]].concat()
+    };
+    let of_layer = |tile: &Recalled| planes(&planes_of(&tile.layer), &tile.nearest);
+    let thresholds: Vec<f32> = recalled.iter().flat_map(|tile| &tile.layer_thresholds).map(|t| t.min(NONE)).collect();
+
+    harness.keep();
+    let buffers = &harness.gpu.machine.buffers;
+    let mut tally = Tally::default();
+    for (pixel, (got, want)) in
+        harness.read(&buffers.layer_thresholds, thresholds.len()).iter().zip(&thresholds).enumerate()
+    {
+        tally.floats(&[*got], &[*want], *want, || format!("layer's pixel {pixel}"));
+    }
+    let sums: Vec<f32> = harness.read(&buffers.layer_sums, recalled.len() * (channels + 1) * PIXELS);
+    for (tile, (got, want)) in sums.chunks((channels + 1) * PIXELS).zip(&recalled).enumerate() {
+        if want.layer_thresholds[0] == UNWANTED {
+            continue;
+        }
+        for (channel, (got, of_channel)) in got.chunks(PIXELS).zip(of_layer(want)).enumerate() {
+            for pixel in 0..PIXELS {
+                let scale = want.layer.channels[0][pixel].max(of_channel[pixel].abs());
+                let at = || format!("layer's tile {tile}, pixel {pixel}, channel {channel}");
+                tally.floats(&[got[pixel]], &[of_channel[pixel]], scale, at);
+            }
+        }
+    }
+    tally.check("layer")?;
+
+    harness.feed(host, Pass::Attribute);
+    harness.write(&harness.gpu.machine.buffers.layer_thresholds, &thresholds);
+    let sums: Vec<f32> = recalled.iter().flat_map(of_layer).flatten().collect();
+    harness.write(&harness.gpu.machine.buffers.layer_sums, &sums);
+    harness.recall();
+    // Nothing is rounded: to the bit.
+    let buffers = &harness.gpu.machine.buffers;
+    let limits: Vec<f32> = recalled.iter().flat_map(|tile| &tile.limits).map(|limit| limit.max(UNWANTED)).collect();
+    if harness.read::<f32>(&buffers.limits, limits.len()) != limits {
+        return Err("other limits".into());
+    }
+    let sums: Vec<f32> = recalled.iter().flat_map(|tile| planes_of(&tile.sums)).flatten().collect();
+    let got: Vec<f32> = harness.read(&buffers.sums, sums.len());
+    let same = |(got, want): (&[f32], &[f32])| got == want;
+    let mut tiles = got.chunks(channels * PIXELS).zip(sums.chunks(channels * PIXELS)).zip(&recalled);
+    match tiles.position(|(sums, tile)| tile.layer_thresholds[0] != UNWANTED && !same(sums)) {
+        None => Ok(()),
+        Some(tile) => Err(format!("other sums recalled in tile {tile}")),
+    }
+}
+
 /// All passes of the first group of a case; the first that differs.
 pub(super) fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
-    let frame = Frame::new(&case.scene, 0, &case.options);
+    let frame = case.frame();
     let Some(mut harness) = Harness::new(gpu, &frame) else { return Ok(()) };
     let host = harness.host();
     for &pass in frame.passes {
@@ -170,6 +225,9 @@ pub(super) fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
             Pass::Density | Pass::Keep | Pass::Sweep | Pass::SweptAttribute | Pass::SweptResolve => Ok(()),
         };
         compared.map_err(|what| format!("{}: {pass:?}: {what}", case.name))?;
+    }
+    if harness.execution.schedule.kept_slots > 0 {
+        layer(&mut harness, &host).map_err(|what| format!("{}: {what}", case.name))?;
     }
     Ok(())
 }
@@ -188,8 +246,9 @@ fn passes_agree() {
 fn cases_take_the_branches() {
     let Some(mut gpu) = gpu_or_skip("cases_take_the_branches") else { return };
     let (mut visible, mut wide, mut uncovered, mut partly) = (0, 0, 0, 0);
+    let [mut kept, mut anew, mut hidden, mut unwanted] = [0; 4];
     for case in cases::all() {
-        let frame = Frame::new(&case.scene, 0, &case.options);
+        let frame = case.frame();
         let Some(harness) = Harness::new(&mut gpu, &frame) else { continue };
         let host = harness.host();
         visible += host.posed.iter().map(|posed| posed.splats.len()).sum::<usize>();
@@ -198,6 +257,18 @@ fn cases_take_the_branches() {
         uncovered += host.thresholds.iter().flatten().filter(|t| !covered(t)).count();
         let weights = host.sums.iter().flat_map(|sums| &sums.channels[0]);
         partly += host.thresholds.iter().flatten().zip(weights).filter(|(t, w)| !covered(t) && **w > 0.0).count();
+        unwanted += host.thresholds.iter().flatten().filter(|t| **t == UNWANTED).count();
+        if harness.execution.schedule.kept_slots > 0 {
+            for tile in harness.recalled(&host) {
+                let weights = tile.layer.channels[0].iter().zip(&tile.sums.channels[0]).zip(&tile.limits);
+                for ((before, after), limit) in weights.filter(|((before, _), _)| **before > 0.0) {
+                    kept += usize::from(after == before);
+                    anew += usize::from(*limit > 0.0);
+                    hidden += usize::from(*after == 0.0 && *limit < 0.0);
+                }
+            }
+        }
     }
+    assert!(kept > 100 && anew > 20 && hidden > 20 && unwanted > 1000, "{kept} {anew} {hidden} {unwanted}");
     assert!(visible > 3000 && wide > 5 && uncovered > 5000 && partly > 100, "{visible} {wide} {uncovered} {partly}");
 }

@@ -10,6 +10,7 @@ use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
 use crate::backend::gpu::layout::{BLOCK, DIGIT_BITS, Light, Segment, Status, TILE, Travel, View, WIDEST};
 use crate::backend::gpu::programs::Program;
+use crate::frame::Blocks;
 use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, Splat, SweptSplat};
 
 fn module(program: Program) -> Module {
@@ -84,11 +85,10 @@ fn structs_lie_where_the_host_puts_them() {
             first_light,
             lights,
             resumes,
-            first_sample,
-            first_weight,
-            last_sample,
-            last_weight,
+            first_turn,
+            last_turn,
             slope,
+            blocks,
             corner,
             map_corner,
             map_tiles,
@@ -146,6 +146,8 @@ fn constants_are_the_hosts() {
     ] {
         assert!(bin.contains(&line), "{line}");
     }
+    let tiles = format!("const BLOCK_TILES: u32 = {}u;", Blocks::EDGE as u32 / TILE);
+    assert!(bin.contains(&tiles) && (Blocks::EDGE as u32).is_multiple_of(TILE), "{tiles}");
     for (name, flag) in [("BACK", FLAG_BACK), ("LOW_PASS", FLAG_LOW_PASS), ("CROSSING", FLAG_CROSSING)] {
         assert!(Program::Sweep.wgsl().contains(&format!("const FLAG_{name}: u32 = {flag}u;")), "{name}");
     }
