@@ -29,11 +29,16 @@ const SAMPLES: f64 = 0.025;
 /// without a lattice, whose classes sample off the middles of their strata.
 const LOOSE: f64 = 0.02;
 /// Shortest way between two time samples, pixels, for which they do; below it steps hardly show, and the lattice would.
-const WIDE_STEP: f64 = 8.0;
-/// The difference of the halves is too low an estimate, by so much on average and a little more (docs/modes.md): classes of a lattice
-/// see times off the middles of their strata, and what that does is the same in both halves; sub-pixel positions are less even than times.
-const fn safety(interleave: Interleave, filter: PixelFilter) -> f64 {
+const WIDE_STEP: f64 = 11.0;
+/// Ways between two time samples below which kernels of both overlap, pixels: what is left of the error then falls faster.
+const NARROW_STEP: f64 = 8.0;
+
+/// How many times larger the error is stated than the difference of the halves has it, from measurements (docs/modes.md): classes of a
+/// lattice see times off the middles of their strata, and what that does is the same in both halves; sub-pixel positions are less
+/// even than times.
+fn safety(interleave: Interleave, filter: PixelFilter, step: f64) -> f64 {
     match (interleave, filter) {
+        (Interleave::None, PixelFilter::Point) if step < NARROW_STEP => 1.05,
         (Interleave::None, PixelFilter::Point) => 1.3,
         _ => 1.5,
     }
@@ -53,8 +58,8 @@ pub fn render(
     let way = path::longest(scene, number);
     let moves = way >= f64::from(STILL_PATH);
     let moving_samples = first_samples(way, &target);
-    let steps = way / f64::from(moving_samples);
-    let interleave = if target.error >= LOOSE && steps >= WIDE_STEP { Interleave::Two } else { Interleave::None };
+    let step = way / f64::from(moving_samples);
+    let interleave = if target.error >= LOOSE && step >= WIDE_STEP { Interleave::Two } else { Interleave::None };
     let positions = match options.filter {
         // A lattice shares out four times as many.
         PixelFilter::Box if moves && interleave == Interleave::None => 2 * target.pixel_samples,
@@ -69,7 +74,7 @@ pub fn render(
     let background = if scene.image.transparent { DVec3::ZERO } else { scene.image.background };
     let mut errors = block_errors(&halves, background.as_vec3(), edge, None);
 
-    let safety = safety(interleave, options.filter);
+    let safety = safety(interleave, options.filter, step);
     let wanted = target.error / safety;
     let mut factors = vec![1_u32; errors.squares.len()];
     let mut capped = 0;
