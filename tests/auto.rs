@@ -187,3 +187,21 @@ fn threads_do_not_show() {
     };
     assert!(made(1) == made(3));
 }
+
+#[cfg(feature = "gpu")]
+#[test]
+fn the_gpu_takes_the_same_decisions() {
+    let Some(mut gpu) = support::gpu::gpu_or_skip("the_gpu_takes_the_same_decisions") else { return };
+    let mut scene = balls();
+    (scene.image.width, scene.image.height) = (80, 64);
+    for filter in [PixelFilter::Point, PixelFilter::Box] {
+        let options = RenderOptions { aovs: Aov::LAYERS.to_vec(), ..options(with_error(0.05), filter) };
+        let (cpu, gpu) = (render(&scene, &options), render_frame(&mut gpu, &scene, 0, &options).unwrap());
+        let (a, b) = (cpu.stats.achieved.unwrap(), gpu.stats.achieved.unwrap());
+        assert!(a.refined > 0 && (a.samples, a.most_samples, a.refined) == (b.samples, b.most_samples, b.refined));
+        // Both backends' pictures differ by rounding (docs/modes.md), and so do their estimates.
+        assert!((a.error - b.error).abs() < 1e-6, "{} and {}", a.error, b.error);
+        let far = cpu.picture.rgba.iter().zip(&gpu.picture.rgba).map(|(a, b)| (a[0] - b[0]).abs()).fold(0.0, f32::max);
+        assert!(far < 1e-5, "{filter:?}: {far}");
+    }
+}
