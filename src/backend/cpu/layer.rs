@@ -4,10 +4,10 @@
 //! are those of one pass over all splats, still ones first, to the bit: where what moves hides all of a pixel's sums they are zero,
 //! where it hides none they are the layer's, and where it hides some they are added up anew.
 
-use super::Chunk;
 use super::bin::Binned;
 use super::resolve::TileFilm;
 use super::tiles::{STRIDE, TILE, TileBuffers};
+use super::work::Chunk;
 
 /// The objects that lie still, at one sample position.
 #[derive(Debug)]

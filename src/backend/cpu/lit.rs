@@ -87,15 +87,14 @@ fn light_lanes_body(faces: &[(u32, u32); LANES], attributes: &Attributes<'_>) ->
             ShadingLight::Directional { towards, colour: of_light } => {
                 let towards = towards.to_array();
                 for l in 0..LANES {
-                    let surface = Surface::of(&normal, &view, &colour, &of_material, l);
-                    surface.add(&mut out, l, towards, of_light, 1.0);
+                    add_lobes(&mut out, l, &of_material, &colour, &normal, &view, towards, of_light, 1.0);
                 }
             }
             ShadingLight::Point { position: of_light, colour: radiance } => {
                 for l in 0..LANES {
                     let at = [position[0][l], position[1][l], position[2][l]];
                     let (towards, falloff) = towards_point(of_light.to_array(), at);
-                    Surface::of(&normal, &view, &colour, &of_material, l).add(&mut out, l, towards, radiance, falloff);
+                    add_lobes(&mut out, l, &of_material, &colour, &normal, &view, towards, radiance, falloff);
                 }
             }
         }
@@ -103,29 +102,26 @@ fn light_lanes_body(faces: &[(u32, u32); LANES], attributes: &Attributes<'_>) ->
     std::array::from_fn(|l| Vec3::new(out[0][l], out[1][l], out[2][l]))
 }
 
-/// One lane.
-struct Surface {
-    normal: [f32; 3],
-    view: [f32; 3],
-    colour: [f32; 3],
-    material: [f32; 4],
-}
-
-impl Surface {
-    #[inline(always)]
-    fn of(normal: &[Lanes; 3], view: &[Lanes; 3], colour: &[Lanes; 3], material: &[Lanes; 4], l: usize) -> Self {
-        let three = |v: &[Lanes; 3]| [v[0][l], v[1][l], v[2][l]];
-        let material = [material[0][l], material[1][l], material[2][l], material[3][l]];
-        Self { normal: three(normal), view: three(view), colour: three(colour), material }
-    }
-
-    #[inline(always)]
-    fn add(&self, out: &mut [Lanes; 3], l: usize, towards: [f32; 3], light: Vec3, falloff: f32) {
-        let (diffuse, specular) = lobes(self.normal, towards, self.view, self.material[3]);
-        for c in 0..3 {
-            out[c][l] +=
-                light[c] * falloff * (self.material[1] * diffuse * self.colour[c] + self.material[2] * specular);
-        }
+/// Adds what one light contributes to lane `l`: the diffuse and the specular term.
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "one loop body, shared by pixels and surfels")]
+pub(super) fn add_lobes(
+    out: &mut [Lanes; 3],
+    l: usize,
+    material: &[Lanes; 4],
+    colour: &[Lanes; 3],
+    normal: &[Lanes; 3],
+    view: &[Lanes; 3],
+    towards: [f32; 3],
+    light: Vec3,
+    falloff: f32,
+) {
+    let n = [normal[0][l], normal[1][l], normal[2][l]];
+    let v = [view[0][l], view[1][l], view[2][l]];
+    let (diffuse, specular) = lobes(n, towards, v, material[3][l]);
+    let light = light.to_array();
+    for c in 0..3 {
+        out[c][l] += light[c] * falloff * (material[1][l] * diffuse * colour[c][l] + material[2][l] * specular);
     }
 }
 

@@ -2,16 +2,14 @@
 //!
 //! In: a tile's sums and thresholds. Out: the tile's film. One sample position at a time, order-free.
 
-use glam::Vec3;
-
-use super::lit::unit;
+use super::lit::{add_lobes, unit};
 use super::tiles::{LANES, STRIDE, TILE, TileRect};
 use crate::film::{Film, FilmPlanes};
 use crate::frame::{PosedSample, Raster};
 use crate::layout::Channels;
 use crate::math::simd::dispatch;
 use crate::plan::Shading;
-use crate::shading::{ShadingLight, lobes, towards_point};
+use crate::shading::{ShadingLight, towards_point};
 
 /// Film of one tile: plane by plane, `TILE` x `TILE`; empty until something is added.
 #[derive(Clone, Debug, Default)]
@@ -244,26 +242,4 @@ fn shade_lanes(
         }
     }
     out
-}
-
-#[inline(always)]
-#[allow(clippy::too_many_arguments, reason = "one loop body, shared by two kinds of light")]
-fn add_lobes(
-    out: &mut [Lanes; 3],
-    l: usize,
-    material: &[Lanes; 4],
-    colour: &[Lanes; 3],
-    normal: &[Lanes; 3],
-    view: &[Lanes; 3],
-    towards: [f32; 3],
-    light: Vec3,
-    falloff: f32,
-) {
-    let n = [normal[0][l], normal[1][l], normal[2][l]];
-    let v = [view[0][l], view[1][l], view[2][l]];
-    let (diffuse, specular) = lobes(n, towards, v, material[3][l]);
-    let light = light.to_array();
-    for c in 0..3 {
-        out[c][l] += light[c] * falloff * (material[1][l] * diffuse * colour[c][l] + material[2][l] * specular);
-    }
 }

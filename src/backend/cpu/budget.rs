@@ -1,0 +1,72 @@
+//! How the memory that a frame may take is shared out.
+
+use super::bin::Binned;
+use super::layer::LayerTile;
+use super::resolve::TileFilm;
+use super::swept::Map;
+use super::tiles::{Band, TILE, TileBuffers};
+use super::work::CHUNK;
+use crate::backend::BackendError;
+use crate::film::FilmPlanes;
+use crate::frame::Frame;
+use crate::layout::{Channels, Splat, SweptSplat};
+
+/// How the allowed memory is shared out.
+pub(super) struct Budget {
+    /// Rows of tiles that are rendered together.
+    pub band_rows: usize,
+    /// Bytes for splats and their lists.
+    pub splat_bytes: u64,
+    /// Is there room to keep what lies still?
+    pub layers: bool,
+}
+
+impl Budget {
+    pub(super) fn of(frame: &Frame<'_>, planes: &FilmPlanes, channels: &Channels) -> Result<Self, BackendError> {
+        // The largest raster is the first one.
+        let raster = frame.groups.first().map_or(frame.size, |group| group.raster.size);
+        let rasters = u64::from(frame.stride * frame.stride);
+        let samples = frame.groups.iter().map(|group| group.samples.len()).max().unwrap_or(1);
+        let [tiles_x, tiles_y] = raster.map(|pixels| u64::from(pixels).div_ceil(TILE as u64));
+        let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
+        // The film, the picture that it becomes, and its copy in the file's form.
+        let film = rasters * tiles_x * tiles_y * TileFilm::bytes(planes.count) + 2 * pixels * 4 * planes.count as u64;
+        // What the tiles of some rows need together, for as many rows as the bands shall have.
+        let swept = frame.swept.is_some();
+        let guard = frame.groups.iter().filter_map(|group| group.interval).map(|interval| interval.guard).max();
+        let still = frame.objects.iter().any(|object| object.still);
+        let layer = if still { LayerTile::bytes(channels.count, samples, planes.count) } else { 0 };
+        let buffers_with = |rows: u64, layer: u64| {
+            let band = Band::new(raster, [0, rows as usize]);
+            let guarded = guard.map_or(0, |guard| band.guarded(guard).len() as u64);
+            let tile = TileBuffers::bytes(channels.count, samples, swept) + layer;
+            // Tiles of the map have fewer sums, but there are more of them.
+            guarded * Map::bytes(1) + guarded.max(band.len() as u64) * tile
+        };
+        let threads = rayon::current_num_threads() as u64;
+        let wave = |rows: u64| {
+            let band = Band::new(raster, [0, rows as usize]);
+            let guarded = guard.map_or(band, |guard| band.guarded(guard));
+            let moving = if swept { Binned::<SweptSplat>::most_bytes(CHUNK, &band) } else { 0 };
+            (threads + 1) * (Binned::<Splat>::most_bytes(CHUNK, &guarded) + moving)
+        };
+        let needed = frame.model_bytes + film + buffers_with(1, 0) + wave(1);
+        if needed > frame.memory {
+            let [width, height] = frame.size;
+            return Err(BackendError::Memory {
+                width,
+                height,
+                models: frame.model_bytes,
+                needed,
+                allowed: frame.memory,
+            });
+        }
+        // Half of what is left for the tiles' buffers at the most; the rest for splats.
+        let left = frame.memory - frame.model_bytes - film;
+        let layers = buffers_with(1, layer) + wave(1) <= left / 2;
+        let buffers = |rows: u64| buffers_with(rows, if layers { layer } else { 0 });
+        let rows = (1..=tiles_y).rev().find(|&rows| buffers(rows) <= left / 2).unwrap_or(1);
+        let splat_bytes = left.saturating_sub(buffers(rows)).max(wave(rows));
+        Ok(Self { band_rows: rows as usize, splat_bytes, layers })
+    }
+}

@@ -1,0 +1,43 @@
+//! What passes take, over all threads.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+use crate::backend::Stats;
+use crate::frame::Frame;
+
+/// Time of one pass over all threads, nanoseconds.
+#[derive(Debug, Default)]
+pub(super) struct Clock(AtomicU64);
+
+impl Clock {
+    pub(super) fn add(&self, start: Instant) {
+        self.0.fetch_add(start.elapsed().as_nanos() as u64, Relaxed);
+    }
+
+    pub(super) fn total(&self) -> Duration {
+        Duration::from_nanos(self.0.load(Relaxed))
+    }
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Clocks {
+    pub project: Clock,
+    pub visibility: Clock,
+    pub attribute: Clock,
+    pub resolve: Clock,
+    pub splats: AtomicU64,
+}
+
+impl Clocks {
+    pub(super) fn stats(&self, frame: &Frame<'_>) -> Stats {
+        Stats {
+            splats: self.splats.load(Relaxed),
+            project: self.project.total(),
+            visibility: self.visibility.total(),
+            attribute: self.attribute.total(),
+            resolve: self.resolve.total(),
+            ..Stats::of(frame)
+        }
+    }
+}
