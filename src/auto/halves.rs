@@ -47,6 +47,14 @@ impl Round<'_> {
         index % 2 == half && !kept
     }
 
+    /// Share of the exposure that the even samples have, the coarser ones among them.
+    pub(super) fn even_share(&self, phase: [u32; 2]) -> f32 {
+        let strata = self.scene.shutter.strata(self.samples * self.factor, self.place(phase).fine);
+        let even: f64 = strata.iter().step_by(2).map(|(_, weight)| weight).sum();
+        let all: f64 = strata.iter().map(|(_, weight)| weight).sum();
+        if all > 0.0 { (even / all) as f32 } else { 0.5 }
+    }
+
     /// The new samples of half `half`; their weights sum to 1. Samples of one sub-pixel position stand together.
     fn plan(&self, half: u32) -> Plan {
         let stride = self.interleave.stride();
@@ -129,10 +137,10 @@ impl Halves {
         mix(odd, &fresh.0[1], &|at| if wanted(at) { old } else { 1.0 });
     }
 
-    /// The mean of both.
-    pub(super) fn mean(self) -> Picture {
+    /// The mean of both; `even`: the share of the even one, for each pixel.
+    pub(super) fn mean(self, even: &(dyn Fn(usize) -> f32 + Sync)) -> Picture {
         let [mut mean, odd] = self.0;
-        mix(&mut mean, &odd, &|_| 0.5);
+        mix(&mut mean, &odd, even);
         mean
     }
 }

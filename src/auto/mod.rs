@@ -8,6 +8,8 @@ mod estimate;
 mod halves;
 mod path;
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 
 use self::estimate::{Errors, block_errors};
@@ -110,7 +112,7 @@ pub fn render(
         refined,
         capped,
     });
-    let mut picture = halves.mean();
+    let mut picture = halves.mean(&even_shares(&first, &factors, errors.width, edge));
     let per_block = |value: &dyn Fn(usize) -> f32| spread(&errors, edge, [picture.width, picture.height], value);
     let mut layers = Vec::new();
     if options.aovs.contains(&Aov::Samples) {
@@ -123,6 +125,23 @@ pub fn render(
     picture.layers.extend(layers);
     composite(&mut picture, scene);
     Ok(Rendered { picture, stats })
+}
+
+/// The share of the even samples in each pixel, in blocks with these factors, `width` in a row, `edge` pixels each.
+fn even_shares(first: &Round<'_>, factors: &[u32], width: usize, edge: usize) -> impl Fn(usize) -> f32 + Sync {
+    let stride = first.interleave.stride();
+    let of_factor = |&factor: &u32| {
+        let round = Round { factor, ..*first };
+        let classes = (0..stride * stride).map(move |class| round.even_share([class % stride, class / stride]));
+        (factor, classes.collect::<Vec<f32>>())
+    };
+    let of_factors: BTreeMap<u32, Vec<f32>> = factors.iter().map(of_factor).collect();
+    let of_blocks: Vec<Vec<f32>> = factors.iter().map(|factor| of_factors[factor].clone()).collect();
+    let (columns, stride) = (first.scene.image.width as usize, stride as usize);
+    move |at| {
+        let (x, y) = (at % columns, at / columns);
+        of_blocks[y / edge * width + x / edge][y % stride * stride + x % stride]
+    }
 }
 
 /// The smallest first number of samples that a longest way of `way` pixels needs.
