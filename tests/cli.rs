@@ -281,6 +281,43 @@ fn render_takes_options_over_the_scene() {
     assert_eq!((&carried["hash"], &carried["frame"]), (&report["settings"]["hash"], &serde_json::json!(5)));
 }
 
+/// What the filter needs is rendered, and not left in the file.
+#[test]
+fn render_filters_along_the_motion() {
+    let fixture = Fixture::new();
+    let options = ["--frames", "2", "--samples", "4", "--format", "exr"];
+    let plain = fixture.json(&options);
+    let smooth = fixture.json(&[&options[..], &["--reconstruct", "along", "--out", "along"]].concat());
+    assert_eq!(smooth["settings"]["reconstruct"], "along");
+    assert!(plain["settings"].get("reconstruct").is_none() && plain["settings"]["hash"] != smooth["settings"]["hash"]);
+    assert_eq!(image::read(&fixture.path("along/tiny.0002.exr")).unwrap().layers.len(), 0);
+}
+
+#[test]
+fn auto_says_what_it_reached() {
+    let fixture = Fixture::new();
+    let report = fixture.json(&[
+        "--frames",
+        "2",
+        "--error",
+        "draft",
+        "--samples-max",
+        "16",
+        "--format",
+        "exr",
+        "--aov",
+        "error",
+    ]);
+    assert_eq!(report["settings"]["mode"], "auto:0.05+samples-max=16");
+    let auto = &report["frames"][0]["auto"];
+    assert!(auto["error"].as_f64().unwrap() <= 0.05 && auto["most_samples"].as_u64().unwrap() <= 16, "{auto}");
+    assert_eq!(image::read(&fixture.path("out/tiny/tiny.0002.exr")).unwrap().layers.len(), 1);
+    let header = std::fs::read(fixture.path("out/tiny/tiny.0002.exr")).unwrap();
+    let said = format!("error {:.4} with", auto["error"].as_f64().unwrap());
+    assert!(header.windows(said.len()).any(|part| part == said.as_bytes()), "{said}");
+    assert!(stdout(&fixture.render(&["--frames", "2"])).contains("the frame with the largest: error 0."));
+}
+
 #[test]
 fn render_repeats_and_resumes() {
     let fixture = Fixture::new();
