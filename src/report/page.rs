@@ -257,7 +257,7 @@ fn regions(modes: &[ModeStudy]) -> Markup {
     let share =
         |region: Region| modes.iter().flat_map(|m| &m.regions).find(|r| r.region == region).map_or(0.0, |r| r.pixels);
     html! {
-        p { "Below a region's name its share of the pixels; in each cell its RMSE (linear) and FLIP, below them its share of the squared error. Static: one surface that moves by less than 0.25 pixels while the "
+        p { "Below a region's name its share of the pixels; in each cell its RMSE (linear), FLIP, and share of the squared error. Static: one surface that moves by less than 0.25 pixels while the "
             "shutter is open; swept: one that moves farther; occlusion change: another surface comes or goes; silhouette: a still edge." }
         div class="wide" { table {
             thead { tr { th { "mode" } @for &region in &used { th { i class="patch" style=(patch(region)) {} (region.name()) br; span class="faint" { (percent(share(region))) } } } } }
@@ -265,7 +265,7 @@ fn regions(modes: &[ModeStudy]) -> Markup {
                 td { (breakable(&m.name())) }
                 @for &region in &used { td {
                     @if let Some(r) = m.regions.iter().find(|r| r.region == region) {
-                        (figure(r.rmse)) ", " (figure(r.flip)) br; span class="faint" { (percent(r.error)) }
+                        (figure(r.rmse)) br; (figure(r.flip)) br; span class="faint" { (percent(r.error)) }
                     }
                 } }
             } } }
