@@ -59,11 +59,11 @@ pub struct Target {
 }
 
 impl Target {
-    /// For quick looks: FLIP about 0.01.
+    /// For quick looks: FLIP .006 to .008 on fast balls (docs/modes.md).
     pub const DRAFT: f64 = 0.05;
-    /// FLIP about 0.006.
+    /// FLIP .004 to .006 there.
     pub const GOOD: f64 = 0.025;
-    /// FLIP about 0.004.
+    /// FLIP .004 to .007 there, with half the RMSE of `GOOD`.
     pub const FINAL: f64 = 0.0125;
 }
 

@@ -7,36 +7,15 @@
 
 mod support;
 
-use std::path::Path;
 use std::time::Instant;
 
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::{flip, gamma_rmse};
 use splatblur::film::Picture;
-use splatblur::image::{self, Format};
 use splatblur::plan::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading, Target};
-use splatblur::reference::{self, ReferenceOptions};
 use splatblur::render::{Rendered, render_frame};
-use splatblur::scene::{LoadOptions, Scene, load};
-use support::study::{cross, lin, rot};
-
-const SAMPLES: u64 = 1024;
-
-fn reference(scene: &Scene, frame: i64, filter: PixelFilter) -> Picture {
-    let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("study");
-    std::fs::create_dir_all(&directory).unwrap();
-    let kind = if filter == PixelFilter::Box { "box_" } else { "" };
-    let path = directory.join(format!("{}_{frame}_{kind}{SAMPLES}.exr", scene.name));
-    if let Ok(picture) = image::read(&path) {
-        return picture;
-    }
-    let options =
-        ReferenceOptions { samples: SAMPLES, filter, shading: Shading::Gouraud, ..ReferenceOptions::default() };
-    let made = reference::render(scene, frame, &options, None, &|_| ()).unwrap();
-    println!("{}: reference, mean standard error {:.1e}", scene.name, made.stats.mean_error);
-    image::write(&path, &made.picture, Format::Exr, "").unwrap();
-    made.picture
-}
+use splatblur::scene::Scene;
+use support::study::{cross, lin, reference, rot, shipped};
 
 /// The rendering, and the least wall time of five.
 fn rendered(scene: &Scene, frame: i64, filter: PixelFilter, mode: BlurMode) -> (Rendered, f64) {
@@ -116,9 +95,6 @@ fn shipped_scenes() {
         if std::env::var("SCENE").is_ok_and(|wanted| wanted != name) {
             continue;
         }
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).with_extension("xml");
-        let mut scene = load(&path, &LoadOptions::default()).unwrap().scene;
-        (scene.image.width, scene.image.height) = (480, 270);
-        table(&scene, frame, filter());
+        table(&shipped(name), frame, filter());
     }
 }

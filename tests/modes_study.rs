@@ -6,41 +6,16 @@
 
 mod support;
 
-use std::path::Path;
-
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::{flip, gamma_rmse};
 use splatblur::film::{Aov, Picture};
-use splatblur::image::{self, Format};
 use splatblur::plan::{
     BlurMode, Interleave, KernelShape, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel,
 };
-use splatblur::reference::{self, ReferenceOptions};
+use splatblur::reference::ReferenceOptions;
 use splatblur::render::render_frame;
-use splatblur::scene::{LoadOptions, Scene, load};
-use support::study::{cross, lin, rot};
-
-const SAMPLES: u64 = 1024;
-
-/// The scene's reference, from an earlier run where there is one.
-fn reference(scene: &Scene, frame: i64) -> Picture {
-    let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("study");
-    std::fs::create_dir_all(&directory).unwrap();
-    let path = directory.join(format!("{}_{frame}_{SAMPLES}.exr", scene.name));
-    if let Ok(picture) = image::read(&path) {
-        return picture;
-    }
-    let options = ReferenceOptions {
-        samples: SAMPLES,
-        filter: PixelFilter::Point,
-        shading: Shading::Gouraud,
-        ..ReferenceOptions::default()
-    };
-    let made = reference::render(scene, frame, &options, None, &|_| ()).unwrap();
-    println!("{}: reference, mean standard error {:.1e}", scene.name, made.stats.mean_error);
-    image::write(&path, &made.picture, Format::Exr, "").unwrap();
-    made.picture
-}
+use splatblur::scene::Scene;
+use support::study::{cross, lin, reference, rot, shipped};
 
 /// FLIP, gamma-space RMSE and CPU seconds of a mode.
 fn row(scene: &Scene, frame: i64, truth: &Picture, mode: BlurMode) {
@@ -63,7 +38,7 @@ fn row(scene: &Scene, frame: i64, truth: &Picture, mode: BlurMode) {
 }
 
 fn table(scene: &Scene, frame: i64) {
-    let truth = reference(scene, frame);
+    let truth = reference(scene, frame, PixelFilter::Point);
     let numbers = [1, 2, 3, 5, 10, 20, 50, 100];
     for n in [1, 2, 3, 5, 8, 10, 16, 20, 32, 50, 100] {
         row(scene, frame, &truth, BlurMode::supersample(n));
@@ -113,13 +88,6 @@ const SHIPPED: [(&str, i64); 8] = [
     ("checkerboard", 5),
 ];
 
-fn shipped(name: &str) -> Scene {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).with_extension("xml");
-    let mut scene = load(&path, &LoadOptions::default()).unwrap().scene;
-    (scene.image.width, scene.image.height) = (480, 270);
-    scene
-}
-
 #[test]
 #[ignore = "takes minutes; makes a table of docs/modes.md"]
 fn shipped_scenes() {
@@ -138,7 +106,7 @@ fn alpha_of_shipped_scenes() {
         let mut scene = shipped(name);
         scene.image.transparent = true;
         let traced = ReferenceOptions { samples: 4096, filter: PixelFilter::Point, ..ReferenceOptions::default() };
-        let truth = reference::render(&scene, frame, &traced, None, &|_| ()).unwrap().picture;
+        let truth = splatblur::reference::render(&scene, frame, &traced, None, &|_| ()).unwrap().picture;
         let errors = &truth.layers.last().unwrap().planes[3];
         for mode in [
             BlurMode::supersample(256),

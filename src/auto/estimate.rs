@@ -4,8 +4,9 @@
 //! is half the root of the mean of |g A|^2 / 3, g the slope of the display's curve; here g A is the difference of what is displayed.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
-use super::halves::{Halves, rows};
+use super::halves::Halves;
 use crate::film::Picture;
 use crate::frame::Blocks;
 use crate::math::srgb;
@@ -62,7 +63,7 @@ pub(super) fn block_errors(halves: &Halves, background: Vec3, edge: usize, wante
         }
         sums
     };
-    let rows = rows(even.height, of_row);
+    let rows: Vec<_> = (0..even.height as usize).into_par_iter().map(of_row).collect();
     let mut errors = Errors { width, squares: Vec::new(), pixels: Vec::new() };
     for rows in rows.chunks(edge) {
         for block in 0..width {

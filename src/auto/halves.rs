@@ -186,8 +186,3 @@ fn mix(a: &mut Picture, b: &Picture, share: &(dyn Fn(usize) -> f32 + Sync)) {
         }
     });
 }
-
-/// Calls `of_row(y)` for all rows, in parallel, in order.
-pub(super) fn rows<T: Send>(height: u32, of_row: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
-    (0..height as usize).into_par_iter().map(of_row).collect()
-}

@@ -77,19 +77,7 @@ pub fn render(
     let mut errors = block_errors(&halves, background.as_vec3(), edge, None);
 
     let safety = safety(interleave, options.filter, step);
-    let wanted = target.error / safety;
-    let mut factors = vec![1_u32; errors.squares.len()];
-    let mut capped = 0;
-    for (factor, square) in factors.iter_mut().zip(&errors.squares) {
-        let needed = square.sqrt() / wanted;
-        if needed > 1.0 {
-            let allowed = |factor: &u32| samples.saturating_mul(*factor) <= target.samples_max;
-            let enough = FACTORS.into_iter().find(|&factor| f64::from(factor) >= needed);
-            let best = enough.filter(allowed).or_else(|| FACTORS.into_iter().rfind(allowed)).unwrap_or(1);
-            capped += u32::from(enough != Some(best));
-            *factor = best;
-        }
-    }
+    let (factors, capped) = needed_factors(&errors, target.error / safety, samples, target.samples_max);
     for factor in FACTORS {
         let of_factor: Vec<bool> = factors.iter().map(|&of_block| of_block == factor).collect();
         if of_factor.contains(&true) {
@@ -125,6 +113,24 @@ pub fn render(
     picture.layers.extend(layers);
     composite(&mut picture, scene);
     Ok(Rendered { picture, stats })
+}
+
+/// The factor of samples that brings each block's error down to `wanted`, as far as `samples_max` allows; and the number of blocks for
+/// which it does not.
+fn needed_factors(errors: &Errors, wanted: f64, samples: u32, samples_max: u32) -> (Vec<u32>, u32) {
+    let allowed = |factor: &u32| samples.saturating_mul(*factor) <= samples_max;
+    let mut capped = 0;
+    let of_block = |square: &f64| {
+        let needed = square.sqrt() / wanted;
+        if needed <= 1.0 {
+            return 1;
+        }
+        let enough = FACTORS.into_iter().find(|&factor| f64::from(factor) >= needed);
+        let best = enough.filter(allowed).or_else(|| FACTORS.into_iter().rfind(allowed)).unwrap_or(1);
+        capped += u32::from(enough != Some(best));
+        best
+    };
+    (errors.squares.iter().map(of_block).collect(), capped)
 }
 
 /// The share of the even samples in each pixel, in blocks with these factors, `width` in a row, `edge` pixels each.

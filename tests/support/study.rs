@@ -1,9 +1,15 @@
 //! The three generated scenes on which blur modes are measured (docs/modes.md): two checkered spheres of 50,000 surfels, 512 x 512
 //! pixels, f = 512, eye at the origin, epsilon 0.03, shutter 0..1.
 
+use std::path::Path;
+
 use glam::{DVec3, Vec3};
+use splatblur::film::Picture;
+use splatblur::image::{self, Format};
 use splatblur::model::{Material, Surfels};
-use splatblur::scene::{Motion, Object, Scene};
+use splatblur::plan::{PixelFilter, Shading};
+use splatblur::reference::{self, ReferenceOptions};
+use splatblur::scene::{LoadOptions, Motion, Object, Scene, load};
 
 use super::{default_lights, object, scene, sphere};
 
@@ -73,4 +79,29 @@ pub fn cross() -> Scene {
     let a = placed(red(), from.into(), vec![linear(from, to)]);
     let (from, to) = ([0.0, -1.2, -7.0], [0.0, 1.2, -5.0]);
     pair(a, placed(blue(), from.into(), vec![linear(from, to)]), "cross")
+}
+
+/// A shipped scene, small.
+pub fn shipped(name: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).with_extension("xml");
+    let mut scene = load(&path, &LoadOptions::default()).expect("a shipped scene").scene;
+    (scene.image.width, scene.image.height) = (480, 270);
+    scene
+}
+
+/// A scene's reference of 1024 samples a pixel, from an earlier run where there is one.
+pub fn reference(scene: &Scene, frame: i64, filter: PixelFilter) -> Picture {
+    const SAMPLES: u64 = 1024;
+    let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("study");
+    std::fs::create_dir_all(&directory).expect("a folder for references");
+    let kind = if filter == PixelFilter::Box { "box_" } else { "" };
+    let path = directory.join(format!("{}_{frame}_{kind}{SAMPLES}.exr", scene.name));
+    if let Ok(picture) = image::read(&path) {
+        return picture;
+    }
+    let options =
+        ReferenceOptions { samples: SAMPLES, filter, shading: Shading::Gouraud, ..ReferenceOptions::default() };
+    let made = reference::render(scene, frame, &options, None, &|_| ()).expect("a reference");
+    image::write(&path, &made.picture, Format::Exr, "").expect("room for a reference");
+    made.picture
 }
