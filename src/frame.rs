@@ -171,7 +171,7 @@ pub struct PosedObject {
     pub screen_from_model: Mat3,
     /// Screen-space position of the model's origin.
     pub screen_origin: Vec3,
-    /// The same for surfels' centres: over an interval, the mean of the poses at its ends; else `screen_from_model`.
+    /// The same for surfels' centres: over an interval, the mean pose; else `screen_from_model`.
     pub centre_from_model: Mat3,
     /// Screen-space position of the model's origin, likewise.
     pub centre_origin: Vec3,
