@@ -162,6 +162,48 @@ fn alpha_is_the_share_of_the_exposure() {
     }
 }
 
+/// A surface that comes nearer than the camera's near plane covers until then.
+#[test]
+fn what_comes_nearer_than_the_near_plane_ends_there() {
+    // Depth 1.5 to 0.1 in one exposure.
+    let mut scene = passing(1.0, 0.1, 0.0);
+    scene.objects[0].transform.translate = DVec3::new(0.0, 0.0, 3.2);
+    scene.objects[0].motions = vec![Motion::Linear { velocity: DVec3::new(0.0, 0.0, 1.4) }];
+    scene.camera.near = 0.5;
+    for n in [1, 3] {
+        let options =
+            RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(volumetric(n)) };
+        let alpha = f64::from(render(&scene, &options).layers[0].planes[0][32 * 65 + 32]);
+        // Half a moment, as the end is rounded.
+        assert!((alpha - 1.0 / 1.4).abs() <= 0.5 / f64::from(32 * n) + 1e-6, "N = {n}: {alpha}");
+    }
+}
+
+/// Surfaces seen one after the other mix by the time for which each is seen, not by how densely they are sampled.
+#[test]
+fn dense_and_sparse_count_by_time() {
+    let half = |spacing: f64, radius: f64, from: f64, colour: Vec3| {
+        let n = (0.6 / spacing).round() as i32;
+        let grid = (-n..=n).flat_map(|j| (0..n).map(move |i| (f64::from(i) + 0.5, f64::from(j))));
+        let places = grid.map(|(i, j)| DVec3::new(from + i * spacing, j * spacing, 0.0));
+        let mut patch = object(round_surfels(places.map(|p| (p, DVec3::Z, radius, colour))));
+        patch.material = Some(UNLIT);
+        patch.motions = vec![Motion::Linear { velocity: DVec3::new(3.0, 0.0, 0.0) }];
+        patch
+    };
+    let mut scene = passing(0.1, 0.05, 0.0);
+    scene.objects = vec![half(0.1, 0.1, -0.6, Vec3::X), half(0.02, 0.08, 0.0, Vec3::Y)];
+    for n in [1, 2] {
+        let options =
+            RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(volumetric(n)) };
+        let [red, green, ..] = render(&scene, &options).rgba[32 * 65 + 32];
+        // Discs reach from -.65 to .05 and from -.07 to .67, with 3 and 50 over each point; where they overlap both are seen.
+        let share = f64::from(red / (red + green));
+        println!("N = {n}: red {red:.4}, green {green:.4}, share of red {share:.3}");
+        assert!((0.58 / 1.32..=0.70 / 1.32).contains(&share), "N = {n}: {share}");
+    }
+}
+
 /// What moves together hides what it hides at rest, also where neither is at mid-interval: the depth test is at the source (thesis
 /// fig. 4.5).
 #[test]
