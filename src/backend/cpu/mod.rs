@@ -10,7 +10,7 @@ mod bin;
 mod budget;
 mod clocks;
 mod layer;
-mod lit;
+mod patch;
 mod pieces;
 mod project;
 mod resolve;
@@ -18,6 +18,7 @@ mod swept;
 mod tiles;
 #[cfg(all(test, feature = "gpu"))]
 pub(super) mod twins;
+mod values;
 mod visibility;
 mod waves;
 mod work;
@@ -33,7 +34,7 @@ use self::resolve::{RasterFilms, Resolve, TileFilm, TiledFilm};
 use self::swept::Map;
 #[cfg(all(test, feature = "gpu"))]
 pub(super) use self::swept::twins as swept_twins;
-use self::tiles::{Band, STRIDE, TILE, TileBuffers};
+use self::tiles::{Band, ROWS, STRIDE, TILE, TileBuffers};
 use self::waves::{Job, Tiles};
 use self::work::{Chunk, Work};
 use super::{Backend, BackendError, Rendered};
@@ -166,7 +167,7 @@ impl Cpu {
                 let mut job = Job { chunks: &chunks, binned: &binned, tile, buffers, scratch, out: &mut () };
                 work.visibility(&mut job);
                 job.buffers.clear_sums(work.channels.count, work.group.samples.len());
-                let mut nearest = vec![f32::INFINITY; TILE * STRIDE];
+                let mut nearest = vec![f32::INFINITY; ROWS * STRIDE];
                 work.attribute(&mut job, &mut nearest);
                 let mut film = TileFilm::default();
                 if same_view && work.group.samples.len() == 1 {

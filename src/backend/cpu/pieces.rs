@@ -69,5 +69,5 @@ fn touches(view: &View<'_>, [low, high]: &[Vec3; 2]) -> bool {
     let [x0, x1, y0, y1] = view.pixels.map(|pixel| pixel as f32);
     let [left, right] = [(bounds[0] - reach).max(x0), (bounds[1] + reach).min(x1)];
     let [top, bottom] = [(bounds[2] - reach).max(y0), (bounds[3] + reach).min(y1)];
-    left <= right && top <= bottom && view.wants([left, right, top, bottom].map(|pixel| pixel as usize))
+    left <= right && top <= bottom && view.wants([left, right, top, bottom].map(|pixel| pixel as u16))
 }
