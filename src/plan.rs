@@ -18,6 +18,8 @@ pub enum BlurMode {
     Supersample {
         /// Time samples of a pixel, >= 1.
         samples: u32,
+        /// Sub-pixel positions that the samples share out, >= 1; as many as there are samples, or more: each has its own.
+        pixel_samples: u32,
         /// Which pixels share their times.
         interleave: Interleave,
     },
@@ -160,8 +162,11 @@ impl fmt::Display for BlurMode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let interleaved = match *self {
             Self::Still { pixel_samples } => return write!(f, "still:{pixel_samples}"),
-            Self::Supersample { samples, interleave } => {
+            Self::Supersample { samples, pixel_samples, interleave } => {
                 write!(f, "supersample:{samples}")?;
+                if pixel_samples < samples {
+                    write!(f, "+pixel-samples={pixel_samples}")?;
+                }
                 interleave
             }
             Self::Bucket { buckets, samples, pixel_samples, interleave } => {
@@ -364,7 +369,12 @@ pub enum Pass {
 impl BlurMode {
     /// Plain supersampling with `samples` time samples, >= 1.
     pub const fn supersample(samples: u32) -> Self {
-        Self::Supersample { samples, interleave: Interleave::None }
+        Self::interleaved(samples, Interleave::None)
+    }
+
+    /// Supersampling with `samples` time samples, >= 1, each at its own sub-pixel position.
+    pub const fn interleaved(samples: u32, interleave: Interleave) -> Self {
+        Self::Supersample { samples, pixel_samples: samples, interleave }
     }
 
     /// What kernels sweep, where they do.
@@ -443,15 +453,17 @@ impl Plan {
         let (groups, interleave) = match mode {
             BlurMode::Still { pixel_samples } => {
                 let moments = vec![still(1.0 / f64::from(pixel_samples)); pixel_samples as usize];
-                (with_offsets(moments, filter, seed, [0, 0]), Interleave::None)
+                (with_offsets(moments, pixel_samples, filter, seed, [0, 0]), Interleave::None)
             }
-            BlurMode::Supersample { samples, interleave } => {
-                (exposure(samples, 1, 1, interleave, filter, seed, shutter, frame), interleave)
+            BlurMode::Supersample { samples, pixel_samples, interleave } => {
+                let strata = Strata { groups: samples, samples: 1, repeats: 1, positions: pixel_samples };
+                (exposure(strata, interleave, filter, seed, shutter, frame), interleave)
             }
-            BlurMode::Auto(_) => (exposure(4, 1, 1, Interleave::None, filter, seed, shutter, frame), Interleave::None),
+            BlurMode::Auto(_) => return Self::new(BlurMode::supersample(4), filter, seed, shutter, frame, jumps),
             BlurMode::Bucket { buckets, samples, pixel_samples, interleave } => {
                 let repeats = pixel_samples.div_ceil(buckets);
-                (exposure(buckets, samples, repeats, interleave, filter, seed, shutter, frame), interleave)
+                let strata = Strata { groups: buckets, samples, repeats, positions: buckets.saturating_mul(repeats) };
+                (exposure(strata, interleave, filter, seed, shutter, frame), interleave)
             }
             BlurMode::Volumetric { intervals, pixel_samples, swept: _ } => {
                 let repeats = pixel_samples.div_ceil(intervals);
@@ -462,25 +474,35 @@ impl Plan {
     }
 }
 
-/// For each class of pixels, `strata` groups that tile the shutter, of `samples` samples each, `repeats` times over.
-#[allow(clippy::too_many_arguments, reason = "the numbers that define an exposure")]
-fn exposure(
-    strata: u32,
+/// How many groups tile the shutter.
+#[derive(Clone, Copy)]
+struct Strata {
+    groups: u32,
+    /// Of each group.
     samples: u32,
+    /// How often each group is there.
     repeats: u32,
+    /// Sub-pixel positions that all groups share out.
+    positions: u32,
+}
+
+/// The groups of each class of pixels, which tile the shutter.
+fn exposure(
+    strata: Strata,
     interleave: Interleave,
     filter: PixelFilter,
     seed: u64,
     shutter: &Shutter,
     frame: f64,
 ) -> Vec<Group> {
+    let Strata { groups, samples, repeats, positions } = strata;
     let stride = interleave.stride();
     let classes = (0..stride * stride).map(|class| [class % stride, class / stride]);
     let groups = classes.flat_map(|phase| {
         let order = interleave.order(phase);
         let place = (f64::from(order) + 0.5) / f64::from(stride * stride);
         let moments: Vec<TimeSample> = shutter
-            .strata(strata * samples, place)
+            .strata(groups * samples, place)
             .into_iter()
             .map(|(t, weight)| TimeSample { time: shutter.frame_time(frame, t), weight: weight / f64::from(repeats) })
             .collect();
@@ -489,7 +511,7 @@ fn exposure(
             .flat_map(|group| std::iter::repeat_n(group.to_vec(), repeats as usize))
             .collect();
         // Each class has offsets of its own.
-        with_offsets(moments, filter, seed.wrapping_add(u64::from(order) << 32), phase)
+        with_offsets(moments, positions, filter, seed.wrapping_add(u64::from(order) << 32), phase)
     });
     groups.collect()
 }
@@ -528,20 +550,43 @@ fn swept_exposure(
         intervals.push(Interval { ends, moments: std::array::from_fn(|i| share(at(i as u32), at(i as u32 + 1))) });
     }
     let repeats = repeats as usize;
-    let moments = moments.into_iter().flat_map(|moment| std::iter::repeat_n(moment, repeats)).collect();
-    let mut groups = with_offsets(moments, filter, seed, [0, 0]);
+    let moments: Vec<_> = moments.into_iter().flat_map(|moment| std::iter::repeat_n(moment, repeats)).collect();
+    let positions = moments.len() as u32;
+    let mut groups = with_offsets(moments, positions, filter, seed, [0, 0]);
     for (group, interval) in groups.iter_mut().zip(intervals.iter().flat_map(|i| std::iter::repeat_n(*i, repeats))) {
         group.interval = Some(interval);
     }
     groups
 }
 
-fn with_offsets(moments: Vec<Vec<TimeSample>>, filter: PixelFilter, seed: u64, phase: [u32; 2]) -> Vec<Group> {
+/// Groups of `moments`, in order of time, that share out `positions` sub-pixel positions, or have one each where that is fewer.
+fn with_offsets(
+    moments: Vec<Vec<TimeSample>>,
+    positions: u32,
+    filter: PixelFilter,
+    seed: u64,
+    phase: [u32; 2],
+) -> Vec<Group> {
     let offsets = match filter {
-        PixelFilter::Box => pixel_offsets(moments.len() as u32, seed),
-        PixelFilter::Point => vec![[0.0; 2]; moments.len()],
+        PixelFilter::Box => pixel_offsets(positions.min(moments.len() as u32), seed),
+        PixelFilter::Point => vec![[0.0; 2]],
     };
-    moments.into_iter().zip(offsets).map(|(samples, offset)| Group { samples, offset, phase, interval: None }).collect()
+    share_out(moments, &offsets, phase)
+}
+
+/// Groups of `moments`, in order of time: each takes the next of `offsets`, over and over, so that each offset sees the whole exposure.
+/// Those of one offset stand together, as they share what lies still.
+pub(crate) fn share_out(moments: Vec<Vec<TimeSample>>, offsets: &[[f32; 2]], phase: [u32; 2]) -> Vec<Group> {
+    let mut groups: Vec<(usize, Group)> = (0..)
+        .zip(moments)
+        .map(|(i, samples): (usize, _)| {
+            let position = i % offsets.len().max(1);
+            let offset = offsets.get(position).copied().unwrap_or_default();
+            (position, Group { samples, offset, phase, interval: None })
+        })
+        .collect();
+    groups.sort_by_key(|(position, _)| *position);
+    groups.into_iter().map(|(_, group)| group).collect()
 }
 
 #[cfg(test)]

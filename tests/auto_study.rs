@@ -33,7 +33,7 @@ fn table(scene: &Scene, frame: i64, filter: PixelFilter) {
     let truth = reference(scene, frame, filter);
     let interleave = Interleave::None;
     for samples in [8, 16, 24, 32, 48, 64] {
-        let mode = BlurMode::Supersample { samples, interleave };
+        let mode = BlurMode::interleaved(samples, interleave);
         let (rendered, seconds) = rendered(scene, frame, filter, mode);
         row(scene, &format!("{mode}"), &rendered, &truth, seconds);
     }

@@ -37,7 +37,7 @@ fn modes(n: u32) -> [(BlurMode, f64, f64); 5] {
     let intervals = n.div_ceil(32);
     [
         (BlurMode::supersample(n), moments, 0.5),
-        (BlurMode::Supersample { samples: n, interleave: Interleave::Two }, moments, 0.875),
+        (BlurMode::interleaved(n, Interleave::Two), moments, 0.875),
         (bucket(n / 4, 4, Interleave::None), moments, 0.5),
         (bucket(n / 4, 4, Interleave::Two), moments, 0.875),
         (volumetric(intervals, SweptKernel::default()), f64::from(32 * intervals), 0.5),

@@ -44,7 +44,7 @@ fn table(scene: &Scene, frame: i64) {
         row(scene, frame, &truth, BlurMode::supersample(n));
     }
     for n in [1, 2, 3, 5, 8, 10, 16, 20, 50, 100] {
-        row(scene, frame, &truth, BlurMode::Supersample { samples: n, interleave: Interleave::Two });
+        row(scene, frame, &truth, BlurMode::interleaved(n, Interleave::Two));
     }
     for (buckets, samples) in numbers.map(|n| (n, 4)).into_iter().chain([(1, 32), (8, 2)]) {
         row(

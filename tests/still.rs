@@ -31,16 +31,20 @@ fn through() -> Scene {
 }
 
 fn options(mode: BlurMode) -> RenderOptions {
+    // Where sub-pixel positions are shared, the groups of each of them share what lies still.
+    let shared = matches!(mode, BlurMode::Supersample { samples, pixel_samples, .. } if pixel_samples < samples);
+    let filter = if shared { PixelFilter::Box } else { PixelFilter::Point };
     let aovs = Aov::ALL.to_vec();
-    RenderOptions { mode, filter: PixelFilter::Point, aovs, epsilon: Some(0.03), ..RenderOptions::default() }
+    RenderOptions { mode, filter, aovs, epsilon: Some(0.03), ..RenderOptions::default() }
 }
 
-fn modes() -> [BlurMode; 4] {
+fn modes() -> [BlurMode; 5] {
     [
         BlurMode::Still { pixel_samples: 3 },
         BlurMode::supersample(8),
-        BlurMode::Supersample { samples: 3, interleave: Interleave::Two },
+        BlurMode::interleaved(3, Interleave::Two),
         BlurMode::Bucket { buckets: 3, samples: 3, pixel_samples: 1, interleave: Interleave::None },
+        BlurMode::Supersample { samples: 7, pixel_samples: 2, interleave: Interleave::Two },
     ]
 }
 
@@ -143,7 +147,7 @@ fn what_moves_is_not_held() {
 /// Blocks that are not wanted stay empty, the others are as if all were.
 fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
     let scene = through();
-    for mode in [BlurMode::supersample(4), BlurMode::Supersample { samples: 3, interleave: Interleave::Two }] {
+    for mode in [BlurMode::supersample(4), BlurMode::interleaved(3, Interleave::Two)] {
         let options = RenderOptions { aovs: Vec::new(), ..options(mode) };
         let mut frame = Frame::new(&scene, 0, &options);
         frame.background.transparent = true;

@@ -6,7 +6,7 @@ use super::keeps;
 use crate::backend::{Backend, BackendError, Stats};
 use crate::film::{Aov, Picture};
 use crate::frame::{Blocks, Frame};
-use crate::plan::{BlurMode, Group, Interleave, PixelFilter, Plan, RenderOptions, TimeSample};
+use crate::plan::{BlurMode, Group, Interleave, PixelFilter, Plan, RenderOptions, TimeSample, share_out};
 use crate::sampling::pixel_offsets;
 use crate::scene::Scene;
 
@@ -79,16 +79,11 @@ impl Round<'_> {
             }
             PixelFilter::Point => vec![[0.0; 2]],
         };
-        let of_position = |position: usize| {
-            let samples = fresh.iter().skip(position).step_by(offsets.len());
-            let offset = offsets[position];
-            samples.map(move |&(t, weight)| {
-                let weight = if total > 0.0 { weight / total } else { 0.0 };
-                let sample = TimeSample { time: scene.shutter.frame_time(number as f64, t), weight };
-                Group { samples: vec![sample], offset, phase, interval: None }
-            })
-        };
-        (0..offsets.len()).flat_map(of_position).collect()
+        let moments = fresh.iter().map(|&(t, weight)| {
+            let weight = if total > 0.0 { weight / total } else { 0.0 };
+            vec![TimeSample { time: scene.shutter.frame_time(number as f64, t), weight }]
+        });
+        share_out(moments.collect(), &offsets, phase)
     }
 }
 

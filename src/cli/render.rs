@@ -70,7 +70,8 @@ pub(super) struct Render {
     /// Interleaved sampling: each pixel of a lattice of S x S (1, 2 or 4) has times of its own [default: 1].
     #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = grammar::interleave, help_heading = "Blur")]
     interleave: Option<Interleave>,
-    /// Sub-pixel positions of mode still [default: 16], and of what lies still in mode auto [default: 8]; in modes bucket and
+    /// Sub-pixel positions of mode still [default: 16], and of what lies still in mode auto [default: 8]; those that the time samples
+    /// of mode supersample share out [default: each has its own]: what lies still is splatted once at each; in modes bucket and
     /// volumetric the fewest, where there are fewer buckets or intervals [default: 1].
     #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = grammar::samples, help_heading = "Blur")]
     pixel_samples: Option<u32>,
@@ -320,12 +321,9 @@ impl Render {
                 Ok(BlurMode::Still { pixel_samples: self.pixel_samples.unwrap_or(16) })
             }
             Mode::Supersample => {
-                refuse(
-                    self.pixel_samples.is_some(),
-                    "--pixel-samples is not for --mode supersample, whose time samples have one sub-pixel position each; \
-                     use --samples",
-                )?;
-                Ok(BlurMode::Supersample { samples: self.samples.unwrap_or(32), interleave })
+                let samples = self.samples.unwrap_or(32);
+                let pixel_samples = self.pixel_samples.unwrap_or(samples).min(samples);
+                Ok(BlurMode::Supersample { samples, pixel_samples, interleave })
             }
             Mode::Bucket => {
                 let (buckets, samples) = (self.buckets.unwrap_or(8), self.samples.unwrap_or(4));
