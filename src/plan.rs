@@ -110,6 +110,11 @@ impl SweptKernel {
         normalise: Normalise::Once,
     };
 
+    /// Is a kernel without motion the same whatever the time weight does over the interval?
+    pub(crate) fn is_plain(self) -> bool {
+        self.shape == KernelShape::Tube && self.source_samples == SourceSamples(1)
+    }
+
     /// Motion of a kernel over that of its surfel during the interval: 2 in the published variant, whose half-axis is the whole
     /// spacing of the time samples.
     pub fn stretch(self) -> f64 {

@@ -9,8 +9,11 @@ use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::frame::{Blocks, Frame};
-use splatblur::plan::{BlurMode, Interleave, PixelFilter, RenderOptions, Shading, SweptKernel};
+use splatblur::plan::{
+    BlurMode, Interleave, KernelShape, PixelFilter, RenderOptions, Shading, SourceSamples, SweptKernel,
+};
 use splatblur::scene::{Motion, Scene};
+use splatblur::time::Weight;
 use support::{default_lights, object, scene, sphere};
 
 /// A textured sphere at rest, one that moves through its surface, and one that passes behind.
@@ -48,6 +51,13 @@ fn modes() -> [BlurMode; 5] {
     ]
 }
 
+/// Intervals of which the still kernels can be shared.
+fn swept_modes() -> Vec<BlurMode> {
+    let of = |shape, source| SweptKernel { shape, source_samples: SourceSamples(source), ..SweptKernel::default() };
+    let kernels = [SweptKernel::default(), SweptKernel::PUBLISHED, of(KernelShape::Ellipsoid, 2)];
+    kernels.map(|swept| BlurMode::Volumetric { intervals: 4, pixel_samples: 1, swept }).to_vec()
+}
+
 fn splat(backend: &mut dyn Backend, frame: &Frame<'_>) -> (Picture, u64) {
     let rendered = backend.render(frame).unwrap();
     (rendered.picture, rendered.stats.splats)
@@ -61,9 +71,9 @@ fn difference(a: &Picture, b: &Picture) -> f32 {
     colour.chain(planes.flat_map(|(a, b)| a.iter().zip(b).map(share))).fold(0.0, f32::max)
 }
 
-fn looks_as_if_splatted_anew(backend: &mut dyn Backend, shadings: &[Shading]) {
+fn looks_as_if_splatted_anew(backend: &mut dyn Backend, modes: &[BlurMode], shadings: &[Shading]) {
     let scene = through();
-    for mode in modes() {
+    for &mode in modes {
         for &shading in shadings {
             let options = RenderOptions { shading, ..options(mode) };
             let frame = Frame::new(&scene, 0, &options);
@@ -83,15 +93,15 @@ fn looks_as_if_splatted_anew(backend: &mut dyn Backend, shadings: &[Shading]) {
 
 #[test]
 fn what_lies_still_looks_as_if_splatted_anew() {
-    looks_as_if_splatted_anew(&mut Cpu::default(), &[Shading::Phong, Shading::Gouraud]);
+    looks_as_if_splatted_anew(&mut Cpu::default(), &modes(), &[Shading::Phong, Shading::Gouraud]);
+    looks_as_if_splatted_anew(&mut Cpu::default(), &swept_modes(), &[Shading::Gouraud]);
 }
 
 /// Splats that cannot be kept are made anew for each group, and added up in the same order.
-fn memory_does_not_show(backend: &mut dyn Backend) {
-    let scene = through();
-    for mode in modes() {
+fn memory_does_not_show(backend: &mut dyn Backend, scene: &Scene, modes: &[BlurMode]) {
+    for &mode in modes {
         let options = options(mode);
-        let frame = Frame::new(&scene, 0, &options);
+        let frame = Frame::new(scene, 0, &options);
         let kept = splat(backend, &frame);
         let mut scarce = frame.clone();
         let anew = (1..).find_map(|step| {
@@ -106,7 +116,33 @@ fn memory_does_not_show(backend: &mut dyn Backend) {
 
 #[test]
 fn memory_for_what_lies_still_does_not_show() {
-    memory_does_not_show(&mut Cpu::default());
+    memory_does_not_show(&mut Cpu::default(), &through(), &modes());
+    memory_does_not_show(&mut Cpu::default(), &through(), &swept_modes());
+    // Intervals that differ in slope.
+    let mut scene = through();
+    scene.shutter.weight = Weight::Tent;
+    memory_does_not_show(&mut Cpu::default(), &scene, &swept_modes()[..1]);
+}
+
+/// What depends on the interval is not shared: light at surfels that differs, and, by rounding, kernels of several parts
+/// under a time weight.
+#[test]
+fn kernels_that_intervals_do_not_share() {
+    let [plain, _, parts] = swept_modes()[..] else { panic!() };
+    let mut weighted = through();
+    weighted.shutter.weight = Weight::Tent;
+    for (scene, mode) in [(weighted, parts), (through(), plain)] {
+        let options = options(mode);
+        let mut frame = Frame::new(&scene, 0, &options);
+        if mode == plain {
+            frame.groups[1].samples[0].lights.clear();
+        }
+        let mut anew = frame.clone();
+        anew.objects.iter_mut().for_each(|object| object.still = false);
+        let ((kept, some), (anew, same)) = (splat(&mut Cpu::default(), &frame), splat(&mut Cpu::default(), &anew));
+        assert_eq!(some, same, "{mode}");
+        assert!(difference(&kept, &anew) < 200.0 * f32::EPSILON, "{mode}");
+    }
 }
 
 /// An object whose way on the screen is a fifth of a pixel is held; at a third of a pixel it moves.
@@ -180,13 +216,13 @@ mod gpu {
     #[test]
     fn what_lies_still_looks_as_if_splatted_anew() {
         let Some(mut gpu) = gpu_or_skip("what_lies_still_looks_as_if_splatted_anew") else { return };
-        looks_as_if_splatted_anew(&mut gpu, &[Shading::Phong]);
+        looks_as_if_splatted_anew(&mut gpu, &modes(), &[Shading::Phong]);
     }
 
     #[test]
     fn memory_for_what_lies_still_does_not_show() {
         let Some(mut gpu) = gpu_or_skip("memory_for_what_lies_still_does_not_show") else { return };
-        memory_does_not_show(&mut gpu);
+        memory_does_not_show(&mut gpu, &through(), &modes());
     }
 
     #[test]
