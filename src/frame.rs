@@ -39,6 +39,8 @@ pub struct Frame<'a> {
     pub memory: u64,
     /// Bytes that the models take; a model shared by several objects counts once.
     pub model_bytes: u64,
+    /// Bytes that pictures take which are kept beside the frame's own.
+    pub picture_bytes: u64,
     /// Stages of each group, in order.
     pub passes: &'static [Pass],
     /// What kernels in motion sweep, where there are any.
@@ -248,6 +250,7 @@ impl<'a> Frame<'a> {
             background: Background { colour: scene.image.background, transparent: scene.image.transparent },
             memory: options.memory,
             model_bytes: model_bytes(scene),
+            picture_bytes: 0,
             passes: plan.passes,
             swept,
             objects: scene

@@ -51,10 +51,10 @@ fn table(scene: &Scene, frame: i64) {
             scene,
             frame,
             &truth,
-            BlurMode::Bucket { buckets, samples, pixel_samples: 1, interleave: Interleave::None },
+            BlurMode::Bucket { buckets, samples, pixel_samples: None, interleave: Interleave::None },
         );
     }
-    let swept = |intervals, swept| BlurMode::Volumetric { intervals, pixel_samples: 1, swept };
+    let swept = |intervals, swept| BlurMode::Volumetric { intervals, pixel_samples: None, swept };
     for n in numbers {
         row(scene, frame, &truth, swept(n, SweptKernel::default()));
     }
@@ -110,8 +110,8 @@ fn alpha_of_shipped_scenes() {
         let errors = &truth.layers.last().unwrap().planes[3];
         for mode in [
             BlurMode::supersample(256),
-            BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples: 1, interleave: Interleave::None },
-            BlurMode::Volumetric { intervals: 16, pixel_samples: 1, swept: SweptKernel::default() },
+            BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples: None, interleave: Interleave::None },
+            BlurMode::Volumetric { intervals: 16, pixel_samples: None, swept: SweptKernel::default() },
         ] {
             let options = RenderOptions {
                 mode,

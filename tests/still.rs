@@ -35,7 +35,7 @@ fn through() -> Scene {
 
 fn options(mode: BlurMode) -> RenderOptions {
     // Where sub-pixel positions are shared, the groups of each of them share what lies still.
-    let shared = matches!(mode, BlurMode::Supersample { samples, pixel_samples, .. } if pixel_samples < samples);
+    let shared = matches!(mode, BlurMode::Supersample { pixel_samples, .. } if pixel_samples.is_some());
     let filter = if shared { PixelFilter::Box } else { PixelFilter::Point };
     let aovs = Aov::ALL.to_vec();
     RenderOptions { mode, filter, aovs, epsilon: Some(0.03), ..RenderOptions::default() }
@@ -46,8 +46,8 @@ fn modes() -> [BlurMode; 5] {
         BlurMode::Still { pixel_samples: 3 },
         BlurMode::supersample(8),
         BlurMode::interleaved(3, Interleave::Two),
-        BlurMode::Bucket { buckets: 3, samples: 3, pixel_samples: 1, interleave: Interleave::None },
-        BlurMode::Supersample { samples: 7, pixel_samples: 2, interleave: Interleave::Two },
+        BlurMode::Bucket { buckets: 3, samples: 3, pixel_samples: None, interleave: Interleave::None },
+        BlurMode::Supersample { samples: 7, pixel_samples: Some(2), interleave: Interleave::Two },
     ]
 }
 
@@ -55,7 +55,7 @@ fn modes() -> [BlurMode; 5] {
 fn swept_modes() -> Vec<BlurMode> {
     let of = |shape, source| SweptKernel { shape, source_samples: SourceSamples(source), ..SweptKernel::default() };
     let kernels = [SweptKernel::default(), SweptKernel::PUBLISHED, of(KernelShape::Ellipsoid, 2)];
-    kernels.map(|swept| BlurMode::Volumetric { intervals: 4, pixel_samples: 1, swept }).to_vec()
+    kernels.map(|swept| BlurMode::Volumetric { intervals: 4, pixel_samples: None, swept }).to_vec()
 }
 
 fn splat(backend: &mut dyn Backend, frame: &Frame<'_>) -> (Picture, u64) {
@@ -174,7 +174,7 @@ fn what_moves_is_not_held() {
         let options = options(mode);
         Frame::new(scene, 0, &options).objects.iter().map(|object| object.still).collect::<Vec<_>>()
     };
-    let swept = BlurMode::Volumetric { intervals: 1, pixel_samples: 1, swept: SweptKernel::default() };
+    let swept = BlurMode::Volumetric { intervals: 1, pixel_samples: None, swept: SweptKernel::default() };
     assert_eq!(still(&scene, swept), [false, true, false]);
     scene.objects[0].blur = false;
     assert_eq!(still(&scene, BlurMode::supersample(4)), [true, true, false]);
@@ -192,11 +192,21 @@ fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
         let wanted = (0..width * height).map(|block| block % 2 == 1).collect();
         frame.wanted = Some(Blocks { width, wanted });
         let (part, _) = splat(backend, &frame);
+        // In bands, most of which have no wanted block.
+        let last = (0..width * height).map(|block| block == width * (height - 1) + 1).collect();
+        let mut scarce = Frame { wanted: Some(Blocks { width, wanted: last }), ..frame.clone() };
+        let in_bands = (1..).find_map(|step| {
+            scarce.memory = frame.model_bytes + (step << 17);
+            backend.render(&scarce).ok()
+        });
+        let in_bands = in_bands.unwrap().picture;
         let edge = Blocks::EDGE * frame.stride as usize;
         let mut seen = [0, 0];
         for (index, (part, whole)) in part.rgba.iter().zip(&whole.rgba).enumerate() {
             let block = index / 96 / edge * width + index % 96 / edge;
             assert_eq!(*part, if block % 2 == 1 { *whole } else { [0.0; 4] }, "{mode}: pixel {index}");
+            let is_last = block == width * (height - 1) + 1;
+            assert_eq!(in_bands.rgba[index], if is_last { *whole } else { [0.0; 4] }, "{mode}: pixel {index} of bands");
             seen[block % 2] += usize::from(whole[3] > 0.0);
         }
         assert!(seen.iter().all(|&covered| covered > 100), "{mode}: {seen:?}");
@@ -236,7 +246,7 @@ mod gpu {
     fn pictures_are_the_cpus() {
         let Some(mut gpu) = gpu_or_skip("pictures_are_the_cpus") else { return };
         let scene = through();
-        let swept = BlurMode::Volumetric { intervals: 2, pixel_samples: 1, swept: SweptKernel::default() };
+        let swept = BlurMode::Volumetric { intervals: 2, pixel_samples: None, swept: SweptKernel::default() };
         for mode in modes().into_iter().chain([swept]) {
             for shading in [Shading::Phong, Shading::Gouraud] {
                 let options = RenderOptions { shading, ..options(mode) };

@@ -81,7 +81,7 @@ impl Round<'_> {
         };
         let moments = fresh.iter().map(|&(t, weight)| {
             let weight = if total > 0.0 { weight / total } else { 0.0 };
-            vec![TimeSample { time: scene.shutter.frame_time(number as f64, t), weight }]
+            (vec![TimeSample { time: scene.shutter.frame_time(number as f64, t), weight }], None)
         });
         share_out(moments.collect(), &offsets, phase)
     }
@@ -102,6 +102,8 @@ impl Halves {
             let mut frame = Frame::planned(round.scene, round.number, round.options, &round.plan(half));
             frame.background.transparent = true;
             frame.wanted = wanted.cloned();
+            // The halves that there are, and the other one of this round.
+            frame.picture_bytes = 3 * picture_bytes(&frame);
             let mut rendered = backend.render(&frame)?;
             stats.add(&rendered.stats);
             rendered.picture.layers.retain(|layer| layer.aov != Aov::Samples);
@@ -138,6 +140,12 @@ impl Halves {
         mix(&mut mean, &odd, even);
         mean
     }
+}
+
+/// Bytes of a picture of `frame`.
+fn picture_bytes(frame: &Frame<'_>) -> u64 {
+    let planes = 4 + frame.aovs.iter().map(|aov| aov.channels().len() as u64).sum::<u64>();
+    u64::from(frame.size[0]) * u64::from(frame.size[1]) * planes * size_of::<f32>() as u64
 }
 
 /// Pixels that are worked on at once.

@@ -16,8 +16,8 @@ use super::grammar;
 pub(super) const HELP: &str = "\
 Modes, several with commas: NAME[:COUNTS][+OPTION=VALUE]...[@BACKEND]
   still:16                       no motion, P sub-pixel positions
-  supersample:10                 N time samples; +pixel-samples=P: at P sub-pixel positions, at each of which what lies still is
-                                 splatted once
+  supersample:10                 N time samples; +pixel-samples=P: at P sub-pixel positions (here and below; N without it), at each
+                                 of which what lies still is splatted once
   supersample:8+interleave=2     neighbouring pixels of a 2 x 2 (or 4 x 4) lattice see different times
   bucket:8x4                     B buckets of N time samples; +interleave=S, +pixel-samples=P
   volumetric:10                  N intervals of swept kernels; +kernel=ellipsoid (or +ellipsoid), +kernel-weight=chord (+chord),
@@ -177,7 +177,7 @@ fn blur(name: &str, counts: Option<&str>, options: &mut Options<'_>) -> Result<B
         "supersample" => {
             let interleave = options.take("interleave", grammar::interleave)?.unwrap_or_default();
             let samples = samples(32)?;
-            let pixel_samples = options.take("pixel-samples", grammar::samples)?.unwrap_or(samples).min(samples);
+            let pixel_samples = options.pixel_samples(samples)?;
             Ok(BlurMode::Supersample { samples, pixel_samples, interleave })
         }
         "bucket" => {
@@ -309,10 +309,9 @@ impl<'a> Options<'a> {
         found.ok_or_else(|| format!("option `{name}`: expected one of {}", list()))
     }
 
-    /// `pixel-samples`, where there are more than groups of time samples; fewer say nothing.
-    fn pixel_samples(&mut self, groups: u32) -> Result<u32, String> {
-        let given = self.take("pixel-samples", grammar::samples)?.unwrap_or(1);
-        Ok(if given > groups { given } else { 1 })
+    /// `pixel-samples`; as many as groups of time samples is what there is without.
+    fn pixel_samples(&mut self, groups: u32) -> Result<Option<u32>, String> {
+        Ok(self.take("pixel-samples", grammar::samples)?.filter(|&positions| positions != groups))
     }
 
     /// Refuses what no one took.
@@ -347,10 +346,10 @@ mod tests {
             Mode { method: Method::Splat(two), machine: Some(Machine::Cpu) }
         );
         let bucket = |pixel_samples| BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples, interleave };
-        assert_eq!(mode("bucket"), splat(bucket(1)));
-        assert_eq!(mode("bucket:8x4"), splat(bucket(1)));
-        assert_eq!(mode("bucket:8x4+pixel-samples=12"), splat(bucket(12)));
-        let volumetric = |swept| splat(BlurMode::Volumetric { intervals: 3, pixel_samples: 1, swept });
+        assert_eq!(mode("bucket"), splat(bucket(None)));
+        assert_eq!(mode("bucket:8x4"), splat(bucket(None)));
+        assert_eq!(mode("bucket:8x4+pixel-samples=12"), splat(bucket(Some(12))));
+        let volumetric = |swept| splat(BlurMode::Volumetric { intervals: 3, pixel_samples: None, swept });
         assert_eq!(mode("volumetric:3"), volumetric(SweptKernel::default()));
         assert_eq!(mode("volumetric:3+published"), volumetric(SweptKernel::PUBLISHED));
         let kernel = SweptKernel {
@@ -381,12 +380,13 @@ mod tests {
     fn equal_modes_are_written_alike() {
         assert_eq!(mode("supersample").to_string(), "supersample:32");
         assert_eq!(mode("supersample:8+interleave=1").to_string(), "supersample:8");
-        assert_eq!(mode("supersample:8+pixel-samples=9").to_string(), "supersample:8");
+        assert_eq!(mode("supersample:8+pixel-samples=8").to_string(), "supersample:8");
+        assert_eq!(mode("volumetric:3+sum+pixel-samples=2").to_string(), "volumetric:3+pixel-samples=2+alpha=sum");
         assert_eq!(
             mode("supersample:8+interleave=2+pixel-samples=4").to_string(),
             "supersample:8+pixel-samples=4+interleave=2"
         );
-        assert_eq!(mode("bucket:8x4+pixel-samples=3").to_string(), "bucket:8x4");
+        assert_eq!(mode("bucket:8x4+pixel-samples=8").to_string(), "bucket:8x4");
         assert_eq!(mode("reference@cpu").to_string(), "reference:1024@cpu");
     }
 
@@ -440,15 +440,15 @@ mod tests {
         let method = prop_oneof![
             count.clone().prop_map(|pixel_samples| Method::Splat(BlurMode::Still { pixel_samples })),
             (count.clone(), count.clone(), interleave.clone()).prop_map(|(samples, pixel, interleave)| {
-                let pixel_samples = pixel.min(samples);
+                let pixel_samples = Some(pixel).filter(|&pixel| pixel != samples);
                 Method::Splat(BlurMode::Supersample { samples, pixel_samples, interleave })
             }),
             (count.clone(), count.clone(), count, interleave).prop_map(|(buckets, samples, pixel, interleave)| {
-                let pixel_samples = if pixel > buckets { pixel } else { 1 };
+                let pixel_samples = Some(pixel).filter(|&pixel| pixel != buckets);
                 Method::Splat(BlurMode::Bucket { buckets, samples, pixel_samples, interleave })
             }),
             (1_u32..=256, 1_u32..=256, 0_u32..32, 1_u32..9).prop_map(|(intervals, pixel, bits, source)| {
-                let pixel_samples = if pixel > intervals { pixel } else { 1 };
+                let pixel_samples = Some(pixel).filter(|&pixel| pixel != intervals);
                 let bit = |i: u32| bits >> i & 1 == 1;
                 let shape = if bit(0) { KernelShape::Ellipsoid } else { KernelShape::Tube };
                 let chord = bit(0) && bit(1);

@@ -29,8 +29,10 @@ impl Budget {
         let samples = frame.groups.iter().map(|group| group.samples.len()).max().unwrap_or(1);
         let [tiles_x, tiles_y] = raster.map(|pixels| u64::from(pixels).div_ceil(TILE as u64));
         let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
-        // The film, the picture that it becomes, and its copy in the file's form.
-        let film = rasters * tiles_x * tiles_y * TileFilm::bytes(planes.count) + 2 * pixels * 4 * planes.count as u64;
+        // Other pictures, the film, the picture that it becomes, and its copy in the file's form.
+        let film = frame.picture_bytes
+            + rasters * tiles_x * tiles_y * TileFilm::bytes(planes.count)
+            + 2 * pixels * 4 * planes.count as u64;
         // What the tiles of some rows need together, for as many rows as the bands shall have.
         let swept = frame.swept.is_some();
         let guard = frame.groups.iter().filter_map(|group| group.interval).map(|interval| interval.guard).max();

@@ -15,7 +15,7 @@ use super::waves::{Part, Wave, Waves};
 use super::{Gpu, Machine};
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
-use crate::frame::{Frame, PosedGroup};
+use crate::frame::{Blocks, Frame, PosedGroup};
 use crate::plan::{Normalise, Pass};
 
 /// What stays the same while a frame is rendered.
@@ -62,6 +62,10 @@ impl Gpu {
         let mut part = 0;
         for (raster, groups) in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase).enumerate() {
             for band in schedule.bands(raster) {
+                if !execution.wants(band) {
+                    part += 1;
+                    continue;
+                }
                 for groups in groups.chunk_by(|a, b| a.raster == b.raster) {
                     let work = |group, part_of_group| Work {
                         execution,
@@ -113,6 +117,13 @@ impl Gpu {
 }
 
 impl Execution<'_> {
+    /// Is any block of the band wanted?
+    fn wants(&self, band: Band) -> bool {
+        let wanted = self.frame.wanted.as_ref().filter(|_| self.frame.swept.is_none());
+        let rows = [band.first_row, band.first_row + band.rows - 1].map(|row| (row * TILE) as usize / Blocks::EDGE);
+        wanted.is_none_or(|blocks| (rows[0]..=rows[1]).any(|y| (0..blocks.width).any(|x| blocks.at(x, y))))
+    }
+
     /// First byte and length of what each band has of the film.
     pub(super) fn parts(&self) -> Vec<(u64, u64)> {
         let mut parts = Vec::new();
