@@ -3,8 +3,6 @@
 //! In: splats of a chunk. Out: for each tile of the chunk's own rectangle, the indices of the splats that may touch it. A
 //! splat that touches very many tiles is listed once, apart, so that the lists stay bounded. Order-free.
 
-use glam::Vec3;
-
 use super::swept::Hull;
 use super::tiles::{Band, TILE, TileRect};
 use crate::layout::{Splat, SweptSplat};
@@ -56,8 +54,8 @@ fn tile_of(pixel: u16) -> usize {
 pub(super) struct Binned<S = Splat> {
     /// Splats, in surfel order.
     pub splats: Vec<S>,
-    /// What each shows under the lights; empty where pixels are shaded.
-    pub lit: Vec<Vec3>,
+    /// What each shows: a number for each channel; empty where only weights are wanted.
+    pub values: Vec<f32>,
     /// First tile column and row of the rectangle, and its width and height in tiles.
     rect: [usize; 4],
     /// For each tile of the rectangle, where its list starts in `entries`; one more at the end.
@@ -72,7 +70,7 @@ impl<S> Default for Binned<S> {
     fn default() -> Self {
         Self {
             splats: Vec::new(),
-            lit: Vec::new(),
+            values: Vec::new(),
             rect: [0; 4],
             starts: Vec::new(),
             entries: Vec::new(),
@@ -82,16 +80,16 @@ impl<S> Default for Binned<S> {
 }
 
 impl<S: Tiled> Binned<S> {
-    /// Most bytes that a chunk of `surfels` surfels can take in `band`.
-    pub(super) fn most_bytes(surfels: usize, band: &Band) -> u64 {
-        (surfels * (size_of::<S>() + size_of::<Vec3>() + WIDE * size_of::<u32>()) + (band.len() + 1) * size_of::<u32>())
-            as u64
+    /// Most bytes that a chunk of `surfels` surfels with `channels` values each can take in `band`.
+    pub(super) fn most_bytes(surfels: usize, channels: usize, band: &Band) -> u64 {
+        (surfels * (size_of::<S>() + channels * size_of::<f32>() + WIDE * size_of::<u32>())
+            + (band.len() + 1) * size_of::<u32>()) as u64
     }
 
     /// Bytes that the chunk takes now.
     pub(super) fn bytes(&self) -> u64 {
         let words = self.starts.capacity() + self.entries.capacity() + self.wide.capacity();
-        (self.splats.capacity() * size_of::<S>() + self.lit.capacity() * size_of::<Vec3>() + words * size_of::<u32>())
+        (self.splats.capacity() * size_of::<S>() + self.values.capacity() * size_of::<f32>() + words * size_of::<u32>())
             as u64
     }
 

@@ -54,8 +54,8 @@ impl Budget {
         let wave = |rows: u64| {
             let band = Band::new(raster, [0, rows as usize]);
             let guarded = guard.map_or(band, |guard| band.guarded(guard));
-            let moving = if swept { Binned::<SweptSplat>::most_bytes(CHUNK, &band) } else { 0 };
-            (threads + 1) * (Binned::<Splat>::most_bytes(CHUNK, &guarded) + moving)
+            let moving = if swept { Binned::<SweptSplat>::most_bytes(CHUNK, channels.count, &band) } else { 0 };
+            (threads + 1) * (Binned::<Splat>::most_bytes(CHUNK, channels.count, &guarded) + moving)
         };
         let needed = frame.model_bytes + film + buffers_with(1, false) + wave(1);
         if needed > frame.memory {

@@ -6,7 +6,7 @@
 
 use super::bin::Binned;
 use super::resolve::TileFilm;
-use super::tiles::{STRIDE, TILE, TileBuffers};
+use super::tiles::{ROWS, STRIDE, TILE, TileBuffers};
 use super::work::Chunk;
 
 /// The objects that lie still, at one sample position.
@@ -36,7 +36,7 @@ impl LayerTile {
     /// Bytes of one tile.
     pub(super) const fn bytes(channels: usize, samples: usize, planes: usize) -> u64 {
         let reach = if samples > 1 { 1 } else { 0 };
-        ((2 + channels + reach) * TILE * STRIDE * size_of::<f32>()) as u64 + TileFilm::bytes(planes)
+        ((2 + channels + reach) * ROWS * STRIDE * size_of::<f32>()) as u64 + TileFilm::bytes(planes)
     }
 
     /// Of what `buffers` hold after passes `visibility` and `attribute`, with the least depths.
@@ -97,7 +97,7 @@ impl LayerTile {
                     *reach = if self.threshold[at] < f32::INFINITY { 1.0 } else { 0.0 };
                 }
                 if buffers.threshold[at] >= self.nearest[at] {
-                    let limits = anew.get_or_insert_with(|| vec![f32::NEG_INFINITY; TILE * STRIDE]);
+                    let limits = anew.get_or_insert_with(|| vec![f32::NEG_INFINITY; ROWS * STRIDE]);
                     limits[at] = buffers.threshold[at];
                 }
             }

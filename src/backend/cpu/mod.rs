@@ -10,14 +10,14 @@ mod bin;
 mod budget;
 mod clocks;
 mod layer;
-mod lit;
-mod pieces;
+mod patch;
 mod project;
 mod resolve;
 mod swept;
 mod tiles;
 #[cfg(all(test, feature = "gpu"))]
 pub(super) mod twins;
+mod values;
 mod visibility;
 mod waves;
 mod work;
@@ -28,14 +28,14 @@ use self::bin::Binned;
 use self::budget::Budget;
 use self::clocks::Clocks;
 use self::layer::{Layer, LayerTile};
-use self::pieces::Pieces;
 use self::resolve::{RasterFilms, Resolve, TileFilm, TiledFilm};
 #[cfg(all(test, feature = "gpu"))]
 pub(super) use self::swept::twins as swept_twins;
 use self::swept::{LayerDepths, LayerSums, Map, SweptLayer};
-use self::tiles::{Band, STRIDE, TILE, TileBuffers};
+use self::tiles::{Band, ROWS, STRIDE, TILE, TileBuffers};
 use self::waves::{Job, Tiles};
 use self::work::{Chunk, Work};
+use super::pieces::Pieces;
 use super::{Backend, BackendError, Rendered};
 use crate::film::{FilmPlanes, develop};
 use crate::frame::{Blocks, Frame};
@@ -91,10 +91,7 @@ impl Cpu {
         let stride = frame.stride as usize;
         let mut films = RasterFilms { films: Vec::new(), stride, samples: frame.samples() };
         let clocks = Clocks::default();
-        let pieces = match frame.wanted {
-            Some(_) if frame.swept.is_none() => frame.objects.iter().map(|object| Pieces::of(object.surfels)).collect(),
-            _ => Vec::new(),
-        };
+        let pieces = Pieces::of_frame(frame);
         for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
             let size = groups[0].raster.size;
             let mut film = TiledFilm::new(size);
@@ -168,7 +165,7 @@ impl Cpu {
                 let mut job = Job { chunks: &chunks, binned: &binned, tile, buffers, scratch, out: &mut () };
                 work.visibility(&mut job);
                 job.buffers.clear_sums(work.channels.count, work.group.samples.len());
-                let mut nearest = vec![f32::INFINITY; TILE * STRIDE];
+                let mut nearest = vec![f32::INFINITY; ROWS * STRIDE];
                 work.attribute(&mut job, &mut nearest);
                 let mut film = TileFilm::default();
                 if same_view && work.group.samples.len() == 1 {

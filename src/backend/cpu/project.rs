@@ -15,6 +15,8 @@ use crate::model::Surfels;
 /// Surfels worked on at once.
 const LANES: usize = 16;
 type Lanes = [f32; LANES];
+/// Surfels turned from points into coordinates at once; whole blocks.
+const RUN: usize = 16 * LANES;
 
 /// Slack of screen bounds, pixels plus a share of the size: they must not be too small by rounding.
 const SLACK: f32 = 1e-3;
@@ -39,10 +41,12 @@ pub(super) struct View<'a> {
 }
 
 impl View<'_> {
-    /// Does a splat touch a block that is wanted? `bounds`: first and last pixel column, first and last row.
+    /// Does a splat touch a block that is wanted? `bounds`: first and last pixel column, first and last row, from `corner`, which is 0
+    /// where blocks are wanted.
     #[inline(always)]
-    pub(super) fn wants(&self, [x0, x1, y0, y1]: [usize; 4]) -> bool {
+    pub(super) fn wants(&self, bounds: [u16; 4]) -> bool {
         let Some(blocks) = self.wanted else { return true };
+        let [x0, x1, y0, y1] = bounds.map(usize::from);
         let of = |first: usize, last: usize| first / Blocks::EDGE..=last / Blocks::EDGE;
         of(y0, y1).any(|y| of(x0, x1).any(|x| blocks.at(x, y)))
     }
@@ -55,34 +59,85 @@ dispatch! {
 
 #[inline(always)]
 fn project_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Splat>) {
+    let mut run = Run::default();
     let mut first = range.start;
     while first < range.end {
-        let n = (range.end - first).min(LANES);
-        let at = first..first + n;
-        let position = lanes(&surfels.position[at.clone()]);
-        let (axis_u, axis_v) = (lanes(&surfels.axis_u[at.clone()]), lanes(&surfels.axis_v[at]));
-        if !view.two_sided && !view.object.moves && all_face_away(view.object, &position, &axis_u, &axis_v) {
-            first += n;
+        let at = first..(first + RUN).min(range.end);
+        run.load(surfels, at.clone());
+        for block in (0..at.len()).step_by(LANES) {
+            let n = (at.len() - block).min(LANES);
+            project_block(view, &run, block, n, (first + block) as u32, out);
+        }
+        first = at.end;
+    }
+}
+
+/// Surfels of the model, coordinate by coordinate.
+struct Run {
+    position: [[f32; RUN]; 3],
+    axis_u: [[f32; RUN]; 3],
+    axis_v: [[f32; RUN]; 3],
+}
+
+impl Default for Run {
+    fn default() -> Self {
+        Self { position: [[0.0; RUN]; 3], axis_u: [[0.0; RUN]; 3], axis_v: [[0.0; RUN]; 3] }
+    }
+}
+
+impl Run {
+    /// What lies beyond the range is left of an earlier one.
+    #[inline(always)]
+    fn load(&mut self, surfels: &Surfels, range: Range<usize>) {
+        split(&surfels.position[range.clone()], &mut self.position);
+        split(&surfels.axis_u[range.clone()], &mut self.axis_u);
+        split(&surfels.axis_v[range], &mut self.axis_v);
+    }
+}
+
+/// A loop over many points, as compilers turn few of them into single moves.
+#[inline(always)]
+fn split(points: &[Vec3], [x, y, z]: &mut [[f32; RUN]; 3]) {
+    let flat: &[[f32; 3]] = bytemuck::cast_slice(points);
+    for (((point, x), y), z) in flat.iter().zip(x).zip(y).zip(z) {
+        [*x, *y, *z] = *point;
+    }
+}
+
+/// `n` surfels that begin at `first` of the run.
+#[inline(always)]
+fn project_block(view: &View<'_>, run: &Run, first: usize, n: usize, surfel: u32, out: &mut Vec<Splat>) {
+    let (position, axis_u, axis_v) =
+        (lanes(&run.position, first), lanes(&run.axis_u, first), lanes(&run.axis_v, first));
+    if !view.two_sided && !view.object.moves && all_face_away(view.object, &position, &axis_u, &axis_v) {
+        return;
+    }
+    let block = Block {
+        centre: transform(&view.object.centre_from_model, view.object.centre_origin, &position),
+        u: transform(&view.object.screen_from_model, Vec3::ZERO, &axis_u),
+        v: transform(&view.object.screen_from_model, Vec3::ZERO, &axis_v),
+    };
+    let mut shape = Shape::default();
+    for l in 0..LANES {
+        project_lane(view, &block, l, &mut shape);
+    }
+    // Bits instead of a test for each lane, which would often be predicted wrong.
+    let mut kept = 0_u32;
+    for l in 0..LANES {
+        kept |= u32::from(shape.kind[l] != CULLED) << l;
+    }
+    kept &= (1 << n) - 1;
+    while kept != 0 {
+        let l = kept.trailing_zeros() as usize & (LANES - 1);
+        kept &= kept - 1;
+        if shape.kind[l] == CROSSING {
+            push_crossing(view, &block, l, surfel + l as u32, out);
             continue;
         }
-        let block = Block {
-            centre: transform(&view.object.centre_from_model, view.object.centre_origin, &position),
-            u: transform(&view.object.screen_from_model, Vec3::ZERO, &axis_u),
-            v: transform(&view.object.screen_from_model, Vec3::ZERO, &axis_v),
-        };
-        let mut shape = Shape::default();
-        for l in 0..LANES {
-            project_lane(view, &block, l, &mut shape);
+        let bounds = [shape.bounds[0][l], shape.bounds[1][l], shape.bounds[2][l], shape.bounds[3][l]];
+        if view.wants(bounds) {
+            push_ordinary(&shape, l, bounds, surfel + l as u32, out);
         }
-        for l in 0..n {
-            let surfel = (first + l) as u32;
-            if shape.kind[l] == ORDINARY && view.wants([0, 1, 2, 3].map(|side| shape.bounds[side][l] as usize)) {
-                push_ordinary(view, &shape, l, surfel, out);
-            } else if shape.kind[l] == CROSSING {
-                push_crossing(view, &block, l, surfel, out);
-            }
-        }
-        first += n;
     }
 }
 
@@ -93,21 +148,11 @@ struct Block {
     v: [Lanes; 3],
 }
 
-/// Coordinate by coordinate; zero where there are fewer points than lanes.
 #[inline(always)]
-fn lanes(points: &[Vec3]) -> [Lanes; 3] {
-    let flat: &[f32] = bytemuck::cast_slice(points);
-    let mut padded = [0.0; 3 * LANES];
-    // A whole block is a copy of fixed size, which stays in registers.
-    let block = flat.first_chunk::<{ 3 * LANES }>().unwrap_or_else(|| {
-        padded[..flat.len()].copy_from_slice(flat);
-        &padded
-    });
+fn lanes(run: &[[f32; RUN]; 3], first: usize) -> [Lanes; 3] {
     let mut out = [[0.0; LANES]; 3];
-    for l in 0..LANES {
-        out[0][l] = block[3 * l];
-        out[1][l] = block[3 * l + 1];
-        out[2][l] = block[3 * l + 2];
+    for c in 0..3 {
+        out[c].copy_from_slice(&run[c][first..][..LANES]);
     }
     out
 }
@@ -161,8 +206,8 @@ struct Shape {
     u: [Lanes; 2],
     v: [Lanes; 2],
     centre_depth: Lanes,
-    /// First and last pixel column, then first and last row.
-    bounds: [Lanes; 4],
+    /// First and last pixel column, then first and last row, from the view's corner.
+    bounds: [[u16; LANES]; 4],
     flags: [u32; LANES],
 }
 
@@ -210,10 +255,11 @@ fn project_lane(view: &View<'_>, block: &Block, l: usize, shape: &mut Shape) {
     shape.v[0][l] = -uy * over_area;
     shape.v[1][l] = ux * over_area;
     shape.centre_depth[l] = if depth >= view.near { depth } else { 0.0 };
-    shape.bounds[0][l] = columns.0;
-    shape.bounds[1][l] = columns.1;
-    shape.bounds[2][l] = rows.0;
-    shape.bounds[3][l] = rows.1;
+    let corner = [view.corner[0] as f32, view.corner[1] as f32];
+    shape.bounds[0][l] = whole(columns.0 - corner[0]);
+    shape.bounds[1][l] = whole(columns.1 - corner[0]);
+    shape.bounds[2][l] = whole(rows.0 - corner[1]);
+    shape.bounds[3][l] = whole(rows.1 - corner[1]);
     shape.flags[l] = if area * view.object.handedness < 0.0 { 0 } else { FLAG_BACK };
     let ordinary = if seen { ORDINARY } else { CULLED };
     let kind = if crossing { CROSSING } else { ordinary };
@@ -244,8 +290,16 @@ fn pixel_range(reference: f32, low: f32, high: f32, first: i32, last: i32) -> (f
     (a, b)
 }
 
+/// A whole number from 0 to 65535 as an integer: a cast, which saturates, would block vector code.
 #[inline(always)]
-fn push_ordinary(view: &View<'_>, shape: &Shape, l: usize, surfel: u32, out: &mut Vec<Splat>) {
+fn whole(x: f32) -> u16 {
+    /// 2^23: adding it leaves the number in the low bits of the mantissa.
+    const SHIFT: f32 = 8_388_608.0;
+    ((x + SHIFT).to_bits() & 0xffff) as u16
+}
+
+#[inline(always)]
+fn push_ordinary(shape: &Shape, l: usize, bounds: [u16; 4], surfel: u32, out: &mut Vec<Splat>) {
     let three = |form: &[Lanes; 3]| [form[0][l], form[1][l], form[2][l]];
     out.push(Splat {
         reference: [shape.reference[0][l], shape.reference[1][l]],
@@ -253,7 +307,7 @@ fn push_ordinary(view: &View<'_>, shape: &Shape, l: usize, surfel: u32, out: &mu
         u: [shape.u[0][l], shape.u[1][l], 0.0],
         v: [shape.v[0][l], shape.v[1][l], 0.0],
         centre_depth: shape.centre_depth[l],
-        bounds: bounds(view, [0, 1, 2, 3].map(|side| shape.bounds[side][l] as i32)),
+        bounds,
         surfel,
         flags: shape.flags[l],
     });

@@ -2,8 +2,8 @@
 //!
 //! In: a tile's sums and thresholds. Out: the tile's film. One sample position at a time, order-free.
 
-use super::lit::{add_lobes, unit};
 use super::tiles::{LANES, STRIDE, TILE, TileRect};
+use super::values::{add_lobes, unit};
 use crate::film::{Film, FilmPlanes};
 use crate::frame::{PosedSample, Raster};
 use crate::layout::Channels;

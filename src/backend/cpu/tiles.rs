@@ -6,6 +6,8 @@ pub(super) const TILE: usize = 32;
 pub(super) const LANES: usize = 8;
 /// Floats from one row of a tile buffer to the next: loops may start at any pixel and write `LANES` of them.
 pub(super) const STRIDE: usize = TILE + LANES;
+/// Rows of a tile buffer: loops may start at any row and write two.
+pub(super) const ROWS: usize = TILE + 1;
 
 /// A rectangle of tiles that is rendered together: whole rows of tiles.
 #[derive(Clone, Copy, Debug)]
@@ -84,9 +86,9 @@ pub(super) struct TileRect {
 /// What one group accumulates in one tile.
 #[derive(Clone, Debug, Default)]
 pub(super) struct TileBuffers {
-    /// T(x, t) of the visibility rule, +inf where no splat covers: `TILE` rows of `STRIDE`.
+    /// T(x, t) of the visibility rule, +inf where no splat covers: `ROWS` rows of `STRIDE`.
     pub threshold: Vec<f32>,
-    /// Weighted sums: for each row, for each channel, `STRIDE` floats.
+    /// Weighted sums: for each of `ROWS` rows, for each channel, `STRIDE` floats.
     pub sums: Vec<f32>,
     /// Coverage by the samples of a group that has several; empty where there is one.
     pub union: Union,
@@ -105,7 +107,7 @@ pub(super) struct Presence {
     pub loose: Vec<f32>,
 }
 
-/// Coverage by the samples of a group, one after the other: `TILE` rows of `STRIDE`.
+/// Coverage by the samples of a group, one after the other: `ROWS` rows of `STRIDE`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Union {
     /// Sample whose splats are being added; `None` while it is those of all samples.
@@ -139,14 +141,14 @@ impl Union {
 impl TileBuffers {
     pub(super) fn clear_threshold(&mut self) {
         self.threshold.clear();
-        self.threshold.resize(TILE * STRIDE, f32::INFINITY);
+        self.threshold.resize(ROWS * STRIDE, f32::INFINITY);
     }
 
     /// For a group of `samples` samples.
     pub(super) fn clear_sums(&mut self, channels: usize, samples: usize) {
         self.sums.clear();
-        self.sums.resize(TILE * channels * STRIDE, 0.0);
-        let union = if samples > 1 { TILE * STRIDE } else { 0 };
+        self.sums.resize(ROWS * channels * STRIDE, 0.0);
+        let union = if samples > 1 { ROWS * STRIDE } else { 0 };
         self.union.sample = None;
         for plane in [&mut self.union.reach, &mut self.union.still, &mut self.union.coverage] {
             plane.clear();
@@ -168,6 +170,6 @@ impl TileBuffers {
     pub(super) const fn bytes(channels: usize, samples: usize, swept: bool) -> u64 {
         let union = if samples > 1 { 3 } else { 0 };
         let presence = if swept { 4 } else { 0 };
-        ((1 + channels + union + presence) * TILE * STRIDE * size_of::<f32>()) as u64
+        ((1 + channels + union + presence) * ROWS * STRIDE * size_of::<f32>()) as u64
     }
 }

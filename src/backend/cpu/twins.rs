@@ -2,15 +2,16 @@
 
 use super::attribute::{self, Attributes, Tally};
 use super::layer::LayerTile;
-use super::lit;
+
 use super::project::{self, View};
 use super::resolve::{self, Resolve, TileFilm};
-use super::tiles::{STRIDE, TILE, TileBuffers, TileRect};
+use super::tiles::{ROWS, STRIDE, TILE, TileBuffers, TileRect};
+use super::values::{self, Shown};
 use super::visibility::{self, Depths};
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup};
 use crate::layout::{Channels, Splat};
-use crate::plan::{Prefilter, Shading};
+use crate::plan::Prefilter;
 
 /// Splats of one object at one sample, in surfel order; those of one that lies still are of the first.
 #[derive(Clone, Debug)]
@@ -124,13 +125,13 @@ impl Twins<'_> {
         let mut buffers = TileBuffers::default();
         self.put(&layer_thresholds, &mut buffers);
         buffers.clear_sums(channels, samples);
-        let mut nearest = vec![f32::INFINITY; TILE * STRIDE];
+        let mut nearest = vec![f32::INFINITY; ROWS * STRIDE];
         self.add(&still, tile, &mut buffers, &mut nearest);
         let layer = LayerTile::of(&buffers, &nearest, TileFilm::default());
         let of_layer = self.sums(&buffers);
         self.put(thresholds, &mut buffers);
         buffers.clear_sums(channels, samples);
-        let limits = layer.recall(channels, &mut buffers).unwrap_or_else(|| vec![f32::NEG_INFINITY; TILE * STRIDE]);
+        let limits = layer.recall(channels, &mut buffers).unwrap_or_else(|| vec![f32::NEG_INFINITY; ROWS * STRIDE]);
         Recalled {
             layer_thresholds,
             layer: of_layer,
@@ -152,22 +153,24 @@ impl Twins<'_> {
             if group.samples.len() > 1 && !still {
                 union.turn(|sample| group.samples[sample].weight, posed.sample);
             }
-            let mut attributes = Attributes {
+            let shown = Shown {
                 sample,
                 posed: &sample.objects[posed.object],
                 object: &frame.objects[posed.object],
                 channels: &channels,
+                shading: frame.shading,
+                near: frame.near,
+                stride: frame.stride as f32,
+            };
+            let mut values = Vec::new();
+            values::values(&posed.splats, &shown, &mut values);
+            let attributes = Attributes {
+                channels: &channels,
                 near: frame.near,
                 low_pass: if frame.prefilter == Prefilter::Approx { group.raster.low_pass } else { 0.0 },
-                stride: frame.stride as f32,
                 share: if total > 0.0 && !still { sample.weight / total } else { 1.0 },
-                lit: &[],
+                values: &values,
             };
-            let mut lit = Vec::new();
-            if frame.shading == Shading::Gouraud {
-                lit::light(&posed.splats, &attributes, &mut lit);
-                attributes.lit = &lit;
-            }
             let list = self.list(posed, tile);
             let mut tally = Tally { sums, reach: &mut union.reach, nearest };
             attribute::attribute(&posed.splats, &list, &attributes, &self.rect(tile), threshold, &mut tally);

@@ -110,7 +110,7 @@ impl Tiles<'_> {
         binned: &mut Vec<Binned<S>>,
         project: &(impl Fn(&Chunk, &mut Binned<S>) + Sync),
     ) -> usize {
-        let most = Binned::<S>::most_bytes(CHUNK, &self.work.band);
+        let most = Binned::<S>::most_bytes(CHUNK, self.work.channels.count, &self.work.band);
         let least = rayon::current_num_threads();
         let mut used = 0;
         let mut done = 0;

@@ -4,24 +4,22 @@ use std::ops::Range;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
-use glam::Vec3;
-
 use super::attribute::{self, Attributes, Tally};
 use super::bin::Binned;
 use super::clocks::Clocks;
 use super::layer::{Layer, LayerTile};
-use super::lit::{self, Faced};
-use super::pieces::Pieces;
 use super::project::{self, View};
 use super::resolve::{self, Resolve, TileFilm};
 use super::swept::{self, Exposure, Footprint, Map, MapTile, Swept, SweptLayer, Volume};
 use super::tiles::{Band, TileBuffers};
+use super::values::{self, Faced, Shown};
 use super::visibility::{self, Depths};
 use super::waves::Job;
+use crate::backend::pieces::{Pieces, Window};
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup};
 use crate::layout::{Channels, Splat, SweptSplat};
-use crate::plan::{KernelShape, Normalise, Pass, Prefilter, Shading, TemporalAlpha};
+use crate::plan::{KernelShape, Normalise, Pass, Prefilter, TemporalAlpha};
 
 /// Surfels of a chunk.
 pub(super) const CHUNK: usize = 4096;
@@ -77,8 +75,17 @@ impl Work<'_> {
                 Chunk { sample, object: index, surfels }
             });
             chunks.flat_map(move |chunk| {
-                let parts = match self.pieces.get(index) {
-                    Some(pieces) => pieces.wanted(&self.view(&chunk), chunk.surfels.clone()),
+                let parts = match self.pieces.get(index).zip(self.frame.wanted.as_ref()) {
+                    Some((pieces, blocks)) => {
+                        let window = Window {
+                            object: &self.group.samples[sample].objects[index],
+                            raster: &self.group.raster,
+                            pixels: self.band.pixels,
+                            near: self.frame.near,
+                            blocks,
+                        };
+                        pieces.wanted(&window, chunk.surfels.clone(), 0)
+                    }
                     None => vec![chunk.surfels.clone()],
                 };
                 parts.into_iter().map(move |surfels| Chunk { surfels, ..chunk })
@@ -107,7 +114,7 @@ impl Work<'_> {
         project::project(&self.view(chunk), surfels, chunk.surfels.clone(), &mut binned.splats);
         binned.bin();
         if self.frame.swept.is_none() {
-            self.light(chunk, binned);
+            self.show(chunk, binned);
         }
         self.clocks.splats.fetch_add(binned.splats.len() as u64, Relaxed);
         self.clocks.project.add(start);
@@ -122,18 +129,24 @@ impl Work<'_> {
         binned.splats.clear();
         swept::project(&self.view(chunk), volume, surfels, chunk.surfels.clone(), &mut binned.splats);
         binned.bin();
-        self.light(chunk, binned);
+        self.show(chunk, binned);
         self.clocks.splats.fetch_add(binned.splats.len() as u64, Relaxed);
         self.clocks.project.add(start);
     }
 
-    /// Shades the splats of one chunk, where surfels are shaded.
-    pub(super) fn light<S: Faced>(&self, chunk: &Chunk, binned: &mut Binned<S>) {
-        // Those of an earlier frame must go.
-        binned.lit.clear();
-        if self.frame.shading == Shading::Gouraud {
-            lit::light(&binned.splats, &self.attributes(chunk, &[]), &mut binned.lit);
-        }
+    /// What the splats of one chunk show.
+    fn show<S: Faced>(&self, chunk: &Chunk, binned: &mut Binned<S>) {
+        let sample = &self.group.samples[chunk.sample];
+        let shown = Shown {
+            sample,
+            posed: &sample.objects[chunk.object],
+            object: &self.frame.objects[chunk.object],
+            channels: self.channels,
+            shading: self.frame.shading,
+            near: self.frame.near,
+            stride: self.frame.stride as f32,
+        };
+        values::values(&binned.splats, &shown, &mut binned.values);
     }
 
     /// Share that a sample of weight `weight` has in its group: 1 where it is alone.
@@ -142,19 +155,15 @@ impl Work<'_> {
         if total > 0.0 { weight / total } else { 1.0 }
     }
 
-    /// `lit`: what the splats of the chunk show.
-    pub(super) fn attributes<'b>(&'b self, chunk: &Chunk, lit: &'b [Vec3]) -> Attributes<'b> {
+    /// `values`: what the splats of the chunk show.
+    fn attributes<'b>(&'b self, chunk: &Chunk, values: &'b [f32]) -> Attributes<'b> {
         let sample = &self.group.samples[chunk.sample];
         Attributes {
-            sample,
-            posed: &sample.objects[chunk.object],
-            object: &self.frame.objects[chunk.object],
             channels: self.channels,
             near: self.frame.near,
             low_pass: if self.frame.prefilter == Prefilter::Approx { self.group.raster.low_pass } else { 0.0 },
-            stride: self.frame.stride as f32,
             share: if self.frame.objects[chunk.object].still { 1.0 } else { self.share(sample.weight) },
-            lit,
+            values,
         }
     }
 
@@ -284,7 +293,7 @@ impl Work<'_> {
             attribute::attribute(
                 &binned.splats,
                 list,
-                &self.attributes(chunk, &binned.lit),
+                &self.attributes(chunk, &binned.values),
                 &job.tile,
                 threshold,
                 &mut tally,
@@ -325,7 +334,7 @@ impl Work<'_> {
             if list.is_empty() {
                 continue;
             }
-            let attributes = Attributes { channels: &channels, ..self.attributes(chunk, &binned.lit) };
+            let attributes = Attributes { channels: &channels, ..self.attributes(chunk, &[]) };
             let TileBuffers { threshold, sums, .. } = &mut *job.buffers;
             let mut tally = Tally { sums, reach: &mut [], nearest: &mut [] };
             attribute::attribute(&binned.splats, list, &attributes, &job.tile, threshold, &mut tally);
@@ -366,7 +375,7 @@ impl Work<'_> {
                 continue;
             }
             let swept = Swept {
-                attributes: self.attributes(chunk, &binned.lit),
+                attributes: self.attributes(chunk, &binned.values),
                 footprint: Footprint::of(kernel),
                 source_samples: kernel.source_samples.0,
                 slope: interval.slope,

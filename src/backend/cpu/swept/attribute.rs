@@ -6,7 +6,7 @@
 
 use super::hull::Hull;
 use super::map::Map;
-use crate::backend::cpu::attribute::{Attributes, add, splat_values};
+use crate::backend::cpu::attribute::{Attributes, add};
 use crate::backend::cpu::tiles::{LANES, Presence, STRIDE, TileRect};
 use crate::layout::{FLAG_LOW_PASS, SweptSplat};
 use crate::math::simd::dispatch;
@@ -94,7 +94,7 @@ fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
     let [left, top] = tile.corner;
     for &index in list {
         let splat = &splats[index as usize];
-        let values = splat_values(index, splat.surfel, splat.flags, attributes);
+        let values = attributes.of(index);
         let hull = Hull::of(splat);
         let ray = Ray::of(splat, attributes.near, attributes.low_pass);
         let [_, _, y0, y1] = splat.bounds.map(i32::from);

@@ -6,7 +6,7 @@
 
 use super::map::{Map, MapTile};
 use crate::backend::cpu::bin::Binned;
-use crate::backend::cpu::tiles::{Presence, STRIDE, TILE, TileBuffers, TileRect};
+use crate::backend::cpu::tiles::{Presence, ROWS, STRIDE, TileBuffers, TileRect};
 use crate::backend::cpu::work::Chunk;
 use crate::layout::{Splat, SweptSplat};
 
@@ -89,7 +89,7 @@ impl LayerSums {
 impl SweptLayer {
     /// Bytes of `guarded` tiles of the map and `tiles` of the band, beside splats and kernels.
     pub(in crate::backend::cpu) const fn bytes(guarded: u64, tiles: u64, channels: usize) -> u64 {
-        const PLANE: u64 = (TILE * STRIDE * size_of::<f32>()) as u64;
+        const PLANE: u64 = (ROWS * STRIDE * size_of::<f32>()) as u64;
         guarded * (2 * PLANE + size_of::<MapTile>() as u64) + tiles * (channels as u64 + 3) * PLANE
     }
 

@@ -2,10 +2,11 @@
 
 use super::{Exposure, Footprint, Map, MapTile, Swept, Volume, coverage, keep, pool};
 use crate::backend::cpu::attribute::{self, Attributes, Tally};
-use crate::backend::cpu::lit;
+
 use crate::backend::cpu::project::{self, View};
 use crate::backend::cpu::resolve::{self, Resolve, TileFilm};
 use crate::backend::cpu::tiles::{Band, STRIDE, TILE, TileBuffers, TileRect};
+use crate::backend::cpu::values::{self, Shown};
 use crate::backend::cpu::visibility::{self, Depths};
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup};
@@ -125,18 +126,13 @@ impl SweptTwins<'_> {
         self.take(&buffers.threshold, STRIDE)
     }
 
-    fn attributes<'b>(&'b self, object: usize, channels: &'b Channels) -> Attributes<'b> {
-        let sample = &self.group.samples[0];
+    fn attributes<'b>(&'b self, values: &'b [f32], channels: &'b Channels) -> Attributes<'b> {
         Attributes {
-            sample,
-            posed: &sample.objects[object],
-            object: &self.frame.objects[object],
             channels,
             near: self.frame.near,
             low_pass: if self.frame.prefilter == Prefilter::Approx { self.group.raster.low_pass } else { 0.0 },
-            stride: self.frame.stride as f32,
             share: 1.0,
-            lit: &[],
+            values,
         }
     }
 
@@ -147,10 +143,10 @@ impl SweptTwins<'_> {
         buffers.clear_sums(1, 1);
         self.put(thresholds, &mut buffers.threshold, STRIDE);
         let channels = Channels::weights();
-        for Of { object, splats } in still {
+        for Of { splats, .. } in still {
             let list = self.list(splats.iter().map(|splat| splat.bounds), tile);
             let (rect, TileBuffers { threshold, sums, .. }) = (self.rect(&self.around(), tile), &mut buffers);
-            let attributes = self.attributes(*object, &channels);
+            let attributes = self.attributes(&[], &channels);
             let mut tally = Tally { sums, reach: &mut [], nearest: &mut [] };
             attribute::attribute(splats, &list, &attributes, &rect, threshold, &mut tally);
         }
@@ -197,12 +193,20 @@ impl SweptTwins<'_> {
         let Some(interval) = &self.group.interval else { return SweptSums::default() };
         for Of { object, splats } in moving {
             let list = self.list(splats.iter().map(|splat| splat.bounds), tile);
-            let mut attributes = self.attributes(*object, &channels);
-            let mut lit = Vec::new();
-            lit::light(splats, &attributes, &mut lit);
-            attributes.lit = &lit;
+            let sample = &self.group.samples[0];
+            let shown = Shown {
+                sample,
+                posed: &sample.objects[*object],
+                object: &self.frame.objects[*object],
+                channels: &channels,
+                shading: self.frame.shading,
+                near: self.frame.near,
+                stride: self.frame.stride as f32,
+            };
+            let mut values = Vec::new();
+            values::values(splats, &shown, &mut values);
             let swept = Swept {
-                attributes,
+                attributes: self.attributes(&values, &channels),
                 footprint: Footprint::of(self.kernel),
                 source_samples: self.kernel.source_samples.0,
                 slope: interval.slope,

@@ -1,0 +1,228 @@
+//! What the splats of a chunk show: a number for each channel; with Gouraud shading, colours under the lights of their sample.
+//!
+//! In: the surfels of the splats and the sides that they show. Out: `Channels::count` numbers for each splat, weight 1 first; 0 for
+//! depth, which differs from pixel to pixel. Order-free.
+
+use glam::Vec3;
+
+use super::tiles::LANES;
+use crate::frame::{FrameObject, PosedObject, PosedSample};
+use crate::layout::{Channels, FLAG_BACK, Splat, SweptSplat};
+use crate::math::simd::dispatch;
+use crate::model::Material;
+use crate::plan::Shading;
+use crate::shading::{ShadingLight, lobes, towards_point};
+
+/// Where values come from: an object at a time sample.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shown<'a> {
+    pub sample: &'a PosedSample,
+    pub posed: &'a PosedObject,
+    pub object: &'a FrameObject<'a>,
+    pub channels: &'a Channels,
+    pub shading: Shading,
+    pub near: f32,
+    /// Pixels of the image to one of the raster.
+    pub stride: f32,
+}
+
+/// What it shows the side of.
+pub(super) trait Faced {
+    /// Surfel and flags.
+    fn face(&self) -> (u32, u32);
+}
+
+impl Faced for Splat {
+    fn face(&self) -> (u32, u32) {
+        (self.surfel, self.flags)
+    }
+}
+
+impl Faced for SweptSplat {
+    fn face(&self) -> (u32, u32) {
+        (self.surfel, self.flags)
+    }
+}
+
+/// Values of `splats`, one splat after the other, into `out`.
+pub(super) fn values<S: Faced>(splats: &[S], shown: &Shown<'_>, out: &mut Vec<f32>) {
+    let count = shown.channels.count;
+    out.clear();
+    out.resize(splats.len() * count, 0.0);
+    for (splats, out) in splats.chunks(LANES).zip(out.chunks_mut(LANES * count)) {
+        let mut faces = [(0, 0); LANES];
+        faces.iter_mut().zip(splats).for_each(|(face, splat)| *face = splat.face());
+        // The last ones repeat a surfel that there is.
+        let first = faces[0];
+        faces[splats.len()..].fill(first);
+        values_of_lanes(&faces, shown, out);
+    }
+}
+
+type Lanes = [f32; LANES];
+
+dispatch! {
+    fn values_of_lanes(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mut [f32]) = values_of_lanes_body
+}
+
+#[inline(always)]
+fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mut [f32]) {
+    let Shown { posed, channels, .. } = *shown;
+    let surfels = shown.object.surfels;
+    let gouraud = shown.shading == Shading::Gouraud;
+    let mut normal = [[0.0; LANES]; 3];
+    let mut position = [[0.0; LANES]; 3];
+    let mut colour = [[0.0; LANES]; 3];
+    let mut of_material = [[0.0; LANES]; 4];
+    for l in 0..LANES {
+        let i = faces[l].0 as usize;
+        (colour[0][l], colour[1][l], colour[2][l]) = surfels.colour[i].into();
+    }
+    if gouraud || channels.normal.is_some() {
+        for l in 0..LANES {
+            let (surfel, flags) = faces[l];
+            let side = if flags & FLAG_BACK == 0 { 1.0 } else { -1.0 };
+            (normal[0][l], normal[1][l], normal[2][l]) = (side * surfels.normal[surfel as usize]).into();
+        }
+        normal = unit(transform(posed.normal_matrix.to_cols_array_2d(), [0.0; 3], &normal));
+    }
+    if gouraud || channels.material.is_some() {
+        for l in 0..LANES {
+            let m = material(shown, faces[l].0 as usize);
+            [of_material[0][l], of_material[1][l], of_material[2][l], of_material[3][l]] =
+                [m.ambient, m.diffuse, m.specular, m.shininess];
+        }
+    }
+    if gouraud {
+        for l in 0..LANES {
+            (position[0][l], position[1][l], position[2][l]) = surfels.position[faces[l].0 as usize].into();
+        }
+        let position = transform(posed.world_from_model.to_cols_array_2d(), posed.world_origin.to_array(), &position);
+        colour = lit(&shown.sample.lights, &colour, &normal, &position, &of_material);
+    }
+    for (l, out) in out.chunks_exact_mut(channels.count).enumerate() {
+        out[0] = 1.0;
+        out[1..4].copy_from_slice(&[colour[0][l], colour[1][l], colour[2][l]]);
+        if let Some(at) = channels.normal {
+            out[at..at + 3].copy_from_slice(&[normal[0][l], normal[1][l], normal[2][l]]);
+        }
+        if let Some(at) = channels.velocity {
+            let velocity = velocity(surfels.position[faces[l].0 as usize], shown);
+            out[at..at + 2].copy_from_slice(&velocity.map(|v| v * shown.stride));
+        }
+        if let Some(at) = channels.material {
+            for (out, lanes) in out[at..at + 4].iter_mut().zip(&of_material) {
+                *out = lanes[l];
+            }
+        }
+    }
+}
+
+/// The equation of `shading::shade`, for `LANES` surfels.
+#[inline(always)]
+fn lit(
+    lights: &[ShadingLight],
+    colour: &[Lanes; 3],
+    normal: &[Lanes; 3],
+    position: &[Lanes; 3],
+    material: &[Lanes; 4],
+) -> [Lanes; 3] {
+    let mut view = *position;
+    for c in 0..3 {
+        for l in 0..LANES {
+            view[c][l] = -view[c][l];
+        }
+    }
+    let view = unit(view);
+    let mut out = [[0.0; LANES]; 3];
+    for light in lights {
+        match *light {
+            ShadingLight::Ambient { colour: of_light } => {
+                for c in 0..3 {
+                    for l in 0..LANES {
+                        out[c][l] += material[0][l] * colour[c][l] * of_light[c];
+                    }
+                }
+            }
+            ShadingLight::Directional { towards, colour: of_light } => {
+                let towards = towards.to_array();
+                for l in 0..LANES {
+                    add_lobes(&mut out, l, material, colour, normal, &view, towards, of_light, 1.0);
+                }
+            }
+            ShadingLight::Point { position: of_light, colour: radiance } => {
+                for l in 0..LANES {
+                    let at = [position[0][l], position[1][l], position[2][l]];
+                    let (towards, falloff) = towards_point(of_light.to_array(), at);
+                    add_lobes(&mut out, l, material, colour, normal, &view, towards, radiance, falloff);
+                }
+            }
+        }
+    }
+    out
+}
+
+fn material(shown: &Shown<'_>, surfel: usize) -> Material {
+    let object = shown.object;
+    object.material.or_else(|| object.surfels.material.get(surfel).copied()).unwrap_or_default()
+}
+
+/// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth. 0 where the centre has
+/// no image, being nearer than `near`.
+fn velocity(position: Vec3, shown: &Shown<'_>) -> [f32; 2] {
+    let posed = shown.posed;
+    let p = posed.screen_from_model * position + posed.screen_origin;
+    let rate = posed.screen_rate * position + posed.screen_origin_rate;
+    if p.z < shown.near {
+        return [0.0; 2];
+    }
+    let over = 1.0 / p.z;
+    [(rate.x - p.x * over * rate.z) * over, (rate.y - p.y * over * rate.z) * over]
+}
+
+/// Adds what one light contributes to lane `l`: the diffuse and the specular term.
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "one loop body, shared by pixels and surfels")]
+pub(super) fn add_lobes(
+    out: &mut [Lanes; 3],
+    l: usize,
+    material: &[Lanes; 4],
+    colour: &[Lanes; 3],
+    normal: &[Lanes; 3],
+    view: &[Lanes; 3],
+    towards: [f32; 3],
+    light: Vec3,
+    falloff: f32,
+) {
+    let n = [normal[0][l], normal[1][l], normal[2][l]];
+    let v = [view[0][l], view[1][l], view[2][l]];
+    let (diffuse, specular) = lobes(n, towards, v, material[3][l]);
+    let light = light.to_array();
+    for c in 0..3 {
+        out[c][l] += light[c] * falloff * (material[1][l] * diffuse * colour[c][l] + material[2][l] * specular);
+    }
+}
+
+#[inline(always)]
+fn transform(m: [[f32; 3]; 3], origin: [f32; 3], v: &[Lanes; 3]) -> [Lanes; 3] {
+    let mut out = [[0.0; LANES]; 3];
+    for row in 0..3 {
+        for l in 0..LANES {
+            out[row][l] = m[0][row] * v[0][l] + m[1][row] * v[1][l] + m[2][row] * v[2][l] + origin[row];
+        }
+    }
+    out
+}
+
+/// Vectors of length 1; a zero vector stays zero.
+#[inline(always)]
+pub(super) fn unit(mut v: [Lanes; 3]) -> [Lanes; 3] {
+    for l in 0..LANES {
+        let d2 = v[0][l] * v[0][l] + v[1][l] * v[1][l] + v[2][l] * v[2][l];
+        let s = 1.0 / (if d2 > 1e-30 { d2 } else { 1e-30 }).sqrt();
+        v[0][l] *= s;
+        v[1][l] *= s;
+        v[2][l] *= s;
+    }
+    v
+}
