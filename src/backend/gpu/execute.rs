@@ -14,6 +14,7 @@ use super::schedule::{Area, Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, Sche
 use super::waves::{Part, Wave, Waves};
 use super::{Gpu, Machine};
 use crate::backend::BackendError;
+use crate::backend::pieces::Pieces;
 use crate::film::FilmPlanes;
 use crate::frame::{Blocks, Frame, PosedGroup};
 use crate::plan::{Normalise, Pass};
@@ -25,6 +26,8 @@ pub(super) struct Execution<'a> {
     pub planes: FilmPlanes,
     /// Of each object.
     pub blocks: Vec<Vec<Block>>,
+    /// Likewise, where only some blocks of the image are wanted.
+    pub pieces: Vec<Pieces>,
     pub schedule: Schedule,
 }
 
@@ -48,7 +51,7 @@ impl Gpu {
         let wanted = wanted(frame);
         grow(device, &mut buffers.wanted, "blocks", 4 * wanted.len() as u64)?;
         device.queue.write_buffer(&buffers.wanted, 0, bytemuck::cast_slice(&wanted));
-        Ok(Execution { frame, channels, planes, blocks, schedule })
+        Ok(Execution { frame, channels, planes, blocks, pieces: Pieces::of_frame(frame), schedule })
     }
 
     /// Records and submits all groups.
@@ -77,7 +80,10 @@ impl Gpu {
                         steps: &steps,
                         resolve: &steps.resolve[part],
                     };
-                    let keeps = schedule.kept_slots > 0 && groups.len() > 1;
+                    // Where nothing that lies still is wanted there is nothing to start from.
+                    let keeps = schedule.kept_slots > 0
+                        && groups.len() > 1
+                        && !execution.waves(&groups[0], Part::Still).waves.is_empty();
                     if keeps {
                         self.machine.passes(&work(&groups[0], Part::Still), &KEEPING, marks);
                     }
@@ -101,7 +107,7 @@ impl Gpu {
         let mut passes = 0;
         for group in &frame.groups {
             // Cut in two there may be a view more.
-            let waves = schedule.waves(frame, group, &execution.blocks, Part::Whole);
+            let waves = execution.waves(group, Part::Whole);
             let views = waves.waves.len() + 2;
             let segments = group.samples.len() + waves.segments().count() + views;
             let lights = group.samples.iter().map(|sample| sample.lights.len()).sum();
@@ -117,6 +123,10 @@ impl Gpu {
 }
 
 impl Execution<'_> {
+    fn waves(&self, group: &PosedGroup, part: Part) -> Waves {
+        self.schedule.waves(self.frame, group, &self.blocks, &self.pieces, part)
+    }
+
     /// Is any block of the band wanted?
     fn wants(&self, band: Band) -> bool {
         let wanted = self.frame.wanted.as_ref().filter(|_| self.frame.swept.is_none());
@@ -242,7 +252,7 @@ impl Machine {
     pub(super) fn upload(&self, work: &Work<'_>) -> Waves {
         let Work { execution, group, part, .. } = *work;
         let frame = execution.frame;
-        let waves = execution.schedule.waves(frame, group, &execution.blocks, part);
+        let waves = execution.waves(group, part);
         let (area, map) = (work.area(), work.map());
         let shared = View {
             pixels: area.pixels,
