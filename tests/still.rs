@@ -13,7 +13,7 @@ use splatblur::plan::{
     BlurMode, Interleave, KernelShape, PixelFilter, RenderOptions, Shading, SourceSamples, SweptKernel,
 };
 use splatblur::scene::{Motion, Scene};
-use splatblur::time::Weight;
+use splatblur::time::{Shutter, Weight};
 use support::{default_lights, object, scene, sphere};
 
 /// A textured sphere at rest, one that moves through its surface, and one that passes behind.
@@ -124,6 +124,22 @@ fn memory_for_what_lies_still_does_not_show() {
     memory_does_not_show(&mut Cpu::default(), &scene, &swept_modes()[..1]);
 }
 
+/// Intervals whose motion differs have one guard band, so that one map of what lies still fits all.
+#[test]
+fn intervals_have_one_guard_band() {
+    let mut scene = through();
+    scene.objects[0].motions = vec![Motion::Linear { velocity: DVec3::new(0.9, 0.0, 3.0) }];
+    scene.shutter = Shutter { open: 0.0, close: 0.9, weight: Weight::Box };
+    let guards = |intervals: u32| {
+        let mode = BlurMode::Volumetric { intervals, pixel_samples: None, swept: SweptKernel::default() };
+        let options = options(mode);
+        let frame = Frame::new(&scene, 0, &options);
+        frame.groups.iter().map(|group| group.interval.unwrap().guard).collect::<Vec<_>>()
+    };
+    assert!(guards(4).iter().all(|&guard| guard == guards(4)[0]), "{:?}", guards(4));
+    memory_does_not_show(&mut Cpu::default(), &scene, &swept_modes()[..1]);
+}
+
 /// What depends on the interval is not shared: light at surfels that differs, and, by rounding, kernels of several parts
 /// under a time weight.
 #[test]
@@ -211,6 +227,16 @@ fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
         }
         assert!(seen.iter().all(|&covered| covered > 100), "{mode}: {seen:?}");
     }
+    // Nothing that lies still in any wanted block.
+    let mut scene = through();
+    scene.objects[1].transform.translate.x = 6.0;
+    let options = options(BlurMode::supersample(4));
+    let mut frame = Frame::new(&scene, 0, &options);
+    frame.wanted = Some(Blocks { width: 3, wanted: [vec![true; 3], vec![false; 6]].concat() });
+    let (part, _) = splat(backend, &frame);
+    frame.wanted = None;
+    let (whole, _) = splat(backend, &frame);
+    assert!(frame.objects[1].still && part.rgba[..32 * 96] == whole.rgba[..32 * 96]);
 }
 
 #[test]
