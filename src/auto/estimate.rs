@@ -53,7 +53,7 @@ pub(super) fn block_errors(halves: &Halves, background: Vec3, edge: usize, wante
             for x in block * edge..((block + 1) * edge).min(columns) {
                 let at = y * columns + x;
                 *pixels += 1;
-                // Most pixels of a still background are alike, and the curve is slow.
+                // Most pixels of a still background are alike.
                 if even.rgba[at] != odd.rgba[at] {
                     let difference = shown(even, at, background) - shown(odd, at, background);
                     // A quarter of the mean of (g A)^2, where g A is half of the difference.
@@ -80,5 +80,5 @@ pub(super) fn block_errors(halves: &Halves, background: Vec3, edge: usize, wante
 fn shown(picture: &Picture, at: usize, background: Vec3) -> Vec3 {
     let [r, g, b, alpha] = picture.rgba[at];
     let colour = Vec3::new(r, g, b) + background * (1.0 - alpha);
-    Vec3::from_array(colour.to_array().map(|value| srgb::from_linear(value.clamp(0.0, 1.0))))
+    Vec3::from_array(colour.to_array().map(|value| srgb::from_linear_nearly(value.clamp(0.0, 1.0))))
 }

@@ -1,5 +1,7 @@
 //! The sRGB transfer curve (IEC 61966-2-1). The only place that knows it.
 
+use super::fast;
+
 /// Linear light from an sRGB-encoded value; both nominally in [0, 1], odd about 0.
 pub fn to_linear(encoded: f32) -> f32 {
     let e = f64::from(encoded.abs());
@@ -14,6 +16,13 @@ pub fn from_linear(linear: f32) -> f32 {
     (encoded as f32).copysign(linear)
 }
 
+/// [`from_linear`] for a value in [0, 1], by a polynomial: to 1e-6, and many times as fast.
+#[inline(always)]
+pub fn from_linear_nearly(linear: f32) -> f32 {
+    let steep = 1.055 * fast::pow(linear, 1.0 / 2.4) - 0.055;
+    if linear <= 0.003_130_8 { linear * 12.92 } else { steep }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -25,6 +34,15 @@ mod tests {
         assert!((to_linear(188.0 / 255.0) - 0.502_886).abs() < 1e-6);
         assert_eq!(to_linear(0.0), 0.0);
         assert!((to_linear(1.0) - 1.0).abs() < 1e-7);
+    }
+
+    #[test]
+    fn the_quick_curve_is_the_curve() {
+        let worst = (0..=1_000_000)
+            .map(|i| i as f32 * 1e-6)
+            .map(|l| (from_linear_nearly(l) - from_linear(l)).abs())
+            .fold(0.0, f32::max);
+        assert!(worst < 1e-6, "{worst}");
     }
 
     #[test]
