@@ -209,7 +209,7 @@ fn least_memory(backend: &mut dyn Backend, options: &RenderOptions) -> u64 {
     let scene = balls();
     let renders =
         |memory: &u64| render_frame(backend, &scene, 0, &RenderOptions { memory: *memory, ..options.clone() }).is_ok();
-    (1_u64..).map(|step| step << 16).find(renders).unwrap()
+    (1_u64..1 << 16).map(|step| step << 16).find(renders).unwrap()
 }
 
 /// Beside the picture that is made, mode auto keeps three: the halves, and the other new one.
