@@ -3,6 +3,9 @@
 //! `cargo bench --bench gpu [-- --adapter NAME]`. On hardware: the thesis's numbers of surfels (its table 5.1) at 1024 x 1024,
 //! and 10^7 surfels at 1920 x 1080. On a software device: a tenth of the surfels at 256 x 256, and 10^5 surfels.
 //! Loading and writing are excluded; frames are rendered one at a time, development of the film included.
+//!
+//! `cargo bench --bench gpu -- --modes [SURFELS]`: seconds of a frame in all blur modes, 512 x 512, and of kernels that sweep twice as
+//! far each time. On a software device a million surfels take half an hour.
 
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a bench may stop and reports")]
 
@@ -14,9 +17,9 @@ use std::time::{Duration, Instant};
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::backend::gpu::{Choice, Gpu, adapters};
-use splatblur::plan::{BlurMode, Prefilter, RenderOptions};
+use splatblur::plan::{BlurMode, Interleave, Prefilter, RenderOptions, SweptKernel};
 use splatblur::render::{Stats, render_frame};
-use splatblur::scene::Scene;
+use splatblur::scene::{Motion, Scene};
 use support::sphere_scene;
 
 /// Surfels of the thesis's three scenes, and its frames a second for a still, N = 10 and N = 50 (table 5.1).
@@ -47,6 +50,68 @@ fn bytes(stats: &Stats) -> f64 {
     stats.surfels as f64 * 52.0 + stats.splats as f64 * (64.0 + 8.0 + 64.0 + 48.0 + 3.0 * 20.0)
 }
 
+fn volumetric(intervals: u32, swept: SweptKernel) -> BlurMode {
+    BlurMode::Volumetric { intervals, pixel_samples: 1, swept }
+}
+
+/// Seconds of a frame in each mode on both backends, the least of three, of one where it takes half a minute, and over those of supersampling with 8 samples.
+fn modes(gpu: &mut Gpu, cpu: &mut Cpu, surfels: usize) {
+    let modes = [
+        BlurMode::supersample(8),
+        BlurMode::supersample(10),
+        BlurMode::supersample(16),
+        BlurMode::supersample(32),
+        BlurMode::Supersample { samples: 8, interleave: Interleave::Two },
+        BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples: 1, interleave: Interleave::None },
+        volumetric(1, SweptKernel::default()),
+        volumetric(3, SweptKernel::default()),
+        volumetric(10, SweptKernel::default()),
+        volumetric(10, SweptKernel::PUBLISHED),
+    ];
+    let scene = sphere_scene(surfels, 512, true);
+    let mut first = None;
+    println!("| surfels | mode | CPU, s | over supersample 8 | GPU, s | over supersample 8 |");
+    println!("| --- | --- | --- | --- | --- | --- |");
+    for mode in modes {
+        let options = RenderOptions { mode, prefilter: Prefilter::None, memory: 64 << 30, ..RenderOptions::default() };
+        let frame = |backend: &mut dyn Backend| {
+            let start = Instant::now();
+            render_frame(backend, &scene, 0, &options).expect("the frame fits");
+            start.elapsed().as_secs_f64()
+        };
+        // The first of them compiles programs, which is nothing beside a slow one.
+        let least = |backend: &mut dyn Backend| {
+            let first = frame(backend);
+            let others = if first > 30.0 { 0 } else { 2 };
+            (0..others).map(|_| frame(backend)).fold(first, f64::min)
+        };
+        let [on_cpu, on_gpu] = [least(cpu), least(gpu)];
+        let (cpu_first, gpu_first) = *first.get_or_insert((on_cpu, on_gpu));
+        println!(
+            "| {surfels} | {mode} | {on_cpu:.3} | {:.2} | {on_gpu:.2} | {:.2} |",
+            on_cpu / cpu_first,
+            on_gpu / gpu_first
+        );
+    }
+}
+
+/// Seconds of the attribute pass in one interval, in which kernels travel twice as far each time.
+fn travel(gpu: &mut Gpu, cpu: &mut Cpu, surfels: usize) {
+    let mut scene = sphere_scene(surfels, 512, false);
+    println!("\n| surfels | travel, pixels | attribute on the CPU, s | on the GPU, s |");
+    println!("| --- | --- | --- | --- |");
+    for step in 0..5 {
+        let way = 0.125 * f64::from(1 << step);
+        scene.objects[0].motions = vec![Motion::Linear { velocity: glam::DVec3::new(way, 0.0, 0.0) }];
+        let mode = volumetric(1, SweptKernel::default());
+        let [on_cpu, on_gpu] =
+            [best(cpu, &scene, mode, 2).1.attribute, best(gpu, &scene, mode, 1).1.attribute].map(|d| d.as_secs_f64());
+        // In the plane through the sphere's centre, 4 before the eye.
+        let pixels = way / 4.0 * 256.0 / 20_f64.to_radians().tan();
+        println!("| {surfels} | {pixels:.0} | {on_cpu:.3} | {on_gpu:.2} |");
+    }
+}
+
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     let name = arguments.iter().position(|a| a == "--adapter").and_then(|i| arguments.get(i + 1)).cloned();
@@ -55,6 +120,17 @@ fn main() {
         Err(why) => return println!("{why}"),
     };
     let software = adapters().iter().any(|a| a.name == gpu.adapter() && a.kind == "software");
+    if let Some(at) = arguments.iter().position(|a| a == "--modes") {
+        let mut cpu = Cpu::default();
+        println!("{} beside {}, 512 x 512\n", gpu.describe(), cpu.describe());
+        let counts: Vec<usize> =
+            arguments.get(at + 1).and_then(|n| n.parse().ok()).map_or(vec![50_000, 1_000_000], |n| vec![n]);
+        for surfels in counts {
+            modes(&mut gpu, &mut cpu, surfels);
+        }
+        travel(&mut gpu, &mut cpu, 50_000);
+        return;
+    }
     let (size, repeats, fewer) = if software { (256, 3, 10) } else { (1024, 10, 1) };
     let mut cpu = Cpu::default();
     println!("{} beside {}, {size} x {size}\n", gpu.describe(), cpu.describe());

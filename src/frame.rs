@@ -173,7 +173,7 @@ pub struct PosedObject {
     pub screen_from_model: Mat3,
     /// Screen-space position of the model's origin.
     pub screen_origin: Vec3,
-    /// The same for surfels' centres: over an interval, the mean of the poses at its ends; else `screen_from_model`.
+    /// The same for surfels' centres: over an interval, the mean pose; else `screen_from_model`.
     pub centre_from_model: Mat3,
     /// Screen-space position of the model's origin, likewise.
     pub centre_origin: Vec3,
@@ -363,11 +363,12 @@ impl Poser<'_> {
         let to_origin = DMat4::from_translation(object.model.origin);
         let camera_from_model = camera * world_from_model * to_origin;
         let screen = self.screen(&camera_from_model);
-        // The chord that surfels travel over an interval, as mean and half difference of its ends.
+        // The line that surfels travel over an interval: their mean place, by Simpson's rule, and half the difference of its ends.
         let (centre, motion) =
             interval.filter(|_| object.blur).map_or((screen, (DMat3::ZERO, DVec3::ZERO)), |interval| {
                 let [from, to] = interval.ends.map(|time| self.camera_from_model(object, time));
-                (self.screen(&((from + to) * 0.5)), self.screen(&((to - from) * 0.5)))
+                let middle = camera_from_model;
+                (self.screen(&(middle + ((from + to) * 0.5 - middle) / 3.0)), self.screen(&((to - from) * 0.5)))
             });
         let linear = DMat3::from_mat4(world_from_model);
         let det = linear.determinant();

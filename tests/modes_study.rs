@@ -1,6 +1,7 @@
 //! Error of the blur modes against the reference: makes the tables of docs/modes.md. Takes minutes, so it is ignored by default:
 //!
 //! `cargo test --release --test modes_study -- --ignored --nocapture`; references are kept in the build folder and used again.
+//! `SCENE=checkerboard` leaves out all scenes but that one, `MODE=bucket` all modes but those whose names begin so.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
@@ -17,8 +18,16 @@ use splatblur::render::render_frame;
 use splatblur::scene::Scene;
 use support::study::{cross, lin, reference, rot, shipped};
 
+/// Is this what an environment variable asks for, if it asks?
+fn asked(variable: &str, by: impl FnOnce(&str) -> bool) -> bool {
+    std::env::var(variable).map_or(true, |value| by(&value))
+}
+
 /// FLIP, gamma-space RMSE and CPU seconds of a mode.
 fn row(scene: &Scene, frame: i64, truth: &Picture, mode: BlurMode) {
+    if !asked("MODE", |name| mode.to_string().starts_with(name)) {
+        return;
+    }
     let options = RenderOptions {
         mode,
         filter: PixelFilter::Point,
@@ -38,6 +47,9 @@ fn row(scene: &Scene, frame: i64, truth: &Picture, mode: BlurMode) {
 }
 
 fn table(scene: &Scene, frame: i64) {
+    if !asked("SCENE", |name| scene.name == name) {
+        return;
+    }
     let truth = reference(scene, frame, PixelFilter::Point);
     let numbers = [1, 2, 3, 5, 10, 20, 50, 100];
     for n in [1, 2, 3, 5, 8, 10, 16, 20, 32, 50, 100] {
@@ -102,7 +114,7 @@ fn shipped_scenes() {
 #[ignore = "takes minutes; makes a table of docs/modes.md"]
 fn alpha_of_shipped_scenes() {
     println!("| scene | mode | partly covered pixels | beyond | worst, /255 | mean error there, /255 |");
-    for (name, frame) in SHIPPED {
+    for (name, frame) in SHIPPED.into_iter().filter(|(name, _)| asked("SCENE", |scene| *name == scene)) {
         let mut scene = shipped(name);
         scene.image.transparent = true;
         let traced = ReferenceOptions { samples: 4096, filter: PixelFilter::Point, ..ReferenceOptions::default() };

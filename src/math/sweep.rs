@@ -275,6 +275,21 @@ mod tests {
         }
     }
 
+    /// At tau = 0 the path enters or leaves: one root is 0, where a sum of the wrong sign would cancel to 0/0.
+    #[test]
+    fn a_path_through_the_rim_is_met_on_one_side() {
+        for step in 0..64 {
+            let angle = std::f64::consts::TAU * (f64::from(step) + 0.5) / 64.0;
+            for speed in [1e-4, 1e-2, 0.3, 1.0, 3.0, 1e2] {
+                let [first, last] =
+                    Sweep::tube(path([1.0, 0.0], [speed * angle.cos(), speed * angle.sin()], 4.0)).covered();
+                let other = (-2.0 * angle.cos() / speed).clamp(-1.0, 1.0);
+                let error = (f64::from(first) - other.min(0.0)).abs().max((f64::from(last) - other.max(0.0)).abs());
+                assert!(error < 1e-5, "{speed} at {angle}: {first} to {last}, not {other}");
+            }
+        }
+    }
+
     #[test]
     fn moments_are_middles() {
         assert_eq!(moments([-1.0, 1.0]), u32::MAX);

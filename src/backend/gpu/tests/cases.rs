@@ -217,6 +217,9 @@ pub(super) fn swept() -> Vec<Case> {
     moving.objects[0].two_sided = true;
     let mut fast = two_balls([70, 45]);
     fast.objects[0].motions.push(Motion::Linear { velocity: DVec3::new(0.9, -0.4, 1.2) });
+    // In the first of two intervals the first ball's front comes nearer than that.
+    let mut near = fast.clone();
+    near.camera.near = 2.7;
     let options = |swept| RenderOptions {
         mode: BlurMode::Volumetric { intervals: 2, pixel_samples: None, swept },
         aovs: Aov::ALL.to_vec(),
@@ -231,6 +234,8 @@ pub(super) fn swept() -> Vec<Case> {
         case("tube", &two_balls([70, 45]), options(tube)),
         case("fast", &fast, options(tube)),
         case("hard", &moving, options(tube)),
+        case("near", &near, options(tube)),
+        case("near ellipsoid", &near, options(ellipsoid)),
         case("plain", &fast, RenderOptions { prefilter: Prefilter::None, aovs: Vec::new(), ..options(tube) }),
         case("sum", &fast, options(SweptKernel { alpha: TemporalAlpha::Sum, ..tube })),
         case("once", &fast, options(SweptKernel { normalise: Normalise::Once, ..tube })),

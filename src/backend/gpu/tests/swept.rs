@@ -309,7 +309,7 @@ fn swept_passes_agree() {
 }
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 20] = [
+static MUTANTS: [([(&str, &str); 1], &str); 21] = [
     ([("apply(travels[segment.index].motion, position)", "-apply(travels[segment.index].motion, position)")], "tube"),
     ([("(vx * my - vy * mx) * over_both", "(vx * my + vy * mx) * over_both")], "tube"),
     ([("max(begin.y, end.y)", "begin.y")], "fast"),
@@ -329,6 +329,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 20] = [
     ([("min(weight * known.y, met.most)", "weight * known.y")], "fast"),
     ([("f32(part + 1u) * step", "f32(part) * step")], "parts"),
     ([("presence[at + TILE_PIXELS] & ~surface", "presence[at + TILE_PIXELS]")], "fast"),
+    ([("max(span.x, limits.x), min(span.y, limits.y)", "span.x, span.y")], "near"),
     ([("covers + min(loose, reached)", "covers + reached")], "fast"),
 ];
 
