@@ -18,16 +18,16 @@ use support::sphere_scene;
 const ROUNDS: usize = 5;
 
 fn modes() -> Vec<BlurMode> {
-    let lattice = |samples, interleave| BlurMode::Supersample { samples, interleave };
-    let volumetric = |intervals, swept| BlurMode::Volumetric { intervals, pixel_samples: 1, swept };
+    let lattice = |samples, interleave| BlurMode::interleaved(samples, interleave);
+    let volumetric = |intervals, swept| BlurMode::Volumetric { intervals, pixel_samples: None, swept };
     vec![
         BlurMode::supersample(8),
         lattice(8, Interleave::Two),
         lattice(8, Interleave::Four),
         BlurMode::supersample(16),
         BlurMode::supersample(32),
-        BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples: 1, interleave: Interleave::None },
-        BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples: 1, interleave: Interleave::Two },
+        BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples: None, interleave: Interleave::None },
+        BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples: None, interleave: Interleave::Two },
         volumetric(1, SweptKernel::default()),
         volumetric(3, SweptKernel::default()),
         volumetric(10, SweptKernel::default()),

@@ -39,6 +39,8 @@ pub struct Frame<'a> {
     pub memory: u64,
     /// Bytes that the models take; a model shared by several objects counts once.
     pub model_bytes: u64,
+    /// Bytes that pictures take which are kept beside the frame's own.
+    pub picture_bytes: u64,
     /// Stages of each group, in order.
     pub passes: &'static [Pass],
     /// What kernels in motion sweep, where there are any.
@@ -141,8 +143,8 @@ pub struct PosedInterval {
     pub moments: [f32; 32],
     /// Change of the time weight from the middle of the interval to its end, over its mean; in [-1, 1].
     pub slope: f32,
-    /// Pixels by which anything moves on the raster from the middle of the interval to an end: how far beyond the raster a kernel's
-    /// source may lie. Half the raster's longer side at the most.
+    /// Pixels by which anything moves on the raster from the middle of an interval to its end: how far beyond the raster a kernel's
+    /// source may lie; the most of all intervals. Half the raster's longer side at the most.
     pub guard: u32,
 }
 
@@ -230,6 +232,10 @@ impl<'a> Frame<'a> {
                 PosedGroup { samples, raster, interval }
             })
             .collect();
+        // One map for all intervals that share a sample position.
+        let guard = groups.iter().filter_map(|group| group.interval).map(|interval| interval.guard).max();
+        let guards = groups.iter_mut().filter_map(|group| group.interval.as_mut()).map(|interval| &mut interval.guard);
+        guards.zip(guard.into_iter().cycle()).for_each(|(of_group, guard)| *of_group = guard);
         let near = scene.camera.near as f32;
         let times: Vec<f64> = plan.groups.iter().flat_map(|group| &group.samples).map(|sample| sample.time).collect();
         let still = hold_still(scene, &times, &mut groups, plan.stride, near);
@@ -244,6 +250,7 @@ impl<'a> Frame<'a> {
             background: Background { colour: scene.image.background, transparent: scene.image.transparent },
             memory: options.memory,
             model_bytes: model_bytes(scene),
+            picture_bytes: 0,
             passes: plan.passes,
             swept,
             objects: scene

@@ -18,6 +18,8 @@ pub enum BlurMode {
     Supersample {
         /// Time samples of a pixel, >= 1.
         samples: u32,
+        /// Sub-pixel positions, >= 1: fewer than samples are shared out, more are several for each; `None`: one for each.
+        pixel_samples: Option<u32>,
         /// Which pixels share their times.
         interleave: Interleave,
     },
@@ -28,8 +30,8 @@ pub enum BlurMode {
         buckets: u32,
         /// Time samples of a bucket, >= 1.
         samples: u32,
-        /// Fewest sub-pixel positions of a pixel, >= 1: where there are fewer buckets, each is rendered at several.
-        pixel_samples: u32,
+        /// Sub-pixel positions, >= 1: fewer than buckets are shared out, more are several for each; `None`: one for each.
+        pixel_samples: Option<u32>,
         /// Which pixels share their times.
         interleave: Interleave,
     },
@@ -38,8 +40,8 @@ pub enum BlurMode {
     Volumetric {
         /// Intervals of the shutter, >= 1.
         intervals: u32,
-        /// Fewest sub-pixel positions of a pixel, >= 1: where there are fewer intervals, each is rendered at several.
-        pixel_samples: u32,
+        /// Sub-pixel positions, >= 1: fewer than intervals are shared out, more are several for each; `None`: one for each.
+        pixel_samples: Option<u32>,
         /// What kernels sweep, and how they add up.
         swept: SweptKernel,
     },
@@ -108,6 +110,11 @@ impl SweptKernel {
         normalise: Normalise::Once,
     };
 
+    /// Is a kernel without motion the same whatever the time weight does over the interval?
+    pub(crate) fn is_plain(self) -> bool {
+        self.shape == KernelShape::Tube && self.source_samples == SourceSamples(1)
+    }
+
     /// Motion of a kernel over that of its surfel during the interval: 2 in the published variant, whose half-axis is the whole
     /// spacing of the time samples.
     pub fn stretch(self) -> f64 {
@@ -158,29 +165,29 @@ pub enum Normalise {
 /// The mode as the command line's mode grammar names it: `still:16`, `supersample:8+interleave=2`, `bucket:8x4`.
 impl fmt::Display for BlurMode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let interleaved = match *self {
+        let (interleaved, groups, pixel_samples, swept) = match *self {
             Self::Still { pixel_samples } => return write!(f, "still:{pixel_samples}"),
-            Self::Supersample { samples, interleave } => {
+            Self::Supersample { samples, pixel_samples, interleave } => {
                 write!(f, "supersample:{samples}")?;
-                interleave
+                (interleave, samples, pixel_samples, None)
             }
             Self::Bucket { buckets, samples, pixel_samples, interleave } => {
                 write!(f, "bucket:{buckets}x{samples}")?;
-                if pixel_samples > buckets {
-                    write!(f, "+pixel-samples={pixel_samples}")?;
-                }
-                interleave
+                (interleave, buckets, pixel_samples, None)
             }
             Self::Volumetric { intervals, pixel_samples, swept } => {
                 write!(f, "volumetric:{intervals}")?;
-                if pixel_samples > intervals {
-                    write!(f, "+pixel-samples={pixel_samples}")?;
-                }
-                return write!(f, "{swept}");
+                (Interleave::None, intervals, pixel_samples, Some(swept))
             }
             Self::Auto(target) => return write!(f, "auto:{target}"),
         };
-        if interleaved == Interleave::None { Ok(()) } else { write!(f, "+interleave={}", interleaved.stride()) }
+        if let Some(positions) = pixel_samples.filter(|&positions| positions != groups) {
+            write!(f, "+pixel-samples={positions}")?;
+        }
+        if interleaved != Interleave::None {
+            write!(f, "+interleave={}", interleaved.stride())?;
+        }
+        swept.map_or(Ok(()), |swept| write!(f, "{swept}"))
     }
 }
 
@@ -364,7 +371,12 @@ pub enum Pass {
 impl BlurMode {
     /// Plain supersampling with `samples` time samples, >= 1.
     pub const fn supersample(samples: u32) -> Self {
-        Self::Supersample { samples, interleave: Interleave::None }
+        Self::interleaved(samples, Interleave::None)
+    }
+
+    /// Supersampling with `samples` time samples, >= 1, each at its own sub-pixel position.
+    pub const fn interleaved(samples: u32, interleave: Interleave) -> Self {
+        Self::Supersample { samples, pixel_samples: None, interleave }
     }
 
     /// What kernels sweep, where they do.
@@ -442,68 +454,86 @@ impl Plan {
         let still = |weight| vec![TimeSample { time: frame, weight }];
         let (groups, interleave) = match mode {
             BlurMode::Still { pixel_samples } => {
-                let moments = vec![still(1.0 / f64::from(pixel_samples)); pixel_samples as usize];
-                (with_offsets(moments, filter, seed, [0, 0]), Interleave::None)
+                let moments = vec![(still(1.0 / f64::from(pixel_samples)), None); pixel_samples as usize];
+                (with_offsets(moments, None, filter, seed, [0, 0]), Interleave::None)
             }
-            BlurMode::Supersample { samples, interleave } => {
-                (exposure(samples, 1, 1, interleave, filter, seed, shutter, frame), interleave)
+            BlurMode::Supersample { samples, pixel_samples, interleave } => {
+                (exposure(Strata::new(samples, 1, pixel_samples), interleave, filter, seed, shutter, frame), interleave)
             }
-            BlurMode::Auto(_) => (exposure(4, 1, 1, Interleave::None, filter, seed, shutter, frame), Interleave::None),
-            BlurMode::Bucket { buckets, samples, pixel_samples, interleave } => {
-                let repeats = pixel_samples.div_ceil(buckets);
-                (exposure(buckets, samples, repeats, interleave, filter, seed, shutter, frame), interleave)
-            }
-            BlurMode::Volumetric { intervals, pixel_samples, swept: _ } => {
-                let repeats = pixel_samples.div_ceil(intervals);
-                (swept_exposure(intervals, repeats, filter, seed, shutter, frame, jumps), Interleave::None)
-            }
+            BlurMode::Auto(_) => return Self::new(BlurMode::supersample(4), filter, seed, shutter, frame, jumps),
+            BlurMode::Bucket { buckets, samples, pixel_samples, interleave } => (
+                exposure(Strata::new(buckets, samples, pixel_samples), interleave, filter, seed, shutter, frame),
+                interleave,
+            ),
+            BlurMode::Volumetric { intervals, pixel_samples, swept: _ } => (
+                swept_exposure(Strata::new(intervals, 1, pixel_samples), filter, seed, shutter, frame, jumps),
+                Interleave::None,
+            ),
         };
         Self { passes: mode.passes(), stride: interleave.stride(), groups }
     }
 }
 
-/// For each class of pixels, `strata` groups that tile the shutter, of `samples` samples each, `repeats` times over.
-#[allow(clippy::too_many_arguments, reason = "the numbers that define an exposure")]
-fn exposure(
-    strata: u32,
+/// How many groups tile the shutter.
+#[derive(Clone, Copy)]
+struct Strata {
+    groups: u32,
+    /// Of each group.
     samples: u32,
+    /// How often each group is there.
     repeats: u32,
+    /// Sub-pixel positions that all groups share out; `None`: each has its own.
+    positions: Option<u32>,
+}
+
+impl Strata {
+    /// `groups` of `samples` samples, at `pixel_samples` sub-pixel positions or one for each.
+    fn new(groups: u32, samples: u32, pixel_samples: Option<u32>) -> Self {
+        let repeats = pixel_samples.map_or(1, |positions| positions.div_ceil(groups));
+        Self { groups, samples, repeats, positions: pixel_samples.filter(|&positions| positions < groups) }
+    }
+}
+
+/// The groups of each class of pixels, which tile the shutter.
+fn exposure(
+    strata: Strata,
     interleave: Interleave,
     filter: PixelFilter,
     seed: u64,
     shutter: &Shutter,
     frame: f64,
 ) -> Vec<Group> {
+    let Strata { groups, samples, repeats, positions } = strata;
     let stride = interleave.stride();
     let classes = (0..stride * stride).map(|class| [class % stride, class / stride]);
     let groups = classes.flat_map(|phase| {
         let order = interleave.order(phase);
         let place = (f64::from(order) + 0.5) / f64::from(stride * stride);
         let moments: Vec<TimeSample> = shutter
-            .strata(strata * samples, place)
+            .strata(groups * samples, place)
             .into_iter()
             .map(|(t, weight)| TimeSample { time: shutter.frame_time(frame, t), weight: weight / f64::from(repeats) })
             .collect();
         let moments = moments
             .chunks(samples as usize)
-            .flat_map(|group| std::iter::repeat_n(group.to_vec(), repeats as usize))
+            .flat_map(|group| std::iter::repeat_n((group.to_vec(), None), repeats as usize))
             .collect();
         // Each class has offsets of its own.
-        with_offsets(moments, filter, seed.wrapping_add(u64::from(order) << 32), phase)
+        with_offsets(moments, positions, filter, seed.wrapping_add(u64::from(order) << 32), phase)
     });
     groups.collect()
 }
 
-/// `count` groups that tile the shutter, and more where something jumps, `repeats` times over.
+/// The groups of an interval each, which tile the shutter, and more where something jumps.
 fn swept_exposure(
-    count: u32,
-    repeats: u32,
+    strata: Strata,
     filter: PixelFilter,
     seed: u64,
     shutter: &Shutter,
     frame: f64,
     jumps: &[f64],
 ) -> Vec<Group> {
+    let Strata { groups: count, repeats, positions, .. } = strata;
     let span = shutter.close - shutter.open;
     let mut cuts: Vec<(f64, bool)> = (0..=count).map(|i| (f64::from(i) / f64::from(count), false)).collect();
     cuts.extend(jumps.iter().map(|&time| ((time - frame - shutter.open) / span, true)));
@@ -515,8 +545,7 @@ fn swept_exposure(
         a.1 |= same && b.1;
         same
     });
-    let mut moments = Vec::new();
-    let mut intervals = Vec::new();
+    let mut moments: Vec<Moment> = Vec::new();
     for (&(from, from_jump), &(to, to_jump)) in cuts.iter().zip(cuts.iter().skip(1)) {
         let share = |a: f64, b: f64| shutter.weight.integral(a, b) / f64::from(repeats);
         let at = |i: u32| from + (to - from) * f64::from(i) / 32.0;
@@ -524,24 +553,45 @@ fn swept_exposure(
         let inside = (1e-6 * (to - from) * span).max(8.0 * f64::EPSILON * time(to).abs());
         let nudge = |jump: bool| if jump { inside } else { 0.0 };
         let ends = [time(from) + nudge(from_jump), time(to) - nudge(to_jump)];
-        moments.push(vec![TimeSample { time: 0.5 * (ends[0] + ends[1]), weight: share(from, to) }]);
-        intervals.push(Interval { ends, moments: std::array::from_fn(|i| share(at(i as u32), at(i as u32 + 1))) });
+        let sample = TimeSample { time: 0.5 * (ends[0] + ends[1]), weight: share(from, to) };
+        let interval = Interval { ends, moments: std::array::from_fn(|i| share(at(i as u32), at(i as u32 + 1))) };
+        moments.push((vec![sample], Some(interval)));
     }
-    let repeats = repeats as usize;
-    let moments = moments.into_iter().flat_map(|moment| std::iter::repeat_n(moment, repeats)).collect();
-    let mut groups = with_offsets(moments, filter, seed, [0, 0]);
-    for (group, interval) in groups.iter_mut().zip(intervals.iter().flat_map(|i| std::iter::repeat_n(*i, repeats))) {
-        group.interval = Some(interval);
-    }
-    groups
+    let moments = moments.into_iter().flat_map(|moment| std::iter::repeat_n(moment, repeats as usize)).collect();
+    with_offsets(moments, positions, filter, seed, [0, 0])
 }
 
-fn with_offsets(moments: Vec<Vec<TimeSample>>, filter: PixelFilter, seed: u64, phase: [u32; 2]) -> Vec<Group> {
+/// The time samples of a group, and the interval that they stand for.
+type Moment = (Vec<TimeSample>, Option<Interval>);
+
+/// Groups of `moments`, in order of time, that share out `positions` sub-pixel positions, or have one each.
+fn with_offsets(
+    moments: Vec<Moment>,
+    positions: Option<u32>,
+    filter: PixelFilter,
+    seed: u64,
+    phase: [u32; 2],
+) -> Vec<Group> {
     let offsets = match filter {
-        PixelFilter::Box => pixel_offsets(moments.len() as u32, seed),
-        PixelFilter::Point => vec![[0.0; 2]; moments.len()],
+        PixelFilter::Box => pixel_offsets(positions.unwrap_or(moments.len() as u32), seed),
+        PixelFilter::Point => vec![[0.0; 2]],
     };
-    moments.into_iter().zip(offsets).map(|(samples, offset)| Group { samples, offset, phase, interval: None }).collect()
+    share_out(moments, &offsets, phase)
+}
+
+/// Groups of `moments`, in order of time: each takes the next of `offsets`, over and over, so that each offset sees the whole exposure.
+/// Those of one offset stand together, as they share what lies still.
+pub(crate) fn share_out(moments: Vec<Moment>, offsets: &[[f32; 2]], phase: [u32; 2]) -> Vec<Group> {
+    let mut groups: Vec<(usize, Group)> = (0..)
+        .zip(moments)
+        .map(|(i, (samples, interval)): (usize, _)| {
+            let position = i % offsets.len().max(1);
+            let offset = offsets.get(position).copied().unwrap_or_default();
+            (position, Group { samples, offset, phase, interval })
+        })
+        .collect();
+    groups.sort_by_key(|(position, _)| *position);
+    groups.into_iter().map(|(_, group)| group).collect()
 }
 
 #[cfg(test)]

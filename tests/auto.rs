@@ -5,6 +5,7 @@
 mod support;
 
 use glam::DVec3;
+use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::encode;
 use splatblur::film::{Aov, Picture};
@@ -168,6 +169,64 @@ fn what_does_not_move_costs_its_sub_pixel_positions() {
     assert_eq!((made.splats, made.achieved.unwrap().error), (2 * once, 0.0));
 }
 
+/// Where nothing moves there are no more samples than are allowed, and as many positions.
+#[test]
+fn what_does_not_move_keeps_to_the_limit() {
+    let mut scene = balls();
+    scene.objects.iter_mut().for_each(|object| object.motions.clear());
+    let target = Target { samples_max: 5, pixel_samples: 8, ..with_error(0.5) };
+    let made = render(&scene, &options(target, PixelFilter::Box));
+    let achieved = made.stats.achieved.unwrap();
+    assert_eq!((achieved.samples, achieved.most_samples), (4, 4));
+    let still = RenderOptions { mode: BlurMode::Still { pixel_samples: 4 }, ..options(target, PixelFilter::Box) };
+    assert!(worst_difference(&made.picture, &render(&scene, &still).picture) < 1e-5);
+}
+
+/// What lies still beside what moves is seen at as many positions as there are samples, spread over the pixel.
+#[test]
+fn positions_are_spread_however_few() {
+    let mut scene = balls();
+    scene.objects.remove(1);
+    let target = Target { pixel_samples: 8, ..with_error(0.5) };
+    let mut made = render(&scene, &options(target, PixelFilter::Box));
+    assert_eq!(made.stats.achieved.unwrap().most_samples, 4);
+    let still = RenderOptions { mode: BlurMode::Still { pixel_samples: 4 }, ..options(target, PixelFilter::Box) };
+    let mut still = render(&scene, &still).picture;
+    // The ball that spins lies in the right half.
+    for picture in [&mut made.picture, &mut still] {
+        picture.rgba.iter_mut().enumerate().filter(|(at, _)| at % 160 >= 84).for_each(|(_, pixel)| *pixel = [0.0; 4]);
+    }
+    assert!(worst_difference(&made.picture, &still) < 1e-5);
+}
+
+fn worst_difference(a: &Picture, b: &Picture) -> f32 {
+    let pairs = a.rgba.as_flattened().iter().zip(b.rgba.as_flattened());
+    pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// The least memory, in steps of 64 KiB, with which a mode renders.
+fn least_memory(backend: &mut dyn Backend, options: &RenderOptions) -> u64 {
+    let scene = balls();
+    let renders =
+        |memory: &u64| render_frame(backend, &scene, 0, &RenderOptions { memory: *memory, ..options.clone() }).is_ok();
+    (1_u64..1 << 16).map(|step| step << 16).find(renders).unwrap()
+}
+
+/// Beside the picture that is made, mode auto keeps three: the halves, and the other new one.
+fn counts_its_pictures(backend: &mut dyn Backend) {
+    let aovs = vec![Aov::Depth];
+    let options = RenderOptions { aovs, ..options(with_error(0.5), PixelFilter::Point) };
+    let one = least_memory(backend, &RenderOptions { mode: BlurMode::supersample(2), ..options.clone() });
+    let kept = least_memory(backend, &options) - one;
+    let pictures = 3 * 160 * 128 * 5 * 4;
+    assert!(kept.abs_diff(pictures) <= 1 << 16, "{kept} of {pictures}");
+}
+
+#[test]
+fn memory_is_that_of_all_pictures() {
+    counts_its_pictures(&mut Cpu::default());
+}
+
 /// Samples and error of the layers are those that were reached, and all layers are means of all samples.
 #[test]
 fn layers_say_what_was_done() {
@@ -204,6 +263,13 @@ fn threads_do_not_show() {
         pool.install(|| render(&scene, &options(with_error(0.03), PixelFilter::Box)).picture)
     };
     assert!(made(1) == made(3));
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+fn memory_on_the_gpu_is_that_of_all_pictures() {
+    let Some(mut gpu) = support::gpu::gpu_or_skip("memory_on_the_gpu_is_that_of_all_pictures") else { return };
+    counts_its_pictures(&mut gpu);
 }
 
 #[cfg(feature = "gpu")]

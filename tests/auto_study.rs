@@ -9,9 +9,11 @@ mod support;
 
 use std::time::Instant;
 
+use glam::{Vec2, Vec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::{flip, gamma_rmse};
 use splatblur::film::Picture;
+use splatblur::frame::{Frame, STILL_PATH};
 use splatblur::plan::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading, Target};
 use splatblur::render::{Rendered, render_frame};
 use splatblur::scene::Scene;
@@ -33,7 +35,7 @@ fn table(scene: &Scene, frame: i64, filter: PixelFilter) {
     let truth = reference(scene, frame, filter);
     let interleave = Interleave::None;
     for samples in [8, 16, 24, 32, 48, 64] {
-        let mode = BlurMode::Supersample { samples, interleave };
+        let mode = BlurMode::interleaved(samples, interleave);
         let (rendered, seconds) = rendered(scene, frame, filter, mode);
         row(scene, &format!("{mode}"), &rendered, &truth, seconds);
     }
@@ -96,5 +98,44 @@ fn shipped_scenes() {
             continue;
         }
         table(&shipped(name), frame, filter());
+    }
+}
+
+/// Of the surfels of objects that move, how many lie still themselves, and in pieces of 256 that lie still whole: what a layer by pieces
+/// would gain.
+#[test]
+#[ignore = "makes figures of docs/modes.md"]
+fn still_pieces() {
+    println!("| scene | frame | surfels of objects that move | of them still | in still pieces |");
+    for (name, frames) in [
+        ("diagonal", [6, 12, 18]),
+        ("crossing", [6, 12, 18]),
+        ("checkerboard", [5, 15, 25]),
+        ("blinker", [2, 5, 8]),
+        ("blinker_fence", [2, 5, 8]),
+        ("spin", [2, 5, 8]),
+        ("three_objects", [5, 20, 40]),
+        ("toward_camera_and_sideways", [5, 20, 36]),
+    ] {
+        let scene = shipped(name);
+        let options = RenderOptions { mode: BlurMode::supersample(9), ..RenderOptions::default() };
+        for number in frames {
+            let frame = Frame::new(&scene, number, &options);
+            let mut counts = [0; 3];
+            for (index, object) in frame.objects.iter().enumerate().filter(|(_, object)| !object.still) {
+                let on_screen = |p: Vec3| {
+                    let posed = frame.groups.iter().map(|group| &group.samples[0].objects[index]);
+                    let points = posed.map(|pose| pose.screen_from_model * p + pose.screen_origin);
+                    let points: Vec<Vec2> = points.map(|p| p.truncate() / p.z).collect();
+                    points.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f32>() < STILL_PATH
+                };
+                let still: Vec<bool> = object.surfels.position.iter().map(|&p| on_screen(p)).collect();
+                let whole = still.chunks(256).filter(|piece| piece.iter().all(|&still| still)).map(<[bool]>::len);
+                counts[0] += still.len();
+                counts[1] += still.iter().filter(|&&still| still).count();
+                counts[2] += whole.sum::<usize>();
+            }
+            println!("| {name} | {number} | {} | {} | {} |", counts[0], counts[1], counts[2]);
+        }
     }
 }

@@ -80,7 +80,7 @@ fn bad_values_are_refused_in_one_line() {
         (&["--size", "99999999x99999999"], "65535"),
         (&["--samples", "0"], "1 to 65536"),
         (&["--samples", "-3"], "1 to 65536"),
-        (&["--samples", "4", "--pixel-samples", "4"], "not for --mode supersample"),
+        (&["--samples", "4", "--pixel-samples", "0"], "1 to 65536"),
         (&["--mode", "auto", "--samples", "8"], "--samples-max"),
         (&["--mode", "auto", "--interleave", "2"], "chooses the lattice"),
         (&["--samples", "8", "--error", "good"], "--error is for --mode auto"),

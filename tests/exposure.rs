@@ -20,7 +20,7 @@ use support::closed_forms::{DEPTH, FOCAL, SIZE, disc, edge, truth};
 use support::{UNLIT, object, render, round_surfels, scene, sphere_scene};
 
 const fn volumetric(intervals: u32, swept: SweptKernel) -> BlurMode {
-    BlurMode::Volumetric { intervals, pixel_samples: 1, swept }
+    BlurMode::Volumetric { intervals, pixel_samples: None, swept }
 }
 
 fn ellipsoid() -> SweptKernel {
@@ -28,7 +28,7 @@ fn ellipsoid() -> SweptKernel {
 }
 
 const fn bucket(buckets: u32, samples: u32, interleave: Interleave) -> BlurMode {
-    BlurMode::Bucket { buckets, samples, pixel_samples: 1, interleave }
+    BlurMode::Bucket { buckets, samples, pixel_samples: None, interleave }
 }
 
 /// Each kind of mode, with `n` moments of the exposure or more: for a volumetric mode the 32nds of its intervals. And the greatest
@@ -39,7 +39,7 @@ fn modes(n: u32) -> [(BlurMode, f64, f64); 5] {
     let intervals = n.div_ceil(32);
     [
         (BlurMode::supersample(n), moments, 0.5),
-        (BlurMode::Supersample { samples: n, interleave: Interleave::Two }, moments, 0.875),
+        (BlurMode::interleaved(n, Interleave::Two), moments, 0.875),
         (bucket(n / 4, 4, Interleave::None), moments, 0.5),
         (bucket(n / 4, 4, Interleave::Two), moments, 0.875),
         (volumetric(intervals, SweptKernel::default()), f64::from(32 * intervals), 0.5),
@@ -383,7 +383,7 @@ fn pixel_samples_approach_the_box_filter() {
         pairs.map(|(alpha, want)| (alpha - want[1] / 0.7).abs()).fold(0.0, f32::max)
     };
     for swept in [true, false] {
-        let errors = [1, 8, 64, 256].map(|pixel_samples| of(swept, pixel_samples));
+        let errors = [2, 8, 64, 256].map(|pixel_samples| of(swept, Some(pixel_samples)));
         println!("swept {swept}: {errors:.4?}");
         // The edge moves 38 pixels: within a pixel it gains 1/38 from side to side, in two strips 1/76 off centre at the most.
         // 128 positions in each leave what 64 moments do: 1/64 in the bucket's case, half of that in the other.

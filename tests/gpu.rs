@@ -47,7 +47,7 @@ fn next_to_an_edge(picture: &Picture, i: usize) -> bool {
 #[test]
 fn shipped_scenes_look_the_same() {
     let Some(mut gpu) = gpu_or_skip("shipped_scenes_look_the_same") else { return };
-    let interleaved = BlurMode::Supersample { samples: 2, interleave: Interleave::Two };
+    let interleaved = BlurMode::interleaved(2, Interleave::Two);
     for (name, scene) in shipped() {
         for (mode, most_weight) in [(BlurMode::supersample(3), 1.0 / 3.0), (interleaved, 0.5)] {
             let options = RenderOptions { mode, aovs: vec![Aov::Alpha, Aov::Depth], ..RenderOptions::default() };

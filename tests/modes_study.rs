@@ -56,17 +56,17 @@ fn table(scene: &Scene, frame: i64) {
         row(scene, frame, &truth, BlurMode::supersample(n));
     }
     for n in [1, 2, 3, 5, 8, 10, 16, 20, 50, 100] {
-        row(scene, frame, &truth, BlurMode::Supersample { samples: n, interleave: Interleave::Two });
+        row(scene, frame, &truth, BlurMode::interleaved(n, Interleave::Two));
     }
     for (buckets, samples) in numbers.map(|n| (n, 4)).into_iter().chain([(1, 32), (8, 2)]) {
         row(
             scene,
             frame,
             &truth,
-            BlurMode::Bucket { buckets, samples, pixel_samples: 1, interleave: Interleave::None },
+            BlurMode::Bucket { buckets, samples, pixel_samples: None, interleave: Interleave::None },
         );
     }
-    let swept = |intervals, swept| BlurMode::Volumetric { intervals, pixel_samples: 1, swept };
+    let swept = |intervals, swept| BlurMode::Volumetric { intervals, pixel_samples: None, swept };
     for n in numbers {
         row(scene, frame, &truth, swept(n, SweptKernel::default()));
     }
@@ -122,8 +122,8 @@ fn alpha_of_shipped_scenes() {
         let errors = &truth.layers.last().unwrap().planes[3];
         for mode in [
             BlurMode::supersample(256),
-            BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples: 1, interleave: Interleave::None },
-            BlurMode::Volumetric { intervals: 16, pixel_samples: 1, swept: SweptKernel::default() },
+            BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples: None, interleave: Interleave::None },
+            BlurMode::Volumetric { intervals: 16, pixel_samples: None, swept: SweptKernel::default() },
         ] {
             let options = RenderOptions {
                 mode,

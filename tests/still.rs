@@ -9,8 +9,11 @@ use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::frame::{Blocks, Frame};
-use splatblur::plan::{BlurMode, Interleave, PixelFilter, RenderOptions, Shading, SweptKernel};
+use splatblur::plan::{
+    BlurMode, Interleave, KernelShape, PixelFilter, RenderOptions, Shading, SourceSamples, SweptKernel,
+};
 use splatblur::scene::{Motion, Scene};
+use splatblur::time::{Shutter, Weight};
 use support::{default_lights, object, scene, sphere};
 
 /// A textured sphere at rest, one that moves through its surface, and one that passes behind.
@@ -31,17 +34,28 @@ fn through() -> Scene {
 }
 
 fn options(mode: BlurMode) -> RenderOptions {
+    // Where sub-pixel positions are shared, the groups of each of them share what lies still.
+    let shared = matches!(mode, BlurMode::Supersample { pixel_samples, .. } if pixel_samples.is_some());
+    let filter = if shared { PixelFilter::Box } else { PixelFilter::Point };
     let aovs = Aov::ALL.to_vec();
-    RenderOptions { mode, filter: PixelFilter::Point, aovs, epsilon: Some(0.03), ..RenderOptions::default() }
+    RenderOptions { mode, filter, aovs, epsilon: Some(0.03), ..RenderOptions::default() }
 }
 
-fn modes() -> [BlurMode; 4] {
+fn modes() -> [BlurMode; 5] {
     [
         BlurMode::Still { pixel_samples: 3 },
         BlurMode::supersample(8),
-        BlurMode::Supersample { samples: 3, interleave: Interleave::Two },
-        BlurMode::Bucket { buckets: 3, samples: 3, pixel_samples: 1, interleave: Interleave::None },
+        BlurMode::interleaved(3, Interleave::Two),
+        BlurMode::Bucket { buckets: 3, samples: 3, pixel_samples: None, interleave: Interleave::None },
+        BlurMode::Supersample { samples: 7, pixel_samples: Some(2), interleave: Interleave::Two },
     ]
+}
+
+/// Intervals of which the still kernels can be shared.
+fn swept_modes() -> Vec<BlurMode> {
+    let of = |shape, source| SweptKernel { shape, source_samples: SourceSamples(source), ..SweptKernel::default() };
+    let kernels = [SweptKernel::default(), SweptKernel::PUBLISHED, of(KernelShape::Ellipsoid, 2)];
+    kernels.map(|swept| BlurMode::Volumetric { intervals: 4, pixel_samples: None, swept }).to_vec()
 }
 
 fn splat(backend: &mut dyn Backend, frame: &Frame<'_>) -> (Picture, u64) {
@@ -57,9 +71,9 @@ fn difference(a: &Picture, b: &Picture) -> f32 {
     colour.chain(planes.flat_map(|(a, b)| a.iter().zip(b).map(share))).fold(0.0, f32::max)
 }
 
-fn looks_as_if_splatted_anew(backend: &mut dyn Backend, shadings: &[Shading]) {
+fn looks_as_if_splatted_anew(backend: &mut dyn Backend, modes: &[BlurMode], shadings: &[Shading]) {
     let scene = through();
-    for mode in modes() {
+    for &mode in modes {
         for &shading in shadings {
             let options = RenderOptions { shading, ..options(mode) };
             let frame = Frame::new(&scene, 0, &options);
@@ -79,15 +93,15 @@ fn looks_as_if_splatted_anew(backend: &mut dyn Backend, shadings: &[Shading]) {
 
 #[test]
 fn what_lies_still_looks_as_if_splatted_anew() {
-    looks_as_if_splatted_anew(&mut Cpu::default(), &[Shading::Phong, Shading::Gouraud]);
+    looks_as_if_splatted_anew(&mut Cpu::default(), &modes(), &[Shading::Phong, Shading::Gouraud]);
+    looks_as_if_splatted_anew(&mut Cpu::default(), &swept_modes(), &[Shading::Gouraud]);
 }
 
 /// Splats that cannot be kept are made anew for each group, and added up in the same order.
-fn memory_does_not_show(backend: &mut dyn Backend) {
-    let scene = through();
-    for mode in modes() {
+fn memory_does_not_show(backend: &mut dyn Backend, scene: &Scene, modes: &[BlurMode]) {
+    for &mode in modes {
         let options = options(mode);
-        let frame = Frame::new(&scene, 0, &options);
+        let frame = Frame::new(scene, 0, &options);
         let kept = splat(backend, &frame);
         let mut scarce = frame.clone();
         let anew = (1..).find_map(|step| {
@@ -102,7 +116,49 @@ fn memory_does_not_show(backend: &mut dyn Backend) {
 
 #[test]
 fn memory_for_what_lies_still_does_not_show() {
-    memory_does_not_show(&mut Cpu::default());
+    memory_does_not_show(&mut Cpu::default(), &through(), &modes());
+    memory_does_not_show(&mut Cpu::default(), &through(), &swept_modes());
+    // Intervals that differ in slope.
+    let mut scene = through();
+    scene.shutter.weight = Weight::Tent;
+    memory_does_not_show(&mut Cpu::default(), &scene, &swept_modes()[..1]);
+}
+
+/// Intervals whose motion differs have one guard band, so that one map of what lies still fits all.
+#[test]
+fn intervals_have_one_guard_band() {
+    let mut scene = through();
+    scene.objects[0].motions = vec![Motion::Linear { velocity: DVec3::new(0.9, 0.0, 3.0) }];
+    scene.shutter = Shutter { open: 0.0, close: 0.9, weight: Weight::Box };
+    let guards = |intervals: u32| {
+        let mode = BlurMode::Volumetric { intervals, pixel_samples: None, swept: SweptKernel::default() };
+        let options = options(mode);
+        let frame = Frame::new(&scene, 0, &options);
+        frame.groups.iter().map(|group| group.interval.unwrap().guard).collect::<Vec<_>>()
+    };
+    assert!(guards(4).iter().all(|&guard| guard == guards(4)[0]), "{:?}", guards(4));
+    memory_does_not_show(&mut Cpu::default(), &scene, &swept_modes()[..1]);
+}
+
+/// What depends on the interval is not shared: light at surfels that differs, and, by rounding, kernels of several parts
+/// under a time weight.
+#[test]
+fn kernels_that_intervals_do_not_share() {
+    let [plain, _, parts] = swept_modes()[..] else { panic!() };
+    let mut weighted = through();
+    weighted.shutter.weight = Weight::Tent;
+    for (scene, mode) in [(weighted, parts), (through(), plain)] {
+        let options = options(mode);
+        let mut frame = Frame::new(&scene, 0, &options);
+        if mode == plain {
+            frame.groups[1].samples[0].lights.clear();
+        }
+        let mut anew = frame.clone();
+        anew.objects.iter_mut().for_each(|object| object.still = false);
+        let ((kept, some), (anew, same)) = (splat(&mut Cpu::default(), &frame), splat(&mut Cpu::default(), &anew));
+        assert_eq!(some, same, "{mode}");
+        assert!(difference(&kept, &anew) < 200.0 * f32::EPSILON, "{mode}");
+    }
 }
 
 /// An object whose way on the screen is a fifth of a pixel is held; at a third of a pixel it moves.
@@ -134,7 +190,7 @@ fn what_moves_is_not_held() {
         let options = options(mode);
         Frame::new(scene, 0, &options).objects.iter().map(|object| object.still).collect::<Vec<_>>()
     };
-    let swept = BlurMode::Volumetric { intervals: 1, pixel_samples: 1, swept: SweptKernel::default() };
+    let swept = BlurMode::Volumetric { intervals: 1, pixel_samples: None, swept: SweptKernel::default() };
     assert_eq!(still(&scene, swept), [false, true, false]);
     scene.objects[0].blur = false;
     assert_eq!(still(&scene, BlurMode::supersample(4)), [true, true, false]);
@@ -143,7 +199,7 @@ fn what_moves_is_not_held() {
 /// Blocks that are not wanted stay empty, the others are as if all were.
 fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
     let scene = through();
-    for mode in [BlurMode::supersample(4), BlurMode::Supersample { samples: 3, interleave: Interleave::Two }] {
+    for mode in [BlurMode::supersample(4), BlurMode::interleaved(3, Interleave::Two)] {
         let options = RenderOptions { aovs: Vec::new(), ..options(mode) };
         let mut frame = Frame::new(&scene, 0, &options);
         frame.background.transparent = true;
@@ -152,15 +208,35 @@ fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
         let wanted = (0..width * height).map(|block| block % 2 == 1).collect();
         frame.wanted = Some(Blocks { width, wanted });
         let (part, _) = splat(backend, &frame);
+        // In bands, most of which have no wanted block.
+        let last = (0..width * height).map(|block| block == width * (height - 1) + 1).collect();
+        let mut scarce = Frame { wanted: Some(Blocks { width, wanted: last }), ..frame.clone() };
+        let in_bands = (1..).find_map(|step| {
+            scarce.memory = frame.model_bytes + (step << 17);
+            backend.render(&scarce).ok()
+        });
+        let in_bands = in_bands.unwrap().picture;
         let edge = Blocks::EDGE * frame.stride as usize;
         let mut seen = [0, 0];
         for (index, (part, whole)) in part.rgba.iter().zip(&whole.rgba).enumerate() {
             let block = index / 96 / edge * width + index % 96 / edge;
             assert_eq!(*part, if block % 2 == 1 { *whole } else { [0.0; 4] }, "{mode}: pixel {index}");
+            let is_last = block == width * (height - 1) + 1;
+            assert_eq!(in_bands.rgba[index], if is_last { *whole } else { [0.0; 4] }, "{mode}: pixel {index} of bands");
             seen[block % 2] += usize::from(whole[3] > 0.0);
         }
         assert!(seen.iter().all(|&covered| covered > 100), "{mode}: {seen:?}");
     }
+    // Nothing that lies still in any wanted block.
+    let mut scene = through();
+    scene.objects[1].transform.translate.x = 6.0;
+    let options = options(BlurMode::supersample(4));
+    let mut frame = Frame::new(&scene, 0, &options);
+    frame.wanted = Some(Blocks { width: 3, wanted: [vec![true; 3], vec![false; 6]].concat() });
+    let (part, _) = splat(backend, &frame);
+    frame.wanted = None;
+    let (whole, _) = splat(backend, &frame);
+    assert!(frame.objects[1].still && part.rgba[..32 * 96] == whole.rgba[..32 * 96]);
 }
 
 #[test]
@@ -176,13 +252,13 @@ mod gpu {
     #[test]
     fn what_lies_still_looks_as_if_splatted_anew() {
         let Some(mut gpu) = gpu_or_skip("what_lies_still_looks_as_if_splatted_anew") else { return };
-        looks_as_if_splatted_anew(&mut gpu, &[Shading::Phong]);
+        looks_as_if_splatted_anew(&mut gpu, &modes(), &[Shading::Phong]);
     }
 
     #[test]
     fn memory_for_what_lies_still_does_not_show() {
         let Some(mut gpu) = gpu_or_skip("memory_for_what_lies_still_does_not_show") else { return };
-        memory_does_not_show(&mut gpu);
+        memory_does_not_show(&mut gpu, &through(), &modes());
     }
 
     #[test]
@@ -196,7 +272,7 @@ mod gpu {
     fn pictures_are_the_cpus() {
         let Some(mut gpu) = gpu_or_skip("pictures_are_the_cpus") else { return };
         let scene = through();
-        let swept = BlurMode::Volumetric { intervals: 2, pixel_samples: 1, swept: SweptKernel::default() };
+        let swept = BlurMode::Volumetric { intervals: 2, pixel_samples: None, swept: SweptKernel::default() };
         for mode in modes().into_iter().chain([swept]) {
             for shading in [Shading::Phong, Shading::Gouraud] {
                 let options = RenderOptions { shading, ..options(mode) };

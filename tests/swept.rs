@@ -15,7 +15,7 @@ use support::closed_forms::{SIZE, disc, edge, spin_of, truth};
 use support::{UNLIT, object, render, round_surfels, scene, sphere_scene};
 
 fn volumetric(intervals: u32) -> BlurMode {
-    BlurMode::Volumetric { intervals, pixel_samples: 1, swept: SweptKernel::default() }
+    BlurMode::Volumetric { intervals, pixel_samples: None, swept: SweptKernel::default() }
 }
 
 fn options(mode: BlurMode) -> RenderOptions {
@@ -97,7 +97,7 @@ fn temporal_alpha_of_disc_and_edge() {
 /// is seen. Compared away from centre and rim, as tests/truth.rs does.
 #[test]
 fn colours_of_a_turning_disc() {
-    let bucket = BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples: 1, interleave: Interleave::None };
+    let bucket = BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples: None, interleave: Interleave::None };
     for (weight, a) in [("box", Weight::Box), ("ramp", Weight::Ramp { centre: 1.0 })] {
         let truth = truth(&format!("spin_{weight}_point"));
         for mode in [bucket, volumetric(16)] {
@@ -367,7 +367,7 @@ fn what_does_not_blur_stays_sharp() {
 fn variants_differ_as_they_say() {
     let scene = busy();
     let with = |intervals, swept| {
-        let mode = BlurMode::Volumetric { intervals, pixel_samples: 1, swept };
+        let mode = BlurMode::Volumetric { intervals, pixel_samples: None, swept };
         render(&scene, &RenderOptions { filter: PixelFilter::Point, ..options(mode) })
     };
     let default = SweptKernel::default();

@@ -6,7 +6,7 @@ use super::keeps;
 use crate::backend::{Backend, BackendError, Stats};
 use crate::film::{Aov, Picture};
 use crate::frame::{Blocks, Frame};
-use crate::plan::{BlurMode, Group, Interleave, PixelFilter, Plan, RenderOptions, TimeSample};
+use crate::plan::{BlurMode, Group, Interleave, PixelFilter, Plan, RenderOptions, TimeSample, share_out};
 use crate::sampling::pixel_offsets;
 use crate::scene::Scene;
 
@@ -79,16 +79,11 @@ impl Round<'_> {
             }
             PixelFilter::Point => vec![[0.0; 2]],
         };
-        let of_position = |position: usize| {
-            let samples = fresh.iter().skip(position).step_by(offsets.len());
-            let offset = offsets[position];
-            samples.map(move |&(t, weight)| {
-                let weight = if total > 0.0 { weight / total } else { 0.0 };
-                let sample = TimeSample { time: scene.shutter.frame_time(number as f64, t), weight };
-                Group { samples: vec![sample], offset, phase, interval: None }
-            })
-        };
-        (0..offsets.len()).flat_map(of_position).collect()
+        let moments = fresh.iter().map(|&(t, weight)| {
+            let weight = if total > 0.0 { weight / total } else { 0.0 };
+            (vec![TimeSample { time: scene.shutter.frame_time(number as f64, t), weight }], None)
+        });
+        share_out(moments.collect(), &offsets, phase)
     }
 }
 
@@ -107,6 +102,8 @@ impl Halves {
             let mut frame = Frame::planned(round.scene, round.number, round.options, &round.plan(half));
             frame.background.transparent = true;
             frame.wanted = wanted.cloned();
+            // The halves that there are, and the other one of this round.
+            frame.picture_bytes = 3 * picture_bytes(&frame);
             let mut rendered = backend.render(&frame)?;
             stats.add(&rendered.stats);
             rendered.picture.layers.retain(|layer| layer.aov != Aov::Samples);
@@ -143,6 +140,12 @@ impl Halves {
         mix(&mut mean, &odd, even);
         mean
     }
+}
+
+/// Bytes of a picture of `frame`.
+fn picture_bytes(frame: &Frame<'_>) -> u64 {
+    let planes = 4 + frame.aovs.iter().map(|aov| aov.channels().len() as u64).sum::<u64>();
+    u64::from(frame.size[0]) * u64::from(frame.size[1]) * planes * size_of::<f32>() as u64
 }
 
 /// Pixels that are worked on at once.

@@ -62,13 +62,16 @@ pub fn render(
     let moving_samples = first_samples(way, &target);
     let step = way / f64::from(moving_samples);
     let interleave = if target.error >= LOOSE && step >= WIDE_STEP { Interleave::Two } else { Interleave::None };
+    // Halves are of as many samples and positions each.
+    let most = target.samples_max & !1;
     let positions = match options.filter {
         // A lattice shares out four times as many.
         PixelFilter::Box if moves && interleave == Interleave::None => 2 * target.pixel_samples,
         PixelFilter::Box => target.pixel_samples.next_multiple_of(2),
         PixelFilter::Point => 1,
     };
-    let samples = if moves { moving_samples } else { positions.max(2) };
+    let samples = if moves { moving_samples } else { positions.clamp(2, most) };
+    let positions = positions.min(samples);
     let first = Round { scene, number, options, interleave, samples, factor: 1, positions };
     let mut stats = Stats::default();
     let mut halves = Halves::render(backend, &first, None, &mut stats)?;

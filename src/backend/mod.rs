@@ -3,6 +3,7 @@
 pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+mod pieces;
 
 use std::fmt;
 use std::time::Duration;

@@ -16,7 +16,8 @@ use super::grammar;
 pub(super) const HELP: &str = "\
 Modes, several with commas: NAME[:COUNTS][+OPTION=VALUE]...[@BACKEND]
   still:16                       no motion, P sub-pixel positions
-  supersample:10                 N time samples
+  supersample:10                 N time samples; +pixel-samples=P: at P sub-pixel positions (here and below; N without it), at each
+                                 of which what lies still is splatted once
   supersample:8+interleave=2     neighbouring pixels of a 2 x 2 (or 4 x 4) lattice see different times
   bucket:8x4                     B buckets of N time samples; +interleave=S, +pixel-samples=P
   volumetric:10                  N intervals of swept kernels; +kernel=ellipsoid (or +ellipsoid), +kernel-weight=chord (+chord),
@@ -175,7 +176,9 @@ fn blur(name: &str, counts: Option<&str>, options: &mut Options<'_>) -> Result<B
         "still" => Ok(BlurMode::Still { pixel_samples: samples(16)? }),
         "supersample" => {
             let interleave = options.take("interleave", grammar::interleave)?.unwrap_or_default();
-            Ok(BlurMode::Supersample { samples: samples(32)?, interleave })
+            let samples = samples(32)?;
+            let pixel_samples = options.pixel_samples(samples)?;
+            Ok(BlurMode::Supersample { samples, pixel_samples, interleave })
         }
         "bucket" => {
             let (buckets, samples) = counts.map_or(Ok((8, 4)), grid)?;
@@ -306,10 +309,9 @@ impl<'a> Options<'a> {
         found.ok_or_else(|| format!("option `{name}`: expected one of {}", list()))
     }
 
-    /// `pixel-samples`, where there are more than groups of time samples; fewer say nothing.
-    fn pixel_samples(&mut self, groups: u32) -> Result<u32, String> {
-        let given = self.take("pixel-samples", grammar::samples)?.unwrap_or(1);
-        Ok(if given > groups { given } else { 1 })
+    /// `pixel-samples`; as many as groups of time samples is what there is without.
+    fn pixel_samples(&mut self, groups: u32) -> Result<Option<u32>, String> {
+        Ok(self.take("pixel-samples", grammar::samples)?.filter(|&positions| positions != groups))
     }
 
     /// Refuses what no one took.
@@ -336,18 +338,18 @@ mod tests {
         let splat = |mode| Mode { method: Method::Splat(mode), machine: None };
         assert_eq!(mode("still"), splat(BlurMode::Still { pixel_samples: 16 }));
         let interleave = Interleave::None;
-        assert_eq!(mode("supersample"), splat(BlurMode::Supersample { samples: 32, interleave }));
-        let two = BlurMode::Supersample { samples: 8, interleave: Interleave::Two };
+        assert_eq!(mode("supersample"), splat(BlurMode::supersample(32)));
+        let two = BlurMode::interleaved(8, Interleave::Two);
         assert_eq!(mode(" supersample:8+interleave=2 "), splat(two));
         assert_eq!(
             mode("supersample:8+interleave=2@cpu"),
             Mode { method: Method::Splat(two), machine: Some(Machine::Cpu) }
         );
         let bucket = |pixel_samples| BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples, interleave };
-        assert_eq!(mode("bucket"), splat(bucket(1)));
-        assert_eq!(mode("bucket:8x4"), splat(bucket(1)));
-        assert_eq!(mode("bucket:8x4+pixel-samples=12"), splat(bucket(12)));
-        let volumetric = |swept| splat(BlurMode::Volumetric { intervals: 3, pixel_samples: 1, swept });
+        assert_eq!(mode("bucket"), splat(bucket(None)));
+        assert_eq!(mode("bucket:8x4"), splat(bucket(None)));
+        assert_eq!(mode("bucket:8x4+pixel-samples=12"), splat(bucket(Some(12))));
+        let volumetric = |swept| splat(BlurMode::Volumetric { intervals: 3, pixel_samples: None, swept });
         assert_eq!(mode("volumetric:3"), volumetric(SweptKernel::default()));
         assert_eq!(mode("volumetric:3+published"), volumetric(SweptKernel::PUBLISHED));
         let kernel = SweptKernel {
@@ -378,7 +380,13 @@ mod tests {
     fn equal_modes_are_written_alike() {
         assert_eq!(mode("supersample").to_string(), "supersample:32");
         assert_eq!(mode("supersample:8+interleave=1").to_string(), "supersample:8");
-        assert_eq!(mode("bucket:8x4+pixel-samples=3").to_string(), "bucket:8x4");
+        assert_eq!(mode("supersample:8+pixel-samples=8").to_string(), "supersample:8");
+        assert_eq!(mode("volumetric:3+sum+pixel-samples=2").to_string(), "volumetric:3+pixel-samples=2+alpha=sum");
+        assert_eq!(
+            mode("supersample:8+interleave=2+pixel-samples=4").to_string(),
+            "supersample:8+pixel-samples=4+interleave=2"
+        );
+        assert_eq!(mode("bucket:8x4+pixel-samples=8").to_string(), "bucket:8x4");
         assert_eq!(mode("reference@cpu").to_string(), "reference:1024@cpu");
     }
 
@@ -393,7 +401,8 @@ mod tests {
             ("supersample:8+interleave", "needs a value"),
             ("supersample:8+interleave=3", "expected 1, 2 or 4"),
             ("supersample:8+interleave=2+interleave=2", "twice"),
-            ("supersample:8+once", "it takes: interleave"),
+            ("supersample:8+once", "it takes: interleave, pixel-samples"),
+            ("supersample:8+pixel-samples=0", "1 to 65536"),
             ("still:4+interleave=2", "it takes: nothing"),
             ("bucket:8", "BUCKETSxSAMPLES"),
             ("bucket:8x4x2", "1 to 65536"),
@@ -430,14 +439,16 @@ mod tests {
         let count = 1_u32..=256;
         let method = prop_oneof![
             count.clone().prop_map(|pixel_samples| Method::Splat(BlurMode::Still { pixel_samples })),
-            (count.clone(), interleave.clone())
-                .prop_map(|(samples, interleave)| Method::Splat(BlurMode::Supersample { samples, interleave })),
+            (count.clone(), count.clone(), interleave.clone()).prop_map(|(samples, pixel, interleave)| {
+                let pixel_samples = Some(pixel).filter(|&pixel| pixel != samples);
+                Method::Splat(BlurMode::Supersample { samples, pixel_samples, interleave })
+            }),
             (count.clone(), count.clone(), count, interleave).prop_map(|(buckets, samples, pixel, interleave)| {
-                let pixel_samples = if pixel > buckets { pixel } else { 1 };
+                let pixel_samples = Some(pixel).filter(|&pixel| pixel != buckets);
                 Method::Splat(BlurMode::Bucket { buckets, samples, pixel_samples, interleave })
             }),
             (1_u32..=256, 1_u32..=256, 0_u32..32, 1_u32..9).prop_map(|(intervals, pixel, bits, source)| {
-                let pixel_samples = if pixel > intervals { pixel } else { 1 };
+                let pixel_samples = Some(pixel).filter(|&pixel| pixel != intervals);
                 let bit = |i: u32| bits >> i & 1 == 1;
                 let shape = if bit(0) { KernelShape::Ellipsoid } else { KernelShape::Tube };
                 let chord = bit(0) && bit(1);

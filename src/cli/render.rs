@@ -70,8 +70,9 @@ pub(super) struct Render {
     /// Interleaved sampling: each pixel of a lattice of S x S (1, 2 or 4) has times of its own [default: 1].
     #[arg(long, value_name = "S", allow_hyphen_values = true, value_parser = grammar::interleave, help_heading = "Blur")]
     interleave: Option<Interleave>,
-    /// Sub-pixel positions of mode still [default: 16], and of what lies still in mode auto [default: 8]; in modes bucket and
-    /// volumetric the fewest, where there are fewer buckets or intervals [default: 1].
+    /// Sub-pixel positions of mode still [default: 16], and of what lies still in mode auto [default: 8]; else those of all time
+    /// samples, buckets or intervals [default: one for each]. Fewer are shared out, and what lies still is splatted once at each; with
+    /// more each is rendered at several.
     #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = grammar::samples, help_heading = "Blur")]
     pixel_samples: Option<u32>,
     /// Mode volumetric: what a kernel sweeps over an interval [default: tube].
@@ -305,11 +306,8 @@ impl Render {
                     swept.weight == plan::KernelWeight::Chord && swept.shape == plan::KernelShape::Tube,
                     "--kernel-weight chord is the length within an ellipsoid: it needs --kernel ellipsoid",
                 )?;
-                Ok(BlurMode::Volumetric {
-                    intervals: self.samples.unwrap_or(10),
-                    pixel_samples: self.pixel_samples.unwrap_or(1),
-                    swept,
-                })
+                let intervals = self.samples.unwrap_or(10);
+                Ok(BlurMode::Volumetric { intervals, pixel_samples: self.positions(intervals), swept })
             }
             Mode::Still => {
                 refuse(
@@ -320,12 +318,8 @@ impl Render {
                 Ok(BlurMode::Still { pixel_samples: self.pixel_samples.unwrap_or(16) })
             }
             Mode::Supersample => {
-                refuse(
-                    self.pixel_samples.is_some(),
-                    "--pixel-samples is not for --mode supersample, whose time samples have one sub-pixel position each; \
-                     use --samples",
-                )?;
-                Ok(BlurMode::Supersample { samples: self.samples.unwrap_or(32), interleave })
+                let samples = self.samples.unwrap_or(32);
+                Ok(BlurMode::Supersample { samples, pixel_samples: self.positions(samples), interleave })
             }
             Mode::Bucket => {
                 let (buckets, samples) = (self.buckets.unwrap_or(8), self.samples.unwrap_or(4));
@@ -333,9 +327,14 @@ impl Render {
                     u64::from(buckets) * u64::from(samples) > u64::from(grammar::MAX_SAMPLES),
                     &format!("{buckets} buckets of {samples} samples: at most {} in all", grammar::MAX_SAMPLES),
                 )?;
-                Ok(BlurMode::Bucket { buckets, samples, pixel_samples: self.pixel_samples.unwrap_or(1), interleave })
+                Ok(BlurMode::Bucket { buckets, samples, pixel_samples: self.positions(buckets), interleave })
             }
         }
+    }
+
+    /// Sub-pixel positions; as many as groups of time samples is what there is without.
+    fn positions(&self, groups: u32) -> Option<u32> {
+        self.pixel_samples.filter(|&positions| positions != groups)
     }
 
     /// Of mode volumetric.

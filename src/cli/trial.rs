@@ -8,7 +8,7 @@ use clap::Args;
 use glam::DVec3;
 use splatblur::film::{Aov, Picture};
 use splatblur::image::Format;
-use splatblur::plan::{self, BlurMode, Interleave, RenderOptions};
+use splatblur::plan::{self, BlurMode, RenderOptions};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::render::render_frame;
 use splatblur::report::STRATA;
@@ -184,7 +184,7 @@ impl Trial<'_> {
 
     /// Pixel centres at the middle of each of [`STRATA`] parts of the shutter, without blur, with depth and velocity.
     pub(super) fn moments(&mut self, frame: i64) -> anyhow::Result<Vec<Picture>> {
-        let mode = BlurMode::Supersample { samples: 1, interleave: Interleave::None };
+        let mode = BlurMode::supersample(1);
         let options = RenderOptions {
             filter: plan::PixelFilter::Point,
             prefilter: plan::Prefilter::None,

@@ -12,41 +12,66 @@ const WIDE: usize = 64;
 
 /// What touches tiles.
 pub(super) trait Tiled {
-    /// First and last row of tiles.
-    fn tile_rows(&self) -> [usize; 2];
+    /// First and last pixel column, then first and last row.
+    fn bounds(&self) -> [u16; 4];
 
-    /// First and last tile column, in one of these rows; none if the first is not at most the last.
-    fn tile_columns(&self, row: usize) -> [usize; 2];
+    /// First and last tile column in tile row `row`, if more than one tile is touched; none if the first is not at most the last.
+    fn tile_columns(&self, _row: usize) -> [usize; 2] {
+        let [x0, x1, _, _] = Span::of(self).0.map(usize::from);
+        [x0, x1]
+    }
 }
 
 impl Tiled for Splat {
-    fn tile_rows(&self) -> [usize; 2] {
-        [self.bounds[2], self.bounds[3]].map(tile_of)
-    }
-
-    fn tile_columns(&self, _row: usize) -> [usize; 2] {
-        [self.bounds[0], self.bounds[1]].map(tile_of)
+    fn bounds(&self) -> [u16; 4] {
+        self.bounds
     }
 }
 
 impl Tiled for SweptSplat {
-    fn tile_rows(&self) -> [usize; 2] {
-        [self.bounds[2], self.bounds[3]].map(tile_of)
+    fn bounds(&self) -> [u16; 4] {
+        self.bounds
     }
 
     fn tile_columns(&self, row: usize) -> [usize; 2] {
-        let [x0, x1] = [self.bounds[0], self.bounds[1]].map(tile_of);
-        if x0 == x1 && self.bounds[2] / TILE as u16 == self.bounds[3] / TILE as u16 {
-            return [x0, x1];
-        }
         let (first, last) = ((row * TILE) as f32, (row * TILE + TILE - 1) as f32);
         let [first, last] = Hull::of(self).columns(first, last);
         if first > last { [1, 0] } else { [first as usize / TILE, last as usize / TILE] }
     }
 }
 
-fn tile_of(pixel: u16) -> usize {
-    usize::from(pixel) / TILE
+/// First and last column of tiles, then first and last row, about what a splat touches.
+#[derive(Clone, Copy, Debug)]
+struct Span([u16; 4]);
+
+impl Span {
+    /// Touches nothing.
+    const NONE: Self = Self([0, 1, 1, 0]);
+
+    #[inline(always)]
+    fn of(splat: &(impl Tiled + ?Sized)) -> Self {
+        Self(splat.bounds().map(|pixel| pixel / TILE as u16))
+    }
+
+    #[inline(always)]
+    fn is_one_tile(self) -> bool {
+        self.0[0] == self.0[1] && self.0[2] == self.0[3]
+    }
+
+    /// Calls `visit(row, columns)` for each row of tiles that the splat touches.
+    #[inline(always)]
+    fn rows(self, splat: &impl Tiled, mut visit: impl FnMut(usize, [usize; 2])) {
+        let [x0, _, y0, y1] = self.0.map(usize::from);
+        if self.is_one_tile() {
+            return visit(y0, [x0, x0]);
+        }
+        for row in y0..=y1 {
+            let columns = splat.tile_columns(row);
+            if columns[0] <= columns[1] {
+                visit(row, columns);
+            }
+        }
+    }
 }
 
 /// The binned splats of one chunk of surfels.
@@ -56,6 +81,8 @@ pub(super) struct Binned<S = Splat> {
     pub splats: Vec<S>,
     /// What each shows: a number for each channel; empty where only weights are wanted.
     pub values: Vec<f32>,
+    /// Kept for its memory.
+    spans: Vec<Span>,
     /// First tile column and row of the rectangle, and its width and height in tiles.
     rect: [usize; 4],
     /// For each tile of the rectangle, where its list starts in `entries`; one more at the end.
@@ -71,6 +98,7 @@ impl<S> Default for Binned<S> {
         Self {
             splats: Vec::new(),
             values: Vec::new(),
+            spans: Vec::new(),
             rect: [0; 4],
             starts: Vec::new(),
             entries: Vec::new(),
@@ -82,68 +110,69 @@ impl<S> Default for Binned<S> {
 impl<S: Tiled> Binned<S> {
     /// Most bytes that a chunk of `surfels` surfels with `channels` values each can take in `band`.
     pub(super) fn most_bytes(surfels: usize, channels: usize, band: &Band) -> u64 {
-        (surfels * (size_of::<S>() + channels * size_of::<f32>() + WIDE * size_of::<u32>())
+        (surfels * (size_of::<S>() + size_of::<Span>() + channels * size_of::<f32>() + WIDE * size_of::<u32>())
             + (band.len() + 1) * size_of::<u32>()) as u64
     }
 
     /// Bytes that the chunk takes now.
     pub(super) fn bytes(&self) -> u64 {
-        let words = self.starts.capacity() + self.entries.capacity() + self.wide.capacity();
-        (self.splats.capacity() * size_of::<S>() + self.values.capacity() * size_of::<f32>() + words * size_of::<u32>())
-            as u64
+        let words = self.values.capacity() + self.starts.capacity() + self.entries.capacity() + self.wide.capacity();
+        let of_splats = self.splats.capacity() * size_of::<S>() + self.spans.capacity() * size_of::<Span>();
+        (of_splats + words * size_of::<u32>()) as u64
     }
 
     /// Lists `self.splats` by tile.
     pub(super) fn bin(&mut self) {
+        let Self { splats, spans, starts, entries, wide, .. } = self;
+        wide.clear();
+        entries.clear();
+        starts.clear();
+        spans.clear();
+        spans.extend(splats.iter().map(Span::of));
         let mut rect = [u16::MAX as usize, 0, u16::MAX as usize, 0];
-        self.wide.clear();
-        self.entries.clear();
-        self.starts.clear();
-        for (index, splat) in self.splats.iter().enumerate() {
-            let [y0, y1] = splat.tile_rows();
+        for (index, (splat, span)) in splats.iter().zip(&mut *spans).enumerate() {
             let mut touched = 0;
-            let mut reach = [u16::MAX as usize, 0];
-            for [x0, x1] in (y0..=y1).map(|row| splat.tile_columns(row)) {
-                if x0 <= x1 {
-                    touched += x1 + 1 - x0;
-                    reach = [reach[0].min(x0), reach[1].max(x1)];
-                }
-            }
-            if touched > WIDE {
-                self.wide.push(index as u32);
-            } else if touched > 0 {
-                rect = [rect[0].min(reach[0]), rect[1].max(reach[1]), rect[2].min(y0), rect[3].max(y1)];
+            let mut reach = rect;
+            span.rows(splat, |row, [x0, x1]| {
+                touched += x1 + 1 - x0;
+                reach = [reach[0].min(x0), reach[1].max(x1), reach[2].min(row), reach[3].max(row)];
+            });
+            if touched <= WIDE {
+                rect = reach;
+            } else {
+                wide.push(index as u32);
+                // Apart, so not listed.
+                *span = Span::NONE;
             }
         }
         if rect[0] > rect[1] {
             rect = [0, 0, 0, 0];
         }
         self.rect = [rect[0], rect[2], rect[1] + 1 - rect[0], rect[3] + 1 - rect[2]];
-        let width = self.rect[2];
+        let [x, y, width, height] = self.rect;
         // Counting sort: counts, then starts, then entries; `starts` is moved one ahead so that filling restores it.
-        self.starts.resize(width * self.rect[3] + 2, 0);
-        let starts = &mut self.starts;
-        visit_listed(&self.splats, &self.wide, |_, row, [x0, x1]| {
-            let row = (row - rect[2]) * width;
-            for x in x0..=x1 {
-                starts[row + x - rect[0] + 2] += 1;
-            }
-        });
+        starts.resize(width * height + 2, 0);
+        for (splat, span) in splats.iter().zip(&*spans) {
+            span.rows(splat, |row, [x0, x1]| {
+                let first = (row - y) * width + x0 - x;
+                starts[first + 2..first + x1 - x0 + 3].iter_mut().for_each(|start| *start += 1);
+            });
+        }
         let mut sum = 0;
         for start in &mut *starts {
             sum += *start;
             *start = sum;
         }
-        self.entries.resize(sum as usize, 0);
-        let entries = &mut self.entries;
-        visit_listed(&self.splats, &self.wide, |index, row, [x0, x1]| {
-            let row = (row - rect[2]) * width;
-            for x in x0..=x1 {
-                let next = &mut starts[row + x - rect[0] + 1];
-                entries[*next as usize] = index;
-                *next += 1;
-            }
-        });
+        entries.resize(sum as usize, 0);
+        for (index, (splat, span)) in (0..).zip(splats.iter().zip(&*spans)) {
+            span.rows(splat, |row, [x0, x1]| {
+                let first = (row - y) * width + x0 - x;
+                for next in &mut starts[first + 1..first + x1 - x0 + 2] {
+                    entries[*next as usize] = index;
+                    *next += 1;
+                }
+            });
+        }
     }
 
     /// Indices of the splats that may touch `tile`, rising. `scratch` is used where two lists must be merged.
@@ -163,33 +192,12 @@ impl<S: Tiled> Binned<S> {
         scratch.extend_from_slice(entries);
         scratch.extend(self.wide.iter().filter(|&&index| {
             let splat = &self.splats[index as usize];
-            let [y0, y1] = splat.tile_rows();
-            let columns = |y| {
-                let [x0, x1] = splat.tile_columns(y);
-                x0..=x1
-            };
-            (y0..=y1).contains(&y) && columns(y).contains(&x)
+            let mut touches = false;
+            Span::of(splat).rows(splat, |row, [x0, x1]| touches |= row == y && (x0..=x1).contains(&x));
+            touches
         }));
         scratch.sort_unstable();
         scratch
-    }
-}
-
-/// Calls `visit(index, row, columns)` for each row of tiles that each splat touches, but for the splats in `wide`.
-#[inline(always)]
-fn visit_listed<S: Tiled>(splats: &[S], wide: &[u32], mut visit: impl FnMut(u32, usize, [usize; 2])) {
-    let mut wide = wide.iter().copied().peekable();
-    for (index, splat) in (0..).zip(splats) {
-        if wide.next_if_eq(&index).is_some() {
-            continue;
-        }
-        let [y0, y1] = splat.tile_rows();
-        for row in y0..=y1 {
-            let [x0, x1] = splat.tile_columns(row);
-            if x0 <= x1 {
-                visit(index, row, [x0, x1]);
-            }
-        }
     }
 }
 

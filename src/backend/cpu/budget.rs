@@ -3,7 +3,7 @@
 use super::bin::Binned;
 use super::layer::LayerTile;
 use super::resolve::TileFilm;
-use super::swept::Map;
+use super::swept::{Map, SweptLayer};
 use super::tiles::{Band, TILE, TileBuffers};
 use super::work::CHUNK;
 use crate::backend::BackendError;
@@ -29,19 +29,26 @@ impl Budget {
         let samples = frame.groups.iter().map(|group| group.samples.len()).max().unwrap_or(1);
         let [tiles_x, tiles_y] = raster.map(|pixels| u64::from(pixels).div_ceil(TILE as u64));
         let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
-        // The film, the picture that it becomes, and its copy in the file's form.
-        let film = rasters * tiles_x * tiles_y * TileFilm::bytes(planes.count) + 2 * pixels * 4 * planes.count as u64;
+        // Other pictures, the film, the picture that it becomes, and its copy in the file's form.
+        let film = frame.picture_bytes
+            + rasters * tiles_x * tiles_y * TileFilm::bytes(planes.count)
+            + 2 * pixels * 4 * planes.count as u64;
         // What the tiles of some rows need together, for as many rows as the bands shall have.
         let swept = frame.swept.is_some();
         let guard = frame.groups.iter().filter_map(|group| group.interval).map(|interval| interval.guard).max();
         let still = frame.objects.iter().any(|object| object.still);
-        let layer = if still { LayerTile::bytes(channels.count, samples, planes.count) } else { 0 };
-        let buffers_with = |rows: u64, layer: u64| {
+        let layer_of = |guarded: u64, tiles: u64| match (still, swept) {
+            (false, _) => 0,
+            (true, false) => tiles * LayerTile::bytes(channels.count, samples, planes.count),
+            (true, true) => SweptLayer::bytes(guarded, tiles, channels.count),
+        };
+        let buffers_with = |rows: u64, layers: bool| {
             let band = Band::new(raster, [0, rows as usize]);
+            let tiles = band.len() as u64;
             let guarded = guard.map_or(0, |guard| band.guarded(guard).len() as u64);
-            let tile = TileBuffers::bytes(channels.count, samples, swept) + layer;
             // Tiles of the map have fewer sums, but there are more of them.
-            guarded * Map::bytes(1) + guarded.max(band.len() as u64) * tile
+            let own = guarded * Map::bytes(1) + guarded.max(tiles) * TileBuffers::bytes(channels.count, samples, swept);
+            own + if layers { layer_of(guarded, tiles) } else { 0 }
         };
         let threads = rayon::current_num_threads() as u64;
         let wave = |rows: u64| {
@@ -50,7 +57,7 @@ impl Budget {
             let moving = if swept { Binned::<SweptSplat>::most_bytes(CHUNK, channels.count, &band) } else { 0 };
             (threads + 1) * (Binned::<Splat>::most_bytes(CHUNK, channels.count, &guarded) + moving)
         };
-        let needed = frame.model_bytes + film + buffers_with(1, 0) + wave(1);
+        let needed = frame.model_bytes + film + buffers_with(1, false) + wave(1);
         if needed > frame.memory {
             let [width, height] = frame.size;
             return Err(BackendError::Memory {
@@ -63,8 +70,8 @@ impl Budget {
         }
         // Half of what is left for the tiles' buffers at the most; the rest for splats.
         let left = frame.memory - frame.model_bytes - film;
-        let layers = buffers_with(1, layer) + wave(1) <= left / 2;
-        let buffers = |rows: u64| buffers_with(rows, if layers { layer } else { 0 });
+        let layers = buffers_with(1, true) + wave(1) <= left / 2;
+        let buffers = |rows: u64| buffers_with(rows, layers);
         let rows = (1..=tiles_y).rev().find(|&rows| buffers(rows) <= left / 2).unwrap_or(1);
         let splat_bytes = left.saturating_sub(buffers(rows)).max(wave(rows));
         Ok(Self { band_rows: rows as usize, splat_bytes, layers })

@@ -9,7 +9,6 @@ use super::tiles::LANES;
 use crate::frame::{FrameObject, PosedObject, PosedSample};
 use crate::layout::{Channels, FLAG_BACK, Splat, SweptSplat};
 use crate::math::simd::dispatch;
-use crate::model::Material;
 use crate::plan::Shading;
 use crate::shading::{ShadingLight, lobes, towards_point};
 
@@ -86,9 +85,11 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mu
         }
         normal = unit(transform(posed.normal_matrix.to_cols_array_2d(), [0.0; 3], &normal));
     }
-    if gouraud || channels.material.is_some() {
+    if let Some(m) = shown.object.material {
+        of_material = [[m.ambient; LANES], [m.diffuse; LANES], [m.specular; LANES], [m.shininess; LANES]];
+    } else if gouraud || channels.material.is_some() {
         for l in 0..LANES {
-            let m = material(shown, faces[l].0 as usize);
+            let m = surfels.material.get(faces[l].0 as usize).copied().unwrap_or_default();
             [of_material[0][l], of_material[1][l], of_material[2][l], of_material[3][l]] =
                 [m.ambient, m.diffuse, m.specular, m.shininess];
         }
@@ -160,11 +161,6 @@ fn lit(
         }
     }
     out
-}
-
-fn material(shown: &Shown<'_>, surfel: usize) -> Material {
-    let object = shown.object;
-    object.material.or_else(|| object.surfels.material.get(surfel).copied()).unwrap_or_default()
 }
 
 /// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth. 0 where the centre has

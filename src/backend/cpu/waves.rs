@@ -30,7 +30,7 @@ pub(super) struct Job<'a, S, O> {
 
 impl Tiles<'_> {
     /// Runs all passes; `project` makes the splats of a chunk, `tile` runs a pass on a tile. One output a tile. `unmoved` is asked for
-    /// tiles without splats: true if it has dealt with the tile, which else goes through its passes where something lies still.
+    /// tiles without splats: true if it has dealt with the tile, or nothing lies still there; else the tile goes through its passes.
     pub(super) fn run<S: Tiled + Send + Sync, O: Send>(
         &self,
         binned: &mut Vec<Binned<S>>,
@@ -54,7 +54,7 @@ impl Tiles<'_> {
                         return;
                     }
                     let empty = binned.iter().all(|binned| binned.list(&rect, scratch).is_empty());
-                    if empty && (work.layer_tile(index).is_none() || unmoved(index, out)) {
+                    if empty && unmoved(index, out) {
                         return;
                     }
                     for pass in passes() {

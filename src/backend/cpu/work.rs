@@ -8,14 +8,14 @@ use super::attribute::{self, Attributes, Tally};
 use super::bin::Binned;
 use super::clocks::Clocks;
 use super::layer::{Layer, LayerTile};
-use super::pieces::Pieces;
 use super::project::{self, View};
 use super::resolve::{self, Resolve, TileFilm};
-use super::swept::{self, Exposure, Footprint, Map, MapTile, Swept, Volume};
+use super::swept::{self, Exposure, Footprint, Map, MapTile, Swept, SweptLayer, Volume};
 use super::tiles::{Band, TileBuffers};
 use super::values::{self, Faced, Shown};
 use super::visibility::{self, Depths};
 use super::waves::Job;
+use crate::backend::pieces::{Pieces, Window};
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup};
 use crate::layout::{Channels, Splat, SweptSplat};
@@ -43,6 +43,10 @@ pub(super) struct Work<'a> {
     pub channels: &'a Channels,
     /// What lies still, where it was splatted already.
     pub layer: Option<&'a Layer>,
+    /// Likewise, of kernels in motion.
+    pub swept_layer: Option<&'a SweptLayer>,
+    /// Where those look up sources, once it is whole.
+    pub map: Option<&'a Map>,
     /// Of each object, where only some blocks are wanted.
     pub pieces: &'a [Pieces],
     pub clocks: &'a Clocks,
@@ -51,7 +55,7 @@ pub(super) struct Work<'a> {
 impl Work<'_> {
     /// Everything that the group must splat: first what lies still, once for all samples.
     pub(super) fn chunks(&self) -> Vec<Chunk> {
-        let still = self.still_chunks().filter(|_| self.layer.is_none());
+        let still = self.still_chunks().filter(|_| self.layer.is_none() && self.swept_layer.is_none());
         let samples = 0..self.group.samples.len();
         still.chain(samples.flat_map(|sample| self.chunks_of(sample, false))).collect()
     }
@@ -71,8 +75,17 @@ impl Work<'_> {
                 Chunk { sample, object: index, surfels }
             });
             chunks.flat_map(move |chunk| {
-                let parts = match self.pieces.get(index) {
-                    Some(pieces) => pieces.wanted(&self.view(&chunk), chunk.surfels.clone()),
+                let parts = match self.pieces.get(index).zip(self.frame.wanted.as_ref()) {
+                    Some((pieces, blocks)) => {
+                        let window = Window {
+                            object: &self.group.samples[sample].objects[index],
+                            raster: &self.group.raster,
+                            pixels: self.band.pixels,
+                            near: self.frame.near,
+                            blocks,
+                        };
+                        pieces.wanted(&window, chunk.surfels.clone(), 0)
+                    }
                     None => vec![chunk.surfels.clone()],
                 };
                 parts.into_iter().map(move |surfels| Chunk { surfels, ..chunk })
@@ -193,8 +206,20 @@ impl Work<'_> {
                 if let Some(still) = self.layer_tile(index) {
                     still.begin(&mut buffers.threshold);
                 }
+                if let Some(still) = self.swept_layer.and_then(|layer| layer.depths.get(index)) {
+                    still.begin(&mut buffers.threshold);
+                }
             }
-            Pass::Density => buffers.clear_sums(1, 1),
+            Pass::Density => {
+                buffers.clear_sums(1, 1);
+                if let Some(layer) = self.swept_layer
+                    && layer.depths.get(index).is_some_and(|still| !still.recall(buffers))
+                {
+                    let tile = self.band.tile(index);
+                    let (chunks, binned) = (&layer.chunks, &layer.splats);
+                    self.density(&mut Job { chunks, binned, tile, buffers, scratch, out: &mut () });
+                }
+            }
             Pass::Attribute => {
                 let start = Instant::now();
                 buffers.clear_sums(self.channels.count, self.group.samples.len());
@@ -213,8 +238,22 @@ impl Work<'_> {
                 buffers.clear_threshold();
                 buffers.clear_sums(self.channels.count, 1);
                 buffers.clear_presence();
+                self.begin_swept(index, buffers, scratch);
             }
             Pass::Project | Pass::Bin | Pass::Resolve | Pass::Keep | Pass::Sweep | Pass::SweptResolve => {}
+        }
+    }
+
+    /// Starts the sums of kernels in motion with what lies still.
+    fn begin_swept(&self, index: usize, buffers: &mut TileBuffers, scratch: &mut Vec<u32>) {
+        let (Some(layer), Some(map)) = (self.swept_layer, self.map) else { return };
+        let Some(still) = layer.sums.get(index).filter(|still| !still.is_empty()) else { return };
+        let tile = self.band.tile(index);
+        if layer.is_map_of(map, &tile) {
+            still.begin(buffers);
+        } else {
+            let (chunks, binned) = (&layer.chunks, &layer.kernels);
+            self.add_swept(&mut Job { chunks, binned, tile, buffers, scratch, out: &mut () });
         }
     }
 
@@ -287,23 +326,28 @@ impl Work<'_> {
         }
     }
 
+    /// Pass `density` of one tile.
+    pub(super) fn density<O>(&self, job: &mut Job<'_, Splat, O>) {
+        let channels = Channels::weights();
+        for (chunk, binned) in job.chunks.iter().zip(job.binned) {
+            let list = binned.list(&job.tile, job.scratch);
+            if list.is_empty() {
+                continue;
+            }
+            let attributes = Attributes { channels: &channels, ..self.attributes(chunk, &[]) };
+            let TileBuffers { threshold, sums, .. } = &mut *job.buffers;
+            let mut tally = Tally { sums, reach: &mut [], nearest: &mut [] };
+            attribute::attribute(&binned.splats, list, &attributes, &job.tile, threshold, &mut tally);
+        }
+    }
+
     /// A pass of one tile of the map.
     pub(super) fn map_tile(&self, pass: Pass, mut job: Job<'_, Splat, MapTile>) {
         let start = Instant::now();
         match pass {
             Pass::Visibility => self.visibility(&mut job),
             Pass::Density => {
-                let channels = Channels::weights();
-                for (chunk, binned) in job.chunks.iter().zip(job.binned) {
-                    let list = binned.list(&job.tile, job.scratch);
-                    if list.is_empty() {
-                        continue;
-                    }
-                    let attributes = Attributes { channels: &channels, ..self.attributes(chunk, &[]) };
-                    let TileBuffers { threshold, sums, .. } = &mut *job.buffers;
-                    let mut tally = Tally { sums, reach: &mut [], nearest: &mut [] };
-                    attribute::attribute(&binned.splats, list, &attributes, &job.tile, threshold, &mut tally);
-                }
+                self.density(&mut job);
                 self.clocks.visibility.add(start);
             }
             Pass::Keep => {
@@ -320,34 +364,43 @@ impl Work<'_> {
         }
     }
 
+    /// Pass `attribute` of kernels in motion, of one tile.
+    pub(super) fn add_swept<O>(&self, job: &mut Job<'_, SweptSplat, O>) {
+        let (Some(kernel), Some(interval), Some(map)) = (self.frame.swept, &self.group.interval, self.map) else {
+            return;
+        };
+        for (chunk, binned) in job.chunks.iter().zip(job.binned) {
+            let list = binned.list(&job.tile, job.scratch);
+            if list.is_empty() {
+                continue;
+            }
+            let swept = Swept {
+                attributes: self.attributes(chunk, &binned.values),
+                footprint: Footprint::of(kernel),
+                source_samples: kernel.source_samples.0,
+                slope: interval.slope,
+                sum: kernel.alpha == TemporalAlpha::Sum,
+                map,
+            };
+            let TileBuffers { sums, presence, .. } = &mut *job.buffers;
+            swept::attribute(&binned.splats, list, &swept, &job.tile, sums, presence);
+        }
+    }
+
     /// A pass of kernels in motion on one tile of the image.
-    pub(super) fn swept_tile(&self, pass: Pass, map: &Map, job: &mut Job<'_, SweptSplat, TileFilm>) {
+    pub(super) fn swept_tile(&self, pass: Pass, job: &mut Job<'_, SweptSplat, TileFilm>) {
         let start = Instant::now();
         let (Some(kernel), Some(interval)) = (self.frame.swept, &self.group.interval) else { return };
-        let sum = kernel.alpha == TemporalAlpha::Sum;
-        let TileBuffers { threshold, sums, union, presence } = &mut *job.buffers;
         match pass {
             Pass::SweptAttribute => {
-                for (chunk, binned) in job.chunks.iter().zip(job.binned) {
-                    let list = binned.list(&job.tile, job.scratch);
-                    if list.is_empty() {
-                        continue;
-                    }
-                    let swept = Swept {
-                        attributes: self.attributes(chunk, &binned.values),
-                        footprint: Footprint::of(kernel),
-                        source_samples: kernel.source_samples.0,
-                        slope: interval.slope,
-                        sum,
-                        map,
-                    };
-                    swept::attribute(&binned.splats, list, &swept, &job.tile, sums, presence);
-                }
+                self.add_swept(job);
                 self.clocks.attribute.add(start);
             }
             Pass::SweptResolve => {
+                let TileBuffers { threshold, sums, union, presence } = &mut *job.buffers;
                 let weight = self.group.samples[0].weight;
                 let coverage = &mut union.coverage;
+                let sum = kernel.alpha == TemporalAlpha::Sum;
                 swept::coverage(&Exposure { interval, weight, sum }, presence, coverage);
                 if kernel.normalise == Normalise::Once {
                     swept::pool(weight, self.channels, self.planes, &job.tile, sums, coverage, &mut job.out.values);

@@ -184,7 +184,7 @@ impl Bench<'_> {
 
     /// All steps of a frame.
     pub(super) fn steps(&mut self, execution: &Execution<'_>) -> Result<Steps, BackendError> {
-        let Execution { frame, channels, planes, blocks, schedule } = execution;
+        let Execution { frame, channels, planes, blocks, schedule, .. } = execution;
         let parts = &execution.parts();
         let none = Constants::new();
         let rounds = schedule

@@ -14,8 +14,9 @@ use super::schedule::{Area, Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, Sche
 use super::waves::{Part, Wave, Waves};
 use super::{Gpu, Machine};
 use crate::backend::BackendError;
+use crate::backend::pieces::Pieces;
 use crate::film::FilmPlanes;
-use crate::frame::{Frame, PosedGroup};
+use crate::frame::{Blocks, Frame, PosedGroup};
 use crate::plan::{Normalise, Pass};
 
 /// What stays the same while a frame is rendered.
@@ -25,6 +26,8 @@ pub(super) struct Execution<'a> {
     pub planes: FilmPlanes,
     /// Of each object.
     pub blocks: Vec<Vec<Block>>,
+    /// Likewise, where only some blocks of the image are wanted.
+    pub pieces: Vec<Pieces>,
     pub schedule: Schedule,
 }
 
@@ -48,7 +51,7 @@ impl Gpu {
         let wanted = wanted(frame);
         grow(device, &mut buffers.wanted, "blocks", 4 * wanted.len() as u64)?;
         device.queue.write_buffer(&buffers.wanted, 0, bytemuck::cast_slice(&wanted));
-        Ok(Execution { frame, channels, planes, blocks, schedule })
+        Ok(Execution { frame, channels, planes, blocks, pieces: Pieces::of_frame(frame), schedule })
     }
 
     /// Records and submits all groups.
@@ -62,6 +65,10 @@ impl Gpu {
         let mut part = 0;
         for (raster, groups) in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase).enumerate() {
             for band in schedule.bands(raster) {
+                if !execution.wants(band) {
+                    part += 1;
+                    continue;
+                }
                 for groups in groups.chunk_by(|a, b| a.raster == b.raster) {
                     let work = |group, part_of_group| Work {
                         execution,
@@ -73,7 +80,10 @@ impl Gpu {
                         steps: &steps,
                         resolve: &steps.resolve[part],
                     };
-                    let keeps = schedule.kept_slots > 0 && groups.len() > 1;
+                    // Where nothing that lies still is wanted there is nothing to start from.
+                    let keeps = schedule.kept_slots > 0
+                        && groups.len() > 1
+                        && !execution.waves(&groups[0], Part::Still).waves.is_empty();
                     if keeps {
                         self.machine.passes(&work(&groups[0], Part::Still), &KEEPING, marks);
                     }
@@ -97,7 +107,7 @@ impl Gpu {
         let mut passes = 0;
         for group in &frame.groups {
             // Cut in two there may be a view more.
-            let waves = schedule.waves(frame, group, &execution.blocks, Part::Whole);
+            let waves = execution.waves(group, Part::Whole);
             let views = waves.waves.len() + 2;
             let segments = group.samples.len() + waves.segments().count() + views;
             let lights = group.samples.iter().map(|sample| sample.lights.len()).sum();
@@ -113,6 +123,17 @@ impl Gpu {
 }
 
 impl Execution<'_> {
+    fn waves(&self, group: &PosedGroup, part: Part) -> Waves {
+        self.schedule.waves(self.frame, group, &self.blocks, &self.pieces, part)
+    }
+
+    /// Is any block of the band wanted?
+    fn wants(&self, band: Band) -> bool {
+        let wanted = self.frame.wanted.as_ref().filter(|_| self.frame.swept.is_none());
+        let rows = [band.first_row, band.first_row + band.rows - 1].map(|row| (row * TILE) as usize / Blocks::EDGE);
+        wanted.is_none_or(|blocks| (rows[0]..=rows[1]).any(|y| (0..blocks.width).any(|x| blocks.at(x, y))))
+    }
+
     /// First byte and length of what each band has of the film.
     pub(super) fn parts(&self) -> Vec<(u64, u64)> {
         let mut parts = Vec::new();
@@ -231,7 +252,7 @@ impl Machine {
     pub(super) fn upload(&self, work: &Work<'_>) -> Waves {
         let Work { execution, group, part, .. } = *work;
         let frame = execution.frame;
-        let waves = execution.schedule.waves(frame, group, &execution.blocks, part);
+        let waves = execution.waves(group, part);
         let (area, map) = (work.area(), work.map());
         let shared = View {
             pixels: area.pixels,

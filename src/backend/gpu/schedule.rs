@@ -179,8 +179,8 @@ impl Schedule {
         }
         let film_bytes = 4 * film_floats;
         let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
-        // The film, its copy for the host, and the picture.
-        let film = 2 * film_bytes + 4 * pixels * planes.count as u64;
+        // Other pictures, the film, its copy for the host, and the picture.
+        let film = frame.picture_bytes + 2 * film_bytes + 4 * pixels * planes.count as u64;
         let swept = frame.swept.is_some();
         let presence = if swept { PRESENCE_BYTES } else { 0 };
         let keeps = kept_slots > 0;

@@ -1,9 +1,15 @@
 //! How a group is cut up: its surfels into waves, and those into segments.
 
+use std::ops::Range;
+
 use super::layout::{Segment, Travel, UNIFORM_STRIDE};
 use super::models::Block;
 use super::schedule::Schedule;
+use crate::backend::pieces::{Pieces, Window};
 use crate::frame::{Frame, PosedGroup};
+
+/// Surfels that are not worth a segment of their own: what is not wanted is projected where it is shorter.
+const GAP: usize = 1 << 12;
 
 /// Surfels that go through the passes together.
 #[derive(Clone, Debug, Default)]
@@ -43,8 +49,15 @@ impl Waves {
 }
 
 impl Schedule {
-    /// The surfels of `group` in waves; `blocks` are those of each object.
-    pub(super) fn waves(&self, frame: &Frame<'_>, group: &PosedGroup, blocks: &[Vec<Block>], part: Part) -> Waves {
+    /// The surfels of `group` in waves; `blocks` are those of each object, and `pieces` where only some blocks of the image are wanted.
+    pub(super) fn waves(
+        &self,
+        frame: &Frame<'_>,
+        group: &PosedGroup,
+        blocks: &[Vec<Block>],
+        pieces: &[Pieces],
+        part: Part,
+    ) -> Waves {
         let objects = |sample: usize, still: bool| {
             let posed = group.samples[sample].objects.iter().zip(&frame.objects).enumerate();
             let some = posed.filter(move |(_, (pose, object))| pose.visible && object.still == still);
@@ -53,7 +66,8 @@ impl Schedule {
         let still = || objects(0, true);
         let moving = || (0..group.samples.len()).flat_map(|sample| objects(sample, false));
         // Before the segments come those that hold the weights of samples.
-        let mut cutter = Cutter { frame, group, blocks, most: self.slots as usize, index: group.samples.len() as u32 };
+        let mut cutter =
+            Cutter { frame, group, blocks, pieces, most: self.slots as usize, index: group.samples.len() as u32 };
         let (kept, mut waves) = match part {
             Part::Whole => (Vec::new(), cutter.cut(still().chain(moving()))),
             Part::Still => (Vec::new(), cutter.cut(still())),
@@ -75,6 +89,7 @@ struct Cutter<'a> {
     frame: &'a Frame<'a>,
     group: &'a PosedGroup,
     blocks: &'a [Vec<Block>],
+    pieces: &'a [Pieces],
     /// Slots of a wave.
     most: usize,
     /// Of the next segment.
@@ -82,6 +97,18 @@ struct Cutter<'a> {
 }
 
 impl Cutter<'_> {
+    /// The surfels of a block that are wanted.
+    fn parts(&self, sample: usize, object: usize, block: &Block) -> Vec<Range<usize>> {
+        let Some((pieces, blocks)) = self.pieces.get(object).zip(self.frame.wanted.as_ref()) else {
+            return vec![block.surfels.clone()];
+        };
+        let raster = &self.group.raster;
+        let [right, bottom] = raster.size.map(|pixels| pixels as i32 - 1);
+        let object = &self.group.samples[sample].objects[object];
+        let window = Window { object, raster, pixels: [0, right, 0, bottom], near: self.frame.near, blocks };
+        pieces.wanted(&window, block.surfels.clone(), GAP)
+    }
+
     /// `objects`: sample and object of each.
     fn cut(&mut self, objects: impl Iterator<Item = (usize, usize)>) -> Vec<Wave> {
         let total: f32 = self.group.samples.iter().map(|sample| sample.weight).sum();
@@ -96,29 +123,32 @@ impl Cutter<'_> {
             };
             let template = Segment::posed(pose, of_frame, turn, share);
             for (number, block) in self.blocks[object].iter().enumerate() {
-                let mut first = 0;
-                while first < block.surfels.len() {
-                    if waves.last().is_none_or(|wave| wave.slots as usize >= self.most) {
-                        waves.push(Wave::default());
+                for part in self.parts(sample, object, block) {
+                    let mut first = part.start - block.surfels.start;
+                    let end = part.end - block.surfels.start;
+                    while first < end {
+                        if waves.last().is_none_or(|wave| wave.slots as usize >= self.most) {
+                            waves.push(Wave::default());
+                        }
+                        let Some(wave) = waves.last_mut() else { break };
+                        let surfels = (end - first).min(self.most - wave.slots as usize);
+                        let segment = Segment {
+                            first_slot: wave.slots,
+                            first_surfel: first as u32,
+                            surfels: surfels as u32,
+                            block: block.surfels.len() as u32,
+                            block_start: block.surfels.start as u32,
+                            index: self.index,
+                            first_light: (sample * posed.lights.len()) as u32,
+                            ..template
+                        };
+                        wave.segments.push((segment, object, number));
+                        wave.travels.push(Travel::of(pose));
+                        wave.slots += surfels as u32;
+                        wave.last_turn = turn;
+                        first += surfels;
+                        self.index += 1;
                     }
-                    let Some(wave) = waves.last_mut() else { break };
-                    let surfels = (block.surfels.len() - first).min(self.most - wave.slots as usize);
-                    let segment = Segment {
-                        first_slot: wave.slots,
-                        first_surfel: first as u32,
-                        surfels: surfels as u32,
-                        block: block.surfels.len() as u32,
-                        block_start: block.surfels.start as u32,
-                        index: self.index,
-                        first_light: (sample * posed.lights.len()) as u32,
-                        ..template
-                    };
-                    wave.segments.push((segment, object, number));
-                    wave.travels.push(Travel::of(pose));
-                    wave.slots += surfels as u32;
-                    wave.last_turn = turn;
-                    first += surfels;
-                    self.index += 1;
                 }
             }
         }

@@ -169,7 +169,7 @@ fn two_balls(size: [u32; 2]) -> Scene {
 /// All cases.
 pub(super) fn all() -> Vec<Case> {
     let options = |mode| RenderOptions { mode, aovs: Aov::ALL.to_vec(), ..RenderOptions::default() };
-    let bucket = |interleave| BlurMode::Bucket { buckets: 2, samples: 3, pixel_samples: 2, interleave };
+    let bucket = |interleave| BlurMode::Bucket { buckets: 2, samples: 3, pixel_samples: Some(2), interleave };
     let mut mirrored = two_balls([70, 45]);
     mirrored.objects[1].two_sided = false;
     let mut seen_twice = scene(vec![object(hard(), DVec3::ZERO)], [150, 140]);
@@ -221,7 +221,7 @@ pub(super) fn swept() -> Vec<Case> {
     let mut near = fast.clone();
     near.camera.near = 2.7;
     let options = |swept| RenderOptions {
-        mode: BlurMode::Volumetric { intervals: 2, pixel_samples: 1, swept },
+        mode: BlurMode::Volumetric { intervals: 2, pixel_samples: None, swept },
         aovs: Aov::ALL.to_vec(),
         ..RenderOptions::default()
     };
