@@ -51,7 +51,7 @@ fn bytes(stats: &Stats) -> f64 {
 }
 
 fn volumetric(intervals: u32, swept: SweptKernel) -> BlurMode {
-    BlurMode::Volumetric { intervals, pixel_samples: 1, swept }
+    BlurMode::Volumetric { intervals, pixel_samples: None, swept }
 }
 
 /// Seconds of a frame in each mode on both backends, the least of three, of one where it takes half a minute, and over those of supersampling with 8 samples.
@@ -61,8 +61,8 @@ fn modes(gpu: &mut Gpu, cpu: &mut Cpu, surfels: usize) {
         BlurMode::supersample(10),
         BlurMode::supersample(16),
         BlurMode::supersample(32),
-        BlurMode::Supersample { samples: 8, interleave: Interleave::Two },
-        BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples: 1, interleave: Interleave::None },
+        BlurMode::interleaved(8, Interleave::Two),
+        BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples: None, interleave: Interleave::None },
         volumetric(1, SweptKernel::default()),
         volumetric(3, SweptKernel::default()),
         volumetric(10, SweptKernel::default()),
