@@ -61,7 +61,7 @@ fn modes(gpu: &mut Gpu, cpu: &mut Cpu, surfels: usize) {
         BlurMode::supersample(10),
         BlurMode::supersample(16),
         BlurMode::supersample(32),
-        BlurMode::Supersample { samples: 8, pixel_samples: None, interleave: Interleave::Two },
+        BlurMode::interleaved(8, Interleave::Two),
         BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples: None, interleave: Interleave::None },
         volumetric(1, SweptKernel::default()),
         volumetric(3, SweptKernel::default()),
