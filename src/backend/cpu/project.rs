@@ -157,13 +157,14 @@ fn lanes(run: &[[f32; RUN]; 3], first: usize) -> [Lanes; 3] {
     out
 }
 
+/// m p + origin, for `N` points coordinate by coordinate.
 #[inline(always)]
-fn transform(m: &Mat3, origin: Vec3, p: &[Lanes; 3]) -> [Lanes; 3] {
+pub(super) fn transform<const N: usize>(m: &Mat3, origin: Vec3, p: &[[f32; N]; 3]) -> [[f32; N]; 3] {
     let m = m.to_cols_array_2d();
     let origin = origin.to_array();
-    let mut out = [[0.0; LANES]; 3];
+    let mut out = [[0.0; N]; 3];
     for row in 0..3 {
-        for l in 0..LANES {
+        for l in 0..N {
             out[row][l] = m[0][row] * p[0][l] + m[1][row] * p[1][l] + m[2][row] * p[2][l] + origin[row];
         }
     }

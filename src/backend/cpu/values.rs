@@ -5,6 +5,7 @@
 
 use glam::Vec3;
 
+use super::project::transform;
 use super::tiles::LANES;
 use crate::frame::{FrameObject, PosedObject, PosedSample};
 use crate::layout::{Channels, FLAG_BACK, Splat, SweptSplat};
@@ -83,7 +84,7 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mu
             let side = if flags & FLAG_BACK == 0 { 1.0 } else { -1.0 };
             (normal[0][l], normal[1][l], normal[2][l]) = (side * surfels.normal[surfel as usize]).into();
         }
-        normal = unit(transform(posed.normal_matrix.to_cols_array_2d(), [0.0; 3], &normal));
+        normal = unit(transform(&posed.normal_matrix, Vec3::ZERO, &normal));
     }
     if let Some(m) = shown.object.material {
         of_material = [[m.ambient; LANES], [m.diffuse; LANES], [m.specular; LANES], [m.shininess; LANES]];
@@ -98,7 +99,7 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mu
         for l in 0..LANES {
             (position[0][l], position[1][l], position[2][l]) = surfels.position[faces[l].0 as usize].into();
         }
-        let position = transform(posed.world_from_model.to_cols_array_2d(), posed.world_origin.to_array(), &position);
+        let position = transform(&posed.world_from_model, posed.world_origin, &position);
         colour = lit(&shown.sample.lights, &colour, &normal, &position, &of_material);
     }
     for (l, out) in out.chunks_exact_mut(channels.count).enumerate() {
@@ -197,17 +198,6 @@ pub(super) fn add_lobes(
     for c in 0..3 {
         out[c][l] += light[c] * falloff * (material[1][l] * diffuse * colour[c][l] + material[2][l] * specular);
     }
-}
-
-#[inline(always)]
-fn transform(m: [[f32; 3]; 3], origin: [f32; 3], v: &[Lanes; 3]) -> [Lanes; 3] {
-    let mut out = [[0.0; LANES]; 3];
-    for row in 0..3 {
-        for l in 0..LANES {
-            out[row][l] = m[0][row] * v[0][l] + m[1][row] * v[1][l] + m[2][row] * v[2][l] + origin[row];
-        }
-    }
-    out
 }
 
 /// Vectors of length 1; a zero vector stays zero.
