@@ -104,6 +104,17 @@ pub enum BackendError {
     },
 }
 
+impl BackendError {
+    /// Refuses a frame that needs more bytes than it may take, `needed` being the least with which its backend can work.
+    fn check_memory(frame: &Frame<'_>, needed: u64) -> Result<(), Self> {
+        if needed <= frame.memory {
+            return Ok(());
+        }
+        let [width, height] = frame.size;
+        Err(Self::Memory { width, height, models: frame.model_bytes, needed, allowed: frame.memory })
+    }
+}
+
 /// What one frame took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stats {

@@ -58,16 +58,7 @@ impl Budget {
             (threads + 1) * (Binned::<Splat>::most_bytes(CHUNK, channels.count, &guarded) + moving)
         };
         let needed = frame.model_bytes + film + buffers_with(1, false) + wave(1);
-        if needed > frame.memory {
-            let [width, height] = frame.size;
-            return Err(BackendError::Memory {
-                width,
-                height,
-                models: frame.model_bytes,
-                needed,
-                allowed: frame.memory,
-            });
-        }
+        BackendError::check_memory(frame, needed)?;
         // Half of what is left for the tiles' buffers at the most; the rest for splats.
         let left = frame.memory - frame.model_bytes - film;
         let layers = buffers_with(1, true) + wave(1) <= left / 2;

@@ -2,7 +2,6 @@
 
 use super::attribute::{self, Attributes, Tally};
 use super::layer::LayerTile;
-
 use super::project::{self, View};
 use super::resolve::{self, Resolve, TileFilm};
 use super::tiles::{ROWS, STRIDE, TILE, TileBuffers, TileRect};

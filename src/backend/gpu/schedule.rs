@@ -212,16 +212,7 @@ impl Schedule {
         let least_map = map_of(1) * MAP_TILE_BYTES;
 
         let needed = frame.model_bytes + film + widest * tile_bytes + least_map + least_wave;
-        if needed > frame.memory {
-            let [width, height] = frame.size;
-            return Err(BackendError::Memory {
-                width,
-                height,
-                models: frame.model_bytes,
-                needed,
-                allowed: frame.memory,
-            });
-        }
+        BackendError::check_memory(frame, needed)?;
         let left = frame.memory - frame.model_bytes - film;
         let sums = channels.count + usize::from(keeps);
         let reach = most_bytes / (4 * TILE_PIXELS * sums.max(planes.count) as u64);

@@ -2,7 +2,6 @@
 
 use super::{Exposure, Footprint, Map, MapTile, Swept, Volume, coverage, keep, pool};
 use crate::backend::cpu::attribute::{self, Attributes, Tally};
-
 use crate::backend::cpu::project::{self, View};
 use crate::backend::cpu::resolve::{self, Resolve, TileFilm};
 use crate::backend::cpu::tiles::{Band, STRIDE, TILE, TileBuffers, TileRect};
