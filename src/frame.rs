@@ -8,7 +8,7 @@ use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
 
 use crate::film::{Aov, Background};
 use crate::model::{Material, Surfels};
-use crate::plan::{Interval, Pass, Plan, Prefilter, RenderOptions, Shading, SweptKernel, TimeSample};
+use crate::plan::{Interval, KernelWeight, Pass, Plan, Prefilter, RenderOptions, Shading, SweptKernel, TimeSample};
 use crate::pose::{ObjectPose, camera_from_world, jumps, object_pose, object_velocity};
 use crate::scene::{Light, Object, Scene};
 use crate::shading::ShadingLight;
@@ -232,7 +232,7 @@ impl<'a> Frame<'a> {
                 PosedGroup { samples, raster, interval }
             })
             .collect();
-        // One map for all intervals that share a sample position.
+        // One size of map for all intervals: on the GPU what lies still is kept behind it.
         let guard = groups.iter().filter_map(|group| group.interval).map(|interval| interval.guard).max();
         let guards = groups.iter_mut().filter_map(|group| group.interval.as_mut()).map(|interval| &mut interval.guard);
         guards.zip(guard.into_iter().cycle()).for_each(|(of_group, guard)| *of_group = guard);
@@ -266,6 +266,16 @@ impl<'a> Frame<'a> {
 }
 
 impl Frame<'_> {
+    /// Does what lies still get a picture of its own, at each sample position, before and behind which kernels in motion are added?
+    /// Their sources are looked up where things were at mid-interval; what lies still is at the pixel itself all the time. The thesis'
+    /// own kernels, which know no densities, are added up with everything.
+    pub fn has_still_picture(&self) -> bool {
+        let seen = |object: usize| self.groups.first().is_some_and(|group| group.samples[0].objects[object].visible);
+        let lies = |object: usize| self.objects[object].still && !self.objects[object].surfels.is_empty();
+        (0..self.objects.len()).any(|object| lies(object) && seen(object))
+            && self.swept.is_some_and(|swept| swept.weight == KernelWeight::Integral)
+    }
+
     /// Are camera and lights the same in all samples?
     pub fn has_one_view(&self) -> bool {
         let mut samples = self.groups.iter().flat_map(|group| &group.samples);

@@ -110,11 +110,6 @@ impl SweptKernel {
         normalise: Normalise::Once,
     };
 
-    /// Is a kernel without motion the same whatever the time weight does over the interval?
-    pub(crate) fn is_plain(self) -> bool {
-        self.shape == KernelShape::Tube && self.source_samples == SourceSamples(1)
-    }
-
     /// Motion of a kernel over that of its surfel during the interval: 2 in the published variant, whose half-axis is the whole
     /// spacing of the time samples.
     pub fn stretch(self) -> f64 {
@@ -368,6 +363,11 @@ pub enum Pass {
     SweptResolve,
 }
 
+impl Pass {
+    /// Passes of what is not swept, in order.
+    pub const UNSWEPT: [Self; 5] = [Self::Project, Self::Bin, Self::Visibility, Self::Attribute, Self::Resolve];
+}
+
 impl BlurMode {
     /// Plain supersampling with `samples` time samples, >= 1.
     pub const fn supersample(samples: u32) -> Self {
@@ -387,13 +387,11 @@ impl BlurMode {
         }
     }
 
-    /// Passes of one group, in order. The only place that knows the order.
+    /// Passes of one group, in order.
     pub const fn passes(self) -> &'static [Pass] {
-        use Pass::{Attribute, Bin, Density, Keep, Project, Resolve, Sweep, SweptAttribute, SweptResolve, Visibility};
+        use Pass::{Bin, Density, Keep, Project, Sweep, SweptAttribute, SweptResolve, Visibility};
         match self {
-            Self::Still { .. } | Self::Supersample { .. } | Self::Bucket { .. } | Self::Auto(_) => {
-                &[Project, Bin, Visibility, Attribute, Resolve]
-            }
+            Self::Still { .. } | Self::Supersample { .. } | Self::Bucket { .. } | Self::Auto(_) => &Pass::UNSWEPT,
             Self::Volumetric { swept: SweptKernel { weight: KernelWeight::Integral, .. }, .. } => {
                 &[Project, Bin, Visibility, Density, Keep, Sweep, SweptAttribute, SweptResolve]
             }

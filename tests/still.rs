@@ -4,15 +4,17 @@
 
 mod support;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::frame::{Blocks, Frame};
 use splatblur::plan::{
-    BlurMode, Interleave, KernelShape, PixelFilter, RenderOptions, Shading, SourceSamples, SweptKernel,
+    BlurMode, Interleave, KernelShape, Normalise, PixelFilter, RenderOptions, Shading, SourceSamples, SweptKernel,
+    TemporalAlpha,
 };
-use splatblur::scene::{Motion, Scene};
+use splatblur::scene::{Light, Motion, Scene};
+use splatblur::shading::ShadingLight;
 use splatblur::time::{Shutter, Weight};
 use support::{default_lights, object, scene, sphere};
 
@@ -51,10 +53,15 @@ fn modes() -> [BlurMode; 5] {
     ]
 }
 
-/// Intervals of which the still kernels can be shared.
+/// Kernels in motion beside what lies still.
 fn swept_modes() -> Vec<BlurMode> {
-    let of = |shape, source| SweptKernel { shape, source_samples: SourceSamples(source), ..SweptKernel::default() };
-    let kernels = [SweptKernel::default(), SweptKernel::PUBLISHED, of(KernelShape::Ellipsoid, 2)];
+    let tube = SweptKernel::default();
+    let kernels = [
+        tube,
+        SweptKernel { shape: KernelShape::Ellipsoid, source_samples: SourceSamples(2), ..tube },
+        SweptKernel { normalise: Normalise::Once, ..tube },
+        SweptKernel { alpha: TemporalAlpha::Sum, ..tube },
+    ];
     kernels.map(|swept| BlurMode::Volumetric { intervals: 4, pixel_samples: None, swept }).to_vec()
 }
 
@@ -94,7 +101,6 @@ fn looks_as_if_splatted_anew(backend: &mut dyn Backend, modes: &[BlurMode], shad
 #[test]
 fn what_lies_still_looks_as_if_splatted_anew() {
     looks_as_if_splatted_anew(&mut Cpu::default(), &modes(), &[Shading::Phong, Shading::Gouraud]);
-    looks_as_if_splatted_anew(&mut Cpu::default(), &swept_modes(), &[Shading::Gouraud]);
 }
 
 /// Splats that cannot be kept are made anew for each group, and added up in the same order.
@@ -117,14 +123,57 @@ fn memory_does_not_show(backend: &mut dyn Backend, scene: &Scene, modes: &[BlurM
 #[test]
 fn memory_for_what_lies_still_does_not_show() {
     memory_does_not_show(&mut Cpu::default(), &through(), &modes());
-    memory_does_not_show(&mut Cpu::default(), &through(), &swept_modes());
-    // Intervals that differ in slope.
     let mut scene = through();
     scene.shutter.weight = Weight::Tent;
-    memory_does_not_show(&mut Cpu::default(), &scene, &swept_modes()[..1]);
+    // More than a wave of what lies still.
+    scene.objects[1] = object(sphere(400_000).spatially_ordered());
+    memory_does_not_show(&mut Cpu::default(), &scene, &swept_modes());
 }
 
-/// Intervals whose motion differs have one guard band, so that one map of what lies still fits all.
+/// All intervals of a sample position share one picture of what lies still. Where light changes from one to the next, though here only
+/// that of a black lamp, each has its own.
+fn intervals_share_a_picture(backend: &mut dyn Backend) {
+    let mut scene = through();
+    let count =
+        |backend: &mut dyn Backend, scene: &Scene, mode| splat(backend, &Frame::new(scene, 0, &options(mode))).1;
+    let alone = Scene { objects: vec![scene.objects[1].clone()], ..scene.clone() };
+    scene.lights.push(Light::Directional { direction: DVec3::X, colour: DVec3::ZERO });
+    for mode in swept_modes() {
+        let options = options(mode);
+        let frame = Frame::new(&scene, 0, &options);
+        assert!(frame.has_still_picture());
+        let mut own = frame.clone();
+        for group in own.groups.iter_mut().step_by(2) {
+            let lamp = group.samples[0].lights.last_mut().unwrap();
+            *lamp = ShadingLight::Directional { towards: Vec3::Y, colour: Vec3::ZERO };
+        }
+        let ((shared, fewer), (anew, more)) = (splat(backend, &frame), splat(backend, &own));
+        assert_eq!(more, fewer + 3 * count(backend, &alone, mode), "{mode}");
+        assert!(shared == anew, "{mode}");
+    }
+}
+
+#[test]
+fn intervals_share_a_picture_of_what_lies_still() {
+    intervals_share_a_picture(&mut Cpu::default());
+}
+
+/// Without anything that moves a frame of many intervals is one still picture, weighed.
+#[test]
+fn intervals_of_what_lies_still_cost_one_sample() {
+    let scene = Scene { objects: vec![through().objects[1].clone()], ..through() };
+    let still = options(BlurMode::Still { pixel_samples: 1 });
+    let still = RenderOptions { shading: Shading::Gouraud, aovs: still.aovs[..4].to_vec(), ..still };
+    let (want, splats) = splat(&mut Cpu::default(), &Frame::new(&scene, 0, &still));
+    for mode in swept_modes() {
+        let options = RenderOptions { mode, ..still.clone() };
+        let (got, of_intervals) = splat(&mut Cpu::default(), &Frame::new(&scene, 0, &options));
+        assert_eq!(of_intervals, splats, "{mode}");
+        assert!(difference(&got, &want) < 4.0 * f32::EPSILON, "{mode}");
+    }
+}
+
+/// Intervals whose motion differs have one guard band: what lies still has one place behind their maps.
 #[test]
 fn intervals_have_one_guard_band() {
     let mut scene = through();
@@ -137,28 +186,6 @@ fn intervals_have_one_guard_band() {
         frame.groups.iter().map(|group| group.interval.unwrap().guard).collect::<Vec<_>>()
     };
     assert!(guards(4).iter().all(|&guard| guard == guards(4)[0]), "{:?}", guards(4));
-    memory_does_not_show(&mut Cpu::default(), &scene, &swept_modes()[..1]);
-}
-
-/// What depends on the interval is not shared: light at surfels that differs, and, by rounding, kernels of several parts
-/// under a time weight.
-#[test]
-fn kernels_that_intervals_do_not_share() {
-    let [plain, _, parts] = swept_modes()[..] else { panic!() };
-    let mut weighted = through();
-    weighted.shutter.weight = Weight::Tent;
-    for (scene, mode) in [(weighted, parts), (through(), plain)] {
-        let options = options(mode);
-        let mut frame = Frame::new(&scene, 0, &options);
-        if mode == plain {
-            frame.groups[1].samples[0].lights.clear();
-        }
-        let mut anew = frame.clone();
-        anew.objects.iter_mut().for_each(|object| object.still = false);
-        let ((kept, some), (anew, same)) = (splat(&mut Cpu::default(), &frame), splat(&mut Cpu::default(), &anew));
-        assert_eq!(some, same, "{mode}");
-        assert!(difference(&kept, &anew) < 200.0 * f32::EPSILON, "{mode}");
-    }
 }
 
 /// An object whose way on the screen is a fifth of a pixel is held; at a third of a pixel it moves.
@@ -262,6 +289,12 @@ mod gpu {
     }
 
     #[test]
+    fn intervals_share_a_picture_of_what_lies_still() {
+        let Some(mut gpu) = gpu_or_skip("intervals_share_a_picture_of_what_lies_still") else { return };
+        intervals_share_a_picture(&mut gpu);
+    }
+
+    #[test]
     fn only_wanted_blocks_are_rendered() {
         let Some(mut gpu) = gpu_or_skip("only_wanted_blocks_are_rendered") else { return };
         renders_only_wanted_blocks(&mut gpu);
@@ -272,8 +305,7 @@ mod gpu {
     fn pictures_are_the_cpus() {
         let Some(mut gpu) = gpu_or_skip("pictures_are_the_cpus") else { return };
         let scene = through();
-        let swept = BlurMode::Volumetric { intervals: 2, pixel_samples: None, swept: SweptKernel::default() };
-        for mode in modes().into_iter().chain([swept]) {
+        for mode in modes().into_iter().chain(swept_modes()) {
             for shading in [Shading::Phong, Shading::Gouraud] {
                 let options = RenderOptions { shading, ..options(mode) };
                 let frame = Frame::new(&scene, 0, &options);

@@ -5,7 +5,10 @@
 mod support;
 
 use glam::{DVec3, Vec3};
+use splatblur::backend::Backend;
+use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
+use splatblur::frame::Frame;
 use splatblur::plan::{
     BlurMode, Interleave, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel, TemporalAlpha,
 };
@@ -39,12 +42,45 @@ fn without_motion_a_tube_is_the_splat() {
             let scene = sphere_scene(surfels, size, false);
             let with = |mode| {
                 let point = RenderOptions { filter: PixelFilter::Point, prefilter, ..options(mode) };
-                render(&scene, &RenderOptions { shading: Shading::Gouraud, ..point })
+                let options = RenderOptions { shading: Shading::Gouraud, ..point };
+                let mut frame = Frame::new(&scene, 0, &options);
+                // Else it would have a picture of splats.
+                frame.objects.iter_mut().for_each(|object| object.still = false);
+                Cpu::default().render(&frame).expect("a picture").picture
             };
             let worst = difference(&with(BlurMode::Still { pixel_samples: 1 }), &with(volumetric(3)));
             println!("{surfels} surfels, {prefilter:?}: {worst:.1e}");
             assert!(worst < 1e-5, "{surfels} surfels, {prefilter:?}: {worst}");
         }
+    }
+}
+
+/// A ball at rest, one that passes before it and one that passes behind, in one interval: what lies still shows, and hides, for as long
+/// as it does in 512 samples.
+#[test]
+fn what_lies_still_shows_where_it_is() {
+    let moving = |z: f64, way: f64| {
+        let mut ball = object(support::sphere(6_000));
+        ball.transform.scale = DVec3::splat(0.3);
+        ball.transform.translate = DVec3::new(-0.5 * way, 0.0, z);
+        ball.motions = vec![Motion::Linear { velocity: DVec3::X * way }];
+        ball
+    };
+    let mut still = object(support::sphere(20_000));
+    still.transform.scale = DVec3::splat(0.4);
+    for (z, name) in [(0.8, "before"), (-1.0, "behind")] {
+        let mut scene = scene(vec![moving(z, 1.5), still.clone()], [120, 60], DVec3::new(0.0, 0.0, 4.0), 25.0);
+        scene.lights = support::default_lights();
+        let with = |mode| {
+            let point = RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(mode) };
+            render(&scene, &RenderOptions { shading: Shading::Gouraud, aovs: Vec::new(), ..point })
+        };
+        let (one, want) = (with(volumetric(1)), with(BlurMode::supersample(512)));
+        let off: Vec<f32> = values(&one).iter().zip(values(&want)).map(|(a, b)| (a - b).abs()).collect();
+        let mean = off.iter().sum::<f32>() / off.len() as f32;
+        let far = off.iter().filter(|&&off| off > 0.1).count();
+        println!("{name}: mean {mean:.5}, {far} of {} off by more than 0.1", off.len());
+        assert!(mean < 0.002 && far < 30, "{name}");
     }
 }
 

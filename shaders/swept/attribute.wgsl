@@ -1,7 +1,8 @@
 // Pass `attribute`, swept: weighted sums of the attributes of kernels in motion whose source passes the depth test.
 // Twins: src/backend/cpu/swept/attribute.rs, hull.rs.  Math: docs/math.md.
 //   in   splats, list, starts, wide   what `sweep` and `bin` made
-//        map, values
+//        map     and behind its tiles the depth thresholds of what lies still, tile by tile, where that has a picture of its own
+//        values
 //   out  sums      for each tile, for each channel, its pixels: weight, colour, then normal, depth, velocity where they are wanted
 //        presence  for each tile, its pixels: when kernels cover, when low-pass discs do (a bit each 32nd of the interval), and
 //                  the weights of low-pass discs beyond their kernels', or all weights where the sum is the coverage
@@ -22,6 +23,8 @@ override DEPTH: u32 = 0u;
 override VELOCITY: u32 = 0u;
 override CHANNELS: u32 = 4u;
 override VALUES: u32 = 3u;
+// Is there something that lies still, with a picture of its own?
+override STILL: bool = false;
 // How kernels weigh.
 override FOOTPRINT: u32 = 0u;
 const TUBE: u32 = 0u;
@@ -56,6 +59,11 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
     let at = in_tile.y * TILE + in_tile.x;
     let sum_at = index * CHANNELS * TILE_PIXELS + at;
     let presence_at = 3u * index * TILE_PIXELS + at;
+    var before = NONE;
+    if STILL {
+        let behind = view.map_tiles.x * view.map_tiles.y * TILE_PIXELS;
+        before = map[behind + (index * TILE_PIXELS + at) / 2u][at % 2u];
+    }
     var sum: Sums;
     if view.resumes != 0u {
         sum.weight = sums[sum_at];
@@ -91,7 +99,7 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
             slot = wide_slot;
             next_wide += 1u;
         }
-        add_splat(&sum, slot, pixel);
+        add_splat(&sum, slot, pixel, before);
     }
 
     sums[sum_at] = sum.weight;
@@ -122,7 +130,8 @@ fn store(sum_at: u32, channel: u32, value: vec3<f32>) {
 // What is left of the weight of a hidden kernel: nothing beside any that is seen, but a colour where the map hides all that covers.
 const HIDDEN: f32 = 5.9604645e-8;
 
-fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>) {
+// `before`: how deep what lies still lets kernels in motion be seen at the pixel.
+fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>, before: f32) {
     let bounds = unpack(splats[slot].bounds);
     if pixel.x < bounds.x || pixel.x > bounds.y || pixel.y < bounds.z || pixel.y > bounds.w { return; }
     let at = vec2<f32>(pixel);
@@ -131,7 +140,7 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>) {
     let ray = ray_of(splat);
     for (var part = 0u; part < SOURCE_SAMPLES; part += 1u) {
         let met = meet(splat, ray, part, at);
-        if !met.covers { continue; }
+        if !met.covers || met.depth > before { continue; }
         // What is hidden loses its weight, but still covers, as something before it does. Weights become shares of the surface at
         // the source.
         let known = source(met.source);

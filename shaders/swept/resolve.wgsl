@@ -1,15 +1,18 @@
 // Pass `resolve`, swept: when kernels cover becomes coverage; colours that are normalised once are pooled.
 // Twin: src/backend/cpu/swept/resolve.rs.
-//   in   sums, presence, lights; moments: share of the exposure of each 32nd of the interval
+//   in   sums, presence, lights; still_film: what lies still, of one exposure, where it has a picture of its own; moments: share of the exposure of each 32nd of the interval
 //   out  film
-// `swept_resolve` adds a group as `resolve` does, `pool` its sums as they are; `finish` comes once, after all groups.
+// `swept_resolve` adds a group as `resolve` does, `pool` its sums as they are; both what is left of what lies still. `finish` comes once, after all groups.
 // One invocation per pixel.
 
 @group(1) @binding(25) var<storage, read> presence: array<u32>;
 @group(1) @binding(26) var<storage, read> moments: array<f32>;
+@group(1) @binding(31) var<storage, read> still_film: array<f32>;
 
 // Coverage is the sum of weights.
 override SUM: bool = false;
+// Is there something that lies still, with a picture of its own?
+override STILL: bool = false;
 // Plane of the sum of weights; that of alpha where there is none.
 override WEIGHT_PLANE: u32 = 3u;
 
@@ -35,8 +38,25 @@ fn coverage(index: u32, in_tile: u32) -> f32 {
 fn swept_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {
     let index = tile.y * view.tiles.x + tile.x;
     let in_tile = pixel.y * TILE + pixel.x;
-    if !(sums[index * CHANNELS * TILE_PIXELS + in_tile] > 0.0) { return; }
-    add_pixel(index, tile.xy, pixel.xy, Share(coverage(index, in_tile), 1.0));
+    let covered = coverage(index, in_tile);
+    if sums[index * CHANNELS * TILE_PIXELS + in_tile] > 0.0 {
+        add_pixel(index, tile.xy, pixel.xy, Share(covered, 1.0));
+    }
+    show_still(index * PLANES * TILE_PIXELS + in_tile, covered);
+}
+
+// Adds what shows of what lies still for the time that kernels in motion leave.
+fn show_still(at: u32, covered: f32) {
+    if !STILL { return; }
+    // Sums of weights may be more than there is.
+    let left = max(view.weight - covered, 0.0);
+    for (var plane = 0u; plane < PLANES; plane += 1u) {
+        film[at + plane * TILE_PIXELS] += left * still_film[at + plane * TILE_PIXELS];
+    }
+    if WEIGHT_PLANE != 3u {
+        // What shows weighs what it covers.
+        film[at + WEIGHT_PLANE * TILE_PIXELS] += left * still_film[at + 3u * TILE_PIXELS];
+    }
 }
 
 @compute @workgroup_size(16, 16)
@@ -48,7 +68,8 @@ fn pool(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pi
     let weight = view.weight;
     film[at + WEIGHT_PLANE * TILE_PIXELS] += weight * sums[sum_at];
     add(at, mean(sum_at, 1u, 1.0), Share(1.0, weight));
-    film[at + 3u * TILE_PIXELS] += coverage(index, in_tile);
+    let covered = coverage(index, in_tile);
+    film[at + 3u * TILE_PIXELS] += covered;
     if DEPTH_PLANE != 0u {
         film[at + DEPTH_PLANE * TILE_PIXELS] += weight * sums[sum_at + DEPTH * TILE_PIXELS];
     }
@@ -60,6 +81,7 @@ fn pool(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pi
         film[x] += weight * sums[sum_at + VELOCITY * TILE_PIXELS];
         film[x + TILE_PIXELS] += weight * sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS];
     }
+    show_still(at, covered);
 }
 
 // Clamps coverage, and divides the other planes by the sum of weights.

@@ -3,7 +3,7 @@
 use super::bin::Binned;
 use super::layer::LayerTile;
 use super::resolve::TileFilm;
-use super::swept::{Map, SweptLayer};
+use super::swept::{Map, StillTile};
 use super::tiles::{Band, TILE, TileBuffers};
 use super::work::CHUNK;
 use crate::backend::BackendError;
@@ -37,18 +37,15 @@ impl Budget {
         let swept = frame.swept.is_some();
         let guard = frame.groups.iter().filter_map(|group| group.interval).map(|interval| interval.guard).max();
         let still = frame.objects.iter().any(|object| object.still);
-        let layer_of = |guarded: u64, tiles: u64| match (still, swept) {
-            (false, _) => 0,
-            (true, false) => tiles * LayerTile::bytes(channels.count, samples, planes.count),
-            (true, true) => SweptLayer::bytes(guarded, tiles, channels.count),
-        };
+        let still_bytes = if frame.has_still_picture() { StillTile::bytes(planes.count) } else { 0 };
+        let layer_bytes = if still && !swept { LayerTile::bytes(channels.count, samples, planes.count) } else { 0 };
         let buffers_with = |rows: u64, layers: bool| {
             let band = Band::new(raster, [0, rows as usize]);
             let tiles = band.len() as u64;
             let guarded = guard.map_or(0, |guard| band.guarded(guard).len() as u64);
             // Tiles of the map have fewer sums, but there are more of them.
             let own = guarded * Map::bytes(1) + guarded.max(tiles) * TileBuffers::bytes(channels.count, samples, swept);
-            own + if layers { layer_of(guarded, tiles) } else { 0 }
+            own + tiles * (still_bytes + if layers { layer_bytes } else { 0 })
         };
         let threads = rayon::current_num_threads() as u64;
         let wave = |rows: u64| {

@@ -31,7 +31,7 @@ use self::layer::{Layer, LayerTile};
 use self::resolve::{RasterFilms, Resolve, TileFilm, TiledFilm};
 #[cfg(all(test, feature = "gpu"))]
 pub(super) use self::swept::twins as swept_twins;
-use self::swept::{LayerDepths, LayerSums, Map, SweptLayer};
+use self::swept::{Map, StillTile};
 use self::tiles::{Band, ROWS, STRIDE, TILE, TileBuffers};
 use self::waves::{Job, Tiles};
 use self::work::{Chunk, Work};
@@ -39,8 +39,8 @@ use super::pieces::Pieces;
 use super::{Backend, BackendError, Rendered};
 use crate::film::{FilmPlanes, develop};
 use crate::frame::{Blocks, Frame};
-use crate::layout::{Channels, SweptSplat};
-use crate::plan::{Normalise, Pass, SweptKernel, TemporalAlpha};
+use crate::layout::{Channels, Splat, SweptSplat};
+use crate::plan::{Normalise, Pass, TemporalAlpha};
 
 const _: () = assert!(TILE == Blocks::EDGE);
 
@@ -92,6 +92,7 @@ impl Cpu {
         let mut films = RasterFilms { films: Vec::new(), stride, samples: frame.samples() };
         let clocks = Clocks::default();
         let pieces = Pieces::of_frame(frame);
+        let (has_still_picture, one_view) = (frame.has_still_picture(), frame.has_one_view());
         for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
             let size = groups[0].raster.size;
             let mut film = TiledFilm::new(size);
@@ -108,18 +109,21 @@ impl Cpu {
                         planes: &planes,
                         channels: &channels,
                         layer: None,
-                        swept_layer: None,
+                        still: None,
                         map: None,
                         pieces: &pieces,
                         clocks: &clocks,
                     };
                     let shared = budget.layers && groups.len() > 1;
                     let layer = if shared { self.layer(&of_group(&groups[0]), budget.splat_bytes) } else { None };
-                    let swept_layer =
-                        if shared { swept_layer(&of_group(&groups[0]), budget.splat_bytes) } else { None };
-                    for group in groups {
-                        let (layer, swept_layer) = (layer.as_ref(), swept_layer.as_ref());
-                        let work = Work { layer, swept_layer, ..of_group(group) };
+                    let mut still = Vec::new();
+                    for (number, group) in groups.iter().enumerate() {
+                        let work = Work { layer: layer.as_ref(), ..of_group(group) };
+                        // Light at surfels may change from interval to interval.
+                        if has_still_picture && (number == 0 || !one_view) {
+                            still = self.picture_still(&work, budget.splat_bytes);
+                        }
+                        let work = Work { still: has_still_picture.then_some(&still), ..work };
                         self.group(&work, budget.splat_bytes, tiles);
                     }
                     self.still = layer.map(|layer| layer.binned).unwrap_or_default();
@@ -162,7 +166,7 @@ impl Cpu {
                     return;
                 }
                 buffers.clear_threshold();
-                let mut job = Job { chunks: &chunks, binned: &binned, tile, buffers, scratch, out: &mut () };
+                let mut job = Job { chunks: &chunks, binned: &binned, tile, index, buffers, scratch, out: &mut () };
                 work.visibility(&mut job);
                 job.buffers.clear_sums(work.channels.count, work.group.samples.len());
                 let mut nearest = vec![f32::INFINITY; ROWS * STRIDE];
@@ -176,6 +180,17 @@ impl Cpu {
             },
         );
         Some(Layer { chunks, binned, tiles })
+    }
+
+    /// The picture of what lies still, at the sample position of a group and in its light.
+    fn picture_still(&mut self, work: &Work<'_>, splat_bytes: u64) -> Vec<StillTile> {
+        let chunks: Vec<Chunk> = work.still_chunks().collect();
+        let mut picture = vec![StillTile::default(); work.band.len()];
+        let tiles = Tiles { work, chunks: &chunks, passes: &Pass::UNSWEPT, splat_bytes };
+        let project = |chunk: &Chunk, binned: &mut _| work.project(chunk, binned);
+        let picture_tile = |pass, job: Job<'_, Splat, _>| work.picture_still(pass, job);
+        tiles.run(&mut self.binned, &mut self.buffers, &mut picture, project, |_, _| true, picture_tile);
+        picture
     }
 
     fn group(&mut self, work: &Work<'_>, splat_bytes: u64, films: &mut [TileFilm]) {
@@ -195,74 +210,25 @@ impl Cpu {
         let map = self.map.lay(&around.band);
         let tiles = Tiles { work: &around, chunks: &chunks, passes: still, splat_bytes };
         let project = |chunk: &Chunk, binned: &mut _| around.project(chunk, binned);
-        let unmoved = |index, out: &mut _| {
-            work.swept_layer.and_then(|layer| layer.map.tile(index)).into_iter().for_each(|tile| *out = *tile);
-            true
-        };
-        tiles.run(&mut self.binned, &mut self.buffers, map, project, unmoved, |pass, job| around.map_tile(pass, job));
+        tiles.run(
+            &mut self.binned,
+            &mut self.buffers,
+            map,
+            project,
+            |_, _| true,
+            |pass, job| {
+                around.map_tile(pass, job);
+            },
+        );
         let work = &Work { map: Some(&self.map), ..*work };
         let tiles = Tiles { work, chunks: &chunks, passes: moving, splat_bytes };
         let project = |chunk: &Chunk, binned: &mut _| work.sweep(chunk, binned);
-        let unmoved = |index: usize, _: &mut _| {
-            work.swept_layer.is_none_or(|layer| layer.sums.get(index).is_none_or(LayerSums::is_empty))
+        let unmoved = |index: usize, film: &mut _| {
+            work.show_still(index, film);
+            true
         };
         tiles.run(&mut self.swept, &mut self.buffers, films, project, unmoved, |pass, mut job| {
             work.swept_tile(pass, &mut job);
         });
     }
-}
-
-/// What of the kernels of an interval lies still, if there is anything, and room to keep it. Only where it is the same in all
-/// intervals: light at surfels, and the time weight where a kernel has several parts, may differ.
-fn swept_layer(work: &Work<'_>, splat_bytes: u64) -> Option<SweptLayer> {
-    let (frame, interval) = (work.frame, work.group.interval?);
-    let steady = frame.groups.iter().filter_map(|group| group.interval).all(|other| other.slope == interval.slope);
-    let chunks: Vec<Chunk> = work.still_chunks().collect();
-    if chunks.is_empty() || !frame.has_one_view() || !(steady || frame.swept.is_some_and(SweptKernel::is_plain)) {
-        return None;
-    }
-    let around = Work { band: work.band.guarded(interval.guard), ..*work };
-    let passes = &[];
-    let of_map = Tiles { work: &around, chunks: &chunks, passes, splat_bytes: splat_bytes / 4 };
-    let of_band = Tiles { work, chunks: &chunks, passes, splat_bytes: splat_bytes / 4 };
-    let mut layer = SweptLayer::default();
-    let project = |chunk: &Chunk, binned: &mut _| around.project(chunk, binned);
-    let sweep = |chunk: &Chunk, binned: &mut _| work.sweep(chunk, binned);
-    if of_map.wave(&chunks, &mut layer.splats, &project) < chunks.len()
-        || of_band.wave(&chunks, &mut layer.kernels, &sweep) < chunks.len()
-    {
-        return None;
-    }
-    layer.depths = vec![LayerDepths::default(); around.band.len()];
-    let tiles = layer.map.lay(&around.band).par_iter_mut().zip(&mut layer.depths).enumerate();
-    tiles.for_each_init(
-        Default::default,
-        |(buffers, scratch): &mut (TileBuffers, Vec<u32>), (index, (out, depths))| {
-            let tile = around.band.tile(index);
-            if layer.splats.iter().all(|binned| binned.list(&tile, scratch).is_empty()) {
-                return;
-            }
-            for &pass in work.frame.passes.iter().take_while(|&&pass| !matches!(pass, Pass::Sweep)) {
-                around.prepare(pass, index, buffers, scratch);
-                around.map_tile(pass, Job { chunks: &chunks, binned: &layer.splats, tile, buffers, scratch, out });
-            }
-            *depths = LayerDepths::of(buffers);
-        },
-    );
-    layer.sums = vec![LayerSums::default(); work.band.len()];
-    let work = Work { map: Some(&layer.map), ..*work };
-    layer.sums.par_iter_mut().enumerate().for_each_init(
-        Default::default,
-        |(buffers, scratch): &mut (TileBuffers, Vec<u32>), (index, sums)| {
-            let tile = work.band.tile(index);
-            if layer.kernels.iter().all(|binned| binned.list(&tile, scratch).is_empty()) {
-                return;
-            }
-            work.prepare(Pass::SweptAttribute, index, buffers, scratch);
-            work.add_swept(&mut Job { chunks: &chunks, binned: &layer.kernels, tile, buffers, scratch, out: &mut () });
-            *sums = LayerSums::of(buffers);
-        },
-    );
-    layer.chunks = chunks;
-    Some(layer)
 }

@@ -23,6 +23,8 @@ pub(super) struct Job<'a, S, O> {
     /// The splats of `chunks`.
     pub binned: &'a [Binned<S>],
     pub tile: TileRect,
+    /// Of the tile in its band.
+    pub index: usize,
     pub buffers: &'a mut TileBuffers,
     pub scratch: &'a mut Vec<u32>,
     pub out: &'a mut O,
@@ -59,7 +61,7 @@ impl Tiles<'_> {
                     }
                     for pass in passes() {
                         work.prepare(pass, index, buffers, scratch);
-                        tile(pass, Job { chunks, binned, tile: rect, buffers, scratch, out });
+                        tile(pass, Job { chunks, binned, tile: rect, index, buffers, scratch, out });
                     }
                 },
             );
@@ -81,7 +83,7 @@ impl Tiles<'_> {
                         if !self.wants(&rect) {
                             return;
                         }
-                        tile(pass, Job { chunks: wave, binned: splats, tile: rect, buffers, scratch, out });
+                        tile(pass, Job { chunks: wave, binned: splats, tile: rect, index, buffers, scratch, out });
                     },
                 );
                 if !pass.reads_splats() {

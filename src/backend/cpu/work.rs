@@ -10,7 +10,7 @@ use super::clocks::Clocks;
 use super::layer::{Layer, LayerTile};
 use super::project::{self, View};
 use super::resolve::{self, Resolve, TileFilm};
-use super::swept::{self, Exposure, Footprint, Map, MapTile, Swept, SweptLayer, Volume};
+use super::swept::{self, Exposure, Footprint, Map, MapTile, StillTile, Swept, Volume};
 use super::tiles::{Band, TileBuffers};
 use super::values::{self, Faced, Shown};
 use super::visibility::{self, Depths};
@@ -43,8 +43,8 @@ pub(super) struct Work<'a> {
     pub channels: &'a Channels,
     /// What lies still, where it was splatted already.
     pub layer: Option<&'a Layer>,
-    /// Likewise, of kernels in motion.
-    pub swept_layer: Option<&'a SweptLayer>,
+    /// The picture of what lies still, tile by tile, where it has one; once it is whole.
+    pub still: Option<&'a [StillTile]>,
     /// Where those look up sources, once it is whole.
     pub map: Option<&'a Map>,
     /// Of each object, where only some blocks are wanted.
@@ -55,7 +55,7 @@ pub(super) struct Work<'a> {
 impl Work<'_> {
     /// Everything that the group must splat: first what lies still, once for all samples.
     pub(super) fn chunks(&self) -> Vec<Chunk> {
-        let still = self.still_chunks().filter(|_| self.layer.is_none() && self.swept_layer.is_none());
+        let still = self.still_chunks().filter(|_| self.layer.is_none() && self.still.is_none());
         let samples = 0..self.group.samples.len();
         still.chain(samples.flat_map(|sample| self.chunks_of(sample, false))).collect()
     }
@@ -113,7 +113,8 @@ impl Work<'_> {
         binned.splats.clear();
         project::project(&self.view(chunk), surfels, chunk.surfels.clone(), &mut binned.splats);
         binned.bin();
-        if self.frame.swept.is_none() {
+        // On the map only depths and weights are wanted.
+        if self.frame.swept.is_none() || self.frame.objects[chunk.object].still && self.frame.has_still_picture() {
             self.show(chunk, binned);
         }
         self.clocks.splats.fetch_add(binned.splats.len() as u64, Relaxed);
@@ -206,20 +207,8 @@ impl Work<'_> {
                 if let Some(still) = self.layer_tile(index) {
                     still.begin(&mut buffers.threshold);
                 }
-                if let Some(still) = self.swept_layer.and_then(|layer| layer.depths.get(index)) {
-                    still.begin(&mut buffers.threshold);
-                }
             }
-            Pass::Density => {
-                buffers.clear_sums(1, 1);
-                if let Some(layer) = self.swept_layer
-                    && layer.depths.get(index).is_some_and(|still| !still.recall(buffers))
-                {
-                    let tile = self.band.tile(index);
-                    let (chunks, binned) = (&layer.chunks, &layer.splats);
-                    self.density(&mut Job { chunks, binned, tile, buffers, scratch, out: &mut () });
-                }
-            }
+            Pass::Density => buffers.clear_sums(1, 1),
             Pass::Attribute => {
                 let start = Instant::now();
                 buffers.clear_sums(self.channels.count, self.group.samples.len());
@@ -227,8 +216,15 @@ impl Work<'_> {
                 if let (Some(layer), Some(mut anew)) = (self.layer, still) {
                     std::mem::swap(&mut buffers.threshold, &mut anew);
                     let tile = self.band.tile(index);
-                    let mut job =
-                        Job { chunks: &layer.chunks, binned: &layer.binned, tile, buffers, scratch, out: &mut () };
+                    let mut job = Job {
+                        chunks: &layer.chunks,
+                        binned: &layer.binned,
+                        tile,
+                        index,
+                        buffers,
+                        scratch,
+                        out: &mut (),
+                    };
                     self.add_splats(&mut job, &mut []);
                     std::mem::swap(&mut buffers.threshold, &mut anew);
                 }
@@ -238,22 +234,48 @@ impl Work<'_> {
                 buffers.clear_threshold();
                 buffers.clear_sums(self.channels.count, 1);
                 buffers.clear_presence();
-                self.begin_swept(index, buffers, scratch);
+                if let Some(still) = self.still_tile(index) {
+                    still.begin(&mut buffers.threshold);
+                }
             }
             Pass::Project | Pass::Bin | Pass::Resolve | Pass::Keep | Pass::Sweep | Pass::SweptResolve => {}
         }
     }
 
-    /// Starts the sums of kernels in motion with what lies still.
-    fn begin_swept(&self, index: usize, buffers: &mut TileBuffers, scratch: &mut Vec<u32>) {
-        let (Some(layer), Some(map)) = (self.swept_layer, self.map) else { return };
-        let Some(still) = layer.sums.get(index).filter(|still| !still.is_empty()) else { return };
-        let tile = self.band.tile(index);
-        if layer.is_map_of(map, &tile) {
-            still.begin(buffers);
-        } else {
-            let (chunks, binned) = (&layer.chunks, &layer.kernels);
-            self.add_swept(&mut Job { chunks, binned, tile, buffers, scratch, out: &mut () });
+    /// What lies still in tile `index`, beside kernels in motion.
+    fn still_tile(&self, index: usize) -> Option<&StillTile> {
+        self.still.and_then(|tiles| tiles.get(index))
+    }
+
+    /// Adds what lies still to a tile into which no kernel moves; `false` where it has no picture.
+    pub(super) fn show_still(&self, index: usize, film: &mut TileFilm) {
+        let Some(still) = self.still_tile(index) else { return };
+        let start = Instant::now();
+        let (weight, tile) = (self.group.samples[0].weight, self.band.tile(index));
+        still.show(weight, &[], self.planes.weight, &tile, film);
+        self.clocks.resolve.add(start);
+    }
+
+    /// A pass of one tile of the picture of what lies still.
+    pub(super) fn picture_still(&self, pass: Pass, mut job: Job<'_, Splat, StillTile>) {
+        match pass {
+            Pass::Visibility => self.visibility(&mut job),
+            Pass::Attribute => self.attribute(&mut job, &mut []),
+            Pass::Resolve => {
+                let start = Instant::now();
+                let whole = Resolve { weight: 1.0, ..self.resolve() };
+                let TileBuffers { threshold, sums, .. } = job.buffers;
+                job.out.threshold.clone_from(threshold);
+                resolve::resolve(&whole, &job.tile, threshold, sums, &[], &mut job.out.film);
+                self.clocks.resolve.add(start);
+            }
+            Pass::Project
+            | Pass::Bin
+            | Pass::Density
+            | Pass::Keep
+            | Pass::Sweep
+            | Pass::SweptAttribute
+            | Pass::SweptResolve => {}
         }
     }
 
@@ -365,7 +387,7 @@ impl Work<'_> {
     }
 
     /// Pass `attribute` of kernels in motion, of one tile.
-    pub(super) fn add_swept<O>(&self, job: &mut Job<'_, SweptSplat, O>) {
+    fn add_swept<O>(&self, job: &mut Job<'_, SweptSplat, O>) {
         let (Some(kernel), Some(interval), Some(map)) = (self.frame.swept, &self.group.interval, self.map) else {
             return;
         };
@@ -382,8 +404,8 @@ impl Work<'_> {
                 sum: kernel.alpha == TemporalAlpha::Sum,
                 map,
             };
-            let TileBuffers { sums, presence, .. } = &mut *job.buffers;
-            swept::attribute(&binned.splats, list, &swept, &job.tile, sums, presence);
+            let TileBuffers { threshold, sums, presence, .. } = &mut *job.buffers;
+            swept::attribute(&binned.splats, list, &swept, &job.tile, threshold, sums, presence);
         }
     }
 
@@ -406,6 +428,9 @@ impl Work<'_> {
                     swept::pool(weight, self.channels, self.planes, &job.tile, sums, coverage, &mut job.out.values);
                 } else {
                     resolve::resolve(&self.resolve(), &job.tile, threshold, sums, coverage, job.out);
+                }
+                if let Some(still) = self.still_tile(job.index) {
+                    still.show(weight, coverage, self.planes.weight, &job.tile, job.out);
                 }
                 self.clocks.resolve.add(start);
             }

@@ -83,6 +83,8 @@ pub(super) struct SweptSteps {
     /// For each object, for each block.
     pub splat_values: Vec<Vec<Step>>,
     pub attribute: Step,
+    /// The picture of what lies still, where it has one.
+    pub still: Option<Step>,
 }
 
 /// Everything that steps are made from.
@@ -121,6 +123,7 @@ impl Bench<'_> {
             Slot::Sums => &b.sums,
             // These are bound block by block and band by band.
             Slot::Film | Slot::Geometry | Slot::Looks => &b.film,
+            Slot::StillFilm => &b.still_film,
             Slot::Wanted => &b.wanted,
             Slot::LayerThresholds => &b.layer_thresholds,
             Slot::LayerSums => &b.layer_sums,
@@ -208,7 +211,10 @@ impl Bench<'_> {
                 scatter: self.step(Program::SortScatter, &shift, from, &[])?,
             });
         }
-        let resolve = resolve_constants(frame, channels, planes);
+        let resolve = match frame.swept {
+            Some(swept) => swept_resolve_constants(frame, swept, channels, planes),
+            None => resolve_constants(frame, channels, planes),
+        };
         let program = match frame.swept.map(|swept| swept.normalise) {
             None => Program::Resolve,
             Some(Normalise::Interval) => Program::SweptResolve,
@@ -224,6 +230,14 @@ impl Bench<'_> {
         let swept = match frame.swept {
             Some(swept) => Some(self.swept_steps(frame, swept, channels, blocks, 1 - begin)?),
             None => None,
+        };
+        let swept = match swept {
+            Some(swept) if schedule.still_bytes > 0 => {
+                let film = [(Slot::Film, self.buffers.still_film.as_entire_buffer_binding())];
+                let constants = resolve_constants(frame, channels, planes);
+                Some(SweptSteps { still: Some(self.step(Program::Resolve, &constants, 0, &film)?), ..swept })
+            }
+            swept => swept,
         };
         Ok(Steps {
             project: self.of_blocks(Program::Project, &none, blocks)?,
@@ -320,7 +334,8 @@ impl Bench<'_> {
             project: self.of_blocks(Program::Sweep, &volume, blocks)?,
             bin_emit: self.step(Program::BinEmit, &vec![double], emitted, &[])?,
             splat_values: self.of_blocks(Program::SplatValues, &values, blocks)?,
-            attribute: self.step(Program::SweptAttribute, &swept_constants(swept, channels), 1, &[])?,
+            attribute: self.step(Program::SweptAttribute, &swept_constants(frame, swept, channels), 1, &[])?,
+            still: None,
         })
     }
 }
@@ -345,7 +360,7 @@ fn value_constants(frame: &Frame<'_>, channels: &DeviceChannels) -> Constants {
     constants
 }
 
-fn swept_constants(swept: SweptKernel, channels: &DeviceChannels) -> Constants {
+fn swept_constants(frame: &Frame<'_>, swept: SweptKernel, channels: &DeviceChannels) -> Constants {
     let mut constants = sum_constants(channels);
     constants.retain(|(name, _)| !["MATERIAL", "REACH"].contains(name));
     let footprint = match (swept.weight, swept.shape) {
@@ -357,6 +372,7 @@ fn swept_constants(swept: SweptKernel, channels: &DeviceChannels) -> Constants {
         ("FOOTPRINT", footprint),
         ("SOURCE_SAMPLES", swept.source_samples.0),
         ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
+        ("STILL", u32::from(frame.has_still_picture())),
     ]);
     constants
 }
@@ -372,12 +388,21 @@ fn resolve_constants(frame: &Frame<'_>, channels: &DeviceChannels, planes: &Film
         ("VELOCITY_PLANE", at(planes.velocity)),
         ("PLANES", planes.count as u32),
     ]);
-    if let Some(swept) = frame.swept {
+    constants
+}
+
+fn swept_resolve_constants(
+    frame: &Frame<'_>,
+    swept: SweptKernel,
+    channels: &DeviceChannels,
+    planes: &FilmPlanes,
+) -> Constants {
+    let mut constants = resolve_constants(frame, channels, planes);
+    constants.extend([
+        ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
         // Without a plane for them, weights are the coverage, plane 3.
-        constants.extend([
-            ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
-            ("WEIGHT_PLANE", planes.weight.unwrap_or(3) as u32),
-        ]);
-    }
+        ("WEIGHT_PLANE", planes.weight.unwrap_or(3) as u32),
+        ("STILL", u32::from(frame.has_still_picture())),
+    ]);
     constants
 }

@@ -4,7 +4,7 @@ use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
 use super::layout::{BLOCK, DIGIT_BITS, Light, Segment, Status, Travel, UNIFORM_STRIDE};
-use super::schedule::{DeviceChannels, Schedule};
+use super::schedule::{DeviceChannels, MAP_BYTES, Schedule, THRESHOLD_BYTES};
 use crate::backend::BackendError;
 use crate::layout::SweptSplat;
 
@@ -30,11 +30,13 @@ pub(super) struct Buffers {
     pub starts: Buffer,
     pub thresholds: Buffer,
     pub sums: Buffer,
-    /// Of kernels in motion.
+    /// Of kernels in motion; behind the map's tiles the thresholds of what lies still, where it has a picture of its own.
     pub map: Buffer,
     pub presence: Buffer,
     pub moments: Buffer,
     pub film: Buffer,
+    /// The picture of what lies still, beside kernels in motion.
+    pub still_film: Buffer,
     /// Blocks that are wanted.
     pub wanted: Buffer,
     /// Of what lies still, alone: thresholds and sums.
@@ -88,6 +90,8 @@ impl Buffers {
             presence: empty()?,
             moments: device.buffer("moments", size_of::<[f32; 32]>() as u64, SHARED)?,
             film: empty()?,
+            // Bound even where there is none.
+            still_film: device.buffer("the picture of what lies still", 4, SHARED)?,
             wanted: empty()?,
             layer_thresholds: empty()?,
             layer_sums: empty()?,
@@ -116,9 +120,11 @@ impl Buffers {
         grow(device, &mut self.thresholds, "thresholds", tile * band.max(map))?;
         grow(device, &mut self.sums, "sums", tile * map.max(channels.count as u64 * band))?;
         if map > 0 {
-            grow(device, &mut self.map, "the map", 2 * tile * map)?;
+            let behind = if schedule.still_bytes > 0 { THRESHOLD_BYTES * band } else { 0 };
+            grow(device, &mut self.map, "the map", MAP_BYTES * map + behind)?;
             grow(device, &mut self.presence, "presence", 3 * tile * band)?;
         }
+        grow(device, &mut self.still_film, "the picture of what lies still", schedule.still_bytes * band)?;
         if schedule.kept_slots > 0 {
             grow(device, &mut self.layer_thresholds, "thresholds", tile * band)?;
             grow(device, &mut self.layer_sums, "sums", tile * (channels.count as u64 + 1) * band)?;

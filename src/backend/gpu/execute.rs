@@ -10,7 +10,7 @@ use super::clock::Marks;
 use super::layer::KEEPING;
 use super::layout::{BLOCK, DIGIT_BITS, Segment, TILE, Travel, UNIFORM_STRIDE, View, lights, wanted};
 use super::models::Block;
-use super::schedule::{Area, Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, Schedule};
+use super::schedule::{Area, Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, MAP_BYTES, Schedule, THRESHOLD_BYTES};
 use super::waves::{Part, Wave, Waves};
 use super::{Gpu, Machine};
 use crate::backend::BackendError;
@@ -62,6 +62,7 @@ impl Gpu {
         encoder.clear_buffer(&self.machine.buffers.film, 0, None);
         encoder.clear_buffer(&self.machine.buffers.status, 0, None);
         self.machine.device.queue.submit([encoder.finish()]);
+        let (has_still_picture, one_view) = (frame.has_still_picture(), frame.has_one_view());
         let mut part = 0;
         for (raster, groups) in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase).enumerate() {
             for band in schedule.bands(raster) {
@@ -87,8 +88,17 @@ impl Gpu {
                     if keeps {
                         self.machine.passes(&work(&groups[0], Part::Still), &KEEPING, marks);
                     }
-                    for group in groups {
-                        self.machine.group(&work(group, if keeps { Part::Moving } else { Part::Whole }), marks);
+                    let part = match (has_still_picture, keeps) {
+                        (true, _) => Part::Beside,
+                        (false, true) => Part::Moving,
+                        (false, false) => Part::Whole,
+                    };
+                    for (number, group) in groups.iter().enumerate() {
+                        // Light at surfels may change from interval to interval.
+                        if has_still_picture && (number == 0 || !one_view) {
+                            self.machine.picture_still(&work(group, Part::Still), marks);
+                        }
+                        self.machine.group(&work(group, part), marks);
                     }
                 }
                 if let Some(finish) = steps.finish.get(part) {
@@ -112,7 +122,7 @@ impl Gpu {
             let segments = group.samples.len() + waves.segments().count() + views;
             let lights = group.samples.iter().map(|sample| sample.lights.len()).sum();
             most = [most[0].max(views), most[1].max(segments), most[2].max(lights)];
-            passes += 9 * views + 3;
+            passes += 14 * views + 4;
         }
         let bands: usize = (0..schedule.rasters.len()).map(|raster| schedule.bands(raster).count()).max().unwrap_or(0);
         let Machine { device, buffers, pipelines, .. } = &mut self.machine;
@@ -190,6 +200,20 @@ impl Machine {
         self.passes(work, moving, marks);
     }
 
+    /// Records and submits the picture of what lies still, at the sample position of a group and in its light.
+    pub(super) fn picture_still(&self, work: &Work<'_>, marks: &mut Marks) {
+        let b = &self.buffers;
+        let Some(resolve) = work.steps.swept.as_ref().and_then(|swept| swept.still.as_ref()) else { return };
+        let mut encoder = self.encoder();
+        encoder.clear_buffer(&b.still_film, 0, None);
+        self.flush(&mut encoder, marks);
+        self.passes(&Work { resolve, ..*work }, &Pass::UNSWEPT, marks);
+        let mut encoder = self.encoder();
+        let behind = MAP_BYTES * work.map().len();
+        encoder.copy_buffer_to_buffer(&b.thresholds, 0, &b.map, behind, THRESHOLD_BYTES * work.area().len());
+        self.flush(&mut encoder, marks);
+    }
+
     /// Records and submits some passes of a group, those that need lists wave by wave.
     pub(super) fn passes(&self, work: &Work<'_>, passes: &[Pass], marks: &mut Marks) {
         let Waves { kept, waves } = self.upload(work);
@@ -215,7 +239,7 @@ impl Machine {
                             at_hand = Some(number);
                         }
                         self.record(&mut encoder, pass, work, wave, view, marks);
-                        if work.part == Part::Still && pass == Pass::Attribute {
+                        if work.part == Part::Still && pass == Pass::Attribute && work.steps.layer.is_some() {
                             self.keep(&mut encoder, work, wave, number);
                         }
                         if waves.len() > 1 {
@@ -271,6 +295,8 @@ impl Machine {
             let view = View {
                 slots: wave.slots,
                 resumes: u32::from(number > 0 || part == Part::Moving),
+                // Each interval has its own share of what is made once.
+                weight: if part == Part::Still { 1.0 } else { shared.weight },
                 first_turn: before,
                 last_turn: wave.last_turn,
                 ..shared

@@ -9,12 +9,9 @@ use wgpu::{CommandEncoder, ComputePassDescriptor};
 use super::Machine;
 use super::clock::Marks;
 use super::execute::{Work, dispatch, view_offset};
-use super::layout::TILE;
+use super::schedule::THRESHOLD_BYTES;
 use super::waves::Wave;
 use crate::plan::Pass;
-
-/// Bytes of a tile's thresholds.
-const THRESHOLD_BYTES: u64 = (TILE * TILE) as u64 * 4;
 
 /// Passes of what lies still, to be kept.
 pub(super) const KEEPING: [Pass; 4] = [Pass::Project, Pass::Bin, Pass::Visibility, Pass::Attribute];

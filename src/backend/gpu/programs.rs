@@ -41,6 +41,7 @@ pub(super) enum Slot {
     LayerThresholds = 28,
     LayerSums = 29,
     Limits = 30,
+    StillFilm = 31,
 }
 
 /// A compute program.
@@ -162,8 +163,8 @@ impl Program {
     pub(super) const fn buffers(self) -> Buffers {
         use Slot::{
             DigitTotals, Film, Geometry, Histogram, Keys, LayerSums, LayerThresholds, Lights, Limits, List, Looks, Map,
-            Moments, Partials, Presence, Segments, SortedKeys, SortedList, Splats, Starts, Status, Sums, Thresholds,
-            Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
+            Moments, Partials, Presence, Segments, SortedKeys, SortedList, Splats, Starts, Status, StillFilm, Sums,
+            Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
         };
         match self {
             Self::Project | Self::Sweep => (&[Geometry, Travels, Wanted], &[Splats, Touched]),
@@ -181,8 +182,8 @@ impl Program {
             Self::Resolve => (&[Lights, Thresholds, Sums], &[Film]),
             Self::Keep => (&[Thresholds, Sums], &[Map]),
             Self::SweptAttribute => (&[Splats, List, Wide, Starts, Values, Map], &[Sums, Presence]),
-            Self::SweptResolve => (&[Lights, Sums, Presence, Moments], &[Film]),
-            Self::Pool => (&[Sums, Presence, Moments], &[Film]),
+            Self::SweptResolve => (&[Lights, Sums, Presence, Moments, StillFilm], &[Film]),
+            Self::Pool => (&[Sums, Presence, Moments, StillFilm], &[Film]),
             Self::Finish => (&[], &[Film]),
         }
     }

@@ -18,6 +18,10 @@ const ENTRY_BYTES: u64 = 17;
 const MAP_TILE_BYTES: u64 = 4 * 4 * TILE_PIXELS + 4;
 /// Bytes of a tile's presence.
 const PRESENCE_BYTES: u64 = 3 * 4 * TILE_PIXELS;
+/// Bytes of a tile's thresholds.
+pub(super) const THRESHOLD_BYTES: u64 = 4 * TILE_PIXELS;
+/// Bytes of the map of one tile.
+pub(super) const MAP_BYTES: u64 = 8 * TILE_PIXELS;
 
 /// Bytes of an entry of a list that is kept.
 const KEPT_ENTRY_BYTES: u64 = 4;
@@ -132,6 +136,8 @@ pub(super) struct Schedule {
     pub slots: u64,
     /// Most entries of a wave's lists that may be made room for.
     pub most_entries: u64,
+    /// Bytes of a tile of the picture of what lies still; 0 where it has none.
+    pub still_bytes: u64,
     /// Slots of what lies still that are kept for groups that share a sample position; 0: all groups splat everything.
     pub kept_slots: u64,
 }
@@ -183,12 +189,15 @@ impl Schedule {
         let film = frame.picture_bytes + 2 * film_bytes + 4 * pixels * planes.count as u64;
         let swept = frame.swept.is_some();
         let presence = if swept { PRESENCE_BYTES } else { 0 };
+        let still_bytes = if frame.has_still_picture() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
         let keeps = kept_slots > 0;
         let tile_bytes = {
             let own = 4 * TILE_PIXELS * (1 + channels.count as u64) + 4 + presence;
             // Thresholds, sums with the least depth, limits.
             let kept = 4 * TILE_PIXELS * (3 + channels.count as u64) + 4;
-            own + if keeps { kept } else { 0 }
+            // Thresholds lie behind the map.
+            let still = if still_bytes > 0 { still_bytes + THRESHOLD_BYTES } else { 0 };
+            own + still + if keeps { kept } else { 0 }
         };
         let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
         let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
@@ -227,7 +236,7 @@ impl Schedule {
             // The map takes its share: fewer rows, until both fit.
             let fits = |rows: u32| {
                 u64::from(rows) * widest * tile_bytes + map_of(rows) * MAP_TILE_BYTES <= (left - least_wave) / 2
-                    && map_of(rows) * 8 * TILE_PIXELS <= most_bytes
+                    && map_of(rows) * MAP_BYTES + u64::from(rows) * widest * THRESHOLD_BYTES <= most_bytes
             };
             let most: u32 = band_rows.iter().copied().max().unwrap_or(1);
             let rows = (1..=most).rev().find(|&rows| fits(rows)).unwrap_or(1);
@@ -247,7 +256,18 @@ impl Schedule {
             .max(LEAST_SLOTS * u64::from(WIDEST))
             .min(most_bytes / 4)
             .min(65_535 * u64::from(BLOCK));
-        Ok(Self { rasters, film_bytes, band_tiles, map_tiles, splat_bytes, band_rows, slots, most_entries, kept_slots })
+        Ok(Self {
+            rasters,
+            film_bytes,
+            band_tiles,
+            map_tiles,
+            splat_bytes,
+            band_rows,
+            slots,
+            most_entries,
+            still_bytes,
+            kept_slots,
+        })
     }
 
     /// The bands of raster `index`.

@@ -31,6 +31,8 @@ pub(super) enum Part {
     Still,
     /// The rest; what lies still is kept already.
     Moving,
+    /// The rest; what lies still has a picture of its own.
+    Beside,
 }
 
 /// The waves of a group.
@@ -72,9 +74,10 @@ impl Schedule {
             Part::Whole => (Vec::new(), cutter.cut(still().chain(moving()))),
             Part::Still => (Vec::new(), cutter.cut(still())),
             Part::Moving => (cutter.cut(still()), cutter.cut(moving())),
+            Part::Beside => (Vec::new(), cutter.cut(moving())),
         };
-        if !kept.is_empty() && waves.is_empty() {
-            // The samples' turns come nevertheless.
+        if (!kept.is_empty() || part == Part::Beside) && waves.is_empty() {
+            // The samples' turns come nevertheless, and what lies still shows.
             waves.push(Wave::default());
         }
         if let Some(last) = waves.last_mut().filter(|_| part != Part::Still) {

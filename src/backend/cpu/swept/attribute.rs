@@ -1,7 +1,7 @@
 //! Pass `attribute`, swept: weighted sums of the attributes of kernels in motion whose source passes the depth test (thesis 4.1.2,
 //! 4.2.2; docs/math.md, section 7).
 //!
-//! In: swept splats of a tile's list, the group's map, the surfels' attributes. Out: the tile's sums, and when the kernels cover.
+//! In: swept splats of a tile's list, the group's map, the thresholds of what lies still, the surfels' attributes. Out: the tile's sums, and when the kernels cover.
 //! In list order; what is covered is order-free.
 
 use super::hull::Hull;
@@ -52,7 +52,8 @@ pub(in crate::backend::cpu) struct Swept<'a> {
 dispatch! {
     /// Adds the swept splats that `list` names to `sums` and `presence`.
     pub(in crate::backend::cpu) fn attribute(
-        splats: &[SweptSplat], list: &[u32], swept: &Swept<'_>, tile: &TileRect, sums: &mut [f32], presence: &mut Presence,
+        splats: &[SweptSplat], list: &[u32], swept: &Swept<'_>, tile: &TileRect, threshold: &[f32], sums: &mut [f32],
+        presence: &mut Presence,
     ) = attribute_body
 }
 
@@ -62,17 +63,20 @@ fn attribute_body(
     list: &[u32],
     swept: &Swept<'_>,
     tile: &TileRect,
+    threshold: &[f32],
     sums: &mut [f32],
     presence: &mut Presence,
 ) {
     let low_pass = swept.attributes.low_pass > 0.0;
     match swept.footprint {
-        Footprint::Tube if low_pass => add_all::<TUBE, true>(splats, list, swept, tile, sums, presence),
-        Footprint::Tube => add_all::<TUBE, false>(splats, list, swept, tile, sums, presence),
-        Footprint::Ellipsoid if low_pass => add_all::<ELLIPSOID, true>(splats, list, swept, tile, sums, presence),
-        Footprint::Ellipsoid => add_all::<ELLIPSOID, false>(splats, list, swept, tile, sums, presence),
-        Footprint::Chord if low_pass => add_all::<CHORD, true>(splats, list, swept, tile, sums, presence),
-        Footprint::Chord => add_all::<CHORD, false>(splats, list, swept, tile, sums, presence),
+        Footprint::Tube if low_pass => add_all::<TUBE, true>(splats, list, swept, tile, threshold, sums, presence),
+        Footprint::Tube => add_all::<TUBE, false>(splats, list, swept, tile, threshold, sums, presence),
+        Footprint::Ellipsoid if low_pass => {
+            add_all::<ELLIPSOID, true>(splats, list, swept, tile, threshold, sums, presence)
+        }
+        Footprint::Ellipsoid => add_all::<ELLIPSOID, false>(splats, list, swept, tile, threshold, sums, presence),
+        Footprint::Chord if low_pass => add_all::<CHORD, true>(splats, list, swept, tile, threshold, sums, presence),
+        Footprint::Chord => add_all::<CHORD, false>(splats, list, swept, tile, threshold, sums, presence),
     }
 }
 
@@ -86,6 +90,7 @@ fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
     list: &[u32],
     swept: &Swept<'_>,
     tile: &TileRect,
+    threshold: &[f32],
     sums: &mut [f32],
     presence: &mut Presence,
 ) {
@@ -116,6 +121,7 @@ fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
                     if lanes.covers == [0; LANES] {
                         continue;
                     }
+                    lanes.hide(&threshold[y * STRIDE + x..]);
                     lanes.test::<FOOTPRINT>(swept);
                     lanes.mark(swept.sum, y * STRIDE + x, presence);
                     for (value, plane) in values.iter().zip(out.chunks_exact_mut(STRIDE)) {
@@ -270,6 +276,19 @@ impl Ray {
 }
 
 impl Lanes {
+    /// Leaves out what has something that lies still before it, all the time: `threshold` is its, from the first lane's pixel on.
+    #[inline(always)]
+    fn hide(&mut self, threshold: &[f32]) {
+        let Some(threshold) = threshold.first_chunk::<LANES>() else { return };
+        for l in 0..LANES {
+            let shows = if self.depth[l] <= threshold[l] { u32::MAX } else { 0 };
+            self.covers[l] &= shows;
+            self.surface[l] &= shows;
+            self.low_pass[l] &= shows;
+            self.loose[l] = if shows == 0 { 0.0 } else { self.loose[l] };
+        }
+    }
+
     /// Compares the sources with the map: what is hidden loses its weight, but still covers, as something before it does. Weights
     /// become shares of the surface at the source.
     #[inline(always)]

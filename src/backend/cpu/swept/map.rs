@@ -35,11 +35,6 @@ impl Map {
         self.values.as_chunks_mut().0
     }
 
-    /// Tile `index`.
-    pub(in crate::backend::cpu) fn tile(&self, index: usize) -> Option<&MapTile> {
-        self.values.as_chunks().0.get(index)
-    }
-
     /// Threshold and inverse density at pixel (`x`, `y`).
     #[inline(always)]
     pub(super) fn at(&self, x: i32, y: i32) -> [f32; 2] {

@@ -2,10 +2,10 @@
 
 mod attribute;
 mod hull;
-mod layer;
 mod map;
 mod project;
 mod resolve;
+mod still;
 #[cfg(test)]
 mod tests;
 #[cfg(all(test, feature = "gpu"))]
@@ -13,7 +13,7 @@ pub(in crate::backend) mod twins;
 
 pub(super) use self::attribute::{Footprint, Swept, attribute};
 pub(super) use self::hull::Hull;
-pub(super) use self::layer::{LayerDepths, LayerSums, SweptLayer};
 pub(super) use self::map::{Map, MapTile, keep};
 pub(super) use self::project::{Volume, project};
 pub(super) use self::resolve::{Exposure, coverage, finish, pool};
+pub(super) use self::still::StillTile;

@@ -1,6 +1,6 @@
 //! The passes of an interval one at a time, for tests that compare another backend's with them.
 
-use super::{Exposure, Footprint, Map, MapTile, Swept, Volume, coverage, keep, pool};
+use super::{Exposure, Footprint, Map, MapTile, StillTile, Swept, Volume, coverage, keep, pool};
 use crate::backend::cpu::attribute::{self, Attributes, Tally};
 use crate::backend::cpu::project::{self, View};
 use crate::backend::cpu::resolve::{self, Resolve, TileFilm};
@@ -64,13 +64,14 @@ impl SweptTwins<'_> {
         }
     }
 
-    /// What lies still comes first.
+    /// What lies still comes first, or not at all where it has a picture of its own.
     fn visible(&self) -> impl Iterator<Item = usize> {
         let objects = &self.group.samples[0].objects;
         let of = move |still| {
             (0..objects.len()).filter(move |&i| objects[i].visible && self.frame.objects[i].still == still)
         };
-        of(true).chain(of(false))
+        let still = of(true).filter(|_| !self.frame.has_still_picture());
+        still.chain(of(false))
     }
 
     /// Splats at mid-interval, on the map.
@@ -183,10 +184,18 @@ impl SweptTwins<'_> {
         Kept(map)
     }
 
-    /// Sums of a tile of the image.
-    pub(in crate::backend) fn attribute(&self, moving: &[Of<SweptSplat>], tile: [usize; 2], map: &Kept) -> SweptSums {
+    /// Sums of a tile of the image, of which `thresholds` are those of what lies still.
+    pub(in crate::backend) fn attribute(
+        &self,
+        moving: &[Of<SweptSplat>],
+        tile: [usize; 2],
+        map: &Kept,
+        thresholds: &[f32],
+    ) -> SweptSums {
         let channels = Channels::of(self.frame);
         let mut buffers = TileBuffers::default();
+        buffers.clear_threshold();
+        self.put(thresholds, &mut buffers.threshold, STRIDE);
         buffers.clear_sums(channels.count, 1);
         buffers.clear_presence();
         let Some(interval) = &self.group.interval else { return SweptSums::default() };
@@ -212,8 +221,8 @@ impl SweptTwins<'_> {
                 sum: self.kernel.alpha == TemporalAlpha::Sum,
                 map: &map.0,
             };
-            let (rect, TileBuffers { sums, presence, .. }) = (self.rect(&self.band(), tile), &mut buffers);
-            super::attribute(splats, &list, &swept, &rect, sums, presence);
+            let (rect, TileBuffers { threshold, sums, presence, .. }) = (self.rect(&self.band(), tile), &mut buffers);
+            super::attribute(splats, &list, &swept, &rect, threshold, sums, presence);
         }
         let channel = |c: usize| self.take(&buffers.sums[c * STRIDE..], channels.count * STRIDE);
         SweptSums {
@@ -224,8 +233,8 @@ impl SweptTwins<'_> {
         }
     }
 
-    /// Film of a tile after the group alone: plane by plane, `edge` x `edge`; not finished.
-    pub(in crate::backend) fn resolve(&self, tile: [usize; 2], sums: &SweptSums) -> Vec<Vec<f32>> {
+    /// Film of a tile after the group alone: plane by plane, `edge` x `edge`; not finished. `still`: that of what lies still.
+    pub(in crate::backend) fn resolve(&self, tile: [usize; 2], sums: &SweptSums, still: &[Vec<f32>]) -> Vec<Vec<f32>> {
         let Self { frame, group, .. } = *self;
         let (channels, planes) = (Channels::of(frame), FilmPlanes::of(frame.aovs));
         let once = self.kernel.normalise == Normalise::Once;
@@ -258,6 +267,14 @@ impl SweptTwins<'_> {
                 raster: &group.raster,
             };
             resolve::resolve(&resolve, &rect, &buffers.threshold, &buffers.sums, &covered, &mut film);
+        }
+        if frame.has_still_picture() {
+            let mut tile =
+                StillTile { film: TileFilm { values: vec![0.0; planes.count * TILE * TILE] }, ..StillTile::default() };
+            for (p, plane) in still.iter().enumerate() {
+                self.put(plane, &mut tile.film.values[p * TILE * TILE..], TILE);
+            }
+            tile.show(weight, &covered, planes.weight, &rect, &mut film);
         }
         (0..planes.count).map(|p| self.take(&film.values[p * TILE * TILE..], TILE)).collect()
     }

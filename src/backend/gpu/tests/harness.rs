@@ -66,7 +66,7 @@ impl<'a> Harness<'a> {
             group,
             raster: 0,
             band,
-            part: Part::Whole,
+            part: part_of(frame),
             on_map: false,
             steps: &steps,
             resolve,
@@ -213,6 +213,14 @@ impl<'a> Harness<'a> {
         self.gpu.machine.device.check().unwrap();
     }
 
+    /// Makes the picture of what lies still.
+    pub(super) fn picture_still(&mut self) {
+        let work = self.work(Part::Still, false);
+        let mut marks = Marks::new(&self.gpu.machine.device).unwrap();
+        self.gpu.machine.picture_still(&work, &mut marks);
+        self.gpu.machine.device.check().unwrap();
+    }
+
     fn work(&self, part: Part, on_map: bool) -> Work<'_> {
         Work {
             execution: &self.execution,
@@ -229,7 +237,7 @@ impl<'a> Harness<'a> {
     /// On the band, or on the map around it.
     pub(super) fn run_on(&mut self, pass: Pass, on_map: bool) {
         let mut marks = Marks::new(&self.gpu.machine.device).unwrap();
-        let work = self.work(Part::Whole, on_map);
+        let work = self.work(part_of(self.twins.frame), on_map);
         self.gpu.machine.upload(&work);
         let mut encoder = self.gpu.machine.encoder();
         self.gpu.machine.record(&mut encoder, pass, &work, &self.wave, 0, &mut marks);
@@ -244,6 +252,11 @@ impl<'a> Harness<'a> {
     pub(super) fn read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Vec<T> {
         read(self.gpu, buffer, count)
     }
+}
+
+/// What goes through the passes of a group.
+fn part_of(frame: &Frame<'_>) -> Part {
+    if frame.has_still_picture() { Part::Beside } else { Part::Whole }
 }
 
 /// A tile's channels as the device has them.

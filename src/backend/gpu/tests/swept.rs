@@ -9,6 +9,7 @@ use super::harness::{Harness, NONE, PIXELS, WIDE};
 use super::parity::{Tally, largest};
 use crate::backend::cpu::Cpu;
 use crate::backend::cpu::swept_twins::{Of, SweptSums, SweptTwins};
+use crate::backend::cpu::twins::Twins;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::{TILE, WIDEST};
 use crate::backend::gpu::programs::{Pipelines, Program};
@@ -190,6 +191,39 @@ fn spoil(harness: &Harness<'_>) {
     harness.gpu.machine.device.queue.submit([encoder.finish()]);
 }
 
+/// What lies still in a tile: its thresholds, and its film plane by plane.
+type StillTile = (Vec<f32>, Vec<Vec<f32>>);
+
+/// The picture of what lies still, on both backends: tile by tile as the CPU has it.
+fn check_still(harness: &mut Harness<'_>, tiles: &[[usize; 2]], map_tiles: usize) -> Result<Vec<StillTile>, String> {
+    let frame = harness.twins.frame;
+    if !frame.has_still_picture() {
+        return Ok(vec![(vec![f32::INFINITY; PIXELS], Vec::new()); tiles.len()]);
+    }
+    let mut group = harness.twins.group.clone();
+    group.samples[0].weight = 1.0;
+    let twins = Twins { group: &group, ..harness.twins };
+    let posed: Vec<_> = twins.project().into_iter().filter(|posed| frame.objects[posed.object].still).collect();
+    let of_tile = |&tile: &[usize; 2]| {
+        let thresholds = twins.visibility(&posed, tile);
+        let mut film = twins.resolve(tile, &thresholds, &twins.attribute(&posed, tile, &thresholds));
+        film.resize(harness.execution.planes.count, vec![0.0; PIXELS]);
+        (thresholds, film)
+    };
+    let want: Vec<StillTile> = tiles.iter().map(of_tile).collect();
+    harness.picture_still();
+    let buffers = &harness.gpu.machine.buffers;
+    let map: Vec<f32> = harness.read(&buffers.map, (2 * map_tiles + tiles.len()) * PIXELS);
+    let thresholds: Vec<f32> = want.iter().flat_map(|(thresholds, _)| thresholds.clone()).collect();
+    compare("thresholds of what lies still", &map[2 * map_tiles * PIXELS..], &thresholds, |_| 1.0)?;
+    let planes: Vec<f32> = want.iter().flat_map(|(_, planes)| flat(planes)).collect();
+    let film: Vec<f32> = harness.read(&buffers.still_film, planes.len());
+    compare("picture of what lies still", &film, &planes, |_| 1.0)?;
+    // Both backends go on from the same.
+    harness.write(&buffers.still_film, &planes);
+    Ok(want)
+}
+
 /// All passes of the first group of a case; the first that differs.
 fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let frame = Frame::new(&case.scene, 0, &case.options);
@@ -253,9 +287,12 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     slots.compare_lists(&harness).map_err(failed(Pass::Sweep))?;
 
     let map = twins.map(&kept, around.tiles[0] as usize);
-    let sums: Vec<_> = on_band.iter().map(|&tile| twins.attribute(&moving, tile, &map)).collect();
+    let still = check_still(&mut harness, &on_band, on_map.len()).map_err(failed(Pass::Resolve))?;
+    let sums: Vec<_> =
+        on_band.iter().zip(&still).map(|(&tile, (before, _))| twins.attribute(&moving, tile, &map, before)).collect();
     slots.feed(&harness);
-    let fed: Vec<[f32; 2]> = flat(&kept).into_iter().map(|value| value.map(|v| v.min(NONE))).collect();
+    let behind = still.iter().filter(|(_, film)| !film.is_empty()).flat_map(|(before, _)| before);
+    let fed: Vec<f32> = flat(&kept).as_flattened().iter().chain(behind).map(|v| v.min(NONE)).collect();
     harness.write(&harness.gpu.machine.buffers.map, &fed);
     harness.run(Pass::SweptAttribute);
     compare_sums(&harness, &sums).map_err(failed(Pass::SweptAttribute))?;
@@ -264,7 +301,8 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     harness.write(&buffers.sums, &sums.iter().flat_map(|sums| flat(&sums.channels)).collect::<Vec<_>>());
     harness.write(&buffers.presence, &sums.iter().flat_map(presence).flatten().collect::<Vec<u32>>());
     harness.run(Pass::SweptResolve);
-    let want: Vec<_> = on_band.iter().zip(&sums).flat_map(|(&tile, sums)| twins.resolve(tile, sums)).collect();
+    let of_tile = |((&tile, sums), (_, still)): ((_, _), &StillTile)| twins.resolve(tile, sums, still);
+    let want: Vec<_> = on_band.iter().zip(&sums).zip(&still).flat_map(of_tile).collect();
     let got: Vec<f32> = harness.read(&harness.gpu.machine.buffers.film, want.len() * PIXELS);
     compare("film", &got, &flat(&want), |_| 1.0).map_err(failed(Pass::SweptResolve))
 }
@@ -309,7 +347,7 @@ fn swept_passes_agree() {
 }
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 21] = [
+static MUTANTS: [([(&str, &str); 1], &str); 25] = [
     ([("apply(travels[segment.index].motion, position)", "-apply(travels[segment.index].motion, position)")], "tube"),
     ([("(vx * my - vy * mx) * over_both", "(vx * my + vy * mx) * over_both")], "tube"),
     ([("max(begin.y, end.y)", "begin.y")], "fast"),
@@ -331,6 +369,10 @@ static MUTANTS: [([(&str, &str); 1], &str); 21] = [
     ([("presence[at + TILE_PIXELS] & ~surface", "presence[at + TILE_PIXELS]")], "fast"),
     ([("max(span.x, limits.x), min(span.y, limits.y)", "span.x, span.y")], "near"),
     ([("covers + min(loose, reached)", "covers + reached")], "fast"),
+    ([("met.depth > before", "met.depth < before")], "tube"),
+    ([("let behind = view.map_tiles.x", "let behind = view.map_tiles.y")], "tube"),
+    ([("view.weight - covered", "view.weight")], "tube"),
+    ([("left * still_film[at + 3u * TILE_PIXELS]", "left")], "once"),
 ];
 
 #[test]
