@@ -10,9 +10,12 @@ mod support;
 use std::time::Instant;
 
 use glam::{Vec2, Vec3};
+use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
+#[cfg(feature = "gpu")]
+use splatblur::backend::gpu::{Choice, Gpu};
 use splatblur::compare::{flip, gamma_rmse};
-use splatblur::film::Picture;
+use splatblur::film::{Aov, Picture};
 use splatblur::frame::{Frame, STILL_PATH};
 use splatblur::plan::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading, Target};
 use splatblur::render::{Rendered, render_frame};
@@ -98,6 +101,71 @@ fn shipped_scenes() {
             continue;
         }
         table(&shipped(name), frame, filter());
+    }
+}
+
+/// The cheapest setting of mode auto, of plain supersampling and of supersampling with a lattice that has at most this FLIP, and what they
+/// cost: time in turns, the least of nine, splats and samples of a pixel. `GPU=1`: seconds of one frame each on the GPU, too.
+#[test]
+#[ignore = "takes minutes; makes a table of docs/modes.md"]
+fn at_equal_flip() {
+    println!("| scene | FLIP at most | mode | FLIP | ms | M splats | samples of a pixel | s on the GPU |");
+    let mut gpu: Option<Box<dyn Backend>> = None;
+    #[cfg(feature = "gpu")]
+    if std::env::var_os("GPU").is_some() {
+        gpu = Some(Box::new(Gpu::open(&Choice::default()).unwrap()));
+    }
+    let generated = [(lin(), 0), (rot(), 0), (cross(), 0)];
+    for (scene, frame) in generated.into_iter().chain([(shipped("three_objects"), 20)]) {
+        if std::env::var("SCENE").is_ok_and(|wanted| wanted != scene.name) {
+            continue;
+        }
+        let truth = reference(&scene, frame, filter());
+        let options = |mode| {
+            let (prefilter, shading) = (Prefilter::None, Shading::Gouraud);
+            RenderOptions { mode, filter: filter(), prefilter, shading, ..RenderOptions::default() }
+        };
+        let mut cpu = Cpu::default();
+        let mut render = |mode| render_frame(&mut cpu, &scene, frame, &options(mode)).unwrap();
+        let autos = (0..18).map(|k| 0.2 * 0.5_f64.powf(f64::from(k) / 3.0));
+        let autos = autos.map(|error| BlurMode::Auto(Target { error, ..Target::default() }));
+        let plain = (2..=80).map(BlurMode::supersample);
+        let lattice = (2..=40).map(|samples| BlurMode::interleaved(samples, Interleave::Two));
+        let kinds: [Vec<BlurMode>; 3] = [autos.collect(), plain.collect(), lattice.collect()];
+        for most in [0.01, 0.005] {
+            let mut found: Vec<&BlurMode> = Vec::new();
+            for modes in &kinds {
+                let good = |mode: &&BlurMode| flip::mean(&render(**mode).picture, &truth).unwrap() <= most;
+                found.extend(modes.iter().find(good));
+            }
+            let mut least = vec![f64::INFINITY; found.len()];
+            for _ in 0..9 {
+                for (mode, least) in found.iter().zip(&mut least) {
+                    let start = Instant::now();
+                    render(**mode);
+                    *least = least.min(start.elapsed().as_secs_f64());
+                }
+            }
+            for (mode, seconds) in found.into_iter().zip(least) {
+                let Rendered { picture, stats } = render(*mode);
+                let with_samples = RenderOptions { aovs: vec![Aov::Samples], ..options(*mode) };
+                let layer =
+                    render_frame(&mut Cpu::default(), &scene, frame, &with_samples).unwrap().picture.layers.remove(0);
+                let samples = layer.planes[0].iter().sum::<f32>() / layer.planes[0].len() as f32;
+                let on_gpu = gpu.as_mut().map_or(f64::NAN, |gpu| {
+                    let start = Instant::now();
+                    render_frame(gpu.as_mut(), &scene, frame, &options(*mode)).unwrap();
+                    start.elapsed().as_secs_f64()
+                });
+                println!(
+                    "| {} | {most} | {mode} | {:.4} | {:.1} | {:.2} | {samples:.1} | {on_gpu:.1} |",
+                    scene.name,
+                    flip::mean(&picture, &truth).unwrap(),
+                    1e3 * seconds,
+                    stats.splats as f64 / 1e6,
+                );
+            }
+        }
     }
 }
 

@@ -1,6 +1,7 @@
-//! Boxes around pieces of a model: a piece that lies apart from the blocks that are wanted need not be projected.
+//! Pieces of a model, with boxes around them and cones around their normals: a piece that lies apart from the pixels that are wanted,
+//! or shows its back, need not be projected.
 
-use std::ops::Range;
+use std::sync::{Arc, Weak};
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -9,66 +10,108 @@ use crate::frame::{Blocks, Frame, PosedObject, Raster};
 use crate::model::Surfels;
 
 /// Surfels of a piece; neighbours in memory are neighbours in space.
-const PIECE: usize = 256;
+pub(super) const PIECE: usize = 256;
 
 /// Slack of a box on the screen, pixels, against rounding.
 const SLACK: f32 = 1.0;
 
-/// Least and greatest corner of the kernels of each piece, model space.
+/// Angle by which normals must at least be turned away, against rounding.
+const TURN: f32 = 2e-3;
+
+/// The pieces of the models that were seen.
+#[derive(Debug, Default)]
+pub(super) struct PieceStore {
+    /// A model's address is held, so that no other can get it, but not its surfels.
+    models: Vec<(Weak<Surfels>, Arc<Pieces>)>,
+}
+
+impl PieceStore {
+    /// The pieces of each object of `frame`.
+    pub(super) fn of_frame(&mut self, frame: &Frame<'_>) -> Vec<Arc<Pieces>> {
+        self.models.retain(|(model, _)| model.strong_count() > 0);
+        frame.objects.iter().map(|object| self.of(object.surfels)).collect()
+    }
+
+    pub(super) fn of(&mut self, surfels: &Arc<Surfels>) -> Arc<Pieces> {
+        if let Some((_, pieces)) = self.models.iter().find(|(model, _)| model.as_ptr() == Arc::as_ptr(surfels)) {
+            return Arc::clone(pieces);
+        }
+        let pieces = Arc::new(Pieces::of(surfels));
+        self.models.push((Arc::downgrade(surfels), Arc::clone(&pieces)));
+        pieces
+    }
+}
+
+/// The pieces of a model.
 #[derive(Clone, Debug)]
-pub(super) struct Pieces(Vec<[Vec3; 2]>);
+pub(super) struct Pieces(Vec<Piece>);
+
+/// Some surfels, model space.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    /// Least and greatest corner of their kernels; what is not finite shows nothing.
+    corners: [Vec3; 2],
+    /// About the mean direction of their normals, u x v.
+    axis: Vec3,
+    /// Greatest angle of a normal to the axis; more than half a turn where nothing can be said.
+    spread: f32,
+}
+
+impl Piece {
+    fn of(position: &[Vec3], u: &[Vec3], v: &[Vec3]) -> Self {
+        let mut corners = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        for (p, (u, v)) in position.iter().zip(u.iter().zip(v)) {
+            let reach = u.abs() + v.abs();
+            if p.is_finite() && reach.is_finite() {
+                corners = [corners[0].min(p - reach), corners[1].max(p + reach)];
+            }
+        }
+        // What has no normal covers nothing.
+        let normals = || u.iter().zip(v).filter_map(|(u, v)| u.cross(*v).try_normalize());
+        let axis = normals().sum::<Vec3>().normalize_or_zero();
+        let least = normals().map(|n| n.dot(axis)).fold(1.0, f32::min);
+        let spread = if axis == Vec3::ZERO { f32::INFINITY } else { libm::acosf(least.max(-1.0)) };
+        Self { corners, axis, spread }
+    }
+
+    /// Do all surfels clearly show their backs to `eye`?
+    fn faces_away(&self, eye: Vec3) -> bool {
+        let [low, high] = self.corners;
+        let from_eye = 0.5 * (low + high) - eye;
+        let (distance, reach) = (from_eye.length(), 0.5 * (high - low).length());
+        // How far directions to the surfels, and then normals, may be turned from those of the middle.
+        let slack = self.spread + libm::asinf((reach / distance).min(1.0)) + TURN;
+        slack < std::f32::consts::FRAC_PI_2 && self.axis.dot(from_eye) > distance * libm::sinf(slack)
+    }
+}
 
 impl Pieces {
     fn of(surfels: &Surfels) -> Self {
         let axes = surfels.axis_u.par_chunks(PIECE).zip(surfels.axis_v.par_chunks(PIECE));
-        let boxes = surfels.position.par_chunks(PIECE).zip(axes).map(|(position, (u, v))| {
-            let mut corners = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-            for (p, (u, v)) in position.iter().zip(u.iter().zip(v)) {
-                let reach = u.abs() + v.abs();
-                corners = [corners[0].min(p - reach), corners[1].max(p + reach)];
-            }
-            corners
-        });
-        Self(boxes.collect())
+        Self(surfels.position.par_chunks(PIECE).zip(axes).map(|(position, (u, v))| Piece::of(position, u, v)).collect())
     }
 
-    /// Those of each object of `frame`, where only some blocks are wanted; else none.
-    pub(super) fn of_frame(frame: &Frame<'_>) -> Vec<Self> {
-        match frame.wanted {
-            Some(_) if frame.swept.is_none() => frame.objects.iter().map(|object| Self::of(object.surfels)).collect(),
-            _ => Vec::new(),
-        }
-    }
-
-    /// The parts of `surfels` that may touch a wanted block; what lies between two of them is longer than `gap`.
-    pub(super) fn wanted(&self, window: &Window<'_>, surfels: Range<usize>, gap: usize) -> Vec<Range<usize>> {
-        let mut parts: Vec<Range<usize>> = Vec::new();
-        for piece in surfels.start / PIECE..surfels.end.div_ceil(PIECE) {
-            if self.0.get(piece).is_some_and(|corners| !window.touches(corners)) {
-                continue;
-            }
-            let (first, end) = ((piece * PIECE).max(surfels.start), ((piece + 1) * PIECE).min(surfels.end));
-            match parts.last_mut() {
-                Some(part) if first - part.end <= gap => part.end = end,
-                _ => parts.push(first..end),
-            }
-        }
-        parts
+    /// May piece `index` show anything? `one_sided`: only what faces the eye does.
+    pub(super) fn may_show(&self, index: usize, window: &Window<'_>, one_sided: bool) -> bool {
+        self.0
+            .get(index)
+            .is_none_or(|piece| !(one_sided && piece.faces_away(window.object.eye)) && window.touches(&piece.corners))
     }
 }
 
-/// An object before the blocks that are wanted.
+/// An object before the pixels that are wanted.
 pub(super) struct Window<'a> {
     pub object: &'a PosedObject,
     pub raster: &'a Raster,
     /// First and last pixel column, first and last pixel row.
     pub pixels: [i32; 4],
     pub near: f32,
-    pub blocks: &'a Blocks,
+    /// Blocks of those pixels that are wanted; `None`: all.
+    pub blocks: Option<&'a Blocks>,
 }
 
 impl Window<'_> {
-    /// May what lies in the box touch a wanted block? True where it comes near the camera plane.
+    /// May what lies in the box touch a wanted pixel? True where it comes near the camera plane.
     fn touches(&self, [low, high]: &[Vec3; 2]) -> bool {
         let mut bounds = [f32::INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::NEG_INFINITY];
         for corner in 0..8 {
@@ -89,7 +132,8 @@ impl Window<'_> {
         let [left, right] = [(bounds[0] - reach).max(x0), (bounds[1] + reach).min(x1)];
         let [top, bottom] = [(bounds[2] - reach).max(y0), (bounds[3] + reach).min(y1)];
         let of = |first: f32, last: f32| first as usize / Blocks::EDGE..=last as usize / Blocks::EDGE;
-        let wanted = || of(top, bottom).any(|y| of(left, right).any(|x| self.blocks.at(x, y)));
+        let wanted =
+            || self.blocks.is_none_or(|blocks| of(top, bottom).any(|y| of(left, right).any(|x| blocks.at(x, y))));
         left <= right && top <= bottom && wanted()
     }
 }

@@ -35,7 +35,7 @@ use self::swept::{Map, StillTile};
 use self::tiles::{Band, ROWS, STRIDE, TILE, TileBuffers};
 use self::waves::{Job, Tiles};
 use self::work::{Chunk, Work};
-use super::pieces::Pieces;
+use super::pieces::PieceStore;
 use super::{Backend, BackendError, Rendered};
 use crate::film::{FilmPlanes, develop};
 use crate::frame::{Blocks, Frame};
@@ -57,6 +57,7 @@ pub struct Cpu {
     buffers: Vec<TileBuffers>,
     /// Likewise, for kernels in motion.
     map: Map,
+    pieces: PieceStore,
     /// The frame that was begun.
     done: Option<Rendered>,
 }
@@ -91,7 +92,7 @@ impl Cpu {
         let stride = frame.stride as usize;
         let mut films = RasterFilms { films: Vec::new(), stride, samples: frame.samples() };
         let clocks = Clocks::default();
-        let pieces = Pieces::of_frame(frame);
+        let pieces = self.pieces.of_frame(frame);
         let (has_still_picture, one_view) = (frame.has_still_picture(), frame.has_one_view());
         for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
             let size = groups[0].raster.size;

@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use glam::{Mat3, Vec3};
 
+use crate::backend::pieces::{PIECE, Pieces, Window};
 use crate::frame::{Blocks, PosedObject, Raster};
 use crate::layout::{FLAG_BACK, Splat};
 use crate::math::simd::dispatch;
@@ -16,7 +17,8 @@ use crate::model::Surfels;
 const LANES: usize = 16;
 type Lanes = [f32; LANES];
 /// Surfels turned from points into coordinates at once; whole blocks.
-const RUN: usize = 16 * LANES;
+const RUN: usize = PIECE;
+const _: () = assert!(RUN.is_multiple_of(LANES));
 
 /// Slack of screen bounds, pixels plus a share of the size: they must not be too small by rounding.
 const SLACK: f32 = 1e-3;
@@ -38,9 +40,20 @@ pub(super) struct View<'a> {
     /// With the low-pass disc?
     pub low_pass: bool,
     pub two_sided: bool,
+    /// Of the object's model, where it is known.
+    pub pieces: Option<&'a Pieces>,
 }
 
 impl View<'_> {
+    /// May a piece of the model show anything? Over an interval centres travel apart from what `Window` holds.
+    #[inline(never)]
+    fn may_show(&self, piece: usize) -> bool {
+        let Some(pieces) = self.pieces.filter(|_| !self.object.moves) else { return true };
+        let (object, raster, blocks) = (self.object, &self.raster, self.wanted);
+        let window = Window { object, raster, pixels: self.pixels, near: self.near, blocks };
+        pieces.may_show(piece, &window, !self.two_sided)
+    }
+
     /// Does a splat touch a block that is wanted? `bounds`: first and last pixel column, first and last row, from `corner`, which is 0
     /// where blocks are wanted.
     #[inline(always)]
@@ -62,7 +75,11 @@ fn project_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &m
     let mut run = Run::default();
     let mut first = range.start;
     while first < range.end {
-        let at = first..(first + RUN).min(range.end);
+        let at = first..(first / RUN * RUN + RUN).min(range.end);
+        if !view.may_show(first / RUN) {
+            first = at.end;
+            continue;
+        }
         run.load(surfels, at.clone());
         for block in (0..at.len()).step_by(LANES) {
             let n = (at.len() - block).min(LANES);
@@ -342,4 +359,117 @@ fn push_crossing(view: &View<'_>, block: &Block, l: usize, surfel: u32, out: &mu
         surfel,
         flags: if det * view.object.handedness < 0.0 { 0 } else { FLAG_BACK },
     });
+}
+
+#[cfg(test)]
+#[allow(clippy::print_stdout, reason = "tests may report")]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::Quat;
+
+    use super::*;
+    use crate::backend::pieces::PieceStore;
+
+    struct Random(u64);
+
+    impl Random {
+        fn next(&mut self) -> f32 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 40) as f32 / (1_u64 << 24) as f32
+        }
+
+        fn vector(&mut self) -> Vec3 {
+            2.0 * Vec3::new(self.next(), self.next(), self.next()) - 1.0
+        }
+    }
+
+    /// A sphere of round surfels.
+    fn ball(n: u32) -> Surfels {
+        let mut surfels = Surfels::default();
+        for i in 0..n {
+            let z = 1.0 - 2.0 * (i as f32 + 0.5) / n as f32;
+            let (sin, cos) = (i as f32 * 2.399_963).sin_cos();
+            let normal = Vec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+            let (u, v) = normal.any_orthonormal_pair();
+            surfels.position.push(normal);
+            surfels.axis_u.push(u * 4.0 / (n as f32).sqrt());
+            surfels.axis_v.push(v * 4.0 / (n as f32).sqrt());
+            surfels.normal.push(normal);
+            surfels.colour.push(Vec3::ONE);
+        }
+        surfels.spatially_ordered()
+    }
+
+    /// Pieces that are left out hold no splat: near and far, partly off the image, mirrored, seen from within, with wild surfels.
+    #[test]
+    fn pieces_that_are_left_out_hold_nothing() {
+        let mut random = Random(5);
+        let mut ball = ball(20_000);
+        for wild in [f32::NAN, f32::INFINITY, 1e30] {
+            let at = (random.next() * ball.len() as f32) as usize;
+            ball.position[at].x = wild;
+            let other = ball.len() - 1 - at;
+            ball.axis_u[other].y = wild;
+        }
+        let ball = Arc::new(ball);
+        let pieces = PieceStore::default().of(&ball);
+        let (mut left_out, mut all, mut kept) = (0, 0, 0);
+        for case in 0..200 {
+            let mut linear = Mat3::from_quat(Quat::from_vec4(random.vector().extend(random.next()).normalize()));
+            let handedness = if case % 3 == 0 { -1.0 } else { 1.0 };
+            linear.x_axis *= handedness * (0.5 + random.next());
+            let origin = random.vector() * Vec3::new(1.5, 1.5, 3.0) - 2.5 * Vec3::Z;
+            let k = Mat3::from_diagonal(Vec3::new(90.0, -90.0, -1.0));
+            let (screen_from_model, screen_origin) = (k * linear, k * origin);
+            let object = PosedObject {
+                visible: true,
+                screen_from_model,
+                screen_origin,
+                centre_from_model: screen_from_model,
+                centre_origin: screen_origin,
+                motion_from_model: Mat3::ZERO,
+                motion_origin: Vec3::ZERO,
+                moves: false,
+                eye: -(screen_from_model.inverse() * screen_origin),
+                screen_rate: Mat3::ZERO,
+                screen_origin_rate: Vec3::ZERO,
+                normal_matrix: Mat3::IDENTITY,
+                world_from_model: linear,
+                world_origin: origin,
+                handedness,
+                epsilon: 0.0,
+            };
+            let raster = Raster {
+                size: [64; 2],
+                phase: [0; 2],
+                axis: [32.0; 2],
+                focal: 90.0,
+                low_pass: std::f32::consts::SQRT_2,
+                offset: [0.3, -0.4],
+            };
+            let whole = View {
+                object: &object,
+                raster,
+                pixels: [0, 63, 0, 63],
+                corner: [0; 2],
+                wanted: None,
+                near: 0.1,
+                low_pass: case % 2 == 0,
+                two_sided: case % 5 == 0,
+                pieces: None,
+            };
+            let view = View { pieces: Some(&pieces), ..whole };
+            let (mut want, mut got) = (Vec::new(), Vec::new());
+            project(&whole, &ball, 0..ball.len(), &mut want);
+            project(&view, &ball, 0..ball.len(), &mut got);
+            assert!(got == want, "case {case}: {} of {} splats", got.len(), want.len());
+            let count = ball.len().div_ceil(PIECE);
+            all += count;
+            left_out += (0..count).filter(|&piece| !view.may_show(piece)).count();
+            kept += want.len();
+        }
+        println!("{left_out} of {all} pieces left out, {kept} splats");
+        assert!(left_out * 3 > all && kept > 100_000);
+    }
 }

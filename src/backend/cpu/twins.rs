@@ -66,6 +66,7 @@ impl Twins<'_> {
                     near: frame.near,
                     low_pass: frame.prefilter == Prefilter::Approx,
                     two_sided: frame.objects[object].two_sided,
+                    pieces: None,
                 };
                 let surfels = frame.objects[object].surfels;
                 let mut splats = Vec::new();

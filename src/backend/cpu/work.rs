@@ -1,6 +1,7 @@
 //! The passes of one group in one band: what each reads and writes, for a chunk of surfels or for a tile.
 
 use std::ops::Range;
+use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
@@ -15,7 +16,7 @@ use super::tiles::{Band, TileBuffers};
 use super::values::{self, Faced, Shown};
 use super::visibility::{self, Depths};
 use super::waves::Job;
-use crate::backend::pieces::{Pieces, Window};
+use crate::backend::pieces::Pieces;
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup};
 use crate::layout::{Channels, Splat, SweptSplat};
@@ -47,8 +48,8 @@ pub(super) struct Work<'a> {
     pub still: Option<&'a [StillTile]>,
     /// Where those look up sources, once it is whole.
     pub map: Option<&'a Map>,
-    /// Of each object, where only some blocks are wanted.
-    pub pieces: &'a [Pieces],
+    /// Of each object.
+    pub pieces: &'a [Arc<Pieces>],
     pub clocks: &'a Clocks,
 }
 
@@ -70,25 +71,9 @@ impl Work<'_> {
         let wanted = objects.filter(move |(_, (pose, object))| pose.visible && object.still == still);
         wanted.flat_map(move |(index, (_, object))| {
             let len = object.surfels.len();
-            let chunks = (0..len).step_by(CHUNK).map(move |first| {
+            (0..len).step_by(CHUNK).map(move |first| {
                 let surfels = first..(first + CHUNK).min(len);
                 Chunk { sample, object: index, surfels }
-            });
-            chunks.flat_map(move |chunk| {
-                let parts = match self.pieces.get(index).zip(self.frame.wanted.as_ref()) {
-                    Some((pieces, blocks)) => {
-                        let window = Window {
-                            object: &self.group.samples[sample].objects[index],
-                            raster: &self.group.raster,
-                            pixels: self.band.pixels,
-                            near: self.frame.near,
-                            blocks,
-                        };
-                        pieces.wanted(&window, chunk.surfels.clone(), 0)
-                    }
-                    None => vec![chunk.surfels.clone()],
-                };
-                parts.into_iter().map(move |surfels| Chunk { surfels, ..chunk })
             })
         })
     }
@@ -103,6 +88,7 @@ impl Work<'_> {
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,
             two_sided: self.frame.objects[chunk.object].two_sided,
+            pieces: self.pieces.get(chunk.object).map(Arc::as_ref),
         }
     }
 

@@ -1,6 +1,8 @@
 //! Executes a frame's plan on the device: cuts the frame up, records the passes of each group, and submits them one after
 //! the other. Nothing waits for the device here.
 
+use std::sync::Arc;
+
 use bytemuck::Zeroable;
 use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 
@@ -27,7 +29,7 @@ pub(super) struct Execution<'a> {
     /// Of each object.
     pub blocks: Vec<Vec<Block>>,
     /// Likewise, where only some blocks of the image are wanted.
-    pub pieces: Vec<Pieces>,
+    pub pieces: Vec<Arc<Pieces>>,
     pub schedule: Schedule,
 }
 
@@ -51,7 +53,9 @@ impl Gpu {
         let wanted = wanted(frame);
         grow(device, &mut buffers.wanted, "blocks", 4 * wanted.len() as u64)?;
         device.queue.write_buffer(&buffers.wanted, 0, bytemuck::cast_slice(&wanted));
-        Ok(Execution { frame, channels, planes, blocks, pieces: Pieces::of_frame(frame), schedule })
+        let in_part = frame.wanted.is_some() && frame.swept.is_none();
+        let pieces = if in_part { self.pieces.of_frame(frame) } else { Vec::new() };
+        Ok(Execution { frame, channels, planes, blocks, pieces, schedule })
     }
 
     /// Records and submits all groups.

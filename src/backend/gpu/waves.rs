@@ -1,11 +1,12 @@
 //! How a group is cut up: its surfels into waves, and those into segments.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::layout::{Segment, Travel, UNIFORM_STRIDE};
 use super::models::Block;
 use super::schedule::Schedule;
-use crate::backend::pieces::{Pieces, Window};
+use crate::backend::pieces::{PIECE, Pieces, Window};
 use crate::frame::{Frame, PosedGroup};
 
 /// Surfels that are not worth a segment of their own: what is not wanted is projected where it is shorter.
@@ -57,7 +58,7 @@ impl Schedule {
         frame: &Frame<'_>,
         group: &PosedGroup,
         blocks: &[Vec<Block>],
-        pieces: &[Pieces],
+        pieces: &[Arc<Pieces>],
         part: Part,
     ) -> Waves {
         let objects = |sample: usize, still: bool| {
@@ -92,7 +93,7 @@ struct Cutter<'a> {
     frame: &'a Frame<'a>,
     group: &'a PosedGroup,
     blocks: &'a [Vec<Block>],
-    pieces: &'a [Pieces],
+    pieces: &'a [Arc<Pieces>],
     /// Slots of a wave.
     most: usize,
     /// Of the next segment.
@@ -107,9 +108,23 @@ impl Cutter<'_> {
         };
         let raster = &self.group.raster;
         let [right, bottom] = raster.size.map(|pixels| pixels as i32 - 1);
+        let one_sided = !self.frame.objects[object].two_sided;
         let object = &self.group.samples[sample].objects[object];
+        let blocks = Some(blocks);
         let window = Window { object, raster, pixels: [0, right, 0, bottom], near: self.frame.near, blocks };
-        pieces.wanted(&window, block.surfels.clone(), GAP)
+        let mut parts: Vec<Range<usize>> = Vec::new();
+        for piece in block.surfels.start / PIECE..block.surfels.end.div_ceil(PIECE) {
+            if !pieces.may_show(piece, &window, one_sided) {
+                continue;
+            }
+            let first = (piece * PIECE).max(block.surfels.start);
+            let end = ((piece + 1) * PIECE).min(block.surfels.end);
+            match parts.last_mut() {
+                Some(part) if first - part.end <= GAP => part.end = end,
+                _ => parts.push(first..end),
+            }
+        }
+        parts
     }
 
     /// `objects`: sample and object of each.

@@ -72,7 +72,7 @@ fn attribute_body(
         Footprint::Tube if low_pass => add_all::<TUBE, true>(splats, list, swept, tile, threshold, sums, presence),
         Footprint::Tube => add_all::<TUBE, false>(splats, list, swept, tile, threshold, sums, presence),
         Footprint::Ellipsoid if low_pass => {
-            add_all::<ELLIPSOID, true>(splats, list, swept, tile, threshold, sums, presence)
+            add_all::<ELLIPSOID, true>(splats, list, swept, tile, threshold, sums, presence);
         }
         Footprint::Ellipsoid => add_all::<ELLIPSOID, false>(splats, list, swept, tile, threshold, sums, presence),
         Footprint::Chord if low_pass => add_all::<CHORD, true>(splats, list, swept, tile, threshold, sums, presence),

@@ -61,6 +61,7 @@ impl SweptTwins<'_> {
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,
             two_sided: self.frame.objects[object].two_sided,
+            pieces: None,
         }
     }
 
