@@ -1,5 +1,7 @@
 //! The film: accumulators that become a [`Picture`].
 
+use std::ops::Range;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -138,8 +140,15 @@ pub trait Film: Sync {
     fn samples(&self, y: u32, out: &mut [f32]);
 }
 
-/// Composites the film once over the background, and divides the AOVs by alpha (design section 2).
-pub fn develop(film: &impl Film, size: [u32; 2], aovs: &[Aov], background: Background) -> Picture {
+/// Composites the film once over the background, and divides the AOVs by alpha (design section 2): in the columns of each row that are
+/// `wanted`; all else is 0.
+pub fn develop(
+    film: &impl Film,
+    size: [u32; 2],
+    aovs: &[Aov],
+    background: Background,
+    wanted: impl Fn(usize) -> Vec<Range<usize>> + Sync,
+) -> Picture {
     let [width, height] = size;
     let columns = width as usize;
     let planes = FilmPlanes::of(aovs);
@@ -148,14 +157,21 @@ pub fn develop(film: &impl Film, size: [u32; 2], aovs: &[Aov], background: Backg
     rgba.par_chunks_mut(columns).zip(0..height).for_each_init(
         || vec![0.0; 4 * columns],
         |rows, (out, y)| {
+            let wanted = wanted(y as usize);
+            if wanted.is_empty() {
+                return;
+            }
             rows.chunks_exact_mut(columns).enumerate().for_each(|(plane, row)| film.row(plane, y, row));
             let (colour, alpha) = rows.split_at(3 * columns);
             let (red, rest) = colour.split_at(columns);
             let (green, blue) = rest.split_at(columns);
-            for ((((out, r), g), b), alpha) in out.iter_mut().zip(red).zip(green).zip(blue).zip(alpha) {
-                let through = if background.transparent { 0.0 } else { 1.0 - alpha };
-                let cover = if background.transparent { *alpha } else { 1.0 };
-                *out = [r + through * behind[0], g + through * behind[1], b + through * behind[2], cover];
+            for span in wanted {
+                let colours = red[span.clone()].iter().zip(&green[span.clone()]).zip(&blue[span.clone()]);
+                for ((out, ((r, g), b)), alpha) in out[span.clone()].iter_mut().zip(colours).zip(&alpha[span]) {
+                    let through = if background.transparent { 0.0 } else { 1.0 - alpha };
+                    let cover = if background.transparent { *alpha } else { 1.0 };
+                    *out = [r + through * behind[0], g + through * behind[1], b + through * behind[2], cover];
+                }
             }
         },
     );
@@ -164,6 +180,9 @@ pub fn develop(film: &impl Film, size: [u32; 2], aovs: &[Aov], background: Backg
         plane.par_chunks_mut(columns).zip(0..height).for_each_init(
             || vec![0.0; columns],
             |alpha, (out, y)| {
+                if wanted(y as usize).is_empty() {
+                    return;
+                }
                 if aov == Aov::Samples {
                     return film.samples(y, out);
                 }

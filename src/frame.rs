@@ -2,6 +2,7 @@
 //!
 //! Transforms are composed in `f64` and only then rounded, so that far-away world coordinates cost no precision.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
@@ -69,6 +70,14 @@ impl Blocks {
     /// Blocks in a row and rows of them, for an image of `size` pixels whose rasters take every `stride`-th.
     pub fn count(size: [u32; 2], stride: u32) -> [usize; 2] {
         size.map(|pixels| (pixels.div_ceil(stride) as usize).div_ceil(Self::EDGE))
+    }
+
+    /// The columns of row `y` that lie in `wanted` blocks, of an image of `width` columns whose rasters take every `stride`-th.
+    pub fn columns(wanted: Option<&Self>, y: usize, width: usize, stride: usize) -> Vec<Range<usize>> {
+        let Some(blocks) = wanted else { return std::iter::once(0..width).collect() };
+        let edge = Self::EDGE * stride;
+        let columns = |x: usize| (x * edge).min(width)..((x + 1) * edge).min(width);
+        (0..blocks.width).filter(|&x| blocks.at(x, y / edge)).map(columns).collect()
     }
 
     /// Is the block in column `x` and row `y` wanted? Those beyond the image are not.

@@ -1,5 +1,8 @@
 //! The even and the odd time samples of a frame, as two pictures.
 
+use std::ops::Range;
+
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::keeps;
@@ -117,8 +120,8 @@ impl Halves {
         &self.0
     }
 
-    /// Adds the samples of `round`, which are `fresh`, where `blocks` wants them; `edge` is that of a block, pixels.
-    pub(super) fn refine(&mut self, fresh: &Self, round: &Round<'_>, blocks: &Blocks, edge: usize) {
+    /// Adds the samples of `round`, which are `fresh`, where `blocks` wants them.
+    pub(super) fn refine(&mut self, fresh: &Self, round: &Round<'_>, blocks: &Blocks) {
         let stride = round.interleave.stride() as usize;
         let old = if keeps(round.scene) { 1.0 / round.factor as f32 } else { 0.0 };
         let width = self.0[0].width as usize;
@@ -126,18 +129,20 @@ impl Halves {
         let swaps: Vec<bool> = (0..stride * stride)
             .map(|class| round.place([class % stride, class / stride].map(|p| p as u32)).shift % 2 == 1)
             .collect();
-        let wanted = |at: usize| blocks.at(at % width / edge, at / width / edge);
+        let columns = |y: usize| Blocks::columns(Some(blocks), y, width, stride);
         let [even, odd] = &mut self.0;
-        let swap = |at: usize| wanted(at) && swaps[at / width % stride * stride + at % width % stride];
-        swap_pixels(even, odd, &swap);
-        mix(even, &fresh.0[0], &|at| if wanted(at) { old } else { 1.0 });
-        mix(odd, &fresh.0[1], &|at| if wanted(at) { old } else { 1.0 });
+        swap_pixels(even, odd, &columns, &|x, y| swaps[y % stride * stride + x % stride]);
+        let mixed = Mixed { columns: &columns, shares: &|_, shares| shares.fill(old), behind: None };
+        mixed.mix(even, &fresh.0[0]);
+        mixed.mix(odd, &fresh.0[1]);
     }
 
-    /// The mean of both; `even`: the share of the even one, for each pixel.
-    pub(super) fn mean(self, even: &(dyn Fn(usize) -> f32 + Sync)) -> Picture {
+    /// The mean of both, before `behind` if there is anything; `even` writes the share of the even one for each pixel of a row.
+    pub(super) fn mean(self, even: Shares<'_>, behind: Option<Vec3>) -> Picture {
         let [mut mean, odd] = self.0;
-        mix(&mut mean, &odd, even);
+        let width = mean.width as usize;
+        let columns = |y: usize| Blocks::columns(None, y, width, 1);
+        Mixed { columns: &columns, shares: even, behind }.mix(&mut mean, &odd);
         mean
     }
 }
@@ -148,44 +153,83 @@ fn picture_bytes(frame: &Frame<'_>) -> u64 {
     u64::from(frame.size[0]) * u64::from(frame.size[1]) * planes * size_of::<f32>() as u64
 }
 
-/// Pixels that are worked on at once.
-const RUN: usize = 4096;
+/// Columns of a row.
+type Columns<'a> = &'a (dyn Fn(usize) -> Vec<Range<usize>> + Sync);
 
-/// Exchanges the pixels for which `which` is true.
-fn swap_pixels(a: &mut Picture, b: &mut Picture, which: &(dyn Fn(usize) -> bool + Sync)) {
-    fn swap<T: Send>(a: &mut [T], b: &mut [T], which: &(dyn Fn(usize) -> bool + Sync)) {
-        let pairs = a.par_iter_mut().zip(b).with_min_len(RUN).enumerate();
-        pairs.filter(|(at, _)| which(*at)).for_each(|(_, (a, b))| std::mem::swap(a, b));
-    }
-    swap(&mut a.rgba, &mut b.rgba, which);
-    for (a, b) in a.layers.iter_mut().zip(&mut b.layers) {
-        a.planes.iter_mut().zip(&mut b.planes).for_each(|(a, b)| swap(a, b, which));
+/// Writes a number for each pixel of a row.
+pub(super) type Shares<'a> = &'a (dyn Fn(usize, &mut [f32]) + Sync);
+
+/// Exchanges the pixels of some columns for which `which` is true, of column and row.
+fn swap_pixels(a: &mut Picture, b: &mut Picture, columns: Columns<'_>, which: &(dyn Fn(usize, usize) -> bool + Sync)) {
+    let width = a.width as usize;
+    let swap_row = |y: usize, swap: &mut dyn FnMut(usize)| {
+        columns(y).into_iter().flatten().filter(|&x| which(x, y)).for_each(swap);
+    };
+    let rows = a.rgba.par_chunks_mut(width).zip(b.rgba.par_chunks_mut(width)).enumerate();
+    rows.for_each(|(y, (a, b))| swap_row(y, &mut |x| std::mem::swap(&mut a[x], &mut b[x])));
+    let layers = a.layers.iter_mut().zip(&mut b.layers);
+    for (a, b) in layers.flat_map(|(a, b)| a.planes.iter_mut().zip(&mut b.planes)) {
+        let rows = a.par_chunks_mut(width).zip(b.par_chunks_mut(width)).enumerate();
+        rows.for_each(|(y, (a, b))| swap_row(y, &mut |x| std::mem::swap(&mut a[x], &mut b[x])));
     }
 }
 
-/// `a` becomes `share` of itself, for each pixel, and the rest of `b`. What is a mean over what is covered goes by coverage.
-fn mix(a: &mut Picture, b: &Picture, share: &(dyn Fn(usize) -> f32 + Sync)) {
-    for (layer, of_b) in a.layers.iter_mut().zip(&b.layers) {
-        for (plane, of_b) in layer.planes.iter_mut().zip(&of_b.planes) {
-            let linear = layer.aov == Aov::Alpha;
-            let pixels =
-                plane.par_iter_mut().zip(of_b).zip(a.rgba.par_iter().zip(&b.rgba)).with_min_len(RUN).enumerate();
-            pixels.for_each(|(at, ((value, &other), (a, b)))| {
-                let share = share(at);
-                let by = if linear { [share, 1.0 - share] } else { [share * a[3], (1.0 - share) * b[3]] };
-                // Where one of them has nothing, its value may be infinite.
-                *value = match by {
-                    [_, 0.0] => *value,
-                    [0.0, _] => other,
-                    [of_a, of_b] => (of_a * *value + of_b * other) / (of_a + of_b),
-                };
-            });
+/// How two pictures become one.
+struct Mixed<'a> {
+    /// Of each row, where they do.
+    columns: Columns<'a>,
+    /// What the first has of each pixel.
+    shares: Shares<'a>,
+    /// What is then seen through it; `None`: it stays transparent.
+    behind: Option<Vec3>,
+}
+
+impl Mixed<'_> {
+    /// `a` becomes its share of itself and the rest of `b`. What is a mean over what is covered goes by coverage.
+    fn mix(&self, a: &mut Picture, b: &Picture) {
+        let width = a.width as usize;
+        for (layer, of_b) in a.layers.iter_mut().zip(&b.layers) {
+            for (plane, of_b) in layer.planes.iter_mut().zip(&of_b.planes) {
+                let linear = layer.aov == Aov::Alpha;
+                let colours = a.rgba.par_chunks(width).zip(b.rgba.par_chunks(width));
+                let rows = plane.par_chunks_mut(width).zip(of_b.par_chunks(width)).zip(colours).enumerate();
+                rows.for_each_init(
+                    || vec![0.0; width],
+                    |shares, (y, ((values, others), (a, b)))| {
+                        (self.shares)(y, shares);
+                        for x in (self.columns)(y).into_iter().flatten() {
+                            let share = shares[x];
+                            let by =
+                                if linear { [share, 1.0 - share] } else { [share * a[x][3], (1.0 - share) * b[x][3]] };
+                            // Where one of them has nothing, its value may be infinite.
+                            values[x] = match by {
+                                [_, 0.0] => values[x],
+                                [0.0, _] => others[x],
+                                [of_a, of_b] => (of_a * values[x] + of_b * others[x]) / (of_a + of_b),
+                            };
+                        }
+                    },
+                );
+            }
         }
+        let rows = a.rgba.par_chunks_mut(width).zip(b.rgba.par_chunks(width)).enumerate();
+        rows.for_each_init(
+            || vec![0.0; width],
+            |shares, (y, (a, b))| {
+                (self.shares)(y, shares);
+                for span in (self.columns)(y) {
+                    let pixels = a[span.clone()].iter_mut().zip(&b[span.clone()]).zip(&shares[span]);
+                    pixels.for_each(|((a, b), &share)| *a = self.pixel(a, b, share));
+                }
+            },
+        );
     }
-    a.rgba.par_iter_mut().zip(&b.rgba).with_min_len(RUN).enumerate().for_each(|(at, (a, b))| {
-        let share = share(at);
-        if share < 1.0 {
-            a.iter_mut().zip(b).for_each(|(a, b)| *a = share * *a + (1.0 - share) * b);
-        }
-    });
+
+    fn pixel(&self, a: &[f32; 4], b: &[f32; 4], share: f32) -> [f32; 4] {
+        let mixed = [0, 1, 2, 3].map(|c| share * a[c] + (1.0 - share) * b[c]);
+        let Some(behind) = self.behind else { return mixed };
+        let through = 1.0 - mixed[3];
+        let seen = |c: usize| mixed[c] + through * behind[c];
+        [seen(0), seen(1), seen(2), 1.0]
+    }
 }

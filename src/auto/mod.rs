@@ -15,7 +15,7 @@ use glam::DVec3;
 use self::estimate::{Errors, block_errors};
 use self::halves::{Halves, Round};
 use crate::backend::{Achieved, Backend, BackendError, Rendered, Stats};
-use crate::film::{Aov, Layer, Picture};
+use crate::film::{Aov, Layer};
 use crate::frame::{Blocks, STILL_PATH};
 use crate::plan::{Interleave, PixelFilter, RenderOptions, Target};
 use crate::scene::Scene;
@@ -87,7 +87,7 @@ pub fn render(
             let blocks = Blocks { width: errors.width, wanted: of_factor };
             let round = Round { factor, ..first };
             let fresh = Halves::render(backend, &round, Some(&blocks), &mut stats)?;
-            halves.refine(&fresh, &round, &blocks, edge);
+            halves.refine(&fresh, &round, &blocks);
             errors.replace(block_errors(&halves, background.as_vec3(), edge, Some(&blocks)));
         }
     }
@@ -103,7 +103,8 @@ pub fn render(
         refined,
         capped,
     });
-    let mut picture = halves.mean(&even_shares(&first, &factors, errors.width, edge));
+    let behind = (!scene.image.transparent).then_some(background.as_vec3());
+    let mut picture = halves.mean(&even_shares(&first, &factors, errors.width, edge), behind);
     let per_block = |value: &dyn Fn(usize) -> f32| spread(&errors, edge, [picture.width, picture.height], value);
     let mut layers = Vec::new();
     if options.aovs.contains(&Aov::Samples) {
@@ -114,7 +115,6 @@ pub fn render(
         layers.push(Layer { aov: Aov::Error, planes: vec![plane.clone(), plane.clone(), plane.clone(), plane] });
     }
     picture.layers.extend(layers);
-    composite(&mut picture, scene);
     Ok(Rendered { picture, stats })
 }
 
@@ -136,8 +136,8 @@ fn needed_factors(errors: &Errors, wanted: f64, samples: u32, samples_max: u32) 
     (errors.squares.iter().map(of_block).collect(), capped)
 }
 
-/// The share of the even samples in each pixel, in blocks with these factors, `width` in a row, `edge` pixels each.
-fn even_shares(first: &Round<'_>, factors: &[u32], width: usize, edge: usize) -> impl Fn(usize) -> f32 + Sync {
+/// The share of the even samples in each pixel of a row, in blocks with these factors, `width` in a row, `edge` pixels each.
+fn even_shares(first: &Round<'_>, factors: &[u32], width: usize, edge: usize) -> impl Fn(usize, &mut [f32]) + Sync {
     let stride = first.interleave.stride();
     let of_factor = |&factor: &u32| {
         let round = Round { factor, ..*first };
@@ -146,10 +146,12 @@ fn even_shares(first: &Round<'_>, factors: &[u32], width: usize, edge: usize) ->
     };
     let of_factors: BTreeMap<u32, Vec<f32>> = factors.iter().map(of_factor).collect();
     let of_blocks: Vec<Vec<f32>> = factors.iter().map(|factor| of_factors[factor].clone()).collect();
-    let (columns, stride) = (first.scene.image.width as usize, stride as usize);
-    move |at| {
-        let (x, y) = (at % columns, at / columns);
-        of_blocks[y / edge * width + x / edge][y % stride * stride + x % stride]
+    let stride = stride as usize;
+    move |y, shares| {
+        for (block, shares) in shares.chunks_mut(edge).enumerate() {
+            let classes = &of_blocks[y / edge * width + block][y % stride * stride..][..stride];
+            shares.iter_mut().zip(classes.iter().cycle()).for_each(|(share, of_class)| *share = *of_class);
+        }
     }
 }
 
@@ -166,19 +168,6 @@ fn spread(errors: &Errors, edge: usize, [width, height]: [u32; 2], value: &dyn F
     let (columns, rows) = (width as usize, height as usize);
     let pixels = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));
     pixels.map(|[x, y]| value(y / edge * errors.width + x / edge)).collect()
-}
-
-/// Puts a transparent picture before the scene's background.
-fn composite(picture: &mut Picture, scene: &Scene) {
-    if scene.image.transparent {
-        return;
-    }
-    let behind = scene.image.background.as_vec3().to_array();
-    for [r, g, b, alpha] in &mut picture.rgba {
-        let through = 1.0 - *alpha;
-        (*r, *g, *b) = (*r + through * behind[0], *g + through * behind[1], *b + through * behind[2]);
-        *alpha = 1.0;
-    }
 }
 
 /// Can samples of a coarser exposure be kept in a finer one? Only where all have the same weight.

@@ -135,7 +135,8 @@ impl Cpu {
             }
             films.films.push(film);
         }
-        let picture = develop(&films, frame.size, frame.aovs, frame.background);
+        let wanted = |y| Blocks::columns(frame.wanted.as_ref(), y, frame.size[0] as usize, stride);
+        let picture = develop(&films, frame.size, frame.aovs, frame.background, wanted);
         Ok(Rendered { picture, stats: clocks.stats(frame) })
     }
 }

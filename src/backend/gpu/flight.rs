@@ -12,7 +12,7 @@ use super::layout::Status;
 use super::schedule::RasterFilm;
 use crate::backend::{BackendError, Rendered, Stats};
 use crate::film::{Aov, Background, develop};
-use crate::frame::Frame;
+use crate::frame::{Blocks, Frame};
 
 /// Where a frame's film, status and marks go; used again by a later frame.
 #[derive(Debug)]
@@ -32,6 +32,8 @@ pub(super) struct Flight {
     samples: u32,
     aovs: Vec<Aov>,
     background: Background,
+    /// Blocks that were; `None`: all.
+    wanted: Option<Blocks>,
     rasters: Vec<RasterFilm>,
     planes: usize,
     film_bytes: u64,
@@ -79,6 +81,7 @@ impl Gpu {
             samples: frame.samples(),
             aovs: frame.aovs.to_vec(),
             background: frame.background,
+            wanted: frame.wanted.clone(),
             rasters: schedule.rasters,
             planes: planes.count,
             film_bytes: schedule.film_bytes,
@@ -111,7 +114,9 @@ impl Gpu {
                 samples: flight.samples,
                 values: bytemuck::cast_slice(film),
             };
-            develop(&film, flight.size, &flight.aovs, flight.background)
+            let width = flight.size[0] as usize;
+            let wanted = |y| Blocks::columns(flight.wanted.as_ref(), y, width, flight.stride);
+            develop(&film, flight.size, &flight.aovs, flight.background, wanted)
         });
         drop(view);
         staging.unmap();
