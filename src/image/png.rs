@@ -28,12 +28,12 @@ pub(super) fn encode(picture: &Picture, bits: Bits, alpha: bool, settings: &str)
     let (w, h) = (picture.width, picture.height);
     match bits {
         Bits::Eight => {
-            let codes = codes(picture, alpha, |v| quantise(v, 255.0) as u8);
+            let codes = codes(picture, alpha, 255.0, |code| code as u8);
             let colour = if alpha { ExtendedColorType::Rgba8 } else { ExtendedColorType::Rgb8 };
             encoder.write_image(&codes, w, h, colour)
         }
         Bits::Sixteen => {
-            let codes = codes(picture, alpha, |v| quantise(v, 65_535.0) as u16);
+            let codes = codes(picture, alpha, 65_535.0, |code| code as u16);
             let colour = if alpha { ExtendedColorType::Rgba16 } else { ExtendedColorType::Rgb16 };
             encoder.write_image(bytemuck::cast_slice(&codes), w, h, colour)
         }
@@ -42,24 +42,19 @@ pub(super) fn encode(picture: &Picture, bits: Bits, alpha: bool, settings: &str)
     insert_chunks(png, settings)
 }
 
-/// Codes in file order: R G B, or R G B A.
-fn codes<T>(picture: &Picture, alpha: bool, code: impl Fn(f32) -> T) -> Vec<T> {
+/// Codes 0..=`top` in file order: R G B, or R G B A.
+fn codes<T>(picture: &Picture, alpha: bool, top: f32, narrow: impl Fn(u32) -> T) -> Vec<T> {
     let channels = if alpha { 4 } else { 3 };
     let mut codes = Vec::with_capacity(picture.rgba.len() * channels);
     for &[r, g, b, a] in &picture.rgba {
         // Where nothing covers the pixel there is no colour to find.
         let divisor = if alpha && a > 0.0 { a } else { 1.0 };
-        codes.extend([r, g, b].map(|v| code(srgb::from_linear(v / divisor))));
+        codes.extend([r, g, b].map(|v| narrow(srgb::code(v / divisor, top))));
         if alpha {
-            codes.push(code(a));
+            codes.push(narrow(srgb::nearest_code(a, top)));
         }
     }
     codes
-}
-
-/// The nearest of the codes 0..=`top`.
-fn quantise(value: f32, top: f32) -> u32 {
-    (value.clamp(0.0, 1.0) * top).round() as u32
 }
 
 /// Puts the colour space and the settings right after `IHDR`, where a reader finds them first.

@@ -23,6 +23,21 @@ pub fn from_linear_nearly(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { steep }
 }
 
+/// The nearest of the codes 0..=`top` to the encoded value: that of [`from_linear`], which is asked only near the middle between two codes.
+/// Clipped; 0 for NaN.
+pub fn code(linear: f32, top: f32) -> u32 {
+    // Twice the error of the quick curve, which holds rounding too.
+    const SLACK: f32 = 2e-6;
+    let nearly = from_linear_nearly(linear.clamp(0.0, 1.0)) * top + 0.5;
+    let (low, high) = ((nearly - SLACK * top) as u32, (nearly + SLACK * top) as u32);
+    if low == high { low } else { nearest_code(from_linear(linear), top) }
+}
+
+/// The nearest of the codes 0..=`top` to a value, clipped; 0 for NaN.
+pub fn nearest_code(value: f32, top: f32) -> u32 {
+    (value.clamp(0.0, 1.0) * top).round() as u32
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -43,6 +58,26 @@ mod tests {
             .map(|l| (from_linear_nearly(l) - from_linear(l)).abs())
             .fold(0.0, f32::max);
         assert!(worst < 1e-6, "{worst}");
+    }
+
+    /// Steps through [0, 1], beyond it, what is no number, and the floats around the middle between any two codes.
+    #[test]
+    fn codes_are_those_of_the_curve() {
+        for top in [255.0, 65_535.0] {
+            let steps = (0..=500_000).map(|i| (i as f32 - 1000.0) * 2.005e-6);
+            let middles = (0..top as u32).flat_map(|code| {
+                let bits = to_linear((code as f32 + 0.5) / top).to_bits();
+                (0..9).map(move |i| f32::from_bits(bits + i - 4))
+            });
+            let wild = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -0.0, 1e-40, f32::MAX];
+            let mut last = 0;
+            for linear in steps.chain(middles).chain(wild) {
+                let want = nearest_code(from_linear(linear), top);
+                assert_eq!(code(linear, top), want, "{linear} of {top}");
+                last = last.max(want);
+            }
+            assert_eq!(last, top as u32);
+        }
     }
 
     #[test]

@@ -240,7 +240,7 @@ fn shown(pixel: &[f32; 4]) -> Colour {
     if pixel[..3].iter().any(|v| !v.is_finite()) {
         return [255, 0, 255];
     }
-    [0, 1, 2].map(|c| (srgb::from_linear(pixel[c].clamp(0.0, 1.0)) * 255.0).round() as u8)
+    [0, 1, 2].map(|c| srgb::code(pixel[c], 255.0) as u8)
 }
 
 /// For each of `to` pixels the source pixels that it covers, with their shares, which sum to 1.
