@@ -43,15 +43,23 @@ pub(super) fn encode(picture: &Picture, bits: Bits, alpha: bool, settings: &str)
 }
 
 /// Codes 0..=`top` in file order: R G B, or R G B A.
-fn codes<T>(picture: &Picture, alpha: bool, top: f32, narrow: impl Fn(u32) -> T) -> Vec<T> {
+fn codes<T>(picture: &Picture, alpha: bool, top: f32, narrow: impl Fn(f32) -> T) -> Vec<T> {
     let channels = if alpha { 4 } else { 3 };
     let mut codes = Vec::with_capacity(picture.rgba.len() * channels);
-    for &[r, g, b, a] in &picture.rgba {
-        // Where nothing covers the pixel there is no colour to find.
-        let divisor = if alpha && a > 0.0 { a } else { 1.0 };
-        codes.extend([r, g, b].map(|v| narrow(srgb::code(v / divisor, top))));
-        if alpha {
-            codes.push(narrow(srgb::nearest_code(a, top)));
+    let mut row = Vec::new();
+    for pixels in picture.rgba.chunks(picture.width.max(1) as usize) {
+        row.clear();
+        for &[r, g, b, a] in pixels {
+            // Where nothing covers the pixel there is no colour to find.
+            let divisor = if alpha && a > 0.0 { a } else { 1.0 };
+            row.extend([r / divisor, g / divisor, b / divisor]);
+        }
+        srgb::encode(&mut row, top);
+        for (colour, [_, _, _, a]) in row.chunks_exact(3).zip(pixels) {
+            codes.extend(colour.iter().map(|&code| narrow(code)));
+            if alpha {
+                codes.push(narrow(srgb::nearest_code(*a, top) as f32));
+            }
         }
     }
     codes

@@ -1,6 +1,7 @@
 //! The sRGB transfer curve (IEC 61966-2-1). The only place that knows it.
 
 use super::fast;
+use super::simd::dispatch;
 
 /// Linear light from an sRGB-encoded value; both nominally in [0, 1], odd about 0.
 pub fn to_linear(encoded: f32) -> f32 {
@@ -23,14 +24,35 @@ pub fn from_linear_nearly(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { steep }
 }
 
-/// The nearest of the codes 0..=`top` to the encoded value: that of [`from_linear`], which is asked only near the middle between two codes.
-/// Clipped; 0 for NaN.
-pub fn code(linear: f32, top: f32) -> u32 {
+/// Replaces linear light by the nearest of the codes 0..=`top` to its encoded value: that of [`from_linear`], which is asked only near the
+/// middle between two codes. Clipped; 0 for NaN.
+pub fn encode(values: &mut [f32], top: f32) {
     // Twice the error of the quick curve, which holds rounding too.
     const SLACK: f32 = 2e-6;
-    let nearly = from_linear_nearly(linear.clamp(0.0, 1.0)) * top + 0.5;
-    let (low, high) = ((nearly - SLACK * top) as u32, (nearly + SLACK * top) as u32);
-    if low == high { low } else { nearest_code(from_linear(linear), top) }
+    let mut nearly = [0.0; 256];
+    for values in values.chunks_mut(nearly.len()) {
+        let nearly = &mut nearly[..values.len()];
+        nearly.copy_from_slice(values);
+        curve(nearly, top);
+        for (value, nearly) in values.iter_mut().zip(nearly) {
+            let (low, high) = ((*nearly - SLACK * top) as u32, (*nearly + SLACK * top) as u32);
+            *value = if low == high { low } else { nearest_code(from_linear(*value), top) } as f32;
+        }
+    }
+}
+
+dispatch! {
+    /// Nearly the codes, and half a code.
+    fn curve(values: &mut [f32], top: f32) = curve_body
+}
+
+#[inline(always)]
+fn curve_body(values: &mut [f32], top: f32) {
+    for value in values {
+        let clipped = if *value > 0.0 { *value } else { 0.0 };
+        let clipped = if clipped < 1.0 { clipped } else { 1.0 };
+        *value = from_linear_nearly(clipped) * top + 0.5;
+    }
 }
 
 /// The nearest of the codes 0..=`top` to a value, clipped; 0 for NaN.
@@ -73,7 +95,9 @@ mod tests {
             let mut last = 0;
             for linear in steps.chain(middles).chain(wild) {
                 let want = nearest_code(from_linear(linear), top);
-                assert_eq!(code(linear, top), want, "{linear} of {top}");
+                let mut code = [linear];
+                encode(&mut code, top);
+                assert_eq!(code[0], want as f32, "{linear} of {top}");
                 last = last.max(want);
             }
             assert_eq!(last, top as u32);

@@ -240,7 +240,9 @@ fn shown(pixel: &[f32; 4]) -> Colour {
     if pixel[..3].iter().any(|v| !v.is_finite()) {
         return [255, 0, 255];
     }
-    [0, 1, 2].map(|c| srgb::code(pixel[c], 255.0) as u8)
+    let mut codes = [pixel[0], pixel[1], pixel[2]];
+    srgb::encode(&mut codes, 255.0);
+    codes.map(|code| code as u8)
 }
 
 /// For each of `to` pixels the source pixels that it covers, with their shares, which sum to 1.
