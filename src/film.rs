@@ -141,23 +141,30 @@ pub trait Film: Sync {
 }
 
 /// Composites the film once over the background, and divides the AOVs by alpha (design section 2): in the columns of each row that are
-/// `wanted`; all else is 0.
+/// `wanted`; all else is 0. `memory` of an earlier picture is used again.
 pub fn develop(
     film: &impl Film,
     size: [u32; 2],
     aovs: &[Aov],
     background: Background,
     wanted: impl Fn(usize) -> Vec<Range<usize>> + Sync,
+    memory: Option<Vec<[f32; 4]>>,
 ) -> Picture {
     let [width, height] = size;
     let columns = width as usize;
     let planes = FilmPlanes::of(aovs);
     let behind = background.colour.as_vec3().to_array();
-    let mut rgba = vec![[0.0; 4]; columns * height as usize];
+    let pixels = columns * height as usize;
+    let memory = memory.filter(|memory| memory.len() == pixels);
+    let used = memory.is_some();
+    let mut rgba = memory.unwrap_or_else(|| vec![[0.0; 4]; pixels]);
     rgba.par_chunks_mut(columns).zip(0..height).for_each_init(
         || vec![0.0; 4 * columns],
         |rows, (out, y)| {
             let wanted = wanted(y as usize);
+            if used && wanted.iter().map(Range::len).sum::<usize>() < columns {
+                out.fill([0.0; 4]);
+            }
             if wanted.is_empty() {
                 return;
             }

@@ -137,12 +137,18 @@ impl Halves {
         mixed.mix(odd, &fresh.0[1]);
     }
 
+    /// Gives the pictures' memory back.
+    pub(super) fn recycle(self, backend: &mut dyn Backend) {
+        self.0.into_iter().for_each(|picture| backend.recycle(picture));
+    }
+
     /// The mean of both, before `behind` if there is anything; `even` writes the share of the even one for each pixel of a row.
-    pub(super) fn mean(self, even: Shares<'_>, behind: Option<Vec3>) -> Picture {
+    pub(super) fn mean(self, even: Shares<'_>, behind: Option<Vec3>, backend: &mut dyn Backend) -> Picture {
         let [mut mean, odd] = self.0;
         let width = mean.width as usize;
         let columns = |y: usize| Blocks::columns(None, y, width, 1);
         Mixed { columns: &columns, shares: even, behind }.mix(&mut mean, &odd);
+        backend.recycle(odd);
         mean
     }
 }

@@ -88,6 +88,7 @@ pub fn render(
             let round = Round { factor, ..first };
             let fresh = Halves::render(backend, &round, Some(&blocks), &mut stats)?;
             halves.refine(&fresh, &round, &blocks);
+            fresh.recycle(backend);
             errors.replace(block_errors(&halves, background.as_vec3(), edge, Some(&blocks)));
         }
     }
@@ -104,7 +105,7 @@ pub fn render(
         capped,
     });
     let behind = (!scene.image.transparent).then_some(background.as_vec3());
-    let mut picture = halves.mean(&even_shares(&first, &factors, errors.width, edge), behind);
+    let mut picture = halves.mean(&even_shares(&first, &factors, errors.width, edge), behind, backend);
     let per_block = |value: &dyn Fn(usize) -> f32| spread(&errors, edge, [picture.width, picture.height], value);
     let mut layers = Vec::new();
     if options.aovs.contains(&Aov::Samples) {

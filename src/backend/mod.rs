@@ -33,6 +33,9 @@ pub trait Backend: Send {
     /// The frame does not fit into the machine's limits.
     fn finish(&mut self) -> Result<Option<Rendered>, BackendError>;
 
+    /// Takes back a picture that is no longer needed, so that a later one can have its memory.
+    fn recycle(&mut self, _picture: Picture) {}
+
     /// Executes a frame's plan, with no other under way.
     ///
     /// # Errors

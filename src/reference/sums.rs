@@ -208,7 +208,7 @@ impl Sums {
     /// The picture, with a layer of standard errors.
     pub(super) fn develop(&self, aovs: &[Aov], background: Background) -> Picture {
         let whole = |_| std::iter::once(0..self.width as usize).collect();
-        let mut picture = develop(self, [self.width, self.height], aovs, background, whole);
+        let mut picture = develop(self, [self.width, self.height], aovs, background, whole, None);
         let errors: Vec<[f32; 4]> =
             (0..self.colour.len()).into_par_iter().map(|i| self.error(i, background).map(|e| e as f32)).collect();
         let planes = (0..4).map(|c| errors.iter().map(|e| e[c]).collect()).collect();

@@ -37,10 +37,13 @@ use self::waves::{Job, Tiles};
 use self::work::{Chunk, Work};
 use super::pieces::PieceStore;
 use super::{Backend, BackendError, Rendered};
-use crate::film::{FilmPlanes, develop};
+use crate::film::{FilmPlanes, Picture, develop};
 use crate::frame::{Blocks, Frame};
 use crate::layout::{Channels, Splat, SweptSplat};
 use crate::plan::{Normalise, Pass, TemporalAlpha};
+
+/// Pictures whose memory is kept: those that mode auto gives back.
+const SPARE_PICTURES: usize = 3;
 
 const _: () = assert!(TILE == Blocks::EDGE);
 
@@ -58,6 +61,10 @@ pub struct Cpu {
     /// Likewise, for kernels in motion.
     map: Map,
     pieces: PieceStore,
+    /// Films of rasters, for the next frame.
+    films: Vec<TiledFilm>,
+    /// Of pictures that were given back.
+    pixels: Vec<Vec<[f32; 4]>>,
     /// The frame that was begun.
     done: Option<Rendered>,
 }
@@ -80,6 +87,12 @@ impl Backend for Cpu {
     fn finish(&mut self) -> Result<Option<Rendered>, BackendError> {
         Ok(self.done.take())
     }
+
+    fn recycle(&mut self, picture: Picture) {
+        if self.pixels.len() < SPARE_PICTURES {
+            self.pixels.push(picture.rgba);
+        }
+    }
 }
 
 impl Cpu {
@@ -96,7 +109,8 @@ impl Cpu {
         let (has_still_picture, one_view) = (frame.has_still_picture(), frame.has_one_view());
         for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
             let size = groups[0].raster.size;
-            let mut film = TiledFilm::new(size);
+            let mut film = self.films.pop().unwrap_or_default();
+            film.empty(size);
             let tiles_y = (size[1] as usize).div_ceil(TILE);
             for first in (0..tiles_y).step_by(budget.band_rows) {
                 let rows = [first, (first + budget.band_rows).min(tiles_y)];
@@ -136,7 +150,8 @@ impl Cpu {
             films.films.push(film);
         }
         let wanted = |y| Blocks::columns(frame.wanted.as_ref(), y, frame.size[0] as usize, stride);
-        let picture = develop(&films, frame.size, frame.aovs, frame.background, wanted);
+        let picture = develop(&films, frame.size, frame.aovs, frame.background, wanted, self.pixels.pop());
+        self.films = films.films;
         Ok(Rendered { picture, stats: clocks.stats(frame) })
     }
 }

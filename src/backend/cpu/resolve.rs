@@ -30,17 +30,19 @@ impl TileFilm {
 }
 
 /// All tiles of a raster, row by row.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct TiledFilm {
     pub tiles: Vec<TileFilm>,
     pub tiles_x: usize,
 }
 
 impl TiledFilm {
-    /// An empty film of `size` pixels.
-    pub(super) fn new(size: [u32; 2]) -> Self {
+    /// Makes it an empty film of `size` pixels. Its memory stays: the system takes longer to find new one than to clear it.
+    pub(super) fn empty(&mut self, size: [u32; 2]) {
         let [tiles_x, tiles_y] = size.map(|pixels| (pixels as usize).div_ceil(TILE));
-        Self { tiles: vec![TileFilm::default(); tiles_x * tiles_y], tiles_x }
+        self.tiles.iter_mut().for_each(|tile| tile.values.clear());
+        self.tiles.resize_with(tiles_x * tiles_y, TileFilm::default);
+        self.tiles_x = tiles_x;
     }
 
     /// Writes row `y` of plane `plane` to every `stride`-th place of `out`, from the first.

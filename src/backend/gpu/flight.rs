@@ -116,7 +116,7 @@ impl Gpu {
             };
             let width = flight.size[0] as usize;
             let wanted = |y| Blocks::columns(flight.wanted.as_ref(), y, width, flight.stride);
-            develop(&film, flight.size, &flight.aovs, flight.background, wanted)
+            develop(&film, flight.size, &flight.aovs, flight.background, wanted, None)
         });
         drop(view);
         staging.unmap();
