@@ -242,29 +242,6 @@ impl Work<'_> {
         self.clocks.resolve.add(start);
     }
 
-    /// A pass of one tile of the picture of what lies still.
-    pub(super) fn picture_still(&self, pass: Pass, mut job: Job<'_, Splat, StillTile>) {
-        match pass {
-            Pass::Visibility => self.visibility(&mut job),
-            Pass::Attribute => self.attribute(&mut job, &mut []),
-            Pass::Resolve => {
-                let start = Instant::now();
-                let whole = Resolve { weight: 1.0, ..self.resolve() };
-                let TileBuffers { threshold, sums, .. } = job.buffers;
-                job.out.threshold.clone_from(threshold);
-                resolve::resolve(&whole, &job.tile, threshold, sums, &[], &mut job.out.film);
-                self.clocks.resolve.add(start);
-            }
-            Pass::Project
-            | Pass::Bin
-            | Pass::Density
-            | Pass::Keep
-            | Pass::Sweep
-            | Pass::SweptAttribute
-            | Pass::SweptResolve => {}
-        }
-    }
-
     /// Pass `visibility` of one tile.
     pub(super) fn visibility<O>(&self, job: &mut Job<'_, Splat, O>) {
         let start = Instant::now();
@@ -310,17 +287,34 @@ impl Work<'_> {
     }
 
     /// A pass of one tile of the image.
-    pub(super) fn tile(&self, pass: Pass, mut job: Job<'_, Splat, TileFilm>) {
+    pub(super) fn tile(&self, pass: Pass, job: Job<'_, Splat, TileFilm>) {
+        self.unswept(pass, job, |job| {
+            let TileBuffers { threshold, sums, union, .. } = job.buffers;
+            if self.group.samples.len() > 1 {
+                union.turn(|sample| self.group.samples[sample].weight, self.group.samples.len());
+            }
+            resolve::resolve(&self.resolve(), &job.tile, threshold, sums, &union.coverage, job.out);
+        });
+    }
+
+    /// A pass of one tile of the picture of what lies still.
+    pub(super) fn picture_still(&self, pass: Pass, job: Job<'_, Splat, StillTile>) {
+        self.unswept(pass, job, |job| {
+            let whole = Resolve { weight: 1.0, ..self.resolve() };
+            let TileBuffers { threshold, sums, .. } = job.buffers;
+            job.out.threshold.clone_from(threshold);
+            resolve::resolve(&whole, &job.tile, threshold, sums, &[], &mut job.out.film);
+        });
+    }
+
+    /// A pass of what is not swept on one tile.
+    fn unswept<O>(&self, pass: Pass, mut job: Job<'_, Splat, O>, resolve: impl FnOnce(Job<'_, Splat, O>)) {
         match pass {
             Pass::Visibility => self.visibility(&mut job),
             Pass::Attribute => self.attribute(&mut job, &mut []),
             Pass::Resolve => {
                 let start = Instant::now();
-                let TileBuffers { threshold, sums, union, .. } = job.buffers;
-                if self.group.samples.len() > 1 {
-                    union.turn(|sample| self.group.samples[sample].weight, self.group.samples.len());
-                }
-                resolve::resolve(&self.resolve(), &job.tile, threshold, sums, &union.coverage, job.out);
+                resolve(job);
                 self.clocks.resolve.add(start);
             }
             // Of other halves of a plan, or not tile by tile; likewise below.
