@@ -1,8 +1,11 @@
 // Pass `resolve`, swept: when kernels cover becomes coverage; colours that are normalised once are pooled.
 // Twin: src/backend/cpu/swept/resolve.rs.
-//   in   sums, presence, lights; still_film: what lies still, of one exposure, where it has a picture of its own; moments: share of the exposure of each 32nd of the interval
+//   in   sums, presence, lights
+//        still_film   what lies still, of one exposure, where it has a picture of its own
+//        moments      share of the exposure of each 32nd of the interval
 //   out  film
-// `swept_resolve` adds a group as `resolve` does, `pool` its sums as they are; both what is left of what lies still. `finish` comes once, after all groups.
+// `swept_resolve` adds a group as `resolve` does, `pool` its sums as they are; both what kernels in motion leave of what lies still.
+// `finish` comes once, after all groups.
 // One invocation per pixel.
 
 @group(1) @binding(25) var<storage, read> presence: array<u32>;

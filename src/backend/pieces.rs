@@ -32,6 +32,7 @@ impl PieceStore {
         frame.objects.iter().map(|object| self.of(object.surfels)).collect()
     }
 
+    /// The pieces of a model, made when it is first seen.
     pub(super) fn of(&mut self, surfels: &Arc<Surfels>) -> Arc<Pieces> {
         if let Some((_, pieces)) = self.models.iter().find(|(model, _)| model.as_ptr() == Arc::as_ptr(surfels)) {
             return Arc::clone(pieces);

@@ -2,6 +2,8 @@
 
 mod bounds;
 pub mod fast;
+#[cfg(test)]
+pub(crate) mod random;
 pub(crate) mod simd;
 pub mod srgb;
 pub mod sweep;

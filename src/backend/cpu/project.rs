@@ -370,19 +370,7 @@ mod tests {
 
     use super::*;
     use crate::backend::pieces::PieceStore;
-
-    struct Random(u64);
-
-    impl Random {
-        fn next(&mut self) -> f32 {
-            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (self.0 >> 40) as f32 / (1_u64 << 24) as f32
-        }
-
-        fn vector(&mut self) -> Vec3 {
-            2.0 * Vec3::new(self.next(), self.next(), self.next()) - 1.0
-        }
-    }
+    use crate::math::random::Random;
 
     /// A sphere of round surfels.
     fn ball(n: u32) -> Surfels {

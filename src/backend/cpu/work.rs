@@ -46,7 +46,7 @@ pub(super) struct Work<'a> {
     pub layer: Option<&'a Layer>,
     /// The picture of what lies still, tile by tile, where it has one; once it is whole.
     pub still: Option<&'a [StillTile]>,
-    /// Where those look up sources, once it is whole.
+    /// Where kernels in motion look up sources, once it is whole.
     pub map: Option<&'a Map>,
     /// Of each object.
     pub pieces: &'a [Arc<Pieces>],
@@ -233,7 +233,7 @@ impl Work<'_> {
         self.still.and_then(|tiles| tiles.get(index))
     }
 
-    /// Adds what lies still to a tile into which no kernel moves; `false` where it has no picture.
+    /// Adds what lies still, if it has a picture, to a tile into which no kernel moves.
     pub(super) fn show_still(&self, index: usize, film: &mut TileFilm) {
         let Some(still) = self.still_tile(index) else { return };
         let start = Instant::now();

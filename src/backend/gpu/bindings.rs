@@ -228,16 +228,8 @@ impl Bench<'_> {
             Vec::new()
         };
         let swept = match frame.swept {
-            Some(swept) => Some(self.swept_steps(frame, swept, channels, blocks, 1 - begin)?),
+            Some(swept) => Some(self.swept_steps(execution, swept, 1 - begin)?),
             None => None,
-        };
-        let swept = match swept {
-            Some(swept) if schedule.still_bytes > 0 => {
-                let film = [(Slot::Film, self.buffers.still_film.as_entire_buffer_binding())];
-                let constants = resolve_constants(frame, channels, planes);
-                Some(SweptSteps { still: Some(self.step(Program::Resolve, &constants, 0, &film)?), ..swept })
-            }
-            swept => swept,
         };
         Ok(Steps {
             project: self.of_blocks(Program::Project, &none, blocks)?,
@@ -313,12 +305,11 @@ impl Bench<'_> {
     /// `emitted`: which of the sort's buffers new lists do not go to.
     fn swept_steps(
         &mut self,
-        frame: &Frame<'_>,
+        execution: &Execution<'_>,
         swept: SweptKernel,
-        channels: &DeviceChannels,
-        blocks: &[Vec<Block>],
         emitted: usize,
     ) -> Result<SweptSteps, BackendError> {
+        let Execution { frame, channels, planes, blocks, .. } = execution;
         let double = ("SPLATS", (size_of::<SweptSplat>() / size_of::<Splat>()) as u32);
         let mut values = value_constants(frame, channels);
         values.push(double);
@@ -327,6 +318,12 @@ impl Bench<'_> {
         density.push(("COLOUR", 0));
         let volume =
             vec![("ELLIPSOID", u32::from(swept.shape == KernelShape::Ellipsoid)), ("STRETCH", swept.stretch() as u32)];
+        let still = if frame.has_still_picture() {
+            let film = [(Slot::Film, self.buffers.still_film.as_entire_buffer_binding())];
+            Some(self.step(Program::Resolve, &resolve_constants(frame, channels, planes), 0, &film)?)
+        } else {
+            None
+        };
         let counted = frame.passes.contains(&Pass::Density);
         Ok(SweptSteps {
             density: self.step(Program::SumAttributes, &density, 1, &[])?,
@@ -335,7 +332,7 @@ impl Bench<'_> {
             bin_emit: self.step(Program::BinEmit, &vec![double], emitted, &[])?,
             splat_values: self.of_blocks(Program::SplatValues, &values, blocks)?,
             attribute: self.step(Program::SweptAttribute, &swept_constants(frame, swept, channels), 1, &[])?,
-            still: None,
+            still,
         })
     }
 }

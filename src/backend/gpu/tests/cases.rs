@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use crate::film::Aov;
 use crate::frame::{Blocks, Frame};
 use crate::math::Trs;
+use crate::math::random::Random;
 use crate::model::{Material, Surfels};
 use crate::plan::{
     BlurMode, Interleave, KernelShape, KernelWeight, Normalise, PixelFilter, Prefilter, RenderOptions, Shading,
@@ -32,20 +33,6 @@ impl Case {
         let wanted = (0..width * height).map(|block| block % 2 == 1).collect();
         frame.wanted = self.in_part.then_some(Blocks { width, wanted });
         frame
-    }
-}
-
-/// Numbers in [0, 1) that repeat.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 40) as f32 / (1_u64 << 24) as f32
-    }
-
-    fn vector(&mut self) -> Vec3 {
-        2.0 * Vec3::new(self.next(), self.next(), self.next()) - 1.0
     }
 }
 
