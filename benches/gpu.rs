@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::backend::gpu::{Choice, Gpu, adapters};
-use splatblur::plan::{BlurMode, Interleave, Prefilter, RenderOptions, SweptKernel};
-use splatblur::render::{Stats, render_frame};
+use splatblur::options::{BlurMode, Interleave, Prefilter, RenderOptions, SweptKernel};
+use splatblur::renderer::{Stats, render_frame};
 use splatblur::scene::{Motion, Scene};
 use support::sphere_scene;
 
@@ -28,7 +28,12 @@ const THESIS: [(usize, [f64; 3]); 3] =
 
 /// Best of some frames: wall time, and what the passes took in that frame.
 fn best(backend: &mut dyn Backend, scene: &Scene, mode: BlurMode, times: usize) -> (Duration, Stats) {
-    let options = RenderOptions { mode, prefilter: Prefilter::None, memory: 64 << 30, ..RenderOptions::default() };
+    let options = RenderOptions {
+        quality: mode.into(),
+        prefilter: Prefilter::None,
+        memory: 64 << 30,
+        ..RenderOptions::default()
+    };
     let frame = |backend: &mut dyn Backend| {
         let start = Instant::now();
         let rendered = render_frame(backend, scene, 0, &options).expect("the frame fits");
@@ -73,7 +78,12 @@ fn modes(gpu: &mut Gpu, cpu: &mut Cpu, surfels: usize) {
     println!("| surfels | mode | CPU, s | over supersample 8 | GPU, s | over supersample 8 |");
     println!("| --- | --- | --- | --- | --- | --- |");
     for mode in modes {
-        let options = RenderOptions { mode, prefilter: Prefilter::None, memory: 64 << 30, ..RenderOptions::default() };
+        let options = RenderOptions {
+            quality: mode.into(),
+            prefilter: Prefilter::None,
+            memory: 64 << 30,
+            ..RenderOptions::default()
+        };
         let frame = |backend: &mut dyn Backend| {
             let start = Instant::now();
             render_frame(backend, &scene, 0, &options).expect("the frame fits");

@@ -11,8 +11,8 @@ mod support;
 use std::time::{Duration, Instant};
 
 use splatblur::backend::cpu::Cpu;
-use splatblur::plan::{BlurMode, Interleave, Prefilter, RenderOptions, Shading, SweptKernel};
-use splatblur::render::{Stats, render_frame};
+use splatblur::options::{BlurMode, Interleave, Prefilter, RenderOptions, Shading, SweptKernel};
+use splatblur::renderer::{Stats, render_frame};
 use support::sphere_scene;
 
 const ROUNDS: usize = 5;
@@ -54,8 +54,12 @@ fn main() {
             let mut cpu = Cpu::default();
             for _ in 0..ROUNDS {
                 for (&mode, best) in modes.iter().zip(&mut best) {
-                    let options =
-                        RenderOptions { mode, shading, prefilter: Prefilter::None, ..RenderOptions::default() };
+                    let options = RenderOptions {
+                        quality: mode.into(),
+                        shading,
+                        prefilter: Prefilter::None,
+                        ..RenderOptions::default()
+                    };
                     let start = Instant::now();
                     let stats = render_frame(&mut cpu, &scene, 0, &options).expect("the frame fits").stats;
                     let wall = start.elapsed();

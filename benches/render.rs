@@ -13,12 +13,12 @@ use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use splatblur::backend::cpu::Cpu;
-use splatblur::plan::{BlurMode, Prefilter, RenderOptions};
-use splatblur::render::{Stats, render_frame};
+use splatblur::options::{BlurMode, Prefilter, RenderOptions};
+use splatblur::renderer::{Stats, render_frame};
 use support::sphere_scene;
 
 fn options(mode: BlurMode) -> RenderOptions {
-    RenderOptions { mode, prefilter: Prefilter::None, ..RenderOptions::default() }
+    RenderOptions { quality: mode.into(), prefilter: Prefilter::None, ..RenderOptions::default() }
 }
 
 const STILL: BlurMode = BlurMode::Still { pixel_samples: 1 };

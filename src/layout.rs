@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::film::Aov;
 use crate::frame::Frame;
 use crate::model::Material;
-use crate::plan::Shading;
+use crate::options::Shading;
 use crate::shading::ShadingLight;
 
 /// A surfel's kernel, posed and projected for one time sample.

@@ -9,9 +9,9 @@ use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::encode;
 use splatblur::film::{Aov, Picture};
-use splatblur::plan::{BlurMode, PixelFilter, Prefilter, RenderOptions, Shading, Target};
+use splatblur::options::{BlurMode, ErrorTarget, PixelFilter, Prefilter, Quality, RenderOptions, Shading};
 use splatblur::reference::{self, ReferenceOptions};
-use splatblur::render::{Rendered, render_frame};
+use splatblur::renderer::{Rendered, render_frame};
 use splatblur::scene::{Motion, Scene};
 use splatblur::time::Weight;
 use support::{default_lights, object, scene, sphere};
@@ -35,10 +35,10 @@ fn balls() -> Scene {
     scene
 }
 
-fn options(target: Target, filter: PixelFilter) -> RenderOptions {
+fn options(target: ErrorTarget, filter: PixelFilter) -> RenderOptions {
     let (prefilter, shading) = (Prefilter::None, Shading::Gouraud);
     RenderOptions {
-        mode: BlurMode::Auto(target),
+        quality: Quality::Error(target),
         filter,
         prefilter,
         shading,
@@ -61,8 +61,8 @@ fn true_error(picture: &Picture, truths: &[Picture; 2]) -> f64 {
     ((0..3).map(channel).sum::<f64>() / 3.0).sqrt()
 }
 
-fn with_error(error: f64) -> Target {
-    Target { error, ..Target::default() }
+fn with_error(error: f64) -> ErrorTarget {
+    ErrorTarget { error, ..ErrorTarget::default() }
 }
 
 #[test]
@@ -119,18 +119,18 @@ fn near_either(made: &Picture, fine: &Picture, coarse: &Picture) -> (usize, f32)
 fn refinement_keeps_earlier_samples() {
     let scene = balls();
     let options = |target, filter| RenderOptions { aovs: Aov::ALL.to_vec(), ..options(target, filter) };
-    let target = Target { error: 1e-4, samples_max: 12, pixel_samples: 1 };
+    let target = ErrorTarget { error: 1e-4, samples_max: 12, pixel_samples: 1 };
     let made = render(&scene, &options(target, PixelFilter::Point));
     let achieved = made.stats.achieved.unwrap();
     assert_eq!((achieved.samples, achieved.most_samples, achieved.interleave), (12, 12, 1));
-    let target = Target { samples_max: 75, ..target };
+    let target = ErrorTarget { samples_max: 75, ..target };
     let made = render(&scene, &options(target, PixelFilter::Point));
     let achieved = made.stats.achieved.unwrap();
     assert_eq!((achieved.samples, achieved.most_samples, achieved.interleave), (24, 72, 1));
     assert!(achieved.capped > 3 && achieved.capped == achieved.refined);
-    let direct = RenderOptions { mode: BlurMode::supersample(72), ..options(target, PixelFilter::Point) };
+    let direct = RenderOptions { quality: BlurMode::supersample(72).into(), ..options(target, PixelFilter::Point) };
     let direct = render(&scene, &direct).picture;
-    let coarse = RenderOptions { mode: BlurMode::supersample(24), ..options(target, PixelFilter::Point) };
+    let coarse = RenderOptions { quality: BlurMode::supersample(24).into(), ..options(target, PixelFilter::Point) };
     let coarse = render(&scene, &coarse).picture;
     let (fine_pixels, worst) = near_either(&made.picture, &direct, &coarse);
     // Sums of 72 terms in another order. Blocks in which nothing moves are not refined: they equal the coarse image.
@@ -143,11 +143,11 @@ fn refinement_holds_for_other_weights() {
     let mut scene = balls();
     // The even half of its strata has less than the odd one.
     scene.shutter.weight = Weight::Exponential { rate: 6.0, centre: 1.0 };
-    let target = Target { error: 1e-4, samples_max: 75, pixel_samples: 1 };
+    let target = ErrorTarget { error: 1e-4, samples_max: 75, pixel_samples: 1 };
     let made = render(&scene, &options(target, PixelFilter::Point)).picture;
-    let direct = RenderOptions { mode: BlurMode::supersample(72), ..options(target, PixelFilter::Point) };
+    let direct = RenderOptions { quality: BlurMode::supersample(72).into(), ..options(target, PixelFilter::Point) };
     let direct = render(&scene, &direct).picture;
-    let coarse = RenderOptions { mode: BlurMode::supersample(24), ..options(target, PixelFilter::Point) };
+    let coarse = RenderOptions { quality: BlurMode::supersample(24).into(), ..options(target, PixelFilter::Point) };
     let coarse = render(&scene, &coarse).picture;
     let (fine_pixels, worst) = near_either(&made, &direct, &coarse);
     assert!(fine_pixels > 1000 && worst < 1e-5, "{fine_pixels} pixels are refined; {worst} from both images");
@@ -157,10 +157,12 @@ fn refinement_holds_for_other_weights() {
 fn what_does_not_move_costs_its_sub_pixel_positions() {
     let mut scene = balls();
     scene.objects.iter_mut().for_each(|object| object.motions.clear());
-    let once =
-        RenderOptions { mode: BlurMode::Still { pixel_samples: 1 }, ..options(with_error(0.5), PixelFilter::Box) };
+    let once = RenderOptions {
+        quality: BlurMode::Still { pixel_samples: 1 }.into(),
+        ..options(with_error(0.5), PixelFilter::Box)
+    };
     let once = render(&scene, &once).stats.splats;
-    let target = Target { pixel_samples: 6, ..with_error(0.5) };
+    let target = ErrorTarget { pixel_samples: 6, ..with_error(0.5) };
     let made = render(&scene, &options(target, PixelFilter::Box)).stats;
     assert_eq!(made.achieved.unwrap().samples, 6);
     // A few more or less: small splats come and go with the position.
@@ -174,11 +176,12 @@ fn what_does_not_move_costs_its_sub_pixel_positions() {
 fn what_does_not_move_keeps_to_the_limit() {
     let mut scene = balls();
     scene.objects.iter_mut().for_each(|object| object.motions.clear());
-    let target = Target { samples_max: 5, pixel_samples: 8, ..with_error(0.5) };
+    let target = ErrorTarget { samples_max: 5, pixel_samples: 8, ..with_error(0.5) };
     let made = render(&scene, &options(target, PixelFilter::Box));
     let achieved = made.stats.achieved.unwrap();
     assert_eq!((achieved.samples, achieved.most_samples), (4, 4));
-    let still = RenderOptions { mode: BlurMode::Still { pixel_samples: 4 }, ..options(target, PixelFilter::Box) };
+    let still =
+        RenderOptions { quality: BlurMode::Still { pixel_samples: 4 }.into(), ..options(target, PixelFilter::Box) };
     assert!(worst_difference(&made.picture, &render(&scene, &still).picture) < 1e-5);
 }
 
@@ -187,10 +190,11 @@ fn what_does_not_move_keeps_to_the_limit() {
 fn positions_are_spread_however_few() {
     let mut scene = balls();
     scene.objects.remove(1);
-    let target = Target { pixel_samples: 8, ..with_error(0.5) };
+    let target = ErrorTarget { pixel_samples: 8, ..with_error(0.5) };
     let mut made = render(&scene, &options(target, PixelFilter::Box));
     assert_eq!(made.stats.achieved.unwrap().most_samples, 4);
-    let still = RenderOptions { mode: BlurMode::Still { pixel_samples: 4 }, ..options(target, PixelFilter::Box) };
+    let still =
+        RenderOptions { quality: BlurMode::Still { pixel_samples: 4 }.into(), ..options(target, PixelFilter::Box) };
     let mut still = render(&scene, &still).picture;
     // The ball that spins lies in the right half.
     for picture in [&mut made.picture, &mut still] {
@@ -216,7 +220,7 @@ fn least_memory(backend: &mut dyn Backend, options: &RenderOptions) -> u64 {
 fn counts_its_pictures(backend: &mut dyn Backend) {
     let aovs = vec![Aov::Depth];
     let options = RenderOptions { aovs, ..options(with_error(0.5), PixelFilter::Point) };
-    let one = least_memory(backend, &RenderOptions { mode: BlurMode::supersample(2), ..options.clone() });
+    let one = least_memory(backend, &RenderOptions { quality: BlurMode::supersample(2).into(), ..options.clone() });
     let kept = least_memory(backend, &options) - one;
     let pictures = 3 * 160 * 128 * 5 * 4;
     assert!(kept.abs_diff(pictures) <= 1 << 16, "{kept} of {pictures}");
@@ -244,7 +248,7 @@ fn layers_say_what_was_done() {
     let squares: f64 = plane(Aov::Error).iter().map(|&e| f64::from(e).powi(2)).sum();
     let mean = (squares / plane(Aov::Error).len() as f64).sqrt();
     assert!((mean / achieved.error - 1.0).abs() < 1e-5, "{mean} and {}", achieved.error);
-    let fine = RenderOptions { mode: BlurMode::supersample(256), aovs: Aov::ALL.to_vec(), ..options };
+    let fine = RenderOptions { quality: BlurMode::supersample(256).into(), aovs: Aov::ALL.to_vec(), ..options };
     let fine = render(&scene, &fine).picture;
     for (aov, most) in [(Aov::Alpha, 0.05), (Aov::Depth, 0.05), (Aov::Normal, 0.1)] {
         let other = &fine.layers.iter().find(|layer| layer.aov == aov).unwrap().planes[0];

@@ -16,16 +16,17 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::backend::gpu::{Choice, Gpu};
 use splatblur::compare::{flip, gamma_rmse};
 use splatblur::film::{Aov, Picture};
-use splatblur::frame::{Frame, STILL_PATH};
-use splatblur::plan::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading, Target};
-use splatblur::render::{Rendered, render_frame};
+use splatblur::frame::STILL_PATH;
+use splatblur::options::{BlurMode, ErrorTarget, Interleave, PixelFilter, Prefilter, Quality, RenderOptions, Shading};
+use splatblur::renderer::{Rendered, render_frame};
 use splatblur::scene::Scene;
+use support::posed;
 use support::study::{cross, lin, reference, rot, shipped};
 
 /// The rendering, and the least wall time of five.
-fn rendered(scene: &Scene, frame: i64, filter: PixelFilter, mode: BlurMode) -> (Rendered, f64) {
+fn rendered(scene: &Scene, frame: i64, filter: PixelFilter, mode: impl Into<Quality>) -> (Rendered, f64) {
     let (prefilter, shading) = (Prefilter::None, Shading::Gouraud);
-    let options = RenderOptions { mode, filter, prefilter, shading, ..RenderOptions::default() };
+    let options = RenderOptions { quality: mode.into(), filter, prefilter, shading, ..RenderOptions::default() };
     let mut cpu = Cpu::default();
     let runs = (0..5).map(|_| {
         let start = Instant::now();
@@ -43,7 +44,7 @@ fn table(scene: &Scene, frame: i64, filter: PixelFilter) {
         row(scene, &format!("{mode}"), &rendered, &truth, seconds);
     }
     for error in [0.08, 0.05, 0.035, 0.025, 0.0125] {
-        let mode = BlurMode::Auto(Target { error, ..Target::default() });
+        let mode = Quality::Error(ErrorTarget { error, ..ErrorTarget::default() });
         let (rendered, seconds) = rendered(scene, frame, filter, mode);
         row(scene, &format!("{mode}"), &rendered, &truth, seconds);
     }
@@ -121,21 +122,21 @@ fn at_equal_flip() {
             continue;
         }
         let truth = reference(&scene, frame, filter());
-        let options = |mode| {
+        let options = |quality: Quality| {
             let (prefilter, shading) = (Prefilter::None, Shading::Gouraud);
-            RenderOptions { mode, filter: filter(), prefilter, shading, ..RenderOptions::default() }
+            RenderOptions { quality, filter: filter(), prefilter, shading, ..RenderOptions::default() }
         };
         let mut cpu = Cpu::default();
-        let mut render = |mode| render_frame(&mut cpu, &scene, frame, &options(mode)).unwrap();
+        let mut render = |mode: Quality| render_frame(&mut cpu, &scene, frame, &options(mode)).unwrap();
         let autos = (0..18).map(|k| 0.2 * 0.5_f64.powf(f64::from(k) / 3.0));
-        let autos = autos.map(|error| BlurMode::Auto(Target { error, ..Target::default() }));
-        let plain = (2..=80).map(BlurMode::supersample);
-        let lattice = (2..=40).map(|samples| BlurMode::interleaved(samples, Interleave::Two));
-        let kinds: [Vec<BlurMode>; 3] = [autos.collect(), plain.collect(), lattice.collect()];
+        let autos = autos.map(|error| Quality::Error(ErrorTarget { error, ..ErrorTarget::default() }));
+        let plain = (2..=80).map(|samples| BlurMode::supersample(samples).into());
+        let lattice = (2..=40).map(|samples| BlurMode::interleaved(samples, Interleave::Two).into());
+        let kinds: [Vec<Quality>; 3] = [autos.collect(), plain.collect(), lattice.collect()];
         for most in [0.01, 0.005] {
-            let mut found: Vec<&BlurMode> = Vec::new();
+            let mut found: Vec<&Quality> = Vec::new();
             for modes in &kinds {
-                let good = |mode: &&BlurMode| flip::mean(&render(**mode).picture, &truth).unwrap() <= most;
+                let good = |mode: &&Quality| flip::mean(&render(**mode).picture, &truth).unwrap() <= most;
                 found.extend(modes.iter().find(good));
             }
             let mut least = vec![f64::INFINITY; found.len()];
@@ -186,9 +187,9 @@ fn still_pieces() {
         ("toward_camera_and_sideways", [5, 20, 36]),
     ] {
         let scene = shipped(name);
-        let options = RenderOptions { mode: BlurMode::supersample(9), ..RenderOptions::default() };
+        let options = RenderOptions { quality: BlurMode::supersample(9).into(), ..RenderOptions::default() };
         for number in frames {
-            let frame = Frame::new(&scene, number, &options);
+            let frame = posed(&scene, number, &options);
             let mut counts = [0; 3];
             for (index, object) in frame.objects.iter().enumerate().filter(|(_, object)| !object.still) {
                 let on_screen = |p: Vec3| {

@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 use splatblur::anim::{self, Interpolation};
 use splatblur::film::{Aov, Picture};
 use splatblur::model::Material;
-use splatblur::plan::{
+use splatblur::options::{
     BlurMode, Interleave, KernelShape, Normalise, PixelFilter, Prefilter, RenderOptions, SweptKernel,
 };
 use splatblur::scene::{AnimationBinding, Light, Motion, Scene};
@@ -55,7 +55,7 @@ fn all_modes() -> impl Iterator<Item = BlurMode> {
 /// Pixel centres, object-space kernels alone.
 fn exact(mode: BlurMode) -> RenderOptions {
     RenderOptions {
-        mode,
+        quality: mode.into(),
         filter: PixelFilter::Point,
         prefilter: Prefilter::None,
         aovs: vec![Aov::Alpha, Aov::Depth, Aov::Velocity],

@@ -10,7 +10,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use splatblur::{anim, image, model, scene};
+use splatblur::{anim, image, model, scene_file};
 
 /// Most that one small file may take to be read or refused.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -18,14 +18,14 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// Reads a whole file.
 type Read = fn(&Path) -> anyhow::Result<()>;
 
-/// Target (a directory of the corpus), extension that the file is read under, reader.
+/// ErrorTarget (a directory of the corpus), extension that the file is read under, reader.
 const TARGETS: [(&str, &str, Read); 7] = [
     ("anim", "anim", |path| read_animation(path)),
     ("bin", "bin", |path| read_model(path)),
     ("image", "img", |path| Ok(image::read(path).map(drop)?)),
     ("obj", "obj", |path| read_model(path)),
     ("ply", "ply", |path| read_model(path)),
-    ("scene", "xml", |path| Ok(scene::load(path, &scene::LoadOptions::default()).map(drop)?)),
+    ("scene", "xml", |path| Ok(scene_file::load(path, &scene_file::LoadOptions::default()).map(drop)?)),
     ("sfl", "sfl", |path| read_model(path)),
 ];
 

@@ -13,9 +13,10 @@ use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::image;
-use splatblur::plan::{BlurMode, Interleave, RenderOptions};
-use splatblur::render::{Frames, render_frame};
-use splatblur::scene::{self, Scene};
+use splatblur::options::{BlurMode, Interleave, RenderOptions};
+use splatblur::renderer::{Frames, render_frame};
+use splatblur::scene::Scene;
+use splatblur::scene_file;
 use support::gpu::gpu_or_skip;
 use support::sphere_scene;
 
@@ -25,7 +26,7 @@ fn shipped() -> Vec<(String, Scene)> {
     paths.retain(|path| path.extension().is_some_and(|e| e == "xml"));
     paths.sort();
     let load = |path: &PathBuf| {
-        let mut scene = scene::load(path, &scene::LoadOptions::default()).expect("a shipped scene").scene;
+        let mut scene = scene_file::load(path, &scene_file::LoadOptions::default()).expect("a shipped scene").scene;
         (scene.image.width, scene.image.height) = (192, 108);
         (scene.name.clone(), scene)
     };
@@ -50,7 +51,8 @@ fn shipped_scenes_look_the_same() {
     let interleaved = BlurMode::interleaved(2, Interleave::Two);
     for (name, scene) in shipped() {
         for (mode, most_weight) in [(BlurMode::supersample(3), 1.0 / 3.0), (interleaved, 0.5)] {
-            let options = RenderOptions { mode, aovs: vec![Aov::Alpha, Aov::Depth], ..RenderOptions::default() };
+            let options =
+                RenderOptions { quality: mode.into(), aovs: vec![Aov::Alpha, Aov::Depth], ..RenderOptions::default() };
             let frame = scene.frames.first + 1;
             let want = render_frame(&mut Cpu::default(), &scene, frame, &options).unwrap().picture;
             let got = render_frame(&mut gpu, &scene, frame, &options).unwrap().picture;
@@ -77,7 +79,7 @@ fn shipped_scenes_look_the_same() {
 fn frames_under_way_change_nothing() {
     let Some(mut gpu) = gpu_or_skip("frames_under_way_change_nothing") else { return };
     let scene = sphere_scene(3000, 100, true);
-    let options = RenderOptions { mode: BlurMode::supersample(2), ..RenderOptions::default() };
+    let options = RenderOptions { quality: BlurMode::supersample(2).into(), ..RenderOptions::default() };
     let alone: Vec<_> = (0..4).map(|frame| render_frame(&mut gpu, &scene, frame, &options).unwrap().picture).collect();
     assert_ne!(alone[0], alone[1]);
     // A fresh one must grow its buffers while frames are under way.
@@ -104,7 +106,7 @@ fn frames_under_way_change_nothing() {
 fn counts_are_the_cpus() {
     let Some(mut gpu) = gpu_or_skip("counts_are_the_cpus") else { return };
     let scene = sphere_scene(3000, 100, true);
-    let options = RenderOptions { mode: BlurMode::supersample(2), ..RenderOptions::default() };
+    let options = RenderOptions { quality: BlurMode::supersample(2).into(), ..RenderOptions::default() };
     let want = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap().stats;
     let got = render_frame(&mut gpu, &scene, 0, &options).unwrap().stats;
     assert_eq!((got.samples, got.surfels), (want.samples, want.surfels));
@@ -127,7 +129,7 @@ fn too_little_memory_is_an_error() {
 fn a_tile_holds_more_splats_than_a_loop_has_turns() {
     let Some(mut gpu) = gpu_or_skip("a_tile_holds_more_splats_than_a_loop_has_turns") else { return };
     let scene = sphere_scene(300_000, 16, false);
-    let options = RenderOptions { mode: BlurMode::Still { pixel_samples: 1 }, ..RenderOptions::default() };
+    let options = RenderOptions { quality: BlurMode::Still { pixel_samples: 1 }.into(), ..RenderOptions::default() };
     let cpu = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap();
     let picture = render_frame(&mut gpu, &scene, 0, &options).unwrap().picture;
     assert!(cpu.stats.splats > 70_000, "{}", cpu.stats.splats);

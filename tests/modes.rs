@@ -7,7 +7,7 @@ mod support;
 use glam::{DVec3, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::model::Surfels;
-use splatblur::plan::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading};
+use splatblur::options::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading};
 use splatblur::scene::{Light, Motion, Scene};
 use splatblur::time::Weight;
 use support::closed_forms::{disc, edge, truth};
@@ -16,7 +16,7 @@ use support::{UNLIT, object, render, round_surfels, scene, sphere_scene};
 /// With all layers that should agree between modes.
 fn options(mode: BlurMode) -> RenderOptions {
     let aovs = vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity];
-    RenderOptions { mode, aovs, ..RenderOptions::default() }
+    RenderOptions { quality: mode.into(), aovs, ..RenderOptions::default() }
 }
 
 const fn bucket(buckets: u32, samples: u32) -> BlurMode {

@@ -10,11 +10,11 @@ mod support;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::{flip, gamma_rmse};
 use splatblur::film::{Aov, Picture};
-use splatblur::plan::{
+use splatblur::options::{
     BlurMode, Interleave, KernelShape, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel,
 };
 use splatblur::reference::ReferenceOptions;
-use splatblur::render::render_frame;
+use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use support::study::{cross, lin, reference, rot, shipped};
 
@@ -29,7 +29,7 @@ fn row(scene: &Scene, frame: i64, truth: &Picture, mode: BlurMode) {
         return;
     }
     let options = RenderOptions {
-        mode,
+        quality: mode.into(),
         filter: PixelFilter::Point,
         prefilter: Prefilter::None,
         shading: Shading::Gouraud,
@@ -126,7 +126,7 @@ fn alpha_of_shipped_scenes() {
             BlurMode::Volumetric { intervals: 16, pixel_samples: None, swept: SweptKernel::default() },
         ] {
             let options = RenderOptions {
-                mode,
+                quality: mode.into(),
                 filter: PixelFilter::Point,
                 prefilter: Prefilter::None,
                 shading: Shading::Gouraud,

@@ -11,10 +11,9 @@ use rand_pcg::Pcg32;
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Aov;
-use splatblur::frame::Frame;
 use splatblur::model::Surfels;
-use splatblur::plan::{BlurMode, PixelFilter, Prefilter, RenderOptions};
-use support::{UNLIT, object, scene};
+use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use support::{UNLIT, object, posed, scene};
 
 const SIZE: [u32; 2] = [97, 61];
 const FOVY: f64 = 50.0;
@@ -146,14 +145,14 @@ fn compare(seed: u64, prefilter: Prefilter, two_sided: bool, offset: [f32; 2]) -
     scene.camera.near = NEAR;
     scene.image.transparent = true;
     let options = RenderOptions {
-        mode: BlurMode::Still { pixel_samples: 1 },
+        quality: BlurMode::Still { pixel_samples: 1 }.into(),
         filter: PixelFilter::Point,
         prefilter,
         two_sided,
         aovs: vec![Aov::Depth],
         ..RenderOptions::default()
     };
-    let mut frame = Frame::new(&scene, 0, &options);
+    let mut frame = posed(&scene, 0, &options);
     frame.groups[0].raster.offset = offset;
     let picture = Cpu::default().render(&frame).expect("the frame fits").picture;
     let oracle = Oracle { surfels, eye, low_pass: prefilter == Prefilter::Approx, two_sided, offset };

@@ -11,13 +11,14 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
-use splatblur::plan::{BlurMode, PixelFilter, Prefilter, RenderOptions};
-use splatblur::render::render_frame;
-use splatblur::scene::{self, Scene};
+use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use splatblur::renderer::render_frame;
+use splatblur::scene::Scene;
+use splatblur::scene_file;
 
 fn shipped(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(format!("{name}.xml"));
-    scene::load(&path, &scene::LoadOptions::default()).expect("a shipped scene").scene
+    scene_file::load(&path, &scene_file::LoadOptions::default()).expect("a shipped scene").scene
 }
 
 fn render(scene: &Scene, frame: i64, options: &RenderOptions) -> Picture {
@@ -25,7 +26,7 @@ fn render(scene: &Scene, frame: i64, options: &RenderOptions) -> Picture {
 }
 
 fn supersample(samples: u32) -> RenderOptions {
-    RenderOptions { mode: BlurMode::supersample(samples), ..RenderOptions::default() }
+    RenderOptions { quality: BlurMode::supersample(samples).into(), ..RenderOptions::default() }
 }
 
 /// Offsets within a disc of radius 2 px: the structuring element of the closing.
@@ -165,7 +166,7 @@ fn holes_of(whole: &Scene, frames: &[i64]) -> Vec<String> {
         for &frame in frames {
             for prefilter in [Prefilter::None, Prefilter::Approx] {
                 let options = RenderOptions {
-                    mode: BlurMode::Still { pixel_samples: 1 },
+                    quality: BlurMode::Still { pixel_samples: 1 }.into(),
                     filter: PixelFilter::Point,
                     prefilter,
                     aovs: vec![Aov::Depth],

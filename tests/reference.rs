@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use splatblur::film::{Aov, Picture};
 use splatblur::model::{Material, Surfels};
-use splatblur::plan::{BlurMode, PixelFilter, Prefilter, RenderOptions, Shading};
+use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions, Shading};
 use splatblur::reference::{
     ROUND, Reference, ReferenceError, ReferenceOptions, Sampler, Sums, probe, render as reference_of,
 };
@@ -179,7 +179,7 @@ fn samples_match_brute_force() {
     scene.camera.near = 0.1;
     let brute = |sample: &splatblur::reference::Sample, two_sided: bool| {
         let object = &scene.objects[0];
-        let m = splatblur::pose::object_pose(&scene, object, sample.time).world_from_model;
+        let m = splatblur::scene::pose::object_pose(&scene, object, sample.time).world_from_model;
         let [eye, direction] = sample.ray;
         let mut hits = Vec::new();
         for i in 0..object.model.len() {
@@ -244,8 +244,14 @@ fn supersampling_converges_to_it() {
         let splatted = |samples| {
             let mode = BlurMode::supersample(samples);
             let aovs = aovs.clone();
-            let options =
-                RenderOptions { mode, shading, filter, prefilter: Prefilter::None, aovs, ..Default::default() };
+            let options = RenderOptions {
+                quality: mode.into(),
+                shading,
+                filter,
+                prefilter: Prefilter::None,
+                aovs,
+                ..Default::default()
+            };
             render(&scene, &options)
         };
         let few = rms(&splatted(16), &made.picture);

@@ -8,10 +8,11 @@ use std::path::Path;
 
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
-use splatblur::plan::{BlurMode, Prefilter, RenderOptions};
+use splatblur::options::{BlurMode, Prefilter, RenderOptions};
 use splatblur::reference::{ReferenceOptions, Sampler, render};
-use splatblur::render::render_frame;
-use splatblur::scene::{LoadOptions, Scene, load};
+use splatblur::renderer::render_frame;
+use splatblur::scene::Scene;
+use splatblur::scene_file::{LoadOptions, load};
 use support::plot::{Panel, Series, log_log};
 
 const COUNTS: [u64; 7] = [16, 32, 64, 128, 256, 512, 1024];
@@ -101,7 +102,8 @@ fn supersampling_on_shipped_scenes() {
         let made = render(&scene, frame, &options, None, &|_| ()).expect("valid options");
         let errors = made.picture.layers.last().expect("the error layer");
         for prefilter in [Prefilter::None, Prefilter::Approx] {
-            let options = RenderOptions { mode: BlurMode::supersample(1024), prefilter, ..RenderOptions::default() };
+            let options =
+                RenderOptions { quality: BlurMode::supersample(1024).into(), prefilter, ..RenderOptions::default() };
             let splatted = render_frame(&mut Cpu::default(), &scene, frame, &options).expect("it fits").picture;
             let z: Vec<Option<f64>> = (0..splatted.rgba.len())
                 .map(|i| {

@@ -13,9 +13,9 @@ use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 use splatblur::anim;
 use splatblur::model::{Material, Surfels};
-use splatblur::plan::Shading;
-use splatblur::pose::{camera_from_world, object_pose};
+use splatblur::options::Shading;
 use splatblur::reference::{ReferenceError, ReferenceOptions, SCRAMBLINGS, Sample, Sampler, Sums, probe, render};
+use splatblur::scene::pose::{camera_from_world, object_pose};
 use splatblur::scene::{AnimationBinding, Light, Motion, Object, Scene, Sphere};
 use support::{UNLIT, object, scene, sphere_scene};
 

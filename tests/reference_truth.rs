@@ -11,7 +11,7 @@ mod support;
 use glam::{DVec3, Vec3};
 use splatblur::film::Aov;
 use splatblur::model::Surfels;
-use splatblur::plan::PixelFilter;
+use splatblur::options::PixelFilter;
 use splatblur::reference::{Reference, ReferenceOptions, render};
 use splatblur::scene::{Light, Motion, Object, Scene};
 use splatblur::time::Weight;

@@ -7,13 +7,17 @@ mod support;
 use glam::{DVec3, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::model::{Material, Surfels};
-use splatblur::plan::{BlurMode, PixelFilter, Prefilter, RenderOptions, Shading};
+use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions, Shading};
 use splatblur::scene::{Light, Motion, Object, Scene};
 use splatblur::time::Weight;
 use support::{UNLIT, default_lights, object, render, round_surfels, scene, sphere_scene};
 
 fn still() -> RenderOptions {
-    RenderOptions { mode: BlurMode::Still { pixel_samples: 1 }, filter: PixelFilter::Point, ..RenderOptions::default() }
+    RenderOptions {
+        quality: BlurMode::Still { pixel_samples: 1 }.into(),
+        filter: PixelFilter::Point,
+        ..RenderOptions::default()
+    }
 }
 
 /// Pixel centres and object-space kernels alone: what closed forms of coverage speak of.
@@ -22,7 +26,7 @@ fn exact(samples: u32) -> RenderOptions {
 }
 
 fn supersample(samples: u32) -> RenderOptions {
-    RenderOptions { mode: BlurMode::supersample(samples), ..RenderOptions::default() }
+    RenderOptions { quality: BlurMode::supersample(samples).into(), ..RenderOptions::default() }
 }
 
 /// A square of surfels about the origin, facing +z.
@@ -91,7 +95,7 @@ fn bytes_depend_on_neither_threads_nor_memory_nor_the_run() {
 fn too_little_memory_is_an_error_that_says_what_is_needed() {
     let scene = busy_scene();
     let options = RenderOptions { memory: 100_000, ..supersample(2) };
-    let error = splatblur::render::render_frame(&mut splatblur::backend::cpu::Cpu::default(), &scene, 0, &options)
+    let error = splatblur::renderer::render_frame(&mut splatblur::backend::cpu::Cpu::default(), &scene, 0, &options)
         .expect_err("100 kB");
     let text = error.to_string();
     assert!(text.contains("130 x 130") && text.contains("100000") && text.contains("--memory"), "{text}");

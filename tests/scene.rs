@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 use proptest::prelude::*;
 use splatblur::anim::Interpolation;
-use splatblur::scene::{Light, LoadOptions, Loaded, Motion, Scene, SceneError, load, to_xml, validate};
+use splatblur::scene::{Light, Motion, Scene};
+use splatblur::scene_file::{LoadOptions, Loaded, SceneError, load, to_xml, validate};
 use splatblur::time::Weight;
 
 const MODEL: &str = include_str!("data/scenes/m.ply");
@@ -259,8 +260,8 @@ fn the_automatic_camera_sees_everything() {
         let tan = (0.5 * camera.fovy).tan();
         let aspect = f64::from(s.image.width) / f64::from(s.image.height);
         for frame in s.frames.first..=s.frames.last {
-            let pose = splatblur::pose::object_pose(&s, object, frame as f64);
-            let view = splatblur::pose::camera_from_world(&s, frame as f64) * pose.world_from_model;
+            let pose = splatblur::scene::pose::object_pose(&s, object, frame as f64);
+            let view = splatblur::scene::pose::camera_from_world(&s, frame as f64) * pose.world_from_model;
             for corner in object.bounds.corners().into_iter().filter(|c| c.is_finite()) {
                 let p = view.transform_point3(corner);
                 let depth = -p.z;
@@ -707,7 +708,7 @@ fn an_animated_camera_is_rigid() {
     let scene = "<scene><camera><animation>cam.anim</animation></camera><object><pointModel>m.ply</pointModel></object></scene>";
     fs::write(&path, scene).unwrap();
     let scene = load(&path, &LoadOptions::default()).unwrap().scene;
-    let camera_from_world = splatblur::pose::camera_from_world(&scene, 4.0);
+    let camera_from_world = splatblur::scene::pose::camera_from_world(&scene, 4.0);
     // Turned by 90 degrees about y, -z looks along -x; a point 2 ahead and 1 above the eye at (5, 0, 0).
     let p = camera_from_world.transform_point3(DVec3::new(3.0, 1.0, 0.0));
     assert!((p - DVec3::new(0.0, 1.0, -2.0)).length() < 1e-12, "{p}");
@@ -727,7 +728,7 @@ fn an_ideal_sphere_takes_the_place_of_a_model() {
     assert_eq!(again.objects[0].sphere, object.sphere);
     assert_eq!(to_xml(&again, Path::new("")), to_xml(&scene, Path::new("")));
     let mut cpu = splatblur::backend::cpu::Cpu::default();
-    let error =
-        splatblur::render::render_frame(&mut cpu, &scene, 0, &splatblur::plan::RenderOptions::default()).unwrap_err();
+    let error = splatblur::renderer::render_frame(&mut cpu, &scene, 0, &splatblur::options::RenderOptions::default())
+        .unwrap_err();
     assert_eq!(error.to_string(), "object `object1` is an ideal sphere, which only the reference can show");
 }

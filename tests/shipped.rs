@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use splatblur::model::{Cloud, generate};
-use splatblur::scene;
+use splatblur::scene_file;
 
 fn scenes() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")
@@ -67,7 +67,8 @@ fn every_scene_loads_without_a_word_of_doubt() {
     assert!(files.len() >= 8, "{files:?}");
     for name in files {
         let path = scenes().join(&name);
-        let loaded = scene::load(&path, &scene::LoadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let loaded =
+            scene_file::load(&path, &scene_file::LoadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
         let scene = loaded.scene;
         assert_eq!((scene.image.width, scene.image.height), (960, 540), "{name}");
         assert_eq!((scene.shutter.open, scene.shutter.close), (-0.5, 0.5), "{name}");

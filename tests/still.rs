@@ -9,14 +9,14 @@ use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::frame::{Blocks, Frame};
-use splatblur::plan::{
+use splatblur::options::{
     BlurMode, Interleave, KernelShape, Normalise, PixelFilter, RenderOptions, Shading, SourceSamples, SweptKernel,
     TemporalAlpha,
 };
 use splatblur::scene::{Light, Motion, Scene};
 use splatblur::shading::ShadingLight;
 use splatblur::time::{Shutter, Weight};
-use support::{default_lights, object, scene, sphere};
+use support::{default_lights, object, posed, scene, sphere};
 
 /// A textured sphere at rest, one that moves through its surface, and one that passes behind.
 fn through() -> Scene {
@@ -40,7 +40,7 @@ fn options(mode: BlurMode) -> RenderOptions {
     let shared = matches!(mode, BlurMode::Supersample { pixel_samples, .. } if pixel_samples.is_some());
     let filter = if shared { PixelFilter::Box } else { PixelFilter::Point };
     let aovs = Aov::ALL.to_vec();
-    RenderOptions { mode, filter, aovs, epsilon: Some(0.03), ..RenderOptions::default() }
+    RenderOptions { quality: mode.into(), filter, aovs, epsilon: Some(0.03), ..RenderOptions::default() }
 }
 
 fn modes() -> [BlurMode; 5] {
@@ -83,7 +83,7 @@ fn looks_as_if_splatted_anew(backend: &mut dyn Backend, modes: &[BlurMode], shad
     for &mode in modes {
         for &shading in shadings {
             let options = RenderOptions { shading, ..options(mode) };
-            let frame = Frame::new(&scene, 0, &options);
+            let frame = posed(&scene, 0, &options);
             let of_still: Vec<bool> = frame.objects.iter().map(|object| object.still).collect();
             let all = matches!(mode, BlurMode::Still { .. });
             assert_eq!(of_still, [all, true, all]);
@@ -107,7 +107,7 @@ fn what_lies_still_looks_as_if_splatted_anew() {
 fn memory_does_not_show(backend: &mut dyn Backend, scene: &Scene, modes: &[BlurMode]) {
     for &mode in modes {
         let options = options(mode);
-        let frame = Frame::new(scene, 0, &options);
+        let frame = posed(scene, 0, &options);
         let kept = splat(backend, &frame);
         let mut scarce = frame.clone();
         let anew = (1..).find_map(|step| {
@@ -134,13 +134,12 @@ fn memory_for_what_lies_still_does_not_show() {
 /// that of a black lamp, each has its own.
 fn intervals_share_a_picture(backend: &mut dyn Backend) {
     let mut scene = through();
-    let count =
-        |backend: &mut dyn Backend, scene: &Scene, mode| splat(backend, &Frame::new(scene, 0, &options(mode))).1;
+    let count = |backend: &mut dyn Backend, scene: &Scene, mode| splat(backend, &posed(scene, 0, &options(mode))).1;
     let alone = Scene { objects: vec![scene.objects[1].clone()], ..scene.clone() };
     scene.lights.push(Light::Directional { direction: DVec3::X, colour: DVec3::ZERO });
     for mode in swept_modes() {
         let options = options(mode);
-        let frame = Frame::new(&scene, 0, &options);
+        let frame = posed(&scene, 0, &options);
         assert!(frame.has_still_picture());
         let mut own = frame.clone();
         for group in own.groups.iter_mut().step_by(2) {
@@ -164,10 +163,10 @@ fn intervals_of_what_lies_still_cost_one_sample() {
     let scene = Scene { objects: vec![through().objects[1].clone()], ..through() };
     let still = options(BlurMode::Still { pixel_samples: 1 });
     let still = RenderOptions { shading: Shading::Gouraud, aovs: still.aovs[..4].to_vec(), ..still };
-    let (want, splats) = splat(&mut Cpu::default(), &Frame::new(&scene, 0, &still));
+    let (want, splats) = splat(&mut Cpu::default(), &posed(&scene, 0, &still));
     for mode in swept_modes() {
-        let options = RenderOptions { mode, ..still.clone() };
-        let (got, of_intervals) = splat(&mut Cpu::default(), &Frame::new(&scene, 0, &options));
+        let options = RenderOptions { quality: mode.into(), ..still.clone() };
+        let (got, of_intervals) = splat(&mut Cpu::default(), &posed(&scene, 0, &options));
         assert_eq!(of_intervals, splats, "{mode}");
         assert!(difference(&got, &want) < 4.0 * f32::EPSILON, "{mode}");
     }
@@ -182,7 +181,7 @@ fn intervals_have_one_guard_band() {
     let guards = |intervals: u32| {
         let mode = BlurMode::Volumetric { intervals, pixel_samples: None, swept: SweptKernel::default() };
         let options = options(mode);
-        let frame = Frame::new(&scene, 0, &options);
+        let frame = posed(&scene, 0, &options);
         frame.groups.iter().map(|group| group.interval.unwrap().guard).collect::<Vec<_>>()
     };
     assert!(guards(4).iter().all(|&guard| guard == guards(4)[0]), "{:?}", guards(4));
@@ -197,7 +196,7 @@ fn slow_objects_are_held_at_mid_exposure() {
         ball.motions = vec![Motion::Linear { velocity: DVec3::X * way * 3.0 / 109.9 }];
         let scene = scene(vec![ball], [96, 80], DVec3::new(0.0, 0.0, 4.0), 40.0);
         let options = options(BlurMode::supersample(9));
-        let frame = Frame::new(&scene, 0, &options);
+        let frame = posed(&scene, 0, &options);
         let at = |group: usize| frame.groups[group].samples[0].objects[0].screen_origin.x;
         let middle = 109.9 * (0.5 * way * 3.0 / 109.9) as f32;
         assert_eq!(frame.objects[0].still, (0..9).all(|group| (at(group) - middle).abs() < 1e-3));
@@ -215,7 +214,7 @@ fn what_moves_is_not_held() {
     scene.camera.automatic = false;
     let still = |scene: &Scene, mode| {
         let options = options(mode);
-        Frame::new(scene, 0, &options).objects.iter().map(|object| object.still).collect::<Vec<_>>()
+        posed(scene, 0, &options).objects.iter().map(|object| object.still).collect::<Vec<_>>()
     };
     let swept = BlurMode::Volumetric { intervals: 1, pixel_samples: None, swept: SweptKernel::default() };
     assert_eq!(still(&scene, swept), [false, true, false]);
@@ -228,7 +227,7 @@ fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
     let scene = through();
     for mode in [BlurMode::supersample(4), BlurMode::interleaved(3, Interleave::Two)] {
         let options = RenderOptions { aovs: Vec::new(), ..options(mode) };
-        let mut frame = Frame::new(&scene, 0, &options);
+        let mut frame = posed(&scene, 0, &options);
         frame.background.transparent = true;
         let (whole, _) = splat(backend, &frame);
         let [width, height] = Blocks::count(frame.size, frame.stride);
@@ -258,7 +257,7 @@ fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
     let mut scene = through();
     scene.objects[1].transform.translate.x = 6.0;
     let options = options(BlurMode::supersample(4));
-    let mut frame = Frame::new(&scene, 0, &options);
+    let mut frame = posed(&scene, 0, &options);
     frame.wanted = Some(Blocks { width: 3, wanted: [vec![true; 3], vec![false; 6]].concat() });
     let (part, _) = splat(backend, &frame);
     frame.wanted = None;
@@ -308,7 +307,7 @@ mod gpu {
         for mode in modes().into_iter().chain(swept_modes()) {
             for shading in [Shading::Phong, Shading::Gouraud] {
                 let options = RenderOptions { shading, ..options(mode) };
-                let frame = Frame::new(&scene, 0, &options);
+                let frame = posed(&scene, 0, &options);
                 let ((want, splats), (got, of_gpu)) = (splat(&mut Cpu::default(), &frame), splat(&mut gpu, &frame));
                 let worst = difference(&got, &want);
                 println!("{mode}, {shading:?}: {splats} and {of_gpu} splats, {worst:.1e}");

@@ -8,21 +8,20 @@ use glam::{DVec3, Vec3};
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
-use splatblur::frame::Frame;
-use splatblur::plan::{
+use splatblur::options::{
     BlurMode, Interleave, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel, TemporalAlpha,
 };
 use splatblur::scene::{Motion, Scene};
 use splatblur::time::Weight;
 use support::closed_forms::{SIZE, disc, edge, spin_of, truth};
-use support::{UNLIT, object, render, round_surfels, scene, sphere_scene};
+use support::{UNLIT, object, posed, render, round_surfels, scene, sphere_scene};
 
 fn volumetric(intervals: u32) -> BlurMode {
     BlurMode::Volumetric { intervals, pixel_samples: None, swept: SweptKernel::default() }
 }
 
 fn options(mode: BlurMode) -> RenderOptions {
-    RenderOptions { mode, aovs: Aov::ALL[..4].to_vec(), ..RenderOptions::default() }
+    RenderOptions { quality: mode.into(), aovs: Aov::ALL[..4].to_vec(), ..RenderOptions::default() }
 }
 
 fn values(picture: &Picture) -> Vec<f32> {
@@ -43,7 +42,7 @@ fn without_motion_a_tube_is_the_splat() {
             let with = |mode| {
                 let point = RenderOptions { filter: PixelFilter::Point, prefilter, ..options(mode) };
                 let options = RenderOptions { shading: Shading::Gouraud, ..point };
-                let mut frame = Frame::new(&scene, 0, &options);
+                let mut frame = posed(&scene, 0, &options);
                 // Else it would have a picture of splats.
                 frame.objects.iter_mut().for_each(|object| object.still = false);
                 Cpu::default().render(&frame).expect("a picture").picture
@@ -96,7 +95,7 @@ fn alpha_error(mut scene: Scene, name: &str, weight: &str, colour: [f32; 3], mod
         _ => Weight::Ramp { centre: 1.0 },
     };
     let options = RenderOptions {
-        mode,
+        quality: mode.into(),
         filter: PixelFilter::Point,
         prefilter: Prefilter::None,
         aovs: vec![Aov::Alpha],
@@ -445,5 +444,5 @@ fn fits(scene: &Scene, threads: usize, memory: u64) -> bool {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
     let options = RenderOptions { memory, ..options(volumetric(3)) };
     let mut cpu = splatblur::backend::cpu::Cpu::default();
-    pool.install(|| splatblur::render::render_frame(&mut cpu, scene, 0, &options).is_ok())
+    pool.install(|| splatblur::renderer::render_frame(&mut cpu, scene, 0, &options).is_ok())
 }

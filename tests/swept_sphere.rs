@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 use splatblur::anim::{self, Interpolation};
 use splatblur::math::Trs;
 use splatblur::model::Surfels;
-use splatblur::pose::ObjectPoser;
+use splatblur::scene::pose::ObjectPoser;
 use splatblur::scene::{AnimationBinding, Motion};
 
 /// All shipped animations in all modes, alone and with motions before and after them, over long, short and empty times, inside and

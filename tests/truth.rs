@@ -7,8 +7,8 @@ mod support;
 
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
-use splatblur::plan::{BlurMode, PixelFilter, Prefilter, RenderOptions};
-use splatblur::render::render_frame;
+use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use splatblur::time::Weight;
 use support::closed_forms::{SIZE, disc, edge, spin, truth};
@@ -60,7 +60,7 @@ fn error(
         _ => Weight::Ramp { centre: 1.0 },
     };
     let options = RenderOptions {
-        mode: BlurMode::supersample(machine.samples),
+        quality: BlurMode::supersample(machine.samples).into(),
         filter: if filter == "box" { PixelFilter::Box } else { PixelFilter::Point },
         prefilter: Prefilter::None,
         ..RenderOptions::default()

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use libfuzzer_sys::fuzz_target;
-use splatblur::scene::validate;
+use splatblur::scene_file::validate;
 
 fuzz_target!(|bytes: &[u8]| {
     for lenient in [false, true] {

@@ -9,7 +9,8 @@ use super::keeps;
 use crate::backend::{Backend, BackendError, Stats};
 use crate::film::{Aov, Picture};
 use crate::frame::{Blocks, Frame};
-use crate::plan::{BlurMode, Group, Interleave, PixelFilter, Plan, RenderOptions, TimeSample, share_out};
+use crate::options::{BlurMode, Interleave, PixelFilter, RenderOptions};
+use crate::plan::{Group, Plan, TimeSample, share_out};
 use crate::sampling::pixel_offsets;
 use crate::scene::Scene;
 
@@ -102,7 +103,7 @@ impl Halves {
         stats: &mut Stats,
     ) -> Result<Self, BackendError> {
         let mut half = |half: u32| {
-            let mut frame = Frame::planned(round.scene, round.number, round.options, &round.plan(half));
+            let mut frame = Frame::planned(round.scene, round.number, None, round.options, &round.plan(half));
             frame.background.transparent = true;
             frame.wanted = wanted.cloned();
             // The halves that there are, and the other one of this round.

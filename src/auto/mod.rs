@@ -17,7 +17,7 @@ use self::halves::{Halves, Round};
 use crate::backend::{Achieved, Backend, BackendError, Rendered, Stats};
 use crate::film::{Aov, Layer};
 use crate::frame::{Blocks, STILL_PATH};
-use crate::plan::{Interleave, PixelFilter, RenderOptions, Target};
+use crate::options::{ErrorTarget, Interleave, PixelFilter, RenderOptions};
 use crate::scene::Scene;
 use crate::time::Weight;
 
@@ -55,7 +55,7 @@ pub fn render(
     scene: &Scene,
     number: i64,
     options: &RenderOptions,
-    target: Target,
+    target: ErrorTarget,
 ) -> Result<Rendered, BackendError> {
     let way = path::longest(scene, number);
     let moves = way >= f64::from(STILL_PATH);
@@ -157,7 +157,7 @@ fn even_shares(first: &Round<'_>, factors: &[u32], width: usize, edge: usize) ->
 }
 
 /// The smallest first number of samples that a longest way of `way` pixels needs.
-fn first_samples(way: f64, target: &Target) -> u32 {
+fn first_samples(way: f64, target: &ErrorTarget) -> u32 {
     let needed = SAMPLES / target.error * way.sqrt();
     let enough = FIRST.into_iter().find(|&samples| f64::from(samples) >= needed);
     let most = FIRST.into_iter().rfind(|&samples| samples <= target.samples_max).unwrap_or(FIRST[0]);

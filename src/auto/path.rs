@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::pose::{camera_from_world, object_pose};
+use crate::scene::pose::{camera_from_world, object_pose};
 use crate::scene::{Object, Scene};
 
 /// Surfels of an object that are looked at.

@@ -1,9 +1,9 @@
 //! Machines that execute a plan.
 
+mod clusters;
 pub mod cpu;
 #[cfg(feature = "gpu")]
 pub mod gpu;
-mod pieces;
 
 use std::fmt;
 use std::time::Duration;

@@ -10,9 +10,11 @@ use clap::{Args, ValueEnum};
 use glam::DVec3;
 use splatblur::film::Aov;
 use splatblur::image::{Bits, Format};
-use splatblur::scene::{self, Loaded, Scene};
+use splatblur::scene::Scene;
+use splatblur::scene_file;
+use splatblur::scene_file::Loaded;
 use splatblur::time::Weight;
-use splatblur::{files, plan};
+use splatblur::{files, options};
 
 use super::grammar::{self, Frames};
 use super::output::say;
@@ -138,7 +140,7 @@ pub(super) enum Shading {
     Gouraud,
 }
 
-impl From<Filter> for plan::PixelFilter {
+impl From<Filter> for options::PixelFilter {
     fn from(filter: Filter) -> Self {
         match filter {
             Filter::Box => Self::Box,
@@ -147,7 +149,7 @@ impl From<Filter> for plan::PixelFilter {
     }
 }
 
-impl From<Prefilter> for plan::Prefilter {
+impl From<Prefilter> for options::Prefilter {
     fn from(prefilter: Prefilter) -> Self {
         match prefilter {
             Prefilter::Approx => Self::Approx,
@@ -156,7 +158,7 @@ impl From<Prefilter> for plan::Prefilter {
     }
 }
 
-impl From<Shading> for plan::Shading {
+impl From<Shading> for options::Shading {
     fn from(shading: Shading) -> Self {
         match shading {
             Shading::Phong => Self::Phong,
@@ -210,7 +212,7 @@ impl Images {
 }
 
 impl Exposure {
-    pub(super) fn filter(&self) -> plan::PixelFilter {
+    pub(super) fn filter(&self) -> options::PixelFilter {
         self.filter.into()
     }
 
@@ -225,7 +227,7 @@ impl Exposure {
 }
 
 impl Surfaces {
-    pub(super) fn shading(&self) -> plan::Shading {
+    pub(super) fn shading(&self) -> options::Shading {
         self.shading.into()
     }
 }
@@ -281,8 +283,8 @@ pub(super) fn load_scene(
     }
     let progress = Loading::new(quiet);
     let step = |what: &str, share: f32| progress.step(what, share);
-    let options = scene::LoadOptions { lenient, restrict, progress: Some(&step) };
-    Ok(pool.install(|| scene::load(path, &options))?)
+    let options = scene_file::LoadOptions { lenient, restrict, progress: Some(&step) };
+    Ok(pool.install(|| scene_file::load(path, &options))?)
 }
 
 /// Makes the output directory, and finds out now, not after the first frame, whether files can be written there.

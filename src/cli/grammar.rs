@@ -4,7 +4,7 @@
 
 use glam::DVec3;
 use splatblur::film::Aov;
-use splatblur::plan::{Interleave, Target};
+use splatblur::options::{ErrorTarget, Interleave};
 use splatblur::time::Weight;
 
 /// An inclusive range of frames.
@@ -122,9 +122,9 @@ pub(super) fn samples(text: &str) -> Result<u32, String> {
 /// The error that mode auto aims at: a number, or the name of one.
 pub(super) fn error(text: &str) -> Result<f64, String> {
     match text {
-        "draft" => Ok(Target::DRAFT),
-        "good" => Ok(Target::GOOD),
-        "final" => Ok(Target::FINAL),
+        "draft" => Ok(ErrorTarget::DRAFT),
+        "good" => Ok(ErrorTarget::GOOD),
+        "final" => Ok(ErrorTarget::FINAL),
         _ => text
             .parse()
             .ok()

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use clap::Args;
-use splatblur::{anim, image, model, scene};
+use splatblur::{anim, image, model, scene_file};
 
 use super::output::{print, print_json};
 use super::progress::Loading;
@@ -98,10 +98,13 @@ impl Info {
         let progress = Loading::new(false);
         let step = |what: &str, share: f32| progress.step(what, share);
         let restrict = self.restrict.as_deref();
-        let loaded = scene::load(file, &scene::LoadOptions { lenient: self.lenient, restrict, progress: Some(&step) })?;
+        let loaded = scene_file::load(
+            file,
+            &scene_file::LoadOptions { lenient: self.lenient, restrict, progress: Some(&step) },
+        )?;
         drop(progress);
         if self.xml {
-            return print(&scene::to_xml(&loaded.scene, file.parent().unwrap_or(Path::new(""))));
+            return print(&scene_file::to_xml(&loaded.scene, file.parent().unwrap_or(Path::new(""))));
         }
         self.show(&inspect::scene(&loaded))
     }

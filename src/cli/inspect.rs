@@ -8,7 +8,8 @@ use splatblur::anim::{Animation, NodeAnimation};
 use splatblur::film::Picture;
 use splatblur::math::{Bounds, Trs};
 use splatblur::model::{self, Material, Surfels};
-use splatblur::scene::{self, AnimationBinding, Camera, Light, Motion, Object};
+use splatblur::scene::{AnimationBinding, Camera, Light, Motion, Object};
+use splatblur::scene_file;
 
 use super::settings;
 
@@ -31,7 +32,7 @@ fn single(value: f32) -> Value {
 }
 
 /// A scene with all that it names.
-pub(super) fn scene(loaded: &scene::Loaded) -> Value {
+pub(super) fn scene(loaded: &scene_file::Loaded) -> Value {
     let s = &loaded.scene;
     object(vec![
         ("kind", json!("scene")),

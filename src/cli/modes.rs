@@ -5,8 +5,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use splatblur::plan::{
-    BlurMode, KernelShape, KernelWeight, Normalise, SourceSamples, SweptKernel, Target, TemporalAlpha,
+use splatblur::options::{
+    BlurMode, ErrorTarget, KernelShape, KernelWeight, Normalise, Quality, SourceSamples, SweptKernel, TemporalAlpha,
 };
 use splatblur::reference::SCRAMBLINGS;
 
@@ -40,7 +40,7 @@ pub(super) struct Mode {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Method {
     /// By splatting.
-    Splat(BlurMode),
+    Splat(Quality),
     /// By ray tracing, with so many samples of a pixel.
     Reference(u64),
 }
@@ -57,11 +57,13 @@ impl Method {
     /// Samples of a pixel; 0 in mode auto, whose pictures say it themselves.
     pub(super) fn samples(self) -> u64 {
         match self {
-            Self::Splat(BlurMode::Still { pixel_samples }) => pixel_samples.into(),
-            Self::Splat(BlurMode::Supersample { samples, .. }) => samples.into(),
-            Self::Splat(BlurMode::Bucket { buckets, samples, .. }) => u64::from(buckets) * u64::from(samples),
-            Self::Splat(BlurMode::Volumetric { intervals, .. }) => intervals.into(),
-            Self::Splat(BlurMode::Auto(_)) => 0,
+            Self::Splat(Quality::Mode(BlurMode::Still { pixel_samples })) => pixel_samples.into(),
+            Self::Splat(Quality::Mode(BlurMode::Supersample { samples, .. })) => samples.into(),
+            Self::Splat(Quality::Mode(BlurMode::Bucket { buckets, samples, .. })) => {
+                u64::from(buckets) * u64::from(samples)
+            }
+            Self::Splat(Quality::Mode(BlurMode::Volumetric { intervals, .. })) => intervals.into(),
+            Self::Splat(Quality::Error(_)) => 0,
             Self::Reference(samples) => samples,
         }
     }
@@ -170,33 +172,33 @@ pub(super) fn list(text: &str) -> Result<Vec<Mode>, String> {
 }
 
 /// A mode of the plan.
-fn blur(name: &str, counts: Option<&str>, options: &mut Options<'_>) -> Result<BlurMode, String> {
+fn blur(name: &str, counts: Option<&str>, options: &mut Options<'_>) -> Result<Quality, String> {
     let samples = |default| counts.map_or(Ok(default), grammar::samples);
     match name {
-        "still" => Ok(BlurMode::Still { pixel_samples: samples(16)? }),
+        "still" => Ok(Quality::Mode(BlurMode::Still { pixel_samples: samples(16)? })),
         "supersample" => {
             let interleave = options.take("interleave", grammar::interleave)?.unwrap_or_default();
             let samples = samples(32)?;
             let pixel_samples = options.pixel_samples(samples)?;
-            Ok(BlurMode::Supersample { samples, pixel_samples, interleave })
+            Ok(Quality::Mode(BlurMode::Supersample { samples, pixel_samples, interleave }))
         }
         "bucket" => {
             let (buckets, samples) = counts.map_or(Ok((8, 4)), grid)?;
             let interleave = options.take("interleave", grammar::interleave)?.unwrap_or_default();
             let pixel_samples = options.pixel_samples(buckets)?;
-            Ok(BlurMode::Bucket { buckets, samples, pixel_samples, interleave })
+            Ok(Quality::Mode(BlurMode::Bucket { buckets, samples, pixel_samples, interleave }))
         }
         "volumetric" => {
             let intervals = samples(10)?;
-            Ok(BlurMode::Volumetric {
+            Ok(Quality::Mode(BlurMode::Volumetric {
                 intervals,
                 pixel_samples: options.pixel_samples(intervals)?,
                 swept: swept(options)?,
-            })
+            }))
         }
         "auto" => {
-            let default = Target::default();
-            Ok(BlurMode::Auto(Target {
+            let default = ErrorTarget::default();
+            Ok(Quality::Error(ErrorTarget {
                 error: counts.map_or(Ok(default.error), grammar::error)?,
                 samples_max: options.take("samples-max", grammar::samples_max)?.unwrap_or(default.samples_max),
                 pixel_samples: options.take("pixel-samples", grammar::samples)?.unwrap_or(default.pixel_samples),
@@ -325,7 +327,7 @@ impl<'a> Options<'a> {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
-    use splatblur::plan::Interleave;
+    use splatblur::options::Interleave;
 
     use super::*;
 
@@ -360,12 +362,12 @@ mod tests {
         };
         assert_eq!(mode("volumetric:3+ellipsoid+once+alpha=sum"), volumetric(kernel));
         assert_eq!(mode("volumetric:3+kernel=ellipsoid+normalise=once+sum"), volumetric(kernel));
-        assert_eq!(mode("auto"), splat(BlurMode::Auto(Target::default())));
-        let target = Target { error: Target::DRAFT, samples_max: 64, pixel_samples: 4 };
-        assert_eq!(mode("auto:draft+samples-max=64+pixel-samples=4"), splat(BlurMode::Auto(target)));
+        assert_eq!(mode("auto"), splat(Quality::Error(ErrorTarget::default())));
+        let target = ErrorTarget { error: ErrorTarget::DRAFT, samples_max: 64, pixel_samples: 4 };
+        assert_eq!(mode("auto:draft+samples-max=64+pixel-samples=4"), splat(Quality::Error(target)));
         assert_eq!(
             mode(&mode("auto:draft+samples-max=64+pixel-samples=4").to_string()).method,
-            Method::Splat(BlurMode::Auto(target))
+            Method::Splat(Quality::Error(target))
         );
         assert_eq!(mode("reference:64").method, Method::Reference(64));
         assert_eq!(mode("bucket:8x4").method.samples(), 32);

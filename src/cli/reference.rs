@@ -10,7 +10,8 @@ use serde::Serialize;
 use splatblur::files;
 use splatblur::film::Aov;
 use splatblur::image::{self, Format};
-use splatblur::plan::{self, BlurMode, RenderOptions};
+use splatblur::options;
+use splatblur::options::{BlurMode, RenderOptions};
 use splatblur::reference::{self, ReferenceError, ReferenceOptions, SCRAMBLINGS, Stats, Sums};
 use splatblur::scene::Scene;
 
@@ -253,9 +254,9 @@ impl Output<'_> {
     /// partial sums are of the same kind.
     fn settings(&self, scene_path: &Path, frame: i64, samples: u64) -> anyhow::Result<String> {
         let options = RenderOptions {
-            mode: BlurMode::supersample(u32::try_from(samples).unwrap_or(u32::MAX)),
+            quality: BlurMode::supersample(u32::try_from(samples).unwrap_or(u32::MAX)).into(),
             filter: self.options.filter,
-            prefilter: plan::Prefilter::None,
+            prefilter: options::Prefilter::None,
             shading: self.options.shading,
             two_sided: self.options.two_sided,
             epsilon: self.options.epsilon,

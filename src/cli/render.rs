@@ -8,8 +8,9 @@ use anyhow::Context as _;
 use clap::{Args, ValueEnum};
 use splatblur::backend::Achieved;
 use splatblur::film::Aov;
-use splatblur::plan::{self, BlurMode, Interleave, RenderOptions, SourceSamples, SweptKernel, Target};
-use splatblur::render::{self, Rendered};
+use splatblur::options;
+use splatblur::options::{BlurMode, ErrorTarget, Interleave, Quality, RenderOptions, SourceSamples, SweptKernel};
+use splatblur::renderer::{self, Rendered};
 use splatblur::scene::Scene;
 
 use super::backend::{Machine, Wanted};
@@ -199,7 +200,7 @@ impl Render {
         let sequence =
             Sequence { frames, directory: &directory, stem: &scene.name, format, resume: self.resume, gate: &gate };
         let progress = Rendering::new(frames.count(), self.running.quiet);
-        let mut under_way = render::Frames::new(&mut *backend, &scene, &options)?;
+        let mut under_way = renderer::Frames::new(&mut *backend, &scene, &options)?;
         let finished = sequence.run(
             |frame| settings.of_frame(frame),
             |frame| pool.install(|| step(&mut under_way, frame)),
@@ -236,13 +237,13 @@ impl Render {
     }
 
     fn options(&self) -> anyhow::Result<RenderOptions> {
-        let mode = self.blur()?;
+        let quality = self.quality()?;
         let aovs = self.images.aovs()?;
-        if aovs.contains(&Aov::Error) && !matches!(mode, BlurMode::Auto(_)) {
+        if aovs.contains(&Aov::Error) && !matches!(quality, Quality::Error(_)) {
             anyhow::bail!("--aov error is for --mode auto, which estimates it");
         }
         Ok(RenderOptions {
-            mode,
+            quality,
             filter: self.exposure.filter(),
             prefilter: self.prefilter.into(),
             shading: self.surfaces.shading(),
@@ -255,7 +256,7 @@ impl Render {
         })
     }
 
-    fn blur(&self) -> anyhow::Result<BlurMode> {
+    fn quality(&self) -> anyhow::Result<Quality> {
         let refuse = |given: bool, message: &str| if given { Err(anyhow::anyhow!("{message}")) } else { Ok(()) };
         let interleave = self.interleave.unwrap_or_default();
         let counted = self.samples.is_some() || self.interleave.is_some();
@@ -289,8 +290,8 @@ impl Render {
                     self.interleave.is_some(),
                     "--mode auto chooses the lattice; --interleave is for --mode supersample",
                 )?;
-                let default = Target::default();
-                Ok(BlurMode::Auto(Target {
+                let default = ErrorTarget::default();
+                Ok(Quality::Error(ErrorTarget {
                     error: self.error.unwrap_or(default.error),
                     samples_max: self.samples_max.unwrap_or(default.samples_max),
                     pixel_samples: self.pixel_samples.unwrap_or(default.pixel_samples),
@@ -303,11 +304,11 @@ impl Render {
                 )?;
                 let swept = self.swept();
                 refuse(
-                    swept.weight == plan::KernelWeight::Chord && swept.shape == plan::KernelShape::Tube,
+                    swept.weight == options::KernelWeight::Chord && swept.shape == options::KernelShape::Tube,
                     "--kernel-weight chord is the length within an ellipsoid: it needs --kernel ellipsoid",
                 )?;
                 let intervals = self.samples.unwrap_or(10);
-                Ok(BlurMode::Volumetric { intervals, pixel_samples: self.positions(intervals), swept })
+                Ok(Quality::Mode(BlurMode::Volumetric { intervals, pixel_samples: self.positions(intervals), swept }))
             }
             Mode::Still => {
                 refuse(
@@ -315,11 +316,11 @@ impl Render {
                     "--samples counts time samples, which --mode still has not; use --pixel-samples",
                 )?;
                 refuse(self.interleave.is_some(), "--interleave is for modes with time samples, not for --mode still")?;
-                Ok(BlurMode::Still { pixel_samples: self.pixel_samples.unwrap_or(16) })
+                Ok(Quality::Mode(BlurMode::Still { pixel_samples: self.pixel_samples.unwrap_or(16) }))
             }
             Mode::Supersample => {
                 let samples = self.samples.unwrap_or(32);
-                Ok(BlurMode::Supersample { samples, pixel_samples: self.positions(samples), interleave })
+                Ok(Quality::Mode(BlurMode::Supersample { samples, pixel_samples: self.positions(samples), interleave }))
             }
             Mode::Bucket => {
                 let (buckets, samples) = (self.buckets.unwrap_or(8), self.samples.unwrap_or(4));
@@ -327,7 +328,12 @@ impl Render {
                     u64::from(buckets) * u64::from(samples) > u64::from(grammar::MAX_SAMPLES),
                     &format!("{buckets} buckets of {samples} samples: at most {} in all", grammar::MAX_SAMPLES),
                 )?;
-                Ok(BlurMode::Bucket { buckets, samples, pixel_samples: self.positions(buckets), interleave })
+                Ok(Quality::Mode(BlurMode::Bucket {
+                    buckets,
+                    samples,
+                    pixel_samples: self.positions(buckets),
+                    interleave,
+                }))
             }
         }
     }
@@ -345,28 +351,28 @@ impl Render {
         }
         SweptKernel {
             shape: match self.kernel.unwrap_or_default() {
-                Kernel::Tube => plan::KernelShape::Tube,
-                Kernel::Ellipsoid => plan::KernelShape::Ellipsoid,
+                Kernel::Tube => options::KernelShape::Tube,
+                Kernel::Ellipsoid => options::KernelShape::Ellipsoid,
             },
             weight: match self.kernel_weight.unwrap_or_default() {
-                KernelWeight::Integral => plan::KernelWeight::Integral,
-                KernelWeight::Chord => plan::KernelWeight::Chord,
+                KernelWeight::Integral => options::KernelWeight::Integral,
+                KernelWeight::Chord => options::KernelWeight::Chord,
             },
             source_samples,
             alpha: match self.alpha.unwrap_or_default() {
-                Alpha::Union => plan::TemporalAlpha::Union,
-                Alpha::Sum => plan::TemporalAlpha::Sum,
+                Alpha::Union => options::TemporalAlpha::Union,
+                Alpha::Sum => options::TemporalAlpha::Sum,
             },
             normalise: match self.normalise.unwrap_or_default() {
-                Normalise::Interval => plan::Normalise::Interval,
-                Normalise::Once => plan::Normalise::Once,
+                Normalise::Interval => options::Normalise::Interval,
+                Normalise::Once => options::Normalise::Once,
             },
         }
     }
 }
 
 /// Begins a frame or, without one, finishes one that was begun.
-fn step(under_way: &mut render::Frames<'_>, frame: Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>> {
+fn step(under_way: &mut renderer::Frames<'_>, frame: Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>> {
     match frame {
         Some(number) => under_way.begin(number).with_context(|| format!("frame {number}")),
         None => Ok(under_way.finish()?),
@@ -382,7 +388,7 @@ fn headline(scene: &Scene, frames: Frames, options: &RenderOptions, place: &str)
     };
     format!(
         "{}: {range}, {} x {} pixels, mode {}, on {place}",
-        scene.name, scene.image.width, scene.image.height, options.mode
+        scene.name, scene.image.width, scene.image.height, options.quality
     )
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use splatblur::backend::Achieved;
-use splatblur::render::Stats;
+use splatblur::renderer::Stats;
 
 use super::sequence::Finished;
 use super::settings::Settings;

@@ -8,8 +8,8 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use splatblur::compare::{self, Comparison, Metric, flip, ssim};
 use splatblur::film::Picture;
-use splatblur::report::page::page;
-use splatblur::report::{Floor, FrameStudy, ModeStudy, Region, SceneStudy, Study, Times, csv, pass_rate, split};
+use splatblur::study::report::page::page;
+use splatblur::study::report::{Floor, FrameStudy, ModeStudy, Region, SceneStudy, Study, Times, csv, pass_rate, split};
 use splatblur::{files, image};
 
 use super::common::{open_directory, stop_on_interrupt};

@@ -3,9 +3,9 @@
 use anyhow::Context as _;
 use splatblur::compare::flip;
 use splatblur::image;
-use splatblur::report::page::{FramePictures, ModePictures};
-use splatblur::report::{FrameStudy, Region, STRATA, Study, classify, flip_map, region_map, signed_error};
-use splatblur::sheet::{Canvas, densest};
+use splatblur::study::report::page::{FramePictures, ModePictures};
+use splatblur::study::report::{FrameStudy, Region, STRATA, Study, classify, flip_map, region_map, signed_error};
+use splatblur::study::sheet::{Canvas, densest};
 
 use super::report::Entry;
 use super::report_store::Store;

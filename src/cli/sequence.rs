@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use splatblur::film::Picture;
 use splatblur::image::{self, Format, ImageError};
-use splatblur::render::{Rendered, Stats};
+use splatblur::renderer::{Rendered, Stats};
 
 use super::grammar::Frames;
 

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use serde::Serialize;
 use splatblur::image::{Bits, Format};
-use splatblur::plan::RenderOptions;
+use splatblur::options::RenderOptions;
 use splatblur::scene::Scene;
 use splatblur::time::Weight;
 
@@ -70,7 +70,7 @@ impl Settings {
             frame: None,
             rate: scene.frames.rate,
             backend,
-            mode: options.mode.to_string(),
+            mode: options.quality.to_string(),
             reconstruct: options.reconstruct.then_some("along"),
             width: scene.image.width,
             height: scene.image.height,
@@ -97,7 +97,7 @@ impl Settings {
         // A longer sequence has the same frames.
         let mut alone = scene.clone();
         (alone.frames.first, alone.frames.last) = (0, 0);
-        let canonical = splatblur::scene::to_xml(&alone, scene_path.parent().unwrap_or(Path::new("")));
+        let canonical = splatblur::scene_file::to_xml(&alone, scene_path.parent().unwrap_or(Path::new("")));
         let text = serde_json::to_string(&settings)? + &canonical;
         settings.hash = format!("{:032x}", fnv1a(text.as_bytes()));
         Ok(settings)

@@ -6,7 +6,7 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use splatblur::compare::{Comparison, Metric};
 use splatblur::files;
-use splatblur::sheet::{self, Crop, Layout, Panel};
+use splatblur::study::sheet::{self, Crop, Layout, Panel};
 
 use super::common::open_directory;
 use super::grammar;

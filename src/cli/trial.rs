@@ -8,11 +8,13 @@ use clap::Args;
 use glam::DVec3;
 use splatblur::film::{Aov, Picture};
 use splatblur::image::Format;
-use splatblur::plan::{self, BlurMode, RenderOptions};
+use splatblur::options;
+use splatblur::options::{BlurMode, Quality, RenderOptions};
 use splatblur::reference::{self, ReferenceOptions};
-use splatblur::render::render_frame;
-use splatblur::report::STRATA;
-use splatblur::scene::{Loaded, Scene};
+use splatblur::renderer::render_frame;
+use splatblur::scene::Scene;
+use splatblur::scene_file::Loaded;
+use splatblur::study::report::STRATA;
 use splatblur::time::{Shutter, Weight};
 
 use super::backend::{self, Wanted};
@@ -131,9 +133,9 @@ impl Common {
     }
 
     /// Options of splatting in one mode.
-    pub(super) fn render_options(&self, mode: BlurMode, aovs: Vec<Aov>) -> RenderOptions {
+    pub(super) fn render_options(&self, quality: Quality, aovs: Vec<Aov>) -> RenderOptions {
         RenderOptions {
-            mode,
+            quality,
             filter: self.filter.into(),
             prefilter: self.prefilter.into(),
             shading: self.shading.into(),
@@ -165,7 +167,7 @@ impl Trial<'_> {
     ) -> anyhow::Result<Shot> {
         match method {
             Method::Splat(mode) => {
-                let aovs = if matches!(mode, BlurMode::Auto(_)) { vec![Aov::Samples] } else { Vec::new() };
+                let aovs = if matches!(mode, Quality::Error(_)) { vec![Aov::Samples] } else { Vec::new() };
                 let options = self.common.render_options(mode, aovs);
                 // Opening a device is no part of rendering.
                 self.open(machine)?;
@@ -186,9 +188,9 @@ impl Trial<'_> {
     pub(super) fn moments(&mut self, frame: i64) -> anyhow::Result<Vec<Picture>> {
         let mode = BlurMode::supersample(1);
         let options = RenderOptions {
-            filter: plan::PixelFilter::Point,
-            prefilter: plan::Prefilter::None,
-            ..self.common.render_options(mode, vec![Aov::Depth, Aov::Velocity])
+            filter: options::PixelFilter::Point,
+            prefilter: options::Prefilter::None,
+            ..self.common.render_options(mode.into(), vec![Aov::Depth, Aov::Velocity])
         };
         let Shutter { open, close, .. } = self.scene.shutter;
         let part = (close - open) / f64::from(STRATA);
@@ -206,7 +208,7 @@ impl Trial<'_> {
     pub(super) fn settings(&self, method: Method, machine: Machine, frame: i64, judge: bool) -> anyhow::Result<String> {
         let mode = match method {
             Method::Splat(mode) => mode,
-            Method::Reference(_) => BlurMode::Still { pixel_samples: 1 },
+            Method::Reference(_) => BlurMode::Still { pixel_samples: 1 }.into(),
         };
         let options = self.common.render_options(mode, Vec::new());
         let text = Settings::new(&self.scene, &self.path, &options, Format::Exr, machine.name())?.of_frame(frame)?;

@@ -1,4 +1,5 @@
 use super::*;
+use crate::options::{SourceSamples, TemporalAlpha};
 use crate::time::Weight;
 
 fn times(plan: &Plan) -> Vec<(f64, f64)> {

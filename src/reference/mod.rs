@@ -28,7 +28,7 @@ use self::trace::{Place, Seen, Tracer};
 use self::traverse::PACKET;
 use self::warp::TimeWarp;
 use crate::film::{Aov, Background, FilmPlanes, Picture};
-use crate::plan::{PixelFilter, Shading};
+use crate::options::{PixelFilter, Shading};
 use crate::scene::Scene;
 
 pub use self::probe::{Probe, ProbedHit, Sample, probe};

@@ -7,7 +7,7 @@ use super::ReferenceOptions;
 use super::bvh::Bvh;
 use crate::math::norm;
 use crate::model::{Material, Surfels};
-use crate::pose::{ObjectPoser, camera_from_world};
+use crate::scene::pose::{ObjectPoser, camera_from_world};
 use crate::scene::{Light, Object, Scene, Sphere};
 use crate::shading::ShadingLight;
 

@@ -10,9 +10,9 @@ use super::reach::{Reach, Sights};
 use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, PACKET, Waiting, traverse};
 use crate::film::Aov;
 use crate::model::Material;
-use crate::plan::Shading;
-use crate::pose::object_velocity;
+use crate::options::Shading;
 use crate::scene::Sphere;
+use crate::scene::pose::object_velocity;
 use crate::shading::{ShadingLight, shade};
 
 /// What one sample sees.
@@ -30,7 +30,7 @@ pub(super) struct Seen {
 
 /// One object on the ray of the current sample.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Target {
+pub(super) struct ErrorTarget {
     pub placed: Placed,
     /// The eye that the object is seen from: the frame number's where it does not blur.
     pub eye: DVec3,
@@ -49,7 +49,7 @@ pub(super) struct Tracer<'w, 'a> {
     pub found: Vec<Found>,
     views: Vec<View>,
     /// The objects of each lane; of use where it hits them.
-    targets: Vec<Option<Target>>,
+    targets: Vec<Option<ErrorTarget>>,
     rays: Vec<ModelRay>,
     stack: Vec<Waiting>,
     lights: Vec<ShadingLight>,
@@ -111,7 +111,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
                     object: number as u32,
                     lane,
                 });
-                self.targets[lane * world.bodies.len() + number] = Some(Target { placed, eye, direction });
+                self.targets[lane * world.bodies.len() + number] = Some(ErrorTarget { placed, eye, direction });
             }
             match body.shape {
                 Shape::Model(model) => traverse(&world.models[model], &self.rays, &mut self.found, &mut self.stack),
@@ -124,7 +124,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
     }
 
     /// The object that a hit of a lane is on.
-    pub(super) fn target(&self, lane: usize, hit: &Hit) -> Option<&Target> {
+    pub(super) fn target(&self, lane: usize, hit: &Hit) -> Option<&ErrorTarget> {
         self.targets[lane * self.world.bodies.len() + hit.object as usize].as_ref()
     }
 
@@ -180,7 +180,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
     }
 
     /// Screen velocity of a surfel's centre, pixels per shutter: the derivative of (f X, -f Y) / depth.
-    fn velocity(&self, body: &Body<'_>, target: &Target, surface: &Surface, time: f64) -> DVec2 {
+    fn velocity(&self, body: &Body<'_>, target: &ErrorTarget, surface: &Surface, time: f64) -> DVec2 {
         if !body.object.blur {
             return DVec2::ZERO;
         }
@@ -215,11 +215,11 @@ pub(super) struct Surface {
 
 impl Surface {
     /// Centre of the surfel in the world.
-    fn centre(&self, target: &Target) -> DVec3 {
+    fn centre(&self, target: &ErrorTarget) -> DVec3 {
         target.placed.world_from_model.transform_point3(self.model)
     }
 
-    pub(super) fn of(body: &Body<'_>, target: &Target, hit: &Hit) -> Self {
+    pub(super) fn of(body: &Body<'_>, target: &ErrorTarget, hit: &Hit) -> Self {
         let placed = &target.placed;
         let (colour, normal, model) = if let Shape::Sphere(sphere) = body.shape {
             let point = target.eye + target.direction * hit.depth - placed.world_from_model.translation;

@@ -1,147 +1,180 @@
-//! Attributes to values, as the schema says: numbers parsed, ranges checked, defaults filled in.
+//! A scene, resolved into plain values: what the renderer sees.
 
-use glam::DVec3;
+use std::path::PathBuf;
+use std::sync::Arc;
 
-use super::check::selected;
-use super::document::FileRef;
-use super::dom::{Element, Source};
-use super::error::{SceneError, quoted};
-use super::schema::{Absent, AttributeSchema, ElementSchema, FAR, Kind, Range, element as schema_of};
+use glam::{DVec3, Vec3};
 
-/// An element, present or not, with its schema: reads values by name.
-pub(super) struct Part<'a> {
-    pub(super) source: &'a Source,
-    pub(super) element: &'a Element,
-    schema: &'static ElementSchema,
-    selected: &'a str,
+use crate::anim::{Interpolation, NodeAnimation};
+use crate::math::{Bounds, Trs};
+use crate::model::{ColourSpace, Material, Surfels};
+use crate::time::Shutter;
+
+/// A scene with everything loaded and every default filled in.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// File stem of the scene file; names the output.
+    pub name: String,
+    /// Image size and background.
+    pub image: ImageSettings,
+    /// Frames that a plain `render` makes, and their rate.
+    pub frames: FrameRange,
+    /// Exposure.
+    pub shutter: Shutter,
+    /// Camera.
+    pub camera: Camera,
+    /// Lights, in document order.
+    pub lights: Vec<Light>,
+    /// Objects, in document order.
+    pub objects: Vec<Object>,
 }
 
-/// Stands for a row that the schema lacks.
-static NO_ROW: AttributeSchema =
-    AttributeSchema { name: "?", kind: Kind::Text, default: Absent::Required, only: &[], meaning: "" };
+/// `<image>`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImageSettings {
+    /// Width in pixels, >= 1.
+    pub width: u32,
+    /// Height in pixels, >= 1.
+    pub height: u32,
+    /// Background, linear Rec.709.
+    pub background: DVec3,
+    /// Leave the background out and keep alpha.
+    pub transparent: bool,
+}
 
-impl<'a> Part<'a> {
-    pub(super) fn new(source: &'a Source, element: &'a Element, name: &'static str) -> Self {
-        let schema = schema_of(name).unwrap_or_else(super::schema::root);
-        Self { source, element, schema, selected: selected(element, schema) }
-    }
-
-    /// The value of an attribute, or its default; `None` where the default is worked out later.
-    fn value(&self, name: &str) -> Result<(Option<&'a str>, &'static AttributeSchema), SceneError> {
-        let row = self.schema.row(name, self.selected).unwrap_or(&NO_ROW);
-        let value = match (self.element.attribute(name), row.default) {
-            (Some(given), _) => Some(given.value.trim()),
-            (None, Absent::Value(default)) => Some(default),
-            (None, Absent::Auto(_)) => None,
-            (None, Absent::Required) => {
-                return Err(SceneError::MissingAttribute {
-                    at: self.source.locate(self.element.at),
-                    element: self.schema.name,
-                    attribute: row.name,
-                    expected: format!("{}, {}", row.meaning, row.kind),
-                });
-            }
-        };
-        Ok((value, row))
-    }
-
-    /// Reads a value with `f`, which gives `None` for one that is not right.
-    fn parse<T>(&self, name: &str, f: impl FnOnce(&str, Kind) -> Option<T>) -> Result<Option<T>, SceneError> {
-        let (value, row) = self.value(name)?;
-        let Some(value) = value else { return Ok(None) };
-        f(value, row.kind).map(Some).ok_or_else(|| self.bad(name, &quoted(value), row.kind.to_string()))
-    }
-
-    pub(super) fn given(&self, name: &str) -> bool {
-        self.element.attribute(name).is_some()
-    }
-
-    pub(super) fn optional_number(&self, name: &str) -> Result<Option<f64>, SceneError> {
-        self.parse(name, |value, kind| match kind {
-            Kind::Number(range) => number(value, range),
-            _ => None,
-        })
-    }
-
-    pub(super) fn number(&self, name: &str) -> Result<f64, SceneError> {
-        self.optional_number(name).map(Option::unwrap_or_default)
-    }
-
-    pub(super) fn optional_vector(&self, name: &str) -> Result<Option<DVec3>, SceneError> {
-        self.parse(name, vector)
-    }
-
-    pub(super) fn vector(&self, name: &str) -> Result<DVec3, SceneError> {
-        self.optional_vector(name).map(Option::unwrap_or_default)
-    }
-
-    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, SceneError> {
-        self.parse(name, |value, kind| match kind {
-            Kind::Integer(lo, hi) => value.parse().ok().filter(|i| (lo..=hi).contains(i)),
-            _ => None,
-        })
-    }
-
-    pub(super) fn boolean(&self, name: &str) -> Result<bool, SceneError> {
-        self.optional_boolean(name).map(Option::unwrap_or_default)
-    }
-
-    pub(super) fn optional_boolean(&self, name: &str) -> Result<Option<bool>, SceneError> {
-        self.parse(name, |value, _| value.parse().ok())
-    }
-
-    pub(super) fn choice(&self, name: &str) -> Result<Option<String>, SceneError> {
-        self.parse(name, |value, kind| match kind {
-            Kind::Choice(words) => words.contains(&value).then(|| value.to_owned()),
-            _ => None,
-        })
-    }
-
-    pub(super) fn text(&self, name: &str) -> Result<Option<String>, SceneError> {
-        self.parse(name, |value, _| (!value.is_empty() && !value.contains(char::is_control)).then(|| value.to_owned()))
-    }
-
-    /// The file that the element's text names.
-    pub(super) fn file(&self) -> FileRef {
-        FileRef { text: self.element.text.clone(), at: self.element.text_at }
-    }
-
-    /// The error for a value that is not right.
-    pub(super) fn bad(&self, name: &str, found: &dyn std::fmt::Display, expected: String) -> SceneError {
-        let at = self.element.attribute(name).map_or(self.element.at, |a| a.at);
-        let default = if self.given(name) { "" } else { " by default" };
-        SceneError::BadValue {
-            at: self.source.locate(at),
-            what: format!("`{name}`"),
-            found: format!("{found}{default}"),
-            expected,
-        }
+impl Default for ImageSettings {
+    fn default() -> Self {
+        Self { width: 1024, height: 768, background: DVec3::ZERO, transparent: false }
     }
 }
 
-fn number(text: &str, range: Range) -> Option<f64> {
-    text.parse().ok().filter(|&x| range.holds(x))
+/// `<frames>`: an inclusive range and the frame rate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameRange {
+    /// First frame.
+    pub first: i64,
+    /// Last frame, >= `first`.
+    pub last: i64,
+    /// Frames per second, > 0.
+    pub rate: f64,
 }
 
-/// Three numbers between blanks, or one that stands for all where the kind is a scale.
-fn vector(text: &str, kind: Kind) -> Option<DVec3> {
-    let range = match kind {
-        Kind::Vector(range) => range,
-        Kind::Direction => Range(-FAR, FAR),
-        Kind::Scale => Range(-1e9, 1e9),
-        _ => return None,
-    };
-    let mut numbers = text.split_ascii_whitespace().map(|word| number(word, range));
-    let x = numbers.next()??;
-    let v = match (numbers.next(), numbers.next(), numbers.next()) {
-        (None, None, None) if matches!(kind, Kind::Scale) => DVec3::splat(x),
-        (Some(y), Some(z), None) => DVec3::new(x, y?, z?),
-        _ => return None,
-    };
-    let right = match kind {
-        Kind::Direction => (1e-9..=FAR).contains(&v.length()),
-        Kind::Scale => v.abs().cmpge(DVec3::splat(1e-9)).all(),
-        _ => true,
-    };
-    right.then_some(v)
+/// `<camera>`: a pinhole.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    /// Eye point, world space.
+    pub eye: DVec3,
+    /// Point looked at; not the eye.
+    pub at: DVec3,
+    /// Up direction, not parallel to the view direction.
+    pub up: DVec3,
+    /// Vertical field of view, radians, in (0, pi).
+    pub fovy: f64,
+    /// Nearest visible depth, > 0.
+    pub near: f64,
+    /// Replaces eye, at and up: the camera sits at the node and looks along its -z.
+    pub animation: Option<AnimationBinding>,
+    /// True where the scene names no camera and this one was derived from the objects.
+    pub automatic: bool,
+}
+
+/// `<light>`. Colours are linear Rec.709, already multiplied by the intensity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Light {
+    /// Light that travels along `direction` (unit), from infinitely far.
+    Directional {
+        /// Direction of travel, world space, unit length.
+        direction: DVec3,
+        /// Radiance.
+        colour: DVec3,
+    },
+    /// A point; falls off with 1/distance^2.
+    Point {
+        /// World-space position.
+        position: DVec3,
+        /// Radiance at distance 1.
+        colour: DVec3,
+    },
+    /// From everywhere.
+    Ambient {
+        /// Radiance.
+        colour: DVec3,
+    },
+}
+
+/// `<animation>`: one node of an animation file.
+#[derive(Clone, Debug)]
+pub struct AnimationBinding {
+    /// File the node came from.
+    pub path: PathBuf,
+    /// The node's curves.
+    pub node: Arc<NodeAnimation>,
+    /// How values between keys are found.
+    pub interpolation: Interpolation,
+}
+
+/// `<motion>`: motion without a file, from frame 0 on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Motion {
+    /// Thesis: `LinearAnimation`.
+    Linear {
+        /// Scene units a frame.
+        velocity: DVec3,
+    },
+    /// Thesis: `RotationalAnimation`.
+    Rotation {
+        /// Axis, unit length.
+        axis: DVec3,
+        /// Radians a frame, right-handed.
+        per_frame: f64,
+        /// A point on the axis.
+        centre: DVec3,
+    },
+}
+
+/// `<object>`. A point goes through `transform`, the animation, the motions in document order and `place`:
+/// `world_from_model` = place * motions, the last on the left * animation * transform.
+#[derive(Clone, Debug)]
+pub struct Object {
+    /// Name, unique in the scene (default: `object1`, `object2`, ...).
+    pub name: String,
+    /// Model file.
+    pub model_path: PathBuf,
+    /// Surfels, in an order that keeps neighbours together; shared by objects with the same model and options.
+    pub model: Arc<Surfels>,
+    /// Factor on the model's radii, > 0 (already applied to `model`).
+    pub radius_scale: f64,
+    /// Colour space forced by the scene (already applied to `model`).
+    pub colour_space: Option<ColourSpace>,
+    /// Before motion.
+    pub transform: Trs,
+    /// Keyframed motion.
+    pub animation: Option<AnimationBinding>,
+    /// Motion by formula.
+    pub motions: Vec<Motion>,
+    /// After motion.
+    pub place: Trs,
+    /// The whole object's material; `None`: the model's own, else the default.
+    pub material: Option<Material>,
+    /// Depth tolerance of the visibility rule, world units; `None`: the median cut-off radius times the object's scale.
+    pub epsilon: Option<f64>,
+    /// False: object and camera are posed at the frame number.
+    pub blur: bool,
+    /// True: back faces show, with their normals turned to the viewer.
+    pub two_sided: bool,
+    /// Median cut-off radius of `model`.
+    pub median_radius: f32,
+    /// Box around the model's surfel centres, model space.
+    pub bounds: Bounds,
+    /// An ideal sphere instead of the model, which is empty then: for the reference alone; no splatter can show it.
+    pub sphere: Option<Sphere>,
+}
+
+/// `<sphere>`: the thesis's ideal sphere (B.2.4), about the model's origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sphere {
+    /// Radius, model space, > 0.
+    pub radius: f64,
+    /// Colour, linear Rec.709.
+    pub colour: Vec3,
 }

@@ -14,12 +14,19 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
+use splatblur::frame::Frame;
 use splatblur::math::Trs;
 use splatblur::model::{Material, Surfels};
-use splatblur::plan::RenderOptions;
-use splatblur::render::render_frame;
+use splatblur::options::{Quality, RenderOptions};
+use splatblur::renderer::render_frame;
 use splatblur::scene::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
 use splatblur::time::{Shutter, Weight};
+
+/// Frame `number`, posed; `options` must name a blur mode.
+pub fn posed<'a>(scene: &'a Scene, number: i64, options: &'a RenderOptions) -> Frame<'a> {
+    let Quality::Mode(mode) = options.quality else { panic!("{} names no blur mode", options.quality) };
+    Frame::new(scene, number, mode, options)
+}
 
 /// Surfels facing `normal` with circular kernels.
 pub fn round_surfels(points: impl IntoIterator<Item = (DVec3, DVec3, f64, Vec3)>) -> Surfels {

@@ -7,9 +7,10 @@ use glam::{DVec3, Vec3};
 use splatblur::film::Picture;
 use splatblur::image::{self, Format};
 use splatblur::model::{Material, Surfels};
-use splatblur::plan::{PixelFilter, Shading};
+use splatblur::options::{PixelFilter, Shading};
 use splatblur::reference::{self, ReferenceOptions};
-use splatblur::scene::{LoadOptions, Motion, Object, Scene, load};
+use splatblur::scene::{Motion, Object, Scene};
+use splatblur::scene_file::{LoadOptions, load};
 
 use super::{default_lights, object, scene, sphere};
 

@@ -35,12 +35,13 @@ use self::swept::{Map, StillTile};
 use self::tiles::{Band, ROWS, STRIDE, TILE, TileBuffers};
 use self::waves::{Job, Tiles};
 use self::work::{Chunk, Work};
-use super::pieces::PieceStore;
+use super::clusters::ClusterStore;
 use super::{Backend, BackendError, Rendered};
 use crate::film::{FilmPlanes, Picture, develop};
 use crate::frame::{Blocks, Frame};
 use crate::layout::{Channels, Splat, SweptSplat};
-use crate::plan::{Normalise, Pass, TemporalAlpha};
+use crate::options::{Normalise, TemporalAlpha};
+use crate::plan::Pass;
 
 /// Pictures whose memory is kept: those that mode auto gives back.
 const SPARE_PICTURES: usize = 3;
@@ -60,7 +61,7 @@ pub struct Cpu {
     buffers: Vec<TileBuffers>,
     /// Likewise, for kernels in motion.
     map: Map,
-    pieces: PieceStore,
+    clusters: ClusterStore,
     /// Films of rasters, for the next frame.
     films: Vec<TiledFilm>,
     /// Of pictures that were given back.
@@ -105,7 +106,7 @@ impl Cpu {
         let stride = frame.stride as usize;
         let mut films = RasterFilms { films: Vec::new(), stride, samples: frame.samples() };
         let clocks = Clocks::default();
-        let pieces = self.pieces.of_frame(frame);
+        let clusters = self.clusters.of_frame(frame);
         let (has_still_picture, one_view) = (frame.has_still_picture(), frame.has_one_view());
         for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
             let size = groups[0].raster.size;
@@ -126,7 +127,7 @@ impl Cpu {
                         layer: None,
                         still: None,
                         map: None,
-                        pieces: &pieces,
+                        clusters: &clusters,
                         clocks: &clocks,
                     };
                     let shared = budget.layers && groups.len() > 1;

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use glam::{Mat3, Vec3};
 
-use crate::backend::pieces::{PIECE, Pieces, Window};
+use crate::backend::clusters::{CLUSTER, Clusters, Window};
 use crate::frame::{Blocks, PosedObject, Raster};
 use crate::layout::{FLAG_BACK, Splat};
 use crate::math::simd::dispatch;
@@ -17,7 +17,7 @@ use crate::model::Surfels;
 const LANES: usize = 16;
 type Lanes = [f32; LANES];
 /// Surfels turned from points into coordinates at once; whole blocks.
-const RUN: usize = PIECE;
+const RUN: usize = CLUSTER;
 const _: () = assert!(RUN.is_multiple_of(LANES));
 
 /// Slack of screen bounds, pixels plus a share of the size: they must not be too small by rounding.
@@ -41,17 +41,17 @@ pub(super) struct View<'a> {
     pub low_pass: bool,
     pub two_sided: bool,
     /// Of the object's model, where it is known.
-    pub pieces: Option<&'a Pieces>,
+    pub clusters: Option<&'a Clusters>,
 }
 
 impl View<'_> {
-    /// May a piece of the model show anything? Over an interval centres travel apart from what `Window` holds.
+    /// May a cluster of the model show anything? Over an interval centres travel apart from what `Window` holds.
     #[inline(never)]
-    fn may_show(&self, piece: usize) -> bool {
-        let Some(pieces) = self.pieces.filter(|_| !self.object.moves) else { return true };
+    fn may_show(&self, cluster: usize) -> bool {
+        let Some(clusters) = self.clusters.filter(|_| !self.object.moves) else { return true };
         let (object, raster, blocks) = (self.object, &self.raster, self.wanted);
         let window = Window { object, raster, pixels: self.pixels, near: self.near, blocks };
-        pieces.may_show(piece, &window, !self.two_sided)
+        clusters.may_show(cluster, &window, !self.two_sided)
     }
 
     /// Does a splat touch a block that is wanted? `bounds`: first and last pixel column, first and last row, from `corner`, which is 0
@@ -369,7 +369,7 @@ mod tests {
     use glam::Quat;
 
     use super::*;
-    use crate::backend::pieces::PieceStore;
+    use crate::backend::clusters::ClusterStore;
     use crate::math::random::Random;
 
     /// A sphere of round surfels.
@@ -389,7 +389,7 @@ mod tests {
         surfels.spatially_ordered()
     }
 
-    /// Pieces that are left out hold no splat: near and far, partly off the image, mirrored, seen from within, with wild surfels.
+    /// Clusters that are left out hold no splat: near and far, partly off the image, mirrored, seen from within, with wild surfels.
     #[test]
     fn pieces_that_are_left_out_hold_nothing() {
         let mut random = Random(5);
@@ -401,7 +401,7 @@ mod tests {
             ball.axis_u[other].y = wild;
         }
         let ball = Arc::new(ball);
-        let pieces = PieceStore::default().of(&ball);
+        let clusters = ClusterStore::default().of(&ball);
         let (mut left_out, mut all, mut kept) = (0, 0, 0);
         for case in 0..200 {
             let mut linear = Mat3::from_quat(Quat::from_vec4(random.vector().extend(random.next()).normalize()));
@@ -445,19 +445,19 @@ mod tests {
                 near: 0.1,
                 low_pass: case % 2 == 0,
                 two_sided: case % 5 == 0,
-                pieces: None,
+                clusters: None,
             };
-            let view = View { pieces: Some(&pieces), ..whole };
+            let view = View { clusters: Some(&clusters), ..whole };
             let (mut want, mut got) = (Vec::new(), Vec::new());
             project(&whole, &ball, 0..ball.len(), &mut want);
             project(&view, &ball, 0..ball.len(), &mut got);
             assert!(got == want, "case {case}: {} of {} splats", got.len(), want.len());
-            let count = ball.len().div_ceil(PIECE);
+            let count = ball.len().div_ceil(CLUSTER);
             all += count;
-            left_out += (0..count).filter(|&piece| !view.may_show(piece)).count();
+            left_out += (0..count).filter(|&cluster| !view.may_show(cluster)).count();
             kept += want.len();
         }
-        println!("{left_out} of {all} pieces left out, {kept} splats");
+        println!("{left_out} of {all} clusters left out, {kept} splats");
         assert!(left_out * 3 > all && kept > 100_000);
     }
 }

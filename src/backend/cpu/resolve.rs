@@ -8,7 +8,7 @@ use crate::film::{Film, FilmPlanes};
 use crate::frame::{PosedSample, Raster};
 use crate::layout::Channels;
 use crate::math::simd::dispatch;
-use crate::plan::Shading;
+use crate::options::Shading;
 use crate::shading::{ShadingLight, towards_point};
 
 /// Film of one tile: plane by plane, `TILE` x `TILE`; empty until something is added.

@@ -10,7 +10,7 @@ use super::visibility::{self, Depths};
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup};
 use crate::layout::{Channels, Splat};
-use crate::plan::Prefilter;
+use crate::options::Prefilter;
 
 /// Splats of one object at one sample, in surfel order; those of one that lies still are of the first.
 #[derive(Clone, Debug)]
@@ -66,7 +66,7 @@ impl Twins<'_> {
                     near: frame.near,
                     low_pass: frame.prefilter == Prefilter::Approx,
                     two_sided: frame.objects[object].two_sided,
-                    pieces: None,
+                    clusters: None,
                 };
                 let surfels = frame.objects[object].surfels;
                 let mut splats = Vec::new();

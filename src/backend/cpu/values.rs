@@ -10,7 +10,7 @@ use super::tiles::LANES;
 use crate::frame::{FrameObject, PosedObject, PosedSample};
 use crate::layout::{Channels, FLAG_BACK, Splat, SweptSplat};
 use crate::math::simd::dispatch;
-use crate::plan::Shading;
+use crate::options::Shading;
 use crate::shading::{ShadingLight, lobes, towards_point};
 
 /// Where values come from: an object at a time sample.

@@ -16,11 +16,12 @@ use super::tiles::{Band, TileBuffers};
 use super::values::{self, Faced, Shown};
 use super::visibility::{self, Depths};
 use super::waves::Job;
-use crate::backend::pieces::Pieces;
+use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup};
 use crate::layout::{Channels, Splat, SweptSplat};
-use crate::plan::{KernelShape, Normalise, Pass, Prefilter, TemporalAlpha};
+use crate::options::{KernelShape, Normalise, Prefilter, TemporalAlpha};
+use crate::plan::Pass;
 
 /// Surfels of a chunk.
 pub(super) const CHUNK: usize = 4096;
@@ -49,7 +50,7 @@ pub(super) struct Work<'a> {
     /// Where kernels in motion look up sources, once it is whole.
     pub map: Option<&'a Map>,
     /// Of each object.
-    pub pieces: &'a [Arc<Pieces>],
+    pub clusters: &'a [Arc<Clusters>],
     pub clocks: &'a Clocks,
 }
 
@@ -88,7 +89,7 @@ impl Work<'_> {
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,
             two_sided: self.frame.objects[chunk.object].two_sided,
-            pieces: self.pieces.get(chunk.object).map(Arc::as_ref),
+            clusters: self.clusters.get(chunk.object).map(Arc::as_ref),
         }
     }
 

@@ -13,7 +13,8 @@ use crate::backend::BackendError;
 use crate::film::FilmPlanes;
 use crate::frame::Frame;
 use crate::layout::{Channels, Splat, SweptSplat};
-use crate::plan::{KernelShape, KernelWeight, Normalise, Pass, Shading, SweptKernel, TemporalAlpha};
+use crate::options::{KernelShape, KernelWeight, Normalise, Shading, SweptKernel, TemporalAlpha};
+use crate::plan::Pass;
 
 /// A pipeline and what it is bound to.
 #[derive(Clone, Debug)]

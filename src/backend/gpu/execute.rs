@@ -16,10 +16,11 @@ use super::schedule::{Area, Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, MAP_
 use super::waves::{Part, Wave, Waves};
 use super::{Gpu, Machine};
 use crate::backend::BackendError;
-use crate::backend::pieces::Pieces;
+use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
 use crate::frame::{Blocks, Frame, PosedGroup};
-use crate::plan::{Normalise, Pass};
+use crate::options::Normalise;
+use crate::plan::Pass;
 
 /// What stays the same while a frame is rendered.
 pub(super) struct Execution<'a> {
@@ -29,7 +30,7 @@ pub(super) struct Execution<'a> {
     /// Of each object.
     pub blocks: Vec<Vec<Block>>,
     /// Likewise, where only some blocks of the image are wanted.
-    pub pieces: Vec<Arc<Pieces>>,
+    pub clusters: Vec<Arc<Clusters>>,
     pub schedule: Schedule,
 }
 
@@ -54,8 +55,8 @@ impl Gpu {
         grow(device, &mut buffers.wanted, "blocks", 4 * wanted.len() as u64)?;
         device.queue.write_buffer(&buffers.wanted, 0, bytemuck::cast_slice(&wanted));
         let in_part = frame.wanted.is_some() && frame.swept.is_none();
-        let pieces = if in_part { self.pieces.of_frame(frame) } else { Vec::new() };
-        Ok(Execution { frame, channels, planes, blocks, pieces, schedule })
+        let clusters = if in_part { self.clusters.of_frame(frame) } else { Vec::new() };
+        Ok(Execution { frame, channels, planes, blocks, clusters, schedule })
     }
 
     /// Records and submits all groups.
@@ -138,7 +139,7 @@ impl Gpu {
 
 impl Execution<'_> {
     fn waves(&self, group: &PosedGroup, part: Part) -> Waves {
-        self.schedule.waves(self.frame, group, &self.blocks, &self.pieces, part)
+        self.schedule.waves(self.frame, group, &self.blocks, &self.clusters, part)
     }
 
     /// Is any block of the band wanted?

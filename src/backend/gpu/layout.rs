@@ -5,7 +5,7 @@ use glam::{Mat3, Vec3};
 
 use crate::frame::{Blocks, Frame, FrameObject, PosedGroup, PosedObject, PosedSample};
 use crate::model::Material;
-use crate::plan::Prefilter;
+use crate::options::Prefilter;
 use crate::shading::ShadingLight;
 
 /// Edge of a tile, pixels.

@@ -28,7 +28,7 @@ pub use self::device::{AdapterReport, Choice, adapters};
 use self::flight::{Flight, Landing};
 use self::models::Models;
 use self::programs::Pipelines;
-use super::pieces::PieceStore;
+use super::clusters::ClusterStore;
 use super::{Backend, BackendError, Rendered};
 use crate::frame::Frame;
 
@@ -36,7 +36,7 @@ use crate::frame::Frame;
 #[derive(Debug)]
 pub struct Gpu {
     machine: Machine,
-    pieces: PieceStore,
+    clusters: ClusterStore,
     /// Frames that were begun, in order.
     flights: VecDeque<Flight>,
     landings: Vec<Landing>,
@@ -77,7 +77,7 @@ impl Gpu {
         let software = device.adapter.device_type == wgpu::DeviceType::Cpu;
         Ok(Self {
             most_bytes: device.most_bytes(),
-            pieces: PieceStore::default(),
+            clusters: ClusterStore::default(),
             machine: Machine { device, pipelines: Pipelines::default(), models: Models::default(), buffers },
             flights: VecDeque::new(),
             landings: Vec::new(),

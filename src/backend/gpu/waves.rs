@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::layout::{Segment, Travel, UNIFORM_STRIDE};
 use super::models::Block;
 use super::schedule::Schedule;
-use crate::backend::pieces::{PIECE, Pieces, Window};
+use crate::backend::clusters::{CLUSTER, Clusters, Window};
 use crate::frame::{Frame, PosedGroup};
 
 /// Surfels that are not worth a segment of their own: what is not wanted is projected where it is shorter.
@@ -52,13 +52,13 @@ impl Waves {
 }
 
 impl Schedule {
-    /// The surfels of `group` in waves; `blocks` are those of each object, and `pieces` where only some blocks of the image are wanted.
+    /// The surfels of `group` in waves; `blocks` are those of each object, and `clusters` where only some blocks of the image are wanted.
     pub(super) fn waves(
         &self,
         frame: &Frame<'_>,
         group: &PosedGroup,
         blocks: &[Vec<Block>],
-        pieces: &[Arc<Pieces>],
+        clusters: &[Arc<Clusters>],
         part: Part,
     ) -> Waves {
         let objects = |sample: usize, still: bool| {
@@ -70,7 +70,7 @@ impl Schedule {
         let moving = || (0..group.samples.len()).flat_map(|sample| objects(sample, false));
         // Before the segments come those that hold the weights of samples.
         let mut cutter =
-            Cutter { frame, group, blocks, pieces, most: self.slots as usize, index: group.samples.len() as u32 };
+            Cutter { frame, group, blocks, clusters, most: self.slots as usize, index: group.samples.len() as u32 };
         let (kept, mut waves) = match part {
             Part::Whole => (Vec::new(), cutter.cut(still().chain(moving()))),
             Part::Still => (Vec::new(), cutter.cut(still())),
@@ -93,7 +93,7 @@ struct Cutter<'a> {
     frame: &'a Frame<'a>,
     group: &'a PosedGroup,
     blocks: &'a [Vec<Block>],
-    pieces: &'a [Arc<Pieces>],
+    clusters: &'a [Arc<Clusters>],
     /// Slots of a wave.
     most: usize,
     /// Of the next segment.
@@ -103,7 +103,7 @@ struct Cutter<'a> {
 impl Cutter<'_> {
     /// The surfels of a block that are wanted.
     fn parts(&self, sample: usize, object: usize, block: &Block) -> Vec<Range<usize>> {
-        let Some((pieces, blocks)) = self.pieces.get(object).zip(self.frame.wanted.as_ref()) else {
+        let Some((clusters, blocks)) = self.clusters.get(object).zip(self.frame.wanted.as_ref()) else {
             return vec![block.surfels.clone()];
         };
         let raster = &self.group.raster;
@@ -113,12 +113,12 @@ impl Cutter<'_> {
         let blocks = Some(blocks);
         let window = Window { object, raster, pixels: [0, right, 0, bottom], near: self.frame.near, blocks };
         let mut parts: Vec<Range<usize>> = Vec::new();
-        for piece in block.surfels.start / PIECE..block.surfels.end.div_ceil(PIECE) {
-            if !pieces.may_show(piece, &window, one_sided) {
+        for cluster in block.surfels.start / CLUSTER..block.surfels.end.div_ceil(CLUSTER) {
+            if !clusters.may_show(cluster, &window, one_sided) {
                 continue;
             }
-            let first = (piece * PIECE).max(block.surfels.start);
-            let end = ((piece + 1) * PIECE).min(block.surfels.end);
+            let first = (cluster * CLUSTER).max(block.surfels.start);
+            let end = ((cluster + 1) * CLUSTER).min(block.surfels.end);
             match parts.last_mut() {
                 Some(part) if first - part.end <= GAP => part.end = end,
                 _ => parts.push(first..end),

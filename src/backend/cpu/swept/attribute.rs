@@ -11,7 +11,7 @@ use crate::backend::cpu::tiles::{LANES, Presence, STRIDE, TileRect};
 use crate::layout::{FLAG_LOW_PASS, SweptSplat};
 use crate::math::simd::dispatch;
 use crate::math::sweep::{Path, Sweep, chord_intensity, ellipsoid_weight, moments, tube_weight};
-use crate::plan::{KernelShape, KernelWeight, SweptKernel};
+use crate::options::{KernelShape, KernelWeight, SweptKernel};
 
 /// How kernels weigh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -64,7 +64,7 @@ impl Disc {
             near: NEAR as f32,
             low_pass: false,
             two_sided: true,
-            pieces: None,
+            clusters: None,
         };
         sweep(&view, ellipsoid, &posed, 0)
     }

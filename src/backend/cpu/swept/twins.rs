@@ -10,7 +10,7 @@ use crate::backend::cpu::visibility::{self, Depths};
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup};
 use crate::layout::{Channels, Splat, SweptSplat};
-use crate::plan::{KernelShape, Normalise, Prefilter, SweptKernel, TemporalAlpha};
+use crate::options::{KernelShape, Normalise, Prefilter, SweptKernel, TemporalAlpha};
 
 /// Splats of one object, in surfel order.
 #[derive(Clone, Debug)]
@@ -61,7 +61,7 @@ impl SweptTwins<'_> {
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,
             two_sided: self.frame.objects[object].two_sided,
-            pieces: None,
+            clusters: None,
         }
     }
 

@@ -9,9 +9,9 @@ use crate::frame::{Blocks, Frame};
 use crate::math::Trs;
 use crate::math::random::Random;
 use crate::model::{Material, Surfels};
-use crate::plan::{
-    BlurMode, Interleave, KernelShape, KernelWeight, Normalise, PixelFilter, Prefilter, RenderOptions, Shading,
-    SourceSamples, SweptKernel, TemporalAlpha,
+use crate::options::{
+    BlurMode, Interleave, KernelShape, KernelWeight, Normalise, PixelFilter, Prefilter, Quality, RenderOptions,
+    Shading, SourceSamples, SweptKernel, TemporalAlpha,
 };
 use crate::scene::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
 use crate::time::{Shutter, Weight};
@@ -28,7 +28,8 @@ pub(super) struct Case {
 impl Case {
     /// Its frame.
     pub(super) fn frame(&self) -> Frame<'_> {
-        let mut frame = Frame::new(&self.scene, 0, &self.options);
+        let Quality::Mode(mode) = self.options.quality else { unreachable!("cases have modes") };
+        let mut frame = Frame::new(&self.scene, 0, mode, &self.options);
         let [width, height] = Blocks::count(frame.size, frame.stride);
         let wanted = (0..width * height).map(|block| block % 2 == 1).collect();
         frame.wanted = self.in_part.then_some(Blocks { width, wanted });
@@ -155,7 +156,8 @@ fn two_balls(size: [u32; 2]) -> Scene {
 
 /// All cases.
 pub(super) fn all() -> Vec<Case> {
-    let options = |mode| RenderOptions { mode, aovs: Aov::ALL.to_vec(), ..RenderOptions::default() };
+    let options =
+        |mode: BlurMode| RenderOptions { quality: mode.into(), aovs: Aov::ALL.to_vec(), ..RenderOptions::default() };
     let bucket = |interleave| BlurMode::Bucket { buckets: 2, samples: 3, pixel_samples: Some(2), interleave };
     let mut mirrored = two_balls([70, 45]);
     mirrored.objects[1].two_sided = false;
@@ -193,7 +195,7 @@ pub(super) fn all() -> Vec<Case> {
 pub(super) fn large_splats() -> Case {
     let mut scene = scene(vec![object(ball(100, 3, false), DVec3::ZERO)], [256, 256]);
     scene.objects[0].two_sided = true;
-    let options = RenderOptions { mode: BlurMode::supersample(1), ..RenderOptions::default() };
+    let options = RenderOptions { quality: BlurMode::supersample(1).into(), ..RenderOptions::default() };
     Case { name: "large splats", scene, options, in_part: false }
 }
 
@@ -208,7 +210,7 @@ pub(super) fn swept() -> Vec<Case> {
     let mut near = fast.clone();
     near.camera.near = 2.7;
     let options = |swept| RenderOptions {
-        mode: BlurMode::Volumetric { intervals: 2, pixel_samples: None, swept },
+        quality: BlurMode::Volumetric { intervals: 2, pixel_samples: None, swept }.into(),
         aovs: Aov::ALL.to_vec(),
         ..RenderOptions::default()
     };

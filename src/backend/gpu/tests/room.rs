@@ -4,7 +4,7 @@ use super::cases;
 use super::gpu_or_skip;
 use crate::backend::gpu::Gpu;
 use crate::film::Picture;
-use crate::render::render_frame;
+use crate::renderer::render_frame;
 
 fn picture(gpu: &mut Gpu, case: &cases::Case) -> Picture {
     render_frame(gpu, &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}")).picture

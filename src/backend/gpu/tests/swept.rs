@@ -14,10 +14,9 @@ use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::{TILE, WIDEST};
 use crate::backend::gpu::programs::{Pipelines, Program};
 use crate::film::Picture;
-use crate::frame::Frame;
 use crate::layout::{Splat, SweptSplat};
 use crate::plan::Pass;
-use crate::render::render_frame;
+use crate::renderer::render_frame;
 
 /// What a slot may hold.
 trait Slotted: Pod {
@@ -226,7 +225,7 @@ fn check_still(harness: &mut Harness<'_>, tiles: &[[usize; 2]], map_tiles: usize
 
 /// All passes of the first group of a case; the first that differs.
 fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
-    let frame = Frame::new(&case.scene, 0, &case.options);
+    let frame = case.frame();
     let Some(mut harness) = Harness::new(gpu, &frame) else { return Ok(()) };
     let (group, kernel) = (&frame.groups[0], frame.swept.unwrap());
     let twins = SweptTwins { frame: &frame, group, kernel, edge: TILE as usize };

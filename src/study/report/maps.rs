@@ -3,7 +3,7 @@
 use super::regions::Region;
 use crate::compare::encode;
 use crate::film::Picture;
-use crate::sheet::{Canvas, Colour, SheetError};
+use crate::study::sheet::{Canvas, Colour, SheetError};
 
 /// What is not finite.
 const BAD: Colour = [255, 0, 255];

@@ -2,7 +2,7 @@ use super::page::{FramePictures, ModePictures, base64, page};
 use super::*;
 use crate::compare::{Comparison, Metric};
 use crate::film::{Aov, Layer, Picture};
-use crate::sheet::{Canvas, Crop};
+use crate::study::sheet::{Canvas, Crop};
 
 fn solid(width: u32, height: u32, value: f32) -> Picture {
     Picture { width, height, rgba: vec![[value, value, value, 1.0]; (width * height) as usize], layers: Vec::new() }

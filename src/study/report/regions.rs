@@ -4,7 +4,7 @@
 //! centres without blur.
 
 use crate::film::{Aov, Picture};
-use crate::sheet::Colour;
+use crate::study::sheet::Colour;
 
 /// Moments of the shutter that are looked at.
 pub const STRATA: u32 = 9;

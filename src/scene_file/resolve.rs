@@ -10,10 +10,11 @@ use super::document::{AnimationSpec, CameraSpec, Document, FileRef, ObjectSpec, 
 use super::dom::Source;
 use super::error::SceneError;
 use super::paths::Finder;
-use super::{AnimationBinding, Camera, FrameRange, Light, LoadOptions, Loaded, Object, Scene, automatic, write};
+use super::{LoadOptions, Loaded, defaults, write};
 use crate::anim::{self, Animation};
 use crate::math::Bounds;
 use crate::model::{self, Surfels};
+use crate::scene::{AnimationBinding, Camera, FrameRange, Light, Object, Scene};
 
 /// Reads all files of a document and fills in what it leaves out.
 pub(super) fn resolve(
@@ -42,7 +43,7 @@ pub(super) fn resolve(
     let bindings = objects.iter().filter_map(|o| o.animation.as_ref()).chain(&camera_binding);
     let moving = objects.iter().any(|o| !o.motions.is_empty());
     let file_rate = files.rate.map(|(_, rate)| rate);
-    let frames = automatic::frames(&document.frames, bindings.map(|b| b.node.range()), file_rate, moving);
+    let frames = defaults::frames(&document.frames, bindings.map(|b| b.node.range()), file_rate, moving);
     let name = source.path().file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let lights = if document.lights.is_empty() { default_lights() } else { document.lights };
     let mut scene = Scene {
@@ -80,8 +81,8 @@ fn placeholder() -> Camera {
         eye: DVec3::ZERO,
         at: DVec3::NEG_Z,
         up: DVec3::Y,
-        fovy: automatic::FOVY_DEGREES.to_radians(),
-        near: automatic::NEAR,
+        fovy: defaults::FOVY_DEGREES.to_radians(),
+        near: defaults::NEAR,
         animation: None,
         automatic: false,
     }
@@ -99,11 +100,11 @@ fn camera(
             at: spec.target.unwrap_or_else(|| spec.eye.unwrap_or(DVec3::ZERO) + DVec3::NEG_Z),
             up: spec.up,
             fovy: spec.fovy,
-            near: spec.near.unwrap_or(automatic::NEAR),
+            near: spec.near.unwrap_or(defaults::NEAR),
             animation: Some(animation),
             automatic: false,
         },
-        _ => automatic::camera(scene, spec),
+        _ => defaults::camera(scene, spec),
     };
     if camera.animation.is_some() {
         return Ok(camera);

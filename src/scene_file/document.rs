@@ -2,13 +2,13 @@
 
 use glam::DVec3;
 
+use super::attributes::Part;
 use super::dom::{Element, Source};
 use super::error::{SceneError, quoted};
-use super::values::Part;
-use super::{ImageSettings, Light, Motion, Sphere};
 use crate::anim::Interpolation;
 use crate::math::{RotateOrder, Trs};
 use crate::model::{self, ColourSpace, Material};
+use crate::scene::{ImageSettings, Light, Motion, Sphere};
 use crate::time::{Shutter, Weight};
 
 /// A scene before its files are read.

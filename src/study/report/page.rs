@@ -8,7 +8,7 @@ use super::maps::flip_scale;
 use super::regions::Region;
 use super::study::{ModeStudy, Study};
 use crate::compare::{Metric, flip};
-use crate::sheet::{Canvas, Crop, SheetError};
+use crate::study::sheet::{Canvas, Crop, SheetError};
 
 const STYLE: &str = include_str!("page.css");
 

@@ -3,9 +3,9 @@
 use glam::DVec3;
 
 use super::document::{CameraSpec, FramesSpec};
-use super::{Camera, FrameRange, Scene};
 use crate::math::Bounds;
-use crate::pose::object_pose;
+use crate::scene::pose::object_pose;
+use crate::scene::{Camera, FrameRange, Scene};
 
 /// Frames a second where neither the scene nor an animation says it: film.
 const RATE: f64 = 24.0;
@@ -147,10 +147,10 @@ impl Grid {
 mod tests {
     use std::sync::Arc;
 
-    use super::super::{ImageSettings, Motion, Object};
     use super::*;
     use crate::math::Trs;
-    use crate::pose::camera_from_world;
+    use crate::scene::pose::camera_from_world;
+    use crate::scene::{ImageSettings, Motion, Object};
     use crate::time::Shutter;
 
     /// A scene with one object that fills a box around (3, 1, -2).

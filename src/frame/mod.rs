@@ -9,15 +9,16 @@ use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
 
 use crate::film::{Aov, Background};
 use crate::model::{Material, Surfels};
-use crate::plan::{Interval, KernelWeight, Pass, Plan, Prefilter, RenderOptions, Shading, SweptKernel, TimeSample};
-use crate::pose::{ObjectPose, camera_from_world, jumps, object_pose, object_velocity};
+use crate::options::{BlurMode, KernelWeight, Prefilter, RenderOptions, Shading, SweptKernel};
+use crate::plan::{Interval, Pass, Plan, TimeSample};
+use crate::scene::pose::{ObjectPose, camera_from_world, jumps, object_pose, object_velocity};
 use crate::scene::{Light, Object, Scene};
 use crate::shading::ShadingLight;
 
-mod still;
+mod static_objects;
 
-pub use self::still::STILL_PATH;
-use self::still::hold_still;
+pub use self::static_objects::STILL_PATH;
+use self::static_objects::hold_still;
 
 /// One frame, posed.
 #[derive(Clone, Debug)]
@@ -211,22 +212,27 @@ pub struct PosedObject {
 }
 
 impl<'a> Frame<'a> {
-    /// Poses `scene` at every time sample of frame `number`.
-    pub fn new(scene: &'a Scene, number: i64, options: &'a RenderOptions) -> Self {
-        Self::planned(scene, number, options, &Self::plan(scene, number, options))
+    /// Poses `scene` at every time sample that `mode` takes of frame `number`; `options` without their quality.
+    pub fn new(scene: &'a Scene, number: i64, mode: BlurMode, options: &'a RenderOptions) -> Self {
+        Self::planned(scene, number, mode.swept(), options, &Self::plan(scene, number, mode, options))
     }
 
-    fn plan(scene: &Scene, number: i64, options: &RenderOptions) -> Plan {
-        let jumps = options.mode.swept().map_or_else(Vec::new, |_| {
+    fn plan(scene: &Scene, number: i64, mode: BlurMode, options: &RenderOptions) -> Plan {
+        let jumps = mode.swept().map_or_else(Vec::new, |_| {
             let at = |t: f64| scene.shutter.frame_time(number as f64, t);
             jumps(scene, at(0.0), at(1.0))
         });
-        Plan::new(options.mode, options.filter, options.seed, &scene.shutter, number as f64, &jumps)
+        Plan::new(mode, options.filter, options.seed, &scene.shutter, number as f64, &jumps)
     }
 
     /// Poses `scene` at every time sample of `plan`, which is one of frame `number`.
-    pub fn planned(scene: &'a Scene, number: i64, options: &'a RenderOptions, plan: &Plan) -> Self {
-        let swept = options.mode.swept();
+    pub fn planned(
+        scene: &'a Scene,
+        number: i64,
+        swept: Option<SweptKernel>,
+        options: &'a RenderOptions,
+        plan: &Plan,
+    ) -> Self {
         let size = [scene.image.width, scene.image.height];
         let focal = 0.5 * f64::from(size[1]) / libm::tan(0.5 * scene.camera.fovy);
         let poser = Poser { scene, number: number as f64, focal: focal / f64::from(plan.stride), options };

@@ -11,10 +11,10 @@ use glam::{DVec3, Vec3};
 
 use super::schema::MOST_INTENSITY;
 use super::xml::is_xml;
-use super::{AnimationBinding, Camera, Light, Motion, Object, Scene};
 use crate::anim::Interpolation;
 use crate::math::Trs;
 use crate::model::ColourSpace;
+use crate::scene::{AnimationBinding, Camera, Light, Motion, Object, Scene};
 use crate::time::{Shutter, Weight};
 
 /// The scene as UTF-8 XML; paths are written relative to the directory `relative_to`, where the file is to stand.

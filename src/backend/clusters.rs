@@ -1,4 +1,4 @@
-//! Pieces of a model, with boxes around them and cones around their normals: a piece that lies apart from the pixels that are wanted,
+//! Clusters of a model, with boxes around them and cones around their normals: a cluster that lies apart from the pixels that are wanted,
 //! or shows its back, need not be projected.
 
 use std::sync::{Arc, Weak};
@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use crate::frame::{Blocks, Frame, PosedObject, Raster};
 use crate::model::Surfels;
 
-/// Surfels of a piece; neighbours in memory are neighbours in space.
-pub(super) const PIECE: usize = 256;
+/// Surfels of a cluster; neighbours in memory are neighbours in space.
+pub(super) const CLUSTER: usize = 256;
 
 /// Slack of a box on the screen, pixels, against rounding.
 const SLACK: f32 = 1.0;
@@ -18,34 +18,34 @@ const SLACK: f32 = 1.0;
 /// Angle by which normals must at least be turned away, against rounding.
 const TURN: f32 = 2e-3;
 
-/// The pieces of the models that were seen.
+/// The clusters of the models that were seen.
 #[derive(Debug, Default)]
-pub(super) struct PieceStore {
+pub(super) struct ClusterStore {
     /// A model's address is held, so that no other can get it, but not its surfels.
-    models: Vec<(Weak<Surfels>, Arc<Pieces>)>,
+    models: Vec<(Weak<Surfels>, Arc<Clusters>)>,
 }
 
-impl PieceStore {
-    /// The pieces of each object of `frame`.
-    pub(super) fn of_frame(&mut self, frame: &Frame<'_>) -> Vec<Arc<Pieces>> {
+impl ClusterStore {
+    /// The clusters of each object of `frame`.
+    pub(super) fn of_frame(&mut self, frame: &Frame<'_>) -> Vec<Arc<Clusters>> {
         self.models.retain(|(model, _)| model.strong_count() > 0);
         frame.objects.iter().map(|object| self.of(object.surfels)).collect()
     }
 
-    /// The pieces of a model, made when it is first seen.
-    pub(super) fn of(&mut self, surfels: &Arc<Surfels>) -> Arc<Pieces> {
-        if let Some((_, pieces)) = self.models.iter().find(|(model, _)| model.as_ptr() == Arc::as_ptr(surfels)) {
-            return Arc::clone(pieces);
+    /// The clusters of a model, made when it is first seen.
+    pub(super) fn of(&mut self, surfels: &Arc<Surfels>) -> Arc<Clusters> {
+        if let Some((_, clusters)) = self.models.iter().find(|(model, _)| model.as_ptr() == Arc::as_ptr(surfels)) {
+            return Arc::clone(clusters);
         }
-        let pieces = Arc::new(Pieces::of(surfels));
-        self.models.push((Arc::downgrade(surfels), Arc::clone(&pieces)));
-        pieces
+        let clusters = Arc::new(Clusters::of(surfels));
+        self.models.push((Arc::downgrade(surfels), Arc::clone(&clusters)));
+        clusters
     }
 }
 
-/// The pieces of a model.
+/// The clusters of a model.
 #[derive(Clone, Debug)]
-pub(super) struct Pieces(Vec<Piece>);
+pub(super) struct Clusters(Vec<Piece>);
 
 /// Some surfels, model space.
 #[derive(Clone, Copy, Debug)]
@@ -86,17 +86,24 @@ impl Piece {
     }
 }
 
-impl Pieces {
+impl Clusters {
     fn of(surfels: &Surfels) -> Self {
-        let axes = surfels.axis_u.par_chunks(PIECE).zip(surfels.axis_v.par_chunks(PIECE));
-        Self(surfels.position.par_chunks(PIECE).zip(axes).map(|(position, (u, v))| Piece::of(position, u, v)).collect())
+        let axes = surfels.axis_u.par_chunks(CLUSTER).zip(surfels.axis_v.par_chunks(CLUSTER));
+        Self(
+            surfels
+                .position
+                .par_chunks(CLUSTER)
+                .zip(axes)
+                .map(|(position, (u, v))| Piece::of(position, u, v))
+                .collect(),
+        )
     }
 
-    /// May piece `index` show anything? `one_sided`: only what faces the eye does.
+    /// May cluster `index` show anything? `one_sided`: only what faces the eye does.
     pub(super) fn may_show(&self, index: usize, window: &Window<'_>, one_sided: bool) -> bool {
-        self.0
-            .get(index)
-            .is_none_or(|piece| !(one_sided && piece.faces_away(window.object.eye)) && window.touches(&piece.corners))
+        self.0.get(index).is_none_or(|cluster| {
+            !(one_sided && cluster.faces_away(window.object.eye)) && window.touches(&cluster.corners)
+        })
     }
 }
 

@@ -6,7 +6,7 @@ use crate::auto;
 use crate::backend::{Backend, BackendError};
 use crate::film::Aov;
 use crate::frame::Frame;
-use crate::plan::{BlurMode, RenderOptions};
+use crate::options::{Quality, RenderOptions};
 use crate::reconstruct;
 use crate::scene::Scene;
 
@@ -27,9 +27,9 @@ pub fn render_frame(
         let rendered = render_frame(backend, scene, frame, &with_velocity(options))?;
         return Ok(reconstructed(rendered, options));
     }
-    match options.mode {
-        BlurMode::Auto(target) => auto::render(backend, scene, frame, options, target),
-        _ => backend.render(&Frame::new(scene, frame, options)),
+    match options.quality {
+        Quality::Error(target) => auto::render(backend, scene, frame, options, target),
+        Quality::Mode(mode) => backend.render(&Frame::new(scene, frame, mode, options)),
     }
 }
 
@@ -86,17 +86,21 @@ impl<'a> Frames<'a> {
     /// # Errors
     /// The backend cannot render the frame within its limits.
     pub fn begin(&mut self, number: i64) -> Result<Option<(i64, Rendered)>, BackendError> {
-        if self.options.reconstruct || matches!(self.options.mode, BlurMode::Auto(_)) {
-            // There are steps that wait for those before.
-            let rendered = render_frame(self.backend, self.scene, number, self.options)?;
-            return Ok(Some((number, rendered)));
+        let Quality::Mode(mode) = self.options.quality else { return self.whole(number) };
+        if self.options.reconstruct {
+            return self.whole(number);
         }
-        self.backend.begin(&Frame::new(self.scene, number, self.options))?;
+        self.backend.begin(&Frame::new(self.scene, number, mode, self.options))?;
         self.under_way.push_back(number);
         if self.ready.len() + self.under_way.len() < self.backend.in_flight() {
             return Ok(None);
         }
         self.finish()
+    }
+
+    /// Renders frame `number`, whose steps wait for those before.
+    fn whole(&mut self, number: i64) -> Result<Option<(i64, Rendered)>, BackendError> {
+        Ok(Some((number, render_frame(self.backend, self.scene, number, self.options)?)))
     }
 
     /// Hands out the next frame, in the order in which they were begun; `None` after the last.
@@ -123,7 +127,7 @@ impl<'a> Frames<'a> {
         for (number, rendered) in std::iter::once((number, None)).chain(rest) {
             let rendered = match rendered {
                 Some(rendered) => rendered,
-                None => self.backend.render(&Frame::new(self.scene, number, self.options))?,
+                None => render_frame(self.backend, self.scene, number, self.options)?,
             };
             self.ready.push_back((number, rendered));
         }
