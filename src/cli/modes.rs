@@ -337,7 +337,9 @@ mod tests {
 
     #[test]
     fn modes_are_read() {
-        let splat = |mode| Mode { method: Method::Splat(mode), machine: None };
+        fn splat(mode: impl Into<Quality>) -> Mode {
+            Mode { method: Method::Splat(mode.into()), machine: None }
+        }
         assert_eq!(mode("still"), splat(BlurMode::Still { pixel_samples: 16 }));
         let interleave = Interleave::None;
         assert_eq!(mode("supersample"), splat(BlurMode::supersample(32)));
@@ -345,7 +347,7 @@ mod tests {
         assert_eq!(mode(" supersample:8+interleave=2 "), splat(two));
         assert_eq!(
             mode("supersample:8+interleave=2@cpu"),
-            Mode { method: Method::Splat(two), machine: Some(Machine::Cpu) }
+            Mode { method: Method::Splat(two.into()), machine: Some(Machine::Cpu) }
         );
         let bucket = |pixel_samples| BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples, interleave };
         assert_eq!(mode("bucket"), splat(bucket(None)));
@@ -440,14 +442,14 @@ mod tests {
         let interleave = prop::sample::select(vec![Interleave::None, Interleave::Two, Interleave::Four]);
         let count = 1_u32..=256;
         let method = prop_oneof![
-            count.clone().prop_map(|pixel_samples| Method::Splat(BlurMode::Still { pixel_samples })),
+            count.clone().prop_map(|pixel_samples| Method::Splat(BlurMode::Still { pixel_samples }.into())),
             (count.clone(), count.clone(), interleave.clone()).prop_map(|(samples, pixel, interleave)| {
                 let pixel_samples = Some(pixel).filter(|&pixel| pixel != samples);
-                Method::Splat(BlurMode::Supersample { samples, pixel_samples, interleave })
+                Method::Splat(BlurMode::Supersample { samples, pixel_samples, interleave }.into())
             }),
             (count.clone(), count.clone(), count, interleave).prop_map(|(buckets, samples, pixel, interleave)| {
                 let pixel_samples = Some(pixel).filter(|&pixel| pixel != buckets);
-                Method::Splat(BlurMode::Bucket { buckets, samples, pixel_samples, interleave })
+                Method::Splat(BlurMode::Bucket { buckets, samples, pixel_samples, interleave }.into())
             }),
             (1_u32..=256, 1_u32..=256, 0_u32..32, 1_u32..9).prop_map(|(intervals, pixel, bits, source)| {
                 let pixel_samples = Some(pixel).filter(|&pixel| pixel != intervals);
@@ -461,7 +463,7 @@ mod tests {
                     alpha: if bit(2) { TemporalAlpha::Sum } else { TemporalAlpha::Union },
                     normalise: if bit(3) { Normalise::Once } else { Normalise::Interval },
                 };
-                Method::Splat(BlurMode::Volumetric { intervals, pixel_samples, swept })
+                Method::Splat(BlurMode::Volumetric { intervals, pixel_samples, swept }.into())
             }),
             (1_u64..=65_536).prop_map(|n| Method::Reference(16 * n)),
         ];
