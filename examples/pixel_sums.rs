@@ -34,8 +34,13 @@ fn read(path: &Path) -> Result<Channels, Box<dyn Error>> {
 /// All channels of all parts, as they stand in the file.
 fn exr(path: &Path) -> Result<Channels, Box<dyn Error>> {
     use exr::prelude::{ReadChannels, ReadLayers, read};
-    let image =
-        read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes().from_file(path)?;
+    let image = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .from_file(path)?;
     let mut channels = Channels::new();
     for (number, part) in image.layer_data.iter().enumerate() {
         for channel in &part.channel_data.list {
@@ -63,7 +68,9 @@ fn groups(channels: Channels) -> Vec<String> {
             (name, None) => name,
         };
         let sum = groups.entry(group.to_owned()).or_default();
-        values.into_iter().for_each(|value| sum.add(value));
+        for value in values {
+            sum.add(value);
+        }
     }
     groups.into_iter().map(|(name, sum)| format!("{name} {}", sum.text())).collect()
 }

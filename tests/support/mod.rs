@@ -1,12 +1,12 @@
 //! Scenes and models made in code, for tests and benches. Shares no mathematics with the renderer.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its own part")]
-#![allow(clippy::expect_used, reason = "tests and benches may stop")]
+#![allow(clippy::expect_used, clippy::print_stdout, reason = "tests and benches may stop and report")]
 
 pub mod closed_forms;
 #[cfg(feature = "gpu")]
 pub mod gpu;
-pub mod plot;
-pub mod study;
+pub mod ideal_sphere;
+pub mod pairs;
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -129,4 +129,10 @@ pub fn sphere_scene(n: usize, size: u32, moving: bool) -> Scene {
 /// Frame 0 on the CPU.
 pub fn render(scene: &Scene, options: &RenderOptions) -> Picture {
     render_frame(&mut Cpu::default(), scene, 0, options).expect("the frame fits").picture
+}
+
+/// Root mean square difference of all four channels.
+pub fn rms(a: &Picture, b: &Picture) -> f64 {
+    let squares = a.rgba.iter().flatten().zip(b.rgba.iter().flatten()).map(|(a, b)| f64::from(a - b).powi(2));
+    (squares.sum::<f64>() / (4.0 * a.rgba.len() as f64)).sqrt()
 }

@@ -1,0 +1,11 @@
+//! The program as a user meets it: what it writes, what it prints, what it refuses.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod compare;
+mod gpu;
+mod hostile_input;
+mod reference;
+mod render;
+mod report;

@@ -1,0 +1,8 @@
+//! The ray-traced reference: against closed forms, against brute force, and what it promises beside the right values.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod closed_forms;
+mod promises;
+mod samples;

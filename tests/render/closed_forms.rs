@@ -1,0 +1,136 @@
+//! Closed forms of small motion-blur cases (tests/data/truth/README.md), which no renderer made: they fix the camera, the
+//! shutter, its weights and the kernel's cut-off.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
+
+use crate::support;
+use crate::support::closed_forms::{SIZE, disc, edge, spin, truth};
+use splatblur::backend::Backend;
+use splatblur::backend::cpu::Cpu;
+use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use splatblur::renderer::render_frame;
+use splatblur::scene::Scene;
+use splatblur::time::Weight;
+
+/// Each backend at hand, with a number of time samples that it renders in seconds.
+fn machines(test: &str) -> Vec<Machine> {
+    let cpu = Machine { backend: Box::new(Cpu::default()), samples: 1024 };
+    std::iter::once(cpu).chain(gpu(test)).collect()
+}
+
+#[cfg(feature = "gpu")]
+fn gpu(test: &str) -> Option<Machine> {
+    support::gpu::gpu_or_skip(test).map(|gpu| Machine { backend: Box::new(gpu), samples: 256 })
+}
+
+#[cfg(not(feature = "gpu"))]
+fn gpu(_test: &str) -> Option<Machine> {
+    None
+}
+
+struct Machine {
+    backend: Box<dyn Backend>,
+    samples: u32,
+}
+
+impl Machine {
+    /// What the error of 1024 samples is multiplied by, which falls at least like 1 / samples.
+    fn coarseness(&self) -> f64 {
+        1024.0 / f64::from(self.samples)
+    }
+}
+
+struct Error {
+    rmse: f64,
+    max: f64,
+}
+
+/// Error of `scene` over all channels of the pixels for which `counts(x, y)`.
+fn error(
+    machine: &mut Machine,
+    mut scene: Scene,
+    name: &str,
+    weight: &str,
+    filter: &str,
+    counts: impl Fn(f64, f64) -> bool,
+) -> Error {
+    scene.shutter.weight = match weight {
+        "box" => Weight::Box,
+        _ => Weight::Ramp { centre: 1.0 },
+    };
+    let options = RenderOptions {
+        quality: BlurMode::supersample(machine.samples).into(),
+        filter: if filter == "box" { PixelFilter::Box } else { PixelFilter::Point },
+        prefilter: Prefilter::None,
+        ..RenderOptions::default()
+    };
+    let picture = render_frame(&mut *machine.backend, &scene, 0, &options).expect("the frame fits").picture;
+    let truth = truth(&format!("{name}_{weight}_{filter}"));
+    let (mut sum, mut count, mut max) = (0.0, 0, 0.0_f64);
+    for (i, (got, want)) in picture.rgba.iter().zip(&truth).enumerate() {
+        if !counts((i % SIZE) as f64 + 0.5, (i / SIZE) as f64 + 0.5) {
+            continue;
+        }
+        for channel in 0..3 {
+            let difference = f64::from(got[channel]) - f64::from(want[channel]);
+            assert!(difference.is_finite());
+            sum += difference * difference;
+            max = max.max(difference.abs());
+            count += 1;
+        }
+    }
+    let error = Error { rmse: (sum / f64::from(count)).sqrt(), max };
+    println!(
+        "{}: {name} {weight} {filter}: rmse {:.2e}, max {:.2e}",
+        machine.backend.describe(),
+        error.rmse,
+        error.max
+    );
+    error
+}
+
+#[test]
+fn disc_and_edge_at_pixel_centres() {
+    for mut machine in machines("disc_and_edge_at_pixel_centres") {
+        for weight in ["box", "ramp"] {
+            for (name, scene) in [("disc", disc()), ("edge", edge())] {
+                let error = error(&mut machine, scene, name, weight, "point", |_, _| true);
+                let most = 2.0 / 1024.0 * machine.coarseness();
+                assert!(error.max <= most, "{name} {weight}: {:.2e}", error.max);
+            }
+        }
+    }
+}
+
+#[test]
+fn disc_and_edge_over_pixel_squares() {
+    for mut machine in machines("disc_and_edge_over_pixel_squares") {
+        for weight in ["box", "ramp"] {
+            for (name, scene) in [("disc", disc()), ("edge", edge())] {
+                let error = error(&mut machine, scene, name, weight, "box", |_, _| true);
+                let k = machine.coarseness();
+                assert!(error.rmse <= 1e-3 * k, "{name} {weight}: {:.2e}", error.rmse);
+                assert!(error.max <= 0.01 * k, "{name} {weight}: {:.2e}", error.max);
+            }
+        }
+    }
+}
+
+#[test]
+fn spin_away_from_centre_and_rim() {
+    let ring = |x: f64, y: f64| (4.0..=20.0).contains(&(x - 31.4).hypot(y - 33.2));
+    for mut machine in machines("spin_away_from_centre_and_rim") {
+        for weight in ["box", "ramp"] {
+            for filter in ["point", "box"] {
+                // One case is enough where each takes long.
+                if machine.samples < 1024 && (weight, filter) != ("ramp", "point") {
+                    continue;
+                }
+                let error = error(&mut machine, spin(), "spin", weight, filter, ring);
+                let k = machine.coarseness();
+                assert!(error.rmse <= 0.003 * k, "{weight} {filter}: {:.2e}", error.rmse);
+                assert!(error.max <= 0.02 * k, "{weight} {filter}: {:.2e}", error.max);
+            }
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! The GPU backend: whole images against the CPU's, and frames under way at the same time. Parity pass by pass stands in
+//! src/backend/gpu/tests, closed forms in `closed_forms.rs`.
+
+#![cfg(feature = "gpu")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stderr, reason = "tests may stop and report")]
+
+use std::path::{Path, PathBuf};
+
+use crate::support::gpu::gpu_or_skip;
+use crate::support::sphere_scene;
+use splatblur::backend::Backend;
+use splatblur::backend::cpu::Cpu;
+use splatblur::film::{Aov, Picture};
+use splatblur::options::{BlurMode, Interleave, RenderOptions};
+use splatblur::renderer::{Frames, render_frame};
+use splatblur::scene::Scene;
+use splatblur::scene_file;
+
+fn shipped() -> Vec<(String, Scene)> {
+    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.retain(|path| path.extension().is_some_and(|e| e == "xml"));
+    paths.sort();
+    let load = |path: &PathBuf| {
+        let mut scene = scene_file::load(path, &scene_file::LoadOptions::default()).expect("a shipped scene").scene;
+        (scene.image.width, scene.image.height) = (192, 108);
+        (scene.name.clone(), scene)
+    };
+    paths.iter().map(load).collect()
+}
+
+/// Is there a discontinuity of coverage or depth within one pixel of pixel `i`?
+fn next_to_an_edge(picture: &Picture, i: usize) -> bool {
+    let (width, height) = (picture.width as usize, picture.height as usize);
+    let (x, y) = (i % width, i / width);
+    let plane = |aov: Aov| &picture.layers.iter().find(|layer| layer.aov == aov).expect("a layer").planes[0];
+    let (alpha, depth) = (plane(Aov::Alpha), plane(Aov::Depth));
+    let near = (y.saturating_sub(1)..(y + 2).min(height))
+        .flat_map(|y| (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x));
+    let jumps = |a: f32, b: f32| (a - b).abs() > 1e-3 * a.abs().min(b.abs());
+    near.clone().any(|j| alpha[j] != alpha[i] || jumps(depth[j], depth[i]))
+}
+
+#[test]
+fn shipped_scenes_look_the_same() {
+    let Some(mut gpu) = gpu_or_skip("shipped_scenes_look_the_same") else { return };
+    let interleaved = BlurMode::interleaved(2, Interleave::Two);
+    for (name, scene) in shipped() {
+        for (mode, most_weight) in [(BlurMode::supersample(3), 1.0 / 3.0), (interleaved, 0.5)] {
+            let options =
+                RenderOptions { quality: mode.into(), aovs: vec![Aov::Alpha, Aov::Depth], ..RenderOptions::default() };
+            let frame = scene.frames.first + 1;
+            let want = render_frame(&mut Cpu::default(), &scene, frame, &options).unwrap().picture;
+            let got = render_frame(&mut gpu, &scene, frame, &options).unwrap().picture;
+            let colours = want.rgba.iter().flat_map(|p| p[..3].iter());
+            let (least, most) = colours.fold((f32::MAX, f32::MIN), |(a, b), &c| (a.min(c), b.max(c)));
+            let (mut differing, mut worst) = (0, 0.0_f32);
+            for (i, (g, w)) in got.rgba.iter().zip(&want.rgba).enumerate() {
+                let difference = g.iter().zip(w).map(|(g, w)| (g - w).abs()).fold(0.0, f32::max);
+                assert!(difference.is_finite());
+                worst = worst.max(difference);
+                if difference > 1.0 / 255.0 {
+                    differing += 1;
+                    assert!(next_to_an_edge(&want, i), "{name}: pixel {i}");
+                    assert!(difference <= most_weight * (most - least) + 2.0 / 255.0, "{name}: pixel {i}");
+                }
+            }
+            eprintln!("{name}, {mode}: {differing} pixels differ by more than 1/255; worst {worst:.1e}");
+            assert!(f64::from(differing) < 1e-3 * got.rgba.len() as f64, "{name}: {differing} pixels differ");
+        }
+    }
+}
+
+#[test]
+fn frames_under_way_change_nothing() {
+    let Some(mut gpu) = gpu_or_skip("frames_under_way_change_nothing") else { return };
+    let scene = sphere_scene(3000, 100, true);
+    let options = RenderOptions { quality: BlurMode::supersample(2).into(), ..RenderOptions::default() };
+    let alone: Vec<_> = (0..4).map(|frame| render_frame(&mut gpu, &scene, frame, &options).unwrap().picture).collect();
+    assert_ne!(alone[0], alone[1]);
+    // A fresh one must grow its buffers while frames are under way.
+    let mut fresh = gpu_or_skip("frames_under_way_change_nothing").unwrap();
+    for gpu in [&mut gpu, &mut fresh] {
+        assert_eq!(gpu.in_flight(), 2);
+        let mut frames = Frames::new(gpu, &scene, &options).unwrap();
+        let mut got = Vec::new();
+        for frame in 0..4 {
+            got.extend(frames.begin(frame).unwrap());
+        }
+        while let Some(done) = frames.finish().unwrap() {
+            got.push(done);
+        }
+        assert_eq!(got.len(), 4);
+        for (i, (number, rendered)) in got.iter().enumerate() {
+            assert_eq!(*number, i as i64);
+            assert_eq!(rendered.picture, alone[i], "frame {i}");
+        }
+    }
+}
+
+#[test]
+fn counts_are_the_cpus() {
+    let Some(mut gpu) = gpu_or_skip("counts_are_the_cpus") else { return };
+    let scene = sphere_scene(3000, 100, true);
+    let options = RenderOptions { quality: BlurMode::supersample(2).into(), ..RenderOptions::default() };
+    let want = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap().stats;
+    let got = render_frame(&mut gpu, &scene, 0, &options).unwrap().stats;
+    assert_eq!((got.samples, got.surfels), (want.samples, want.surfels));
+    // A splat next to the image's rim may be cut by one and not by the other.
+    assert!(got.splats.abs_diff(want.splats) <= 3, "{} and {}", got.splats, want.splats);
+}
+
+/// What does not fit is an error that says so.
+#[test]
+fn too_little_memory_is_an_error() {
+    let Some(mut gpu) = gpu_or_skip("too_little_memory_is_an_error") else { return };
+    let scene = sphere_scene(3000, 100, false);
+    let options = RenderOptions { memory: 1 << 20, ..RenderOptions::default() };
+    let error = render_frame(&mut gpu, &scene, 0, &options).unwrap_err().to_string();
+    assert!(error.contains("--memory"), "{error}");
+}
+
+/// Software devices end loops early: all splats of a model may lie in one tile.
+#[test]
+fn a_tile_holds_more_splats_than_a_loop_has_turns() {
+    let Some(mut gpu) = gpu_or_skip("a_tile_holds_more_splats_than_a_loop_has_turns") else { return };
+    let scene = sphere_scene(300_000, 16, false);
+    let options = RenderOptions { quality: BlurMode::Still { pixel_samples: 1 }.into(), ..RenderOptions::default() };
+    let cpu = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap();
+    let picture = render_frame(&mut gpu, &scene, 0, &options).unwrap().picture;
+    assert!(cpu.stats.splats > 70_000, "{}", cpu.stats.splats);
+    let pairs = picture.rgba.iter().flatten().zip(cpu.picture.rgba.iter().flatten());
+    let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    // Sums of some thousand weights.
+    assert!(worst < 1e-3, "{worst}");
+}

@@ -1,0 +1,16 @@
+//! What comes out: pictures of both backends in all modes, and the files that hold them.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod auto;
+mod closed_forms;
+mod exposure;
+mod gpu;
+mod image_files;
+mod kernels_in_motion;
+mod modes;
+mod oracle;
+mod pictures;
+mod rendering;
+mod static_objects;

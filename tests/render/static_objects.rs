@@ -1,0 +1,316 @@
+//! What lies still is splatted once for all time samples that share a sample position; it must look as if it were not.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
+
+use crate::support::{default_lights, object, posed, scene, sphere};
+use glam::{DVec3, Vec3};
+use splatblur::backend::Backend;
+use splatblur::backend::cpu::Cpu;
+use splatblur::film::{Aov, Picture};
+use splatblur::frame::{Blocks, Frame};
+use splatblur::options::{
+    BlurMode, Interleave, KernelShape, Normalise, PixelFilter, RenderOptions, Shading, SourceSamples, SweptKernel,
+    TemporalAlpha,
+};
+use splatblur::scene::{Light, Motion, Scene};
+use splatblur::shading::ShadingLight;
+use splatblur::time::{Shutter, Weight};
+
+/// A textured sphere at rest, one that moves through its surface, and one that passes behind.
+fn through() -> Scene {
+    let still = object(sphere(20_000).spatially_ordered());
+    let moving = |from: DVec3, velocity: DVec3| {
+        let mut ball = object(sphere(1500).spatially_ordered());
+        ball.transform.translate = from;
+        ball.transform.scale = DVec3::splat(0.45);
+        ball.motions = vec![Motion::Linear { velocity }];
+        ball
+    };
+    let through = moving(DVec3::new(-0.9, 0.1, 0.75), DVec3::new(0.9, 0.1, -0.1));
+    let behind = moving(DVec3::new(0.4, 0.7, -1.2), DVec3::new(0.8, 0.2, 0.0));
+    let mut scene = scene(vec![through, still, behind], [96, 80], DVec3::new(0.0, 0.0, 4.0), 40.0);
+    scene.lights = default_lights();
+    scene
+}
+
+fn options(mode: BlurMode) -> RenderOptions {
+    // Where sub-pixel positions are shared, the groups of each of them share what lies still.
+    let shared = matches!(mode, BlurMode::Supersample { pixel_samples, .. } if pixel_samples.is_some());
+    let filter = if shared { PixelFilter::Box } else { PixelFilter::Point };
+    let aovs = Aov::ALL.to_vec();
+    RenderOptions { quality: mode.into(), filter, aovs, epsilon: Some(0.03), ..RenderOptions::default() }
+}
+
+fn modes() -> [BlurMode; 5] {
+    [
+        BlurMode::Still { pixel_samples: 3 },
+        BlurMode::supersample(8),
+        BlurMode::interleaved(3, Interleave::Two),
+        BlurMode::Bucket { buckets: 3, samples: 3, pixel_samples: None, interleave: Interleave::None },
+        BlurMode::Supersample { samples: 7, pixel_samples: Some(2), interleave: Interleave::Two },
+    ]
+}
+
+/// Kernels in motion beside what lies still.
+fn swept_modes() -> Vec<BlurMode> {
+    let tube = SweptKernel::default();
+    let kernels = [
+        tube,
+        SweptKernel { shape: KernelShape::Ellipsoid, source_samples: SourceSamples(2), ..tube },
+        SweptKernel { normalise: Normalise::Once, ..tube },
+        SweptKernel { alpha: TemporalAlpha::Sum, ..tube },
+    ];
+    kernels.map(|swept| BlurMode::Volumetric { intervals: 4, pixel_samples: None, swept }).to_vec()
+}
+
+fn splat(backend: &mut dyn Backend, frame: &Frame<'_>) -> (Picture, u64) {
+    let rendered = backend.render(frame).unwrap();
+    (rendered.picture, rendered.stats.splats)
+}
+
+/// Largest difference of any value, as a share of the larger of the two and 1.
+fn difference(a: &Picture, b: &Picture) -> f32 {
+    let share = |(a, b): (&f32, &f32)| if a == b { 0.0 } else { (a - b).abs() / a.abs().max(b.abs()).max(1.0) };
+    let colour = a.rgba.as_flattened().iter().zip(b.rgba.as_flattened()).map(share);
+    let planes = a.layers.iter().zip(&b.layers).flat_map(|(a, b)| a.planes.iter().zip(&b.planes));
+    colour.chain(planes.flat_map(|(a, b)| a.iter().zip(b).map(share))).fold(0.0, f32::max)
+}
+
+fn looks_as_if_splatted_anew(backend: &mut dyn Backend, modes: &[BlurMode], shadings: &[Shading]) {
+    let scene = through();
+    for &mode in modes {
+        for &shading in shadings {
+            let options = RenderOptions { shading, ..options(mode) };
+            let frame = posed(&scene, 0, &options);
+            let of_still: Vec<bool> = frame.objects.iter().map(|object| object.still).collect();
+            let all = matches!(mode, BlurMode::Still { .. });
+            assert_eq!(of_still, [all, true, all]);
+            let mut anew = frame.clone();
+            anew.objects.iter_mut().for_each(|object| object.still = false);
+            let ((kept, fewer), (anew, more)) = (splat(backend, &frame), splat(backend, &anew));
+            assert!(fewer * 2 < more, "{mode}: {fewer} of {more} splats");
+            // Sums of up to about 100 terms in another order, and quotients of two of them.
+            let worst = difference(&kept, &anew);
+            assert!(worst < 200.0 * f32::EPSILON, "{mode}: {worst}");
+        }
+    }
+}
+
+#[test]
+fn what_lies_still_looks_as_if_splatted_anew() {
+    looks_as_if_splatted_anew(&mut Cpu::default(), &modes(), &[Shading::Phong, Shading::Gouraud]);
+}
+
+/// Splats that cannot be kept are made anew for each group, and added up in the same order.
+fn memory_does_not_show(backend: &mut dyn Backend, scene: &Scene, modes: &[BlurMode]) {
+    for &mode in modes {
+        let options = options(mode);
+        let frame = posed(scene, 0, &options);
+        let kept = splat(backend, &frame);
+        let mut scarce = frame.clone();
+        let anew = (1..).find_map(|step| {
+            scarce.memory = frame.model_bytes + (step << 17);
+            backend.render(&scarce).ok()
+        });
+        let anew = anew.unwrap();
+        assert!(anew.stats.splats > kept.1, "{mode}: {} of {} splats", kept.1, anew.stats.splats);
+        assert!(anew.picture == kept.0, "{mode}");
+    }
+}
+
+#[test]
+fn memory_for_what_lies_still_does_not_show() {
+    memory_does_not_show(&mut Cpu::default(), &through(), &modes());
+    let mut scene = through();
+    scene.shutter.weight = Weight::Tent;
+    // More than a wave of what lies still.
+    scene.objects[1] = object(sphere(400_000).spatially_ordered());
+    memory_does_not_show(&mut Cpu::default(), &scene, &swept_modes());
+}
+
+/// All intervals of a sample position share one picture of what lies still. Where light changes from one to the next, though here only
+/// that of a black lamp, each has its own.
+fn intervals_share_a_picture(backend: &mut dyn Backend) {
+    let mut scene = through();
+    let count = |backend: &mut dyn Backend, scene: &Scene, mode| splat(backend, &posed(scene, 0, &options(mode))).1;
+    let alone = Scene { objects: vec![scene.objects[1].clone()], ..scene.clone() };
+    scene.lights.push(Light::Directional { direction: DVec3::X, colour: DVec3::ZERO });
+    for mode in swept_modes() {
+        let options = options(mode);
+        let frame = posed(&scene, 0, &options);
+        assert!(frame.has_still_picture());
+        let mut own = frame.clone();
+        for group in own.groups.iter_mut().step_by(2) {
+            let lamp = group.samples[0].lights.last_mut().unwrap();
+            *lamp = ShadingLight::Directional { towards: Vec3::Y, colour: Vec3::ZERO };
+        }
+        let ((shared, fewer), (anew, more)) = (splat(backend, &frame), splat(backend, &own));
+        assert_eq!(more, fewer + 3 * count(backend, &alone, mode), "{mode}");
+        assert!(shared == anew, "{mode}");
+    }
+}
+
+#[test]
+fn intervals_share_a_picture_of_what_lies_still() {
+    intervals_share_a_picture(&mut Cpu::default());
+}
+
+/// Without anything that moves a frame of many intervals is one still picture, weighed.
+#[test]
+fn intervals_of_what_lies_still_cost_one_sample() {
+    let scene = Scene { objects: vec![through().objects[1].clone()], ..through() };
+    let still = options(BlurMode::Still { pixel_samples: 1 });
+    let still = RenderOptions { shading: Shading::Gouraud, aovs: still.aovs[..4].to_vec(), ..still };
+    let (want, splats) = splat(&mut Cpu::default(), &posed(&scene, 0, &still));
+    for mode in swept_modes() {
+        let options = RenderOptions { quality: mode.into(), ..still.clone() };
+        let (got, of_intervals) = splat(&mut Cpu::default(), &posed(&scene, 0, &options));
+        assert_eq!(of_intervals, splats, "{mode}");
+        assert!(difference(&got, &want) < 4.0 * f32::EPSILON, "{mode}");
+    }
+}
+
+/// Intervals whose motion differs have one guard band: what lies still has one place behind their maps.
+#[test]
+fn intervals_have_one_guard_band() {
+    let mut scene = through();
+    scene.objects[0].motions = vec![Motion::Linear { velocity: DVec3::new(0.9, 0.0, 3.0) }];
+    scene.shutter = Shutter { open: 0.0, close: 0.9, weight: Weight::Box };
+    let guards = |intervals: u32| {
+        let mode = BlurMode::Volumetric { intervals, pixel_samples: None, swept: SweptKernel::default() };
+        let options = options(mode);
+        let frame = posed(&scene, 0, &options);
+        frame.groups.iter().map(|group| group.interval.unwrap().guard).collect::<Vec<_>>()
+    };
+    assert!(guards(4).iter().all(|&guard| guard == guards(4)[0]), "{:?}", guards(4));
+}
+
+/// An object whose way on the screen is a fifth of a pixel is held; at a third of a pixel it moves.
+#[test]
+fn slow_objects_are_held_at_mid_exposure() {
+    let held = |way: f64| {
+        let mut ball = object(sphere(500));
+        // Focal length 109.9 px at depth 4: the corners of the model's box come as near as depth 3.
+        ball.motions = vec![Motion::Linear { velocity: DVec3::X * way * 3.0 / 109.9 }];
+        let scene = scene(vec![ball], [96, 80], DVec3::new(0.0, 0.0, 4.0), 40.0);
+        let options = options(BlurMode::supersample(9));
+        let frame = posed(&scene, 0, &options);
+        let at = |group: usize| frame.groups[group].samples[0].objects[0].screen_origin.x;
+        let middle = 109.9 * (0.5 * way * 3.0 / 109.9) as f32;
+        assert_eq!(frame.objects[0].still, (0..9).all(|group| (at(group) - middle).abs() < 1e-3));
+        frame.objects[0].still
+    };
+    // Samples lie at the middles of ninths: they see 8/9 of the way.
+    assert!(held(0.27));
+    assert!(!held(0.30));
+}
+
+/// A jump within the exposure, a camera in motion, and an interval's motion are motion; `blur="false"` is none.
+#[test]
+fn what_moves_is_not_held() {
+    let mut scene = through();
+    scene.camera.automatic = false;
+    let still = |scene: &Scene, mode| {
+        let options = options(mode);
+        posed(scene, 0, &options).objects.iter().map(|object| object.still).collect::<Vec<_>>()
+    };
+    let swept = BlurMode::Volumetric { intervals: 1, pixel_samples: None, swept: SweptKernel::default() };
+    assert_eq!(still(&scene, swept), [false, true, false]);
+    scene.objects[0].blur = false;
+    assert_eq!(still(&scene, BlurMode::supersample(4)), [true, true, false]);
+}
+
+/// Blocks that are not wanted stay empty, the others are as if all were.
+fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
+    let scene = through();
+    for mode in [BlurMode::supersample(4), BlurMode::interleaved(3, Interleave::Two)] {
+        let options = RenderOptions { aovs: Vec::new(), ..options(mode) };
+        let mut frame = posed(&scene, 0, &options);
+        frame.background.transparent = true;
+        let (whole, _) = splat(backend, &frame);
+        let [width, height] = Blocks::count(frame.size, frame.stride);
+        let wanted = (0..width * height).map(|block| block % 2 == 1).collect();
+        frame.wanted = Some(Blocks { width, wanted });
+        let (part, _) = splat(backend, &frame);
+        // In bands, most of which have no wanted block.
+        let last = (0..width * height).map(|block| block == width * (height - 1) + 1).collect();
+        let mut scarce = Frame { wanted: Some(Blocks { width, wanted: last }), ..frame.clone() };
+        let in_bands = (1..).find_map(|step| {
+            scarce.memory = frame.model_bytes + (step << 17);
+            backend.render(&scarce).ok()
+        });
+        let in_bands = in_bands.unwrap().picture;
+        let edge = Blocks::EDGE * frame.stride as usize;
+        let mut seen = [0, 0];
+        for (index, (part, whole)) in part.rgba.iter().zip(&whole.rgba).enumerate() {
+            let block = index / 96 / edge * width + index % 96 / edge;
+            assert_eq!(*part, if block % 2 == 1 { *whole } else { [0.0; 4] }, "{mode}: pixel {index}");
+            let is_last = block == width * (height - 1) + 1;
+            assert_eq!(in_bands.rgba[index], if is_last { *whole } else { [0.0; 4] }, "{mode}: pixel {index} of bands");
+            seen[block % 2] += usize::from(whole[3] > 0.0);
+        }
+        assert!(seen.iter().all(|&covered| covered > 100), "{mode}: {seen:?}");
+    }
+    // Nothing that lies still in any wanted block.
+    let mut scene = through();
+    scene.objects[1].transform.translate.x = 6.0;
+    let options = options(BlurMode::supersample(4));
+    let mut frame = posed(&scene, 0, &options);
+    frame.wanted = Some(Blocks { width: 3, wanted: [vec![true; 3], vec![false; 6]].concat() });
+    let (part, _) = splat(backend, &frame);
+    frame.wanted = None;
+    let (whole, _) = splat(backend, &frame);
+    assert!(frame.objects[1].still && part.rgba[..32 * 96] == whole.rgba[..32 * 96]);
+}
+
+#[test]
+fn only_wanted_blocks_are_rendered() {
+    renders_only_wanted_blocks(&mut Cpu::default());
+}
+
+#[cfg(feature = "gpu")]
+mod gpu {
+    use super::*;
+    use crate::support::gpu::gpu_or_skip;
+
+    #[test]
+    fn what_lies_still_looks_as_if_splatted_anew() {
+        let Some(mut gpu) = gpu_or_skip("what_lies_still_looks_as_if_splatted_anew") else { return };
+        looks_as_if_splatted_anew(&mut gpu, &modes(), &[Shading::Phong]);
+    }
+
+    #[test]
+    fn memory_for_what_lies_still_does_not_show() {
+        let Some(mut gpu) = gpu_or_skip("memory_for_what_lies_still_does_not_show") else { return };
+        memory_does_not_show(&mut gpu, &through(), &modes());
+    }
+
+    #[test]
+    fn intervals_share_a_picture_of_what_lies_still() {
+        let Some(mut gpu) = gpu_or_skip("intervals_share_a_picture_of_what_lies_still") else { return };
+        intervals_share_a_picture(&mut gpu);
+    }
+
+    #[test]
+    fn only_wanted_blocks_are_rendered() {
+        let Some(mut gpu) = gpu_or_skip("only_wanted_blocks_are_rendered") else { return };
+        renders_only_wanted_blocks(&mut gpu);
+    }
+
+    /// All planes of scenes with something still, as the CPU has them.
+    #[test]
+    fn pictures_are_the_cpus() {
+        let Some(mut gpu) = gpu_or_skip("pictures_are_the_cpus") else { return };
+        let scene = through();
+        for mode in modes().into_iter().chain(swept_modes()) {
+            for shading in [Shading::Phong, Shading::Gouraud] {
+                let options = RenderOptions { shading, ..options(mode) };
+                let frame = posed(&scene, 0, &options);
+                let ((want, splats), (got, of_gpu)) = (splat(&mut Cpu::default(), &frame), splat(&mut gpu, &frame));
+                let worst = difference(&got, &want);
+                println!("{mode}, {shading:?}: {splats} and {of_gpu} splats, {worst:.1e}");
+                assert!(worst < 1e-5, "{mode}, {shading:?}: {worst}");
+            }
+        }
+    }
+}

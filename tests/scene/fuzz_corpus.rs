@@ -1,0 +1,140 @@
+//! Replays `fuzz/corpus/` on stable Rust, through the functions that read files.
+//!
+//! A name that begins with `ok-` must be read, one that begins with `bad-` must be refused; others (what a fuzzer found) may be
+//! either, but nothing may panic or take long. A new reader gets a row here, a target in `fuzz/` and a directory of seeds.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use splatblur::{anim, image, model, scene_file};
+
+/// Most that one small file may take to be read or refused.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Reads a whole file.
+type Read = fn(&Path) -> anyhow::Result<()>;
+
+/// Target (a folder of the corpus), extension that the file is read under, reader.
+const TARGETS: [(&str, &str, Read); 7] = [
+    ("anim", "anim", |path| read_animation(path)),
+    ("bin", "bin", |path| read_model(path)),
+    ("image", "img", |path| Ok(image::read(path).map(drop)?)),
+    ("obj", "obj", |path| read_model(path)),
+    ("ply", "ply", |path| read_model(path)),
+    ("scene", "xml", |path| Ok(scene_file::load(path, &scene_file::LoadOptions::default()).map(drop)?)),
+    ("sfl", "sfl", |path| read_model(path)),
+];
+
+fn read_model(path: &Path) -> anyhow::Result<()> {
+    let loaded = model::load(path, &model::LoadOptions::default(), &|_, _| {})?;
+    let s = loaded.surfels;
+    assert!(!s.is_empty(), "a model without surfels was accepted");
+    for i in 0..s.len() {
+        let vectors = [s.position[i], s.axis_u[i], s.axis_v[i], s.normal[i], s.colour[i]];
+        assert!(vectors.iter().all(|v| v.is_finite()), "surfel {i} is not finite");
+        assert!(s.radius(i) > 0.0, "surfel {i} has no radius");
+    }
+    Ok(())
+}
+
+fn read_animation(path: &Path) -> anyhow::Result<()> {
+    let animation = anim::load(path)?;
+    assert!(!animation.nodes.is_empty(), "an animation without nodes was accepted");
+    for node in &animation.nodes {
+        for seconds in [-1e8, -1.0, 0.0, 0.51, 1e8] {
+            for interpolation in [anim::Interpolation::Maya, anim::Interpolation::Linear, anim::Interpolation::Spline] {
+                let state = node.at(seconds, interpolation);
+                assert!(state.transform.translate.is_finite(), "{} at {seconds} s is not finite", node.name);
+            }
+        }
+    }
+    Ok(())
+}
+
+fn corpus() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus")
+}
+
+/// Sorted names of a directory's entries; the directory must exist and not be empty.
+fn names(directory: &Path) -> Vec<String> {
+    let entries = fs::read_dir(directory).unwrap_or_else(|e| panic!("{}: {e}", directory.display()));
+    let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    assert!(!names.is_empty(), "{} is empty", directory.display());
+    names.sort();
+    names
+}
+
+/// Reads every file of a target; gives what was wrong.
+fn replay(target: &str, extension: &str, read: Read) -> Vec<String> {
+    let directory = corpus().join(target);
+    // Scenes name these two; whatever a target reads lies beside them under one name.
+    let place = tempfile::tempdir().unwrap();
+    fs::copy(corpus().join("ply/ok-surfels.ply"), place.path().join("model.ply")).unwrap();
+    fs::copy(corpus().join("anim/ok-two-keys.anim"), place.path().join("motion.anim")).unwrap();
+    let input = place.path().join("input").with_extension(extension);
+    let mut wrong = Vec::new();
+    let (mut accepted, mut refused) = (0, 0);
+    for name in names(&directory) {
+        fs::write(&input, fs::read(directory.join(&name)).unwrap()).unwrap();
+        let start = Instant::now();
+        let result = read(&input);
+        let took = start.elapsed();
+        if took > PATIENCE {
+            wrong.push(format!("{target}/{name}: took {took:?}"));
+        }
+        match result {
+            Ok(()) if name.starts_with("bad-") => wrong.push(format!("{target}/{name}: was read")),
+            Err(e) if name.starts_with("ok-") => wrong.push(format!("{target}/{name}: {e:#}")),
+            Ok(()) => accepted += 1,
+            Err(e) => {
+                refused += 1;
+                // Whatever is wrong lies in this file, or in one that it names beside itself.
+                let line = format!("{e:#}");
+                if !line.contains(&place.path().display().to_string()) || line.lines().count() != 1 {
+                    wrong.push(format!("{target}/{name}: the message is not one line that names the file: {line:?}"));
+                }
+                let causes: Vec<String> = e.chain().map(ToString::to_string).collect();
+                if causes.windows(2).any(|pair| pair[0].contains(&pair[1])) {
+                    wrong.push(format!("{target}/{name}: the message says the same twice: {line:?}"));
+                }
+            }
+        }
+    }
+    if accepted == 0 || refused == 0 {
+        wrong.push(format!("{target}: {accepted} seeds are read and {refused} refused; each kind needs some"));
+    }
+    wrong
+}
+
+#[test]
+fn every_seed_is_read_or_refused_as_its_name_says() {
+    let wrong: Vec<String> = TARGETS.iter().flat_map(|&(target, ending, read)| replay(target, ending, read)).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn every_target_has_seeds_and_a_program() {
+    let rows: BTreeSet<String> = TARGETS.iter().map(|(target, _, _)| (*target).to_owned()).collect();
+    let directories: BTreeSet<String> = names(&corpus()).into_iter().collect();
+    assert_eq!(directories, rows);
+    let programs = names(&corpus().parent().unwrap().join("fuzz_targets"));
+    let programs: BTreeSet<String> = programs.iter().map(|p| p.trim_end_matches(".rs").to_owned()).collect();
+    assert_eq!(programs, rows);
+    let manifest = fs::read_to_string(corpus().parent().unwrap().join("Cargo.toml")).unwrap();
+    for row in rows {
+        assert!(manifest.contains(&format!("name = \"{row}\"")), "fuzz/Cargo.toml has no target {row}");
+    }
+}
+
+#[test]
+fn the_seeds_stay_small() {
+    let sizes = TARGETS.iter().flat_map(|(target, _, _)| {
+        let directory = corpus().join(target);
+        names(&directory).into_iter().map(move |name| fs::metadata(directory.join(name)).unwrap().len())
+    });
+    assert!(sizes.sum::<u64>() <= 300_000);
+}

@@ -1,0 +1,11 @@
+//! What goes in: model files, animations, scene files, and what ships beside the code.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod anim;
+mod files;
+mod fuzz_corpus;
+mod model_formats;
+mod moving_bounds;
+mod shipped;

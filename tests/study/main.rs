@@ -1,0 +1,6 @@
+//! Measuring pictures: the metrics.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod metrics;
