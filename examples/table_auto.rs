@@ -23,7 +23,7 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::backend::gpu::{Choice, Gpu};
 use splatblur::compare::{flip, gamma_rmse};
 use splatblur::film::{Aov, Picture};
-use splatblur::frame::STILL_PATH;
+use splatblur::frame::STATIC_PATH;
 use splatblur::options::{BlurMode, ErrorTarget, Interleave, PixelFilter, Prefilter, Quality, RenderOptions, Shading};
 use splatblur::renderer::{Rendered, render_frame};
 use splatblur::scene::Scene;
@@ -204,12 +204,12 @@ fn static_clusters() {
         for number in frames {
             let frame = posed(&scene, number, &options);
             let mut counts = [0; 3];
-            for (index, object) in frame.objects.iter().enumerate().filter(|(_, object)| !object.still) {
+            for (index, object) in frame.objects.iter().enumerate().filter(|(_, object)| !object.is_static) {
                 let on_screen = |p: Vec3| {
-                    let posed = frame.groups.iter().map(|group| &group.samples[0].objects[index]);
+                    let posed = frame.groups().map(|group| &group.samples[0].objects[index]);
                     let points = posed.map(|pose| pose.screen_from_model * p + pose.screen_origin);
                     let points: Vec<Vec2> = points.map(|p| p.truncate() / p.z).collect();
-                    points.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f32>() < STILL_PATH
+                    points.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f32>() < STATIC_PATH
                 };
                 let still: Vec<bool> = object.surfels.position.iter().map(|&p| on_screen(p)).collect();
                 let whole = still.chunks(256).filter(|cluster| cluster.iter().all(|&still| still)).map(<[bool]>::len);

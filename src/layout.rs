@@ -105,13 +105,10 @@ impl Channels {
     }
 
     /// What `frame` needs.
-    pub fn of(frame: &Frame<'_>) -> Self {
+    pub fn of(frame: &Frame) -> Self {
         let deferred = frame.shading == Shading::Phong;
-        let lit_by_points = frame
-            .groups
-            .iter()
-            .flat_map(|g| &g.samples)
-            .any(|s| s.lights.iter().any(|light| matches!(light, ShadingLight::Point { .. })));
+        let is_point = |light: &ShadingLight| matches!(light, ShadingLight::Point { .. });
+        let lit_by_points = frame.all_samples().any(|sample| sample.lights.iter().any(is_point));
         let first = frame.objects.first().and_then(|object| object.material);
         let uniform = first.filter(|_| frame.objects.iter().all(|object| object.material == first));
         let mut count = 4;

@@ -163,6 +163,11 @@ impl SweptKernel {
         normalise: Normalise::Once,
     };
 
+    /// Whether a film is complete only after all intervals: where colours are divided once, or coverage is a sum.
+    pub(crate) fn needs_finish(self) -> bool {
+        self.normalise == Normalise::Once || self.alpha == TemporalAlpha::Sum
+    }
+
     /// Motion of a kernel over that of its surfel during the interval: 2 in the published variant, whose half-axis is the whole
     /// spacing of the time samples.
     pub fn stretch(self) -> f64 {
@@ -308,6 +313,17 @@ impl Interleave {
             4 => Some(Self::Four),
             _ => None,
         }
+    }
+
+    /// The first pixel of each class, column and row, row by row.
+    pub(crate) fn phases(self) -> impl Iterator<Item = [u32; 2]> {
+        let stride = self.stride();
+        (0..stride * stride).map(move |class| [class % stride, class / stride])
+    }
+
+    /// The seed of the sub-pixel offsets of the class of pixel `phase`: each class has offsets of its own.
+    pub(crate) fn seed_of(self, phase: [u32; 2], seed: u64) -> u64 {
+        seed.wrapping_add(u64::from(self.order(phase)) << 32)
     }
 
     /// Place of the class of pixel `phase` in Bayer order, 0..stride^2: consecutive classes lie far apart.

@@ -1,53 +1,49 @@
-//! The plan that a backend executes.
+//! The plan of a frame, as data: an exposure has rasters, a raster has sample positions, and a position has steps.
+//!
+//! [`Exposure`] says at which times each pixel is sampled. Once the scene is posed there (`frame`), [`Step::of_position`] says
+//! what a backend does about it, and in which order. No other place knows that order: a backend walks over the rasters of a
+//! frame, their positions and their steps, and has one `match` over [`Step`]. Within a step the passes run in the order of
+//! [`SplatPass::ORDER`], [`StaticPass::ORDER`], [`MapPass::order`] or [`SweepPass::ORDER`]; the splats or the kernels in motion
+//! that they read are projected and listed by tile before the first pass that reads them.
 
 use crate::options::{BlurMode, Interleave, KernelWeight, PixelFilter, SweptKernel};
 use crate::sampling::pixel_offsets;
 use crate::time::Shutter;
 
-/// A stage of rendering a group of time samples; see docs/architecture.md for what each reads and writes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pass {
-    /// Surfels to splats: posed, projected, bounded, culled.
-    Project,
-    /// Splats to per-tile lists, in global surfel order.
-    Bin,
-    /// T(x, t) per pixel, from the splats of the group.
-    Visibility,
-    /// Weighted sums of the attributes of the splats that pass the depth test.
-    Attribute,
-    /// Normalise, shade, add to the film with the time weight.
-    Resolve,
-    /// Sum of the weights of the splats that pass the depth test, per pixel.
-    Density,
-    /// What was found so far goes into a map of all pixels and a guard band around them.
-    Keep,
-    /// Surfels to kernels in motion over the group's interval, and those to per-tile lists, in global surfel order.
-    Sweep,
-    /// Weighted sums of the attributes of the kernels whose source on the map is visible, and when they cover.
-    SweptAttribute,
-    /// When they cover becomes coverage; then as `Resolve`, or pooled with the other intervals.
-    SweptResolve,
+/// When a frame is sampled: rasters, their sample positions, and the times of each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Exposure {
+    /// Pixels from one pixel of a raster to the next, along both axes, >= 1.
+    pub stride: u32,
+    /// One for each class of pixels, in the order of their phases: `stride`^2 of them.
+    pub rasters: Vec<RasterExposure>,
 }
 
-impl Pass {
-    /// Passes of what is not swept, in order.
-    pub const UNSWEPT: [Self; 5] = [Self::Project, Self::Bin, Self::Visibility, Self::Attribute, Self::Resolve];
+/// The pixels that see the same times: every `stride`-th pixel of the image, as an image of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RasterExposure {
+    /// First pixel of the raster, column and row, each below the stride.
+    pub phase: [u32; 2],
+    /// Positions within the pixel, in the order in which they are rendered.
+    pub positions: Vec<PositionExposure>,
 }
 
-impl BlurMode {
-    /// Passes of one group, in order.
-    pub const fn passes(self) -> &'static [Pass] {
-        use Pass::{Bin, Density, Keep, Project, Sweep, SweptAttribute, SweptResolve, Visibility};
-        match self {
-            Self::Still { .. } | Self::Supersample { .. } | Self::Bucket { .. } => &Pass::UNSWEPT,
-            Self::Volumetric { swept: SweptKernel { weight: KernelWeight::Integral, .. }, .. } => {
-                &[Project, Bin, Visibility, Density, Keep, Sweep, SweptAttribute, SweptResolve]
-            }
-            Self::Volumetric { swept: SweptKernel { weight: KernelWeight::Chord, .. }, .. } => {
-                &[Project, Bin, Visibility, Keep, Sweep, SweptAttribute, SweptResolve]
-            }
-        }
-    }
+/// A place within the pixel, and what is sampled there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PositionExposure {
+    /// Offset from the pixel's centre, pixels, each in [-1/2, 1/2).
+    pub offset: [f32; 2],
+    /// Rising in time; at least one.
+    pub groups: Vec<Group>,
+}
+
+/// Time samples that share one visibility test and one resolve.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Group {
+    /// At least one, rising in time.
+    pub samples: Vec<TimeSample>,
+    /// The interval that the one sample, at its middle, stands for, with the kernels that sweep it. `None`: samples are instants.
+    pub sweep: Option<(Interval, SweptKernel)>,
 }
 
 /// A moment of the exposure.
@@ -59,19 +55,6 @@ pub struct TimeSample {
     pub weight: f64,
 }
 
-/// Time samples that share one visibility test and one resolve.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Group {
-    /// At least one, rising in time.
-    pub samples: Vec<TimeSample>,
-    /// Offset of the sample position from the pixel's centre, pixels, each in [-1/2, 1/2).
-    pub offset: [f32; 2],
-    /// First pixel that the group is rendered for; the others are whole strides away.
-    pub phase: [u32; 2],
-    /// The interval whose motion the one sample, at its middle, stands for.
-    pub interval: Option<Interval>,
-}
-
 /// A part of the exposure during which things move steadily.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
@@ -81,41 +64,241 @@ pub struct Interval {
     pub moments: [f64; 32],
 }
 
-/// What a backend executes for one frame: `passes` for each group, in order. Backends know nothing about blur modes.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
-    /// Stages of each group.
-    pub passes: &'static [Pass],
-    /// Pixels from one that a group is rendered for to the next, along both axes.
-    pub stride: u32,
-    /// Groups, in the order in which they are added to the film; those of one phase stand together.
-    pub groups: Vec<Group>,
+/// An interval of the exposure, for kernels in motion on a raster.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PosedInterval {
+    /// Share of the exposure of each 32nd of the interval.
+    pub moments: [f32; 32],
+    /// Change of the time weight from the middle of the interval to its end, over its mean; in [-1, 1].
+    pub slope: f32,
+    /// Width of the visibility map's guard band, raster pixels. It is the largest distance by which anything moves from the middle
+    /// of an interval to its end, for all intervals of the frame; at most half the raster's longer side.
+    pub guard: u32,
 }
 
-impl Plan {
-    /// The plan of frame `frame` with this shutter.
+/// Which objects a step splats. Static objects come first in the order of sums.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Objects {
+    /// All visible objects.
+    All,
+    /// Static objects alone: their pose is the same in all samples of the frame.
+    Static,
+    /// All others.
+    Moving,
+}
+
+/// What a backend does for one sample position of one raster. `group` is an index into the groups of the position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Step {
+    /// Splats static objects once for all groups of the position ([`StaticPass::ORDER`]). A backend without room for the layer
+    /// leaves it out; then each `Splat` splats them again, and every sum has the same bits.
+    StaticLayer {
+        /// The group whose light shades at surfels.
+        group: usize,
+    },
+    /// Splats and adds to the film what one group shows ([`SplatPass::ORDER`]). It starts from the static layer of the position, if
+    /// there is one.
+    Splat {
+        /// The group.
+        group: usize,
+    },
+    /// Makes a picture of static objects for the sweeps that follow ([`StaticPass::ORDER`]). They show it behind kernels in motion.
+    StaticPicture {
+        /// The group whose light and camera it has.
+        group: usize,
+    },
+    /// Makes a map of depth thresholds at the middle of an interval, over the raster and a guard band ([`MapPass::order`]). Kernels
+    /// in motion look up there whether their source is visible, so it must be complete before they are added.
+    VisibilityMap {
+        /// The group.
+        group: usize,
+        /// Its interval.
+        interval: PosedInterval,
+        /// `Moving` where static objects have a picture of their own.
+        objects: Objects,
+        /// Whether the map holds densities too, which integral weights are divided by.
+        density: bool,
+    },
+    /// Sweeps kernels over an interval and adds them to the film ([`SweepPass::ORDER`]). It reads the map and the static picture.
+    Sweep {
+        /// The group.
+        group: usize,
+        /// Its interval.
+        interval: PosedInterval,
+        /// What kernels sweep; the same in all sweeps of a frame.
+        kernel: SweptKernel,
+        /// `Moving` where static objects have a picture of their own.
+        objects: Objects,
+    },
+    /// Completes the film of a raster: clamps coverage, and divides what was pooled over all intervals. The last step of the last
+    /// position.
+    Finish,
+}
+
+/// What the steps of a frame depend on, beside its times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Scenery {
+    /// Whether any visible object with surfels is static.
+    pub has_static: bool,
+    /// Whether the camera and the lights are the same in all samples.
+    pub one_view: bool,
+}
+
+impl Step {
+    /// The steps of a sample position, in order, without [`Step::Finish`]. `sweeps` has an entry for each group: its interval and
+    /// kernel, or `None` where samples are instants.
+    pub fn of_position(sweeps: &[Option<(PosedInterval, SweptKernel)>], scenery: Scenery) -> Vec<Self> {
+        let mut steps = Vec::new();
+        let several_splat = sweeps.iter().filter(|sweep| sweep.is_none()).count() > 1;
+        if scenery.has_static && several_splat {
+            steps.push(Self::StaticLayer { group: 0 });
+        }
+        for (group, sweep) in sweeps.iter().enumerate() {
+            let Some((interval, kernel)) = *sweep else {
+                steps.push(Self::Splat { group });
+                continue;
+            };
+            // The thesis' own kernels (eq. 4.12) know no densities; they are added up with everything.
+            let density = kernel.weight == KernelWeight::Integral;
+            let has_picture = scenery.has_static && density;
+            // Light at surfels may change from interval to interval.
+            if has_picture && (group == 0 || !scenery.one_view) {
+                steps.push(Self::StaticPicture { group });
+            }
+            let objects = if has_picture { Objects::Moving } else { Objects::All };
+            steps.push(Self::VisibilityMap { group, interval, objects, density });
+            steps.push(Self::Sweep { group, interval, kernel, objects });
+        }
+        steps
+    }
+}
+
+/// A pass of [`Step::Splat`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SplatPass {
+    /// T(x, t) of each pixel: the least depth of the splats that cover it, plus their tolerance.
+    Visibility,
+    /// Weighted sums of the attributes of the splats that pass the depth test.
+    Attribute,
+    /// Normalises, shades, and adds to the film with the time weight.
+    Resolve,
+}
+
+impl SplatPass {
+    /// The passes in order.
+    pub const ORDER: [Self; 3] = [Self::Visibility, Self::Attribute, Self::Resolve];
+}
+
+/// A pass of [`Step::StaticLayer`] and [`Step::StaticPicture`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StaticPass {
+    /// As [`SplatPass::Visibility`].
+    Visibility,
+    /// As [`SplatPass::Attribute`].
+    Attribute,
+    /// Keeps what later steps start from: of a layer thresholds and sums, of a picture thresholds and its film.
+    Store,
+}
+
+impl StaticPass {
+    /// The passes in order.
+    pub const ORDER: [Self; 3] = [Self::Visibility, Self::Attribute, Self::Store];
+}
+
+/// A pass of [`Step::VisibilityMap`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MapPass {
+    /// As [`SplatPass::Visibility`], at the middle of the interval.
+    Visibility,
+    /// Sums of the weights of the splats that pass the depth test.
+    Density,
+    /// Writes thresholds and inverse densities to the map.
+    Store,
+}
+
+impl MapPass {
+    /// The passes in order, with densities or without.
+    pub const fn order(density: bool) -> &'static [Self] {
+        if density { &[Self::Visibility, Self::Density, Self::Store] } else { &[Self::Visibility, Self::Store] }
+    }
+}
+
+/// A pass of [`Step::Sweep`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SweepPass {
+    /// Weighted sums of the attributes of the kernels whose source on the map is visible, and the times at which they cover.
+    Attribute,
+    /// Turns the times at which kernels cover into coverage; then as [`SplatPass::Resolve`], or pooled with the other intervals.
+    Resolve,
+}
+
+impl SweepPass {
+    /// The passes in order.
+    pub const ORDER: [Self; 2] = [Self::Attribute, Self::Resolve];
+}
+
+impl Exposure {
+    /// The exposure of frame `frame` with this shutter.
     ///
     /// `jumps` are the scene times within the shutter at which something jumps, rising, frames: intervals are split there.
     pub fn new(mode: BlurMode, filter: PixelFilter, seed: u64, shutter: &Shutter, frame: f64, jumps: &[f64]) -> Self {
-        let still = |weight| vec![TimeSample { time: frame, weight }];
-        let (groups, interleave) = match mode {
+        match mode {
             BlurMode::Still { pixel_samples } => {
-                let moments = vec![(still(1.0 / f64::from(pixel_samples)), None); pixel_samples as usize];
-                (with_offsets(moments, None, filter, seed, [0, 0]), Interleave::None)
+                let sample = TimeSample { time: frame, weight: 1.0 / f64::from(pixel_samples) };
+                let groups = vec![Group { samples: vec![sample], sweep: None }; pixel_samples as usize];
+                Self::uniform(with_offsets(groups, None, filter, seed))
             }
             BlurMode::Supersample { samples, pixel_samples, interleave } => {
-                (exposure(Strata::new(samples, 1, pixel_samples), interleave, filter, seed, shutter, frame), interleave)
+                Self::sampled(Strata::new(samples, 1, pixel_samples), interleave, filter, seed, shutter, frame)
             }
-            BlurMode::Bucket { buckets, samples, pixel_samples, interleave } => (
-                exposure(Strata::new(buckets, samples, pixel_samples), interleave, filter, seed, shutter, frame),
-                interleave,
-            ),
-            BlurMode::Volumetric { intervals, pixel_samples, swept: _ } => (
-                swept_exposure(Strata::new(intervals, 1, pixel_samples), filter, seed, shutter, frame, jumps),
-                Interleave::None,
-            ),
+            BlurMode::Bucket { buckets, samples, pixel_samples, interleave } => {
+                Self::sampled(Strata::new(buckets, samples, pixel_samples), interleave, filter, seed, shutter, frame)
+            }
+            BlurMode::Volumetric { intervals, pixel_samples, swept } => {
+                let strata = Strata::new(intervals, 1, pixel_samples);
+                let groups = intervals_of(strata, swept, shutter, frame, jumps);
+                Self::uniform(with_offsets(groups, strata.positions, filter, seed))
+            }
+        }
+    }
+
+    /// One raster: all pixels see the same times.
+    fn uniform(positions: Vec<PositionExposure>) -> Self {
+        Self { stride: 1, rasters: vec![RasterExposure { phase: [0, 0], positions }] }
+    }
+
+    /// One raster for each class of pixels; the groups of each tile the shutter.
+    fn sampled(
+        strata: Strata,
+        interleave: Interleave,
+        filter: PixelFilter,
+        seed: u64,
+        shutter: &Shutter,
+        frame: f64,
+    ) -> Self {
+        let Strata { groups, samples, repeats, positions } = strata;
+        let stride = interleave.stride();
+        let raster = |phase| {
+            let order = interleave.order(phase);
+            let place = (f64::from(order) + 0.5) / f64::from(stride * stride);
+            let weighted = |(t, weight): (f64, f64)| TimeSample {
+                time: shutter.frame_time(frame, t),
+                weight: weight / f64::from(repeats),
+            };
+            let moments: Vec<TimeSample> = shutter.strata(groups * samples, place).into_iter().map(weighted).collect();
+            let groups = moments.chunks(samples as usize).flat_map(|samples| {
+                let group = Group { samples: samples.to_vec(), sweep: None };
+                std::iter::repeat_n(group, repeats as usize)
+            });
+            let seed = interleave.seed_of(phase, seed);
+            RasterExposure { phase, positions: with_offsets(groups.collect(), positions, filter, seed) }
         };
-        Self { passes: mode.passes(), stride: interleave.stride(), groups }
+        Self { stride, rasters: interleave.phases().map(raster).collect() }
+    }
+
+    /// All groups, in the order in which they are added to the film.
+    pub fn groups(&self) -> impl Iterator<Item = &Group> {
+        self.rasters.iter().flat_map(|raster| &raster.positions).flat_map(|position| &position.groups)
     }
 }
 
@@ -139,46 +322,9 @@ impl Strata {
     }
 }
 
-/// The groups of each class of pixels, which tile the shutter.
-fn exposure(
-    strata: Strata,
-    interleave: Interleave,
-    filter: PixelFilter,
-    seed: u64,
-    shutter: &Shutter,
-    frame: f64,
-) -> Vec<Group> {
-    let Strata { groups, samples, repeats, positions } = strata;
-    let stride = interleave.stride();
-    let classes = (0..stride * stride).map(|class| [class % stride, class / stride]);
-    let groups = classes.flat_map(|phase| {
-        let order = interleave.order(phase);
-        let place = (f64::from(order) + 0.5) / f64::from(stride * stride);
-        let moments: Vec<TimeSample> = shutter
-            .strata(groups * samples, place)
-            .into_iter()
-            .map(|(t, weight)| TimeSample { time: shutter.frame_time(frame, t), weight: weight / f64::from(repeats) })
-            .collect();
-        let moments = moments
-            .chunks(samples as usize)
-            .flat_map(|group| std::iter::repeat_n((group.to_vec(), None), repeats as usize))
-            .collect();
-        // Each class has offsets of its own.
-        with_offsets(moments, positions, filter, seed.wrapping_add(u64::from(order) << 32), phase)
-    });
-    groups.collect()
-}
-
-/// The groups of an interval each, which tile the shutter, and more where something jumps.
-fn swept_exposure(
-    strata: Strata,
-    filter: PixelFilter,
-    seed: u64,
-    shutter: &Shutter,
-    frame: f64,
-    jumps: &[f64],
-) -> Vec<Group> {
-    let Strata { groups: count, repeats, positions, .. } = strata;
+/// Groups of an interval each. They tile the shutter; there are more than asked for where something jumps.
+fn intervals_of(strata: Strata, kernel: SweptKernel, shutter: &Shutter, frame: f64, jumps: &[f64]) -> Vec<Group> {
+    let Strata { groups: count, repeats, .. } = strata;
     let span = shutter.close - shutter.open;
     let mut cuts: Vec<(f64, bool)> = (0..=count).map(|i| (f64::from(i) / f64::from(count), false)).collect();
     cuts.extend(jumps.iter().map(|&time| ((time - frame - shutter.open) / span, true)));
@@ -190,7 +336,7 @@ fn swept_exposure(
         a.1 |= same && b.1;
         same
     });
-    let mut moments: Vec<Moment> = Vec::new();
+    let mut groups: Vec<Group> = Vec::new();
     for (&(from, from_jump), &(to, to_jump)) in cuts.iter().zip(cuts.iter().skip(1)) {
         let share = |a: f64, b: f64| shutter.weight.integral(a, b) / f64::from(repeats);
         let at = |i: u32| from + (to - from) * f64::from(i) / 32.0;
@@ -200,45 +346,34 @@ fn swept_exposure(
         let ends = [time(from) + nudge(from_jump), time(to) - nudge(to_jump)];
         let sample = TimeSample { time: 0.5 * (ends[0] + ends[1]), weight: share(from, to) };
         let interval = Interval { ends, moments: std::array::from_fn(|i| share(at(i as u32), at(i as u32 + 1))) };
-        moments.push((vec![sample], Some(interval)));
+        groups.push(Group { samples: vec![sample], sweep: Some((interval, kernel)) });
     }
-    let moments = moments.into_iter().flat_map(|moment| std::iter::repeat_n(moment, repeats as usize)).collect();
-    with_offsets(moments, positions, filter, seed, [0, 0])
+    groups.into_iter().flat_map(|group| std::iter::repeat_n(group, repeats as usize)).collect()
 }
 
-/// The time samples of a group, and the interval that they stand for.
-type Moment = (Vec<TimeSample>, Option<Interval>);
-
-/// Groups of `moments`, in order of time, that share out `positions` sub-pixel positions, or have one each.
-fn with_offsets(
-    moments: Vec<Moment>,
-    positions: Option<u32>,
-    filter: PixelFilter,
-    seed: u64,
-    phase: [u32; 2],
-) -> Vec<Group> {
+/// `groups`, in order of time, at `positions` sub-pixel positions, or at one each.
+fn with_offsets(groups: Vec<Group>, positions: Option<u32>, filter: PixelFilter, seed: u64) -> Vec<PositionExposure> {
     let offsets = match filter {
-        PixelFilter::Box => pixel_offsets(positions.unwrap_or(moments.len() as u32), seed),
+        PixelFilter::Box => pixel_offsets(positions.unwrap_or(groups.len() as u32), seed),
         PixelFilter::Point => vec![[0.0; 2]],
     };
-    share_out(moments, &offsets, phase)
+    share_out(groups, &offsets)
 }
 
-/// Groups of `moments`, in order of time: each takes the next of `offsets`, over and over, so that each offset sees the whole exposure.
-/// Those of one offset stand together, as they share what lies still.
-pub(crate) fn share_out(moments: Vec<Moment>, offsets: &[[f32; 2]], phase: [u32; 2]) -> Vec<Group> {
-    let mut groups: Vec<(usize, Group)> = (0..)
-        .zip(moments)
-        .map(|(i, (samples, interval)): (usize, _)| {
-            let position = i % offsets.len().max(1);
-            let offset = offsets.get(position).copied().unwrap_or_default();
-            (position, Group { samples, offset, phase, interval })
-        })
-        .collect();
-    groups.sort_by_key(|(position, _)| *position);
-    groups.into_iter().map(|(_, group)| group).collect()
+/// Deals `groups`, in order of time, out to positions at `offsets`, one after the other and over again, so that each position sees
+/// the whole exposure. Positions without a group are left out.
+pub(crate) fn share_out(groups: Vec<Group>, offsets: &[[f32; 2]]) -> Vec<PositionExposure> {
+    let mut positions: Vec<PositionExposure> =
+        offsets.iter().take(groups.len()).map(|&offset| PositionExposure { offset, groups: Vec::new() }).collect();
+    let count = positions.len().max(1);
+    for (i, group) in groups.into_iter().enumerate() {
+        if let Some(position) = positions.get_mut(i % count) {
+            position.groups.push(group);
+        }
+    }
+    positions
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "tests may stop")]
+#[allow(clippy::unwrap_used, clippy::panic, reason = "tests may stop")]
 mod tests;

@@ -29,7 +29,7 @@ pub fn render_frame(
     }
     match options.quality {
         Quality::Error(target) => auto::render(backend, scene, frame, options, target),
-        Quality::Mode(mode) => backend.render(&Frame::new(scene, frame, mode, options)),
+        Quality::Mode(mode) => backend.render(Frame::new(scene, frame, mode, options)),
     }
 }
 
@@ -63,8 +63,6 @@ pub struct Frames<'a> {
     options: &'a RenderOptions,
     /// Begun and not finished.
     under_way: VecDeque<i64>,
-    /// Finished and not handed out.
-    ready: VecDeque<(i64, Rendered)>,
 }
 
 impl<'a> Frames<'a> {
@@ -78,7 +76,7 @@ impl<'a> Frames<'a> {
         options: &'a RenderOptions,
     ) -> Result<Self, BackendError> {
         check(scene)?;
-        Ok(Self { backend, scene, options, under_way: VecDeque::new(), ready: VecDeque::new() })
+        Ok(Self { backend, scene, options, under_way: VecDeque::new() })
     }
 
     /// Begins frame `number`; hands out an earlier one, or this one, with its number, if the backend takes no more.
@@ -90,9 +88,9 @@ impl<'a> Frames<'a> {
         if self.options.reconstruct {
             return self.whole(number);
         }
-        self.backend.begin(&Frame::new(self.scene, number, mode, self.options))?;
+        self.backend.begin(Frame::new(self.scene, number, mode, self.options))?;
         self.under_way.push_back(number);
-        if self.ready.len() + self.under_way.len() < self.backend.in_flight() {
+        if self.under_way.len() < self.backend.in_flight() {
             return Ok(None);
         }
         self.finish()
@@ -108,29 +106,7 @@ impl<'a> Frames<'a> {
     /// # Errors
     /// The backend cannot render the frame within its limits.
     pub fn finish(&mut self) -> Result<Option<(i64, Rendered)>, BackendError> {
-        if self.ready.is_empty() {
-            let Some(number) = self.under_way.pop_front() else { return Ok(None) };
-            match self.backend.finish()? {
-                Some(rendered) => return Ok(Some((number, rendered))),
-                None => self.repeat(number)?,
-            }
-        }
-        Ok(self.ready.pop_front())
-    }
-
-    /// Renders frame `number` again, which turned out to need more room, after all others that are under way.
-    fn repeat(&mut self, number: i64) -> Result<(), BackendError> {
-        let mut rest = Vec::new();
-        for later in std::mem::take(&mut self.under_way) {
-            rest.push((later, self.backend.finish()?));
-        }
-        for (number, rendered) in std::iter::once((number, None)).chain(rest) {
-            let rendered = match rendered {
-                Some(rendered) => rendered,
-                None => render_frame(self.backend, self.scene, number, self.options)?,
-            };
-            self.ready.push_back((number, rendered));
-        }
-        Ok(())
+        let Some(number) = self.under_way.pop_front() else { return Ok(None) };
+        Ok(self.backend.finish()?.map(|rendered| (number, rendered)))
     }
 }

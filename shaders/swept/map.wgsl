@@ -12,7 +12,7 @@
 override DENSITY: bool = true;
 
 @compute @workgroup_size(16, 16)
-fn keep(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {
+fn store_map(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {
     let at = (tile.y * view.tiles.x + tile.x) * TILE_PIXELS + pixel.y * TILE + pixel.x;
     var inverse = 1.0;
     if DENSITY {

@@ -1,7 +1,7 @@
 // Pass `resolve`, swept: when kernels cover becomes coverage; colours that are normalised once are pooled.
 // Twin: src/backend/cpu/swept/resolve.rs.
 //   in   sums, presence, lights
-//        still_film   what lies still, of one exposure, where it has a picture of its own
+//        static_film   what lies still, of one exposure, where it has a picture of its own
 //        moments      share of the exposure of each 32nd of the interval
 //   out  film
 // `swept_resolve` adds a group as `resolve` does, `pool` its sums as they are; both what kernels in motion leave of what lies still.
@@ -10,7 +10,7 @@
 
 @group(1) @binding(25) var<storage, read> presence: array<u32>;
 @group(1) @binding(26) var<storage, read> moments: array<f32>;
-@group(1) @binding(31) var<storage, read> still_film: array<f32>;
+@group(1) @binding(31) var<storage, read> static_film: array<f32>;
 
 // Coverage is the sum of weights.
 override SUM: bool = false;
@@ -54,11 +54,11 @@ fn show_still(at: u32, covered: f32) {
     // Sums of weights may be more than there is.
     let left = max(view.weight - covered, 0.0);
     for (var plane = 0u; plane < PLANES; plane += 1u) {
-        film[at + plane * TILE_PIXELS] += left * still_film[at + plane * TILE_PIXELS];
+        film[at + plane * TILE_PIXELS] += left * static_film[at + plane * TILE_PIXELS];
     }
     if WEIGHT_PLANE != 3u {
         // What shows weighs what it covers.
-        film[at + WEIGHT_PLANE * TILE_PIXELS] += left * still_film[at + 3u * TILE_PIXELS];
+        film[at + WEIGHT_PLANE * TILE_PIXELS] += left * static_film[at + 3u * TILE_PIXELS];
     }
 }
 

@@ -9,8 +9,8 @@ use super::keeps;
 use crate::backend::{Backend, BackendError, Stats};
 use crate::film::{Aov, Picture};
 use crate::frame::{Blocks, Frame};
-use crate::options::{BlurMode, Interleave, PixelFilter, RenderOptions};
-use crate::plan::{Group, Plan, TimeSample, share_out};
+use crate::options::{Interleave, PixelFilter, RenderOptions};
+use crate::plan::{Exposure, Group, PositionExposure, RasterExposure, TimeSample, share_out};
 use crate::sampling::pixel_offsets;
 use crate::scene::Scene;
 
@@ -59,35 +59,33 @@ impl Round<'_> {
         if all > 0.0 { (even / all) as f32 } else { 0.5 }
     }
 
-    /// The new samples of half `half`; their weights sum to 1. Samples of one sub-pixel position stand together.
-    fn plan(&self, half: u32) -> Plan {
-        let stride = self.interleave.stride();
-        let classes = (0..stride * stride).map(|class| [class % stride, class / stride]);
-        let groups = classes.flat_map(|phase| self.groups(phase, half)).collect();
-        Plan { passes: BlurMode::supersample(1).passes(), stride, groups }
+    /// The new samples of half `half`; their weights sum to 1.
+    fn exposure(&self, half: u32) -> Exposure {
+        let raster = |phase| RasterExposure { phase, positions: self.positions(phase, half) };
+        Exposure { stride: self.interleave.stride(), rasters: self.interleave.phases().map(raster).collect() }
     }
 
-    fn groups(&self, phase: [u32; 2], half: u32) -> Vec<Group> {
+    fn positions(&self, phase: [u32; 2], half: u32) -> Vec<PositionExposure> {
         let Self { scene, number, options, interleave, .. } = *self;
         let place = self.place(phase);
         let strata = scene.shutter.strata(self.samples * self.factor, place.fine);
         let fresh = (0..).zip(strata).filter(|(index, _)| self.is_fresh(&place, *index, half));
         let fresh: Vec<(f64, f64)> = fresh.map(|(_, stratum)| stratum).collect();
         let total: f64 = fresh.iter().map(|(_, weight)| weight).sum();
-        let seed = options.seed.wrapping_add(u64::from(interleave.order(phase)) << 32);
         let offsets = match options.filter {
             // The first and the last half of the positions are each spread over the pixel.
             PixelFilter::Box => {
-                let all = pixel_offsets(self.positions * self.factor, seed);
+                let all = pixel_offsets(self.positions * self.factor, interleave.seed_of(phase, options.seed));
                 all.chunks(all.len() / 2).nth(half as usize).unwrap_or_default().to_vec()
             }
             PixelFilter::Point => vec![[0.0; 2]],
         };
-        let moments = fresh.iter().map(|&(t, weight)| {
+        let groups = fresh.iter().map(|&(t, weight)| {
             let weight = if total > 0.0 { weight / total } else { 0.0 };
-            (vec![TimeSample { time: scene.shutter.frame_time(number as f64, t), weight }], None)
+            let sample = TimeSample { time: scene.shutter.frame_time(number as f64, t), weight };
+            Group { samples: vec![sample], sweep: None }
         });
-        share_out(moments.collect(), &offsets, phase)
+        share_out(groups.collect(), &offsets)
     }
 }
 
@@ -103,12 +101,12 @@ impl Halves {
         stats: &mut Stats,
     ) -> Result<Self, BackendError> {
         let mut half = |half: u32| {
-            let mut frame = Frame::planned(round.scene, round.number, None, round.options, &round.plan(half));
+            let mut frame = Frame::exposed(round.scene, round.number, &round.exposure(half), round.options);
             frame.background.transparent = true;
             frame.wanted = wanted.cloned();
             // The halves that there are, and the other one of this round.
             frame.picture_bytes = 3 * picture_bytes(&frame);
-            let mut rendered = backend.render(&frame)?;
+            let mut rendered = backend.render(frame)?;
             stats.add(&rendered.stats);
             rendered.picture.layers.retain(|layer| layer.aov != Aov::Samples);
             Ok(rendered.picture)
@@ -155,7 +153,7 @@ impl Halves {
 }
 
 /// Bytes of a picture of `frame`.
-fn picture_bytes(frame: &Frame<'_>) -> u64 {
+fn picture_bytes(frame: &Frame) -> u64 {
     let planes = 4 + frame.aovs.iter().map(|aov| aov.channels().len() as u64).sum::<u64>();
     u64::from(frame.size[0]) * u64::from(frame.size[1]) * planes * size_of::<f32>() as u64
 }

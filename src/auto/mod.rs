@@ -16,7 +16,7 @@ use self::estimate::{Errors, block_errors};
 use self::halves::{Halves, Round};
 use crate::backend::{Achieved, Backend, BackendError, Rendered, Stats};
 use crate::film::{Aov, Layer};
-use crate::frame::{Blocks, STILL_PATH};
+use crate::frame::{Blocks, STATIC_PATH};
 use crate::options::{ErrorTarget, Interleave, PixelFilter, RenderOptions};
 use crate::scene::Scene;
 use crate::time::Weight;
@@ -58,7 +58,7 @@ pub fn render(
     target: ErrorTarget,
 ) -> Result<Rendered, BackendError> {
     let way = path::longest(scene, number);
-    let moves = way >= f64::from(STILL_PATH);
+    let moves = way >= f64::from(STATIC_PATH);
     let moving_samples = first_samples(way, &target);
     let step = way / f64::from(moving_samples);
     let interleave = if target.error >= LOOSE && step >= WIDE_STEP { Interleave::Two } else { Interleave::None };

@@ -27,9 +27,9 @@ pub(super) struct ClusterStore {
 
 impl ClusterStore {
     /// The clusters of each object of `frame`.
-    pub(super) fn of_frame(&mut self, frame: &Frame<'_>) -> Vec<Arc<Clusters>> {
+    pub(super) fn of_frame(&mut self, frame: &Frame) -> Vec<Arc<Clusters>> {
         self.models.retain(|(model, _)| model.strong_count() > 0);
-        frame.objects.iter().map(|object| self.of(object.surfels)).collect()
+        frame.objects.iter().map(|object| self.of(&object.surfels)).collect()
     }
 
     /// The clusters of a model, made when it is first seen.

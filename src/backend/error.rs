@@ -52,7 +52,7 @@ pub enum BackendError {
 
 impl BackendError {
     /// Refuses a frame that needs more bytes than it may take, `needed` being the least with which its backend can work.
-    pub(super) fn check_memory(frame: &Frame<'_>, needed: u64) -> Result<(), Self> {
+    pub(super) fn check_memory(frame: &Frame, needed: u64) -> Result<(), Self> {
         if needed <= frame.memory {
             return Ok(());
         }

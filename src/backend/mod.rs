@@ -1,10 +1,12 @@
-//! Machines that execute a plan.
+//! Backends: what executes a plan.
 
 mod clusters;
 pub mod cpu;
 mod error;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+#[cfg(all(test, feature = "gpu"))]
+mod parity;
 mod stats;
 
 use crate::film::Picture;
@@ -13,9 +15,9 @@ use crate::frame::Frame;
 pub use self::error::BackendError;
 pub use self::stats::{Achieved, Rendered, Stats};
 
-/// A machine that executes plans. It knows passes, and nothing about blur modes, scenes or files.
+/// What executes plans. It knows the steps of a frame, and nothing about blur modes, scenes or files.
 pub trait Backend: Send {
-    /// Name and size of the machine, for people.
+    /// Its name and size, for people.
     fn describe(&self) -> String;
 
     /// Frames that may be begun and not finished: one where `begin` does the work, two where the host can prepare the next
@@ -25,14 +27,13 @@ pub trait Backend: Send {
     /// Begins to execute a frame's plan. Frames are finished in the order in which they were begun.
     ///
     /// # Errors
-    /// The frame does not fit into the machine's limits.
-    fn begin(&mut self, frame: &Frame<'_>) -> Result<(), BackendError>;
+    /// The frame does not fit into the limits of the backend.
+    fn begin(&mut self, frame: Frame) -> Result<(), BackendError>;
 
-    /// Finishes the oldest frame. `None`: there is none, or it turned out to need more room, which there is now; it must be
-    /// begun again.
+    /// Finishes the oldest frame; `None` where none is under way. A frame that turns out to need more room is rendered again.
     ///
     /// # Errors
-    /// The frame does not fit into the machine's limits.
+    /// The frame does not fit into the limits of the backend.
     fn finish(&mut self) -> Result<Option<Rendered>, BackendError>;
 
     /// Takes back a picture that is no longer needed, so that a later one can have its memory.
@@ -41,13 +42,6 @@ pub trait Backend: Send {
     /// Executes a frame's plan, with no other under way.
     ///
     /// # Errors
-    /// The frame does not fit into the machine's limits.
-    fn render(&mut self, frame: &Frame<'_>) -> Result<Rendered, BackendError> {
-        loop {
-            self.begin(frame)?;
-            if let Some(rendered) = self.finish()? {
-                return Ok(rendered);
-            }
-        }
-    }
+    /// The frame does not fit into the limits of the backend.
+    fn render(&mut self, frame: Frame) -> Result<Rendered, BackendError>;
 }

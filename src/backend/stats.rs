@@ -87,8 +87,8 @@ impl Stats {
     }
 
     /// Samples and surfels of a frame, before anything is measured.
-    pub(super) fn of(frame: &Frame<'_>) -> Self {
-        let samples: u64 = frame.groups.iter().map(|group| group.samples.len() as u64).sum();
+    pub(super) fn of(frame: &Frame) -> Self {
+        let samples: u64 = frame.groups().map(|group| group.samples.len() as u64).sum();
         let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
         Self { samples, surfels: samples * surfels, ..Self::default() }
     }

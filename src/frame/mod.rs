@@ -1,31 +1,35 @@
 //! One frame, posed: everything that a backend needs to execute a plan, as plain values.
 //!
-//! Transforms are composed in `f64` and only then rounded, so that far-away world coordinates cost no precision.
+//! Transforms are composed in `f64` and only then rounded, so that far-away world coordinates cost no precision. A frame owns
+//! all that it names: a backend may render it later, or again.
 
-use std::ops::Range;
-use std::sync::Arc;
-
-use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
-
-use crate::film::{Aov, Background};
-use crate::model::{Material, Surfels};
-use crate::options::{BlurMode, KernelWeight, Prefilter, RenderOptions, Shading, SweptKernel};
-use crate::plan::{Interval, Pass, Plan, TimeSample};
-use crate::scene::pose::{ObjectPose, camera_from_world, jumps, object_pose, object_velocity};
-use crate::scene::{Light, Object, Scene};
-use crate::shading::ShadingLight;
-
+mod blocks;
+mod poser;
+mod raster;
 mod static_objects;
 
-pub use self::static_objects::STILL_PATH;
-use self::static_objects::hold_still;
+use std::sync::Arc;
+
+use crate::film::{Aov, Background, FilmPlanes};
+use crate::model::{Material, Surfels};
+use crate::options::{BlurMode, Normalise, Prefilter, RenderOptions, Shading, SweptKernel};
+use crate::plan::{Exposure, PosedInterval, Scenery, Step, TimeSample};
+use crate::scene::pose::jumps;
+use crate::scene::{Object, Scene};
+
+pub use self::blocks::Blocks;
+use self::poser::Poser;
+pub use self::poser::{PosedObject, PosedSample};
+pub use self::raster::Raster;
+pub use self::static_objects::STATIC_PATH;
+use self::static_objects::find_static;
 
 /// One frame, posed.
 #[derive(Clone, Debug)]
-pub struct Frame<'a> {
+pub struct Frame {
     /// Image size, pixels.
     pub size: [u32; 2],
-    /// Pixels from one pixel of a group's raster to the next, along both axes.
+    /// Pixels of the image from one pixel of a raster to the next, along both axes.
     pub stride: u32,
     /// Nearest visible depth, scene units.
     pub near: f32,
@@ -34,105 +38,43 @@ pub struct Frame<'a> {
     /// Where shading happens.
     pub shading: Shading,
     /// Extra channels.
-    pub aovs: &'a [Aov],
+    pub aovs: Vec<Aov>,
     /// What shows where the film is not covered.
     pub background: Background,
     /// Bytes that the frame and its models may take.
     pub memory: u64,
     /// Bytes that the models take; a model shared by several objects counts once.
     pub model_bytes: u64,
-    /// Bytes that pictures take which are kept beside the frame's own.
+    /// Bytes of pictures that are kept beside the frame's own.
     pub picture_bytes: u64,
-    /// Stages of each group, in order.
-    pub passes: &'static [Pass],
-    /// What kernels in motion sweep, where there are any.
+    /// The kernel of the frame's [`Step::Sweep`]; `None` where it has no such step.
     pub swept: Option<SweptKernel>,
     /// Objects that can be seen at some sample, in document order.
-    pub objects: Vec<FrameObject<'a>>,
-    /// Groups in the order in which they are added to the film; those of one raster stand together.
-    pub groups: Vec<PosedGroup>,
+    pub objects: Vec<FrameObject>,
+    /// One for each class of pixels; the largest first.
+    pub rasters: Vec<PosedRaster>,
     /// The parts of the image that are rendered; the others stay empty. `None`: all.
     pub wanted: Option<Blocks>,
 }
 
-/// Blocks of [`Blocks::EDGE`] x [`Blocks::EDGE`] raster pixels, the same of every raster: true where wanted.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Blocks {
-    /// Blocks in a row.
-    pub width: usize,
-    /// Row by row.
-    pub wanted: Vec<bool>,
-}
-
-impl Blocks {
-    /// Raster pixels along the edge of a block.
-    pub const EDGE: usize = 32;
-
-    /// Blocks in a row and rows of them, for an image of `size` pixels whose rasters take every `stride`-th.
-    pub fn count(size: [u32; 2], stride: u32) -> [usize; 2] {
-        size.map(|pixels| (pixels.div_ceil(stride) as usize).div_ceil(Self::EDGE))
-    }
-
-    /// The columns of row `y` that lie in `wanted` blocks, of an image of `width` columns whose rasters take every `stride`-th.
-    pub fn columns(wanted: Option<&Self>, y: usize, width: usize, stride: usize) -> Vec<Range<usize>> {
-        let Some(blocks) = wanted else { return std::iter::once(0..width).collect() };
-        let edge = Self::EDGE * stride;
-        let columns = |x: usize| (x * edge).min(width)..((x + 1) * edge).min(width);
-        (0..blocks.width).filter(|&x| blocks.at(x, y / edge)).map(columns).collect()
-    }
-
-    /// Is the block in column `x` and row `y` wanted? Those beyond the image are not.
-    pub fn at(&self, x: usize, y: usize) -> bool {
-        x < self.width && self.wanted.get(y * self.width + x).is_some_and(|&wanted| wanted)
-    }
-}
-
-/// The pixels that a group is rendered for, as an image of their own: every `Frame::stride`-th pixel of the frame's image.
-///
-/// Raster pixel (i, j) is pixel (`phase.x` + i stride, `phase.y` + j stride) of the image. With stride 1 it is the image.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Raster {
-    /// Raster pixels; an axis is 0 where the image is smaller than the phase.
+/// A raster, and what is rendered on it.
+#[derive(Clone, Debug)]
+pub struct PosedRaster {
+    /// Raster pixels, width and height; 0 where the image is smaller than the phase.
     pub size: [u32; 2],
-    /// Pixel of the image that the first raster pixel is.
-    pub phase: [u32; 2],
-    /// Where the camera's axis meets the raster, raster pixels.
-    pub axis: [f32; 2],
-    /// Focal length, raster pixels: (height / 2) / tan(fovy / 2) / stride.
-    pub focal: f32,
-    /// Radius of the low-pass disc of the approximate EWA filter, raster pixels (Botsch et al. 2005; thesis 4.2.3).
-    pub low_pass: f32,
-    /// Offset of the sample position from the raster pixel's centre, raster pixels.
-    pub offset: [f32; 2],
+    /// In the order in which they are rendered.
+    pub positions: Vec<Position>,
 }
 
-impl Raster {
-    /// For an image of `size` pixels with focal length `focal`.
-    fn new(size: [u32; 2], focal: f64, stride: u32, phase: [u32; 2], offset: [f32; 2]) -> Self {
-        let s = f64::from(stride);
-        let axis = |i: usize| ((0.5 * f64::from(size[i]) - f64::from(phase[i]) - 0.5) / s + 0.5) as f32;
-        Self {
-            size: [0, 1].map(|i| size[i].saturating_sub(phase[i]).div_ceil(stride)),
-            phase,
-            axis: [axis(0), axis(1)],
-            focal: (focal / s) as f32,
-            low_pass: (std::f64::consts::SQRT_2 / s) as f32,
-            offset: offset.map(|o| (f64::from(o) / s) as f32),
-        }
-    }
-}
-
-/// What of an object does not change over the frame.
-#[derive(Clone, Copy, Debug)]
-pub struct FrameObject<'a> {
-    /// The surfels; shared, so that a backend can tell models apart for as long as it remembers them.
-    pub surfels: &'a Arc<Surfels>,
-    /// Material of the whole object; `None`: one a surfel, `surfels.material`.
-    pub material: Option<Material>,
-    /// Show back faces, with normals turned to the viewer.
-    pub two_sided: bool,
-    /// Posed alike in all samples: its splats are the first in the order of sums, and count once in a group.
-    pub still: bool,
+/// A sample position of a raster: what is sampled there, and what a backend does about it.
+#[derive(Clone, Debug)]
+pub struct Position {
+    /// The raster, with the position's offset.
+    pub raster: Raster,
+    /// What [`Self::steps`] name by index, rising in time.
+    pub groups: Vec<PosedGroup>,
+    /// In order.
+    pub steps: Vec<Step>,
 }
 
 /// Posed samples that share one visibility test and one resolve.
@@ -140,168 +82,193 @@ pub struct FrameObject<'a> {
 pub struct PosedGroup {
     /// At least one, rising in time.
     pub samples: Vec<PosedSample>,
-    /// The pixels that it is rendered for.
-    pub raster: Raster,
-    /// The interval that its one sample stands for.
-    pub interval: Option<PosedInterval>,
 }
 
-/// An interval of the exposure, for kernels in motion.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PosedInterval {
-    /// Share of the exposure of each 32nd of the interval.
-    pub moments: [f32; 32],
-    /// Change of the time weight from the middle of the interval to its end, over its mean; in [-1, 1].
-    pub slope: f32,
-    /// Pixels by which anything moves on the raster from the middle of an interval to its end: how far beyond the raster a kernel's
-    /// source may lie; the most of all intervals. Half the raster's longer side at the most.
-    pub guard: u32,
-}
-
-/// The scene at one time sample.
+/// What of an object does not change over the frame.
 #[derive(Clone, Debug)]
-pub struct PosedSample {
-    /// Share of the exposure.
-    pub weight: f32,
-    /// Camera axes in world space: columns right, up, back.
-    pub world_from_camera: Mat3,
-    /// Lights, relative to the eye.
-    pub lights: Vec<ShadingLight>,
-    /// One a `Frame::objects` entry.
-    pub objects: Vec<PosedObject>,
+pub struct FrameObject {
+    /// The surfels; shared, so that a backend can tell models apart for as long as it remembers them.
+    pub surfels: Arc<Surfels>,
+    /// Material of the whole object; `None`: one a surfel, `surfels.material`.
+    pub material: Option<Material>,
+    /// Show back faces, with normals turned to the viewer.
+    pub two_sided: bool,
+    /// Posed alike in all samples: its splats are the first in the order of sums, and count once in a group.
+    pub is_static: bool,
 }
 
-/// An object at one time sample.
-///
-/// *Screen space* here is (f X, -f Y, -Z) of camera space, f the focal length of the group's raster: a point's raster pixel is
-/// its first two coordinates over the third (its depth), counted from the raster's `axis`, x right and y down.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PosedObject {
-    /// False: skipped.
-    pub visible: bool,
-    /// Linear part of model space (relative to the model's origin) to screen space.
-    pub screen_from_model: Mat3,
-    /// Screen-space position of the model's origin.
-    pub screen_origin: Vec3,
-    /// The same for surfels' centres: over an interval, the mean pose; else `screen_from_model`.
-    pub centre_from_model: Mat3,
-    /// Screen-space position of the model's origin, likewise.
-    pub centre_origin: Vec3,
-    /// Half the difference of the poses at the interval's ends, linear part; else 0.
-    pub motion_from_model: Mat3,
-    /// Motion of the model's origin, likewise.
-    pub motion_origin: Vec3,
-    /// True where the centres' pose is not the axes' own.
-    pub moves: bool,
-    /// The eye in model space, relative to the model's origin.
-    pub eye: Vec3,
-    /// Time derivative of `screen_from_model`, per shutter; zero unless the velocity AOV is wanted.
-    pub screen_rate: Mat3,
-    /// Time derivative of `screen_origin`, per shutter.
-    pub screen_origin_rate: Vec3,
-    /// Model normals to world normals, up to length: the inverse transpose.
-    pub normal_matrix: Mat3,
-    /// World-space linear part, for surfel positions relative to the eye.
-    pub world_from_model: Mat3,
-    /// The model's origin relative to the eye, world axes.
-    pub world_origin: Vec3,
-    /// -1 for transforms that mirror, else 1.
-    pub handedness: f32,
-    /// Depth tolerance of the visibility rule, world units.
-    pub epsilon: f32,
-}
-
-impl<'a> Frame<'a> {
-    /// Poses `scene` at every time sample that `mode` takes of frame `number`; `options` without their quality.
-    pub fn new(scene: &'a Scene, number: i64, mode: BlurMode, options: &'a RenderOptions) -> Self {
-        Self::planned(scene, number, mode.swept(), options, &Self::plan(scene, number, mode, options))
+impl Position {
+    /// Interval and kernel of each group; `None` where samples are instants.
+    fn sweeps(&self) -> Vec<Option<(PosedInterval, SweptKernel)>> {
+        let of_group = |wanted: usize| {
+            self.steps.iter().find_map(|step| match *step {
+                Step::Sweep { group, interval, kernel, .. } if group == wanted => Some((interval, kernel)),
+                _ => None,
+            })
+        };
+        (0..self.groups.len()).map(of_group).collect()
     }
+}
 
-    fn plan(scene: &Scene, number: i64, mode: BlurMode, options: &RenderOptions) -> Plan {
+impl Frame {
+    /// Poses `scene` at every time sample that `mode` takes of frame `number`; `options` without their quality.
+    pub fn new(scene: &Scene, number: i64, mode: BlurMode, options: &RenderOptions) -> Self {
         let jumps = mode.swept().map_or_else(Vec::new, |_| {
             let at = |t: f64| scene.shutter.frame_time(number as f64, t);
             jumps(scene, at(0.0), at(1.0))
         });
-        Plan::new(mode, options.filter, options.seed, &scene.shutter, number as f64, &jumps)
+        let exposure = Exposure::new(mode, options.filter, options.seed, &scene.shutter, number as f64, &jumps);
+        Self::exposed(scene, number, &exposure, options)
     }
 
-    /// Poses `scene` at every time sample of `plan`, which is one of frame `number`.
-    pub fn planned(
-        scene: &'a Scene,
-        number: i64,
-        swept: Option<SweptKernel>,
-        options: &'a RenderOptions,
-        plan: &Plan,
-    ) -> Self {
+    /// Poses `scene` at every time sample of `exposure`, which is one of frame `number`.
+    pub fn exposed(scene: &Scene, number: i64, exposure: &Exposure, options: &RenderOptions) -> Self {
+        let swept = exposure.groups().find_map(|group| group.sweep).map(|(_, kernel)| kernel);
         let size = [scene.image.width, scene.image.height];
         let focal = 0.5 * f64::from(size[1]) / libm::tan(0.5 * scene.camera.fovy);
-        let poser = Poser { scene, number: number as f64, focal: focal / f64::from(plan.stride), options };
-        let mut groups: Vec<PosedGroup> = plan
-            .groups
+        let poser = Poser { scene, number: number as f64, focal: focal / f64::from(exposure.stride), options };
+        let mut sweeps: Vec<Option<(PosedInterval, SweptKernel)>> = Vec::new();
+        let mut rasters: Vec<PosedRaster> = exposure
+            .rasters
             .iter()
-            .map(|group| {
-                let raster = Raster::new(size, focal, plan.stride, group.phase, group.offset);
-                let pose = |sample: &TimeSample| poser.sample(sample.time, sample.weight, group.interval.as_ref());
-                let samples: Vec<PosedSample> = group.samples.iter().map(pose).collect();
-                let interval = group.interval.map(|interval| poser.interval(&interval, &samples, raster.size));
-                PosedGroup { samples, raster, interval }
+            .map(|of_raster| {
+                let raster = |offset| Raster::new(size, focal, exposure.stride, of_raster.phase, offset);
+                let positions = of_raster.positions.iter().map(|position| {
+                    let raster = raster(position.offset);
+                    let groups = position.groups.iter().map(|group| {
+                        let interval = group.sweep.map(|(interval, _)| interval);
+                        let pose = |sample: &TimeSample| poser.sample(sample.time, sample.weight, interval.as_ref());
+                        let samples: Vec<PosedSample> = group.samples.iter().map(pose).collect();
+                        let posed = |(interval, kernel)| (poser.interval(&interval, &samples, raster.size), kernel);
+                        sweeps.push(group.sweep.map(posed));
+                        PosedGroup { samples }
+                    });
+                    Position { raster, groups: groups.collect(), steps: Vec::new() }
+                });
+                PosedRaster { positions: positions.collect(), size: raster([0.0; 2]).size }
             })
             .collect();
-        // One size of map for all intervals: on the GPU what lies still is kept behind it.
-        let guard = groups.iter().filter_map(|group| group.interval).map(|interval| interval.guard).max();
-        let guards = groups.iter_mut().filter_map(|group| group.interval.as_mut()).map(|interval| &mut interval.guard);
-        guards.zip(guard.into_iter().cycle()).for_each(|(of_group, guard)| *of_group = guard);
+        // One size of map for all intervals: on the GPU the thresholds of static objects lie behind it.
+        let guard = sweeps.iter().flatten().map(|(interval, _)| interval.guard).max().unwrap_or(0);
+        sweeps.iter_mut().flatten().for_each(|(interval, _)| interval.guard = guard);
         let near = scene.camera.near as f32;
-        let times: Vec<f64> = plan.groups.iter().flat_map(|group| &group.samples).map(|sample| sample.time).collect();
-        let still = hold_still(scene, &times, &mut groups, plan.stride, near);
-        Self {
+        let times: Vec<f64> = exposure.groups().flat_map(|group| &group.samples).map(|sample| sample.time).collect();
+        let is_static = find_static(scene, &times, &mut rasters, exposure.stride, near);
+        let objects: Vec<FrameObject> =
+            scene.objects.iter().zip(is_static).map(|(object, fixed)| frame_object(object, options, fixed)).collect();
+        let mut frame = Self {
             size,
-            stride: plan.stride,
+            stride: exposure.stride,
             near,
             prefilter: options.prefilter,
             // Normals are not averaged over time (thesis fig. 4.4).
             shading: if swept.is_some() { Shading::Gouraud } else { options.shading },
-            aovs: &options.aovs,
+            aovs: options.aovs.clone(),
             background: Background { colour: scene.image.background, transparent: scene.image.transparent },
             memory: options.memory,
             model_bytes: model_bytes(scene),
             picture_bytes: 0,
-            passes: plan.passes,
             swept,
-            objects: scene
-                .objects
-                .iter()
-                .zip(still)
-                .map(|(object, still)| frame_object(object, options, still))
-                .collect(),
-            groups,
+            objects,
+            rasters,
             wanted: None,
+        };
+        frame.plan_steps(&sweeps);
+        frame
+    }
+
+    /// Plans the steps again, after objects or samples were changed.
+    pub fn plan_again(&mut self) {
+        let sweeps: Vec<_> = self.positions().flat_map(Position::sweeps).collect();
+        self.plan_steps(&sweeps);
+    }
+
+    /// Gives each position its steps; `sweeps` has an entry for each group of the frame.
+    fn plan_steps(&mut self, sweeps: &[Option<(PosedInterval, SweptKernel)>]) {
+        let scenery = Scenery { has_static: self.has_static(), one_view: self.has_one_view() };
+        let completes = self.swept.is_some_and(SweptKernel::needs_finish);
+        let mut rest = sweeps;
+        for raster in &mut self.rasters {
+            for position in &mut raster.positions {
+                let (of_position, others) = rest.split_at(position.groups.len());
+                position.steps = Step::of_position(of_position, scenery);
+                rest = others;
+            }
+            if let Some(last) = raster.positions.last_mut().filter(|_| completes) {
+                last.steps.push(Step::Finish);
+            }
         }
     }
-}
 
-impl Frame<'_> {
-    /// Does what lies still get a picture of its own, at each sample position, before and behind which kernels in motion are added?
-    /// Their sources are looked up where things were at mid-interval; what lies still is at the pixel itself all the time. The thesis'
-    /// own kernels, which know no densities, are added up with everything.
-    pub fn has_still_picture(&self) -> bool {
-        let seen = |object: usize| self.groups.first().is_some_and(|group| group.samples[0].objects[object].visible);
-        let lies = |object: usize| self.objects[object].still && !self.objects[object].surfels.is_empty();
-        (0..self.objects.len()).any(|object| lies(object) && seen(object))
-            && self.swept.is_some_and(|swept| swept.weight == KernelWeight::Integral)
+    /// The planes of the frame's film.
+    pub fn film_planes(&self) -> FilmPlanes {
+        let planes = FilmPlanes::of(&self.aovs);
+        let pools = self.swept.is_some_and(|kernel| kernel.normalise == Normalise::Once);
+        if pools { planes.pooled() } else { planes }
+    }
+
+    /// The sample positions of all rasters, in the order in which they are rendered.
+    pub fn positions(&self) -> impl Iterator<Item = &Position> {
+        self.rasters.iter().flat_map(|raster| &raster.positions)
+    }
+
+    /// All groups, in the order in which they are added to the film.
+    pub fn groups(&self) -> impl Iterator<Item = &PosedGroup> {
+        self.positions().flat_map(|position| &position.groups)
+    }
+
+    /// All samples, in the order of their groups.
+    pub fn all_samples(&self) -> impl Iterator<Item = &PosedSample> {
+        self.groups().flat_map(|group| &group.samples)
+    }
+
+    /// The steps of all positions, in order.
+    pub fn steps(&self) -> impl Iterator<Item = &Step> {
+        self.positions().flat_map(|position| &position.steps)
+    }
+
+    /// Width of the visibility maps' guard band, raster pixels; `None` where there is no map.
+    pub fn guard(&self) -> Option<u32> {
+        self.steps().find_map(|step| match step {
+            Step::VisibilityMap { interval, .. } => Some(interval.guard),
+            _ => None,
+        })
+    }
+
+    /// Whether any step makes a static layer.
+    pub fn has_static_layer(&self) -> bool {
+        self.steps().any(|step| matches!(step, Step::StaticLayer { .. }))
+    }
+
+    /// Whether any step makes a static picture.
+    pub fn has_static_picture(&self) -> bool {
+        self.steps().any(|step| matches!(step, Step::StaticPicture { .. }))
+    }
+
+    /// Whether any static object with surfels is visible. Static objects have the same pose in all samples.
+    fn has_static(&self) -> bool {
+        let first = self.all_samples().next();
+        let seen = |object: usize| first.is_some_and(|sample| sample.objects[object].visible);
+        let fixed = |object: &FrameObject| object.is_static && !object.surfels.is_empty();
+        self.objects.iter().enumerate().any(|(index, object)| fixed(object) && seen(index))
     }
 
     /// Are camera and lights the same in all samples?
     pub fn has_one_view(&self) -> bool {
-        let mut samples = self.groups.iter().flat_map(|group| &group.samples);
+        let mut samples = self.all_samples();
         let Some(first) = samples.next() else { return true };
         samples.all(|s| s.world_from_camera == first.world_from_camera && s.lights == first.lights)
     }
 
     /// Time samples of a pixel.
     pub fn samples(&self) -> u32 {
-        let groups = self.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase).next().unwrap_or_default();
-        groups.iter().map(|group| group.samples.len() as u32).sum()
+        let groups = self.rasters.iter().take(1).flat_map(|raster| &raster.positions).flat_map(|p| &p.groups);
+        groups.map(|group| group.samples.len() as u32).sum()
+    }
+
+    /// Time samples of the group that has most.
+    pub fn most_samples_of_a_group(&self) -> usize {
+        self.groups().map(|group| group.samples.len()).max().unwrap_or(1)
     }
 }
 
@@ -312,148 +279,13 @@ fn model_bytes(scene: &Scene) -> u64 {
     models.iter().map(|model| model.bytes()).sum()
 }
 
-/// Material of the object: the scene's, else the file's, else the default (design section 2).
-fn frame_object<'a>(object: &'a Object, options: &RenderOptions, still: bool) -> FrameObject<'a> {
+/// Material of the object: the scene's, else the file's, else the default.
+fn frame_object(object: &Object, options: &RenderOptions, is_static: bool) -> FrameObject {
     let material = match object.material {
         Some(material) => Some(material),
         None if object.model.material.is_empty() => Some(Material::default()),
         None => None,
     };
-    FrameObject { surfels: &object.model, material, two_sided: options.two_sided || object.two_sided, still }
-}
-
-struct Poser<'a> {
-    scene: &'a Scene,
-    number: f64,
-    /// Raster pixels.
-    focal: f64,
-    options: &'a RenderOptions,
-}
-
-impl Poser<'_> {
-    fn sample(&self, time: f64, weight: f64, interval: Option<&Interval>) -> PosedSample {
-        let camera = camera_from_world(self.scene, time);
-        let world_from_camera = DMat3::from_mat4(camera).transpose();
-        let eye = -(world_from_camera * camera.w_axis.truncate());
-        PosedSample {
-            weight: weight as f32,
-            world_from_camera: world_from_camera.as_mat3(),
-            lights: self.scene.lights.iter().map(|light| shading_light(light, eye)).collect(),
-            objects: self.scene.objects.iter().map(|object| self.object(object, time, &camera, interval)).collect(),
-        }
-    }
-
-    /// Camera-from-model transform (the model relative to its origin) at scene time `time`.
-    fn camera_from_model(&self, object: &Object, time: f64) -> DMat4 {
-        camera_from_world(self.scene, time)
-            * object_pose(self.scene, object, time).world_from_model
-            * DMat4::from_translation(object.model.origin)
-    }
-
-    /// An interval whose one sample is `samples`, on a raster of `size`.
-    fn interval(&self, interval: &Interval, samples: &[PosedSample], size: [u32; 2]) -> PosedInterval {
-        let half = |range: std::ops::Range<usize>| interval.moments[range].iter().sum::<f64>();
-        let (early, late) = (half(0..16), half(16..32));
-        // The linear weight 1 + s tau has (1 + s/2)/2 of its integral in the later half.
-        let slope = if early + late > 0.0 { (2.0 * (late - early) / (early + late)).clamp(-1.0, 1.0) } else { 0.0 };
-        let most = f64::from(size[0].max(size[1]) / 2);
-        let near = self.scene.camera.near;
-        let posed = samples.iter().flat_map(|sample| self.scene.objects.iter().zip(&sample.objects));
-        let drifts = posed
-            .filter(|(object, posed)| posed.visible && posed.moves && !object.bounds.is_empty())
-            .flat_map(|(object, posed)| {
-                object.bounds.corners().map(|corner| {
-                    let p = (corner - object.model.origin).as_vec3();
-                    let centre = (posed.centre_from_model * p + posed.centre_origin).as_dvec3();
-                    let motion = (posed.motion_from_model * p + posed.motion_origin).as_dvec3();
-                    let (from, to) = (centre - motion, centre + motion);
-                    if from.z.min(to.z) < near {
-                        return most;
-                    }
-                    let on_raster = |p: DVec3| p.truncate() / p.z;
-                    let drift = |end: DVec3| (on_raster(end) - on_raster(centre)).abs().max_element();
-                    drift(from).max(drift(to))
-                })
-            });
-        let largest = drifts.fold(0.0, |a: f64, b| if b.is_nan() { most } else { a.max(b) });
-        let guard = if largest > 0.0 { (largest + 2.0).ceil().min(most) as u32 } else { 0 };
-        PosedInterval { moments: interval.moments.map(|share| share as f32), slope: slope as f32, guard }
-    }
-
-    fn object(&self, object: &Object, time: f64, camera: &DMat4, interval: Option<&Interval>) -> PosedObject {
-        // blur="false": object and camera are posed at the frame number (design section 2).
-        let (time, camera) =
-            if object.blur { (time, *camera) } else { (self.number, camera_from_world(self.scene, self.number)) };
-        let ObjectPose { world_from_model, visible } = object_pose(self.scene, object, time);
-        let to_origin = DMat4::from_translation(object.model.origin);
-        let camera_from_model = camera * world_from_model * to_origin;
-        let screen = self.screen(&camera_from_model);
-        // The line that surfels travel over an interval: their mean place, by Simpson's rule, and half the difference of its ends.
-        let (centre, motion) =
-            interval.filter(|_| object.blur).map_or((screen, (DMat3::ZERO, DVec3::ZERO)), |interval| {
-                let [from, to] = interval.ends.map(|time| self.camera_from_model(object, time));
-                let middle = camera_from_model;
-                (self.screen(&(middle + ((from + to) * 0.5 - middle) / 3.0)), self.screen(&((to - from) * 0.5)))
-            });
-        let linear = DMat3::from_mat4(world_from_model);
-        let det = linear.determinant();
-        let (rate, origin_rate) = if self.options.aovs.contains(&Aov::Velocity) && object.blur {
-            let velocity = object_velocity(self.scene, object, time) * to_origin;
-            self.screen(&velocity)
-        } else {
-            (DMat3::ZERO, DVec3::ZERO)
-        };
-        // Rotation of the camera that posed the object: normals and positions are kept in world axes.
-        let world_from_camera = DMat3::from_mat4(camera).transpose();
-        let epsilon = self
-            .options
-            .epsilon
-            .or(object.epsilon)
-            .unwrap_or_else(|| f64::from(object.median_radius) * libm::cbrt(det.abs()));
-        PosedObject {
-            visible: visible && det != 0.0,
-            screen_from_model: screen.0.as_mat3(),
-            screen_origin: screen.1.as_vec3(),
-            centre_from_model: centre.0.as_mat3(),
-            centre_origin: centre.1.as_vec3(),
-            motion_from_model: motion.0.as_mat3(),
-            motion_origin: motion.1.as_vec3(),
-            moves: motion != (DMat3::ZERO, DVec3::ZERO),
-            eye: -(screen.0.inverse() * screen.1).as_vec3(),
-            screen_rate: rate.as_mat3(),
-            screen_origin_rate: origin_rate.as_vec3(),
-            normal_matrix: normal_matrix(&linear).as_mat3(),
-            world_from_model: linear.as_mat3(),
-            world_origin: (world_from_camera * camera_from_model.w_axis.truncate()).as_vec3(),
-            handedness: if det < 0.0 { -1.0 } else { 1.0 },
-            epsilon: epsilon as f32,
-        }
-    }
-
-    /// Camera space to screen space, as linear part and origin.
-    fn screen(&self, m: &DMat4) -> (DMat3, DVec3) {
-        let k = DMat3::from_diagonal(DVec3::new(self.focal, -self.focal, -1.0));
-        (k * DMat3::from_mat4(*m), k * m.w_axis.truncate())
-    }
-}
-
-/// Inverse transpose up to a positive factor, finite for singular matrices: the cofactors, with the determinant's sign.
-fn normal_matrix(m: &DMat3) -> DMat3 {
-    let (a, b, c) = (m.x_axis, m.y_axis, m.z_axis);
-    let cofactors = DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b));
-    let size = cofactors.x_axis.length().max(cofactors.y_axis.length()).max(cofactors.z_axis.length());
-    let sign = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
-    if size > 0.0 { cofactors * (sign / size) } else { cofactors }
-}
-
-fn shading_light(light: &Light, eye: DVec3) -> ShadingLight {
-    match *light {
-        Light::Ambient { colour } => ShadingLight::Ambient { colour: colour.as_vec3() },
-        Light::Directional { direction, colour } => {
-            ShadingLight::Directional { towards: (-direction).as_vec3(), colour: colour.as_vec3() }
-        }
-        Light::Point { position, colour } => {
-            ShadingLight::Point { position: (position - eye).as_vec3(), colour: colour.as_vec3() }
-        }
-    }
+    let two_sided = options.two_sided || object.two_sided;
+    FrameObject { surfels: Arc::clone(&object.model), material, two_sided, is_static }
 }

@@ -1,22 +1,28 @@
-//! Which objects lie still during the exposure, so that a backend need not splat them anew for each time sample.
+//! Which objects are static during the exposure, so that a backend need not splat them again for each time sample.
 
 use glam::Vec3;
 
-use super::{PosedGroup, PosedObject, PosedSample};
+use super::{PosedObject, PosedRaster, PosedSample};
 use crate::scene::Scene;
 
-/// Longest screen path over the exposure that still counts as lying still, pixels.
-pub const STILL_PATH: f32 = 0.25;
+/// Longest path over the screen during the exposure of an object that counts as static, pixels.
+pub const STATIC_PATH: f32 = 0.25;
 
-/// For each object: does it lie still? One that moves by less than [`STILL_PATH`] is held at its pose of mid-exposure.
+/// Whether each object is static. One whose path is shorter than [`STATIC_PATH`] is held at its pose of mid-exposure.
 ///
-/// `times` are those of the samples of `groups`, one after the other; `stride` and `near` are the frame's.
-pub(super) fn hold_still(scene: &Scene, times: &[f64], groups: &mut [PosedGroup], stride: u32, near: f32) -> Vec<bool> {
+/// `times` are those of the samples of `rasters`, one after the other; `stride` and `near` are the frame's.
+pub(super) fn find_static(
+    scene: &Scene,
+    times: &[f64],
+    rasters: &mut [PosedRaster],
+    stride: u32,
+    near: f32,
+) -> Vec<bool> {
     let mut order: Vec<usize> = (0..times.len()).collect();
     order.sort_by(|&a, &b| times[a].total_cmp(&times[b]));
     (0..scene.objects.len())
         .map(|object| {
-            let poses: Vec<&PosedObject> = samples(groups).map(|sample| &sample.objects[object]).collect();
+            let poses: Vec<&PosedObject> = samples(rasters).map(|sample| &sample.objects[object]).collect();
             let Some(first) = poses.first() else { return true };
             if poses.iter().any(|pose| pose.moves || pose.visible != first.visible) {
                 return false;
@@ -30,23 +36,25 @@ pub(super) fn hold_still(scene: &Scene, times: &[f64], groups: &mut [PosedGroup]
                 let corner = (corner - origin).as_vec3();
                 path(order.iter().map(|&i| poses[i]), corner, near) * stride as f32
             });
-            let still = !object_of_scene.bounds.is_empty() && drifts.into_iter().all(|drift| drift < STILL_PATH);
-            if still {
+            let is_static = !object_of_scene.bounds.is_empty() && drifts.into_iter().all(|drift| drift < STATIC_PATH);
+            if is_static {
                 let middle = *poses[order[order.len() / 2]];
-                for sample in groups.iter_mut().flat_map(|group| &mut group.samples) {
+                let positions = rasters.iter_mut().flat_map(|raster| &mut raster.positions);
+                for sample in positions.flat_map(|p| &mut p.groups).flat_map(|group| &mut group.samples) {
                     sample.objects[object] = middle;
                 }
             }
-            still
+            is_static
         })
         .collect()
 }
 
-fn samples(groups: &[PosedGroup]) -> impl Iterator<Item = &PosedSample> {
-    groups.iter().flat_map(|group| &group.samples)
+fn samples(rasters: &[PosedRaster]) -> impl Iterator<Item = &PosedSample> {
+    let positions = rasters.iter().flat_map(|raster| &raster.positions);
+    positions.flat_map(|position| &position.groups).flat_map(|group| &group.samples)
 }
 
-/// Way of a point of the model over the raster, raster pixels; infinite where it comes nearer than `near`.
+/// Length of the path of a point of the model over the raster, raster pixels; infinite where it comes nearer than `near`.
 fn path<'a>(poses: impl Iterator<Item = &'a PosedObject>, point: Vec3, near: f32) -> f32 {
     let mut length = 0.0;
     let mut last = None;

@@ -2,31 +2,78 @@ use super::*;
 use crate::options::{SourceSamples, TemporalAlpha};
 use crate::time::Weight;
 
-fn times(plan: &Plan) -> Vec<(f64, f64)> {
-    plan.groups.iter().flat_map(|g| &g.samples).map(|s| (s.time, s.weight)).collect()
+fn times(plan: &Exposure) -> Vec<(f64, f64)> {
+    plan.groups().flat_map(|g| &g.samples).map(|s| (s.time, s.weight)).collect()
+}
+
+/// Offset of each position.
+fn offsets(plan: &Exposure) -> Vec<[f32; 2]> {
+    plan.rasters.iter().flat_map(|raster| &raster.positions).map(|position| position.offset).collect()
+}
+
+fn interval(group: &Group) -> Interval {
+    group.sweep.unwrap().0
+}
+
+fn posed_interval(guard: u32) -> PosedInterval {
+    PosedInterval { moments: [1.0 / 32.0; 32], slope: 0.0, guard }
+}
+
+/// Static objects are splatted once where several groups share a position, and not where one is alone.
+#[test]
+fn groups_of_one_position_share_a_static_layer() {
+    let scenery = Scenery { has_static: true, one_view: true };
+    let (layer, splat) = (Step::StaticLayer { group: 0 }, |group| Step::Splat { group });
+    assert_eq!(Step::of_position(&[None, None], scenery), [layer, splat(0), splat(1)]);
+    assert_eq!(Step::of_position(&[None], scenery), [splat(0)]);
+    let moving = Scenery { has_static: false, ..scenery };
+    assert_eq!(Step::of_position(&[None, None], moving), [splat(0), splat(1)]);
+}
+
+/// Intervals share the picture of static objects while camera and lights stay; published kernels sweep everything.
+#[test]
+fn intervals_share_a_static_picture() {
+    let interval = posed_interval(3);
+    let sweeps = |kernel| [Some((interval, kernel)), Some((interval, kernel))];
+    let names = |kernel, scenery| -> Vec<String> {
+        let steps = Step::of_position(&sweeps(kernel), scenery);
+        steps.iter().map(|step| format!("{step:?}").split(' ').next().unwrap().to_owned()).collect()
+    };
+    let scenery = Scenery { has_static: true, one_view: true };
+    let kernel = SweptKernel::default();
+    assert_eq!(names(kernel, scenery), ["StaticPicture", "VisibilityMap", "Sweep", "VisibilityMap", "Sweep"]);
+    let turning = Scenery { one_view: false, ..scenery };
+    let each = ["StaticPicture", "VisibilityMap", "Sweep"];
+    assert_eq!(names(kernel, turning), [each, each].concat());
+    assert_eq!(names(SweptKernel::PUBLISHED, scenery), ["VisibilityMap", "Sweep", "VisibilityMap", "Sweep"]);
+    let objects = |kernel| match Step::of_position(&sweeps(kernel), scenery).pop() {
+        Some(Step::Sweep { objects, .. }) => objects,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!((objects(kernel), objects(SweptKernel::PUBLISHED)), (Objects::Moving, Objects::All));
 }
 
 #[test]
 fn supersample_takes_mid_strata() {
     let shutter = Shutter { open: -0.5, close: 0.5, weight: Weight::Ramp { centre: 1.0 } };
-    let plan = Plan::new(BlurMode::supersample(2), PixelFilter::Point, 1, &shutter, 10.0, &[]);
+    let plan = Exposure::new(BlurMode::supersample(2), PixelFilter::Point, 1, &shutter, 10.0, &[]);
     assert_eq!(times(&plan), [(9.75, 0.25), (10.25, 0.75)]);
-    assert!(plan.groups.iter().all(|g| g.offset == [0.0; 2]));
+    assert!(offsets(&plan).iter().all(|&offset| offset == [0.0; 2]));
 }
 
 #[test]
 fn still_stays_at_the_frame_number() {
     let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Box };
-    let plan = Plan::new(BlurMode::Still { pixel_samples: 4 }, PixelFilter::Box, 1, &shutter, 3.0, &[]);
+    let plan = Exposure::new(BlurMode::Still { pixel_samples: 4 }, PixelFilter::Box, 1, &shutter, 3.0, &[]);
     assert_eq!(times(&plan), [(3.0, 0.25); 4]);
-    assert!(plan.groups.iter().any(|g| g.offset != [0.0; 2]));
+    assert!(offsets(&plan).iter().any(|&offset| offset != [0.0; 2]));
 }
 
 #[test]
 fn one_sample_sits_at_mid_shutter_and_pixel_centre() {
-    let plan = Plan::new(BlurMode::supersample(1), PixelFilter::Box, 9, &Shutter::default(), 3.0, &[]);
-    assert_eq!(plan.groups[0].samples, [TimeSample { time: 3.0, weight: 1.0 }]);
-    assert_eq!(plan.groups[0].offset, [0.0; 2]);
+    let plan = Exposure::new(BlurMode::supersample(1), PixelFilter::Box, 9, &Shutter::default(), 3.0, &[]);
+    assert_eq!(times(&plan), [(3.0, 1.0)]);
+    assert_eq!(offsets(&plan), [[0.0; 2]]);
 }
 
 #[test]
@@ -44,9 +91,9 @@ fn classes_follow_bayers_order() {
 #[test]
 fn classes_have_offsets_of_their_own() {
     let mode = BlurMode::interleaved(4, Interleave::Two);
-    let plan = Plan::new(mode, PixelFilter::Box, 1, &Shutter::default(), 0.0, &[]);
-    let offsets = |class: &[Group]| class.iter().map(|group| group.offset).collect::<Vec<_>>();
-    let classes: Vec<_> = plan.groups.chunk_by(|a, b| a.phase == b.phase).map(offsets).collect();
+    let plan = Exposure::new(mode, PixelFilter::Box, 1, &Shutter::default(), 0.0, &[]);
+    let of_class = |raster: &RasterExposure| raster.positions.iter().map(|p| p.offset).collect::<Vec<_>>();
+    let classes: Vec<_> = plan.rasters.iter().map(of_class).collect();
     assert!((1..4).all(|i| (0..i).all(|j| classes[i] != classes[j])), "{classes:?}");
 }
 
@@ -56,25 +103,24 @@ fn samples_share_out_sub_pixel_positions() {
     let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 } };
     let plan = |samples, pixel_samples, interleave, filter| {
         let mode = BlurMode::Supersample { samples, pixel_samples: Some(pixel_samples), interleave };
-        Plan::new(mode, filter, 3, &shutter, 0.0, &[])
+        Exposure::new(mode, filter, 3, &shutter, 0.0, &[])
     };
     let all = plan(7, 3, Interleave::None, PixelFilter::Box);
-    let offsets = pixel_offsets(3, 3);
+    let shared = pixel_offsets(3, 3);
     let places = [0, 3, 6, 1, 4, 2, 5].map(|i| (f64::from(i) + 0.5) / 7.0);
-    for (group, (place, position)) in all.groups.iter().zip(places.into_iter().zip([0, 0, 0, 1, 1, 2, 2])) {
-        assert_eq!(group.offset, offsets[position]);
+    assert_eq!(offsets(&all), shared);
+    assert!(all.rasters[0].positions.iter().map(|position| position.groups.len()).eq([3, 2, 2]));
+    for (group, place) in all.groups().zip(places) {
         assert!((group.samples[0].time - place).abs() < 1e-12, "{place}: {group:?}");
         // Each keeps the weight of its stratum.
         assert!((group.samples[0].weight - 2.0 * place / 7.0).abs() < 1e-12, "{place}: {group:?}");
     }
     let classes = plan(7, 3, Interleave::Two, PixelFilter::Box);
-    for class in classes.groups.chunk_by(|a, b| a.phase == b.phase) {
-        assert_eq!(class.chunk_by(|a, b| a.offset == b.offset).count(), 3);
-    }
+    assert!(classes.rasters.iter().all(|class| class.positions.len() == 3));
     // As many positions as samples, or none: as without.
     for (pixel_samples, filter) in [(5, PixelFilter::Box), (2, PixelFilter::Point)] {
-        let usual = Plan::new(BlurMode::supersample(5), filter, 3, &shutter, 0.0, &[]);
-        assert!(usual.groups.iter().map(|group| group.samples[0].time).is_sorted());
+        let usual = Exposure::new(BlurMode::supersample(5), filter, 3, &shutter, 0.0, &[]);
+        assert!(usual.groups().map(|group| group.samples[0].time).is_sorted());
         assert_eq!(plan(5, pixel_samples, Interleave::None, filter), usual);
     }
 }
@@ -84,14 +130,14 @@ fn samples_share_out_sub_pixel_positions() {
 fn intervals_share_out_sub_pixel_positions() {
     let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Box };
     let mode = BlurMode::Volumetric { intervals: 5, pixel_samples: Some(2), swept: SweptKernel::default() };
-    let plan = Plan::new(mode, PixelFilter::Box, 1, &shutter, 0.0, &[]);
-    let starts = plan.groups.iter().map(|group| (group.interval.unwrap().ends[0] * 5.0).round());
+    let plan = Exposure::new(mode, PixelFilter::Box, 1, &shutter, 0.0, &[]);
+    let starts = plan.groups().map(|group| (interval(group).ends[0] * 5.0).round());
     assert!(starts.eq([0.0, 2.0, 4.0, 1.0, 3.0]));
-    for group in &plan.groups {
-        let [from, to] = group.interval.unwrap().ends;
+    for group in plan.groups() {
+        let [from, to] = interval(group).ends;
         assert!(from < group.samples[0].time && group.samples[0].time < to);
     }
-    assert_eq!(plan.groups.chunk_by(|a, b| a.offset == b.offset).count(), 2);
+    assert_eq!(plan.rasters[0].positions.len(), 2);
 }
 
 /// The classes together have the times of S^2 N strata, and each class has the whole exposure.
@@ -99,18 +145,19 @@ fn intervals_share_out_sub_pixel_positions() {
 fn interleaved_classes_share_the_strata() {
     let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 } };
     for interleave in [Interleave::Two, Interleave::Four] {
-        let plan = Plan::new(BlurMode::interleaved(3, interleave), PixelFilter::Box, 1, &shutter, 0.0, &[]);
+        let plan = Exposure::new(BlurMode::interleaved(3, interleave), PixelFilter::Box, 1, &shutter, 0.0, &[]);
         let s = interleave.stride();
         let n = 3 * s * s;
-        assert_eq!((plan.stride, plan.groups.len()), (s, n as usize));
+        assert_eq!((plan.stride, plan.groups().count()), (s, n as usize));
         let mut all: Vec<f64> = times(&plan).iter().map(|t| t.0).collect();
         all.sort_by(f64::total_cmp);
         for (i, t) in (0..n).zip(all) {
             assert!((t - (f64::from(i) + 0.5) / f64::from(n)).abs() < 1e-12);
         }
-        for class in plan.groups.chunk_by(|a, b| a.phase == b.phase) {
-            assert_eq!(class.len(), 3);
-            let sum: f64 = class.iter().map(|g| g.samples[0].weight).sum();
+        for class in &plan.rasters {
+            let groups: Vec<&Group> = class.positions.iter().flat_map(|position| &position.groups).collect();
+            assert_eq!(groups.len(), 3);
+            let sum: f64 = groups.iter().map(|g| g.samples[0].weight).sum();
             assert!((sum - 1.0).abs() < 1e-12);
         }
     }
@@ -122,7 +169,7 @@ fn buckets_of_one_sample_are_supersampling() {
     for interleave in [Interleave::None, Interleave::Two] {
         let bucket = BlurMode::Bucket { buckets: 5, samples: 1, pixel_samples: Some(5), interleave };
         let samples = BlurMode::interleaved(5, interleave);
-        let plan = |mode| Plan::new(mode, PixelFilter::Box, 3, &shutter, 1.0, &[]);
+        let plan = |mode| Exposure::new(mode, PixelFilter::Box, 3, &shutter, 1.0, &[]);
         assert_eq!(plan(bucket), plan(samples));
     }
 }
@@ -130,11 +177,12 @@ fn buckets_of_one_sample_are_supersampling() {
 #[test]
 fn few_buckets_repeat_for_their_sub_pixel_positions() {
     let mode = BlurMode::Bucket { buckets: 3, samples: 2, pixel_samples: Some(8), interleave: Interleave::None };
-    let plan = Plan::new(mode, PixelFilter::Box, 1, &Shutter::default(), 0.0, &[]);
-    assert_eq!(plan.groups.len(), 9);
-    assert_eq!(plan.groups[3].samples, plan.groups[5].samples);
-    assert_ne!(plan.groups[3].offset, plan.groups[5].offset);
-    assert_eq!(plan.groups[3].samples.len(), 2);
+    let plan = Exposure::new(mode, PixelFilter::Box, 1, &Shutter::default(), 0.0, &[]);
+    let groups: Vec<&Group> = plan.groups().collect();
+    assert_eq!(groups.len(), 9);
+    assert_eq!(groups[3].samples, groups[5].samples);
+    assert_ne!(offsets(&plan)[3], offsets(&plan)[5]);
+    assert_eq!(groups[3].samples.len(), 2);
     let sum: f64 = times(&plan).iter().map(|t| t.1).sum();
     assert!((sum - 1.0).abs() < 1e-12);
 }
@@ -143,8 +191,8 @@ fn few_buckets_repeat_for_their_sub_pixel_positions() {
 fn intervals_tile_the_shutter_and_end_at_jumps() {
     let shutter = Shutter { open: -0.5, close: 0.5, weight: Weight::Ramp { centre: 1.0 } };
     let mode = BlurMode::Volumetric { intervals: 4, pixel_samples: None, swept: SweptKernel::default() };
-    let plan = |jumps: &[f64]| Plan::new(mode, PixelFilter::Point, 1, &shutter, 10.0, jumps);
-    let ends = |plan: &Plan| plan.groups.iter().map(|g| g.interval.unwrap().ends).collect::<Vec<_>>();
+    let plan = |jumps: &[f64]| Exposure::new(mode, PixelFilter::Point, 1, &shutter, 10.0, jumps);
+    let ends = |plan: &Exposure| plan.groups().map(|g| interval(g).ends).collect::<Vec<_>>();
     assert_eq!(ends(&plan(&[])), [[9.5, 9.75], [9.75, 10.0], [10.0, 10.25], [10.25, 10.5]]);
     // One inside, one at a cut.
     let split = plan(&[9.6, 10.25]);
@@ -152,8 +200,8 @@ fn intervals_tile_the_shutter_and_end_at_jumps() {
     assert_eq!(inside.len(), 5);
     assert!(inside[0][1] < 9.6 && inside[0][1] > 9.6 - 1e-6 && inside[1][0] > 9.6 && inside[1][0] < 9.6 + 1e-6);
     assert!(inside[3][1] < 10.25 && inside[4][0] > 10.25 && inside[2][1] == 10.0 && inside[3][0] == 10.0);
-    for group in &split.groups {
-        let moments: f64 = group.interval.unwrap().moments.iter().sum();
+    for group in split.groups() {
+        let moments: f64 = interval(group).moments.iter().sum();
         assert!((moments - group.samples[0].weight).abs() < 1e-12);
     }
     assert!((times(&split).iter().map(|t| t.1).sum::<f64>() - 1.0).abs() < 1e-12);

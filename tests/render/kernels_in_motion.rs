@@ -42,9 +42,10 @@ fn without_motion_a_tube_is_the_splat() {
                 let point = RenderOptions { filter: PixelFilter::Point, prefilter, ..options(mode) };
                 let options = RenderOptions { shading: Shading::Gouraud, ..point };
                 let mut frame = posed(&scene, 0, &options);
-                // Else it would have a picture of splats.
-                frame.objects.iter_mut().for_each(|object| object.still = false);
-                Cpu::default().render(&frame).expect("a picture").picture
+                // Static objects would have a picture of splats.
+                frame.objects.iter_mut().for_each(|object| object.is_static = false);
+                frame.plan_again();
+                Cpu::default().render(frame).expect("a picture").picture
             };
             let worst = difference(&with(BlurMode::Still { pixel_samples: 1 }), &with(volumetric(3)));
             println!("{surfels} surfels, {prefilter:?}: {worst:.1e}");

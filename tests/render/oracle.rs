@@ -151,8 +151,8 @@ fn compare(seed: u64, prefilter: Prefilter, two_sided: bool, offset: [f32; 2]) -
         ..RenderOptions::default()
     };
     let mut frame = posed(&scene, 0, &options);
-    frame.groups[0].raster.offset = offset;
-    let picture = Cpu::default().render(&frame).expect("the frame fits").picture;
+    frame.rasters[0].positions[0].raster.offset = offset;
+    let picture = Cpu::default().render(frame).expect("the frame fits").picture;
     let oracle = Oracle { surfels, eye, low_pass: prefilter == Prefilter::Approx, two_sided, offset };
     let (mut compared, mut skipped) = (0, 0);
     for y in 0..SIZE[1] {

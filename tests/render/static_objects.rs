@@ -12,6 +12,7 @@ use splatblur::options::{
     BlurMode, Interleave, KernelShape, Normalise, PixelFilter, RenderOptions, Shading, SourceSamples, SweptKernel,
     TemporalAlpha,
 };
+use splatblur::plan::Step;
 use splatblur::scene::{Light, Motion, Scene};
 use splatblur::shading::ShadingLight;
 use splatblur::time::{Shutter, Weight};
@@ -63,8 +64,8 @@ fn swept_modes() -> Vec<BlurMode> {
     kernels.map(|swept| BlurMode::Volumetric { intervals: 4, pixel_samples: None, swept }).to_vec()
 }
 
-fn splat(backend: &mut dyn Backend, frame: &Frame<'_>) -> (Picture, u64) {
-    let rendered = backend.render(frame).unwrap();
+fn splat(backend: &mut dyn Backend, frame: &Frame) -> (Picture, u64) {
+    let rendered = backend.render(frame.clone()).unwrap();
     (rendered.picture, rendered.stats.splats)
 }
 
@@ -76,59 +77,60 @@ fn difference(a: &Picture, b: &Picture) -> f32 {
     colour.chain(planes.flat_map(|(a, b)| a.iter().zip(b).map(share))).fold(0.0, f32::max)
 }
 
-fn looks_as_if_splatted_anew(backend: &mut dyn Backend, modes: &[BlurMode], shadings: &[Shading]) {
+fn looks_as_if_splatted_each_time(backend: &mut dyn Backend, modes: &[BlurMode], shadings: &[Shading]) {
     let scene = through();
     for &mode in modes {
         for &shading in shadings {
             let options = RenderOptions { shading, ..options(mode) };
             let frame = posed(&scene, 0, &options);
-            let of_still: Vec<bool> = frame.objects.iter().map(|object| object.still).collect();
+            let of_static: Vec<bool> = frame.objects.iter().map(|object| object.is_static).collect();
             let all = matches!(mode, BlurMode::Still { .. });
-            assert_eq!(of_still, [all, true, all]);
-            let mut anew = frame.clone();
-            anew.objects.iter_mut().for_each(|object| object.still = false);
-            let ((kept, fewer), (anew, more)) = (splat(backend, &frame), splat(backend, &anew));
+            assert_eq!(of_static, [all, true, all]);
+            let mut repeated = frame.clone();
+            repeated.objects.iter_mut().for_each(|object| object.is_static = false);
+            repeated.plan_again();
+            let ((cached, fewer), (repeated, more)) = (splat(backend, &frame), splat(backend, &repeated));
             assert!(fewer * 2 < more, "{mode}: {fewer} of {more} splats");
             // Sums of up to about 100 terms in another order, and quotients of two of them.
-            let worst = difference(&kept, &anew);
+            let worst = difference(&cached, &repeated);
             assert!(worst < 200.0 * f32::EPSILON, "{mode}: {worst}");
         }
     }
 }
 
 #[test]
-fn what_lies_still_looks_as_if_splatted_anew() {
-    looks_as_if_splatted_anew(&mut Cpu::default(), &modes(), &[Shading::Phong, Shading::Gouraud]);
+fn static_objects_look_as_if_splatted_each_time() {
+    looks_as_if_splatted_each_time(&mut Cpu::default(), &modes(), &[Shading::Phong, Shading::Gouraud]);
 }
 
-/// Splats that cannot be kept are made anew for each group, and added up in the same order.
+/// Splats that cannot be cached are made again for each group, and added up in the same order.
 fn memory_does_not_show(backend: &mut dyn Backend, scene: &Scene, modes: &[BlurMode]) {
     for &mode in modes {
         let options = options(mode);
         let frame = posed(scene, 0, &options);
-        let kept = splat(backend, &frame);
+        let cached = splat(backend, &frame);
         let mut scarce = frame.clone();
-        let anew = (1..).find_map(|step| {
+        let repeated = (1..).find_map(|step| {
             scarce.memory = frame.model_bytes + (step << 17);
-            backend.render(&scarce).ok()
+            backend.render(scarce.clone()).ok()
         });
-        let anew = anew.unwrap();
-        assert!(anew.stats.splats > kept.1, "{mode}: {} of {} splats", kept.1, anew.stats.splats);
-        assert!(anew.picture == kept.0, "{mode}");
+        let repeated = repeated.unwrap();
+        assert!(repeated.stats.splats > cached.1, "{mode}: {} of {} splats", cached.1, repeated.stats.splats);
+        assert!(repeated.picture == cached.0, "{mode}");
     }
 }
 
 #[test]
-fn memory_for_what_lies_still_does_not_show() {
+fn memory_for_static_objects_does_not_show() {
     memory_does_not_show(&mut Cpu::default(), &through(), &modes());
     let mut scene = through();
     scene.shutter.weight = Weight::Tent;
-    // More than a wave of what lies still.
+    // More than a batch of static objects.
     scene.objects[1] = object(sphere(400_000).spatially_ordered());
     memory_does_not_show(&mut Cpu::default(), &scene, &swept_modes());
 }
 
-/// All intervals of a sample position share one picture of what lies still. Where light changes from one to the next, though here only
+/// All intervals of a sample position share one picture of static objects. Where light changes from one to the next, though here only
 /// that of a black lamp, each has its own.
 fn intervals_share_a_picture(backend: &mut dyn Backend) {
     let mut scene = through();
@@ -138,26 +140,28 @@ fn intervals_share_a_picture(backend: &mut dyn Backend) {
     for mode in swept_modes() {
         let options = options(mode);
         let frame = posed(&scene, 0, &options);
-        assert!(frame.has_still_picture());
+        assert!(frame.has_static_picture());
         let mut own = frame.clone();
-        for group in own.groups.iter_mut().step_by(2) {
+        let positions = own.rasters.iter_mut().flat_map(|raster| &mut raster.positions);
+        for group in positions.flat_map(|position| &mut position.groups).step_by(2) {
             let lamp = group.samples[0].lights.last_mut().unwrap();
             *lamp = ShadingLight::Directional { towards: Vec3::Y, colour: Vec3::ZERO };
         }
-        let ((shared, fewer), (anew, more)) = (splat(backend, &frame), splat(backend, &own));
+        own.plan_again();
+        let ((shared, fewer), (repeated, more)) = (splat(backend, &frame), splat(backend, &own));
         assert_eq!(more, fewer + 3 * count(backend, &alone, mode), "{mode}");
-        assert!(shared == anew, "{mode}");
+        assert!(shared == repeated, "{mode}");
     }
 }
 
 #[test]
-fn intervals_share_a_picture_of_what_lies_still() {
+fn intervals_share_a_picture_of_static_objects() {
     intervals_share_a_picture(&mut Cpu::default());
 }
 
 /// Without anything that moves a frame of many intervals is one still picture, weighed.
 #[test]
-fn intervals_of_what_lies_still_cost_one_sample() {
+fn intervals_of_static_objects_cost_one_sample() {
     let scene = Scene { objects: vec![through().objects[1].clone()], ..through() };
     let still = options(BlurMode::Still { pixel_samples: 1 });
     let still = RenderOptions { shading: Shading::Gouraud, aovs: still.aovs[..4].to_vec(), ..still };
@@ -170,7 +174,7 @@ fn intervals_of_what_lies_still_cost_one_sample() {
     }
 }
 
-/// Intervals whose motion differs have one guard band: what lies still has one place behind their maps.
+/// Intervals whose motion differs have one guard band: static objects have one place behind their maps.
 #[test]
 fn intervals_have_one_guard_band() {
     let mut scene = through();
@@ -180,12 +184,16 @@ fn intervals_have_one_guard_band() {
         let mode = BlurMode::Volumetric { intervals, pixel_samples: None, swept: SweptKernel::default() };
         let options = options(mode);
         let frame = posed(&scene, 0, &options);
-        frame.groups.iter().map(|group| group.interval.unwrap().guard).collect::<Vec<_>>()
+        let guard = |step: &Step| match step {
+            Step::VisibilityMap { interval, .. } => Some(interval.guard),
+            _ => None,
+        };
+        frame.steps().filter_map(guard).collect::<Vec<_>>()
     };
-    assert!(guards(4).iter().all(|&guard| guard == guards(4)[0]), "{:?}", guards(4));
+    assert!(guards(4).len() == 4 && guards(4).iter().all(|&guard| guard == guards(4)[0]), "{:?}", guards(4));
 }
 
-/// An object whose way on the screen is a fifth of a pixel is held; at a third of a pixel it moves.
+/// An object whose path on the screen is a fifth of a pixel is held; at a third of a pixel it moves.
 #[test]
 fn slow_objects_are_held_at_mid_exposure() {
     let held = |way: f64| {
@@ -195,12 +203,12 @@ fn slow_objects_are_held_at_mid_exposure() {
         let scene = scene(vec![ball], [96, 80], DVec3::new(0.0, 0.0, 4.0), 40.0);
         let options = options(BlurMode::supersample(9));
         let frame = posed(&scene, 0, &options);
-        let at = |group: usize| frame.groups[group].samples[0].objects[0].screen_origin.x;
+        let at = |group: usize| frame.all_samples().nth(group).unwrap().objects[0].screen_origin.x;
         let middle = 109.9 * (0.5 * way * 3.0 / 109.9) as f32;
-        assert_eq!(frame.objects[0].still, (0..9).all(|group| (at(group) - middle).abs() < 1e-3));
-        frame.objects[0].still
+        assert_eq!(frame.objects[0].is_static, (0..9).all(|group| (at(group) - middle).abs() < 1e-3));
+        frame.objects[0].is_static
     };
-    // Samples lie at the middles of ninths: they see 8/9 of the way.
+    // Samples lie at the middles of ninths: they see 8/9 of the path.
     assert!(held(0.27));
     assert!(!held(0.30));
 }
@@ -212,7 +220,7 @@ fn what_moves_is_not_held() {
     scene.camera.automatic = false;
     let still = |scene: &Scene, mode| {
         let options = options(mode);
-        posed(scene, 0, &options).objects.iter().map(|object| object.still).collect::<Vec<_>>()
+        posed(scene, 0, &options).objects.iter().map(|object| object.is_static).collect::<Vec<_>>()
     };
     let swept = BlurMode::Volumetric { intervals: 1, pixel_samples: None, swept: SweptKernel::default() };
     assert_eq!(still(&scene, swept), [false, true, false]);
@@ -237,7 +245,7 @@ fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
         let mut scarce = Frame { wanted: Some(Blocks { width, wanted: last }), ..frame.clone() };
         let in_bands = (1..).find_map(|step| {
             scarce.memory = frame.model_bytes + (step << 17);
-            backend.render(&scarce).ok()
+            backend.render(scarce.clone()).ok()
         });
         let in_bands = in_bands.unwrap().picture;
         let edge = Blocks::EDGE * frame.stride as usize;
@@ -251,7 +259,7 @@ fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
         }
         assert!(seen.iter().all(|&covered| covered > 100), "{mode}: {seen:?}");
     }
-    // Nothing that lies still in any wanted block.
+    // No static object in any wanted block.
     let mut scene = through();
     scene.objects[1].transform.translate.x = 6.0;
     let options = options(BlurMode::supersample(4));
@@ -260,7 +268,7 @@ fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
     let (part, _) = splat(backend, &frame);
     frame.wanted = None;
     let (whole, _) = splat(backend, &frame);
-    assert!(frame.objects[1].still && part.rgba[..32 * 96] == whole.rgba[..32 * 96]);
+    assert!(frame.objects[1].is_static && part.rgba[..32 * 96] == whole.rgba[..32 * 96]);
 }
 
 #[test]
@@ -274,20 +282,20 @@ mod gpu {
     use crate::support::gpu::gpu_or_skip;
 
     #[test]
-    fn what_lies_still_looks_as_if_splatted_anew() {
-        let Some(mut gpu) = gpu_or_skip("what_lies_still_looks_as_if_splatted_anew") else { return };
-        looks_as_if_splatted_anew(&mut gpu, &modes(), &[Shading::Phong]);
+    fn static_objects_look_as_if_splatted_each_time() {
+        let Some(mut gpu) = gpu_or_skip("static_objects_look_as_if_splatted_each_time") else { return };
+        looks_as_if_splatted_each_time(&mut gpu, &modes(), &[Shading::Phong]);
     }
 
     #[test]
-    fn memory_for_what_lies_still_does_not_show() {
-        let Some(mut gpu) = gpu_or_skip("memory_for_what_lies_still_does_not_show") else { return };
+    fn memory_for_static_objects_does_not_show() {
+        let Some(mut gpu) = gpu_or_skip("memory_for_static_objects_does_not_show") else { return };
         memory_does_not_show(&mut gpu, &through(), &modes());
     }
 
     #[test]
-    fn intervals_share_a_picture_of_what_lies_still() {
-        let Some(mut gpu) = gpu_or_skip("intervals_share_a_picture_of_what_lies_still") else { return };
+    fn intervals_share_a_picture_of_static_objects() {
+        let Some(mut gpu) = gpu_or_skip("intervals_share_a_picture_of_static_objects") else { return };
         intervals_share_a_picture(&mut gpu);
     }
 
@@ -297,7 +305,7 @@ mod gpu {
         renders_only_wanted_blocks(&mut gpu);
     }
 
-    /// All planes of scenes with something still, as the CPU has them.
+    /// All planes of scenes with static objects, as the CPU has them.
     #[test]
     fn pictures_are_the_cpus() {
         let Some(mut gpu) = gpu_or_skip("pictures_are_the_cpus") else { return };

@@ -23,7 +23,7 @@ use splatblur::scene::{Camera, FrameRange, ImageSettings, Light, Motion, Object,
 use splatblur::time::{Shutter, Weight};
 
 /// Frame `number`, posed; `options` must name a blur mode.
-pub fn posed<'a>(scene: &'a Scene, number: i64, options: &'a RenderOptions) -> Frame<'a> {
+pub fn posed<'a>(scene: &'a Scene, number: i64, options: &'a RenderOptions) -> Frame {
     let Quality::Mode(mode) = options.quality else { panic!("{} names no blur mode", options.quality) };
     Frame::new(scene, number, mode, options)
 }

@@ -11,7 +11,7 @@ use crate::math::simd::dispatch;
 
 /// What the pass needs beside splats and thresholds.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Attributes<'a> {
+pub(in crate::backend) struct Attributes<'a> {
     pub channels: &'a Channels,
     pub near: f32,
     /// Radius of the low-pass disc, raster pixels; +0 without it.
@@ -25,7 +25,7 @@ pub(super) struct Attributes<'a> {
 impl Attributes<'_> {
     /// Numbers for the channels of splat `splat` of the chunk.
     #[inline(always)]
-    pub(super) fn of(&self, splat: u32) -> &[f32] {
+    pub(in crate::backend) fn of(&self, splat: u32) -> &[f32] {
         let count = self.channels.count;
         if self.values.is_empty() { &[1.0] } else { &self.values[splat as usize * count..][..count] }
     }
@@ -33,7 +33,7 @@ impl Attributes<'_> {
 
 /// Where a tile's splats are added up; see `TileBuffers`.
 #[derive(Debug)]
-pub(super) struct Tally<'a> {
+pub(in crate::backend) struct Tally<'a> {
     pub sums: &'a mut [f32],
     /// Coverage by the current sample; empty where it is not wanted.
     pub reach: &'a mut [f32],
@@ -43,7 +43,7 @@ pub(super) struct Tally<'a> {
 
 dispatch! {
     /// Adds the splats that `list` names to `tally`.
-    pub(super) fn attribute(
+    pub(in crate::backend) fn attribute(
         splats: &[Splat], list: &[u32], attributes: &Attributes<'_>, tile: &TileRect, threshold: &[f32], tally: &mut Tally<'_>,
     ) = attribute_body
 }
@@ -156,7 +156,7 @@ fn add_patch<const W: usize>(plane: &mut [f32], stride: usize, weights: &[f32; L
 
 /// plane += weights * value, for the first `LANES` pixels of `plane`.
 #[inline(always)]
-pub(super) fn add(plane: &mut [f32], weights: &[f32; LANES], value: f32) {
+pub(in crate::backend) fn add(plane: &mut [f32], weights: &[f32; LANES], value: f32) {
     if let Some(plane) = plane.first_chunk_mut::<LANES>() {
         let old = *plane;
         for l in 0..LANES {

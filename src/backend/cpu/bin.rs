@@ -11,7 +11,7 @@ use crate::layout::{Splat, SweptSplat};
 const WIDE: usize = 64;
 
 /// What touches tiles.
-pub(super) trait Tiled {
+pub(in crate::backend) trait Tiled {
     /// First and last pixel column, then first and last row.
     fn bounds(&self) -> [u16; 4];
 
@@ -76,7 +76,7 @@ impl Span {
 
 /// The binned splats of one chunk of surfels.
 #[derive(Debug)]
-pub(super) struct Binned<S = Splat> {
+pub(in crate::backend) struct Binned<S = Splat> {
     /// Splats, in surfel order.
     pub splats: Vec<S>,
     /// What each shows: a number for each channel; empty where only weights are wanted.
@@ -109,20 +109,20 @@ impl<S> Default for Binned<S> {
 
 impl<S: Tiled> Binned<S> {
     /// Most bytes that a chunk of `surfels` surfels with `channels` values each can take in `band`.
-    pub(super) fn most_bytes(surfels: usize, channels: usize, band: &Band) -> u64 {
+    pub(in crate::backend) fn most_bytes(surfels: usize, channels: usize, band: &Band) -> u64 {
         (surfels * (size_of::<S>() + size_of::<Span>() + channels * size_of::<f32>() + WIDE * size_of::<u32>())
             + (band.len() + 1) * size_of::<u32>()) as u64
     }
 
     /// Bytes that the chunk takes now.
-    pub(super) fn bytes(&self) -> u64 {
+    pub(in crate::backend) fn bytes(&self) -> u64 {
         let words = self.values.capacity() + self.starts.capacity() + self.entries.capacity() + self.wide.capacity();
         let of_splats = self.splats.capacity() * size_of::<S>() + self.spans.capacity() * size_of::<Span>();
         (of_splats + words * size_of::<u32>()) as u64
     }
 
     /// Lists `self.splats` by tile.
-    pub(super) fn bin(&mut self) {
+    pub(in crate::backend) fn bin(&mut self) {
         let Self { splats, spans, starts, entries, wide, .. } = self;
         wide.clear();
         entries.clear();
@@ -176,7 +176,7 @@ impl<S: Tiled> Binned<S> {
     }
 
     /// Indices of the splats that may touch `tile`, rising. `scratch` is used where two lists must be merged.
-    pub(super) fn list<'a>(&'a self, tile: &TileRect, scratch: &'a mut Vec<u32>) -> &'a [u32] {
+    pub(in crate::backend) fn list<'a>(&'a self, tile: &TileRect, scratch: &'a mut Vec<u32>) -> &'a [u32] {
         let [x0, y0, width, height] = self.rect;
         let [x, y] = tile.tile;
         let entries = if (x0..x0 + width).contains(&x) && (y0..y0 + height).contains(&y) {

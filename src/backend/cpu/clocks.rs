@@ -8,20 +8,20 @@ use crate::frame::Frame;
 
 /// Time of one pass over all threads, nanoseconds.
 #[derive(Debug, Default)]
-pub(super) struct Clock(AtomicU64);
+pub(in crate::backend) struct Clock(AtomicU64);
 
 impl Clock {
-    pub(super) fn add(&self, start: Instant) {
+    pub(in crate::backend) fn add(&self, start: Instant) {
         self.0.fetch_add(start.elapsed().as_nanos() as u64, Relaxed);
     }
 
-    pub(super) fn total(&self) -> Duration {
+    pub(in crate::backend) fn total(&self) -> Duration {
         Duration::from_nanos(self.0.load(Relaxed))
     }
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Clocks {
+pub(in crate::backend) struct Clocks {
     pub project: Clock,
     pub visibility: Clock,
     pub attribute: Clock,
@@ -30,7 +30,7 @@ pub(super) struct Clocks {
 }
 
 impl Clocks {
-    pub(super) fn stats(&self, frame: &Frame<'_>) -> Stats {
+    pub(in crate::backend) fn stats(&self, frame: &Frame) -> Stats {
         Stats {
             splats: self.splats.load(Relaxed),
             project: self.project.total(),

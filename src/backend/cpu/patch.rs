@@ -4,10 +4,10 @@ use super::tiles::{LANES, TileRect};
 use crate::layout::Splat;
 
 /// Splats of no more columns are worked on in patches of two rows.
-pub(super) const NARROW: usize = LANES / 2;
+pub(in crate::backend) const NARROW: usize = LANES / 2;
 
 /// Pixels of a tile that a splat may touch: first and last column and row, counted from the tile's corner.
-pub(super) struct Touched {
+pub(in crate::backend) struct Touched {
     pub x0: usize,
     pub x1: usize,
     pub y0: usize,
@@ -16,7 +16,7 @@ pub(super) struct Touched {
 
 impl Touched {
     #[inline(always)]
-    pub(super) fn of(splat: &Splat, tile: &TileRect) -> Self {
+    pub(in crate::backend) fn of(splat: &Splat, tile: &TileRect) -> Self {
         let [x0, x1, y0, y1] = splat.bounds.map(usize::from);
         Self {
             x0: x0.max(tile.origin[0]) - tile.origin[0],
@@ -28,20 +28,20 @@ impl Touched {
 
     /// At most `NARROW` columns?
     #[inline(always)]
-    pub(super) fn is_narrow(&self) -> bool {
+    pub(in crate::backend) fn is_narrow(&self) -> bool {
         self.x1 - self.x0 < NARROW
     }
 
     /// More than one row?
     #[inline(always)]
-    pub(super) fn is_high(&self) -> bool {
+    pub(in crate::backend) fn is_high(&self) -> bool {
         self.y0 < self.y1
     }
 }
 
 /// `W` columns of as many rows as there are lanes for.
 #[derive(Clone, Copy)]
-pub(super) struct Patch<const W: usize> {
+pub(in crate::backend) struct Patch<const W: usize> {
     /// First pixel column and row of the raster.
     first: [f32; 2],
     /// Last pixel column and row that the splat may touch.
@@ -49,7 +49,7 @@ pub(super) struct Patch<const W: usize> {
 }
 
 /// A splat's plane on the ray through one sample position.
-pub(super) struct Hit {
+pub(in crate::backend) struct Hit {
     /// Distance from the splat's reference, pixels.
     pub x: f32,
     pub y: f32,
@@ -65,14 +65,14 @@ pub(super) struct Hit {
 impl<const W: usize> Patch<W> {
     /// The patch that starts in column `x` and row `y` of the tile.
     #[inline(always)]
-    pub(super) fn new(touched: &Touched, tile: &TileRect, x: usize, y: usize) -> Self {
+    pub(in crate::backend) fn new(touched: &Touched, tile: &TileRect, x: usize, y: usize) -> Self {
         let pixel = |x: usize, y: usize| [(tile.corner[0] + x as i32) as f32, (tile.corner[1] + y as i32) as f32];
         Self { first: pixel(x, y), last: pixel(touched.x1, touched.y1) }
     }
 
     /// Lane `l` of the patch.
     #[inline(always)]
-    pub(super) fn at(&self, splat: &Splat, l: usize) -> Hit {
+    pub(in crate::backend) fn at(&self, splat: &Splat, l: usize) -> Hit {
         let (column, row) = (self.first[0] + (l % W) as f32, self.first[1] + (l / W) as f32);
         let x = column + 0.5 - splat.reference[0];
         let y = row + 0.5 - splat.reference[1];
@@ -86,7 +86,7 @@ impl<const W: usize> Patch<W> {
 
 /// The patch that starts where `plane` does, of rows `stride` apart.
 #[inline(always)]
-pub(super) fn load<const W: usize>(plane: &[f32], stride: usize) -> [f32; LANES] {
+pub(in crate::backend) fn load<const W: usize>(plane: &[f32], stride: usize) -> [f32; LANES] {
     let mut out = [0.0; LANES];
     for row in 0..LANES / W {
         out[row * W..][..W].copy_from_slice(&plane[row * stride..][..W]);
@@ -96,7 +96,7 @@ pub(super) fn load<const W: usize>(plane: &[f32], stride: usize) -> [f32; LANES]
 
 /// What `load` read, put back.
 #[inline(always)]
-pub(super) fn store<const W: usize>(plane: &mut [f32], stride: usize, patch: &[f32; LANES]) {
+pub(in crate::backend) fn store<const W: usize>(plane: &mut [f32], stride: usize, patch: &[f32; LANES]) {
     for row in 0..LANES / W {
         plane[row * stride..][..W].copy_from_slice(&patch[row * W..][..W]);
     }

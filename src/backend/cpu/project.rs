@@ -26,7 +26,7 @@ const SLACK_SHARE: f32 = 1e-5;
 
 /// What `project` needs beside the surfels.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View<'a> {
+pub(in crate::backend) struct View<'a> {
     pub object: &'a PosedObject,
     /// By value: behind a reference its fields are loaded anew for every lane, which took half as long again.
     pub raster: Raster,
@@ -57,7 +57,7 @@ impl View<'_> {
     /// Does a splat touch a block that is wanted? `bounds`: first and last pixel column, first and last row, from `corner`, which is 0
     /// where blocks are wanted.
     #[inline(always)]
-    pub(super) fn wants(&self, bounds: [u16; 4]) -> bool {
+    pub(in crate::backend) fn wants(&self, bounds: [u16; 4]) -> bool {
         let Some(blocks) = self.wanted else { return true };
         let [x0, x1, y0, y1] = bounds.map(usize::from);
         let of = |first: usize, last: usize| first / Blocks::EDGE..=last / Blocks::EDGE;
@@ -67,7 +67,7 @@ impl View<'_> {
 
 dispatch! {
     /// Appends the splats of `surfels[range]` that may touch the wanted pixels, in surfel order.
-    pub(super) fn project(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Splat>) = project_body
+    pub(in crate::backend) fn project(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Splat>) = project_body
 }
 
 #[inline(always)]
@@ -176,7 +176,7 @@ fn lanes(run: &[[f32; RUN]; 3], first: usize) -> [Lanes; 3] {
 
 /// m p + origin, for `N` points coordinate by coordinate.
 #[inline(always)]
-pub(super) fn transform<const N: usize>(m: &Mat3, origin: Vec3, p: &[[f32; N]; 3]) -> [[f32; N]; 3] {
+pub(in crate::backend) fn transform<const N: usize>(m: &Mat3, origin: Vec3, p: &[[f32; N]; 3]) -> [[f32; N]; 3] {
     let m = m.to_cols_array_2d();
     let origin = origin.to_array();
     let mut out = [[0.0; N]; 3];
@@ -287,7 +287,7 @@ fn project_lane(view: &View<'_>, block: &Block, l: usize, shape: &mut Shape) {
 /// Ends of the ellipse along one axis, relative to the projected centre and widened to the low-pass disc: the roots of
 /// d22 k^2 - 2 d02 k + d00 = 0 for d22 < 0.
 #[inline(always)]
-pub(super) fn extent(d00: f32, d02: f32, d22: f32, inverse22: f32, low_pass: f32) -> (f32, f32) {
+pub(in crate::backend) fn extent(d00: f32, d02: f32, d22: f32, inverse22: f32, low_pass: f32) -> (f32, f32) {
     let disc = d02 * d02 - d00 * d22;
     let half = (if disc > 0.0 { disc } else { 0.0 }).sqrt() * -inverse22;
     let middle = d02 * inverse22;
@@ -333,7 +333,7 @@ fn push_ordinary(shape: &Shape, l: usize, bounds: [u16; 4], surfel: u32, out: &m
 
 /// Pixels, as bounds counted from the view's corner.
 #[inline(always)]
-pub(super) fn bounds(view: &View<'_>, [x0, x1, y0, y1]: [i32; 4]) -> [u16; 4] {
+pub(in crate::backend) fn bounds(view: &View<'_>, [x0, x1, y0, y1]: [i32; 4]) -> [u16; 4] {
     let [x, y] = view.corner;
     [(x0 - x) as u16, (x1 - x) as u16, (y0 - y) as u16, (y1 - y) as u16]
 }

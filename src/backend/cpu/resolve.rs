@@ -13,32 +13,27 @@ use crate::shading::{ShadingLight, towards_point};
 
 /// Film of one tile: plane by plane, `TILE` x `TILE`; empty until something is added.
 #[derive(Clone, Debug, Default)]
-pub(super) struct TileFilm {
+pub(in crate::backend) struct TileFilm {
     pub values: Vec<f32>,
 }
 
 impl TileFilm {
-    #[cfg(all(test, feature = "gpu"))]
-    pub(super) fn values(&self) -> &[f32] {
-        &self.values
-    }
-
     /// Bytes of one tile's film.
-    pub(super) const fn bytes(planes: usize) -> u64 {
+    pub(in crate::backend) const fn bytes(planes: usize) -> u64 {
         (planes * TILE * TILE * size_of::<f32>()) as u64
     }
 }
 
 /// All tiles of a raster, row by row.
 #[derive(Debug, Default)]
-pub(super) struct TiledFilm {
+pub(in crate::backend) struct TiledFilm {
     pub tiles: Vec<TileFilm>,
     pub tiles_x: usize,
 }
 
 impl TiledFilm {
     /// Makes it an empty film of `size` pixels. Its memory stays: the system takes longer to find new one than to clear it.
-    pub(super) fn empty(&mut self, size: [u32; 2]) {
+    pub(in crate::backend) fn empty(&mut self, size: [u32; 2]) {
         let [tiles_x, tiles_y] = size.map(|pixels| (pixels as usize).div_ceil(TILE));
         self.tiles.iter_mut().for_each(|tile| tile.values.clear());
         self.tiles.resize_with(tiles_x * tiles_y, TileFilm::default);
@@ -62,7 +57,7 @@ impl TiledFilm {
 
 /// The films of all rasters of a frame: that of phase (x, y) at y stride + x.
 #[derive(Debug)]
-pub(super) struct RasterFilms {
+pub(in crate::backend) struct RasterFilms {
     pub films: Vec<TiledFilm>,
     pub stride: usize,
     /// Time samples of a pixel.
@@ -86,7 +81,7 @@ impl Film for RasterFilms {
 
 /// What the pass needs beside sums and thresholds.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Resolve<'a> {
+pub(in crate::backend) struct Resolve<'a> {
     /// The sample whose camera and lights shade.
     pub sample: &'a PosedSample,
     /// Share of the exposure of a group of one sample.
@@ -104,7 +99,7 @@ dispatch! {
     /// Adds one group's share of the exposure to `film`.
     ///
     /// `coverage` is that of the group's samples together, weights included; it is empty for a group of one sample.
-    pub(super) fn resolve(
+    pub(in crate::backend) fn resolve(
         resolve: &Resolve<'_>, tile: &TileRect, threshold: &[f32], sums: &[f32], coverage: &[f32], film: &mut TileFilm,
     ) = resolve_body
 }

@@ -1,17 +1,17 @@
 //! Tiles: the squares of the image that are worked on one at a time, and the buffers of one.
 
 /// Edge of a tile, pixels.
-pub(super) const TILE: usize = 32;
+pub(in crate::backend) const TILE: usize = 32;
 /// Pixels that inner loops work on at once.
-pub(super) const LANES: usize = 8;
+pub(in crate::backend) const LANES: usize = 8;
 /// Floats from one row of a tile buffer to the next: loops may start at any pixel and write `LANES` of them.
-pub(super) const STRIDE: usize = TILE + LANES;
+pub(in crate::backend) const STRIDE: usize = TILE + LANES;
 /// Rows of a tile buffer: loops may start at any row and write two.
-pub(super) const ROWS: usize = TILE + 1;
+pub(in crate::backend) const ROWS: usize = TILE + 1;
 
 /// A rectangle of tiles that is rendered together: whole rows of tiles.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Band {
+pub(in crate::backend) struct Band {
     /// First and one past the last row of tiles.
     pub tile_rows: [usize; 2],
     /// Tiles in a row.
@@ -23,7 +23,7 @@ pub(super) struct Band {
 }
 
 impl Band {
-    pub(super) fn new(size: [u32; 2], tile_rows: [usize; 2]) -> Self {
+    pub(in crate::backend) fn new(size: [u32; 2], tile_rows: [usize; 2]) -> Self {
         let bottom = (tile_rows[1] * TILE).min(size[1] as usize);
         Self {
             tile_rows,
@@ -34,7 +34,7 @@ impl Band {
     }
 
     /// The band and `guard` pixels around it, in tiles of its own; as much of them as pixels can be numbered.
-    pub(super) fn guarded(&self, guard: u32) -> Self {
+    pub(in crate::backend) fn guarded(&self, guard: u32) -> Self {
         let [x0, x1, y0, y1] = self.pixels;
         let room =
             |first: i32, last: i32| guard.min((u32::from(u16::MAX) + 1).saturating_sub((last + 1 - first) as u32) / 2);
@@ -50,12 +50,12 @@ impl Band {
     }
 
     /// Tiles in the band.
-    pub(super) fn len(&self) -> usize {
+    pub(in crate::backend) fn len(&self) -> usize {
         self.tiles_x * (self.tile_rows[1] - self.tile_rows[0])
     }
 
     /// Tile `index` of the band, row by row.
-    pub(super) fn tile(&self, index: usize) -> TileRect {
+    pub(in crate::backend) fn tile(&self, index: usize) -> TileRect {
         let (x, y) = (index % self.tiles_x, index / self.tiles_x + self.tile_rows[0]);
         let (x0, y0) = (x * TILE, y * TILE);
         TileRect {
@@ -70,7 +70,7 @@ impl Band {
 
 /// A tile of the image.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct TileRect {
+pub(in crate::backend) struct TileRect {
     /// Column and row among the tiles.
     pub tile: [usize; 2],
     /// First pixel column and row, counted from the band's corner.
@@ -85,7 +85,7 @@ pub(super) struct TileRect {
 
 /// What one group accumulates in one tile.
 #[derive(Clone, Debug, Default)]
-pub(super) struct TileBuffers {
+pub(in crate::backend) struct TileBuffers {
     /// T(x, t) of the visibility rule, +inf where no splat covers: `ROWS` rows of `STRIDE`.
     pub threshold: Vec<f32>,
     /// Weighted sums: for each of `ROWS` rows, for each channel, `STRIDE` floats.
@@ -98,7 +98,7 @@ pub(super) struct TileBuffers {
 
 /// When kernels in motion cover, one bit each 32nd of the interval: `TILE` rows of `STRIDE`.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Presence {
+pub(in crate::backend) struct Presence {
     /// Object-space kernels.
     pub surface: Vec<u32>,
     /// Low-pass discs.
@@ -109,7 +109,7 @@ pub(super) struct Presence {
 
 /// Coverage by the samples of a group, one after the other: `ROWS` rows of `STRIDE`.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Union {
+pub(in crate::backend) struct Union {
     /// Sample whose splats are being added; `None` while it is those of all samples.
     pub sample: Option<usize>,
     /// Of that sample: at least 1 where a splat covers, else the weights of the low-pass discs.
@@ -122,7 +122,7 @@ pub(super) struct Union {
 
 impl Union {
     /// Ends all samples before `next`; `weights` are those of all samples.
-    pub(super) fn turn(&mut self, weights: impl Fn(usize) -> f32, next: usize) {
+    pub(in crate::backend) fn turn(&mut self, weights: impl Fn(usize) -> f32, next: usize) {
         let first = self.sample.unwrap_or_else(|| {
             self.still.copy_from_slice(&self.reach);
             0
@@ -139,13 +139,13 @@ impl Union {
 }
 
 impl TileBuffers {
-    pub(super) fn clear_threshold(&mut self) {
+    pub(in crate::backend) fn clear_threshold(&mut self) {
         self.threshold.clear();
         self.threshold.resize(ROWS * STRIDE, f32::INFINITY);
     }
 
     /// For a group of `samples` samples.
-    pub(super) fn clear_sums(&mut self, channels: usize, samples: usize) {
+    pub(in crate::backend) fn clear_sums(&mut self, channels: usize, samples: usize) {
         self.sums.clear();
         self.sums.resize(ROWS * channels * STRIDE, 0.0);
         let union = if samples > 1 { ROWS * STRIDE } else { 0 };
@@ -157,7 +157,7 @@ impl TileBuffers {
     }
 
     /// For kernels in motion.
-    pub(super) fn clear_presence(&mut self) {
+    pub(in crate::backend) fn clear_presence(&mut self) {
         for plane in [&mut self.presence.surface, &mut self.presence.low_pass] {
             plane.clear();
             plane.resize(TILE * STRIDE, 0);
@@ -167,7 +167,7 @@ impl TileBuffers {
     }
 
     /// Bytes of one tile's buffers, for groups of `samples` samples, with kernels in motion or without.
-    pub(super) const fn bytes(channels: usize, samples: usize, swept: bool) -> u64 {
+    pub(in crate::backend) const fn bytes(channels: usize, samples: usize, swept: bool) -> u64 {
         let union = if samples > 1 { 3 } else { 0 };
         let presence = if swept { 4 } else { 0 };
         ((1 + channels + union + presence) * ROWS * STRIDE * size_of::<f32>()) as u64

@@ -15,10 +15,10 @@ use crate::shading::{ShadingLight, lobes, towards_point};
 
 /// Where values come from: an object at a time sample.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shown<'a> {
+pub(in crate::backend) struct Shown<'a> {
     pub sample: &'a PosedSample,
     pub posed: &'a PosedObject,
-    pub object: &'a FrameObject<'a>,
+    pub object: &'a FrameObject,
     pub channels: &'a Channels,
     pub shading: Shading,
     pub near: f32,
@@ -27,7 +27,7 @@ pub(super) struct Shown<'a> {
 }
 
 /// What it shows the side of.
-pub(super) trait Faced {
+pub(in crate::backend) trait Faced {
     /// Surfel and flags.
     fn face(&self) -> (u32, u32);
 }
@@ -45,7 +45,7 @@ impl Faced for SweptSplat {
 }
 
 /// Values of `splats`, one splat after the other, into `out`.
-pub(super) fn values<S: Faced>(splats: &[S], shown: &Shown<'_>, out: &mut Vec<f32>) {
+pub(in crate::backend) fn values<S: Faced>(splats: &[S], shown: &Shown<'_>, out: &mut Vec<f32>) {
     let count = shown.channels.count;
     out.clear();
     out.resize(splats.len() * count, 0.0);
@@ -68,7 +68,7 @@ dispatch! {
 #[inline(always)]
 fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mut [f32]) {
     let Shown { posed, channels, .. } = *shown;
-    let surfels = shown.object.surfels;
+    let surfels = &*shown.object.surfels;
     let gouraud = shown.shading == Shading::Gouraud;
     let mut normal = [[0.0; LANES]; 3];
     let mut position = [[0.0; LANES]; 3];
@@ -180,7 +180,7 @@ fn velocity(position: Vec3, shown: &Shown<'_>) -> [f32; 2] {
 /// Adds what one light contributes to lane `l`: the diffuse and the specular term.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "one loop body, shared by pixels and surfels")]
-pub(super) fn add_lobes(
+pub(in crate::backend) fn add_lobes(
     out: &mut [Lanes; 3],
     l: usize,
     material: &[Lanes; 4],
@@ -202,7 +202,7 @@ pub(super) fn add_lobes(
 
 /// Vectors of length 1; a zero vector stays zero.
 #[inline(always)]
-pub(super) fn unit(mut v: [Lanes; 3]) -> [Lanes; 3] {
+pub(in crate::backend) fn unit(mut v: [Lanes; 3]) -> [Lanes; 3] {
     for l in 0..LANES {
         let d2 = v[0][l] * v[0][l] + v[1][l] * v[1][l] + v[2][l] * v[2][l];
         let s = 1.0 / (if d2 > 1e-30 { d2 } else { 1e-30 }).sqrt();

@@ -12,14 +12,14 @@ const LEAST_EPSILON: f32 = 4.0 * f32::EPSILON;
 
 /// What of the camera the pass needs, and the depth tolerance of the splats' object.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Depths {
+pub(in crate::backend) struct Depths {
     pub near: f32,
     pub epsilon: f32,
 }
 
 dispatch! {
     /// Lowers `threshold` by the splats that `list` names.
-    pub(super) fn visibility(splats: &[Splat], list: &[u32], depths: Depths, tile: &TileRect, threshold: &mut [f32]) = visibility_body
+    pub(in crate::backend) fn visibility(splats: &[Splat], list: &[u32], depths: Depths, tile: &TileRect, threshold: &mut [f32]) = visibility_body
 }
 
 #[inline(always)]

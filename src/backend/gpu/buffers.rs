@@ -4,13 +4,13 @@ use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
 use super::layout::{BLOCK, DIGIT_BITS, Light, Segment, Status, Travel, UNIFORM_STRIDE};
-use super::schedule::{DeviceChannels, MAP_BYTES, Schedule, THRESHOLD_BYTES};
+use super::memory::{DeviceChannels, MAP_BYTES, Schedule, THRESHOLD_BYTES};
 use crate::backend::BackendError;
 use crate::layout::SweptSplat;
 
-/// What the passes of one group and wave exchange, and the film.
+/// What the passes of one group and batch exchange, and the film.
 #[derive(Debug)]
-pub(super) struct Buffers {
+pub(in crate::backend) struct Buffers {
     pub views: Buffer,
     pub segments: Buffer,
     pub travels: Buffer,
@@ -36,7 +36,7 @@ pub(super) struct Buffers {
     pub moments: Buffer,
     pub film: Buffer,
     /// The picture of what lies still, beside kernels in motion.
-    pub still_film: Buffer,
+    pub static_film: Buffer,
     /// Blocks that are wanted.
     pub wanted: Buffer,
     /// Of what lies still, alone: thresholds and sums.
@@ -44,15 +44,15 @@ pub(super) struct Buffers {
     pub layer_sums: Buffer,
     /// Thresholds of the pixels that what lies still is added to anew.
     pub limits: Buffer,
-    /// The waves of what lies still.
-    pub kept: Vec<Kept>,
+    /// The batches of what lies still.
+    pub cached: Vec<CachedBatch>,
     /// Entries that there is room for.
     pub entries: u64,
 }
 
-/// One wave of what lies still: its splats, lists and attributes.
+/// One batch of what lies still: its splats, lists and attributes.
 #[derive(Debug)]
-pub(super) struct Kept {
+pub(in crate::backend) struct CachedBatch {
     pub splats: Buffer,
     pub list: Buffer,
     pub wide: Buffer,
@@ -63,7 +63,7 @@ pub(super) struct Kept {
 const SHARED: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC).union(BufferUsages::COPY_DST);
 
 impl Buffers {
-    pub(super) fn new(device: &Device) -> Result<Self, BackendError> {
+    pub(in crate::backend) fn new(device: &Device) -> Result<Self, BackendError> {
         let digits = 1_u64 << DIGIT_BITS;
         let empty = || device.buffer("buffers", 0, SHARED);
         Ok(Self {
@@ -91,18 +91,18 @@ impl Buffers {
             moments: device.buffer("moments", size_of::<[f32; 32]>() as u64, SHARED)?,
             film: empty()?,
             // Bound even where there is none.
-            still_film: device.buffer("the picture of what lies still", 4, SHARED)?,
+            static_film: device.buffer("the static picture", 4, SHARED)?,
             wanted: empty()?,
             layer_thresholds: empty()?,
             layer_sums: empty()?,
             limits: empty()?,
-            kept: Vec::new(),
+            cached: Vec::new(),
             entries: 0,
         })
     }
 
     /// Makes room for a frame.
-    pub(super) fn fit(
+    pub(in crate::backend) fn fit(
         &mut self,
         device: &Device,
         schedule: &Schedule,
@@ -120,12 +120,12 @@ impl Buffers {
         grow(device, &mut self.thresholds, "thresholds", tile * band.max(map))?;
         grow(device, &mut self.sums, "sums", tile * map.max(channels.count as u64 * band))?;
         if map > 0 {
-            let behind = if schedule.still_bytes > 0 { THRESHOLD_BYTES * band } else { 0 };
+            let behind = if schedule.static_picture_bytes > 0 { THRESHOLD_BYTES * band } else { 0 };
             grow(device, &mut self.map, "the map", MAP_BYTES * map + behind)?;
             grow(device, &mut self.presence, "presence", 3 * tile * band)?;
         }
-        grow(device, &mut self.still_film, "the picture of what lies still", schedule.still_bytes * band)?;
-        if schedule.kept_slots > 0 {
+        grow(device, &mut self.static_film, "the static picture", schedule.static_picture_bytes * band)?;
+        if schedule.cached_slots > 0 {
             grow(device, &mut self.layer_thresholds, "thresholds", tile * band)?;
             grow(device, &mut self.layer_sums, "sums", tile * (channels.count as u64 + 1) * band)?;
             grow(device, &mut self.limits, "thresholds", tile * band)?;
@@ -133,37 +133,37 @@ impl Buffers {
         grow(device, &mut self.film, "the film's planes", schedule.film_bytes)
     }
 
-    /// Makes room for what lies still, once there is room for the entries of a wave.
-    pub(super) fn fit_kept(
+    /// Makes room for what lies still, once there is room for the entries of a batch.
+    pub(in crate::backend) fn fit_cached(
         &mut self,
         device: &Device,
         schedule: &Schedule,
         channels: &DeviceChannels,
     ) -> Result<(), BackendError> {
-        let slots = schedule.slots.min(schedule.kept_slots);
-        for wave in 0..schedule.kept_waves() as usize {
-            if self.kept.len() <= wave {
-                let empty = || device.buffer("what lies still", 0, SHARED);
-                self.kept.push(Kept {
-                    splats: device.buffer("what lies still", size_of::<SweptSplat>() as u64, SHARED)?,
+        let slots = schedule.slots.min(schedule.cached_slots);
+        for batch in 0..schedule.cached_batches() as usize {
+            if self.cached.len() <= batch {
+                let empty = || device.buffer("the static layer", 0, SHARED);
+                self.cached.push(CachedBatch {
+                    splats: device.buffer("the static layer", size_of::<SweptSplat>() as u64, SHARED)?,
                     list: empty()?,
                     wide: empty()?,
                     starts: empty()?,
                     values: empty()?,
                 });
             }
-            let kept = &mut self.kept[wave];
-            grow(device, &mut kept.splats, "what lies still", slots * schedule.splat_bytes)?;
-            grow(device, &mut kept.list, "what lies still", 4 * self.entries)?;
-            grow(device, &mut kept.wide, "what lies still", 4 * slots)?;
-            grow(device, &mut kept.starts, "what lies still", 4 * (schedule.band_tiles + 2))?;
-            grow(device, &mut kept.values, "what lies still", 4 * u64::from(channels.values) * slots)?;
+            let cached = &mut self.cached[batch];
+            grow(device, &mut cached.splats, "the static layer", slots * schedule.splat_bytes)?;
+            grow(device, &mut cached.list, "the static layer", 4 * self.entries)?;
+            grow(device, &mut cached.wide, "the static layer", 4 * slots)?;
+            grow(device, &mut cached.starts, "the static layer", 4 * (schedule.band_tiles + 2))?;
+            grow(device, &mut cached.values, "the static layer", 4 * u64::from(channels.values) * slots)?;
         }
         Ok(())
     }
 
     /// Makes room for `entries` entries.
-    pub(super) fn fit_entries(&mut self, device: &Device, entries: u64) -> Result<(), BackendError> {
+    pub(in crate::backend) fn fit_entries(&mut self, device: &Device, entries: u64) -> Result<(), BackendError> {
         if entries <= self.entries {
             return Ok(());
         }
@@ -177,7 +177,7 @@ impl Buffers {
     }
 
     /// Makes room for a group's uniforms.
-    pub(super) fn fit_group(
+    pub(in crate::backend) fn fit_group(
         &mut self,
         device: &Device,
         views: usize,
@@ -192,7 +192,12 @@ impl Buffers {
 }
 
 /// Replaces `buffer` by a larger one, if it has less than `bytes` bytes. What is in it is lost.
-pub(super) fn grow(device: &Device, buffer: &mut Buffer, label: &str, bytes: u64) -> Result<(), BackendError> {
+pub(in crate::backend) fn grow(
+    device: &Device,
+    buffer: &mut Buffer,
+    label: &str,
+    bytes: u64,
+) -> Result<(), BackendError> {
     if buffer.size() < bytes {
         let usage = buffer.usage();
         // The old one's memory first.

@@ -43,7 +43,7 @@ pub struct AdapterReport {
 const STORAGE_BUFFERS: u32 = 8;
 
 /// A device and its queue, as the passes use it.
-pub(super) struct Device {
+pub(in crate::backend) struct Device {
     pub adapter: AdapterInfo,
     pub limits: Limits,
     pub timestamps: bool,
@@ -59,7 +59,7 @@ impl fmt::Debug for Device {
     }
 }
 
-/// All adapters that this machine has.
+/// All adapters that this state has.
 pub fn adapters() -> Vec<AdapterReport> {
     all().iter().map(report).collect()
 }
@@ -91,7 +91,7 @@ fn report(adapter: &Adapter) -> AdapterReport {
 }
 
 /// Can there be a hardware GPU at all? On Linux each comes with a device node: that is seen without waking the Vulkan loader and
-/// its software drivers, which takes time and on a machine without a display prints lines of its own.
+/// its software drivers, which takes time and on a state without a display prints lines of its own.
 fn has_device_node() -> bool {
     const NODES: [&str; 6] =
         ["/dev/dri", "/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0", "/dev/nvhost-ctrl"];
@@ -123,7 +123,7 @@ fn choose(choice: &Choice) -> Result<Adapter, BackendError> {
 }
 
 impl Device {
-    pub(super) fn open(choice: &Choice) -> Result<Self, BackendError> {
+    pub(in crate::backend) fn open(choice: &Choice) -> Result<Self, BackendError> {
         let adapter = choose(choice)?;
         let info = adapter.get_info();
         let limits = adapter.limits();
@@ -155,12 +155,12 @@ impl Device {
     }
 
     /// An error of this device.
-    pub(super) fn error(&self, what: impl Into<String>) -> BackendError {
+    pub(in crate::backend) fn error(&self, what: impl Into<String>) -> BackendError {
         BackendError::Device { adapter: self.adapter.name.clone(), what: what.into() }
     }
 
     /// The first error since the last call, if there was one.
-    pub(super) fn check(&self) -> Result<(), BackendError> {
+    pub(in crate::backend) fn check(&self) -> Result<(), BackendError> {
         match self.failure.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(what) => Err(self.error(what)),
             None => Ok(()),
@@ -168,12 +168,12 @@ impl Device {
     }
 
     /// Bytes of the largest buffer that a program can reach whole, a multiple of 1024.
-    pub(super) fn most_bytes(&self) -> u64 {
+    pub(in crate::backend) fn most_bytes(&self) -> u64 {
         self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size) & !1023
     }
 
     /// A buffer of at least `bytes` bytes, which the device must have.
-    pub(super) fn buffer(
+    pub(in crate::backend) fn buffer(
         &self,
         label: &str,
         bytes: u64,
@@ -196,7 +196,7 @@ impl Device {
     }
 
     /// Waits until everything that was submitted is done.
-    pub(super) fn wait(&self) -> Result<(), BackendError> {
+    pub(in crate::backend) fn wait(&self) -> Result<(), BackendError> {
         self.handle.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| self.error(e.to_string()))?;
         self.check()
     }

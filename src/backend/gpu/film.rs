@@ -1,13 +1,13 @@
 //! The film as it comes from the device.
 
 use super::layout::TILE;
-use super::schedule::RasterFilm;
+use super::memory::RasterFilm;
 use crate::film::Film;
 
 /// The films of all rasters of a frame, each tile after tile, plane after plane, `TILE` x `TILE`; that of phase (x, y) at
 /// y stride + x.
 #[derive(Debug)]
-pub(super) struct DeviceFilm<'a> {
+pub(in crate::backend) struct DeviceFilm<'a> {
     pub rasters: &'a [RasterFilm],
     pub stride: usize,
     pub planes: usize,

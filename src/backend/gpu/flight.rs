@@ -4,19 +4,19 @@ use wgpu::{Buffer, BufferUsages, MapMode, PollType, SubmissionIndex};
 
 use super::Gpu;
 use super::buffers::grow;
-use super::clock::Marks;
 use super::device::Device;
-use super::execute::Execution;
 use super::film::DeviceFilm;
 use super::layout::Status;
-use super::schedule::RasterFilm;
+use super::memory::RasterFilm;
+use super::prepared::Prepared;
+use super::timestamps::Marks;
 use crate::backend::{BackendError, Rendered, Stats};
-use crate::film::{Aov, Background, develop};
+use crate::film::develop;
 use crate::frame::{Blocks, Frame};
 
 /// Where a frame's film, status and marks go; used again by a later frame.
 #[derive(Debug)]
-pub(super) struct Landing {
+pub(in crate::backend) struct Landing {
     /// Film, then status.
     staging: Buffer,
     marks: Marks,
@@ -24,21 +24,15 @@ pub(super) struct Landing {
 
 /// A frame that was submitted.
 #[derive(Debug)]
-pub(super) struct Flight {
+pub(in crate::backend) struct Flight {
     landing: Landing,
     submission: SubmissionIndex,
-    size: [u32; 2],
-    stride: usize,
-    samples: u32,
-    aovs: Vec<Aov>,
-    background: Background,
-    /// Blocks that were; `None`: all.
-    wanted: Option<Blocks>,
+    /// What was submitted; it is submitted again if its lists outgrow their buffers.
+    frame: Frame,
     rasters: Vec<RasterFilm>,
     planes: usize,
     film_bytes: u64,
-    stats: Stats,
-    /// Entries that there was room for, most that may be made room for, and slots of a wave.
+    /// Entries that there was room for, most that may be made room for, and slots of a batch.
     entries: u64,
     most_entries: u64,
     slots: u64,
@@ -53,18 +47,18 @@ impl Landing {
 
 impl Gpu {
     /// Submits everything that a frame takes.
-    pub(super) fn depart(&mut self, frame: &Frame<'_>) -> Result<Flight, BackendError> {
-        let execution = self.prepare(frame)?;
+    pub(in crate::backend) fn depart(&mut self, frame: Frame) -> Result<Flight, BackendError> {
+        let prepared = self.prepare(&frame)?;
         let mut landing = match self.landings.pop() {
             Some(landing) => landing,
-            None => Landing::new(&self.machine.device)?,
+            None => Landing::new(&self.state.device)?,
         };
-        self.submit(&execution, &mut landing.marks)?;
-        let Execution { planes, schedule, .. } = execution;
-        let (device, buffers) = (&self.machine.device, &self.machine.buffers);
+        self.submit(&prepared, &mut landing.marks)?;
+        let Prepared { planes, schedule, .. } = prepared;
+        let (device, buffers) = (&self.state.device, &self.state.buffers);
         let status_bytes = size_of::<Status>() as u64;
         grow(device, &mut landing.staging, "the film's copy", schedule.film_bytes + status_bytes)?;
-        let mut encoder = self.machine.encoder();
+        let mut encoder = self.state.encoder();
         if schedule.film_bytes > 0 {
             encoder.copy_buffer_to_buffer(&buffers.film, 0, &landing.staging, 0, schedule.film_bytes);
         }
@@ -76,30 +70,35 @@ impl Gpu {
         Ok(Flight {
             landing,
             submission,
-            size: frame.size,
-            stride: frame.stride as usize,
-            samples: frame.samples(),
-            aovs: frame.aovs.to_vec(),
-            background: frame.background,
-            wanted: frame.wanted.clone(),
             rasters: schedule.rasters,
             planes: planes.count,
             film_bytes: schedule.film_bytes,
-            stats: Stats::of(frame),
             entries: buffers.entries,
             most_entries: schedule.most_entries,
             slots: schedule.slots,
+            frame,
         })
     }
 
-    /// Waits for a frame. `None`: lists outgrew their buffers and were left empty; now there is more room, or waves are smaller,
-    /// and the frame must be rendered again.
-    pub(super) fn land(&mut self, flight: Flight) -> Result<Option<Rendered>, BackendError> {
-        let device = &self.machine.device;
+    /// Waits for a frame. Where lists outgrew their buffers they were left empty: the frame is submitted again, with more room or in
+    /// smaller batches, until they fit.
+    pub(in crate::backend) fn land(&mut self, mut flight: Flight) -> Result<Rendered, BackendError> {
+        loop {
+            match self.try_land(flight)? {
+                Ok(rendered) => return Ok(rendered),
+                Err(frame) => flight = self.depart(frame)?,
+            }
+        }
+    }
+
+    /// Waits for a frame; gives it back where it must be submitted again.
+    fn try_land(&mut self, flight: Flight) -> Result<Result<Rendered, Frame>, BackendError> {
+        let device = &self.state.device;
         let wait = PollType::Wait { submission_index: Some(flight.submission.clone()), timeout: None };
         device.handle.poll(wait).map_err(|e| device.error(e.to_string()))?;
         device.check()?;
-        let mut stats = flight.stats;
+        let frame = flight.frame;
+        let mut stats = Stats::of(&frame);
         let staging = &flight.landing.staging;
         let view = staging.get_mapped_range(..).map_err(|e| device.error(format!("cannot read the film: {e}")))?;
         let (film, rest) = view.split_at(flight.film_bytes as usize);
@@ -109,14 +108,14 @@ impl Gpu {
         let picture = fits.then(|| {
             let film = DeviceFilm {
                 rasters: &flight.rasters,
-                stride: flight.stride,
+                stride: frame.stride as usize,
                 planes: flight.planes,
-                samples: flight.samples,
+                samples: frame.samples(),
                 values: bytemuck::cast_slice(film),
             };
-            let width = flight.size[0] as usize;
-            let wanted = |y| Blocks::columns(flight.wanted.as_ref(), y, width, flight.stride);
-            develop(&film, flight.size, &flight.aovs, flight.background, wanted, None)
+            let (width, stride) = (frame.size[0] as usize, frame.stride as usize);
+            let wanted = |y| Blocks::columns(frame.wanted.as_ref(), y, width, stride);
+            develop(&film, frame.size, &frame.aovs, frame.background, wanted, None)
         });
         drop(view);
         staging.unmap();
@@ -130,8 +129,8 @@ impl Gpu {
             self.most_slots = self.most_slots.min(flight.slots / 2);
         } else {
             let what = format!("lists of {wanted} entries do not fit into its buffers");
-            return Err(self.machine.device.error(what));
+            return Err(self.state.device.error(what));
         }
-        Ok(picture.map(|picture| Rendered { picture, stats }))
+        Ok(picture.map(|picture| Rendered { picture, stats }).ok_or(frame))
     }
 }

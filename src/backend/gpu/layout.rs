@@ -3,26 +3,26 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
-use crate::frame::{Blocks, Frame, FrameObject, PosedGroup, PosedObject, PosedSample};
+use crate::frame::{Blocks, Frame, FrameObject, PosedGroup, PosedObject, PosedSample, Raster};
 use crate::model::Material;
 use crate::options::Prefilter;
 use crate::shading::ShadingLight;
 
 /// Edge of a tile, pixels.
-pub(super) const TILE: u32 = 16;
+pub(in crate::backend) const TILE: u32 = 16;
 /// Slots, or entries of lists, that one workgroup of pass `bin` works on.
-pub(super) const BLOCK: u32 = 1024;
+pub(in crate::backend) const BLOCK: u32 = 1024;
 /// Most entries that the lists hold of one splat.
-pub(super) const WIDEST: u32 = 64;
+pub(in crate::backend) const WIDEST: u32 = 64;
 /// Bits of a key that one round of the sort goes by.
-pub(super) const DIGIT_BITS: u32 = 6;
+pub(in crate::backend) const DIGIT_BITS: u32 = 6;
 /// Distance of uniforms in their buffers, bytes; no device asks for more.
-pub(super) const UNIFORM_STRIDE: u64 = 256;
+pub(in crate::backend) const UNIFORM_STRIDE: u64 = 256;
 
-/// What a dispatch works on: one group, one band of the image, one wave of surfels.
+/// What a dispatch works on: one group, one band of the image, one batch of surfels.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(super) struct View {
+pub(in crate::backend) struct View {
     pub axis: [f32; 2],
     pub offset: [f32; 2],
     pub pixels: [i32; 4],
@@ -55,7 +55,7 @@ pub(super) struct View {
 /// Some surfels of one block of a model, posed at one time sample; or, of a sample, its weight.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(super) struct Segment {
+pub(in crate::backend) struct Segment {
     pub screen: [[f32; 4]; 3],
     pub rate: [[f32; 4]; 3],
     pub normal: [[f32; 4]; 3],
@@ -78,7 +78,7 @@ pub(super) struct Segment {
 /// Pose of a segment's centres: over an interval, mean of the poses at its ends and half their difference.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(super) struct Travel {
+pub(in crate::backend) struct Travel {
     pub centre: [[f32; 4]; 3],
     pub motion: [[f32; 4]; 3],
 }
@@ -86,7 +86,7 @@ pub(super) struct Travel {
 /// A light of one sample.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(super) struct Light {
+pub(in crate::backend) struct Light {
     pub vector: [f32; 4],
     pub colour: [f32; 4],
 }
@@ -94,7 +94,7 @@ pub(super) struct Light {
 /// What of pass `bin` the host reads after a frame.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(super) struct Status {
+pub(in crate::backend) struct Status {
     pub most_entries: u32,
     pub splats_low: u32,
     pub splats_high: u32,
@@ -102,12 +102,12 @@ pub(super) struct Status {
 
 impl Segment {
     /// The weight of a sample.
-    pub(super) fn weighing(weight: f32) -> Self {
+    pub(in crate::backend) fn weighing(weight: f32) -> Self {
         Self { weight, ..Self::zeroed() }
     }
 
-    /// The pose of an object; which surfels it is for is left open. `turn`: 0 for what lies still, else 1 + the sample.
-    pub(super) fn posed(posed: &PosedObject, object: &FrameObject<'_>, turn: u32, share: f32) -> Self {
+    /// The pose of an object; which surfels it is for is left open. `turn`: 0 for static objects, else 1 + the sample.
+    pub(in crate::backend) fn posed(posed: &PosedObject, object: &FrameObject, turn: u32, share: f32) -> Self {
         let materials = object.material.is_none() && !object.surfels.material.is_empty();
         Self {
             screen: rows(&posed.screen_from_model, posed.screen_origin),
@@ -125,7 +125,7 @@ impl Segment {
 }
 
 impl Travel {
-    pub(super) fn of(posed: &PosedObject) -> Self {
+    pub(in crate::backend) fn of(posed: &PosedObject) -> Self {
         Self {
             centre: rows(&posed.centre_from_model, posed.centre_origin),
             motion: rows(&posed.motion_from_model, posed.motion_origin),
@@ -134,9 +134,13 @@ impl Travel {
 }
 
 impl View {
-    /// What of a group all its bands and waves share.
-    pub(super) fn of(frame: &Frame<'_>, group: &PosedGroup, uniform: Option<Material>) -> Self {
-        let raster = &group.raster;
+    /// What of a group all its bands and batches share.
+    pub(in crate::backend) fn of(
+        frame: &Frame,
+        raster: &Raster,
+        group: &PosedGroup,
+        uniform: Option<Material>,
+    ) -> Self {
         let low_pass = if frame.prefilter == Prefilter::Approx { raster.low_pass } else { 0.0 };
         let middle = &group.samples[group.samples.len() / 2];
         let column = |v: Vec3| v.extend(0.0).to_array();
@@ -155,7 +159,6 @@ impl View {
             material: coefficients(uniform.unwrap_or_default()),
             first_light: (group.samples.len() / 2 * middle.lights.len()) as u32,
             lights: middle.lights.len() as u32,
-            slope: group.interval.map_or(0.0, |interval| interval.slope),
             blocks: blocks(frame),
             ..Self::zeroed()
         }
@@ -163,7 +166,7 @@ impl View {
 }
 
 /// Blocks in a row and rows of them, where only some are wanted; else 0. All of a map are.
-fn blocks(frame: &Frame<'_>) -> [u32; 2] {
+fn blocks(frame: &Frame) -> [u32; 2] {
     if frame.wanted.is_none() || frame.swept.is_some() {
         return [0; 2];
     }
@@ -171,14 +174,14 @@ fn blocks(frame: &Frame<'_>) -> [u32; 2] {
 }
 
 /// One a block, row by row: not 0 where it is wanted.
-pub(super) fn wanted(frame: &Frame<'_>) -> Vec<u32> {
+pub(in crate::backend) fn wanted(frame: &Frame) -> Vec<u32> {
     let [width, height] = blocks(frame).map(|blocks| blocks as usize);
     let wanted = |index: usize| frame.wanted.as_ref().is_some_and(|blocks| blocks.at(index % width, index / width));
     (0..width * height).map(|index| u32::from(wanted(index))).collect()
 }
 
 /// The lights of a group's samples, one sample after the other; every sample has the same number.
-pub(super) fn lights(samples: &[PosedSample]) -> Vec<Light> {
+pub(in crate::backend) fn lights(samples: &[PosedSample]) -> Vec<Light> {
     samples.iter().flat_map(|sample| &sample.lights).map(light).collect()
 }
 

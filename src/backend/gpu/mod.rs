@@ -1,24 +1,25 @@
 //! The GPU backend: the passes as compute programs (`shaders/`), on any device that wgpu reaches.
 //!
-//! Surfels of a group are cut into waves, the image into bands, so that every buffer fits; nothing is read back before the
+//! Surfels of a group are cut into batches, the image into bands, so that every buffer fits; nothing is read back before the
 //! frame is done. Lists are in global surfel order and floats are summed by one invocation for each pixel, so the same frame
 //! gives the same bytes on the same device. What is on the device, and who writes it: docs/architecture.md.
 
-mod bindings;
+pub(super) mod batches;
+pub(super) mod bind;
 mod buffers;
-mod clock;
 mod device;
-mod execute;
 mod film;
 mod flight;
-mod layer;
-mod layout;
-mod models;
-mod programs;
-mod schedule;
+pub(super) mod layout;
+pub(super) mod memory;
+pub(super) mod models;
+pub(super) mod prepared;
+pub(super) mod programs;
+pub(super) mod record;
+pub(super) mod steps;
 #[cfg(test)]
-mod tests;
-mod waves;
+pub(super) mod tests;
+pub(super) mod timestamps;
 
 use std::collections::VecDeque;
 
@@ -35,34 +36,34 @@ use crate::frame::Frame;
 /// Executes plans on a GPU, or on a processor that pretends to be one.
 #[derive(Debug)]
 pub struct Gpu {
-    machine: Machine,
+    pub(super) state: DeviceState,
     clusters: ClusterStore,
     /// Frames that were begun, in order.
     flights: VecDeque<Flight>,
     landings: Vec<Landing>,
     /// Most bytes of a buffer that a program can reach.
-    most_bytes: u64,
-    /// Most slots of a wave, since lists of larger ones did not fit.
-    most_slots: u64,
+    pub(super) most_bytes: u64,
+    /// Most slots of a batch, since lists of larger ones did not fit.
+    pub(super) most_slots: u64,
     /// Most entries to make room for, whatever a program can reach.
-    most_entries: u64,
+    pub(super) most_entries: u64,
     /// Most entries to make room for before it is known how many there are.
-    first_entries: u64,
+    pub(super) first_entries: u64,
     /// Entries that there must be room for, as earlier frames showed.
     wanted_entries: u64,
 }
 
 /// The device and everything that is kept on it between frames.
 #[derive(Debug)]
-struct Machine {
-    device: Device,
-    pipelines: Pipelines,
+pub(in crate::backend) struct DeviceState {
+    pub(super) device: Device,
+    pub(super) pipelines: Pipelines,
     models: Models,
-    buffers: Buffers,
+    pub(super) buffers: Buffers,
 }
 
-/// Most slots of a wave on a software device: Mesa's llvmpipe silently ends a shader's loops after 65,535 iterations in all, and
-/// the list of one tile may hold every slot of a wave.
+/// Most slots of a batch on a software device: Mesa's llvmpipe silently ends a shader's loops after 65,535 iterations in all, and
+/// the list of one tile may hold every slot of a batch.
 const SOFTWARE_SLOTS: u64 = 60_000;
 
 impl Gpu {
@@ -78,7 +79,7 @@ impl Gpu {
         Ok(Self {
             most_bytes: device.most_bytes(),
             clusters: ClusterStore::default(),
-            machine: Machine { device, pipelines: Pipelines::default(), models: Models::default(), buffers },
+            state: DeviceState { device, pipelines: Pipelines::default(), models: Models::default(), buffers },
             flights: VecDeque::new(),
             landings: Vec::new(),
             most_slots: if software { SOFTWARE_SLOTS } else { u64::MAX },
@@ -90,7 +91,7 @@ impl Gpu {
 
     /// Name of the adapter.
     pub fn adapter(&self) -> &str {
-        &self.machine.device.adapter.name
+        &self.state.device.adapter.name
     }
 }
 
@@ -103,16 +104,18 @@ impl Backend for Gpu {
         2
     }
 
-    fn begin(&mut self, frame: &Frame<'_>) -> Result<(), BackendError> {
+    fn begin(&mut self, frame: Frame) -> Result<(), BackendError> {
         let flight = self.depart(frame)?;
         self.flights.push_back(flight);
         Ok(())
     }
 
     fn finish(&mut self) -> Result<Option<Rendered>, BackendError> {
-        match self.flights.pop_front() {
-            Some(flight) => self.land(flight),
-            None => Ok(None),
-        }
+        self.flights.pop_front().map(|flight| self.land(flight)).transpose()
+    }
+
+    fn render(&mut self, frame: Frame) -> Result<Rendered, BackendError> {
+        let flight = self.depart(frame)?;
+        self.land(flight)
     }
 }

@@ -9,12 +9,12 @@ use super::device::Device;
 use crate::backend::BackendError;
 use crate::model::Surfels;
 
-/// Most surfels of a block: one dispatch reaches them along one axis.
+/// Most surfels of a surfel buffer: one dispatch reaches them along one axis.
 const MOST_SURFELS: u64 = 1 << 22;
 
 /// The models that were uploaded.
 #[derive(Debug, Default)]
-pub(super) struct Models {
+pub(in crate::backend) struct Models {
     models: Vec<Model>,
 }
 
@@ -22,12 +22,12 @@ pub(super) struct Models {
 struct Model {
     /// Holds the address, so that no other model can get it, but not the surfels.
     surfels: Weak<Surfels>,
-    blocks: Vec<Block>,
+    buffers: Vec<SurfelBuffer>,
 }
 
 /// Some surfels of a model, in buffers that a program can reach whole.
 #[derive(Clone, Debug)]
-pub(super) struct Block {
+pub(in crate::backend) struct SurfelBuffer {
     /// Which surfels of the model.
     pub surfels: Range<usize>,
     /// Columns: positions, axes u, axes v.
@@ -37,22 +37,26 @@ pub(super) struct Block {
 }
 
 impl Models {
-    /// The blocks of `surfels`, uploaded if they are not there yet.
-    pub(super) fn blocks(&mut self, device: &Device, surfels: &Arc<Surfels>) -> Result<Vec<Block>, BackendError> {
+    /// The buffers of `surfels`, uploaded if they are not there yet.
+    pub(in crate::backend) fn surfel_buffers(
+        &mut self,
+        device: &Device,
+        surfels: &Arc<Surfels>,
+    ) -> Result<Vec<SurfelBuffer>, BackendError> {
         self.models.retain(|model| model.surfels.strong_count() > 0);
         if let Some(model) = self.models.iter().find(|model| model.surfels.as_ptr() == Arc::as_ptr(surfels)) {
-            return Ok(model.blocks.clone());
+            return Ok(model.buffers.clone());
         }
-        let blocks = upload(device, surfels)?;
-        self.models.push(Model { surfels: Arc::downgrade(surfels), blocks: blocks.clone() });
-        Ok(blocks)
+        let buffers = upload(device, surfels)?;
+        self.models.push(Model { surfels: Arc::downgrade(surfels), buffers: buffers.clone() });
+        Ok(buffers)
     }
 }
 
-fn upload(device: &Device, surfels: &Surfels) -> Result<Vec<Block>, BackendError> {
+fn upload(device: &Device, surfels: &Surfels) -> Result<Vec<SurfelBuffer>, BackendError> {
     // 36 bytes of geometry, at most 40 of looks.
     let most = (device.most_bytes() / 40).clamp(1, MOST_SURFELS) as usize;
-    let mut blocks = Vec::new();
+    let mut buffers = Vec::new();
     for start in (0..surfels.len()).step_by(most) {
         let range = start..(start + most).min(surfels.len());
         let geometry = [&surfels.position, &surfels.axis_u, &surfels.axis_v]
@@ -69,16 +73,16 @@ fn upload(device: &Device, surfels: &Surfels) -> Result<Vec<Block>, BackendError
             bytemuck::cast_slice(&surfels.colour[range.clone()]),
             bytemuck::cast_slice(&materials),
         ];
-        blocks.push(Block {
+        buffers.push(SurfelBuffer {
             surfels: range,
             geometry: columns(device, "surfels", &geometry)?,
             looks: columns(device, "surfels", &looks)?,
         });
-        // What is on its way takes memory too: one block at a time.
+        // What is on its way takes memory too: one surfel buffer at a time.
         device.queue.submit([]);
         device.wait()?;
     }
-    Ok(blocks)
+    Ok(buffers)
 }
 
 /// A buffer of columns, one after the other.

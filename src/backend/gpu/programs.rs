@@ -9,7 +9,7 @@ use crate::backend::BackendError;
 
 /// Buffers that programs reach; the number is their binding in group 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Slot {
+pub(in crate::backend) enum Slot {
     Geometry = 0,
     Looks = 1,
     Segments = 2,
@@ -41,12 +41,12 @@ pub(super) enum Slot {
     LayerThresholds = 28,
     LayerSums = 29,
     Limits = 30,
-    StillFilm = 31,
+    StaticFilm = 31,
 }
 
 /// A compute program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Program {
+pub(in crate::backend) enum Program {
     Project,
     BinReduce,
     BinScan,
@@ -56,12 +56,12 @@ pub(super) enum Program {
     SortScatter,
     BinStarts,
     Visibility,
-    Recall,
+    Restore,
     SplatValues,
     SumAttributes,
     Resolve,
     Sweep,
-    Keep,
+    StoreMap,
     SweptAttribute,
     SweptResolve,
     Pool,
@@ -76,7 +76,7 @@ macro_rules! wgsl {
 const PROJECT: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/bounds.wgsl", "project.wgsl");
 const BIN: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/scan.wgsl", "bin.wgsl");
 const VISIBILITY: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/hit.wgsl", "visibility.wgsl");
-const RECALL: &str = wgsl!("common/types.wgsl", "recall.wgsl");
+const RESTORE: &str = wgsl!("common/types.wgsl", "restore.wgsl");
 const ATTRIBUTE: &str =
     wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "common/hit.wgsl", "attribute.wgsl");
 const RESOLVE: &str = wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "resolve.wgsl");
@@ -93,7 +93,7 @@ type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(super) const ALL: [Self; 19] = [
+    pub(in crate::backend) const ALL: [Self; 19] = [
         Self::Project,
         Self::BinReduce,
         Self::BinScan,
@@ -103,19 +103,19 @@ impl Program {
         Self::SortScatter,
         Self::BinStarts,
         Self::Visibility,
-        Self::Recall,
+        Self::Restore,
         Self::SplatValues,
         Self::SumAttributes,
         Self::Resolve,
         Self::Sweep,
-        Self::Keep,
+        Self::StoreMap,
         Self::SweptAttribute,
         Self::SweptResolve,
         Self::Pool,
         Self::Finish,
     ];
 
-    pub(super) const fn wgsl(self) -> &'static str {
+    pub(in crate::backend) const fn wgsl(self) -> &'static str {
         match self {
             Self::Project => PROJECT,
             Self::BinReduce
@@ -126,17 +126,17 @@ impl Program {
             | Self::SortScan
             | Self::SortScatter => BIN,
             Self::Visibility => VISIBILITY,
-            Self::Recall => RECALL,
+            Self::Restore => RESTORE,
             Self::SplatValues | Self::SumAttributes => ATTRIBUTE,
             Self::Resolve => RESOLVE,
             Self::Sweep => SWEEP,
-            Self::Keep => MAP,
+            Self::StoreMap => MAP,
             Self::SweptAttribute => SWEPT_ATTRIBUTE,
             Self::SweptResolve | Self::Pool | Self::Finish => SWEPT_RESOLVE,
         }
     }
 
-    pub(super) const fn entry(self) -> &'static str {
+    pub(in crate::backend) const fn entry(self) -> &'static str {
         match self {
             Self::Project => "project",
             Self::BinReduce => "bin_reduce",
@@ -147,12 +147,12 @@ impl Program {
             Self::SortScatter => "sort_scatter",
             Self::BinStarts => "bin_starts",
             Self::Visibility => "visibility",
-            Self::Recall => "recall",
+            Self::Restore => "restore",
             Self::SplatValues => "splat_values",
             Self::SumAttributes => "sum_attributes",
             Self::Resolve => "resolve",
             Self::Sweep => "sweep",
-            Self::Keep => "keep",
+            Self::StoreMap => "store_map",
             Self::SweptAttribute => "swept_attribute",
             Self::SweptResolve => "swept_resolve",
             Self::Pool => "pool",
@@ -160,10 +160,10 @@ impl Program {
         }
     }
 
-    pub(super) const fn buffers(self) -> Buffers {
+    pub(in crate::backend) const fn buffers(self) -> Buffers {
         use Slot::{
             DigitTotals, Film, Geometry, Histogram, Keys, LayerSums, LayerThresholds, Lights, Limits, List, Looks, Map,
-            Moments, Partials, Presence, Segments, SortedKeys, SortedList, Splats, Starts, Status, StillFilm, Sums,
+            Moments, Partials, Presence, Segments, SortedKeys, SortedList, Splats, Starts, StaticFilm, Status, Sums,
             Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
         };
         match self {
@@ -176,30 +176,30 @@ impl Program {
             Self::SortScatter => (&[Totals, SortedKeys, SortedList], &[Histogram, DigitTotals, Keys, List]),
             Self::BinStarts => (&[Totals, SortedKeys], &[Starts]),
             Self::Visibility => (&[Segments, Splats, List, Wide, Starts, Wanted], &[Thresholds]),
-            Self::Recall => (&[Thresholds, LayerThresholds, LayerSums], &[Sums, Limits]),
+            Self::Restore => (&[Thresholds, LayerThresholds, LayerSums], &[Sums, Limits]),
             Self::SplatValues => (&[Geometry, Looks, Lights, Splats, Touched], &[WrittenValues]),
             Self::SumAttributes => (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums]),
             Self::Resolve => (&[Lights, Thresholds, Sums], &[Film]),
-            Self::Keep => (&[Thresholds, Sums], &[Map]),
+            Self::StoreMap => (&[Thresholds, Sums], &[Map]),
             Self::SweptAttribute => (&[Splats, List, Wide, Starts, Values, Map], &[Sums, Presence]),
-            Self::SweptResolve => (&[Lights, Sums, Presence, Moments, StillFilm], &[Film]),
-            Self::Pool => (&[Sums, Presence, Moments, StillFilm], &[Film]),
+            Self::SweptResolve => (&[Lights, Sums, Presence, Moments, StaticFilm], &[Film]),
+            Self::Pool => (&[Sums, Presence, Moments, StaticFilm], &[Film]),
             Self::Finish => (&[], &[Film]),
         }
     }
 
     /// The part of the buffer that a uniform is, for those that have a segment.
-    pub(super) const fn has_segment(self) -> bool {
+    pub(in crate::backend) const fn has_segment(self) -> bool {
         matches!(self, Self::Project | Self::Sweep | Self::SplatValues)
     }
 }
 
 /// Values of a program's `override` constants.
-pub(super) type Constants = Vec<(&'static str, u32)>;
+pub(in crate::backend) type Constants = Vec<(&'static str, u32)>;
 
 /// Pipelines, made when they are first wanted.
 #[derive(Debug, Default)]
-pub(super) struct Pipelines {
+pub(in crate::backend) struct Pipelines {
     modules: HashMap<String, wgpu::ShaderModule>,
     layouts: HashMap<Program, Layouts>,
     made: HashMap<(Program, Constants), wgpu::ComputePipeline>,
@@ -209,7 +209,7 @@ pub(super) struct Pipelines {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Layouts {
+pub(in crate::backend) struct Layouts {
     /// View and, where the program has one, segment.
     pub uniforms: BindGroupLayout,
     pub buffers: BindGroupLayout,
@@ -218,12 +218,12 @@ pub(super) struct Layouts {
 impl Pipelines {
     /// With the second of each pair in place of the first in each program, once.
     #[cfg(test)]
-    pub(super) fn with(replaced: &'static [(&'static str, &'static str)]) -> Self {
+    pub(in crate::backend) fn with(replaced: &'static [(&'static str, &'static str)]) -> Self {
         Self { replaced, ..Self::default() }
     }
 
     /// The layouts of a program's two bind groups.
-    pub(super) fn layouts(&mut self, device: &Device, program: Program) -> &Layouts {
+    pub(in crate::backend) fn layouts(&mut self, device: &Device, program: Program) -> &Layouts {
         self.layouts.entry(program).or_insert_with(|| layouts(device, program))
     }
 
@@ -238,7 +238,7 @@ impl Pipelines {
         self.replaced.iter().fold(program.wgsl().to_owned(), |source, (from, to)| source.replacen(from, to, 1))
     }
 
-    pub(super) fn get(
+    pub(in crate::backend) fn get(
         &mut self,
         device: &Device,
         program: Program,

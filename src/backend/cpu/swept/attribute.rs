@@ -15,7 +15,7 @@ use crate::options::{KernelShape, KernelWeight, SweptKernel};
 
 /// How kernels weigh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::backend::cpu) enum Footprint {
+pub(in crate::backend) enum Footprint {
     /// Integral of the tube.
     Tube,
     /// Integral of the ellipsoid.
@@ -26,7 +26,7 @@ pub(in crate::backend::cpu) enum Footprint {
 
 impl Footprint {
     /// That of `kernel`.
-    pub(in crate::backend::cpu) const fn of(kernel: SweptKernel) -> Self {
+    pub(in crate::backend) const fn of(kernel: SweptKernel) -> Self {
         match (kernel.weight, kernel.shape) {
             (KernelWeight::Chord, _) => Self::Chord,
             (KernelWeight::Integral, KernelShape::Tube) => Self::Tube,
@@ -37,7 +37,7 @@ impl Footprint {
 
 /// What the pass needs beside splats.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::backend::cpu) struct Swept<'a> {
+pub(in crate::backend) struct Swept<'a> {
     pub attributes: Attributes<'a>,
     pub footprint: Footprint,
     /// Places of a kernel on one ray whose sources are looked up.
@@ -51,7 +51,7 @@ pub(in crate::backend::cpu) struct Swept<'a> {
 
 dispatch! {
     /// Adds the swept splats that `list` names to `sums` and `presence`.
-    pub(in crate::backend::cpu) fn attribute(
+    pub(in crate::backend) fn attribute(
         splats: &[SweptSplat], list: &[u32], swept: &Swept<'_>, tile: &TileRect, threshold: &[f32], sums: &mut [f32],
         presence: &mut Presence,
     ) = attribute_body

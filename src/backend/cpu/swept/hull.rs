@@ -8,7 +8,7 @@ const SLACK: f32 = 1e-2;
 /// The boxes around a kernel at times between its ends: box(t) = (1 - t) box(0) + t box(1), t in [0, 1]. Their union is the
 /// convex hull of the boxes at the ends, and holds the kernel.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::backend::cpu) struct Hull {
+pub(in crate::backend) struct Hull {
     from: [f32; 4],
     change: [f32; 4],
     /// 1 over the change of the first and of the last row.
@@ -20,7 +20,7 @@ pub(in crate::backend::cpu) struct Hull {
 
 impl Hull {
     #[inline(always)]
-    pub(in crate::backend::cpu) fn of(splat: &SweptSplat) -> Self {
+    pub(in crate::backend) fn of(splat: &SweptSplat) -> Self {
         let [from, to] = splat.ends;
         let change = [0, 1, 2, 3].map(|i| to[i] - from[i]);
         Self {
@@ -34,7 +34,7 @@ impl Hull {
 
     /// First and last pixel column in the pixel rows `first..=last`; none if the first is not at most the last.
     #[inline(always)]
-    pub(in crate::backend::cpu) fn columns(&self, first: f32, last: f32) -> [i32; 2] {
+    pub(in crate::backend) fn columns(&self, first: f32, last: f32) -> [i32; 2] {
         if self.whole {
             return self.columns;
         }

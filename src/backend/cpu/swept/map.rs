@@ -5,7 +5,7 @@ use crate::backend::cpu::tiles::{Band, STRIDE, TILE, TileRect};
 
 /// Depth threshold and inverse density of each sample position, tile by tile.
 #[derive(Clone, Debug, Default)]
-pub(in crate::backend::cpu) struct Map {
+pub(in crate::backend) struct Map {
     /// First pixel column and row.
     corner: [i32; 2],
     /// Tiles in a row, and rows of tiles.
@@ -14,20 +14,20 @@ pub(in crate::backend::cpu) struct Map {
 }
 
 /// Values of one tile: `TILE` rows of `TILE`.
-pub(in crate::backend::cpu) type MapTile = [[f32; 2]; TILE * TILE];
+pub(in crate::backend) type MapTile = [[f32; 2]; TILE * TILE];
 
-/// Where nothing is known everything is visible, however sparse: what `keep` makes of a pixel without kernels, so that it does not
+/// Where nothing is known everything is visible, however sparse: what `store` makes of a pixel without kernels, so that it does not
 /// matter which tiles had any.
 const UNKNOWN: [f32; 2] = [f32::INFINITY; 2];
 
 impl Map {
     /// Bytes of a map of `tiles` tiles.
-    pub(in crate::backend::cpu) const fn bytes(tiles: u64) -> u64 {
+    pub(in crate::backend) const fn bytes(tiles: u64) -> u64 {
         tiles * size_of::<MapTile>() as u64
     }
 
     /// Clears the map and lays it over `band`; returns its tiles, row by row.
-    pub(in crate::backend::cpu) fn lay(&mut self, band: &Band) -> &mut [MapTile] {
+    pub(in crate::backend) fn lay(&mut self, band: &Band) -> &mut [MapTile] {
         self.corner = band.corner;
         self.tiles = [band.tiles_x as i32, (band.len() / band.tiles_x.max(1)) as i32];
         self.values.clear();
@@ -52,8 +52,8 @@ impl Map {
     }
 }
 
-/// Pass `keep`: a tile's thresholds and, where there are any, sums of weights into its part of the map.
-pub(in crate::backend::cpu) fn keep(tile: &TileRect, threshold: &[f32], sums: &[f32], out: &mut MapTile) {
+/// Pass `store`: a tile's thresholds and, where there are any, sums of weights into its part of the map.
+pub(in crate::backend) fn store(tile: &TileRect, threshold: &[f32], sums: &[f32], out: &mut MapTile) {
     for y in 0..tile.height {
         for x in 0..tile.width {
             let at = y * STRIDE + x;
@@ -68,15 +68,15 @@ pub(in crate::backend::cpu) fn keep(tile: &TileRect, threshold: &[f32], sums: &[
 mod tests {
     use super::*;
 
-    /// A tile whose list is empty is left as it was laid, so that must be what `keep` makes of pixels without kernels: how large tiles
+    /// A tile whose list is empty is left as it was laid, so that must be what `store` makes of pixels without kernels: how large tiles
     /// are must not show.
     #[test]
     fn a_tile_without_kernels_is_like_pixels_without() {
         let band = Band::new([TILE as u32; 2], [0, 1]);
         let mut map = Map::default();
         let laid = map.lay(&band)[0];
-        let mut kept = [[0.0; 2]; TILE * TILE];
-        keep(&band.tile(0), &[f32::INFINITY; TILE * STRIDE], &[0.0; TILE * STRIDE], &mut kept);
-        assert_eq!(laid, kept);
+        let mut stored = [[0.0; 2]; TILE * TILE];
+        store(&band.tile(0), &[f32::INFINITY; TILE * STRIDE], &[0.0; TILE * STRIDE], &mut stored);
+        assert_eq!(laid, stored);
     }
 }

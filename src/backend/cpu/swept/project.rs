@@ -18,7 +18,7 @@ const SLACK_SHARE: f32 = 1e-5;
 
 /// Which volume a kernel sweeps.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::backend::cpu) struct Volume {
+pub(in crate::backend) struct Volume {
     /// The ellipsoid instead of the tube.
     pub ellipsoid: bool,
     /// Motion of the kernel over that of the surfel: 2 where neighbouring kernels overlap.
@@ -27,7 +27,7 @@ pub(in crate::backend::cpu) struct Volume {
 
 dispatch! {
     /// Appends the swept splats of `surfels[range]` that may touch the wanted pixels, in surfel order.
-    pub(in crate::backend::cpu) fn project(view: &View<'_>, volume: Volume, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>) = project_body
+    pub(in crate::backend) fn project(view: &View<'_>, volume: Volume, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>) = project_body
 }
 
 #[inline(always)]

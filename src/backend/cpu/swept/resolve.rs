@@ -4,13 +4,13 @@
 
 use crate::backend::cpu::tiles::{LANES, Presence, STRIDE, TILE, TileRect};
 use crate::film::FilmPlanes;
-use crate::frame::PosedInterval;
 use crate::layout::Channels;
 use crate::math::simd::dispatch;
+use crate::plan::PosedInterval;
 
 /// What an interval contributes.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::backend::cpu) struct Exposure<'a> {
+pub(in crate::backend) struct Exposure<'a> {
     pub interval: &'a PosedInterval,
     /// The interval's share of the exposure.
     pub weight: f32,
@@ -20,7 +20,7 @@ pub(in crate::backend::cpu) struct Exposure<'a> {
 
 dispatch! {
     /// The share of the exposure that each pixel of a tile is covered for, `TILE` rows of `STRIDE`.
-    pub(in crate::backend::cpu) fn coverage(exposure: &Exposure<'_>, presence: &Presence, out: &mut Vec<f32>) = coverage_body
+    pub(in crate::backend) fn coverage(exposure: &Exposure<'_>, presence: &Presence, out: &mut Vec<f32>) = coverage_body
 }
 
 #[inline(always)]
@@ -56,7 +56,7 @@ fn coverage_body(exposure: &Exposure<'_>, presence: &Presence, out: &mut Vec<f32
 }
 
 /// Adds one interval's sums, as they are, to the tile's film.
-pub(in crate::backend::cpu) fn pool(
+pub(in crate::backend) fn pool(
     weight: f32,
     channels: &Channels,
     planes: &FilmPlanes,
@@ -87,7 +87,7 @@ pub(in crate::backend::cpu) fn pool(
 }
 
 /// After all intervals: clamps coverage, and divides what was pooled by the sum of weights.
-pub(in crate::backend::cpu) fn finish(planes: &FilmPlanes, film: &mut [f32]) {
+pub(in crate::backend) fn finish(planes: &FilmPlanes, film: &mut [f32]) {
     if film.is_empty() {
         return;
     }

@@ -1,14 +1,6 @@
-//! Tests that reach into the backend: programs and layouts (`wgsl`), parity with the CPU's passes (`parity`), broken programs
-//! (`mutants`), buffers that are too small (`room`), kernels in motion (`swept`).
+//! Tests of programs and of the layouts that they share with the host.
 #![allow(clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
 
-mod cases;
-mod functions;
-mod harness;
-mod mutants;
-mod parity;
-mod room;
-mod swept;
 mod wgsl;
 
 use std::io::Write;
@@ -16,7 +8,7 @@ use std::io::Write;
 use super::{Choice, Gpu};
 
 /// Opens any adapter; where there is none, says so and skips, unless `REQUIRE_GPU` is set.
-fn gpu_or_skip(test: &str) -> Option<Gpu> {
+pub(in crate::backend) fn gpu_or_skip(test: &str) -> Option<Gpu> {
     match Gpu::open(&Choice::default()) {
         Ok(gpu) => {
             log(&format!("{test} on {}", gpu.adapter()));

@@ -7,18 +7,27 @@ use wgpu::{Buffer, BufferUsages, CommandEncoder, ComputePassTimestampWrites, Que
 use super::buffers::grow;
 use super::device::Device;
 use crate::backend::{BackendError, Stats};
-use crate::plan::Pass;
+
+/// What the time of a pass counts as, as in [`Stats`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::backend) enum Stage {
+    Project,
+    Bin,
+    Visibility,
+    Attribute,
+    Resolve,
+}
 
 /// Marks of one submission; the most that every device has.
 const MARKS: u32 = 4096;
 
 /// Begin and end of the passes of one frame.
 #[derive(Debug)]
-pub(super) struct Marks {
+pub(in crate::backend) struct Marks {
     clock: Option<Clock>,
     /// Passes since the last `collect`, then those before.
-    pending: Vec<Pass>,
-    passes: Vec<Pass>,
+    pending: Vec<Stage>,
+    passes: Vec<Stage>,
 }
 
 #[derive(Debug)]
@@ -34,7 +43,7 @@ struct Clock {
 
 impl Marks {
     /// Marks nothing where the device measures nothing.
-    pub(super) fn new(device: &Device) -> Result<Self, BackendError> {
+    pub(in crate::backend) fn new(device: &Device) -> Result<Self, BackendError> {
         let bytes = u64::from(MARKS) * 8;
         let clock = if device.timestamps {
             Some(Clock {
@@ -54,7 +63,7 @@ impl Marks {
     }
 
     /// Starts a frame of at most `passes` passes.
-    pub(super) fn begin(&mut self, device: &Device, passes: usize) -> Result<(), BackendError> {
+    pub(in crate::backend) fn begin(&mut self, device: &Device, passes: usize) -> Result<(), BackendError> {
         self.pending.clear();
         self.passes.clear();
         match &mut self.clock {
@@ -64,12 +73,12 @@ impl Marks {
     }
 
     /// Marks for the next pass; none where there are too many since the last `collect`, which are not measured.
-    pub(super) fn mark(&mut self, pass: Pass) -> Option<ComputePassTimestampWrites<'_>> {
+    pub(in crate::backend) fn mark(&mut self, stage: Stage) -> Option<ComputePassTimestampWrites<'_>> {
         let clock = self.clock.as_ref()?;
         let next = 2 * self.pending.len() as u32;
         let room = clock.marks.size() >= 16 * (self.passes.len() + self.pending.len() + 1) as u64;
         (room && next + 2 <= MARKS).then(|| {
-            self.pending.push(pass);
+            self.pending.push(stage);
             ComputePassTimestampWrites {
                 query_set: &clock.queries,
                 beginning_of_pass_write_index: Some(next),
@@ -79,7 +88,7 @@ impl Marks {
     }
 
     /// Collects the marks of a submission at its end.
-    pub(super) fn collect(&mut self, encoder: &mut CommandEncoder) {
+    pub(in crate::backend) fn collect(&mut self, encoder: &mut CommandEncoder) {
         let count = 2 * self.pending.len() as u32;
         if let Some(clock) = self.clock.as_ref().filter(|_| count > 0) {
             encoder.resolve_query_set(&clock.queries, 0..count, &clock.resolved, 0);
@@ -90,26 +99,26 @@ impl Marks {
     }
 
     /// Asks for the marks, after the last submission of a frame.
-    pub(super) fn ask(&self) {
+    pub(in crate::backend) fn ask(&self) {
         if let Some(clock) = &self.clock {
             clock.marks.map_async(wgpu::MapMode::Read, .., |_| ());
         }
     }
 
     /// Adds the measured times to `stats`, once the device is done.
-    pub(super) fn add_to(&self, stats: &mut Stats) {
+    pub(in crate::backend) fn add_to(&self, stats: &mut Stats) {
         let Some(clock) = &self.clock else { return };
         if let Ok(marks) = clock.marks.get_mapped_range(..) {
             let marks: &[u64] = bytemuck::cast_slice(&marks);
-            for (pass, marks) in self.passes.iter().zip(marks.chunks_exact(2)) {
+            for (stage, marks) in self.passes.iter().zip(marks.chunks_exact(2)) {
                 let ticks = marks[1].saturating_sub(marks[0]);
                 let time = Duration::from_nanos((ticks as f64 * clock.period) as u64);
-                match pass {
-                    Pass::Project | Pass::Sweep => stats.project += time,
-                    Pass::Bin => stats.bin += time,
-                    Pass::Visibility | Pass::Density | Pass::Keep => stats.visibility += time,
-                    Pass::Attribute | Pass::SweptAttribute => stats.attribute += time,
-                    Pass::Resolve | Pass::SweptResolve => stats.resolve += time,
+                match stage {
+                    Stage::Project => stats.project += time,
+                    Stage::Bin => stats.bin += time,
+                    Stage::Visibility => stats.visibility += time,
+                    Stage::Attribute => stats.attribute += time,
+                    Stage::Resolve => stats.resolve += time,
                 }
             }
         }

@@ -5,17 +5,19 @@ use bytemuck::Pod;
 
 use super::cases::{self, Case};
 use super::gpu_or_skip;
-use super::harness::{Harness, NONE, PIXELS, WIDE};
-use super::parity::{Tally, largest};
+use super::harness::{Harness, NONE, PIXELS, Pass, WIDE};
+use super::splat_twins::{Context, SplatTwins, project, whole};
+use super::splats::{Tally, largest};
+use super::sweep_twins::{MapTwins, Of, SweepTwins, SweptSums};
 use crate::backend::cpu::Cpu;
-use crate::backend::cpu::swept_twins::{Of, SweptSums, SweptTwins};
-use crate::backend::cpu::twins::Twins;
+use crate::backend::cpu::swept::map::Map;
+use crate::backend::cpu::swept::{MapGroup, SweepGroup};
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::{TILE, WIDEST};
 use crate::backend::gpu::programs::{Pipelines, Program};
 use crate::film::Picture;
 use crate::layout::{Splat, SweptSplat};
-use crate::plan::Pass;
+use crate::plan::{MapPass, Objects, Step, SweepPass};
 use crate::renderer::render_frame;
 
 /// What a slot may hold.
@@ -77,11 +79,11 @@ struct Slots<S> {
 impl<S: Slotted> Slots<S> {
     /// `finish`: what the device adds, given the segment.
     fn new(harness: &Harness<'_>, of: &[Of<S>], tiles: &[[usize; 2]], finish: impl Fn(&S, u32) -> S) -> Self {
-        let slots = harness.wave.slots as usize;
+        let slots = harness.batch.slots as usize;
         let mut splats = vec![None; slots];
-        for (segment, object, _) in &harness.wave.segments {
+        for (segment, object, _) in &harness.batch.segments {
             let first = segment.block_start + segment.first_surfel;
-            let of = of.iter().find(|of| of.object == *object).unwrap();
+            let of = of.iter().find(|of| of.chunk.object == *object).unwrap();
             for splat in of.splats.iter().filter(|s| (first..first + segment.surfels).contains(&s.surfel())) {
                 splats[(segment.first_slot + splat.surfel() - first) as usize] = Some(finish(splat, segment.index));
             }
@@ -113,7 +115,7 @@ impl<S: Slotted> Slots<S> {
 
     /// Writes splats and lists.
     fn feed(&self, harness: &Harness<'_>) {
-        let buffers = &harness.gpu.machine.buffers;
+        let buffers = &harness.gpu.state.buffers;
         let splats: Vec<S> = self.splats.iter().map(|splat| splat.unwrap_or(S::zeroed())).collect();
         harness.write(&buffers.splats, &splats);
         harness.write(&buffers.touched, &self.touched);
@@ -123,7 +125,7 @@ impl<S: Slotted> Slots<S> {
     }
 
     fn compare_splats(&self, harness: &Harness<'_>) -> Result<(), String> {
-        let buffers = &harness.gpu.machine.buffers;
+        let buffers = &harness.gpu.state.buffers;
         let touched: Vec<u32> = harness.read(&buffers.touched, self.touched.len());
         let splats: Vec<S> = harness.read(&buffers.splats, self.splats.len());
         let mut tally = Tally::default();
@@ -149,7 +151,7 @@ impl<S: Slotted> Slots<S> {
     }
 
     fn compare_lists(&self, harness: &Harness<'_>) -> Result<(), String> {
-        let buffers = &harness.gpu.machine.buffers;
+        let buffers = &harness.gpu.state.buffers;
         let same = |what: &str, got: Vec<u32>, want: &[u32]| {
             if got == want { Ok(()) } else { Err(format!("{what}: {got:?}, not {want:?}")) }
         };
@@ -181,129 +183,154 @@ fn tiles(size: [u32; 2]) -> Vec<[usize; 2]> {
 
 /// Spoils what passes write.
 fn spoil(harness: &Harness<'_>) {
-    let buffers = &harness.gpu.machine.buffers;
-    let mut encoder = harness.gpu.machine.encoder();
+    let buffers = &harness.gpu.state.buffers;
+    let mut encoder = harness.gpu.state.encoder();
     let spoilt = [&buffers.splats, &buffers.touched, &buffers.starts, &buffers.thresholds, &buffers.sums, &buffers.map];
     for buffer in spoilt.into_iter().chain([&buffers.presence, &buffers.film]) {
         encoder.clear_buffer(buffer, 0, None);
     }
-    harness.gpu.machine.device.queue.submit([encoder.finish()]);
+    harness.gpu.state.device.queue.submit([encoder.finish()]);
 }
 
-/// What lies still in a tile: its thresholds, and its film plane by plane.
-type StillTile = (Vec<f32>, Vec<Vec<f32>>);
+/// The static objects of a tile: their thresholds, and their film plane by plane.
+type StaticPicture = (Vec<f32>, Vec<Vec<f32>>);
 
-/// The picture of what lies still, on both backends: tile by tile as the CPU has it.
-fn check_still(harness: &mut Harness<'_>, tiles: &[[usize; 2]], map_tiles: usize) -> Result<Vec<StillTile>, String> {
-    let frame = harness.twins.frame;
-    if !frame.has_still_picture() {
+/// The picture of static objects, on both backends: tile by tile as the CPU has it.
+fn check_static(
+    harness: &mut Harness<'_>,
+    context: &Context,
+    tiles: &[[usize; 2]],
+    map_tiles: usize,
+) -> Result<Vec<StaticPicture>, String> {
+    let frame = harness.frame;
+    if !frame.has_static_picture() {
         return Ok(vec![(vec![f32::INFINITY; PIXELS], Vec::new()); tiles.len()]);
     }
-    let mut group = harness.twins.group.clone();
+    let position = &frame.rasters[0].positions[0];
+    let mut group = position.groups[0].clone();
     group.samples[0].weight = 1.0;
-    let twins = Twins { group: &group, ..harness.twins };
-    let posed: Vec<_> = twins.project().into_iter().filter(|posed| frame.objects[posed.object].still).collect();
+    let scope = context.scope(frame, position, &group, whole(position));
+    let twins = SplatTwins { scope, ..harness.twins };
+    let posed = project(&scope, Objects::Static);
     let of_tile = |&tile: &[usize; 2]| {
         let thresholds = twins.visibility(&posed, tile);
         let mut film = twins.resolve(tile, &thresholds, &twins.attribute(&posed, tile, &thresholds));
-        film.resize(harness.execution.planes.count, vec![0.0; PIXELS]);
+        film.resize(harness.prepared.planes.count, vec![0.0; PIXELS]);
         (thresholds, film)
     };
-    let want: Vec<StillTile> = tiles.iter().map(of_tile).collect();
-    harness.picture_still();
-    let buffers = &harness.gpu.machine.buffers;
+    let want: Vec<StaticPicture> = tiles.iter().map(of_tile).collect();
+    harness.static_picture();
+    let buffers = &harness.gpu.state.buffers;
     let map: Vec<f32> = harness.read(&buffers.map, (2 * map_tiles + tiles.len()) * PIXELS);
     let thresholds: Vec<f32> = want.iter().flat_map(|(thresholds, _)| thresholds.clone()).collect();
-    compare("thresholds of what lies still", &map[2 * map_tiles * PIXELS..], &thresholds, |_| 1.0)?;
+    compare("thresholds of static objects", &map[2 * map_tiles * PIXELS..], &thresholds, |_| 1.0)?;
     let planes: Vec<f32> = want.iter().flat_map(|(_, planes)| flat(planes)).collect();
-    let film: Vec<f32> = harness.read(&buffers.still_film, planes.len());
-    compare("picture of what lies still", &film, &planes, |_| 1.0)?;
+    let film: Vec<f32> = harness.read(&buffers.static_film, planes.len());
+    compare("picture of static objects", &film, &planes, |_| 1.0)?;
     // Both backends go on from the same.
-    harness.write(&buffers.still_film, &planes);
+    harness.write(&buffers.static_film, &planes);
     Ok(want)
 }
 
 /// All passes of the first group of a case; the first that differs.
 fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let frame = case.frame();
-    let Some(mut harness) = Harness::new(gpu, &frame) else { return Ok(()) };
-    let (group, kernel) = (&frame.groups[0], frame.swept.unwrap());
-    let twins = SweptTwins { frame: &frame, group, kernel, edge: TILE as usize };
-    let raster = harness.execution.schedule.rasters[0];
-    let band = harness.execution.schedule.bands(0).next().unwrap();
-    let around = raster.area(band).guarded(group.interval.unwrap().guard);
+    let context = Context::of(&frame);
+    let Some(mut harness) = Harness::new(gpu, &frame, &context) else { return Ok(()) };
+    let (interval, kernel, objects) = frame
+        .steps()
+        .find_map(|step| match *step {
+            Step::Sweep { interval, kernel, objects, .. } => Some((interval, kernel, objects)),
+            _ => None,
+        })
+        .unwrap();
+    let density = frame.steps().any(|step| matches!(step, Step::VisibilityMap { density: true, .. }));
+    let position = &frame.rasters[0].positions[0];
+    let (edge, band) = (TILE as usize, whole(position));
+    let scope = |band| context.scope(&frame, position, &position.groups[0], band);
+    let map_twins = MapTwins { group: MapGroup { scope: scope(band.guarded(interval.guard)) }, edge };
+    let raster = harness.prepared.schedule.rasters[0];
+    let around = raster.area(harness.prepared.schedule.bands(0).next().unwrap()).guarded(interval.guard);
     let (on_map, on_band) = (tiles(around.tiles), tiles(raster.tiles));
-    let passes = || frame.passes.iter().copied();
     let failed = |pass: Pass| move |what: String| format!("{}: {pass:?}: {what}", case.name);
 
-    let still = twins.project();
+    let splats = map_twins.project(objects);
     let slots =
-        Slots::new(&harness, &still, &on_map, |splat, segment| Splat { flags: splat.flags | segment << 1, ..*splat });
+        Slots::new(&harness, &splats, &on_map, |splat, segment| Splat { flags: splat.flags | segment << 1, ..*splat });
     spoil(&harness);
-    harness.run_on(Pass::Project, true);
+    harness.run(Pass::Project);
+    // On the map, what is compared is what lies there.
     slots.compare_splats(&harness).map_err(failed(Pass::Project))?;
     slots.feed(&harness);
-    harness.run_on(Pass::Bin, true);
+    harness.run(Pass::Bin);
     slots.compare_lists(&harness).map_err(failed(Pass::Bin))?;
 
-    let thresholds: Vec<_> = on_map.iter().map(|&tile| twins.visibility(&still, tile)).collect();
+    let thresholds: Vec<_> = on_map.iter().map(|&tile| map_twins.visibility(&splats, tile)).collect();
     let count = on_map.len() * PIXELS;
     slots.feed(&harness);
-    harness.run_on(Pass::Visibility, true);
-    let got: Vec<f32> = harness.read(&harness.gpu.machine.buffers.thresholds, count);
-    compare("thresholds", &got, &flat(&thresholds), |_| 1.0).map_err(failed(Pass::Visibility))?;
+    let pass = Pass::Map(MapPass::Visibility);
+    harness.run(pass);
+    let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.thresholds, count);
+    compare("thresholds", &got, &flat(&thresholds), |_| 1.0).map_err(failed(pass))?;
 
     let finite: Vec<f32> = thresholds.iter().flatten().map(|t| t.min(NONE)).collect();
-    harness.write(&harness.gpu.machine.buffers.thresholds, &finite);
-    let mut density = vec![Vec::new(); on_map.len()];
-    if passes().any(|pass| pass == Pass::Density) {
-        density = on_map.iter().zip(&thresholds).map(|(&tile, t)| twins.density(&still, tile, t)).collect();
-        harness.run_on(Pass::Density, true);
-        let got: Vec<f32> = harness.read(&harness.gpu.machine.buffers.sums, count);
-        compare("density", &got, &flat(&density), |_| 1.0).map_err(failed(Pass::Density))?;
-        harness.write(&harness.gpu.machine.buffers.sums, &flat(&density));
+    harness.write(&harness.gpu.state.buffers.thresholds, &finite);
+    let mut densities = vec![Vec::new(); on_map.len()];
+    if density {
+        densities = on_map.iter().zip(&thresholds).map(|(&tile, t)| map_twins.density(&splats, tile, t)).collect();
+        let pass = Pass::Map(MapPass::Density);
+        harness.run(pass);
+        let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.sums, count);
+        compare("density", &got, &flat(&densities), |_| 1.0).map_err(failed(pass))?;
+        harness.write(&harness.gpu.state.buffers.sums, &flat(&densities));
     }
-    let kept: Vec<_> =
-        on_map.iter().zip(thresholds.iter().zip(&density)).map(|(&tile, (t, d))| twins.keep(tile, t, d)).collect();
-    harness.run_on(Pass::Keep, true);
-    let got: Vec<[f32; 2]> = harness.read(&harness.gpu.machine.buffers.map, count);
-    // Beyond the guard band there is nothing to keep on the CPU; sources do not lie there.
+    let stored: Vec<_> = on_map
+        .iter()
+        .zip(thresholds.iter().zip(&densities))
+        .map(|(&tile, (t, d))| map_twins.store(tile, t, d))
+        .collect();
+    let pass = Pass::Map(MapPass::Store);
+    harness.run(pass);
+    let got: Vec<[f32; 2]> = harness.read(&harness.gpu.state.buffers.map, count);
+    // Beyond the guard band the CPU stores nothing; sources do not lie there.
     let [width, height] = [around.pixels[1] + 1 - around.pixels[0], around.pixels[3] + 1 - around.pixels[2]];
     let inside = |i: usize| {
         let (tile, pixel) = (on_map[i / PIXELS], i % PIXELS);
-        let edge = TILE as usize;
         tile[0] * edge + pixel % edge < width as usize && tile[1] * edge + pixel / edge < height as usize
     };
     let some = |values: &[[f32; 2]]| -> Vec<f32> {
         values.iter().enumerate().filter(|(i, _)| inside(*i)).flat_map(|(_, value)| *value).collect()
     };
-    compare("map", &some(&got), &some(&flat(&kept)), |_| 1.0).map_err(failed(Pass::Keep))?;
+    compare("map", &some(&got), &some(&flat(&stored)), |_| 1.0).map_err(failed(pass))?;
 
-    let moving = twins.sweep();
-    let slots = Slots::new(&harness, &moving, &on_band, |splat, _| *splat);
-    harness.run(Pass::Sweep);
-    slots.compare_splats(&harness).map_err(failed(Pass::Sweep))?;
-    slots.compare_lists(&harness).map_err(failed(Pass::Sweep))?;
+    let map: Map = map_twins.map(&stored, around.tiles[0] as usize);
+    let group = SweepGroup { scope: scope(band), interval: &interval, kernel, map: &map, picture: &[] };
+    let twins = SweepTwins { group, edge };
+    let kernels = twins.sweep(objects);
+    let slots = Slots::new(&harness, &kernels, &on_band, |splat, _| *splat);
+    harness.run(Pass::MakeKernels);
+    slots.compare_splats(&harness).map_err(failed(Pass::MakeKernels))?;
+    slots.compare_lists(&harness).map_err(failed(Pass::MakeKernels))?;
 
-    let map = twins.map(&kept, around.tiles[0] as usize);
-    let still = check_still(&mut harness, &on_band, on_map.len()).map_err(failed(Pass::Resolve))?;
+    let picture = check_static(&mut harness, &context, &on_band, on_map.len())
+        .map_err(|what| format!("{}: {what}", case.name))?;
     let sums: Vec<_> =
-        on_band.iter().zip(&still).map(|(&tile, (before, _))| twins.attribute(&moving, tile, &map, before)).collect();
+        on_band.iter().zip(&picture).map(|(&tile, (before, _))| twins.attribute(&kernels, tile, before)).collect();
     slots.feed(&harness);
-    let behind = still.iter().filter(|(_, film)| !film.is_empty()).flat_map(|(before, _)| before);
-    let fed: Vec<f32> = flat(&kept).as_flattened().iter().chain(behind).map(|v| v.min(NONE)).collect();
-    harness.write(&harness.gpu.machine.buffers.map, &fed);
-    harness.run(Pass::SweptAttribute);
-    compare_sums(&harness, &sums).map_err(failed(Pass::SweptAttribute))?;
+    let behind = picture.iter().filter(|(_, film)| !film.is_empty()).flat_map(|(before, _)| before);
+    let fed: Vec<f32> = flat(&stored).as_flattened().iter().chain(behind).map(|v| v.min(NONE)).collect();
+    harness.write(&harness.gpu.state.buffers.map, &fed);
+    harness.run(Pass::Sweep(SweepPass::Attribute));
+    compare_sums(&harness, &sums).map_err(failed(Pass::Sweep(SweepPass::Attribute)))?;
 
-    let buffers = &harness.gpu.machine.buffers;
+    let buffers = &harness.gpu.state.buffers;
     harness.write(&buffers.sums, &sums.iter().flat_map(|sums| flat(&sums.channels)).collect::<Vec<_>>());
     harness.write(&buffers.presence, &sums.iter().flat_map(presence).flatten().collect::<Vec<u32>>());
-    harness.run(Pass::SweptResolve);
-    let of_tile = |((&tile, sums), (_, still)): ((_, _), &StillTile)| twins.resolve(tile, sums, still);
-    let want: Vec<_> = on_band.iter().zip(&sums).zip(&still).flat_map(of_tile).collect();
-    let got: Vec<f32> = harness.read(&harness.gpu.machine.buffers.film, want.len() * PIXELS);
-    compare("film", &got, &flat(&want), |_| 1.0).map_err(failed(Pass::SweptResolve))
+    harness.run(Pass::Sweep(SweepPass::Resolve));
+    let of_tile = |((&tile, sums), (_, film)): ((_, _), &StaticPicture)| twins.resolve(tile, sums, film);
+    let want: Vec<_> = on_band.iter().zip(&sums).zip(&picture).flat_map(of_tile).collect();
+    let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.film, want.len() * PIXELS);
+    compare("film", &got, &flat(&want), |_| 1.0).map_err(failed(Pass::Sweep(SweepPass::Resolve)))
 }
 
 fn presence(sums: &SweptSums) -> [Vec<u32>; 3] {
@@ -311,8 +338,8 @@ fn presence(sums: &SweptSums) -> [Vec<u32>; 3] {
 }
 
 fn compare_sums(harness: &Harness<'_>, want: &[SweptSums]) -> Result<(), String> {
-    let buffers = &harness.gpu.machine.buffers;
-    let channels = harness.execution.channels.count;
+    let buffers = &harness.gpu.state.buffers;
+    let channels = harness.prepared.channels.count;
     let got: Vec<f32> = harness.read(&buffers.sums, want.len() * channels * PIXELS);
     let values: Vec<f32> = want.iter().flat_map(|sums| flat(&sums.channels)).collect();
     // A sum's rounding goes with the sum of the weights.
@@ -371,7 +398,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 25] = [
     ([("met.depth > before", "met.depth < before")], "tube"),
     ([("let behind = view.map_tiles.x", "let behind = view.map_tiles.y")], "tube"),
     ([("view.weight - covered", "view.weight")], "tube"),
-    ([("left * still_film[at + 3u * TILE_PIXELS]", "left")], "once"),
+    ([("left * static_film[at + 3u * TILE_PIXELS]", "left")], "once"),
 ];
 
 #[test]
@@ -383,7 +410,7 @@ fn broken_swept_programs_are_noticed() {
         let [(from, to)] = pair;
         assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
         let case = cases.iter().find(|case| case.name == *name).unwrap();
-        gpu.machine.pipelines = Pipelines::with(pair);
+        gpu.state.pipelines = Pipelines::with(pair);
         match check(&mut gpu, case) {
             Ok(()) => unnoticed.push(format!("`{from}` became `{to}`")),
             Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
@@ -402,10 +429,10 @@ fn values(picture: &Picture) -> Vec<f32> {
 fn swept_images_look_the_same() {
     let Some(mut gpu) = gpu_or_skip("swept_images_look_the_same") else { return };
     for case in cases::swept() {
-        let render = |gpu: bool, machine: &mut Gpu| {
+        let render = |gpu: bool, device: &mut Gpu| {
             let mut cpu = Cpu::default();
             let rendered = if gpu {
-                render_frame(machine, &case.scene, 0, &case.options)
+                render_frame(device, &case.scene, 0, &case.options)
             } else {
                 render_frame(&mut cpu, &case.scene, 0, &case.options)
             };
@@ -428,13 +455,13 @@ fn swept_images_look_the_same() {
 #[test]
 fn small_buffers_change_no_swept_image() {
     let open = || gpu_or_skip("small_buffers_change_no_swept_image");
-    let (Some(mut roomy), Some(mut waves), Some(mut bands)) = (open(), open(), open()) else { return };
-    (waves.most_slots, bands.most_bytes) = (100, 256 << 10);
+    let (Some(mut roomy), Some(mut batches), Some(mut bands)) = (open(), open(), open()) else { return };
+    (batches.most_slots, bands.most_bytes) = (100, 256 << 10);
     for case in cases::swept() {
         let picture =
             |gpu: &mut Gpu| render_frame(gpu, &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}")).picture;
         let want = picture(&mut roomy);
-        assert_eq!(picture(&mut waves), want, "{}: waves of 100", case.name);
+        assert_eq!(picture(&mut batches), want, "{}: batches of 100", case.name);
         assert_eq!(picture(&mut bands), want, "{}: small bindings", case.name);
     }
 }

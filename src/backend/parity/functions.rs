@@ -6,7 +6,7 @@ use super::gpu_or_skip;
 use super::harness::read;
 
 const PROGRAM: &str = concat!(
-    include_str!("../../../../shaders/common/fast.wgsl"),
+    include_str!("../../../shaders/common/fast.wgsl"),
     r"
 @group(0) @binding(0) var<storage, read_write> numbers: array<vec4<f32>>;
 
@@ -34,7 +34,7 @@ fn slope(a: f64, b: f64) -> f64 {
 fn functions_are_as_exact_as_their_twins() {
     let Some(gpu) = gpu_or_skip("functions_are_as_exact_as_their_twins") else { return };
     let numbers: Vec<[f32; 4]> = (0..=20_000).map(|i| [i as f32 / 20_000.0, (i % 70) as f32, 0.0, 0.0]).collect();
-    let device = &gpu.machine.device;
+    let device = &gpu.state.device;
     let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
     let buffer = device.buffer("numbers", 16 * numbers.len() as u64, usage).unwrap();
     device.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&numbers));
@@ -55,7 +55,7 @@ fn functions_are_as_exact_as_their_twins() {
         layout: &pipeline.get_bind_group_layout(0),
         entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
     });
-    let mut encoder = gpu.machine.encoder();
+    let mut encoder = gpu.state.encoder();
     {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);

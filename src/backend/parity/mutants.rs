@@ -2,7 +2,7 @@
 
 use super::cases;
 use super::gpu_or_skip;
-use super::parity;
+use super::splats;
 use crate::backend::gpu::programs::{Pipelines, Program};
 
 /// Text of a program, what replaces it, and a case that must notice.
@@ -48,8 +48,8 @@ fn broken_programs_are_noticed() {
         let [(from, to)] = pair;
         assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
         let case = cases.iter().find(|case| case.name == *name).unwrap();
-        gpu.machine.pipelines = Pipelines::with(pair);
-        match parity::check(&mut gpu, case) {
+        gpu.state.pipelines = Pipelines::with(pair);
+        match splats::check(&mut gpu, case) {
             Ok(()) => panic!("`{from}` became `{to}`, and nothing was noticed"),
             Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
         }
@@ -79,12 +79,12 @@ static ROUNDED: [(&str, &str); 15] = [
 #[test]
 fn programs_that_round_otherwise_pass() {
     let Some(mut gpu) = gpu_or_skip("programs_that_round_otherwise_pass") else { return };
-    gpu.machine.pipelines = Pipelines::with(&ROUNDED);
+    gpu.state.pipelines = Pipelines::with(&ROUNDED);
     for (from, _) in ROUNDED {
         assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
     }
     for case in cases::all() {
         eprintln!("{}:", case.name);
-        parity::check(&mut gpu, &case).unwrap_or_else(|what| panic!("{what}"));
+        splats::check(&mut gpu, &case).unwrap_or_else(|what| panic!("{what}"));
     }
 }

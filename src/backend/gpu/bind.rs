@@ -4,29 +4,28 @@ use wgpu::{BindGroup, BindGroupEntry, BindingResource, BufferBinding, BufferSize
 
 use super::buffers::Buffers;
 use super::device::Device;
-use super::execute::Execution;
 use super::layout::{DIGIT_BITS, UNIFORM_STRIDE};
-use super::models::Block;
+use super::memory::DeviceChannels;
+use super::models::SurfelBuffer;
+use super::prepared::Prepared;
 use super::programs::{Constants, Pipelines, Program, Slot};
-use super::schedule::DeviceChannels;
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
 use crate::frame::Frame;
 use crate::layout::{Channels, Splat, SweptSplat};
 use crate::options::{KernelShape, KernelWeight, Normalise, Shading, SweptKernel, TemporalAlpha};
-use crate::plan::Pass;
 
 /// A pipeline and what it is bound to.
 #[derive(Clone, Debug)]
-pub(super) struct Step {
+pub(in crate::backend) struct BoundProgram {
     pipeline: ComputePipeline,
     uniforms: BindGroup,
     buffers: BindGroup,
 }
 
-impl Step {
+impl BoundProgram {
     /// Sets everything for a dispatch; `offsets`: of the view and, where the program has one, the segment.
-    pub(super) fn set(&self, pass: &mut ComputePass<'_>, offsets: &[u32]) {
+    pub(in crate::backend) fn set(&self, pass: &mut ComputePass<'_>, offsets: &[u32]) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.uniforms, offsets);
         pass.set_bind_group(1, &self.buffers, &[]);
@@ -35,67 +34,85 @@ impl Step {
 
 /// One round of the sort.
 #[derive(Clone, Debug)]
-pub(super) struct Round {
-    pub count: Step,
-    pub scan: Step,
-    pub scatter: Step,
+pub(in crate::backend) struct Round {
+    pub count: BoundProgram,
+    pub scan: BoundProgram,
+    pub scatter: BoundProgram,
 }
 
-/// The steps of a frame.
+/// The programs of a frame.
 #[derive(Debug)]
-pub(super) struct Steps {
-    /// For each object, for each block.
-    pub project: Vec<Vec<Step>>,
-    pub bin_reduce: Step,
-    pub bin_scan: Step,
-    pub bin_emit: Step,
+pub(in crate::backend) struct BoundPrograms {
+    pub lists: ListPrograms,
+    pub bin: BinPrograms,
+    pub visibility: BoundProgram,
+    /// For each object, for each of its surfel buffers.
+    pub splat_values: Vec<Vec<BoundProgram>>,
+    pub sum_attributes: BoundProgram,
+    /// One for each band of each raster.
+    pub film: Vec<FilmPart>,
+    /// `None` where there is no room for a static layer, or no need.
+    pub static_layer: Option<StaticLayerPrograms>,
+    /// `None` where no step sweeps kernels.
+    pub swept: Option<SweptPrograms>,
+}
+
+/// What makes splats, or kernels in motion, and their lists.
+#[derive(Debug)]
+pub(in crate::backend) struct ListPrograms {
+    /// For each object, for each of its surfel buffers.
+    pub project: Vec<Vec<BoundProgram>>,
+    pub emit: BoundProgram,
+}
+
+/// Pass `bin`, but for the program that emits entries.
+#[derive(Debug)]
+pub(in crate::backend) struct BinPrograms {
+    pub reduce: BoundProgram,
+    pub scan: BoundProgram,
     pub sort: Vec<Round>,
-    pub bin_starts: Step,
-    pub visibility: Step,
-    /// For each object, for each block.
-    pub splat_values: Vec<Vec<Step>>,
-    pub sum_attributes: Step,
-    /// One for each part of the film.
-    pub resolve: Vec<Step>,
-    /// Likewise, where the film is not finished when all groups are added.
-    pub finish: Vec<Step>,
-    pub layer: Option<LayerSteps>,
-    pub swept: Option<SweptSteps>,
+    pub starts: BoundProgram,
 }
 
-/// What comes for groups that share a sample position.
+/// What writes to a band's part of the film.
 #[derive(Debug)]
-pub(super) struct LayerSteps {
-    /// Sums of what lies still.
-    pub sum: Step,
-    pub recall: Step,
-    /// Sums of what must be added anew: for each wave of what lies still.
-    pub anew: Vec<Step>,
+pub(in crate::backend) struct FilmPart {
+    pub resolve: BoundProgram,
+    /// `None` where the film is complete when all groups are added.
+    pub finish: Option<BoundProgram>,
 }
 
-/// What is other for kernels in motion.
+/// What static layers take.
 #[derive(Debug)]
-pub(super) struct SweptSteps {
-    pub density: Step,
-    pub keep: Step,
-    /// For each object, for each block.
-    pub project: Vec<Vec<Step>>,
-    pub bin_emit: Step,
-    /// For each object, for each block.
-    pub splat_values: Vec<Vec<Step>>,
-    pub attribute: Step,
-    /// The picture of what lies still, where it has one.
-    pub still: Option<Step>,
+pub(in crate::backend) struct StaticLayerPrograms {
+    /// Sums of static objects.
+    pub sum: BoundProgram,
+    pub restore: BoundProgram,
+    /// Sums that must be recomputed: for each batch of the layer.
+    pub recompute: Vec<BoundProgram>,
 }
 
-/// Everything that steps are made from.
-pub(super) struct Bench<'a> {
+/// What kernels in motion take.
+#[derive(Debug)]
+pub(in crate::backend) struct SweptPrograms {
+    pub lists: ListPrograms,
+    pub density: BoundProgram,
+    pub store_map: BoundProgram,
+    /// For each object, for each of its surfel buffers.
+    pub splat_values: Vec<Vec<BoundProgram>>,
+    pub attribute: BoundProgram,
+    /// Resolves the picture of static objects, where there is one.
+    pub static_picture: Option<BoundProgram>,
+}
+
+/// What programs are bound to.
+pub(in crate::backend) struct Binder<'a> {
     pub device: &'a Device,
     pub pipelines: &'a mut Pipelines,
     pub buffers: &'a Buffers,
 }
 
-impl Bench<'_> {
+impl Binder<'_> {
     /// Where the sort's buffers are reached from `from` to the other one.
     fn buffer(&self, slot: Slot, from: usize) -> &wgpu::Buffer {
         let b = self.buffers;
@@ -122,9 +139,9 @@ impl Bench<'_> {
             Slot::Thresholds => &b.thresholds,
             Slot::WrittenValues | Slot::Values => &b.values,
             Slot::Sums => &b.sums,
-            // These are bound block by block and band by band.
+            // These are bound surfel buffer by surfel buffer and band by band.
             Slot::Film | Slot::Geometry | Slot::Looks => &b.film,
-            Slot::StillFilm => &b.still_film,
+            Slot::StaticFilm => &b.static_film,
             Slot::Wanted => &b.wanted,
             Slot::LayerThresholds => &b.layer_thresholds,
             Slot::LayerSums => &b.layer_sums,
@@ -132,14 +149,14 @@ impl Bench<'_> {
         }
     }
 
-    /// A step whose lists lie in the buffers other than `from`.
-    fn step(
+    /// A program whose lists lie in the buffers other than `from`.
+    fn program(
         &mut self,
         program: Program,
         constants: &Constants,
         from: usize,
         special: &[(Slot, BufferBinding<'_>)],
-    ) -> Result<Step, BackendError> {
+    ) -> Result<BoundProgram, BackendError> {
         let pipeline = self.pipelines.get(self.device, program, constants)?;
         let layouts = self.pipelines.layouts(self.device, program).clone();
         let uniform = |buffer| {
@@ -166,30 +183,29 @@ impl Bench<'_> {
         };
         let uniforms = bind(&layouts.uniforms, uniforms);
         let buffers = bind(&layouts.buffers, &entries);
-        Ok(Step { pipeline, uniforms, buffers })
+        Ok(BoundProgram { pipeline, uniforms, buffers })
     }
 
-    /// `program` for each block of each object.
-    fn of_blocks(
+    /// `program` for each surfel buffer of each object.
+    fn of_surfels(
         &mut self,
         program: Program,
         constants: &Constants,
-        blocks: &[Vec<Block>],
-    ) -> Result<Vec<Vec<Step>>, BackendError> {
-        let mut one = |block: &Block| {
+        surfel_buffers: &[Vec<SurfelBuffer>],
+    ) -> Result<Vec<Vec<BoundProgram>>, BackendError> {
+        let mut one = |buffer: &SurfelBuffer| {
             let special = [
-                (Slot::Geometry, block.geometry.as_entire_buffer_binding()),
-                (Slot::Looks, block.looks.as_entire_buffer_binding()),
+                (Slot::Geometry, buffer.geometry.as_entire_buffer_binding()),
+                (Slot::Looks, buffer.looks.as_entire_buffer_binding()),
             ];
-            self.step(program, constants, 0, &special)
+            self.program(program, constants, 0, &special)
         };
-        blocks.iter().map(|blocks| blocks.iter().map(&mut one).collect()).collect()
+        surfel_buffers.iter().map(|buffers| buffers.iter().map(&mut one).collect()).collect()
     }
 
-    /// All steps of a frame.
-    pub(super) fn steps(&mut self, execution: &Execution<'_>) -> Result<Steps, BackendError> {
-        let Execution { frame, channels, planes, blocks, schedule, .. } = execution;
-        let parts = &execution.parts();
+    /// All programs of a frame.
+    pub(in crate::backend) fn bind(&mut self, prepared: &Prepared<'_>) -> Result<BoundPrograms, BackendError> {
+        let Prepared { frame, channels, planes, surfel_buffers, schedule, .. } = prepared;
         let none = Constants::new();
         let rounds = schedule
             .band_tiles
@@ -207,56 +223,73 @@ impl Bench<'_> {
             let from = (begin + round) % 2;
             let shift = vec![("SHIFT", round as u32 * DIGIT_BITS)];
             sort.push(Round {
-                count: self.step(Program::SortCount, &shift, from, &[])?,
-                scan: self.step(Program::SortScan, &none, from, &[])?,
-                scatter: self.step(Program::SortScatter, &shift, from, &[])?,
+                count: self.program(Program::SortCount, &shift, from, &[])?,
+                scan: self.program(Program::SortScan, &none, from, &[])?,
+                scatter: self.program(Program::SortScatter, &shift, from, &[])?,
             });
         }
-        let resolve = match frame.swept {
-            Some(swept) => swept_resolve_constants(frame, swept, channels, planes),
-            None => resolve_constants(frame, channels, planes),
-        };
-        let program = match frame.swept.map(|swept| swept.normalise) {
-            None => Program::Resolve,
-            Some(Normalise::Interval) => Program::SweptResolve,
-            Some(Normalise::Once) => Program::Pool,
-        };
-        let resolve_parts = self.of_parts(program, &resolve, parts)?;
-        let unfinished = |swept: SweptKernel| swept.normalise == Normalise::Once || swept.alpha == TemporalAlpha::Sum;
-        let finish = if frame.swept.is_some_and(unfinished) {
-            self.of_parts(Program::Finish, &resolve, parts)?
-        } else {
-            Vec::new()
-        };
         let swept = match frame.swept {
-            Some(swept) => Some(self.swept_steps(execution, swept, 1 - begin)?),
+            Some(kernel) => Some(self.swept_programs(prepared, kernel, 1 - begin)?),
             None => None,
         };
-        Ok(Steps {
-            project: self.of_blocks(Program::Project, &none, blocks)?,
-            bin_reduce: self.step(Program::BinReduce, &none, 0, &[])?,
-            bin_scan: self.step(Program::BinScan, &none, 0, &[])?,
-            bin_emit: self.step(Program::BinEmit, &none, 1 - begin, &[])?,
-            sort,
-            bin_starts: self.step(Program::BinStarts, &none, 0, &[])?,
+        Ok(BoundPrograms {
+            lists: ListPrograms {
+                project: self.of_surfels(Program::Project, &none, surfel_buffers)?,
+                emit: self.program(Program::BinEmit, &none, 1 - begin, &[])?,
+            },
+            bin: BinPrograms {
+                reduce: self.program(Program::BinReduce, &none, 0, &[])?,
+                scan: self.program(Program::BinScan, &none, 0, &[])?,
+                sort,
+                starts: self.program(Program::BinStarts, &none, 0, &[])?,
+            },
             // The sorted lists lie in the first buffers.
-            visibility: self.step(Program::Visibility, &none, 1, &[])?,
-            splat_values: self.of_blocks(Program::SplatValues, &values, blocks)?,
-            sum_attributes: self.step(Program::SumAttributes, &sums, 1, &[])?,
-            resolve: resolve_parts,
-            finish,
-            layer: self.layer_steps(channels, schedule.kept_waves() as usize)?,
+            visibility: self.program(Program::Visibility, &none, 1, &[])?,
+            splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
+            sum_attributes: self.program(Program::SumAttributes, &sums, 1, &[])?,
+            film: self.film_parts(frame, channels, planes, &prepared.film_parts())?,
+            static_layer: self.static_layer_programs(channels, schedule.cached_batches() as usize)?,
             swept,
         })
     }
 
-    /// `kept_waves`: of what lies still.
-    fn layer_steps(
+    /// What writes to each part of the film: first byte and length.
+    fn film_parts(
+        &mut self,
+        frame: &Frame,
+        channels: &DeviceChannels,
+        planes: &FilmPlanes,
+        parts: &[(u64, u64)],
+    ) -> Result<Vec<FilmPart>, BackendError> {
+        let constants = match frame.swept {
+            Some(kernel) => swept_resolve_constants(frame, kernel, channels, planes),
+            None => resolve_constants(frame, channels, planes),
+        };
+        let program = match frame.swept.map(|kernel| kernel.normalise) {
+            None => Program::Resolve,
+            Some(Normalise::Interval) => Program::SweptResolve,
+            Some(Normalise::Once) => Program::Pool,
+        };
+        let needs_finish = frame.swept.is_some_and(SweptKernel::needs_finish);
+        let film = self.buffers.film.clone();
+        let part = |&(offset, bytes): &(u64, u64)| {
+            let part = BufferBinding { buffer: &film, offset, size: BufferSize::new(bytes) };
+            let special = [(Slot::Film, part)];
+            let resolve = self.program(program, &constants, 0, &special)?;
+            let finish =
+                if needs_finish { Some(self.program(Program::Finish, &constants, 0, &special)?) } else { None };
+            Ok(FilmPart { resolve, finish })
+        };
+        parts.iter().map(part).collect()
+    }
+
+    /// `cached_batches`: of the static layer.
+    fn static_layer_programs(
         &mut self,
         channels: &DeviceChannels,
-        kept_waves: usize,
-    ) -> Result<Option<LayerSteps>, BackendError> {
-        if kept_waves == 0 {
+        cached_batches: usize,
+    ) -> Result<Option<StaticLayerPrograms>, BackendError> {
+        if cached_batches == 0 {
             return Ok(None);
         }
         let buffers = self.buffers;
@@ -265,52 +298,35 @@ impl Bench<'_> {
         with_nearest.push(("NEAREST", channels.count as u32));
         let to_layer = [(Slot::Sums, buffers.layer_sums.as_entire_buffer_binding())];
         let sums = sum_constants(channels);
-        let recalled = vec![("CHANNELS", channels.count as u32), ("REACH", channels.reach.unwrap_or(0) as u32)];
-        let anew = buffers.kept[..kept_waves].iter().map(|kept| {
+        let restored = vec![("CHANNELS", channels.count as u32), ("REACH", channels.reach.unwrap_or(0) as u32)];
+        let recompute = buffers.cached[..cached_batches].iter().map(|cached| {
             let special = [
-                (Slot::Splats, &kept.splats),
-                (Slot::List, &kept.list),
-                (Slot::Wide, &kept.wide),
-                (Slot::Starts, &kept.starts),
-                (Slot::Values, &kept.values),
+                (Slot::Splats, &cached.splats),
+                (Slot::List, &cached.list),
+                (Slot::Wide, &cached.wide),
+                (Slot::Starts, &cached.starts),
+                (Slot::Values, &cached.values),
                 (Slot::Thresholds, &buffers.limits),
             ];
             let special = special.map(|(slot, buffer)| (slot, buffer.as_entire_buffer_binding()));
-            self.step(Program::SumAttributes, &sums, 1, &special)
+            self.program(Program::SumAttributes, &sums, 1, &special)
         });
-        let anew = anew.collect::<Result<_, _>>()?;
-        Ok(Some(LayerSteps {
-            sum: self.step(Program::SumAttributes, &with_nearest, 1, &to_layer)?,
-            recall: self.step(Program::Recall, &recalled, 0, &[])?,
-            anew,
+        let recompute = recompute.collect::<Result<_, _>>()?;
+        Ok(Some(StaticLayerPrograms {
+            sum: self.program(Program::SumAttributes, &with_nearest, 1, &to_layer)?,
+            restore: self.program(Program::Restore, &restored, 0, &[])?,
+            recompute,
         }))
     }
 
-    /// `program` for each part of the film.
-    fn of_parts(
-        &mut self,
-        program: Program,
-        constants: &Constants,
-        parts: &[(u64, u64)],
-    ) -> Result<Vec<Step>, BackendError> {
-        let film = self.buffers.film.clone();
-        parts
-            .iter()
-            .map(|&(offset, bytes)| {
-                let part = BufferBinding { buffer: &film, offset, size: BufferSize::new(bytes) };
-                self.step(program, constants, 0, &[(Slot::Film, part)])
-            })
-            .collect()
-    }
-
     /// `emitted`: which of the sort's buffers new lists do not go to.
-    fn swept_steps(
+    fn swept_programs(
         &mut self,
-        execution: &Execution<'_>,
+        prepared: &Prepared<'_>,
         swept: SweptKernel,
         emitted: usize,
-    ) -> Result<SweptSteps, BackendError> {
-        let Execution { frame, channels, planes, blocks, .. } = execution;
+    ) -> Result<SweptPrograms, BackendError> {
+        let Prepared { frame, channels, planes, surfel_buffers, .. } = prepared;
         let double = ("SPLATS", (size_of::<SweptSplat>() / size_of::<Splat>()) as u32);
         let mut values = value_constants(frame, channels);
         values.push(double);
@@ -319,21 +335,23 @@ impl Bench<'_> {
         density.push(("COLOUR", 0));
         let volume =
             vec![("ELLIPSOID", u32::from(swept.shape == KernelShape::Ellipsoid)), ("STRETCH", swept.stretch() as u32)];
-        let still = if frame.has_still_picture() {
-            let film = [(Slot::Film, self.buffers.still_film.as_entire_buffer_binding())];
-            Some(self.step(Program::Resolve, &resolve_constants(frame, channels, planes), 0, &film)?)
+        let static_picture = if frame.has_static_picture() {
+            let film = [(Slot::Film, self.buffers.static_film.as_entire_buffer_binding())];
+            Some(self.program(Program::Resolve, &resolve_constants(frame, channels, planes), 0, &film)?)
         } else {
             None
         };
-        let counted = frame.passes.contains(&Pass::Density);
-        Ok(SweptSteps {
-            density: self.step(Program::SumAttributes, &density, 1, &[])?,
-            keep: self.step(Program::Keep, &vec![("DENSITY", u32::from(counted))], 0, &[])?,
-            project: self.of_blocks(Program::Sweep, &volume, blocks)?,
-            bin_emit: self.step(Program::BinEmit, &vec![double], emitted, &[])?,
-            splat_values: self.of_blocks(Program::SplatValues, &values, blocks)?,
-            attribute: self.step(Program::SweptAttribute, &swept_constants(frame, swept, channels), 1, &[])?,
-            still,
+        let has_density = swept.weight == KernelWeight::Integral;
+        Ok(SweptPrograms {
+            lists: ListPrograms {
+                project: self.of_surfels(Program::Sweep, &volume, surfel_buffers)?,
+                emit: self.program(Program::BinEmit, &vec![double], emitted, &[])?,
+            },
+            density: self.program(Program::SumAttributes, &density, 1, &[])?,
+            store_map: self.program(Program::StoreMap, &vec![("DENSITY", u32::from(has_density))], 0, &[])?,
+            splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
+            attribute: self.program(Program::SweptAttribute, &swept_constants(frame, swept, channels), 1, &[])?,
+            static_picture,
         })
     }
 }
@@ -352,13 +370,13 @@ fn sum_constants(channels: &DeviceChannels) -> Constants {
     ]
 }
 
-fn value_constants(frame: &Frame<'_>, channels: &DeviceChannels) -> Constants {
+fn value_constants(frame: &Frame, channels: &DeviceChannels) -> Constants {
     let mut constants = sum_constants(channels);
     constants.push(("GOURAUD", u32::from(frame.shading == Shading::Gouraud)));
     constants
 }
 
-fn swept_constants(frame: &Frame<'_>, swept: SweptKernel, channels: &DeviceChannels) -> Constants {
+fn swept_constants(frame: &Frame, swept: SweptKernel, channels: &DeviceChannels) -> Constants {
     let mut constants = sum_constants(channels);
     constants.retain(|(name, _)| !["MATERIAL", "REACH"].contains(name));
     let footprint = match (swept.weight, swept.shape) {
@@ -370,12 +388,12 @@ fn swept_constants(frame: &Frame<'_>, swept: SweptKernel, channels: &DeviceChann
         ("FOOTPRINT", footprint),
         ("SOURCE_SAMPLES", swept.source_samples.0),
         ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
-        ("STILL", u32::from(frame.has_still_picture())),
+        ("STILL", u32::from(frame.has_static_picture())),
     ]);
     constants
 }
 
-fn resolve_constants(frame: &Frame<'_>, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
+fn resolve_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
     let at = |plane: Option<usize>| plane.unwrap_or(0) as u32;
     let mut constants = sum_constants(channels);
     constants.retain(|(name, _)| *name != "VALUES");
@@ -390,7 +408,7 @@ fn resolve_constants(frame: &Frame<'_>, channels: &DeviceChannels, planes: &Film
 }
 
 fn swept_resolve_constants(
-    frame: &Frame<'_>,
+    frame: &Frame,
     swept: SweptKernel,
     channels: &DeviceChannels,
     planes: &FilmPlanes,
@@ -400,7 +418,7 @@ fn swept_resolve_constants(
         ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
         // Without a plane for them, weights are the coverage, plane 3.
         ("WEIGHT_PLANE", planes.weight.unwrap_or(3) as u32),
-        ("STILL", u32::from(frame.has_still_picture())),
+        ("STILL", u32::from(frame.has_static_picture())),
     ]);
     constants
 }

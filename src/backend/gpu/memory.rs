@@ -1,4 +1,4 @@
-//! How a frame is cut up: rasters into bands of tile rows, so that every buffer fits; how large waves of surfels may be.
+//! How a frame is cut up: rasters into bands of tile rows, so that every buffer fits; how large batches of surfels may be.
 
 use super::layout::{BLOCK, TILE, WIDEST};
 use crate::backend::BackendError;
@@ -8,10 +8,10 @@ use crate::layout::{Channels, Splat, SweptSplat};
 
 /// Pixels of a tile.
 const TILE_PIXELS: u64 = (TILE * TILE) as u64;
-/// Fewest slots of a wave that are worth a dispatch; their lists always fit.
-pub(super) const LEAST_SLOTS: u64 = 1 << 16;
+/// Fewest slots of a batch that are worth a dispatch; their lists always fit.
+pub(in crate::backend) const LEAST_SLOTS: u64 = 1 << 16;
 /// Entries of lists for each slot, to begin with.
-pub(super) const ENTRIES_PER_SLOT: u64 = 3;
+pub(in crate::backend) const ENTRIES_PER_SLOT: u64 = 3;
 /// Bytes of an entry: tile and slot, twice, and its share of the histogram.
 const ENTRY_BYTES: u64 = 17;
 /// Bytes of a tile of the map beside its start: the map, thresholds and the sum of weights.
@@ -19,16 +19,16 @@ const MAP_TILE_BYTES: u64 = 4 * 4 * TILE_PIXELS + 4;
 /// Bytes of a tile's presence.
 const PRESENCE_BYTES: u64 = 3 * 4 * TILE_PIXELS;
 /// Bytes of a tile's thresholds.
-pub(super) const THRESHOLD_BYTES: u64 = 4 * TILE_PIXELS;
+pub(in crate::backend) const THRESHOLD_BYTES: u64 = 4 * TILE_PIXELS;
 /// Bytes of the map of one tile.
-pub(super) const MAP_BYTES: u64 = 8 * TILE_PIXELS;
+pub(in crate::backend) const MAP_BYTES: u64 = 8 * TILE_PIXELS;
 
 /// Bytes of an entry of a list that is kept.
-const KEPT_ENTRY_BYTES: u64 = 4;
+const CACHED_ENTRY_BYTES: u64 = 4;
 
 /// Channels of sums on the device: those of the twin, then three for groups of several samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct DeviceChannels {
+pub(in crate::backend) struct DeviceChannels {
     pub shared: Channels,
     /// Floats of a splat in `values`.
     pub values: u32,
@@ -38,9 +38,9 @@ pub(super) struct DeviceChannels {
 }
 
 impl DeviceChannels {
-    pub(super) fn of(frame: &Frame<'_>) -> Self {
+    pub(in crate::backend) fn of(frame: &Frame) -> Self {
         let shared = Channels::of(frame);
-        let several = frame.groups.iter().any(|group| group.samples.len() > 1);
+        let several = frame.most_samples_of_a_group() > 1;
         // The weight and depth are no values of a splat.
         let values = shared.count - 1 - usize::from(shared.depth.is_some());
         Self {
@@ -54,7 +54,7 @@ impl DeviceChannels {
 
 /// One raster of the frame and its place in the film.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct RasterFilm {
+pub(in crate::backend) struct RasterFilm {
     pub size: [u32; 2],
     pub tiles: [u32; 2],
     /// First float in the film.
@@ -63,14 +63,14 @@ pub(super) struct RasterFilm {
 
 /// Tile rows that are rendered together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Band {
+pub(in crate::backend) struct Band {
     pub first_row: u32,
     pub rows: u32,
 }
 
 /// The pixels that passes work on: those of a band, or of the map around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Area {
+pub(in crate::backend) struct Area {
     /// First and last pixel column, then first and last row.
     pub pixels: [i32; 4],
     /// Pixel from which tiles and their pixels are counted.
@@ -83,7 +83,7 @@ pub(super) struct Area {
 
 impl RasterFilm {
     /// The pixels of a band.
-    pub(super) fn area(&self, band: Band) -> Area {
+    pub(in crate::backend) fn area(&self, band: Band) -> Area {
         let last_row = ((band.first_row + band.rows) * TILE).min(self.size[1]) as i32 - 1;
         Area {
             pixels: [0, self.size[0] as i32 - 1, (band.first_row * TILE) as i32, last_row],
@@ -96,7 +96,7 @@ impl RasterFilm {
 
 impl Area {
     /// The area and `guard` pixels around it, in tiles of its own; as much of them as pixels can be numbered. As on the CPU.
-    pub(super) fn guarded(&self, guard: u32) -> Self {
+    pub(in crate::backend) fn guarded(&self, guard: u32) -> Self {
         let [x0, x1, y0, y1] = self.pixels;
         let room =
             |first: i32, last: i32| guard.min((u32::from(u16::MAX) + 1).saturating_sub((last + 1 - first) as u32) / 2);
@@ -112,14 +112,14 @@ impl Area {
     }
 
     /// Tiles.
-    pub(super) fn len(&self) -> u64 {
+    pub(in crate::backend) fn len(&self) -> u64 {
         u64::from(self.tiles[0]) * u64::from(self.tiles[1])
     }
 }
 
 /// How a frame is cut up.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Schedule {
+pub(in crate::backend) struct Schedule {
     /// In the order of the frame's groups.
     pub rasters: Vec<RasterFilm>,
     /// Bytes of the film.
@@ -132,53 +132,53 @@ pub(super) struct Schedule {
     pub splat_bytes: u64,
     /// Tile rows of a band, for each raster.
     pub band_rows: Vec<u32>,
-    /// Most slots of a wave.
+    /// Most slots of a batch.
     pub slots: u64,
-    /// Most entries of a wave's lists that may be made room for.
+    /// Most entries of a batch's lists that may be made room for.
     pub most_entries: u64,
     /// Bytes of a tile of the picture of what lies still; 0 where it has none.
-    pub still_bytes: u64,
+    pub static_picture_bytes: u64,
     /// Slots of what lies still that are kept for groups that share a sample position; 0: all groups splat everything.
-    pub kept_slots: u64,
+    pub cached_slots: u64,
 }
 
 /// What a device sets limits to.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Limits {
+pub(in crate::backend) struct Limits {
     /// Bytes of what a program can reach of a buffer.
     pub bytes: u64,
-    /// Slots of a wave.
+    /// Slots of a batch.
     pub slots: u64,
 }
 
 impl Schedule {
-    pub(super) fn new(
-        frame: &Frame<'_>,
+    pub(in crate::backend) fn new(
+        frame: &Frame,
         channels: &DeviceChannels,
         planes: &FilmPlanes,
         limits: Limits,
     ) -> Result<Self, BackendError> {
-        let still = still_surfels(frame);
-        let kept = (still > 0).then(|| Self::cut(frame, channels, planes, limits, still));
-        match kept {
+        let surfels = static_surfels(frame);
+        let with_layer = (surfels > 0).then(|| Self::cut(frame, channels, planes, limits, surfels));
+        match with_layer {
             Some(Ok(schedule)) => Ok(schedule),
             // Without room to keep anything there may be room to render.
             _ => Self::cut(frame, channels, planes, limits, 0),
         }
     }
 
-    /// With `kept_slots` of what lies still.
+    /// With `cached_slots` of what lies still.
     fn cut(
-        frame: &Frame<'_>,
+        frame: &Frame,
         channels: &DeviceChannels,
         planes: &FilmPlanes,
         limits: Limits,
-        kept_slots: u64,
+        cached_slots: u64,
     ) -> Result<Self, BackendError> {
         let most_bytes = limits.bytes;
         let (mut rasters, mut film_floats) = (Vec::new(), 0);
-        for groups in frame.groups.chunk_by(|a, b| a.raster.phase == b.raster.phase) {
-            let size = groups[0].raster.size;
+        for raster in &frame.rasters {
+            let size = raster.size;
             let tiles = size.map(|pixels| pixels.div_ceil(TILE));
             rasters.push(RasterFilm { size, tiles, start: film_floats });
             film_floats += u64::from(tiles[0]) * u64::from(tiles[1]) * TILE_PIXELS * planes.count as u64;
@@ -189,27 +189,27 @@ impl Schedule {
         let film = frame.picture_bytes + 2 * film_bytes + 4 * pixels * planes.count as u64;
         let swept = frame.swept.is_some();
         let presence = if swept { PRESENCE_BYTES } else { 0 };
-        let still_bytes = if frame.has_still_picture() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
-        let keeps = kept_slots > 0;
+        let static_picture_bytes = if frame.has_static_picture() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
+        let has_layer = cached_slots > 0;
         let tile_bytes = {
             let own = 4 * TILE_PIXELS * (1 + channels.count as u64) + 4 + presence;
             // Thresholds, sums with the least depth, limits.
-            let kept = 4 * TILE_PIXELS * (3 + channels.count as u64) + 4;
+            let layer = 4 * TILE_PIXELS * (3 + channels.count as u64) + 4;
             // Thresholds lie behind the map.
-            let still = if still_bytes > 0 { still_bytes + THRESHOLD_BYTES } else { 0 };
-            own + still + if keeps { kept } else { 0 }
+            let still = if static_picture_bytes > 0 { static_picture_bytes + THRESHOLD_BYTES } else { 0 };
+            own + still + if has_layer { layer } else { 0 }
         };
         let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
         let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
         let splat_bytes = if swept { size_of::<SweptSplat>() } else { size_of::<Splat>() } as u64;
         let slot_bytes = splat_bytes + 8 + 4 * u64::from(channels.values) + 8 / u64::from(BLOCK);
-        let kept_bytes = kept_slots * (splat_bytes + 4 + 4 * u64::from(channels.values));
-        // Room for the entries of a wave is room for them in each wave that is kept.
-        let entry_bytes = |slots: u64| ENTRY_BYTES + KEPT_ENTRY_BYTES * kept_slots.div_ceil(slots);
-        let least_wave = LEAST_SLOTS * (slot_bytes + u64::from(WIDEST) * entry_bytes(LEAST_SLOTS)) + kept_bytes;
+        let cached_bytes = cached_slots * (splat_bytes + 4 + 4 * u64::from(channels.values));
+        // Room for the entries of a batch is room for them in each batch that is kept.
+        let entry_bytes = |slots: u64| ENTRY_BYTES + CACHED_ENTRY_BYTES * cached_slots.div_ceil(slots);
+        let least_batch = LEAST_SLOTS * (slot_bytes + u64::from(WIDEST) * entry_bytes(LEAST_SLOTS)) + cached_bytes;
 
         // Tiles of the largest map around a band of so many rows of tiles.
-        let guard = frame.groups.iter().filter_map(|group| group.interval).map(|interval| interval.guard).max();
+        let guard = frame.guard();
         let map_of = |rows: u32| {
             let around = |raster: &RasterFilm| {
                 let rows = rows.min(raster.tiles[1]);
@@ -220,12 +220,12 @@ impl Schedule {
         };
         let least_map = map_of(1) * MAP_TILE_BYTES;
 
-        let needed = frame.model_bytes + film + widest * tile_bytes + least_map + least_wave;
+        let needed = frame.model_bytes + film + widest * tile_bytes + least_map + least_batch;
         BackendError::check_memory(frame, needed)?;
         let left = frame.memory - frame.model_bytes - film;
-        let sums = channels.count + usize::from(keeps);
+        let sums = channels.count + usize::from(has_layer);
         let reach = most_bytes / (4 * TILE_PIXELS * sums.max(planes.count) as u64);
-        let band_tiles = reach.min((left - least_wave) / 2 / tile_bytes).max(widest).min(widest * tallest);
+        let band_tiles = reach.min((left - least_batch) / 2 / tile_bytes).max(widest).min(widest * tallest);
         let band_rows: Vec<u32> = rasters
             .iter()
             .map(|raster| {
@@ -235,7 +235,7 @@ impl Schedule {
         let (band_tiles, band_rows) = if swept {
             // The map takes its share: fewer rows, until both fit.
             let fits = |rows: u32| {
-                u64::from(rows) * widest * tile_bytes + map_of(rows) * MAP_TILE_BYTES <= (left - least_wave) / 2
+                u64::from(rows) * widest * tile_bytes + map_of(rows) * MAP_TILE_BYTES <= (left - least_batch) / 2
                     && map_of(rows) * MAP_BYTES + u64::from(rows) * widest * THRESHOLD_BYTES <= most_bytes
             };
             let most: u32 = band_rows.iter().copied().max().unwrap_or(1);
@@ -245,12 +245,12 @@ impl Schedule {
             (band_tiles, band_rows)
         };
         let map_tiles = map_of(band_rows.iter().copied().max().unwrap_or(0));
-        let left = left - band_tiles * tile_bytes - map_tiles * MAP_TILE_BYTES - kept_bytes;
-        let samples = frame.groups.iter().map(|group| group.samples.len()).max().unwrap_or(1) as u64;
+        let left = left - band_tiles * tile_bytes - map_tiles * MAP_TILE_BYTES - cached_bytes;
+        let samples = frame.most_samples_of_a_group() as u64;
         let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
         let reach = most_bytes / splat_bytes.max(4 * u64::from(channels.values));
-        let kept_entry_bytes = if keeps { KEPT_ENTRY_BYTES } else { 0 };
-        let fit = left / (slot_bytes + ENTRIES_PER_SLOT * (ENTRY_BYTES + kept_entry_bytes));
+        let cached_entry_bytes = if has_layer { CACHED_ENTRY_BYTES } else { 0 };
+        let fit = left / (slot_bytes + ENTRIES_PER_SLOT * (ENTRY_BYTES + cached_entry_bytes));
         let slots = (samples * surfels).min(fit).max(LEAST_SLOTS).min(reach).min(limits.slots);
         let most_entries = ((left.saturating_sub(slots * slot_bytes)) / entry_bytes(slots))
             .max(LEAST_SLOTS * u64::from(WIDEST))
@@ -265,31 +265,27 @@ impl Schedule {
             band_rows,
             slots,
             most_entries,
-            still_bytes,
-            kept_slots,
+            static_picture_bytes,
+            cached_slots,
         })
     }
 
     /// The bands of raster `index`.
-    pub(super) fn bands(&self, index: usize) -> impl Iterator<Item = Band> + use<> {
+    pub(in crate::backend) fn bands(&self, index: usize) -> impl Iterator<Item = Band> + use<> {
         let (all, step) = (self.rasters[index].tiles[1], self.band_rows[index]);
         let some = if self.rasters[index].tiles[0] == 0 { 0 } else { all };
         (0..some).step_by(step as usize).map(move |first_row| Band { first_row, rows: step.min(all - first_row) })
     }
 
-    /// Waves of what is kept.
-    pub(super) fn kept_waves(&self) -> u64 {
-        if self.kept_slots == 0 { 0 } else { self.kept_slots.div_ceil(self.slots) }
+    /// Batches of what is kept.
+    pub(in crate::backend) fn cached_batches(&self) -> u64 {
+        if self.cached_slots == 0 { 0 } else { self.cached_slots.div_ceil(self.slots) }
     }
 }
 
-/// Surfels of the objects that lie still, where several groups share a sample position; else 0.
-fn still_surfels(frame: &Frame<'_>) -> u64 {
-    let shared = frame.groups.windows(2).any(|pair| pair[0].raster == pair[1].raster);
-    if frame.swept.is_some() || !shared {
-        return 0;
-    }
-    let poses = frame.groups.iter().take(1).flat_map(|group| &group.samples[0].objects);
-    let seen = frame.objects.iter().zip(poses).filter(|(object, pose)| object.still && pose.visible);
-    seen.map(|(object, _)| object.surfels.len() as u64).sum()
+/// Surfels of the static objects, where a static layer is made; else 0.
+fn static_surfels(frame: &Frame) -> u64 {
+    let poses = frame.all_samples().take(1).flat_map(|sample| &sample.objects);
+    let seen = frame.objects.iter().zip(poses).filter(|(object, pose)| object.is_static && pose.visible);
+    if frame.has_static_layer() { seen.map(|(object, _)| object.surfels.len() as u64).sum() } else { 0 }
 }

@@ -1,32 +1,37 @@
 //! How the memory that a frame may take is shared out.
 
 use super::bin::Binned;
-use super::layer::LayerTile;
+use super::chunk::CHUNK;
 use super::resolve::TileFilm;
-use super::swept::{Map, StillTile};
+use super::static_tile::StaticTile;
+use super::swept::Map;
 use super::tiles::{Band, TILE, TileBuffers};
-use super::work::CHUNK;
+
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
 use crate::frame::Frame;
 use crate::layout::{Channels, Splat, SweptSplat};
 
 /// How the allowed memory is shared out.
-pub(super) struct Budget {
+pub(in crate::backend) struct Budget {
     /// Rows of tiles that are rendered together.
     pub band_rows: usize,
     /// Bytes for splats and their lists.
     pub splat_bytes: u64,
-    /// Is there room to keep what lies still?
+    /// Is there room for static layers?
     pub layers: bool,
 }
 
 impl Budget {
-    pub(super) fn of(frame: &Frame<'_>, planes: &FilmPlanes, channels: &Channels) -> Result<Self, BackendError> {
+    pub(in crate::backend) fn of(
+        frame: &Frame,
+        planes: &FilmPlanes,
+        channels: &Channels,
+    ) -> Result<Self, BackendError> {
         // The largest raster is the first one.
-        let raster = frame.groups.first().map_or(frame.size, |group| group.raster.size);
+        let raster = frame.rasters.first().map_or(frame.size, |raster| raster.size);
         let rasters = u64::from(frame.stride * frame.stride);
-        let samples = frame.groups.iter().map(|group| group.samples.len()).max().unwrap_or(1);
+        let samples = frame.most_samples_of_a_group();
         let [tiles_x, tiles_y] = raster.map(|pixels| u64::from(pixels).div_ceil(TILE as u64));
         let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
         // Other pictures, the film, the picture that it becomes, and its copy in the file's form.
@@ -35,33 +40,36 @@ impl Budget {
             + 2 * pixels * 4 * planes.count as u64;
         // What the tiles of some rows need together, for as many rows as the bands shall have.
         let swept = frame.swept.is_some();
-        let guard = frame.groups.iter().filter_map(|group| group.interval).map(|interval| interval.guard).max();
-        let still = frame.objects.iter().any(|object| object.still);
-        let still_bytes = if frame.has_still_picture() { StillTile::bytes(planes.count) } else { 0 };
-        let layer_bytes = if still && !swept { LayerTile::bytes(channels.count, samples, planes.count) } else { 0 };
+        let guard = frame.guard();
+        let picture_bytes = if frame.has_static_picture() { StaticTile::bytes(planes.count) } else { 0 };
+        let layer_bytes = if frame.has_static_layer() {
+            StaticTile::bytes_with_sums(channels.count, samples, planes.count)
+        } else {
+            0
+        };
         let buffers_with = |rows: u64, layers: bool| {
             let band = Band::new(raster, [0, rows as usize]);
             let tiles = band.len() as u64;
             let guarded = guard.map_or(0, |guard| band.guarded(guard).len() as u64);
             // Tiles of the map have fewer sums, but there are more of them.
             let own = guarded * Map::bytes(1) + guarded.max(tiles) * TileBuffers::bytes(channels.count, samples, swept);
-            own + tiles * (still_bytes + if layers { layer_bytes } else { 0 })
+            own + tiles * (picture_bytes + if layers { layer_bytes } else { 0 })
         };
         let threads = rayon::current_num_threads() as u64;
-        let wave = |rows: u64| {
+        let batch = |rows: u64| {
             let band = Band::new(raster, [0, rows as usize]);
             let guarded = guard.map_or(band, |guard| band.guarded(guard));
             let moving = if swept { Binned::<SweptSplat>::most_bytes(CHUNK, channels.count, &band) } else { 0 };
             (threads + 1) * (Binned::<Splat>::most_bytes(CHUNK, channels.count, &guarded) + moving)
         };
-        let needed = frame.model_bytes + film + buffers_with(1, false) + wave(1);
+        let needed = frame.model_bytes + film + buffers_with(1, false) + batch(1);
         BackendError::check_memory(frame, needed)?;
         // Half of what is left for the tiles' buffers at the most; the rest for splats.
         let left = frame.memory - frame.model_bytes - film;
-        let layers = buffers_with(1, true) + wave(1) <= left / 2;
+        let layers = buffers_with(1, true) + batch(1) <= left / 2;
         let buffers = |rows: u64| buffers_with(rows, layers);
         let rows = (1..=tiles_y).rev().find(|&rows| buffers(rows) <= left / 2).unwrap_or(1);
-        let splat_bytes = left.saturating_sub(buffers(rows)).max(wave(rows));
+        let splat_bytes = left.saturating_sub(buffers(rows)).max(batch(rows));
         Ok(Self { band_rows: rows as usize, splat_bytes, layers })
     }
 }

@@ -18,7 +18,7 @@ override CHANNELS: u32 = 4u;
 override REACH: u32 = 0u;
 
 @compute @workgroup_size(4, 16)
-fn recall(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) quad: vec3<u32>) {
+fn restore(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) quad: vec3<u32>) {
     let index = tile.y * view.tiles.x + tile.x;
     let in_tile = quad.y * 4u + quad.x;
     let pixels = index * TILE_QUADS + in_tile;

@@ -2,11 +2,11 @@
 
 use super::cases::{self, Case};
 use super::gpu_or_skip;
-use super::harness::{Harness, Host, NONE, PIXELS, UNWANTED, planes_of};
-use crate::backend::cpu::twins::Recalled;
+use super::harness::{Harness, Host, NONE, PIXELS, Pass, UNWANTED, planes_of};
+use super::splat_twins::{Context, Restored};
 use crate::backend::gpu::Gpu;
 use crate::layout::Splat;
-use crate::plan::Pass;
+use crate::plan::SplatPass;
 
 /// Largest difference of floats, relative to the larger of 1 and the values that are added or multiplied (and for a splat's forms
 /// its `skew`). On the software device it is 0, measured: it neither contracts nor approximates. One unit in the last place more in
@@ -68,7 +68,7 @@ pub(super) fn largest(values: &[f32]) -> f32 {
 }
 
 fn project(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
-    let buffers = &harness.gpu.machine.buffers;
+    let buffers = &harness.gpu.state.buffers;
     let touched: Vec<u32> = harness.read(&buffers.touched, host.touched.len());
     let splats: Vec<Splat> = harness.read(&buffers.splats, host.splats.len());
     let mut tally = Tally::default();
@@ -101,7 +101,7 @@ fn project(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
 }
 
 fn bin(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
-    let buffers = &harness.gpu.machine.buffers;
+    let buffers = &harness.gpu.state.buffers;
     let same = |what: &str, got: Vec<u32>, want: &[u32]| {
         if got == want { Ok(()) } else { Err(format!("{what}: {got:?}, not {want:?}")) }
     };
@@ -111,7 +111,7 @@ fn bin(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
 }
 
 fn visibility(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
-    let thresholds: Vec<f32> = harness.read(&harness.gpu.machine.buffers.thresholds, host.thresholds.len() * PIXELS);
+    let thresholds: Vec<f32> = harness.read(&harness.gpu.state.buffers.thresholds, host.thresholds.len() * PIXELS);
     let mut tally = Tally::default();
     for (pixel, (got, want)) in thresholds.iter().zip(host.thresholds.iter().flatten()).enumerate() {
         let want = want.min(NONE);
@@ -121,8 +121,8 @@ fn visibility(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
 }
 
 fn attribute(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
-    let channels = harness.execution.channels.count;
-    let sums: Vec<f32> = harness.read(&harness.gpu.machine.buffers.sums, host.sums.len() * channels * PIXELS);
+    let channels = harness.prepared.channels.count;
+    let sums: Vec<f32> = harness.read(&harness.gpu.state.buffers.sums, host.sums.len() * channels * PIXELS);
     let mut tally = Tally::default();
     for (tile, (got, want)) in sums.chunks(channels * PIXELS).zip(&host.sums).enumerate() {
         let want = planes_of(want);
@@ -139,8 +139,8 @@ fn attribute(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
 }
 
 fn resolve(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
-    let planes = harness.execution.planes.count;
-    let film: Vec<f32> = harness.read(&harness.gpu.machine.buffers.film, host.film.len() * planes * PIXELS);
+    let planes = harness.prepared.planes.count;
+    let film: Vec<f32> = harness.read(&harness.gpu.state.buffers.film, host.film.len() * planes * PIXELS);
     let mut tally = Tally::default();
     for (tile, (got, want)) in film.chunks(planes * PIXELS).zip(&host.film).enumerate() {
         for (plane, want) in want.iter().enumerate() {
@@ -153,27 +153,27 @@ fn resolve(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
     tally.check("film")
 }
 
-/// What lies still, and what a group recalls of it.
+/// Static objects, and what a group restores of them.
 fn layer(harness: &mut Harness<'_>, host: &Host) -> Result<(), String> {
-    let recalled: Vec<Recalled> = harness.recalled(host);
-    let channels = harness.execution.channels.count;
+    let restored: Vec<Restored> = harness.restored(host);
+    let channels = harness.prepared.channels.count;
     let planes = |sums: &[Vec<f32>], nearest: &[f32]| {
         let least = nearest.iter().map(|depth| depth.min(NONE)).collect();
         [sums, &[least]].concat()
     };
-    let of_layer = |tile: &Recalled| planes(&planes_of(&tile.layer), &tile.nearest);
-    let thresholds: Vec<f32> = recalled.iter().flat_map(|tile| &tile.layer_thresholds).map(|t| t.min(NONE)).collect();
+    let of_layer = |tile: &Restored| planes(&planes_of(&tile.layer), &tile.nearest);
+    let thresholds: Vec<f32> = restored.iter().flat_map(|tile| &tile.layer_thresholds).map(|t| t.min(NONE)).collect();
 
-    harness.keep();
-    let buffers = &harness.gpu.machine.buffers;
+    harness.static_layer();
+    let buffers = &harness.gpu.state.buffers;
     let mut tally = Tally::default();
     for (pixel, (got, want)) in
         harness.read(&buffers.layer_thresholds, thresholds.len()).iter().zip(&thresholds).enumerate()
     {
         tally.floats(&[*got], &[*want], *want, || format!("layer's pixel {pixel}"));
     }
-    let sums: Vec<f32> = harness.read(&buffers.layer_sums, recalled.len() * (channels + 1) * PIXELS);
-    for (tile, (got, want)) in sums.chunks((channels + 1) * PIXELS).zip(&recalled).enumerate() {
+    let sums: Vec<f32> = harness.read(&buffers.layer_sums, restored.len() * (channels + 1) * PIXELS);
+    for (tile, (got, want)) in sums.chunks((channels + 1) * PIXELS).zip(&restored).enumerate() {
         if want.layer_thresholds[0] == UNWANTED {
             continue;
         }
@@ -187,46 +187,47 @@ fn layer(harness: &mut Harness<'_>, host: &Host) -> Result<(), String> {
     }
     tally.check("layer")?;
 
-    harness.feed(host, Pass::Attribute);
-    harness.write(&harness.gpu.machine.buffers.layer_thresholds, &thresholds);
-    let sums: Vec<f32> = recalled.iter().flat_map(of_layer).flatten().collect();
-    harness.write(&harness.gpu.machine.buffers.layer_sums, &sums);
-    harness.recall();
+    harness.feed(host, Pass::Splat(SplatPass::Attribute));
+    harness.write(&harness.gpu.state.buffers.layer_thresholds, &thresholds);
+    let sums: Vec<f32> = restored.iter().flat_map(of_layer).flatten().collect();
+    harness.write(&harness.gpu.state.buffers.layer_sums, &sums);
+    harness.restore();
     // Nothing is rounded: to the bit.
-    let buffers = &harness.gpu.machine.buffers;
-    let limits: Vec<f32> = recalled.iter().flat_map(|tile| &tile.limits).map(|limit| limit.max(UNWANTED)).collect();
+    let buffers = &harness.gpu.state.buffers;
+    let limits: Vec<f32> = restored.iter().flat_map(|tile| &tile.limits).map(|limit| limit.max(UNWANTED)).collect();
     if harness.read::<f32>(&buffers.limits, limits.len()) != limits {
         return Err("other limits".into());
     }
-    let sums: Vec<f32> = recalled.iter().flat_map(|tile| planes_of(&tile.sums)).flatten().collect();
+    let sums: Vec<f32> = restored.iter().flat_map(|tile| planes_of(&tile.sums)).flatten().collect();
     let got: Vec<f32> = harness.read(&buffers.sums, sums.len());
     let same = |(got, want): (&[f32], &[f32])| got == want;
-    let mut tiles = got.chunks(channels * PIXELS).zip(sums.chunks(channels * PIXELS)).zip(&recalled);
+    let mut tiles = got.chunks(channels * PIXELS).zip(sums.chunks(channels * PIXELS)).zip(&restored);
     match tiles.position(|(sums, tile)| tile.layer_thresholds[0] != UNWANTED && !same(sums)) {
         None => Ok(()),
-        Some(tile) => Err(format!("other sums recalled in tile {tile}")),
+        Some(tile) => Err(format!("other sums restored in tile {tile}")),
     }
 }
 
 /// All passes of the first group of a case; the first that differs.
 pub(super) fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let frame = case.frame();
-    let Some(mut harness) = Harness::new(gpu, &frame) else { return Ok(()) };
+    let context = Context::of(&frame);
+    let Some(mut harness) = Harness::new(gpu, &frame, &context) else { return Ok(()) };
     let host = harness.host();
-    for &pass in frame.passes {
+    for pass in [Pass::Project, Pass::Bin].into_iter().chain(SplatPass::ORDER.map(Pass::Splat)) {
         harness.feed(&host, pass);
         harness.run(pass);
         let compared = match pass {
             Pass::Project => project(&harness, &host),
             Pass::Bin => bin(&harness, &host),
-            Pass::Visibility => visibility(&harness, &host),
-            Pass::Attribute => attribute(&harness, &host),
-            Pass::Resolve => resolve(&harness, &host),
-            Pass::Density | Pass::Keep | Pass::Sweep | Pass::SweptAttribute | Pass::SweptResolve => Ok(()),
+            Pass::Splat(SplatPass::Visibility) => visibility(&harness, &host),
+            Pass::Splat(SplatPass::Attribute) => attribute(&harness, &host),
+            Pass::Splat(SplatPass::Resolve) => resolve(&harness, &host),
+            Pass::Map(_) | Pass::MakeKernels | Pass::Sweep(_) => unreachable!("not a pass of splats"),
         };
         compared.map_err(|what| format!("{}: {pass:?}: {what}", case.name))?;
     }
-    if harness.execution.schedule.kept_slots > 0 {
+    if harness.prepared.schedule.cached_slots > 0 {
         layer(&mut harness, &host).map_err(|what| format!("{}: {what}", case.name))?;
     }
     Ok(())
@@ -249,7 +250,8 @@ fn cases_take_the_branches() {
     let [mut kept, mut anew, mut hidden, mut unwanted] = [0; 4];
     for case in cases::all() {
         let frame = case.frame();
-        let Some(harness) = Harness::new(&mut gpu, &frame) else { continue };
+        let context = Context::of(&frame);
+        let Some(harness) = Harness::new(&mut gpu, &frame, &context) else { continue };
         let host = harness.host();
         visible += host.posed.iter().map(|posed| posed.splats.len()).sum::<usize>();
         wide += host.wide.len();
@@ -258,8 +260,8 @@ fn cases_take_the_branches() {
         let weights = host.sums.iter().flat_map(|sums| &sums.channels[0]);
         partly += host.thresholds.iter().flatten().zip(weights).filter(|(t, w)| !covered(t) && **w > 0.0).count();
         unwanted += host.thresholds.iter().flatten().filter(|t| **t == UNWANTED).count();
-        if harness.execution.schedule.kept_slots > 0 {
-            for tile in harness.recalled(&host) {
+        if harness.prepared.schedule.cached_slots > 0 {
+            for tile in harness.restored(&host) {
                 let weights = tile.layer.channels[0].iter().zip(&tile.sums.channels[0]).zip(&tile.limits);
                 for ((before, after), limit) in weights.filter(|((before, _), _)| **before > 0.0) {
                     kept += usize::from(after == before);

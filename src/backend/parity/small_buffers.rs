@@ -14,7 +14,7 @@ fn picture(gpu: &mut Gpu, case: &cases::Case) -> Picture {
 fn small_buffers_change_nothing() {
     let open = || gpu_or_skip("small_buffers_change_nothing");
     let Some(mut roomy) = open() else { return };
-    let (Some(mut waves), Some(mut bands)) = (open(), open()) else { return };
+    let (Some(mut batches), Some(mut bands)) = (open(), open()) else { return };
     for case in cases::all() {
         let want = picture(&mut roomy, &case);
 
@@ -24,9 +24,9 @@ fn small_buffers_change_nothing() {
         assert_eq!(picture(&mut small, &case), want, "{}: lists of one entry", case.name);
         assert_eq!(picture(&mut small, &case), want, "{}: again", case.name);
 
-        // Surfels pass in many waves.
-        waves.most_slots = 100;
-        assert_eq!(picture(&mut waves, &case), want, "{}: waves of 100", case.name);
+        // Surfels pass in many batches.
+        batches.most_slots = 100;
+        assert_eq!(picture(&mut batches, &case), want, "{}: batches of 100", case.name);
 
         // No program reaches more than a few tiles.
         bands.most_bytes = 160 << 10;
@@ -43,5 +43,5 @@ fn lists_that_cannot_grow_split_the_waves() {
     let before = gpu.most_slots;
     gpu.most_entries = 300;
     assert_eq!(picture(&mut gpu, &case), want);
-    assert!(gpu.most_slots < before, "no wave was split");
+    assert!(gpu.most_slots < before, "no batch was split");
 }

@@ -27,7 +27,7 @@ pub(super) struct Case {
 
 impl Case {
     /// Its frame.
-    pub(super) fn frame(&self) -> Frame<'_> {
+    pub(super) fn frame(&self) -> Frame {
         let Quality::Mode(mode) = self.options.quality else { unreachable!("cases have modes") };
         let mut frame = Frame::new(&self.scene, 0, mode, &self.options);
         let [width, height] = Blocks::count(frame.size, frame.stride);

@@ -1,0 +1,181 @@
+//! One group in one band: what its passes read, made the same way for every step and for the tests of parity.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Instant;
+
+use super::attribute::{self, Attributes, Tally};
+use super::bin::Binned;
+use super::chunk::Chunk;
+use super::clocks::Clocks;
+use super::project::{self, View};
+use super::resolve::Resolve;
+use super::tile_runner::Job;
+use super::tiles::{Band, TileBuffers};
+use super::values::{self, Faced, Shown};
+use super::visibility::{self, Depths};
+use crate::backend::clusters::Clusters;
+use crate::film::FilmPlanes;
+use crate::frame::{Frame, PosedGroup, Raster};
+use crate::layout::{Channels, Splat};
+use crate::options::Prefilter;
+
+/// One group in one band.
+#[derive(Clone, Copy)]
+pub(in crate::backend) struct Scope<'a> {
+    pub frame: &'a Frame,
+    /// Of the sample position.
+    pub raster: &'a Raster,
+    pub group: &'a PosedGroup,
+    pub band: Band,
+    pub planes: &'a FilmPlanes,
+    pub channels: &'a Channels,
+    /// Of each object; empty where they are not known.
+    pub clusters: &'a [Arc<Clusters>],
+    pub clocks: &'a Clocks,
+}
+
+impl Scope<'_> {
+    /// What `project` and `sweep` need for one chunk.
+    pub(in crate::backend) fn view(&self, chunk: &Chunk) -> View<'_> {
+        View {
+            object: &self.group.samples[chunk.sample].objects[chunk.object],
+            raster: *self.raster,
+            pixels: self.band.pixels,
+            corner: self.band.corner,
+            wanted: self.frame.wanted.as_ref().filter(|_| self.frame.swept.is_none()),
+            near: self.frame.near,
+            low_pass: self.frame.prefilter == Prefilter::Approx,
+            two_sided: self.frame.objects[chunk.object].two_sided,
+            clusters: self.clusters.get(chunk.object).map(Arc::as_ref),
+        }
+    }
+
+    /// Where the values of one chunk come from.
+    pub(in crate::backend) fn shown(&self, chunk: &Chunk) -> Shown<'_> {
+        let sample = &self.group.samples[chunk.sample];
+        Shown {
+            sample,
+            posed: &sample.objects[chunk.object],
+            object: &self.frame.objects[chunk.object],
+            channels: self.channels,
+            shading: self.frame.shading,
+            near: self.frame.near,
+            stride: self.frame.stride as f32,
+        }
+    }
+
+    /// What `attribute` needs for one chunk, whose splats have `values`.
+    pub(in crate::backend) fn attributes<'b>(&'b self, chunk: &Chunk, values: &'b [f32]) -> Attributes<'b> {
+        let sample = &self.group.samples[chunk.sample];
+        Attributes {
+            channels: self.channels,
+            near: self.frame.near,
+            low_pass: if self.frame.prefilter == Prefilter::Approx { self.raster.low_pass } else { 0.0 },
+            share: if self.frame.objects[chunk.object].is_static { 1.0 } else { self.share(sample.weight) },
+            values,
+        }
+    }
+
+    /// Share that a sample of weight `weight` has in its group: 1 where it is alone.
+    fn share(&self, weight: f32) -> f32 {
+        let total: f32 = self.group.samples.iter().map(|sample| sample.weight).sum();
+        if total > 0.0 { weight / total } else { 1.0 }
+    }
+
+    /// The depth tolerance of one chunk.
+    pub(in crate::backend) fn depths(&self, chunk: &Chunk) -> Depths {
+        let epsilon = self.group.samples[chunk.sample].objects[chunk.object].epsilon;
+        Depths { near: self.frame.near, epsilon }
+    }
+
+    /// What a group's pixels are resolved with.
+    pub(in crate::backend) fn resolve(&self) -> Resolve<'_> {
+        Resolve {
+            sample: &self.group.samples[self.group.samples.len() / 2],
+            weight: self.weight(),
+            channels: self.channels,
+            planes: self.planes,
+            shading: self.frame.shading,
+            raster: self.raster,
+        }
+    }
+
+    /// Share of the exposure of a group of one sample.
+    pub(in crate::backend) fn weight(&self) -> f32 {
+        self.group.samples[0].weight
+    }
+
+    /// Starts the samples of a group that come before those of `chunk`; static objects belong to all.
+    pub(in crate::backend) fn turn(&self, chunk: &Chunk, buffers: &mut TileBuffers) {
+        if self.group.samples.len() > 1 && !self.frame.objects[chunk.object].is_static {
+            buffers.union.turn(|sample| self.group.samples[sample].weight, chunk.sample);
+        }
+    }
+
+    /// Ends the samples of a group that has several.
+    pub(in crate::backend) fn end_turns(&self, buffers: &mut TileBuffers) {
+        let samples = &self.group.samples;
+        if samples.len() > 1 {
+            buffers.union.turn(|sample| samples[sample].weight, samples.len());
+        }
+    }
+
+    /// Passes `project` and `bin` of one chunk; without values.
+    pub(in crate::backend) fn project(&self, chunk: &Chunk, binned: &mut Binned) {
+        let surfels = &self.frame.objects[chunk.object].surfels;
+        binned.splats.clear();
+        project::project(&self.view(chunk), surfels, chunk.surfels.clone(), &mut binned.splats);
+        binned.bin();
+    }
+
+    /// Passes `project` and `bin` of one chunk, and the values of its splats.
+    pub(in crate::backend) fn project_with_values(&self, chunk: &Chunk, binned: &mut Binned) {
+        self.timed(binned, |binned| {
+            self.project(chunk, binned);
+            self.add_values(chunk, binned);
+        });
+    }
+
+    /// The values of the splats of one chunk.
+    pub(in crate::backend) fn add_values<S: Faced>(&self, chunk: &Chunk, binned: &mut Binned<S>) {
+        values::values(&binned.splats, &self.shown(chunk), &mut binned.values);
+    }
+
+    /// Makes splats with `make`; counts them and the time.
+    pub(in crate::backend) fn timed<S>(&self, binned: &mut Binned<S>, make: impl FnOnce(&mut Binned<S>)) {
+        let start = Instant::now();
+        make(binned);
+        self.clocks.splats.fetch_add(binned.splats.len() as u64, Relaxed);
+        self.clocks.project.add(start);
+    }
+
+    /// Pass `visibility` of one tile.
+    pub(in crate::backend) fn visibility<O>(&self, job: &mut Job<'_, Splat, O>) {
+        let start = Instant::now();
+        for (chunk, binned) in job.chunks.iter().zip(job.binned) {
+            let list = binned.list(&job.tile, job.scratch);
+            if list.is_empty() {
+                continue;
+            }
+            let depths = self.depths(chunk);
+            visibility::visibility(&binned.splats, list, depths, &job.tile, &mut job.buffers.threshold);
+        }
+        self.clocks.visibility.add(start);
+    }
+
+    /// Adds the splats of one tile to its sums; `nearest` as in [`Tally`].
+    pub(in crate::backend) fn add_splats<O>(&self, job: &mut Job<'_, Splat, O>, nearest: &mut [f32]) {
+        for (chunk, binned) in job.chunks.iter().zip(job.binned) {
+            let list = binned.list(&job.tile, job.scratch);
+            if list.is_empty() {
+                continue;
+            }
+            self.turn(chunk, job.buffers);
+            let TileBuffers { threshold, sums, union, .. } = &mut *job.buffers;
+            let mut tally = Tally { sums, reach: &mut union.reach, nearest };
+            let attributes = self.attributes(chunk, &binned.values);
+            attribute::attribute(&binned.splats, list, &attributes, &job.tile, threshold, &mut tally);
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! Step `Sweep`: one interval, its kernels swept and added to the film.
+
+use std::time::Instant;
+
+use super::attribute::{self, Footprint, Swept};
+use super::map::Map;
+use super::project::{self, Volume};
+use super::resolve::{self, Exposure};
+use crate::backend::cpu::bin::Binned;
+use crate::backend::cpu::chunk::Chunk;
+use crate::backend::cpu::resolve::{TileFilm, resolve};
+use crate::backend::cpu::scope::Scope;
+use crate::backend::cpu::static_tile::StaticTile;
+use crate::backend::cpu::tile_runner::{Job, TileWork};
+use crate::backend::cpu::tiles::TileBuffers;
+use crate::layout::SweptSplat;
+use crate::options::{KernelShape, Normalise, SweptKernel, TemporalAlpha};
+use crate::plan::{PosedInterval, SweepPass};
+
+/// One interval in one band, the map of its visibility, and the picture of static objects.
+pub(in crate::backend) struct SweepGroup<'a> {
+    pub scope: Scope<'a>,
+    pub interval: &'a PosedInterval,
+    pub kernel: SweptKernel,
+    pub map: &'a Map,
+    /// One a tile of the band; empty where static objects are swept with the others.
+    pub picture: &'a [StaticTile],
+}
+
+impl SweepGroup<'_> {
+    /// The volume that kernels sweep.
+    pub(in crate::backend) fn volume(&self) -> Volume {
+        let ellipsoid = self.kernel.shape == KernelShape::Ellipsoid;
+        Volume { ellipsoid, stretch: self.kernel.stretch() as f32 }
+    }
+
+    /// What `attribute` needs for one chunk, whose kernels have `values`.
+    pub(in crate::backend) fn swept<'b>(&'b self, chunk: &Chunk, values: &'b [f32]) -> Swept<'b> {
+        Swept {
+            attributes: self.scope.attributes(chunk, values),
+            footprint: Footprint::of(self.kernel),
+            source_samples: self.kernel.source_samples.0,
+            slope: self.interval.slope,
+            sum: self.sums_weights(),
+            map: self.map,
+        }
+    }
+
+    fn sums_weights(&self) -> bool {
+        self.kernel.alpha == TemporalAlpha::Sum
+    }
+
+    /// Pass `attribute` of one tile.
+    fn add_kernels(&self, job: &mut Job<'_, SweptSplat, TileFilm>) {
+        for (chunk, binned) in job.chunks.iter().zip(job.binned) {
+            let list = binned.list(&job.tile, job.scratch);
+            if list.is_empty() {
+                continue;
+            }
+            let swept = self.swept(chunk, &binned.values);
+            let TileBuffers { threshold, sums, presence, .. } = &mut *job.buffers;
+            attribute::attribute(&binned.splats, list, &swept, &job.tile, threshold, sums, presence);
+        }
+    }
+
+    /// Pass `resolve` of one tile; `picture` is that of static objects there.
+    pub(in crate::backend) fn resolve(&self, job: Job<'_, SweptSplat, TileFilm>, picture: Option<&StaticTile>) {
+        let Scope { channels, planes, .. } = self.scope;
+        let TileBuffers { threshold, sums, union, presence } = job.buffers;
+        let (weight, coverage) = (self.scope.weight(), &mut union.coverage);
+        let exposure = Exposure { interval: self.interval, weight, sum: self.sums_weights() };
+        resolve::coverage(&exposure, presence, coverage);
+        match self.kernel.normalise {
+            Normalise::Once => {
+                resolve::pool(weight, channels, planes, &job.tile, sums, coverage, &mut job.out.values);
+            }
+            Normalise::Interval => {
+                resolve(&self.scope.resolve(), &job.tile, threshold, sums, coverage, job.out);
+            }
+        }
+        if let Some(picture) = picture {
+            picture.show(weight, coverage, planes.weight, &job.tile, job.out);
+        }
+    }
+}
+
+impl TileWork for SweepGroup<'_> {
+    type Pass = SweepPass;
+    type Splat = SweptSplat;
+    type Out = TileFilm;
+
+    fn scope(&self) -> &Scope<'_> {
+        &self.scope
+    }
+
+    fn project(&self, chunk: &Chunk, binned: &mut Binned<SweptSplat>) {
+        self.scope.timed(binned, |binned| {
+            let surfels = &self.scope.frame.objects[chunk.object].surfels;
+            let view = self.scope.view(chunk);
+            binned.splats.clear();
+            project::project(&view, self.volume(), surfels, chunk.surfels.clone(), &mut binned.splats);
+            binned.bin();
+            self.scope.add_values(chunk, binned);
+        });
+    }
+
+    fn reads_splats(pass: SweepPass) -> bool {
+        match pass {
+            SweepPass::Attribute => true,
+            SweepPass::Resolve => false,
+        }
+    }
+
+    fn prepare(&self, pass: SweepPass, index: usize, buffers: &mut TileBuffers, _scratch: &mut Vec<u32>) {
+        match pass {
+            SweepPass::Attribute => {
+                buffers.clear_threshold();
+                buffers.clear_sums(self.scope.channels.count, 1);
+                buffers.clear_presence();
+                if let Some(tile) = self.picture.get(index) {
+                    tile.start_threshold(&mut buffers.threshold);
+                }
+            }
+            // The film goes on from the intervals before.
+            SweepPass::Resolve => {}
+        }
+    }
+
+    fn run(&self, pass: SweepPass, mut job: Job<'_, SweptSplat, TileFilm>) {
+        let start = Instant::now();
+        match pass {
+            SweepPass::Attribute => {
+                self.add_kernels(&mut job);
+                self.scope.clocks.attribute.add(start);
+            }
+            SweepPass::Resolve => {
+                let picture = self.picture.get(job.index);
+                self.resolve(job, picture);
+                self.scope.clocks.resolve.add(start);
+            }
+        }
+    }
+
+    /// A tile into which no kernel moves shows its static objects alone.
+    fn skip(&self, index: usize, film: &mut TileFilm) -> bool {
+        if let Some(picture) = self.picture.get(index) {
+            let start = Instant::now();
+            let tile = self.scope.band.tile(index);
+            picture.show(self.scope.weight(), &[], self.scope.planes.weight, &tile, film);
+            self.scope.clocks.resolve.add(start);
+        }
+        true
+    }
+}

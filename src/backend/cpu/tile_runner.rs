@@ -1,0 +1,170 @@
+//! Runs the passes of a step over the tiles of a band: all at once on each tile where its splats fit into the memory allowed, else pass
+//! by pass, the splats in batches.
+
+use rayon::prelude::*;
+
+use super::bin::{Binned, Tiled};
+use super::chunk::{CHUNK, Chunk};
+use super::scope::Scope;
+use super::tiles::{TileBuffers, TileRect};
+
+/// What a step does, tile by tile.
+pub(in crate::backend) trait TileWork: Sync {
+    /// Its passes.
+    type Pass: Copy + Sync;
+    /// What its passes read.
+    type Splat: Tiled + Send + Sync;
+    /// What it writes, one for each tile.
+    type Out: Send;
+
+    /// The group, and the band whose tiles are worked on.
+    fn scope(&self) -> &Scope<'_>;
+
+    /// Makes the splats of a chunk, by tile.
+    fn project(&self, chunk: &Chunk, binned: &mut Binned<Self::Splat>);
+
+    /// Whether `pass` reads the splats of a tile's list, and not only what was made of them.
+    fn reads_splats(pass: Self::Pass) -> bool;
+
+    /// Brings what `pass` will write to where it starts, in tile `index`.
+    fn prepare(&self, pass: Self::Pass, index: usize, buffers: &mut TileBuffers, scratch: &mut Vec<u32>);
+
+    /// Runs a pass on a tile.
+    fn run(&self, pass: Self::Pass, job: Job<'_, Self::Splat, Self::Out>);
+
+    /// Deals with a tile that has no splats, if that can be done without its passes; says whether it was.
+    fn skip(&self, _index: usize, _out: &mut Self::Out) -> bool {
+        true
+    }
+}
+
+/// One tile in one pass.
+pub(in crate::backend) struct Job<'a, S, O> {
+    pub chunks: &'a [Chunk],
+    /// The splats of `chunks`.
+    pub binned: &'a [Binned<S>],
+    pub tile: TileRect,
+    /// Of the tile in its band.
+    pub index: usize,
+    pub buffers: &'a mut TileBuffers,
+    pub scratch: &'a mut Vec<u32>,
+    pub out: &'a mut O,
+}
+
+/// The passes of a step over the tiles of its band.
+pub(in crate::backend) struct TileRunner<'a, W: TileWork> {
+    pub work: &'a W,
+    pub chunks: &'a [Chunk],
+    /// In order.
+    pub passes: &'a [W::Pass],
+    /// Bytes for splats and their lists.
+    pub splat_bytes: u64,
+}
+
+impl<W: TileWork> TileRunner<'_, W> {
+    /// Runs all passes; one output a tile.
+    pub(in crate::backend) fn run(
+        &self,
+        binned: &mut Vec<Binned<W::Splat>>,
+        buffers: &mut Vec<TileBuffers>,
+        outputs: &mut [W::Out],
+    ) {
+        let taken = self.batch(self.chunks, binned);
+        if taken == self.chunks.len() {
+            self.run_at_once(&binned[..taken], outputs);
+        } else {
+            self.run_in_batches(taken, binned, buffers, outputs);
+        }
+    }
+
+    /// Runs all passes with all splats at hand: each tile goes through its passes at once, in buffers that stay in the cache.
+    pub(in crate::backend) fn run_at_once(&self, binned: &[Binned<W::Splat>], outputs: &mut [W::Out]) {
+        let &Self { work, chunks, passes, .. } = self;
+        outputs.par_iter_mut().enumerate().for_each_init(
+            || (TileBuffers::default(), Vec::new()),
+            |(buffers, scratch), (index, out)| {
+                let tile = work.scope().band.tile(index);
+                if !self.wants(&tile) {
+                    return;
+                }
+                let empty = binned.iter().all(|binned| binned.list(&tile, scratch).is_empty());
+                if empty && work.skip(index, out) {
+                    return;
+                }
+                for &pass in passes {
+                    work.prepare(pass, index, buffers, scratch);
+                    work.run(pass, Job { chunks, binned, tile, index, buffers, scratch, out });
+                }
+            },
+        );
+    }
+
+    /// Runs one pass after the other, over all batches of splats; `done` chunks are in the first one, which is at hand.
+    fn run_in_batches(
+        &self,
+        mut done: usize,
+        binned: &mut Vec<Binned<W::Splat>>,
+        buffers: &mut Vec<TileBuffers>,
+        outputs: &mut [W::Out],
+    ) {
+        let &Self { work, chunks, passes, .. } = self;
+        buffers.resize_with(outputs.len().max(buffers.len()), TileBuffers::default);
+        let mut start = 0;
+        for &pass in passes {
+            let prepare = |scratch: &mut _, (index, buffers)| work.prepare(pass, index, buffers, scratch);
+            buffers[..outputs.len()].par_iter_mut().enumerate().for_each_init(Vec::new, prepare);
+            loop {
+                let batch = &chunks[start..done];
+                let splats = &binned[..batch.len()];
+                buffers.par_iter_mut().zip(outputs.par_iter_mut()).enumerate().for_each_init(
+                    Vec::new,
+                    |scratch, (index, (buffers, out))| {
+                        let tile = work.scope().band.tile(index);
+                        if !self.wants(&tile) {
+                            return;
+                        }
+                        work.run(pass, Job { chunks: batch, binned: splats, tile, index, buffers, scratch, out });
+                    },
+                );
+                if !W::reads_splats(pass) {
+                    break;
+                }
+                // On to the next batch; after the last, back to the first for the next pass.
+                start = if done == chunks.len() { 0 } else { done };
+                done = start + self.batch(&chunks[start..], binned);
+                if start == 0 {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Is the tile rendered? All tiles of a map are.
+    fn wants(&self, tile: &TileRect) -> bool {
+        let ([x, y], frame) = (tile.tile, self.work.scope().frame);
+        frame.swept.is_some() || frame.wanted.as_ref().is_none_or(|blocks| blocks.at(x, y))
+    }
+
+    /// Projects and bins as many of `chunks` as fit into the memory for splats, at least one; returns how many.
+    pub(in crate::backend) fn batch(&self, chunks: &[Chunk], binned: &mut Vec<Binned<W::Splat>>) -> usize {
+        let scope = self.work.scope();
+        let most = Binned::<W::Splat>::most_bytes(CHUNK, scope.channels.count, &scope.band);
+        let least = rayon::current_num_threads();
+        let mut used = 0;
+        let mut done = 0;
+        while done < chunks.len() {
+            let fit = (self.splat_bytes.saturating_sub(used) / most) as usize;
+            if fit < least && done > 0 {
+                break;
+            }
+            let end = (done + fit.max(least)).min(chunks.len());
+            binned.resize_with(binned.len().max(end), Binned::default);
+            let slots = &mut binned[done..end];
+            let project = |(binned, chunk): (&mut _, _)| self.work.project(chunk, binned);
+            slots.par_iter_mut().zip(&chunks[done..end]).for_each(project);
+            used += slots.iter().map(Binned::bytes).sum::<u64>();
+            done = end;
+        }
+        done
+    }
+}

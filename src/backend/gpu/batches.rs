@@ -1,0 +1,167 @@
+//! How a group is cut up: its surfels into batches, and those into segments.
+
+use std::ops::Range;
+
+use super::layout::{Segment, Travel, UNIFORM_STRIDE};
+use super::memory::Schedule;
+use super::models::SurfelBuffer;
+use super::prepared::Prepared;
+use crate::backend::clusters::{CLUSTER, Window};
+use crate::frame::{PosedGroup, Raster};
+use crate::plan::Objects;
+
+/// Surfels that are not worth a segment of their own: what is not wanted is projected where it is shorter.
+const GAP: usize = 1 << 12;
+
+/// Surfels that go through the passes together.
+#[derive(Clone, Debug, Default)]
+pub(in crate::backend) struct Batch {
+    pub slots: u32,
+    /// Segments, with the object and the surfel buffer of each.
+    pub segments: Vec<(Segment, usize, usize)>,
+    /// One a segment.
+    pub travels: Vec<Travel>,
+    /// That of its last segment.
+    pub last_turn: u32,
+}
+
+/// The batches of a group.
+#[derive(Clone, Debug)]
+pub(in crate::backend) struct Batches {
+    /// Of the static layer, which is cached.
+    pub cached: Vec<Batch>,
+    /// To go through the passes.
+    pub run: Vec<Batch>,
+}
+
+impl Batches {
+    pub(in crate::backend) fn segments(&self) -> impl Iterator<Item = &Segment> {
+        self.cached.iter().chain(&self.run).flat_map(|batch| &batch.segments).map(|(segment, _, _)| segment)
+    }
+}
+
+impl Schedule {
+    /// The surfels of some objects of `group` in batches; with `from_layer` after those of the static layer.
+    pub(in crate::backend) fn batches(
+        &self,
+        prepared: &Prepared<'_>,
+        raster: &Raster,
+        group: &PosedGroup,
+        objects: Objects,
+        from_layer: bool,
+    ) -> Batches {
+        let frame = prepared.frame;
+        let visible = |sample: usize, fixed: bool| {
+            let posed = group.samples[sample].objects.iter().zip(&frame.objects).enumerate();
+            let some = posed.filter(move |(_, (pose, object))| pose.visible && object.is_static == fixed);
+            some.map(move |(index, _)| (sample, index))
+        };
+        let fixed = || visible(0, true);
+        let moving = || (0..group.samples.len()).flat_map(|sample| visible(sample, false));
+        // Before the segments come those that hold the weights of samples.
+        let index = group.samples.len() as u32;
+        let mut cutter = Cutter { prepared, raster, group, most: self.slots as usize, index };
+        let cached = if from_layer { cutter.cut(fixed()) } else { Vec::new() };
+        let mut run = match objects {
+            Objects::All => cutter.cut(fixed().chain(moving())),
+            Objects::Static => cutter.cut(fixed()),
+            Objects::Moving => cutter.cut(moving()),
+        };
+        if objects == Objects::Moving && run.is_empty() {
+            // The samples' turns come nevertheless, and static objects show.
+            run.push(Batch::default());
+        }
+        if let Some(last) = run.last_mut().filter(|_| objects != Objects::Static) {
+            last.last_turn = group.samples.len() as u32 + 1;
+        }
+        Batches { cached, run }
+    }
+}
+
+/// Cuts objects into segments and batches.
+struct Cutter<'a> {
+    prepared: &'a Prepared<'a>,
+    raster: &'a Raster,
+    group: &'a PosedGroup,
+    /// Slots of a batch.
+    most: usize,
+    /// Of the next segment.
+    index: u32,
+}
+
+impl Cutter<'_> {
+    /// The surfels of a surfel buffer that are wanted.
+    fn parts(&self, sample: usize, object: usize, buffer: &SurfelBuffer) -> Vec<Range<usize>> {
+        let frame = self.prepared.frame;
+        let Some((clusters, blocks)) = self.prepared.clusters.get(object).zip(frame.wanted.as_ref()) else {
+            return vec![buffer.surfels.clone()];
+        };
+        let raster = self.raster;
+        let [right, bottom] = raster.size.map(|pixels| pixels as i32 - 1);
+        let one_sided = !frame.objects[object].two_sided;
+        let object = &self.group.samples[sample].objects[object];
+        let blocks = Some(blocks);
+        let window = Window { object, raster, pixels: [0, right, 0, bottom], near: frame.near, blocks };
+        let mut parts: Vec<Range<usize>> = Vec::new();
+        for cluster in buffer.surfels.start / CLUSTER..buffer.surfels.end.div_ceil(CLUSTER) {
+            if !clusters.may_show(cluster, &window, one_sided) {
+                continue;
+            }
+            let first = (cluster * CLUSTER).max(buffer.surfels.start);
+            let end = ((cluster + 1) * CLUSTER).min(buffer.surfels.end);
+            match parts.last_mut() {
+                Some(part) if first - part.end <= GAP => part.end = end,
+                _ => parts.push(first..end),
+            }
+        }
+        parts
+    }
+
+    /// `objects`: sample and object of each.
+    fn cut(&mut self, objects: impl Iterator<Item = (usize, usize)>) -> Vec<Batch> {
+        let total: f32 = self.group.samples.iter().map(|sample| sample.weight).sum();
+        let mut batches: Vec<Batch> = Vec::new();
+        for (sample, object) in objects {
+            let posed = &self.group.samples[sample];
+            let (pose, of_frame) = (&posed.objects[object], &self.prepared.frame.objects[object]);
+            let (turn, share) = if of_frame.is_static {
+                (0, 1.0)
+            } else {
+                (sample as u32 + 1, if total > 0.0 { posed.weight / total } else { 1.0 })
+            };
+            let template = Segment::posed(pose, of_frame, turn, share);
+            for (number, buffer) in self.prepared.surfel_buffers[object].iter().enumerate() {
+                for part in self.parts(sample, object, buffer) {
+                    let mut first = part.start - buffer.surfels.start;
+                    let end = part.end - buffer.surfels.start;
+                    while first < end {
+                        if batches.last().is_none_or(|batch| batch.slots as usize >= self.most) {
+                            batches.push(Batch::default());
+                        }
+                        let Some(batch) = batches.last_mut() else { break };
+                        let surfels = (end - first).min(self.most - batch.slots as usize);
+                        let segment = Segment {
+                            first_slot: batch.slots,
+                            first_surfel: first as u32,
+                            surfels: surfels as u32,
+                            block: buffer.surfels.len() as u32,
+                            block_start: buffer.surfels.start as u32,
+                            index: self.index,
+                            first_light: (sample * posed.lights.len()) as u32,
+                            ..template
+                        };
+                        batch.segments.push((segment, object, number));
+                        batch.travels.push(Travel::of(pose));
+                        batch.slots += surfels as u32;
+                        batch.last_turn = turn;
+                        first += surfels;
+                        self.index += 1;
+                    }
+                }
+            }
+        }
+        batches
+    }
+}
+
+const _: () = assert!(size_of::<Segment>() as u64 == UNIFORM_STRIDE);

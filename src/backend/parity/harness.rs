@@ -1,0 +1,319 @@
+//! Runs one pass on the device, with the CPU's results of the passes before it as input.
+
+use bytemuck::{Pod, Zeroable};
+use wgpu::{Buffer, BufferUsages, MapMode};
+
+use super::splat_twins::{Context, Posed, Restored, SplatTwins, Sums, whole};
+use crate::backend::gpu::Gpu;
+use crate::backend::gpu::batches::Batch;
+use crate::backend::gpu::bind::BoundPrograms;
+use crate::backend::gpu::layout::{TILE, WIDEST};
+use crate::backend::gpu::prepared::Prepared;
+use crate::backend::gpu::record::{Job, Place, StepWork};
+use crate::backend::gpu::steps::{MapStep, SplatStep, SweepStep};
+use crate::backend::gpu::timestamps::Marks;
+use crate::frame::{Blocks, Frame};
+use crate::layout::Splat;
+use crate::plan::{MapPass, Objects, PosedInterval, SplatPass, Step, SweepPass};
+
+/// A pass of the device: of splats, of the map, or of kernels in motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pass {
+    Project,
+    Bin,
+    Splat(SplatPass),
+    Map(MapPass),
+    /// `Project` and `Bin` of kernels in motion.
+    MakeKernels,
+    Sweep(SweepPass),
+}
+
+/// Stands for +infinity on the device.
+pub(super) const NONE: f32 = 3.402_823_4e38;
+/// Stands for the threshold of what is not wanted.
+pub(super) const UNWANTED: f32 = -NONE;
+/// Marks splats that are listed apart.
+pub(super) const WIDE: u32 = 1 << 31;
+pub(super) const PIXELS: usize = (TILE * TILE) as usize;
+
+/// The first group of a frame on the device.
+pub(super) struct Harness<'a> {
+    pub gpu: &'a mut Gpu,
+    pub frame: &'a Frame,
+    pub twins: SplatTwins<'a>,
+    pub prepared: Prepared<'a>,
+    programs: BoundPrograms,
+    band: crate::backend::gpu::memory::Band,
+    /// The interval of the group, if it has one, and what is swept.
+    swept: Option<(PosedInterval, Objects)>,
+    pub batch: Batch,
+}
+
+/// What the CPU has of a group.
+pub(super) struct Host {
+    pub posed: Vec<Posed>,
+    /// By slot; flags hold the segment.
+    pub splats: Vec<Option<Splat>>,
+    /// By slot.
+    pub touched: Vec<u32>,
+    pub starts: Vec<u32>,
+    pub list: Vec<u32>,
+    pub wide: Vec<u32>,
+    /// By tile, `TILE` x `TILE` each.
+    pub thresholds: Vec<Vec<f32>>,
+    pub sums: Vec<Sums>,
+    /// By tile, by plane.
+    pub film: Vec<Vec<Vec<f32>>>,
+}
+
+impl<'a> Harness<'a> {
+    /// `None`: the group has no surfels.
+    pub(super) fn new(gpu: &'a mut Gpu, frame: &'a Frame, context: &'a Context) -> Option<Self> {
+        let prepared = gpu.prepare(frame).unwrap();
+        let mut marks = Marks::new(&gpu.state.device).unwrap();
+        let programs = gpu.bind(&prepared, &mut marks).unwrap_or_else(|e| panic!("{e}"));
+        let band = prepared.schedule.bands(0).next()?;
+        assert_eq!(band.rows, prepared.schedule.rasters[0].tiles[1], "one band");
+        let position = &frame.rasters[0].positions[0];
+        let group = &position.groups[0];
+        let swept = frame.steps().find_map(|step| match *step {
+            Step::Sweep { interval, objects, .. } => Some((interval, objects)),
+            _ => None,
+        });
+        let scope = context.scope(frame, position, group, whole(position));
+        let twins = SplatTwins { scope, edge: TILE as usize };
+        let mut harness = Self { gpu, frame, twins, prepared, programs, band, swept, batch: Batch::default() };
+        let mut batches = harness.gpu.state.upload(&harness.job(false)).run;
+        assert!(batches.len() <= 1, "one batch");
+        harness.batch = batches.pop()?;
+        Some(harness)
+    }
+
+    fn place(&self) -> Place<'_> {
+        let position = &self.frame.rasters[0].positions[0];
+        let (prepared, programs, band) = (&self.prepared, &self.programs, self.band);
+        Place { prepared, programs, position, raster: 0, band, film: &programs.film[0] }
+    }
+
+    /// The group, on the band or on the map around it.
+    fn job(&self, on_map: bool) -> Job<'_> {
+        let place = self.place();
+        let Some((interval, objects)) = self.swept else { return place.job(0, Objects::All) };
+        let map = place.area().guarded(interval.guard);
+        let job = Job { map, slope: interval.slope, ..place.job(0, objects) };
+        if on_map { Job { area: map, ..job } } else { job }
+    }
+
+    fn tiles(&self) -> Vec<[usize; 2]> {
+        let [x, y] = self.prepared.schedule.rasters[0].tiles.map(|n| n as usize);
+        (0..x * y).map(|i| [i % x, i / x]).collect()
+    }
+
+    /// Is the tile of the raster rendered?
+    fn wants(&self, tile: [usize; 2]) -> bool {
+        let [x, y] = tile.map(|i| i * TILE as usize / Blocks::EDGE);
+        self.frame.wanted.as_ref().is_none_or(|blocks| blocks.at(x, y))
+    }
+
+    /// All passes on the CPU.
+    pub(super) fn host(&self) -> Host {
+        let twins = self.twins;
+        let posed = twins.project();
+        let slots = self.batch.slots as usize;
+        let mut splats = vec![None; slots];
+        for (segment, object, _) in &self.batch.segments {
+            let sample = (segment.flags >> 2).saturating_sub(1) as usize;
+            let of = posed.iter().find(|p| p.chunk.sample == sample && p.chunk.object == *object).unwrap();
+            let first = segment.block_start + segment.first_surfel;
+            for splat in of.splats.iter().filter(|s| (first..first + segment.surfels).contains(&s.surfel)) {
+                let slot = segment.first_slot + splat.surfel - first;
+                splats[slot as usize] = Some(Splat { flags: splat.flags | segment.index << 1, ..*splat });
+            }
+        }
+        let tiles_of = |splat: &Splat| splat.bounds.map(|pixel| u32::from(pixel) / TILE);
+        let touched: Vec<u32> = splats
+            .iter()
+            .map(|splat| {
+                let Some(splat) = splat else { return 0 };
+                let [x0, x1, y0, y1] = tiles_of(splat).map(|i| i as usize);
+                let wanted = (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| [x, y])).filter(|&tile| self.wants(tile));
+                let count = wanted.count() as u32;
+                if (x1 + 1 - x0) * (y1 + 1 - y0) > WIDEST as usize && count > 0 { WIDE } else { count }
+            })
+            .collect();
+        let wide: Vec<u32> = (0..slots as u32).filter(|&slot| touched[slot as usize] == WIDE).collect();
+        let (mut starts, mut list) = (Vec::new(), Vec::new());
+        for [x, y] in self.tiles() {
+            starts.push(list.len() as u32);
+            list.extend((0..slots as u32).filter(|&slot| {
+                touched[slot as usize] != WIDE
+                    && self.wants([x, y])
+                    && splats[slot as usize].as_ref().is_some_and(|splat| {
+                        let [x0, x1, y0, y1] = tiles_of(splat).map(|i| i as usize);
+                        (x0..=x1).contains(&x) && (y0..=y1).contains(&y)
+                    })
+            }));
+        }
+        starts.extend([list.len() as u32, wide.len() as u32]);
+        let threshold = |&tile: &[usize; 2]| {
+            if self.wants(tile) { twins.visibility(&posed, tile) } else { vec![UNWANTED; PIXELS] }
+        };
+        let thresholds: Vec<_> = self.tiles().iter().map(threshold).collect();
+        // Hidden splats cover too: none in a tile that is not wanted.
+        let of_tile = |tile| if self.wants(tile) { &posed[..] } else { &[] };
+        let sums: Vec<_> =
+            self.tiles().iter().zip(&thresholds).map(|(&tile, t)| twins.attribute(of_tile(tile), tile, t)).collect();
+        let film =
+            self.tiles().into_iter().zip(thresholds.iter().zip(&sums)).map(|(tile, (t, s))| twins.resolve(tile, t, s));
+        let film = film.collect();
+        Host { posed, splats, touched, starts, list, wide, thresholds, sums, film }
+    }
+
+    /// By tile: static objects, and what of them is restored.
+    pub(super) fn restored(&self, host: &Host) -> Vec<Restored> {
+        let one = |(tile, thresholds): ([usize; 2], &Vec<f32>)| {
+            let mut restored = self.twins.restore(&host.posed, tile, thresholds);
+            if !self.wants(tile) {
+                restored.layer_thresholds = vec![UNWANTED; PIXELS];
+                restored.limits = vec![UNWANTED; PIXELS];
+            }
+            restored
+        };
+        self.tiles().into_iter().zip(&host.thresholds).map(one).collect()
+    }
+
+    /// Writes what the passes before `pass` make, and spoils what it will write.
+    pub(super) fn feed(&mut self, host: &Host, pass: Pass) {
+        let buffers = &self.gpu.state.buffers;
+        let spoilt = [&buffers.splats, &buffers.touched, &buffers.starts, &buffers.thresholds, &buffers.sums];
+        let mut encoder = self.gpu.state.encoder();
+        encoder.clear_buffer(&buffers.film, 0, None);
+        for buffer in spoilt {
+            encoder.clear_buffer(buffer, 0, None);
+        }
+        self.gpu.state.device.queue.submit([encoder.finish()]);
+        if pass == Pass::Project {
+            return;
+        }
+        let blank = Splat::zeroed();
+        self.write(&buffers.splats, &host.splats.iter().map(|s| s.unwrap_or(blank)).collect::<Vec<_>>());
+        self.write(&buffers.touched, &host.touched);
+        if pass == Pass::Bin {
+            return;
+        }
+        self.write(&buffers.starts, &host.starts);
+        self.write(&buffers.lists[0], &host.list);
+        self.write(&buffers.wide, &host.wide);
+        if pass == Pass::Splat(SplatPass::Visibility) {
+            return;
+        }
+        let thresholds: Vec<f32> = host.thresholds.iter().flatten().map(|&t| t.min(NONE)).collect();
+        self.write(&buffers.thresholds, &thresholds);
+        if pass == Pass::Splat(SplatPass::Attribute) {
+            return;
+        }
+        let sums: Vec<f32> = host.sums.iter().flat_map(planes_of).flatten().collect();
+        self.write(&buffers.sums, &sums);
+    }
+
+    /// Makes the static layer.
+    pub(super) fn static_layer(&mut self) {
+        let mut marks = Marks::new(&self.gpu.state.device).unwrap();
+        assert!(self.gpu.state.static_layer(self.place(), 0, &mut marks), "there is no layer");
+        self.gpu.state.device.check().unwrap();
+    }
+
+    /// Starts pass `attribute` from the static layer, without what must be recomputed.
+    pub(super) fn restore(&mut self) {
+        let layer = self.programs.static_layer.as_ref().unwrap();
+        let job = Job { from_layer: true, objects: Objects::Moving, ..self.job(false) };
+        let mut encoder = self.gpu.state.encoder();
+        let mut marks = Marks::new(&self.gpu.state.device).unwrap();
+        self.gpu.state.upload(&job);
+        SplatStep { job, layer: Some(layer) }.restore(layer, &mut encoder, 0, &mut marks);
+        self.gpu.state.device.queue.submit([encoder.finish()]);
+        self.gpu.state.device.check().unwrap();
+    }
+
+    /// Makes the picture of static objects.
+    pub(super) fn static_picture(&mut self) {
+        let mut marks = Marks::new(&self.gpu.state.device).unwrap();
+        self.gpu.state.static_picture(self.place(), 0, &mut marks).unwrap();
+        self.gpu.state.device.check().unwrap();
+    }
+
+    /// Runs one pass; what belongs to the map, on the map around the band.
+    pub(super) fn run(&mut self, pass: Pass) {
+        let on_map = self.swept.is_some() && matches!(pass, Pass::Project | Pass::Bin | Pass::Map(_));
+        let job = self.job(on_map);
+        self.gpu.state.upload(&job);
+        if let Some((interval, _)) = &self.swept {
+            self.write(&self.gpu.state.buffers.moments, &interval.moments);
+        }
+        let swept = || self.programs.swept.as_ref().unwrap();
+        match pass {
+            Pass::Project => self.lists(&SplatStep { job, layer: None }, true, false),
+            Pass::Bin => self.lists(&SplatStep { job, layer: None }, false, true),
+            Pass::Splat(pass) => self.record(&SplatStep { job, layer: None }, pass),
+            Pass::Map(pass) => self.record(&MapStep { job, programs: swept() }, pass),
+            Pass::MakeKernels => self.lists(&SweepStep { job, programs: swept() }, true, true),
+            Pass::Sweep(pass) => self.record(&SweepStep { job, programs: swept() }, pass),
+        }
+    }
+
+    fn record<W: StepWork>(&self, work: &W, pass: W::Pass) {
+        let mut marks = Marks::new(&self.gpu.state.device).unwrap();
+        let mut encoder = self.gpu.state.encoder();
+        self.gpu.state.record(&mut encoder, work, pass, &self.batch, 0, &mut marks);
+        self.gpu.state.device.queue.submit([encoder.finish()]);
+        self.gpu.state.device.check().unwrap();
+    }
+
+    fn lists<W: StepWork>(&self, work: &W, project: bool, bin: bool) {
+        let mut marks = Marks::new(&self.gpu.state.device).unwrap();
+        let mut encoder = self.gpu.state.encoder();
+        if project {
+            self.gpu.state.project(&mut encoder, work, &self.batch, 0, &mut marks);
+        }
+        if bin {
+            self.gpu.state.bin(&mut encoder, work, &self.batch, 0, &mut marks);
+        }
+        self.gpu.state.device.queue.submit([encoder.finish()]);
+        self.gpu.state.device.check().unwrap();
+    }
+
+    pub(super) fn write<T: Pod>(&self, buffer: &Buffer, values: &[T]) {
+        self.gpu.state.device.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
+    }
+
+    pub(super) fn read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Vec<T> {
+        read(self.gpu, buffer, count)
+    }
+}
+
+/// A tile's channels as the device has them.
+pub(super) fn planes_of(sums: &Sums) -> Vec<Vec<f32>> {
+    let mut planes = sums.channels.clone();
+    if !sums.reach.is_empty() {
+        planes.extend([sums.reach.clone(), sums.coverage.clone(), sums.still.clone()]);
+    }
+    planes
+}
+
+/// The first `count` values of a buffer.
+pub(super) fn read<T: Pod>(gpu: &Gpu, buffer: &Buffer, count: usize) -> Vec<T> {
+    let device = &gpu.state.device;
+    let bytes = (count * size_of::<T>()) as u64;
+    if bytes == 0 {
+        return Vec::new();
+    }
+    let copy = device.buffer("test", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST).unwrap();
+    let mut encoder = gpu.state.encoder();
+    encoder.copy_buffer_to_buffer(buffer, 0, &copy, 0, bytes);
+    device.queue.submit([encoder.finish()]);
+    copy.map_async(MapMode::Read, .., |_| ());
+    device.handle.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    device.check().unwrap();
+    let view = copy.get_mapped_range(..).unwrap();
+    bytemuck::pod_collect_to_vec(&view[..bytes as usize])
+}

@@ -1,0 +1,202 @@
+//! Where everything is at one time sample, composed in `f64` and rounded once.
+
+use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
+
+use crate::film::Aov;
+use crate::options::RenderOptions;
+use crate::plan::{Interval, PosedInterval};
+use crate::scene::pose::{ObjectPose, camera_from_world, object_pose, object_velocity};
+use crate::scene::{Light, Object, Scene};
+use crate::shading::ShadingLight;
+
+/// The scene at one time sample.
+#[derive(Clone, Debug)]
+pub struct PosedSample {
+    /// Share of the exposure.
+    pub weight: f32,
+    /// Camera axes in world space: columns right, up, back.
+    pub world_from_camera: Mat3,
+    /// Lights, relative to the eye.
+    pub lights: Vec<ShadingLight>,
+    /// One a `Frame::objects` entry.
+    pub objects: Vec<PosedObject>,
+}
+
+/// An object at one time sample.
+///
+/// *Screen space* here is (f X, -f Y, -Z) of camera space, f the focal length of the group's raster: a point's raster pixel is
+/// its first two coordinates over the third (its depth), counted from the raster's `axis`, x right and y down.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PosedObject {
+    /// False: skipped.
+    pub visible: bool,
+    /// Linear part of model space (relative to the model's origin) to screen space.
+    pub screen_from_model: Mat3,
+    /// Screen-space position of the model's origin.
+    pub screen_origin: Vec3,
+    /// The same for surfels' centres: over an interval, the mean pose; else `screen_from_model`.
+    pub centre_from_model: Mat3,
+    /// Screen-space position of the model's origin, likewise.
+    pub centre_origin: Vec3,
+    /// Half the difference of the poses at the interval's ends, linear part; else 0.
+    pub motion_from_model: Mat3,
+    /// Motion of the model's origin, likewise.
+    pub motion_origin: Vec3,
+    /// True where the centres' pose is not the axes' own.
+    pub moves: bool,
+    /// The eye in model space, relative to the model's origin.
+    pub eye: Vec3,
+    /// Time derivative of `screen_from_model`, per shutter; zero unless the velocity AOV is wanted.
+    pub screen_rate: Mat3,
+    /// Time derivative of `screen_origin`, per shutter.
+    pub screen_origin_rate: Vec3,
+    /// Model normals to world normals, up to length: the inverse transpose.
+    pub normal_matrix: Mat3,
+    /// World-space linear part, for surfel positions relative to the eye.
+    pub world_from_model: Mat3,
+    /// The model's origin relative to the eye, world axes.
+    pub world_origin: Vec3,
+    /// -1 for transforms that mirror, else 1.
+    pub handedness: f32,
+    /// Depth tolerance of the visibility rule, world units.
+    pub epsilon: f32,
+}
+
+/// Poses the scene at the times of one frame.
+pub(super) struct Poser<'a> {
+    pub scene: &'a Scene,
+    /// The frame number.
+    pub number: f64,
+    /// Focal length, raster pixels.
+    pub focal: f64,
+    pub options: &'a RenderOptions,
+}
+
+impl Poser<'_> {
+    /// The scene at `time`, which has share `weight` of the exposure; over `interval`, if it stands for one.
+    pub(super) fn sample(&self, time: f64, weight: f64, interval: Option<&Interval>) -> PosedSample {
+        let camera = camera_from_world(self.scene, time);
+        let world_from_camera = DMat3::from_mat4(camera).transpose();
+        let eye = -(world_from_camera * camera.w_axis.truncate());
+        PosedSample {
+            weight: weight as f32,
+            world_from_camera: world_from_camera.as_mat3(),
+            lights: self.scene.lights.iter().map(|light| shading_light(light, eye)).collect(),
+            objects: self.scene.objects.iter().map(|object| self.object(object, time, &camera, interval)).collect(),
+        }
+    }
+
+    /// Camera-from-model transform (the model relative to its origin) at scene time `time`.
+    fn camera_from_model(&self, object: &Object, time: f64) -> DMat4 {
+        camera_from_world(self.scene, time)
+            * object_pose(self.scene, object, time).world_from_model
+            * DMat4::from_translation(object.model.origin)
+    }
+
+    /// An interval whose one sample is `samples`, on a raster of `size`.
+    pub(super) fn interval(&self, interval: &Interval, samples: &[PosedSample], size: [u32; 2]) -> PosedInterval {
+        let half = |range: std::ops::Range<usize>| interval.moments[range].iter().sum::<f64>();
+        let (early, late) = (half(0..16), half(16..32));
+        // The linear weight 1 + s tau has (1 + s/2)/2 of its integral in the later half.
+        let slope = if early + late > 0.0 { (2.0 * (late - early) / (early + late)).clamp(-1.0, 1.0) } else { 0.0 };
+        let most = f64::from(size[0].max(size[1]) / 2);
+        let near = self.scene.camera.near;
+        let posed = samples.iter().flat_map(|sample| self.scene.objects.iter().zip(&sample.objects));
+        let drifts = posed
+            .filter(|(object, posed)| posed.visible && posed.moves && !object.bounds.is_empty())
+            .flat_map(|(object, posed)| {
+                object.bounds.corners().map(|corner| {
+                    let p = (corner - object.model.origin).as_vec3();
+                    let centre = (posed.centre_from_model * p + posed.centre_origin).as_dvec3();
+                    let motion = (posed.motion_from_model * p + posed.motion_origin).as_dvec3();
+                    let (from, to) = (centre - motion, centre + motion);
+                    if from.z.min(to.z) < near {
+                        return most;
+                    }
+                    let on_raster = |p: DVec3| p.truncate() / p.z;
+                    let drift = |end: DVec3| (on_raster(end) - on_raster(centre)).abs().max_element();
+                    drift(from).max(drift(to))
+                })
+            });
+        let largest = drifts.fold(0.0, |a: f64, b| if b.is_nan() { most } else { a.max(b) });
+        let guard = if largest > 0.0 { (largest + 2.0).ceil().min(most) as u32 } else { 0 };
+        PosedInterval { moments: interval.moments.map(|share| share as f32), slope: slope as f32, guard }
+    }
+
+    fn object(&self, object: &Object, time: f64, camera: &DMat4, interval: Option<&Interval>) -> PosedObject {
+        // blur="false": object and camera are posed at the frame number (design section 2).
+        let (time, camera) =
+            if object.blur { (time, *camera) } else { (self.number, camera_from_world(self.scene, self.number)) };
+        let ObjectPose { world_from_model, visible } = object_pose(self.scene, object, time);
+        let to_origin = DMat4::from_translation(object.model.origin);
+        let camera_from_model = camera * world_from_model * to_origin;
+        let screen = self.screen(&camera_from_model);
+        // The line that surfels travel over an interval: their mean place, by Simpson's rule, and half the difference of its ends.
+        let (centre, motion) =
+            interval.filter(|_| object.blur).map_or((screen, (DMat3::ZERO, DVec3::ZERO)), |interval| {
+                let [from, to] = interval.ends.map(|time| self.camera_from_model(object, time));
+                let middle = camera_from_model;
+                (self.screen(&(middle + ((from + to) * 0.5 - middle) / 3.0)), self.screen(&((to - from) * 0.5)))
+            });
+        let linear = DMat3::from_mat4(world_from_model);
+        let det = linear.determinant();
+        let (rate, origin_rate) = if self.options.aovs.contains(&Aov::Velocity) && object.blur {
+            let velocity = object_velocity(self.scene, object, time) * to_origin;
+            self.screen(&velocity)
+        } else {
+            (DMat3::ZERO, DVec3::ZERO)
+        };
+        // Rotation of the camera that posed the object: normals and positions are kept in world axes.
+        let world_from_camera = DMat3::from_mat4(camera).transpose();
+        let epsilon = self
+            .options
+            .epsilon
+            .or(object.epsilon)
+            .unwrap_or_else(|| f64::from(object.median_radius) * libm::cbrt(det.abs()));
+        PosedObject {
+            visible: visible && det != 0.0,
+            screen_from_model: screen.0.as_mat3(),
+            screen_origin: screen.1.as_vec3(),
+            centre_from_model: centre.0.as_mat3(),
+            centre_origin: centre.1.as_vec3(),
+            motion_from_model: motion.0.as_mat3(),
+            motion_origin: motion.1.as_vec3(),
+            moves: motion != (DMat3::ZERO, DVec3::ZERO),
+            eye: -(screen.0.inverse() * screen.1).as_vec3(),
+            screen_rate: rate.as_mat3(),
+            screen_origin_rate: origin_rate.as_vec3(),
+            normal_matrix: normal_matrix(&linear).as_mat3(),
+            world_from_model: linear.as_mat3(),
+            world_origin: (world_from_camera * camera_from_model.w_axis.truncate()).as_vec3(),
+            handedness: if det < 0.0 { -1.0 } else { 1.0 },
+            epsilon: epsilon as f32,
+        }
+    }
+
+    /// Camera space to screen space, as linear part and origin.
+    fn screen(&self, m: &DMat4) -> (DMat3, DVec3) {
+        let k = DMat3::from_diagonal(DVec3::new(self.focal, -self.focal, -1.0));
+        (k * DMat3::from_mat4(*m), k * m.w_axis.truncate())
+    }
+}
+
+/// Inverse transpose up to a positive factor, finite for singular matrices: the cofactors, with the determinant's sign.
+fn normal_matrix(m: &DMat3) -> DMat3 {
+    let (a, b, c) = (m.x_axis, m.y_axis, m.z_axis);
+    let cofactors = DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b));
+    let size = cofactors.x_axis.length().max(cofactors.y_axis.length()).max(cofactors.z_axis.length());
+    let sign = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
+    if size > 0.0 { cofactors * (sign / size) } else { cofactors }
+}
+
+fn shading_light(light: &Light, eye: DVec3) -> ShadingLight {
+    match *light {
+        Light::Ambient { colour } => ShadingLight::Ambient { colour: colour.as_vec3() },
+        Light::Directional { direction, colour } => {
+            ShadingLight::Directional { towards: (-direction).as_vec3(), colour: colour.as_vec3() }
+        }
+        Light::Point { position, colour } => {
+            ShadingLight::Point { position: (position - eye).as_vec3(), colour: colour.as_vec3() }
+        }
+    }
+}

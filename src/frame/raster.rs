@@ -1,0 +1,36 @@
+//! The pixels that a sample position is rendered for.
+
+/// The pixels that a group is rendered for, as an image of their own: every `Frame::stride`-th pixel of the frame's image.
+///
+/// Raster pixel (i, j) is pixel (`phase.x` + i stride, `phase.y` + j stride) of the image. With stride 1 it is the image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Raster {
+    /// Raster pixels; an axis is 0 where the image is smaller than the phase.
+    pub size: [u32; 2],
+    /// Pixel of the image that the first raster pixel is.
+    pub phase: [u32; 2],
+    /// Where the camera's axis meets the raster, raster pixels.
+    pub axis: [f32; 2],
+    /// Focal length, raster pixels: (height / 2) / tan(fovy / 2) / stride.
+    pub focal: f32,
+    /// Radius of the low-pass disc of the approximate EWA filter, raster pixels (Botsch et al. 2005; thesis 4.2.3).
+    pub low_pass: f32,
+    /// Offset of the sample position from the raster pixel's centre, raster pixels.
+    pub offset: [f32; 2],
+}
+
+impl Raster {
+    /// For an image of `size` pixels with focal length `focal`.
+    pub(super) fn new(size: [u32; 2], focal: f64, stride: u32, phase: [u32; 2], offset: [f32; 2]) -> Self {
+        let s = f64::from(stride);
+        let axis = |i: usize| ((0.5 * f64::from(size[i]) - f64::from(phase[i]) - 0.5) / s + 0.5) as f32;
+        Self {
+            size: [0, 1].map(|i| size[i].saturating_sub(phase[i]).div_ceil(stride)),
+            phase,
+            axis: [axis(0), axis(1)],
+            focal: (focal / s) as f32,
+            low_pass: (std::f64::consts::SQRT_2 / s) as f32,
+            offset: offset.map(|o| (f64::from(o) / s) as f32),
+        }
+    }
+}
