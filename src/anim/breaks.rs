@@ -1,7 +1,6 @@
 //! Where a curve jumps: step keys, seams of cycles, and changes of a value that is read as a switch.
 
-use super::Interpolation;
-use super::curve::{Curve, Hold, Infinity};
+use super::curve::{Curve, Hold, Infinity, Interpolation};
 
 /// Key images looked at per call. A curve that repeats more often than that within one interval has its later jumps left out; no
 /// shutter could be split that finely.

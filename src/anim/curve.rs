@@ -6,9 +6,21 @@
 use glam::DVec2;
 use splines::interpolate::Interpolate;
 
-use super::Interpolation;
 use super::segment::{Segment, slope, steepness};
 use super::tangent::{self, RawKey, Tangent};
+
+/// How values between keys are found. Step keys and the rules beyond the first and last key hold in every mode.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// As Maya does: tangents and weights of the file.
+    #[default]
+    Maya,
+    /// Straight lines between the keys.
+    Linear,
+    /// A Catmull-Rom cubic through the keys, for uneven spacing: the slope at a key is that between its neighbours. At the
+    /// ends, and beside a step, the slope is that of the segment itself; two keys give a straight line.
+    Spline,
+}
 
 /// What a curve does beyond its first or last key.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

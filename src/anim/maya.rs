@@ -14,11 +14,11 @@ use std::path::Path;
 
 use glam::DVec2;
 
+use super::animation::Animation;
 use super::curve::{Curve, Infinity, Options};
 use super::error::AnimError;
-use super::node::Attribute;
+use super::node::{Attribute, NodeAnimation};
 use super::tangent::{RawKey, Tangent};
-use super::{Animation, NodeAnimation};
 use words::{Token, Word, Words, shortened};
 
 /// Notes kept; a hostile file could ask for one a word.

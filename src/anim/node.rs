@@ -2,8 +2,7 @@
 
 use glam::DVec3;
 
-use super::curve::Curve;
-use super::{Interpolation, NodeState};
+use super::curve::{Curve, Interpolation, same_time};
 use crate::math::{RotateOrder, Trs};
 
 /// An attribute and its curve: cm, degrees or plain numbers over file time units.
@@ -24,6 +23,15 @@ pub struct NodeAnimation {
     attributes: Vec<Attribute>,
     /// Indices into `attributes` of what [`CHANNELS`] names.
     channels: [Option<usize>; CHANNELS.len()],
+}
+
+/// A node's transform at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NodeState {
+    /// Translation (cm), rotation (radians), scale.
+    pub transform: Trs,
+    /// Visibility.
+    pub visible: bool,
 }
 
 /// How far a transform may be from another one, from above.
@@ -162,7 +170,7 @@ impl NodeAnimation {
         }
         times.sort_by(f64::total_cmp);
         // The same jump seen in two curves, or as the end of one cycle and the start of the next, may differ by rounding.
-        times.dedup_by(|b, a| super::curve::same_time(*b, *a));
+        times.dedup_by(|b, a| same_time(*b, *a));
         times.into_iter().map(|t| t / self.rate).filter(|t| *t > from && *t < to).collect()
     }
 
@@ -206,7 +214,7 @@ impl NodeAnimation {
     fn file_time(&self, seconds: f64) -> f64 {
         let time = seconds * self.rate;
         let whole = libm::rint(time);
-        if super::curve::same_time(time, whole) { whole } else { time }
+        if same_time(time, whole) { whole } else { time }
     }
 }
 

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
 
 use crate::film::{Aov, Background};
+use crate::math::focal_length;
 use crate::model::{Material, Surfels};
 use crate::options::{BlurMode, KernelWeight, Prefilter, RenderOptions, Shading, SweptKernel};
 use crate::plan::{Interval, Pass, Plan, TimeSample};
@@ -234,7 +235,7 @@ impl<'a> Frame<'a> {
         plan: &Plan,
     ) -> Self {
         let size = [scene.image.width, scene.image.height];
-        let focal = 0.5 * f64::from(size[1]) / libm::tan(0.5 * scene.camera.fovy);
+        let focal = focal_length(f64::from(size[1]), scene.camera.fovy);
         let poser = Poser { scene, number: number as f64, focal: focal / f64::from(plan.stride), options };
         let mut groups: Vec<PosedGroup> = plan
             .groups

@@ -5,12 +5,11 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
-use super::error::{ParseError, quote};
+use super::error::{ModelError, ParseError, quote};
+use super::format::BIN_MAGIC;
+use super::store;
+use super::surfels::{Material, Surfels};
 use super::tidy::{MAX_COORDINATE, usable};
-use super::{Material, ModelError, Surfels, store};
-
-/// The first bytes of a file. Not text, so that a transfer that changes line ends is noticed.
-pub(super) const MAGIC: [u8; 8] = *b"\x89SPLAT\r\n";
 
 const VERSION: u32 = 1;
 const HEADER: usize = 64;
@@ -26,8 +25,8 @@ const TWO_SIDED: u32 = 4;
 /// surfels that no other reader would let pass (not finite, without extent, normals not of unit length).
 pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
     let magic: [u8; 8] = field(bytes, 0)?;
-    if magic != MAGIC {
-        return Err(ParseError::byte(0, quote(&magic), quote(&MAGIC)));
+    if magic != BIN_MAGIC {
+        return Err(ParseError::byte(0, quote(&magic), quote(&BIN_MAGIC)));
     }
     let version = u32::from_le_bytes(field(bytes, 8)?);
     if version != VERSION {
@@ -100,7 +99,7 @@ pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     let mut header = [0; HEADER];
     let origin = surfels.origin.to_array().map(f64::to_le_bytes);
     let parts: [&[u8]; 5] = [
-        &MAGIC,
+        &BIN_MAGIC,
         &VERSION.to_le_bytes(),
         &u32::to_le_bytes(mask),
         &(surfels.len() as u64).to_le_bytes(),

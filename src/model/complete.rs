@@ -3,15 +3,15 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{
-    Cloud, ColourSpace, ColourStorage, LoadOptions, Material, ModelError, Progress, Surfels,
-    neighbours::{Distinct, Neighbours},
-    normals, radii,
-};
+use super::cloud::{Cloud, ColourStorage};
+use super::error::ModelError;
+use super::neighbours::{Distinct, Neighbours};
+use super::options::{ColourSpace, LoadOptions, Progress};
+use super::surfels::{Material, Surfels};
+use super::tidy::MAX_COORDINATE;
+use super::{normals, radii};
 use crate::math::{Bounds, srgb};
 
-/// Greatest coordinate and length, model units: its square is far from overflow in `f32`.
-const HUGE: f64 = 1e18;
 /// Smallest length, model units: its square does not underflow in `f32`.
 const TINY: f64 = 1e-18;
 /// Greatest magnitude of a linear colour: that of a 16-bit float.
@@ -109,10 +109,11 @@ fn drop_misfits(cloud: &mut Cloud, notes: &mut Vec<String>) {
 
 fn drop_unusable(cloud: &mut Cloud, notes: &mut Vec<String>) {
     // NaN and infinity fail the comparison too.
-    let kept: Vec<bool> = cloud.position.par_iter().map(|p| p.abs().cmple(DVec3::splat(HUGE)).all()).collect();
+    let kept: Vec<bool> =
+        cloud.position.par_iter().map(|p| p.abs().cmple(DVec3::splat(MAX_COORDINATE)).all()).collect();
     let dropped = kept.iter().filter(|&&k| !k).count();
     if dropped > 0 {
-        notes.push(format!("{dropped} points dropped: position not finite or beyond {HUGE:e}"));
+        notes.push(format!("{dropped} points dropped: position not finite or beyond {MAX_COORDINATE:e}"));
         cloud.position.keep(&kept);
         for_each_column!(cloud, |column: &mut dyn Column, _| column.keep(&kept));
     }
@@ -180,9 +181,9 @@ fn unit(n: Vec3) -> Option<Vec3> {
     if n.is_finite() && n.is_normalized() { Some(n) } else { n.as_dvec3().try_normalize().map(DVec3::as_vec3) }
 }
 
-/// A length that `f32` can square, or `None` if it is not positive or beyond [`HUGE`].
+/// A length that `f32` can square, or `None` if it is not positive or beyond [`MAX_COORDINATE`].
 fn length(l: f64) -> Option<f32> {
-    (l > 0.0 && l <= HUGE).then(|| l.max(TINY) as f32)
+    (l > 0.0 && l <= MAX_COORDINATE).then(|| l.max(TINY) as f32)
 }
 
 /// Unit normal of the plane of two axes, if they span one.
@@ -240,8 +241,9 @@ fn scaled_axes(axes: [Vec3; 2], normal: Vec3, radius: f32, scale: f64) -> [Vec3;
     };
     // A factor that would leave the range is limited, not the axes' ratio.
     let (longer, shorter) = (u.length().max(v.length()), u.length().min(v.length()));
-    let scale = scale.min(HUGE / longer).max(TINY / shorter);
-    let [u, v] = [u, v].map(|a| (a * scale).clamp(DVec3::splat(-HUGE), DVec3::splat(HUGE)).as_vec3());
+    let scale = scale.min(MAX_COORDINATE / longer).max(TINY / shorter);
+    let [u, v] =
+        [u, v].map(|a| (a * scale).clamp(DVec3::splat(-MAX_COORDINATE), DVec3::splat(MAX_COORDINATE)).as_vec3());
     if u.cross(v).dot(normal) < 0.0 { [v, u] } else { [u, v] }
 }
 

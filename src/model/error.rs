@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use super::Format;
+use super::format::Format;
 
 /// Why a model was refused or could not be written.
 #[derive(Debug, thiserror::Error)]

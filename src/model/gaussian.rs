@@ -6,8 +6,8 @@
 
 use glam::{DMat3, DQuat, DVec3, Vec3};
 
+use super::cloud::{Cloud, ColourStorage};
 use super::tidy::retain;
-use super::{Cloud, ColourStorage};
 
 /// Splats fainter than this are dropped: opaque, they would hide what should shine through them.
 const LEAST_ALPHA: f64 = 0.35;

@@ -8,7 +8,7 @@ use std::io::{self, Write};
 
 use glam::{DVec3, Vec3};
 
-use super::Cloud;
+use super::cloud::Cloud;
 
 /// Colours as the file stores them: sRGB bytes.
 type Rgb = [u8; 3];

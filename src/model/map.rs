@@ -9,7 +9,7 @@ use std::path::Path;
 
 use memmap2::Mmap;
 
-use super::ModelError;
+use super::error::ModelError;
 
 /// Bytes of a regular file that is not empty. Directories, devices, pipes and sockets are refused without being opened:
 /// opening a pipe would wait for its writer.

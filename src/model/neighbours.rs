@@ -8,7 +8,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{Progress, order::morton_codes};
+use super::options::Progress;
+use super::order::morton_codes;
 
 /// Points below which a subtree is searched by looking at each; 4, 8 and 16 are about equally fast.
 const LEAF: usize = 8;

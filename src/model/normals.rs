@@ -5,11 +5,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{
-    Progress,
-    neighbours::{Distinct, Neighbours},
-    orient::orient,
-};
+use super::neighbours::{Distinct, Neighbours};
+use super::options::Progress;
+use super::orient::orient;
 
 /// Neighbours that a normal is estimated from.
 pub(super) const NEAREST: usize = 16;

@@ -7,10 +7,10 @@
 
 use glam::{DVec3, Vec3};
 
+use super::cloud::{Cloud, ColourStorage};
 use super::error::{ParseError, quote};
 use super::mesh::AreaNormals;
 use super::ply_body::number;
-use super::{Cloud, ColourStorage};
 
 /// Reads an OBJ file.
 ///

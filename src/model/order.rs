@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::Surfels;
+use super::surfels::Surfels;
 
 /// Bits of a Morton code per axis: three times 21 fit into 64.
 const BITS: u32 = 21;

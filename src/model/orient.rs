@@ -6,10 +6,8 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{
-    Progress,
-    neighbours::{Neighbours, Tree},
-};
+use super::neighbours::{Neighbours, Tree};
+use super::options::Progress;
 
 /// Evidence, of at most 2, above which a piece's own shape decides its sign.
 const CONFIDENT: f64 = 0.25;

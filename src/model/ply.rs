@@ -17,11 +17,13 @@ use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
 
+use super::cloud::{Cloud, ColourStorage};
 use super::error::ParseError;
+use super::gaussian;
 use super::mesh::AreaNormals;
 use super::ply_body::{Body, within};
 use super::ply_header::{self, Element, Header, Kind, Scalar};
-use super::{Cloud, ColourStorage, Material, gaussian};
+use super::surfels::Material;
 
 /// Comment by which [`super::write_ply`] says that float colours are linear light and may exceed 1.
 pub(super) const LINEAR_COLOURS: &str = "splatblur colours are linear light";

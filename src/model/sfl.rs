@@ -5,10 +5,11 @@
 
 use glam::{DMat3, DMat4, DVec3, Vec3};
 
+use super::cloud::{Cloud, ColourStorage};
 use super::error::ParseError;
 use super::sfl_codes::{ColourModel, NormalCode, cube_normal};
 use super::sfl_container::{Container, Directory};
-use super::{Cloud, ColourStorage, Material};
+use super::surfels::Material;
 
 /// Flag of a surfel that is not shown.
 const INVISIBLE: u32 = 0x400;

@@ -4,7 +4,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use super::{ModelError, Surfels};
+use super::error::ModelError;
+use super::surfels::Surfels;
 use crate::files;
 
 /// Writes `path` whole or not at all.

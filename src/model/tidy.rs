@@ -3,7 +3,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::Cloud;
+use super::cloud::Cloud;
 
 /// Largest coordinate that is drawn, in model units: its square still fits a 32-bit float.
 pub(super) const MAX_COORDINATE: f64 = 1e18;

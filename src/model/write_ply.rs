@@ -6,8 +6,10 @@ use std::path::Path;
 
 use glam::Vec3;
 
+use super::error::ModelError;
 use super::ply::{LINEAR_COLOURS, MATERIAL, TWO_SIDED};
-use super::{ModelError, Surfels, store};
+use super::store;
+use super::surfels::Surfels;
 use crate::math::srgb;
 
 /// Writes surfels as little-endian PLY: position, normal, axes (tux..tvz), radius, colour, and where there are any

@@ -3,9 +3,10 @@
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 use rayon::prelude::*;
 
-use super::ReferenceOptions;
 use super::bvh::Bvh;
-use crate::math::norm;
+use super::options::ReferenceOptions;
+use crate::film::Background;
+use crate::math::{focal_length, norm};
 use crate::model::{Material, Surfels};
 use crate::scene::pose::{ObjectPoser, camera_from_world};
 use crate::scene::{Light, Object, Scene, Sphere};
@@ -54,14 +55,14 @@ pub(super) struct Body<'a> {
     pub shape: Shape,
     poser: ObjectPoser<'a>,
     /// The pose, if it does not change.
-    fixed: Option<Placed>,
+    fixed: Option<BodyPose>,
     /// Depth tolerance, if it does not change.
     epsilon: Option<f64>,
 }
 
 /// An object at a time.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Placed {
+pub(super) struct BodyPose {
     /// Linear part, and the place of the model's origin.
     pub world_from_model: DAffine3,
     /// Inverse of the linear part.
@@ -70,7 +71,7 @@ pub(super) struct Placed {
     pub epsilon: f64,
 }
 
-impl Placed {
+impl BodyPose {
     /// Model normals to world normals, up to length: the inverse transpose.
     pub(super) fn normal(&self, normal: DVec3) -> DVec3 {
         (self.model_from_world.transpose() * normal).normalize_or_zero()
@@ -106,12 +107,17 @@ impl<'a> World<'a> {
             scene,
             options,
             size: [scene.image.width, scene.image.height],
-            focal: 0.5 * f64::from(scene.image.height) / libm::tan(0.5 * scene.camera.fovy),
+            focal: focal_length(f64::from(scene.image.height), scene.camera.fovy),
             bodies,
             models,
             fixed_camera: scene.camera.animation.is_none().then_some(frame_camera),
             frame_camera,
         }
+    }
+
+    /// What the picture is composited over.
+    pub(super) const fn background(&self) -> Background {
+        Background { colour: self.scene.image.background, transparent: self.scene.image.transparent }
     }
 
     /// The camera at scene time `time` (frames).
@@ -175,7 +181,7 @@ impl<'a> Body<'a> {
         };
         // Motions by formula keep lengths; keyframes of the scale do not.
         if object.animation.as_ref().is_none_or(|binding| !binding.node.has_scale()) {
-            body.epsilon = body.pose(number).map(|placed| placed.epsilon).or(body.epsilon);
+            body.epsilon = body.pose(number).map(|pose| pose.epsilon).or(body.epsilon);
         }
         if body.poser.is_fixed() || !object.blur {
             body.fixed = body.pose(number);
@@ -188,7 +194,7 @@ impl<'a> Body<'a> {
 
     /// The object at scene time `time` (frames), or at the frame's number where it does not blur; `None` if it is hidden or has
     /// no extent.
-    pub(super) fn placed(&self, time: f64) -> Option<Placed> {
+    pub(super) fn pose_at(&self, time: f64) -> Option<BodyPose> {
         self.fixed.or_else(|| self.pose(time))
     }
 
@@ -201,15 +207,15 @@ impl<'a> Body<'a> {
     /// `from` to `to` (frames); `None` if none is known.
     pub(super) fn swept_sphere(&self, centre: DVec3, radius: f64, from: f64, to: f64) -> Option<(DVec3, f64)> {
         match &self.fixed {
-            Some(placed) => {
-                let radius = radius * norm(&placed.world_from_model.matrix3);
-                Some((placed.world_from_model.transform_point3(centre), radius))
+            Some(pose) => {
+                let radius = radius * norm(&pose.world_from_model.matrix3);
+                Some((pose.world_from_model.transform_point3(centre), radius))
             }
             None => self.poser.swept_sphere(centre + self.surfels.origin, radius, from, to),
         }
     }
 
-    fn pose(&self, time: f64) -> Option<Placed> {
+    fn pose(&self, time: f64) -> Option<BodyPose> {
         let mut world_from_model = self.poser.at(time)?;
         world_from_model.translation += world_from_model.matrix3 * self.surfels.origin;
         let linear = world_from_model.matrix3;
@@ -221,7 +227,7 @@ impl<'a> Body<'a> {
         }
         let model_from_world = DMat3::from_cols(bc, ca, ab).transpose() * (1.0 / det);
         let epsilon = self.epsilon.unwrap_or_else(|| f64::from(self.object.median_radius) * libm::cbrt(det.abs()));
-        Some(Placed { world_from_model, model_from_world, epsilon })
+        Some(BodyPose { world_from_model, model_from_world, epsilon })
     }
 
     /// Material of a surfel: the scene's, else the file's, else the default (design section 2).

@@ -4,12 +4,14 @@ use std::fmt;
 
 use glam::DVec3;
 
+use super::cull::Candidates;
+use super::error::ReferenceError;
+use super::integrator::Integrator;
+use super::options::ReferenceOptions;
 use super::posed::{Shape, World};
-use super::reach::Sights;
 use super::sampler::{Points, SCRAMBLINGS};
 use super::sums::{Sums, mean};
 use super::trace::{Surface, Tracer};
-use super::{Integrator, ReferenceError, ReferenceOptions, background};
 use crate::scene::Scene;
 
 /// One sample.
@@ -106,7 +108,7 @@ pub fn probe(
     let mut sums = Sums::new([w, h], &[])?;
     integrator.add(&mut sums, samples, None, &|_| ());
     let at = ((pixel[1] - origin[1]) * w + pixel[0] - origin[0]) as usize;
-    let background = background(scene);
+    let background = world.background();
     let scramblings = sums.seen(at, background);
     let mean = mean(&scramblings);
     let error = sums.error(at, background);
@@ -116,11 +118,11 @@ pub fn probe(
         let points = Points::new(options.sampler, options.seed, k, k + 1, each);
         let of_pixel = points.pixel(integrator.number(pixel));
         let scrambling = of_pixel.scrambling((number % SCRAMBLINGS as u64) as usize);
-        let (film, time) = integrator.place(pixel, scrambling.at(k));
-        let mut sights = Sights::default();
-        integrator.reach.sights(&world, pixel.map(|c| c as usize), [1, 1], &mut sights);
+        let (film, time) = integrator.sample_point(pixel, scrambling.at(k));
+        let mut candidates = Candidates::default();
+        integrator.cones.candidates(&world, pixel.map(|c| c as usize), [1, 1], &mut candidates);
         let mut tracer = Tracer::new(&world);
-        tracer.hits(&[(film, time)], &sights, &integrator.reach);
+        tracer.hits(&[(film, time)], &candidates, &integrator.cones);
         look(&world, &mut tracer, number, film, time)
     });
     Ok(Probe { pixel, samples, hits, mean, scramblings, error, sample })
@@ -141,7 +143,7 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
             depth: hit.depth,
             uv: [hit.u, hit.v],
             weight: hit.weight(),
-            epsilon: target.placed.epsilon,
+            epsilon: target.pose.epsilon,
             admitted: hit.depth <= limit,
             back: hit.back,
             colour: surface.colour.as_dvec3(),

@@ -8,6 +8,9 @@ use crate::sampling::{hash, owen_scramble, sobol3};
 /// Independent scramblings.
 pub const SCRAMBLINGS: usize = 16;
 
+/// Most samples of a pixel: each scrambling has 2^32 points.
+pub const MOST_SAMPLES: u64 = 1 << 36;
+
 /// How positions and times are chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sampler {

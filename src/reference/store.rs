@@ -4,7 +4,7 @@
 //! bit for each pixel that something was seen in, for each such pixel its 64 sums (f64), its range (6 f32) and its planes (f64),
 //! and last the CRC-32 of all that.
 
-use super::ReferenceError;
+use super::error::ReferenceError;
 use super::sampler::SCRAMBLINGS;
 use super::sums::Sums;
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::ReferenceError;
+use super::error::ReferenceError;
 use super::sampler::SCRAMBLINGS;
 use crate::film::{Aov, Background, Film, FilmPlanes, Layer, Picture, develop};
 

@@ -5,9 +5,10 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::posed::{Body, CameraPose, Placed, Shape, World};
-use super::reach::{Reach, Sights};
-use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, PACKET, Waiting, traverse};
+use super::boxes::PACKET;
+use super::cull::{Candidates, ObjectCones};
+use super::posed::{Body, BodyPose, CameraPose, Shape, World};
+use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, Waiting, traverse};
 use crate::film::Aov;
 use crate::model::Material;
 use crate::options::Shading;
@@ -30,8 +31,8 @@ pub(super) struct Seen {
 
 /// One object on the ray of the current sample.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ErrorTarget {
-    pub placed: Placed,
+pub(super) struct Target {
+    pub pose: BodyPose,
     /// The eye that the object is seen from: the frame number's where it does not blur.
     pub eye: DVec3,
     /// World-space direction of depth 1.
@@ -39,7 +40,7 @@ pub(super) struct ErrorTarget {
 }
 
 /// A film point (pixels) and a scene time (frames).
-pub(super) type Place = ([f64; 2], f64);
+pub(super) type SamplePoint = ([f64; 2], f64);
 
 /// Traces samples on one thread, up to [`PACKET`] of them together, each in a lane.
 #[derive(Debug)]
@@ -49,7 +50,7 @@ pub(super) struct Tracer<'w, 'a> {
     pub found: Vec<Found>,
     views: Vec<View>,
     /// The objects of each lane; of use where it hits them.
-    targets: Vec<Option<ErrorTarget>>,
+    targets: Vec<Option<Target>>,
     rays: Vec<ModelRay>,
     stack: Vec<Waiting>,
     lights: Vec<ShadingLight>,
@@ -82,36 +83,36 @@ impl<'w, 'a> Tracer<'w, 'a> {
         }
     }
 
-    /// Collects hits and the limits T of the rays through `places`, at most [`PACKET`], which become the lanes.
-    pub(super) fn hits(&mut self, places: &[Place], sights: &Sights, reach: &Reach) {
+    /// Collects hits and the limits T of the rays through `points`, at most [`PACKET`], which become the lanes.
+    pub(super) fn hits(&mut self, points: &[SamplePoint], candidates: &Candidates, cones: &ObjectCones) {
         let world = self.world;
         self.views.clear();
-        self.views.extend(places.iter().map(|&(film, time)| View {
+        self.views.extend(points.iter().map(|&(film, time)| View {
             camera: world.camera(time),
             direction: world.direction(film),
             time,
         }));
         self.found.iter_mut().for_each(Found::clear);
-        for &(number, slots) in &sights.bodies {
+        for &(number, subintervals) in &candidates.bodies {
             let body = &world.bodies[number];
             self.rays.clear();
             for (lane, view) in self.views.iter().enumerate() {
-                if slots >> reach.slot(view.time) & 1 == 0 {
+                if subintervals >> cones.subinterval(view.time) & 1 == 0 {
                     continue;
                 }
-                let Some(placed) = body.placed(view.time) else { continue };
+                let Some(pose) = body.pose_at(view.time) else { continue };
                 let camera = if body.object.blur { &view.camera } else { &world.frame_camera };
                 let (eye, direction) = (camera.eye, camera.world_from_camera * view.direction);
                 self.rays.push(ModelRay {
-                    origin: placed.model_from_world * (eye - placed.world_from_model.translation),
-                    direction: placed.model_from_world * direction,
+                    origin: pose.model_from_world * (eye - pose.world_from_model.translation),
+                    direction: pose.model_from_world * direction,
                     near: world.scene.camera.near,
-                    epsilon: placed.epsilon,
+                    epsilon: pose.epsilon,
                     two_sided: world.options.two_sided || body.object.two_sided,
                     object: number as u32,
                     lane,
                 });
-                self.targets[lane * world.bodies.len() + number] = Some(ErrorTarget { placed, eye, direction });
+                self.targets[lane * world.bodies.len() + number] = Some(Target { pose, eye, direction });
             }
             match body.shape {
                 Shape::Model(model) => traverse(&world.models[model], &self.rays, &mut self.found, &mut self.stack),
@@ -124,7 +125,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
     }
 
     /// The object that a hit of a lane is on.
-    pub(super) fn target(&self, lane: usize, hit: &Hit) -> Option<&ErrorTarget> {
+    pub(super) fn target(&self, lane: usize, hit: &Hit) -> Option<&Target> {
         self.targets[lane * self.world.bodies.len() + hit.object as usize].as_ref()
     }
 
@@ -180,7 +181,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
     }
 
     /// Screen velocity of a surfel's centre, pixels per shutter: the derivative of (f X, -f Y) / depth.
-    fn velocity(&self, body: &Body<'_>, target: &ErrorTarget, surface: &Surface, time: f64) -> DVec2 {
+    fn velocity(&self, body: &Body<'_>, target: &Target, surface: &Surface, time: f64) -> DVec2 {
         if !body.object.blur {
             return DVec2::ZERO;
         }
@@ -215,21 +216,21 @@ pub(super) struct Surface {
 
 impl Surface {
     /// Centre of the surfel in the world.
-    fn centre(&self, target: &ErrorTarget) -> DVec3 {
-        target.placed.world_from_model.transform_point3(self.model)
+    fn centre(&self, target: &Target) -> DVec3 {
+        target.pose.world_from_model.transform_point3(self.model)
     }
 
-    pub(super) fn of(body: &Body<'_>, target: &ErrorTarget, hit: &Hit) -> Self {
-        let placed = &target.placed;
+    pub(super) fn of(body: &Body<'_>, target: &Target, hit: &Hit) -> Self {
+        let pose = &target.pose;
         let (colour, normal, model) = if let Shape::Sphere(sphere) = body.shape {
-            let point = target.eye + target.direction * hit.depth - placed.world_from_model.translation;
-            let point = placed.model_from_world * point;
+            let point = target.eye + target.direction * hit.depth - pose.world_from_model.translation;
+            let point = pose.model_from_world * point;
             (sphere.colour, point, point)
         } else {
             let i = hit.surfel as usize;
             (body.surfels.colour[i], body.surfels.normal[i].as_dvec3(), body.surfels.position[i].as_dvec3())
         };
-        let normal = placed.normal(normal);
+        let normal = pose.normal(normal);
         Self {
             colour,
             normal: if hit.back { -normal } else { normal },

@@ -8,13 +8,13 @@
 
 use glam::DVec3;
 
+#[cfg(target_arch = "x86_64")]
+use super::boxes::avx;
+use super::boxes::{Beam, BoxRays, PACKET, above, below, enter_beam, enter_rays};
 use super::bvh::{Bvh, LANES, LEAF, Leaf, Node, WIDTH};
 
 /// Smallest depth tolerance, as a share of the depth: 4 units in the last place of f32, as for the splatter (design section 2).
 pub(super) const LEAST_EPSILON: f64 = 4.0 * f32::EPSILON as f64;
-
-/// Most rays that go together.
-pub(super) const PACKET: usize = 8;
 
 /// A ray in model space, relative to the model's origin: points are `origin` + depth `direction`.
 #[derive(Clone, Copy, Debug)]
@@ -91,31 +91,6 @@ pub(super) struct Waiting {
     slot: u32,
     /// Parameter before which no ray enters it.
     entry: f32,
-}
-
-/// The rays as boxes see them, each from its own start (a depth) on, where it enters the model's sphere.
-#[repr(align(32))]
-struct BoxRays {
-    origin: [[f32; PACKET]; 3],
-    inverse: [[f32; PACKET]; 3],
-    near: [f32; PACKET],
-    limit: [f32; PACKET],
-}
-
-/// Intervals that hold all of the rays.
-///
-/// With (side - origin) inverse, the bounds of origin and inverse give bounds of the result; rounding is monotonic, so they bound
-/// the rounded results of the single rays as well, and the beam enters whatever a ray enters.
-struct Beam {
-    /// 1 where all directions are negative: the side that the rays meet first.
-    first: [usize; 3],
-    /// The origins' bound that makes entries early, and that makes exits late.
-    early: [f32; 3],
-    late: [f32; 3],
-    /// Bounds of the inverse directions.
-    inverse: [[f32; 2]; 3],
-    near: f32,
-    limit: f32,
 }
 
 #[inline(always)]
@@ -242,111 +217,6 @@ fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PA
         }
     }
     Some((boxes, beam))
-}
-
-/// The f32 not below x.
-#[inline(always)]
-fn above(x: f64) -> f32 {
-    let rounded = x as f32;
-    if f64::from(rounded) < x { rounded.next_up() } else { rounded }
-}
-
-/// The f32 not above x.
-#[inline(always)]
-fn below(x: f64) -> f32 {
-    -above(-x)
-}
-
-/// The greater one; the second one if one is NaN.
-#[inline(always)]
-fn later(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-/// The lesser one; the second one if one is NaN.
-#[inline(always)]
-fn sooner(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-/// Parameters before which no ray enters the boxes, and the boxes that rays may enter between `near` and `limit` (bit mask).
-#[inline(always)]
-fn enter_beam(node: &Node, beam: &Beam) -> ([f32; WIDTH], u32) {
-    let mut entry = [beam.near; WIDTH];
-    let mut mask = 0;
-    for l in 0..WIDTH {
-        let mut exit = beam.limit;
-        for axis in 0..3 {
-            let first = node.sides[beam.first[axis]][axis][l] - beam.early[axis];
-            let last = node.sides[1 - beam.first[axis]][axis][l] - beam.late[axis];
-            let [a, b] = beam.inverse[axis];
-            entry[l] = later(sooner(first * a, first * b), entry[l]);
-            exit = sooner(later(last * a, last * b), exit);
-        }
-        mask |= u32::from(entry[l] <= exit) << l;
-    }
-    (entry, mask)
-}
-
-/// The rays that enter one box between their `near` and `limit` (bit mask).
-#[inline(always)]
-fn enter_rays(node: &Node, slot: usize, rays: &BoxRays) -> u32 {
-    let mut mask = 0;
-    for l in 0..PACKET {
-        let (mut entry, mut exit) = (rays.near[l], rays.limit[l]);
-        for axis in 0..3 {
-            let low = (node.sides[0][axis][slot] - rays.origin[axis][l]) * rays.inverse[axis][l];
-            let high = (node.sides[1][axis][slot] - rays.origin[axis][l]) * rays.inverse[axis][l];
-            entry = later(sooner(low, high), entry);
-            exit = sooner(later(low, high), exit);
-        }
-        mask |= u32::from(entry <= exit) << l;
-    }
-    mask
-}
-
-/// The box tests with AVX.
-#[cfg(target_arch = "x86_64")]
-mod avx {
-    use std::arch::x86_64::{
-        __m256, _CMP_LE_OQ, _mm256_cmp_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps,
-        _mm256_set1_ps, _mm256_sub_ps,
-    };
-
-    use super::{Beam, BoxRays, Node, WIDTH};
-
-    #[target_feature(enable = "avx")]
-    #[inline]
-    pub(super) fn enter_beam(node: &Node, beam: &Beam) -> ([f32; WIDTH], u32) {
-        let mut entry = _mm256_set1_ps(beam.near);
-        let mut exit = _mm256_set1_ps(beam.limit);
-        for axis in 0..3 {
-            let first: __m256 = bytemuck::cast(node.sides[beam.first[axis]][axis]);
-            let last: __m256 = bytemuck::cast(node.sides[1 - beam.first[axis]][axis]);
-            let first = _mm256_sub_ps(first, _mm256_set1_ps(beam.early[axis]));
-            let last = _mm256_sub_ps(last, _mm256_set1_ps(beam.late[axis]));
-            let (a, b) = (_mm256_set1_ps(beam.inverse[axis][0]), _mm256_set1_ps(beam.inverse[axis][1]));
-            entry = _mm256_max_ps(_mm256_min_ps(_mm256_mul_ps(first, a), _mm256_mul_ps(first, b)), entry);
-            exit = _mm256_min_ps(_mm256_max_ps(_mm256_mul_ps(last, a), _mm256_mul_ps(last, b)), exit);
-        }
-        let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(entry, exit));
-        (bytemuck::cast(entry), mask as u32)
-    }
-
-    #[target_feature(enable = "avx")]
-    #[inline]
-    pub(super) fn enter_rays(node: &Node, slot: usize, rays: &BoxRays) -> u32 {
-        let mut entry: __m256 = bytemuck::cast(rays.near);
-        let mut exit: __m256 = bytemuck::cast(rays.limit);
-        for axis in 0..3 {
-            let (origin, inverse) = (bytemuck::cast(rays.origin[axis]), bytemuck::cast(rays.inverse[axis]));
-            let low = _mm256_mul_ps(_mm256_sub_ps(_mm256_set1_ps(node.sides[0][axis][slot]), origin), inverse);
-            let high = _mm256_mul_ps(_mm256_sub_ps(_mm256_set1_ps(node.sides[1][axis][slot]), origin), inverse);
-            entry = _mm256_max_ps(_mm256_min_ps(low, high), entry);
-            exit = _mm256_min_ps(_mm256_max_ps(low, high), exit);
-        }
-        _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(entry, exit)) as u32
-    }
 }
 
 /// Intersects the rays `lanes` (bit mask) with the surfels of a leaf; true if a limit fell.
