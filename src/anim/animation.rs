@@ -8,7 +8,7 @@ use super::curve::Interpolation;
 use super::error::AnimError;
 use super::node::NodeAnimation;
 
-/// Names listed in one message.
+/// Most names that one message lists.
 const MAX_NAMES: usize = 20;
 
 /// A `.anim` file, read whole.
@@ -18,9 +18,9 @@ pub struct Animation {
     pub path: PathBuf,
     /// File time units a second.
     pub rate: f64,
-    /// Nodes in file order, each with at least one curve; at least one.
+    /// Nodes in file order; at least one, each with at least one curve.
     pub nodes: Vec<Arc<NodeAnimation>>,
-    /// What a user should know about the reading: words skipped, units assumed.
+    /// What a user should know: words that were skipped, units that were assumed.
     pub notes: Vec<String>,
 }
 
@@ -41,11 +41,13 @@ impl Animation {
         Self { path: path.to_owned(), rate, nodes: nodes.into_iter().map(Arc::new).collect(), notes }
     }
 
-    /// The node called `name`: its whole name, or the last part of its path without namespace if no other node shares that. Without
-    /// a name: the first node with a transform curve, else the first with a visibility curve.
+    /// The node called `name`: the node's whole name, or the last part of its path without namespace if no other node
+    /// shares that part. Without a name it is the first node with a transform curve, else the first with a visibility
+    /// curve.
     ///
     /// # Errors
-    /// No such node, several of them, or without a name no node that could move a model. The known nodes are listed.
+    /// There is no such node, or several match. Without a name: no node could move a model. The error lists the known
+    /// nodes.
     pub fn node(&self, name: Option<&str>) -> Result<&Arc<NodeAnimation>, AnimError> {
         let path = || self.path.clone();
         let known = || listed(self.nodes.iter().map(|n| if n.name.is_empty() { "(no name)" } else { &n.name }));
@@ -73,15 +75,18 @@ impl Animation {
         (first / self.rate, last / self.rate)
     }
 
-    /// As [`Self::range`], in file time units.
+    /// [`Self::range`] in time units of the file.
     pub fn key_range(&self) -> (f64, f64) {
         let ranges = self.nodes.iter().map(|n| n.key_range());
         ranges.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap_or((0.0, 0.0))
     }
 
-    /// A table of all curves: a column `frame`, then `node.attribute` (the attribute alone where the node has no name) in file order,
-    /// in cm, degrees or plain numbers with six decimals; one row for each of `frames` (file time units). Lines end in LF; names
-    /// with commas or quotes are quoted as RFC 4180 says.
+    /// All curves as a table in CSV.
+    ///
+    /// The first column is `frame`. Then there is one column for each curve, in file order, with the head
+    /// `node.attribute` (the attribute alone where the node has no name). There is one row for each of `frames` (file
+    /// time units); values are in cm, degrees or plain numbers with six decimals. Lines end in LF; names with commas or
+    /// quotes are quoted as RFC 4180 says.
     pub fn csv(&self, frames: impl IntoIterator<Item = f64>, interpolation: Interpolation) -> String {
         let mut table = "frame".to_owned();
         for node in &self.nodes {
@@ -104,7 +109,7 @@ impl Animation {
     }
 }
 
-/// 0 for what six decimals show as zero, so that no `-0.000000` appears.
+/// The value, or 0 where six decimals show it as zero, so that no `-0.000000` appears.
 fn without_sign_of_zero(value: f64) -> f64 {
     if value.abs() < 0.5e-6 { 0.0 } else { value }
 }
@@ -113,7 +118,7 @@ fn csv_field(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
 }
 
-/// Names for a message, the first few only.
+/// The first names as one text for a message, and how many more there are.
 fn listed<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
     let more = names.len().saturating_sub(MAX_NAMES);
     let mut list = names.take(MAX_NAMES).collect::<Vec<_>>().join(", ");

@@ -1,8 +1,9 @@
-//! The curve between two neighbouring keys: cubic Hermite for non-weighted, a 2D Bezier for weighted curves.
+//! The curve between two neighbouring keys: a cubic Hermite for non-weighted curves, a 2D Bezier for weighted ones.
 
 use glam::DVec2;
 
-/// Two neighbouring keys and the tangents that face each other. A tangent (X, Y) puts its control point at key +/- (X, Y)/3.
+/// Two neighbouring keys and the tangents that face each other. The control point of a tangent (X, Y) is key +/- (X,
+/// Y)/3.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
     /// First key (time, value).
@@ -15,21 +16,22 @@ pub(super) struct Segment {
     pub(super) inward: DVec2,
 }
 
-/// Slope of a tangent; 0 for one without length in time.
+/// Slope of a tangent; 0 for a tangent without length in time.
 pub(super) fn slope(tangent: DVec2) -> f64 {
     if tangent.x == 0.0 { 0.0 } else { tangent.y / tangent.x }
 }
 
-/// The greatest |slope| of a cubic with these slopes at its ends and this chord, from above: the control points of its derivative.
+/// Upper bound of |slope| of a cubic with these slopes at its ends and this chord. It is the greatest control point of
+/// the derivative.
 pub(super) fn steepness(first: f64, last: f64, chord: f64) -> f64 {
     first.abs().max(last.abs()).max((3.0 * chord - first - last).abs())
 }
 
 impl Segment {
-    /// Cubic Hermite at `time` in [start, end]. With s = (t - x0)/D, h = slope D, d = y3 - y0:
+    /// Cubic Hermite at `time` in [start, end]. With D = x3 - x0, s = (t - x0)/D, h = slope D and d = y3 - y0:
     /// y = y0 + s (h0 + s (3d - 2 h0 - h1 + s (h0 + h1 - 2d))).
     ///
-    /// In the normalised s no power of D appears, so very short segments cannot overflow.
+    /// No power of D appears with the normalised s, so very short segments cannot overflow.
     pub(super) fn hermite(&self, time: f64) -> f64 {
         let span = self.end - self.start;
         let s = (time - self.start.x) / span.x;
@@ -38,14 +40,14 @@ impl Segment {
         self.start.y + s * (h0 + s * (3.0 * rise - 2.0 * h0 - h1 + s * (h0 + h1 - 2.0 * rise)))
     }
 
-    /// The greatest |dy/dt| of [`Self::hermite`], from above.
+    /// Upper bound of |dy/dt| of [`Self::hermite`].
     pub(super) fn hermite_steepness(&self) -> f64 {
         let span = self.end - self.start;
         steepness(slope(self.out), slope(self.inward), span.y / span.x)
     }
 
-    /// The greatest |dy/dt| of [`Self::bezier`], from above: the greatest |dy/ds| over the least dx/ds, each among the control
-    /// points of the derivative. Infinite where a handle has no length in time.
+    /// Upper bound of |dy/dt| of [`Self::bezier`]: the greatest |dy/ds| over the least dx/ds, each taken from the
+    /// control points of the derivative. It is infinite where a handle has no length in time.
     pub(super) fn bezier_steepness(&self) -> f64 {
         let ([a, b], [y1, y2]) = self.handles();
         let span = self.end.x - self.start.x;
@@ -66,7 +68,7 @@ impl Segment {
         ([a1, 1.0 - q1], [y1, y2])
     }
 
-    /// 2D Bezier at `time` in [start, end]: x(s) = t is solved for s, the value is y(s).
+    /// 2D Bezier at `time` in [start, end]: solves x(s) = t for s and returns y(s).
     pub(super) fn bezier(&self, time: f64) -> f64 {
         let ([a, b], [y1, y2]) = self.handles();
         let s = solve(a, b, (time - self.start.x) / (self.end.x - self.start.x));
@@ -77,8 +79,8 @@ impl Segment {
 
 /// Handle lengths (fractions of the segment's duration) for which x(s) does not run backwards.
 ///
-/// x(s) is monotonic inside the unit square and inside the ellipse a^2 + q^2 + aq - 2(a + q) + 1 = 0. Outside both, `q` moves to the
-/// ellipse for this `a`; beyond its rightmost point both move there (4/3, 1/3).
+/// x(s) is monotonic inside the unit square and inside the ellipse a^2 + q^2 + aq - 2(a + q) + 1 = 0. Outside both, `q`
+/// moves to the ellipse for this `a`; beyond the ellipse's rightmost point both move to that point, (4/3, 1/3).
 fn monotonic(a: f64, q: f64) -> (f64, f64) {
     if a <= 1.0 && q <= 1.0 {
         return (a, q);
@@ -93,14 +95,15 @@ fn monotonic(a: f64, q: f64) -> (f64, f64) {
     (a, q.clamp(centre - half, centre + half))
 }
 
-/// By how much a handle grew; a handle of no length has no direction to move along.
+/// Factor by which a handle grew. A handle without length has no direction to move along.
 fn ratio(new: f64, old: f64) -> f64 {
     if old == 0.0 || new == old { 1.0 } else { new / old }
 }
 
 /// The s in [0, 1] with 3 a s (1-s)^2 + 3 b s^2 (1-s) + s^3 = x, for x in [0, 1] and a monotonic curve.
 ///
-/// Newton's method inside a shrinking bracket: each step that leaves the bracket, or meets a flat spot, is a bisection instead.
+/// Newton's method works inside a shrinking bracket. A step that leaves the bracket, or starts at a flat spot, is
+/// replaced by a bisection.
 fn solve(a: f64, b: f64, x: f64) -> f64 {
     let (c1, c2, c3) = (3.0 * a, 3.0 * b - 6.0 * a, 1.0 + 3.0 * a - 3.0 * b);
     let (mut low, mut high) = (0.0, 1.0);
@@ -117,7 +120,7 @@ fn solve(a: f64, b: f64, x: f64) -> f64 {
         }
         let derivative = c1 + s * (2.0 * c2 + s * 3.0 * c3);
         let newton = s - error / derivative;
-        // NaN and infinity (derivative 0) are not inside the bracket either.
+        // NaN and infinity (from a derivative of 0) fail the test too.
         let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
         if (next - s).abs() <= f64::EPSILON * 0.25 {
             s = next;

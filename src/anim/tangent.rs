@@ -1,7 +1,7 @@
-//! Tangent vectors from tangent types, as Maya does it.
+//! Tangent vectors from tangent types, by Maya's rules.
 //!
-//! A tangent is a vector (X, Y) in time and value units; its control point lies at key +/- (X, Y)/3, its slope is Y/X. Everything here
-//! is in the units of the file, because one rule (clamped) compares with an absolute length.
+//! A tangent is a vector (X, Y) in time and value units. Its control point is key +/- (X, Y)/3, its slope Y/X.
+//! Everything here is in the units of the file, because one rule (clamped) compares with an absolute length.
 
 use glam::DVec2;
 
@@ -16,9 +16,9 @@ pub(super) enum Tangent {
     Flat,
     /// Parallel to the line between the neighbours.
     Spline,
-    /// As an out tangent: the value holds until the next key.
+    /// The value holds until the next key (as an out tangent).
     Step,
-    /// As an out tangent: the next key's value holds from just after this key on.
+    /// The next key's value holds from just after this key on (as an out tangent).
     StepNext,
     /// Spline, but flat where a neighbour has nearly the same value.
     Clamped,
@@ -26,13 +26,13 @@ pub(super) enum Tangent {
     Plateau,
     /// Spline slope, limited so that it does not overshoot.
     Auto,
-    /// Auto with a slope mixed from both sides by distance.
+    /// Auto, with a slope mixed from both sides by distance.
     AutoMix,
-    /// Auto with a slope mixed from both sides by eased distance.
+    /// Auto, with a slope mixed from both sides by eased distance.
     AutoEase,
 }
 
-/// A key before its tangents are vectors.
+/// A key whose tangents are not yet vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RawKey {
     /// Time and value.
@@ -43,15 +43,16 @@ pub(super) struct RawKey {
     pub(super) outward: Tangent,
 }
 
-/// Steepest slope, value units per time unit: what Maya uses for a vertical tangent.
+/// Steepest slope, value units per time unit: Maya's value for a vertical tangent.
 const MAX_SLOPE: f64 = 5_729_577.948;
 
-/// Differences up to this make a clamped tangent flat, file value units.
+/// Greatest difference that makes a clamped tangent flat, file value units.
 const CLAMPED_DIFFERENCE: f64 = 0.05;
 
 /// In and out tangent of `key` between its neighbours (none at the ends of the curve).
 ///
-/// Weighted: the vector itself, X >= 0. Non-weighted: (1, slope), as only the slope counts.
+/// For a weighted curve they are the vectors themselves, with X >= 0. For a non-weighted curve they are (1, slope), as
+/// only the slope counts.
 pub(super) fn vectors(previous: Option<DVec2>, key: &RawKey, next: Option<DVec2>, weighted: bool) -> (DVec2, DVec2) {
     let near = Neighbours { before: previous.map(|p| key.point - p), after: next.map(|n| n - key.point) };
     (finish(near.vector(key.inward, Side::In), weighted), finish(near.vector(key.outward, Side::Out), weighted))
@@ -61,7 +62,7 @@ fn finish(tangent: DVec2, weighted: bool) -> DVec2 {
     if weighted {
         return DVec2::new(tangent.x.max(0.0), tangent.y);
     }
-    // A vertical tangent divides by zero: infinity is limited like any other steep slope.
+    // A vertical tangent divides by zero. The infinity is limited like any other steep slope.
     let slope = if tangent.y == 0.0 { 0.0 } else { limited(tangent.y / tangent.x) };
     DVec2::new(1.0, slope)
 }
@@ -76,7 +77,7 @@ enum Side {
     Out,
 }
 
-/// Steps from the previous key to this one and from this one to the next; both have x > 0.
+/// Differences from the previous key to this one and from this one to the next; both have x > 0.
 struct Neighbours {
     before: Option<DVec2>,
     after: Option<DVec2>,
@@ -85,7 +86,7 @@ struct Neighbours {
 impl Neighbours {
     fn vector(&self, tangent: Tangent, side: Side) -> DVec2 {
         let own = if side == Side::In { self.before } else { self.after };
-        // At the ends of a curve the other side lends its length.
+        // At an end of the curve the length comes from the other side.
         let length = own.or(self.before).or(self.after).map_or(1.0, |step| step.x);
         let sloped = |slope: f64| length * DVec2::new(1.0, slope);
         match tangent {
@@ -100,7 +101,7 @@ impl Neighbours {
         }
     }
 
-    /// Slope between the neighbours; at an end, to the only neighbour.
+    /// Slope between the two neighbours; at an end of the curve, slope to the only neighbour.
     fn spline(&self) -> f64 {
         let step = match (self.before, self.after) {
             (Some(before), Some(after)) => before + after,
@@ -114,8 +115,8 @@ impl Neighbours {
         [self.before, self.after].into_iter().flatten().any(|step| step.y.abs() <= CLAMPED_DIFFERENCE)
     }
 
-    /// True at an end, at an extremum, and where the spline's control point would pass the neighbour's value or leave the band that
-    /// the other side's neighbour sets.
+    /// True at an end and at an extremum. True also where the spline's control point would pass the neighbour's value
+    /// or leave the band that the neighbour on the other side sets.
     fn plateau_is_flat(&self, side: Side) -> bool {
         let (Some(before), Some(after)) = (self.before, self.after) else { return true };
         let (to_previous, to_next) = (-before.y, after.y);
@@ -132,7 +133,7 @@ impl Neighbours {
         control.abs() > limit.abs()
     }
 
-    /// Slope that overshoots neither neighbour; flat at the ends and at extrema.
+    /// Slope that overshoots neither neighbour; it is flat at the ends and at extrema.
     fn auto(&self, tangent: Tangent) -> f64 {
         let (Some(before), Some(after)) = (self.before, self.after) else { return 0.0 };
         let (p, n) = (limited(before.y / before.x), limited(after.y / after.x));

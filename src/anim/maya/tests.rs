@@ -130,7 +130,8 @@ fn the_four_forms_of_an_address() {
          anim \"a b\" visibility \"my node\" 0 1 0;\n{data}\
          anim scale.scaleX 0 1 0;\n{data}\
          anim 0 1 0;\n{data}\
-         anim translate.translateY translateY |grp|ns:ball 0 1 0;\nanimData\n{{\nkeys\n{{\n1 9 flat flat 1 1 0\n}}\n}}\n\
+         anim translate.translateY translateY |grp|ns:ball 0 1 0;\n\
+         animData\n{{\nkeys\n{{\n1 9 flat flat 1 1 0\n}}\n}}\n\
          anim last 3 0 0;"
     );
     let a = read(&text);
@@ -143,7 +144,8 @@ fn the_four_forms_of_an_address() {
     let header = a.csv([1.0], MAYA);
     assert_eq!(
         header,
-        "frame,|grp|ns:ball.translateX,|grp|ns:ball.translateY,my node.visibility,scaleX\n1,2.000000,9.000000,2.000000,2.000000\n"
+        "frame,|grp|ns:ball.translateX,|grp|ns:ball.translateY,my node.visibility,scaleX\n\
+         1,2.000000,9.000000,2.000000,2.000000\n"
     );
     refused(
         "animVersion 1.1;\nanim a b 0 1 0;",
@@ -300,8 +302,8 @@ fn curves_not_over_time_are_skipped() {
     let driven = "input unitless; inputUnit cm; keys { 0 0 flat flat 1 1 0; }";
     refused(
         &with("", "translateX", driven),
-        "t.anim holds no usable curve: expected at least one curve over time that has keys (n.translateX is driven by another \
-         value, not by time, and was skipped)",
+        "t.anim holds no usable curve: expected at least one curve over time that has keys \
+         (n.translateX is driven by another value, not by time, and was skipped)",
     );
     let both = with("", "translateX", driven)
         + "anim s scaleX n 0 1 1; animData { input time; keys { 0 3 flat flat 1 1 0; } }";
@@ -318,7 +320,8 @@ fn curves_not_over_time_are_skipped() {
 #[test]
 fn unknown_words_are_noted_and_skipped() {
     let text = "animVersion 1.1;\nsceneName a b c;\ntimeUnit pal;\nfoo { bar { 1 2; } }\n{ x }\n\
-                anim t translateX n 0 1 0;\nanimData {\n movData 3;\n extra { keys { 9 9; } }\n keys { 0 3 flat flat 1 1 0; }\n}";
+                anim t translateX n 0 1 0;\n\
+                animData {\n movData 3;\n extra { keys { 9 9; } }\n keys { 0 3 flat flat 1 1 0; }\n}";
     let a = read(text);
     // The header ended at the first unknown word.
     assert_eq!(a.rate, 24.0);
@@ -554,21 +557,26 @@ proptest! {
 
     #[test]
     fn random_curves_give_finite_values(
-        keys in prop::collection::vec((-1e30..1e30_f64, -1e30..1e30_f64, 0..11_usize, 0..11_usize, -400.0..400.0_f64, -1e30..1e30_f64), 1..8),
+        keys in prop::collection::vec(
+            (-1e30..1e30_f64, -1e30..1e30_f64, 0..11_usize, 0..11_usize, -400.0..400.0_f64, -1e30..1e30_f64),
+            1..8,
+        ),
         rule in 0..5_usize,
         weighted in any::<bool>(),
         exponent in -30..1_i32,
     ) {
-        const TANGENTS: [&str; 11] =
-            ["fixed", "linear", "flat", "spline", "step", "stepnext", "clamped", "plateau", "auto", "automix", "autoease"];
+        const TANGENTS: [&str; 11] = [
+            "fixed", "linear", "flat", "spline", "step", "stepnext", "clamped", "plateau", "auto", "automix",
+            "autoease",
+        ];
         let rule = ["constant", "linear", "cycle", "cycleRelative", "oscillate"][rule];
         let small = 10f64.powi(exponent);
         let mut text = format!("weighted {}; preInfinity {rule}; postInfinity {rule}; keys {{\n", u8::from(weighted));
         for (time, value, inward, outward, angle, weight) in keys {
             let pair = |i: usize| if i == 0 { format!(" {angle} {weight}") } else { String::new() };
-            writeln!(
-                text, "{} {value} {} {} 1 1 0{}{};", time * small, TANGENTS[inward], TANGENTS[outward], pair(inward), pair(outward)
-            ).expect("a string");
+            let [before, after] = [inward, outward].map(|i| TANGENTS[i]);
+            let pairs = pair(inward) + &pair(outward);
+            writeln!(text, "{} {value} {before} {after} 1 1 0{pairs};", time * small).expect("a string");
         }
         let text = with("timeUnit 48000fps; linearUnit mi;", "translateX", &(text + "}"));
         prop_assert!(parse(text.as_bytes(), Path::new("p.anim")).is_ok());
