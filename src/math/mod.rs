@@ -1,8 +1,8 @@
 //! Mathematics that all parts share.
 //!
 //! `bounds` has boxes, `projection` the focal length, `trs` transforms as translate, rotate and scale, and `srgb` the
-//! transfer curve. `fast` has elementary functions as polynomials, and `sweep` the weight of a kernel in motion on one ray:
-//! both have a twin in `shaders/common/`. `simd` compiles a function for wider vectors.
+//! transfer curve. `fast` has elementary functions as polynomials, and `sweep` has the weight of a kernel in motion on
+//! one ray; both have a twin in `shaders/common/`. `simd` compiles a function for wider vectors.
 
 mod bounds;
 pub mod fast;

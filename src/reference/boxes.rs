@@ -2,10 +2,10 @@
 
 use super::bvh::{Node, WIDTH};
 
-/// Most rays that go together.
+/// Most rays of a packet.
 pub(super) const PACKET: usize = 8;
 
-/// The rays as boxes see them, each from its own start (a depth) on, where it enters the model's sphere.
+/// The rays of a packet for the box tests. Each starts where it enters the model's sphere; parameters count from there.
 #[repr(align(32))]
 pub(super) struct BoxRays {
     pub origin: [[f32; PACKET]; 3],
@@ -14,14 +14,15 @@ pub(super) struct BoxRays {
     pub limit: [f32; PACKET],
 }
 
-/// Intervals that hold all of the rays.
+/// A beam: intervals that hold all rays of a packet.
 ///
-/// With (side - origin) inverse, the bounds of origin and inverse give bounds of the result; rounding is monotonic, so they bound
-/// the rounded results of the single rays as well, and the beam enters whatever a ray enters.
+/// The box test computes (side - origin) inverse. The bounds of origin and inverse give bounds of the result. Rounding
+/// is monotonic, so they also bound the rounded results of the single rays: the beam enters every box that a ray
+/// enters.
 pub(super) struct Beam {
-    /// 1 where all directions are negative: the side that the rays meet first.
+    /// Index of the side that the rays meet first: 1 where all directions are negative.
     pub first: [usize; 3],
-    /// The origins' bound that makes entries early, and that makes exits late.
+    /// Bound of the origins that gives the earliest entry.
     pub early: [f32; 3],
     pub late: [f32; 3],
     /// Bounds of the inverse directions.
@@ -30,32 +31,33 @@ pub(super) struct Beam {
     pub limit: f32,
 }
 
-/// The f32 not below x.
+/// The least f32 that is not below x.
 #[inline(always)]
 pub(super) fn above(x: f64) -> f32 {
     let rounded = x as f32;
     if f64::from(rounded) < x { rounded.next_up() } else { rounded }
 }
 
-/// The f32 not above x.
+/// The greatest f32 that is not above x.
 #[inline(always)]
 pub(super) fn below(x: f64) -> f32 {
     -above(-x)
 }
 
-/// The greater one; the second one if one is NaN.
+/// The greater number; the second one if either is NaN.
 #[inline(always)]
 fn later(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// The lesser one; the second one if one is NaN.
+/// The lesser number; the second one if either is NaN.
 #[inline(always)]
 fn sooner(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Parameters before which no ray enters the boxes, and the boxes that rays may enter between `near` and `limit` (bit mask).
+/// The parameters before which no ray enters the boxes, and a bit mask of the boxes that rays may enter between `near`
+/// and `limit`.
 #[inline(always)]
 pub(super) fn enter_beam(node: &Node, beam: &Beam) -> ([f32; WIDTH], u32) {
     let mut entry = [beam.near; WIDTH];
@@ -74,7 +76,7 @@ pub(super) fn enter_beam(node: &Node, beam: &Beam) -> ([f32; WIDTH], u32) {
     (entry, mask)
 }
 
-/// The rays that enter one box between their `near` and `limit` (bit mask).
+/// Bit mask of the rays that enter one box between their `near` and `limit`.
 #[inline(always)]
 pub(super) fn enter_rays(node: &Node, slot: usize, rays: &BoxRays) -> u32 {
     let mut mask = 0;

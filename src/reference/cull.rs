@@ -1,39 +1,42 @@
-//! What a tile of pixels may see, and when, so that samples which can hit nothing cost nothing.
+//! The objects that a tile of pixels may see, and when, so that samples which can hit nothing cost nothing.
 //!
-//! The shutter is cut into subintervals. In each subinterval an object lies in a sphere ([`ObjectPoser::swept_sphere`]), and a tile may see it
-//! then if the cone from the eye around the tile meets the cone around the sphere. Nothing that could be hit is left out.
+//! The shutter is cut into subintervals. In each of them an object lies in a sphere ([`ObjectPoser::swept_sphere`]). A
+//! tile may see the object then if the cone from the eye around the tile meets the cone around the sphere. The test is
+//! conservative: it never leaves out an object that a sample could hit.
 
 use glam::DVec3;
 
 use super::posed::{Body, CameraPose, Shape, World};
 
-/// Slots of the shutter: bits of a mask.
+/// Subintervals of the shutter: the bits of a mask.
 const SUBINTERVALS: usize = 64;
 
-/// Added to the sine of angles and, as a share of the distances that are subtracted, to radii: far more than rounding takes away.
+/// Margin against rounding, far larger than rounding itself. It is added to the sines of angles, and to radii as a
+/// share of the distances that are subtracted.
 const MARGIN: f64 = 1e-9;
 
-/// A cone with its tip in the eye, less than a half-space.
+/// A cone with its tip in the eye. It is narrower than a half-space.
 #[derive(Clone, Copy, Debug)]
 struct Cone {
-    /// Camera space, unit.
+    /// Unit vector in camera space.
     axis: DVec3,
-    /// Of the angle between axis and side.
+    /// Sine and cosine of the angle between the axis and the side.
     sin: f64,
     cos: f64,
 }
 
-/// Where an object may be seen.
+/// The directions in which an object may be seen.
 #[derive(Clone, Debug)]
 enum Extent {
     Nowhere,
-    /// Not known, or around the eye.
+    /// The directions are not known, or the object surrounds the eye.
     Everywhere,
-    /// In this cone, and if there are some, in each subinterval in one of its own; `None`: everywhere.
+    /// In this cone. If the list is not empty, then in each subinterval in the cone that it names; `None` stands for
+    /// everywhere.
     Cone(Cone, Vec<Option<Cone>>),
 }
 
-/// Where the objects of a frame may be seen.
+/// Cones from the eye that hold the objects of a frame.
 #[derive(Debug)]
 pub(super) struct ObjectCones {
     open: f64,
@@ -44,9 +47,9 @@ pub(super) struct ObjectCones {
 /// The objects that a tile may see.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Candidates {
-    /// Number of the object, and a mask of the subintervals.
+    /// Number of an object, and the mask of the subintervals in which it may be seen.
     pub bodies: Vec<(usize, u64)>,
-    /// Slots in which there is any.
+    /// The subintervals in which any object may be seen.
     pub any: u64,
 }
 
@@ -83,19 +86,19 @@ impl ObjectCones {
         )
     }
 
-    /// The subinterval of a scene time (frames).
+    /// Number of the subinterval of a scene time (frames).
     pub(super) fn subinterval(&self, time: f64) -> u32 {
-        // The cast saturates below, and takes NaN (a shutter without length) to 0.
+        // The cast saturates below 0, and takes NaN (from a shutter without length) to 0.
         (((time - self.open) * self.subintervals_per_frame) as u32).min(SUBINTERVALS as u32 - 1)
     }
 
-    /// The objects that the pixels from `corner` (column, row) on, `size` of them, may see.
+    /// Finds the objects that a rectangle of pixels may see: `size` columns and rows from `corner` (column, row) on.
     pub(super) fn candidates(&self, world: &World<'_>, corner: [usize; 2], size: [usize; 2], out: &mut Candidates) {
         let at = |i: usize, j: usize| [i, j].map(|c| c as f64);
         let [[left, top], [right, bottom]] =
             [corner, [corner[0] + size[0], corner[1] + size[1]]].map(|[i, j]| at(i, j));
         let axis = world.direction([0.5 * (left + right), 0.5 * (top + bottom)]).normalize();
-        // A plane's rectangle is farthest from the axis at a corner.
+        // The point of a plane's rectangle that is farthest from the axis is a corner.
         let corners = [[left, top], [right, top], [left, bottom], [right, bottom]];
         let cos = corners.map(|c| world.direction(c).normalize().dot(axis)).into_iter().fold(1.0, f64::min);
         let tile = Cone { axis, sin: (1.0 - cos * cos).max(0.0).sqrt() + MARGIN, cos };
@@ -122,18 +125,19 @@ impl ObjectCones {
 }
 
 impl Cone {
-    /// Around a sphere in the world; `None` if the eye is in it.
+    /// The cone around a sphere in the world; `None` if the eye is inside the sphere.
     fn around(camera: &CameraPose, centre: DVec3, radius: f64) -> Option<Self> {
         let offset = camera.world_from_camera.transpose() * (centre - camera.eye);
         let radius = radius + MARGIN * (radius + centre.length() + camera.eye.length());
         let distance = offset.length();
         let sin = radius / distance;
-        // Also false where a number is not finite.
+        // The test also fails where a number is not finite.
         let outside = (0.0..1.0).contains(&sin) && distance.is_finite();
         outside.then(|| Self { axis: offset / distance, sin: sin + MARGIN, cos: (1.0 - sin * sin).max(0.0).sqrt() })
     }
 
-    /// The angle of the axes is at most the sum of the cones' angles, each below a right angle.
+    /// True if the cones meet: the angle between the axes is at most the sum of the cones' angles, each below a right
+    /// angle.
     fn meets(&self, other: &Self) -> bool {
         self.axis.dot(other.axis) >= self.cos * other.cos - self.sin * other.sin - MARGIN
     }

@@ -8,15 +8,17 @@ use super::sampler::{MOST_SAMPLES, SCRAMBLINGS};
 pub enum ReferenceError {
     /// The number of samples does not suit the scramblings.
     #[error(
-        "{samples} samples cannot be shared by {SCRAMBLINGS} scramblings: a multiple of {SCRAMBLINGS} is needed, at most {MOST_SAMPLES}"
+        "{samples} samples cannot be shared by {SCRAMBLINGS} scramblings: a multiple of {SCRAMBLINGS} \
+         is needed, at most {MOST_SAMPLES}"
     )]
     Samples {
         /// What was asked for.
         samples: u64,
     },
-    /// Jittered grids have a fixed size.
+    /// A jittered grid has a fixed size, so its samples cannot be stopped or continued.
     #[error(
-        "the jittered sampler has a fixed number of samples: it can neither stop at an error nor go on from an earlier run"
+        "the jittered sampler has a fixed number of samples: it can neither stop at an error \
+         nor go on from an earlier run"
     )]
     Fixed,
     /// The image is too large.
@@ -27,7 +29,7 @@ pub enum ReferenceError {
         /// Height of the image.
         height: u32,
     },
-    /// Bytes that should be partial sums are not.
+    /// The bytes are no partial sums, or they are damaged.
     #[error("these are no partial sums of a reference, or they are damaged")]
     Damaged,
     /// The pixel is outside the image.
@@ -47,7 +49,7 @@ pub enum ReferenceError {
     NoSample {
         /// The sample.
         sample: u64,
-        /// How many there are.
+        /// Number of samples.
         samples: u64,
     },
     /// The earlier run was of another kind.

@@ -12,29 +12,29 @@ use super::warp::TimeWarp;
 use crate::film::FilmPlanes;
 use crate::options::PixelFilter;
 
-/// How far a run is.
+/// Progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
     /// Samples of a pixel before this round.
     pub samples: u64,
-    /// Samples of a pixel after it.
+    /// Samples of a pixel after this round.
     pub end: u64,
     /// Finished share of the round, 0..=1.
     pub share: f64,
-    /// Mean standard error before this round, where it is looked at.
+    /// Mean standard error before this round, if the run looks at it.
     pub error: Option<f64>,
 }
 
-/// Told how far a run is; called from several threads.
+/// Receives the progress of a run. It is called from several threads.
 pub type Progress<'a> = &'a (dyn Fn(Step) + Sync);
 
-/// Rows and columns of pixels whose samples are traced together.
+/// Edge of a tile, pixels. The samples of a tile are traced together.
 const TILE: usize = 4;
 
 /// Points of each scrambling that are traced together.
 const POINTS: u64 = 4;
 
-/// Samples the pixels of an image, or of a window in it.
+/// Samples the pixels of an image, or of a window of it.
 pub(super) struct Integrator<'w, 'a> {
     world: &'w World<'a>,
     warp: TimeWarp,
@@ -102,8 +102,8 @@ impl<'w, 'a> Integrator<'w, 'a> {
         sums.samples = end;
     }
 
-    /// The samples of a tile (corner in the image, size) that may hit something: of each of its pixels the points `range` of each
-    /// scrambling. The window is `width` pixels wide.
+    /// Fills `tile` with the samples that may hit something. Of each pixel of the tile (corner in the image, size) it
+    /// takes the points `range` of each scrambling. The window is `width` pixels wide.
     fn place_tile(
         &self,
         tile: &mut TileSamples,
@@ -138,7 +138,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
         }
     }
 
-    /// The number of a pixel of the image: what its samples depend on.
+    /// Number of a pixel of the image, which its samples depend on.
     pub(super) fn number(&self, [x, y]: [u32; 2]) -> u64 {
         u64::from(y) * u64::from(self.world.size[0]) + u64::from(x)
     }
@@ -154,32 +154,33 @@ impl<'w, 'a> Integrator<'w, 'a> {
     }
 }
 
-/// A sample, and where it is added.
+/// A sample, and the sum that it is added to.
 #[derive(Clone, Copy, Debug)]
 struct PlacedSample {
     point: SamplePoint,
-    /// Share of the exposure that is over.
+    /// Share of the exposure that has passed.
     share: f32,
-    /// Pixel of the strip.
+    /// Number of its pixel in the strip.
     pixel: u32,
     scrambling: u32,
 }
 
-/// Samples that are traced in the order of their times, so that those which go together meet the objects at nearly the same places.
+/// Some samples of a tile. They are traced in the order of their times, so that those of one packet meet the objects at
+/// nearly the same places.
 #[derive(Debug, Default)]
 struct TileSamples {
-    /// What they may hit.
+    /// The objects that the samples may hit.
     candidates: Candidates,
     samples: Vec<PlacedSample>,
-    /// What they see, in their own order.
+    /// What the samples see, in the order of `samples`.
     seen: Vec<Option<Seen>>,
-    /// Their numbers in the order of times.
+    /// Numbers of the samples in the order of times.
     order: Vec<u32>,
-    /// End of each interval of times in that order.
+    /// End of each stratum of times in `order`.
     ends: Vec<u32>,
 }
 
-/// Samples of one interval of times.
+/// Mean number of samples in one stratum of times.
 const PER_STRATUM: usize = 8;
 
 impl TileSamples {
@@ -189,7 +190,7 @@ impl TileSamples {
         if n == 0 {
             return;
         }
-        // Sorted by counting: within an interval of times the order stays.
+        // A counting sort: within a stratum the order of samples stays.
         let strata = n.div_ceil(PER_STRATUM);
         let stratum = |sample: &PlacedSample| ((sample.share * strata as f32) as usize).min(strata - 1);
         self.ends.clear();

@@ -1,9 +1,14 @@
-//! The reference: the same scene by quasi-Monte-Carlo ray tracing (thesis 3.6.4, 4.5), with a standard error for each pixel.
+//! The reference: the same scene by quasi-Monte-Carlo ray tracing (Wolf 2008, 3.6.4 and 4.5), with a standard error for
+//! each pixel.
 //!
-//! Every sample has a place in the pixel's square and a time of its own; the scene is posed at just that time, a ray is cast
-//! through a hierarchy over each model's surfels, and the visibility rule and the kernel of design section 2 are evaluated in
-//! `f64`. Nothing is shared with the passes that this is to judge. There is no screen-space prefilter: rays have no footprint, so
-//! the reference is what a splatter without prefilter converges to. See docs/reference.md.
+//! Every sample has a place in the pixel's square and a time of its own. The scene is posed at just that time, and a
+//! ray is cast through a hierarchy over each model's surfels. The visibility rule (docs/math.md, eq. 5) and the kernel
+//! (eq. 4) are evaluated in `f64`. The reference shares nothing with the passes that it judges. It has no screen-space
+//! prefilter, as rays have no footprint: it is what a splatter without prefilter converges to. See docs/reference.md.
+//!
+//! Data flow: `sampler` and `warp` (where and when a sample lies) → `cull` (objects that it may hit) → `trace` (what it
+//! sees), through `bvh`, `boxes` and `traverse` → `sums` (means and standard errors). `integrator` does this for the
+//! pixels of an image, `render` for a frame, `probe` for one pixel.
 
 mod boxes;
 mod bvh;

@@ -8,26 +8,26 @@ use crate::options::{PixelFilter, Shading};
 /// Samples of a pixel in one round of a run that stops at an error.
 pub const ROUND: u64 = 256;
 
-/// How a reference is made.
+/// The choices for a reference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReferenceOptions {
-    /// Samples of a pixel, a multiple of [`SCRAMBLINGS`]; with `error`, the most.
+    /// Samples of a pixel, a multiple of [`SCRAMBLINGS`]. If `error` is set, this is the most.
     pub samples: u64,
-    /// Stop after the round ([`ROUND`] samples) in which the mean standard error falls below this.
+    /// Standard error at which to stop: after the first round ([`ROUND`] samples) with a smaller mean.
     pub error: Option<f64>,
-    /// How positions and times are chosen.
+    /// The way positions and times are chosen.
     pub sampler: Sampler,
-    /// Positions over the pixel's square, or at its centre.
+    /// Positions are spread over the pixel's square, or are all at its centre.
     pub filter: PixelFilter,
-    /// Where shading happens.
+    /// The place of shading: at surfels, or at the averaged surface.
     pub shading: Shading,
-    /// Show back faces, with their normals turned to the viewer.
+    /// Show back faces, with their normals turned to the viewer, of all objects.
     pub two_sided: bool,
-    /// Depth tolerance for all objects, world units, >= 0; overrides the scene's.
+    /// Depth tolerance of all objects, world units, >= 0. It overrides the scene's.
     pub epsilon: Option<f64>,
     /// Seed of positions and times.
     pub seed: u64,
-    /// Extra channels, in the order of [`Aov::ALL`], each at most once.
+    /// Extra channels in the order of [`Aov::ALL`], each at most once.
     pub aovs: Vec<Aov>,
 }
 
@@ -48,7 +48,7 @@ impl Default for ReferenceOptions {
 }
 
 impl ReferenceOptions {
-    /// Whether there can be a reference with these options.
+    /// Checks whether a reference can be made with these options.
     ///
     /// # Errors
     /// The number of samples does not suit the scramblings, or the sampler cannot stop at an error.

@@ -14,28 +14,28 @@ use crate::scene::Scene;
 /// A finished reference.
 #[derive(Clone, Debug)]
 pub struct Reference {
-    /// The picture; its last layer is the standard error.
+    /// The picture. Its last layer is the standard error.
     pub picture: Picture,
-    /// Partial sums, to go on from.
+    /// Partial sums, from which a later run can continue.
     pub sums: Sums,
-    /// What it took.
+    /// Numbers about the run.
     pub stats: Stats,
 }
 
-/// What a reference took.
+/// Samples, memory and time of a reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stats {
-    /// Samples of a pixel, those of earlier runs included.
+    /// Samples of a pixel, including those of earlier runs.
     pub samples: u64,
-    /// Samples of this run, over all pixels.
+    /// Samples of this run in all pixels.
     pub traced: u64,
-    /// Mean standard error over all pixels and r, g, b (of the picture) and coverage.
+    /// Mean standard error over all pixels and over r, g, b (of the picture) and coverage.
     pub mean_error: f64,
     /// Surfels of the distinct models.
     pub surfels: u64,
-    /// Bytes of their hierarchies.
+    /// Memory of their hierarchies, bytes.
     pub hierarchy_bytes: u64,
-    /// Bytes of the partial sums.
+    /// Memory of the partial sums, bytes.
     pub sums_bytes: u64,
     /// Wall time of building the hierarchies.
     pub build: Duration,
@@ -43,8 +43,8 @@ pub struct Stats {
     pub trace: Duration,
 }
 
-/// Makes the reference of one frame, from the beginning or from the sums of an earlier run with the same scene and options
-/// (beside `samples` and `error`). If that run has as many samples as this one needs, none are added.
+/// Makes the reference of one frame. It starts from the beginning, or from the sums of an `earlier` run with the same
+/// scene and options (except `samples` and `error`). If that run has as many samples as this one needs, none are added.
 ///
 /// # Errors
 /// The options contradict each other or the earlier run.

@@ -1,7 +1,7 @@
-//! One sample: a film point and a time to what is seen there, by the visibility rule (design section 2).
+//! Traces samples: from a film point and a time to what is seen there (docs/math.md, eq. 4 to 7).
 //!
-//! T = min over the surfels on the ray of (depth + epsilon), over all objects; colour = sum(w c) / sum(w) over the surfels with
-//! depth <= T. The sums are taken in the order of objects and surfels, so they do not depend on the hierarchy.
+//! T = min over the surfels of all objects on the ray of (depth + epsilon); colour = sum(w c) / sum(w) over the surfels
+//! with depth <= T. The sums are taken in the order of objects and surfels, so they do not depend on the hierarchy.
 
 use glam::{DVec2, DVec3, Vec3};
 
@@ -19,53 +19,53 @@ use crate::shading::{ShadingLight, shade};
 /// What one sample sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Seen {
-    /// Linear Rec.709, shaded.
+    /// Shaded colour, linear Rec.709.
     pub colour: DVec3,
     /// Mean camera depth.
     pub depth: f64,
-    /// Averaged normal, world axes, unit.
+    /// Averaged normal: a unit vector in world axes.
     pub normal: DVec3,
     /// Mean screen velocity, pixels per shutter; 0 unless the AOV is wanted.
     pub velocity: DVec2,
 }
 
-/// One object on the ray of the current sample.
+/// An object that the ray of a lane meets.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Target {
     pub pose: BodyPose,
-    /// The eye that the object is seen from: the frame number's where it does not blur.
+    /// The eye that sees the object. For an object that does not blur it is that of the frame number.
     pub eye: DVec3,
-    /// World-space direction of depth 1.
+    /// Direction of depth 1 in world space.
     pub direction: DVec3,
 }
 
 /// A film point (pixels) and a scene time (frames).
 pub(super) type SamplePoint = ([f64; 2], f64);
 
-/// Traces samples on one thread, up to [`PACKET`] of them together, each in a lane.
+/// Traces samples on one thread. Up to [`PACKET`] of them go together, each in a lane.
 #[derive(Debug)]
 pub(super) struct Tracer<'w, 'a> {
     world: &'w World<'a>,
-    /// What each lane hits.
+    /// The hits of each lane.
     pub found: Vec<Found>,
     views: Vec<View>,
-    /// The objects of each lane; of use where it hits them.
+    /// The objects of each lane. An entry has meaning only if the lane hits the object.
     targets: Vec<Option<Target>>,
     rays: Vec<ModelRay>,
     stack: Vec<Waiting>,
     lights: Vec<ShadingLight>,
 }
 
-/// Where and when the sample of a lane looks.
+/// The view of a lane's sample.
 #[derive(Clone, Copy, Debug)]
 struct View {
     camera: CameraPose,
-    /// Camera-space direction of depth 1.
+    /// Direction of depth 1 in camera space.
     direction: DVec3,
     time: f64,
 }
 
-/// The surfel number of an ideal sphere's hits.
+/// Surfel number in the hits of an ideal sphere.
 pub(super) const SPHERE: u32 = u32::MAX;
 
 impl<'w, 'a> Tracer<'w, 'a> {
@@ -83,7 +83,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
         }
     }
 
-    /// Collects hits and the limits T of the rays through `points`, at most [`PACKET`], which become the lanes.
+    /// Collects hits and the limits T of the rays through `points`, at most [`PACKET`]. Each point becomes a lane.
     pub(super) fn hits(&mut self, points: &[SamplePoint], candidates: &Candidates, cones: &ObjectCones) {
         let world = self.world;
         self.views.clear();
@@ -124,12 +124,12 @@ impl<'w, 'a> Tracer<'w, 'a> {
         }
     }
 
-    /// The object that a hit of a lane is on.
+    /// The object of a lane's hit.
     pub(super) fn target(&self, lane: usize, hit: &Hit) -> Option<&Target> {
         self.targets[lane * self.world.bodies.len() + hit.object as usize].as_ref()
     }
 
-    /// What a lane sees: the weighted mean of its hits up to T, shaded.
+    /// What a lane sees: the weighted mean of its hits up to T, shaded (docs/math.md, eq. 6 and 7).
     pub(super) fn seen(&mut self, lane: usize) -> Option<Seen> {
         let limit = self.found[lane].limit;
         let hits = &mut self.found[lane].hits;
@@ -180,7 +180,8 @@ impl<'w, 'a> Tracer<'w, 'a> {
         Some(Seen { colour, depth, normal, velocity: velocity * over })
     }
 
-    /// Screen velocity of a surfel's centre, pixels per shutter: the derivative of (f X, -f Y) / depth.
+    /// Screen velocity of a surfel's centre, pixels per shutter: the derivative of (f X, -f Y) / depth (docs/math.md,
+    /// section 8).
     fn velocity(&self, body: &Body<'_>, target: &Target, surface: &Surface, time: f64) -> DVec2 {
         if !body.object.blur {
             return DVec2::ZERO;
@@ -188,7 +189,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
         let world = self.world;
         let camera = world.camera(time).world_from_camera.transpose();
         let p = camera * (surface.centre(target) - target.eye);
-        // The rate is that of camera space from model space about the model's own origin.
+        // The rate is that of camera space relative to model space about the model's own origin.
         let rate = object_velocity(world.scene, body.object, time);
         let v = rate.transform_vector3(surface.model + body.surfels.origin) + rate.w_axis.truncate();
         let (x, y, d) = (world.focal * p.x, -world.focal * p.y, -p.z);
@@ -198,18 +199,18 @@ impl<'w, 'a> Tracer<'w, 'a> {
 }
 
 impl Hit {
-    /// The reconstruction kernel, exp(-2 r^2).
+    /// The reconstruction kernel exp(-2 r^2) (docs/math.md, eq. 4).
     pub(super) fn weight(&self) -> f64 {
         libm::exp(-2.0 * (self.u * self.u + self.v * self.v))
     }
 }
 
-/// What a hit contributes.
+/// The attributes that a hit contributes.
 pub(super) struct Surface {
     pub colour: Vec3,
-    /// World axes, unit, turned to the viewer where it is seen from behind.
+    /// Unit normal in world axes. It is turned to the viewer where the surface is seen from behind.
     pub normal: DVec3,
-    /// Centre of the surfel (for a sphere: the point hit), relative to the model's origin, model axes.
+    /// Centre of the surfel (for a sphere, the point hit) relative to the model's origin, in model axes.
     pub model: DVec3,
     pub material: Material,
 }
@@ -240,8 +241,8 @@ impl Surface {
     }
 }
 
-/// The ideal sphere about the model's origin: one hit with the kernel's peak as weight, seen from outside or, two-sided, from
-/// inside too.
+/// Intersects the ideal sphere about the model's origin. A hit has the kernel's peak as weight. The sphere is seen from
+/// outside and, if it is two-sided, also from inside.
 fn intersect_sphere(sphere: &Sphere, ray: &ModelRay, found: &mut Found) {
     let d2 = ray.direction.length_squared();
     let middle = -ray.origin.dot(ray.direction) / d2;
