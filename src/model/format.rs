@@ -2,27 +2,27 @@
 
 use std::path::Path;
 
-/// The first bytes of a file. Not text, so that a transfer that changes line ends is noticed.
+/// The first bytes of our own format. They are not text, so a transfer that changes line ends is noticed.
 pub(super) const BIN_MAGIC: [u8; 8] = *b"\x89SPLAT\r\n";
 
 /// A file format of models.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// Polygon file format: point clouds, surfels, meshes taken as points, Gaussian-splat captures.
+    /// Polygon file format: point clouds, surfels, meshes whose vertices are taken as points, Gaussian-splat captures.
     Ply,
     /// `Pointshop3D` surfels.
     Sfl,
-    /// Wavefront OBJ: vertices taken as points.
+    /// Wavefront OBJ, whose vertices are taken as points.
     Obj,
-    /// Our own (docs/bin-format.md).
+    /// Our own format (docs/bin-format.md).
     Bin,
 }
 
 impl Format {
-    /// What can be read, as messages say it.
+    /// The known formats, for messages.
     pub const KNOWN: &'static str = "PLY, Pointshop3D .sfl, Wavefront .obj, splatblur .bin";
 
-    /// The format of a file: by its first bytes, else (OBJ has no mark) by its extension.
+    /// The format of a file by its first bytes, or by its extension if the bytes show none (OBJ has no mark).
     pub fn detect(bytes: &[u8], path: &Path) -> Option<Self> {
         if bytes.starts_with(&BIN_MAGIC) {
             Some(Self::Bin)

@@ -13,16 +13,17 @@ use super::surfels::Surfels;
 use super::{bin, map, obj, ply, sfl, tidy};
 use crate::math::srgb;
 
-/// A model, and what a user should know about its reading.
+/// A model, and what a user should know about how it was read.
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The model, in file order.
     pub surfels: Surfels,
-    /// Points dropped, normals or radii estimated, conventions assumed: one line each.
+    /// One line each for points that were dropped, normals and radii that were estimated, and conventions that were
+    /// assumed.
     pub notes: Vec<String>,
 }
 
-/// What [`parse`] reads.
+/// The result of [`parse`].
 #[derive(Clone, Debug)]
 pub enum Parsed {
     /// Points as the file gives them.
@@ -31,7 +32,7 @@ pub enum Parsed {
     Surfels(Surfels),
 }
 
-/// Reads the bytes of a model file. Points that cannot be drawn are dropped; nothing is estimated yet.
+/// Reads the bytes of a model file. Points that cannot be drawn are dropped. Nothing is estimated yet.
 ///
 /// Memory stays within a small multiple of the file's size, whatever the file says.
 ///
@@ -41,7 +42,7 @@ pub fn parse(bytes: &[u8], format: Format) -> Result<Parsed, ParseError> {
     parse_told(bytes, format, &|_| {})
 }
 
-/// Reads a model file of any format (by its content, then by its extension) and completes it.
+/// Reads a model file of any format and completes it. The content shows the format; if it does not, the extension does.
 ///
 /// # Errors
 /// The file cannot be read, is not a regular file, or is not a valid model of a known format with at least one point.
@@ -82,7 +83,8 @@ fn parse_told(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Pa
     Ok(Parsed::Cloud(tidy::tidy(cloud)))
 }
 
-/// What a scene says, for surfels that are already complete: their colours are linear unless the scene insists.
+/// Applies what a scene says to surfels that are already complete. Their colours are linear unless the scene names
+/// another space.
 fn adjust(mut surfels: Surfels, options: &LoadOptions) -> Surfels {
     if options.radius_scale != 1.0 {
         let scale = options.radius_scale as f32;

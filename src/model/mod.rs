@@ -1,4 +1,8 @@
-//! Point models: file formats into a [`Cloud`], and a cloud completed into [`Surfels`].
+//! Point models: reads files of several formats into a [`Cloud`], and completes a cloud into [`Surfels`].
+//!
+//! Data flow: `format` (which format a file has) → `ply`, `sfl`, `obj`, `bin` (bytes to a cloud) → `tidy` (points and
+//! attributes that cannot be drawn) → `complete` (normals and radii that are missing) → `surfels`. `load` does all
+//! this.
 
 mod bin;
 mod cloud;

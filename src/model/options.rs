@@ -1,6 +1,6 @@
 //! What a caller may say about a model, and what the caller is told meanwhile.
 
-/// Colour space of a model file's colours (`<pointModel colourSpace="...">`).
+/// The colour space of a model file's colours (`<pointModel colourSpace="...">`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColourSpace {
     /// sRGB transfer curve.
@@ -9,12 +9,12 @@ pub enum ColourSpace {
     Linear,
 }
 
-/// What a scene may say about a model.
+/// The choices that a scene has for a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadOptions {
     /// Factor on all cut-off radii, > 0.
     pub radius_scale: f64,
-    /// Overrides the colour space that the storage type implies.
+    /// The colour space, in place of the one that the storage type implies.
     pub colour_space: Option<ColourSpace>,
 }
 
@@ -24,5 +24,5 @@ impl Default for LoadOptions {
     }
 }
 
-/// Told what is being done and which share of it (0..=1) is finished; called from several threads.
+/// Receives the name of the current step and its finished share (0..=1). It is called from several threads.
 pub type Progress<'a> = &'a (dyn Fn(&str, f32) + Sync);

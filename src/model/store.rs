@@ -8,7 +8,7 @@ use super::error::ModelError;
 use super::surfels::Surfels;
 use crate::files;
 
-/// Writes `path` whole or not at all.
+/// Writes the file `path`, which appears whole or not at all.
 pub(super) fn write(
     path: &Path,
     content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
@@ -21,7 +21,7 @@ pub(super) fn write(
     .map_err(|source| ModelError::Write { path: path.to_owned(), source })
 }
 
-/// Checks that all arrays have one entry a surfel.
+/// Checks that all arrays have one entry for each surfel.
 pub(super) fn check_columns(surfels: &Surfels) -> Result<(), ModelError> {
     let expected = surfels.len();
     let columns = [

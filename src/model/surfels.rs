@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 
 use crate::math::Bounds;
 
-/// Reflection coefficients of the shading equation (thesis 4.1.1).
+/// Reflection coefficients of the shading equation (docs/math.md, eq. 7; Wolf 2008, 4.1.1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Ambient coefficient ka, >= 0.
@@ -23,12 +23,12 @@ impl Default for Material {
     }
 }
 
-/// A model ready to be rendered: every surfel has axes, normal and colour.
+/// A model that can be rendered: every surfel has axes, a normal and a colour.
 ///
-/// Structure of arrays, all of one length, except `material` and `velocity`, which are empty where the file has none.
+/// It is a structure of arrays of one length. Only `material` and `velocity` may be empty, where the file has none.
 #[derive(Clone, Debug, Default)]
 pub struct Surfels {
-    /// Model-space point that the positions are relative to (models are recentred in `f64`).
+    /// Point of model space that the positions are relative to (models are recentred in `f64`).
     pub origin: DVec3,
     /// Positions relative to `origin`.
     pub position: Vec<Vec3>,
@@ -42,9 +42,9 @@ pub struct Surfels {
     pub colour: Vec<Vec3>,
     /// Reflection coefficients, or empty.
     pub material: Vec<Material>,
-    /// Velocities, model units a frame, or empty.
+    /// Velocities, model units per frame, or empty.
     pub velocity: Vec<Vec3>,
-    /// The signs of the normals mean nothing: both sides are shown unless the scene says otherwise.
+    /// True if the signs of the normals mean nothing. Both sides are then shown unless the scene says otherwise.
     pub two_sided: bool,
 }
 
@@ -59,14 +59,14 @@ impl Surfels {
         self.position.is_empty()
     }
 
-    /// Bytes that the columns take.
+    /// Memory of the columns, bytes.
     pub fn bytes(&self) -> u64 {
         let vectors = [&self.position, &self.axis_u, &self.axis_v, &self.normal, &self.colour, &self.velocity];
         let vectors: usize = vectors.iter().map(|column| size_of_val(column.as_slice())).sum();
         (vectors + size_of_val(self.material.as_slice())) as u64
     }
 
-    /// Cut-off radius of surfel `i`: the longer of its two axes.
+    /// Cut-off radius of surfel `i`: the length of the longer axis.
     pub fn radius(&self, i: usize) -> f32 {
         self.axis_u[i].length().max(self.axis_v[i].length())
     }
