@@ -69,8 +69,8 @@ struct View {
     unused: vec2<u32>,
 }
 
-// Some surfels of one surfel buffer, posed at one time sample. Each sample has an extra segment before its first one,
-// which holds its weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i).
+// Some surfels of one surfel buffer, posed at one time sample. The array of segments begins with one entry for each
+// sample, which holds only the sample's weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i).
 struct Segment {
     screen: array<vec4<f32>, 3>,
     rate: array<vec4<f32>, 3>,
@@ -96,8 +96,8 @@ struct Segment {
     flags: u32,
 }
 
-// Transform of a segment's centres to screen space: the mean of the poses at the ends of the interval (docs/math.md,
-// section 7), and half their difference.
+// Transform of a segment's centres to screen space, and their motion. Over an interval these are the mean place by
+// Simpson's rule, and half the difference of the ends (docs/math.md, section 7).
 struct Travel {
     centre: array<vec4<f32>, 3>,
     motion: array<vec4<f32>, 3>,
