@@ -73,7 +73,7 @@ struct Header {
 
 /// The node and attribute that the next curve drives.
 struct Address<'a> {
-    /// Empty if the file names none.
+    /// Name of the node; empty if the file names none.
     node: &'a str,
     /// `None` where the curve drives nothing.
     attribute: Option<&'a str>,

@@ -304,7 +304,8 @@ mod tests {
         }
     }
 
-    /// Steps at `keys`, `rate` a second. (f / 24) 24 happens to be f for every whole f, so 24 would prove nothing.
+    /// Steps at `keys`, `rate` a second. For 24 a second, (f / 24) 24 happens to be f for every whole f, which would
+    /// prove nothing.
     fn steps(rate: &str, keys: &[(u32, u32)]) -> Animation {
         let keys: Vec<String> = keys.iter().map(|(t, v)| format!("{t} {v} step step 1 1 0;\n")).collect();
         let keys = keys.concat();
@@ -318,7 +319,7 @@ mod tests {
         let every: Vec<(u32, u32)> = (0..5000).map(|i| (i, i)).collect();
         for rate in ["pal", "ntsc", "29.97fps", "23.976fps", "ntscf"] {
             let a = steps(rate, &every);
-            // Beyond the keys no key is near to round to: the time itself must come back whole.
+            // Beyond the keys there is no key to round to, so the time itself must come back whole.
             let cycle = steps(rate, &[(0, 0), (1, 1), (2, 2), (3, 0)]);
             for i in 0..5000 {
                 let x = |a: &Animation| a.nodes[0].at(f64::from(i) / a.rate, MAYA).transform.translate.x;

@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_third_of_the_span_makes_bezier_and_hermite_equal() {
-        // Handles a third of the span long: x(s) = s, and both are the same cubic.
+        // The handles are a third of the span long, so x(s) = s and both are the same cubic.
         let s = segment((6.0, 9.0), (6.0, -4.0));
         for i in 0..=60 {
             let t = 10.0 + f64::from(i) / 10.0;
@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn bezier_against_its_parametric_form() {
-        // Uneven handles; points made from s directly, then asked for by time.
+        // The handles are uneven. Points are computed from s and then looked up by time.
         let s = segment((12.0, 9.0), (3.0, -4.0));
         let (p0, p3) = (s.start, s.end);
         let (p1, p2) = (p0 + s.out / 3.0, p3 - s.inward / 3.0);
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_vertical_start_is_solved() {
-        // Both handles without length: x(s) = 3s^2 - 2s^3 has derivative 0 at the ends.
+        // Both handles have no length: x(s) = 3s^2 - 2s^3 has derivative 0 at the ends.
         let s = segment((0.0, 0.0), (0.0, 0.0));
         assert_eq!(s.bezier(10.0), 1.0);
         assert!((s.bezier(13.0) - 2.5).abs() < 1e-14);
@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn a_shortened_handle_keeps_its_direction() {
-        // a = 2 becomes 4/3, q = 0.1 becomes 1/3: the y offsets are scaled alike.
+        // a = 2 becomes 4/3 and q = 0.1 becomes 1/3; the y offsets are scaled by the same factors.
         let long = segment((36.0, 9.0), (1.8, 0.6));
         let short = segment((24.0, 6.0), (6.0, 2.0));
         for i in 0..=60 {

@@ -191,7 +191,7 @@ mod tests {
         assert_eq!(weighted(Tangent::Flat, true, true), (h(2.0), h(4.0)));
         assert_eq!(weighted(Tangent::Spline, true, true), (v(2.0, 3.0), v(4.0, 6.0)));
         assert_eq!(weighted(Tangent::Step, true, true), (h(0.0), h(0.0)));
-        // Ends: linear has no direction, the others borrow the length of the other side.
+        // At an end a linear tangent has no direction. The others take the length of the other side.
         assert_eq!(weighted(Tangent::Linear, false, true), (h(1.0), v(4.0, 8.0)));
         assert_eq!(weighted(Tangent::Linear, true, false), (v(2.0, 1.0), h(1.0)));
         assert_eq!(weighted(Tangent::Flat, false, true), (h(4.0), h(4.0)));
@@ -199,7 +199,7 @@ mod tests {
         assert_eq!(weighted(Tangent::Spline, false, true), (v(4.0, 8.0), v(4.0, 8.0)));
         assert_eq!(weighted(Tangent::Auto, false, true), (h(4.0), h(4.0)));
         assert_eq!(weighted(Tangent::Plateau, true, false), (h(2.0), h(2.0)));
-        // Backwards in time is not possible.
+        // A tangent cannot point backwards in time.
         let backwards = Tangent::Fixed(v(-3.0, 5.0));
         assert_eq!(weighted(backwards, true, true).1, v(0.0, 5.0));
     }
@@ -217,19 +217,19 @@ mod tests {
         assert_eq!(slopes(Tangent::Clamped, 0.05, 9.0), (0.0, 0.0));
         assert_eq!(slopes(Tangent::Clamped, 0.051, 9.0), (1.5, 1.5));
         assert_eq!(slopes(Tangent::Clamped, 9.04, 9.0), (0.0, 0.0));
-        // An end copies the only difference: steep follows the spline rule.
+        // An end copies the only difference. A steep one follows the spline rule.
         assert_eq!(weighted(Tangent::Clamped, false, true).1, DVec2::new(4.0, 8.0));
     }
 
     #[test]
     fn auto_is_limited_by_the_flatter_side() {
-        // Slopes 0.5 and 2: spline slope 1.5 just meets the limit 3 * 0.5.
+        // The slopes are 0.5 and 2. The spline's slope 1.5 just meets the limit 3 * 0.5.
         assert_eq!(slopes(Tangent::Auto, 1.0, 9.0), (1.5, 1.5));
-        // Slopes 0.05 and 2.225: limit 0.15.
+        // The slopes are 0.05 and 2.225, so the limit is 0.15.
         let (i, o) = slopes(Tangent::Auto, 0.1, 9.0);
         assert!((i - 0.15).abs() < 1e-15 && i == o);
         assert_eq!(slopes(Tangent::Auto, -1.0, -9.0), (-1.5, -1.5));
-        // An extremum, and a plateau on either side.
+        // First an extremum, then a plateau on either side.
         assert_eq!(slopes(Tangent::Auto, 5.0, 1.0), (0.0, 0.0));
         assert_eq!(slopes(Tangent::Auto, 0.0, 9.0), (0.0, 0.0));
         assert_eq!(slopes(Tangent::Auto, 9.0, 9.0), (0.0, 0.0));
@@ -238,23 +238,24 @@ mod tests {
 
     #[test]
     fn auto_mix_and_ease_weigh_the_sides() {
-        // Slopes 1 and 1.5, part = 2/6: mix = 1 + 0.5/3.
+        // The slopes are 1 and 1.5, and the part is 2/6: mix = 1 + 0.5/3.
         assert!((slopes(Tangent::AutoMix, 2.0, 8.0).0 - (1.0 + 0.5 / 3.0)).abs() < 1e-15);
-        // Eased part = 0.5 - (1/6)(1.5 - 2/36) = 0.259259...
+        // The eased part is 0.5 - (1/6)(1.5 - 2/36) = 0.259259...
         assert!((slopes(Tangent::AutoEase, 2.0, 8.0).1 - (1.0 + 0.5 * 7.0 / 27.0)).abs() < 1e-15);
-        // The same limit as auto: slopes 0.01 and 100.
+        // The limit is that of auto; the slopes are 0.01 and 100.
         assert!((slopes(Tangent::AutoMix, 0.02, 400.02).0 - 0.03).abs() < 1e-14);
         assert_eq!(slopes(Tangent::AutoEase, 5.0, 1.0), (0.0, 0.0));
     }
 
     #[test]
     fn plateau_is_flat_where_the_spline_overshoots() {
-        // Even: slopes 0.5 and 2, spline 1.5. In: control point 1 below, the neighbour is 1 below: just allowed.
+        // The slopes are 0.5 and 2, so the spline's is 1.5. On the in side the control point is 1 below the key, as is
+        // the neighbour: just allowed.
         assert_eq!(slopes(Tangent::Plateau, 1.0, 9.0), (1.5, 1.5));
-        // Slope 0.25 on the left: the spline's control point would pass the previous value.
+        // With the slope 0.25 on the left, the spline's control point would pass the previous value.
         assert_eq!(slopes(Tangent::Plateau, 0.5, 9.0).0, 0.0);
         assert_eq!(slopes(Tangent::Plateau, -0.5, -9.0).0, 0.0);
-        // Nearly at the next value: the out side overshoots, and so does the mirrored in side.
+        // The key is nearly at the next value: the out side overshoots, and so does the mirrored in side.
         assert_eq!(slopes(Tangent::Plateau, 8.9, 9.0), (0.0, 0.0));
         assert_eq!(slopes(Tangent::Plateau, 10.0, 9.0), (0.0, 0.0));
         assert_eq!(slopes(Tangent::Plateau, 0.0, 9.0), (0.0, 0.0));

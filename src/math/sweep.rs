@@ -218,8 +218,8 @@ mod tests {
             let speed = 10_f64.powf(random.within(-7.0, 2.5));
             let angle = random.within(0.0, 6.3);
             let rate = [speed * angle.cos(), speed * angle.sin()];
-            let reach = 1.2 + random.next() * speed.min(20.0);
-            let at = [random.within(-reach, reach), random.within(-reach, reach)];
+            let span = 1.2 + random.next() * speed.min(20.0);
+            let at = [random.within(-span, span), random.within(-span, span)];
             let w = 10_f64.powf(random.within(-4.0, 4.0));
             let (want, got) = (by_sampling(at, rate), by_formula(path(at, rate, w)));
             // Rounding decides at the rim of a slow kernel.

@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn overlap_is_four() {
-        // n discs of area pi r^2 on a sphere of area 4 pi.
+        // There are n discs of area pi r^2 on a sphere of area 4 pi.
         let n = 5000;
         let area: f64 = sphere(n).radius.iter().map(|&r| PI * f64::from(r) * f64::from(r)).sum();
         assert!((area / (4.0 * PI) - 4.0).abs() < 1e-5);
@@ -180,13 +180,13 @@ mod tests {
 
     #[test]
     fn cells_alternate() {
-        // One corner of four cells: colours at opposite sides agree, neighbours differ.
+        // Four cells meet in a corner: opposite cells have the same colour, neighbours differ.
         let plane = checker_plane();
         let colour = |column: usize, row: usize| plane.colour[row * 256 + column];
         assert_eq!(colour(7, 7), colour(8, 8));
         assert_eq!(colour(7, 8), colour(8, 7));
         assert_ne!(colour(7, 7), colour(8, 7));
-        // Both colours cover half of a ball.
+        // Each colour covers half of a ball.
         let ball = ball();
         let red = ball.colour.iter().filter(|c| c.y < 0.5).count();
         assert!(red.abs_diff(15_000) < 300, "{red}");

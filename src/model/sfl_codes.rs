@@ -65,7 +65,7 @@ pub(super) enum ColourModel {
     Grey { bytes: usize },
     /// Red, green, blue.
     Rgb { bytes: usize },
-    /// Full-range BT.601, 128 = no chroma.
+    /// Full-range BT.601; 128 stands for no chroma.
     Yuv { bytes: usize },
 }
 

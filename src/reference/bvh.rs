@@ -91,8 +91,8 @@ impl Bvh {
         }
         let (low, high) = (whole.0.as_dvec3(), whole.1.as_dvec3());
         let centre = 0.5 * (low + high);
-        let reach = 0.5 * (high - low).length() + centre.length();
-        let padding = PADDING * reach;
+        let extent = 0.5 * (high - low).length() + centre.length();
+        let padding = PADDING * extent;
         let farthest = exact
             .par_iter()
             .filter(|(low, high)| low.is_finite() && high.is_finite())
@@ -136,8 +136,8 @@ const NOTHING: (Vec3, Vec3) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
 /// rounding.
 fn bounds(surfels: &Surfels, i: usize) -> (Vec3, Vec3) {
     let (c, u, v) = (surfels.position[i], surfels.axis_u[i], surfels.axis_v[i]);
-    let reach = (u * u + v * v).map(f32::sqrt);
-    (c - reach, c + reach)
+    let half_size = (u * u + v * v).map(f32::sqrt);
+    (c - half_size, c + half_size)
 }
 
 /// Number of surfels below each node of the binary tree.
