@@ -263,10 +263,10 @@ impl Curve {
 
     /// Catmull-Rom cubic between keys `i` and `i + 1`.
     ///
-    /// It is the cubic Hermite whose slope at a key is that of the chord between the key's neighbours in time, (v[i+1]
-    /// - v[i-1]) / (t[i+1] - t[i-1]), so it respects uneven spacing. At an end of the curve, and next to a step (which
-    /// must not bend its neighbours), a neighbour is missing; the mirror image of the other neighbour takes its place.
-    /// The slope there is that of the segment's own chord, and two keys give a straight line.
+    /// It is the cubic Hermite whose slope at a key is that of the chord between the key's neighbours in time:
+    /// (v[i+1] - v[i-1]) / (t[i+1] - t[i-1]). So it respects uneven spacing. At an end of the curve, and next to a step
+    /// (which must not bend its neighbours), a neighbour is missing; the mirror image of the other neighbour takes its
+    /// place. The slope there is that of the segment's own chord, and two keys give a straight line.
     fn spline(&self, i: usize, time: f64) -> f64 {
         let [before, a, b, beyond] = self.neighbours(i);
         let pair = |p: DVec2| (p.x, p.y);
