@@ -1,14 +1,15 @@
-// Pass `attribute`: weighted sums of the attributes of the splats that pass the depth test.
+// Pass `attribute`: sums the attributes of the splats that pass the depth test, with their weights.
 // Twin: src/backend/cpu/attribute.rs.  Math: docs/math.md, eq. 6 and 10.
 //
 // `splat_values`, one invocation per surfel of a segment:
 //   in   segment, geometry, looks, lights
-//   out  values    for each slot: colour, then normal, velocity, material where they are wanted
-// `sum_attributes`, one workgroup per tile, one invocation per quad of pixels, sums in registers, in list order:
+//   out  values    for each slot: colour, then normal, velocity and material where they are wanted
+// `sum_attributes`, one workgroup per tile, one invocation per quad of pixels; sums are in registers, in list order:
 //   in   splats, list, starts, wide, thresholds, values; segments: sample of a splat, its weight and share
-//   out  sums      for each tile, for each channel, its quads: weight, colour, then normal, depth, velocity, material where
-//                  they are wanted; in groups of several samples the reach of the current sample, the coverage of those
-//                  before it, and the reach of what lies still; for what is kept of that last its least depth
+//   out  sums      for each tile, for each channel, its quads: weight, colour, then normal, depth, velocity and
+//                  material where they are wanted. In groups of several samples three channels follow: the sample
+//                  coverage of the current sample, the coverage by the samples before it, and the sample coverage of
+//                  static objects. The sums of static objects alone also have their least depth
 
 @group(0) @binding(1) var<uniform> segment: Segment;
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
@@ -25,22 +26,22 @@
 @group(1) @binding(19) var<storage, read> values: array<f32>;
 @group(1) @binding(20) var<storage, read_write> sums: array<vec4<f32>>;
 
-// First channel of each; 0: not wanted. Those of `Channels` in src/layout.rs.
+// First channel of each quantity; 0 if it is not wanted. They are those of `Channels` in src/layout.rs.
 override NORMAL: u32 = 0u;
 override DEPTH: u32 = 0u;
 override VELOCITY: u32 = 0u;
 override MATERIAL: u32 = 0u;
-// Three channels, in groups of several samples.
+// First of three channels for the coverage in groups of several samples; 0 in other groups.
 override REACH: u32 = 0u;
-// Least depth of what is added, NONE where nothing is.
+// Channel of the least depth of the splats that are added (NONE where there are none); 0 if it is not wanted.
 override NEAREST: u32 = 0u;
-// Number of channels, and of floats that a splat has in `values`.
+// Number of channels, and number of floats of a splat in `values`.
 override CHANNELS: u32 = 4u;
 override VALUES: u32 = 3u;
 override GOURAUD: bool = false;
-// False: the weight is the only channel (pass `density`).
+// If false, the weight is the only channel (pass `density`).
 override COLOUR: bool = true;
-// As in bin.wgsl.
+// This is the value of bin.wgsl.
 override SPLATS: u32 = 1u;
 
 @compute @workgroup_size(256)
@@ -79,7 +80,7 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
         next += 3u;
     }
     if VELOCITY != 0u {
-        // The derivative of (x, y) = (X, Y) / depth, in pixels of the image; 0 where the centre has none.
+        // The derivative of (x, y) = (X, Y) / depth, in pixels of the image. It is 0 where the centre has no image.
         let p = apply(segment.screen, position);
         let rate = apply(segment.rate, position);
         var velocity = vec2<f32>(0.0);
@@ -99,7 +100,7 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-// Sums of one quad.
+// The sums of one quad.
 struct Sums {
     weight: vec4<f32>,
     red: vec4<f32>,
@@ -119,7 +120,7 @@ struct Sums {
     coverage: vec4<f32>,
     still: vec4<f32>,
     nearest: vec4<f32>,
-    // Whose `reach` it is: that of what lies still in turn 0, then sample by sample.
+    // The turn that `reach` belongs to: 0 for static objects, then one for each sample in order.
     turn: u32,
 }
 
@@ -131,7 +132,7 @@ fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
     let row = (view.first_tile_row + tile.y) * TILE + quad.y;
     let limit = thresholds[index * TILE_QUADS + in_tile];
     if all(limit == vec4<f32>(UNWANTED)) { return; }
-    // Two rising lists of slots, merged.
+    // The loop merges two rising lists of slots.
     var next = starts[index];
     let end = starts[index + 1u];
     var next_wide = 0u;
@@ -167,7 +168,8 @@ fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
     store_sums(&sum, at);
 }
 
-// Ends all turns before `next`: what of the pixel a sample covers counts with its weight, and what lies still is in each.
+// Ends all turns before `next`. The part of the pixel that a sample covers counts with the sample's weight. Static
+// objects are in every sample.
 fn turn(sum: ptr<function, Sums>, next: u32) {
     var at = (*sum).turn;
     if at == 0u {
@@ -208,7 +210,7 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
     let zero = vec4<f32>(0.0);
     let unshared = select(zero, kernel(min(r2, vec4<f32>(1.0))), passes);
     if REACH != 0u {
-        // What covers the pixel is part of its coverage even if it is hidden: something before it covers, too.
+        // A hidden splat that covers the pixel is part of the coverage too: something before it covers the pixel.
         (*sum).reach += select(unshared, vec4<f32>(1.0), inside & within);
     }
     if !any(passes) { return; }

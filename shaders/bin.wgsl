@@ -1,16 +1,17 @@
-// Pass `bin`: splats to one list per tile, in global surfel order.
+// Pass `bin`: sorts splats into one list per tile, in global surfel order.
 // Twin: src/backend/cpu/bin.rs, whose lists are per chunk; the order is the same.
-//   in   touched   wanted tiles of each slot's splat, WIDE for those listed apart
-//        splats    their bounds
+//   in   touched   number of wanted tiles of each slot's splat; WIDE for splats that are listed separately
+//        splats    bounds of the splats
 //   out  list      slots, tile after tile, rising within each tile
-//        starts    where each tile's list starts; one more for the end, then the number of wide splats
+//        starts    start of each tile's list, then the end of the last list, then the number of wide splats
 //        wide      slots of splats that touch more than WIDEST tiles, rising
-// Count, scan, emit (tile, slot) pairs in slot order, then sort them by tile: a radix sort, which keeps the order of equal
-// keys. Scans are reduce-then-scan over several dispatches; no workgroup ever waits for another. Integers only.
+// The pass counts, scans, emits (tile, slot) pairs in slot order, and then sorts them by tile. The sort is a radix
+// sort, which keeps the order of equal keys. Scans are reduce-then-scan over several dispatches; no workgroup ever
+// waits for another. All values are integers.
 
 @group(1) @binding(4) var<storage, read> splats: array<Splat>;
 @group(1) @binding(5) var<storage, read> touched: array<u32>;
-// For each BLOCK of slots: entries and wide splats, then those before it.
+// For each BLOCK of slots the number of entries and of wide splats; after the scan, the numbers before the block.
 @group(1) @binding(6) var<storage, read_write> partials: array<vec2<u32>>;
 @group(1) @binding(7) var<storage, read_write> written_totals: Totals;
 @group(1) @binding(22) var<storage, read> totals: Totals;
@@ -19,33 +20,34 @@
 @group(1) @binding(10) var<storage, read_write> list: array<u32>;
 @group(1) @binding(11) var<storage, read_write> wide: array<u32>;
 @group(1) @binding(12) var<storage, read_write> starts: array<u32>;
-// For each digit, for each group of entries: entries of that digit, then those before it of the same digit.
+// For each digit, for each BLOCK of entries, the number of entries with that digit; after the scan, the number before
+// the block.
 @group(1) @binding(13) var<storage, read_write> histogram: array<u32>;
 @group(1) @binding(14) var<storage, read_write> digit_totals: array<u32>;
 @group(1) @binding(15) var<storage, read> sorted_keys: array<u32>;
 @group(1) @binding(16) var<storage, read> sorted_list: array<u32>;
 
 struct Totals {
-    // What an indirect dispatch over groups of entries takes.
+    // Workgroups of an indirect dispatch with one BLOCK of entries each.
     groups: vec3<u32>,
     entries: u32,
     wide: u32,
 }
 
-// Written by one invocation of one dispatch after the other; read by the host after the frame.
+// One invocation of one dispatch after the other writes this. The host reads it after the frame.
 struct Status {
-    // Most entries that a wave wanted.
+    // Greatest number of entries that a batch needed.
     most_entries: u32,
-    // Splats so far, 64 bits.
+    // Number of splats so far, 64 bits.
     splats_low: u32,
     splats_high: u32,
 }
 
 const BLOCK: u32 = 1024u;
 const DIGITS: u32 = 64u;
-// Lowest bit of the digit that is sorted by.
+// Lowest bit of the digit of this round.
 override SHIFT: u32 = 0u;
-// Size of what a slot holds, in splats: 2 for kernels in motion, which end as splats do.
+// Size of a slot's content in splats. It is 2 for kernels in motion; the last part of theirs is laid out as a splat.
 override SPLATS: u32 = 1u;
 
 fn touched_at(slot: u32) -> u32 {
@@ -71,7 +73,7 @@ fn bin_reduce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     atomicAdd(&seen, visible);
     let result = scan(sum, lane);
     if lane == 0u {
-        // Splats travel in the high half until the scan: a block has 1024 wide splats at the most.
+        // Until the scan the high half holds the number of splats. This is safe: a block has at most 1024 wide splats.
         partials[group.x] = vec2<u32>(result.total.x, result.total.y | (atomicLoad(&seen) << 16u));
     }
 }
@@ -96,7 +98,7 @@ fn bin_scan(@builtin(local_invocation_index) lane: u32) {
     }
     let splats_seen = scan(vec2<u32>(visible, 0u), lane).total.x;
     if lane == 0u {
-        // A list that does not fit is left empty; the host grows it and repeats the frame.
+        // A list that does not fit stays empty. The host then enlarges the buffer and repeats the frame.
         let fits = before.x <= view.entry_capacity;
         written_totals.entries = select(0u, before.x, fits);
         written_totals.wide = before.y;
@@ -110,7 +112,7 @@ fn bin_scan(@builtin(local_invocation_index) lane: u32) {
 
 @compute @workgroup_size(256)
 fn bin_emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    // Each invocation has four slots in a row.
+    // Each invocation has four consecutive slots.
     let first = group.x * BLOCK + lane * 4u;
     var sum = vec2<u32>(0u);
     for (var i = 0u; i < 4u; i += 1u) {
@@ -150,7 +152,7 @@ fn sort_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     histogram[lane * totals.groups.x + group.x] = atomicLoad(&counts[lane]);
 }
 
-// One workgroup per digit.
+// One workgroup for each digit.
 @compute @workgroup_size(256)
 fn sort_scan(@builtin(workgroup_id) digit: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let groups = totals.groups.x;
@@ -202,7 +204,7 @@ fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
     }
 }
 
-// First entry of each tile, by bisection; after the last tile the end of the list, then the number of wide splats.
+// First entry of each tile, by bisection. After the last tile come the end of the list and the number of wide splats.
 @compute @workgroup_size(256)
 fn bin_starts(@builtin(global_invocation_id) id: vec3<u32>) {
     let tiles = view.tiles.x * view.tiles.y;

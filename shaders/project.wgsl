@@ -1,10 +1,11 @@
-// Pass `project`: surfels to splats; posed, projected, bounded and culled.
+// Pass `project`: turns surfels into splats; poses, projects, bounds and culls them.
 // Twin: src/backend/cpu/project.rs.  Math: docs/math.md, section 2.
-//   in   segment   the surfels and their pose; travels: that of their centres
-//        geometry  columns of the block: positions, axes u, axes v
-//   out  splats    one a slot; unwritten where culled
-//        touched   wanted tiles that the splat touches; 0: culled; WIDE: more than WIDEST
-// One invocation per surfel. The slot is the surfel's place in the wave, so nothing is compacted and order is kept.
+//   in   segment   the surfels and their pose
+//        travels   the pose of the surfels' centres
+//        geometry  columns of the surfel buffer: positions, axes u, axes v
+//   out  splats    one for each slot; unwritten where culled
+//        touched   number of wanted tiles that the splat touches; 0 if culled; WIDE if more than WIDEST
+// One invocation per surfel. The slot is the surfel's place in the batch, so nothing is compacted and the order stays.
 
 @group(0) @binding(1) var<uniform> segment: Segment;
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
@@ -34,7 +35,8 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
     let uy = u.y - y * u.z;
     let vx = v.x - x * v.z;
     let vy = v.y - y * v.z;
-    // Signed area of the projected axes. det [u v centre] < 0 faces the viewer; a splat seen edge-on covers nothing.
+    // Signed area of the projected axes. The splat faces the viewer if det [u v centre] < 0. One that is seen edge-on
+    // covers nothing.
     let area = ux * vy - uy * vx;
     let det = area * depth * segment.handedness;
     let two_sided = (segment.flags & 1u) != 0u;
@@ -74,7 +76,8 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
     write(slot, splat, bounds_of(across, down));
 }
 
-// A splat that reaches the camera plane: its bounds are all that is wanted, and pixels are counted from the camera's axis.
+// Writes a splat that reaches the camera plane. Its bounds are the whole image, and pixels are counted from the
+// camera's axis.
 fn write_crossing(slot: u32, posed: Splat, c: vec3<f32>, u: vec3<f32>, v: vec3<f32>) {
     let normal = cross(u, v);
     let det = normal.x * c.x + normal.y * c.y + normal.z * c.z;

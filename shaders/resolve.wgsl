@@ -1,16 +1,16 @@
-// Pass `resolve`: normalise, shade, add to the film with the time weight.
+// Pass `resolve`: normalises the sums, shades the pixel and adds it to the film with the time weight.
 // Twin: src/backend/cpu/resolve.rs.  Math: docs/math.md, eq. 6 to 8 and 10.
 //   in   thresholds, sums, lights
-//   out  film      for each tile, for each plane, its pixels: premultiplied colour, alpha, then depth, normal, velocity where
-//                  they are wanted
-// One invocation per pixel. Order-free within a group; groups are added in their order, one dispatch each.
+//   out  film      for each tile, for each plane, its pixels: premultiplied colour and alpha; then depth, normal and
+//                  velocity where they are wanted
+// One invocation per pixel. Order-free within a group. Groups are added in their order, one dispatch each.
 
 @group(1) @binding(3) var<storage, read> lights: array<Light>;
 @group(1) @binding(17) var<storage, read> thresholds: array<f32>;
 @group(1) @binding(20) var<storage, read> sums: array<f32>;
 @group(1) @binding(21) var<storage, read_write> film: array<f32>;
 
-// As in attribute.wgsl.
+// These are the values of attribute.wgsl.
 override NORMAL: u32 = 0u;
 override DEPTH: u32 = 0u;
 override VELOCITY: u32 = 0u;
@@ -18,7 +18,7 @@ override MATERIAL: u32 = 0u;
 override REACH: u32 = 0u;
 override CHANNELS: u32 = 4u;
 override PHONG: bool = false;
-// First plane of each; 0: not wanted.
+// First plane of each quantity; 0 if it is not wanted.
 override DEPTH_PLANE: u32 = 0u;
 override NORMAL_PLANE: u32 = 0u;
 override VELOCITY_PLANE: u32 = 0u;
@@ -33,7 +33,7 @@ fn resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id)
     if threshold == UNWANTED { return; }
     let sum = sums[sum_at];
     if !(sum > 0.0) { return; }
-    // Where no visibility splat covers, only low-pass discs reach: their weights are the coverage.
+    // Where no splat of the visibility pass covers the pixel, only low-pass discs do: their weights are the coverage.
     var share = select(min(sum, 1.0), 1.0, threshold < NONE);
     var weight = view.weight;
     if REACH != 0u {
@@ -43,13 +43,13 @@ fn resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id)
     add_pixel(index, tile.xy, pixel.xy, Share(share, weight));
 }
 
-// What a pixel's mean counts with: how much of it is covered, times a weight.
+// The weight of a pixel's mean: the covered share of the pixel, times a weight.
 struct Share {
     covered: f32,
     weight: f32,
 }
 
-// Adds what the sums say of one pixel of tile `index` to the film; the sum of weights is > 0.
+// Adds one pixel of tile `index` to the film. The sum of the pixel's weights must be > 0.
 fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, share: Share) {
     let in_tile = pixel.y * TILE + pixel.x;
     let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
@@ -68,7 +68,7 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, share: Share) {
         if MATERIAL != 0u {
             material = vec4<f32>(mean(sum_at, MATERIAL, inverse), sums[sum_at + (MATERIAL + 3u) * TILE_PIXELS] * inverse);
         }
-        // The ray through the sample position, world axes, with depth 1.
+        // The ray through the sample position, in world axes, with depth 1.
         let over = 1.0 / view.focal;
         let column = f32(tile.x * TILE + pixel.x);
         let row = f32((view.first_tile_row + tile.y) * TILE + pixel.y);
@@ -96,13 +96,13 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, share: Share) {
     }
 }
 
-// Three neighbouring channels, normalised.
+// The mean of three neighbouring channels.
 fn mean(sum_at: u32, channel: u32, inverse: f32) -> vec3<f32> {
     let x = sum_at + channel * TILE_PIXELS;
     return vec3<f32>(sums[x], sums[x + TILE_PIXELS], sums[x + 2u * TILE_PIXELS]) * inverse;
 }
 
-// Adds to three neighbouring planes.
+// Adds a value to three neighbouring planes.
 fn add(at: u32, value: vec3<f32>, share: Share) {
     let added = share.weight * (share.covered * value);
     film[at] += added.x;

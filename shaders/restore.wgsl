@@ -1,10 +1,12 @@
-// Before pass `attribute` of a group that starts from what lies still: the sums of what of that is still visible.
+// Before pass `attribute` of a group that starts from static objects: restores their sums where they are still visible.
 // Twin: LayerTile::recall of src/backend/cpu/layer.rs.
-//   in   layer_thresholds, layer_sums   of what lies still alone; the last channel is the least depth of what was added
-//        thresholds                     of all splats
-//   out  sums      those of the layer where no splat that moves hides any of it; 0 where splats hide all of it, or some, but
-//                  for the reach: what is hidden covers all the same
-//        limits    the threshold where they hide some and its splats are to be added anew, else UNWANTED
+//   in   layer_thresholds, layer_sums   thresholds and sums of static objects alone; the last channel is the least
+//                                       depth of the splats that were added
+//        thresholds                     thresholds of all splats
+//   out  sums      those of the static objects where no moving splat hides any of them. Elsewhere 0, but for the sample
+//                  coverage: a hidden splat covers all the same
+//        limits    the threshold where moving splats hide only some of the static splats, whose sums are to be
+//                  recomputed; else UNWANTED
 // One invocation per quad of pixels.
 
 @group(1) @binding(17) var<storage, read> thresholds: array<vec4<f32>>;
@@ -13,7 +15,7 @@
 @group(1) @binding(29) var<storage, read> layer_sums: array<vec4<f32>>;
 @group(1) @binding(30) var<storage, read_write> limits: array<vec4<f32>>;
 
-// As in attribute.wgsl, without the least depth.
+// These are the values of attribute.wgsl, without the channel of the least depth.
 override CHANNELS: u32 = 4u;
 override REACH: u32 = 0u;
 

@@ -1,10 +1,11 @@
 // Pass `visibility`: T(x, t) = min over splats covering x of (depth + epsilon), per pixel.
 // Twin: src/backend/cpu/visibility.rs.  Math: docs/math.md, eq. 5.
-//   in   splats, list, starts, wide   what `bin` made
+//   in   splats, list, starts, wide   output of `bin`
 //        segments                     epsilon of a splat's object
-//   out  thresholds                   tile after tile, four pixels of a row together; NONE where no splat covers, UNWANTED in
-//                                     tiles that are not wanted
-// One workgroup per tile, one invocation per quad of pixels. Order-free (a minimum), so waves may come one after the other.
+//   out  thresholds                   tile after tile, four pixels of a row together; NONE where no splat covers the
+//                                     pixel, UNWANTED in tiles that are not wanted
+// One workgroup per tile, one invocation per quad of pixels. The minimum is order-free, so batches may come one after
+// the other.
 
 @group(1) @binding(2) var<storage, read> segments: array<Segment>;
 @group(1) @binding(4) var<storage, read> splats: array<Splat>;
@@ -13,7 +14,7 @@
 @group(1) @binding(12) var<storage, read> starts: array<u32>;
 @group(1) @binding(17) var<storage, read_write> thresholds: array<vec4<f32>>;
 
-// Smallest depth tolerance, as a share of the depth: 4 units in the last place.
+// Smallest depth tolerance as a share of the depth: 4 units in the last place.
 const LEAST_EPSILON: f32 = 4.0 * EPSILON;
 
 @compute @workgroup_size(4, 16)

@@ -1,4 +1,4 @@
-// Elementary functions as polynomials. Twin: src/math/fast.rs, which states the errors; the same coefficients.
+// Elementary functions as polynomials. Twin: src/math/fast.rs, which has the same coefficients and states the errors.
 
 // exp(-2 r^2) from r^2 in [0, 1].
 fn kernel(r2: vec4<f32>) -> vec4<f32> {
@@ -30,7 +30,7 @@ fn power_of_two(exponent: f32) -> f32 {
 
 // log2(x) for normal x > 0.
 fn log_of_two(x: f32) -> f32 {
-    // x = m 2^e with m in [sqrt(1/2), sqrt(2))
+    // Here x = m 2^e with m in [sqrt(1/2), sqrt(2)).
     let e = bitcast<i32>(bitcast<u32>(x) - 0x3f3504f3u) >> 23u;
     let m = bitcast<f32>(bitcast<u32>(x) - (bitcast<u32>(e) << 23u));
     let s = (m - 1.0) / (m + 1.0);
@@ -51,7 +51,7 @@ fn power(base: f32, exponent: f32) -> f32 {
 fn erf_slope(a: f32, b: f32) -> f32 {
     let y = a * a - 1.0;
     let z = b * b - 1.0;
-    // Horner's rule at y, and at z for the quotient that it leaves.
+    // Horner's rule at y, and Horner's rule at z for the quotient that the first one leaves.
     var p = 0.0000006895415;
     var slope = p;
     p = p * y - 0.000006363161;

@@ -1,17 +1,18 @@
-// A splat's plane on the rays through four neighbouring pixels of a row. Twin: Row and Hit of src/backend/cpu/visibility.rs.
+// A splat's plane on the rays through four neighbouring pixels of a row.
+// Twin: Row and Hit of src/backend/cpu/visibility.rs.  Math: docs/math.md, eq. 2.
 
 struct Hit {
-    // Distance from the splat's reference, pixels.
+    // Distance from the splat's reference point, pixels.
     x: vec4<f32>,
     y: f32,
     inverse_depth: vec4<f32>,
     // (u^2 + v^2) times the squared inverse depth.
     scaled_r2: vec4<f32>,
-    // In front of the camera and within the cut-off radius.
+    // True in front of the camera and within the cut-off radius.
     inside: vec4<bool>,
 }
 
-// Of the quad from column `column` on, counted from the view's corner.
+// The hit of the quad that begins at column `column`, counted from the view's corner.
 fn hit(splat: Splat, column: u32, row: u32) -> Hit {
     let pixel = vec2<f32>(vec2<i32>(vec2<u32>(column, row)) + view.corner);
     var out: Hit;
@@ -26,13 +27,13 @@ fn hit(splat: Splat, column: u32, row: u32) -> Hit {
     return out;
 }
 
-// Pixels of the quad from column `column` on that lie in the splat's columns.
+// The pixels of the quad that begins at column `column` and lie in the splat's columns.
 fn in_columns(bounds: vec4<u32>, column: u32) -> vec4<bool> {
     let columns = vec4<u32>(column, column + 1u, column + 2u, column + 3u);
     return (columns >= vec4<u32>(bounds.x)) & (columns <= vec4<u32>(bounds.y));
 }
 
-// May the splat touch the quad?
+// True if the splat may touch the quad.
 fn touches(bounds: vec4<u32>, column: u32, row: u32) -> bool {
     return column <= bounds.y && column + 3u >= bounds.x && row >= bounds.z && row <= bounds.w;
 }

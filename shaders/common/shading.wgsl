@@ -1,6 +1,6 @@
-// The shading equation. Twin: src/shading.rs (thesis 4.1.1).
+// The shading equation. Twin: src/shading.rs.  Math: docs/math.md, eq. 7; Wolf 2008, 4.1.1.
 
-// Diffuse and specular factor of a light from the unit direction `towards`; twin: shading::lobes.
+// Diffuse and specular factor of a light in the unit direction `towards`. Twin: shading::lobes.
 fn lobes(n: vec3<f32>, towards: vec3<f32>, eye: vec3<f32>, shininess: f32) -> vec2<f32> {
     let nl = n.x * towards.x + n.y * towards.y + n.z * towards.z;
     let nv = n.x * eye.x + n.y * eye.y + n.z * eye.z;
@@ -9,8 +9,8 @@ fn lobes(n: vec3<f32>, towards: vec3<f32>, eye: vec3<f32>, shininess: f32) -> ve
     return vec2<f32>(max(nl, 0.0), power(max(rv, 0.0), shininess));
 }
 
-// Shades a surface point; `material` is (ambient, diffuse, specular, shininess), `position` is relative to the eye and only
-// needed for point lights, `eye` is the unit direction to the eye.
+// Shades a surface point. `material` is (ambient, diffuse, specular, shininess). `position` is relative to the eye and
+// only needed for point lights. `eye` is the unit direction to the eye.
 fn shade(
     first_light: u32, count: u32, material: vec4<f32>, colour: vec3<f32>, normal: vec3<f32>, position: vec3<f32>,
     eye: vec3<f32>,

@@ -1,7 +1,7 @@
 // A kernel in linear motion on one ray: when it covers the ray, and with what weight.
-// Twin: src/math/sweep.rs.
+// Twin: src/math/sweep.rs.  Math: docs/math.md, eq. 11 to 16.
 //
-// Along a ray, at tau in [-1, 1], the tangent-plane coordinates of the kernel are linear in tau:
+// Along a ray, the tangent-plane coordinates of the kernel are linear in the time tau in [-1, 1]:
 // (u, v)(tau) = (at + tau rate) / w. Everything is regular without motion.
 
 // Squared motion in radii below which a kernel counts as unmoved.
@@ -11,7 +11,7 @@ const ELLIPSOID_PEAK: f32 = 0.83591896;
 const HALF_SQRT_PI: f32 = 0.8862269;
 const SQRT_TWO: f32 = 1.4142135;
 const SQRT_HALF_PI: f32 = 1.2533141;
-// Adding it leaves the nearest integer in the low mantissa bits: 1.5 * 2^23.
+// Adding this leaves the nearest integer in the low mantissa bits: 1.5 * 2^23.
 const ROUND: f32 = 12582912.0;
 
 struct Path {
@@ -20,7 +20,7 @@ struct Path {
     w: f32,
 }
 
-// |at + tau rate|^2 + e (tau w)^2 = w^2 as a quadratic in tau; e = 0: the tube, 1: the ellipsoid.
+// The quadratic |at + tau rate|^2 + e (tau w)^2 = w^2 in tau. e is 0 for the tube and 1 for the ellipsoid.
 struct Sweep {
     w2: f32,
     a: f32,
@@ -42,7 +42,8 @@ fn sweep_of(path: Path, e: f32) -> Sweep {
     return out;
 }
 
-// First and last tau in [-1, 1] at which the ray is covered; none if the first is not less than the last.
+// First and last tau in [-1, 1] at which the kernel covers the ray. It never does if the first is not less than the
+// last.
 fn covered(s: Sweep) -> vec2<f32> {
     let none = vec2<f32>(1.0, -1.0);
     if s.still {
@@ -50,7 +51,7 @@ fn covered(s: Sweep) -> vec2<f32> {
     }
     let squared = s.w2 * s.a - s.across;
     if !(squared > 0.0) { return none; }
-    // The root of greater magnitude by a sum without cancellation, the other by Vieta.
+    // The root of greater magnitude comes from a sum without cancellation, the other one from Vieta's formula.
     let root = sqrt(squared);
     let sum = s.b + select(root, -root, s.b < 0.0);
     let one = -sum / s.a;
@@ -63,12 +64,12 @@ fn nearest(s: Sweep) -> f32 {
     return select(s.across, s.r2, s.still) / select(s.w2 * s.a, s.w2, s.still);
 }
 
-// Weight of the ellipsoid by its chord (thesis eq. 4.12).
+// Weight of the ellipsoid by its chord (docs/math.md, eq. 16; Wolf 2008, eq. 4.12).
 fn chord(s: Sweep) -> f32 {
     return kernel(vec4<f32>(nearest(s))).x;
 }
 
-// Mean over `span` of exp(-2 (u^2 + v^2 + e tau^2)).
+// Mean of exp(-2 (u^2 + v^2 + e tau^2)) over `span`.
 fn mean_over(s: Sweep, span: vec2<f32>) -> f32 {
     var scale = 0.0;
     if !s.still {
@@ -86,17 +87,17 @@ fn ellipsoid_weight(mean: f32, span: vec2<f32>) -> f32 {
     return mean * (ELLIPSOID_PEAK * (span.y - span.x));
 }
 
-// Share of a chord's weight that keeps the integral of a kernel over the screen the same whatever its motion.
+// Factor on a chord's weight that keeps a kernel's integral over the screen the same whatever its motion.
 fn chord_intensity(s: Sweep) -> f32 {
     return SQRT_HALF_PI * ELLIPSOID_PEAK / sqrt(s.a / s.w2);
 }
 
-// The middles of the 32nds of [-1, 1] that lie in `span`, as bits, the earliest lowest.
+// The middles of the 32nds of [-1, 1] that lie in `span`, as bits; the earliest is the lowest bit.
 fn moments_in(span: vec2<f32>) -> u32 {
     return below(span.y) & ~below(span.x);
 }
 
-// The middles before `tau` in [-1, 1].
+// Number of middles before `tau` in [-1, 1].
 fn below(tau: f32) -> u32 {
     let count = bitcast<u32>(16.0 * tau + (16.0 + ROUND)) & 63u;
     let ones = (1u << (count & 31u)) - 1u;

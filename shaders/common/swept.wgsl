@@ -8,7 +8,7 @@ struct SweptSplat {
     u_rate: array<f32, 3>,
     v_rate: array<f32, 3>,
     motion: array<f32, 3>,
-    // First and last column, first and last row at the begin, and at the end.
+    // First and last column, first and last row: at the beginning and at the end of the interval.
     ends: array<array<f32, 4>, 2>,
     bounds: vec2<u32>,
     surfel: u32,

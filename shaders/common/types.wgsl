@@ -1,21 +1,22 @@
 // Structs and constants that programs share.
 // Twins: src/layout.rs (Splat), src/backend/gpu/layout.rs (View, Segment, Travel, Light); a test compares the layouts.
 
-// Edge of a tile, pixels; four neighbouring pixels of a row are worked on by one invocation, a quad.
+// Edge of a tile, pixels. One invocation works on a quad: four neighbouring pixels of a row.
 const TILE: u32 = 16u;
 const TILE_PIXELS: u32 = 256u;
 const TILE_QUADS: u32 = 64u;
-// Stands for +infinity, which WGSL does not promise.
+// This stands for +infinity, which WGSL does not promise.
 const NONE: f32 = 3.4028234e38;
-// Threshold where nothing shall be added: no splat passes, and sums stay as they are.
+// Threshold where nothing is to be added: no splat passes, and the sums stay as they are.
 const UNWANTED: f32 = -NONE;
-// Mark in `touched` of a splat that touches more tiles than `WIDEST`: listed once, apart.
+// Mark in `touched` of a splat that touches more than `WIDEST` tiles and is listed separately, once.
 const WIDE: u32 = 0x80000000u;
 const WIDEST: u32 = 64u;
 const FLAG_BACK: u32 = 1u;
 const EPSILON: f32 = 1.1920929e-7;
 
-// A surfel's kernel, posed and projected; see src/layout.rs. Above bit 0, `flags` holds the index of the splat's segment.
+// A surfel's kernel after posing and projection; see src/layout.rs. Above bit 0, `flags` holds the index of the splat's
+// segment.
 struct Splat {
     reference: vec2<f32>,
     inverse_depth: array<f32, 3>,
@@ -27,19 +28,19 @@ struct Splat {
     flags: u32,
 }
 
-// What a dispatch works on: one group, one band of the image, one wave of surfels.
+// The work of a dispatch: one group, one band of the image, one batch of surfels.
 struct View {
     axis: vec2<f32>,
     offset: vec2<f32>,
-    // First and last pixel column, then first and last row, of the band.
+    // First and last pixel column of the band, then its first and last row.
     pixels: vec4<i32>,
-    // Tiles in a row and rows of tiles of the band.
+    // Number of tiles in a row of the band, and of rows of tiles.
     tiles: vec2<u32>,
     first_tile_row: u32,
     slots: u32,
     near: f32,
     most_inverse_depth: f32,
-    // Radius of the low-pass disc, 0 without it, and 1 / radius^2.
+    // Radius of the low-pass disc (0 without it), and 1 / radius^2.
     low_pass: f32,
     low_pass_scale: f32,
     focal: f32,
@@ -51,24 +52,25 @@ struct View {
     material: vec4<f32>,
     first_light: u32,
     lights: u32,
-    // 1: thresholds and sums go on from what is there.
+    // If 1, thresholds and sums continue from what the buffers hold.
     resumes: u32,
-    // Whose turn it is before and after the wave: 0 is that of what lies still, then the samples' come; see attribute.wgsl.
+    // The turn before and after the batch: 0 for static objects, then one for each sample. See attribute.wgsl.
     first_turn: u32,
     last_turn: u32,
-    // Change of the time weight from the middle of the interval to its end, over its mean.
+    // Change of the time weight from the middle of the interval to its end, divided by its mean.
     slope: f32,
-    // Blocks in a row and rows of them, where only some are wanted; 0 where all are.
+    // Number of blocks in a row, and of rows of blocks, where only some are wanted; 0 where all are.
     blocks: vec2<u32>,
-    // Pixel from which tiles, bounds and pixels of tiles are counted: 0, but for the map.
+    // Pixel from which tiles, bounds and pixels of tiles are counted. It is 0 except for the map.
     corner: vec2<i32>,
-    // First pixel of the map; tiles in a row and rows of tiles.
+    // First pixel of the map. Number of tiles in a row of the map, and of rows of tiles.
     map_corner: vec2<i32>,
     map_tiles: vec2<u32>,
     unused: vec2<u32>,
 }
 
-// Some surfels of one block of a model, posed at one time sample. Before the first, each sample has one that holds its weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i).
+// Some surfels of one surfel buffer, posed at one time sample. The array of segments begins with one entry for each
+// sample, which holds only the sample's weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i).
 struct Segment {
     screen: array<vec4<f32>, 3>,
     rate: array<vec4<f32>, 3>,
@@ -80,25 +82,29 @@ struct Segment {
     weight: f32,
     share: f32,
     first_slot: u32,
-    // First surfel in the block, number of them, surfels of the block, and model index of its first.
+    // First surfel in the surfel buffer, number of surfels, size of the buffer in surfels, and index in the model of
+    // the buffer's first surfel.
     first_surfel: u32,
     surfels: u32,
     block: u32,
     block_start: u32,
-    // Place in the array of segments.
+    // Index in the array of segments.
     index: u32,
     first_light: u32,
-    // Bit 0: two-sided; bit 1: one material a surfel; above: its turn, 0 for what lies still, else 1 + the sample in its group.
+    // Bit 0: two-sided. Bit 1: each surfel has a material. Above: its turn, 0 for static objects, else 1 + the sample
+    // in its group.
     flags: u32,
 }
 
-// Pose of a segment's centres, to screen space: over an interval the mean of the poses at its ends, and half their difference.
+// Transform of a segment's centres to screen space, and their motion. Over an interval these are the mean place by
+// Simpson's rule, and half the difference of the ends (docs/math.md, section 7).
 struct Travel {
     centre: array<vec4<f32>, 3>,
     motion: array<vec4<f32>, 3>,
 }
 
-// `vector`: towards a directional light, or a point light's position relative to the eye; w tells the kind.
+// `vector` points towards a directional light, or is a point light's position relative to the eye. Its w tells the
+// kind.
 struct Light {
     vector: vec4<f32>,
     colour: vec4<f32>,
@@ -124,7 +130,7 @@ fn apply_linear(m: array<vec4<f32>, 3>, p: vec3<f32>) -> vec3<f32> {
     );
 }
 
-// First and last column, first and last row.
+// First and last column, then first and last row.
 fn unpack(bounds: vec2<u32>) -> vec4<u32> {
     return vec4<u32>(bounds.x & 0xffffu, bounds.x >> 16u, bounds.y & 0xffffu, bounds.y >> 16u);
 }

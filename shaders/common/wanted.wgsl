@@ -1,6 +1,6 @@
-// The blocks of the image that are wanted. Twin: Blocks of src/frame.rs.
+// The blocks of the image that are wanted. Twin: Blocks of src/frame/mod.rs.
 
-// One a block, row by row: not 0 where it is wanted.
+// One number for each block, row by row. It is not 0 where the block is wanted.
 @group(1) @binding(27) var<storage, read> wanted: array<u32>;
 
 // Tiles along the edge of a block.
@@ -10,7 +10,7 @@ fn is_wanted_block(block: vec2<u32>) -> bool {
     return all(block < view.blocks) && wanted[block.y * view.blocks.x + block.x] != 0u;
 }
 
-// Of the tile in this column and row of the raster.
+// True if the block of the tile in this column and row of the raster is wanted.
 fn is_wanted(tile: vec2<u32>) -> bool {
     return view.blocks.x == 0u || is_wanted_block(tile / BLOCK_TILES);
 }

@@ -1,12 +1,15 @@
-// Pass `attribute`, swept: weighted sums of the attributes of kernels in motion whose source passes the depth test.
-// Twins: src/backend/cpu/swept/attribute.rs, hull.rs.  Math: docs/math.md.
-//   in   splats, list, starts, wide   what `sweep` and `bin` made
-//        map     and behind its tiles the depth thresholds of what lies still, tile by tile, where that has a picture of its own
+// Pass `attribute` for kernels in motion: sums the attributes of the kernels whose source passes the depth test.
+// Twins: src/backend/cpu/swept/attribute.rs, hull.rs.  Math: docs/math.md, eq. 11 to 18.
+//   in   splats, list, starts, wide   output of `sweep` and `bin`
+//        map       the map of mid-interval; behind its tiles the depth thresholds of static objects, tile by tile,
+//                  where those have a picture of their own
 //        values
-//   out  sums      for each tile, for each channel, its pixels: weight, colour, then normal, depth, velocity where they are wanted
-//        presence  for each tile, its pixels: when kernels cover, when low-pass discs do (a bit each 32nd of the interval), and
-//                  the weights of low-pass discs beyond their kernels', or all weights where the sum is the coverage
-// One workgroup per tile, one invocation per pixel, sums in registers, in list order.
+//   out  sums      for each tile, for each channel, its pixels: weight, colour, then normal, depth and velocity
+//                  where they are wanted
+//        presence  coverage mask; for each tile, its pixels: times at which kernels cover, and at which low-pass discs
+//                  do (a bit for each 32nd of the interval), and the weights of low-pass discs beyond those of their
+//                  kernels, or all weights where the sum of weights is the coverage
+// One workgroup per tile, one invocation per pixel. Sums are in registers, in list order.
 
 @group(1) @binding(4) var<storage, read> splats: array<SweptSplat>;
 @group(1) @binding(10) var<storage, read> list: array<u32>;
@@ -17,30 +20,30 @@
 @group(1) @binding(24) var<storage, read> map: array<vec2<f32>>;
 @group(1) @binding(25) var<storage, read_write> presence: array<u32>;
 
-// As in attribute.wgsl.
+// These are the values of attribute.wgsl.
 override NORMAL: u32 = 0u;
 override DEPTH: u32 = 0u;
 override VELOCITY: u32 = 0u;
 override CHANNELS: u32 = 4u;
 override VALUES: u32 = 3u;
-// Is there something that lies still, with a picture of its own?
+// If true, there are static objects with a picture of their own.
 override STILL: bool = false;
-// How kernels weigh.
+// The weight function of kernels.
 override FOOTPRINT: u32 = 0u;
 const TUBE: u32 = 0u;
 const ELLIPSOID: u32 = 1u;
 const CHORD: u32 = 2u;
-// Places of a kernel on one ray whose sources are looked up.
+// Number of places of a kernel on one ray whose sources are looked up.
 override SOURCE_SAMPLES: u32 = 1u;
-// Keep the sum of weights instead of when kernels cover.
+// If true, the sum of weights is recorded instead of the times at which kernels cover.
 override SUM: bool = false;
 
-// Slack of hulls against rounding, pixels.
+// Margin of hulls against rounding, pixels.
 const HULL_SLACK: f32 = 1e-2;
-// As good as infinite, as a pixel.
+// A pixel number that is as good as infinite.
 const FAR: f32 = 1e6;
 
-// Sums of one pixel.
+// The sums of one pixel.
 struct Sums {
     weight: f32,
     colour: vec3<f32>,
@@ -79,7 +82,7 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
         sum.loose = bitcast<f32>(presence[presence_at + 2u * TILE_PIXELS]);
     }
 
-    // Two rising lists of slots, merged.
+    // The loop merges two rising lists of slots.
     var next = starts[index];
     let end = starts[index + 1u];
     var next_wide = 0u;
@@ -127,10 +130,12 @@ fn store(sum_at: u32, channel: u32, value: vec3<f32>) {
     sums[x + 2u * TILE_PIXELS] = value.z;
 }
 
-// What is left of the weight of a hidden kernel: nothing beside any that is seen, but a colour where the map hides all that covers.
+// Factor on the weight of a hidden kernel. It is nothing beside any visible kernel, but gives a colour where the map
+// hides all kernels that cover.
 const HIDDEN: f32 = 5.9604645e-8;
 
-// `before`: how deep what lies still lets kernels in motion be seen at the pixel.
+// Adds a kernel to the sums. `before` is the greatest depth at which static objects let kernels in motion be seen at
+// the pixel.
 fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>, before: f32) {
     let bounds = unpack(splats[slot].bounds);
     if pixel.x < bounds.x || pixel.x > bounds.y || pixel.y < bounds.z || pixel.y > bounds.w { return; }
@@ -141,8 +146,8 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>, before: f32)
     for (var part = 0u; part < SOURCE_SAMPLES; part += 1u) {
         let met = meet(splat, ray, part, at);
         if !met.covers || met.depth > before { continue; }
-        // What is hidden loses its weight, but still covers, as something before it does. Weights become shares of the surface at
-        // the source.
+        // A hidden kernel loses its weight but still covers, as something before it does. Weights become shares of the
+        // surface at the source.
         let known = source(met.source);
         var weight = met.weight;
         if FOOTPRINT != CHORD {
@@ -176,7 +181,7 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>, before: f32)
     }
 }
 
-// Threshold and inverse density at a pixel; where nothing is known everything is visible.
+// Threshold and inverse density at a pixel. Outside the map everything is visible.
 fn source(pixel: vec2<i32>) -> vec2<f32> {
     let place = pixel - view.map_corner;
     let tile = place >> vec2<u32>(4u);
@@ -186,13 +191,13 @@ fn source(pixel: vec2<i32>) -> vec2<f32> {
     return map[(u32(tile.y) * view.map_tiles.x + u32(tile.x)) * TILE_PIXELS + in_tile.y * TILE + in_tile.x];
 }
 
-// The boxes around a kernel at times between its ends are box(t) = (1 - t) box(0) + t box(1): is the pixel in one of those that
-// meet its row?
+// Tells whether the pixel is in a box that meets its row. The boxes around a kernel at times t between its ends are
+// box(t) = (1 - t) box(0) + t box(1).
 fn in_hull(slot: u32, pixel: vec2<f32>) -> bool {
     if (splats[slot].flags & FLAG_CROSSING) != 0u { return true; }
     let begin = splats[slot].ends[0];
     let end = splats[slot].ends[1];
-    // Times at which the box's first row is at most the pixel's, and its last row at least.
+    // Times at which the box's first row is at most the pixel's row, and its last row at least the pixel's row.
     let above = cut_times(vec2<f32>(0.0, 1.0), pixel.y + HULL_SLACK - begin[2], end[2] - begin[2]);
     let times = cut_times(above, begin[3] - (pixel.y - HULL_SLACK), begin[3] - end[3]);
     if !(times.x <= times.y) { return false; }
@@ -201,7 +206,7 @@ fn in_hull(slot: u32, pixel: vec2<f32>) -> bool {
     return pixel.x >= min(low.x, low.y) - HULL_SLACK && pixel.x <= max(high.x, high.y) + HULL_SLACK;
 }
 
-// `times` at which room - t change >= 0; none if the first is larger than the last.
+// The part of `times` at which room - t change >= 0. It is empty if the first time is larger than the last.
 fn cut_times(times: vec2<f32>, room: f32, change: f32) -> vec2<f32> {
     if change == 0.0 { return select(vec2<f32>(1.0, 0.0), times, room >= 0.0); }
     let at = room / change;
@@ -209,12 +214,13 @@ fn cut_times(times: vec2<f32>, room: f32, change: f32) -> vec2<f32> {
     return vec2<f32>(max(times.x, at), times.y);
 }
 
-// What is the same for all rays of a splat.
+// The quantities that are the same for all rays of a splat.
 struct Ray {
-    // (1 + k tau) / w is the depth at tau.
+    // The depth at tau is (1 + k tau) / w.
     k: f32,
     inverse_k: f32,
-    // The low-pass disc: its radius, its centre's motion over the centre's depth, when it is beyond `near`.
+    // The low-pass disc: its radius, its centre's motion divided by the centre's depth, and the times at which it is
+    // beyond `near`.
     disc: f32,
     drift: vec3<f32>,
     disc_span: vec2<f32>,
@@ -232,20 +238,21 @@ fn ray_of(splat: SweptSplat) -> Ray {
     return ray;
 }
 
-// What a kernel is on one ray.
+// A kernel on one ray.
 struct Met {
     covers: bool,
-    // Of the colour: the weight, and what it may be at the most however sparse the kernels.
+    // For the colour: the weight, and its upper limit, which holds however sparse the kernels are.
     weight: f32,
     most: f32,
-    // Of the coverage: what the low-pass disc adds, or for sums the whole weight.
+    // For the coverage: the weight that the low-pass disc adds, or the whole weight if the coverage is the sum of
+    // weights.
     loose: f32,
     // Mean depth on the ray.
     depth: f32,
-    // The pixel nearest the source point, and the depth there that is compared.
+    // The pixel nearest the source point, and the depth there that is compared with the map.
     source: vec2<i32>,
     source_depth: f32,
-    // When the kernel covers, and when its low-pass disc does.
+    // Times at which the kernel covers, and at which its low-pass disc does.
     surface: u32,
     low_pass: u32,
 }
@@ -271,7 +278,7 @@ fn meet(splat: SweptSplat, ray: Ray, part: u32, pixel: vec2<f32>) -> Met {
     }
     let body_met = w > 0.0 && weighed.x < weighed.y;
 
-    // The low-pass disc: a disc of fixed size in space that faces the viewer, so that it, too, is a swept kernel.
+    // The low-pass disc has a fixed size in space and faces the viewer, so it is a swept kernel too.
     let d = ray.drift;
     let disc = Path(vec2<f32>(x, y), vec2<f32>(x * d.z - d.x, y * d.z - d.y), ray.disc);
     var e = 0.0;
@@ -303,7 +310,8 @@ fn meet(splat: SweptSplat, ray: Ray, part: u32, pixel: vec2<f32>) -> Met {
         met.loose = select(0.0, disc_weight - weight, larger);
     }
 
-    // The source point, on the splat at mid-interval; of the low-pass disc where the kernel itself is not met.
+    // The source point lies on the splat at mid-interval. Where the ray does not meet the kernel itself, it is that of
+    // the low-pass disc.
     let depth = (1.0 + ray.k * tau) / w;
     let m = splat.motion;
     let source_depth = depth - m[2] * tau;
@@ -327,7 +335,7 @@ fn form(c: array<f32, 3>, x: f32, y: f32) -> f32 {
     return c[0] * x + (c[1] * y + c[2]);
 }
 
-// Weight over the interval, its greatest value for kernels of peak 1, and what makes it an intensity.
+// Weight over the interval, its greatest value for kernels of peak 1, and the factor that makes it an intensity.
 fn weigh(s: Sweep, span: vec2<f32>) -> vec3<f32> {
     if FOOTPRINT == TUBE { return vec3<f32>(tube_weight(mean_over(s, span), span), tube_weight(1.0, span), 1.0); }
     if FOOTPRINT == ELLIPSOID {
@@ -336,19 +344,19 @@ fn weigh(s: Sweep, span: vec2<f32>) -> vec3<f32> {
     return vec3<f32>(chord(s), 1.0, chord_intensity(s));
 }
 
-// `span` without the times at which (1 + k tau) / w is nearer than `near`; `lacks` is near w - 1.
+// `span` without the times at which the depth (1 + k tau) / w is below `near`; `lacks` is near w - 1.
 fn beyond_near(lacks: f32, k: f32, inverse_k: f32, span: vec2<f32>) -> vec2<f32> {
     let at = lacks * inverse_k;
     let limits = select(vec2<f32>(at, 1.0), vec2<f32>(-1.0, at), k < 0.0);
     return vec2<f32>(max(span.x, limits.x), min(span.y, limits.y));
 }
 
-// 1 / v, and large but finite where that is not.
+// 1 / v, or a large finite number where v is too small.
 fn reciprocal(v: f32) -> f32 {
     return select(1e30, 1.0 / v, abs(v) > 1e-30);
 }
 
-// Part `part` of SOURCE_SAMPLES equal ones.
+// Part `part` of `span`, which is cut into SOURCE_SAMPLES equal parts.
 fn cut(span: vec2<f32>, part: u32) -> vec2<f32> {
     if SOURCE_SAMPLES == 1u { return span; }
     let step = (span.y - span.x) / f32(SOURCE_SAMPLES);

@@ -1,14 +1,16 @@
-// Pass `keep`: what the group shows at mid-interval goes into a map of the band and the guard band around it.
+// Pass `keep`: writes the visible surface at mid-interval into a map of the band and the guard band around it.
 // Twin: src/backend/cpu/swept/map.rs.
-//   in   thresholds, and sums: the weights alone
-//   out  map       tile after tile, for each pixel: depth threshold and inverse density, both NONE where there is no kernel
-// One invocation per pixel. The dispatch is the barrier: kernels in motion look up sources anywhere on the map.
+//   in   thresholds, and sums that hold the weights alone
+//   out  map       tile after tile, for each pixel: depth threshold and inverse density, both NONE where there is no
+//                  kernel
+// One invocation per pixel. The end of the dispatch is the barrier: kernels in motion look up sources anywhere on the
+// map.
 
 @group(1) @binding(17) var<storage, read> thresholds: array<f32>;
 @group(1) @binding(20) var<storage, read> sums: array<f32>;
 @group(1) @binding(24) var<storage, read_write> map: array<vec2<f32>>;
 
-// False: weights are not summed.
+// If false, weights are not summed.
 override DENSITY: bool = true;
 
 @compute @workgroup_size(16, 16)

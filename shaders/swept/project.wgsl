@@ -1,9 +1,10 @@
-// Pass `sweep`: surfels to kernels in motion over an interval; projected, bounded and culled.
-// Twin: src/backend/cpu/swept/project.rs.  Math: docs/math.md.
-//   in   segment   the surfels and their pose at mid-interval; travels: what of it their centres have, and their motion
-//        geometry  columns of the block: positions, axes u, axes v
-//   out  splats    one a slot; unwritten where culled
-//        touched   tiles that the kernel touches; 0: culled; WIDE: more than WIDEST
+// Pass `sweep`: turns surfels into kernels in motion over an interval; projects, bounds and culls them.
+// Twin: src/backend/cpu/swept/project.rs.  Math: docs/math.md, section 7.
+//   in   segment   the surfels and their pose at mid-interval
+//        travels   the pose of the surfels' centres over the interval, and their motion
+//        geometry  columns of the surfel buffer: positions, axes u, axes v
+//   out  splats    one for each slot; unwritten where culled
+//        touched   number of tiles that the kernel touches; 0 if culled; WIDE if more than WIDEST
 // One invocation per surfel.
 
 @group(0) @binding(1) var<uniform> segment: Segment;
@@ -12,9 +13,9 @@
 @group(1) @binding(5) var<storage, read_write> touched: array<u32>;
 @group(1) @binding(23) var<storage, read> travels: array<Travel>;
 
-// The ellipsoid instead of the tube.
+// If true, the kernel is the ellipsoid instead of the tube.
 override ELLIPSOID: bool = false;
-// Motion of the kernel over that of the surfel.
+// Factor on the motion: that of the kernel over that of the surfel.
 override STRETCH: u32 = 1u;
 
 @compute @workgroup_size(256)
@@ -54,14 +55,15 @@ fn sweep(@builtin(global_invocation_id) id: vec3<u32>) {
     let area = ux * vy - uy * vx;
     if !faces(area * centre.z * segment.handedness) { return; }
     let low_pass = select(0.0, view.low_pass, centre.z >= view.near);
-    // On the screen the disc grows as it nears: in space it keeps its size.
+    // The disc keeps its size in space, so on the screen it grows as it comes nearer.
     let begin = box(centre - motion, u, v, low_pass * (centre.z / (centre.z - motion.z)));
     let end = box(centre + motion, u, v, low_pass * (centre.z / (centre.z + motion.z)));
     let reference = view.axis + vec2<f32>(x, y) - view.offset;
     var across = vec2<f32>(min(begin.x, end.x), max(begin.y, end.y));
     var down = vec2<f32>(min(begin.z, end.z), max(begin.w, end.w));
     if ELLIPSOID {
-        // The dual conic T diag(1, 1, 1, -1) T^t with T = [u v motion centre], and that of the low-pass disc.
+        // The dual conic T diag(1, 1, 1, -1) T^t with T = [u v motion centre], and that of the low-pass disc
+        // (docs/math.md, section 7, bounds).
         let disc = low_pass * centre.z;
         let columns = volume(vec3<f32>(ux, vx, mx), vec3<f32>(u.z, v.z, motion.z), disc, centre.z, reference.x);
         let rows = volume(vec3<f32>(uy, vy, my), vec3<f32>(u.z, v.z, motion.z), disc, centre.z, reference.y);
@@ -106,7 +108,8 @@ fn faces(det: f32) -> bool {
     return det < 0.0 || ((segment.flags & 1u) != 0u && det > 0.0);
 }
 
-// A kernel that reaches the camera plane: its bounds are all that is wanted, and pixels are counted from the camera's axis.
+// Writes a kernel that reaches the camera plane. Its bounds are the whole image, and pixels are counted from the
+// camera's axis.
 fn write_crossing(slot: u32, posed: SweptSplat, centre: vec3<f32>, motion: vec3<f32>, u: vec3<f32>, v: vec3<f32>) {
     let normal = cross(u, v);
     let det = normal.x * centre.x + normal.y * centre.y + normal.z * centre.z;
@@ -136,7 +139,7 @@ fn write(slot: u32, posed: SweptSplat, bounds: vec4<u32>) {
     touched[slot] = tiles_in(bounds);
 }
 
-// Pixel columns and rows between which the kernel and its low-pass disc lie when its centre is `centre`.
+// Pixel columns and rows between which the kernel and its low-pass disc lie when the kernel's centre is `centre`.
 fn box(centre: vec3<f32>, u: vec3<f32>, v: vec3<f32>, low_pass: f32) -> vec4<f32> {
     let inverse = 1.0 / centre.z;
     let d22 = u.z * u.z + v.z * v.z - centre.z * centre.z;
@@ -152,7 +155,8 @@ fn box(centre: vec3<f32>, u: vec3<f32>, v: vec3<f32>, low_pass: f32) -> vec4<f32
     return vec4<f32>(columns, rows);
 }
 
-// Pixels along one axis between which the ellipsoid and the disc's own lie; `along`: that axis of u, v and motion, `z`: depth.
+// Pixels along one axis between which the ellipsoid and the disc's own ellipsoid lie. `along` has that axis of u, v and
+// motion; `z` has their depth.
 fn volume(along: vec3<f32>, z: vec3<f32>, disc: f32, depth: f32, reference: f32) -> vec2<f32> {
     let d22 = z.x * z.x + z.y * z.y + z.z * z.z - depth * depth;
     let disc22 = z.z * z.z - depth * depth;

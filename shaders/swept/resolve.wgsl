@@ -1,25 +1,27 @@
-// Pass `resolve`, swept: when kernels cover becomes coverage; colours that are normalised once are pooled.
-// Twin: src/backend/cpu/swept/resolve.rs.
-//   in   sums, presence, lights
-//        static_film   what lies still, of one exposure, where it has a picture of its own
+// Pass `resolve` for kernels in motion: turns the times at which kernels cover into coverage, and pools colours that
+// are normalised once.
+// Twin: src/backend/cpu/swept/resolve.rs.  Math: docs/math.md, eq. 17 to 19.
+//   in   sums, lights
+//        presence     coverage mask of each pixel
+//        static_film   film of static objects for one exposure, where they have a picture of their own
 //        moments      share of the exposure of each 32nd of the interval
 //   out  film
-// `swept_resolve` adds a group as `resolve` does, `pool` its sums as they are; both what kernels in motion leave of what lies still.
-// `finish` comes once, after all groups.
+// `swept_resolve` adds a group as `resolve` does; `pool` adds its sums without dividing them. Both also add static
+// objects for the time in which kernels in motion leave the pixel free. `finish` comes once, after all groups.
 // One invocation per pixel.
 
 @group(1) @binding(25) var<storage, read> presence: array<u32>;
 @group(1) @binding(26) var<storage, read> moments: array<f32>;
 @group(1) @binding(31) var<storage, read> static_film: array<f32>;
 
-// Coverage is the sum of weights.
+// If true, the coverage is the sum of weights.
 override SUM: bool = false;
-// Is there something that lies still, with a picture of its own?
+// If true, there are static objects with a picture of their own.
 override STILL: bool = false;
-// Plane of the sum of weights; that of alpha where there is none.
+// Plane of the sum of weights. It is the plane of alpha where there is none.
 override WEIGHT_PLANE: u32 = 3u;
 
-// The share of the exposure that a pixel is covered for.
+// The share of the exposure in which a pixel is covered.
 fn coverage(index: u32, in_tile: u32) -> f32 {
     let at = 3u * index * TILE_PIXELS + in_tile;
     var loose = view.weight * bitcast<f32>(presence[at + 2u * TILE_PIXELS]);
@@ -33,7 +35,8 @@ fn coverage(index: u32, in_tile: u32) -> f32 {
         covers += select(0.0, moments[i], ((surface >> i) & 1u) != 0u);
         reached += select(0.0, moments[i], ((others >> i) & 1u) != 0u);
     }
-    // Where only low-pass discs reach, the sum of their weights is the coverage, up to the time for which they do.
+    // At times when only low-pass discs cover the pixel, the sum of their weights is the coverage, up to the length of
+    // those times.
     return covers + min(loose, reached);
 }
 
@@ -48,16 +51,16 @@ fn swept_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocati
     show_still(index * PLANES * TILE_PIXELS + in_tile, covered);
 }
 
-// Adds what shows of what lies still for the time that kernels in motion leave.
+// Adds the visible part of static objects: they show in the time that kernels in motion leave free.
 fn show_still(at: u32, covered: f32) {
     if !STILL { return; }
-    // Sums of weights may be more than there is.
+    // Sums of weights may exceed the weight of the interval.
     let left = max(view.weight - covered, 0.0);
     for (var plane = 0u; plane < PLANES; plane += 1u) {
         film[at + plane * TILE_PIXELS] += left * static_film[at + plane * TILE_PIXELS];
     }
     if WEIGHT_PLANE != 3u {
-        // What shows weighs what it covers.
+        // The weight of the visible part is its coverage.
         film[at + WEIGHT_PLANE * TILE_PIXELS] += left * static_film[at + 3u * TILE_PIXELS];
     }
 }
@@ -87,7 +90,7 @@ fn pool(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pi
     show_still(at, covered);
 }
 
-// Clamps coverage, and divides the other planes by the sum of weights.
+// Clamps the coverage, and divides the other planes by the sum of weights.
 @compute @workgroup_size(16, 16)
 fn finish(
     @builtin(workgroup_id) tile: vec3<u32>, @builtin(num_workgroups) tiles: vec3<u32>,

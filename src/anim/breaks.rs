@@ -1,20 +1,20 @@
-//! Where a curve jumps: step keys, seams of cycles, and changes of a value that is read as a switch.
+//! Times at which a curve jumps: at step keys, at the seams of cycles, and where a value that is read as a switch
+//! changes.
 
-use super::Interpolation;
-use super::curve::{Curve, Hold, Infinity};
+use super::curve::{Curve, Hold, Infinity, Interpolation};
 
-/// Key images looked at per call. A curve that repeats more often than that within one interval has its later jumps left out; no
-/// shutter could be split that finely.
-const MAX_IMAGES: usize = 1 << 16;
+/// Most keys that one call looks at, repetitions included. A curve that repeats more often within one interval loses
+/// its later jumps: no shutter could be split that finely.
+const MAX_VISITS: usize = 1 << 16;
 
-/// Pieces between two keys in which a switch can change once each.
-const PIECES: u32 = 16;
+/// Parts into which the time between two keys is cut. A switch is seen to change at most once in each.
+const PARTS: u32 = 16;
 
 impl Curve {
     /// Times in (from, to), unsorted, at which the value jumps.
     pub(super) fn jumps(&self, from: f64, to: f64) -> Vec<f64> {
         let mut found = Vec::new();
-        self.visit_images(from, to, &mut |time, key| {
+        self.visit_keys(from, to, &mut |time, key| {
             if self.jumps_within(key) || self.is_seam(time, key) {
                 found.push(time);
             }
@@ -22,8 +22,8 @@ impl Curve {
         found
     }
 
-    /// Times in (from, to), unsorted, at which `switch` of the value changes: at most once in each sixteenth of the way between
-    /// two neighbouring keys.
+    /// Times in (from, to), unsorted, at which `switch` of the value changes. At most one change is found in each
+    /// sixteenth of the time between two neighbouring keys.
     pub(super) fn changes(
         &self,
         from: f64,
@@ -32,17 +32,17 @@ impl Curve {
         switch: impl Fn(f64) -> u32 + Copy,
     ) -> Vec<f64> {
         let mut marks = vec![from, to];
-        self.visit_images(from, to, &mut |time, _| marks.push(time));
+        self.visit_keys(from, to, &mut |time, _| marks.push(time));
         marks.sort_by(f64::total_cmp);
         marks.dedup();
         let mut found = Vec::new();
         let state = |t: f64| switch(self.at(t, mode));
         for (a, b) in marks.iter().zip(marks.iter().skip(1)) {
-            let piece = |i: u32| a + (b - a) * (f64::from(i) / f64::from(PIECES));
-            // A jump at a mark itself is for `jumps` to find: start and end just inside.
+            let part = |i: u32| a + (b - a) * (f64::from(i) / f64::from(PARTS));
+            // `jumps` finds the jumps at the marks themselves, so start and end lie just inside.
             let (mut start, end) = (a + (b - a) * 1e-9, b - (b - a) * 1e-9);
-            for i in 1..=PIECES {
-                let stop = if i == PIECES { end } else { piece(i) };
+            for i in 1..=PARTS {
+                let stop = if i == PARTS { end } else { part(i) };
                 if state(start) != state(stop) {
                     found.push(bisect(start, stop, state));
                 }
@@ -52,7 +52,7 @@ impl Curve {
         found
     }
 
-    /// True if the curve's own keys make a jump at `key`.
+    /// True if the value jumps at `key` within the range of the keys.
     fn jumps_within(&self, key: usize) -> bool {
         let keys = self.keys();
         let differ = |a: usize, b: usize| keys[a].point.y != keys[b].point.y;
@@ -61,7 +61,7 @@ impl Curve {
         arrives || leaves
     }
 
-    /// True if one cycle ends at this image of an end key and the next one starts elsewhere.
+    /// True if one cycle ends at this repetition of an end key and the next cycle starts at another value.
     fn is_seam(&self, time: f64, key: usize) -> bool {
         let (first, last) = (self.first().point, self.last().point);
         let at_end = key == 0 || key + 1 == self.keys().len();
@@ -70,11 +70,11 @@ impl Curve {
         at_end && repeats && first.y != last.y
     }
 
-    /// Calls `visit(time, key)` for every key in (from, to), images of keys in the repetitions beyond the ends included.
-    fn visit_images(&self, from: f64, to: f64, visit: &mut dyn FnMut(f64, usize)) {
-        let mut budget = MAX_IMAGES;
+    /// Calls `visit(time, key)` for every key in (from, to), those of the repetitions beyond the ends included.
+    fn visit_keys(&self, from: f64, to: f64, visit: &mut dyn FnMut(f64, usize)) {
+        let mut budget = MAX_VISITS;
         let (first, last) = (self.first().point.x, self.last().point.x);
-        self.visit_copy(from, to, Repetition { offset: 0.0, mirrored: false }, &mut budget, visit);
+        self.visit_repetition(from, to, Repetition { offset: 0.0, mirrored: false }, &mut budget, visit);
         let period = last - first;
         // Also false for NaN.
         if !(period > 0.0 && from < to) {
@@ -84,7 +84,7 @@ impl Curve {
             if matches!(rule, Infinity::Constant | Infinity::Linear) {
                 continue;
             }
-            // Copy m >= 1 covers [first + m period, last + m period], or the same before the start.
+            // Repetition m >= 1 covers [first + m period, last + m period], or the mirrored range before the start.
             let (near, far) =
                 if after { (from.max(last) - last, to - last) } else { (first - to.min(first), first - from) };
             let mut m = libm::floor(near / period);
@@ -94,22 +94,29 @@ impl Curve {
                 let mirrored = rule == Infinity::Oscillate && libm::fmod(m, 2.0) == 1.0;
                 // Mirroring maps t to first + last - t before the shift.
                 let offset = if mirrored { first + last + shift } else { shift };
-                self.visit_copy(from, to, Repetition { offset, mirrored }, &mut budget, visit);
-                // An empty copy costs a little too, so that no loop is endless.
+                self.visit_repetition(from, to, Repetition { offset, mirrored }, &mut budget, visit);
+                // An empty repetition costs a little too, so that the loop always ends.
                 budget = budget.saturating_sub(1);
             }
         }
     }
 
-    fn visit_copy(&self, from: f64, to: f64, copy: Repetition, budget: &mut usize, visit: &mut dyn FnMut(f64, usize)) {
-        let (a, b) = (copy.local(from), copy.local(to));
+    fn visit_repetition(
+        &self,
+        from: f64,
+        to: f64,
+        repetition: Repetition,
+        budget: &mut usize,
+        visit: &mut dyn FnMut(f64, usize),
+    ) {
+        let (a, b) = (repetition.local(from), repetition.local(to));
         let (low, high) = (a.min(b), a.max(b));
         let start = self.keys().partition_point(|key| key.point.x < low);
         for (i, key) in self.keys().iter().enumerate().skip(start) {
             if key.point.x > high || *budget == 0 {
                 return;
             }
-            let time = copy.image(key.point.x);
+            let time = repetition.image(key.point.x);
             if time > from && time < to {
                 *budget -= 1;
                 visit(time, i);
@@ -199,8 +206,8 @@ mod tests {
         assert_eq!(far, [1e8 + 1.0]);
     }
 
-    /// The jumps found are the places where the value differs from that just before or just after, by trying. (Where an oscillation
-    /// turns on a step, the key's value shows for an instant only.)
+    /// Trying values on both sides finds the same jumps. (Where an oscillation turns on a step, the key's value shows
+    /// for an instant only.)
     #[test]
     fn jumps_are_where_the_values_jump() {
         let rules = [Infinity::Constant, Infinity::Cycle, Infinity::CycleRelative, Infinity::Oscillate];
@@ -222,9 +229,9 @@ mod tests {
     #[test]
     fn endless_repetition_is_cut_off() {
         let c = curve(Tangent::Step, Infinity::Cycle, &[(0.0, 0.0), (1e-9, 1.0)]);
-        assert!(c.jumps(-1e9, 1e9).len() <= MAX_IMAGES);
+        assert!(c.jumps(-1e9, 1e9).len() <= MAX_VISITS);
         let wide = curve(Tangent::Step, Infinity::Oscillate, &[(0.0, 0.0), (5e-324, 1.0)]);
-        assert!(wide.jumps(-1e18, 1e18).len() <= MAX_IMAGES);
+        assert!(wide.jumps(-1e18, 1e18).len() <= MAX_VISITS);
     }
 
     #[test]

@@ -1,14 +1,27 @@
-//! One animation curve: keys, and the value at any time, inside the keys and beyond them.
+//! One animation curve: its keys, and its value at any time, between the keys and beyond them.
 //!
-//! Times are in file time units (frames), values in cm, degrees or plain numbers. Everything is f64: frame 1e8 still has a
-//! resolution of 1.5e-8 frames.
+//! Times are in time units of the file (frames); values are in cm, degrees or plain numbers. Everything is f64: at
+//! frame 1e8 the resolution is still 1.5e-8 frames.
 
 use glam::DVec2;
 use splines::interpolate::Interpolate;
 
-use super::Interpolation;
 use super::segment::{Segment, slope, steepness};
 use super::tangent::{self, RawKey, Tangent};
+
+/// How the values between keys are found. Step keys, and the rules beyond the first and last key, hold in every mode.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// Maya's rule, with the tangents and weights of the file.
+    #[default]
+    Maya,
+    /// Straight lines between the keys.
+    Linear,
+    /// A Catmull-Rom cubic through the keys that respects uneven spacing. The slope at a key is that between the key's
+    /// neighbours. At the ends, and beside a step, the slope is that of the segment itself, so two keys give a straight
+    /// line.
+    Spline,
+}
 
 /// What a curve does beyond its first or last key.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -16,7 +29,7 @@ pub(super) enum Infinity {
     /// Holds the end value.
     #[default]
     Constant,
-    /// Goes on with the outward tangent of the end key.
+    /// Continues along the outward tangent of the end key.
     Linear,
     /// Repeats, and jumps where the ends differ.
     Cycle,
@@ -26,7 +39,7 @@ pub(super) enum Infinity {
     Oscillate,
 }
 
-/// How a key leads to the next one.
+/// How the value gets from a key to the next one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Hold {
     /// By interpolation.
@@ -37,7 +50,7 @@ pub(super) enum Hold {
     After,
 }
 
-/// A key, tangents as vectors.
+/// A key whose tangents are vectors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Key {
     pub(super) point: DVec2,
@@ -46,42 +59,44 @@ pub(super) struct Key {
     pub(super) hold: Hold,
 }
 
-/// What a curve says of itself besides its keys.
+/// The properties of a curve besides its keys.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Options {
     pub(super) weighted: bool,
     pub(super) pre: Infinity,
     pub(super) post: Infinity,
-    /// Multiplies times and values of the file: its units to frames of the animation and to cm or degrees.
+    /// Factors on the file's times and values. They convert the file's units to frames of the animation and to cm or
+    /// degrees.
     pub(super) factor: DVec2,
 }
 
 /// A curve with at least one key.
 #[derive(Clone, Debug)]
 pub(super) struct Curve {
-    /// Rising in time, no two equal.
+    /// Keys in rising order of time; no two have the same time.
     keys: Vec<Key>,
     weighted: bool,
     pub(super) pre: Infinity,
     pub(super) post: Infinity,
 }
 
-/// Times beyond this are not told apart from it, so that no infinity rule overflows; frames.
+/// Greatest time, frames. Times beyond it are clamped to it, so that no infinity rule overflows.
 const MAX_TIME: f64 = 1e18;
 
-/// True for times that differ by the rounding of one conversion from frames to seconds and back.
+/// True if two times differ by no more than one conversion from frames to seconds and back rounds.
 pub(super) fn same_time(a: f64, b: f64) -> bool {
     (a - b).abs() <= 2.0 * f64::EPSILON * a.abs()
 }
 
 impl Curve {
-    /// Sorts the keys, resolves tangents in file units and converts to `options.factor`'s units. `None` without keys.
+    /// Sorts the keys, resolves the tangents in file units and converts everything to the units of `options.factor`.
+    /// `None` without keys.
     ///
-    /// Of keys at the same time the later one in the file counts.
+    /// Where several keys have the same time, the last one in the file counts.
     pub(super) fn new(mut raw: Vec<RawKey>, options: &Options) -> Option<Self> {
-        // Stable, and quick on keys that are sorted already.
+        // The sort is stable, and quick on keys that are sorted already.
         raw.sort_by(|a, b| a.point.x.total_cmp(&b.point.x));
-        // `dedup_by` drops `later` where true, so it hands its content to the one that stays.
+        // `dedup_by` drops `later` where the closure is true, so the content of `later` moves to the key that stays.
         raw.dedup_by(|later, kept| {
             let same = later.point.x == kept.point.x;
             if same {
@@ -119,10 +134,10 @@ impl Curve {
         &self.keys[self.keys.len() - 1]
     }
 
-    /// Value at `time` (frames). Finite for finite times; NaN counts as the first key's time.
+    /// Value at `time` (frames). It is finite for finite times; NaN counts as the first key's time.
     ///
-    /// At a key the value is the key's own: a step has happened, a step to the next value has not yet. Times within the rounding of
-    /// one conversion of a key count as the key.
+    /// At a key the value is the key's own: a step has already happened, a step to the next value has not yet. A time
+    /// that differs from a key's by the rounding of one conversion counts as the key's time.
     pub(super) fn at(&self, time: f64, mode: Interpolation) -> f64 {
         let (first, last) = (self.first().point, self.last().point);
         let time = if time.is_nan() { first.x } else { time.clamp(-MAX_TIME, MAX_TIME) };
@@ -133,21 +148,21 @@ impl Curve {
         } else {
             (self.inside(time, mode), first.y)
         };
-        // Only numbers near the limits of f64 get here; a constant is better than infinity.
+        // Only values near the limits of f64 are not finite here. A constant is better than infinity.
         if value.is_finite() { value } else { near }
     }
 
-    /// Infinity rule `rule` at a `time` before the first or after the last key.
+    /// Value by `rule` at a `time` before the first or after the last key.
     fn beyond(&self, time: f64, rule: Infinity, mode: Interpolation) -> f64 {
         let (first, last) = (self.first().point, self.last().point);
         let after = time > last.x;
         let end = if after { last } else { first };
         let period = last.x - first.x;
-        // One key, or keys that unit conversion made one.
+        // There is one key, or the unit conversion has made several keys one.
         if period <= 0.0 || rule == Infinity::Constant {
             return end.y;
         }
-        // The remainder is exact; the count is then a whole number whatever the division rounds to.
+        // The remainder is exact. The count is therefore a whole number, however the division rounds.
         let past = (time - end.x).abs();
         let rest = libm::fmod(past, period);
         let count = libm::round((past - rest) / period) + 1.0;
@@ -165,8 +180,8 @@ impl Curve {
         }
     }
 
-    /// Slope with which `Infinity::Linear` goes on. Maya: the outward tangent of the end key. Linear and spline: that of the curve
-    /// next to the end key, which is the chord to the neighbour in both modes.
+    /// Slope with which `Infinity::Linear` continues. In Maya's mode it is that of the end key's outward tangent. In
+    /// the linear and spline modes it is that of the curve next to the end key, which is the chord to the neighbour.
     fn end_slope(&self, after: bool, mode: Interpolation) -> f64 {
         if mode == Interpolation::Maya {
             return if after { slope(self.last().out) } else { slope(self.first().inward) };
@@ -175,7 +190,7 @@ impl Curve {
         if self.keys[from].hold == Hold::Not { slope(self.keys[from + 1].point - self.keys[from].point) } else { 0.0 }
     }
 
-    /// Value at `time`, moved into the range of the keys.
+    /// Value at `time`, after `time` is moved into the range of the keys.
     fn inside(&self, time: f64, mode: Interpolation) -> f64 {
         let after = self.keys.partition_point(|key| key.point.x <= time);
         let Some(next) = self.keys.get(after) else { return self.last().point.y };
@@ -201,9 +216,9 @@ impl Curve {
         }
     }
 
-    /// The greatest |slope| at times from `from` to `to` (frames), from above; infinite where the value may jump.
+    /// Upper bound of |slope| at times from `from` to `to` (frames); infinite where the value may jump.
     pub(super) fn steepness(&self, from: f64, to: f64, mode: Interpolation) -> f64 {
-        // Times within rounding of a key count as the key.
+        // A time within the rounding of a key counts as the key's, so the range grows by that much.
         let (from, to) = (from - 4.0 * f64::EPSILON * from.abs(), to + 4.0 * f64::EPSILON * to.abs());
         let (first, last) = (self.first().point, self.last().point);
         // Also false for NaN.
@@ -242,21 +257,23 @@ impl Curve {
             };
             steepest = steepest.max(here);
         }
-        // NaN from values near the limits of f64.
+        // Values near the limits of f64 give NaN.
         if steepest.is_nan() { f64::INFINITY } else { steepest }
     }
 
-    /// Catmull-Rom cubic between keys `i` and `i + 1`: cubic Hermite whose slope at a key is that of the chord between the key's
-    /// neighbours in time, (v[i+1] - v[i-1]) / (t[i+1] - t[i-1]), so uneven spacing is respected. At an end of the curve, and next
-    /// to a step (which must not bend its neighbours), the missing key is the mirror image of the other neighbour: the slope
-    /// there is that of the segment's own chord, and two keys give a straight line.
+    /// Catmull-Rom cubic between keys `i` and `i + 1`.
+    ///
+    /// It is the cubic Hermite whose slope at a key is that of the chord between the key's neighbours in time:
+    /// (v[i+1] - v[i-1]) / (t[i+1] - t[i-1]). So it respects uneven spacing. At an end of the curve, and next to a step
+    /// (which must not bend its neighbours), a neighbour is missing; the mirror image of the other neighbour takes its
+    /// place. The slope there is that of the segment's own chord, and two keys give a straight line.
     fn spline(&self, i: usize, time: f64) -> f64 {
         let [before, a, b, beyond] = self.neighbours(i);
         let pair = |p: DVec2| (p.x, p.y);
         f64::cubic_hermite((time - a.x) / (b.x - a.x), pair(before), pair(a), pair(b), pair(beyond))
     }
 
-    /// The keys `i` and `i + 1` (time, value) between those that give [`Self::spline`] its slopes.
+    /// The keys `i` and `i + 1` (time, value), and on either side the neighbour that gives [`Self::spline`] its slope.
     fn neighbours(&self, i: usize) -> [DVec2; 4] {
         let (a, b) = (self.keys[i].point, self.keys[i + 1].point);
         let smooth = |from: usize| self.keys[from].hold == Hold::Not;

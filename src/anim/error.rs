@@ -1,4 +1,4 @@
-//! Why an animation is refused.
+//! Reasons to refuse an animation.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -30,23 +30,23 @@ pub enum AnimError {
         /// Why.
         source: std::io::Error,
     },
-    /// A directory, a pipe or a device, which may never end.
+    /// The path names a directory, a pipe or a device. Reading a pipe or a device may never end.
     #[error("{} is not a regular file, so it cannot be read as an animation", path.display())]
     NotAFile {
         /// What was named.
         path: PathBuf,
     },
-    /// Larger than any animation; refused before it is read.
+    /// The file is larger than any animation. It is refused before it is read.
     #[error("{} is too large for an animation: {bytes} bytes, the limit is {limit}", path.display())]
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// Its size; at least this.
+        /// Lower bound of its size, bytes.
         bytes: u64,
         /// Largest size that is read.
         limit: u64,
     },
-    /// Unity gives its YAML clips the same extension.
+    /// The file is a Unity clip (YAML), which has the same extension.
     #[error(
         "{} is a Unity animation clip (YAML); expected Maya's .anim format, which begins with `animVersion`",
         path.display()
@@ -55,7 +55,7 @@ pub enum AnimError {
         /// The file.
         path: PathBuf,
     },
-    /// Some other kind of file.
+    /// The file is of some other kind.
     #[error("{at}: not a Maya .anim file: found {found}, expected `animVersion`")]
     NotAnim {
         /// Where the first word is.
@@ -68,12 +68,12 @@ pub enum AnimError {
     Expected {
         /// Where.
         at: Location,
-        /// What stands there.
+        /// The text found.
         found: String,
-        /// What would be right.
+        /// What the grammar expects.
         expected: &'static str,
     },
-    /// A unit that is not known; guessing one would scale the motion.
+    /// The unit is unknown. Guessing one would scale the motion.
     #[error("{at}: unknown {what} `{found}` (known: {known})")]
     UnknownUnit {
         /// Where.
@@ -85,7 +85,7 @@ pub enum AnimError {
         /// The units that are understood.
         known: &'static str,
     },
-    /// A comma inside a number: thousands separator or decimal comma, nobody can tell which.
+    /// A number contains a comma, which may separate thousands or decimals.
     #[error(
         "{at}: found `{found}`, expected a number with a decimal point and no comma: a comma may separate thousands or \
          decimals, so the value is not guessed (write the file again with the C locale)"
@@ -96,7 +96,7 @@ pub enum AnimError {
         /// The word found.
         found: String,
     },
-    /// An infinite or undefined number, or one too large to calculate with.
+    /// A number is infinite, undefined or too large to calculate with.
     #[error("{at}: found `{found}`, expected a finite number of magnitude 1e30 or less")]
     NotFinite {
         /// Where.
@@ -104,16 +104,23 @@ pub enum AnimError {
         /// The word found.
         found: String,
     },
-    /// The file is well formed, but moves nothing.
-    #[error("{} holds no usable curve: expected at least one curve over time that has keys{}", path.display(), hint(notes))]
+    /// The file is well formed but moves nothing.
+    #[error(
+        "{} holds no usable curve: expected at least one curve over time that has keys{}",
+        path.display(),
+        hint(notes)
+    )]
     NoCurves {
         /// The file.
         path: PathBuf,
-        /// What was skipped.
+        /// Notes on what was skipped.
         notes: Vec<String>,
     },
-    /// No node has translate, rotate, scale or visibility curves.
-    #[error("{} animates no transform: expected translate, rotate, scale or visibility curves (nodes: {known})", path.display())]
+    /// No node has a translate, rotate, scale or visibility curve.
+    #[error(
+        "{} animates no transform: expected translate, rotate, scale or visibility curves (nodes: {known})",
+        path.display()
+    )]
     NoTransform {
         /// The file.
         path: PathBuf,
@@ -130,7 +137,7 @@ pub enum AnimError {
         /// The nodes there are.
         known: String,
     },
-    /// A short name that several nodes share.
+    /// Several nodes share the short name.
     #[error("{} has several nodes named `{found}`; give the full path (it has: {known})", path.display())]
     AmbiguousNode {
         /// The file.

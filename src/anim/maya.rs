@@ -1,9 +1,10 @@
-//! The `.anim` file format of Maya's `animImportExport` plug-in. The only place that knows it.
+//! The `.anim` file format of Maya's `animImportExport` plug-in. No other file knows it.
 //!
-//! A header with units, then curves: `anim ADDRESS;` and an `animData` block with keys. Two dialects are refused because guessing
-//! would be silent: Unity's YAML clips, and numbers with commas.
+//! A file has a header with units, then curves: `anim ADDRESS;` and an `animData` block with keys. Two dialects are
+//! refused, because guessing would go unnoticed: Unity's YAML clips, and numbers with commas.
 //!
-//! Longer than most files here: it holds the whole grammar, one method a production, so that it can be read beside Maya's documentation.
+//! This file is longer than most: it holds the whole grammar, one method for each production, so that it can be read
+//! beside Maya's documentation.
 
 mod units;
 mod words;
@@ -14,23 +15,23 @@ use std::path::Path;
 
 use glam::DVec2;
 
+use super::animation::Animation;
 use super::curve::{Curve, Infinity, Options};
 use super::error::AnimError;
-use super::node::Attribute;
+use super::node::{Attribute, NodeAnimation};
 use super::tangent::{RawKey, Tangent};
-use super::{Animation, NodeAnimation};
 use words::{Token, Word, Words, shortened};
 
-/// Notes kept; a hostile file could ask for one a word.
+/// Most notes kept. A hostile file could cause one for each word.
 const MAX_NOTES: usize = 32;
 
 /// Reads the text of a `.anim` file; `path` is for messages.
 ///
-/// Bytes that are not UTF-8 are taken as Latin-1. Memory is at most about ten times the text.
+/// Bytes that are not UTF-8 are taken as Latin-1. Memory stays below about ten times the text.
 ///
 /// # Errors
-/// The text is not a `.anim` file, breaks its grammar, holds numbers that are not finite or are written with commas, names unknown
-/// units, or has no curve over time.
+/// The text is not a `.anim` file, breaks its grammar, has numbers that are not finite or are written with commas,
+/// names unknown units, or has no curve over time.
 pub fn parse(bytes: &[u8], path: &Path) -> Result<Animation, AnimError> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).map_or_else(|_| encoding_rs::mem::decode_latin1(bytes), Cow::Borrowed);
@@ -56,29 +57,29 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Animation, AnimError> {
     Reader { words, header: Header::default(), notes: Notes::default(), nodes: Nodes::default() }.read(path)
 }
 
-/// What the header says; `None` where it does not.
+/// The values of the header; `None` where it states none.
 #[derive(Default)]
 struct Header {
-    /// Version 1.0: no breakdown column, curves weighted unless they say otherwise.
+    /// The file has version 1.0: keys have no breakdown column, and curves are weighted unless they say otherwise.
     old: bool,
-    /// Maya 2.x wrote tangents in its internal units.
+    /// Maya 2.x wrote the file: its tangents are in Maya's internal units.
     internal_tangents: bool,
     rate: Option<f64>,
-    /// cm.
+    /// Length unit, cm.
     linear: Option<f64>,
-    /// Degrees.
+    /// Angle unit, degrees.
     angular: Option<f64>,
 }
 
-/// Whose curve follows.
+/// The node and attribute that the next curve drives.
 struct Address<'a> {
-    /// Empty if the file names none.
+    /// Name of the node; empty if the file names none.
     node: &'a str,
-    /// `None`: the curve drives nothing.
+    /// `None` where the curve drives nothing.
     attribute: Option<&'a str>,
 }
 
-/// What a value measures.
+/// The kind of quantity that a value measures.
 #[derive(Clone, Copy, PartialEq)]
 enum Quantity {
     Linear,
@@ -87,7 +88,7 @@ enum Quantity {
     Unitless,
 }
 
-/// An `animData` block so far. Units `None`: the header's.
+/// The part of an `animData` block read so far. A unit of `None` is the header's.
 #[derive(Default)]
 struct Block {
     driven: bool,
@@ -98,7 +99,7 @@ struct Block {
     angle_unit: Option<f64>,
     pre: Infinity,
     post: Infinity,
-    /// The vectors of fixed tangents still hold (angle, weight) as written: a unit may follow the keys.
+    /// Keys as written. The vectors of fixed tangents still hold (angle, weight), because a unit may follow the keys.
     keys: Vec<RawKey>,
 }
 
@@ -127,7 +128,7 @@ struct Nodes {
 }
 
 impl Nodes {
-    /// False if the attribute had a curve already; it is replaced.
+    /// Adds a curve. Returns false if the attribute already had one, which is replaced.
     fn add(&mut self, node: &str, rate: f64, attribute: Attribute) -> bool {
         let list = &mut self.list;
         let index = *self.by_name.entry(node.to_owned()).or_insert_with(|| {
@@ -193,7 +194,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Reads a header statement; false if the word does not belong to the header.
+    /// Reads a header statement. Returns false if the word does not belong to the header.
     fn header_word(&mut self, word: &str) -> Result<bool, AnimError> {
         match word {
             "mayaVersion" => {
@@ -204,7 +205,7 @@ impl<'a> Reader<'a> {
             "timeUnit" => self.header.rate = Some(self.unit("timeUnit", Quantity::Time)?),
             "linearUnit" => self.header.linear = Some(self.unit("linearUnit", Quantity::Linear)?),
             "angularUnit" => self.header.angular = Some(self.unit("angularUnit", Quantity::Angular)?),
-            // A clip range for the importer; the curves go on beyond it.
+            // This is a clip range for the importer; the curves continue beyond it.
             "startTime" | "endTime" | "startUnitless" | "endUnitless" => {
                 let number = self.words.value("a number")?;
                 self.words.number(number)?;
@@ -214,7 +215,7 @@ impl<'a> Reader<'a> {
         Ok(true)
     }
 
-    /// Takes a unit: cm, degrees, or units a second.
+    /// Takes a unit name and returns its size in cm or degrees, or its rate per second.
     fn unit(&mut self, what: &'static str, quantity: Quantity) -> Result<f64, AnimError> {
         let name = self.words.value("a unit")?;
         let (value, known) = match quantity {
@@ -226,7 +227,7 @@ impl<'a> Reader<'a> {
         value.ok_or_else(|| AnimError::UnknownUnit { at: self.words.at(), what, found: shortened(name), known })
     }
 
-    /// Skips a statement that means nothing here, with the block that may follow it.
+    /// Skips a statement that has no meaning here, and the block that may follow it.
     fn skip(&mut self, word: Word<'_>) -> Result<(), AnimError> {
         self.notes.add(format!(
             "`{}` is not known and was skipped (line {})",
@@ -241,7 +242,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Names, then three integers. One name is an attribute or, if no curve follows, a node without curves.
+    /// Reads names, then three integers. A single name is an attribute or, if no curve follows, a node without curves.
     fn address(&mut self) -> Result<Address<'a>, AnimError> {
         let mut words = Vec::new();
         self.words.statement(&mut words)?;
@@ -279,7 +280,7 @@ impl<'a> Reader<'a> {
                 "input" => block.driven = self.choice("time or unitless", &[("time", false), ("unitless", true)])?,
                 "output" => block.output = Some(self.choice("linear, angular, unitless or time", OUTPUTS)?),
                 "weighted" => block.weighted = Some(self.choice("0 or 1", &[("0", false), ("1", true)])?),
-                // Of a driven curve the input unit may be anything, and the curve is skipped.
+                // The input unit of a driven curve may be anything: the curve is skipped.
                 "inputUnit" if block.driven => {
                     self.words.value("a unit")?;
                 }
@@ -353,14 +354,14 @@ impl<'a> Reader<'a> {
             expected: LAYOUT,
         };
         let [time, value, inward, outward, _, _, rest @ ..] = words else {
-            // A comma explains a short key better than its length.
+            // A comma inside a number explains a short key better than its length does.
             for word in words.iter().take(2) {
                 self.words.number(word.text)?;
             }
             return Err(short(self));
         };
         let point = DVec2::new(self.words.number(time.text)?, self.words.number(value.text)?);
-        // Version 1.1 has a breakdown flag before the pairs.
+        // In version 1.1 a breakdown flag precedes the pairs.
         let mut rest = rest.iter().skip(usize::from(!self.header.old));
         let mut tangent = |reader: &mut Self, name: &str| -> Result<Tangent, AnimError> {
             if name != "fixed" {
@@ -374,10 +375,10 @@ impl<'a> Reader<'a> {
     }
 
     fn tangent(&mut self, name: &str) -> Tangent {
-        // Maya 2023 writes its new names in several cases; the old ones are lower-case anyway.
+        // Maya 2023 writes its new names in several cases; the old names are all lower-case.
         let lower = name.to_ascii_lowercase();
         match lower.as_str() {
-            // Maya evaluates slow and fast as linear since they left the user interface.
+            // Maya evaluates slow and fast as linear since it dropped them from the user interface.
             "linear" | "slow" | "fast" => Tangent::Linear,
             "flat" => Tangent::Flat,
             "spline" => Tangent::Spline,
@@ -395,7 +396,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Turns a finished block into a curve, or into a note.
+    /// Turns a finished block into a curve, or into a note that says why not.
     fn curve(&mut self, address: &Address<'_>, mut block: Block) {
         let line = self.words.at().line;
         let Some(attribute) = address.attribute else {
@@ -418,7 +419,7 @@ impl<'a> Reader<'a> {
             Quantity::Time => block.output_unit.map_or(1.0, |unit| file_rate / unit),
             Quantity::Unitless => 1.0,
         };
-        // tan(new) = y tan(old) / x for tangents in cm or radians a second.
+        // Tangents are in cm or radians a second: tan(new) = y tan(old) / x.
         let internal = if self.header.internal_tangents {
             let units = match quantity {
                 Quantity::Linear => 1.0 / value,
@@ -478,13 +479,13 @@ const OUTPUTS: &[(&str, Quantity)] = &[
     ("time", Quantity::Time),
 ];
 
-/// What a curve's values measure. The format's default is linear; a rotation can only mean angles.
+/// The quantity of a curve's values. The format's default is linear; a rotation can only have angles.
 fn quantity(output: Option<Quantity>, address: &Address<'_>) -> Quantity {
     let rotation = address.attribute.is_some_and(|a| matches!(a, "rotateX" | "rotateY" | "rotateZ"));
     output.unwrap_or(if rotation { Quantity::Angular } else { Quantity::Linear })
 }
 
-/// Unit vector at `angle` (radians), its slope multiplied by `factor`.
+/// Unit vector at `angle` (radians) after its slope is multiplied by `factor`.
 fn direction(angle: f64, factor: f64) -> DVec2 {
     let (sin, cos) = libm::sincos(angle);
     if factor == 1.0 {

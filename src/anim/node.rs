@@ -1,9 +1,8 @@
-//! The curves of one node, and the transform they make.
+//! The curves of one node, and the transform that they give.
 
 use glam::DVec3;
 
-use super::curve::Curve;
-use super::{Interpolation, NodeState};
+use super::curve::{Curve, Interpolation, same_time};
 use crate::math::{RotateOrder, Trs};
 
 /// An attribute and its curve: cm, degrees or plain numbers over file time units.
@@ -20,16 +19,25 @@ pub struct NodeAnimation {
     pub name: String,
     /// File time units a second.
     rate: f64,
-    /// In file order, names distinct, each with at least one key.
+    /// Attributes in file order, with distinct names; each has at least one key.
     attributes: Vec<Attribute>,
-    /// Indices into `attributes` of what [`CHANNELS`] names.
+    /// For each name in [`CHANNELS`], its index in `attributes`.
     channels: [Option<usize>; CHANNELS.len()],
 }
 
-/// How far a transform may be from another one, from above.
+/// A node's transform at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NodeState {
+    /// Translation (cm), rotation (radians), scale.
+    pub transform: Trs,
+    /// Visibility.
+    pub visible: bool,
+}
+
+/// Upper bound of the difference between two transforms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drift {
-    /// Distance of the translations.
+    /// Distance of the translations, cm.
     pub translate: f64,
     /// Sum of the differences of the three angles, radians.
     pub rotate: f64,
@@ -37,7 +45,7 @@ pub struct Drift {
     pub scale: f64,
 }
 
-/// Attributes that move or hide a model: nine of the transform, then visibility and rotation order.
+/// The attributes that move or hide a model: nine of the transform, then visibility and rotation order.
 const CHANNELS: [&str; 11] = [
     "translateX",
     "translateY",
@@ -61,7 +69,8 @@ impl NodeAnimation {
         Self { name, rate, attributes: Vec::new(), channels: [None; CHANNELS.len()] }
     }
 
-    /// Puts an attribute at `index`, at most one past the last; false if it replaces one, which must have the same name.
+    /// Puts an attribute at `index`, at most one past the last. Returns false if it replaces one, which must have the
+    /// same name.
     pub(super) fn set(&mut self, index: usize, attribute: Attribute) -> bool {
         if let Some(channel) = CHANNELS.iter().position(|name| *name == attribute.name) {
             self.channels[channel] = Some(index);
@@ -77,9 +86,9 @@ impl NodeAnimation {
 
     /// Transform and visibility at `seconds`.
     ///
-    /// What has no curve has Maya's default: no translation, no rotation, scale 1, order xyz, visible. Angles are interpolated
-    /// each by itself, so 0 to 720 degrees turns twice. At a key the value is the key's own. Finite for finite times, as long
-    /// as the file's values are not near the limits of f64.
+    /// Attributes without a curve have Maya's defaults: no translation, no rotation, scale 1, order xyz, visible. Each
+    /// angle is interpolated by itself, so 0 to 720 degrees turns twice. At a key the value is the key's own. The
+    /// result is finite for finite times, unless the file's values are near the limits of f64.
     pub fn at(&self, seconds: f64, interpolation: Interpolation) -> NodeState {
         let time = self.file_time(seconds);
         let value = |channel: usize| self.curve(channel).map(|curve| curve.at(time, interpolation));
@@ -99,13 +108,14 @@ impl NodeAnimation {
         }
     }
 
-    /// How far the transform at times from `from` to `to` (seconds) may be from that at mid-time; `None` where it may jump.
+    /// Upper bound of the difference between the transform at times from `from` to `to` (seconds) and that at mid-time;
+    /// `None` where the transform may jump.
     pub fn drift(&self, from: f64, to: f64, interpolation: Interpolation) -> Option<Drift> {
         if self.curve(ROTATE_ORDER).is_some() {
             return None;
         }
         let (from, to) = (from * self.rate, to * self.rate);
-        // Times are rounded on their way to the curves.
+        // Times are rounded on their way to the curves, so the range grows by that much.
         let half = 0.5 * (to - from) + 8.0 * f64::EPSILON * from.abs().max(to.abs());
         let vector = |first: usize| {
             let steepness = |i: usize| self.curve(i).map_or(0.0, |curve| curve.steepness(from, to, interpolation));
@@ -122,13 +132,14 @@ impl NodeAnimation {
         self.channels[SCALE..VISIBILITY].iter().any(Option::is_some)
     }
 
-    /// First and last key of the transform and visibility curves, in seconds; of all curves if there are none of these.
+    /// First and last key of the transform and visibility curves, in seconds. If there are none, the keys of all curves
+    /// count.
     pub fn range(&self) -> (f64, f64) {
         let (first, last) = self.key_range();
         (first / self.rate, last / self.rate)
     }
 
-    /// As [`Self::range`], in file time units.
+    /// [`Self::range`] in time units of the file.
     pub fn key_range(&self) -> (f64, f64) {
         let mut curves: Vec<&Curve> = (0..CHANNELS.len()).filter_map(|channel| self.curve(channel)).collect();
         if curves.is_empty() {
@@ -140,11 +151,12 @@ impl NodeAnimation {
             .unwrap_or((0.0, 0.0))
     }
 
-    /// Times in (from, to), seconds, rising, at which the transform or the visibility jumps: step keys, seams of cycles, visibility
-    /// that fades through 0.5.
+    /// Times in (from, to), seconds, rising, at which the transform or the visibility jumps: at step keys, at the seams
+    /// of cycles, and where visibility passes 0.5.
     ///
-    /// The state at such a time itself belongs to one of its sides (a step has happened, a step to the next value has not): to pose
-    /// both sides, stay inside by more than one rounding, such as a billionth of the interval. At most 65,536 jumps a curve are found.
+    /// The state at such a time belongs to one of its sides: a step has happened, a step to the next value has not. To
+    /// pose both sides, stay away from the time by more than one rounding, such as a billionth of the interval. At most
+    /// 65,536 jumps of each curve are found.
     pub fn breaks(&self, from: f64, to: f64, interpolation: Interpolation) -> Vec<f64> {
         if from.is_nan() || to.is_nan() || from >= to {
             return Vec::new();
@@ -161,12 +173,13 @@ impl NodeAnimation {
             }
         }
         times.sort_by(f64::total_cmp);
-        // The same jump seen in two curves, or as the end of one cycle and the start of the next, may differ by rounding.
-        times.dedup_by(|b, a| super::curve::same_time(*b, *a));
+        // Two curves may have the same jump, and the end of one cycle is the start of the next. Such times may differ
+        // by rounding.
+        times.dedup_by(|b, a| same_time(*b, *a));
         times.into_iter().map(|t| t / self.rate).filter(|t| *t > from && *t < to).collect()
     }
 
-    /// Names of the animated attributes, in file order, those without effect on the transform included.
+    /// Names of the animated attributes in file order, including those that do not change the transform.
     pub fn attributes(&self) -> impl ExactSizeIterator<Item = &str> {
         self.attributes.iter().map(|a| a.name.as_str())
     }
@@ -196,17 +209,17 @@ impl NodeAnimation {
         self.attributes().filter(|name| !CHANNELS.contains(name))
     }
 
-    /// Curve of one of [`CHANNELS`].
+    /// The curve of one of [`CHANNELS`].
     fn curve(&self, channel: usize) -> Option<&Curve> {
         self.channels[channel].map(|index| &self.attributes[index].curve)
     }
 
-    /// Seconds to file time units. Frame f arrives as f / rate, and two roundings later is not quite f: snapped to whole units, so
-    /// that steps and seams on whole frames happen on them.
+    /// Converts seconds to file time units. Frame f arrives as f / rate and after two roundings is not quite f, so it
+    /// is snapped to whole units: steps and seams on whole frames then happen on them.
     fn file_time(&self, seconds: f64) -> f64 {
         let time = seconds * self.rate;
         let whole = libm::rint(time);
-        if super::curve::same_time(time, whole) { whole } else { time }
+        if same_time(time, whole) { whole } else { time }
     }
 }
 
@@ -214,10 +227,10 @@ fn visible(value: f64) -> bool {
     value > 0.5
 }
 
-/// Maya's enumeration; what is outside it counts as xyz.
+/// The order of Maya's number. Numbers outside Maya's enumeration count as xyz.
 fn order(value: f64) -> RotateOrder {
     let index = libm::rint(value);
-    // The cast of a number outside 0..=5 saturates or is beyond the enumeration; -1 would saturate to a valid 0, which is xyz too.
+    // The cast saturates. A number above 5 is no valid index; one below 0 becomes 0, which is xyz too.
     RotateOrder::from_index(index as u32).unwrap_or_default()
 }
 
@@ -291,7 +304,8 @@ mod tests {
         }
     }
 
-    /// Steps at `keys`, `rate` a second. (f / 24) 24 happens to be f for every whole f, so 24 would prove nothing.
+    /// Steps at `keys`, `rate` a second. For 24 a second, (f / 24) 24 happens to be f for every whole f, which would
+    /// prove nothing.
     fn steps(rate: &str, keys: &[(u32, u32)]) -> Animation {
         let keys: Vec<String> = keys.iter().map(|(t, v)| format!("{t} {v} step step 1 1 0;\n")).collect();
         let keys = keys.concat();
@@ -305,7 +319,7 @@ mod tests {
         let every: Vec<(u32, u32)> = (0..5000).map(|i| (i, i)).collect();
         for rate in ["pal", "ntsc", "29.97fps", "23.976fps", "ntscf"] {
             let a = steps(rate, &every);
-            // Beyond the keys no key is near to round to: the time itself must come back whole.
+            // Beyond the keys there is no key to round to, so the time itself must come back whole.
             let cycle = steps(rate, &[(0, 0), (1, 1), (2, 2), (3, 0)]);
             for i in 0..5000 {
                 let x = |a: &Animation| a.nodes[0].at(f64::from(i) / a.rate, MAYA).transform.translate.x;

@@ -1,8 +1,9 @@
-//! The curve between two neighbouring keys: cubic Hermite for non-weighted, a 2D Bezier for weighted curves.
+//! The curve between two neighbouring keys: a cubic Hermite for non-weighted curves, a 2D Bezier for weighted ones.
 
 use glam::DVec2;
 
-/// Two neighbouring keys and the tangents that face each other. A tangent (X, Y) puts its control point at key +/- (X, Y)/3.
+/// Two neighbouring keys and the tangents that face each other. The control point of a tangent (X, Y) is key +/- (X,
+/// Y)/3.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
     /// First key (time, value).
@@ -15,21 +16,22 @@ pub(super) struct Segment {
     pub(super) inward: DVec2,
 }
 
-/// Slope of a tangent; 0 for one without length in time.
+/// Slope of a tangent; 0 for a tangent without length in time.
 pub(super) fn slope(tangent: DVec2) -> f64 {
     if tangent.x == 0.0 { 0.0 } else { tangent.y / tangent.x }
 }
 
-/// The greatest |slope| of a cubic with these slopes at its ends and this chord, from above: the control points of its derivative.
+/// Upper bound of |slope| of a cubic with these slopes at its ends and this chord. It is the greatest control point of
+/// the derivative.
 pub(super) fn steepness(first: f64, last: f64, chord: f64) -> f64 {
     first.abs().max(last.abs()).max((3.0 * chord - first - last).abs())
 }
 
 impl Segment {
-    /// Cubic Hermite at `time` in [start, end]. With s = (t - x0)/D, h = slope D, d = y3 - y0:
+    /// Cubic Hermite at `time` in [start, end]. With D = x3 - x0, s = (t - x0)/D, h = slope D and d = y3 - y0:
     /// y = y0 + s (h0 + s (3d - 2 h0 - h1 + s (h0 + h1 - 2d))).
     ///
-    /// In the normalised s no power of D appears, so very short segments cannot overflow.
+    /// No power of D appears with the normalised s, so very short segments cannot overflow.
     pub(super) fn hermite(&self, time: f64) -> f64 {
         let span = self.end - self.start;
         let s = (time - self.start.x) / span.x;
@@ -38,14 +40,14 @@ impl Segment {
         self.start.y + s * (h0 + s * (3.0 * rise - 2.0 * h0 - h1 + s * (h0 + h1 - 2.0 * rise)))
     }
 
-    /// The greatest |dy/dt| of [`Self::hermite`], from above.
+    /// Upper bound of |dy/dt| of [`Self::hermite`].
     pub(super) fn hermite_steepness(&self) -> f64 {
         let span = self.end - self.start;
         steepness(slope(self.out), slope(self.inward), span.y / span.x)
     }
 
-    /// The greatest |dy/dt| of [`Self::bezier`], from above: the greatest |dy/ds| over the least dx/ds, each among the control
-    /// points of the derivative. Infinite where a handle has no length in time.
+    /// Upper bound of |dy/dt| of [`Self::bezier`]: the greatest |dy/ds| over the least dx/ds, each taken from the
+    /// control points of the derivative. It is infinite where a handle has no length in time.
     pub(super) fn bezier_steepness(&self) -> f64 {
         let ([a, b], [y1, y2]) = self.handles();
         let span = self.end.x - self.start.x;
@@ -66,7 +68,7 @@ impl Segment {
         ([a1, 1.0 - q1], [y1, y2])
     }
 
-    /// 2D Bezier at `time` in [start, end]: x(s) = t is solved for s, the value is y(s).
+    /// 2D Bezier at `time` in [start, end]: solves x(s) = t for s and returns y(s).
     pub(super) fn bezier(&self, time: f64) -> f64 {
         let ([a, b], [y1, y2]) = self.handles();
         let s = solve(a, b, (time - self.start.x) / (self.end.x - self.start.x));
@@ -77,8 +79,8 @@ impl Segment {
 
 /// Handle lengths (fractions of the segment's duration) for which x(s) does not run backwards.
 ///
-/// x(s) is monotonic inside the unit square and inside the ellipse a^2 + q^2 + aq - 2(a + q) + 1 = 0. Outside both, `q` moves to the
-/// ellipse for this `a`; beyond its rightmost point both move there (4/3, 1/3).
+/// x(s) is monotonic inside the unit square and inside the ellipse a^2 + q^2 + aq - 2(a + q) + 1 = 0. Outside both, `q`
+/// moves to the ellipse for this `a`; beyond the ellipse's rightmost point both move to that point, (4/3, 1/3).
 fn monotonic(a: f64, q: f64) -> (f64, f64) {
     if a <= 1.0 && q <= 1.0 {
         return (a, q);
@@ -93,14 +95,15 @@ fn monotonic(a: f64, q: f64) -> (f64, f64) {
     (a, q.clamp(centre - half, centre + half))
 }
 
-/// By how much a handle grew; a handle of no length has no direction to move along.
+/// Factor by which a handle grew. A handle without length has no direction to move along.
 fn ratio(new: f64, old: f64) -> f64 {
     if old == 0.0 || new == old { 1.0 } else { new / old }
 }
 
 /// The s in [0, 1] with 3 a s (1-s)^2 + 3 b s^2 (1-s) + s^3 = x, for x in [0, 1] and a monotonic curve.
 ///
-/// Newton's method inside a shrinking bracket: each step that leaves the bracket, or meets a flat spot, is a bisection instead.
+/// Newton's method works inside a shrinking bracket. A step that leaves the bracket, or starts at a flat spot, is
+/// replaced by a bisection.
 fn solve(a: f64, b: f64, x: f64) -> f64 {
     let (c1, c2, c3) = (3.0 * a, 3.0 * b - 6.0 * a, 1.0 + 3.0 * a - 3.0 * b);
     let (mut low, mut high) = (0.0, 1.0);
@@ -117,7 +120,7 @@ fn solve(a: f64, b: f64, x: f64) -> f64 {
         }
         let derivative = c1 + s * (2.0 * c2 + s * 3.0 * c3);
         let newton = s - error / derivative;
-        // NaN and infinity (derivative 0) are not inside the bracket either.
+        // NaN and infinity (from a derivative of 0) fail the test too.
         let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
         if (next - s).abs() <= f64::EPSILON * 0.25 {
             s = next;
@@ -159,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_third_of_the_span_makes_bezier_and_hermite_equal() {
-        // Handles a third of the span long: x(s) = s, and both are the same cubic.
+        // The handles are a third of the span long, so x(s) = s and both are the same cubic.
         let s = segment((6.0, 9.0), (6.0, -4.0));
         for i in 0..=60 {
             let t = 10.0 + f64::from(i) / 10.0;
@@ -169,7 +172,7 @@ mod tests {
 
     #[test]
     fn bezier_against_its_parametric_form() {
-        // Uneven handles; points made from s directly, then asked for by time.
+        // The handles are uneven. Points are computed from s and then looked up by time.
         let s = segment((12.0, 9.0), (3.0, -4.0));
         let (p0, p3) = (s.start, s.end);
         let (p1, p2) = (p0 + s.out / 3.0, p3 - s.inward / 3.0);
@@ -183,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_vertical_start_is_solved() {
-        // Both handles without length: x(s) = 3s^2 - 2s^3 has derivative 0 at the ends.
+        // Both handles have no length: x(s) = 3s^2 - 2s^3 has derivative 0 at the ends.
         let s = segment((0.0, 0.0), (0.0, 0.0));
         assert_eq!(s.bezier(10.0), 1.0);
         assert!((s.bezier(13.0) - 2.5).abs() < 1e-14);
@@ -210,7 +213,7 @@ mod tests {
 
     #[test]
     fn a_shortened_handle_keeps_its_direction() {
-        // a = 2 becomes 4/3, q = 0.1 becomes 1/3: the y offsets are scaled alike.
+        // a = 2 becomes 4/3 and q = 0.1 becomes 1/3; the y offsets are scaled by the same factors.
         let long = segment((36.0, 9.0), (1.8, 0.6));
         let short = segment((24.0, 6.0), (6.0, 2.0));
         for i in 0..=60 {

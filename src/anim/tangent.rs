@@ -1,7 +1,7 @@
-//! Tangent vectors from tangent types, as Maya does it.
+//! Tangent vectors from tangent types, by Maya's rules.
 //!
-//! A tangent is a vector (X, Y) in time and value units; its control point lies at key +/- (X, Y)/3, its slope is Y/X. Everything here
-//! is in the units of the file, because one rule (clamped) compares with an absolute length.
+//! A tangent is a vector (X, Y) in time and value units. Its control point is key +/- (X, Y)/3, its slope Y/X.
+//! Everything here is in the units of the file, because one rule (clamped) compares with an absolute length.
 
 use glam::DVec2;
 
@@ -16,9 +16,9 @@ pub(super) enum Tangent {
     Flat,
     /// Parallel to the line between the neighbours.
     Spline,
-    /// As an out tangent: the value holds until the next key.
+    /// The value holds until the next key (as an out tangent).
     Step,
-    /// As an out tangent: the next key's value holds from just after this key on.
+    /// The next key's value holds from just after this key on (as an out tangent).
     StepNext,
     /// Spline, but flat where a neighbour has nearly the same value.
     Clamped,
@@ -26,13 +26,13 @@ pub(super) enum Tangent {
     Plateau,
     /// Spline slope, limited so that it does not overshoot.
     Auto,
-    /// Auto with a slope mixed from both sides by distance.
+    /// Auto, with a slope mixed from both sides by distance.
     AutoMix,
-    /// Auto with a slope mixed from both sides by eased distance.
+    /// Auto, with a slope mixed from both sides by eased distance.
     AutoEase,
 }
 
-/// A key before its tangents are vectors.
+/// A key whose tangents are not yet vectors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RawKey {
     /// Time and value.
@@ -43,15 +43,16 @@ pub(super) struct RawKey {
     pub(super) outward: Tangent,
 }
 
-/// Steepest slope, value units per time unit: what Maya uses for a vertical tangent.
+/// Steepest slope, value units per time unit: Maya's value for a vertical tangent.
 const MAX_SLOPE: f64 = 5_729_577.948;
 
-/// Differences up to this make a clamped tangent flat, file value units.
+/// Greatest difference that makes a clamped tangent flat, file value units.
 const CLAMPED_DIFFERENCE: f64 = 0.05;
 
 /// In and out tangent of `key` between its neighbours (none at the ends of the curve).
 ///
-/// Weighted: the vector itself, X >= 0. Non-weighted: (1, slope), as only the slope counts.
+/// For a weighted curve they are the vectors themselves, with X >= 0. For a non-weighted curve they are (1, slope), as
+/// only the slope counts.
 pub(super) fn vectors(previous: Option<DVec2>, key: &RawKey, next: Option<DVec2>, weighted: bool) -> (DVec2, DVec2) {
     let near = Neighbours { before: previous.map(|p| key.point - p), after: next.map(|n| n - key.point) };
     (finish(near.vector(key.inward, Side::In), weighted), finish(near.vector(key.outward, Side::Out), weighted))
@@ -61,7 +62,7 @@ fn finish(tangent: DVec2, weighted: bool) -> DVec2 {
     if weighted {
         return DVec2::new(tangent.x.max(0.0), tangent.y);
     }
-    // A vertical tangent divides by zero: infinity is limited like any other steep slope.
+    // A vertical tangent divides by zero. The infinity is limited like any other steep slope.
     let slope = if tangent.y == 0.0 { 0.0 } else { limited(tangent.y / tangent.x) };
     DVec2::new(1.0, slope)
 }
@@ -76,7 +77,7 @@ enum Side {
     Out,
 }
 
-/// Steps from the previous key to this one and from this one to the next; both have x > 0.
+/// Differences from the previous key to this one and from this one to the next; both have x > 0.
 struct Neighbours {
     before: Option<DVec2>,
     after: Option<DVec2>,
@@ -85,7 +86,7 @@ struct Neighbours {
 impl Neighbours {
     fn vector(&self, tangent: Tangent, side: Side) -> DVec2 {
         let own = if side == Side::In { self.before } else { self.after };
-        // At the ends of a curve the other side lends its length.
+        // At an end of the curve the length comes from the other side.
         let length = own.or(self.before).or(self.after).map_or(1.0, |step| step.x);
         let sloped = |slope: f64| length * DVec2::new(1.0, slope);
         match tangent {
@@ -100,7 +101,7 @@ impl Neighbours {
         }
     }
 
-    /// Slope between the neighbours; at an end, to the only neighbour.
+    /// Slope between the two neighbours; at an end of the curve, slope to the only neighbour.
     fn spline(&self) -> f64 {
         let step = match (self.before, self.after) {
             (Some(before), Some(after)) => before + after,
@@ -114,8 +115,8 @@ impl Neighbours {
         [self.before, self.after].into_iter().flatten().any(|step| step.y.abs() <= CLAMPED_DIFFERENCE)
     }
 
-    /// True at an end, at an extremum, and where the spline's control point would pass the neighbour's value or leave the band that
-    /// the other side's neighbour sets.
+    /// True at an end and at an extremum. True also where the spline's control point would pass the neighbour's value
+    /// or leave the band that the neighbour on the other side sets.
     fn plateau_is_flat(&self, side: Side) -> bool {
         let (Some(before), Some(after)) = (self.before, self.after) else { return true };
         let (to_previous, to_next) = (-before.y, after.y);
@@ -132,7 +133,7 @@ impl Neighbours {
         control.abs() > limit.abs()
     }
 
-    /// Slope that overshoots neither neighbour; flat at the ends and at extrema.
+    /// Slope that overshoots neither neighbour; it is flat at the ends and at extrema.
     fn auto(&self, tangent: Tangent) -> f64 {
         let (Some(before), Some(after)) = (self.before, self.after) else { return 0.0 };
         let (p, n) = (limited(before.y / before.x), limited(after.y / after.x));
@@ -190,7 +191,7 @@ mod tests {
         assert_eq!(weighted(Tangent::Flat, true, true), (h(2.0), h(4.0)));
         assert_eq!(weighted(Tangent::Spline, true, true), (v(2.0, 3.0), v(4.0, 6.0)));
         assert_eq!(weighted(Tangent::Step, true, true), (h(0.0), h(0.0)));
-        // Ends: linear has no direction, the others borrow the length of the other side.
+        // At an end a linear tangent has no direction. The others take the length of the other side.
         assert_eq!(weighted(Tangent::Linear, false, true), (h(1.0), v(4.0, 8.0)));
         assert_eq!(weighted(Tangent::Linear, true, false), (v(2.0, 1.0), h(1.0)));
         assert_eq!(weighted(Tangent::Flat, false, true), (h(4.0), h(4.0)));
@@ -198,7 +199,7 @@ mod tests {
         assert_eq!(weighted(Tangent::Spline, false, true), (v(4.0, 8.0), v(4.0, 8.0)));
         assert_eq!(weighted(Tangent::Auto, false, true), (h(4.0), h(4.0)));
         assert_eq!(weighted(Tangent::Plateau, true, false), (h(2.0), h(2.0)));
-        // Backwards in time is not possible.
+        // A tangent cannot point backwards in time.
         let backwards = Tangent::Fixed(v(-3.0, 5.0));
         assert_eq!(weighted(backwards, true, true).1, v(0.0, 5.0));
     }
@@ -216,19 +217,19 @@ mod tests {
         assert_eq!(slopes(Tangent::Clamped, 0.05, 9.0), (0.0, 0.0));
         assert_eq!(slopes(Tangent::Clamped, 0.051, 9.0), (1.5, 1.5));
         assert_eq!(slopes(Tangent::Clamped, 9.04, 9.0), (0.0, 0.0));
-        // An end copies the only difference: steep follows the spline rule.
+        // An end copies the only difference. A steep one follows the spline rule.
         assert_eq!(weighted(Tangent::Clamped, false, true).1, DVec2::new(4.0, 8.0));
     }
 
     #[test]
     fn auto_is_limited_by_the_flatter_side() {
-        // Slopes 0.5 and 2: spline slope 1.5 just meets the limit 3 * 0.5.
+        // The slopes are 0.5 and 2. The spline's slope 1.5 just meets the limit 3 * 0.5.
         assert_eq!(slopes(Tangent::Auto, 1.0, 9.0), (1.5, 1.5));
-        // Slopes 0.05 and 2.225: limit 0.15.
+        // The slopes are 0.05 and 2.225, so the limit is 0.15.
         let (i, o) = slopes(Tangent::Auto, 0.1, 9.0);
         assert!((i - 0.15).abs() < 1e-15 && i == o);
         assert_eq!(slopes(Tangent::Auto, -1.0, -9.0), (-1.5, -1.5));
-        // An extremum, and a plateau on either side.
+        // First an extremum, then a plateau on either side.
         assert_eq!(slopes(Tangent::Auto, 5.0, 1.0), (0.0, 0.0));
         assert_eq!(slopes(Tangent::Auto, 0.0, 9.0), (0.0, 0.0));
         assert_eq!(slopes(Tangent::Auto, 9.0, 9.0), (0.0, 0.0));
@@ -237,23 +238,24 @@ mod tests {
 
     #[test]
     fn auto_mix_and_ease_weigh_the_sides() {
-        // Slopes 1 and 1.5, part = 2/6: mix = 1 + 0.5/3.
+        // The slopes are 1 and 1.5, and the part is 2/6: mix = 1 + 0.5/3.
         assert!((slopes(Tangent::AutoMix, 2.0, 8.0).0 - (1.0 + 0.5 / 3.0)).abs() < 1e-15);
-        // Eased part = 0.5 - (1/6)(1.5 - 2/36) = 0.259259...
+        // The eased part is 0.5 - (1/6)(1.5 - 2/36) = 0.259259...
         assert!((slopes(Tangent::AutoEase, 2.0, 8.0).1 - (1.0 + 0.5 * 7.0 / 27.0)).abs() < 1e-15);
-        // The same limit as auto: slopes 0.01 and 100.
+        // The limit is that of auto; the slopes are 0.01 and 100.
         assert!((slopes(Tangent::AutoMix, 0.02, 400.02).0 - 0.03).abs() < 1e-14);
         assert_eq!(slopes(Tangent::AutoEase, 5.0, 1.0), (0.0, 0.0));
     }
 
     #[test]
     fn plateau_is_flat_where_the_spline_overshoots() {
-        // Even: slopes 0.5 and 2, spline 1.5. In: control point 1 below, the neighbour is 1 below: just allowed.
+        // The slopes are 0.5 and 2, so the spline's is 1.5. On the in side the control point is 1 below the key, as is
+        // the neighbour: just allowed.
         assert_eq!(slopes(Tangent::Plateau, 1.0, 9.0), (1.5, 1.5));
-        // Slope 0.25 on the left: the spline's control point would pass the previous value.
+        // With the slope 0.25 on the left, the spline's control point would pass the previous value.
         assert_eq!(slopes(Tangent::Plateau, 0.5, 9.0).0, 0.0);
         assert_eq!(slopes(Tangent::Plateau, -0.5, -9.0).0, 0.0);
-        // Nearly at the next value: the out side overshoots, and so does the mirrored in side.
+        // The key is nearly at the next value: the out side overshoots, and so does the mirrored in side.
         assert_eq!(slopes(Tangent::Plateau, 8.9, 9.0), (0.0, 0.0));
         assert_eq!(slopes(Tangent::Plateau, 10.0, 9.0), (0.0, 0.0));
         assert_eq!(slopes(Tangent::Plateau, 0.0, 9.0), (0.0, 0.0));

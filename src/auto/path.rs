@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use crate::math::focal_length;
 use crate::scene::pose::{camera_from_world, object_pose};
 use crate::scene::{Object, Scene};
 
@@ -17,7 +18,7 @@ pub(super) fn longest(scene: &Scene, number: i64) -> f64 {
 
 fn of_object(scene: &Scene, object: &Object, number: i64) -> f64 {
     let [width, height] = [scene.image.width, scene.image.height].map(f64::from);
-    let focal = 0.5 * height / libm::tan(0.5 * scene.camera.fovy);
+    let focal = focal_length(height, scene.camera.fovy);
     let poses: Vec<_> = (0..=INTERVALS)
         .filter_map(|i| {
             let t = if object.blur { f64::from(i) / f64::from(INTERVALS) } else { 0.5 };

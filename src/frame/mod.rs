@@ -11,6 +11,7 @@ mod static_objects;
 use std::sync::Arc;
 
 use crate::film::{Aov, Background, FilmPlanes};
+use crate::math::focal_length;
 use crate::model::{Material, Surfels};
 use crate::options::{BlurMode, Normalise, Prefilter, RenderOptions, Shading, SweptKernel};
 use crate::plan::{Exposure, PosedInterval, Scenery, Step, TimeSample};
@@ -125,7 +126,7 @@ impl Frame {
     pub fn exposed(scene: &Scene, number: i64, exposure: &Exposure, options: &RenderOptions) -> Self {
         let swept = exposure.groups().find_map(|group| group.sweep).map(|(_, kernel)| kernel);
         let size = [scene.image.width, scene.image.height];
-        let focal = 0.5 * f64::from(size[1]) / libm::tan(0.5 * scene.camera.fovy);
+        let focal = focal_length(f64::from(size[1]), scene.camera.fovy);
         let poser = Poser { scene, number: number as f64, focal: focal / f64::from(exposure.stride), options };
         let mut sweeps: Vec<Option<(PosedInterval, SweptKernel)>> = Vec::new();
         let mut rasters: Vec<PosedRaster> = exposure

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-/// An axis-aligned box; empty (min > max) until a point is added.
+/// An axis-aligned box. It is empty (min > max) until a point is added.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// Smallest corner.

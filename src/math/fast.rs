@@ -1,11 +1,13 @@
-//! Elementary functions as `f32` polynomials: the same bits on every CPU, and free of branches so that loops over pixels
-//! vectorise. No `mul_add`: rounding is part of the contract between a pass and its twin.
+//! Elementary functions as `f32` polynomials.
 //!
-//! Coefficients: Chebyshev interpolation in f64.
+//! They give the same bits on every CPU, and have no branches, so loops over pixels vectorise. `mul_add` is never used:
+//! rounding is part of the contract between a pass and its twin. The coefficients are those of Chebyshev interpolation
+//! in f64.
 
-/// The reconstruction kernel exp(-2 r^2) (design section 2; thesis eq. 4.3) from r^2 in [0, 1].
+/// The reconstruction kernel exp(-2 r^2) for r^2 in [0, 1] (docs/math.md, eq. 4; Wolf 2008, eq. 4.3).
 ///
-/// Absolute error below 3e-7 (kernel peak is 1); a polynomial in y = 2 r^2 - 1, not meaningful outside [0, 1].
+/// Absolute error below 3e-7 (the kernel's peak is 1). It is a polynomial in y = 2 r^2 - 1 and has no meaning outside
+/// [0, 1].
 #[inline(always)]
 pub fn kernel(r2: f32) -> f32 {
     const C: [f32; 8] = [
@@ -29,10 +31,11 @@ pub fn kernel(r2: f32) -> f32 {
     p * y + C[0]
 }
 
-/// (erf(b) - erf(a)) / (b - a) for a and b in [-sqrt 2, sqrt 2]; at a = b the derivative, 2/sqrt(pi) exp(-a^2).
+/// (erf(b) - erf(a)) / (b - a) for a and b in [-sqrt 2, sqrt 2] (docs/math.md, eq. 13). At a = b it is the derivative,
+/// 2/sqrt(pi) exp(-a^2).
 ///
-/// erf(x) = x P(x^2) with P a polynomial in y = x^2 - 1; with P' its divided difference over [a^2, b^2],
-/// the slope is P(a^2) + b (a + b) P', so nothing cancels where a and b are close. Absolute error below 5e-7.
+/// erf(x) = x P(x^2), where P is a polynomial in y = x^2 - 1. With P' the divided difference of P over [a^2, b^2], the
+/// slope is P(a^2) + b (a + b) P', so nothing cancels where a and b are close. Absolute error below 5e-7.
 #[inline(always)]
 pub fn erf_slope(a: f32, b: f32) -> f32 {
     const C: [f32; 9] = [
@@ -48,7 +51,7 @@ pub fn erf_slope(a: f32, b: f32) -> f32 {
     ];
     let y = a * a - 1.0;
     let z = b * b - 1.0;
-    // Horner's rule at y, and at z for the quotient that it leaves.
+    // Horner's rule at y, and Horner's rule at z for the quotient that the first one leaves.
     let mut p = C[8];
     let mut slope = C[8];
     let mut i = 7;
@@ -66,7 +69,7 @@ pub fn erf_slope(a: f32, b: f32) -> f32 {
 pub fn exp2(x: f32) -> f32 {
     const C: [f32; 7] =
         [1.0, std::f32::consts::LN_2, 0.240_226_5, 0.055_503_27, 0.009_618_026, 0.001_340_043_2, 0.000_154_697_32];
-    /// Adding it leaves the nearest integer in the low mantissa bits (a saturating cast would block vector code).
+    /// Adding this leaves the nearest integer in the low mantissa bits. (A saturating cast would block vector code.)
     const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
     let x = if x > -126.0 { x } else { -126.0 };
     let x = if x < 126.0 { x } else { 126.0 };
@@ -131,7 +134,8 @@ mod tests {
         for &a in &places {
             for b in places.iter().copied().chain([a + 1e-3, a + 1e-6, a]) {
                 let (x, z) = (f64::from(a), f64::from(b));
-                // Where the quotient of libm's own values cancels, the mean of the derivative over the middle and the ends (Simpson).
+                // The quotient of libm's own values cancels for close a and b. There the truth is the mean of the
+                // derivative by Simpson's rule.
                 let slope = |x: f64| 2.0 / std::f64::consts::PI.sqrt() * (-x * x).exp();
                 let want = if (z - x).abs() > 1e-2 {
                     (libm::erf(z) - libm::erf(x)) / (z - x)

@@ -1,8 +1,9 @@
-//! Run-time dispatch to wider vectors. The only `unsafe` of the splatter.
+//! Run-time dispatch to wider vectors. This is the splatter's only `unsafe` code.
 
-/// Defines `fn name(args)`, with its visibility, that returns `body(args)`, compiled once for the baseline and once for AVX2.
+/// Defines `fn name(args)`, with its visibility, that returns `body(args)`. It is compiled once for the baseline and
+/// once for AVX2.
 ///
-/// `body` must be `#[inline(always)]`, so that it is compiled anew inside the AVX2 version. Neither version contracts
+/// `body` must be `#[inline(always)]`, so that it is compiled again inside the AVX2 version. Neither version contracts
 /// multiplications and additions, so both give the same bits.
 macro_rules! dispatch {
     ($(#[$doc:meta])* $vis:vis fn $name:ident($($arg:ident: $ty:ty),* $(,)?) $(-> $out:ty)? = $body:path) => {

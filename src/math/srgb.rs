@@ -1,33 +1,36 @@
-//! The sRGB transfer curve (IEC 61966-2-1). The only place that knows it.
+//! The sRGB transfer curve (IEC 61966-2-1). No other file knows it.
 
 use super::fast;
 use super::simd::dispatch;
 
-/// Linear light from an sRGB-encoded value; both nominally in [0, 1], odd about 0.
+/// Linear light of an sRGB-encoded value. Both are nominally in [0, 1]; the function is odd about 0.
 pub fn to_linear(encoded: f32) -> f32 {
     let e = f64::from(encoded.abs());
     let linear = if e <= 0.040_45 { e / 12.92 } else { libm::pow((e + 0.055) / 1.055, 2.4) };
     (linear as f32).copysign(encoded)
 }
 
-/// sRGB-encoded value from linear light; both nominally in [0, 1], odd about 0.
+/// sRGB-encoded value of linear light. Both are nominally in [0, 1]; the function is odd about 0.
 pub fn from_linear(linear: f32) -> f32 {
     let l = f64::from(linear.abs());
     let encoded = if l <= 0.003_130_8 { l * 12.92 } else { 1.055 * libm::pow(l, 1.0 / 2.4) - 0.055 };
     (encoded as f32).copysign(linear)
 }
 
-/// [`from_linear`] for a value in [0, 1], by a polynomial: to 1e-6, and many times as fast.
+/// [`from_linear`] for a value in [0, 1] by a polynomial. Absolute error below 1e-6, and many times as fast.
 #[inline(always)]
 pub fn from_linear_nearly(linear: f32) -> f32 {
     let steep = 1.055 * fast::pow(linear, 1.0 / 2.4) - 0.055;
     if linear <= 0.003_130_8 { linear * 12.92 } else { steep }
 }
 
-/// Replaces linear light by the nearest of the codes 0..=`top` to its encoded value: that of [`from_linear`], which is asked only near the
-/// middle between two codes. Clipped; 0 for NaN.
+/// Replaces linear light by the nearest of the codes 0..=`top` to its sRGB-encoded value. Values are clipped; NaN
+/// becomes 0.
+///
+/// The codes are exactly those of [`from_linear`]. That slow function is called only near the middle between two codes,
+/// where the fast curve cannot decide.
 pub fn encode(values: &mut [f32], top: f32) {
-    // Twice the error of the quick curve, which holds rounding too.
+    // Twice the error of the fast curve, so that rounding is included.
     const SLACK: f32 = 2e-6;
     let mut nearly = [0.0; 256];
     for values in values.chunks_mut(nearly.len()) {
@@ -42,7 +45,7 @@ pub fn encode(values: &mut [f32], top: f32) {
 }
 
 dispatch! {
-    /// Nearly the codes, and half a code.
+    /// The codes by the fast curve, before rounding.
     fn curve(values: &mut [f32], top: f32) = curve_body
 }
 
@@ -55,7 +58,7 @@ fn curve_body(values: &mut [f32], top: f32) {
     }
 }
 
-/// The nearest of the codes 0..=`top` to a value, clipped; 0 for NaN.
+/// The nearest of the codes 0..=`top` to a value. Values are clipped; NaN becomes 0.
 pub fn nearest_code(value: f32, top: f32) -> u32 {
     (value.clamp(0.0, 1.0) * top).round() as u32
 }
@@ -82,7 +85,8 @@ mod tests {
         assert!(worst < 1e-6, "{worst}");
     }
 
-    /// Steps through [0, 1], beyond it, what is no number, and the floats around the middle between any two codes.
+    /// The values are steps through [0, 1] and beyond it, NaN and infinity, and the floats around the middle between
+    /// any two codes.
     #[test]
     fn codes_are_those_of_the_curve() {
         for top in [255.0, 65_535.0] {

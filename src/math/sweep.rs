@@ -1,35 +1,35 @@
-//! A kernel in linear motion on one ray: when it covers the ray, and with what weight (docs/math.md, section 7; thesis 4.2.2
-//! and appendix C, without its axes).
+//! A kernel in linear motion on one ray: when it covers the ray, and with what weight (docs/math.md, section 7, eq. 11
+//! to 16; Wolf 2008, 4.2.2 and appendix C, without its axes).
 //!
-//! Along a ray, at tau in [-1, 1], the tangent-plane coordinates of the kernel are linear in tau:
-//! (u, v)(tau) = (`at` + tau `rate`) / w. All functions take numerator and w, and are regular without motion.
+//! Along a ray, the tangent-plane coordinates of the kernel are linear in the time tau in [-1, 1]:
+//! (u, v)(tau) = (`at` + tau `rate`) / w. All functions take the numerator and w, so they are regular without motion.
 
 use std::f32::consts::{FRAC_PI_4, SQRT_2};
 
 use super::fast;
 
-/// Squared motion in radii below which a kernel counts as unmoved: its ends would differ by less than rounding.
+/// Squared motion in radii below which a kernel counts as unmoved. Its ends would differ by less than rounding.
 const UNMOVED: f32 = 1e-12;
 
-/// 1 / integral over [-1, 1] of exp(-2 tau^2), = sqrt(2/pi) / erf(sqrt 2).
+/// 1 / integral of exp(-2 tau^2) over [-1, 1], = sqrt(2/pi) / erf(sqrt 2).
 const ELLIPSOID: f32 = 0.835_918_96;
 
 /// sqrt(pi)/2.
 const HALF_SQRT_PI: f32 = 0.886_226_9;
 
-/// Tangent-plane coordinates times w along one ray.
+/// Tangent-plane coordinates, times w, along one ray (docs/math.md, eq. 11).
 #[derive(Clone, Copy, Debug)]
 pub struct Path {
     /// (u w, v w) at tau = 0.
     pub at: [f32; 2],
-    /// Their change to tau = 1.
+    /// Change of (u w, v w) from tau = 0 to tau = 1.
     pub rate: [f32; 2],
-    /// The divisor; the kernel is met only where it is > 0.
+    /// The divisor. The ray meets the kernel only where it is > 0.
     pub w: f32,
 }
 
-/// The quadratic of a path: |at + tau rate|^2 + e (tau w)^2 = w^2, with e = 0 for the tube that the kernel's rim sweeps, and 1 for
-/// the ellipsoid.
+/// The quadratic of a path, |at + tau rate|^2 + e (tau w)^2 = w^2 (docs/math.md, eq. 12). e is 0 for the tube that the
+/// kernel's rim sweeps, and 1 for the ellipsoid.
 #[derive(Clone, Copy, Debug)]
 pub struct Sweep {
     w2: f32,
@@ -37,24 +37,25 @@ pub struct Sweep {
     a: f32,
     /// Half the coefficient of tau.
     b: f32,
-    /// Constant term + w^2: |at|^2.
+    /// at|^2: the constant term plus w^2.
     r2: f32,
-    /// Squared distance of the line from the origin, times `a`: the square of a cross product, so that nothing cancels.
+    /// Squared distance of the line from the origin, times `a`. It is the square of a cross product, so nothing
+    /// cancels.
     across: f32,
-    /// 1 / (w^2 a); without motion 1 / w^4.
+    /// 1 / (w^2 a), or 1 / w^4 without motion.
     inverse: f32,
-    /// No motion to speak of.
+    /// True if the motion is below [`UNMOVED`].
     still: bool,
 }
 
 impl Sweep {
-    /// Of the tube.
+    /// The quadratic of the tube.
     #[inline(always)]
     pub fn tube(path: Path) -> Self {
         Self::new(path, 0.0)
     }
 
-    /// Of the ellipsoid.
+    /// The quadratic of the ellipsoid.
     #[inline(always)]
     pub fn ellipsoid(path: Path) -> Self {
         Self::new(path, 1.0)
@@ -71,12 +72,13 @@ impl Sweep {
         Self { w2, a, b: u * du + v * dv, r2, across: cross * cross + e * (w2 * r2), inverse, still }
     }
 
-    /// First and last tau in [-1, 1] at which the ray is covered; none if the first is not less than the last.
+    /// First and last tau in [-1, 1] at which the kernel covers the ray. It never does if the first is not less than
+    /// the last.
     #[inline(always)]
     pub fn covered(&self) -> [f32; 2] {
         let squared = self.w2 * self.a - self.across;
         let root = (if squared > 0.0 { squared } else { 0.0 }).sqrt();
-        // The root of greater magnitude by a sum without cancellation, the other by Vieta.
+        // The root of greater magnitude comes from a sum without cancellation, the other one from Vieta's formula.
         let sum = self.b + if self.b < 0.0 { -root } else { root };
         let one = -sum / self.a;
         let other = (self.w2 - self.r2) / sum;
@@ -97,7 +99,7 @@ impl Sweep {
         (if self.still { self.r2 * self.w2 } else { self.across }) * self.inverse
     }
 
-    /// Mean over [first, last] of exp(-2 (u^2 + v^2 + e tau^2)); [first, last] within `covered`.
+    /// Mean of exp(-2 (u^2 + v^2 + e tau^2)) over [first, last], which lies within `covered` (docs/math.md, eq. 13).
     #[inline(always)]
     pub fn mean(&self, [first, last]: [f32; 2]) -> f32 {
         let scale = if self.still { 0.0 } else { SQRT_2 * self.inverse.sqrt() };
@@ -105,50 +107,51 @@ impl Sweep {
         fast::kernel(self.nearest()) * (HALF_SQRT_PI * fast::erf_slope(x(first), x(last)))
     }
 
-    /// Weight of the ellipsoid by its chord (thesis eq. 4.12): exp(-2 (1 - l^2)), l half the chord's length where the ellipsoid is
-    /// the unit ball.
+    /// Weight of the ellipsoid by its chord: exp(-2 (1 - l^2)), where l is half the chord's length after the ellipsoid
+    /// is mapped to the unit ball (docs/math.md, eq. 16; Wolf 2008, eq. 4.12).
     #[inline(always)]
     pub fn chord(&self) -> f32 {
         fast::kernel(self.nearest())
     }
 
-    /// Length of the motion over half the interval, squared, in kernel radii, plus e.
+    /// Squared length of the motion over half the interval, in kernel radii, plus e.
     #[inline(always)]
     pub fn speed2(&self) -> f32 {
         self.a / self.w2
     }
 }
 
-/// Weight of a tube: half the integral over `covered` of exp(-2 (u^2 + v^2)), given its mean; without motion the kernel itself.
+/// Weight of a tube: half the integral of exp(-2 (u^2 + v^2)) over `covered`, from its mean (docs/math.md, eq. 14).
+/// Without motion it is the kernel itself.
 #[inline(always)]
 pub fn tube_weight(mean: f32, [first, last]: [f32; 2]) -> f32 {
     mean * (0.5 * (last - first))
 }
 
-/// Weight of an ellipsoid: the integral over `covered` of exp(-2 (u^2 + v^2 + tau^2)), given its mean, divided by that of
-/// exp(-2 tau^2) over [-1, 1].
+/// Weight of an ellipsoid: the integral of exp(-2 (u^2 + v^2 + tau^2)) over `covered`, from its mean, divided by the
+/// integral of exp(-2 tau^2) over [-1, 1] (docs/math.md, eq. 15).
 #[inline(always)]
 pub fn ellipsoid_weight(mean: f32, [first, last]: [f32; 2]) -> f32 {
     mean * (ELLIPSOID * (last - first))
 }
 
-/// Share of a chord's weight (thesis eq. 4.12) that keeps the integral of a kernel over the screen the same whatever its motion
-/// (thesis 4.1.2): the integral of the unbounded ellipsoid is its chord weight times sqrt(pi/2) / sqrt(a/w^2).
+/// Factor on a chord's weight that keeps a kernel's integral over the screen the same whatever its motion (Wolf 2008,
+/// 4.1.2). The integral of the unbounded ellipsoid is its chord weight times sqrt(pi/2) / sqrt(a/w^2).
 #[inline(always)]
 pub fn chord_intensity(sweep: &Sweep) -> f32 {
     (2.0 * FRAC_PI_4).sqrt() * ELLIPSOID / sweep.speed2().sqrt()
 }
 
-/// The middles of the 32nds of [-1, 1] that lie in [first, last], as bits, the earliest lowest.
+/// The middles of the 32nds of [-1, 1] that lie in [first, last], as bits; the earliest is the lowest bit.
 #[inline(always)]
 pub fn moments([first, last]: [f32; 2]) -> u32 {
     below(last) & !below(first)
 }
 
-/// The middles before `tau` in [-1, 1].
+/// Number of middles before `tau` in [-1, 1].
 #[inline(always)]
 fn below(tau: f32) -> u32 {
-    /// Adding it leaves the nearest integer in the low mantissa bits.
+    /// Adding this leaves the nearest integer in the low mantissa bits.
     const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
     let count = (16.0 * tau + (16.0 + ROUND)).to_bits() & 63;
     let ones = (1_u32 << (count & 31)).wrapping_sub(1);
@@ -159,7 +162,7 @@ fn below(tau: f32) -> u32 {
 mod tests {
     use super::*;
 
-    /// A simple generator, so that the cases are the same everywhere.
+    /// A simple generator that gives the same cases everywhere.
     struct Random(u64);
 
     impl Random {
@@ -172,7 +175,7 @@ mod tests {
         }
     }
 
-    /// By definition, in f64: (covered share, tube weight, ellipsoid weight) by the midpoint rule over tau.
+    /// Covered share, tube weight and ellipsoid weight by their definition: the midpoint rule over tau, in f64.
     fn by_sampling(at: [f64; 2], rate: [f64; 2]) -> [f64; 3] {
         let n = 20_000;
         let (mut covered, mut tube, mut ellipsoid, mut whole) = (0.0, 0.0, 0.0, 0.0);
@@ -199,7 +202,7 @@ mod tests {
         f64::from(if first < last { last - first } else { 0.0 })
     }
 
-    /// Covered share, tube and ellipsoid weight.
+    /// Covered share, tube weight and ellipsoid weight by the functions under test.
     fn by_formula(path: Path) -> [f64; 3] {
         let (tube, ellipsoid) = (Sweep::tube(path), Sweep::ellipsoid(path));
         let (t, e) = (tube.covered(), ellipsoid.covered());
@@ -215,8 +218,8 @@ mod tests {
             let speed = 10_f64.powf(random.within(-7.0, 2.5));
             let angle = random.within(0.0, 6.3);
             let rate = [speed * angle.cos(), speed * angle.sin()];
-            let reach = 1.2 + random.next() * speed.min(20.0);
-            let at = [random.within(-reach, reach), random.within(-reach, reach)];
+            let span = 1.2 + random.next() * speed.min(20.0);
+            let at = [random.within(-span, span), random.within(-span, span)];
             let w = 10_f64.powf(random.within(-4.0, 4.0));
             let (want, got) = (by_sampling(at, rate), by_formula(path(at, rate, w)));
             // Rounding decides at the rim of a slow kernel.
@@ -232,7 +235,8 @@ mod tests {
                 worst[i] = worst[i].max(error);
             }
         }
-        // The midpoint rule errs by up to half a step, 1/20000 of the whole, at each of two ends; weights end at exp(-2) there.
+        // At each of the two ends the midpoint rule errs by up to half a step, 1/20000 of the whole. Weights are
+        // exp(-2) there.
         println!("worst: covered {:.1e}, tube {:.1e}, ellipsoid {:.1e}", worst[0], worst[1], worst[2]);
     }
 
@@ -250,7 +254,7 @@ mod tests {
         }
     }
 
-    /// Speed from nothing to far, in small steps, at places inside the rim: neither weight nor span jumps.
+    /// The speed grows from 0 to far in small steps, at places inside the rim. Neither the weight nor the span jumps.
     #[test]
     fn nothing_jumps_with_speed() {
         for angle in 0..12 {
@@ -262,7 +266,7 @@ mod tests {
                     let now = by_formula(path(at, [speed * angle.cos(), speed * angle.sin()], 0.2));
                     if let Some(before) = before {
                         for i in 0..3 {
-                            // A step changes the speed by 0.64 %, so that nothing changes by more, and by rounding.
+                            // A step changes the speed by 0.64 %, so nothing changes by more than that, plus rounding.
                             assert!(
                                 (now[i] - before[i]).abs() < 0.0064 + 2e-6,
                                 "{at:?} {angle} {speed}: {before:?} {now:?}"
@@ -275,7 +279,7 @@ mod tests {
         }
     }
 
-    /// At tau = 0 the path enters or leaves: one root is 0, where a sum of the wrong sign would cancel to 0/0.
+    /// At tau = 0 the path enters or leaves. One root is 0, where a sum of the wrong sign would cancel to 0/0.
     #[test]
     fn a_path_through_the_rim_is_met_on_one_side() {
         for step in 0..64 {

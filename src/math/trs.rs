@@ -1,8 +1,9 @@
-//! Translate, rotate, scale: the transform that scene files and animations speak.
+//! Translate, rotate, scale: the transform of scene files and animations.
 
 use glam::{DMat3, DMat4, DVec3};
 
-/// Order in which the three Euler rotations are applied (Maya's `rotateOrder`): the first letter first.
+/// Order in which the three Euler rotations are applied (Maya's `rotateOrder`). The rotation of the first letter comes
+/// first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RotateOrder {
     /// x, then y, then z: R = Rz Ry Rx (Maya's default).
@@ -21,7 +22,7 @@ pub enum RotateOrder {
 }
 
 impl RotateOrder {
-    /// From Maya's number, 0..=5; `None` otherwise.
+    /// The order of Maya's number 0..=5; `None` for other numbers.
     pub fn from_index(index: u32) -> Option<Self> {
         Some(match index {
             0 => Self::Xyz,
@@ -35,7 +36,7 @@ impl RotateOrder {
     }
 }
 
-/// M = T R S: a point is scaled, then rotated, then translated.
+/// M = T R S: a point is first scaled, then rotated, then translated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trs {
     /// Translation, scene units.
@@ -72,7 +73,7 @@ impl Trs {
     }
 }
 
-/// Rotation about a unit axis, with `libm`'s sine and cosine so that the bytes repeat on every machine.
+/// Rotation about a unit axis. Sine and cosine come from `libm`, so the bits are the same on every computer.
 pub(crate) fn rotation(axis: DVec3, radians: f64) -> DMat3 {
     let (s, c) = libm::sincos(radians);
     let t = 1.0 - c;
@@ -84,8 +85,8 @@ pub(crate) fn rotation(axis: DVec3, radians: f64) -> DMat3 {
     )
 }
 
-/// The most by which a linear map makes vectors longer, from above: |M|^2 is at most the greatest sum of absolute values in a row
-/// of M^T M. Exact for rotations with scales along the axes.
+/// Upper bound of the factor by which a linear map makes vectors longer. |M|^2 is at most the greatest sum of absolute
+/// values in a row of M^T M. The bound is exact for rotations with scales along the axes.
 pub(crate) fn norm(m: &DMat3) -> f64 {
     let square = m.transpose() * *m;
     let rows = [square.x_axis, square.y_axis, square.z_axis].map(|row| row.abs().element_sum());

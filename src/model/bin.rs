@@ -1,16 +1,16 @@
-//! Our own binary format: complete surfels in columns, exact and fast to load. Byte by byte in docs/bin-format.md.
+//! Our own binary format: complete surfels in columns, exact and fast to load. docs/bin-format.md describes it byte by
+//! byte.
 
 use std::io::{self, Write};
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
-use super::error::{ParseError, quote};
+use super::error::{ModelError, ParseError, quote};
+use super::format::BIN_MAGIC;
+use super::store;
+use super::surfels::{Material, Surfels};
 use super::tidy::{MAX_COORDINATE, usable};
-use super::{Material, ModelError, Surfels, store};
-
-/// The first bytes of a file. Not text, so that a transfer that changes line ends is noticed.
-pub(super) const MAGIC: [u8; 8] = *b"\x89SPLAT\r\n";
 
 const VERSION: u32 = 1;
 const HEADER: usize = 64;
@@ -22,12 +22,13 @@ const TWO_SIDED: u32 = 4;
 /// Reads a file into surfels.
 ///
 /// # Errors
-/// With the byte: wrong magic or version, unknown columns, a length that does not fit the count, a wrong checksum, or
-/// surfels that no other reader would let pass (not finite, without extent, normals not of unit length).
+/// The error names the byte. The magic or the version is wrong, there are unknown columns, the length does not fit the
+/// count, the checksum is wrong, or there are surfels that no other reader would accept (not finite, without extent,
+/// normals not of unit length).
 pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
     let magic: [u8; 8] = field(bytes, 0)?;
-    if magic != MAGIC {
-        return Err(ParseError::byte(0, quote(&magic), quote(&MAGIC)));
+    if magic != BIN_MAGIC {
+        return Err(ParseError::byte(0, quote(&magic), quote(&BIN_MAGIC)));
     }
     let version = u32::from_le_bytes(field(bytes, 8)?);
     if version != VERSION {
@@ -84,7 +85,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
 /// Writes surfels so that [`super::load`] gives back the same bits.
 ///
 /// # Errors
-/// The file cannot be written (then nothing is left behind), or the arrays differ in length.
+/// The file cannot be written (then no part of it is left), or the arrays differ in length.
 pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     store::check_columns(surfels)?;
     let mut mask = 0;
@@ -100,7 +101,7 @@ pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     let mut header = [0; HEADER];
     let origin = surfels.origin.to_array().map(f64::to_le_bytes);
     let parts: [&[u8]; 5] = [
-        &MAGIC,
+        &BIN_MAGIC,
         &VERSION.to_le_bytes(),
         &u32::to_le_bytes(mask),
         &(surfels.len() as u64).to_le_bytes(),
@@ -109,7 +110,7 @@ pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     for (to, from) in header.iter_mut().zip(parts.into_iter().flatten()) {
         *to = *from;
     }
-    // The checksum stands before the columns: they are encoded twice rather than kept.
+    // The checksum precedes the columns. They are encoded twice, which needs no memory for the encoded bytes.
     let mut sum = Sum(crc32fast::Hasher::new());
     let summed = sum.write_all(&header).and_then(|()| write_columns(&mut sum, surfels));
     summed.map_err(|source| ModelError::Write { path: path.to_owned(), source })?;
@@ -145,7 +146,7 @@ fn write_floats<const N: usize>(out: &mut impl Write, values: &[f32; N]) -> io::
     out.write_all(values.map(f32::to_le_bytes).as_flattened())
 }
 
-/// A checksum as something to write to.
+/// A checksum that can be written to.
 struct Sum(crc32fast::Hasher);
 
 impl Write for Sum {
@@ -159,7 +160,7 @@ impl Write for Sum {
     }
 }
 
-/// Bytes of a file; `None` beyond 64 bits.
+/// Length of a file, bytes; `None` if it needs more than 64 bits.
 fn file_length(count: u64, mask: u32) -> Option<u64> {
     let vectors = 5 + u64::from(mask & HAS_VELOCITY != 0);
     let vector_column = count.checked_mul(12)?.checked_next_multiple_of(8)?;
@@ -167,7 +168,7 @@ fn file_length(count: u64, mask: u32) -> Option<u64> {
     vector_column.checked_mul(vectors)?.checked_add(material)?.checked_add(HEADER as u64)
 }
 
-/// CRC-32 (IEEE) of the whole file with its own four bytes taken as 0.
+/// CRC-32 (IEEE) of the whole file, with its own four bytes taken as 0.
 fn checksum(bytes: &[u8]) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     hasher.update(bytes.get(..CRC_AT).unwrap_or_default());
@@ -181,7 +182,7 @@ fn field<const N: usize>(bytes: &[u8], at: usize) -> Result<[u8; N], ParseError>
     found.copied().ok_or_else(|| ParseError::byte(at, "the end of the file", format!("a header of {HEADER} bytes")))
 }
 
-/// Copies columns out of a file whose length was checked.
+/// Copies columns out of a file after its length was checked.
 struct Columns<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -216,7 +217,8 @@ fn floats<const N: usize, const M: usize>(row: &[u8; N]) -> [f32; M] {
     values
 }
 
-/// What every other part relies on. A checksum guards against accidents, not against programs that write nonsense.
+/// Checks what every other part relies on. A checksum guards against accidents, not against programs that write
+/// nonsense.
 fn check(s: &Surfels) -> Result<(), ParseError> {
     let finite = |v: &Vec3| f64::from(v.abs().max_element()) <= MAX_COORDINATE && v.is_finite();
     let unit = |n: &Vec3| (n.length_squared() - 1.0).abs() < 1e-4;

@@ -1,30 +1,31 @@
-//! A cloud as a file gives it, completed into surfels: recentred, with normals, axes and linear colours for all.
+//! Completes a cloud into surfels: recentres it, and gives every point a normal, axes and a linear colour.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{
-    Cloud, ColourSpace, ColourStorage, LoadOptions, Material, ModelError, Progress, Surfels,
-    neighbours::{Distinct, Neighbours},
-    normals, radii,
-};
+use super::cloud::{Cloud, ColourStorage};
+use super::error::ModelError;
+use super::neighbours::{Distinct, Neighbours};
+use super::options::{ColourSpace, LoadOptions, Progress};
+use super::surfels::{Material, Surfels};
+use super::tidy::MAX_COORDINATE;
+use super::{normals, radii};
 use crate::math::{Bounds, srgb};
 
-/// Greatest coordinate and length, model units: its square is far from overflow in `f32`.
-const HUGE: f64 = 1e18;
-/// Smallest length, model units: its square does not underflow in `f32`.
+/// Smallest length, model units. Its square does not underflow in `f32`.
 const TINY: f64 = 1e-18;
-/// Greatest magnitude of a linear colour: that of a 16-bit float.
+/// Greatest magnitude of a linear colour: the greatest 16-bit float.
 const BRIGHTEST: f32 = 65_504.0;
 /// Least sine of the angle between two axes.
 const PARALLEL: f64 = 1e-4;
 
-/// Makes a cloud renderable; gives the surfels, in the order of the cloud, and the notes of the cloud and of this function.
+/// Makes a cloud renderable. Returns the surfels in the order of the cloud, and the notes of the cloud and of this
+/// function.
 ///
-/// Points that are not finite or farther than 1e18 from the origin are dropped. Positions become relative to the centre of
-/// their box. Missing normals and radii are estimated (of elliptical splats without a normal it is u x v); lengths are kept
-/// within 1e-18..=1e18. Missing colours are white. A column whose length is not that of `position` is ignored.
-/// At most 2^32 - 1 points. The result does not depend on the number of threads.
+/// Points that are not finite or farther than 1e18 from the origin are dropped. Positions become relative to the centre
+/// of their box. Missing normals and radii are estimated; the missing normal of an elliptical splat is that of u x v.
+/// Lengths are kept within 1e-18..=1e18. Missing colours are white. A column whose length is not that of `position` is
+/// ignored. There are at most 2^32 - 1 points. The result does not depend on the number of threads.
 ///
 /// # Errors
 /// [`ModelError::NoPoints`] if no point is left.
@@ -74,7 +75,7 @@ macro_rules! for_each_column {
     };
 }
 
-/// A column, seen without the type of its elements.
+/// A column whose element type does not matter.
 trait Column {
     fn len(&self) -> usize;
     fn empty(&mut self);
@@ -109,10 +110,11 @@ fn drop_misfits(cloud: &mut Cloud, notes: &mut Vec<String>) {
 
 fn drop_unusable(cloud: &mut Cloud, notes: &mut Vec<String>) {
     // NaN and infinity fail the comparison too.
-    let kept: Vec<bool> = cloud.position.par_iter().map(|p| p.abs().cmple(DVec3::splat(HUGE)).all()).collect();
+    let kept: Vec<bool> =
+        cloud.position.par_iter().map(|p| p.abs().cmple(DVec3::splat(MAX_COORDINATE)).all()).collect();
     let dropped = kept.iter().filter(|&&k| !k).count();
     if dropped > 0 {
-        notes.push(format!("{dropped} points dropped: position not finite or beyond {HUGE:e}"));
+        notes.push(format!("{dropped} points dropped: position not finite or beyond {MAX_COORDINATE:e}"));
         cloud.position.keep(&kept);
         for_each_column!(cloud, |column: &mut dyn Column, _| column.keep(&kept));
     }
@@ -130,7 +132,7 @@ fn box_of(position: &[DVec3]) -> Bounds {
     position.par_iter().fold(Bounds::default, add).reduce(Bounds::default, merge)
 }
 
-/// Normals and axes of all points; empties `normal`, `radius` and `axes` of the cloud.
+/// Returns the normals and axes of all points, and empties `normal`, `radius` and `axes` of the cloud.
 fn surfaces(
     cloud: &mut Cloud,
     position: &[Vec3],
@@ -147,7 +149,7 @@ fn surfaces(
     let elliptical = !axes.is_empty();
     axes.resize(points, [Vec3::ZERO; 2]);
 
-    // First what the file says of each point; zero stands for what it does not.
+    // The loop takes what the file says of each point; zero stands for what is missing.
     let mut flat = 0;
     for ((n, r), a) in normal.iter_mut().zip(&mut radius).zip(&mut axes) {
         *n = unit(*n).unwrap_or(Vec3::ZERO);
@@ -175,17 +177,17 @@ fn surfaces(
     (normal, axes)
 }
 
-/// A unit vector along `n`; `None` if it is zero or not finite.
+/// A unit vector along `n`; `None` if `n` is zero or not finite.
 fn unit(n: Vec3) -> Option<Vec3> {
     if n.is_finite() && n.is_normalized() { Some(n) } else { n.as_dvec3().try_normalize().map(DVec3::as_vec3) }
 }
 
-/// A length that `f32` can square, or `None` if it is not positive or beyond [`HUGE`].
+/// A length that `f32` can square; `None` if it is not positive or beyond [`MAX_COORDINATE`].
 fn length(l: f64) -> Option<f32> {
-    (l > 0.0 && l <= HUGE).then(|| l.max(TINY) as f32)
+    (l > 0.0 && l <= MAX_COORDINATE).then(|| l.max(TINY) as f32)
 }
 
-/// Unit normal of the plane of two axes, if they span one.
+/// Unit normal of the plane of two axes; `None` if they span none.
 fn plane([u, v]: [Vec3; 2], lengths: [f32; 2]) -> Option<Vec3> {
     if lengths.contains(&0.0) {
         return None;
@@ -228,24 +230,25 @@ fn estimate(
     }
 }
 
-/// The axes of a surfel: those of the file, or a disc perpendicular to the normal; (u x v) . normal >= 0.
+/// The axes of a surfel: those of the file, or those of a disc perpendicular to the normal. (u x v) . normal >= 0.
 fn scaled_axes(axes: [Vec3; 2], normal: Vec3, radius: f32, scale: f64) -> [Vec3; 2] {
     let [u, v] = if axes == [Vec3::ZERO; 2] {
-        // Orthonormal frame of Duff et al. 2017, continuous but for n.z = 0.
+        // This orthonormal frame is that of Duff et al. 2017, which is continuous except at n.z = 0.
         let (u, v) = normal.any_orthonormal_pair();
         let radius = f64::from(radius);
         [u.as_dvec3() * radius, v.as_dvec3() * radius]
     } else {
         axes.map(Vec3::as_dvec3)
     };
-    // A factor that would leave the range is limited, not the axes' ratio.
+    // A factor that would leave the range is limited, so that the axes keep their ratio.
     let (longer, shorter) = (u.length().max(v.length()), u.length().min(v.length()));
-    let scale = scale.min(HUGE / longer).max(TINY / shorter);
-    let [u, v] = [u, v].map(|a| (a * scale).clamp(DVec3::splat(-HUGE), DVec3::splat(HUGE)).as_vec3());
+    let scale = scale.min(MAX_COORDINATE / longer).max(TINY / shorter);
+    let [u, v] =
+        [u, v].map(|a| (a * scale).clamp(DVec3::splat(-MAX_COORDINATE), DVec3::splat(MAX_COORDINATE)).as_vec3());
     if u.cross(v).dot(normal) < 0.0 { [v, u] } else { [u, v] }
 }
 
-/// Colours in linear light: white where there is none.
+/// Colours in linear light; white where there is none.
 fn linear_colours(cloud: &Cloud, points: usize, space: Option<ColourSpace>, notes: &mut Vec<String>) -> Vec<Vec3> {
     if cloud.colour.is_empty() {
         notes.push("no colours: white".to_owned());
@@ -260,7 +263,7 @@ fn linear_colours(cloud: &Cloud, points: usize, space: Option<ColourSpace>, note
         ColourStorage::Float => ColourSpace::Linear,
     };
     let is_linear = space.unwrap_or(by_storage) == ColourSpace::Linear;
-    // Colours stored as bytes take one of 256 values: the curve costs a power, the table a look.
+    // Colours stored as bytes take one of 256 values. The transfer curve costs a power, a table only a look-up.
     let bytes: Vec<(f32, f32)> =
         (0..=255_u8).map(|b| f32::from(b) / 255.0).map(|encoded| (encoded, srgb::to_linear(encoded))).collect();
     let channel = |encoded: f32| {
@@ -281,7 +284,7 @@ fn is_valid_material(m: Material) -> bool {
     [m.ambient, m.diffuse, m.specular, m.shininess].iter().all(|c| c.is_finite() && *c >= 0.0)
 }
 
-/// Replaces the entries that are not valid, and says so.
+/// Replaces the entries that are not valid, and notes their number.
 fn repair<T: Copy>(column: &mut [T], is_valid: fn(T) -> bool, fill: T, name: &str, notes: &mut Vec<String>) {
     let mut count = 0;
     for entry in column.iter_mut().filter(|e| !is_valid(**e)) {

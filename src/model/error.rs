@@ -1,9 +1,9 @@
-//! Why a model was refused: where in the file, what was found there and what would be right.
+//! Reasons to refuse a model: the place in the file, what was found there and what was expected.
 
 use std::fmt;
 use std::path::PathBuf;
 
-use super::Format;
+use super::format::Format;
 
 /// Why a model was refused or could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -25,7 +25,7 @@ pub enum ModelError {
         /// Why.
         source: std::io::Error,
     },
-    /// A directory, a device, a pipe or a socket. It was not opened.
+    /// The path names a directory, a device, a pipe or a socket. It was not opened.
     #[error("model {} is {found}, expected a regular file", path.display())]
     NotAFile {
         /// What was named.
@@ -33,13 +33,13 @@ pub enum ModelError {
         /// What it is.
         found: &'static str,
     },
-    /// A file of no bytes.
+    /// The file has no bytes.
     #[error("model {} is empty (0 bytes)", path.display())]
     EmptyFile {
         /// The file.
         path: PathBuf,
     },
-    /// Neither the content nor the extension is known.
+    /// Neither the content nor the extension shows a known format.
     #[error("model {} is of no known format (known: {})", path.display(), Format::KNOWN)]
     UnknownFormat {
         /// The file.
@@ -53,21 +53,21 @@ pub enum ModelError {
         /// Where and what.
         why: ParseError,
     },
-    /// A cloud without a point that could be drawn.
+    /// The cloud has no point that could be drawn.
     #[error("the model has no usable points")]
     NoPoints,
-    /// A file without a point that could be drawn.
+    /// The file has no point that could be drawn.
     #[error("model {} has no usable points{dropped}", path.display())]
     NoPointsIn {
         /// The file.
         path: PathBuf,
-        /// Empty, or `: ` and why points were dropped.
+        /// Either empty, or `: ` and why points were dropped.
         dropped: String,
     },
-    /// Surfels to be written whose arrays do not agree in length.
+    /// The arrays of surfels to be written differ in length.
     #[error("surfels to be written have {found} of `{column}`, expected {expected}")]
     UnequalColumns {
-        /// The array.
+        /// Name of the array.
         column: &'static str,
         /// Its length.
         found: usize,
@@ -94,30 +94,30 @@ impl fmt::Display for Place {
     }
 }
 
-/// What breaks the rules of a format.
+/// How a file breaks the rules of its format.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{at}: found {found}, expected {expected}")]
 pub struct ParseError {
     /// Where.
     pub at: Place,
-    /// What stands there.
+    /// The content found.
     pub found: String,
-    /// What would be right.
+    /// The content expected.
     pub expected: String,
 }
 
 impl ParseError {
-    /// Something wrong at a line (from 1).
+    /// An error at a line (from 1).
     pub(super) fn line(line: u64, found: impl Into<String>, expected: impl Into<String>) -> Self {
         Self { at: Place::Line(line), found: found.into(), expected: expected.into() }
     }
 
-    /// Something wrong at a byte offset (from 0).
+    /// An error at a byte offset (from 0).
     pub(super) fn byte(at: usize, found: impl Into<String>, expected: impl Into<String>) -> Self {
         Self { at: Place::Byte(at as u64), found: found.into(), expected: expected.into() }
     }
 
-    /// Adds what was being read.
+    /// Adds the name of what was being read.
     pub(super) fn of(mut self, what: &str) -> Self {
         self.expected.push_str(" (");
         self.expected.push_str(what);
@@ -126,7 +126,7 @@ impl ParseError {
     }
 }
 
-/// Text of a file as it may stand in a message: quoted, escaped, at most 60 characters.
+/// Text of a file for a message: quoted, escaped, at most 60 characters.
 pub(super) fn quote(text: &[u8]) -> String {
     let text = String::from_utf8_lossy(text.get(..256).unwrap_or(text));
     let mut shown: String = text.chars().take(60).flat_map(char::escape_debug).collect();
@@ -136,7 +136,7 @@ pub(super) fn quote(text: &[u8]) -> String {
     format!("`{shown}`")
 }
 
-/// Line (from 1) of byte `at`; LF, CRLF and CR each end a line.
+/// Line (from 1) of byte `at`. LF, CRLF and CR each end a line.
 pub(super) fn line_of(bytes: &[u8], at: usize) -> u64 {
     let before = bytes.get(..at).unwrap_or(bytes);
     let lf = before.split(|&b| b == b'\n').count() - 1;

@@ -1,32 +1,33 @@
-//! 3D Gaussian-splat captures in the plain PLY layout, taken as opaque surfels.
+//! 3D Gaussian-splat captures (Kerbl et al. 2023) in the plain PLY layout, taken as opaque surfels.
 //!
-//! A splat has sigma = e^scale along three axes of a rotation (w, x, y, z), alpha = 1 / (1 + e^-opacity) and a colour
-//! 0.5 + `SH_C0` `f_dc` for the direction-independent term; higher terms are ignored. As a surfel: the two larger axes
-//! at two sigma (where our kernel ends), and the smallest as the normal, whose sign the file does not say.
+//! A splat has sigma = e^scale along the three axes of a rotation (w, x, y, z), alpha = 1 / (1 + e^-opacity), and the
+//! colour 0.5 + `SH_C0` `f_dc` for the direction-independent term. Higher terms are ignored. The surfel has the two
+//! larger axes at two sigma, where our kernel ends. The smallest axis is its normal, whose sign the file does not say.
 
 use glam::{DMat3, DQuat, DVec3, Vec3};
 
+use super::cloud::{Cloud, ColourStorage};
 use super::tidy::retain;
-use super::{Cloud, ColourStorage};
 
-/// Splats fainter than this are dropped: opaque, they would hide what should shine through them.
+/// Least alpha. Fainter splats are dropped: as opaque surfels they would hide what should shine through them.
 const LEAST_ALPHA: f64 = 0.35;
 
-/// Splats with a sigma above this share of the model's size are dropped: opaque, they are blobs.
+/// Largest sigma as a share of the model's size. Splats above it are dropped: as opaque surfels they are blobs.
 ///
 /// Measured on a capture of a guitar, where the best looking limit is 2.7 % of the size (it drops 1 % of the splats
 /// that are left).
 const LARGEST_SIGMA: f64 = 1.0 / 40.0;
 
-/// Models with fewer splats have no meaningful size, and no limit on sigma.
+/// Fewest splats of a model with a meaningful size. Smaller models have no limit on sigma.
 const FEWEST_FOR_SIZE: usize = 100;
 
-/// Degree-0 spherical harmonic: 1 / (2 sqrt(pi)).
+/// The spherical harmonic of degree 0: 1 / (2 sqrt(pi)).
 const SH_C0: f64 = 0.282_094_791_773_878_14;
 
-/// Fills in the attributes of `cloud`, which has the positions. `splats`: `f_dc` 0..2, opacity, scale 0..2, rot 0..3.
+/// Fills in the attributes of `cloud`, which already has the positions. `splats` holds `f_dc` 0..2, opacity, scale 0..2
+/// and rot 0..3.
 ///
-/// Colours are sRGB-encoded by practice (captures are trained on 8-bit images as they are), and marked so.
+/// Colours are sRGB-encoded by custom (captures are trained on 8-bit images as they are), and marked so.
 pub(super) fn fill(cloud: &mut Cloud, splats: &[[f64; 11]]) {
     let solid: Vec<bool> = splats.iter().map(|s| 1.0 / (1.0 + (-s[3]).exp()) > LEAST_ALPHA).collect();
     let faint = solid.iter().filter(|s| !**s).count();
@@ -59,7 +60,8 @@ pub(super) fn fill(cloud: &mut Cloud, splats: &[[f64; 11]]) {
     cloud.two_sided = true;
     let total = splats.len();
     cloud.notes.push(format!(
-        "Gaussian splats drawn as opaque surfels: {} of {total} kept; dropped {faint} with opacity up to {LEAST_ALPHA}, \
+        "Gaussian splats drawn as opaque surfels: {} of {total} kept; \
+         dropped {faint} with opacity up to {LEAST_ALPHA}, \
          {large} with a sigma above {}% of the model's size, {broken} with a bad scale or rotation",
         cloud.position.len(),
         100.0 * LARGEST_SIGMA,
@@ -70,7 +72,7 @@ pub(super) fn fill(cloud: &mut Cloud, splats: &[[f64; 11]]) {
     );
 }
 
-/// Diagonal of the box that leaves out the outermost 2 % on each side: captures have stray splats far away.
+/// Diagonal of the box that leaves out the outermost 2 % on each side, as captures have stray splats far away.
 fn model_size(positions: &[DVec3], solid: &[bool]) -> Option<f64> {
     let spans = [0, 1, 2].map(|axis| {
         let mut line = coordinates(positions, solid, axis);

@@ -1,52 +1,54 @@
 //! Models made by formula: those that the demo scenes ship, and the sphere of the speed tests.
 //!
-//! The same bytes on every machine: sines, cosines and angles come from `libm`, everything else is plain `f64` arithmetic
-//! that is rounded to `f32` once.
+//! The bytes are the same on every computer: sines, cosines and angles come from `libm`, everything else is plain `f64`
+//! arithmetic that is rounded to `f32` once.
 
 use std::f64::consts::PI;
 use std::io::{self, Write};
 
 use glam::{DVec3, Vec3};
 
-use super::Cloud;
+use super::cloud::Cloud;
 
-/// Colours as the file stores them: sRGB bytes.
+/// A colour as the file stores it: sRGB bytes.
 type Rgb = [u8; 3];
 
-/// Surfels of the [`ball`] that ships.
+/// Number of surfels of the [`ball`] that ships.
 pub const BALL_SURFELS: u32 = 30_000;
 
-/// A ball of radius 0.5 about the origin: [`BALL_SURFELS`] surfels on a [`sphere`] lattice of half the size, so each of
-/// radius 4 * 0.5/sqrt(n). Cells of 45 by 30 degrees, cream and red; the poles lie on z.
+/// A ball of radius 0.5 about the origin. Its [`BALL_SURFELS`] surfels lie on a [`sphere`] lattice of half the size, so
+/// each has the radius 4 * 0.5/sqrt(n). Cells of 45 by 30 degrees are cream and red; the poles lie on z.
 ///
-/// Radius 0.5 is what `animations/rolling.anim` rolls without slipping.
+/// `animations/rolling.anim` rolls a ball of this radius without slipping.
 pub fn ball() -> Cloud {
     lattice(BALL_SURFELS, 0.5, 4.0, 6.0)
 }
 
-/// The unit sphere: `n` surfels on a Fibonacci lattice, each of radius 4/sqrt(n), so that every point of the sphere lies under
-/// about four of them. Cells of a 16 by 8 checkerboard, cream and red; the poles lie on z.
+/// The unit sphere: `n` surfels on a Fibonacci lattice, each of radius 4/sqrt(n), so that every point of the sphere
+/// lies under about four of them. The cells of a 16 by 8 checkerboard are cream and red; the poles lie on z.
 ///
-/// With i = 0..n-1: z = 1 - 2 (i + 1/2)/n, phi = (i + 1/2) pi (3 - sqrt 5), normal = position
-/// = (sqrt(1 - z^2) cos phi, sqrt(1 - z^2) sin phi, z).
+/// With i = 0..n-1: z = 1 - 2 (i + 1/2)/n, phi = (i + 1/2) pi (3 - sqrt 5), normal = position = (sqrt(1 - z^2) cos phi,
+/// sqrt(1 - z^2) sin phi, z).
 pub fn sphere(n: u32) -> Cloud {
     lattice(n, 1.0, 8.0, 8.0)
 }
 
-/// A square of side 8 in y = 0, normal +y: 256 x 256 surfels of radius 0.0375, 32 x 32 cells of 0.25, ivory and slate.
+/// A square of side 8 in y = 0 with the normal +y: 256 x 256 surfels of radius 0.0375, 32 x 32 cells of 0.25, ivory and
+/// slate.
 ///
-/// Fine enough to test antialiasing: seen at a slant the far cells are smaller than a pixel.
+/// It is fine enough to test antialiasing: at a slant the far cells are smaller than a pixel.
 pub fn checker_plane() -> Cloud {
     square(256, 8.0, 0.0375, 8, [[235, 230, 220], [40, 44, 52]])
 }
 
-/// A square of side 14 in y = 0, normal +y: 224 x 224 surfels of radius 0.075, 14 x 14 cells of 1 in two quiet greys.
+/// A square of side 14 in y = 0 with the normal +y: 224 x 224 surfels of radius 0.075, 14 x 14 cells of 1 in two quiet
+/// greys.
 pub fn floor() -> Cloud {
     square(224, 14.0, 0.075, 16, [[120, 116, 110], [70, 72, 78]])
 }
 
-/// Seven upright slats in z = 0, normal +z, centred at x = -2.1, -1.4 .. 2.1, each 0.2 wide and 3.2 high about y = 0:
-/// 20 x 320 surfels 0.01 apart, radius 0.012, ochre. The gaps are 0.5 wide.
+/// Seven upright slats in z = 0 with the normal +z, centred at x = -2.1, -1.4 .. 2.1. Each is 0.2 wide and 3.2 high
+/// about y = 0, with 20 x 320 surfels 0.01 apart of radius 0.012, ochre. The gaps are 0.5 wide.
 pub fn fence() -> Cloud {
     const SPACING: f64 = 0.01;
     let mut cloud = Cloud::default();
@@ -63,11 +65,11 @@ pub fn fence() -> Cloud {
     cloud
 }
 
-/// Writes a generated cloud as binary little-endian PLY: position, normal and radius as floats, colour as sRGB bytes, in all
-/// 31 bytes a surfel.
+/// Writes a generated cloud as binary little-endian PLY: position, normal and radius as floats, colour as sRGB bytes. A
+/// surfel takes 31 bytes.
 ///
 /// # Errors
-/// The writer fails, or the cloud is not a generated one: an array is missing.
+/// The writer fails, or an array is missing because the cloud is not a generated one.
 pub fn write(cloud: &Cloud, out: &mut impl Write) -> io::Result<()> {
     let n = cloud.position.len();
     if [cloud.normal.len(), cloud.radius.len(), cloud.colour.len()] != [n; 3] {
@@ -90,7 +92,8 @@ pub fn write(cloud: &Cloud, out: &mut impl Write) -> io::Result<()> {
     Ok(())
 }
 
-/// A sphere of radius `size` with `n` surfels; its checkerboard has 2 `turn` cells round the poles and `rise` from pole to pole.
+/// A sphere of radius `size` with `n` surfels. Its checkerboard has 2 `turn` cells around the poles and `rise` cells
+/// from pole to pole.
 fn lattice(n: u32, size: f64, turn: f64, rise: f64) -> Cloud {
     let count = f64::from(n);
     let golden = PI * (3.0 - libm::sqrt(5.0));
@@ -110,7 +113,7 @@ fn lattice(n: u32, size: f64, turn: f64, rise: f64) -> Cloud {
     cloud
 }
 
-/// A checkered square in y = 0: `n` x `n` surfels, `per_cell` along the side of a cell, x fastest.
+/// A checkered square in y = 0: `n` x `n` surfels, `per_cell` along the side of a cell. x varies fastest.
 fn square(n: u32, side: f64, radius: f32, per_cell: u32, colours: [Rgb; 2]) -> Cloud {
     let at = |k: u32| ((f64::from(k) + 0.5) / f64::from(n) - 0.5) * side;
     let mut cloud = Cloud::default();
@@ -169,7 +172,7 @@ mod tests {
 
     #[test]
     fn overlap_is_four() {
-        // n discs of area pi r^2 on a sphere of area 4 pi.
+        // There are n discs of area pi r^2 on a sphere of area 4 pi.
         let n = 5000;
         let area: f64 = sphere(n).radius.iter().map(|&r| PI * f64::from(r) * f64::from(r)).sum();
         assert!((area / (4.0 * PI) - 4.0).abs() < 1e-5);
@@ -177,13 +180,13 @@ mod tests {
 
     #[test]
     fn cells_alternate() {
-        // One corner of four cells: colours at opposite sides agree, neighbours differ.
+        // Four cells meet in a corner: opposite cells have the same colour, neighbours differ.
         let plane = checker_plane();
         let colour = |column: usize, row: usize| plane.colour[row * 256 + column];
         assert_eq!(colour(7, 7), colour(8, 8));
         assert_eq!(colour(7, 8), colour(8, 7));
         assert_ne!(colour(7, 7), colour(8, 7));
-        // Both colours cover half of a ball.
+        // Each colour covers half of a ball.
         let ball = ball();
         let red = ball.colour.iter().filter(|c| c.y < 0.5).count();
         assert!(red.abs_diff(15_000) < 300, "{red}");

@@ -1,7 +1,7 @@
-//! Opening a model file without surprises, and mapping it into memory.
+//! Opens a model file safely and maps it into memory.
 //!
-//! Limit: a file that another process truncates while it is being read makes the system kill this process (`SIGBUS`).
-//! Readers copy what they keep, so the window ends with the loading.
+//! Limit: if another process truncates the file while it is read, the system kills this process (`SIGBUS`). Readers
+//! copy what they keep, so the risk ends when loading ends.
 
 use std::fs::{File, FileType};
 use std::io;
@@ -9,10 +9,10 @@ use std::path::Path;
 
 use memmap2::Mmap;
 
-use super::ModelError;
+use super::error::ModelError;
 
-/// Bytes of a regular file that is not empty. Directories, devices, pipes and sockets are refused without being opened:
-/// opening a pipe would wait for its writer.
+/// The bytes of a regular file that is not empty. Directories, devices, pipes and sockets are refused without being
+/// opened: opening a pipe would wait for its writer.
 pub(super) fn map(path: &Path) -> Result<Mmap, ModelError> {
     let failed = |source| ModelError::Read { path: path.to_owned(), source };
     let before = std::fs::metadata(path).map_err(failed)?;
@@ -20,7 +20,7 @@ pub(super) fn map(path: &Path) -> Result<Mmap, ModelError> {
         return Err(ModelError::NotAFile { path: path.to_owned(), found: kind(before.file_type()) });
     }
     let file = File::open(path).map_err(failed)?;
-    // Asked again of what was opened: the name may mean another file by now.
+    // The opened file is asked again: the name may mean another file by now.
     let opened = file.metadata().map_err(failed)?;
     if !opened.is_file() {
         return Err(ModelError::NotAFile { path: path.to_owned(), found: kind(opened.file_type()) });

@@ -4,20 +4,21 @@ use glam::{DVec3, Vec3};
 
 /// Sums of polygon area vectors at the vertices.
 ///
-/// The area vector of a polygon p0..pk is 1/2 sum (pi - p0) x (pi+1 - p0): its length is the area, its direction the
-/// normal of counter-clockwise order. Summed and normalised it is the area-weighted normal.
+/// The area vector of a polygon p0..pk is 1/2 sum (pi - p0) x (pi+1 - p0). Its length is the area, its direction the
+/// normal of counter-clockwise order. The sum at a vertex, normalised, is the area-weighted normal.
 pub(super) struct AreaNormals<'a> {
     positions: &'a [DVec3],
     sums: Vec<DVec3>,
 }
 
 impl<'a> AreaNormals<'a> {
-    /// No polygons yet.
+    /// Starts without polygons.
     pub(super) fn new(positions: &'a [DVec3]) -> Self {
         Self { positions, sums: vec![DVec3::ZERO; positions.len()] }
     }
 
-    /// Adds a polygon by its vertex indices. Fewer than three, or a vertex that is not finite: adds nothing.
+    /// Adds a polygon by its vertex indices. A polygon with fewer than three vertices, or with one that is not finite,
+    /// adds nothing.
     ///
     /// # Errors
     /// The first index that names no vertex.
@@ -45,7 +46,7 @@ impl<'a> AreaNormals<'a> {
         Ok(())
     }
 
-    /// Adds a triangle strip; an index of -1 starts a new strip. Every other triangle is turned.
+    /// Adds triangle strips. An index of -1 starts a new strip. Every other triangle of a strip is turned over.
     ///
     /// # Errors
     /// The first index that names no vertex.
@@ -61,7 +62,7 @@ impl<'a> AreaNormals<'a> {
         Ok(())
     }
 
-    /// Unit normals; zero at vertices without a polygon that has an area.
+    /// Unit normals. They are zero at vertices whose polygons have no area.
     pub(super) fn finish(self) -> Vec<Vec3> {
         self.sums.into_iter().map(|n| n.try_normalize().unwrap_or(DVec3::ZERO).as_vec3()).collect()
     }

@@ -1,21 +1,22 @@
 //! Nearest neighbours among the distinct points of a cloud.
 //!
-//! A small kd-tree of our own: equal points are merged first, so that a pile of copies costs nothing and a neighbour is always
-//! another place; ties in distance are broken by index, so that the result depends on neither threads nor machine.
+//! The kd-tree merges equal points first, so that many copies cost nothing and a neighbour is always another place.
+//! Ties in distance are broken by index, so the result depends neither on threads nor on the computer.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{Progress, order::morton_codes};
+use super::options::Progress;
+use super::order::morton_codes;
 
-/// Points below which a subtree is searched by looking at each; 4, 8 and 16 are about equally fast.
+/// Points below which a subtree is searched linearly; 4, 8 and 16 are about equally fast.
 const LEAF: usize = 8;
 /// Points above which a subtree is built by two threads.
 const FORK: usize = 4096;
 /// Points whose neighbours one task finds.
-const BLOCK: usize = 4096;
+const CHUNK: usize = 4096;
 
 /// A cloud with equal positions merged.
 #[derive(Debug)]
@@ -27,7 +28,7 @@ pub(super) struct Distinct {
 }
 
 impl Distinct {
-    /// Merges the equal ones of finite positions (-0 equals 0).
+    /// Merges equal positions, which must be finite (-0 equals 0).
     pub(super) fn new(points: &[Vec3]) -> Self {
         let mut keys = morton_codes(points);
         keys.par_sort_unstable_by(|a, b| {
@@ -53,14 +54,14 @@ struct Node {
     index: u32,
 }
 
-/// A balanced kd-tree without pointers: the root of the range a..b is its middle, which splits along `axis[middle]`.
+/// A balanced kd-tree without pointers. The root of the range a..b is its middle, which splits along `axis[middle]`.
 pub(super) struct Tree {
     nodes: Vec<Node>,
     axis: Vec<u8>,
 }
 
 impl Tree {
-    /// Builds the tree of (position, index) pairs: O(n log n), in parallel. Positions must be finite.
+    /// Builds the tree of (position, index) pairs in O(n log n), in parallel. Positions must be finite.
     pub(super) fn new(points: impl Iterator<Item = (Vec3, u32)>) -> Self {
         let mut nodes: Vec<Node> = points.map(|(position, index)| Node { position, index }).collect();
         let mut axis = vec![0; nodes.len()];
@@ -68,8 +69,8 @@ impl Tree {
         Self { nodes, axis }
     }
 
-    /// Fills `found` with the squared distances and indices of the (at most) `count` points nearest to `p`, nearest first and
-    /// the lower index first among equals; a point of index `except` does not count.
+    /// Fills `found` with the squared distances and indices of the (at most) `count` points nearest to `p`. The nearest
+    /// is first; among equals the lower index is first. A point of index `except` does not count.
     pub(super) fn nearest(&self, p: Vec3, except: u32, count: usize, found: &mut Vec<(f64, u32)>) {
         found.clear();
         if count > 0 {
@@ -78,8 +79,8 @@ impl Tree {
         }
     }
 
-    /// `offset`: componentwise distance of the query from the box of the range. Every point in the box is at least that far
-    /// along each axis, and rounding is monotonic, so no point is missed.
+    /// Searches a range. `offset` is the componentwise distance of the query from the box of the range. Every point in
+    /// the box is at least that far along each axis, and rounding is monotonic, so no point is missed.
     fn search(&self, from: usize, to: usize, offset: DVec3, query: &mut Query<'_>) {
         if to - from <= LEAF {
             self.nodes[from..to].iter().for_each(|node| query.offer(node));
@@ -149,16 +150,17 @@ fn build(nodes: &mut [Node], axis: &mut [u8]) {
     }
 }
 
-/// The nearest neighbours of every point, all the same number.
+/// The nearest neighbours of every point, the same number for each.
 pub(super) struct Neighbours {
     row: usize,
     index: Vec<u32>,
 }
 
 impl Neighbours {
-    /// Finds the `count` nearest others of each of some distinct points; all others where there are fewer.
+    /// Finds the `count` nearest other points of each of some distinct points, or all others where there are fewer.
     ///
-    /// Source: the search of Arya and Mount 1993 (distances to boxes kept up incrementally). Needs 4 bytes a neighbour.
+    /// The search is that of Arya and Mount 1993, which updates distances to boxes incrementally. It needs 4 bytes for
+    /// each neighbour.
     pub(super) fn new(points: &[Vec3], count: usize, progress: Progress<'_>) -> Self {
         let row = count.min(points.len().saturating_sub(1));
         if row == 0 {
@@ -167,9 +169,9 @@ impl Neighbours {
         let tree = Tree::new(points.iter().zip(0..).map(|(&p, i)| (p, i)));
         let mut index = vec![0; points.len() * row];
         let done = AtomicUsize::new(0);
-        index.par_chunks_mut(BLOCK * row).enumerate().for_each(|(block, rows)| {
+        index.par_chunks_mut(CHUNK * row).enumerate().for_each(|(chunk, rows)| {
             let mut found = Vec::with_capacity(row + 1);
-            for (i, row_of_i) in (block * BLOCK..).zip(rows.chunks_exact_mut(row)) {
+            for (i, row_of_i) in (chunk * CHUNK..).zip(rows.chunks_exact_mut(row)) {
                 tree.nearest(points[i], i as u32, row, &mut found);
                 row_of_i.iter_mut().zip(&found).for_each(|(to, &(_, from))| *to = from);
             }
@@ -192,7 +194,7 @@ mod tests {
 
     fn quiet(_: &str, _: f32) {}
 
-    /// The definition: all others, sorted by distance, then by index.
+    /// The neighbours by their definition: all other points, sorted by distance, then by index.
     fn brute_force(points: &[Vec3], i: usize, count: usize) -> Vec<u32> {
         let mut others: Vec<(f64, u32)> = (0..points.len())
             .filter(|&j| j != i)
@@ -260,7 +262,9 @@ mod tests {
     proptest! {
         #[test]
         fn agrees_with_the_definition(
-            points in prop::collection::vec(prop::array::uniform3(-8_i8..8), 0..300), count in 1_usize..20, size in 1e-9_f32..1e9
+            points in prop::collection::vec(prop::array::uniform3(-8_i8..8), 0..300),
+            count in 1_usize..20,
+            size in 1e-9_f32..1e9,
         ) {
             check(&points.iter().map(|p| Vec3::from(p.map(f32::from)) * size).collect::<Vec<_>>(), count);
         }

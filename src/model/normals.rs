@@ -5,33 +5,31 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{
-    Progress,
-    neighbours::{Distinct, Neighbours},
-    orient::orient,
-};
+use super::neighbours::{Distinct, Neighbours};
+use super::options::Progress;
+use super::orient::orient;
 
 /// Neighbours that a normal is estimated from.
 pub(super) const NEAREST: usize = 16;
 /// Points that one task handles.
-const BLOCK: usize = 4096;
-/// A neighbourhood is a line if its second variance is below this share of the first. (Positions are rounded to 2^-24 of the
-/// model, variances are squares: a neighbourhood a hundredth of the model wide is noisy by 4e-11.)
+const CHUNK: usize = 4096;
+/// A neighbourhood is a line if its second variance is below this share of the first. (Positions are rounded to 2^-24
+/// of the model, and variances are squares: the noise of a neighbourhood a hundredth of the model wide is 4e-11.)
 const LINE: f64 = 1e-10;
 
-/// Replaces the normals that are zero by estimates; gives their number.
+/// Replaces the normals that are zero by estimates, and returns their number.
 ///
-/// Direction: principal components of the point and its 16 nearest distinct ones. Sign: see [`orient`]; given normals are
-/// kept and their neighbours follow them. In a straight neighbourhood the normal is the perpendicular nearest to +z (of a line
-/// along z: +y); a cloud in one place faces +z, towards the default camera.
-/// `normal` has an entry a point of the cloud, `neighbours` has those of the distinct points.
+/// The direction comes from the principal components of the point and its 16 nearest distinct points. The sign comes
+/// from [`orient`]: given normals are kept, and their neighbours follow them. In a straight neighbourhood the normal is
+/// the perpendicular nearest to +z (+y for a line along z). If all points are in one place, the normal is +z, towards
+/// the default camera. `normal` has an entry for each point of the cloud, `neighbours` has one for each distinct point.
 pub(super) fn estimate(
     normal: &mut [Vec3],
     cloud: &Distinct,
     neighbours: &Neighbours,
     progress: Progress<'_>,
 ) -> usize {
-    // Of several points in one place the first that has a normal speaks for the place.
+    // Of several points in one place, the first that has a normal decides.
     let mut place = vec![Vec3::ZERO; cloud.position.len()];
     for (&n, &i) in normal.iter().zip(&cloud.of) {
         let at = &mut place[i as usize];
@@ -42,8 +40,8 @@ pub(super) fn estimate(
     let given: Vec<bool> = place.iter().map(|&n| n != Vec3::ZERO).collect();
     let total = place.len();
     let done = AtomicUsize::new(0);
-    place.par_chunks_mut(BLOCK).enumerate().for_each(|(block, normals)| {
-        for (i, n) in (block * BLOCK..).zip(normals.iter_mut()) {
+    place.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, normals)| {
+        for (i, n) in (chunk * CHUNK..).zip(normals.iter_mut()) {
             if !given[i] {
                 *n = thinnest(&cloud.position, i, neighbours.of(i));
             }
@@ -67,7 +65,8 @@ fn thinnest(position: &[Vec3], i: usize, near: &[u32]) -> Vec3 {
     let centre = position[i].as_dvec3();
     let offset = |&j: &u32| position[j as usize].as_dvec3() - centre;
     let mean = near.iter().map(offset).sum::<DVec3>() / (near.len() + 1) as f64;
-    // The point itself has offset zero. Scaled to a neighbourhood of size 1, so that squares neither over- nor underflow.
+    // The point itself has the offset zero. The neighbourhood is scaled to size 1, so that squares neither overflow nor
+    // underflow.
     let size = near.iter().map(|j| offset(j).abs().max_element()).fold(0.0, f64::max);
     if size == 0.0 {
         return Vec3::Z;
@@ -86,11 +85,11 @@ fn thinnest(position: &[Vec3], i: usize, near: &[u32]) -> Vec3 {
     normal.normalize_or(DVec3::Z).as_vec3()
 }
 
-/// Eigenvalues, ascending, and unit eigenvectors of a symmetric matrix, by cyclic Jacobi rotations (Golub and Van Loan,
-/// *Matrix Computations*, 8.5). Needs square roots only, so the bytes repeat on every machine.
+/// Eigenvalues, ascending, and unit eigenvectors of a symmetric matrix by cyclic Jacobi rotations (Golub and Van Loan,
+/// *Matrix Computations*, 8.5). They need no function but square roots, so the bits are the same on every computer.
 fn eigen(mut a: DMat3) -> ([f64; 3], [DVec3; 3]) {
     let mut v = DMat3::IDENTITY;
-    // Converges quadratically: five sweeps are the most that was seen.
+    // The rotations converge quadratically. No input has needed more than five sweeps.
     for _ in 0..12 {
         let off = a.y_axis.x.abs() + a.z_axis.x.abs() + a.z_axis.y.abs();
         let diagonal = a.x_axis.x.abs() + a.y_axis.y.abs() + a.z_axis.z.abs();
@@ -138,7 +137,7 @@ pub(super) mod tests {
             .collect()
     }
 
-    /// Uniform in -1..1, the same on every run.
+    /// Numbers uniform in -1..1, the same on every run.
     pub(crate) fn noise(seed: u32) -> Vec3 {
         let hash = |k: u32| {
             let mut x = seed.wrapping_mul(3).wrapping_add(k).wrapping_mul(0x9e37_79b9) ^ 0x5bd1_e995;
@@ -191,7 +190,7 @@ pub(super) mod tests {
 
     #[test]
     fn given_normals_are_kept_and_followed() {
-        // Inward on purpose: three given normals turn the whole sphere.
+        // The given normals point inward on purpose. Three of them turn the whole sphere.
         let points = sphere(3000);
         let mut given = vec![Vec3::ZERO; 3000];
         for i in [10, 1500, 2900] {

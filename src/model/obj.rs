@@ -1,21 +1,23 @@
 //! Wavefront OBJ: vertices as points, faces for their normals.
 //!
-//! Own reader, as little is needed: `v x y z [w] [r g b]`, `vn`, and `f` with `v`, `v/vt`, `v//vn`, `v/vt/vn` and
-//! negative (relative) indices. All other statements are skipped. Normals of a file are used only where there are as
-//! many as vertices and no face (a point cloud): with faces they belong to corners, not to vertices, and the
-//! area-weighted normal is taken instead. Vertex colours (a habit of `MeshLab`) are 8-bit colours divided by 255, hence sRGB.
+//! The reader is our own, as it needs little: `v x y z [w] [r g b]`, `vn`, and `f` with `v`, `v/vt`, `v//vn`, `v/vt/vn`
+//! and negative (relative) indices. All other statements are skipped. Normals of a file are used only where it has as
+//! many as vertices and no face (a point cloud). With faces, normals belong to corners, not to vertices, so the
+//! area-weighted normal is taken instead. Vertex colours (an extension of `MeshLab`) are 8-bit colours divided by 255,
+//! hence sRGB.
 
 use glam::{DVec3, Vec3};
 
+use super::cloud::{Cloud, ColourStorage};
 use super::error::{ParseError, quote};
 use super::mesh::AreaNormals;
 use super::ply_body::number;
-use super::{Cloud, ColourStorage};
 
 /// Reads an OBJ file.
 ///
 /// # Errors
-/// With the line: a `v`, `vn` or `f` statement with missing or bad numbers, or an index of no vertex above it.
+/// The error names the line. A `v`, `vn` or `f` statement has missing or bad numbers, or an index names no vertex above
+/// it.
 pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, ParseError> {
     let mut cloud = Cloud { colour_storage: ColourStorage::Integer, ..Cloud::default() };
     let mut normals = Vec::new();
@@ -69,7 +71,7 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
     Ok(cloud)
 }
 
-/// Second pass over the file, so that faces need not be kept in memory.
+/// Reads the faces in a second pass over the file, so that they need not be kept in memory.
 fn face_normals(bytes: &[u8], positions: &[DVec3]) -> Result<(Vec<Vec3>, usize), ParseError> {
     let mut normals = AreaNormals::new(positions);
     let mut polygon = Vec::new();
@@ -108,7 +110,8 @@ fn numbers(words: &[&[u8]], line: u64) -> Result<Vec<f64>, ParseError> {
     words.iter().map(parse).collect()
 }
 
-/// Statements as (line number from 1, words): comments removed, lines that end in a backslash joined with the next.
+/// Statements as (line number from 1, words). Comments are removed, and a line that ends in a backslash is joined with
+/// the next.
 fn statements(bytes: &[u8]) -> impl Iterator<Item = (u64, Vec<&[u8]>)> {
     let mut lines = bytes.split(|&b| b == b'\n').zip(1_u64..);
     std::iter::from_fn(move || {

@@ -1,18 +1,20 @@
-//! Surfels in an order in which neighbours in memory are neighbours in space.
+//! Puts surfels in an order in which neighbours in memory are neighbours in space.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::Surfels;
+use super::surfels::Surfels;
 
 /// Bits of a Morton code per axis: three times 21 fit into 64.
 const BITS: u32 = 21;
 
 impl Surfels {
-    /// The same surfels along a Morton curve (21 bits an axis over their bounding cube); ties stay in the order they had.
+    /// The same surfels along a Morton curve with 21 bits for each axis over their bounding cube. Ties keep their
+    /// order.
     ///
-    /// Renderers that cut a model into runs get compact runs. Needs 16 bytes a surfel for the sort, then the space of one
-    /// column at a time. The result does not depend on the number of threads. Models of more than 2^32 surfels are left alone.
+    /// Renderers that cut a model into runs get compact runs. The sort needs 16 bytes for each surfel, and then the
+    /// space of one column at a time. The result does not depend on the number of threads. Models of more than 2^32
+    /// surfels keep their order.
     #[must_use]
     pub fn spatially_ordered(mut self) -> Self {
         if u32::try_from(self.len()).is_err() {
@@ -37,14 +39,14 @@ fn order(position: &[Vec3]) -> Vec<u32> {
     keys.into_par_iter().map(|(_, i)| i).collect()
 }
 
-/// Gathers a column; an empty one (the model has no such property) stays empty.
+/// Gathers a column. An empty column (the model has no such property) stays empty.
 fn permute<T: Copy + Send + Sync>(column: &mut Vec<T>, order: &[u32]) {
     if column.len() == order.len() {
         *column = order.par_iter().map(|&i| column[i as usize]).collect();
     }
 }
 
-/// Morton code of each point in the bounding cube of all, with the point's index. Positions must be finite.
+/// Morton code of each point in the bounding cube of all points, with the point's index. Positions must be finite.
 pub(super) fn morton_codes(position: &[Vec3]) -> Vec<(u64, u32)> {
     let (min, max) = position
         .par_iter()
@@ -103,7 +105,7 @@ mod tests {
 
     #[test]
     fn octants_come_one_after_the_other() {
-        // x decides first, then y, then z.
+        // x is the most significant axis, then y, then z.
         let corner = |i: u32| Vec3::new((i >> 2 & 1) as f32, (i >> 1 & 1) as f32, (i & 1) as f32);
         let ordered = model((0..8).rev().map(corner).collect()).spatially_ordered();
         assert_eq!(ordered.position, (0..8).map(corner).collect::<Vec<_>>());
@@ -117,7 +119,8 @@ mod tests {
 
     #[test]
     fn neighbours_in_memory_are_near() {
-        // A 32^3 grid in a scrambled order: along a Morton curve the mean step is below 2 cells (scrambled: about 21).
+        // The points are a 32^3 grid in a scrambled order. Along a Morton curve the mean step is below 2 cells
+        // (scrambled: about 21).
         let n = 32_usize;
         let grid = (0..n * n * n).map(|i| {
             let i = i * 7919 % (n * n * n);

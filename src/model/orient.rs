@@ -1,29 +1,30 @@
-//! Signs of estimated normals, so that a surface has one outside.
+//! Signs of estimated normals, chosen so that a surface has one outside.
 //!
-//! Hoppe et al. 1992: signs are passed along a minimum spanning forest of the neighbour graph, so that they cross where the
-//! surface is flattest. Given normals are roots of the forest; the other trees get a sign from their shape.
+//! The method is that of Hoppe et al. 1992. Signs are passed along a minimum spanning forest of the neighbour graph, so
+//! that they cross where the surface is flattest. Given normals are roots of the forest. The other trees get a sign
+//! from their shape.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{
-    Progress,
-    neighbours::{Neighbours, Tree},
-};
+use super::neighbours::{Neighbours, Tree};
+use super::options::Progress;
 
-/// Evidence, of at most 2, above which a piece's own shape decides its sign.
+/// Least evidence, of at most 2, with which a component's own shape decides its sign.
 const CONFIDENT: f64 = 0.25;
-/// Neighbours that a point is linked to. 16 give the same signs at twice the memory.
+/// Neighbours that a point is linked to. With 16 the signs are the same at twice the memory.
 const EDGES: usize = 8;
 /// Edges between two reports of progress.
 const REPORT: usize = 1 << 18;
 
-/// Signs the normals of distinct points consistently; those that are `given` keep their sign.
+/// Gives the normals of distinct points consistent signs. Normals that are `given` keep theirs.
 ///
-/// A piece (a tree of the forest without a given normal) is turned outward by its shape: see [`Piece::evidence`]. A piece
-/// without a clear shape (a scrap of a surface, say) follows the nearest points of the others if they are nearer than it is
-/// wide; else its largest mean component is made positive: floors face up, walls face +z or +x.
-/// Memory: 12 bytes an edge, at most 8 edges a point. The result does not depend on the number of threads.
+/// A component is a tree of the forest without a given normal. Its shape turns it outward: see [`Component::evidence`].
+/// A component without a clear shape (a scrap of a surface, say) follows the nearest points of the others if they are
+/// nearer than it is wide. Otherwise its largest mean normal component is made positive: floors face up, walls face +z
+/// or +x.
+///
+/// Memory: 12 bytes for each edge, at most 8 edges for each point. The result does not depend on the number of threads.
 pub(super) fn orient(
     position: &[Vec3],
     normal: &mut [Vec3],
@@ -33,20 +34,20 @@ pub(super) fn orient(
 ) {
     let mut forest = Forest::new(given);
     grow(&mut forest, position, normal, neighbours, progress);
-    let (piece_of, pieces) = pieces(&mut forest, position, normal, neighbours);
-    let mut turn: Vec<Option<bool>> = pieces.iter().map(Piece::turn).collect();
+    let (component_of, components) = components(&mut forest, position, normal, neighbours);
+    let mut turn: Vec<Option<bool>> = components.iter().map(Component::turn).collect();
     if turn.contains(&None) {
-        follow(position, normal, &piece_of, &pieces, &mut turn);
+        follow(position, normal, &component_of, &components, &mut turn);
     }
-    for (n, &piece) in normal.iter_mut().zip(&piece_of) {
-        let i = piece as usize;
-        if turn[i].unwrap_or_else(|| pieces[i].faces_down()) {
+    for (n, &component) in normal.iter_mut().zip(&component_of) {
+        let i = component as usize;
+        if turn[i].unwrap_or_else(|| components[i].faces_down()) {
             *n = -*n;
         }
     }
 }
 
-/// An edge of the neighbour graph: cost as ordered bits, ends.
+/// An edge of the neighbour graph: its cost as ordered bits, and its two ends.
 type Edge = (u32, u32, u32);
 
 /// Joins points along the cheapest edges first (Kruskal).
@@ -77,13 +78,16 @@ fn linked(neighbours: &Neighbours, i: usize) -> &[u32] {
     &near[..near.len().min(EDGES)]
 }
 
-/// Whether two neighbouring normals disagree in sign, and the cost, >= 0, of relying on it.
+/// Tells whether two neighbouring normals disagree in sign, and the cost, >= 0, of relying on the answer.
 ///
-/// On a circle through both points, one normal is the other mirrored in the plane between the points, so they are compared
-/// after that mirroring: it is right around sharp edges and across thin plates, where the plain product fails. (Xie et al.
-/// 2003.) It is wrong for two samples of one surface that noise has put one above the other, so steep edges cost more.
-/// Measured, pixels of the guanyin scan's front view that show a back (most are its open crown): 1900 of 280 000 with the
-/// mirroring, the cost or both, 4000 with neither. Without the cost a noisy sphere gets wrong signs.
+/// On a circle through both points, one normal is the other mirrored in the plane between the points, so the normals
+/// are compared after that mirroring (Xie et al. 2003). This is right around sharp edges and across thin plates, where
+/// the plain product fails. It is wrong for two samples of one surface that noise has put one above the other, so steep
+/// edges cost more.
+///
+/// Measured on the front view of the guanyin scan: the pixels of 280 000 that show a back (most are its open crown) are
+/// 1900 with the mirroring, with the cost, or with both, and 4000 with neither. Without the cost a noisy sphere gets
+/// wrong signs.
 fn link(p: Vec3, n: Vec3, q: Vec3, m: Vec3) -> (bool, f32) {
     let along = (q.as_dvec3() - p.as_dvec3()).normalize_or_zero();
     let (n, m) = (n.as_dvec3(), m.as_dvec3());
@@ -95,10 +99,10 @@ fn link(p: Vec3, n: Vec3, q: Vec3, m: Vec3) -> (bool, f32) {
 /// Disjoint sets that also know each point's sign relative to the root of its set.
 struct Forest {
     parent: Vec<u32>,
-    /// Sign relative to the parent: true where opposite.
+    /// Sign of each point relative to its parent: true where opposite.
     opposite: Vec<bool>,
     size: Vec<u32>,
-    /// Of a root: the set holds a given normal, relative to which all signs are right.
+    /// For a root: true if the set holds a given normal. All signs relative to that normal are then right.
     given: Vec<bool>,
 }
 
@@ -108,7 +112,7 @@ impl Forest {
         Self { parent: (0..n as u32).collect(), opposite: vec![false; n], size: vec![1; n], given }
     }
 
-    /// Root of `x` and whether the sign of `x` is opposite to the root's. Halves the path.
+    /// Root of `x`, and whether the sign of `x` is opposite to the root's. Halves the path on the way.
     fn find(&mut self, mut x: u32) -> (u32, bool) {
         let mut opposite = false;
         loop {
@@ -123,7 +127,7 @@ impl Forest {
         }
     }
 
-    /// Joins the sets of two points, unless they are one or both have their signs.
+    /// Joins the sets of two points, unless they are one set or at least one of them has its sign.
     fn join(&mut self, i: u32, j: u32, opposite: impl Fn() -> bool) {
         let ((a, from_a), (b, from_b)) = (self.find(i), self.find(j));
         let rank = |r: u32| (self.given[r as usize], self.size[r as usize], u32::MAX - r);
@@ -137,23 +141,23 @@ impl Forest {
     }
 }
 
-/// A tree of the forest, with what its sign is judged by.
+/// A tree of the forest, with the sums that its sign is judged by.
 #[derive(Default)]
-struct Piece {
+struct Component {
     given: bool,
-    /// Area-weighted sum of positions, and sum of areas.
+    /// Area-weighted sum of positions, and the sum of areas.
     moment: DVec3,
     area: f64,
-    /// Sum of (position - centroid) . normal and of |position - centroid|, area-weighted.
+    /// Area-weighted sums of (position - centroid) . normal and of |position - centroid|.
     flux: f64,
-    reach: f64,
-    /// For each direction: the greatest extent, and the normal there.
+    arms: f64,
+    /// For each direction the greatest extent, and the normal there.
     extreme: Vec<(f32, Vec3)>,
     /// Sum of the normals.
     normal: DVec3,
 }
 
-/// Directions in which extreme points are looked for: the faces and corners of a cube.
+/// Directions in which extreme points are sought: the faces and corners of a cube.
 fn directions() -> impl Iterator<Item = Vec3> {
     let faces = [Vec3::X, Vec3::Y, Vec3::Z].into_iter().flat_map(|d| [d, -d]);
     let corners = (0..8).map(|i| {
@@ -163,19 +167,20 @@ fn directions() -> impl Iterator<Item = Vec3> {
     faces.chain(corners)
 }
 
-impl Piece {
+impl Component {
     /// Evidence that the normals point outward, -2..=2.
     ///
-    /// The sum of two means: that of (position - centroid) . normal, which by the divergence theorem is the enclosed volume
-    /// (1 for a sphere, about 0 for a plate or a terrain, whatever the dents), and that of direction . normal at the extreme
-    /// points along 14 directions (which also tells the outside of a thin closed shell).
+    /// It is the sum of two means. The first is that of (position - centroid) . normal, which by the divergence theorem
+    /// measures the enclosed volume: 1 for a sphere, about 0 for a plate or a terrain, whatever the dents. The second
+    /// is that of direction . normal at the extreme points along 14 directions, which also finds the outside of a thin
+    /// closed shell.
     fn evidence(&self) -> f64 {
-        let volume = if self.reach > 0.0 { self.flux / self.reach } else { 0.0 };
+        let volume = if self.arms > 0.0 { self.flux / self.arms } else { 0.0 };
         let votes: f32 = directions().zip(&self.extreme).map(|(d, (_, n))| d.dot(*n)).sum();
         volume + f64::from(votes) / self.extreme.len().max(1) as f64
     }
 
-    /// Whether the signs must be turned; `None` if the shape does not tell.
+    /// Tells whether the signs must be turned; `None` if the shape does not show it.
     fn turn(&self) -> Option<bool> {
         let evidence = self.evidence();
         if self.given {
@@ -187,7 +192,7 @@ impl Piece {
         }
     }
 
-    /// Whether the largest component of the mean normal is negative; z before y before x among equals.
+    /// True if the largest component of the mean normal is negative. Among equals z comes before y, and y before x.
     fn faces_down(&self) -> bool {
         let [x, y, z] = self.normal.to_array();
         let largest = if x.abs() > y.abs().max(z.abs()) {
@@ -201,16 +206,17 @@ impl Piece {
     }
 }
 
-/// Makes the signs consistent within each piece; gives the piece of each point, and the pieces by their first point.
-fn pieces(
+/// Makes the signs consistent within each component. Returns the component of each point, and the components in the
+/// order of their first points.
+fn components(
     forest: &mut Forest,
     position: &[Vec3],
     normal: &mut [Vec3],
     neighbours: &Neighbours,
-) -> (Vec<u32>, Vec<Piece>) {
+) -> (Vec<u32>, Vec<Component>) {
     let mut of_root = vec![u32::MAX; position.len()];
-    let mut pieces: Vec<Piece> = Vec::new();
-    // The square of the distance to the farthest neighbour is proportional to a point's share of the surface.
+    let mut components: Vec<Component> = Vec::new();
+    // A point's share of the surface is proportional to the square of the distance to its farthest neighbour.
     let area = |i: usize| {
         neighbours
             .of(i)
@@ -218,24 +224,24 @@ fn pieces(
             .map_or(1.0, |&j| position[i].as_dvec3().distance_squared(position[j as usize].as_dvec3()))
     };
     let directions: Vec<Vec3> = directions().collect();
-    let mut piece_of = Vec::with_capacity(position.len());
+    let mut component_of = Vec::with_capacity(position.len());
     for (i, (&p, n)) in position.iter().zip(normal.iter_mut()).enumerate() {
         let (root, opposite) = forest.find(i as u32);
         let index = &mut of_root[root as usize];
         if *index == u32::MAX {
-            *index = pieces.len() as u32;
+            *index = components.len() as u32;
             let extreme = vec![(f32::NEG_INFINITY, Vec3::ZERO); directions.len()];
-            pieces.push(Piece { given: forest.given[root as usize], extreme, ..Piece::default() });
+            components.push(Component { given: forest.given[root as usize], extreme, ..Component::default() });
         }
-        piece_of.push(*index);
+        component_of.push(*index);
         if opposite {
             *n = -*n;
         }
-        let piece = &mut pieces[*index as usize];
-        piece.moment += area(i) * p.as_dvec3();
-        piece.area += area(i);
-        piece.normal += n.as_dvec3();
-        for (extreme, direction) in piece.extreme.iter_mut().zip(&directions) {
+        let component = &mut components[*index as usize];
+        component.moment += area(i) * p.as_dvec3();
+        component.area += area(i);
+        component.normal += n.as_dvec3();
+        for (extreme, direction) in component.extreme.iter_mut().zip(&directions) {
             let extent = direction.dot(p);
             if extent > extreme.0 {
                 *extreme = (extent, *n);
@@ -243,36 +249,43 @@ fn pieces(
         }
     }
     for (i, (p, n)) in position.iter().zip(normal.iter()).enumerate() {
-        let piece = &mut pieces[piece_of[i] as usize];
-        let arm = p.as_dvec3() - piece.moment / piece.area;
-        piece.flux += area(i) * arm.dot(n.as_dvec3());
-        piece.reach += area(i) * arm.length();
+        let component = &mut components[component_of[i] as usize];
+        let arm = p.as_dvec3() - component.moment / component.area;
+        component.flux += area(i) * arm.dot(n.as_dvec3());
+        component.arms += area(i) * arm.length();
     }
-    (piece_of, pieces)
+    (component_of, components)
 }
 
-/// Signs the pieces without a clear shape by the nearest points of those that have their sign.
-fn follow(position: &[Vec3], normal: &[Vec3], piece_of: &[u32], pieces: &[Piece], turn: &mut [Option<bool>]) {
-    let decided = |i: &usize| turn[piece_of[*i] as usize].is_some();
+/// Gives the components without a clear shape the sign of the nearest points that have one.
+fn follow(
+    position: &[Vec3],
+    normal: &[Vec3],
+    component_of: &[u32],
+    components: &[Component],
+    turn: &mut [Option<bool>],
+) {
+    let decided = |i: &usize| turn[component_of[*i] as usize].is_some();
     let tree = Tree::new((0..position.len()).filter(decided).map(|i| (position[i], i as u32)));
-    let mut nearest = vec![f64::INFINITY; pieces.len()];
-    let mut agreement = vec![0.0; pieces.len()];
+    let mut nearest = vec![f64::INFINITY; components.len()];
+    let mut agreement = vec![0.0; components.len()];
     let mut found = Vec::new();
     for i in (0..position.len()).filter(|i| !decided(i)) {
-        let piece = piece_of[i] as usize;
+        let component = component_of[i] as usize;
         tree.nearest(position[i], u32::MAX, 1, &mut found);
         if let Some(&(square, j)) = found.first() {
-            nearest[piece] = square.min(nearest[piece]);
-            let sign = if turn[piece_of[j as usize] as usize] == Some(true) { -1.0 } else { 1.0 };
-            agreement[piece] += sign * f64::from(normal[i].dot(normal[j as usize])) / square;
+            nearest[component] = square.min(nearest[component]);
+            let sign = if turn[component_of[j as usize] as usize] == Some(true) { -1.0 } else { 1.0 };
+            agreement[component] += sign * f64::from(normal[i].dot(normal[j as usize])) / square;
         }
     }
-    for (piece, turn) in turn.iter_mut().enumerate() {
-        // The extents along +x and -x, and so on, sum to the widths.
-        let width = |axis: usize| pieces[piece].extreme[2 * axis].0 + pieces[piece].extreme[2 * axis + 1].0;
+    for (component, turn) in turn.iter_mut().enumerate() {
+        // The extents along +x and -x sum to the width along x, and so on.
+        let width =
+            |axis: usize| components[component].extreme[2 * axis].0 + components[component].extreme[2 * axis + 1].0;
         let wide = f64::from(width(0).max(width(1)).max(width(2)));
-        if turn.is_none() && agreement[piece] != 0.0 && nearest[piece] <= wide * wide {
-            *turn = Some(agreement[piece] < 0.0);
+        if turn.is_none() && agreement[component] != 0.0 && nearest[component] <= wide * wide {
+            *turn = Some(agreement[component] < 0.0);
         }
     }
 }
@@ -298,7 +311,7 @@ mod tests {
 
     #[test]
     fn a_noisy_sphere_looks_outward() {
-        // Noise of half the distance between points in every direction.
+        // The noise is half the distance between points in every direction.
         let points: Vec<Vec3> = sphere(20_000).iter().zip(0..).map(|(&p, i)| p + 0.0125 * noise(i)).collect();
         let share = right(&points, |p| p);
         assert!(share > 0.9999, "{share}");
@@ -306,7 +319,7 @@ mod tests {
 
     #[test]
     fn both_sides_of_a_thin_plate_look_outward() {
-        // 60 x 60 points on each side and 3 rows on each rim; thickness: two spacings.
+        // Each side has 60 x 60 points, and each rim has 3 rows. The thickness is two spacings.
         let mut points = Vec::new();
         for i in 0..60 {
             for j in 0..60 {
@@ -336,7 +349,8 @@ mod tests {
 
     #[test]
     fn a_scrap_follows_a_near_surface_and_faces_up_far_from_any() {
-        // A flat scrap below a ball, too far to be linked to it. By itself it faces up; near the ball it faces down.
+        // A flat scrap lies below a ball, too far away to be linked to it. By itself it faces up; near the ball it
+        // faces down.
         let below = |y: f32| {
             let scrap = (0..169)
                 .map(move |i| Vec3::new((i % 13) as f32 - 6.0, 0.0, (i / 13) as f32 - 6.0) * 0.01 + y * Vec3::Y);
@@ -353,10 +367,10 @@ mod tests {
         assert!(disagree(Vec3::ZERO, Vec3::Y, Vec3::X, -Vec3::Y));
         assert!(!disagree(Vec3::ZERO, -Vec3::Z, Vec3::Z, Vec3::Z));
         assert!(disagree(Vec3::ZERO, Vec3::Z, Vec3::Z, Vec3::Z));
-        // A wedge of 20 degrees, its edge along z, its sides facing up and down.
+        // A wedge of 20 degrees with its edge along z; its sides face up and down.
         let (s, c) = libm::sincosf(10_f32.to_radians());
         assert!(!disagree(Vec3::new(c, s, 0.0), Vec3::new(-s, c, 0.0), Vec3::new(c, -s, 0.1), Vec3::new(-s, -c, 0.0)));
-        // Flat links are the cheapest, steep ones the dearest.
+        // Flat links cost least, steep ones most.
         let cost = |q| link(Vec3::ZERO, Vec3::Y, q, Vec3::Y).1;
         assert!(cost(Vec3::X) < 1e-6 && cost(Vec3::ONE) > 0.5 && cost(Vec3::Y) > 1.9);
     }
@@ -365,16 +379,16 @@ mod tests {
     fn volume_and_extreme_points_both_count() {
         let blind = vec![(1.0, Vec3::ZERO); 14];
         let seeing: Vec<(f32, Vec3)> = directions().map(|d| (1.0, d)).collect();
-        let piece = |flux, extreme| Piece { flux, reach: 2.0, extreme, ..Piece::default() };
-        assert_eq!(piece(1.0, blind.clone()).evidence(), 0.5);
-        assert!((piece(0.0, seeing).evidence() - 1.0).abs() < 1e-6);
-        assert_eq!(piece(-1.0, blind.clone()).turn(), Some(true));
-        assert_eq!(piece(0.1, blind).turn(), None);
+        let component = |flux, extreme| Component { flux, arms: 2.0, extreme, ..Component::default() };
+        assert_eq!(component(1.0, blind.clone()).evidence(), 0.5);
+        assert!((component(0.0, seeing).evidence() - 1.0).abs() < 1e-6);
+        assert_eq!(component(-1.0, blind.clone()).turn(), Some(true));
+        assert_eq!(component(0.1, blind).turn(), None);
     }
 
     #[test]
     fn opposed_given_normals_do_not_fight() {
-        // Two faces of a box that meet in an edge; one normal of each is given.
+        // Two faces of a box meet in an edge. One normal of each is given.
         let face = |at: fn(f32, f32) -> Vec3| (0..300).map(move |i| at((i % 20) as f32, (i / 20 + 1) as f32));
         let points: Vec<Vec3> = face(|x, d| Vec3::new(x, 0.0, d)).chain(face(|x, d| Vec3::new(x, -d, 0.0))).collect();
         for front in [Vec3::Z, -Vec3::Z] {

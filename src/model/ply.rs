@@ -1,7 +1,7 @@
-//! PLY files: point clouds, surfels, meshes taken as points, and Gaussian-splat captures.
+//! PLY files: point clouds, surfels, meshes whose vertices are taken as points, and Gaussian-splat captures.
 //!
-//! The header (`ply_header`) becomes a list of steps, one a property, and the body (`ply_body`) is read in one pass.
-//! Names count in any letter case and order, values in any type:
+//! The header (`ply_header`) becomes a list of steps, one for each property. The body (`ply_body`) is then read in one
+//! pass. Names count in any letter case and order, values in any type:
 //!
 //! | what | names |
 //! |---|---|
@@ -17,13 +17,15 @@ use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
 
+use super::cloud::{Cloud, ColourStorage};
 use super::error::ParseError;
+use super::gaussian;
 use super::mesh::AreaNormals;
 use super::ply_body::{Body, within};
 use super::ply_header::{self, Element, Header, Kind, Scalar};
-use super::{Cloud, ColourStorage, Material, gaussian};
+use super::surfels::Material;
 
-/// Comment by which [`super::write_ply`] says that float colours are linear light and may exceed 1.
+/// Comment with which [`super::write_ply`] says that float colours are linear light and may exceed 1.
 pub(super) const LINEAR_COLOURS: &str = "splatblur colours are linear light";
 /// Comment of our own files whose normals have no sign.
 pub(super) const TWO_SIDED: &str = "splatblur shows both sides";
@@ -31,10 +33,11 @@ pub(super) const TWO_SIDED: &str = "splatblur shows both sides";
 /// Names of the material properties, in the order of [`Material`]'s fields.
 pub(super) const MATERIAL: [&str; 4] = ["ambient", "diffuse", "specular", "shininess"];
 
-/// Reads a PLY file. `progress` is told the share of vertices read, now and then.
+/// Reads a PLY file. `progress` now and then gets the share of vertices read.
 ///
 /// # Errors
-/// With line or byte: anything outside the grammar, a body that is cut short, no vertex positions, bad face indices.
+/// The error names the line or the byte. Something is outside the grammar, the body is cut short, vertices have no
+/// positions, or face indices are bad.
 pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, ParseError> {
     let header = ply_header::parse(bytes)?;
     let mut body = Body::new(bytes, header.body, header.encoding);
@@ -76,7 +79,7 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
     Ok(cloud)
 }
 
-/// Where the columns of a cloud are found in a record: slots of wanted numbers.
+/// Places of the columns of a cloud in a record: indices of the wanted numbers.
 struct Columns {
     position: [usize; 3],
     normal: Option<[usize; 3]>,
@@ -90,9 +93,9 @@ struct Columns {
     colour_type: Scalar,
 }
 
-/// What to do with the next property of a record.
+/// What the reader does with the next property of a record.
 enum Step {
-    Take { scalar: Scalar, slot: usize },
+    Take { scalar: Scalar, index: usize },
     Skip(Kind),
 }
 
@@ -117,7 +120,7 @@ fn read_vertices(
         }
         for (step, property) in steps.iter().zip(&element.properties) {
             match *step {
-                Step::Take { scalar, slot } => body.scalar(scalar).map(|value| values[slot] = value),
+                Step::Take { scalar, index } => body.scalar(scalar).map(|value| values[index] = value),
                 Step::Skip(kind) => body.skip(kind),
             }
             .map_err(|e| within(e, element, row, &property.name))?;
@@ -139,12 +142,12 @@ impl Columns {
         let vector = |s: [usize; 3]| Vec3::new(values[s[0]] as f32, values[s[1]] as f32, values[s[2]] as f32);
         let p = self.position;
         cloud.position.push(DVec3::new(values[p[0]], values[p[1]], values[p[2]]));
-        if let Some(slots) = self.gaussian {
-            splats.push(slots.map(|s| values[s]));
+        if let Some(indices) = self.gaussian {
+            splats.push(indices.map(|s| values[s]));
             return;
         }
         if let Some(n) = self.normal {
-            // Scaled in f64: an f32 overflow would lose the direction.
+            // The vector is scaled in f64: an f32 overflow would lose the direction.
             let wide = DVec3::new(values[n[0]], values[n[1]], values[n[2]]);
             let largest = wide.abs().max_element();
             let near_one = (0.5..2.0).contains(&largest) || largest == 0.0;
@@ -167,7 +170,7 @@ impl Columns {
         if self.material.iter().any(Option::is_some) {
             let d = Material::default();
             let value = |i: usize, default: f32| {
-                let found = self.material[i].map(|slot| values[slot] as f32);
+                let found = self.material[i].map(|index| values[index] as f32);
                 found.filter(|x| x.is_finite() && *x >= 0.0).unwrap_or(default)
             };
             cloud.material.push(Material {
@@ -180,7 +183,7 @@ impl Columns {
     }
 }
 
-/// Chooses the properties to use; what is left over is named in the notes.
+/// Chooses the properties to use, and names the unused ones in the notes.
 fn columns(finder: &mut Finder<'_>, element: &Element, notes: &mut Vec<String>) -> Result<Columns, ParseError> {
     let Some(position) = finder.take(["x", "y", "z"]) else {
         let packed = finder.by_name.contains_key("packed_position");
@@ -248,8 +251,8 @@ fn columns(finder: &mut Finder<'_>, element: &Element, notes: &mut Vec<String>) 
     })
 }
 
-/// Brings colours to 0..=1: 8-bit and other whole numbers by 255 (65535 if that is not enough), 16-bit by 65535; floats
-/// are 0..=1, or 0..=255 where one exceeds 1 (by more than rounding).
+/// Brings colours to 0..=1. 8-bit and other whole numbers are divided by 255 (by 65535 if that is not enough), 16-bit
+/// ones by 65535. Floats are in 0..=1, or in 0..=255 where one exceeds 1 by more than rounding.
 fn scale_colours(cloud: &mut Cloud, scalar: Scalar, grey: bool, declared_linear: bool) {
     let largest = cloud.colour.iter().filter(|c| c.is_finite()).fold(0.0_f32, |m, c| m.max(c.max_element()));
     let divisor = match scalar {
@@ -268,14 +271,14 @@ fn scale_colours(cloud: &mut Cloud, scalar: Scalar, grey: bool, declared_linear:
         cloud.notes.push(format!("float colours up to {largest}: divided by {divisor}, taken as sRGB"));
     }
     let scale = |x: f32| {
-        // A signed byte is a byte whose sign is an accident.
+        // The sign of a signed byte is an accident: it is meant as an unsigned one.
         let x = if scalar == Scalar::I8 && x < 0.0 { x + 256.0 } else { x };
         (f64::from(x) / divisor) as f32
     };
     cloud.colour.iter_mut().for_each(|c| *c = Vec3::new(scale(c.x), scale(c.y), scale(c.z)));
 }
 
-/// Adds the polygons of an element; returns how many there are.
+/// Adds the polygons of an element, and returns their number.
 fn read_faces(body: &mut Body<'_>, element: &Element, normals: &mut AreaNormals<'_>) -> Result<usize, ParseError> {
     let is_indices = |name: &str| matches!(name, "vertex_indices" | "vertex_index");
     let strips = element.name == "tristrips";
@@ -302,14 +305,14 @@ fn read_faces(body: &mut Body<'_>, element: &Element, normals: &mut AreaNormals<
     Ok(polygons)
 }
 
-/// Hands out slots for the properties that are wanted.
+/// Gives each wanted property an index in the record that is read.
 struct Finder<'a> {
     element: &'a Element,
-    /// Plain numbers only.
+    /// Properties that are plain numbers, by name.
     by_name: HashMap<&'a str, (usize, Scalar)>,
-    /// Slot of each property of the element.
-    slots: Vec<Option<usize>>,
-    /// Type of each slot.
+    /// Index of each property of the element, if it is wanted.
+    indices: Vec<Option<usize>>,
+    /// Type of the number at each index.
     types: Vec<Scalar>,
 }
 
@@ -319,40 +322,40 @@ impl<'a> Finder<'a> {
             Kind::Scalar(scalar) => Some((p.name.as_str(), (i, scalar))),
             Kind::List { .. } => None,
         });
-        Self { element, by_name: plain.collect(), slots: vec![None; element.properties.len()], types: Vec::new() }
+        Self { element, by_name: plain.collect(), indices: vec![None; element.properties.len()], types: Vec::new() }
     }
 
     fn has(&self, name: &str) -> bool {
         self.by_name.contains_key(name)
     }
 
-    /// Slots of all the names, or `None` if one is missing.
+    /// Indices of all the names, or `None` if one is missing.
     fn take<const N: usize>(&mut self, names: [&str; N]) -> Option<[usize; N]> {
         let mut found = [(0, Scalar::F32); N];
         for (place, name) in found.iter_mut().zip(names) {
             *place = *self.by_name.get(name)?;
         }
         Some(found.map(|(property, scalar)| {
-            let slot = self.types.len();
+            let index = self.types.len();
             self.types.push(scalar);
-            self.slots[property] = Some(slot);
-            slot
+            self.indices[property] = Some(index);
+            index
         }))
     }
 
-    /// The first of several namings that is complete.
+    /// The indices of the first of several namings that is complete.
     fn take_first<const N: usize>(&mut self, namings: &[[&str; N]]) -> Option<[usize; N]> {
         namings.iter().find_map(|names| self.take(*names))
     }
 
-    fn scalar(&self, slot: usize) -> Scalar {
-        self.types[slot]
+    fn scalar(&self, index: usize) -> Scalar {
+        self.types[index]
     }
 
     fn steps(&self) -> Vec<Step> {
         let steps =
-            self.element.properties.iter().zip(&self.slots).map(|(property, slot)| match (property.kind, *slot) {
-                (Kind::Scalar(scalar), Some(slot)) => Step::Take { scalar, slot },
+            self.element.properties.iter().zip(&self.indices).map(|(property, index)| match (property.kind, *index) {
+                (Kind::Scalar(scalar), Some(index)) => Step::Take { scalar, index },
                 (kind, _) => Step::Skip(kind),
             });
         steps.collect()
@@ -360,8 +363,8 @@ impl<'a> Finder<'a> {
 
     fn note_ignored(&self, notes: &mut Vec<String>) {
         const SHOWN: usize = 12;
-        let unused = self.element.properties.iter().zip(&self.slots).filter(|(_, slot)| slot.is_none());
-        // Opacity and confidence have no meaning for opaque surfels, and are in nearly every file.
+        let unused = self.element.properties.iter().zip(&self.indices).filter(|(_, index)| index.is_none());
+        // Opacity and confidence have no meaning for opaque surfels, but nearly every file has them.
         let names: Vec<&str> =
             unused.map(|(p, _)| p.name.as_str()).filter(|n| !matches!(*n, "alpha" | "confidence")).collect();
         if !names.is_empty() {

@@ -1,4 +1,4 @@
-//! The numbers of a PLY body, in any of its three encodings.
+//! Reads the numbers of a PLY body in any of its three encodings.
 
 use super::error::{ParseError, line_of, quote};
 use super::ply_header::{Element, Encoding, Kind, Scalar};
@@ -16,9 +16,8 @@ impl<'a> Body<'a> {
         Self { bytes, at, encoding }
     }
 
-    /// Refuses an element whose records cannot fit into what is left of the file; must come before any allocation.
-    ///
-    /// Returns the number of records, which is then at most the number of bytes left.
+    /// Returns the number of records of an element, which is at most the number of bytes left. Refuses an element whose
+    /// records cannot fit into the rest of the file. This must come before any allocation.
     pub(super) fn count(&self, element: &Element) -> Result<usize, ParseError> {
         if element.properties.is_empty() {
             return Ok(0);
@@ -107,16 +106,16 @@ impl<'a> Body<'a> {
         Ok(())
     }
 
-    /// Bytes after the cursor that are more than white space of a text.
+    /// Number of bytes after the cursor. White space at the end of a text does not count.
     pub(super) fn surplus(&self) -> usize {
         let rest = self.bytes.get(self.at..).unwrap_or_default();
         if self.encoding == Encoding::Ascii { rest.trim_ascii().len() } else { rest.len() }
     }
 
-    /// An error at byte `at`, given as a line for text.
+    /// An error at byte `at`; for text it names the line.
     pub(super) fn fault(&self, at: usize, found: impl Into<String>, expected: impl Into<String>) -> ParseError {
         if self.encoding == Encoding::Ascii {
-            // The word itself, not the white space before it.
+            // The error is at the word itself, not at the white space before it.
             let blanks = self.bytes.get(at..).and_then(|rest| rest.iter().position(|b| !b.is_ascii_whitespace()));
             ParseError::line(line_of(self.bytes, at + blanks.unwrap_or(0)), found, expected)
         } else {
@@ -178,12 +177,13 @@ impl<'a> Body<'a> {
     }
 }
 
-/// Adds which number of which record could not be read.
+/// Adds to an error which number of which record could not be read.
 pub(super) fn within(error: ParseError, element: &Element, row: usize, property: &str) -> ParseError {
     error.of(&format!("`{property}` of {} {row} of {}", element.name, element.count))
 }
 
-/// A decimal number; also the spellings of "not a number" and infinity by C libraries (`-nan(ind)`, `1.#QNAN`, `1.#INF`).
+/// Reads a decimal number. The spellings of "not a number" and infinity by C libraries (`-nan(ind)`, `1.#QNAN`,
+/// `1.#INF`) are read too.
 pub(super) fn number(word: &[u8]) -> Option<f64> {
     let text = std::str::from_utf8(word).ok()?;
     if let Ok(value) = text.parse() {

@@ -1,14 +1,14 @@
-//! The header of a PLY file: elements, their properties and where the body begins.
+//! The header of a PLY file: its elements, their properties and where the body begins.
 //!
-//! Grammar (Turk 1994, with what is met in the wild): `ply`, `format ENCODING 1.0`, then `comment`, `obj_info`,
-//! `element NAME COUNT`, `property TYPE NAME`, `property list COUNT_TYPE ITEM_TYPE NAME`, and `end_header`. Lines end
-//! in LF, CRLF or CR. Anything else is refused: a misspelt keyword must not become a comment.
+//! The grammar is that of Turk 1994, extended by what real files have: `ply`, `format ENCODING 1.0`, then `comment`,
+//! `obj_info`, `element NAME COUNT`, `property TYPE NAME`, `property list COUNT_TYPE ITEM_TYPE NAME`, and `end_header`.
+//! Lines end in LF, CRLF or CR. Everything else is refused: a misspelt keyword must not become a comment.
 
 use std::collections::HashSet;
 
 use super::error::{ParseError, quote};
 
-/// Longest header that is read, in bytes. Real ones have a few hundred.
+/// Longest header that is read, bytes. Real headers have a few hundred.
 const MAX_HEADER: usize = 1 << 20;
 
 const TYPES: &str = "one of char, uchar, short, ushort, int, uint, float, double, int8, uint8, int16, uint16, int32, \
@@ -42,7 +42,7 @@ impl Scalar {
         })
     }
 
-    /// Bytes in a binary file.
+    /// Size in a binary file, bytes.
     pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -70,7 +70,7 @@ impl Scalar {
         }
     }
 
-    /// True if a number of a text file is one of this type.
+    /// True if the type can hold a number of a text file.
     pub(super) fn holds(self, value: f64) -> bool {
         let (low, high) = match self {
             Self::I8 => (f64::from(i8::MIN), f64::from(i8::MAX)),
@@ -103,7 +103,7 @@ pub(super) struct Property {
 pub(super) struct Element {
     /// In lower case.
     pub(super) name: String,
-    /// As the file says; not yet believed.
+    /// Number of records by the file's word, which is not yet checked.
     pub(super) count: u64,
     pub(super) properties: Vec<Property>,
     /// Line of the header that declares it.
@@ -111,7 +111,8 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Fewest bytes that `count` records can take: for text one digit and one blank a number. `None`: beyond 64 bits.
+    /// Fewest bytes that `count` records can take. In a text each number has at least one digit and one blank. `None`
+    /// if the result needs more than 64 bits.
     pub(super) fn least_bytes(&self, encoding: Encoding) -> Option<u64> {
         let record: u64 = self
             .properties
@@ -147,7 +148,8 @@ pub(super) struct Header {
 /// Reads a header.
 ///
 /// # Errors
-/// With the line, for anything outside the grammar, duplicate names, a header above 1 MiB, or one that does not end.
+/// The error names the line. Something is outside the grammar, names are duplicate, the header is above 1 MiB, or it
+/// does not end.
 pub(super) fn parse(bytes: &[u8]) -> Result<Header, ParseError> {
     let mut lines = Lines::new(bytes);
     let first = lines.next()?;
@@ -212,7 +214,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Header, ParseError> {
     Ok(Header { encoding, elements, comments, body: lines.at })
 }
 
-/// Found and expected.
+/// What was found, and what was expected.
 type Fault = (String, String);
 
 fn parse_format(words: &[&str]) -> Result<Encoding, Fault> {
@@ -252,10 +254,11 @@ fn parse_property(words: &[&str]) -> Result<Property, Fault> {
     Ok(Property { name: name.to_ascii_lowercase(), kind })
 }
 
-/// Lines of the header, of at most [`MAX_HEADER`] bytes in all.
+/// The lines of the header, of at most [`MAX_HEADER`] bytes in all.
 struct Lines<'a> {
     window: &'a [u8],
-    /// LF for LF and CRLF files (the CR is trimmed), CR for CR files. A body may begin with the other byte.
+    /// The byte that ends a line: LF in LF and CRLF files (the CR is trimmed), CR in CR files. The body may begin with
+    /// the other byte.
     end: u8,
     at: usize,
     number: u64,

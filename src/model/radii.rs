@@ -1,4 +1,4 @@
-//! Cut-off radii for points that have none, from the distances to their neighbours.
+//! Cut-off radii for points that have none, estimated from the distances to their neighbours.
 
 use rayon::prelude::*;
 
@@ -8,8 +8,9 @@ use super::neighbours::{Distinct, Neighbours};
 pub(super) const NEAREST: usize = 6;
 /// Cut-off radius over the mean distance to the six nearest distinct points.
 ///
-/// Measured: discs over a point of a Fibonacci sphere of 50 000 points and of guanyin.ply; and of 10 000 pixels of guanyin
-/// from the front, parallel projection, 800 pixels a unit, those through which something 0.03 deeper shows:
+/// Measured: how many discs lie over a point, for a Fibonacci sphere of 50 000 points and for guanyin.ply; and holes,
+/// the pixels of 10 000 of guanyin from the front (parallel projection, 800 pixels a unit) through which something 0.03
+/// deeper shows:
 ///
 /// | factor | sphere | guanyin | holes |
 /// | --- | --- | --- | --- |
@@ -19,28 +20,29 @@ pub(super) const NEAREST: usize = 6;
 /// | 1.5 | 8.3 | 9.0 | 0.3 |
 /// | 2 | 16.4 | 16.1 | 0.3 |
 ///
-/// What is left from 1.25 on are single pixels, most of them in deep folds; larger discs hardly lessen them.
+/// The holes that are left from 1.25 on are single pixels, most of them in deep folds. Larger discs hardly close them.
 const FACTOR: f64 = 1.25;
-/// Greatest radius, in local medians. Of a Poisson cloud, less than one point in a thousand is that lonely.
+/// Greatest radius, in local medians. In a Poisson cloud, less than one point in a thousand is that lonely.
 const LONE: f64 = 4.0;
-/// Cut-off radius where there is no distance to estimate it from, model units.
+/// Cut-off radius of a point without any distance to estimate it from, model units.
 const SINGLE: f32 = 1.0;
 
-/// What [`estimate`] did.
+/// The result of [`estimate`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Estimated {
-    /// Radii estimated.
+    /// Number of radii that were estimated.
     pub(super) count: usize,
-    /// Those that were limited to a few local medians.
+    /// Number of radii that were limited to a few local medians.
     pub(super) lone: usize,
 }
 
 /// Replaces the radii that are 0 by the mean distance to the six nearest distinct points times [`FACTOR`].
 ///
-/// A lone point would get a huge disc, so a radius is at most [`LONE`] times the lower median of its own six distances, and
-/// of the radii of its six neighbours (which handles one stray point, and strays in groups of up to five). If all points are
-/// one: the median of the radii that the file gives, else [`SINGLE`].
-/// `radius` has an entry a point of the cloud, `neighbours` has those of the distinct points, at least six where possible.
+/// A lone point would get a huge disc. So a radius is at most [`LONE`] times the lower median of the point's own six
+/// distances, and of the radii of its six neighbours. This handles one stray point, and strays in groups of up to five.
+/// If all points are in one place, the radius is the median of the radii that the file gives, or [`SINGLE`] if it gives
+/// none. `radius` has an entry for each point of the cloud. `neighbours` has one for each distinct point, with at least
+/// six neighbours where possible.
 pub(super) fn estimate(radius: &mut [f32], cloud: &Distinct, neighbours: &Neighbours) -> Estimated {
     if cloud.position.len() < 2 {
         return same_place(radius);
@@ -78,13 +80,13 @@ fn mean_and_median(cloud: &Distinct, neighbours: &Neighbours, i: usize) -> (f64,
     (distances.iter().sum::<f64>() / near.len() as f64, lower_median(distances))
 }
 
-/// The middle value, the lower of the two of an even number.
+/// The middle value; of an even number of values the lower of the two.
 fn lower_median(values: &mut [f64]) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     values[(values.len() - 1) / 2]
 }
 
-/// The rule for a cloud whose points are all in one place.
+/// Estimates the radii of a cloud whose points are all in one place.
 fn same_place(radius: &mut [f32]) -> Estimated {
     let mut given: Vec<f32> = radius.iter().copied().filter(|&r| r > 0.0).collect();
     given.sort_unstable_by(f32::total_cmp);

@@ -1,19 +1,20 @@
 //! `Pointshop3D` surfel files (.sfl): surfel sets with a table of properties, in the container of `sfl_container`.
 //!
-//! All sets are merged, each at its finest resolution. Positions go through the root's right, up and back vectors and
-//! then the set's transform; normals through the inverse transpose, radii and axes through the matrix itself.
+//! All sets are merged, each at its finest resolution. Positions are transformed by the root's right, up and back
+//! vectors and then by the set's transform, normals by the inverse transpose, radii and axes by the matrix itself.
 
 use glam::{DMat3, DMat4, DVec3, Vec3};
 
+use super::cloud::{Cloud, ColourStorage};
 use super::error::ParseError;
 use super::sfl_codes::{ColourModel, NormalCode, cube_normal};
 use super::sfl_container::{Container, Directory};
-use super::{Cloud, ColourStorage, Material};
+use super::surfels::Material;
 
 /// Flag of a surfel that is not shown.
 const INVISIBLE: u32 = 0x400;
 
-/// Bits that number the properties (tag 0153).
+/// Numbers of the properties (tag 0153): each is a bit.
 mod bit {
     pub(super) const POSITION: usize = 0;
     pub(super) const NORMAL: usize = 1;
@@ -29,10 +30,11 @@ mod bit {
     pub(super) const FLAGS: usize = 27;
 }
 
-/// Reads an .sfl file. `progress` is told the share of the file read, now and then.
+/// Reads an .sfl file. `progress` now and then gets the share of the file read.
 ///
 /// # Errors
-/// With the byte: offsets outside the file, cycles, unknown codes, records that do not fit, no surfel set.
+/// The error names the byte. Offsets are outside the file, there are cycles or unknown codes, records do not fit, or
+/// there is no surfel set.
 pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, ParseError> {
     let container = Container::new(bytes);
     let directories = container.directories()?;
@@ -58,7 +60,7 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
             state.cloud.notes.push(format!("a surfel set in other units is scaled by {scale}"));
         }
         let set_matrix = container.floats::<16>(set, 0x0161)?.map_or(DMat4::IDENTITY, |m| {
-            // Row-major in the file.
+            // The file stores the matrix row-major.
             DMat4::from_cols_array(&m).transpose()
         });
         let map = Map::new(set_matrix, axes * scale).ok_or_else(|| {
@@ -70,7 +72,7 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
         }
         let records = layout.records(container, resolution)?;
         used_bytes = used_bytes.saturating_add(records.1.len());
-        // Sharing one block between sets would multiply memory.
+        // Sets that share one block of the file would multiply memory.
         if used_bytes > bytes.len() {
             return Err(resolution.fault("surfel data that is shared with another set", "separate data"));
         }
@@ -86,7 +88,7 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
     Ok(cloud)
 }
 
-/// Surfel sets, each with its resolutions, known by their tags.
+/// The surfel sets, each with its resolutions. Their tags show which they are.
 fn surfel_sets(directories: &[Directory]) -> Vec<(&Directory, Vec<&Directory>)> {
     let mut sets: Vec<(&Directory, Vec<&Directory>)> = Vec::new();
     for directory in directories {
@@ -103,7 +105,7 @@ fn surfel_sets(directories: &[Directory]) -> Vec<(&Directory, Vec<&Directory>)> 
 
 fn root_axes(container: Container<'_>, root: &Directory) -> Result<DMat3, ParseError> {
     let axis = |tag, default: DVec3| Ok(container.floats::<3>(root, tag)?.map_or(default, DVec3::from_array));
-    // Each axis is a row: the new position is (right.p, up.p, back.p).
+    // Each axis is a row, so the new position is (right.p, up.p, back.p).
     Ok(DMat3::from_cols(axis(0x0110, DVec3::X)?, axis(0x0111, DVec3::Y)?, axis(0x0112, DVec3::Z)?).transpose())
 }
 
@@ -121,7 +123,7 @@ struct Map {
     translation: DVec3,
     /// Inverse transpose of the linear part.
     normal: DMat3,
-    /// The scale, if the linear part is a similarity.
+    /// The scale if the linear part is a similarity.
     similarity: Option<f64>,
     /// Cube root of |det|.
     mean_scale: f64,
@@ -143,7 +145,7 @@ impl Map {
     }
 }
 
-/// Where the used properties lie in a record.
+/// Places of the used properties in a record.
 struct Layout {
     size: usize,
     normal_code: NormalCode,
@@ -192,7 +194,7 @@ impl Layout {
         let position =
             find(bit::POSITION, 12)?.ok_or_else(|| set.fault("surfels without positions", "property 0 (position)"))?;
         let axes = find(bit::AXES, 24)?;
-        // Old elliptical surfels announce a normal and a radius that they do not have.
+        // Old elliptical surfels announce a normal and a radius but do not have them.
         let has_all = version > 0 || axes.is_none();
         let normal = if has_all { find(bit::NORMAL, normal_code.size())? } else { None };
         let radius = if has_all { find(bit::RADIUS, 4)? } else { None };
@@ -219,7 +221,7 @@ impl Layout {
         Ok(Self { size, normal_code, colour_model, position, normal, radius, colour, material, axes, flags })
     }
 
-    /// The records of a resolution and where they begin in the file.
+    /// The records of a resolution, and where they begin in the file.
     fn records<'a>(&self, container: Container<'a>, resolution: &Directory) -> Result<(usize, &'a [u8]), ParseError> {
         let count = container.integer(resolution, 0x0170)?;
         let (Some(count), Some((at, block))) = (count, container.block(resolution, 0x0171)?) else {
@@ -233,7 +235,7 @@ impl Layout {
     }
 }
 
-/// Appends sets to a cloud. Arrays that only some sets have are filled up with "missing".
+/// Appends sets to a cloud. Arrays that only some sets have are filled up with "missing" values.
 struct Merge<'a> {
     cloud: &'a mut Cloud,
     invisible: usize,
@@ -251,7 +253,7 @@ impl Merge<'_> {
         let before = self.cloud.position.len();
         let count = records.len() / layout.size;
         let has_material = layout.material.iter().any(Option::is_some);
-        // Arrays that earlier sets did not have.
+        // Earlier sets lack these arrays.
         if has_material && self.cloud.material.is_empty() {
             self.cloud.material = vec![Material::default(); before];
         }
@@ -280,7 +282,7 @@ impl Merge<'_> {
         Ok(())
     }
 
-    /// Normal, radius and axes.
+    /// Appends normal, radius and axes of a surfel.
     fn push_shape(&mut self, layout: &Layout, map: &Map, record: &[u8], local: DVec3) {
         let mut normal = map.normal * local;
         let radius = layout.radius.map_or(0.0, |at| f64::from(f32::from_be_bytes(array(record, at))));
@@ -295,7 +297,7 @@ impl Merge<'_> {
                 mapped_radius = axes[0].length().max(axes[1].length());
             }
         } else if map.similarity.is_none() && radius > 0.0 && local.length() > 0.0 {
-            // A circle becomes an ellipse: any two orthogonal radii become semi-axes of it.
+            // A circle becomes an ellipse, and any two orthogonal radii of the circle become semi-axes of it.
             let (u, v) = local.normalize().any_orthonormal_pair();
             axes = [u, v].map(|a| map.linear * (a * radius));
         }
@@ -332,7 +334,7 @@ impl Layout {
     }
 }
 
-/// Bytes of a record at an offset that [`Layout::read`] has checked; zeros beyond the end.
+/// Bytes of a record at an offset that [`Layout::read`] has checked. Bytes beyond the end are zero.
 fn array<const N: usize>(record: &[u8], at: usize) -> [u8; N] {
     record.get(at..).and_then(<[u8]>::first_chunk::<N>).copied().unwrap_or([0; N])
 }

@@ -14,7 +14,7 @@ pub(super) enum NormalCode {
 }
 
 impl NormalCode {
-    /// From the property mask; `None` for the code "ico8", which was never implemented.
+    /// The code in the property mask; `None` for the code "ico8", which was never implemented.
     pub(super) fn from_mask(mask: i64) -> Option<Self> {
         match (mask >> 2) & 3 {
             0 => Some(Self::Plain),
@@ -34,10 +34,11 @@ impl NormalCode {
     }
 }
 
-/// Unit normal from a cube-map code of `bits` bits per coordinate: 6 (the face in bits 13 to 15) or 14 (29 to 31).
+/// Unit normal from a cube-map code. `bits`, the number of bits of a coordinate, is 6 (the face is in bits 13 to 15) or
+/// 14 (the face is in bits 29 to 31).
 ///
-/// With h = (2^bits - 1) / 2 and u, v the coordinates minus h: the direction (u, v, h), permuted and signed by the
-/// face. Face 6 is the zero vector (no normal); 7 is invalid: `None`.
+/// With h = (2^bits - 1) / 2, and u and v the coordinates minus h, it is the direction (u, v, h), permuted and signed
+/// by the face. Face 6 is the zero vector (no normal); face 7 is invalid and gives `None`.
 pub(super) fn cube_normal(code: u32, bits: u32) -> Option<DVec3> {
     let mask = (1_u32 << bits) - 1;
     let h = f64::from(mask) / 2.0;
@@ -64,12 +65,12 @@ pub(super) enum ColourModel {
     Grey { bytes: usize },
     /// Red, green, blue.
     Rgb { bytes: usize },
-    /// Full-range BT.601, 128 = no chroma.
+    /// Full-range BT.601; 128 stands for no chroma.
     Yuv { bytes: usize },
 }
 
 impl ColourModel {
-    /// From the property mask; the model bits if they mean nothing.
+    /// The colour model in the property mask. Bits without a meaning are the error.
     pub(super) fn from_mask(mask: i64) -> Result<Self, i64> {
         match (mask >> 16) & 0x1f {
             0x01 => Ok(Self::Grey { bytes: 1 }),
@@ -89,7 +90,7 @@ impl ColourModel {
         }
     }
 
-    /// Colour, 0..=1, without its alpha; white if bytes are missing.
+    /// The colour, 0..=1, without its alpha; white if bytes are missing.
     pub(super) fn decode(self, raw: &[u8]) -> Vec3 {
         let share = |b: u8| (f64::from(b) / 255.0) as f32;
         match (self, raw) {

@@ -1,7 +1,11 @@
 //! The container of `Pointshop3D`'s .sfl files: a big-endian tree of tagged directories, in the manner of TIFF.
 //!
 //! ```text
-//!  0  "GFLF"   4  u32 container version 0   8  "SFLF"   12  u32 format version 0   16  u32 offset of the root directory
+//!  0  "GFLF"
+//!  4  u32 container version 0
+//!  8  "SFLF"
+//! 12  u32 format version 0
+//! 16  u32 offset of the root directory
 //! directory = entries of 12 bytes: u16 tag, u16 type, u32 count, u32 value or offset
 //! ```
 //! A directory ends with the first entry whose tag is UPLINK, LINK or DOWNLINK; its value is the next directory in
@@ -11,7 +15,7 @@ use std::collections::HashSet;
 
 use super::error::{ParseError, quote};
 
-/// More than any real file has (3 levels of sets and resolutions).
+/// Most directories. Real files have far fewer (3 levels of sets and resolutions).
 const MAX_DIRECTORIES: usize = 100_000;
 
 const UPLINK: u16 = 0;
@@ -102,7 +106,7 @@ impl<'a> Container<'a> {
         }
     }
 
-    /// Whole numbers of any unsigned or signed integer type; `None` if the directory has no such tag.
+    /// The whole numbers of a tag, of any unsigned or signed integer type; `None` if the directory has no such tag.
     pub(super) fn integers(&self, directory: &Directory, tag: u16) -> Result<Option<Vec<i64>>, ParseError> {
         let Some(entry) = directory.get(tag) else { return Ok(None) };
         let data = self.data(entry)?;
@@ -118,7 +122,7 @@ impl<'a> Container<'a> {
         Ok(Some(values))
     }
 
-    /// The first of the whole numbers of a tag, if there is one; it must not be negative.
+    /// The first whole number of a tag; `None` if there is none. It must not be negative.
     pub(super) fn integer(&self, directory: &Directory, tag: u16) -> Result<Option<usize>, ParseError> {
         let Some(values) = self.integers(directory, tag)? else { return Ok(None) };
         match (directory.get(tag), values.first().map(|v| usize::try_from(*v))) {
@@ -128,7 +132,7 @@ impl<'a> Container<'a> {
         }
     }
 
-    /// Exactly `N` finite floats; `None` if the directory has no such tag.
+    /// The `N` finite floats of a tag; `None` if the directory has no such tag.
     pub(super) fn floats<const N: usize>(
         &self,
         directory: &Directory,
@@ -156,7 +160,7 @@ impl<'a> Container<'a> {
         Ok(Some((at, block)))
     }
 
-    /// Bytes of an entry: in the entry where they fit into four bytes, else at an offset.
+    /// The bytes of an entry: in the entry itself where they fit into four bytes, else at an offset.
     fn data(&self, entry: Entry) -> Result<&'a [u8], ParseError> {
         let size = match entry.kind {
             0 | 1 | 8 | 9 => 1,

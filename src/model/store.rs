@@ -4,10 +4,11 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use super::{ModelError, Surfels};
+use super::error::ModelError;
+use super::surfels::Surfels;
 use crate::files;
 
-/// Writes `path` whole or not at all.
+/// Writes the file `path`, which appears whole or not at all.
 pub(super) fn write(
     path: &Path,
     content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
@@ -20,7 +21,7 @@ pub(super) fn write(
     .map_err(|source| ModelError::Write { path: path.to_owned(), source })
 }
 
-/// Checks that all arrays have one entry a surfel.
+/// Checks that all arrays have one entry for each surfel.
 pub(super) fn check_columns(surfels: &Surfels) -> Result<(), ModelError> {
     let expected = surfels.len();
     let columns = [

@@ -1,17 +1,17 @@
-//! What every format needs after reading: points that cannot be drawn are dropped, odd attributes made harmless, and
-//! both are counted in the notes.
+//! The step that every format needs after reading: it drops points that cannot be drawn, makes odd attributes harmless,
+//! and counts both in the notes.
 
 use glam::{DVec3, Vec3};
 
-use super::Cloud;
+use super::cloud::Cloud;
 
-/// Largest coordinate that is drawn, in model units: its square still fits a 32-bit float.
+/// Largest coordinate and length that is drawn, model units: its square still fits a 32-bit float.
 pub(super) const MAX_COORDINATE: f64 = 1e18;
 
-/// Drops points whose position is not finite or beyond [`MAX_COORDINATE`]; normalises normals.
+/// Drops points whose position is not finite or beyond [`MAX_COORDINATE`], and normalises normals.
 ///
-/// Attributes that are not usable become "missing" for that point (normal and axes zero, radius zero), which
-/// [`super::complete`] estimates; a colour that is not finite becomes white.
+/// Unusable attributes become "missing" for that point (normal and axes zero, radius zero), and [`super::complete`]
+/// estimates them. A colour that is not finite becomes white.
 pub(super) fn tidy(mut cloud: Cloud) -> Cloud {
     let keep: Vec<bool> = cloud.position.iter().map(|p| drawable(*p)).collect();
     let dropped = keep.iter().filter(|k| !**k).count();
@@ -27,7 +27,7 @@ pub(super) fn tidy(mut cloud: Cloud) -> Cloud {
             *radius = 0.0;
         }
     }
-    // Counted when they are replaced.
+    // These are counted when they are replaced.
     each(&mut cloud.axes, |[u, v]| !usable(*u, *v), [Vec3::ZERO; 2]);
     let odd = each(&mut cloud.colour, |c| !c.is_finite(), Vec3::ONE);
     note(&mut cloud.notes, odd, "a colour that is not finite (drawn white)");
@@ -51,7 +51,7 @@ pub(super) fn retain(cloud: &mut Cloud, keep: &[bool]) {
     filter(&mut cloud.velocity, keep);
 }
 
-/// True for axes that span a plane: finite, of sane size, not parallel (sine of the angle above 1e-6).
+/// True for axes that span a plane: they are finite, not too long, and not parallel (sine of the angle above 1e-6).
 pub(super) fn usable(u: Vec3, v: Vec3) -> bool {
     let (u, v) = (u.as_dvec3(), v.as_dvec3());
     let area = u.cross(v).length();
@@ -59,8 +59,8 @@ pub(super) fn usable(u: Vec3, v: Vec3) -> bool {
     u.is_finite() && v.is_finite() && u.abs().max(v.abs()).max_element() <= MAX_COORDINATE && area > 1e-6 * product
 }
 
-/// Unit vector along `normal`, unchanged where it is one already (to 1e-6, so that re-reading is exact); zero where it
-/// has no direction.
+/// Unit vector along `normal`; zero where `normal` has no direction. A vector that is one already (to 1e-6) is
+/// unchanged, so that re-reading is exact.
 pub(super) fn unit(normal: Vec3) -> Vec3 {
     let wide = normal.as_dvec3();
     if (wide.length_squared() - 1.0).abs() < 1e-6 {

@@ -1,4 +1,4 @@
-//! Surfels as a binary PLY file that other programs can read.
+//! Writes surfels as a binary PLY file that other programs can read.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -6,17 +6,19 @@ use std::path::Path;
 
 use glam::Vec3;
 
+use super::error::ModelError;
 use super::ply::{LINEAR_COLOURS, MATERIAL, TWO_SIDED};
-use super::{ModelError, Surfels, store};
+use super::store;
+use super::surfels::Surfels;
 use crate::math::srgb;
 
-/// Writes surfels as little-endian PLY: position, normal, axes (tux..tvz), radius, colour, and where there are any
+/// Writes surfels as little-endian PLY: position, normal, axes (tux..tvz), radius and colour, and where there are any,
 /// material (ambient, diffuse, specular, shininess) and velocity (vx, vy, vz).
 ///
 /// [`super::load`] gives back the same normals, axes, colours, materials and velocities. Positions are floats and exact
-/// where the origin is zero; else doubles, which are exact in model space to 2^-53 of their size (the reader chooses an
-/// origin of its own). Colours are bytes (sRGB) where that is exact for every surfel, else linear floats, which other
-/// programs may show too dark; a comment in the file says so.
+/// where the origin is zero. Otherwise they are doubles, which are exact in model space to 2^-53 of their size; the
+/// reader chooses an origin of its own. Colours are bytes (sRGB) where that is exact for every surfel. Otherwise they
+/// are linear floats, which other programs may show too dark; a comment in the file says so.
 ///
 /// # Errors
 /// The file cannot be written (then nothing is left behind), or the arrays differ in length.
@@ -82,7 +84,7 @@ fn header(s: &Surfels, wide: bool, byte_colours: bool) -> String {
     text + "end_header\n"
 }
 
-/// The sRGB bytes from which a reader computes exactly this colour, if there are such.
+/// The sRGB bytes from which a reader computes exactly this colour; `None` if there are none.
 fn as_bytes(linear: Vec3) -> Option<[u8; 3]> {
     let channel = |x: f32| {
         let encoded = srgb::from_linear(x) * 255.0;

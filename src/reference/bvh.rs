@@ -1,8 +1,9 @@
 //! A bounding volume hierarchy over the surfels of one model, in model space relative to the model's origin.
 //!
-//! The tree is built binary, by parallel locally-ordered clustering (crate `obvhs`), and collapsed into nodes of eight children
-//! and leaves of up to four surfels. Both are structures of arrays, so that one node or one leaf is tested with vector
-//! instructions: eight boxes in f32, four surfels in f64. Leaves hold copies of what the intersection needs: 36 bytes a surfel plus its number.
+//! Parallel locally-ordered clustering (crate `obvhs`) builds a binary tree. The tree is then collapsed into nodes of
+//! eight children and leaves of up to four surfels. Both are structures of arrays, so that vector instructions test one
+//! node (eight boxes in f32) or one leaf (four surfels in f64) at once. Leaves hold copies of what the intersection
+//! needs: 36 bytes for each surfel, plus its number.
 
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::Boundable;
@@ -16,31 +17,31 @@ use crate::model::Surfels;
 /// Children of a node.
 pub(super) const WIDTH: usize = 8;
 
-/// Most surfels of a leaf: four f64 fill a vector register.
+/// Most surfels of a leaf. Four f64 fill a vector register.
 pub(super) const LANES: usize = 4;
 
-/// Set in a child's number if it is a leaf.
+/// Bit of a child's number that marks a leaf.
 pub(super) const LEAF: u32 = 1 << 31;
 
 /// Boxes grow by this share of the model's radius, so that f32 traversal misses nothing that f64 intersection hits.
 ///
-/// In units of 2^-24 times the radius R: a ray's origin is moved to the model's sphere, |o| <= R about its centre, and rounded
-/// (1); its direction is rounded over a path of 2 R (2); (b - o) is rounded (2); the reciprocal of the direction and the
-/// product add two roundings each over 2 R (8). 13 in all; 32 with room to spare. Leaves the centre out: models are recentred,
-/// so it is at most R away (another 1 + 2).
+/// The terms, in units of 2^-24 times the radius R: a ray's origin is moved to the model's sphere, |o| <= R about its
+/// centre, and rounded (1); its direction is rounded over a path of 2 R (2); (b - o) is rounded (2); the reciprocal of
+/// the direction and the product round twice each over 2 R (8). The sum is 13; 32 leaves room to spare. The distance of
+/// the centre from the origin adds another 1 + 2: models are recentred, so it is at most R.
 const PADDING: f64 = 32.0 / (1_u32 << 24) as f64;
 
-/// Eight boxes.
+/// A node: eight boxes and what they bound.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Node {
-    /// Low sides, then high sides; x, y, z; one a child. A missing child has low = +inf and high = -inf.
+    /// Low sides, then high sides; x, y, z; one value for each child. A missing child has low = +inf and high = -inf.
     pub sides: [[[f32; WIDTH]; 3]; 2],
-    /// Node, or leaf with [`LEAF`].
+    /// Number of the child's node, or of its leaf with [`LEAF`] set.
     pub children: [u32; WIDTH],
 }
 
-/// Up to four surfels.
+/// A leaf: up to four surfels.
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
 pub(super) struct Leaf {
@@ -57,10 +58,10 @@ pub(super) struct Leaf {
 /// The hierarchy of one model.
 #[derive(Clone, Debug)]
 pub(super) struct Bvh {
-    /// The first one is the root.
+    /// Nodes; the first one is the root.
     pub nodes: Vec<Node>,
     pub leaves: Vec<Leaf>,
-    /// A sphere around all surfels.
+    /// Centre of a sphere around all surfels.
     pub centre: DVec3,
     pub radius: f64,
 }
@@ -77,7 +78,7 @@ impl Boundable for Ellipse {
 }
 
 impl Bvh {
-    /// Builds the hierarchy; surfels that are not finite are left out.
+    /// Builds the hierarchy. Surfels that are not finite are left out.
     pub(super) fn new(surfels: &Surfels) -> Self {
         let exact: Vec<(Vec3, Vec3)> = (0..surfels.len()).into_par_iter().map(|i| bounds(surfels, i)).collect();
         let whole = exact
@@ -90,8 +91,8 @@ impl Bvh {
         }
         let (low, high) = (whole.0.as_dvec3(), whole.1.as_dvec3());
         let centre = 0.5 * (low + high);
-        let reach = 0.5 * (high - low).length() + centre.length();
-        let padding = PADDING * reach;
+        let extent = 0.5 * (high - low).length() + centre.length();
+        let padding = PADDING * extent;
         let farthest = exact
             .par_iter()
             .filter(|(low, high)| low.is_finite() && high.is_finite())
@@ -123,7 +124,7 @@ impl Bvh {
         Self { nodes, leaves, centre, radius }
     }
 
-    /// Bytes of nodes and leaves.
+    /// Memory of nodes and leaves, bytes.
     pub(super) fn bytes(&self) -> u64 {
         (size_of_val(self.nodes.as_slice()) + size_of_val(self.leaves.as_slice())) as u64
     }
@@ -131,14 +132,15 @@ impl Bvh {
 
 const NOTHING: (Vec3, Vec3) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
 
-/// Box of an elliptical disc: its extent along an axis e is sqrt((u.e)^2 + (v.e)^2). Rounding is left to the padding.
+/// Box of an elliptical disc. The disc's extent along an axis e is sqrt((u.e)^2 + (v.e)^2). The padding covers the
+/// rounding.
 fn bounds(surfels: &Surfels, i: usize) -> (Vec3, Vec3) {
     let (c, u, v) = (surfels.position[i], surfels.axis_u[i], surfels.axis_v[i]);
-    let reach = (u * u + v * v).map(f32::sqrt);
-    (c - reach, c + reach)
+    let half_size = (u * u + v * v).map(f32::sqrt);
+    (c - half_size, c + half_size)
 }
 
-/// Surfels below each node of the binary tree.
+/// Number of surfels below each node of the binary tree.
 fn counts(tree: &Bvh2) -> Vec<u32> {
     let mut counts = vec![0; tree.nodes.len()];
     let mut stack = vec![(0_usize, false)];
@@ -158,7 +160,7 @@ fn counts(tree: &Bvh2) -> Vec<u32> {
     counts
 }
 
-/// Binary tree to eight-wide tree.
+/// Turns the binary tree into an eight-wide tree.
 struct Collapse<'a> {
     tree: &'a Bvh2,
     /// Surfel of each primitive of the tree.
@@ -178,7 +180,7 @@ impl Collapse<'_> {
             let mut n = 1;
             children[0] = at;
             while n < WIDTH {
-                // Open the child that costs most: the one most rays enter.
+                // Open the child with the greatest cost, which is the one that most rays enter.
                 let open = (0..n)
                     .filter(|&i| self.counts[children[i]] > LANES as u32)
                     .max_by(|&i, &j| self.area(children[i]).total_cmp(&self.area(children[j])));
@@ -274,7 +276,7 @@ mod tests {
         for n in [0, 1, 2, 8, 9, 1000] {
             let mut surfels = cloud(n);
             if n == 1000 {
-                // Many in one place, one beside reality.
+                // Many surfels lie in one place, and one is not finite.
                 surfels.position[10..200].fill(Vec3::ONE);
                 surfels.position[500].x = f32::NAN;
             }

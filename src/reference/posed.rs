@@ -1,11 +1,13 @@
-//! The scene at the time of one sample, exactly: no pose is interpolated. What does not change over the frame is computed once.
+//! The scene at the time of one sample. Each pose is exact, none is interpolated. What does not change over the frame
+//! is computed once.
 
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 use rayon::prelude::*;
 
-use super::ReferenceOptions;
 use super::bvh::Bvh;
-use crate::math::norm;
+use super::options::ReferenceOptions;
+use crate::film::Background;
+use crate::math::{focal_length, norm};
 use crate::model::{Material, Surfels};
 use crate::scene::pose::{ObjectPoser, camera_from_world};
 use crate::scene::{Light, Object, Scene, Sphere};
@@ -21,48 +23,48 @@ pub(super) struct World<'a> {
     /// Focal length, pixels.
     pub focal: f64,
     pub bodies: Vec<Body<'a>>,
-    /// Hierarchies, each shared by the objects with its model.
+    /// Hierarchies. Objects with the same model share one.
     pub models: Vec<Bvh>,
-    /// The camera, if it does not move.
+    /// The camera's pose if it does not move.
     fixed_camera: Option<CameraPose>,
-    /// The camera at the frame's number.
+    /// The camera's pose at the frame number.
     pub frame_camera: CameraPose,
 }
 
-/// The camera at a time.
+/// Pose of the camera at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct CameraPose {
-    /// Columns right, up, back.
+    /// Rotation with the columns right, up, back.
     pub world_from_camera: DMat3,
     pub eye: DVec3,
 }
 
-/// What rays can hit of an object.
+/// The shape of an object that rays can hit.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape {
-    /// Number of a hierarchy.
+    /// A model: the number of its hierarchy.
     Model(usize),
     Sphere(Sphere),
     Nothing,
 }
 
-/// What of an object does not change over the frame.
+/// An object over a whole frame: the parts that do not depend on the time.
 #[derive(Debug)]
 pub(super) struct Body<'a> {
     pub object: &'a Object,
     pub surfels: &'a Surfels,
     pub shape: Shape,
     poser: ObjectPoser<'a>,
-    /// The pose, if it does not change.
-    fixed: Option<Placed>,
-    /// Depth tolerance, if it does not change.
+    /// The pose if it does not change.
+    fixed: Option<BodyPose>,
+    /// Depth tolerance if it does not change, world units.
     epsilon: Option<f64>,
 }
 
-/// An object at a time.
+/// Pose of an object at one time.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Placed {
-    /// Linear part, and the place of the model's origin.
+pub(super) struct BodyPose {
+    /// Linear part of the transform, and the place of the model's origin.
     pub world_from_model: DAffine3,
     /// Inverse of the linear part.
     pub model_from_world: DMat3,
@@ -70,15 +72,15 @@ pub(super) struct Placed {
     pub epsilon: f64,
 }
 
-impl Placed {
-    /// Model normals to world normals, up to length: the inverse transpose.
+impl BodyPose {
+    /// Transforms a normal from model to world space by the inverse transpose, and makes it a unit vector.
     pub(super) fn normal(&self, normal: DVec3) -> DVec3 {
         (self.model_from_world.transpose() * normal).normalize_or_zero()
     }
 }
 
 impl<'a> World<'a> {
-    /// Builds the hierarchies and poses what does not move.
+    /// Builds the hierarchies and poses static objects.
     pub(super) fn new(scene: &'a Scene, frame: i64, options: &'a ReferenceOptions) -> Self {
         let number = frame as f64;
         let mut distinct: Vec<&Surfels> = Vec::new();
@@ -106,12 +108,17 @@ impl<'a> World<'a> {
             scene,
             options,
             size: [scene.image.width, scene.image.height],
-            focal: 0.5 * f64::from(scene.image.height) / libm::tan(0.5 * scene.camera.fovy),
+            focal: focal_length(f64::from(scene.image.height), scene.camera.fovy),
             bodies,
             models,
             fixed_camera: scene.camera.animation.is_none().then_some(frame_camera),
             frame_camera,
         }
+    }
+
+    /// What the picture is composited over.
+    pub(super) const fn background(&self) -> Background {
+        Background { colour: self.scene.image.background, transparent: self.scene.image.transparent }
     }
 
     /// The camera at scene time `time` (frames).
@@ -145,12 +152,12 @@ impl<'a> World<'a> {
         (0..self.models.len()).filter_map(of_model).map(|body| body.surfels.len() as u64).sum()
     }
 
-    /// The camera that an object is seen by, if it does not move.
+    /// The pose of the camera that sees an object, if it is the same for every sample.
     pub(super) fn camera_of(&self, body: &Body<'_>) -> Option<CameraPose> {
         if body.object.blur { self.fixed_camera } else { Some(self.frame_camera) }
     }
 
-    /// True if the lights are the same for every sample, as seen from the eye.
+    /// True if the lights relative to the eye are the same for every sample.
     pub(super) fn fixed_lights(&self) -> bool {
         self.fixed_camera.is_some()
     }
@@ -173,9 +180,10 @@ impl<'a> Body<'a> {
             fixed: None,
             epsilon: options.epsilon.or(object.epsilon),
         };
-        // Motions by formula keep lengths; keyframes of the scale do not.
+        // Motions by formula keep lengths; keyframes of the scale do not. Without such keyframes the tolerance is
+        // constant.
         if object.animation.as_ref().is_none_or(|binding| !binding.node.has_scale()) {
-            body.epsilon = body.pose(number).map(|placed| placed.epsilon).or(body.epsilon);
+            body.epsilon = body.pose(number).map(|pose| pose.epsilon).or(body.epsilon);
         }
         if body.poser.is_fixed() || !object.blur {
             body.fixed = body.pose(number);
@@ -186,30 +194,30 @@ impl<'a> Body<'a> {
         body
     }
 
-    /// The object at scene time `time` (frames), or at the frame's number where it does not blur; `None` if it is hidden or has
-    /// no extent.
-    pub(super) fn placed(&self, time: f64) -> Option<Placed> {
+    /// Pose at scene time `time` (frames), or at the frame number if the object does not blur. `None` if it is hidden
+    /// or has no extent.
+    pub(super) fn pose_at(&self, time: f64) -> Option<BodyPose> {
         self.fixed.or_else(|| self.pose(time))
     }
 
-    /// True if its pose does not change over the frame.
+    /// True if the pose does not change over the frame.
     pub(super) fn is_fixed(&self) -> bool {
         self.fixed.is_some()
     }
 
-    /// A sphere in the world that holds a model's sphere, about `centre` relative to the model's origin, at all scene times from
-    /// `from` to `to` (frames); `None` if none is known.
+    /// A sphere in the world that holds a model's sphere at all scene times from `from` to `to` (frames). The model's
+    /// sphere is about `centre` relative to the model's origin. `None` if no such sphere is known.
     pub(super) fn swept_sphere(&self, centre: DVec3, radius: f64, from: f64, to: f64) -> Option<(DVec3, f64)> {
         match &self.fixed {
-            Some(placed) => {
-                let radius = radius * norm(&placed.world_from_model.matrix3);
-                Some((placed.world_from_model.transform_point3(centre), radius))
+            Some(pose) => {
+                let radius = radius * norm(&pose.world_from_model.matrix3);
+                Some((pose.world_from_model.transform_point3(centre), radius))
             }
             None => self.poser.swept_sphere(centre + self.surfels.origin, radius, from, to),
         }
     }
 
-    fn pose(&self, time: f64) -> Option<Placed> {
+    fn pose(&self, time: f64) -> Option<BodyPose> {
         let mut world_from_model = self.poser.at(time)?;
         world_from_model.translation += world_from_model.matrix3 * self.surfels.origin;
         let linear = world_from_model.matrix3;
@@ -221,10 +229,10 @@ impl<'a> Body<'a> {
         }
         let model_from_world = DMat3::from_cols(bc, ca, ab).transpose() * (1.0 / det);
         let epsilon = self.epsilon.unwrap_or_else(|| f64::from(self.object.median_radius) * libm::cbrt(det.abs()));
-        Some(Placed { world_from_model, model_from_world, epsilon })
+        Some(BodyPose { world_from_model, model_from_world, epsilon })
     }
 
-    /// Material of a surfel: the scene's, else the file's, else the default (design section 2).
+    /// Material of a surfel: that of the scene; without it that of the file; without both the default.
     pub(super) fn material(&self, surfel: usize) -> Material {
         self.object.material.or_else(|| self.surfels.material.get(surfel).copied()).unwrap_or_default()
     }

@@ -1,21 +1,23 @@
-//! Everything about one pixel or one sample, for people who wonder about a value.
+//! Shows everything about one pixel or one sample, for people who wonder about a value.
 
 use std::fmt;
 
 use glam::DVec3;
 
+use super::cull::Candidates;
+use super::error::ReferenceError;
+use super::integrator::Integrator;
+use super::options::ReferenceOptions;
 use super::posed::{Shape, World};
-use super::reach::Sights;
 use super::sampler::{Points, SCRAMBLINGS};
 use super::sums::{Sums, mean};
 use super::trace::{Surface, Tracer};
-use super::{Integrator, ReferenceError, ReferenceOptions, background};
 use crate::scene::Scene;
 
-/// One sample.
+/// One sample and what it sees.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    /// Its number in the pixel.
+    /// Number of the sample in its pixel.
     pub number: u64,
     /// Film point, pixels.
     pub film: [f64; 2],
@@ -23,14 +25,15 @@ pub struct Sample {
     pub time: f64,
     /// Eye and direction (of depth 1) of the ray, world space.
     pub ray: [DVec3; 2],
-    /// T of the visibility rule: the greatest depth that contributes; infinite where nothing is hit.
+    /// T of the visibility rule (docs/math.md, eq. 5): the greatest depth that contributes. Infinite where nothing is
+    /// hit.
     pub limit: f64,
-    /// Surfels on the ray, nearest first: those that contribute, and what else was met on the way (farther ones may have been
-    /// passed over).
+    /// Surfels on the ray, nearest first. All that contribute are there, and others that were met on the way; farther
+    /// ones may be missing.
     pub hits: Vec<ProbedHit>,
-    /// Linear colour, shaded; `None` where nothing is hit.
+    /// Shaded linear colour; `None` where nothing is hit.
     pub colour: Option<DVec3>,
-    /// Mean depth and unit normal (world axes) of what contributes.
+    /// Mean depth and unit normal (world axes) of the surfels that contribute.
     pub surface: Option<(f64, DVec3)>,
 }
 
@@ -41,7 +44,7 @@ pub struct ProbedHit {
     pub object: String,
     /// Number of the surfel in the model; `None` for an ideal sphere.
     pub surfel: Option<u32>,
-    /// Camera depth of its plane on the ray.
+    /// Camera depth of the surfel's plane on the ray.
     pub depth: f64,
     /// Position on the surfel in units of its axes.
     pub uv: [f64; 2],
@@ -49,39 +52,39 @@ pub struct ProbedHit {
     pub weight: f64,
     /// Depth tolerance of its object, world units.
     pub epsilon: f64,
-    /// Not beyond T.
+    /// True if the depth is at most T, so that the surfel contributes.
     pub admitted: bool,
-    /// Seen from behind.
+    /// True if it is seen from behind.
     pub back: bool,
-    /// Unshaded colour.
+    /// Linear colour before shading.
     pub colour: DVec3,
     /// Unit normal, world axes.
     pub normal: DVec3,
 }
 
-/// One pixel, and its samples if they were asked for.
+/// One pixel, and one of its samples if that was asked for.
 #[derive(Clone, Debug)]
 pub struct Probe {
     /// Column and row.
     pub pixel: [u32; 2],
-    /// Samples taken.
+    /// Number of samples taken.
     pub samples: u64,
-    /// Samples that hit something.
+    /// Number of samples that hit something.
     pub hits: u64,
-    /// r, g, b as the picture has them (premultiplied, over its background) and coverage.
+    /// r, g, b as the picture has them (premultiplied, over its background), and coverage.
     pub mean: [f64; 4],
-    /// The same of each scrambling alone.
+    /// The same for each scrambling alone.
     pub scramblings: [[f64; 4]; SCRAMBLINGS],
-    /// Standard error of `mean`: what the picture's layer of errors has.
+    /// Standard error of `mean`, as in the picture's layer of errors.
     pub error: [f64; 4],
     /// The sample that was asked for.
     pub sample: Option<Sample>,
 }
 
-/// Looks at pixel (x, y) of a frame as [`super::render`] samples it, and at its sample number `sample`.
+/// Samples pixel (x, y) of a frame as [`super::render`] does, and shows its sample number `sample`.
 ///
 /// # Errors
-/// The number of samples does not suit, or the pixel or the sample is outside.
+/// The number of samples does not suit the scramblings, or the pixel or the sample is outside.
 pub fn probe(
     scene: &Scene,
     frame: i64,
@@ -99,14 +102,14 @@ pub fn probe(
         return Err(ReferenceError::NoSample { sample, samples });
     }
     let world = World::new(scene, frame, options);
-    // With its neighbours: the error depends on what they saw.
+    // The neighbours are sampled too, because the error depends on what they saw.
     let origin = pixel.map(|c| c.saturating_sub(1));
     let [w, h] = [0, 1].map(|axis| (pixel[axis] + 2).min([width, height][axis]) - origin[axis]);
     let integrator = Integrator::new(&world, frame, origin);
     let mut sums = Sums::new([w, h], &[])?;
     integrator.add(&mut sums, samples, None, &|_| ());
     let at = ((pixel[1] - origin[1]) * w + pixel[0] - origin[0]) as usize;
-    let background = background(scene);
+    let background = world.background();
     let scramblings = sums.seen(at, background);
     let mean = mean(&scramblings);
     let error = sums.error(at, background);
@@ -116,11 +119,11 @@ pub fn probe(
         let points = Points::new(options.sampler, options.seed, k, k + 1, each);
         let of_pixel = points.pixel(integrator.number(pixel));
         let scrambling = of_pixel.scrambling((number % SCRAMBLINGS as u64) as usize);
-        let (film, time) = integrator.place(pixel, scrambling.at(k));
-        let mut sights = Sights::default();
-        integrator.reach.sights(&world, pixel.map(|c| c as usize), [1, 1], &mut sights);
+        let (film, time) = integrator.sample_point(pixel, scrambling.at(k));
+        let mut candidates = Candidates::default();
+        integrator.cones.candidates(&world, pixel.map(|c| c as usize), [1, 1], &mut candidates);
         let mut tracer = Tracer::new(&world);
-        tracer.hits(&[(film, time)], &sights, &integrator.reach);
+        tracer.hits(&[(film, time)], &candidates, &integrator.cones);
         look(&world, &mut tracer, number, film, time)
     });
     Ok(Probe { pixel, samples, hits, mean, scramblings, error, sample })
@@ -141,7 +144,7 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
             depth: hit.depth,
             uv: [hit.u, hit.v],
             weight: hit.weight(),
-            epsilon: target.placed.epsilon,
+            epsilon: target.pose.epsilon,
             admitted: hit.depth <= limit,
             back: hit.back,
             colour: surface.colour.as_dvec3(),

@@ -1,24 +1,29 @@
-//! Where in a pixel's square, and when in the shutter, the samples of a pixel lie: pure functions of (seed, pixel, number).
+//! Where in a pixel's square, and when in the shutter, the samples of a pixel lie. All functions are pure functions of
+//! (seed, pixel, number).
 //!
-//! Sample i belongs to scrambling i mod 16. The scramblings are independent of each other, so the spread of their sixteen means
-//! tells the standard error; each is a stratified sequence of its own, of which sample i takes the point i / 16.
+//! Sample i belongs to scrambling i mod 16. The scramblings are independent of each other, so the spread of their
+//! sixteen means gives the standard error. Each scrambling is a stratified sequence of its own, and sample i is its
+//! point i / 16.
 
 use crate::sampling::{hash, owen_scramble, sobol3};
 
-/// Independent scramblings.
+/// Number of independent scramblings.
 pub const SCRAMBLINGS: usize = 16;
 
-/// How positions and times are chosen.
+/// Most samples of a pixel. Each scrambling has 2^32 points.
+pub const MOST_SAMPLES: u64 = 1 << 36;
+
+/// The way positions and times are chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sampler {
-    /// x, y and t together: a three-dimensional Sobol' sequence, Owen-scrambled for each pixel. Progressive.
+    /// A three-dimensional Sobol' sequence for x, y and t together, Owen-scrambled for each pixel. Progressive.
     #[default]
     Sobol,
-    /// The thesis's own strategy (4.5): a jittered grid of positions, and for each position a random subset of the cells of a
-    /// jittered grid of times that has `density` times as many cells as the position takes. 1: the same cells for each
-    /// position, which bands; many: noise. Its number of samples is fixed beforehand.
+    /// The strategy of Wolf 2008, 4.5. Positions are a jittered grid. Times are a jittered grid with `density` times as
+    /// many cells as a position takes; each position takes a random subset of them. With a density of 1 all positions
+    /// take the same cells, which bands; with many the image is noisy. The number of samples is fixed beforehand.
     Jittered {
-        /// Cells of the grid of times for each time sample, >= 1.
+        /// Cells of the grid of times for each sample of a position, >= 1.
         density: u32,
     },
     /// Independent random numbers. Progressive.
@@ -26,22 +31,23 @@ pub enum Sampler {
 }
 
 impl Sampler {
-    /// The first k samples of a longer run are the shorter run.
+    /// True if the first k samples of a longer run are the shorter run.
     pub const fn is_progressive(self) -> bool {
         !matches!(self, Self::Jittered { .. })
     }
 }
 
-/// Points that do not depend on the pixel, made once for a range of samples.
+/// The points of a range of samples, as far as they do not depend on the pixel.
 #[derive(Debug)]
 pub(super) struct Points {
     sampler: Sampler,
     seed: u64,
-    /// Samples of one scrambling: all that there will be.
+    /// All samples that one scrambling will have.
     total: u64,
     /// Side of the jittered grid of positions.
     side: u64,
-    /// First point, and Sobol' points from there on; empty for the other samplers.
+    /// Number of the first point of `sobol`, which holds the Sobol' points from there on. It is empty for the other
+    /// samplers.
     first: u64,
     sobol: Vec<[u32; 3]>,
 }
@@ -62,7 +68,7 @@ pub(super) struct Scrambled<'a> {
 }
 
 impl Points {
-    /// For the points `first`..`end` of each scrambling, of `total` that there will be.
+    /// Makes the points `first`..`end` of each scrambling, of `total` that there will be.
     pub(super) fn new(sampler: Sampler, seed: u64, first: u64, end: u64, total: u64) -> Self {
         let sobol = match sampler {
             Sampler::Sobol => (first..end).map(|k| sobol3(k as u32)).collect(),
@@ -71,14 +77,14 @@ impl Points {
         Self { sampler, seed, total, side: grid_side(total), first, sobol }
     }
 
-    /// Those of pixel number `pixel`.
+    /// The points of pixel number `pixel`.
     pub(super) fn pixel(&self, pixel: u64) -> PixelPoints<'_> {
         PixelPoints { points: self, seed: pair(self.seed, pixel) }
     }
 }
 
 impl<'a> PixelPoints<'a> {
-    /// Those of scrambling `r`.
+    /// The points of scrambling `r`.
     pub(super) fn scrambling(&self, r: usize) -> Scrambled<'a> {
         let seed = pair(self.seed, r as u64);
         Scrambled { points: self.points, seed, scrambles: [0, 1, 2].map(|d| hash(seed, d)) }
@@ -86,7 +92,7 @@ impl<'a> PixelPoints<'a> {
 }
 
 impl Scrambled<'_> {
-    /// Point `k`: x and y in the pixel's square, and the share of the exposure that is over; each in (0, 1).
+    /// Point `k`: x and y in the pixel's square, and the share of the exposure that has passed, each in (0, 1).
     #[inline]
     pub(super) fn at(&self, k: u64) -> [f64; 3] {
         match self.points.sampler {
@@ -116,17 +122,20 @@ impl Scrambled<'_> {
     }
 }
 
-/// Side of the grid of positions: of those whose square divides `n`, the one nearest to the cube root, by ratio.
+/// Side of the grid of positions. Of all sides whose square divides `n`, it is the one nearest to the cube root of `n`,
+/// by ratio.
 fn grid_side(n: u64) -> u64 {
     let root = libm::cbrt(n as f64);
     let off = |side: u64| (side as f64 / root).max(root / side as f64);
-    // 1 is at most `root` off: what is beyond its square is farther.
+    // The side 1 is off by a factor of `root` at most. Sides above `root`^2 are off by more.
     let most = (root * root) as u64 + 1;
     (1..=most).filter(|p| n.is_multiple_of(p * p)).min_by(|&a, &b| off(a).total_cmp(&off(b))).unwrap_or(1)
 }
 
-/// Place of `i` in a random order of 0..n: a Feistel network on the next power of 4, walked until it comes back into the range,
-/// and a random rotation: by itself the walk prefers some places, by a tenth where n is small.
+/// Place of `i` in a random order of 0..n.
+///
+/// A Feistel network permutes the next power of 4; it is repeated until the result lies in the range. By itself this
+/// prefers some places, by a tenth where n is small, so a random rotation follows.
 fn permute(i: u64, n: u64, key: u64) -> u64 {
     let half = (64 - n.saturating_sub(1).leading_zeros()).div_ceil(2).max(1);
     let mask = (1_u64 << half) - 1;
@@ -143,12 +152,12 @@ fn permute(i: u64, n: u64, key: u64) -> u64 {
     }
 }
 
-/// The middle of the 2^-32 wide interval that a 32-bit fraction stands for.
+/// The middle of the interval of width 2^-32 that a 32-bit fraction stands for.
 fn fraction(x: u32) -> f64 {
     (f64::from(x) + 0.5) / 4_294_967_296.0
 }
 
-/// A 64-bit seed for a stream of its own.
+/// A 64-bit seed for the numbers of `stream`.
 fn pair(seed: u64, stream: u64) -> u64 {
     u64::from(hash(seed, 2 * stream)) << 32 | u64::from(hash(seed, 2 * stream + 1))
 }
@@ -174,8 +183,8 @@ mod tests {
         }
     }
 
-    /// The mean over many pixels of each coordinate, of its square, and of products of coordinates are those of independent
-    /// uniform numbers, for each single point.
+    /// For each single point, take the means over many pixels of each coordinate, of its square, and of products of
+    /// coordinates. They are those of independent uniform numbers.
     #[test]
     fn every_point_is_uniform_by_itself() {
         for sampler in [Sampler::Sobol, Sampler::Random, Sampler::Jittered { density: 3 }] {
@@ -185,7 +194,7 @@ mod tests {
                 let mut sums = [0.0; 9];
                 let pixels = 20_000;
                 for pixel in 0..pixels {
-                    // Jittered points are uniform over all points of a pixel, not each by itself.
+                    // Jittered points are uniform over all points of a pixel, but not each by itself.
                     let k = if sampler.is_progressive() { k } else { (k + pixel) % n };
                     let [x, y, t] = points.pixel(pixel).scrambling(5).at(k);
                     for (sum, value) in sums.iter_mut().zip([x, y, t, x * x, y * y, t * t, x * y, y * t, t * x]) {
@@ -234,7 +243,7 @@ mod tests {
         assert_eq!(seen, [1; 64]);
     }
 
-    /// The cells of the grid of times are shared, but not the choice among them; a density of 1 leaves no choice.
+    /// Positions share the cells of the grid of times, but not the choice among them. A density of 1 leaves no choice.
     #[test]
     fn jittered_positions_choose_their_own_times() {
         let (n, density) = (64, 4);

@@ -1,17 +1,19 @@
-//! Partial sums as bytes, to go on from later: exact, so that a run in parts gives the same picture as one in one piece.
+//! Partial sums as bytes, from which a later run can continue. They are exact, so a run in parts gives the same picture
+//! as a run in one piece.
 //!
-//! Little endian: the mark `SBREFSM1`, the length and text of the settings, width, height, planes of AOVs (u32), samples (u64), a
-//! bit for each pixel that something was seen in, for each such pixel its 64 sums (f64), its range (6 f32) and its planes (f64),
-//! and last the CRC-32 of all that.
+//! The bytes are little endian: the mark `SBREFSM1`; the length and text of the settings; width, height and number of
+//! planes of AOVs (u32); samples (u64). Then comes one bit for each pixel that tells whether anything was seen in it,
+//! and for each such pixel its 64 sums (f64), its range (6 f32) and its planes (f64). The last four bytes are the
+//! CRC-32 of all that.
 
-use super::ReferenceError;
+use super::error::ReferenceError;
 use super::sampler::SCRAMBLINGS;
 use super::sums::Sums;
 
 const MARK: &[u8; 8] = b"SBREFSM1";
 
 impl Sums {
-    /// The sums, with the settings that they belong to, as the bytes of a file.
+    /// The content of a file: the sums and the settings that they belong to.
     pub fn to_bytes(&self, settings: &str) -> Vec<u8> {
         let mut out = MARK.to_vec();
         out.extend((settings.len() as u32).to_le_bytes());
@@ -32,10 +34,10 @@ impl Sums {
         out
     }
 
-    /// The sums and settings that [`Self::to_bytes`] wrote.
+    /// Reads the sums and settings that [`Self::to_bytes`] wrote.
     ///
     /// # Errors
-    /// The bytes are something else, or damaged.
+    /// The bytes are no such file, or are damaged.
     pub fn from_bytes(bytes: &[u8]) -> Result<(Self, String), ReferenceError> {
         read(bytes).ok_or(ReferenceError::Damaged)
     }

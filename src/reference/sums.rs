@@ -1,48 +1,52 @@
-//! What the samples add up to: per pixel one sum for each of the sixteen scramblings, and from their spread the standard error.
+//! Sums of what the samples see: for each pixel one sum for each of the sixteen scramblings. The spread of the sixteen
+//! gives the standard error.
 
 use rayon::prelude::*;
 
-use super::ReferenceError;
+use super::error::ReferenceError;
 use super::sampler::SCRAMBLINGS;
 use crate::film::{Aov, Background, Film, FilmPlanes, Layer, Picture, develop};
 
-/// Sums of r, g, b and coverage, one a scrambling.
+/// Sums of r, g, b and coverage, one for each scrambling.
 pub(super) type PixelSums = [[f64; 4]; SCRAMBLINGS];
 
-/// The sums of an image: all that is needed to go on sampling later, with the same result as without the break.
+/// The sums of an image. They are all that a later run needs to continue, with the same result as a run without a
+/// break.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sums {
     pub(super) width: u32,
     pub(super) height: u32,
     /// Samples of a pixel so far, a multiple of [`SCRAMBLINGS`].
     pub(super) samples: u64,
-    /// Row-major.
+    /// Sums of each pixel, row-major.
     pub(super) colour: Vec<PixelSums>,
-    /// Least and greatest shaded colour of the samples that hit something, row-major; inverted where none did.
+    /// Least and greatest shaded colour of the samples that hit something, row-major. Pixels without a hit have the
+    /// least above the greatest.
     pub(super) range: Vec<[[f32; 3]; 2]>,
-    /// Sums of the planes of AOVs beyond the first four, `planes` a pixel, row-major.
+    /// Sums of the AOV planes beyond the first four, `planes` for each pixel, row-major.
     pub(super) extra: Vec<f64>,
     pub(super) planes: usize,
 }
 
-/// Least variance of a mean, in squares of the change that one sample makes to it: what is expected where all sixteen scramblings
-/// agree.
+/// Least variance of a mean, in squares of the change that one sample makes to it. It is the expected variance where
+/// all sixteen scramblings agree.
 ///
-/// Of a step, each scrambling counts k or k + 1 samples, the latter with probability p, where k + p is right. Sixteen equal counts
-/// then say little, and their spread alone would claim an error of 0. p is uniform over pixels, so where 0 of 16 have the
-/// greater count it has the density 17 (1 - p)^16, and the squared error p^2 of that count is 2 / (18 19) on average. One sample
-/// of a scrambling changes its mean by 16 times what it changes the whole mean.
+/// At a step in the image, each scrambling counts k or k + 1 samples, the latter with probability p, and k + p is
+/// right. Sixteen equal counts then say little, and their spread alone would claim an error of 0. p is uniform over
+/// pixels. So where 0 of 16 have the greater count, p has the density 17 (1 - p)^16, and the squared error p^2 of that
+/// count is 2 / (18 19) on average. One sample of a scrambling changes the scrambling's mean by 16 times as much as the
+/// whole mean.
 const RARE: f64 = 256.0 * 2.0 / (18.0 * 19.0);
 
-/// The range of no samples.
+/// The range of a pixel without samples.
 pub(super) const NO_RANGE: [[f32; 3]; 2] = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
 
-/// Which scramblings a standard error is taken from.
+/// The scramblings that a standard error is taken from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Half {
     /// All sixteen.
     All,
-    /// Those with even numbers.
+    /// The eight with even numbers.
     Even,
 }
 
@@ -56,20 +60,20 @@ impl Half {
 }
 
 impl Sums {
-    /// Before the first sample.
+    /// The sums before the first sample.
     ///
     /// # Errors
-    /// They do not fit into memory.
+    /// The sums do not fit into memory.
     pub(super) fn new([width, height]: [u32; 2], aovs: &[Aov]) -> Result<Self, ReferenceError> {
         let planes = FilmPlanes::of(aovs).count - 4;
         Self::empty(width, height, planes).ok_or(ReferenceError::Memory { width, height })
     }
 
-    /// No samples of an image, if they fit into memory.
+    /// The sums of an image without samples; `None` if they do not fit into memory.
     pub(super) fn empty(width: u32, height: u32, planes: usize) -> Option<Self> {
         let pixels = (width as usize).checked_mul(height as usize)?;
         let each = size_of::<PixelSums>() + size_of::<[[f32; 3]; 2]>() + size_of::<f64>() * planes;
-        // Asked for and given back: `vec!` would end the program.
+        // The memory is tried first: `vec!` would end the program.
         Vec::<u8>::new().try_reserve_exact(pixels.checked_mul(each)?).ok()?;
         Some(Self {
             width,
@@ -82,7 +86,7 @@ impl Sums {
         })
     }
 
-    /// Itself, if it is of an image of this size with these AOVs.
+    /// Returns the sums if they are of an image of this size with these AOVs.
     pub(super) fn like(self, size: [u32; 2], aovs: &[Aov]) -> Result<Self, ReferenceError> {
         let say = |[w, h]: [u32; 2], planes: usize| format!("{w} x {h} pixels and {planes} planes of AOVs");
         let (found, expected) =
@@ -95,7 +99,7 @@ impl Sums {
         self.samples
     }
 
-    /// Bytes in memory.
+    /// Memory of the sums, bytes.
     pub fn bytes(&self) -> u64 {
         let bytes = [
             size_of_val(self.colour.as_slice()),
@@ -116,7 +120,7 @@ impl Sums {
         sum.map(|s| s / self.samples as f64)
     }
 
-    /// Samples of pixel `i` that hit something.
+    /// Number of samples of pixel `i` that hit something.
     pub(super) fn hits(&self, i: usize) -> f64 {
         self.colour[i].iter().map(|sums| sums[3]).sum()
     }
@@ -127,7 +131,7 @@ impl Sums {
         hits / (self.samples as f64 * self.colour.len() as f64)
     }
 
-    /// Means of r, g, b (composited) and coverage of pixel `i`, one a scrambling.
+    /// Means of r, g, b (over the background) and coverage of pixel `i`, one for each scrambling.
     pub(super) fn seen(&self, i: usize, background: Background) -> PixelSums {
         let each = self.samples as f64 / SCRAMBLINGS as f64;
         let behind = behind(background);
@@ -138,26 +142,28 @@ impl Sums {
         })
     }
 
-    /// Standard error of the picture's r, g, b (composited) and of the coverage of pixel `i`.
+    /// Standard error of the picture's r, g, b (over the background) and of the coverage of pixel `i`.
     pub(super) fn error(&self, i: usize, background: Background) -> [f64; 4] {
         self.error_of(i, background, Half::All)
     }
 
-    /// That of the mean over all samples as judged by the spread of the means of the scramblings in `half`; but its square is not
-    /// below [`RARE`] times that of (greatest - least sample value in the pixel and its neighbours) / samples: what one sample
-    /// more or less would change. See docs/reference.md.
+    /// Standard error of the mean over all samples, from the spread of the means of the scramblings in `half`.
+    ///
+    /// Its square is at least [`RARE`] times the square of (greatest - least sample value in the pixel and its
+    /// neighbours) / samples, which is the change that one sample more or less makes. See docs/reference.md.
     fn error_of(&self, i: usize, background: Background, half: Half) -> [f64; 4] {
         let means: Vec<[f64; 4]> = self.seen(i, background).into_iter().step_by(half.step()).collect();
         let (n, mean) = (means.len() as f64, mean(&means));
         let quantum = self.spread(i, behind(background)).map(|d| d / self.samples as f64);
         std::array::from_fn(|c| {
             let squares: f64 = means.iter().map(|m| (m[c] - mean[c]) * (m[c] - mean[c])).sum();
-            // Variance of one scrambling's mean, shared by all of them.
+            // The variance of one scrambling's mean, divided by the number of scramblings.
             (squares / (n - 1.0) / SCRAMBLINGS as f64).max(RARE * quantum[c] * quantum[c]).sqrt()
         })
     }
 
-    /// Greatest minus least value of any sample in pixel `i` and its eight neighbours: r, g, b as seen, coverage.
+    /// Greatest minus least value of any sample in pixel `i` and its eight neighbours: r, g, b over the background, and
+    /// coverage.
     fn spread(&self, i: usize, behind: [f64; 3]) -> [f64; 4] {
         let width = self.width as usize;
         let (x, y) = (i % width, i / width);
@@ -185,19 +191,20 @@ impl Sums {
         std::array::from_fn(|c| high[c] - low[c])
     }
 
-    /// Mean standard error over all pixels and r, g, b and coverage.
+    /// Mean standard error over all pixels and over r, g, b and coverage.
     pub fn mean_error(&self, background: Background) -> f64 {
         self.mean_error_of(background, Half::All)
     }
 
-    /// The same, judged by the even scramblings alone: to decide when to stop. The odd ones then know nothing of the decision.
+    /// [`Self::mean_error`] of the even scramblings alone, to decide when to stop. The odd scramblings then know
+    /// nothing of the decision.
     pub fn mean_error_of_even(&self, background: Background) -> f64 {
         self.mean_error_of(background, Half::Even)
     }
 
     fn mean_error_of(&self, background: Background, half: Half) -> f64 {
         let width = self.width.max(1) as usize;
-        // Row by row, so that the sum does not depend on the number of threads.
+        // The sum is taken row by row, so that it does not depend on the number of threads.
         let rows: Vec<f64> = (0..self.height as usize)
             .into_par_iter()
             .map(|y| (y * width..(y + 1) * width).map(|i| self.error_of(i, background, half).iter().sum::<f64>()).sum())
@@ -222,7 +229,7 @@ pub(super) fn mean(values: &[[f64; 4]]) -> [f64; 4] {
     std::array::from_fn(|c| values.iter().map(|v| v[c]).sum::<f64>() / values.len() as f64)
 }
 
-/// What is seen through the film's gaps.
+/// The colour that shows through the film's gaps.
 fn behind(background: Background) -> [f64; 3] {
     if background.transparent { [0.0; 3] } else { background.colour.to_array() }
 }
@@ -253,7 +260,8 @@ mod tests {
 
     const BLACK: Background = Background { colour: DVec3::ZERO, transparent: false };
 
-    /// Three columns and rows; pixel 4 in the middle has `hits` of 10 samples in each scrambling, white.
+    /// An image of three columns and rows. Pixel 4, in the middle, has `hits` of 10 samples in each scrambling, all
+    /// white.
     fn sums(hits: [f64; SCRAMBLINGS]) -> Sums {
         let mut sums = Sums::new([3, 3], &[]).unwrap();
         sums.samples = 160;
@@ -264,7 +272,7 @@ mod tests {
         sums
     }
 
-    /// The textbook formula, by hand: eight means of 0.2 and eight of 0.6.
+    /// Eight means of 0.2 and eight of 0.6, by the textbook formula.
     #[test]
     fn the_error_is_that_of_the_mean_of_sixteen() {
         let hits = std::array::from_fn(|r| if r % 4 < 2 { 2.0 } else { 6.0 });
@@ -272,17 +280,18 @@ mod tests {
         for error in sums(hits).error(4, BLACK) {
             assert!((error - want).abs() < 1e-12, "{error}, not {want}");
         }
-        // Of the even ones alone: the variance of eight, shared by sixteen.
+        // The even scramblings alone: the variance of eight, divided by sixteen.
         let want = (8.0_f64 * 0.2 * 0.2 / 7.0 / 16.0).sqrt();
         let got = sums(hits).error_of(4, BLACK, Half::Even);
         assert!(got.iter().all(|error| (error - want).abs() < 1e-12), "{got:?}, not {want}");
-        // What is behind counts in colours, not in coverage: white before white has no error.
+        // The background counts in colours, not in coverage. White before white has no error.
         let white = Background { colour: DVec3::ONE, transparent: false };
         let [r, _, _, a] = sums(hits).error(4, white);
         assert!(r < 1e-12 && a > 0.04, "{r} {a}");
     }
 
-    /// Where all agree, what one sample changes is left, in the pixel and in all its neighbours, and nowhere else.
+    /// Where all scramblings agree, the error is what one sample changes, in the pixel and in all its neighbours and
+    /// nowhere else.
     #[test]
     fn where_all_agree_a_part_of_a_sample_is_left() {
         let want = (256.0_f64 * 2.0 / (18.0 * 19.0)).sqrt() / 160.0;

@@ -1,13 +1,14 @@
-//! One sample: a film point and a time to what is seen there, by the visibility rule (design section 2).
+//! Traces samples: from a film point and a time to what is seen there (docs/math.md, eq. 4 to 7).
 //!
-//! T = min over the surfels on the ray of (depth + epsilon), over all objects; colour = sum(w c) / sum(w) over the surfels with
-//! depth <= T. The sums are taken in the order of objects and surfels, so they do not depend on the hierarchy.
+//! T = min over the surfels of all objects on the ray of (depth + epsilon); colour = sum(w c) / sum(w) over the surfels
+//! with depth <= T. The sums are taken in the order of objects and surfels, so they do not depend on the hierarchy.
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::posed::{Body, CameraPose, Placed, Shape, World};
-use super::reach::{Reach, Sights};
-use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, PACKET, Waiting, traverse};
+use super::boxes::PACKET;
+use super::cull::{Candidates, ObjectCones};
+use super::posed::{Body, BodyPose, CameraPose, Shape, World};
+use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, Waiting, traverse};
 use crate::film::Aov;
 use crate::model::Material;
 use crate::options::Shading;
@@ -18,53 +19,53 @@ use crate::shading::{ShadingLight, shade};
 /// What one sample sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Seen {
-    /// Linear Rec.709, shaded.
+    /// Shaded colour, linear Rec.709.
     pub colour: DVec3,
     /// Mean camera depth.
     pub depth: f64,
-    /// Averaged normal, world axes, unit.
+    /// Averaged normal: a unit vector in world axes.
     pub normal: DVec3,
     /// Mean screen velocity, pixels per shutter; 0 unless the AOV is wanted.
     pub velocity: DVec2,
 }
 
-/// One object on the ray of the current sample.
+/// An object that the ray of a lane meets.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ErrorTarget {
-    pub placed: Placed,
-    /// The eye that the object is seen from: the frame number's where it does not blur.
+pub(super) struct Target {
+    pub pose: BodyPose,
+    /// The eye that sees the object. For an object that does not blur it is that of the frame number.
     pub eye: DVec3,
-    /// World-space direction of depth 1.
+    /// Direction of depth 1 in world space.
     pub direction: DVec3,
 }
 
 /// A film point (pixels) and a scene time (frames).
-pub(super) type Place = ([f64; 2], f64);
+pub(super) type SamplePoint = ([f64; 2], f64);
 
-/// Traces samples on one thread, up to [`PACKET`] of them together, each in a lane.
+/// Traces samples on one thread. Up to [`PACKET`] of them go together, each in a lane.
 #[derive(Debug)]
 pub(super) struct Tracer<'w, 'a> {
     world: &'w World<'a>,
-    /// What each lane hits.
+    /// The hits of each lane.
     pub found: Vec<Found>,
     views: Vec<View>,
-    /// The objects of each lane; of use where it hits them.
-    targets: Vec<Option<ErrorTarget>>,
+    /// The objects of each lane. An entry has meaning only if the lane hits the object.
+    targets: Vec<Option<Target>>,
     rays: Vec<ModelRay>,
     stack: Vec<Waiting>,
     lights: Vec<ShadingLight>,
 }
 
-/// Where and when the sample of a lane looks.
+/// The view of a lane's sample.
 #[derive(Clone, Copy, Debug)]
 struct View {
     camera: CameraPose,
-    /// Camera-space direction of depth 1.
+    /// Direction of depth 1 in camera space.
     direction: DVec3,
     time: f64,
 }
 
-/// The surfel number of an ideal sphere's hits.
+/// Surfel number in the hits of an ideal sphere.
 pub(super) const SPHERE: u32 = u32::MAX;
 
 impl<'w, 'a> Tracer<'w, 'a> {
@@ -82,36 +83,36 @@ impl<'w, 'a> Tracer<'w, 'a> {
         }
     }
 
-    /// Collects hits and the limits T of the rays through `places`, at most [`PACKET`], which become the lanes.
-    pub(super) fn hits(&mut self, places: &[Place], sights: &Sights, reach: &Reach) {
+    /// Collects hits and the limits T of the rays through `points`, at most [`PACKET`]. Each point becomes a lane.
+    pub(super) fn hits(&mut self, points: &[SamplePoint], candidates: &Candidates, cones: &ObjectCones) {
         let world = self.world;
         self.views.clear();
-        self.views.extend(places.iter().map(|&(film, time)| View {
+        self.views.extend(points.iter().map(|&(film, time)| View {
             camera: world.camera(time),
             direction: world.direction(film),
             time,
         }));
         self.found.iter_mut().for_each(Found::clear);
-        for &(number, slots) in &sights.bodies {
+        for &(number, subintervals) in &candidates.bodies {
             let body = &world.bodies[number];
             self.rays.clear();
             for (lane, view) in self.views.iter().enumerate() {
-                if slots >> reach.slot(view.time) & 1 == 0 {
+                if subintervals >> cones.subinterval(view.time) & 1 == 0 {
                     continue;
                 }
-                let Some(placed) = body.placed(view.time) else { continue };
+                let Some(pose) = body.pose_at(view.time) else { continue };
                 let camera = if body.object.blur { &view.camera } else { &world.frame_camera };
                 let (eye, direction) = (camera.eye, camera.world_from_camera * view.direction);
                 self.rays.push(ModelRay {
-                    origin: placed.model_from_world * (eye - placed.world_from_model.translation),
-                    direction: placed.model_from_world * direction,
+                    origin: pose.model_from_world * (eye - pose.world_from_model.translation),
+                    direction: pose.model_from_world * direction,
                     near: world.scene.camera.near,
-                    epsilon: placed.epsilon,
+                    epsilon: pose.epsilon,
                     two_sided: world.options.two_sided || body.object.two_sided,
                     object: number as u32,
                     lane,
                 });
-                self.targets[lane * world.bodies.len() + number] = Some(ErrorTarget { placed, eye, direction });
+                self.targets[lane * world.bodies.len() + number] = Some(Target { pose, eye, direction });
             }
             match body.shape {
                 Shape::Model(model) => traverse(&world.models[model], &self.rays, &mut self.found, &mut self.stack),
@@ -123,12 +124,12 @@ impl<'w, 'a> Tracer<'w, 'a> {
         }
     }
 
-    /// The object that a hit of a lane is on.
-    pub(super) fn target(&self, lane: usize, hit: &Hit) -> Option<&ErrorTarget> {
+    /// The object of a lane's hit.
+    pub(super) fn target(&self, lane: usize, hit: &Hit) -> Option<&Target> {
         self.targets[lane * self.world.bodies.len() + hit.object as usize].as_ref()
     }
 
-    /// What a lane sees: the weighted mean of its hits up to T, shaded.
+    /// What a lane sees: the weighted mean of its hits up to T, shaded (docs/math.md, eq. 6 and 7).
     pub(super) fn seen(&mut self, lane: usize) -> Option<Seen> {
         let limit = self.found[lane].limit;
         let hits = &mut self.found[lane].hits;
@@ -179,15 +180,16 @@ impl<'w, 'a> Tracer<'w, 'a> {
         Some(Seen { colour, depth, normal, velocity: velocity * over })
     }
 
-    /// Screen velocity of a surfel's centre, pixels per shutter: the derivative of (f X, -f Y) / depth.
-    fn velocity(&self, body: &Body<'_>, target: &ErrorTarget, surface: &Surface, time: f64) -> DVec2 {
+    /// Screen velocity of a surfel's centre, pixels per shutter: the derivative of (f X, -f Y) / depth (docs/math.md,
+    /// section 8).
+    fn velocity(&self, body: &Body<'_>, target: &Target, surface: &Surface, time: f64) -> DVec2 {
         if !body.object.blur {
             return DVec2::ZERO;
         }
         let world = self.world;
         let camera = world.camera(time).world_from_camera.transpose();
         let p = camera * (surface.centre(target) - target.eye);
-        // The rate is that of camera space from model space about the model's own origin.
+        // The rate is that of camera space relative to model space about the model's own origin.
         let rate = object_velocity(world.scene, body.object, time);
         let v = rate.transform_vector3(surface.model + body.surfels.origin) + rate.w_axis.truncate();
         let (x, y, d) = (world.focal * p.x, -world.focal * p.y, -p.z);
@@ -197,39 +199,39 @@ impl<'w, 'a> Tracer<'w, 'a> {
 }
 
 impl Hit {
-    /// The reconstruction kernel, exp(-2 r^2).
+    /// The reconstruction kernel exp(-2 r^2) (docs/math.md, eq. 4).
     pub(super) fn weight(&self) -> f64 {
         libm::exp(-2.0 * (self.u * self.u + self.v * self.v))
     }
 }
 
-/// What a hit contributes.
+/// The attributes that a hit contributes.
 pub(super) struct Surface {
     pub colour: Vec3,
-    /// World axes, unit, turned to the viewer where it is seen from behind.
+    /// Unit normal in world axes. It is turned to the viewer where the surface is seen from behind.
     pub normal: DVec3,
-    /// Centre of the surfel (for a sphere: the point hit), relative to the model's origin, model axes.
+    /// Centre of the surfel (for a sphere, the point hit) relative to the model's origin, in model axes.
     pub model: DVec3,
     pub material: Material,
 }
 
 impl Surface {
     /// Centre of the surfel in the world.
-    fn centre(&self, target: &ErrorTarget) -> DVec3 {
-        target.placed.world_from_model.transform_point3(self.model)
+    fn centre(&self, target: &Target) -> DVec3 {
+        target.pose.world_from_model.transform_point3(self.model)
     }
 
-    pub(super) fn of(body: &Body<'_>, target: &ErrorTarget, hit: &Hit) -> Self {
-        let placed = &target.placed;
+    pub(super) fn of(body: &Body<'_>, target: &Target, hit: &Hit) -> Self {
+        let pose = &target.pose;
         let (colour, normal, model) = if let Shape::Sphere(sphere) = body.shape {
-            let point = target.eye + target.direction * hit.depth - placed.world_from_model.translation;
-            let point = placed.model_from_world * point;
+            let point = target.eye + target.direction * hit.depth - pose.world_from_model.translation;
+            let point = pose.model_from_world * point;
             (sphere.colour, point, point)
         } else {
             let i = hit.surfel as usize;
             (body.surfels.colour[i], body.surfels.normal[i].as_dvec3(), body.surfels.position[i].as_dvec3())
         };
-        let normal = placed.normal(normal);
+        let normal = pose.normal(normal);
         Self {
             colour,
             normal: if hit.back { -normal } else { normal },
@@ -239,8 +241,8 @@ impl Surface {
     }
 }
 
-/// The ideal sphere about the model's origin: one hit with the kernel's peak as weight, seen from outside or, two-sided, from
-/// inside too.
+/// Intersects the ideal sphere about the model's origin. A hit has the kernel's peak as weight. The sphere is seen from
+/// outside and, if it is two-sided, also from inside.
 fn intersect_sphere(sphere: &Sphere, ray: &ModelRay, found: &mut Found) {
     let d2 = ray.direction.length_squared();
     let middle = -ray.origin.dot(ray.direction) / d2;

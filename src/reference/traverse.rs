@@ -1,22 +1,24 @@
-//! Rays against a model: boxes in f32, padded so that nothing is missed; surfels in f64.
+//! Finds the surfels of a model that rays hit. Boxes are tested in f32, padded so that nothing is missed; surfels are
+//! tested in f64.
 //!
-//! A ray's direction is scaled so that its parameter is camera depth. Transforms are affine, so this holds in model space too:
-//! depths from different objects compare without any conversion.
+//! A ray's direction is scaled so that its parameter is camera depth. Transforms are affine, so this holds in model
+//! space too: depths from different objects compare without any conversion.
 //!
-//! Up to eight rays go together. Nodes are entered by the beam of all of them: the intervals of what the rays' box tests would
-//! compute. Before a leaf each ray is tested by itself.
+//! A packet of up to eight rays goes together. A beam that holds all rays enters the nodes: its intervals bound what
+//! the rays' box tests would compute. Before a leaf each ray is tested by itself.
 
 use glam::DVec3;
 
+#[cfg(target_arch = "x86_64")]
+use super::boxes::avx;
+use super::boxes::{Beam, BoxRays, PACKET, above, below, enter_beam, enter_rays};
 use super::bvh::{Bvh, LANES, LEAF, Leaf, Node, WIDTH};
 
-/// Smallest depth tolerance, as a share of the depth: 4 units in the last place of f32, as for the splatter (design section 2).
+/// Smallest depth tolerance as a share of the depth: 4 units in the last place of f32, as in the splatter
+/// (docs/math.md, eq. 5).
 pub(super) const LEAST_EPSILON: f64 = 4.0 * f32::EPSILON as f64;
 
-/// Most rays that go together.
-pub(super) const PACKET: usize = 8;
-
-/// A ray in model space, relative to the model's origin: points are `origin` + depth `direction`.
+/// A ray in model space relative to the model's origin. Its points are `origin` + depth `direction`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ModelRay {
     pub origin: DVec3,
@@ -26,13 +28,13 @@ pub(super) struct ModelRay {
     /// Depth tolerance of the object, world units.
     pub epsilon: f64,
     pub two_sided: bool,
-    /// Number of the object, copied to its hits.
+    /// Number of the object, which its hits get.
     pub object: u32,
-    /// Which of the samples that go together it belongs to.
+    /// Lane of the sample that it belongs to.
     pub lane: usize,
 }
 
-/// A surfel under a ray.
+/// A surfel that a ray hits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hit {
     pub object: u32,
@@ -42,31 +44,33 @@ pub(super) struct Hit {
     /// Position on the surfel in units of its axes.
     pub u: f64,
     pub v: f64,
-    /// Seen from behind.
+    /// True if the surfel is seen from behind.
     pub back: bool,
 }
 
-/// What a sample has hit; kept so that no memory is taken per ray.
+/// The hits of a sample. It is reused, so that rays allocate no memory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
-    /// Surfels hit so far; those beyond the final limit are still among them.
+    /// Surfels hit so far. Those beyond the final limit are still among them.
     pub hits: Vec<Hit>,
-    /// T of the visibility rule so far: the least depth + epsilon.
+    /// T of the visibility rule so far (docs/math.md, eq. 5): the least depth + epsilon.
     pub limit: f64,
 }
 
 impl Found {
-    /// Before the first object.
+    /// Returns to the state before the first object.
     pub(super) fn clear(&mut self) {
         self.hits.clear();
         self.limit = f64::INFINITY;
     }
 }
 
-/// Adds the surfels that `rays`, at most [`PACKET`], hit at depths up to the limits of their lanes, and lowers the limits.
+/// Adds the surfels that `rays`, at most [`PACKET`], hit at depths up to the limits of their lanes, and lowers the
+/// limits.
 ///
-/// Compiled for the baseline and for AVX2, where the boxes are tested with intrinsics (compilers make shuffles of it). Boxes only
-/// decide what is looked at, and the intersection's operations are the same: so are the hits, to the bit.
+/// The function is compiled for the baseline and for AVX2. The AVX2 version tests boxes with intrinsics, because
+/// compilers turn the plain code into shuffles. Boxes only decide which surfels are looked at, and the operations of
+/// the intersection are the same, so both versions give the same hits to the bit.
 pub(super) fn traverse(bvh: &Bvh, rays: &[ModelRay], found: &mut [Found], stack: &mut Vec<Waiting>) {
     #[cfg(target_arch = "x86_64")]
     {
@@ -84,38 +88,13 @@ pub(super) fn traverse(bvh: &Bvh, rays: &[ModelRay], found: &mut [Found], stack:
     traverse_body(bvh, rays, found, stack, enter_beam, enter_rays);
 }
 
-/// A child that is still to be visited.
+/// A child that still has to be visited.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Waiting {
     node: u32,
     slot: u32,
     /// Parameter before which no ray enters it.
     entry: f32,
-}
-
-/// The rays as boxes see them, each from its own start (a depth) on, where it enters the model's sphere.
-#[repr(align(32))]
-struct BoxRays {
-    origin: [[f32; PACKET]; 3],
-    inverse: [[f32; PACKET]; 3],
-    near: [f32; PACKET],
-    limit: [f32; PACKET],
-}
-
-/// Intervals that hold all of the rays.
-///
-/// With (side - origin) inverse, the bounds of origin and inverse give bounds of the result; rounding is monotonic, so they bound
-/// the rounded results of the single rays as well, and the beam enters whatever a ray enters.
-struct Beam {
-    /// 1 where all directions are negative: the side that the rays meet first.
-    first: [usize; 3],
-    /// The origins' bound that makes entries early, and that makes exits late.
-    early: [f32; 3],
-    late: [f32; 3],
-    /// Bounds of the inverse directions.
-    inverse: [[f32; 2]; 3],
-    near: f32,
-    limit: f32,
 }
 
 #[inline(always)]
@@ -140,7 +119,7 @@ fn traverse_body(
             let node = &bvh.nodes[number as usize];
             let (entries, mut mask) = enter_beam(node, &beam);
             if mask != 0 {
-                // The nearest child is next; the others wait in any order.
+                // The nearest child is next; the others wait on the stack in any order.
                 let mut nearest = mask.trailing_zeros() as usize;
                 mask &= mask - 1;
                 while mask != 0 {
@@ -160,7 +139,7 @@ fn traverse_body(
                 beam.limit = boxes.limit.into_iter().fold(f32::NEG_INFINITY, |a, b| if a > b { a } else { b });
             }
         }
-        // What lies beyond the limit by now is passed over.
+        // Children beyond the limit, which may have fallen since, are skipped.
         loop {
             let Some(waiting) = stack.pop() else { return };
             if waiting.entry <= beam.limit {
@@ -172,10 +151,10 @@ fn traverse_body(
     }
 }
 
-/// The rays from the model's sphere on; `None` if all miss it.
+/// Moves the rays to the model's sphere, and bounds them by a beam. `None` if all miss the sphere.
 #[inline(always)]
 fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PACKET]) -> Option<(BoxRays, Beam)> {
-    // What misses the sphere enters nothing.
+    // A ray that misses the sphere enters no box.
     let mut boxes = BoxRays {
         origin: [[0.0; PACKET]; 3],
         inverse: [[0.0; PACKET]; 3],
@@ -192,7 +171,7 @@ fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PA
         let middle = -from.dot(ray.direction) / d2;
         let closest = from + ray.direction * middle;
         let half2 = (bvh.radius * bvh.radius - closest.length_squared()) / d2;
-        // Also false for a direction that is 0 or not finite.
+        // The test also fails for a direction that is 0 or not finite.
         if !(0.0..f64::INFINITY).contains(&half2) {
             continue;
         }
@@ -236,7 +215,8 @@ fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PA
             beam.first[axis] = 1;
             [beam.early[axis], beam.late[axis]] = origins[axis];
         } else {
-            // Rays that go both ways: inside the sphere they are between these planes, and boxes beside them are entered nowhere.
+            // The rays go both ways along this axis. Inside the sphere they lie between these planes, so no ray enters
+            // a box beside them.
             (beam.late[axis], beam.early[axis]) = (below(ends[axis][0]), above(ends[axis][1]));
             beam.inverse[axis] = [f32::INFINITY; 2];
         }
@@ -244,112 +224,7 @@ fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PA
     Some((boxes, beam))
 }
 
-/// The f32 not below x.
-#[inline(always)]
-fn above(x: f64) -> f32 {
-    let rounded = x as f32;
-    if f64::from(rounded) < x { rounded.next_up() } else { rounded }
-}
-
-/// The f32 not above x.
-#[inline(always)]
-fn below(x: f64) -> f32 {
-    -above(-x)
-}
-
-/// The greater one; the second one if one is NaN.
-#[inline(always)]
-fn later(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
-
-/// The lesser one; the second one if one is NaN.
-#[inline(always)]
-fn sooner(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-/// Parameters before which no ray enters the boxes, and the boxes that rays may enter between `near` and `limit` (bit mask).
-#[inline(always)]
-fn enter_beam(node: &Node, beam: &Beam) -> ([f32; WIDTH], u32) {
-    let mut entry = [beam.near; WIDTH];
-    let mut mask = 0;
-    for l in 0..WIDTH {
-        let mut exit = beam.limit;
-        for axis in 0..3 {
-            let first = node.sides[beam.first[axis]][axis][l] - beam.early[axis];
-            let last = node.sides[1 - beam.first[axis]][axis][l] - beam.late[axis];
-            let [a, b] = beam.inverse[axis];
-            entry[l] = later(sooner(first * a, first * b), entry[l]);
-            exit = sooner(later(last * a, last * b), exit);
-        }
-        mask |= u32::from(entry[l] <= exit) << l;
-    }
-    (entry, mask)
-}
-
-/// The rays that enter one box between their `near` and `limit` (bit mask).
-#[inline(always)]
-fn enter_rays(node: &Node, slot: usize, rays: &BoxRays) -> u32 {
-    let mut mask = 0;
-    for l in 0..PACKET {
-        let (mut entry, mut exit) = (rays.near[l], rays.limit[l]);
-        for axis in 0..3 {
-            let low = (node.sides[0][axis][slot] - rays.origin[axis][l]) * rays.inverse[axis][l];
-            let high = (node.sides[1][axis][slot] - rays.origin[axis][l]) * rays.inverse[axis][l];
-            entry = later(sooner(low, high), entry);
-            exit = sooner(later(low, high), exit);
-        }
-        mask |= u32::from(entry <= exit) << l;
-    }
-    mask
-}
-
-/// The box tests with AVX.
-#[cfg(target_arch = "x86_64")]
-mod avx {
-    use std::arch::x86_64::{
-        __m256, _CMP_LE_OQ, _mm256_cmp_ps, _mm256_max_ps, _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps,
-        _mm256_set1_ps, _mm256_sub_ps,
-    };
-
-    use super::{Beam, BoxRays, Node, WIDTH};
-
-    #[target_feature(enable = "avx")]
-    #[inline]
-    pub(super) fn enter_beam(node: &Node, beam: &Beam) -> ([f32; WIDTH], u32) {
-        let mut entry = _mm256_set1_ps(beam.near);
-        let mut exit = _mm256_set1_ps(beam.limit);
-        for axis in 0..3 {
-            let first: __m256 = bytemuck::cast(node.sides[beam.first[axis]][axis]);
-            let last: __m256 = bytemuck::cast(node.sides[1 - beam.first[axis]][axis]);
-            let first = _mm256_sub_ps(first, _mm256_set1_ps(beam.early[axis]));
-            let last = _mm256_sub_ps(last, _mm256_set1_ps(beam.late[axis]));
-            let (a, b) = (_mm256_set1_ps(beam.inverse[axis][0]), _mm256_set1_ps(beam.inverse[axis][1]));
-            entry = _mm256_max_ps(_mm256_min_ps(_mm256_mul_ps(first, a), _mm256_mul_ps(first, b)), entry);
-            exit = _mm256_min_ps(_mm256_max_ps(_mm256_mul_ps(last, a), _mm256_mul_ps(last, b)), exit);
-        }
-        let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(entry, exit));
-        (bytemuck::cast(entry), mask as u32)
-    }
-
-    #[target_feature(enable = "avx")]
-    #[inline]
-    pub(super) fn enter_rays(node: &Node, slot: usize, rays: &BoxRays) -> u32 {
-        let mut entry: __m256 = bytemuck::cast(rays.near);
-        let mut exit: __m256 = bytemuck::cast(rays.limit);
-        for axis in 0..3 {
-            let (origin, inverse) = (bytemuck::cast(rays.origin[axis]), bytemuck::cast(rays.inverse[axis]));
-            let low = _mm256_mul_ps(_mm256_sub_ps(_mm256_set1_ps(node.sides[0][axis][slot]), origin), inverse);
-            let high = _mm256_mul_ps(_mm256_sub_ps(_mm256_set1_ps(node.sides[1][axis][slot]), origin), inverse);
-            entry = _mm256_max_ps(_mm256_min_ps(low, high), entry);
-            exit = _mm256_min_ps(_mm256_max_ps(low, high), exit);
-        }
-        _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(entry, exit)) as u32
-    }
-}
-
-/// Intersects the rays `lanes` (bit mask) with the surfels of a leaf; true if a limit fell.
+/// Intersects the rays `lanes` (bit mask) with the surfels of a leaf. Returns true if a limit fell.
 #[inline(always)]
 fn leaf(
     leaf: &Leaf,
@@ -373,10 +248,10 @@ fn leaf(
     fell
 }
 
-/// Intersects the surfels of a leaf; true if the limit fell.
+/// Intersects a ray with the surfels of a leaf. Returns true if the limit fell.
 ///
-/// The ray meets c + a u + b v where s d - a u - b v = c - o. By Cramer's rule, with n = u x v and w = (c - o) x d:
-/// s = n.(c - o) / n.d, a = v.w / n.d and b = -u.w / n.d, also where u and v are not orthogonal.
+/// The ray meets the plane of a surfel at c + a u + b v, where s d - a u - b v = c - o. By Cramer's rule, with n = u x
+/// v and w = (c - o) x d: s = n.(c - o) / n.d, a = v.w / n.d and b = -u.w / n.d, also where u and v are not orthogonal.
 #[inline(always)]
 fn intersect(leaf: &Leaf, ray: &ModelRay, found: &mut Found) -> bool {
     let before = found.limit;
@@ -387,7 +262,7 @@ fn intersect(leaf: &Leaf, ray: &ModelRay, found: &mut Found) -> bool {
     let mut a = [0.0; LANES];
     let mut b = [0.0; LANES];
     let mut bits = [0_u64; LANES];
-    // One lane's scalars from beginning to end: that is what becomes vector code without shuffles.
+    // Each lane has scalars of its own from beginning to end, which compilers turn into vector code without shuffles.
     for l in 0..LANES {
         let at = |v: &[[f32; LANES]; 3]| (f64::from(v[0][l]), f64::from(v[1][l]), f64::from(v[2][l]));
         let ((cx, cy, cz), (ux, uy, uz), (vx, vy, vz)) = (at(&leaf.centre), at(&leaf.u), at(&leaf.v));
@@ -399,7 +274,7 @@ fn intersect(leaf: &Leaf, ray: &ModelRay, found: &mut Found) -> bool {
         let s = (nx * cx + ny * cy + nz * cz) * over;
         let pv = (vx * wx + vy * wy + vz * wz) * over;
         let up = (ux * wx + uy * wy + uz * wz) * -over;
-        // Edge-on, missing and overflowing surfels have NaN or infinite coordinates.
+        // Surfels that are edge-on, missing or overflow have NaN or infinite coordinates.
         let inside = pv * pv + up * up <= 1.0;
         let within = (s >= near) & (s <= limit) & ((nd < 0.0) | ray.two_sided);
         facing[l] = nd;

@@ -1,8 +1,8 @@
-//! Shutter times in proportion to a(t): the inverse of the integral of a.
+//! Shutter times in proportion to the time weight a(t): the inverse of the integral of a.
 //!
-//! A sample that is uniform in [0, 1) becomes a time whose density is a(t), so every sample has the same weight 1/N whatever N
-//! will be: the sum of weights is 1 for any first k samples, strata of the sample sequence are strata of equal share of the
-//! exposure, and times at which a(t) is 0 are never sampled.
+//! A sample that is uniform in [0, 1) becomes a time whose density is a(t). So every sample has the same weight 1/N,
+//! whatever N will be: the weights of the first k samples sum to 1 for any k, strata of the sequence are strata of
+//! equal shares of the exposure, and no sample falls where a(t) is 0.
 
 use crate::time::Weight;
 
@@ -16,7 +16,7 @@ const TOLERANCE: f64 = 1e-14;
 #[derive(Clone, Debug)]
 pub(super) struct TimeWarp {
     weight: Weight,
-    /// A at the ends of the cells; empty for the box, whose inverse is the identity.
+    /// A at the ends of the cells. It is empty for the box weight, whose inverse is the identity.
     table: Vec<f64>,
 }
 
@@ -35,11 +35,11 @@ impl TimeWarp {
         if self.table.is_empty() {
             return share;
         }
-        // Last cell whose start is not beyond the share: never one where a is 0 throughout.
+        // The last cell that does not start beyond the share. It is never a cell where a is 0 throughout.
         let cell = self.table.partition_point(|&a| a <= share).clamp(1, CELLS) - 1;
         let mut low = (cell as f64 / CELLS as f64, self.table[cell] - share);
         let mut high = ((cell + 1) as f64 / CELLS as f64, self.table[cell + 1] - share);
-        // Regula falsi (Illinois): halves the value at an end that stays, so that both ends move.
+        // Regula falsi with the Illinois rule: the value at an end that stays is halved, so that both ends move.
         let mut last = 0;
         for _ in 0..100 {
             let t = low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1);

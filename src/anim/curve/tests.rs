@@ -8,7 +8,7 @@ fn curve(tangent: Tangent, pre: Infinity, post: Infinity, points: &[(f64, f64)])
     Curve::new(raw, &options).expect("has keys")
 }
 
-/// Two straight segments: (1, 0), (3, 4), (5, 6); at 2 it is 2, at 4 it is 5.
+/// Two straight segments through (1, 0), (3, 4), (5, 6). The value at 2 is 2, at 4 it is 5.
 fn bent(rule: Infinity) -> Curve {
     curve(Tangent::Linear, rule, rule, &[(1.0, 0.0), (3.0, 4.0), (5.0, 6.0)])
 }
@@ -48,10 +48,10 @@ fn keys_are_sorted_and_the_later_of_equal_times_counts() {
 fn infinity_rules_follow_the_table() {
     let maya = Interpolation::Maya;
     values(&bent(Infinity::Constant), maya, &[(-3.5, 0.0), (0.0, 0.0), (6.0, 6.0), (100.0, 6.0)]);
-    // Period 4: 6 is 2 again, 10 is 2, 0 is 4, -4 is 4.
+    // The period is 4: the times 6, 10 stand for 2, and 0, -4 for 4.
     values(&bent(Infinity::Cycle), maya, &[(6.0, 2.0), (10.0, 2.0), (8.0, 5.0), (0.0, 5.0), (-4.0, 5.0), (-2.0, 2.0)]);
     values(&bent(Infinity::CycleRelative), maya, &[(6.0, 8.0), (10.0, 14.0), (0.0, -1.0), (-4.0, -7.0)]);
-    // Mirrored: 6 is 4, 8 is 2, 10 is 2; 0 is 2, -2 is 4, -4 is 4.
+    // Mirrored: the time 6 stands for 4, 8 and 10 for 2; 0 stands for 2, -2 and -4 for 4.
     values(&bent(Infinity::Oscillate), maya, &[(6.0, 5.0), (8.0, 2.0), (10.0, 2.0), (12.0, 5.0)]);
     values(&bent(Infinity::Oscillate), maya, &[(0.0, 2.0), (-2.0, 5.0), (-4.0, 5.0), (-6.0, 2.0)]);
 }
@@ -62,7 +62,7 @@ fn linear_infinity_follows_the_outward_tangent() {
     values(&bent(Infinity::Linear), Interpolation::Maya, &[(0.0, 0.0), (7.0, 6.0)]);
     let spline = curve(Tangent::Spline, Infinity::Linear, Infinity::Linear, &[(1.0, 0.0), (3.0, 4.0), (5.0, 6.0)]);
     values(&spline, Interpolation::Maya, &[(0.0, -2.0), (7.0, 8.0)]);
-    // The other modes go on along the last chord, unless it is a step.
+    // The other modes continue along the last chord, unless it is a step.
     values(&bent(Infinity::Linear), Interpolation::Linear, &[(0.0, -2.0), (7.0, 8.0)]);
     values(&bent(Infinity::Linear), Interpolation::Spline, &[(0.0, -2.0), (7.0, 8.0)]);
     let step = curve(Tangent::Step, Infinity::Linear, Infinity::Linear, &[(1.0, 0.0), (3.0, 4.0)]);
@@ -89,7 +89,7 @@ fn far_away_times_keep_their_fraction() {
 
 #[test]
 fn relative_cycles_do_not_slip_at_their_seams() {
-    // Period 0.1 is not a binary fraction: count and remainder must agree at every seam.
+    // The period 0.1 is no binary fraction, so count and remainder must agree at every seam.
     let c = curve(Tangent::Linear, Infinity::CycleRelative, Infinity::CycleRelative, &[(0.0, 0.0), (0.1, 1.0)]);
     for i in -2000..2000 {
         let t = f64::from(i) * 0.1;
@@ -105,7 +105,7 @@ fn steps_hold_in_every_mode() {
         values(&step, mode, &[(1.0, 5.0), (2.999, 5.0), (3.0, 7.0), (5.9, 7.0), (6.0, 2.0), (9.0, 2.0)]);
         let next = curve(Tangent::StepNext, Infinity::Constant, Infinity::Constant, &points);
         values(&next, mode, &[(1.0, 5.0), (1.001, 7.0), (3.0, 7.0), (3.001, 2.0), (6.0, 2.0)]);
-        // A time one rounding away from a key is the key.
+        // A time that differs from a key by one rounding counts as the key.
         assert_eq!(step.at(3.0f64.next_down(), mode), 7.0);
         assert_eq!(next.at(1.0f64.next_up(), mode), 5.0);
         assert_eq!(step.at(6.0f64.next_up(), mode), 2.0);
@@ -121,7 +121,8 @@ fn linear_mode_ignores_tangents() {
 
 #[test]
 fn spline_mode_is_a_catmull_rom_for_uneven_keys() {
-    // Keys on a parabola, symmetric about the inner segment's keys only by luck: compare with a Hermite made by hand.
+    // The keys lie on a parabola, which is symmetric about the inner segment's keys only by luck. The truth is a
+    // Hermite made by hand.
     let c =
         curve(Tangent::Flat, Infinity::Constant, Infinity::Constant, &[(0.0, 1.0), (1.0, 3.0), (4.0, 2.0), (6.0, 7.0)]);
     let (m0, m1) = ((2.0 - 1.0) / 4.0, (7.0 - 3.0) / 5.0);
@@ -138,7 +139,7 @@ fn spline_mode_is_a_catmull_rom_for_uneven_keys() {
     // At the end the slope is the chord's.
     let h = 1e-6;
     assert!(((c.at(h, Interpolation::Spline) - 1.0) / h - 2.0).abs() < 1e-4);
-    // Two keys: a straight line.
+    // Two keys give a straight line.
     let two = curve(Tangent::Flat, Infinity::Constant, Infinity::Constant, &[(0.0, 1.0), (4.0, 3.0)]);
     values(&two, Interpolation::Spline, &[(1.0, 1.5), (3.0, 2.5)]);
 }

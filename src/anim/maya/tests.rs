@@ -43,7 +43,7 @@ fn close(a: f64, b: f64) {
     assert!((a - b).abs() <= 1e-9 * b.abs().max(1.0), "{a} {b}");
 }
 
-/// For slopes found by a small step.
+/// Compares slopes that were found by a small step.
 #[track_caller]
 fn slope_close(a: f64, b: f64) {
     assert!((a - b).abs() <= 1e-5 * b.abs().max(1.0), "{a} {b}");
@@ -57,7 +57,7 @@ fn time_units_set_the_rate() {
     close(a.nodes[0].at(0.5, MAYA).transform.translate.x, 0.5);
     assert_eq!(a.range(), (0.0, 1.0));
     assert_eq!(a.key_range(), (0.0, 25.0));
-    // Without one: film, and a note.
+    // Without a unit the rate is that of film, and a note says so.
     let b = read(&keyed("24 3 flat flat 1 1 0;"));
     assert_eq!((b.rate, b.range()), (24.0, (1.0, 1.0)));
     assert!(b.notes.iter().any(|n| n.contains("film")), "{:?}", b.notes);
@@ -72,7 +72,7 @@ fn linear_and_angular_units_are_converted_with_their_tangents() {
         for t in [0.0, 2.5, 6.0, 10.0] {
             close(value(&own, t), cm * value(&plain, t));
         }
-        // Slope 1 unit a frame at the start.
+        // At the start the slope is 1 unit per frame.
         slope_close(value(&own, 1e-6) / 1e-6, cm);
     }
     // The tangent angle is written in the angular unit as well.
@@ -84,7 +84,7 @@ fn linear_and_angular_units_are_converted_with_their_tangents() {
     // Plain numbers have no unit.
     let scale = "output unitless; keys { 0 7 flat flat 1 1 0; }";
     close(value(&read(&with("linearUnit m; angularUnit rad;", "scaleX", scale)), 0.0), 7.0);
-    // Without `output`, a rotation is an angle and the rest a length.
+    // Without `output`, a rotation is an angle and everything else a length.
     let bare = "keys { 0 2 flat flat 1 1 0; }";
     close(value(&read(&with("linearUnit m; angularUnit min;", "rotateX", bare)), 0.0), 2.0 / 60.0);
     close(value(&read(&with("linearUnit m; angularUnit min;", "translateX", bare)), 0.0), 200.0);
@@ -130,7 +130,8 @@ fn the_four_forms_of_an_address() {
          anim \"a b\" visibility \"my node\" 0 1 0;\n{data}\
          anim scale.scaleX 0 1 0;\n{data}\
          anim 0 1 0;\n{data}\
-         anim translate.translateY translateY |grp|ns:ball 0 1 0;\nanimData\n{{\nkeys\n{{\n1 9 flat flat 1 1 0\n}}\n}}\n\
+         anim translate.translateY translateY |grp|ns:ball 0 1 0;\n\
+         animData\n{{\nkeys\n{{\n1 9 flat flat 1 1 0\n}}\n}}\n\
          anim last 3 0 0;"
     );
     let a = read(&text);
@@ -143,7 +144,8 @@ fn the_four_forms_of_an_address() {
     let header = a.csv([1.0], MAYA);
     assert_eq!(
         header,
-        "frame,|grp|ns:ball.translateX,|grp|ns:ball.translateY,my node.visibility,scaleX\n1,2.000000,9.000000,2.000000,2.000000\n"
+        "frame,|grp|ns:ball.translateX,|grp|ns:ball.translateY,my node.visibility,scaleX\n\
+         1,2.000000,9.000000,2.000000,2.000000\n"
     );
     refused(
         "animVersion 1.1;\nanim a b 0 1 0;",
@@ -180,7 +182,7 @@ fn nodes_are_chosen_by_name_or_by_being_first() {
 
 #[test]
 fn versions_differ_in_the_breakdown_column_and_in_weighting() {
-    // Out pair only; the angle is 45 degrees.
+    // Only the out tangent has a pair. Its angle is 45 degrees.
     let body = |keys: &str, data: &str| {
         format!("anim tx translateX n 0 1 0; animData {{ {data} keys {{ {keys}\n 10 0 flat flat 1 1 0;\n }} }}")
     };
@@ -228,7 +230,7 @@ fn fixed_pairs_stand_only_where_they_belong() {
 
 #[test]
 fn every_tangent_word_is_understood() {
-    // Slopes 0.5 before and 2 after the middle key, uneven times.
+    // The slope is 0.5 before the middle key and 2 after it; the times are uneven.
     let slope = |name: &str| {
         let a = read(&keyed(&format!("0 0 flat flat 1 1 0;\n2 1 {name} {name} 1 1 0;\n6 9 flat flat 1 1 0;")));
         assert_eq!(a.notes.iter().filter(|n| n.contains("tangent")).count(), usize::from(name == "wobbly"), "{name}");
@@ -300,8 +302,8 @@ fn curves_not_over_time_are_skipped() {
     let driven = "input unitless; inputUnit cm; keys { 0 0 flat flat 1 1 0; }";
     refused(
         &with("", "translateX", driven),
-        "t.anim holds no usable curve: expected at least one curve over time that has keys (n.translateX is driven by another \
-         value, not by time, and was skipped)",
+        "t.anim holds no usable curve: expected at least one curve over time that has keys \
+         (n.translateX is driven by another value, not by time, and was skipped)",
     );
     let both = with("", "translateX", driven)
         + "anim s scaleX n 0 1 1; animData { input time; keys { 0 3 flat flat 1 1 0; } }";
@@ -318,7 +320,8 @@ fn curves_not_over_time_are_skipped() {
 #[test]
 fn unknown_words_are_noted_and_skipped() {
     let text = "animVersion 1.1;\nsceneName a b c;\ntimeUnit pal;\nfoo { bar { 1 2; } }\n{ x }\n\
-                anim t translateX n 0 1 0;\nanimData {\n movData 3;\n extra { keys { 9 9; } }\n keys { 0 3 flat flat 1 1 0; }\n}";
+                anim t translateX n 0 1 0;\n\
+                animData {\n movData 3;\n extra { keys { 9 9; } }\n keys { 0 3 flat flat 1 1 0; }\n}";
     let a = read(text);
     // The header ended at the first unknown word.
     assert_eq!(a.rate, 24.0);
@@ -422,7 +425,7 @@ fn broken_grammar_names_the_place() {
 #[test]
 fn many_keys_are_read_and_evaluated_quickly() {
     let mut keys = String::new();
-    // Falling times: the worst order for a reader that inserts.
+    // Falling times are the worst order for a reader that inserts.
     for i in (0..60_000).rev() {
         writeln!(keys, "{i} {} auto auto 1 1 0;", i % 7).expect("a string");
     }
@@ -434,7 +437,7 @@ fn many_keys_are_read_and_evaluated_quickly() {
         assert!((0.0..=6.0).contains(&v));
     }
     assert!(a.nodes[0].breaks(0.0, 2500.0, MAYA).is_empty());
-    // 20 ms on a slow machine; a quadratic reader takes minutes.
+    // It takes 20 ms on a slow computer; a quadratic reader takes minutes.
     assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
 }
 
@@ -444,7 +447,7 @@ fn load_refuses_what_is_not_a_plain_file_of_sane_size() {
     assert!(matches!(load(folder.path()), Err(AnimError::NotAFile { .. })));
     assert!(matches!(load(&folder.path().join("none.anim")), Err(AnimError::Read { .. })));
     let large = folder.path().join("large.anim");
-    // Sparse: takes no room on the disk.
+    // The file is sparse, so it takes no room on the disk.
     std::fs::File::create(&large).and_then(|f| f.set_len((256 << 20) + 1)).expect("a sparse file");
     assert!(matches!(load(&large), Err(AnimError::TooLarge { .. })));
     let good = folder.path().join("good.anim");
@@ -462,7 +465,7 @@ const REAL: [&str; 5] = [
     include_str!("../../../animations/oscillate_swing.anim"),
 ];
 
-/// Asks for everything that a reader of the file would ask for.
+/// Calls everything that a reader of the file would call.
 fn exercise(bytes: &[u8]) {
     let Ok(a) = parse(bytes, Path::new("p.anim")) else { return };
     for mode in [MAYA, Interpolation::Linear, Interpolation::Spline] {
@@ -541,7 +544,7 @@ proptest! {
                 1 => bytes.truncate(at),
                 2 => { bytes.remove(at); }
                 _ => {
-                    // Replace a whole word, so that the file often stays valid.
+                    // A whole word is replaced, so that the file often stays valid.
                     let is_end = |b: &u8| b.is_ascii_whitespace() || *b == b';';
                     let start = bytes[..at].iter().rposition(is_end).map_or(0, |i| i + 1);
                     let end = at + bytes[at..].iter().position(is_end).unwrap_or(bytes.len() - at);
@@ -554,21 +557,26 @@ proptest! {
 
     #[test]
     fn random_curves_give_finite_values(
-        keys in prop::collection::vec((-1e30..1e30_f64, -1e30..1e30_f64, 0..11_usize, 0..11_usize, -400.0..400.0_f64, -1e30..1e30_f64), 1..8),
+        keys in prop::collection::vec(
+            (-1e30..1e30_f64, -1e30..1e30_f64, 0..11_usize, 0..11_usize, -400.0..400.0_f64, -1e30..1e30_f64),
+            1..8,
+        ),
         rule in 0..5_usize,
         weighted in any::<bool>(),
         exponent in -30..1_i32,
     ) {
-        const TANGENTS: [&str; 11] =
-            ["fixed", "linear", "flat", "spline", "step", "stepnext", "clamped", "plateau", "auto", "automix", "autoease"];
+        const TANGENTS: [&str; 11] = [
+            "fixed", "linear", "flat", "spline", "step", "stepnext", "clamped", "plateau", "auto", "automix",
+            "autoease",
+        ];
         let rule = ["constant", "linear", "cycle", "cycleRelative", "oscillate"][rule];
         let small = 10f64.powi(exponent);
         let mut text = format!("weighted {}; preInfinity {rule}; postInfinity {rule}; keys {{\n", u8::from(weighted));
         for (time, value, inward, outward, angle, weight) in keys {
             let pair = |i: usize| if i == 0 { format!(" {angle} {weight}") } else { String::new() };
-            writeln!(
-                text, "{} {value} {} {} 1 1 0{}{};", time * small, TANGENTS[inward], TANGENTS[outward], pair(inward), pair(outward)
-            ).expect("a string");
+            let [before, after] = [inward, outward].map(|i| TANGENTS[i]);
+            let pairs = pair(inward) + &pair(outward);
+            writeln!(text, "{} {value} {before} {after} 1 1 0{pairs};", time * small).expect("a string");
         }
         let text = with("timeUnit 48000fps; linearUnit mi;", "translateX", &(text + "}"));
         prop_assert!(parse(text.as_bytes(), Path::new("p.anim")).is_ok());

@@ -1,19 +1,19 @@
-//! Unit names of `.anim` files. Names of newer Maya versions are understood as well.
+//! Unit names of `.anim` files, including those of newer Maya versions.
 
 use std::f64::consts::PI;
 
 /// Frames per second that Maya offers as `Nfps`.
 const FPS: std::ops::RangeInclusive<u32> = 2..=48_000;
 
-/// For messages.
-pub(super) const TIME_UNITS: &str = "game, film, pal, ntsc, show, palf, ntscf, sec, millisec, min, hour, 2fps to 48000fps, \
-                                     23.976fps, 29.97fps, 29.97df, 47.952fps, 59.94fps";
-/// For messages.
+/// The known time units, for messages.
+pub(super) const TIME_UNITS: &str = "game, film, pal, ntsc, show, palf, ntscf, sec, millisec, min, hour, \
+                                     2fps to 48000fps, 23.976fps, 29.97fps, 29.97df, 47.952fps, 59.94fps";
+/// The known length units, for messages.
 pub(super) const LINEAR_UNITS: &str = "mm, cm, m, km, in, ft, yd, mi and their long names";
-/// For messages.
+/// The known angle units, for messages.
 pub(super) const ANGULAR_UNITS: &str = "deg, rad, min, sec and their long names";
 
-/// Units a second. `ntsc` is exactly 30.
+/// Units a second of a time unit. `ntsc` is exactly 30.
 pub(super) fn time(name: &str) -> Option<f64> {
     Some(match name {
         "game" => 15.0,
@@ -35,7 +35,7 @@ pub(super) fn time(name: &str) -> Option<f64> {
     })
 }
 
-/// Centimetres.
+/// Size of a length unit, cm.
 pub(super) fn linear(name: &str) -> Option<f64> {
     Some(match name {
         "mm" | "millimeter" => 0.1,
@@ -50,7 +50,7 @@ pub(super) fn linear(name: &str) -> Option<f64> {
     })
 }
 
-/// Degrees.
+/// Size of an angle unit, degrees.
 pub(super) fn angular(name: &str) -> Option<f64> {
     Some(match name {
         "deg" | "degree" => 1.0,

@@ -1,10 +1,10 @@
-//! Words of a `.anim` file: quotes, comments, braces, ends of statements.
+//! Cuts a `.anim` file into words, braces and ends of statements; handles quotes and comments.
 
 use std::path::Path;
 
 use crate::anim::error::{AnimError, Location};
 
-/// A piece of the text.
+/// A token of the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Token<'a> {
     Word(Word<'a>),
@@ -15,27 +15,27 @@ pub(super) enum Token<'a> {
     Eof,
 }
 
-/// A word; quotes removed.
+/// A word, without its quotes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Word<'a> {
     pub(super) text: &'a str,
     pub(super) quoted: bool,
 }
 
-/// Longest piece of the file that a message quotes, characters.
+/// Longest text that a message quotes from the file, characters.
 const QUOTED_LENGTH: usize = 40;
 
-/// Words kept of one statement; no statement needs more, and a line may be the whole file.
+/// Most words kept of one statement. No statement needs more, and a hostile line may be the whole file.
 const MAX_WORDS: usize = 64;
 
-/// Cuts a text into tokens, one ahead of the reader.
+/// Reads tokens of a text, with one token of look-ahead.
 pub(super) struct Words<'a> {
     path: &'a Path,
     text: &'a str,
     position: usize,
     line: usize,
     peeked: Option<Token<'a>>,
-    /// Line of the token last taken or looked at.
+    /// Line of the token that was last taken or peeked at.
     token_line: usize,
 }
 
@@ -48,7 +48,7 @@ impl<'a> Words<'a> {
         Location { path: self.path.to_owned(), line: self.token_line }
     }
 
-    /// The error "found this token, expected ...", at the token last taken.
+    /// The error "found this token, expected ..." at the last token.
     pub(super) fn expected(&self, found: Token<'_>, expected: &'static str) -> AnimError {
         let found = match found {
             Token::Word(word) => format!("`{}`", shortened(word.text)),
@@ -75,7 +75,7 @@ impl<'a> Words<'a> {
         Ok(token)
     }
 
-    /// Takes the next token that is not an end of a statement.
+    /// Takes the next token that does not end a statement.
     pub(super) fn take_solid(&mut self) -> Result<Token<'a>, AnimError> {
         loop {
             match self.take()? {
@@ -85,7 +85,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// Appends the words up to the end of the statement to `words`; a brace ends it too and is left.
+    /// Appends the words up to the end of the statement to `words`. A brace also ends the statement, and is not taken.
     pub(super) fn statement(&mut self, words: &mut Vec<Word<'a>>) -> Result<(), AnimError> {
         while let Token::Word(word) = self.peek()? {
             self.peeked = None;
@@ -96,7 +96,7 @@ impl<'a> Words<'a> {
         Ok(())
     }
 
-    /// Takes the one word of a statement such as `weighted 0;` and the rest of it.
+    /// Takes the first word of a statement such as `weighted 0;` and skips the others.
     pub(super) fn value(&mut self, expected: &'static str) -> Result<&'a str, AnimError> {
         match self.peek()? {
             Token::Word(word) => {
@@ -107,7 +107,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// Skips to the brace that closes the block whose opening brace was just taken.
+    /// Skips the rest of a block, its closing brace included. The opening brace has been taken.
     pub(super) fn skip_block(&mut self) -> Result<(), AnimError> {
         let mut depth = 1_usize;
         while depth > 0 {
@@ -142,7 +142,7 @@ impl<'a> Words<'a> {
             self.token_line = self.line;
             match byte {
                 b'\n' | b'\r' => {
-                    // The \r of CRLF is white space; alone it ends a line.
+                    // The \r of CRLF is white space; a \r alone ends a line.
                     if byte == b'\n' || bytes.get(self.position + 1) != Some(&b'\n') {
                         self.position += 1;
                         self.line += 1;
@@ -150,7 +150,7 @@ impl<'a> Words<'a> {
                     }
                     self.position += 1;
                 }
-                // Maya's reader skips the line for a single slash too.
+                // Maya's reader also skips the line after a single slash.
                 b'#' | b'/' => self.skip_line(),
                 b';' => return Ok(self.single(Token::End)),
                 b'{' => return Ok(self.single(Token::Open)),
@@ -191,7 +191,7 @@ impl<'a> Words<'a> {
         let rest = &self.text.as_bytes()[self.position..];
         let ends = |i: usize| match rest[i] {
             b'\n' | b'\r' | b';' | b'{' | b'}' | b'"' => true,
-            // A comment may follow a word directly; but `1.#INF` is a number gone wrong, not a 1 with a comment.
+            // A comment may directly follow a word. But `1.#INF` is one bad number, not a 1 with a comment.
             b'#' => i == 0 || rest[i - 1] != b'.',
             b'/' => rest.get(i + 1) == Some(&b'/'),
             byte => is_blank(byte),

@@ -182,7 +182,7 @@ fn other_columns_are_repaired_or_ignored() {
     assert_eq!(notes[3], "reflection coefficients of 1 points are not valid: replaced by the default");
 }
 
-/// Ordinary numbers, and every kind of extreme.
+/// Ordinary numbers, and extreme ones of every kind.
 fn wild() -> impl Strategy<Value = f32> {
     prop_oneof![
         4 => -2.0_f32..2.0,

@@ -1,0 +1,44 @@
+//! The content of a model file, before anything is estimated.
+
+use glam::{DVec3, Vec3};
+
+use super::surfels::Material;
+
+/// How a file stored its colours. This decides the default colour space.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ColourStorage {
+    /// 8- or 16-bit integers, which are sRGB unless the scene says otherwise.
+    #[default]
+    Integer,
+    /// Floats, which are linear unless the scene says otherwise.
+    Float,
+}
+
+/// The content of a model file, before anything is estimated.
+///
+/// It is a structure of arrays. `position` has one entry for each point. Every other array has the same length, or is
+/// empty where the file has no such property.
+#[derive(Clone, Debug, Default)]
+pub struct Cloud {
+    /// Positions in model space.
+    pub position: Vec<DVec3>,
+    /// Unit normals. A zero vector means that this point lacks a normal, which is then estimated.
+    pub normal: Vec<Vec3>,
+    /// Cut-off radii, > 0. A value that is not positive or not finite means that this point lacks a radius, which is
+    /// then estimated.
+    pub radius: Vec<f32>,
+    /// Semi-axes u and v of elliptical splats. Their lengths are cut-off radii; they override `radius`.
+    pub axes: Vec<[Vec3; 2]>,
+    /// Colours, nominally 0..=1, in the colour space of the file.
+    pub colour: Vec<Vec3>,
+    /// How the file stored the colours.
+    pub colour_storage: ColourStorage,
+    /// Reflection coefficients of each point.
+    pub material: Vec<Material>,
+    /// Velocities, model units per frame (kept for later use).
+    pub velocity: Vec<Vec3>,
+    /// True if the signs of the normals mean nothing (Gaussian splats), so both sides are to be shown.
+    pub two_sided: bool,
+    /// What a user should know: points that were dropped, properties that were ignored, conventions that were assumed.
+    pub notes: Vec<String>,
+}

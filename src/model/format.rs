@@ -1,0 +1,37 @@
+//! The file formats of models, and how a file shows which one it has.
+
+use std::path::Path;
+
+/// The first bytes of our own format. They are not text, so a transfer that changes line ends is noticed.
+pub(super) const BIN_MAGIC: [u8; 8] = *b"\x89SPLAT\r\n";
+
+/// A file format of models.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Polygon file format: point clouds, surfels, meshes whose vertices are taken as points, Gaussian-splat captures.
+    Ply,
+    /// `Pointshop3D` surfels.
+    Sfl,
+    /// Wavefront OBJ, whose vertices are taken as points.
+    Obj,
+    /// Our own format (docs/bin-format.md).
+    Bin,
+}
+
+impl Format {
+    /// The known formats, for messages.
+    pub const KNOWN: &'static str = "PLY, Pointshop3D .sfl, Wavefront .obj, splatblur .bin";
+
+    /// The format of a file by its first bytes, or by its extension if the bytes show none (OBJ has no mark).
+    pub fn detect(bytes: &[u8], path: &Path) -> Option<Self> {
+        if bytes.starts_with(&BIN_MAGIC) {
+            Some(Self::Bin)
+        } else if bytes.starts_with(b"GFLF") {
+            Some(Self::Sfl)
+        } else if bytes.starts_with(b"ply") && bytes.get(3).is_none_or(u8::is_ascii_whitespace) {
+            Some(Self::Ply)
+        } else {
+            path.extension().filter(|e| e.eq_ignore_ascii_case("obj")).map(|_| Self::Obj)
+        }
+    }
+}

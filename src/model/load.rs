@@ -1,0 +1,99 @@
+//! Reading a model file of any format.
+
+use std::path::Path;
+
+use glam::Vec3;
+
+use super::cloud::Cloud;
+use super::complete::complete;
+use super::error::{ModelError, ParseError};
+use super::format::Format;
+use super::options::{ColourSpace, LoadOptions, Progress};
+use super::surfels::Surfels;
+use super::{bin, map, obj, ply, sfl, tidy};
+use crate::math::srgb;
+
+/// A model, and what a user should know about how it was read.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The model, in file order.
+    pub surfels: Surfels,
+    /// One line each for points that were dropped, normals and radii that were estimated, and conventions that were
+    /// assumed.
+    pub notes: Vec<String>,
+}
+
+/// The result of [`parse`].
+#[derive(Clone, Debug)]
+pub enum Parsed {
+    /// Points as the file gives them.
+    Cloud(Cloud),
+    /// Complete surfels, from our own format.
+    Surfels(Surfels),
+}
+
+/// Reads the bytes of a model file. Points that cannot be drawn are dropped. Nothing is estimated yet.
+///
+/// Memory stays within a small multiple of the file's size, whatever the file says.
+///
+/// # Errors
+/// The bytes are not a valid file of this format.
+pub fn parse(bytes: &[u8], format: Format) -> Result<Parsed, ParseError> {
+    parse_told(bytes, format, &|_| {})
+}
+
+/// Reads a model file of any format and completes it. The content shows the format; if it does not, the extension does.
+///
+/// # Errors
+/// The file cannot be read, is not a regular file, or is not a valid model of a known format with at least one point.
+pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<Loaded, ModelError> {
+    let parsed = {
+        let bytes = map::map(path)?;
+        let format = Format::detect(&bytes, path).ok_or_else(|| ModelError::UnknownFormat { path: path.to_owned() })?;
+        parse_told(&bytes, format, &|share| progress("reading", share))
+            .map_err(|why| ModelError::Invalid { path: path.to_owned(), why })?
+    };
+    match parsed {
+        Parsed::Surfels(surfels) if surfels.is_empty() => {
+            Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: String::new() })
+        }
+        Parsed::Surfels(surfels) => Ok(Loaded { surfels: adjust(surfels, options), notes: Vec::new() }),
+        Parsed::Cloud(mut cloud) => {
+            let mut notes = std::mem::take(&mut cloud.notes);
+            let (surfels, completed) = complete(cloud, options, progress).map_err(|error| match error {
+                ModelError::NoPoints => {
+                    let dropped = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
+                    ModelError::NoPointsIn { path: path.to_owned(), dropped }
+                }
+                other => other,
+            })?;
+            notes.extend(completed);
+            Ok(Loaded { surfels, notes })
+        }
+    }
+}
+
+fn parse_told(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Parsed, ParseError> {
+    let cloud = match format {
+        Format::Ply => ply::parse(bytes, progress)?,
+        Format::Sfl => sfl::parse(bytes, progress)?,
+        Format::Obj => obj::parse(bytes, progress)?,
+        Format::Bin => return bin::parse(bytes).map(Parsed::Surfels),
+    };
+    Ok(Parsed::Cloud(tidy::tidy(cloud)))
+}
+
+/// Applies what a scene says to surfels that are already complete. Their colours are linear unless the scene names
+/// another space.
+fn adjust(mut surfels: Surfels, options: &LoadOptions) -> Surfels {
+    if options.radius_scale != 1.0 {
+        let scale = options.radius_scale as f32;
+        surfels.axis_u.iter_mut().chain(&mut surfels.axis_v).for_each(|axis| *axis *= scale);
+    }
+    if options.colour_space == Some(ColourSpace::Srgb) {
+        for c in &mut surfels.colour {
+            *c = Vec3::from_array(c.to_array().map(srgb::to_linear));
+        }
+    }
+    surfels
+}

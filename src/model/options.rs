@@ -1,0 +1,28 @@
+//! What a caller may say about a model, and what the caller is told meanwhile.
+
+/// The colour space of a model file's colours (`<pointModel colourSpace="...">`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColourSpace {
+    /// sRGB transfer curve.
+    Srgb,
+    /// Linear light.
+    Linear,
+}
+
+/// The choices that a scene has for a model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoadOptions {
+    /// Factor on all cut-off radii, > 0.
+    pub radius_scale: f64,
+    /// The colour space, in place of the one that the storage type implies.
+    pub colour_space: Option<ColourSpace>,
+}
+
+impl Default for LoadOptions {
+    fn default() -> Self {
+        Self { radius_scale: 1.0, colour_space: None }
+    }
+}
+
+/// Receives the name of the current step and its finished share (0..=1). It is called from several threads.
+pub type Progress<'a> = &'a (dyn Fn(&str, f32) + Sync);

@@ -1,0 +1,88 @@
+//! A model that can be rendered.
+
+use glam::{DVec3, Vec3};
+
+use crate::math::Bounds;
+
+/// Reflection coefficients of the shading equation (docs/math.md, eq. 7; Wolf 2008, 4.1.1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Material {
+    /// Ambient coefficient ka, >= 0.
+    pub ambient: f32,
+    /// Diffuse coefficient kd, >= 0.
+    pub diffuse: f32,
+    /// Specular coefficient ks, >= 0.
+    pub specular: f32,
+    /// Specular exponent, >= 0.
+    pub shininess: f32,
+}
+
+impl Default for Material {
+    fn default() -> Self {
+        Self { ambient: 1.0, diffuse: 1.0, specular: 0.1, shininess: 30.0 }
+    }
+}
+
+/// A model that can be rendered: every surfel has axes, a normal and a colour.
+///
+/// It is a structure of arrays of one length. Only `material` and `velocity` may be empty, where the file has none.
+#[derive(Clone, Debug, Default)]
+pub struct Surfels {
+    /// Point of model space that the positions are relative to (models are recentred in `f64`).
+    pub origin: DVec3,
+    /// Positions relative to `origin`.
+    pub position: Vec<Vec3>,
+    /// First semi-axis; its length is a cut-off radius, > 0.
+    pub axis_u: Vec<Vec3>,
+    /// Second semi-axis, not parallel to the first; (u x v) . normal >= 0.
+    pub axis_v: Vec<Vec3>,
+    /// Unit shading normals, outward.
+    pub normal: Vec<Vec3>,
+    /// Colours, linear Rec.709.
+    pub colour: Vec<Vec3>,
+    /// Reflection coefficients, or empty.
+    pub material: Vec<Material>,
+    /// Velocities, model units per frame, or empty.
+    pub velocity: Vec<Vec3>,
+    /// True if the signs of the normals mean nothing. Both sides are then shown unless the scene says otherwise.
+    pub two_sided: bool,
+}
+
+impl Surfels {
+    /// Number of surfels.
+    pub fn len(&self) -> usize {
+        self.position.len()
+    }
+
+    /// True for a model without surfels.
+    pub fn is_empty(&self) -> bool {
+        self.position.is_empty()
+    }
+
+    /// Memory of the columns, bytes.
+    pub fn bytes(&self) -> u64 {
+        let vectors = [&self.position, &self.axis_u, &self.axis_v, &self.normal, &self.colour, &self.velocity];
+        let vectors: usize = vectors.iter().map(|column| size_of_val(column.as_slice())).sum();
+        (vectors + size_of_val(self.material.as_slice())) as u64
+    }
+
+    /// Cut-off radius of surfel `i`: the length of the longer axis.
+    pub fn radius(&self, i: usize) -> f32 {
+        self.axis_u[i].length().max(self.axis_v[i].length())
+    }
+
+    /// Median of the cut-off radii; 0 for an empty model.
+    pub fn median_radius(&self) -> f32 {
+        let mut radii: Vec<f32> = (0..self.len()).map(|i| self.radius(i)).collect();
+        if radii.is_empty() {
+            return 0.0;
+        }
+        let middle = radii.len() / 2;
+        *radii.select_nth_unstable_by(middle, f32::total_cmp).1
+    }
+
+    /// Box around the surfel centres, in model space.
+    pub fn bounds(&self) -> Bounds {
+        self.position.iter().map(|p| self.origin + p.as_dvec3()).collect()
+    }
+}

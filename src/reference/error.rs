@@ -1,0 +1,63 @@
+//! Why a reference cannot be made.
+
+use super::sampler::{MOST_SAMPLES, SCRAMBLINGS};
+
+/// Why there is no reference.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReferenceError {
+    /// The number of samples does not suit the scramblings.
+    #[error(
+        "{samples} samples cannot be shared by {SCRAMBLINGS} scramblings: a multiple of {SCRAMBLINGS} \
+         is needed, at most {MOST_SAMPLES}"
+    )]
+    Samples {
+        /// What was asked for.
+        samples: u64,
+    },
+    /// A jittered grid has a fixed size, so its samples cannot be stopped or continued.
+    #[error(
+        "the jittered sampler has a fixed number of samples: it can neither stop at an error \
+         nor go on from an earlier run"
+    )]
+    Fixed,
+    /// The image is too large.
+    #[error("the sums of {width} x {height} pixels do not fit into memory")]
+    Memory {
+        /// Width of the image.
+        width: u32,
+        /// Height of the image.
+        height: u32,
+    },
+    /// The bytes are no partial sums, or they are damaged.
+    #[error("these are no partial sums of a reference, or they are damaged")]
+    Damaged,
+    /// The pixel is outside the image.
+    #[error("pixel {x},{y} is outside the image of {width} x {height}")]
+    NoPixel {
+        /// Column.
+        x: u32,
+        /// Row.
+        y: u32,
+        /// Width of the image.
+        width: u32,
+        /// Height of the image.
+        height: u32,
+    },
+    /// The sample is beyond the last one.
+    #[error("sample {sample} is beyond the last of {samples} samples, {}", samples - 1)]
+    NoSample {
+        /// The sample.
+        sample: u64,
+        /// Number of samples.
+        samples: u64,
+    },
+    /// The earlier run was of another kind.
+    #[error("the earlier run has {found}, this one {expected}")]
+    Unlike {
+        /// What the earlier run has.
+        found: String,
+        /// What is needed.
+        expected: String,
+    },
+}

@@ -1,0 +1,253 @@
+//! Samples an image tile by tile and adds what the samples see to the sums.
+
+use rayon::prelude::*;
+
+use super::boxes::PACKET;
+use super::cull::{Candidates, ObjectCones};
+use super::posed::World;
+use super::sampler::{Points, SCRAMBLINGS};
+use super::sums::{PixelSums, Sums};
+use super::trace::{SamplePoint, Seen, Tracer};
+use super::warp::TimeWarp;
+use crate::film::FilmPlanes;
+use crate::options::PixelFilter;
+
+/// Progress of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Samples of a pixel before this round.
+    pub samples: u64,
+    /// Samples of a pixel after this round.
+    pub end: u64,
+    /// Finished share of the round, 0..=1.
+    pub share: f64,
+    /// Mean standard error before this round, if the run looks at it.
+    pub error: Option<f64>,
+}
+
+/// Receives the progress of a run. It is called from several threads.
+pub type Progress<'a> = &'a (dyn Fn(Step) + Sync);
+
+/// Edge of a tile, pixels. The samples of a tile are traced together.
+const TILE: usize = 4;
+
+/// Points of each scrambling that are traced together.
+const POINTS: u64 = 4;
+
+/// Samples the pixels of an image, or of a window of it.
+pub(super) struct Integrator<'w, 'a> {
+    world: &'w World<'a>,
+    warp: TimeWarp,
+    pub cones: ObjectCones,
+    frame: f64,
+    /// First pixel of the window.
+    origin: [u32; 2],
+}
+
+impl<'w, 'a> Integrator<'w, 'a> {
+    pub(super) fn new(world: &'w World<'a>, frame: i64, origin: [u32; 2]) -> Self {
+        let frame = frame as f64;
+        Self {
+            world,
+            warp: TimeWarp::new(&world.scene.shutter.weight),
+            cones: ObjectCones::new(world, frame),
+            frame,
+            origin,
+        }
+    }
+
+    /// Brings every pixel of the window to `end` samples.
+    pub(super) fn add(&self, sums: &mut Sums, end: u64, error: Option<f64>, progress: Progress<'_>) {
+        let options = self.world.options;
+        let each = SCRAMBLINGS as u64;
+        let (first, last) = (sums.samples / each, end / each);
+        let points = Points::new(options.sampler, options.seed, first, last, options.samples / each);
+        let planes = FilmPlanes::of(&options.aovs);
+        let strip = TILE * sums.width as usize;
+        let strips = (sums.height as usize).div_ceil(TILE);
+        let mut extras: Vec<&mut [f64]> = if sums.planes == 0 {
+            (0..strips).map(|_| Default::default()).collect()
+        } else {
+            sums.extra.chunks_mut(strip * sums.planes).collect()
+        };
+        let finished = std::sync::atomic::AtomicUsize::new(0);
+        let (samples, width) = (sums.samples, sums.width as usize);
+        let strips_of_sums = sums.colour.par_chunks_mut(strip).zip(sums.range.par_chunks_mut(strip)).zip(&mut extras);
+        strips_of_sums.enumerate().for_each_init(
+            || (Tracer::new(self.world), TileSamples::default()),
+            |(tracer, tile), (number, ((colour, range), extra))| {
+                let mut strip = Strip { planes: &planes, colour, range, extra };
+                let rows = strip.colour.len() / width;
+                for left in (0..width).step_by(TILE) {
+                    let (first_pixel, size) = ([left, number * TILE], [TILE.min(width - left), rows]);
+                    let corner = [0, 1].map(|axis| self.origin[axis] as usize + first_pixel[axis]);
+                    self.cones.candidates(self.world, corner, size, &mut tile.candidates);
+                    if tile.candidates.any == 0 {
+                        continue;
+                    }
+                    for k in (first..last).step_by(POINTS as usize) {
+                        self.place_tile(tile, &points, (corner, size), width, k..(k + POINTS).min(last));
+                        tile.trace(tracer, &self.cones);
+                        tile.samples.iter().zip(&tile.seen).for_each(|(sample, seen)| {
+                            if let Some(seen) = seen {
+                                strip.add(sample.pixel as usize, sample.scrambling as usize, seen);
+                            }
+                        });
+                    }
+                }
+                let done = finished.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
+                progress(Step { samples, end, share: done as f64 / strips as f64, error });
+            },
+        );
+        sums.samples = end;
+    }
+
+    /// Fills `tile` with the samples that may hit something. Of each pixel of the tile (corner in the image, size) it
+    /// takes the points `range` of each scrambling. The window is `width` pixels wide.
+    fn place_tile(
+        &self,
+        tile: &mut TileSamples,
+        points: &Points,
+        (corner, [columns, rows]): ([usize; 2], [usize; 2]),
+        width: usize,
+        range: std::ops::Range<u64>,
+    ) {
+        let left = corner[0] - self.origin[0] as usize;
+        tile.samples.clear();
+        for y in 0..rows {
+            for x in 0..columns {
+                let at = [(corner[0] + x) as u32, (corner[1] + y) as u32];
+                let of_pixel = points.pixel(self.number(at));
+                let scrambled: [_; SCRAMBLINGS] = std::array::from_fn(|r| of_pixel.scrambling(r));
+                for k in range.clone() {
+                    for (r, scrambling) in scrambled.iter().enumerate() {
+                        let in_cube = scrambling.at(k);
+                        let point = self.sample_point(at, in_cube);
+                        if tile.candidates.any >> self.cones.subinterval(point.1) & 1 == 1 {
+                            let pixel = (y * width + left + x) as u32;
+                            tile.samples.push(PlacedSample {
+                                point,
+                                share: in_cube[2] as f32,
+                                pixel,
+                                scrambling: r as u32,
+                            });
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Number of a pixel of the image, which its samples depend on.
+    pub(super) fn number(&self, [x, y]: [u32; 2]) -> u64 {
+        u64::from(y) * u64::from(self.world.size[0]) + u64::from(x)
+    }
+
+    /// Film point (pixels) and scene time (frames) of a point of the unit cube.
+    pub(super) fn sample_point(&self, pixel: [u32; 2], [u, v, share]: [f64; 3]) -> SamplePoint {
+        let (u, v) = match self.world.options.filter {
+            PixelFilter::Box => (u, v),
+            PixelFilter::Point => (0.5, 0.5),
+        };
+        let time = self.world.scene.shutter.frame_time(self.frame, self.warp.time(share));
+        ([f64::from(pixel[0]) + u, f64::from(pixel[1]) + v], time)
+    }
+}
+
+/// A sample, and the sum that it is added to.
+#[derive(Clone, Copy, Debug)]
+struct PlacedSample {
+    point: SamplePoint,
+    /// Share of the exposure that has passed.
+    share: f32,
+    /// Number of its pixel in the strip.
+    pixel: u32,
+    scrambling: u32,
+}
+
+/// Some samples of a tile. They are traced in the order of their times, so that those of one packet meet the objects at
+/// nearly the same places.
+#[derive(Debug, Default)]
+struct TileSamples {
+    /// The objects that the samples may hit.
+    candidates: Candidates,
+    samples: Vec<PlacedSample>,
+    /// What the samples see, in the order of `samples`.
+    seen: Vec<Option<Seen>>,
+    /// Numbers of the samples in the order of times.
+    order: Vec<u32>,
+    /// End of each stratum of times in `order`.
+    ends: Vec<u32>,
+}
+
+/// Mean number of samples in one stratum of times.
+const PER_STRATUM: usize = 8;
+
+impl TileSamples {
+    fn trace(&mut self, tracer: &mut Tracer<'_, '_>, cones: &ObjectCones) {
+        let n = self.samples.len();
+        self.seen.resize(n, None);
+        if n == 0 {
+            return;
+        }
+        // A counting sort: within a stratum the order of samples stays.
+        let strata = n.div_ceil(PER_STRATUM);
+        let stratum = |sample: &PlacedSample| ((sample.share * strata as f32) as usize).min(strata - 1);
+        self.ends.clear();
+        self.ends.resize(strata + 1, 0);
+        self.samples.iter().for_each(|sample| self.ends[stratum(sample) + 1] += 1);
+        for i in 0..strata {
+            self.ends[i + 1] += self.ends[i];
+        }
+        self.order.resize(n, 0);
+        for (number, sample) in self.samples.iter().enumerate() {
+            let end = &mut self.ends[stratum(sample)];
+            self.order[*end as usize] = number as u32;
+            *end += 1;
+        }
+        let mut points = [SamplePoint::default(); PACKET];
+        for packet in self.order.chunks(PACKET) {
+            for (point, &number) in points.iter_mut().zip(packet) {
+                *point = self.samples[number as usize].point;
+            }
+            tracer.hits(&points[..packet.len()], &self.candidates, cones);
+            for (lane, &number) in packet.iter().enumerate() {
+                self.seen[number as usize] = tracer.seen(lane);
+            }
+        }
+    }
+}
+
+/// The sums of a strip of pixels.
+struct Strip<'a> {
+    planes: &'a FilmPlanes,
+    colour: &'a mut [PixelSums],
+    range: &'a mut [[[f32; 3]; 2]],
+    extra: &'a mut [f64],
+}
+
+impl Strip<'_> {
+    fn add(&mut self, pixel: usize, scrambling: usize, seen: &Seen) {
+        let sums = &mut self.colour[pixel][scrambling];
+        sums[0] += seen.colour.x;
+        sums[1] += seen.colour.y;
+        sums[2] += seen.colour.z;
+        sums[3] += 1.0;
+        let colour = seen.colour.as_vec3().to_array();
+        let [low, high] = &mut self.range[pixel];
+        for c in 0..3 {
+            low[c] = low[c].min(colour[c]);
+            high[c] = high[c].max(colour[c]);
+        }
+        let planes = self.planes.count - 4;
+        let extra = &mut self.extra[pixel * planes..][..planes];
+        let mut add = |plane: Option<usize>, values: &[f64]| {
+            if let Some(first) = plane {
+                extra[first - 4..].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+            }
+        };
+        add(self.planes.depth, &[seen.depth]);
+        add(self.planes.normal, &seen.normal.to_array());
+        add(self.planes.velocity, &seen.velocity.to_array());
+    }
+}

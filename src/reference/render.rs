@@ -1,0 +1,102 @@
+//! Makes a reference, in one run or as the continuation of an earlier one.
+
+use std::time::{Duration, Instant};
+
+use super::bvh::Bvh;
+use super::error::ReferenceError;
+use super::integrator::{Integrator, Progress};
+use super::options::{ROUND, ReferenceOptions};
+use super::posed::World;
+use super::sums::Sums;
+use crate::film::Picture;
+use crate::scene::Scene;
+
+/// A finished reference.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// The picture. Its last layer is the standard error.
+    pub picture: Picture,
+    /// Partial sums, from which a later run can continue.
+    pub sums: Sums,
+    /// Numbers about the run.
+    pub stats: Stats,
+}
+
+/// Samples, memory and time of a reference.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stats {
+    /// Samples of a pixel, including those of earlier runs.
+    pub samples: u64,
+    /// Samples of this run in all pixels.
+    pub traced: u64,
+    /// Mean standard error over all pixels and over r, g, b (of the picture) and coverage.
+    pub mean_error: f64,
+    /// Surfels of the distinct models.
+    pub surfels: u64,
+    /// Memory of their hierarchies, bytes.
+    pub hierarchy_bytes: u64,
+    /// Memory of the partial sums, bytes.
+    pub sums_bytes: u64,
+    /// Wall time of building the hierarchies.
+    pub build: Duration,
+    /// Wall time of tracing.
+    pub trace: Duration,
+}
+
+/// Makes the reference of one frame. It starts from the beginning, or from the sums of an `earlier` run with the same
+/// scene and options (except `samples` and `error`). If that run has as many samples as this one needs, none are added.
+///
+/// # Errors
+/// The options contradict each other or the earlier run.
+pub fn render(
+    scene: &Scene,
+    frame: i64,
+    options: &ReferenceOptions,
+    earlier: Option<Sums>,
+    progress: Progress<'_>,
+) -> Result<Reference, ReferenceError> {
+    options.check()?;
+    if !options.sampler.is_progressive() && earlier.is_some() {
+        return Err(ReferenceError::Fixed);
+    }
+    let samples = options.samples;
+    let size = [scene.image.width, scene.image.height];
+    let mut sums = match earlier {
+        Some(sums) => sums.like(size, &options.aovs)?,
+        None => Sums::new(size, &options.aovs)?,
+    };
+    let start = Instant::now();
+    let world = World::new(scene, frame, options);
+    let build = start.elapsed();
+    let start = Instant::now();
+    let before = sums.samples;
+    let background = world.background();
+    let integrator = Integrator::new(&world, frame, [0, 0]);
+    if let Some(limit) = options.error {
+        let mut error = None;
+        while sums.samples < samples {
+            if sums.samples > 0 {
+                let now = sums.mean_error_of_even(background);
+                error = Some(now);
+                if now < limit {
+                    break;
+                }
+            }
+            let end = (sums.samples / ROUND * ROUND + ROUND).min(samples);
+            integrator.add(&mut sums, end, error, progress);
+        }
+    } else if sums.samples < samples {
+        integrator.add(&mut sums, samples, None, progress);
+    }
+    let stats = Stats {
+        samples: sums.samples,
+        traced: (sums.samples - before) * u64::from(size[0]) * u64::from(size[1]),
+        mean_error: sums.mean_error(background),
+        surfels: world.surfels(),
+        hierarchy_bytes: world.models.iter().map(Bvh::bytes).sum(),
+        sums_bytes: sums.bytes(),
+        build,
+        trace: start.elapsed(),
+    };
+    Ok(Reference { picture: sums.develop(&options.aovs, background), sums, stats })
+}
