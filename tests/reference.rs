@@ -5,8 +5,6 @@
 
 mod support;
 
-use std::sync::Arc;
-
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use splatblur::film::{Aov, Picture};
@@ -291,7 +289,7 @@ fn approaches_the_ideal_sphere<const N: usize>(counts: [usize; N], size: u32) ->
     };
     let colour = Vec3::new(0.8, 0.6, 0.4);
     let mut ideal = base(1);
-    ideal.objects[0].model = Arc::default();
+    ideal.objects[0].model = Surfels::default().into();
     ideal.objects[0].sphere = Some(Sphere { radius: 1.0, colour });
     let options = with(256);
     let ideal = reference(&ideal, &options).picture;

@@ -342,9 +342,10 @@ fn recentred_models_stay_in_place() {
     let plain = sphere_scene(5_000, 64, true);
     let mut recentred = plain.clone();
     let shift = Vec3::new(0.5, -0.25, 2.0);
-    let model = std::sync::Arc::make_mut(&mut recentred.objects[0].model);
+    let mut model = Surfels::clone(&recentred.objects[0].model);
     model.position.iter_mut().for_each(|p| *p -= shift);
     model.origin = shift.as_dvec3();
+    recentred.objects[0].model = model.into();
     let (a, b) = (render(&plain, &supersample(3)), render(&recentred, &supersample(3)));
     let off = a.rgba.iter().flatten().zip(b.rgba.iter().flatten()).filter(|(a, b)| (*a - *b).abs() > 1e-3).count();
     assert!(off < 20, "{off} channels differ by more than rounding at rims");

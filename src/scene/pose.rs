@@ -104,7 +104,7 @@ impl<'a> ObjectPoser<'a> {
 
     /// True if the pose does not depend on time.
     pub fn is_fixed(&self) -> bool {
-        self.object.animation.is_none() && self.object.motions.is_empty()
+        self.object.is_fixed()
     }
 }
 
@@ -195,15 +195,7 @@ mod tests {
 
     #[test]
     fn the_camera_looks_along_minus_z_with_y_up() {
-        let camera = Camera {
-            eye: DVec3::new(1.0, 2.0, 3.0),
-            at: DVec3::new(1.0, 2.0, -7.0),
-            up: DVec3::Y,
-            fovy: 1.0,
-            near: 0.1,
-            animation: None,
-            automatic: false,
-        };
+        let camera = Camera::new(DVec3::new(1.0, 2.0, 3.0), DVec3::new(1.0, 2.0, -7.0));
         let m = look_at(&camera);
         let p = m.transform_point3(DVec3::new(1.5, 2.25, -1.0));
         assert!((p - DVec3::new(0.5, 0.25, -4.0)).length() < 1e-12, "{p}");

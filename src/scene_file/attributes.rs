@@ -3,8 +3,7 @@
 use glam::DVec3;
 
 use super::check::selected;
-use super::document::FileRef;
-use super::dom::{Element, Source};
+use super::dom::{Element, FileRef, Source};
 use super::error::{SceneError, quoted};
 use super::schema::{Absent, AttributeSchema, ElementSchema, FAR, Kind, Range, element as schema_of};
 

@@ -5,7 +5,6 @@
 
 mod attributes;
 mod check;
-mod defaults;
 mod document;
 mod dom;
 mod error;

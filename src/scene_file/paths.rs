@@ -3,8 +3,7 @@
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use super::document::FileRef;
-use super::dom::Source;
+use super::dom::{FileRef, Source};
 use super::error::{SceneError, quoted};
 use super::xml::name_of;
 
