@@ -75,6 +75,11 @@ pub struct Picture {
     pub layers: Vec<Layer>,
 }
 
+impl Picture {
+    /// Greatest width and height, pixels.
+    pub const MAX_SIZE: u32 = 65_535;
+}
+
 /// What is seen where the film is not covered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Background {

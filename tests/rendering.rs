@@ -98,7 +98,7 @@ fn too_little_memory_is_an_error_that_says_what_is_needed() {
     let error = splatblur::renderer::render_frame(&mut splatblur::backend::cpu::Cpu::default(), &scene, 0, &options)
         .expect_err("100 kB");
     let text = error.to_string();
-    assert!(text.contains("130 x 130") && text.contains("100000") && text.contains("--memory"), "{text}");
+    assert!(text.contains("130 x 130") && text.contains("100000") && text.contains("RenderOptions::memory"), "{text}");
 }
 
 #[test]

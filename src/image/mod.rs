@@ -18,7 +18,7 @@ use crate::film::Picture;
 pub const SETTINGS: &str = "splatblur";
 
 /// Greatest width and height in pixels.
-pub const MAX_SIZE: u32 = 65_535;
+pub const MAX_SIZE: u32 = Picture::MAX_SIZE;
 
 /// Deflate, which PNG and EXR use, shrinks by at most this factor: a file that promises more is damaged.
 const DEFLATE_LIMIT: u64 = 1032;
@@ -54,6 +54,18 @@ pub enum Format {
 }
 
 impl Format {
+    /// The format that a file's extension names, in upper or lower case: 8-bit PNG (RGBA if `alpha`, else RGB), or EXR.
+    pub fn of(path: &Path, alpha: bool) -> Option<Self> {
+        let extension = path.extension()?;
+        if extension.eq_ignore_ascii_case("png") {
+            Some(Self::Png { bits: Bits::Eight, alpha })
+        } else if extension.eq_ignore_ascii_case("exr") {
+            Some(Self::Exr)
+        } else {
+            None
+        }
+    }
+
     /// File name extension.
     pub const fn extension(self) -> &'static str {
         match self {
@@ -111,6 +123,12 @@ pub enum ImageError {
         /// The first layer.
         layer: &'static str,
     },
+    /// The name of a file to be written tells no format.
+    #[error("cannot write {}: the name ends in neither .png nor .exr", path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
     /// The encoder failed.
     #[error("cannot encode the picture: {what}")]
     Encode {
@@ -141,6 +159,30 @@ pub enum ImageError {
         /// What is wrong with it.
         what: String,
     },
+}
+
+impl Picture {
+    /// Writes the picture to a file, which appears whole or not at all. What was there is replaced.
+    ///
+    /// The extension names the format: `.png` (8 bits a channel, sRGB, straight alpha) or `.exr` (32-bit float, linear,
+    /// premultiplied). A PNG file has an alpha channel if a pixel is not opaque.
+    ///
+    /// # Errors
+    /// The extension is neither, a value is not finite, PNG cannot hold the picture's layers, or the file cannot be written.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), ImageError> {
+        let path = path.as_ref();
+        let alpha = self.rgba.iter().any(|pixel| pixel[3] < 1.0);
+        let format = Format::of(path, alpha).ok_or_else(|| ImageError::UnknownFormat { path: path.to_owned() })?;
+        write(path, self, format, "")
+    }
+
+    /// Reads a picture from a PNG or EXR file, whatever its name, into linear premultiplied floats.
+    ///
+    /// # Errors
+    /// The file cannot be read, or is no such picture.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, ImageError> {
+        read(path.as_ref())
+    }
 }
 
 /// The bytes of a picture file. They depend on the arguments alone.

@@ -42,6 +42,17 @@ pub struct Loaded {
     pub notes: Vec<String>,
 }
 
+impl Scene {
+    /// Reads a scene file (XML, docs/scene-format.md) with the models and animations that it names, and fills in every default.
+    ///
+    /// # Errors
+    /// The scene, or a file that it names, cannot be read or is not valid. The message says where, what was found there, and
+    /// what would be right.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+        Ok(load(path.as_ref(), &LoadOptions::default())?.scene)
+    }
+}
+
 /// Reads a scene file with all that it names.
 ///
 /// # Errors
