@@ -1,4 +1,5 @@
-//! A scene without a file: a ball flies past another. `cargo run --release --example scene_in_code` writes `out/two_balls.png`.
+//! A scene without a file: a ball flies past another. `cargo run --release --example scene_in_code` writes
+//! `out/two_balls.png`.
 
 use std::error::Error;
 use std::f64::consts::PI;

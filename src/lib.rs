@@ -13,12 +13,13 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`Scene::new`] makes a scene in code, [`Renderer::render_sequence`] renders many frames, and [`RenderOptions`] says how. The
-//! default is mode auto, which takes as many time samples as its error allows; [`BlurMode`] lists the other modes.
+//! [`Scene::new`] makes a scene in code, [`Renderer::render_sequence`] renders many frames, and [`RenderOptions`] says
+//! how. The default is mode auto, which takes as many time samples as its error allows; [`BlurMode`] lists the other
+//! modes.
 //!
 //! The method is that of J. Wolf, *Motion Blur with Point-Based Rendering* (2008), on top of EWA surface splatting
-//! (Zwicker et al. 2002) with deferred shading (Botsch et al. 2005). Pages in `docs/` say which mode is for what, and give the
-//! formulas.
+//! (Zwicker et al. 2002) with deferred shading (Botsch et al. 2005). Pages in `docs/` say which mode is for what, and
+//! give the formulas.
 //!
 //! # Flow
 //! ```text
@@ -30,24 +31,24 @@
 //! ```
 //!
 //! # Glossary
-//! *surfel*: one sample of a surface, a disc or an ellipse with a normal and a colour. *model*: an array of surfels. *splat*: a
-//! surfel's kernel, posed and projected for one time sample. *shutter*: the exposure interval and its time weight. *time
-//! sample*: a time, its weight and a sub-pixel offset. *group*: time samples that share one visibility test. *raster*: the
-//! pixels that a group is rendered for, the image or every n-th pixel of it. *pass*: one stage of rendering a group. *twin*: the
-//! CPU or the GPU form of a pass. *film*: the accumulators that become the picture.
+//! *surfel*: one sample of a surface, a disc or an ellipse with a normal and a colour. *model*: an array of surfels.
+//! *splat*: a surfel's kernel, posed and projected for one time sample. *shutter*: the exposure interval and its time
+//! weight. *time sample*: a time, its weight and a sub-pixel offset. *group*: time samples that share one visibility
+//! test. *raster*: the pixels that a group is rendered for, the image or every n-th pixel of it. *pass*: one stage of
+//! rendering a group. *twin*: the CPU or the GPU form of a pass. *film*: the accumulators that become the picture.
 //!
 //! # Conventions
 //! Right-handed, +y up; the camera looks along -z. Image row 0 is at the top; pixel (i, j) covers [i, i+1) x [j, j+1).
-//! Depth is -z in camera space. Angles are radians, times are frames (`f64`), lengths are scene units; scene files and the
-//! command line use degrees. The shutter is given in frames around the frame number. Colours are linear Rec.709. Names of
-//! transforms read right to left: `camera_from_world` takes world space to camera space.
+//! Depth is -z in camera space. Angles are radians, times are frames (`f64`), lengths are scene units; scene files and
+//! the command line use degrees. The shutter is given in frames around the frame number. Colours are linear Rec.709.
+//! Names of transforms read right to left: `camera_from_world` takes world space to camera space.
 //!
 //! # Features
-//! `gpu` (default): the GPU backend, on wgpu and Vulkan. `cli` (default): the program `splatblur`. Without both, the library
-//! alone is built.
+//! `gpu` (default): the GPU backend, on wgpu and Vulkan. `cli` (default): the program `splatblur`. Without both, the
+//! library alone is built.
 
-// In the order of data flow: a module imports only modules that stand above it. They are public for the program, the tests, the
-// benches and the fuzz targets; what a library user needs is re-exported below.
+// In the order of data flow: a module imports only modules that stand above it. They are public for the program, the
+// tests, the benches and the fuzz targets; what a library user needs is re-exported below.
 #[doc(hidden)]
 pub mod math;
 

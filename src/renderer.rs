@@ -83,10 +83,11 @@ impl Renderer {
         render_frame(&mut *self.backend, scene, frame, options)
     }
 
-    /// Renders frames of a scene, each when it is asked for, and gives them with their numbers, in the order of `frames`.
+    /// Renders frames of a scene, each when it is asked for, and gives them with their numbers, in the order of
+    /// `frames`.
     ///
-    /// On a GPU the next frame is prepared while the device renders, so that a sequence takes less time than its frames one
-    /// by one. It ends after the first error, which comes after all frames that were begun before it.
+    /// On a GPU the next frame is prepared while the device renders, so that a sequence takes less time than its frames
+    /// one by one. It ends after the first error, which comes after all frames that were begun before it.
     pub fn render_sequence<'a>(
         &'a mut self,
         scene: &'a Scene,

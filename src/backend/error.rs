@@ -14,8 +14,8 @@ pub enum BackendError {
     },
     /// The frame does not fit into `RenderOptions::memory`.
     #[error(
-        "a frame of {width} x {height} and models of {models} bytes need at least {needed} bytes, but may take {allowed} \
-         (RenderOptions::memory)"
+        "a frame of {width} x {height} and models of {models} bytes need at least {needed} bytes, but may take \
+         {allowed} (RenderOptions::memory)"
     )]
     Memory {
         /// Image width.
@@ -34,8 +34,8 @@ pub enum BackendError {
     NotBuilt,
     /// There is no device to render on.
     #[error(
-        "there is no graphics adapter{wanted} (found: {found}); a GPU needs its Vulkan driver and the Vulkan loader (Debian: \
-         libvulkan1), a software device mesa-vulkan-drivers"
+        "there is no graphics adapter{wanted} (found: {found}); a GPU needs its Vulkan driver and the Vulkan loader \
+         (Debian: libvulkan1), a software device mesa-vulkan-drivers"
     )]
     NoAdapter {
         /// The name that it was looked for by, in words and with a space in front; empty for any.
@@ -54,7 +54,8 @@ pub enum BackendError {
 }
 
 impl BackendError {
-    /// Refuses a frame that needs more bytes than it may take, `needed` being the least with which its backend can work.
+    /// Refuses a frame that needs more bytes than it may take. `needed` is the least with which its backend can
+    /// work.
     pub(super) fn check_memory(frame: &Frame<'_>, needed: u64) -> Result<(), Self> {
         if needed <= frame.memory {
             return Ok(());

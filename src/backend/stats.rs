@@ -22,8 +22,8 @@ pub struct Stats {
     pub samples: u64,
     /// Surfels posed, over all time samples.
     pub surfels: u64,
-    /// Splats projected onto the image, over all time samples. A splat counts once for each batch that it is in: where memory
-    /// is short ([`RenderOptions::memory`]), splats pass in batches.
+    /// Splats projected onto the image, over all time samples. A splat counts once for each batch that it is in: where
+    /// memory is short ([`RenderOptions::memory`]), splats pass in batches.
     ///
     /// [`RenderOptions::memory`]: crate::options::RenderOptions::memory
     pub splats: u64,

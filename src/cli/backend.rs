@@ -30,8 +30,8 @@ impl Wanted {
 /// The device that renders, open.
 pub(super) struct Machine {
     renderer: Renderer,
-    /// `cpu` or `gpu`. Files carry it: the two differ by rounding. They do not carry the device's name, so that computers that
-    /// share a sequence need not be the same.
+    /// `cpu` or `gpu`. Files carry it: the two differ by rounding. They do not carry the device's name, so that
+    /// computers that share a sequence need not be the same.
     pub(super) name: &'static str,
     /// What it is, for people.
     pub(super) place: String,

@@ -1,5 +1,5 @@
-//! What a scene leaves open and its objects decide: the frames, the lights and the camera. Scenes made in code and scene files
-//! have the same defaults.
+//! What a scene leaves open and its objects decide: the frames, the lights and the camera. Scenes made in code and
+//! scene files have the same defaults.
 
 use glam::DVec3;
 
@@ -18,10 +18,11 @@ const MARGIN: f64 = 1.05;
 impl Scene {
     /// A scene of these objects; what a scene file may leave out is as there.
     ///
-    /// The image has 1024 x 768 pixels and a black background. The frames are those of the animations' keys; else 0 to 24 if
-    /// an object moves, else 0 alone. The shutter is open from a quarter of a frame before the frame number to a quarter after it. There is a
-    /// directional light from the upper right front, and some ambient light. The camera looks along -z and sees all objects
-    /// in all frames ([`Camera::automatic`]). Objects without a name are called `object1`, `object2`, ...
+    /// The image has 1024 x 768 pixels and a black background. The frames are those of the animations' keys; else 0 to
+    /// 24 if an object moves, else 0 alone. The shutter is open from a quarter of a frame before the frame number to a
+    /// quarter after it. There is a directional light from the upper right front, and some ambient light. The camera
+    /// looks along -z and sees all objects in all frames ([`Camera::automatic`]). Objects without a name are called
+    /// `object1`, `object2`, ...
     pub fn new(objects: impl IntoIterator<Item = Object>) -> Self {
         let mut objects: Vec<Object> = objects.into_iter().collect();
         for (object, number) in objects.iter_mut().zip(1..) {
@@ -44,8 +45,8 @@ impl Scene {
 }
 
 impl Camera {
-    /// A camera that looks along -z, with +y up and a field of view of 40 degrees, and sees all objects of `scene` in all its
-    /// frames, on an image of its size. The scene's own camera plays no part.
+    /// A camera that looks along -z, with +y up and a field of view of 40 degrees, and sees all objects of `scene` in
+    /// all its frames, on an image of its size. The scene's own camera plays no part.
     pub fn automatic(scene: &Scene) -> Self {
         camera(scene, &GivenCamera::default())
     }
@@ -131,8 +132,8 @@ impl Default for GivenCamera {
     }
 }
 
-/// Completes a camera. Where its eye or the point that it looks at is missing, it sees all objects at all times, looking along
-/// -z.
+/// Completes a camera. Where its eye or the point that it looks at is missing, it sees all objects at all times,
+/// looking along -z.
 pub(crate) fn camera(scene: &Scene, given: &GivenCamera) -> Camera {
     let GivenCamera { eye, at: target, up, fovy, near } = *given;
     if let (Some(eye), Some(at)) = (eye, target) {

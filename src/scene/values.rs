@@ -13,8 +13,8 @@ use crate::time::Shutter;
 
 /// What is rendered: objects, lights and a camera, with the image, the frames and the shutter.
 ///
-/// `Scene::load` reads a scene file; [`Scene::new`] takes objects made in code and fills in the same defaults as a file.
-/// All fields may be changed afterwards.
+/// `Scene::load` reads a scene file; [`Scene::new`] takes objects made in code and fills in the same defaults as a
+/// file. All fields may be changed afterwards.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// Name of the scene: the file stem of its scene file. The command line names output files after it.
@@ -29,8 +29,8 @@ pub struct Scene {
     pub camera: Camera,
     /// Lights.
     pub lights: Vec<Light>,
-    /// Objects. Their order is that of all sums of floats: a scene with its objects in another order gives the same picture
-    /// up to rounding.
+    /// Objects. Their order is that of all sums of floats: a scene with its objects in another order gives the same
+    /// picture up to rounding.
     pub objects: Vec<Object>,
 }
 
@@ -89,8 +89,8 @@ impl Camera {
     /// Nearest visible depth by default, scene units.
     pub(crate) const NEAR: f64 = 0.01;
 
-    /// A camera at `eye` that looks at the point `at`, in scene units; +y is up, the vertical field of view is 40 degrees, and
-    /// the nearest visible depth 0.01.
+    /// A camera at `eye` that looks at the point `at`, in scene units; +y is up, the vertical field of view is 40
+    /// degrees, and the nearest visible depth 0.01.
     ///
     /// `at` must not be `eye` itself, nor straight above or below it (else set another `up`).
     pub fn new(eye: DVec3, at: DVec3) -> Self {
@@ -199,8 +199,9 @@ pub struct Object {
 impl Object {
     /// An object that shows `model`: surfels, shared surfels, or the [`Model`] of another object.
     ///
-    /// It has no name ([`Scene::new`] gives it one), stands where its model does, does not move, and has its model's material.
-    /// Renderers are faster where neighbours in the model are neighbours in space ([`Surfels::spatially_ordered`]).
+    /// It has no name ([`Scene::new`] gives it one), stands where its model does, does not move, and has its model's
+    /// material. Renderers are faster where neighbours in the model are neighbours in space
+    /// ([`Surfels::spatially_ordered`]).
     ///
     /// [`Surfels::spatially_ordered`]: crate::model::Surfels::spatially_ordered
     pub fn new(model: impl Into<Model>) -> Self {

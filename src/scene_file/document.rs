@@ -1,4 +1,4 @@
-//! A checked tree to plain values that need no file.
+//! Turns a checked tree into plain values that need no file.
 
 use glam::DVec3;
 
@@ -17,7 +17,7 @@ pub(super) struct Document {
     pub(super) image: ImageSettings,
     pub(super) frames: GivenFrames,
     pub(super) shutter: Shutter,
-    /// `None`: the scene has no <camera>.
+    /// `None`: the scene has no `<camera>`.
     pub(super) camera: Option<CameraSpec>,
     pub(super) lights: Vec<Light>,
     pub(super) objects: Vec<ObjectSpec>,
@@ -261,7 +261,7 @@ fn material(part: &Part<'_>) -> Result<Material, SceneError> {
     })
 }
 
-/// `v` at length 1. A vector that has it to rounding is kept as it is, so that what was written loads back.
+/// `v` at length 1. A vector whose length is 1 up to rounding stays as it is, so that a written scene loads back.
 pub(super) fn unit(v: DVec3) -> DVec3 {
     if (v.length_squared() - 1.0).abs() < 1e-14 {
         return v;

@@ -79,7 +79,8 @@ impl<'a> Finder<'a> {
     }
 }
 
-/// A regular file at `wanted` below `base` if upper and lower case are the same; the first by name if there are several.
+/// A regular file at `wanted` below `base` if upper and lower case are the same; the first by name if there are
+/// several.
 fn in_any_case(base: &Path, wanted: &Path) -> Option<PathBuf> {
     let mut path = base.to_owned();
     for component in wanted.components() {

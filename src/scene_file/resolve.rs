@@ -1,4 +1,4 @@
-//! A document to a scene: files read, each once, and defaults that need them filled in.
+//! Turns a document into a scene: reads each file once, and fills in the defaults that depend on files.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
