@@ -224,8 +224,8 @@ impl Object {
         }
     }
 
-    /// An object of a model file: PLY, `Pointshop3D` `.sfl`, Wavefront `.obj` or splatblur's own `.bin`. Missing normals and
-    /// radii are estimated, and the surfels sorted along a curve through space.
+    /// An object of a model file: PLY, `Pointshop3D` `.sfl`, Wavefront `.obj` or splatblur's own `.bin`. Missing
+    /// normals and radii are estimated, and the surfels sorted along a curve through space.
     ///
     /// # Errors
     /// The file cannot be read, or is not a valid model with at least one point.
