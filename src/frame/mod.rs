@@ -274,7 +274,7 @@ impl Frame {
 }
 
 fn model_bytes(scene: &Scene) -> u64 {
-    let mut models: Vec<_> = scene.objects.iter().map(|object| &object.model).collect();
+    let mut models: Vec<_> = scene.objects.iter().map(|object| object.model.surfels()).collect();
     models.sort_by_key(|model| Arc::as_ptr(model));
     models.dedup_by_key(|model| Arc::as_ptr(model));
     models.iter().map(|model| model.bytes()).sum()
@@ -288,5 +288,5 @@ fn frame_object(object: &Object, options: &RenderOptions, is_static: bool) -> Fr
         None => None,
     };
     let two_sided = options.two_sided || object.two_sided;
-    FrameObject { surfels: Arc::clone(&object.model), material, two_sided, is_static }
+    FrameObject { surfels: Arc::clone(object.model.surfels()), material, two_sided, is_static }
 }

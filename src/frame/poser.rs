@@ -103,9 +103,9 @@ impl Poser<'_> {
         let near = self.scene.camera.near;
         let posed = samples.iter().flat_map(|sample| self.scene.objects.iter().zip(&sample.objects));
         let drifts = posed
-            .filter(|(object, posed)| posed.visible && posed.moves && !object.bounds.is_empty())
+            .filter(|(object, posed)| posed.visible && posed.moves && !object.bounds().is_empty())
             .flat_map(|(object, posed)| {
-                object.bounds.corners().map(|corner| {
+                object.bounds().corners().map(|corner| {
                     let p = (corner - object.model.origin).as_vec3();
                     let centre = (posed.centre_from_model * p + posed.centre_origin).as_dvec3();
                     let motion = (posed.motion_from_model * p + posed.motion_origin).as_dvec3();
@@ -152,7 +152,7 @@ impl Poser<'_> {
             .options
             .epsilon
             .or(object.epsilon)
-            .unwrap_or_else(|| f64::from(object.median_radius) * libm::cbrt(det.abs()));
+            .unwrap_or_else(|| f64::from(object.model.median_radius()) * libm::cbrt(det.abs()));
         PosedObject {
             visible: visible && det != 0.0,
             screen_from_model: screen.0.as_mat3(),

@@ -32,11 +32,11 @@ pub(super) fn find_static(
             }
             let object_of_scene = &scene.objects[object];
             let origin = object_of_scene.model.origin;
-            let drifts = object_of_scene.bounds.corners().map(|corner| {
+            let drifts = object_of_scene.bounds().corners().map(|corner| {
                 let corner = (corner - origin).as_vec3();
                 path(order.iter().map(|&i| poses[i]), corner, near) * stride as f32
             });
-            let is_static = !object_of_scene.bounds.is_empty() && drifts.into_iter().all(|drift| drift < STATIC_PATH);
+            let is_static = !object_of_scene.bounds().is_empty() && drifts.into_iter().all(|drift| drift < STATIC_PATH);
             if is_static {
                 let middle = *poses[order[order.len() / 2]];
                 let positions = rasters.iter_mut().flat_map(|raster| &mut raster.positions);

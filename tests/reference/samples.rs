@@ -127,7 +127,7 @@ fn hits(scene: &Scene, options: &ReferenceOptions, sample: &Sample) -> (Vec<Hit>
         let of_normal = |n: DVec3| (linear.inverse().transpose() * n).normalize();
         let two_sided = object.two_sided || options.two_sided;
         let scale = linear.determinant().abs().cbrt();
-        let epsilon = options.epsilon.or(object.epsilon).unwrap_or(f64::from(object.median_radius) * scale);
+        let epsilon = options.epsilon.or(object.epsilon).unwrap_or(f64::from(object.model.median_radius()) * scale);
         let numbers = |m: Material| [m.ambient, m.diffuse, m.specular, m.shininess].map(f64::from);
         if let Some(Sphere { radius, colour }) = object.sphere {
             // |M^-1 (eye + s d - c)| = radius

@@ -245,7 +245,7 @@ fn dense_and_sparse_count_by_time() {
 fn what_moves_along_behind_stays_hidden() {
     let mut scene = passing(0.4, 0.05, 3.0);
     let mut behind = passing(0.2, 0.05, 3.0).objects.remove(0);
-    let mut red = (*behind.model).clone();
+    let mut red = splatblur::model::Surfels::clone(&behind.model);
     red.colour.fill(Vec3::X);
     behind.model = red.into();
     behind.transform.translate = DVec3::new(0.0, 0.0, -0.3);

@@ -4,11 +4,11 @@
 
 use std::collections::VecDeque;
 use std::path::Path;
-use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
+use splatblur::model::Surfels;
 use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
@@ -160,7 +160,7 @@ fn holes_of(whole: &Scene, frames: &[i64]) -> Vec<String> {
         let mut scene = Scene { objects: vec![object.clone()], ..whole.clone() };
         scene.image.transparent = true;
         let size = object.place.scale * object.transform.scale;
-        let epsilon = f64::from(object.median_radius) * size.element_product().abs().cbrt();
+        let epsilon = f64::from(object.model.median_radius()) * size.element_product().abs().cbrt();
         for &frame in frames {
             for prefilter in [Prefilter::None, Prefilter::Approx] {
                 let options = RenderOptions {
@@ -202,8 +202,9 @@ fn shipped_models_have_no_holes() {
 #[test]
 fn thin_surfels_leave_holes() {
     let mut scene = shipped("spin");
-    let thin = Arc::make_mut(&mut scene.objects[0].model);
+    let mut thin = Surfels::clone(&scene.objects[0].model);
     thin.axis_u.iter_mut().chain(&mut thin.axis_v).for_each(|axis| *axis *= 0.55);
+    scene.objects[0].model = thin.into();
     assert!(!holes_of(&scene, &[1]).is_empty());
 }
 
