@@ -4,15 +4,16 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
 use clap::Args;
 use serde_json::{Value, json};
-use splatblur::compare::{AlphaErrors, Comparison, Metric, Worst, flip, number, ssim, values};
+use splatblur::compare::{
+    self, AlphaErrors, Comparison, Limit, Metric, Over, Shown, Worst, flip, number, pairs, ssim, values,
+};
 use splatblur::image;
+use splatblur::study::provenance::PROGRAM;
 
-use super::limits::{self, Limit, Over, Shown};
 use super::output::{is_closed_pipe, print, print_json};
-use super::pictures;
 
 /// Compare pictures with a reference: error metrics, and a gate.
 ///
@@ -52,10 +53,10 @@ pub(super) struct Compare {
     /// The reference.
     b: PathBuf,
     /// Metrics to show, several with commas [default: all].
-    #[arg(long, value_name = "METRIC", value_delimiter = ',', value_parser = limits::metric)]
+    #[arg(long, value_name = "METRIC", value_delimiter = ',')]
     metric: Vec<Metric>,
     /// Exit with status 1 where METRIC of a frame or of the whole is beyond VALUE; may be repeated.
-    #[arg(long, value_name = "METRIC=VALUE", value_delimiter = ',', value_parser = limits::limit)]
+    #[arg(long, value_name = "METRIC=VALUE", value_delimiter = ',')]
     limit: Vec<Limit>,
     /// Print one JSON object instead of text.
     #[arg(long)]
@@ -73,14 +74,9 @@ struct Pair {
 
 impl Compare {
     pub(super) fn run(&self) -> anyhow::Result<ExitCode> {
-        for (i, limit) in self.limit.iter().enumerate() {
-            if self.limit[..i].iter().any(|other| other.metric == limit.metric) {
-                bail!("--limit: {} has two limits", limit.metric.name());
-            }
-        }
-        let pairs = pictures::pairs(&self.a, &self.b)?;
-        let pairs: Vec<Pair> =
-            pairs.into_iter().map(|(frame, a, b)| self.compare(frame, a, b)).collect::<anyhow::Result<_>>()?;
+        Limit::check_unique(&self.limit).context("--limit")?;
+        let pairs = pairs(&self.a, &self.b)?;
+        let pairs: Vec<Pair> = pairs.into_iter().map(|pair| self.compare(pair)).collect::<anyhow::Result<_>>()?;
         let frames: Vec<_> = pairs.iter().map(|pair| pair.errors.clone()).collect();
         let whole = Comparison::pooled(&frames)?;
         let over = self.over(&pairs, &whole);
@@ -105,7 +101,8 @@ impl Compare {
         Metric::ALL.into_iter().filter(asked).collect()
     }
 
-    fn compare(&self, frame: Option<i64>, a: PathBuf, b: PathBuf) -> anyhow::Result<Pair> {
+    fn compare(&self, pair: compare::Pair) -> anyhow::Result<Pair> {
+        let compare::Pair { frame, a, b } = pair;
         let pictures = [image::read(&a)?, image::read(&b)?];
         let [first, second] = &pictures;
         let size = (first.width, first.height);
@@ -216,7 +213,7 @@ impl Compare {
             })
             .collect();
         json!({
-            "program": concat!("splatblur ", env!("CARGO_PKG_VERSION")),
+            "program": PROGRAM,
             "a": path(&self.a),
             "b": path(&self.b),
             "metrics": values(whole, &shown),

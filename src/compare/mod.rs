@@ -10,7 +10,9 @@ mod display;
 mod filter;
 pub mod flip;
 mod json;
+mod limit;
 mod metric;
+mod pairs;
 mod pixels;
 pub mod ssim;
 
@@ -18,7 +20,9 @@ use crate::film::Picture;
 
 pub use self::display::{encode, gamma_rmse};
 pub use self::json::{number, values};
+pub use self::limit::{Limit, LimitError, Over, Shown};
 pub use self::metric::{Metric, Sense};
+pub use self::pairs::{Pair, PairError, pairs};
 pub use self::pixels::{AlphaErrors, ColourErrors, RELATIVE_EPSILON, Worst};
 
 /// Why two pictures could not be compared.

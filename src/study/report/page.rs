@@ -3,10 +3,10 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::chart::{COLOURS, Series, log_log};
+use super::figures::{ModeStudy, Study};
 use super::floor::Floor;
 use super::maps::flip_scale;
 use super::regions::Region;
-use super::study::{ModeStudy, Study};
 use crate::compare::{Metric, flip};
 use crate::study::sheet::{Canvas, Crop, SheetError};
 
@@ -115,7 +115,7 @@ fn summary(study: &Study) -> Markup {
         p class="faint" {
             (frames(study)) ", " (scene.size[0]) " x " (scene.size[1]) " pixels, shutter " (setting("shutter")) ", weight " (setting("weight"))
             ", prefilter " (setting("prefilter")) ". Reference: " (scene.reference) " samples a pixel, standard error " (figure(study.floor().rmse))
-            ". " (study.program) " on " (study.machines.join("; ")) ". Everything else is listed " a href="#rendered" { "below" } "."
+            ". " (study.program) " on " (study.backends.join("; ")) ". Everything else is listed " a href="#rendered" { "below" } "."
         }
     }
 }
@@ -346,7 +346,7 @@ fn settings(study: &Study) -> Markup {
     html! {
         div class="wide" { table class="settings" { tbody {
             @for (name, value) in &study.scene.settings { tr { td { (name) } td { (value) } } }
-            @for machine in &study.machines { tr { td { "machine" } td { (machine) } } }
+            @for machine in &study.backends { tr { td { "machine" } td { (machine) } } }
             @for f in &study.frames {
                 tr { td { "reference of frame " (f.frame) } td { "standard error (root mean square) " (figure(f.floor.rmse)) ", FLIP of such noise " (figure(f.floor.flip)) ", made in " (figure(f.reference_seconds)) " s on the CPU" } }
             }

@@ -27,7 +27,7 @@ impl fmt::Display for Crop {
 
 impl Crop {
     /// Refuses crops that have no pixels or reach outside.
-    pub(super) fn check(self, width: u32, height: u32) -> Result<(), SheetError> {
+    pub(in crate::study) fn check(self, width: u32, height: u32) -> Result<(), SheetError> {
         let fits = |at: u32, size: u32, limit: u32| size > 0 && u64::from(at) + u64::from(size) <= u64::from(limit);
         if fits(self.x, self.width, width) && fits(self.y, self.height, height) {
             Ok(())

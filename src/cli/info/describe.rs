@@ -11,8 +11,6 @@ use splatblur::model::{self, Material, Surfels};
 use splatblur::scene::{AnimationBinding, Camera, Light, Motion, Object};
 use splatblur::scene_file;
 
-use super::settings;
-
 fn object(pairs: Vec<(&str, Value)>) -> Value {
     Value::Object(pairs.into_iter().map(|(key, value)| (key.to_owned(), value)).collect::<Map<_, _>>())
 }
@@ -44,7 +42,7 @@ pub(super) fn scene(loaded: &scene_file::Loaded) -> Value {
         (
             "shutter",
             json!({
-                "open": s.shutter.open, "close": s.shutter.close, "weight": settings::weight(&s.shutter.weight),
+                "open": s.shutter.open, "close": s.shutter.close, "weight": s.shutter.weight.to_string(),
             }),
         ),
         ("camera", camera(&s.camera)),

@@ -1,36 +1,88 @@
-//! Metrics and limits on the command line, and whether a comparison is within them.
+//! Limits of metrics, and whether a comparison is within them.
 
 use std::fmt;
+use std::str::FromStr;
 
 use serde::Serialize;
-use splatblur::compare::{Comparison, Metric, Sense, number};
 
-/// A metric by its name.
-pub(super) fn metric(text: &str) -> Result<Metric, String> {
-    Metric::from_name(text.trim()).ok_or_else(|| {
-        let names = Metric::ALL.map(Metric::name).join(", ");
-        format!("`{}` is no metric (there are: {names})", text.trim())
-    })
+use super::{Comparison, Metric, Sense, number};
+
+/// Why a text is no metric or no limit.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LimitError {
+    /// No metric has this name.
+    #[error("`{found}` is no metric (there are: {})", Metric::ALL.map(Metric::name).join(", "))]
+    Metric {
+        /// The name.
+        found: String,
+    },
+    /// Not a metric and a value.
+    #[error("expected METRIC=VALUE, as in flip=0.02, found `{found}`")]
+    Form {
+        /// The text.
+        found: String,
+    },
+    /// A value that is no number.
+    #[error("`{found}` is not a number")]
+    Number {
+        /// The value.
+        found: String,
+    },
+    /// A value that no metric can be held against.
+    #[error("`{found}` is not a finite number")]
+    Finite {
+        /// The value.
+        found: String,
+    },
+    /// Two limits of one metric.
+    #[error("{} has two limits", .0.name())]
+    Twice(Metric),
 }
 
-/// `METRIC=VALUE`.
-pub(super) fn limit(text: &str) -> Result<Limit, String> {
-    let (name, value) = text.split_once('=').ok_or("expected METRIC=VALUE, as in flip=0.02")?;
-    let metric = metric(name)?;
-    let value: f64 = value.trim().parse().map_err(|_| format!("`{value}` is not a number"))?;
-    if value.is_finite() { Ok(Limit { metric, value }) } else { Err(format!("`{value}` is not a finite number")) }
+impl FromStr for Metric {
+    type Err = LimitError;
+
+    fn from_str(text: &str) -> Result<Self, LimitError> {
+        Self::from_name(text.trim()).ok_or_else(|| LimitError::Metric { found: text.trim().to_owned() })
+    }
 }
 
 /// The greatest error, or the least similarity, that passes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Limit {
-    pub(super) metric: Metric,
-    pub(super) value: f64,
+pub struct Limit {
+    /// The metric.
+    pub metric: Metric,
+    /// The greatest or least value ([`Metric::sense`]), finite.
+    pub value: f64,
+}
+
+/// `METRIC=VALUE`, as in `flip=0.02`.
+impl FromStr for Limit {
+    type Err = LimitError;
+
+    fn from_str(text: &str) -> Result<Self, LimitError> {
+        let (name, value) = text.split_once('=').ok_or_else(|| LimitError::Form { found: text.to_owned() })?;
+        let metric = name.parse()?;
+        let found = || value.to_owned();
+        let number: f64 = value.trim().parse().map_err(|_| LimitError::Number { found: found() })?;
+        if number.is_finite() { Ok(Self { metric, value: number }) } else { Err(LimitError::Finite { found: found() }) }
+    }
 }
 
 impl Limit {
-    /// What is over the limit, if anything. A metric that was not made cannot be within.
-    pub(super) fn check(self, errors: &Comparison, of: String) -> Option<Over> {
+    /// Refuses several limits of one metric.
+    ///
+    /// # Errors
+    /// A metric has two limits.
+    pub fn check_unique(limits: &[Self]) -> Result<(), LimitError> {
+        let metrics: Vec<Metric> = limits.iter().map(|limit| limit.metric).collect();
+        let twice = (1..metrics.len()).find(|&i| metrics[..i].contains(&metrics[i]));
+        twice.map_or(Ok(()), |i| Err(LimitError::Twice(metrics[i])))
+    }
+
+    /// What is over the limit, if anything. `of` names the pictures. A metric that was not made cannot be within.
+    pub fn check(self, errors: &Comparison, of: String) -> Option<Over> {
         let value = errors.value(self.metric).unwrap_or(f64::NAN);
         (!self.metric.within(value, self.value)).then_some(Over { limit: self, value, of })
     }
@@ -38,7 +90,7 @@ impl Limit {
 
 /// A limit that was not held.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Over {
+pub struct Over {
     limit: Limit,
     value: f64,
     of: String,
@@ -65,7 +117,7 @@ impl Serialize for Over {
 }
 
 /// Six significant digits; what is not finite in words.
-pub(super) struct Shown(pub(super) f64);
+pub struct Shown(pub f64);
 
 impl fmt::Display for Shown {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -88,6 +140,10 @@ mod tests {
 
     use super::*;
 
+    fn limit(text: &str) -> Result<Limit, LimitError> {
+        text.parse()
+    }
+
     #[test]
     fn limits_are_read() {
         assert_eq!(limit("flip=0.02"), Ok(Limit { metric: Metric::Flip, value: 0.02 }));
@@ -101,7 +157,7 @@ mod tests {
             ("flip=", "not a number"),
             ("=1", "is no metric"),
         ] {
-            let error = limit(text).unwrap_err();
+            let error = limit(text).unwrap_err().to_string();
             assert!(error.contains(hint), "{text}: {error}");
         }
     }

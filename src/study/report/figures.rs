@@ -15,8 +15,8 @@ pub struct Study {
     pub program: String,
     /// What was rendered.
     pub scene: SceneStudy,
-    /// The machines, in words.
-    pub machines: Vec<String>,
+    /// The backends, in words.
+    pub backends: Vec<String>,
     /// Frames, in order.
     pub frames: Vec<FrameStudy>,
     /// The modes over all frames, in the order in which they were asked for.
@@ -210,7 +210,7 @@ impl Study {
             "repeats": repeats,
             "pixels_per_degree": flip::PIXELS_PER_DEGREE,
             "settings": settings,
-            "machines": self.machines,
+            "machines": self.backends,
             "sequence": self.sequence.iter().map(ModeStudy::json).collect::<Vec<_>>(),
             "frames": frames,
             "over": self.over,

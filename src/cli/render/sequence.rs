@@ -9,11 +9,11 @@ use splatblur::film::Picture;
 use splatblur::image::{self, Format, ImageError};
 use splatblur::renderer::{Rendered, Stats};
 
-use super::grammar::Frames;
+use crate::cli::values::Frames;
 
 /// `<stem>.<frame, 4 digits>.<ext>`; longer where the number is, negative with a minus before its four digits, which is how
 /// ffmpeg reads `%04d`.
-pub(super) fn file_name(stem: &str, frame: i64, format: Format) -> String {
+pub(in crate::cli) fn file_name(stem: &str, frame: i64, format: Format) -> String {
     let sign = if frame < 0 { "-" } else { "" };
     format!("{stem}.{sign}{:04}.{}", frame.unsigned_abs(), format.extension())
 }
