@@ -1,4 +1,5 @@
-//! What commands share that read a scene and make pictures of it: groups of options, and what happens before the first frame.
+//! What commands share that read a scene and make pictures of it: groups of options, and what happens before the first
+//! frame.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -24,13 +25,13 @@ Modes: NAME[:COUNTS][+OPTION=VALUE]...
   auto:0.025                  as many time samples as the error takes (or auto:draft, auto:good, auto:final);
                               +samples-max=N, +pixel-samples=P
   still:16                    no motion, P sub-pixel positions
-  supersample:32              N time samples; +pixel-samples=P: at P sub-pixel positions (here and below; as many as samples,
-                              buckets or intervals without it). Static objects are splatted once at each position.
+  supersample:32              N time samples; +pixel-samples=P: at P sub-pixel positions (here and below; without it as
+                              many as samples, buckets or intervals). Static objects are splatted once at each.
   supersample:8+interleave=2  neighbouring pixels of a 2 x 2 (or 4 x 4) lattice see different times
   bucket:8x4                  B buckets of N time samples; +interleave=S, +pixel-samples=P
-  volumetric:10               N intervals of swept kernels; +kernel=ellipsoid (or +ellipsoid), +kernel-weight=chord (+chord),
-                              +alpha=sum (+sum), +normalise=once (+once), +source-samples=K, +pixel-samples=P;
-                              +published: all as in Wolf (2008)
+  volumetric:10               N intervals of swept kernels; +kernel=ellipsoid (or +ellipsoid), +kernel-weight=chord (or
+                              +chord), +alpha=sum (or +sum), +normalise=once (or +once), +source-samples=K,
+                              +pixel-samples=P; +published: all as in Wolf (2008)
 Counts may be left out; those shown are the defaults (auto: good).";
 
 /// Values that replace those of the scene.
@@ -40,7 +41,13 @@ pub(super) struct Overrides {
     #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = values::size, help_heading = "Scene")]
     size: Option<(u32, u32)>,
     /// Background in linear light [default: the scene's].
-    #[arg(long, value_name = "R,G,B", allow_hyphen_values = true, value_parser = values::colour, help_heading = "Scene")]
+    #[arg(
+        long,
+        value_name = "R,G,B",
+        allow_hyphen_values = true,
+        value_parser = values::colour,
+        help_heading = "Scene"
+    )]
     background: Option<DVec3>,
     /// Shutter opening and closing, frames around the frame number [default: the scene's, else -0.25,0.25].
     #[arg(
@@ -104,7 +111,8 @@ pub(super) struct Surfaces {
     /// Show back faces, with their normals turned to the viewer.
     #[arg(long, help_heading = "Surfaces")]
     pub(super) two_sided: bool,
-    /// Depth tolerance of visibility, scene units, for all objects [default: the scene's, else the median splat radius].
+    /// Depth tolerance of visibility, scene units, for all objects [default: the scene's, else the median splat
+    /// radius].
     #[arg(
         long,
         value_name = "E",
@@ -169,8 +177,8 @@ impl Running {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start the threads")
     }
 
-    /// Reads a scene with the threads of `pool`, showing progress on a terminal; says its notes, and puts the overrides into
-    /// it.
+    /// Reads a scene with the threads of `pool`, showing progress on a terminal; says its notes, and puts the overrides
+    /// into it.
     pub(super) fn load(&self, path: &Path, overrides: &Overrides, pool: &rayon::ThreadPool) -> anyhow::Result<Loaded> {
         let restrict = self.restrict.as_deref();
         if let Some(directory) = restrict.filter(|directory| !directory.is_dir()) {

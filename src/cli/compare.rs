@@ -17,9 +17,9 @@ use super::output::{is_closed_pipe, print, print_json};
 
 /// Compare pictures with a reference: error metrics, and a gate.
 ///
-/// A and B, the reference, are two pictures, or two sequences (folders, or patterns such as out/a.%04d.png) with the same
-/// frames; PNG or EXR. Colour is compared premultiplied, that is over black; alpha by itself. A value that is not finite makes
-/// the metrics NaN, which is within no limit.
+/// A and B, the reference, are two pictures, or two sequences (folders, or patterns such as out/a.%04d.png) with the
+/// same frames; PNG or EXR. Colour is compared premultiplied, that is over black; alpha by itself. A value that is not
+/// finite makes the metrics NaN, which is within no limit.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Metrics (linear: light as stored, not clamped; display: sRGB-encoded, clamped to 0..1, as a screen shows it):
@@ -42,9 +42,10 @@ Examples:
   As a gate; every frame must pass, and the sequence as a whole:
     splatblur compare 'out/a.%04d.exr' 'ref/a.%04d.exr' --limit flip=0.02 --limit psnr=35
 
-JSON (--json), one object: program, a, b, metrics: {name: value, ...}, bias: [r, g, b], worst and alpha_worst: {frame, x, y,
-difference}, alpha_bias, non_finite: [a, b], pixels, pixels_per_degree, frames: [{frame, a, b, width, height, metrics, worst, non_finite}],
-over: [{of, metric, value, limit}], within. Values that are not finite are the strings \"NaN\", \"inf\".
+JSON (--json), one object: program, a, b, metrics: {name: value, ...}, bias: [r, g, b], worst and alpha_worst: {frame,
+x, y, difference}, alpha_bias, non_finite: [a, b], pixels, pixels_per_degree, frames: [{frame, a, b, width, height,
+metrics, worst, non_finite}], over: [{of, metric, value, limit}], within. Values that are not finite are the strings
+\"NaN\", \"inf\".
 
 Exit status: 0 within the limits (or none given), 1 over a limit, 2 the comparison could not be made.")]
 pub(super) struct Compare {

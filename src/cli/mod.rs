@@ -1,4 +1,4 @@
-//! The command line: parsing, dispatch, exit status. One file a subcommand.
+//! The command line: parsing, dispatch, exit status. One file or folder for each subcommand.
 //!
 //! Exit status: 0 done, 1 a comparison is over its limit, 2 error (one line on stderr), 130 interrupted.
 //! What a user asked for goes to stdout, everything else to stderr.

@@ -23,8 +23,8 @@ use super::values;
 /// Ray-trace the reference of a scene, with a standard error for each pixel.
 ///
 /// Takes the same scene, shutter and surfaces as `render`, without prefilter, and integrates over pixel and shutter by
-/// quasi-Monte-Carlo sampling, each sample at a time of its own. Writes DIR/<scene>.<frame, 4 digits>.exr with a layer `error` (the
-/// standard error of r, g, b and coverage), and beside it a .ref file from which --resume goes on.
+/// quasi-Monte-Carlo sampling, each sample at a time of its own. Writes DIR/<scene>.<frame, 4 digits>.exr with a layer
+/// `error` (the standard error of r, g, b and coverage), and beside it a .ref file from which --resume goes on.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -37,17 +37,20 @@ Examples:
   Why is this pixel so dark?
     splatblur reference scene.xml --frames 12 --pixel 320,200 --sample 17
 
-JSON (--json), one object: program, scene, directory, frames: [{frame, path, samples, traced (samples of this run, all pixels),
-mean_error, surfels, hierarchy_bytes, build_seconds, trace_seconds}], notes.")]
+JSON (--json), one object: program, scene, directory, frames: [{frame, path, samples, traced (samples of this run, all
+pixels), mean_error, surfels, hierarchy_bytes, build_seconds, trace_seconds}], notes.")]
 #[command(mut_arg("out", |arg| arg.help("Directory of the images; made if missing [default: out/<scene>.reference]")))]
-#[command(mut_arg("format", |arg| arg.default_value("exr").help("File format; PNG has neither errors nor other layers")))]
+#[command(mut_arg("format", |arg| {
+    arg.default_value("exr").help("File format; PNG has neither errors nor other layers")
+}))]
 pub(super) struct Reference {
     #[command(flatten)]
     images: Images,
     /// Go on from the .ref files of an earlier run with the same settings; frames without one start from nothing.
     #[arg(long, help_heading = "Output")]
     resume: bool,
-    /// Write no .ref files (up to 536 bytes for each pixel that is not empty): --resume will have nothing to go on from.
+    /// Write no .ref files (up to 536 bytes for each pixel that is not empty): --resume will have nothing to go on
+    /// from.
     #[arg(long, conflicts_with = "resume", help_heading = "Output")]
     no_sums: bool,
     /// Print all about pixel X,Y of the first frame, and write nothing.
@@ -76,8 +79,8 @@ pub(super) struct Reference {
         help_heading = "Sampling"
     )]
     error: Option<f64>,
-    /// How positions and times are chosen. sobol: together, as Owen-scrambled Sobol' points; jittered: as the product of
-    /// jittered grids of Wolf (2008), with a fixed number of samples; random: as independent random numbers.
+    /// How positions and times are chosen. sobol: together, as Owen-scrambled Sobol' points; jittered: as the product
+    /// of jittered grids of Wolf (2008), with a fixed number of samples; random: as independent random numbers.
     #[arg(
         long,
         value_parser = ["sobol", "jittered", "random"],
@@ -263,8 +266,8 @@ struct Output<'a> {
 }
 
 impl Output<'_> {
-    /// The text that a frame's file carries. With a fixed number of samples it says whether partial sums are of the same
-    /// kind.
+    /// The text that a frame's file carries. With a fixed number of samples it says whether partial sums are of the
+    /// same kind.
     fn settings(&self, frame: i64, samples: u64) -> anyhow::Result<String> {
         Ok(self.provenance.traced(self.options, samples, self.format)?.of_frame(frame)?)
     }

@@ -17,15 +17,17 @@ use super::values::{self, Frames};
 
 /// Measure modes against the ray-traced reference: an HTML page, JSON and CSV.
 ///
-/// Renders each frame in each mode and on each backend in turn, after one rendering of each to warm up, measures the times, and
-/// compares the pictures with the reference. Writes DIR/index.html, one file that needs no other and no network, DIR/report.json,
-/// DIR/report.csv, and DIR/renderings, from which an interrupted report goes on when it is started again.
+/// Renders each frame in each mode and on each backend in turn, after one rendering of each to warm up, measures the
+/// times, and compares the pictures with the reference. Writes DIR/index.html, one file that needs no other and no
+/// network, DIR/report.json, DIR/report.csv, and DIR/renderings, from which an interrupted report goes on when it is
+/// started again.
 #[derive(Debug, Args)]
 #[command(after_long_help = format!("{}
 
 Examples:
   Which mode, how many samples, how wrong, how slow:
-    splatblur report scenes/spin.xml --frames 12 --modes supersample:8,supersample:32,bucket:8x4 --reference 4096 --out report
+    splatblur report scenes/spin.xml --frames 12 --modes supersample:8,supersample:32,bucket:8x4 --reference 4096 \\
+      --out report
   As a gate: every mode, frame and backend must pass
     splatblur report scene.xml --frames 1..24 --modes supersample:32 --reference 1024 --limit flip=0.02 --out report
 

@@ -16,8 +16,8 @@ use super::values;
 
 /// Show one frame in several modes, side by side in one labelled image.
 ///
-/// Each panel has the mode, its samples, the seconds that it took (wall time, after one rendering of the mode to warm up),
-/// the picture and an enlarged crop, the same for all: where the modes differ most, unless --crop says where. With
+/// Each panel has the mode, its samples, the seconds that it took (wall time, after one rendering of the mode to warm
+/// up), the picture and an enlarged crop, the same for all: where the modes differ most, unless --crop says where. With
 /// --reference the ray-traced reference comes first, and each panel states its error against it.
 #[derive(Debug, Args)]
 #[command(after_long_help = format!("{}

@@ -9,7 +9,8 @@ pub(super) struct Size {
     pub(super) height: usize,
 }
 
-/// Convolves (as a correlation: weight k goes with the pixel k - radius beside) rows with `horizontal`, then columns with
+/// Convolves (as a correlation: weight k goes with the pixel k - radius beside) rows with `horizontal`, then columns
+/// with
 /// `vertical`; both have an odd length.
 pub(super) fn separable(plane: &[f32], size: Size, horizontal: &[f32], vertical: &[f32]) -> Vec<f32> {
     let Size { width, height } = size;

@@ -1,10 +1,10 @@
 //! How far a picture is from another: error metrics over colour, and apart from it over alpha.
 //!
-//! Colour is compared as it is stored: premultiplied by alpha, that is, seen over black. *Linear* metrics take the linear
-//! light of the files, without any clamp; *display* metrics take what a screen shows, sRGB-encoded and clamped to [0, 1].
-//! The second picture is the reference; where a formula is symmetric it does not matter. Sums run row by row in `f64`, in a
-//! fixed order. A value that is not finite makes every metric of its kind (colour or alpha) NaN: nothing is left out.
-//! Formulas: docs/compare.md.
+//! Colour is compared as it is stored: premultiplied by alpha, that is, seen over black. *Linear* metrics take the
+//! linear light of the files, without any clamp; *display* metrics take what a screen shows, sRGB-encoded and clamped
+//! to [0, 1]. The second picture is the reference; where a formula is symmetric it does not matter. Sums run row by row
+//! in `f64`, in a fixed order. A value that is not finite makes every metric of its kind (colour or alpha) NaN: nothing
+//! is left out. Formulas: docs/compare.md.
 
 mod display;
 mod filter;
@@ -95,8 +95,9 @@ impl Comparison {
         Ok(Self { frames: 1, pixels: a.rgba.len() as u64, non_finite, colour, gamma_mse, alpha, ssim, flip })
     }
 
-    /// The errors of a sequence from those of its frames: squared errors, absolute errors, biases, SSIM and FLIP are averaged
-    /// (each frame counts the same), then roots and logarithms taken; the worst pixel is the worst of all frames.
+    /// The errors of a sequence from those of its frames: squared errors, absolute errors, biases, SSIM and FLIP are
+    /// averaged (each frame counts the same), then roots and logarithms taken; the worst pixel is the worst of all
+    /// frames.
     ///
     /// # Errors
     /// There is no frame.

@@ -1,4 +1,5 @@
-//! Files of pictures by a name: a file, a folder, or a pattern such as `out/a.%04d.png`; and those of two names in pairs.
+//! Files of pictures by a name: a file, a folder, or a pattern such as `out/a.%04d.png`; and those of two names in
+//! pairs.
 
 use std::collections::BTreeMap;
 use std::io;

@@ -33,7 +33,8 @@ pub struct AlphaErrors {
     pub worst: Worst,
 }
 
-/// The worst pixel: the first in reading order where several are alike; the first that is not finite where there is one.
+/// The worst pixel: the first in reading order where several are alike; the first that is not finite where there is
+/// one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Worst {
     /// Index of the pair in the sequence.

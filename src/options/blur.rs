@@ -17,34 +17,37 @@ pub enum BlurMode {
         /// Sub-pixel positions, 1 to [`super::MAX_SAMPLES`].
         pixel_samples: u32,
     },
-    /// Temporal supersampling (Wolf 2008, 3.6.1 and 4.3). Each time sample has its own visibility test, normalisation and
-    /// shading.
+    /// Temporal supersampling (Wolf 2008, 3.6.1 and 4.3). Each time sample has its own visibility test, normalisation
+    /// and shading.
     Supersample {
         /// Time samples of a pixel, 1 to [`super::MAX_SAMPLES`].
         samples: u32,
-        /// Sub-pixel positions, >= 1. Fewer than samples are shared out, more are several for each. `None`: one for each.
+        /// Sub-pixel positions, >= 1. Fewer than samples are shared out, more are several for each. `None`: one for
+        /// each.
         pixel_samples: Option<u32>,
         /// Which pixels share their times.
         interleave: Interleave,
     },
-    /// Time bucketing (Wolf 2008, 3.6.2 and 4.4). Each bucket has one visibility test, normalisation and shading; all its
-    /// time samples contribute their attributes.
+    /// Time bucketing (Wolf 2008, 3.6.2 and 4.4). Each bucket has one visibility test, normalisation and shading; all
+    /// its time samples contribute their attributes.
     Bucket {
         /// Buckets of a pixel, >= 1. Buckets times samples: at most [`super::MAX_SAMPLES`].
         buckets: u32,
         /// Time samples of a bucket, >= 1.
         samples: u32,
-        /// Sub-pixel positions, >= 1. Fewer than buckets are shared out, more are several for each. `None`: one for each.
+        /// Sub-pixel positions, >= 1. Fewer than buckets are shared out, more are several for each. `None`: one for
+        /// each.
         pixel_samples: Option<u32>,
         /// Which pixels share their times.
         interleave: Interleave,
     },
-    /// Volumetric kernels (Wolf 2008, 3.6.3 and 4.1.2). Each kernel sweeps a volume over an interval of the shutter. Each
-    /// interval has one visibility test, normalisation and shading.
+    /// Volumetric kernels (Wolf 2008, 3.6.3 and 4.1.2). Each kernel sweeps a volume over an interval of the shutter.
+    /// Each interval has one visibility test, normalisation and shading.
     Volumetric {
         /// Intervals of the shutter, 1 to [`super::MAX_SAMPLES`].
         intervals: u32,
-        /// Sub-pixel positions, >= 1. Fewer than intervals are shared out, more are several for each. `None`: one for each.
+        /// Sub-pixel positions, >= 1. Fewer than intervals are shared out, more are several for each. `None`: one for
+        /// each.
         pixel_samples: Option<u32>,
         /// What kernels sweep, and how they add up.
         swept: SweptKernel,

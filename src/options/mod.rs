@@ -1,7 +1,8 @@
 //! What a person chooses: how frames are rendered.
 //!
-//! Every option has one text. `Display` writes it and `FromStr` reads it. The command line, studies, JSON and the headers of
-//! files all use it. `FromStr` refuses values that are out of range; values that are set in code are not checked here.
+//! Every option has one text. `Display` writes it and `FromStr` reads it. The command line, studies, JSON and the
+//! headers of files all use it. `FromStr` refuses values that are out of range; values that are set in code are not
+//! checked here.
 
 mod aov;
 mod blur;
@@ -22,8 +23,8 @@ pub use self::swept::{KernelShape, KernelWeight, Normalise, SourceSamples, Swept
 pub(crate) use self::words::words;
 use crate::film::Aov;
 
-/// Interleaved time sampling: the pixels of an S x S lattice fall into S^2 classes, each with times of its own. Neighbouring
-/// pixels see different times (Keller and Heidrich 2001, for rays).
+/// Interleaved time sampling: the pixels of an S x S lattice fall into S^2 classes, each with times of its own.
+/// Neighbouring pixels see different times (Keller and Heidrich 2001, for rays).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interleave {
     /// All pixels see the same times.
@@ -93,8 +94,8 @@ words!(PixelFilter, "pixel filter", [Box = "box", Point = "point"]);
 /// Screen-space prefilter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Prefilter {
-    /// A pixel counts as near a splat as the nearer of its object-space kernel and a screen-space disc (Botsch et al. 2005;
-    /// Wolf 2008, 4.2.3).
+    /// A pixel counts as near a splat as the nearer of its object-space kernel and a screen-space disc (Botsch et al.
+    /// 2005; Wolf 2008, 4.2.3).
     #[default]
     Approx,
     /// Object-space kernels alone.

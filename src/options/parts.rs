@@ -1,8 +1,8 @@
 //! The grammar of modes: `NAME[:COUNTS][+OPTION=VALUE]...`.
 //!
 //! A text is read in two steps. [`ModeParts`] is what the text says, with everything left open that it does not say.
-//! [`ModeParts::quality`] fills in the defaults and checks what only the whole can tell. A program may set further parts
-//! between the two steps; the options of the command line are such parts.
+//! [`ModeParts::quality`] fills in the defaults and checks what only the whole can tell. A program may set further
+//! parts between the two steps; the options of the command line are such parts.
 
 use std::ops::RangeInclusive;
 use std::str::FromStr;
@@ -136,8 +136,8 @@ impl ModeParts {
         parts.into_iter().filter(|(_, said)| *said).map(|(name, _)| name).collect()
     }
 
-    /// The mode, with defaults for all that is not said: 16 positions of still, 32 samples of supersample, 8 buckets of 4
-    /// samples, 10 intervals of volumetric, and those of [`ErrorTarget`] and [`SweptKernel`].
+    /// The mode, with defaults for all that is not said: 16 positions of still, 32 samples of supersample, 8 buckets of
+    /// 4 samples, 10 intervals of volumetric, and those of [`ErrorTarget`] and [`SweptKernel`].
     ///
     /// # Errors
     /// The mode does not have a part that is said, or two parts do not go together.

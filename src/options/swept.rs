@@ -23,7 +23,8 @@ pub struct SweptKernel {
 }
 
 impl SweptKernel {
-    /// As published (Wolf 2008). Kernels of neighbouring intervals overlap (its figures 5.2 and 6.1 show that they must).
+    /// As published (Wolf 2008). Kernels of neighbouring intervals overlap (its figures 5.2 and 6.1 show that they
+    /// must).
     pub const PUBLISHED: Self = Self {
         shape: KernelShape::Ellipsoid,
         weight: KernelWeight::Chord,
@@ -32,8 +33,8 @@ impl SweptKernel {
         normalise: Normalise::Once,
     };
 
-    /// Motion of a kernel divided by the motion of its surfel during the interval. It is 2 in the published variant, whose
-    /// half-axis is the whole spacing of the time samples, and 1 in all others.
+    /// Motion of a kernel divided by the motion of its surfel during the interval. It is 2 in the published variant,
+    /// whose half-axis is the whole spacing of the time samples, and 1 in all others.
     pub fn stretch(self) -> f64 {
         if (Self { source_samples: SourceSamples(1), ..self }) == Self::PUBLISHED { 2.0 } else { 1.0 }
     }

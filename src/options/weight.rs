@@ -7,7 +7,8 @@ use super::OptionError;
 use super::error::list;
 use crate::time::Weight;
 
-/// The weight with all its parameters. A drawn curve has no text that reads back: it is named with its number of points.
+/// The weight with all its parameters. A drawn curve has no text that reads back: it is named with its number of
+/// points.
 impl fmt::Display for Weight {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

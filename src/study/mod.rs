@@ -1,9 +1,9 @@
 //! Modes held against a reference: what `sheet` and `report` show.
 //!
 //! A [`Trial`] is a scene in front of the backends. A [`LineUp`] renders one frame in several modes, for [`sheet`]. An
-//! [`Experiment`] renders frames in several modes on several backends, keeps the pictures in a [`Store`], compares them with
-//! the ray-traced reference, and makes the [`report::Study`] that [`report`] shows. Nothing here prints, exits or knows the
-//! command line: backends come from a function ([`Open`]), and progress goes to one ([`Tell`]).
+//! [`Experiment`] renders frames in several modes on several backends, keeps the pictures in a [`Store`], compares them
+//! with the ray-traced reference, and makes the [`report::Study`] that [`report`] shows. Nothing here prints, exits or
+//! knows the command line: backends come from a function ([`Open`]), and progress goes to one ([`Tell`]).
 
 mod contestant;
 mod error;

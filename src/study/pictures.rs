@@ -2,8 +2,9 @@
 
 use super::StudyError;
 use super::contestant::Contestant;
-use super::report::page::{FramePictures, ModePictures};
-use super::report::{FrameStudy, Region, STRATA, Study, classify, flip_map, region_map, signed_error};
+use super::report::{
+    FramePictures, FrameStudy, ModePictures, Region, STRATA, Study, classify, flip_map, region_map, signed_error,
+};
 use super::sheet::{Canvas, densest};
 use super::store::{JUDGE, Store};
 use super::trial::Trial;

@@ -1,8 +1,8 @@
-//! What made a picture. The header of each file carries it as JSON: enough to know whether another run would make the same
-//! picture.
+//! What made a picture. The header of each file carries it as JSON: enough to know whether another run would make the
+//! same picture.
 //!
-//! Everything that changes pixels is here: the program's version, the resolved scene, the bytes of the files that it names,
-//! all options, the frame. Everything else is left out: threads, memory, directories, times, names of devices.
+//! Everything that changes pixels is here: the program's version, the resolved scene, the bytes of the files that it
+//! names, all options, the frame. Everything else is left out: threads, memory, directories, times, names of devices.
 
 use std::collections::BTreeSet;
 use std::fs::File;

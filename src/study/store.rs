@@ -1,6 +1,7 @@
 //! The folder of a report: finished renderings, from which an interrupted report goes on, and the report's files.
 //!
-//! `DIR/renderings/<frame>/<mode>.<backend>.exr` with `.json` beside it, which has the settings, the times and a checksum.
+//! `DIR/renderings/<frame>/<mode>.<backend>.exr` with `.json` beside it, which has the settings, the times and a
+//! checksum.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -8,8 +9,8 @@ use std::sync::{Mutex, PoisonError};
 use serde::{Deserialize, Serialize};
 
 use super::StudyError;
-use super::report::page::{FramePictures, page};
-use super::report::{Study, csv};
+use super::report::page::page;
+use super::report::{FramePictures, Study, csv};
 use crate::files;
 use crate::film::Picture;
 use crate::image::{self, Format};

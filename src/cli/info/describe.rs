@@ -113,7 +113,8 @@ fn motion(m: &Motion) -> Value {
     match *m {
         Motion::Linear { velocity } => json!({ "type": "linear", "velocity": vector(velocity) }),
         Motion::Rotation { axis, per_frame, centre } => json!({
-            "type": "rotation", "axis": vector(axis), "degrees_per_frame": tidy(per_frame.to_degrees()), "centre": vector(centre),
+            "type": "rotation", "axis": vector(axis), "degrees_per_frame": tidy(per_frame.to_degrees()),
+            "centre": vector(centre),
         }),
     }
 }
@@ -121,7 +122,8 @@ fn motion(m: &Motion) -> Value {
 fn binding(b: &AnimationBinding) -> Value {
     let (first, last) = b.node.range();
     json!({
-        "path": b.path.to_string_lossy(), "node": b.node.name, "interpolation": format!("{:?}", b.interpolation).to_lowercase(),
+        "path": b.path.to_string_lossy(), "node": b.node.name,
+        "interpolation": format!("{:?}", b.interpolation).to_lowercase(),
         "first_second": tidy(first), "last_second": tidy(last),
     })
 }

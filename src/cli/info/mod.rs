@@ -16,9 +16,9 @@ use super::{adapters, values};
 
 /// Report what a file holds: a scene, a model, an animation, or a rendered image.
 ///
-/// Reads the file whole, with all that it names, and refuses what `render` would refuse. Scenes: every resolved value, or
-/// canonical XML that loads back to the same scene. Models: counts, bounds, radii, properties. Animations: nodes, attributes,
-/// range, or the evaluated channels. Images: size, layers, and the settings that made them.
+/// Reads the file whole, with all that it names, and refuses what `render` would refuse. Scenes: every resolved value,
+/// or canonical XML that loads back to the same scene. Models: counts, bounds, radii, properties. Animations: nodes,
+/// attributes, range, or the evaluated channels. Images: size, layers, and the settings that made them.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -50,7 +50,14 @@ pub(super) struct Info {
     #[arg(long, value_name = "A..B", requires = "csv", allow_hyphen_values = true, value_parser = values::times)]
     frames: Option<(f64, f64)>,
     /// Distance of the frames of --csv.
-    #[arg(long, value_name = "S", requires = "csv", default_value = "1", allow_hyphen_values = true, value_parser = values::positive)]
+    #[arg(
+        long,
+        value_name = "S",
+        requires = "csv",
+        default_value = "1",
+        allow_hyphen_values = true,
+        value_parser = values::positive
+    )]
     step: f64,
     /// Model: factor on all splat radii.
     #[arg(long, value_name = "F", default_value = "1", allow_hyphen_values = true, value_parser = values::radius_scale)]

@@ -14,8 +14,9 @@ use crate::cli::values::one_of;
 /// A mode, whole or in parts.
 #[derive(Debug, Args)]
 pub(super) struct Blur {
-    /// How motion becomes blur, as in still, supersample:32+interleave=2, auto:0.01+samples-max=64 or volumetric:3+published
-    /// (`splatblur render --help` lists all). What it leaves open the options below may say [default: auto; supersample with
+    /// How motion becomes blur, as in still, supersample:32+interleave=2, auto:0.01+samples-max=64 or
+    /// volumetric:3+published (`splatblur render --help` lists all). What it leaves open the options below may say
+    /// [default: auto; supersample with
     /// --samples or --interleave].
     #[arg(long, value_name = "MODE", value_parser = mode, help_heading = "Blur")]
     mode: Option<Mode>,
@@ -48,25 +49,35 @@ pub(super) struct Blur {
     /// Interleaved sampling: each pixel of a lattice of S x S (1, 2 or 4) has times of its own [default: 1].
     #[arg(long, value_name = "S", allow_hyphen_values = true, help_heading = "Blur")]
     interleave: Option<Interleave>,
-    /// Sub-pixel positions of mode still [default: 16], and of static objects in mode auto [default: 8]; else those of all
-    /// time samples, buckets or intervals [default: one for each]. Fewer are shared out, and static objects are splatted once
-    /// at each. With more, each sample is rendered at several.
+    /// Sub-pixel positions of mode still [default: 16], and of static objects in mode auto [default: 8]; else those of
+    /// all time samples, buckets or intervals [default: one for each]. Fewer are shared out, and static objects are
+    /// splatted once at each. With more, each sample is rendered at several.
     #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = options::count, help_heading = "Blur")]
     pixel_samples: Option<u32>,
-    /// Mode volumetric: what a kernel sweeps over an interval. tube: the 2D kernel moved along, with the same weight at all
-    /// times; ellipsoid: 2D Gaussian times a Gaussian along the motion [default: tube].
+    /// Mode volumetric: what a kernel sweeps over an interval. tube: the 2D kernel moved along, with the same weight at
+    /// all times; ellipsoid: 2D Gaussian times a Gaussian along the motion [default: tube].
     #[arg(long, value_name = "KERNEL", value_parser = one_of::<KernelShape>(KernelShape::WORDS), help_heading = "Blur")]
     kernel: Option<KernelShape>,
-    /// Mode volumetric: a kernel's weight on a ray. integral: over time; chord: by the length of the ray within the kernel,
-    /// with --kernel ellipsoid only [default: integral].
-    #[arg(long, value_name = "WEIGHT", value_parser = one_of::<KernelWeight>(KernelWeight::WORDS), help_heading = "Blur")]
+    /// Mode volumetric: a kernel's weight on a ray. integral: over time; chord: by the length of the ray within the
+    /// kernel, with --kernel ellipsoid only [default: integral].
+    #[arg(
+        long,
+        value_name = "WEIGHT",
+        value_parser = one_of::<KernelWeight>(KernelWeight::WORDS),
+        help_heading = "Blur"
+    )]
     kernel_weight: Option<KernelWeight>,
     /// Mode volumetric: places within a kernel, on a ray, whose visibility is tested, 1 to 64 [default: 1].
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Blur")]
     source_samples: Option<SourceSamples>,
-    /// Mode volumetric: where the coverage of a moving surface comes from. union: the times at which any kernel covers the
-    /// pixel; sum: the sum of all weights, at most 1 [default: union].
-    #[arg(long, value_name = "ALPHA", value_parser = one_of::<TemporalAlpha>(TemporalAlpha::WORDS), help_heading = "Blur")]
+    /// Mode volumetric: where the coverage of a moving surface comes from. union: the times at which any kernel covers
+    /// the pixel; sum: the sum of all weights, at most 1 [default: union].
+    #[arg(
+        long,
+        value_name = "ALPHA",
+        value_parser = one_of::<TemporalAlpha>(TemporalAlpha::WORDS),
+        help_heading = "Blur"
+    )]
     alpha: Option<TemporalAlpha>,
     /// Mode volumetric: when sums of colours are divided by sums of weights: for each interval, or once at the end
     /// [default: interval].

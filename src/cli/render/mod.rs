@@ -34,9 +34,9 @@ use super::values::Frames;
 
 /// Render a scene to an image sequence.
 ///
-/// Reads the scene with all that it names, renders each frame with motion blur, writes DIR/<scene>.<frame, 4 digits>.<ext>
-/// (frame -5 is <scene>.-0005.png, as ffmpeg counts), says where the images are and how to make a movie of them. Files of
-/// an earlier run are replaced; each appears whole or not at all, also after Ctrl-C.
+/// Reads the scene with all that it names, renders each frame with motion blur, writes DIR/<scene>.<frame, 4
+/// digits>.<ext> (frame -5 is <scene>.-0005.png, as ffmpeg counts), says where the images are and how to make a movie
+/// of them. Files of an earlier run are replaced; each appears whole or not at all, also after Ctrl-C.
 #[derive(Debug, Args)]
 #[command(after_long_help = format!("\
 {MODES}
@@ -53,10 +53,10 @@ Examples:
   For compositing: float, linear, premultiplied, with layers; go on after an interruption:
     splatblur render scene.xml --format exr --aov depth,normal,velocity --resume
 
-JSON (--json), one object: program, scene, directory, backend, frames: [{{frame, path, skipped, seconds (wall, rendering),
-samples, surfels, splats, auto (error, way, samples, most_samples, interleave, blocks, refined, capped), cpu_seconds or
-device_seconds: {{project, bin, visibility, attribute, resolve, total}}}}], load_seconds, seconds (whole run), notes, ffmpeg
-(null for one frame), settings (as each file carries them, with `frame`, in its header)."))]
+JSON (--json), one object: program, scene, directory, backend, frames: [{{frame, path, skipped, seconds (wall,
+rendering), samples, surfels, splats, auto (error, way, samples, most_samples, interleave, blocks, refined, capped),
+cpu_seconds or device_seconds: {{project, bin, visibility, attribute, resolve, total}}}}], load_seconds, seconds (whole
+run), notes, ffmpeg (null for one frame), settings (as each file carries them, with `frame`, in its header)."))]
 pub(super) struct Render {
     #[command(flatten)]
     images: Images,
@@ -66,8 +66,8 @@ pub(super) struct Render {
 
     #[command(flatten)]
     blur: Blur,
-    /// What is done to the finished image. along: a 1-2-1 filter along the mean motion, where that is longer than 4 pixels,
-    /// which evens out the pattern of interleaving.
+    /// What is done to the finished image. along: a 1-2-1 filter along the mean motion, where that is longer than 4
+    /// pixels, which evens out the pattern of interleaving.
     #[arg(
         long,
         value_name = "FILTER",

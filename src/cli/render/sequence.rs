@@ -11,8 +11,8 @@ use splatblur::renderer::{Rendered, Stats};
 
 use crate::cli::values::Frames;
 
-/// `<stem>.<frame, 4 digits>.<ext>`; longer where the number is, negative with a minus before its four digits, which is how
-/// ffmpeg reads `%04d`.
+/// `<stem>.<frame, 4 digits>.<ext>`; longer where the number is, negative with a minus before its four digits, which is
+/// how ffmpeg reads `%04d`.
 pub(in crate::cli) fn file_name(stem: &str, frame: i64, format: Format) -> String {
     let sign = if frame < 0 { "-" } else { "" };
     format!("{stem}.{sign}{:04}.{}", frame.unsigned_abs(), format.extension())
@@ -35,8 +35,8 @@ pub(super) struct Sequence<'a> {
 pub(super) struct Finished {
     pub(super) frame: i64,
     pub(super) path: PathBuf,
-    /// Wall time of rendering (with several frames under way, since the one before), and what it took; `None`: an earlier run
-    /// made it.
+    /// Wall time of rendering (with several frames under way, since the one before), and what it took; `None`: an
+    /// earlier run made it.
     pub(super) rendered: Option<(f64, Stats)>,
 }
 
@@ -83,8 +83,9 @@ impl Rendering {
 }
 
 impl Sequence<'_> {
-    /// Renders and writes all frames in order; stops at the first error. `render` begins a frame and may hand one out that was
-    /// begun before; without a number it finishes the next of those. `finished` hears of each rendered or skipped frame.
+    /// Renders and writes all frames in order; stops at the first error. `render` begins a frame and may hand one out
+    /// that was begun before; without a number it finishes the next of those. `finished` hears of each rendered or
+    /// skipped frame.
     pub(super) fn run(
         &self,
         settings: impl Fn(i64) -> anyhow::Result<String>,

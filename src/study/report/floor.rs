@@ -10,8 +10,9 @@ use crate::sampling::hash;
 pub struct Floor {
     /// Root mean square of the standard error over pixels and r, g, b, linear.
     pub rmse: f64,
-    /// Mean FLIP of the reference with noise of its standard error, against itself. The noise is normal, with one number a pixel:
-    /// what is uncertain is mostly for how long a surface covers it, which moves all channels. Numbers depend on the pixel alone.
+    /// Mean FLIP of the reference with noise of its standard error, against itself. The noise is normal, with one
+    /// number a pixel: what is uncertain is mostly for how long a surface covers it, which moves all channels. Numbers
+    /// depend on the pixel alone.
     pub flip: f64,
 }
 

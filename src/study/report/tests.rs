@@ -1,4 +1,5 @@
-use super::page::{FramePictures, ModePictures, base64, page};
+use super::page::page;
+use super::pictures::base64;
 use super::*;
 use crate::compare::{Comparison, Metric};
 use crate::film::{Aov, Layer, Picture};
