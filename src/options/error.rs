@@ -50,8 +50,8 @@ pub enum OptionError {
         /// The options that the mode has.
         known: String,
     },
-    /// An option or a parameter that is given twice.
-    #[error("option `{option}` is there twice")]
+    /// An option, a parameter or a channel that is given twice.
+    #[error("`{option}` is there twice")]
     Twice {
         /// The option.
         option: String,

@@ -95,8 +95,16 @@ struct Mode {
     parts: ModeParts,
 }
 
-fn mode(text: &str) -> Result<Mode, OptionError> {
-    Ok(Mode { text: text.to_owned(), parts: text.parse()? })
+fn mode(text: &str) -> Result<Mode, String> {
+    // What modes of studies may say, and modes of `render` may not.
+    if let Some((_, backend)) = text.split_once('@') {
+        return Err(format!("a mode of `render` names no backend; use --backend {backend}"));
+    }
+    if text.starts_with("reference") {
+        return Err("references are made by `splatblur reference`".to_owned());
+    }
+    let parts = text.parse().map_err(|error: OptionError| error.to_string())?;
+    Ok(Mode { text: text.to_owned(), parts })
 }
 
 impl Blur {
@@ -244,7 +252,8 @@ mod tests {
             ("--mode supersample:8 --buckets 4", "--buckets is for --mode bucket"),
             ("--mode bucket:6000x6000", "--mode bucket:6000x6000: 6000 buckets of 6000 samples"),
             ("--mode swept", "there is no mode `swept` (there are: auto, still, supersample"),
-            ("--mode supersample:8@cpu", "1 to 65536, found `8@cpu`"),
+            ("--mode supersample:8@cpu", "use --backend cpu"),
+            ("--mode reference:16", "`splatblur reference`"),
         ] {
             let error = quality(arguments).unwrap_err().to_string();
             assert!(error.contains(message), "{arguments}: {error}");
