@@ -56,7 +56,7 @@ impl Rendering {
     pub(super) fn finished(&self, skipped: bool) {
         self.0.inc(1);
         if skipped {
-            // What took no time says nothing about the time left.
+            // A skipped frame takes no time, so that it says nothing about the time left.
             self.0.reset_eta();
         }
     }

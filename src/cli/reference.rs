@@ -49,11 +49,10 @@ pub(super) struct Reference {
     /// Go on from the .ref files of an earlier run with the same settings; frames without one start from nothing.
     #[arg(long, help_heading = "Output")]
     resume: bool,
-    /// Write no .ref files (up to 536 bytes for each pixel that is not empty): --resume will have nothing to go on
-    /// from.
+    /// Write no .ref files (up to 536 bytes for each pixel that is not empty); then --resume cannot go on.
     #[arg(long, conflicts_with = "resume", help_heading = "Output")]
     no_sums: bool,
-    /// Print all about pixel X,Y of the first frame, and write nothing.
+    /// Print everything about pixel X,Y of the first frame, and write nothing.
     #[arg(
         long,
         value_name = "X,Y",
@@ -63,7 +62,7 @@ pub(super) struct Reference {
         help_heading = "Output"
     )]
     pixel: Option<[u32; 2]>,
-    /// Print all about this sample of the pixel: its ray, time, hits, depths, weights.
+    /// Print everything about this sample of the pixel: its ray, time, hits, depths, weights.
     #[arg(long, value_name = "I", allow_hyphen_values = true, requires = "pixel", help_heading = "Output")]
     sample: Option<u64>,
 
@@ -188,7 +187,7 @@ impl Reference {
             picture.layers.clear();
         }
         let _held = output.gate.lock().unwrap_or_else(PoisonError::into_inner);
-        // Sums first: an interruption between the two files leaves nothing that could not go on.
+        // Sums first: after an interruption between the two files the run can still go on.
         if !self.no_sums && output.options.sampler.is_progressive() {
             let written = files::replace(&sums_path, &made.sums.to_bytes(&kind));
             written.with_context(|| format!("cannot write {}", sums_path.display()))?;

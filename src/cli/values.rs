@@ -1,5 +1,5 @@
-//! What is written on the command line, to plain values: frame ranges, sizes, shutters, colours, amounts of memory.
-//! Modes and options of rendering are read by the library (`splatblur::options`).
+//! Reads words of the command line as plain values: frame ranges, sizes, shutters, colours, amounts of memory. The
+//! library reads modes and options of rendering (`splatblur::options`).
 //!
 //! Every parser returns one sentence that says what was expected; clap puts the option's name before it.
 

@@ -88,7 +88,7 @@ impl Limit {
     }
 }
 
-/// A limit that was not held.
+/// A limit that was exceeded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Over {
     limit: Limit,

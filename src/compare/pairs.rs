@@ -1,5 +1,4 @@
-//! Files of pictures by a name: a file, a folder, or a pattern such as `out/a.%04d.png`; and those of two names in
-//! pairs.
+//! Pictures that are named by a file, a folder, or a pattern such as `out/a.%04d.png`, and pairs of them.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -247,7 +246,7 @@ mod tests {
         let found = frames(Pictures::find(dir.path()).unwrap());
         assert_eq!(found.iter().map(|(f, _)| *f).collect::<Vec<_>>(), [-1, 2, 10]);
         assert_eq!(found[0].1, "s.-0001.png");
-        // A minus between words is none of the number.
+        // A minus between words is no sign.
         let found = frames(Pictures::find(directory(&["take-0007.exr"]).path()).unwrap());
         assert_eq!(found, [(7, "take-0007.exr".to_owned())]);
         for (names, hint) in [
@@ -271,7 +270,7 @@ mod tests {
         }
         assert!(Pictures::find(&dir.path().join("u.%04d.png")).is_err());
         assert!(Pictures::find(&dir.path().join("none/u.%04d.png")).is_err());
-        // Names without a place for the number are files, be they there or not.
+        // A name without a place for the number is a file, whether it exists or not.
         for name in ["50%.png", "a%s.png", "plain.png", "%", "%04"] {
             assert_eq!(Pictures::find(Path::new(name)).unwrap(), Pictures::One(name.into()));
         }

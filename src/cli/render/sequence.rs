@@ -60,7 +60,7 @@ struct Rendering {
 }
 
 impl Rendering {
-    /// Begins `frame`, or finishes one; the frame that comes out of it, if there is one.
+    /// Begins `frame`, or finishes one that was begun. Returns the frame that is ready then, if there is one.
     fn step(
         &mut self,
         render: &mut impl FnMut(Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>>,
@@ -132,7 +132,7 @@ impl Sequence<'_> {
             }
             Ok(())
         });
-        // What was begun before an error is finished all the same.
+        // Frames that were begun before an error are finished all the same.
         let rest = loop {
             match rendering.step(render, None) {
                 Ok(Some((done, page))) => {

@@ -45,7 +45,7 @@ impl Axis {
         (value.log10() - self.low) / (self.high - self.low)
     }
 
-    /// Round numbers inside, the fewer the longer the axis is.
+    /// Round numbers inside; a longer axis has fewer of them for each decade.
     fn ticks(&self) -> Vec<f64> {
         let steps: &[f64] = match self.high - self.low {
             decades if decades > 2.5 => &[1.0],

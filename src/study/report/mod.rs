@@ -1,5 +1,4 @@
-//! What a report says beside the metrics: where a picture is wrong, whether that is chance, and curves, maps and the
-//! page.
+//! A report: its figures, curves, maps and page; where a picture is wrong, and whether that is chance.
 
 pub mod chart;
 mod figures;

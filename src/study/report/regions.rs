@@ -12,8 +12,7 @@ pub const STRATA: u32 = 9;
 /// Motion over the shutter from which a pixel counts as swept, pixels.
 const MOVES: f64 = 0.25;
 
-/// A step in depth between neighbouring pixels or moments, as a share of the depth, from which it counts as another
-/// surface.
+/// Step in depth, as a share of the depth, from which neighbouring pixels or moments count as different surfaces.
 const STEP: f32 = 0.02;
 
 /// What happens at a pixel while the shutter is open.
