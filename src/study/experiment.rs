@@ -7,7 +7,7 @@ use super::contestant::{BackendKind, Contestant, Method};
 use super::pictures::{pictured, pictures_of, regions};
 use super::provenance::PROGRAM;
 use super::report::{Floor, FramePictures, FrameStudy, ModeStudy, Region, SceneStudy, Study, Times, pass_rate, split};
-use super::store::{JUDGE, Store};
+use super::store::{JUDGE, Store, times};
 use super::trial::{Trial, samples_of};
 use crate::compare::{self, Comparison, Limit, Metric, flip, ssim};
 use crate::film::Picture;
@@ -168,7 +168,7 @@ impl Experiment {
             let regions = regions(trial, frame)?;
             let path = store.path(frame, JUDGE);
             let reference = image::read(&path)?;
-            let seconds = store.times(&path, &judge.of_frame(frame)?).unwrap_or_default();
+            let seconds = times(&path, &judge.of_frame(frame)?).unwrap_or_default();
             let mut modes = Vec::new();
             for &contestant in &self.contestants {
                 modes.push(measure(trial, store, frame, contestant, &reference, &regions)?);
@@ -242,7 +242,7 @@ fn measure(
     regions: &[Region],
 ) -> Result<ModeStudy, StudyError> {
     let path = store.path(frame, &contestant.to_string());
-    let seconds = store.times(&path, &trial.settings(contestant, frame)?).unwrap_or_default();
+    let seconds = times(&path, &trial.settings(contestant, frame)?).unwrap_or_default();
     let picture = image::read(&path)?;
     let mut errors = Comparison::new(&picture, reference, &[Metric::Ssim])?;
     let map = flip::map(&picture, reference)?;

@@ -33,7 +33,8 @@ pub enum Part {
 #[derive(Clone, Debug)]
 pub struct Shots {
     reference: Option<Shot>,
-    shots: Vec<Shot>,
+    /// In the order of the entries.
+    of_entries: Vec<Shot>,
     /// The part to enlarge.
     pub crop: Crop,
 }
@@ -93,7 +94,7 @@ impl LineUp {
                 most_different(&pictures, width, height)?
             }
         };
-        Ok(Shots { reference, shots, crop })
+        Ok(Shots { reference, of_entries: shots, crop })
     }
 
     /// Pictures with their labels: samples, seconds and errors. The reference comes first.
@@ -110,7 +111,7 @@ impl LineUp {
             let lines = vec![took(samples, shot.seconds), "errors are against this".to_owned()];
             panels.push(Panel { title: "reference".to_owned(), lines, picture: &shot.picture });
         }
-        for (entry, shot) in self.entries.iter().zip(&shots.shots) {
+        for (entry, shot) in self.entries.iter().zip(&shots.of_entries) {
             let mut lines = vec![took(shot.samples(entry.method), shot.seconds)];
             if let Some(reference) = &shots.reference {
                 let errors = Comparison::new(&shot.picture, &reference.picture, &[Metric::Flip])?;

@@ -55,15 +55,7 @@ impl Store<'_> {
 
     /// The times of a rendering with these settings, if it is finished and sound; with `fresh`, never.
     pub(super) fn finished(&self, path: &Path, settings: &str) -> Option<Vec<f64>> {
-        if self.fresh { None } else { self.times(path, settings) }
-    }
-
-    /// The times of a rendering with these settings, if it is finished and sound.
-    pub(super) fn times(&self, path: &Path, settings: &str) -> Option<Vec<f64>> {
-        let record: Record = serde_json::from_slice(&bytes(&path.with_extension("json"))?).ok()?;
-        let timed = !record.seconds.is_empty() && record.seconds.iter().all(|s| s.is_finite() && *s >= 0.0);
-        let sound = timed && record.settings == settings && crc32fast::hash(&bytes(path)?) == record.crc32;
-        sound.then_some(record.seconds)
+        if self.fresh { None } else { times(path, settings) }
     }
 
     /// Keeps a finished rendering.
@@ -100,6 +92,14 @@ impl Store<'_> {
         write(&index, page.as_bytes())?;
         Ok(index)
     }
+}
+
+/// The times of a rendering with these settings, if it is finished and sound.
+pub(super) fn times(path: &Path, settings: &str) -> Option<Vec<f64>> {
+    let record: Record = serde_json::from_slice(&bytes(&path.with_extension("json"))?).ok()?;
+    let timed = !record.seconds.is_empty() && record.seconds.iter().all(|s| s.is_finite() && *s >= 0.0);
+    let sound = timed && record.settings == settings && crc32fast::hash(&bytes(path)?) == record.crc32;
+    sound.then_some(record.seconds)
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), StudyError> {

@@ -210,7 +210,7 @@ impl<'a> Trial<'a> {
     /// Options of references.
     fn tracing(&self, samples: u64, seed: u64) -> ReferenceOptions {
         let RenderOptions { filter, shading, two_sided, .. } = self.options;
-        ReferenceOptions { samples, seed, filter, shading, two_sided, ..ReferenceOptions::default() }
+        ReferenceOptions { samples, filter, shading, two_sided, seed, ..ReferenceOptions::default() }
     }
 
     /// Splats the trial's scene, or another.
