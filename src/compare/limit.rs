@@ -139,6 +139,7 @@ mod tests {
     use serde_json::Value;
 
     use super::*;
+    use crate::film::Picture;
 
     fn limit(text: &str) -> Result<Limit, LimitError> {
         text.parse()
@@ -160,6 +161,18 @@ mod tests {
             let error = limit(text).unwrap_err().to_string();
             assert!(error.contains(hint), "{text}: {error}");
         }
+    }
+
+    #[test]
+    fn what_is_over_a_limit() {
+        let grey = |value| Picture { width: 1, height: 1, rgba: vec![[value, value, value, 1.0]], layers: Vec::new() };
+        let errors = Comparison::new(&grey(0.5), &grey(0.25), &[]).unwrap();
+        let over = |text| limit(text).unwrap().check(&errors, "a.png".to_owned()).map(|over| over.to_string());
+        assert_eq!(over("mae=0.25"), None);
+        assert_eq!(over("mae=0.125").unwrap(), "a.png: mae is 0.250000, limit: at most 0.125");
+        assert!(over("psnr=90").unwrap().ends_with("limit: at least 90"));
+        // A metric that was not made is within no limit.
+        assert!(over("flip=1").is_some());
     }
 
     #[test]
