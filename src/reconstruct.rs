@@ -8,8 +8,9 @@ use crate::film::{Aov, Picture};
 /// Shortest motion over the exposure that is filtered, pixels.
 const SHORTEST: f32 = 4.0;
 
-/// Replaces the colour of each pixel whose mean motion is longer than 4 pixels by (a + 2 b + c) / 4, b the pixel, a and c what lies a
-/// pixel before and behind it along its motion. The picture must have a velocity layer; else it is left as it is.
+/// Replaces the colour of each pixel whose mean motion is longer than 4 pixels by (a + 2 b + c) / 4, b the pixel, a and
+/// c the picture a pixel before and behind it along its motion. The picture must have a velocity layer; else it is left
+/// as it is.
 pub fn along(picture: &mut Picture) {
     let Some(layer) = picture.layers.iter().find(|layer| layer.aov == Aov::Velocity) else { return };
     let [vx, vy] = &layer.planes[..] else { return };

@@ -1,7 +1,6 @@
 //! `--backend` and `--adapter`: the device that renders.
 
 use clap::ValueEnum;
-use splatblur::backend::Backend;
 use splatblur::renderer::{Device, Renderer};
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -27,29 +26,9 @@ impl Wanted {
     }
 }
 
-/// The device that renders, open.
-pub(super) struct Machine {
-    renderer: Renderer,
-    /// `cpu` or `gpu`. Files carry it: the two differ by rounding. They do not carry the device's name, so that
-    /// computers that share a sequence need not be the same.
-    pub(super) name: &'static str,
-    /// What it is, for people.
-    pub(super) place: String,
-}
-
-impl Machine {
-    /// Opens the device. `threads`: of the CPU.
-    pub(super) fn open(wanted: Wanted, adapter: Option<&str>, threads: usize) -> anyhow::Result<Self> {
-        let renderer = Renderer::open(wanted.device(adapter)?)?;
-        Ok(Self { name: renderer.backend_name(), place: renderer.describe_with(threads), renderer })
-    }
-
-    pub(super) fn backend(&mut self) -> &mut dyn Backend {
-        self.renderer.backend()
-    }
-
-    /// What it is, with the processor's name or the adapter's kind and driver, where the system tells.
-    pub(super) fn in_full(&self) -> String {
-        self.renderer.details().map_or_else(|| self.place.clone(), |more| format!("{}: {more}", self.place))
-    }
+/// What a renderer renders on, with the processor's name or the adapter's kind and driver, where the system tells.
+/// `threads`: of the CPU.
+pub(super) fn in_full(renderer: &Renderer, threads: usize) -> String {
+    let place = renderer.describe_with(threads);
+    renderer.details().map_or_else(|| place.clone(), |more| format!("{place}: {more}"))
 }

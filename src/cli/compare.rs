@@ -4,21 +4,22 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
 use clap::Args;
 use serde_json::{Value, json};
-use splatblur::compare::{AlphaErrors, Comparison, Metric, Worst, flip, number, ssim, values};
+use splatblur::compare::{
+    self, AlphaErrors, Comparison, Limit, Metric, Over, Shown, Worst, flip, number, pairs, ssim, values,
+};
 use splatblur::image;
+use splatblur::study::provenance::PROGRAM;
 
-use super::limits::{self, Limit, Over, Shown};
 use super::output::{is_closed_pipe, print, print_json};
-use super::pictures;
 
 /// Compare pictures with a reference: error metrics, and a gate.
 ///
-/// A and B, the reference, are two pictures, or two sequences (folders, or patterns such as out/a.%04d.png) with the same
-/// frames; PNG or EXR. Colour is compared premultiplied, that is over black; alpha by itself. A value that is not finite makes
-/// the metrics NaN, which is within no limit.
+/// A and B, the reference, are two pictures, or two sequences (folders, or patterns such as out/a.%04d.png) with the
+/// same frames; PNG or EXR. Colour is compared premultiplied, that is over black; alpha by itself. A value that is not
+/// finite makes the metrics NaN, which is within no limit.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Metrics (linear: light as stored, not clamped; display: sRGB-encoded, clamped to 0..1, as a screen shows it):
@@ -41,9 +42,10 @@ Examples:
   As a gate; every frame must pass, and the sequence as a whole:
     splatblur compare 'out/a.%04d.exr' 'ref/a.%04d.exr' --limit flip=0.02 --limit psnr=35
 
-JSON (--json), one object: program, a, b, metrics: {name: value, ...}, bias: [r, g, b], worst and alpha_worst: {frame, x, y,
-difference}, alpha_bias, non_finite: [a, b], pixels, pixels_per_degree, frames: [{frame, a, b, width, height, metrics, worst, non_finite}],
-over: [{of, metric, value, limit}], within. Values that are not finite are the strings \"NaN\", \"inf\".
+JSON (--json), one object: program, a, b, metrics: {name: value, ...}, bias: [r, g, b], worst and alpha_worst: {frame,
+x, y, difference}, alpha_bias, non_finite: [a, b], pixels, pixels_per_degree, frames: [{frame, a, b, width, height,
+metrics, worst, non_finite}], over: [{of, metric, value, limit}], within. Values that are not finite are the strings
+\"NaN\", \"inf\".
 
 Exit status: 0 within the limits (or none given), 1 over a limit, 2 the comparison could not be made.")]
 pub(super) struct Compare {
@@ -52,10 +54,10 @@ pub(super) struct Compare {
     /// The reference.
     b: PathBuf,
     /// Metrics to show, several with commas [default: all].
-    #[arg(long, value_name = "METRIC", value_delimiter = ',', value_parser = limits::metric)]
+    #[arg(long, value_name = "METRIC", value_delimiter = ',')]
     metric: Vec<Metric>,
     /// Exit with status 1 where METRIC of a frame or of the whole is beyond VALUE; may be repeated.
-    #[arg(long, value_name = "METRIC=VALUE", value_delimiter = ',', value_parser = limits::limit)]
+    #[arg(long, value_name = "METRIC=VALUE", value_delimiter = ',')]
     limit: Vec<Limit>,
     /// Print one JSON object instead of text.
     #[arg(long)]
@@ -73,14 +75,9 @@ struct Pair {
 
 impl Compare {
     pub(super) fn run(&self) -> anyhow::Result<ExitCode> {
-        for (i, limit) in self.limit.iter().enumerate() {
-            if self.limit[..i].iter().any(|other| other.metric == limit.metric) {
-                bail!("--limit: {} has two limits", limit.metric.name());
-            }
-        }
-        let pairs = pictures::pairs(&self.a, &self.b)?;
-        let pairs: Vec<Pair> =
-            pairs.into_iter().map(|(frame, a, b)| self.compare(frame, a, b)).collect::<anyhow::Result<_>>()?;
+        Limit::check_unique(&self.limit).context("--limit")?;
+        let pairs = pairs(&self.a, &self.b)?;
+        let pairs: Vec<Pair> = pairs.into_iter().map(|pair| self.compare(pair)).collect::<anyhow::Result<_>>()?;
         let frames: Vec<_> = pairs.iter().map(|pair| pair.errors.clone()).collect();
         let whole = Comparison::pooled(&frames)?;
         let over = self.over(&pairs, &whole);
@@ -105,7 +102,8 @@ impl Compare {
         Metric::ALL.into_iter().filter(asked).collect()
     }
 
-    fn compare(&self, frame: Option<i64>, a: PathBuf, b: PathBuf) -> anyhow::Result<Pair> {
+    fn compare(&self, pair: compare::Pair) -> anyhow::Result<Pair> {
+        let compare::Pair { frame, a, b } = pair;
         let pictures = [image::read(&a)?, image::read(&b)?];
         let [first, second] = &pictures;
         let size = (first.width, first.height);
@@ -216,7 +214,7 @@ impl Compare {
             })
             .collect();
         json!({
-            "program": concat!("splatblur ", env!("CARGO_PKG_VERSION")),
+            "program": PROGRAM,
             "a": path(&self.a),
             "b": path(&self.b),
             "metrics": values(whole, &shown),

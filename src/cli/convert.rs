@@ -3,17 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use splatblur::model;
 
-use super::grammar;
 use super::output::{print, say};
 use super::progress::Loading;
+use super::values;
 
 /// Convert a model to splatblur's own .bin or to .ply.
 ///
-/// Reads any model that a scene may name, estimates what is missing (normals, radii), and writes the result, so that later
-/// runs need not estimate again. The ending of OUT decides: .bin loads fastest, .ply opens in other programs.
+/// Reads any model that a scene may name, estimates what is missing (normals, radii), and writes the result, so that
+/// later runs need not estimate again. The ending of OUT decides: .bin loads fastest, .ply opens in other programs.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -28,33 +28,17 @@ pub(super) struct Convert {
     #[arg(value_name = "OUT")]
     output: PathBuf,
     /// Factor on all splat radii.
-    #[arg(long, value_name = "F", default_value = "1", allow_hyphen_values = true, value_parser = grammar::radius_scale)]
+    #[arg(long, value_name = "F", default_value = "1", allow_hyphen_values = true, value_parser = values::radius_scale)]
     radius_scale: f64,
     /// Colour space of the file's colours [default: srgb where they are integers, linear where they are floats].
-    #[arg(long, value_enum, value_name = "SPACE")]
-    colour_space: Option<ColourSpace>,
+    #[arg(long, value_name = "SPACE", value_parser = values::colour_space())]
+    colour_space: Option<model::ColourSpace>,
     /// Replace OUT if it exists.
     #[arg(long)]
     force: bool,
     /// Say nothing but errors.
     #[arg(long)]
     quiet: bool,
-}
-
-/// `--colour-space`.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(super) enum ColourSpace {
-    Srgb,
-    Linear,
-}
-
-impl From<ColourSpace> for model::ColourSpace {
-    fn from(space: ColourSpace) -> Self {
-        match space {
-            ColourSpace::Srgb => Self::Srgb,
-            ColourSpace::Linear => Self::Linear,
-        }
-    }
 }
 
 impl Convert {
@@ -66,8 +50,7 @@ impl Convert {
         if !self.force && self.output.symlink_metadata().is_ok() {
             bail!("{} exists already (--force replaces it)", self.output.display());
         }
-        let options =
-            model::LoadOptions { radius_scale: self.radius_scale, colour_space: self.colour_space.map(Into::into) };
+        let options = model::LoadOptions { radius_scale: self.radius_scale, colour_space: self.colour_space };
         let progress = Loading::new(self.quiet);
         let loaded = model::load(&self.input, &options, &|what, share| progress.step(what, share))?;
         drop(progress);

@@ -12,7 +12,7 @@ use super::output::print;
 
 /// Generate one of the demo scenes' models, or a sphere of any number of surfels, as binary .ply.
 ///
-/// The same model is the same file, byte for byte, on every machine.
+/// The same model is the same file, byte for byte, on every computer.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

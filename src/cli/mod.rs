@@ -1,4 +1,4 @@
-//! The command line: parsing, dispatch, exit status. One file a subcommand.
+//! The command line: parsing, dispatch, exit status. One file or folder for each subcommand.
 //!
 //! Exit status: 0 done, 1 a comparison is over its limit, 2 error (one line on stderr), 130 interrupted.
 //! What a user asked for goes to stdout, everything else to stderr.
@@ -9,25 +9,15 @@ mod common;
 mod compare;
 mod convert;
 mod generate;
-mod grammar;
 mod info;
-mod inspect;
-mod limits;
-mod modes;
-mod movie;
 mod output;
-mod pictures;
 mod progress;
 mod reference;
 mod render;
-mod render_report;
 mod report;
-mod report_pictures;
-mod report_store;
-mod sequence;
-mod settings;
 mod sheet;
-mod trial;
+mod study;
+mod values;
 mod words;
 
 use std::io;

@@ -4,11 +4,11 @@ use std::io::{self, Write};
 
 /// One line for the person at the terminal, on stderr.
 pub(super) fn say(line: &str) {
-    // Where stderr is closed nobody listens.
+    // Nobody listens to a closed stderr.
     let _ = writeln!(io::stderr().lock(), "{}", visible(line));
 }
 
-/// Names of files may hold line ends and what steers terminals: these are shown as escapes.
+/// Shows line ends and control characters, which names of files may hold, as escapes.
 fn visible(line: &str) -> String {
     line.chars().map(|c| if c.is_control() { c.escape_default().to_string() } else { c.to_string() }).collect()
 }

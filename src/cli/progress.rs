@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use splatblur::study::Progress;
 
 /// Steps of a bar that shows a share.
 const STEPS: u64 = 1000;
@@ -55,7 +56,7 @@ impl Rendering {
     pub(super) fn finished(&self, skipped: bool) {
         self.0.inc(1);
         if skipped {
-            // What took no time says nothing about the time left.
+            // A skipped frame takes no time, so that it says nothing about the time left.
             self.0.reset_eta();
         }
     }
@@ -79,18 +80,20 @@ impl Steps {
         Self(bar)
     }
 
-    /// Step number `step` (from 0) is at this share.
-    pub(super) fn at(&self, step: u64, what: &str, share: f32) {
-        if self.0.message() != what {
-            self.0.set_message(what.to_owned());
+    /// For [`splatblur::study::Tell`].
+    pub(super) fn tell(&self, progress: Progress<'_>) {
+        match progress {
+            Progress::At { step, what, share } => {
+                if self.0.message() != what {
+                    self.0.set_message(what.to_owned());
+                }
+                self.0.set_position(step * STEPS + (share.clamp(0.0, 1.0) * STEPS as f32) as u64);
+            }
+            Progress::SkipTo(step) => {
+                self.0.set_position(step * STEPS);
+                self.0.reset_eta();
+            }
         }
-        self.0.set_position(step * STEPS + (share.clamp(0.0, 1.0) * STEPS as f32) as u64);
-    }
-
-    /// All before step number `step` took no time, which says nothing about the time left.
-    pub(super) fn skip_to(&self, step: u64) {
-        self.0.set_position(step * STEPS);
-        self.0.reset_eta();
     }
 }
 

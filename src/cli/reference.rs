@@ -5,28 +5,26 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context as _, bail};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde::Serialize;
 use splatblur::files;
 use splatblur::film::Aov;
 use splatblur::image::{self, Format};
-use splatblur::options;
-use splatblur::options::{BlurMode, RenderOptions};
-use splatblur::reference::{self, ReferenceError, ReferenceOptions, SCRAMBLINGS, Stats, Sums};
+use splatblur::reference::{self, ReferenceError, ReferenceOptions, SCRAMBLINGS, Sampler, Stats, Sums};
 use splatblur::scene::Scene;
+use splatblur::study::provenance::{PROGRAM, Provenance};
 
-use super::common::{Exposure, Images, Ready, Running, Surfaces, open_directory, stop_on_interrupt};
-use super::grammar;
+use super::common::{Images, Overrides, Ready, Running, Sampling, Surfaces, open_directory, stop_on_interrupt};
 use super::output::{print, print_json, say};
 use super::progress::Loading;
-use super::sequence::file_name;
-use super::settings::Settings;
+use super::render::file_name;
+use super::values;
 
 /// Ray-trace the reference of a scene, with a standard error for each pixel.
 ///
 /// Takes the same scene, shutter and surfaces as `render`, without prefilter, and integrates over pixel and shutter by
-/// quasi-Monte-Carlo sampling, each sample at a time of its own. Writes DIR/<scene>.<frame, 4 digits>.exr with a layer `error` (the
-/// standard error of r, g, b and coverage), and beside it a .ref file from which --resume goes on.
+/// quasi-Monte-Carlo sampling, each sample at a time of its own. Writes DIR/<scene>.<frame, 4 digits>.exr with a layer
+/// `error` (the standard error of r, g, b and coverage), and beside it a .ref file from which --resume goes on.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -39,23 +37,32 @@ Examples:
   Why is this pixel so dark?
     splatblur reference scene.xml --frames 12 --pixel 320,200 --sample 17
 
-JSON (--json), one object: program, scene, directory, frames: [{frame, path, samples, traced (samples of this run, all pixels),
-mean_error, surfels, hierarchy_bytes, build_seconds, trace_seconds}], notes.")]
+JSON (--json), one object: program, scene, directory, frames: [{frame, path, samples, traced (samples of this run, all
+pixels), mean_error, surfels, hierarchy_bytes, build_seconds, trace_seconds}], notes.")]
 #[command(mut_arg("out", |arg| arg.help("Directory of the images; made if missing [default: out/<scene>.reference]")))]
-#[command(mut_arg("format", |arg| arg.default_value("exr").help("File format; PNG has neither errors nor other layers")))]
+#[command(mut_arg("format", |arg| {
+    arg.default_value("exr").help("File format; PNG has neither errors nor other layers")
+}))]
 pub(super) struct Reference {
     #[command(flatten)]
     images: Images,
-    /// Go on from the .ref files of an earlier run with the same settings; frames without one start anew.
+    /// Go on from the .ref files of an earlier run with the same settings; frames without one start from nothing.
     #[arg(long, help_heading = "Output")]
     resume: bool,
-    /// Write no .ref files (up to 536 bytes for each pixel that is not empty): --resume will have nothing to go on from.
+    /// Write no .ref files (up to 536 bytes for each pixel that is not empty); then --resume cannot go on.
     #[arg(long, conflicts_with = "resume", help_heading = "Output")]
     no_sums: bool,
-    /// Print all about pixel X,Y of the first frame, and write nothing.
-    #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = pixel, conflicts_with_all = ["error", "resume", "json"], help_heading = "Output")]
+    /// Print everything about pixel X,Y of the first frame, and write nothing.
+    #[arg(
+        long,
+        value_name = "X,Y",
+        allow_hyphen_values = true,
+        value_parser = pixel,
+        conflicts_with_all = ["error", "resume", "json"],
+        help_heading = "Output"
+    )]
     pixel: Option<[u32; 2]>,
-    /// Print all about this sample of the pixel: its ray, time, hits, depths, weights.
+    /// Print everything about this sample of the pixel: its ray, time, hits, depths, weights.
     #[arg(long, value_name = "I", allow_hyphen_values = true, requires = "pixel", help_heading = "Output")]
     sample: Option<u64>,
 
@@ -63,34 +70,41 @@ pub(super) struct Reference {
     #[arg(long, value_name = "SPP", default_value_t = 1024, allow_hyphen_values = true, help_heading = "Sampling")]
     samples: u64,
     /// Stop after the round of 256 samples in which the mean standard error falls below this.
-    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = grammar::positive, help_heading = "Sampling")]
+    #[arg(
+        long,
+        value_name = "E",
+        allow_hyphen_values = true,
+        value_parser = values::positive,
+        help_heading = "Sampling"
+    )]
     error: Option<f64>,
-    /// How positions and times are chosen.
-    #[arg(long, value_enum, default_value_t, help_heading = "Sampling")]
-    sampler: Sampler,
+    /// How positions and times are chosen. sobol: together, as Owen-scrambled Sobol' points; jittered: as the product
+    /// of jittered grids of Wolf (2008), with a fixed number of samples; random: as independent random numbers.
+    #[arg(
+        long,
+        value_parser = ["sobol", "jittered", "random"],
+        default_value = "sobol",
+        help_heading = "Sampling"
+    )]
+    sampler: String,
     /// Cells of the jittered grid of times for each time sample: 1 bands, many are noisy [default: 4].
-    #[arg(long, value_name = "CELLS", allow_hyphen_values = true, value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Sampling")]
+    #[arg(
+        long,
+        value_name = "CELLS",
+        allow_hyphen_values = true,
+        value_parser = clap::value_parser!(u32).range(1..=1024),
+        help_heading = "Sampling"
+    )]
     jitter_density: Option<u32>,
 
     #[command(flatten)]
-    exposure: Exposure,
-
+    sampling: Sampling,
+    #[command(flatten)]
+    overrides: Overrides,
     #[command(flatten)]
     surfaces: Surfaces,
-
     #[command(flatten)]
     running: Running,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum Sampler {
-    /// Position and time together: Owen-scrambled Sobol' points.
-    #[default]
-    Sobol,
-    /// The thesis's product of jittered grids; a fixed number of samples.
-    Jittered,
-    /// Independent random numbers.
-    Random,
 }
 
 /// `X,Y`.
@@ -127,7 +141,7 @@ impl Reference {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let options = self.options()?;
         let pool = self.running.pool()?;
-        let Ready { scene, notes, frames, format } = Ready::new(&self.images, &self.exposure, &self.running, &pool)?;
+        let Ready { scene, notes, frames, format } = Ready::new(&self.images, &self.overrides, &self.running, &pool)?;
         if let Some(pixel) = self.pixel {
             let probe = pool.install(|| reference::probe(&scene, frames.first, &options, pixel, self.sample))?;
             return print(&probe.to_string());
@@ -137,19 +151,20 @@ impl Reference {
         open_directory(&directory)?;
         let gate = Arc::new(Mutex::new(()));
         stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
-        let output = Output { scene: &scene, options: &options, format, directory: &directory, gate: &gate };
+        let provenance = Provenance::of(&scene, &self.images.scene)?;
+        let output =
+            Output { scene: &scene, provenance, options: &options, format, directory: &directory, gate: &gate };
         let mut reports = Vec::new();
         for frame in frames.first..=frames.last {
             let report = pool.install(|| self.frame(&output, frame)).with_context(|| format!("frame {frame}"))?;
-            if !self.running.quiet && !self.running.json {
+            if !self.running.quiet && !self.images.json {
                 print(&summary(&report))?;
             }
             reports.push(report);
         }
-        if self.running.json {
-            let program = concat!("splatblur ", env!("CARGO_PKG_VERSION"));
+        if self.images.json {
             let (scene, directory) = (&*scene.name, &*directory);
-            return print_json(&Report { program, scene, directory, frames: reports, notes: &notes });
+            return print_json(&Report { program: PROGRAM, scene, directory, frames: reports, notes: &notes });
         }
         Ok(())
     }
@@ -157,7 +172,7 @@ impl Reference {
     fn frame(&self, output: &Output<'_>, frame: i64) -> anyhow::Result<FrameReport> {
         let path = output.directory.join(file_name(&output.scene.name, frame, output.format));
         let sums_path = path.with_extension("ref");
-        let kind = output.settings(&self.images.scene, frame, SCRAMBLINGS as u64)?;
+        let kind = output.settings(frame, SCRAMBLINGS as u64)?;
         let earlier = if self.resume { self.earlier(&sums_path, &kind)? } else { None };
         let progress = Loading::new(self.running.quiet);
         let made = reference::render(output.scene, frame, output.options, earlier, &|step| {
@@ -166,13 +181,13 @@ impl Reference {
             progress.step(&what, step.share as f32);
         })?;
         drop(progress);
-        let settings = output.settings(&self.images.scene, frame, made.stats.samples)?;
+        let settings = output.settings(frame, made.stats.samples)?;
         let mut picture = made.picture;
         if output.format != Format::Exr {
             picture.layers.clear();
         }
         let _held = output.gate.lock().unwrap_or_else(PoisonError::into_inner);
-        // Sums first: an interruption between the two files leaves nothing that could not go on.
+        // Sums first: after an interruption between the two files the run can still go on.
         if !self.no_sums && output.options.sampler.is_progressive() {
             let written = files::replace(&sums_path, &made.sums.to_bytes(&kind));
             written.with_context(|| format!("cannot write {}", sums_path.display()))?;
@@ -202,7 +217,7 @@ impl Reference {
         let (sums, settings) = Sums::from_bytes(&fs::read(path).with_context(context)?).with_context(context)?;
         if settings != kind {
             if !self.running.quiet {
-                say(&format!("note: {} was made with other settings; starting anew", path.display()));
+                say(&format!("note: {} was made with other settings; starting from nothing", path.display()));
             }
             return Ok(None);
         }
@@ -210,26 +225,25 @@ impl Reference {
     }
 
     fn options(&self) -> anyhow::Result<ReferenceOptions> {
-        if self.jitter_density.is_some() && self.sampler != Sampler::Jittered {
-            bail!("--jitter-density is for --sampler jittered");
-        }
+        let sampler = match &*self.sampler {
+            "jittered" => Sampler::Jittered { density: self.jitter_density.unwrap_or(4) },
+            _ if self.jitter_density.is_some() => bail!("--jitter-density is for --sampler jittered"),
+            "random" => Sampler::Random,
+            _ => Sampler::Sobol,
+        };
         let options = ReferenceOptions {
             samples: self.samples,
             error: self.error,
-            sampler: match self.sampler {
-                Sampler::Sobol => reference::Sampler::Sobol,
-                Sampler::Jittered => reference::Sampler::Jittered { density: self.jitter_density.unwrap_or(4) },
-                Sampler::Random => reference::Sampler::Random,
-            },
-            filter: self.exposure.filter(),
-            shading: self.surfaces.shading(),
+            sampler,
+            filter: self.sampling.filter,
+            shading: self.surfaces.shading,
             two_sided: self.surfaces.two_sided,
             epsilon: self.surfaces.epsilon,
-            seed: self.exposure.seed,
+            seed: self.sampling.seed,
             aovs: self.images.aovs()?,
         };
         if options.aovs.contains(&Aov::Error) {
-            anyhow::bail!("--aov: a reference always has its error (others: alpha, depth, normal, velocity, samples)");
+            bail!("--aov: a reference always has its error (others: alpha, depth, normal, velocity, samples)");
         }
         options.check()?;
         if self.resume && !options.sampler.is_progressive() {
@@ -242,6 +256,7 @@ impl Reference {
 /// Where the frames of a run go, and with what settings.
 struct Output<'a> {
     scene: &'a Scene,
+    provenance: Provenance,
     options: &'a ReferenceOptions,
     format: Format,
     directory: &'a Path,
@@ -250,32 +265,18 @@ struct Output<'a> {
 }
 
 impl Output<'_> {
-    /// The text that a frame's file carries: that of `render`, with the sampler. With a fixed number of samples it says whether
-    /// partial sums are of the same kind.
-    fn settings(&self, scene_path: &Path, frame: i64, samples: u64) -> anyhow::Result<String> {
-        let options = RenderOptions {
-            quality: BlurMode::supersample(u32::try_from(samples).unwrap_or(u32::MAX)).into(),
-            filter: self.options.filter,
-            prefilter: options::Prefilter::None,
-            shading: self.options.shading,
-            two_sided: self.options.two_sided,
-            epsilon: self.options.epsilon,
-            seed: self.options.seed,
-            aovs: self.options.aovs.clone(),
-            ..RenderOptions::default()
-        };
-        let text = Settings::new(self.scene, scene_path, &options, self.format, "reference")?.of_frame(frame)?;
-        let mut settings: serde_json::Map<String, serde_json::Value> = serde_json::from_str(&text)?;
-        settings.insert("samples".to_owned(), samples.into());
-        settings.insert("sampler".to_owned(), format!("{:?}", self.options.sampler).to_lowercase().into());
-        Ok(serde_json::to_string(&settings)?)
+    /// The text that a frame's file carries. With a fixed number of samples it says whether partial sums are of the
+    /// same kind.
+    fn settings(&self, frame: i64, samples: u64) -> anyhow::Result<String> {
+        Ok(self.provenance.traced(self.options, samples, self.format)?.of_frame(frame)?)
     }
 }
 
 fn summary(report: &FrameReport) -> String {
     let rate = report.traced as f64 / report.trace_seconds.max(1e-9) / 1e6;
     format!(
-        "{}: {} samples a pixel, mean standard error {:.2e}, {:.1} s ({:.2} M samples/s), hierarchies of {} surfels in {:.2} s\n",
+        "{}: {} samples a pixel, mean standard error {:.2e}, {:.1} s ({:.2} M samples/s), hierarchies of {} surfels in \
+         {:.2} s\n",
         report.path.display(),
         report.samples,
         report.mean_error,

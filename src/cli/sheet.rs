@@ -4,24 +4,21 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use clap::Args;
-use splatblur::compare::{Comparison, Metric};
 use splatblur::files;
-use splatblur::study::sheet::{self, Crop, Layout, Panel};
+use splatblur::study::sheet::{self, Crop, Layout};
+use splatblur::study::{self, Entry, LineUp, Part, Shots};
 
 use super::common::open_directory;
-use super::grammar;
-use super::limits::Shown;
-use super::modes::{self, Machine, Method, Mode};
 use super::output::{print, say};
 use super::progress::Steps;
-use super::settings;
-use super::trial::{Common, Shot, samples_of};
+use super::study::{Common, Loaded, MODES};
+use super::values;
 
 /// Show one frame in several modes, side by side in one labelled image.
 ///
-/// Each panel has the mode, its samples, the seconds that it took (wall time, after one rendering of the mode to warm up), the picture
-/// and an enlarged crop, the same for all: where the modes differ most, unless --crop says where. With --reference the
-/// ray-traced reference comes first, and each panel states its error against it.
+/// Each panel has the mode, its samples, the seconds that it took (wall time, after one rendering of the mode to warm
+/// up), the picture and an enlarged crop, the same for all: where the modes differ most, unless --crop says where. With
+/// --reference the ray-traced reference comes first, and each panel states its error against it.
 #[derive(Debug, Args)]
 #[command(after_long_help = format!("{}
 
@@ -32,7 +29,7 @@ Examples:
     splatblur sheet scene.xml --frame 3 --modes still,supersample:4,supersample:4+interleave=2 --crop 200,120,64x48 \\
       --out sheet.png --flip flip.png
 
-Errors: FLIP at 67.02 pixels per degree, RMSE in linear light (see `splatblur help compare`).", modes::HELP))]
+Errors: FLIP at 67.02 pixels per degree, RMSE in linear light (see `splatblur help compare`).", *MODES))]
 pub(super) struct Sheet {
     /// Scene file (XML).
     scene: PathBuf,
@@ -41,8 +38,8 @@ pub(super) struct Sheet {
     #[arg(long, value_name = "F", allow_hyphen_values = true, value_parser = frame, help_heading = "Sheet")]
     frame: i64,
     /// Modes, several with commas.
-    #[arg(long, value_name = "MODES", value_parser = modes::list, help_heading = "Sheet")]
-    modes: ModeList,
+    #[arg(long, value_name = "MODES", value_parser = study::entries, help_heading = "Sheet")]
+    modes: EntryList,
     /// Image to write (PNG).
     #[arg(long, value_name = "FILE.png", value_parser = png, help_heading = "Sheet")]
     out: PathBuf,
@@ -50,16 +47,28 @@ pub(super) struct Sheet {
     #[arg(long, value_name = "FILE.png", value_parser = png, help_heading = "Sheet")]
     flip: Option<PathBuf>,
     /// Compare with a reference of so many samples a pixel (a multiple of 16).
-    #[arg(long, value_name = "SPP", value_parser = modes::reference_samples, help_heading = "Sheet")]
+    #[arg(long, value_name = "SPP", value_parser = study::reference_samples, help_heading = "Sheet")]
     reference: Option<u64>,
     /// The part to enlarge: place and size, or a size for the place where modes differ most [default: 60x45].
     #[arg(long, value_name = "X,Y,WxH", value_parser = crop, help_heading = "Sheet")]
-    crop: Option<Where>,
+    crop: Option<Part>,
     /// Greatest width of a panel in pixels; wider pictures are shrunk.
-    #[arg(long, value_name = "PIXELS", default_value_t = 480, value_parser = clap::value_parser!(u32).range(32..=8192), help_heading = "Sheet")]
+    #[arg(
+        long,
+        value_name = "PIXELS",
+        default_value_t = 480,
+        value_parser = clap::value_parser!(u32).range(32..=8192),
+        help_heading = "Sheet"
+    )]
     panel: u32,
     /// Most panels in a row.
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=64), help_heading = "Sheet")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 4,
+        value_parser = clap::value_parser!(u32).range(1..=64),
+        help_heading = "Sheet"
+    )]
     columns: u32,
 
     #[command(flatten)]
@@ -67,31 +76,24 @@ pub(super) struct Sheet {
 }
 
 /// For clap, which takes a bare vector for a repeated option.
-type ModeList = std::vec::Vec<Mode>;
-
-/// Which part to enlarge.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Where {
-    Here(Crop),
-    Size(u32, u32),
-}
+type EntryList = std::vec::Vec<Entry>;
 
 /// One frame number.
 fn frame(text: &str) -> Result<i64, String> {
     // A range would take a single negative frame only with dots.
     let number = text.trim();
-    grammar::frames(&format!("{number}..{number}")).map(|frames| frames.first)
+    values::frames(&format!("{number}..{number}")).map(|frames| frames.first)
 }
 
-fn crop(text: &str) -> Result<Where, String> {
+fn crop(text: &str) -> Result<Part, String> {
     let expected = || "expected X,Y,WxH or WxH, as in 200,120,64x48".to_owned();
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();
     let number = |part: &str| part.parse::<u32>().map_err(|_| expected());
     match parts[..] {
-        [size] => grammar::size(size).map(|(width, height)| Where::Size(width, height)).map_err(|_| expected()),
+        [size] => values::size(size).map(|(width, height)| Part::MostDifferent(width, height)).map_err(|_| expected()),
         [x, y, size] => {
-            let (width, height) = grammar::size(size).map_err(|_| expected())?;
-            Ok(Where::Here(Crop { x: number(x)?, y: number(y)?, width, height }))
+            let (width, height) = values::size(size).map_err(|_| expected())?;
+            Ok(Part::Here(Crop { x: number(x)?, y: number(y)?, width, height }))
         }
         _ => Err(expected()),
     }
@@ -113,66 +115,37 @@ impl Sheet {
         for path in [Some(&self.out), self.flip.as_ref()].into_iter().flatten() {
             open_directory(path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))?;
         }
-        let mut trial = self.common.load(&self.scene)?;
-        let (width, height) = (trial.scene.image.width, trial.scene.image.height);
-        if let Some(Where::Here(crop)) = self.crop {
-            let inside = |at: u32, size: u32, limit: u32| u64::from(at) + u64::from(size) <= u64::from(limit);
-            if !inside(crop.x, crop.width, width) || !inside(crop.y, crop.height, height) {
-                bail!("--crop: {crop} does not lie in a picture of {width} x {height}");
-            }
-        }
-        // Once to warm up, once measured; references are slow and need no warming.
-        let renderings = |mode: &Mode| if matches!(mode.method, Method::Reference(_)) { 1 } else { 2 };
-        let steps = u64::from(self.reference.is_some()) + self.modes.iter().map(renderings).sum::<u64>();
-        let progress = Steps::new(steps, self.common.quiet);
-        let mut step = 0;
-        let mut judge = None;
-        if let Some(samples) = self.reference {
-            judge = Some(trial.judge(samples, self.frame, &|share| progress.at(step, "reference", share))?);
-            step += 1;
-        }
-        let mut shots = Vec::new();
-        for mode in &self.modes {
-            for turn in 1..=renderings(mode) {
-                let share = |share: f32| progress.at(step, &mode.to_string(), share);
-                share(0.0);
-                let shot = trial
-                    .shoot(mode.method, machine(mode), self.frame, &share)
-                    .with_context(|| format!("mode {mode}"))?;
-                step += 1;
-                if turn == renderings(mode) {
-                    shots.push(shot);
-                }
-            }
-        }
+        let Loaded { mut trial, pool, .. } = self.common.load(&self.scene)?;
+        let part = self.crop.unwrap_or(Part::MostDifferent(60, 45));
+        let line_up = LineUp { frame: self.frame, entries: self.modes.clone(), reference: self.reference, part };
+        line_up.check(&trial).context("--crop")?;
+        let progress = Steps::new(line_up.steps(), self.common.quiet());
+        let shots = pool.install(|| line_up.run(&mut trial, &|at| progress.tell(at)))?;
         drop(progress);
-
-        let crop = match self.crop {
-            Some(Where::Here(crop)) => crop,
-            other => {
-                let (width, height) = if let Some(Where::Size(w, h)) = other { (w, h) } else { (60, 45) };
-                // One mode alone differs from the reference only.
-                let alone = judge.iter().filter(|_| shots.len() == 1);
-                let pictures: Vec<_> = shots.iter().chain(alone).map(|shot| &shot.picture).collect();
-                sheet::most_different(&pictures, width, height)?
-            }
-        };
-        let shutter = &trial.scene.shutter;
+        let scene = trial.scene();
         let heading = format!(
-            "{}, frame {}, {width} x {height}, shutter {} to {} frames, weight {}, crop {crop}",
-            trial.scene.name,
+            "{}, frame {}, {} x {}, shutter {} to {} frames, weight {}, crop {}",
+            scene.name,
             self.frame,
-            shutter.open,
-            shutter.close,
-            settings::weight(&shutter.weight)
+            scene.image.width,
+            scene.image.height,
+            scene.shutter.open,
+            scene.shutter.close,
+            scene.shutter.weight,
+            shots.crop
         );
-        let panels = self.panels(judge.as_ref(), &shots)?;
+        pool.install(|| self.show(&line_up, &shots, &heading))
+    }
+
+    /// Writes the images, and says what the panels say.
+    fn show(&self, line_up: &LineUp, shots: &Shots, heading: &str) -> anyhow::Result<()> {
+        let panels = line_up.panels(shots)?;
         let layout = Layout { panel: self.panel, columns: self.columns };
-        write(&self.out, &sheet::sheet(&heading, &panels, crop, layout)?.png()?)?;
+        write(&self.out, &sheet::sheet(heading, &panels, shots.crop, layout)?.png()?)?;
         if let Some(path) = &self.flip {
             write(path, &sheet::animation(&sheet::flip_through(&panels)?, 1000)?)?;
         }
-        if self.common.quiet {
+        if self.common.quiet() {
             return Ok(());
         }
         for panel in &panels {
@@ -181,34 +154,6 @@ impl Sheet {
         let flip = self.flip.as_ref().map_or_else(String::new, |path| format!("{}\n", path.display()));
         print(&format!("{}\n{flip}", self.out.display()))
     }
-
-    /// Pictures with their labels, the reference first.
-    fn panels<'a>(&self, judge: Option<&'a Shot>, shots: &'a [Shot]) -> anyhow::Result<Vec<Panel<'a>>> {
-        let mut panels = Vec::new();
-        let took = |samples: u64, seconds: f64| {
-            let plural = if samples == 1 { "" } else { "s" };
-            format!("{samples} sample{plural}, {seconds:.3} s")
-        };
-        if let (Some(shot), Some(samples)) = (judge, self.reference) {
-            let lines = vec![took(samples, shot.seconds), "errors are against this".to_owned()];
-            panels.push(Panel { title: "reference".to_owned(), lines, picture: &shot.picture });
-        }
-        for (mode, shot) in self.modes.iter().zip(shots) {
-            let mut lines = vec![took(samples_of(mode.method, &shot.picture), shot.seconds)];
-            if let Some(judge) = judge {
-                let errors = Comparison::new(&shot.picture, &judge.picture, &[Metric::Flip])?;
-                let value = |metric| Shown(errors.value(metric).unwrap_or(f64::NAN));
-                lines.push(format!("FLIP {:.6}, RMSE {:.6}", value(Metric::Flip), value(Metric::Rmse)));
-            }
-            panels.push(Panel { title: mode.to_string(), lines, picture: &shot.picture });
-        }
-        Ok(panels)
-    }
-}
-
-/// Where a mode that does not say renders.
-fn machine(mode: &Mode) -> Machine {
-    mode.machine.unwrap_or(Machine::Cpu)
 }
 
 fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
@@ -221,8 +166,8 @@ mod tests {
 
     #[test]
     fn crops_and_frames_are_read() {
-        assert_eq!(crop("200,120,64x48"), Ok(Where::Here(Crop { x: 200, y: 120, width: 64, height: 48 })));
-        assert_eq!(crop("64x48"), Ok(Where::Size(64, 48)));
+        assert_eq!(crop("200,120,64x48"), Ok(Part::Here(Crop { x: 200, y: 120, width: 64, height: 48 })));
+        assert_eq!(crop("64x48"), Ok(Part::MostDifferent(64, 48)));
         for text in ["", "1,2", "1,2,3", "-1,2,3x4", "1,2,0x4", "1,2,3x4,5", "99999999999,0,1x1"] {
             assert!(crop(text).unwrap_err().contains("X,Y,WxH"), "{text}");
         }

@@ -1,4 +1,4 @@
-//! Separable convolution of row-major planes. Beyond its border a plane goes on with its border values.
+//! Separable convolution of row-major planes. Pixels beyond the border have the values of the border.
 
 use rayon::prelude::*;
 
@@ -9,8 +9,8 @@ pub(super) struct Size {
     pub(super) height: usize,
 }
 
-/// Convolves (as a correlation: weight k goes with the pixel k - radius beside) rows with `horizontal`, then columns with
-/// `vertical`; both have an odd length.
+/// Convolves rows with `horizontal`, then columns with `vertical`; both have an odd length. It is a correlation: weight
+/// k goes with the pixel that is k - radius away.
 pub(super) fn separable(plane: &[f32], size: Size, horizontal: &[f32], vertical: &[f32]) -> Vec<f32> {
     let Size { width, height } = size;
     let radius = horizontal.len() / 2;

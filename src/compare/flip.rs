@@ -1,8 +1,9 @@
-//! LDR-FLIP (Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild 2020): the difference that a person sees
-//! when two pictures alternate in the same place, per pixel, 0 to 1.
+//! LDR-FLIP (Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild 2020): the difference that a person
+//! sees when two pictures alternate in the same place, per pixel, 0 to 1.
 //!
-//! Colour: contrast sensitivity filters in the opponent space `YCxCz`, then a Hunt-adjusted `HyAB` distance in CIELAB. Features:
-//! edges and points found by derivatives of a Gaussian. Both are joined as colour^(1 - feature). The numbers are the paper's.
+//! Colour: contrast sensitivity filters in the opponent space `YCxCz`, then a Hunt-adjusted `HyAB` distance in CIELAB.
+//! Features: edges and points found by derivatives of a Gaussian. Both are joined as colour^(1 - feature). The numbers
+//! are the paper's.
 
 use std::f64::consts::PI;
 
@@ -12,7 +13,8 @@ use super::filter::{Size, gaussian, gaussian_samples, offsets, separable};
 use super::{CompareError, check, display, mean as mean_of};
 use crate::film::Picture;
 
-/// Pixels per degree of visual angle: a monitor 0.7 m wide with 3840 pixels, seen from 0.7 m. 0.7 * 3840 / 0.7 * pi / 180.
+/// Pixels per degree of visual angle, of a monitor 0.7 m wide with 3840 pixels, seen from 0.7 m:
+/// 0.7 * 3840 / 0.7 * pi / 180.
 pub const PIXELS_PER_DEGREE: f64 = 3840.0 * PI / 180.0;
 
 /// Gaussians of the contrast sensitivity functions: amplitude and width b, per channel of `YCxCz`.
@@ -93,7 +95,7 @@ impl Seen {
             .into_par_iter()
             .map(|i| {
                 let rgb = linear_from_xyz(xyz_from_opponent([y[i], cx[i], cz[i]].map(f64::from)));
-                // Not `clamp`-ed values would leave the gamut; `clamp` keeps NaN.
+                // Values that are not clamped would leave the gamut; `clamp` keeps NaN.
                 hunt(lab_from_xyz(xyz_from_linear(rgb.map(|v| v.clamp(0.0, 1.0))))).map(|v| v as f32)
             })
             .collect();
@@ -107,7 +109,7 @@ fn contrast_filtered(plane: &[f32], gaussians: &[(f64, f64)], size: Size, scale:
     let radius = (3.0 * (WIDEST / (2.0 * PI * PI)).sqrt() * scale).ceil() as usize;
     // exp(-pi^2 (x/scale)^2 / b) as a standard deviation in pixels.
     let sigma = |b: f64| scale * (b / 2.0).sqrt() / PI;
-    // Weight of a Gaussian over the square: its height a sqrt(pi/b) times the squared sum of its samples in one direction.
+    // Weight of a Gaussian over the square: its height a sqrt(pi/b) times the square of its samples' sum in one axis.
     let weight =
         |&(a, b): &(f64, f64)| a * (PI / b).sqrt() * gaussian_samples(sigma(b), radius).iter().sum::<f64>().powi(2);
     let total: f64 = gaussians.iter().map(weight).sum();

@@ -1,4 +1,4 @@
-//! The names of the metrics, what they mean, and which way is better.
+//! The names of the metrics, what they mean, and which values are better.
 
 /// An error metric. Each has one name and one formula.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -1,16 +1,18 @@
-//! How far a picture is from another: error metrics over colour, and apart from it over alpha.
+//! How far a picture is from another: error metrics of colour, and others of alpha.
 //!
-//! Colour is compared as it is stored: premultiplied by alpha, that is, seen over black. *Linear* metrics take the linear
-//! light of the files, without any clamp; *display* metrics take what a screen shows, sRGB-encoded and clamped to [0, 1].
-//! The second picture is the reference; where a formula is symmetric it does not matter. Sums run row by row in `f64`, in a
-//! fixed order. A value that is not finite makes every metric of its kind (colour or alpha) NaN: nothing is left out.
-//! Formulas: docs/compare.md.
+//! Colour is compared as it is stored: premultiplied by alpha, that is, seen over black. *Linear* metrics take the
+//! linear light of the files, without any clamp; *display* metrics take what a screen shows, sRGB-encoded and clamped
+//! to [0, 1]. The second picture is the reference; where a formula is symmetric it does not matter. Sums run row by row
+//! in `f64`, in a fixed order. A value that is not finite makes every metric of its kind (colour or alpha) NaN: no
+//! value is left out. Formulas: docs/compare.md.
 
 mod display;
 mod filter;
 pub mod flip;
 mod json;
+mod limit;
 mod metric;
+mod pairs;
 mod pixels;
 pub mod ssim;
 
@@ -18,7 +20,9 @@ use crate::film::Picture;
 
 pub use self::display::{encode, gamma_rmse};
 pub use self::json::{number, values};
+pub use self::limit::{Limit, LimitError, Over, Shown};
 pub use self::metric::{Metric, Sense};
+pub use self::pairs::{Pair, PairError, pairs};
 pub use self::pixels::{AlphaErrors, ColourErrors, RELATIVE_EPSILON, Worst};
 
 /// Why two pictures could not be compared.
@@ -78,7 +82,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Compares `a` with the reference `b`. SSIM and FLIP, which take the longest, are made where `metrics` has them.
+    /// Compares `a` with the reference `b`. SSIM and FLIP take long: they are made only where `metrics` has them.
     ///
     /// # Errors
     /// The sizes differ, there are no pixels, or SSIM is asked for of pictures smaller than its window.
@@ -91,8 +95,9 @@ impl Comparison {
         Ok(Self { frames: 1, pixels: a.rgba.len() as u64, non_finite, colour, gamma_mse, alpha, ssim, flip })
     }
 
-    /// The errors of a sequence from those of its frames: squared errors, absolute errors, biases, SSIM and FLIP are averaged
-    /// (each frame counts the same), then roots and logarithms taken; the worst pixel is the worst of all frames.
+    /// The errors of a sequence from those of its frames. Squared errors, absolute errors, biases, SSIM and FLIP are
+    /// averaged, each frame with the same weight; roots and logarithms come after. The worst pixel is that of all
+    /// frames.
     ///
     /// # Errors
     /// There is no frame.

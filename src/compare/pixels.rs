@@ -33,7 +33,7 @@ pub struct AlphaErrors {
     pub worst: Worst,
 }
 
-/// The worst pixel: the first in reading order where several are alike; the first that is not finite where there is one.
+/// The worst pixel: the first one that is not finite, else the first in reading order with the largest difference.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Worst {
     /// Index of the pair in the sequence.

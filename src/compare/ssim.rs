@@ -1,7 +1,7 @@
 //! Structural similarity (Wang, Bovik, Sheikh and Simoncelli 2004, eq. 13), on display values.
 //!
-//! Gaussian window of 11 x 11 pixels with sigma 1.5, K1 = 0.01, K2 = 0.03, L = 1, population variances. The mean is over the
-//! windows that lie wholly in the picture and over r, g and b.
+//! Gaussian window of 11 x 11 pixels with sigma 1.5, K1 = 0.01, K2 = 0.03, L = 1, population variances. The mean is
+//! over the windows that are wholly in the picture and over r, g and b.
 
 use super::filter::{Size, gaussian, separable};
 use super::{CompareError, check, display, mean as mean_of};

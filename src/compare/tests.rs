@@ -171,7 +171,12 @@ proptest! {
 
     /// Any floats and any size: no panic, symmetric where the formula is, in range where there is one.
     #[test]
-    fn any_pictures(width in 1_u32..20, height in 1_u32..20, bits in prop::collection::vec(any::<u32>(), 16), tame in any::<bool>()) {
+    fn any_pictures(
+        width in 1_u32..20,
+        height in 1_u32..20,
+        bits in prop::collection::vec(any::<u32>(), 16),
+        tame in any::<bool>(),
+    ) {
         let value = |i: usize| {
             let v = f32::from_bits(bits[i % bits.len()]);
             if tame { (bits[i % bits.len()] >> 8) as f32 / (1 << 24) as f32 } else { v }

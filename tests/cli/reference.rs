@@ -151,12 +151,12 @@ fn going_on_is_the_run_in_one_piece() {
     // There is enough already.
     assert_eq!(run("a", "32", &["--resume"])["samples"], 96);
     assert!(fixture.bytes("a") == fixture.bytes("b"));
-    // Without --resume it starts anew; so it does with other settings, and says so.
+    // Without --resume it starts from nothing; so it does with other settings, and says so.
     run("a", "32", &[]);
     assert!(fixture.bytes("a") == first);
     let frames = ["--out", "a", "--frames", "1", "--samples", "64", "--seed", "7", "--resume", "--aov", "depth"];
     let other = fixture.run(&frames);
-    assert!(stderr(&other).contains("tiny.0001.ref was made with other settings; starting anew"), "{}", stderr(&other));
+    assert!(stderr(&other).contains("ref was made with other settings; starting from nothing"), "{}", stderr(&other));
     fixture.done(&["--out", "c", "--frames", "1", "--samples", "64", "--seed", "7", "--aov", "depth"]);
     assert!(fixture.bytes("a") == fixture.bytes("c"));
     // Damaged sums are an error, and nothing is touched.

@@ -45,7 +45,7 @@ impl Axis {
         (value.log10() - self.low) / (self.high - self.low)
     }
 
-    /// Round numbers inside, the fewer the longer the axis is.
+    /// Round numbers inside; a longer axis has fewer of them for each decade.
     fn ticks(&self) -> Vec<f64> {
         let steps: &[f64] = match self.high - self.low {
             decades if decades > 2.5 => &[1.0],
@@ -82,7 +82,8 @@ pub fn log_log(x_name: &str, y_name: &str, series: &[Series], floor: Option<(f64
         let x = px(tick);
         let _ = write!(
             svg,
-            "<path class=\"grid\" d=\"M{x:.1} {TOP}V{bottom}\"/><text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
+            "<path class=\"grid\" d=\"M{x:.1} {TOP}V{bottom}\"/>\
+             <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
             bottom + 16.0,
             label(tick)
         );
@@ -91,7 +92,8 @@ pub fn log_log(x_name: &str, y_name: &str, series: &[Series], floor: Option<(f64
         let y = py(tick);
         let _ = write!(
             svg,
-            "<path class=\"grid\" d=\"M{LEFT} {y:.1}H{right}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+            "<path class=\"grid\" d=\"M{LEFT} {y:.1}H{right}\"/>\
+             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
             LEFT - 6.0,
             y + 4.0,
             label(tick)
@@ -99,7 +101,8 @@ pub fn log_log(x_name: &str, y_name: &str, series: &[Series], floor: Option<(f64
     }
     let _ = write!(
         svg,
-        "<path class=\"axis\" d=\"M{LEFT} {TOP}V{bottom}H{right}\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>\
+        "<path class=\"axis\" d=\"M{LEFT} {TOP}V{bottom}H{right}\"/>\
+         <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>\
          <text transform=\"translate(14 {:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
         f64::midpoint(LEFT, right),
         HEIGHT - 8.0,
@@ -111,7 +114,8 @@ pub fn log_log(x_name: &str, y_name: &str, series: &[Series], floor: Option<(f64
         let y = py(value);
         let _ = write!(
             svg,
-            "<path class=\"floor\" d=\"M{LEFT} {y:.1}H{right}\"/><text class=\"floor-name\" x=\"{right}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+            "<path class=\"floor\" d=\"M{LEFT} {y:.1}H{right}\"/>\
+             <text class=\"floor-name\" x=\"{right}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
             y - 4.0,
             escape(name)
         );
@@ -127,7 +131,8 @@ pub fn log_log(x_name: &str, y_name: &str, series: &[Series], floor: Option<(f64
         for (x, y, name) in points {
             let _ = write!(
                 svg,
-                "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"4\" style=\"fill:var(--s{colour})\"><title>{}: {x_name} {}, {y_name} {}</title></circle>",
+                "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"4\" style=\"fill:var(--s{colour})\">\
+                 <title>{}: {x_name} {}, {y_name} {}</title></circle>",
                 px(*x),
                 py(*y),
                 escape(name),

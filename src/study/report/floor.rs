@@ -10,8 +10,9 @@ use crate::sampling::hash;
 pub struct Floor {
     /// Root mean square of the standard error over pixels and r, g, b, linear.
     pub rmse: f64,
-    /// Mean FLIP of the reference with noise of its standard error, against itself. The noise is normal, with one number a pixel:
-    /// what is uncertain is mostly for how long a surface covers it, which moves all channels. Numbers depend on the pixel alone.
+    /// Mean FLIP of the reference with noise of its standard error, against itself. The noise is normal, with one
+    /// number for all channels of a pixel: mostly the time for which a surface covers the pixel is uncertain, which
+    /// moves all channels. The numbers depend on the pixel only.
     pub flip: f64,
 }
 

@@ -8,8 +8,8 @@ use crate::study::sheet::{Canvas, Colour, SheetError};
 /// What is not finite.
 const BAD: Colour = [255, 0, 255];
 
-/// Display values of the picture minus those of the reference, mean of r, g, b: red where the picture is too bright, blue where
-/// it is too dark, white where it is right. `range` (> 0) is the difference with the full colour.
+/// Display values of the picture minus those of the reference, mean of r, g, b: red where the picture is too bright,
+/// blue where it is too dark, white where it is right. `range` (> 0) is the difference with the full colour.
 ///
 /// # Errors
 /// The sizes differ, or the picture is too large.

@@ -3,46 +3,15 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::chart::{COLOURS, Series, log_log};
+use super::figures::{ModeStudy, Study};
 use super::floor::Floor;
-use super::maps::flip_scale;
+use super::pictures::{FramePictures, frame_pictures, patch};
 use super::regions::Region;
-use super::study::{ModeStudy, Study};
+use super::text::{figure, percent};
 use crate::compare::{Metric, flip};
-use crate::study::sheet::{Canvas, Crop, SheetError};
+use crate::study::sheet::SheetError;
 
 const STYLE: &str = include_str!("page.css");
-
-/// The pictures of one frame.
-#[derive(Clone, Debug)]
-pub struct FramePictures {
-    /// Frame number.
-    pub frame: i64,
-    /// The reference.
-    pub reference: Canvas,
-    /// The regions.
-    pub regions: Canvas,
-    /// One for each mode of the frame, in the order of the study.
-    pub modes: Vec<ModePictures>,
-    /// Difference of display values that has the full colour of the signed maps.
-    pub signed_range: f32,
-    /// FLIP that has the brightest colour of the FLIP maps.
-    pub flip_range: f32,
-}
-
-/// The pictures of one mode.
-#[derive(Clone, Debug)]
-pub struct ModePictures {
-    /// The picture.
-    pub picture: Canvas,
-    /// Signed error.
-    pub signed: Canvas,
-    /// FLIP.
-    pub flip: Canvas,
-    /// Where FLIP is worst.
-    pub crop: Crop,
-    /// There: the picture, the reference, FLIP.
-    pub worst: [Canvas; 3],
-}
 
 /// The page, with pictures of some frames.
 ///
@@ -66,12 +35,13 @@ pub fn page(study: &Study, pictures: &[FramePictures]) -> Result<String, SheetEr
                 (summary(study))
                 (verdict(study))
                 h2 { @if several { "All frames" } @else { "Result" } }
-                p { "A star marks modes to which no other is both faster and better by FLIP. Seconds: wall time of a frame, median of "
-                    (scene.repeats) " renderings, shortest to longest; the modes were rendered in turn after one rendering each to warm up"
+                p { "A star marks modes to which no other is both faster and better by FLIP. Seconds: wall time of a "
+                    "frame, median of " (scene.repeats) " renderings, shortest to longest; the modes were rendered in "
+                    "turn after one rendering each to warm up"
                     @if several { "; means over the frames" } "."
                     @if study.scene.settings.iter().any(|(name, value)| name == "prefilter" && value != "none") {
-                        " The modes have a prefilter and the reference has none: part of each error is the prefilter's, and no number of samples "
-                        "removes it (--prefilter none shows the modes alone)."
+                        " The modes have a prefilter and the reference has none: part of each error is the "
+                        "prefilter's, and no number of samples removes it (--prefilter none shows the modes alone)."
                     } }
                 (results(&study.sequence, study.floor()))
                 h2 { "Error against samples and time" }
@@ -113,9 +83,11 @@ fn summary(study: &Study) -> Markup {
     let setting = |name: &str| scene.settings.iter().find(|(n, _)| n == name).map_or("", |(_, value)| value);
     html! {
         p class="faint" {
-            (frames(study)) ", " (scene.size[0]) " x " (scene.size[1]) " pixels, shutter " (setting("shutter")) ", weight " (setting("weight"))
-            ", prefilter " (setting("prefilter")) ". Reference: " (scene.reference) " samples a pixel, standard error " (figure(study.floor().rmse))
-            ". " (study.program) " on " (study.machines.join("; ")) ". Everything else is listed " a href="#rendered" { "below" } "."
+            (frames(study)) ", " (scene.size[0]) " x " (scene.size[1]) " pixels, shutter " (setting("shutter"))
+            ", weight " (setting("weight")) ", prefilter " (setting("prefilter"))
+            ". Reference: " (scene.reference) " samples a pixel, standard error " (figure(study.floor().rmse))
+            ". " (study.program) " on " (study.backends.join("; "))
+            ". Everything else is listed " a href="#rendered" { "below" } "."
         }
     }
 }
@@ -128,7 +100,10 @@ fn verdict(study: &Study) -> Markup {
         .min_by(|a, b| a.errors.flip.unwrap_or(f64::NAN).total_cmp(&b.errors.flip.unwrap_or(f64::NAN)));
     html! {
         @if let Some(best) = best {
-            p { "Lowest FLIP: " b { (best.name()) } ", " (figure(best.errors.flip.unwrap_or(f64::NAN))) " in " (figure(best.times.median)) " s." }
+            p {
+                "Lowest FLIP: " b { (best.name()) } ", " (figure(best.errors.flip.unwrap_or(f64::NAN)))
+                " in " (figure(best.times.median)) " s."
+            }
         }
         @for over in &study.over { p class="bad" { "Over the limit: " (over) } }
     }
@@ -144,13 +119,18 @@ fn results(modes: &[ModeStudy], floor: Floor) -> Markup {
             } }
             tbody {
                 @for m in modes { tr class=[m.leads(modes).then_some("leads")] {
-                    td { (breakable(&m.name())) } td { (figure(m.times.median)) } td { (figure(m.times.least)) ", " (figure(m.times.most)) } td { (m.samples) }
+                    td { (breakable(&m.name())) } td { (figure(m.times.median)) }
+                    td { (figure(m.times.least)) ", " (figure(m.times.most)) } td { (m.samples) }
                     (values(m, &SHOWN)) td { (percent(m.z_pass)) }
                 } }
                 tr class="faint" {
                     td { "noise of the reference" } td {} td {} td {}
                     @for metric in SHOWN {
-                        td { @match metric { Metric::Flip => (figure(floor.flip)), Metric::Rmse => (figure(floor.rmse)), _ => {} } }
+                        td { @match metric {
+                            Metric::Flip => (figure(floor.flip)),
+                            Metric::Rmse => (figure(floor.rmse)),
+                            _ => {}
+                        } }
                     }
                     td {}
                 }
@@ -167,7 +147,8 @@ fn metrics(modes: &[ModeStudy]) -> Markup {
             div class="wide" { table {
                 thead { tr { th { "mode" } (heads(metrics)) @if bias { th { "signed bias of r, g, b" } } } }
                 tbody { @for m in modes { tr {
-                    td { (breakable(&m.name())) } (values(m, metrics)) @if bias { td { (m.errors.colour.bias.map(|b| format!("{b:+.1e}")).join(", ")) } }
+                    td { (breakable(&m.name())) } (values(m, metrics))
+                    @if bias { td { (m.errors.colour.bias.map(|b| format!("{b:+.1e}")).join(", ")) } }
                 } } }
             } }
         }
@@ -177,12 +158,14 @@ fn metrics(modes: &[ModeStudy]) -> Markup {
     html! {
         h3 { "Linear light, as stored, not clamped" } (of(&linear, true)) (formulas(&linear))
         h3 { "Display values: sRGB-encoded, clamped to 0..1" } (of(&DISPLAY, false)) (formulas(&DISPLAY))
-        h3 { "Alpha (1 everywhere where the scene has a background), and values that are not finite" } (of(alpha, false)) (formulas(alpha))
+        h3 { "Alpha (1 everywhere where the scene has a background), and values that are not finite" }
+        (of(alpha, false)) (formulas(alpha))
         p class="faint" {
-            "a is the mode's picture, b the reference. FLIP at " (format!("{:.2}", flip::PIXELS_PER_DEGREE)) " pixels per degree: a monitor 0.7 m wide with 3840 "
-            "pixels, seen from 0.7 m. z-test: share of the values that differ from the reference by no more than its standard error "
-            "(at least 1e-4) explains, two-sided, 1 % for all values together (Šidák). Noise of the reference: the errors of a picture "
-            "that has none of its own; RMSE is the standard error (root mean square), FLIP that of normal noise of that size."
+            "a is the mode's picture, b the reference. FLIP at " (format!("{:.2}", flip::PIXELS_PER_DEGREE))
+            " pixels per degree: a monitor 0.7 m wide with 3840 pixels, seen from 0.7 m. z-test: share of the values "
+            "that differ from the reference by no more than its standard error (at least 1e-4) explains, two-sided, 1 "
+            "% for all values together (Šidák). Noise of the reference: the errors of a picture that has none of its "
+            "own; RMSE is the standard error (root mean square), FLIP that of normal noise of that size."
         }
     }
 }
@@ -204,7 +187,8 @@ fn formulas(metrics: &[Metric]) -> Markup {
     html! {
         p class="faint" { @for (i, metric) in metrics.iter().enumerate() {
             @if i > 0 { "; " }
-            b { (metric.name()) } " " (metric.meaning().split_once(": ").map_or(metric.meaning(), |(_, formula)| formula))
+            b { (metric.name()) } " "
+            (metric.meaning().split_once(": ").map_or(metric.meaning(), |(_, formula)| formula))
         } "." }
     }
 }
@@ -232,10 +216,14 @@ fn charts(study: &Study) -> Markup {
             .collect()
     };
     let floor = study.floor();
-    let name = "noise of the reference";
     let samples: fn(&ModeStudy) -> f64 = |m| m.samples as f64;
     let seconds: fn(&ModeStudy) -> f64 = |m| m.times.median;
-    let chart = |x_name: &str, x, y_name: &str, y, floor| PreEscaped(log_log(x_name, y_name, &series(x, y), floor));
+    let chart = |title: &str, (x_name, x), (y_name, y), floor: f64| {
+        let drawn = PreEscaped(log_log(x_name, y_name, &series(x, y), Some((floor, "noise of the reference"))));
+        html! { div class="card" { h3 { (title) } (drawn) } }
+    };
+    let (time, count) = (("seconds a frame", seconds), ("samples a pixel", samples));
+    let (flip, rmse) = (("FLIP", Metric::Flip), ("RMSE", Metric::Rmse));
     html! {
         div class="legend" {
             @for (i, (family, backend)) in names.iter().enumerate() {
@@ -243,10 +231,10 @@ fn charts(study: &Study) -> Markup {
             }
         }
         div class="charts" {
-            div class="card" { h3 { "FLIP against time" } (chart("seconds a frame", seconds, "FLIP", Metric::Flip, Some((floor.flip, name)))) }
-            div class="card" { h3 { "RMSE (linear) against time" } (chart("seconds a frame", seconds, "RMSE", Metric::Rmse, Some((floor.rmse, name)))) }
-            div class="card" { h3 { "FLIP against samples" } (chart("samples a pixel", samples, "FLIP", Metric::Flip, Some((floor.flip, name)))) }
-            div class="card" { h3 { "RMSE (linear) against samples" } (chart("samples a pixel", samples, "RMSE", Metric::Rmse, Some((floor.rmse, name)))) }
+            (chart("FLIP against time", time, flip, floor.flip))
+            (chart("RMSE (linear) against time", time, rmse, floor.rmse))
+            (chart("FLIP against samples", count, flip, floor.flip))
+            (chart("RMSE (linear) against samples", count, rmse, floor.rmse))
         }
     }
 }
@@ -257,10 +245,17 @@ fn regions(modes: &[ModeStudy]) -> Markup {
     let share =
         |region: Region| modes.iter().flat_map(|m| &m.regions).find(|r| r.region == region).map_or(0.0, |r| r.pixels);
     html! {
-        p { "Below a region's name its share of the pixels; in each cell its RMSE (linear), FLIP, and share of the squared error. Static: one surface that moves by less than 0.25 pixels while the "
-            "shutter is open; swept: one that moves farther; occlusion change: another surface comes or goes; silhouette: a still edge." }
+        p {
+            "Below a region's name: its share of the pixels. In each cell: its RMSE (linear), FLIP, and share of the "
+            "squared error. Static: one surface that moves by less than 0.25 pixels while the shutter is open; swept: "
+            "one that moves farther; occlusion change: another surface comes or goes; silhouette: an edge that does "
+            "not move."
+        }
         div class="wide" { table {
-            thead { tr { th { "mode" } @for &region in &used { th { i class="patch" style=(patch(region)) {} (region.name()) br; span class="faint" { (percent(share(region))) } } } } }
+            thead { tr { th { "mode" } @for &region in &used { th {
+                i class="patch" style=(patch(region)) {} (region.name()) br;
+                span class="faint" { (percent(share(region))) }
+            } } } }
             tbody { @for m in modes { tr {
                 td { (breakable(&m.name())) }
                 @for &region in &used { td {
@@ -273,119 +268,19 @@ fn regions(modes: &[ModeStudy]) -> Markup {
     }
 }
 
-fn frame_pictures(study: &Study, pictures: &FramePictures) -> Result<Markup, SheetError> {
-    let modes = study.frames.iter().find(|f| f.frame == pictures.frame).map_or(&[][..], |f| &f.modes);
-    let mut cards = Vec::new();
-    for (m, p) in modes.iter().zip(&pictures.modes) {
-        let worst = &m.errors.colour.worst;
-        cards.push(html! {
-            div class="card" {
-                h3 { (m.name()) }
-                p class="faint" {
-                    "FLIP " (figure(m.errors.flip.unwrap_or(f64::NAN))) ", RMSE " (figure(m.errors.value(Metric::Rmse).unwrap_or(f64::NAN)))
-                    ", " (figure(m.times.median)) " s; worst pixel (" (worst.x) ", " (worst.y) "); FLIP is worst where the picture has a frame: " (p.crop)
-                }
-                div class="pictures" {
-                    (image(&p.picture, "picture", false)?)
-                    (image(&p.signed, "signed error: red too bright, blue too dark", false)?)
-                    (image(&p.flip, "FLIP", false)?)
-                    (image(&p.worst[0], "where FLIP is worst", true)?)
-                    (image(&p.worst[1], "the reference there", true)?)
-                    (image(&p.worst[2], "FLIP there", true)?)
-                }
-            }
-        });
-    }
-    Ok(html! {
-        h2 { "Frame " (pictures.frame) }
-        p { "Signed error, mean of r, g, b of display values: " span class="key" { "-" (figure(f64::from(pictures.signed_range)))
-            span class="scale" style="background:linear-gradient(90deg,rgb(33,102,172),#fff,rgb(178,24,43))" {}
-            "+" (figure(f64::from(pictures.signed_range))) } ". FLIP: " span class="key" { "0"
-            span class="scale" style=(format!("background:linear-gradient(90deg,{})", flip_stops())) {}
-            (figure(f64::from(pictures.flip_range))) } ". The maps of all modes share these scales." }
-        div class="modes" {
-            div class="card" {
-                h3 { "reference" }
-                div class="pair" {
-                    (image(&pictures.reference, "ray-traced", false)?)
-                    div {
-                        (image(&pictures.regions, "regions", false)?)
-                        p class="legend" { @for region in Region::ALL { span { i class="patch" style=(patch(region)) {} (region.name()) } } }
-                    }
-                }
-            }
-            @for card in cards { (card) }
-        }
-    })
-}
-
-fn patch(region: Region) -> String {
-    let [r, g, b] = region.colour();
-    format!("background:rgb({r},{g},{b})")
-}
-
-fn flip_stops() -> String {
-    let stop = |i: u8| {
-        let [r, g, b] = flip_scale(f32::from(i) / 5.0);
-        format!("rgb({r},{g},{b})")
-    };
-    (0..=5).map(stop).collect::<Vec<_>>().join(",")
-}
-
-fn image(canvas: &Canvas, caption: &str, crop: bool) -> Result<Markup, SheetError> {
-    let data = format!("data:image/png;base64,{}", base64(&canvas.png()?));
-    Ok(html! {
-        figure {
-            img class=[crop.then_some("crop")] src=(data) width=(canvas.width()) height=(canvas.height()) alt=(caption);
-            figcaption { (caption) }
-        }
-    })
-}
-
 fn settings(study: &Study) -> Markup {
     html! {
         div class="wide" { table class="settings" { tbody {
             @for (name, value) in &study.scene.settings { tr { td { (name) } td { (value) } } }
-            @for machine in &study.machines { tr { td { "machine" } td { (machine) } } }
+            @for backend in &study.backends { tr { td { "backend" } td { (backend) } } }
             @for f in &study.frames {
-                tr { td { "reference of frame " (f.frame) } td { "standard error (root mean square) " (figure(f.floor.rmse)) ", FLIP of such noise " (figure(f.floor.flip)) ", made in " (figure(f.reference_seconds)) " s on the CPU" } }
+                tr { td { "reference of frame " (f.frame) } td {
+                    "standard error (root mean square) " (figure(f.floor.rmse))
+                    ", FLIP of such noise " (figure(f.floor.flip))
+                    ", made in " (figure(f.reference_seconds)) " s on the CPU"
+                } }
             }
             @for note in &study.notes { tr { td { "note" } td { (note) } } }
         } } }
     }
-}
-
-/// Three significant digits.
-fn figure(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        format!("{value}")
-    } else if (1e-4..1e5).contains(&value.abs()) {
-        let digits = (2 - value.abs().log10().floor() as i32).max(0) as usize;
-        format!("{value:.digits$}")
-    } else {
-        format!("{value:.2e}")
-    }
-}
-
-fn percent(share: f64) -> String {
-    // A few wrong values must not be rounded away, nor a few pixels.
-    match format!("{:.2} %", share * 100.0).as_str() {
-        "100.00 %" if share < 1.0 => "99.99 %".to_owned(),
-        "0.00 %" if share > 0.0 => "< 0.01 %".to_owned(),
-        text => text.to_owned(),
-    }
-}
-
-/// RFC 4648, with padding.
-pub(super) fn base64(bytes: &[u8]) -> String {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word = chunk.iter().fold(0_u32, |word, &b| word << 8 | u32::from(b)) << (8 * (3 - chunk.len()));
-        for i in 0..4 {
-            let letter = LETTERS[(word >> (18 - 6 * i) & 63) as usize];
-            out.push(if i <= chunk.len() { char::from(letter) } else { '=' });
-        }
-    }
-    out
 }

@@ -1,7 +1,7 @@
 //! The parts of a picture in which blur goes wrong for different reasons.
 //!
-//! They are told apart by what is nearest at the middle of each of [`STRATA`] parts of the shutter, found by splatting pixel
-//! centres without blur.
+//! They are told apart by what is nearest at the middle of each of [`STRATA`] parts of the shutter, found by splatting
+//! pixel centres without blur.
 
 use crate::film::{Aov, Picture};
 use crate::study::sheet::Colour;
@@ -12,7 +12,7 @@ pub const STRATA: u32 = 9;
 /// Motion over the shutter from which a pixel counts as swept, pixels.
 const MOVES: f64 = 0.25;
 
-/// A step in depth between neighbouring pixels or moments, as a share of the depth, from which it counts as another surface.
+/// Step in depth, as a share of the depth, from which neighbouring pixels or moments count as different surfaces.
 const STEP: f32 = 0.02;
 
 /// What happens at a pixel while the shutter is open.
@@ -57,8 +57,8 @@ impl Region {
     }
 }
 
-/// The region of each pixel, from pictures of short moments with depth and velocity layers. `span` is how many times longer
-/// the shutter is than a moment. `None` where a layer is missing or sizes differ.
+/// The region of each pixel, from pictures of short moments with depth and velocity layers. `span` is how many times
+/// longer the shutter is than a moment. `None` where a layer is missing or sizes differ.
 pub fn classify(moments: &[Picture], span: f64) -> Option<Vec<Region>> {
     let first = moments.first()?;
     let (w, h) = (first.width as usize, first.height as usize);
@@ -113,8 +113,8 @@ pub struct RegionErrors {
     pub error: f64,
 }
 
-/// Splits the errors of a picture by region; regions without pixels are left out. `flip` is the map of the pair; all slices
-/// have one element a pixel.
+/// Splits the errors of a picture by region; regions without pixels are left out. `flip` is the map of the pair; all
+/// slices have one element a pixel.
 pub fn split(picture: &Picture, reference: &Picture, flip: &[f32], regions: &[Region]) -> Vec<RegionErrors> {
     let mut sums = [(0_u64, 0.0_f64, 0.0_f64); 5];
     for (((a, b), &flip), &region) in picture.rgba.iter().zip(&reference.rgba).zip(flip).zip(regions) {

@@ -1,4 +1,5 @@
-use super::page::{FramePictures, ModePictures, base64, page};
+use super::page::page;
+use super::pictures::base64;
 use super::*;
 use crate::compare::{Comparison, Metric};
 use crate::film::{Aov, Layer, Picture};
@@ -179,8 +180,8 @@ fn study(frames: usize) -> Study {
         (0..3).map(|i| ModeStudy::pooled(&frames.iter().map(|f| &f.modes[i]).collect::<Vec<_>>()).unwrap()).collect();
     let settings = vec![("hash".to_owned(), "0123".to_owned()), ("seed".to_owned(), "1".to_owned())];
     let scene = SceneStudy { name: "<b>&\"scene".into(), size: [12, 12], reference: 64, repeats: 3, settings };
-    let (machines, over) = (vec!["cpu (2 threads)".into()], vec!["frame 0, fast:8: flip is too much".into()]);
-    Study { program: "splatblur".into(), scene, machines, frames, sequence, over, notes: vec!["a note".into()] }
+    let (backends, over) = (vec!["cpu (2 threads)".into()], vec!["frame 0, fast:8: flip is too much".into()]);
+    Study { program: "splatblur".into(), scene, backends, frames, sequence, over, notes: vec!["a note".into()] }
 }
 
 #[test]

@@ -142,7 +142,7 @@ impl Canvas {
         inside.then(|| &mut self.pixels[y as usize * self.width as usize + x as usize])
     }
 
-    /// Puts another canvas here; what lies outside is cut off.
+    /// Puts another canvas here; what is outside is cut off.
     pub fn put(&mut self, other: &Self, x: u32, y: u32) {
         for (row, line) in other.pixels.chunks(other.width as usize).enumerate() {
             for (column, &colour) in line.iter().enumerate() {

@@ -27,7 +27,7 @@ impl fmt::Display for Crop {
 
 impl Crop {
     /// Refuses crops that have no pixels or reach outside.
-    pub(super) fn check(self, width: u32, height: u32) -> Result<(), SheetError> {
+    pub(in crate::study) fn check(self, width: u32, height: u32) -> Result<(), SheetError> {
         let fits = |at: u32, size: u32, limit: u32| size > 0 && u64::from(at) + u64::from(size) <= u64::from(limit);
         if fits(self.x, self.width, width) && fits(self.y, self.height, height) {
             Ok(())
@@ -39,9 +39,9 @@ impl Crop {
 
 /// The crop of this size (or smaller, where the pictures are) in which the display values of the pictures differ most.
 ///
-/// Each pair of pictures counts alike: the sum over pairs of d^2 / (mean of d^2 + one code of 8 bits squared), d^2 the squared
-/// difference of r, g, b at a pixel. So one picture that is wrong all over does not hide where the others differ, and rounding
-/// counts for nothing. The first in reading order where there are several.
+/// Each pair of pictures counts alike: the sum over pairs of d^2 / (mean of d^2 + one code of 8 bits squared), d^2 the
+/// squared difference of r, g, b at a pixel. So one picture that is wrong all over does not hide where the others
+/// differ, and rounding counts for nothing. The first in reading order where there are several.
 ///
 /// # Errors
 /// There are no pictures, or their sizes differ.
@@ -66,8 +66,8 @@ pub fn most_different(pictures: &[&Picture], width: u32, height: u32) -> Result<
     Ok(densest(&sums, w, width, height))
 }
 
-/// The crop of this size (or smaller, where the map is) with the greatest sum of a row-major map of rows of `columns` values;
-/// values that are not finite count as 0. The first in reading order where there are several.
+/// The crop of this size (or smaller, where the map is) with the greatest sum of a row-major map of rows of `columns`
+/// values; values that are not finite count as 0. The first in reading order where there are several.
 pub fn densest(map: &[f64], columns: u32, width: u32, height: u32) -> Crop {
     let w = (columns as usize).max(1);
     let h = map.len() / w;

@@ -19,7 +19,7 @@ pub enum SheetError {
     #[error("the pictures differ in size")]
     Sizes,
     /// The crop is not inside the pictures.
-    #[error("the crop {crop} does not lie in pictures of {width} x {height}")]
+    #[error("the crop {crop} does not lie in a picture of {width} x {height}")]
     Crop {
         /// The crop.
         crop: Crop,

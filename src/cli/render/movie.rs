@@ -21,8 +21,8 @@ pub(super) struct Movie<'a> {
 impl Movie<'_> {
     /// The line; `None` for a single frame.
     ///
-    /// ffmpeg writes `%04d` of a negative number as a minus and four digits, as [`file_name`] does. `-frames:v` keeps other
-    /// frames of an earlier run out.
+    /// ffmpeg writes `%04d` of a negative number as a minus and four digits, as [`file_name`] does. `-frames:v` keeps
+    /// other frames of an earlier run out.
     pub(super) fn ffmpeg(&self) -> Option<String> {
         if self.first == self.last {
             return None;

@@ -15,13 +15,13 @@ pub struct Study {
     pub program: String,
     /// What was rendered.
     pub scene: SceneStudy,
-    /// The machines, in words.
-    pub machines: Vec<String>,
+    /// The backends, in words.
+    pub backends: Vec<String>,
     /// Frames, in order.
     pub frames: Vec<FrameStudy>,
     /// The modes over all frames, in the order in which they were asked for.
     pub sequence: Vec<ModeStudy>,
-    /// Limits that were not held, in words.
+    /// Limits that were exceeded, in words.
     pub over: Vec<String>,
     /// What loading the scene has noted.
     pub notes: Vec<String>,
@@ -88,7 +88,7 @@ pub struct Times {
 }
 
 impl Times {
-    /// Of at least one time; 0 of none.
+    /// The times of these renderings; 0 where there are none.
     pub fn of(seconds: &[f64]) -> Self {
         let mut sorted = seconds.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -210,7 +210,7 @@ impl Study {
             "repeats": repeats,
             "pixels_per_degree": flip::PIXELS_PER_DEGREE,
             "settings": settings,
-            "machines": self.machines,
+            "machines": self.backends,
             "sequence": self.sequence.iter().map(ModeStudy::json).collect::<Vec<_>>(),
             "frames": frames,
             "over": self.over,

@@ -1,5 +1,7 @@
 //! `splatblur info`: reads any file that the program reads, whole, and reports what `render` would see.
 
+mod describe;
+
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -10,13 +12,13 @@ use splatblur::{anim, image, model, scene_file};
 
 use super::output::{print, print_json};
 use super::progress::Loading;
-use super::{adapters, convert, grammar, inspect};
+use super::{adapters, values};
 
 /// Report what a file holds: a scene, a model, an animation, or a rendered image.
 ///
-/// Reads the file whole, with all that it names, and refuses what `render` would refuse. Scenes: every resolved value, or
-/// canonical XML that loads back to the same scene. Models: counts, bounds, radii, properties. Animations: nodes, attributes,
-/// range, or the evaluated channels. Images: size, layers, and the settings that made them.
+/// Reads the file whole, with all that it names, and refuses what `render` would refuse. Scenes: every resolved value,
+/// or canonical XML that loads back to the same scene. Models: counts, bounds, radii, properties. Animations: nodes,
+/// attributes, range, or the evaluated channels. Images: size, layers, and the settings that made them.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -45,17 +47,24 @@ pub(super) struct Info {
     #[arg(long)]
     csv: bool,
     /// Frames of --csv, inclusive, not necessarily whole [default: the animation's range].
-    #[arg(long, value_name = "A..B", requires = "csv", allow_hyphen_values = true, value_parser = grammar::times)]
+    #[arg(long, value_name = "A..B", requires = "csv", allow_hyphen_values = true, value_parser = values::times)]
     frames: Option<(f64, f64)>,
     /// Distance of the frames of --csv.
-    #[arg(long, value_name = "S", requires = "csv", default_value = "1", allow_hyphen_values = true, value_parser = grammar::positive)]
+    #[arg(
+        long,
+        value_name = "S",
+        requires = "csv",
+        default_value = "1",
+        allow_hyphen_values = true,
+        value_parser = values::positive
+    )]
     step: f64,
     /// Model: factor on all splat radii.
-    #[arg(long, value_name = "F", default_value = "1", allow_hyphen_values = true, value_parser = grammar::radius_scale)]
+    #[arg(long, value_name = "F", default_value = "1", allow_hyphen_values = true, value_parser = values::radius_scale)]
     radius_scale: f64,
     /// Model: colour space of the file's colours [default: srgb where they are integers, linear where they are floats].
-    #[arg(long, value_enum, value_name = "SPACE")]
-    colour_space: Option<convert::ColourSpace>,
+    #[arg(long, value_name = "SPACE", value_parser = values::colour_space())]
+    colour_space: Option<model::ColourSpace>,
     /// Scene: report unknown words instead of refusing them.
     #[arg(long)]
     lenient: bool,
@@ -106,15 +115,15 @@ impl Info {
         if self.xml {
             return print(&scene_file::to_xml(&loaded.scene, file.parent().unwrap_or(Path::new(""))));
         }
-        self.show(&inspect::scene(&loaded))
+        self.show(&describe::scene(&loaded))
     }
 
     fn animation(&self, file: &Path) -> anyhow::Result<()> {
         let animation = anim::load(file)?;
         if !self.csv {
-            return self.show(&inspect::animation(&animation));
+            return self.show(&describe::animation(&animation));
         }
-        let (first, last) = self.frames.unwrap_or_else(|| inspect::frame_range(&animation));
+        let (first, last) = self.frames.unwrap_or_else(|| describe::frame_range(&animation));
         if (last - first) / self.step > MAX_LINES {
             bail!("frames {first}..{last} in steps of {} are more than {MAX_LINES} lines", self.step);
         }
@@ -126,20 +135,19 @@ impl Info {
 
     fn image(&self, file: &Path) -> anyhow::Result<()> {
         let picture = image::read(file)?;
-        self.show(&inspect::image(&picture, image::read_settings(file)))
+        self.show(&describe::image(&picture, image::read_settings(file)))
     }
 
     fn model(&self, file: &Path) -> anyhow::Result<()> {
         let progress = Loading::new(false);
-        let options =
-            model::LoadOptions { radius_scale: self.radius_scale, colour_space: self.colour_space.map(Into::into) };
+        let options = model::LoadOptions { radius_scale: self.radius_scale, colour_space: self.colour_space };
         let loaded = model::load(file, &options, &|what, share| progress.step(what, share))?;
         drop(progress);
-        self.show(&inspect::model_file(&loaded))
+        self.show(&describe::model_file(&loaded))
     }
 
     fn show(&self, report: &serde_json::Value) -> anyhow::Result<()> {
-        if self.json { print_json(report) } else { print(&inspect::text(report)) }
+        if self.json { print_json(report) } else { print(&describe::text(report)) }
     }
 }
 

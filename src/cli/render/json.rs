@@ -5,9 +5,9 @@ use std::path::Path;
 use serde::Serialize;
 use splatblur::backend::Achieved;
 use splatblur::renderer::Stats;
+use splatblur::study::provenance::Settings;
 
 use super::sequence::Finished;
-use super::settings::Settings;
 
 /// `--json`.
 #[derive(Serialize)]

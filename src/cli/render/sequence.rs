@@ -9,12 +9,12 @@ use splatblur::film::Picture;
 use splatblur::image::{self, Format, ImageError};
 use splatblur::renderer::{Rendered, Stats};
 
-use super::grammar::Frames;
-use super::words::with_flags;
+use crate::cli::values::Frames;
+use crate::cli::words::with_flags;
 
-/// `<stem>.<frame, 4 digits>.<ext>`; longer where the number is, negative with a minus before its four digits, which is how
-/// ffmpeg reads `%04d`.
-pub(super) fn file_name(stem: &str, frame: i64, format: Format) -> String {
+/// `<stem>.<frame, 4 digits>.<ext>`; longer where the number is, negative with a minus before its four digits, which is
+/// how ffmpeg reads `%04d`.
+pub(in crate::cli) fn file_name(stem: &str, frame: i64, format: Format) -> String {
     let sign = if frame < 0 { "-" } else { "" };
     format!("{stem}.{sign}{:04}.{}", frame.unsigned_abs(), format.extension())
 }
@@ -36,8 +36,8 @@ pub(super) struct Sequence<'a> {
 pub(super) struct Finished {
     pub(super) frame: i64,
     pub(super) path: PathBuf,
-    /// Wall time of rendering (with several frames under way, since the one before), and what it took; `None`: an earlier run
-    /// made it.
+    /// Wall time of rendering (with several frames under way, since the one before), and what it took; `None`: an
+    /// earlier run made it.
     pub(super) rendered: Option<(f64, Stats)>,
 }
 
@@ -61,7 +61,7 @@ struct Rendering {
 }
 
 impl Rendering {
-    /// Begins `frame`, or finishes one; the frame that comes out of it, if there is one.
+    /// Begins `frame`, or finishes one that was begun. Returns the frame that is ready then, if there is one.
     fn step(
         &mut self,
         render: &mut impl FnMut(Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>>,
@@ -84,8 +84,9 @@ impl Rendering {
 }
 
 impl Sequence<'_> {
-    /// Renders and writes all frames in order; stops at the first error. `render` begins a frame and may hand one out that was
-    /// begun before; without a number it finishes the next of those. `finished` hears of each rendered or skipped frame.
+    /// Renders and writes all frames in order; stops at the first error. `render` begins a frame and may hand one out
+    /// that was begun before; without a number it finishes the next of those. `finished` hears of each rendered or
+    /// skipped frame.
     pub(super) fn run(
         &self,
         settings: impl Fn(i64) -> anyhow::Result<String>,
@@ -132,7 +133,7 @@ impl Sequence<'_> {
             }
             Ok(())
         });
-        // What was begun before an error is finished all the same.
+        // Frames that were begun before an error are finished all the same.
         let rest = loop {
             match rendering.step(render, None) {
                 Ok(Some((done, page))) => {

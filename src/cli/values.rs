@@ -1,11 +1,34 @@
-//! What is written on the command line, to plain values: frame ranges, sizes, weights, colours, amounts of memory.
+//! Reads words of the command line as plain values: frame ranges, sizes, shutters, colours, amounts of memory. The
+//! library reads modes and options of rendering (`splatblur::options`).
 //!
 //! Every parser returns one sentence that says what was expected; clap puts the option's name before it.
 
+use std::error::Error;
+use std::str::FromStr;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
-use splatblur::film::Aov;
-use splatblur::options::{ErrorTarget, Interleave};
-use splatblur::time::Weight;
+use splatblur::image::Bits;
+use splatblur::model::ColourSpace;
+
+/// An option of the library that is one of a few words.
+pub(super) fn one_of<T>(words: &'static [&'static str]) -> impl TypedValueParser<Value = T>
+where
+    T: FromStr<Err: Error + Send + Sync + 'static> + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(words.iter().copied()).try_map(|word| word.parse::<T>())
+}
+
+/// `srgb` or `linear`.
+pub(super) fn colour_space() -> impl TypedValueParser<Value = ColourSpace> {
+    let space = |word: String| if word == "srgb" { ColourSpace::Srgb } else { ColourSpace::Linear };
+    PossibleValuesParser::new(["srgb", "linear"]).map(space)
+}
+
+/// Bits of a PNG channel: `8` or `16`.
+pub(super) fn bits() -> impl TypedValueParser<Value = Bits> {
+    PossibleValuesParser::new(["8", "16"]).map(|word| if word == "8" { Bits::Eight } else { Bits::Sixteen })
+}
 
 /// An inclusive range of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,9 +48,6 @@ const MAX_FRAME: i64 = 1_000_000_000;
 
 /// Most frames of one run.
 const MAX_FRAMES: u64 = 1_000_000;
-
-/// Most time samples and sub-pixel positions.
-pub(super) const MAX_SAMPLES: u32 = 65_536;
 
 /// `A..B`, `A-B` (neither negative), or `A`; inclusive.
 pub(super) fn frames(text: &str) -> Result<Frames, String> {
@@ -112,42 +132,6 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     if value > 0.0 { Ok(value) } else { Err(format!("{value} is not greater than 0")) }
 }
 
-/// A count of samples.
-pub(super) fn samples(text: &str) -> Result<u32, String> {
-    let expected = || format!("expected a whole number, 1 to {MAX_SAMPLES}");
-    let value: u32 = text.parse().map_err(|_| expected())?;
-    if (1..=MAX_SAMPLES).contains(&value) { Ok(value) } else { Err(expected()) }
-}
-
-/// The error that mode auto aims at: a number, or the name of one.
-pub(super) fn error(text: &str) -> Result<f64, String> {
-    match text {
-        "draft" => Ok(ErrorTarget::DRAFT),
-        "good" => Ok(ErrorTarget::GOOD),
-        "final" => Ok(ErrorTarget::FINAL),
-        _ => text
-            .parse()
-            .ok()
-            .filter(|error| (1e-4..=1.0).contains(error))
-            .ok_or_else(|| "expected draft, good, final, or a number from 0.0001 to 1".to_owned()),
-    }
-}
-
-/// Most samples of a pixel in mode auto, which begins with 4 at the least.
-pub(super) fn samples_max(text: &str) -> Result<u32, String> {
-    samples(text).ok().filter(|&n| n >= 4).ok_or_else(|| format!("expected a whole number, 4 to {MAX_SAMPLES}"))
-}
-
-/// Places within a kernel: 1 to 64.
-pub(super) fn source_samples(text: &str) -> Result<u32, String> {
-    text.parse().ok().filter(|n| (1..=64).contains(n)).ok_or_else(|| "expected a whole number, 1 to 64".to_owned())
-}
-
-/// A lattice of interleaved sampling: 1, 2 or 4.
-pub(super) fn interleave(text: &str) -> Result<Interleave, String> {
-    text.parse().ok().and_then(Interleave::with_stride).ok_or_else(|| "expected 1, 2 or 4".to_owned())
-}
-
 /// `WxH` in pixels.
 pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
     let limit = splatblur::image::MAX_SIZE;
@@ -169,45 +153,6 @@ pub(super) fn shutter(text: &str) -> Result<(f64, f64), String> {
         return Err("the shutter must stay within a million frames".to_owned());
     }
     Ok((open, close))
-}
-
-/// `box`, `tent`, `ramp:centre=1`, `exponential:rate=3,centre=1`, `gaussian:centre=.5,width=.2`.
-pub(super) fn weight(text: &str) -> Result<Weight, String> {
-    let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
-    let known: &[&str] = match name {
-        "box" | "tent" => &[],
-        "ramp" => &["centre"],
-        "exponential" => &["rate", "centre"],
-        "gaussian" => &["centre", "width"],
-        _ => return Err(format!("`{name}` is no weight (there are: box, tent, ramp, exponential, gaussian)")),
-    };
-    let mut values = Vec::new();
-    for part in parameters.split(',').filter(|part| !part.is_empty()) {
-        let (key, value) = part.split_once('=').ok_or_else(|| format!("`{part}` is not of the form name=value"))?;
-        if !known.contains(&key) {
-            let takes = if known.is_empty() { "nothing".to_owned() } else { known.join(", ") };
-            return Err(format!("the weight `{name}` has no parameter `{key}` (it takes: {takes})"));
-        }
-        if values.iter().any(|(k, _)| *k == key) {
-            return Err(format!("`{key}` is given twice"));
-        }
-        let value = real(value)?;
-        if key == "centre" && !(0.0..=1.0).contains(&value) {
-            return Err(format!("centre is {value}, must be 0 to 1 (the shutter)"));
-        }
-        if key != "centre" && !(1e-3..=1e3).contains(&value) {
-            return Err(format!("{key} is {value}, must be 0.001 to 1000"));
-        }
-        values.push((key, value));
-    }
-    let get = |key: &str, default: f64| values.iter().find(|(k, _)| *k == key).map_or(default, |(_, v)| *v);
-    Ok(match name {
-        "box" => Weight::Box,
-        "tent" => Weight::Tent,
-        "ramp" => Weight::Ramp { centre: get("centre", 1.0) },
-        "exponential" => Weight::Exponential { rate: get("rate", 3.0), centre: get("centre", 1.0) },
-        _ => Weight::Gaussian { centre: get("centre", 0.5), width: get("width", 0.2) },
-    })
 }
 
 /// `R,G,B`, linear, >= 0.
@@ -235,23 +180,6 @@ pub(super) fn memory(text: &str) -> Result<u64, String> {
     };
     let bytes = real(number).map_err(|_| expected())? * (1_u64 << shift) as f64;
     if (1_048_576.0..=1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(expected()) }
-}
-
-/// `depth,normal`: extra channels, put in the order of their layers.
-pub(super) fn aovs(names: &[String]) -> Result<Vec<Aov>, String> {
-    let mut aovs = Vec::new();
-    for name in names {
-        let Some(aov) = Aov::LAYERS.into_iter().find(|aov| aov.name() == name) else {
-            let known: Vec<_> = Aov::LAYERS.iter().map(|aov| aov.name()).collect();
-            return Err(format!("--aov: `{name}` is not known (there are: {})", known.join(", ")));
-        };
-        if aovs.contains(&aov) {
-            return Err(format!("--aov: `{name}` is given twice"));
-        }
-        aovs.push(aov);
-    }
-    aovs.sort_unstable();
-    Ok(aovs)
 }
 
 #[cfg(test)]
@@ -308,33 +236,6 @@ mod tests {
     }
 
     #[test]
-    fn weights() {
-        assert_eq!(weight("box"), Ok(Weight::Box));
-        assert_eq!(weight("tent"), Ok(Weight::Tent));
-        assert_eq!(weight("ramp"), Ok(Weight::Ramp { centre: 1.0 }));
-        assert_eq!(weight("ramp:centre=.25"), Ok(Weight::Ramp { centre: 0.25 }));
-        assert_eq!(weight("exponential"), Ok(Weight::Exponential { rate: 3.0, centre: 1.0 }));
-        assert_eq!(weight("exponential:centre=0,rate=5"), Ok(Weight::Exponential { rate: 5.0, centre: 0.0 }));
-        assert_eq!(weight("gaussian:width=.1"), Ok(Weight::Gaussian { centre: 0.5, width: 0.1 }));
-        for (text, hint) in [
-            ("triangle", "there are: box, tent"),
-            ("box:centre=1", "it takes: nothing"),
-            ("ramp:center=1", "it takes: centre"),
-            ("ramp:centre", "name=value"),
-            ("ramp:centre=2", "0 to 1"),
-            ("ramp:centre=x", "not a number"),
-            ("ramp:centre=nan", "not a finite number"),
-            ("gaussian:width=0", "0.001 to 1000"),
-            ("exponential:rate=-3", "0.001 to 1000"),
-            ("ramp:centre=1,centre=0", "twice"),
-            ("", "is no weight"),
-        ] {
-            let error = weight(text).unwrap_err();
-            assert!(error.contains(hint), "{text}: {error}");
-        }
-    }
-
-    #[test]
     fn amounts_of_memory() {
         assert_eq!(memory("64M"), Ok(64 << 20));
         assert_eq!(memory("1G"), Ok(1 << 30));
@@ -362,13 +263,5 @@ mod tests {
         for text in ["0", "0,0", "0,0,-1", "0,0,nan", "0,0,0,0", "red"] {
             assert!(colour(text).is_err(), "{text}");
         }
-    }
-
-    #[test]
-    fn aovs_are_sorted_and_unique() {
-        let list = |names: &[&str]| aovs(&names.iter().map(|&n| n.to_owned()).collect::<Vec<_>>());
-        assert_eq!(list(&["velocity", "depth"]), Ok(vec![Aov::Depth, Aov::Velocity]));
-        assert!(list(&["depth", "depth"]).unwrap_err().contains("twice"));
-        assert!(list(&["colour"]).unwrap_err().contains("alpha, depth, normal, velocity, samples"));
     }
 }

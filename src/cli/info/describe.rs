@@ -11,8 +11,6 @@ use splatblur::model::{self, Material, Surfels};
 use splatblur::scene::{AnimationBinding, Camera, Light, Motion, Object};
 use splatblur::scene_file;
 
-use super::settings;
-
 fn object(pairs: Vec<(&str, Value)>) -> Value {
     Value::Object(pairs.into_iter().map(|(key, value)| (key.to_owned(), value)).collect::<Map<_, _>>())
 }
@@ -44,7 +42,7 @@ pub(super) fn scene(loaded: &scene_file::Loaded) -> Value {
         (
             "shutter",
             json!({
-                "open": s.shutter.open, "close": s.shutter.close, "weight": settings::weight(&s.shutter.weight),
+                "open": s.shutter.open, "close": s.shutter.close, "weight": s.shutter.weight.to_string(),
             }),
         ),
         ("camera", camera(&s.camera)),
@@ -115,7 +113,8 @@ fn motion(m: &Motion) -> Value {
     match *m {
         Motion::Linear { velocity } => json!({ "type": "linear", "velocity": vector(velocity) }),
         Motion::Rotation { axis, per_frame, centre } => json!({
-            "type": "rotation", "axis": vector(axis), "degrees_per_frame": tidy(per_frame.to_degrees()), "centre": vector(centre),
+            "type": "rotation", "axis": vector(axis), "degrees_per_frame": tidy(per_frame.to_degrees()),
+            "centre": vector(centre),
         }),
     }
 }
@@ -123,7 +122,8 @@ fn motion(m: &Motion) -> Value {
 fn binding(b: &AnimationBinding) -> Value {
     let (first, last) = b.node.range();
     json!({
-        "path": b.path.to_string_lossy(), "node": b.node.name, "interpolation": format!("{:?}", b.interpolation).to_lowercase(),
+        "path": b.path.to_string_lossy(), "node": b.node.name,
+        "interpolation": format!("{:?}", b.interpolation).to_lowercase(),
         "first_second": tidy(first), "last_second": tidy(last),
     })
 }

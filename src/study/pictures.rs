@@ -1,51 +1,55 @@
 //! The pictures of a report's page.
 
-use anyhow::Context as _;
-use splatblur::compare::flip;
-use splatblur::image;
-use splatblur::study::report::page::{FramePictures, ModePictures};
-use splatblur::study::report::{FrameStudy, Region, STRATA, Study, classify, flip_map, region_map, signed_error};
-use splatblur::study::sheet::{Canvas, densest};
-
-use super::report::Entry;
-use super::report_store::Store;
+use super::StudyError;
+use super::contestant::Contestant;
+use super::report::{
+    FramePictures, FrameStudy, ModePictures, Region, STRATA, Study, classify, flip_map, region_map, signed_error,
+};
+use super::sheet::{Canvas, densest};
+use super::store::{JUDGE, Store};
 use super::trial::Trial;
+use crate::compare::flip;
+use crate::image;
 
-/// Greatest width of a picture on the page.
+/// Greatest width of a picture on the page, pixels.
 const PICTURE: u32 = 640;
-/// The crops where FLIP is worst.
+/// Size of the crops where FLIP is worst, pixels.
 const CROP: (u32, u32) = (60, 45);
+/// Difference of display values that has the full colour.
+const SIGNED_RANGE: f32 = 0.25;
+/// FLIP that has the brightest colour.
+const FLIP_RANGE: f32 = 0.5;
 
 /// The regions of a frame's picture.
-pub(super) fn regions(trial: &mut Trial<'_>, frame: i64) -> anyhow::Result<Vec<Region>> {
-    classify(&trial.moments(frame)?, f64::from(STRATA)).context("the layers of depth and velocity")
+pub(super) fn regions(trial: &mut Trial<'_>, frame: i64) -> Result<Vec<Region>, StudyError> {
+    classify(&trial.moments(frame)?, f64::from(STRATA)).ok_or(StudyError::NoLayers)
 }
 
-/// The pictures of a frame for the page.
+/// The pictures of a finished frame for the page.
 pub(super) fn pictures_of(
     trial: &mut Trial<'_>,
     store: &Store<'_>,
     frame: i64,
-    entries: &[Entry],
-) -> anyhow::Result<FramePictures> {
-    let reference = image::read(&store.path(frame, "judge"))?;
-    let (signed_range, flip_range) = (0.25, 0.5);
+    contestants: &[Contestant],
+) -> Result<FramePictures, StudyError> {
+    let reference = image::read(&store.path(frame, JUDGE))?;
     let mut modes = Vec::new();
-    for entry in entries {
-        let picture = image::read(&store.path(frame, &entry.name()))?;
+    for contestant in contestants {
+        let picture = image::read(&store.path(frame, &contestant.to_string()))?;
         let map = flip::map(&picture, &reference)?;
         let values: Vec<f64> = map.iter().map(|&v| f64::from(v)).collect();
         let crop = densest(&values, picture.width, CROP.0, CROP.1);
-        let flip = flip_map(&map, picture.width, picture.height, flip_range)?;
+        let flip = flip_map(&map, picture.width, picture.height, FLIP_RANGE)?;
         let cut = |canvas: &Canvas| canvas.enlarged(crop, 1);
         let worst = [cut(&Canvas::of(&picture)?)?, cut(&Canvas::of(&reference)?)?, cut(&flip)?];
-        let signed = signed_error(&picture, &reference, signed_range)?;
+        let signed = signed_error(&picture, &reference, SIGNED_RANGE)?;
         let mut shown = Canvas::shrunk(&picture, PICTURE)?;
         shown.mark(crop, picture.width);
         modes.push(ModePictures { picture: shown, signed, flip, worst, crop });
     }
     let regions = region_map(&regions(trial, frame)?, reference.width)?;
     let reference = Canvas::shrunk(&reference, PICTURE)?;
+    let (signed_range, flip_range) = (SIGNED_RANGE, FLIP_RANGE);
     Ok(FramePictures { frame, reference, regions, modes, signed_range, flip_range })
 }
 

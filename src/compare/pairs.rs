@@ -1,20 +1,81 @@
-//! Pictures named on the command line: a file, a folder, or a pattern such as `out/a.%04d.png`.
+//! Pictures that are named by a file, a folder, or a pattern such as `out/a.%04d.png`, and pairs of them.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, bail};
+/// Why pictures cannot be put together in pairs.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PairError {
+    /// A sequence without a frame that the other has.
+    #[error("{} has no frame {frame}, which the other has", path.display())]
+    Lacks {
+        /// The name of the sequence.
+        path: PathBuf,
+        /// The frame.
+        frame: i64,
+    },
+    /// One picture and a sequence.
+    #[error("{} is one picture, {} a sequence: nothing to pair", one.display(), sequence.display())]
+    Unlike {
+        /// The name of the picture.
+        one: PathBuf,
+        /// The name of the sequence.
+        sequence: PathBuf,
+    },
+    /// A folder with more than one sequence.
+    #[error("{} holds several sequences: name one, as {first} or {second}", folder.display())]
+    Several {
+        /// The folder.
+        folder: PathBuf,
+        /// Pattern of a sequence.
+        first: String,
+        /// Pattern of another one.
+        second: String,
+    },
+    /// A folder without numbered pictures.
+    #[error("{} holds no numbered PNG or EXR files", folder.display())]
+    Empty {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// A pattern that no file has.
+    #[error("no file is named like {}", pattern.display())]
+    NoMatch {
+        /// The pattern.
+        pattern: PathBuf,
+    },
+    /// Two files of one frame.
+    #[error("frame {frame} is there twice: {} and {}", first.display(), second.display())]
+    Twice {
+        /// The frame.
+        frame: i64,
+        /// A file.
+        first: PathBuf,
+        /// Another file.
+        second: PathBuf,
+    },
+    /// A folder that cannot be read.
+    #[error("cannot read the folder {}", folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+}
 
 /// One picture, or a sequence by frame number.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Pictures {
+enum Pictures {
     One(PathBuf),
     Sequence(BTreeMap<i64, PathBuf>),
 }
 
 impl Pictures {
     /// What `argument` names.
-    pub(super) fn find(argument: &Path) -> anyhow::Result<Self> {
+    fn find(argument: &Path) -> Result<Self, PairError> {
         if argument.is_dir() {
             return folder(argument);
         }
@@ -28,36 +89,45 @@ impl Pictures {
     }
 }
 
-/// Pairs of one frame each; `None`: single pictures.
-pub(super) type Pairs = Vec<(Option<i64>, PathBuf, PathBuf)>;
+/// Two pictures that belong together.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pair {
+    /// Frame number; `None` of single pictures.
+    pub frame: Option<i64>,
+    /// File of the first name.
+    pub a: PathBuf,
+    /// File of the second name.
+    pub b: PathBuf,
+}
 
-/// Puts the pictures of two arguments together by frame number. Both must have the same frames.
-pub(super) fn pairs(a: &Path, b: &Path) -> anyhow::Result<Pairs> {
-    let lacks = |path: &Path, frame: i64| format!("{} has no frame {frame}, which the other has", path.display());
+/// The pictures of two names, in pairs by frame number. Each name is a file, a folder with one numbered sequence, or a
+/// pattern with one place for the frame number: `%d`, `%04d` or `####`.
+///
+/// # Errors
+/// The two do not have the same frames, or a name is none of these.
+pub fn pairs(a: &Path, b: &Path) -> Result<Vec<Pair>, PairError> {
+    let lacks = |path: &Path, frame: i64| PairError::Lacks { path: path.to_owned(), frame };
+    let unlike = |one: &Path, sequence: &Path| PairError::Unlike { one: one.to_owned(), sequence: sequence.to_owned() };
     match (Pictures::find(a)?, Pictures::find(b)?) {
-        (Pictures::One(a), Pictures::One(b)) => Ok(vec![(None, a, b)]),
+        (Pictures::One(a), Pictures::One(b)) => Ok(vec![Pair { frame: None, a, b }]),
         (Pictures::Sequence(mine), Pictures::Sequence(mut others)) => {
             let mut pairs = Vec::new();
             for (frame, path) in mine {
-                let other = others.remove(&frame).with_context(|| lacks(b, frame))?;
-                pairs.push((Some(frame), path, other));
+                let other = others.remove(&frame).ok_or_else(|| lacks(b, frame))?;
+                pairs.push(Pair { frame: Some(frame), a: path, b: other });
             }
-            if let Some(&frame) = others.keys().next() {
-                bail!(lacks(a, frame));
+            match others.keys().next() {
+                Some(&frame) => Err(lacks(a, frame)),
+                None => Ok(pairs),
             }
-            Ok(pairs)
         }
-        (Pictures::One(_), Pictures::Sequence(_)) => {
-            bail!("{} is one picture, {} a sequence: nothing to pair", a.display(), b.display())
-        }
-        (Pictures::Sequence(_), Pictures::One(_)) => {
-            bail!("{} is a sequence, {} one picture: nothing to pair", a.display(), b.display())
-        }
+        (Pictures::One(_), Pictures::Sequence(_)) => Err(unlike(a, b)),
+        (Pictures::Sequence(_), Pictures::One(_)) => Err(unlike(b, a)),
     }
 }
 
 /// The numbered PNG and EXR files of a folder, which must be one sequence; others are passed over.
-fn folder(directory: &Path) -> anyhow::Result<Pictures> {
+fn folder(directory: &Path) -> Result<Pictures, PairError> {
     let mut sequences: BTreeMap<(String, String), BTreeMap<i64, PathBuf>> = BTreeMap::new();
     for (name, path) in entries(directory)? {
         let Some((stem, extension)) = name.rsplit_once('.') else { continue };
@@ -73,9 +143,9 @@ fn folder(directory: &Path) -> anyhow::Result<Pictures> {
     let mut names = sequences.keys().map(|(stem, extension)| format!("{stem}%04d.{extension}"));
     match (names.next(), names.next()) {
         (Some(first), Some(second)) => {
-            bail!("{} holds several sequences: name one, as {first} or {second}", directory.display())
+            return Err(PairError::Several { folder: directory.to_owned(), first, second });
         }
-        (None, _) => bail!("{} holds no numbered PNG or EXR files", directory.display()),
+        (None, _) => return Err(PairError::Empty { folder: directory.to_owned() }),
         (Some(_), None) => {}
     }
     drop(names);
@@ -90,7 +160,7 @@ fn sign_before(stem: &str, digits: usize) -> usize {
     }
 }
 
-fn sequence(argument: &Path, pattern: &Pattern) -> anyhow::Result<Pictures> {
+fn sequence(argument: &Path, pattern: &Pattern) -> Result<Pictures, PairError> {
     let directory = argument.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut frames = BTreeMap::new();
     for (name, path) in entries(directory)? {
@@ -99,24 +169,24 @@ fn sequence(argument: &Path, pattern: &Pattern) -> anyhow::Result<Pictures> {
         }
     }
     if frames.is_empty() {
-        bail!("no file is named like {}", argument.display());
+        return Err(PairError::NoMatch { pattern: argument.to_owned() });
     }
     Ok(Pictures::Sequence(frames))
 }
 
-fn insert(frames: &mut BTreeMap<i64, PathBuf>, frame: i64, path: &Path) -> anyhow::Result<()> {
+fn insert(frames: &mut BTreeMap<i64, PathBuf>, frame: i64, path: &Path) -> Result<(), PairError> {
     match frames.insert(frame, path.to_owned()) {
-        Some(earlier) => bail!("frame {frame} is there twice: {} and {}", earlier.display(), path.display()),
+        Some(first) => Err(PairError::Twice { frame, first, second: path.to_owned() }),
         None => Ok(()),
     }
 }
 
 /// Names (those that are Unicode) and paths of a folder, in the order of names.
-fn entries(directory: &Path) -> anyhow::Result<Vec<(String, PathBuf)>> {
-    let context = || format!("cannot read the folder {}", directory.display());
+fn entries(directory: &Path) -> Result<Vec<(String, PathBuf)>, PairError> {
+    let failed = |source| PairError::Folder { folder: directory.to_owned(), source };
     let mut found = Vec::new();
-    for entry in std::fs::read_dir(directory).with_context(context)? {
-        let entry = entry.with_context(context)?;
+    for entry in std::fs::read_dir(directory).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
         if let Ok(name) = entry.file_name().into_string() {
             found.push((name, entry.path()));
         }
@@ -176,7 +246,7 @@ mod tests {
         let found = frames(Pictures::find(dir.path()).unwrap());
         assert_eq!(found.iter().map(|(f, _)| *f).collect::<Vec<_>>(), [-1, 2, 10]);
         assert_eq!(found[0].1, "s.-0001.png");
-        // A minus between words is none of the number.
+        // A minus between words is no sign.
         let found = frames(Pictures::find(directory(&["take-0007.exr"]).path()).unwrap());
         assert_eq!(found, [(7, "take-0007.exr".to_owned())]);
         for (names, hint) in [
@@ -200,7 +270,7 @@ mod tests {
         }
         assert!(Pictures::find(&dir.path().join("u.%04d.png")).is_err());
         assert!(Pictures::find(&dir.path().join("none/u.%04d.png")).is_err());
-        // Names without a place for the number are files, be they there or not.
+        // A name without a place for the number is a file, whether it exists or not.
         for name in ["50%.png", "a%s.png", "plain.png", "%", "%04"] {
             assert_eq!(Pictures::find(Path::new(name)).unwrap(), Pictures::One(name.into()));
         }
@@ -212,7 +282,7 @@ mod tests {
     fn pairs_have_the_same_frames() {
         let (a, b) = (directory(&["a.1.png", "a.2.png"]), directory(&["b.0001.exr", "b.0002.exr"]));
         let paired = pairs(a.path(), b.path()).unwrap();
-        assert_eq!(paired.iter().map(|p| p.0).collect::<Vec<_>>(), [Some(1), Some(2)]);
+        assert_eq!(paired.iter().map(|p| p.frame).collect::<Vec<_>>(), [Some(1), Some(2)]);
         std::fs::write(b.path().join("b.0003.exr"), "").unwrap();
         let error = pairs(a.path(), b.path()).unwrap_err().to_string();
         assert!(error.contains("has no frame 3"), "{error}");

@@ -1,0 +1,262 @@
+//! How motion becomes blur: `--mode` and the options that say parts of a mode.
+
+use std::fmt;
+
+use anyhow::bail;
+use clap::Args;
+use splatblur::options::{
+    self, ErrorTarget, Interleave, KernelShape, KernelWeight, ModeName, ModeParts, Normalise, OptionError, Quality,
+    SourceSamples, TemporalAlpha,
+};
+
+use crate::cli::values::one_of;
+
+/// A mode, whole or in parts.
+#[derive(Debug, Args)]
+pub(super) struct Blur {
+    /// How motion becomes blur, as in still, supersample:32+interleave=2, auto:0.01+samples-max=64 or
+    /// volumetric:3+published (`splatblur render --help` lists all). What it leaves open the options below may say
+    /// [default: auto; supersample with
+    /// --samples or --interleave].
+    #[arg(long, value_name = "MODE", value_parser = mode, help_heading = "Blur")]
+    mode: Option<Mode>,
+    /// Mode auto: the largest error of any part of the image, as root mean square of display values: draft (0.05), good
+    /// (0.025), final (0.0125), or a number [default: good].
+    #[arg(
+        long,
+        value_name = "E",
+        allow_hyphen_values = true,
+        value_parser = ErrorTarget::parse_error,
+        help_heading = "Blur"
+    )]
+    error: Option<f64>,
+    /// Mode auto: most time samples of a pixel [default: 256].
+    #[arg(
+        long,
+        value_name = "N",
+        allow_hyphen_values = true,
+        value_parser = options::samples_max,
+        help_heading = "Blur"
+    )]
+    samples_max: Option<u32>,
+    /// Time samples of mode supersample [default: 32], or of each bucket [default: 4]; intervals of mode volumetric
+    /// [default: 10].
+    #[arg(long, value_name = "N", allow_hyphen_values = true, value_parser = options::count, help_heading = "Blur")]
+    samples: Option<u32>,
+    /// Buckets of mode bucket: intervals with one visibility test and one shading each [default: 8].
+    #[arg(long, value_name = "B", allow_hyphen_values = true, value_parser = options::count, help_heading = "Blur")]
+    buckets: Option<u32>,
+    /// Interleaved sampling: each pixel of a lattice of S x S (1, 2 or 4) has times of its own [default: 1].
+    #[arg(long, value_name = "S", allow_hyphen_values = true, help_heading = "Blur")]
+    interleave: Option<Interleave>,
+    /// Sub-pixel positions of mode still [default: 16], and of static objects in mode auto [default: 8]; else those of
+    /// all time samples, buckets or intervals [default: one for each]. Fewer are shared out, and static objects are
+    /// splatted once at each. With more, each sample is rendered at several.
+    #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = options::count, help_heading = "Blur")]
+    pixel_samples: Option<u32>,
+    /// Mode volumetric: what a kernel sweeps over an interval. tube: the 2D kernel moved along, with the same weight at
+    /// all times; ellipsoid: 2D Gaussian times a Gaussian along the motion [default: tube].
+    #[arg(long, value_name = "KERNEL", value_parser = one_of::<KernelShape>(KernelShape::WORDS), help_heading = "Blur")]
+    kernel: Option<KernelShape>,
+    /// Mode volumetric: a kernel's weight on a ray. integral: over time; chord: by the length of the ray within the
+    /// kernel, with --kernel ellipsoid only [default: integral].
+    #[arg(
+        long,
+        value_name = "WEIGHT",
+        value_parser = one_of::<KernelWeight>(KernelWeight::WORDS),
+        help_heading = "Blur"
+    )]
+    kernel_weight: Option<KernelWeight>,
+    /// Mode volumetric: places within a kernel, on a ray, whose visibility is tested, 1 to 64 [default: 1].
+    #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Blur")]
+    source_samples: Option<SourceSamples>,
+    /// Mode volumetric: where the coverage of a moving surface comes from. union: the times at which any kernel covers
+    /// the pixel; sum: the sum of all weights, at most 1 [default: union].
+    #[arg(
+        long,
+        value_name = "ALPHA",
+        value_parser = one_of::<TemporalAlpha>(TemporalAlpha::WORDS),
+        help_heading = "Blur"
+    )]
+    alpha: Option<TemporalAlpha>,
+    /// Mode volumetric: when sums of colours are divided by sums of weights: for each interval, or once at the end
+    /// [default: interval].
+    #[arg(long, value_name = "WHEN", value_parser = one_of::<Normalise>(Normalise::WORDS), help_heading = "Blur")]
+    normalise: Option<Normalise>,
+    /// Mode volumetric as published by Wolf (2008): ellipsoids that overlap in time, chord, sum, once.
+    #[arg(long, conflicts_with_all = ["kernel", "kernel_weight", "alpha", "normalise"], help_heading = "Blur")]
+    published: bool,
+}
+
+/// `--mode`: what it says, and how it says it.
+#[derive(Clone, Debug)]
+struct Mode {
+    text: String,
+    parts: ModeParts,
+}
+
+fn mode(text: &str) -> Result<Mode, String> {
+    // What modes of studies may say, and modes of `render` may not.
+    if let Some((_, backend)) = text.split_once('@') {
+        return Err(format!("a mode of `render` names no backend; use --backend {backend}"));
+    }
+    if text.starts_with("reference") {
+        return Err("references are made by `splatblur reference`".to_owned());
+    }
+    let parts = text.parse().map_err(|error: OptionError| error.to_string())?;
+    Ok(Mode { text: text.to_owned(), parts })
+}
+
+impl Blur {
+    /// The mode that all options together say.
+    pub(super) fn quality(&self) -> anyhow::Result<Quality> {
+        let counted = self.samples.is_some() || self.interleave.is_some();
+        let name = if counted { ModeName::Supersample } else { ModeName::Auto };
+        let mut parts = self.mode.as_ref().map_or(ModeParts::new(name), |mode| mode.parts);
+        self.check_parts(parts.name)?;
+        self.put(&mut parts.error, self.error, "--error")?;
+        self.put(&mut parts.samples_max, self.samples_max, "--samples-max")?;
+        self.put(&mut parts.samples, self.samples, "--samples")?;
+        self.put(&mut parts.buckets, self.buckets, "--buckets")?;
+        self.put(&mut parts.interleave, self.interleave, "--interleave")?;
+        self.put(&mut parts.pixel_samples, self.pixel_samples, "--pixel-samples")?;
+        self.put(&mut parts.kernel, self.kernel, "--kernel")?;
+        self.put(&mut parts.kernel_weight, self.kernel_weight, "--kernel-weight")?;
+        self.put(&mut parts.source_samples, self.source_samples, "--source-samples")?;
+        self.put(&mut parts.alpha, self.alpha, "--alpha")?;
+        self.put(&mut parts.normalise, self.normalise, "--normalise")?;
+        parts.published |= self.published;
+        parts.quality().map_err(|error| anyhow::anyhow!(self.explain(&error)))
+    }
+
+    /// Lets an option say what the mode leaves open.
+    fn put<T>(&self, part: &mut Option<T>, given: Option<T>, option: &str) -> anyhow::Result<()>
+    where
+        T: Copy + PartialEq + fmt::Display,
+    {
+        if let (Some(said), Some(given), Some(mode)) = (*part, given, &self.mode)
+            && said != given
+        {
+            bail!("{option} {given} contradicts --mode {}", mode.text);
+        }
+        *part = given.or(*part);
+        Ok(())
+    }
+
+    /// Refuses options that the mode does not have.
+    fn check_parts(&self, mode: ModeName) -> anyhow::Result<()> {
+        let given = [
+            ("error", self.error.is_some()),
+            ("samples-max", self.samples_max.is_some()),
+            ("buckets", self.buckets.is_some()),
+            ("kernel", self.kernel.is_some()),
+            ("kernel-weight", self.kernel_weight.is_some()),
+            ("source-samples", self.source_samples.is_some()),
+            ("alpha", self.alpha.is_some()),
+            ("normalise", self.normalise.is_some()),
+            ("published", self.published),
+            ("samples", self.samples.is_some()),
+            ("interleave", self.interleave.is_some()),
+        ];
+        let Some((part, _)) = given.into_iter().find(|(part, given)| *given && !mode.parts().contains(part)) else {
+            return Ok(());
+        };
+        let owner = match part {
+            "error" | "samples-max" => ModeName::Auto,
+            "buckets" => ModeName::Bucket,
+            _ => ModeName::Volumetric,
+        };
+        bail!(match (mode, part) {
+            (ModeName::Auto, "samples") => "--mode auto chooses the samples; use --samples-max, or --mode supersample",
+            (ModeName::Auto, "interleave") => "--mode auto chooses the lattice; --interleave is for --mode supersample",
+            (ModeName::Volumetric, "interleave") =>
+                "--interleave is not for --mode volumetric, which has no time samples",
+            (ModeName::Still, "samples") =>
+                "--samples counts time samples, which --mode still has not; use --pixel-samples",
+            (ModeName::Still, "interleave") => "--interleave is for modes with time samples, not for --mode still",
+            _ => bail!("--{part} is for --mode {owner}"),
+        })
+    }
+
+    /// Why the parts do not make a mode, in the words of the command line.
+    fn explain(&self, error: &OptionError) -> String {
+        let text = self.mode.as_ref().map_or("", |mode| &mode.text);
+        if let Some(mode) = &self.mode
+            && mode.parts.quality().as_ref() == Err(error)
+        {
+            return format!("--mode {text}: {error}");
+        }
+        match error {
+            OptionError::Published { .. } if self.published => format!("--published contradicts --mode {text}"),
+            OptionError::Published { option } => format!("--{option} contradicts --mode {text}"),
+            OptionError::ChordOfTube => {
+                "--kernel-weight chord is the length within an ellipsoid: it needs --kernel ellipsoid".to_owned()
+            }
+            other => other.to_string(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Program {
+        #[command(flatten)]
+        blur: Blur,
+    }
+
+    fn quality(arguments: &str) -> anyhow::Result<Quality> {
+        let arguments = std::iter::once("program").chain(arguments.split_whitespace());
+        Program::try_parse_from(arguments)?.blur.quality()
+    }
+
+    /// The whole form, the parts, and both together say the same.
+    #[test]
+    fn modes_are_said_in_several_ways() {
+        for (arguments, mode) in [
+            ("", "auto:0.025"),
+            ("--samples 8", "supersample:8"),
+            ("--interleave 2", "supersample:32+interleave=2"),
+            ("--mode supersample:32+interleave=2", "supersample:32+interleave=2"),
+            ("--mode supersample:32 --interleave 2 --samples 32", "supersample:32+interleave=2"),
+            ("--mode auto:0.01+samples-max=64", "auto:0.01+samples-max=64"),
+            ("--mode auto:good --error 0.025 --pixel-samples 4", "auto:0.025+pixel-samples=4"),
+            ("--error draft", "auto:0.05"),
+            ("--mode still --pixel-samples 4", "still:4"),
+            ("--mode bucket --buckets 3", "bucket:3x4"),
+            ("--mode volumetric:3+published", "volumetric:3+published"),
+            ("--mode volumetric:3 --published --source-samples 4", "volumetric:3+published+source-samples=4"),
+            ("--mode volumetric+chord --kernel ellipsoid", "volumetric:10+kernel=ellipsoid+kernel-weight=chord"),
+        ] {
+            assert_eq!(quality(arguments).unwrap().to_string(), mode, "{arguments}");
+        }
+    }
+
+    #[test]
+    fn contradictions_name_both_sides() {
+        for (arguments, message) in [
+            ("--mode supersample:32 --samples 16", "--samples 16 contradicts --mode supersample:32"),
+            ("--mode still:4 --pixel-samples 8", "--pixel-samples 8 contradicts --mode still:4"),
+            ("--mode auto:good --error 0.05", "--error 0.05 contradicts --mode auto:good"),
+            ("--mode bucket:8x4 --buckets 4", "--buckets 4 contradicts --mode bucket:8x4"),
+            ("--mode supersample+interleave=2 --interleave 4", "--interleave 4 contradicts"),
+            ("--mode volumetric+published --alpha union", "--alpha contradicts --mode volumetric+published"),
+            ("--mode volumetric+ellipsoid --published", "--published contradicts --mode volumetric+ellipsoid"),
+            ("--mode volumetric+published+once", "--mode volumetric+published+once: `published` says all"),
+            ("--mode volumetric+chord", "--mode volumetric+chord: kernel-weight=chord is the length"),
+            ("--mode volumetric --kernel-weight chord", "it needs --kernel ellipsoid"),
+            ("--mode supersample:8 --buckets 4", "--buckets is for --mode bucket"),
+            ("--mode bucket:6000x6000", "--mode bucket:6000x6000: 6000 buckets of 6000 samples"),
+            ("--mode swept", "there is no mode `swept` (there are: auto, still, supersample"),
+            ("--mode supersample:8@cpu", "use --backend cpu"),
+            ("--mode reference:16", "`splatblur reference`"),
+        ] {
+            let error = quality(arguments).unwrap_err().to_string();
+            assert!(error.contains(message), "{arguments}: {error}");
+        }
+    }
+}

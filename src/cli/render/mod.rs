@@ -1,0 +1,216 @@
+//! `splatblur render`: a scene to an image sequence.
+
+mod blur;
+mod json;
+mod movie;
+mod sequence;
+
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use anyhow::Context as _;
+use clap::builder::{PossibleValuesParser, TypedValueParser as _};
+use clap::{ArgAction, Args};
+use splatblur::backend::Achieved;
+use splatblur::film::Aov;
+use splatblur::options::{Quality, RenderOptions};
+use splatblur::renderer::{self, Rendered, Renderer};
+use splatblur::scene::Scene;
+use splatblur::study::provenance::{PROGRAM, Provenance};
+
+use self::blur::Blur;
+use self::json::{FrameReport, Report};
+use self::movie::Movie;
+pub(super) use self::sequence::file_name;
+use self::sequence::{Finished, Sequence};
+use super::backend::Wanted;
+use super::common::{
+    Images, MODES, Overrides, Ready, Running, Sampling, Splatting, Surfaces, open_directory, stop_on_interrupt,
+};
+use super::output::{print, print_json, say};
+use super::progress::Rendering;
+use super::values::Frames;
+use super::words::with_flags;
+
+/// Render a scene to an image sequence.
+///
+/// Reads the scene with all that it names, renders each frame with motion blur, writes DIR/<scene>.<frame, 4
+/// digits>.<ext> (frame -5 is <scene>.-0005.png, as ffmpeg counts), says where the images are and how to make a movie
+/// of them. Files of an earlier run are replaced; each appears whole or not at all, also after Ctrl-C.
+#[derive(Debug, Args)]
+#[command(after_long_help = format!("\
+{MODES}
+
+Examples:
+  All frames of the scene, into out/three_objects/:
+    splatblur render scenes/three_objects.xml
+  A quick look at one frame, without blur:
+    splatblur render scene.xml --frames 12 --mode still:4 --size 320x240
+  Quickly, with an error that shows where one looks for it:
+    splatblur render scene.xml --error draft
+  Smooth long trails that fade, as PNG with alpha:
+    splatblur render scene.xml --shutter -1,0 --weight ramp --samples 128 --transparent
+  For compositing: float, linear, premultiplied, with layers; go on after an interruption:
+    splatblur render scene.xml --format exr --aov depth,normal,velocity --resume
+
+JSON (--json), one object: program, scene, directory, backend, frames: [{{frame, path, skipped, seconds (wall,
+rendering), samples, surfels, splats, auto (error, way, samples, most_samples, interleave, blocks, refined, capped),
+cpu_seconds or device_seconds: {{project, bin, visibility, attribute, resolve, total}}}}], load_seconds, seconds (whole
+run), notes, ffmpeg (null for one frame), settings (as each file carries them, with `frame`, in its header)."))]
+pub(super) struct Render {
+    #[command(flatten)]
+    images: Images,
+    /// Skip frames whose file was made with the same settings.
+    #[arg(long, help_heading = "Output")]
+    resume: bool,
+
+    #[command(flatten)]
+    blur: Blur,
+    /// What is done to the finished image. along: a 1-2-1 filter along the mean motion, where that is longer than 4
+    /// pixels, which evens out the pattern of interleaving.
+    #[arg(
+        long,
+        value_name = "FILTER",
+        action = ArgAction::Set,
+        value_parser = PossibleValuesParser::new(["none", "along"]).map(|word| word == "along"),
+        default_value = "none",
+        help_heading = "Blur"
+    )]
+    reconstruct: bool,
+    #[command(flatten)]
+    overrides: Overrides,
+    #[command(flatten)]
+    sampling: Sampling,
+    #[command(flatten)]
+    surfaces: Surfaces,
+    #[command(flatten)]
+    splatting: Splatting,
+
+    /// Backend to render on.
+    #[arg(long, value_enum, default_value_t, help_heading = "Running")]
+    backend: Wanted,
+    /// Part of the name of the adapter to render on (`splatblur info --adapters` lists them).
+    #[arg(long, value_name = "NAME", help_heading = "Running")]
+    adapter: Option<String>,
+    #[command(flatten)]
+    running: Running,
+}
+
+impl Render {
+    pub(super) fn run(&self) -> anyhow::Result<()> {
+        let start = Instant::now();
+        let options = self.options()?;
+        let pool = self.running.pool()?;
+        // Before the scene, which may take long to load.
+        let mut renderer = Renderer::open(self.backend.device(self.adapter.as_deref())?)?;
+        let backend_name = renderer.backend_name();
+        let Ready { scene, notes, frames, format } = Ready::new(&self.images, &self.overrides, &self.running, &pool)?;
+        let load_seconds = start.elapsed().as_secs_f64();
+        let settings = Provenance::of(&scene, &self.images.scene)?.splatted(&options, format, backend_name)?;
+
+        let directory = self.images.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
+        open_directory(&directory)?;
+        if !self.running.quiet {
+            let place = renderer.describe_with(pool.current_num_threads());
+            say(&headline(&scene, frames, &options, &place));
+        }
+        let gate = Arc::new(Mutex::new(()));
+        stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
+        let sequence =
+            Sequence { frames, directory: &directory, stem: &scene.name, format, resume: self.resume, gate: &gate };
+        let progress = Rendering::new(frames.count(), self.running.quiet);
+        let mut under_way = renderer::Frames::new(renderer.backend(), &scene, &options)?;
+        let finished = sequence.run(
+            |frame| Ok(settings.of_frame(frame)?),
+            |frame| pool.install(|| step(&mut under_way, frame)),
+            |done| progress.finished(done.rendered.is_none()),
+        )?;
+        drop(progress);
+
+        let movie = Movie {
+            directory: &directory,
+            stem: &scene.name,
+            format,
+            first: frames.first,
+            last: frames.last,
+            rate: scene.frames.rate,
+            size: (scene.image.width, scene.image.height),
+            transparent: scene.image.transparent,
+        };
+        let seconds = start.elapsed().as_secs_f64();
+        if self.images.json {
+            return print_json(&Report {
+                program: PROGRAM,
+                scene: &scene.name,
+                directory: &directory,
+                backend: backend_name,
+                frames: finished.iter().map(|done| FrameReport::new(done, backend_name)).collect(),
+                load_seconds,
+                seconds,
+                notes: &notes,
+                ffmpeg: movie.ffmpeg(),
+                settings: &settings,
+            });
+        }
+        if self.running.quiet { Ok(()) } else { conclude(&finished, &movie, seconds) }
+    }
+
+    fn options(&self) -> anyhow::Result<RenderOptions> {
+        let quality = self.blur.quality()?;
+        let aovs = self.images.aovs()?;
+        if aovs.contains(&Aov::Error) && !matches!(quality, Quality::Error(_)) {
+            anyhow::bail!("--aov error is for --mode auto, which estimates it");
+        }
+        Ok(RenderOptions {
+            quality,
+            filter: self.sampling.filter,
+            prefilter: self.splatting.prefilter,
+            shading: self.surfaces.shading,
+            two_sided: self.surfaces.two_sided,
+            epsilon: self.surfaces.epsilon,
+            seed: self.sampling.seed,
+            memory: self.splatting.memory,
+            reconstruct: self.reconstruct,
+            aovs,
+        })
+    }
+}
+
+/// Begins a frame or, without one, finishes one that was begun.
+fn step(under_way: &mut renderer::Frames<'_>, frame: Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>> {
+    match frame {
+        Some(number) => under_way.begin(number).with_context(|| format!("frame {number}")),
+        None => Ok(under_way.finish()?),
+    }
+}
+
+/// Backend, size, mode, frames: one line.
+fn headline(scene: &Scene, frames: Frames, options: &RenderOptions, place: &str) -> String {
+    let range = if frames.first == frames.last {
+        format!("frame {}", frames.first)
+    } else {
+        format!("frames {}..{}", frames.first, frames.last)
+    };
+    format!(
+        "{}: {range}, {} x {} pixels, mode {}, on {place}",
+        scene.name, scene.image.width, scene.image.height, options.quality
+    )
+}
+
+/// What mode auto reached in the frame with the largest error.
+fn worst(finished: &[Finished]) -> Option<Achieved> {
+    let achieved = finished.iter().filter_map(|done| done.rendered.and_then(|(_, stats)| stats.achieved));
+    achieved.max_by(|a, b| a.error.total_cmp(&b.error))
+}
+
+/// Where the images are, and how to make a movie.
+fn conclude(finished: &[Finished], movie: &Movie<'_>, seconds: f64) -> anyhow::Result<()> {
+    let skipped = finished.iter().filter(|f| f.rendered.is_none()).count();
+    let also = if skipped > 0 { format!(" ({skipped} were there already)") } else { String::new() };
+    let word = if finished.len() == 1 { "image" } else { "images" };
+    let movie_line = movie.ffmpeg().map_or_else(String::new, |line| format!("as a movie: {line}\n"));
+    let reached = worst(finished)
+        .map_or_else(String::new, |achieved| with_flags(&format!("the frame with the largest: {achieved}\n")));
+    print(&format!("{} {word}{also} in {seconds:.1} s: {}\n{reached}{movie_line}", finished.len(), movie.files()))
+}

@@ -1,0 +1,83 @@
+//! What `sheet` and `report` share: options that hold for all modes, and the trial that they make of a scene.
+
+use std::path::Path;
+use std::sync::LazyLock;
+
+use clap::Args;
+use splatblur::options::RenderOptions;
+use splatblur::renderer::Renderer;
+use splatblur::scene_file;
+use splatblur::study::{BackendKind, Opened, Trial};
+
+use super::backend::{Wanted, in_full};
+use super::common::{self, Overrides, Running, Sampling, Splatting, Surfaces};
+
+/// The grammar of modes in studies, for long helps.
+pub(super) static MODES: LazyLock<String> = LazyLock::new(|| {
+    format!(
+        "{}\n\
+Here there is also, with another seed than --reference:
+  reference:1024              ray-traced, SPP samples of a pixel (a multiple of 16)
+A mode may end in @cpu or @gpu, the backend that renders it. The reference keeps the scene's depth tolerance and has no
+prefilter.",
+        common::MODES
+    )
+});
+
+/// Options that hold for all modes.
+#[derive(Debug, Args)]
+pub(super) struct Common {
+    #[command(flatten)]
+    overrides: Overrides,
+    #[command(flatten)]
+    sampling: Sampling,
+    #[command(flatten)]
+    surfaces: Surfaces,
+    #[command(flatten)]
+    splatting: Splatting,
+    #[command(flatten)]
+    running: Running,
+}
+
+/// A scene that is ready for a study.
+pub(super) struct Loaded {
+    pub(super) trial: Trial<'static>,
+    /// What loading has noted.
+    pub(super) notes: Vec<String>,
+    /// The threads that everything runs on.
+    pub(super) pool: rayon::ThreadPool,
+}
+
+impl Common {
+    /// Say nothing but errors?
+    pub(super) fn quiet(&self) -> bool {
+        self.running.quiet
+    }
+
+    /// Reads the scene, and puts the options into it.
+    pub(super) fn load(&self, path: &Path) -> anyhow::Result<Loaded> {
+        let pool = self.running.pool()?;
+        let scene_file::Loaded { scene, notes } = self.running.load(path, &self.overrides, &pool)?;
+        let threads = pool.current_num_threads();
+        let open = move |kind| {
+            let wanted = match kind {
+                BackendKind::Cpu => Wanted::Cpu,
+                BackendKind::Gpu => Wanted::Gpu,
+            };
+            let renderer = Renderer::open(wanted.device(None)?)?;
+            let description = in_full(&renderer, threads);
+            Ok(Opened { renderer, description })
+        };
+        let options = RenderOptions {
+            filter: self.sampling.filter,
+            prefilter: self.splatting.prefilter,
+            shading: self.surfaces.shading,
+            two_sided: self.surfaces.two_sided,
+            epsilon: self.surfaces.epsilon,
+            seed: self.sampling.seed,
+            memory: self.splatting.memory,
+            ..RenderOptions::default()
+        };
+        Ok(Loaded { trial: Trial::new(scene, path, options, Box::new(open)), notes, pool })
+    }
+}

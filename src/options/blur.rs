@@ -1,0 +1,233 @@
+//! How motion becomes blur: blur modes, errors to aim at, and both as text.
+//!
+//! The text is `NAME[:COUNTS][+OPTION=VALUE]...`, as in `supersample:8+interleave=2`, `bucket:8x4` or
+//! `auto:0.01+samples-max=64`. [`super::ModeParts`] reads it; `Display` here writes it. Equal values have equal texts.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::parts::{ModeName, ModeParts};
+use super::{Interleave, OptionError, SweptKernel};
+
+/// How motion becomes blur.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BlurMode {
+    /// No motion: everything at the frame number, averaged over sub-pixel offsets.
+    Still {
+        /// Sub-pixel positions, 1 to [`super::MAX_SAMPLES`].
+        pixel_samples: u32,
+    },
+    /// Temporal supersampling (Wolf 2008, 3.6.1 and 4.3). Each time sample has its own visibility test, normalisation
+    /// and shading.
+    Supersample {
+        /// Time samples of a pixel, 1 to [`super::MAX_SAMPLES`].
+        samples: u32,
+        /// Sub-pixel positions, >= 1. Fewer than samples are shared out, more are several for each. `None`: one for
+        /// each.
+        pixel_samples: Option<u32>,
+        /// Which pixels share their times.
+        interleave: Interleave,
+    },
+    /// Time bucketing (Wolf 2008, 3.6.2 and 4.4). Each bucket has one visibility test, normalisation and shading; all
+    /// its time samples contribute their attributes.
+    Bucket {
+        /// Buckets of a pixel, >= 1. Buckets times samples: at most [`super::MAX_SAMPLES`].
+        buckets: u32,
+        /// Time samples of a bucket, >= 1.
+        samples: u32,
+        /// Sub-pixel positions, >= 1. Fewer than buckets are shared out, more are several for each. `None`: one for
+        /// each.
+        pixel_samples: Option<u32>,
+        /// Which pixels share their times.
+        interleave: Interleave,
+    },
+    /// Volumetric kernels (Wolf 2008, 3.6.3 and 4.1.2). Each kernel sweeps a volume over an interval of the shutter.
+    /// Each interval has one visibility test, normalisation and shading.
+    Volumetric {
+        /// Intervals of the shutter, 1 to [`super::MAX_SAMPLES`].
+        intervals: u32,
+        /// Sub-pixel positions, >= 1. Fewer than intervals are shared out, more are several for each. `None`: one for
+        /// each.
+        pixel_samples: Option<u32>,
+        /// What kernels sweep, and how they add up.
+        swept: SweptKernel,
+    },
+}
+
+impl BlurMode {
+    /// Plain supersampling with `samples` time samples, >= 1.
+    pub const fn supersample(samples: u32) -> Self {
+        Self::interleaved(samples, Interleave::None)
+    }
+
+    /// Supersampling with `samples` time samples, >= 1, each at its own sub-pixel position.
+    pub const fn interleaved(samples: u32, interleave: Interleave) -> Self {
+        Self::Supersample { samples, pixel_samples: None, interleave }
+    }
+
+    /// What kernels sweep; `None` in modes whose kernels do not move.
+    pub const fn swept(self) -> Option<SweptKernel> {
+        match self {
+            Self::Volumetric { swept, .. } => Some(swept),
+            Self::Still { .. } | Self::Supersample { .. } | Self::Bucket { .. } => None,
+        }
+    }
+}
+
+/// As in `still:16`, `supersample:8+interleave=2`, `bucket:8x4`, `volumetric:3+published`.
+impl fmt::Display for BlurMode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (interleaved, groups, pixel_samples, swept) = match *self {
+            Self::Still { pixel_samples } => return write!(f, "still:{pixel_samples}"),
+            Self::Supersample { samples, pixel_samples, interleave } => {
+                write!(f, "supersample:{samples}")?;
+                (interleave, samples, pixel_samples, None)
+            }
+            Self::Bucket { buckets, samples, pixel_samples, interleave } => {
+                write!(f, "bucket:{buckets}x{samples}")?;
+                (interleave, buckets, pixel_samples, None)
+            }
+            Self::Volumetric { intervals, pixel_samples, swept } => {
+                write!(f, "volumetric:{intervals}")?;
+                (Interleave::None, intervals, pixel_samples, Some(swept))
+            }
+        };
+        if let Some(positions) = pixel_samples.filter(|&positions| positions != groups) {
+            write!(f, "+pixel-samples={positions}")?;
+        }
+        if interleaved != Interleave::None {
+            write!(f, "+interleave={interleaved}")?;
+        }
+        swept.map_or(Ok(()), |swept| swept.fmt(f))
+    }
+}
+
+impl FromStr for BlurMode {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        match text.parse()? {
+            Quality::Mode(mode) => Ok(mode),
+            Quality::Error(_) => {
+                let known = ModeName::WORDS.iter().filter(|&&name| name != ModeName::Auto.word());
+                let known = known.copied().collect::<Vec<_>>().join(", ");
+                Err(OptionError::Mode { found: ModeName::Auto.to_string(), known })
+            }
+        }
+    }
+}
+
+/// An error that a frame may have. Mode `auto` finds the samples for it ([`crate::auto`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ErrorTarget {
+    /// Largest error of a block of the image, 0.0001 to 1: the root mean square of the differences of display values.
+    pub error: f64,
+    /// Most time samples of a pixel, 4 to [`super::MAX_SAMPLES`].
+    pub samples_max: u32,
+    /// Sub-pixel positions of the first samples, >= 1; an even number is used.
+    pub pixel_samples: u32,
+}
+
+impl ErrorTarget {
+    /// For quick looks: FLIP .006 to .008 on fast balls (docs/modes.md).
+    pub const DRAFT: f64 = 0.05;
+    /// FLIP .004 to .006 there.
+    pub const GOOD: f64 = 0.025;
+    /// FLIP .004 to .007 there, with half the RMSE of `GOOD`.
+    pub const FINAL: f64 = 0.0125;
+    /// The values of [`ErrorTarget::error`].
+    const RANGE: std::ops::RangeInclusive<f64> = 1e-4..=1.0;
+
+    /// An error: `draft`, `good`, `final`, or a number from 0.0001 to 1.
+    ///
+    /// # Errors
+    /// The text is none of these.
+    pub fn parse_error(text: &str) -> Result<f64, OptionError> {
+        match text {
+            "draft" => Ok(Self::DRAFT),
+            "good" => Ok(Self::GOOD),
+            "final" => Ok(Self::FINAL),
+            _ => {
+                let number = text.parse().ok().filter(|error| Self::RANGE.contains(error));
+                number.ok_or_else(|| OptionError::value("draft, good, final, or a number from 0.0001 to 1", text))
+            }
+        }
+    }
+}
+
+impl Default for ErrorTarget {
+    fn default() -> Self {
+        Self { error: Self::GOOD, samples_max: 256, pixel_samples: 8 }
+    }
+}
+
+/// The error, and what differs from the defaults, as in `0.015+samples-max=64`.
+impl fmt::Display for ErrorTarget {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let default = Self::default();
+        write!(f, "{}", self.error)?;
+        if self.samples_max != default.samples_max {
+            write!(f, "+samples-max={}", self.samples_max)?;
+        }
+        if self.pixel_samples != default.pixel_samples {
+            write!(f, "+pixel-samples={}", self.pixel_samples)?;
+        }
+        Ok(())
+    }
+}
+
+impl FromStr for ErrorTarget {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        match format!("{}:{text}", ModeName::Auto).parse()? {
+            Quality::Error(target) => Ok(target),
+            Quality::Mode(mode) => Err(OptionError::value("an error target", &mode.to_string())),
+        }
+    }
+}
+
+/// How good a frame is to be: a blur mode with its samples, or an error for which samples are found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Quality {
+    /// This mode.
+    Mode(BlurMode),
+    /// As many time samples as this error takes ([`crate::auto`]).
+    Error(ErrorTarget),
+}
+
+impl Default for Quality {
+    fn default() -> Self {
+        Self::Error(ErrorTarget::default())
+    }
+}
+
+impl From<BlurMode> for Quality {
+    fn from(mode: BlurMode) -> Self {
+        Self::Mode(mode)
+    }
+}
+
+impl From<ErrorTarget> for Quality {
+    fn from(target: ErrorTarget) -> Self {
+        Self::Error(target)
+    }
+}
+
+/// As [`BlurMode`] and [`ErrorTarget`] are written, the latter after `auto:`.
+impl fmt::Display for Quality {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Mode(mode) => mode.fmt(f),
+            Self::Error(target) => write!(f, "{}:{target}", ModeName::Auto),
+        }
+    }
+}
+
+impl FromStr for Quality {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        text.parse::<ModeParts>()?.quality()
+    }
+}

@@ -1,0 +1,173 @@
+//! What a person chooses: how frames are rendered.
+//!
+//! Every option has one text. `Display` writes it and `FromStr` reads it. The command line, studies, JSON and the
+//! headers of files all use it. `FromStr` refuses values that are out of range; values that are set in code are not
+//! checked here.
+
+mod aov;
+mod blur;
+mod error;
+mod parts;
+mod swept;
+mod weight;
+mod words;
+
+use std::fmt;
+use std::str::FromStr;
+
+pub use self::aov::in_order;
+pub use self::blur::{BlurMode, ErrorTarget, Quality};
+pub use self::error::OptionError;
+pub use self::parts::{MAX_SAMPLES, ModeName, ModeParts, count, samples_max};
+pub use self::swept::{KernelShape, KernelWeight, Normalise, SourceSamples, SweptKernel, TemporalAlpha};
+pub(crate) use self::words::words;
+use crate::film::Aov;
+
+/// Interleaved time sampling: the pixels of an S x S lattice fall into S^2 classes, each with times of its own.
+/// Neighbouring pixels see different times (Keller and Heidrich 2001, for rays).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interleave {
+    /// All pixels see the same times.
+    #[default]
+    None,
+    /// A 2 x 2 lattice.
+    Two,
+    /// A 4 x 4 lattice.
+    Four,
+}
+
+impl Interleave {
+    /// Pixels from one pixel of a class to the next, along both axes: 1, 2 or 4.
+    pub const fn stride(self) -> u32 {
+        match self {
+            Self::None => 1,
+            Self::Two => 2,
+            Self::Four => 4,
+        }
+    }
+
+    /// The one with this stride; `None` where there is none.
+    pub const fn with_stride(stride: u32) -> Option<Self> {
+        match stride {
+            1 => Some(Self::None),
+            2 => Some(Self::Two),
+            4 => Some(Self::Four),
+            _ => None,
+        }
+    }
+
+    /// The first pixel of each class, column and row, row by row.
+    pub(crate) fn phases(self) -> impl Iterator<Item = [u32; 2]> {
+        let stride = self.stride();
+        (0..stride * stride).map(move |class| [class % stride, class / stride])
+    }
+
+    /// The seed of the sub-pixel offsets of the class of pixel `phase`: each class has offsets of its own.
+    pub(crate) fn seed_of(self, phase: [u32; 2], seed: u64) -> u64 {
+        seed.wrapping_add(u64::from(self.order(phase)) << 32)
+    }
+
+    /// Place of the class of pixel `phase` in Bayer order, 0..stride^2: consecutive classes are far apart.
+    pub(crate) fn order(self, phase: [u32; 2]) -> u32 {
+        let [x, y] = phase;
+        let bits = self.stride().trailing_zeros();
+        (0..bits).fold(0, |order, bit| order << 2 | ((x ^ y) >> bit & 1) << 1 | y >> bit & 1)
+    }
+}
+
+/// The stride.
+impl fmt::Display for Interleave {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.stride().fmt(f)
+    }
+}
+
+impl FromStr for Interleave {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        text.parse().ok().and_then(Self::with_stride).ok_or_else(|| OptionError::value("1, 2 or 4", text))
+    }
+}
+
+/// How sub-pixel positions are chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PixelFilter {
+    /// Mean over the pixel's square: each time sample has its own sub-pixel offset.
+    #[default]
+    Box,
+    /// Pixel centres.
+    Point,
+}
+
+words!(PixelFilter, "pixel filter", [Box = "box", Point = "point"]);
+
+/// Screen-space prefilter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Prefilter {
+    /// A pixel counts as near a splat as the nearer of its object-space kernel and a screen-space disc (Botsch et al.
+    /// 2005; Wolf 2008, 4.2.3).
+    #[default]
+    Approx,
+    /// Object-space kernels alone.
+    None,
+}
+
+words!(Prefilter, "prefilter", [Approx = "approx", None = "none"]);
+
+/// Where shading happens.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shading {
+    /// Per pixel, with the averaged normal (deferred; Wolf 2008, 4.1.1).
+    #[default]
+    Phong,
+    /// Per surfel.
+    Gouraud,
+}
+
+words!(Shading, "shading", [Phong = "phong", Gouraud = "gouraud"]);
+
+/// How frames are rendered. The defaults are those of the command line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RenderOptions {
+    /// Blur mode, or the error that samples are found for. Default: [`ErrorTarget::default`].
+    pub quality: Quality,
+    /// Where sub-pixel positions are. Default: over the pixel's square.
+    pub filter: PixelFilter,
+    /// Screen-space prefilter. Default: [`Prefilter::Approx`].
+    pub prefilter: Prefilter,
+    /// Where shading happens. Default: per pixel.
+    pub shading: Shading,
+    /// Show the back faces of all objects, with their normals turned to the viewer. Default: as each object says.
+    pub two_sided: bool,
+    /// Depth tolerance of visibility for all objects, scene units, 0 to 1e30. `None`: the scene's.
+    pub epsilon: Option<f64>,
+    /// Seed of the sub-pixel offsets. Default: 1.
+    pub seed: u64,
+    /// Bytes that a frame and the models may take together. Default: 2^30. The picture does not depend on it.
+    pub memory: u64,
+    /// Smooth the finished picture along the motion ([`crate::reconstruct`])? Default: no.
+    pub reconstruct: bool,
+    /// Extra channels, in the order of [`Aov::LAYERS`], each at most once. Default: none.
+    pub aovs: Vec<Aov>,
+}
+
+impl Default for RenderOptions {
+    fn default() -> Self {
+        Self {
+            quality: Quality::default(),
+            filter: PixelFilter::Box,
+            prefilter: Prefilter::Approx,
+            shading: Shading::Phong,
+            two_sided: false,
+            epsilon: None,
+            seed: 1,
+            memory: 1 << 30,
+            reconstruct: false,
+            aovs: Vec::new(),
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,160 @@
+//! What the kernels of mode `volumetric` sweep, how they weigh and add up, and that as text.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::parts::{ModeName, ModeParts, number};
+use super::words::words;
+use super::{BlurMode, OptionError, Quality};
+
+/// How volumetric kernels weigh and add up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SweptKernel {
+    /// The volume that a kernel sweeps.
+    pub shape: KernelShape,
+    /// Its weight on a ray. [`KernelWeight::Chord`] is of [`KernelShape::Ellipsoid`] only.
+    pub weight: KernelWeight,
+    /// Places on the ray within a kernel whose sources are tested for visibility (Wolf 2008, eq. C.41).
+    pub source_samples: SourceSamples,
+    /// Where temporal alpha comes from.
+    pub alpha: TemporalAlpha,
+    /// When colours are divided by weights.
+    pub normalise: Normalise,
+}
+
+impl SweptKernel {
+    /// As published (Wolf 2008). Kernels of neighbouring intervals overlap (its figures 5.2 and 6.1 show that they
+    /// must).
+    pub const PUBLISHED: Self = Self {
+        shape: KernelShape::Ellipsoid,
+        weight: KernelWeight::Chord,
+        source_samples: SourceSamples(1),
+        alpha: TemporalAlpha::Sum,
+        normalise: Normalise::Once,
+    };
+
+    /// Whether a film is complete only after all intervals: where colours are divided once, or coverage is a sum.
+    pub(crate) fn needs_finish(self) -> bool {
+        self.normalise == Normalise::Once || self.alpha == TemporalAlpha::Sum
+    }
+
+    /// Motion of a kernel divided by the motion of its surfel during the interval. It is 2 in the published variant,
+    /// whose half-axis is the whole spacing of the time samples, and 1 in all others.
+    pub fn stretch(self) -> f64 {
+        if (Self { source_samples: SourceSamples(1), ..self }) == Self::PUBLISHED { 2.0 } else { 1.0 }
+    }
+}
+
+/// What differs from the defaults, as in `+kernel=ellipsoid+source-samples=4`; nothing for the defaults.
+impl fmt::Display for SweptKernel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let default = Self::default();
+        if self.stretch() > 1.0 {
+            write!(f, "+published")?;
+        } else {
+            if self.shape != default.shape {
+                write!(f, "+kernel={}", self.shape)?;
+            }
+            if self.weight != default.weight {
+                write!(f, "+kernel-weight={}", self.weight)?;
+            }
+            if self.alpha != default.alpha {
+                write!(f, "+alpha={}", self.alpha)?;
+            }
+            if self.normalise != default.normalise {
+                write!(f, "+normalise={}", self.normalise)?;
+            }
+        }
+        if self.source_samples == default.source_samples {
+            Ok(())
+        } else {
+            write!(f, "+source-samples={}", self.source_samples)
+        }
+    }
+}
+
+impl FromStr for SweptKernel {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        if !(text.is_empty() || text.starts_with('+')) {
+            return Err(OptionError::value("options of swept kernels, as in +kernel=ellipsoid+alpha=sum", text));
+        }
+        match format!("{}{text}", ModeName::Volumetric).parse::<ModeParts>()?.quality()? {
+            Quality::Mode(BlurMode::Volumetric { swept, .. }) => Ok(swept),
+            other => Err(OptionError::value("options of swept kernels", &other.to_string())),
+        }
+    }
+}
+
+/// Places on the ray within a kernel whose sources are tested for visibility, 1 to 64.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SourceSamples(pub u32);
+
+impl Default for SourceSamples {
+    fn default() -> Self {
+        Self(1)
+    }
+}
+
+impl fmt::Display for SourceSamples {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl FromStr for SourceSamples {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        number(text, 1..=64).map(Self)
+    }
+}
+
+/// The volume that a kernel sweeps over an interval.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum KernelShape {
+    /// The 2D kernel moved along: equal weight at all times (Heinzle et al. 2010).
+    #[default]
+    Tube,
+    /// 2D Gaussian times a 1D Gaussian along the motion (Wolf 2008, appendix C).
+    Ellipsoid,
+}
+
+words!(KernelShape, "shape of a kernel", [Tube = "tube", Ellipsoid = "ellipsoid"]);
+
+/// The weight of a kernel on a ray.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum KernelWeight {
+    /// The integral over time.
+    #[default]
+    Integral,
+    /// By the length of the ray's chord (Wolf 2008, eq. 4.12); of the ellipsoid only.
+    Chord,
+}
+
+words!(KernelWeight, "weight of a kernel", [Integral = "integral", Chord = "chord"]);
+
+/// Where temporal alpha comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TemporalAlpha {
+    /// The times at which any kernel covers the pixel.
+    #[default]
+    Union,
+    /// The sum of all weights, clamped to 1 (Wolf 2008, 4.1.2, figure 5.3).
+    Sum,
+}
+
+words!(TemporalAlpha, "temporal alpha", [Union = "union", Sum = "sum"]);
+
+/// When colours are divided by weights.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Normalise {
+    /// For each interval, before the intervals are added up.
+    #[default]
+    Interval,
+    /// Once, at the end (Wolf 2008, 4.1.2).
+    Once,
+}
+
+words!(Normalise, "time to normalise", [Interval = "interval", Once = "once"]);

@@ -1,0 +1,344 @@
+//! Who takes part in a study: modes, the reference among them, each on a backend. As text: `MODE[@BACKEND]`.
+//!
+//! The modes of splatting are those of [`crate::options`]; `reference:SPP` is a mode of studies only.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::options::{BlurMode, ModeName, OptionError, Quality, words};
+use crate::reference::SCRAMBLINGS;
+
+/// Samples of a pixel of a reference of which the text says nothing more.
+const REFERENCE_SAMPLES: u64 = 1024;
+
+/// Most samples of a pixel of a reference in a study.
+const MOST_REFERENCE_SAMPLES: u64 = 1 << 20;
+
+/// Why a text names no contestant.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ContestantError {
+    /// It is neither a mode of splatting nor a reference, or names no backend.
+    #[error(transparent)]
+    Option(#[from] OptionError),
+    /// Not a number of samples of a reference.
+    #[error("expected a multiple of {SCRAMBLINGS}, up to {MOST_REFERENCE_SAMPLES}, found `{found}`")]
+    ReferenceSamples {
+        /// The text.
+        found: String,
+    },
+    /// References are traced on the CPU.
+    #[error("the reference is always made on the CPU")]
+    ReferenceBackend,
+    /// Something is wrong in one of a list.
+    #[error("mode `{mode}`: {what}")]
+    InList {
+        /// The text of the one.
+        mode: String,
+        /// What is wrong.
+        what: Box<Self>,
+    },
+    /// One is there twice.
+    #[error("{what} `{name}` is there twice")]
+    Twice {
+        /// A mode or a backend.
+        what: &'static str,
+        /// Its name.
+        name: String,
+    },
+}
+
+/// What renders: the two kinds of backends, whose pictures differ by rounding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum BackendKind {
+    /// The processor.
+    Cpu,
+    /// A graphics adapter.
+    Gpu,
+}
+
+words!(BackendKind, "backend of this program", [Cpu = "cpu", Gpu = "gpu"]);
+
+/// How a picture is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Method {
+    /// By splatting.
+    Splat(Quality),
+    /// By ray tracing, with so many samples of a pixel: a multiple of 16, up to 2^20.
+    Reference(u64),
+}
+
+impl Method {
+    /// The mode without its counts: `bucket+interleave=2` of `bucket:8x4+interleave=2`.
+    pub fn family(self) -> String {
+        let text = self.to_string();
+        let (name, rest) = text.split_once(':').unwrap_or((&text, ""));
+        let options = rest.find('+').map_or("", |at| &rest[at..]);
+        format!("{name}{options}")
+    }
+
+    /// Samples of a pixel; 0 in mode auto, whose pictures say it themselves.
+    pub fn samples(self) -> u64 {
+        match self {
+            Self::Splat(Quality::Mode(BlurMode::Still { pixel_samples })) => pixel_samples.into(),
+            Self::Splat(Quality::Mode(BlurMode::Supersample { samples, .. })) => samples.into(),
+            Self::Splat(Quality::Mode(BlurMode::Bucket { buckets, samples, .. })) => {
+                u64::from(buckets) * u64::from(samples)
+            }
+            Self::Splat(Quality::Mode(BlurMode::Volumetric { intervals, .. })) => intervals.into(),
+            Self::Splat(Quality::Error(_)) => 0,
+            Self::Reference(samples) => samples,
+        }
+    }
+
+    /// True of references.
+    pub fn is_traced(self) -> bool {
+        matches!(self, Self::Reference(_))
+    }
+}
+
+/// As [`Quality`] is written; references as `reference:1024`.
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Splat(quality) => quality.fmt(f),
+            Self::Reference(samples) => write!(f, "reference:{samples}"),
+        }
+    }
+}
+
+impl FromStr for Method {
+    type Err = ContestantError;
+
+    fn from_str(text: &str) -> Result<Self, ContestantError> {
+        let (name, rest) = text.split_at(text.find([':', '+']).unwrap_or(text.len()));
+        if name == "reference" {
+            return match (rest.split_once('+'), rest.strip_prefix(':')) {
+                (Some((_, option)), _) => {
+                    let option = option.split(['=', '+']).next().unwrap_or_default().to_owned();
+                    let known = "nothing".to_owned();
+                    Err(OptionError::Unknown { mode: "reference", option, known }.into())
+                }
+                (None, Some(counts)) => reference_samples(counts).map(Self::Reference),
+                (None, None) => Ok(Self::Reference(REFERENCE_SAMPLES)),
+            };
+        }
+        match text.parse() {
+            Ok(quality) => Ok(Self::Splat(quality)),
+            Err(OptionError::Mode { found, .. }) => {
+                let known = format!("{}, reference", ModeName::WORDS.join(", "));
+                Err(OptionError::Mode { found, known }.into())
+            }
+            Err(other) => Err(other.into()),
+        }
+    }
+}
+
+/// Samples of a reference: a multiple of 16, up to 2^20.
+///
+/// # Errors
+/// The text is no such number.
+pub fn reference_samples(text: &str) -> Result<u64, ContestantError> {
+    let fits =
+        |samples: &u64| (1..=MOST_REFERENCE_SAMPLES).contains(samples) && samples.is_multiple_of(SCRAMBLINGS as u64);
+    let samples = text.trim().parse().ok().filter(fits);
+    samples.ok_or_else(|| ContestantError::ReferenceSamples { found: text.to_owned() })
+}
+
+/// One of a list of modes: a method and, perhaps, the backend that it asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Entry {
+    /// How the picture is made.
+    pub method: Method,
+    /// `None`: not said.
+    pub backend: Option<BackendKind>,
+}
+
+/// As in `bucket:8x4+interleave=2@cpu`.
+impl fmt::Display for Entry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.method.fmt(f)?;
+        self.backend.map_or(Ok(()), |backend| write!(f, "@{backend}"))
+    }
+}
+
+impl FromStr for Entry {
+    type Err = ContestantError;
+
+    fn from_str(text: &str) -> Result<Self, ContestantError> {
+        let text = text.trim();
+        let (text, backend) = match text.rsplit_once('@') {
+            Some((rest, backend)) => (rest, Some(backend.parse()?)),
+            None => (text, None),
+        };
+        let method: Method = text.parse()?;
+        if method.is_traced() && backend.is_some_and(|backend| backend != BackendKind::Cpu) {
+            return Err(ContestantError::ReferenceBackend);
+        }
+        Ok(Self { method, backend })
+    }
+}
+
+/// The entries of a list with commas, each once.
+///
+/// # Errors
+/// One cannot be read, or is there twice.
+pub fn entries(text: &str) -> Result<Vec<Entry>, ContestantError> {
+    let mut entries: Vec<Entry> = Vec::new();
+    for part in text.split(',') {
+        let in_list = |what| ContestantError::InList { mode: part.trim().to_owned(), what: Box::new(what) };
+        let entry: Entry = part.parse().map_err(in_list)?;
+        if entries.contains(&entry) {
+            return Err(ContestantError::Twice { what: "mode", name: entry.to_string() });
+        }
+        entries.push(entry);
+    }
+    Ok(entries)
+}
+
+/// The backends of a list with commas, each once.
+///
+/// # Errors
+/// One is unknown, or is there twice.
+pub fn backends(text: &str) -> Result<Vec<BackendKind>, ContestantError> {
+    let mut backends: Vec<BackendKind> = Vec::new();
+    for part in text.split(',') {
+        let backend = part.trim().parse()?;
+        if backends.contains(&backend) {
+            return Err(ContestantError::Twice { what: "backend", name: backend.to_string() });
+        }
+        backends.push(backend);
+    }
+    Ok(backends)
+}
+
+/// A method on a backend.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contestant {
+    /// How the picture is made.
+    pub method: Method,
+    /// What makes it.
+    pub backend: BackendKind,
+}
+
+impl Contestant {
+    /// The contestants of a list: entries without a backend take part on each of `backends`, references on the CPU.
+    ///
+    /// # Errors
+    /// One is there twice.
+    pub fn of(entries: &[Entry], backends: &[BackendKind]) -> Result<Vec<Self>, ContestantError> {
+        let mut contestants: Vec<Self> = Vec::new();
+        for entry in entries {
+            let of_entry = match (entry.backend, entry.method) {
+                (Some(backend), _) => vec![backend],
+                (None, Method::Reference(_)) => vec![BackendKind::Cpu],
+                (None, Method::Splat(_)) => backends.to_vec(),
+            };
+            for backend in of_entry {
+                let contestant = Self { method: entry.method, backend };
+                if contestants.contains(&contestant) {
+                    return Err(ContestantError::Twice { what: "mode", name: contestant.to_string() });
+                }
+                contestants.push(contestant);
+            }
+        }
+        Ok(contestants)
+    }
+}
+
+/// As in `supersample:8@cpu`.
+impl fmt::Display for Contestant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}@{}", self.method, self.backend)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::options::{Interleave, tests::any_quality};
+
+    fn entry(text: &str) -> Entry {
+        text.parse().unwrap()
+    }
+
+    #[test]
+    fn entries_are_read() {
+        let two = Method::Splat(BlurMode::interleaved(8, Interleave::Two).into());
+        assert_eq!(entry(" supersample:8+interleave=2 "), Entry { method: two, backend: None });
+        assert_eq!(entry("supersample:8+interleave=2@cpu"), Entry { method: two, backend: Some(BackendKind::Cpu) });
+        assert_eq!(entry("reference:64").method, Method::Reference(64));
+        assert_eq!(entry("reference@cpu").to_string(), "reference:1024@cpu");
+        assert_eq!(entry("bucket:8x4").method.samples(), 32);
+        assert_eq!(entry("bucket:8x4+interleave=2@cpu").method.family(), "bucket+interleave=2");
+        assert_eq!(entry("still").method.family(), "still");
+        assert_eq!(backends("cpu"), Ok(vec![BackendKind::Cpu]));
+        assert_eq!(backends("cpu, gpu"), Ok(vec![BackendKind::Cpu, BackendKind::Gpu]));
+        assert!(backends("cpu,cpu").is_err() && backends("").is_err());
+    }
+
+    #[test]
+    fn mistakes_are_explained() {
+        for (text, hint) in [
+            ("", "there are: auto, still, supersample, bucket, volumetric, reference"),
+            ("super:8", "there is no mode `super`"),
+            ("supersample:0", "1 to 65536"),
+            ("reference:100", "a multiple of 16"),
+            ("reference:0", "a multiple of 16"),
+            ("reference:", "a multiple of 16"),
+            ("reference:99999999999999999999", "a multiple of 16"),
+            ("reference:16+interleave=2", "reference has no option `interleave` (it takes: nothing)"),
+            ("still@tpu", "`tpu` is no backend"),
+            ("still@", "is no backend"),
+            ("reference:16@gpu", "always made on the CPU"),
+        ] {
+            let error = text.parse::<Entry>().unwrap_err().to_string();
+            assert!(error.contains(hint), "{text}: {error}");
+        }
+        assert!(entries("still,supersample:4").is_ok());
+        let said = |text: &str| entries(text).unwrap_err().to_string();
+        assert!(said("supersample,supersample:32").contains("mode `supersample:32` is there twice"));
+        assert!(said("still,,bucket").starts_with("mode ``: there is no mode ``"));
+    }
+
+    #[test]
+    fn entries_meet_backends() {
+        let both = [BackendKind::Cpu, BackendKind::Gpu];
+        let names = |text: &str| -> Result<Vec<String>, ContestantError> {
+            Ok(Contestant::of(&entries(text)?, &both)?.iter().map(Contestant::to_string).collect())
+        };
+        assert_eq!(names("still:1,reference:16").unwrap(), ["still:1@cpu", "still:1@gpu", "reference:16@cpu"]);
+        assert_eq!(names("still:1@gpu").unwrap(), ["still:1@gpu"]);
+        assert!(names("still:1,still:1@cpu").unwrap_err().to_string().contains("`still:1@cpu` is there twice"));
+    }
+
+    fn any_entry() -> impl Strategy<Value = Entry> {
+        let method = prop_oneof![
+            any_quality().prop_map(Method::Splat),
+            (1_u64..=65_536).prop_map(|n| Method::Reference(16 * n)),
+        ];
+        let backend = prop::sample::select(vec![None, Some(BackendKind::Cpu)]);
+        (method, backend).prop_map(|(method, backend)| Entry { method, backend })
+    }
+
+    proptest! {
+        /// What is written is read as the same.
+        #[test]
+        fn entries_read_back(entry in any_entry()) {
+            prop_assert_eq!(entry.to_string().parse::<Entry>(), Ok(entry));
+        }
+
+        /// Any text is a list of entries or a sentence.
+        #[test]
+        fn any_text(
+            text in "[a-z:+=@x0-9,.-]{0,24}|(still|supersample|bucket|volumetric|reference)[:+=@x0-9a-z,-]{0,16}",
+        ) {
+            if let Ok(list) = entries(&text) {
+                let written = list.iter().map(Entry::to_string).collect::<Vec<_>>().join(",");
+                prop_assert_eq!(entries(&written), Ok(list));
+            }
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! The line-up of a sheet: one frame in several modes, side by side.
+
+use super::StudyError;
+use super::contestant::{BackendKind, Contestant, Entry};
+use super::experiment::{Progress, Tell};
+use super::sheet::{Crop, Panel, SheetError, most_different};
+use super::trial::{Shot, Trial};
+use crate::compare::{Comparison, Metric, Shown};
+
+/// One frame in several modes.
+#[derive(Clone, Debug)]
+pub struct LineUp {
+    /// The frame.
+    pub frame: i64,
+    /// The modes; those without a backend are rendered on the CPU.
+    pub entries: Vec<Entry>,
+    /// Samples of a pixel of the reference that they are compared with: a multiple of 16.
+    pub reference: Option<u64>,
+    /// The part to enlarge.
+    pub part: Part,
+}
+
+/// Which part of a picture to enlarge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// This one.
+    Here(Crop),
+    /// The one of this width and height in which the modes differ most.
+    MostDifferent(u32, u32),
+}
+
+/// The pictures of a line-up.
+#[derive(Clone, Debug)]
+pub struct Shots {
+    reference: Option<Shot>,
+    /// In the order of the entries.
+    of_entries: Vec<Shot>,
+    /// The part to enlarge.
+    pub crop: Crop,
+}
+
+impl LineUp {
+    /// Refuses a part that is not in the picture.
+    ///
+    /// # Errors
+    /// The part reaches outside.
+    pub fn check(&self, trial: &Trial<'_>) -> Result<(), SheetError> {
+        match self.part {
+            Part::Here(crop) => crop.check(trial.scene().image.width, trial.scene().image.height),
+            Part::MostDifferent(..) => Ok(()),
+        }
+    }
+
+    /// Renderings, as [`Progress`] counts them.
+    pub fn steps(&self) -> u64 {
+        u64::from(self.reference.is_some()) + self.entries.iter().map(renderings).sum::<u64>()
+    }
+
+    /// Renders the frame in all modes.
+    ///
+    /// # Errors
+    /// The part is not in the picture, or something cannot be rendered.
+    pub fn run(&self, trial: &mut Trial<'_>, tell: Tell<'_>) -> Result<Shots, StudyError> {
+        self.check(trial)?;
+        let mut step = 0;
+        let mut reference = None;
+        if let Some(samples) = self.reference {
+            let share = |share| tell(Progress::At { step, what: "reference", share });
+            reference = Some(trial.judge(samples, self.frame, &share)?);
+            step += 1;
+        }
+        let mut shots = Vec::new();
+        for entry in &self.entries {
+            let name = entry.to_string();
+            let backend = entry.backend.unwrap_or(BackendKind::Cpu);
+            let contestant = Contestant { method: entry.method, backend };
+            for turn in 1..=renderings(entry) {
+                let share = |share| tell(Progress::At { step, what: &name, share });
+                share(0.0);
+                let shot = trial.shoot(contestant, self.frame, &share);
+                let shot = shot.map_err(StudyError::in_mode(name.clone()))?;
+                step += 1;
+                if turn == renderings(entry) {
+                    shots.push(shot);
+                }
+            }
+        }
+        let crop = match self.part {
+            Part::Here(crop) => crop,
+            Part::MostDifferent(width, height) => {
+                // One mode alone can only differ from the reference.
+                let alone = reference.iter().filter(|_| shots.len() == 1);
+                let pictures: Vec<_> = shots.iter().chain(alone).map(|shot| &shot.picture).collect();
+                most_different(&pictures, width, height)?
+            }
+        };
+        Ok(Shots { reference, of_entries: shots, crop })
+    }
+
+    /// Pictures with their labels: samples, seconds and errors. The reference comes first.
+    ///
+    /// # Errors
+    /// The pictures cannot be compared.
+    pub fn panels<'a>(&self, shots: &'a Shots) -> Result<Vec<Panel<'a>>, StudyError> {
+        let mut panels = Vec::new();
+        let took = |samples: u64, seconds: f64| {
+            let plural = if samples == 1 { "" } else { "s" };
+            format!("{samples} sample{plural}, {seconds:.3} s")
+        };
+        if let (Some(shot), Some(samples)) = (&shots.reference, self.reference) {
+            let lines = vec![took(samples, shot.seconds), "errors are against this".to_owned()];
+            panels.push(Panel { title: "reference".to_owned(), lines, picture: &shot.picture });
+        }
+        for (entry, shot) in self.entries.iter().zip(&shots.of_entries) {
+            let mut lines = vec![took(shot.samples(entry.method), shot.seconds)];
+            if let Some(reference) = &shots.reference {
+                let errors = Comparison::new(&shot.picture, &reference.picture, &[Metric::Flip])?;
+                let value = |metric| Shown(errors.value(metric).unwrap_or(f64::NAN));
+                lines.push(format!("FLIP {:.6}, RMSE {:.6}", value(Metric::Flip), value(Metric::Rmse)));
+            }
+            panels.push(Panel { title: entry.to_string(), lines, picture: &shot.picture });
+        }
+        Ok(panels)
+    }
+}
+
+/// Once to warm up, once measured. References are slow and need no warming.
+fn renderings(entry: &Entry) -> u64 {
+    if entry.method.is_traced() { 1 } else { 2 }
+}

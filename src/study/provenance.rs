@@ -1,0 +1,296 @@
+//! What made a picture. The header of each file carries it as JSON: enough to know whether another run would make the
+//! same picture.
+//!
+//! Everything that changes pixels is here: the program's version, the resolved scene, the bytes of the files that it
+//! names, all options, the frame. Everything else is left out: threads, memory, directories, times, names of devices.
+
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::image::{Bits, Format};
+use crate::options::{Prefilter, RenderOptions};
+use crate::reference::{ReferenceOptions, Sampler};
+use crate::scene::Scene;
+use crate::scene_file;
+
+/// Name and version of this program.
+pub const PROGRAM: &str = concat!("splatblur ", env!("CARGO_PKG_VERSION"));
+
+/// Why the provenance of a scene cannot be told.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ProvenanceError {
+    /// A file of the scene cannot be read again.
+    #[error("cannot read {}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// JSON cannot be made.
+    #[error("cannot write the settings as JSON")]
+    Json(#[from] serde_json::Error),
+}
+
+/// A scene as far as it decides pictures: its values, and the bytes of the files that it names.
+#[derive(Clone, Debug)]
+pub struct Provenance {
+    /// The settings as far as the scene says them.
+    of_scene: Settings,
+    /// The scene as XML, without its range of frames: a longer sequence has the same frames.
+    canonical: String,
+}
+
+/// Everything that decides a picture.
+#[derive(Clone, Debug, Serialize)]
+pub struct Settings {
+    program: &'static str,
+    scene: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    frame: Option<i64>,
+    rate: f64,
+    backend: String,
+    mode: String,
+    /// Of references.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    samples: Option<u64>,
+    /// Of references.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sampler: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reconstruct: Option<&'static str>,
+    width: u32,
+    height: u32,
+    shutter: [f64; 2],
+    weight: String,
+    filter: String,
+    prefilter: String,
+    shading: String,
+    two_sided: bool,
+    epsilon: Option<f64>,
+    seed: u64,
+    background: [f64; 3],
+    transparent: bool,
+    aovs: Vec<&'static str>,
+    format: &'static str,
+    bits: u32,
+    inputs: Vec<Input>,
+    /// FNV-1a, 128 bits, of the canonical scene and all fields above except `frame`.
+    hash: String,
+}
+
+/// A file that the scene names.
+#[derive(Clone, Debug, Serialize)]
+struct Input {
+    file: String,
+    bytes: u64,
+    crc32: String,
+}
+
+impl Provenance {
+    /// Of a scene that was loaded from `path`. Reads the files that it names again, for their checksums.
+    ///
+    /// # Errors
+    /// One of these files cannot be read.
+    pub fn of(scene: &Scene, path: &Path) -> Result<Self, ProvenanceError> {
+        let of_scene = Settings {
+            program: PROGRAM,
+            scene: scene.name.clone(),
+            frame: None,
+            rate: scene.frames.rate,
+            backend: String::new(),
+            mode: String::new(),
+            samples: None,
+            sampler: None,
+            reconstruct: None,
+            width: scene.image.width,
+            height: scene.image.height,
+            shutter: [scene.shutter.open, scene.shutter.close],
+            weight: scene.shutter.weight.to_string(),
+            filter: String::new(),
+            prefilter: String::new(),
+            shading: String::new(),
+            two_sided: false,
+            epsilon: None,
+            seed: 0,
+            background: scene.image.background.to_array(),
+            transparent: scene.image.transparent,
+            aovs: Vec::new(),
+            format: "",
+            bits: 0,
+            inputs: inputs(scene)?,
+            hash: String::new(),
+        };
+        let mut alone = scene.clone();
+        (alone.frames.first, alone.frames.last) = (0, 0);
+        let canonical = scene_file::to_xml(&alone, path.parent().unwrap_or(Path::new("")));
+        Ok(Self { of_scene, canonical })
+    }
+
+    /// The settings of pictures that are splatted on a backend, `cpu` or `gpu`.
+    ///
+    /// # Errors
+    /// JSON cannot be made.
+    pub fn splatted(
+        &self,
+        options: &RenderOptions,
+        format: Format,
+        backend: &str,
+    ) -> Result<Settings, ProvenanceError> {
+        self.sealed(Settings {
+            backend: backend.to_owned(),
+            mode: options.quality.to_string(),
+            reconstruct: options.reconstruct.then_some("along"),
+            filter: options.filter.to_string(),
+            prefilter: options.prefilter.to_string(),
+            shading: options.shading.to_string(),
+            two_sided: options.two_sided,
+            epsilon: options.epsilon,
+            seed: options.seed,
+            aovs: options.aovs.iter().map(|aov| aov.name()).collect(),
+            ..self.in_format(format)
+        })
+    }
+
+    /// The settings of references of so many samples of a pixel, which may be fewer than `options` allows.
+    ///
+    /// # Errors
+    /// JSON cannot be made.
+    pub fn traced(
+        &self,
+        options: &ReferenceOptions,
+        samples: u64,
+        format: Format,
+    ) -> Result<Settings, ProvenanceError> {
+        self.sealed(Settings {
+            backend: "reference".to_owned(),
+            mode: format!("reference:{samples}"),
+            samples: Some(samples),
+            sampler: Some(match options.sampler {
+                Sampler::Sobol => "sobol".to_owned(),
+                Sampler::Jittered { density } => format!("jittered:{density}"),
+                Sampler::Random => "random".to_owned(),
+            }),
+            filter: options.filter.to_string(),
+            prefilter: Prefilter::None.to_string(),
+            shading: options.shading.to_string(),
+            two_sided: options.two_sided,
+            epsilon: options.epsilon,
+            seed: options.seed,
+            aovs: options.aovs.iter().map(|aov| aov.name()).collect(),
+            ..self.in_format(format)
+        })
+    }
+
+    fn in_format(&self, format: Format) -> Settings {
+        let bits = match format {
+            Format::Png { bits: Bits::Eight, .. } => 8,
+            Format::Png { bits: Bits::Sixteen, .. } => 16,
+            Format::Exr => 32,
+        };
+        Settings { format: format.extension(), bits, ..self.of_scene.clone() }
+    }
+
+    /// With the hash of all.
+    fn sealed(&self, mut settings: Settings) -> Result<Settings, ProvenanceError> {
+        let text = serde_json::to_string(&settings)? + &self.canonical;
+        settings.hash = format!("{:032x}", fnv1a(text.as_bytes()));
+        Ok(settings)
+    }
+}
+
+impl Settings {
+    /// The text that the file of a frame carries: equal texts, equal pictures.
+    ///
+    /// # Errors
+    /// JSON cannot be made.
+    pub fn of_frame(&self, frame: i64) -> Result<String, ProvenanceError> {
+        Ok(serde_json::to_string(&Self { frame: Some(frame), ..self.clone() })?)
+    }
+
+    /// Names and values for people, of all that the frames and modes of a study share.
+    pub(super) fn in_words(&self) -> Vec<(&'static str, String)> {
+        let [open, close] = self.shutter;
+        let [r, g, b] = self.background;
+        let file = |input: &Input| format!("{} ({} bytes, CRC-32 {})", input.file, input.bytes, input.crc32);
+        vec![
+            ("background", format!("{r:?}, {g:?}, {b:?}")),
+            ("filter", self.filter.clone()),
+            ("hash", self.hash.clone()),
+            ("inputs", self.inputs.iter().map(file).collect::<Vec<_>>().join(", ")),
+            ("rate", format!("{:?}", self.rate)),
+            ("scene", self.scene.clone()),
+            ("seed", self.seed.to_string()),
+            ("shading", self.shading.clone()),
+            ("shutter", format!("{open:?} to {close:?} frames")),
+            ("transparent", self.transparent.to_string()),
+            ("two sided", self.two_sided.to_string()),
+            ("weight", self.weight.clone()),
+        ]
+    }
+}
+
+/// All model and animation files of a scene, each once, in a fixed order.
+fn inputs(scene: &Scene) -> Result<Vec<Input>, ProvenanceError> {
+    let mut paths: BTreeSet<&PathBuf> =
+        scene.objects.iter().filter(|object| object.sphere.is_none()).map(|object| &object.model_path).collect();
+    paths.extend(scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path));
+    paths.extend(scene.camera.animation.as_ref().map(|a| &a.path));
+    let mut inputs = paths.into_iter().map(|path| input(path)).collect::<Result<Vec<_>, _>>()?;
+    // By name: the order of the paths would depend on the scene's folder.
+    inputs.sort_by(|a, b| (&a.file, &a.crc32).cmp(&(&b.file, &b.crc32)));
+    Ok(inputs)
+}
+
+fn input(path: &Path) -> Result<Input, ProvenanceError> {
+    let failed = |source| ProvenanceError::Read { path: path.to_owned(), source };
+    let mut file = File::open(path).map_err(failed)?;
+    let mut crc = crc32fast::Hasher::new();
+    let mut buffer = vec![0; 1 << 20];
+    let mut bytes = 0;
+    loop {
+        let n = file.read(&mut buffer).map_err(failed)?;
+        if n == 0 {
+            break;
+        }
+        crc.update(&buffer[..n]);
+        bytes += n as u64;
+    }
+    let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(Input { file, bytes, crc32: format!("{:08x}", crc.finalize()) })
+}
+
+/// Fowler, Noll, Vo: FNV-1a with 128 bits.
+fn fnv1a(bytes: &[u8]) -> u128 {
+    const BASIS: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
+    const PRIME: u128 = 0x0000_0000_0100_0000_0000_0000_0000_013b;
+    bytes.iter().fold(BASIS, |hash, &byte| (hash ^ u128::from(byte)).wrapping_mul(PRIME))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hash_of_known_texts() {
+        // Published test vectors of FNV-1a 128.
+        assert_eq!(fnv1a(b""), 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d);
+        assert_eq!(fnv1a(b"a"), 0xd228_cb69_6f1a_8caf_7891_2b70_4e4a_8964);
+    }
+
+    #[test]
+    fn checksums_follow_the_bytes() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.ply");
+        std::fs::write(&path, "123456789").unwrap();
+        let a = input(&path).unwrap();
+        // The check value of CRC-32.
+        assert_eq!((a.file.as_str(), a.bytes, a.crc32.as_str()), ("a.ply", 9, "cbf43926"));
+        assert!(input(&dir.path().join("none")).is_err());
+    }
+}

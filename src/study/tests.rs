@@ -1,0 +1,106 @@
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use super::report::page::page;
+use super::*;
+use crate::options::RenderOptions;
+use crate::renderer::{Device, Renderer};
+use crate::scene_file;
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/spin.xml");
+
+/// A small picture of a shipped scene. `opened` counts the backends that were opened.
+fn trial(opened: &AtomicU32) -> Trial<'_> {
+    let path = Path::new(SCENE);
+    let mut scene = scene_file::load(path, &scene_file::LoadOptions::default()).unwrap().scene;
+    (scene.image.width, scene.image.height) = (24, 18);
+    let open = |kind| match kind {
+        BackendKind::Cpu => {
+            opened.fetch_add(1, Ordering::Relaxed);
+            Ok(Opened { renderer: Renderer::open(Device::Cpu)?, description: "the CPU".to_owned() })
+        }
+        BackendKind::Gpu => Err("no GPU here".into()),
+    };
+    Trial::new(scene, path, RenderOptions::default(), Box::new(open))
+}
+
+fn contestants(text: &str) -> Vec<Contestant> {
+    Contestant::of(&entries(text).unwrap(), &[BackendKind::Cpu]).unwrap()
+}
+
+#[test]
+fn an_experiment_runs_without_the_command_line() {
+    let (directory, gate) = (tempfile::tempdir().unwrap(), Mutex::new(()));
+    let store = Store { directory: directory.path(), gate: &gate, fresh: false };
+    let mut experiment = Experiment {
+        contestants: contestants("supersample:2,reference:16"),
+        frames: 3..=3,
+        reference: 32,
+        repeats: 2,
+        limits: vec!["flip=0".parse().unwrap()],
+    };
+    let steps = Mutex::new(Vec::new());
+    let tell = |progress: Progress<'_>| {
+        if let Progress::At { step, .. } = progress {
+            steps.lock().unwrap().push(step);
+        }
+    };
+    let opened = AtomicU32::new(0);
+    let (study, pictures) = experiment.run(&mut trial(&opened), &store, &tell).unwrap();
+    assert_eq!(experiment.steps(), 1 + 3 + 2);
+    assert!(steps.lock().unwrap().iter().all(|&step| step < 6));
+    let names: Vec<_> = study.sequence.iter().map(report::ModeStudy::name).collect();
+    assert_eq!(names, ["supersample:2@cpu", "reference:16@cpu"]);
+    assert_eq!((study.frames.len(), pictures.len(), study.over.len()), (1, 1, 2));
+    assert_eq!(study.backends, ["the CPU"]);
+    assert!(study.over[0].starts_with("frame 3, supersample:2@cpu: flip is "), "{:?}", study.over);
+    assert!(page(&study, &pictures).unwrap().contains("supersample:2@cpu"));
+    assert_eq!(store.publish(&study, &pictures).unwrap(), directory.path().join("index.html"));
+
+    // A second run takes everything from the store, to the last digit of its times.
+    steps.lock().unwrap().clear();
+    let (again, _) = experiment.run(&mut trial(&opened), &store, &tell).unwrap();
+    assert_eq!(again.json(), study.json());
+    assert!(steps.lock().unwrap().is_empty());
+    // Another option makes other pictures; a mode that cannot be rendered is named.
+    experiment.contestants = contestants("supersample:2@gpu");
+    let error = experiment.run(&mut trial(&opened), &store, &tell).unwrap_err();
+    assert_eq!(error.to_string(), "frame 3");
+    let source = std::error::Error::source(&error).unwrap();
+    assert_eq!(source.to_string(), "mode supersample:2@gpu");
+    assert_eq!(source.source().unwrap().to_string(), "no GPU here");
+}
+
+#[test]
+fn a_line_up_has_a_panel_for_each_mode() {
+    let opened = AtomicU32::new(0);
+    let mut trial = trial(&opened);
+    let part = Part::MostDifferent(8, 6);
+    let mut line_up = LineUp { frame: 3, entries: entries("still:1,auto:0.05").unwrap(), reference: Some(16), part };
+    let shots = line_up.run(&mut trial, &|_| ()).unwrap();
+    assert_eq!((shots.crop.width, shots.crop.height), (8, 6));
+    let panels = line_up.panels(&shots).unwrap();
+    let titles: Vec<_> = panels.iter().map(|panel| panel.title.as_str()).collect();
+    assert_eq!(titles, ["reference", "still:1", "auto:0.05"]);
+    assert!(panels[1].lines[0].starts_with("1 sample, ") && panels[1].lines[1].starts_with("FLIP 0."));
+    assert_eq!(opened.load(Ordering::Relaxed), 1);
+    line_up.part = Part::Here(sheet::Crop { x: 20, y: 0, width: 8, height: 6 });
+    assert!(line_up.run(&mut trial, &|_| ()).unwrap_err().to_string().contains("24 x 18"));
+}
+
+/// The same pictures have the same settings; what changes a picture changes them.
+#[test]
+fn settings_tell_pictures_apart() {
+    let opened = AtomicU32::new(0);
+    let mut trial = trial(&opened);
+    let of = |trial: &mut Trial<'_>, name: &str| trial.settings(contestants(name)[0], 3).unwrap();
+    let first = of(&mut trial, "supersample:2");
+    assert_eq!(first, of(&mut trial, "supersample:2+interleave=1"));
+    let others = ["supersample:3", "supersample:2+interleave=2", "reference:16", "reference:32"];
+    for name in others {
+        assert_ne!(first, of(&mut trial, name));
+    }
+    let judge = trial.settings_of_judge(16).unwrap().of_frame(3).unwrap();
+    assert_ne!(judge, of(&mut trial, "reference:16"), "they have other seeds");
+}
