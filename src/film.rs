@@ -5,7 +5,8 @@ use std::ops::Range;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// A channel set beside colour (arbitrary output variable): the coverage-weighted mean over the exposure, divided by alpha.
+/// A set of channels beside colour (arbitrary output variable): its coverage-weighted mean over the exposure, divided by
+/// alpha.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Aov {
     /// Temporal coverage, 0..=1.
@@ -75,7 +76,12 @@ pub struct Picture {
     pub layers: Vec<Layer>,
 }
 
-/// What is seen where the film is not covered.
+impl Picture {
+    /// Greatest width and height, pixels.
+    pub const MAX_SIZE: u32 = 65_535;
+}
+
+/// What shows where the film is not covered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Background {
     /// Linear Rec.709.
@@ -140,8 +146,10 @@ pub trait Film: Sync {
     fn samples(&self, y: u32, out: &mut [f32]);
 }
 
-/// Composites the film once over the background, and divides the AOVs by alpha (design section 2): in the columns of each row that are
-/// `wanted`; all else is 0. `memory` of an earlier picture is used again.
+/// Develops the film in the columns of each row that are `wanted`; all else is 0.
+///
+/// Composites the colours once over the background (docs/math.md, section 6), and divides the AOVs by alpha (section
+/// 8). `memory` of an earlier picture is used again.
 pub fn develop(
     film: &impl Film,
     size: [u32; 2],

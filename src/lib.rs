@@ -1,48 +1,143 @@
 //! Renders moving point-sampled surfaces with motion blur by splatting.
 //!
+//! ```
+//! use splatblur::{Device, RenderOptions, Renderer, Scene};
+//!
+//! # std::fs::create_dir_all("out")?;
+//! let mut scene = Scene::load("scenes/blinker_fence.xml")?;
+//! (scene.image.width, scene.image.height) = (160, 120);
+//! let mut renderer = Renderer::open(Device::Auto)?;
+//! let picture = renderer.render(&scene, 0, &RenderOptions::default())?.picture;
+//! picture.write("out/blinker_fence.0000.png")?;
+//! # assert_eq!(splatblur::Picture::read("out/blinker_fence.0000.png")?.width, 160);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! [`Scene::new`] makes a scene in code, [`Renderer::render_sequence`] renders many frames, and [`RenderOptions`] says
+//! how. The default is mode auto, which takes as many time samples as its error allows; [`BlurMode`] lists the other
+//! modes.
+//!
 //! The method is that of J. Wolf, *Motion Blur with Point-Based Rendering* (2008), on top of EWA surface splatting
-//! (Zwicker et al. 2002) with deferred shading (Botsch et al. 2005).
+//! (Zwicker et al. 2002) with deferred shading (Botsch et al. 2005). Pages in `docs/` say which mode is for what, and
+//! give the formulas.
 //!
 //! # Flow
 //! ```text
-//! scene file ─► scene (XML) ─► model files, .anim files ─► resolved Scene
-//!   per frame: shutter + mode ─► plan: groups of time samples
-//!              pose: object and camera transforms at each time sample
-//!              passes on a backend: project ─► bin ─► visibility ─► attribute ─► resolve ─► film
-//!   film ─► picture ─► PNG / EXR
+//! scene file ─► scene_file (XML) ─► model files, .anim files ─► Scene
+//!   per frame:  shutter + mode ─► plan: groups of time samples, and the passes of each
+//!               frame: transforms of objects and camera at each time sample
+//!               backend (CPU or GPU): project ─► bin ─► visibility ─► attribute ─► resolve ─► film
+//!   film ─► Picture ─► PNG / EXR
 //! ```
 //!
-//! # Words
-//! *surfel*: one sample of a surface. *model*: an array of surfels. *splat*: a surfel's kernel, posed and projected for one
-//! time sample. *pass*: one stage of rendering a time sample. *shutter*: the exposure interval and its time weight.
-//! *time sample*: a time, its weight and a sub-pixel offset. *group*: time samples that share one visibility test.
-//! *film*: the accumulators that become the image.
+//! # Glossary
+//! *surfel*: one sample of a surface, a disc or an ellipse with a normal and a colour. *model*: an array of surfels.
+//! *splat*: a surfel's kernel, posed and projected for one time sample. *shutter*: the exposure interval and its time
+//! weight. *time sample*: a time, its weight and a sub-pixel offset. *group*: time samples that share one visibility
+//! test. *raster*: the pixels that a group is rendered for, the image or every n-th pixel of it. *pass*: one stage of
+//! rendering a group. *twin*: the CPU or the GPU form of a pass. *film*: the accumulators that become the picture.
 //!
 //! # Conventions
 //! Right-handed, +y up; the camera looks along -z. Image row 0 is at the top; pixel (i, j) covers [i, i+1) x [j, j+1).
-//! Depth is -z in camera space. Files and the command line use degrees, frames and scene units; inside: radians, frames as
-//! `f64`, scene units. Names of transforms read right to left: `camera_from_world`. Colours are linear Rec.709.
+//! Depth is -z in camera space. Angles are radians, times are frames (`f64`), lengths are scene units; scene files and
+//! the command line use degrees. The shutter is given in frames around the frame number. Colours are linear Rec.709.
+//! Names of transforms read right to left: `camera_from_world` takes world space to camera space.
+//!
+//! # Features
+//! `gpu` (default): the GPU backend, on wgpu and Vulkan. `cli` (default): the program `splatblur`. Without both, the
+//! library alone is built.
 
-pub mod anim;
-pub mod auto;
-pub mod backend;
-pub mod compare;
-pub mod files;
-pub mod film;
-pub mod frame;
-pub mod image;
-pub mod layout;
+// In the order of data flow: a module imports only modules that stand above it. They are public for the program, the
+// tests, the benches and the fuzz targets; what a library user needs is re-exported below.
+#[doc(hidden)]
 pub mod math;
+
+#[doc(hidden)]
+pub mod files;
+
+#[doc(hidden)]
+pub mod time;
+
+#[doc(hidden)]
+pub mod sampling;
+
+#[doc(hidden)]
+pub mod anim;
+
+#[doc(hidden)]
 pub mod model;
+
+#[doc(hidden)]
+pub mod scene;
+
+#[doc(hidden)]
+pub mod film;
+
+#[doc(hidden)]
+pub mod scene_file;
+
+#[doc(hidden)]
 pub mod options;
+
+#[doc(hidden)]
 pub mod plan;
 
-pub mod reconstruct;
-pub mod reference;
-pub mod renderer;
-pub mod sampling;
-pub mod scene;
-pub mod scene_file;
+#[doc(hidden)]
 pub mod shading;
+
+#[doc(hidden)]
+pub mod frame;
+
+#[doc(hidden)]
+pub mod layout;
+
+#[doc(hidden)]
+pub mod backend;
+
+#[doc(hidden)]
+pub mod auto;
+
+#[doc(hidden)]
+pub mod reconstruct;
+
+#[doc(hidden)]
+pub mod image;
+
+#[doc(hidden)]
+pub mod renderer;
+
+#[doc(hidden)]
+pub mod reference;
+
+#[doc(hidden)]
+pub mod compare;
+
+#[doc(hidden)]
 pub mod study;
-pub mod time;
+
+/// The vectors and matrices of scenes, in the version that this crate uses.
+#[doc(no_inline)]
+pub use glam;
+
+// What is rendered.
+pub use math::Trs as Transform;
+pub use model::{Cloud, Material, Surfels};
+pub use scene::{Camera, FrameRange, ImageSettings, Light, Model, Motion, Object, Scene};
+pub use time::{Shutter, Weight};
+
+// How, and on what.
+pub use film::Aov;
+pub use options::{
+    BlurMode, ErrorTarget, Interleave, PixelFilter, Prefilter, Quality, RenderOptions, Shading, SweptKernel,
+};
+pub use renderer::{Device, Renderer};
+
+// What comes out.
+pub use backend::{Rendered, Stats};
+pub use film::{Layer, Picture};
+
+// What may go wrong.
+pub use backend::BackendError;
+pub use image::ImageError;
+pub use model::ModelError;
+pub use scene_file::SceneError;

@@ -1,16 +1,202 @@
-//! The driver: a scene and frame numbers to pictures.
+//! The renderer: opens a device, and renders frames and sequences of scenes on it.
 
 use std::collections::VecDeque;
 
 use crate::auto;
+use crate::backend::cpu::Cpu;
 use crate::backend::{Backend, BackendError};
-use crate::film::Aov;
+use crate::film::{Aov, Picture};
 use crate::frame::Frame;
 use crate::options::{Quality, RenderOptions};
 use crate::reconstruct;
 use crate::scene::Scene;
 
+#[cfg(feature = "gpu")]
+pub use crate::backend::gpu::{AdapterReport, adapters};
 pub use crate::backend::{Rendered, Stats};
+
+/// The device that renders. CPU and GPU give the same pictures up to rounding.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Device {
+    /// A hardware GPU if there is one that can be used, else the CPU.
+    #[default]
+    Auto,
+    /// The CPU, with all threads of the current rayon pool.
+    Cpu,
+    /// A GPU: discrete before integrated before virtual ones. Where there is none, a software device.
+    Gpu {
+        /// Part of the name of the adapter that is wanted, whatever the case; `None`: any.
+        adapter: Option<String>,
+    },
+}
+
+/// Renders scenes on one device.
+///
+/// ```
+/// use splatblur::{Device, RenderOptions, Renderer, Scene};
+///
+/// let mut scene = Scene::load("scenes/blinker_fence.xml")?;
+/// (scene.image.width, scene.image.height) = (64, 48);
+/// let mut renderer = Renderer::open(Device::Cpu)?;
+/// for rendered in renderer.render_sequence(&scene, 0..=1, &RenderOptions::default()) {
+///     let (frame, rendered) = rendered?;
+///     println!("frame {frame}: {} splats", rendered.stats.splats);
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct Renderer {
+    backend: Box<dyn Backend>,
+    kind: Kind,
+}
+
+/// What a renderer renders on.
+enum Kind {
+    Cpu {
+        /// Why it is not a GPU, where one was looked for, with a semicolon in front.
+        why: String,
+    },
+    #[cfg(feature = "gpu")]
+    Gpu {
+        /// Name of the adapter.
+        adapter: String,
+    },
+}
+
+impl Renderer {
+    /// Opens a device. [`Device::Auto`] and [`Device::Cpu`] always succeed.
+    ///
+    /// # Errors
+    /// There is no such adapter, it lacks what is needed, or the crate was built without its feature `gpu`.
+    pub fn open(device: Device) -> Result<Self, BackendError> {
+        match device {
+            Device::Auto => Ok(Self::best()),
+            Device::Cpu => Ok(Self::cpu(String::new())),
+            Device::Gpu { adapter } => Self::gpu(adapter),
+        }
+    }
+
+    /// Renders frame `frame` of a scene; any number, also one outside the scene's own frames.
+    ///
+    /// # Errors
+    /// The frame does not fit into [`RenderOptions::memory`], the device fails, or the scene has an ideal sphere.
+    pub fn render(&mut self, scene: &Scene, frame: i64, options: &RenderOptions) -> Result<Rendered, BackendError> {
+        render_frame(&mut *self.backend, scene, frame, options)
+    }
+
+    /// Renders frames of a scene, each when it is asked for, and gives them with their numbers, in the order of
+    /// `frames`.
+    ///
+    /// On a GPU the next frame is prepared while the device renders, so that a sequence takes less time than its frames
+    /// one by one. It ends after the first error, which comes after all frames that were begun before it.
+    pub fn render_sequence<'a>(
+        &'a mut self,
+        scene: &'a Scene,
+        frames: impl IntoIterator<Item = i64, IntoIter: 'a>,
+        options: &'a RenderOptions,
+    ) -> impl Iterator<Item = Result<(i64, Rendered), BackendError>> + 'a {
+        let numbers = frames.into_iter();
+        match Frames::new(&mut *self.backend, scene, options) {
+            Ok(frames) => Sequence { frames: Some(frames), numbers, failed: None },
+            Err(error) => Sequence { frames: None, numbers, failed: Some(error) },
+        }
+    }
+
+    /// Takes a picture back that is no longer needed, so that a later one can have its memory.
+    pub fn recycle(&mut self, picture: Picture) {
+        self.backend.recycle(picture);
+    }
+
+    /// `cpu` or `gpu`.
+    pub fn backend_name(&self) -> &'static str {
+        match self.kind {
+            Kind::Cpu { .. } => "cpu",
+            #[cfg(feature = "gpu")]
+            Kind::Gpu { .. } => "gpu",
+        }
+    }
+
+    /// What renders, for people, as in `the CPU (8 threads; there is no hardware GPU)`.
+    pub fn describe(&self) -> String {
+        self.describe_with(rayon::current_num_threads())
+    }
+
+    /// As [`describe`](Self::describe), where the CPU renders with `threads` threads.
+    #[doc(hidden)]
+    pub fn describe_with(&self, threads: usize) -> String {
+        match &self.kind {
+            Kind::Cpu { why } => format!("the CPU ({threads} thread{}{why})", if threads == 1 { "" } else { "s" }),
+            #[cfg(feature = "gpu")]
+            Kind::Gpu { adapter } => format!("the GPU {adapter}"),
+        }
+    }
+
+    /// The processor's name, or the adapter's kind, interface and driver, where the system tells.
+    #[doc(hidden)]
+    pub fn details(&self) -> Option<String> {
+        match &self.kind {
+            Kind::Cpu { .. } => processor(),
+            #[cfg(feature = "gpu")]
+            Kind::Gpu { adapter } => {
+                let report = adapters().into_iter().find(|report| report.name == *adapter)?;
+                Some(format!("{}, {}, driver {}", report.kind, report.interface, report.driver))
+            }
+        }
+    }
+
+    /// What renders, for [`Frames`] and [`render_frame`].
+    #[doc(hidden)]
+    pub fn backend(&mut self) -> &mut dyn Backend {
+        &mut *self.backend
+    }
+
+    fn cpu(why: String) -> Self {
+        Self { backend: Box::new(Cpu::default()), kind: Kind::Cpu { why } }
+    }
+
+    #[cfg(feature = "gpu")]
+    fn gpu(adapter: Option<String>) -> Result<Self, BackendError> {
+        Self::chosen(&crate::backend::gpu::Choice { name: adapter, hardware_only: false })
+    }
+
+    #[cfg(feature = "gpu")]
+    fn best() -> Self {
+        match Self::chosen(&crate::backend::gpu::Choice { name: None, hardware_only: true }) {
+            Ok(renderer) => renderer,
+            Err(BackendError::NoAdapter { .. }) => Self::cpu("; there is no hardware GPU".to_owned()),
+            Err(why) => Self::cpu(format!("; the GPU cannot be used: {why}")),
+        }
+    }
+
+    #[cfg(feature = "gpu")]
+    fn chosen(choice: &crate::backend::gpu::Choice) -> Result<Self, BackendError> {
+        let gpu = crate::backend::gpu::Gpu::open(choice)?;
+        let kind = Kind::Gpu { adapter: gpu.adapter().to_owned() };
+        Ok(Self { backend: Box::new(gpu), kind })
+    }
+
+    #[cfg(not(feature = "gpu"))]
+    fn gpu(_adapter: Option<String>) -> Result<Self, BackendError> {
+        Err(BackendError::NotBuilt)
+    }
+
+    #[cfg(not(feature = "gpu"))]
+    fn best() -> Self {
+        Self::cpu(String::new())
+    }
+}
+
+impl std::fmt::Debug for Renderer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Renderer").field(&self.describe()).finish()
+    }
+}
+
+/// The processor's name, where Linux tells.
+fn processor() -> Option<String> {
+    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    let line = text.lines().find(|line| line.starts_with("model name"))?;
+    Some(line.split_once(':')?.1.trim().to_owned())
+}
 
 /// Renders one frame of a scene.
 ///
@@ -132,5 +318,97 @@ impl<'a> Frames<'a> {
             self.ready.push_back((number, rendered));
         }
         Ok(())
+    }
+}
+
+/// [`Renderer::render_sequence`].
+struct Sequence<'a, N> {
+    /// `None` after the end.
+    frames: Option<Frames<'a>>,
+    /// Those that are not begun.
+    numbers: N,
+    /// What comes after the frames that are under way.
+    failed: Option<BackendError>,
+}
+
+impl<N: Iterator<Item = i64>> Iterator for Sequence<'_, N> {
+    type Item = Result<(i64, Rendered), BackendError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if let Some(frames) = &mut self.frames {
+            while self.failed.is_none()
+                && let Some(number) = self.numbers.next()
+            {
+                match frames.begin(number) {
+                    Ok(Some(finished)) => return Some(Ok(finished)),
+                    Ok(None) => {}
+                    Err(error) => self.failed = Some(error),
+                }
+            }
+            match frames.finish() {
+                Ok(Some(finished)) => return Some(Ok(finished)),
+                Ok(None) => {}
+                Err(error) => self.failed = self.failed.take().or(Some(error)),
+            }
+        }
+        self.stop();
+        self.failed.take().map(Err)
+    }
+}
+
+impl<N> Sequence<'_, N> {
+    /// Finishes what is under way, so that the backend can begin something else.
+    fn stop(&mut self) {
+        if let Some(mut frames) = self.frames.take() {
+            while !matches!(frames.finish(), Ok(None)) {}
+        }
+    }
+}
+
+impl<N> Drop for Sequence<'_, N> {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::BlurMode;
+    use crate::scene::{Object, Sphere};
+
+    fn scene() -> Scene {
+        let mut scene = Scene::new([]);
+        (scene.image.width, scene.image.height) = (8, 6);
+        scene
+    }
+
+    fn numbers(renderer: &mut Renderer, scene: &Scene, options: &RenderOptions) -> Vec<Result<i64, String>> {
+        let frames = renderer.render_sequence(scene, [3, 1, 2], options);
+        frames.map(|frame| frame.map(|(number, _)| number).map_err(|error| error.to_string())).collect()
+    }
+
+    #[test]
+    fn a_sequence_gives_all_frames_in_order_then_nothing() {
+        let mut renderer = Renderer::open(Device::Cpu).unwrap();
+        for quality in [Quality::default(), BlurMode::supersample(2).into()] {
+            let options = RenderOptions { quality, ..RenderOptions::default() };
+            assert_eq!(numbers(&mut renderer, &scene(), &options), [Ok(3), Ok(1), Ok(2)]);
+        }
+    }
+
+    #[test]
+    fn a_sequence_ends_with_its_first_error() {
+        let mut renderer = Renderer::open(Device::Cpu).unwrap();
+        let mut refused = |scene: &Scene, memory: u64, what: &str| {
+            let options = RenderOptions { memory, ..RenderOptions::default() };
+            let frames = numbers(&mut renderer, scene, &options);
+            assert!(matches!(&frames[..], [Err(error)] if error.contains(what)), "{frames:?}");
+        };
+        refused(&scene(), 1, "RenderOptions::memory");
+        let mut ideal = Object::new(crate::model::Surfels::default());
+        ideal.sphere = Some(Sphere { radius: 1.0, colour: glam::Vec3::ONE });
+        refused(&Scene::new([ideal]), 1 << 30, "ideal sphere");
+        assert_eq!(numbers(&mut renderer, &scene(), &RenderOptions::default()).len(), 3);
     }
 }

@@ -4,7 +4,8 @@
 
 /// Point `index` of the first two Sobol' dimensions, as 32-bit fractions.
 ///
-/// Dimension 0 is the van der Corput sequence, dimension 1 the Pascal-matrix Sobol' sequence; together a (0, 2)-sequence.
+/// Dimension 0 is the van der Corput sequence, dimension 1 the Pascal-matrix Sobol' sequence; together a (0,
+/// 2)-sequence.
 pub fn sobol2(index: u32) -> [u32; 2] {
     let mut second = 0;
     let mut direction = 1_u32 << 31;
@@ -19,8 +20,8 @@ pub fn sobol2(index: u32) -> [u32; 2] {
     [index.reverse_bits(), second]
 }
 
-/// Point `index` of the first three Sobol' dimensions, as 32-bit fractions: a (1, 3)-sequence, whose first two dimensions
-/// are those of [`sobol2`].
+/// Point `index` of the first three Sobol' dimensions, as 32-bit fractions: a (1, 3)-sequence, whose first two
+/// dimensions are those of [`sobol2`].
 pub fn sobol3(index: u32) -> [u32; 3] {
     let [first, second] = sobol2(index);
     let mut third = 0;
@@ -68,8 +69,9 @@ pub fn hash(seed: u64, stream: u64) -> u32 {
 
 /// `n` sub-pixel offsets in [-1/2, 1/2)^2, in pixels, that go with the time samples 0..n in order.
 ///
-/// With the time samples they form a (0, m, 3)-net for n = 2^m, so that x, y and t are stratified together. Each coordinate
-/// takes each of the values (k + 1/2)/n - 1/2 once: the mean is 0, and one sample sits at the pixel's centre.
+/// With the time samples they form a (0, m, 3)-net for n = 2^m, so that x, y and t are stratified together. Each
+/// coordinate takes each of the values (k + 1/2)/n - 1/2 once: the mean is 0, and one sample sits at the pixel's
+/// centre.
 pub fn pixel_offsets(n: u32, seed: u64) -> Vec<[f32; 2]> {
     let scrambled: Vec<[u32; 2]> = (0..n)
         .map(|i| {
@@ -116,8 +118,8 @@ mod tests {
         }
     }
 
-    /// Every aligned block of 2^m points has at most 2 in each elementary box of volume 2^-(m - 1) that a (1, 3)-sequence
-    /// promises exactly 2 in, scrambled or not.
+    /// Every aligned block of 2^m points has at most 2 in each elementary box of volume 2^-(m - 1) that a (1,
+    /// 3)-sequence promises exactly 2 in, scrambled or not.
     #[test]
     fn three_dimensions_form_a_sequence() {
         for (block, seed) in [(0, None), (5, None), (3, Some(9_u64))] {

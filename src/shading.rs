@@ -33,8 +33,9 @@ pub enum ShadingLight {
     },
 }
 
-/// Factors of the diffuse and of the specular term for a light from the unit direction `towards`, on a surface with unit
-/// normal `n` seen along the unit direction `view` (from the surface to the eye): (max(n.l, 0), max(r.v, 0)^shininess).
+/// Factors of the diffuse and of the specular term for a light from the unit direction `towards`, on a surface with
+/// unit normal `n` seen along the unit direction `view` (from the surface to the eye): (max(n.l, 0), max(r.v,
+/// 0)^shininess).
 #[inline(always)]
 pub fn lobes(n: [f32; 3], towards: [f32; 3], view: [f32; 3], shininess: f32) -> (f32, f32) {
     let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

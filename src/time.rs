@@ -28,7 +28,8 @@ pub enum Weight {
         /// Standard deviation, in shutters, > 0.
         width: f64,
     },
-    /// Drawn: linear between (t, weight) points, constant outside them; t rises strictly, in [0, 1]; weights >= 0 and not all 0.
+    /// Drawn: linear between (t, weight) points, constant outside them. The t rise strictly, in [0, 1]; the weights are
+    /// >= 0 and not all 0.
     Curve(Vec<(f64, f64)>),
 }
 
@@ -81,7 +82,7 @@ fn curve_primitive(points: &[(f64, f64)], t: f64) -> f64 {
     sum + last_w * (t - last_t).max(0.0)
 }
 
-/// The exposure interval around a frame, in frames relative to the frame number.
+/// The exposure interval around a frame, in frames relative to the frame number. By default half a frame around it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shutter {
     /// Opening time, frames relative to the frame number.
@@ -104,7 +105,8 @@ impl Shutter {
         frame + self.open + (self.close - self.open) * t
     }
 
-    /// Times `t_i = (i + place)/n`, `place` in [0, 1], and their weights, the integrals of a over the strata; weights sum to 1.
+    /// Times `t_i = (i + place)/n`, `place` in [0, 1], and their weights, the integrals of a over the strata; weights
+    /// sum to 1.
     pub fn strata(&self, n: u32, place: f64) -> Vec<(f64, f64)> {
         let n_f = f64::from(n);
         (0..n)

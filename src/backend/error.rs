@@ -12,10 +12,10 @@ pub enum BackendError {
         /// Name of the object.
         object: String,
     },
-    /// The frame does not fit into the memory that it may take.
+    /// The frame does not fit into `RenderOptions::memory`.
     #[error(
-        "a frame of {width} x {height} and models of {models} bytes need at least {needed} bytes, but may take {allowed} \
-         (--memory)"
+        "a frame of {width} x {height} and models of {models} bytes need at least {needed} bytes, but may take \
+         {allowed} (RenderOptions::memory)"
     )]
     Memory {
         /// Image width.
@@ -29,29 +29,33 @@ pub enum BackendError {
         /// Budget, bytes.
         allowed: u64,
     },
+    /// A GPU is wanted, but the crate was built without its feature `gpu`.
+    #[error("built without the GPU backend (cargo feature `gpu`); use Device::Cpu")]
+    NotBuilt,
     /// There is no device to render on.
     #[error(
-        "there is no graphics adapter{wanted} (found: {found}); a GPU needs its Vulkan driver and the Vulkan loader (Debian: \
-         libvulkan1), a software device mesa-vulkan-drivers"
+        "there is no graphics adapter{wanted} (found: {found}); a GPU needs its Vulkan driver and the Vulkan loader \
+         (Debian: libvulkan1), a software device mesa-vulkan-drivers"
     )]
     NoAdapter {
-        /// What it was looked for by, with a space in front; empty for any.
+        /// The name that it was looked for by, in words and with a space in front; empty for any.
         wanted: String,
-        /// Names of those that there are.
+        /// Names of the adapters that there are.
         found: String,
     },
-    /// The device refused, or lacks something.
+    /// The device failed, or lacks something.
     #[error("{adapter}: {what}")]
     Device {
         /// Name of the adapter.
         adapter: String,
-        /// What it says or lacks.
+        /// The failure, or what it lacks.
         what: String,
     },
 }
 
 impl BackendError {
-    /// Refuses a frame that needs more bytes than it may take, `needed` being the least with which its backend can work.
+    /// Refuses a frame that needs more bytes than it may take. `needed` is the least with which its backend can
+    /// work.
     pub(super) fn check_memory(frame: &Frame<'_>, needed: u64) -> Result<(), Self> {
         if needed <= frame.memory {
             return Ok(());

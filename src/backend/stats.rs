@@ -1,4 +1,4 @@
-//! A picture, and what it took.
+//! A picture, and the statistics of rendering it.
 
 use std::fmt;
 use std::time::Duration;
@@ -6,27 +6,30 @@ use std::time::Duration;
 use crate::film::Picture;
 use crate::frame::Frame;
 
-/// A picture, and what it took.
+/// A rendered frame: the picture, and the statistics of rendering it.
 #[derive(Clone, Debug)]
 pub struct Rendered {
     /// The picture.
     pub picture: Picture,
-    /// What it took.
+    /// Counts and times.
     pub stats: Stats,
 }
 
-/// What one frame took.
+/// Counts and times of one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stats {
     /// Time samples.
     pub samples: u64,
     /// Surfels posed, over all time samples.
     pub surfels: u64,
-    /// Splats projected onto the image, over all time samples; where they pass in waves (`--memory`), once for each pass.
+    /// Splats projected onto the image, over all time samples. A splat counts once for each batch that it is in: where
+    /// memory is short ([`RenderOptions::memory`]), splats pass in batches.
+    ///
+    /// [`RenderOptions::memory`]: crate::options::RenderOptions::memory
     pub splats: u64,
-    /// Time of `project`: on the CPU that of all threads, `bin` included; on a device as its clock has it.
+    /// Time of `project`. On the CPU: the sum over all threads, `bin` included. On a GPU: by the device's clock.
     pub project: Duration,
-    /// Time of `bin`, where it is measured apart.
+    /// Time of `bin`, where it is measured by itself.
     pub bin: Duration,
     /// Time of `visibility`.
     pub visibility: Duration,
@@ -34,22 +37,22 @@ pub struct Stats {
     pub attribute: Duration,
     /// Time of `resolve`.
     pub resolve: Duration,
-    /// What mode auto reached.
+    /// The result of mode auto; `None` for a blur mode with given samples.
     pub achieved: Option<Achieved>,
 }
 
-/// What mode auto reached, and by what.
+/// The result of mode auto: the error that it estimates, and the samples that it took.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Achieved {
-    /// Root mean squared error of the display values, as estimated.
+    /// Estimated root mean square error of the display values.
     pub error: f64,
-    /// Longest way of a surfel over the screen, pixels.
+    /// Longest path of a surfel over the screen during the exposure, pixels.
     pub way: f64,
     /// Time samples that each pixel began with.
     pub samples: u32,
-    /// Time samples of a pixel where there are most.
+    /// Time samples of the pixel that has most.
     pub most_samples: u32,
-    /// Pixels of the lattice whose pixels see different times, along both axes.
+    /// Edge of the lattice of interleaved sampling, pixels: 1, 2 or 4.
     pub interleave: u32,
     /// Blocks of the image.
     pub blocks: u32,
@@ -67,14 +70,14 @@ impl fmt::Display for Achieved {
             write!(f, ", up to {most_samples} in {refined} of {blocks} blocks")?;
         }
         if *capped > 0 {
-            write!(f, "; {capped} blocks needed more than are allowed (--samples-max)")?;
+            write!(f, "; {capped} blocks needed more than are allowed (ErrorTarget::samples_max)")?;
         }
         Ok(())
     }
 }
 
 impl Stats {
-    /// Adds what another part of the same frame took.
+    /// Adds the counts and times of another part of the same frame.
     pub(crate) fn add(&mut self, other: &Self) {
         self.samples += other.samples;
         self.surfels += other.surfels;

@@ -8,7 +8,7 @@ pub(super) fn list(json: bool) -> anyhow::Result<()> {
     use std::fmt::Write as _;
 
     use serde_json::json;
-    use splatblur::backend::gpu::adapters;
+    use splatblur::renderer::adapters;
 
     let found = adapters();
     if json {
@@ -52,5 +52,5 @@ pub(super) fn list(json: bool) -> anyhow::Result<()> {
 
 #[cfg(not(feature = "gpu"))]
 pub(super) fn list(_json: bool) -> anyhow::Result<()> {
-    anyhow::bail!("this program was built without its GPU backend (cargo feature `gpu`)")
+    anyhow::bail!("built without the GPU backend (cargo feature `gpu`)")
 }

@@ -28,6 +28,7 @@ mod sequence;
 mod settings;
 mod sheet;
 mod trial;
+mod words;
 
 use std::io;
 use std::process::ExitCode;
@@ -94,7 +95,7 @@ pub(super) fn main() -> ExitCode {
         // The reader of our output has seen enough, as `head` has.
         Err(error) if output::is_closed_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            output::say(&format!("error: {error:#}"));
+            output::say(&words::with_flags(&format!("error: {error:#}")));
             ExitCode::from(FAILED)
         }
     }

@@ -22,6 +22,7 @@ use super::progress::Rendering;
 use super::render_report::{FrameReport, Report};
 use super::sequence::{Finished, Sequence};
 use super::settings::Settings;
+use super::words::with_flags;
 
 /// Render a scene to an image sequence.
 ///
@@ -184,8 +185,8 @@ impl Render {
         let options = self.options()?;
         let pool = self.running.pool()?;
         // Before the scene, which may take long to load.
-        let machine = Machine::open(self.backend, self.adapter.as_deref(), pool.current_num_threads())?;
-        let Machine { mut backend, name: backend_name, place } = machine;
+        let mut machine = Machine::open(self.backend, self.adapter.as_deref(), pool.current_num_threads())?;
+        let backend_name = machine.name;
         let Ready { scene, notes, frames, format } = Ready::new(&self.images, &self.exposure, &self.running, &pool)?;
         let load_seconds = start.elapsed().as_secs_f64();
         let settings = Settings::new(&scene, &self.images.scene, &options, format, backend_name)?;
@@ -193,14 +194,14 @@ impl Render {
         let directory = self.images.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
         open_directory(&directory)?;
         if !self.running.quiet {
-            say(&headline(&scene, frames, &options, &place));
+            say(&headline(&scene, frames, &options, &machine.place));
         }
         let gate = Arc::new(Mutex::new(()));
         stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
         let sequence =
             Sequence { frames, directory: &directory, stem: &scene.name, format, resume: self.resume, gate: &gate };
         let progress = Rendering::new(frames.count(), self.running.quiet);
-        let mut under_way = renderer::Frames::new(&mut *backend, &scene, &options)?;
+        let mut under_way = renderer::Frames::new(machine.backend(), &scene, &options)?;
         let finished = sequence.run(
             |frame| settings.of_frame(frame),
             |frame| pool.install(|| step(&mut under_way, frame)),
@@ -404,7 +405,7 @@ fn conclude(finished: &[Finished], movie: &Movie<'_>, seconds: f64) -> anyhow::R
     let also = if skipped > 0 { format!(" ({skipped} were there already)") } else { String::new() };
     let word = if finished.len() == 1 { "image" } else { "images" };
     let movie_line = movie.ffmpeg().map_or_else(String::new, |line| format!("as a movie: {line}\n"));
-    let reached =
-        worst(finished).map_or_else(String::new, |achieved| format!("the frame with the largest: {achieved}\n"));
+    let reached = worst(finished)
+        .map_or_else(String::new, |achieved| with_flags(&format!("the frame with the largest: {achieved}\n")));
     print(&format!("{} {word}{also} in {seconds:.1} s: {}\n{reached}{movie_line}", finished.len(), movie.files()))
 }

@@ -10,6 +10,7 @@ use splatblur::image::{self, Format, ImageError};
 use splatblur::renderer::{Rendered, Stats};
 
 use super::grammar::Frames;
+use super::words::with_flags;
 
 /// `<stem>.<frame, 4 digits>.<ext>`; longer where the number is, negative with a minus before its four digits, which is how
 /// ffmpeg reads `%04d`.
@@ -73,7 +74,7 @@ impl Rendering {
         while let Some((frame, path, settings)) = self.waiting.pop_front() {
             if frame == number {
                 let rendered = Some((std::mem::take(&mut self.seconds), stats));
-                let comment = stats.achieved.map(|achieved| achieved.to_string());
+                let comment = stats.achieved.map(|achieved| with_flags(&achieved.to_string()));
                 let page = Page { path: path.clone(), picture, settings, comment };
                 return Ok(Some((Finished { frame, path, rendered }, page)));
             }

@@ -256,7 +256,7 @@ impl Trial<'_> {
         self.open(machine)?;
         let Self { scene: own, pool, machines, .. } = self;
         let opened = machines.iter_mut().find(|(open, _)| *open == machine).context("the machine is open")?;
-        let backend = &mut *opened.1.backend;
+        let backend = opened.1.backend();
         let scene = scene.unwrap_or(own);
         // The GPU's own threads need none of the pool's.
         let rendered = match machine {

@@ -306,7 +306,7 @@ impl Frame<'_> {
 }
 
 fn model_bytes(scene: &Scene) -> u64 {
-    let mut models: Vec<_> = scene.objects.iter().map(|object| &object.model).collect();
+    let mut models: Vec<_> = scene.objects.iter().map(|object| object.model.surfels()).collect();
     models.sort_by_key(|model| Arc::as_ptr(model));
     models.dedup_by_key(|model| Arc::as_ptr(model));
     models.iter().map(|model| model.bytes()).sum()
@@ -319,7 +319,7 @@ fn frame_object<'a>(object: &'a Object, options: &RenderOptions, still: bool) ->
         None if object.model.material.is_empty() => Some(Material::default()),
         None => None,
     };
-    FrameObject { surfels: &object.model, material, two_sided: options.two_sided || object.two_sided, still }
+    FrameObject { surfels: object.model.surfels(), material, two_sided: options.two_sided || object.two_sided, still }
 }
 
 struct Poser<'a> {
@@ -360,9 +360,9 @@ impl Poser<'_> {
         let near = self.scene.camera.near;
         let posed = samples.iter().flat_map(|sample| self.scene.objects.iter().zip(&sample.objects));
         let drifts = posed
-            .filter(|(object, posed)| posed.visible && posed.moves && !object.bounds.is_empty())
+            .filter(|(object, posed)| posed.visible && posed.moves && !object.bounds().is_empty())
             .flat_map(|(object, posed)| {
-                object.bounds.corners().map(|corner| {
+                object.bounds().corners().map(|corner| {
                     let p = (corner - object.model.origin).as_vec3();
                     let centre = (posed.centre_from_model * p + posed.centre_origin).as_dvec3();
                     let motion = (posed.motion_from_model * p + posed.motion_origin).as_dvec3();
@@ -409,7 +409,7 @@ impl Poser<'_> {
             .options
             .epsilon
             .or(object.epsilon)
-            .unwrap_or_else(|| f64::from(object.median_radius) * libm::cbrt(det.abs()));
+            .unwrap_or_else(|| f64::from(object.model.median_radius()) * libm::cbrt(det.abs()));
         PosedObject {
             visible: visible && det != 0.0,
             screen_from_model: screen.0.as_mat3(),

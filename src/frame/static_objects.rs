@@ -26,11 +26,11 @@ pub(super) fn hold_still(scene: &Scene, times: &[f64], groups: &mut [PosedGroup]
             }
             let object_of_scene = &scene.objects[object];
             let origin = object_of_scene.model.origin;
-            let drifts = object_of_scene.bounds.corners().map(|corner| {
+            let drifts = object_of_scene.bounds().corners().map(|corner| {
                 let corner = (corner - origin).as_vec3();
                 path(order.iter().map(|&i| poses[i]), corner, near) * stride as f32
             });
-            let still = !object_of_scene.bounds.is_empty() && drifts.into_iter().all(|drift| drift < STILL_PATH);
+            let still = !object_of_scene.bounds().is_empty() && drifts.into_iter().all(|drift| drift < STILL_PATH);
             if still {
                 let middle = *poses[order[order.len() / 2]];
                 for sample in groups.iter_mut().flat_map(|group| &mut group.samples) {

@@ -1,8 +1,9 @@
 //! `OpenEXR`: 32-bit float, linear Rec.709, premultiplied, ZIP in blocks of 16 lines.
 //!
 //! One part. Colour is `R G B A`; an AOV is a layer of extra channels named `layer.channel` (`depth.Z`, `normal.X`,
-//! `velocity.Y`, `alpha.A`). That is the `OpenEXR` project's own convention for layers in one part: Nuke, Blender, tev, ffmpeg
-//! and every reader of plain RGBA understand it, while several of them open only the first part of a file with many.
+//! `velocity.Y`, `alpha.A`). That is the `OpenEXR` project's own convention for layers in one part: Nuke, Blender, tev,
+//! ffmpeg and every reader of plain RGBA understand it, while several of them open only the first part of a file with
+//! many.
 
 use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 

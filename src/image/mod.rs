@@ -1,8 +1,8 @@
-//! Pictures to files and back. Files appear whole or not at all: written under a temporary name, then renamed.
+//! Pictures to files and back. A file appears whole or not at all: it is written under a temporary name, then renamed.
 //!
-//! A file carries the settings that it was made with, as text (PNG: an `iTXt` chunk; EXR: a header attribute, both named
-//! [`SETTINGS`]), and nothing that would differ between two runs: no time, no machine name. The same picture, format and
-//! settings give the same bytes.
+//! A file carries the settings that it was made with, as text: a PNG file in an `iTXt` chunk, an EXR file in a header
+//! attribute, both named [`SETTINGS`]. It carries nothing that would differ between two runs, such as the time or the
+//! computer's name. The same picture, format and settings give the same bytes.
 
 mod exr;
 mod png;
@@ -18,7 +18,7 @@ use crate::film::Picture;
 pub const SETTINGS: &str = "splatblur";
 
 /// Greatest width and height in pixels.
-pub const MAX_SIZE: u32 = 65_535;
+pub const MAX_SIZE: u32 = Picture::MAX_SIZE;
 
 /// Deflate, which PNG and EXR use, shrinks by at most this factor: a file that promises more is damaged.
 const DEFLATE_LIMIT: u64 = 1032;
@@ -46,7 +46,7 @@ pub enum Format {
     Png {
         /// Channel depth.
         bits: Bits,
-        /// RGBA instead of RGB. Said by the caller, not guessed from the pixels, so that all frames of a sequence agree.
+        /// RGBA instead of RGB. The caller decides, not the pixels: so all frames of a sequence have one type.
         alpha: bool,
     },
     /// 32-bit float, linear, premultiplied, ZIP (16 lines); AOVs as layers.
@@ -54,6 +54,18 @@ pub enum Format {
 }
 
 impl Format {
+    /// The format that a file's extension names, in upper or lower case: 8-bit PNG (RGBA if `alpha`, else RGB), or EXR.
+    pub fn of(path: &Path, alpha: bool) -> Option<Self> {
+        let extension = path.extension()?;
+        if extension.eq_ignore_ascii_case("png") {
+            Some(Self::Png { bits: Bits::Eight, alpha })
+        } else if extension.eq_ignore_ascii_case("exr") {
+            Some(Self::Exr)
+        } else {
+            None
+        }
+    }
+
     /// File name extension.
     pub const fn extension(self) -> &'static str {
         match self {
@@ -111,6 +123,12 @@ pub enum ImageError {
         /// The first layer.
         layer: &'static str,
     },
+    /// The name of a file to be written tells no format.
+    #[error("cannot write {}: the name ends in neither .png nor .exr", path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
     /// The encoder failed.
     #[error("cannot encode the picture: {what}")]
     Encode {
@@ -141,6 +159,31 @@ pub enum ImageError {
         /// What is wrong with it.
         what: String,
     },
+}
+
+impl Picture {
+    /// Writes the picture to a file, which appears whole or not at all. What was there is replaced.
+    ///
+    /// The extension names the format: `.png` (8 bits a channel, sRGB, straight alpha) or `.exr` (32-bit float, linear,
+    /// premultiplied). A PNG file has an alpha channel if a pixel is not opaque.
+    ///
+    /// # Errors
+    /// The extension is neither, a value is not finite, PNG cannot hold the picture's layers, or the file cannot be
+    /// written.
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), ImageError> {
+        let path = path.as_ref();
+        let alpha = self.rgba.iter().any(|pixel| pixel[3] < 1.0);
+        let format = Format::of(path, alpha).ok_or_else(|| ImageError::UnknownFormat { path: path.to_owned() })?;
+        write(path, self, format, "")
+    }
+
+    /// Reads a picture from a PNG or EXR file, whatever its name, into linear premultiplied floats.
+    ///
+    /// # Errors
+    /// The file cannot be read, or is no such picture.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, ImageError> {
+        read(path.as_ref())
+    }
 }
 
 /// The bytes of a picture file. They depend on the arguments alone.
@@ -298,4 +341,31 @@ fn plausible(width: u64, height: u64, bytes_a_pixel: u64, file_length: usize) ->
         ));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_is_written_in_the_format_that_the_extension_names() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = |name: &str| directory.path().join(name);
+        let mut picture = Picture { width: 2, height: 1, rgba: vec![[0.25, 0.5, 1.0, 1.0]; 2], layers: Vec::new() };
+        let bytes = |picture: &Picture, name: &str| {
+            picture.write(path(name)).unwrap();
+            std::fs::read(path(name)).unwrap()
+        };
+        let png = |alpha| Format::Png { bits: Bits::Eight, alpha };
+        assert!(bytes(&picture, "a.png") == encode(&picture, png(false), "").unwrap());
+        assert!(bytes(&picture, "a.EXR") == encode(&picture, Format::Exr, "").unwrap());
+        assert_eq!(Picture::read(path("a.EXR")).unwrap(), picture);
+        picture.rgba[1] = [0.0; 4];
+        assert!(bytes(&picture, "b.png") == encode(&picture, png(true), "").unwrap());
+        for name in ["a.jpg", "a", ".png"] {
+            let error = picture.write(path(name)).unwrap_err().to_string();
+            assert!(error.ends_with("the name ends in neither .png nor .exr"), "{error}");
+            assert!(!path(name).exists());
+        }
+    }
 }

@@ -1,10 +1,9 @@
-//! PNG: 8 or 16 bits, sRGB-encoded, straight alpha. Colour is un-premultiplied in linear light, then encoded, then rounded
-//! to the nearest code; there is no dither, values outside [0, 1] are clipped.
+//! PNG: 8 or 16 bits, sRGB-encoded, straight alpha. Colour is un-premultiplied in linear light, then encoded, then
+//! rounded to the nearest code; there is no dither, values outside [0, 1] are clipped.
 
 use std::io::{Cursor, Read, Seek, SeekFrom};
 
-use ::image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
-use ::image::{ColorType, ExtendedColorType, ImageDecoder, ImageEncoder, Limits};
+use ::png::{BitDepth, ColorType, Compression, Decoder, Encoder, EncodingError, Filter, Limits, Transformations};
 
 use super::{Bits, ImageError, SETTINGS, plausible};
 use crate::film::Picture;
@@ -22,24 +21,31 @@ pub(super) fn encode(picture: &Picture, bits: Bits, alpha: bool, settings: &str)
     if let Some(layer) = picture.layers.first() {
         return Err(ImageError::PngLayer { layer: layer.aov.name() });
     }
-    let mut png = Vec::new();
-    // Said in full: the encoder's defaults may change.
-    let encoder = PngEncoder::new_with_quality(&mut png, CompressionType::Default, FilterType::Adaptive);
-    let (w, h) = (picture.width, picture.height);
-    match bits {
-        Bits::Eight => {
-            let codes = codes(picture, alpha, 255.0, |code| code as u8);
-            let colour = if alpha { ExtendedColorType::Rgba8 } else { ExtendedColorType::Rgb8 };
-            encoder.write_image(&codes, w, h, colour)
-        }
+    let (depth, data) = match bits {
+        Bits::Eight => (BitDepth::Eight, codes(picture, alpha, 255.0, |code| code as u8)),
         Bits::Sixteen => {
             let codes = codes(picture, alpha, 65_535.0, |code| code as u16);
-            let colour = if alpha { ExtendedColorType::Rgba16 } else { ExtendedColorType::Rgb16 };
-            encoder.write_image(bytemuck::cast_slice(&codes), w, h, colour)
+            (BitDepth::Sixteen, codes.into_iter().flat_map(u16::to_be_bytes).collect())
         }
-    }
-    .map_err(|e| ImageError::Encode { what: e.to_string() })?;
-    insert_chunks(png, settings)
+    };
+    let colour = if alpha { ColorType::Rgba } else { ColorType::Rgb };
+    let png = compressed(picture, colour, depth, &data);
+    insert_chunks(png.map_err(|e| ImageError::Encode { what: e.to_string() })?, settings)
+}
+
+/// The bytes of a PNG file without further chunks.
+fn compressed(picture: &Picture, colour: ColorType, depth: BitDepth, data: &[u8]) -> Result<Vec<u8>, EncodingError> {
+    let mut png = Vec::new();
+    let mut encoder = Encoder::new(&mut png, picture.width, picture.height);
+    encoder.set_color(colour);
+    encoder.set_depth(depth);
+    // Said in full: the encoder's defaults may change.
+    encoder.set_compression(Compression::Balanced);
+    encoder.set_filter(Filter::Adaptive);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(data)?;
+    writer.finish()?;
+    Ok(png)
 }
 
 /// Codes 0..=`top` in file order: R G B, or R G B A.
@@ -133,24 +139,26 @@ fn settings_of(body: &[u8]) -> Option<String> {
 }
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
-    let refused = |e: ::image::ImageError| format!("not a readable PNG file: {e}");
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(u64::from(u32::MAX));
-    let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(refused)?;
-    let (width, height) = decoder.dimensions();
-    let colour = decoder.color_type();
-    plausible(u64::from(width), u64::from(height), u64::from(colour.bytes_per_pixel()), bytes.len())?;
-    let length = usize::try_from(decoder.total_bytes()).map_err(|e| e.to_string())?;
+    let refused = |e: ::png::DecodingError| format!("not a readable PNG file: {e}");
+    let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), Limits { bytes: u32::MAX as usize });
+    // Palettes become colours, and fewer bits than 8 become 8.
+    decoder.set_transformations(Transformations::EXPAND);
+    let mut reader = decoder.read_info().map_err(refused)?;
+    let (width, height) = reader.info().size();
+    let (colour, depth) = reader.output_color_type();
+    let channels = colour.samples();
+    let bytes_a_pixel = channels * if depth == BitDepth::Sixteen { 2 } else { 1 };
+    plausible(u64::from(width), u64::from(height), bytes_a_pixel as u64, bytes.len())?;
+    let length = reader.output_buffer_size().ok_or("too many pixels")?;
     let mut data = vec![0; length];
-    decoder.read_image(&mut data).map_err(refused)?;
-    let channels = usize::from(colour.channel_count());
-    let rgba = match colour {
-        ColorType::Rgb8 | ColorType::Rgba8 | ColorType::L8 | ColorType::La8 => linear(&data, channels, 255.0),
-        ColorType::Rgb16 | ColorType::Rgba16 | ColorType::L16 | ColorType::La16 => {
-            let codes: Vec<u16> = data.chunks_exact(2).map(|v| u16::from_ne_bytes([v[0], v[1]])).collect();
+    reader.next_frame(&mut data).map_err(refused)?;
+    let rgba = match depth {
+        BitDepth::Eight => linear(&data, channels, 255.0),
+        BitDepth::Sixteen => {
+            let codes: Vec<u16> = data.chunks_exact(2).map(|v| u16::from_be_bytes([v[0], v[1]])).collect();
             linear(&codes, channels, 65_535.0)
         }
-        other => return Err(format!("pixels of type {other:?}, expected grey or RGB, with or without alpha")),
+        other => return Err(format!("{other:?} bits a channel, expected 8 or 16")),
     };
     Ok(Picture { width, height, rgba, layers: Vec::new() })
 }

@@ -29,7 +29,7 @@ pub fn object_pose(scene: &Scene, object: &Object, frame_time: f64) -> ObjectPos
     ObjectPose { world_from_model: object.place.matrix() * m, visible }
 }
 
-/// [`object_pose`] for many times: what does not change is computed once.
+/// [`object_pose`] for many times: the constant parts are computed once.
 #[derive(Clone, Debug)]
 pub struct ObjectPoser<'a> {
     scene: &'a Scene,
@@ -47,8 +47,8 @@ impl<'a> ObjectPoser<'a> {
         Self { scene, object, transform: DAffine3::from_mat4(object.transform.matrix()), place }
     }
 
-    /// `world_from_model` at scene time `frame_time` (frames), as far as rounding the same as [`object_pose`]'s; `None` where
-    /// the animation hides the object.
+    /// `world_from_model` at scene time `frame_time` (frames), as far as rounding the same as [`object_pose`]'s; `None`
+    /// where the animation hides the object.
     pub fn at(&self, frame_time: f64) -> Option<DAffine3> {
         let mut m = self.transform;
         if let Some(binding) = &self.object.animation {
@@ -67,12 +67,12 @@ impl<'a> ObjectPoser<'a> {
         Some(self.place.map_or(m, |place| place * m))
     }
 
-    /// A sphere in the world that holds the model's sphere at all scene times from `from` to `to` (frames) at which the object is
-    /// visible; `None` if none is known.
+    /// A sphere in the world that holds the model's sphere at all scene times from `from` to `to` (frames) at which the
+    /// object is visible; `None` if none is known.
     ///
-    /// The way |x(t) - x(m)| of the centre x from where it is at mid-time m is bounded motion by motion. An animation T R S makes
-    /// |T(t) - T(m)| + |R(t) - R(m)| |S(t) x| + |S(t) - S(m)| |x| of a fixed x; a linear motion adds |v (t - m)|, and a rotation by w
-    /// per frame about q adds |w (t - m)| |x(m) - q|.
+    /// The distance |x(t) - x(m)| of the centre x from its place at mid-time m is bounded motion by motion. For a fixed
+    /// x, an animation T R S gives at most |T(t) - T(m)| + |R(t) - R(m)| |S(t) x| + |S(t) - S(m)| |x|. A linear motion
+    /// adds |v (t - m)|, and a rotation by w per frame about q adds |w (t - m)| |x(m) - q|.
     pub fn swept_sphere(&self, centre: DVec3, radius: f64, from: f64, to: f64) -> Option<(DVec3, f64)> {
         let (middle, half) = (0.5 * (from + to), 0.5 * (to - from));
         let mut x = self.transform.transform_point3(centre);
@@ -104,7 +104,7 @@ impl<'a> ObjectPoser<'a> {
 
     /// True if the pose does not depend on time.
     pub fn is_fixed(&self) -> bool {
-        self.object.animation.is_none() && self.object.motions.is_empty()
+        self.object.is_fixed()
     }
 }
 
@@ -171,11 +171,12 @@ pub fn object_velocity(scene: &Scene, object: &Object, frame_time: f64) -> DMat4
     (at(to) - at(from)) * (span / (to - from))
 }
 
-/// Most jumps that an exposure is split at; no shutter needs more, and a hostile animation must not make any number of intervals.
+/// Most jumps that an exposure is split at. No shutter needs more, and a hostile animation must not make any number of
+/// intervals.
 const MOST_JUMPS: usize = 1024;
 
-/// Scene times within (`from`, `to`), rising, frames, at which something that blurs jumps: a step key, the seam of a cycle, a change
-/// of visibility. Those beyond the first 1024 are left out.
+/// Scene times within (`from`, `to`), rising, frames, at which something that blurs jumps: a step key, the seam of a
+/// cycle, a change of visibility. Those beyond the first 1024 are left out.
 pub fn jumps(scene: &Scene, from: f64, to: f64) -> Vec<f64> {
     let objects = scene.objects.iter().filter(|object| object.blur).filter_map(|object| object.animation.as_ref());
     let mut times: Vec<f64> = objects
@@ -195,15 +196,7 @@ mod tests {
 
     #[test]
     fn the_camera_looks_along_minus_z_with_y_up() {
-        let camera = Camera {
-            eye: DVec3::new(1.0, 2.0, 3.0),
-            at: DVec3::new(1.0, 2.0, -7.0),
-            up: DVec3::Y,
-            fovy: 1.0,
-            near: 0.1,
-            animation: None,
-            automatic: false,
-        };
+        let camera = Camera::new(DVec3::new(1.0, 2.0, 3.0), DVec3::new(1.0, 2.0, -7.0));
         let m = look_at(&camera);
         let p = m.transform_point3(DVec3::new(1.5, 2.25, -1.0));
         assert!((p - DVec3::new(0.5, 0.25, -4.0)).length() < 1e-12, "{p}");

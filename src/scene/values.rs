@@ -1,35 +1,40 @@
-//! A scene, resolved into plain values: what the renderer sees.
+//! A scene as plain values: what the renderer sees.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
+use super::model::Model;
 use crate::anim::{Interpolation, NodeAnimation};
 use crate::math::{Bounds, Trs};
-use crate::model::{ColourSpace, Material, Surfels};
+use crate::model::{self, Cloud, ColourSpace, Material, ModelError};
 use crate::time::Shutter;
 
-/// A scene with everything loaded and every default filled in.
+/// What is rendered: objects, lights and a camera, with the image, the frames and the shutter.
+///
+/// `Scene::load` reads a scene file; [`Scene::new`] takes objects made in code and fills in the same defaults as a
+/// file. All fields may be changed afterwards.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// File stem of the scene file; names the output.
+    /// Name of the scene: the file stem of its scene file. The command line names output files after it.
     pub name: String,
     /// Image size and background.
     pub image: ImageSettings,
-    /// Frames that a plain `render` makes, and their rate.
+    /// The frames of the sequence, and their rate. A renderer takes any frame number.
     pub frames: FrameRange,
     /// Exposure.
     pub shutter: Shutter,
     /// Camera.
     pub camera: Camera,
-    /// Lights, in document order.
+    /// Lights.
     pub lights: Vec<Light>,
-    /// Objects, in document order.
+    /// Objects. Their order is that of all sums of floats: a scene with its objects in another order gives the same
+    /// picture up to rounding.
     pub objects: Vec<Object>,
 }
 
-/// `<image>`.
+/// Size and background of the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImageSettings {
     /// Width in pixels, >= 1.
@@ -48,7 +53,7 @@ impl Default for ImageSettings {
     }
 }
 
-/// `<frames>`: an inclusive range and the frame rate.
+/// The frames of a sequence: an inclusive range, and the frame rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameRange {
     /// First frame.
@@ -59,12 +64,12 @@ pub struct FrameRange {
     pub rate: f64,
 }
 
-/// `<camera>`: a pinhole.
+/// A pinhole camera.
 #[derive(Clone, Debug)]
 pub struct Camera {
     /// Eye point, world space.
     pub eye: DVec3,
-    /// Point looked at; not the eye.
+    /// Point that the camera looks at; not the eye.
     pub at: DVec3,
     /// Up direction, not parallel to the view direction.
     pub up: DVec3,
@@ -74,11 +79,34 @@ pub struct Camera {
     pub near: f64,
     /// Replaces eye, at and up: the camera sits at the node and looks along its -z.
     pub animation: Option<AnimationBinding>,
-    /// True where the scene names no camera and this one was derived from the objects.
+    /// True where this camera was derived from the objects ([`Camera::automatic`]).
     pub automatic: bool,
 }
 
-/// `<light>`. Colours are linear Rec.709, already multiplied by the intensity.
+impl Camera {
+    /// Field of view by default, degrees.
+    pub(crate) const FOVY_DEGREES: f64 = 40.0;
+    /// Nearest visible depth by default, scene units.
+    pub(crate) const NEAR: f64 = 0.01;
+
+    /// A camera at `eye` that looks at the point `at`, in scene units; +y is up, the vertical field of view is 40
+    /// degrees, and the nearest visible depth 0.01.
+    ///
+    /// `at` must not be `eye` itself, nor straight above or below it (else set another `up`).
+    pub fn new(eye: DVec3, at: DVec3) -> Self {
+        Self {
+            eye,
+            at,
+            up: DVec3::Y,
+            fovy: Self::FOVY_DEGREES.to_radians(),
+            near: Self::NEAR,
+            animation: None,
+            automatic: false,
+        }
+    }
+}
+
+/// A light. Colours are linear Rec.709, already multiplied by the intensity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Light {
     /// Light that travels along `direction` (unit), from infinitely far.
@@ -102,7 +130,7 @@ pub enum Light {
     },
 }
 
-/// `<animation>`: one node of an animation file.
+/// One node of an animation file, bound to an object or to the camera.
 #[derive(Clone, Debug)]
 pub struct AnimationBinding {
     /// File the node came from.
@@ -113,35 +141,37 @@ pub struct AnimationBinding {
     pub interpolation: Interpolation,
 }
 
-/// `<motion>`: motion without a file, from frame 0 on.
+/// Motion by formula, without an animation file. At frame 0 it changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
-    /// Thesis: `LinearAnimation`.
+    /// Along a straight line, at constant speed.
     Linear {
-        /// Scene units a frame.
+        /// Scene units per frame.
         velocity: DVec3,
     },
-    /// Thesis: `RotationalAnimation`.
+    /// About an axis, at constant speed.
     Rotation {
         /// Axis, unit length.
         axis: DVec3,
-        /// Radians a frame, right-handed.
+        /// Radians per frame, right-handed.
         per_frame: f64,
         /// A point on the axis.
         centre: DVec3,
     },
 }
 
-/// `<object>`. A point goes through `transform`, the animation, the motions in document order and `place`:
-/// `world_from_model` = place * motions, the last on the left * animation * transform.
+/// A model in the scene, with its place and motion.
+///
+/// A point of the model goes through `transform`, the animation, the motions in their order, and `place`:
+/// `world_from_model` = place * motions (the last one leftmost) * animation * transform.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// Name, unique in the scene (default: `object1`, `object2`, ...).
+    /// Name, unique in the scene.
     pub name: String,
-    /// Model file.
+    /// Model file; empty for a model made in code.
     pub model_path: PathBuf,
-    /// Surfels, in an order that keeps neighbours together; shared by objects with the same model and options.
-    pub model: Arc<Surfels>,
+    /// The surfels; shared by objects with the same model and options.
+    pub model: Model,
     /// Factor on the model's radii, > 0 (already applied to `model`).
     pub radius_scale: f64,
     /// Colour space forced by the scene (already applied to `model`).
@@ -162,15 +192,62 @@ pub struct Object {
     pub blur: bool,
     /// True: back faces show, with their normals turned to the viewer.
     pub two_sided: bool,
-    /// Median cut-off radius of `model`.
-    pub median_radius: f32,
-    /// Box around the model's surfel centres, model space.
-    pub bounds: Bounds,
-    /// An ideal sphere instead of the model, which is empty then: for the reference alone; no splatter can show it.
+    /// An ideal sphere instead of the model. Only the reference shows it; the renderer refuses it.
     pub sphere: Option<Sphere>,
 }
 
-/// `<sphere>`: the thesis's ideal sphere (B.2.4), about the model's origin.
+impl Object {
+    /// An object that shows `model`: surfels, shared surfels, or the [`Model`] of another object.
+    ///
+    /// It has no name ([`Scene::new`] gives it one), stands where its model does, does not move, and has its model's
+    /// material. Renderers are faster where neighbours in the model are neighbours in space
+    /// ([`Surfels::spatially_ordered`]).
+    ///
+    /// [`Surfels::spatially_ordered`]: crate::model::Surfels::spatially_ordered
+    pub fn new(model: impl Into<Model>) -> Self {
+        let model = model.into();
+        Self {
+            name: String::new(),
+            model_path: PathBuf::new(),
+            radius_scale: 1.0,
+            colour_space: None,
+            transform: Trs::default(),
+            animation: None,
+            motions: Vec::new(),
+            place: Trs::default(),
+            material: None,
+            epsilon: None,
+            blur: true,
+            two_sided: model.two_sided,
+            sphere: None,
+            model,
+        }
+    }
+
+    /// An object of points: missing normals and radii are estimated, and the points sorted along a curve through space.
+    ///
+    /// # Errors
+    /// The cloud has no point that can be drawn.
+    pub fn from_cloud(cloud: Cloud) -> Result<Self, ModelError> {
+        let (surfels, _) = model::complete(cloud, &model::LoadOptions::default(), &|_, _| {})?;
+        Ok(Self::new(surfels.spatially_ordered()))
+    }
+
+    /// Box around the surfel centres, or around the ideal sphere, in model space; empty for a model without surfels.
+    pub fn bounds(&self) -> Bounds {
+        match self.sphere {
+            Some(Sphere { radius, .. }) => [DVec3::splat(-radius), DVec3::splat(radius)].into_iter().collect(),
+            None => self.model.bounds(),
+        }
+    }
+
+    /// True if no animation and no motion moves the object.
+    pub fn is_fixed(&self) -> bool {
+        self.animation.is_none() && self.motions.is_empty()
+    }
+}
+
+/// The thesis's ideal sphere (B.2.4), about the model's origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
     /// Radius, model space, > 0.

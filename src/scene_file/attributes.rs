@@ -1,14 +1,13 @@
-//! Attributes to values, as the schema says: numbers parsed, ranges checked, defaults filled in.
+//! Turns attributes into values by the schema: parses numbers, checks ranges, fills in defaults.
 
 use glam::DVec3;
 
 use super::check::selected;
-use super::document::FileRef;
-use super::dom::{Element, Source};
+use super::dom::{Element, FileRef, Source};
 use super::error::{SceneError, quoted};
 use super::schema::{Absent, AttributeSchema, ElementSchema, FAR, Kind, Range, element as schema_of};
 
-/// An element, present or not, with its schema: reads values by name.
+/// An element, present or not, with its schema. It gives values by name.
 pub(super) struct Part<'a> {
     pub(super) source: &'a Source,
     pub(super) element: &'a Element,
@@ -26,7 +25,7 @@ impl<'a> Part<'a> {
         Self { source, element, schema, selected: selected(element, schema) }
     }
 
-    /// The value of an attribute, or its default; `None` where the default is worked out later.
+    /// The value of an attribute, or its default; `None` where the default is found later.
     fn value(&self, name: &str) -> Result<(Option<&'a str>, &'static AttributeSchema), SceneError> {
         let row = self.schema.row(name, self.selected).unwrap_or(&NO_ROW);
         let value = match (self.element.attribute(name), row.default) {

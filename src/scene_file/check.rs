@@ -1,4 +1,5 @@
-//! The structural check of a scene's tree against the schema: what is unknown, missing, repeated or out of place.
+//! Checks the structure of a scene's tree against the schema: finds words that are unknown, missing, repeated or out of
+//! place.
 
 use super::dom::{Element, Source};
 use super::error::{SceneError, quoted};
@@ -8,7 +9,7 @@ use super::xml::{DASHES, is_dashes};
 /// Most notes about unknown words; a count stands for the rest.
 const MOST_NOTES: usize = 50;
 
-/// Checks the tree. With `lenient`, what is unknown becomes notes; it then stays in the tree, unread.
+/// Checks the tree. With `lenient`, unknown words become notes; they stay in the tree, and nothing reads them.
 pub(super) fn check(source: &Source, root: &Element, lenient: bool) -> Result<Vec<String>, SceneError> {
     let schema = super::schema::root();
     if root.name != schema.name {
@@ -43,7 +44,7 @@ pub(super) fn selected<'a>(element: &'a Element, schema: &ElementSchema) -> &'a 
     }
 }
 
-/// True where a <curve> takes the place of the selector.
+/// True where a `<curve>` takes the place of the selector.
 fn draws(element: &Element, schema: &ElementSchema) -> bool {
     schema.children.iter().any(|c| c.name == "curve") && element.child("curve").is_some()
 }
@@ -117,7 +118,7 @@ impl Checker<'_> {
                 continue;
             }
             if let Some(row) = schema.attributes.iter().find(|a| a.name == attribute.name) {
-                // Without its selector the element is refused for that when it is read.
+                // A missing selector is refused when the element is read.
                 if selected.is_empty() {
                     continue;
                 }

@@ -1,53 +1,34 @@
-//! A checked tree to plain values that need no file.
+//! Turns a checked tree into plain values that need no file.
 
 use glam::DVec3;
 
 use super::attributes::Part;
-use super::dom::{Element, Source};
+use super::dom::{Element, FileRef, Source};
 use super::error::{SceneError, quoted};
 use crate::anim::Interpolation;
 use crate::math::{RotateOrder, Trs};
 use crate::model::{self, ColourSpace, Material};
-use crate::scene::{ImageSettings, Light, Motion, Sphere};
+use crate::scene::{GivenCamera, GivenFrames, ImageSettings, Light, Motion, Sphere};
 use crate::time::{Shutter, Weight};
 
 /// A scene before its files are read.
 #[derive(Debug)]
 pub(super) struct Document {
     pub(super) image: ImageSettings,
-    pub(super) frames: FramesSpec,
+    pub(super) frames: GivenFrames,
     pub(super) shutter: Shutter,
-    /// `None`: the scene has no <camera>.
+    /// `None`: the scene has no `<camera>`.
     pub(super) camera: Option<CameraSpec>,
     pub(super) lights: Vec<Light>,
     pub(super) objects: Vec<ObjectSpec>,
 }
 
-/// `<frames>`, what of it is given.
-#[derive(Debug, Default)]
-pub(super) struct FramesSpec {
-    pub(super) first: Option<i64>,
-    pub(super) last: Option<i64>,
-    pub(super) rate: Option<f64>,
-}
-
 #[derive(Debug)]
 pub(super) struct CameraSpec {
+    /// Place in the file.
     pub(super) at: usize,
-    pub(super) eye: Option<DVec3>,
-    pub(super) target: Option<DVec3>,
-    pub(super) up: DVec3,
-    /// Radians.
-    pub(super) fovy: f64,
-    pub(super) near: Option<f64>,
+    pub(super) given: GivenCamera,
     pub(super) animation: Option<AnimationSpec>,
-}
-
-/// A file that the scene names.
-#[derive(Debug)]
-pub(super) struct FileRef {
-    pub(super) text: String,
-    pub(super) at: usize,
 }
 
 #[derive(Debug)]
@@ -84,12 +65,12 @@ pub(super) fn read(source: &Source, root: &Element) -> Result<Document, SceneErr
     let absent = Element { at: root.at, ..Element::default() };
     let part = |name: &'static str| Part::new(source, root.child(name).unwrap_or(&absent), name);
     let (image, frames) = (part("image"), part("frames"));
-    let spec = FramesSpec {
+    let given = GivenFrames {
         first: frames.integer("first")?,
         last: frames.integer("last")?,
         rate: frames.optional_number("rate")?,
     };
-    if let (Some(first), Some(last)) = (spec.first, spec.last)
+    if let (Some(first), Some(last)) = (given.first, given.last)
         && first > last
     {
         return Err(frames.bad("last", &last, format!("at least `first`, {first}")));
@@ -102,7 +83,7 @@ pub(super) fn read(source: &Source, root: &Element) -> Result<Document, SceneErr
             background: image.vector("background")?,
             transparent: image.boolean("transparent")?,
         },
-        frames: spec,
+        frames: given,
         shutter: shutter(&part("shutter"))?,
         camera: root.child("camera").map(|e| camera(&Part::new(source, e, "camera"))).transpose()?,
         lights,
@@ -157,11 +138,13 @@ fn drawn(source: &Source, curve: &Element) -> Result<Weight, SceneError> {
 fn camera(part: &Part<'_>) -> Result<CameraSpec, SceneError> {
     Ok(CameraSpec {
         at: part.element.at,
-        eye: part.optional_vector("eye")?,
-        target: part.optional_vector("at")?,
-        up: part.vector("up")?,
-        fovy: part.number("fovy")?.to_radians(),
-        near: part.given("near").then(|| part.number("near")).transpose()?,
+        given: GivenCamera {
+            eye: part.optional_vector("eye")?,
+            at: part.optional_vector("at")?,
+            up: part.vector("up")?,
+            fovy: part.number("fovy")?.to_radians(),
+            near: part.given("near").then(|| part.number("near")).transpose()?,
+        },
         animation: animation(part)?,
     })
 }
@@ -278,7 +261,7 @@ fn material(part: &Part<'_>) -> Result<Material, SceneError> {
     })
 }
 
-/// `v` at length 1. A vector that has it to rounding is kept as it is, so that what was written loads back.
+/// `v` at length 1. A vector whose length is 1 up to rounding stays as it is, so that a written scene loads back.
 pub(super) fn unit(v: DVec3) -> DVec3 {
     if (v.length_squared() - 1.0).abs() < 1e-14 {
         return v;

@@ -37,6 +37,13 @@ impl Source {
     }
 }
 
+/// A file that the scene names: the text, and where it stands.
+#[derive(Debug)]
+pub(super) struct FileRef {
+    pub(super) text: String,
+    pub(super) at: usize,
+}
+
 /// An element. Offsets are bytes of [`Source::text`].
 #[derive(Debug, Default)]
 pub(super) struct Element {

@@ -1,11 +1,10 @@
-//! Scene files: XML to a resolved [`Scene`] and back. `xml.rs` alone knows how to read XML.
+//! Scene files: reads XML into a [`Scene`], and writes it back. `xml.rs` alone knows how to read XML.
 //!
-//! A file goes through `xml` (bytes to a tree), `check` (the tree against the `schema`), `document` (values, without files)
-//! and `resolve` (files read, defaults filled in); `write` goes back. The format: docs/scene-format.md.
+//! A file goes through `xml` (bytes to a tree), `check` (the tree against the `schema`), `document` (values, without
+//! files) and `resolve` (files read, defaults filled in); `write` goes back. The format: docs/scene-format.md.
 
 mod attributes;
 mod check;
-mod defaults;
 mod document;
 mod dom;
 mod error;
@@ -41,6 +40,18 @@ pub struct Loaded {
     pub scene: Scene,
     /// Normals or radii estimated, unknown words skipped, the automatic camera: one line each.
     pub notes: Vec<String>,
+}
+
+impl Scene {
+    /// Reads a scene file (XML, docs/scene-format.md) with the models and animations that it names, and fills in every
+    /// default.
+    ///
+    /// # Errors
+    /// The scene, or a file that it names, cannot be read or is not valid. The message says where, what was found
+    /// there, and what would be right.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+        Ok(load(path.as_ref(), &LoadOptions::default())?.scene)
+    }
 }
 
 /// Reads a scene file with all that it names.

@@ -3,8 +3,7 @@
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use super::document::FileRef;
-use super::dom::Source;
+use super::dom::{FileRef, Source};
 use super::error::{SceneError, quoted};
 use super::xml::name_of;
 
@@ -80,7 +79,8 @@ impl<'a> Finder<'a> {
     }
 }
 
-/// A regular file at `wanted` below `base` if upper and lower case are the same; the first by name if there are several.
+/// A regular file at `wanted` below `base` if upper and lower case are the same; the first by name if there are
+/// several.
 fn in_any_case(base: &Path, wanted: &Path) -> Option<PathBuf> {
     let mut path = base.to_owned();
     for component in wanted.components() {

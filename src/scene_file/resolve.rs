@@ -1,4 +1,4 @@
-//! A document to a scene: files read, each once, and defaults that need them filled in.
+//! Turns a document into a scene: reads each file once, and fills in the defaults that depend on files.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -6,15 +6,14 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::document::{AnimationSpec, CameraSpec, Document, FileRef, ObjectSpec, ShapeSpec, unit};
-use super::dom::Source;
+use super::document::{AnimationSpec, CameraSpec, Document, ObjectSpec, ShapeSpec};
+use super::dom::{FileRef, Source};
 use super::error::SceneError;
 use super::paths::Finder;
-use super::{LoadOptions, Loaded, defaults, write};
+use super::{LoadOptions, Loaded, write};
 use crate::anim::{self, Animation};
-use crate::math::Bounds;
-use crate::model::{self, Surfels};
-use crate::scene::{AnimationBinding, Camera, FrameRange, Light, Object, Scene};
+use crate::model;
+use crate::scene::{self, AnimationBinding, Camera, FrameRange, GivenCamera, Model, Object, Scene};
 
 /// Reads all files of a document and fills in what it leaves out.
 pub(super) fn resolve(
@@ -40,18 +39,16 @@ pub(super) fn resolve(
         Some(spec) => Some(files.bind(spec)?),
         None => None,
     };
-    let bindings = objects.iter().filter_map(|o| o.animation.as_ref()).chain(&camera_binding);
-    let moving = objects.iter().any(|o| !o.motions.is_empty());
     let file_rate = files.rate.map(|(_, rate)| rate);
-    let frames = defaults::frames(&document.frames, bindings.map(|b| b.node.range()), file_rate, moving);
+    let frames = scene::frames(&document.frames, &objects, camera_binding.as_ref(), file_rate);
     let name = source.path().file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let lights = if document.lights.is_empty() { default_lights() } else { document.lights };
+    let lights = if document.lights.is_empty() { scene::lights() } else { document.lights };
     let mut scene = Scene {
         name,
         image: document.image,
         frames,
         shutter: document.shutter,
-        camera: placeholder(),
+        camera: Camera::new(DVec3::ZERO, DVec3::NEG_Z),
         lights,
         objects,
     };
@@ -68,26 +65,6 @@ pub(super) fn resolve(
     Ok(Loaded { scene, notes })
 }
 
-/// A key light from the upper right front and a little ambient light.
-fn default_lights() -> Vec<Light> {
-    vec![
-        Light::Directional { direction: unit(DVec3::new(-0.5, -1.0, -0.8)), colour: DVec3::splat(0.9) },
-        Light::Ambient { colour: DVec3::splat(0.3) },
-    ]
-}
-
-fn placeholder() -> Camera {
-    Camera {
-        eye: DVec3::ZERO,
-        at: DVec3::NEG_Z,
-        up: DVec3::Y,
-        fovy: defaults::FOVY_DEGREES.to_radians(),
-        near: defaults::NEAR,
-        animation: None,
-        automatic: false,
-    }
-}
-
 fn camera(
     source: &Source,
     scene: &Scene,
@@ -95,16 +72,17 @@ fn camera(
     animation: Option<AnimationBinding>,
 ) -> Result<Camera, SceneError> {
     let camera = match (spec, animation) {
-        (Some(spec), Some(animation)) => Camera {
-            eye: spec.eye.unwrap_or(DVec3::ZERO),
-            at: spec.target.unwrap_or_else(|| spec.eye.unwrap_or(DVec3::ZERO) + DVec3::NEG_Z),
-            up: spec.up,
-            fovy: spec.fovy,
-            near: spec.near.unwrap_or(defaults::NEAR),
-            animation: Some(animation),
-            automatic: false,
-        },
-        _ => defaults::camera(scene, spec),
+        (Some(CameraSpec { given, .. }), Some(animation)) => {
+            let eye = given.eye.unwrap_or(DVec3::ZERO);
+            Camera {
+                up: given.up,
+                fovy: given.fovy,
+                near: given.near.unwrap_or(Camera::NEAR),
+                animation: Some(animation),
+                ..Camera::new(eye, given.at.unwrap_or(eye + DVec3::NEG_Z))
+            }
+        }
+        _ => scene::camera(scene, &spec.map_or_else(GivenCamera::default, |spec| spec.given)),
     };
     if camera.animation.is_some() {
         return Ok(camera);
@@ -131,14 +109,6 @@ const MOST_VARIANTS: usize = 32;
 /// What two objects share if they name it alike: file, radius scale (its bits) and colour space.
 type ModelKey = (PathBuf, u64, Option<bool>);
 
-/// A model and what is derived from it once.
-#[derive(Clone)]
-struct Model {
-    surfels: Arc<Surfels>,
-    median_radius: f32,
-    bounds: Bounds,
-}
-
 /// The files of one scene, each read once.
 struct Files<'a> {
     source: &'a Source,
@@ -164,18 +134,13 @@ impl Files<'_> {
                 let model = self.model(file, &spec.options, &path)?;
                 (path, model, None)
             }
-            ShapeSpec::Sphere(sphere) => {
-                let corner = DVec3::splat(sphere.radius);
-                let bounds = [-corner, corner].into_iter().collect();
-                (PathBuf::new(), Model { surfels: Arc::default(), median_radius: 0.0, bounds }, Some(*sphere))
-            }
+            ShapeSpec::Sphere(sphere) => (PathBuf::new(), Model::default(), Some(*sphere)),
         };
-        let Model { surfels, median_radius, bounds } = model;
         Ok(Object {
             name: spec.name,
             model_path,
-            two_sided: spec.two_sided.unwrap_or(surfels.two_sided),
-            model: surfels,
+            two_sided: spec.two_sided.unwrap_or(model.two_sided),
+            model,
             radius_scale: spec.options.radius_scale,
             colour_space: spec.options.colour_space,
             transform: spec.transform,
@@ -185,8 +150,6 @@ impl Files<'_> {
             material: spec.material,
             epsilon: spec.epsilon,
             blur: spec.blur,
-            median_radius,
-            bounds,
             sphere,
         })
     }
@@ -222,8 +185,7 @@ impl Files<'_> {
         let loaded = model::load(path, options, progress)
             .map_err(|e| SceneError::Model { at: self.source.locate(file.at), source: Box::new(e) })?;
         self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
-        let (median_radius, bounds) = (loaded.surfels.median_radius(), loaded.surfels.bounds());
-        let model = Model { surfels: Arc::new(loaded.surfels.spatially_ordered()), median_radius, bounds };
+        let model = Model::from(loaded.surfels.spatially_ordered());
         self.models.insert(key, model.clone());
         Ok(model)
     }

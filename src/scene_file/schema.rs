@@ -92,7 +92,7 @@ const LIGHT: Range = Range(0.0, 1e6);
 /// A power of two, so that `write.rs` can split any allowed radiance into colour and intensity without rounding.
 pub(super) const MOST_INTENSITY: f64 = 1_048_576.0;
 const FRAME: Kind = Kind::Integer(-1_000_000_000, 1_000_000_000);
-const PIXELS: Kind = Kind::Integer(1, crate::image::MAX_SIZE as i64);
+const PIXELS: Kind = Kind::Integer(1, crate::film::Picture::MAX_SIZE as i64);
 const UNIT: Range = Range(0.0, 1.0);
 const DEGREES: Range = Range(-1e9, 1e9);
 

@@ -1,7 +1,7 @@
 //! XML to [`Element`]s: the only file that knows XML.
 //!
-//! Scenes come from strangers. Everything costs time and memory linear in the file, which is capped; there is no document
-//! type, nothing is fetched and no entity beyond the five of XML is expanded.
+//! Scenes come from strangers. Everything costs time and memory linear in the file, which is capped; there is no
+//! document type, nothing is fetched and no entity beyond the five of XML is expanded.
 
 use std::fs;
 use std::io::Read;

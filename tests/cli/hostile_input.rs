@@ -1,5 +1,5 @@
-//! Hostile input to `compare`, `sheet` and `report`: whatever is asked for and whatever lies on the disk, the program ends by itself,
-//! and where it refuses it says so in one line, with exit status 2.
+//! Hostile input to `compare`, `sheet` and `report`: whatever is asked for and whatever lies on the disk, the program
+//! ends by itself, and where it refuses it says so in one line, with exit status 2.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 

@@ -50,7 +50,8 @@ fn render(scene: &Scene, options: &RenderOptions) -> Rendered {
     render_frame(&mut Cpu::default(), scene, 0, options).unwrap()
 }
 
-/// Root mean squared error of the display values. The two references' own errors are independent: their product has no mean.
+/// Root mean squared error of the display values. The two references' own errors are independent: their product has no
+/// mean.
 fn true_error(picture: &Picture, truths: &[Picture; 2]) -> f64 {
     let [shown, a, b] = [picture, &truths[0], &truths[1]].map(encode);
     let channel = |c: usize| {
@@ -94,7 +95,8 @@ fn the_stated_error_is_the_true_one() {
     }
 }
 
-/// Pixels that are not those of `coarse`; and the largest distance of any value, layers included, from the nearer of both pictures.
+/// Pixels that are not those of `coarse`; and the largest distance of any value, layers included, from the nearer of
+/// both pictures.
 fn near_either(made: &Picture, fine: &Picture, coarse: &Picture) -> (usize, f32) {
     let far = |a: f32, b: f32| if a == b { 0.0 } else { (a - b).abs() / b.abs().max(1.0) };
     let values = |picture: &Picture| -> Vec<Vec<f32>> {
@@ -113,7 +115,8 @@ fn near_either(made: &Picture, fine: &Picture, coarse: &Picture) -> (usize, f32)
     (fine_pixels, worst)
 }
 
-/// Where all blocks are refined three times, the image is that of three times the samples: none is lost, none counts twice.
+/// Where all blocks are refined three times, the image is that of three times the samples: none is lost, none counts
+/// twice.
 #[test]
 fn refinement_keeps_earlier_samples() {
     let scene = balls();

@@ -1,5 +1,5 @@
-//! Closed forms of small motion-blur cases (tests/data/truth/README.md), which no renderer made: they fix the camera, the
-//! shutter, its weights and the kernel's cut-off.
+//! Closed forms of small motion-blur cases (tests/data/truth/README.md), which no renderer made: they fix the camera,
+//! the shutter, its weights and the kernel's cut-off.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 

@@ -1,5 +1,5 @@
-//! The GPU backend: whole images against the CPU's, and frames under way at the same time. Parity pass by pass stands in
-//! src/backend/gpu/tests, closed forms in `closed_forms.rs`.
+//! The GPU backend: whole images against the CPU's, and frames under way at the same time. Parity pass by pass stands
+//! in src/backend/gpu/tests, closed forms in `closed_forms.rs`.
 
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stderr, reason = "tests may stop and report")]
@@ -117,7 +117,7 @@ fn too_little_memory_is_an_error() {
     let scene = sphere_scene(3000, 100, false);
     let options = RenderOptions { memory: 1 << 20, ..RenderOptions::default() };
     let error = render_frame(&mut gpu, &scene, 0, &options).unwrap_err().to_string();
-    assert!(error.contains("--memory"), "{error}");
+    assert!(error.contains("RenderOptions::memory"), "{error}");
 }
 
 /// Software devices end loops early: all splats of a model may lie in one tile.

@@ -4,11 +4,11 @@
 
 use std::collections::VecDeque;
 use std::path::Path;
-use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
+use splatblur::model::Surfels;
 use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
@@ -106,7 +106,8 @@ impl Mask {
     }
 }
 
-/// Largest distance in depth of pixels from the plane that fits them best; planes have linear inverse depth on the screen.
+/// Largest distance in depth of pixels from the plane that fits them best; planes have linear inverse depth on the
+/// screen.
 fn bump(depth: &[f32], width: i32, ring: &[(i32, i32)]) -> f64 {
     let mean = |f: &dyn Fn(f64, f64, f64) -> f64| {
         let value = |&(x, y): &(i32, i32)| {
@@ -127,8 +128,9 @@ fn bump(depth: &[f32], width: i32, ring: &[(i32, i32)]) -> f64 {
     ring.iter().map(distance).fold(0.0, f64::max)
 }
 
-/// Pixels of holes inside a surface: regions that closing removes and that one smooth piece of surface surrounds. Where the
-/// surroundings jump in depth, two parts of an object stand apart and the background shows rightly (a hair beside the neck).
+/// Pixels of holes inside a surface: regions that closing removes and that one smooth piece of surface surrounds. Where
+/// the surroundings jump in depth, two parts of an object stand apart and the background shows rightly (a hair beside
+/// the neck).
 fn holes(picture: &Picture, epsilon: f64) -> Vec<(i32, i32)> {
     let mask = Mask::of(picture);
     let depth = &picture.layers[0].planes[0];
@@ -160,7 +162,7 @@ fn holes_of(whole: &Scene, frames: &[i64]) -> Vec<String> {
         let mut scene = Scene { objects: vec![object.clone()], ..whole.clone() };
         scene.image.transparent = true;
         let size = object.place.scale * object.transform.scale;
-        let epsilon = f64::from(object.median_radius) * size.element_product().abs().cbrt();
+        let epsilon = f64::from(object.model.median_radius()) * size.element_product().abs().cbrt();
         for &frame in frames {
             for prefilter in [Prefilter::None, Prefilter::Approx] {
                 let options = RenderOptions {
@@ -202,8 +204,9 @@ fn shipped_models_have_no_holes() {
 #[test]
 fn thin_surfels_leave_holes() {
     let mut scene = shipped("spin");
-    let thin = Arc::make_mut(&mut scene.objects[0].model);
+    let mut thin = Surfels::clone(&scene.objects[0].model);
     thin.axis_u.iter_mut().chain(&mut thin.axis_v).for_each(|axis| *axis *= 0.55);
+    scene.objects[0].model = thin.into();
     assert!(!holes_of(&scene, &[1]).is_empty());
 }
 
@@ -214,8 +217,8 @@ fn alpha_difference(a: &Picture, b: &Picture) -> (f64, f64) {
     (rms, band.iter().copied().fold(0.0, f64::max))
 }
 
-/// A streak of 25 px: alpha is off by half a sample's weight in the mean and by two at the most, so that the steps of 16
-/// samples are soft and those of 64 do not show.
+/// A streak of 25 px: alpha is off by half a sample's weight in the mean and by two at the most, so that the steps of
+/// 16 samples are soft and those of 64 do not show.
 #[test]
 fn silhouettes_are_smooth_and_do_not_strobe() {
     let mut scene = shipped("diagonal");

@@ -186,8 +186,8 @@ fn models_named_alike_are_loaded_once() {
         |attributes: &str, path: &str| format!("<object><pointModel {attributes}>{path}</pointModel></object>");
     let all = [object("", "m.ply"), object("", "./m.ply"), object("radiusScale='2'", "m.ply")].concat();
     let objects = loaded(format!("<scene>{all}</scene>")).scene.objects;
-    assert!(Arc::ptr_eq(&objects[0].model, &objects[1].model));
-    assert!(!Arc::ptr_eq(&objects[0].model, &objects[2].model));
+    assert!(Arc::ptr_eq(objects[0].model.surfels(), objects[1].model.surfels()));
+    assert!(!Arc::ptr_eq(objects[0].model.surfels(), objects[2].model.surfels()));
 }
 
 #[test]
@@ -262,7 +262,7 @@ fn the_automatic_camera_sees_everything() {
         for frame in s.frames.first..=s.frames.last {
             let pose = splatblur::scene::pose::object_pose(&s, object, frame as f64);
             let view = splatblur::scene::pose::camera_from_world(&s, frame as f64) * pose.world_from_model;
-            for corner in object.bounds.corners().into_iter().filter(|c| c.is_finite()) {
+            for corner in object.bounds().corners().into_iter().filter(|c| c.is_finite()) {
                 let p = view.transform_point3(corner);
                 let depth = -p.z;
                 assert!(depth > camera.near && p.y.abs() < depth * tan && p.x.abs() < depth * tan * aspect, "{p}");
@@ -723,7 +723,7 @@ fn an_ideal_sphere_takes_the_place_of_a_model() {
     let sphere = object.sphere.expect("a sphere");
     assert_eq!((sphere.radius, sphere.colour.to_array()), (2.5, [0.1, 0.2, 0.3]));
     assert!(object.model.is_empty());
-    assert_eq!(object.bounds.size(), DVec3::splat(5.0));
+    assert_eq!(object.bounds().size(), DVec3::splat(5.0));
     let again = loaded(to_xml(&scene, Path::new(""))).scene;
     assert_eq!(again.objects[0].sphere, object.sphere);
     assert_eq!(to_xml(&again, Path::new("")), to_xml(&scene, Path::new("")));

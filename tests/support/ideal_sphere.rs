@@ -1,7 +1,5 @@
 //! Spheres of surfels against the ideal sphere, both ray-traced.
 
-use std::sync::Arc;
-
 use glam::{DVec3, Vec3};
 use splatblur::film::Picture;
 use splatblur::model::Surfels;
@@ -22,7 +20,7 @@ pub fn approaches_the_ideal_sphere<const N: usize>(counts: [usize; N], size: u32
     };
     let colour = Vec3::new(0.8, 0.6, 0.4);
     let mut ideal = base(1);
-    ideal.objects[0].model = Arc::default();
+    ideal.objects[0].model = Surfels::default().into();
     ideal.objects[0].sphere = Some(Sphere { radius: 1.0, colour });
     let options = ReferenceOptions { samples: 256, ..ReferenceOptions::default() };
     let traced =

@@ -9,13 +9,11 @@ pub mod ideal_sphere;
 pub mod pairs;
 
 use std::f64::consts::PI;
-use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
 use splatblur::frame::Frame;
-use splatblur::math::Trs;
 use splatblur::model::{Material, Surfels};
 use splatblur::options::{Quality, RenderOptions};
 use splatblur::renderer::render_frame;
@@ -59,25 +57,9 @@ pub fn sphere(n: usize) -> Surfels {
 
 /// An object with nothing but a model.
 pub fn object(model: Surfels) -> Object {
-    let (median_radius, bounds) = (model.median_radius(), model.bounds());
-    Object {
-        name: "object".into(),
-        model_path: "made in code".into(),
-        model: Arc::new(model),
-        radius_scale: 1.0,
-        colour_space: None,
-        transform: Trs::default(),
-        animation: None,
-        motions: Vec::new(),
-        place: Trs::default(),
-        material: None,
-        epsilon: None,
-        blur: true,
-        two_sided: false,
-        median_radius,
-        bounds,
-        sphere: None,
-    }
+    let mut object = Object::new(model);
+    object.name = "object".into();
+    object
 }
 
 /// Colours show unchanged under one ambient light of intensity 1.
@@ -90,15 +72,7 @@ pub fn scene(objects: Vec<Object>, size: [u32; 2], eye: DVec3, fovy_degrees: f64
         image: ImageSettings { width: size[0], height: size[1], ..Default::default() },
         frames: FrameRange { first: 0, last: 0, rate: 24.0 },
         shutter: Shutter { open: 0.0, close: 1.0, weight: Weight::Box },
-        camera: Camera {
-            eye,
-            at: eye - DVec3::Z,
-            up: DVec3::Y,
-            fovy: fovy_degrees.to_radians(),
-            near: 0.01,
-            animation: None,
-            automatic: false,
-        },
+        camera: Camera { fovy: fovy_degrees.to_radians(), ..Camera::new(eye, eye - DVec3::Z) },
         lights: vec![Light::Ambient { colour: DVec3::ONE }],
         objects,
     }

@@ -1,12 +1,9 @@
 //! Small scenes that take every branch of the passes.
 
-use std::sync::Arc;
-
 use glam::{DVec3, Vec3};
 
 use crate::film::Aov;
 use crate::frame::{Blocks, Frame};
-use crate::math::Trs;
 use crate::math::random::Random;
 use crate::model::{Material, Surfels};
 use crate::options::{
@@ -95,24 +92,9 @@ fn hard() -> Surfels {
 }
 
 fn object(model: Surfels, at: DVec3) -> Object {
-    Object {
-        name: "object".into(),
-        model_path: "made in code".into(),
-        radius_scale: 1.0,
-        colour_space: None,
-        transform: Trs { translate: at, ..Trs::default() },
-        animation: None,
-        motions: Vec::new(),
-        place: Trs::default(),
-        material: None,
-        epsilon: None,
-        blur: true,
-        two_sided: false,
-        median_radius: model.median_radius(),
-        bounds: model.bounds(),
-        sphere: None,
-        model: Arc::new(model),
-    }
+    let mut object = Object::new(model);
+    object.transform.translate = at;
+    object
 }
 
 fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
@@ -122,15 +104,7 @@ fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
         image: ImageSettings { width: size[0], height: size[1], ..Default::default() },
         frames: FrameRange { first: 0, last: 0, rate: 24.0 },
         shutter: Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 } },
-        camera: Camera {
-            eye,
-            at: eye - DVec3::Z,
-            up: DVec3::Y,
-            fovy: 40_f64.to_radians(),
-            near: 0.01,
-            animation: None,
-            automatic: false,
-        },
+        camera: Camera::new(eye, eye - DVec3::Z),
         lights: vec![
             Light::Directional { direction: DVec3::new(-0.5, -1.0, -0.8).normalize(), colour: DVec3::splat(0.9) },
             Light::Ambient { colour: DVec3::new(0.3, 0.2, 0.4) },

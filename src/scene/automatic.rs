@@ -1,33 +1,90 @@
-//! What a scene leaves out and its content decides: the frames and the camera.
+//! What a scene leaves open and its objects decide: the frames, the lights and the camera. Scenes made in code and
+//! scene files have the same defaults.
 
 use glam::DVec3;
 
-use super::document::{CameraSpec, FramesSpec};
+use super::pose::object_pose;
+use super::values::{AnimationBinding, Camera, FrameRange, ImageSettings, Light, Object, Scene};
 use crate::math::Bounds;
-use crate::scene::pose::object_pose;
-use crate::scene::{Camera, FrameRange, Scene};
+use crate::time::Shutter;
 
 /// Frames a second where neither the scene nor an animation says it: film.
 const RATE: f64 = 24.0;
 /// Last frame of a scene that moves by formula alone: one second of film.
 const LAST: i64 = 24;
-/// Field of view of a camera that the scene leaves out, degrees.
-pub(super) const FOVY_DEGREES: f64 = 40.0;
-/// Nearest visible depth by default, scene units.
-pub(super) const NEAR: f64 = 0.01;
 /// Room around the objects, as a factor on the distance from their front.
 const MARGIN: f64 = 1.05;
 
-/// The frames of a scene: what is given, else the union of the key ranges (`keys`, seconds), else by `moving`.
-pub(super) fn frames(
-    spec: &FramesSpec,
+impl Scene {
+    /// A scene of these objects; what a scene file may leave out is as there.
+    ///
+    /// The image has 1024 x 768 pixels and a black background. The frames are those of the animations' keys; else 0 to
+    /// 24 if an object moves, else 0 alone. The shutter is open from a quarter of a frame before the frame number to a
+    /// quarter after it. There is a directional light from the upper right front, and some ambient light. The camera
+    /// looks along -z and sees all objects in all frames ([`Camera::automatic`]). Objects without a name are called
+    /// `object1`, `object2`, ...
+    pub fn new(objects: impl IntoIterator<Item = Object>) -> Self {
+        let mut objects: Vec<Object> = objects.into_iter().collect();
+        for (object, number) in objects.iter_mut().zip(1..) {
+            if object.name.is_empty() {
+                object.name = format!("object{number}");
+            }
+        }
+        let mut scene = Self {
+            name: "scene".to_owned(),
+            image: ImageSettings::default(),
+            frames: frames(&GivenFrames::default(), &objects, None, None),
+            shutter: Shutter::default(),
+            camera: Camera::new(DVec3::ZERO, DVec3::NEG_Z),
+            lights: lights(),
+            objects,
+        };
+        scene.camera = Camera::automatic(&scene);
+        scene
+    }
+}
+
+impl Camera {
+    /// A camera that looks along -z, with +y up and a field of view of 40 degrees, and sees all objects of `scene` in
+    /// all its frames, on an image of its size. The scene's own camera plays no part.
+    pub fn automatic(scene: &Scene) -> Self {
+        camera(scene, &GivenCamera::default())
+    }
+}
+
+/// What is said about the frames of a scene.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct GivenFrames {
+    pub(crate) first: Option<i64>,
+    pub(crate) last: Option<i64>,
+    /// Frames per second.
+    pub(crate) rate: Option<f64>,
+}
+
+/// The frames of a scene: what is given, else the union of the ranges of all keys, else by whether an object moves.
+///
+/// `file_rate` is the rate that an animation file gives, frames per second.
+pub(crate) fn frames(
+    given: &GivenFrames,
+    objects: &[Object],
+    camera: Option<&AnimationBinding>,
+    file_rate: Option<f64>,
+) -> FrameRange {
+    let bindings = objects.iter().filter_map(|object| object.animation.as_ref()).chain(camera);
+    let moving = objects.iter().any(|object| !object.motions.is_empty());
+    range(given, bindings.map(|binding| binding.node.range()), file_rate, moving)
+}
+
+/// As [`frames`]; `keys` are the ranges of the keys, seconds.
+fn range(
+    given: &GivenFrames,
     keys: impl Iterator<Item = (f64, f64)>,
     file_rate: Option<f64>,
     moving: bool,
 ) -> FrameRange {
     // Keys that stand on a frame may miss it by rounding in the conversion to seconds and back.
     const SLACK: f64 = 1e-6;
-    let rate = spec.rate.or(file_rate.filter(|r| r.is_finite() && *r > 0.0)).unwrap_or(RATE);
+    let rate = given.rate.or(file_rate.filter(|r| r.is_finite() && *r > 0.0)).unwrap_or(RATE);
     let union = keys.filter(|(a, b)| a.is_finite() && b.is_finite()).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
     let (first, last) = match union {
         Some((a, b)) => {
@@ -39,7 +96,7 @@ pub(super) fn frames(
         None => (0, if moving { LAST } else { 0 }),
     };
     // What is given wins; the other end makes room.
-    let (first, last) = match (spec.first, spec.last) {
+    let (first, last) = match (given.first, given.last) {
         (Some(first), None) => (first, last.max(first)),
         (None, Some(last)) => (first.min(last), last),
         (None, None) => (first, last),
@@ -48,14 +105,39 @@ pub(super) fn frames(
     FrameRange { first, last, rate }
 }
 
-/// Completes a camera that lacks its eye or its target, so that it sees all objects at all times; looks along -z.
-pub(super) fn camera(scene: &Scene, spec: Option<&CameraSpec>) -> Camera {
-    let up = spec.map_or(DVec3::Y, |s| s.up);
-    let fovy = spec.map_or(FOVY_DEGREES.to_radians(), |s| s.fovy);
-    let (eye, target) = (spec.and_then(|s| s.eye), spec.and_then(|s| s.target));
-    let near = spec.and_then(|s| s.near);
+/// A key light from the upper right front, and a little ambient light.
+pub(crate) fn lights() -> Vec<Light> {
+    let direction = DVec3::new(-0.5, -1.0, -0.8);
+    vec![
+        Light::Directional { direction: direction / direction.length(), colour: DVec3::splat(0.9) },
+        Light::Ambient { colour: DVec3::splat(0.3) },
+    ]
+}
+
+/// What is said about a camera.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GivenCamera {
+    pub(crate) eye: Option<DVec3>,
+    /// Point that it looks at.
+    pub(crate) at: Option<DVec3>,
+    pub(crate) up: DVec3,
+    /// Radians.
+    pub(crate) fovy: f64,
+    pub(crate) near: Option<f64>,
+}
+
+impl Default for GivenCamera {
+    fn default() -> Self {
+        Self { eye: None, at: None, up: DVec3::Y, fovy: Camera::FOVY_DEGREES.to_radians(), near: None }
+    }
+}
+
+/// Completes a camera. Where its eye or the point that it looks at is missing, it sees all objects at all times,
+/// looking along -z.
+pub(crate) fn camera(scene: &Scene, given: &GivenCamera) -> Camera {
+    let GivenCamera { eye, at: target, up, fovy, near } = *given;
     if let (Some(eye), Some(at)) = (eye, target) {
-        return Camera { eye, at, up, fovy, near: near.unwrap_or(NEAR), animation: None, automatic: false };
+        return Camera { eye, at, up, fovy, near: near.unwrap_or(Camera::NEAR), animation: None, automatic: false };
     }
     let bounds = swept_bounds(scene);
     let half = 0.5 * bounds.size();
@@ -68,7 +150,7 @@ pub(super) fn camera(scene: &Scene, spec: Option<&CameraSpec>) -> Camera {
     let eye = eye.unwrap_or_else(|| at + DVec3::new(0.0, 0.0, grid.above(distance + (at - bounds.centre()).length())));
     let eye = grid.exact(eye);
     // A near plane that cuts no small scene away.
-    let near = near.unwrap_or_else(|| NEAR.min(grid.number((eye - at).length() * 1e-3)).max(1e-9));
+    let near = near.unwrap_or_else(|| Camera::NEAR.min(grid.number((eye - at).length() * 1e-3)).max(1e-9));
     Camera { eye, at, up, fovy, near, animation: None, automatic: true }
 }
 
@@ -82,16 +164,19 @@ fn swept_bounds(scene: &Scene) -> Bounds {
     let steps = ((4.0 * (to - from)).ceil() as usize).clamp(2, most);
     let mut all = Bounds::default();
     for only_visible in [true, false] {
-        for object in scene.objects.iter().filter(|o| !o.bounds.is_empty()) {
-            let still = object.animation.is_none() && object.motions.is_empty();
-            for i in 0..=if still { 0 } else { steps } {
+        for object in &scene.objects {
+            let bounds = object.bounds();
+            if bounds.is_empty() {
+                continue;
+            }
+            for i in 0..=if object.is_fixed() { 0 } else { steps } {
                 let pose = object_pose(scene, object, from + (to - from) * i as f64 / steps as f64);
                 if only_visible && !pose.visible {
                     continue;
                 }
                 let m = pose.world_from_model;
-                let radius = f64::from(object.median_radius) * libm::cbrt(m.determinant().abs());
-                for corner in object.bounds.corners() {
+                let radius = f64::from(object.model.median_radius()) * libm::cbrt(m.determinant().abs());
+                for corner in bounds.corners() {
                     let p = m.transform_point3(corner);
                     if p.is_finite() {
                         all.add(p - DVec3::splat(radius));
@@ -145,49 +230,30 @@ impl Grid {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
+    use glam::Vec3;
 
     use super::*;
     use crate::math::Trs;
+    use crate::model::Surfels;
+    use crate::scene::Motion;
     use crate::scene::pose::camera_from_world;
-    use crate::scene::{ImageSettings, Motion, Object};
-    use crate::time::Shutter;
 
-    /// A scene with one object that fills a box around (3, 1, -2).
+    /// A scene with one object whose surfels fill a box around (3, 1, -2).
     fn boxed(motion: Motion, image: (u32, u32), transform: Trs) -> Scene {
-        let centre = DVec3::new(3.0, 1.0, -2.0);
-        let half = DVec3::new(1.0, 0.5, 0.25);
-        let object = Object {
-            name: String::new(),
-            model_path: "m".into(),
-            model: Arc::default(),
-            radius_scale: 1.0,
-            colour_space: None,
-            transform,
-            animation: None,
-            motions: vec![motion],
-            place: Trs::default(),
-            material: None,
-            epsilon: None,
-            blur: true,
-            two_sided: false,
-            median_radius: 0.01,
-            bounds: [centre - half, centre + half].into_iter().collect(),
-            sphere: None,
+        let half = Vec3::new(1.0, 0.5, 0.25);
+        let surfels = Surfels {
+            origin: DVec3::new(3.0, 1.0, -2.0),
+            position: vec![-half, half],
+            axis_u: vec![0.01 * Vec3::X; 2],
+            axis_v: vec![0.01 * Vec3::Y; 2],
+            ..Surfels::default()
         };
-        Scene {
-            name: String::new(),
-            image: ImageSettings { width: image.0, height: image.1, ..ImageSettings::default() },
-            frames: FrameRange { first: 0, last: 24, rate: 24.0 },
-            shutter: Shutter::default(),
-            camera: camera_at(DVec3::ZERO),
-            lights: Vec::new(),
-            objects: vec![object],
-        }
-    }
-
-    fn camera_at(eye: DVec3) -> Camera {
-        Camera { eye, at: eye - DVec3::Z, up: DVec3::Y, fovy: 1.0, near: 0.01, animation: None, automatic: false }
+        let mut object = Object::new(surfels);
+        object.transform = transform;
+        object.motions = vec![motion];
+        let mut scene = Scene::new([object]);
+        (scene.image.width, scene.image.height) = image;
+        scene
     }
 
     #[test]
@@ -206,7 +272,7 @@ mod tests {
             (turn, (640, 480), away),
         ] {
             let mut scene = boxed(motion, image, transform);
-            scene.camera = camera(&scene, None);
+            scene.camera = Camera::automatic(&scene);
             let tan = (0.5 * scene.camera.fovy).tan();
             let aspect = f64::from(image.0) / f64::from(image.1);
             let (mut widest, mut highest) = (0.0_f64, 0.0_f64);
@@ -214,7 +280,7 @@ mod tests {
                 let time = f64::from(i) / 4.0;
                 let pose = object_pose(&scene, &scene.objects[0], time);
                 let view = camera_from_world(&scene, time) * pose.world_from_model;
-                for corner in scene.objects[0].bounds.corners() {
+                for corner in scene.objects[0].bounds().corners() {
                     let p = view.transform_point3(corner);
                     assert!(-p.z > scene.camera.near, "{p} {:?}", scene.camera);
                     widest = widest.max(p.x.abs() / (-p.z * tan * aspect));
@@ -229,26 +295,26 @@ mod tests {
     #[test]
     fn a_given_eye_or_target_is_kept() {
         let scene = boxed(Motion::Linear { velocity: DVec3::ZERO }, (640, 480), Trs::default());
-        let spec =
-            |eye, target| CameraSpec { at: 0, eye, target, up: DVec3::Y, fovy: 0.5, near: Some(0.2), animation: None };
+        let given =
+            |eye, at| camera(&scene, &GivenCamera { eye, at, fovy: 0.5, near: Some(0.2), ..GivenCamera::default() });
         let eye = DVec3::new(10.0, 10.0, 10.0);
-        let from_eye = camera(&scene, Some(&spec(Some(eye), None)));
+        let from_eye = given(Some(eye), None);
         assert_eq!((from_eye.eye, from_eye.at), (eye, DVec3::new(3.0, 1.0, -2.0)));
         assert_eq!((from_eye.fovy, from_eye.near, from_eye.automatic), (0.5, 0.2, true));
         let target = DVec3::new(3.0, 1.5, -2.0);
-        let to_target = camera(&scene, Some(&spec(None, Some(target))));
+        let to_target = given(None, Some(target));
         assert_eq!((to_target.at, to_target.eye.x, to_target.eye.y), (target, 3.0, 1.5));
         assert!(to_target.eye.z > 0.0);
     }
 
-    fn of(spec: &FramesSpec, keys: &[(f64, f64)], rate: Option<f64>, moving: bool) -> (i64, i64, f64) {
-        let f = frames(spec, keys.iter().copied(), rate, moving);
+    fn of(given: &GivenFrames, keys: &[(f64, f64)], rate: Option<f64>, moving: bool) -> (i64, i64, f64) {
+        let f = range(given, keys.iter().copied(), rate, moving);
         (f.first, f.last, f.rate)
     }
 
     #[test]
     fn frames_are_the_union_of_the_keys() {
-        let none = FramesSpec::default();
+        let none = GivenFrames::default();
         assert_eq!(of(&none, &[], None, false), (0, 0, 24.0));
         assert_eq!(of(&none, &[], None, true), (0, 24, 24.0));
         let keys = [(1.0 / 24.0, 49.0 / 24.0), (5.0 / 24.0, 60.0 / 24.0)];
@@ -263,12 +329,27 @@ mod tests {
     #[test]
     fn what_is_given_wins() {
         let keys = [(0.0, 1.0)];
-        let spec = FramesSpec { first: Some(5), last: None, rate: Some(30.0) };
+        let spec = GivenFrames { first: Some(5), last: None, rate: Some(30.0) };
         assert_eq!(of(&spec, &keys, Some(24.0), false), (5, 30, 30.0));
-        let spec = FramesSpec { first: Some(50), last: None, rate: None };
+        let spec = GivenFrames { first: Some(50), last: None, rate: None };
         assert_eq!(of(&spec, &keys, Some(24.0), false), (50, 50, 24.0));
-        let spec = FramesSpec { first: None, last: Some(-3), rate: None };
+        let spec = GivenFrames { first: None, last: Some(-3), rate: None };
         assert_eq!(of(&spec, &keys, Some(24.0), false), (-3, -3, 24.0));
+    }
+
+    #[test]
+    fn a_scene_of_objects_has_the_defaults_of_a_scene_file() {
+        let scene = boxed(Motion::Linear { velocity: DVec3::X }, (1024, 768), Trs::default());
+        assert_eq!((scene.image, scene.shutter.clone()), (ImageSettings::default(), Shutter::default()));
+        assert_eq!(scene.frames, FrameRange { first: 0, last: 24, rate: 24.0 });
+        assert_eq!(scene.objects[0].name, "object1");
+        assert_eq!(scene.lights.len(), 2);
+        assert!(scene.camera.automatic);
+        let mut named = scene.objects[0].clone();
+        (named.name, named.motions) = ("box".to_owned(), Vec::new());
+        let scene = Scene::new([named, Object::new(Surfels::default())]);
+        assert_eq!((scene.frames.first, scene.frames.last), (0, 0));
+        assert_eq!(scene.objects.iter().map(|object| object.name.as_str()).collect::<Vec<_>>(), ["box", "object2"]);
     }
 
     #[test]
