@@ -259,7 +259,7 @@ proptest! {
         status(&["report", "tiny.xml", "--frames=0", "--modes=still:1", "--reference=16", "--repeats=1", &limit, &folder, "--quiet"]);
     }
 
-    /// What is damaged in the store is rendered anew: the figures are those of the first run.
+    /// What is damaged in the store is rendered again: the figures are those of the first run.
     #[test]
     fn a_damaged_store(which in any::<Index>(), damage in damage()) {
         let (finished, figures_of_first) = report();

@@ -151,7 +151,7 @@ fn going_on_is_the_run_in_one_piece() {
     // There is enough already.
     assert_eq!(run("a", "32", &["--resume"])["samples"], 96);
     assert!(fixture.bytes("a") == fixture.bytes("b"));
-    // Without --resume it starts anew; so it does with other settings, and says so.
+    // Without --resume it starts again; so it does with other settings, and says so.
     run("a", "32", &[]);
     assert!(fixture.bytes("a") == first);
     let frames = ["--out", "a", "--frames", "1", "--samples", "64", "--seed", "7", "--resume", "--aov", "depth"];

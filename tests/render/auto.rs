@@ -187,7 +187,7 @@ fn what_does_not_move_keeps_to_the_limit() {
     assert!(worst_difference(&made.picture, &render(&scene, &still).picture) < 1e-5);
 }
 
-/// What lies still beside what moves is seen at as many positions as there are samples, spread over the pixel.
+/// A static object beside moving ones is seen at as many positions as there are samples, spread over the pixel.
 #[test]
 fn positions_are_spread_however_few() {
     let mut scene = balls();

@@ -279,7 +279,7 @@ fn a_moving_camera_blurs_like_moving_objects() {
 
 /// `blur="false"`: object and camera stand where they are at the frame number, beside what blurs.
 #[test]
-fn what_does_not_blur_is_still_in_every_mode() {
+fn objects_without_blur_do_not_move_in_any_mode() {
     let mut scene = unlit_sphere();
     scene.camera.animation = Some(moving_camera());
     scene.objects[0].motions = vec![Motion::Linear { velocity: DVec3::new(-0.7, 0.4, -0.5) }];

@@ -54,10 +54,10 @@ fn without_motion_a_tube_is_the_splat() {
     }
 }
 
-/// A ball at rest, one that passes before it and one that passes behind, in one interval: what lies still shows, and
+/// A ball at rest, one that passes before it and one that passes behind, in one interval: the static one shows, and
 /// hides, for as long as it does in 512 samples.
 #[test]
-fn what_lies_still_shows_where_it_is() {
+fn static_objects_show_where_they_are() {
     let moving = |z: f64, way: f64| {
         let mut ball = object(support::sphere(6_000));
         ball.transform.scale = DVec3::splat(0.3);
@@ -436,7 +436,7 @@ fn bytes_depend_on_neither_threads_nor_memory() {
     };
     let plenty = with(1, 1 << 30);
     assert!(plenty == with(3, 1 << 30));
-    // So little that splats come in waves and the image in bands.
+    // So little that splats come in batches and the image in bands.
     for threads in [1, 2] {
         let least =
             (1..400).map(|step| models + (step << 18)).find(|&memory| fits(&scene, threads, memory)).expect("a size");

@@ -1,4 +1,5 @@
-//! What lies still is splatted once for all time samples that share a sample position; it must look as if it were not.
+//! Static objects are splatted once for all time samples that share a sample position. The picture must look as if each time
+//! sample had splatted them.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
@@ -34,7 +35,7 @@ fn through() -> Scene {
 }
 
 fn options(mode: BlurMode) -> RenderOptions {
-    // Where sub-pixel positions are shared, the groups of each of them share what lies still.
+    // Where sub-pixel positions are shared, the groups of each of them share the static objects.
     let shared = matches!(mode, BlurMode::Supersample { pixel_samples, .. } if pixel_samples.is_some());
     let filter = if shared { PixelFilter::Box } else { PixelFilter::Point };
     let aovs = Aov::ALL.to_vec();
@@ -51,7 +52,7 @@ fn modes() -> [BlurMode; 5] {
     ]
 }
 
-/// Kernels in motion beside what lies still.
+/// Kernels in motion beside static objects.
 fn swept_modes() -> Vec<BlurMode> {
     let tube = SweptKernel::default();
     let kernels = [
@@ -76,7 +77,7 @@ fn difference(a: &Picture, b: &Picture) -> f32 {
     colour.chain(planes.flat_map(|(a, b)| a.iter().zip(b).map(share))).fold(0.0, f32::max)
 }
 
-fn looks_as_if_splatted_anew(backend: &mut dyn Backend, modes: &[BlurMode], shadings: &[Shading]) {
+fn looks_as_if_splatted_each_time(backend: &mut dyn Backend, modes: &[BlurMode], shadings: &[Shading]) {
     let scene = through();
     for &mode in modes {
         for &shading in shadings {
@@ -85,50 +86,50 @@ fn looks_as_if_splatted_anew(backend: &mut dyn Backend, modes: &[BlurMode], shad
             let of_still: Vec<bool> = frame.objects.iter().map(|object| object.still).collect();
             let all = matches!(mode, BlurMode::Still { .. });
             assert_eq!(of_still, [all, true, all]);
-            let mut anew = frame.clone();
-            anew.objects.iter_mut().for_each(|object| object.still = false);
-            let ((kept, fewer), (anew, more)) = (splat(backend, &frame), splat(backend, &anew));
+            let mut each_time = frame.clone();
+            each_time.objects.iter_mut().for_each(|object| object.still = false);
+            let ((shared, fewer), (each_time, more)) = (splat(backend, &frame), splat(backend, &each_time));
             assert!(fewer * 2 < more, "{mode}: {fewer} of {more} splats");
             // Sums of up to about 100 terms in another order, and quotients of two of them.
-            let worst = difference(&kept, &anew);
+            let worst = difference(&shared, &each_time);
             assert!(worst < 200.0 * f32::EPSILON, "{mode}: {worst}");
         }
     }
 }
 
 #[test]
-fn what_lies_still_looks_as_if_splatted_anew() {
-    looks_as_if_splatted_anew(&mut Cpu::default(), &modes(), &[Shading::Phong, Shading::Gouraud]);
+fn shared_static_objects_look_as_if_splatted_each_time() {
+    looks_as_if_splatted_each_time(&mut Cpu::default(), &modes(), &[Shading::Phong, Shading::Gouraud]);
 }
 
-/// Splats that cannot be kept are made anew for each group, and added up in the same order.
+/// Splats that cannot be cached are made again for each group, and added up in the same order.
 fn memory_does_not_show(backend: &mut dyn Backend, scene: &Scene, modes: &[BlurMode]) {
     for &mode in modes {
         let options = options(mode);
         let frame = posed(scene, 0, &options);
-        let kept = splat(backend, &frame);
+        let cached = splat(backend, &frame);
         let mut scarce = frame.clone();
-        let anew = (1..).find_map(|step| {
+        let recomputed = (1..).find_map(|step| {
             scarce.memory = frame.model_bytes + (step << 17);
             backend.render(&scarce).ok()
         });
-        let anew = anew.unwrap();
-        assert!(anew.stats.splats > kept.1, "{mode}: {} of {} splats", kept.1, anew.stats.splats);
-        assert!(anew.picture == kept.0, "{mode}");
+        let recomputed = recomputed.unwrap();
+        assert!(recomputed.stats.splats > cached.1, "{mode}: {} of {} splats", cached.1, recomputed.stats.splats);
+        assert!(recomputed.picture == cached.0, "{mode}");
     }
 }
 
 #[test]
-fn memory_for_what_lies_still_does_not_show() {
+fn memory_for_static_objects_does_not_show() {
     memory_does_not_show(&mut Cpu::default(), &through(), &modes());
     let mut scene = through();
     scene.shutter.weight = Weight::Tent;
-    // More than a wave of what lies still.
+    // Static objects of more than a batch.
     scene.objects[1] = object(sphere(400_000).spatially_ordered());
     memory_does_not_show(&mut Cpu::default(), &scene, &swept_modes());
 }
 
-/// All intervals of a sample position share one picture of what lies still. Where light changes from one to the next,
+/// All intervals of a sample position share one picture of the static objects. Where light changes from one to the next,
 /// though here only that of a black lamp, each has its own.
 fn intervals_share_a_picture(backend: &mut dyn Backend) {
     let mut scene = through();
@@ -144,20 +145,20 @@ fn intervals_share_a_picture(backend: &mut dyn Backend) {
             let lamp = group.samples[0].lights.last_mut().unwrap();
             *lamp = ShadingLight::Directional { towards: Vec3::Y, colour: Vec3::ZERO };
         }
-        let ((shared, fewer), (anew, more)) = (splat(backend, &frame), splat(backend, &own));
+        let ((shared, fewer), (apart, more)) = (splat(backend, &frame), splat(backend, &own));
         assert_eq!(more, fewer + 3 * count(backend, &alone, mode), "{mode}");
-        assert!(shared == anew, "{mode}");
+        assert!(shared == apart, "{mode}");
     }
 }
 
 #[test]
-fn intervals_share_a_picture_of_what_lies_still() {
+fn intervals_share_a_picture_of_static_objects() {
     intervals_share_a_picture(&mut Cpu::default());
 }
 
 /// Without anything that moves a frame of many intervals is one still picture, weighed.
 #[test]
-fn intervals_of_what_lies_still_cost_one_sample() {
+fn intervals_of_static_objects_cost_one_sample() {
     let scene = Scene { objects: vec![through().objects[1].clone()], ..through() };
     let still = options(BlurMode::Still { pixel_samples: 1 });
     let still = RenderOptions { shading: Shading::Gouraud, aovs: still.aovs[..4].to_vec(), ..still };
@@ -170,7 +171,7 @@ fn intervals_of_what_lies_still_cost_one_sample() {
     }
 }
 
-/// Intervals whose motion differs have one guard band: what lies still has one place behind their maps.
+/// Intervals whose motion differs have one guard band: static objects have one place behind their maps.
 #[test]
 fn intervals_have_one_guard_band() {
     let mut scene = through();
@@ -251,7 +252,7 @@ fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
         }
         assert!(seen.iter().all(|&covered| covered > 100), "{mode}: {seen:?}");
     }
-    // Nothing that lies still in any wanted block.
+    // No static object in any wanted block.
     let mut scene = through();
     scene.objects[1].transform.translate.x = 6.0;
     let options = options(BlurMode::supersample(4));
@@ -274,20 +275,20 @@ mod gpu {
     use crate::support::gpu::gpu_or_skip;
 
     #[test]
-    fn what_lies_still_looks_as_if_splatted_anew() {
-        let Some(mut gpu) = gpu_or_skip("what_lies_still_looks_as_if_splatted_anew") else { return };
-        looks_as_if_splatted_anew(&mut gpu, &modes(), &[Shading::Phong]);
+    fn shared_static_objects_look_as_if_splatted_each_time() {
+        let Some(mut gpu) = gpu_or_skip("shared_static_objects_look_as_if_splatted_each_time") else { return };
+        looks_as_if_splatted_each_time(&mut gpu, &modes(), &[Shading::Phong]);
     }
 
     #[test]
-    fn memory_for_what_lies_still_does_not_show() {
-        let Some(mut gpu) = gpu_or_skip("memory_for_what_lies_still_does_not_show") else { return };
+    fn memory_for_static_objects_does_not_show() {
+        let Some(mut gpu) = gpu_or_skip("memory_for_static_objects_does_not_show") else { return };
         memory_does_not_show(&mut gpu, &through(), &modes());
     }
 
     #[test]
-    fn intervals_share_a_picture_of_what_lies_still() {
-        let Some(mut gpu) = gpu_or_skip("intervals_share_a_picture_of_what_lies_still") else { return };
+    fn intervals_share_a_picture_of_static_objects() {
+        let Some(mut gpu) = gpu_or_skip("intervals_share_a_picture_of_static_objects") else { return };
         intervals_share_a_picture(&mut gpu);
     }
 
