@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests may stop")]
 
-use crate::support;
 use crate::support::{default_lights, object, scene, sphere};
 use glam::DVec3;
 use splatblur::backend::Backend;
@@ -274,14 +273,14 @@ fn threads_do_not_show() {
 #[cfg(feature = "gpu")]
 #[test]
 fn memory_on_the_gpu_is_that_of_all_pictures() {
-    let Some(mut gpu) = support::gpu::gpu_or_skip("memory_on_the_gpu_is_that_of_all_pictures") else { return };
+    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("memory_on_the_gpu_is_that_of_all_pictures") else { return };
     counts_its_pictures(&mut gpu);
 }
 
 #[cfg(feature = "gpu")]
 #[test]
 fn the_gpu_takes_the_same_decisions() {
-    let Some(mut gpu) = support::gpu::gpu_or_skip("the_gpu_takes_the_same_decisions") else { return };
+    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_gpu_takes_the_same_decisions") else { return };
     let mut scene = balls();
     (scene.image.width, scene.image.height) = (80, 64);
     for filter in [PixelFilter::Point, PixelFilter::Box] {
