@@ -1,5 +1,7 @@
 //! A scene file to a picture: `cargo run --release --example minimal -- scenes/crossing.xml 12 out/crossing.png`.
 
+#![allow(clippy::print_stdout, reason = "the example says what it does")]
+
 use std::error::Error;
 
 use splatblur::{Device, RenderOptions, Renderer, Scene};

@@ -5,8 +5,8 @@ use std::ops::Range;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// A set of channels beside colour (arbitrary output variable): its coverage-weighted mean over the exposure, divided by
-/// alpha.
+/// A set of channels beside colour (arbitrary output variable): its coverage-weighted mean over the exposure, divided
+/// by alpha.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Aov {
     /// Temporal coverage, 0..=1.

@@ -1,6 +1,6 @@
 //! A scene as plain values: what the renderer sees.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -224,6 +224,17 @@ impl Object {
         }
     }
 
+    /// An object of a model file: PLY, `Pointshop3D` `.sfl`, Wavefront `.obj` or splatblur's own `.bin`. Missing
+    /// normals and radii are estimated, and the surfels sorted along a curve through space.
+    ///
+    /// # Errors
+    /// The file cannot be read, or is not a valid model with at least one point.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
+        let path = path.as_ref();
+        let loaded = model::load(path, &model::LoadOptions::default(), &|_, _| {})?;
+        Ok(Self { model_path: path.to_owned(), ..Self::new(loaded.surfels.spatially_ordered()) })
+    }
+
     /// An object of points: missing normals and radii are estimated, and the points sorted along a curve through space.
     ///
     /// # Errors
@@ -254,4 +265,42 @@ pub struct Sphere {
     pub radius: f64,
     /// Colour, linear Rec.709.
     pub colour: Vec3,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::generate;
+
+    #[test]
+    fn a_cloud_and_its_file_make_the_same_object() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("fence.ply");
+        let mut bytes = Vec::new();
+        generate::write(&generate::fence(), &mut bytes).unwrap();
+        std::fs::write(&path, bytes).unwrap();
+        let loaded = Object::load(&path).unwrap();
+        let made = Object::from_cloud(generate::fence()).unwrap();
+        assert_eq!(loaded.model_path, path);
+        assert_eq!(loaded.model.position, made.model.position);
+        assert_eq!(loaded.model.median_radius(), made.model.surfels().median_radius());
+        assert_eq!(loaded.bounds(), made.model.surfels().bounds());
+        assert!(Object::from_cloud(Cloud::default()).is_err());
+        assert!(Object::load(directory.path().join("none.ply")).is_err());
+    }
+
+    #[test]
+    fn a_model_is_shared_by_objects() {
+        let first = Object::from_cloud(generate::fence()).unwrap();
+        let second = Object::new(first.model.clone());
+        assert!(Arc::ptr_eq(first.model.surfels(), second.model.surfels()));
+    }
+
+    #[test]
+    fn the_box_of_an_ideal_sphere_is_its_own() {
+        let mut object = Object::new(Model::default());
+        assert!(object.bounds().is_empty());
+        object.sphere = Some(Sphere { radius: 2.0, colour: Vec3::ONE });
+        assert_eq!(object.bounds().size(), DVec3::splat(4.0));
+    }
 }
