@@ -1,5 +1,5 @@
-//! Kernels in motion (docs/math.md, section 7): invariants, closed forms of temporal alpha, and how little the density of a
-//! model matters.
+//! Kernels in motion (docs/math.md, section 7): invariants, closed forms of temporal alpha, and how little the density
+//! of a model matters.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 

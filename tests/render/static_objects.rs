@@ -1,5 +1,5 @@
-//! Static objects are splatted once for all time samples that share a sample position. The picture must look as if each time
-//! sample had splatted them.
+//! Static objects are splatted once for all time samples that share a sample position. The picture must look as if each
+//! time sample had splatted them.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
@@ -129,8 +129,8 @@ fn memory_for_static_objects_does_not_show() {
     memory_does_not_show(&mut Cpu::default(), &scene, &swept_modes());
 }
 
-/// All intervals of a sample position share one picture of the static objects. Where light changes from one to the next,
-/// though here only that of a black lamp, each has its own.
+/// All intervals of a sample position share one picture of the static objects. Where light changes from one to the
+/// next, though here only that of a black lamp, each has its own.
 fn intervals_share_a_picture(backend: &mut dyn Backend) {
     let mut scene = through();
     let count = |backend: &mut dyn Backend, scene: &Scene, mode| splat(backend, &posed(scene, 0, &options(mode))).1;
