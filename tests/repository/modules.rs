@@ -26,10 +26,10 @@ use std::path::{Path, PathBuf};
 use crate::source::{self, Written};
 
 /// Imports against the order that are known: file, and the module below its own. To be empty.
-const KNOWN_UPWARD: [(&str, &str); 0] = [];
+const KNOWN_UPWARD: &[(&str, &str)] = &[];
 
 /// Imports that are known to close a circle: file, and what it imports. To be empty.
-const KNOWN_CIRCLES: [(&str, &str); 5] = [
+const KNOWN_CIRCLES: &[(&str, &str)] = &[
     ("backend/cpu/layer.rs", "backend/cpu/work.rs"),
     ("backend/cpu/waves.rs", "backend/cpu/work.rs"),
     ("backend/gpu/bindings.rs", "backend/gpu/execute.rs"),
@@ -169,7 +169,7 @@ fn files_import_only_from_modules_above_their_own() {
             }
         }
     }
-    for (file, module) in KNOWN_UPWARD {
+    for &(file, module) in KNOWN_UPWARD {
         let known = found.remove(&(file.to_owned(), module.to_owned()));
         assert!(known.is_some(), "KNOWN_UPWARD no longer needs {file}, {module}");
     }
@@ -199,7 +199,7 @@ fn no_file_imports_from_itself_in_a_circle() {
         arrows
     };
     let mut found = String::new();
-    let left = arrows(&KNOWN_CIRCLES);
+    let left = arrows(KNOWN_CIRCLES);
     let mut told: BTreeSet<BTreeSet<&str>> = BTreeSet::new();
     for from in left.keys() {
         let Some(circle) = circle(&left, from) else { continue };
@@ -210,8 +210,8 @@ fn no_file_imports_from_itself_in_a_circle() {
         }
     }
     assert!(found.is_empty(), "files that import from themselves through others:\n{found}");
-    for known in KNOWN_CIRCLES {
-        let others: Vec<_> = KNOWN_CIRCLES.into_iter().filter(|&other| other != known).collect();
+    for &known in KNOWN_CIRCLES {
+        let others: Vec<_> = KNOWN_CIRCLES.iter().copied().filter(|&other| other != known).collect();
         let arrows = arrows(&others);
         let closes = arrows.get(known.0).is_some_and(|to| to.contains_key(known.1));
         assert!(closes && way(&arrows, known.1, known.0).is_some(), "KNOWN_CIRCLES no longer needs {known:?}");

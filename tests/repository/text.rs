@@ -15,7 +15,7 @@ fn is_manual(name: &str) -> bool {
 }
 
 /// Files that are wider and are known. To be empty.
-const KNOWN_WIDE: [&str; 144] = [
+const KNOWN_WIDE: &[&str] = &[
     "benches/gpu.rs",
     "benches/modes.rs",
     "benches/reference.rs",
@@ -105,7 +105,6 @@ const KNOWN_WIDE: [&str; 144] = [
     "src/compare/pixels.rs",
     "src/compare/ssim.rs",
     "src/compare/tests.rs",
-    "src/film.rs",
     "src/frame/mod.rs",
     "src/layout.rs",
     "src/math/fast.rs",
@@ -163,10 +162,10 @@ const KNOWN_WIDE: [&str; 144] = [
 ];
 
 /// Guides that are longer and are known. To be empty.
-const KNOWN_LONG: [&str; 3] = ["docs/architecture.md", "docs/modes.md", "docs/reference.md"];
+const KNOWN_LONG: &[&str] = &["docs/architecture.md", "docs/modes.md", "docs/reference.md"];
 
 /// Files that cite what is not in the repository and are known. To be empty.
-const KNOWN_CITING: [&str; 8] = [
+const KNOWN_CITING: &[&str] = &[
     "src/backend/cpu/visibility.rs",
     "src/frame/mod.rs",
     "src/math/fast.rs",
@@ -239,7 +238,7 @@ fn lines_of_code_fit_their_width() {
             }
         }
     }
-    judge(&found, &KNOWN_WIDE, "KNOWN_WIDE", "lines wider than 120 columns");
+    judge(&found, KNOWN_WIDE, "KNOWN_WIDE", "lines wider than 120 columns");
 }
 
 #[test]
@@ -254,7 +253,7 @@ fn guides_are_short() {
             found.push((path.clone(), format!("{path}: {words} words")));
         }
     }
-    judge(&found, &KNOWN_LONG, "KNOWN_LONG", "guides of more than 1500 words");
+    judge(&found, KNOWN_LONG, "KNOWN_LONG", "guides of more than 1500 words");
 }
 
 /// A reader has only what the repository holds: not the notes that it was planned with, and not the folders of the
@@ -282,7 +281,7 @@ fn nothing_outside_the_repository_is_cited() {
             }
         }
     }
-    judge(&found, &KNOWN_CITING, "KNOWN_CITING", "citations of what is not in the repository");
+    judge(&found, KNOWN_CITING, "KNOWN_CITING", "citations of what is not in the repository");
 }
 
 /// Does a path begin with this folder, and not merely contain it?
