@@ -122,8 +122,8 @@ fn shipped_scenes(asked: &Arguments, filter: PixelFilter) {
     }
 }
 
-/// The cheapest settings that have at most this FLIP: of mode auto, of plain supersampling and of interleaved supersampling. Their
-/// cost: the least time of nine rounds in turns, splats, and samples of a pixel.
+/// The cheapest settings that have at most this FLIP: of mode auto, of plain supersampling and of interleaved
+/// supersampling. Their cost: the least time of nine rounds in turns, splats, and samples of a pixel.
 fn at_equal_flip(asked: &Arguments, filter: PixelFilter) {
     println!("| scene | FLIP at most | mode | FLIP | ms | M splats | samples of a pixel | s on the GPU |");
     let mut gpu: Option<Box<dyn Backend>> = None;
@@ -185,8 +185,8 @@ fn at_equal_flip(asked: &Arguments, filter: PixelFilter) {
     }
 }
 
-/// Of the surfels of objects that move: how many are static themselves, and how many are in a cluster of 256 of which all are
-/// static. This is what a static layer by clusters would gain.
+/// Of the surfels of objects that move: how many are static themselves, and how many are in a cluster of 256 of which
+/// all are static. This is what a static layer by clusters would gain.
 fn static_clusters() {
     println!("| scene | frame | surfels of objects that move | of them static | in static clusters |");
     for (name, frames) in [

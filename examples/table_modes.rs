@@ -112,7 +112,8 @@ const SHIPPED: [(&str, i64); 8] = [
     ("checkerboard", 5),
 ];
 
-/// Temporal alpha on the shipped scenes: which pixels lie further from the reference than three of its standard errors + 2/255.
+/// Temporal alpha on the shipped scenes: which pixels lie further from the reference than three of its standard errors
+/// + 2/255.
 fn alpha_of_shipped_scenes(asked: &Arguments) {
     println!("| scene | mode | partly covered pixels | beyond | worst, /255 | mean error there, /255 |");
     for (name, frame) in SHIPPED.into_iter().filter(|(name, _)| asked.scene(name)) {

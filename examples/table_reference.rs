@@ -95,8 +95,9 @@ fn slopes() {
     std::fs::write(path, svg).expect("the docs are there");
 }
 
-/// z = (supersampling - reference) / standard error of the reference, coverage and mean of r, g, b: lag-1 autocorrelation along
-/// rows, mean in a band of 2 pixels along silhouettes (in units of its own error, 1/sqrt(n)), and overall rms.
+/// z = (supersampling - reference) / standard error of the reference, coverage and mean of r, g, b: lag-1
+/// autocorrelation along rows, mean in a band of 2 pixels along silhouettes (in units of its own error, 1/sqrt(n)), and
+/// overall rms.
 fn supersampling_on_shipped_scenes() {
     println!(
         "| scene | prefilter | rms difference | mean SE | autocorrelation | its error | band: mean z | limit | pixels |"

@@ -1,7 +1,7 @@
 //! The scenes on which blur modes are measured: three generated ones and those that ship, and their references.
 //!
-//! The generated ones: two checkered spheres of 50,000 surfels, 512 x 512 pixels, focal length 512 pixels, eye at the origin,
-//! epsilon 0.03, shutter 0..1.
+//! The generated ones: two checkered spheres of 50,000 surfels, 512 x 512 pixels, focal length 512 pixels, eye at the
+//! origin, epsilon 0.03, shutter 0..1.
 
 use std::path::Path;
 
@@ -48,8 +48,8 @@ fn pair(a: Object, b: Object, name: &str) -> Scene {
     scene
 }
 
-// The contrast decides how large FLIP is. With these colours, plain supersampling has the error of the prototype that the
-// project was planned with, to 12 % (docs/measurements/).
+// The contrast decides how large FLIP is. With these colours, plain supersampling has the error of the prototype that
+// the project was planned with, to 12 % (docs/measurements/).
 
 fn red() -> Surfels {
     ball([Vec3::new(0.85, 0.35, 0.25), Vec3::new(0.3, 0.1, 0.07)])

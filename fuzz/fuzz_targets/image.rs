@@ -1,5 +1,6 @@
 #![no_main]
-//! Any bytes as a PNG or EXR picture: read or refused, never a panic. Pictures are read from files only, so through one.
+//! Any bytes as a PNG or EXR picture: read or refused, never a panic. Pictures are read from files only, so through
+//! one.
 
 use std::io::Write as _;
 

@@ -1,5 +1,5 @@
-//! Hostile input to `compare`, `sheet` and `report`: whatever is asked for and whatever lies on the disk, the program ends by itself,
-//! and where it refuses it says so in one line, with exit status 2.
+//! Hostile input to `compare`, `sheet` and `report`: whatever is asked for and whatever lies on the disk, the program
+//! ends by itself, and where it refuses it says so in one line, with exit status 2.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
@@ -259,7 +259,7 @@ proptest! {
         status(&["report", "tiny.xml", "--frames=0", "--modes=still:1", "--reference=16", "--repeats=1", &limit, &folder, "--quiet"]);
     }
 
-    /// What is damaged in the store is rendered anew: the figures are those of the first run.
+    /// What is damaged in the store is rendered again: the figures are those of the first run.
     #[test]
     fn a_damaged_store(which in any::<Index>(), damage in damage()) {
         let (finished, figures_of_first) = report();

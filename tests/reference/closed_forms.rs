@@ -1,8 +1,9 @@
-//! The reference against closed forms, judged by its own standard errors: each pixel's z = (mean - truth) / standard error must
-//! behave like a Student t with 15 degrees of freedom, whose root mean square is 1.07 and of which 0.1 % lies beyond 4.
+//! The reference against closed forms, judged by its own standard errors: each pixel's z = (mean - truth) / standard
+//! error must behave like a Student t with 15 degrees of freedom, whose root mean square is 1.07 and of which 0.1 %
+//! lies beyond 4.
 //!
-//! Where the standard error is exactly 0 (the pixel and its neighbours saw one value only) there is no z, but mean and truth
-//! must agree to 1e-6 all the same.
+//! Where the standard error is exactly 0 (the pixel and its neighbours saw one value only) there is no z, but mean and
+//! truth must agree to 1e-6 all the same.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
@@ -140,8 +141,8 @@ fn weights() -> [Weighted; 4] {
     ]
 }
 
-/// An upright edge that crosses 40 pixels at constant speed: at a pixel's centre, coverage is A(t of crossing); a linear ramp for
-/// the box. Over a pixel's square it is the mean of that.
+/// An upright edge that crosses 40 pixels at constant speed: at a pixel's centre, coverage is A(t of crossing); a
+/// linear ramp for the box. Over a pixel's square it is the mean of that.
 #[test]
 fn edges_at_constant_speed() {
     const RADIUS: f64 = 2500.0;
@@ -170,8 +171,8 @@ fn edges_at_constant_speed() {
     }
 }
 
-/// A disc in two halves that turns once: every point of it sees each colour for half of the time, and every pixel is covered for
-/// the share of its square that the disc covers.
+/// A disc in two halves that turns once: every point of it sees each colour for half of the time, and every pixel is
+/// covered for the share of its square that the disc covers.
 #[test]
 fn full_turn() {
     let mut scene = spin_of(0.08);
@@ -187,8 +188,8 @@ fn full_turn() {
     });
 }
 
-/// Two discs over the whole image swap their depths, one tilted, so that it happens from t = 0.2 on the right to 0.57 on the left:
-/// the nearer one is seen. (Both are for less than 1e-6 of the shutter.)
+/// Two discs over the whole image swap their depths, one tilted, so that it happens from t = 0.2 on the right to 0.57
+/// on the left: the nearer one is seen. (Both are for less than 1e-6 of the shutter.)
 #[test]
 fn discs_that_swap_their_depths() {
     const TILT: f64 = 0.5;
@@ -218,8 +219,8 @@ fn discs_that_swap_their_depths() {
     }
 }
 
-/// A white furnace: a unit sphere with albedo 1 under ambient light of 1, turning and moving before a background of 1: nothing
-/// can be seen, whatever is hit; errors are those of rounding.
+/// A white furnace: a unit sphere with albedo 1 under ambient light of 1, turning and moving before a background of 1:
+/// nothing can be seen, whatever is hit; errors are those of rounding.
 #[test]
 fn white_furnace() {
     let mut model = support::sphere(20_000);

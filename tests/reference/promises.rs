@@ -1,5 +1,6 @@
-//! What the reference promises beside the right values: the same bytes on any number of threads, progressive samples, runs in
-//! parts, a stop that respects the error; and its agreement with brute force, with the splatter, and with an ideal sphere.
+//! What the reference promises beside the right values: the same bytes on any number of threads, progressive samples,
+//! runs in parts, a stop that respects the error; and its agreement with brute force, with the splatter, and with an
+//! ideal sphere.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
@@ -279,8 +280,8 @@ fn dense_surfels_approach_the_ideal_sphere() {
     assert!(last < 2e-3, "{last:.2e}");
 }
 
-/// The table of slopes in small (`examples/table_reference.rs`): Sobol' points are nearest to many samples of another seed,
-/// independent random numbers are furthest.
+/// The table of slopes in small (`examples/table_reference.rs`): Sobol' points are nearest to many samples of another
+/// seed, independent random numbers are furthest.
 #[test]
 fn samplers_rank_as_they_should() {
     let mut scene = busy_scene(40);

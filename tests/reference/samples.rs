@@ -1,5 +1,6 @@
-//! Single samples of the reference against a second implementation of the whole rule, in `f64`, over all surfels one by one: an
-//! animated camera with surfels and ideal spheres all around it, mirrored, sheared, moved models, every kind of light and material.
+//! Single samples of the reference against a second implementation of the whole rule, in `f64`, over all surfels one by
+//! one: an animated camera with surfels and ideal spheres all around it, mirrored, sheared, moved models, every kind of
+//! light and material.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
@@ -263,7 +264,8 @@ fn samples_are_apart() {
     }
 }
 
-/// The decision to stop is that of the even scramblings, taken after whole rounds, also where an earlier run ended elsewhere.
+/// The decision to stop is that of the even scramblings, taken after whole rounds, also where an earlier run ended
+/// elsewhere.
 #[test]
 fn the_even_scramblings_decide_after_whole_rounds() {
     let mut scene = sphere_scene(500, 12, true);

@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests may stop")]
 
-use crate::support;
 use crate::support::{default_lights, object, scene, sphere};
 use glam::DVec3;
 use splatblur::backend::Backend;
@@ -50,7 +49,8 @@ fn render(scene: &Scene, options: &RenderOptions) -> Rendered {
     render_frame(&mut Cpu::default(), scene, 0, options).unwrap()
 }
 
-/// Root mean squared error of the display values. The two references' own errors are independent: their product has no mean.
+/// Root mean squared error of the display values. The two references' own errors are independent: their product has no
+/// mean.
 fn true_error(picture: &Picture, truths: &[Picture; 2]) -> f64 {
     let [shown, a, b] = [picture, &truths[0], &truths[1]].map(encode);
     let channel = |c: usize| {
@@ -94,7 +94,8 @@ fn the_stated_error_is_the_true_one() {
     }
 }
 
-/// Pixels that are not those of `coarse`; and the largest distance of any value, layers included, from the nearer of both pictures.
+/// Pixels that are not those of `coarse`; and the largest distance of any value, layers included, from the nearer of
+/// both pictures.
 fn near_either(made: &Picture, fine: &Picture, coarse: &Picture) -> (usize, f32) {
     let far = |a: f32, b: f32| if a == b { 0.0 } else { (a - b).abs() / b.abs().max(1.0) };
     let values = |picture: &Picture| -> Vec<Vec<f32>> {
@@ -113,7 +114,8 @@ fn near_either(made: &Picture, fine: &Picture, coarse: &Picture) -> (usize, f32)
     (fine_pixels, worst)
 }
 
-/// Where all blocks are refined three times, the image is that of three times the samples: none is lost, none counts twice.
+/// Where all blocks are refined three times, the image is that of three times the samples: none is lost, none counts
+/// twice.
 #[test]
 fn refinement_keeps_earlier_samples() {
     let scene = balls();
@@ -184,7 +186,7 @@ fn what_does_not_move_keeps_to_the_limit() {
     assert!(worst_difference(&made.picture, &render(&scene, &still).picture) < 1e-5);
 }
 
-/// What lies still beside what moves is seen at as many positions as there are samples, spread over the pixel.
+/// A static object beside moving ones is seen at as many positions as there are samples, spread over the pixel.
 #[test]
 fn positions_are_spread_however_few() {
     let mut scene = balls();
@@ -271,14 +273,14 @@ fn threads_do_not_show() {
 #[cfg(feature = "gpu")]
 #[test]
 fn memory_on_the_gpu_is_that_of_all_pictures() {
-    let Some(mut gpu) = support::gpu::gpu_or_skip("memory_on_the_gpu_is_that_of_all_pictures") else { return };
+    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("memory_on_the_gpu_is_that_of_all_pictures") else { return };
     counts_its_pictures(&mut gpu);
 }
 
 #[cfg(feature = "gpu")]
 #[test]
 fn the_gpu_takes_the_same_decisions() {
-    let Some(mut gpu) = support::gpu::gpu_or_skip("the_gpu_takes_the_same_decisions") else { return };
+    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_gpu_takes_the_same_decisions") else { return };
     let mut scene = balls();
     (scene.image.width, scene.image.height) = (80, 64);
     for filter in [PixelFilter::Point, PixelFilter::Box] {

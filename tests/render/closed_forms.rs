@@ -1,9 +1,8 @@
-//! Closed forms of small motion-blur cases (tests/data/truth/README.md), which no renderer made: they fix the camera, the
-//! shutter, its weights and the kernel's cut-off.
+//! Closed forms of small motion-blur cases (tests/data/truth/README.md), which no renderer made: they fix the camera,
+//! the shutter, its weights and the kernel's cut-off.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
-use crate::support;
 use crate::support::closed_forms::{SIZE, disc, edge, spin, truth};
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
@@ -20,7 +19,7 @@ fn machines(test: &str) -> Vec<Machine> {
 
 #[cfg(feature = "gpu")]
 fn gpu(test: &str) -> Option<Machine> {
-    support::gpu::gpu_or_skip(test).map(|gpu| Machine { backend: Box::new(gpu), samples: 256 })
+    crate::support::gpu::gpu_or_skip(test).map(|gpu| Machine { backend: Box::new(gpu), samples: 256 })
 }
 
 #[cfg(not(feature = "gpu"))]

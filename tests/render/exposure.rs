@@ -1,4 +1,5 @@
-//! What holds of the exposure in every blur mode: time weights, jumps, who moves, what does not blur, sub-pixel positions.
+//! What holds of the exposure in every blur mode: time weights, jumps, who moves, what does not blur, sub-pixel
+//! positions.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
@@ -29,9 +30,9 @@ const fn bucket(buckets: u32, samples: u32, interleave: Interleave) -> BlurMode 
     BlurMode::Bucket { buckets, samples, pixel_samples: None, interleave }
 }
 
-/// Each kind of mode, with `n` moments of the exposure or more: for a volumetric mode the 32nds of its intervals. And the greatest
-/// share of a moment by which each end of a time span errs: half of one where the moment's middle decides, 7/8 on a 2 x 2 lattice,
-/// whose classes stand at 1/8, 3/8, 5/8 and 7/8 of it.
+/// Each kind of mode, with `n` moments of the exposure or more: for a volumetric mode the 32nds of its intervals. And
+/// the greatest share of a moment by which each end of a time span errs: half of one where the moment's middle decides,
+/// 7/8 on a 2 x 2 lattice, whose classes stand at 1/8, 3/8, 5/8 and 7/8 of it.
 fn modes(n: u32) -> [(BlurMode, f64, f64); 5] {
     let moments = f64::from(n);
     let intervals = n.div_ceil(32);
@@ -172,14 +173,16 @@ fn colours_count_by_when_they_are_seen() {
                 let [red, green, blue, alpha] = render(&scene, &exact(mode)).rgba[16 * 33 + 16].map(f64::from);
                 assert!((alpha - 1.0).abs() < 1e-5 && blue == 0.0, "{weight:?} {mode}: {alpha} {blue}");
                 assert!((red + green - 1.0).abs() < 1e-5, "{weight:?} {mode}: {red} {green}");
-                // Samples switch at moments; a volumetric mode's colours do not, but it draws a(t) as a line over each interval. The
-                // blend of kernels of both colours is as long before the border as after it: over its +-0.04 a(t) is nearly a line.
+                // Samples switch at moments; a volumetric mode's colours do not, but it draws a(t) as a line over each
+                // interval. The blend of kernels of both colours is as long before the border as after it: over its
+                // +-0.04 a(t) is nearly a line.
                 let coarse = if mode.swept().is_some() {
                     line_error(&exposure, 0.49, intervals)
                 } else {
                     share * exposure.peak(moments) / moments
                 };
-                // Normalised once, an interval counts by the sum of its weights, too, where both are seen: measured .0112.
+                // Normalised once, an interval counts by the sum of its weights, too, where both are seen: measured
+                // .0112.
                 let pooled = mode.swept().is_some_and(|swept| swept.normalise == Normalise::Once);
                 let most = coarse + if pooled { 0.015 } else { 2e-3 };
                 println!("{weight:?} {mode}: red {red:.4}, not {want:.4}; {:.4} of {most:.4}", (red - want).abs());
@@ -189,8 +192,8 @@ fn colours_count_by_when_they_are_seen() {
     }
 }
 
-/// How far the integral of a(t) up to `t` lies from that of the line which stands for a(t) in one of `intervals` intervals: the line
-/// with a's integral in each half, but nowhere below 0 (docs/math.md, section 7).
+/// How far the integral of a(t) up to `t` lies from that of the line which stands for a(t) in one of `intervals`
+/// intervals: the line with a's integral in each half, but nowhere below 0 (docs/math.md, section 7).
 fn line_error(exposure: &Exposure, t: f64, intervals: u32) -> f64 {
     let n = f64::from(intervals);
     let from = (t * n).floor() / n;
@@ -267,8 +270,8 @@ fn a_moving_camera_blurs_like_moving_objects() {
             differ += usize::from(!alike);
             partly += usize::from((0.1..0.9).contains(&a.rgba[i][3]));
         }
-        // Transforms are rounded to f32 by different ways; where a rim then lies on the other side of a pixel's centre, a moment of the
-        // silhouette changes.
+        // Transforms are rounded to f32 by different ways; where a rim then lies on the other side of a pixel's centre,
+        // a moment of the silhouette changes.
         println!("{mode}: {differ} of {} differ, {partly} half covered", a.rgba.len());
         assert!(differ * 500 < a.rgba.len() && partly > 200, "{mode}: {differ} differ, {partly} half covered");
     }
@@ -276,7 +279,7 @@ fn a_moving_camera_blurs_like_moving_objects() {
 
 /// `blur="false"`: object and camera stand where they are at the frame number, beside what blurs.
 #[test]
-fn what_does_not_blur_is_still_in_every_mode() {
+fn objects_without_blur_do_not_move_in_any_mode() {
     let mut scene = unlit_sphere();
     scene.camera.animation = Some(moving_camera());
     scene.objects[0].motions = vec![Motion::Linear { velocity: DVec3::new(-0.7, 0.4, -0.5) }];
@@ -345,7 +348,8 @@ fn a_teleport_shows_both_places_and_nothing_between() {
     }
 }
 
-/// A bucket is shaded once, with the camera of its middle sample: a highlight on a wall that fills the image, before a camera that pans.
+/// A bucket is shaded once, with the camera of its middle sample: a highlight on a wall that fills the image, before a
+/// camera that pans.
 #[test]
 fn a_bucket_is_shaded_at_its_middle() {
     let grid = (-45..=45).flat_map(|j| (-45..=45).map(move |i| DVec3::new(f64::from(i), f64::from(j), 0.0) * 0.05));
@@ -366,7 +370,8 @@ fn a_bucket_is_shaded_at_its_middle() {
     assert!(worst < 1e-4 && high > low + 0.5, "{worst}; from {low} to {high}");
 }
 
-/// Sub-pixel positions beyond the number of groups: the edge's closed form over the pixel's square, which few positions miss.
+/// Sub-pixel positions beyond the number of groups: the edge's closed form over the pixel's square, which few positions
+/// miss.
 #[test]
 fn pixel_samples_approach_the_box_filter() {
     let truth = truth("edge_box_box");
@@ -383,15 +388,16 @@ fn pixel_samples_approach_the_box_filter() {
     for swept in [true, false] {
         let errors = [2, 8, 64, 256].map(|pixel_samples| of(swept, Some(pixel_samples)));
         println!("swept {swept}: {errors:.4?}");
-        // The edge moves 38 pixels: within a pixel it gains 1/38 from side to side, in two strips 1/76 off centre at the most.
+        // The edge moves 38 pixels: within a pixel it gains 1/38 from side to side, in two strips 1/76 off centre at
+        // the most.
         // 128 positions in each leave what 64 moments do: 1/64 in the bucket's case, half of that in the other.
         assert!(errors[3] < if swept { 0.004 } else { 0.01 }, "{errors:?}");
         assert!(errors[0] > 1.5 * errors[3] && errors.is_sorted_by(|a, b| a >= b), "{errors:?}");
     }
 }
 
-/// What is hidden at a time covers all the same, as does what hides it: one depth test for many times takes nothing from alpha, and
-/// leaves no colour out.
+/// What is hidden at a time covers all the same, as does what hides it: one depth test for many times takes nothing
+/// from alpha, and leaves no colour out.
 #[test]
 fn coverage_does_not_depend_on_the_depth_test() {
     let mut scene = unlit_sphere();

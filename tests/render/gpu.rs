@@ -1,5 +1,5 @@
-//! The GPU backend: whole images against the CPU's, and frames under way at the same time. Parity pass by pass stands in
-//! src/backend/gpu/tests, closed forms in `closed_forms.rs`.
+//! The GPU backend: whole images against the CPU's, and frames under way at the same time. Parity pass by pass stands
+//! in src/backend/gpu/tests, closed forms in `closed_forms.rs`.
 
 #![cfg(feature = "gpu")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stderr, reason = "tests may stop and report")]

@@ -1,4 +1,5 @@
-//! Kernels in motion (design section 4): invariants, closed forms of temporal alpha, and how little the density of a model matters.
+//! Kernels in motion (docs/math.md, section 7): invariants, closed forms of temporal alpha, and how little the density
+//! of a model matters.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
@@ -54,10 +55,10 @@ fn without_motion_a_tube_is_the_splat() {
     }
 }
 
-/// A ball at rest, one that passes before it and one that passes behind, in one interval: what lies still shows, and hides, for as long
-/// as it does in 512 samples.
+/// A ball at rest, one that passes before it and one that passes behind, in one interval: the static one shows, and
+/// hides, for as long as it does in 512 samples.
 #[test]
-fn what_lies_still_shows_where_it_is() {
+fn static_objects_show_where_they_are() {
     let moving = |z: f64, way: f64| {
         let mut ball = object(support::sphere(6_000));
         ball.transform.scale = DVec3::splat(0.3);
@@ -128,8 +129,8 @@ fn temporal_alpha_of_disc_and_edge() {
     }
 }
 
-/// A disc in two colours turns by 200 degrees: its alpha is 1 at all times, and its colours are the shares of the exposure for which each
-/// is seen. Compared away from centre and rim, as tests/truth.rs does.
+/// A disc in two colours turns by 200 degrees: its alpha is 1 at all times, and its colours are the shares of the
+/// exposure for which each is seen. Compared away from centre and rim, as tests/truth.rs does.
 #[test]
 fn colours_of_a_turning_disc() {
     let bucket = BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples: None, interleave: Interleave::None };
@@ -190,7 +191,8 @@ fn alpha_is_the_share_of_the_exposure() {
                 RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(volumetric(n)) };
             let picture = render(&scene, &options);
             let alpha = f64::from(picture.layers[0].planes[0][32 * 65 + 32]);
-            // Centres reach `reach` to both sides, discs 1.5 spacings further; in row 0 of the grid a disc's rim is at its radius.
+            // Centres reach `reach` to both sides, discs 1.5 spacings further; in row 0 of the grid a disc's rim is at
+            // its radius.
             let q = (2.0 * reach + 3.0 * spacing) / 3.0;
             assert!((alpha - q).abs() <= 1.0 / f64::from(32 * n), "spacing {spacing}, N = {n}: {alpha}, not {q}");
         }
@@ -232,15 +234,16 @@ fn dense_and_sparse_count_by_time() {
         let options =
             RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(volumetric(n)) };
         let [red, green, ..] = render(&scene, &options).rgba[32 * 65 + 32];
-        // Discs reach from -.65 to .05 and from -.07 to .67, with 3 and 50 over each point; where they overlap both are seen.
+        // Discs reach from -.65 to .05 and from -.07 to .67, with 3 and 50 over each point; where they overlap both are
+        // seen.
         let share = f64::from(red / (red + green));
         println!("N = {n}: red {red:.4}, green {green:.4}, share of red {share:.3}");
         assert!((0.58 / 1.32..=0.70 / 1.32).contains(&share), "N = {n}: {share}");
     }
 }
 
-/// What moves together hides what it hides at rest, also where neither is at mid-interval: the depth test is at the source (thesis
-/// fig. 4.5).
+/// What moves together hides what it hides at rest, also where neither is at mid-interval: the depth test is at the
+/// source (thesis fig. 4.5).
 #[test]
 fn what_moves_along_behind_stays_hidden() {
     let mut scene = passing(0.4, 0.05, 3.0);
@@ -260,8 +263,8 @@ fn what_moves_along_behind_stays_hidden() {
     }
 }
 
-/// A patch on an arc, in one interval: its line lies where the arc is on average, not on the chord, so that the streak's centre of
-/// mass is that of supersampling.
+/// A patch on an arc, in one interval: its line lies where the arc is on average, not on the chord, so that the
+/// streak's centre of mass is that of supersampling.
 #[test]
 fn a_line_stands_for_its_arc() {
     let mut scene = passing(0.3, 0.05, 0.0);
@@ -276,8 +279,8 @@ fn a_line_stands_for_its_arc() {
     };
     let (line, arc) = (height(volumetric(1)), height(BlurMode::supersample(512)));
     println!("rows {line:.3} and {arc:.3}");
-    // The arc's radius is 44.6 pixels, so that its middle lies 2.7 above the chord, its mean 1.8. Simpson's rule errs by the radius
-    // times 0.35^4/180, .004; the rest is pixels that the sum of 61 rows rounds by.
+    // The arc's radius is 44.6 pixels, so that its middle lies 2.7 above the chord, its mean 1.8. Simpson's rule errs
+    // by the radius times 0.35^4/180, .004; the rest is pixels that the sum of 61 rows rounds by.
     assert!((line - arc).abs() < 0.05, "{line} {arc}");
 }
 
@@ -317,8 +320,9 @@ fn random_sphere(n: usize, seed: u64, cover: f64) -> Scene {
     scene(vec![sphere], [64, 64], DVec3::new(0.0, 0.0, 6.0), 40.0)
 }
 
-/// Issue 5, item 2: the density of a model does not show. Alpha is that of supersampling at the 512 moments of the intervals, also
-/// where random surfels leave holes (between discs that cover each point four times on average 1.8 % of the area).
+/// Issue 5, item 2: the density of a model does not show. Alpha is that of supersampling at the 512 moments of the
+/// intervals, also where random surfels leave holes (between discs that cover each point four times on average 1.8 % of
+/// the area).
 #[test]
 fn density_does_not_show() {
     let alpha = |scene: &Scene, mode| {
@@ -342,8 +346,8 @@ fn density_does_not_show() {
             // A handful of 1400 pixels, where rounding decides for a moment, 0.5/255.
             assert!(at_moments < 0.005, "{density}x, {cover} discs: {at_moments}");
             if cover > 4.0 {
-                // Without holes a pixel is entered and left once at the most, each time rounded by up to half of 1/512: the mean of
-                // the sum's magnitude is 2/3 of 1/1024, of a single end 1/2 of it.
+                // Without holes a pixel is entered and left once at the most, each time rounded by up to half of 1/512:
+                // the mean of the sum's magnitude is 2/3 of 1/1024, of a single end 1/2 of it.
                 let mean = difference(4096);
                 println!("{density}x: from supersampling with 4096 samples {mean:.4}/255");
                 assert!(mean < 255.0 / 1024.0 * 2.0 / 3.0, "{density}x: {mean}");
@@ -373,7 +377,8 @@ fn many_intervals_are_supersampling() {
     let error = swept.rgba.iter().flatten().zip(many.rgba.iter().flatten()).map(|(a, b)| f64::from(a - b).powi(2));
     let rmse = (error.sum::<f64>() / (swept.rgba.len() * 4) as f64).sqrt();
     println!("64 intervals against 512 samples: rmse {rmse:.1e}");
-    // Both cut time, the one every 1/64 with errors of first order in depth order and shading, the other at random rims.
+    // Both cut time, the one every 1/64 with errors of first order in depth order and shading, the other at random
+    // rims.
     assert!(rmse < 3e-3, "{rmse}");
     // Depth, normal and velocity: means over the exposure in both.
     for (a, b, tolerance) in [(1, 1, 0.02), (2, 2, 0.02), (3, 3, 0.5)] {
@@ -407,7 +412,8 @@ fn variants_differ_as_they_say() {
     };
     let default = SweptKernel::default();
     let once = SweptKernel { normalise: Normalise::Once, ..default };
-    // One interval is normalised once in both; rounding, and normals that are made unit vectors before or after the mean.
+    // One interval is normalised once in both; rounding, and normals that are made unit vectors before or after the
+    // mean.
     let (a, b) = (with(1, default), with(1, once));
     let worst = a.rgba.iter().flatten().zip(b.rgba.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(worst < 1e-5, "{worst}");
@@ -431,7 +437,7 @@ fn bytes_depend_on_neither_threads_nor_memory() {
     };
     let plenty = with(1, 1 << 30);
     assert!(plenty == with(3, 1 << 30));
-    // So little that splats come in waves and the image in bands.
+    // So little that splats come in batches and the image in bands.
     for threads in [1, 2] {
         let least =
             (1..400).map(|step| models + (step << 18)).find(|&memory| fits(&scene, threads, memory)).expect("a size");

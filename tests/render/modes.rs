@@ -116,8 +116,8 @@ fn an_interleaved_class_is_supersampling_at_its_own_times() {
     }
 }
 
-/// Closed forms (tests/data/truth/README.md): temporal alpha of 64 buckets of 4 samples within 2/255; over the pixel's square,
-/// where each bucket has one sub-pixel position only, with 1024 of them.
+/// Closed forms (tests/data/truth/README.md): temporal alpha of 64 buckets of 4 samples within 2/255; over the pixel's
+/// square, where each bucket has one sub-pixel position only, with 1024 of them.
 #[test]
 fn alpha_of_buckets_meets_the_closed_forms() {
     let cases = [("disc", disc(), [0.9, 0.5, 0.2]), ("edge", edge(), [0.3, 0.7, 0.95])];

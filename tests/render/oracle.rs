@@ -1,5 +1,5 @@
-//! The renderer against a brute-force evaluation of the visibility rule (design section 2) in `f64`, pixel by pixel over all
-//! surfels. The oracle shares no code with the passes: it intersects rays with planes and solves for u and v.
+//! The renderer against a brute-force evaluation of the visibility rule (docs/math.md) in `f64`, pixel by pixel
+//! over all surfels. The oracle shares no code with the passes: it intersects rays with planes and solves for u and v.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 

@@ -106,7 +106,8 @@ impl Mask {
     }
 }
 
-/// Largest distance in depth of pixels from the plane that fits them best; planes have linear inverse depth on the screen.
+/// Largest distance in depth of pixels from the plane that fits them best; planes have linear inverse depth on the
+/// screen.
 fn bump(depth: &[f32], width: i32, ring: &[(i32, i32)]) -> f64 {
     let mean = |f: &dyn Fn(f64, f64, f64) -> f64| {
         let value = |&(x, y): &(i32, i32)| {
@@ -127,8 +128,9 @@ fn bump(depth: &[f32], width: i32, ring: &[(i32, i32)]) -> f64 {
     ring.iter().map(distance).fold(0.0, f64::max)
 }
 
-/// Pixels of holes inside a surface: regions that closing removes and that one smooth piece of surface surrounds. Where the
-/// surroundings jump in depth, two parts of an object stand apart and the background shows rightly (a hair beside the neck).
+/// Pixels of holes inside a surface: regions that closing removes and that one smooth piece of surface surrounds. Where
+/// the surroundings jump in depth, two parts of an object stand apart and the background shows rightly (a hair beside
+/// the neck).
 fn holes(picture: &Picture, epsilon: f64) -> Vec<(i32, i32)> {
     let mask = Mask::of(picture);
     let depth = &picture.layers[0].planes[0];
@@ -215,8 +217,8 @@ fn alpha_difference(a: &Picture, b: &Picture) -> (f64, f64) {
     (rms, band.iter().copied().fold(0.0, f64::max))
 }
 
-/// A streak of 25 px: alpha is off by half a sample's weight in the mean and by two at the most, so that the steps of 16
-/// samples are soft and those of 64 do not show.
+/// A streak of 25 px: alpha is off by half a sample's weight in the mean and by two at the most, so that the steps of
+/// 16 samples are soft and those of 64 do not show.
 #[test]
 fn silhouettes_are_smooth_and_do_not_strobe() {
     let mut scene = shipped("diagonal");

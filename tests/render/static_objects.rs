@@ -1,4 +1,5 @@
-//! What lies still is splatted once for all time samples that share a sample position; it must look as if it were not.
+//! Static objects are splatted once for all time samples that share a sample position. The picture must look as if each
+//! time sample had splatted them.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
@@ -35,7 +36,7 @@ fn through() -> Scene {
 }
 
 fn options(mode: BlurMode) -> RenderOptions {
-    // Where sub-pixel positions are shared, the groups of each of them share what lies still.
+    // Where sub-pixel positions are shared, the groups of each of them share the static objects.
     let shared = matches!(mode, BlurMode::Supersample { pixel_samples, .. } if pixel_samples.is_some());
     let filter = if shared { PixelFilter::Box } else { PixelFilter::Point };
     let aovs = Aov::ALL.to_vec();
@@ -52,7 +53,7 @@ fn modes() -> [BlurMode; 5] {
     ]
 }
 
-/// Kernels in motion beside what lies still.
+/// Kernels in motion beside static objects.
 fn swept_modes() -> Vec<BlurMode> {
     let tube = SweptKernel::default();
     let kernels = [

@@ -33,7 +33,8 @@ fn parse_table(text: &str) -> Result<Table<'_>, Box<dyn Error>> {
     Ok((header, rows))
 }
 
-/// The file's table has the reference's columns and frames, and its values; the csv text repeats both. Returns the worst error.
+/// The file's table has the reference's columns and frames, and its values; the csv text repeats both. Returns the
+/// worst error.
 fn worst_error(name: &str) -> Result<f64, Box<dyn Error>> {
     let here = data().join(format!("{name}.anim"));
     let path = if here.exists() { here } else { root().join(format!("animations/{name}.anim")) };

@@ -1,7 +1,8 @@
 //! Replays `fuzz/corpus/` on stable Rust, through the functions that read files.
 //!
-//! A name that begins with `ok-` must be read, one that begins with `bad-` must be refused; others (what a fuzzer found) may be
-//! either, but nothing may panic or take long. A new reader gets a row here, a target in `fuzz/` and a directory of seeds.
+//! A name that begins with `ok-` must be read, one that begins with `bad-` must be refused; others (what a fuzzer
+//! found) may be either, but nothing may panic or take long. A new reader gets a row here, a target in `fuzz/` and a
+//! directory of seeds.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 

@@ -1,4 +1,5 @@
-//! The sphere that a moving object stays in: what the reference leaves out by it must be beside the object at every time.
+//! The sphere that a moving object stays in: what the reference leaves out by it must be beside the object at every
+//! time.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a test may stop and report")]
 
@@ -12,8 +13,9 @@ use splatblur::model::Surfels;
 use splatblur::scene::pose::ObjectPoser;
 use splatblur::scene::{AnimationBinding, Motion};
 
-/// All shipped animations in all modes, alone and with motions before and after them, over long, short and empty times, inside and
-/// outside the keys. The bound must hold, and be known and not much too large where nothing jumps and the time is short.
+/// All shipped animations in all modes, alone and with motions before and after them, over long, short and empty times,
+/// inside and outside the keys. The bound must hold, and be known and not much too large where nothing jumps and the
+/// time is short.
 #[test]
 fn holds_the_object_at_every_time() {
     let mut files: Vec<PathBuf> = std::fs::read_dir("animations")

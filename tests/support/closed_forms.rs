@@ -69,8 +69,8 @@ pub fn edge() -> Scene {
     moving(model, from, Motion::Linear { velocity: to - from })
 }
 
-/// A turning disc in two colours, as a lattice of surfels of radius 0.28 px, symmetric about the seam: within half a pixel of
-/// the truth's, and to be compared away from centre and rim.
+/// A turning disc in two colours, as a lattice of surfels of radius 0.28 px, symmetric about the seam: within half a
+/// pixel of the truth's, and to be compared away from centre and rim.
 pub fn spin() -> Scene {
     spin_of(0.2)
 }

@@ -1,0 +1,7 @@
+//! The repository itself: the order of modules, widths of lines, lengths of guides, citations.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests may stop")]
+
+mod modules;
+mod source;
+mod text;
