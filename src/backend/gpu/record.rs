@@ -243,7 +243,7 @@ impl DeviceState {
         for &pass in passes {
             work.prepare(self, &mut encoder, pass, cached.len(), marks);
             if !W::reads_splats(pass) {
-                self.record(&mut encoder, work, pass, &batches[last], cached.len() + last, marks);
+                Self::record(&mut encoder, work, pass, &batches[last], cached.len() + last, marks);
                 continue;
             }
             for (number, batch) in batches.iter().enumerate() {
@@ -252,7 +252,7 @@ impl DeviceState {
                     self.make_lists(&mut encoder, work, batch, view, marks);
                     at_hand = Some(number);
                 }
-                self.record(&mut encoder, work, pass, batch, view, marks);
+                Self::record(&mut encoder, work, pass, batch, view, marks);
                 work.keep(self, &mut encoder, pass, batch, number);
                 if batches.len() > 1 {
                     self.flush(&mut encoder, marks);
@@ -315,7 +315,6 @@ impl DeviceState {
 
     /// Records one pass of one batch, whose view is `number`.
     pub(in crate::backend) fn record<W: StepWork>(
-        &self,
         encoder: &mut CommandEncoder,
         work: &W,
         pass: W::Pass,
@@ -337,13 +336,12 @@ impl DeviceState {
         number: usize,
         marks: &mut Marks,
     ) {
-        self.project(encoder, work, batch, number, marks);
+        Self::project(encoder, work, batch, number, marks);
         self.bin(encoder, work, batch, number, marks);
     }
 
     /// Records pass `project` of one batch, or `sweep`.
     pub(in crate::backend) fn project<W: StepWork>(
-        &self,
         encoder: &mut CommandEncoder,
         work: &W,
         batch: &Batch,

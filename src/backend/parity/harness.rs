@@ -4,7 +4,6 @@ use bytemuck::{Pod, Zeroable};
 use wgpu::{Buffer, BufferUsages, MapMode};
 
 use super::splat_twins::{Context, Posed, Restored, SplatTwins, Sums, whole};
-use crate::backend::gpu::Gpu;
 use crate::backend::gpu::batches::Batch;
 use crate::backend::gpu::bind::BoundPrograms;
 use crate::backend::gpu::layout::{TILE, WIDEST};
@@ -12,6 +11,7 @@ use crate::backend::gpu::prepared::Prepared;
 use crate::backend::gpu::record::{Job, Place, StepWork};
 use crate::backend::gpu::steps::{MapStep, SplatStep, SweepStep};
 use crate::backend::gpu::timestamps::Marks;
+use crate::backend::gpu::{DeviceState, Gpu};
 use crate::frame::{Blocks, Frame};
 use crate::layout::Splat;
 use crate::plan::{MapPass, Objects, PosedInterval, SplatPass, Step, SweepPass};
@@ -264,7 +264,7 @@ impl<'a> Harness<'a> {
     fn record<W: StepWork>(&self, work: &W, pass: W::Pass) {
         let mut marks = Marks::new(&self.gpu.state.device).unwrap();
         let mut encoder = self.gpu.state.encoder();
-        self.gpu.state.record(&mut encoder, work, pass, &self.batch, 0, &mut marks);
+        DeviceState::record(&mut encoder, work, pass, &self.batch, 0, &mut marks);
         self.gpu.state.device.queue.submit([encoder.finish()]);
         self.gpu.state.device.check().unwrap();
     }
@@ -273,7 +273,7 @@ impl<'a> Harness<'a> {
         let mut marks = Marks::new(&self.gpu.state.device).unwrap();
         let mut encoder = self.gpu.state.encoder();
         if project {
-            self.gpu.state.project(&mut encoder, work, &self.batch, 0, &mut marks);
+            DeviceState::project(&mut encoder, work, &self.batch, 0, &mut marks);
         }
         if bin {
             self.gpu.state.bin(&mut encoder, work, &self.batch, 0, &mut marks);

@@ -3,7 +3,7 @@
 //! Each pass of the GPU backend is fed the CPU's results of the passes before it, and compared with the CPU's own (`splats`,
 //! `sweeps`). The CPU's passes run through the constructors that rendering uses (`splat_twins`, `sweep_twins`). The comparison must
 //! reject broken programs (`mutants`), and buffers that are too small must not show (`small_buffers`).
-#![allow(clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
 
 mod cases;
 mod functions;

@@ -172,7 +172,7 @@ impl SweepTwins<'_> {
             put_rows(plane, &mut of_static.film.values[p * TILE * TILE..], TILE, self.edge);
         }
         let (mut film, mut scratch) = (TileFilm::default(), Vec::new());
-        let job = Job {
+        let mut job = Job {
             chunks: &[],
             binned: &[],
             tile: rect(&self.scope().band, tile, self.edge),
@@ -181,7 +181,7 @@ impl SweepTwins<'_> {
             scratch: &mut scratch,
             out: &mut film,
         };
-        self.group.resolve(job, Some(&of_static).filter(|_| !picture.is_empty()));
+        self.group.resolve(&mut job, Some(&of_static).filter(|_| !picture.is_empty()));
         (0..planes).map(|p| take_rows(&film.values[p * TILE * TILE..], TILE, self.edge)).collect()
     }
 

@@ -64,9 +64,9 @@ impl SweepGroup<'_> {
     }
 
     /// Pass `resolve` of one tile; `picture` is that of static objects there.
-    pub(in crate::backend) fn resolve(&self, job: Job<'_, SweptSplat, TileFilm>, picture: Option<&StaticTile>) {
+    pub(in crate::backend) fn resolve(&self, job: &mut Job<'_, SweptSplat, TileFilm>, picture: Option<&StaticTile>) {
         let Scope { channels, planes, .. } = self.scope;
-        let TileBuffers { threshold, sums, union, presence } = job.buffers;
+        let TileBuffers { threshold, sums, union, presence } = &mut *job.buffers;
         let (weight, coverage) = (self.scope.weight(), &mut union.coverage);
         let exposure = Exposure { interval: self.interval, weight, sum: self.sums_weights() };
         resolve::coverage(&exposure, presence, coverage);
@@ -135,7 +135,7 @@ impl TileWork for SweepGroup<'_> {
             }
             SweepPass::Resolve => {
                 let picture = self.picture.get(job.index);
-                self.resolve(job, picture);
+                self.resolve(&mut job, picture);
                 self.scope.clocks.resolve.add(start);
             }
         }
