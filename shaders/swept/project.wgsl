@@ -24,7 +24,7 @@ fn sweep(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = segment.first_slot + id.x;
     touched[slot] = 0u;
     let at = 3u * (segment.first_surfel + id.x);
-    let column = 3u * segment.block;
+    let column = 3u * segment.buffer_surfels;
     let position = vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]);
     let centre = apply(travels[segment.index].centre, position);
     let motion = apply(travels[segment.index].motion, position) * f32(STRETCH);
@@ -38,7 +38,7 @@ fn sweep(@builtin(global_invocation_id) id: vec3<u32>) {
     let depths = vec2<f32>(centre.z - motion.z, centre.z + motion.z);
     if max(depths.x, depths.y) + sqrt(reach2) < view.near { return; }
     var splat: SweptSplat;
-    splat.surfel = segment.block_start + segment.first_surfel + id.x;
+    splat.surfel = segment.buffer_start + segment.first_surfel + id.x;
     if crosses(depths.x, reach2) || crosses(depths.y, reach2) {
         write_crossing(slot, splat, centre, motion, u, v);
         return;

@@ -144,8 +144,8 @@ impl Cutter<'_> {
                             first_slot: batch.slots,
                             first_surfel: first as u32,
                             surfels: surfels as u32,
-                            block: buffer.surfels.len() as u32,
-                            block_start: buffer.surfels.start as u32,
+                            buffer_surfels: buffer.surfels.len() as u32,
+                            buffer_start: buffer.surfels.start as u32,
                             index: self.index,
                             first_light: (sample * posed.lights.len()) as u32,
                             ..template

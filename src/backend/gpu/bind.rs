@@ -121,7 +121,7 @@ impl Binder<'_> {
             Slot::Lights => &b.lights,
             Slot::Travels => &b.travels,
             Slot::Map => &b.map,
-            Slot::Presence => &b.presence,
+            Slot::CoverageMask => &b.coverage_mask,
             Slot::Moments => &b.moments,
             Slot::Splats => &b.splats,
             Slot::Touched => &b.touched,
@@ -298,7 +298,7 @@ impl Binder<'_> {
         with_nearest.push(("NEAREST", channels.count as u32));
         let to_layer = [(Slot::Sums, buffers.layer_sums.as_entire_buffer_binding())];
         let sums = sum_constants(channels);
-        let restored = vec![("CHANNELS", channels.count as u32), ("REACH", channels.reach.unwrap_or(0) as u32)];
+        let restored = vec![("CHANNELS", channels.count as u32), ("SAMPLE_COVERAGE", channels.sample_coverage.unwrap_or(0) as u32)];
         let recompute = buffers.cached[..cached_batches].iter().map(|cached| {
             let special = [
                 (Slot::Splats, &cached.splats),
@@ -330,7 +330,7 @@ impl Binder<'_> {
         let double = ("SPLATS", (size_of::<SweptSplat>() / size_of::<Splat>()) as u32);
         let mut values = value_constants(frame, channels);
         values.push(double);
-        let weights = DeviceChannels { shared: Channels::weights(), values: channels.values, reach: None, count: 1 };
+        let weights = DeviceChannels { shared: Channels::weights(), values: channels.values, sample_coverage: None, count: 1 };
         let mut density = sum_constants(&weights);
         density.push(("COLOUR", 0));
         let volume =
@@ -364,7 +364,7 @@ fn sum_constants(channels: &DeviceChannels) -> Constants {
         ("DEPTH", at(shared.depth)),
         ("VELOCITY", at(shared.velocity)),
         ("MATERIAL", at(shared.material)),
-        ("REACH", at(channels.reach)),
+        ("SAMPLE_COVERAGE", at(channels.sample_coverage)),
         ("CHANNELS", channels.count as u32),
         ("VALUES", channels.values),
     ]
@@ -378,7 +378,7 @@ fn value_constants(frame: &Frame, channels: &DeviceChannels) -> Constants {
 
 fn swept_constants(frame: &Frame, swept: SweptKernel, channels: &DeviceChannels) -> Constants {
     let mut constants = sum_constants(channels);
-    constants.retain(|(name, _)| !["MATERIAL", "REACH"].contains(name));
+    constants.retain(|(name, _)| !["MATERIAL", "SAMPLE_COVERAGE"].contains(name));
     let footprint = match (swept.weight, swept.shape) {
         (KernelWeight::Integral, KernelShape::Tube) => 0,
         (KernelWeight::Integral, KernelShape::Ellipsoid) => 1,
@@ -388,7 +388,7 @@ fn swept_constants(frame: &Frame, swept: SweptKernel, channels: &DeviceChannels)
         ("FOOTPRINT", footprint),
         ("SOURCE_SAMPLES", swept.source_samples.0),
         ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
-        ("STILL", u32::from(frame.has_static_picture())),
+        ("HAS_STATIC", u32::from(frame.has_static_picture())),
     ]);
     constants
 }
@@ -418,7 +418,7 @@ fn swept_resolve_constants(
         ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
         // Without a plane for them, weights are the coverage, plane 3.
         ("WEIGHT_PLANE", planes.weight.unwrap_or(3) as u32),
-        ("STILL", u32::from(frame.has_static_picture())),
+        ("HAS_STATIC", u32::from(frame.has_static_picture())),
     ]);
     constants
 }

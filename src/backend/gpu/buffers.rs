@@ -3,7 +3,7 @@
 use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
-use super::layout::{BLOCK, DIGIT_BITS, Light, Segment, Status, Travel, UNIFORM_STRIDE};
+use super::layout::{WORKGROUP_ITEMS, DIGIT_BITS, Light, Segment, Status, Travel, UNIFORM_STRIDE};
 use super::memory::{DeviceChannels, MAP_BYTES, Schedule, THRESHOLD_BYTES};
 use crate::backend::BackendError;
 use crate::layout::SweptSplat;
@@ -32,7 +32,7 @@ pub(in crate::backend) struct Buffers {
     pub sums: Buffer,
     /// Of kernels in motion; behind the map's tiles the thresholds of what lies still, where it has a picture of its own.
     pub map: Buffer,
-    pub presence: Buffer,
+    pub coverage_mask: Buffer,
     pub moments: Buffer,
     pub film: Buffer,
     /// The picture of what lies still, beside kernels in motion.
@@ -87,7 +87,7 @@ impl Buffers {
             thresholds: empty()?,
             sums: empty()?,
             map: empty()?,
-            presence: empty()?,
+            coverage_mask: empty()?,
             moments: device.buffer("moments", size_of::<[f32; 32]>() as u64, SHARED)?,
             film: empty()?,
             // Bound even where there is none.
@@ -111,7 +111,7 @@ impl Buffers {
         let slots = schedule.slots;
         grow(device, &mut self.splats, "splats", slots * schedule.splat_bytes)?;
         grow(device, &mut self.touched, "tile counts", 4 * slots)?;
-        grow(device, &mut self.partials, "tile counts", 8 * slots.div_ceil(u64::from(BLOCK)))?;
+        grow(device, &mut self.partials, "tile counts", 8 * slots.div_ceil(u64::from(WORKGROUP_ITEMS)))?;
         grow(device, &mut self.wide, "lists", 4 * slots)?;
         grow(device, &mut self.values, "attributes", 4 * u64::from(channels.values) * slots)?;
         let tile = 4 * 256;
@@ -122,7 +122,7 @@ impl Buffers {
         if map > 0 {
             let behind = if schedule.static_picture_bytes > 0 { THRESHOLD_BYTES * band } else { 0 };
             grow(device, &mut self.map, "the map", MAP_BYTES * map + behind)?;
-            grow(device, &mut self.presence, "presence", 3 * tile * band)?;
+            grow(device, &mut self.coverage_mask, "coverage_mask", 3 * tile * band)?;
         }
         grow(device, &mut self.static_film, "the static picture", schedule.static_picture_bytes * band)?;
         if schedule.cached_slots > 0 {
@@ -170,7 +170,7 @@ impl Buffers {
         for buffer in self.keys.iter_mut().chain(&mut self.lists) {
             grow(device, buffer, "lists", 4 * entries)?;
         }
-        let groups = entries.div_ceil(u64::from(BLOCK));
+        let groups = entries.div_ceil(u64::from(WORKGROUP_ITEMS));
         grow(device, &mut self.histogram, "lists", 4 * (groups << DIGIT_BITS))?;
         self.entries = entries;
         Ok(())

@@ -11,7 +11,7 @@ use crate::shading::ShadingLight;
 /// Edge of a tile, pixels.
 pub(in crate::backend) const TILE: u32 = 16;
 /// Slots, or entries of lists, that one workgroup of pass `bin` works on.
-pub(in crate::backend) const BLOCK: u32 = 1024;
+pub(in crate::backend) const WORKGROUP_ITEMS: u32 = 1024;
 /// Most entries that the lists hold of one splat.
 pub(in crate::backend) const WIDEST: u32 = 64;
 /// Bits of a key that one round of the sort goes by.
@@ -68,8 +68,8 @@ pub(in crate::backend) struct Segment {
     pub first_slot: u32,
     pub first_surfel: u32,
     pub surfels: u32,
-    pub block: u32,
-    pub block_start: u32,
+    pub buffer_surfels: u32,
+    pub buffer_start: u32,
     pub index: u32,
     pub first_light: u32,
     pub flags: u32,

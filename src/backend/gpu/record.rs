@@ -5,7 +5,7 @@ use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 
 use super::batches::{Batch, Batches};
 use super::bind::{BinPrograms, BoundProgram, BoundPrograms, FilmPart, ListPrograms};
-use super::layout::{BLOCK, DIGIT_BITS, Segment, Travel, UNIFORM_STRIDE, View, lights};
+use super::layout::{WORKGROUP_ITEMS, DIGIT_BITS, Segment, Travel, UNIFORM_STRIDE, View, lights};
 use super::memory::{Area, Band};
 use super::prepared::Prepared;
 use super::steps::{MapStep, SplatStep, StaticLayerStep, StaticPictureStep, SweepStep};
@@ -368,7 +368,7 @@ impl DeviceState {
         let recorder = &mut encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
         let Job { place, area, .. } = *work.job();
         let BinPrograms { reduce, scan, sort, starts } = &place.programs.bin;
-        let (view, groups) = (view_offset(number), [batch.slots.div_ceil(BLOCK), 1]);
+        let (view, groups) = (view_offset(number), [batch.slots.div_ceil(WORKGROUP_ITEMS), 1]);
         dispatch(recorder, reduce, groups, view);
         dispatch(recorder, scan, [1, 1], view);
         dispatch(recorder, &work.lists().emit, groups, view);

@@ -124,7 +124,7 @@ impl<'a> Harness<'a> {
         for (segment, object, _) in &self.batch.segments {
             let sample = (segment.flags >> 2).saturating_sub(1) as usize;
             let of = posed.iter().find(|p| p.chunk.sample == sample && p.chunk.object == *object).unwrap();
-            let first = segment.block_start + segment.first_surfel;
+            let first = segment.buffer_start + segment.first_surfel;
             for splat in of.splats.iter().filter(|s| (first..first + segment.surfels).contains(&s.surfel)) {
                 let slot = segment.first_slot + splat.surfel - first;
                 splats[slot as usize] = Some(Splat { flags: splat.flags | segment.index << 1, ..*splat });
