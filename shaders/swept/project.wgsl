@@ -1,4 +1,5 @@
-// Pass `sweep`: turns surfels into kernels in motion over an interval; projects, bounds and culls them.
+// Pass `project` for kernels in motion (program `sweep`): makes kernels of surfels over an interval; projects, bounds
+// and culls them.
 // Twin: src/backend/cpu/swept/project.rs.  Math: docs/math.md, section 7.
 //   in   segment   the surfels and their pose at mid-interval
 //        travels   the pose of the surfels' centres over the interval, and their motion
