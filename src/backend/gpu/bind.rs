@@ -298,7 +298,10 @@ impl Binder<'_> {
         with_nearest.push(("NEAREST", channels.count as u32));
         let to_layer = [(Slot::Sums, buffers.layer_sums.as_entire_buffer_binding())];
         let sums = sum_constants(channels);
-        let restored = vec![("CHANNELS", channels.count as u32), ("SAMPLE_COVERAGE", channels.sample_coverage.unwrap_or(0) as u32)];
+        let restored = vec![
+            ("CHANNELS", channels.count as u32),
+            ("SAMPLE_COVERAGE", channels.sample_coverage.unwrap_or(0) as u32),
+        ];
         let recompute = buffers.cached[..cached_batches].iter().map(|cached| {
             let special = [
                 (Slot::Splats, &cached.splats),
@@ -330,7 +333,8 @@ impl Binder<'_> {
         let double = ("SPLATS", (size_of::<SweptSplat>() / size_of::<Splat>()) as u32);
         let mut values = value_constants(frame, channels);
         values.push(double);
-        let weights = DeviceChannels { shared: Channels::weights(), values: channels.values, sample_coverage: None, count: 1 };
+        let weights =
+            DeviceChannels { shared: Channels::weights(), values: channels.values, sample_coverage: None, count: 1 };
         let mut density = sum_constants(&weights);
         density.push(("COLOUR", 0));
         let volume =

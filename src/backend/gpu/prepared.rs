@@ -1,4 +1,4 @@
-//! A frame that is ready to be recorded: how it is cut up, the models on the device, room for everything, programs bound.
+//! A frame that is cut up, with its models on the device and room for everything.
 
 use std::sync::Arc;
 

@@ -174,9 +174,9 @@ impl Program {
 
     pub(in crate::backend) const fn buffers(self) -> Buffers {
         use Slot::{
-            DigitTotals, Film, Geometry, Histogram, Keys, LayerSums, LayerThresholds, Lights, Limits, List, Looks, Map,
-            Moments, Partials, CoverageMask, Segments, SortedKeys, SortedList, Splats, Starts, StaticFilm, Status, Sums,
-            Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
+            CoverageMask, DigitTotals, Film, Geometry, Histogram, Keys, LayerSums, LayerThresholds, Lights, Limits,
+            List, Looks, Map, Moments, Partials, Segments, SortedKeys, SortedList, Splats, Starts, StaticFilm, Status,
+            Sums, Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
         };
         match self {
             Self::Project | Self::Sweep => (&[Geometry, Travels, Wanted], &[Splats, Touched]),

@@ -1,11 +1,12 @@
-//! Records and submits a frame: walks over its rasters, bands, sample positions and steps. Nothing waits for the device here.
+//! Records and submits a frame: walks over its rasters, bands, sample positions and steps. Nothing here waits for the
+//! device.
 
 use bytemuck::Zeroable;
 use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 
 use super::batches::{Batch, Batches};
 use super::bind::{BinPrograms, BoundProgram, BoundPrograms, FilmPart, ListPrograms};
-use super::layout::{WORKGROUP_ITEMS, DIGIT_BITS, Segment, Travel, UNIFORM_STRIDE, View, lights};
+use super::layout::{DIGIT_BITS, Segment, Travel, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, lights};
 use super::memory::{Area, Band};
 use super::prepared::Prepared;
 use super::steps::{MapStep, SplatStep, StaticLayerStep, StaticPictureStep, SweepStep};
