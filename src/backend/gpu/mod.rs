@@ -7,9 +7,11 @@
 pub(super) mod batches;
 pub(super) mod bind;
 mod buffers;
+mod constants;
 mod device;
 mod film;
 mod flight;
+pub(super) mod job;
 pub(super) mod layout;
 pub(super) mod memory;
 pub(super) mod models;
