@@ -1,11 +1,12 @@
 //! The GPU backend beside the CPU backend, in one run: frames a second and time of each pass, as tables in Markdown.
 //!
-//! `cargo bench --bench gpu [-- --adapter NAME]`. On hardware: the thesis's numbers of surfels (its table 5.1) at 1024 x 1024,
-//! and 10^7 surfels at 1920 x 1080. On a software device: a tenth of the surfels at 256 x 256, and 10^5 surfels.
-//! Loading and writing are excluded; frames are rendered one at a time, development of the film included.
+//! `cargo bench --bench gpu [-- --adapter NAME]`. On hardware it renders the numbers of surfels of Wolf 2008, table
+//! 5.1, at 1024 x 1024, and 10^7 surfels at 1920 x 1080. On a software device it renders a tenth of the surfels at
+//! 256 x 256, and 10^5 surfels. Times exclude loading and writing, and include development of the film. Frames do not
+//! overlap.
 //!
-//! `cargo bench --bench gpu -- --modes [SURFELS]`: seconds of a frame in all blur modes, 512 x 512, and of kernels that sweep twice as
-//! far each time. On a software device a million surfels take half an hour.
+//! `cargo bench --bench gpu -- --modes [SURFELS]` measures seconds of a frame in all blur modes at 512 x 512, and of
+//! kernels that sweep twice as far each time. On a software device a million surfels take half an hour.
 
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a bench may stop and reports")]
 
@@ -22,11 +23,11 @@ use splatblur::renderer::{Stats, render_frame};
 use splatblur::scene::{Motion, Scene};
 use support::sphere_scene;
 
-/// Surfels of the thesis's three scenes, and its frames a second for a still, N = 10 and N = 50 (table 5.1).
-const THESIS: [(usize, [f64; 3]); 3] =
+/// Wolf 2008, table 5.1: surfels of three scenes, and frames a second for a still, N = 10 and N = 50.
+const WOLF_2008: [(usize, [f64; 3]); 3] =
     [(50_000, [39.6, 7.9, 2.3]), (466_000, [29.9, 4.7, 1.1]), (445_000, [37.9, 10.3, 4.4])];
 
-/// Best of some frames: wall time, and what the passes took in that frame.
+/// The fastest of some frames: its wall time, and the times of its passes.
 fn best(backend: &mut dyn Backend, scene: &Scene, mode: BlurMode, times: usize) -> (Duration, Stats) {
     let options = RenderOptions {
         quality: mode.into(),
@@ -48,9 +49,9 @@ fn milliseconds(time: Duration) -> f64 {
     1e3 * time.as_secs_f64()
 }
 
-/// Bytes that the passes of a still move to and from the device's memory, counted from the layouts, without caches: per surfel
-/// 36 of geometry and 4 + 3 x 4 of its count; per splat 64 + 8 + 64 + 48 of itself and its attributes; per entry (about one a
-/// splat at these sizes) three rounds of sorting.
+/// Bytes that the passes of a still move to and from the device's memory, counted from the layouts, without caches.
+/// Each surfel takes 36 for geometry and 4 + 3 x 4 for its count. Each splat takes 64 + 8 + 64 + 48 for itself and its
+/// attributes. Each entry (about one for each splat at these sizes) takes three rounds of sorting.
 fn bytes(stats: &Stats) -> f64 {
     stats.surfels as f64 * 52.0 + stats.splats as f64 * (64.0 + 8.0 + 64.0 + 48.0 + 3.0 * 20.0)
 }
@@ -59,7 +60,8 @@ fn volumetric(intervals: u32, swept: SweptKernel) -> BlurMode {
     BlurMode::Volumetric { intervals, pixel_samples: None, swept }
 }
 
-/// Seconds of a frame in each mode on both backends, the least of three, of one where it takes half a minute, and over those of supersampling with 8 samples.
+/// Seconds of a frame in each mode on both backends, and their ratio to supersampling with 8 samples. They are the
+/// least of three frames, or those of the only frame where it takes more than half a minute.
 fn modes(gpu: &mut Gpu, cpu: &mut Cpu, surfels: usize) {
     let modes = [
         BlurMode::supersample(8),
@@ -116,7 +118,7 @@ fn travel(gpu: &mut Gpu, cpu: &mut Cpu, surfels: usize) {
         let mode = volumetric(1, SweptKernel::default());
         let [on_cpu, on_gpu] =
             [best(cpu, &scene, mode, 2).1.attribute, best(gpu, &scene, mode, 1).1.attribute].map(|d| d.as_secs_f64());
-        // In the plane through the sphere's centre, 4 before the eye.
+        // The sphere's centre is at depth 4.
         let pixels = way / 4.0 * 256.0 / 20_f64.to_radians().tan();
         println!("| {surfels} | {pixels:.0} | {on_cpu:.3} | {on_gpu:.2} |");
     }
@@ -145,13 +147,13 @@ fn main() {
     let mut cpu = Cpu::default();
     println!("{} beside {}, {size} x {size}\n", gpu.describe(), cpu.describe());
 
-    println!("| surfels | time samples | GPU, ms | CPU, ms | CPU is faster by | GPU, frames/s | thesis, frames/s |");
+    println!("| surfels | time samples | GPU, ms | CPU, ms | CPU is faster by | GPU, frames/s | Wolf 2008, frames/s |");
     println!("| --- | --- | --- | --- | --- | --- | --- |");
-    for (surfels, thesis) in THESIS {
+    for (surfels, published) in WOLF_2008 {
         let surfels = surfels / fewer;
         let scene = sphere_scene(surfels, size, true);
         let modes = [1, 10, 50].map(BlurMode::supersample);
-        for ((mode, samples), rate) in modes.into_iter().zip([1, 10, 50]).zip(thesis) {
+        for ((mode, samples), rate) in modes.into_iter().zip([1, 10, 50]).zip(published) {
             let (on_gpu, _) = best(&mut gpu, &scene, mode, repeats);
             let (on_cpu, _) = best(&mut cpu, &scene, mode, repeats);
             println!(

@@ -31,8 +31,9 @@ override NORMAL: u32 = 0u;
 override DEPTH: u32 = 0u;
 override VELOCITY: u32 = 0u;
 override MATERIAL: u32 = 0u;
-// First of three channels for the coverage in groups of several samples; 0 in other groups.
-override REACH: u32 = 0u;
+// First of three channels for the coverage in groups of several samples; 0 in other groups. They are the sample
+// coverage of the current sample, the coverage by the samples before it, and the sample coverage of static objects.
+override SAMPLE_COVERAGE: u32 = 0u;
 // Channel of the least depth of the splats that are added (NONE where there are none); 0 if it is not wanted.
 override NEAREST: u32 = 0u;
 // Number of channels, and number of floats of a splat in `values`.
@@ -41,7 +42,7 @@ override VALUES: u32 = 3u;
 override GOURAUD: bool = false;
 // If false, the weight is the only channel (pass `density`).
 override COLOUR: bool = true;
-// This is the value of bin.wgsl.
+// As in bin.wgsl.
 override SPLATS: u32 = 1u;
 
 @compute @workgroup_size(256)
@@ -51,7 +52,7 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
     if touched[slot] == 0u { return; }
     let surfel = segment.first_surfel + id.x;
     let at = 3u * surfel;
-    let column = 3u * segment.block;
+    let column = 3u * segment.buffer_surfels;
     var normal = vec3<f32>(looks[at], looks[at + 1u], looks[at + 2u]);
     normal = unit(apply_linear(segment.normal, normal));
     if (splats[SPLATS * slot + SPLATS - 1u].flags & FLAG_BACK) != 0u {
@@ -116,11 +117,11 @@ struct Sums {
     diffuse: vec4<f32>,
     specular: vec4<f32>,
     shininess: vec4<f32>,
-    reach: vec4<f32>,
+    sample_coverage: vec4<f32>,
     coverage: vec4<f32>,
-    still: vec4<f32>,
+    static_coverage: vec4<f32>,
     nearest: vec4<f32>,
-    // The turn that `reach` belongs to: 0 for static objects, then one for each sample in order.
+    // The turn that `sample_coverage` belongs to: 0 for static objects, then one for each sample in order.
     turn: u32,
 }
 
@@ -132,37 +133,19 @@ fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
     let row = (view.first_tile_row + tile.y) * TILE + quad.y;
     let limit = thresholds[index * TILE_QUADS + in_tile];
     if all(limit == vec4<f32>(UNWANTED)) { return; }
-    // The loop merges two rising lists of slots.
-    var next = starts[index];
-    let end = starts[index + 1u];
-    var next_wide = 0u;
-    let end_wide = starts[view.tiles.x * view.tiles.y + 1u];
+    var walk = walk_of(index);
     let at = index * CHANNELS * TILE_QUADS + in_tile;
     var sum: Sums;
     sum.turn = view.first_turn;
     sum.nearest = vec4<f32>(NONE);
     if view.resumes != 0u {
-        if REACH == 0u && next == end && end_wide == 0u { return; }
+        if SAMPLE_COVERAGE == 0u && !has_next(walk) { return; }
         load_sums(&sum, at);
     }
-    while next < end || next_wide < end_wide {
-        var slot = 0xffffffffu;
-        if next < end {
-            slot = list[next];
-        }
-        var wide_slot = 0xffffffffu;
-        if next_wide < end_wide {
-            wide_slot = wide[next_wide];
-        }
-        if slot < wide_slot {
-            next += 1u;
-        } else {
-            slot = wide_slot;
-            next_wide += 1u;
-        }
-        add_splat(&sum, slot, limit, column, row);
+    while has_next(walk) {
+        add_splat(&sum, next_slot(&walk), limit, column, row);
     }
-    if REACH != 0u && sum.turn < view.last_turn {
+    if SAMPLE_COVERAGE != 0u && sum.turn < view.last_turn {
         turn(&sum, view.last_turn);
     }
     store_sums(&sum, at);
@@ -173,12 +156,12 @@ fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
 fn turn(sum: ptr<function, Sums>, next: u32) {
     var at = (*sum).turn;
     if at == 0u {
-        (*sum).still = (*sum).reach;
+        (*sum).static_coverage = (*sum).sample_coverage;
         at = 1u;
     }
     for (; at < next; at += 1u) {
-        (*sum).coverage += segments[at - 1u].weight * min((*sum).reach, vec4<f32>(1.0));
-        (*sum).reach = (*sum).still;
+        (*sum).coverage += segments[at - 1u].weight * min((*sum).sample_coverage, vec4<f32>(1.0));
+        (*sum).sample_coverage = (*sum).static_coverage;
     }
     (*sum).turn = next;
 }
@@ -188,7 +171,7 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
     if !touches(bounds, column, row) { return; }
     let splat = splats[slot];
     var share = 1.0;
-    if REACH != 0u {
+    if SAMPLE_COVERAGE != 0u {
         let segment_index = splat.flags >> 1u;
         share = segments[segment_index].share;
         let its_turn = segments[segment_index].flags >> 2u;
@@ -209,9 +192,9 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
     let passes = (inside | (r2 <= vec4<f32>(1.0))) & (depth <= limit) & within;
     let zero = vec4<f32>(0.0);
     let unshared = select(zero, kernel(min(r2, vec4<f32>(1.0))), passes);
-    if REACH != 0u {
+    if SAMPLE_COVERAGE != 0u {
         // A hidden splat that covers the pixel is part of the coverage too: something before it covers the pixel.
-        (*sum).reach += select(unshared, vec4<f32>(1.0), inside & within);
+        (*sum).sample_coverage += select(unshared, vec4<f32>(1.0), inside & within);
     }
     if !any(passes) { return; }
     let weight = unshared * share;
@@ -273,10 +256,10 @@ fn load_sums(sum: ptr<function, Sums>, at: u32) {
         (*sum).specular = sums[at + (MATERIAL + 2u) * TILE_QUADS];
         (*sum).shininess = sums[at + (MATERIAL + 3u) * TILE_QUADS];
     }
-    if REACH != 0u {
-        (*sum).reach = sums[at + REACH * TILE_QUADS];
-        (*sum).coverage = sums[at + (REACH + 1u) * TILE_QUADS];
-        (*sum).still = sums[at + (REACH + 2u) * TILE_QUADS];
+    if SAMPLE_COVERAGE != 0u {
+        (*sum).sample_coverage = sums[at + SAMPLE_COVERAGE * TILE_QUADS];
+        (*sum).coverage = sums[at + (SAMPLE_COVERAGE + 1u) * TILE_QUADS];
+        (*sum).static_coverage = sums[at + (SAMPLE_COVERAGE + 2u) * TILE_QUADS];
     }
     if NEAREST != 0u {
         (*sum).nearest = sums[at + NEAREST * TILE_QUADS];
@@ -308,10 +291,10 @@ fn store_sums(sum: ptr<function, Sums>, at: u32) {
         sums[at + (MATERIAL + 2u) * TILE_QUADS] = (*sum).specular;
         sums[at + (MATERIAL + 3u) * TILE_QUADS] = (*sum).shininess;
     }
-    if REACH != 0u {
-        sums[at + REACH * TILE_QUADS] = (*sum).reach;
-        sums[at + (REACH + 1u) * TILE_QUADS] = (*sum).coverage;
-        sums[at + (REACH + 2u) * TILE_QUADS] = (*sum).still;
+    if SAMPLE_COVERAGE != 0u {
+        sums[at + SAMPLE_COVERAGE * TILE_QUADS] = (*sum).sample_coverage;
+        sums[at + (SAMPLE_COVERAGE + 1u) * TILE_QUADS] = (*sum).coverage;
+        sums[at + (SAMPLE_COVERAGE + 2u) * TILE_QUADS] = (*sum).static_coverage;
     }
     if NEAREST != 0u {
         sums[at + NEAREST * TILE_QUADS] = (*sum).nearest;

@@ -11,7 +11,7 @@
 
 @group(1) @binding(4) var<storage, read> splats: array<Splat>;
 @group(1) @binding(5) var<storage, read> touched: array<u32>;
-// For each BLOCK of slots the number of entries and of wide splats; after the scan, the numbers before the block.
+// For each workgroup the number of entries and of wide splats; after the scan, the numbers in the workgroups before it.
 @group(1) @binding(6) var<storage, read_write> partials: array<vec2<u32>>;
 @group(1) @binding(7) var<storage, read_write> written_totals: Totals;
 @group(1) @binding(22) var<storage, read> totals: Totals;
@@ -20,21 +20,21 @@
 @group(1) @binding(10) var<storage, read_write> list: array<u32>;
 @group(1) @binding(11) var<storage, read_write> wide: array<u32>;
 @group(1) @binding(12) var<storage, read_write> starts: array<u32>;
-// For each digit, for each BLOCK of entries, the number of entries with that digit; after the scan, the number before
-// the block.
+// For each digit, for each workgroup, the number of entries with that digit; after the scan, the number of entries that
+// come before them.
 @group(1) @binding(13) var<storage, read_write> histogram: array<u32>;
 @group(1) @binding(14) var<storage, read_write> digit_totals: array<u32>;
 @group(1) @binding(15) var<storage, read> sorted_keys: array<u32>;
 @group(1) @binding(16) var<storage, read> sorted_list: array<u32>;
 
 struct Totals {
-    // Workgroups of an indirect dispatch with one BLOCK of entries each.
+    // Workgroups of an indirect dispatch over the entries.
     groups: vec3<u32>,
     entries: u32,
     wide: u32,
 }
 
-// One invocation of one dispatch after the other writes this. The host reads it after the frame.
+// Dispatches write this one after the other, one invocation each. The host reads it after the frame.
 struct Status {
     // Greatest number of entries that a batch needed.
     most_entries: u32,
@@ -43,7 +43,8 @@ struct Status {
     splats_high: u32,
 }
 
-const BLOCK: u32 = 1024u;
+// Slots, or entries of lists, of one workgroup.
+const WORKGROUP_ITEMS: u32 = 1024u;
 const DIGITS: u32 = 64u;
 // Lowest bit of the digit of this round.
 override SHIFT: u32 = 0u;
@@ -66,32 +67,33 @@ fn bin_reduce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     var sum = vec2<u32>(0u);
     var visible = 0u;
     for (var i = 0u; i < 4u; i += 1u) {
-        let count = touched_at(group.x * BLOCK + i * 256u + lane);
+        let count = touched_at(group.x * WORKGROUP_ITEMS + i * 256u + lane);
         sum += entries_of(count);
         visible += select(0u, 1u, count != 0u);
     }
     atomicAdd(&seen, visible);
     let result = scan(sum, lane);
     if lane == 0u {
-        // Until the scan the high half holds the number of splats. This is safe: a block has at most 1024 wide splats.
+        // Until the scan the high half holds the number of splats. This is safe: a workgroup has at
+        // most WORKGROUP_ITEMS wide splats.
         partials[group.x] = vec2<u32>(result.total.x, result.total.y | (atomicLoad(&seen) << 16u));
     }
 }
 
 @compute @workgroup_size(256)
 fn bin_scan(@builtin(local_invocation_index) lane: u32) {
-    let blocks = (view.slots + BLOCK - 1u) / BLOCK;
+    let workgroups = (view.slots + WORKGROUP_ITEMS - 1u) / WORKGROUP_ITEMS;
     var before = vec2<u32>(0u);
     var visible = 0u;
-    for (var first = 0u; first < blocks; first += 256u) {
+    for (var first = 0u; first < workgroups; first += 256u) {
         var value = vec2<u32>(0u);
-        if first + lane < blocks {
+        if first + lane < workgroups {
             let partial = partials[first + lane];
             value = vec2<u32>(partial.x, partial.y & 0xffffu);
             visible += partial.y >> 16u;
         }
         let result = scan(value, lane);
-        if first + lane < blocks {
+        if first + lane < workgroups {
             partials[first + lane] = before + result.before;
         }
         before += result.total;
@@ -102,7 +104,7 @@ fn bin_scan(@builtin(local_invocation_index) lane: u32) {
         let fits = before.x <= view.entry_capacity;
         written_totals.entries = select(0u, before.x, fits);
         written_totals.wide = before.y;
-        written_totals.groups = vec3<u32>((written_totals.entries + BLOCK - 1u) / BLOCK, 1u, 1u);
+        written_totals.groups = vec3<u32>((written_totals.entries + WORKGROUP_ITEMS - 1u) / WORKGROUP_ITEMS, 1u, 1u);
         status.most_entries = max(status.most_entries, before.x);
         let low = status.splats_low + splats_seen;
         status.splats_high += select(0u, 1u, low < splats_seen);
@@ -113,7 +115,7 @@ fn bin_scan(@builtin(local_invocation_index) lane: u32) {
 @compute @workgroup_size(256)
 fn bin_emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     // Each invocation has four consecutive slots.
-    let first = group.x * BLOCK + lane * 4u;
+    let first = group.x * WORKGROUP_ITEMS + lane * 4u;
     var sum = vec2<u32>(0u);
     for (var i = 0u; i < 4u; i += 1u) {
         sum += entries_of(touched_at(first + i));
@@ -143,8 +145,8 @@ var<workgroup> counts: array<atomic<u32>, DIGITS>;
 
 @compute @workgroup_size(64)
 fn sort_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let first = group.x * BLOCK;
-    let end = min(first + BLOCK, totals.entries);
+    let first = group.x * WORKGROUP_ITEMS;
+    let end = min(first + WORKGROUP_ITEMS, totals.entries);
     for (var i = first + lane; i < end; i += 64u) {
         atomicAdd(&counts[(sorted_keys[i] >> SHIFT) % DIGITS], 1u);
     }
@@ -175,14 +177,14 @@ fn sort_scan(@builtin(workgroup_id) digit: vec3<u32>, @builtin(local_invocation_
     }
 }
 
-var<workgroup> digits: array<u32, BLOCK>;
-var<workgroup> ranks: array<u32, BLOCK>;
+var<workgroup> digits: array<u32, WORKGROUP_ITEMS>;
+var<workgroup> ranks: array<u32, WORKGROUP_ITEMS>;
 
 // Entries of equal digits keep their order: each invocation owns one digit and numbers its entries one after the other.
 @compute @workgroup_size(64)
 fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let first = group.x * BLOCK;
-    let count = min(BLOCK, totals.entries - first);
+    let first = group.x * WORKGROUP_ITEMS;
+    let count = min(WORKGROUP_ITEMS, totals.entries - first);
     for (var i = lane; i < count; i += 64u) {
         digits[i] = (sorted_keys[first + i] >> SHIFT) % DIGITS;
     }

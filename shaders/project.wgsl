@@ -19,7 +19,7 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = segment.first_slot + id.x;
     touched[slot] = 0u;
     let at = 3u * (segment.first_surfel + id.x);
-    let column = 3u * segment.block;
+    let column = 3u * segment.buffer_surfels;
     let c = apply(travels[segment.index].centre, vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]));
     let at_u = at + column;
     let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
@@ -45,7 +45,7 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
     let facing = det < 0.0 || (two_sided && det > 0.0);
     if !facing || depth + sqrt(reach2) < view.near { return; }
     var splat: Splat;
-    splat.surfel = segment.block_start + segment.first_surfel + id.x;
+    splat.surfel = segment.buffer_start + segment.first_surfel + id.x;
     splat.flags = segment.index << 1u;
     if depth <= 0.0 || d22 > -1e-3 * depth * depth {
         write_crossing(slot, splat, c, u, v);

@@ -3,19 +3,20 @@
 //   in   thresholds, sums, lights
 //   out  film      for each tile, for each plane, its pixels: premultiplied colour and alpha; then depth, normal and
 //                  velocity where they are wanted
-// One invocation per pixel. Order-free within a group. Groups are added in their order, one dispatch each.
+// One invocation per pixel. The order of pixels does not matter. Groups are added in their order, one dispatch
+// each.
 
 @group(1) @binding(3) var<storage, read> lights: array<Light>;
 @group(1) @binding(17) var<storage, read> thresholds: array<f32>;
 @group(1) @binding(20) var<storage, read> sums: array<f32>;
 @group(1) @binding(21) var<storage, read_write> film: array<f32>;
 
-// These are the values of attribute.wgsl.
+// As in attribute.wgsl.
 override NORMAL: u32 = 0u;
 override DEPTH: u32 = 0u;
 override VELOCITY: u32 = 0u;
 override MATERIAL: u32 = 0u;
-override REACH: u32 = 0u;
+override SAMPLE_COVERAGE: u32 = 0u;
 override CHANNELS: u32 = 4u;
 override PHONG: bool = false;
 // First plane of each quantity; 0 if it is not wanted.
@@ -36,8 +37,8 @@ fn resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id)
     // Where no splat of the visibility pass covers the pixel, only low-pass discs do: their weights are the coverage.
     var share = select(min(sum, 1.0), 1.0, threshold < NONE);
     var weight = view.weight;
-    if REACH != 0u {
-        share = sums[sum_at + (REACH + 1u) * TILE_PIXELS];
+    if SAMPLE_COVERAGE != 0u {
+        share = sums[sum_at + (SAMPLE_COVERAGE + 1u) * TILE_PIXELS];
         weight = 1.0;
     }
     add_pixel(index, tile.xy, pixel.xy, Share(share, weight));
@@ -66,7 +67,8 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, share: Share) {
     if PHONG {
         var material = view.material;
         if MATERIAL != 0u {
-            material = vec4<f32>(mean(sum_at, MATERIAL, inverse), sums[sum_at + (MATERIAL + 3u) * TILE_PIXELS] * inverse);
+            let shininess = sums[sum_at + (MATERIAL + 3u) * TILE_PIXELS] * inverse;
+            material = vec4<f32>(mean(sum_at, MATERIAL, inverse), shininess);
         }
         // The ray through the sample position, in world axes, with depth 1.
         let over = 1.0 / view.focal;

@@ -1,5 +1,5 @@
-// Before pass `attribute` of a group that starts from static objects: restores their sums where they are still visible.
-// Twin: LayerTile::recall of src/backend/cpu/layer.rs.
+// Before pass `attribute` of a group that starts from static objects: restores their sums where they stay visible.
+// Twin: `StaticTile::restore` of src/backend/cpu/static_tile.rs.
 //   in   layer_thresholds, layer_sums   thresholds and sums of static objects alone; the last channel is the least
 //                                       depth of the splats that were added
 //        thresholds                     thresholds of all splats
@@ -15,9 +15,9 @@
 @group(1) @binding(29) var<storage, read> layer_sums: array<vec4<f32>>;
 @group(1) @binding(30) var<storage, read_write> limits: array<vec4<f32>>;
 
-// These are the values of attribute.wgsl, without the channel of the least depth.
+// As in attribute.wgsl, without the channel of the least depth.
 override CHANNELS: u32 = 4u;
-override REACH: u32 = 0u;
+override SAMPLE_COVERAGE: u32 = 0u;
 
 @compute @workgroup_size(4, 16)
 fn restore(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) quad: vec3<u32>) {
@@ -38,7 +38,7 @@ fn restore(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id)
     let layer_at = index * (CHANNELS + 1u) * TILE_QUADS + in_tile;
     for (var channel = 0u; channel < CHANNELS; channel += 1u) {
         let plane = channel * TILE_QUADS;
-        let of_hidden = select(zero, covers, REACH != 0u && channel == REACH);
+        let of_hidden = select(zero, covers, SAMPLE_COVERAGE != 0u && channel == SAMPLE_COVERAGE);
         sums[at + plane] = select(layer_sums[layer_at + plane], of_hidden, lowered);
     }
     let nearest = layer_sums[layer_at + CHANNELS * TILE_QUADS];

@@ -4,8 +4,8 @@
 //        segments                     epsilon of a splat's object
 //   out  thresholds                   tile after tile, four pixels of a row together; NONE where no splat covers the
 //                                     pixel, UNWANTED in tiles that are not wanted
-// One workgroup per tile, one invocation per quad of pixels. The minimum is order-free, so batches may come one after
-// the other.
+// One workgroup per tile, one invocation per quad of pixels. The order of splats does not change a minimum, so
+// batches may come one after the other.
 
 @group(1) @binding(2) var<storage, read> segments: array<Segment>;
 @group(1) @binding(4) var<storage, read> splats: array<Splat>;

@@ -10,10 +10,10 @@ struct Scan {
 fn scan(value: vec2<u32>, lane: u32) -> Scan {
     scanned[lane] = value;
     workgroupBarrier();
-    for (var reach = 1u; reach < 256u; reach *= 2u) {
+    for (var distance = 1u; distance < 256u; distance *= 2u) {
         var sum = scanned[lane];
-        if lane >= reach {
-            sum += scanned[lane - reach];
+        if lane >= distance {
+            sum += scanned[lane - distance];
         }
         workgroupBarrier();
         scanned[lane] = sum;

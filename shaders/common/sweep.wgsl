@@ -27,7 +27,7 @@ struct Sweep {
     b: f32,
     r2: f32,
     across: f32,
-    still: bool,
+    unmoved: bool,
 }
 
 fn sweep_of(path: Path, e: f32) -> Sweep {
@@ -38,7 +38,7 @@ fn sweep_of(path: Path, e: f32) -> Sweep {
     out.a = path.rate.x * path.rate.x + path.rate.y * path.rate.y + e * out.w2;
     out.b = path.at.x * path.rate.x + path.at.y * path.rate.y;
     out.across = cross * cross + e * (out.w2 * out.r2);
-    out.still = out.a <= UNMOVED * out.w2;
+    out.unmoved = out.a <= UNMOVED * out.w2;
     return out;
 }
 
@@ -46,7 +46,7 @@ fn sweep_of(path: Path, e: f32) -> Sweep {
 // last.
 fn covered(s: Sweep) -> vec2<f32> {
     let none = vec2<f32>(1.0, -1.0);
-    if s.still {
+    if s.unmoved {
         return select(none, vec2<f32>(-1.0, 1.0), s.r2 <= s.w2);
     }
     let squared = s.w2 * s.a - s.across;
@@ -61,7 +61,7 @@ fn covered(s: Sweep) -> vec2<f32> {
 
 // Squared distance of the path from the kernel's centre, in kernel radii.
 fn nearest(s: Sweep) -> f32 {
-    return select(s.across, s.r2, s.still) / select(s.w2 * s.a, s.w2, s.still);
+    return select(s.across, s.r2, s.unmoved) / select(s.w2 * s.a, s.w2, s.unmoved);
 }
 
 // Weight of the ellipsoid by its chord (docs/math.md, eq. 16; Wolf 2008, eq. 4.12).
@@ -72,7 +72,7 @@ fn chord(s: Sweep) -> f32 {
 // Mean of exp(-2 (u^2 + v^2 + e tau^2)) over `span`.
 fn mean_over(s: Sweep, span: vec2<f32>) -> f32 {
     var scale = 0.0;
-    if !s.still {
+    if !s.unmoved {
         scale = SQRT_TWO / sqrt(s.w2 * s.a);
     }
     let x = scale * (s.b + s.a * span);

@@ -86,8 +86,8 @@ struct Segment {
     // the buffer's first surfel.
     first_surfel: u32,
     surfels: u32,
-    block: u32,
-    block_start: u32,
+    buffer_surfels: u32,
+    buffer_start: u32,
     // Index in the array of segments.
     index: u32,
     first_light: u32,

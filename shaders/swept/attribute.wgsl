@@ -1,14 +1,14 @@
 // Pass `attribute` for kernels in motion: sums the attributes of the kernels whose source passes the depth test.
-// Twins: src/backend/cpu/swept/attribute.rs, hull.rs.  Math: docs/math.md, eq. 11 to 18.
+// Twins: src/backend/cpu/swept/attribute.rs and hull.rs.  Math: docs/math.md, eq. 11 to 18.
 //   in   splats, list, starts, wide   output of `sweep` and `bin`
 //        map       the map of mid-interval; behind its tiles the depth thresholds of static objects, tile by tile,
 //                  where those have a picture of their own
 //        values
 //   out  sums      for each tile, for each channel, its pixels: weight, colour, then normal, depth and velocity
 //                  where they are wanted
-//        presence  coverage mask; for each tile, its pixels: times at which kernels cover, and at which low-pass discs
-//                  do (a bit for each 32nd of the interval), and the weights of low-pass discs beyond those of their
-//                  kernels, or all weights where the sum of weights is the coverage
+//        coverage_mask   for each tile, its pixels: times at which kernels cover, and at which low-pass discs do (a bit
+//                  for each 32nd of the interval), and the weights of low-pass discs beyond those of their kernels, or
+//                  all weights where the sum of weights is the coverage
 // One workgroup per tile, one invocation per pixel. Sums are in registers, in list order.
 
 @group(1) @binding(4) var<storage, read> splats: array<SweptSplat>;
@@ -18,16 +18,16 @@
 @group(1) @binding(19) var<storage, read> values: array<f32>;
 @group(1) @binding(20) var<storage, read_write> sums: array<f32>;
 @group(1) @binding(24) var<storage, read> map: array<vec2<f32>>;
-@group(1) @binding(25) var<storage, read_write> presence: array<u32>;
+@group(1) @binding(25) var<storage, read_write> coverage_mask: array<u32>;
 
-// These are the values of attribute.wgsl.
+// As in attribute.wgsl.
 override NORMAL: u32 = 0u;
 override DEPTH: u32 = 0u;
 override VELOCITY: u32 = 0u;
 override CHANNELS: u32 = 4u;
 override VALUES: u32 = 3u;
 // If true, there are static objects with a picture of their own.
-override STILL: bool = false;
+override HAS_STATIC: bool = false;
 // The weight function of kernels.
 override FOOTPRINT: u32 = 0u;
 const TUBE: u32 = 0u;
@@ -61,9 +61,9 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
     let pixel = vec2<u32>(tile.x, view.first_tile_row + tile.y) * TILE + in_tile.xy;
     let at = in_tile.y * TILE + in_tile.x;
     let sum_at = index * CHANNELS * TILE_PIXELS + at;
-    let presence_at = 3u * index * TILE_PIXELS + at;
+    let mask_at = 3u * index * TILE_PIXELS + at;
     var before = NONE;
-    if STILL {
+    if HAS_STATIC {
         let behind = view.map_tiles.x * view.map_tiles.y * TILE_PIXELS;
         before = map[behind + (index * TILE_PIXELS + at) / 2u][at % 2u];
     }
@@ -77,32 +77,14 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
             sum.velocity.x = sums[sum_at + VELOCITY * TILE_PIXELS];
             sum.velocity.y = sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS];
         }
-        sum.surface = presence[presence_at];
-        sum.low_pass = presence[presence_at + TILE_PIXELS];
-        sum.loose = bitcast<f32>(presence[presence_at + 2u * TILE_PIXELS]);
+        sum.surface = coverage_mask[mask_at];
+        sum.low_pass = coverage_mask[mask_at + TILE_PIXELS];
+        sum.loose = bitcast<f32>(coverage_mask[mask_at + 2u * TILE_PIXELS]);
     }
 
-    // The loop merges two rising lists of slots.
-    var next = starts[index];
-    let end = starts[index + 1u];
-    var next_wide = 0u;
-    let end_wide = starts[view.tiles.x * view.tiles.y + 1u];
-    while next < end || next_wide < end_wide {
-        var slot = 0xffffffffu;
-        if next < end {
-            slot = list[next];
-        }
-        var wide_slot = 0xffffffffu;
-        if next_wide < end_wide {
-            wide_slot = wide[next_wide];
-        }
-        if slot < wide_slot {
-            next += 1u;
-        } else {
-            slot = wide_slot;
-            next_wide += 1u;
-        }
-        add_splat(&sum, slot, pixel, before);
+    var walk = walk_of(index);
+    while has_next(walk) {
+        add_splat(&sum, next_slot(&walk), pixel, before);
     }
 
     sums[sum_at] = sum.weight;
@@ -113,9 +95,9 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
         sums[sum_at + VELOCITY * TILE_PIXELS] = sum.velocity.x;
         sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS] = sum.velocity.y;
     }
-    presence[presence_at] = sum.surface;
-    presence[presence_at + TILE_PIXELS] = sum.low_pass;
-    presence[presence_at + 2u * TILE_PIXELS] = bitcast<u32>(sum.loose);
+    coverage_mask[mask_at] = sum.surface;
+    coverage_mask[mask_at + TILE_PIXELS] = sum.low_pass;
+    coverage_mask[mask_at + 2u * TILE_PIXELS] = bitcast<u32>(sum.loose);
 }
 
 fn load(sum_at: u32, channel: u32) -> vec3<f32> {
@@ -146,8 +128,8 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>, before: f32)
     for (var part = 0u; part < SOURCE_SAMPLES; part += 1u) {
         let met = meet(splat, ray, part, at);
         if !met.covers || met.depth > before { continue; }
-        // A hidden kernel loses its weight but still covers, as something before it does. Weights become shares of the
-        // surface at the source.
+        // A hidden kernel loses its weight but covers all the same, as something before it does. Weights become shares
+        // of the surface at the source.
         let known = source(met.source);
         var weight = met.weight;
         if FOOTPRINT != CHORD {

@@ -1,4 +1,5 @@
-// Pass `keep`: writes the visible surface at mid-interval into a map of the band and the guard band around it.
+// Pass `store` of the map: writes the visible surface at mid-interval into a map of the band and the guard band around
+// it.
 // Twin: src/backend/cpu/swept/map.rs.
 //   in   thresholds, and sums that hold the weights alone
 //   out  map       tile after tile, for each pixel: depth threshold and inverse density, both NONE where there is no

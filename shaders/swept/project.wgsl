@@ -1,4 +1,5 @@
-// Pass `sweep`: turns surfels into kernels in motion over an interval; projects, bounds and culls them.
+// Pass `project` for kernels in motion (program `sweep`): makes kernels of surfels over an interval; projects, bounds
+// and culls them.
 // Twin: src/backend/cpu/swept/project.rs.  Math: docs/math.md, section 7.
 //   in   segment   the surfels and their pose at mid-interval
 //        travels   the pose of the surfels' centres over the interval, and their motion
@@ -24,7 +25,7 @@ fn sweep(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = segment.first_slot + id.x;
     touched[slot] = 0u;
     let at = 3u * (segment.first_surfel + id.x);
-    let column = 3u * segment.block;
+    let column = 3u * segment.buffer_surfels;
     let position = vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]);
     let centre = apply(travels[segment.index].centre, position);
     let motion = apply(travels[segment.index].motion, position) * f32(STRETCH);
@@ -38,7 +39,7 @@ fn sweep(@builtin(global_invocation_id) id: vec3<u32>) {
     let depths = vec2<f32>(centre.z - motion.z, centre.z + motion.z);
     if max(depths.x, depths.y) + sqrt(reach2) < view.near { return; }
     var splat: SweptSplat;
-    splat.surfel = segment.block_start + segment.first_surfel + id.x;
+    splat.surfel = segment.buffer_start + segment.first_surfel + id.x;
     if crosses(depths.x, reach2) || crosses(depths.y, reach2) {
         write_crossing(slot, splat, centre, motion, u, v);
         return;

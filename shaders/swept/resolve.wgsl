@@ -2,33 +2,33 @@
 // are normalised once.
 // Twin: src/backend/cpu/swept/resolve.rs.  Math: docs/math.md, eq. 17 to 19.
 //   in   sums, lights
-//        presence     coverage mask of each pixel
-//        static_film   film of static objects for one exposure, where they have a picture of their own
-//        moments      share of the exposure of each 32nd of the interval
+//        coverage_mask   of each pixel
+//        static_film     film of static objects for one exposure, where they have a picture of their own
+//        moments         share of the exposure of each 32nd of the interval
 //   out  film
 // `swept_resolve` adds a group as `resolve` does; `pool` adds its sums without dividing them. Both also add static
 // objects for the time in which kernels in motion leave the pixel free. `finish` comes once, after all groups.
 // One invocation per pixel.
 
-@group(1) @binding(25) var<storage, read> presence: array<u32>;
+@group(1) @binding(25) var<storage, read> coverage_mask: array<u32>;
 @group(1) @binding(26) var<storage, read> moments: array<f32>;
 @group(1) @binding(31) var<storage, read> static_film: array<f32>;
 
 // If true, the coverage is the sum of weights.
 override SUM: bool = false;
 // If true, there are static objects with a picture of their own.
-override STILL: bool = false;
+override HAS_STATIC: bool = false;
 // Plane of the sum of weights. It is the plane of alpha where there is none.
 override WEIGHT_PLANE: u32 = 3u;
 
 // The share of the exposure in which a pixel is covered.
 fn coverage(index: u32, in_tile: u32) -> f32 {
     let at = 3u * index * TILE_PIXELS + in_tile;
-    var loose = view.weight * bitcast<f32>(presence[at + 2u * TILE_PIXELS]);
+    var loose = view.weight * bitcast<f32>(coverage_mask[at + 2u * TILE_PIXELS]);
     if SUM { return loose; }
-    let surface = presence[at];
+    let surface = coverage_mask[at];
     if surface == 0xffffffffu { return view.weight; }
-    let others = presence[at + TILE_PIXELS] & ~surface;
+    let others = coverage_mask[at + TILE_PIXELS] & ~surface;
     var covers = 0.0;
     var reached = 0.0;
     for (var i = 0u; i < 32u; i += 1u) {
@@ -48,12 +48,12 @@ fn swept_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocati
     if sums[index * CHANNELS * TILE_PIXELS + in_tile] > 0.0 {
         add_pixel(index, tile.xy, pixel.xy, Share(covered, 1.0));
     }
-    show_still(index * PLANES * TILE_PIXELS + in_tile, covered);
+    show_static(index * PLANES * TILE_PIXELS + in_tile, covered);
 }
 
 // Adds the visible part of static objects: they show in the time that kernels in motion leave free.
-fn show_still(at: u32, covered: f32) {
-    if !STILL { return; }
+fn show_static(at: u32, covered: f32) {
+    if !HAS_STATIC { return; }
     // Sums of weights may exceed the weight of the interval.
     let left = max(view.weight - covered, 0.0);
     for (var plane = 0u; plane < PLANES; plane += 1u) {
@@ -87,7 +87,7 @@ fn pool(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pi
         film[x] += weight * sums[sum_at + VELOCITY * TILE_PIXELS];
         film[x + TILE_PIXELS] += weight * sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS];
     }
-    show_still(at, covered);
+    show_static(at, covered);
 }
 
 // Clamps the coverage, and divides the other planes by the sum of weights.

@@ -45,7 +45,7 @@ pub struct Sweep {
     /// 1 / (w^2 a), or 1 / w^4 without motion.
     inverse: f32,
     /// True if the motion is below [`UNMOVED`].
-    still: bool,
+    unmoved: bool,
 }
 
 impl Sweep {
@@ -67,9 +67,9 @@ impl Sweep {
         let r2 = u * u + v * v;
         let cross = u * dv - v * du;
         let a = du * du + dv * dv + e * w2;
-        let still = a <= UNMOVED * w2;
-        let inverse = 1.0 / (w2 * if still { w2 } else { a });
-        Self { w2, a, b: u * du + v * dv, r2, across: cross * cross + e * (w2 * r2), inverse, still }
+        let unmoved = a <= UNMOVED * w2;
+        let inverse = 1.0 / (w2 * if unmoved { w2 } else { a });
+        Self { w2, a, b: u * du + v * dv, r2, across: cross * cross + e * (w2 * r2), inverse, unmoved }
     }
 
     /// First and last tau in [-1, 1] at which the kernel covers the ray. It never does if the first is not less than
@@ -87,22 +87,22 @@ impl Sweep {
         let first = if first > -1.0 { first } else { -1.0 };
         let last = if last < 1.0 { last } else { 1.0 };
         let inside = self.r2 <= self.w2;
-        let meets = if self.still { inside } else { squared > 0.0 };
-        let first = if self.still { -1.0 } else { first };
-        let last = if self.still { 1.0 } else { last };
+        let meets = if self.unmoved { inside } else { squared > 0.0 };
+        let first = if self.unmoved { -1.0 } else { first };
+        let last = if self.unmoved { 1.0 } else { last };
         [if meets { first } else { 1.0 }, if meets { last } else { -1.0 }]
     }
 
     /// Squared distance of the path from the kernel's centre, in kernel radii.
     #[inline(always)]
     pub fn nearest(&self) -> f32 {
-        (if self.still { self.r2 * self.w2 } else { self.across }) * self.inverse
+        (if self.unmoved { self.r2 * self.w2 } else { self.across }) * self.inverse
     }
 
     /// Mean of exp(-2 (u^2 + v^2 + e tau^2)) over [first, last], which lies within `covered` (docs/math.md, eq. 13).
     #[inline(always)]
     pub fn mean(&self, [first, last]: [f32; 2]) -> f32 {
-        let scale = if self.still { 0.0 } else { SQRT_2 * self.inverse.sqrt() };
+        let scale = if self.unmoved { 0.0 } else { SQRT_2 * self.inverse.sqrt() };
         let x = |tau: f32| scale * (self.b + self.a * tau);
         fast::kernel(self.nearest()) * (HALF_SQRT_PI * fast::erf_slope(x(first), x(last)))
     }

@@ -1,4 +1,4 @@
-//! How a group is cut up: its surfels into batches, and those into segments.
+//! How a group is cut up: its surfels into batches, and batches into segments.
 
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ use crate::backend::clusters::{CLUSTER, Window};
 use crate::frame::{PosedGroup, Raster};
 use crate::plan::Objects;
 
-/// Surfels that are not worth a segment of their own: what is not wanted is projected where it is shorter.
+/// Gaps of unwanted surfels that are shorter than this are projected too, because a segment of its own costs more.
 const GAP: usize = 1 << 12;
 
 /// Surfels that go through the passes together.
@@ -19,18 +19,18 @@ pub(in crate::backend) struct Batch {
     pub slots: u32,
     /// Segments, with the object and the surfel buffer of each.
     pub segments: Vec<(Segment, usize, usize)>,
-    /// One a segment.
+    /// One for each segment.
     pub travels: Vec<Travel>,
-    /// That of its last segment.
+    /// The turn of the last segment.
     pub last_turn: u32,
 }
 
 /// The batches of a group.
 #[derive(Clone, Debug)]
 pub(in crate::backend) struct Batches {
-    /// Of the static layer, which is cached.
+    /// The batches of the static layer, which are cached.
     pub cached: Vec<Batch>,
-    /// To go through the passes.
+    /// The batches that go through the passes.
     pub run: Vec<Batch>,
 }
 
@@ -41,7 +41,7 @@ impl Batches {
 }
 
 impl Schedule {
-    /// The surfels of some objects of `group` in batches; with `from_layer` after those of the static layer.
+    /// The surfels of some objects of `group` in batches. With `from_layer` they come after those of the static layer.
     pub(in crate::backend) fn batches(
         &self,
         prepared: &Prepared<'_>,
@@ -58,7 +58,7 @@ impl Schedule {
         };
         let fixed = || visible(0, true);
         let moving = || (0..group.samples.len()).flat_map(|sample| visible(sample, false));
-        // Before the segments come those that hold the weights of samples.
+        // The first entries hold the weights of samples.
         let index = group.samples.len() as u32;
         let mut cutter = Cutter { prepared, raster, group, most: self.slots as usize, index };
         let cached = if from_layer { cutter.cut(fixed()) } else { Vec::new() };
@@ -68,7 +68,7 @@ impl Schedule {
             Objects::Moving => cutter.cut(moving()),
         };
         if objects == Objects::Moving && run.is_empty() {
-            // The samples' turns come nevertheless, and static objects show.
+            // The turns of samples must end, and static objects must show, even if nothing moves.
             run.push(Batch::default());
         }
         if let Some(last) = run.last_mut().filter(|_| objects != Objects::Static) {
@@ -83,14 +83,14 @@ struct Cutter<'a> {
     prepared: &'a Prepared<'a>,
     raster: &'a Raster,
     group: &'a PosedGroup,
-    /// Slots of a batch.
+    /// Most slots of a batch.
     most: usize,
-    /// Of the next segment.
+    /// Index of the next segment.
     index: u32,
 }
 
 impl Cutter<'_> {
-    /// The surfels of a surfel buffer that are wanted.
+    /// The runs of a surfel buffer that are wanted.
     fn parts(&self, sample: usize, object: usize, buffer: &SurfelBuffer) -> Vec<Range<usize>> {
         let frame = self.prepared.frame;
         let Some((clusters, blocks)) = self.prepared.clusters.get(object).zip(frame.wanted.as_ref()) else {
@@ -117,7 +117,7 @@ impl Cutter<'_> {
         parts
     }
 
-    /// `objects`: sample and object of each.
+    /// Cuts `objects`, each given by sample and object, into batches.
     fn cut(&mut self, objects: impl Iterator<Item = (usize, usize)>) -> Vec<Batch> {
         let total: f32 = self.group.samples.iter().map(|sample| sample.weight).sum();
         let mut batches: Vec<Batch> = Vec::new();
@@ -144,8 +144,8 @@ impl Cutter<'_> {
                             first_slot: batch.slots,
                             first_surfel: first as u32,
                             surfels: surfels as u32,
-                            block: buffer.surfels.len() as u32,
-                            block_start: buffer.surfels.start as u32,
+                            buffer_surfels: buffer.surfels.len() as u32,
+                            buffer_start: buffer.surfels.start as u32,
                             index: self.index,
                             first_light: (sample * posed.lights.len()) as u32,
                             ..template

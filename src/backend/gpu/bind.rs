@@ -1,21 +1,27 @@
-//! Which buffers the programs of a frame reach, and their pipelines: made once a frame.
+//! Binds the programs of a frame to their buffers and pipelines, once for each frame.
 
 use wgpu::{BindGroup, BindGroupEntry, BindingResource, BufferBinding, BufferSize, ComputePass, ComputePipeline};
 
 use super::buffers::Buffers;
+use super::constants::{
+    resolve_constants, restore_constants, sum_constants, swept_constants, swept_resolve_constants, value_constants,
+};
 use super::device::Device;
 use super::layout::{DIGIT_BITS, UNIFORM_STRIDE};
 use super::memory::DeviceChannels;
 use super::models::SurfelBuffer;
 use super::prepared::Prepared;
 use super::programs::{Constants, Pipelines, Program, Slot};
+use super::timestamps::Marks;
+use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
 use crate::frame::Frame;
 use crate::layout::{Channels, Splat, SweptSplat};
-use crate::options::{KernelShape, KernelWeight, Normalise, Shading, SweptKernel, TemporalAlpha};
+use crate::options::{KernelShape, KernelWeight, Normalise, SweptKernel};
+use crate::plan::Objects;
 
-/// A pipeline and what it is bound to.
+/// A pipeline and the buffers that it is bound to.
 #[derive(Clone, Debug)]
 pub(in crate::backend) struct BoundProgram {
     pipeline: ComputePipeline,
@@ -24,7 +30,7 @@ pub(in crate::backend) struct BoundProgram {
 }
 
 impl BoundProgram {
-    /// Sets everything for a dispatch; `offsets`: of the view and, where the program has one, the segment.
+    /// Sets everything for a dispatch. `offsets` are those of the view and, where the program has one, of the segment.
     pub(in crate::backend) fn set(&self, pass: &mut ComputePass<'_>, offsets: &[u32]) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.uniforms, offsets);
@@ -51,13 +57,13 @@ pub(in crate::backend) struct BoundPrograms {
     pub sum_attributes: BoundProgram,
     /// One for each band of each raster.
     pub film: Vec<FilmPart>,
-    /// `None` where there is no room for a static layer, or no need.
+    /// `None` where there is no room for a static layer, or no need of one.
     pub static_layer: Option<StaticLayerPrograms>,
     /// `None` where no step sweeps kernels.
     pub swept: Option<SweptPrograms>,
 }
 
-/// What makes splats, or kernels in motion, and their lists.
+/// The programs that make splats, or kernels in motion, and their lists.
 #[derive(Debug)]
 pub(in crate::backend) struct ListPrograms {
     /// For each object, for each of its surfel buffers.
@@ -65,7 +71,7 @@ pub(in crate::backend) struct ListPrograms {
     pub emit: BoundProgram,
 }
 
-/// Pass `bin`, but for the program that emits entries.
+/// The programs of pass `bin`, except the one that emits entries.
 #[derive(Debug)]
 pub(in crate::backend) struct BinPrograms {
     pub reduce: BoundProgram,
@@ -74,7 +80,7 @@ pub(in crate::backend) struct BinPrograms {
     pub starts: BoundProgram,
 }
 
-/// What writes to a band's part of the film.
+/// The programs that write to a band's part of the film.
 #[derive(Debug)]
 pub(in crate::backend) struct FilmPart {
     pub resolve: BoundProgram,
@@ -82,17 +88,17 @@ pub(in crate::backend) struct FilmPart {
     pub finish: Option<BoundProgram>,
 }
 
-/// What static layers take.
+/// The programs of a static layer.
 #[derive(Debug)]
 pub(in crate::backend) struct StaticLayerPrograms {
-    /// Sums of static objects.
+    /// Makes the sums of static objects.
     pub sum: BoundProgram,
     pub restore: BoundProgram,
-    /// Sums that must be recomputed: for each batch of the layer.
+    /// Recomputes sums, for each batch of the layer.
     pub recompute: Vec<BoundProgram>,
 }
 
-/// What kernels in motion take.
+/// The programs of kernels in motion.
 #[derive(Debug)]
 pub(in crate::backend) struct SweptPrograms {
     pub lists: ListPrograms,
@@ -105,7 +111,36 @@ pub(in crate::backend) struct SweptPrograms {
     pub static_picture: Option<BoundProgram>,
 }
 
-/// What programs are bound to.
+impl Gpu {
+    /// Makes room for the uniforms of the largest group and for all marks; binds the programs.
+    pub(in crate::backend) fn bind(
+        &mut self,
+        prepared: &Prepared<'_>,
+        marks: &mut Marks,
+    ) -> Result<BoundPrograms, BackendError> {
+        let Prepared { frame, schedule, .. } = prepared;
+        let mut most = [0_usize; 3];
+        let mut passes = 0;
+        for position in frame.positions() {
+            for group in &position.groups {
+                // Static and moving objects in separate batches may take one view more.
+                let batches = schedule.batches(prepared, &position.raster, group, Objects::All, false);
+                let views = batches.run.len() + 2;
+                let segments = group.samples.len() + batches.segments().count() + views;
+                let lights = group.samples.iter().map(|sample| sample.lights.len()).sum();
+                most = [most[0].max(views), most[1].max(segments), most[2].max(lights)];
+                passes += 14 * views + 4;
+            }
+        }
+        let bands: usize = (0..schedule.rasters.len()).map(|raster| schedule.bands(raster).count()).max().unwrap_or(0);
+        let DeviceState { device, buffers, pipelines, .. } = &mut self.state;
+        buffers.fit_group(device, most[0], most[1], most[2])?;
+        marks.begin(device, passes * bands)?;
+        Binder { device, pipelines, buffers }.bind(prepared)
+    }
+}
+
+/// The device and buffers that programs are bound to.
 pub(in crate::backend) struct Binder<'a> {
     pub device: &'a Device,
     pub pipelines: &'a mut Pipelines,
@@ -113,7 +148,7 @@ pub(in crate::backend) struct Binder<'a> {
 }
 
 impl Binder<'_> {
-    /// Where the sort's buffers are reached from `from` to the other one.
+    /// The buffer of a name. The sort reads its buffers `from` and writes the others.
     fn buffer(&self, slot: Slot, from: usize) -> &wgpu::Buffer {
         let b = self.buffers;
         match slot {
@@ -121,7 +156,7 @@ impl Binder<'_> {
             Slot::Lights => &b.lights,
             Slot::Travels => &b.travels,
             Slot::Map => &b.map,
-            Slot::Presence => &b.presence,
+            Slot::CoverageMask => &b.coverage_mask,
             Slot::Moments => &b.moments,
             Slot::Splats => &b.splats,
             Slot::Touched => &b.touched,
@@ -149,7 +184,7 @@ impl Binder<'_> {
         }
     }
 
-    /// A program whose lists lie in the buffers other than `from`.
+    /// Binds a program whose lists are in the buffers other than `from`. `special` buffers replace the usual ones.
     fn program(
         &mut self,
         program: Program,
@@ -186,7 +221,7 @@ impl Binder<'_> {
         Ok(BoundProgram { pipeline, uniforms, buffers })
     }
 
-    /// `program` for each surfel buffer of each object.
+    /// Binds `program` for each surfel buffer of each object.
     fn of_surfels(
         &mut self,
         program: Program,
@@ -203,7 +238,7 @@ impl Binder<'_> {
         surfel_buffers.iter().map(|buffers| buffers.iter().map(&mut one).collect()).collect()
     }
 
-    /// All programs of a frame.
+    /// Binds all programs of a frame.
     pub(in crate::backend) fn bind(&mut self, prepared: &Prepared<'_>) -> Result<BoundPrograms, BackendError> {
         let Prepared { frame, channels, planes, surfel_buffers, schedule, .. } = prepared;
         let none = Constants::new();
@@ -216,7 +251,7 @@ impl Binder<'_> {
             .div_ceil(DIGIT_BITS) as usize;
         let sums = sum_constants(channels);
         let values = value_constants(frame, channels);
-        // After an even number of rounds entries are back where they began.
+        // After an even number of rounds, entries are back where they began.
         let begin = rounds % 2;
         let mut sort = Vec::new();
         for round in 0..rounds {
@@ -243,7 +278,7 @@ impl Binder<'_> {
                 sort,
                 starts: self.program(Program::BinStarts, &none, 0, &[])?,
             },
-            // The sorted lists lie in the first buffers.
+            // The sorted lists are in the first buffers.
             visibility: self.program(Program::Visibility, &none, 1, &[])?,
             splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
             sum_attributes: self.program(Program::SumAttributes, &sums, 1, &[])?,
@@ -253,7 +288,7 @@ impl Binder<'_> {
         })
     }
 
-    /// What writes to each part of the film: first byte and length.
+    /// Binds the programs that write to the parts of the film. A part is its first byte and its length.
     fn film_parts(
         &mut self,
         frame: &Frame,
@@ -283,7 +318,7 @@ impl Binder<'_> {
         parts.iter().map(part).collect()
     }
 
-    /// `cached_batches`: of the static layer.
+    /// Binds the programs of a static layer that has `cached_batches` batches; none where it has none.
     fn static_layer_programs(
         &mut self,
         channels: &DeviceChannels,
@@ -298,7 +333,6 @@ impl Binder<'_> {
         with_nearest.push(("NEAREST", channels.count as u32));
         let to_layer = [(Slot::Sums, buffers.layer_sums.as_entire_buffer_binding())];
         let sums = sum_constants(channels);
-        let restored = vec![("CHANNELS", channels.count as u32), ("REACH", channels.reach.unwrap_or(0) as u32)];
         let recompute = buffers.cached[..cached_batches].iter().map(|cached| {
             let special = [
                 (Slot::Splats, &cached.splats),
@@ -314,12 +348,12 @@ impl Binder<'_> {
         let recompute = recompute.collect::<Result<_, _>>()?;
         Ok(Some(StaticLayerPrograms {
             sum: self.program(Program::SumAttributes, &with_nearest, 1, &to_layer)?,
-            restore: self.program(Program::Restore, &restored, 0, &[])?,
+            restore: self.program(Program::Restore, &restore_constants(channels), 0, &[])?,
             recompute,
         }))
     }
 
-    /// `emitted`: which of the sort's buffers new lists do not go to.
+    /// Binds the programs of kernels in motion. New lists go to the sort's buffers other than `emitted`.
     fn swept_programs(
         &mut self,
         prepared: &Prepared<'_>,
@@ -330,7 +364,8 @@ impl Binder<'_> {
         let double = ("SPLATS", (size_of::<SweptSplat>() / size_of::<Splat>()) as u32);
         let mut values = value_constants(frame, channels);
         values.push(double);
-        let weights = DeviceChannels { shared: Channels::weights(), values: channels.values, reach: None, count: 1 };
+        let shared = Channels::weights();
+        let weights = DeviceChannels { shared, values: channels.values, sample_coverage: None, count: 1 };
         let mut density = sum_constants(&weights);
         density.push(("COLOUR", 0));
         let volume =
@@ -354,71 +389,4 @@ impl Binder<'_> {
             static_picture,
         })
     }
-}
-
-fn sum_constants(channels: &DeviceChannels) -> Constants {
-    let at = |channel: Option<usize>| channel.unwrap_or(0) as u32;
-    let shared = &channels.shared;
-    vec![
-        ("NORMAL", at(shared.normal)),
-        ("DEPTH", at(shared.depth)),
-        ("VELOCITY", at(shared.velocity)),
-        ("MATERIAL", at(shared.material)),
-        ("REACH", at(channels.reach)),
-        ("CHANNELS", channels.count as u32),
-        ("VALUES", channels.values),
-    ]
-}
-
-fn value_constants(frame: &Frame, channels: &DeviceChannels) -> Constants {
-    let mut constants = sum_constants(channels);
-    constants.push(("GOURAUD", u32::from(frame.shading == Shading::Gouraud)));
-    constants
-}
-
-fn swept_constants(frame: &Frame, swept: SweptKernel, channels: &DeviceChannels) -> Constants {
-    let mut constants = sum_constants(channels);
-    constants.retain(|(name, _)| !["MATERIAL", "REACH"].contains(name));
-    let footprint = match (swept.weight, swept.shape) {
-        (KernelWeight::Integral, KernelShape::Tube) => 0,
-        (KernelWeight::Integral, KernelShape::Ellipsoid) => 1,
-        (KernelWeight::Chord, _) => 2,
-    };
-    constants.extend([
-        ("FOOTPRINT", footprint),
-        ("SOURCE_SAMPLES", swept.source_samples.0),
-        ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
-        ("STILL", u32::from(frame.has_static_picture())),
-    ]);
-    constants
-}
-
-fn resolve_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
-    let at = |plane: Option<usize>| plane.unwrap_or(0) as u32;
-    let mut constants = sum_constants(channels);
-    constants.retain(|(name, _)| *name != "VALUES");
-    constants.extend([
-        ("PHONG", u32::from(frame.shading == Shading::Phong)),
-        ("DEPTH_PLANE", at(planes.depth)),
-        ("NORMAL_PLANE", at(planes.normal)),
-        ("VELOCITY_PLANE", at(planes.velocity)),
-        ("PLANES", planes.count as u32),
-    ]);
-    constants
-}
-
-fn swept_resolve_constants(
-    frame: &Frame,
-    swept: SweptKernel,
-    channels: &DeviceChannels,
-    planes: &FilmPlanes,
-) -> Constants {
-    let mut constants = resolve_constants(frame, channels, planes);
-    constants.extend([
-        ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
-        // Without a plane for them, weights are the coverage, plane 3.
-        ("WEIGHT_PLANE", planes.weight.unwrap_or(3) as u32),
-        ("STILL", u32::from(frame.has_static_picture())),
-    ]);
-    constants
 }

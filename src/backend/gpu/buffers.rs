@@ -1,14 +1,14 @@
-//! Buffers that passes exchange. They grow when a frame needs more, and are kept between frames.
+//! Buffers that passes exchange. They grow when a frame needs more, and stay between frames.
 
 use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
-use super::layout::{BLOCK, DIGIT_BITS, Light, Segment, Status, Travel, UNIFORM_STRIDE};
+use super::layout::{DIGIT_BITS, Light, Segment, Status, Travel, UNIFORM_STRIDE, WORKGROUP_ITEMS};
 use super::memory::{DeviceChannels, MAP_BYTES, Schedule, THRESHOLD_BYTES};
 use crate::backend::BackendError;
 use crate::layout::SweptSplat;
 
-/// What the passes of one group and batch exchange, and the film.
+/// The buffers that the passes of one group and batch exchange, and the film.
 #[derive(Debug)]
 pub(in crate::backend) struct Buffers {
     pub views: Buffer,
@@ -22,7 +22,7 @@ pub(in crate::backend) struct Buffers {
     pub status: Buffer,
     pub wide: Buffer,
     pub values: Buffer,
-    /// Tiles and slots of entries, as the sort moves them to and fro; the sorted ones end in the first.
+    /// Tiles and slots of entries. The sort moves them to and fro; sorted entries are in the first buffer.
     pub keys: [Buffer; 2],
     pub lists: [Buffer; 2],
     pub histogram: Buffer,
@@ -30,27 +30,28 @@ pub(in crate::backend) struct Buffers {
     pub starts: Buffer,
     pub thresholds: Buffer,
     pub sums: Buffer,
-    /// Of kernels in motion; behind the map's tiles the thresholds of what lies still, where it has a picture of its own.
+    /// The visibility map of kernels in motion. Behind its tiles are the thresholds of static objects, where those
+    /// have a picture of their own.
     pub map: Buffer,
-    pub presence: Buffer,
+    pub coverage_mask: Buffer,
     pub moments: Buffer,
     pub film: Buffer,
-    /// The picture of what lies still, beside kernels in motion.
+    /// The picture of static objects, beside kernels in motion.
     pub static_film: Buffer,
-    /// Blocks that are wanted.
+    /// The blocks of the image that are wanted.
     pub wanted: Buffer,
-    /// Of what lies still, alone: thresholds and sums.
+    /// Thresholds and sums of static objects alone.
     pub layer_thresholds: Buffer,
     pub layer_sums: Buffer,
-    /// Thresholds of the pixels that what lies still is added to anew.
+    /// Thresholds of the pixels whose static sums are recomputed.
     pub limits: Buffer,
-    /// The batches of what lies still.
+    /// The batches of static objects.
     pub cached: Vec<CachedBatch>,
-    /// Entries that there is room for.
+    /// Number of entries that there is room for.
     pub entries: u64,
 }
 
-/// One batch of what lies still: its splats, lists and attributes.
+/// The splats, lists and attributes of one batch of static objects.
 #[derive(Debug)]
 pub(in crate::backend) struct CachedBatch {
     pub splats: Buffer,
@@ -71,7 +72,7 @@ impl Buffers {
             segments: device.buffer("segments", UNIFORM_STRIDE, BufferUsages::UNIFORM | SHARED)?,
             travels: device.buffer("segments", size_of::<Travel>() as u64, SHARED)?,
             lights: device.buffer("lights", size_of::<Light>() as u64, SHARED)?,
-            // What is larger is bound as what is smaller, never the other way round.
+            // A buffer must hold at least one element of the largest type that it is bound as.
             splats: device.buffer("splats", size_of::<SweptSplat>() as u64, SHARED)?,
             touched: empty()?,
             partials: empty()?,
@@ -87,10 +88,10 @@ impl Buffers {
             thresholds: empty()?,
             sums: empty()?,
             map: empty()?,
-            presence: empty()?,
+            coverage_mask: empty()?,
             moments: device.buffer("moments", size_of::<[f32; 32]>() as u64, SHARED)?,
             film: empty()?,
-            // Bound even where there is none.
+            // It is bound even where there is no static picture.
             static_film: device.buffer("the static picture", 4, SHARED)?,
             wanted: empty()?,
             layer_thresholds: empty()?,
@@ -111,7 +112,7 @@ impl Buffers {
         let slots = schedule.slots;
         grow(device, &mut self.splats, "splats", slots * schedule.splat_bytes)?;
         grow(device, &mut self.touched, "tile counts", 4 * slots)?;
-        grow(device, &mut self.partials, "tile counts", 8 * slots.div_ceil(u64::from(BLOCK)))?;
+        grow(device, &mut self.partials, "tile counts", 8 * slots.div_ceil(u64::from(WORKGROUP_ITEMS)))?;
         grow(device, &mut self.wide, "lists", 4 * slots)?;
         grow(device, &mut self.values, "attributes", 4 * u64::from(channels.values) * slots)?;
         let tile = 4 * 256;
@@ -122,7 +123,7 @@ impl Buffers {
         if map > 0 {
             let behind = if schedule.static_picture_bytes > 0 { THRESHOLD_BYTES * band } else { 0 };
             grow(device, &mut self.map, "the map", MAP_BYTES * map + behind)?;
-            grow(device, &mut self.presence, "presence", 3 * tile * band)?;
+            grow(device, &mut self.coverage_mask, "coverage masks", 3 * tile * band)?;
         }
         grow(device, &mut self.static_film, "the static picture", schedule.static_picture_bytes * band)?;
         if schedule.cached_slots > 0 {
@@ -133,7 +134,7 @@ impl Buffers {
         grow(device, &mut self.film, "the film's planes", schedule.film_bytes)
     }
 
-    /// Makes room for what lies still, once there is room for the entries of a batch.
+    /// Makes room for the batches of static objects. Call it after `fit_entries`, which decides the size of lists.
     pub(in crate::backend) fn fit_cached(
         &mut self,
         device: &Device,
@@ -170,7 +171,7 @@ impl Buffers {
         for buffer in self.keys.iter_mut().chain(&mut self.lists) {
             grow(device, buffer, "lists", 4 * entries)?;
         }
-        let groups = entries.div_ceil(u64::from(BLOCK));
+        let groups = entries.div_ceil(u64::from(WORKGROUP_ITEMS));
         grow(device, &mut self.histogram, "lists", 4 * (groups << DIGIT_BITS))?;
         self.entries = entries;
         Ok(())
@@ -191,7 +192,7 @@ impl Buffers {
     }
 }
 
-/// Replaces `buffer` by a larger one, if it has less than `bytes` bytes. What is in it is lost.
+/// Replaces `buffer` by a larger one, if it has less than `bytes` bytes. Its content is lost.
 pub(in crate::backend) fn grow(
     device: &Device,
     buffer: &mut Buffer,
@@ -200,7 +201,7 @@ pub(in crate::backend) fn grow(
 ) -> Result<(), BackendError> {
     if buffer.size() < bytes {
         let usage = buffer.usage();
-        // The old one's memory first.
+        // The old memory must be free before the new memory is taken.
         buffer.destroy();
         *buffer = device.buffer(label, bytes, usage)?;
     }

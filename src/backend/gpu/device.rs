@@ -1,4 +1,4 @@
-//! Which device, and what it can do.
+//! The device: how it is chosen, and its limits.
 
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,13 +10,13 @@ use crate::backend::BackendError;
 /// Which adapters are wanted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Choice {
-    /// Part of the adapter's name, whatever the case.
+    /// Part of the adapter's name. Upper and lower case are the same.
     pub name: Option<String>,
     /// Leave out adapters that run on the processor.
     pub hardware_only: bool,
 }
 
-/// An adapter, for people.
+/// A description of an adapter, for people.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AdapterReport {
     /// Its name.
@@ -29,17 +29,17 @@ pub struct AdapterReport {
     pub driver: String,
     /// Largest buffer, bytes.
     pub buffer_bytes: u64,
-    /// Largest part of a buffer that a program can reach, bytes.
+    /// Largest part of a buffer that a program can bind, bytes.
     pub binding_bytes: u64,
-    /// Storage buffers that a program can reach.
+    /// Number of storage buffers that a program can bind.
     pub storage_buffers: u32,
-    /// Workgroups of a dispatch, along one axis.
+    /// Number of workgroups of a dispatch along one axis.
     pub workgroups: u32,
-    /// Does it measure the time of passes?
+    /// True if it measures the time of passes.
     pub timestamps: bool,
 }
 
-/// Storage buffers that a program reaches at the most.
+/// Most storage buffers that a program binds.
 const STORAGE_BUFFERS: u32 = 8;
 
 /// A device and its queue, as the passes use it.
@@ -59,7 +59,7 @@ impl fmt::Debug for Device {
     }
 }
 
-/// All adapters that this state has.
+/// All adapters of this computer.
 pub fn adapters() -> Vec<AdapterReport> {
     all().iter().map(report).collect()
 }
@@ -90,8 +90,8 @@ fn report(adapter: &Adapter) -> AdapterReport {
     }
 }
 
-/// Can there be a hardware GPU at all? On Linux each comes with a device node: that is seen without waking the Vulkan loader and
-/// its software drivers, which takes time and on a state without a display prints lines of its own.
+/// False if there can be no hardware GPU. On Linux each GPU has a device node. Looking for nodes does not wake the
+/// Vulkan loader and its software drivers, which take time, and print lines on a computer without a display.
 fn has_device_node() -> bool {
     const NODES: [&str; 6] =
         ["/dev/dri", "/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0", "/dev/nvhost-ctrl"];
@@ -167,12 +167,12 @@ impl Device {
         }
     }
 
-    /// Bytes of the largest buffer that a program can reach whole, a multiple of 1024.
+    /// Bytes of the largest buffer that a program can bind as a whole, a multiple of 1024.
     pub(in crate::backend) fn most_bytes(&self) -> u64 {
         self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size) & !1023
     }
 
-    /// A buffer of at least `bytes` bytes, which the device must have.
+    /// A buffer of at least `bytes` bytes. It is an error if the device has no room for it.
     pub(in crate::backend) fn buffer(
         &self,
         label: &str,

@@ -4,14 +4,14 @@ use super::layout::TILE;
 use super::memory::RasterFilm;
 use crate::film::Film;
 
-/// The films of all rasters of a frame, each tile after tile, plane after plane, `TILE` x `TILE`; that of phase (x, y) at
-/// y stride + x.
+/// The films of all rasters of a frame. The film of phase (x, y) is at y stride + x. Each has its tiles one after the
+/// other; a tile has its planes one after the other, `TILE` x `TILE` pixels each.
 #[derive(Debug)]
 pub(in crate::backend) struct DeviceFilm<'a> {
     pub rasters: &'a [RasterFilm],
     pub stride: usize,
     pub planes: usize,
-    /// Time samples of a pixel.
+    /// Number of time samples of a pixel.
     pub samples: u32,
     pub values: &'a [f32],
 }

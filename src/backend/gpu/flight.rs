@@ -1,4 +1,4 @@
-//! A frame on its way: what the host needs to make a picture of its film once the device is done.
+//! Frames under way: what the host needs to develop the film once the device is done.
 
 use wgpu::{Buffer, BufferUsages, MapMode, PollType, SubmissionIndex};
 
@@ -14,7 +14,7 @@ use crate::backend::{BackendError, Rendered, Stats};
 use crate::film::develop;
 use crate::frame::{Blocks, Frame};
 
-/// Where a frame's film, status and marks go; used again by a later frame.
+/// Where a frame's film, status and marks go. A later frame uses it again.
 #[derive(Debug)]
 pub(in crate::backend) struct Landing {
     /// Film, then status.
@@ -27,12 +27,12 @@ pub(in crate::backend) struct Landing {
 pub(in crate::backend) struct Flight {
     landing: Landing,
     submission: SubmissionIndex,
-    /// What was submitted; it is submitted again if its lists outgrow their buffers.
+    /// The frame that was submitted. It is submitted again if its lists outgrow their buffers.
     frame: Frame,
     rasters: Vec<RasterFilm>,
     planes: usize,
     film_bytes: u64,
-    /// Entries that there was room for, most that may be made room for, and slots of a batch.
+    /// Entries that there was room for, most entries that there can be room for, and slots of a batch.
     entries: u64,
     most_entries: u64,
     slots: u64,
@@ -80,8 +80,8 @@ impl Gpu {
         })
     }
 
-    /// Waits for a frame. Where lists outgrew their buffers they were left empty: the frame is submitted again, with more room or in
-    /// smaller batches, until they fit.
+    /// Waits for a frame. Lists that outgrew their buffers were left empty. Then the frame is submitted again, with
+    /// more room or in smaller batches, until they fit.
     pub(in crate::backend) fn land(&mut self, mut flight: Flight) -> Result<Rendered, BackendError> {
         loop {
             match self.try_land(flight)? {
@@ -91,7 +91,7 @@ impl Gpu {
         }
     }
 
-    /// Waits for a frame; gives it back where it must be submitted again.
+    /// Waits for a frame. Returns the frame itself if it must be submitted again.
     fn try_land(&mut self, flight: Flight) -> Result<Result<Rendered, Frame>, BackendError> {
         let device = &self.state.device;
         let wait = PollType::Wait { submission_index: Some(flight.submission.clone()), timeout: None };
@@ -125,7 +125,7 @@ impl Gpu {
         if wanted <= flight.most_entries {
             self.wanted_entries = self.wanted_entries.max(if fits { 0 } else { wanted + wanted / 4 });
         } else if flight.slots > 1 {
-            // In the end each splat's entries fit.
+            // This ends: a batch of one splat has few entries.
             self.most_slots = self.most_slots.min(flight.slots / 2);
         } else {
             let what = format!("lists of {wanted} entries do not fit into its buffers");

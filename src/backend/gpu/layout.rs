@@ -11,7 +11,7 @@ use crate::shading::ShadingLight;
 /// Edge of a tile, pixels.
 pub(in crate::backend) const TILE: u32 = 16;
 /// Slots, or entries of lists, that one workgroup of pass `bin` works on.
-pub(in crate::backend) const BLOCK: u32 = 1024;
+pub(in crate::backend) const WORKGROUP_ITEMS: u32 = 1024;
 /// Most entries that the lists hold of one splat.
 pub(in crate::backend) const WIDEST: u32 = 64;
 /// Bits of a key that one round of the sort goes by.
@@ -19,7 +19,7 @@ pub(in crate::backend) const DIGIT_BITS: u32 = 6;
 /// Distance of uniforms in their buffers, bytes; no device asks for more.
 pub(in crate::backend) const UNIFORM_STRIDE: u64 = 256;
 
-/// What a dispatch works on: one group, one band of the image, one batch of surfels.
+/// The work of a dispatch: one group, one band of the image, one batch of surfels.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(in crate::backend) struct View {
@@ -52,7 +52,7 @@ pub(in crate::backend) struct View {
     pub unused: [u32; 2],
 }
 
-/// Some surfels of one block of a model, posed at one time sample; or, of a sample, its weight.
+/// Some surfels of one surfel buffer, posed at one time sample; or only the weight of a sample.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(in crate::backend) struct Segment {
@@ -68,14 +68,15 @@ pub(in crate::backend) struct Segment {
     pub first_slot: u32,
     pub first_surfel: u32,
     pub surfels: u32,
-    pub block: u32,
-    pub block_start: u32,
+    pub buffer_surfels: u32,
+    pub buffer_start: u32,
     pub index: u32,
     pub first_light: u32,
     pub flags: u32,
 }
 
-/// Pose of a segment's centres: over an interval, mean of the poses at its ends and half their difference.
+/// Pose of a segment's centres, and their motion. Over an interval these are the mean place by Simpson's rule, and half
+/// the difference of the ends (docs/math.md, section 7).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(in crate::backend) struct Travel {
@@ -91,7 +92,7 @@ pub(in crate::backend) struct Light {
     pub colour: [f32; 4],
 }
 
-/// What of pass `bin` the host reads after a frame.
+/// The results of pass `bin` that the host reads after a frame.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(in crate::backend) struct Status {
@@ -101,12 +102,12 @@ pub(in crate::backend) struct Status {
 }
 
 impl Segment {
-    /// The weight of a sample.
+    /// An entry that holds only the weight of a sample.
     pub(in crate::backend) fn weighing(weight: f32) -> Self {
         Self { weight, ..Self::zeroed() }
     }
 
-    /// The pose of an object; which surfels it is for is left open. `turn`: 0 for static objects, else 1 + the sample.
+    /// The pose of an object, without its surfels. `turn` is 0 for static objects, else 1 + the sample.
     pub(in crate::backend) fn posed(posed: &PosedObject, object: &FrameObject, turn: u32, share: f32) -> Self {
         let materials = object.material.is_none() && !object.surfels.material.is_empty();
         Self {
@@ -134,7 +135,7 @@ impl Travel {
 }
 
 impl View {
-    /// What of a group all its bands and batches share.
+    /// The fields that all bands and batches of a group share.
     pub(in crate::backend) fn of(
         frame: &Frame,
         raster: &Raster,
@@ -165,7 +166,7 @@ impl View {
     }
 }
 
-/// Blocks in a row and rows of them, where only some are wanted; else 0. All of a map are.
+/// Number of blocks in a row, and of rows of blocks, where only some are wanted; else 0. Maps want all.
 fn blocks(frame: &Frame) -> [u32; 2] {
     if frame.wanted.is_none() || frame.swept.is_some() {
         return [0; 2];
@@ -173,7 +174,7 @@ fn blocks(frame: &Frame) -> [u32; 2] {
     Blocks::count(frame.size, frame.stride).map(|blocks| blocks as u32)
 }
 
-/// One a block, row by row: not 0 where it is wanted.
+/// One number for each block, row by row. It is not 0 where the block is wanted.
 pub(in crate::backend) fn wanted(frame: &Frame) -> Vec<u32> {
     let [width, height] = blocks(frame).map(|blocks| blocks as usize);
     let wanted = |index: usize| frame.wanted.as_ref().is_some_and(|blocks| blocks.at(index % width, index / width));

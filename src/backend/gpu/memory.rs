@@ -1,6 +1,6 @@
-//! How a frame is cut up: rasters into bands of tile rows, so that every buffer fits; how large batches of surfels may be.
+//! How a frame is cut up: rasters into bands of tile rows, so that every buffer fits, and surfels into batches.
 
-use super::layout::{BLOCK, TILE, WIDEST};
+use super::layout::{TILE, WIDEST, WORKGROUP_ITEMS};
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
 use crate::frame::Frame;
@@ -8,7 +8,7 @@ use crate::layout::{Channels, Splat, SweptSplat};
 
 /// Pixels of a tile.
 const TILE_PIXELS: u64 = (TILE * TILE) as u64;
-/// Fewest slots of a batch that are worth a dispatch; their lists always fit.
+/// Fewest slots of a batch that are worth a dispatch. Their lists always fit.
 pub(in crate::backend) const LEAST_SLOTS: u64 = 1 << 16;
 /// Entries of lists for each slot, to begin with.
 pub(in crate::backend) const ENTRIES_PER_SLOT: u64 = 3;
@@ -16,14 +16,14 @@ pub(in crate::backend) const ENTRIES_PER_SLOT: u64 = 3;
 const ENTRY_BYTES: u64 = 17;
 /// Bytes of a tile of the map beside its start: the map, thresholds and the sum of weights.
 const MAP_TILE_BYTES: u64 = 4 * 4 * TILE_PIXELS + 4;
-/// Bytes of a tile's presence.
-const PRESENCE_BYTES: u64 = 3 * 4 * TILE_PIXELS;
+/// Bytes of a tile's coverage mask.
+const MASK_BYTES: u64 = 3 * 4 * TILE_PIXELS;
 /// Bytes of a tile's thresholds.
 pub(in crate::backend) const THRESHOLD_BYTES: u64 = 4 * TILE_PIXELS;
 /// Bytes of the map of one tile.
 pub(in crate::backend) const MAP_BYTES: u64 = 8 * TILE_PIXELS;
 
-/// Bytes of an entry of a list that is kept.
+/// Bytes of an entry of a cached list.
 const CACHED_ENTRY_BYTES: u64 = 4;
 
 /// Channels of sums on the device: those of the twin, then three for groups of several samples.
@@ -32,8 +32,9 @@ pub(in crate::backend) struct DeviceChannels {
     pub shared: Channels,
     /// Floats of a splat in `values`.
     pub values: u32,
-    /// First of three: reach, coverage, and the reach of what lies still.
-    pub reach: Option<usize>,
+    /// First of three channels: the sample coverage of the current sample, the coverage by the samples before it, and
+    /// the sample coverage of static objects.
+    pub sample_coverage: Option<usize>,
     pub count: usize,
 }
 
@@ -46,7 +47,7 @@ impl DeviceChannels {
         Self {
             shared,
             values: values as u32,
-            reach: several.then_some(shared.count),
+            sample_coverage: several.then_some(shared.count),
             count: shared.count + if several { 3 } else { 0 },
         }
     }
@@ -136,16 +137,17 @@ pub(in crate::backend) struct Schedule {
     pub slots: u64,
     /// Most entries of a batch's lists that may be made room for.
     pub most_entries: u64,
-    /// Bytes of a tile of the picture of what lies still; 0 where it has none.
+    /// Bytes of a tile of the static picture; 0 where there is none.
     pub static_picture_bytes: u64,
-    /// Slots of what lies still that are kept for groups that share a sample position; 0: all groups splat everything.
+    /// Slots of static objects that are cached for groups that share a sample position. If 0, all groups splat
+    /// everything.
     pub cached_slots: u64,
 }
 
-/// What a device sets limits to.
+/// The limits of a device.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::backend) struct Limits {
-    /// Bytes of what a program can reach of a buffer.
+    /// Bytes of a buffer that a program can bind.
     pub bytes: u64,
     /// Slots of a batch.
     pub slots: u64,
@@ -162,12 +164,12 @@ impl Schedule {
         let with_layer = (surfels > 0).then(|| Self::cut(frame, channels, planes, limits, surfels));
         match with_layer {
             Some(Ok(schedule)) => Ok(schedule),
-            // Without room to keep anything there may be room to render.
+            // Without a cache there may be room to render.
             _ => Self::cut(frame, channels, planes, limits, 0),
         }
     }
 
-    /// With `cached_slots` of what lies still.
+    /// Cuts the frame up, with a cache for `cached_slots` slots of static objects.
     fn cut(
         frame: &Frame,
         channels: &DeviceChannels,
@@ -188,23 +190,23 @@ impl Schedule {
         // Other pictures, the film, its copy for the host, and the picture.
         let film = frame.picture_bytes + 2 * film_bytes + 4 * pixels * planes.count as u64;
         let swept = frame.swept.is_some();
-        let presence = if swept { PRESENCE_BYTES } else { 0 };
+        let mask = if swept { MASK_BYTES } else { 0 };
         let static_picture_bytes = if frame.has_static_picture() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
         let has_layer = cached_slots > 0;
         let tile_bytes = {
-            let own = 4 * TILE_PIXELS * (1 + channels.count as u64) + 4 + presence;
+            let own = 4 * TILE_PIXELS * (1 + channels.count as u64) + 4 + mask;
             // Thresholds, sums with the least depth, limits.
             let layer = 4 * TILE_PIXELS * (3 + channels.count as u64) + 4;
-            // Thresholds lie behind the map.
-            let still = if static_picture_bytes > 0 { static_picture_bytes + THRESHOLD_BYTES } else { 0 };
-            own + still + if has_layer { layer } else { 0 }
+            // The thresholds are behind the map.
+            let picture = if static_picture_bytes > 0 { static_picture_bytes + THRESHOLD_BYTES } else { 0 };
+            own + picture + if has_layer { layer } else { 0 }
         };
         let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
         let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
         let splat_bytes = if swept { size_of::<SweptSplat>() } else { size_of::<Splat>() } as u64;
-        let slot_bytes = splat_bytes + 8 + 4 * u64::from(channels.values) + 8 / u64::from(BLOCK);
+        let slot_bytes = splat_bytes + 8 + 4 * u64::from(channels.values) + 8 / u64::from(WORKGROUP_ITEMS);
         let cached_bytes = cached_slots * (splat_bytes + 4 + 4 * u64::from(channels.values));
-        // Room for the entries of a batch is room for them in each batch that is kept.
+        // Each cached batch has room for as many entries as a batch has.
         let entry_bytes = |slots: u64| ENTRY_BYTES + CACHED_ENTRY_BYTES * cached_slots.div_ceil(slots);
         let least_batch = LEAST_SLOTS * (slot_bytes + u64::from(WIDEST) * entry_bytes(LEAST_SLOTS)) + cached_bytes;
 
@@ -224,8 +226,8 @@ impl Schedule {
         BackendError::check_memory(frame, needed)?;
         let left = frame.memory - frame.model_bytes - film;
         let sums = channels.count + usize::from(has_layer);
-        let reach = most_bytes / (4 * TILE_PIXELS * sums.max(planes.count) as u64);
-        let band_tiles = reach.min((left - least_batch) / 2 / tile_bytes).max(widest).min(widest * tallest);
+        let bound = most_bytes / (4 * TILE_PIXELS * sums.max(planes.count) as u64);
+        let band_tiles = bound.min((left - least_batch) / 2 / tile_bytes).max(widest).min(widest * tallest);
         let band_rows: Vec<u32> = rasters
             .iter()
             .map(|raster| {
@@ -248,14 +250,14 @@ impl Schedule {
         let left = left - band_tiles * tile_bytes - map_tiles * MAP_TILE_BYTES - cached_bytes;
         let samples = frame.most_samples_of_a_group() as u64;
         let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
-        let reach = most_bytes / splat_bytes.max(4 * u64::from(channels.values));
+        let bound = most_bytes / splat_bytes.max(4 * u64::from(channels.values));
         let cached_entry_bytes = if has_layer { CACHED_ENTRY_BYTES } else { 0 };
         let fit = left / (slot_bytes + ENTRIES_PER_SLOT * (ENTRY_BYTES + cached_entry_bytes));
-        let slots = (samples * surfels).min(fit).max(LEAST_SLOTS).min(reach).min(limits.slots);
+        let slots = (samples * surfels).min(fit).max(LEAST_SLOTS).min(bound).min(limits.slots);
         let most_entries = ((left.saturating_sub(slots * slot_bytes)) / entry_bytes(slots))
             .max(LEAST_SLOTS * u64::from(WIDEST))
             .min(most_bytes / 4)
-            .min(65_535 * u64::from(BLOCK));
+            .min(65_535 * u64::from(WORKGROUP_ITEMS));
         Ok(Self {
             rasters,
             film_bytes,
@@ -277,7 +279,7 @@ impl Schedule {
         (0..some).step_by(step as usize).map(move |first_row| Band { first_row, rows: step.min(all - first_row) })
     }
 
-    /// Batches of what is kept.
+    /// Number of cached batches.
     pub(in crate::backend) fn cached_batches(&self) -> u64 {
         if self.cached_slots == 0 { 0 } else { self.cached_slots.div_ceil(self.slots) }
     }

@@ -1,15 +1,17 @@
-//! The GPU backend: the passes as compute programs (`shaders/`), on any device that wgpu reaches.
+//! The GPU backend: the passes as compute programs (`shaders/`), on any device that wgpu supports.
 //!
-//! Surfels of a group are cut into batches, the image into bands, so that every buffer fits; nothing is read back before the
-//! frame is done. Lists are in global surfel order and floats are summed by one invocation for each pixel, so the same frame
-//! gives the same bytes on the same device. What is on the device, and who writes it: docs/architecture.md.
+//! Surfels of a group are cut into batches, and the image into bands, so that every buffer fits. Nothing is read back
+//! before the frame is done. Lists are in global surfel order, and one invocation sums the floats of a pixel. So the
+//! same frame gives the same bytes on the same device. docs/gpu.md says what is on the device, and who writes it.
 
 pub(super) mod batches;
 pub(super) mod bind;
 mod buffers;
+mod constants;
 mod device;
 mod film;
 mod flight;
+pub(super) mod job;
 pub(super) mod layout;
 pub(super) mod memory;
 pub(super) mod models;
@@ -33,7 +35,7 @@ use super::clusters::ClusterStore;
 use super::{Backend, BackendError, Rendered};
 use crate::frame::Frame;
 
-/// Executes plans on a GPU, or on a processor that pretends to be one.
+/// Executes plans on a GPU, or on a software device.
 #[derive(Debug)]
 pub struct Gpu {
     pub(super) state: DeviceState,
@@ -41,19 +43,19 @@ pub struct Gpu {
     /// Frames that were begun, in order.
     flights: VecDeque<Flight>,
     landings: Vec<Landing>,
-    /// Most bytes of a buffer that a program can reach.
+    /// Most bytes of a buffer that a program can bind.
     pub(super) most_bytes: u64,
-    /// Most slots of a batch, since lists of larger ones did not fit.
+    /// Most slots of a batch. It shrinks when the lists of larger batches do not fit.
     pub(super) most_slots: u64,
-    /// Most entries to make room for, whatever a program can reach.
+    /// Most entries to make room for, even if a program could bind more.
     pub(super) most_entries: u64,
     /// Most entries to make room for before it is known how many there are.
     pub(super) first_entries: u64,
-    /// Entries that there must be room for, as earlier frames showed.
+    /// Entries that earlier frames needed.
     wanted_entries: u64,
 }
 
-/// The device and everything that is kept on it between frames.
+/// The device and everything that stays on it between frames.
 #[derive(Debug)]
 pub(in crate::backend) struct DeviceState {
     pub(super) device: Device,
@@ -62,8 +64,8 @@ pub(in crate::backend) struct DeviceState {
     pub(super) buffers: Buffers,
 }
 
-/// Most slots of a batch on a software device: Mesa's llvmpipe silently ends a shader's loops after 65,535 iterations in all, and
-/// the list of one tile may hold every slot of a batch.
+/// Most slots of a batch on a software device. Mesa's llvmpipe silently ends a shader's loops after 65,535 iterations
+/// in all, and the list of one tile may hold every slot of a batch.
 const SOFTWARE_SLOTS: u64 = 60_000;
 
 impl Gpu {

@@ -1,4 +1,4 @@
-//! Models on the device: uploaded when a frame first names them, kept while the scene holds them.
+//! Models on the device. They are uploaded when a frame first names them, and stay while the scene holds them.
 
 use std::ops::Range;
 use std::sync::{Arc, Weak};
@@ -9,7 +9,7 @@ use super::device::Device;
 use crate::backend::BackendError;
 use crate::model::Surfels;
 
-/// Most surfels of a surfel buffer: one dispatch reaches them along one axis.
+/// Most surfels of a surfel buffer. One dispatch covers them along one axis.
 const MOST_SURFELS: u64 = 1 << 22;
 
 /// The models that were uploaded.
@@ -25,7 +25,7 @@ struct Model {
     buffers: Vec<SurfelBuffer>,
 }
 
-/// Some surfels of a model, in buffers that a program can reach whole.
+/// Some surfels of a model, in buffers that a program can bind as a whole.
 #[derive(Clone, Debug)]
 pub(in crate::backend) struct SurfelBuffer {
     /// Which surfels of the model.
@@ -37,7 +37,7 @@ pub(in crate::backend) struct SurfelBuffer {
 }
 
 impl Models {
-    /// The buffers of `surfels`, uploaded if they are not there yet.
+    /// The buffers of `surfels`. They are uploaded if they are not on the device yet.
     pub(in crate::backend) fn surfel_buffers(
         &mut self,
         device: &Device,
@@ -78,7 +78,7 @@ fn upload(device: &Device, surfels: &Surfels) -> Result<Vec<SurfelBuffer>, Backe
             geometry: columns(device, "surfels", &geometry)?,
             looks: columns(device, "surfels", &looks)?,
         });
-        // What is on its way takes memory too: one surfel buffer at a time.
+        // Uploads under way take memory too, so surfel buffers go one at a time.
         device.queue.submit([]);
         device.wait()?;
     }

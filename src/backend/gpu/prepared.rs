@@ -1,28 +1,25 @@
-//! A frame that is ready to be recorded: how it is cut up, the models on the device, room for everything, programs bound.
+//! A frame that is cut up, with its models on the device and room for everything.
 
 use std::sync::Arc;
 
-use super::bind::{Binder, BoundPrograms};
 use super::buffers::grow;
 use super::layout::{TILE, wanted};
 use super::memory::{Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, Schedule};
 use super::models::SurfelBuffer;
-use super::timestamps::Marks;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
 use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
 use crate::frame::{Blocks, Frame, FrameObject};
-use crate::plan::Objects;
 
 /// What stays the same while a frame is rendered.
 pub(in crate::backend) struct Prepared<'a> {
     pub frame: &'a Frame,
     pub channels: DeviceChannels,
     pub planes: FilmPlanes,
-    /// Of each object.
+    /// The surfel buffers of each object.
     pub surfel_buffers: Vec<Vec<SurfelBuffer>>,
-    /// Likewise, where only some blocks of the image are wanted.
+    /// The clusters of each object, where only some blocks of the image are wanted.
     pub clusters: Vec<Arc<Clusters>>,
     pub schedule: Schedule,
 }
@@ -49,44 +46,17 @@ impl Gpu {
         let clusters = if in_part { self.clusters.of_frame(frame) } else { Vec::new() };
         Ok(Prepared { frame, channels, planes, surfel_buffers, clusters, schedule })
     }
-
-    /// Makes room for the uniforms of the largest group and for all marks; binds the programs.
-    pub(in crate::backend) fn bind(
-        &mut self,
-        prepared: &Prepared<'_>,
-        marks: &mut Marks,
-    ) -> Result<BoundPrograms, BackendError> {
-        let Prepared { frame, schedule, .. } = prepared;
-        let mut most = [0_usize; 3];
-        let mut passes = 0;
-        for position in frame.positions() {
-            for group in &position.groups {
-                // Cut in two there may be a view more.
-                let batches = schedule.batches(prepared, &position.raster, group, Objects::All, false);
-                let views = batches.run.len() + 2;
-                let segments = group.samples.len() + batches.segments().count() + views;
-                let lights = group.samples.iter().map(|sample| sample.lights.len()).sum();
-                most = [most[0].max(views), most[1].max(segments), most[2].max(lights)];
-                passes += 14 * views + 4;
-            }
-        }
-        let bands: usize = (0..schedule.rasters.len()).map(|raster| schedule.bands(raster).count()).max().unwrap_or(0);
-        let DeviceState { device, buffers, pipelines, .. } = &mut self.state;
-        buffers.fit_group(device, most[0], most[1], most[2])?;
-        marks.begin(device, passes * bands)?;
-        Binder { device, pipelines, buffers }.bind(prepared)
-    }
 }
 
 impl Prepared<'_> {
-    /// Is any block of the band wanted?
+    /// True if any block of the band is wanted.
     pub(in crate::backend) fn wants(&self, band: Band) -> bool {
         let wanted = self.frame.wanted.as_ref().filter(|_| self.frame.swept.is_none());
         let rows = [band.first_row, band.first_row + band.rows - 1].map(|row| (row * TILE) as usize / Blocks::EDGE);
         wanted.is_none_or(|blocks| (rows[0]..=rows[1]).any(|y| (0..blocks.width).any(|x| blocks.at(x, y))))
     }
 
-    /// First byte and length of what each band has of the film.
+    /// First byte and length of each band's part of the film.
     pub(in crate::backend) fn film_parts(&self) -> Vec<(u64, u64)> {
         let mut parts = Vec::new();
         for (index, raster) in self.schedule.rasters.iter().enumerate() {

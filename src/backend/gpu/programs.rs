@@ -1,4 +1,4 @@
-//! Programs: WGSL, the buffers each reaches, and its pipelines.
+//! Programs: their WGSL, the buffers that each of them binds, and their pipelines.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use wgpu::{BindGroupLayout, BindingType, BufferBindingType, ShaderStages};
 use super::device::Device;
 use crate::backend::BackendError;
 
-/// Buffers that programs reach; the number is their binding in group 1.
+/// Names of the buffers that programs bind. The number is the binding in group 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::backend) enum Slot {
     Geometry = 0,
@@ -35,7 +35,7 @@ pub(in crate::backend) enum Slot {
     Totals = 22,
     Travels = 23,
     Map = 24,
-    Presence = 25,
+    CoverageMask = 25,
     Moments = 26,
     Wanted = 27,
     LayerThresholds = 28,
@@ -77,18 +77,30 @@ const PROJECT: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/b
 const BIN: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/scan.wgsl", "bin.wgsl");
 const VISIBILITY: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/hit.wgsl", "visibility.wgsl");
 const RESTORE: &str = wgsl!("common/types.wgsl", "restore.wgsl");
-const ATTRIBUTE: &str =
-    wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "common/hit.wgsl", "attribute.wgsl");
+const ATTRIBUTE: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/shading.wgsl",
+    "common/hit.wgsl",
+    "common/list.wgsl",
+    "attribute.wgsl",
+);
 const RESOLVE: &str = wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "resolve.wgsl");
 const SWEEP: &str =
     wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/bounds.wgsl", "common/swept.wgsl", "swept/project.wgsl");
 const MAP: &str = wgsl!("common/types.wgsl", "swept/map.wgsl");
-const SWEPT_ATTRIBUTE: &str =
-    wgsl!("common/types.wgsl", "common/fast.wgsl", "common/swept.wgsl", "common/sweep.wgsl", "swept/attribute.wgsl");
+const SWEPT_ATTRIBUTE: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/swept.wgsl",
+    "common/sweep.wgsl",
+    "common/list.wgsl",
+    "swept/attribute.wgsl",
+);
 const SWEPT_RESOLVE: &str =
     wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "resolve.wgsl", "swept/resolve.wgsl");
 
-/// What a program only reads, and what it writes.
+/// The buffers that a program only reads, and those that it writes.
 type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
@@ -162,9 +174,9 @@ impl Program {
 
     pub(in crate::backend) const fn buffers(self) -> Buffers {
         use Slot::{
-            DigitTotals, Film, Geometry, Histogram, Keys, LayerSums, LayerThresholds, Lights, Limits, List, Looks, Map,
-            Moments, Partials, Presence, Segments, SortedKeys, SortedList, Splats, Starts, StaticFilm, Status, Sums,
-            Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
+            CoverageMask, DigitTotals, Film, Geometry, Histogram, Keys, LayerSums, LayerThresholds, Lights, Limits,
+            List, Looks, Map, Moments, Partials, Segments, SortedKeys, SortedList, Splats, Starts, StaticFilm, Status,
+            Sums, Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
         };
         match self {
             Self::Project | Self::Sweep => (&[Geometry, Travels, Wanted], &[Splats, Touched]),
@@ -181,29 +193,29 @@ impl Program {
             Self::SumAttributes => (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums]),
             Self::Resolve => (&[Lights, Thresholds, Sums], &[Film]),
             Self::StoreMap => (&[Thresholds, Sums], &[Map]),
-            Self::SweptAttribute => (&[Splats, List, Wide, Starts, Values, Map], &[Sums, Presence]),
-            Self::SweptResolve => (&[Lights, Sums, Presence, Moments, StaticFilm], &[Film]),
-            Self::Pool => (&[Sums, Presence, Moments, StaticFilm], &[Film]),
+            Self::SweptAttribute => (&[Splats, List, Wide, Starts, Values, Map], &[Sums, CoverageMask]),
+            Self::SweptResolve => (&[Lights, Sums, CoverageMask, Moments, StaticFilm], &[Film]),
+            Self::Pool => (&[Sums, CoverageMask, Moments, StaticFilm], &[Film]),
             Self::Finish => (&[], &[Film]),
         }
     }
 
-    /// The part of the buffer that a uniform is, for those that have a segment.
+    /// True if the program has a second uniform, the segment.
     pub(in crate::backend) const fn has_segment(self) -> bool {
         matches!(self, Self::Project | Self::Sweep | Self::SplatValues)
     }
 }
 
-/// Values of a program's `override` constants.
+/// Names and values of a program's `override` constants.
 pub(in crate::backend) type Constants = Vec<(&'static str, u32)>;
 
-/// Pipelines, made when they are first wanted.
+/// Pipelines. Each is made when it is needed for the first time.
 #[derive(Debug, Default)]
 pub(in crate::backend) struct Pipelines {
     modules: HashMap<String, wgpu::ShaderModule>,
     layouts: HashMap<Program, Layouts>,
     made: HashMap<(Program, Constants), wgpu::ComputePipeline>,
-    /// Text to be replaced in all programs, for tests that want other ones.
+    /// Text that tests replace in all programs, and its replacement.
     #[cfg(test)]
     replaced: &'static [(&'static str, &'static str)],
 }
@@ -216,7 +228,7 @@ pub(in crate::backend) struct Layouts {
 }
 
 impl Pipelines {
-    /// With the second of each pair in place of the first in each program, once.
+    /// Pipelines of programs in which, once in each, the second text of a pair replaces the first.
     #[cfg(test)]
     pub(in crate::backend) fn with(replaced: &'static [(&'static str, &'static str)]) -> Self {
         Self { replaced, ..Self::default() }
@@ -228,7 +240,7 @@ impl Pipelines {
     }
 
     #[cfg(not(test))]
-    #[allow(clippy::unused_self, reason = "tests keep what they replace")]
+    #[allow(clippy::unused_self, reason = "tests replace text")]
     fn source(&self, program: Program) -> String {
         program.wgsl().to_owned()
     }

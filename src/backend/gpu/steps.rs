@@ -1,12 +1,13 @@
-//! What each step of the plan records, pass by pass. Twins: the groups of `src/backend/cpu/`.
+//! The passes that each step of the plan records. Twins: `splat_group`, `static_group`, `swept/map_group` and
+//! `swept/sweep_group` of `src/backend/cpu/`.
 
 use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 
 use super::DeviceState;
 use super::batches::Batch;
 use super::bind::{BoundProgram, ListPrograms, StaticLayerPrograms, SweptPrograms};
+use super::job::{Job, StepWork, dispatch, of_segments, view_offset};
 use super::memory::{MAP_BYTES, THRESHOLD_BYTES};
-use super::record::{Job, StepWork, dispatch, of_segments, view_offset};
 use super::timestamps::{Marks, Stage};
 use crate::plan::{MapPass, SplatPass, StaticPass, SweepPass};
 
@@ -18,7 +19,7 @@ pub(in crate::backend) struct SplatStep<'a> {
 }
 
 impl SplatStep<'_> {
-    /// Starts sums from the static layer, of which `cached` batches are recomputed where they are visible in part.
+    /// Starts sums from the static layer. Its `cached` batches are recomputed where they are visible in part.
     pub(in crate::backend) fn restore(
         &self,
         layer: &StaticLayerPrograms,
@@ -77,7 +78,7 @@ impl StepWork for SplatStep<'_> {
                 encoder.copy_buffer_to_buffer(&b.layer_thresholds, 0, &b.thresholds, 0, bytes);
             }
             SplatPass::Attribute => self.restore(layer, encoder, cached, marks),
-            // The film goes on from the groups before.
+            // The film continues from the groups before.
             SplatPass::Resolve => {}
         }
     }
@@ -95,7 +96,7 @@ impl StepWork for SplatStep<'_> {
     }
 }
 
-/// Step `StaticLayer`: what the passes make is cached.
+/// Step `StaticLayer`: the results of the passes are cached.
 pub(in crate::backend) struct StaticLayerStep<'a> {
     pub job: Job<'a>,
     pub programs: &'a StaticLayerPrograms,
@@ -128,13 +129,13 @@ impl StepWork for StaticLayerStep<'_> {
                 of_segments(recorder, &programs.splat_values, batch, view);
                 dispatch(recorder, &self.programs.sum, tiles, view);
             }
-            // The sums are where they belong; what else is kept was copied.
+            // The pass wrote the sums to the layer, and the rest was copied.
             StaticPass::Store => {}
         }
     }
 
     /// Copies the splats, lists and values of a batch once its attributes are added; thresholds with the last one.
-    fn keep(&self, state: &DeviceState, encoder: &mut CommandEncoder, pass: StaticPass, batch: &Batch, number: usize) {
+    fn cache(&self, state: &DeviceState, encoder: &mut CommandEncoder, pass: StaticPass, batch: &Batch, number: usize) {
         if pass != StaticPass::Attribute {
             return;
         }
@@ -154,7 +155,7 @@ impl StepWork for StaticLayerStep<'_> {
     }
 }
 
-/// Step `StaticPicture`: a film of its own.
+/// Step `StaticPicture`: static objects get a film of their own.
 pub(in crate::backend) struct StaticPictureStep<'a> {
     pub job: Job<'a>,
     pub resolve: &'a BoundProgram,
@@ -162,7 +163,7 @@ pub(in crate::backend) struct StaticPictureStep<'a> {
 
 impl StaticPictureStep<'_> {
     /// Copies thresholds behind the map, where sweeps look for them.
-    pub(in crate::backend) fn keep_thresholds(&self, state: &DeviceState, encoder: &mut CommandEncoder) {
+    pub(in crate::backend) fn cache_thresholds(&self, state: &DeviceState, encoder: &mut CommandEncoder) {
         let (b, behind) = (&state.buffers, MAP_BYTES * self.job.map.len());
         encoder.copy_buffer_to_buffer(&b.thresholds, 0, &b.map, behind, THRESHOLD_BYTES * self.job.area.len());
     }

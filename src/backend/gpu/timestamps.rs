@@ -1,4 +1,4 @@
-//! Time of passes, measured by the device where it can.
+//! Time of passes, measured by devices that can.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use super::buffers::grow;
 use super::device::Device;
 use crate::backend::{BackendError, Stats};
 
-/// What the time of a pass counts as, as in [`Stats`].
+/// The entry of [`Stats`] that the time of a pass counts for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::backend) enum Stage {
     Project,
@@ -18,14 +18,14 @@ pub(in crate::backend) enum Stage {
     Resolve,
 }
 
-/// Marks of one submission; the most that every device has.
+/// Marks of one submission. Every device has as many.
 const MARKS: u32 = 4096;
 
 /// Begin and end of the passes of one frame.
 #[derive(Debug)]
 pub(in crate::backend) struct Marks {
     clock: Option<Clock>,
-    /// Passes since the last `collect`, then those before.
+    /// Passes since the last `collect`, and those before it.
     pending: Vec<Stage>,
     passes: Vec<Stage>,
 }
@@ -42,7 +42,7 @@ struct Clock {
 }
 
 impl Marks {
-    /// Marks nothing where the device measures nothing.
+    /// Marks for a frame. There are none if the device measures nothing.
     pub(in crate::backend) fn new(device: &Device) -> Result<Self, BackendError> {
         let bytes = u64::from(MARKS) * 8;
         let clock = if device.timestamps {
@@ -72,7 +72,7 @@ impl Marks {
         }
     }
 
-    /// Marks for the next pass; none where there are too many since the last `collect`, which are not measured.
+    /// Marks for the next pass. None if there are too many passes since the last `collect`; those are not measured.
     pub(in crate::backend) fn mark(&mut self, stage: Stage) -> Option<ComputePassTimestampWrites<'_>> {
         let clock = self.clock.as_ref()?;
         let next = 2 * self.pending.len() as u32;
@@ -98,14 +98,14 @@ impl Marks {
         }
     }
 
-    /// Asks for the marks, after the last submission of a frame.
+    /// Asks for the marks. Call it after the last submission of a frame.
     pub(in crate::backend) fn ask(&self) {
         if let Some(clock) = &self.clock {
             clock.marks.map_async(wgpu::MapMode::Read, .., |_| ());
         }
     }
 
-    /// Adds the measured times to `stats`, once the device is done.
+    /// Adds the measured times to `stats`. Call it when the device is done.
     pub(in crate::backend) fn add_to(&self, stats: &mut Stats) {
         let Some(clock) = &self.clock else { return };
         if let Ok(marks) = clock.marks.get_mapped_range(..) {

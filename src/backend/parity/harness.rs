@@ -6,9 +6,9 @@ use wgpu::{Buffer, BufferUsages, MapMode};
 use super::splat_twins::{Context, Posed, Restored, SplatTwins, Sums, whole};
 use crate::backend::gpu::batches::Batch;
 use crate::backend::gpu::bind::BoundPrograms;
+use crate::backend::gpu::job::{Job, Place, StepWork};
 use crate::backend::gpu::layout::{TILE, WIDEST};
 use crate::backend::gpu::prepared::Prepared;
-use crate::backend::gpu::record::{Job, Place, StepWork};
 use crate::backend::gpu::steps::{MapStep, SplatStep, SweepStep};
 use crate::backend::gpu::timestamps::Marks;
 use crate::backend::gpu::{DeviceState, Gpu};
@@ -124,7 +124,7 @@ impl<'a> Harness<'a> {
         for (segment, object, _) in &self.batch.segments {
             let sample = (segment.flags >> 2).saturating_sub(1) as usize;
             let of = posed.iter().find(|p| p.chunk.sample == sample && p.chunk.object == *object).unwrap();
-            let first = segment.block_start + segment.first_surfel;
+            let first = segment.buffer_start + segment.first_surfel;
             for splat in of.splats.iter().filter(|s| (first..first + segment.surfels).contains(&s.surfel)) {
                 let slot = segment.first_slot + splat.surfel - first;
                 splats[slot as usize] = Some(Splat { flags: splat.flags | segment.index << 1, ..*splat });

@@ -82,7 +82,7 @@ impl<S: Slotted> Slots<S> {
         let slots = harness.batch.slots as usize;
         let mut splats = vec![None; slots];
         for (segment, object, _) in &harness.batch.segments {
-            let first = segment.block_start + segment.first_surfel;
+            let first = segment.buffer_start + segment.first_surfel;
             let of = of.iter().find(|of| of.chunk.object == *object).unwrap();
             for splat in of.splats.iter().filter(|s| (first..first + segment.surfels).contains(&s.surfel())) {
                 splats[(segment.first_slot + splat.surfel() - first) as usize] = Some(finish(splat, segment.index));
@@ -186,7 +186,7 @@ fn spoil(harness: &Harness<'_>) {
     let buffers = &harness.gpu.state.buffers;
     let mut encoder = harness.gpu.state.encoder();
     let spoilt = [&buffers.splats, &buffers.touched, &buffers.starts, &buffers.thresholds, &buffers.sums, &buffers.map];
-    for buffer in spoilt.into_iter().chain([&buffers.presence, &buffers.film]) {
+    for buffer in spoilt.into_iter().chain([&buffers.coverage_mask, &buffers.film]) {
         encoder.clear_buffer(buffer, 0, None);
     }
     harness.gpu.state.device.queue.submit([encoder.finish()]);
@@ -325,7 +325,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
 
     let buffers = &harness.gpu.state.buffers;
     harness.write(&buffers.sums, &sums.iter().flat_map(|sums| flat(&sums.channels)).collect::<Vec<_>>());
-    harness.write(&buffers.presence, &sums.iter().flat_map(presence).flatten().collect::<Vec<u32>>());
+    harness.write(&buffers.coverage_mask, &sums.iter().flat_map(presence).flatten().collect::<Vec<u32>>());
     harness.run(Pass::Sweep(SweepPass::Resolve));
     let of_tile = |((&tile, sums), (_, film)): ((_, _), &StaticPicture)| twins.resolve(tile, sums, film);
     let want: Vec<_> = on_band.iter().zip(&sums).zip(&picture).flat_map(of_tile).collect();
@@ -345,7 +345,7 @@ fn compare_sums(harness: &Harness<'_>, want: &[SweptSums]) -> Result<(), String>
     // A sum's rounding goes with the sum of the weights.
     let weight = |i: usize| want[i / (channels * PIXELS)].channels[0][i % PIXELS];
     compare("sums", &got, &values, weight)?;
-    let got: Vec<u32> = harness.read(&buffers.presence, want.len() * 3 * PIXELS);
+    let got: Vec<u32> = harness.read(&buffers.coverage_mask, want.len() * 3 * PIXELS);
     let bits: Vec<u32> = want.iter().flat_map(presence).flatten().collect();
     let (mut times, mut loose) = (Tally::default(), Tally::default());
     for (i, (&got, &want)) in got.iter().zip(&bits).enumerate() {
@@ -392,7 +392,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 25] = [
     ([("1.0 + view.slope * tau", "1.0")], "fast"),
     ([("min(weight * known.y, met.most)", "weight * known.y")], "fast"),
     ([("f32(part + 1u) * step", "f32(part) * step")], "parts"),
-    ([("presence[at + TILE_PIXELS] & ~surface", "presence[at + TILE_PIXELS]")], "fast"),
+    ([("coverage_mask[at + TILE_PIXELS] & ~surface", "coverage_mask[at + TILE_PIXELS]")], "fast"),
     ([("max(span.x, limits.x), min(span.y, limits.y)", "span.x, span.y")], "near"),
     ([("covers + min(loose, reached)", "covers + reached")], "fast"),
     ([("met.depth > before", "met.depth < before")], "tube"),

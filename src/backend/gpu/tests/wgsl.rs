@@ -1,4 +1,4 @@
-//! Programs are valid, and structs lie where the host puts them.
+//! Programs are valid, and structs have the same layout on both sides.
 
 use std::collections::BTreeSet;
 use std::mem::offset_of;
@@ -8,7 +8,7 @@ use naga::proc::Layouter;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
-use crate::backend::gpu::layout::{BLOCK, DIGIT_BITS, Light, Segment, Status, TILE, Travel, View, WIDEST};
+use crate::backend::gpu::layout::{DIGIT_BITS, Light, Segment, Status, TILE, Travel, View, WIDEST, WORKGROUP_ITEMS};
 use crate::backend::gpu::programs::Program;
 use crate::frame::Blocks;
 use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, Splat, SweptSplat};
@@ -23,7 +23,7 @@ fn programs_are_valid() {
         let module = module(program);
         let valid = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module);
         let info = valid.unwrap_or_else(|e| panic!("{}: {e:?}", program.entry()));
-        // The table names what the program reaches, and no more.
+        // The table names the buffers that the program uses, and no others.
         let index = module.entry_points.iter().position(|entry| entry.name == program.entry()).unwrap();
         let uses = info.get_entry_point(index);
         let (read, written) = program.buffers();
@@ -110,8 +110,8 @@ fn structs_lie_where_the_host_puts_them() {
             first_slot,
             first_surfel,
             surfels,
-            block,
-            block_start,
+            buffer_surfels,
+            buffer_start,
             index,
             first_light,
             flags
@@ -141,7 +141,7 @@ fn constants_are_the_hosts() {
         format!("const TILE: u32 = {TILE}u;"),
         format!("const TILE_PIXELS: u32 = {}u;", TILE * TILE),
         format!("const WIDEST: u32 = {WIDEST}u;"),
-        format!("const BLOCK: u32 = {BLOCK}u;"),
+        format!("const WORKGROUP_ITEMS: u32 = {WORKGROUP_ITEMS}u;"),
         format!("const DIGITS: u32 = {}u;", 1 << DIGIT_BITS),
     ] {
         assert!(bin.contains(&line), "{line}");
