@@ -7,9 +7,9 @@
 
 pub(super) mod attribute;
 pub(super) mod bin;
+mod bounds;
 pub(super) mod chunk;
 pub(super) mod clocks;
-mod extent;
 mod memory;
 mod patch;
 pub(super) mod project;

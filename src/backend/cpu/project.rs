@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use glam::{Mat3, Vec3};
 
-use super::extent::{extent, pixel_range, whole};
+use super::bounds::{extent, pixel_range, whole};
 use crate::backend::clusters::{CLUSTER_SURFELS, Clusters, Window};
 use crate::frame::{Blocks, PixelRect, PosedObject, Raster};
 use crate::layout::{FLAG_BACK, Splat};

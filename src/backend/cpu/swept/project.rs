@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use crate::backend::cpu::extent::{extent, index_range};
+use crate::backend::cpu::bounds::{extent, index_range};
 use crate::backend::cpu::project::View;
 use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, SweptSplat};
 use crate::math::simd::dispatch;

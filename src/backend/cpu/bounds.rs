@@ -1,4 +1,4 @@
-//! Extents of kernels on the screen, and the pixels that they may touch (docs/math.md, section 2).
+//! Screen bounds: extents of kernels, and the pixels that they may touch (docs/math.md, section 2).
 
 /// Slack of screen bounds, pixels plus a share of the size: they must not be too small by rounding.
 const SLACK: f32 = 1e-3;
