@@ -27,7 +27,7 @@ pub struct Splat {
     pub v: [f32; 3],
     /// Depth of the centre; 0 where the low-pass disc around `reference` does not exist.
     pub centre_depth: f32,
-    /// First and last pixel column, then first and last row, that the splat may touch.
+    /// The pixels that the splat may touch, as `PixelRect::bounds` has them.
     pub bounds: [u16; 4],
     /// Index of the surfel in its model.
     pub surfel: u32,
@@ -61,7 +61,7 @@ pub struct SweptSplat {
     /// Pixel columns (first, last) and rows between which the kernel lies at tau = -1 and at tau = 1, not rounded; at other times
     /// they are what lies between.
     pub ends: [[f32; 4]; 2],
-    /// First and last pixel column, then first and last row, that the kernel may touch.
+    /// The pixels that the kernel may touch, as `PixelRect::bounds` has them.
     pub bounds: [u16; 4],
     /// Index of the surfel in its model.
     pub surfel: u32,

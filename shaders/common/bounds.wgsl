@@ -1,4 +1,4 @@
-// Screen bounds. Twins: `extent` and the ranges of pixels in src/backend/cpu/project.rs and swept/project.rs.
+// Screen bounds. Twin: src/backend/cpu/bounds.rs.
 
 // Margin of screen bounds: pixels plus a share of the size. Rounding must not make the bounds too small.
 const SLACK: f32 = 1e-3;

@@ -1,16 +1,17 @@
-//! Clusters of a model, with boxes around them and cones around their normals: a cluster that lies apart from the pixels that are wanted,
-//! or shows its back, need not be projected.
+//! Clusters of a model, with boxes around them and cones around their normals.
+//!
+//! A cluster need not be projected if it is apart from the pixels that are wanted, or shows its back.
 
 use std::sync::{Arc, Weak};
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::frame::{Blocks, Frame, PosedObject, Raster};
+use crate::frame::{Blocks, Frame, PixelRect, PosedObject, Raster};
 use crate::model::Surfels;
 
 /// Surfels of a cluster; neighbours in memory are neighbours in space.
-pub(super) const CLUSTER: usize = 256;
+pub(super) const CLUSTER_SURFELS: usize = 256;
 
 /// Slack of a box on the screen, pixels, against rounding.
 const SLACK: f32 = 1.0;
@@ -18,10 +19,10 @@ const SLACK: f32 = 1.0;
 /// Angle by which normals must at least be turned away, against rounding.
 const TURN: f32 = 2e-3;
 
-/// The clusters of the models that were seen.
+/// The clusters of the models that were rendered.
 #[derive(Debug, Default)]
 pub(super) struct ClusterStore {
-    /// A model's address is held, so that no other can get it, but not its surfels.
+    /// A weak reference keeps a model's address from another model, and frees its surfels.
     models: Vec<(Weak<Surfels>, Arc<Clusters>)>,
 }
 
@@ -45,29 +46,29 @@ impl ClusterStore {
 
 /// The clusters of a model.
 #[derive(Clone, Debug)]
-pub(super) struct Clusters(Vec<Piece>);
+pub(super) struct Clusters(Vec<Cluster>);
 
-/// Some surfels, model space.
+/// Neighbouring surfels, in model space.
 #[derive(Clone, Copy, Debug)]
-struct Piece {
-    /// Least and greatest corner of their kernels; what is not finite shows nothing.
+struct Cluster {
+    /// Least and greatest corner of their kernels; a kernel that is not finite shows nothing.
     corners: [Vec3; 2],
     /// About the mean direction of their normals, u x v.
     axis: Vec3,
-    /// Greatest angle of a normal to the axis; more than half a turn where nothing can be said.
+    /// Greatest angle of a normal to the axis; more than half a turn where it is not known.
     spread: f32,
 }
 
-impl Piece {
+impl Cluster {
     fn of(position: &[Vec3], u: &[Vec3], v: &[Vec3]) -> Self {
         let mut corners = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         for (p, (u, v)) in position.iter().zip(u.iter().zip(v)) {
-            let reach = u.abs() + v.abs();
-            if p.is_finite() && reach.is_finite() {
-                corners = [corners[0].min(p - reach), corners[1].max(p + reach)];
+            let extent = u.abs() + v.abs();
+            if p.is_finite() && extent.is_finite() {
+                corners = [corners[0].min(p - extent), corners[1].max(p + extent)];
             }
         }
-        // What has no normal covers nothing.
+        // A surfel without a normal covers nothing.
         let normals = || u.iter().zip(v).filter_map(|(u, v)| u.cross(*v).try_normalize());
         let axis = normals().sum::<Vec3>().normalize_or_zero();
         let least = normals().map(|n| n.dot(axis)).fold(1.0, f32::min);
@@ -79,22 +80,22 @@ impl Piece {
     fn faces_away(&self, eye: Vec3) -> bool {
         let [low, high] = self.corners;
         let from_eye = 0.5 * (low + high) - eye;
-        let (distance, reach) = (from_eye.length(), 0.5 * (high - low).length());
+        let (distance, radius) = (from_eye.length(), 0.5 * (high - low).length());
         // How far directions to the surfels, and then normals, may be turned from those of the middle.
-        let slack = self.spread + libm::asinf((reach / distance).min(1.0)) + TURN;
+        let slack = self.spread + libm::asinf((radius / distance).min(1.0)) + TURN;
         slack < std::f32::consts::FRAC_PI_2 && self.axis.dot(from_eye) > distance * libm::sinf(slack)
     }
 }
 
 impl Clusters {
     fn of(surfels: &Surfels) -> Self {
-        let axes = surfels.axis_u.par_chunks(CLUSTER).zip(surfels.axis_v.par_chunks(CLUSTER));
+        let axes = surfels.axis_u.par_chunks(CLUSTER_SURFELS).zip(surfels.axis_v.par_chunks(CLUSTER_SURFELS));
         Self(
             surfels
                 .position
-                .par_chunks(CLUSTER)
+                .par_chunks(CLUSTER_SURFELS)
                 .zip(axes)
-                .map(|(position, (u, v))| Piece::of(position, u, v))
+                .map(|(position, (u, v))| Cluster::of(position, u, v))
                 .collect(),
         )
     }
@@ -111,15 +112,14 @@ impl Clusters {
 pub(super) struct Window<'a> {
     pub object: &'a PosedObject,
     pub raster: &'a Raster,
-    /// First and last pixel column, first and last pixel row.
-    pub pixels: [i32; 4],
+    pub pixels: PixelRect,
     pub near: f32,
     /// Blocks of those pixels that are wanted; `None`: all.
     pub blocks: Option<&'a Blocks>,
 }
 
 impl Window<'_> {
-    /// May what lies in the box touch a wanted pixel? True where it comes near the camera plane.
+    /// May anything in the box touch a wanted pixel? True for a box near the camera plane.
     fn touches(&self, [low, high]: &[Vec3; 2]) -> bool {
         let mut bounds = [f32::INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::NEG_INFINITY];
         for corner in 0..8 {
@@ -135,10 +135,10 @@ impl Window<'_> {
                 bounds[2 * c + 1] = bounds[2 * c + 1].max(pixel);
             }
         }
-        let reach = SLACK + self.raster.low_pass;
-        let [x0, x1, y0, y1] = self.pixels.map(|pixel| pixel as f32);
-        let [left, right] = [(bounds[0] - reach).max(x0), (bounds[1] + reach).min(x1)];
-        let [top, bottom] = [(bounds[2] - reach).max(y0), (bounds[3] + reach).min(y1)];
+        let margin = SLACK + self.raster.low_pass;
+        let [x0, x1, y0, y1] = self.pixels.to_array().map(|pixel| pixel as f32);
+        let [left, right] = [(bounds[0] - margin).max(x0), (bounds[1] + margin).min(x1)];
+        let [top, bottom] = [(bounds[2] - margin).max(y0), (bounds[3] + margin).min(y1)];
         let of = |first: f32, last: f32| first as usize / Blocks::EDGE..=last as usize / Blocks::EDGE;
         let wanted =
             || self.blocks.is_none_or(|blocks| of(top, bottom).any(|y| of(left, right).any(|x| blocks.at(x, y))));

@@ -20,8 +20,8 @@ pub trait Backend: Send {
     /// Its name and size, for people.
     fn describe(&self) -> String;
 
-    /// Frames that may be begun and not finished: one where `begin` does the work, two where the host can prepare the next
-    /// while the device renders.
+    /// Frames that may be begun and not finished. One where `begin` does the work; two where the host can prepare the
+    /// next frame while the device renders.
     fn in_flight(&self) -> usize;
 
     /// Begins to execute a frame's plan. Frames are finished in the order in which they were begun.
@@ -30,7 +30,8 @@ pub trait Backend: Send {
     /// The frame does not fit into the limits of the backend.
     fn begin(&mut self, frame: Frame) -> Result<(), BackendError>;
 
-    /// Finishes the oldest frame; `None` where none is under way. A frame that turns out to need more room is rendered again.
+    /// Finishes the oldest frame; `None` where none is under way. A frame that turns out to need more memory is
+    /// rendered again.
     ///
     /// # Errors
     /// The frame does not fit into the limits of the backend.

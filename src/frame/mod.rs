@@ -4,6 +4,7 @@
 //! all that it names: a backend may render it later, or again.
 
 mod blocks;
+mod pixel_rect;
 mod poser;
 mod raster;
 mod static_objects;
@@ -19,6 +20,7 @@ use crate::scene::pose::jumps;
 use crate::scene::{Object, Scene};
 
 pub use self::blocks::Blocks;
+pub(crate) use self::pixel_rect::PixelRect;
 use self::poser::Poser;
 pub use self::poser::{PosedObject, PosedSample};
 pub use self::raster::Raster;

@@ -1,7 +1,8 @@
-//! Pass `attribute`: weighted sums of the attributes of the splats that pass the depth test (thesis 4.1.1, 4.2.3).
+//! Pass `attribute`: weighted sums of the attributes of the splats that pass the depth test (Wolf 2008, 4.1.1 and
+//! 4.2.3; docs/math.md, section 5).
 //!
-//! In: splats of a tile's list, all of one time sample, the tile's thresholds, the surfels' attributes. Out: the tile's sums and,
-//! in a group of several samples, where the sample covers. In list order.
+//! In: splats of a tile's list, all of one time sample, the tile's thresholds, the surfels' attributes. Out: the tile's
+//! sums and, in a group of several samples, the sample's coverage. In list order.
 
 use super::patch::{self, NARROW, Patch, Touched};
 use super::tiles::{LANES, STRIDE, TileRect};
@@ -36,7 +37,7 @@ impl Attributes<'_> {
 pub(in crate::backend) struct Tally<'a> {
     pub sums: &'a mut [f32],
     /// Coverage by the current sample; empty where it is not wanted.
-    pub reach: &'a mut [f32],
+    pub sample_coverage: &'a mut [f32],
     /// Least depth of what passes, +inf where nothing does; empty where it is not wanted.
     pub nearest: &'a mut [f32],
 }
@@ -44,7 +45,8 @@ pub(in crate::backend) struct Tally<'a> {
 dispatch! {
     /// Adds the splats that `list` names to `tally`.
     pub(in crate::backend) fn attribute(
-        splats: &[Splat], list: &[u32], attributes: &Attributes<'_>, tile: &TileRect, threshold: &[f32], tally: &mut Tally<'_>,
+        splats: &[Splat], list: &[u32], attributes: &Attributes<'_>, tile: &TileRect, threshold: &[f32],
+        tally: &mut Tally<'_>,
     ) = attribute_body
 }
 
@@ -61,7 +63,7 @@ fn attribute_body(
         let splat = &splats[index as usize];
         let touched = Touched::of(splat, tile);
         let values = attributes.of(index);
-        // A second row that is not there would cost as much as one that is, for every channel.
+        // A missing second row would cost as much as one that is there, for every channel.
         if touched.is_narrow() && touched.is_high() {
             add_splat::<NARROW>(splat, &touched, values, attributes, tile, threshold, tally);
         } else {
@@ -81,7 +83,7 @@ fn add_splat<const W: usize>(
     threshold: &[f32],
     tally: &mut Tally<'_>,
 ) {
-    let Tally { sums, reach, nearest } = tally;
+    let Tally { sums, sample_coverage, nearest } = tally;
     // Without the low-pass disc its distance counts as infinite.
     let with_low_pass = attributes.low_pass > 0.0;
     let low_pass_scale = 1.0 / (attributes.low_pass * attributes.low_pass);
@@ -96,7 +98,7 @@ fn add_splat<const W: usize>(
             let limit = patch::load::<W>(&threshold[at..], STRIDE);
             let mut weights = [0.0_f32; LANES];
             let mut depths = [0.0_f32; LANES];
-            let mut reaches = [0.0_f32; LANES];
+            let mut covered = [0.0_f32; LANES];
             for l in 0..LANES {
                 let hit = patch.at(splat, l);
                 let plane_depth = 1.0 / hit.inverse_depth;
@@ -111,13 +113,13 @@ fn add_splat<const W: usize>(
                 let passes = (inside | (r2 <= 1.0)) & (depth <= limit[l]) & hit.wanted;
                 let r2 = if r2 < 1.0 { r2 } else { 1.0 };
                 let weight = if passes { fast::kernel(r2) } else { 0.0 };
-                // What covers the pixel is part of its coverage even if it is hidden: something before it covers, too.
-                reaches[l] = if inside & hit.wanted { 1.0 } else { weight };
+                // A hidden splat covers the pixel, too: what hides it covers it.
+                covered[l] = if inside & hit.wanted { 1.0 } else { weight };
                 weights[l] = weight * attributes.share;
                 depths[l] = if passes { depth } else { 0.0 };
             }
-            if !reach.is_empty() {
-                add_patch::<W>(&mut reach[at..], STRIDE, &reaches, 1.0);
+            if !sample_coverage.is_empty() {
+                add_patch::<W>(&mut sample_coverage[at..], STRIDE, &covered, 1.0);
             }
             if !nearest.is_empty() {
                 let mut least = patch::load::<W>(&nearest[at..], STRIDE);

@@ -1,21 +1,22 @@
 //! Pass `bin`: the splats of one chunk to lists per tile, in surfel order.
 //!
-//! In: splats of a chunk. Out: for each tile of the chunk's own rectangle, the indices of the splats that may touch it. A
-//! splat that touches very many tiles is listed once, apart, so that the lists stay bounded. Order-free.
+//! In: splats of a chunk. Out: for each tile of the chunk's own rectangle, the indices of the splats that may touch it.
+//! Splats that touch very many tiles have a list of their own, so that the lists stay bounded. Order-free.
 
 use super::swept::Hull;
 use super::tiles::{Band, TILE, TileRect};
 use crate::layout::{Splat, SweptSplat};
 
-/// Splats that touch more tiles than this are kept in a list of their own.
+/// Splats that touch more tiles than this are in a list of their own.
 const WIDE: usize = 64;
 
 /// What touches tiles.
 pub(in crate::backend) trait Tiled {
-    /// First and last pixel column, then first and last row.
+    /// The pixels that may be touched, as `PixelRect::bounds` has them.
     fn bounds(&self) -> [u16; 4];
 
-    /// First and last tile column in tile row `row`, if more than one tile is touched; none if the first is not at most the last.
+    /// First and last tile column in tile row `row`, if more than one tile is touched. None where the first is after
+    /// the last.
     fn tile_columns(&self, _row: usize) -> [usize; 2] {
         let [x0, x1, _, _] = Span::of(self).0.map(usize::from);
         [x0, x1]
@@ -81,7 +82,7 @@ pub(in crate::backend) struct Binned<S = Splat> {
     pub splats: Vec<S>,
     /// What each shows: a number for each channel; empty where only weights are wanted.
     pub values: Vec<f32>,
-    /// Kept for its memory.
+    /// Scratch of `bin`, stored for its memory.
     spans: Vec<Span>,
     /// First tile column and row of the rectangle, and its width and height in tiles.
     rect: [usize; 4],
@@ -132,13 +133,13 @@ impl<S: Tiled> Binned<S> {
         let mut rect = [u16::MAX as usize, 0, u16::MAX as usize, 0];
         for (index, (splat, span)) in splats.iter().zip(&mut *spans).enumerate() {
             let mut touched = 0;
-            let mut reach = rect;
+            let mut grown = rect;
             span.rows(splat, |row, [x0, x1]| {
                 touched += x1 + 1 - x0;
-                reach = [reach[0].min(x0), reach[1].max(x1), reach[2].min(row), reach[3].max(row)];
+                grown = [grown[0].min(x0), grown[1].max(x1), grown[2].min(row), grown[3].max(row)];
             });
             if touched <= WIDE {
-                rect = reach;
+                rect = grown;
             } else {
                 wide.push(index as u32);
                 // Apart, so not listed.

@@ -1,12 +1,13 @@
 //! The CPU backend: the passes, one file each, and one file for what each step does with them.
 //!
-//! Chunks of surfels are projected and listed by tile, in parallel; then tiles go through the passes of a step, in parallel. Where
-//! the splats of a group do not fit into the memory allowed, they pass in batches, first for visibility, then again for attributes;
-//! where the tiles' buffers do not fit, the image is cut into bands. Sums are taken in global surfel order in every case, so the bytes
-//! depend on neither.
+//! Chunks of surfels are projected and listed by tile, in parallel. Then tiles go through the passes of a step, in
+//! parallel. Two things save memory. The splats of a group that do not fit pass in batches, first for visibility, then
+//! again for attributes. The image is cut into bands where the buffers of its tiles do not fit. Sums are always taken
+//! in global surfel order, so the picture is the same to the bit.
 
 pub(super) mod attribute;
 pub(super) mod bin;
+mod bounds;
 pub(super) mod chunk;
 pub(super) mod clocks;
 mod memory;
@@ -47,7 +48,7 @@ use crate::layout::{Channels, SweptSplat};
 use crate::options::SweptKernel;
 use crate::plan::{MapPass, Objects, PosedInterval, SplatPass, StaticPass, Step, SweepPass};
 
-/// Pictures whose memory is kept: those that mode auto gives back.
+/// Pictures whose memory is stored for later ones: as many as mode auto gives back.
 const SPARE_PICTURES: usize = 3;
 
 const _: () = assert!(TILE == Blocks::EDGE);
@@ -55,12 +56,12 @@ const _: () = assert!(TILE == Blocks::EDGE);
 /// Executes plans with the threads of the current rayon pool.
 #[derive(Debug, Default)]
 pub struct Cpu {
-    /// Kept between frames, so that its memory is reused.
+    /// Stored between frames, so that its memory is used again.
     memory: Memory,
     clusters: ClusterStore,
     /// Films of rasters, for the next frame.
     films: Vec<TiledFilm>,
-    /// Of pictures that were given back.
+    /// Memory of pictures that were given back.
     pixels: Vec<Vec<[f32; 4]>>,
     /// The frame that was begun.
     done: Option<Rendered>,
@@ -195,7 +196,7 @@ impl Executor<'_> {
         }
     }
 
-    /// The static objects at the position, if there is room to keep them.
+    /// The static objects at the position, if there is room for them.
     fn static_layer(&mut self, group: usize) -> StaticLayer {
         if !self.budget.layers {
             return StaticLayer::default();

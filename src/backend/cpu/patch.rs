@@ -1,4 +1,5 @@
-//! Patches: the pixels that inner loops work on at once. Eight in a row, or, for narrow splats, four in each of two rows.
+//! Patches: the pixels that inner loops work on at once. A patch has eight in a row, or, for narrow splats, four in
+//! each of two rows.
 
 use super::tiles::{LANES, TileRect};
 use crate::layout::Splat;

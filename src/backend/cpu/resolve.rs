@@ -1,4 +1,4 @@
-//! Pass `resolve`: normalise, shade, add to the film with the time weight (thesis 4.1.1, eq. 4.14).
+//! Pass `resolve`: normalise, shade, add to the film with the time weight (Wolf 2008, 4.1.1, eq. 4.14).
 //!
 //! In: a tile's sums and thresholds. Out: the tile's film. One sample position at a time, order-free.
 
@@ -32,7 +32,8 @@ pub(in crate::backend) struct TiledFilm {
 }
 
 impl TiledFilm {
-    /// Makes it an empty film of `size` pixels. Its memory stays: the system takes longer to find new one than to clear it.
+    /// Makes it an empty film of `size` pixels. Its memory is used again: to clear it is faster
+    /// than to allocate.
     pub(in crate::backend) fn empty(&mut self, size: [u32; 2]) {
         let [tiles_x, tiles_y] = size.map(|pixels| (pixels as usize).div_ceil(TILE));
         self.tiles.iter_mut().for_each(|tile| tile.values.clear());
@@ -133,7 +134,7 @@ fn resolve_body(
             for l in 0..LANES {
                 let w = weights[l];
                 inverse[l] = if w > 0.0 { 1.0 / w } else { 0.0 };
-                // Where no visibility splat covers, only low-pass discs reach: their weights are the coverage.
+                // Where no splat covers, only low-pass discs have weight: the sum of their weights is the coverage.
                 let partial = if w < 1.0 { w } else { 1.0 };
                 let covered = if limit[l] < f32::INFINITY { 1.0 } else { partial };
                 share[l] = if w > 0.0 { covered } else { 0.0 };
@@ -181,7 +182,7 @@ fn resolve_body(
     }
 }
 
-/// Deferred shading (thesis 4.1.1): the equation of `shading::shade`, for `LANES` neighbouring pixels.
+/// Deferred shading (Wolf 2008, 4.1.1): the equation of `shading::shade`, for `LANES` neighbouring pixels.
 #[inline(always)]
 fn shade_lanes(
     resolve: &Resolve<'_>,

@@ -109,7 +109,7 @@ impl Scope<'_> {
     /// Starts the samples of a group that come before those of `chunk`; static objects belong to all.
     pub(in crate::backend) fn turn(&self, chunk: &Chunk, buffers: &mut TileBuffers) {
         if self.group.samples.len() > 1 && !self.frame.objects[chunk.object].is_static {
-            buffers.union.turn(|sample| self.group.samples[sample].weight, chunk.sample);
+            buffers.group_coverage.turn(|sample| self.group.samples[sample].weight, chunk.sample);
         }
     }
 
@@ -117,7 +117,7 @@ impl Scope<'_> {
     pub(in crate::backend) fn end_turns(&self, buffers: &mut TileBuffers) {
         let samples = &self.group.samples;
         if samples.len() > 1 {
-            buffers.union.turn(|sample| samples[sample].weight, samples.len());
+            buffers.group_coverage.turn(|sample| samples[sample].weight, samples.len());
         }
     }
 
@@ -172,8 +172,8 @@ impl Scope<'_> {
                 continue;
             }
             self.turn(chunk, job.buffers);
-            let TileBuffers { threshold, sums, union, .. } = &mut *job.buffers;
-            let mut tally = Tally { sums, reach: &mut union.reach, nearest };
+            let TileBuffers { threshold, sums, group_coverage, .. } = &mut *job.buffers;
+            let mut tally = Tally { sums, sample_coverage: &mut group_coverage.sample_coverage, nearest };
             let attributes = self.attributes(chunk, &binned.values);
             attribute::attribute(&binned.splats, list, &attributes, &job.tile, threshold, &mut tally);
         }

@@ -25,7 +25,8 @@ impl SplatGroup<'_> {
         self.layer.tiles.get(index).filter(|tile| !tile.is_empty())
     }
 
-    /// Starts the sums of tile `index` from the static layer: restores what is visible whole, and recomputes what is visible in part.
+    /// Starts the sums of tile `index` from the static layer. It restores pixels whose static splats are all visible,
+    /// and recomputes those of which some are hidden.
     fn start_from(&self, tile: &StaticTile, index: usize, buffers: &mut TileBuffers, scratch: &mut Vec<u32>) {
         let Some(mut limits) = tile.restore(self.scope.channels.count, buffers) else { return };
         std::mem::swap(&mut buffers.threshold, &mut limits);
@@ -89,8 +90,8 @@ impl TileWork for SplatGroup<'_> {
             SplatPass::Resolve => {
                 let start = Instant::now();
                 scope.end_turns(job.buffers);
-                let TileBuffers { threshold, sums, union, .. } = job.buffers;
-                resolve::resolve(&scope.resolve(), &job.tile, threshold, sums, &union.coverage, job.out);
+                let TileBuffers { threshold, sums, group_coverage, .. } = job.buffers;
+                resolve::resolve(&scope.resolve(), &job.tile, threshold, sums, &group_coverage.coverage, job.out);
                 scope.clocks.resolve.add(start);
             }
         }

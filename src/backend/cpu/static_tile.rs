@@ -1,7 +1,8 @@
 //! Static objects of one tile, splatted once for several groups or intervals (docs/architecture.md, "Static objects").
 //!
-//! Sums of a group that starts from a layer are those of one pass over all splats, static ones first, to the bit: where moving splats
-//! hide all of a pixel's sums they are zero, where they hide none they are the layer's, and where they hide some they are recomputed.
+//! Sums of a group that starts from a layer are equal, to the bit, to those of one pass over all splats, static ones
+//! first. Where moving splats hide all static splats of a pixel, its sums start from zero. Where they hide none, its
+//! sums start from the layer's. Where they hide some, its sums are recomputed.
 
 use super::bin::Binned;
 use super::chunk::Chunk;
@@ -28,7 +29,7 @@ pub(in crate::backend) struct StaticTile {
     /// As in [`TileBuffers`]; empty where nothing is added to them.
     sums: Vec<f32>,
     /// Coverage of a group of several samples, likewise.
-    reach: Vec<f32>,
+    sample_coverage: Vec<f32>,
     /// Least depth of what the sums hold, likewise; +inf where they hold nothing.
     pub nearest: Vec<f32>,
 }
@@ -36,8 +37,8 @@ pub(in crate::backend) struct StaticTile {
 impl StaticTile {
     /// Bytes of one tile with sums.
     pub(in crate::backend) const fn bytes_with_sums(channels: usize, samples: usize, planes: usize) -> u64 {
-        let reach = if samples > 1 { 1 } else { 0 };
-        ((2 + channels + reach) * ROWS * STRIDE * size_of::<f32>()) as u64 + TileFilm::bytes(planes)
+        let sample_coverage = if samples > 1 { 1 } else { 0 };
+        ((2 + channels + sample_coverage) * ROWS * STRIDE * size_of::<f32>()) as u64 + TileFilm::bytes(planes)
     }
 
     /// Bytes of one tile without sums.
@@ -51,7 +52,7 @@ impl StaticTile {
             threshold: buffers.threshold.clone(),
             film: TileFilm::default(),
             sums: buffers.sums.clone(),
-            reach: buffers.union.reach.clone(),
+            sample_coverage: buffers.group_coverage.sample_coverage.clone(),
             nearest,
         }
     }
@@ -73,8 +74,8 @@ impl StaticTile {
         }
     }
 
-    /// Starts sums once all thresholds are known: the sums of what is still visible; `buffers` are clear. Returns the thresholds of the
-    /// pixels whose sums must be recomputed, -inf elsewhere; nothing where there are no such pixels.
+    /// Starts sums once all thresholds are known, in clear `buffers`. Returns the thresholds of the pixels whose sums
+    /// must be recomputed, and -inf for the others; `None` if there are no such pixels.
     pub(in crate::backend) fn restore(&self, channels: usize, buffers: &mut TileBuffers) -> Option<Vec<f32>> {
         if self.is_empty() {
             return None;
@@ -87,8 +88,8 @@ impl StaticTile {
             let new = &mut buffers.sums[row * channels..][..STRIDE * channels];
             if !(row..row + TILE).any(lowered) {
                 new.copy_from_slice(old);
-                if let Some(reach) = buffers.union.reach.get_mut(row..row + STRIDE) {
-                    reach.copy_from_slice(&self.reach[row..][..STRIDE]);
+                if let Some(sample_coverage) = buffers.group_coverage.sample_coverage.get_mut(row..row + STRIDE) {
+                    sample_coverage.copy_from_slice(&self.sample_coverage[row..][..STRIDE]);
                 }
                 continue;
             }
@@ -98,14 +99,16 @@ impl StaticTile {
                     for channel in 0..channels {
                         new[channel * STRIDE + x] = old[channel * STRIDE + x];
                     }
-                    if let (Some(reach), Some(&old)) = (buffers.union.reach.get_mut(at), self.reach.get(at)) {
-                        *reach = old;
+                    if let (Some(sample_coverage), Some(&old)) =
+                        (buffers.group_coverage.sample_coverage.get_mut(at), self.sample_coverage.get(at))
+                    {
+                        *sample_coverage = old;
                     }
                     continue;
                 }
-                // What is hidden covers all the same.
-                if let Some(reach) = buffers.union.reach.get_mut(at) {
-                    *reach = if self.threshold[at] < f32::INFINITY { 1.0 } else { 0.0 };
+                // Hidden splats cover, too.
+                if let Some(sample_coverage) = buffers.group_coverage.sample_coverage.get_mut(at) {
+                    *sample_coverage = if self.threshold[at] < f32::INFINITY { 1.0 } else { 0.0 };
                 }
                 if buffers.threshold[at] >= self.nearest[at] {
                     let limits = limits.get_or_insert_with(|| vec![f32::NEG_INFINITY; ROWS * STRIDE]);
@@ -116,9 +119,9 @@ impl StaticTile {
         limits
     }
 
-    /// Adds what shows of the film beside kernels in motion, in an interval of weight `weight`, for which those cover `coverage`
-    /// (`STRIDE` floats a row; empty where there are none). `weights`: plane of the sum of weights, where colours are divided by them
-    /// at the end.
+    /// Adds the part of the film that kernels in motion leave uncovered in an interval of weight `weight`. `coverage`:
+    /// what they cover, `STRIDE` floats a row, empty where there are none. `weights`: plane of the sum of weights, if
+    /// colours are divided by that sum at the end.
     pub(in crate::backend) fn show(
         &self,
         weight: f32,

@@ -1,5 +1,7 @@
-//! Runs the passes of a step over the tiles of a band: all at once on each tile where its splats fit into the memory allowed, else pass
-//! by pass, the splats in batches.
+//! Runs the passes of a step over the tiles of a band.
+//!
+//! If the splats fit into the memory allowed, each tile goes through all passes at once. Else passes follow each other,
+//! with the splats in batches.
 
 use rayon::prelude::*;
 
@@ -77,7 +79,8 @@ impl<W: TileWork> TileRunner<'_, W> {
         }
     }
 
-    /// Runs all passes with all splats at hand: each tile goes through its passes at once, in buffers that stay in the cache.
+    /// Runs all passes with all splats at hand. Each tile goes through its passes at once, in buffers that stay in the
+    /// cache.
     pub(in crate::backend) fn run_at_once(&self, binned: &[Binned<W::Splat>], outputs: &mut [W::Out]) {
         let &Self { work, chunks, passes, .. } = self;
         outputs.par_iter_mut().enumerate().for_each_init(

@@ -1,5 +1,7 @@
 //! Tiles: the squares of the image that are worked on one at a time, and the buffers of one.
 
+use crate::frame::PixelRect;
+
 /// Edge of a tile, pixels.
 pub(in crate::backend) const TILE: usize = 32;
 /// Pixels that inner loops work on at once.
@@ -16,9 +18,8 @@ pub(in crate::backend) struct Band {
     pub tile_rows: [usize; 2],
     /// Tiles in a row.
     pub tiles_x: usize,
-    /// First and last pixel column, first and last pixel row.
-    pub pixels: [i32; 4],
-    /// Pixel at which the tiles and their pixels are counted from: 0, but in a guard band.
+    pub pixels: PixelRect,
+    /// Pixel from which tiles and their pixels are counted: 0, except with a guard band.
     pub corner: [i32; 2],
 }
 
@@ -28,25 +29,20 @@ impl Band {
         Self {
             tile_rows,
             tiles_x: (size[0] as usize).div_ceil(TILE),
-            pixels: [0, size[0] as i32 - 1, (tile_rows[0] * TILE) as i32, bottom as i32 - 1],
+            pixels: PixelRect {
+                first_row: (tile_rows[0] * TILE) as i32,
+                last_row: bottom as i32 - 1,
+                ..PixelRect::of_image(size)
+            },
             corner: [0; 2],
         }
     }
 
-    /// The band and `guard` pixels around it, in tiles of its own; as much of them as pixels can be numbered.
+    /// The band and `guard` pixels around it, as [`PixelRect::guarded`], in tiles of its own.
     pub(in crate::backend) fn guarded(&self, guard: u32) -> Self {
-        let [x0, x1, y0, y1] = self.pixels;
-        let room =
-            |first: i32, last: i32| guard.min((u32::from(u16::MAX) + 1).saturating_sub((last + 1 - first) as u32) / 2);
-        let guard = room(x0, x1).min(room(y0, y1)) as i32;
-        let pixels = [x0 - guard, x1 + guard, y0 - guard, y1 + guard];
-        let tiles = |first: i32, last: i32| ((last + 1 - first) as usize).div_ceil(TILE);
-        Self {
-            tile_rows: [0, tiles(pixels[2], pixels[3])],
-            tiles_x: tiles(pixels[0], pixels[1]),
-            pixels,
-            corner: [pixels[0], pixels[2]],
-        }
+        let pixels = self.pixels.guarded(guard);
+        let [tiles_x, tiles_y] = pixels.tiles(TILE as u32).map(|tiles| tiles as usize);
+        Self { tile_rows: [0, tiles_y], tiles_x, pixels, corner: pixels.corner() }
     }
 
     /// Tiles in the band.
@@ -62,8 +58,8 @@ impl Band {
             tile: [x, y],
             origin: [x0, y0],
             corner: [self.corner[0] + x0 as i32, self.corner[1] + y0 as i32],
-            width: ((self.pixels[1] + 1 - self.corner[0]) as usize - x0).min(TILE),
-            height: ((self.pixels[3] + 1 - self.corner[1]) as usize - y0).min(TILE),
+            width: ((self.pixels.last_column + 1 - self.corner[0]) as usize - x0).min(TILE),
+            height: ((self.pixels.last_row + 1 - self.corner[1]) as usize - y0).min(TILE),
         }
     }
 }
@@ -90,48 +86,51 @@ pub(in crate::backend) struct TileBuffers {
     pub threshold: Vec<f32>,
     /// Weighted sums: for each of `ROWS` rows, for each channel, `STRIDE` floats.
     pub sums: Vec<f32>,
-    /// Coverage by the samples of a group that has several; empty where there is one.
-    pub union: Union,
-    /// Coverage by kernels in motion; empty where there are none.
-    pub presence: Presence,
+    /// Coverage by the samples of a group that has several; empty for a group of one sample.
+    pub group_coverage: GroupCoverage,
+    /// When kernels in motion cover; empty where there are none.
+    pub coverage_mask: CoverageMask,
 }
 
 /// When kernels in motion cover, one bit each 32nd of the interval: `TILE` rows of `STRIDE`.
 #[derive(Clone, Debug, Default)]
-pub(in crate::backend) struct Presence {
+pub(in crate::backend) struct CoverageMask {
     /// Object-space kernels.
     pub surface: Vec<u32>,
     /// Low-pass discs.
     pub low_pass: Vec<u32>,
-    /// Sum of the weights of low-pass discs beyond those of their kernels; or of all weights, where the sum is the coverage.
+    /// Sum of the weights of low-pass discs beyond those of their kernels. Where the sum of weights is the coverage:
+    /// sum of all weights.
     pub loose: Vec<f32>,
 }
 
 /// Coverage by the samples of a group, one after the other: `ROWS` rows of `STRIDE`.
 #[derive(Clone, Debug, Default)]
-pub(in crate::backend) struct Union {
-    /// Sample whose splats are being added; `None` while it is those of all samples.
+pub(in crate::backend) struct GroupCoverage {
+    /// Sample whose splats are being added; `None` while static objects are added.
     pub sample: Option<usize>,
-    /// Of that sample: at least 1 where a splat covers, else the weights of the low-pass discs.
-    pub reach: Vec<f32>,
-    /// What all samples have of `reach`.
-    pub still: Vec<f32>,
-    /// Of the samples before: sum of weight times coverage.
+    /// Coverage by that sample, not yet cut at 1: at least 1 where a splat covers, else the weights of the low-pass
+    /// discs.
+    pub sample_coverage: Vec<f32>,
+    /// The part of `sample_coverage` that all samples share: coverage by static objects.
+    pub of_static: Vec<f32>,
+    /// Sum over the samples before it: weight times coverage.
     pub coverage: Vec<f32>,
 }
 
-impl Union {
-    /// Ends all samples before `next`; `weights` are those of all samples.
+impl GroupCoverage {
+    /// Ends all samples before sample `next`; `weights`: weight of each sample.
     pub(in crate::backend) fn turn(&mut self, weights: impl Fn(usize) -> f32, next: usize) {
         let first = self.sample.unwrap_or_else(|| {
-            self.still.copy_from_slice(&self.reach);
+            self.of_static.copy_from_slice(&self.sample_coverage);
             0
         });
         for sample in first..next {
             let weight = weights(sample);
-            for ((coverage, reach), still) in self.coverage.iter_mut().zip(&mut self.reach).zip(&self.still) {
-                *coverage += weight * if *reach < 1.0 { *reach } else { 1.0 };
-                *reach = *still;
+            let covered = self.coverage.iter_mut().zip(&mut self.sample_coverage).zip(&self.of_static);
+            for ((coverage, of_sample), of_static) in covered {
+                *coverage += weight * if *of_sample < 1.0 { *of_sample } else { 1.0 };
+                *of_sample = *of_static;
             }
         }
         self.sample = Some(next);
@@ -148,28 +147,29 @@ impl TileBuffers {
     pub(in crate::backend) fn clear_sums(&mut self, channels: usize, samples: usize) {
         self.sums.clear();
         self.sums.resize(ROWS * channels * STRIDE, 0.0);
-        let union = if samples > 1 { ROWS * STRIDE } else { 0 };
-        self.union.sample = None;
-        for plane in [&mut self.union.reach, &mut self.union.still, &mut self.union.coverage] {
+        let floats = if samples > 1 { ROWS * STRIDE } else { 0 };
+        let GroupCoverage { sample, sample_coverage, of_static, coverage } = &mut self.group_coverage;
+        *sample = None;
+        for plane in [sample_coverage, of_static, coverage] {
             plane.clear();
-            plane.resize(union, 0.0);
+            plane.resize(floats, 0.0);
         }
     }
 
     /// For kernels in motion.
-    pub(in crate::backend) fn clear_presence(&mut self) {
-        for plane in [&mut self.presence.surface, &mut self.presence.low_pass] {
+    pub(in crate::backend) fn clear_coverage_mask(&mut self) {
+        for plane in [&mut self.coverage_mask.surface, &mut self.coverage_mask.low_pass] {
             plane.clear();
             plane.resize(TILE * STRIDE, 0);
         }
-        self.presence.loose.clear();
-        self.presence.loose.resize(TILE * STRIDE, 0.0);
+        self.coverage_mask.loose.clear();
+        self.coverage_mask.loose.resize(TILE * STRIDE, 0.0);
     }
 
     /// Bytes of one tile's buffers, for groups of `samples` samples, with kernels in motion or without.
     pub(in crate::backend) const fn bytes(channels: usize, samples: usize, swept: bool) -> u64 {
-        let union = if samples > 1 { 3 } else { 0 };
-        let presence = if swept { 4 } else { 0 };
-        ((1 + channels + union + presence) * ROWS * STRIDE * size_of::<f32>()) as u64
+        let group_coverage = if samples > 1 { 3 } else { 0 };
+        let coverage_mask = if swept { 4 } else { 0 };
+        ((1 + channels + group_coverage + coverage_mask) * ROWS * STRIDE * size_of::<f32>()) as u64
     }
 }

@@ -1,7 +1,8 @@
-//! What the splats of a chunk show: a number for each channel; with Gouraud shading, colours under the lights of their sample.
+//! The values of the splats of a chunk: a number for each channel. With Gouraud shading, colours are lit by the lights
+//! of their sample.
 //!
-//! In: the surfels of the splats and the sides that they show. Out: `Channels::count` numbers for each splat, weight 1 first; 0 for
-//! depth, which differs from pixel to pixel. Order-free.
+//! In: the surfels of the splats and the sides that they show. Out: `Channels::count` numbers for each splat, weight 1
+//! first; 0 for depth, which differs from pixel to pixel. Order-free.
 
 use glam::Vec3;
 
@@ -164,8 +165,8 @@ fn lit(
     out
 }
 
-/// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth. 0 where the centre has
-/// no image, being nearer than `near`.
+/// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth. 0 where
+/// the centre has no image, being nearer than `near`.
 fn velocity(position: Vec3, shown: &Shown<'_>) -> [f32; 2] {
     let posed = shown.posed;
     let p = posed.screen_from_model * position + posed.screen_origin;

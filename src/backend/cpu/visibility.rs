@@ -1,4 +1,5 @@
-//! Pass `visibility`: T(x, t) = min over splats covering x of (depth + epsilon), per pixel (design section 2; thesis 4.1.1).
+//! Pass `visibility`: T(x, t) = min over splats covering x of (depth + epsilon), per pixel (Wolf 2008, 4.1.1;
+//! docs/math.md, section 4).
 //!
 //! In: splats of a tile's list. Out: the tile's thresholds. Order-free (a minimum).
 
@@ -19,7 +20,9 @@ pub(in crate::backend) struct Depths {
 
 dispatch! {
     /// Lowers `threshold` by the splats that `list` names.
-    pub(in crate::backend) fn visibility(splats: &[Splat], list: &[u32], depths: Depths, tile: &TileRect, threshold: &mut [f32]) = visibility_body
+    pub(in crate::backend) fn visibility(
+        splats: &[Splat], list: &[u32], depths: Depths, tile: &TileRect, threshold: &mut [f32],
+    ) = visibility_body
 }
 
 #[inline(always)]

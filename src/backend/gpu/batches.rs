@@ -6,8 +6,8 @@ use super::layout::{Segment, Travel, UNIFORM_STRIDE};
 use super::memory::Schedule;
 use super::models::SurfelBuffer;
 use super::prepared::Prepared;
-use crate::backend::clusters::{CLUSTER, Window};
-use crate::frame::{PosedGroup, Raster};
+use crate::backend::clusters::{CLUSTER_SURFELS, Window};
+use crate::frame::{PixelRect, PosedGroup, Raster};
 use crate::plan::Objects;
 
 /// Gaps of unwanted surfels that are shorter than this are projected too, because a segment of its own costs more.
@@ -97,18 +97,17 @@ impl Cutter<'_> {
             return vec![buffer.surfels.clone()];
         };
         let raster = self.raster;
-        let [right, bottom] = raster.size.map(|pixels| pixels as i32 - 1);
         let one_sided = !frame.objects[object].two_sided;
         let object = &self.group.samples[sample].objects[object];
         let blocks = Some(blocks);
-        let window = Window { object, raster, pixels: [0, right, 0, bottom], near: frame.near, blocks };
+        let window = Window { object, raster, pixels: PixelRect::of_image(raster.size), near: frame.near, blocks };
         let mut parts: Vec<Range<usize>> = Vec::new();
-        for cluster in buffer.surfels.start / CLUSTER..buffer.surfels.end.div_ceil(CLUSTER) {
+        for cluster in buffer.surfels.start / CLUSTER_SURFELS..buffer.surfels.end.div_ceil(CLUSTER_SURFELS) {
             if !clusters.may_show(cluster, &window, one_sided) {
                 continue;
             }
-            let first = (cluster * CLUSTER).max(buffer.surfels.start);
-            let end = ((cluster + 1) * CLUSTER).min(buffer.surfels.end);
+            let first = (cluster * CLUSTER_SURFELS).max(buffer.surfels.start);
+            let end = ((cluster + 1) * CLUSTER_SURFELS).min(buffer.surfels.end);
             match parts.last_mut() {
                 Some(part) if first - part.end <= GAP => part.end = end,
                 _ => parts.push(first..end),

@@ -151,7 +151,7 @@ impl DeviceState {
         let (prepared, raster) = (place.prepared, &place.position.raster);
         let batches = place.batches(job);
         let shared = View {
-            pixels: area.pixels,
+            pixels: area.pixels.to_array(),
             corner: area.corner,
             tiles: area.tiles,
             first_tile_row: area.first_tile_row,

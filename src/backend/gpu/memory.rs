@@ -3,7 +3,7 @@
 use super::layout::{TILE, WIDEST, WORKGROUP_ITEMS};
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
-use crate::frame::Frame;
+use crate::frame::{Frame, PixelRect};
 use crate::layout::{Channels, Splat, SweptSplat};
 
 /// Pixels of a tile.
@@ -72,8 +72,7 @@ pub(in crate::backend) struct Band {
 /// The pixels that passes work on: those of a band, or of the map around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::backend) struct Area {
-    /// First and last pixel column, then first and last row.
-    pub pixels: [i32; 4],
+    pub pixels: PixelRect,
     /// Pixel from which tiles and their pixels are counted.
     pub corner: [i32; 2],
     /// Tiles in a row and rows of tiles.
@@ -85,9 +84,10 @@ pub(in crate::backend) struct Area {
 impl RasterFilm {
     /// The pixels of a band.
     pub(in crate::backend) fn area(&self, band: Band) -> Area {
+        let first_row = (band.first_row * TILE) as i32;
         let last_row = ((band.first_row + band.rows) * TILE).min(self.size[1]) as i32 - 1;
         Area {
-            pixels: [0, self.size[0] as i32 - 1, (band.first_row * TILE) as i32, last_row],
+            pixels: PixelRect { first_row, last_row, ..PixelRect::of_image(self.size) },
             corner: [0; 2],
             tiles: [self.tiles[0], band.rows],
             first_tile_row: band.first_row,
@@ -96,20 +96,10 @@ impl RasterFilm {
 }
 
 impl Area {
-    /// The area and `guard` pixels around it, in tiles of its own; as much of them as pixels can be numbered. As on the CPU.
+    /// The area and `guard` pixels around it, in tiles of its own; as much of them as pixels can be numbered.
     pub(in crate::backend) fn guarded(&self, guard: u32) -> Self {
-        let [x0, x1, y0, y1] = self.pixels;
-        let room =
-            |first: i32, last: i32| guard.min((u32::from(u16::MAX) + 1).saturating_sub((last + 1 - first) as u32) / 2);
-        let guard = room(x0, x1).min(room(y0, y1)) as i32;
-        let pixels = [x0 - guard, x1 + guard, y0 - guard, y1 + guard];
-        let tiles = |first: i32, last: i32| ((last + 1 - first) as u32).div_ceil(TILE);
-        Self {
-            pixels,
-            corner: [pixels[0], pixels[2]],
-            tiles: [tiles(pixels[0], pixels[1]), tiles(pixels[2], pixels[3])],
-            first_tile_row: 0,
-        }
+        let pixels = self.pixels.guarded(guard);
+        Self { pixels, corner: pixels.corner(), tiles: pixels.tiles(TILE), first_tile_row: 0 }
     }
 
     /// Tiles.

@@ -137,7 +137,7 @@ pub(super) fn all() -> Vec<Case> {
     mirrored.objects[1].two_sided = false;
     let mut seen_twice = scene(vec![object(hard(), DVec3::ZERO)], [150, 140]);
     seen_twice.objects[0].two_sided = true;
-    // With a tolerance that lets splats hide some of what lies still at a pixel, and not all.
+    // With a tolerance that lets splats hide some static splats of a pixel, and not all.
     let point = |mode| RenderOptions { filter: PixelFilter::Point, epsilon: Some(0.4), ..options(mode) };
     let case = |name, scene, options| Case { name, scene, options, in_part: false };
     let in_part = |name, scene, options| Case { in_part: true, ..case(name, scene, options) };

@@ -16,7 +16,8 @@ fn evaluate(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= arrayLength(&numbers) { return; }
     let x = numbers[id.x].x;
     let exponent = numbers[id.x].y;
-    numbers[id.x] = vec4<f32>(kernel(vec4<f32>(x)).x, power_of_two(10.0 * x - 5.0), power(x, exponent), erf_slope(1.4 - 2.0 * x, 1.4 - 0.04 * exponent));
+    let slope = erf_slope(1.4 - 2.0 * x, 1.4 - 0.04 * exponent);
+    numbers[id.x] = vec4<f32>(kernel(vec4<f32>(x)).x, power_of_two(10.0 * x - 5.0), power(x, exponent), slope);
 }
 "
 );

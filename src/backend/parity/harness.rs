@@ -1,13 +1,14 @@
 //! Runs one pass on the device, with the CPU's results of the passes before it as input.
 
-use bytemuck::{Pod, Zeroable};
+use bytemuck::Pod;
 use wgpu::{Buffer, BufferUsages, MapMode};
 
+use super::slots::Slots;
 use super::splat_twins::{Context, Posed, Restored, SplatTwins, Sums, whole};
 use crate::backend::gpu::batches::Batch;
 use crate::backend::gpu::bind::BoundPrograms;
 use crate::backend::gpu::job::{Job, Place, StepWork};
-use crate::backend::gpu::layout::{TILE, WIDEST};
+use crate::backend::gpu::layout::{Segment, TILE};
 use crate::backend::gpu::prepared::Prepared;
 use crate::backend::gpu::steps::{MapStep, SplatStep, SweepStep};
 use crate::backend::gpu::timestamps::Marks;
@@ -32,7 +33,7 @@ pub(super) enum Pass {
 pub(super) const NONE: f32 = 3.402_823_4e38;
 /// Stands for the threshold of what is not wanted.
 pub(super) const UNWANTED: f32 = -NONE;
-/// Marks splats that are listed apart.
+/// Marks splats that are in the list of wide splats.
 pub(super) const WIDE: u32 = 1 << 31;
 pub(super) const PIXELS: usize = (TILE * TILE) as usize;
 
@@ -52,13 +53,8 @@ pub(super) struct Harness<'a> {
 /// What the CPU has of a group.
 pub(super) struct Host {
     pub posed: Vec<Posed>,
-    /// By slot; flags hold the segment.
-    pub splats: Vec<Option<Splat>>,
-    /// By slot.
-    pub touched: Vec<u32>,
-    pub starts: Vec<u32>,
-    pub list: Vec<u32>,
-    pub wide: Vec<u32>,
+    /// Flags hold the segment.
+    pub slots: Slots<Splat>,
     /// By tile, `TILE` x `TILE` each.
     pub thresholds: Vec<Vec<f32>>,
     pub sums: Vec<Sums>,
@@ -105,8 +101,7 @@ impl<'a> Harness<'a> {
     }
 
     fn tiles(&self) -> Vec<[usize; 2]> {
-        let [x, y] = self.prepared.schedule.rasters[0].tiles.map(|n| n as usize);
-        (0..x * y).map(|i| [i % x, i / x]).collect()
+        tiles(self.prepared.schedule.rasters[0].tiles)
     }
 
     /// Is the tile of the raster rendered?
@@ -119,42 +114,13 @@ impl<'a> Harness<'a> {
     pub(super) fn host(&self) -> Host {
         let twins = self.twins;
         let posed = twins.project();
-        let slots = self.batch.slots as usize;
-        let mut splats = vec![None; slots];
-        for (segment, object, _) in &self.batch.segments {
+        let tiles = self.tiles();
+        let splats_of = |segment: &Segment, object: usize| {
             let sample = (segment.flags >> 2).saturating_sub(1) as usize;
-            let of = posed.iter().find(|p| p.chunk.sample == sample && p.chunk.object == *object).unwrap();
-            let first = segment.buffer_start + segment.first_surfel;
-            for splat in of.splats.iter().filter(|s| (first..first + segment.surfels).contains(&s.surfel)) {
-                let slot = segment.first_slot + splat.surfel - first;
-                splats[slot as usize] = Some(Splat { flags: splat.flags | segment.index << 1, ..*splat });
-            }
-        }
-        let tiles_of = |splat: &Splat| splat.bounds.map(|pixel| u32::from(pixel) / TILE);
-        let touched: Vec<u32> = splats
-            .iter()
-            .map(|splat| {
-                let Some(splat) = splat else { return 0 };
-                let [x0, x1, y0, y1] = tiles_of(splat).map(|i| i as usize);
-                let wanted = (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| [x, y])).filter(|&tile| self.wants(tile));
-                let count = wanted.count() as u32;
-                if (x1 + 1 - x0) * (y1 + 1 - y0) > WIDEST as usize && count > 0 { WIDE } else { count }
-            })
-            .collect();
-        let wide: Vec<u32> = (0..slots as u32).filter(|&slot| touched[slot as usize] == WIDE).collect();
-        let (mut starts, mut list) = (Vec::new(), Vec::new());
-        for [x, y] in self.tiles() {
-            starts.push(list.len() as u32);
-            list.extend((0..slots as u32).filter(|&slot| {
-                touched[slot as usize] != WIDE
-                    && self.wants([x, y])
-                    && splats[slot as usize].as_ref().is_some_and(|splat| {
-                        let [x0, x1, y0, y1] = tiles_of(splat).map(|i| i as usize);
-                        (x0..=x1).contains(&x) && (y0..=y1).contains(&y)
-                    })
-            }));
-        }
-        starts.extend([list.len() as u32, wide.len() as u32]);
+            &posed.iter().find(|p| p.chunk.sample == sample && p.chunk.object == object).unwrap().splats[..]
+        };
+        let with_segment = |splat: &Splat, segment| Splat { flags: splat.flags | segment << 1, ..*splat };
+        let slots = Slots::new(&self.batch, &tiles, splats_of, with_segment, |tile| self.wants(tile));
         let threshold = |&tile: &[usize; 2]| {
             if self.wants(tile) { twins.visibility(&posed, tile) } else { vec![UNWANTED; PIXELS] }
         };
@@ -166,7 +132,7 @@ impl<'a> Harness<'a> {
         let film =
             self.tiles().into_iter().zip(thresholds.iter().zip(&sums)).map(|(tile, (t, s))| twins.resolve(tile, t, s));
         let film = film.collect();
-        Host { posed, splats, touched, starts, list, wide, thresholds, sums, film }
+        Host { posed, slots, thresholds, sums, film }
     }
 
     /// By tile: static objects, and what of them is restored.
@@ -195,15 +161,11 @@ impl<'a> Harness<'a> {
         if pass == Pass::Project {
             return;
         }
-        let blank = Splat::zeroed();
-        self.write(&buffers.splats, &host.splats.iter().map(|s| s.unwrap_or(blank)).collect::<Vec<_>>());
-        self.write(&buffers.touched, &host.touched);
+        host.slots.feed_splats(self);
         if pass == Pass::Bin {
             return;
         }
-        self.write(&buffers.starts, &host.starts);
-        self.write(&buffers.lists[0], &host.list);
-        self.write(&buffers.wide, &host.wide);
+        host.slots.feed_lists(self);
         if pass == Pass::Splat(SplatPass::Visibility) {
             return;
         }
@@ -291,11 +253,17 @@ impl<'a> Harness<'a> {
     }
 }
 
+/// Columns and rows of tiles, row by row.
+pub(super) fn tiles(size: [u32; 2]) -> Vec<[usize; 2]> {
+    let [x, y] = size.map(|n| n as usize);
+    (0..x * y).map(|i| [i % x, i / x]).collect()
+}
+
 /// A tile's channels as the device has them.
 pub(super) fn planes_of(sums: &Sums) -> Vec<Vec<f32>> {
     let mut planes = sums.channels.clone();
-    if !sums.reach.is_empty() {
-        planes.extend([sums.reach.clone(), sums.coverage.clone(), sums.still.clone()]);
+    if !sums.sample_coverage.is_empty() {
+        planes.extend([sums.sample_coverage.clone(), sums.coverage.clone(), sums.of_static.clone()]);
     }
     planes
 }

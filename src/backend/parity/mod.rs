@@ -1,14 +1,17 @@
 //! Both backends held against each other, pass by pass and picture by picture.
 //!
-//! Each pass of the GPU backend is fed the CPU's results of the passes before it, and compared with the CPU's own (`splats`,
-//! `sweeps`). The CPU's passes run through the constructors that rendering uses (`splat_twins`, `sweep_twins`). The comparison must
-//! reject broken programs (`mutants`), and buffers that are too small must not show (`small_buffers`).
+//! Each pass of the GPU backend is fed the CPU's results of the passes before it, and compared with the CPU's own
+//! (`splats`, `sweeps`). The CPU's passes run through the constructors that rendering uses (`splat_twins`,
+//! `sweep_twins`). Splats and lists are compared slot by slot (`slots`), floats with tolerances (`compare`). The comparison
+//! must reject broken programs (`mutants`), and buffers that are too small must not show (`small_buffers`).
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
 
 mod cases;
+mod compare;
 mod functions;
 mod harness;
 mod mutants;
+mod slots;
 mod small_buffers;
 mod splat_twins;
 mod splats;

@@ -28,8 +28,14 @@ static MUTANTS: [([(&str, &str); 1], &str); 31] = [
     ([("threshold < NONE", "threshold <= NONE")], "supersample"),
     ([("* min((*sum).sample_coverage, vec4<f32>(1.0))", "* (*sum).sample_coverage")], "bucket"),
     ([("share = sums[sum_at + (SAMPLE_COVERAGE + 1u)", "share = sums[sum_at + (SAMPLE_COVERAGE + 0u)")], "bucket"),
-    ([("(*sum).static_coverage = (*sum).sample_coverage", "(*sum).static_coverage = 0.0 * (*sum).sample_coverage")], "bucket"),
-    ([("(*sum).sample_coverage = (*sum).static_coverage", "(*sum).sample_coverage = 0.0 * (*sum).static_coverage")], "bucket"),
+    (
+        [("(*sum).static_coverage = (*sum).sample_coverage", "(*sum).static_coverage = 0.0 * (*sum).sample_coverage")],
+        "bucket",
+    ),
+    (
+        [("(*sum).sample_coverage = (*sum).static_coverage", "(*sum).sample_coverage = 0.0 * (*sum).static_coverage")],
+        "bucket",
+    ),
     ([("threshold < layer_threshold;", "threshold <= layer_threshold;")], "layer"),
     ([("(threshold >= nearest)", "(threshold < nearest)")], "layer"),
     ([("select(vec4<f32>(NONE), depth, passes)", "depth")], "layer"),

@@ -28,15 +28,15 @@ fn small_buffers_change_nothing() {
         batches.most_slots = 100;
         assert_eq!(picture(&mut batches, &case), want, "{}: batches of 100", case.name);
 
-        // No program reaches more than a few tiles.
+        // A binding holds a few tiles.
         bands.most_bytes = 160 << 10;
         assert_eq!(picture(&mut bands, &case), want, "{}: bindings of 160 KiB", case.name);
     }
 }
 
 #[test]
-fn lists_that_cannot_grow_split_the_waves() {
-    let open = || gpu_or_skip("lists_that_cannot_grow_split_the_waves");
+fn lists_that_cannot_grow_split_the_batches() {
+    let open = || gpu_or_skip("lists_that_cannot_grow_split_the_batches");
     let (Some(mut roomy), Some(mut gpu)) = (open(), open()) else { return };
     let case = cases::large_splats();
     let want = picture(&mut roomy, &case);

@@ -1,5 +1,6 @@
-//! The CPU's passes of splats one at a time, for comparison with another backend's. What they read is made by the constructors that
-//! rendering uses ([`Scope`]); only tiles have another size.
+//! The CPU's passes of splats one at a time, for comparison with another backend's.
+//!
+//! What they read is made by the constructors that rendering uses ([`Scope`]). Only tiles have another size.
 
 use super::tiles_of_edge::{put_rows, rect, take_rows, touches};
 use crate::backend::cpu::attribute::{self, Tally};
@@ -17,24 +18,26 @@ use crate::frame::{Frame, PosedGroup, Position};
 use crate::layout::{Channels, Splat};
 use crate::plan::Objects;
 
-/// Splats of one object at one sample, in surfel order; those of a static one are of the first.
+/// Splats, or kernels in motion, of one object at one sample, in surfel order. A static object has those of the first
+/// sample.
 #[derive(Clone, Debug)]
-pub(super) struct Posed {
+pub(super) struct Posed<S = Splat> {
     pub chunk: Chunk,
-    pub splats: Vec<Splat>,
+    pub splats: Vec<S>,
 }
 
 /// Sums of a tile: channel by channel, `edge` x `edge`; what follows the channels only for groups of several samples.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sums {
     pub channels: Vec<Vec<f32>>,
-    pub reach: Vec<f32>,
+    pub sample_coverage: Vec<f32>,
     pub coverage: Vec<f32>,
-    /// Reach of static objects.
-    pub still: Vec<f32>,
+    /// Coverage by static objects.
+    pub of_static: Vec<f32>,
 }
 
-/// The static objects of a tile, `edge` x `edge`, and what a group that starts from them has before moving ones are added.
+/// The static objects of a tile, `edge` x `edge`, and what a group that starts from them has before moving objects are
+/// added.
 pub(super) struct Restored {
     pub layer_thresholds: Vec<f32>,
     pub layer: Sums,
@@ -172,8 +175,8 @@ impl SplatTwins<'_> {
             values::values(&posed.splats, &self.scope.shown(&posed.chunk), &mut values);
             let attributes = self.scope.attributes(&posed.chunk, &values);
             let list = self.list(posed, tile);
-            let TileBuffers { threshold, sums, union, .. } = &mut *buffers;
-            let mut tally = Tally { sums, reach: &mut union.reach, nearest };
+            let TileBuffers { threshold, sums, group_coverage, .. } = &mut *buffers;
+            let mut tally = Tally { sums, sample_coverage: &mut group_coverage.sample_coverage, nearest };
             attribute::attribute(&posed.splats, &list, &attributes, &rect, threshold, &mut tally);
         }
     }
@@ -187,9 +190,9 @@ impl SplatTwins<'_> {
         let channel = |c: usize| take_rows(&buffers.sums[c * STRIDE..], channels * STRIDE, self.edge);
         Sums {
             channels: (0..channels).map(channel).collect(),
-            reach: plane(&buffers.union.reach),
-            coverage: plane(&buffers.union.coverage),
-            still: plane(&buffers.union.still),
+            sample_coverage: plane(&buffers.group_coverage.sample_coverage),
+            coverage: plane(&buffers.group_coverage.coverage),
+            of_static: plane(&buffers.group_coverage.of_static),
         }
     }
 
@@ -201,11 +204,11 @@ impl SplatTwins<'_> {
         for (c, channel) in sums.channels.iter().enumerate() {
             put_rows(channel, &mut buffers.sums[c * STRIDE..], channels.count * STRIDE, self.edge);
         }
-        put_rows(&sums.coverage, &mut buffers.union.coverage, STRIDE, self.edge);
+        put_rows(&sums.coverage, &mut buffers.group_coverage.coverage, STRIDE, self.edge);
         let mut film = TileFilm::default();
-        let TileBuffers { threshold, sums, union, .. } = &buffers;
+        let TileBuffers { threshold, sums, group_coverage, .. } = &buffers;
         let rect = rect(&self.scope.band, tile, self.edge);
-        resolve::resolve(&self.scope.resolve(), &rect, threshold, sums, &union.coverage, &mut film);
+        resolve::resolve(&self.scope.resolve(), &rect, threshold, sums, &group_coverage.coverage, &mut film);
         (0..planes.count).map(|p| take_rows(&film.values[p * TILE * TILE..], TILE, self.edge)).collect()
     }
 

@@ -1,5 +1,7 @@
-//! The CPU's passes of an interval one at a time, for comparison with another backend's. What they read is made by the constructors
-//! that rendering uses ([`Scope`], [`MapGroup`], [`SweepGroup`]); only tiles have another size.
+//! The CPU's passes of an interval one at a time, for comparison with another backend's.
+//!
+//! What they read is made by the constructors that rendering uses ([`Scope`], [`MapGroup`], [`SweepGroup`]). Only tiles
+//! have another size.
 
 use super::splat_twins::{self, Posed, whole_chunks};
 use super::tiles_of_edge::{put_rows, rect, take_rows, touches};
@@ -14,15 +16,8 @@ use crate::backend::cpu::tile_runner::Job;
 use crate::backend::cpu::tiles::{STRIDE, TILE, TileBuffers};
 use crate::backend::cpu::values;
 use crate::backend::cpu::visibility;
-use crate::layout::{Channels, Splat, SweptSplat};
+use crate::layout::{Channels, SweptSplat};
 use crate::plan::Objects;
-
-/// Splats or kernels of one object, in surfel order.
-#[derive(Clone, Debug)]
-pub(super) struct Of<S> {
-    pub chunk: Chunk,
-    pub splats: Vec<S>,
-}
 
 /// Sums of a tile: channel by channel, `edge` x `edge`; and when kernels cover.
 #[derive(Clone, Debug, Default)]
@@ -42,17 +37,16 @@ pub(super) struct MapTwins<'a> {
 
 impl MapTwins<'_> {
     /// Splats at mid-interval.
-    pub(super) fn project(&self, objects: Objects) -> Vec<Of<Splat>> {
-        let of = |Posed { chunk, splats }| Of { chunk, splats };
-        splat_twins::project(&self.group.scope, objects).into_iter().map(of).collect()
+    pub(super) fn project(&self, objects: Objects) -> Vec<Posed> {
+        splat_twins::project(&self.group.scope, objects)
     }
 
     /// Thresholds of a tile of the map.
-    pub(super) fn visibility(&self, splats: &[Of<Splat>], tile: [usize; 2]) -> Vec<f32> {
+    pub(super) fn visibility(&self, splats: &[Posed], tile: [usize; 2]) -> Vec<f32> {
         let mut buffers = TileBuffers::default();
         buffers.clear_threshold();
         let rect = rect(&self.group.scope.band, tile, self.edge);
-        for Of { chunk, splats } in splats {
+        for Posed { chunk, splats } in splats {
             let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
             let depths = self.group.scope.depths(chunk);
             visibility::visibility(splats, &list, depths, &rect, &mut buffers.threshold);
@@ -61,16 +55,16 @@ impl MapTwins<'_> {
     }
 
     /// Sums of weights of a tile of the map.
-    pub(super) fn density(&self, splats: &[Of<Splat>], tile: [usize; 2], thresholds: &[f32]) -> Vec<f32> {
+    pub(super) fn density(&self, splats: &[Posed], tile: [usize; 2], thresholds: &[f32]) -> Vec<f32> {
         let mut buffers = TileBuffers::default();
         buffers.clear_threshold();
         buffers.clear_sums(1, 1);
         put_rows(thresholds, &mut buffers.threshold, STRIDE, self.edge);
         let (channels, rect) = (Channels::weights(), rect(&self.group.scope.band, tile, self.edge));
-        for Of { chunk, splats } in splats {
+        for Posed { chunk, splats } in splats {
             let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
             let TileBuffers { threshold, sums, .. } = &mut buffers;
-            let mut tally = Tally { sums, reach: &mut [], nearest: &mut [] };
+            let mut tally = Tally { sums, sample_coverage: &mut [], nearest: &mut [] };
             attribute::attribute(splats, &list, &self.group.weights(chunk, &channels), &rect, threshold, &mut tally);
         }
         take_rows(&buffers.sums, STRIDE, self.edge)
@@ -122,50 +116,50 @@ impl SweepTwins<'_> {
     }
 
     /// Kernels in motion.
-    pub(super) fn sweep(&self, objects: Objects) -> Vec<Of<SweptSplat>> {
+    pub(super) fn sweep(&self, objects: Objects) -> Vec<Posed<SweptSplat>> {
         let kernels_of = |chunk: Chunk| {
             let (mut splats, surfels) = (Vec::new(), &self.scope().frame.objects[chunk.object].surfels);
             let (view, volume) = (self.scope().view(&chunk), self.group.volume());
             swept::project::project(&view, volume, surfels, chunk.surfels.clone(), &mut splats);
-            Of { chunk, splats }
+            Posed { chunk, splats }
         };
         whole_chunks(self.scope(), objects).into_iter().map(kernels_of).collect()
     }
 
     /// Sums of a tile of the image, of which `thresholds` are those of static objects.
-    pub(super) fn attribute(&self, kernels: &[Of<SweptSplat>], tile: [usize; 2], thresholds: &[f32]) -> SweptSums {
+    pub(super) fn attribute(&self, kernels: &[Posed<SweptSplat>], tile: [usize; 2], thresholds: &[f32]) -> SweptSums {
         let channels = self.scope().channels.count;
         let mut buffers = self.clear();
         put_rows(thresholds, &mut buffers.threshold, STRIDE, self.edge);
         let rect = rect(&self.scope().band, tile, self.edge);
-        for Of { chunk, splats } in kernels {
+        for Posed { chunk, splats } in kernels {
             let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
             let mut values = Vec::new();
             values::values(splats, &self.scope().shown(chunk), &mut values);
             let swept = self.group.swept(chunk, &values);
-            let TileBuffers { threshold, sums, presence, .. } = &mut buffers;
-            swept::attribute::attribute(splats, &list, &swept, &rect, threshold, sums, presence);
+            let TileBuffers { threshold, sums, coverage_mask, .. } = &mut buffers;
+            swept::attribute::attribute(splats, &list, &swept, &rect, threshold, sums, coverage_mask);
         }
         let channel = |c: usize| take_rows(&buffers.sums[c * STRIDE..], channels * STRIDE, self.edge);
         SweptSums {
             channels: (0..channels).map(channel).collect(),
-            surface: take_rows(&buffers.presence.surface, STRIDE, self.edge),
-            low_pass: take_rows(&buffers.presence.low_pass, STRIDE, self.edge),
-            loose: take_rows(&buffers.presence.loose, STRIDE, self.edge),
+            surface: take_rows(&buffers.coverage_mask.surface, STRIDE, self.edge),
+            low_pass: take_rows(&buffers.coverage_mask.low_pass, STRIDE, self.edge),
+            loose: take_rows(&buffers.coverage_mask.loose, STRIDE, self.edge),
         }
     }
 
-    /// Film of a tile after the group alone: plane by plane, `edge` x `edge`; not finished. `picture`: that of static objects, empty
-    /// where there is none.
+    /// Film of a tile after the group alone, not finished: plane by plane, `edge` x `edge`. `picture`: that of static
+    /// objects, empty where there is none.
     pub(super) fn resolve(&self, tile: [usize; 2], sums: &SweptSums, picture: &[Vec<f32>]) -> Vec<Vec<f32>> {
         let (channels, planes) = (self.scope().channels.count, self.scope().planes.count);
         let mut buffers = self.clear();
         for (c, channel) in sums.channels.iter().enumerate() {
             put_rows(channel, &mut buffers.sums[c * STRIDE..], channels * STRIDE, self.edge);
         }
-        put_rows(&sums.surface, &mut buffers.presence.surface, STRIDE, self.edge);
-        put_rows(&sums.low_pass, &mut buffers.presence.low_pass, STRIDE, self.edge);
-        put_rows(&sums.loose, &mut buffers.presence.loose, STRIDE, self.edge);
+        put_rows(&sums.surface, &mut buffers.coverage_mask.surface, STRIDE, self.edge);
+        put_rows(&sums.low_pass, &mut buffers.coverage_mask.low_pass, STRIDE, self.edge);
+        put_rows(&sums.loose, &mut buffers.coverage_mask.loose, STRIDE, self.edge);
         let mut of_static = StaticTile::default();
         of_static.film.values.resize(planes * TILE * TILE, 0.0);
         for (p, plane) in picture.iter().enumerate() {
@@ -189,7 +183,7 @@ impl SweepTwins<'_> {
         let mut buffers = TileBuffers::default();
         buffers.clear_threshold();
         buffers.clear_sums(self.scope().channels.count, 1);
-        buffers.clear_presence();
+        buffers.clear_coverage_mask();
         buffers
     }
 }

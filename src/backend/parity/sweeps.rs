@@ -1,185 +1,23 @@
-//! Kernels in motion: parity with the CPU, pass by pass, slot by slot, each pass fed the CPU's results of the passes before it; broken
-//! programs; small buffers; whole images.
-
-use bytemuck::Pod;
+//! Kernels in motion: parity with the CPU, pass by pass and slot by slot. Each pass is fed the CPU's results of the
+//! passes before it. Also: broken programs, small buffers and whole images.
 
 use super::cases::{self, Case};
+use super::compare::{Tally, compare, flat};
 use super::gpu_or_skip;
-use super::harness::{Harness, NONE, PIXELS, Pass, WIDE};
-use super::splat_twins::{Context, SplatTwins, project, whole};
-use super::splats::{Tally, largest};
-use super::sweep_twins::{MapTwins, Of, SweepTwins, SweptSums};
+use super::harness::{Harness, NONE, PIXELS, Pass, tiles};
+use super::slots::Slots;
+use super::splat_twins::{Context, Posed, SplatTwins, project, whole};
+use super::sweep_twins::{MapTwins, SweepTwins, SweptSums};
 use crate::backend::cpu::Cpu;
 use crate::backend::cpu::swept::map::Map;
 use crate::backend::cpu::swept::{MapGroup, SweepGroup};
 use crate::backend::gpu::Gpu;
-use crate::backend::gpu::layout::{TILE, WIDEST};
+use crate::backend::gpu::layout::TILE;
 use crate::backend::gpu::programs::{Pipelines, Program};
 use crate::film::Picture;
 use crate::layout::{Splat, SweptSplat};
 use crate::plan::{MapPass, Objects, Step, SweepPass};
 use crate::renderer::render_frame;
-
-/// What a slot may hold.
-trait Slotted: Pod {
-    fn bounds(&self) -> [u16; 4];
-    fn surfel(&self) -> u32;
-    /// What must be the same, and floats, each with the size that its rounding goes by.
-    fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>);
-}
-
-impl Slotted for Splat {
-    fn bounds(&self) -> [u16; 4] {
-        self.bounds
-    }
-    fn surfel(&self) -> u32 {
-        self.surfel
-    }
-    fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
-        let Self { reference, inverse_depth, u, v, centre_depth, .. } = *self;
-        let floats = vec![reference.to_vec(), inverse_depth.to_vec(), u.to_vec(), v.to_vec(), vec![centre_depth]];
-        ([self.surfel, self.flags], floats.into_iter().map(|part| (part.clone(), largest(&part))).collect())
-    }
-}
-
-impl Slotted for SweptSplat {
-    fn bounds(&self) -> [u16; 4] {
-        self.bounds
-    }
-    fn surfel(&self) -> u32 {
-        self.surfel
-    }
-    fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
-        let Self { reference, inverse_depth, u, v, u_rate, v_rate, motion, ends, .. } = *self;
-        // Rates are differences of products of what the forms are made of.
-        let rate = largest(&u).max(largest(&v)).max(1.0) * largest(&motion).max(1.0);
-        let mut floats = vec![
-            (reference.to_vec(), largest(&reference)),
-            (inverse_depth.to_vec(), largest(&inverse_depth)),
-            (u.to_vec(), largest(&u)),
-            (v.to_vec(), largest(&v)),
-            (u_rate.to_vec(), largest(&u_rate).max(rate)),
-            (v_rate.to_vec(), largest(&v_rate).max(rate)),
-            (motion.to_vec(), largest(&motion)),
-        ];
-        floats.extend(ends.map(|end| (end.to_vec(), largest(&end))));
-        ([self.surfel, self.flags], floats)
-    }
-}
-
-/// The CPU's splats by slot, and their lists.
-struct Slots<S> {
-    splats: Vec<Option<S>>,
-    touched: Vec<u32>,
-    starts: Vec<u32>,
-    list: Vec<u32>,
-    wide: Vec<u32>,
-}
-
-impl<S: Slotted> Slots<S> {
-    /// `finish`: what the device adds, given the segment.
-    fn new(harness: &Harness<'_>, of: &[Of<S>], tiles: &[[usize; 2]], finish: impl Fn(&S, u32) -> S) -> Self {
-        let slots = harness.batch.slots as usize;
-        let mut splats = vec![None; slots];
-        for (segment, object, _) in &harness.batch.segments {
-            let first = segment.buffer_start + segment.first_surfel;
-            let of = of.iter().find(|of| of.chunk.object == *object).unwrap();
-            for splat in of.splats.iter().filter(|s| (first..first + segment.surfels).contains(&s.surfel())) {
-                splats[(segment.first_slot + splat.surfel() - first) as usize] = Some(finish(splat, segment.index));
-            }
-        }
-        let tiles_of = |splat: &S| splat.bounds().map(|pixel| u32::from(pixel) / TILE);
-        let count = |splat: &Option<S>| {
-            let count = splat.as_ref().map_or(0, |splat| {
-                let [x0, x1, y0, y1] = tiles_of(splat);
-                (x1 + 1 - x0) * (y1 + 1 - y0)
-            });
-            if count > WIDEST { WIDE } else { count }
-        };
-        let touched: Vec<u32> = splats.iter().map(count).collect();
-        let wide: Vec<u32> = (0..slots as u32).filter(|&slot| touched[slot as usize] == WIDE).collect();
-        let (mut starts, mut list) = (Vec::new(), Vec::new());
-        for &[x, y] in tiles {
-            starts.push(list.len() as u32);
-            list.extend((0..slots as u32).filter(|&slot| {
-                touched[slot as usize] != WIDE
-                    && splats[slot as usize].as_ref().is_some_and(|splat| {
-                        let [x0, x1, y0, y1] = tiles_of(splat).map(|i| i as usize);
-                        (x0..=x1).contains(&x) && (y0..=y1).contains(&y)
-                    })
-            }));
-        }
-        starts.extend([list.len() as u32, wide.len() as u32]);
-        Self { splats, touched, starts, list, wide }
-    }
-
-    /// Writes splats and lists.
-    fn feed(&self, harness: &Harness<'_>) {
-        let buffers = &harness.gpu.state.buffers;
-        let splats: Vec<S> = self.splats.iter().map(|splat| splat.unwrap_or(S::zeroed())).collect();
-        harness.write(&buffers.splats, &splats);
-        harness.write(&buffers.touched, &self.touched);
-        harness.write(&buffers.starts, &self.starts);
-        harness.write(&buffers.lists[0], &self.list);
-        harness.write(&buffers.wide, &self.wide);
-    }
-
-    fn compare_splats(&self, harness: &Harness<'_>) -> Result<(), String> {
-        let buffers = &harness.gpu.state.buffers;
-        let touched: Vec<u32> = harness.read(&buffers.touched, self.touched.len());
-        let splats: Vec<S> = harness.read(&buffers.splats, self.splats.len());
-        let mut tally = Tally::default();
-        for (slot, (want, got)) in self.splats.iter().zip(&splats).enumerate() {
-            if touched[slot] != self.touched[slot] {
-                tally.count += 1;
-                tally.otherwise(|| format!("slot {slot}: {} tiles, not {}", touched[slot], self.touched[slot]));
-                continue;
-            }
-            let Some(want) = want else { continue };
-            let ((got_same, got_floats), (same, floats)) = (got.parts(), want.parts());
-            if got_same != same {
-                return Err(format!("slot {slot}: {got_same:?}, not {same:?}"));
-            }
-            if got.bounds() != want.bounds() {
-                tally.otherwise(|| format!("slot {slot}: bounds {:?}, not {:?}", got.bounds(), want.bounds()));
-            }
-            for (part, ((got, _), (want, scale))) in got_floats.iter().zip(&floats).enumerate() {
-                tally.floats(got, want, *scale, || format!("slot {slot}, part {part}"));
-            }
-        }
-        tally.check("splats")
-    }
-
-    fn compare_lists(&self, harness: &Harness<'_>) -> Result<(), String> {
-        let buffers = &harness.gpu.state.buffers;
-        let same = |what: &str, got: Vec<u32>, want: &[u32]| {
-            if got == want { Ok(()) } else { Err(format!("{what}: {got:?}, not {want:?}")) }
-        };
-        same("starts", harness.read(&buffers.starts, self.starts.len()), &self.starts)?;
-        same("list", harness.read(&buffers.lists[0], self.list.len()), &self.list)?;
-        same("wide", harness.read(&buffers.wide, self.wide.len()), &self.wide)
-    }
-}
-
-fn flat<T: Copy>(tiles: &[Vec<T>]) -> Vec<T> {
-    tiles.iter().flatten().copied().collect()
-}
-
-/// Single values in the order in which the device has them.
-fn compare(what: &str, got: &[f32], want: &[f32], scale: impl Fn(usize) -> f32) -> Result<(), String> {
-    assert_eq!(got.len(), want.len(), "{what}");
-    let mut tally = Tally::default();
-    for (i, (got, want)) in got.iter().zip(want).enumerate() {
-        let want = want.min(NONE);
-        tally.floats(&[*got], &[want], scale(i).max(want.abs()), || format!("{i}"));
-    }
-    tally.check(what)
-}
-
-fn tiles(size: [u32; 2]) -> Vec<[usize; 2]> {
-    let [x, y] = size.map(|n| n as usize);
-    (0..x * y).map(|i| [i % x, i / x]).collect()
-}
 
 /// Spoils what passes write.
 fn spoil(harness: &Harness<'_>) {
@@ -232,6 +70,11 @@ fn check_static(
     Ok(want)
 }
 
+/// The splats of an object. An interval has one sample.
+fn splats_of_object<S>(all: &[Posed<S>], object: usize) -> &[S] {
+    &all.iter().find(|posed| posed.chunk.object == object).unwrap().splats
+}
+
 /// All passes of the first group of a case; the first that differs.
 fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let frame = case.frame();
@@ -255,19 +98,21 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let failed = |pass: Pass| move |what: String| format!("{}: {pass:?}: {what}", case.name);
 
     let splats = map_twins.project(objects);
-    let slots =
-        Slots::new(&harness, &splats, &on_map, |splat, segment| Splat { flags: splat.flags | segment << 1, ..*splat });
+    let splats_of = |_: &_, object| splats_of_object(&splats, object);
+    let with_segment = |splat: &Splat, segment| Splat { flags: splat.flags | segment << 1, ..*splat };
+    let slots = Slots::new(&harness.batch, &on_map, splats_of, with_segment, |_| true);
     spoil(&harness);
     harness.run(Pass::Project);
-    // On the map, what is compared is what lies there.
     slots.compare_splats(&harness).map_err(failed(Pass::Project))?;
-    slots.feed(&harness);
+    slots.feed_splats(&harness);
+    slots.feed_lists(&harness);
     harness.run(Pass::Bin);
     slots.compare_lists(&harness).map_err(failed(Pass::Bin))?;
 
     let thresholds: Vec<_> = on_map.iter().map(|&tile| map_twins.visibility(&splats, tile)).collect();
     let count = on_map.len() * PIXELS;
-    slots.feed(&harness);
+    slots.feed_splats(&harness);
+    slots.feed_lists(&harness);
     let pass = Pass::Map(MapPass::Visibility);
     harness.run(pass);
     let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.thresholds, count);
@@ -292,8 +137,8 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let pass = Pass::Map(MapPass::Store);
     harness.run(pass);
     let got: Vec<[f32; 2]> = harness.read(&harness.gpu.state.buffers.map, count);
-    // Beyond the guard band the CPU stores nothing; sources do not lie there.
-    let [width, height] = [around.pixels[1] + 1 - around.pixels[0], around.pixels[3] + 1 - around.pixels[2]];
+    // Beyond the guard band the CPU stores nothing; no sources are there.
+    let [width, height] = around.pixels.size();
     let inside = |i: usize| {
         let (tile, pixel) = (on_map[i / PIXELS], i % PIXELS);
         tile[0] * edge + pixel % edge < width as usize && tile[1] * edge + pixel / edge < height as usize
@@ -307,7 +152,8 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let group = SweepGroup { scope: scope(band), interval: &interval, kernel, map: &map, picture: &[] };
     let twins = SweepTwins { group, edge };
     let kernels = twins.sweep(objects);
-    let slots = Slots::new(&harness, &kernels, &on_band, |splat, _| *splat);
+    let kernels_of = |_: &_, object| splats_of_object(&kernels, object);
+    let slots = Slots::new(&harness.batch, &on_band, kernels_of, |kernel: &SweptSplat, _| *kernel, |_| true);
     harness.run(Pass::MakeKernels);
     slots.compare_splats(&harness).map_err(failed(Pass::MakeKernels))?;
     slots.compare_lists(&harness).map_err(failed(Pass::MakeKernels))?;
@@ -316,7 +162,8 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
         .map_err(|what| format!("{}: {what}", case.name))?;
     let sums: Vec<_> =
         on_band.iter().zip(&picture).map(|(&tile, (before, _))| twins.attribute(&kernels, tile, before)).collect();
-    slots.feed(&harness);
+    slots.feed_splats(&harness);
+    slots.feed_lists(&harness);
     let behind = picture.iter().filter(|(_, film)| !film.is_empty()).flat_map(|(before, _)| before);
     let fed: Vec<f32> = flat(&stored).as_flattened().iter().chain(behind).map(|v| v.min(NONE)).collect();
     harness.write(&harness.gpu.state.buffers.map, &fed);
@@ -325,7 +172,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
 
     let buffers = &harness.gpu.state.buffers;
     harness.write(&buffers.sums, &sums.iter().flat_map(|sums| flat(&sums.channels)).collect::<Vec<_>>());
-    harness.write(&buffers.coverage_mask, &sums.iter().flat_map(presence).flatten().collect::<Vec<u32>>());
+    harness.write(&buffers.coverage_mask, &sums.iter().flat_map(mask_planes).flatten().collect::<Vec<u32>>());
     harness.run(Pass::Sweep(SweepPass::Resolve));
     let of_tile = |((&tile, sums), (_, film)): ((_, _), &StaticPicture)| twins.resolve(tile, sums, film);
     let want: Vec<_> = on_band.iter().zip(&sums).zip(&picture).flat_map(of_tile).collect();
@@ -333,7 +180,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     compare("film", &got, &flat(&want), |_| 1.0).map_err(failed(Pass::Sweep(SweepPass::Resolve)))
 }
 
-fn presence(sums: &SweptSums) -> [Vec<u32>; 3] {
+fn mask_planes(sums: &SweptSums) -> [Vec<u32>; 3] {
     [sums.surface.clone(), sums.low_pass.clone(), sums.loose.iter().map(|v| v.to_bits()).collect()]
 }
 
@@ -346,7 +193,7 @@ fn compare_sums(harness: &Harness<'_>, want: &[SweptSums]) -> Result<(), String>
     let weight = |i: usize| want[i / (channels * PIXELS)].channels[0][i % PIXELS];
     compare("sums", &got, &values, weight)?;
     let got: Vec<u32> = harness.read(&buffers.coverage_mask, want.len() * 3 * PIXELS);
-    let bits: Vec<u32> = want.iter().flat_map(presence).flatten().collect();
+    let bits: Vec<u32> = want.iter().flat_map(mask_planes).flatten().collect();
     let (mut times, mut loose) = (Tally::default(), Tally::default());
     for (i, (&got, &want)) in got.iter().zip(&bits).enumerate() {
         if i / PIXELS % 3 == 2 {
@@ -359,7 +206,7 @@ fn compare_sums(harness: &Harness<'_>, want: &[SweptSums]) -> Result<(), String>
             }
         }
     }
-    times.check("presence")?;
+    times.check("coverage mask")?;
     loose.check("loose weights")
 }
 
@@ -424,7 +271,7 @@ fn values(picture: &Picture) -> Vec<f32> {
     picture.rgba.iter().flatten().chain(layers).copied().collect()
 }
 
-/// Whole images. On the software device pixels differ by rounding alone, but where a rounded value decides.
+/// Whole images. On the software device pixels differ by rounding alone, except where a rounded value decides.
 #[test]
 fn swept_images_look_the_same() {
     let Some(mut gpu) = gpu_or_skip("swept_images_look_the_same") else { return };

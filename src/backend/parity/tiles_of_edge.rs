@@ -5,8 +5,7 @@ use crate::backend::cpu::tiles::{Band, TileRect};
 /// Tile (column, row) of `band`.
 pub(super) fn rect(band: &Band, tile: [usize; 2], edge: usize) -> TileRect {
     let origin = tile.map(|i| i * edge);
-    let [x0, x1, y0, y1] = band.pixels;
-    let size = [x1 + 1 - x0, y1 + 1 - y0].map(|pixels| pixels as usize);
+    let size = band.pixels.size().map(|pixels| pixels as usize);
     let [width, height] = [0, 1].map(|i| (size[i] - origin[i]).min(edge));
     TileRect { tile, origin, corner: [0, 1].map(|i| band.corner[i] + origin[i] as i32), width, height }
 }

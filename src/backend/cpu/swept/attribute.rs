@@ -1,13 +1,13 @@
-//! Pass `attribute`, swept: weighted sums of the attributes of kernels in motion whose source passes the depth test (thesis 4.1.2,
-//! 4.2.2; docs/math.md, section 7).
+//! Pass `attribute`, swept: weighted sums of the attributes of kernels in motion whose source passes the depth test
+//! (Wolf 2008, 4.1.2 and 4.2.2; docs/math.md, section 7).
 //!
-//! In: swept splats of a tile's list, the group's map, the thresholds of what lies still, the surfels' attributes. Out: the tile's sums, and when the kernels cover.
-//! In list order; what is covered is order-free.
+//! In: swept splats of a tile's list, the group's map, the thresholds of static objects, the surfels' attributes. Out: the
+//! tile's sums, and when the kernels cover. Sums are in list order; the coverage mask is order-free.
 
 use super::hull::Hull;
 use super::map::Map;
 use crate::backend::cpu::attribute::{Attributes, add};
-use crate::backend::cpu::tiles::{LANES, Presence, STRIDE, TileRect};
+use crate::backend::cpu::tiles::{CoverageMask, LANES, STRIDE, TileRect};
 use crate::layout::{FLAG_LOW_PASS, SweptSplat};
 use crate::math::simd::dispatch;
 use crate::math::sweep::{Path, Sweep, chord_intensity, ellipsoid_weight, moments, tube_weight};
@@ -20,7 +20,7 @@ pub(in crate::backend) enum Footprint {
     Tube,
     /// Integral of the ellipsoid.
     Ellipsoid,
-    /// The ellipsoid's chord (thesis eq. 4.12).
+    /// The ellipsoid's chord (Wolf 2008, eq. 4.12).
     Chord,
 }
 
@@ -44,16 +44,16 @@ pub(in crate::backend) struct Swept<'a> {
     pub source_samples: u32,
     /// Change of the time weight from the middle of the interval to its end, over its mean.
     pub slope: f32,
-    /// Keep the sum of weights instead of when kernels cover.
+    /// Write the sum of weights instead of the times at which kernels cover.
     pub sum: bool,
     pub map: &'a Map,
 }
 
 dispatch! {
-    /// Adds the swept splats that `list` names to `sums` and `presence`.
+    /// Adds the swept splats that `list` names to `sums` and `coverage_mask`.
     pub(in crate::backend) fn attribute(
         splats: &[SweptSplat], list: &[u32], swept: &Swept<'_>, tile: &TileRect, threshold: &[f32], sums: &mut [f32],
-        presence: &mut Presence,
+        coverage_mask: &mut CoverageMask,
     ) = attribute_body
 }
 
@@ -65,18 +65,20 @@ fn attribute_body(
     tile: &TileRect,
     threshold: &[f32],
     sums: &mut [f32],
-    presence: &mut Presence,
+    coverage_mask: &mut CoverageMask,
 ) {
     let low_pass = swept.attributes.low_pass > 0.0;
     match swept.footprint {
-        Footprint::Tube if low_pass => add_all::<TUBE, true>(splats, list, swept, tile, threshold, sums, presence),
-        Footprint::Tube => add_all::<TUBE, false>(splats, list, swept, tile, threshold, sums, presence),
+        Footprint::Tube if low_pass => add_all::<TUBE, true>(splats, list, swept, tile, threshold, sums, coverage_mask),
+        Footprint::Tube => add_all::<TUBE, false>(splats, list, swept, tile, threshold, sums, coverage_mask),
         Footprint::Ellipsoid if low_pass => {
-            add_all::<ELLIPSOID, true>(splats, list, swept, tile, threshold, sums, presence);
+            add_all::<ELLIPSOID, true>(splats, list, swept, tile, threshold, sums, coverage_mask);
         }
-        Footprint::Ellipsoid => add_all::<ELLIPSOID, false>(splats, list, swept, tile, threshold, sums, presence),
-        Footprint::Chord if low_pass => add_all::<CHORD, true>(splats, list, swept, tile, threshold, sums, presence),
-        Footprint::Chord => add_all::<CHORD, false>(splats, list, swept, tile, threshold, sums, presence),
+        Footprint::Ellipsoid => add_all::<ELLIPSOID, false>(splats, list, swept, tile, threshold, sums, coverage_mask),
+        Footprint::Chord if low_pass => {
+            add_all::<CHORD, true>(splats, list, swept, tile, threshold, sums, coverage_mask)
+        }
+        Footprint::Chord => add_all::<CHORD, false>(splats, list, swept, tile, threshold, sums, coverage_mask),
     }
 }
 
@@ -92,7 +94,7 @@ fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
     tile: &TileRect,
     threshold: &[f32],
     sums: &mut [f32],
-    presence: &mut Presence,
+    coverage_mask: &mut CoverageMask,
 ) {
     let attributes = &swept.attributes;
     let channels = attributes.channels.count;
@@ -123,7 +125,7 @@ fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
                     }
                     lanes.hide(&threshold[y * STRIDE + x..]);
                     lanes.test::<FOOTPRINT>(swept);
-                    lanes.mark(swept.sum, y * STRIDE + x, presence);
+                    lanes.mark(swept.sum, y * STRIDE + x, coverage_mask);
                     for (value, plane) in values.iter().zip(out.chunks_exact_mut(STRIDE)) {
                         add(&mut plane[x..], &lanes.weight, *value);
                     }
@@ -140,11 +142,11 @@ fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
     }
 }
 
-/// What is left of the weight of a hidden kernel: nothing beside any that is seen, but a colour where the map, which holds a sample
-/// for each pixel, hides all that covers.
+/// Share of its weight that a hidden kernel has. It is nothing beside a visible kernel's weight. Without it a pixel
+/// would have no colour where the map, which has one sample a pixel, hides all kernels that cover the pixel.
 const HIDDEN: f32 = 1.0 / (1 << 24) as f32;
 
-/// What a kernel is on the rays through some neighbouring pixels. A lane where nothing is met has weight 0 and covers nothing.
+/// A kernel on the rays through neighbouring pixels. A lane whose ray does not meet it has weight 0 and covers nothing.
 #[derive(Default)]
 struct Lanes {
     /// Of the colour: the weight, and what it may be at the most however sparse the kernels.
@@ -171,7 +173,8 @@ struct Ray {
     k: f32,
     /// 1 / k, or as good as infinite.
     inverse_k: f32,
-    /// The low-pass disc: its radius, its centre's motion over the centre's depth (x, y, depth), when it is beyond `near`.
+    /// The low-pass disc: its radius, the motion of its centre over the centre's depth (x, y, depth), and the times at
+    /// which it is beyond `near`.
     disc: f32,
     drift: [f32; 3],
     disc_span: [f32; 2],
@@ -276,7 +279,8 @@ impl Ray {
 }
 
 impl Lanes {
-    /// Leaves out what has something that lies still before it, all the time: `threshold` is its, from the first lane's pixel on.
+    /// Removes kernels that are behind static objects. `threshold`: that of static objects, from the first lane's pixel
+    /// on.
     #[inline(always)]
     fn hide(&mut self, threshold: &[f32]) {
         let Some(threshold) = threshold.first_chunk::<LANES>() else { return };
@@ -289,8 +293,8 @@ impl Lanes {
         }
     }
 
-    /// Compares the sources with the map: what is hidden loses its weight, but still covers, as something before it does. Weights
-    /// become shares of the surface at the source.
+    /// Compares the sources with the map. A hidden kernel loses its weight, but covers, as the surface before it
+    /// covers. Weights become shares of the surface at the source.
     #[inline(always)]
     fn test<const FOOTPRINT: u8>(&mut self, swept: &Swept<'_>) {
         let mut limit = [0.0_f32; LANES];
@@ -314,8 +318,8 @@ impl Lanes {
 
     /// Adds when the lanes are covered, for the pixels from `first` on.
     #[inline(always)]
-    fn mark(&self, sum: bool, first: usize, presence: &mut Presence) {
-        if let Some(loose) = presence.loose.get_mut(first..).and_then(<[f32]>::first_chunk_mut::<LANES>) {
+    fn mark(&self, sum: bool, first: usize, coverage_mask: &mut CoverageMask) {
+        if let Some(loose) = coverage_mask.loose.get_mut(first..).and_then(<[f32]>::first_chunk_mut::<LANES>) {
             for l in 0..LANES {
                 loose[l] += self.loose[l];
             }
@@ -323,7 +327,9 @@ impl Lanes {
         if sum {
             return;
         }
-        for (plane, bits) in [(&mut presence.surface, &self.surface), (&mut presence.low_pass, &self.low_pass)] {
+        for (plane, bits) in
+            [(&mut coverage_mask.surface, &self.surface), (&mut coverage_mask.low_pass, &self.low_pass)]
+        {
             if let Some(plane) = plane.get_mut(first..).and_then(<[u32]>::first_chunk_mut::<LANES>) {
                 for l in 0..LANES {
                     plane[l] |= bits[l];

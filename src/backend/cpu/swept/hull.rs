@@ -5,8 +5,8 @@ use crate::layout::{FLAG_CROSSING, SweptSplat};
 /// Slack against rounding, pixels.
 const SLACK: f32 = 1e-2;
 
-/// The boxes around a kernel at times between its ends: box(t) = (1 - t) box(0) + t box(1), t in [0, 1]. Their union is the
-/// convex hull of the boxes at the ends, and holds the kernel.
+/// The boxes around a kernel at times between its ends: box(t) = (1 - t) box(0) + t box(1), t in [0, 1]. Their union is
+/// the convex hull of the boxes at the ends, and holds the kernel.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::backend) struct Hull {
     from: [f32; 4],

@@ -1,5 +1,5 @@
-//! What a group shows at mid-interval, over the image and a guard band around it: where swept kernels look up whether their source is
-//! visible (thesis fig. 4.5), and how densely kernels lie there.
+//! The map of a group at mid-interval, over the image and a guard band around it. Swept kernels look up in it whether
+//! their source is visible (Wolf 2008, fig. 4.5), and how dense kernels are there.
 
 use crate::backend::cpu::tiles::{Band, STRIDE, TILE, TileRect};
 
@@ -16,8 +16,8 @@ pub(in crate::backend) struct Map {
 /// Values of one tile: `TILE` rows of `TILE`.
 pub(in crate::backend) type MapTile = [[f32; 2]; TILE * TILE];
 
-/// Where nothing is known everything is visible, however sparse: what `store` makes of a pixel without kernels, so that it does not
-/// matter which tiles had any.
+/// Beyond the map everything is visible, however sparse. `store` makes the same of a pixel without kernels, so that it
+/// does not matter which tiles had kernels.
 const UNKNOWN: [f32; 2] = [f32::INFINITY; 2];
 
 impl Map {
@@ -68,8 +68,8 @@ pub(in crate::backend) fn store(tile: &TileRect, threshold: &[f32], sums: &[f32]
 mod tests {
     use super::*;
 
-    /// A tile whose list is empty is left as it was laid, so that must be what `store` makes of pixels without kernels: how large tiles
-    /// are must not show.
+    /// A tile whose list is empty has the values that `lay` wrote. They must be those that `store` makes of pixels
+    /// without kernels: the size of tiles must not show.
     #[test]
     fn a_tile_without_kernels_is_like_pixels_without() {
         let band = Band::new([TILE as u32; 2], [0, 1]);

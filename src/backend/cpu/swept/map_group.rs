@@ -32,7 +32,7 @@ impl MapGroup<'_> {
                 continue;
             }
             let TileBuffers { threshold, sums, .. } = &mut *job.buffers;
-            let mut tally = Tally { sums, reach: &mut [], nearest: &mut [] };
+            let mut tally = Tally { sums, sample_coverage: &mut [], nearest: &mut [] };
             let weights = self.weights(chunk, &channels);
             attribute::attribute(&binned.splats, list, &weights, &job.tile, threshold, &mut tally);
         }

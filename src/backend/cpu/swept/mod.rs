@@ -1,4 +1,4 @@
-//! Kernels in motion: the passes of an interval of time (thesis 4.1.2, 4.2.2; docs/math.md, section 7).
+//! Kernels in motion: the passes of an interval of time (Wolf 2008, 4.1.2 and 4.2.2; docs/math.md, section 7).
 
 pub(in crate::backend) mod attribute;
 mod hull;

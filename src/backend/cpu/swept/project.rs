@@ -1,20 +1,17 @@
 //! Pass `project`, swept: surfels to kernels in motion over an interval; projected, bounded and culled.
 //!
-//! Math: docs/math.md, section 7. In: surfels of one object, its pose at mid-interval and its motion over it. Out: swept splats in
-//! surfel order. Order-free.
+//! Math: docs/math.md, section 7. In: surfels of one object, its pose at mid-interval and its motion. Out: swept
+//! splats in surfel order. Order-free.
 
 use std::ops::Range;
 
 use glam::Vec3;
 
-use crate::backend::cpu::project::{View, extent};
+use crate::backend::cpu::bounds::{extent, index_range};
+use crate::backend::cpu::project::View;
 use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, SweptSplat};
 use crate::math::simd::dispatch;
 use crate::model::Surfels;
-
-/// Slack of screen bounds, pixels plus a share of the size: they must not be too small by rounding.
-const SLACK: f32 = 1e-3;
-const SLACK_SHARE: f32 = 1e-5;
 
 /// Which volume a kernel sweeps.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +24,9 @@ pub(in crate::backend) struct Volume {
 
 dispatch! {
     /// Appends the swept splats of `surfels[range]` that may touch the wanted pixels, in surfel order.
-    pub(in crate::backend) fn project(view: &View<'_>, volume: Volume, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>) = project_body
+    pub(in crate::backend) fn project(
+        view: &View<'_>, volume: Volume, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>,
+    ) = project_body
 }
 
 #[inline(always)]
@@ -61,13 +60,13 @@ pub(super) struct Posed {
 #[inline(always)]
 pub(super) fn sweep(view: &View<'_>, ellipsoid: bool, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
     let &Posed { centre, motion, u, v } = posed;
-    let reach2 = u.z * u.z + v.z * v.z;
+    let depth_extent2 = u.z * u.z + v.z * v.z;
     let depths = [centre.z - motion.z, centre.z + motion.z];
-    if (if depths[0] > depths[1] { depths[0] } else { depths[1] }) + reach2.sqrt() < view.near {
+    if (if depths[0] > depths[1] { depths[0] } else { depths[1] }) + depth_extent2.sqrt() < view.near {
         return None;
     }
     // False with a NaN.
-    let before = |depth: f32| depth > 0.0 && reach2 - depth * depth <= -1e-3 * depth * depth;
+    let before = |depth: f32| depth > 0.0 && depth_extent2 - depth * depth <= -1e-3 * depth * depth;
     if !(before(depths[0]) && before(depths[1])) {
         return crossing(view, posed, surfel);
     }
@@ -91,9 +90,10 @@ pub(super) fn sweep(view: &View<'_>, ellipsoid: bool, posed: &Posed, surfel: u32
     let mut hull =
         [0, 1, 2, 3].map(|i| if i % 2 == 0 { low(ends[0][i], ends[1][i]) } else { high(ends[0][i], ends[1][i]) });
     if ellipsoid {
-        // The dual conic T diag(1, 1, 1, -1) T^t with T = [u v motion centre] (Sigg et al. 2006); and that of the low-pass disc.
+        // The dual conic T diag(1, 1, 1, -1) T^t with T = [u v motion centre] (Sigg et al. 2006), and that of the
+        // low-pass disc.
         let disc = low_pass * centre.z;
-        let d22 = reach2 + motion.z * motion.z - centre.z * centre.z;
+        let d22 = depth_extent2 + motion.z * motion.z - centre.z * centre.z;
         let disc22 = motion.z * motion.z - centre.z * centre.z;
         let bound = |[u, v, m]: [f32; 3], reference: f32| {
             let kernel =
@@ -104,7 +104,7 @@ pub(super) fn sweep(view: &View<'_>, ellipsoid: bool, posed: &Posed, surfel: u32
         let (columns, rows) = (bound([ux, vx, mx], reference[0]), bound([uy, vy, my], reference[1]));
         hull = [high(hull[0], columns.0), low(hull[1], columns.1), high(hull[2], rows.0), low(hull[3], rows.1)];
     }
-    let [x0, x1, y0, y1] = view.pixels.map(|pixel| pixel as f32);
+    let [x0, x1, y0, y1] = view.pixels.to_array().map(|pixel| pixel as f32);
     let bounds =
         [high(hull[0].ceil(), x0), low(hull[1].floor(), x1), high(hull[2].ceil(), y0), low(hull[3].floor(), y1)];
     // False with a NaN.
@@ -137,8 +137,8 @@ pub(super) fn sweep(view: &View<'_>, ellipsoid: bool, posed: &Posed, surfel: u32
     })
 }
 
-/// Pixel columns and rows between which the kernel and its low-pass disc lie when its centre is `centre`: the dual conic of the
-/// ellipse, as for a splat that does not move. `low_pass` is the disc's radius there.
+/// Pixel columns and rows that bound the kernel and its low-pass disc when its centre is `centre`: the dual conic of
+/// the ellipse, as for a splat that does not move. `low_pass` is the disc's radius there.
 #[inline(always)]
 fn end(view: &View<'_>, centre: Vec3, u: Vec3, v: Vec3, low_pass: f32) -> [f32; 4] {
     let inverse = 1.0 / centre.z;
@@ -155,14 +155,8 @@ fn end(view: &View<'_>, centre: Vec3, u: Vec3, v: Vec3, low_pass: f32) -> [f32; 
     [columns.0, columns.1, rows.0, rows.1]
 }
 
-/// What lies in [low, high] about `reference`, in pixel indices, with slack.
-#[inline(always)]
-fn index_range(reference: f32, low: f32, high: f32) -> (f32, f32) {
-    let slack = SLACK + SLACK_SHARE * (high - low) + reference.abs() * f32::EPSILON;
-    (reference + low - slack - 0.5, reference + high + slack - 0.5)
-}
-
-/// A kernel that reaches the camera plane: its bounds are all that is wanted, and pixels are counted from the camera's axis.
+/// A kernel that crosses the camera plane. Its bounds are all wanted pixels, and pixels are counted from the camera's
+/// axis.
 #[inline(never)]
 fn crossing(view: &View<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
     let &Posed { centre, motion, u, v } = posed;
@@ -183,7 +177,7 @@ fn crossing(view: &View<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
         v_rate: (motion.cross(u) * over).to_array(),
         motion: motion.to_array(),
         ends: [[0.0; 4]; 2],
-        bounds: view.pixels.map(|pixel| pixel as u16),
+        bounds: view.pixels.bounds([0; 2]),
         surfel,
         flags: FLAG_CROSSING | if turned < 0.0 { 0 } else { FLAG_BACK },
     })

@@ -1,8 +1,9 @@
-//! Pass `resolve`, swept: when kernels cover becomes coverage; colours that are normalised once are pooled (docs/math.md, section 7).
+//! Pass `resolve`, swept: the coverage mask becomes coverage; colours that are normalised once are pooled
+//! (docs/math.md, section 7).
 //!
-//! In: a tile's sums and presence. Out: its coverage, or its film. One sample position at a time, order-free.
+//! In: a tile's sums and coverage mask. Out: its coverage, or its film. One sample position at a time, order-free.
 
-use crate::backend::cpu::tiles::{LANES, Presence, STRIDE, TILE, TileRect};
+use crate::backend::cpu::tiles::{CoverageMask, LANES, STRIDE, TILE, TileRect};
 use crate::film::FilmPlanes;
 use crate::layout::Channels;
 use crate::math::simd::dispatch;
@@ -20,15 +21,17 @@ pub(in crate::backend) struct Exposure<'a> {
 
 dispatch! {
     /// The share of the exposure that each pixel of a tile is covered for, `TILE` rows of `STRIDE`.
-    pub(in crate::backend) fn coverage(exposure: &Exposure<'_>, presence: &Presence, out: &mut Vec<f32>) = coverage_body
+    pub(in crate::backend) fn coverage(
+        exposure: &Exposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>,
+    ) = coverage_body
 }
 
 #[inline(always)]
-fn coverage_body(exposure: &Exposure<'_>, presence: &Presence, out: &mut Vec<f32>) {
+fn coverage_body(exposure: &Exposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>) {
     out.clear();
     out.resize(TILE * STRIDE, 0.0);
-    let lanes = presence.surface.chunks_exact(LANES).zip(presence.low_pass.chunks_exact(LANES));
-    let lanes = lanes.zip(presence.loose.chunks_exact(LANES)).zip(out.chunks_exact_mut(LANES));
+    let lanes = coverage_mask.surface.chunks_exact(LANES).zip(coverage_mask.low_pass.chunks_exact(LANES));
+    let lanes = lanes.zip(coverage_mask.loose.chunks_exact(LANES)).zip(out.chunks_exact_mut(LANES));
     for (((surface, low_pass), loose), out) in lanes {
         if exposure.sum {
             for l in 0..LANES {
@@ -37,19 +40,20 @@ fn coverage_body(exposure: &Exposure<'_>, presence: &Presence, out: &mut Vec<f32
             continue;
         }
         let mut covered = [0.0_f32; LANES];
-        let mut reached = [0.0_f32; LANES];
+        let mut by_discs = [0.0_f32; LANES];
         for (i, &share) in exposure.interval.moments.iter().enumerate() {
             for l in 0..LANES {
                 let bit = surface[l] >> i & 1;
                 let other = low_pass[l] >> i & !bit & 1;
                 covered[l] += if bit == 1 { share } else { 0.0 };
-                reached[l] += if other == 1 { share } else { 0.0 };
+                by_discs[l] += if other == 1 { share } else { 0.0 };
             }
         }
         for l in 0..LANES {
-            // Where only low-pass discs reach, the sum of their weights is the coverage, up to the time for which they do.
+            // Where only low-pass discs cover, the sum of their weights is the coverage, but at most the time for which
+            // they cover.
             let loose = exposure.weight * loose[l];
-            let loose = if loose < reached[l] { loose } else { reached[l] };
+            let loose = if loose < by_discs[l] { loose } else { by_discs[l] };
             out[l] = if surface[l] == u32::MAX { exposure.weight } else { covered[l] + loose };
         }
     }

@@ -58,18 +58,18 @@ impl SweepGroup<'_> {
                 continue;
             }
             let swept = self.swept(chunk, &binned.values);
-            let TileBuffers { threshold, sums, presence, .. } = &mut *job.buffers;
-            attribute::attribute(&binned.splats, list, &swept, &job.tile, threshold, sums, presence);
+            let TileBuffers { threshold, sums, coverage_mask, .. } = &mut *job.buffers;
+            attribute::attribute(&binned.splats, list, &swept, &job.tile, threshold, sums, coverage_mask);
         }
     }
 
     /// Pass `resolve` of one tile; `picture` is that of static objects there.
     pub(in crate::backend) fn resolve(&self, job: &mut Job<'_, SweptSplat, TileFilm>, picture: Option<&StaticTile>) {
         let Scope { channels, planes, .. } = self.scope;
-        let TileBuffers { threshold, sums, union, presence } = &mut *job.buffers;
-        let (weight, coverage) = (self.scope.weight(), &mut union.coverage);
+        let TileBuffers { threshold, sums, group_coverage, coverage_mask } = &mut *job.buffers;
+        let (weight, coverage) = (self.scope.weight(), &mut group_coverage.coverage);
         let exposure = Exposure { interval: self.interval, weight, sum: self.sums_weights() };
-        resolve::coverage(&exposure, presence, coverage);
+        resolve::coverage(&exposure, coverage_mask, coverage);
         match self.kernel.normalise {
             Normalise::Once => {
                 resolve::pool(weight, channels, planes, &job.tile, sums, coverage, &mut job.out.values);
@@ -116,7 +116,7 @@ impl TileWork for SweepGroup<'_> {
             SweepPass::Attribute => {
                 buffers.clear_threshold();
                 buffers.clear_sums(self.scope.channels.count, 1);
-                buffers.clear_presence();
+                buffers.clear_coverage_mask();
                 if let Some(tile) = self.picture.get(index) {
                     tile.start_threshold(&mut buffers.threshold);
                 }

@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3, Mat3, Vec3};
 use super::hull::Hull;
 use super::project::{Posed, sweep};
 use crate::backend::cpu::project::View;
-use crate::frame::{PosedObject, Raster};
+use crate::frame::{PixelRect, PosedObject, Raster};
 use crate::layout::SweptSplat;
 use crate::math::sweep::{Path, Sweep, tube_weight};
 
@@ -58,7 +58,7 @@ impl Disc {
         let view = View {
             object: &object,
             raster,
-            pixels: [0, SIZE as i32 - 1, 0, SIZE as i32 - 1],
+            pixels: PixelRect::of_image([SIZE; 2]),
             corner: [0; 2],
             wanted: None,
             near: NEAR as f32,
@@ -78,8 +78,8 @@ impl Disc {
         DVec3::new(unknowns.x, unknowns.y, unknowns.z)
     }
 
-    /// Share of the time for which pixel (x, y) is covered, tube weight, and their part that no kernel at tau has on the same side as
-    /// at mid-interval.
+    /// Share of the time for which pixel (x, y) is covered, and tube weight. Only times at which the kernel shows the
+    /// same side as at mid-interval count.
     fn by_sampling(&self, x: u32, y: u32, ellipsoid: bool) -> [f64; 2] {
         let facing = |tau: f64| self.u.cross(self.v).dot(self.centre + tau * self.motion) > 0.0;
         let mut sums = [0.0; 2];
@@ -184,7 +184,7 @@ fn splats_are_the_moving_discs() {
     assert!(touched > 20_000 && crossing > 500);
 }
 
-/// Thesis C.3: the motion turns from the disc's plane to its normal, at any speed down to none; nothing jumps.
+/// Wolf 2008, C.3: the motion turns from the disc's plane to its normal, at any speed down to none; nothing jumps.
 #[test]
 fn no_jump_through_the_degenerate_cases() {
     let u = DVec3::new(0.5, 0.1, 0.2);
@@ -202,7 +202,7 @@ fn no_jump_through_the_degenerate_cases() {
         }
         sums
     };
-    let still = total(DVec3::ZERO);
+    let at_rest = total(DVec3::ZERO);
     for speed in [0.0, 1e-12, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0] {
         let mut before: Option<[f64; 2]> = None;
         for step in 0..=2000 {
@@ -210,13 +210,13 @@ fn no_jump_through_the_degenerate_cases() {
             let now = total((along * angle.cos() + normal * angle.sin()) * speed);
             if speed <= 1e-4 {
                 // Pixels on the rim flip; of about 140 that are covered, at the most one.
-                assert!((now[0] - still[0]).abs() < 1.0 + 1e3 * speed, "{speed} {angle}: {now:?} {still:?}");
+                assert!((now[0] - at_rest[0]).abs() < 1.0 + 1e3 * speed, "{speed} {angle}: {now:?} {at_rest:?}");
             }
             if let Some(before) = before {
                 for i in 0..2 {
                     // A step turns the motion by 0.003: less than 1 % of the rim's pixels.
                     let change = (now[i] - before[i]).abs();
-                    assert!(change < 0.01 * still[i], "{speed} at {angle}: {before:?} {now:?}");
+                    assert!(change < 0.01 * at_rest[i], "{speed} at {angle}: {before:?} {now:?}");
                 }
             }
             before = Some(now);

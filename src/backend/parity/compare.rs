@@ -1,0 +1,72 @@
+//! Floats of the device against the CPU's, with tolerances.
+
+use super::harness::NONE;
+
+/// Largest difference of floats, relative to the larger of 1 and the values that are added or multiplied (and for a
+/// splat's forms its `skew`). On the software device it is 0, measured: that device neither contracts nor approximates.
+/// One unit in the last place more in each of the sums that may cancel makes 1.9e-6
+/// (`programs_that_round_otherwise_pass`). A device may divide with an error of 2.5 units.
+const TOLERANCE: f32 = 5e-6;
+/// Share of slots or pixels that may differ more: those for which a rounded value decides (a bound next to a pixel's
+/// centre, a pixel next to a rim). On the software device there are none.
+const BUDGET: f64 = 1e-3;
+
+/// What two backends have of one slot.
+#[derive(Default)]
+pub(super) struct Tally {
+    worst: f32,
+    decided_otherwise: usize,
+    pub count: usize,
+    first: Option<String>,
+}
+
+impl Tally {
+    /// Compares values whose size is that of `scale`.
+    pub(super) fn floats(&mut self, got: &[f32], want: &[f32], scale: f32, at: impl Fn() -> String) {
+        assert_eq!(got.len(), want.len(), "{}", at());
+        let difference =
+            got.iter().zip(want).map(|(g, w)| (g - w).abs()).fold(0.0, |a: f32, b| if b <= a { a } else { b });
+        let relative = difference / scale.max(1.0);
+        self.count += 1;
+        if relative <= TOLERANCE {
+            self.worst = self.worst.max(relative);
+        } else {
+            self.otherwise(|| format!("{}: {got:?}, not {want:?}", at()));
+        }
+    }
+
+    pub(super) fn otherwise(&mut self, at: impl Fn() -> String) {
+        self.decided_otherwise += 1;
+        self.first.get_or_insert_with(at);
+    }
+
+    pub(super) fn check(self, what: &str) -> Result<(), String> {
+        let Self { worst, decided_otherwise, count, first } = self;
+        eprintln!("{what}: worst {worst:.1e}, {decided_otherwise} of {count} decided otherwise");
+        if decided_otherwise as f64 > BUDGET * count as f64 {
+            return Err(format!("{what}: {decided_otherwise} of {count} differ; first {}", first.unwrap_or_default()));
+        }
+        Ok(())
+    }
+}
+
+/// Largest magnitude.
+pub(super) fn largest(values: &[f32]) -> f32 {
+    values.iter().fold(0.0, |a, b| a.max(b.abs()))
+}
+
+/// The values of all tiles, one tile after the other.
+pub(super) fn flat<T: Copy>(tiles: &[Vec<T>]) -> Vec<T> {
+    tiles.iter().flatten().copied().collect()
+}
+
+/// Single values in the order in which the device has them.
+pub(super) fn compare(what: &str, got: &[f32], want: &[f32], scale: impl Fn(usize) -> f32) -> Result<(), String> {
+    assert_eq!(got.len(), want.len(), "{what}");
+    let mut tally = Tally::default();
+    for (i, (got, want)) in got.iter().zip(want).enumerate() {
+        let want = want.min(NONE);
+        tally.floats(&[*got], &[want], scale(i).max(want.abs()), || format!("{i}"));
+    }
+    tally.check(what)
+}

@@ -1,0 +1,183 @@
+//! What slots of a batch hold: the CPU's splats and lists, in the device's order, and their comparison with the
+//! device's.
+
+use bytemuck::Pod;
+
+use super::compare::{Tally, largest};
+use super::harness::{Harness, WIDE};
+use crate::backend::gpu::batches::Batch;
+use crate::backend::gpu::layout::{Segment, TILE, WIDEST};
+use crate::layout::{Splat, SweptSplat};
+
+/// What a slot may hold.
+pub(super) trait Slotted: Pod {
+    fn bounds(&self) -> [u16; 4];
+    fn surfel(&self) -> u32;
+    /// What must be equal, and floats, each with the scale of its rounding.
+    fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>);
+}
+
+impl Slotted for Splat {
+    fn bounds(&self) -> [u16; 4] {
+        self.bounds
+    }
+    fn surfel(&self) -> u32 {
+        self.surfel
+    }
+    fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
+        let Self { reference, inverse_depth, u, v, centre_depth, .. } = *self;
+        let skew = skew(self);
+        let floats = vec![reference.to_vec(), inverse_depth.to_vec(), u.to_vec(), v.to_vec(), vec![centre_depth]];
+        let with_scale = |part: Vec<f32>| {
+            let scale = largest(&part) * skew;
+            (part, scale)
+        };
+        ([self.surfel, self.flags], floats.into_iter().map(with_scale).collect())
+    }
+}
+
+impl Slotted for SweptSplat {
+    fn bounds(&self) -> [u16; 4] {
+        self.bounds
+    }
+    fn surfel(&self) -> u32 {
+        self.surfel
+    }
+    fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
+        let Self { reference, inverse_depth, u, v, u_rate, v_rate, motion, ends, .. } = *self;
+        // Rates are differences of products of what the forms are made of.
+        let rate = largest(&u).max(largest(&v)).max(1.0) * largest(&motion).max(1.0);
+        let mut floats = vec![
+            (reference.to_vec(), largest(&reference)),
+            (inverse_depth.to_vec(), largest(&inverse_depth)),
+            (u.to_vec(), largest(&u)),
+            (v.to_vec(), largest(&v)),
+            (u_rate.to_vec(), largest(&u_rate).max(rate)),
+            (v_rate.to_vec(), largest(&v_rate).max(rate)),
+            (motion.to_vec(), largest(&motion)),
+        ];
+        floats.extend(ends.map(|end| (end.to_vec(), largest(&end))));
+        ([self.surfel, self.flags], floats)
+    }
+}
+
+/// How much a splat's forms magnify rounding: the product of the lengths of its axes on the screen over their area. It
+/// is large for a splat that is seen nearly edge-on.
+fn skew(splat: &Splat) -> f32 {
+    let (u, v) = (splat.u, splat.v);
+    let area = (u[0] * v[1] - u[1] * v[0]).abs();
+    (u[0].hypot(u[1]) * v[0].hypot(v[1]) / area.max(1e-30)).max(1.0)
+}
+
+/// The CPU's splats by slot, and their lists.
+pub(super) struct Slots<S> {
+    pub splats: Vec<Option<S>>,
+    /// Tiles of each slot's splat, or [`WIDE`].
+    touched: Vec<u32>,
+    starts: Vec<u32>,
+    list: Vec<u32>,
+    pub wide: Vec<u32>,
+}
+
+impl<S: Slotted> Slots<S> {
+    /// The slots of `batch`. `splats_of`: the splats of a segment's object, of all surfels. `finish`: what the device
+    /// adds to a splat, given the index of its segment. Lists are those of `tiles`; `wants`: is a tile rendered?
+    pub(super) fn new<'a>(
+        batch: &Batch,
+        tiles: &[[usize; 2]],
+        splats_of: impl Fn(&Segment, usize) -> &'a [S],
+        finish: impl Fn(&S, u32) -> S,
+        wants: impl Fn([usize; 2]) -> bool,
+    ) -> Self
+    where
+        S: 'a,
+    {
+        let slots = batch.slots as usize;
+        let mut splats = vec![None; slots];
+        for (segment, object, _) in &batch.segments {
+            let first = segment.buffer_start + segment.first_surfel;
+            let surfels = first..first + segment.surfels;
+            for splat in splats_of(segment, *object).iter().filter(|splat| surfels.contains(&splat.surfel())) {
+                splats[(segment.first_slot + splat.surfel() - first) as usize] = Some(finish(splat, segment.index));
+            }
+        }
+        let tiles_of = |splat: &S| splat.bounds().map(|pixel| usize::from(pixel) / TILE as usize);
+        let count = |splat: &Option<S>| {
+            let Some(splat) = splat else { return 0 };
+            let [x0, x1, y0, y1] = tiles_of(splat);
+            let wanted = (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| [x, y])).filter(|&tile| wants(tile));
+            let count = wanted.count() as u32;
+            if (x1 + 1 - x0) * (y1 + 1 - y0) > WIDEST as usize && count > 0 { WIDE } else { count }
+        };
+        let touched: Vec<u32> = splats.iter().map(count).collect();
+        let wide: Vec<u32> = (0..slots as u32).filter(|&slot| touched[slot as usize] == WIDE).collect();
+        let (mut starts, mut list) = (Vec::new(), Vec::new());
+        for &[x, y] in tiles {
+            starts.push(list.len() as u32);
+            list.extend((0..slots as u32).filter(|&slot| {
+                touched[slot as usize] != WIDE
+                    && wants([x, y])
+                    && splats[slot as usize].as_ref().is_some_and(|splat| {
+                        let [x0, x1, y0, y1] = tiles_of(splat);
+                        (x0..=x1).contains(&x) && (y0..=y1).contains(&y)
+                    })
+            }));
+        }
+        starts.extend([list.len() as u32, wide.len() as u32]);
+        Self { splats, touched, starts, list, wide }
+    }
+
+    /// Writes the splats, and how many tiles each touches, to the device.
+    pub(super) fn feed_splats(&self, harness: &Harness<'_>) {
+        let buffers = &harness.gpu.state.buffers;
+        let splats: Vec<S> = self.splats.iter().map(|splat| splat.unwrap_or(S::zeroed())).collect();
+        harness.write(&buffers.splats, &splats);
+        harness.write(&buffers.touched, &self.touched);
+    }
+
+    /// Writes the lists to the device.
+    pub(super) fn feed_lists(&self, harness: &Harness<'_>) {
+        let buffers = &harness.gpu.state.buffers;
+        harness.write(&buffers.starts, &self.starts);
+        harness.write(&buffers.lists[0], &self.list);
+        harness.write(&buffers.wide, &self.wide);
+    }
+
+    /// Against the splats on the device.
+    pub(super) fn compare_splats(&self, harness: &Harness<'_>) -> Result<(), String> {
+        let buffers = &harness.gpu.state.buffers;
+        let touched: Vec<u32> = harness.read(&buffers.touched, self.touched.len());
+        let splats: Vec<S> = harness.read(&buffers.splats, self.splats.len());
+        let mut tally = Tally::default();
+        for (slot, (want, got)) in self.splats.iter().zip(&splats).enumerate() {
+            if touched[slot] != self.touched[slot] {
+                tally.count += 1;
+                tally.otherwise(|| format!("slot {slot}: {} tiles, not {}", touched[slot], self.touched[slot]));
+                continue;
+            }
+            let Some(want) = want else { continue };
+            let ((got_same, got_floats), (same, floats)) = (got.parts(), want.parts());
+            if got_same != same {
+                return Err(format!("slot {slot}: {got_same:?}, not {same:?}"));
+            }
+            if got.bounds() != want.bounds() {
+                tally.otherwise(|| format!("slot {slot}: bounds {:?}, not {:?}", got.bounds(), want.bounds()));
+            }
+            for (part, ((got, _), (want, scale))) in got_floats.iter().zip(&floats).enumerate() {
+                tally.floats(got, want, *scale, || format!("slot {slot}, part {part}"));
+            }
+        }
+        tally.check("splats")
+    }
+
+    /// Against the lists on the device.
+    pub(super) fn compare_lists(&self, harness: &Harness<'_>) -> Result<(), String> {
+        let buffers = &harness.gpu.state.buffers;
+        let same = |what: &str, got: Vec<u32>, want: &[u32]| {
+            if got == want { Ok(()) } else { Err(format!("{what}: {got:?}, not {want:?}")) }
+        };
+        same("starts", harness.read(&buffers.starts, self.starts.len()), &self.starts)?;
+        same("list", harness.read(&buffers.lists[0], self.list.len()), &self.list)?;
+        same("wide", harness.read(&buffers.wide, self.wide.len()), &self.wide)
+    }
+}
