@@ -1,8 +1,10 @@
 //! The pixels that a sample position is rendered for.
 
-/// The pixels that a group is rendered for, as an image of their own: every `Frame::stride`-th pixel of the frame's image.
+/// The pixels that a group is rendered for, as an image of their own: every `Frame::stride`-th pixel of the frame's
+/// image.
 ///
-/// Raster pixel (i, j) is pixel (`phase.x` + i stride, `phase.y` + j stride) of the image. With stride 1 it is the image.
+/// Raster pixel (i, j) is pixel (`phase.x` + i stride, `phase.y` + j stride) of the image. With stride 1 it is the
+/// image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Raster {
     /// Raster pixels; an axis is 0 where the image is smaller than the phase.
@@ -13,7 +15,8 @@ pub struct Raster {
     pub axis: [f32; 2],
     /// Focal length, raster pixels: (height / 2) / tan(fovy / 2) / stride.
     pub focal: f32,
-    /// Radius of the low-pass disc of the approximate EWA filter, raster pixels (Botsch et al. 2005; thesis 4.2.3).
+    /// Radius of the low-pass disc of the approximate EWA filter, raster pixels (Botsch et al. 2005; Wolf 2008, section
+    /// 4.2.3).
     pub low_pass: f32,
     /// Offset of the sample position from the raster pixel's centre, raster pixels.
     pub offset: [f32; 2],

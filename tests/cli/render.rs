@@ -40,9 +40,9 @@ fn names(directory: &Path) -> Vec<String> {
 
 #[test]
 fn help_lists_every_option() {
-    let render = "--out --frames --mode --error --samples-max --samples --pixel-samples --size --shutter --weight --filter --prefilter --shading \
-                  --two-sided --epsilon --background --transparent --backend --format --bits --aov --threads --seed --memory \
-                  --resume --json --lenient --restrict --quiet";
+    let render = "--out --frames --mode --error --samples-max --samples --pixel-samples --size --shutter --weight \
+                  --filter --prefilter --shading --two-sided --epsilon --background --transparent --backend --format \
+                  --bits --aov --threads --seed --memory --resume --json --lenient --restrict --quiet";
     for (command, options) in [
         ("render", render),
         ("info", "--json --xml --csv --frames --step --lenient --restrict"),
@@ -215,7 +215,8 @@ impl Fixture {
                    0 0 0 0 0 1 1\n1 0 0 0 0 1 1\n0 1 0 0 0 1 1\n";
         let xml = "<?xml version=\"1.0\" encoding=\"ISO-8859-1\"?>\n<scene><image width=\"12\" height=\"9\"/>\
                    <frames first=\"1\" last=\"3\" rate=\"24\"/><camera eye=\"0 0 5\" at=\"0 0 0\"/>\
-                   <object><pointModel>three.ply</pointModel><motion type=\"linear\" velocity=\"0.1 0 0\"/></object></scene>\n";
+                   <object><pointModel>three.ply</pointModel><motion type=\"linear\" velocity=\"0.1 0 0\"/></object>\
+                   </scene>\n";
         std::fs::write(dir.path().join("three.ply"), ply).unwrap();
         std::fs::write(dir.path().join("tiny.xml"), xml).unwrap();
         Self(dir)

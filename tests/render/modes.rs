@@ -185,7 +185,8 @@ fn interleaved_samples_lie_within_their_pixels() {
     scene.image.transparent = true;
     let plain = render(&scene, &options(BlurMode::supersample(64)));
     let classes = render(&scene, &options(BlurMode::interleaved(64, Interleave::Two)));
-    // 64 stratified positions in a pixel that an edge divides: 1/64 to 2/64; twice as wide a filter differs by up to 1/8.
+    // 64 stratified positions in a pixel that an edge divides: 1/64 to 2/64; twice as wide a filter differs by up to
+    // 1/8.
     let worst = plain.rgba.iter().zip(&classes.rgba).map(|(a, b)| (a[3] - b[3]).abs()).fold(0.0, f32::max);
     println!("{worst}");
     assert!(worst < 0.05 && plain.rgba.iter().any(|pixel| (0.2..0.8).contains(&pixel[3])), "{worst}");
