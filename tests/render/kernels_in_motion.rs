@@ -243,7 +243,7 @@ fn dense_and_sparse_count_by_time() {
 }
 
 /// What moves together hides what it hides at rest, also where neither is at mid-interval: the depth test is at the
-/// source (thesis fig. 4.5).
+/// source (Wolf 2008, fig. 4.5).
 #[test]
 fn what_moves_along_behind_stays_hidden() {
     let mut scene = passing(0.4, 0.05, 3.0);

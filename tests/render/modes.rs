@@ -138,7 +138,7 @@ fn alpha_of_buckets_meets_the_closed_forms() {
     }
 }
 
-/// Thesis fig. 3.7: with one visibility test, what the moving object hides at any time is hidden at all times.
+/// Wolf 2008, fig. 3.7: with one visibility test, what the moving object hides at any time is hidden at all times.
 #[test]
 fn one_bucket_hides_what_the_mover_passes() {
     let mut front = object(patch(0.5, 0.02, Vec3::new(1.0, 0.0, 0.0)));

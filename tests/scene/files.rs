@@ -79,7 +79,7 @@ fn refused(scene: impl AsRef<[u8]>, words: &str) {
 // What loads.
 
 #[test]
-fn the_figure_of_the_thesis_loads_unchanged() {
+fn the_figure_of_wolf_2008_loads_unchanged() {
     let dir = Dir::new(FIGURE);
     for name in ["sphere.bin", "santa.sfl", "igea.sfl"] {
         dir.add(&format!("scenes/models/{name}"), MODEL);
