@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-/// The names that `src/lib.rs` re-exports at the root. A new name here is a promise to users of the library: add one only
-/// on purpose.
+/// The names that `src/lib.rs` re-exports at the root. A new name here is a promise to users of the library: add one
+/// only on purpose.
 const NAMES: [&str; 35] = [
     // What is rendered.
     "Camera",

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 /// Columns of a line of code.
 const WIDTH: usize = 120;
 
-/// Most words of a guide: about two pages. Bars and rules of tables do not count. Measurements (`docs/measurements/`) are
-/// exempt.
+/// Most words of a guide: about two pages. Bars and rules of tables do not count. Measurements (`docs/measurements/`)
+/// are exempt.
 const GUIDE: usize = 1150;
 
 /// Documents in `docs/` that are manuals, which may be longer.

@@ -99,7 +99,8 @@ fn every_file_that_the_documents_link_to_exists() {
         let text = fs::read_to_string(&document).unwrap();
         for target in text.split("](").skip(1).filter_map(|rest| rest.split_once(')').map(|(target, _)| target)) {
             let file = target.split('#').next().unwrap_or(target);
-            // Links within a page have no file. Pictures are made from a release and need not exist while one is prepared.
+            // Links within a page have no file. Pictures are made from a release and need not exist while one is
+            // prepared.
             if !file.is_empty() && !file.contains("://") && !file.contains("images/") {
                 links += 1;
                 assert!(document.with_file_name(file).exists(), "{} links to {target}", document.display());
