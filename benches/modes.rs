@@ -1,7 +1,9 @@
-//! CPU seconds of a frame by blur mode, split by pass: the table of docs/modes.md.
+//! CPU seconds of a frame by blur mode, split by pass: the tables of docs/measurements/interleaving.md and
+//! performance.md.
 //!
-//! `cargo bench --bench modes [-- [WORD ...] [SURFELS ...]]`: only modes whose names contain one of the words, only these numbers of
-//! surfels. The modes take turns, and the least of some rounds counts, so that ratios survive a busy machine.
+//! `cargo bench --bench modes [-- [WORD ...] [SURFELS ...]]`: only modes whose names contain one of the words, only
+//! these numbers of surfels. The modes take turns, and the least of some rounds counts, so that ratios survive a busy
+//! computer.
 
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "a bench may stop and reports")]
 

@@ -1,6 +1,8 @@
-//! Speed of the reference on the speed-test sphere: samples a second with the building of the hierarchy included, at 512 x 512.
+//! Speed of the reference on the speed-test sphere: samples a second with the building of the hierarchy included, at
+//! 512 x 512.
 //!
-//! `cargo bench --bench reference [-- SAMPLES [SURFELS]]`. Each case runs once, for seconds: not a matter for criterion.
+//! `cargo bench --bench reference [-- SAMPLES [SURFELS]]`. Each case runs once, for seconds: not a matter for
+//! criterion.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a bench may stop and report")]
 
@@ -26,8 +28,8 @@ fn main() {
             let (wall, stats) = (start.elapsed().as_secs_f64(), reference.stats);
             let alpha = reference.sums.mean_coverage();
             println!(
-                "{surfels:>8} surfels: {:.2} M samples/s, build {:.3} s, trace {:.3} s, {:.1} bytes a surfel, coverage {alpha:.3}, \
-                 mean standard error {:.2e}",
+                "{surfels:>8} surfels: {:.2} M samples/s, build {:.3} s, trace {:.3} s, {:.1} bytes a surfel, coverage \
+                 {alpha:.3}, mean standard error {:.2e}",
                 stats.traced as f64 / wall / 1e6,
                 stats.build.as_secs_f64(),
                 stats.trace.as_secs_f64(),

@@ -1,7 +1,8 @@
 //! Whole frames of the speed-test sphere, and their split by pass. Loading and writing are excluded.
 //!
-//! `cargo bench --bench render`. On one thread wall time is CPU time, which is what `docs/performance.md` quotes for moving
-//! scenes; `threads=all` is what a user waits for. The 10^7 case takes a while to build: `cargo bench -- 10000000`.
+//! `cargo bench --bench render`. On one thread wall time is CPU time, which is what `docs/measurements/performance.md`
+//! quotes for moving scenes; `threads=all` is what a user waits for. The 10^7 case takes a while to build:
+//! `cargo bench -- 10000000`.
 
 #![allow(clippy::expect_used, reason = "a bench may stop")]
 

@@ -4,9 +4,9 @@
 //! `exr` and `image` crates directly, not by splatblur: a change of our readers cannot hide a change of our pictures.
 //!
 //! Lines of standard input are `label<TAB>path of an .exr or a .png`. A line of the result is
-//! `label: A 5184 01234567, depth 12.5 +3 infinite 89abcdef, rgb 1234.5678 00ff00ff`. The sum is exact up to one rounding
-//! to `f64`; `+3 infinite` counts the values that have no sum. The checksum is taken over the bits of all values:
-//! channel after channel in the order of their names, row after row.
+//! `label: A 5184 01234567, depth 12.5 +3 infinite 89abcdef, rgb 1234.5678 00ff00ff`. The sum is exact up to one
+//! rounding to `f64`; `+3 infinite` counts the values that have no sum. The checksum is taken over the bits of all
+//! values: channel after channel in the order of their names, row after row.
 
 use std::collections::BTreeMap;
 use std::error::Error;

@@ -2,13 +2,14 @@
 //!
 //! `cargo run --release --example table_auto [-- TABLE... [scene=NAME] [filter=box] [gpu=yes]]`. Tables:
 //!
-//! - `generated`, `shipped`: for each scene, FLIP, RMSE, seconds and splats of supersampling and of mode auto, with the error
-//!   that auto states;
-//! - `equal-flip`: the cheapest setting of each mode that stays below a FLIP; `gpu=yes` also times one frame on the GPU;
+//! - `generated`, `shipped`: for each scene, FLIP, RMSE, seconds and splats of supersampling and of mode auto, with the
+//!   error that auto states;
+//! - `equal-flip`: the cheapest setting of each mode that stays below a FLIP; `gpu=yes` also times one frame on the
+//!   GPU;
 //! - `static-clusters`: how many surfels of moving objects are static.
 //!
-//! `filter=box` takes samples over the square of the pixel, instead of at its centre. Takes minutes, the first run longer: it
-//! traces references and keeps them in `target/tables`. The results stand in docs/measurements/.
+//! `filter=box` takes samples over the square of the pixel, instead of at its centre. Takes minutes, the first run
+//! longer: it traces references and keeps them in `target/tables`. The results stand in docs/measurements/.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a generator may stop, and prints its tables")]
 
@@ -82,7 +83,7 @@ fn row(scene: &Scene, mode: &str, rendered: &Rendered, truth: &Picture, seconds:
             " {:.4} | {:.2} | {:.0} px, {}..{}, S {}, {} of {} blocks, {} capped |",
             a.error,
             a.error / rmse,
-            a.way,
+            a.path_length,
             a.samples,
             a.most_samples,
             a.interleave,

@@ -5,8 +5,8 @@
 //! - `generated`, `shipped`: FLIP, RMSE and CPU seconds of all modes with many numbers of samples;
 //! - `alpha`: temporal alpha on shipped scenes, pixel by pixel.
 //!
-//! `mode=bucket` takes only the modes whose names begin so. Takes minutes, the first run longer: it traces references and
-//! keeps them in `target/tables`. The results stand in docs/measurements/.
+//! `mode=bucket` takes only the modes whose names begin so. Takes minutes, the first run longer: it traces references
+//! and keeps them in `target/tables`. The results stand in docs/measurements/.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a generator may stop, and prints its tables")]
 

@@ -2,8 +2,8 @@
 //!
 //! `cargo run --release --example table_reference [-- TABLE...]`. Tables:
 //!
-//! - `slopes`: RMS difference of each sampler by samples a pixel; also writes `docs/images/reference_convergence.svg`, and stops
-//!   where the samplers do not rank as they should;
+//! - `slopes`: RMS difference of each sampler by samples a pixel; also writes `docs/images/reference_convergence.svg`,
+//!   and stops where the samplers do not rank as they should;
 //! - `supersampling`: supersampling on shipped scenes, in standard errors of the reference;
 //! - `sphere`: denser and denser surfels against the ideal sphere, up to a million.
 //!

@@ -1,4 +1,4 @@
-//! Plain structs that passes exchange, laid out for machines.
+//! Plain structs that passes exchange; their memory layout is the same on the CPU and on the GPU.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -10,14 +10,14 @@ use crate::shading::ShadingLight;
 
 /// A surfel's kernel, posed and projected for one time sample.
 ///
-/// At the sample position p = pixel + 1/2 + offset of the group's raster, with (x, y) = p - `reference`: the splat's plane has depth
-/// 1 / (i.(x, y, 1)) on the ray, and the ray meets it at tangent-plane coordinates u = u.(x, y, 1) * depth, v likewise
-/// (ray casting of thesis 4.2.1, eq. 4.2, as a homography; docs/math.md).
+/// At the sample position p = pixel + 1/2 + offset of the group's raster, with (x, y) = p - `reference`: the splat's
+/// plane has depth 1 / (i.(x, y, 1)) on the ray, and the ray meets it at tangent-plane coordinates u = u.(x, y, 1) *
+/// depth, v likewise (ray casting of Wolf 2008, section 4.2.1, eq. 4.2, as a homography; docs/math.md).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Splat {
-    /// Where x and y are counted from, minus the sub-pixel offset, pixels: the projected centre of an ordinary splat, the
-    /// camera's axis for one that reaches the camera plane.
+    /// Where x and y are counted from, minus the sub-pixel offset, pixels: the projected centre of an ordinary splat,
+    /// the camera's axis for one that reaches the camera plane.
     pub reference: [f32; 2],
     /// Inverse depth: coefficients of x, y and 1.
     pub inverse_depth: [f32; 3],
@@ -31,20 +31,20 @@ pub struct Splat {
     pub bounds: [u16; 4],
     /// Index of the surfel in its model.
     pub surfel: u32,
-    /// Bit 0: seen from behind (normals turn to the viewer). Above, a backend may keep what it needs.
+    /// Bit 0: seen from behind (normals turn to the viewer). A backend may use the bits above.
     pub flags: u32,
 }
 
 /// A surfel's kernel in motion over an interval, tau in [-1, 1], projected (docs/math.md, section 7).
 ///
-/// With (x, y) counted from `reference` as in [`Splat`] and w = i.(x, y, 1): on the ray through a sample position the kernel is met at
-/// tangent-plane coordinates (`u`.(x, y, 1) + tau `u_rate`.(x, y, 1)) / w, v likewise, and at depth (1 + k tau) / w with
-/// k = i.motion: all linear in tau. It is met only where w > 0.
+/// With (x, y) counted from `reference` as in [`Splat`] and w = i.(x, y, 1): on the ray through a sample position the
+/// kernel is met at tangent-plane coordinates (`u`.(x, y, 1) + tau `u_rate`.(x, y, 1)) / w, v likewise, and at depth (1
+/// + k tau) / w with k = i.motion: all linear in tau. It is met only where w > 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct SweptSplat {
-    /// Where x and y are counted from, minus the sub-pixel offset, pixels: the projected centre at tau = 0 of an ordinary splat,
-    /// the camera's axis for one that reaches the camera plane.
+    /// Where x and y are counted from, minus the sub-pixel offset, pixels: the projected centre at tau = 0 of an
+    /// ordinary splat, the camera's axis for one that reaches the camera plane.
     pub reference: [f32; 2],
     /// Inverse depth at tau = 0: coefficients of x, y and 1.
     pub inverse_depth: [f32; 3],
@@ -58,8 +58,8 @@ pub struct SweptSplat {
     pub v_rate: [f32; 3],
     /// Motion from tau = 0 to 1 in screen space, sheared so that `reference` is its axis: x and y times depth, depth.
     pub motion: [f32; 3],
-    /// Pixel columns (first, last) and rows between which the kernel lies at tau = -1 and at tau = 1, not rounded; at other times
-    /// they are what lies between.
+    /// Pixel columns (first, last) and rows between which the kernel lies at tau = -1 and at tau = 1, not rounded; at
+    /// other times they are what lies between.
     pub ends: [[f32; 4]; 2],
     /// The pixels that the kernel may touch, as `PixelRect::bounds` has them.
     pub bounds: [u16; 4],
@@ -76,9 +76,9 @@ pub const FLAG_LOW_PASS: u32 = 2;
 /// The kernel reaches the camera plane: `ends` mean nothing.
 pub const FLAG_CROSSING: u32 = 4;
 
-/// Which weighted sums the attribute pass keeps for each sample position, and where.
+/// Which weighted sums the attribute pass has for each sample position, and in which channels.
 ///
-/// Channel 0 is the sum of weights, 1 to 3 colour; the others stand where they are needed.
+/// Channel 0 is the sum of weights, 1 to 3 are colour. The other channels exist only where they are needed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Channels {
     /// Number of channels.
@@ -91,12 +91,12 @@ pub struct Channels {
     pub velocity: Option<usize>,
     /// First of four: ambient, diffuse, specular, shininess; only where materials differ.
     pub material: Option<usize>,
-    /// The material of everything, where it is the same.
+    /// The material of all objects, where they have the same.
     pub uniform: Option<Material>,
 }
 
 impl Channels {
-    /// Most channels that there can be.
+    /// Largest number of channels.
     pub const MOST: usize = 14;
 
     /// The sum of weights alone.
@@ -104,7 +104,7 @@ impl Channels {
         Self { count: 1, normal: None, depth: None, velocity: None, material: None, uniform: None }
     }
 
-    /// What `frame` needs.
+    /// The channels that `frame` needs.
     pub fn of(frame: &Frame) -> Self {
         let deferred = frame.shading == Shading::Phong;
         let is_point = |light: &ShadingLight| matches!(light, ShadingLight::Point { .. });

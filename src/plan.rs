@@ -1,10 +1,11 @@
 //! The plan of a frame, as data: an exposure has rasters, a raster has sample positions, and a position has steps.
 //!
-//! [`Exposure`] says at which times each pixel is sampled. Once the scene is posed there (`frame`), [`Step::of_position`] says
-//! what a backend does about it, and in which order. No other place knows that order: a backend walks over the rasters of a
-//! frame, their positions and their steps, and has one `match` over [`Step`]. Within a step the passes run in the order of
-//! [`SplatPass::ORDER`], [`StaticPass::ORDER`], [`MapPass::order`] or [`SweepPass::ORDER`]; the splats or the kernels in motion
-//! that they read are projected and listed by tile before the first pass that reads them.
+//! [`Exposure`] says at which times each pixel is sampled. Once the scene is posed there (`frame`),
+//! [`Step::of_position`] says what a backend does about it, and in which order. No other place knows that order: a
+//! backend walks over the rasters of a frame, their positions and their steps, and has one `match` over [`Step`].
+//! Within a step the passes run in the order of [`SplatPass::ORDER`], [`StaticPass::ORDER`], [`MapPass::order`] or
+//! [`SweepPass::ORDER`]; the splats or the kernels in motion that they read are projected and listed by tile before the
+//! first pass that reads them.
 
 use crate::options::{BlurMode, Interleave, KernelWeight, PixelFilter, SweptKernel};
 use crate::sampling::pixel_offsets;
@@ -42,7 +43,8 @@ pub struct PositionExposure {
 pub struct Group {
     /// At least one, rising in time.
     pub samples: Vec<TimeSample>,
-    /// The interval that the one sample, at its middle, stands for, with the kernels that sweep it. `None`: samples are instants.
+    /// The interval that the group's one sample represents, and the kernels that sweep it. The sample lies at its
+    /// middle. `None`: samples are instants.
     pub sweep: Option<(Interval, SweptKernel)>,
 }
 
@@ -55,10 +57,10 @@ pub struct TimeSample {
     pub weight: f64,
 }
 
-/// A part of the exposure during which things move steadily.
+/// A part of the exposure during which all motion is steady.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
-    /// Scene times of both ends, frames; just inside where something jumps at an end.
+    /// Scene times of both ends, frames; just inside the interval where a pose jumps at an end.
     pub ends: [f64; 2],
     /// Share of the exposure of each 32nd of the interval.
     pub moments: [f64; 32],
@@ -71,8 +73,8 @@ pub struct PosedInterval {
     pub moments: [f32; 32],
     /// Change of the time weight from the middle of the interval to its end, over its mean; in [-1, 1].
     pub slope: f32,
-    /// Width of the visibility map's guard band, raster pixels. It is the largest distance by which anything moves from the middle
-    /// of an interval to its end, for all intervals of the frame; at most half the raster's longer side.
+    /// Width of the visibility map's guard band, raster pixels. It is the largest distance by which anything moves from
+    /// the middle of an interval to its end, for all intervals of the frame; at most half the raster's longer side.
     pub guard: u32,
 }
 
@@ -90,25 +92,27 @@ pub enum Objects {
 /// What a backend does for one sample position of one raster. `group` is an index into the groups of the position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Step {
-    /// Splats static objects once for all groups of the position ([`StaticPass::ORDER`]). A backend without room for the layer
-    /// leaves it out; then each `Splat` splats them again, and every sum has the same bits.
+    /// Splats static objects once for all groups of the position ([`StaticPass::ORDER`]). A backend without room for
+    /// the layer leaves it out; then each `Splat` splats them again, and every sum has the same bits.
     StaticLayer {
         /// The group whose light shades at surfels.
         group: usize,
     },
-    /// Splats and adds to the film what one group shows ([`SplatPass::ORDER`]). It starts from the static layer of the position, if
-    /// there is one.
+    /// Splats and adds to the film what one group shows ([`SplatPass::ORDER`]). It starts from the static layer of the
+    /// position, if there is one.
     Splat {
         /// The group.
         group: usize,
     },
-    /// Makes a picture of static objects for the sweeps that follow ([`StaticPass::ORDER`]). They show it behind kernels in motion.
+    /// Makes a picture of static objects for the sweeps that follow ([`StaticPass::ORDER`]). They show it behind
+    /// kernels in motion.
     StaticPicture {
         /// The group whose light and camera it has.
         group: usize,
     },
-    /// Makes a map of depth thresholds at the middle of an interval, over the raster and a guard band ([`MapPass::order`]). Kernels
-    /// in motion look up there whether their source is visible, so it must be complete before they are added.
+    /// Makes a map of depth thresholds at the middle of an interval, over the raster and a guard band
+    /// ([`MapPass::order`]). Kernels in motion look up there whether their source is visible, so it must be complete
+    /// before they are added.
     VisibilityMap {
         /// The group.
         group: usize,
@@ -119,7 +123,8 @@ pub enum Step {
         /// Whether the map holds densities too, which integral weights are divided by.
         density: bool,
     },
-    /// Sweeps kernels over an interval and adds them to the film ([`SweepPass::ORDER`]). It reads the map and the static picture.
+    /// Sweeps kernels over an interval and adds them to the film ([`SweepPass::ORDER`]). It reads the map and the
+    /// static picture.
     Sweep {
         /// The group.
         group: usize,
@@ -130,12 +135,12 @@ pub enum Step {
         /// `Moving` where static objects have a picture of their own.
         objects: Objects,
     },
-    /// Completes the film of a raster: clamps coverage, and divides what was pooled over all intervals. The last step of the last
-    /// position.
+    /// Completes the film of a raster: clamps coverage, and divides what was pooled over all intervals. The last step
+    /// of the last position.
     Finish,
 }
 
-/// What the steps of a frame depend on, beside its times.
+/// What the steps of a frame depend on, apart from its times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scenery {
     /// Whether any visible object with surfels is static.
@@ -145,8 +150,8 @@ pub struct Scenery {
 }
 
 impl Step {
-    /// The steps of a sample position, in order, without [`Step::Finish`]. `sweeps` has an entry for each group: its interval and
-    /// kernel, or `None` where samples are instants.
+    /// The steps of a sample position, in order, without [`Step::Finish`]. `sweeps` has an entry for each group: its
+    /// interval and kernel, or `None` where samples are instants.
     pub fn of_position(sweeps: &[Option<(PosedInterval, SweptKernel)>], scenery: Scenery) -> Vec<Self> {
         let mut steps = Vec::new();
         let several_splat = sweeps.iter().filter(|sweep| sweep.is_none()).count() > 1;
@@ -158,7 +163,7 @@ impl Step {
                 steps.push(Self::Splat { group });
                 continue;
             };
-            // The thesis' own kernels (eq. 4.12) know no densities; they are added up with everything.
+            // The published kernels (Wolf 2008, eq. 4.12) have no densities: static objects are summed with all others.
             let density = kernel.weight == KernelWeight::Integral;
             let has_picture = scenery.has_static && density;
             // Light at surfels may change from interval to interval.
@@ -196,7 +201,7 @@ pub enum StaticPass {
     Visibility,
     /// As [`SplatPass::Attribute`].
     Attribute,
-    /// Keeps what later steps start from: of a layer thresholds and sums, of a picture thresholds and its film.
+    /// Stores what later steps start from: thresholds and sums of a layer, or thresholds and film of a picture.
     Store,
 }
 
@@ -226,9 +231,11 @@ impl MapPass {
 /// A pass of [`Step::Sweep`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SweepPass {
-    /// Weighted sums of the attributes of the kernels whose source on the map is visible, and the times at which they cover.
+    /// Weighted sums of the attributes of the kernels whose source on the map is visible, and the times at which they
+    /// cover.
     Attribute,
-    /// Turns the times at which kernels cover into coverage; then as [`SplatPass::Resolve`], or pooled with the other intervals.
+    /// Turns the times at which kernels cover into coverage; then as [`SplatPass::Resolve`], or pooled with the other
+    /// intervals.
     Resolve,
 }
 
@@ -240,7 +247,7 @@ impl SweepPass {
 impl Exposure {
     /// The exposure of frame `frame` with this shutter.
     ///
-    /// `jumps` are the scene times within the shutter at which something jumps, rising, frames: intervals are split there.
+    /// `jumps`: scene times within the shutter at which a pose jumps, rising, frames. Intervals are split there.
     pub fn new(mode: BlurMode, filter: PixelFilter, seed: u64, shutter: &Shutter, frame: f64, jumps: &[f64]) -> Self {
         match mode {
             BlurMode::Still { pixel_samples } => {
@@ -302,15 +309,15 @@ impl Exposure {
     }
 }
 
-/// How many groups tile the shutter.
+/// How the shutter is divided into groups.
 #[derive(Clone, Copy)]
 struct Strata {
     groups: u32,
-    /// Of each group.
+    /// Time samples of each group.
     samples: u32,
-    /// How often each group is there.
+    /// How many times each group is rendered.
     repeats: u32,
-    /// Sub-pixel positions that all groups share out; `None`: each has its own.
+    /// Sub-pixel positions that are dealt out to all groups; `None`: each group has its own.
     positions: Option<u32>,
 }
 
@@ -322,7 +329,8 @@ impl Strata {
     }
 }
 
-/// Groups of an interval each. They tile the shutter; there are more than asked for where something jumps.
+/// Groups of one interval each, which tile the shutter. Where a pose jumps there are more than the number that was
+/// asked for.
 fn intervals_of(strata: Strata, kernel: SweptKernel, shutter: &Shutter, frame: f64, jumps: &[f64]) -> Vec<Group> {
     let Strata { groups: count, repeats, .. } = strata;
     let span = shutter.close - shutter.open;
@@ -330,7 +338,7 @@ fn intervals_of(strata: Strata, kernel: SweptKernel, shutter: &Shutter, frame: f
     cuts.extend(jumps.iter().map(|&time| ((time - frame - shutter.open) / span, true)));
     cuts.retain(|(t, _)| (0.0..=1.0).contains(t));
     cuts.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // A jump at a cut, or two at once, make no interval of their own.
+    // A jump at a cut, or two jumps at once, add no interval.
     cuts.dedup_by(|b, a| {
         let same = b.0 - a.0 < 1e-9;
         a.1 |= same && b.1;
@@ -351,7 +359,7 @@ fn intervals_of(strata: Strata, kernel: SweptKernel, shutter: &Shutter, frame: f
     groups.into_iter().flat_map(|group| std::iter::repeat_n(group, repeats as usize)).collect()
 }
 
-/// `groups`, in order of time, at `positions` sub-pixel positions, or at one each.
+/// Deals `groups`, in order of time, out to `positions` sub-pixel positions. `None`: one position for each group.
 fn with_offsets(groups: Vec<Group>, positions: Option<u32>, filter: PixelFilter, seed: u64) -> Vec<PositionExposure> {
     let offsets = match filter {
         PixelFilter::Box => pixel_offsets(positions.unwrap_or(groups.len() as u32), seed),
@@ -360,8 +368,8 @@ fn with_offsets(groups: Vec<Group>, positions: Option<u32>, filter: PixelFilter,
     share_out(groups, &offsets)
 }
 
-/// Deals `groups`, in order of time, out to positions at `offsets`, one after the other and over again, so that each position sees
-/// the whole exposure. Positions without a group are left out.
+/// Deals `groups`, in order of time, out to positions at `offsets` in turn, so that each position sees the whole
+/// exposure. Positions without a group are left out.
 pub(crate) fn share_out(groups: Vec<Group>, offsets: &[[f32; 2]]) -> Vec<PositionExposure> {
     let mut positions: Vec<PositionExposure> =
         offsets.iter().take(groups.len()).map(|&offset| PositionExposure { offset, groups: Vec::new() }).collect();

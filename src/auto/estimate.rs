@@ -1,12 +1,13 @@
-//! How far an image is from the truth, by the difference of its halves.
+//! Error of an image, estimated from the difference of its half buffers.
 //!
-//! With A the alternating sum of the samples over their number, half the difference of the means of both halves, the error of a block
-//! is half the root of the mean of |g A|^2 / 3, g the slope of the display's curve; here g A is the difference of what is displayed.
+//! A is the alternating sum of the samples over their number: half the difference of the two half buffers. The error of
+//! a block is half the root of the mean of |g A|^2 / 3, with g the slope of the display's curve. In code, g A is half
+//! the difference of the two displayed values.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::halves::Halves;
+use super::half_buffers::HalfBuffers;
 use crate::film::Picture;
 use crate::frame::Blocks;
 use crate::math::srgb;
@@ -17,7 +18,7 @@ pub(super) struct Errors {
     pub width: usize,
     /// Mean over the pixels and channels of each block, of display values.
     pub squares: Vec<f64>,
-    /// Pixels of each block; 0 where it was not looked at.
+    /// Pixels of each block; 0 where the block was not measured.
     pixels: Vec<u32>,
 }
 
@@ -29,7 +30,7 @@ impl Errors {
         if pixels > 0.0 { (sum / pixels).sqrt() } else { 0.0 }
     }
 
-    /// Takes over the blocks that `newer` looked at.
+    /// Replaces the blocks that `newer` has measured.
     pub(super) fn replace(&mut self, newer: Self) {
         for (old, (square, pixels)) in self.squares.iter_mut().zip(newer.squares.into_iter().zip(newer.pixels)) {
             if pixels > 0 {
@@ -39,9 +40,9 @@ impl Errors {
     }
 }
 
-/// Errors of the mean of `halves` in the blocks that are wanted, `edge` pixels each.
-pub(super) fn block_errors(halves: &Halves, background: Vec3, edge: usize, wanted: Option<&Blocks>) -> Errors {
-    let [even, odd] = halves.pictures();
+/// Errors of the mean of both half buffers in the wanted blocks. `edge`: pixels along the edge of a block.
+pub(super) fn block_errors(buffers: &HalfBuffers, background: Vec3, edge: usize, wanted: Option<&Blocks>) -> Errors {
+    let [even, odd] = buffers.pictures();
     let columns = even.width as usize;
     let width = columns.div_ceil(edge);
     let of_row = |y: usize| {
@@ -53,7 +54,7 @@ pub(super) fn block_errors(halves: &Halves, background: Vec3, edge: usize, wante
             for x in block * edge..((block + 1) * edge).min(columns) {
                 let at = y * columns + x;
                 *pixels += 1;
-                // Most pixels of a still background are alike.
+                // Most pixels of a static background are equal.
                 if even.rgba[at] != odd.rgba[at] {
                     let difference = shown(even, at, background) - shown(odd, at, background);
                     // A quarter of the mean of (g A)^2, where g A is half of the difference.
@@ -76,7 +77,7 @@ pub(super) fn block_errors(halves: &Halves, background: Vec3, edge: usize, wante
     errors
 }
 
-/// What a screen shows of a pixel before the background.
+/// Display value of a pixel over the background.
 fn shown(picture: &Picture, at: usize, background: Vec3) -> Vec3 {
     let [r, g, b, alpha] = picture.rgba[at];
     let colour = Vec3::new(r, g, b) + background * (1.0 - alpha);

@@ -1,11 +1,11 @@
-//! Mode auto: the driver that looks for the cheapest image with a stated error (docs/modes.md, "auto").
+//! Mode auto: finds the cheapest image with a stated error (measurements: docs/measurements/auto.md).
 //!
-//! A frame is rendered as two halves, the even and the odd of its time samples; their mean is the image, and half their difference
-//! says how far it is from the truth. Blocks whose error is above the target are rendered once more, with an odd multiple of the
-//! samples, which keeps those that there are.
+//! A frame is rendered into two half buffers: one has the even time samples, one the odd. Their mean is the image, and
+//! half their difference estimates its error. Blocks whose error is above the target are rendered a second time with an
+//! odd multiple of the samples. The samples of the first round are reused.
 
 mod estimate;
-mod halves;
+mod half_buffers;
 mod path;
 
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use self::estimate::{Errors, block_errors};
-use self::halves::{Halves, Round};
+use self::half_buffers::{HalfBuffers, Round};
 use crate::backend::{Achieved, Backend, BackendError, Rendered, Stats};
 use crate::film::{Aov, Layer};
 use crate::frame::{Blocks, STATIC_PATH};
@@ -21,23 +21,29 @@ use crate::options::{ErrorTarget, Interleave, PixelFilter, RenderOptions};
 use crate::scene::Scene;
 use crate::time::Weight;
 
-/// Time samples of a pixel that a frame may begin with; even, so that its halves are alike.
+/// Time samples of a pixel in the first round. They are even, so that both half buffers have equally many.
 const FIRST: [u32; 6] = [4, 6, 8, 12, 16, 24];
-/// Odd multiples of them.
+/// Odd multiples of them for the second round.
 const FACTORS: [u32; 7] = [3, 5, 7, 9, 15, 25, 45];
-/// Samples per square root of a pixel of motion, times the error (gamma-space RMSE): 0.5 where FLIP is about 0.01, 1 at 0.006.
+/// Samples in the first round = `SAMPLES` / error * sqrt(path length in pixels). The error is an RMSE of display
+/// values. At error 0.05 that is 0.5 samples per square root of a pixel and FLIP is about 0.01; at 0.025 it is 1, and
+/// FLIP is 0.006.
 const SAMPLES: f64 = 0.025;
-/// From this target on, neighbouring pixels see different times, which halves FLIP at the same cost; a tighter one has the smaller error
-/// without a lattice, whose classes sample off the middles of their strata.
+/// Smallest target for which samples are interleaved. There a lattice halves FLIP at the same cost. A tighter target
+/// has the smaller error without a lattice, because the classes of a lattice sample off the middles of their strata.
 const LOOSE: f64 = 0.02;
-/// Shortest way between two time samples, pixels, for which they do; below it steps hardly show, and the lattice would.
+/// Shortest path between two time samples, pixels, for which samples are interleaved. On shorter paths steps hardly
+/// show, but the lattice would.
 const WIDE_STEP: f64 = 11.0;
-/// Ways between two time samples below which kernels of both overlap, pixels: what is left of the error then falls faster.
+/// Path between two time samples, pixels, below which kernels of both overlap. Then the error falls faster with more
+/// samples.
 const NARROW_STEP: f64 = 8.0;
 
-/// How many times larger the error is stated than the difference of the halves has it, from measurements (docs/modes.md): classes of a
-/// lattice see times off the middles of their strata, and what that does is the same in both halves; sub-pixel positions are less
-/// even than times.
+/// Factor on the estimated error, from measurements (docs/measurements/auto.md). `step`: path between two time samples,
+/// pixels.
+///
+/// The difference of the half buffers misses part of the error. Classes of a lattice sample off the middles of their
+/// strata, and that error is the same in both half buffers. Sub-pixel positions are spread less evenly than times.
 fn safety(interleave: Interleave, filter: PixelFilter, step: f64) -> f64 {
     match (interleave, filter) {
         (Interleave::None, PixelFilter::Point) if step < NARROW_STEP => 1.05,
@@ -57,15 +63,15 @@ pub fn render(
     options: &RenderOptions,
     target: ErrorTarget,
 ) -> Result<Rendered, BackendError> {
-    let way = path::longest(scene, number);
-    let moves = way >= f64::from(STATIC_PATH);
-    let moving_samples = first_samples(way, &target);
-    let step = way / f64::from(moving_samples);
+    let path_length = path::longest(scene, number);
+    let moves = path_length >= f64::from(STATIC_PATH);
+    let moving_samples = first_samples(path_length, &target);
+    let step = path_length / f64::from(moving_samples);
     let interleave = if target.error >= LOOSE && step >= WIDE_STEP { Interleave::Two } else { Interleave::None };
-    // Halves are of as many samples and positions each.
+    // Both half buffers have the same number of samples and of positions.
     let most = target.samples_max & !1;
     let positions = match options.filter {
-        // A lattice shares out four times as many.
+        // A lattice has four times as many positions: each class has its own.
         PixelFilter::Box if moves && interleave == Interleave::None => 2 * target.pixel_samples,
         PixelFilter::Box => target.pixel_samples.next_multiple_of(2),
         PixelFilter::Point => 1,
@@ -74,10 +80,10 @@ pub fn render(
     let positions = positions.min(samples);
     let first = Round { scene, number, options, interleave, samples, factor: 1, positions };
     let mut stats = Stats::default();
-    let mut halves = Halves::render(backend, &first, None, &mut stats)?;
+    let mut half_buffers = HalfBuffers::render(backend, &first, None, &mut stats)?;
     let edge = Blocks::EDGE * interleave.stride() as usize;
     let background = if scene.image.transparent { DVec3::ZERO } else { scene.image.background };
-    let mut errors = block_errors(&halves, background.as_vec3(), edge, None);
+    let mut errors = block_errors(&half_buffers, background.as_vec3(), edge, None);
 
     let safety = safety(interleave, options.filter, step);
     let (factors, capped) = needed_factors(&errors, target.error / safety, samples, target.samples_max);
@@ -86,17 +92,17 @@ pub fn render(
         if of_factor.contains(&true) {
             let blocks = Blocks { width: errors.width, wanted: of_factor };
             let round = Round { factor, ..first };
-            let fresh = Halves::render(backend, &round, Some(&blocks), &mut stats)?;
-            halves.refine(&fresh, &round, &blocks);
+            let fresh = HalfBuffers::render(backend, &round, Some(&blocks), &mut stats)?;
+            half_buffers.refine(&fresh, &round, &blocks);
             fresh.recycle(backend);
-            errors.replace(block_errors(&halves, background.as_vec3(), edge, Some(&blocks)));
+            errors.replace(block_errors(&half_buffers, background.as_vec3(), edge, Some(&blocks)));
         }
     }
     let error = safety * errors.root_mean();
     let refined = factors.iter().filter(|&&factor| factor > 1).count() as u32;
     stats.achieved = Some(Achieved {
         error,
-        way,
+        path_length,
         samples,
         most_samples: samples * factors.iter().copied().max().unwrap_or(1),
         interleave: interleave.stride(),
@@ -105,7 +111,7 @@ pub fn render(
         capped,
     });
     let behind = (!scene.image.transparent).then_some(background.as_vec3());
-    let mut picture = halves.mean(&even_shares(&first, &factors, errors.width, edge), behind, backend);
+    let mut picture = half_buffers.mean(&even_shares(&first, &factors, errors.width, edge), behind, backend);
     let per_block = |value: &dyn Fn(usize) -> f32| spread(&errors, edge, [picture.width, picture.height], value);
     let mut layers = Vec::new();
     if options.aovs.contains(&Aov::Samples) {
@@ -119,8 +125,8 @@ pub fn render(
     Ok(Rendered { picture, stats })
 }
 
-/// The factor of samples that brings each block's error down to `wanted`, as far as `samples_max` allows; and the number of blocks for
-/// which it does not.
+/// For each block, the factor of samples that brings its error down to `wanted`, as far as `samples_max` allows.
+/// Second: the number of blocks for which `samples_max` is too small.
 fn needed_factors(errors: &Errors, wanted: f64, samples: u32, samples_max: u32) -> (Vec<u32>, u32) {
     let allowed = |factor: &u32| samples.saturating_mul(*factor) <= samples_max;
     let mut capped = 0;
@@ -137,7 +143,8 @@ fn needed_factors(errors: &Errors, wanted: f64, samples: u32, samples_max: u32) 
     (errors.squares.iter().map(of_block).collect(), capped)
 }
 
-/// The share of the even samples in each pixel of a row, in blocks with these factors, `width` in a row, `edge` pixels each.
+/// Writes the share of the even samples for each pixel of a row. `factors`: of the blocks, `width` in a row, `edge`
+/// pixels each.
 fn even_shares(first: &Round<'_>, factors: &[u32], width: usize, edge: usize) -> impl Fn(usize, &mut [f32]) + Sync {
     let stride = first.interleave.stride();
     let of_factor = |&factor: &u32| {
@@ -156,9 +163,9 @@ fn even_shares(first: &Round<'_>, factors: &[u32], width: usize, edge: usize) ->
     }
 }
 
-/// The smallest first number of samples that a longest way of `way` pixels needs.
-fn first_samples(way: f64, target: &ErrorTarget) -> u32 {
-    let needed = SAMPLES / target.error * way.sqrt();
+/// Samples of the first round for a longest path of `path_length` pixels.
+fn first_samples(path_length: f64, target: &ErrorTarget) -> u32 {
+    let needed = SAMPLES / target.error * path_length.sqrt();
     let enough = FIRST.into_iter().find(|&samples| f64::from(samples) >= needed);
     let most = FIRST.into_iter().rfind(|&samples| samples <= target.samples_max).unwrap_or(FIRST[0]);
     enough.unwrap_or(FIRST[FIRST.len() - 1]).min(most)
@@ -171,7 +178,7 @@ fn spread(errors: &Errors, edge: usize, [width, height]: [u32; 2], value: &dyn F
     pixels.map(|[x, y]| value(y / edge * errors.width + x / edge)).collect()
 }
 
-/// Can samples of a coarser exposure be kept in a finer one? Only where all have the same weight.
-fn keeps(scene: &Scene) -> bool {
+/// Can a finer exposure reuse the samples of a coarser one? Only where all have the same weight.
+fn reuses_samples(scene: &Scene) -> bool {
     scene.shutter.weight == Weight::Box
 }

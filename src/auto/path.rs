@@ -1,4 +1,4 @@
-//! How far things move on the screen.
+//! Path lengths of surfels on the screen.
 
 use glam::{DVec2, DVec3};
 
@@ -6,12 +6,13 @@ use crate::math::focal_length;
 use crate::scene::pose::{camera_from_world, object_pose};
 use crate::scene::{Object, Scene};
 
-/// Surfels of an object that are looked at.
-const LOOKED_AT: usize = 4096;
-/// Times at which they are, and the intervals between.
+/// Most surfels of an object whose paths are measured.
+const MEASURED: usize = 4096;
+/// Straight parts of a measured path.
 const INTERVALS: u32 = 4;
 
-/// Longest way of a surfel over the screen during the exposure of frame `number`, pixels, as far as it lies on the image.
+/// Length of the longest path of a surfel over the image during the exposure of frame `number`, pixels. Parts of a path
+/// outside the image do not count.
 pub(super) fn longest(scene: &Scene, number: i64) -> f64 {
     scene.objects.iter().map(|object| of_object(scene, object, number)).fold(0.0, f64::max)
 }
@@ -27,7 +28,7 @@ fn of_object(scene: &Scene, object: &Object, number: i64) -> f64 {
             pose.visible.then(|| camera_from_world(scene, time) * pose.world_from_model)
         })
         .collect();
-    // What appears or disappears moves no less than what crosses the image.
+    // An object that appears or disappears counts as one that crosses the image.
     if poses.is_empty() {
         return 0.0;
     }
@@ -37,9 +38,9 @@ fn of_object(scene: &Scene, object: &Object, number: i64) -> f64 {
     if !object.blur || poses.iter().all(|pose| *pose == poses[0]) {
         return 0.0;
     }
-    let step = object.model.len().div_ceil(LOOKED_AT).max(1);
+    let step = object.model.len().div_ceil(MEASURED).max(1);
     let on_image = |p: DVec2| p.x.abs() <= 0.5 * width && p.y.abs() <= 0.5 * height;
-    let way = |position: DVec3| {
+    let length_of = |position: DVec3| {
         let mut length = 0.0;
         let mut last: Option<DVec2> = None;
         for pose in &poses {
@@ -55,5 +56,5 @@ fn of_object(scene: &Scene, object: &Object, number: i64) -> f64 {
         length
     };
     let positions = object.model.position.iter().step_by(step);
-    positions.map(|p| way(p.as_dvec3() + object.model.origin)).fold(0.0, f64::max)
+    positions.map(|p| length_of(p.as_dvec3() + object.model.origin)).fold(0.0, f64::max)
 }

@@ -47,7 +47,8 @@ pub struct Achieved {
     /// Estimated root mean square error of the display values.
     pub error: f64,
     /// Longest path of a surfel over the screen during the exposure, pixels.
-    pub way: f64,
+    #[serde(rename = "way")]
+    pub path_length: f64,
     /// Time samples that each pixel began with.
     pub samples: u32,
     /// Time samples of the pixel that has most.

@@ -5,11 +5,11 @@ use std::sync::LazyLock;
 
 use clap::Args;
 use splatblur::options::RenderOptions;
-use splatblur::renderer::Renderer;
+use splatblur::renderer::{Device, Renderer};
 use splatblur::scene_file;
 use splatblur::study::{BackendKind, Opened, Trial};
 
-use super::backend::{Wanted, in_full};
+use super::backend::in_full;
 use super::common::{self, Overrides, Running, Sampling, Splatting, Surfaces};
 
 /// The grammar of modes in studies, for long helps.
@@ -60,11 +60,11 @@ impl Common {
         let scene_file::Loaded { scene, notes } = self.running.load(path, &self.overrides, &pool)?;
         let threads = pool.current_num_threads();
         let open = move |kind| {
-            let wanted = match kind {
-                BackendKind::Cpu => Wanted::Cpu,
-                BackendKind::Gpu => Wanted::Gpu,
+            let device = match kind {
+                BackendKind::Cpu => Device::Cpu,
+                BackendKind::Gpu => Device::Gpu { adapter: None },
             };
-            let renderer = Renderer::open(wanted.device(None)?)?;
+            let renderer = Renderer::open(device)?;
             let description = in_full(&renderer, threads);
             Ok(Opened { renderer, description })
         };

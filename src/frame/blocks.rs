@@ -1,4 +1,4 @@
-//! Which parts of the image are rendered.
+//! Which blocks of the image are rendered.
 
 use std::ops::Range;
 
@@ -15,12 +15,13 @@ impl Blocks {
     /// Raster pixels along the edge of a block.
     pub const EDGE: usize = 32;
 
-    /// Blocks in a row and rows of them, for an image of `size` pixels whose rasters take every `stride`-th.
+    /// Blocks in a row and number of rows, for an image of `size` pixels whose rasters take every `stride`-th.
     pub fn count(size: [u32; 2], stride: u32) -> [usize; 2] {
         size.map(|pixels| (pixels.div_ceil(stride) as usize).div_ceil(Self::EDGE))
     }
 
-    /// The columns of row `y` that lie in `wanted` blocks, of an image of `width` columns whose rasters take every `stride`-th.
+    /// The columns of row `y` that lie in `wanted` blocks. The image has `width` columns, and its rasters take every
+    /// `stride`-th.
     pub fn columns(wanted: Option<&Self>, y: usize, width: usize, stride: usize) -> Vec<Range<usize>> {
         let Some(blocks) = wanted else { return std::iter::once(0..width).collect() };
         let edge = Self::EDGE * stride;

@@ -1,7 +1,7 @@
-//! One frame, posed: everything that a backend needs to execute a plan, as plain values.
+//! One frame, posed: all that a backend needs to execute a plan, as plain values.
 //!
-//! Transforms are composed in `f64` and only then rounded, so that far-away world coordinates cost no precision. A frame owns
-//! all that it names: a backend may render it later, or again.
+//! Transforms are composed in `f64` and only then rounded, so that far-away world coordinates cost no precision. A
+//! frame owns all that it names: a backend may render it later, or a second time.
 
 mod blocks;
 mod pixel_rect;
@@ -42,13 +42,13 @@ pub struct Frame {
     pub shading: Shading,
     /// Extra channels.
     pub aovs: Vec<Aov>,
-    /// What shows where the film is not covered.
+    /// The background behind the film.
     pub background: Background,
     /// Bytes that the frame and its models may take.
     pub memory: u64,
     /// Bytes that the models take; a model shared by several objects counts once.
     pub model_bytes: u64,
-    /// Bytes of pictures that are kept beside the frame's own.
+    /// Bytes of pictures that the caller holds beside the frame's own.
     pub picture_bytes: u64,
     /// The kernel of the frame's [`Step::Sweep`]; `None` where it has no such step.
     pub swept: Option<SweptKernel>,
@@ -56,11 +56,11 @@ pub struct Frame {
     pub objects: Vec<FrameObject>,
     /// One for each class of pixels; the largest first.
     pub rasters: Vec<PosedRaster>,
-    /// The parts of the image that are rendered; the others stay empty. `None`: all.
+    /// The blocks of the image that are rendered; the others stay empty. `None`: all.
     pub wanted: Option<Blocks>,
 }
 
-/// A raster, and what is rendered on it.
+/// A raster and its sample positions.
 #[derive(Clone, Debug)]
 pub struct PosedRaster {
     /// Raster pixels, width and height; 0 where the image is smaller than the phase.
@@ -69,12 +69,12 @@ pub struct PosedRaster {
     pub positions: Vec<Position>,
 }
 
-/// A sample position of a raster: what is sampled there, and what a backend does about it.
+/// A sample position of a raster: its posed samples, and the steps that render them.
 #[derive(Clone, Debug)]
 pub struct Position {
     /// The raster, with the position's offset.
     pub raster: Raster,
-    /// What [`Self::steps`] name by index, rising in time.
+    /// Rising in time; [`Self::steps`] name them by index.
     pub groups: Vec<PosedGroup>,
     /// In order.
     pub steps: Vec<Step>,
@@ -87,16 +87,16 @@ pub struct PosedGroup {
     pub samples: Vec<PosedSample>,
 }
 
-/// What of an object does not change over the frame.
+/// The properties of an object that do not change during the frame.
 #[derive(Clone, Debug)]
 pub struct FrameObject {
-    /// The surfels; shared, so that a backend can tell models apart for as long as it remembers them.
+    /// The surfels. They are shared, so that a backend can recognise a model that it has already uploaded.
     pub surfels: Arc<Surfels>,
-    /// Material of the whole object; `None`: one a surfel, `surfels.material`.
+    /// Material of the whole object; `None`: one per surfel, `surfels.material`.
     pub material: Option<Material>,
     /// Show back faces, with normals turned to the viewer.
     pub two_sided: bool,
-    /// Posed alike in all samples: its splats are the first in the order of sums, and count once in a group.
+    /// Has the same pose in all samples. Its splats come first in the order of sums, and count once in a group.
     pub is_static: bool,
 }
 
@@ -151,7 +151,7 @@ impl Frame {
                 PosedRaster { positions: positions.collect(), size: raster([0.0; 2]).size }
             })
             .collect();
-        // One size of map for all intervals: on the GPU the thresholds of static objects lie behind it.
+        // One size of map for all intervals: on the GPU the thresholds of static objects are stored behind it.
         let guard = sweeps.iter().flatten().map(|(interval, _)| interval.guard).max().unwrap_or(0);
         sweeps.iter_mut().flatten().for_each(|(interval, _)| interval.guard = guard);
         let near = scene.camera.near as f32;
@@ -164,7 +164,7 @@ impl Frame {
             stride: exposure.stride,
             near,
             prefilter: options.prefilter,
-            // Normals are not averaged over time (thesis fig. 4.4).
+            // Normals are not averaged over time (Wolf 2008, fig. 4.4).
             shading: if swept.is_some() { Shading::Gouraud } else { options.shading },
             aovs: options.aovs.clone(),
             background: Background { colour: scene.image.background, transparent: scene.image.transparent },
@@ -180,7 +180,7 @@ impl Frame {
         frame
     }
 
-    /// Plans the steps again, after objects or samples were changed.
+    /// Plans the steps a second time, after objects or samples were changed.
     pub fn plan_again(&mut self) {
         let sweeps: Vec<_> = self.positions().flat_map(Position::sweeps).collect();
         self.plan_steps(&sweeps);

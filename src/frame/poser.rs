@@ -1,4 +1,4 @@
-//! Where everything is at one time sample, composed in `f64` and rounded once.
+//! Poses of all objects at one time sample, composed in `f64` and rounded once.
 
 use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
 
@@ -18,14 +18,14 @@ pub struct PosedSample {
     pub world_from_camera: Mat3,
     /// Lights, relative to the eye.
     pub lights: Vec<ShadingLight>,
-    /// One a `Frame::objects` entry.
+    /// One per entry of `Frame::objects`.
     pub objects: Vec<PosedObject>,
 }
 
 /// An object at one time sample.
 ///
-/// *Screen space* here is (f X, -f Y, -Z) of camera space, f the focal length of the group's raster: a point's raster pixel is
-/// its first two coordinates over the third (its depth), counted from the raster's `axis`, x right and y down.
+/// *Screen space* here is (f X, -f Y, -Z) of camera space, f the focal length of the group's raster: a point's raster
+/// pixel is its first two coordinates over the third (its depth), counted from the raster's `axis`, x right and y down.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PosedObject {
     /// False: skipped.
@@ -42,7 +42,7 @@ pub struct PosedObject {
     pub motion_from_model: Mat3,
     /// Motion of the model's origin, likewise.
     pub motion_origin: Vec3,
-    /// True where the centres' pose is not the axes' own.
+    /// True where the pose of the centres differs from that of the axes.
     pub moves: bool,
     /// The eye in model space, relative to the model's origin.
     pub eye: Vec3,
@@ -124,14 +124,15 @@ impl Poser<'_> {
     }
 
     fn object(&self, object: &Object, time: f64, camera: &DMat4, interval: Option<&Interval>) -> PosedObject {
-        // blur="false": object and camera are posed at the frame number (design section 2).
+        // blur="false": object and camera are posed at the frame number.
         let (time, camera) =
             if object.blur { (time, *camera) } else { (self.number, camera_from_world(self.scene, self.number)) };
         let ObjectPose { world_from_model, visible } = object_pose(self.scene, object, time);
         let to_origin = DMat4::from_translation(object.model.origin);
         let camera_from_model = camera * world_from_model * to_origin;
         let screen = self.screen(&camera_from_model);
-        // The line that surfels travel over an interval: their mean place, by Simpson's rule, and half the difference of its ends.
+        // The line along which surfels travel during an interval: their mean position, by Simpson's rule, and half the
+        // difference of its ends.
         let (centre, motion) =
             interval.filter(|_| object.blur).map_or((screen, (DMat3::ZERO, DVec3::ZERO)), |interval| {
                 let [from, to] = interval.ends.map(|time| self.camera_from_model(object, time));
@@ -146,7 +147,7 @@ impl Poser<'_> {
         } else {
             (DMat3::ZERO, DVec3::ZERO)
         };
-        // Rotation of the camera that posed the object: normals and positions are kept in world axes.
+        // Rotation of the camera that posed the object: normals and positions stay in world axes.
         let world_from_camera = DMat3::from_mat4(camera).transpose();
         let epsilon = self
             .options

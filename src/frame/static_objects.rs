@@ -1,4 +1,4 @@
-//! Which objects are static during the exposure, so that a backend need not splat them again for each time sample.
+//! Which objects are static during the exposure, so that a backend can splat them once for all time samples.
 
 use glam::Vec3;
 
@@ -54,7 +54,8 @@ fn samples(rasters: &[PosedRaster]) -> impl Iterator<Item = &PosedSample> {
     positions.flat_map(|position| &position.groups).flat_map(|group| &group.samples)
 }
 
-/// Length of the path of a point of the model over the raster, raster pixels; infinite where it comes nearer than `near`.
+/// Length of the path of a point of the model over the raster, raster pixels; infinite where it comes nearer than
+/// `near`.
 fn path<'a>(poses: impl Iterator<Item = &'a PosedObject>, point: Vec3, near: f32) -> f32 {
     let mut length = 0.0;
     let mut last = None;

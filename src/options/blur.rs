@@ -4,9 +4,7 @@
 //! `auto:0.01+samples-max=64`. [`super::ModeParts`] reads it; `Display` here writes it. Equal values have equal texts.
 
 use std::fmt;
-use std::str::FromStr;
 
-use super::parts::{ModeName, ModeParts};
 use super::{Interleave, OptionError, SweptKernel};
 
 /// How motion becomes blur.
@@ -102,21 +100,6 @@ impl fmt::Display for BlurMode {
     }
 }
 
-impl FromStr for BlurMode {
-    type Err = OptionError;
-
-    fn from_str(text: &str) -> Result<Self, OptionError> {
-        match text.parse()? {
-            Quality::Mode(mode) => Ok(mode),
-            Quality::Error(_) => {
-                let known = ModeName::WORDS.iter().filter(|&&name| name != ModeName::Auto.word());
-                let known = known.copied().collect::<Vec<_>>().join(", ");
-                Err(OptionError::Mode { found: ModeName::Auto.to_string(), known })
-            }
-        }
-    }
-}
-
 /// An error that a frame may have. Mode `auto` finds the samples for it ([`crate::auto`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorTarget {
@@ -176,17 +159,6 @@ impl fmt::Display for ErrorTarget {
     }
 }
 
-impl FromStr for ErrorTarget {
-    type Err = OptionError;
-
-    fn from_str(text: &str) -> Result<Self, OptionError> {
-        match format!("{}:{text}", ModeName::Auto).parse()? {
-            Quality::Error(target) => Ok(target),
-            Quality::Mode(mode) => Err(OptionError::value("an error target", &mode.to_string())),
-        }
-    }
-}
-
 /// How good a frame is to be: a blur mode with its samples, or an error for which samples are found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quality {
@@ -219,15 +191,7 @@ impl fmt::Display for Quality {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Mode(mode) => mode.fmt(f),
-            Self::Error(target) => write!(f, "{}:{target}", ModeName::Auto),
+            Self::Error(target) => write!(f, "auto:{target}"),
         }
-    }
-}
-
-impl FromStr for Quality {
-    type Err = OptionError;
-
-    fn from_str(text: &str) -> Result<Self, OptionError> {
-        text.parse::<ModeParts>()?.quality()
     }
 }

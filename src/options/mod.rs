@@ -6,6 +6,7 @@
 
 mod aov;
 mod blur;
+mod counts;
 mod error;
 mod parts;
 mod swept;
@@ -17,11 +18,15 @@ use std::str::FromStr;
 
 pub use self::aov::in_order;
 pub use self::blur::{BlurMode, ErrorTarget, Quality};
+pub use self::counts::{count, samples_max};
 pub use self::error::OptionError;
-pub use self::parts::{MAX_SAMPLES, ModeName, ModeParts, count, samples_max};
+pub use self::parts::{ModeName, ModeParts};
 pub use self::swept::{KernelShape, KernelWeight, Normalise, SourceSamples, SweptKernel, TemporalAlpha};
 pub(crate) use self::words::words;
 use crate::film::Aov;
+
+/// Most time samples, and most sub-pixel positions, of a pixel.
+pub const MAX_SAMPLES: u32 = 65_536;
 
 /// Interleaved time sampling: the pixels of an S x S lattice fall into S^2 classes, each with times of its own.
 /// Neighbouring pixels see different times (Keller and Heidrich 2001, for rays).

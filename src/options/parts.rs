@@ -4,18 +4,15 @@
 //! [`ModeParts::quality`] fills in the defaults and checks what only the whole can tell. A program may set further
 //! parts between the two steps; the options of the command line are such parts.
 
-use std::ops::RangeInclusive;
 use std::str::FromStr;
 
+use super::counts::{count, samples_max};
 use super::error::list;
 use super::words::words;
 use super::{
-    BlurMode, ErrorTarget, Interleave, KernelShape, KernelWeight, Normalise, OptionError, Quality, SourceSamples,
-    SweptKernel, TemporalAlpha,
+    BlurMode, ErrorTarget, Interleave, KernelShape, KernelWeight, MAX_SAMPLES, Normalise, OptionError, Quality,
+    SourceSamples, SweptKernel, TemporalAlpha,
 };
-
-/// Most time samples, and most sub-pixel positions, of a pixel.
-pub const MAX_SAMPLES: u32 = 65_536;
 
 /// The name of a mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -285,24 +282,50 @@ impl FromStr for ModeParts {
     }
 }
 
-/// A whole number in a range.
-pub(super) fn number(text: &str, range: RangeInclusive<u32>) -> Result<u32, OptionError> {
-    let value = text.parse().ok().filter(|value| range.contains(value));
-    value.ok_or_else(|| OptionError::value(format!("a whole number from {} to {}", range.start(), range.end()), text))
+impl FromStr for Quality {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        text.parse::<ModeParts>()?.quality()
+    }
 }
 
-/// A count of time samples, buckets, intervals or sub-pixel positions: 1 to [`MAX_SAMPLES`].
-///
-/// # Errors
-/// The text is no such number.
-pub fn count(text: &str) -> Result<u32, OptionError> {
-    number(text, 1..=MAX_SAMPLES)
+impl FromStr for BlurMode {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        match text.parse()? {
+            Quality::Mode(mode) => Ok(mode),
+            Quality::Error(_) => {
+                let known = ModeName::WORDS.iter().filter(|&&name| name != ModeName::Auto.word());
+                let known = known.copied().collect::<Vec<_>>().join(", ");
+                Err(OptionError::Mode { found: ModeName::Auto.to_string(), known })
+            }
+        }
+    }
 }
 
-/// Most time samples of mode auto, which begins with 4 at the least: 4 to [`MAX_SAMPLES`].
-///
-/// # Errors
-/// The text is no such number.
-pub fn samples_max(text: &str) -> Result<u32, OptionError> {
-    number(text, 4..=MAX_SAMPLES)
+impl FromStr for ErrorTarget {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        match format!("{}:{text}", ModeName::Auto).parse()? {
+            Quality::Error(target) => Ok(target),
+            Quality::Mode(mode) => Err(OptionError::value("an error target", &mode.to_string())),
+        }
+    }
+}
+
+impl FromStr for SweptKernel {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        if !(text.is_empty() || text.starts_with('+')) {
+            return Err(OptionError::value("options of swept kernels, as in +kernel=ellipsoid+alpha=sum", text));
+        }
+        match format!("{}{text}", ModeName::Volumetric).parse::<ModeParts>()?.quality()? {
+            Quality::Mode(BlurMode::Volumetric { swept, .. }) => Ok(swept),
+            other => Err(OptionError::value("options of swept kernels", &other.to_string())),
+        }
+    }
 }

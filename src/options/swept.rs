@@ -3,9 +3,9 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::parts::{ModeName, ModeParts, number};
+use super::OptionError;
+use super::counts::number;
 use super::words::words;
-use super::{BlurMode, OptionError, Quality};
 
 /// How volumetric kernels weigh and add up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -69,20 +69,6 @@ impl fmt::Display for SweptKernel {
             Ok(())
         } else {
             write!(f, "+source-samples={}", self.source_samples)
-        }
-    }
-}
-
-impl FromStr for SweptKernel {
-    type Err = OptionError;
-
-    fn from_str(text: &str) -> Result<Self, OptionError> {
-        if !(text.is_empty() || text.starts_with('+')) {
-            return Err(OptionError::value("options of swept kernels, as in +kernel=ellipsoid+alpha=sum", text));
-        }
-        match format!("{}{text}", ModeName::Volumetric).parse::<ModeParts>()?.quality()? {
-            Quality::Mode(BlurMode::Volumetric { swept, .. }) => Ok(swept),
-            other => Err(OptionError::value("options of swept kernels", &other.to_string())),
         }
     }
 }

@@ -25,7 +25,7 @@ fn text(bytes: &[u8]) -> String {
 
 const SMALL: [&str; 8] = ["render", "scenes/spin.xml", "--size", "64x36", "--samples", "2", "--frames", "1..3"];
 
-/// A machine without any graphics driver.
+/// A computer without any graphics driver.
 const NOTHING: [(&str, &str); 2] = [("VK_DRIVER_FILES", "/nonexistent"), ("VK_ICD_FILENAMES", "/nonexistent")];
 
 #[test]

@@ -49,8 +49,13 @@ end_header
 -0.3 0.2 0.1 0 0 1 0.3
 ";
 
-const SCENE: &str = r#"<scene><image width="16" height="12"/><frames first="0" last="1"/><camera eye="0 0 3" at="0 0 0"/>
-<object><pointModel>three.ply</pointModel><motion type="linear" velocity="0.5 0 0"/></object></scene>"#;
+/// Options of `sheet` and `report`.
+const OPTIONS: &[&str] =
+    &["--modes", "--frames", "--crop", "--limit", "--backends", "--reference", "--size", "--weight", "--epsilon"];
+
+const SCENE: &str = r#"<scene><image width="16" height="12"/><frames first="0" last="1"/>
+<camera eye="0 0 3" at="0 0 0"/><object><pointModel>three.ply</pointModel>
+<motion type="linear" velocity="0.5 0 0"/></object></scene>"#;
 
 /// A folder with a scene of three surfels, pictures `a.png`, `b.exr`, and a finished report in `report`.
 fn fixture() -> &'static Path {
@@ -205,7 +210,7 @@ proptest! {
     #[test]
     fn any_option_of_sheet_and_report(
         sheet in any::<bool>(),
-        option in select(&["--modes", "--frames", "--crop", "--limit", "--backends", "--reference", "--size", "--weight", "--epsilon"][..]),
+        option in select(OPTIONS),
         text in words(),
     ) {
         let given = format!("{}={text}", if sheet && option == "--frames" { "--frame" } else { option });
@@ -253,10 +258,13 @@ proptest! {
     ) {
         let crop = format!("--crop={},{},{}x{}", crop[0], crop[1], crop[2], crop[3]);
         let out = tempfile::tempdir().unwrap();
-        let (sheet, folder) = (format!("--out={}/s.png", out.path().display()), format!("--out={}", out.path().display()));
+        let folder = format!("--out={}", out.path().display());
+        let sheet = format!("{folder}/s.png");
         status(&["sheet", "tiny.xml", "--frame=0", "--modes=still:1", &crop, &sheet, "--quiet"]);
         let limit = format!("--limit={metric}={limit}");
-        status(&["report", "tiny.xml", "--frames=0", "--modes=still:1", "--reference=16", "--repeats=1", &limit, &folder, "--quiet"]);
+        let report =
+            ["report", "tiny.xml", "--frames=0", "--modes=still:1", "--reference=16", "--repeats=1", "--quiet"];
+        status(&[&report[..], &[&limit, &folder]].concat());
     }
 
     /// What is damaged in the store is rendered again: the figures are those of the first run.

@@ -32,7 +32,8 @@ impl Fixture {
         let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                    property float nx\nproperty float ny\nproperty float nz\nproperty float radius\nend_header\n\
                    0 0 0 0 0 1 1\n1 0 0 0 0 1 1\n0 1 0 0 0 1 1\n";
-        let xml = "<scene><image width=\"12\" height=\"9\" background=\"0.5 0.25 0.125\"/><frames first=\"1\" last=\"2\"/>\
+        let xml = "<scene><image width=\"12\" height=\"9\" background=\"0.5 0.25 0.125\"/><frames first=\"1\" \
+                   last=\"2\"/>\
                    <camera eye=\"0 0 5\" at=\"0 0 0\"/><object name=\"three\"><pointModel>three.ply</pointModel>\
                    <motion type=\"linear\" velocity=\"0.8 0.3 0\"/></object></scene>\n";
         std::fs::write(dir.path().join("three.ply"), ply).unwrap();
@@ -283,9 +284,9 @@ fn refuses_in_one_line_and_leaves_nothing() {
 
 #[test]
 fn help_lists_every_option() {
-    let options = "--out --frames --size --format --bits --aov --background --transparent --resume --no-sums --pixel --sample \
-                   --samples --error --sampler --jitter-density --shutter --weight --filter --seed --shading --two-sided \
-                   --epsilon --threads --lenient --restrict --json --quiet";
+    let options = "--out --frames --size --format --bits --aov --background --transparent --resume --no-sums --pixel \
+                   --sample --samples --error --sampler --jitter-density --shutter --weight --filter --seed --shading \
+                   --two-sided --epsilon --threads --lenient --restrict --json --quiet";
     for help in [["reference", "--help"], ["help", "reference"], ["reference", "-h"]] {
         let output = Command::new(env!("CARGO_BIN_EXE_splatblur")).args(help).output().unwrap();
         let text = stdout(&output);

@@ -7,6 +7,7 @@ use std::process::{Command, Output, Stdio};
 
 use splatblur::film::{Aov, Layer, Picture};
 use splatblur::image::{self, Bits, Format};
+use splatblur::options::RenderOptions;
 
 fn splatblur(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_splatblur")).args(arguments).stdin(Stdio::null()).output().unwrap()
@@ -40,9 +41,9 @@ fn names(directory: &Path) -> Vec<String> {
 
 #[test]
 fn help_lists_every_option() {
-    let render = "--out --frames --mode --error --samples-max --samples --pixel-samples --size --shutter --weight --filter --prefilter --shading \
-                  --two-sided --epsilon --background --transparent --backend --format --bits --aov --threads --seed --memory \
-                  --resume --json --lenient --restrict --quiet";
+    let render = "--out --frames --mode --error --samples-max --samples --pixel-samples --size --shutter --weight \
+                  --filter --prefilter --shading --two-sided --epsilon --background --transparent --backend --format \
+                  --bits --aov --threads --seed --memory --resume --json --lenient --restrict --quiet";
     for (command, options) in [
         ("render", render),
         ("info", "--json --xml --csv --frames --step --lenient --restrict"),
@@ -215,7 +216,8 @@ impl Fixture {
                    0 0 0 0 0 1 1\n1 0 0 0 0 1 1\n0 1 0 0 0 1 1\n";
         let xml = "<?xml version=\"1.0\" encoding=\"ISO-8859-1\"?>\n<scene><image width=\"12\" height=\"9\"/>\
                    <frames first=\"1\" last=\"3\" rate=\"24\"/><camera eye=\"0 0 5\" at=\"0 0 0\"/>\
-                   <object><pointModel>three.ply</pointModel><motion type=\"linear\" velocity=\"0.1 0 0\"/></object></scene>\n";
+                   <object><pointModel>three.ply</pointModel><motion type=\"linear\" velocity=\"0.1 0 0\"/></object>\
+                   </scene>\n";
         std::fs::write(dir.path().join("three.ply"), ply).unwrap();
         std::fs::write(dir.path().join("tiny.xml"), xml).unwrap();
         Self(dir)
@@ -368,4 +370,57 @@ fn an_interrupt_leaves_finished_frames_only() {
     for name in &left {
         assert_eq!(image::read(&out.join(name)).unwrap().width, 12);
     }
+}
+
+/// The pixels of frame 2, and the settings of the run.
+fn second_frame(fixture: &Fixture, options: &[&str]) -> (Vec<[u32; 4]>, serde_json::Value) {
+    let report = fixture.json(&[&["--frames", "2", "--format", "exr"], options].concat());
+    let picture = image::read(&fixture.path("out/tiny/tiny.0002.exr")).unwrap();
+    (picture.rgba.iter().map(|pixel| pixel.map(f32::to_bits)).collect(), report["settings"].clone())
+}
+
+#[test]
+fn a_whole_mode_and_its_parts_give_the_same_picture() {
+    let fixture = Fixture::new();
+    let whole = second_frame(&fixture, &["--mode", "supersample:8+interleave=2"]);
+    let parts = second_frame(&fixture, &["--mode", "supersample", "--samples", "8", "--interleave", "2"]);
+    assert_eq!(whole.1["mode"], "supersample:8+interleave=2");
+    assert_eq!(whole, parts);
+    assert!(whole.0 != second_frame(&fixture, &["--mode", "supersample:8"]).0, "a lattice changes the picture");
+}
+
+#[test]
+fn a_mode_takes_its_options_behind_plus_signs() {
+    let fixture = Fixture::new();
+    let (pixels, settings) = second_frame(&fixture, &["--mode", "auto:0.05+samples-max=64"]);
+    assert_eq!(settings["mode"], "auto:0.05+samples-max=64");
+    let options = ["--mode", "auto", "--error", "0.05", "--samples-max", "64"];
+    assert_eq!(second_frame(&fixture, &options), (pixels, settings));
+}
+
+#[test]
+fn modes_that_contradict_themselves_are_refused() {
+    let table: &[(&[&str], &[&str])] = &[
+        (&["--mode", "supersample:8", "--samples", "4"], &["--samples 4", "--mode supersample:8"]),
+        (&["--mode", "supersample:8+colour=red"], &["colour", "interleave, pixel-samples"]),
+        (&["--mode", "auto:0.05+interleave=2"], &["interleave", "samples-max"]),
+        (&["--mode", "supersample:8+interleave=2+interleave=4"], &["`interleave` is there twice"]),
+    ];
+    for (options, expected) in table {
+        let line = refused(&[&["render", "no_such_scene.xml"], *options].concat());
+        assert!(expected.iter().all(|words| line.contains(words)), "{options:?}: {line}");
+    }
+}
+
+/// The program and the library have the same defaults.
+#[test]
+fn a_bare_render_has_the_defaults_of_the_library() {
+    let options = RenderOptions::default();
+    let report = Fixture::new().json(&["--frames", "2"]);
+    let settings = &report["settings"];
+    assert_eq!(settings["mode"], options.quality.to_string());
+    assert_eq!(settings["filter"], options.filter.to_string());
+    assert_eq!(settings["prefilter"], options.prefilter.to_string());
+    assert_eq!(settings["shading"], options.shading.to_string());
+    assert_eq!(settings["seed"], options.seed);
 }

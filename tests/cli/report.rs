@@ -140,8 +140,10 @@ fn ball(dir: &Path, frame: f64, velocity: f64) -> String {
     // Motion starts at frame 0.
     let start = -0.3 + 0.6 * frame - velocity * frame;
     let text = format!(
-        r#"<scene><image width="96" height="54"/><shutter open="-0.5" close="0.5"/><camera eye="0 0 4" at="0 0 0" fovy="34"/>
-        <object><pointModel>{model}</pointModel><transform translate="{start} 0 0"/><motion type="linear" velocity="{velocity} 0 0"/></object></scene>"#
+        r#"<scene><image width="96" height="54"/><shutter open="-0.5" close="0.5"/>
+        <camera eye="0 0 4" at="0 0 0" fovy="34"/>
+        <object><pointModel>{model}</pointModel><transform translate="{start} 0 0"/>
+        <motion type="linear" velocity="{velocity} 0 0"/></object></scene>"#
     );
     std::fs::write(&scene, text).unwrap();
     scene

@@ -138,7 +138,7 @@ fn refinement_keeps_earlier_samples() {
     assert!(fine_pixels > 1000 && worst < 1e-5, "{fine_pixels} pixels are refined; {worst} from both images");
 }
 
-/// With a weight that is not constant nothing can be kept, and nothing is.
+/// With a weight that is not constant no sample can be reused, and none is.
 #[test]
 fn refinement_holds_for_other_weights() {
     let mut scene = balls();
@@ -222,9 +222,9 @@ fn counts_its_pictures(backend: &mut dyn Backend) {
     let aovs = vec![Aov::Depth];
     let options = RenderOptions { aovs, ..options(with_error(0.5), PixelFilter::Point) };
     let one = least_memory(backend, &RenderOptions { quality: BlurMode::supersample(2).into(), ..options.clone() });
-    let kept = least_memory(backend, &options) - one;
+    let held = least_memory(backend, &options) - one;
     let pictures = 3 * 160 * 128 * 5 * 4;
-    assert!(kept.abs_diff(pictures) <= 1 << 16, "{kept} of {pictures}");
+    assert!(held.abs_diff(pictures) <= 1 << 16, "{held} of {pictures}");
 }
 
 #[test]

@@ -12,27 +12,27 @@ use splatblur::scene::Scene;
 use splatblur::time::Weight;
 
 /// Each backend at hand, with a number of time samples that it renders in seconds.
-fn machines(test: &str) -> Vec<Machine> {
-    let cpu = Machine { backend: Box::new(Cpu::default()), samples: 1024 };
+fn candidates(test: &str) -> Vec<Candidate> {
+    let cpu = Candidate { backend: Box::new(Cpu::default()), samples: 1024 };
     std::iter::once(cpu).chain(gpu(test)).collect()
 }
 
 #[cfg(feature = "gpu")]
-fn gpu(test: &str) -> Option<Machine> {
-    crate::support::gpu::gpu_or_skip(test).map(|gpu| Machine { backend: Box::new(gpu), samples: 256 })
+fn gpu(test: &str) -> Option<Candidate> {
+    crate::support::gpu::gpu_or_skip(test).map(|gpu| Candidate { backend: Box::new(gpu), samples: 256 })
 }
 
 #[cfg(not(feature = "gpu"))]
-fn gpu(_test: &str) -> Option<Machine> {
+fn gpu(_test: &str) -> Option<Candidate> {
     None
 }
 
-struct Machine {
+struct Candidate {
     backend: Box<dyn Backend>,
     samples: u32,
 }
 
-impl Machine {
+impl Candidate {
     /// What the error of 1024 samples is multiplied by, which falls at least like 1 / samples.
     fn coarseness(&self) -> f64 {
         1024.0 / f64::from(self.samples)
@@ -46,7 +46,7 @@ struct Error {
 
 /// Error of `scene` over all channels of the pixels for which `counts(x, y)`.
 fn error(
-    machine: &mut Machine,
+    candidate: &mut Candidate,
     mut scene: Scene,
     name: &str,
     weight: &str,
@@ -58,12 +58,12 @@ fn error(
         _ => Weight::Ramp { centre: 1.0 },
     };
     let options = RenderOptions {
-        quality: BlurMode::supersample(machine.samples).into(),
+        quality: BlurMode::supersample(candidate.samples).into(),
         filter: if filter == "box" { PixelFilter::Box } else { PixelFilter::Point },
         prefilter: Prefilter::None,
         ..RenderOptions::default()
     };
-    let picture = render_frame(&mut *machine.backend, &scene, 0, &options).expect("the frame fits").picture;
+    let picture = render_frame(&mut *candidate.backend, &scene, 0, &options).expect("the frame fits").picture;
     let truth = truth(&format!("{name}_{weight}_{filter}"));
     let (mut sum, mut count, mut max) = (0.0, 0, 0.0_f64);
     for (i, (got, want)) in picture.rgba.iter().zip(&truth).enumerate() {
@@ -81,7 +81,7 @@ fn error(
     let error = Error { rmse: (sum / f64::from(count)).sqrt(), max };
     println!(
         "{}: {name} {weight} {filter}: rmse {:.2e}, max {:.2e}",
-        machine.backend.describe(),
+        candidate.backend.describe(),
         error.rmse,
         error.max
     );
@@ -90,11 +90,11 @@ fn error(
 
 #[test]
 fn disc_and_edge_at_pixel_centres() {
-    for mut machine in machines("disc_and_edge_at_pixel_centres") {
+    for mut candidate in candidates("disc_and_edge_at_pixel_centres") {
         for weight in ["box", "ramp"] {
             for (name, scene) in [("disc", disc()), ("edge", edge())] {
-                let error = error(&mut machine, scene, name, weight, "point", |_, _| true);
-                let most = 2.0 / 1024.0 * machine.coarseness();
+                let error = error(&mut candidate, scene, name, weight, "point", |_, _| true);
+                let most = 2.0 / 1024.0 * candidate.coarseness();
                 assert!(error.max <= most, "{name} {weight}: {:.2e}", error.max);
             }
         }
@@ -103,11 +103,11 @@ fn disc_and_edge_at_pixel_centres() {
 
 #[test]
 fn disc_and_edge_over_pixel_squares() {
-    for mut machine in machines("disc_and_edge_over_pixel_squares") {
+    for mut candidate in candidates("disc_and_edge_over_pixel_squares") {
         for weight in ["box", "ramp"] {
             for (name, scene) in [("disc", disc()), ("edge", edge())] {
-                let error = error(&mut machine, scene, name, weight, "box", |_, _| true);
-                let k = machine.coarseness();
+                let error = error(&mut candidate, scene, name, weight, "box", |_, _| true);
+                let k = candidate.coarseness();
                 assert!(error.rmse <= 1e-3 * k, "{name} {weight}: {:.2e}", error.rmse);
                 assert!(error.max <= 0.01 * k, "{name} {weight}: {:.2e}", error.max);
             }
@@ -118,15 +118,15 @@ fn disc_and_edge_over_pixel_squares() {
 #[test]
 fn spin_away_from_centre_and_rim() {
     let ring = |x: f64, y: f64| (4.0..=20.0).contains(&(x - 31.4).hypot(y - 33.2));
-    for mut machine in machines("spin_away_from_centre_and_rim") {
+    for mut candidate in candidates("spin_away_from_centre_and_rim") {
         for weight in ["box", "ramp"] {
             for filter in ["point", "box"] {
                 // One case is enough where each takes long.
-                if machine.samples < 1024 && (weight, filter) != ("ramp", "point") {
+                if candidate.samples < 1024 && (weight, filter) != ("ramp", "point") {
                     continue;
                 }
-                let error = error(&mut machine, spin(), "spin", weight, filter, ring);
-                let k = machine.coarseness();
+                let error = error(&mut candidate, spin(), "spin", weight, filter, ring);
+                let k = candidate.coarseness();
                 assert!(error.rmse <= 0.003 * k, "{weight} {filter}: {:.2e}", error.rmse);
                 assert!(error.max <= 0.02 * k, "{weight} {filter}: {:.2e}", error.max);
             }

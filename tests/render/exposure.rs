@@ -45,7 +45,7 @@ fn modes(n: u32) -> [(BlurMode, f64, f64); 5] {
     ]
 }
 
-/// Those, and volumetric kernels as the thesis has them.
+/// Those, and the volumetric kernels of Wolf (2008).
 fn all_modes() -> impl Iterator<Item = BlurMode> {
     let others = [volumetric(2, ellipsoid()), volumetric(2, SweptKernel::PUBLISHED)];
     modes(64).map(|(mode, ..)| mode).into_iter().chain(others)

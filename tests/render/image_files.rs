@@ -300,7 +300,10 @@ proptest! {
     }
 
     #[test]
-    fn changed_files_never_panic(which in 0..3_usize, changes in prop::collection::vec((any::<u32>(), any::<u8>()), 1..6)) {
+    fn changed_files_never_panic(
+        which in 0..3_usize,
+        changes in prop::collection::vec((any::<u32>(), any::<u8>()), 1..6),
+    ) {
         let mut bytes = specimens()[which].clone();
         let length = bytes.len();
         for (at, value) in changes {

@@ -243,7 +243,7 @@ fn dense_and_sparse_count_by_time() {
 }
 
 /// What moves together hides what it hides at rest, also where neither is at mid-interval: the depth test is at the
-/// source (thesis fig. 4.5).
+/// source (Wolf 2008, fig. 4.5).
 #[test]
 fn what_moves_along_behind_stays_hidden() {
     let mut scene = passing(0.4, 0.05, 3.0);
@@ -292,7 +292,8 @@ fn nothing_tears_on_rotation() {
         let options =
             RenderOptions { prefilter: Prefilter::None, filter: PixelFilter::Point, ..options(volumetric(n)) };
         let alpha = &render(&scene, &options).layers[0].planes[0];
-        // 200 degrees in n intervals: lines come as near to the centre as (2 + cos(100 / n degrees))/3 of the radius, 21.3.
+        // 200 degrees in n intervals: lines come as near to the centre as (2 + cos(100 / n degrees))/3 of the radius,
+        // 21.3.
         let inner = 21.3 * (2.0 + (100.0 / f64::from(n)).to_radians().cos()) / 3.0 - 1.0;
         for (i, &alpha) in alpha.iter().enumerate() {
             let distance = ((i % SIZE) as f64 + 0.5 - 31.4).hypot((i / SIZE) as f64 + 0.5 - 33.2);

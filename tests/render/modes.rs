@@ -138,7 +138,7 @@ fn alpha_of_buckets_meets_the_closed_forms() {
     }
 }
 
-/// Thesis fig. 3.7: with one visibility test, what the moving object hides at any time is hidden at all times.
+/// Wolf 2008, fig. 3.7: with one visibility test, what the moving object hides at any time is hidden at all times.
 #[test]
 fn one_bucket_hides_what_the_mover_passes() {
     let mut front = object(patch(0.5, 0.02, Vec3::new(1.0, 0.0, 0.0)));
@@ -185,7 +185,8 @@ fn interleaved_samples_lie_within_their_pixels() {
     scene.image.transparent = true;
     let plain = render(&scene, &options(BlurMode::supersample(64)));
     let classes = render(&scene, &options(BlurMode::interleaved(64, Interleave::Two)));
-    // 64 stratified positions in a pixel that an edge divides: 1/64 to 2/64; twice as wide a filter differs by up to 1/8.
+    // 64 stratified positions in a pixel that an edge divides: 1/64 to 2/64; twice as wide a filter differs by up to
+    // 1/8.
     let worst = plain.rgba.iter().zip(&classes.rgba).map(|(a, b)| (a[3] - b[3]).abs()).fold(0.0, f32::max);
     println!("{worst}");
     assert!(worst < 0.05 && plain.rgba.iter().any(|pixel| (0.2..0.8).contains(&pixel[3])), "{worst}");

@@ -1,4 +1,4 @@
-//! Properties of rendered pictures that follow from the design, each with a closed form or an equality.
+//! Properties of rendered pictures that follow from the method, each with a closed form or an equality.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 

@@ -131,8 +131,8 @@ fn memory_for_static_objects_does_not_show() {
     memory_does_not_show(&mut Cpu::default(), &scene, &swept_modes());
 }
 
-/// All intervals of a sample position share one picture of static objects. Where light changes from one to the next, though here only
-/// that of a black lamp, each has its own.
+/// All intervals of a sample position share one picture of static objects. Where light changes from one to the next,
+/// though here only that of a black lamp, each has its own.
 fn intervals_share_a_picture(backend: &mut dyn Backend) {
     let mut scene = through();
     let count = |backend: &mut dyn Backend, scene: &Scene, mode| splat(backend, &posed(scene, 0, &options(mode))).1;

@@ -1,7 +1,8 @@
-//! The repository itself: the order of modules, widths of lines, lengths of guides, citations.
+//! The repository itself: the library's face, the order of modules, widths of lines, lengths of guides, citations.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests may stop")]
 
+mod face;
 mod modules;
 mod source;
 mod text;

@@ -1,5 +1,5 @@
-//! `.anim` files against reference values: tables recorded from Maya or from an evaluator that agrees with it, and the vertices of a cube
-//! that Maya itself exported.
+//! `.anim` files against reference values: tables recorded from Maya or from an evaluator that agrees with it, and the
+//! vertices of a cube that Maya itself exported.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 

@@ -79,7 +79,7 @@ fn refused(scene: impl AsRef<[u8]>, words: &str) {
 // What loads.
 
 #[test]
-fn the_figure_of_the_thesis_loads_unchanged() {
+fn the_figure_of_wolf_2008_loads_unchanged() {
     let dir = Dir::new(FIGURE);
     for name in ["sphere.bin", "santa.sfl", "igea.sfl"] {
         dir.add(&format!("scenes/models/{name}"), MODEL);
@@ -404,8 +404,8 @@ fn structure_is_checked() {
     refused(scene("<shutter><curve/></shutter>", ""), "scene.xml:2:10: <curve> has no <point>, expected at least one");
     refused(
         scene("", "fast"),
-        "scene.xml:5:1: text `fast` in <object>, expected only <pointModel>, <sphere>, <transform>, <animation>, <motion>, \
-         <place>, <material>",
+        "scene.xml:5:1: text `fast` in <object>, expected only <pointModel>, <sphere>, <transform>, <animation>, \
+         <motion>, <place>, <material>",
     );
     refused(scene("<image>big</image>", ""), "scene.xml:2:8: text `big` in <image>, expected nothing inside");
     refused(
@@ -414,7 +414,8 @@ fn structure_is_checked() {
     );
     refused(
         scene("", "<motion type='linear'/>"),
-        "scene.xml:5:1: <motion> needs the attribute `velocity`: scene units per frame, three numbers from -1e30 to 1e30",
+        "scene.xml:5:1: <motion> needs the attribute `velocity`: scene units per frame, three numbers from -1e30 to \
+         1e30",
     );
     refused(
         scene("", "<motion axis='1 0 0'/>"),
@@ -439,7 +440,8 @@ fn what_does_not_apply_is_refused() {
     );
     refused(
         scene("<light type='ambient' direction='0 0 1'/>", ""),
-        "scene.xml:2:23: `direction` does not apply to <light> with type=\"ambient\" (it takes: type, colour, intensity)",
+        "scene.xml:2:23: `direction` does not apply to <light> with type=\"ambient\" (it takes: type, colour, \
+         intensity)",
     );
 }
 
@@ -460,7 +462,8 @@ fn values_are_checked() {
     }
     for bad in ["0", "1 0 1", "1 2", "1 2 3 4", "inf"] {
         let words = format!(
-            "scene.xml:5:12: `scale` is `{bad}`, expected one number or three, each from 1e-9 to 1e9 or the negative of that"
+            "scene.xml:5:12: `scale` is `{bad}`, expected one number or three, each from 1e-9 to 1e9 or the negative \
+             of that"
         );
         refused(scene("", &format!("<transform scale='{bad}'/>")), &words);
     }
@@ -496,7 +499,8 @@ fn values_are_checked() {
         "scene.xml:2:1: the view from `eye` to `at` of <camera> is along `up`, expected another direction than `up`",
     );
     refused(
-        "<scene><object name='a'><pointModel>m.ply</pointModel></object>\n<object name='a'><pointModel>m.ply</pointModel></object></scene>",
+        "<scene><object name='a'><pointModel>m.ply</pointModel></object>\n<object name='a'>\
+         <pointModel>m.ply</pointModel></object></scene>",
         "scene.xml:2:9: `name` is `a`, expected a name that no other object has",
     );
     refused(
@@ -514,13 +518,13 @@ fn xml_is_checked() {
     );
     refused(
         FIGURE.replace("<scene>", "- <scene>"),
-        "scene.xml:2:1: a dash before a tag, expected XML as it is in the file: this looks copied from a browser, which draws \
-         dashes; remove the dashes",
+        "scene.xml:2:1: a dash before a tag, expected XML as it is in the file: this looks copied from a browser, \
+         which draws dashes; remove the dashes",
     );
     refused(
         FIGURE.replace("  <object>", "-   <object>"),
-        "scene.xml:3:1: a dash before a tag, expected XML as it is in the file: this looks copied from a browser, which draws \
-         dashes; remove the dashes",
+        "scene.xml:3:1: a dash before a tag, expected XML as it is in the file: this looks copied from a browser, \
+         which draws dashes; remove the dashes",
     );
     refused(
         "<scene>\n<object>\n",
@@ -559,7 +563,8 @@ fn encodings_are_checked() {
     );
     refused(
         b"<scene>\n<!-- caf\xe9 --></scene>",
-        "scene.xml:2:9: bytes that are not UTF-8, expected text in the encoding that the XML declaration names (default: UTF-8)",
+        "scene.xml:2:9: bytes that are not UTF-8, expected text in the encoding that the XML declaration names \
+         (default: UTF-8)",
     );
     refused(b"<scene>\0</scene>", "scene.xml:1:8: a control character, expected an XML text file");
     refused(
@@ -616,8 +621,8 @@ fn crowds_are_quick() {
     let object = |i| format!("<object><pointModel radiusScale='1.{i}'>m.ply</pointModel></object>");
     refused(
         format!("<scene>{}</scene>", (10..43).map(object).collect::<String>()),
-        "scene.xml:1:2159: <pointModel> is variant 33 of the file m.ply, expected at most 32 pairs of `radiusScale` and \
-         `colourSpace` for one file",
+        "scene.xml:1:2159: <pointModel> is variant 33 of the file m.ply, expected at most 32 pairs of `radiusScale` \
+         and `colourSpace` for one file",
     );
 }
 
@@ -689,8 +694,8 @@ proptest! {
 fn an_animated_camera_is_rigid() {
     let curve = |attribute: &str, output: &str, value: f64| {
         format!(
-            "anim {0}.{0}{1} {0}{1} cam 0 1 0;\nanimData {{\n input time;\n output {output};\n weighted 0;\n keys {{\n  \
-             1 {value} linear linear 1 1 0;\n  9 {value} linear linear 1 1 0;\n }}\n}}\n",
+            "anim {0}.{0}{1} {0}{1} cam 0 1 0;\nanimData {{\n input time;\n output {output};\n weighted 0;\n keys \
+             {{\n  1 {value} linear linear 1 1 0;\n  9 {value} linear linear 1 1 0;\n }}\n}}\n",
             &attribute[..attribute.len() - 1],
             &attribute[attribute.len() - 1..],
         )
@@ -705,7 +710,8 @@ fn an_animated_camera_is_rigid() {
     fs::write(dir.path().join("m.ply"), MODEL).unwrap();
     fs::write(dir.path().join("cam.anim"), anim).unwrap();
     let path = dir.path().join("s.xml");
-    let scene = "<scene><camera><animation>cam.anim</animation></camera><object><pointModel>m.ply</pointModel></object></scene>";
+    let scene = "<scene><camera><animation>cam.anim</animation></camera><object><pointModel>m.ply</pointModel></object>\
+                 </scene>";
     fs::write(&path, scene).unwrap();
     let scene = load(&path, &LoadOptions::default()).unwrap().scene;
     let camera_from_world = splatblur::scene::pose::camera_from_world(&scene, 4.0);

@@ -113,7 +113,8 @@ fn bodies_that_are_refused() {
     for (body, expected) in [
         (
             "3 0 1 3\n",
-            "line 13: found vertex index 3, expected the index of a vertex of this file, from 0 (`vertex_indices` of face 0 of 1)",
+            "line 13: found vertex index 3, expected the index of a vertex of this file, from 0 (`vertex_indices` of \
+             face 0 of 1)",
         ),
         ("3 0 1 -1\n", "line 13: found vertex index -1"),
         ("3 0 1 1.5\n", "line 13: found `1.5`, expected a number of type int"),
@@ -128,7 +129,8 @@ fn bodies_that_are_refused() {
     let text = format!("{}1 0 x\n", &head[..head.len() - 6]);
     let e = refused(text.as_bytes(), Format::Ply).to_string();
     assert!(e.starts_with("line 12: found `x`, expected a number of type float (`z` of vertex 2 of 3)"), "{e}");
-    let text = "ply\nformat ascii 1.0\nelement vertex 1\nproperty uchar x\nproperty uchar y\nproperty char z\nend_header\n0 256 0\n";
+    let text = "ply\nformat ascii 1.0\nelement vertex 1\nproperty uchar x\nproperty uchar y\nproperty char z\n\
+                end_header\n0 256 0\n";
     assert!(
         refused(text.as_bytes(), Format::Ply)
             .to_string()
@@ -160,8 +162,8 @@ fn counts_beyond_the_file() {
         property char y\nproperty char z\nend_header\n\xff\xff\xff\xff\0\0\0";
     let e = refused(text, Format::Ply).to_string();
     assert!(e.contains("found a list of 4294967295 items, expected 0 to 0"), "{e}");
-    let text = "ply\nformat ascii 1.0\nelement nothing 18446744073709551615\nelement vertex 1\nproperty char x\nproperty char y\n\
-        property char z\nend_header\n1 2 3";
+    let text = "ply\nformat ascii 1.0\nelement nothing 18446744073709551615\nelement vertex 1\nproperty char x\n\
+                property char y\nproperty char z\nend_header\n1 2 3";
     assert!(parse(text.as_bytes(), Format::Ply).is_ok());
 }
 
@@ -238,7 +240,8 @@ proptest! {
 
     #[test]
     fn noise_never_panics(bytes in proptest::collection::vec(any::<u8>(), 0..600), which in 0..4_usize) {
-        let marks: [&[u8]; 4] = [b"ply\n", b"GFLF\0\0\0\0SFLF\0\0\0\0\0\0\0\x14", b"v 1 2 3\nf ", b"\x89SPLAT\r\n\x01\0\0\0"];
+        let sfl = b"GFLF\0\0\0\0SFLF\0\0\0\0\0\0\0\x14";
+        let marks: [&[u8]; 4] = [b"ply\n", sfl, b"v 1 2 3\nf ", b"\x89SPLAT\r\n\x01\0\0\0"];
         let _ = parse(&bytes, FORMATS[which]);
         let _ = parse(&[marks[which], &bytes].concat(), FORMATS[which]);
     }

@@ -102,8 +102,8 @@ fn a_list_among_the_vertex_properties() {
         let e = refused(&ply.bytes(), Format::Ply).to_string();
         assert!(e.starts_with("line 4: found an element `vertex` without x, y and z"), "{e}");
     }
-    let text = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty list uchar int ids\nproperty float y\n\
-                property float z\nend_header\n1 2 7 7 3 4\n5 0 6 7\n";
+    let text = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty list uchar int ids\nproperty float \
+                y\nproperty float z\nend_header\n1 2 7 7 3 4\n5 0 6 7\n";
     assert_eq!(cloud(text.as_bytes(), Format::Ply).position, [DVec3::new(1.0, 3.0, 4.0), DVec3::new(5.0, 6.0, 7.0)]);
 }
 
@@ -176,8 +176,8 @@ fn points_that_are_not_numbers_are_dropped_with_their_attributes() {
     // Doubles beyond 32-bit floats would become infinite.
     let c = points(&[("double", "x"), ("double", "y"), ("double", "z")], &[&[1e300, 0.0, 0.0], &[1.0, 0.0, 0.0]]);
     assert_eq!(c.position, [DVec3::X]);
-    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n\
-                -nan(ind) 0 0\n1.#QNAN 0 0\n+1.5e+01 -.5 6.\n";
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                end_header\n-nan(ind) 0 0\n1.#QNAN 0 0\n+1.5e+01 -.5 6.\n";
     assert_eq!(cloud(text.as_bytes(), Format::Ply).position, [DVec3::new(15.0, -0.5, 6.0)]);
 }
 

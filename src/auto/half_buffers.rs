@@ -1,11 +1,11 @@
-//! The even and the odd time samples of a frame, as two pictures.
+//! Half buffers: the even and the odd time samples of a frame, as two pictures.
 
 use std::ops::Range;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::keeps;
+use super::reuses_samples;
 use crate::backend::{Backend, BackendError, Stats};
 use crate::film::{Aov, Picture};
 use crate::frame::{Blocks, Frame};
@@ -14,7 +14,8 @@ use crate::plan::{Exposure, Group, PositionExposure, RasterExposure, TimeSample,
 use crate::sampling::pixel_offsets;
 use crate::scene::Scene;
 
-/// Some time samples of a frame: of `samples * factor` those that `samples` alone do not have, all if `factor` is 1.
+/// The time samples that one round of a frame adds. There are `samples * factor` strata; the round samples those that
+/// the first round, of `samples` strata, has not sampled. With `factor` 1 it samples all.
 #[derive(Clone, Copy)]
 pub(super) struct Round<'a> {
     pub scene: &'a Scene,
@@ -25,33 +26,34 @@ pub(super) struct Round<'a> {
     pub samples: u32,
     /// Odd.
     pub factor: u32,
-    /// Sub-pixel positions that `samples` share out, even; or 1: the pixel's centre.
+    /// Sub-pixel positions that share the samples, even; or 1: the pixel's centre.
     pub positions: u32,
 }
 
-/// Time samples of one class within their strata.
+/// Where the time samples of one class of pixels lie within their strata.
 struct Place {
-    /// Of the fine strata, in [0, 1).
+    /// Place within a fine stratum, in [0, 1).
     fine: f64,
-    /// Stratum i of the coarse ones has its sample in fine stratum i * factor + `shift`.
+    /// The sample of coarse stratum i lies in fine stratum i * factor + `shift`.
     shift: u32,
 }
 
 impl Round<'_> {
-    /// With places (2c + 1) / 2S^2 in the strata, c the class, an odd factor puts each coarse sample at such a place of a fine stratum.
+    /// Class c of a lattice with stride S samples its strata at (2c + 1) / 2S^2. With an odd factor, each coarse sample
+    /// lies at such a place of a fine stratum.
     fn place(&self, phase: [u32; 2]) -> Place {
         let classes = f64::from(self.interleave.stride().pow(2));
         let scaled = f64::from(self.factor) * (f64::from(self.interleave.order(phase)) + 0.5) / classes;
         Place { fine: scaled.fract(), shift: scaled as u32 }
     }
 
-    /// Is stratum `index` one of half `half`, and not one that the coarser samples have?
+    /// Does stratum `index` belong to half buffer `half`, and has no coarser round sampled it?
     fn is_fresh(&self, place: &Place, index: u32, half: u32) -> bool {
-        let kept = self.factor > 1 && keeps(self.scene) && index % self.factor == place.shift;
-        index % 2 == half && !kept
+        let reused = self.factor > 1 && reuses_samples(self.scene) && index % self.factor == place.shift;
+        index % 2 == half && !reused
     }
 
-    /// Share of the exposure that the even samples have, the coarser ones among them.
+    /// Share of the exposure that all even samples have, those of the coarser round included.
     pub(super) fn even_share(&self, phase: [u32; 2]) -> f32 {
         let strata = self.scene.shutter.strata(self.samples * self.factor, self.place(phase).fine);
         let even: f64 = strata.iter().step_by(2).map(|(_, weight)| weight).sum();
@@ -59,7 +61,7 @@ impl Round<'_> {
         if all > 0.0 { (even / all) as f32 } else { 0.5 }
     }
 
-    /// The new samples of half `half`; their weights sum to 1.
+    /// The new samples of half buffer `half`; their weights sum to 1.
     fn exposure(&self, half: u32) -> Exposure {
         let raster = |phase| RasterExposure { phase, positions: self.positions(phase, half) };
         Exposure { stride: self.interleave.stride(), rasters: self.interleave.phases().map(raster).collect() }
@@ -73,7 +75,7 @@ impl Round<'_> {
         let fresh: Vec<(f64, f64)> = fresh.map(|(_, stratum)| stratum).collect();
         let total: f64 = fresh.iter().map(|(_, weight)| weight).sum();
         let offsets = match options.filter {
-            // The first and the last half of the positions are each spread over the pixel.
+            // The first and the last half of the positions each cover the pixel evenly.
             PixelFilter::Box => {
                 let all = pixel_offsets(self.positions * self.factor, interleave.seed_of(phase, options.seed));
                 all.chunks(all.len() / 2).nth(half as usize).unwrap_or_default().to_vec()
@@ -89,11 +91,11 @@ impl Round<'_> {
     }
 }
 
-/// Means over the even and the odd samples, without a background.
-pub(super) struct Halves([Picture; 2]);
+/// Means over the even and over the odd samples, without a background.
+pub(super) struct HalfBuffers([Picture; 2]);
 
-impl Halves {
-    /// Renders a round, in the blocks that are wanted.
+impl HalfBuffers {
+    /// Renders a round in the wanted blocks.
     pub(super) fn render(
         backend: &mut dyn Backend,
         round: &Round<'_>,
@@ -104,7 +106,7 @@ impl Halves {
             let mut frame = Frame::exposed(round.scene, round.number, &round.exposure(half), round.options);
             frame.background.transparent = true;
             frame.wanted = wanted.cloned();
-            // The halves that there are, and the other one of this round.
+            // Room for the two older half buffers, and for the other one of this round.
             frame.picture_bytes = 3 * picture_bytes(&frame);
             let mut rendered = backend.render(frame)?;
             stats.add(&rendered.stats);
@@ -114,17 +116,17 @@ impl Halves {
         Ok(Self([half(0)?, half(1)?]))
     }
 
-    /// The even and the odd half.
+    /// The even and the odd half buffer.
     pub(super) const fn pictures(&self) -> &[Picture; 2] {
         &self.0
     }
 
-    /// Adds the samples of `round`, which are `fresh`, where `blocks` wants them.
+    /// Adds the samples of `round`, whose half buffers are `fresh`, in the wanted blocks.
     pub(super) fn refine(&mut self, fresh: &Self, round: &Round<'_>, blocks: &Blocks) {
         let stride = round.interleave.stride() as usize;
-        let old = if keeps(round.scene) { 1.0 / round.factor as f32 } else { 0.0 };
+        let old = if reuses_samples(round.scene) { 1.0 / round.factor as f32 } else { 0.0 };
         let width = self.0[0].width as usize;
-        // Even strata that lie in odd finer ones change halves.
+        // Even strata that lie in odd finer strata move to the other half buffer.
         let swaps: Vec<bool> = (0..stride * stride)
             .map(|class| round.place([class % stride, class / stride].map(|p| p as u32)).shift % 2 == 1)
             .collect();
@@ -136,12 +138,13 @@ impl Halves {
         mixed.mix(odd, &fresh.0[1]);
     }
 
-    /// Gives the pictures' memory back.
+    /// Returns the memory of the pictures to the backend.
     pub(super) fn recycle(self, backend: &mut dyn Backend) {
         self.0.into_iter().for_each(|picture| backend.recycle(picture));
     }
 
-    /// The mean of both, before `behind` if there is anything; `even` writes the share of the even one for each pixel of a row.
+    /// The mean of both half buffers, over the colour `behind` if there is one. `even` writes the share of the even
+    /// half buffer for each pixel of a row.
     pub(super) fn mean(self, even: Shares<'_>, behind: Option<Vec3>, backend: &mut dyn Backend) -> Picture {
         let [mut mean, odd] = self.0;
         let width = mean.width as usize;
@@ -164,7 +167,7 @@ type Columns<'a> = &'a (dyn Fn(usize) -> Vec<Range<usize>> + Sync);
 /// Writes a number for each pixel of a row.
 pub(super) type Shares<'a> = &'a (dyn Fn(usize, &mut [f32]) + Sync);
 
-/// Exchanges the pixels of some columns for which `which` is true, of column and row.
+/// Swaps the pixels of `columns` for which `which` is true. Arguments of `which`: column and row.
 fn swap_pixels(a: &mut Picture, b: &mut Picture, columns: Columns<'_>, which: &(dyn Fn(usize, usize) -> bool + Sync)) {
     let width = a.width as usize;
     let swap_row = |y: usize, swap: &mut dyn FnMut(usize)| {
@@ -179,18 +182,19 @@ fn swap_pixels(a: &mut Picture, b: &mut Picture, columns: Columns<'_>, which: &(
     }
 }
 
-/// How two pictures become one.
+/// Weights and place of the mean of two pictures.
 struct Mixed<'a> {
-    /// Of each row, where they do.
+    /// Columns of a row that are mixed.
     columns: Columns<'a>,
-    /// What the first has of each pixel.
+    /// Share of the first picture in each pixel.
     shares: Shares<'a>,
-    /// What is then seen through it; `None`: it stays transparent.
+    /// Colour of the background; `None`: the result stays transparent.
     behind: Option<Vec3>,
 }
 
 impl Mixed<'_> {
-    /// `a` becomes its share of itself and the rest of `b`. What is a mean over what is covered goes by coverage.
+    /// Replaces `a` by the mean of `a` and `b`. Channels that are means over the covered part of a pixel are weighted
+    /// by coverage.
     fn mix(&self, a: &mut Picture, b: &Picture) {
         let width = a.width as usize;
         for (layer, of_b) in a.layers.iter_mut().zip(&b.layers) {
@@ -206,7 +210,7 @@ impl Mixed<'_> {
                             let share = shares[x];
                             let by =
                                 if linear { [share, 1.0 - share] } else { [share * a[x][3], (1.0 - share) * b[x][3]] };
-                            // Where one of them has nothing, its value may be infinite.
+                            // Where a picture covers nothing, its value may be infinite.
                             values[x] = match by {
                                 [_, 0.0] => values[x],
                                 [0.0, _] => others[x],
