@@ -22,13 +22,13 @@ fn ball(points: u32, colours: [Vec3; 2]) -> Cloud {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let still = Object::from_cloud(ball(30_000, [Vec3::new(0.9, 0.8, 0.6), Vec3::new(0.8, 0.1, 0.1)]))?;
+    let at_rest = Object::from_cloud(ball(30_000, [Vec3::new(0.9, 0.8, 0.6), Vec3::new(0.8, 0.1, 0.1)]))?;
     let mut moving = Object::from_cloud(ball(30_000, [Vec3::new(0.2, 0.4, 0.9), Vec3::new(0.9, 0.9, 0.9)]))?;
     moving.transform.scale = DVec3::splat(0.6);
     moving.place.translate = DVec3::new(0.0, -0.2, 1.5);
     moving.motions.push(Motion::Linear { velocity: DVec3::new(1.5, 0.6, 0.0) });
 
-    let mut scene = Scene::new([still, moving]);
+    let mut scene = Scene::new([at_rest, moving]);
     (scene.image.width, scene.image.height) = (640, 480);
     scene.image.background = DVec3::splat(0.05);
     scene.camera = Camera::new(DVec3::new(0.0, 0.5, 5.0), DVec3::ZERO);

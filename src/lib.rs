@@ -24,7 +24,7 @@
 //! # Flow
 //! ```text
 //! scene file ─► scene_file (XML) ─► model files, .anim files ─► Scene
-//!   per frame:  shutter + mode ─► plan: groups of time samples, and the passes of each
+//!   per frame:  shutter + mode ─► plan: rasters, sample positions, and the steps at each
 //!               frame: transforms of objects and camera at each time sample
 //!               backend (CPU or GPU): project ─► bin ─► visibility ─► attribute ─► resolve ─► film
 //!   film ─► Picture ─► PNG / EXR
@@ -34,8 +34,10 @@
 //! *surfel*: one sample of a surface, a disc or an ellipse with a normal and a colour. *model*: an array of surfels.
 //! *splat*: a surfel's kernel, posed and projected for one time sample. *shutter*: the exposure interval and its time
 //! weight. *time sample*: a time, its weight and a sub-pixel offset. *group*: time samples that share one visibility
-//! test. *raster*: the pixels that a group is rendered for, the image or every n-th pixel of it. *pass*: one stage of
-//! rendering a group. *twin*: the CPU or the GPU form of a pass. *film*: the accumulators that become the picture.
+//! test. *raster*: the image, or every n-th pixel of it as a smaller image. *sample position*: a raster at one sub-pixel
+//! offset. *step*: what a backend does at a sample position; the plan lists the steps. *pass*: one stage of a step.
+//! *twin*: the CPU or the GPU form of a pass. *static*: an object that moves less than a quarter of a pixel during the
+//! exposure. *film*: the accumulators that become the picture.
 //!
 //! # Conventions
 //! Right-handed, +y up; the camera looks along -z. Image row 0 is at the top; pixel (i, j) covers [i, i+1) x [j, j+1).

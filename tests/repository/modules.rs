@@ -25,16 +25,6 @@ use std::path::{Path, PathBuf};
 
 use crate::source::{self, Written};
 
-/// Imports against the order that are known: file, and the module below its own. To be empty.
-const KNOWN_UPWARD: &[(&str, &str)] = &[];
-
-/// Imports that are known to close a circle: file, and what it imports. To be empty.
-const KNOWN_CIRCLES: &[(&str, &str)] = &[
-    ("backend/cpu/tile_runner.rs", "backend/cpu/scope.rs"),
-    ("backend/gpu/bind.rs", "backend/gpu/prepared.rs"),
-    ("backend/gpu/steps.rs", "backend/gpu/record.rs"),
-];
-
 /// A module: `["backend", "cpu"]` is `crate::backend::cpu`.
 type Name = Vec<String>;
 
@@ -147,10 +137,6 @@ impl Crate {
     }
 }
 
-fn is_known(known: &[(&str, &str)], from: &str, to: &str) -> bool {
-    known.iter().any(|&(a, b)| (a, b) == (from, to))
-}
-
 #[test]
 fn files_import_only_from_modules_above_their_own() {
     let read = Crate::read();
@@ -167,10 +153,6 @@ fn files_import_only_from_modules_above_their_own() {
             }
         }
     }
-    for &(file, module) in KNOWN_UPWARD {
-        let known = found.remove(&(file.to_owned(), module.to_owned()));
-        assert!(known.is_some(), "KNOWN_UPWARD no longer needs {file}, {module}");
-    }
     let lines = found.iter().map(|((file, module), line)| {
         format!("src/{file}:{line}: imports from `{module}`, which src/lib.rs lists below `{}`\n", own(file))
     });
@@ -186,34 +168,22 @@ fn own(file: &str) -> &str {
 fn no_file_imports_from_itself_in_a_circle() {
     let read = Crate::read();
     let imports = read.imports();
-    let arrows = |without: &[(&str, &str)]| {
-        let mut arrows: BTreeMap<&str, BTreeMap<&str, usize>> = BTreeMap::new();
-        for import in &imports {
-            let (from, to) = (read.file(&import.from), read.file(&import.to));
-            if !is_known(without, from, to) {
-                arrows.entry(from).or_default().entry(to).or_insert(import.line);
-            }
-        }
-        arrows
-    };
+    let mut arrows: BTreeMap<&str, BTreeMap<&str, usize>> = BTreeMap::new();
+    for import in &imports {
+        let (from, to) = (read.file(&import.from), read.file(&import.to));
+        arrows.entry(from).or_default().entry(to).or_insert(import.line);
+    }
     let mut found = String::new();
-    let left = arrows(KNOWN_CIRCLES);
     let mut told: BTreeSet<BTreeSet<&str>> = BTreeSet::new();
-    for from in left.keys() {
-        let Some(circle) = circle(&left, from) else { continue };
+    for from in arrows.keys() {
+        let Some(circle) = circle(&arrows, from) else { continue };
         if told.insert(circle.iter().copied().collect()) {
             let steps = circle.iter().zip(circle.iter().cycle().skip(1));
-            let steps: Vec<String> = steps.map(|(a, b)| format!("  src/{a}:{} imports {b}", left[a][b])).collect();
+            let steps: Vec<String> = steps.map(|(a, b)| format!("  src/{a}:{} imports {b}", arrows[a][b])).collect();
             let _ = writeln!(found, "circle:\n{}", steps.join("\n"));
         }
     }
     assert!(found.is_empty(), "files that import from themselves through others:\n{found}");
-    for &known in KNOWN_CIRCLES {
-        let others: Vec<_> = KNOWN_CIRCLES.iter().copied().filter(|&other| other != known).collect();
-        let arrows = arrows(&others);
-        let closes = arrows.get(known.0).is_some_and(|to| to.contains_key(known.1));
-        assert!(closes && path(&arrows, known.1, known.0).is_some(), "KNOWN_CIRCLES no longer needs {known:?}");
-    }
 }
 
 /// The shortest circle through a file.

@@ -15,52 +15,6 @@ fn is_manual(name: &str) -> bool {
     name == "math.md" || name.ends_with("format.md")
 }
 
-/// Files that are wider and are known. To be empty.
-const KNOWN_WIDE: &[&str] = &[
-    "benches/gpu.rs",
-    "shaders/resolve.wgsl",
-    "src/backend/clusters.rs",
-    "src/backend/cpu/attribute.rs",
-    "src/backend/cpu/bin.rs",
-    "src/backend/cpu/mod.rs",
-    "src/backend/cpu/patch.rs",
-    "src/backend/cpu/project.rs",
-    "src/backend/cpu/resolve.rs",
-    "src/backend/cpu/splat_group.rs",
-    "src/backend/cpu/static_tile.rs",
-    "src/backend/cpu/swept/attribute.rs",
-    "src/backend/cpu/swept/hull.rs",
-    "src/backend/cpu/swept/map.rs",
-    "src/backend/cpu/swept/project.rs",
-    "src/backend/cpu/swept/resolve.rs",
-    "src/backend/cpu/swept/tests.rs",
-    "src/backend/cpu/tile_runner.rs",
-    "src/backend/cpu/tiles.rs",
-    "src/backend/cpu/values.rs",
-    "src/backend/cpu/visibility.rs",
-    "src/backend/gpu/buffers.rs",
-    "src/backend/gpu/device.rs",
-    "src/backend/gpu/film.rs",
-    "src/backend/gpu/flight.rs",
-    "src/backend/gpu/memory.rs",
-    "src/backend/gpu/mod.rs",
-    "src/backend/gpu/prepared.rs",
-    "src/backend/gpu/record.rs",
-    "src/backend/mod.rs",
-    "src/backend/parity/functions.rs",
-    "src/backend/parity/mod.rs",
-    "src/backend/parity/splat_twins.rs",
-    "src/backend/parity/splats.rs",
-    "src/backend/parity/sweep_twins.rs",
-    "src/backend/parity/sweeps.rs",
-];
-
-/// Guides that are longer and are known. To be empty.
-const KNOWN_LONG: &[&str] = &[];
-
-/// Files that cite what is not in the repository and are known. To be empty.
-const KNOWN_CITING: &[&str] = &["src/backend/cpu/visibility.rs"];
-
 /// Folders at the root whose files are ours; build folders are not among them.
 const FOLDERS: [&str; 11] =
     [".ci", ".github", "animations", "benches", "docs", "examples", "fuzz", "scenes", "shaders", "src", "tests"];
@@ -100,14 +54,9 @@ fn walk(folder: &Path, paths: &mut Vec<PathBuf>) {
     }
 }
 
-/// What a check found: a line each, and the file. Files that are known do not count, but must be needed.
-fn judge(found: &[(String, String)], known: &[&str], list: &str, what: &str) {
-    let unknown: Vec<&str> =
-        found.iter().filter(|(name, _)| !known.contains(&name.as_str())).map(|(_, line)| line.as_str()).collect();
-    assert!(unknown.is_empty(), "{what}:\n{}", unknown.join("\n"));
-    let needed = |name: &&&str| found.iter().any(|(file, _)| file == **name);
-    let idle: Vec<&&str> = known.iter().filter(|name| !needed(name)).collect();
-    assert!(idle.is_empty(), "{list} no longer needs {idle:#?}");
+/// Fails with the lines that were found.
+fn judge(found: &[String], what: &str) {
+    assert!(found.is_empty(), "{what}:\n{}", found.join("\n"));
 }
 
 #[test]
@@ -118,12 +67,12 @@ fn lines_of_code_fit_their_width() {
             for (number, line) in (1..).zip(text.lines()) {
                 let columns = line.chars().count();
                 if columns > WIDTH {
-                    found.push((name.clone(), format!("{name}:{number}: {columns} columns")));
+                    found.push(format!("{name}:{number}: {columns} columns"));
                 }
             }
         }
     }
-    judge(&found, KNOWN_WIDE, "KNOWN_WIDE", "lines wider than 120 columns");
+    judge(&found, "lines wider than 120 columns");
 }
 
 #[test]
@@ -135,10 +84,10 @@ fn guides_are_short() {
         };
         let words = text.split_whitespace().filter(|word| word.contains(|c| !"|-:".contains(c))).count();
         if words > GUIDE && !is_manual(name) {
-            found.push((path.clone(), format!("{path}: {words} words")));
+            found.push(format!("{path}: {words} words"));
         }
     }
-    judge(&found, KNOWN_LONG, "KNOWN_LONG", "guides of more than 1150 words");
+    judge(&found, "guides of more than 1150 words");
 }
 
 /// A reader has only what the repository holds: not the notes that it was planned with, and not the folders of the
@@ -162,11 +111,11 @@ fn nothing_outside_the_repository_is_cited() {
             let cited = citations.iter().find(|citation| line.contains(citation.as_str()));
             let folder = folders.iter().find(|folder| absolute(line, folder));
             if let Some(what) = cited.or(folder) {
-                found.push((name.clone(), format!("{name}:{number}: `{what}`")));
+                found.push(format!("{name}:{number}: `{what}`"));
             }
         }
     }
-    judge(&found, KNOWN_CITING, "KNOWN_CITING", "citations of what is not in the repository");
+    judge(&found, "citations of what is not in the repository");
 }
 
 /// Does a path begin with this folder, and not merely contain it?

@@ -10,6 +10,7 @@ pub(super) mod bin;
 mod bounds;
 pub(super) mod chunk;
 pub(super) mod clocks;
+pub(super) mod job;
 mod memory;
 mod patch;
 pub(super) mod project;

@@ -4,10 +4,11 @@ use std::time::Instant;
 
 use super::bin::Binned;
 use super::chunk::Chunk;
+use super::job::Job;
 use super::resolve::{self, Resolve};
 use super::scope::Scope;
 use super::static_tile::StaticTile;
-use super::tile_runner::{Job, TileWork};
+use super::tile_runner::TileWork;
 use super::tiles::{ROWS, STRIDE, TileBuffers};
 use crate::layout::Splat;
 use crate::plan::StaticPass;

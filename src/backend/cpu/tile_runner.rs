@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::bin::{Binned, Tiled};
 use super::chunk::{CHUNK, Chunk};
+use super::job::Job;
 use super::scope::Scope;
 use super::tiles::{TileBuffers, TileRect};
 
@@ -38,19 +39,6 @@ pub(in crate::backend) trait TileWork: Sync {
     fn skip(&self, _index: usize, _out: &mut Self::Out) -> bool {
         true
     }
-}
-
-/// One tile in one pass.
-pub(in crate::backend) struct Job<'a, S, O> {
-    pub chunks: &'a [Chunk],
-    /// The splats of `chunks`.
-    pub binned: &'a [Binned<S>],
-    pub tile: TileRect,
-    /// Of the tile in its band.
-    pub index: usize,
-    pub buffers: &'a mut TileBuffers,
-    pub scratch: &'a mut Vec<u32>,
-    pub out: &'a mut O,
 }
 
 /// The passes of a step over the tiles of its band.

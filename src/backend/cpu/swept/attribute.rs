@@ -1,8 +1,8 @@
 //! Pass `attribute`, swept: weighted sums of the attributes of kernels in motion whose source passes the depth test
 //! (Wolf 2008, 4.1.2 and 4.2.2; docs/math.md, section 7).
 //!
-//! In: swept splats of a tile's list, the group's map, the thresholds of static objects, the surfels' attributes. Out: the
-//! tile's sums, and when the kernels cover. Sums are in list order; the coverage mask is order-free.
+//! In: swept splats of a tile's list, the map of the group, thresholds of static objects, attributes of surfels. Out:
+//! the tile's sums, and when the kernels cover. Sums are in list order; the coverage mask is order-free.
 
 use super::hull::Hull;
 use super::map::Map;

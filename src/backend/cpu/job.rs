@@ -1,0 +1,18 @@
+//! What a pass works on: one tile, its splats, and where it writes.
+
+use super::bin::Binned;
+use super::chunk::Chunk;
+use super::tiles::{TileBuffers, TileRect};
+
+/// One tile in one pass.
+pub(in crate::backend) struct Job<'a, S, O> {
+    pub chunks: &'a [Chunk],
+    /// The splats of `chunks`.
+    pub binned: &'a [Binned<S>],
+    pub tile: TileRect,
+    /// Of the tile in its band.
+    pub index: usize,
+    pub buffers: &'a mut TileBuffers,
+    pub scratch: &'a mut Vec<u32>,
+    pub out: &'a mut O,
+}
