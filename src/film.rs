@@ -146,6 +146,12 @@ pub trait Film: Sync {
     fn samples(&self, y: u32, out: &mut [f32]);
 }
 
+/// What is seen of premultiplied `colour` and of `behind`, of which the share `through` shows: 1 - alpha.
+#[inline(always)]
+pub(crate) fn over(colour: [f32; 3], through: f32, behind: [f32; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|c| colour[c] + through * behind[c])
+}
+
 /// Develops the film in the columns of each row that are `wanted`; all else is 0.
 ///
 /// Composites the colours once over the background (docs/math.md, section 6), and divides the AOVs by alpha (section
@@ -185,7 +191,8 @@ pub fn develop(
                 for ((out, ((r, g), b)), alpha) in out[span.clone()].iter_mut().zip(colours).zip(&alpha[span]) {
                     let through = if background.transparent { 0.0 } else { 1.0 - alpha };
                     let cover = if background.transparent { *alpha } else { 1.0 };
-                    *out = [r + through * behind[0], g + through * behind[1], b + through * behind[2], cover];
+                    let [r, g, b] = over([*r, *g, *b], through, behind);
+                    *out = [r, g, b, cover];
                 }
             }
         },

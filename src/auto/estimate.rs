@@ -8,7 +8,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::half_buffers::HalfBuffers;
-use crate::film::Picture;
+use crate::film::{Picture, over};
 use crate::frame::Blocks;
 use crate::math::srgb;
 
@@ -80,6 +80,6 @@ pub(super) fn block_errors(buffers: &HalfBuffers, background: Vec3, edge: usize,
 /// Display value of a pixel over the background.
 fn shown(picture: &Picture, at: usize, background: Vec3) -> Vec3 {
     let [r, g, b, alpha] = picture.rgba[at];
-    let colour = Vec3::new(r, g, b) + background * (1.0 - alpha);
-    Vec3::from_array(colour.to_array().map(|value| srgb::from_linear_nearly(value.clamp(0.0, 1.0))))
+    let colour = over([r, g, b], 1.0 - alpha, background.to_array());
+    Vec3::from_array(colour.map(|value| srgb::from_linear_nearly(value.clamp(0.0, 1.0))))
 }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::reuses_samples;
 use crate::backend::{Backend, BackendError, Stats};
-use crate::film::{Aov, Picture};
+use crate::film::{Aov, Picture, over};
 use crate::frame::{Blocks, Frame};
 use crate::options::{Interleave, PixelFilter, RenderOptions};
 use crate::plan::{Exposure, Group, PositionExposure, RasterExposure, TimeSample, share_out};
@@ -235,10 +235,9 @@ impl Mixed<'_> {
     }
 
     fn pixel(&self, a: &[f32; 4], b: &[f32; 4], share: f32) -> [f32; 4] {
-        let mixed = [0, 1, 2, 3].map(|c| share * a[c] + (1.0 - share) * b[c]);
+        let mixed @ [r, g, b, alpha] = [0, 1, 2, 3].map(|c| share * a[c] + (1.0 - share) * b[c]);
         let Some(behind) = self.behind else { return mixed };
-        let through = 1.0 - mixed[3];
-        let seen = |c: usize| mixed[c] + through * behind[c];
-        [seen(0), seen(1), seen(2), 1.0]
+        let [r, g, b] = over([r, g, b], 1.0 - alpha, behind.to_array());
+        [r, g, b, 1.0]
     }
 }

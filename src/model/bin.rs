@@ -82,7 +82,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
     Ok(surfels)
 }
 
-/// Writes surfels so that [`super::load`] gives back the same bits.
+/// Writes surfels so that [`super::load()`] gives back the same bits.
 ///
 /// # Errors
 /// The file cannot be written (then no part of it is left), or the arrays differ in length.

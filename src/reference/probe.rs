@@ -81,7 +81,7 @@ pub struct Probe {
     pub sample: Option<Sample>,
 }
 
-/// Samples pixel (x, y) of a frame as [`super::render`] does, and shows its sample number `sample`.
+/// Samples pixel (x, y) of a frame as [`super::render()`] does, and shows its sample number `sample`.
 ///
 /// # Errors
 /// The number of samples does not suit the scramblings, or the pixel or the sample is outside.

@@ -86,7 +86,7 @@ fn documents() -> Vec<PathBuf> {
     let alone = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "fuzz/README.md", "scenes/models/README.md"];
     let mut found: Vec<PathBuf> = alone.iter().map(|name| root.join(name)).collect();
     for folder in ["docs", "docs/measurements"].map(|folder| root.join(folder)) {
-        let pages = names(&folder).into_iter().filter(|name| name.ends_with(".md"));
+        let pages = names(&folder).into_iter().filter(|name| Path::new(name).extension().is_some_and(|e| e == "md"));
         found.extend(pages.map(|name| folder.join(name)));
     }
     found

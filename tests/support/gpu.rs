@@ -1,8 +1,8 @@
-//! A GPU for a test, or a reason why there is none.
+//! A GPU for a test, or a reason why there is none. The unit tests of the backend include this file too.
 
 use std::io::Write;
 
-use splatblur::backend::gpu::{Choice, Gpu};
+use super::{Choice, Gpu};
 
 /// Opens any adapter; where there is none, says so and skips, unless `REQUIRE_GPU` is set.
 pub fn gpu_or_skip(test: &str) -> Option<Gpu> {

@@ -12,6 +12,8 @@ use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
 use splatblur::backend::cpu::Cpu;
+#[cfg(feature = "gpu")]
+use splatblur::backend::gpu::{Choice, Gpu};
 use splatblur::film::Picture;
 use splatblur::frame::Frame;
 use splatblur::model::{Material, Surfels};

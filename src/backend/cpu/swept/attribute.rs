@@ -76,7 +76,7 @@ fn attribute_body(
         }
         Footprint::Ellipsoid => add_all::<ELLIPSOID, false>(splats, list, swept, tile, threshold, sums, coverage_mask),
         Footprint::Chord if low_pass => {
-            add_all::<CHORD, true>(splats, list, swept, tile, threshold, sums, coverage_mask)
+            add_all::<CHORD, true>(splats, list, swept, tile, threshold, sums, coverage_mask);
         }
         Footprint::Chord => add_all::<CHORD, false>(splats, list, swept, tile, threshold, sums, coverage_mask),
     }
