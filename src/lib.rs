@@ -34,8 +34,9 @@
 //! *surfel*: one sample of a surface, a disc or an ellipse with a normal and a colour. *model*: an array of surfels.
 //! *splat*: a surfel's kernel, posed and projected for one time sample. *shutter*: the exposure interval and its time
 //! weight. *time sample*: a time, its weight and a sub-pixel offset. *group*: time samples that share one visibility
-//! test. *raster*: the image, or every n-th pixel of it as a smaller image. *sample position*: a raster at one sub-pixel
-//! offset. *step*: what a backend does at a sample position; the plan lists the steps. *pass*: one stage of a step.
+//! test. *raster*: the image, or every n-th pixel of it as a smaller image. *sample position*: a raster at one
+//! sub-pixel offset. *step*: what a backend does at a sample position; the plan lists the steps. *pass*: one stage of
+//! a step.
 //! *twin*: the CPU or the GPU form of a pass. *static*: an object that moves less than a quarter of a pixel during the
 //! exposure. *film*: the accumulators that become the picture.
 //!

@@ -15,7 +15,7 @@ use crate::math::srgb;
 /// Writes surfels as little-endian PLY: position, normal, axes (tux..tvz), radius and colour, and where there are any,
 /// material (ambient, diffuse, specular, shininess) and velocity (vx, vy, vz).
 ///
-/// [`super::load()`] gives back the same normals, axes, colours, materials and velocities. Positions are floats and exact
+/// [`super::load()`] gives back the same normals, axes, colours, materials and velocities. Positions are floats, exact
 /// where the origin is zero. Otherwise they are doubles, which are exact in model space to 2^-53 of their size; the
 /// reader chooses an origin of its own. Colours are bytes (sRGB) where that is exact for every surfel. Otherwise they
 /// are linear floats, which other programs may show too dark; a comment in the file says so.
