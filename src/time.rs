@@ -63,6 +63,24 @@ impl Weight {
     pub fn integral(&self, from: f64, to: f64) -> f64 {
         (self.primitive(to) - self.primitive(from)) / self.primitive(1.0)
     }
+
+    /// The time in [0, 1] before which `share` of the exposure lies, to 2^-53: the inverse of [`integral`](Self::integral)
+    /// from 0. Where a(t) is 0 around it, the first such time.
+    pub fn time_of(&self, share: f64) -> f64 {
+        if *self == Self::Box {
+            return share.clamp(0.0, 1.0);
+        }
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..53 {
+            let middle = 0.5 * (low + high);
+            if self.integral(0.0, middle) < share {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        0.5 * (low + high)
+    }
 }
 
 /// Integral from 0 to `t` of the polyline through `points`, constant before the first and after the last.
@@ -145,6 +163,16 @@ mod tests {
                 }
             }),
         ]
+    }
+
+    #[test]
+    fn the_time_of_a_share_has_that_share_before_it() {
+        for (weight, _) in all() {
+            for share in [0.01, 0.25, 0.5, 0.73, 0.99] {
+                let t = weight.time_of(share);
+                assert!((weight.integral(0.0, t) - share).abs() < 1e-12, "{weight:?} at {share}: {t}");
+            }
+        }
     }
 
     /// Midpoint rule over [from, to].

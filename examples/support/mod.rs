@@ -3,6 +3,7 @@
 #![allow(clippy::expect_used, clippy::print_stderr, reason = "a generator may stop and say why")]
 
 pub mod plot;
+pub mod random_scenes;
 pub mod scenes;
 
 #[path = "../../tests/support/mod.rs"]

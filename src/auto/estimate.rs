@@ -1,85 +1,160 @@
-//! Error of an image, estimated from the difference of its half buffers.
+//! Error of an image, estimated from the difference of its half buffers (docs/math.md, section 9).
 //!
-//! A is the alternating sum of the samples over their number: half the difference of the two half buffers. The error of
-//! a block is half the root of the mean of |g A|^2 / 3, with g the slope of the display's curve. In code, g A is half
-//! the difference of the two displayed values.
+//! E and O are the means of the even and of the odd samples, and g the slope of the display's curve. In a block, the
+//! *half difference* is the mean of |g (E - O) / 2|^2. Were the samples random, it would be the variance of the image.
+//! Strata make the image better than that, by a factor that was measured (docs/measurements/auto.md).
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::half_buffers::HalfBuffers;
 use crate::film::{Picture, over};
-use crate::frame::Blocks;
-use crate::math::srgb;
+use crate::math::{fast, srgb};
 
-/// Squared errors of an image, by blocks.
+/// Error of the image over the root of the half difference, which no more than one scene in twenty exceeds.
+const GAIN: f64 = 0.9;
+/// The same where a block was refined: what made it need more samples makes its error fall more slowly too.
+const REFINED_GAIN: f64 = 1.02;
+/// The same in the median of scenes.
+const TYPICAL_GAIN: f64 = 0.65;
+/// Exponent by which a person judges a difference of colours (FLIP, Andersson et al. 2020, section 4.1.3).
+const SEEN: f32 = 0.7;
+/// FLIP of a grey difference d of display values is about this times d^0.7, where d is small.
+const SEEN_SCALE: f64 = 1.45;
+/// Weight of the worst part of a block beside the whole block, for what is seen.
+const WORST_PART: f64 = 0.25;
+/// Parts of a block along each axis. The eye sees a small place.
+const PARTS: usize = 2;
+
+/// What is measured in one block of the image.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct BlockError {
+    /// Half difference: mean over pixels and channels.
+    half: f64,
+    /// |g (E - O) / 2|^0.7, after what the eye blurs: the mean over pixels and channels, and a share of that over the worst
+    /// of its parts.
+    seen: f64,
+    pixels: u32,
+    is_refined: bool,
+}
+
+impl BlockError {
+    /// Estimated error: root mean square of display values.
+    pub(super) fn error(&self) -> f64 {
+        if self.is_refined { REFINED_GAIN * self.half.sqrt() } else { GAIN * self.half.sqrt() }
+    }
+
+    /// Estimated FLIP.
+    fn flip(&self) -> f64 {
+        SEEN_SCALE * self.seen * TYPICAL_GAIN.powf(f64::from(SEEN))
+    }
+
+    /// How many times the samples bring the error to `error` and FLIP to `flip`: the error of edges falls with their number.
+    pub(super) fn needed(&self, error: f64, flip: f64) -> f64 {
+        let by_flip = (self.flip() / flip).powf(1.0 / f64::from(SEEN));
+        (self.error() / error).max(by_flip)
+    }
+}
+
+/// Errors of an image, by blocks.
 pub(super) struct Errors {
     /// Blocks in a row.
     pub width: usize,
-    /// Mean over the pixels and channels of each block, of display values.
-    pub squares: Vec<f64>,
-    /// Pixels of each block; 0 where the block was not measured.
-    pixels: Vec<u32>,
+    /// Row by row.
+    pub blocks: Vec<BlockError>,
+    edge: usize,
+    background: Vec3,
 }
 
 impl Errors {
-    /// Root of the mean square over the image.
+    /// Nothing measured yet. `edge`: pixels along the edge of a block.
+    pub(super) fn new([width, height]: [u32; 2], edge: usize, background: Vec3) -> Self {
+        let [width, height] = [width, height].map(|pixels| (pixels as usize).div_ceil(edge));
+        let blocks = vec![BlockError::default(); width * height];
+        Self { width, blocks, edge, background }
+    }
+
+    /// The blocks that touch block `i`, and itself.
+    pub(super) fn around(&self, i: usize) -> impl Iterator<Item = usize> + use<> {
+        let (x, y, width) = (i % self.width, i / self.width, self.width);
+        let rows = y.saturating_sub(1)..(y + 2).min(self.blocks.len() / width);
+        rows.flat_map(move |v| (x.saturating_sub(1)..(x + 2).min(width)).map(move |u| v * width + u))
+    }
+
+    /// Root of the estimated mean square error over the image.
     pub(super) fn root_mean(&self) -> f64 {
-        let pixels: f64 = self.pixels.iter().copied().map(f64::from).sum();
-        let sum: f64 = self.squares.iter().zip(&self.pixels).map(|(square, &n)| square * f64::from(n)).sum();
+        let pixels: f64 = self.blocks.iter().map(|block| f64::from(block.pixels)).sum();
+        let sum: f64 = self.blocks.iter().map(|block| block.error().powi(2) * f64::from(block.pixels)).sum();
         if pixels > 0.0 { (sum / pixels).sqrt() } else { 0.0 }
     }
 
-    /// Replaces the blocks that `newer` has measured.
-    pub(super) fn replace(&mut self, newer: Self) {
-        for (old, (square, pixels)) in self.squares.iter_mut().zip(newer.squares.into_iter().zip(newer.pixels)) {
-            if pixels > 0 {
-                *old = square;
-            }
+    /// Measures half buffers whose blocks have `levels` times the first samples.
+    pub(super) fn measure(&mut self, buffers: &HalfBuffers, levels: &[u32]) {
+        let [even, odd] = buffers.pictures();
+        let (width, difference) = (even.width as usize, differences(even, odd, self.background));
+        let halves = block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()));
+        let parts = block_sums(width, self.edge / PARTS, &blurred(&difference, width), |d| {
+            let [r, g, b] = (0.5 * d).to_array().map(|v| if v == 0.0 { 0.0 } else { fast::pow(v.abs(), SEEN) });
+            f64::from(r + g + b)
+        });
+        let mut means = vec![0.0_f64; self.blocks.len()];
+        let mut worst = vec![0.0_f64; self.blocks.len()];
+        let columns = width.div_ceil(self.edge / PARTS);
+        for (i, (sum, pixels)) in parts.into_iter().enumerate() {
+            let block = i / columns / PARTS * self.width + i % columns / PARTS;
+            // A sliver at the image's border counts as half a part.
+            let pixels = pixels.max(((self.edge / PARTS).pow(2) / 2) as u32);
+            let of_part = sum / (3.0 * f64::from(pixels));
+            means[block] += of_part / (PARTS * PARTS) as f64;
+            worst[block] = worst[block].max(of_part);
+        }
+        let measured = halves.into_iter().zip(means.iter().zip(&worst)).zip(levels);
+        for (block, (((half, pixels), (mean, worst)), &level)) in self.blocks.iter_mut().zip(measured) {
+            let values = 3.0 * f64::from(pixels.max(1));
+            let half = half / (4.0 * values);
+            *block = BlockError { half, seen: mean + WORST_PART * worst, pixels, is_refined: level > 1 };
         }
     }
 }
 
-/// Errors of the mean of both half buffers in the wanted blocks. `edge`: pixels along the edge of a block.
-pub(super) fn block_errors(buffers: &HalfBuffers, background: Vec3, edge: usize, wanted: Option<&Blocks>) -> Errors {
-    let [even, odd] = buffers.pictures();
-    let columns = even.width as usize;
-    let width = columns.div_ceil(edge);
-    let of_row = |y: usize| {
-        let mut sums = vec![(0.0_f64, 0_u32); width];
-        for (block, (sum, pixels)) in sums.iter_mut().enumerate() {
-            if wanted.is_some_and(|blocks| !blocks.at(block, y / edge)) {
-                continue;
-            }
-            for x in block * edge..((block + 1) * edge).min(columns) {
-                let at = y * columns + x;
-                *pixels += 1;
-                // Most pixels of a static background are equal.
-                if even.rgba[at] != odd.rgba[at] {
-                    let difference = shown(even, at, background) - shown(odd, at, background);
-                    // A quarter of the mean of (g A)^2, where g A is half of the difference.
-                    *sum += f64::from(difference.length_squared()) / (3.0 * 16.0);
-                }
-            }
-        }
-        sums
+/// The sum of `value` over each block of `edge` pixels, and its pixels, row by row.
+fn block_sums(width: usize, edge: usize, of: &[Vec3], value: impl Fn(Vec3) -> f64 + Sync) -> Vec<(f64, u32)> {
+    let of_row =
+        |row: &[Vec3]| -> Vec<f64> { row.chunks(edge).map(|block| block.iter().map(|&d| value(d)).sum()).collect() };
+    let rows: Vec<Vec<f64>> = of.par_chunks(width).map(of_row).collect();
+    let bands = rows.chunks(edge).flat_map(|band| {
+        (0..width.div_ceil(edge)).map(|block| {
+            let columns = (width - block * edge).min(edge);
+            (band.iter().map(|row| row[block]).sum(), (columns * band.len()) as u32)
+        })
+    });
+    bands.collect()
+}
+
+/// Difference of the display values of each pixel.
+fn differences(a: &Picture, b: &Picture, background: Vec3) -> Vec<Vec3> {
+    let pixels = a.rgba.par_iter().zip(&b.rgba);
+    // Most pixels of a static background are equal.
+    pixels.map(|(a, b)| if a == b { Vec3::ZERO } else { shown(a, background) - shown(b, background) }).collect()
+}
+
+/// What the eye blurs: a binomial of five taps, near the contrast sensitivity of luminance at 67 pixels a degree.
+fn blurred(values: &[Vec3], width: usize) -> Vec<Vec3> {
+    const TAPS: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
+    let tap = |of: &[Vec3], at: usize, step: usize, place: usize, count: usize| {
+        let taps = TAPS.iter().zip(0_usize..).map(|(&weight, i)| {
+            let moved = (place + i).saturating_sub(2).min(count - 1);
+            weight * of[at + moved * step - place * step]
+        });
+        taps.fold(Vec3::ZERO, |sum, v| sum + v)
     };
-    let rows: Vec<_> = (0..even.height as usize).into_par_iter().map(of_row).collect();
-    let mut errors = Errors { width, squares: Vec::new(), pixels: Vec::new() };
-    for rows in rows.chunks(edge) {
-        for block in 0..width {
-            let of_block = rows.iter().map(|row| row[block]);
-            let (sum, pixels) = of_block.fold((0.0, 0), |(sum, pixels), (s, n)| (sum + s, pixels + n));
-            errors.squares.push(if pixels > 0 { sum / f64::from(pixels) } else { 0.0 });
-            errors.pixels.push(pixels);
-        }
-    }
-    errors
+    let height = values.len() / width.max(1);
+    let along: Vec<Vec3> = (0..values.len()).into_par_iter().map(|at| tap(values, at, 1, at % width, width)).collect();
+    (0..values.len()).into_par_iter().map(|at| tap(&along, at, width, at / width, height)).collect()
 }
 
 /// Display value of a pixel over the background.
-fn shown(picture: &Picture, at: usize, background: Vec3) -> Vec3 {
-    let [r, g, b, alpha] = picture.rgba[at];
+fn shown(&[r, g, b, alpha]: &[f32; 4], background: Vec3) -> Vec3 {
     let colour = over([r, g, b], 1.0 - alpha, background.to_array());
     Vec3::from_array(colour.map(|value| srgb::from_linear_nearly(value.clamp(0.0, 1.0))))
 }

@@ -1,32 +1,34 @@
 //! Half buffers: the even and the odd time samples of a frame, as two pictures.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::reuses_samples;
+use super::strata::Strata;
 use crate::backend::{Backend, BackendError, Stats};
 use crate::film::{Aov, Picture, over};
 use crate::frame::{Blocks, Frame};
 use crate::options::{Interleave, PixelFilter, RenderOptions};
-use crate::plan::{Exposure, Group, PositionExposure, RasterExposure, TimeSample, share_out};
+use crate::plan::{Exposure, Group, PositionExposure, RasterExposure, TimeSample};
 use crate::sampling::pixel_offsets;
 use crate::scene::Scene;
 
-/// The time samples that one round of a frame adds. There are `samples * factor` strata; the round samples those that
-/// the first round, of `samples` strata, has not sampled. With `factor` 1 it samples all.
+/// The time samples that one round of a frame adds. Each stratum of the frame is divided by `level * factor`; the round
+/// samples those that a coarser round, which divided them by `level`, has not sampled. With `factor` 1 it samples all.
 #[derive(Clone, Copy)]
 pub(super) struct Round<'a> {
     pub scene: &'a Scene,
     pub number: i64,
     pub options: &'a RenderOptions,
     pub interleave: Interleave,
-    /// Even.
-    pub samples: u32,
+    pub strata: &'a Strata,
+    /// Odd.
+    pub level: u32,
     /// Odd.
     pub factor: u32,
-    /// Sub-pixel positions that share the samples, even; or 1: the pixel's centre.
+    /// Sub-pixel positions that share the samples of level 1, even; or 1: the pixel's centre.
     pub positions: u32,
 }
 
@@ -43,22 +45,15 @@ impl Round<'_> {
     /// lies at such a place of a fine stratum.
     fn place(&self, phase: [u32; 2]) -> Place {
         let classes = f64::from(self.interleave.stride().pow(2));
-        let scaled = f64::from(self.factor) * (f64::from(self.interleave.order(phase)) + 0.5) / classes;
+        let coarse = f64::from(self.level) * (f64::from(self.interleave.order(phase)) + 0.5) / classes;
+        let scaled = f64::from(self.factor) * coarse.fract();
         Place { fine: scaled.fract(), shift: scaled as u32 }
     }
 
     /// Does stratum `index` belong to half buffer `half`, and has no coarser round sampled it?
     fn is_fresh(&self, place: &Place, index: u32, half: u32) -> bool {
-        let reused = self.factor > 1 && reuses_samples(self.scene) && index % self.factor == place.shift;
+        let reused = self.factor > 1 && index % self.factor == place.shift;
         index % 2 == half && !reused
-    }
-
-    /// Share of the exposure that all even samples have, those of the coarser round included.
-    pub(super) fn even_share(&self, phase: [u32; 2]) -> f32 {
-        let strata = self.scene.shutter.strata(self.samples * self.factor, self.place(phase).fine);
-        let even: f64 = strata.iter().step_by(2).map(|(_, weight)| weight).sum();
-        let all: f64 = strata.iter().map(|(_, weight)| weight).sum();
-        if all > 0.0 { (even / all) as f32 } else { 0.5 }
     }
 
     /// The new samples of half buffer `half`; their weights sum to 1.
@@ -70,24 +65,44 @@ impl Round<'_> {
     fn positions(&self, phase: [u32; 2], half: u32) -> Vec<PositionExposure> {
         let Self { scene, number, options, interleave, .. } = *self;
         let place = self.place(phase);
-        let strata = scene.shutter.strata(self.samples * self.factor, place.fine);
+        let strata = self.strata.samples(&scene.shutter, self.level * self.factor, place.fine);
         let fresh = (0..).zip(strata).filter(|(index, _)| self.is_fresh(&place, *index, half));
-        let fresh: Vec<(f64, f64)> = fresh.map(|(_, stratum)| stratum).collect();
-        let total: f64 = fresh.iter().map(|(_, weight)| weight).sum();
+        let fresh: Vec<(u32, (f64, f64))> = fresh.collect();
+        let total: f64 = fresh.iter().map(|(_, (_, weight))| weight).sum();
         let offsets = match options.filter {
-            // The first and the last half of the positions each cover the pixel evenly.
             PixelFilter::Box => {
-                let all = pixel_offsets(self.positions * self.factor, interleave.seed_of(phase, options.seed));
-                all.chunks(all.len() / 2).nth(half as usize).unwrap_or_default().to_vec()
+                pixel_offsets(self.positions * self.level * self.factor, interleave.seed_of(phase, options.seed))
             }
             PixelFilter::Point => vec![[0.0; 2]],
         };
-        let groups = fresh.iter().map(|&(t, weight)| {
+        let mut positions: BTreeMap<usize, PositionExposure> = BTreeMap::new();
+        for (index, (t, weight)) in fresh {
+            let place = position_of(index as usize, offsets.len());
             let weight = if total > 0.0 { weight / total } else { 0.0 };
             let sample = TimeSample { time: scene.shutter.frame_time(number as f64, t), weight };
-            Group { samples: vec![sample], sweep: None }
-        });
-        share_out(groups.collect(), &offsets)
+            let position = || PositionExposure { offset: offsets[place], groups: Vec::new() };
+            positions.entry(place).or_insert_with(position).groups.push(Group { samples: vec![sample], sweep: None });
+        }
+        positions.into_values().collect()
+    }
+
+    /// Renders the new samples of half buffer `half` in the wanted blocks.
+    fn render(
+        &self,
+        backend: &mut dyn Backend,
+        half: u32,
+        wanted: Option<&Blocks>,
+        stats: &mut Stats,
+    ) -> Result<Picture, BackendError> {
+        let mut frame = Frame::exposed(self.scene, self.number, &self.exposure(half), self.options);
+        frame.background.transparent = true;
+        frame.wanted = wanted.cloned();
+        // Room for the two older half buffers, and for the other one of this round.
+        frame.picture_bytes = 3 * picture_bytes(&frame);
+        let mut rendered = backend.render(frame)?;
+        stats.add(&rendered.stats);
+        rendered.picture.layers.retain(|layer| layer.aov != Aov::Samples);
+        Ok(rendered.picture)
     }
 }
 
@@ -102,18 +117,7 @@ impl HalfBuffers {
         wanted: Option<&Blocks>,
         stats: &mut Stats,
     ) -> Result<Self, BackendError> {
-        let mut half = |half: u32| {
-            let mut frame = Frame::exposed(round.scene, round.number, &round.exposure(half), round.options);
-            frame.background.transparent = true;
-            frame.wanted = wanted.cloned();
-            // Room for the two older half buffers, and for the other one of this round.
-            frame.picture_bytes = 3 * picture_bytes(&frame);
-            let mut rendered = backend.render(frame)?;
-            stats.add(&rendered.stats);
-            rendered.picture.layers.retain(|layer| layer.aov != Aov::Samples);
-            Ok(rendered.picture)
-        };
-        Ok(Self([half(0)?, half(1)?]))
+        Ok(Self([round.render(backend, 0, wanted, stats)?, round.render(backend, 1, wanted, stats)?]))
     }
 
     /// The even and the odd half buffer.
@@ -124,7 +128,6 @@ impl HalfBuffers {
     /// Adds the samples of `round`, whose half buffers are `fresh`, in the wanted blocks.
     pub(super) fn refine(&mut self, fresh: &Self, round: &Round<'_>, blocks: &Blocks) {
         let stride = round.interleave.stride() as usize;
-        let old = if reuses_samples(round.scene) { 1.0 / round.factor as f32 } else { 0.0 };
         let width = self.0[0].width as usize;
         // Even strata that lie in odd finer strata move to the other half buffer.
         let swaps: Vec<bool> = (0..stride * stride)
@@ -133,7 +136,7 @@ impl HalfBuffers {
         let columns = |y: usize| Blocks::columns(Some(blocks), y, width, stride);
         let [even, odd] = &mut self.0;
         swap_pixels(even, odd, &columns, &|x, y| swaps[y % stride * stride + x % stride]);
-        let mixed = Mixed { columns: &columns, shares: &|_, shares| shares.fill(old), behind: None };
+        let mixed = Mixed { columns: &columns, share: 1.0 / round.factor as f32, behind: None };
         mixed.mix(even, &fresh.0[0]);
         mixed.mix(odd, &fresh.0[1]);
     }
@@ -143,16 +146,29 @@ impl HalfBuffers {
         self.0.into_iter().for_each(|picture| backend.recycle(picture));
     }
 
-    /// The mean of both half buffers, over the colour `behind` if there is one. `even` writes the share of the even
-    /// half buffer for each pixel of a row.
-    pub(super) fn mean(self, even: Shares<'_>, behind: Option<Vec3>, backend: &mut dyn Backend) -> Picture {
+    /// The mean of both half buffers, over the colour `behind` if there is one.
+    pub(super) fn mean(self, behind: Option<Vec3>, backend: &mut dyn Backend) -> Picture {
         let [mut mean, odd] = self.0;
         let width = mean.width as usize;
         let columns = |y: usize| Blocks::columns(None, y, width, 1);
-        Mixed { columns: &columns, shares: even, behind }.mix(&mut mean, &odd);
+        Mixed { columns: &columns, share: 0.5, behind }.mix(&mut mean, &odd);
         backend.recycle(odd);
         mean
     }
+}
+
+/// Which of `count` positions (an even number, or 1) sample `index` takes.
+///
+/// Four consecutive positions lie in different quarters of the pixel, the first two and the last two on diagonals. Four
+/// consecutive samples take four such positions, the even ones one diagonal and the odd ones the other, in an order that
+/// changes from four to four. So both half buffers cover the pixel evenly, and so does every part of the exposure.
+const fn position_of(index: usize, count: usize) -> usize {
+    const OF_SAMPLE: [usize; 4] = [0, 2, 1, 3];
+    const TURN: [usize; 4] = [0, 2, 1, 3];
+    let index = index % count;
+    let four = index / 4;
+    // Two may be left over.
+    if 4 * four + 4 > count { index } else { 4 * four + (OF_SAMPLE[index % 4] ^ TURN[four % 4]) }
 }
 
 /// Bytes of a picture of `frame`.
@@ -163,9 +179,6 @@ fn picture_bytes(frame: &Frame) -> u64 {
 
 /// Columns of a row.
 type Columns<'a> = &'a (dyn Fn(usize) -> Vec<Range<usize>> + Sync);
-
-/// Writes a number for each pixel of a row.
-pub(super) type Shares<'a> = &'a (dyn Fn(usize, &mut [f32]) + Sync);
 
 /// Swaps the pixels of `columns` for which `which` is true. Arguments of `which`: column and row.
 fn swap_pixels(a: &mut Picture, b: &mut Picture, columns: Columns<'_>, which: &(dyn Fn(usize, usize) -> bool + Sync)) {
@@ -186,8 +199,8 @@ fn swap_pixels(a: &mut Picture, b: &mut Picture, columns: Columns<'_>, which: &(
 struct Mixed<'a> {
     /// Columns of a row that are mixed.
     columns: Columns<'a>,
-    /// Share of the first picture in each pixel.
-    shares: Shares<'a>,
+    /// Share of the first picture.
+    share: f32,
     /// Colour of the background; `None`: the result stays transparent.
     behind: Option<Vec3>,
 }
@@ -197,47 +210,124 @@ impl Mixed<'_> {
     /// by coverage.
     fn mix(&self, a: &mut Picture, b: &Picture) {
         let width = a.width as usize;
+        let share = self.share;
         for (layer, of_b) in a.layers.iter_mut().zip(&b.layers) {
             for (plane, of_b) in layer.planes.iter_mut().zip(&of_b.planes) {
                 let linear = layer.aov == Aov::Alpha;
                 let colours = a.rgba.par_chunks(width).zip(b.rgba.par_chunks(width));
                 let rows = plane.par_chunks_mut(width).zip(of_b.par_chunks(width)).zip(colours).enumerate();
-                rows.for_each_init(
-                    || vec![0.0; width],
-                    |shares, (y, ((values, others), (a, b)))| {
-                        (self.shares)(y, shares);
-                        for x in (self.columns)(y).into_iter().flatten() {
-                            let share = shares[x];
-                            let by =
-                                if linear { [share, 1.0 - share] } else { [share * a[x][3], (1.0 - share) * b[x][3]] };
-                            // Where a picture covers nothing, its value may be infinite.
-                            values[x] = match by {
-                                [_, 0.0] => values[x],
-                                [0.0, _] => others[x],
-                                [of_a, of_b] => (of_a * values[x] + of_b * others[x]) / (of_a + of_b),
-                            };
-                        }
-                    },
-                );
+                rows.for_each(|(y, ((values, others), (a, b)))| {
+                    for x in (self.columns)(y).into_iter().flatten() {
+                        let by = if linear { [share, 1.0 - share] } else { [share * a[x][3], (1.0 - share) * b[x][3]] };
+                        // Where a picture covers nothing, its value may be infinite.
+                        values[x] = match by {
+                            [_, 0.0] => values[x],
+                            [0.0, _] => others[x],
+                            [of_a, of_b] => (of_a * values[x] + of_b * others[x]) / (of_a + of_b),
+                        };
+                    }
+                });
             }
         }
         let rows = a.rgba.par_chunks_mut(width).zip(b.rgba.par_chunks(width)).enumerate();
-        rows.for_each_init(
-            || vec![0.0; width],
-            |shares, (y, (a, b))| {
-                (self.shares)(y, shares);
-                for span in (self.columns)(y) {
-                    let pixels = a[span.clone()].iter_mut().zip(&b[span.clone()]).zip(&shares[span]);
-                    pixels.for_each(|((a, b), &share)| *a = self.pixel(a, b, share));
-                }
-            },
-        );
+        rows.for_each(|(y, (a, b))| {
+            for span in (self.columns)(y) {
+                let pixels = a[span.clone()].iter_mut().zip(&b[span]);
+                pixels.for_each(|(a, b)| *a = self.pixel(a, b));
+            }
+        });
     }
 
-    fn pixel(&self, a: &[f32; 4], b: &[f32; 4], share: f32) -> [f32; 4] {
+    fn pixel(&self, a: &[f32; 4], b: &[f32; 4]) -> [f32; 4] {
+        let share = self.share;
         let mixed @ [r, g, b, alpha] = [0, 1, 2, 3].map(|c| share * a[c] + (1.0 - share) * b[c]);
         let Some(behind) = self.behind else { return mixed };
         let [r, g, b] = over([r, g, b], 1.0 - alpha, behind.to_array());
         [r, g, b, 1.0]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::time::{Shutter, Weight};
+
+    fn scene(weight: Weight) -> Scene {
+        let mut scene = Scene::new([]);
+        scene.shutter = Shutter { open: 0.0, close: 1.0, weight };
+        scene
+    }
+
+    /// Samples of three rounds, each three times as fine as the last, are those of nine times as many: none is lost,
+    /// none comes twice, and both half buffers have as many.
+    #[test]
+    fn rounds_together_sample_each_stratum_once() {
+        let options = RenderOptions::default();
+        for (interleave, weight) in [
+            (Interleave::None, Weight::Box),
+            (Interleave::Two, Weight::Box),
+            (Interleave::Two, Weight::Exponential { rate: 3.0, centre: 0.2 }),
+        ] {
+            let scene = scene(weight);
+            let strata = Strata::new(&scene, 0, 12, 256);
+            let round = |level, factor| Round {
+                scene: &scene,
+                number: 0,
+                options: &options,
+                interleave,
+                strata: &strata,
+                level,
+                factor,
+                positions: 12,
+            };
+            let times = |round: Round<'_>, half: u32, class: usize| -> Vec<f64> {
+                let exposure = round.exposure(half);
+                let positions = exposure.rasters[class].positions.iter();
+                positions.flat_map(|p| &p.groups).flat_map(|group| &group.samples).map(|sample| sample.time).collect()
+            };
+            for class in 0..interleave.stride().pow(2) as usize {
+                let of_rounds = [round(1, 1), round(1, 3), round(3, 3)];
+                let [even, odd] = [0, 1].map(|half| -> Vec<f64> {
+                    of_rounds.iter().flat_map(|&of_round| times(of_round, half, class)).collect()
+                });
+                assert_eq!((even.len(), odd.len()), (54, 54));
+                let mut all = [even, odd].concat();
+                all.sort_by(f64::total_cmp);
+                let phase = interleave.phases().nth(class).unwrap_or_default();
+                let direct = strata.samples(&scene.shutter, 9, round(3, 3).place(phase).fine);
+                for (time, (wanted, _)) in all.iter().zip(direct) {
+                    assert!((time - wanted).abs() < 1e-12, "{interleave:?}, class {class}: {time} for {wanted}");
+                }
+            }
+        }
+    }
+
+    /// Each position is taken once; four samples in turn lie in four quarters of the pixel, and both half buffers
+    /// have their mean near its middle.
+    #[test]
+    fn positions_cover_the_pixel_in_each_half_buffer_and_in_each_part() {
+        for count in [4_usize, 6, 8, 16, 24, 48] {
+            let offsets = pixel_offsets(count as u32, 1);
+            let taken: Vec<[f32; 2]> = (0..count).map(|index| offsets[position_of(index, count)]).collect();
+            let mut places: Vec<usize> = (0..count).map(|index| position_of(index, count)).collect();
+            places.sort_unstable();
+            assert!(places.into_iter().eq(0..count), "{count}");
+            for half in [0, 1] {
+                for axis in [0, 1] {
+                    let of_half: Vec<f32> = taken.iter().skip(half).step_by(2).map(|offset| offset[axis]).collect();
+                    let mean = of_half.iter().sum::<f32>() / of_half.len() as f32;
+                    // Measured: at most 1.5 distances of neighbours (48 positions).
+                    assert!(mean.abs() < 2.0 / count as f32, "{count}, half {half}, axis {axis}: {mean}");
+                }
+            }
+            if count.is_power_of_two() {
+                for four in taken.chunks(4) {
+                    let mut quarters: Vec<[bool; 2]> = four.iter().map(|offset| offset.map(|v| v < 0.0)).collect();
+                    quarters.sort_unstable();
+                    quarters.dedup();
+                    assert_eq!(quarters.len(), 4, "{count}: {four:?}");
+                }
+            }
+        }
     }
 }

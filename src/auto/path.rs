@@ -1,6 +1,6 @@
 //! Path lengths of surfels on the screen.
 
-use glam::{DVec2, DVec3};
+use glam::{DMat4, DVec2, DVec3};
 
 use crate::math::focal_length;
 use crate::scene::pose::{camera_from_world, object_pose};
@@ -9,33 +9,27 @@ use crate::scene::{Object, Scene};
 /// Most surfels of an object whose paths are measured.
 const MEASURED: usize = 4096;
 /// Straight parts of a measured path.
-const INTERVALS: u32 = 4;
+const INTERVALS: u32 = 16;
 
 /// Length of the longest path of a surfel over the image during the exposure of frame `number`, pixels. Parts of a path
-/// outside the image do not count.
+/// outside the image do not count, nor do those on which its object is hidden.
 pub(super) fn longest(scene: &Scene, number: i64) -> f64 {
     scene.objects.iter().map(|object| of_object(scene, object, number)).fold(0.0, f64::max)
 }
 
 fn of_object(scene: &Scene, object: &Object, number: i64) -> f64 {
-    let [width, height] = [scene.image.width, scene.image.height].map(f64::from);
-    let focal = focal_length(height, scene.camera.fovy);
-    let poses: Vec<_> = (0..=INTERVALS)
-        .filter_map(|i| {
-            let t = if object.blur { f64::from(i) / f64::from(INTERVALS) } else { 0.5 };
-            let time = scene.shutter.frame_time(number as f64, t);
-            let pose = object_pose(scene, object, time);
-            pose.visible.then(|| camera_from_world(scene, time) * pose.world_from_model)
-        })
-        .collect();
-    // An object that appears or disappears counts as one that crosses the image.
-    if poses.is_empty() {
+    if !object.blur {
         return 0.0;
     }
-    if poses.len() <= INTERVALS as usize {
-        return width.max(height);
-    }
-    if !object.blur || poses.iter().all(|pose| *pose == poses[0]) {
+    let [width, height] = [scene.image.width, scene.image.height].map(f64::from);
+    let focal = focal_length(height, scene.camera.fovy);
+    let poses = (0..=INTERVALS).map(|i| {
+        let time = scene.shutter.frame_time(number as f64, f64::from(i) / f64::from(INTERVALS));
+        let pose = object_pose(scene, object, time);
+        pose.visible.then(|| camera_from_world(scene, time) * pose.world_from_model)
+    });
+    let poses: Vec<Option<DMat4>> = poses.collect();
+    if poses.iter().all(|pose| *pose == poses[0]) {
         return 0.0;
     }
     let step = object.model.len().div_ceil(MEASURED).max(1);
@@ -44,8 +38,8 @@ fn of_object(scene: &Scene, object: &Object, number: i64) -> f64 {
         let mut length = 0.0;
         let mut last: Option<DVec2> = None;
         for pose in &poses {
-            let p = pose.transform_point3(position);
-            let here = (-p.z >= scene.camera.near).then(|| p.truncate() * (focal / -p.z));
+            let p = pose.map(|pose| pose.transform_point3(position));
+            let here = p.filter(|p| -p.z >= scene.camera.near).map(|p| p.truncate() * (focal / -p.z));
             if let (Some(from), Some(to)) = (last, here)
                 && (on_image(from) || on_image(to))
             {

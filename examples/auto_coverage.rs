@@ -1,0 +1,154 @@
+//! Does mode auto keep its promises? Stated and true errors on random scenes.
+//!
+//! `cargo run --release --example auto_coverage [-- seed=N] [scenes=N] [prefilter=none] [list=yes]`
+//!
+//! For each target: the share of scenes whose stated error is at least the true one, the median of stated / true, the
+//! share of scenes without a block beyond 1.1 E, and the samples of a pixel. The truth is supersampling with 768
+//! samples and another seed; it is kept in `target/tables`. `list=yes` prints a line a scene.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a generator may stop, and prints its tables")]
+
+mod support;
+
+use std::path::Path;
+
+use splatblur::backend::Achieved;
+use splatblur::backend::cpu::Cpu;
+use splatblur::compare::{encode, gamma_rmse};
+use splatblur::film::{Aov, Picture};
+use splatblur::image::{self, Format};
+use splatblur::options::{BlurMode, ErrorTarget, Prefilter, Quality, RenderOptions};
+use splatblur::renderer::render_frame;
+use splatblur::scene::Scene;
+use support::Arguments;
+use support::random_scenes::{Models, random};
+
+/// Targets: draft, good and final.
+const ERRORS: [f64; 3] = [0.05, 0.025, 0.0125];
+/// Samples of the truth.
+const TRUTH: u32 = 768;
+
+/// What one scene showed at one target.
+struct Seen {
+    stated: f64,
+    truth: f64,
+    /// Largest error of a block, over the target.
+    worst: f64,
+    /// Mean samples of a pixel.
+    samples: f64,
+    splats: u64,
+}
+
+fn main() {
+    let asked = Arguments::read(&[], &["seed", "scenes", "prefilter", "list"]);
+    let number = |key: &str, default: u64| asked.value(key).map_or(default, |text| text.parse().unwrap());
+    let (seed, scenes) = (number("seed", 1), number("scenes", 200));
+    let prefilter = if asked.value("prefilter") == Some("none") { Prefilter::None } else { Prefilter::Approx };
+    let models = Models::load();
+    let mut cpu = Cpu::default();
+    let mut seen: [Vec<Seen>; 3] = [Vec::new(), Vec::new(), Vec::new()];
+    for index in 0..scenes {
+        let scene = random(&models, seed, index);
+        let truth = truth(&mut cpu, &scene, prefilter);
+        for (error, seen) in ERRORS.into_iter().zip(&mut seen) {
+            let (of_scene, achieved) = look(&mut cpu, &scene, prefilter, error, &truth);
+            if asked.value("list").is_some() {
+                println!(
+                    "{index} E {error}: stated {:.5} true {:.5} ratio {:.2} worst {:.2} samples {:.1} | {:.0} px, {}..{}, \
+                     S {}, {} of {} refined, {} capped, {:?}",
+                    of_scene.stated,
+                    of_scene.truth,
+                    of_scene.stated / of_scene.truth,
+                    of_scene.worst,
+                    of_scene.samples,
+                    achieved.path_length,
+                    achieved.samples,
+                    achieved.most_samples,
+                    achieved.interleave,
+                    achieved.refined,
+                    achieved.blocks,
+                    achieved.capped,
+                    scene.shutter.weight,
+                );
+            }
+            seen.push(of_scene);
+        }
+    }
+    println!("seed {seed}, {scenes} scenes, prefilter {prefilter}");
+    println!(
+        "| E | stated >= true | median of stated/true | no block over 1.1 E | worst block / E | samples | splats |"
+    );
+    println!("| --- | --- | --- | --- | --- | --- | --- |");
+    for (error, seen) in ERRORS.into_iter().zip(&seen) {
+        // Where nothing is seen, both are 0.
+        let covered = seen.iter().filter(|seen| seen.stated >= seen.truth - 1e-6).count();
+        let mut ratios: Vec<f64> =
+            seen.iter().filter(|seen| seen.truth > 1e-5).map(|seen| seen.stated / seen.truth).collect();
+        ratios.sort_by(f64::total_cmp);
+        let kept = seen.iter().filter(|seen| seen.worst <= 1.1).count();
+        let worst = seen.iter().map(|seen| seen.worst).fold(0.0, f64::max);
+        let samples: f64 = seen.iter().map(|seen| seen.samples).sum::<f64>() / seen.len() as f64;
+        let splats: u64 = seen.iter().map(|seen| seen.splats).sum();
+        println!(
+            "| {error} | {covered} of {} | {:.2} (5 %: {:.2}, 95 %: {:.2}) | {kept} of {} | {worst:.2} | {samples:.1} | {:.1} M |",
+            seen.len(),
+            ratios[ratios.len() / 2],
+            ratios[ratios.len() / 20],
+            ratios[ratios.len() * 19 / 20],
+            seen.len(),
+            splats as f64 / 1e6,
+        );
+    }
+}
+
+/// Many samples, from an earlier run where there is one.
+fn truth(cpu: &mut Cpu, scene: &Scene, prefilter: Prefilter) -> Picture {
+    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/tables");
+    std::fs::create_dir_all(&directory).unwrap();
+    let path = directory.join(format!("{}_{prefilter}_{TRUTH}.exr", scene.name));
+    if let Ok(picture) = image::read(&path) {
+        return picture;
+    }
+    let quality = BlurMode::supersample(TRUTH).into();
+    let options = RenderOptions { quality, prefilter, seed: 77, ..RenderOptions::default() };
+    let picture = render_frame(cpu, scene, 0, &options).unwrap().picture;
+    image::write(&path, &picture, Format::Exr, "").unwrap();
+    picture
+}
+
+fn look(cpu: &mut Cpu, scene: &Scene, prefilter: Prefilter, error: f64, truth: &Picture) -> (Seen, Achieved) {
+    let quality = Quality::Error(ErrorTarget { error, ..ErrorTarget::default() });
+    let options = RenderOptions { quality, prefilter, aovs: vec![Aov::Samples], ..RenderOptions::default() };
+    let rendered = render_frame(cpu, scene, 0, &options).unwrap();
+    let achieved = rendered.stats.achieved.unwrap();
+    let samples = &rendered.picture.layers[0].planes[0];
+    let seen = Seen {
+        stated: achieved.error,
+        truth: gamma_rmse(&rendered.picture, truth).unwrap(),
+        worst: worst_block(&rendered.picture, truth, 32 * achieved.interleave as usize) / error,
+        samples: samples.iter().map(|&n| f64::from(n)).sum::<f64>() / samples.len() as f64,
+        splats: rendered.stats.splats,
+    };
+    (seen, achieved)
+}
+
+/// Root mean square of the differences of display values in the worst block of `edge` pixels.
+fn worst_block(a: &Picture, b: &Picture, edge: usize) -> f64 {
+    let (width, height) = (a.width as usize, a.height as usize);
+    let (a, b) = (encode(a), encode(b));
+    let mut worst = 0.0_f64;
+    for top in (0..height).step_by(edge) {
+        for left in (0..width).step_by(edge) {
+            let rows = top..(top + edge).min(height);
+            let (mut sum, mut n) = (0.0, 0_u32);
+            for at in rows.flat_map(|y| (left..(left + edge).min(width)).map(move |x| y * width + x)) {
+                for (a, b) in a.iter().zip(&b) {
+                    sum += f64::from(a[at] - b[at]).powi(2);
+                    n += 1;
+                }
+            }
+            worst = worst.max((sum / f64::from(n)).sqrt());
+        }
+    }
+    worst
+}

@@ -1,0 +1,231 @@
+//! Random moving scenes from a seed: what the promises of mode auto are measured on.
+//!
+//! One to three objects move by up to 3 units and turn by up to 400 degrees an exposure. Some rest, blink, jump, or
+//! follow keys inside the shutter; some scenes have a moving camera or a fence. All five weights occur.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_pcg::Pcg64;
+use splatblur::anim::{self, Interpolation};
+use splatblur::math::Trs;
+use splatblur::model::{self, Material};
+use splatblur::scene::{AnimationBinding, Light, Model, Motion, Object, Scene};
+use splatblur::time::Weight;
+
+use super::{default_lights, object, round_surfels, scene, sphere};
+
+/// Models that random scenes share.
+pub struct Models {
+    ball: Model,
+    fence: Model,
+    wall: Model,
+    cow: Model,
+    statue: Model,
+}
+
+impl Models {
+    /// Reads the shipped ones, and makes the others.
+    pub fn load() -> Self {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/models");
+        let shipped = |name: &str| {
+            let loaded = model::load(&folder.join(name), &model::LoadOptions::default(), &|_, _| {});
+            Model::from(loaded.expect("a shipped model").surfels.spatially_ordered())
+        };
+        Self {
+            ball: sphere(5000).spatially_ordered().into(),
+            fence: slats().spatially_ordered().into(),
+            wall: chequers().spatially_ordered().into(),
+            cow: shipped("spot.sfl"),
+            statue: shipped("guanyin.sfl"),
+        }
+    }
+}
+
+/// Seven slats in z = 0, 0.2 wide, 2.4 high and 0.5 apart.
+fn slats() -> splatblur::model::Surfels {
+    let places = (0..7).flat_map(|slat| (0..8).flat_map(move |i| (0..96).map(move |k| (slat, i, k))));
+    round_surfels(places.map(|(slat, i, k)| {
+        let x = (f64::from(slat) - 3.0) * 0.7 + (f64::from(i) - 3.5) * 0.025;
+        (DVec3::new(x, (f64::from(k) - 47.5) * 0.025, 0.0), DVec3::Z, 0.03, Vec3::new(0.8, 0.45, 0.06))
+    }))
+}
+
+/// A square of side 4 in z = 0, in cells of 0.5.
+fn chequers() -> splatblur::model::Surfels {
+    round_surfels((0..100).flat_map(|i| (0..100).map(move |k| (i, k))).map(|(i, k)| {
+        let light = (i * 8 / 100 + k * 8 / 100) % 2 == 0;
+        let colour = if light { Vec3::new(0.8, 0.78, 0.7) } else { Vec3::new(0.05, 0.06, 0.1) };
+        let place = DVec3::new(f64::from(i) - 49.5, f64::from(k) - 49.5, 0.0) * 0.04;
+        (place, DVec3::Z, 0.05, colour)
+    }))
+}
+
+/// Keys of one attribute: (frame, value), with the tangent type of all.
+fn curve(out: &mut String, attribute: &str, unit: &str, tangent: &str, keys: &[(f64, f64)]) {
+    let _ = write!(
+        out,
+        "anim {attribute} {} object1 0 1 0;\nanimData {{\n input time;\n output {unit};\n weighted 0;\n \
+         preInfinity constant;\n postInfinity constant;\n keys {{\n",
+        attribute.rsplit('.').next().unwrap_or_default()
+    );
+    for (frame, value) in keys {
+        let _ = writeln!(out, "  {frame} {value} {tangent} {tangent} 1 1 0;");
+    }
+    out.push_str(" }\n}\n");
+}
+
+fn binding(curves: &str) -> AnimationBinding {
+    let text = format!(
+        "animVersion 1.1;\nmayaVersion 2008;\ntimeUnit film;\nlinearUnit cm;\nangularUnit deg;\nstartTime 0;\n\
+         endTime 1;\n{curves}"
+    );
+    let animation = anim::parse(text.as_bytes(), Path::new("random.anim")).expect("sound keys");
+    let node = animation.node(None).expect("one node").clone();
+    AnimationBinding { path: "random.anim".into(), node, interpolation: Interpolation::default() }
+}
+
+/// A generator of numbers with words of its own.
+struct Dice(Pcg64);
+
+impl Dice {
+    fn within(&mut self, from: f64, to: f64) -> f64 {
+        from + (to - from) * self.0.random::<f64>()
+    }
+
+    fn chance(&mut self, share: f64) -> bool {
+        self.0.random::<f64>() < share
+    }
+
+    fn below(&mut self, n: u32) -> u32 {
+        self.0.random_range(0..n)
+    }
+
+    fn direction(&mut self) -> DVec3 {
+        let z = self.within(-1.0, 1.0);
+        let (sin, cos) = self.within(0.0, std::f64::consts::TAU).sin_cos();
+        let q = (1.0 - z * z).sqrt();
+        DVec3::new(q * cos, q * sin, z)
+    }
+
+    /// Rising times within the shutter 0..1, at least `gap` apart.
+    fn times(&mut self, n: u32, gap: f64) -> Vec<f64> {
+        let mut times: Vec<f64> = (0..n).map(|_| self.within(0.02, 0.98 - gap * f64::from(n))).collect();
+        times.sort_by(f64::total_cmp);
+        times.iter().zip(0..).map(|(time, i)| time + gap * f64::from(i)).collect()
+    }
+
+    /// Keys inside the shutter: a path, jumps, or a change of visibility.
+    fn keys(&mut self) -> AnimationBinding {
+        let mut curves = String::new();
+        match self.below(3) {
+            0 => {
+                let n = 2 + self.below(3);
+                let times: Vec<f64> =
+                    std::iter::once(0.0).chain(self.times(n, 0.08)).chain(std::iter::once(1.0)).collect();
+                let tangent = ["linear", "spline", "step"][self.below(3) as usize];
+                for axis in ["translate.translateX", "translate.translateY"] {
+                    let keys: Vec<(f64, f64)> = times.iter().map(|&time| (time, self.within(-1.0, 1.0))).collect();
+                    curve(&mut curves, axis, "linear", tangent, &keys);
+                }
+            }
+            1 => {
+                // Shown for a short time.
+                let length = 0.03 * 20_f64.powf(self.within(0.0, 1.0));
+                let from = self.within(0.0, 1.0 - length);
+                curve(&mut curves, "visibility", "unitless", "step", &[(-1.0, 0.0), (from, 1.0), (from + length, 0.0)]);
+            }
+            _ => {
+                // Blinks.
+                let n = 2 + self.below(5);
+                let first = self.below(2);
+                let times = self.times(n, 0.03);
+                let keys = std::iter::once((-1.0, f64::from(first)))
+                    .chain(times.into_iter().zip(1..).map(|(time, i)| (time, f64::from((first + i) % 2))));
+                curve(&mut curves, "visibility", "unitless", "step", &keys.collect::<Vec<_>>());
+            }
+        }
+        binding(&curves)
+    }
+
+    fn motions(&mut self, centre: DVec3) -> Vec<Motion> {
+        let mut motions = Vec::new();
+        if self.chance(0.7) {
+            let per_frame = self.within(-400.0, 400.0).to_radians();
+            motions.push(Motion::Rotation { axis: self.direction(), per_frame, centre });
+        }
+        if self.chance(0.8) {
+            let velocity = self.direction() * DVec3::new(1.0, 1.0, 0.6) * self.within(0.0, 3.0);
+            motions.push(Motion::Linear { velocity });
+        }
+        motions
+    }
+
+    fn object(&mut self, models: &Models) -> Object {
+        let kind = self.below(10);
+        let (model, size) = match kind {
+            0..4 => (&models.ball, 0.4),
+            4..6 => (&models.cow, 0.6),
+            6..8 => (&models.statue, 0.9),
+            8 => (&models.wall, 0.5),
+            _ => (&models.fence, 0.7),
+        };
+        let mut made = object(splatblur::model::Surfels::default());
+        made.model = model.clone();
+        made.two_sided = true;
+        made.material = Some(Material { ambient: 1.0, diffuse: 1.0, specular: 0.2, shininess: 20.0 });
+        let place = DVec3::new(self.within(-1.4, 1.4), self.within(-0.8, 0.8), self.within(-1.5, 1.0));
+        let turn = DVec3::new(0.0, self.within(0.0, 360.0), 0.0);
+        let scale = DVec3::splat(size * self.within(0.5, 1.5));
+        let animated = self.chance(0.3);
+        if !self.chance(0.15) {
+            made.motions = self.motions(if animated { DVec3::ZERO } else { place });
+        }
+        if animated {
+            made.animation = Some(self.keys());
+            made.transform = Trs { rotate: turn, scale, ..Trs::default() };
+            made.place = Trs { translate: place, ..Trs::default() };
+        } else {
+            made.transform = Trs { translate: place, rotate: turn, scale, ..Trs::default() };
+        }
+        made
+    }
+
+    fn weight(&mut self) -> Weight {
+        match self.below(7) {
+            0..3 => Weight::Box,
+            3 => Weight::Tent,
+            4 => Weight::Gaussian { centre: 0.5, width: self.within(0.1, 0.3) },
+            5 => Weight::Ramp { centre: 1.0 },
+            _ => Weight::Exponential { rate: self.within(1.0, 6.0), centre: self.within(0.0, 1.0) },
+        }
+    }
+}
+
+/// Scene `index` of `seed`: 240 x 135 pixels, frame 0, shutter 0..1.
+pub fn random(models: &Models, seed: u64, index: u64) -> Scene {
+    let mut dice = Dice(Pcg64::seed_from_u64(seed.wrapping_mul(1_000_003).wrapping_add(index)));
+    let objects = (0..1 + dice.below(3)).map(|_| dice.object(models)).collect();
+    let mut made = scene(objects, [240, 135], DVec3::new(0.0, 0.0, 6.0), 35.0);
+    for (object, number) in made.objects.iter_mut().zip(1..) {
+        object.name = format!("object{number}");
+    }
+    made.name = format!("random_{seed}_{index}");
+    made.lights = default_lights();
+    made.lights.push(Light::Ambient { colour: DVec3::splat(0.1) });
+    made.image.background = Vec3::new(0.5, 0.6, 0.8).as_dvec3() * dice.within(0.0, 0.6);
+    made.shutter.weight = dice.weight();
+    if dice.chance(0.2) {
+        let mut curves = String::new();
+        for (axis, middle) in [("translateX", 0.0), ("translateY", 0.0), ("translateZ", 6.0)] {
+            let keys = [(0.0, middle + dice.within(-0.5, 0.5)), (1.0, middle + dice.within(-0.5, 0.5))];
+            curve(&mut curves, &format!("translate.{axis}"), "linear", "linear", &keys);
+        }
+        let keys = [(0.0, dice.within(-6.0, 6.0)), (1.0, dice.within(-6.0, 6.0))];
+        curve(&mut curves, "rotate.rotateY", "angular", "linear", &keys);
+        made.camera.animation = Some(binding(&curves));
+    }
+    made
+}
