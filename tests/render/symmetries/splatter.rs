@@ -12,13 +12,13 @@ use splatblur::time::{Shutter, Weight};
 use super::*;
 
 fn backends(test: &str) -> Vec<(&'static str, Box<dyn Backend>)> {
-    let mut all: Vec<(&'static str, Box<dyn Backend>)> = vec![("cpu", Box::new(Cpu::default()))];
+    let cpu: (_, Box<dyn Backend>) = ("cpu", Box::new(Cpu::default()));
     #[cfg(feature = "gpu")]
-    if let Some(gpu) = crate::support::gpu::gpu_or_skip(test) {
-        all.push(("gpu", Box::new(gpu)));
-    }
-    println!("{test} on {} backends", all.len());
-    all
+    let gpu = crate::support::gpu::gpu_or_skip(test).map(|gpu| ("gpu", Box::new(gpu) as Box<dyn Backend>));
+    #[cfg(not(feature = "gpu"))]
+    let gpu = None;
+    println!("{test}, with a GPU: {}", gpu.is_some());
+    std::iter::once(cpu).chain(gpu).collect()
 }
 
 const fn volumetric(intervals: u32, swept: SweptKernel) -> BlurMode {
