@@ -1,10 +1,10 @@
-//! What must not change a picture: time played backwards, a mirror, objects in another order, an exposure in two halves.
+//! What must not change a picture: time played backwards, a mirror, objects in another order, an exposure in halves.
 //!
-//! Each is a truth about cameras, and none of them needs another renderer to hold the picture against. Scenes are random:
-//! turning spheres that cross, one that stands, one that does not blur, a camera that moves. Both backends render them in
-//! all modes, and the reference in its own test.
+//! Each is a truth about cameras, and none of them needs another renderer to hold the picture against. Scenes are
+//! random: turning spheres that cross, one that stands, one that does not blur, a camera that moves. Both backends render
+//! them in all modes, and the reference in its own test.
 //!
-//! Positions lie at pixel centres, except in the last test: sub-pixel offsets go with the numbers of the samples, so that
+//! Positions lie at pixel centres, except in one test: sub-pixel offsets go with the numbers of the samples, so that
 //! neither time nor the image can be turned round without moving them.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
@@ -26,8 +26,8 @@ const SEEDS: [u64; 2] = [3, 4];
 const X: DVec3 = DVec3::new(-1.0, 1.0, 1.0);
 const Y: DVec3 = DVec3::new(1.0, -1.0, 1.0);
 
-/// A camera that pans, rises and comes nearer. `time` -1 turns its film round, `x` -1 its left and right, `y` -1 its top
-/// and bottom.
+/// A camera that pans, rises and comes nearer. `time` -1 turns its film round, `x` -1 its left and right, `y` -1 its
+/// top and bottom.
 fn camera(time: f64, x: f64, y: f64) -> AnimationBinding {
     let curves = [
         ("translate.translateX", [0.1 * x, -0.3 * x]),

@@ -124,8 +124,8 @@ fn a_mirrored_scene_gives_the_mirrored_picture() {
             let before = values_of(&mut *backend, &scene, mode);
             for (signs, mirror) in [(X, mirrored(&scene, X)), (Y, mirrored_models(&scene, Y))] {
                 let after = turned(&values_of(&mut *backend, &mirror, mode), signs, 1.0);
-                // Measured: 3.3e-6 at the most, and one pixel of one mode, by .006. Pixel positions are counted from the
-                // left and from the top, and rounded there.
+                // Measured: 3.3e-6 at the most, and one pixel of one mode, by .006. Positions are counted from the left
+                // and from the top, and rounded there.
                 assert_same(&format!("{name} {mode} {signs}"), &before, &after, 1e-5);
             }
         }
