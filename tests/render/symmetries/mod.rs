@@ -1,8 +1,8 @@
 //! What must not change a picture: time played backwards, a mirror, objects in another order, an exposure in halves.
 //!
 //! Each is a truth about cameras, and none of them needs another renderer to hold the picture against. Scenes are
-//! random: turning spheres that cross, one that stands, one that does not blur, a camera that moves. Both backends render
-//! them in all modes, and the reference in its own test.
+//! random: turning spheres that cross, one that stands, one that does not blur, a camera that moves. Both backends
+//! render them in all modes, and the reference in its own test.
 //!
 //! Positions lie at pixel centres, except in one test: sub-pixel offsets go with the numbers of the samples, so that
 //! neither time nor the image can be turned round without moving them.
