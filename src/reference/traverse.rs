@@ -293,3 +293,6 @@ fn intersect(leaf: &Leaf, ray: &ModelRay, found: &mut Found) -> bool {
     }
     found.limit < before
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,13 +3,9 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
-use std::fmt::Write as _;
-use std::path::Path;
-
 use crate::support::closed_forms::{DEPTH, FOCAL, SIZE, disc, edge, truth};
-use crate::support::{UNLIT, object, render, round_surfels, scene, sphere_scene};
+use crate::support::{UNLIT, animation, object, render, round_surfels, scene, sphere_scene};
 use glam::{DVec3, Vec3};
-use splatblur::anim::{self, Interpolation};
 use splatblur::film::{Aov, Picture};
 use splatblur::model::Material;
 use splatblur::options::{
@@ -203,30 +199,6 @@ fn line_error(exposure: &Exposure, t: f64, intervals: u32) -> f64 {
     let share = (t - from) * n;
     let line = (early + late) * (share + slope * share * (share - 1.0));
     (within(0.0, share) - line).abs()
-}
-
-/// An animation whose curves are `keys` (attribute, keys, tangents), in frames and degrees.
-/// Attribute, keys, and tangents.
-type Curve<'a> = (&'a str, &'a [(f64, f64)], &'a str);
-
-fn animation(curves: &[Curve<'_>]) -> AnimationBinding {
-    let mut text = String::from("animVersion 1.1;\ntimeUnit film;\nlinearUnit cm;\nangularUnit deg;\n");
-    for (attribute, keys, tangent) in curves {
-        let short = attribute.rsplit('.').next().unwrap();
-        write!(
-            text,
-            "anim {attribute} {short} node 0 1 0;\nanimData {{\n input time;\n output linear;\n weighted 0;\n"
-        )
-        .unwrap();
-        text += " preInfinity constant;\n postInfinity constant;\n keys {\n";
-        for (time, value) in *keys {
-            writeln!(text, "  {time} {value} {tangent} {tangent} 1 1 0;").unwrap();
-        }
-        text += " }\n}\n";
-    }
-    let path = Path::new("made in code");
-    let node = anim::parse(text.as_bytes(), path).unwrap().node(None).unwrap().clone();
-    AnimationBinding { path: path.into(), node, interpolation: Interpolation::Maya }
 }
 
 /// A camera at (x, 0, 4) that pans and rises.

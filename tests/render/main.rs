@@ -14,3 +14,4 @@ mod oracle;
 mod pictures;
 mod rendering;
 mod static_objects;
+mod symmetries;

@@ -9,8 +9,11 @@ pub mod ideal_sphere;
 pub mod pairs;
 
 use std::f64::consts::PI;
+use std::fmt::Write as _;
+use std::path::Path;
 
 use glam::{DVec3, Vec3};
+use splatblur::anim::{self, Interpolation};
 use splatblur::backend::cpu::Cpu;
 #[cfg(feature = "gpu")]
 use splatblur::backend::gpu::{Choice, Gpu};
@@ -19,7 +22,7 @@ use splatblur::frame::Frame;
 use splatblur::model::{Material, Surfels};
 use splatblur::options::{Quality, RenderOptions};
 use splatblur::renderer::render_frame;
-use splatblur::scene::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
+use splatblur::scene::{AnimationBinding, Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
 use splatblur::time::{Shutter, Weight};
 
 /// Frame `number`, posed; `options` must name a blur mode.
@@ -111,4 +114,27 @@ pub fn render(scene: &Scene, options: &RenderOptions) -> Picture {
 pub fn rms(a: &Picture, b: &Picture) -> f64 {
     let squares = a.rgba.iter().flatten().zip(b.rgba.iter().flatten()).map(|(a, b)| f64::from(a - b).powi(2));
     (squares.sum::<f64>() / (4.0 * a.rgba.len() as f64)).sqrt()
+}
+
+/// An attribute, its keys (frames; degrees or units), and the kind of its tangents.
+pub type Curve<'a> = (&'a str, &'a [(f64, f64)], &'a str);
+
+/// An animation of one node, with these curves.
+pub fn animation(curves: &[Curve<'_>]) -> AnimationBinding {
+    let mut text = String::from("animVersion 1.1;\ntimeUnit film;\nlinearUnit cm;\nangularUnit deg;\n");
+    for (attribute, keys, tangent) in curves {
+        let short = attribute.rsplit('.').next().unwrap_or(attribute);
+        text += "anim ";
+        text += &[*attribute, short].join(" ");
+        text += " node 0 1 0;\nanimData {\n input time;\n output linear;\n weighted 0;\n";
+        text += " preInfinity constant;\n postInfinity constant;\n keys {\n";
+        for (time, value) in *keys {
+            writeln!(text, "  {time} {value} {tangent} {tangent} 1 1 0;").expect("a text takes all");
+        }
+        text += " }\n}\n";
+    }
+    let path = Path::new("made in code");
+    let parsed = anim::parse(text.as_bytes(), path).expect("a valid animation");
+    let node = parsed.node(None).expect("one node").clone();
+    AnimationBinding { path: path.into(), node, interpolation: Interpolation::Maya }
 }
