@@ -61,7 +61,7 @@ run), notes, ffmpeg (null for one frame), settings (as each file carries them, w
 pub(super) struct Render {
     #[command(flatten)]
     images: Images,
-    /// Skip frames whose file was made with the same settings.
+    /// Skip frames whose file was made with the same settings and is whole.
     #[arg(long, help_heading = "Output")]
     resume: bool,
 
