@@ -100,12 +100,14 @@ pub(super) struct Render {
 impl Render {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let start = Instant::now();
-        let options = self.options()?;
+        let mut options = self.options()?;
         let pool = self.running.pool()?;
         // Before the scene, which may take long to load.
         let mut renderer = Renderer::open(self.backend.device(self.adapter.as_deref())?)?;
         let backend_name = renderer.backend_name();
-        let Ready { scene, notes, frames, format } = Ready::new(&self.images, &self.overrides, &self.running, &pool)?;
+        options.memory = self.splatting.memory(backend_name, self.running.quiet);
+        let Ready { scene, mut notes, frames, format } =
+            Ready::new(&self.images, &self.overrides, &self.running, &pool)?;
         let load_seconds = start.elapsed().as_secs_f64();
         let settings = Provenance::of(&scene, &self.images.scene)?.splatted(&options, format, backend_name)?;
 
@@ -170,7 +172,6 @@ impl Render {
             two_sided: self.surfaces.two_sided,
             epsilon: self.surfaces.epsilon,
             seed: self.sampling.seed,
-            memory: self.splatting.memory,
             reconstruct: self.reconstruct,
             aovs,
         })
@@ -186,6 +187,7 @@ fn step(under_way: &mut renderer::Frames<'_>, frame: Option<i64>) -> anyhow::Res
 }
 
 /// Backend, size, mode, frames: one line.
+            ..RenderOptions::default()
 fn headline(scene: &Scene, frames: Frames, options: &RenderOptions, place: &str) -> String {
     let range = if frames.first == frames.last {
         format!("frame {}", frames.first)
