@@ -1,7 +1,8 @@
 //! PLY files: point clouds, surfels, meshes whose vertices are taken as points, and Gaussian-splat captures.
 //!
 //! The header (`ply_header`) becomes a list of steps, one for each property. The body (`ply_body`) is then read in one
-//! pass. Names count in any letter case and order, values in any type:
+//! pass. Names count in any letter case and order, values in any type (the file is long because all columns of one table
+//! are read here):
 //!
 //! | what | names |
 //! |---|---|
@@ -20,9 +21,9 @@ use glam::{DVec3, Vec3};
 use super::cloud::{Cloud, ColourStorage};
 use super::error::ParseError;
 use super::gaussian;
-use super::mesh::AreaNormals;
+use super::mesh::{self, AreaNormals};
 use super::ply_body::{Body, within};
-use super::ply_header::{self, Element, Header, Kind, Scalar};
+use super::ply_header::{self, Element, Encoding, Header, Kind, Scalar};
 use super::surfels::Material;
 
 /// Comment with which [`super::write_ply`] says that float colours are linear light and may exceed 1.
@@ -37,7 +38,7 @@ pub(super) const MATERIAL: [&str; 4] = ["ambient", "diffuse", "specular", "shini
 ///
 /// # Errors
 /// The error names the line or the byte. Something is outside the grammar, the body is cut short, vertices have no
-/// positions, or face indices are bad.
+/// positions, or face indices are bad. Where the faces of a text are at fault, its points are used, with a note.
 pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, ParseError> {
     let header = ply_header::parse(bytes)?;
     let mut body = Body::new(bytes, header.body, header.encoding);
@@ -46,13 +47,17 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
     let mut has_vertices = false;
     for element in &header.elements {
         match element.name.as_str() {
+    let mut damage = None;
             "vertex" => {
                 has_vertices = true;
                 read_vertices(&mut body, element, &header, &mut cloud, progress)?;
             }
             "face" | "tristrips" => {
                 faces.push((element, body.at));
-                body.skip_element(element)?;
+                if let Err(fault) = body.skip_element(element) {
+                    damage = Some(spare_points(fault, &header, &cloud)?);
+                    break;
+                }
             }
             _ => body.skip_element(element)?,
         }
@@ -61,26 +66,51 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
         return Err(ParseError::line(1, "no element `vertex`", "`element vertex COUNT` in the header"));
     }
     let surplus = body.surplus();
-    if surplus > 0 {
+    if surplus > 0 && damage.is_none() {
         cloud.notes.push(format!("{surplus} bytes after the last element ignored"));
     }
-    if cloud.normal.is_empty() && !faces.is_empty() {
-        let mut normals = AreaNormals::new(&cloud.position);
-        let mut polygons = 0;
-        for (element, at) in faces {
-            body.at = at;
-            polygons += read_faces(&mut body, element, &mut normals)?;
-        }
-        if polygons > 0 {
-            cloud.normal = normals.finish();
-            cloud.notes.push(format!("normals from {polygons} faces, weighted by area"));
+    if cloud.normal.is_empty() && !faces.is_empty() && damage.is_none() {
+        match mesh_normals(&mut body, &faces, &cloud.position) {
+            Ok((_, 0)) => {}
+            Ok((normal, polygons)) => {
+                cloud.normal = normal;
+                cloud.notes.push(format!("normals from {polygons} faces, weighted by area"));
+                cloud.notes.extend(mesh::too_few(cloud.position.len(), polygons));
+            }
+            Err(fault) => damage = Some(spare_points(fault, &header, &cloud)?),
         }
     }
     Ok(cloud)
 }
+    cloud.notes.extend(damage);
 
 /// Places of the columns of a cloud in a record: indices of the wanted numbers.
 struct Columns {
+/// What to say about faces that cannot be read where the points before them can be used; else the fault itself. A text
+/// whose faces were edited or cut still has its points. Bytes that are out of step may have shifted anything.
+fn spare_points(fault: ParseError, header: &Header, cloud: &Cloud) -> Result<String, ParseError> {
+    if header.encoding == Encoding::Ascii && !cloud.position.is_empty() {
+        Ok(format!("faces ignored, points used ({fault})"))
+    } else {
+        Err(fault)
+    }
+}
+
+/// Normals of the vertices, and the number of polygons.
+fn mesh_normals(
+    body: &mut Body<'_>,
+    faces: &[(&Element, usize)],
+    position: &[DVec3],
+) -> Result<(Vec<Vec3>, usize), ParseError> {
+    let mut normals = AreaNormals::new(position);
+    let mut polygons = 0;
+    for &(element, at) in faces {
+        body.at = at;
+        polygons += read_faces(body, element, &mut normals)?;
+    }
+    Ok((normals.finish(), polygons))
+}
+
     position: [usize; 3],
     normal: Option<[usize; 3]>,
     colour: Option<[usize; 3]>,
