@@ -32,6 +32,7 @@ mod surfels;
 mod tidy;
 mod write_ply;
 
+mod xyz;
 pub use bin::write_bin;
 pub use cloud::{Cloud, ColourStorage};
 pub use complete::complete;

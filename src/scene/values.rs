@@ -224,7 +224,8 @@ impl Object {
         }
     }
 
-    /// An object of a model file: PLY, `Pointshop3D` `.sfl`, Wavefront `.obj` or splatblur's own `.bin`. Missing
+    /// An object of a model file: PLY, `Pointshop3D` `.sfl`, Wavefront `.obj`, points as
+    /// text (`.xyz`, `.pts`) or splatblur's own `.bin`. Missing
     /// normals and radii are estimated, and the surfels sorted along a curve through space.
     ///
     /// # Errors

@@ -30,7 +30,8 @@ Examples:
   splatblur info --adapters")]
 #[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub(super) struct Info {
-    /// Scene (.xml), model (.ply, .sfl, .obj, .bin), animation (.anim) or image (.png, .exr); told apart by content.
+    /// Scene (.xml), model (.ply, .sfl, .obj, .xyz, .pts, .bin), animation (.anim) or image (.png, .exr); told apart by
+    /// content.
     #[arg(required_unless_present = "adapters")]
     file: Option<PathBuf>,
 
@@ -204,4 +205,5 @@ mod tests {
         assert_eq!(kind(b"", "a.xml"), Kind::Scene);
         assert_eq!(kind(b"v 0 0 0", "a.obj"), Kind::Model);
     }
+        assert_eq!(kind(b"0 0 0\n", "a.xyz"), Kind::Model);
 }

@@ -7,7 +7,7 @@ use super::bin::{encode, seal};
 use super::support::{ENCODINGS, Encoding, Ply, be, read, refused, sfl_file, sfl_set};
 use super::write::sample;
 
-const FORMATS: [Format; 4] = [Format::Ply, Format::Sfl, Format::Obj, Format::Bin];
+const FORMATS: [Format; 6] = [Format::Ply, Format::Sfl, Format::Obj, Format::Bin, Format::Xyz, Format::Pts];
 
 /// Small valid files of every format.
 fn seeds() -> Vec<(Format, Vec<u8>)> {
@@ -43,6 +43,8 @@ fn seeds() -> Vec<(Format, Vec<u8>)> {
     let obj = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nvn 0 0 1\nf 1/1/1 2//1 -1\n";
     files.push((Format::Obj, obj.as_bytes().to_vec()));
     files.push((Format::Bin, encode(&sample(3, true))));
+    files.push((Format::Xyz, b"# x y z, normal, colour\n1 2 3 0 0 1 255 0 0\n4 5 6 0 1 0 0 9 0\n".to_vec()));
+    files.push((Format::Pts, b"2\n1 2 3 -20 255 0 0\n4 5 6 30 1 2 3\n".to_vec()));
     files
 }
 
@@ -263,9 +265,10 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn noise_never_panics(bytes in proptest::collection::vec(any::<u8>(), 0..600), which in 0..4_usize) {
+    fn noise_never_panics(bytes in proptest::collection::vec(any::<u8>(), 0..600), which in 0..6_usize) {
         let sfl = b"GFLF\0\0\0\0SFLF\0\0\0\0\0\0\0\x14";
-        let marks: [&[u8]; 4] = [b"ply\n", sfl, b"v 1 2 3\nf ", b"\x89SPLAT\r\n\x01\0\0\0"];
+        let bin = b"\x89SPLAT\r\n\x01\0\0\0";
+        let marks: [&[u8]; 6] = [b"ply\n", sfl, b"v 1 2 3\nf ", bin, b"1 2 3\n", b"2\n1 2 3 "];
         let _ = parse(&bytes, FORMATS[which]);
         let _ = parse(&[marks[which], &bytes].concat(), FORMATS[which]);
     }
