@@ -115,8 +115,8 @@ struct Files<'a> {
     finder: Finder<'a>,
     options: &'a LoadOptions<'a>,
     notes: Vec<String>,
-    /// By the text that names them.
-    found: HashMap<String, PathBuf>,
+    /// By the text that names them: the path, and the one name of the file.
+    found: HashMap<String, (PathBuf, PathBuf)>,
     models: HashMap<ModelKey, Model>,
     /// How often each file was read as a model.
     variants: HashMap<PathBuf, usize>,
@@ -130,8 +130,8 @@ impl Files<'_> {
         let animation = spec.animation.as_ref().map(|a| self.bind(a)).transpose()?;
         let (model_path, model, sphere) = match &spec.shape {
             ShapeSpec::Model(file) => {
-                let path = self.find(file)?;
-                let model = self.model(file, &spec.options, &path)?;
+                let (path, canonical) = self.find(file)?;
+                let model = self.model(file, &spec.options, &path, canonical)?;
                 (path, model, None)
             }
             ShapeSpec::Sphere(sphere) => (PathBuf::new(), Model::default(), Some(*sphere)),
@@ -154,19 +154,26 @@ impl Files<'_> {
         })
     }
 
-    fn find(&mut self, file: &FileRef) -> Result<PathBuf, SceneError> {
-        if let Some(path) = self.found.get(&file.text) {
-            return Ok(path.clone());
+    fn find(&mut self, file: &FileRef) -> Result<(PathBuf, PathBuf), SceneError> {
+        if let Some(found) = self.found.get(&file.text) {
+            return Ok(found.clone());
         }
         let (path, note) = self.finder.find(file)?;
         self.notes.extend(note);
-        self.found.insert(file.text.clone(), path.clone());
-        Ok(path)
+        let found = (path.clone(), canonical(&path));
+        self.found.insert(file.text.clone(), found.clone());
+        Ok(found)
     }
 
-    fn model(&mut self, file: &FileRef, options: &model::LoadOptions, path: &Path) -> Result<Model, SceneError> {
+    fn model(
+        &mut self,
+        file: &FileRef,
+        options: &model::LoadOptions,
+        path: &Path,
+        canonical: PathBuf,
+    ) -> Result<Model, SceneError> {
         let linear = options.colour_space.map(|c| c == model::ColourSpace::Linear);
-        let key = (canonical(path), options.radius_scale.to_bits(), linear);
+        let key = (canonical, options.radius_scale.to_bits(), linear);
         if let Some(model) = self.models.get(&key) {
             return Ok(model.clone());
         }
@@ -191,10 +198,9 @@ impl Files<'_> {
     }
 
     fn bind(&mut self, spec: &AnimationSpec) -> Result<AnimationBinding, SceneError> {
-        let path = self.find(&spec.file)?;
+        let (path, key) = self.find(&spec.file)?;
         let source = self.source;
         let refuse = |e| SceneError::Animation { at: source.locate(spec.file.at), source: Box::new(e) };
-        let key = canonical(&path);
         let animation = if let Some(animation) = self.animations.get(&key) {
             Arc::clone(animation)
         } else {
