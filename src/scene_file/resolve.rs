@@ -40,7 +40,8 @@ pub(super) fn resolve(
         None => None,
     };
     let file_rate = files.rate.map(|(_, rate)| rate);
-    let frames = scene::frames(&document.frames, &objects, camera_binding.as_ref(), file_rate);
+    let camera_moves = document.camera.as_ref().is_some_and(|c| !c.motions.is_empty());
+    let frames = scene::frames(&document.frames, &objects, camera_binding.as_ref(), camera_moves, file_rate);
     let name = source.path().file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let lights = if document.lights.is_empty() { scene::lights() } else { document.lights };
     let mut scene = Scene {
@@ -54,6 +55,7 @@ pub(super) fn resolve(
     };
     scene.camera = camera(source, &scene, document.camera.as_ref(), camera_binding)?;
     let mut notes = files.notes;
+    scene.camera.motions = document.camera.map_or_else(Vec::new, |c| c.motions);
     if scene.camera.automatic {
         let FrameRange { first, last, .. } = scene.frames;
         notes.push(format!(

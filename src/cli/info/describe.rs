@@ -59,6 +59,9 @@ fn camera(c: &Camera) -> Value {
     } else {
         pairs.extend([("eye", vector(c.eye)), ("at", vector(c.at)), ("up", vector(c.up))]);
     }
+    if !c.motions.is_empty() {
+        pairs.push(("motions", Value::Array(c.motions.iter().map(motion).collect())));
+    }
     pairs.push(("automatic", json!(c.automatic)));
     object(pairs)
 }
