@@ -30,6 +30,8 @@ use super::surfels::Material;
 pub(super) const LINEAR_COLOURS: &str = "splatblur colours are linear light";
 /// Comment of our own files whose normals have no sign.
 pub(super) const TWO_SIDED: &str = "splatblur shows both sides";
+/// Comment of our own files whose normals were estimated.
+pub(super) const SIGNS_ESTIMATED: &str = "splatblur estimated the signs of the normals";
 
 /// Names of the material properties, in the order of [`Material`]'s fields.
 pub(super) const MATERIAL: [&str; 4] = ["ambient", "diffuse", "specular", "shininess"];
@@ -45,9 +47,9 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
     let mut cloud = Cloud::default();
     let mut faces = Vec::new();
     let mut has_vertices = false;
+    let mut damage = None;
     for element in &header.elements {
         match element.name.as_str() {
-    let mut damage = None;
             "vertex" => {
                 has_vertices = true;
                 read_vertices(&mut body, element, &header, &mut cloud, progress)?;
@@ -80,12 +82,10 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
             Err(fault) => damage = Some(spare_points(fault, &header, &cloud)?),
         }
     }
+    cloud.notes.extend(damage);
     Ok(cloud)
 }
-    cloud.notes.extend(damage);
 
-/// Places of the columns of a cloud in a record: indices of the wanted numbers.
-struct Columns {
 /// What to say about faces that cannot be read where the points before them can be used; else the fault itself. A text
 /// whose faces were edited or cut still has its points. Bytes that are out of step may have shifted anything.
 fn spare_points(fault: ParseError, header: &Header, cloud: &Cloud) -> Result<String, ParseError> {
@@ -111,6 +111,8 @@ fn mesh_normals(
     Ok((normals.finish(), polygons))
 }
 
+/// Places of the columns of a cloud in a record: indices of the wanted numbers.
+struct Columns {
     position: [usize; 3],
     normal: Option<[usize; 3]>,
     colour: Option<[usize; 3]>,
@@ -157,11 +159,12 @@ fn read_vertices(
         }
         columns.push(&values, cloud, &mut splats);
     }
-    cloud.two_sided = header.comments.iter().any(|c| c == TWO_SIDED);
+    let says = |comment: &str| header.comments.iter().any(|c| c == comment);
+    (cloud.two_sided, cloud.signs_estimated) = (says(TWO_SIDED), says(SIGNS_ESTIMATED));
     if columns.gaussian.is_some() {
         gaussian::fill(cloud, &splats);
     } else if columns.colour.is_some() || columns.grey.is_some() {
-        let declared_linear = header.comments.iter().any(|c| c == LINEAR_COLOURS);
+        let declared_linear = says(LINEAR_COLOURS);
         scale_colours(cloud, columns.colour_type, columns.grey.is_some(), declared_linear);
     }
     Ok(())

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use super::document::{AnimationSpec, CameraSpec, Document, ObjectSpec, ShapeSpec};
 use super::dom::{FileRef, Source};
-use super::error::SceneError;
+use super::error::{SceneError, quoted};
 use super::paths::Finder;
 use super::{LoadOptions, Loaded, write};
 use crate::anim::{self, Animation};
@@ -34,13 +34,14 @@ pub(super) fn resolve(
         animations: HashMap::new(),
         rate: None,
     };
+    let sides_given: Vec<bool> = document.objects.iter().map(|object| object.two_sided.is_some()).collect();
     let objects = document.objects.into_iter().map(|o| files.object(o)).collect::<Result<Vec<_>, _>>()?;
     let camera_binding = match document.camera.as_ref().and_then(|c| c.animation.as_ref()) {
         Some(spec) => Some(files.bind(spec)?),
         None => None,
     };
-    let file_rate = files.rate.map(|(_, rate)| rate);
     let camera_moves = document.camera.as_ref().is_some_and(|c| !c.motions.is_empty());
+    let file_rate = files.rate.map(|(_, rate)| rate);
     let frames = scene::frames(&document.frames, &objects, camera_binding.as_ref(), camera_moves, file_rate);
     let name = source.path().file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let lights = if document.lights.is_empty() { scene::lights() } else { document.lights };
@@ -54,8 +55,9 @@ pub(super) fn resolve(
         objects,
     };
     scene.camera = camera(source, &scene, document.camera.as_ref(), camera_binding)?;
-    let mut notes = files.notes;
     scene.camera.motions = document.camera.map_or_else(Vec::new, |c| c.motions);
+    let mut notes = files.notes;
+    show_insides(&mut scene, &sides_given, &mut notes);
     if scene.camera.automatic {
         let FrameRange { first, last, .. } = scene.frames;
         notes.push(format!(
@@ -65,6 +67,20 @@ pub(super) fn resolve(
         ));
     }
     Ok(Loaded { scene, notes })
+}
+
+/// Shows both sides of objects that the camera stands within, where their fronts were estimated to be outside and the
+/// scene does not say what shows.
+fn show_insides(scene: &mut Scene, sides_given: &[bool], notes: &mut Vec<String>) {
+    let estimated = |object: &Object| object.model.signs_estimated && !object.two_sided;
+    let entered: Vec<usize> = (0..scene.objects.len())
+        .filter(|&i| !sides_given[i] && estimated(&scene.objects[i]) && scene::camera_enters(scene, &scene.objects[i]))
+        .collect();
+    for i in entered {
+        let object = &mut scene.objects[i];
+        object.two_sided = true;
+        notes.push(format!("object {}: the camera stands within its box, so both sides show", quoted(&object.name)));
+    }
 }
 
 fn camera(

@@ -275,7 +275,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row(
                 "twoSided",
                 Kind::Boolean,
-                Auto("true for Gaussian splats, else false"),
+                Auto("by what is known of the sides, see above"),
                 "true: back faces show, with their normals turned to the viewer",
             ),
             row(
