@@ -3,6 +3,7 @@
 mod blur;
 mod json;
 mod movie;
+mod nothing;
 mod sequence;
 
 use std::path::Path;
@@ -22,6 +23,7 @@ use splatblur::study::provenance::{PROGRAM, Provenance};
 use self::blur::Blur;
 use self::json::{FrameReport, Report};
 use self::movie::Movie;
+use self::nothing::Nothing;
 pub(super) use self::sequence::file_name;
 use self::sequence::{Finished, Sequence};
 use super::backend::Wanted;
@@ -123,12 +125,23 @@ impl Render {
             Sequence { frames, directory: &directory, stem: &scene.name, format, resume: self.resume, gate: &gate };
         let progress = Rendering::new(frames.count(), self.running.quiet);
         let mut under_way = renderer::Frames::new(renderer.backend(), &scene, &options)?;
+        let mut nothing = Nothing::new(&scene);
         let finished = sequence.run(
             |frame| Ok(settings.of_frame(frame)?),
-            |frame| pool.install(|| step(&mut under_way, frame)),
+            |frame| {
+                let rendered = pool.install(|| step(&mut under_way, frame))?;
+                nothing.look(rendered.as_ref());
+                Ok(rendered)
+            },
             |done| progress.finished(done.rendered.is_none()),
         )?;
         drop(progress);
+        if let Some(warning) = nothing.warning().filter(|_| finished.iter().all(|done| done.rendered.is_some())) {
+            if !self.running.quiet {
+                say(&format!("warning: {warning}"));
+            }
+            notes.push(warning);
+        }
 
         let movie = Movie {
             directory: &directory,
@@ -174,6 +187,7 @@ impl Render {
             seed: self.sampling.seed,
             reconstruct: self.reconstruct,
             aovs,
+            ..RenderOptions::default()
         })
     }
 }
@@ -187,7 +201,6 @@ fn step(under_way: &mut renderer::Frames<'_>, frame: Option<i64>) -> anyhow::Res
 }
 
 /// Backend, size, mode, frames: one line.
-            ..RenderOptions::default()
 fn headline(scene: &Scene, frames: Frames, options: &RenderOptions, place: &str) -> String {
     let range = if frames.first == frames.last {
         format!("frame {}", frames.first)
