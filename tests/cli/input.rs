@@ -56,7 +56,7 @@ fn both_sides_show(backend: &str) {
         assert!(said.contains("open or unclear") && said.contains("both sides show"), "{said}");
         assert!(!said.contains("no frame shows anything"), "{said}");
     }
-    let five = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 1 1\n";
+    let five = "0 0 0\n1 0.1 0.1\n0.1 1 0.2\n0.3 0.1 1\n1.2 0.9 1\n";
     let (picture, _) = rendered(dir.path(), backend, five, "", "");
     assert!(covered(&picture) > 0.2, "{}", covered(&picture));
 }
