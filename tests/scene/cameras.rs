@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests may stop and report")]
 
+use std::fmt::Write as _;
 use std::fs;
 
 use glam::{DMat4, DVec3};
@@ -65,7 +66,7 @@ fn room() -> String {
                 let mut p = [side; 3];
                 p[(axis + 1) % 3] = f64::from(i % 20) * 0.2 - 1.9;
                 p[(axis + 2) % 3] = f64::from(i / 20) * 0.2 - 1.9;
-                text += &format!("{} {} {}\n", p[0], p[1], p[2]);
+                writeln!(text, "{} {} {}", p[0], p[1], p[2]).unwrap();
             }
         }
     }

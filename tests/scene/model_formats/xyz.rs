@@ -45,6 +45,8 @@ fn six_numbers_are_a_colour_or_a_normal() {
     assert_eq!((normal.normal[1], normal.colour.len()), (Vec3::Z, 0));
     assert!((normal.normal[0] - Vec3::new(0.0, 0.6, -0.8)).length() < 1e-6);
     assert_eq!(normal.notes, ["columns 4 to 6 are normals"]);
+    // Of length 1, though none is negative.
+    assert_eq!(xyz("0 0 0 0 0 1\n1 0 0 1 0 0\n").normal, [Vec3::Z, Vec3::X]);
     // No number is negative and the lengths differ: light, not directions.
     let float = xyz("0 0 0 0.2 0.2 0.2\n1 0 0 1 1 1\n");
     assert_eq!((float.colour[1], float.colour_storage), (Vec3::ONE, ColourStorage::Float));
