@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::error::KNOWN_FORMATS;
 use super::xyz;
 
 /// The first bytes of our own format. They are not text, so a transfer that changes line ends is noticed.
@@ -26,8 +27,7 @@ pub enum Format {
 
 impl Format {
     /// The known formats, for messages.
-    pub const KNOWN: &'static str =
-        "PLY, Pointshop3D .sfl, Wavefront .obj, points as text .xyz and .pts, splatblur .bin";
+    pub const KNOWN: &'static str = KNOWN_FORMATS;
 
     /// The format of a file by its first bytes, or by its extension if the bytes show none: OBJ has no mark, and a text
     /// of points is known by lines of numbers.

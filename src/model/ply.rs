@@ -1,8 +1,8 @@
 //! PLY files: point clouds, surfels, meshes whose vertices are taken as points, and Gaussian-splat captures.
 //!
 //! The header (`ply_header`) becomes a list of steps, one for each property. The body (`ply_body`) is then read in one
-//! pass. Names count in any letter case and order, values in any type (the file is long because all columns of one table
-//! are read here):
+//! pass. The file is long because all columns of one table are read here. Names count in any letter case and order,
+//! values in any type:
 //!
 //! | what | names |
 //! |---|---|

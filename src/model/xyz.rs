@@ -12,8 +12,8 @@
 //! | 9 | x y z, a normal and r g b in either order | |
 //!
 //! Three numbers are a colour if one of the file exceeds 1 (they are then 0..=255), or if none is negative and some
-//! have not about length 1; else they are a normal. Intensity shows as grey where there is no colour. A `.pts` file may hold
-//! several scans, each with its count.
+//! have not about length 1; else they are a normal. Intensity shows as grey where there is no colour. A `.pts` file may
+//! hold several scans, each with its count.
 
 use glam::{DVec3, Vec3};
 
