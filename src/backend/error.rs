@@ -15,7 +15,7 @@ pub enum BackendError {
     /// The frame does not fit into `RenderOptions::memory`.
     #[error(
         "a frame of {width} x {height} and models of {models} bytes need at least {needed} bytes, but may take \
-         {allowed} (RenderOptions::memory)"
+         {allowed}: it takes RenderOptions::memory {}M", needed.div_ceil(1 << 20)
     )]
     Memory {
         /// Image width.

@@ -15,6 +15,7 @@ use splatblur::scene::Scene;
 use splatblur::scene_file::{self, Loaded};
 use splatblur::time::Weight;
 
+use super::memory;
 use super::output::say;
 use super::progress::Loading;
 use super::values::{self, Frames};
@@ -134,16 +135,23 @@ pub(super) struct Splatting {
         help_heading = "Surfaces"
     )]
     pub(super) prefilter: Prefilter,
-    /// Memory that a frame and the models may take together, as in 64M, 1G. The images do not depend on it.
+    /// Memory that a frame and the models may take together, as in 64M, 1G [default: half of the computer's or
+    /// container's, at least 1G, on a GPU at most 8G]. The images do not depend on it.
     #[arg(
         long,
         value_name = "SIZE",
-        default_value = "1G",
         allow_hyphen_values = true,
         value_parser = values::memory,
         help_heading = "Running"
     )]
-    pub(super) memory: u64,
+    memory: Option<u64>,
+}
+
+impl Splatting {
+    /// Bytes that a frame and the models may take together; `backend` is the renderer's name.
+    pub(super) fn memory(&self, backend: &str, quiet: bool) -> u64 {
+        memory::budget(self.memory, backend == "gpu", quiet)
+    }
 }
 
 /// How the program goes about it. None of it changes the images.

@@ -8,6 +8,7 @@ use clap::{Args, ValueEnum};
 use splatblur::files;
 use splatblur::model::{Cloud, generate};
 
+use super::memory;
 use super::output::print;
 
 /// Generate one of the demo scenes' models, or a sphere of any number of surfels, as binary .ply.
@@ -32,6 +33,9 @@ pub(super) struct Generate {
     #[arg(long)]
     force: bool,
 }
+
+/// Memory of a surfel while a model is made: position, normal, radius and colour, and some room for the rest.
+const BYTES: u64 = 56;
 
 /// The models.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -59,6 +63,12 @@ impl Generate {
         }
         if !self.force && self.output.symlink_metadata().is_ok() {
             bail!("{} exists already (--force replaces it)", self.output.display());
+        }
+        let needed = BYTES * u64::from(self.surfels.unwrap_or_default());
+        if let Some(available) = memory::available().filter(|&available| needed > available) {
+            let surfels = self.surfels.unwrap_or_default();
+            let (needed, available) = (memory::text(needed), memory::text(available));
+            bail!("--surfels {surfels} takes {needed} of memory, but there is {available}");
         }
         let cloud = self.cloud();
         files::replace_with(&self.output, |temporary| {

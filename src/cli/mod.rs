@@ -10,6 +10,7 @@ mod compare;
 mod convert;
 mod generate;
 mod info;
+mod memory;
 mod output;
 mod progress;
 mod reference;

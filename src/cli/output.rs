@@ -1,6 +1,7 @@
 //! The two streams. Neither panics where its reader has gone.
 
 use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 /// One line for the person at the terminal, on stderr.
 pub(super) fn say(line: &str) {
@@ -18,6 +19,13 @@ pub(super) fn print(text: &str) -> anyhow::Result<()> {
     let mut stdout = io::stdout().lock();
     let written = stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush());
     written.map_err(|source| Stdout(source).into())
+}
+
+/// The folder of the file that stdout goes to; empty, the working directory, where it is no file or the system does not
+/// tell.
+pub(super) fn folder() -> PathBuf {
+    let file = std::fs::read_link("/proc/self/fd/1").ok().filter(|path| path.is_file());
+    file.and_then(|file| file.parent().map(Path::to_owned)).unwrap_or_default()
 }
 
 /// One JSON document on stdout.

@@ -75,7 +75,8 @@ impl Common {
             two_sided: self.surfaces.two_sided,
             epsilon: self.surfaces.epsilon,
             seed: self.sampling.seed,
-            memory: self.splatting.memory,
+            // A study may render on both.
+            memory: self.splatting.memory("gpu", self.running.quiet),
             ..RenderOptions::default()
         };
         Ok(Loaded { trial: Trial::new(scene, path, options, Box::new(open)), notes, pool })

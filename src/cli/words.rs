@@ -21,8 +21,8 @@ mod tests {
     #[test]
     fn messages_name_flags() {
         let error = BackendError::Memory { width: 8, height: 6, models: 1, needed: 3, allowed: 2 };
-        assert!(error.to_string().ends_with("(RenderOptions::memory)"), "{error}");
-        assert!(with_flags(&error.to_string()).ends_with("(--memory)"));
+        assert!(error.to_string().ends_with("it takes RenderOptions::memory 1M"), "{error}");
+        assert!(with_flags(&error.to_string()).ends_with("it takes --memory 1M"));
         assert!(with_flags(&BackendError::NotBuilt.to_string()).ends_with("; use --backend cpu"));
     }
 }

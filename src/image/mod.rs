@@ -254,6 +254,19 @@ pub fn read_settings(path: &Path) -> Option<String> {
     }
 }
 
+/// True for a picture file that has all its pixels: a PNG whose chunks are undamaged up to its end, or an EXR whose
+/// blocks can all be read.
+///
+/// A file that was cut short while it was copied keeps its header, and so its settings.
+pub fn is_whole(path: &Path) -> bool {
+    let Ok(bytes) = read_regular(path) else { return false };
+    match kind(&bytes) {
+        Some(Kind::Png) => png::is_whole(&bytes),
+        Some(Kind::Exr) => exr::decode(&bytes).is_ok(),
+        None => false,
+    }
+}
+
 #[derive(Clone, Copy)]
 enum Kind {
     Png,
@@ -346,6 +359,33 @@ fn plausible(width: u64, height: u64, bytes_a_pixel: u64, file_length: usize) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_a_file_with_all_its_pixels_is_whole() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a");
+        // Three blocks of an EXR file; noise, which does not shrink.
+        let noise = |i: u32| (i.wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 24) as f32;
+        let rgba = (0..20 * 40).map(|i| [noise(3 * i), noise(3 * i + 1), noise(3 * i + 2), 1.0]).collect();
+        let picture = Picture { width: 20, height: 40, rgba, layers: Vec::new() };
+        let is_whole = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            super::is_whole(&path)
+        };
+        for format in [Format::Png { bits: Bits::Eight, alpha: false }, Format::Exr] {
+            let bytes = encode(&picture, format, "the settings").unwrap();
+            assert!(is_whole(&bytes), "{format:?}");
+            for length in (0..bytes.len()).step_by(7).chain([bytes.len() - 1]) {
+                assert!(!is_whole(&bytes[..length]), "{format:?} cut to {length} of {}", bytes.len());
+            }
+            // As a download that was given its full length before its bytes came.
+            let mut hollow = bytes.clone();
+            hollow[bytes.len() / 2..].fill(0);
+            assert!(!is_whole(&hollow), "{format:?}, half of it zeros");
+            assert_eq!(read_settings(&path).as_deref(), Some("the settings"));
+        }
+        assert!(!super::is_whole(directory.path()) && !is_whole(b""));
+    }
 
     #[test]
     fn a_picture_is_written_in_the_format_that_the_extension_names() {

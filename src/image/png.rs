@@ -125,6 +125,30 @@ pub(super) fn settings(file: &mut (impl Read + Seek)) -> Option<String> {
     }
 }
 
+/// True if all chunks up to `IEND` are there with their checksums, some pixels among them.
+pub(super) fn is_whole(bytes: &[u8]) -> bool {
+    let mut rest = bytes.get(SIGNATURE.len()..).unwrap_or_default();
+    let mut has_pixels = false;
+    while let Some((head, after)) = rest.split_first_chunk::<8>() {
+        let [a, b, c, d, kind @ ..] = *head;
+        let length = u32::from_be_bytes([a, b, c, d]) as usize;
+        let Some((data, after)) = after.split_at_checked(length) else { return false };
+        let Some((crc, after)) = after.split_first_chunk::<4>() else { return false };
+        let mut expected = crc32fast::Hasher::new();
+        expected.update(&kind);
+        expected.update(data);
+        if expected.finalize() != u32::from_be_bytes(*crc) {
+            return false;
+        }
+        has_pixels |= kind == *b"IDAT";
+        if kind == *b"IEND" {
+            return has_pixels;
+        }
+        rest = after;
+    }
+    false
+}
+
 /// The text of an `iTXt` chunk, data and checksum, if it is ours and undamaged.
 fn settings_of(body: &[u8]) -> Option<String> {
     let (data, crc) = body.split_last_chunk::<4>()?;

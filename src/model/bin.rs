@@ -18,6 +18,7 @@ const CRC_AT: usize = 48;
 const HAS_MATERIAL: u32 = 1;
 const HAS_VELOCITY: u32 = 2;
 const TWO_SIDED: u32 = 4;
+const SIGNS_ESTIMATED: u32 = 8;
 
 /// Reads a file into surfels.
 ///
@@ -35,11 +36,11 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
         return Err(ParseError::byte(8, format!("version {version}"), format!("{VERSION}")));
     }
     let mask = u32::from_le_bytes(field(bytes, 12)?);
-    if mask & !(HAS_MATERIAL | HAS_VELOCITY | TWO_SIDED) != 0 {
+    if mask & !(HAS_MATERIAL | HAS_VELOCITY | TWO_SIDED | SIGNS_ESTIMATED) != 0 {
         return Err(ParseError::byte(
             12,
             format!("column mask {mask:#x}"),
-            "bits 0 (material), 1 (velocity) and 2 (two-sided) only",
+            "bits 0 (material), 1 (velocity), 2 (two-sided) and 3 (signs estimated) only",
         ));
     }
     let count = u64::from_le_bytes(field(bytes, 16)?);
@@ -77,6 +78,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
         material: if mask & HAS_MATERIAL == 0 { Vec::new() } else { columns.materials() },
         velocity: if mask & HAS_VELOCITY == 0 { Vec::new() } else { columns.vectors() },
         two_sided: mask & TWO_SIDED != 0,
+        signs_estimated: mask & SIGNS_ESTIMATED != 0,
     };
     check(&surfels)?;
     Ok(surfels)
@@ -97,6 +99,9 @@ pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     }
     if surfels.two_sided {
         mask |= TWO_SIDED;
+    }
+    if surfels.signs_estimated {
+        mask |= SIGNS_ESTIMATED;
     }
     let mut header = [0; HEADER];
     let origin = surfels.origin.to_array().map(f64::to_le_bytes);

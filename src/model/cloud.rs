@@ -39,6 +39,9 @@ pub struct Cloud {
     pub velocity: Vec<Vec3>,
     /// True if the signs of the normals mean nothing (Gaussian splats), so both sides are to be shown.
     pub two_sided: bool,
+    /// True if the signs of the normals were estimated: outward on a closed surface. Completion sets it; see
+    /// [`Surfels::signs_estimated`](super::Surfels::signs_estimated).
+    pub signs_estimated: bool,
     /// What a user should know: points that were dropped, properties that were ignored, conventions that were assumed.
     pub notes: Vec<String>,
 }

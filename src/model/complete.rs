@@ -59,6 +59,7 @@ pub fn complete(
         material: cloud.material,
         velocity: cloud.velocity,
         two_sided: cloud.two_sided,
+        signs_estimated: cloud.signs_estimated,
     };
     Ok((surfels, notes))
 }
@@ -132,7 +133,8 @@ fn box_of(position: &[DVec3]) -> Bounds {
     position.par_iter().fold(Bounds::default, add).reduce(Bounds::default, merge)
 }
 
-/// Returns the normals and axes of all points, and empties `normal`, `radius` and `axes` of the cloud.
+/// Returns the normals and axes of all points, and empties `normal`, `radius` and `axes` of the cloud. Says in the
+/// cloud whether signs were estimated, and shows both sides where they mean nothing.
 fn surfaces(
     cloud: &mut Cloud,
     position: &[Vec3],
@@ -170,7 +172,10 @@ fn surfaces(
     if flat > 0 {
         notes.push(format!("axes of {flat} points are zero, parallel or not finite: drawn as discs"));
     }
-    estimate(position, &mut normal, &mut radius, progress, notes);
+    if let Some(reliable) = estimate(position, &mut normal, &mut radius, progress, notes) {
+        cloud.signs_estimated = true;
+        cloud.two_sided |= !reliable;
+    }
 
     let (normals, radii) = (&normal, &radius);
     axes.par_iter_mut().enumerate().for_each(|(i, a)| *a = scaled_axes(*a, normals[i], radii[i], radius_scale));
@@ -196,29 +201,38 @@ fn plane([u, v]: [Vec3; 2], lengths: [f32; 2]) -> Option<Vec3> {
     if across.length() > PARALLEL { unit(across.as_vec3()) } else { None }
 }
 
-/// Fills in the normals and radii that are zero.
+/// Fills in the normals and radii that are zero. If there were such normals: can their signs be relied on?
 fn estimate(
     position: &[Vec3],
     normal: &mut [Vec3],
     radius: &mut [f32],
     progress: Progress<'_>,
     notes: &mut Vec<String>,
-) {
+) -> Option<bool> {
     let normals_missing = normal.contains(&Vec3::ZERO);
     let radii_missing = radius.contains(&0.0);
     if !normals_missing && !radii_missing {
-        return;
+        return None;
     }
     let points = position.len();
     let share = |count: usize| if count == points { "all".to_owned() } else { format!("{count} of") };
     let distinct = Distinct::new(position);
+    let mut signs = None;
     let count = if normals_missing { normals::NEAREST } else { radii::NEAREST };
     let neighbours = Neighbours::new(&distinct.position, count, progress);
     let least = |count: usize| count.min(distinct.position.len() - 1);
     if normals_missing {
-        let count = normals::estimate(normal, &distinct, &neighbours, progress);
+        let estimated = normals::estimate(normal, &distinct, &neighbours, progress);
         let near = least(normals::NEAREST);
-        notes.push(format!("normals of {} {points} points estimated from {near} neighbours", share(count)));
+        let backs = 100.0 * estimated.most_backs;
+        let sides = if estimated.reliable {
+            format!("closed ({backs:.1} % of the worst view shows backs): one-sided")
+        } else {
+            format!("open or unclear ({backs:.1} % of the worst view shows backs): both sides show")
+        };
+        let share = share(estimated.count);
+        notes.push(format!("normals of {share} {points} points estimated from {near} neighbours; {sides}"));
+        signs = Some(estimated.reliable);
     }
     if radii_missing {
         let estimated = radii::estimate(radius, &distinct, &neighbours);
@@ -228,6 +242,7 @@ fn estimate(
             notes.push(format!("radii of {} lone points limited to those around them", estimated.lone));
         }
     }
+    signs
 }
 
 /// The axes of a surfel: those of the file, or those of a disc perpendicular to the normal. (u x v) . normal >= 0.

@@ -3,7 +3,10 @@
 use std::fmt;
 use std::path::PathBuf;
 
-use super::format::Format;
+/// The formats of models that are known, for messages. It stands here because `format` looks into files with readers
+/// that report errors.
+pub(super) const KNOWN_FORMATS: &str =
+    "PLY, Pointshop3D .sfl, Wavefront .obj, points as text .xyz and .pts, splatblur .bin";
 
 /// Why a model was refused or could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -40,7 +43,7 @@ pub enum ModelError {
         path: PathBuf,
     },
     /// Neither the content nor the extension shows a known format.
-    #[error("model {} is of no known format (known: {})", path.display(), Format::KNOWN)]
+    #[error("model {} is of no known format (known: {})", path.display(), KNOWN_FORMATS)]
     UnknownFormat {
         /// The file.
         path: PathBuf,

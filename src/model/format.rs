@@ -2,6 +2,9 @@
 
 use std::path::Path;
 
+use super::error::KNOWN_FORMATS;
+use super::xyz;
+
 /// The first bytes of our own format. They are not text, so a transfer that changes line ends is noticed.
 pub(super) const BIN_MAGIC: [u8; 8] = *b"\x89SPLAT\r\n";
 
@@ -16,13 +19,18 @@ pub enum Format {
     Obj,
     /// Our own format (docs/bin-format.md).
     Bin,
+    /// Points as lines of numbers.
+    Xyz,
+    /// Points as lines of numbers, after a line with their number.
+    Pts,
 }
 
 impl Format {
     /// The known formats, for messages.
-    pub const KNOWN: &'static str = "PLY, Pointshop3D .sfl, Wavefront .obj, splatblur .bin";
+    pub const KNOWN: &'static str = KNOWN_FORMATS;
 
-    /// The format of a file by its first bytes, or by its extension if the bytes show none (OBJ has no mark).
+    /// The format of a file by its first bytes, or by its extension if the bytes show none: OBJ has no mark, and a text
+    /// of points is known by lines of numbers.
     pub fn detect(bytes: &[u8], path: &Path) -> Option<Self> {
         if bytes.starts_with(&BIN_MAGIC) {
             Some(Self::Bin)
@@ -31,7 +39,15 @@ impl Format {
         } else if bytes.starts_with(b"ply") && bytes.get(3).is_none_or(u8::is_ascii_whitespace) {
             Some(Self::Ply)
         } else {
-            path.extension().filter(|e| e.eq_ignore_ascii_case("obj")).map(|_| Self::Obj)
+            let ends_in = |name: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(name));
+            match xyz::looks_like(bytes) {
+                _ if ends_in("obj") => Some(Self::Obj),
+                Some(xyz::Kind::Xyz) => Some(Self::Xyz),
+                Some(xyz::Kind::Pts) => Some(Self::Pts),
+                None if ends_in("xyz") => Some(Self::Xyz),
+                None if ends_in("pts") => Some(Self::Pts),
+                None => None,
+            }
         }
     }
 }

@@ -99,6 +99,11 @@ fn lattice(n: u32, size: f64, turn: f64, rise: f64) -> Cloud {
     let golden = PI * (3.0 - libm::sqrt(5.0));
     let radius = (4.0 * size / libm::sqrt(count)) as f32;
     let mut cloud = Cloud::default();
+    // Columns that grow by doubling would take up to three times the memory.
+    cloud.position.reserve_exact(n as usize);
+    cloud.normal.reserve_exact(n as usize);
+    cloud.radius.reserve_exact(n as usize);
+    cloud.colour.reserve_exact(n as usize);
     for i in 0..n {
         let k = f64::from(i) + 0.5;
         let z = 1.0 - 2.0 * k / count;

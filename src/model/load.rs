@@ -10,7 +10,7 @@ use super::error::{ModelError, ParseError};
 use super::format::Format;
 use super::options::{ColourSpace, LoadOptions, Progress};
 use super::surfels::Surfels;
-use super::{bin, map, obj, ply, sfl, tidy};
+use super::{bin, map, obj, ply, sfl, tidy, xyz};
 use crate::math::srgb;
 
 /// A model, and what a user should know about how it was read.
@@ -78,6 +78,8 @@ fn parse_told(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Pa
         Format::Ply => ply::parse(bytes, progress)?,
         Format::Sfl => sfl::parse(bytes, progress)?,
         Format::Obj => obj::parse(bytes, progress)?,
+        Format::Xyz => xyz::parse(bytes, xyz::Kind::Xyz, progress)?,
+        Format::Pts => xyz::parse(bytes, xyz::Kind::Pts, progress)?,
         Format::Bin => return bin::parse(bytes).map(Parsed::Surfels),
     };
     Ok(Parsed::Cloud(tidy::tidy(cloud)))

@@ -68,6 +68,15 @@ impl<'a> AreaNormals<'a> {
     }
 }
 
+/// Vertices below which a mesh is warned about: as points they show a blob, not the surface.
+const FEW: usize = 1000;
+
+/// What to say about a mesh whose vertices are too few to stand for its surface.
+pub(super) fn too_few(vertices: usize, faces: usize) -> Option<String> {
+    (vertices < FEW)
+        .then(|| format!("{vertices} vertices for {faces} faces: faces are not drawn, so sample points on the mesh"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,8 +1,8 @@
 //! Point models: reads files of several formats into a [`Cloud`], and completes a cloud into [`Surfels`].
 //!
-//! Data flow: `format` (which format a file has) → `ply`, `sfl`, `obj`, `bin` (bytes to a cloud) → `tidy` (points and
-//! attributes that cannot be drawn) → `complete` (normals and radii that are missing) → `surfels`. `load` does all
-//! this.
+//! Data flow: `format` (which format a file has) → `ply`, `sfl`, `obj`, `xyz`, `bin` (bytes to a cloud) → `tidy`
+//! (points and attributes that cannot be drawn) → `complete` (normals and radii that are missing; `sides`: do the signs
+//! of normals mean something?) → `surfels`. `load` does all this.
 
 mod bin;
 mod cloud;
@@ -27,10 +27,12 @@ mod radii;
 mod sfl;
 mod sfl_codes;
 mod sfl_container;
+mod sides;
 mod store;
 mod surfels;
 mod tidy;
 mod write_ply;
+mod xyz;
 
 pub use bin::write_bin;
 pub use cloud::{Cloud, ColourStorage};

@@ -8,6 +8,8 @@ use rayon::prelude::*;
 use super::neighbours::{Distinct, Neighbours};
 use super::options::Progress;
 use super::orient::orient;
+use super::radii;
+use super::sides::Discs;
 
 /// Neighbours that a normal is estimated from.
 pub(super) const NEAREST: usize = 16;
@@ -17,7 +19,18 @@ const CHUNK: usize = 4096;
 /// of the model, and variances are squares: the noise of a neighbourhood a hundredth of the model wide is 4e-11.)
 const LINE: f64 = 1e-10;
 
-/// Replaces the normals that are zero by estimates, and returns their number.
+/// The result of [`estimate`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Estimated {
+    /// Number of normals that were estimated.
+    pub(super) count: usize,
+    /// Greatest share of a view from outside that shows backs ([`Discs::most_backs`]).
+    pub(super) most_backs: f64,
+    /// True if the signs can be relied on ([`Discs::reliable`]).
+    pub(super) reliable: bool,
+}
+
+/// Replaces the normals that are zero by estimates.
 ///
 /// The direction comes from the principal components of the point and its 16 nearest distinct points. The sign comes
 /// from [`orient`]: given normals are kept, and their neighbours follow them. In a straight neighbourhood the normal is
@@ -28,7 +41,7 @@ pub(super) fn estimate(
     cloud: &Distinct,
     neighbours: &Neighbours,
     progress: Progress<'_>,
-) -> usize {
+) -> Estimated {
     // Of several points in one place, the first that has a normal decides.
     let mut place = vec![Vec3::ZERO; cloud.position.len()];
     for (&n, &i) in normal.iter().zip(&cloud.of) {
@@ -49,7 +62,11 @@ pub(super) fn estimate(
         let share = done.fetch_add(normals.len(), Ordering::Relaxed) + normals.len();
         progress("estimating normals", share as f32 / total as f32);
     });
-    orient(&cloud.position, &mut place, given, neighbours, progress);
+    let guided = orient(&cloud.position, &mut place, given, neighbours, progress);
+    let radius = if total > 1 { radii::of_distinct(&cloud.position, neighbours) } else { vec![0.0; total] };
+    let discs = Discs { position: &cloud.position, normal: &place, radius: &radius, guided: &guided };
+    let most_backs = discs.most_backs();
+    let reliable = discs.reliable(most_backs);
     let mut count = 0;
     for (n, &i) in normal.iter_mut().zip(&cloud.of) {
         if *n == Vec3::ZERO {
@@ -57,7 +74,7 @@ pub(super) fn estimate(
             count += 1;
         }
     }
-    count
+    Estimated { count, most_backs, reliable }
 }
 
 /// Unit direction of the least variance of a point and its neighbours.

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::neighbours::{Neighbours, Tree};
 use super::options::Progress;
+use super::sides::directions;
 
 /// Least evidence, of at most 2, with which a component's own shape decides its sign.
 const CONFIDENT: f64 = 0.25;
@@ -24,6 +25,8 @@ const REPORT: usize = 1 << 18;
 /// nearer than it is wide. Otherwise its largest mean normal component is made positive: floors face up, walls face +z
 /// or +x.
 ///
+/// Returns for each point whether its sign follows from a given normal.
+///
 /// Memory: 12 bytes for each edge, at most 8 edges for each point. The result does not depend on the number of threads.
 pub(super) fn orient(
     position: &[Vec3],
@@ -31,7 +34,7 @@ pub(super) fn orient(
     given: Vec<bool>,
     neighbours: &Neighbours,
     progress: Progress<'_>,
-) {
+) -> Vec<bool> {
     let mut forest = Forest::new(given);
     grow(&mut forest, position, normal, neighbours, progress);
     let (component_of, components) = components(&mut forest, position, normal, neighbours);
@@ -45,6 +48,7 @@ pub(super) fn orient(
             *n = -*n;
         }
     }
+    component_of.iter().map(|&component| components[component as usize].given).collect()
 }
 
 /// An edge of the neighbour graph: its cost as ordered bits, and its two ends.
@@ -155,16 +159,6 @@ struct Component {
     extreme: Vec<(f32, Vec3)>,
     /// Sum of the normals.
     normal: DVec3,
-}
-
-/// Directions in which extreme points are sought: the faces and corners of a cube.
-fn directions() -> impl Iterator<Item = Vec3> {
-    let faces = [Vec3::X, Vec3::Y, Vec3::Z].into_iter().flat_map(|d| [d, -d]);
-    let corners = (0..8).map(|i| {
-        let sign = |bit: u32| if i >> bit & 1 == 0 { 1.0 } else { -1.0 };
-        Vec3::new(sign(0), sign(1), sign(2)).normalize()
-    });
-    faces.chain(corners)
 }
 
 impl Component {

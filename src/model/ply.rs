@@ -1,7 +1,8 @@
 //! PLY files: point clouds, surfels, meshes whose vertices are taken as points, and Gaussian-splat captures.
 //!
 //! The header (`ply_header`) becomes a list of steps, one for each property. The body (`ply_body`) is then read in one
-//! pass. Names count in any letter case and order, values in any type:
+//! pass. The file is long because all columns of one table are read here. Names count in any letter case and order,
+//! values in any type:
 //!
 //! | what | names |
 //! |---|---|
@@ -20,15 +21,17 @@ use glam::{DVec3, Vec3};
 use super::cloud::{Cloud, ColourStorage};
 use super::error::ParseError;
 use super::gaussian;
-use super::mesh::AreaNormals;
+use super::mesh::{self, AreaNormals};
 use super::ply_body::{Body, within};
-use super::ply_header::{self, Element, Header, Kind, Scalar};
+use super::ply_header::{self, Element, Encoding, Header, Kind, Scalar};
 use super::surfels::Material;
 
 /// Comment with which [`super::write_ply`] says that float colours are linear light and may exceed 1.
 pub(super) const LINEAR_COLOURS: &str = "splatblur colours are linear light";
 /// Comment of our own files whose normals have no sign.
 pub(super) const TWO_SIDED: &str = "splatblur shows both sides";
+/// Comment of our own files whose normals were estimated.
+pub(super) const SIGNS_ESTIMATED: &str = "splatblur estimated the signs of the normals";
 
 /// Names of the material properties, in the order of [`Material`]'s fields.
 pub(super) const MATERIAL: [&str; 4] = ["ambient", "diffuse", "specular", "shininess"];
@@ -37,13 +40,14 @@ pub(super) const MATERIAL: [&str; 4] = ["ambient", "diffuse", "specular", "shini
 ///
 /// # Errors
 /// The error names the line or the byte. Something is outside the grammar, the body is cut short, vertices have no
-/// positions, or face indices are bad.
+/// positions, or face indices are bad. Where the faces of a text are at fault, its points are used, with a note.
 pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, ParseError> {
     let header = ply_header::parse(bytes)?;
     let mut body = Body::new(bytes, header.body, header.encoding);
     let mut cloud = Cloud::default();
     let mut faces = Vec::new();
     let mut has_vertices = false;
+    let mut damage = None;
     for element in &header.elements {
         match element.name.as_str() {
             "vertex" => {
@@ -52,7 +56,10 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
             }
             "face" | "tristrips" => {
                 faces.push((element, body.at));
-                body.skip_element(element)?;
+                if let Err(fault) = body.skip_element(element) {
+                    damage = Some(spare_points(fault, &header, &cloud)?);
+                    break;
+                }
             }
             _ => body.skip_element(element)?,
         }
@@ -61,22 +68,47 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
         return Err(ParseError::line(1, "no element `vertex`", "`element vertex COUNT` in the header"));
     }
     let surplus = body.surplus();
-    if surplus > 0 {
+    if surplus > 0 && damage.is_none() {
         cloud.notes.push(format!("{surplus} bytes after the last element ignored"));
     }
-    if cloud.normal.is_empty() && !faces.is_empty() {
-        let mut normals = AreaNormals::new(&cloud.position);
-        let mut polygons = 0;
-        for (element, at) in faces {
-            body.at = at;
-            polygons += read_faces(&mut body, element, &mut normals)?;
-        }
-        if polygons > 0 {
-            cloud.normal = normals.finish();
-            cloud.notes.push(format!("normals from {polygons} faces, weighted by area"));
+    if cloud.normal.is_empty() && !faces.is_empty() && damage.is_none() {
+        match mesh_normals(&mut body, &faces, &cloud.position) {
+            Ok((_, 0)) => {}
+            Ok((normal, polygons)) => {
+                cloud.normal = normal;
+                cloud.notes.push(format!("normals from {polygons} faces, weighted by area"));
+                cloud.notes.extend(mesh::too_few(cloud.position.len(), polygons));
+            }
+            Err(fault) => damage = Some(spare_points(fault, &header, &cloud)?),
         }
     }
+    cloud.notes.extend(damage);
     Ok(cloud)
+}
+
+/// What to say about faces that cannot be read where the points before them can be used; else the fault itself. A text
+/// whose faces were edited or cut still has its points. Bytes that are out of step may have shifted anything.
+fn spare_points(fault: ParseError, header: &Header, cloud: &Cloud) -> Result<String, ParseError> {
+    if header.encoding == Encoding::Ascii && !cloud.position.is_empty() {
+        Ok(format!("faces ignored, points used ({fault})"))
+    } else {
+        Err(fault)
+    }
+}
+
+/// Normals of the vertices, and the number of polygons.
+fn mesh_normals(
+    body: &mut Body<'_>,
+    faces: &[(&Element, usize)],
+    position: &[DVec3],
+) -> Result<(Vec<Vec3>, usize), ParseError> {
+    let mut normals = AreaNormals::new(position);
+    let mut polygons = 0;
+    for &(element, at) in faces {
+        body.at = at;
+        polygons += read_faces(body, element, &mut normals)?;
+    }
+    Ok((normals.finish(), polygons))
 }
 
 /// Places of the columns of a cloud in a record: indices of the wanted numbers.
@@ -127,11 +159,12 @@ fn read_vertices(
         }
         columns.push(&values, cloud, &mut splats);
     }
-    cloud.two_sided = header.comments.iter().any(|c| c == TWO_SIDED);
+    let says = |comment: &str| header.comments.iter().any(|c| c == comment);
+    (cloud.two_sided, cloud.signs_estimated) = (says(TWO_SIDED), says(SIGNS_ESTIMATED));
     if columns.gaussian.is_some() {
         gaussian::fill(cloud, &splats);
     } else if columns.colour.is_some() || columns.grey.is_some() {
-        let declared_linear = header.comments.iter().any(|c| c == LINEAR_COLOURS);
+        let declared_linear = says(LINEAR_COLOURS);
         scale_colours(cloud, columns.colour_type, columns.grey.is_some(), declared_linear);
     }
     Ok(())

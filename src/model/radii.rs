@@ -1,5 +1,6 @@
 //! Cut-off radii for points that have none, estimated from the distances to their neighbours.
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::neighbours::{Distinct, Neighbours};
@@ -47,22 +48,38 @@ pub(super) fn estimate(radius: &mut [f32], cloud: &Distinct, neighbours: &Neighb
     if cloud.position.len() < 2 {
         return same_place(radius);
     }
-    let spacing: Vec<(f64, f64)> =
-        (0..cloud.position.len()).into_par_iter().map(|i| mean_and_median(cloud, neighbours, i)).collect();
+    let spacing = spacing(&cloud.position, neighbours);
     radius
         .par_iter_mut()
         .zip(&cloud.of)
         .filter(|(r, _)| **r == 0.0)
         .map(|(r, &i)| {
-            let (mean, own_median) = spacing[i as usize];
-            let mut around = [0.0; NEAREST];
-            let near = nearest(neighbours, i as usize);
-            around.iter_mut().zip(near).for_each(|(to, &j)| *to = spacing[j as usize].0);
-            let limit = LONE * own_median.min(lower_median(&mut around[..near.len()]));
-            *r = (FACTOR * mean.min(limit)) as f32;
-            Estimated { count: 1, lone: usize::from(mean > limit) }
+            let (estimate, is_lone) = limited(&spacing, neighbours, i as usize);
+            *r = estimate;
+            Estimated { count: 1, lone: usize::from(is_lone) }
         })
         .reduce(Estimated::default, |a, b| Estimated { count: a.count + b.count, lone: a.lone + b.lone })
+}
+
+/// The radii that [`estimate`] gives to distinct points, at least two.
+pub(super) fn of_distinct(position: &[Vec3], neighbours: &Neighbours) -> Vec<f32> {
+    let spacing = spacing(position, neighbours);
+    (0..position.len()).into_par_iter().map(|i| limited(&spacing, neighbours, i).0).collect()
+}
+
+/// Mean and lower median of each point's distances to its nearest.
+fn spacing(position: &[Vec3], neighbours: &Neighbours) -> Vec<(f64, f64)> {
+    (0..position.len()).into_par_iter().map(|i| mean_and_median(position, neighbours, i)).collect()
+}
+
+/// Radius of distinct point `i`, and whether it was limited.
+fn limited(spacing: &[(f64, f64)], neighbours: &Neighbours, i: usize) -> (f32, bool) {
+    let (mean, own_median) = spacing[i];
+    let mut around = [0.0; NEAREST];
+    let near = nearest(neighbours, i);
+    around.iter_mut().zip(near).for_each(|(to, &j)| *to = spacing[j as usize].0);
+    let limit = LONE * own_median.min(lower_median(&mut around[..near.len()]));
+    ((FACTOR * mean.min(limit)) as f32, mean > limit)
 }
 
 fn nearest(neighbours: &Neighbours, i: usize) -> &[u32] {
@@ -71,11 +88,11 @@ fn nearest(neighbours: &Neighbours, i: usize) -> &[u32] {
 }
 
 /// Mean and lower median of the distances from a distinct point to its six nearest.
-fn mean_and_median(cloud: &Distinct, neighbours: &Neighbours, i: usize) -> (f64, f64) {
+fn mean_and_median(position: &[Vec3], neighbours: &Neighbours, i: usize) -> (f64, f64) {
     let near = nearest(neighbours, i);
-    let p = cloud.position[i].as_dvec3();
+    let p = position[i].as_dvec3();
     let mut distances = [0.0; NEAREST];
-    distances.iter_mut().zip(near).for_each(|(d, &j)| *d = p.distance(cloud.position[j as usize].as_dvec3()));
+    distances.iter_mut().zip(near).for_each(|(d, &j)| *d = p.distance(position[j as usize].as_dvec3()));
     let distances = &mut distances[..near.len()];
     (distances.iter().sum::<f64>() / near.len() as f64, lower_median(distances))
 }
@@ -99,7 +116,6 @@ fn same_place(radius: &mut [f32]) -> Estimated {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
 
     fn estimated(points: &[Vec3], radius: &mut [f32]) -> Estimated {
         let cloud = Distinct::new(points);

@@ -43,6 +43,13 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
     let Some((root, _)) = directories.split_first().filter(|_| !sets.is_empty()) else {
         return Err(ParseError::byte(16, "no surfel set", "a directory with the tags 0151 to 0154"));
     };
+    for list in directories.iter().filter(|directory| directory.has(0x0130)) {
+        let announced = container.integer(list, 0x0130)?.unwrap_or_default();
+        if announced != sets.len() {
+            let found = format!("{} surfel sets where the list announces {announced}", sets.len());
+            return Err(list.fault(found, "as many as it announces"));
+        }
+    }
     let axes = root_axes(container, root)?;
     let default_units = units(container, root, 0x0113)?.unwrap_or(1.0);
     let mut state = Merge { cloud: &mut cloud, invisible: 0 };
@@ -50,6 +57,12 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
     for (set, resolutions) in sets {
         if resolutions.is_empty() {
             continue;
+        }
+        if let Some(announced) = container.integer(set, 0x0140)?
+            && announced != resolutions.len()
+        {
+            let found = format!("{} resolutions where the set announces {announced}", resolutions.len());
+            return Err(set.fault(found, "as many as it announces"));
         }
         let finest = container.integer(set, 0x0141)?.unwrap_or(resolutions.len() - 1);
         let Some(resolution) = resolutions.get(finest) else {
@@ -227,11 +240,11 @@ impl Layout {
         let (Some(count), Some((at, block))) = (count, container.block(resolution, 0x0171)?) else {
             return Err(resolution.fault("a resolution without tags 0170 and 0171", "both"));
         };
-        let records = count.checked_mul(self.size).and_then(|length| block.get(..length)).ok_or_else(|| {
+        if count.checked_mul(self.size) != Some(block.len()) {
             let found = format!("{count} surfels of {} bytes in a block of {} bytes", self.size, block.len());
-            resolution.fault(found, "a block that holds them")
-        })?;
-        Ok((at, records))
+            return Err(resolution.fault(found, "a block that holds just them"));
+        }
+        Ok((at, block))
     }
 }
 

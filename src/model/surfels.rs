@@ -46,6 +46,9 @@ pub struct Surfels {
     pub velocity: Vec<Vec3>,
     /// True if the signs of the normals mean nothing. Both sides are then shown unless the scene says otherwise.
     pub two_sided: bool,
+    /// True if the signs of normals were estimated from the shape of the cloud. They point out of a closed surface, so
+    /// a viewer inside it sees only backs. Scene files then show both sides to a camera within the model's box.
+    pub signs_estimated: bool,
 }
 
 impl Surfels {

@@ -7,7 +7,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::error::ModelError;
-use super::ply::{LINEAR_COLOURS, MATERIAL, TWO_SIDED};
+use super::ply::{LINEAR_COLOURS, MATERIAL, SIGNS_ESTIMATED, TWO_SIDED};
 use super::store;
 use super::surfels::Surfels;
 use crate::math::srgb;
@@ -65,6 +65,9 @@ fn header(s: &Surfels, wide: bool, byte_colours: bool) -> String {
     }
     if s.two_sided {
         let _ = writeln!(text, "comment {TWO_SIDED}");
+    }
+    if s.signs_estimated {
+        let _ = writeln!(text, "comment {SIGNS_ESTIMATED}");
     }
     let _ = writeln!(text, "element vertex {}", s.len());
     let mut properties = |kind: &str, names: &[&str]| {

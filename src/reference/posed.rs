@@ -111,7 +111,7 @@ impl<'a> World<'a> {
             focal: focal_length(f64::from(scene.image.height), scene.camera.fovy),
             bodies,
             models,
-            fixed_camera: scene.camera.animation.is_none().then_some(frame_camera),
+            fixed_camera: scene.camera.rests().then_some(frame_camera),
             frame_camera,
         }
     }

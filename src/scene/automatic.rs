@@ -33,7 +33,7 @@ impl Scene {
         let mut scene = Self {
             name: "scene".to_owned(),
             image: ImageSettings::default(),
-            frames: frames(&GivenFrames::default(), &objects, None, None),
+            frames: frames(&GivenFrames::default(), &objects, None, false, None),
             shutter: Shutter::default(),
             camera: Camera::new(DVec3::ZERO, DVec3::NEG_Z),
             lights: lights(),
@@ -63,15 +63,16 @@ pub(crate) struct GivenFrames {
 
 /// The frames of a scene: what is given, else the union of the ranges of all keys, else by whether an object moves.
 ///
-/// `file_rate` is the rate that an animation file gives, frames per second.
+/// `camera_moves`: by formula. `file_rate` is the rate that an animation file gives, frames per second.
 pub(crate) fn frames(
     given: &GivenFrames,
     objects: &[Object],
     camera: Option<&AnimationBinding>,
+    camera_moves: bool,
     file_rate: Option<f64>,
 ) -> FrameRange {
     let bindings = objects.iter().filter_map(|object| object.animation.as_ref()).chain(camera);
-    let moving = objects.iter().any(|object| !object.motions.is_empty());
+    let moving = camera_moves || objects.iter().any(|object| !object.motions.is_empty());
     range(given, bindings.map(|binding| binding.node.range()), file_rate, moving)
 }
 
@@ -137,7 +138,7 @@ impl Default for GivenCamera {
 pub(crate) fn camera(scene: &Scene, given: &GivenCamera) -> Camera {
     let GivenCamera { eye, at: target, up, fovy, near } = *given;
     if let (Some(eye), Some(at)) = (eye, target) {
-        return Camera { eye, at, up, fovy, near: near.unwrap_or(Camera::NEAR), animation: None, automatic: false };
+        return Camera { up, fovy, near: near.unwrap_or(Camera::NEAR), ..Camera::new(eye, at) };
     }
     let bounds = swept_bounds(scene);
     let half = 0.5 * bounds.size();
@@ -151,7 +152,7 @@ pub(crate) fn camera(scene: &Scene, given: &GivenCamera) -> Camera {
     let eye = grid.exact(eye);
     // A near plane that cuts no small scene away.
     let near = near.unwrap_or_else(|| Camera::NEAR.min(grid.number((eye - at).length() * 1e-3)).max(1e-9));
-    Camera { eye, at, up, fovy, near, animation: None, automatic: true }
+    Camera { up, fovy, near, automatic: true, ..Camera::new(eye, at) }
 }
 
 /// Box around all visible objects at all times of the scene's frames, shutter included.

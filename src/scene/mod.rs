@@ -3,8 +3,11 @@
 mod automatic;
 mod model;
 pub mod pose;
+mod sight;
 mod values;
 
 pub(crate) use self::automatic::{GivenCamera, GivenFrames, camera, frames, lights};
 pub use self::model::Model;
+pub(crate) use self::sight::camera_enters;
+pub use self::sight::{Unseen, why_unseen};
 pub use self::values::{AnimationBinding, Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene, Sphere};

@@ -111,7 +111,7 @@ impl<'a> ObjectPoser<'a> {
 /// Rigid transform from world space to camera space (-z forward, +y up) at scene time `frame_time` (frames).
 pub fn camera_from_world(scene: &Scene, frame_time: f64) -> DMat4 {
     let camera = &scene.camera;
-    camera.animation.as_ref().map_or_else(
+    let at_rest = camera.animation.as_ref().map_or_else(
         || look_at(camera),
         |binding| {
             let state = binding.node.at(seconds(scene, frame_time), binding.interpolation);
@@ -120,7 +120,8 @@ pub fn camera_from_world(scene: &Scene, frame_time: f64) -> DMat4 {
             rigid.scale = DVec3::ONE;
             rigid_inverse(&rigid.matrix())
         },
-    )
+    );
+    camera.motions.iter().fold(at_rest, |view, motion| view * rigid_inverse(&motion_matrix(motion, frame_time)))
 }
 
 fn seconds(scene: &Scene, frame_time: f64) -> f64 {

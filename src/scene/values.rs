@@ -79,6 +79,8 @@ pub struct Camera {
     pub near: f64,
     /// Replaces eye, at and up: the camera sits at the node and looks along its -z.
     pub animation: Option<AnimationBinding>,
+    /// Motion of the camera by formula, after eye, at and up or the animation.
+    pub motions: Vec<Motion>,
     /// True where this camera was derived from the objects ([`Camera::automatic`]).
     pub automatic: bool,
 }
@@ -101,8 +103,14 @@ impl Camera {
             fovy: Self::FOVY_DEGREES.to_radians(),
             near: Self::NEAR,
             animation: None,
+            motions: Vec::new(),
             automatic: false,
         }
+    }
+
+    /// True if no animation and no motion moves the camera.
+    pub fn rests(&self) -> bool {
+        self.animation.is_none() && self.motions.is_empty()
     }
 }
 
@@ -224,7 +232,8 @@ impl Object {
         }
     }
 
-    /// An object of a model file: PLY, `Pointshop3D` `.sfl`, Wavefront `.obj` or splatblur's own `.bin`. Missing
+    /// An object of a model file: PLY, `Pointshop3D` `.sfl`, Wavefront `.obj`, points as
+    /// text (`.xyz`, `.pts`) or splatblur's own `.bin`. Missing
     /// normals and radii are estimated, and the surfels sorted along a curve through space.
     ///
     /// # Errors

@@ -29,6 +29,7 @@ pub(super) struct CameraSpec {
     pub(super) at: usize,
     pub(super) given: GivenCamera,
     pub(super) animation: Option<AnimationSpec>,
+    pub(super) motions: Vec<Motion>,
 }
 
 #[derive(Debug)]
@@ -146,6 +147,7 @@ fn camera(part: &Part<'_>) -> Result<CameraSpec, SceneError> {
             near: part.given("near").then(|| part.number("near")).transpose()?,
         },
         animation: animation(part)?,
+        motions: motions(part)?,
     })
 }
 
@@ -198,7 +200,6 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         "linear" => ColourSpace::Linear,
         _ => ColourSpace::Srgb,
     });
-    let motions = part.element.children("motion").map(|e| motion(&Part::new(part.source, e, "motion")));
     let material = part.element.child("material").map(|e| material(&Part::new(part.source, e, "material")));
     Ok(ObjectSpec {
         name,
@@ -212,7 +213,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         options: model::LoadOptions { radius_scale: model.number("radiusScale")?, colour_space },
         transform: placement(&inside("transform"))?,
         animation: animation(part)?,
-        motions: motions.collect::<Result<_, _>>()?,
+        motions: motions(part)?,
         place: placement(&inside("place"))?,
         material: material.transpose()?,
     })
@@ -231,6 +232,10 @@ fn animation(parent: &Part<'_>) -> Result<Option<AnimationSpec>, SceneError> {
         _ => Interpolation::Maya,
     };
     Ok(Some(AnimationSpec { file: part.file(), interpolation, node: part.text("node")? }))
+}
+
+fn motions(parent: &Part<'_>) -> Result<Vec<Motion>, SceneError> {
+    parent.element.children("motion").map(|e| motion(&Part::new(parent.source, e, "motion"))).collect()
 }
 
 fn motion(part: &Part<'_>) -> Result<Motion, SceneError> {

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use super::document::{AnimationSpec, CameraSpec, Document, ObjectSpec, ShapeSpec};
 use super::dom::{FileRef, Source};
-use super::error::SceneError;
+use super::error::{SceneError, quoted};
 use super::paths::Finder;
 use super::{LoadOptions, Loaded, write};
 use crate::anim::{self, Animation};
@@ -34,13 +34,15 @@ pub(super) fn resolve(
         animations: HashMap::new(),
         rate: None,
     };
+    let sides_given: Vec<bool> = document.objects.iter().map(|object| object.two_sided.is_some()).collect();
     let objects = document.objects.into_iter().map(|o| files.object(o)).collect::<Result<Vec<_>, _>>()?;
     let camera_binding = match document.camera.as_ref().and_then(|c| c.animation.as_ref()) {
         Some(spec) => Some(files.bind(spec)?),
         None => None,
     };
+    let camera_moves = document.camera.as_ref().is_some_and(|c| !c.motions.is_empty());
     let file_rate = files.rate.map(|(_, rate)| rate);
-    let frames = scene::frames(&document.frames, &objects, camera_binding.as_ref(), file_rate);
+    let frames = scene::frames(&document.frames, &objects, camera_binding.as_ref(), camera_moves, file_rate);
     let name = source.path().file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let lights = if document.lights.is_empty() { scene::lights() } else { document.lights };
     let mut scene = Scene {
@@ -53,7 +55,9 @@ pub(super) fn resolve(
         objects,
     };
     scene.camera = camera(source, &scene, document.camera.as_ref(), camera_binding)?;
+    scene.camera.motions = document.camera.map_or_else(Vec::new, |c| c.motions);
     let mut notes = files.notes;
+    show_insides(&mut scene, &sides_given, &mut notes);
     if scene.camera.automatic {
         let FrameRange { first, last, .. } = scene.frames;
         notes.push(format!(
@@ -63,6 +67,20 @@ pub(super) fn resolve(
         ));
     }
     Ok(Loaded { scene, notes })
+}
+
+/// Shows both sides of objects that the camera stands within, where their fronts were estimated to be outside and the
+/// scene does not say what shows.
+fn show_insides(scene: &mut Scene, sides_given: &[bool], notes: &mut Vec<String>) {
+    let estimated = |object: &Object| object.model.signs_estimated && !object.two_sided;
+    let entered: Vec<usize> = (0..scene.objects.len())
+        .filter(|&i| !sides_given[i] && estimated(&scene.objects[i]) && scene::camera_enters(scene, &scene.objects[i]))
+        .collect();
+    for i in entered {
+        let object = &mut scene.objects[i];
+        object.two_sided = true;
+        notes.push(format!("object {}: the camera stands within its box, so both sides show", quoted(&object.name)));
+    }
 }
 
 fn camera(
@@ -115,8 +133,8 @@ struct Files<'a> {
     finder: Finder<'a>,
     options: &'a LoadOptions<'a>,
     notes: Vec<String>,
-    /// By the text that names them.
-    found: HashMap<String, PathBuf>,
+    /// By the text that names them: the path, and the one name of the file.
+    found: HashMap<String, (PathBuf, PathBuf)>,
     models: HashMap<ModelKey, Model>,
     /// How often each file was read as a model.
     variants: HashMap<PathBuf, usize>,
@@ -130,8 +148,8 @@ impl Files<'_> {
         let animation = spec.animation.as_ref().map(|a| self.bind(a)).transpose()?;
         let (model_path, model, sphere) = match &spec.shape {
             ShapeSpec::Model(file) => {
-                let path = self.find(file)?;
-                let model = self.model(file, &spec.options, &path)?;
+                let (path, canonical) = self.find(file)?;
+                let model = self.model(file, &spec.options, &path, canonical)?;
                 (path, model, None)
             }
             ShapeSpec::Sphere(sphere) => (PathBuf::new(), Model::default(), Some(*sphere)),
@@ -154,19 +172,26 @@ impl Files<'_> {
         })
     }
 
-    fn find(&mut self, file: &FileRef) -> Result<PathBuf, SceneError> {
-        if let Some(path) = self.found.get(&file.text) {
-            return Ok(path.clone());
+    fn find(&mut self, file: &FileRef) -> Result<(PathBuf, PathBuf), SceneError> {
+        if let Some(found) = self.found.get(&file.text) {
+            return Ok(found.clone());
         }
         let (path, note) = self.finder.find(file)?;
         self.notes.extend(note);
-        self.found.insert(file.text.clone(), path.clone());
-        Ok(path)
+        let found = (path.clone(), canonical(&path));
+        self.found.insert(file.text.clone(), found.clone());
+        Ok(found)
     }
 
-    fn model(&mut self, file: &FileRef, options: &model::LoadOptions, path: &Path) -> Result<Model, SceneError> {
+    fn model(
+        &mut self,
+        file: &FileRef,
+        options: &model::LoadOptions,
+        path: &Path,
+        canonical: PathBuf,
+    ) -> Result<Model, SceneError> {
         let linear = options.colour_space.map(|c| c == model::ColourSpace::Linear);
-        let key = (canonical(path), options.radius_scale.to_bits(), linear);
+        let key = (canonical, options.radius_scale.to_bits(), linear);
         if let Some(model) = self.models.get(&key) {
             return Ok(model.clone());
         }
@@ -191,10 +216,9 @@ impl Files<'_> {
     }
 
     fn bind(&mut self, spec: &AnimationSpec) -> Result<AnimationBinding, SceneError> {
-        let path = self.find(&spec.file)?;
+        let (path, key) = self.find(&spec.file)?;
         let source = self.source;
         let refuse = |e| SceneError::Animation { at: source.locate(spec.file.at), source: Box::new(e) };
-        let key = canonical(&path);
         let animation = if let Some(animation) = self.animations.get(&key) {
             Arc::clone(animation)
         } else {

@@ -247,7 +247,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("fovy", Kind::Number(Range(1e-6, 179.999)), Value("40"), "vertical field of view, degrees"),
             row("near", Kind::Number(Range(1e-9, FAR)), Value("0.01"), "nearest visible depth, scene units"),
         ],
-        children: &[child("animation", AtMostOne)],
+        children: &[child("animation", AtMostOne), child("motion", Any)],
     },
     ElementSchema {
         name: "light",
@@ -275,7 +275,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row(
                 "twoSided",
                 Kind::Boolean,
-                Auto("true for Gaussian splats, else false"),
+                Auto("by what is known of the sides, see above"),
                 "true: back faces show, with their normals turned to the viewer",
             ),
             row(

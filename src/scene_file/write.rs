@@ -112,13 +112,16 @@ impl Xml {
 
     fn camera(&mut self, camera: &Camera, base: &Path) {
         self.open(1, "camera", &camera_attributes(camera));
-        if let Some(animation) = &camera.animation {
-            self.0.push_str(">\n");
-            self.animation(animation, base);
-            self.0.push_str("  </camera>\n");
-        } else {
+        if camera.rests() {
             self.0.push_str("/>\n");
+            return;
         }
+        self.0.push_str(">\n");
+        if let Some(animation) = &camera.animation {
+            self.animation(animation, base);
+        }
+        camera.motions.iter().for_each(|motion| self.motion(motion));
+        self.0.push_str("  </camera>\n");
     }
 
     fn light(&mut self, light: &Light) {

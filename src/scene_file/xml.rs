@@ -18,11 +18,14 @@ use super::dom::{Attribute, Element, Source};
 use super::error::{SceneError, quoted};
 
 /// Most bytes of a scene file.
-const MOST_BYTES: u64 = 1_000_000;
+const MOST_BYTES: u64 = 64_000_000;
 /// Most elements inside each other; a scene has four.
 const MOST_DEPTH: usize = 16;
 /// Most attributes of one element; scenes use at most seven.
 const MOST_ATTRIBUTES: usize = 64;
+/// Most elements and attributes of a file, which bounds the memory of the tree to a small multiple of the file's.
+/// An ordinary object has about ten, so that objects fill a file first.
+const MOST_PARTS: usize = 4_000_000;
 
 /// Reads a scene file.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, SceneError> {
@@ -100,7 +103,7 @@ pub(super) fn is_xml(c: char) -> bool {
 
 /// The root element of a document.
 pub(super) fn parse(source: &Source) -> Result<Element, SceneError> {
-    let mut tree = Tree { source, open: Vec::new(), root: None };
+    let mut tree = Tree { source, open: Vec::new(), root: None, parts: 0 };
     let mut reader = Reader::from_str(source.text());
     reader.config_mut().check_comments = false;
     loop {
@@ -118,6 +121,8 @@ struct Tree<'a> {
     source: &'a Source,
     open: Vec<Element>,
     root: Option<Element>,
+    /// Elements and attributes.
+    parts: usize,
 }
 
 impl Tree<'_> {
@@ -153,7 +158,7 @@ impl Tree<'_> {
         Ok(())
     }
 
-    fn element(&self, at: usize, tag: &BytesStart<'_>) -> Result<Element, SceneError> {
+    fn element(&mut self, at: usize, tag: &BytesStart<'_>) -> Result<Element, SceneError> {
         if let Some(root) = &self.root {
             let found = format!("a second root element <{}>", short(tag.name().0));
             return Err(self.syntax(at, found, format!("only <{}>", short(&root.name))));
@@ -189,6 +194,11 @@ impl Tree<'_> {
                 Err(_) => return Err(self.entity(at, &attribute.value)),
             };
             attributes.push(Attribute { name: name.to_owned(), value, at });
+        }
+        self.parts += 1 + attributes.len();
+        if self.parts > MOST_PARTS {
+            let expected = format!("at most {MOST_PARTS} elements and attributes");
+            return Err(self.syntax(at, "more elements", expected));
         }
         Ok(Element { name: tag.name().0.to_owned(), at, attributes, text_at: at, ..Element::default() })
     }

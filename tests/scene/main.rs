@@ -4,6 +4,7 @@
 mod support;
 
 mod anim;
+mod cameras;
 mod files;
 mod fuzz_corpus;
 mod model_formats;

@@ -59,6 +59,9 @@ fn camera(c: &Camera) -> Value {
     } else {
         pairs.extend([("eye", vector(c.eye)), ("at", vector(c.at)), ("up", vector(c.up))]);
     }
+    if !c.motions.is_empty() {
+        pairs.push(("motions", Value::Array(c.motions.iter().map(motion).collect())));
+    }
     pairs.push(("automatic", json!(c.automatic)));
     object(pairs)
 }
@@ -151,7 +154,13 @@ fn model(s: &Surfels) -> Value {
     let mut properties = vec!["position", "normal", "colour", if elliptical { "two radii" } else { "radius" }];
     properties.extend((!s.material.is_empty()).then_some("material"));
     properties.extend((!s.velocity.is_empty()).then_some("velocity"));
-    let mut pairs = vec![("surfels", json!(s.len())), ("properties", json!(properties))];
+    let sides = match (s.two_sided, s.signs_estimated) {
+        (false, false) => "fronts show",
+        (false, true) => "fronts show (normals estimated, closed)",
+        (true, true) => "both show (normals estimated, open or unclear)",
+        (true, false) => "both show",
+    };
+    let mut pairs = vec![("surfels", json!(s.len())), ("properties", json!(properties)), ("sides", json!(sides))];
     if !s.is_empty() {
         let least = radii.iter().copied().fold(f32::INFINITY, f32::min);
         let greatest = radii.iter().copied().fold(0.0, f32::max);
@@ -342,6 +351,7 @@ mod tests {
         assert!(text.starts_with("kind: model\n"), "{text}");
         assert!(text.contains("  surfels: 3\n"), "{text}");
         assert!(text.contains("  properties: position, normal, colour, radius\n"), "{text}");
+        assert!(text.contains("  sides: fronts show\n"), "{text}");
         assert!(text.contains("  bounds: min 10 0 0, max 11 1 0\n"), "{text}");
         assert!(text.ends_with("note: normals estimated\n"), "{text}");
         let empty = model::Loaded { surfels: Surfels::default(), notes: Vec::new() };

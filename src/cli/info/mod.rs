@@ -10,7 +10,7 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use splatblur::{anim, image, model, scene_file};
 
-use super::output::{print, print_json};
+use super::output::{self, print, print_json};
 use super::progress::Loading;
 use super::{adapters, values};
 
@@ -30,7 +30,8 @@ Examples:
   splatblur info --adapters")]
 #[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub(super) struct Info {
-    /// Scene (.xml), model (.ply, .sfl, .obj, .bin), animation (.anim) or image (.png, .exr); told apart by content.
+    /// Scene (.xml), model (.ply, .sfl, .obj, .xyz, .pts, .bin), animation (.anim) or image (.png, .exr); told apart by
+    /// content.
     #[arg(required_unless_present = "adapters")]
     file: Option<PathBuf>,
 
@@ -40,7 +41,8 @@ pub(super) struct Info {
     /// Print one JSON object.
     #[arg(long, conflicts_with_all = ["xml", "csv"])]
     json: bool,
-    /// Scene: print it as canonical XML, with every default filled in.
+    /// Scene: print it as canonical XML, with every default filled in. Paths are those from the folder of the file that
+    /// it is sent to (`> copy.xml`), else from the working directory.
     #[arg(long, conflicts_with = "csv")]
     xml: bool,
     /// Animation: print the evaluated channels, one line a frame.
@@ -113,7 +115,7 @@ impl Info {
         )?;
         drop(progress);
         if self.xml {
-            return print(&scene_file::to_xml(&loaded.scene, file.parent().unwrap_or(Path::new(""))));
+            return print(&scene_file::to_xml(&loaded.scene, &output::folder()));
         }
         self.show(&describe::scene(&loaded))
     }
@@ -203,5 +205,6 @@ mod tests {
         assert_eq!(kind(b"ply\n", "a.xml"), Kind::Model);
         assert_eq!(kind(b"", "a.xml"), Kind::Scene);
         assert_eq!(kind(b"v 0 0 0", "a.obj"), Kind::Model);
+        assert_eq!(kind(b"0 0 0\n", "a.xyz"), Kind::Model);
     }
 }

@@ -3,6 +3,7 @@
 mod blur;
 mod json;
 mod movie;
+mod nothing;
 mod sequence;
 
 use std::path::Path;
@@ -22,6 +23,7 @@ use splatblur::study::provenance::{PROGRAM, Provenance};
 use self::blur::Blur;
 use self::json::{FrameReport, Report};
 use self::movie::Movie;
+use self::nothing::Nothing;
 pub(super) use self::sequence::file_name;
 use self::sequence::{Finished, Sequence};
 use super::backend::Wanted;
@@ -61,7 +63,7 @@ run), notes, ffmpeg (null for one frame), settings (as each file carries them, w
 pub(super) struct Render {
     #[command(flatten)]
     images: Images,
-    /// Skip frames whose file was made with the same settings.
+    /// Skip frames whose file was made with the same settings and is whole.
     #[arg(long, help_heading = "Output")]
     resume: bool,
 
@@ -100,12 +102,14 @@ pub(super) struct Render {
 impl Render {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let start = Instant::now();
-        let options = self.options()?;
+        let mut options = self.options()?;
         let pool = self.running.pool()?;
         // Before the scene, which may take long to load.
         let mut renderer = Renderer::open(self.backend.device(self.adapter.as_deref())?)?;
         let backend_name = renderer.backend_name();
-        let Ready { scene, notes, frames, format } = Ready::new(&self.images, &self.overrides, &self.running, &pool)?;
+        options.memory = self.splatting.memory(backend_name, self.running.quiet);
+        let Ready { scene, mut notes, frames, format } =
+            Ready::new(&self.images, &self.overrides, &self.running, &pool)?;
         let load_seconds = start.elapsed().as_secs_f64();
         let settings = Provenance::of(&scene, &self.images.scene)?.splatted(&options, format, backend_name)?;
 
@@ -121,12 +125,23 @@ impl Render {
             Sequence { frames, directory: &directory, stem: &scene.name, format, resume: self.resume, gate: &gate };
         let progress = Rendering::new(frames.count(), self.running.quiet);
         let mut under_way = renderer::Frames::new(renderer.backend(), &scene, &options)?;
+        let mut nothing = Nothing::new(&scene);
         let finished = sequence.run(
             |frame| Ok(settings.of_frame(frame)?),
-            |frame| pool.install(|| step(&mut under_way, frame)),
+            |frame| {
+                let rendered = pool.install(|| step(&mut under_way, frame))?;
+                nothing.look(rendered.as_ref());
+                Ok(rendered)
+            },
             |done| progress.finished(done.rendered.is_none()),
         )?;
         drop(progress);
+        if let Some(warning) = nothing.warning().filter(|_| finished.iter().all(|done| done.rendered.is_some())) {
+            if !self.running.quiet {
+                say(&format!("warning: {warning}"));
+            }
+            notes.push(warning);
+        }
 
         let movie = Movie {
             directory: &directory,
@@ -170,9 +185,9 @@ impl Render {
             two_sided: self.surfaces.two_sided,
             epsilon: self.surfaces.epsilon,
             seed: self.sampling.seed,
-            memory: self.splatting.memory,
             reconstruct: self.reconstruct,
             aovs,
+            ..RenderOptions::default()
         })
     }
 }

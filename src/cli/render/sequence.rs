@@ -25,7 +25,7 @@ pub(super) struct Sequence<'a> {
     pub(super) directory: &'a Path,
     pub(super) stem: &'a str,
     pub(super) format: Format,
-    /// Skip frames whose file carries the same settings.
+    /// Skip frames whose file carries the same settings and is whole.
     pub(super) resume: bool,
     /// Held while a file is being written: whoever holds it may end the program and leave nothing half done.
     pub(super) gate: &'a Mutex<()>,
@@ -119,7 +119,8 @@ impl Sequence<'_> {
         let all = (self.frames.first..=self.frames.last).try_for_each(|frame| {
             let path = self.directory.join(file_name(self.stem, frame, self.format));
             let settings = settings(frame)?;
-            if self.resume && image::read_settings(&path).is_some_and(|found| found == settings) {
+            let same = || image::read_settings(&path).is_some_and(|found| found == settings);
+            if self.resume && same() && image::is_whole(&path) {
                 let done = Finished { frame, path, rendered: None };
                 finished(&done);
                 list.push(done);
@@ -222,6 +223,12 @@ mod tests {
         std::fs::remove_file(dir.path().join("a.0002.png")).unwrap();
         std::fs::write(dir.path().join("a.0003.png"), "damaged").unwrap();
         assert_eq!(run(dir.path(), true, "x").unwrap(), [2, 3]);
+        // Cut short: the header, and with it the settings, are still there.
+        let whole = std::fs::read(dir.path().join("a.0001.png")).unwrap();
+        for length in [whole.len() - 1, whole.len() - 12, whole.len() - 20] {
+            std::fs::write(dir.path().join("a.0001.png"), &whole[..length]).unwrap();
+            assert_eq!(run(dir.path(), true, "x").unwrap(), [1], "cut to {length} of {}", whole.len());
+        }
         // Other settings, or no --resume: all over again.
         assert_eq!(run(dir.path(), true, "y").unwrap(), [1, 2, 3]);
         assert_eq!(run(dir.path(), false, "y").unwrap(), [1, 2, 3]);

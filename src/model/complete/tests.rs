@@ -67,7 +67,9 @@ fn one_two_and_three_bare_points() {
         let (surfels, notes) = done(cloud([DVec3::ZERO, DVec3::X, DVec3::Y][..n].to_vec()));
         assert_sound(&surfels);
         assert_eq!(surfels.len(), n);
-        assert_eq!(notes[0], format!("normals of all {n} points estimated from {} neighbours", n - 1));
+        let start = format!("normals of all {n} points estimated from {} neighbours; open or unclear", n - 1);
+        assert!(notes[0].starts_with(&start) && notes[0].ends_with("both sides show"), "{}", notes[0]);
+        assert!(surfels.two_sided && surfels.signs_estimated);
         assert_eq!(notes[1], format!("radii of all {n} points estimated from {} neighbours", n - 1));
         assert_eq!(notes[2], "no colours: white");
     }

@@ -98,7 +98,7 @@ fn nonsense_with_a_right_checksum_is_refused() {
     assert!(message(104, &[0; 12]).contains("an unusable pair of axes"));
     assert!(message(24, &f64::INFINITY.to_le_bytes()).contains("origin"));
     assert!(message(8, &[2]).contains("found version 2, expected 1"));
-    assert!(message(12, &[15]).contains("column mask 0xf"));
+    assert!(message(12, &[31]).contains("column mask 0x1f"));
     assert!(message(60, &[1]).contains("reserved"));
     // Counts whose product overflows, or would fill the memory.
     for count in [u64::MAX, u64::MAX / 12, 1 << 40, 4, 2] {

@@ -36,9 +36,10 @@ fn errors_name_the_file() {
         (
             "a.ply",
             b"plywood".as_slice(),
-            "a.ply is of no known format (known: PLY, Pointshop3D .sfl, Wavefront .obj, splatblur .bin)",
+            "a.ply is of no known format (known: PLY, Pointshop3D .sfl, Wavefront .obj, points as text .xyz \
+             and .pts, splatblur .bin)",
         ),
-        ("a.xyz", b"%YAML", "a.xyz is of no known format"),
+        ("a.dat", b"%YAML", "a.dat is of no known format"),
         ("b.ply", b"ply\nformat ascii 2.0\n", "b.ply: line 2: found PLY version `2.0`, expected 1.0"),
         ("c", b"GFLF\0\0\0\x07", "c: byte 8: found the end of the file, expected 4 bytes"),
     ] {

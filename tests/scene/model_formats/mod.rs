@@ -11,3 +11,4 @@ mod ply_crosscheck;
 mod sfl;
 mod support;
 mod write;
+mod xyz;

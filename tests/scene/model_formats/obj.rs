@@ -1,5 +1,7 @@
 //! Wavefront OBJ.
 
+use std::fmt::Write as _;
+
 use glam::{DVec3, Vec3};
 use splatblur::model::{ColourStorage, Format};
 
@@ -63,4 +65,24 @@ fn bad_statements_are_named() {
 fn known_by_its_extension_only() {
     assert_eq!(load_as("quad.OBJ", QUAD.as_bytes()).unwrap().surfels.len(), 4);
     assert!(load_as("quad.txt", QUAD.as_bytes()).unwrap_err().to_string().contains("no known format (known: PLY"));
+}
+
+#[test]
+fn a_mesh_of_few_vertices_is_noted() {
+    let mut cube = String::new();
+    for i in 0..8 {
+        writeln!(cube, "v {} {} {}", i & 1, i >> 1 & 1, i >> 2).unwrap();
+    }
+    for face in ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"] {
+        writeln!(cube, "f {face}").unwrap();
+    }
+    let notes = cloud(cube.as_bytes(), Format::Obj).notes;
+    let expected = "8 vertices for 6 faces: faces are not drawn, so sample points on the mesh";
+    assert!(notes.iter().any(|note| note == expected), "{notes:?}");
+    // Points alone are no mesh, and many vertices are a surface.
+    let many = "v 0 0 0\nv 1 0 0\n".repeat(500) + "v 0 1 0\nf 999 1000 1001\n";
+    for text in [cube.split("f ").next().unwrap().to_owned(), many] {
+        let notes = cloud(text.as_bytes(), Format::Obj).notes;
+        assert!(!notes.iter().any(|note| note.contains("faces are not drawn")), "{notes:?}");
+    }
 }

@@ -108,7 +108,8 @@ fn coded_normals_flags_and_colour_models() {
 #[test]
 fn several_sets_are_merged_at_their_finest() {
     let position = |x: f32| be(&[x, 0.0, 0.0]);
-    let [first, coarse] = sfl_set(0, &[(0, 0)], 12, &position(1.0), &[]);
+    let [mut first, coarse] = sfl_set(0, &[(0, 0)], 12, &position(1.0), &[]);
+    first[0] = sfl_u32(0x0140, &[2]);
     let [_, fine] = sfl_set(0, &[(0, 0)], 12, &[position(2.0), position(3.0)].concat(), &[]);
     let [second, only] = sfl_set(0, &[(0, 0), (9, 12)], 13, &[position(4.0), vec![102]].concat(), &[]);
     let c = cloud(&sfl_file(&[vec![], first.clone(), coarse.clone(), fine.clone(), second, only]), Format::Sfl);
@@ -123,6 +124,14 @@ fn several_sets_are_merged_at_their_finest() {
     };
     assert_eq!(cloud(&finest(0), Format::Sfl).position, [DVec3::X]);
     assert!(refused(&finest(2), Format::Sfl).to_string().contains("found finest resolution 2, expected below 2"));
+    // Tags 0140 and 0130 count resolutions and sets.
+    first[0] = sfl_u32(0x0140, &[3]);
+    let e = refused(&sfl_file(&[vec![], first.clone(), coarse.clone(), fine.clone()]), Format::Sfl).to_string();
+    assert!(e.contains("found 2 resolutions where the set announces 3, expected as many as it announces"), "{e}");
+    first[0] = sfl_u32(0x0140, &[2]);
+    let list = vec![sfl_u32(0x0130, &[2])];
+    let e = refused(&sfl_file(&[vec![], list, first, coarse, fine]), Format::Sfl).to_string();
+    assert!(e.contains("found 1 surfel sets where the list announces 2, expected as many as it announces"), "{e}");
 }
 
 #[test]

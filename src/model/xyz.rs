@@ -1,0 +1,293 @@
+//! Points as lines of numbers: `.xyz`, and `.pts` with a line that counts them.
+//!
+//! There is no standard. Words stand between blanks, commas or semicolons; `#` and `//` begin a comment; blank lines do
+//! not count, and neither does a first line that only names the columns. All points of a file have the same columns:
+//!
+//! | numbers of a line | `.xyz` | `.pts` |
+//! |---|---|---|
+//! | 3 | x y z | x y z |
+//! | 4 | x y z intensity | x y z intensity |
+//! | 6 | x y z and a normal, or r g b | x y z r g b |
+//! | 7 | x y z intensity r g b | x y z intensity r g b |
+//! | 9 | x y z, a normal and r g b in either order | |
+//!
+//! Three numbers are a colour if one of the file exceeds 1 (they are then 0..=255), or if none is negative and some
+//! have not about length 1; else they are a normal. Intensity shows as grey where there is no colour. A `.pts` file may
+//! hold several scans, each with its count.
+
+use glam::{DVec3, Vec3};
+
+use super::cloud::{Cloud, ColourStorage};
+use super::error::{ParseError, quote};
+use super::ply_body::number;
+
+/// Most numbers of a line.
+const WIDEST: usize = 9;
+/// Bytes that [`looks_like`] reads.
+const SNIFFED: usize = 4096;
+/// Greatest number that still counts as 1: rounding in text.
+const ONE: f64 = 1.001;
+/// Lines between two reports of progress.
+const REPORT: u64 = 1 << 16;
+
+/// What a text of points begins with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Points.
+    Xyz,
+    /// The number of points.
+    Pts,
+}
+
+/// Tells by its first lines whether a file is a text of points, and which.
+pub(super) fn looks_like(bytes: &[u8]) -> Option<Kind> {
+    let head = bytes.get(..SNIFFED).unwrap_or(bytes);
+    // A line that is cut off here may be cut in a word.
+    let whole = if head.len() < bytes.len() { head.iter().rposition(|&b| b == b'\n').unwrap_or(0) } else { head.len() };
+    let mut lines = lines(&head[..whole]).map(|(_, words)| words);
+    let is_point = |words: &[&[u8]]| (3..=WIDEST).contains(&words.len()) && words.iter().all(|w| number(w).is_some());
+    let first = lines.next()?;
+    if is_point(&first) {
+        return Some(Kind::Xyz);
+    }
+    let counts = matches!(*first, [word] if count(word).is_some());
+    (counts && lines.next().is_some_and(|words| is_point(&words))).then_some(Kind::Pts)
+}
+
+/// Reads a file of either kind. `progress` now and then gets the share of the bytes read.
+///
+/// # Errors
+/// The error names the line. A word is no number, lines differ in their columns, there are no such columns, a colour is
+/// outside 0..=255, or the points are not as many as counted.
+pub(super) fn parse(bytes: &[u8], kind: Kind, progress: &dyn Fn(f32)) -> Result<Cloud, ParseError> {
+    let mut table = Table::default();
+    let mut cloud = Cloud::default();
+    // Points that the count still announces, and the line of the count.
+    let mut left: Option<(u64, u64)> = None;
+    for (line, words) in lines(bytes) {
+        if line % REPORT == 0 {
+            progress(words.first().map_or(0.0, |w| offset(bytes, w) as f32 / bytes.len() as f32));
+        }
+        if kind == Kind::Pts && left.is_none_or(|(left, _)| left == 0) {
+            left = Some((announced(&words, line)?, line));
+            continue;
+        }
+        let may_name = kind == Kind::Xyz && table.columns == 0 && cloud.notes.is_empty() && words.len() >= 3;
+        if may_name && words.iter().all(|w| number(w).is_none()) {
+            cloud.notes.push(format!("line {line} taken as the names of the columns"));
+            continue;
+        }
+        table.push(kind, line, &words)?;
+        if let Some((left, _)) = &mut left {
+            *left -= 1;
+        }
+    }
+    if let Some((missing @ 1.., line)) = left {
+        let found = format!("{missing} points less than this line counts");
+        return Err(ParseError::line(line, found, "as many lines as it counts: is the file cut short?"));
+    }
+    if table.columns == 0 {
+        return Err(ParseError::line(1, "no point in the whole file", "lines `x y z ...`"));
+    }
+    table.fill(kind, &mut cloud)?;
+    Ok(cloud)
+}
+
+/// The count that stands in a line of its own.
+fn announced(words: &[&[u8]], line: u64) -> Result<u64, ParseError> {
+    match *words {
+        [word] => count(word).ok_or_else(|| ParseError::line(line, quote(word), "the number of points")),
+        _ => Err(ParseError::line(line, format!("{} words", words.len()), "the number of points, alone in its line")),
+    }
+}
+
+/// A whole number of points.
+fn count(word: &[u8]) -> Option<u64> {
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// Where a word of the file begins.
+fn offset(bytes: &[u8], word: &[u8]) -> usize {
+    (word.as_ptr() as usize).saturating_sub(bytes.as_ptr() as usize)
+}
+
+/// Lines with words, as (line number from 1, words). LF, CRLF and CR each end a line.
+fn lines(bytes: &[u8]) -> impl Iterator<Item = (u64, Vec<&[u8]>)> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let mut at = 0;
+    let mut line = 0;
+    std::iter::from_fn(move || {
+        while let Some(rest) = bytes.get(at..).filter(|rest| !rest.is_empty()) {
+            let length = rest.iter().position(|&b| b == b'\n' || b == b'\r').unwrap_or(rest.len());
+            let (text, after) = rest.split_at(length);
+            at += length + if after.starts_with(b"\r\n") { 2 } else { 1 };
+            line += 1;
+            let text = text.split(|&b| b == b'#').next().unwrap_or_default();
+            let text = text.windows(2).position(|pair| pair == b"//").map_or(text, |comment| &text[..comment]);
+            let apart = |b: &u8| b.is_ascii_whitespace() || *b == b',' || *b == b';';
+            // One word more than any line may have is enough to refuse it.
+            let words: Vec<&[u8]> = text.split(apart).filter(|w| !w.is_empty()).take(WIDEST + 1).collect();
+            if !words.is_empty() {
+                return Some((line, words));
+            }
+        }
+        None
+    })
+}
+
+/// The numbers of all points.
+#[derive(Default)]
+struct Table {
+    /// Numbers of a line; 0 before the first.
+    columns: usize,
+    /// The line that decided it.
+    decided: u64,
+    position: Vec<DVec3>,
+    /// The numbers after the position, point by point.
+    rest: Vec<f32>,
+    /// What is known of the triples after the position and the intensity.
+    triples: [Triple; 2],
+}
+
+/// What is known of three columns.
+#[derive(Clone, Copy)]
+struct Triple {
+    least: f32,
+    greatest: f32,
+    /// First line with a number outside 0..=255.
+    outside: Option<u64>,
+    /// True while all lengths are about 1, or 0.
+    is_unit: bool,
+}
+
+impl Default for Triple {
+    fn default() -> Self {
+        Self { least: f32::INFINITY, greatest: f32::NEG_INFINITY, outside: None, is_unit: true }
+    }
+}
+
+impl Triple {
+    fn add(&mut self, v: &[f32], line: u64) {
+        for &x in v {
+            self.least = self.least.min(x);
+            self.greatest = self.greatest.max(x);
+            if !(0.0..=255.0).contains(&x) && self.outside.is_none() {
+                self.outside = Some(line);
+            }
+        }
+        let square: f32 = v.iter().map(|x| x * x).sum();
+        self.is_unit &= square == 0.0 || (0.81..=1.21).contains(&square);
+    }
+
+    fn exceeds_one(&self) -> bool {
+        f64::from(self.greatest) > ONE
+    }
+
+    /// True for a colour, false for a normal.
+    fn is_colour(&self) -> bool {
+        self.exceeds_one() || (self.least >= 0.0 && !self.is_unit)
+    }
+}
+
+impl Table {
+    fn push(&mut self, kind: Kind, line: u64, words: &[&[u8]]) -> Result<(), ParseError> {
+        let mut values = [0.0; WIDEST];
+        for (value, word) in values.iter_mut().zip(words) {
+            *value = number(word).ok_or_else(|| ParseError::line(line, quote(word), "a number"))?;
+        }
+        if self.columns == 0 {
+            let known = match kind {
+                Kind::Xyz => matches!(words.len(), 3 | 4 | 6 | 7 | 9),
+                Kind::Pts => matches!(words.len(), 3 | 4 | 6 | 7),
+            };
+            if !known {
+                let expected = match kind {
+                    Kind::Xyz => "x y z and then an intensity, a normal, a colour (3, 4, 6, 7 or 9 numbers)",
+                    Kind::Pts => "x y z [intensity] [r g b] (3, 4, 6 or 7 numbers)",
+                };
+                return Err(ParseError::line(line, shown(words), expected));
+            }
+            (self.columns, self.decided) = (words.len(), line);
+        } else if words.len() != self.columns {
+            let expected = format!("{} numbers, as in line {}", self.columns, self.decided);
+            return Err(ParseError::line(line, shown(words), expected));
+        }
+        self.position.push(DVec3::new(values[0], values[1], values[2]));
+        let narrow = values.map(|x| x as f32);
+        let rest = &narrow[3..self.columns];
+        let triples = if matches!(self.columns, 4 | 7) { &rest[1..] } else { rest };
+        for (triple, v) in self.triples.iter_mut().zip(triples.chunks_exact(3)) {
+            triple.add(v, line);
+        }
+        self.rest.extend_from_slice(rest);
+        Ok(())
+    }
+
+    /// Gives the columns their meaning.
+    fn fill(self, kind: Kind, cloud: &mut Cloud) -> Result<(), ParseError> {
+        let Self { columns, position, rest, triples, .. } = self;
+        cloud.position = position;
+        let extra = columns - 3;
+        if extra == 0 {
+            return Ok(());
+        }
+        let intensity = matches!(columns, 4 | 7);
+        let begin = usize::from(intensity);
+        // The column at which each triple begins, and whether it is a colour.
+        let (mut normal, mut colour) = (None, None);
+        match columns {
+            7 => colour = Some(0),
+            6 if kind == Kind::Pts || triples[0].is_colour() => colour = Some(0),
+            6 => normal = Some(0),
+            9 if triples[0].is_colour() && !triples[1].exceeds_one() => (colour, normal) = (Some(0), Some(1)),
+            9 => (normal, colour) = (Some(0), Some(1)),
+            _ => {}
+        }
+        let vector = |row: &[f32], at: usize| Vec3::new(row[at], row[at + 1], row[at + 2]);
+        if let Some(triple) = normal {
+            cloud.normal = rest.chunks_exact(extra).map(|row| vector(row, begin + 3 * triple)).collect();
+            cloud.notes.push(format!("columns {} to {} are normals", 4 + begin + 3 * triple, 6 + begin + 3 * triple));
+        }
+        if let Some(triple) = colour {
+            let known = &triples[triple];
+            let divisor = if known.exceeds_one() { 255.0 } else { 1.0 };
+            if let Some(line) = known.outside {
+                let found = format!("a colour from {} to {}", known.least, known.greatest);
+                return Err(ParseError::line(line, found, "numbers from 0 to 255"));
+            }
+            cloud.colour = rest.chunks_exact(extra).map(|row| vector(row, begin + 3 * triple) / divisor).collect();
+            let range = if divisor == 1.0 { "1, taken as linear" } else { "255" };
+            cloud.colour_storage = if divisor == 1.0 { ColourStorage::Float } else { ColourStorage::Integer };
+            let first = 4 + begin + 3 * triple;
+            cloud.notes.push(format!("columns {first} to {} are colours from 0 to {range}", first + 2));
+        } else if intensity {
+            cloud.colour = rest.iter().map(|&x| Vec3::splat(x)).collect();
+            grey(cloud);
+        }
+        Ok(())
+    }
+}
+
+/// Brings intensities to 0..=1: those of laser scanners are -2048..=2047.
+fn grey(cloud: &mut Cloud) {
+    let finite = || cloud.colour.iter().map(|c| c.x).filter(|x| x.is_finite());
+    let (least, greatest) = (finite().fold(0.0, f32::min), finite().fold(0.0, f32::max));
+    let (low, high) = if least < 0.0 {
+        (least.min(-2048.0), greatest.max(2047.0))
+    } else if f64::from(greatest) <= ONE {
+        (0.0, 1.0)
+    } else {
+        (0.0, greatest.max(255.0))
+    };
+    cloud.notes.push(format!("no colours: intensity from {low} to {high} is shown as grey"));
+    cloud.colour.iter_mut().for_each(|c| *c = (*c - low) / (high - low));
+}
+
+/// A line for a message.
+fn shown(words: &[&[u8]]) -> String {
+    match *words {
+        [_] => "one number".to_owned(),
+        _ if words.len() > WIDEST => format!("more than {WIDEST} numbers"),
+        _ => format!("{} numbers", words.len()),
+    }
+}
