@@ -13,13 +13,14 @@ use crate::options::{Interleave, PixelFilter, RenderOptions};
 use crate::plan::{Exposure, Group, PositionExposure, RasterExposure, TimeSample, share_out};
 use crate::sampling::pixel_offsets;
 use crate::scene::Scene;
+use crate::time::FrameNumber;
 
 /// The time samples that one round of a frame adds. There are `samples * factor` strata; the round samples those that
 /// the first round, of `samples` strata, has not sampled. With `factor` 1 it samples all.
 #[derive(Clone, Copy)]
 pub(super) struct Round<'a> {
     pub scene: &'a Scene,
-    pub number: i64,
+    pub number: FrameNumber,
     pub options: &'a RenderOptions,
     pub interleave: Interleave,
     /// Even.
@@ -84,7 +85,7 @@ impl Round<'_> {
         };
         let groups = fresh.iter().map(|&(t, weight)| {
             let weight = if total > 0.0 { weight / total } else { 0.0 };
-            let sample = TimeSample { time: scene.shutter.frame_time(number as f64, t), weight };
+            let sample = TimeSample { time: scene.shutter.frame_time(number.get(), t), weight };
             Group { samples: vec![sample], sweep: None }
         });
         share_out(groups.collect(), &offsets)

@@ -19,7 +19,7 @@ use crate::film::{Aov, Layer};
 use crate::frame::{Blocks, STATIC_PATH};
 use crate::options::{ErrorTarget, Interleave, PixelFilter, RenderOptions};
 use crate::scene::Scene;
-use crate::time::Weight;
+use crate::time::{FrameNumber, Weight};
 
 /// Time samples of a pixel in the first round. They are even, so that both half buffers have equally many.
 const FIRST: [u32; 6] = [4, 6, 8, 12, 16, 24];
@@ -59,7 +59,7 @@ fn safety(interleave: Interleave, filter: PixelFilter, step: f64) -> f64 {
 pub fn render(
     backend: &mut dyn Backend,
     scene: &Scene,
-    number: i64,
+    number: FrameNumber,
     options: &RenderOptions,
     target: ErrorTarget,
 ) -> Result<Rendered, BackendError> {

@@ -5,6 +5,7 @@ use glam::{DVec2, DVec3};
 use crate::math::focal_length;
 use crate::scene::pose::{camera_from_world, object_pose};
 use crate::scene::{Object, Scene};
+use crate::time::FrameNumber;
 
 /// Most surfels of an object whose paths are measured.
 const MEASURED: usize = 4096;
@@ -13,17 +14,17 @@ const INTERVALS: u32 = 4;
 
 /// Length of the longest path of a surfel over the image during the exposure of frame `number`, pixels. Parts of a path
 /// outside the image do not count.
-pub(super) fn longest(scene: &Scene, number: i64) -> f64 {
+pub(super) fn longest(scene: &Scene, number: FrameNumber) -> f64 {
     scene.objects.iter().map(|object| of_object(scene, object, number)).fold(0.0, f64::max)
 }
 
-fn of_object(scene: &Scene, object: &Object, number: i64) -> f64 {
+fn of_object(scene: &Scene, object: &Object, number: FrameNumber) -> f64 {
     let [width, height] = [scene.image.width, scene.image.height].map(f64::from);
     let focal = focal_length(height, scene.camera.fovy);
     let poses: Vec<_> = (0..=INTERVALS)
         .filter_map(|i| {
             let t = if object.blur { f64::from(i) / f64::from(INTERVALS) } else { 0.5 };
-            let time = scene.shutter.frame_time(number as f64, t);
+            let time = scene.shutter.frame_time(number.get(), t);
             let pose = object_pose(scene, object, time);
             pose.visible.then(|| camera_from_world(scene, time) * pose.world_from_model)
         })

@@ -15,9 +15,10 @@ use splatblur::scene::Scene;
 use splatblur::scene_file::{self, Loaded};
 use splatblur::time::Weight;
 
+use super::frames::{self, Frames};
 use super::output::say;
 use super::progress::Loading;
-use super::values::{self, Frames};
+use super::values;
 
 /// The grammar of modes, for long helps.
 pub(super) const MODES: &str = "\
@@ -208,12 +209,12 @@ pub(super) struct Images {
     /// Directory of the images; made if missing [default: out/<scene>].
     #[arg(long, value_name = "DIR", help_heading = "Output")]
     pub(super) out: Option<PathBuf>,
-    /// Frames, inclusive: A..B, A-B or one; negative ones with `..` only, as in -5..-2 [default: the scene's].
     #[arg(
         long,
-        value_name = "A..B",
+        value_name = "LIST",
         allow_hyphen_values = true,
-        value_parser = values::frames,
+        value_parser = frames::frames,
+        help = frames::HELP,
         help_heading = "Output"
     )]
     frames: Option<Frames>,
@@ -276,15 +277,15 @@ impl Ready {
             Format::Png { bits, .. } => Format::Png { bits, alpha: scene.image.transparent },
             Format::Exr => Format::Exr,
         };
-        let frames = frames_of(images.frames, &scene)?;
+        let frames = frames_of(images.frames.as_ref(), &scene)?;
         Ok(Self { scene, notes, frames, format })
     }
 }
 
 /// The frames that are asked for, else the scene's.
-pub(super) fn frames_of(asked: Option<Frames>, scene: &Scene) -> anyhow::Result<Frames> {
-    let of_scene = Frames { first: scene.frames.first, last: scene.frames.last };
-    let frames = asked.map_or_else(|| values::check_range(of_scene), Ok);
+pub(super) fn frames_of(asked: Option<&Frames>, scene: &Scene) -> anyhow::Result<Frames> {
+    let of_scene = || Frames::range(scene.frames.first, scene.frames.last);
+    let frames = asked.map_or_else(of_scene, |asked| Ok(asked.clone()));
     frames.map_err(anyhow::Error::msg).context("frames of the scene")
 }
 

@@ -8,6 +8,7 @@ mod backend;
 mod common;
 mod compare;
 mod convert;
+mod frames;
 mod generate;
 mod info;
 mod output;

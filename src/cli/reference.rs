@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhow::{Context as _, bail};
 use clap::Args;
 use serde::Serialize;
+use splatblur::FrameNumber;
 use splatblur::files;
 use splatblur::film::Aov;
 use splatblur::image::{self, Format};
@@ -126,7 +127,7 @@ struct Report<'a> {
 
 #[derive(Serialize)]
 struct FrameReport {
-    frame: i64,
+    frame: FrameNumber,
     path: PathBuf,
     samples: u64,
     traced: u64,
@@ -143,7 +144,7 @@ impl Reference {
         let pool = self.running.pool()?;
         let Ready { scene, notes, frames, format } = Ready::new(&self.images, &self.overrides, &self.running, &pool)?;
         if let Some(pixel) = self.pixel {
-            let probe = pool.install(|| reference::probe(&scene, frames.first, &options, pixel, self.sample))?;
+            let probe = pool.install(|| reference::probe(&scene, frames.first(), &options, pixel, self.sample))?;
             return print(&probe.to_string());
         }
         let directory =
@@ -155,7 +156,7 @@ impl Reference {
         let output =
             Output { scene: &scene, provenance, options: &options, format, directory: &directory, gate: &gate };
         let mut reports = Vec::new();
-        for frame in frames.first..=frames.last {
+        for &frame in frames.all() {
             let report = pool.install(|| self.frame(&output, frame)).with_context(|| format!("frame {frame}"))?;
             if !self.running.quiet && !self.images.json {
                 print(&summary(&report))?;
@@ -169,7 +170,7 @@ impl Reference {
         Ok(())
     }
 
-    fn frame(&self, output: &Output<'_>, frame: i64) -> anyhow::Result<FrameReport> {
+    fn frame(&self, output: &Output<'_>, frame: FrameNumber) -> anyhow::Result<FrameReport> {
         let path = output.directory.join(file_name(&output.scene.name, frame, output.format));
         let sums_path = path.with_extension("ref");
         let kind = output.settings(frame, SCRAMBLINGS as u64)?;
@@ -267,7 +268,7 @@ struct Output<'a> {
 impl Output<'_> {
     /// The text that a frame's file carries. With a fixed number of samples it says whether partial sums are of the
     /// same kind.
-    fn settings(&self, frame: i64, samples: u64) -> anyhow::Result<String> {
+    fn settings(&self, frame: FrameNumber, samples: u64) -> anyhow::Result<String> {
         Ok(self.provenance.traced(self.options, samples, self.format)?.of_frame(frame)?)
     }
 }

@@ -1,6 +1,7 @@
 //! Why a reference cannot be made.
 
 use super::sampler::{MOST_SAMPLES, SCRAMBLINGS};
+use crate::time::FrameNumber;
 
 /// Why there is no reference.
 #[derive(Debug, thiserror::Error)]
@@ -21,6 +22,12 @@ pub enum ReferenceError {
          nor go on from an earlier run"
     )]
     Fixed,
+    /// The number of the frame is infinite or NaN.
+    #[error("there is no frame {frame}; a finite number is needed")]
+    Frame {
+        /// What was asked for.
+        frame: FrameNumber,
+    },
     /// The image is too large.
     #[error("the sums of {width} x {height} pixels do not fit into memory")]
     Memory {
@@ -60,4 +67,9 @@ pub enum ReferenceError {
         /// What is needed.
         expected: String,
     },
+}
+
+/// Refuses the number of a frame that is infinite or NaN.
+pub(super) fn finite(frame: FrameNumber) -> Result<FrameNumber, ReferenceError> {
+    if frame.get().is_finite() { Ok(frame) } else { Err(ReferenceError::Frame { frame }) }
 }

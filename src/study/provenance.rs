@@ -16,6 +16,7 @@ use crate::options::{Prefilter, RenderOptions};
 use crate::reference::{ReferenceOptions, Sampler};
 use crate::scene::Scene;
 use crate::scene_file;
+use crate::time::FrameNumber;
 
 /// Name and version of this program.
 pub const PROGRAM: &str = concat!("splatblur ", env!("CARGO_PKG_VERSION"));
@@ -52,7 +53,7 @@ pub struct Settings {
     program: &'static str,
     scene: String,
     #[serde(skip_serializing_if = "Option::is_none")]
-    frame: Option<i64>,
+    frame: Option<FrameNumber>,
     rate: f64,
     backend: String,
     mode: String,
@@ -209,8 +210,8 @@ impl Settings {
     ///
     /// # Errors
     /// JSON cannot be made.
-    pub fn of_frame(&self, frame: i64) -> Result<String, ProvenanceError> {
-        Ok(serde_json::to_string(&Self { frame: Some(frame), ..self.clone() })?)
+    pub fn of_frame(&self, frame: impl Into<FrameNumber>) -> Result<String, ProvenanceError> {
+        Ok(serde_json::to_string(&Self { frame: Some(frame.into()), ..self.clone() })?)
     }
 
     /// Names and values for people, of all that the frames and modes of a study share.

@@ -131,6 +131,8 @@ fn bad_values_are_refused_in_one_line() {
         (&["--memory", "64X"], "64M"),
         (&["--memory", "0"], "at least 1M"),
         (&["--memory", "-1"], "at least 1M"),
+        (&["--frames", "3.."], "lacks an end: write both, as in 3..48"),
+        (&["--frames", "0..1000000000x0.0001"], "too many for one run"),
         (&["--seed", "-1"], "-1"),
         (&["--restrict", "/no/such/directory"], "not a directory"),
         (&["--sampels", "3"], "--samples"),
@@ -281,6 +283,30 @@ fn render_takes_options_over_the_scene() {
     let carried = image::read_settings(&fixture.path("out/tiny/tiny.0005.png")).unwrap();
     let carried: serde_json::Value = serde_json::from_str(&carried).unwrap();
     assert_eq!((&carried["hash"], &carried["frame"]), (&report["settings"]["hash"], &serde_json::json!(5)));
+}
+
+/// A frame between two others is the frame before it with the shutter half a frame later, whatever the backend.
+#[test]
+fn frames_may_be_lists_and_fractions() {
+    let fixture = Fixture::new();
+    let options = ["--samples", "4", "--format", "exr", "--aov", "velocity", "--size", "48x36"];
+    let report = fixture.json(&[&options[..], &["--frames", "3,1..2x0.5,1"]].concat());
+    let numbers: Vec<_> = report["frames"].as_array().unwrap().iter().map(|f| f["frame"].as_f64().unwrap()).collect();
+    assert_eq!(numbers, [3.0, 1.0, 1.5, 2.0]);
+    assert_eq!(report["ffmpeg"], serde_json::Value::Null);
+    let of = |directory: &str, name: &str| image::read(&fixture.path(directory).join(name)).unwrap();
+    assert_eq!(
+        names(&fixture.path("out/tiny")),
+        ["tiny.0001.exr", "tiny.0001_5000.exr", "tiny.0002.exr", "tiny.0003.exr"]
+    );
+    fixture.render(&[&options[..], &["--frames", "1", "--shutter", "0.25,0.75", "--out", "later"]].concat());
+    let (between, later) = (of("out/tiny", "tiny.0001_5000.exr"), of("later", "tiny.0001.exr"));
+    assert_eq!(between, later);
+    assert_ne!(between, of("out/tiny", "tiny.0001.exr"));
+    // Each has its own header, so that --resume finds them again, in the order of another list.
+    assert_eq!(rendered(&fixture.json(&[&options[..], &["--frames", "1..3", "--resume"]].concat())), [0; 0]);
+    fixture.render(&[&options[..], &["--frames", "1.5", "--out", "alone"]].concat());
+    assert_eq!(between, of("alone", "tiny.0001_5000.exr"));
 }
 
 /// What the filter needs is rendered, and not left in the file.

@@ -12,6 +12,7 @@ use std::time::Instant;
 use anyhow::Context as _;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use clap::{ArgAction, Args};
+use splatblur::FrameNumber;
 use splatblur::backend::Achieved;
 use splatblur::film::Aov;
 use splatblur::options::{Quality, RenderOptions};
@@ -28,16 +29,17 @@ use super::backend::Wanted;
 use super::common::{
     Images, MODES, Overrides, Ready, Running, Sampling, Splatting, Surfaces, open_directory, stop_on_interrupt,
 };
+use super::frames::Frames;
 use super::output::{print, print_json, say};
 use super::progress::Rendering;
-use super::values::Frames;
 use super::words::with_flags;
 
 /// Render a scene to an image sequence.
 ///
 /// Reads the scene with all that it names, renders each frame with motion blur, writes DIR/<scene>.<frame, 4
-/// digits>.<ext> (frame -5 is <scene>.-0005.png, as ffmpeg counts), says where the images are and how to make a movie
-/// of them. Files of an earlier run are replaced; each appears whole or not at all, also after Ctrl-C.
+/// digits>.<ext> (frame -5 is <scene>.-0005.png, as ffmpeg counts; frame 1.5 is `<scene>.0001_5000.png`), says where
+/// the images are and how to make a movie of them. Files of an earlier run are replaced; each appears whole or not at
+/// all, also after Ctrl-C.
 #[derive(Debug, Args)]
 #[command(after_long_help = format!("\
 {MODES}
@@ -45,6 +47,8 @@ use super::words::with_flags;
 Examples:
   All frames of the scene, into out/three_objects/:
     splatblur render scenes/three_objects.xml
+  Every tenth frame, then all others:
+    splatblur render scene.xml --frames 1..100x10,1..100
   A quick look at one frame, without blur:
     splatblur render scene.xml --frames 12 --mode still:4 --size 320x240
   Quickly, with an error that shows where one looks for it:
@@ -57,7 +61,8 @@ Examples:
 JSON (--json), one object: program, scene, directory, backend, frames: [{{frame, path, skipped, seconds (wall,
 rendering), samples, surfels, splats, auto (error, way, samples, most_samples, interleave, blocks, refined, capped),
 cpu_seconds or device_seconds: {{project, bin, visibility, attribute, resolve, total}}}}], load_seconds, seconds (whole
-run), notes, ffmpeg (null for one frame), settings (as each file carries them, with `frame`, in its header)."))]
+run), notes, ffmpeg (null where frames do not follow one another), settings (as each file carries them, with `frame`, in
+its header)."))]
 pub(super) struct Render {
     #[command(flatten)]
     images: Images,
@@ -113,12 +118,18 @@ impl Render {
         open_directory(&directory)?;
         if !self.running.quiet {
             let place = renderer.describe_with(pool.current_num_threads());
-            say(&headline(&scene, frames, &options, &place));
+            say(&headline(&scene, &frames, &options, &place));
         }
         let gate = Arc::new(Mutex::new(()));
         stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
-        let sequence =
-            Sequence { frames, directory: &directory, stem: &scene.name, format, resume: self.resume, gate: &gate };
+        let sequence = Sequence {
+            frames: &frames,
+            directory: &directory,
+            stem: &scene.name,
+            format,
+            resume: self.resume,
+            gate: &gate,
+        };
         let progress = Rendering::new(frames.count(), self.running.quiet);
         let mut under_way = renderer::Frames::new(renderer.backend(), &scene, &options)?;
         let finished = sequence.run(
@@ -132,8 +143,7 @@ impl Render {
             directory: &directory,
             stem: &scene.name,
             format,
-            first: frames.first,
-            last: frames.last,
+            frames: &frames,
             rate: scene.frames.rate,
             size: (scene.image.width, scene.image.height),
             transparent: scene.image.transparent,
@@ -178,7 +188,10 @@ impl Render {
 }
 
 /// Begins a frame or, without one, finishes one that was begun.
-fn step(under_way: &mut renderer::Frames<'_>, frame: Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>> {
+fn step(
+    under_way: &mut renderer::Frames<'_>,
+    frame: Option<FrameNumber>,
+) -> anyhow::Result<Option<(FrameNumber, Rendered)>> {
     match frame {
         Some(number) => under_way.begin(number).with_context(|| format!("frame {number}")),
         None => Ok(under_way.finish()?),
@@ -186,15 +199,14 @@ fn step(under_way: &mut renderer::Frames<'_>, frame: Option<i64>) -> anyhow::Res
 }
 
 /// Backend, size, mode, frames: one line.
-fn headline(scene: &Scene, frames: Frames, options: &RenderOptions, place: &str) -> String {
-    let range = if frames.first == frames.last {
-        format!("frame {}", frames.first)
-    } else {
-        format!("frames {}..{}", frames.first, frames.last)
-    };
+fn headline(scene: &Scene, frames: &Frames, options: &RenderOptions, place: &str) -> String {
     format!(
-        "{}: {range}, {} x {} pixels, mode {}, on {place}",
-        scene.name, scene.image.width, scene.image.height, options.quality
+        "{}: {}, {} x {} pixels, mode {}, on {place}",
+        scene.name,
+        frames.in_words(),
+        scene.image.width,
+        scene.image.height,
+        options.quality
     )
 }
 
