@@ -1,6 +1,7 @@
 //! What commands share that read a scene and make pictures of it: groups of options, and what happens before the first
 //! frame.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -9,7 +10,7 @@ use clap::Args;
 use glam::DVec3;
 use splatblur::files;
 use splatblur::film::Aov;
-use splatblur::image::{Bits, Format};
+use splatblur::image::{Bits, Compression, Exr, Format, Precision};
 use splatblur::options::{self, PixelFilter, Prefilter, Shading};
 use splatblur::scene::Scene;
 use splatblur::scene_file::{self, Loaded};
@@ -218,14 +219,24 @@ pub(super) struct Images {
         help_heading = "Output"
     )]
     frames: Option<Frames>,
-    /// File format: PNG is sRGB with straight alpha; EXR is float, linear, premultiplied.
+    /// File format: PNG is sRGB with straight alpha; EXR is linear, premultiplied, float or half.
     #[arg(long, value_parser = ["png", "exr"], default_value = "png", help_heading = "Output")]
     format: String,
-    /// Bits of a PNG channel [default: 8].
-    #[arg(long, value_name = "BITS", value_parser = values::bits(), help_heading = "Output")]
-    bits: Option<Bits>,
-    /// Extra layers, EXR only: alpha, depth, normal, velocity, samples; several with commas.
-    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
+    /// Bits of a channel: PNG 8 or 16; EXR 16 (half: colours and layers with 11 significant bits, but depth and samples
+    /// in float) or 32 (float) [default: PNG 8, EXR 32].
+    #[arg(long, value_name = "BITS", value_parser = ["8", "16", "32"], help_heading = "Output")]
+    bits: Option<String>,
+    /// Compression of EXR files; all keep every value: none, rle, zips (deflate, each row), zip (16 rows), piz
+    /// (wavelets, 32 rows) [default: zip].
+    #[arg(long, value_name = "METHOD", value_parser = values::compression(), help_heading = "Output")]
+    compression: Option<Compression>,
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        help = aov_help(&Aov::LAYERS),
+        help_heading = "Output"
+    )]
     aov: Vec<Aov>,
     /// Leave the background out and keep alpha.
     #[arg(long, conflicts_with = "background", help_heading = "Output")]
@@ -244,12 +255,37 @@ impl Images {
     /// What the options on files ask for; what the format cannot hold is refused.
     fn format(&self) -> anyhow::Result<Format> {
         match &*self.format {
-            "exr" if self.bits.is_some() => bail!("--bits is for --format png: EXR is always 32-bit float"),
-            "exr" => Ok(Format::Exr),
+            "exr" => {
+                let precision = match self.bits.as_deref() {
+                    Some("8") => bail!("--bits 8 is for --format png: EXR has 16 or 32 bits"),
+                    Some("16") => Precision::Half,
+                    _ => Precision::Float,
+                };
+                Ok(Format::Exr(Exr { precision, compression: self.compression.unwrap_or_default() }))
+            }
             _ if !self.aov.is_empty() => bail!("--aov needs --format exr: PNG holds colour and alpha only"),
-            _ => Ok(Format::Png { bits: self.bits.unwrap_or_default(), alpha: self.transparent }),
+            _ if self.compression.is_some() => bail!("--compression is for --format exr: PNG has one of its own"),
+            _ => {
+                let bits = match self.bits.as_deref() {
+                    Some("32") => bail!("--bits 32 is for --format exr: PNG has 8 or 16 bits"),
+                    Some("16") => Bits::Sixteen,
+                    _ => Bits::Eight,
+                };
+                Ok(Format::Png { bits, alpha: self.transparent })
+            }
         }
     }
+}
+
+/// Help of `--aov`, with what each layer holds.
+pub(super) fn aov_help(aovs: &[Aov]) -> String {
+    let mut text =
+        "Extra layers, EXR only, several with commas. Headers of files say the same (attribute `layers`):".to_owned();
+    for aov in aovs {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "\n{}: {}", aov.name(), aov.meaning());
+    }
+    text
 }
 
 /// A scene that is ready for its first frame.
@@ -275,7 +311,7 @@ impl Ready {
         scene.image.transparent |= images.transparent;
         let format = match format {
             Format::Png { bits, .. } => Format::Png { bits, alpha: scene.image.transparent },
-            Format::Exr => Format::Exr,
+            exr @ Format::Exr(_) => exr,
         };
         let frames = frames_of(images.frames.as_ref(), &scene)?;
         Ok(Self { scene, notes, frames, format })

@@ -15,7 +15,9 @@ use splatblur::reference::{self, ReferenceError, ReferenceOptions, SCRAMBLINGS, 
 use splatblur::scene::Scene;
 use splatblur::study::provenance::{PROGRAM, Provenance};
 
-use super::common::{Images, Overrides, Ready, Running, Sampling, Surfaces, open_directory, stop_on_interrupt};
+use super::common::{
+    Images, Overrides, Ready, Running, Sampling, Surfaces, aov_help, open_directory, stop_on_interrupt,
+};
 use super::output::{print, print_json, say};
 use super::progress::Loading;
 use super::render::file_name;
@@ -44,6 +46,7 @@ pixels), mean_error, surfels, hierarchy_bytes, build_seconds, trace_seconds}], n
 #[command(mut_arg("format", |arg| {
     arg.default_value("exr").help("File format; PNG has neither errors nor other layers")
 }))]
+#[command(mut_arg("aov", |arg| arg.help(aov_help_of_reference())))]
 pub(super) struct Reference {
     #[command(flatten)]
     images: Images,
@@ -106,6 +109,11 @@ pub(super) struct Reference {
     surfaces: Surfaces,
     #[command(flatten)]
     running: Running,
+}
+
+/// The error is no choice here.
+fn aov_help_of_reference() -> String {
+    format!("{}\nA reference always has the layer `error`: {}.", aov_help(&Aov::ALL), Aov::Error.meaning())
 }
 
 /// `X,Y`.
@@ -184,7 +192,7 @@ impl Reference {
         drop(progress);
         let settings = output.settings(frame, made.stats.samples)?;
         let mut picture = made.picture;
-        if output.format != Format::Exr {
+        if !matches!(output.format, Format::Exr(_)) {
             picture.layers.clear();
         }
         let _held = output.gate.lock().unwrap_or_else(PoisonError::into_inner);

@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
-use splatblur::image::Bits;
+use splatblur::image::Compression;
 use splatblur::model::ColourSpace;
 
 use super::frames::{self, MAX_FRAME};
@@ -27,9 +27,11 @@ pub(super) fn colour_space() -> impl TypedValueParser<Value = ColourSpace> {
     PossibleValuesParser::new(["srgb", "linear"]).map(space)
 }
 
-/// Bits of a PNG channel: `8` or `16`.
-pub(super) fn bits() -> impl TypedValueParser<Value = Bits> {
-    PossibleValuesParser::new(["8", "16"]).map(|word| if word == "8" { Bits::Eight } else { Bits::Sixteen })
+/// A compression of EXR files.
+pub(super) fn compression() -> impl TypedValueParser<Value = Compression> {
+    PossibleValuesParser::new(Compression::ALL.map(|(name, _)| name)).map(|word| {
+        Compression::ALL.into_iter().find(|(name, _)| *name == word).map_or_else(Compression::default, |(_, of)| of)
+    })
 }
 
 /// `A..B` in frames that need not be whole.

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::image::{Bits, Format};
+use crate::image::Format;
 use crate::options::{Prefilter, RenderOptions};
 use crate::reference::{ReferenceOptions, Sampler};
 use crate::scene::Scene;
@@ -80,6 +80,9 @@ pub struct Settings {
     aovs: Vec<&'static str>,
     format: &'static str,
     bits: u32,
+    /// Of EXR files.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    compression: Option<&'static str>,
     inputs: Vec<Input>,
     /// FNV-1a, 128 bits, of the canonical scene and all fields above except `frame`.
     hash: String,
@@ -124,6 +127,7 @@ impl Provenance {
             aovs: Vec::new(),
             format: "",
             bits: 0,
+            compression: None,
             inputs: inputs(scene)?,
             hash: String::new(),
         };
@@ -189,12 +193,11 @@ impl Provenance {
     }
 
     fn in_format(&self, format: Format) -> Settings {
-        let bits = match format {
-            Format::Png { bits: Bits::Eight, .. } => 8,
-            Format::Png { bits: Bits::Sixteen, .. } => 16,
-            Format::Exr => 32,
+        let compression = match format {
+            Format::Png { .. } => None,
+            Format::Exr(options) => Some(options.compression.name()),
         };
-        Settings { format: format.extension(), bits, ..self.of_scene.clone() }
+        Settings { format: format.extension(), bits: format.bits(), compression, ..self.of_scene.clone() }
     }
 
     /// With the hash of all.

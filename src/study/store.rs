@@ -67,7 +67,7 @@ impl Store<'_> {
         settings: &str,
         seconds: &[f64],
     ) -> Result<(), StudyError> {
-        let bytes = image::encode(picture, Format::Exr, settings)?;
+        let bytes = image::encode(picture, Format::EXR, settings)?;
         let crc32 = crc32fast::hash(&bytes);
         let record = Record { settings: settings.to_owned(), crc32, seconds: seconds.to_vec() };
         let record = serde_json::to_vec(&record)?;

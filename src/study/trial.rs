@@ -164,11 +164,11 @@ impl<'a> Trial<'a> {
         let settings = match contestant.method {
             Method::Splat(quality) => {
                 let options = self.splatting(quality, Vec::new());
-                self.provenance()?.splatted(&options, Format::Exr, contestant.backend.word())?
+                self.provenance()?.splatted(&options, Format::EXR, contestant.backend.word())?
             }
             Method::Reference(samples) => {
                 let options = self.tracing(samples, self.seed_of_others());
-                self.provenance()?.traced(&options, samples, Format::Exr)?
+                self.provenance()?.traced(&options, samples, Format::EXR)?
             }
         };
         Ok(settings.of_frame(frame)?)
@@ -177,7 +177,7 @@ impl<'a> Trial<'a> {
     /// The settings of the reference that judges the others.
     pub(super) fn settings_of_judge(&mut self, samples: u64) -> Result<Settings, StudyError> {
         let options = self.tracing(samples, self.options.seed);
-        Ok(self.provenance()?.traced(&options, samples, Format::Exr)?)
+        Ok(self.provenance()?.traced(&options, samples, Format::EXR)?)
     }
 
     /// The backend in words, with all that times depend on.

@@ -43,7 +43,7 @@ fn names(directory: &Path) -> Vec<String> {
 fn help_lists_every_option() {
     let render = "--out --frames --mode --error --samples-max --samples --pixel-samples --size --shutter --weight \
                   --filter --prefilter --shading --two-sided --epsilon --background --transparent --backend --format \
-                  --bits --aov --threads --seed --memory --resume --json --lenient --restrict --quiet";
+                  --bits --compression --aov --threads --seed --memory --resume --json --lenient --restrict --quiet";
     for (command, options) in [
         ("render", render),
         ("info", "--json --xml --csv --frames --step --lenient --restrict"),
@@ -120,8 +120,11 @@ fn bad_values_are_refused_in_one_line() {
         (&["--background", "1,1,1", "--transparent"], "cannot be used with"),
         (&["--backend", "tpu"], "auto, gpu, cpu"),
         (&["--format", "jpg"], "png, exr"),
-        (&["--bits", "10"], "8, 16"),
-        (&["--bits", "16", "--format", "exr"], "32-bit float"),
+        (&["--bits", "10"], "8, 16, 32"),
+        (&["--bits", "8", "--format", "exr"], "EXR has 16 or 32 bits"),
+        (&["--bits", "32"], "PNG has 8 or 16 bits"),
+        (&["--compression", "zip"], "--format exr"),
+        (&["--compression", "dwaa", "--format", "exr"], "none, rle, zips, zip, piz"),
         (&["--aov", "depth"], "--format exr"),
         (&["--aov", "colour", "--format", "exr"], "alpha, depth, normal, velocity"),
         (&["--aov", "depth,depth", "--format", "exr"], "twice"),
@@ -173,7 +176,7 @@ fn info_shows_images_and_their_settings() {
     let path = dir.path().join("a.exr");
     let layers = vec![Layer { aov: Aov::Depth, planes: vec![vec![1.0, 2.0]] }];
     let picture = Picture { width: 2, height: 1, rgba: vec![[0.5; 4]; 2], layers };
-    image::write(&path, &picture, Format::Exr, "{\"frame\":7,\"seed\":1}").unwrap();
+    image::write(&path, &picture, Format::EXR, "{\"frame\":7,\"seed\":1}").unwrap();
     let output = splatblur(&["info", path.to_str().unwrap(), "--json"]);
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["kind"], "image");
@@ -307,6 +310,42 @@ fn frames_may_be_lists_and_fractions() {
     assert_eq!(rendered(&fixture.json(&[&options[..], &["--frames", "1..3", "--resume"]].concat())), [0; 0]);
     fixture.render(&[&options[..], &["--frames", "1.5", "--out", "alone"]].concat());
     assert_eq!(between, of("alone", "tiny.0001_5000.exr"));
+}
+
+/// Units of layers have one place; help texts quote it.
+#[test]
+fn help_says_what_layers_hold() {
+    for (command, aovs) in [("render", &Aov::LAYERS[..]), ("reference", &Aov::LAYERS)] {
+        let long = stdout(&splatblur(&["help", command]));
+        let text = long.split_whitespace().collect::<Vec<_>>().join(" ");
+        for aov in aovs {
+            assert!(text.contains(aov.meaning()), "{command}: {}", aov.name());
+        }
+    }
+    assert!(stdout(&splatblur(&["reference", "-h"])).contains("always has the layer `error`"));
+}
+
+/// `--resume` tells files of another precision or compression from those that it is to make.
+#[test]
+fn exr_files_may_be_half_and_compressed_in_several_ways() {
+    let fixture = Fixture::new();
+    let options = ["--frames", "1..2", "--samples", "4", "--format", "exr", "--aov", "depth,normal"];
+    let whole = fixture.json(&options);
+    assert_eq!((&whole["settings"]["bits"], &whole["settings"]["compression"]), (&32.into(), &"zip".into()));
+    let all = |more: &[&str]| rendered(&fixture.json(&[&options[..], &["--resume"], more].concat()));
+    let read = || image::read(&fixture.path("out/tiny/tiny.0001.exr")).unwrap();
+    let float = read();
+    assert_eq!(all(&[]), [0; 0]);
+    assert_eq!(all(&["--compression", "piz"]), [1, 2]);
+    assert_eq!(read(), float);
+    assert_eq!(all(&["--bits", "16", "--compression", "piz"]), [1, 2]);
+    let half = read();
+    assert_ne!(half.rgba, float.rgba);
+    assert_eq!(half.layers[0], float.layers[0], "depth stays float");
+    for (a, b) in half.rgba.iter().flatten().zip(float.rgba.iter().flatten()) {
+        assert!((a - b).abs() <= b.abs() / 2048.0, "{a} {b}");
+    }
+    assert_eq!(all(&["--bits", "16", "--compression", "piz"]), [0; 0]);
 }
 
 /// What the filter needs is rendered, and not left in the file.

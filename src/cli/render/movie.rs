@@ -100,7 +100,7 @@ mod tests {
             "ffmpeg -framerate 29.97 -start_number 1 -i out/spin/spin.%04d.png -frames:v 48 -c:v libx264 -crf 16 \
              -pix_fmt yuv420p out/spin/spin.mp4"
         );
-        let line = movie("my 100% 'out'", Format::Exr, &range(-5, -2), (641, 480)).ffmpeg().unwrap();
+        let line = movie("my 100% 'out'", Format::EXR, &range(-5, -2), (641, 480)).ffmpeg().unwrap();
         assert!(
             line.contains(r"-start_number -5 -apply_trc iec61966_2_1 -i 'my 100%% '\''out'\''/spin.%04d.exr'"),
             "{line}"

@@ -212,7 +212,7 @@ mod tests {
 
     #[test]
     fn names() {
-        let names = [0.0, 7.0, 12_345.0, -5.0, -12_345.0, 1.5].map(|frame| file_name("a", frame.into(), Format::Exr));
+        let names = [0.0, 7.0, 12_345.0, -5.0, -12_345.0, 1.5].map(|frame| file_name("a", frame.into(), Format::EXR));
         assert_eq!(
             names,
             ["a.0000.exr", "a.0007.exr", "a.12345.exr", "a.-0005.exr", "a.-12345.exr", "a.0001_5000.exr"]
