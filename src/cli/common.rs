@@ -11,12 +11,14 @@ use glam::DVec3;
 use splatblur::files;
 use splatblur::film::Aov;
 use splatblur::image::{Bits, Compression, Exr, Format, Precision};
+use splatblur::model::{self, ModelError};
 use splatblur::options::{self, PixelFilter, Prefilter, Shading};
-use splatblur::scene::Scene;
+use splatblur::scene::{Camera, Scene};
 use splatblur::scene_file::{self, Loaded};
 use splatblur::time::Weight;
 
 use super::frames::{self, Frames};
+use super::info::{self, Kind};
 use super::output::say;
 use super::progress::Loading;
 use super::values;
@@ -189,7 +191,16 @@ impl Running {
         let progress = Loading::new(self.quiet);
         let step = |what: &str, share: f32| progress.step(what, share);
         let options = scene_file::LoadOptions { lenient: self.lenient, restrict, progress: Some(&step) };
-        let mut loaded = pool.install(|| scene_file::load(path, &options))?;
+        let head = info::head(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let kind = info::kind(&head, path);
+        let mut loaded = match kind {
+            Kind::Scene => pool.install(|| scene_file::load(path, &options))?,
+            Kind::Model => pool.install(|| scene_file::load_model(path, &step)).map_err(explained)?,
+            Kind::Animation => {
+                bail!("{} is an animation: name it in the <animation> of a scene, and render that", path.display())
+            }
+            Kind::Image => bail!("{} is a picture, neither a scene nor a model", path.display()),
+        };
         drop(progress);
         if !self.quiet {
             for note in &loaded.notes {
@@ -197,14 +208,37 @@ impl Running {
             }
         }
         overrides.apply(&mut loaded.scene);
+        if kind == Kind::Model {
+            // It depends on the shape of the image.
+            loaded.scene.camera = Camera::automatic(&loaded.scene);
+            let camera = scene_file::camera_line(&loaded.scene.camera);
+            let note = format!("{} is a model: took a scene of it alone, seen by {camera}", path.display());
+            if !self.quiet {
+                say(&format!("note: {note}"));
+            }
+            loaded.notes.push(note);
+        }
         Ok(loaded)
+    }
+}
+
+/// A file of unknown content may have been meant as a scene.
+fn explained(error: ModelError) -> anyhow::Error {
+    match error {
+        ModelError::UnknownFormat { path } => anyhow::anyhow!(
+            "{} is neither a scene (XML) nor a model of a known format ({})",
+            path.display(),
+            model::Format::KNOWN
+        ),
+        other => other.into(),
     }
 }
 
 /// The scene, and the files to make of it.
 #[derive(Debug, Args)]
 pub(super) struct Images {
-    /// Scene file (XML).
+    /// Scene file (XML), or a model file: then the scene is this model alone, on 1024x768 pixels, before black, lit
+    /// from the upper right front, seen by a camera that looks along -z and finds its place by itself.
     pub(super) scene: PathBuf,
 
     /// Directory of the images; made if missing [default: out/<scene>].
@@ -327,6 +361,12 @@ pub(super) fn frames_of(asked: Option<&Frames>, scene: &Scene) -> anyhow::Result
 
 /// Makes the output directory, and finds out now, not after the first frame, whether files can be written there.
 pub(super) fn open_directory(directory: &Path) -> anyhow::Result<()> {
+    if directory.exists() && !directory.is_dir() {
+        bail!(
+            "cannot write into the output directory {}: it is a file; name a directory, which is made if missing",
+            directory.display()
+        );
+    }
     let context = || format!("cannot write into the output directory {}", directory.display());
     std::fs::create_dir_all(directory).with_context(context)?;
     files::check_writable(directory).with_context(context)

@@ -16,6 +16,7 @@ mod progress;
 mod reference;
 mod render;
 mod report;
+mod selection;
 mod sheet;
 mod study;
 mod values;
@@ -71,6 +72,10 @@ pub(super) fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return refuse(&error),
     };
+    // These open devices.
+    if matches!(cli.command, Command::Render(_) | Command::Sheet(_) | Command::Report(_) | Command::Info(_)) {
+        selection::leave_out();
+    }
     let done = match &cli.command {
         Command::Render(render) => render.run().map(|()| ExitCode::SUCCESS),
         Command::Reference(reference) => reference.run().map(|()| ExitCode::SUCCESS),

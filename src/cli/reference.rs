@@ -11,7 +11,7 @@ use splatblur::FrameNumber;
 use splatblur::files;
 use splatblur::film::Aov;
 use splatblur::image::{self, Format};
-use splatblur::reference::{self, ReferenceError, ReferenceOptions, SCRAMBLINGS, Sampler, Stats, Sums};
+use splatblur::reference::{self, MOST_SAMPLES, ReferenceError, ReferenceOptions, SCRAMBLINGS, Sampler, Stats, Sums};
 use splatblur::scene::Scene;
 use splatblur::study::provenance::{PROGRAM, Provenance};
 
@@ -71,7 +71,14 @@ pub(super) struct Reference {
     sample: Option<u64>,
 
     /// Samples a pixel, a multiple of 16; with --error, the most.
-    #[arg(long, value_name = "SPP", default_value_t = 1024, allow_hyphen_values = true, help_heading = "Sampling")]
+    #[arg(
+        long,
+        value_name = "SPP",
+        default_value_t = 1024,
+        allow_hyphen_values = true,
+        value_parser = samples,
+        help_heading = "Sampling"
+    )]
     samples: u64,
     /// Stop after the round of 256 samples in which the mean standard error falls below this.
     #[arg(
@@ -114,6 +121,12 @@ pub(super) struct Reference {
 /// The error is no choice here.
 fn aov_help_of_reference() -> String {
     format!("{}\nA reference always has the layer `error`: {}.", aov_help(&Aov::ALL), Aov::Error.meaning())
+}
+
+/// Samples of a pixel; the library says which it can take.
+fn samples(text: &str) -> Result<u64, String> {
+    let expected = |_| format!("expected a multiple of {SCRAMBLINGS} of at most {MOST_SAMPLES}, as in 4096");
+    text.trim().parse().map_err(expected)
 }
 
 /// `X,Y`.

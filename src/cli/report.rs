@@ -36,7 +36,7 @@ z_pass (share of values that the standard error of the reference explains), regi
 
 Exit status: 0 within the limits (or none given), 1 over a limit, 2 error, 130 interrupted.", *MODES))]
 pub(super) struct Report {
-    /// Scene file (XML).
+    /// Scene file (XML), or a model file, as in `splatblur render`.
     scene: PathBuf,
 
     #[arg(

@@ -33,7 +33,7 @@ Examples:
 
 Errors: FLIP at 67.02 pixels per degree, RMSE in linear light (see `splatblur help compare`).", *MODES))]
 pub(super) struct Sheet {
-    /// Scene file (XML).
+    /// Scene file (XML), or a model file, as in `splatblur render`.
     scene: PathBuf,
 
     /// Frame to show.

@@ -110,7 +110,7 @@ pub(super) fn colour(text: &str) -> Result<DVec3, String> {
 
 /// `512k`, `64M`, `1G`, `1GiB`, or bytes; units are powers of 1024.
 pub(super) fn memory(text: &str) -> Result<u64, String> {
-    let expected = || "expected an amount of memory of at least 1M, as in 64M, 1.5G, 1GiB".to_owned();
+    let expected = || format!("`{text}` is no amount of memory: a number with k, M, G or T, as in 64M, 1.5G, 1GiB");
     let digits = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
     let (number, unit) = text.split_at(digits);
     let shift = match unit.to_ascii_lowercase().as_str() {
@@ -122,7 +122,13 @@ pub(super) fn memory(text: &str) -> Result<u64, String> {
         _ => return Err(expected()),
     };
     let bytes = real(number).map_err(|_| expected())? * (1_u64 << shift) as f64;
-    if (1_048_576.0..=1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(expected()) }
+    if bytes < 1_048_576.0 {
+        return Err(format!("{text} is too little: at least 1M, as in 64M, 1.5G, 1GiB"));
+    }
+    if bytes > 1e18 {
+        return Err(format!("{text} is more than any computer has: at most 900000T"));
+    }
+    Ok(bytes as u64)
 }
 
 #[cfg(test)]

@@ -7,12 +7,19 @@ use crate::time::FrameNumber;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReferenceError {
-    /// The number of samples does not suit the scramblings.
+    /// The scramblings cannot share the samples equally.
     #[error(
-        "{samples} samples cannot be shared by {SCRAMBLINGS} scramblings: a multiple of {SCRAMBLINGS} \
-         is needed, at most {MOST_SAMPLES}"
+        "{samples} samples of a pixel cannot be shared by {SCRAMBLINGS} scramblings: a multiple of {SCRAMBLINGS} is \
+         needed, such as {}",
+        samples.next_multiple_of(SCRAMBLINGS as u64).max(SCRAMBLINGS as u64)
     )]
     Samples {
+        /// What was asked for.
+        samples: u64,
+    },
+    /// There are more samples than the sequences have points.
+    #[error("{samples} samples of a pixel are too many (at most {MOST_SAMPLES})")]
+    TooMany {
         /// What was asked for.
         samples: u64,
     },

@@ -6,6 +6,7 @@ mod support;
 mod compare;
 mod gpu;
 mod hostile_input;
+mod messages;
 mod reference;
 mod render;
 mod report;

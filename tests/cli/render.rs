@@ -132,8 +132,9 @@ fn bad_values_are_refused_in_one_line() {
         (&["--threads", "-1"], "1..=1024"),
         (&["--threads", "99999999999"], "1024"),
         (&["--memory", "64X"], "64M"),
-        (&["--memory", "0"], "at least 1M"),
+        (&["--memory", "0"], "0 is too little: at least 1M"),
         (&["--memory", "-1"], "at least 1M"),
+        (&["--memory", "9999999999T"], "at most 900000T"),
         (&["--frames", "3.."], "lacks an end: write both, as in 3..48"),
         (&["--frames", "0..1000000000x0.0001"], "too many for one run"),
         (&["--seed", "-1"], "-1"),
@@ -382,7 +383,7 @@ fn auto_says_what_it_reached() {
     let header = std::fs::read(fixture.path("out/tiny/tiny.0002.exr")).unwrap();
     let said = format!("error {:.4} with", auto["error"].as_f64().unwrap());
     assert!(header.windows(said.len()).any(|part| part == said.as_bytes()), "{said}");
-    assert!(stdout(&fixture.render(&["--frames", "2"])).contains("the frame with the largest: error 0."));
+    assert!(stdout(&fixture.render(&["--frames", "2"])).contains("\nestimated: error 0."));
 }
 
 #[test]

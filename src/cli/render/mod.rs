@@ -210,10 +210,13 @@ fn headline(scene: &Scene, frames: &Frames, options: &RenderOptions, place: &str
     )
 }
 
-/// What mode auto reached in the frame with the largest error.
-fn worst(finished: &[Finished]) -> Option<Achieved> {
-    let achieved = finished.iter().filter_map(|done| done.rendered.and_then(|(_, stats)| stats.achieved));
-    achieved.max_by(|a, b| a.error.total_cmp(&b.error))
+/// What mode auto reached, in the frame with the largest error if there are several.
+fn reached(finished: &[Finished]) -> String {
+    let of_frame = |done: &Finished| Some((done.frame, done.rendered?.1.achieved?));
+    let all: Vec<(FrameNumber, Achieved)> = finished.iter().filter_map(of_frame).collect();
+    let Some((frame, worst)) = all.iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error)) else { return String::new() };
+    let place = if all.len() == 1 { String::new() } else { format!(", largest in frame {frame}") };
+    with_flags(&format!("estimated{place}: {worst}\n"))
 }
 
 /// Where the images are, and how to make a movie.
@@ -222,7 +225,6 @@ fn conclude(finished: &[Finished], movie: &Movie<'_>, seconds: f64) -> anyhow::R
     let also = if skipped > 0 { format!(" ({skipped} were there already)") } else { String::new() };
     let word = if finished.len() == 1 { "image" } else { "images" };
     let movie_line = movie.ffmpeg().map_or_else(String::new, |line| format!("as a movie: {line}\n"));
-    let reached = worst(finished)
-        .map_or_else(String::new, |achieved| with_flags(&format!("the frame with the largest: {achieved}\n")));
+    let reached = reached(finished);
     print(&format!("{} {word}{also} in {seconds:.1} s: {}\n{reached}{movie_line}", finished.len(), movie.files()))
 }
