@@ -1,10 +1,11 @@
 //! The renderer: opens a device, and renders frames and sequences of scenes on it.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use crate::auto;
 use crate::backend::cpu::Cpu;
-use crate::backend::{Backend, BackendError};
+use crate::backend::{Backend, BackendError, Meter};
 use crate::film::{Aov, Picture};
 use crate::frame::Frame;
 use crate::options::{Quality, RenderOptions};
@@ -111,6 +112,12 @@ impl Renderer {
     /// Takes a picture back that is no longer needed, so that a later one can have its memory.
     pub fn recycle(&mut self, picture: Picture) {
         self.backend.recycle(picture);
+    }
+
+    /// Counts steps of frames on `meter` from now on. The CPU does; a GPU gives no sign before a frame is done.
+    #[doc(hidden)]
+    pub fn watch(&mut self, meter: Arc<Meter>) {
+        self.backend.watch(meter);
     }
 
     /// `cpu` or `gpu`.

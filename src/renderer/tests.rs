@@ -24,6 +24,31 @@ fn a_sequence_gives_all_frames_in_order_then_nothing() {
     }
 }
 
+/// The meter stands at the end of the last rendering: one of a mode, two or more of mode auto.
+#[test]
+fn the_meter_counts_all_steps() {
+    let mut renderer = Renderer::open(Device::Cpu).unwrap();
+    let meter = Arc::new(Meter::default());
+    renderer.watch(Arc::clone(&meter));
+    let mut scene = Scene::load("scenes/crossing.xml").unwrap();
+    (scene.image.width, scene.image.height) = (96, 64);
+    let modes: [(Quality, u64); 4] = [
+        (BlurMode::supersample(4).into(), 1),
+        ("still:2".parse().unwrap(), 1),
+        ("volumetric:3+published".parse().unwrap(), 1),
+        (Quality::default(), 2),
+    ];
+    for (quality, least) in modes {
+        meter.reset();
+        assert_eq!(meter.read(), crate::backend::Reading::default());
+        let options = RenderOptions { quality, ..RenderOptions::default() };
+        renderer.render(&scene, 12, &options).unwrap();
+        let read = meter.read();
+        assert!(read.share == 1.0 && read.renderings >= least, "{quality}: {read:?}");
+        assert!(least > 1 || read.renderings == 1, "{quality}: {read:?}");
+    }
+}
+
 #[test]
 fn a_sequence_ends_with_its_first_error() {
     let mut renderer = Renderer::open(Device::Cpu).unwrap();

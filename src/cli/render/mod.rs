@@ -13,7 +13,7 @@ use anyhow::Context as _;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use clap::{ArgAction, Args};
 use splatblur::FrameNumber;
-use splatblur::backend::Achieved;
+use splatblur::backend::{Achieved, Meter};
 use splatblur::film::Aov;
 use splatblur::options::{Quality, RenderOptions};
 use splatblur::renderer::{self, Rendered, Renderer};
@@ -130,7 +130,10 @@ impl Render {
             resume: self.resume,
             gate: &gate,
         };
-        let progress = Rendering::new(frames.count(), self.running.quiet);
+        let meter = Arc::new(Meter::default());
+        renderer.watch(Arc::clone(&meter));
+        let several_renderings = matches!(options.quality, Quality::Error(_));
+        let progress = Rendering::new(frames.count(), meter, several_renderings, self.running.quiet);
         let mut under_way = renderer::Frames::new(renderer.backend(), &scene, &options)?;
         let finished = sequence.run(
             |frame| Ok(settings.of_frame(frame)?),
