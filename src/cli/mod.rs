@@ -18,6 +18,7 @@ mod render;
 mod report;
 mod selection;
 mod sheet;
+mod shell;
 mod study;
 mod values;
 mod words;
@@ -26,7 +27,7 @@ use std::io;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 
 /// Status of a comparison that is over its limit.
 const OVER: u8 = 1;
@@ -64,6 +65,8 @@ enum Command {
     Info(info::Info),
     Convert(convert::Convert),
     Generate(generate::Generate),
+    Completions(shell::Completions),
+    Man(shell::Manual),
 }
 
 /// Runs the program.
@@ -85,6 +88,8 @@ pub(super) fn main() -> ExitCode {
         Command::Info(info) => info.run().map(|()| ExitCode::SUCCESS),
         Command::Convert(convert) => convert.run().map(|()| ExitCode::SUCCESS),
         Command::Generate(generate) => generate.run().map(|()| ExitCode::SUCCESS),
+        Command::Completions(completions) => completions.run(Cli::command()).map(|()| ExitCode::SUCCESS),
+        Command::Man(manual) => manual.run(Cli::command()).map(|()| ExitCode::SUCCESS),
     };
     match done {
         Ok(code) => code,
@@ -118,8 +123,6 @@ fn one_line(message: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     use super::*;
 
     #[test]

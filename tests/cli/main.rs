@@ -10,3 +10,4 @@ mod messages;
 mod reference;
 mod render;
 mod report;
+mod shell;
