@@ -14,7 +14,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = Scene::load(scene)?;
     let mut renderer = Renderer::open(Device::Auto)?;
     println!("{}, frame {frame}, on {}", scene.name, renderer.describe());
-    let rendered = renderer.render(&scene, frame.parse()?, &RenderOptions::default())?;
+    let rendered = renderer.render(&scene, frame.parse::<f64>()?, &RenderOptions::default())?;
     rendered.picture.write(picture)?;
     Ok(())
 }

@@ -41,6 +41,28 @@ impl Aov {
         }
     }
 
+    /// What it holds, with units, for people: the one place that says it. Help texts and EXR headers quote it.
+    pub const fn meaning(self) -> &'static str {
+        match self {
+            Self::Alpha => "share of the exposure in which surfaces cover the pixel, 0 to 1",
+            Self::Depth => "distance from the camera along its axis (-z), scene units; infinite where nothing is seen",
+            Self::Normal => "mean shading normal, x, y, z of the world, at most 1 long; 0 where nothing is seen",
+            Self::Velocity => {
+                "mean motion on the image, pixels a shutter, x right, y down, forward in time; 0 where nothing is seen"
+            }
+            Self::Samples => "time samples of the pixel, a count",
+            Self::Error => {
+                "error of r, g, b and coverage: of a reference its standard error, linear light; of mode auto its \
+                 estimate for the block around, root mean square of display values"
+            }
+        }
+    }
+
+    /// Would half precision spoil it? It has 11 significant bits: too few for distances, and for counts above 2048.
+    pub const fn needs_float(self) -> bool {
+        matches!(self, Self::Depth | Self::Samples)
+    }
+
     /// Channel names inside the layer.
     pub const fn channels(self) -> &'static [&'static str] {
         match self {

@@ -126,7 +126,7 @@ pub use glam;
 pub use math::Trs as Transform;
 pub use model::{Cloud, Material, Surfels};
 pub use scene::{Camera, FrameRange, ImageSettings, Light, Model, Motion, Object, Scene};
-pub use time::{Shutter, Weight};
+pub use time::{FrameNumber, Shutter, Weight};
 
 // How, and on what.
 pub use film::Aov;

@@ -1,15 +1,17 @@
 //! The renderer: opens a device, and renders frames and sequences of scenes on it.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use crate::auto;
 use crate::backend::cpu::Cpu;
-use crate::backend::{Backend, BackendError};
+use crate::backend::{Backend, BackendError, Meter};
 use crate::film::{Aov, Picture};
 use crate::frame::Frame;
 use crate::options::{Quality, RenderOptions};
 use crate::reconstruct;
 use crate::scene::Scene;
+use crate::time::FrameNumber;
 
 #[cfg(feature = "gpu")]
 pub use crate::backend::gpu::{AdapterReport, adapters};
@@ -75,11 +77,17 @@ impl Renderer {
         }
     }
 
-    /// Renders frame `frame` of a scene; any number, also one outside the scene's own frames.
+    /// Renders frame `frame` of a scene; any finite number, also one between two frames or outside the scene's own.
     ///
     /// # Errors
-    /// The frame does not fit into [`RenderOptions::memory`], the device fails, or the scene has an ideal sphere.
-    pub fn render(&mut self, scene: &Scene, frame: i64, options: &RenderOptions) -> Result<Rendered, BackendError> {
+    /// The number is not finite, the frame does not fit into [`RenderOptions::memory`], the device fails, or the scene
+    /// has an ideal sphere.
+    pub fn render(
+        &mut self,
+        scene: &Scene,
+        frame: impl Into<FrameNumber>,
+        options: &RenderOptions,
+    ) -> Result<Rendered, BackendError> {
         render_frame(&mut *self.backend, scene, frame, options)
     }
 
@@ -91,9 +99,9 @@ impl Renderer {
     pub fn render_sequence<'a>(
         &'a mut self,
         scene: &'a Scene,
-        frames: impl IntoIterator<Item = i64, IntoIter: 'a>,
+        frames: impl IntoIterator<Item: Into<FrameNumber>, IntoIter: 'a>,
         options: &'a RenderOptions,
-    ) -> impl Iterator<Item = Result<(i64, Rendered), BackendError>> + 'a {
+    ) -> impl Iterator<Item = Result<(FrameNumber, Rendered), BackendError>> + 'a {
         let numbers = frames.into_iter();
         match Frames::new(&mut *self.backend, scene, options) {
             Ok(frames) => Sequence { frames: Some(frames), numbers, failed: None },
@@ -104,6 +112,12 @@ impl Renderer {
     /// Takes a picture back that is no longer needed, so that a later one can have its memory.
     pub fn recycle(&mut self, picture: Picture) {
         self.backend.recycle(picture);
+    }
+
+    /// Counts steps of frames on `meter` from now on. The CPU does; a GPU gives no sign before a frame is done.
+    #[doc(hidden)]
+    pub fn watch(&mut self, meter: Arc<Meter>) {
+        self.backend.watch(meter);
     }
 
     /// `cpu` or `gpu`.
@@ -205,10 +219,11 @@ fn processor() -> Option<String> {
 pub fn render_frame(
     backend: &mut dyn Backend,
     scene: &Scene,
-    frame: i64,
+    frame: impl Into<FrameNumber>,
     options: &RenderOptions,
 ) -> Result<Rendered, BackendError> {
     check(scene)?;
+    let frame = finite(frame.into())?;
     if options.reconstruct {
         let rendered = render_frame(backend, scene, frame, &with_velocity(options))?;
         return Ok(reconstructed(rendered, options));
@@ -235,6 +250,10 @@ fn reconstructed(mut rendered: Rendered, options: &RenderOptions) -> Rendered {
     rendered
 }
 
+fn finite(frame: FrameNumber) -> Result<FrameNumber, BackendError> {
+    if frame.get().is_finite() { Ok(frame) } else { Err(BackendError::Frame { frame }) }
+}
+
 fn check(scene: &Scene) -> Result<(), BackendError> {
     match scene.objects.iter().find(|object| object.sphere.is_some()) {
         Some(object) => Err(BackendError::Sphere { object: object.name.clone() }),
@@ -248,7 +267,7 @@ pub struct Frames<'a> {
     scene: &'a Scene,
     options: &'a RenderOptions,
     /// Begun and not finished.
-    under_way: VecDeque<i64>,
+    under_way: VecDeque<FrameNumber>,
 }
 
 impl<'a> Frames<'a> {
@@ -268,13 +287,14 @@ impl<'a> Frames<'a> {
     /// Begins frame `number`; hands out an earlier one, or this one, with its number, if the backend takes no more.
     ///
     /// # Errors
-    /// The backend cannot render the frame within its limits.
-    pub fn begin(&mut self, number: i64) -> Result<Option<(i64, Rendered)>, BackendError> {
+    /// The number is not finite, or the backend cannot render the frame within its limits.
+    pub fn begin(&mut self, number: impl Into<FrameNumber>) -> Result<Option<(FrameNumber, Rendered)>, BackendError> {
+        let number = number.into();
         let Quality::Mode(mode) = self.options.quality else { return self.whole(number) };
         if self.options.reconstruct {
             return self.whole(number);
         }
-        self.backend.begin(Frame::new(self.scene, number, mode, self.options))?;
+        self.backend.begin(Frame::new(self.scene, finite(number)?, mode, self.options))?;
         self.under_way.push_back(number);
         if self.under_way.len() < self.backend.in_flight() {
             return Ok(None);
@@ -283,7 +303,7 @@ impl<'a> Frames<'a> {
     }
 
     /// Renders frame `number`, whose steps wait for those before.
-    fn whole(&mut self, number: i64) -> Result<Option<(i64, Rendered)>, BackendError> {
+    fn whole(&mut self, number: FrameNumber) -> Result<Option<(FrameNumber, Rendered)>, BackendError> {
         Ok(Some((number, render_frame(self.backend, self.scene, number, self.options)?)))
     }
 
@@ -291,7 +311,7 @@ impl<'a> Frames<'a> {
     ///
     /// # Errors
     /// The backend cannot render the frame within its limits.
-    pub fn finish(&mut self) -> Result<Option<(i64, Rendered)>, BackendError> {
+    pub fn finish(&mut self) -> Result<Option<(FrameNumber, Rendered)>, BackendError> {
         let Some(number) = self.under_way.pop_front() else { return Ok(None) };
         Ok(self.backend.finish()?.map(|rendered| (number, rendered)))
     }
@@ -307,8 +327,8 @@ struct Sequence<'a, N> {
     failed: Option<BackendError>,
 }
 
-impl<N: Iterator<Item = i64>> Iterator for Sequence<'_, N> {
-    type Item = Result<(i64, Rendered), BackendError>;
+impl<N: Iterator<Item: Into<FrameNumber>>> Iterator for Sequence<'_, N> {
+    type Item = Result<(FrameNumber, Rendered), BackendError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         if let Some(frames) = &mut self.frames {
@@ -348,43 +368,4 @@ impl<N> Drop for Sequence<'_, N> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::options::BlurMode;
-    use crate::scene::{Object, Sphere};
-
-    fn scene() -> Scene {
-        let mut scene = Scene::new([]);
-        (scene.image.width, scene.image.height) = (8, 6);
-        scene
-    }
-
-    fn numbers(renderer: &mut Renderer, scene: &Scene, options: &RenderOptions) -> Vec<Result<i64, String>> {
-        let frames = renderer.render_sequence(scene, [3, 1, 2], options);
-        frames.map(|frame| frame.map(|(number, _)| number).map_err(|error| error.to_string())).collect()
-    }
-
-    #[test]
-    fn a_sequence_gives_all_frames_in_order_then_nothing() {
-        let mut renderer = Renderer::open(Device::Cpu).unwrap();
-        for quality in [Quality::default(), BlurMode::supersample(2).into()] {
-            let options = RenderOptions { quality, ..RenderOptions::default() };
-            assert_eq!(numbers(&mut renderer, &scene(), &options), [Ok(3), Ok(1), Ok(2)]);
-        }
-    }
-
-    #[test]
-    fn a_sequence_ends_with_its_first_error() {
-        let mut renderer = Renderer::open(Device::Cpu).unwrap();
-        let mut refused = |scene: &Scene, memory: u64, what: &str| {
-            let options = RenderOptions { memory, ..RenderOptions::default() };
-            let frames = numbers(&mut renderer, scene, &options);
-            assert!(matches!(&frames[..], [Err(error)] if error.contains(what)), "{frames:?}");
-        };
-        refused(&scene(), 1, "RenderOptions::memory");
-        let mut ideal = Object::new(crate::model::Surfels::default());
-        ideal.sphere = Some(Sphere { radius: 1.0, colour: glam::Vec3::ONE });
-        refused(&Scene::new([ideal]), 1 << 30, "ideal sphere");
-        assert_eq!(numbers(&mut renderer, &scene(), &RenderOptions::default()).len(), 3);
-    }
-}
+mod tests;

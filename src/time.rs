@@ -2,6 +2,10 @@
 //!
 //! Times inside the shutter are t in [0, 1]; frames are `f64`.
 
+mod frame_number;
+
+pub use self::frame_number::FrameNumber;
+
 /// Time weight a(t) over the shutter, each normalised to integral 1 (thesis 3.1; formulas in docs/math.md).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Weight {

@@ -105,6 +105,6 @@ pub fn reference(scene: &Scene, frame: i64, filter: PixelFilter) -> Picture {
     let options =
         ReferenceOptions { samples: SAMPLES, filter, shading: Shading::Gouraud, ..ReferenceOptions::default() };
     let made = reference::render(scene, frame, &options, None, &|_| ()).expect("a reference");
-    image::write(&path, &made.picture, Format::Exr, "").expect("room for a reference");
+    image::write(&path, &made.picture, Format::EXR, "").expect("room for a reference");
     made.picture
 }

@@ -14,13 +14,14 @@ use crate::options::{Interleave, PixelFilter, RenderOptions};
 use crate::plan::{Exposure, Group, PositionExposure, RasterExposure, TimeSample};
 use crate::sampling::pixel_offsets;
 use crate::scene::Scene;
+use crate::time::FrameNumber;
 
 /// The time samples that one round of a frame adds. Each stratum of the frame is divided by `level * factor`; the round
 /// samples those that a coarser round, which divided them by `level`, has not sampled. With `factor` 1 it samples all.
 #[derive(Clone, Copy)]
 pub(super) struct Round<'a> {
     pub scene: &'a Scene,
-    pub number: i64,
+    pub number: FrameNumber,
     pub options: &'a RenderOptions,
     pub interleave: Interleave,
     pub strata: &'a Strata,
@@ -79,7 +80,7 @@ impl Round<'_> {
         for (index, (t, weight)) in fresh {
             let place = position_of(index as usize, offsets.len());
             let weight = if total > 0.0 { weight / total } else { 0.0 };
-            let sample = TimeSample { time: scene.shutter.frame_time(number as f64, t), weight };
+            let sample = TimeSample { time: scene.shutter.frame_time(number.get(), t), weight };
             let position = || PositionExposure { offset: offsets[place], groups: Vec::new() };
             positions.entry(place).or_insert_with(position).groups.push(Group { samples: vec![sample], sweep: None });
         }
@@ -269,10 +270,10 @@ mod tests {
             (Interleave::Two, Weight::Exponential { rate: 3.0, centre: 0.2 }),
         ] {
             let scene = scene(weight);
-            let strata = Strata::new(&scene, 0, 12, 256);
+            let strata = Strata::new(&scene, 0.into(), 12, 256);
             let round = |level, factor| Round {
                 scene: &scene,
-                number: 0,
+                number: 0.into(),
                 options: &options,
                 interleave,
                 strata: &strata,

@@ -19,6 +19,7 @@ use crate::film::{Aov, Layer};
 use crate::frame::{Blocks, STATIC_PATH};
 use crate::options::{ErrorTarget, Interleave, PixelFilter, RenderOptions};
 use crate::scene::Scene;
+use crate::time::FrameNumber;
 
 /// Time samples of a pixel in the first round. They are even, so that both half buffers have equally many.
 const FIRST: [u32; 6] = [4, 6, 8, 12, 16, 24];
@@ -48,7 +49,7 @@ const FLIP: f64 = 0.028;
 pub fn render(
     backend: &mut dyn Backend,
     scene: &Scene,
-    number: i64,
+    number: FrameNumber,
     options: &RenderOptions,
     target: ErrorTarget,
 ) -> Result<Rendered, BackendError> {

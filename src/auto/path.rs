@@ -5,6 +5,7 @@ use glam::{DMat4, DVec2, DVec3};
 use crate::math::focal_length;
 use crate::scene::pose::{camera_from_world, object_pose};
 use crate::scene::{Object, Scene};
+use crate::time::FrameNumber;
 
 /// Most surfels of an object whose paths are measured.
 const MEASURED: usize = 4096;
@@ -13,18 +14,18 @@ const INTERVALS: u32 = 16;
 
 /// Length of the longest path of a surfel over the image during the exposure of frame `number`, pixels. Parts of a path
 /// outside the image do not count, nor do those on which its object is hidden.
-pub(super) fn longest(scene: &Scene, number: i64) -> f64 {
+pub(super) fn longest(scene: &Scene, number: FrameNumber) -> f64 {
     scene.objects.iter().map(|object| of_object(scene, object, number)).fold(0.0, f64::max)
 }
 
-fn of_object(scene: &Scene, object: &Object, number: i64) -> f64 {
+fn of_object(scene: &Scene, object: &Object, number: FrameNumber) -> f64 {
     if !object.blur {
         return 0.0;
     }
     let [width, height] = [scene.image.width, scene.image.height].map(f64::from);
     let focal = focal_length(height, scene.camera.fovy);
     let poses = (0..=INTERVALS).map(|i| {
-        let time = scene.shutter.frame_time(number as f64, f64::from(i) / f64::from(INTERVALS));
+        let time = scene.shutter.frame_time(number.get(), f64::from(i) / f64::from(INTERVALS));
         let pose = object_pose(scene, object, time);
         pose.visible.then(|| camera_from_world(scene, time) * pose.world_from_model)
     });

@@ -6,7 +6,7 @@
 
 use crate::scene::Scene;
 use crate::scene::pose::jumps;
-use crate::time::Shutter;
+use crate::time::{FrameNumber, Shutter};
 
 /// A part with a smaller share of the exposure is joined to its neighbour.
 const LEAST_SHARE: f64 = 1e-6;
@@ -28,9 +28,9 @@ impl Strata {
     /// About `samples` strata for frame `number`: parts take them by their share of the exposure, and each has at least
     /// two. No more than `most` (at least 4) are made: where parts are too many, the shortest are joined to a
     /// neighbour.
-    pub(super) fn new(scene: &Scene, number: i64, samples: u32, most: u32) -> Self {
+    pub(super) fn new(scene: &Scene, number: FrameNumber, samples: u32, most: u32) -> Self {
         let shutter = &scene.shutter;
-        let at = |t: f64| shutter.frame_time(number as f64, t);
+        let at = |t: f64| shutter.frame_time(number.get(), t);
         let [open, close] = [at(0.0), at(1.0)];
         let share = |time: f64| shutter.weight.integral(0.0, ((time - open) / (close - open)).clamp(0.0, 1.0));
         let mut cuts: Vec<f64> = jumps(scene, open, close).into_iter().map(share).collect();

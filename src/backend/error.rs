@@ -1,6 +1,7 @@
 //! Why a backend could not render.
 
 use crate::frame::Frame;
+use crate::time::FrameNumber;
 
 /// Why a backend could not render.
 #[derive(Debug, thiserror::Error)]
@@ -11,6 +12,12 @@ pub enum BackendError {
     Sphere {
         /// Name of the object.
         object: String,
+    },
+    /// The number of the frame is infinite or NaN.
+    #[error("there is no frame {frame}; a finite number is needed")]
+    Frame {
+        /// What was asked for.
+        frame: FrameNumber,
     },
     /// The frame does not fit into `RenderOptions::memory`.
     #[error(

@@ -5,14 +5,18 @@ pub mod cpu;
 mod error;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+mod meter;
 #[cfg(all(test, feature = "gpu"))]
 mod parity;
 mod stats;
+
+use std::sync::Arc;
 
 use crate::film::Picture;
 use crate::frame::Frame;
 
 pub use self::error::BackendError;
+pub use self::meter::{Meter, Reading};
 pub use self::stats::{Achieved, Rendered, Stats};
 
 /// What executes plans. It knows the steps of a frame, and nothing about blur modes, scenes or files.
@@ -39,6 +43,9 @@ pub trait Backend: Send {
 
     /// Takes back a picture that is no longer needed, so that a later one can have its memory.
     fn recycle(&mut self, _picture: Picture) {}
+
+    /// Counts its steps on `meter` from now on, where it can tell them apart.
+    fn watch(&mut self, _meter: Arc<Meter>) {}
 
     /// Executes a frame's plan, with no other under way.
     ///

@@ -1,6 +1,7 @@
 //! What commands share that read a scene and make pictures of it: groups of options, and what happens before the first
 //! frame.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -9,16 +10,19 @@ use clap::Args;
 use glam::DVec3;
 use splatblur::files;
 use splatblur::film::Aov;
-use splatblur::image::{Bits, Format};
+use splatblur::image::{Bits, Compression, Exr, Format, Precision};
+use splatblur::model::{self, ModelError};
 use splatblur::options::{self, PixelFilter, Prefilter, Shading};
-use splatblur::scene::Scene;
+use splatblur::scene::{Camera, Scene};
 use splatblur::scene_file::{self, Loaded};
 use splatblur::time::Weight;
 
+use super::frames::{self, Frames};
+use super::info::{self, Kind};
 use super::memory;
 use super::output::say;
 use super::progress::Loading;
-use super::values::{self, Frames};
+use super::values;
 
 /// The grammar of modes, for long helps.
 pub(super) const MODES: &str = "\
@@ -195,7 +199,16 @@ impl Running {
         let progress = Loading::new(self.quiet);
         let step = |what: &str, share: f32| progress.step(what, share);
         let options = scene_file::LoadOptions { lenient: self.lenient, restrict, progress: Some(&step) };
-        let mut loaded = pool.install(|| scene_file::load(path, &options))?;
+        let head = info::head(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let kind = info::kind(&head, path);
+        let mut loaded = match kind {
+            Kind::Scene => pool.install(|| scene_file::load(path, &options))?,
+            Kind::Model => pool.install(|| scene_file::load_model(path, &step)).map_err(explained)?,
+            Kind::Animation => {
+                bail!("{} is an animation: name it in the <animation> of a scene, and render that", path.display())
+            }
+            Kind::Image => bail!("{} is a picture, neither a scene nor a model", path.display()),
+        };
         drop(progress);
         if !self.quiet {
             for note in &loaded.notes {
@@ -203,36 +216,69 @@ impl Running {
             }
         }
         overrides.apply(&mut loaded.scene);
+        if kind == Kind::Model {
+            // It depends on the shape of the image.
+            loaded.scene.camera = Camera::automatic(&loaded.scene);
+            let camera = scene_file::camera_line(&loaded.scene.camera);
+            let note = format!("{} is a model: took a scene of it alone, seen by {camera}", path.display());
+            if !self.quiet {
+                say(&format!("note: {note}"));
+            }
+            loaded.notes.push(note);
+        }
         Ok(loaded)
+    }
+}
+
+/// A file of unknown content may have been meant as a scene.
+fn explained(error: ModelError) -> anyhow::Error {
+    match error {
+        ModelError::UnknownFormat { path } => anyhow::anyhow!(
+            "{} is neither a scene (XML) nor a model of a known format ({})",
+            path.display(),
+            model::Format::KNOWN
+        ),
+        other => other.into(),
     }
 }
 
 /// The scene, and the files to make of it.
 #[derive(Debug, Args)]
 pub(super) struct Images {
-    /// Scene file (XML).
+    /// Scene file (XML), or a model file: then the scene is this model alone, on 1024x768 pixels, before black, lit
+    /// from the upper right front, seen by a camera that looks along -z and finds its place by itself.
     pub(super) scene: PathBuf,
 
     /// Directory of the images; made if missing [default: out/<scene>].
     #[arg(long, value_name = "DIR", help_heading = "Output")]
     pub(super) out: Option<PathBuf>,
-    /// Frames, inclusive: A..B, A-B or one; negative ones with `..` only, as in -5..-2 [default: the scene's].
     #[arg(
         long,
-        value_name = "A..B",
+        value_name = "LIST",
         allow_hyphen_values = true,
-        value_parser = values::frames,
+        value_parser = frames::frames,
+        help = frames::HELP,
         help_heading = "Output"
     )]
     frames: Option<Frames>,
-    /// File format: PNG is sRGB with straight alpha; EXR is float, linear, premultiplied.
+    /// File format: PNG is sRGB with straight alpha; EXR is linear, premultiplied, float or half.
     #[arg(long, value_parser = ["png", "exr"], default_value = "png", help_heading = "Output")]
     format: String,
-    /// Bits of a PNG channel [default: 8].
-    #[arg(long, value_name = "BITS", value_parser = values::bits(), help_heading = "Output")]
-    bits: Option<Bits>,
-    /// Extra layers, EXR only: alpha, depth, normal, velocity, samples; several with commas.
-    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "Output")]
+    /// Bits of a channel: PNG 8 or 16; EXR 16 (half: colours and layers with 11 significant bits, but depth and samples
+    /// in float) or 32 (float) [default: PNG 8, EXR 32].
+    #[arg(long, value_name = "BITS", value_parser = ["8", "16", "32"], help_heading = "Output")]
+    bits: Option<String>,
+    /// Compression of EXR files; all keep every value: none, rle, zips (deflate, each row), zip (16 rows), piz
+    /// (wavelets, 32 rows) [default: zip].
+    #[arg(long, value_name = "METHOD", value_parser = values::compression(), help_heading = "Output")]
+    compression: Option<Compression>,
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        help = aov_help(&Aov::LAYERS),
+        help_heading = "Output"
+    )]
     aov: Vec<Aov>,
     /// Leave the background out and keep alpha.
     #[arg(long, conflicts_with = "background", help_heading = "Output")]
@@ -251,12 +297,37 @@ impl Images {
     /// What the options on files ask for; what the format cannot hold is refused.
     fn format(&self) -> anyhow::Result<Format> {
         match &*self.format {
-            "exr" if self.bits.is_some() => bail!("--bits is for --format png: EXR is always 32-bit float"),
-            "exr" => Ok(Format::Exr),
+            "exr" => {
+                let precision = match self.bits.as_deref() {
+                    Some("8") => bail!("--bits 8 is for --format png: EXR has 16 or 32 bits"),
+                    Some("16") => Precision::Half,
+                    _ => Precision::Float,
+                };
+                Ok(Format::Exr(Exr { precision, compression: self.compression.unwrap_or_default() }))
+            }
             _ if !self.aov.is_empty() => bail!("--aov needs --format exr: PNG holds colour and alpha only"),
-            _ => Ok(Format::Png { bits: self.bits.unwrap_or_default(), alpha: self.transparent }),
+            _ if self.compression.is_some() => bail!("--compression is for --format exr: PNG has one of its own"),
+            _ => {
+                let bits = match self.bits.as_deref() {
+                    Some("32") => bail!("--bits 32 is for --format exr: PNG has 8 or 16 bits"),
+                    Some("16") => Bits::Sixteen,
+                    _ => Bits::Eight,
+                };
+                Ok(Format::Png { bits, alpha: self.transparent })
+            }
         }
     }
+}
+
+/// Help of `--aov`, with what each layer holds.
+pub(super) fn aov_help(aovs: &[Aov]) -> String {
+    let mut text =
+        "Extra layers, EXR only, several with commas. Headers of files say the same (attribute `layers`):".to_owned();
+    for aov in aovs {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "\n{}: {}", aov.name(), aov.meaning());
+    }
+    text
 }
 
 /// A scene that is ready for its first frame.
@@ -282,22 +353,28 @@ impl Ready {
         scene.image.transparent |= images.transparent;
         let format = match format {
             Format::Png { bits, .. } => Format::Png { bits, alpha: scene.image.transparent },
-            Format::Exr => Format::Exr,
+            exr @ Format::Exr(_) => exr,
         };
-        let frames = frames_of(images.frames, &scene)?;
+        let frames = frames_of(images.frames.as_ref(), &scene)?;
         Ok(Self { scene, notes, frames, format })
     }
 }
 
 /// The frames that are asked for, else the scene's.
-pub(super) fn frames_of(asked: Option<Frames>, scene: &Scene) -> anyhow::Result<Frames> {
-    let of_scene = Frames { first: scene.frames.first, last: scene.frames.last };
-    let frames = asked.map_or_else(|| values::check_range(of_scene), Ok);
+pub(super) fn frames_of(asked: Option<&Frames>, scene: &Scene) -> anyhow::Result<Frames> {
+    let of_scene = || Frames::range(scene.frames.first, scene.frames.last);
+    let frames = asked.map_or_else(of_scene, |asked| Ok(asked.clone()));
     frames.map_err(anyhow::Error::msg).context("frames of the scene")
 }
 
 /// Makes the output directory, and finds out now, not after the first frame, whether files can be written there.
 pub(super) fn open_directory(directory: &Path) -> anyhow::Result<()> {
+    if directory.exists() && !directory.is_dir() {
+        bail!(
+            "cannot write into the output directory {}: it is a file; name a directory, which is made if missing",
+            directory.display()
+        );
+    }
     let context = || format!("cannot write into the output directory {}", directory.display());
     std::fs::create_dir_all(directory).with_context(context)?;
     files::check_writable(directory).with_context(context)

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use clap::Args;
 use serde_json::{Value, json};
+use splatblur::FrameNumber;
 use splatblur::compare::{
     self, AlphaErrors, Comparison, Limit, Metric, Over, Shown, Worst, flip, number, pairs, ssim, values,
 };
@@ -66,7 +67,7 @@ pub(super) struct Compare {
 
 /// A compared pair.
 struct Pair {
-    frame: Option<i64>,
+    frame: Option<FrameNumber>,
     a: PathBuf,
     b: PathBuf,
     size: (u32, u32),

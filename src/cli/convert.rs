@@ -6,6 +6,7 @@ use anyhow::bail;
 use clap::Args;
 use splatblur::model;
 
+use super::info::{self, Kind};
 use super::output::{print, say};
 use super::progress::Loading;
 use super::values;
@@ -49,6 +50,9 @@ impl Convert {
         }
         if !self.force && self.output.symlink_metadata().is_ok() {
             bail!("{} exists already (--force replaces it)", self.output.display());
+        }
+        if info::head(&self.input).is_ok_and(|head| info::kind(&head, &self.input) == Kind::Scene) {
+            bail!("{} is a scene; convert takes a model, such as one that it names", self.input.display());
         }
         let options = model::LoadOptions { radius_scale: self.radius_scale, colour_space: self.colour_space };
         let progress = Loading::new(self.quiet);

@@ -8,6 +8,7 @@ mod backend;
 mod common;
 mod compare;
 mod convert;
+mod frames;
 mod generate;
 mod info;
 mod memory;
@@ -16,7 +17,9 @@ mod progress;
 mod reference;
 mod render;
 mod report;
+mod selection;
 mod sheet;
+mod shell;
 mod study;
 mod values;
 mod words;
@@ -25,7 +28,7 @@ use std::io;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 
 /// Status of a comparison that is over its limit.
 const OVER: u8 = 1;
@@ -63,6 +66,8 @@ enum Command {
     Info(info::Info),
     Convert(convert::Convert),
     Generate(generate::Generate),
+    Completions(shell::Completions),
+    Man(shell::Manual),
 }
 
 /// Runs the program.
@@ -71,6 +76,10 @@ pub(super) fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return refuse(&error),
     };
+    // These open devices.
+    if matches!(cli.command, Command::Render(_) | Command::Sheet(_) | Command::Report(_) | Command::Info(_)) {
+        selection::leave_out();
+    }
     let done = match &cli.command {
         Command::Render(render) => render.run().map(|()| ExitCode::SUCCESS),
         Command::Reference(reference) => reference.run().map(|()| ExitCode::SUCCESS),
@@ -80,6 +89,8 @@ pub(super) fn main() -> ExitCode {
         Command::Info(info) => info.run().map(|()| ExitCode::SUCCESS),
         Command::Convert(convert) => convert.run().map(|()| ExitCode::SUCCESS),
         Command::Generate(generate) => generate.run().map(|()| ExitCode::SUCCESS),
+        Command::Completions(completions) => completions.run(Cli::command()).map(|()| ExitCode::SUCCESS),
+        Command::Man(manual) => manual.run(Cli::command()).map(|()| ExitCode::SUCCESS),
     };
     match done {
         Ok(code) => code,
@@ -113,8 +124,6 @@ fn one_line(message: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     use super::*;
 
     #[test]

@@ -1,8 +1,12 @@
 //! Progress on a terminal; nothing in a pipe.
 
-use std::time::Duration;
+use std::fmt::Write as _;
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::thread;
+use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use splatblur::backend::{Meter, Reading};
 use splatblur::study::Progress;
 
 /// Steps of a bar that shows a share.
@@ -41,30 +45,94 @@ impl Drop for Loading {
     }
 }
 
-/// Frames finished, and the time left.
-pub(super) struct Rendering(ProgressBar);
+/// How far a run is. Counted in frames; a frame that is under way counts in part.
+#[derive(Clone, Copy, Debug, Default)]
+struct Frames {
+    all: u64,
+    rendered: u64,
+    /// They take no time, so that they say nothing about the time left.
+    skipped: u64,
+}
+
+impl Frames {
+    /// The line below the bar, apart from the times. `reading`: of the frame under way.
+    fn text(self, several_renderings: bool, reading: Reading) -> String {
+        let finished = self.rendered + self.skipped;
+        let mut text = format!("{finished}/{} frames", self.all);
+        if reading.renderings > 0 && finished < self.all {
+            let part = if several_renderings { format!("rendering {}", reading.renderings) } else { "this".to_owned() };
+            // Writing to a string cannot fail.
+            let _ = write!(text, ", {part} {:.0}%", 100.0 * reading.share);
+        }
+        text
+    }
+
+    /// The time left after `gone`, from the frames and the share of a frame that it took; `None` before there is
+    /// anything to go by.
+    fn left(self, gone: Duration, share: f64) -> Option<Duration> {
+        let done = self.rendered as f64 + share;
+        let rest = (self.all - self.skipped) as f64 - done;
+        (done >= LEAST_SHARE).then(|| gone.mul_f64((rest / done).max(0.0)))
+    }
+}
+
+/// Share of a frame below which it says nothing about the time left.
+const LEAST_SHARE: f64 = 0.05;
+/// Time between two looks at the meter.
+const LOOK: Duration = Duration::from_millis(250);
+
+/// Frames finished, how far the one under way is, and the time left.
+pub(super) struct Rendering {
+    frames: Arc<Mutex<Frames>>,
+    meter: Arc<Meter>,
+    /// Dropped, it ends the thread that draws; `None` where nothing is drawn.
+    drawing: Option<(mpsc::Sender<()>, thread::JoinHandle<()>)>,
+}
 
 impl Rendering {
-    pub(super) fn new(frames: u64, quiet: bool) -> Self {
-        let bar = bar(frames, "[{wide_bar}] {pos}/{len} frames, {elapsed} gone, {eta} left", quiet);
-        if !bar.is_hidden() {
-            bar.enable_steady_tick(Duration::from_millis(500));
-        }
-        Self(bar)
+    /// `meter`: of the frame under way. `several_renderings`: a frame takes nobody knows how many, as in mode auto, so
+    /// that its share says nothing about the time left.
+    pub(super) fn new(all: u64, meter: Arc<Meter>, several_renderings: bool, quiet: bool) -> Self {
+        let frames = Arc::new(Mutex::new(Frames { all, ..Frames::default() }));
+        let bar = bar(all * STEPS, "[{wide_bar}] {msg}", quiet);
+        let drawing = (!bar.is_hidden()).then(|| {
+            let (stop, stopped) = mpsc::channel();
+            let (frames, meter, start) = (Arc::clone(&frames), Arc::clone(&meter), Instant::now());
+            let draw = move || {
+                while stopped.recv_timeout(LOOK) == Err(mpsc::RecvTimeoutError::Timeout) {
+                    let frames = *frames.lock().unwrap_or_else(PoisonError::into_inner);
+                    let (reading, gone) = (meter.read(), start.elapsed());
+                    let share = if several_renderings { 0.0 } else { reading.share };
+                    let left = frames.left(gone, share).map_or_else(
+                        || "time left not known yet".to_owned(),
+                        |left| format!("{} left", HumanDuration(Duration::from_secs(left.as_secs()))),
+                    );
+                    let text = frames.text(several_renderings, reading);
+                    bar.set_message(format!("{text}, {} s gone, {left}", gone.as_secs()));
+                    let finished = (frames.rendered + frames.skipped) as f64 + share;
+                    bar.set_position((finished * STEPS as f64) as u64);
+                }
+                bar.finish_and_clear();
+            };
+            (stop, thread::spawn(draw))
+        });
+        Self { frames, meter, drawing }
     }
 
     pub(super) fn finished(&self, skipped: bool) {
-        self.0.inc(1);
-        if skipped {
-            // A skipped frame takes no time, so that it says nothing about the time left.
-            self.0.reset_eta();
-        }
+        let mut frames = self.frames.lock().unwrap_or_else(PoisonError::into_inner);
+        *(if skipped { &mut frames.skipped } else { &mut frames.rendered }) += 1;
+        self.meter.reset();
     }
 }
 
 impl Drop for Rendering {
     fn drop(&mut self) {
-        self.0.finish_and_clear();
+        if let Some((stop, drawing)) = self.drawing.take() {
+            drop(stop);
+            // A panic while drawing is no reason for another.
+            let _ = drawing.join();
+        }
     }
 }
 
@@ -100,5 +168,37 @@ impl Steps {
 impl Drop for Steps {
     fn drop(&mut self) {
         self.0.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_follows_frames_and_shares() {
+        let seconds = |frames: Frames, gone: u64, share: f64| {
+            frames.left(Duration::from_secs(gone), share).map(|left| left.as_secs_f64())
+        };
+        let frames = |all, rendered, skipped| Frames { all, rendered, skipped };
+        // Nothing to go by.
+        assert_eq!(seconds(frames(10, 0, 0), 100, 0.0), None);
+        assert_eq!(seconds(frames(10, 0, 4), 100, 0.01), None);
+        // A quarter of the only frame.
+        assert_eq!(seconds(frames(1, 0, 0), 10, 0.25), Some(30.0));
+        // Two and a half of ten frames in 50 s; of five in the same time, where five were skipped.
+        assert_eq!(seconds(frames(10, 2, 0), 50, 0.5), Some(150.0));
+        assert_eq!(seconds(frames(10, 2, 5), 50, 0.5), Some(50.0));
+        assert_eq!(seconds(frames(3, 3, 0), 50, 0.0), Some(0.0));
+    }
+
+    #[test]
+    fn the_line_says_how_far_the_frame_is() {
+        let frames = Frames { all: 48, rendered: 2, skipped: 1 };
+        let reading = Reading { renderings: 2, share: 0.4 };
+        assert_eq!(frames.text(false, reading), "3/48 frames, this 40%");
+        assert_eq!(frames.text(true, reading), "3/48 frames, rendering 2 40%");
+        assert_eq!(frames.text(false, Reading::default()), "3/48 frames");
+        assert_eq!(Frames { all: 3, rendered: 3, skipped: 0 }.text(false, reading), "3/3 frames");
     }
 }

@@ -7,14 +7,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 use anyhow::{Context as _, bail};
 use clap::Args;
 use serde::Serialize;
+use splatblur::FrameNumber;
 use splatblur::files;
 use splatblur::film::Aov;
 use splatblur::image::{self, Format};
-use splatblur::reference::{self, ReferenceError, ReferenceOptions, SCRAMBLINGS, Sampler, Stats, Sums};
+use splatblur::reference::{self, MOST_SAMPLES, ReferenceError, ReferenceOptions, SCRAMBLINGS, Sampler, Stats, Sums};
 use splatblur::scene::Scene;
 use splatblur::study::provenance::{PROGRAM, Provenance};
 
-use super::common::{Images, Overrides, Ready, Running, Sampling, Surfaces, open_directory, stop_on_interrupt};
+use super::common::{
+    Images, Overrides, Ready, Running, Sampling, Surfaces, aov_help, open_directory, stop_on_interrupt,
+};
 use super::output::{print, print_json, say};
 use super::progress::Loading;
 use super::render::file_name;
@@ -43,6 +46,7 @@ pixels), mean_error, surfels, hierarchy_bytes, build_seconds, trace_seconds}], n
 #[command(mut_arg("format", |arg| {
     arg.default_value("exr").help("File format; PNG has neither errors nor other layers")
 }))]
+#[command(mut_arg("aov", |arg| arg.help(aov_help_of_reference())))]
 pub(super) struct Reference {
     #[command(flatten)]
     images: Images,
@@ -67,7 +71,14 @@ pub(super) struct Reference {
     sample: Option<u64>,
 
     /// Samples a pixel, a multiple of 16; with --error, the most.
-    #[arg(long, value_name = "SPP", default_value_t = 1024, allow_hyphen_values = true, help_heading = "Sampling")]
+    #[arg(
+        long,
+        value_name = "SPP",
+        default_value_t = 1024,
+        allow_hyphen_values = true,
+        value_parser = samples,
+        help_heading = "Sampling"
+    )]
     samples: u64,
     /// Stop after the round of 256 samples in which the mean standard error falls below this.
     #[arg(
@@ -107,6 +118,17 @@ pub(super) struct Reference {
     running: Running,
 }
 
+/// The error is no choice here.
+fn aov_help_of_reference() -> String {
+    format!("{}\nA reference always has the layer `error`: {}.", aov_help(&Aov::ALL), Aov::Error.meaning())
+}
+
+/// Samples of a pixel; the library says which it can take.
+fn samples(text: &str) -> Result<u64, String> {
+    let expected = |_| format!("expected a multiple of {SCRAMBLINGS} of at most {MOST_SAMPLES}, as in 4096");
+    text.trim().parse().map_err(expected)
+}
+
 /// `X,Y`.
 fn pixel(text: &str) -> Result<[u32; 2], String> {
     let expected = || "expected column and row of a pixel, as in 320,200".to_owned();
@@ -126,7 +148,7 @@ struct Report<'a> {
 
 #[derive(Serialize)]
 struct FrameReport {
-    frame: i64,
+    frame: FrameNumber,
     path: PathBuf,
     samples: u64,
     traced: u64,
@@ -143,7 +165,7 @@ impl Reference {
         let pool = self.running.pool()?;
         let Ready { scene, notes, frames, format } = Ready::new(&self.images, &self.overrides, &self.running, &pool)?;
         if let Some(pixel) = self.pixel {
-            let probe = pool.install(|| reference::probe(&scene, frames.first, &options, pixel, self.sample))?;
+            let probe = pool.install(|| reference::probe(&scene, frames.first(), &options, pixel, self.sample))?;
             return print(&probe.to_string());
         }
         let directory =
@@ -155,7 +177,7 @@ impl Reference {
         let output =
             Output { scene: &scene, provenance, options: &options, format, directory: &directory, gate: &gate };
         let mut reports = Vec::new();
-        for frame in frames.first..=frames.last {
+        for &frame in frames.all() {
             let report = pool.install(|| self.frame(&output, frame)).with_context(|| format!("frame {frame}"))?;
             if !self.running.quiet && !self.images.json {
                 print(&summary(&report))?;
@@ -169,7 +191,7 @@ impl Reference {
         Ok(())
     }
 
-    fn frame(&self, output: &Output<'_>, frame: i64) -> anyhow::Result<FrameReport> {
+    fn frame(&self, output: &Output<'_>, frame: FrameNumber) -> anyhow::Result<FrameReport> {
         let path = output.directory.join(file_name(&output.scene.name, frame, output.format));
         let sums_path = path.with_extension("ref");
         let kind = output.settings(frame, SCRAMBLINGS as u64)?;
@@ -183,7 +205,7 @@ impl Reference {
         drop(progress);
         let settings = output.settings(frame, made.stats.samples)?;
         let mut picture = made.picture;
-        if output.format != Format::Exr {
+        if !matches!(output.format, Format::Exr(_)) {
             picture.layers.clear();
         }
         let _held = output.gate.lock().unwrap_or_else(PoisonError::into_inner);
@@ -267,7 +289,7 @@ struct Output<'a> {
 impl Output<'_> {
     /// The text that a frame's file carries. With a fixed number of samples it says whether partial sums are of the
     /// same kind.
-    fn settings(&self, frame: i64, samples: u64) -> anyhow::Result<String> {
+    fn settings(&self, frame: FrameNumber, samples: u64) -> anyhow::Result<String> {
         Ok(self.provenance.traced(self.options, samples, self.format)?.of_frame(frame)?)
     }
 }

@@ -10,10 +10,10 @@ use splatblur::compare::Limit;
 use splatblur::study::{self, BackendKind, Contestant, Entry, Experiment, Store};
 
 use super::common::{frames_of, open_directory, stop_on_interrupt};
+use super::frames::{self, Frames};
 use super::output::{is_closed_pipe, print, say};
 use super::progress::Steps;
 use super::study::{Common, Loaded, MODES};
-use super::values::{self, Frames};
 
 /// Measure modes against the ray-traced reference: an HTML page, JSON and CSV.
 ///
@@ -36,15 +36,15 @@ z_pass (share of values that the standard error of the reference explains), regi
 
 Exit status: 0 within the limits (or none given), 1 over a limit, 2 error, 130 interrupted.", *MODES))]
 pub(super) struct Report {
-    /// Scene file (XML).
+    /// Scene file (XML), or a model file, as in `splatblur render`.
     scene: PathBuf,
 
-    /// Frames, inclusive: A..B, A-B or one; negative ones with `..` only, as in -5..-2 [default: the scene's].
     #[arg(
         long,
-        value_name = "A..B",
+        value_name = "LIST",
         allow_hyphen_values = true,
-        value_parser = values::frames,
+        value_parser = frames::frames,
+        help = frames::HELP,
         help_heading = "Report"
     )]
     frames: Option<Frames>,
@@ -97,9 +97,9 @@ impl Report {
         let contestants = Contestant::of(&self.modes, &self.backends).context("--modes")?;
         Limit::check_unique(&self.limit).context("--limit")?;
         let Loaded { mut trial, notes, pool } = self.common.load(&self.scene)?;
-        let Frames { first, last } = frames_of(self.frames, trial.scene())?;
+        let frames = frames_of(self.frames.as_ref(), trial.scene())?.all().to_vec();
         let (reference, repeats, limits) = (self.reference, self.repeats, self.limit.clone());
-        let experiment = Experiment { contestants, frames: first..=last, reference, repeats, limits };
+        let experiment = Experiment { contestants, frames, reference, repeats, limits };
         experiment.check(&trial)?;
         open_directory(&self.out)?;
         let gate = Arc::new(Mutex::new(()));

@@ -4,11 +4,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use clap::Args;
+use splatblur::FrameNumber;
 use splatblur::files;
 use splatblur::study::sheet::{self, Crop, Layout};
 use splatblur::study::{self, Entry, LineUp, Part, Shots};
 
 use super::common::open_directory;
+use super::frames;
 use super::output::{print, say};
 use super::progress::Steps;
 use super::study::{Common, Loaded, MODES};
@@ -31,12 +33,12 @@ Examples:
 
 Errors: FLIP at 67.02 pixels per degree, RMSE in linear light (see `splatblur help compare`).", *MODES))]
 pub(super) struct Sheet {
-    /// Scene file (XML).
+    /// Scene file (XML), or a model file, as in `splatblur render`.
     scene: PathBuf,
 
     /// Frame to show.
-    #[arg(long, value_name = "F", allow_hyphen_values = true, value_parser = frame, help_heading = "Sheet")]
-    frame: i64,
+    #[arg(long, value_name = "F", allow_hyphen_values = true, value_parser = frames::frame, help_heading = "Sheet")]
+    frame: FrameNumber,
     /// Modes, several with commas.
     #[arg(long, value_name = "MODES", value_parser = study::entries, help_heading = "Sheet")]
     modes: EntryList,
@@ -77,13 +79,6 @@ pub(super) struct Sheet {
 
 /// For clap, which takes a bare vector for a repeated option.
 type EntryList = std::vec::Vec<Entry>;
-
-/// One frame number.
-fn frame(text: &str) -> Result<i64, String> {
-    // A range would take a single negative frame only with dots.
-    let number = text.trim();
-    values::frames(&format!("{number}..{number}")).map(|frames| frames.first)
-}
 
 fn crop(text: &str) -> Result<Part, String> {
     let expected = || "expected X,Y,WxH or WxH, as in 200,120,64x48".to_owned();
@@ -171,9 +166,9 @@ mod tests {
         for text in ["", "1,2", "1,2,3", "-1,2,3x4", "1,2,0x4", "1,2,3x4,5", "99999999999,0,1x1"] {
             assert!(crop(text).unwrap_err().contains("X,Y,WxH"), "{text}");
         }
-        assert_eq!((frame("12"), frame("-5")), (Ok(12), Ok(-5)));
+        assert_eq!((frames::frame("12"), frames::frame("-5.5")), (Ok(12.into()), Ok((-5.5).into())));
         for text in ["", "1..2", "x", "9999999999999"] {
-            assert!(frame(text).is_err(), "{text}");
+            assert!(frames::frame(text).is_err(), "{text}");
         }
         assert!(png("a.PNG").is_ok() && png("a.gif").is_err() && png("png").is_err());
     }

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::time::FrameNumber;
+
 /// Why pictures cannot be put together in pairs.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -14,7 +16,7 @@ pub enum PairError {
         /// The name of the sequence.
         path: PathBuf,
         /// The frame.
-        frame: i64,
+        frame: FrameNumber,
     },
     /// One picture and a sequence.
     #[error("{} is one picture, {} a sequence: nothing to pair", one.display(), sequence.display())]
@@ -50,7 +52,7 @@ pub enum PairError {
     #[error("frame {frame} is there twice: {} and {}", first.display(), second.display())]
     Twice {
         /// The frame.
-        frame: i64,
+        frame: FrameNumber,
         /// A file.
         first: PathBuf,
         /// Another file.
@@ -70,7 +72,7 @@ pub enum PairError {
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Pictures {
     One(PathBuf),
-    Sequence(BTreeMap<i64, PathBuf>),
+    Sequence(BTreeMap<FrameNumber, PathBuf>),
 }
 
 impl Pictures {
@@ -93,7 +95,7 @@ impl Pictures {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Pair {
     /// Frame number; `None` of single pictures.
-    pub frame: Option<i64>,
+    pub frame: Option<FrameNumber>,
     /// File of the first name.
     pub a: PathBuf,
     /// File of the second name.
@@ -106,7 +108,7 @@ pub struct Pair {
 /// # Errors
 /// The two do not have the same frames, or a name is none of these.
 pub fn pairs(a: &Path, b: &Path) -> Result<Vec<Pair>, PairError> {
-    let lacks = |path: &Path, frame: i64| PairError::Lacks { path: path.to_owned(), frame };
+    let lacks = |path: &Path, frame: FrameNumber| PairError::Lacks { path: path.to_owned(), frame };
     let unlike = |one: &Path, sequence: &Path| PairError::Unlike { one: one.to_owned(), sequence: sequence.to_owned() };
     match (Pictures::find(a)?, Pictures::find(b)?) {
         (Pictures::One(a), Pictures::One(b)) => Ok(vec![Pair { frame: None, a, b }]),
@@ -128,15 +130,14 @@ pub fn pairs(a: &Path, b: &Path) -> Result<Vec<Pair>, PairError> {
 
 /// The numbered PNG and EXR files of a folder, which must be one sequence; others are passed over.
 fn folder(directory: &Path) -> Result<Pictures, PairError> {
-    let mut sequences: BTreeMap<(String, String), BTreeMap<i64, PathBuf>> = BTreeMap::new();
+    let mut sequences: BTreeMap<(String, String), BTreeMap<FrameNumber, PathBuf>> = BTreeMap::new();
     for (name, path) in entries(directory)? {
         let Some((stem, extension)) = name.rsplit_once('.') else { continue };
         if !["png", "exr"].contains(&extension.to_ascii_lowercase().as_str()) || name.starts_with('.') {
             continue;
         }
-        let digits = stem.len() - stem.trim_end_matches(|c: char| c.is_ascii_digit()).len();
-        let at = sign_before(stem, stem.len() - digits);
-        let Ok(frame) = stem[at..].parse() else { continue };
+        let at = number_at(stem);
+        let Some(frame) = FrameNumber::from_padded(&stem[at..]) else { continue };
         let frames = sequences.entry((stem[..at].to_owned(), extension.to_owned())).or_default();
         insert(frames, frame, &path)?;
     }
@@ -150,6 +151,23 @@ fn folder(directory: &Path) -> Result<Pictures, PairError> {
     }
     drop(names);
     Ok(Pictures::Sequence(sequences.into_values().next().unwrap_or_default()))
+}
+
+/// Start of the number that ends a name. Digits with `_` are one number where they look as frames between two others
+/// do, `0001_5000` after a dot or at the start; else the digits after `_` are the number, as in `take12_0007`.
+fn number_at(stem: &str) -> usize {
+    let start = |text: &str| text.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+    let at = start(stem);
+    if let Some(before) = stem[..at].strip_suffix('_')
+        && stem.len() - at == FrameNumber::DECIMALS
+        && before.len() - start(before) >= 4
+    {
+        let whole = sign_before(stem, start(before));
+        if whole == 0 || stem[..whole].ends_with('.') {
+            return whole;
+        }
+    }
+    sign_before(stem, at)
 }
 
 /// Start of a number that starts at `digits`, its minus included: one after a dot or at the start of the name.
@@ -174,7 +192,7 @@ fn sequence(argument: &Path, pattern: &Pattern) -> Result<Pictures, PairError> {
     Ok(Pictures::Sequence(frames))
 }
 
-fn insert(frames: &mut BTreeMap<i64, PathBuf>, frame: i64, path: &Path) -> Result<(), PairError> {
+fn insert(frames: &mut BTreeMap<FrameNumber, PathBuf>, frame: FrameNumber, path: &Path) -> Result<(), PairError> {
     match frames.insert(frame, path.to_owned()) {
         Some(first) => Err(PairError::Twice { frame, first, second: path.to_owned() }),
         None => Ok(()),
@@ -214,11 +232,8 @@ impl Pattern {
         Some(Self { before: name[..at].to_owned(), after: name[at + length..].to_owned() })
     }
 
-    fn frame(&self, name: &str) -> Option<i64> {
-        let number = name.strip_prefix(&self.before)?.strip_suffix(&self.after)?;
-        let digits = number.strip_prefix('-').unwrap_or(number);
-        // `parse` would take a plus, too.
-        if digits.bytes().all(|b| b.is_ascii_digit()) { number.parse().ok() } else { None }
+    fn frame(&self, name: &str) -> Option<FrameNumber> {
+        FrameNumber::from_padded(name.strip_prefix(&self.before)?.strip_suffix(&self.after)?)
     }
 }
 
@@ -234,21 +249,27 @@ mod tests {
         dir
     }
 
-    fn frames(pictures: Pictures) -> Vec<(i64, String)> {
+    fn frames(pictures: Pictures) -> Vec<(f64, String)> {
         let Pictures::Sequence(frames) = pictures else { panic!("{pictures:?}") };
         let name = |path: PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
-        frames.into_iter().map(|(frame, path)| (frame, name(path))).collect()
+        frames.into_iter().map(|(frame, path)| (frame.get(), name(path))).collect()
     }
 
     #[test]
     fn folders() {
         let dir = directory(&["s.0002.png", "s.-0001.png", "s.0010.png", "notes.txt", "sheet.png", ".x.0001.png"]);
         let found = frames(Pictures::find(dir.path()).unwrap());
-        assert_eq!(found.iter().map(|(f, _)| *f).collect::<Vec<_>>(), [-1, 2, 10]);
+        assert_eq!(found.iter().map(|(f, _)| *f).collect::<Vec<_>>(), [-1.0, 2.0, 10.0]);
         assert_eq!(found[0].1, "s.-0001.png");
         // A minus between words is no sign.
         let found = frames(Pictures::find(directory(&["take-0007.exr"]).path()).unwrap());
-        assert_eq!(found, [(7, "take-0007.exr".to_owned())]);
+        assert_eq!(found, [(7.0, "take-0007.exr".to_owned())]);
+        // Frames between others; but a number of four digits after a word and `_` is a frame by itself.
+        let found =
+            frames(Pictures::find(directory(&["s.0002.png", "s.0001_5000.png", "s.-0000_5000.png"]).path()).unwrap());
+        assert_eq!(found.iter().map(|(f, _)| *f).collect::<Vec<_>>(), [-0.5, 1.5, 2.0]);
+        let found = frames(Pictures::find(directory(&["take0012_0007.exr"]).path()).unwrap());
+        assert_eq!(found, [(7.0, "take0012_0007.exr".to_owned())]);
         for (names, hint) in [
             (&["a.0001.png", "b.0001.png"][..], "several sequences: name one, as a.%04d.png or b.%04d.png"),
             (&["a.0001.png", "a.0001.exr"], "several sequences"),
@@ -263,10 +284,19 @@ mod tests {
 
     #[test]
     fn patterns() {
-        let dir = directory(&["s.0002.png", "s.-0001.png", "s.10.png", "s.x.png", "s.+3.png", "s.2.exr", "t.0002.png"]);
+        let dir = directory(&[
+            "s.0002.png",
+            "s.-0001.png",
+            "s.10.png",
+            "s.x.png",
+            "s.+3.png",
+            "s.2.exr",
+            "s.0001_5000.png",
+            "t.0002.png",
+        ]);
         for pattern in ["s.%04d.png", "s.%d.png", "s.####.png", "s.#.png"] {
             let found = frames(Pictures::find(&dir.path().join(pattern)).unwrap());
-            assert_eq!(found.iter().map(|(f, _)| *f).collect::<Vec<_>>(), [-1, 2, 10], "{pattern}");
+            assert_eq!(found.iter().map(|(f, _)| *f).collect::<Vec<_>>(), [-1.0, 1.5, 2.0, 10.0], "{pattern}");
         }
         assert!(Pictures::find(&dir.path().join("u.%04d.png")).is_err());
         assert!(Pictures::find(&dir.path().join("none/u.%04d.png")).is_err());
@@ -282,7 +312,7 @@ mod tests {
     fn pairs_have_the_same_frames() {
         let (a, b) = (directory(&["a.1.png", "a.2.png"]), directory(&["b.0001.exr", "b.0002.exr"]));
         let paired = pairs(a.path(), b.path()).unwrap();
-        assert_eq!(paired.iter().map(|p| p.frame).collect::<Vec<_>>(), [Some(1), Some(2)]);
+        assert_eq!(paired.iter().map(|p| p.frame).collect::<Vec<_>>(), [1, 2].map(|frame| Some(frame.into())));
         std::fs::write(b.path().join("b.0003.exr"), "").unwrap();
         let error = pairs(a.path(), b.path()).unwrap_err().to_string();
         assert!(error.contains("has no frame 3"), "{error}");

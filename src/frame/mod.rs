@@ -18,6 +18,7 @@ use crate::options::{BlurMode, Normalise, Prefilter, RenderOptions, Shading, Swe
 use crate::plan::{Exposure, PosedInterval, Scenery, Step, TimeSample};
 use crate::scene::pose::jumps;
 use crate::scene::{Object, Scene};
+use crate::time::FrameNumber;
 
 pub use self::blocks::Blocks;
 pub(crate) use self::pixel_rect::PixelRect;
@@ -115,21 +116,22 @@ impl Position {
 
 impl Frame {
     /// Poses `scene` at every time sample that `mode` takes of frame `number`; `options` without their quality.
-    pub fn new(scene: &Scene, number: i64, mode: BlurMode, options: &RenderOptions) -> Self {
+    pub fn new(scene: &Scene, number: impl Into<FrameNumber>, mode: BlurMode, options: &RenderOptions) -> Self {
+        let number = number.into();
         let jumps = mode.swept().map_or_else(Vec::new, |_| {
-            let at = |t: f64| scene.shutter.frame_time(number as f64, t);
+            let at = |t: f64| scene.shutter.frame_time(number.get(), t);
             jumps(scene, at(0.0), at(1.0))
         });
-        let exposure = Exposure::new(mode, options.filter, options.seed, &scene.shutter, number as f64, &jumps);
+        let exposure = Exposure::new(mode, options.filter, options.seed, &scene.shutter, number.get(), &jumps);
         Self::exposed(scene, number, &exposure, options)
     }
 
     /// Poses `scene` at every time sample of `exposure`, which is one of frame `number`.
-    pub fn exposed(scene: &Scene, number: i64, exposure: &Exposure, options: &RenderOptions) -> Self {
+    pub fn exposed(scene: &Scene, number: FrameNumber, exposure: &Exposure, options: &RenderOptions) -> Self {
         let swept = exposure.groups().find_map(|group| group.sweep).map(|(_, kernel)| kernel);
         let size = [scene.image.width, scene.image.height];
         let focal = focal_length(f64::from(size[1]), scene.camera.fovy);
-        let poser = Poser { scene, number: number as f64, focal: focal / f64::from(exposure.stride), options };
+        let poser = Poser { scene, number: number.get(), focal: focal / f64::from(exposure.stride), options };
         let mut sweeps: Vec<Option<(PosedInterval, SweptKernel)>> = Vec::new();
         let mut rasters: Vec<PosedRaster> = exposure
             .rasters

@@ -1,13 +1,13 @@
-//! `OpenEXR`: 32-bit float, linear Rec.709, premultiplied, ZIP in blocks of 16 lines.
+//! `OpenEXR`: linear Rec.709, premultiplied, 32-bit float or half, without loss by compression.
 //!
 //! One part. Colour is `R G B A`; an AOV is a layer of extra channels named `layer.channel` (`depth.Z`, `normal.X`,
 //! `velocity.Y`, `alpha.A`). That is the `OpenEXR` project's own convention for layers in one part: Nuke, Blender, tev,
 //! ffmpeg and every reader of plain RGBA understand it, while several of them open only the first part of a file with
-//! many.
+//! many. The header's attribute `layers` says what each layer holds, in which unit, as JSON.
 
 use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 
-use ::exr::compression::Compression;
+use ::exr::compression::Compression as Method;
 use ::exr::image::read::image::ReadLayers as _;
 use ::exr::image::read::layers::ReadChannels as _;
 use ::exr::image::read::read;
@@ -17,34 +17,51 @@ use ::exr::math::Vec2;
 use ::exr::meta::MetaData;
 use ::exr::meta::attribute::{AttributeValue, Chromaticities, LineOrder, Text};
 use ::exr::meta::header::LayerAttributes;
+use ::exr::prelude::f16;
 
-use super::{ImageError, SETTINGS, plausible};
+use super::{Compression, DEFLATE_LIMIT, Exr, ImageError, Precision, SETTINGS, plausible};
 use crate::film::{Aov, Layer, Picture};
 
 pub(super) const SIGNATURE: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 
 const COLOUR: [&str; 4] = ["R", "G", "B", "A"];
 
-pub(super) fn encode(picture: &Picture, settings: &str, comment: Option<&str>) -> Result<Vec<u8>, ImageError> {
-    let channel = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
-    let mut channels: Vec<_> = COLOUR
-        .iter()
-        .enumerate()
-        .map(|(c, name)| channel(name, picture.rgba.iter().map(|pixel| pixel[c]).collect()))
-        .collect();
+/// Name of the attribute that says what the layers hold.
+const LAYERS: &str = "layers";
+
+pub(super) fn encode(
+    picture: &Picture,
+    options: Exr,
+    settings: &str,
+    comment: Option<&str>,
+) -> Result<Vec<u8>, ImageError> {
+    let columns = picture.width as usize;
+    let channel = |name: &str, values: Vec<f32>, half: bool| {
+        let samples = if half { halves(name, &values, columns)? } else { FlatSamples::F32(values) };
+        Ok(AnyChannel::new(name, samples))
+    };
+    let half = options.precision == Precision::Half;
+    let mut channels = Vec::new();
+    for (c, name) in COLOUR.iter().enumerate() {
+        channels.push(channel(name, picture.rgba.iter().map(|pixel| pixel[c]).collect(), half)?);
+    }
     for layer in &picture.layers {
         for (name, plane) in layer.aov.channels().iter().zip(&layer.planes) {
-            channels.push(channel(&format!("{}.{name}", layer.aov.name()), plane.clone()));
+            let name = format!("{}.{name}", layer.aov.name());
+            channels.push(channel(&name, plane.clone(), half && !layer.aov.needs_float())?);
         }
     }
     let software_name = Text::new_or_none(concat!("splatblur ", env!("CARGO_PKG_VERSION")));
     let comments = comment.map(utf8);
     let mut attributes = LayerAttributes { software_name, comments, ..LayerAttributes::default() };
-    // The only entry: the library writes this map in an order that changes from run to run.
+    // The only entry of this map, as below: the library writes entries in an order that changes from run to run.
     attributes.other.insert(Text::from(SETTINGS), AttributeValue::Text(utf8(settings)));
     let size = Vec2(picture.width as usize, picture.height as usize);
-    let encoding =
-        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+    let encoding = Encoding {
+        compression: method(options.compression),
+        blocks: Blocks::ScanLines,
+        line_order: LineOrder::Increasing,
+    };
     let mut image = Image::from_layer(Part::new(size, attributes, encoding, AnyChannels::sort(channels.into())));
     image.attributes.chromaticities = Some(Chromaticities {
         red: Vec2(0.64, 0.33),
@@ -52,10 +69,43 @@ pub(super) fn encode(picture: &Picture, settings: &str, comment: Option<&str>) -
         blue: Vec2(0.15, 0.06),
         white: Vec2(0.3127, 0.3290),
     });
+    if !picture.layers.is_empty() {
+        image.attributes.other.insert(Text::from(LAYERS), AttributeValue::Text(utf8(&meanings(picture))));
+    }
     let mut bytes = Cursor::new(Vec::new());
     // One thread: a frame is written while the next one renders.
     image.write().non_parallel().to_buffered(&mut bytes).map_err(|e| ImageError::Encode { what: e.to_string() })?;
     Ok(bytes.into_inner())
+}
+
+/// What the layers hold, as a JSON object with an entry for each: `{"depth": "distance ..."}`.
+fn meanings(picture: &Picture) -> String {
+    let of_layer = |layer: &Layer| (layer.aov.name().to_owned(), layer.aov.meaning().into());
+    serde_json::Value::Object(picture.layers.iter().map(of_layer).collect()).to_string()
+}
+
+/// The nearest half-precision numbers; a finite number that would become infinite is refused.
+fn halves(channel: &str, values: &[f32], columns: usize) -> Result<FlatSamples, ImageError> {
+    let halves: Vec<f16> = values.iter().map(|&value| f16::from_f32(value)).collect();
+    match halves.iter().zip(values).position(|(half, value)| half.is_infinite() && value.is_finite()) {
+        Some(at) => Err(ImageError::BeyondHalf {
+            channel: channel.to_owned(),
+            x: at % columns,
+            y: at / columns,
+            value: values[at],
+        }),
+        None => Ok(FlatSamples::F16(halves)),
+    }
+}
+
+fn method(compression: Compression) -> Method {
+    match compression {
+        Compression::None => Method::Uncompressed,
+        Compression::Rle => Method::RLE,
+        Compression::Zips => Method::ZIP1,
+        Compression::Zip => Method::ZIP16,
+        Compression::Piz => Method::PIZ,
+    }
 }
 
 /// Attribute text is bytes; by `OpenEXR`'s convention they are UTF-8.
@@ -79,7 +129,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
     let meta = MetaData::read_from_buffered(bytes, false).map_err(refused)?;
     for header in &meta.headers {
         let Vec2(w, h) = header.layer_size;
-        plausible(w as u64, h as u64, header.channels.bytes_per_pixel as u64, bytes.len())?;
+        // A picture of one colour takes PIZ a few bytes for 32 rows, however long they are.
+        let ratio = if header.compression == Method::PIZ { u64::MAX } else { DEFLATE_LIMIT };
+        plausible(w as u64, h as u64, header.channels.bytes_per_pixel as u64, ratio, bytes.len())?;
     }
     let image = read()
         .no_deep_data()

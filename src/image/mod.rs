@@ -5,12 +5,14 @@
 //! computer's name. The same picture, format and settings give the same bytes.
 
 mod exr;
+mod format;
 mod png;
 
 use std::fs::File;
 use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 
+pub use self::format::{Bits, Compression, Exr, Format, Precision};
 use crate::files;
 use crate::film::Picture;
 
@@ -28,52 +30,6 @@ const READ_ALWAYS: u64 = 1 << 29;
 
 /// Beyond [`READ_ALWAYS`], pixels in memory may take this many times the length of the file.
 const READ_RATIO: u64 = 256;
-
-/// Bits of a PNG channel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Bits {
-    /// 0..=255.
-    #[default]
-    Eight,
-    /// 0..=65535.
-    Sixteen,
-}
-
-/// File formats that are written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// sRGB-encoded, straight alpha; no AOVs.
-    Png {
-        /// Channel depth.
-        bits: Bits,
-        /// RGBA instead of RGB. The caller decides, not the pixels: so all frames of a sequence have one type.
-        alpha: bool,
-    },
-    /// 32-bit float, linear, premultiplied, ZIP (16 lines); AOVs as layers.
-    Exr,
-}
-
-impl Format {
-    /// The format that a file's extension names, in upper or lower case: 8-bit PNG (RGBA if `alpha`, else RGB), or EXR.
-    pub fn of(path: &Path, alpha: bool) -> Option<Self> {
-        let extension = path.extension()?;
-        if extension.eq_ignore_ascii_case("png") {
-            Some(Self::Png { bits: Bits::Eight, alpha })
-        } else if extension.eq_ignore_ascii_case("exr") {
-            Some(Self::Exr)
-        } else {
-            None
-        }
-    }
-
-    /// File name extension.
-    pub const fn extension(self) -> &'static str {
-        match self {
-            Self::Png { .. } => "png",
-            Self::Exr => "exr",
-        }
-    }
-}
 
 /// Why a picture could not be written or read.
 #[derive(Debug, thiserror::Error)]
@@ -108,6 +64,21 @@ pub enum ImageError {
     /// NaN, or infinite colour.
     #[error("picture channel `{channel}` is {value} at pixel ({x}, {y})")]
     NotFinite {
+        /// The channel.
+        channel: String,
+        /// Column.
+        x: usize,
+        /// Row, from the top.
+        y: usize,
+        /// The value.
+        value: f32,
+    },
+    /// Half-precision numbers end at 65504.
+    #[error(
+        "picture channel `{channel}` is {value} at pixel ({x}, {y}); half-precision EXR ends at 65504, 32-bit EXR does \
+         not"
+    )]
+    BeyondHalf {
         /// The channel.
         channel: String,
         /// Column.
@@ -194,7 +165,7 @@ pub fn encode(picture: &Picture, format: Format, settings: &str) -> Result<Vec<u
     check(picture)?;
     match format {
         Format::Png { bits, alpha } => png::encode(picture, bits, alpha, settings),
-        Format::Exr => exr::encode(picture, settings, None),
+        Format::Exr(options) => exr::encode(picture, options, settings, None),
     }
 }
 
@@ -218,11 +189,9 @@ pub fn write_with_comment(
     settings: &str,
     comment: &str,
 ) -> Result<(), ImageError> {
-    if format != Format::Exr {
-        return write(path, picture, format, settings);
-    }
+    let Format::Exr(options) = format else { return write(path, picture, format, settings) };
     check(picture)?;
-    let bytes = exr::encode(picture, settings, Some(comment))?;
+    let bytes = exr::encode(picture, options, settings, Some(comment))?;
     files::replace(path, &bytes).map_err(|source| ImageError::Write { path: path.to_owned(), source })
 }
 
@@ -335,14 +304,15 @@ fn check(picture: &Picture) -> Result<(), ImageError> {
     Ok(())
 }
 
-/// Refuses what a damaged header promises, before memory is taken for it. `bytes_a_pixel` as stored.
-fn plausible(width: u64, height: u64, bytes_a_pixel: u64, file_length: usize) -> Result<(), String> {
+/// Refuses what a damaged header promises, before memory is taken for it. `bytes_a_pixel` as stored; `ratio`: of stored
+/// bytes to bytes of the file, at most.
+fn plausible(width: u64, height: u64, bytes_a_pixel: u64, ratio: u64, file_length: usize) -> Result<(), String> {
     let limit = u64::from(MAX_SIZE);
     if !(1..=limit).contains(&width) || !(1..=limit).contains(&height) {
         return Err(format!("the header says {width} x {height} pixels, expected 1 to {MAX_SIZE} each"));
     }
     let promised = width * height * bytes_a_pixel;
-    if promised > DEFLATE_LIMIT.saturating_mul(file_length as u64) {
+    if promised > ratio.saturating_mul(file_length as u64) {
         return Err(format!("the header promises {promised} bytes of pixels; the file has only {file_length} bytes"));
     }
     // In memory a pixel takes four floats at the least, however few bits the file gives it.
@@ -372,7 +342,7 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             super::is_whole(&path)
         };
-        for format in [Format::Png { bits: Bits::Eight, alpha: false }, Format::Exr] {
+        for format in [Format::Png { bits: Bits::Eight, alpha: false }, Format::EXR] {
             let bytes = encode(&picture, format, "the settings").unwrap();
             assert!(is_whole(&bytes), "{format:?}");
             for length in (0..bytes.len()).step_by(7).chain([bytes.len() - 1]) {
@@ -398,7 +368,7 @@ mod tests {
         };
         let png = |alpha| Format::Png { bits: Bits::Eight, alpha };
         assert!(bytes(&picture, "a.png") == encode(&picture, png(false), "").unwrap());
-        assert!(bytes(&picture, "a.EXR") == encode(&picture, Format::Exr, "").unwrap());
+        assert!(bytes(&picture, "a.EXR") == encode(&picture, Format::EXR, "").unwrap());
         assert_eq!(Picture::read(path("a.EXR")).unwrap(), picture);
         picture.rgba[1] = [0.0; 4];
         assert!(bytes(&picture, "b.png") == encode(&picture, png(true), "").unwrap());

@@ -5,7 +5,7 @@ use std::io::{Cursor, Read, Seek, SeekFrom};
 
 use ::png::{BitDepth, ColorType, Compression, Decoder, Encoder, EncodingError, Filter, Limits, Transformations};
 
-use super::{Bits, ImageError, SETTINGS, plausible};
+use super::{Bits, DEFLATE_LIMIT, ImageError, SETTINGS, plausible};
 use crate::film::Picture;
 use crate::math::srgb;
 
@@ -172,7 +172,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
     let (colour, depth) = reader.output_color_type();
     let channels = colour.samples();
     let bytes_a_pixel = channels * if depth == BitDepth::Sixteen { 2 } else { 1 };
-    plausible(u64::from(width), u64::from(height), bytes_a_pixel as u64, bytes.len())?;
+    plausible(u64::from(width), u64::from(height), bytes_a_pixel as u64, DEFLATE_LIMIT, bytes.len())?;
     let length = reader.output_buffer_size().ok_or("too many pixels")?;
     let mut data = vec![0; length];
     reader.next_frame(&mut data).map_err(refused)?;

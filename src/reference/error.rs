@@ -1,17 +1,25 @@
 //! Why a reference cannot be made.
 
 use super::sampler::{MOST_SAMPLES, SCRAMBLINGS};
+use crate::time::FrameNumber;
 
 /// Why there is no reference.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReferenceError {
-    /// The number of samples does not suit the scramblings.
+    /// The scramblings cannot share the samples equally.
     #[error(
-        "{samples} samples cannot be shared by {SCRAMBLINGS} scramblings: a multiple of {SCRAMBLINGS} \
-         is needed, at most {MOST_SAMPLES}"
+        "{samples} samples of a pixel cannot be shared by {SCRAMBLINGS} scramblings: a multiple of {SCRAMBLINGS} is \
+         needed, such as {}",
+        samples.next_multiple_of(SCRAMBLINGS as u64).max(SCRAMBLINGS as u64)
     )]
     Samples {
+        /// What was asked for.
+        samples: u64,
+    },
+    /// There are more samples than the sequences have points.
+    #[error("{samples} samples of a pixel are too many (at most {MOST_SAMPLES})")]
+    TooMany {
         /// What was asked for.
         samples: u64,
     },
@@ -21,6 +29,12 @@ pub enum ReferenceError {
          nor go on from an earlier run"
     )]
     Fixed,
+    /// The number of the frame is infinite or NaN.
+    #[error("there is no frame {frame}; a finite number is needed")]
+    Frame {
+        /// What was asked for.
+        frame: FrameNumber,
+    },
     /// The image is too large.
     #[error("the sums of {width} x {height} pixels do not fit into memory")]
     Memory {
@@ -60,4 +74,9 @@ pub enum ReferenceError {
         /// What is needed.
         expected: String,
     },
+}
+
+/// Refuses the number of a frame that is infinite or NaN.
+pub(super) fn finite(frame: FrameNumber) -> Result<FrameNumber, ReferenceError> {
+    if frame.get().is_finite() { Ok(frame) } else { Err(ReferenceError::Frame { frame }) }
 }

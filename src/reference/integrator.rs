@@ -11,6 +11,7 @@ use super::trace::{SamplePoint, Seen, Tracer};
 use super::warp::TimeWarp;
 use crate::film::FilmPlanes;
 use crate::options::PixelFilter;
+use crate::time::FrameNumber;
 
 /// Progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,8 +46,8 @@ pub(super) struct Integrator<'w, 'a> {
 }
 
 impl<'w, 'a> Integrator<'w, 'a> {
-    pub(super) fn new(world: &'w World<'a>, frame: i64, origin: [u32; 2]) -> Self {
-        let frame = frame as f64;
+    pub(super) fn new(world: &'w World<'a>, frame: FrameNumber, origin: [u32; 2]) -> Self {
+        let frame = frame.get();
         Self {
             world,
             warp: TimeWarp::new(&world.scene.shutter.weight),

@@ -54,7 +54,10 @@ impl ReferenceOptions {
     /// The number of samples does not suit the scramblings, or the sampler cannot stop at an error.
     pub const fn check(&self) -> Result<(), ReferenceError> {
         let samples = self.samples;
-        if samples == 0 || !samples.is_multiple_of(SCRAMBLINGS as u64) || samples > MOST_SAMPLES {
+        if samples > MOST_SAMPLES {
+            return Err(ReferenceError::TooMany { samples });
+        }
+        if samples == 0 || !samples.is_multiple_of(SCRAMBLINGS as u64) {
             return Err(ReferenceError::Samples { samples });
         }
         if self.error.is_some() && !self.sampler.is_progressive() {

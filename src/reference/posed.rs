@@ -12,6 +12,7 @@ use crate::model::{Material, Surfels};
 use crate::scene::pose::{ObjectPoser, camera_from_world};
 use crate::scene::{Light, Object, Scene, Sphere};
 use crate::shading::ShadingLight;
+use crate::time::FrameNumber;
 
 /// One frame of a scene, ready for rays.
 #[derive(Debug)]
@@ -81,8 +82,8 @@ impl BodyPose {
 
 impl<'a> World<'a> {
     /// Builds the hierarchies and poses static objects.
-    pub(super) fn new(scene: &'a Scene, frame: i64, options: &'a ReferenceOptions) -> Self {
-        let number = frame as f64;
+    pub(super) fn new(scene: &'a Scene, frame: FrameNumber, options: &'a ReferenceOptions) -> Self {
+        let number = frame.get();
         let mut distinct: Vec<&Surfels> = Vec::new();
         let bodies: Vec<Body<'a>> = scene
             .objects

@@ -5,7 +5,7 @@ use std::fmt;
 use glam::DVec3;
 
 use super::cull::Candidates;
-use super::error::ReferenceError;
+use super::error::{ReferenceError, finite};
 use super::integrator::Integrator;
 use super::options::ReferenceOptions;
 use super::posed::{Shape, World};
@@ -13,6 +13,7 @@ use super::sampler::{Points, SCRAMBLINGS};
 use super::sums::{Sums, mean};
 use super::trace::{Surface, Tracer};
 use crate::scene::Scene;
+use crate::time::FrameNumber;
 
 /// One sample and what it sees.
 #[derive(Clone, Debug)]
@@ -87,12 +88,13 @@ pub struct Probe {
 /// The number of samples does not suit the scramblings, or the pixel or the sample is outside.
 pub fn probe(
     scene: &Scene,
-    frame: i64,
+    frame: impl Into<FrameNumber>,
     options: &ReferenceOptions,
     pixel: [u32; 2],
     sample: Option<u64>,
 ) -> Result<Probe, ReferenceError> {
     options.check()?;
+    let frame = finite(frame.into())?;
     let samples = options.samples;
     let [width, height] = [scene.image.width, scene.image.height];
     if pixel[0] >= width || pixel[1] >= height {

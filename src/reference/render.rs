@@ -3,13 +3,14 @@
 use std::time::{Duration, Instant};
 
 use super::bvh::Bvh;
-use super::error::ReferenceError;
+use super::error::{ReferenceError, finite};
 use super::integrator::{Integrator, Progress};
 use super::options::{ROUND, ReferenceOptions};
 use super::posed::World;
 use super::sums::Sums;
 use crate::film::Picture;
 use crate::scene::Scene;
+use crate::time::FrameNumber;
 
 /// A finished reference.
 #[derive(Clone, Debug)]
@@ -50,12 +51,13 @@ pub struct Stats {
 /// The options contradict each other or the earlier run.
 pub fn render(
     scene: &Scene,
-    frame: i64,
+    frame: impl Into<FrameNumber>,
     options: &ReferenceOptions,
     earlier: Option<Sums>,
     progress: Progress<'_>,
 ) -> Result<Reference, ReferenceError> {
     options.check()?;
+    let frame = finite(frame.into())?;
     if !options.sampler.is_progressive() && earlier.is_some() {
         return Err(ReferenceError::Fixed);
     }

@@ -16,11 +16,11 @@ mod xml;
 
 use std::path::Path;
 
-use crate::model::Progress;
-use crate::scene::Scene;
+use crate::model::{self, ModelError, Progress};
+use crate::scene::{Object, Scene};
 
 pub use self::error::{Location, SceneError};
-pub use self::write::to_xml;
+pub use self::write::{camera_line, to_xml};
 
 /// How scene files are read.
 #[derive(Clone, Copy, Default)]
@@ -65,6 +65,21 @@ pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, SceneError
     let document = document::read(&source, &root)?;
     drop(root);
     resolve::resolve(&source, document, options, notes)
+}
+
+/// A scene of one model file, as a scene file with this model alone would be: 1024 x 768 pixels, a black background, a
+/// light from the upper right front, ambient light, one frame, and a camera that looks along -z and sees all.
+///
+/// # Errors
+/// The file cannot be read, or is not a valid model with at least one point.
+pub fn load_model(path: &Path, progress: Progress<'_>) -> Result<Loaded, ModelError> {
+    let loaded = model::load(path, &model::LoadOptions::default(), progress)?;
+    let notes = loaded.notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
+    let mut object = Object::new(loaded.surfels.spatially_ordered());
+    path.clone_into(&mut object.model_path);
+    let mut scene = Scene::new([object]);
+    scene.name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+    Ok(Loaded { scene, notes })
 }
 
 /// Checks the bytes of a scene file without looking at the files that it names; gives the notes of `lenient`.

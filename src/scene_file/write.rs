@@ -46,7 +46,7 @@ pub fn to_xml(scene: &Scene, relative_to: &Path) -> String {
 }
 
 /// A camera without animation as one `<camera .../>` element.
-pub(super) fn camera_line(camera: &Camera) -> String {
+pub fn camera_line(camera: &Camera) -> String {
     let mut out = Xml(String::new());
     out.open(0, "camera", &camera_attributes(camera));
     out.0 + "/>"

@@ -11,6 +11,7 @@ use crate::backend::BackendError;
 use crate::compare::{CompareError, LimitError, ssim};
 use crate::image::ImageError;
 use crate::reference::ReferenceError;
+use crate::time::FrameNumber;
 
 /// Why a study failed.
 #[derive(Debug, thiserror::Error)]
@@ -47,7 +48,7 @@ pub enum StudyError {
     #[error("frame {frame}")]
     Frame {
         /// The frame.
-        frame: i64,
+        frame: FrameNumber,
         /// What is wrong.
         source: Box<Self>,
     },
@@ -83,7 +84,7 @@ pub enum StudyError {
 
 impl StudyError {
     /// With the frame in which it happened.
-    pub(super) fn in_frame(frame: i64) -> impl FnOnce(Self) -> Self {
+    pub(super) fn in_frame(frame: FrameNumber) -> impl FnOnce(Self) -> Self {
         move |source| Self::Frame { frame, source: Box::new(source) }
     }
 

@@ -1,7 +1,5 @@
 //! The experiment of a report: contestants against a reference, frame by frame.
 
-use std::ops::RangeInclusive;
-
 use super::StudyError;
 use super::contestant::{BackendKind, Contestant, Method};
 use super::pictures::{pictured, pictures_of, regions};
@@ -12,14 +10,15 @@ use super::trial::{Trial, samples_of};
 use crate::compare::{self, Comparison, Limit, Metric, flip, ssim};
 use crate::film::Picture;
 use crate::image;
+use crate::time::FrameNumber;
 
 /// What is compared, and how.
 #[derive(Clone, Debug)]
 pub struct Experiment {
     /// Who takes part, each once.
     pub contestants: Vec<Contestant>,
-    /// Frames, at least one.
-    pub frames: RangeInclusive<i64>,
+    /// Frames, at least one, each once.
+    pub frames: Vec<FrameNumber>,
     /// Samples of a pixel of the reference: a multiple of 16.
     pub reference: u64,
     /// Timed renderings of each contestant and frame, >= 1; references are rendered once.
@@ -69,7 +68,7 @@ impl Experiment {
 
     /// Steps of all frames, as [`Progress`] counts them.
     pub fn steps(&self) -> u64 {
-        (self.frames.end().abs_diff(*self.frames.start()) + 1) * self.steps_of_frame()
+        self.frames.len() as u64 * self.steps_of_frame()
     }
 
     /// Renders what is missing in the store, and compares all. Modes that are missing are measured in turn, after one
@@ -85,7 +84,7 @@ impl Experiment {
     ) -> Result<(Study, Vec<FramePictures>), StudyError> {
         self.check(trial)?;
         let mut step = 0;
-        for frame in self.frames.clone() {
+        for &frame in &self.frames {
             self.render(trial, store, frame, tell, step).map_err(StudyError::in_frame(frame))?;
             step += self.steps_of_frame();
         }
@@ -110,7 +109,7 @@ impl Experiment {
         &self,
         trial: &mut Trial<'_>,
         store: &Store<'_>,
-        frame: i64,
+        frame: FrameNumber,
         tell: Tell<'_>,
         first_step: u64,
     ) -> Result<(), StudyError> {
@@ -164,7 +163,7 @@ impl Experiment {
     fn study(&self, trial: &mut Trial<'_>, store: &Store<'_>) -> Result<Study, StudyError> {
         let judge = trial.settings_of_judge(self.reference)?;
         let mut frames = Vec::new();
-        for frame in self.frames.clone() {
+        for &frame in &self.frames {
             let regions = regions(trial, frame)?;
             let path = store.path(frame, JUDGE);
             let reference = image::read(&path)?;
@@ -236,7 +235,7 @@ impl Experiment {
 fn measure(
     trial: &mut Trial<'_>,
     store: &Store<'_>,
-    frame: i64,
+    frame: FrameNumber,
     contestant: Contestant,
     reference: &Picture,
     regions: &[Region],

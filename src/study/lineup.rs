@@ -6,12 +6,13 @@ use super::experiment::{Progress, Tell};
 use super::sheet::{Crop, Panel, SheetError, most_different};
 use super::trial::{Shot, Trial};
 use crate::compare::{Comparison, Metric, Shown};
+use crate::time::FrameNumber;
 
 /// One frame in several modes.
 #[derive(Clone, Debug)]
 pub struct LineUp {
     /// The frame.
-    pub frame: i64,
+    pub frame: FrameNumber,
     /// The modes; those without a backend are rendered on the CPU.
     pub entries: Vec<Entry>,
     /// Samples of a pixel of the reference that they are compared with: a multiple of 16.

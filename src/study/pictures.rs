@@ -10,6 +10,7 @@ use super::store::{JUDGE, Store};
 use super::trial::Trial;
 use crate::compare::flip;
 use crate::image;
+use crate::time::FrameNumber;
 
 /// Greatest width of a picture on the page, pixels.
 const PICTURE: u32 = 640;
@@ -21,7 +22,7 @@ const SIGNED_RANGE: f32 = 0.25;
 const FLIP_RANGE: f32 = 0.5;
 
 /// The regions of a frame's picture.
-pub(super) fn regions(trial: &mut Trial<'_>, frame: i64) -> Result<Vec<Region>, StudyError> {
+pub(super) fn regions(trial: &mut Trial<'_>, frame: FrameNumber) -> Result<Vec<Region>, StudyError> {
     classify(&trial.moments(frame)?, f64::from(STRATA)).ok_or(StudyError::NoLayers)
 }
 
@@ -29,7 +30,7 @@ pub(super) fn regions(trial: &mut Trial<'_>, frame: i64) -> Result<Vec<Region>, 
 pub(super) fn pictures_of(
     trial: &mut Trial<'_>,
     store: &Store<'_>,
-    frame: i64,
+    frame: FrameNumber,
     contestants: &[Contestant],
 ) -> Result<FramePictures, StudyError> {
     let reference = image::read(&store.path(frame, JUDGE))?;
@@ -54,10 +55,10 @@ pub(super) fn pictures_of(
 }
 
 /// Frames with pictures on the page: all of up to three, else the first, that with the greatest FLIP, and the last.
-pub(super) fn pictured(study: &Study) -> Vec<i64> {
+pub(super) fn pictured(study: &Study) -> Vec<FrameNumber> {
     let frames = &study.frames;
     let flip = |f: &FrameStudy| f.modes.iter().filter_map(|m| m.errors.flip).fold(0.0, f64::max);
-    let mut chosen: Vec<i64> = if frames.len() <= 3 {
+    let mut chosen: Vec<FrameNumber> = if frames.len() <= 3 {
         frames.iter().map(|f| f.frame).collect()
     } else {
         let worst = frames.iter().max_by(|a, b| flip(a).total_cmp(&flip(b)));

@@ -11,11 +11,12 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::image::{Bits, Format};
+use crate::image::Format;
 use crate::options::{Prefilter, RenderOptions};
 use crate::reference::{ReferenceOptions, Sampler};
 use crate::scene::Scene;
 use crate::scene_file;
+use crate::time::FrameNumber;
 
 /// Name and version of this program.
 pub const PROGRAM: &str = concat!("splatblur ", env!("CARGO_PKG_VERSION"));
@@ -52,7 +53,7 @@ pub struct Settings {
     program: &'static str,
     scene: String,
     #[serde(skip_serializing_if = "Option::is_none")]
-    frame: Option<i64>,
+    frame: Option<FrameNumber>,
     rate: f64,
     backend: String,
     mode: String,
@@ -79,6 +80,9 @@ pub struct Settings {
     aovs: Vec<&'static str>,
     format: &'static str,
     bits: u32,
+    /// Of EXR files.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    compression: Option<&'static str>,
     inputs: Vec<Input>,
     /// FNV-1a, 128 bits, of the canonical scene and all fields above except `frame`.
     hash: String,
@@ -123,6 +127,7 @@ impl Provenance {
             aovs: Vec::new(),
             format: "",
             bits: 0,
+            compression: None,
             inputs: inputs(scene)?,
             hash: String::new(),
         };
@@ -188,12 +193,11 @@ impl Provenance {
     }
 
     fn in_format(&self, format: Format) -> Settings {
-        let bits = match format {
-            Format::Png { bits: Bits::Eight, .. } => 8,
-            Format::Png { bits: Bits::Sixteen, .. } => 16,
-            Format::Exr => 32,
+        let compression = match format {
+            Format::Png { .. } => None,
+            Format::Exr(options) => Some(options.compression.name()),
         };
-        Settings { format: format.extension(), bits, ..self.of_scene.clone() }
+        Settings { format: format.extension(), bits: format.bits(), compression, ..self.of_scene.clone() }
     }
 
     /// With the hash of all.
@@ -209,8 +213,8 @@ impl Settings {
     ///
     /// # Errors
     /// JSON cannot be made.
-    pub fn of_frame(&self, frame: i64) -> Result<String, ProvenanceError> {
-        Ok(serde_json::to_string(&Self { frame: Some(frame), ..self.clone() })?)
+    pub fn of_frame(&self, frame: impl Into<FrameNumber>) -> Result<String, ProvenanceError> {
+        Ok(serde_json::to_string(&Self { frame: Some(frame.into()), ..self.clone() })?)
     }
 
     /// Names and values for people, of all that the frames and modes of a study share.

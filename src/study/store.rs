@@ -14,6 +14,7 @@ use super::report::{FramePictures, Study, csv};
 use crate::files;
 use crate::film::Picture;
 use crate::image::{self, Format};
+use crate::time::FrameNumber;
 
 /// Name of the reference that judges the others.
 pub(super) const JUDGE: &str = "judge";
@@ -40,7 +41,7 @@ struct Record {
 
 impl Store<'_> {
     /// File of a picture. Names of modes have no characters that a file name could not have, except the separators.
-    pub(super) fn path(&self, frame: i64, name: &str) -> PathBuf {
+    pub(super) fn path(&self, frame: FrameNumber, name: &str) -> PathBuf {
         let name: String = name
             .chars()
             .map(|c| match c {
@@ -66,7 +67,7 @@ impl Store<'_> {
         settings: &str,
         seconds: &[f64],
     ) -> Result<(), StudyError> {
-        let bytes = image::encode(picture, Format::Exr, settings)?;
+        let bytes = image::encode(picture, Format::EXR, settings)?;
         let crc32 = crc32fast::hash(&bytes);
         let record = Record { settings: settings.to_owned(), crc32, seconds: seconds.to_vec() };
         let record = serde_json::to_vec(&record)?;

@@ -35,7 +35,7 @@ fn an_experiment_runs_without_the_command_line() {
     let store = Store { directory: directory.path(), gate: &gate, fresh: false };
     let mut experiment = Experiment {
         contestants: contestants("supersample:2,reference:16"),
-        frames: 3..=3,
+        frames: vec![3.into()],
         reference: 32,
         repeats: 2,
         limits: vec!["flip=0".parse().unwrap()],
@@ -77,7 +77,8 @@ fn a_line_up_has_a_panel_for_each_mode() {
     let opened = AtomicU32::new(0);
     let mut trial = trial(&opened);
     let part = Part::MostDifferent(8, 6);
-    let mut line_up = LineUp { frame: 3, entries: entries("still:1,auto:0.05").unwrap(), reference: Some(16), part };
+    let mut line_up =
+        LineUp { frame: 3.into(), entries: entries("still:1,auto:0.05").unwrap(), reference: Some(16), part };
     let shots = line_up.run(&mut trial, &|_| ()).unwrap();
     assert_eq!((shots.crop.width, shots.crop.height), (8, 6));
     let panels = line_up.panels(&shots).unwrap();
@@ -94,7 +95,7 @@ fn a_line_up_has_a_panel_for_each_mode() {
 fn settings_tell_pictures_apart() {
     let opened = AtomicU32::new(0);
     let mut trial = trial(&opened);
-    let of = |trial: &mut Trial<'_>, name: &str| trial.settings(contestants(name)[0], 3).unwrap();
+    let of = |trial: &mut Trial<'_>, name: &str| trial.settings(contestants(name)[0], 3.into()).unwrap();
     let first = of(&mut trial, "supersample:2");
     assert_eq!(first, of(&mut trial, "supersample:2+interleave=1"));
     let others = ["supersample:3", "supersample:2+interleave=2", "reference:16", "reference:32"];

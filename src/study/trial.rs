@@ -14,7 +14,7 @@ use crate::options::{BlurMode, PixelFilter, Prefilter, Quality, RenderOptions};
 use crate::reference::{self, ReferenceOptions};
 use crate::renderer::Renderer;
 use crate::scene::Scene;
-use crate::time::{Shutter, Weight};
+use crate::time::{FrameNumber, Shutter, Weight};
 
 /// Added to the seed for references that take part: with the seed of the judging one their errors would be the same.
 const OTHER_SEED: u64 = 0x5eed;
@@ -114,7 +114,7 @@ impl<'a> Trial<'a> {
     ///
     /// # Errors
     /// The backend cannot be opened or cannot render the frame, or the reference cannot be made.
-    pub fn shoot(&mut self, contestant: Contestant, frame: i64, share: Share<'_>) -> Result<Shot, StudyError> {
+    pub fn shoot(&mut self, contestant: Contestant, frame: FrameNumber, share: Share<'_>) -> Result<Shot, StudyError> {
         match contestant.method {
             Method::Splat(quality) => {
                 let aovs = if matches!(quality, Quality::Error(_)) { vec![Aov::Samples] } else { Vec::new() };
@@ -133,7 +133,7 @@ impl<'a> Trial<'a> {
     ///
     /// # Errors
     /// It cannot be made.
-    pub fn judge(&self, samples: u64, frame: i64, share: Share<'_>) -> Result<Shot, StudyError> {
+    pub fn judge(&self, samples: u64, frame: FrameNumber, share: Share<'_>) -> Result<Shot, StudyError> {
         self.trace(&self.tracing(samples, self.options.seed), frame, share)
     }
 
@@ -141,7 +141,7 @@ impl<'a> Trial<'a> {
     ///
     /// # Errors
     /// The CPU cannot be opened or cannot render the frame.
-    pub fn moments(&mut self, frame: i64) -> Result<Vec<Picture>, StudyError> {
+    pub fn moments(&mut self, frame: FrameNumber) -> Result<Vec<Picture>, StudyError> {
         let options = RenderOptions {
             filter: PixelFilter::Point,
             prefilter: Prefilter::None,
@@ -160,15 +160,15 @@ impl<'a> Trial<'a> {
     }
 
     /// The settings of a rendering, as its file carries them.
-    pub(super) fn settings(&mut self, contestant: Contestant, frame: i64) -> Result<String, StudyError> {
+    pub(super) fn settings(&mut self, contestant: Contestant, frame: FrameNumber) -> Result<String, StudyError> {
         let settings = match contestant.method {
             Method::Splat(quality) => {
                 let options = self.splatting(quality, Vec::new());
-                self.provenance()?.splatted(&options, Format::Exr, contestant.backend.word())?
+                self.provenance()?.splatted(&options, Format::EXR, contestant.backend.word())?
             }
             Method::Reference(samples) => {
                 let options = self.tracing(samples, self.seed_of_others());
-                self.provenance()?.traced(&options, samples, Format::Exr)?
+                self.provenance()?.traced(&options, samples, Format::EXR)?
             }
         };
         Ok(settings.of_frame(frame)?)
@@ -177,7 +177,7 @@ impl<'a> Trial<'a> {
     /// The settings of the reference that judges the others.
     pub(super) fn settings_of_judge(&mut self, samples: u64) -> Result<Settings, StudyError> {
         let options = self.tracing(samples, self.options.seed);
-        Ok(self.provenance()?.traced(&options, samples, Format::Exr)?)
+        Ok(self.provenance()?.traced(&options, samples, Format::EXR)?)
     }
 
     /// The backend in words, with all that times depend on.
@@ -217,7 +217,7 @@ impl<'a> Trial<'a> {
         &mut self,
         scene: Option<&Scene>,
         backend: BackendKind,
-        frame: i64,
+        frame: FrameNumber,
         options: &RenderOptions,
     ) -> Result<Picture, StudyError> {
         let opened = self.backends.get(backend)?;
@@ -225,7 +225,7 @@ impl<'a> Trial<'a> {
         Ok(opened.renderer.render(scene, frame, options)?.picture)
     }
 
-    fn trace(&self, options: &ReferenceOptions, frame: i64, share: Share<'_>) -> Result<Shot, StudyError> {
+    fn trace(&self, options: &ReferenceOptions, frame: FrameNumber, share: Share<'_>) -> Result<Shot, StudyError> {
         let start = Instant::now();
         let step = |step: reference::Step| share(step.share as f32);
         let made = reference::render(&self.scene, frame, options, None, &step)?;

@@ -131,7 +131,7 @@ fn sequences_pool_and_each_frame_must_pass() {
 fn not_finite_is_never_within() {
     let dir = tempfile::tempdir().unwrap();
     let good = dir.path().join("good.exr");
-    image::write(&good, &solid(16, 16, 0.5), Format::Exr, "").unwrap();
+    image::write(&good, &solid(16, 16, 0.5), Format::EXR, "").unwrap();
     // Our own writer refuses NaN.
     let bad = dir.path().join("bad.exr");
     exr::prelude::write_rgba_file(&bad, 16, 16, |x, y| {

@@ -68,7 +68,7 @@ fn fixture() -> &'static Path {
         let picture = Picture { width: 16, height: 12, rgba, layers: Vec::new() };
         let png = Format::Png { bits: Bits::Eight, alpha: true };
         image::write(&dir.path().join("a.png"), &picture, png, "settings").unwrap();
-        image::write(&dir.path().join("b.exr"), &picture, Format::Exr, "settings").unwrap();
+        image::write(&dir.path().join("b.exr"), &picture, Format::EXR, "settings").unwrap();
         dir
     };
     DIRECTORY.get_or_init(make).path()

@@ -7,6 +7,8 @@ mod compare;
 mod gpu;
 mod hostile_input;
 mod input;
+mod messages;
 mod reference;
 mod render;
 mod report;
+mod shell;

@@ -261,7 +261,7 @@ fn refuses_in_one_line_and_leaves_nothing() {
         (&["--size", "-5x5"], "1920x1080"),
         (&["--threads", "0"], "1..=1024"),
         (&["--format", "png", "--aov", "depth"], "--format exr"),
-        (&["--bits", "16"], "--format png"),
+        (&["--bits", "8"], "EXR has 16 or 32 bits"),
         (&["--aov", "error"], "alpha, depth, normal, velocity"),
         (&["--weight", "hat"], "tent"),
         (&["--mode", "still"], "--mode"),

@@ -175,7 +175,7 @@ fn a_gate_rejects_backward_motion_and_weights_that_are_not_normalised() {
     for name in ["raw/x.0000.exr", "raw/x.0001.exr"] {
         let mut picture = image::read(&dir.path().join(name.replace("raw", "good"))).unwrap();
         picture.rgba.iter_mut().flatten().for_each(|value| *value *= 0.5);
-        image::write(&dir.path().join(name), &picture, Format::Exr, "").unwrap();
+        image::write(&dir.path().join(name), &picture, Format::EXR, "").unwrap();
     }
     let [good, backward, raw, judge] = ["good", "backward", "raw", "judge"].map(|name| path(dir.path(), name));
     let gate = |pictures: &str, limit: &str| {

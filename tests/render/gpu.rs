@@ -92,7 +92,7 @@ fn frames_under_way_change_nothing() {
         }
         assert_eq!(got.len(), 4);
         for (i, (number, rendered)) in got.iter().enumerate() {
-            assert_eq!(*number, i as i64);
+            assert_eq!(*number, (i as i64).into());
             assert_eq!(rendered.picture, alone[i], "frame {i}");
         }
     }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
 use splatblur::film::{Aov, Layer, Picture};
-use splatblur::image::{self, Bits, Format, ImageError};
+use splatblur::image::{self, Bits, Compression, Exr, Format, ImageError, Precision};
 
 const RGB8: Format = Format::Png { bits: Bits::Eight, alpha: false };
 const RGBA8: Format = Format::Png { bits: Bits::Eight, alpha: true };
@@ -115,7 +115,7 @@ fn exr_comes_back_bit_for_bit_with_layers() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.exr");
     let source = rich();
-    image::write(&path, &source, Format::Exr, "{}").unwrap();
+    image::write(&path, &source, Format::EXR, "{}").unwrap();
     let back = image::read(&path).unwrap();
     let bits = |p: &Picture| {
         let colour = p.rgba.iter().flatten().map(|v| v.to_bits());
@@ -133,7 +133,7 @@ fn exr_is_what_other_programs_expect() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.exr");
     let source = rich();
-    image::write(&path, &source, Format::Exr, "the settings").unwrap();
+    image::write(&path, &source, Format::EXR, "the settings").unwrap();
     let meta = MetaData::read_from_file(&path, true).unwrap();
     assert_eq!(meta.headers.len(), 1, "one part");
     let header = &meta.headers[0];
@@ -156,11 +156,66 @@ fn exr_is_what_other_programs_expect() {
     assert_eq!(read.layer_data.channel_data.pixels, source.rgba);
 }
 
+/// Every compression gives the same numbers back, in either precision, and so it is for a picture of one colour, which
+/// takes least space.
+#[test]
+fn exr_keeps_values_in_all_compressions() {
+    use ::exr::prelude::f16;
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.exr");
+    let mut rich = rich();
+    rich.rgba[5][2] = 65504.0;
+    let flat = picture(2048, 256, vec![[0.25, 0.5, 1.0, 1.0]; 2048 * 256]);
+    for source in [&rich, &flat] {
+        for (name, compression) in Compression::ALL {
+            let options = Exr { precision: Precision::Float, compression };
+            image::write(&path, source, Format::Exr(options), "").unwrap();
+            assert_eq!(&image::read(&path).unwrap(), source, "{name}");
+            assert!(image::encode(source, Format::Exr(options), "").unwrap() == std::fs::read(&path).unwrap());
+            image::write(&path, source, Format::Exr(Exr { precision: Precision::Half, compression }), "").unwrap();
+            let back = image::read(&path).unwrap();
+            let rounded = |v: f32| f16::from_f32(v).to_f32();
+            assert!(back.rgba.iter().zip(&source.rgba).all(|(a, b)| *a == b.map(rounded)), "{name}");
+            for (a, b) in back.layers.iter().zip(&source.layers) {
+                let kept = |v: f32| if matches!(a.aov, Aov::Depth | Aov::Samples) { v } else { rounded(v) };
+                assert!(
+                    a.planes.iter().flatten().zip(b.planes.iter().flatten()).all(|(a, b)| *a == kept(*b)),
+                    "{name}"
+                );
+            }
+        }
+    }
+    let mut bright = picture(3, 2, vec![[0.5; 4]; 6]);
+    bright.rgba[4][1] = 65520.0;
+    let half = Format::Exr(Exr { precision: Precision::Half, ..Exr::default() });
+    let error = image::encode(&bright, half, "").unwrap_err().to_string();
+    assert!(error.contains("`G` is 65520 at pixel (1, 1)") && error.contains("65504"), "{error}");
+    bright.rgba[4][1] = 65519.0;
+    assert!(image::encode(&bright, half, "").is_ok());
+}
+
+#[test]
+fn exr_headers_say_what_layers_hold() {
+    use ::exr::prelude::*;
+    let bytes = image::encode(&rich(), Format::EXR, "").unwrap();
+    let meta = MetaData::read_from_buffered(&bytes[..], true).unwrap();
+    let header = &meta.headers[0];
+    let attributes = header.own_attributes.other.iter().chain(&header.shared_attributes.other);
+    let layers: Vec<_> = attributes.filter(|(name, _)| (*name).eq("layers")).map(|(_, value)| value).collect();
+    let [AttributeValue::Text(text)] = layers[..] else { panic!("{layers:?}") };
+    let said: serde_json::Value = serde_json::from_str(&text.to_string()).unwrap();
+    assert_eq!(said.as_object().unwrap().len(), Aov::ALL.len());
+    for aov in Aov::ALL {
+        assert_eq!(said[aov.name()], aov.meaning());
+    }
+    assert!(said["velocity"].as_str().unwrap().contains("pixels a shutter, x right, y down"));
+}
+
 #[test]
 fn settings_come_back() {
     let dir = tempfile::tempdir().unwrap();
     let text = "{\"scene\":\"Würfel → 3\",\"long\":\"".to_owned() + &"x".repeat(5000) + "\"}";
-    for (name, format) in [("a.png", RGB8), ("b.png", RGBA16), ("c.exr", Format::Exr)] {
+    for (name, format) in [("a.png", RGB8), ("b.png", RGBA16), ("c.exr", Format::EXR)] {
         let path = dir.path().join(name);
         image::write(&path, &picture(2, 1, vec![[0.5; 4]; 2]), format, &text).unwrap();
         assert_eq!(image::read_settings(&path).as_deref(), Some(text.as_str()), "{name}");
@@ -188,7 +243,7 @@ fn damaged_settings_are_not_believed() {
 fn bytes_repeat() {
     let mut colour_only = rich();
     colour_only.layers.clear();
-    for (source, format) in [(&colour_only, RGB8), (&colour_only, RGBA16), (&rich(), Format::Exr)] {
+    for (source, format) in [(&colour_only, RGB8), (&colour_only, RGBA16), (&rich(), Format::EXR)] {
         let first = image::encode(source, format, "{\"a\":1}").unwrap();
         for _ in 0..5 {
             assert!(image::encode(source, format, "{\"a\":1}").unwrap() == first, "{format:?}");
@@ -205,7 +260,7 @@ fn invalid_pictures_are_refused_by_type() {
     assert!(matches!(error(&picture(2, 1, vec![[0.0; 4]]), RGB8), ImageError::Length { found: 1, expected: 2, .. }));
     let mut p = good();
     p.rgba[1][2] = f32::NAN;
-    assert_eq!(error(&p, Format::Exr).to_string(), "picture channel `B` is NaN at pixel (1, 0)");
+    assert_eq!(error(&p, Format::EXR).to_string(), "picture channel `B` is NaN at pixel (1, 0)");
     p.rgba[1][2] = f32::INFINITY;
     assert!(matches!(error(&p, RGB8), ImageError::NotFinite { .. }));
     let layer = |planes| Layer { aov: Aov::Velocity, planes };
@@ -213,13 +268,13 @@ fn invalid_pictures_are_refused_by_type() {
     p.layers = vec![layer(vec![vec![0.0; 2]; 2])];
     assert!(matches!(error(&p, RGB8), ImageError::PngLayer { layer: "velocity" }));
     p.layers = vec![layer(vec![vec![0.0; 2]])];
-    assert!(matches!(error(&p, Format::Exr), ImageError::Layer { .. }));
+    assert!(matches!(error(&p, Format::EXR), ImageError::Layer { .. }));
     p.layers = vec![layer(vec![vec![0.0; 2]; 2]); 2];
-    assert!(matches!(error(&p, Format::Exr), ImageError::Layer { .. }));
+    assert!(matches!(error(&p, Format::EXR), ImageError::Layer { .. }));
     p.layers = vec![layer(vec![vec![0.0; 3]; 2])];
-    assert!(matches!(error(&p, Format::Exr), ImageError::Length { .. }));
+    assert!(matches!(error(&p, Format::EXR), ImageError::Length { .. }));
     p.layers = vec![layer(vec![vec![f32::NAN; 2]; 2])];
-    assert!(matches!(error(&p, Format::Exr), ImageError::NotFinite { .. }));
+    assert!(matches!(error(&p, Format::EXR), ImageError::NotFinite { .. }));
 }
 
 #[test]
@@ -274,7 +329,7 @@ fn specimens() -> Vec<Vec<u8>> {
     vec![
         image::encode(&small, RGB8, "{\"frame\":1}").unwrap(),
         image::encode(&small, RGBA16, "").unwrap(),
-        image::encode(&rich(), Format::Exr, "{\"frame\":1}").unwrap(),
+        image::encode(&rich(), Format::EXR, "{\"frame\":1}").unwrap(),
     ]
 }
 

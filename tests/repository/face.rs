@@ -6,10 +6,11 @@ use std::path::Path;
 
 /// The names that `src/lib.rs` re-exports at the root. A new name here is a promise to users of the library: add one
 /// only on purpose.
-const NAMES: [&str; 35] = [
+const NAMES: [&str; 36] = [
     // What is rendered.
     "Camera",
     "Cloud",
+    "FrameNumber",
     "FrameRange",
     "ImageSettings",
     "Light",

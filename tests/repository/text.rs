@@ -118,6 +118,31 @@ fn nothing_outside_the_repository_is_cited() {
     judge(&found, "citations of what is not in the repository");
 }
 
+/// Files that are no text have headers, in which programs like to write where they ran.
+#[test]
+fn no_data_names_a_folder_of_the_computer_that_made_it() {
+    let folders: Vec<Vec<u8>> = [["/ho", "me/"], ["/ro", "ot/"], ["/wo", "rk/"], ["/Us", "ers/"], ["/tm", "p/"]]
+        .iter()
+        .map(|halves| halves.concat().into_bytes())
+        .collect();
+    let mut paths = Vec::new();
+    for folder in ["tests/data", "scenes", "animations", "docs/images"] {
+        walk(&root().join(folder), &mut paths);
+    }
+    paths.sort();
+    assert!(paths.len() > 50, "{}", paths.len());
+    let mut found = Vec::new();
+    for path in paths {
+        let bytes = fs::read(&path).unwrap();
+        let named = folders.iter().find(|folder| bytes.windows(folder.len()).any(|part| part == folder.as_slice()));
+        // Text is judged above; what programs take as input may name any folder.
+        if let Some(folder) = named.filter(|_| std::str::from_utf8(&bytes).is_err()) {
+            found.push(format!("{}: `{}`", path.display(), String::from_utf8_lossy(folder)));
+        }
+    }
+    judge(&found, "data files that name a folder of the computer that made them");
+}
+
 /// Does a path begin with this folder, and not merely contain it?
 fn absolute(line: &str, folder: &str) -> bool {
     line.match_indices(folder).any(|(at, _)| {

@@ -137,3 +137,28 @@ fn the_demo_animations_load_without_notes() -> Outcome {
     assert_eq!(count, 8);
     Ok(())
 }
+
+/// The guide shows this file whole. Its table is worked out by hand: between level keys the curve is 3 u^2 - 2 u^3.
+#[test]
+fn the_example_of_the_guide_is_what_the_guide_says() -> Outcome {
+    let path = data().join("by_hand.anim");
+    let guide = fs::read_to_string(root().join("docs/anim-files.md"))?;
+    assert!(guide.contains(&format!("```text\n{}```\n", fs::read_to_string(&path)?)));
+    let animation = anim::load(&path)?;
+    assert!(animation.notes.is_empty(), "{:?}", animation.notes);
+    let node = animation.node(None)?;
+    assert_eq!((node.name.as_str(), animation.rate), ("lift", 24.0));
+    let mut rows = 0;
+    for line in guide.lines() {
+        let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();
+        let [frame, y, angle, visible] = cells[..] else { continue };
+        let Ok(frame) = frame.parse::<f64>() else { continue };
+        let state = node.at(frame / animation.rate, Interpolation::Maya);
+        assert!((state.transform.translate.y - y.parse::<f64>()?).abs() < 1e-12, "{line}");
+        assert!((state.transform.rotate.y.to_degrees() - angle.parse::<f64>()?).abs() < 1e-9, "{line}");
+        assert_eq!(state.visible, visible == "yes", "{line}");
+        rows += 1;
+    }
+    assert_eq!(rows, 8);
+    Ok(())
+}

@@ -42,9 +42,9 @@ use self::swept::{Map, MapGroup, SweepGroup};
 use self::tile_runner::TileRunner;
 use self::tiles::{Band, TILE, TileBuffers};
 use super::clusters::{ClusterStore, Clusters};
-use super::{Backend, BackendError, Rendered};
+use super::{Backend, BackendError, Meter, Rendered};
 use crate::film::{FilmPlanes, Picture, develop};
-use crate::frame::{Blocks, Frame, Position};
+use crate::frame::{Blocks, Frame, PosedRaster, Position};
 use crate::layout::{Channels, SweptSplat};
 use crate::options::SweptKernel;
 use crate::plan::{MapPass, Objects, PosedInterval, SplatPass, StaticPass, Step, SweepPass};
@@ -66,6 +66,8 @@ pub struct Cpu {
     pixels: Vec<Vec<[f32; 4]>>,
     /// The frame that was begun.
     done: Option<Rendered>,
+    /// Counts steps, each once in each band.
+    meter: Arc<Meter>,
 }
 
 /// What steps write, of which later steps and later frames use the memory again.
@@ -103,6 +105,10 @@ impl Backend for Cpu {
         self.render_whole(&frame)
     }
 
+    fn watch(&mut self, meter: Arc<Meter>) {
+        self.meter = meter;
+    }
+
     fn recycle(&mut self, picture: Picture) {
         if self.pixels.len() < SPARE_PICTURES {
             self.pixels.push(picture.rgba);
@@ -119,6 +125,9 @@ impl Cpu {
         let clusters = self.clusters.of_frame(frame);
         let stride = frame.stride as usize;
         let mut films = RasterFilms { films: Vec::new(), stride, samples: frame.samples() };
+        let bands = |size: [u32; 2]| (size[1] as usize).div_ceil(TILE).div_ceil(budget.band_rows) as u64;
+        let steps = |raster: &PosedRaster| raster.positions.iter().map(|p| p.steps.len() as u64).sum::<u64>();
+        self.meter.begin(frame.rasters.iter().map(|raster| bands(raster.size) * steps(raster)).sum());
         for raster in &frame.rasters {
             let mut film = self.films.pop().unwrap_or_default();
             film.empty(raster.size);
@@ -130,7 +139,8 @@ impl Cpu {
                 for position in &raster.positions {
                     let (planes, channels, clusters, clocks) = (&planes, &channels, &clusters[..], &clocks);
                     let place = Place { frame, position, band, planes, channels, clusters, clocks };
-                    Executor { place, budget: &budget, memory: &mut self.memory, film }.run();
+                    let (memory, meter) = (&mut self.memory, &*self.meter);
+                    Executor { place, budget: &budget, memory, film, meter }.run();
                 }
             }
             films.films.push(film);
@@ -149,6 +159,7 @@ struct Executor<'a> {
     memory: &'a mut Memory,
     /// The band's part of the raster's film.
     film: &'a mut [TileFilm],
+    meter: &'a Meter,
 }
 
 /// One sample position in one band.
@@ -191,6 +202,7 @@ impl Executor<'_> {
                     self.film.par_iter_mut().for_each(|tile| swept::finish(self.place.planes, &mut tile.values));
                 }
             }
+            self.meter.advance();
         }
         if !layer.binned.is_empty() {
             self.memory.static_splats = layer.binned;

@@ -78,8 +78,9 @@ pub(super) struct Info {
 /// Most lines of `--csv`.
 const MAX_LINES: f64 = 1e7;
 
+/// What a file holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+pub(super) enum Kind {
     Scene,
     Animation,
     Image,
@@ -154,7 +155,7 @@ impl Info {
 }
 
 /// The first bytes of a regular file.
-fn head(path: &Path) -> anyhow::Result<Vec<u8>> {
+pub(super) fn head(path: &Path) -> anyhow::Result<Vec<u8>> {
     // Asked before opening: opening a pipe would wait for its writer.
     let meta = std::fs::metadata(path)?;
     if meta.is_dir() {
@@ -169,7 +170,7 @@ fn head(path: &Path) -> anyhow::Result<Vec<u8>> {
 }
 
 /// By content, then by the ending; whatever else is taken for a model, whose loader knows several formats.
-fn kind(head: &[u8], path: &Path) -> Kind {
+pub(super) fn kind(head: &[u8], path: &Path) -> Kind {
     let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
     let utf16_xml = head.starts_with(b"\xff\xfe<\0") || head.starts_with(b"\xfe\xff\0<");
     if text.starts_with(b"<") || utf16_xml {

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::Serialize;
+use splatblur::FrameNumber;
 use splatblur::backend::Achieved;
 use splatblur::renderer::Stats;
 use splatblur::study::provenance::Settings;
@@ -26,7 +27,7 @@ pub(super) struct Report<'a> {
 
 #[derive(Serialize)]
 pub(super) struct FrameReport<'a> {
-    frame: i64,
+    frame: FrameNumber,
     path: &'a Path,
     skipped: bool,
     seconds: f64,

@@ -13,7 +13,8 @@ use std::time::Instant;
 use anyhow::Context as _;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use clap::{ArgAction, Args};
-use splatblur::backend::Achieved;
+use splatblur::FrameNumber;
+use splatblur::backend::{Achieved, Meter};
 use splatblur::film::Aov;
 use splatblur::options::{Quality, RenderOptions};
 use splatblur::renderer::{self, Rendered, Renderer};
@@ -30,16 +31,17 @@ use super::backend::Wanted;
 use super::common::{
     Images, MODES, Overrides, Ready, Running, Sampling, Splatting, Surfaces, open_directory, stop_on_interrupt,
 };
+use super::frames::Frames;
 use super::output::{print, print_json, say};
 use super::progress::Rendering;
-use super::values::Frames;
 use super::words::with_flags;
 
 /// Render a scene to an image sequence.
 ///
 /// Reads the scene with all that it names, renders each frame with motion blur, writes DIR/<scene>.<frame, 4
-/// digits>.<ext> (frame -5 is <scene>.-0005.png, as ffmpeg counts), says where the images are and how to make a movie
-/// of them. Files of an earlier run are replaced; each appears whole or not at all, also after Ctrl-C.
+/// digits>.<ext> (frame -5 is <scene>.-0005.png, as ffmpeg counts; frame 1.5 is `<scene>.0001_5000.png`), says where
+/// the images are and how to make a movie of them. Files of an earlier run are replaced; each appears whole or not at
+/// all, also after Ctrl-C.
 #[derive(Debug, Args)]
 #[command(after_long_help = format!("\
 {MODES}
@@ -47,6 +49,8 @@ use super::words::with_flags;
 Examples:
   All frames of the scene, into out/three_objects/:
     splatblur render scenes/three_objects.xml
+  Every tenth frame, then all others:
+    splatblur render scene.xml --frames 1..100x10,1..100
   A quick look at one frame, without blur:
     splatblur render scene.xml --frames 12 --mode still:4 --size 320x240
   Quickly, with an error that shows where one looks for it:
@@ -59,7 +63,8 @@ Examples:
 JSON (--json), one object: program, scene, directory, backend, frames: [{{frame, path, skipped, seconds (wall,
 rendering), samples, surfels, splats, auto (error, way, samples, most_samples, interleave, blocks, refined, capped),
 cpu_seconds or device_seconds: {{project, bin, visibility, attribute, resolve, total}}}}], load_seconds, seconds (whole
-run), notes, ffmpeg (null for one frame), settings (as each file carries them, with `frame`, in its header)."))]
+run), notes, ffmpeg (null where frames do not follow one another), settings (as each file carries them, with `frame`, in
+its header)."))]
 pub(super) struct Render {
     #[command(flatten)]
     images: Images,
@@ -117,13 +122,22 @@ impl Render {
         open_directory(&directory)?;
         if !self.running.quiet {
             let place = renderer.describe_with(pool.current_num_threads());
-            say(&headline(&scene, frames, &options, &place));
+            say(&headline(&scene, &frames, &options, &place));
         }
         let gate = Arc::new(Mutex::new(()));
         stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
-        let sequence =
-            Sequence { frames, directory: &directory, stem: &scene.name, format, resume: self.resume, gate: &gate };
-        let progress = Rendering::new(frames.count(), self.running.quiet);
+        let sequence = Sequence {
+            frames: &frames,
+            directory: &directory,
+            stem: &scene.name,
+            format,
+            resume: self.resume,
+            gate: &gate,
+        };
+        let meter = Arc::new(Meter::default());
+        renderer.watch(Arc::clone(&meter));
+        let several_renderings = matches!(options.quality, Quality::Error(_));
+        let progress = Rendering::new(frames.count(), meter, several_renderings, self.running.quiet);
         let mut under_way = renderer::Frames::new(renderer.backend(), &scene, &options)?;
         let mut nothing = Nothing::new(&scene);
         let finished = sequence.run(
@@ -147,8 +161,7 @@ impl Render {
             directory: &directory,
             stem: &scene.name,
             format,
-            first: frames.first,
-            last: frames.last,
+            frames: &frames,
             rate: scene.frames.rate,
             size: (scene.image.width, scene.image.height),
             transparent: scene.image.transparent,
@@ -193,7 +206,10 @@ impl Render {
 }
 
 /// Begins a frame or, without one, finishes one that was begun.
-fn step(under_way: &mut renderer::Frames<'_>, frame: Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>> {
+fn step(
+    under_way: &mut renderer::Frames<'_>,
+    frame: Option<FrameNumber>,
+) -> anyhow::Result<Option<(FrameNumber, Rendered)>> {
     match frame {
         Some(number) => under_way.begin(number).with_context(|| format!("frame {number}")),
         None => Ok(under_way.finish()?),
@@ -201,22 +217,24 @@ fn step(under_way: &mut renderer::Frames<'_>, frame: Option<i64>) -> anyhow::Res
 }
 
 /// Backend, size, mode, frames: one line.
-fn headline(scene: &Scene, frames: Frames, options: &RenderOptions, place: &str) -> String {
-    let range = if frames.first == frames.last {
-        format!("frame {}", frames.first)
-    } else {
-        format!("frames {}..{}", frames.first, frames.last)
-    };
+fn headline(scene: &Scene, frames: &Frames, options: &RenderOptions, place: &str) -> String {
     format!(
-        "{}: {range}, {} x {} pixels, mode {}, on {place}",
-        scene.name, scene.image.width, scene.image.height, options.quality
+        "{}: {}, {} x {} pixels, mode {}, on {place}",
+        scene.name,
+        frames.in_words(),
+        scene.image.width,
+        scene.image.height,
+        options.quality
     )
 }
 
-/// What mode auto reached in the frame with the largest error.
-fn worst(finished: &[Finished]) -> Option<Achieved> {
-    let achieved = finished.iter().filter_map(|done| done.rendered.and_then(|(_, stats)| stats.achieved));
-    achieved.max_by(|a, b| a.error.total_cmp(&b.error))
+/// What mode auto reached, in the frame with the largest error if there are several.
+fn reached(finished: &[Finished]) -> String {
+    let of_frame = |done: &Finished| Some((done.frame, done.rendered?.1.achieved?));
+    let all: Vec<(FrameNumber, Achieved)> = finished.iter().filter_map(of_frame).collect();
+    let Some((frame, worst)) = all.iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error)) else { return String::new() };
+    let place = if all.len() == 1 { String::new() } else { format!(", largest in frame {frame}") };
+    with_flags(&format!("estimated{place}: {worst}\n"))
 }
 
 /// Where the images are, and how to make a movie.
@@ -225,7 +243,6 @@ fn conclude(finished: &[Finished], movie: &Movie<'_>, seconds: f64) -> anyhow::R
     let also = if skipped > 0 { format!(" ({skipped} were there already)") } else { String::new() };
     let word = if finished.len() == 1 { "image" } else { "images" };
     let movie_line = movie.ffmpeg().map_or_else(String::new, |line| format!("as a movie: {line}\n"));
-    let reached = worst(finished)
-        .map_or_else(String::new, |achieved| with_flags(&format!("the frame with the largest: {achieved}\n")));
+    let reached = reached(finished);
     print(&format!("{} {word}{also} in {seconds:.1} s: {}\n{reached}{movie_line}", finished.len(), movie.files()))
 }

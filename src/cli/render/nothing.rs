@@ -20,7 +20,7 @@ impl<'a> Nothing<'a> {
     }
 
     /// Looks at a frame, if there is one.
-    pub(super) fn look(&mut self, frame: Option<&(i64, Rendered)>) {
+    pub(super) fn look(&mut self, frame: Option<&(FrameNumber, Rendered)>) {
         let Some((number, rendered)) = frame.filter(|_| !self.has_shown) else { return };
         let image = &self.scene.image;
         let background = if image.transparent { [0.0; 4] } else { image.background.as_vec3().extend(1.0).to_array() };

@@ -1,27 +1,27 @@
 //! Frames to files: each is written while later ones render; finished ones may be skipped.
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Instant;
 
+use splatblur::FrameNumber;
 use splatblur::film::Picture;
 use splatblur::image::{self, Format, ImageError};
 use splatblur::renderer::{Rendered, Stats};
 
-use crate::cli::values::Frames;
+use crate::cli::frames::Frames;
 use crate::cli::words::with_flags;
 
 /// `<stem>.<frame, 4 digits>.<ext>`; longer where the number is, negative with a minus before its four digits, which is
-/// how ffmpeg reads `%04d`.
-pub(in crate::cli) fn file_name(stem: &str, frame: i64, format: Format) -> String {
-    let sign = if frame < 0 { "-" } else { "" };
-    format!("{stem}.{sign}{:04}.{}", frame.unsigned_abs(), format.extension())
+/// how ffmpeg reads `%04d`. A frame that is not whole has four decimals after `_`.
+pub(in crate::cli) fn file_name(stem: &str, frame: FrameNumber, format: Format) -> String {
+    format!("{stem}.{}.{}", frame.padded(), format.extension())
 }
 
 /// What to write, and where.
 pub(super) struct Sequence<'a> {
-    pub(super) frames: Frames,
+    pub(super) frames: &'a Frames,
     pub(super) directory: &'a Path,
     pub(super) stem: &'a str,
     pub(super) format: Format,
@@ -34,7 +34,7 @@ pub(super) struct Sequence<'a> {
 /// One frame of a finished sequence.
 #[derive(Debug)]
 pub(super) struct Finished {
-    pub(super) frame: i64,
+    pub(super) frame: FrameNumber,
     pub(super) path: PathBuf,
     /// Wall time of rendering (with several frames under way, since the one before), and what it took; `None`: an
     /// earlier run made it.
@@ -56,7 +56,7 @@ struct WriterStopped;
 
 /// Frames that were begun and not handed out, and the wall time since the last that was.
 struct Rendering {
-    waiting: VecDeque<(i64, PathBuf, String)>,
+    waiting: VecDeque<(FrameNumber, PathBuf, String)>,
     seconds: f64,
 }
 
@@ -64,8 +64,8 @@ impl Rendering {
     /// Begins `frame`, or finishes one that was begun. Returns the frame that is ready then, if there is one.
     fn step(
         &mut self,
-        render: &mut impl FnMut(Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>>,
-        frame: Option<i64>,
+        render: &mut impl FnMut(Option<FrameNumber>) -> anyhow::Result<Option<(FrameNumber, Rendered)>>,
+        frame: Option<FrameNumber>,
     ) -> anyhow::Result<Option<(Finished, Page)>> {
         let start = Instant::now();
         let rendered = render(frame);
@@ -89,8 +89,8 @@ impl Sequence<'_> {
     /// skipped frame.
     pub(super) fn run(
         &self,
-        settings: impl Fn(i64) -> anyhow::Result<String>,
-        mut render: impl FnMut(Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>>,
+        settings: impl Fn(FrameNumber) -> anyhow::Result<String>,
+        mut render: impl FnMut(Option<FrameNumber>) -> anyhow::Result<Option<(FrameNumber, Rendered)>>,
         finished: impl Fn(&Finished),
     ) -> anyhow::Result<Vec<Finished>> {
         std::thread::scope(|scope| {
@@ -110,13 +110,13 @@ impl Sequence<'_> {
     fn render_all(
         &self,
         pages: &mpsc::SyncSender<Page>,
-        settings: impl Fn(i64) -> anyhow::Result<String>,
-        render: &mut impl FnMut(Option<i64>) -> anyhow::Result<Option<(i64, Rendered)>>,
+        settings: impl Fn(FrameNumber) -> anyhow::Result<String>,
+        render: &mut impl FnMut(Option<FrameNumber>) -> anyhow::Result<Option<(FrameNumber, Rendered)>>,
         finished: impl Fn(&Finished),
     ) -> anyhow::Result<Vec<Finished>> {
         let mut list = Vec::new();
         let mut rendering = Rendering { waiting: VecDeque::new(), seconds: 0.0 };
-        let all = (self.frames.first..=self.frames.last).try_for_each(|frame| {
+        let all = self.frames.all().iter().try_for_each(|&frame| {
             let path = self.directory.join(file_name(self.stem, frame, self.format));
             let settings = settings(frame)?;
             let same = || image::read_settings(&path).is_some_and(|found| found == settings);
@@ -152,7 +152,9 @@ impl Sequence<'_> {
             // The writer says why it stopped.
             Err(error) if !error.is::<WriterStopped>() => Err(error),
             _ => {
-                list.sort_by_key(|done| done.frame);
+                // Skipped frames are there before those that were under way.
+                let place: HashMap<_, _> = self.frames.all().iter().zip(0..).collect();
+                list.sort_by_key(|done| place.get(&done.frame).copied().unwrap_or(usize::MAX));
                 Ok(list)
             }
         }
@@ -182,10 +184,10 @@ mod tests {
     const PNG: Format = Format::Png { bits: Bits::Eight, alpha: false };
 
     /// Runs frames 1..3 with a fake renderer; returns the frames that it was asked for.
-    fn run(directory: &Path, resume: bool, settings: &str) -> anyhow::Result<Vec<i64>> {
+    fn run(directory: &Path, resume: bool, settings: &str) -> anyhow::Result<Vec<f64>> {
         let gate = Mutex::new(());
-        let frames = Frames { first: 1, last: 3 };
-        let sequence = Sequence { frames, directory, stem: "a", format: PNG, resume, gate: &gate };
+        let frames = Frames::range(1, 3).unwrap();
+        let sequence = Sequence { frames: &frames, directory, stem: "a", format: PNG, resume, gate: &gate };
         let asked = RefCell::new(Vec::new());
         let waiting = RefCell::new(VecDeque::new());
         let list = sequence.run(
@@ -203,38 +205,41 @@ mod tests {
             },
             |_| (),
         )?;
-        assert_eq!(list.iter().map(|f| f.frame).collect::<Vec<_>>(), [1, 2, 3]);
+        assert_eq!(list.iter().map(|f| f.frame.get()).collect::<Vec<_>>(), [1.0, 2.0, 3.0]);
         let rendered: Vec<_> = list.iter().filter(|f| f.rendered.is_some()).map(|f| f.frame).collect();
         assert_eq!(rendered, *asked.borrow());
-        Ok(rendered)
+        Ok(rendered.into_iter().map(FrameNumber::get).collect())
     }
 
     #[test]
     fn names() {
-        let names = [0, 7, 12_345, -5, -12_345].map(|frame| file_name("a", frame, Format::Exr));
-        assert_eq!(names, ["a.0000.exr", "a.0007.exr", "a.12345.exr", "a.-0005.exr", "a.-12345.exr"]);
+        let names = [0.0, 7.0, 12_345.0, -5.0, -12_345.0, 1.5].map(|frame| file_name("a", frame.into(), Format::EXR));
+        assert_eq!(
+            names,
+            ["a.0000.exr", "a.0007.exr", "a.12345.exr", "a.-0005.exr", "a.-12345.exr", "a.0001_5000.exr"]
+        );
     }
 
     #[test]
     fn resume_skips_what_has_the_same_settings() {
         let dir = tempfile::tempdir().unwrap();
-        assert_eq!(run(dir.path(), true, "x").unwrap(), [1, 2, 3]);
-        assert_eq!(run(dir.path(), true, "x").unwrap(), [0; 0]);
+        assert_eq!(run(dir.path(), true, "x").unwrap(), [1.0, 2.0, 3.0]);
+        assert_eq!(run(dir.path(), true, "x").unwrap(), [0.0; 0]);
         std::fs::remove_file(dir.path().join("a.0002.png")).unwrap();
         std::fs::write(dir.path().join("a.0003.png"), "damaged").unwrap();
-        assert_eq!(run(dir.path(), true, "x").unwrap(), [2, 3]);
+        assert_eq!(run(dir.path(), true, "x").unwrap(), [2.0, 3.0]);
         // Cut short: the header, and with it the settings, are still there.
         let whole = std::fs::read(dir.path().join("a.0001.png")).unwrap();
         for length in [whole.len() - 1, whole.len() - 12, whole.len() - 20] {
             std::fs::write(dir.path().join("a.0001.png"), &whole[..length]).unwrap();
-            assert_eq!(run(dir.path(), true, "x").unwrap(), [1], "cut to {length} of {}", whole.len());
+            assert_eq!(run(dir.path(), true, "x").unwrap(), [1.0], "cut to {length} of {}", whole.len());
         }
         // Other settings, or no --resume: all over again.
-        assert_eq!(run(dir.path(), true, "y").unwrap(), [1, 2, 3]);
-        assert_eq!(run(dir.path(), false, "y").unwrap(), [1, 2, 3]);
+        assert_eq!(run(dir.path(), true, "y").unwrap(), [1.0, 2.0, 3.0]);
+        assert_eq!(run(dir.path(), false, "y").unwrap(), [1.0, 2.0, 3.0]);
         // Another frame's file under this frame's name is not this frame.
         std::fs::copy(dir.path().join("a.0001.png"), dir.path().join("a.0002.png")).unwrap();
-        assert_eq!(run(dir.path(), true, "y").unwrap(), [2]);
+        assert_eq!(run(dir.path(), true, "y").unwrap(), [2.0]);
     }
 
     #[test]

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::floor::Floor;
 use super::regions::{Region, RegionErrors};
 use crate::compare::{Comparison, Metric, flip, number, values};
+use crate::time::FrameNumber;
 
 /// All that a report states.
 #[derive(Clone, Debug)]
@@ -46,7 +47,7 @@ pub struct SceneStudy {
 #[derive(Clone, Debug)]
 pub struct FrameStudy {
     /// Frame number.
-    pub frame: i64,
+    pub frame: FrameNumber,
     /// Wall time of the reference.
     pub reference_seconds: f64,
     /// What the reference's noise makes.

@@ -8,12 +8,13 @@ use super::regions::Region;
 use super::text::figure;
 use crate::compare::Metric;
 use crate::study::sheet::{Canvas, Crop, SheetError};
+use crate::time::FrameNumber;
 
 /// The pictures of one frame.
 #[derive(Clone, Debug)]
 pub struct FramePictures {
     /// Frame number.
-    pub frame: i64,
+    pub frame: FrameNumber,
     /// The reference.
     pub reference: Canvas,
     /// The regions.

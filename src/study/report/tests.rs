@@ -170,7 +170,7 @@ fn study(frames: usize) -> Study {
     let modes = || vec![mode("fast:8", 0.6, 0.1), mode("good:8", 0.51, 1.0), mode("neither:8", 0.55, 2.0)];
     let frames: Vec<_> = (0..frames as i64)
         .map(|frame| FrameStudy {
-            frame,
+            frame: frame.into(),
             reference_seconds: 9.0,
             floor: Floor { rmse: 1e-3, flip: 2e-3 },
             modes: modes(),
@@ -192,7 +192,7 @@ fn the_page_needs_nothing_else_and_says_all() {
     let crop = Crop { x: 1, y: 2, width: 3, height: 4 };
     let mode = || ModePictures { picture: canvas(), signed: canvas(), flip: canvas(), crop, worst: worst() };
     let pictures = FramePictures {
-        frame: 1,
+        frame: 1.into(),
         reference: canvas(),
         regions: region_map(&[Region::Swept; 144], 12).unwrap(),
         modes: vec![mode(), mode(), mode()],
