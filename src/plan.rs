@@ -76,6 +76,9 @@ pub struct PosedInterval {
     /// Width of the visibility map's guard band, raster pixels. It is the largest distance by which anything moves from
     /// the middle of an interval to its end, for all intervals of the frame; at most half the raster's longer side.
     pub guard: u32,
+    /// Number of slices, of equal length, in each of which kernels have a visibility of their own. A power of two, at
+    /// most 32; the same for all intervals of the frame.
+    pub slices: u32,
 }
 
 /// Which objects a step splats. Static objects come first in the order of sums.
@@ -231,6 +234,8 @@ impl MapPass {
 /// A pass of [`Step::Sweep`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SweepPass {
+    /// Depth thresholds of each slice of the interval.
+    Visibility,
     /// Weighted sums of the attributes of the kernels whose source on the map is visible, and the times at which they
     /// cover.
     Attribute,
@@ -240,8 +245,10 @@ pub enum SweepPass {
 }
 
 impl SweepPass {
-    /// The passes in order.
-    pub const ORDER: [Self; 2] = [Self::Attribute, Self::Resolve];
+    /// The passes in order, with slices or without.
+    pub const fn order(slices: bool) -> &'static [Self] {
+        if slices { &[Self::Visibility, Self::Attribute, Self::Resolve] } else { &[Self::Attribute, Self::Resolve] }
+    }
 }
 
 impl Exposure {

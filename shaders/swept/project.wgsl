@@ -96,7 +96,7 @@ fn sweep(@builtin(global_invocation_id) id: vec3<u32>) {
         array<f32, 4>(begin.x, begin.y, begin.z, begin.w),
         array<f32, 4>(end.x, end.y, end.z, end.w),
     );
-    splat.flags = select(FLAG_BACK, 0u, area * segment.handedness < 0.0);
+    splat.flags = (segment.index << SEGMENT_SHIFT) | select(FLAG_BACK, 0u, area * segment.handedness < 0.0);
     splat.flags |= select(0u, FLAG_LOW_PASS, low_pass > 0.0);
     write(slot, splat, bounds_of(across, down));
 }
@@ -125,7 +125,7 @@ fn write_crossing(slot: u32, posed: SweptSplat, centre: vec3<f32>, motion: vec3<
     splat.u_rate = form(cross(v, motion) * over);
     splat.v_rate = form(cross(motion, u) * over);
     splat.motion = form(motion);
-    splat.flags = FLAG_CROSSING | select(FLAG_BACK, 0u, turned < 0.0);
+    splat.flags = (segment.index << SEGMENT_SHIFT) | FLAG_CROSSING | select(FLAG_BACK, 0u, turned < 0.0);
     write(slot, splat, vec4<u32>(view.pixels - view.corner.xxyy));
 }
 
