@@ -1,5 +1,5 @@
 // Pass `attribute` for kernels in motion: sums the attributes of the kernels that pass the depth test.
-// Twins: src/backend/cpu/swept/attribute.rs and hull.rs, ray.rs, slices.rs.  Math: docs/math.md, eq. 11 to 18.
+// Twins: src/backend/cpu/swept/attribute.rs and hull.rs, ray.rs, slices.rs.  Math: docs/math.md, eq. 11 to 19.
 //   in   splats, list, starts, wide   output of `sweep` and `bin`
 //        map       the map of mid-interval; behind its tiles the depth thresholds of static objects, tile by tile,
 //                  where those have a picture of their own; then the thresholds of slices, where kernels have them

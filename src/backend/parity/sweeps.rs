@@ -234,7 +234,7 @@ fn swept_passes_agree() {
 }
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 32] = [
+static MUTANTS: [([(&str, &str); 1], &str); 33] = [
     ([("apply(travels[segment.index].motion, position)", "-apply(travels[segment.index].motion, position)")], "tube"),
     ([("(vx * my - vy * mx) * over_both", "(vx * my + vy * mx) * over_both")], "tube"),
     ([("max(begin.y, end.y)", "begin.y")], "fast"),
@@ -265,6 +265,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 32] = [
     ([("depth <= behind(slices + slice * TILE_PIXELS)", "depth <= behind(slices)")], "fast"),
     ([("weight *= shown.part", "weight *= 1.0")], "fast"),
     ([("of_slice << (slice * bits)", "of_slice")], "fast"),
+    ([("(view.near - p.z) / (q.z - p.z)", "(view.near - q.z) / (q.z - p.z)")], "hard"),
     ([("view.weight - covered", "view.weight")], "tube"),
     ([("left * static_film[at + 3u * TILE_PIXELS]", "left")], "once"),
 ];
