@@ -116,8 +116,8 @@ fn faces(det: f32) -> bool {
     return det < 0.0 || ((segment.flags & 1u) != 0u && det > 0.0);
 }
 
-// Boxes around the part of a kernel beyond `near`. They are bounded where the kernel has such a part and all numbers are
-// finite.
+// Boxes around the part of a kernel beyond `near`. They are bounded where the kernel has such a part and all numbers
+// are finite.
 struct Clipped {
     begin: vec4<f32>,
     end: vec4<f32>,

@@ -3,8 +3,8 @@
 //   in   splats, list, starts, wide   output of `sweep` and `bin`
 //        segments  epsilon of a kernel's object
 //   in and out  map   behind the tiles of the map: the thresholds of static objects, tile by tile, where those have a
-//                  picture of their own; then, for each tile, for each slice, its pixels: thresholds, NONE where nothing
-//                  covers the middle of the slice
+//                  picture of their own; then, for each tile, for each slice, its pixels: thresholds, NONE where
+//                  nothing covers the middle of the slice
 // One workgroup per tile, one invocation per pixel. The order of kernels does not change a minimum.
 
 @group(1) @binding(2) var<storage, read> segments: array<Segment>;

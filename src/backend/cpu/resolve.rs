@@ -184,8 +184,8 @@ fn resolve_body(
     }
 }
 
-/// The unit normals that shade, shortened where normals differ much: a pixel of two surfaces is no brighter than the mean
-/// of both. `mean`: the mean of unit normals (docs/math.md, section 5).
+/// The unit normals that shade, shortened where normals differ much: a pixel of two surfaces is no brighter than the
+/// mean of both. `mean`: the mean of unit normals (docs/math.md, section 5).
 #[inline(always)]
 fn shortened(mean: &[Lanes; 3], unit: &[Lanes; 3]) -> [Lanes; 3] {
     let mut out = *unit;

@@ -94,8 +94,8 @@ pub(in crate::backend) struct TileBuffers {
     pub slices: Slices,
 }
 
-/// What is visible of kernels in motion in each slice of the interval: for each of `TILE` rows, for each slice, `STRIDE`
-/// floats.
+/// What is visible of kernels in motion in each slice of the interval: for each of `TILE` rows, for each slice,
+/// `STRIDE` floats.
 #[derive(Clone, Debug, Default)]
 pub(in crate::backend) struct Slices {
     /// Number of slices, a power of two, at most 32.

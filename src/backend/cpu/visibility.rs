@@ -21,7 +21,7 @@ pub(in crate::backend) struct Depths {
 impl Depths {
     /// The tolerance of a splat at `depth`.
     #[inline(always)]
-    pub(in crate::backend) fn tolerance(&self, depth: f32) -> f32 {
+    pub(in crate::backend) fn tolerance(self, depth: f32) -> f32 {
         let least = LEAST_EPSILON * depth;
         if self.epsilon > least { self.epsilon } else { least }
     }

@@ -380,11 +380,10 @@ impl Binder<'_> {
             None
         };
         let has_density = swept.weight == KernelWeight::Integral;
-        let visibility = if swept.has_slices() {
-            Some(self.program(Program::SweptVisibility, &slice_constants(frame), 1, &[])?)
-        } else {
-            None
-        };
+        let mut visibility = None;
+        if swept.has_slices() {
+            visibility = Some(self.program(Program::SweptVisibility, &slice_constants(frame), 1, &[])?);
+        }
         Ok(SweptPrograms {
             lists: ListPrograms {
                 project: self.of_surfels(Program::Sweep, &volume, surfel_buffers)?,

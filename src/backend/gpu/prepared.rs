@@ -29,9 +29,10 @@ impl Gpu {
     pub(in crate::backend) fn prepare<'a>(&mut self, frame: &'a Frame) -> Result<Prepared<'a>, BackendError> {
         let channels = DeviceChannels::of(frame);
         let planes = frame.film_planes();
-        // Each kernel that is met takes as many iterations as it touches slices.
+        // A kernel that a pixel meets takes as many more iterations as it touches slices. Half of the iterations are
+        // for them: a thousand kernels of a batch at one pixel, if each touches 32.
         let software = self.state.device.adapter.device_type == wgpu::DeviceType::Cpu;
-        let slots = if software { SOFTWARE_SLOTS / (1 + u64::from(frame.slices())) } else { u64::MAX };
+        let slots = if software && frame.slices() > 0 { SOFTWARE_SLOTS / 2 } else { u64::MAX };
         let limits = Limits { bytes: self.most_bytes, slots: self.most_slots.min(slots) };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);

@@ -76,6 +76,7 @@ fn splats_of_object<S>(all: &[Posed<S>], object: usize) -> &[S] {
 }
 
 /// All passes of the first group of a case; the first that differs.
+#[allow(clippy::too_many_lines, reason = "one pass after the other, each fed by the one before")]
 fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let frame = case.frame();
     let context = Context::of(&frame);

@@ -2,7 +2,8 @@
 //! (Wolf 2008, 4.1.2 and 4.2.2; docs/math.md, section 7).
 //!
 //! In: swept splats of a tile's list, the map of the group, thresholds of static objects and of the interval's slices,
-//! attributes of surfels. Out: the tile's sums, and when the kernels cover. Sums are in list order; the coverage mask is order-free.
+//! attributes of surfels. Out: the tile's sums, and when the kernels cover. Sums are in list order; the coverage mask
+//! is order-free.
 
 use super::hull::Hull;
 use super::map::Map;
@@ -52,6 +53,7 @@ pub(in crate::backend) struct Swept<'a> {
 
 dispatch! {
     /// Adds the swept splats that `list` names to `sums` and `coverage_mask`. The chord has no slices.
+    #[allow(clippy::too_many_arguments, reason = "what the loops read and write")]
     pub(in crate::backend) fn attribute(
         splats: &[SweptSplat], list: &[u32], swept: &Swept<'_>, tile: &TileRect, threshold: &[f32], slices: &Slices,
         sums: &mut [f32], coverage_mask: &mut CoverageMask,
@@ -59,6 +61,7 @@ dispatch! {
 }
 
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "what the loops read and write")]
 fn attribute_body(
     splats: &[SweptSplat],
     list: &[u32],
@@ -72,14 +75,14 @@ fn attribute_body(
     let low_pass = swept.attributes.low_pass > 0.0;
     match swept.footprint {
         Footprint::Tube if low_pass => {
-            add_all::<TUBE, true>(splats, list, swept, tile, threshold, slices, sums, coverage_mask)
+            add_all::<TUBE, true>(splats, list, swept, tile, threshold, slices, sums, coverage_mask);
         }
         Footprint::Tube => add_all::<TUBE, false>(splats, list, swept, tile, threshold, slices, sums, coverage_mask),
         Footprint::Ellipsoid if low_pass => {
             add_all::<ELLIPSOID, true>(splats, list, swept, tile, threshold, slices, sums, coverage_mask);
         }
         Footprint::Ellipsoid => {
-            add_all::<ELLIPSOID, false>(splats, list, swept, tile, threshold, slices, sums, coverage_mask)
+            add_all::<ELLIPSOID, false>(splats, list, swept, tile, threshold, slices, sums, coverage_mask);
         }
         Footprint::Chord if low_pass => {
             add_all::<CHORD, true>(splats, list, swept, tile, threshold, slices, sums, coverage_mask);
@@ -89,6 +92,7 @@ fn attribute_body(
 }
 
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "what the loops read and write")]
 fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
     splats: &[SweptSplat],
     list: &[u32],
@@ -169,7 +173,8 @@ impl Lanes {
         }
     }
 
-    /// Compares the sources with the map. A hidden kernel loses its weight, but covers, as the surface before it covers.
+    /// Compares the sources with the map. A hidden kernel loses its weight, but covers, as the surface before it
+    /// covers.
     #[inline(always)]
     fn test(&mut self, map: &Map) {
         let mut limit = [0.0_f32; LANES];
@@ -187,8 +192,8 @@ impl Lanes {
         }
     }
 
-    /// Weighs the kernel by the slices in which it is visible. Where it is hidden it loses its weight, but covers, as the
-    /// surface before it covers. Weights become shares of the surface at the source.
+    /// Weighs the kernel by the slices in which it is visible. Where it is hidden it loses its weight, but covers, as
+    /// the surface before it covers. Weights become shares of the surface at the source.
     #[inline(always)]
     fn weigh(&mut self, map: &Map, slices: &Slices, y: usize, x: usize) {
         let count = slices.count;

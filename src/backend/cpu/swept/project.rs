@@ -179,8 +179,8 @@ const SLACK_SHARE: f32 = 1e-5;
 /// Boxes wider than that, in pixels, would be too coarse to number pixels.
 const REACH: f32 = 1e9;
 
-/// Pixel columns and rows, as [`end`] has them, that bound at both ends the part of a kernel beyond `near`. Where an end
-/// comes nearer, its box holds the places at which the kernel passes `near`. `disc`: radius of the low-pass disc in
+/// Pixel columns and rows, as [`end`] has them, that bound at both ends the part of a kernel beyond `near`. Where an
+/// end comes nearer, its box holds the places at which the kernel passes `near`. `disc`: radius of the low-pass disc in
 /// space. None where there is no such part, or it is too wide.
 ///
 /// The tube lies within the hull of the parallelograms around its ends. What `near` leaves of a hull of points is the
@@ -232,8 +232,8 @@ fn clipped(view: &View<'_>, posed: &Posed, disc: f32) -> Option<[[f32; 4]; 2]> {
     (any && bounded).then_some(ends)
 }
 
-/// A kernel that crosses the camera plane. Pixels are counted from the camera's axis. Where no boxes bound it, its bounds
-/// are all wanted pixels.
+/// A kernel that crosses the camera plane. Pixels are counted from the camera's axis. Where no boxes bound it, its
+/// bounds are all wanted pixels.
 #[inline(never)]
 fn crossing(view: &View<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
     let &Posed { centre, motion, u, v } = posed;

@@ -36,8 +36,8 @@ pub(super) struct Lanes {
     pub loose: [f32; LANES],
     /// Mean depth on the ray.
     pub depth: [f32; LANES],
-    /// Depth of the plane on the ray at tau = 0, and its change to tau = 1; of the low-pass disc where the kernel itself
-    /// is not met.
+    /// Depth of the plane on the ray at tau = 0, and its change to tau = 1; of the low-pass disc where the kernel
+    /// itself is not met.
     pub plane: [[f32; LANES]; 2],
     /// The pixel nearest the source point, and the depth there that is compared.
     pub source: [[i32; LANES]; 2],
@@ -64,8 +64,8 @@ pub(super) struct Ray {
 }
 
 impl Ray {
-    /// First and last time at which the tube covers the ray through the sample position of `pixel`, and the depth of its
-    /// plane there at tau = 0 and its change to tau = 1. The first is not less than the last where it never covers.
+    /// First and last time at which the tube covers the ray through the sample position of `pixel`, and the depth of
+    /// its plane there at tau = 0 and its change to tau = 1. The first is not less than the last where it never covers.
     #[inline(always)]
     pub(super) fn cover(&self, splat: &SweptSplat, pixel: [f32; 2], last: f32) -> ([f32; 2], [f32; 2]) {
         let (x, y) = (pixel[0] + 0.5 - splat.reference[0], pixel[1] + 0.5 - splat.reference[1]);

@@ -1,4 +1,5 @@
-//! Slices of an interval: what of the kernels in motion is visible at a pixel, slice by slice (docs/math.md, section 7).
+//! Slices of an interval: what of the kernels in motion is visible at a pixel, slice by slice (docs/math.md, section
+//! 7).
 //!
 //! Pass `visibility`: the depth threshold of each slice at each pixel. In: swept splats of a tile's list, thresholds of
 //! static objects. Out: the tile's thresholds. Order-free (a minimum).
