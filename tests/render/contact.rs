@@ -44,7 +44,7 @@ fn brighter(options: &RenderOptions) -> Vec<f32> {
     let traced = ReferenceOptions { samples: 256, shading: options.shading, ..ReferenceOptions::default() };
     let truth = reference::render(&scene, 0, &traced, None, &|_| ()).unwrap().picture;
     let shown = render_frame(&mut Cpu::default(), &scene, 0, options).unwrap().picture;
-    let [shown, truth] = [shown, truth].map(|picture| encode(&picture)[0].to_vec());
+    let [shown, truth] = [shown, truth].map(|picture| encode(&picture)[0].clone());
     let (width, height) = (SIZE[0], SIZE[1]);
     let mut out = Vec::new();
     for (y, x) in (2..height - 2).flat_map(|y| (2..width - 2).map(move |x| (y, x))) {
