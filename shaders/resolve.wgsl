@@ -56,10 +56,11 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, share: Share) {
     let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
     let inverse = 1.0 / sums[sum_at];
     var colour = mean(sum_at, 1u, inverse);
-    var normal = vec3<f32>(0.0);
+    var mean_normal = vec3<f32>(0.0);
     if NORMAL != 0u {
-        normal = unit(mean(sum_at, NORMAL, inverse));
+        mean_normal = mean(sum_at, NORMAL, inverse);
     }
+    let normal = unit(mean_normal);
     var depth = 0.0;
     if DEPTH != 0u {
         depth = sums[sum_at + DEPTH * TILE_PIXELS] * inverse;
@@ -78,7 +79,9 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, share: Share) {
         let ray_x = (column + 0.5 + view.offset.x - view.axis.x) * over;
         let ray = (view.camera[1].xyz * ray_y - view.camera[2].xyz) + view.camera[0].xyz * ray_x;
         let eye = ray * (-1.0 / sqrt(ray.x * ray.x + ray.y * ray.y + ray.z * ray.z));
-        colour = shade(view.first_light, view.lights, material, colour, normal, ray * depth, eye);
+        let m = mean_normal;
+        let shaded = normal * agreement(m.x * m.x + m.y * m.y + m.z * m.z);
+        colour = shade(view.first_light, view.lights, material, colour, shaded, ray * depth, eye);
     }
     let at = index * PLANES * TILE_PIXELS + in_tile;
     add(at, colour, share);

@@ -65,7 +65,7 @@ pub struct SweptSplat {
     pub bounds: [u16; 4],
     /// Index of the surfel in its model.
     pub surfel: u32,
-    /// [`FLAG_BACK`], [`FLAG_LOW_PASS`], [`FLAG_CROSSING`].
+    /// [`FLAG_BACK`], [`FLAG_LOW_PASS`], [`FLAG_CROSSING`]. A backend may use the bits above.
     pub flags: u32,
 }
 
@@ -73,7 +73,7 @@ pub struct SweptSplat {
 pub const FLAG_BACK: u32 = 1;
 /// The low-pass disc around `reference` exists.
 pub const FLAG_LOW_PASS: u32 = 2;
-/// The kernel reaches the camera plane: `ends` mean nothing.
+/// The kernel reaches the camera plane, and no boxes bound it: `ends` mean nothing.
 pub const FLAG_CROSSING: u32 = 4;
 
 /// Which weighted sums the attribute pass has for each sample position, and in which channels.

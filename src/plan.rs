@@ -4,7 +4,7 @@
 //! [`Step::of_position`] says what a backend does about it, and in which order. No other place knows that order: a
 //! backend walks over the rasters of a frame, their positions and their steps, and has one `match` over [`Step`].
 //! Within a step the passes run in the order of [`SplatPass::ORDER`], [`StaticPass::ORDER`], [`MapPass::order`] or
-//! [`SweepPass::ORDER`]; the splats or the kernels in motion that they read are projected and listed by tile before the
+//! [`SweepPass::order`]; the splats or the kernels in motion that they read are projected and listed by tile before the
 //! first pass that reads them.
 
 use crate::options::{BlurMode, Interleave, KernelWeight, PixelFilter, SweptKernel};
@@ -76,6 +76,9 @@ pub struct PosedInterval {
     /// Width of the visibility map's guard band, raster pixels. It is the largest distance by which anything moves from
     /// the middle of an interval to its end, for all intervals of the frame; at most half the raster's longer side.
     pub guard: u32,
+    /// Number of slices, of equal length, in each of which kernels have a visibility of their own. A power of two, at
+    /// most 32; the same for all intervals of the frame.
+    pub slices: u32,
 }
 
 /// Which objects a step splats. Static objects come first in the order of sums.
@@ -111,8 +114,8 @@ pub enum Step {
         group: usize,
     },
     /// Makes a map of depth thresholds at the middle of an interval, over the raster and a guard band
-    /// ([`MapPass::order`]). Kernels in motion look up there whether their source is visible, so it must be complete
-    /// before they are added.
+    /// ([`MapPass::order`]). Kernels in motion look up there how dense their surface is, and the chord whether its
+    /// source is visible. So it must be complete before they are added.
     VisibilityMap {
         /// The group.
         group: usize,
@@ -123,7 +126,7 @@ pub enum Step {
         /// Whether the map holds densities too, which integral weights are divided by.
         density: bool,
     },
-    /// Sweeps kernels over an interval and adds them to the film ([`SweepPass::ORDER`]). It reads the map and the
+    /// Sweeps kernels over an interval and adds them to the film ([`SweepPass::order`]). It reads the map and the
     /// static picture.
     Sweep {
         /// The group.
@@ -231,8 +234,9 @@ impl MapPass {
 /// A pass of [`Step::Sweep`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SweepPass {
-    /// Weighted sums of the attributes of the kernels whose source on the map is visible, and the times at which they
-    /// cover.
+    /// Depth thresholds of each slice of the interval, at each pixel.
+    Visibility,
+    /// Weighted sums of the attributes of the kernels that are visible, and the times at which they cover.
     Attribute,
     /// Turns the times at which kernels cover into coverage; then as [`SplatPass::Resolve`], or pooled with the other
     /// intervals.
@@ -240,8 +244,10 @@ pub enum SweepPass {
 }
 
 impl SweepPass {
-    /// The passes in order.
-    pub const ORDER: [Self; 2] = [Self::Attribute, Self::Resolve];
+    /// The passes in order, with slices or without.
+    pub const fn order(slices: bool) -> &'static [Self] {
+        if slices { &[Self::Visibility, Self::Attribute, Self::Resolve] } else { &[Self::Attribute, Self::Resolve] }
+    }
 }
 
 impl Exposure {

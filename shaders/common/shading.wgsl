@@ -9,6 +9,13 @@ fn lobes(n: vec3<f32>, towards: vec3<f32>, eye: vec3<f32>, shininess: f32) -> ve
     return vec2<f32>(max(nl, 0.0), power(max(rv, 0.0), shininess));
 }
 
+// Length of the normal that shades, given the squared length of the mean of unit normals. Twin: shading::agreement.
+fn agreement(length2: f32) -> f32 {
+    let length = sqrt(length2);
+    let faded = 0.9 + 1.25 * (length - 0.9);
+    return min(select(length, faded, length > 0.9), 1.0);
+}
+
 // Shades a surface point. `material` is (ambient, diffuse, specular, shininess). `position` is relative to the eye and
 // only needed for point lights. `eye` is the unit direction to the eye.
 fn shade(

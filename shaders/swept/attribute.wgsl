@@ -1,8 +1,8 @@
-// Pass `attribute` for kernels in motion: sums the attributes of the kernels whose source passes the depth test.
-// Twins: src/backend/cpu/swept/attribute.rs and hull.rs.  Math: docs/math.md, eq. 11 to 18.
+// Pass `attribute` for kernels in motion: sums the attributes of the kernels that pass the depth test.
+// Twins: src/backend/cpu/swept/attribute.rs and hull.rs, ray.rs, slices.rs.  Math: docs/math.md, eq. 11 to 19.
 //   in   splats, list, starts, wide   output of `sweep` and `bin`
 //        map       the map of mid-interval; behind its tiles the depth thresholds of static objects, tile by tile,
-//                  where those have a picture of their own
+//                  where those have a picture of their own; then the thresholds of slices, where kernels have them
 //        values
 //   out  sums      for each tile, for each channel, its pixels: weight, colour, then normal, depth and velocity
 //                  where they are wanted
@@ -26,8 +26,6 @@ override DEPTH: u32 = 0u;
 override VELOCITY: u32 = 0u;
 override CHANNELS: u32 = 4u;
 override VALUES: u32 = 3u;
-// If true, there are static objects with a picture of their own.
-override HAS_STATIC: bool = false;
 // The weight function of kernels.
 override FOOTPRINT: u32 = 0u;
 const TUBE: u32 = 0u;
@@ -38,8 +36,6 @@ override SOURCE_SAMPLES: u32 = 1u;
 // If true, the sum of weights is recorded instead of the times at which kernels cover.
 override SUM: bool = false;
 
-// Margin of hulls against rounding, pixels.
-const HULL_SLACK: f32 = 1e-2;
 // A pixel number that is as good as infinite.
 const FAR: f32 = 1e6;
 
@@ -64,8 +60,7 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
     let mask_at = 3u * index * TILE_PIXELS + at;
     var before = NONE;
     if HAS_STATIC {
-        let behind = view.map_tiles.x * view.map_tiles.y * TILE_PIXELS;
-        before = map[behind + (index * TILE_PIXELS + at) / 2u][at % 2u];
+        before = behind(index * TILE_PIXELS + at);
     }
     var sum: Sums;
     if view.resumes != 0u {
@@ -83,8 +78,9 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
     }
 
     var walk = walk_of(index);
+    let slices = slices_of(index, at);
     while has_next(walk) {
-        add_splat(&sum, next_slot(&walk), pixel, before);
+        add_splat(&sum, next_slot(&walk), pixel, before, slices);
     }
 
     sums[sum_at] = sum.weight;
@@ -98,6 +94,12 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
     coverage_mask[mask_at] = sum.surface;
     coverage_mask[mask_at + TILE_PIXELS] = sum.low_pass;
     coverage_mask[mask_at + 2u * TILE_PIXELS] = bitcast<u32>(sum.loose);
+}
+
+// Float `at` of those behind the map's tiles.
+fn behind(at: u32) -> f32 {
+    let place = behind_map() + at;
+    return map[place / 2u][place % 2u];
 }
 
 fn load(sum_at: u32, channel: u32) -> vec3<f32> {
@@ -117,8 +119,8 @@ fn store(sum_at: u32, channel: u32, value: vec3<f32>) {
 const HIDDEN: f32 = 5.9604645e-8;
 
 // Adds a kernel to the sums. `before` is the greatest depth at which static objects let kernels in motion be seen at
-// the pixel.
-fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>, before: f32) {
+// the pixel. `slices`: place of the pixel's first slice.
+fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>, before: f32, slices: u32) {
     let bounds = unpack(splats[slot].bounds);
     if pixel.x < bounds.x || pixel.x > bounds.y || pixel.y < bounds.z || pixel.y > bounds.w { return; }
     let at = vec2<f32>(pixel);
@@ -132,16 +134,19 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>, before: f32)
         // of the surface at the source.
         let known = source(met.source);
         var weight = met.weight;
+        var shown = Shown(select(0.0, 1.0, met.source_depth <= known.x), 0xffffffffu);
         if FOOTPRINT != CHORD {
             weight = min(weight * known.y, met.most);
+            shown = shown_in(met, slices);
         }
         if !SUM {
             (*sum).surface |= met.surface;
         }
-        if met.source_depth <= known.x {
-            (*sum).loose += met.loose;
+        if shown.part > 0.0 {
+            weight *= shown.part;
+            (*sum).loose += met.loose * shown.part;
             if !SUM {
-                (*sum).low_pass |= met.low_pass;
+                (*sum).low_pass |= met.low_pass & shown.slices;
             }
         } else {
             weight *= HIDDEN;
@@ -163,6 +168,33 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>, before: f32)
     }
 }
 
+// The visible part of a kernel: the share of the time for which it covers, and the 32nds of the slices.
+struct Shown {
+    part: f32,
+    slices: u32,
+}
+
+// Tests a kernel in each slice that it touches.
+fn shown_in(met: Met, slices: u32) -> Shown {
+    let bits = 32u / SLICES;
+    let of_slice = 0xffffffffu >> (32u - bits);
+    var time = 0.0;
+    var shown = Shown(0.0, 0u);
+    let ends = slices_in(met.span);
+    for (var slice = ends.x; slice <= ends.y; slice += 1u) {
+        let times = slice_times(slice);
+        let first = max(met.span.x, times.x);
+        let last = min(met.span.y, times.z);
+        let depth = met.plane.x + times.y * met.plane.y;
+        if first < last && depth <= behind(slices + slice * TILE_PIXELS) {
+            time += last - first;
+            shown.slices |= of_slice << (slice * bits);
+        }
+    }
+    shown.part = time / (met.span.y - met.span.x);
+    return shown;
+}
+
 // Threshold and inverse density at a pixel. Outside the map everything is visible.
 fn source(pixel: vec2<i32>) -> vec2<f32> {
     let place = pixel - view.map_corner;
@@ -171,29 +203,6 @@ fn source(pixel: vec2<i32>) -> vec2<f32> {
     if any(outside) { return vec2<f32>(NONE); }
     let in_tile = vec2<u32>(place) % TILE;
     return map[(u32(tile.y) * view.map_tiles.x + u32(tile.x)) * TILE_PIXELS + in_tile.y * TILE + in_tile.x];
-}
-
-// Tells whether the pixel is in a box that meets its row. The boxes around a kernel at times t between its ends are
-// box(t) = (1 - t) box(0) + t box(1).
-fn in_hull(slot: u32, pixel: vec2<f32>) -> bool {
-    if (splats[slot].flags & FLAG_CROSSING) != 0u { return true; }
-    let begin = splats[slot].ends[0];
-    let end = splats[slot].ends[1];
-    // Times at which the box's first row is at most the pixel's row, and its last row at least the pixel's row.
-    let above = cut_times(vec2<f32>(0.0, 1.0), pixel.y + HULL_SLACK - begin[2], end[2] - begin[2]);
-    let times = cut_times(above, begin[3] - (pixel.y - HULL_SLACK), begin[3] - end[3]);
-    if !(times.x <= times.y) { return false; }
-    let low = begin[0] + times * (end[0] - begin[0]);
-    let high = begin[1] + times * (end[1] - begin[1]);
-    return pixel.x >= min(low.x, low.y) - HULL_SLACK && pixel.x <= max(high.x, high.y) + HULL_SLACK;
-}
-
-// The part of `times` at which room - t change >= 0. It is empty if the first time is larger than the last.
-fn cut_times(times: vec2<f32>, room: f32, change: f32) -> vec2<f32> {
-    if change == 0.0 { return select(vec2<f32>(1.0, 0.0), times, room >= 0.0); }
-    let at = room / change;
-    if change > 0.0 { return vec2<f32>(times.x, min(times.y, at)); }
-    return vec2<f32>(max(times.x, at), times.y);
 }
 
 // The quantities that are the same for all rays of a splat.
@@ -229,8 +238,13 @@ struct Met {
     // For the coverage: the weight that the low-pass disc adds, or the whole weight if the coverage is the sum of
     // weights.
     loose: f32,
+    // First and last time at which what weighs covers.
+    span: vec2<f32>,
     // Mean depth on the ray.
     depth: f32,
+    // Depth of the plane on the ray at tau = 0, and its change to tau = 1; of the low-pass disc where the kernel itself
+    // is not met.
+    plane: vec2<f32>,
     // The pixel nearest the source point, and the depth there that is compared with the map.
     source: vec2<i32>,
     source_depth: f32,
@@ -286,6 +300,7 @@ fn meet(splat: SweptSplat, ray: Ray, part: u32, pixel: vec2<f32>) -> Met {
     let larger = disc_weight > weight;
     met.weight = select(weight, disc_weight, larger);
     met.most = select(own.y * time, discs.y * disc_time, larger);
+    met.span = select(weighed, disc_span, larger);
     if SUM {
         met.loose = select(weight * own.z, disc_weight * discs.z, larger);
     } else {
@@ -305,16 +320,13 @@ fn meet(splat: SweptSplat, ray: Ray, part: u32, pixel: vec2<f32>) -> Met {
     let there = form(splat.inverse_depth, column + 0.5 - splat.reference.x, row + 0.5 - splat.reference.y);
     let plane_depth = select(source_depth, 1.0 / there, there > 0.0);
     let centre_depth = 1.0 / splat.inverse_depth[2];
+    met.plane = select(vec2<f32>(centre_depth, centre_depth * d.z), vec2<f32>(1.0 / w, ray.k / w), body_met);
     met.source = vec2<i32>(i32(column), i32(row));
     met.source_depth = select(centre_depth, plane_depth, body_met);
     met.depth = select(centre_depth * (1.0 + d.z * disc_tau), depth, body_met);
     met.surface = select(0u, moments_in(span), body_met);
     met.low_pass = select(0u, moments_in(disc_span), disc_met);
     return met;
-}
-
-fn form(c: array<f32, 3>, x: f32, y: f32) -> f32 {
-    return c[0] * x + (c[1] * y + c[2]);
 }
 
 // Weight over the interval, its greatest value for kernels of peak 1, and the factor that makes it an intensity.
@@ -324,18 +336,6 @@ fn weigh(s: Sweep, span: vec2<f32>) -> vec3<f32> {
         return vec3<f32>(ellipsoid_weight(mean_over(s, span), span), ellipsoid_weight(1.0, span), 1.0);
     }
     return vec3<f32>(chord(s), 1.0, chord_intensity(s));
-}
-
-// `span` without the times at which the depth (1 + k tau) / w is below `near`; `lacks` is near w - 1.
-fn beyond_near(lacks: f32, k: f32, inverse_k: f32, span: vec2<f32>) -> vec2<f32> {
-    let at = lacks * inverse_k;
-    let limits = select(vec2<f32>(at, 1.0), vec2<f32>(-1.0, at), k < 0.0);
-    return vec2<f32>(max(span.x, limits.x), min(span.y, limits.y));
-}
-
-// 1 / v, or a large finite number where v is too small.
-fn reciprocal(v: f32) -> f32 {
-    return select(1e30, 1.0 / v, abs(v) > 1e-30);
 }
 
 // Part `part` of `span`, which is cut into SOURCE_SAMPLES equal parts.

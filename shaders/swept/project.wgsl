@@ -57,8 +57,15 @@ fn sweep(@builtin(global_invocation_id) id: vec3<u32>) {
     if !faces(area * centre.z * segment.handedness) { return; }
     let low_pass = select(0.0, view.low_pass, centre.z >= view.near);
     // The disc keeps its size in space, so on the screen it grows as it comes nearer.
-    let begin = box(centre - motion, u, v, low_pass * (centre.z / (centre.z - motion.z)));
-    let end = box(centre + motion, u, v, low_pass * (centre.z / (centre.z + motion.z)));
+    var begin = box(centre - motion, u, v, low_pass * (centre.z / (centre.z - motion.z)));
+    var end = box(centre + motion, u, v, low_pass * (centre.z / (centre.z + motion.z)));
+    if min(depths.x, depths.y) - sqrt(reach2) < view.near {
+        let shown = clipped(centre, motion, u, v, low_pass * centre.z);
+        if shown.bounded {
+            begin = shown.begin;
+            end = shown.end;
+        }
+    }
     let reference = view.axis + vec2<f32>(x, y) - view.offset;
     var across = vec2<f32>(min(begin.x, end.x), max(begin.y, end.y));
     var down = vec2<f32>(min(begin.z, end.z), max(begin.w, end.w));
@@ -96,7 +103,7 @@ fn sweep(@builtin(global_invocation_id) id: vec3<u32>) {
         array<f32, 4>(begin.x, begin.y, begin.z, begin.w),
         array<f32, 4>(end.x, end.y, end.z, end.w),
     );
-    splat.flags = select(FLAG_BACK, 0u, area * segment.handedness < 0.0);
+    splat.flags = (segment.index << SEGMENT_SHIFT) | select(FLAG_BACK, 0u, area * segment.handedness < 0.0);
     splat.flags |= select(0u, FLAG_LOW_PASS, low_pass > 0.0);
     write(slot, splat, bounds_of(across, down));
 }
@@ -109,8 +116,77 @@ fn faces(det: f32) -> bool {
     return det < 0.0 || ((segment.flags & 1u) != 0u && det > 0.0);
 }
 
-// Writes a kernel that reaches the camera plane. Its bounds are the whole image, and pixels are counted from the
-// camera's axis.
+// Boxes around the part of a kernel beyond `near`. They are bounded where the kernel has such a part and all numbers
+// are finite.
+struct Clipped {
+    begin: vec4<f32>,
+    end: vec4<f32>,
+    bounded: bool,
+}
+
+// The boxes of both ends. Where an end comes nearer than `near`, its box holds the places at which the kernel passes
+// `near`. `disc` is the radius of the low-pass disc in space. A tube lies within the hull of the parallelograms around
+// its ends.
+fn clipped(centre: vec3<f32>, motion: vec3<f32>, u: vec3<f32>, v: vec3<f32>, disc: f32) -> Clipped {
+    var corners: array<vec3<f32>, 16>;
+    for (var i = 0u; i < 2u; i += 1u) {
+        let at = select(centre - motion, centre + motion, i == 1u);
+        corners[8u * i] = at + u + v;
+        corners[8u * i + 1u] = at + u - v;
+        corners[8u * i + 2u] = at - u + v;
+        corners[8u * i + 3u] = at - u - v;
+        corners[8u * i + 4u] = vec3<f32>(at.x + disc, at.y + disc, at.z);
+        corners[8u * i + 5u] = vec3<f32>(at.x + disc, at.y - disc, at.z);
+        corners[8u * i + 6u] = vec3<f32>(at.x - disc, at.y + disc, at.z);
+        corners[8u * i + 7u] = vec3<f32>(at.x - disc, at.y - disc, at.z);
+    }
+    var boxes = array<vec4<f32>, 2>(vec4<f32>(NONE, -NONE, NONE, -NONE), vec4<f32>(NONE, -NONE, NONE, -NONE));
+    for (var i = 0u; i < 16u; i += 1u) {
+        let p = corners[i];
+        let side = i / 8u;
+        if p.z >= view.near {
+            boxes[side] = widened(boxes[side], p.xy / p.z);
+            continue;
+        }
+        for (var j = 0u; j < 16u; j += 1u) {
+            let q = corners[j];
+            if q.z >= view.near {
+                let t = (view.near - p.z) / (q.z - p.z);
+                boxes[side] = widened(boxes[side], (p.xy + (q.xy - p.xy) * t) / view.near);
+            }
+        }
+    }
+    let origin = view.axis - view.offset;
+    var out: Clipped;
+    out.begin = with_margin(origin, boxes[0]);
+    out.end = with_margin(origin, boxes[1]);
+    out.bounded = boxes[0].x <= boxes[0].y && boxes[1].x <= boxes[1].y && within_reach(out.begin)
+        && within_reach(out.end);
+    return out;
+}
+
+fn widened(box: vec4<f32>, at: vec2<f32>) -> vec4<f32> {
+    return vec4<f32>(min(box.x, at.x), max(box.y, at.x), min(box.z, at.y), max(box.w, at.y));
+}
+
+fn with_margin(origin: vec2<f32>, box: vec4<f32>) -> vec4<f32> {
+    let low = box.xz - SLACK_SHARE * abs(box.xz);
+    let high = box.yw + SLACK_SHARE * abs(box.yw);
+    return vec4<f32>(
+        index_range(origin.x, vec2<f32>(low.x, high.x)),
+        index_range(origin.y, vec2<f32>(low.y, high.y)),
+    );
+}
+
+// Boxes wider than that would be too coarse to number pixels.
+const REACH: f32 = 1e9;
+
+fn within_reach(box: vec4<f32>) -> bool {
+    return all(abs(box) <= vec4<f32>(REACH));
+}
+
+// Writes a kernel that reaches the camera plane. Pixels are counted from the camera's axis. Where its boxes are not
+// bounded, it has the whole image.
 fn write_crossing(slot: u32, posed: SweptSplat, centre: vec3<f32>, motion: vec3<f32>, u: vec3<f32>, v: vec3<f32>) {
     let normal = cross(u, v);
     let det = normal.x * centre.x + normal.y * centre.y + normal.z * centre.z;
@@ -125,8 +201,22 @@ fn write_crossing(slot: u32, posed: SweptSplat, centre: vec3<f32>, motion: vec3<
     splat.u_rate = form(cross(v, motion) * over);
     splat.v_rate = form(cross(motion, u) * over);
     splat.motion = form(motion);
-    splat.flags = FLAG_CROSSING | select(FLAG_BACK, 0u, turned < 0.0);
-    write(slot, splat, vec4<u32>(view.pixels - view.corner.xxyy));
+    splat.flags = (segment.index << SEGMENT_SHIFT) | select(FLAG_BACK, 0u, turned < 0.0);
+    let shown = clipped(centre, motion, u, v, 0.0);
+    if !shown.bounded {
+        splat.flags |= FLAG_CROSSING;
+        write(slot, splat, vec4<u32>(view.pixels - view.corner.xxyy));
+        return;
+    }
+    splat.ends = array<array<f32, 4>, 2>(
+        array<f32, 4>(shown.begin.x, shown.begin.y, shown.begin.z, shown.begin.w),
+        array<f32, 4>(shown.end.x, shown.end.y, shown.end.z, shown.end.w),
+    );
+    let across = vec2<f32>(min(shown.begin.x, shown.end.x), max(shown.begin.y, shown.end.y));
+    let down = vec2<f32>(min(shown.begin.z, shown.end.z), max(shown.begin.w, shown.end.w));
+    let columns = pixels_in(across, view.pixels.xy);
+    let rows = pixels_in(down, view.pixels.zw);
+    if columns.x <= columns.y && rows.x <= rows.y { write(slot, splat, bounds_of(columns, rows)); }
 }
 
 fn form(v: vec3<f32>) -> array<f32, 3> {

@@ -1,6 +1,6 @@
 // Pass `resolve` for kernels in motion: turns the times at which kernels cover into coverage, and pools colours that
 // are normalised once.
-// Twin: src/backend/cpu/swept/resolve.rs.  Math: docs/math.md, eq. 17 to 19.
+// Twin: src/backend/cpu/swept/resolve.rs.  Math: docs/math.md, eq. 18 to 20.
 //   in   sums, lights
 //        coverage_mask   of each pixel
 //        static_film     film of static objects for one exposure, where they have a picture of their own

@@ -28,6 +28,9 @@ pub use self::raster::Raster;
 pub use self::static_objects::STATIC_PATH;
 use self::static_objects::find_static;
 
+/// Longest path over the raster within a slice of an interval, pixels.
+const SLICE_PATH: u32 = 4;
+
 /// One frame, posed.
 #[derive(Clone, Debug)]
 pub struct Frame {
@@ -155,7 +158,8 @@ impl Frame {
             .collect();
         // One size of map for all intervals: on the GPU the thresholds of static objects are stored behind it.
         let guard = sweeps.iter().flatten().map(|(interval, _)| interval.guard).max().unwrap_or(0);
-        sweeps.iter_mut().flatten().for_each(|(interval, _)| interval.guard = guard);
+        let slices = slices_of(guard);
+        sweeps.iter_mut().flatten().for_each(|(interval, _)| (interval.guard, interval.slices) = (guard, slices));
         let near = scene.camera.near as f32;
         let times: Vec<f64> = exposure.groups().flat_map(|group| &group.samples).map(|sample| sample.time).collect();
         let is_static = find_static(scene, &times, &mut rasters, exposure.stride, near);
@@ -240,6 +244,15 @@ impl Frame {
         })
     }
 
+    /// Slices of an interval of kernels in motion; 0 where there are none, or kernels have no slices.
+    pub fn slices(&self) -> u32 {
+        let swept = self.steps().find_map(|step| match step {
+            Step::Sweep { interval, kernel, .. } if kernel.has_slices() => Some(interval.slices),
+            _ => None,
+        });
+        swept.unwrap_or(0)
+    }
+
     /// Whether any step makes a static layer.
     pub fn has_static_layer(&self) -> bool {
         self.steps().any(|step| matches!(step, Step::StaticLayer { .. }))
@@ -275,6 +288,12 @@ impl Frame {
     pub fn most_samples_of_a_group(&self) -> usize {
         self.groups().map(|group| group.samples.len()).max().unwrap_or(1)
     }
+}
+
+/// Slices of an interval in which nothing moves farther than `guard` raster pixels from its middle. In a slice nothing
+/// moves by more than [`SLICE_PATH`] pixels, as long as 32 slices suffice for that.
+fn slices_of(guard: u32) -> u32 {
+    (2 * guard).div_ceil(SLICE_PATH).next_power_of_two().min(32)
 }
 
 fn model_bytes(scene: &Scene) -> u64 {

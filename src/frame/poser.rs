@@ -120,7 +120,7 @@ impl Poser<'_> {
             });
         let largest = drifts.fold(0.0, |a: f64, b| if b.is_nan() { most } else { a.max(b) });
         let guard = if largest > 0.0 { (largest + 2.0).ceil().min(most) as u32 } else { 0 };
-        PosedInterval { moments: interval.moments.map(|share| share as f32), slope: slope as f32, guard }
+        PosedInterval { moments: interval.moments.map(|share| share as f32), slope: slope as f32, guard, slices: 1 }
     }
 
     fn object(&self, object: &Object, time: f64, camera: &DMat4, interval: Option<&Interval>) -> PosedObject {

@@ -38,6 +38,11 @@ impl SweptKernel {
         self.normalise == Normalise::Once || self.alpha == TemporalAlpha::Sum
     }
 
+    /// Whether visibility is that of slices of an interval. The chord has that of mid-interval alone, as published.
+    pub(crate) fn has_slices(self) -> bool {
+        self.weight == KernelWeight::Integral
+    }
+
     /// Motion of a kernel divided by the motion of its surfel during the interval. It is 2 in the published variant,
     /// whose half-axis is the whole spacing of the time samples, and 1 in all others.
     pub fn stretch(self) -> f64 {

@@ -16,7 +16,7 @@ fn interval(group: &Group) -> Interval {
 }
 
 fn posed_interval(guard: u32) -> PosedInterval {
-    PosedInterval { moments: [1.0 / 32.0; 32], slope: 0.0, guard }
+    PosedInterval { moments: [1.0 / 32.0; 32], slope: 0.0, guard, slices: 4 }
 }
 
 /// Static objects are splatted once where several groups share a position, and not where one is alone.

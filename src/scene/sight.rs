@@ -70,12 +70,12 @@ impl fmt::Display for Unseen {
 
 /// The likely cause why frame `frame` shows nothing of `object`, judged by its box at mid-exposure. `drawn`: splats
 /// were projected onto the image all the same.
-pub fn why_unseen(scene: &Scene, object: &Object, frame: i64, drawn: bool) -> Unseen {
+pub fn why_unseen(scene: &Scene, object: &Object, frame: FrameNumber, drawn: bool) -> Unseen {
     let bounds = object.bounds();
     if bounds.is_empty() {
         return Unseen::Empty;
     }
-    let time = frame as f64 + 0.5 * (scene.shutter.open + scene.shutter.close);
+    let time = frame.get() + 0.5 * (scene.shutter.open + scene.shutter.close);
     let pose = object_pose(scene, object, time);
     if !pose.visible {
         return Unseen::Hidden;

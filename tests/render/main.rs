@@ -5,6 +5,7 @@ mod support;
 
 mod auto;
 mod closed_forms;
+mod contact;
 mod exposure;
 mod gpu;
 mod image_files;

@@ -40,6 +40,7 @@ impl Budget {
             + 2 * pixels * 4 * planes.count as u64;
         // What the tiles of some rows need together, for as many rows as the bands shall have.
         let swept = frame.swept.is_some();
+        let slices = swept.then(|| frame.slices() as usize);
         let guard = frame.guard();
         let picture_bytes = if frame.has_static_picture() { StaticTile::bytes(planes.count) } else { 0 };
         let layer_bytes = if frame.has_static_layer() {
@@ -51,8 +52,9 @@ impl Budget {
             let band = Band::new(raster, [0, rows as usize]);
             let tiles = band.len() as u64;
             let guarded = guard.map_or(0, |guard| band.guarded(guard).len() as u64);
-            // Tiles of the map have fewer sums, but there are more of them.
-            let own = guarded * Map::bytes(1) + guarded.max(tiles) * TileBuffers::bytes(channels.count, samples, swept);
+            // Tiles of the map have fewer buffers, but there are more of them.
+            let of_map = guarded * TileBuffers::bytes(1, 1, None);
+            let own = guarded * Map::bytes(1) + of_map.max(tiles * TileBuffers::bytes(channels.count, samples, slices));
             own + tiles * (picture_bytes + if layers { layer_bytes } else { 0 })
         };
         let threads = rayon::current_num_threads() as u64;

@@ -284,7 +284,7 @@ impl Executor<'_> {
         let splat_bytes = self.budget.splat_bytes;
         let Memory { kernels, buffers, map, .. } = &mut *self.memory;
         let work = SweepGroup { scope, interval, kernel, map, picture };
-        TileRunner { work: &work, chunks: &chunks, passes: &SweepPass::ORDER, splat_bytes }
+        TileRunner { work: &work, chunks: &chunks, passes: SweepPass::order(kernel.has_slices()), splat_bytes }
             .run(kernels, buffers, self.film);
     }
 }

@@ -9,7 +9,7 @@ use crate::frame::{PosedSample, Raster};
 use crate::layout::Channels;
 use crate::math::simd::dispatch;
 use crate::options::Shading;
-use crate::shading::{ShadingLight, towards_point};
+use crate::shading::{ShadingLight, agreement, towards_point};
 
 /// Film of one tile: plane by plane, `TILE` x `TILE`; empty until something is added.
 #[derive(Clone, Debug, Default)]
@@ -152,8 +152,10 @@ fn resolve_body(
                 out
             };
             let mut colour = [mean(1), mean(2), mean(3)];
-            let normal = channels.normal.map(|at| unit([mean(at), mean(at + 1), mean(at + 2)]));
-            if let (Shading::Phong, Some(normal)) = (resolve.shading, &normal) {
+            let mean_normal = channels.normal.map(|at| [mean(at), mean(at + 1), mean(at + 2)]);
+            let normal = mean_normal.map(unit);
+            if let (Shading::Phong, Some(mean_normal), Some(normal)) = (resolve.shading, &mean_normal, &normal) {
+                let normal = &shortened(mean_normal, normal);
                 let depth = channels.depth.map(&mean);
                 let material = channels.material.map(|at| [mean(at), mean(at + 1), mean(at + 2), mean(at + 3)]);
                 let pixel = [(tile.origin[0] + x) as f32, (tile.origin[1] + y) as f32];
@@ -180,6 +182,20 @@ fn resolve_body(
             }
         }
     }
+}
+
+/// The unit normals that shade, shortened where normals differ much: a pixel of two surfaces is no brighter than the
+/// mean of both. `mean`: the mean of unit normals (docs/math.md, section 5).
+#[inline(always)]
+fn shortened(mean: &[Lanes; 3], unit: &[Lanes; 3]) -> [Lanes; 3] {
+    let mut out = *unit;
+    for l in 0..LANES {
+        let agreement = agreement(mean[0][l] * mean[0][l] + mean[1][l] * mean[1][l] + mean[2][l] * mean[2][l]);
+        out[0][l] *= agreement;
+        out[1][l] *= agreement;
+        out[2][l] *= agreement;
+    }
+    out
 }
 
 /// Deferred shading (Wolf 2008, 4.1.1): the equation of `shading::shade`, for `LANES` neighbouring pixels.

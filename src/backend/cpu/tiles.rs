@@ -90,6 +90,18 @@ pub(in crate::backend) struct TileBuffers {
     pub group_coverage: GroupCoverage,
     /// When kernels in motion cover; empty where there are none.
     pub coverage_mask: CoverageMask,
+    /// What is visible of kernels in motion; empty where there are none.
+    pub slices: Slices,
+}
+
+/// What is visible of kernels in motion in each slice of the interval: for each of `TILE` rows, for each slice,
+/// `STRIDE` floats.
+#[derive(Clone, Debug, Default)]
+pub(in crate::backend) struct Slices {
+    /// Number of slices, a power of two, at most 32.
+    pub count: usize,
+    /// Greatest visible depth, +inf where nothing covers.
+    pub threshold: Vec<f32>,
 }
 
 /// When kernels in motion cover, one bit each 32nd of the interval: `TILE` rows of `STRIDE`.
@@ -156,6 +168,16 @@ impl TileBuffers {
         }
     }
 
+    /// For `count` slices of an interval. Thresholds start from those of static objects.
+    pub(in crate::backend) fn start_slices(&mut self, count: usize) {
+        let Slices { count: slices, threshold } = &mut self.slices;
+        *slices = count;
+        threshold.clear();
+        for row in self.threshold.chunks_exact(STRIDE).take(TILE) {
+            (0..count).for_each(|_| threshold.extend_from_slice(row));
+        }
+    }
+
     /// For kernels in motion.
     pub(in crate::backend) fn clear_coverage_mask(&mut self) {
         for plane in [&mut self.coverage_mask.surface, &mut self.coverage_mask.low_pass] {
@@ -166,10 +188,14 @@ impl TileBuffers {
         self.coverage_mask.loose.resize(TILE * STRIDE, 0.0);
     }
 
-    /// Bytes of one tile's buffers, for groups of `samples` samples, with kernels in motion or without.
-    pub(in crate::backend) const fn bytes(channels: usize, samples: usize, swept: bool) -> u64 {
+    /// Bytes of one tile's buffers, for groups of `samples` samples. `slices`: those of kernels in motion, if
+    /// there are any.
+    pub(in crate::backend) const fn bytes(channels: usize, samples: usize, slices: Option<usize>) -> u64 {
         let group_coverage = if samples > 1 { 3 } else { 0 };
-        let coverage_mask = if swept { 4 } else { 0 };
-        ((1 + channels + group_coverage + coverage_mask) * ROWS * STRIDE * size_of::<f32>()) as u64
+        let swept = match slices {
+            Some(slices) => 4 + slices,
+            None => 0,
+        };
+        ((1 + channels + group_coverage + swept) * ROWS * STRIDE * size_of::<f32>()) as u64
     }
 }

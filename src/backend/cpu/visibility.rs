@@ -18,6 +18,15 @@ pub(in crate::backend) struct Depths {
     pub epsilon: f32,
 }
 
+impl Depths {
+    /// The tolerance of a splat at `depth`.
+    #[inline(always)]
+    pub(in crate::backend) fn tolerance(self, depth: f32) -> f32 {
+        let least = LEAST_EPSILON * depth;
+        if self.epsilon > least { self.epsilon } else { least }
+    }
+}
+
 dispatch! {
     /// Lowers `threshold` by the splats that `list` names.
     pub(in crate::backend) fn visibility(
@@ -51,8 +60,7 @@ fn lower<const W: usize>(splat: &Splat, touched: &Touched, depths: Depths, tile:
             for l in 0..LANES {
                 let hit = patch.at(splat, l);
                 let depth = 1.0 / hit.inverse_depth;
-                let least = LEAST_EPSILON * depth;
-                let epsilon = if depths.epsilon > least { depths.epsilon } else { least };
+                let epsilon = depths.tolerance(depth);
                 let covers = hit.inside & (hit.inverse_depth <= most_inverse_depth) & hit.wanted;
                 let candidate = if covers { depth + epsilon } else { f32::INFINITY };
                 out[l] = if candidate < out[l] { candidate } else { out[l] };

@@ -4,7 +4,8 @@ use wgpu::{BindGroup, BindGroupEntry, BindingResource, BufferBinding, BufferSize
 
 use super::buffers::Buffers;
 use super::constants::{
-    resolve_constants, restore_constants, sum_constants, swept_constants, swept_resolve_constants, value_constants,
+    resolve_constants, restore_constants, slice_constants, sum_constants, swept_constants, swept_resolve_constants,
+    value_constants,
 };
 use super::device::Device;
 use super::layout::{DIGIT_BITS, UNIFORM_STRIDE};
@@ -104,6 +105,8 @@ pub(in crate::backend) struct SweptPrograms {
     pub lists: ListPrograms,
     pub density: BoundProgram,
     pub store_map: BoundProgram,
+    /// `None` where kernels have no slices.
+    pub visibility: Option<BoundProgram>,
     /// For each object, for each of its surfel buffers.
     pub splat_values: Vec<Vec<BoundProgram>>,
     pub attribute: BoundProgram,
@@ -129,7 +132,7 @@ impl Gpu {
                 let segments = group.samples.len() + batches.segments().count() + views;
                 let lights = group.samples.iter().map(|sample| sample.lights.len()).sum();
                 most = [most[0].max(views), most[1].max(segments), most[2].max(lights)];
-                passes += 14 * views + 4;
+                passes += 18 * views + 4;
             }
         }
         let bands: usize = (0..schedule.rasters.len()).map(|raster| schedule.bands(raster).count()).max().unwrap_or(0);
@@ -377,6 +380,10 @@ impl Binder<'_> {
             None
         };
         let has_density = swept.weight == KernelWeight::Integral;
+        let mut visibility = None;
+        if swept.has_slices() {
+            visibility = Some(self.program(Program::SweptVisibility, &slice_constants(frame), 1, &[])?);
+        }
         Ok(SweptPrograms {
             lists: ListPrograms {
                 project: self.of_surfels(Program::Sweep, &volume, surfel_buffers)?,
@@ -384,6 +391,7 @@ impl Binder<'_> {
             },
             density: self.program(Program::SumAttributes, &density, 1, &[])?,
             store_map: self.program(Program::StoreMap, &vec![("DENSITY", u32::from(has_density))], 0, &[])?,
+            visibility,
             splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
             attribute: self.program(Program::SweptAttribute, &swept_constants(frame, swept, channels), 1, &[])?,
             static_picture,

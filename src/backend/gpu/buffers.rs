@@ -4,7 +4,7 @@ use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
 use super::layout::{DIGIT_BITS, Light, Segment, Status, Travel, UNIFORM_STRIDE, WORKGROUP_ITEMS};
-use super::memory::{DeviceChannels, MAP_BYTES, Schedule, THRESHOLD_BYTES};
+use super::memory::{DeviceChannels, MAP_BYTES, Schedule};
 use crate::backend::BackendError;
 use crate::layout::SweptSplat;
 
@@ -31,7 +31,7 @@ pub(in crate::backend) struct Buffers {
     pub thresholds: Buffer,
     pub sums: Buffer,
     /// The visibility map of kernels in motion. Behind its tiles are the thresholds of static objects, where those
-    /// have a picture of their own.
+    /// have a picture of their own, then the thresholds of slices.
     pub map: Buffer,
     pub coverage_mask: Buffer,
     pub moments: Buffer,
@@ -121,7 +121,7 @@ impl Buffers {
         grow(device, &mut self.thresholds, "thresholds", tile * band.max(map))?;
         grow(device, &mut self.sums, "sums", tile * map.max(channels.count as u64 * band))?;
         if map > 0 {
-            let behind = if schedule.static_picture_bytes > 0 { THRESHOLD_BYTES * band } else { 0 };
+            let behind = schedule.behind_map_bytes * band;
             grow(device, &mut self.map, "the map", MAP_BYTES * map + behind)?;
             grow(device, &mut self.coverage_mask, "coverage masks", 3 * tile * band)?;
         }

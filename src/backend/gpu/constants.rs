@@ -47,9 +47,14 @@ pub(super) fn swept_constants(frame: &Frame, swept: SweptKernel, channels: &Devi
         ("FOOTPRINT", footprint),
         ("SOURCE_SAMPLES", swept.source_samples.0),
         ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
-        ("HAS_STATIC", u32::from(frame.has_static_picture())),
     ]);
+    constants.extend(slice_constants(frame));
     constants
+}
+
+/// For pass `visibility` of kernels in motion.
+pub(super) fn slice_constants(frame: &Frame) -> Constants {
+    vec![("SLICES", frame.slices().max(1)), ("HAS_STATIC", u32::from(frame.has_static_picture()))]
 }
 
 /// For pass `resolve`.

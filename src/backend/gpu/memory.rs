@@ -129,6 +129,8 @@ pub(in crate::backend) struct Schedule {
     pub most_entries: u64,
     /// Bytes of a tile of the static picture; 0 where there is none.
     pub static_picture_bytes: u64,
+    /// Bytes of a tile behind the map: thresholds of static objects and of slices, where there are any.
+    pub behind_map_bytes: u64,
     /// Slots of static objects that are cached for groups that share a sample position. If 0, all groups splat
     /// everything.
     pub cached_slots: u64,
@@ -183,13 +185,12 @@ impl Schedule {
         let mask = if swept { MASK_BYTES } else { 0 };
         let static_picture_bytes = if frame.has_static_picture() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
         let has_layer = cached_slots > 0;
+        let behind_map_bytes = THRESHOLD_BYTES * (u64::from(static_picture_bytes > 0) + u64::from(frame.slices()));
         let tile_bytes = {
             let own = 4 * TILE_PIXELS * (1 + channels.count as u64) + 4 + mask;
             // Thresholds, sums with the least depth, limits.
             let layer = 4 * TILE_PIXELS * (3 + channels.count as u64) + 4;
-            // The thresholds are behind the map.
-            let picture = if static_picture_bytes > 0 { static_picture_bytes + THRESHOLD_BYTES } else { 0 };
-            own + picture + if has_layer { layer } else { 0 }
+            own + static_picture_bytes + behind_map_bytes + if has_layer { layer } else { 0 }
         };
         let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
         let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
@@ -228,7 +229,7 @@ impl Schedule {
             // The map takes its share: fewer rows, until both fit.
             let fits = |rows: u32| {
                 u64::from(rows) * widest * tile_bytes + map_of(rows) * MAP_TILE_BYTES <= (left - least_batch) / 2
-                    && map_of(rows) * MAP_BYTES + u64::from(rows) * widest * THRESHOLD_BYTES <= most_bytes
+                    && map_of(rows) * MAP_BYTES + u64::from(rows) * widest * behind_map_bytes <= most_bytes
             };
             let most: u32 = band_rows.iter().copied().max().unwrap_or(1);
             let rows = (1..=most).rev().find(|&rows| fits(rows)).unwrap_or(1);
@@ -258,6 +259,7 @@ impl Schedule {
             slots,
             most_entries,
             static_picture_bytes,
+            behind_map_bytes,
             cached_slots,
         })
     }

@@ -6,7 +6,7 @@ use super::buffers::grow;
 use super::layout::{TILE, wanted};
 use super::memory::{Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, Schedule};
 use super::models::SurfelBuffer;
-use super::{DeviceState, Gpu};
+use super::{DeviceState, Gpu, SOFTWARE_SLOTS};
 use crate::backend::BackendError;
 use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
@@ -29,7 +29,11 @@ impl Gpu {
     pub(in crate::backend) fn prepare<'a>(&mut self, frame: &'a Frame) -> Result<Prepared<'a>, BackendError> {
         let channels = DeviceChannels::of(frame);
         let planes = frame.film_planes();
-        let limits = Limits { bytes: self.most_bytes, slots: self.most_slots };
+        // A kernel that a pixel meets takes as many more iterations as it touches slices. Half of the iterations are
+        // for them: a thousand kernels of a batch at one pixel, if each touches 32.
+        let software = self.state.device.adapter.device_type == wgpu::DeviceType::Cpu;
+        let slots = if software && frame.slices() > 0 { SOFTWARE_SLOTS / 2 } else { u64::MAX };
+        let limits = Limits { bytes: self.most_bytes, slots: self.most_slots.min(slots) };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
         let DeviceState { device, models, buffers, .. } = &mut self.state;

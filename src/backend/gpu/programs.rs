@@ -62,6 +62,7 @@ pub(in crate::backend) enum Program {
     Resolve,
     Sweep,
     StoreMap,
+    SweptVisibility,
     SweptAttribute,
     SweptResolve,
     Pool,
@@ -89,11 +90,21 @@ const RESOLVE: &str = wgsl!("common/types.wgsl", "common/fast.wgsl", "common/sha
 const SWEEP: &str =
     wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/bounds.wgsl", "common/swept.wgsl", "swept/project.wgsl");
 const MAP: &str = wgsl!("common/types.wgsl", "swept/map.wgsl");
+const SWEPT_VISIBILITY: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/swept.wgsl",
+    "common/sweep.wgsl",
+    "common/ray.wgsl",
+    "common/list.wgsl",
+    "swept/visibility.wgsl",
+);
 const SWEPT_ATTRIBUTE: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
     "common/swept.wgsl",
     "common/sweep.wgsl",
+    "common/ray.wgsl",
     "common/list.wgsl",
     "swept/attribute.wgsl",
 );
@@ -105,7 +116,7 @@ type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(in crate::backend) const ALL: [Self; 19] = [
+    pub(in crate::backend) const ALL: [Self; 20] = [
         Self::Project,
         Self::BinReduce,
         Self::BinScan,
@@ -121,6 +132,7 @@ impl Program {
         Self::Resolve,
         Self::Sweep,
         Self::StoreMap,
+        Self::SweptVisibility,
         Self::SweptAttribute,
         Self::SweptResolve,
         Self::Pool,
@@ -143,6 +155,7 @@ impl Program {
             Self::Resolve => RESOLVE,
             Self::Sweep => SWEEP,
             Self::StoreMap => MAP,
+            Self::SweptVisibility => SWEPT_VISIBILITY,
             Self::SweptAttribute => SWEPT_ATTRIBUTE,
             Self::SweptResolve | Self::Pool | Self::Finish => SWEPT_RESOLVE,
         }
@@ -165,6 +178,7 @@ impl Program {
             Self::Resolve => "resolve",
             Self::Sweep => "sweep",
             Self::StoreMap => "store_map",
+            Self::SweptVisibility => "swept_visibility",
             Self::SweptAttribute => "swept_attribute",
             Self::SweptResolve => "swept_resolve",
             Self::Pool => "pool",
@@ -193,6 +207,7 @@ impl Program {
             Self::SumAttributes => (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums]),
             Self::Resolve => (&[Lights, Thresholds, Sums], &[Film]),
             Self::StoreMap => (&[Thresholds, Sums], &[Map]),
+            Self::SweptVisibility => (&[Segments, Splats, List, Wide, Starts], &[Map]),
             Self::SweptAttribute => (&[Splats, List, Wide, Starts, Values, Map], &[Sums, CoverageMask]),
             Self::SweptResolve => (&[Lights, Sums, CoverageMask, Moments, StaticFilm], &[Film]),
             Self::Pool => (&[Sums, CoverageMask, Moments, StaticFilm], &[Film]),

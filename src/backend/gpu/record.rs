@@ -55,12 +55,12 @@ impl DeviceState {
                     let programs = self.bound(place.programs.swept.as_ref())?;
                     self.run(&MapStep { job, programs }, MapPass::order(density), marks);
                 }
-                Step::Sweep { group, ref interval, kernel: _, objects } => {
+                Step::Sweep { group, ref interval, kernel, objects } => {
                     self.device.queue.write_buffer(&self.buffers.moments, 0, bytemuck::bytes_of(&interval.moments));
                     let map = place.area().guarded(interval.guard);
                     let job = Job { map, slope: interval.slope, ..place.job(group, objects) };
                     let programs = self.bound(place.programs.swept.as_ref())?;
-                    self.run(&SweepStep { job, programs }, &SweepPass::ORDER, marks);
+                    self.run(&SweepStep { job, programs }, SweepPass::order(kernel.has_slices()), marks);
                 }
                 Step::Finish => {
                     let mut encoder = self.encoder();

@@ -275,13 +275,14 @@ impl StepWork for SweepStep<'_> {
 
     fn reads_splats(pass: SweepPass) -> bool {
         match pass {
-            SweepPass::Attribute => true,
+            SweepPass::Visibility | SweepPass::Attribute => true,
             SweepPass::Resolve => false,
         }
     }
 
     fn stage(pass: SweepPass) -> Stage {
         match pass {
+            SweepPass::Visibility => Stage::Visibility,
             SweepPass::Attribute => Stage::Attribute,
             SweepPass::Resolve => Stage::Resolve,
         }
@@ -290,6 +291,11 @@ impl StepWork for SweepStep<'_> {
     fn record(&self, recorder: &mut ComputePass<'_>, pass: SweepPass, batch: &Batch, view: u32) {
         let tiles = self.job.area.tiles;
         match pass {
+            SweepPass::Visibility => {
+                if let Some(program) = &self.programs.visibility {
+                    dispatch(recorder, program, tiles, view);
+                }
+            }
             SweepPass::Attribute => {
                 of_segments(recorder, &self.programs.splat_values, batch, view);
                 dispatch(recorder, &self.programs.attribute, tiles, view);

@@ -6,7 +6,7 @@ use super::splats;
 use crate::backend::gpu::programs::{Pipelines, Program};
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 31] = [
+static MUTANTS: [([(&str, &str); 1], &str); 32] = [
     ([("vec2<f32>(x, y) - view.offset", "vec2<f32>(x, y) + view.offset")], "supersample"),
     ([("uy * v.z - u.z * vy", "uy * v.z + u.z * vy")], "supersample"),
     ([("area * depth * segment.handedness", "area * depth")], "plain"),
@@ -25,6 +25,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 31] = [
     ([("normal = -normal", "normal = normal")], "supersample"),
     ([("(rate.x - p.x * over * rate.z)", "(rate.x - p.x * over)")], "supersample"),
     ([("2.0 * nl * nv - lv", "2.0 * nl * nv + lv")], "supersample"),
+    ([("1.25 * (length - 0.9)", "1.26 * (length - 0.9)")], "supersample"),
     ([("threshold < NONE", "threshold <= NONE")], "supersample"),
     ([("* min((*sum).sample_coverage, vec4<f32>(1.0))", "* (*sum).sample_coverage")], "bucket"),
     ([("share = sums[sum_at + (SAMPLE_COVERAGE + 1u)", "share = sums[sum_at + (SAMPLE_COVERAGE + 0u)")], "bucket"),

@@ -12,7 +12,7 @@ use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
 use crate::backend::cpu::static_tile::StaticTile;
 use crate::backend::cpu::swept::map::{self, Map, MapTile};
-use crate::backend::cpu::swept::{self, MapGroup, SweepGroup};
+use crate::backend::cpu::swept::{self, MapGroup, SweepGroup, slices};
 use crate::backend::cpu::tiles::{STRIDE, TILE, TileBuffers};
 use crate::backend::cpu::values;
 use crate::backend::cpu::visibility;
@@ -126,19 +126,54 @@ impl SweepTwins<'_> {
         whole_chunks(self.scope(), objects).into_iter().map(kernels_of).collect()
     }
 
-    /// Sums of a tile of the image, of which `thresholds` are those of static objects.
-    pub(super) fn attribute(&self, kernels: &[Posed<SweptSplat>], tile: [usize; 2], thresholds: &[f32]) -> SweptSums {
+    /// Thresholds of a tile, slice by slice; none where kernels have no slices. `thresholds`: those of static objects.
+    pub(super) fn visibility(
+        &self,
+        kernels: &[Posed<SweptSplat>],
+        tile: [usize; 2],
+        thresholds: &[f32],
+    ) -> Vec<Vec<f32>> {
+        let count = self.slices();
+        let mut buffers = TileBuffers::default();
+        buffers.clear_threshold();
+        put_rows(thresholds, &mut buffers.threshold, STRIDE, self.edge);
+        buffers.start_slices(count);
+        let rect = rect(&self.scope().band, tile, self.edge);
+        for Posed { chunk, splats } in kernels.iter().filter(|_| count > 0) {
+            let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
+            slices::visibility(splats, &list, self.scope().depths(chunk), &rect, &mut buffers.slices);
+        }
+        let slice = |i: usize| take_rows(&buffers.slices.threshold[i * STRIDE..], count * STRIDE, self.edge);
+        (0..count).map(slice).collect()
+    }
+
+    fn slices(&self) -> usize {
+        if self.group.kernel.has_slices() { self.group.interval.slices as usize } else { 0 }
+    }
+
+    /// Sums of a tile of the image, of which `thresholds` are those of static objects, and `slices` those of slices.
+    pub(super) fn attribute(
+        &self,
+        kernels: &[Posed<SweptSplat>],
+        tile: [usize; 2],
+        thresholds: &[f32],
+        slices: &[Vec<f32>],
+    ) -> SweptSums {
         let channels = self.scope().channels.count;
         let mut buffers = self.clear();
         put_rows(thresholds, &mut buffers.threshold, STRIDE, self.edge);
+        buffers.start_slices(slices.len());
+        for (i, slice) in slices.iter().enumerate() {
+            put_rows(slice, &mut buffers.slices.threshold[i * STRIDE..], slices.len() * STRIDE, self.edge);
+        }
         let rect = rect(&self.scope().band, tile, self.edge);
         for Posed { chunk, splats } in kernels {
             let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
             let mut values = Vec::new();
             values::values(splats, &self.scope().shown(chunk), &mut values);
             let swept = self.group.swept(chunk, &values);
-            let TileBuffers { threshold, sums, coverage_mask, .. } = &mut buffers;
-            swept::attribute::attribute(splats, &list, &swept, &rect, threshold, sums, coverage_mask);
+            let TileBuffers { threshold, sums, coverage_mask, slices, .. } = &mut buffers;
+            swept::attribute::attribute(splats, &list, &swept, &rect, threshold, slices, sums, coverage_mask);
         }
         let channel = |c: usize| take_rows(&buffers.sums[c * STRIDE..], channels * STRIDE, self.edge);
         SweptSums {

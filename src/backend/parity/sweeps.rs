@@ -76,6 +76,7 @@ fn splats_of_object<S>(all: &[Posed<S>], object: usize) -> &[S] {
 }
 
 /// All passes of the first group of a case; the first that differs.
+#[allow(clippy::too_many_lines, reason = "one pass after the other, each fed by the one before")]
 fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let frame = case.frame();
     let context = Context::of(&frame);
@@ -153,19 +154,33 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let twins = SweepTwins { group, edge };
     let kernels = twins.sweep(objects);
     let kernels_of = |_: &_, object| splats_of_object(&kernels, object);
-    let slots = Slots::new(&harness.batch, &on_band, kernels_of, |kernel: &SweptSplat, _| *kernel, |_| true);
+    let with_segment = |kernel: &SweptSplat, segment| SweptSplat { flags: kernel.flags | segment << 3, ..*kernel };
+    let slots = Slots::new(&harness.batch, &on_band, kernels_of, with_segment, |_| true);
     harness.run(Pass::MakeKernels);
     slots.compare_splats(&harness).map_err(failed(Pass::MakeKernels))?;
     slots.compare_lists(&harness).map_err(failed(Pass::MakeKernels))?;
 
     let picture = check_static(&mut harness, &context, &on_band, on_map.len())
         .map_err(|what| format!("{}: {what}", case.name))?;
-    let sums: Vec<_> =
-        on_band.iter().zip(&picture).map(|(&tile, (before, _))| twins.attribute(&kernels, tile, before)).collect();
     slots.feed_splats(&harness);
     slots.feed_lists(&harness);
     let behind = picture.iter().filter(|(_, film)| !film.is_empty()).flat_map(|(before, _)| before);
-    let fed: Vec<f32> = flat(&stored).as_flattened().iter().chain(behind).map(|v| v.min(NONE)).collect();
+    let mut fed: Vec<f32> = flat(&stored).as_flattened().iter().chain(behind).map(|v| v.min(NONE)).collect();
+    harness.write(&harness.gpu.state.buffers.map, &fed);
+    let of_tile = |(&tile, (before, _)): (_, &StaticPicture)| twins.visibility(&kernels, tile, before);
+    let slices: Vec<_> = on_band.iter().zip(&picture).map(of_tile).collect();
+    if kernel.has_slices() {
+        let pass = Pass::Sweep(SweepPass::Visibility);
+        harness.run(pass);
+        let want: Vec<f32> = slices.iter().flat_map(|slices| flat(slices)).collect();
+        let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.map, fed.len() + want.len());
+        compare("thresholds of slices", &got[fed.len()..], &want, |_| 1.0).map_err(failed(pass))?;
+        fed.extend(want.iter().map(|v| v.min(NONE)));
+    }
+    let of_tile = |((&tile, (before, _)), slices): ((_, &StaticPicture), &Vec<Vec<f32>>)| {
+        twins.attribute(&kernels, tile, before, slices)
+    };
+    let sums: Vec<_> = on_band.iter().zip(&picture).zip(&slices).map(of_tile).collect();
     harness.write(&harness.gpu.state.buffers.map, &fed);
     harness.run(Pass::Sweep(SweepPass::Attribute));
     compare_sums(&harness, &sums).map_err(failed(Pass::Sweep(SweepPass::Attribute)))?;
@@ -220,7 +235,7 @@ fn swept_passes_agree() {
 }
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 25] = [
+static MUTANTS: [([(&str, &str); 1], &str); 33] = [
     ([("apply(travels[segment.index].motion, position)", "-apply(travels[segment.index].motion, position)")], "tube"),
     ([("(vx * my - vy * mx) * over_both", "(vx * my + vy * mx) * over_both")], "tube"),
     ([("max(begin.y, end.y)", "begin.y")], "fast"),
@@ -235,7 +250,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 25] = [
     ([("0.00005102865", "0.00006102865")], "fast"),
     ([("cross * cross + e", "e")], "tube"),
     ([("below(span.y) & ~below(span.x)", "below(span.y)")], "fast"),
-    ([("depth - m[2] * tau", "depth")], "fast"),
+    ([("depth - m[2] * tau", "depth")], "chord"),
     ([("1.0 + view.slope * tau", "1.0")], "fast"),
     ([("min(weight * known.y, met.most)", "weight * known.y")], "fast"),
     ([("f32(part + 1u) * step", "f32(part) * step")], "parts"),
@@ -243,7 +258,15 @@ static MUTANTS: [([(&str, &str); 1], &str); 25] = [
     ([("max(span.x, limits.x), min(span.y, limits.y)", "span.x, span.y")], "near"),
     ([("covers + min(loose, reached)", "covers + reached")], "fast"),
     ([("met.depth > before", "met.depth < before")], "tube"),
-    ([("let behind = view.map_tiles.x", "let behind = view.map_tiles.y")], "tube"),
+    ([("return 2u * view.map_tiles.x", "return 2u * view.map_tiles.y")], "tube"),
+    ([("depth + max(epsilon,", "depth + max(0.0,")], "tube"),
+    ([("span.x < middle && middle < span.y", "span.x < middle")], "fast"),
+    ([("begin + 0.5 * step", "begin")], "fast"),
+    ([("plane.x + middle * plane.y", "plane.x")], "fast"),
+    ([("depth <= behind(slices + slice * TILE_PIXELS)", "depth <= behind(slices)")], "fast"),
+    ([("weight *= shown.part", "weight *= 1.0")], "fast"),
+    ([("of_slice << (slice * bits)", "of_slice")], "fast"),
+    ([("(view.near - p.z) / (q.z - p.z)", "(view.near - q.z) / (q.z - p.z)")], "hard"),
     ([("view.weight - covered", "view.weight")], "tube"),
     ([("left * static_film[at + 3u * TILE_PIXELS]", "left")], "once"),
 ];

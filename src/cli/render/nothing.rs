@@ -2,6 +2,7 @@
 
 use splatblur::renderer::Rendered;
 use splatblur::scene::{Scene, Unseen, why_unseen};
+use splatblur::time::FrameNumber;
 
 /// Most names of objects for one cause.
 const NAMES: usize = 3;
@@ -10,7 +11,7 @@ const NAMES: usize = 3;
 pub(super) struct Nothing<'a> {
     scene: &'a Scene,
     /// The first frame that shows nothing, and whether splats were drawn in it.
-    first: Option<(i64, bool)>,
+    first: Option<(FrameNumber, bool)>,
     has_shown: bool,
 }
 

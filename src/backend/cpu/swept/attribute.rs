@@ -1,16 +1,18 @@
-//! Pass `attribute`, swept: weighted sums of the attributes of kernels in motion whose source passes the depth test
+//! Pass `attribute`, swept: weighted sums of the attributes of kernels in motion that pass the depth test
 //! (Wolf 2008, 4.1.2 and 4.2.2; docs/math.md, section 7).
 //!
-//! In: swept splats of a tile's list, the map of the group, thresholds of static objects, attributes of surfels. Out:
-//! the tile's sums, and when the kernels cover. Sums are in list order; the coverage mask is order-free.
+//! In: swept splats of a tile's list, the map of the group, thresholds of static objects and of the interval's slices,
+//! attributes of surfels. Out: the tile's sums, and when the kernels cover. Sums are in list order; the coverage mask
+//! is order-free.
 
 use super::hull::Hull;
 use super::map::Map;
+use super::ray::{CHORD, ELLIPSOID, Lanes, Ray, Sight, TUBE};
+use super::slices::{covered, times};
 use crate::backend::cpu::attribute::{Attributes, add};
-use crate::backend::cpu::tiles::{CoverageMask, LANES, STRIDE, TileRect};
-use crate::layout::{FLAG_LOW_PASS, SweptSplat};
+use crate::backend::cpu::tiles::{CoverageMask, LANES, STRIDE, Slices, TileRect};
+use crate::layout::SweptSplat;
 use crate::math::simd::dispatch;
-use crate::math::sweep::{Path, Sweep, chord_intensity, ellipsoid_weight, moments, tube_weight};
 use crate::options::{KernelShape, KernelWeight, SweptKernel};
 
 /// How kernels weigh.
@@ -50,54 +52,60 @@ pub(in crate::backend) struct Swept<'a> {
 }
 
 dispatch! {
-    /// Adds the swept splats that `list` names to `sums` and `coverage_mask`.
+    /// Adds the swept splats that `list` names to `sums` and `coverage_mask`. The chord has no slices.
+    #[allow(clippy::too_many_arguments, reason = "what the loops read and write")]
     pub(in crate::backend) fn attribute(
-        splats: &[SweptSplat], list: &[u32], swept: &Swept<'_>, tile: &TileRect, threshold: &[f32], sums: &mut [f32],
-        coverage_mask: &mut CoverageMask,
+        splats: &[SweptSplat], list: &[u32], swept: &Swept<'_>, tile: &TileRect, threshold: &[f32], slices: &Slices,
+        sums: &mut [f32], coverage_mask: &mut CoverageMask,
     ) = attribute_body
 }
 
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "what the loops read and write")]
 fn attribute_body(
     splats: &[SweptSplat],
     list: &[u32],
     swept: &Swept<'_>,
     tile: &TileRect,
     threshold: &[f32],
+    slices: &Slices,
     sums: &mut [f32],
     coverage_mask: &mut CoverageMask,
 ) {
     let low_pass = swept.attributes.low_pass > 0.0;
     match swept.footprint {
-        Footprint::Tube if low_pass => add_all::<TUBE, true>(splats, list, swept, tile, threshold, sums, coverage_mask),
-        Footprint::Tube => add_all::<TUBE, false>(splats, list, swept, tile, threshold, sums, coverage_mask),
+        Footprint::Tube if low_pass => {
+            add_all::<TUBE, true>(splats, list, swept, tile, threshold, slices, sums, coverage_mask);
+        }
+        Footprint::Tube => add_all::<TUBE, false>(splats, list, swept, tile, threshold, slices, sums, coverage_mask),
         Footprint::Ellipsoid if low_pass => {
-            add_all::<ELLIPSOID, true>(splats, list, swept, tile, threshold, sums, coverage_mask);
+            add_all::<ELLIPSOID, true>(splats, list, swept, tile, threshold, slices, sums, coverage_mask);
         }
-        Footprint::Ellipsoid => add_all::<ELLIPSOID, false>(splats, list, swept, tile, threshold, sums, coverage_mask),
+        Footprint::Ellipsoid => {
+            add_all::<ELLIPSOID, false>(splats, list, swept, tile, threshold, slices, sums, coverage_mask);
+        }
         Footprint::Chord if low_pass => {
-            add_all::<CHORD, true>(splats, list, swept, tile, threshold, sums, coverage_mask);
+            add_all::<CHORD, true>(splats, list, swept, tile, threshold, slices, sums, coverage_mask);
         }
-        Footprint::Chord => add_all::<CHORD, false>(splats, list, swept, tile, threshold, sums, coverage_mask),
+        Footprint::Chord => add_all::<CHORD, false>(splats, list, swept, tile, threshold, slices, sums, coverage_mask),
     }
 }
 
-const TUBE: u8 = 0;
-const ELLIPSOID: u8 = 1;
-const CHORD: u8 = 2;
-
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "what the loops read and write")]
 fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
     splats: &[SweptSplat],
     list: &[u32],
     swept: &Swept<'_>,
     tile: &TileRect,
     threshold: &[f32],
+    slices: &Slices,
     sums: &mut [f32],
     coverage_mask: &mut CoverageMask,
 ) {
     let attributes = &swept.attributes;
     let channels = attributes.channels.count;
+    let sight = Sight { source_samples: swept.source_samples, slope: swept.slope, sum: swept.sum };
     let [left, top] = tile.corner;
     for &index in list {
         let splat = &splats[index as usize];
@@ -118,13 +126,17 @@ fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
                     for l in 0..LANES {
                         // As floats: checked additions would block vector code.
                         let place = [pixel as f32 + l as f32, row as f32];
-                        ray.meet::<FOOTPRINT, LOW_PASS>(splat, swept, part, place, x1 as f32, &mut lanes, l);
+                        ray.meet::<FOOTPRINT, LOW_PASS>(splat, &sight, part, place, x1 as f32, &mut lanes, l);
                     }
                     if lanes.covers == [0; LANES] {
                         continue;
                     }
                     lanes.hide(&threshold[y * STRIDE + x..]);
-                    lanes.test::<FOOTPRINT>(swept);
+                    if FOOTPRINT == CHORD {
+                        lanes.test(swept.map);
+                    } else {
+                        lanes.weigh(swept.map, slices, y, x);
+                    }
                     lanes.mark(swept.sum, y * STRIDE + x, coverage_mask);
                     for (value, plane) in values.iter().zip(out.chunks_exact_mut(STRIDE)) {
                         add(&mut plane[x..], &lanes.weight, *value);
@@ -146,138 +158,6 @@ fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
 /// would have no colour where the map, which has one sample a pixel, hides all kernels that cover the pixel.
 const HIDDEN: f32 = 1.0 / (1 << 24) as f32;
 
-/// A kernel on the rays through neighbouring pixels. A lane whose ray does not meet it has weight 0 and covers nothing.
-#[derive(Default)]
-struct Lanes {
-    /// Of the colour: the weight, and what it may be at the most however sparse the kernels.
-    weight: [f32; LANES],
-    most: [f32; LANES],
-    /// Of the coverage: what the low-pass disc adds, or for sums the whole weight.
-    loose: [f32; LANES],
-    /// Mean depth on the ray.
-    depth: [f32; LANES],
-    /// The pixel nearest the source point, and the depth there that is compared.
-    source: [[i32; LANES]; 2],
-    source_depth: [f32; LANES],
-    /// When the kernel covers, and when its low-pass disc does.
-    surface: [u32; LANES],
-    low_pass: [u32; LANES],
-    /// 1 where anything is met.
-    covers: [u32; LANES],
-}
-
-/// What is the same for all rays of a splat.
-struct Ray {
-    near: f32,
-    /// (1 + k tau) / w is the depth at tau.
-    k: f32,
-    /// 1 / k, or as good as infinite.
-    inverse_k: f32,
-    /// The low-pass disc: its radius, the motion of its centre over the centre's depth (x, y, depth), and the times at
-    /// which it is beyond `near`.
-    disc: f32,
-    drift: [f32; 3],
-    disc_span: [f32; 2],
-}
-
-impl Ray {
-    #[inline(always)]
-    fn of(splat: &SweptSplat, near: f32, low_pass: f32) -> Self {
-        let i = splat.inverse_depth;
-        let m = splat.motion;
-        let k = i[0] * m[0] + i[1] * m[1] + i[2] * m[2];
-        let inverse_k = reciprocal(k);
-        let drift = [m[0] * i[2], m[1] * i[2], m[2] * i[2]];
-        let disc = if splat.flags & FLAG_LOW_PASS != 0 { low_pass } else { 0.0 };
-        let disc_span = beyond_near(near * i[2] - 1.0, drift[2], reciprocal(drift[2]), [-1.0, 1.0]);
-        Self { near, k, inverse_k, disc, drift, disc_span }
-    }
-
-    /// Part `part` of the kernel on the ray through the sample position of `pixel`; nothing beyond column `last`.
-    #[inline(always)]
-    #[allow(clippy::too_many_arguments, reason = "one loop body")]
-    fn meet<const FOOTPRINT: u8, const LOW_PASS: bool>(
-        &self,
-        splat: &SweptSplat,
-        swept: &Swept<'_>,
-        part: u32,
-        pixel: [f32; 2],
-        last: f32,
-        lanes: &mut Lanes,
-        l: usize,
-    ) {
-        let (x, y) = (pixel[0] + 0.5 - splat.reference[0], pixel[1] + 0.5 - splat.reference[1]);
-        let form = |c: [f32; 3]| c[0] * x + (c[1] * y + c[2]);
-        let w = form(splat.inverse_depth);
-        let path = Path { at: [form(splat.u), form(splat.v)], rate: [form(splat.u_rate), form(splat.v_rate)], w };
-        let tube = Sweep::tube(path);
-        let span = beyond_near(self.near * w - 1.0, self.k, self.inverse_k, tube.covered());
-        let (sweep, weighed) = if FOOTPRINT == TUBE {
-            (tube, span)
-        } else {
-            let ellipsoid = Sweep::ellipsoid(path);
-            (ellipsoid, beyond_near(self.near * w - 1.0, self.k, self.inverse_k, ellipsoid.covered()))
-        };
-        let wanted = pixel[0] <= last;
-        let met = wanted & (w > 0.0) & (weighed[0] < weighed[1]);
-        let weighed = cut(weighed, part, swept.source_samples);
-        let span = if FOOTPRINT == TUBE { weighed } else { cut(span, part, swept.source_samples) };
-        let (weight, most, intensity) = weigh::<FOOTPRINT>(&sweep, weighed);
-        let tau = 0.5 * (weighed[0] + weighed[1]);
-        let time = 1.0 + swept.slope * tau;
-
-        // The low-pass disc: a disc of fixed size in space that faces the viewer, so that it, too, is a swept kernel.
-        let d = self.drift;
-        let disc = Path { at: [x, y], rate: [x * d[2] - d[0], y * d[2] - d[1]], w: self.disc };
-        let disc_sweep = if FOOTPRINT == TUBE { Sweep::tube(disc) } else { Sweep::ellipsoid(disc) };
-        let disc_span = disc_sweep.covered();
-        let disc_span = [
-            if disc_span[0] > self.disc_span[0] { disc_span[0] } else { self.disc_span[0] },
-            if disc_span[1] < self.disc_span[1] { disc_span[1] } else { self.disc_span[1] },
-        ];
-        let disc_met = LOW_PASS & wanted & (self.disc > 0.0) & (disc_span[0] < disc_span[1]);
-        let disc_span = cut(disc_span, part, swept.source_samples);
-        let (disc_weight, disc_most, disc_intensity) = weigh::<FOOTPRINT>(&disc_sweep, disc_span);
-        let disc_tau = 0.5 * (disc_span[0] + disc_span[1]);
-        let disc_time = 1.0 + swept.slope * disc_tau;
-
-        let weight = if met { weight * time } else { 0.0 };
-        let disc_weight = if disc_met { disc_weight * disc_time } else { 0.0 };
-        let larger = disc_weight > weight;
-        lanes.weight[l] = if larger { disc_weight } else { weight };
-        lanes.most[l] = if larger { disc_most * disc_time } else { most * time };
-        lanes.loose[l] = if swept.sum {
-            let (all, disc_all) = (weight * intensity, disc_weight * disc_intensity);
-            if larger { disc_all } else { all }
-        } else if larger {
-            disc_weight - weight
-        } else {
-            0.0
-        };
-
-        // The source point, on the splat at mid-interval; of the low-pass disc where the kernel itself is not met.
-        let depth = (1.0 + self.k * tau) / w;
-        let m = splat.motion;
-        let source_depth = depth - m[2] * tau;
-        let over = 1.0 / source_depth;
-        let near_x = if met { (depth * x - m[0] * tau) * over } else { x + disc_tau * disc.rate[0] };
-        let near_y = if met { (depth * y - m[1] * tau) * over } else { y + disc_tau * disc.rate[1] };
-        let (column, sample_x) = nearest_sample(near_x, splat.reference[0]);
-        let (row, sample_y) = nearest_sample(near_y, splat.reference[1]);
-        let i = splat.inverse_depth;
-        let there = i[0] * sample_x + (i[1] * sample_y + i[2]);
-        let plane_depth = if there > 0.0 { 1.0 / there } else { source_depth };
-        let centre_depth = 1.0 / i[2];
-        lanes.source[0][l] = column;
-        lanes.source[1][l] = row;
-        lanes.source_depth[l] = if met { plane_depth } else { centre_depth };
-        lanes.depth[l] = if met { depth } else { centre_depth * (1.0 + d[2] * disc_tau) };
-        lanes.surface[l] = if met { moments(span) } else { 0 };
-        lanes.low_pass[l] = if disc_met { moments(disc_span) } else { 0 };
-        lanes.covers[l] = u32::from(met | disc_met);
-    }
-}
-
 impl Lanes {
     /// Removes kernels that are behind static objects. `threshold`: that of static objects, from the first lane's pixel
     /// on.
@@ -294,25 +174,59 @@ impl Lanes {
     }
 
     /// Compares the sources with the map. A hidden kernel loses its weight, but covers, as the surface before it
-    /// covers. Weights become shares of the surface at the source.
+    /// covers.
     #[inline(always)]
-    fn test<const FOOTPRINT: u8>(&mut self, swept: &Swept<'_>) {
+    fn test(&mut self, map: &Map) {
         let mut limit = [0.0_f32; LANES];
-        let mut inverse_density = [0.0_f32; LANES];
         for l in 0..LANES {
-            [limit[l], inverse_density[l]] = swept.map.at(self.source[0][l], self.source[1][l]);
+            [limit[l], _] = map.at(self.source[0][l], self.source[1][l]);
         }
         for l in 0..LANES {
             let covers = self.covers[l] != 0;
             let passes = covers & (self.source_depth[l] <= limit[l]);
-            let weight = self.weight[l];
-            let share = if FOOTPRINT == CHORD { weight } else { weight * inverse_density[l] };
-            let share = if (FOOTPRINT == CHORD) | (share < self.most[l]) { share } else { self.most[l] };
-            let share = if passes { share } else { share * HIDDEN };
-            self.weight[l] = if covers { share } else { 0.0 };
+            let weight = if passes { self.weight[l] } else { self.weight[l] * HIDDEN };
+            self.weight[l] = if covers { weight } else { 0.0 };
             self.loose[l] = if passes { self.loose[l] } else { 0.0 };
             self.depth[l] = if covers { self.depth[l] } else { 0.0 };
             self.low_pass[l] &= if passes { u32::MAX } else { 0 };
+        }
+    }
+
+    /// Weighs the kernel by the slices in which it is visible. Where it is hidden it loses its weight, but covers, as
+    /// the surface before it covers. Weights become shares of the surface at the source.
+    #[inline(always)]
+    fn weigh(&mut self, map: &Map, slices: &Slices, y: usize, x: usize) {
+        let count = slices.count;
+        let bits = 32 / count as u32;
+        let of_slice = u32::MAX >> (32 - bits);
+        let mut inverse_density = [0.0_f32; LANES];
+        for l in 0..LANES {
+            [_, inverse_density[l]] = map.at(self.source[0][l], self.source[1][l]);
+        }
+        let mut shown = [0.0_f32; LANES];
+        let mut when = [0_u32; LANES];
+        let [from, to] = covered(count, &self.first, &self.last);
+        for slice in from..=to {
+            let at = (y * count + slice) * STRIDE + x;
+            let Some(limit) = slices.threshold.get(at..).and_then(<[f32]>::first_chunk::<LANES>) else { return };
+            let share = self.visible(times(count, slice), limit);
+            let mask = of_slice << (slice as u32 * bits);
+            for l in 0..LANES {
+                shown[l] += share[l];
+                when[l] |= if share[l] > 0.0 { mask } else { 0 };
+            }
+        }
+        for l in 0..LANES {
+            let covers = self.covers[l] != 0;
+            let share = self.weight[l] * inverse_density[l];
+            let share = if share < self.most[l] { share } else { self.most[l] };
+            let part = shown[l] / (self.last[l] - self.first[l]);
+            let passes = shown[l] > 0.0;
+            let share = share * if passes { part } else { HIDDEN };
+            self.weight[l] = if covers { share } else { 0.0 };
+            self.loose[l] = if passes { self.loose[l] * part } else { 0.0 };
+            self.depth[l] = if covers { self.depth[l] } else { 0.0 };
+            self.low_pass[l] &= when[l];
         }
     }
 
@@ -337,52 +251,4 @@ impl Lanes {
             }
         }
     }
-}
-
-/// Weight over the interval, its greatest value for kernels of peak 1, and what makes it an intensity.
-#[inline(always)]
-fn weigh<const FOOTPRINT: u8>(sweep: &Sweep, span: [f32; 2]) -> (f32, f32, f32) {
-    match FOOTPRINT {
-        TUBE => (tube_weight(sweep.mean(span), span), tube_weight(1.0, span), 1.0),
-        ELLIPSOID => (ellipsoid_weight(sweep.mean(span), span), ellipsoid_weight(1.0, span), 1.0),
-        _ => (sweep.chord(), 1.0, chord_intensity(sweep)),
-    }
-}
-
-/// `span` without the times at which (1 + k tau) / w is nearer than `near`, given near w - 1.
-#[inline(always)]
-fn beyond_near(lacks: f32, k: f32, inverse_k: f32, [first, last]: [f32; 2]) -> [f32; 2] {
-    let at = lacks * inverse_k;
-    let (lower, upper) = if k < 0.0 { (-1.0, at) } else { (at, 1.0) };
-    [if first > lower { first } else { lower }, if last < upper { last } else { upper }]
-}
-
-/// 1 / v, and large but finite where that is not.
-#[inline(always)]
-fn reciprocal(v: f32) -> f32 {
-    if v.abs() > 1e-30 { 1.0 / v } else { 1e30 }
-}
-
-/// Part `part` of `parts` equal ones.
-#[inline(always)]
-fn cut([first, last]: [f32; 2], part: u32, parts: u32) -> [f32; 2] {
-    if parts == 1 {
-        return [first, last];
-    }
-    let step = (last - first) / parts as f32;
-    [first + part as f32 * step, first + (part + 1) as f32 * step]
-}
-
-/// Index of the pixel whose sample is nearest `offset` from `reference`, and that sample's own offset.
-#[inline(always)]
-fn nearest_sample(offset: f32, reference: f32) -> (i32, f32) {
-    /// Adding it leaves the nearest integer in the low mantissa bits (a saturating cast would block vector code).
-    const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
-    const FAR: f32 = 1e6;
-    let index = offset + reference - 0.5;
-    let index = if index > -FAR { index } else { -FAR };
-    let index = if index < FAR { index } else { FAR };
-    let shifted = index + ROUND;
-    let whole = shifted - ROUND;
-    (shifted.to_bits().wrapping_sub(ROUND.to_bits()) as i32, whole + 0.5 - reference)
 }

@@ -5,7 +5,9 @@ mod hull;
 pub(in crate::backend) mod map;
 mod map_group;
 pub(in crate::backend) mod project;
+mod ray;
 mod resolve;
+pub(in crate::backend) mod slices;
 mod sweep_group;
 #[cfg(test)]
 mod tests;

@@ -83,12 +83,14 @@ pub(super) fn sweep(view: &View<'_>, ellipsoid: bool, posed: &Posed, surfel: u32
     }
     let low_pass = if view.low_pass && centre.z >= view.near { view.raster.low_pass } else { 0.0 };
     // On the screen the disc grows as it nears: in space it keeps its size.
-    let ends = [centre - motion, centre + motion].map(|at| end(view, at, u, v, low_pass * (centre.z / at.z)));
+    let mut ends = [centre - motion, centre + motion].map(|at| end(view, at, u, v, low_pass * (centre.z / at.z)));
+    if (if depths[0] < depths[1] { depths[0] } else { depths[1] }) - depth_extent2.sqrt() < view.near {
+        ends = clipped(view, posed, low_pass * centre.z).unwrap_or(ends);
+    }
     let reference = [view.raster.axis[0] + x - view.raster.offset[0], view.raster.axis[1] + y - view.raster.offset[1]];
     let low = |a: f32, b: f32| if a < b { a } else { b };
     let high = |a: f32, b: f32| if a > b { a } else { b };
-    let mut hull =
-        [0, 1, 2, 3].map(|i| if i % 2 == 0 { low(ends[0][i], ends[1][i]) } else { high(ends[0][i], ends[1][i]) });
+    let mut hull = hull(&ends);
     if ellipsoid {
         // The dual conic T diag(1, 1, 1, -1) T^t with T = [u v motion centre] (Sigg et al. 2006), and that of the
         // low-pass disc.
@@ -104,9 +106,7 @@ pub(super) fn sweep(view: &View<'_>, ellipsoid: bool, posed: &Posed, surfel: u32
         let (columns, rows) = (bound([ux, vx, mx], reference[0]), bound([uy, vy, my], reference[1]));
         hull = [high(hull[0], columns.0), low(hull[1], columns.1), high(hull[2], rows.0), low(hull[3], rows.1)];
     }
-    let [x0, x1, y0, y1] = view.pixels.to_array().map(|pixel| pixel as f32);
-    let bounds =
-        [high(hull[0].ceil(), x0), low(hull[1].floor(), x1), high(hull[2].ceil(), y0), low(hull[3].floor(), y1)];
+    let bounds = within(view, hull);
     // False with a NaN.
     if !(bounds[0] <= bounds[1] && bounds[2] <= bounds[3]) {
         return None;
@@ -155,8 +155,85 @@ fn end(view: &View<'_>, centre: Vec3, u: Vec3, v: Vec3, low_pass: f32) -> [f32; 
     [columns.0, columns.1, rows.0, rows.1]
 }
 
-/// A kernel that crosses the camera plane. Its bounds are all wanted pixels, and pixels are counted from the camera's
-/// axis.
+/// The box about the boxes of both ends.
+#[inline(always)]
+fn hull(ends: &[[f32; 4]; 2]) -> [f32; 4] {
+    let [a, b] = ends;
+    [0, 1, 2, 3].map(|i| {
+        let lower = a[i] < b[i];
+        if lower == (i % 2 == 0) { a[i] } else { b[i] }
+    })
+}
+
+/// First and last wanted pixel of a box; none where the first is after the last, or a NaN.
+#[inline(always)]
+fn within(view: &View<'_>, hull: [f32; 4]) -> [f32; 4] {
+    let low = |a: f32, b: f32| if a < b { a } else { b };
+    let high = |a: f32, b: f32| if a > b { a } else { b };
+    let [x0, x1, y0, y1] = view.pixels.to_array().map(|pixel| pixel as f32);
+    [high(hull[0].ceil(), x0), low(hull[1].floor(), x1), high(hull[2].ceil(), y0), low(hull[3].floor(), y1)]
+}
+
+/// Slack of clipped boxes, as a share of the distance from the axis.
+const SLACK_SHARE: f32 = 1e-5;
+/// Boxes wider than that, in pixels, would be too coarse to number pixels.
+const REACH: f32 = 1e9;
+
+/// Pixel columns and rows, as [`end`] has them, that bound at both ends the part of a kernel beyond `near`. Where an
+/// end comes nearer, its box holds the places at which the kernel passes `near`. `disc`: radius of the low-pass disc in
+/// space. None where there is no such part, or it is too wide.
+///
+/// The tube lies within the hull of the parallelograms around its ends. What `near` leaves of a hull of points is the
+/// hull of the points beyond, and of the places where lines between two points pass `near`.
+#[inline(never)]
+fn clipped(view: &View<'_>, posed: &Posed, disc: f32) -> Option<[[f32; 4]; 2]> {
+    let &Posed { centre, motion, u, v } = posed;
+    let corners = [centre - motion, centre + motion].map(|at| {
+        let of_disc = |x: f32, y: f32| Vec3::new(at.x + x, at.y + y, at.z);
+        [
+            at + u + v,
+            at + u - v,
+            at - u + v,
+            at - u - v,
+            of_disc(disc, disc),
+            of_disc(disc, -disc),
+            of_disc(-disc, disc),
+            of_disc(-disc, -disc),
+        ]
+    });
+    let low = |a: f32, b: f32| if a < b { a } else { b };
+    let high = |a: f32, b: f32| if a > b { a } else { b };
+    let mut boxes = [[f32::MAX, -f32::MAX, f32::MAX, -f32::MAX]; 2];
+    for (corners_of_end, out) in corners.iter().zip(&mut boxes) {
+        let mut widen = |x: f32, y: f32| *out = [low(out[0], x), high(out[1], x), low(out[2], y), high(out[3], y)];
+        for p in corners_of_end {
+            if p.z >= view.near {
+                widen(p.x / p.z, p.y / p.z);
+                continue;
+            }
+            for q in corners.as_flattened().iter().filter(|q| q.z >= view.near) {
+                let t = (view.near - p.z) / (q.z - p.z);
+                widen((p.x + (q.x - p.x) * t) / view.near, (p.y + (q.y - p.y) * t) / view.near);
+            }
+        }
+    }
+    let with_slack = |[x0, x1, y0, y1]: [f32; 4]| {
+        let range = |i: usize, first: f32, last: f32| {
+            let (first, last) = (first - SLACK_SHARE * first.abs(), last + SLACK_SHARE * last.abs());
+            index_range(view.raster.axis[i] - view.raster.offset[i], first, last)
+        };
+        let (columns, rows) = (range(0, x0, x1), range(1, y0, y1));
+        [columns.0, columns.1, rows.0, rows.1]
+    };
+    let any = boxes.iter().all(|[x0, x1, ..]| x0 <= x1);
+    let ends = boxes.map(with_slack);
+    // False with a NaN.
+    let bounded = ends.as_flattened().iter().all(|pixel| pixel.abs() <= REACH);
+    (any && bounded).then_some(ends)
+}
+
+/// A kernel that crosses the camera plane. Pixels are counted from the camera's axis. Where no boxes bound it, its
+/// bounds are all wanted pixels.
 #[inline(never)]
 fn crossing(view: &View<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
     let &Posed { centre, motion, u, v } = posed;
@@ -168,6 +245,17 @@ fn crossing(view: &View<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
     if !(facing && over.is_finite()) {
         return None;
     }
+    let clipped = clipped(view, posed, 0.0);
+    let ends = clipped.unwrap_or_default();
+    let mut bounds = view.pixels.bounds([0; 2]);
+    if clipped.is_some() {
+        let within = within(view, hull(&ends));
+        // False with a NaN.
+        if !(within[0] <= within[1] && within[2] <= within[3]) {
+            return None;
+        }
+        bounds = within.map(|bound| bound as u16);
+    }
     Some(SweptSplat {
         reference: [0, 1].map(|i| view.raster.axis[i] - view.raster.offset[i]),
         inverse_depth: (normal * over).to_array(),
@@ -176,9 +264,9 @@ fn crossing(view: &View<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
         u_rate: (v.cross(motion) * over).to_array(),
         v_rate: (motion.cross(u) * over).to_array(),
         motion: motion.to_array(),
-        ends: [[0.0; 4]; 2],
-        bounds: view.pixels.bounds([0; 2]),
+        ends,
+        bounds,
         surfel,
-        flags: FLAG_CROSSING | if turned < 0.0 { 0 } else { FLAG_BACK },
+        flags: if clipped.is_some() { 0 } else { FLAG_CROSSING } | if turned < 0.0 { 0 } else { FLAG_BACK },
     })
 }

@@ -6,6 +6,7 @@ use super::attribute::{self, Footprint, Swept};
 use super::map::Map;
 use super::project::{self, Volume};
 use super::resolve::{self, Exposure};
+use super::slices;
 use crate::backend::cpu::bin::Binned;
 use crate::backend::cpu::chunk::Chunk;
 use crate::backend::cpu::job::Job;
@@ -47,6 +48,14 @@ impl SweepGroup<'_> {
         }
     }
 
+    /// Starts thresholds from those of static objects.
+    fn start_threshold(&self, index: usize, buffers: &mut TileBuffers) {
+        buffers.clear_threshold();
+        if let Some(tile) = self.picture.get(index) {
+            tile.start_threshold(&mut buffers.threshold);
+        }
+    }
+
     fn sums_weights(&self) -> bool {
         self.kernel.alpha == TemporalAlpha::Sum
     }
@@ -59,15 +68,24 @@ impl SweepGroup<'_> {
                 continue;
             }
             let swept = self.swept(chunk, &binned.values);
-            let TileBuffers { threshold, sums, coverage_mask, .. } = &mut *job.buffers;
-            attribute::attribute(&binned.splats, list, &swept, &job.tile, threshold, sums, coverage_mask);
+            let TileBuffers { threshold, sums, coverage_mask, slices, .. } = &mut *job.buffers;
+            attribute::attribute(&binned.splats, list, &swept, &job.tile, threshold, slices, sums, coverage_mask);
+        }
+    }
+
+    /// Pass `visibility` of one tile.
+    fn lower(&self, job: &mut Job<'_, SweptSplat, TileFilm>) {
+        for (chunk, binned) in job.chunks.iter().zip(job.binned) {
+            let list = binned.list(&job.tile, job.scratch);
+            let depths = self.scope.depths(chunk);
+            slices::visibility(&binned.splats, list, depths, &job.tile, &mut job.buffers.slices);
         }
     }
 
     /// Pass `resolve` of one tile; `picture` is that of static objects there.
     pub(in crate::backend) fn resolve(&self, job: &mut Job<'_, SweptSplat, TileFilm>, picture: Option<&StaticTile>) {
         let Scope { channels, planes, .. } = self.scope;
-        let TileBuffers { threshold, sums, group_coverage, coverage_mask } = &mut *job.buffers;
+        let TileBuffers { threshold, sums, group_coverage, coverage_mask, .. } = &mut *job.buffers;
         let (weight, coverage) = (self.scope.weight(), &mut group_coverage.coverage);
         let exposure = Exposure { interval: self.interval, weight, sum: self.sums_weights() };
         resolve::coverage(&exposure, coverage_mask, coverage);
@@ -107,20 +125,23 @@ impl TileWork for SweepGroup<'_> {
 
     fn reads_splats(pass: SweepPass) -> bool {
         match pass {
-            SweepPass::Attribute => true,
+            SweepPass::Visibility | SweepPass::Attribute => true,
             SweepPass::Resolve => false,
         }
     }
 
     fn prepare(&self, pass: SweepPass, index: usize, buffers: &mut TileBuffers, _scratch: &mut Vec<u32>) {
         match pass {
+            SweepPass::Visibility => {
+                self.start_threshold(index, buffers);
+                buffers.start_slices(self.interval.slices as usize);
+            }
             SweepPass::Attribute => {
-                buffers.clear_threshold();
+                if !self.kernel.has_slices() {
+                    self.start_threshold(index, buffers);
+                }
                 buffers.clear_sums(self.scope.channels.count, 1);
                 buffers.clear_coverage_mask();
-                if let Some(tile) = self.picture.get(index) {
-                    tile.start_threshold(&mut buffers.threshold);
-                }
             }
             // The film goes on from the intervals before.
             SweepPass::Resolve => {}
@@ -130,6 +151,10 @@ impl TileWork for SweepGroup<'_> {
     fn run(&self, pass: SweepPass, mut job: Job<'_, SweptSplat, TileFilm>) {
         let start = Instant::now();
         match pass {
+            SweepPass::Visibility => {
+                self.lower(&mut job);
+                self.scope.clocks.visibility.add(start);
+            }
             SweepPass::Attribute => {
                 self.add_kernels(&mut job);
                 self.scope.clocks.attribute.add(start);

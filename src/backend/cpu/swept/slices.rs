@@ -1,0 +1,102 @@
+//! Slices of an interval: what of the kernels in motion is visible at a pixel, slice by slice (docs/math.md, section
+//! 7).
+//!
+//! Pass `visibility`: the depth threshold of each slice at each pixel. In: swept splats of a tile's list, thresholds of
+//! static objects. Out: the tile's thresholds. Order-free (a minimum).
+
+use super::hull::Hull;
+use super::ray::{Lanes, Ray};
+use crate::backend::cpu::tiles::{LANES, STRIDE, Slices, TileRect};
+use crate::backend::cpu::visibility::Depths;
+use crate::layout::SweptSplat;
+use crate::math::simd::dispatch;
+
+/// First and last slice that any lane's kernel covers; none if the first is larger.
+#[inline(always)]
+pub(super) fn covered(count: usize, first: &[f32; LANES], last: &[f32; LANES]) -> [usize; 2] {
+    let (mut low, mut high) = (1.0_f32, -1.0_f32);
+    for l in 0..LANES {
+        low = if first[l] < low { first[l] } else { low };
+        high = if last[l] > high { last[l] } else { high };
+    }
+    let scale = 0.5 * count as f32;
+    let from = ((low + 1.0) * scale) as usize;
+    let to = ((high + 1.0) * scale) as usize;
+    [from, if to < count { to } else { count - 1 }]
+}
+
+/// Begin, middle and end of slice `slice` of `count`.
+#[inline(always)]
+pub(super) fn times(count: usize, slice: usize) -> [f32; 3] {
+    let step = 2.0 / count as f32;
+    let begin = slice as f32 * step - 1.0;
+    [begin, begin + 0.5 * step, begin + step]
+}
+
+dispatch! {
+    /// Lowers the thresholds of `slices` by the swept splats that `list` names.
+    pub(in crate::backend) fn visibility(
+        splats: &[SweptSplat], list: &[u32], depths: Depths, tile: &TileRect, slices: &mut Slices,
+    ) = visibility_body
+}
+
+#[inline(always)]
+fn visibility_body(splats: &[SweptSplat], list: &[u32], depths: Depths, tile: &TileRect, slices: &mut Slices) {
+    let count = slices.count;
+    let [left, top] = tile.corner;
+    for &index in list {
+        let splat = &splats[index as usize];
+        let hull = Hull::of(splat);
+        let ray = Ray::of(splat, depths.near, 0.0);
+        let [_, _, y0, y1] = splat.bounds.map(i32::from);
+        for row in y0.max(top)..=y1.min(top + tile.height as i32 - 1) {
+            let [x0, x1] = hull.columns(row as f32, row as f32);
+            let (x0, x1) = (x0.max(left), x1.min(left + tile.width as i32 - 1));
+            let y = (row - top) as usize;
+            let out = &mut slices.threshold[y * count * STRIDE..][..count * STRIDE];
+            let mut pixel = x0;
+            while pixel <= x1 {
+                let x = (pixel - left) as usize;
+                let (mut first, mut last) = ([0.0; LANES], [0.0; LANES]);
+                let mut plane = [[0.0; LANES]; 2];
+                for l in 0..LANES {
+                    let place = [pixel as f32 + l as f32, row as f32];
+                    let (span, at) = ray.cover(splat, place, x1 as f32);
+                    (first[l], last[l], plane[0][l], plane[1][l]) = (span[0], span[1], at[0], at[1]);
+                }
+                let [from, to] = covered(count, &first, &last);
+                for slice in from..=to {
+                    let [_, middle, _] = times(count, slice);
+                    let Some(out) = out.get_mut(slice * STRIDE + x..).and_then(<[f32]>::first_chunk_mut::<LANES>)
+                    else {
+                        break;
+                    };
+                    for l in 0..LANES {
+                        let depth = plane[0][l] + middle * plane[1][l];
+                        let candidate = depth + depths.tolerance(depth);
+                        let covers = (first[l] < middle) & (middle < last[l]);
+                        let candidate = if covers { candidate } else { f32::INFINITY };
+                        out[l] = if candidate < out[l] { candidate } else { out[l] };
+                    }
+                }
+                pixel += LANES as i32;
+            }
+        }
+    }
+}
+
+impl Lanes {
+    /// How long each lane's kernel is visible during a slice, in tau.
+    #[inline(always)]
+    pub(super) fn visible(&self, [begin, middle, end]: [f32; 3], limit: &[f32; LANES]) -> [f32; LANES] {
+        let mut out = [0.0; LANES];
+        for l in 0..LANES {
+            let first = if self.first[l] > begin { self.first[l] } else { begin };
+            let last = if self.last[l] < end { self.last[l] } else { end };
+            let depth = self.plane[0][l] + middle * self.plane[1][l];
+            let passes = (first < last) & (depth <= limit[l]) & (self.covers[l] != 0);
+            out[l] = if passes { last - first } else { 0.0 };
+        }
+        out
+    }
+}
