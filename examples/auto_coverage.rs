@@ -112,7 +112,7 @@ fn truth(cpu: &mut Cpu, scene: &Scene, prefilter: Prefilter) -> Picture {
     let quality = BlurMode::supersample(TRUTH).into();
     let options = RenderOptions { quality, prefilter, seed: 77, ..RenderOptions::default() };
     let picture = render_frame(cpu, scene, 0, &options).unwrap().picture;
-    image::write(&path, &picture, Format::Exr, "").unwrap();
+    image::write(&path, &picture, Format::EXR, "").unwrap();
     picture
 }
 

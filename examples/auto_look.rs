@@ -122,7 +122,7 @@ fn truth(cpu: &mut Cpu, scene: &Scene, frame: i64) -> Picture {
     let quality = BlurMode::supersample(TRUTH).into();
     let options = RenderOptions { quality, seed: 77, ..RenderOptions::default() };
     let picture = render_frame(cpu, scene, frame, &options).unwrap().picture;
-    image::write(&path, &picture, Format::Exr, "").unwrap();
+    image::write(&path, &picture, Format::EXR, "").unwrap();
     picture
 }
 

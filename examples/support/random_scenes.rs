@@ -207,7 +207,7 @@ impl Dice {
 /// Scene `index` of `seed`: 240 x 135 pixels, frame 0, shutter 0..1.
 pub fn random(models: &Models, seed: u64, index: u64) -> Scene {
     let mut dice = Dice(Pcg64::seed_from_u64(seed.wrapping_mul(1_000_003).wrapping_add(index)));
-    let objects = (0..1 + dice.below(3)).map(|_| dice.object(models)).collect();
+    let objects = (0..=dice.below(3)).map(|_| dice.object(models)).collect();
     let mut made = scene(objects, [240, 135], DVec3::new(0.0, 0.0, 6.0), 35.0);
     for (object, number) in made.objects.iter_mut().zip(1..) {
         object.name = format!("object{number}");

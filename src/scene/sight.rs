@@ -7,6 +7,7 @@ use glam::{DMat4, DVec3};
 
 use super::pose::{camera_from_world, object_pose};
 use super::values::{Object, Scene};
+use crate::time::FrameNumber;
 
 /// Most poses of all objects of a scene that are looked at.
 const MOST_POSES: usize = 200_000;

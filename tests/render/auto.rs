@@ -161,7 +161,7 @@ fn refinement_holds_for_other_weights() {
         });
         let position = PositionExposure { offset: [0.0; 2], groups: samples.collect() };
         let raster = RasterExposure { phase: [0; 2], positions: vec![position] };
-        let frame = Frame::exposed(&scene, 0, &Exposure { stride: 1, rasters: vec![raster] }, &options);
+        let frame = Frame::exposed(&scene, 0.into(), &Exposure { stride: 1, rasters: vec![raster] }, &options);
         Cpu::default().render(frame).unwrap().picture
     };
     let (fine_pixels, worst) = near_either(&made, &direct(72), &direct(24));
