@@ -54,8 +54,8 @@ fn main() {
             let (of_scene, achieved) = look(&mut cpu, &scene, prefilter, error, &truth);
             if asked.value("list").is_some() {
                 println!(
-                    "{index} E {error}: stated {:.5} true {:.5} ratio {:.2} worst {:.2} samples {:.1} | {:.0} px, {}..{}, \
-                     S {}, {} of {} refined, {} capped, {:?}",
+                    "{index} E {error}: stated {:.5} true {:.5} ratio {:.2} worst {:.2} samples {:.1} | {:.0} px, \
+                     {}..{}, S {}, {} of {} refined, {} capped, {:?}",
                     of_scene.stated,
                     of_scene.truth,
                     of_scene.stated / of_scene.truth,
@@ -90,7 +90,8 @@ fn main() {
         let samples: f64 = seen.iter().map(|seen| seen.samples).sum::<f64>() / seen.len() as f64;
         let splats: u64 = seen.iter().map(|seen| seen.splats).sum();
         println!(
-            "| {error} | {covered} of {} | {:.2} (5 %: {:.2}, 95 %: {:.2}) | {kept} of {} | {worst:.2} | {samples:.1} | {:.1} M |",
+            "| {error} | {covered} of {} | {:.2} (5 %: {:.2}, 95 %: {:.2}) | {kept} of {} | {worst:.2} | \
+             {samples:.1} | {:.1} M |",
             seen.len(),
             ratios[ratios.len() / 2],
             ratios[ratios.len() / 20],

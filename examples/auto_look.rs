@@ -1,7 +1,7 @@
 //! Does mode auto look right? What eyes see and a mean misses, on shipped and on random scenes.
 //!
-//! `cargo run --release --example auto_look [-- shipped] [random] [scene=NAME] [seed=N] [scenes=N] [error=E] [mode=MODE]
-//! [out=FOLDER]`
+//! `cargo run --release --example auto_look [-- shipped] [random] [scene=NAME] [seed=N] [scenes=N] [error=E]
+//! [mode=MODE] [out=FOLDER]`
 //!
 //! For each picture: FLIP in the worst twentieth of blocks of 32 x 32 pixels; mean steps across the borders of blocks
 //! over those two pixels beside them, of the picture and of the truth; seconds. The truth is supersampling with 768

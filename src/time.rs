@@ -68,8 +68,8 @@ impl Weight {
         (self.primitive(to) - self.primitive(from)) / self.primitive(1.0)
     }
 
-    /// The time in [0, 1] before which `share` of the exposure lies, to 2^-53: the inverse of [`integral`](Self::integral)
-    /// from 0. Where a(t) is 0 around it, the first such time.
+    /// The time in [0, 1] before which `share` of the exposure lies, to 2^-53: the inverse of
+    /// [`integral`](Self::integral) from 0. Where a(t) is 0 around it, the first such time.
     pub fn time_of(&self, share: f64) -> f64 {
         if *self == Self::Box {
             return share.clamp(0.0, 1.0);

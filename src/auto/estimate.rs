@@ -31,8 +31,8 @@ const PARTS: usize = 2;
 pub(super) struct BlockError {
     /// Half difference: mean over pixels and channels.
     half: f64,
-    /// |g (E - O) / 2|^0.7, after what the eye blurs: the mean over pixels and channels, and a share of that over the worst
-    /// of its parts.
+    /// |g (E - O) / 2|^0.7, after what the eye blurs: the mean over pixels and channels, and a share of that over the
+    /// worst of its parts.
     seen: f64,
     pixels: u32,
     is_refined: bool,
@@ -49,7 +49,8 @@ impl BlockError {
         SEEN_SCALE * self.seen * TYPICAL_GAIN.powf(f64::from(SEEN))
     }
 
-    /// How many times the samples bring the error to `error` and FLIP to `flip`: the error of edges falls with their number.
+    /// How many times the samples bring the error to `error` and FLIP to `flip`: the error of edges falls with their
+    /// number.
     pub(super) fn needed(&self, error: f64, flip: f64) -> f64 {
         let by_flip = (self.flip() / flip).powf(1.0 / f64::from(SEEN));
         (self.error() / error).max(by_flip)

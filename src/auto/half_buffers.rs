@@ -161,8 +161,8 @@ impl HalfBuffers {
 /// Which of `count` positions (an even number, or 1) sample `index` takes.
 ///
 /// Four consecutive positions lie in different quarters of the pixel, the first two and the last two on diagonals. Four
-/// consecutive samples take four such positions, the even ones one diagonal and the odd ones the other, in an order that
-/// changes from four to four. So both half buffers cover the pixel evenly, and so does every part of the exposure.
+/// consecutive samples take four such positions, the even ones one diagonal and the odd ones the other, in an order
+/// that changes from four to four. So both half buffers cover the pixel evenly, and so does every part of the exposure.
 const fn position_of(index: usize, count: usize) -> usize {
     const OF_SAMPLE: [usize; 4] = [0, 2, 1, 3];
     const TURN: [usize; 4] = [0, 2, 1, 3];
