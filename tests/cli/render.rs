@@ -313,7 +313,7 @@ fn frames_may_be_lists_and_fractions() {
     assert_eq!(between, of("alone", "tiny.0001_5000.exr"));
 }
 
-/// The layer of objects is part of the settings. The report and the file name the objects. PNG and references have none.
+/// The layer of objects is part of the settings. The report and the file name the objects. PNG and references lack it.
 #[test]
 fn the_layer_of_objects_comes_with_its_names() {
     let fixture = Fixture::new();
