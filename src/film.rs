@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// A set of channels beside colour (arbitrary output variable): its coverage-weighted mean over the exposure, divided
-/// by alpha.
+/// by alpha, where it does not say otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Aov {
     /// Temporal coverage, 0..=1.
@@ -21,13 +21,17 @@ pub enum Aov {
     Samples,
     /// Standard error of the picture's colour and of the coverage; of the reference only, and never divided by alpha.
     Error,
+    /// Index of the object that has the largest share of the pixel over the exposure: 1 for the first of the scene; 0
+    /// where nothing is seen. Never a mean. [`Layer::names`] has the names. The reference does not make it.
+    Object,
 }
 
 impl Aov {
     /// All that every renderer makes, in the order of their layers.
     pub const ALL: [Self; 5] = [Self::Alpha, Self::Depth, Self::Normal, Self::Velocity, Self::Samples];
     /// All that a file may hold, in the order of their layers.
-    pub const LAYERS: [Self; 6] = [Self::Alpha, Self::Depth, Self::Normal, Self::Velocity, Self::Samples, Self::Error];
+    pub const LAYERS: [Self; 7] =
+        [Self::Alpha, Self::Depth, Self::Normal, Self::Velocity, Self::Samples, Self::Error, Self::Object];
 
     /// Layer name.
     pub const fn name(self) -> &'static str {
@@ -38,6 +42,7 @@ impl Aov {
             Self::Velocity => "velocity",
             Self::Samples => "samples",
             Self::Error => "error",
+            Self::Object => "object",
         }
     }
 
@@ -55,12 +60,17 @@ impl Aov {
                 "error of r, g, b and coverage: of a reference its standard error, linear light; of mode auto its \
                  estimate for the block around, root mean square of display values"
             }
+            Self::Object => {
+                "index of the object that has the largest share of the pixel over the exposure, never a mean; 0 where \
+                 nothing is seen; the same attribute names the objects (entry `objects`)"
+            }
         }
     }
 
-    /// Would half precision spoil it? It has 11 significant bits: too few for distances, and for counts above 2048.
+    /// Would half precision spoil it? It has 11 significant bits: too few for distances, and for counts and indices
+    /// above 2048.
     pub const fn needs_float(self) -> bool {
-        matches!(self, Self::Depth | Self::Samples)
+        matches!(self, Self::Depth | Self::Samples | Self::Object)
     }
 
     /// Channel names inside the layer.
@@ -72,6 +82,7 @@ impl Aov {
             Self::Velocity => &["X", "Y"],
             Self::Samples => &["N"],
             Self::Error => &["R", "G", "B", "A"],
+            Self::Object => &["ID"],
         }
     }
 }
@@ -83,6 +94,8 @@ pub struct Layer {
     pub aov: Aov,
     /// One row-major plane a channel, in the order of [`Aov::channels`].
     pub planes: Vec<Vec<f32>>,
+    /// Of [`Aov::Object`]: the names of the objects, that of index 1 first. Else empty.
+    pub names: Vec<String>,
 }
 
 /// A finished image: row 0 at the top.
@@ -150,7 +163,7 @@ impl FilmPlanes {
     /// First plane of an AOV that is wanted; alpha shares the film's own.
     fn first(&self, aov: Aov) -> usize {
         match aov {
-            Aov::Alpha | Aov::Samples | Aov::Error => Some(3),
+            Aov::Alpha | Aov::Samples | Aov::Error | Aov::Object => Some(3),
             Aov::Depth => self.depth,
             Aov::Normal => self.normal,
             Aov::Velocity => self.velocity,
@@ -240,7 +253,10 @@ pub fn develop(
     let layers = Aov::ALL
         .into_iter()
         .filter(|aov| aovs.contains(aov))
-        .map(|aov| Layer { aov, planes: (0..aov.channels().len()).map(|channel| plane(aov, channel)).collect() })
+        .map(|aov| {
+            let planes = (0..aov.channels().len()).map(|channel| plane(aov, channel)).collect();
+            Layer { aov, planes, names: Vec::new() }
+        })
         .collect();
     Picture { width, height, rgba, layers }
 }
@@ -250,6 +266,6 @@ fn aov_value(aov: Aov, sum: f32, alpha: f32) -> f32 {
         Aov::Alpha | Aov::Samples => alpha,
         _ if alpha > 0.0 => sum / alpha,
         Aov::Depth => f32::INFINITY,
-        Aov::Normal | Aov::Velocity | Aov::Error => 0.0,
+        Aov::Normal | Aov::Velocity | Aov::Error | Aov::Object => 0.0,
     }
 }

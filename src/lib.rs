@@ -104,6 +104,9 @@ pub mod auto;
 pub mod reconstruct;
 
 #[doc(hidden)]
+pub mod objects;
+
+#[doc(hidden)]
 pub mod image;
 
 #[doc(hidden)]

@@ -56,7 +56,7 @@ mod tests {
         let value = |x: u32, y: u32| if (x, y) == (4, 3) { [1.0, 0.5, 0.0, 1.0] } else { [0.0; 4] };
         let rgba = (0..height).flat_map(|y| (0..width).map(move |x| value(x, y))).collect();
         let planes = velocity.map(|v| vec![v; 63]).to_vec();
-        Picture { width, height, rgba, layers: vec![Layer { aov: Aov::Velocity, planes }] }
+        Picture { width, height, rgba, layers: vec![Layer { aov: Aov::Velocity, planes, names: Vec::new() }] }
     }
 
     #[test]

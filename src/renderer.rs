@@ -8,6 +8,7 @@ use crate::backend::cpu::Cpu;
 use crate::backend::{Backend, BackendError, Meter};
 use crate::film::{Aov, Picture};
 use crate::frame::Frame;
+use crate::objects;
 use crate::options::{Quality, RenderOptions};
 use crate::reconstruct;
 use crate::scene::Scene;
@@ -224,6 +225,10 @@ pub fn render_frame(
 ) -> Result<Rendered, BackendError> {
     check(scene)?;
     let frame = finite(frame.into())?;
+    if options.aovs.contains(&Aov::Object) {
+        let rendered = render_frame(backend, scene, frame, &without_objects(options))?;
+        return objects::add_layer(backend, scene, frame, options, rendered);
+    }
     if options.reconstruct {
         let rendered = render_frame(backend, scene, frame, &with_velocity(options))?;
         return Ok(reconstructed(rendered, options));
@@ -232,6 +237,13 @@ pub fn render_frame(
         Quality::Error(target) => auto::render(backend, scene, frame, options, target),
         Quality::Mode(mode) => backend.render(Frame::new(scene, frame, mode, options)),
     }
+}
+
+/// What is rendered before [`objects::add_layer`].
+fn without_objects(options: &RenderOptions) -> RenderOptions {
+    let mut options = options.clone();
+    options.aovs.retain(|&aov| aov != Aov::Object);
+    options
 }
 
 /// What [`reconstruct::along`] needs to be rendered.
@@ -291,7 +303,7 @@ impl<'a> Frames<'a> {
     pub fn begin(&mut self, number: impl Into<FrameNumber>) -> Result<Option<(FrameNumber, Rendered)>, BackendError> {
         let number = number.into();
         let Quality::Mode(mode) = self.options.quality else { return self.whole(number) };
-        if self.options.reconstruct {
+        if self.options.reconstruct || self.options.aovs.contains(&Aov::Object) {
             return self.whole(number);
         }
         self.backend.begin(Frame::new(self.scene, finite(number)?, mode, self.options))?;

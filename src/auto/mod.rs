@@ -121,11 +121,19 @@ pub fn render(
     let per_block = |value: &dyn Fn(usize) -> f32| spread(&errors, edge, [picture.width, picture.height], value);
     let mut layers = Vec::new();
     if options.aovs.contains(&Aov::Samples) {
-        layers.push(Layer { aov: Aov::Samples, planes: vec![per_block(&|i| (samples * levels[i]) as f32)] });
+        layers.push(Layer {
+            aov: Aov::Samples,
+            planes: vec![per_block(&|i| (samples * levels[i]) as f32)],
+            names: Vec::new(),
+        });
     }
     if options.aovs.contains(&Aov::Error) {
         let plane = per_block(&|i| errors.blocks[i].error() as f32);
-        layers.push(Layer { aov: Aov::Error, planes: vec![plane.clone(), plane.clone(), plane.clone(), plane] });
+        layers.push(Layer {
+            aov: Aov::Error,
+            planes: vec![plane.clone(), plane.clone(), plane.clone(), plane],
+            names: Vec::new(),
+        });
     }
     picture.layers.extend(layers);
     Ok(Rendered { picture, stats })

@@ -326,6 +326,9 @@ pub(super) fn aov_help(aovs: &[Aov]) -> String {
     for aov in aovs {
         // Writing to a string cannot fail.
         let _ = write!(text, "\n{}: {}", aov.name(), aov.meaning());
+        if *aov == Aov::Object {
+            text.push_str(". One more rendering of the frame for each object");
+        }
     }
     text
 }

@@ -264,6 +264,9 @@ impl Reference {
             seed: self.sampling.seed,
             aovs: self.images.aovs()?,
         };
+        if options.aovs.contains(&Aov::Object) {
+            bail!("--aov object is for `splatblur render`");
+        }
         if options.aovs.contains(&Aov::Error) {
             bail!("--aov: a reference always has its error (others: alpha, depth, normal, velocity, samples)");
         }

@@ -3,7 +3,8 @@
 //! One part. Colour is `R G B A`; an AOV is a layer of extra channels named `layer.channel` (`depth.Z`, `normal.X`,
 //! `velocity.Y`, `alpha.A`). That is the `OpenEXR` project's own convention for layers in one part: Nuke, Blender, tev,
 //! ffmpeg and every reader of plain RGBA understand it, while several of them open only the first part of a file with
-//! many. The header's attribute `layers` says what each layer holds, in which unit, as JSON.
+//! many. The header's attribute `layers` says what each layer holds, in which unit, as JSON. Its entry `objects` names
+//! what the indices of the layer `object` stand for.
 
 use std::io::{BufRead, Cursor, Read, Seek, SeekFrom};
 
@@ -28,6 +29,9 @@ const COLOUR: [&str; 4] = ["R", "G", "B", "A"];
 
 /// Name of the attribute that says what the layers hold.
 const LAYERS: &str = "layers";
+
+/// Its entry that names objects: `{"1": "floor", "2": "ball"}`.
+const OBJECTS: &str = "objects";
 
 pub(super) fn encode(
     picture: &Picture,
@@ -78,10 +82,27 @@ pub(super) fn encode(
     Ok(bytes.into_inner())
 }
 
-/// What the layers hold, as a JSON object with an entry for each: `{"depth": "distance ..."}`.
+/// What the layers hold, as a JSON object with an entry for each: `{"depth": "distance ..."}`, and the names of
+/// objects.
+///
+/// All in one attribute: the library writes several in an order that changes from run to run.
 fn meanings(picture: &Picture) -> String {
     let of_layer = |layer: &Layer| (layer.aov.name().to_owned(), layer.aov.meaning().into());
-    serde_json::Value::Object(picture.layers.iter().map(of_layer).collect()).to_string()
+    let mut all: serde_json::Map<_, _> = picture.layers.iter().map(of_layer).collect();
+    if let Some(layer) = picture.layers.iter().find(|layer| layer.aov == Aov::Object) {
+        let names = (1..).zip(&layer.names).map(|(index, name): (usize, _)| (index.to_string(), name.clone().into()));
+        all.insert(OBJECTS.to_owned(), serde_json::Value::Object(names.collect()));
+    }
+    serde_json::Value::Object(all).to_string()
+}
+
+/// The names of objects that an attribute `layers` holds, that of index 1 first; those before the first that is
+/// missing.
+fn names_of_objects(attribute: Option<&AttributeValue>) -> Vec<String> {
+    let Some(AttributeValue::Text(text)) = attribute else { return Vec::new() };
+    let Ok(all) = serde_json::from_slice::<serde_json::Value>(text.as_slice()) else { return Vec::new() };
+    let name = |index: usize| Some(all.get(OBJECTS)?.get(index.to_string())?.as_str()?.to_owned());
+    (1..).map_while(name).collect()
 }
 
 /// The nearest half-precision numbers; a finite number that would become infinite is refused.
@@ -143,6 +164,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
         .from_buffered(Cursor::new(bytes))
         .map_err(refused)?;
     let part = image.layer_data;
+    // The library gives all attributes that it does not know to the part.
+    let names = names_of_objects(part.attributes.other.get(&Text::from(LAYERS)));
     let Vec2(w, h) = part.size;
     let plane = |name: &str| {
         let channel = part.channel_data.list.iter().find(|c| c.name.eq(name))?;
@@ -163,7 +186,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
     for aov in Aov::LAYERS {
         let planes: Option<Vec<_>> =
             aov.channels().iter().map(|channel| plane(&format!("{}.{channel}", aov.name()))).collect();
-        layers.extend(planes.map(|planes| Layer { aov, planes }));
+        let names = if aov == Aov::Object { names.clone() } else { Vec::new() };
+        layers.extend(planes.map(|planes| Layer { aov, planes, names }));
     }
     Ok(Picture { width: w as u32, height: h as u32, rgba, layers })
 }

@@ -219,7 +219,7 @@ impl Sums {
         let errors: Vec<[f32; 4]> =
             (0..self.colour.len()).into_par_iter().map(|i| self.error(i, background).map(|e| e as f32)).collect();
         let planes = (0..4).map(|c| errors.iter().map(|e| e[c]).collect()).collect();
-        picture.layers.push(Layer { aov: Aov::Error, planes });
+        picture.layers.push(Layer { aov: Aov::Error, planes, names: Vec::new() });
         picture
     }
 }

@@ -175,7 +175,7 @@ fn bad_files_are_refused_in_one_line() {
 fn info_shows_images_and_their_settings() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.exr");
-    let layers = vec![Layer { aov: Aov::Depth, planes: vec![vec![1.0, 2.0]] }];
+    let layers = vec![Layer { aov: Aov::Depth, planes: vec![vec![1.0, 2.0]], names: Vec::new() }];
     let picture = Picture { width: 2, height: 1, rgba: vec![[0.5; 4]; 2], layers };
     image::write(&path, &picture, Format::EXR, "{\"frame\":7,\"seed\":1}").unwrap();
     let output = splatblur(&["info", path.to_str().unwrap(), "--json"]);
@@ -313,10 +313,35 @@ fn frames_may_be_lists_and_fractions() {
     assert_eq!(between, of("alone", "tiny.0001_5000.exr"));
 }
 
+/// The layer of objects is part of the settings. The report and the file name the objects. PNG and references lack it.
+#[test]
+fn the_layer_of_objects_comes_with_its_names() {
+    let fixture = Fixture::new();
+    let options = ["--samples", "4", "--format", "exr", "--frames", "1..2", "--resume"];
+    let plain = fixture.json(&options);
+    assert_eq!((rendered(&plain), plain.get("objects")), (vec![1, 2], None));
+    let with = [&options[..], &["--aov", "object"]].concat();
+    let report = fixture.json(&with);
+    assert_eq!(rendered(&report), [1, 2]);
+    assert_eq!(report["settings"]["aovs"], serde_json::json!(["object"]));
+    let names = report["objects"].as_object().unwrap();
+    assert_eq!(names.keys().collect::<Vec<_>>(), ["1"]);
+    let picture = image::read(&fixture.path("out/tiny/tiny.0001.exr")).unwrap();
+    assert_eq!(picture.layers[0].aov, Aov::Object);
+    assert_eq!(names["1"], *picture.layers[0].names[0]);
+    assert!(picture.layers[0].planes[0].iter().all(|&index| index == 0.0 || index == 1.0));
+    assert!(picture.layers[0].planes[0].contains(&1.0));
+    assert_eq!(rendered(&fixture.json(&with)), [0; 0]);
+    let scene = fixture.path("tiny.xml");
+    let scene = scene.to_str().unwrap();
+    assert!(refused(&["render", scene, "--aov", "object", "--format", "png"]).contains("--format exr"));
+    assert!(refused(&["reference", scene, "--aov", "object"]).contains("is for `splatblur render`"));
+}
+
 /// Units of layers have one place; help texts quote it.
 #[test]
 fn help_says_what_layers_hold() {
-    for (command, aovs) in [("render", &Aov::LAYERS[..]), ("reference", &Aov::LAYERS)] {
+    for (command, aovs) in [("render", &Aov::LAYERS[..]), ("reference", &Aov::LAYERS[..6])] {
         let long = stdout(&splatblur(&["help", command]));
         let text = long.split_whitespace().collect::<Vec<_>>().join(" ");
         for aov in aovs {

@@ -27,7 +27,7 @@ fn rich() -> Picture {
         .map(|aov| {
             let planes = (0..aov.channels().len())
                 .map(|c| (0..n).map(|i| value(i + 7919 * (c + 3 * aov.name().len()))).collect());
-            Layer { aov, planes: planes.collect() }
+            Layer { aov, planes: planes.collect(), names: Vec::new() }
         })
         .collect();
     let mut picture = Picture { width, height, rgba, layers };
@@ -263,7 +263,7 @@ fn invalid_pictures_are_refused_by_type() {
     assert_eq!(error(&p, Format::EXR).to_string(), "picture channel `B` is NaN at pixel (1, 0)");
     p.rgba[1][2] = f32::INFINITY;
     assert!(matches!(error(&p, RGB8), ImageError::NotFinite { .. }));
-    let layer = |planes| Layer { aov: Aov::Velocity, planes };
+    let layer = |planes| Layer { aov: Aov::Velocity, planes, names: Vec::new() };
     p = good();
     p.layers = vec![layer(vec![vec![0.0; 2]; 2])];
     assert!(matches!(error(&p, RGB8), ImageError::PngLayer { layer: "velocity" }));

@@ -11,6 +11,7 @@ mod gpu;
 mod image_files;
 mod kernels_in_motion;
 mod modes;
+mod objects;
 mod oracle;
 mod pictures;
 mod rendering;

@@ -1,5 +1,6 @@
 //! What `render --json` prints. The long help of `render` lists the fields.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Serialize;
@@ -21,6 +22,9 @@ pub(super) struct Report<'a> {
     pub(super) load_seconds: f64,
     pub(super) seconds: f64,
     pub(super) notes: &'a [String],
+    /// Of the layer `object`: index to name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) objects: Option<BTreeMap<usize, &'a str>>,
     pub(super) ffmpeg: Option<String>,
     pub(super) settings: &'a Settings,
 }

@@ -6,6 +6,7 @@ mod movie;
 mod nothing;
 mod sequence;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
@@ -63,8 +64,8 @@ Examples:
 JSON (--json), one object: program, scene, directory, backend, frames: [{{frame, path, skipped, seconds (wall,
 rendering), samples, surfels, splats, auto (error, way, samples, most_samples, interleave, blocks, refined, capped),
 cpu_seconds or device_seconds: {{project, bin, visibility, attribute, resolve, total}}}}], load_seconds, seconds (whole
-run), notes, ffmpeg (null where frames do not follow one another), settings (as each file carries them, with `frame`, in
-its header)."))]
+run), notes, objects (with --aov object: index to name), ffmpeg (null where frames do not follow one another), settings
+(as each file carries them, with `frame`, in its header)."))]
 pub(super) struct Render {
     #[command(flatten)]
     images: Images,
@@ -136,7 +137,7 @@ impl Render {
         };
         let meter = Arc::new(Meter::default());
         renderer.watch(Arc::clone(&meter));
-        let several_renderings = matches!(options.quality, Quality::Error(_));
+        let several_renderings = matches!(options.quality, Quality::Error(_)) || options.aovs.contains(&Aov::Object);
         let progress = Rendering::new(frames.count(), meter, several_renderings, self.running.quiet);
         let mut under_way = renderer::Frames::new(renderer.backend(), &scene, &options)?;
         let mut nothing = Nothing::new(&scene);
@@ -177,6 +178,7 @@ impl Render {
                 load_seconds,
                 seconds,
                 notes: &notes,
+                objects: options.aovs.contains(&Aov::Object).then(|| names_of_objects(&scene)),
                 ffmpeg: movie.ffmpeg(),
                 settings: &settings,
             });
@@ -203,6 +205,11 @@ impl Render {
             ..RenderOptions::default()
         })
     }
+}
+
+/// The names that the indices of the layer `object` stand for.
+fn names_of_objects(scene: &Scene) -> BTreeMap<usize, &str> {
+    (1..).zip(scene.objects.iter().map(|object| object.name.as_str())).collect()
 }
 
 /// Begins a frame or, without one, finishes one that was begun.

@@ -11,7 +11,7 @@ fn solid(width: u32, height: u32, value: f32) -> Picture {
 
 fn with_error(mut picture: Picture, error: f32) -> Picture {
     let planes = vec![vec![error; picture.rgba.len()]; 4];
-    picture.layers.push(Layer { aov: Aov::Error, planes });
+    picture.layers.push(Layer { aov: Aov::Error, planes, names: Vec::new() });
     picture
 }
 
@@ -43,8 +43,10 @@ fn moments(pixel: impl Fn(usize, usize) -> (f32, f32)) -> Vec<Picture> {
             let values: Vec<_> = (0..6).map(|x| pixel(x, k)).collect();
             let depth = values.iter().map(|v| v.0).collect();
             let velocity = vec![values.iter().map(|v| v.1).collect(), vec![0.0; 6]];
-            picture.layers =
-                vec![Layer { aov: Aov::Depth, planes: vec![depth] }, Layer { aov: Aov::Velocity, planes: velocity }];
+            picture.layers = vec![
+                Layer { aov: Aov::Depth, planes: vec![depth], names: Vec::new() },
+                Layer { aov: Aov::Velocity, planes: velocity, names: Vec::new() },
+            ];
             picture
         })
         .collect()
