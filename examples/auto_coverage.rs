@@ -10,23 +10,19 @@
 
 mod support;
 
-use std::path::Path;
-
 use splatblur::backend::Achieved;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::{encode, gamma_rmse};
 use splatblur::film::{Aov, Picture};
-use splatblur::image::{self, Format};
-use splatblur::options::{BlurMode, ErrorTarget, Prefilter, Quality, RenderOptions};
+use splatblur::options::{ErrorTarget, Prefilter, Quality, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use support::Arguments;
 use support::random_scenes::{Models, random};
+use support::scenes::converged;
 
 /// Targets: draft, good and final.
 const ERRORS: [f64; 3] = [0.05, 0.025, 0.0125];
-/// Samples of the truth.
-const TRUTH: u32 = 768;
 
 /// What one scene showed at one target.
 struct Seen {
@@ -49,9 +45,10 @@ fn main() {
     let mut seen: [Vec<Seen>; 3] = [Vec::new(), Vec::new(), Vec::new()];
     for index in 0..scenes {
         let scene = random(&models, seed, index);
-        let truth = truth(&mut cpu, &scene, prefilter);
+        let options = RenderOptions { prefilter, ..RenderOptions::default() };
+        let truth = converged(&scene, 0, &options, &prefilter.to_string());
         for (error, seen) in ERRORS.into_iter().zip(&mut seen) {
-            let (of_scene, achieved) = look(&mut cpu, &scene, prefilter, error, &truth);
+            let (of_scene, achieved) = look(&mut cpu, &scene, &options, error, &truth);
             if asked.value("list").is_some() {
                 println!(
                     "{index} E {error}: stated {:.5} true {:.5} ratio {:.2} worst {:.2} samples {:.1} | {:.0} px, \
@@ -102,24 +99,9 @@ fn main() {
     }
 }
 
-/// Many samples, from an earlier run where there is one.
-fn truth(cpu: &mut Cpu, scene: &Scene, prefilter: Prefilter) -> Picture {
-    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/tables");
-    std::fs::create_dir_all(&directory).unwrap();
-    let path = directory.join(format!("{}_{prefilter}_{TRUTH}.exr", scene.name));
-    if let Ok(picture) = image::read(&path) {
-        return picture;
-    }
-    let quality = BlurMode::supersample(TRUTH).into();
-    let options = RenderOptions { quality, prefilter, seed: 77, ..RenderOptions::default() };
-    let picture = render_frame(cpu, scene, 0, &options).unwrap().picture;
-    image::write(&path, &picture, Format::EXR, "").unwrap();
-    picture
-}
-
-fn look(cpu: &mut Cpu, scene: &Scene, prefilter: Prefilter, error: f64, truth: &Picture) -> (Seen, Achieved) {
+fn look(cpu: &mut Cpu, scene: &Scene, options: &RenderOptions, error: f64, truth: &Picture) -> (Seen, Achieved) {
     let quality = Quality::Error(ErrorTarget { error, ..ErrorTarget::default() });
-    let options = RenderOptions { quality, prefilter, aovs: vec![Aov::Samples], ..RenderOptions::default() };
+    let options = RenderOptions { quality, aovs: vec![Aov::Samples], ..options.clone() };
     let rendered = render_frame(cpu, scene, 0, &options).unwrap();
     let achieved = rendered.stats.achieved.unwrap();
     let samples = &rendered.picture.layers[0].planes[0];

@@ -18,16 +18,13 @@ use std::time::Instant;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::{encode, flip, gamma_rmse};
 use splatblur::film::Picture;
-use splatblur::image::{self, Format};
-use splatblur::options::{BlurMode, ErrorTarget, Quality, RenderOptions};
+use splatblur::options::{ErrorTarget, Quality, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use support::Arguments;
 use support::random_scenes::{Models, random};
-use support::scenes::shipped;
+use support::scenes::{converged, shipped};
 
-/// Samples of the truth.
-const TRUTH: u32 = 768;
 /// Edge of a block, pixels.
 const EDGE: usize = 32;
 /// Scenes and frames that ship.
@@ -77,7 +74,7 @@ fn main() {
 
 fn row(scene: &Scene, frame: i64, quality: Quality, out: Option<&Path>) {
     let mut cpu = Cpu::default();
-    let truth = truth(&mut cpu, scene, frame);
+    let truth = converged(scene, frame, &RenderOptions::default(), "look");
     let options = RenderOptions { quality, ..RenderOptions::default() };
     let start = Instant::now();
     let rendered = render_frame(&mut cpu, scene, frame, &options).unwrap();
@@ -109,21 +106,6 @@ fn row(scene: &Scene, frame: i64, quality: Quality, out: Option<&Path>) {
         };
         both.write(folder.join(format!("{}_{frame}.png", scene.name))).unwrap();
     }
-}
-
-/// Many samples, from an earlier run where there is one.
-fn truth(cpu: &mut Cpu, scene: &Scene, frame: i64) -> Picture {
-    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/tables");
-    std::fs::create_dir_all(&directory).unwrap();
-    let path = directory.join(format!("{}_{frame}_look_{TRUTH}.exr", scene.name));
-    if let Ok(picture) = image::read(&path) {
-        return picture;
-    }
-    let quality = BlurMode::supersample(TRUTH).into();
-    let options = RenderOptions { quality, seed: 77, ..RenderOptions::default() };
-    let picture = render_frame(cpu, scene, frame, &options).unwrap().picture;
-    image::write(&path, &picture, Format::EXR, "").unwrap();
-    picture
 }
 
 /// Mean of a map over the worst twentieth of its blocks.

@@ -376,7 +376,7 @@ fn with_offsets(groups: Vec<Group>, positions: Option<u32>, filter: PixelFilter,
 
 /// Deals `groups`, in order of time, out to positions at `offsets` in turn, so that each position sees the whole
 /// exposure. Positions without a group are left out.
-pub(crate) fn share_out(groups: Vec<Group>, offsets: &[[f32; 2]]) -> Vec<PositionExposure> {
+fn share_out(groups: Vec<Group>, offsets: &[[f32; 2]]) -> Vec<PositionExposure> {
     let mut positions: Vec<PositionExposure> =
         offsets.iter().take(groups.len()).map(|&offset| PositionExposure { offset, groups: Vec::new() }).collect();
     let count = positions.len().max(1);

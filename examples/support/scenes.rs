@@ -6,11 +6,13 @@
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
+use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
 use splatblur::image::{self, Format};
 use splatblur::model::{Material, Surfels};
-use splatblur::options::{PixelFilter, Shading};
+use splatblur::options::{BlurMode, PixelFilter, RenderOptions, Shading};
 use splatblur::reference::{self, ReferenceOptions};
+use splatblur::renderer::render_frame;
 use splatblur::scene::{Motion, Object, Scene};
 use splatblur::scene_file::{LoadOptions, load};
 
@@ -90,6 +92,25 @@ pub fn shipped(name: &str) -> Scene {
     let mut scene = load(&path, &LoadOptions::default()).expect("a shipped scene").scene;
     (scene.image.width, scene.image.height) = (480, 270);
     scene
+}
+
+/// Samples of [`converged`].
+pub const CONVERGED: u32 = 768;
+
+/// A frame by supersampling with many samples and another seed than `options` have by default, from an earlier run
+/// where there is one (`target/tables`, a file with `kind` in its name).
+pub fn converged(scene: &Scene, frame: i64, options: &RenderOptions, kind: &str) -> Picture {
+    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/tables");
+    std::fs::create_dir_all(&directory).expect("a folder for pictures");
+    let path = directory.join(format!("{}_{frame}_{kind}_{CONVERGED}.exr", scene.name));
+    if let Ok(picture) = image::read(&path) {
+        return picture;
+    }
+    let quality = BlurMode::supersample(CONVERGED).into();
+    let options = RenderOptions { quality, seed: 77, ..options.clone() };
+    let picture = render_frame(&mut Cpu::default(), scene, frame, &options).expect("the frame fits").picture;
+    image::write(&path, &picture, Format::EXR, "").expect("room for a picture");
+    picture
 }
 
 /// A scene's reference of 1024 samples a pixel, from an earlier run where there is one (`target/tables`).

@@ -17,9 +17,10 @@ const GAIN: f64 = 0.9;
 const REFINED_GAIN: f64 = 1.02;
 /// The same in the median of scenes.
 const TYPICAL_GAIN: f64 = 0.65;
-/// Exponent by which a person judges a difference of colours (FLIP, Andersson et al. 2020, section 4.1.3).
+/// Exponent by which a person judges a difference of colours (`compare::flip`: Andersson et al. 2020).
 const SEEN: f32 = 0.7;
-/// FLIP of a grey difference d of display values is about this times d^0.7, where d is small.
+/// FLIP of a grey difference d of display values is about this times d^0.7, where d is small: 0.95 (100 d)^0.7 over
+/// 16.5, the distance 100 d of lightness beside 0.4 of the greatest distance, both to the power 0.7.
 const SEEN_SCALE: f64 = 1.45;
 /// Weight of the worst part of a block beside the whole block, for what is seen.
 const WORST_PART: f64 = 0.25;
@@ -94,27 +95,32 @@ impl Errors {
         let [even, odd] = buffers.pictures();
         let (width, difference) = (even.width as usize, differences(even, odd, self.background));
         let halves = block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()));
-        let parts = block_sums(width, self.edge / PARTS, &blurred(&difference, width), |d| {
+        let measured = halves.into_iter().zip(self.seen(&difference, width)).zip(levels);
+        for (block, (((half, pixels), seen), &level)) in self.blocks.iter_mut().zip(measured) {
+            let values = 3.0 * f64::from(pixels.max(1));
+            *block = BlockError { half: half / (4.0 * values), seen, pixels, is_refined: level > 1 };
+        }
+    }
+
+    /// [`BlockError::seen`] of each block, from the difference of the half buffers.
+    fn seen(&self, difference: &[Vec3], width: usize) -> Vec<f64> {
+        let edge = self.edge / PARTS;
+        let parts = block_sums(width, edge, &blurred(difference, width), |d| {
             let [r, g, b] = (0.5 * d).to_array().map(|v| if v == 0.0 { 0.0 } else { fast::pow(v.abs(), SEEN) });
             f64::from(r + g + b)
         });
         let mut means = vec![0.0_f64; self.blocks.len()];
         let mut worst = vec![0.0_f64; self.blocks.len()];
-        let columns = width.div_ceil(self.edge / PARTS);
+        let columns = width.div_ceil(edge);
         for (i, (sum, pixels)) in parts.into_iter().enumerate() {
             let block = i / columns / PARTS * self.width + i % columns / PARTS;
             // A sliver at the image's border counts as half a part.
-            let pixels = pixels.max(((self.edge / PARTS).pow(2) / 2) as u32);
+            let pixels = pixels.max((edge.pow(2) / 2) as u32);
             let of_part = sum / (3.0 * f64::from(pixels));
             means[block] += of_part / (PARTS * PARTS) as f64;
             worst[block] = worst[block].max(of_part);
         }
-        let measured = halves.into_iter().zip(means.iter().zip(&worst)).zip(levels);
-        for (block, (((half, pixels), (mean, worst)), &level)) in self.blocks.iter_mut().zip(measured) {
-            let values = 3.0 * f64::from(pixels.max(1));
-            let half = half / (4.0 * values);
-            *block = BlockError { half, seen: mean + WORST_PART * worst, pixels, is_refined: level > 1 };
-        }
+        means.iter().zip(&worst).map(|(mean, worst)| mean + WORST_PART * worst).collect()
     }
 }
 

@@ -28,8 +28,7 @@ const FACTORS: [u32; 9] = [3, 5, 7, 9, 11, 15, 19, 25, 45];
 /// Rounds after the first.
 const ROUNDS: u32 = 2;
 /// Samples in the first round = `SAMPLES` / error * sqrt(path length in pixels). The error is an RMSE of display
-/// values. At error 0.05 that is 0.5 samples per square root of a pixel and FLIP is about 0.01; at 0.025 it is 1, and
-/// FLIP is 0.006.
+/// values. At error 0.05 that is 0.5 samples per square root of a pixel, at 0.025 it is 1.
 const SAMPLES: f64 = 0.025;
 /// Smallest target for which samples are interleaved. There a lattice halves FLIP at the same cost. A tighter target
 /// has the smaller error without a lattice, because the classes of a lattice sample off the middles of their strata.

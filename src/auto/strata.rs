@@ -42,10 +42,12 @@ impl Strata {
     /// The same, for parts between `cuts`: rising shares from 0 to 1.
     fn of_parts(cuts: &mut Vec<f64>, samples: u32, most: u32) -> Self {
         join_short(cuts, LEAST_SHARE, usize::MAX);
-        // Rounding may give each part half a pair more than its share.
         let pairs = (most / 2).max(2);
-        join_short(cuts, 0.0, (pairs as usize).div_ceil(2));
-        let samples = f64::from((samples / 2).min(pairs));
+        join_short(cuts, 0.0, (pairs / 2) as usize);
+        // Rounding may give each of several parts up to a pair more than its share.
+        let parts = cuts.len() as u32 - 1;
+        let room = if parts > 1 { pairs - parts } else { pairs };
+        let samples = f64::from((samples / 2).min(room));
         let parts = cuts.windows(2).map(|ends| Part {
             ends: [ends[0], ends[1]],
             strata: 2 * ((samples * (ends[1] - ends[0])).round() as u32).max(1),
@@ -110,10 +112,11 @@ mod tests {
     /// However many jumps there are, there are no more strata than are allowed, and their shares sum to 1.
     #[test]
     fn strata_keep_to_their_number() {
-        for (most, parts) in [(4, 1), (8, 2), (16, 4), (256, 40)] {
-            let mut cuts: Vec<f64> = (0..=40).map(|i| f64::from(i) / 40.0).collect();
-            let made = Strata::of_parts(&mut cuts, 24, most);
-            assert!(made.count() <= most.max(80), "{most}: {made:?}");
+        for (most, parts) in [(4, 1), (6, 1), (8, 2), (10, 2), (14, 3), (16, 4), (30, 7), (256, 40)] {
+            // Parts of unequal length.
+            let mut cuts: Vec<f64> = (0..=40).map(|i| (f64::from(i) / 40.0).powi(2)).collect();
+            let made = Strata::of_parts(&mut cuts, 256, most);
+            assert!(made.count() <= most, "{most}: {made:?}");
             assert_eq!(made.0.len(), parts, "{most}");
             let shares: f64 = made.samples(&Shutter::default(), 3, 0.5).iter().map(|(_, share)| share).sum();
             assert!((shares - 1.0).abs() < 1e-12, "{most}: {shares}");

@@ -1,8 +1,8 @@
 //! Point models: reads files of several formats into a [`Cloud`], and completes a cloud into [`Surfels`].
 //!
 //! Data flow: `format` (which format a file has) → `ply`, `sfl`, `obj`, `xyz`, `bin` (bytes to a cloud) → `tidy`
-//! (points and attributes that cannot be drawn) → `complete` (normals and radii that are missing; `sides`: do the signs
-//! of normals mean something?) → `surfels`. `load` does all this.
+//! (points and attributes that cannot be drawn) → `complete` (normals and radii that are missing; `sides`: do the
+//! signs of normals mean something?) → `surfels`. `load` does all this.
 
 mod bin;
 mod cloud;

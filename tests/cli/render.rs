@@ -1,4 +1,5 @@
-//! The command line as a user meets it.
+//! The command line as a user meets it: `render`, and what all commands share. One file, because the tests share a
+//! scene that they make, and what they read of an output.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
