@@ -56,6 +56,11 @@ fn bytes(stats: &Stats) -> f64 {
     stats.surfels as f64 * 52.0 + stats.splats as f64 * (64.0 + 8.0 + 64.0 + 48.0 + 3.0 * 20.0)
 }
 
+/// Times of the passes, in their order.
+const fn passes(stats: &Stats) -> [Duration; 5] {
+    [stats.project, stats.bin, stats.visibility, stats.attribute, stats.resolve]
+}
+
 fn volumetric(intervals: u32, swept: SweptKernel) -> BlurMode {
     BlurMode::Volumetric { intervals, pixel_samples: None, swept }
 }
@@ -100,7 +105,7 @@ fn modes(gpu: &mut Gpu, cpu: &mut Cpu, surfels: usize) {
         let [on_cpu, on_gpu] = [least(cpu), least(gpu)];
         let (cpu_first, gpu_first) = *first.get_or_insert((on_cpu, on_gpu));
         println!(
-            "| {surfels} | {mode} | {on_cpu:.3} | {:.2} | {on_gpu:.2} | {:.2} |",
+            "| {surfels} | {mode} | {on_cpu:.3} | {:.2} | {on_gpu:.4} | {:.2} |",
             on_cpu / cpu_first,
             on_gpu / gpu_first
         );
@@ -120,7 +125,7 @@ fn travel(gpu: &mut Gpu, cpu: &mut Cpu, surfels: usize) {
             [best(cpu, &scene, mode, 2).1.attribute, best(gpu, &scene, mode, 1).1.attribute].map(|d| d.as_secs_f64());
         // The sphere's centre is at depth 4.
         let pixels = way / 4.0 * 256.0 / 20_f64.to_radians().tan();
-        println!("| {surfels} | {pixels:.0} | {on_cpu:.3} | {on_gpu:.2} |");
+        println!("| {surfels} | {pixels:.0} | {on_cpu:.3} | {on_gpu:.4} |");
     }
 }
 
@@ -149,12 +154,13 @@ fn main() {
 
     println!("| surfels | time samples | GPU, ms | CPU, ms | CPU is faster by | GPU, frames/s | Wolf 2008, frames/s |");
     println!("| --- | --- | --- | --- | --- | --- | --- |");
+    let mut on_device = Vec::new();
     for (surfels, published) in WOLF_2008 {
         let surfels = surfels / fewer;
         let scene = sphere_scene(surfels, size, true);
         let modes = [1, 10, 50].map(BlurMode::supersample);
         for ((mode, samples), rate) in modes.into_iter().zip([1, 10, 50]).zip(published) {
-            let (on_gpu, _) = best(&mut gpu, &scene, mode, repeats);
+            let (on_gpu, stats) = best(&mut gpu, &scene, mode, repeats);
             let (on_cpu, _) = best(&mut cpu, &scene, mode, repeats);
             println!(
                 "| {surfels} | {samples} | {:.1} | {:.1} | {:.2} | {:.1} | {rate} |",
@@ -163,14 +169,20 @@ fn main() {
                 on_gpu.as_secs_f64() / on_cpu.as_secs_f64(),
                 1.0 / on_gpu.as_secs_f64(),
             );
+            let columns = passes(&stats).map(|pass| format!("{:.2}", milliseconds(pass)));
+            on_device.push(format!("| {surfels} | {samples} | {} |", columns.join(" | ")));
         }
     }
+    println!("\nMilliseconds of the passes on the device:\n");
+    println!("| surfels | time samples | project | bin | visibility | attribute | resolve |");
+    println!("| --- | --- | --- | --- | --- | --- | --- |");
+    on_device.iter().for_each(|row| println!("{row}"));
 
     let (surfels, width, height) = if software { (100_000, 256, 256) } else { (10_000_000, 1920, 1080) };
     let mut scene = sphere_scene(surfels, height, false);
     scene.image.width = width;
     let (time, stats) = best(&mut gpu, &scene, BlurMode::Still { pixel_samples: 1 }, repeats);
-    let passes = [stats.project, stats.bin, stats.visibility, stats.attribute, stats.resolve];
+    let passes = passes(&stats);
     let device: Duration = passes.iter().sum();
     println!("\nA still of {surfels} surfels, {width} x {height}: {:.2} ms, on the device:\n", milliseconds(time));
     println!("| project | bin | visibility | attribute | resolve | all | surfels/s | moved/surfel | moved/s |");

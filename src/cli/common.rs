@@ -398,7 +398,9 @@ pub(super) fn stop_on_interrupt(
             say("");
             say(&format!("interrupted; finished frames are in {} ({how} goes on)", directory.display()));
         }
-        std::process::exit(i32::from(super::INTERRUPTED));
+        // Without exit handlers: those of some graphics drivers crash while another thread uses the device
+        // (https://github.com/gfx-rs/wgpu/issues/8365).
+        signal_hook::low_level::exit(i32::from(super::INTERRUPTED));
     };
     ctrlc::set_handler(stop).context("cannot watch for Ctrl-C")
 }

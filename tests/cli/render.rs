@@ -232,7 +232,11 @@ impl Fixture {
 
     fn command(&self, options: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_splatblur"));
-        command.current_dir(self.0.path()).args(["render", "tiny.xml"]).args(options).stdin(Stdio::null());
+        command
+            .current_dir(self.0.path())
+            .args(["render", "tiny.xml", "--backend", "cpu"])
+            .args(options)
+            .stdin(Stdio::null());
         command
     }
 

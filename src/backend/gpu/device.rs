@@ -1,7 +1,7 @@
 //! The device: how it is chosen, and its limits.
 
 use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use wgpu::{Adapter, AdapterInfo, Backends, DeviceType, Instance, InstanceDescriptor, Limits};
 
@@ -65,7 +65,10 @@ pub fn adapters() -> Vec<AdapterReport> {
 }
 
 fn all() -> Vec<Adapter> {
-    let instance = Instance::new(InstanceDescriptor::new_without_display_handle_from_env());
+    /// One for the whole program, and never dropped: NVIDIA's driver crashes where several threads make one, or drop one
+    /// (<https://github.com/gfx-rs/wgpu/issues/5930>).
+    static INSTANCE: OnceLock<Instance> = OnceLock::new();
+    let instance = INSTANCE.get_or_init(|| Instance::new(InstanceDescriptor::new_without_display_handle_from_env()));
     pollster::block_on(instance.enumerate_adapters(Backends::all()))
 }
 

@@ -26,7 +26,7 @@ impl Slotted for Splat {
     }
     fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
         let Self { reference, inverse_depth, u, v, centre_depth, .. } = *self;
-        let skew = skew(self);
+        let skew = skew(u, v);
         let floats = vec![reference.to_vec(), inverse_depth.to_vec(), u.to_vec(), v.to_vec(), vec![centre_depth]];
         let with_scale = |part: Vec<f32>| {
             let scale = largest(&part) * skew;
@@ -47,13 +47,14 @@ impl Slotted for SweptSplat {
         let Self { reference, inverse_depth, u, v, u_rate, v_rate, motion, ends, .. } = *self;
         // Rates are differences of products of what the forms are made of.
         let rate = largest(&u).max(largest(&v)).max(1.0) * largest(&motion).max(1.0);
+        let skew = skew(u, v);
         let mut floats = vec![
             (reference.to_vec(), largest(&reference)),
-            (inverse_depth.to_vec(), largest(&inverse_depth)),
-            (u.to_vec(), largest(&u)),
-            (v.to_vec(), largest(&v)),
-            (u_rate.to_vec(), largest(&u_rate).max(rate)),
-            (v_rate.to_vec(), largest(&v_rate).max(rate)),
+            (inverse_depth.to_vec(), largest(&inverse_depth) * skew),
+            (u.to_vec(), largest(&u) * skew),
+            (v.to_vec(), largest(&v) * skew),
+            (u_rate.to_vec(), largest(&u_rate).max(rate) * skew),
+            (v_rate.to_vec(), largest(&v_rate).max(rate) * skew),
             (motion.to_vec(), largest(&motion)),
         ];
         floats.extend(ends.map(|end| (end.to_vec(), largest(&end))));
@@ -63,8 +64,7 @@ impl Slotted for SweptSplat {
 
 /// How much a splat's forms magnify rounding: the product of the lengths of its axes on the screen over their area. It
 /// is large for a splat that is seen nearly edge-on.
-fn skew(splat: &Splat) -> f32 {
-    let (u, v) = (splat.u, splat.v);
+fn skew(u: [f32; 3], v: [f32; 3]) -> f32 {
     let area = (u[0] * v[1] - u[1] * v[0]).abs();
     (u[0].hypot(u[1]) * v[0].hypot(v[1]) / area.max(1e-30)).max(1.0)
 }
