@@ -10,13 +10,20 @@ use rayon::prelude::*;
 use super::half_buffers::HalfBuffers;
 use crate::film::{Picture, over};
 use crate::math::{fast, srgb};
+use crate::options::Interleave;
 
 /// Error of the image over the root of the half difference, which no more than one scene in twenty exceeds.
 const GAIN: f64 = 0.9;
 /// The same where a block was refined: what made it need more samples makes its error fall more slowly too.
 const REFINED_GAIN: f64 = 1.02;
-/// The same in the median of scenes.
-const TYPICAL_GAIN: f64 = 0.65;
+/// FLIP of the image over that of the half difference, in the median of scenes.
+const SEEN_GAIN: f64 = 0.74;
+/// The same with a lattice, which the eye blurs, and where strata are so short that the mean is far better than either
+/// half.
+const SEEN_GAIN_OF_FINE_STRATA: f64 = 0.42;
+/// Longest path of a surfel within a stratum, pixels, where the strata are so short. Where nothing moves by more than
+/// the smaller number, sub-pixel positions decide.
+const FINE_STRATA: std::ops::Range<f64> = 1.5..4.5;
 /// Exponent by which a person judges a difference of colours (`compare::flip`: Andersson et al. 2020).
 const SEEN: f32 = 0.7;
 /// FLIP of a grey difference d of display values is about this times d^0.7, where d is small: 0.95 (100 d)^0.7 over
@@ -33,7 +40,7 @@ pub(super) struct BlockError {
     /// Half difference: mean over pixels and channels.
     half: f64,
     /// |g (E - O) / 2|^0.7, after what the eye blurs: the mean over pixels and channels, and a share of that over the
-    /// worst of its parts.
+    /// worst of its parts; times the gain.
     seen: f64,
     pixels: u32,
     is_refined: bool,
@@ -47,7 +54,7 @@ impl BlockError {
 
     /// Estimated FLIP.
     fn flip(&self) -> f64 {
-        SEEN_SCALE * self.seen * TYPICAL_GAIN.powf(f64::from(SEEN))
+        SEEN_SCALE * self.seen
     }
 
     /// How many times the samples bring the error to `error` and FLIP to `flip`: the error of edges falls with their
@@ -66,14 +73,24 @@ pub(super) struct Errors {
     pub blocks: Vec<BlockError>,
     edge: usize,
     background: Vec3,
+    seen_gain: f64,
 }
 
 impl Errors {
-    /// Nothing measured yet. `edge`: pixels along the edge of a block.
-    pub(super) fn new([width, height]: [u32; 2], edge: usize, background: Vec3) -> Self {
+    /// Nothing measured yet. `edge`: pixels along the edge of a block. `step`: longest path of a surfel between two time
+    /// samples, pixels.
+    pub(super) fn new(
+        [width, height]: [u32; 2],
+        edge: usize,
+        background: Vec3,
+        interleave: Interleave,
+        step: f64,
+    ) -> Self {
+        let is_fine = interleave != Interleave::None || FINE_STRATA.contains(&step);
+        let seen_gain = if is_fine { SEEN_GAIN_OF_FINE_STRATA } else { SEEN_GAIN };
         let [width, height] = [width, height].map(|pixels| (pixels as usize).div_ceil(edge));
         let blocks = vec![BlockError::default(); width * height];
-        Self { width, blocks, edge, background }
+        Self { width, blocks, edge, background, seen_gain }
     }
 
     /// The blocks that touch block `i`, and itself.
@@ -90,15 +107,16 @@ impl Errors {
         if pixels > 0.0 { (sum / pixels).sqrt() } else { 0.0 }
     }
 
-    /// Measures half buffers whose blocks have `levels` times the first samples.
-    pub(super) fn measure(&mut self, buffers: &HalfBuffers, levels: &[u32]) {
+    /// Measures half buffers. `factors`: by which the samples of each block have grown since the first round.
+    pub(super) fn measure(&mut self, buffers: &HalfBuffers, factors: Option<&[u32]>) {
         let [even, odd] = buffers.pictures();
         let (width, difference) = (even.width as usize, differences(even, odd, self.background));
         let halves = block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()));
-        let measured = halves.into_iter().zip(self.seen(&difference, width)).zip(levels);
-        for (block, (((half, pixels), seen), &level)) in self.blocks.iter_mut().zip(measured) {
+        let measured = halves.into_iter().zip(self.seen(&difference, width)).enumerate();
+        for (block, (i, ((half, pixels), seen))) in self.blocks.iter_mut().zip(measured) {
             let values = 3.0 * f64::from(pixels.max(1));
-            *block = BlockError { half: half / (4.0 * values), seen, pixels, is_refined: level > 1 };
+            let is_refined = factors.is_some_and(|factors| factors[i] > 1);
+            *block = BlockError { half: half / (4.0 * values), seen, pixels, is_refined };
         }
     }
 
@@ -120,7 +138,7 @@ impl Errors {
             means[block] += of_part / (PARTS * PARTS) as f64;
             worst[block] = worst[block].max(of_part);
         }
-        means.iter().zip(&worst).map(|(mean, worst)| mean + WORST_PART * worst).collect()
+        means.iter().zip(&worst).map(|(mean, worst)| self.seen_gain * (mean + WORST_PART * worst)).collect()
     }
 }
 

@@ -16,8 +16,8 @@ use crate::sampling::pixel_offsets;
 use crate::scene::Scene;
 use crate::time::FrameNumber;
 
-/// The time samples that one round of a frame adds. Each stratum of the frame is divided by `level * factor`; the round
-/// samples those that a coarser round, which divided them by `level`, has not sampled. With `factor` 1 it samples all.
+/// The time samples that one round of a frame adds. Each stratum of the frame is divided by `factor`; the round samples
+/// those that the first round has not sampled. The first round has `factor` 1 and samples all.
 #[derive(Clone, Copy)]
 pub(super) struct Round<'a> {
     pub scene: &'a Scene,
@@ -26,10 +26,8 @@ pub(super) struct Round<'a> {
     pub interleave: Interleave,
     pub strata: &'a Strata,
     /// Odd.
-    pub level: u32,
-    /// Odd.
     pub factor: u32,
-    /// Sub-pixel positions that share the samples of level 1, even; or 1: the pixel's centre.
+    /// Sub-pixel positions that share the samples of the first round, even; or 1: the pixel's centre.
     pub positions: u32,
 }
 
@@ -46,8 +44,8 @@ impl Round<'_> {
     /// lies at such a place of a fine stratum.
     fn place(&self, phase: [u32; 2]) -> Place {
         let classes = f64::from(self.interleave.stride().pow(2));
-        let coarse = f64::from(self.level) * (f64::from(self.interleave.order(phase)) + 0.5) / classes;
-        let scaled = f64::from(self.factor) * coarse.fract();
+        let coarse = (f64::from(self.interleave.order(phase)) + 0.5) / classes;
+        let scaled = f64::from(self.factor) * coarse;
         Place { fine: scaled.fract(), shift: scaled as u32 }
     }
 
@@ -66,14 +64,12 @@ impl Round<'_> {
     fn positions(&self, phase: [u32; 2], half: u32) -> Vec<PositionExposure> {
         let Self { scene, number, options, interleave, .. } = *self;
         let place = self.place(phase);
-        let strata = self.strata.samples(&scene.shutter, self.level * self.factor, place.fine);
+        let strata = self.strata.samples(&scene.shutter, self.factor, place.fine);
         let fresh = (0..).zip(strata).filter(|(index, _)| self.is_fresh(&place, *index, half));
         let fresh: Vec<(u32, (f64, f64))> = fresh.collect();
         let total: f64 = fresh.iter().map(|(_, (_, weight))| weight).sum();
         let offsets = match options.filter {
-            PixelFilter::Box => {
-                pixel_offsets(self.positions * self.level * self.factor, interleave.seed_of(phase, options.seed))
-            }
+            PixelFilter::Box => pixel_offsets(self.positions * self.factor, interleave.seed_of(phase, options.seed)),
             PixelFilter::Point => vec![[0.0; 2]],
         };
         let mut positions: BTreeMap<usize, PositionExposure> = BTreeMap::new();
@@ -259,10 +255,10 @@ mod tests {
         scene
     }
 
-    /// Samples of three rounds, each three times as fine as the last, are those of nine times as many: none is lost,
-    /// none comes twice, and both half buffers have as many.
+    /// The first samples and those of a finer round are those of so many times as many: none is lost, none comes twice,
+    /// and both half buffers have as many.
     #[test]
-    fn rounds_together_sample_each_stratum_once() {
+    fn both_rounds_together_sample_each_stratum_once() {
         let options = RenderOptions::default();
         for (interleave, weight) in [
             (Interleave::None, Weight::Box),
@@ -271,13 +267,12 @@ mod tests {
         ] {
             let scene = scene(weight);
             let strata = Strata::new(&scene, 0.into(), 12, 256);
-            let round = |level, factor| Round {
+            let round = |factor| Round {
                 scene: &scene,
                 number: 0.into(),
                 options: &options,
                 interleave,
                 strata: &strata,
-                level,
                 factor,
                 positions: 12,
             };
@@ -286,16 +281,15 @@ mod tests {
                 let positions = exposure.rasters[class].positions.iter();
                 positions.flat_map(|p| &p.groups).flat_map(|group| &group.samples).map(|sample| sample.time).collect()
             };
-            for class in 0..interleave.stride().pow(2) as usize {
-                let of_rounds = [round(1, 1), round(1, 3), round(3, 3)];
+            for (class, factor) in (0..interleave.stride().pow(2) as usize).flat_map(|c| [3, 7, 45].map(|f| (c, f))) {
                 let [even, odd] = [0, 1].map(|half| -> Vec<f64> {
-                    of_rounds.iter().flat_map(|&of_round| times(of_round, half, class)).collect()
+                    [round(1), round(factor)].iter().flat_map(|&of_round| times(of_round, half, class)).collect()
                 });
-                assert_eq!((even.len(), odd.len()), (54, 54));
+                assert_eq!((even.len(), odd.len()), (6 * factor as usize, 6 * factor as usize));
                 let mut all = [even, odd].concat();
                 all.sort_by(f64::total_cmp);
                 let phase = interleave.phases().nth(class).unwrap_or_default();
-                let direct = strata.samples(&scene.shutter, 9, round(3, 3).place(phase).fine);
+                let direct = strata.samples(&scene.shutter, factor, round(factor).place(phase).fine);
                 for (time, (wanted, _)) in all.iter().zip(direct) {
                     assert!((time - wanted).abs() < 1e-12, "{interleave:?}, class {class}: {time} for {wanted}");
                 }

@@ -2,7 +2,7 @@
 //!
 //! A frame is rendered into two half buffers: one has the even time samples, one the odd. Their mean is the image, and
 //! half their difference estimates its error. Blocks whose error is above the target, or whose FLIP would be seen, are
-//! rendered again with an odd multiple of the samples. The samples of earlier rounds are reused.
+//! rendered once more, with an odd multiple of the samples. The first samples are reused.
 
 mod estimate;
 mod half_buffers;
@@ -23,10 +23,8 @@ use crate::time::FrameNumber;
 
 /// Time samples of a pixel in the first round. They are even, so that both half buffers have equally many.
 const FIRST: [u32; 6] = [4, 6, 8, 12, 16, 24];
-/// Odd multiples of them for a further round.
-const FACTORS: [u32; 9] = [3, 5, 7, 9, 11, 15, 19, 25, 45];
-/// Rounds after the first.
-const ROUNDS: u32 = 2;
+/// Odd multiples of them for a finer round.
+const FACTORS: [u32; 4] = [3, 7, 15, 45];
 /// Samples in the first round = `SAMPLES` / error * sqrt(path length in pixels). The error is an RMSE of display
 /// values. At error 0.05 that is 0.5 samples per square root of a pixel, at 0.025 it is 1.
 const SAMPLES: f64 = 0.025;
@@ -68,50 +66,43 @@ pub fn render(
     let samples = strata.count();
     // Samples of unequal shares would give the positions unequal shares.
     let positions = if positions > 1 && strata.has_jumps() { samples } else { positions.min(samples) };
-    let first = Round { scene, number, options, interleave, strata: &strata, level: 1, factor: 1, positions };
+    let first = Round { scene, number, options, interleave, strata: &strata, factor: 1, positions };
     let edge = Blocks::EDGE * interleave.stride() as usize;
     let background = if scene.image.transparent { DVec3::ZERO } else { scene.image.background };
     let mut stats = Stats::default();
     let mut half_buffers = HalfBuffers::render(backend, &first, None, &mut stats)?;
-    let mut errors = Errors::new([scene.image.width, scene.image.height], edge, background.as_vec3());
+    let size = [scene.image.width, scene.image.height];
+    let mut errors = Errors::new(size, edge, background.as_vec3(), interleave, step);
     // A tighter target asks for less error, not for more than the eye sees.
     let flip = FLIP * (target.error / ErrorTarget::GOOD).max(1.0).powi(2);
-    let mut levels = vec![1; errors.blocks.len()];
-    errors.measure(&half_buffers, &levels);
-    for _ in 0..ROUNDS {
-        let factors = factors(&errors, &levels, &target, flip, samples);
-        if factors.iter().all(|&factor| factor == 1) {
-            break;
-        }
-        let mut pairs: Vec<(u32, u32)> = levels.iter().copied().zip(factors.iter().copied()).collect();
-        pairs.retain(|&(_, factor)| factor > 1);
-        pairs.sort_unstable();
-        pairs.dedup();
-        for (level, factor) in pairs {
-            let is_wanted = |(&l, &f): (&u32, &u32)| l == level && f == factor;
-            let wanted = levels.iter().zip(&factors).map(is_wanted).collect();
-            let blocks = Blocks { width: errors.width, wanted };
-            let round = Round { level, factor, ..first };
-            let fresh = HalfBuffers::render(backend, &round, Some(&blocks), &mut stats)?;
-            half_buffers.refine(&fresh, &round, &blocks);
-            fresh.recycle(backend);
-        }
-        levels.iter_mut().zip(&factors).for_each(|(level, factor)| *level *= factor);
-        errors.measure(&half_buffers, &levels);
+    errors.measure(&half_buffers, None);
+    let factors = factors(&errors, &target, flip, samples);
+    let mut finer: Vec<u32> = factors.iter().copied().filter(|&factor| factor > 1).collect();
+    finer.sort_unstable();
+    finer.dedup();
+    for &factor in &finer {
+        let blocks = Blocks { width: errors.width, wanted: factors.iter().map(|&f| f == factor).collect() };
+        let round = Round { factor, ..first };
+        let fresh = HalfBuffers::render(backend, &round, Some(&blocks), &mut stats)?;
+        half_buffers.refine(&fresh, &round, &blocks);
+        fresh.recycle(backend);
     }
-    let is_capped = |(block, &level): (&BlockError, &u32)| {
-        block.error() > target.error && samples.saturating_mul(level * FACTORS[0]) > target.samples_max
+    if !finer.is_empty() {
+        errors.measure(&half_buffers, Some(&factors));
+    }
+    let is_capped = |(block, &factor): (&BlockError, &u32)| {
+        block.error() > target.error && samples.saturating_mul(factor * FACTORS[0]) > target.samples_max
     };
-    let capped = errors.blocks.iter().zip(&levels).filter(|&block| is_capped(block)).count() as u32;
+    let capped = errors.blocks.iter().zip(&factors).filter(|&block| is_capped(block)).count() as u32;
     let error = errors.root_mean();
-    let refined = levels.iter().filter(|&&level| level > 1).count() as u32;
+    let refined = factors.iter().filter(|&&factor| factor > 1).count() as u32;
     stats.achieved = Some(Achieved {
         error,
         path_length,
         samples,
-        most_samples: samples * levels.iter().copied().max().unwrap_or(1),
+        most_samples: samples * factors.iter().copied().max().unwrap_or(1),
         interleave: interleave.stride(),
-        blocks: levels.len() as u32,
+        blocks: factors.len() as u32,
         refined,
         capped,
     });
@@ -122,7 +113,7 @@ pub fn render(
     if options.aovs.contains(&Aov::Samples) {
         layers.push(Layer {
             aov: Aov::Samples,
-            planes: vec![per_block(&|i| (samples * levels[i]) as f32)],
+            planes: vec![per_block(&|i| (samples * factors[i]) as f32)],
             names: Vec::new(),
         });
     }
@@ -139,22 +130,24 @@ pub fn render(
 }
 
 /// For each block, by which factor its samples grow, as far as `samples_max` allows.
-fn factors(errors: &Errors, levels: &[u32], target: &ErrorTarget, flip: f64, samples: u32) -> Vec<u32> {
+fn factors(errors: &Errors, target: &ErrorTarget, flip: f64, samples: u32) -> Vec<u32> {
     let needed: Vec<f64> = errors.blocks.iter().map(|block| block.needed(target.error, flip)).collect();
-    let enough = |i: usize, needed: f64| {
-        let allowed = |factor: &u32| samples.saturating_mul(levels[i] * factor) <= target.samples_max;
+    let allowed = |factor: &u32| samples.saturating_mul(*factor) <= target.samples_max;
+    let enough = |needed: f64| {
         let enough = FACTORS.into_iter().find(|&factor| f64::from(factor) >= needed);
         enough.filter(allowed).or_else(|| FACTORS.into_iter().rfind(allowed)).unwrap_or(1)
     };
-    let mut factors: Vec<u32> =
-        needed.iter().enumerate().map(|(i, &needed)| if needed > 1.0 { enough(i, needed) } else { 1 }).collect();
+    let mut factors: Vec<u32> = needed.iter().map(|&needed| if needed > 1.0 { enough(needed) } else { 1 }).collect();
     // Regions grow over blocks that nearly need more samples, so that no border stands out.
     loop {
         let grown: Vec<u32> = (0..factors.len())
             .map(|i| {
-                let nearby = errors.around(i).map(|j| factors[j] * levels[j]).max().unwrap_or(1);
-                let wanted = f64::from(nearby) / f64::from(2 * levels[i]);
-                if needed[i] > NEARLY && wanted > 1.0 { factors[i].max(enough(i, wanted)) } else { factors[i] }
+                let nearby = errors.around(i).map(|j| factors[j]).max().unwrap_or(1);
+                if needed[i] > NEARLY && nearby > 2 {
+                    factors[i].max(enough(f64::from(nearby) / 2.0))
+                } else {
+                    factors[i]
+                }
             })
             .collect();
         if grown == factors {
