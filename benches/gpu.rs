@@ -176,7 +176,9 @@ fn main() {
     println!("\nMilliseconds of the passes on the device:\n");
     println!("| surfels | time samples | project | bin | visibility | attribute | resolve |");
     println!("| --- | --- | --- | --- | --- | --- | --- |");
-    on_device.iter().for_each(|row| println!("{row}"));
+    for row in on_device {
+        println!("{row}");
+    }
 
     let (surfels, width, height) = if software { (100_000, 256, 256) } else { (10_000_000, 1920, 1080) };
     let mut scene = sphere_scene(surfels, height, false);

@@ -13,9 +13,9 @@ use crate::math::{fast, srgb};
 use crate::options::Interleave;
 
 /// Error of the image over the root of the half difference, which no more than one scene in twenty exceeds.
-const GAIN: f64 = 0.9;
+const GAIN: f64 = 0.86;
 /// The same where a block was refined: what made it need more samples makes its error fall more slowly too.
-const REFINED_GAIN: f64 = 1.02;
+const REFINED_GAIN: f64 = 0.96;
 /// FLIP of the image over that of the half difference, in the median of scenes.
 const SEEN_GAIN: f64 = 0.74;
 /// The same with a lattice, which the eye blurs, and where strata are so short that the mean is far better than either
@@ -77,8 +77,8 @@ pub(super) struct Errors {
 }
 
 impl Errors {
-    /// Nothing measured yet. `edge`: pixels along the edge of a block. `step`: longest path of a surfel between two time
-    /// samples, pixels.
+    /// Nothing measured yet. `edge`: pixels along the edge of a block. `step`: longest path of a surfel between two
+    /// time samples, pixels.
     pub(super) fn new(
         [width, height]: [u32; 2],
         edge: usize,

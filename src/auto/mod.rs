@@ -24,7 +24,7 @@ use crate::time::FrameNumber;
 /// Time samples of a pixel in the first round. They are even, so that both half buffers have equally many.
 const FIRST: [u32; 6] = [4, 6, 8, 12, 16, 24];
 /// Odd multiples of them for a finer round.
-const FACTORS: [u32; 4] = [3, 7, 15, 45];
+const FACTORS: [u32; 5] = [3, 5, 9, 15, 45];
 /// Samples in the first round = `SAMPLES` / error * sqrt(path length in pixels). The error is an RMSE of display
 /// values. At error 0.05 that is 0.5 samples per square root of a pixel, at 0.025 it is 1.
 const SAMPLES: f64 = 0.025;
@@ -37,7 +37,7 @@ const WIDE_STEP: f64 = 11.0;
 /// Share of its need from which a block takes part in the refinement of its neighbours.
 const NEARLY: f64 = 0.75;
 /// FLIP that a block may have at the target `good`.
-const FLIP: f64 = 0.028;
+const FLIP: f64 = 0.025;
 
 /// Renders a frame with an error of at most `target.error`, as far as `target.samples_max` allows.
 ///

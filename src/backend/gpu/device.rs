@@ -65,8 +65,8 @@ pub fn adapters() -> Vec<AdapterReport> {
 }
 
 fn all() -> Vec<Adapter> {
-    /// One for the whole program, and never dropped: NVIDIA's driver crashes where several threads make one, or drop one
-    /// (<https://github.com/gfx-rs/wgpu/issues/5930>).
+    /// One for the whole program, and never dropped: NVIDIA's driver crashes where several threads make one, or drop
+    /// one (<https://github.com/gfx-rs/wgpu/issues/5930>).
     static INSTANCE: OnceLock<Instance> = OnceLock::new();
     let instance = INSTANCE.get_or_init(|| Instance::new(InstanceDescriptor::new_without_display_handle_from_env()));
     pollster::block_on(instance.enumerate_adapters(Backends::all()))
