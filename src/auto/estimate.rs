@@ -39,8 +39,8 @@ const PARTS: usize = 2;
 pub(super) struct BlockError {
     /// Half difference: mean over pixels and channels.
     half: f64,
-    /// |g (E - O) / 2|^0.7, after what the eye blurs: the mean over pixels and channels, and a share of that over the
-    /// worst of its parts; times the gain.
+    /// What shows of g (E - O) / 2 ([`stripes`]), after what the eye blurs: the mean over the parts, and a share of the
+    /// worst of them; times the gain.
     seen: f64,
     pixels: u32,
     is_refined: bool,
@@ -107,39 +107,60 @@ impl Errors {
         if pixels > 0.0 { (sum / pixels).sqrt() } else { 0.0 }
     }
 
-    /// Measures half buffers. `factors`: by which the samples of each block have grown since the first round.
+    /// Measures half buffers. `factors`: by which the samples of each block have grown since the first round. After
+    /// that, what is seen decides nothing more, and is not measured.
     pub(super) fn measure(&mut self, buffers: &HalfBuffers, factors: Option<&[u32]>) {
         let [even, odd] = buffers.pictures();
         let (width, difference) = (even.width as usize, differences(even, odd, self.background));
         let halves = block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()));
-        let measured = halves.into_iter().zip(self.seen(&difference, width)).enumerate();
-        for (block, (i, ((half, pixels), seen))) in self.blocks.iter_mut().zip(measured) {
+        let seen = if factors.is_none() { self.seen(&difference, width) } else { vec![0.0; halves.len()] };
+        for (i, ((half, pixels), seen)) in halves.into_iter().zip(seen).enumerate() {
             let values = 3.0 * f64::from(pixels.max(1));
             let is_refined = factors.is_some_and(|factors| factors[i] > 1);
-            *block = BlockError { half: half / (4.0 * values), seen, pixels, is_refined };
+            self.blocks[i] = BlockError { half: half / (4.0 * values), seen, pixels, is_refined };
         }
     }
 
     /// [`BlockError::seen`] of each block, from the difference of the half buffers.
     fn seen(&self, difference: &[Vec3], width: usize) -> Vec<f64> {
         let edge = self.edge / PARTS;
-        let parts = block_sums(width, edge, &blurred(difference, width), |d| {
-            let [r, g, b] = (0.5 * d).to_array().map(|v| if v == 0.0 { 0.0 } else { fast::pow(v.abs(), SEEN) });
-            f64::from(r + g + b)
-        });
+        let columns = width.div_ceil(edge);
         let mut means = vec![0.0_f64; self.blocks.len()];
         let mut worst = vec![0.0_f64; self.blocks.len()];
-        let columns = width.div_ceil(edge);
-        for (i, (sum, pixels)) in parts.into_iter().enumerate() {
+        for (i, of_part) in stripes(&blurred(difference, width), width, edge).into_iter().enumerate() {
             let block = i / columns / PARTS * self.width + i % columns / PARTS;
-            // A sliver at the image's border counts as half a part.
-            let pixels = pixels.max((edge.pow(2) / 2) as u32);
-            let of_part = sum / (3.0 * f64::from(pixels));
             means[block] += of_part / (PARTS * PARTS) as f64;
             worst[block] = worst[block].max(of_part);
         }
         means.iter().zip(&worst).map(|(mean, worst)| self.seen_gain * (mean + WORST_PART * worst)).collect()
     }
+}
+
+/// What shows of the half difference in each part of `edge` pixels, row by row: |d|^0.7, d the mean over a column of
+/// the part or over a row of it, and the mean of that over its columns or its rows, whichever is more. Stripes, ghosts
+/// and steps stay; noise cancels.
+fn stripes(difference: &[Vec3], width: usize, edge: usize) -> Vec<f64> {
+    let of_band = |band: &[Vec3]| -> Vec<f64> {
+        let height = band.len() / width;
+        let of_part = |left: usize| {
+            let columns = left..(left + edge).min(width);
+            let of_column = |x: usize| (0..height).map(|y| band[y * width + x]).fold(Vec3::ZERO, |sum, d| sum + d);
+            let of_row = |y: usize| columns.clone().map(|x| band[y * width + x]).fold(Vec3::ZERO, |sum, d| sum + d);
+            let down: f64 = columns.clone().map(|x| seen_of(of_column(x) * (0.5 / height as f32))).sum();
+            let across: f64 = (0..height).map(|y| seen_of(of_row(y) * (0.5 / columns.len() as f32))).sum();
+            // A sliver at the image's border counts by its share of a part.
+            let [down, across] = [down * height as f64, across * columns.len() as f64];
+            down.max(across) / edge.pow(2) as f64
+        };
+        (0..width).step_by(edge).map(of_part).collect()
+    };
+    difference.par_chunks(width * edge).map(of_band).collect::<Vec<_>>().concat()
+}
+
+/// Mean over the channels of |d|^0.7.
+fn seen_of(d: Vec3) -> f64 {
+    let [r, g, b] = d.to_array().map(|v| if v == 0.0 { 0.0 } else { fast::pow(v.abs(), SEEN) });
+    f64::from(r + g + b) / 3.0
 }
 
 /// The sum of `value` over each block of `edge` pixels, and its pixels, row by row.

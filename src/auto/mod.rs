@@ -36,8 +36,8 @@ const LOOSE: f64 = 0.02;
 const WIDE_STEP: f64 = 11.0;
 /// Share of its need from which a block takes part in the refinement of its neighbours.
 const NEARLY: f64 = 0.75;
-/// FLIP that a block may have at the target `good`.
-const FLIP: f64 = 0.025;
+/// FLIP of stripes and ghosts that a block may have at the target `good`.
+const FLIP: f64 = 0.021;
 
 /// Renders a frame with an error of at most `target.error`, as far as `target.samples_max` allows.
 ///

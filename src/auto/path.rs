@@ -1,6 +1,7 @@
 //! Path lengths of surfels on the screen.
 
 use glam::{DMat4, DVec2, DVec3};
+use rayon::prelude::*;
 
 use crate::math::focal_length;
 use crate::scene::pose::{camera_from_world, object_pose};
@@ -9,16 +10,22 @@ use crate::time::FrameNumber;
 
 /// Most surfels of an object whose paths are measured.
 const MEASURED: usize = 4096;
+/// The same of all objects together, as far as each keeps at least [`LEAST`].
+const MEASURED_TOGETHER: usize = 1 << 20;
+/// Surfels of an object that are measured however many objects there are.
+const LEAST: usize = 32;
 /// Straight parts of a measured path.
 const INTERVALS: u32 = 16;
 
 /// Length of the longest path of a surfel over the image during the exposure of frame `number`, pixels. Parts of a path
 /// outside the image do not count, nor do those on which its object is hidden.
 pub(super) fn longest(scene: &Scene, number: FrameNumber) -> f64 {
-    scene.objects.iter().map(|object| of_object(scene, object, number)).fold(0.0, f64::max)
+    let most = (MEASURED_TOGETHER / scene.objects.len().max(1)).clamp(LEAST, MEASURED);
+    scene.objects.par_iter().map(|object| of_object(scene, object, number, most)).reduce(|| 0.0, f64::max)
 }
 
-fn of_object(scene: &Scene, object: &Object, number: FrameNumber) -> f64 {
+/// The same for `object`, by the paths of about `most` surfels.
+fn of_object(scene: &Scene, object: &Object, number: FrameNumber, most: usize) -> f64 {
     if !object.blur {
         return 0.0;
     }
@@ -33,7 +40,7 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber) -> f64 {
     if poses.iter().all(|pose| *pose == poses[0]) {
         return 0.0;
     }
-    let step = object.model.len().div_ceil(MEASURED).max(1);
+    let step = object.model.len().div_ceil(most).max(1);
     let on_image = |p: DVec2| p.x.abs() <= 0.5 * width && p.y.abs() <= 0.5 * height;
     let length_of = |position: DVec3| {
         let mut length = 0.0;

@@ -90,8 +90,8 @@ fn the_stated_error_is_the_true_one() {
             let made = render(&scene, &options(with_error(error), filter));
             let stated = made.stats.achieved.unwrap().error;
             let ratio = stated / true_error(&made.picture, &truths);
-            // Nine of ten random scenes lie within 1.0 and 2.0 (docs/measurements/auto.md). Measured here: 1.22 to 1.61,
-            // and 2.15 for the finest at pixel centres, where short strata alone decide.
+            // Nine of ten random scenes lie within 1.0 and 2.0 (docs/measurements/auto.md). Measured here: 1.22 to
+            // 1.61, and 2.15 for the finest at pixel centres, where short strata alone decide.
             println!("{filter:?} {error}: {stated:.4} {ratio:.3}");
             assert!((0.95..2.3).contains(&ratio), "{filter:?} {error}: {stated} is {ratio} of the true error");
             assert!(stated <= error && stated < last, "{filter:?} {error}: {stated} after {last}");
