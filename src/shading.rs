@@ -44,15 +44,16 @@ pub fn lobes(n: [f32; 3], towards: [f32; 3], view: [f32; 3], shininess: f32) -> 
     (if nl > 0.0 { nl } else { 0.0 }, fast::pow(if rv > 0.0 { rv } else { 0.0 }, shininess))
 }
 
-/// Length of the normal that shades where the mean of unit normals has the squared length `length2`: 1 from .98 on,
-/// where the surface is smooth, and that of the mean up to .9, where surfaces meet; linear between them.
+/// Length of the normal that shades where the mean of unit normals has the squared length `length2`: 1 from .86 on,
+/// where one surface curves or its normals are noisy, and that of the mean up to .72, where surfaces meet at a right
+/// angle or sharper; linear between them. A higher range makes smooth models darker than the reference.
 ///
 /// The diffuse term of the mean of two lit normals is the mean of their diffuse terms. That of a unit vector is larger.
 #[inline(always)]
 pub fn agreement(length2: f32) -> f32 {
     let length = length2.sqrt();
-    let faded = 0.9 + 1.25 * (length - 0.9);
-    let length = if length > 0.9 { faded } else { length };
+    let faded = 0.72 + 2.0 * (length - 0.72);
+    let length = if length > 0.72 { faded } else { length };
     if length < 1.0 { length } else { 1.0 }
 }
 
@@ -98,7 +99,7 @@ mod tests {
 
     #[test]
     fn a_short_normal_shades_as_the_mean_of_two() {
-        assert_eq!([1.0, 0.9801, 0.81, 0.5, 0.0].map(agreement), [1.0, 1.0, 0.9, 0.5_f32.sqrt(), 0.0]);
+        assert_eq!([1.0, 0.75, 0.5, 0.25, 0.0].map(agreement), [1.0, 1.0, 0.5_f32.sqrt(), 0.5, 0.0]);
         for i in 0..1000 {
             let (a, b) = (i as f32 / 1000.0, (i + 1) as f32 / 1000.0);
             assert!(agreement(a * a) <= agreement(b * b) && agreement(a * a) >= 0.999_999 * a);

@@ -12,8 +12,8 @@ fn lobes(n: vec3<f32>, towards: vec3<f32>, eye: vec3<f32>, shininess: f32) -> ve
 // Length of the normal that shades, given the squared length of the mean of unit normals. Twin: shading::agreement.
 fn agreement(length2: f32) -> f32 {
     let length = sqrt(length2);
-    let faded = 0.9 + 1.25 * (length - 0.9);
-    return min(select(length, faded, length > 0.9), 1.0);
+    let faded = 0.72 + 2.0 * (length - 0.72);
+    return min(select(length, faded, length > 0.72), 1.0);
 }
 
 // Shades a surface point. `material` is (ambient, diffuse, specular, shininess). `position` is relative to the eye and

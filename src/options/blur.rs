@@ -112,11 +112,11 @@ pub struct ErrorTarget {
 }
 
 impl ErrorTarget {
-    /// For quick looks: FLIP .006 to .008 on fast balls (docs/modes.md).
+    /// For quick looks: FLIP .004 to .007 on fast balls (docs/modes.md).
     pub const DRAFT: f64 = 0.05;
-    /// FLIP .004 to .006 there.
+    /// FLIP .003 to .004 there.
     pub const GOOD: f64 = 0.025;
-    /// FLIP .004 to .007 there, with half the RMSE of `GOOD`.
+    /// FLIP .002 to .003 there, with a third of the RMSE of `GOOD`.
     pub const FINAL: f64 = 0.0125;
     /// The values of [`ErrorTarget::error`].
     const RANGE: std::ops::RangeInclusive<f64> = 1e-4..=1.0;

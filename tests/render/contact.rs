@@ -66,3 +66,29 @@ fn no_light_rim_where_a_ball_rests_on_a_floor() {
     println!("worst {worst:.2}/255, {beyond} pixels beyond 2/255");
     assert!(worst <= 2.0, "{beyond} pixels are brighter by more than 2/255, one by {worst:.1}");
 }
+
+/// Noise makes the mean of normals shorter too. That must not make a surface darker.
+#[test]
+fn noisy_normals_are_as_bright_as_in_the_reference() {
+    let mut scene = ball_on_a_floor();
+    let mut ball = sphere(8000);
+    for (i, normal) in ball.normal.iter_mut().enumerate() {
+        let [a, b, c] = [12.9898, 78.233, 37.719].map(|rate| (rate * i as f32).sin());
+        *normal = (*normal + 0.4 * Vec3::new(a, b, c)).normalize();
+    }
+    scene.objects = vec![object(ball.spatially_ordered())];
+    let traced = ReferenceOptions { samples: 256, ..ReferenceOptions::default() };
+    let truth = reference::render(&scene, 0, &traced, None, &|_| ()).unwrap().picture;
+    let options = RenderOptions { quality: BlurMode::Still { pixel_samples: 16 }.into(), ..RenderOptions::default() };
+    let shown = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap().picture;
+    // The ball's centre is 7.5 pixels below the image's, its radius 37 pixels.
+    let inner = |at: &usize| ((at % SIZE[0]) as f32 - 80.0).hypot((at / SIZE[0]) as f32 - 67.5) < 25.0;
+    let mean = |picture| {
+        let values = encode(picture)[0].clone();
+        let inside: Vec<f64> = (0..values.len()).filter(inner).map(|at| f64::from(values[at])).collect();
+        255.0 * inside.iter().sum::<f64>() / inside.len() as f64
+    };
+    let darker = mean(&truth) - mean(&shown);
+    println!("darker by {darker:.3}/255");
+    assert!(darker.abs() < 1.0, "darker by {darker:.3}/255");
+}

@@ -25,7 +25,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 32] = [
     ([("normal = -normal", "normal = normal")], "supersample"),
     ([("(rate.x - p.x * over * rate.z)", "(rate.x - p.x * over)")], "supersample"),
     ([("2.0 * nl * nv - lv", "2.0 * nl * nv + lv")], "supersample"),
-    ([("1.25 * (length - 0.9)", "1.26 * (length - 0.9)")], "supersample"),
+    ([("2.0 * (length - 0.72)", "1.5 * (length - 0.72)")], "supersample"),
     ([("threshold < NONE", "threshold <= NONE")], "supersample"),
     ([("* min((*sum).sample_coverage, vec4<f32>(1.0))", "* (*sum).sample_coverage")], "bucket"),
     ([("share = sums[sum_at + (SAMPLE_COVERAGE + 1u)", "share = sums[sum_at + (SAMPLE_COVERAGE + 0u)")], "bucket"),
