@@ -98,7 +98,8 @@ pub fn shipped(name: &str) -> Scene {
 pub const CONVERGED: u32 = 768;
 
 /// A frame by supersampling with many samples and another seed than `options` have by default, from an earlier run
-/// where there is one (`target/tables`, a file with `kind` in its name).
+/// where there is one (`target/tables`, a file with `kind` in its name). Remove these files when the renderer's pixels
+/// change: nothing else notices.
 pub fn converged(scene: &Scene, frame: i64, options: &RenderOptions, kind: &str) -> Picture {
     let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/tables");
     std::fs::create_dir_all(&directory).expect("a folder for pictures");

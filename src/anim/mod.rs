@@ -4,7 +4,8 @@
 //! a second. Lengths are in cm (one cm is one scene unit), angles in radians.
 //!
 //! Data flow: `load` (file to text) → `maya` (text to raw keys) → `tangent` (types to vectors) → `curve` and
-//! `segment` (value at a time), `breaks` (jumps) → `node` (curves to a transform) → `animation` (all nodes of a file).
+//! `segment` (value at a time), `breaks` (jumps) → `node` (curves to a transform) → `animation` (all nodes of a
+//! file).
 
 mod animation;
 mod breaks;

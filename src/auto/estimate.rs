@@ -16,7 +16,7 @@ use crate::options::Interleave;
 const GAIN: f64 = 0.88;
 /// The same where a block was refined: what made it need more samples makes its error fall more slowly too.
 const REFINED_GAIN: f64 = 0.95;
-/// FLIP of the image over that of the half difference, in the median of scenes.
+/// FLIP of the image over that of the half difference, in the median of scenes, where both were means over pixels.
 const SEEN_GAIN: f64 = 0.74;
 /// The same with a lattice, which the eye blurs, and where strata are so short that the mean is far better than either
 /// half.
@@ -203,4 +203,42 @@ fn blurred(values: &[Vec3], width: usize) -> Vec<Vec3> {
 fn shown(&[r, g, b, alpha]: &[f32; 4], background: Vec3) -> Vec3 {
     let colour = over([r, g, b], 1.0 - alpha, background.to_array());
     Vec3::from_array(colour.map(|value| srgb::from_linear_nearly(value.clamp(0.0, 1.0))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What stripes are worth in the one part of a picture of 16 x 16 pixels.
+    fn of(difference: impl Fn(usize, usize) -> f32) -> f64 {
+        let pixels: Vec<Vec3> = (0..256).map(|at| Vec3::splat(difference(at % 16, at / 16))).collect();
+        let parts = stripes(&pixels, 16, 16);
+        assert_eq!(parts.len(), 1);
+        parts[0]
+    }
+
+    #[test]
+    fn stripes_count_in_full_and_noise_cancels() {
+        let sign = |odd: usize| if odd.is_multiple_of(2) { 0.2 } else { -0.2 };
+        let seen = 0.1_f64.powf(f64::from(SEEN));
+        for striped in [of(|x, _| sign(x)), of(|_, y| sign(y)), of(|x, _| sign(x / 4)), of(|_, _| 0.2)] {
+            assert!((striped / seen - 1.0).abs() < 1e-4, "{striped}, not {seen}");
+        }
+        assert_eq!(of(|x, y| sign(x + y)), 0.0);
+        // A stripe through half the columns is worth half.
+        let half = of(|x, _| if x < 8 { sign(x) } else { 0.0 });
+        assert!((half / seen - 0.5).abs() < 1e-4, "{half}");
+    }
+
+    /// Parts are in rows, and a sliver at the border counts by its share of a part.
+    #[test]
+    fn parts_at_the_border_are_worth_their_share() {
+        let pixels = vec![Vec3::splat(0.2); 24 * 20];
+        let parts = stripes(&pixels, 24, 16);
+        let seen = 0.1_f64.powf(f64::from(SEEN));
+        for (part, share) in parts.iter().zip([1.0, 0.5, 0.25, 0.125]) {
+            assert!((part / seen - share).abs() < 1e-4, "{parts:?}");
+        }
+        assert_eq!(parts.len(), 4);
+    }
 }

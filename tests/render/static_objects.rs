@@ -70,20 +70,12 @@ fn splat(backend: &mut dyn Backend, frame: &Frame) -> (Picture, u64) {
     (rendered.picture, rendered.stats.splats)
 }
 
-/// Differences of all values, as shares of the larger of the two and 1. Means over the covered part of a pixel count by
-/// its coverage: they are quotients by it, which rounding changes the more the less is covered.
+/// Differences of all values, as shares of the larger of the two and 1.
 fn differences(a: &Picture, b: &Picture) -> Vec<f32> {
-    let share = |a: f32, b: f32| if a == b { 0.0 } else { (a - b).abs() / a.abs().max(b.abs()).max(1.0) };
-    let alpha = &b.layers.iter().find(|layer| layer.aov == Aov::Alpha).unwrap().planes[0];
-    let colours = a.rgba.as_flattened().iter().zip(b.rgba.as_flattened());
-    let mut all: Vec<f32> = colours.map(|(a, b)| share(*a, *b)).collect();
-    for (layer, other) in a.layers.iter().zip(&b.layers) {
-        let by = |i: usize| if layer.aov == Aov::Alpha { 1.0 } else { alpha[i] };
-        for (a, b) in layer.planes.iter().zip(&other.planes) {
-            all.extend((0..a.len()).map(|i| share(a[i], b[i]) * by(i)));
-        }
-    }
-    all
+    let share = |(a, b): (&f32, &f32)| if a == b { 0.0 } else { (a - b).abs() / a.abs().max(b.abs()).max(1.0) };
+    let colour = a.rgba.as_flattened().iter().zip(b.rgba.as_flattened()).map(share);
+    let planes = a.layers.iter().zip(&b.layers).flat_map(|(a, b)| a.planes.iter().zip(&b.planes));
+    colour.chain(planes.flat_map(|(a, b)| a.iter().zip(b).map(share))).collect()
 }
 
 fn difference(a: &Picture, b: &Picture) -> f32 {
@@ -336,9 +328,9 @@ mod gpu {
                 let worst = differences.iter().copied().fold(0.0, f32::max);
                 let beyond = differences.iter().filter(|&&difference| difference > 1e-5).count();
                 println!("{mode}, {shading:?}: {splats} and {of_gpu} splats, {worst:.1e}, {beyond} beyond rounding");
-                // Hardware contracts. A kernel whose rim just meets a pixel may then count or not; on the software
-                // device none differs.
-                assert!(worst < 1e-3 && beyond * 10_000 < differences.len(), "{mode}, {shading:?}: {worst}, {beyond}");
+                // An H100 had one velocity off by 4.8e-5, with kernels normalised once. On the software device nothing
+                // is beyond 1e-5.
+                assert!(worst < 1e-4 && beyond * 10_000 < differences.len(), "{mode}, {shading:?}: {worst}, {beyond}");
             }
         }
     }
