@@ -143,15 +143,17 @@ fn bin_emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
 
 var<workgroup> counts: array<atomic<u32>, DIGITS>;
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn sort_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let first = group.x * WORKGROUP_ITEMS;
     let end = min(first + WORKGROUP_ITEMS, totals.entries);
-    for (var i = first + lane; i < end; i += 64u) {
+    for (var i = first + lane; i < end; i += 256u) {
         atomicAdd(&counts[(sorted_keys[i] >> SHIFT) % DIGITS], 1u);
     }
     workgroupBarrier();
-    histogram[lane * totals.groups.x + group.x] = atomicLoad(&counts[lane]);
+    if lane < DIGITS {
+        histogram[lane * totals.groups.x + group.x] = atomicLoad(&counts[lane]);
+    }
 }
 
 // One workgroup for each digit.
@@ -177,32 +179,45 @@ fn sort_scan(@builtin(workgroup_id) digit: vec3<u32>, @builtin(local_invocation_
     }
 }
 
-var<workgroup> digits: array<u32, WORKGROUP_ITEMS>;
-var<workgroup> ranks: array<u32, WORKGROUP_ITEMS>;
+// Entries that follow each other. An entry counts those before it in its own run only.
+const RUN: u32 = 32u;
+const RUNS: u32 = WORKGROUP_ITEMS / RUN;
 
-// Entries of equal digits keep their order: each invocation owns one digit and numbers its entries one after the other.
-@compute @workgroup_size(64)
+var<workgroup> digits: array<u32, WORKGROUP_ITEMS>;
+// For each run, for each digit: the number of its entries, and then the place of the first of them.
+var<workgroup> places: array<atomic<u32>, RUNS * DIGITS>;
+
+// Entries of equal digits keep their order.
+@compute @workgroup_size(256)
 fn sort_scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let first = group.x * WORKGROUP_ITEMS;
     let count = min(WORKGROUP_ITEMS, totals.entries - first);
-    for (var i = lane; i < count; i += 64u) {
-        digits[i] = (sorted_keys[first + i] >> SHIFT) % DIGITS;
+    for (var i = lane; i < count; i += 256u) {
+        let digit = (sorted_keys[first + i] >> SHIFT) % DIGITS;
+        digits[i] = digit;
+        atomicAdd(&places[i / RUN * DIGITS + digit], 1u);
     }
     workgroupBarrier();
-    var rank = histogram[lane * totals.groups.x + group.x];
-    for (var digit = 0u; digit < lane; digit += 1u) {
-        rank += digit_totals[digit];
-    }
-    for (var i = 0u; i < count; i += 1u) {
-        if digits[i] == lane {
-            ranks[i] = rank;
-            rank += 1u;
+    if lane < DIGITS {
+        var place = histogram[lane * totals.groups.x + group.x];
+        for (var digit = 0u; digit < lane; digit += 1u) {
+            place += digit_totals[digit];
+        }
+        for (var run = 0u; run < RUNS; run += 1u) {
+            let entries = atomicLoad(&places[run * DIGITS + lane]);
+            atomicStore(&places[run * DIGITS + lane], place);
+            place += entries;
         }
     }
     workgroupBarrier();
-    for (var i = lane; i < count; i += 64u) {
-        keys[ranks[i]] = sorted_keys[first + i];
-        list[ranks[i]] = sorted_list[first + i];
+    for (var i = lane; i < count; i += 256u) {
+        let digit = digits[i];
+        var place = atomicLoad(&places[i / RUN * DIGITS + digit]);
+        for (var before = i / RUN * RUN; before < i; before += 1u) {
+            place += select(0u, 1u, digits[before] == digit);
+        }
+        keys[place] = sorted_keys[first + i];
+        list[place] = sorted_list[first + i];
     }
 }
 

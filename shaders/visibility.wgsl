@@ -5,7 +5,8 @@
 //   out  thresholds                   tile after tile, four pixels of a row together; NONE where no splat covers the
 //                                     pixel, UNWANTED in tiles that are not wanted
 // One workgroup per tile, one invocation per quad of pixels. The order of splats does not change a minimum, so
-// batches may come one after the other.
+// batches may come one after the other. A device waits long for each entry of a list; so the invocations of a tile read
+// one entry each, and then walk over what all have read.
 
 @group(1) @binding(2) var<storage, read> segments: array<Segment>;
 @group(1) @binding(4) var<storage, read> splats: array<Splat>;
@@ -17,8 +18,17 @@
 // Smallest depth tolerance as a share of the depth: 4 units in the last place.
 const LEAST_EPSILON: f32 = 4.0 * EPSILON;
 
+// Splats that are read at once, and the epsilons of their objects.
+const AT_ONCE: u32 = 64u;
+var<workgroup> splats_read: array<Splat, AT_ONCE>;
+var<workgroup> epsilons_read: array<f32, AT_ONCE>;
+
 @compute @workgroup_size(4, 16)
-fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) quad: vec3<u32>) {
+fn visibility(
+    @builtin(workgroup_id) tile: vec3<u32>,
+    @builtin(local_invocation_id) quad: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
     let index = tile.y * view.tiles.x + tile.x;
     let at = index * TILE_QUADS + quad.y * 4u + quad.x;
     let column = tile.x * TILE + quad.x * 4u;
@@ -35,22 +45,44 @@ fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_
         if first == end && wide_splats == 0u { return; }
         threshold = thresholds[at];
     }
-    for (var i = first; i < end; i += 1u) {
-        threshold = lowered(threshold, list[i], column, row);
+    for (var next = first; next < end; next += AT_ONCE) {
+        let count = min(AT_ONCE, end - next);
+        if lane < count {
+            let splat = splats[list[next + lane]];
+            splats_read[lane] = splat;
+            epsilons_read[lane] = segments[splat.flags >> 1u].epsilon;
+        }
+        workgroupBarrier();
+        for (var i = 0u; i < count; i += 1u) {
+            let bounds = unpack(splats_read[i].bounds);
+            if touches(bounds, column, row) {
+                threshold = lowered(threshold, splats_read[i], epsilons_read[i], bounds, column, row);
+            }
+        }
+        workgroupBarrier();
     }
     for (var i = 0u; i < wide_splats; i += 1u) {
-        threshold = lowered(threshold, wide[i], column, row);
+        let bounds = unpack(splats[wide[i]].bounds);
+        if touches(bounds, column, row) {
+            let splat = splats[wide[i]];
+            threshold = lowered(threshold, splat, segments[splat.flags >> 1u].epsilon, bounds, column, row);
+        }
     }
     thresholds[at] = threshold;
 }
 
-fn lowered(threshold: vec4<f32>, slot: u32, column: u32, row: u32) -> vec4<f32> {
-    let bounds = unpack(splats[slot].bounds);
-    if !touches(bounds, column, row) { return threshold; }
-    let splat = splats[slot];
+// The threshold, lowered by a splat of an object with tolerance `tolerance`.
+fn lowered(
+    threshold: vec4<f32>,
+    splat: Splat,
+    tolerance: f32,
+    bounds: vec4<u32>,
+    column: u32,
+    row: u32,
+) -> vec4<f32> {
     let at = hit(splat, column, row);
     let depth = 1.0 / at.inverse_depth;
-    let epsilon = max(vec4<f32>(segments[splat.flags >> 1u].epsilon), LEAST_EPSILON * depth);
+    let epsilon = max(vec4<f32>(tolerance), LEAST_EPSILON * depth);
     let covers = at.inside & (at.inverse_depth <= vec4<f32>(view.most_inverse_depth)) & in_columns(bounds, column);
     let candidate = select(vec4<f32>(NONE), depth + epsilon, covers);
     return min(candidate, threshold);

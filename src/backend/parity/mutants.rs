@@ -6,7 +6,7 @@ use super::splats;
 use crate::backend::gpu::programs::{Pipelines, Program};
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 32] = [
+static MUTANTS: [([(&str, &str); 1], &str); 36] = [
     ([("vec2<f32>(x, y) - view.offset", "vec2<f32>(x, y) + view.offset")], "supersample"),
     ([("uy * v.z - u.z * vy", "uy * v.z + u.z * vy")], "supersample"),
     ([("area * depth * segment.handedness", "area * depth")], "plain"),
@@ -17,7 +17,11 @@ static MUTANTS: [([(&str, &str); 1], &str); 32] = [
     ([("(sorted_keys[first + i] >> SHIFT)", "(sorted_keys[first + i] >> 1u)")], "hard"),
     ([("at.y += 1u", "at.y += 0u")], "hard"),
     ([("depth + epsilon, covers", "depth, covers")], "supersample"),
-    ([("max(vec4<f32>(segments[", "min(vec4<f32>(segments[")], "supersample"),
+    ([("max(vec4<f32>(tolerance)", "min(vec4<f32>(tolerance)")], "supersample"),
+    ([("next += AT_ONCE", "next += 2u * AT_ONCE")], "supersample"),
+    ([("min(AT_ONCE, end - next)", "min(AT_ONCE, end - next - 1u)")], "supersample"),
+    ([("before = i / RUN * RUN", "before = i / RUN * RUN + 1u")], "supersample"),
+    ([("place += entries", "place += 0u * entries")], "supersample"),
     ([("column + 3u >= bounds.x", "column >= bounds.x")], "supersample"),
     ([("(depth <= limit)", "(depth <= limit + 1.0)")], "supersample"),
     ([("0.0005294794", "0.0005394794")], "supersample"),
