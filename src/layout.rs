@@ -35,6 +35,35 @@ pub struct Splat {
     pub flags: u32,
 }
 
+/// A surfel's kernel after projection, convolved with the low-pass filter of full EWA (docs/math.md, section 3).
+///
+/// With (x, y) counted from `disc.reference`: the surfel's affine image is met at (`u`.(x, y), `v`.(x, y)) in units of its
+/// axes, in perspective at that over 1 - `shrink`.(x, y), and (`p`.(x, y)) is V'^-1 (x, y).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct EwaSplat {
+    /// The unfiltered kernel. Its bounds are those of the disc alone.
+    pub disc: Splat,
+    /// Coefficients of x and y.
+    pub u: [f32; 2],
+    /// Coefficients of x and y.
+    pub v: [f32; 2],
+    /// Coefficients of x and y.
+    pub shrink: [f32; 2],
+    /// The symmetric inverse V'^-1: xx, xy, yy; pixels^-2.
+    pub p: [f32; 3],
+    /// Weight at the centre before normalisation, sqrt(|V| / |V'|), in (0, 1].
+    pub peak: f32,
+    /// Weight at the centre: `peak` times the surfel's normalisation.
+    pub weight: f32,
+    /// The pixels in which the filtered kernel may have weight, as `PixelRect::bounds` has them.
+    pub filtered_bounds: [u16; 4],
+    /// The pixels whose tiles list the splat: those that it may touch, and the apron around them.
+    pub listed_bounds: [u16; 4],
+    /// 1 for a splat that reaches the camera plane, which is not filtered; else 0.
+    pub crossing: u32,
+}
+
 /// A surfel's kernel in motion over an interval, tau in [-1, 1], projected (docs/math.md, section 7).
 ///
 /// With (x, y) counted from `reference` as in [`Splat`] and w = i.(x, y, 1): on the ray through a sample position the
@@ -133,6 +162,7 @@ mod tests {
     #[test]
     fn a_splat_is_a_cache_line() {
         assert_eq!(size_of::<Splat>(), 64);
+        assert_eq!(size_of::<EwaSplat>(), 128);
         assert_eq!(size_of::<SweptSplat>(), 128);
     }
 }

@@ -107,6 +107,11 @@ pub enum Step {
         /// The group.
         group: usize,
     },
+    /// As `Splat`, of all objects, with kernels that full EWA filters ([`EwaPass::ORDER`]).
+    Ewa {
+        /// The group.
+        group: usize,
+    },
     /// Makes a picture of static objects for the sweeps that follow ([`StaticPass::ORDER`]). They show it behind
     /// kernels in motion.
     StaticPicture {
@@ -150,6 +155,8 @@ pub struct Scenery {
     pub has_static: bool,
     /// Whether the camera and the lights are the same in all samples.
     pub one_view: bool,
+    /// Whether full EWA filters the kernels of samples at instants.
+    pub ewa: bool,
 }
 
 impl Step {
@@ -158,12 +165,12 @@ impl Step {
     pub fn of_position(sweeps: &[Option<(PosedInterval, SweptKernel)>], scenery: Scenery) -> Vec<Self> {
         let mut steps = Vec::new();
         let several_splat = sweeps.iter().filter(|sweep| sweep.is_none()).count() > 1;
-        if scenery.has_static && several_splat {
+        if scenery.has_static && several_splat && !scenery.ewa {
             steps.push(Self::StaticLayer { group: 0 });
         }
         for (group, sweep) in sweeps.iter().enumerate() {
             let Some((interval, kernel)) = *sweep else {
-                steps.push(Self::Splat { group });
+                steps.push(if scenery.ewa { Self::Ewa { group } } else { Self::Splat { group } });
                 continue;
             };
             // The published kernels (Wolf 2008, eq. 4.12) have no densities: static objects are summed with all others.
@@ -195,6 +202,24 @@ pub enum SplatPass {
 impl SplatPass {
     /// The passes in order.
     pub const ORDER: [Self; 3] = [Self::Visibility, Self::Attribute, Self::Resolve];
+}
+
+/// A pass of [`Step::Ewa`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EwaPass {
+    /// As [`SplatPass::Visibility`], also around the pixels that are wanted.
+    Visibility,
+    /// The same least depth over the discs behind T.
+    Second,
+    /// Weighted sums of the attributes of four groups of splats, by depth.
+    Attribute,
+    /// Composites the groups; then as [`SplatPass::Resolve`].
+    Resolve,
+}
+
+impl EwaPass {
+    /// The passes in order.
+    pub const ORDER: [Self; 4] = [Self::Visibility, Self::Second, Self::Attribute, Self::Resolve];
 }
 
 /// A pass of [`Step::StaticLayer`] and [`Step::StaticPicture`].

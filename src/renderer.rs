@@ -9,7 +9,7 @@ use crate::backend::{Backend, BackendError, Meter};
 use crate::film::{Aov, Picture};
 use crate::frame::Frame;
 use crate::objects;
-use crate::options::{Quality, RenderOptions};
+use crate::options::{BlurMode, Prefilter, Quality, RenderOptions};
 use crate::reconstruct;
 use crate::scene::Scene;
 use crate::time::FrameNumber;
@@ -223,7 +223,7 @@ pub fn render_frame(
     frame: impl Into<FrameNumber>,
     options: &RenderOptions,
 ) -> Result<Rendered, BackendError> {
-    check(scene)?;
+    check(scene, options)?;
     let frame = finite(frame.into())?;
     if options.aovs.contains(&Aov::Object) {
         let rendered = render_frame(backend, scene, frame, &without_objects(options))?;
@@ -266,7 +266,10 @@ fn finite(frame: FrameNumber) -> Result<FrameNumber, BackendError> {
     if frame.get().is_finite() { Ok(frame) } else { Err(BackendError::Frame { frame }) }
 }
 
-fn check(scene: &Scene) -> Result<(), BackendError> {
+fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
+    if let (Prefilter::Ewa, Quality::Mode(BlurMode::Volumetric { .. })) = (options.prefilter, options.quality) {
+        return Err(BackendError::Filter);
+    }
     match scene.objects.iter().find(|object| object.sphere.is_some()) {
         Some(object) => Err(BackendError::Sphere { object: object.name.clone() }),
         None => Ok(()),
@@ -292,7 +295,7 @@ impl<'a> Frames<'a> {
         scene: &'a Scene,
         options: &'a RenderOptions,
     ) -> Result<Self, BackendError> {
-        check(scene)?;
+        check(scene, options)?;
         Ok(Self { backend, scene, options, under_way: VecDeque::new() })
     }
 

@@ -135,7 +135,7 @@ impl Window<'_> {
                 bounds[2 * c + 1] = bounds[2 * c + 1].max(pixel);
             }
         }
-        let margin = SLACK + self.raster.low_pass;
+        let margin = SLACK + self.raster.low_pass.max(self.raster.apron() as f32);
         let [x0, x1, y0, y1] = self.pixels.to_array().map(|pixel| pixel as f32);
         let [left, right] = [(bounds[0] - margin).max(x0), (bounds[1] + margin).min(x1)];
         let [top, bottom] = [(bounds[2] - margin).max(y0), (bounds[3] + margin).min(y1)];

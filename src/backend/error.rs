@@ -13,6 +13,9 @@ pub enum BackendError {
         /// Name of the object.
         object: String,
     },
+    /// Full EWA and kernels in motion.
+    #[error("prefilter `ewa` is for samples at instants, not yet for kernels in motion: take `approx` or `none`")]
+    Filter,
     /// The number of the frame is infinite or NaN.
     #[error("there is no frame {frame}; a finite number is needed")]
     Frame {

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use crate::film::{Aov, Background, FilmPlanes};
 use crate::math::focal_length;
 use crate::model::{Material, Surfels};
-use crate::options::{BlurMode, Normalise, Prefilter, RenderOptions, Shading, SweptKernel};
+use crate::options::{BlurMode, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel};
 use crate::plan::{Exposure, PosedInterval, Scenery, Step, TimeSample};
 use crate::scene::pose::jumps;
 use crate::scene::{Object, Scene};
@@ -151,7 +151,8 @@ impl Frame {
                         sweeps.push(group.sweep.map(posed));
                         PosedGroup { samples }
                     });
-                    Position { raster, groups: groups.collect(), steps: Vec::new() }
+                    let sigma = sigma_of(options, of_raster.positions.len(), exposure.stride);
+                    Position { raster: Raster { sigma, ..raster }, groups: groups.collect(), steps: Vec::new() }
                 });
                 PosedRaster { positions: positions.collect(), size: raster([0.0; 2]).size }
             })
@@ -194,7 +195,11 @@ impl Frame {
 
     /// Gives each position its steps; `sweeps` has an entry for each group of the frame.
     fn plan_steps(&mut self, sweeps: &[Option<(PosedInterval, SweptKernel)>]) {
-        let scenery = Scenery { has_static: self.has_static(), one_view: self.has_one_view() };
+        let scenery = Scenery {
+            has_static: self.has_static(),
+            one_view: self.has_one_view(),
+            ewa: self.prefilter == Prefilter::Ewa,
+        };
         let completes = self.swept.is_some_and(SweptKernel::needs_finish);
         let mut rest = sweeps;
         for raster in &mut self.rasters {
@@ -258,6 +263,11 @@ impl Frame {
         self.steps().any(|step| matches!(step, Step::StaticLayer { .. }))
     }
 
+    /// Whether any step filters kernels by full EWA.
+    pub fn has_ewa(&self) -> bool {
+        self.steps().any(|step| matches!(step, Step::Ewa { .. }))
+    }
+
     /// Whether any step makes a static picture.
     pub fn has_static_picture(&self) -> bool {
         self.steps().any(|step| matches!(step, Step::StaticPicture { .. }))
@@ -288,6 +298,24 @@ impl Frame {
     pub fn most_samples_of_a_group(&self) -> usize {
         self.groups().map(|group| group.samples.len()).max().unwrap_or(1)
     }
+}
+
+/// Standard deviation of the low-pass filter of full EWA for `positions` sub-pixel positions, pixels of a raster with
+/// this stride; 0 without full EWA.
+///
+/// All positions together make one filter of the sample grid, so each has a share of its variance. For a pixel's square
+/// that is 1/12 a pixel^2, over what the cut at two standard deviations leaves of it. At pixel centres it is that of
+/// classical EWA, 1 (Zwicker et al. 2002, section 6.2).
+fn sigma_of(options: &RenderOptions, positions: usize, stride: u32) -> f32 {
+    const OF_SQUARE: f64 = 0.121;
+    if options.prefilter != Prefilter::Ewa {
+        return 0.0;
+    }
+    let variance = match options.filter {
+        PixelFilter::Box => OF_SQUARE / positions as f64,
+        PixelFilter::Point => 1.0,
+    };
+    (variance.sqrt() / f64::from(stride)) as f32
 }
 
 /// Slices of an interval in which nothing moves farther than `guard` raster pixels from its middle. In a slice nothing

@@ -17,11 +17,18 @@ pub struct Raster {
     pub focal: f32,
     /// Radius of the low-pass disc of the approximate EWA filter, raster pixels (Botsch et al. 2005; Wolf 2008, 4.2.3).
     pub low_pass: f32,
+    /// Standard deviation of the low-pass filter of full EWA, raster pixels; 0 without it.
+    pub sigma: f32,
     /// Offset of the sample position from the raster pixel's centre, raster pixels.
     pub offset: [f32; 2],
 }
 
 impl Raster {
+    /// Pixels within which the filter of full EWA reaches from one pixel to another.
+    pub fn apron(&self) -> usize {
+        (2.0 * self.sigma).ceil() as usize
+    }
+
     /// For an image of `size` pixels with focal length `focal`.
     pub(super) fn new(size: [u32; 2], focal: f64, stride: u32, phase: [u32; 2], offset: [f32; 2]) -> Self {
         let s = f64::from(stride);
@@ -32,6 +39,7 @@ impl Raster {
             axis: [axis(0), axis(1)],
             focal: (focal / s) as f32,
             low_pass: (std::f64::consts::SQRT_2 / s) as f32,
+            sigma: 0.0,
             offset: offset.map(|o| (f64::from(o) / s) as f32),
         }
     }

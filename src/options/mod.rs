@@ -114,11 +114,14 @@ pub enum Prefilter {
     /// 2005; Wolf 2008, 4.2.3).
     #[default]
     Approx,
+    /// Object-space kernels, each convolved with a Gaussian as wide as the sample grid needs (Zwicker et al. 2001,
+    /// section 4; 2002, section 6). For samples at instants, on the CPU.
+    Ewa,
     /// Object-space kernels alone.
     None,
 }
 
-words!(Prefilter, "prefilter", [Approx = "approx", None = "none"]);
+words!(Prefilter, "prefilter", [Approx = "approx", Ewa = "ewa", None = "none"]);
 
 /// Where shading happens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -5,7 +5,7 @@
 
 use super::swept::Hull;
 use super::tiles::{Band, TILE, TileRect};
-use crate::layout::{Splat, SweptSplat};
+use crate::layout::{EwaSplat, Splat, SweptSplat};
 
 /// Splats that touch more tiles than this are in a list of their own.
 const WIDE: usize = 64;
@@ -26,6 +26,12 @@ pub(in crate::backend) trait Tiled {
 impl Tiled for Splat {
     fn bounds(&self) -> [u16; 4] {
         self.bounds
+    }
+}
+
+impl Tiled for EwaSplat {
+    fn bounds(&self) -> [u16; 4] {
+        self.listed_bounds
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::bin::Binned;
 use super::chunk::CHUNK;
+use super::ewa::EwaBuffers;
 use super::resolve::TileFilm;
 use super::static_tile::StaticTile;
 use super::swept::Map;
@@ -10,7 +11,7 @@ use super::tiles::{Band, TILE, TileBuffers};
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
 use crate::frame::Frame;
-use crate::layout::{Channels, Splat, SweptSplat};
+use crate::layout::{Channels, EwaSplat, Splat, SweptSplat};
 
 /// How the allowed memory is shared out.
 pub(in crate::backend) struct Budget {
@@ -55,6 +56,7 @@ impl Budget {
             // Tiles of the map have fewer buffers, but there are more of them.
             let of_map = guarded * TileBuffers::bytes(1, 1, None);
             let own = guarded * Map::bytes(1) + of_map.max(tiles * TileBuffers::bytes(channels.count, samples, slices));
+            let own = own + if frame.has_ewa() { tiles * EwaBuffers::bytes(channels.count) } else { 0 };
             own + tiles * (picture_bytes + if layers { layer_bytes } else { 0 })
         };
         let threads = rayon::current_num_threads() as u64;
@@ -62,6 +64,8 @@ impl Budget {
             let band = Band::new(raster, [0, rows as usize]);
             let guarded = guard.map_or(band, |guard| band.guarded(guard));
             let moving = if swept { Binned::<SweptSplat>::most_bytes(CHUNK, channels.count, &band) } else { 0 };
+            let ewa = if frame.has_ewa() { Binned::<EwaSplat>::most_bytes(CHUNK, channels.count, &band) } else { 0 };
+            let moving = moving + ewa;
             (threads + 1) * (Binned::<Splat>::most_bytes(CHUNK, channels.count, &guarded) + moving)
         };
         let needed = frame.model_bytes + film + buffers_with(1, false) + batch(1);

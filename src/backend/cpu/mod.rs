@@ -10,6 +10,7 @@ pub(super) mod bin;
 mod bounds;
 pub(super) mod chunk;
 pub(super) mod clocks;
+pub(super) mod ewa;
 pub(super) mod job;
 mod memory;
 mod patch;
@@ -32,6 +33,7 @@ use rayon::prelude::*;
 use self::bin::Binned;
 use self::chunk::chunks;
 use self::clocks::Clocks;
+use self::ewa::EwaGroup;
 use self::memory::Budget;
 use self::resolve::{RasterFilms, TileFilm, TiledFilm};
 use self::scope::Scope;
@@ -45,9 +47,9 @@ use super::clusters::{ClusterStore, Clusters};
 use super::{Backend, BackendError, Meter, Rendered};
 use crate::film::{FilmPlanes, Picture, develop};
 use crate::frame::{Blocks, Frame, PosedRaster, Position};
-use crate::layout::{Channels, SweptSplat};
+use crate::layout::{Channels, EwaSplat, SweptSplat};
 use crate::options::SweptKernel;
-use crate::plan::{MapPass, Objects, PosedInterval, SplatPass, StaticPass, Step, SweepPass};
+use crate::plan::{EwaPass, MapPass, Objects, PosedInterval, SplatPass, StaticPass, Step, SweepPass};
 
 /// Pictures whose memory is stored for later ones: as many as mode auto gives back.
 const SPARE_PICTURES: usize = 3;
@@ -77,6 +79,7 @@ struct Memory {
     /// Splats of a static layer.
     static_splats: Vec<Binned>,
     kernels: Vec<Binned<SweptSplat>>,
+    ewa: Vec<Binned<EwaSplat>>,
     /// For bands whose splats come in batches.
     buffers: Vec<TileBuffers>,
     map: Map,
@@ -191,6 +194,7 @@ impl Executor<'_> {
             match *step {
                 Step::StaticLayer { group } => layer = self.static_layer(group),
                 Step::Splat { group } => self.splat(group, &layer),
+                Step::Ewa { group } => self.ewa(group),
                 Step::StaticPicture { group } => picture = self.static_picture(group),
                 Step::VisibilityMap { group, interval, objects, density } => {
                     self.visibility_map(group, interval.guard, objects, MapPass::order(density));
@@ -241,6 +245,16 @@ impl Executor<'_> {
         let Memory { splats, buffers, .. } = &mut *self.memory;
         TileRunner { work: &work, chunks: &chunks, passes: &SplatPass::ORDER, splat_bytes }
             .run(splats, buffers, self.film);
+    }
+
+    /// One group, with filtered kernels.
+    fn ewa(&mut self, group: usize) {
+        let scope = self.place.scope(group, self.place.band);
+        let chunks = chunks(self.place.frame, scope.group, Objects::All);
+        let splat_bytes = self.budget.splat_bytes;
+        let Memory { ewa, buffers, .. } = &mut *self.memory;
+        TileRunner { work: &EwaGroup { scope }, chunks: &chunks, passes: &EwaPass::ORDER, splat_bytes }
+            .run(ewa, buffers, self.film);
     }
 
     /// The picture of static objects, at the position and in the light of a group.

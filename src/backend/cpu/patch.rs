@@ -27,6 +27,17 @@ impl Touched {
         }
     }
 
+    /// The same for any bounds, which may miss the tile.
+    #[inline(always)]
+    pub(in crate::backend) fn within(bounds: [u16; 4], tile: &TileRect) -> Option<Self> {
+        let [x0, x1, y0, y1] = bounds.map(usize::from);
+        let last = [tile.origin[0] + tile.width, tile.origin[1] + tile.height];
+        let (x1, y1) = (x1.min(last[0] - 1), y1.min(last[1] - 1));
+        let (x0, y0) = (x0.max(tile.origin[0]), y0.max(tile.origin[1]));
+        let [x, y] = tile.origin;
+        (x0 <= x1 && y0 <= y1).then(|| Self { x0: x0 - x, x1: x1 - x, y0: y0 - y, y1: y1 - y })
+    }
+
     /// At most `NARROW` columns?
     #[inline(always)]
     pub(in crate::backend) fn is_narrow(&self) -> bool {

@@ -36,6 +36,8 @@ pub(in crate::backend) struct View<'a> {
     pub near: f32,
     /// With the low-pass disc?
     pub low_pass: bool,
+    /// Pixels by which bounds are wider than what a splat touches.
+    pub margin: f32,
     pub two_sided: bool,
     /// Clusters of the object's model, where they are known.
     pub clusters: Option<&'a Clusters>,
@@ -61,6 +63,26 @@ impl View<'_> {
     }
 }
 
+/// Where splats go to.
+pub(in crate::backend) trait Sink {
+    /// Takes an ordinary splat. `posed`: centre, axis u and axis v in homogeneous pixel coordinates (x, y, depth).
+    fn push(&mut self, splat: Splat, posed: [[f32; 3]; 3]);
+
+    /// Takes a splat that crosses the camera plane.
+    fn push_crossing(&mut self, splat: Splat);
+}
+
+impl Sink for Vec<Splat> {
+    #[inline(always)]
+    fn push(&mut self, splat: Splat, _posed: [[f32; 3]; 3]) {
+        self.push(splat);
+    }
+
+    fn push_crossing(&mut self, splat: Splat) {
+        self.push(splat);
+    }
+}
+
 dispatch! {
     /// Appends the splats of `surfels[range]` that may touch the wanted pixels, in surfel order.
     pub(in crate::backend) fn project(
@@ -69,7 +91,7 @@ dispatch! {
 }
 
 #[inline(always)]
-fn project_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Splat>) {
+pub(in crate::backend) fn project_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut impl Sink) {
     let mut run = Run::default();
     let mut first = range.start;
     while first < range.end {
@@ -121,7 +143,7 @@ fn split(points: &[Vec3], [x, y, z]: &mut [[f32; RUN]; 3]) {
 
 /// `n` surfels, from surfel `first` of the run on; `surfel` is the index of that one in the model.
 #[inline(always)]
-fn project_lanes(view: &View<'_>, run: &Run, first: usize, n: usize, surfel: u32, out: &mut Vec<Splat>) {
+fn project_lanes(view: &View<'_>, run: &Run, first: usize, n: usize, surfel: u32, out: &mut impl Sink) {
     let (position, axis_u, axis_v) =
         (lanes(&run.position, first), lanes(&run.axis_u, first), lanes(&run.axis_v, first));
     if !view.two_sided && !view.object.moves && all_face_away(view.object, &position, &axis_u, &axis_v) {
@@ -151,7 +173,8 @@ fn project_lanes(view: &View<'_>, run: &Run, first: usize, n: usize, surfel: u32
         }
         let bounds = [shape.bounds[0][l], shape.bounds[1][l], shape.bounds[2][l], shape.bounds[3][l]];
         if view.wants(bounds) {
-            push_ordinary(&shape, l, bounds, surfel + l as u32, out);
+            let splat = ordinary(&shape, l, bounds, surfel + l as u32);
+            out.push(splat, [&posed.centre, &posed.u, &posed.v].map(|p| [p[0][l], p[1][l], p[2][l]]));
         }
     }
 }
@@ -256,8 +279,9 @@ fn project_lane(view: &View<'_>, posed: &PosedLanes, l: usize, shape: &mut Shape
     let PixelRect { first_column, last_column, first_row, last_row } = view.pixels;
     let (left, right) = extent(ux * ux + vx * vx, ux * ud + vx * vd, d22, inverse22, low_pass);
     let (top, bottom) = extent(uy * uy + vy * vy, uy * ud + vy * vd, d22, inverse22, low_pass);
-    let columns = pixel_range(reference_x, left, right, first_column, last_column);
-    let rows = pixel_range(reference_y, top, bottom, first_row, last_row);
+    let margin = view.margin;
+    let columns = pixel_range(reference_x, left - margin, right + margin, first_column, last_column);
+    let rows = pixel_range(reference_y, top - margin, bottom + margin, first_row, last_row);
     let seen = (columns.0 <= columns.1) & (rows.0 <= rows.1);
 
     let over_area = 1.0 / area;
@@ -284,9 +308,9 @@ fn project_lane(view: &View<'_>, posed: &PosedLanes, l: usize, shape: &mut Shape
 }
 
 #[inline(always)]
-fn push_ordinary(shape: &Shape, l: usize, bounds: [u16; 4], surfel: u32, out: &mut Vec<Splat>) {
+fn ordinary(shape: &Shape, l: usize, bounds: [u16; 4], surfel: u32) -> Splat {
     let three = |form: &[Lanes; 3]| [form[0][l], form[1][l], form[2][l]];
-    out.push(Splat {
+    Splat {
         reference: [shape.reference[0][l], shape.reference[1][l]],
         inverse_depth: three(&shape.inverse_depth),
         u: [shape.u[0][l], shape.u[1][l], 0.0],
@@ -295,13 +319,13 @@ fn push_ordinary(shape: &Shape, l: usize, bounds: [u16; 4], surfel: u32, out: &m
         bounds,
         surfel,
         flags: shape.flags[l],
-    });
+    }
 }
 
 /// A splat that crosses the camera plane. Its bounds are all wanted pixels, and pixels are counted from the camera's
 /// axis.
 #[inline(never)]
-fn push_crossing(view: &View<'_>, posed: &PosedLanes, l: usize, surfel: u32, out: &mut Vec<Splat>) {
+fn push_crossing(view: &View<'_>, posed: &PosedLanes, l: usize, surfel: u32, out: &mut impl Sink) {
     let column = |m: &[Lanes; 3]| Vec3::new(m[0][l], m[1][l], m[2][l]);
     let (c, u, v) = (column(&posed.centre), column(&posed.u), column(&posed.v));
     let normal = u.cross(v);
@@ -310,7 +334,7 @@ fn push_crossing(view: &View<'_>, posed: &PosedLanes, l: usize, surfel: u32, out
     if !over.is_finite() {
         return;
     }
-    out.push(Splat {
+    out.push_crossing(Splat {
         reference: [0, 1].map(|i| view.raster.axis[i] - view.raster.offset[i]),
         inverse_depth: (normal * over).to_array(),
         u: (v.cross(c) * over).to_array(),

@@ -144,43 +144,62 @@ fn resolve_body(
                 share = *coverage;
                 weight = 1.0;
             }
-            let mean = |channel: usize| -> Lanes {
-                let mut out = load(channel);
-                for l in 0..LANES {
-                    out[l] *= inverse[l];
-                }
-                out
-            };
-            let mut colour = [mean(1), mean(2), mean(3)];
-            let mean_normal = channels.normal.map(|at| [mean(at), mean(at + 1), mean(at + 2)]);
-            let normal = mean_normal.map(unit);
-            if let (Shading::Phong, Some(mean_normal), Some(normal)) = (resolve.shading, &mean_normal, &normal) {
-                let normal = &shortened(mean_normal, normal);
-                let depth = channels.depth.map(&mean);
-                let material = channels.material.map(|at| [mean(at), mean(at + 1), mean(at + 2), mean(at + 3)]);
-                let pixel = [(tile.origin[0] + x) as f32, (tile.origin[1] + y) as f32];
-                colour = shade_lanes(resolve, pixel, &colour, normal, depth.as_ref(), material.as_ref());
-            }
-            let mut add = |plane: usize, value: Option<&Lanes>| {
-                let out = &mut film.values[(plane * TILE + y) * TILE + x..][..LANES];
-                for l in 0..LANES {
-                    out[l] += weight * (share[l] * value.map_or(1.0, |value| value[l]));
-                }
-            };
-            add(0, Some(&colour[0]));
-            add(1, Some(&colour[1]));
-            add(2, Some(&colour[2]));
-            add(3, None);
-            if let (Some(plane), Some(channel)) = (resolve.planes.depth, channels.depth) {
-                add(plane, Some(&mean(channel)));
-            }
-            if let (Some(plane), Some(normal)) = (resolve.planes.normal, &normal) {
-                (0..3).for_each(|c| add(plane + c, Some(&normal[c])));
-            }
-            if let (Some(plane), Some(channel)) = (resolve.planes.velocity, channels.velocity) {
-                (0..2).for_each(|c| add(plane + c, Some(&mean(channel + c))));
-            }
+            add_lanes(resolve, tile, [x, y], row, &inverse, &share, weight, film);
         }
+    }
+}
+
+/// Adds what `LANES` pixels from pixel `[x, y]` of the tile on show, with `share` of each covered. `row`: the sums of the
+/// pixels' row, channel by channel. `inverse`: 1 / sum of weights.
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "an inner loop, called in two places")]
+pub(super) fn add_lanes(
+    resolve: &Resolve<'_>,
+    tile: &TileRect,
+    [x, y]: [usize; 2],
+    row: &[f32],
+    inverse: &Lanes,
+    share: &Lanes,
+    weight: f32,
+    film: &mut TileFilm,
+) {
+    let channels = resolve.channels;
+    let mean = |channel: usize| -> Lanes {
+        let mut out = [0.0; LANES];
+        out.copy_from_slice(&row[channel * STRIDE + x..][..LANES]);
+        for l in 0..LANES {
+            out[l] *= inverse[l];
+        }
+        out
+    };
+    let mut colour = [mean(1), mean(2), mean(3)];
+    let mean_normal = channels.normal.map(|at| [mean(at), mean(at + 1), mean(at + 2)]);
+    let normal = mean_normal.map(unit);
+    if let (Shading::Phong, Some(mean_normal), Some(normal)) = (resolve.shading, &mean_normal, &normal) {
+        let normal = &shortened(mean_normal, normal);
+        let depth = channels.depth.map(&mean);
+        let material = channels.material.map(|at| [mean(at), mean(at + 1), mean(at + 2), mean(at + 3)]);
+        let pixel = [(tile.origin[0] + x) as f32, (tile.origin[1] + y) as f32];
+        colour = shade_lanes(resolve, pixel, &colour, normal, depth.as_ref(), material.as_ref());
+    }
+    let mut add = |plane: usize, value: Option<&Lanes>| {
+        let out = &mut film.values[(plane * TILE + y) * TILE + x..][..LANES];
+        for l in 0..LANES {
+            out[l] += weight * (share[l] * value.map_or(1.0, |value| value[l]));
+        }
+    };
+    add(0, Some(&colour[0]));
+    add(1, Some(&colour[1]));
+    add(2, Some(&colour[2]));
+    add(3, None);
+    if let (Some(plane), Some(channel)) = (resolve.planes.depth, channels.depth) {
+        add(plane, Some(&mean(channel)));
+    }
+    if let (Some(plane), Some(normal)) = (resolve.planes.normal, &normal) {
+        (0..3).for_each(|c| add(plane + c, Some(&normal[c])));
+    }
+    if let (Some(plane), Some(channel)) = (resolve.planes.velocity, channels.velocity) {
+        (0..2).for_each(|c| add(plane + c, Some(&mean(channel + c))));
     }
 }
 

@@ -46,6 +46,7 @@ impl Scope<'_> {
             wanted: self.frame.wanted.as_ref().filter(|_| self.frame.swept.is_none()),
             near: self.frame.near,
             low_pass: self.frame.prefilter == Prefilter::Approx,
+            margin: 0.0,
             two_sided: self.frame.objects[chunk.object].two_sided,
             clusters: self.clusters.get(chunk.object).map(Arc::as_ref),
         }

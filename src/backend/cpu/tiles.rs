@@ -1,5 +1,6 @@
 //! Tiles: the squares of the image that are worked on one at a time, and the buffers of one.
 
+use super::ewa::EwaBuffers;
 use crate::frame::PixelRect;
 
 /// Edge of a tile, pixels.
@@ -92,6 +93,8 @@ pub(in crate::backend) struct TileBuffers {
     pub coverage_mask: CoverageMask,
     /// What is visible of kernels in motion; empty where there are none.
     pub slices: Slices,
+    /// Depths and sums of full EWA; empty without it.
+    pub ewa: EwaBuffers,
 }
 
 /// What is visible of kernels in motion in each slice of the interval: for each of `TILE` rows, for each slice,
@@ -159,6 +162,11 @@ impl TileBuffers {
     pub(in crate::backend) fn clear_sums(&mut self, channels: usize, samples: usize) {
         self.sums.clear();
         self.sums.resize(ROWS * channels * STRIDE, 0.0);
+        self.clear_coverage(samples);
+    }
+
+    /// For a group of `samples` samples.
+    pub(in crate::backend) fn clear_coverage(&mut self, samples: usize) {
         let floats = if samples > 1 { ROWS * STRIDE } else { 0 };
         let GroupCoverage { sample, sample_coverage, of_static, coverage } = &mut self.group_coverage;
         *sample = None;

@@ -9,7 +9,7 @@ use glam::Vec3;
 use super::project::transform;
 use super::tiles::LANES;
 use crate::frame::{FrameObject, PosedObject, PosedSample};
-use crate::layout::{Channels, FLAG_BACK, Splat, SweptSplat};
+use crate::layout::{Channels, EwaSplat, FLAG_BACK, Splat, SweptSplat};
 use crate::math::simd::dispatch;
 use crate::options::Shading;
 use crate::shading::{ShadingLight, lobes, towards_point};
@@ -36,6 +36,12 @@ pub(in crate::backend) trait Faced {
 impl Faced for Splat {
     fn face(&self) -> (u32, u32) {
         (self.surfel, self.flags)
+    }
+}
+
+impl Faced for EwaSplat {
+    fn face(&self) -> (u32, u32) {
+        self.disc.face()
     }
 }
 

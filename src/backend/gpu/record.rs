@@ -48,6 +48,7 @@ impl DeviceState {
             match *step {
                 Step::StaticLayer { group } => has_layer = self.static_layer(place, group, marks),
                 Step::Splat { group } => self.splat(place, group, has_layer, marks)?,
+                Step::Ewa { .. } => return Err(self.device.error("prefilter `ewa` is on the CPU alone for now")),
                 Step::StaticPicture { group } => self.static_picture(place, group, marks)?,
                 Step::VisibilityMap { group, interval, objects, density } => {
                     let map = place.area().guarded(interval.guard);

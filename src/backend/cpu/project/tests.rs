@@ -71,6 +71,7 @@ fn clusters_that_are_left_out_hold_nothing() {
             axis: [32.0; 2],
             focal: 90.0,
             low_pass: std::f32::consts::SQRT_2,
+            sigma: 0.0,
             offset: [0.3, -0.4],
         };
         let whole = View {
@@ -81,6 +82,7 @@ fn clusters_that_are_left_out_hold_nothing() {
             wanted: None,
             near: 0.1,
             low_pass: case % 2 == 0,
+            margin: 0.0,
             two_sided: case % 5 == 0,
             clusters: None,
         };

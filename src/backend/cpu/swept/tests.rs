@@ -53,6 +53,7 @@ impl Disc {
             axis: [SIZE as f32 / 2.0; 2],
             focal: FOCAL as f32,
             low_pass: 0.0,
+            sigma: 0.0,
             offset: [0.0; 2],
         };
         let view = View {
@@ -63,6 +64,7 @@ impl Disc {
             wanted: None,
             near: NEAR as f32,
             low_pass: false,
+            margin: 0.0,
             two_sided: true,
             clusters: None,
         };

@@ -1,0 +1,210 @@
+//! Pass `attribute` of full EWA: weighted sums of the attributes of splats, in four layers by depth (docs/math.md,
+//! section 3). Solid pixels have the band alone.
+//!
+//! In: splats of a tile's list, the tile's depths, the surfels' attributes. Out: the tile's sums. In list order.
+
+use super::buffers::{APRON_STRIDE, DISC, EXTRA, EwaBuffers, Layer, PEAK, SIDE};
+use crate::backend::cpu::attribute::Attributes;
+use crate::backend::cpu::patch::{self, NARROW, Patch, Touched};
+use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect};
+use crate::backend::cpu::visibility::Depths;
+use crate::layout::{EwaSplat, FLAG_BACK};
+use crate::math::fast;
+use crate::math::simd::dispatch;
+
+/// What the pass needs beside splats and depths.
+#[derive(Clone, Copy)]
+pub(super) struct Filter<'a> {
+    pub attributes: Attributes<'a>,
+    pub depths: Depths,
+    /// Standard deviation of the low-pass filter, pixels.
+    pub sigma: f32,
+    /// Where the tile begins in planes with an apron.
+    pub start: usize,
+}
+
+impl Filter<'_> {
+    /// The layer of a splat at `depth`, where T is `first` and the threshold behind it `second`; `None` where it is
+    /// hidden. `covers`: whether its disc covers the pixel.
+    #[inline(always)]
+    fn layer(&self, depth: f32, first: f32, second: f32, open: bool, covers: bool) -> Option<Layer> {
+        let before = depth < first - 2.0 * self.depths.tolerance(depth);
+        if open && before && !covers {
+            Some(Layer::Front)
+        } else if depth <= first {
+            Some(Layer::Band)
+        } else if !open {
+            None
+        } else if depth <= second {
+            Some(Layer::Second)
+        } else {
+            Some(Layer::Rest)
+        }
+    }
+}
+
+dispatch! {
+    /// Adds the splats that `list` names to the sums. `sample_coverage`: coverage by the current sample of a group that
+    /// has several, else empty.
+    pub(super) fn attribute(
+        splats: &[EwaSplat], list: &[u32], filter: &Filter<'_>, tile: &TileRect, buffers: &mut EwaBuffers,
+        sample_coverage: &mut [f32],
+    ) = attribute_body
+}
+
+#[inline(always)]
+fn attribute_body(
+    splats: &[EwaSplat],
+    list: &[u32],
+    filter: &Filter<'_>,
+    tile: &TileRect,
+    buffers: &mut EwaBuffers,
+    sample_coverage: &mut [f32],
+) {
+    for &index in list {
+        let splat = &splats[index as usize];
+        let Some(touched) = Touched::within(splat.filtered_bounds, tile) else { continue };
+        let values = filter.attributes.of(index);
+        if touched.is_narrow() && touched.is_high() {
+            add_splat::<NARROW>(splat, &touched, values, filter, tile, buffers, sample_coverage);
+        } else {
+            add_splat::<LANES>(splat, &touched, values, filter, tile, buffers, sample_coverage);
+        }
+    }
+}
+
+type Lanes = [f32; LANES];
+
+/// A filtered splat on the ray through one sample position.
+struct Seen {
+    weight: f32,
+    /// Of its plane; of its centre where the ray misses the plane.
+    depth: f32,
+    /// 1 where the disc covers the position, else 0.
+    disc: f32,
+}
+
+impl<const W: usize> Patch<W> {
+    /// Lane `l` of the patch.
+    #[inline(always)]
+    fn filtered(&self, splat: &EwaSplat, l: usize, most_inverse_depth: f32, quarter_variance: f32) -> Seen {
+        let hit = self.at(&splat.disc, l);
+        let in_view = (hit.inverse_depth > 0.0) & (hit.inverse_depth <= most_inverse_depth);
+        let plane_depth = 1.0 / hit.inverse_depth;
+        let form = |c: [f32; 2]| c[0] * hit.x + c[1] * hit.y;
+        let (u, v) = (form(splat.u), form(splat.v));
+        let (px, py) = (form([splat.p[0], splat.p[1]]), form([splat.p[1], splat.p[2]]));
+        let nearer = 1.0 - form(splat.shrink);
+        let over = 1.0 / nearer;
+        let filtered = (u * u + v * v) * (over * over) + quarter_variance * (px * px + py * py);
+        let crossing = splat.crossing != 0;
+        let r2 = if crossing { hit.scaled_r2 * (plane_depth * plane_depth) } else { filtered };
+        let shown = if crossing { hit.inside & in_view } else { nearer > 0.0 };
+        let hits = shown & (r2 <= 1.0) & hit.wanted;
+        let r2 = if r2 < 1.0 { r2 } else { 1.0 };
+        Seen {
+            weight: if hits { splat.weight * fast::kernel(r2) } else { 0.0 },
+            depth: if in_view { plane_depth } else { splat.disc.centre_depth },
+            disc: if hit.inside & in_view & hit.wanted { 1.0 } else { 0.0 },
+        }
+    }
+}
+
+/// Adds one splat, a patch of `W` columns at a time.
+#[inline(always)]
+fn add_splat<const W: usize>(
+    splat: &EwaSplat,
+    touched: &Touched,
+    values: &[f32],
+    filter: &Filter<'_>,
+    tile: &TileRect,
+    buffers: &mut EwaBuffers,
+    sample_coverage: &mut [f32],
+) {
+    let most_inverse_depth = 1.0 / filter.attributes.near;
+    let quarter_variance = 0.25 * filter.sigma * filter.sigma;
+    let channels = filter.attributes.channels.count;
+    let row = (channels + EXTRA) * STRIDE;
+    let mut y = touched.y0;
+    while y <= touched.y1 {
+        let mut x = touched.x0;
+        while x <= touched.x1 {
+            let patch = Patch::<W>::new(touched, tile, x, y);
+            let limit = patch::load::<W>(&buffers.threshold[filter.start + y * APRON_STRIDE + x..], APRON_STRIDE);
+            let mut weights = [0.0_f32; LANES];
+            let mut depths = [0.0_f32; LANES];
+            let mut discs = [0.0_f32; LANES];
+            for l in 0..LANES {
+                let seen = patch.filtered(splat, l, most_inverse_depth, quarter_variance);
+                (weights[l], depths[l], discs[l]) = (seen.weight, seen.depth, seen.disc);
+            }
+            let at = y * row + x;
+            let mut add = |layer: Layer, weights: &Lanes, extra: bool| {
+                let out = &mut buffers.sums[layer as usize][at..];
+                for (channel, value) in values.iter().enumerate() {
+                    add_patch::<W>(&mut out[channel * STRIDE..], row, weights, *value);
+                }
+                if let Some(depth) = filter.attributes.channels.depth {
+                    let mut moments = [0.0; LANES];
+                    (0..LANES).for_each(|l| moments[l] = weights[l] * depths[l]);
+                    add_patch::<W>(&mut out[depth * STRIDE..], row, &moments, 1.0);
+                }
+                if extra {
+                    let out = &mut out[channels * STRIDE..];
+                    let side = if splat.disc.flags & FLAG_BACK == 0 { 1.0 } else { -1.0 };
+                    add_patch::<W>(&mut out[PEAK * STRIDE..], row, weights, splat.peak);
+                    add_patch::<W>(&mut out[SIDE * STRIDE..], row, weights, side);
+                }
+            };
+            let mut open = 0;
+            for line in 0..LANES / W {
+                let bits = buffers.open.get(y + line).map_or(0, |bits| bits >> x) & ((1 << W) - 1);
+                open |= bits << (line * W);
+            }
+            if !sample_coverage.is_empty() {
+                // A hidden splat covers the pixel, too: what hides it covers it.
+                let mut covered = [0.0; LANES];
+                (0..LANES).for_each(|l| covered[l] = if discs[l] > 0.0 { 1.0 } else { weights[l] });
+                add_patch::<W>(&mut sample_coverage[y * STRIDE + x..], STRIDE, &covered, 1.0);
+                (0..LANES).for_each(|l| weights[l] *= filter.attributes.share);
+            }
+            if open == 0 {
+                (0..LANES).for_each(|l| weights[l] = if depths[l] <= limit[l] { weights[l] } else { 0.0 });
+                add(Layer::Band, &weights, false);
+            } else {
+                let next = patch::load::<W>(&buffers.second[y * STRIDE + x..], STRIDE);
+                let mut of_layer = [[0.0_f32; LANES]; 4];
+                let mut any = [false; 4];
+                for l in 0..LANES {
+                    let layer = filter.layer(depths[l], limit[l], next[l], open >> l & 1 != 0, discs[l] != 0.0);
+                    if let Some(layer) = layer {
+                        of_layer[layer as usize][l] = weights[l];
+                        any[layer as usize] |= weights[l] > 0.0;
+                    }
+                    discs[l] = if layer == Some(Layer::Rest) { discs[l] } else { 0.0 };
+                }
+                for layer in Layer::ALL {
+                    if any[layer as usize] {
+                        add(layer, &of_layer[layer as usize], true);
+                    }
+                }
+                if discs.iter().any(|&disc| disc > 0.0) {
+                    let out = &mut buffers.sums[Layer::Rest as usize][at + (channels + DISC) * STRIDE..];
+                    add_patch::<W>(out, row, &discs, 1.0);
+                }
+            }
+            x += W;
+        }
+        y += LANES / W;
+    }
+}
+
+/// plane += weights * value, for the patch that starts where `plane` does, of rows `stride` apart.
+#[inline(always)]
+fn add_patch<const W: usize>(plane: &mut [f32], stride: usize, weights: &Lanes, value: f32) {
+    let mut sum = patch::load::<W>(plane, stride);
+    for l in 0..LANES {
+        sum[l] += weights[l] * value;
+    }
+    patch::store::<W>(plane, stride, &sum);
+}

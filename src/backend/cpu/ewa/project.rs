@@ -1,0 +1,115 @@
+//! Pass `project` of full EWA: surfels to splats, each convolved with the low-pass filter of the sample grid (Zwicker et
+//! al. 2001, eq. 7 and 8; 2002, eq. 35; docs/math.md, section 3).
+//!
+//! A kernel exp(-2 (u^2 + v^2)) is a Gaussian of variance 1/4. J is the derivative of pixels by (u, v) at the centre,
+//! V = J J^T / 4, and V' = V + sigma^2 I. The weight is sqrt(|V| / |V'|) exp(-q / 2), cut where q > 4.
+
+use std::ops::Range;
+
+use crate::backend::cpu::bounds::{extent, pixel_range};
+use crate::backend::cpu::project::{Sink, View, project_body};
+use crate::frame::PixelRect;
+use crate::layout::{EwaSplat, Splat};
+use crate::math::simd::dispatch;
+use crate::model::Surfels;
+
+/// Takes splats and filters them.
+pub(super) struct Filtered<'a> {
+    /// Standard deviation of the low-pass filter, pixels.
+    pub sigma: f32,
+    /// The pixels that are wanted, without the apron.
+    pub pixels: PixelRect,
+    /// The pixels of the image around them.
+    pub guarded: PixelRect,
+    /// Normalisation of each surfel of the model.
+    pub normalisation: &'a [f32],
+    pub out: &'a mut Vec<EwaSplat>,
+}
+
+dispatch! {
+    /// Appends the splats of `surfels[range]` that may touch the wanted pixels or their apron, in surfel order.
+    pub(super) fn project(
+        view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Filtered<'_>,
+    ) = project_body
+}
+
+impl Filtered<'_> {
+    fn factor(&self, surfel: u32) -> f32 {
+        self.normalisation.get(surfel as usize).copied().unwrap_or(1.0)
+    }
+}
+
+impl Sink for Filtered<'_> {
+    #[inline(always)]
+    fn push(&mut self, splat: Splat, [c, u, v]: [[f32; 3]; 3]) {
+        if splat.centre_depth <= 0.0 {
+            return self.push_crossing(splat);
+        }
+        let depth = c[2];
+        let inverse = 1.0 / depth;
+        let (x, y) = (c[0] * inverse, c[1] * inverse);
+        let (ux, uy) = (u[0] - x * u[2], u[1] - y * u[2]);
+        let (vx, vy) = (v[0] - x * v[2], v[1] - y * v[2]);
+        // J, pixels a unit of u and of v.
+        let (jux, juy) = (ux * inverse, uy * inverse);
+        let (jvx, jvy) = (vx * inverse, vy * inverse);
+        let variance = self.sigma * self.sigma;
+        let xx = 0.25 * (jux * jux + jvx * jvx) + variance;
+        let xy = 0.25 * (jux * juy + jvx * jvy);
+        let yy = 0.25 * (juy * juy + jvy * jvy) + variance;
+        // |V'| from sums of squares alone, so that nothing cancels: |V| + sigma^2 tr V + sigma^4.
+        let area = 0.25 * (jux * jvy - juy * jvx);
+        let det = area * area + variance * (xx + yy - variance);
+        let over = 1.0 / det;
+        let p = [yy * over, -xy * over, xx * over];
+        let across = |jx: f32, jy: f32| [0.25 * (jx * p[0] + jy * p[1]), 0.25 * (jx * p[1] + jy * p[2])];
+        let (form_u, form_v) = (across(jux, juy), across(jvx, jvy));
+        let shrink = [0, 1].map(|i| (u[2] * form_u[i] + v[2] * form_v[i]) * inverse);
+        let peak = (area * area * over).sqrt();
+        if !(peak > 0.0 && peak.is_finite()) {
+            return;
+        }
+        let depth_extent2 = u[2] * u[2] + v[2] * v[2];
+        let d22 = depth_extent2 - depth * depth;
+        let ends = [
+            extent(ux * ux + vx * vx, ux * u[2] + vx * v[2], d22, 1.0 / d22, 0.0),
+            extent(uy * uy + vy * vy, uy * u[2] + vy * v[2], d22, 1.0 / d22, 0.0),
+        ];
+        self.out.push(EwaSplat {
+            disc: Splat { bounds: pixels(splat.reference, ends, 0.0, &self.guarded), ..splat },
+            u: form_u,
+            v: form_v,
+            shrink,
+            p,
+            peak,
+            weight: peak * self.factor(splat.surfel),
+            filtered_bounds: pixels(splat.reference, ends, 2.0 * self.sigma, &self.pixels),
+            listed_bounds: splat.bounds,
+            crossing: 0,
+        });
+    }
+
+    fn push_crossing(&mut self, splat: Splat) {
+        self.out.push(EwaSplat {
+            disc: splat,
+            peak: 1.0,
+            weight: self.factor(splat.surfel),
+            filtered_bounds: splat.bounds,
+            listed_bounds: splat.bounds,
+            crossing: 1,
+            ..bytemuck::Zeroable::zeroed()
+        });
+    }
+}
+
+/// The pixels of `rect` that `ends`, widened by `margin`, may touch; none where the first is after the last.
+fn pixels(reference: [f32; 2], ends: [(f32, f32); 2], margin: f32, rect: &PixelRect) -> [u16; 4] {
+    let [(left, right), (top, bottom)] = ends;
+    let columns = pixel_range(reference[0], left - margin, right + margin, rect.first_column, rect.last_column);
+    let rows = pixel_range(reference[1], top - margin, bottom + margin, rect.first_row, rect.last_row);
+    if columns.0 <= columns.1 && rows.0 <= rows.1 {
+        [columns.0 as u16, columns.1 as u16, rows.0 as u16, rows.1 as u16]
+    } else {
+        [1, 0, 1, 0]
+    }
+}

@@ -1,0 +1,83 @@
+//! Pass `resolve` of full EWA: composites the layers of a pixel, front to back, and adds them to the film with the time
+//! weight (docs/math.md, section 3).
+//!
+//! In: a tile's sums and depths. Out: the tile's film.
+
+use super::buffers::{APRON_STRIDE, DISC, EXTRA, EwaBuffers, Layer, PEAK, SIDE};
+use crate::backend::cpu::resolve::{Resolve, TileFilm, add_lanes};
+use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect};
+use crate::math::simd::dispatch;
+
+dispatch! {
+    /// Adds one group's share of the exposure to `film`. `start`: where the tile begins in planes with an apron.
+    /// `coverage`: that of a group's samples together, weights included; empty for a group of one sample.
+    pub(super) fn resolve(
+        resolve: &Resolve<'_>, tile: &TileRect, start: usize, buffers: &EwaBuffers, coverage: &[f32],
+        film: &mut TileFilm,
+    ) = resolve_body
+}
+
+#[inline(always)]
+fn resolve_body(
+    resolve: &Resolve<'_>,
+    tile: &TileRect,
+    start: usize,
+    buffers: &EwaBuffers,
+    group_coverage: &[f32],
+    film: &mut TileFilm,
+) {
+    let channels = resolve.channels.count;
+    let row = (channels + EXTRA) * STRIDE;
+    film.values.resize(resolve.planes.count * TILE * TILE, 0.0);
+    for y in 0..tile.height {
+        for x in (0..tile.width).step_by(LANES) {
+            let open = buffers.open[y] >> x & 0xff;
+            let mut left = [1.0_f32; LANES];
+            for layer in Layer::ALL {
+                if open == 0 && layer != Layer::Band {
+                    continue;
+                }
+                let sums = &buffers.sums[layer as usize][y * row..][..row];
+                let plane = |channel: usize| lanes(&sums[channel * STRIDE + x..]);
+                let (weights, peaks, sides) = (plane(0), plane(channels + PEAK), plane(channels + SIDE));
+                if weights.iter().all(|&weight| weight == 0.0) {
+                    continue;
+                }
+                let first = lanes(&buffers.threshold[start + y * APRON_STRIDE + x..]);
+                let covered = match layer {
+                    Layer::Front => [false; LANES],
+                    Layer::Band => first.map(|depth| depth < f32::INFINITY),
+                    Layer::Second => lanes(&buffers.second[y * STRIDE + x..]).map(|depth| depth < f32::INFINITY),
+                    Layer::Rest => plane(channels + DISC).map(|discs| discs > 0.0),
+                };
+                let mut inverse = [0.0; LANES];
+                let mut share = [0.0; LANES];
+                for l in 0..LANES {
+                    let weight = weights[l];
+                    inverse[l] = if weight > 0.0 { 1.0 / weight } else { 0.0 };
+                    // Of a thin sheet both sides are there; they cover once.
+                    let sum = 0.5 * (weight + sides[l].abs());
+                    let hard = peaks[l] * inverse[l];
+                    let coverage = hard * f32::from(covered[l]) + (1.0 - hard) * if sum < 1.0 { sum } else { 1.0 };
+                    let coverage = if open >> l & 1 == 0 { 1.0 } else { coverage };
+                    let coverage = if coverage < left[l] { coverage } else { left[l] };
+                    share[l] = if weight > 0.0 { coverage } else { 0.0 };
+                    left[l] -= share[l];
+                }
+                let mut weight = resolve.weight;
+                if let Some(coverage) = group_coverage.get(y * STRIDE + x..).filter(|rest| !rest.is_empty()) {
+                    share = lanes(coverage);
+                    weight = 1.0;
+                }
+                add_lanes(resolve, tile, [x, y], sums, &inverse, &share, weight, film);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn lanes(plane: &[f32]) -> [f32; LANES] {
+    let mut out = [0.0; LANES];
+    out.copy_from_slice(&plane[..LANES]);
+    out
+}

@@ -1,0 +1,153 @@
+//! Passes `visibility` and `second` of full EWA: T(x, t) of discs, as without a filter, then the same minimum over the
+//! discs behind T; and which pixels are solid (docs/math.md, section 3).
+//!
+//! In: splats of a tile's list. Out: the tile's depths. Order-free (minima).
+
+use super::buffers::{APRON_STRIDE, EwaBuffers, with_apron};
+use crate::backend::cpu::patch::{self, NARROW, Patch, Touched};
+use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect};
+use crate::backend::cpu::visibility::Depths;
+use crate::layout::EwaSplat;
+use crate::math::simd::dispatch;
+
+dispatch! {
+    /// Lowers the thresholds of a tile and its apron by the splats that `list` names.
+    pub(super) fn visibility(
+        splats: &[EwaSplat], list: &[u32], depths: Depths, rect: &TileRect, buffers: &mut EwaBuffers,
+    ) = visibility_body
+}
+
+#[inline(always)]
+fn visibility_body(splats: &[EwaSplat], list: &[u32], depths: Depths, rect: &TileRect, buffers: &mut EwaBuffers) {
+    for &index in list {
+        let splat = &splats[index as usize];
+        let Some(touched) = Touched::within(splat.disc.bounds, rect) else { continue };
+        if touched.is_narrow() {
+            lower::<NARROW>(splat, &touched, depths, rect, buffers);
+        } else {
+            lower::<LANES>(splat, &touched, depths, rect, buffers);
+        }
+    }
+}
+
+#[inline(always)]
+fn lower<const W: usize>(
+    splat: &EwaSplat,
+    touched: &Touched,
+    depths: Depths,
+    rect: &TileRect,
+    buffers: &mut EwaBuffers,
+) {
+    let most_inverse_depth = 1.0 / depths.near;
+    let mut y = touched.y0;
+    while y <= touched.y1 {
+        let mut x = touched.x0;
+        while x <= touched.x1 {
+            let patch = Patch::<W>::new(touched, rect, x, y);
+            let at = y * APRON_STRIDE + x;
+            let mut threshold = patch::load::<W>(&buffers.threshold[at..], APRON_STRIDE);
+            let mut epsilon = patch::load::<W>(&buffers.epsilon[at..], APRON_STRIDE);
+            for l in 0..LANES {
+                let hit = patch.at(&splat.disc, l);
+                let depth = 1.0 / hit.inverse_depth;
+                let tolerance = depths.tolerance(depth);
+                let covers = hit.inside & (hit.inverse_depth <= most_inverse_depth) & hit.wanted;
+                let candidate = if covers { depth + tolerance } else { f32::INFINITY };
+                let lower = candidate < threshold[l];
+                threshold[l] = if lower { candidate } else { threshold[l] };
+                epsilon[l] = if lower { tolerance } else { epsilon[l] };
+            }
+            patch::store::<W>(&mut buffers.threshold[at..], APRON_STRIDE, &threshold);
+            patch::store::<W>(&mut buffers.epsilon[at..], APRON_STRIDE, &epsilon);
+            x += W;
+        }
+        y += LANES / W;
+    }
+}
+
+dispatch! {
+    /// Lowers the second thresholds of the pixels that are not solid.
+    pub(super) fn second(
+        splats: &[EwaSplat], list: &[u32], depths: Depths, tile: &TileRect, start: usize, buffers: &mut EwaBuffers,
+    ) = second_body
+}
+
+#[inline(always)]
+fn second_body(
+    splats: &[EwaSplat],
+    list: &[u32],
+    depths: Depths,
+    tile: &TileRect,
+    start: usize,
+    buffers: &mut EwaBuffers,
+) {
+    let most_inverse_depth = 1.0 / depths.near;
+    for &index in list {
+        let splat = &splats[index as usize].disc;
+        let Some(touched) = Touched::within(splat.bounds, tile) else { continue };
+        for y in touched.y0..=touched.y1 {
+            let mut x = touched.x0;
+            while x <= touched.x1 {
+                if (buffers.open[y] >> x) as u8 == 0 {
+                    x += LANES;
+                    continue;
+                }
+                let patch = Patch::<LANES>::new(&touched, tile, x, y);
+                let first = patch::load::<LANES>(&buffers.threshold[start + y * APRON_STRIDE + x..], APRON_STRIDE);
+                let mut out = patch::load::<LANES>(&buffers.second[y * STRIDE + x..], STRIDE);
+                for l in 0..LANES {
+                    let hit = patch.at(splat, l);
+                    let depth = 1.0 / hit.inverse_depth;
+                    let covers = hit.inside & (hit.inverse_depth <= most_inverse_depth) & hit.wanted;
+                    let candidate = depth + depths.tolerance(depth);
+                    let lower = covers & (depth > first[l]) & (candidate < out[l]);
+                    out[l] = if lower { candidate } else { out[l] };
+                }
+                patch::store::<LANES>(&mut buffers.second[y * STRIDE + x..], STRIDE, &out);
+                x += LANES;
+            }
+        }
+    }
+}
+
+/// Finds the pixels that are not solid. A pixel is solid if discs cover it and all pixels within `apron`, and inverse
+/// depths around it change as those of a plane do, up to four tolerances: opposite neighbours agree with their middle.
+/// Pixels outside the image of `size` pixels do not count.
+pub(super) fn find_open(tile: &TileRect, apron: usize, size: [u32; 2], buffers: &mut EwaBuffers) {
+    const EDGE: usize = TILE + 2 * super::buffers::MOST_APRON;
+    let (rect, [left, top]) = with_apron(tile, apron, size);
+    // Inverse depths with the whole apron; NaN outside the image, 0 where nothing covers.
+    let mut inverse = [[f32::NAN; EDGE]; EDGE];
+    for y in 0..rect.height {
+        let from = &buffers.threshold[y * APRON_STRIDE..][..rect.width];
+        let to = &mut inverse[y + apron - top][apron - left..][..rect.width];
+        to.iter_mut().zip(from).for_each(|(to, from)| *to = 1.0 / from);
+    }
+    for y in 0..tile.height {
+        let mut open = [0_u32; TILE];
+        for row in &inverse[y..=y + 2 * apron] {
+            for dx in 0..=2 * apron {
+                let row = &row[dx..][..TILE];
+                open.iter_mut().zip(row).for_each(|(open, z)| *open |= u32::from(*z == 0.0));
+            }
+        }
+        let middle = &inverse[y + apron][apron..][..TILE];
+        let epsilon = &buffers.epsilon[(y + top) * APRON_STRIDE + left..][..TILE];
+        for distance in 1..=apron {
+            for (dx, dy) in [(1, 0), (0, 1), (1, 1), (-1_isize, 1_isize)] {
+                let pick = |sign: isize| {
+                    let shift = |d: isize| (apron as isize + sign * d * distance as isize) as usize;
+                    &inverse[y + shift(dy)][shift(dx)..][..TILE]
+                };
+                let (before, behind) = (pick(-1), pick(1));
+                for x in 0..TILE {
+                    let bend = (before[x] + behind[x] - 2.0 * middle[x]).abs();
+                    open[x] |= u32::from(bend > 4.0 * epsilon[x] * (middle[x] * middle[x]));
+                }
+            }
+        }
+        let mut bits = 0;
+        open[..tile.width].iter().enumerate().for_each(|(x, &open)| bits |= open << x);
+        buffers.open[y] = bits;
+    }
+}
