@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use super::error::{ModelError, ParseError, quote};
 use super::format::BIN_MAGIC;
 use super::store;
-use super::surfels::{Material, Surfels};
+use super::surfels::{Material, Normalisation, Surfels};
 use super::tidy::{MAX_COORDINATE, usable};
 
 const VERSION: u32 = 1;
@@ -77,6 +77,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
         colour: columns.vectors(),
         material: if mask & HAS_MATERIAL == 0 { Vec::new() } else { columns.materials() },
         velocity: if mask & HAS_VELOCITY == 0 { Vec::new() } else { columns.vectors() },
+        normalisation: Normalisation::default(),
         two_sided: mask & TWO_SIDED != 0,
         signs_estimated: mask & SIGNS_ESTIMATED != 0,
     };

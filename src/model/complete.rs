@@ -7,7 +7,7 @@ use super::cloud::{Cloud, ColourStorage};
 use super::error::ModelError;
 use super::neighbours::{Distinct, Neighbours};
 use super::options::{ColourSpace, LoadOptions, Progress};
-use super::surfels::{Material, Surfels};
+use super::surfels::{Material, Normalisation, Surfels};
 use super::tidy::MAX_COORDINATE;
 use super::{normals, radii};
 use crate::math::{Bounds, srgb};
@@ -58,6 +58,7 @@ pub fn complete(
         colour,
         material: cloud.material,
         velocity: cloud.velocity,
+        normalisation: Normalisation::default(),
         two_sided: cloud.two_sided,
         signs_estimated: cloud.signs_estimated,
     };

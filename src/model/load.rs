@@ -9,7 +9,7 @@ use super::complete::complete;
 use super::error::{ModelError, ParseError};
 use super::format::Format;
 use super::options::{ColourSpace, LoadOptions, Progress};
-use super::surfels::Surfels;
+use super::surfels::{Normalisation, Surfels};
 use super::{bin, map, obj, ply, sfl, tidy, xyz};
 use crate::math::srgb;
 
@@ -91,6 +91,8 @@ fn adjust(mut surfels: Surfels, options: &LoadOptions) -> Surfels {
     if options.radius_scale != 1.0 {
         let scale = options.radius_scale as f32;
         surfels.axis_u.iter_mut().chain(&mut surfels.axis_v).for_each(|axis| *axis *= scale);
+        // Larger discs overlap more.
+        surfels.normalisation = Normalisation::default();
     }
     if options.colour_space == Some(ColourSpace::Srgb) {
         for c in &mut surfels.colour {

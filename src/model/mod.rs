@@ -2,11 +2,13 @@
 //!
 //! Data flow: `format` (which format a file has) → `ply`, `sfl`, `obj`, `xyz`, `bin` (bytes to a cloud) → `tidy`
 //! (points and attributes that cannot be drawn) → `complete` (normals and radii that are missing; `sides`: do the
-//! signs of normals mean something?) → `surfels`. `load` does all this.
+//! signs of normals mean something?) → `surfels`. `load` does all this. `normalisation` is computed when
+//! it is asked for.
 
 mod bin;
 mod cloud;
 mod complete;
+mod disc_tree;
 mod error;
 mod format;
 mod gaussian;
@@ -15,6 +17,7 @@ mod load;
 mod map;
 mod mesh;
 mod neighbours;
+mod normalisation;
 mod normals;
 mod obj;
 mod options;
@@ -41,5 +44,5 @@ pub use error::{ModelError, ParseError, Place};
 pub use format::Format;
 pub use load::{Loaded, Parsed, load, parse};
 pub use options::{ColourSpace, LoadOptions, Progress};
-pub use surfels::{Material, Surfels};
+pub use surfels::{Material, Normalisation, Surfels};
 pub use write_ply::write_ply;

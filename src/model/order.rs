@@ -28,6 +28,11 @@ impl Surfels {
         permute(&mut self.colour, &order);
         permute(&mut self.material, &order);
         permute(&mut self.velocity, &order);
+        if let Some(factors) = self.normalisation.known() {
+            let mut factors = factors.to_vec();
+            permute(&mut factors, &order);
+            self.normalisation = factors.into();
+        }
         self
     }
 }

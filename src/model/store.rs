@@ -24,6 +24,7 @@ pub(super) fn write(
 /// Checks that all arrays have one entry for each surfel.
 pub(super) fn check_columns(surfels: &Surfels) -> Result<(), ModelError> {
     let expected = surfels.len();
+    let known = surfels.normalisation.known();
     let columns = [
         ("axis_u", surfels.axis_u.len(), false),
         ("axis_v", surfels.axis_v.len(), false),
@@ -31,6 +32,7 @@ pub(super) fn check_columns(surfels: &Surfels) -> Result<(), ModelError> {
         ("colour", surfels.colour.len(), false),
         ("material", surfels.material.len(), true),
         ("velocity", surfels.velocity.len(), true),
+        ("normalisation", known.map_or(expected, <[f32]>::len), false),
     ];
     for (column, found, optional) in columns {
         if found != expected && !(optional && found == 0) {

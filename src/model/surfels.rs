@@ -1,5 +1,7 @@
 //! A model that can be rendered.
 
+use std::sync::OnceLock;
+
 use glam::{DVec3, Vec3};
 
 use crate::math::Bounds;
@@ -23,9 +25,49 @@ impl Default for Material {
     }
 }
 
+/// The normalisation of a model's kernels, once it is known: from a file, or from [`Surfels::normalisation`].
+///
+/// It belongs to the positions and axes beside it. Whoever changes them replaces it by the default, which is "not
+/// known". A clone knows nothing, because clones are made to be changed.
+#[derive(Debug, Default)]
+pub struct Normalisation(OnceLock<Vec<f32>>);
+
+impl Normalisation {
+    /// The factors, one for each surfel, if they are known.
+    pub fn known(&self) -> Option<&[f32]> {
+        self.0.get().map(Vec::as_slice)
+    }
+
+    /// The factors, computed unless they are known.
+    ///
+    /// Two threads that ask at the same time both compute, and get the same. No lock is held meanwhile: a thread that
+    /// waits for its parallel parts may take up a task that asks again, and would wait for itself.
+    pub(super) fn known_or(&self, compute: impl FnOnce() -> Vec<f32>) -> &[f32] {
+        if self.0.get().is_none() {
+            let factors = compute();
+            // An error says that the other thread was first.
+            let _ = self.0.set(factors);
+        }
+        self.known().unwrap_or_default()
+    }
+}
+
+impl Clone for Normalisation {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl From<Vec<f32>> for Normalisation {
+    fn from(factors: Vec<f32>) -> Self {
+        Self(factors.into())
+    }
+}
+
 /// A model that can be rendered: every surfel has axes, a normal and a colour.
 ///
-/// It is a structure of arrays of one length. Only `material` and `velocity` may be empty, where the file has none.
+/// It is a structure of arrays of one length. Only `material` and `velocity` may be empty, where the file has none, and
+/// `normalisation` until somebody asks for it.
 #[derive(Clone, Debug, Default)]
 pub struct Surfels {
     /// Point of model space that the positions are relative to (models are recentred in `f64`).
@@ -44,6 +86,8 @@ pub struct Surfels {
     pub material: Vec<Material>,
     /// Velocities, model units per frame, or empty.
     pub velocity: Vec<Vec3>,
+    /// Factors of the kernels, if they are known; [`Surfels::normalisation`] gives them in any case.
+    pub normalisation: Normalisation,
     /// True if the signs of the normals mean nothing. Both sides are then shown unless the scene says otherwise.
     pub two_sided: bool,
     /// True if the signs of normals were estimated from the shape of the cloud. They point out of a closed surface, so
@@ -66,7 +110,8 @@ impl Surfels {
     pub fn bytes(&self) -> u64 {
         let vectors = [&self.position, &self.axis_u, &self.axis_v, &self.normal, &self.colour, &self.velocity];
         let vectors: usize = vectors.iter().map(|column| size_of_val(column.as_slice())).sum();
-        (vectors + size_of_val(self.material.as_slice())) as u64
+        let factors = self.normalisation.known().unwrap_or_default();
+        (vectors + size_of_val(self.material.as_slice()) + size_of_val(factors)) as u64
     }
 
     /// Cut-off radius of surfel `i`: the length of the longer axis.
