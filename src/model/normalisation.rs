@@ -6,9 +6,9 @@
 //! ```
 //!
 //! Ren et al. (2002, section 7.1) take 1 / sum of `r_j` at the centre of k. On random points that misses by 30 %, so
-//! this is the mean over the kernel. The sum of `s_k` times the integral of `r_k` is the area of the union of the discs:
-//! each place of it is shared by the discs over it. A lone disc has the factor [`LARGEST`], and two equal ones have half
-//! of it.
+//! this is the mean over the kernel. The sum of `s_k` times the integral of `r_k` is the area of the union of the
+//! discs: each place of it is shared by the discs over it. A lone disc has the factor [`LARGEST`], and two equal ones
+//! have half of it.
 //!
 //! The mean is taken at [`POINTS`] points of equal mass. On random points a single factor is then about 5 % off, and
 //! the sum of all areas about 0.1 %. Equal areas instead of masses halve the one, and make the other 2 % on lattices.
