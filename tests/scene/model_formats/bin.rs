@@ -43,7 +43,7 @@ pub(crate) fn encode_first_version(s: &Surfels) -> Vec<u8> {
         .into_iter()
         .chain([materials, floats(&s.velocity)])
     {
-        column.iter().for_each(|x| out.extend(x.to_le_bytes()));
+        out.extend(column.iter().flat_map(|x| x.to_le_bytes()));
         out.resize(out.len().next_multiple_of(8), 0);
     }
     seal(&mut out);
@@ -124,7 +124,7 @@ fn columns_of_later_versions_are_skipped() {
     bytes.extend(b"of_a_later_version_\0\0\0\0\0");
     bytes.extend([77_u32, 9].map(u32::to_le_bytes).as_flattened());
     bytes.extend([body(8) as u64, 5].map(u64::to_le_bytes).as_flattened());
-    for entry in &good[64..body(7)].as_chunks::<48>().0[..] {
+    for entry in good[64..body(7)].as_chunks::<48>().0 {
         bytes.extend(&entry[..32]);
         let start = u64::from_le_bytes(entry[32..40].try_into().unwrap());
         bytes.extend((start + shift).to_le_bytes());
