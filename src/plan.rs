@@ -64,6 +64,8 @@ pub struct Interval {
     pub ends: [f64; 2],
     /// Share of the exposure of each 32nd of the interval.
     pub moments: [f64; 32],
+    /// Motion of a kernel divided by the motion of its surfel, > 0.
+    pub stretch: f64,
 }
 
 /// An interval of the exposure, for kernels in motion on a raster.
@@ -359,7 +361,8 @@ fn intervals_of(strata: Strata, kernel: SweptKernel, shutter: &Shutter, frame: f
         let nudge = |jump: bool| if jump { inside } else { 0.0 };
         let ends = [time(from) + nudge(from_jump), time(to) - nudge(to_jump)];
         let sample = TimeSample { time: 0.5 * (ends[0] + ends[1]), weight: share(from, to) };
-        let interval = Interval { ends, moments: std::array::from_fn(|i| share(at(i as u32), at(i as u32 + 1))) };
+        let moments = std::array::from_fn(|i| share(at(i as u32), at(i as u32 + 1)));
+        let interval = Interval { ends, moments, stretch: kernel.overlap.stretch() };
         groups.push(Group { samples: vec![sample], sweep: Some((interval, kernel)) });
     }
     groups.into_iter().flat_map(|group| std::iter::repeat_n(group, repeats as usize)).collect()

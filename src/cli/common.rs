@@ -35,8 +35,8 @@ Modes: NAME[:COUNTS][+OPTION=VALUE]...
   supersample:8+interleave=2  neighbouring pixels of a 2 x 2 (or 4 x 4) lattice see different times
   bucket:8x4                  B buckets of N time samples; +interleave=S, +pixel-samples=P
   volumetric:10               N intervals of swept kernels; +kernel=ellipsoid (or +ellipsoid), +kernel-weight=chord (or
-                              +chord), +alpha=sum (or +sum), +normalise=once (or +once), +source-samples=K,
-                              +pixel-samples=P; +published: all as in Wolf (2008)
+                              +chord), +alpha=sum (or +sum), +normalise=once (or +once), +overlap=S,
+                              +source-samples=K, +pixel-samples=P; +published: all as in Wolf (2008)
 Counts may be left out; those shown are the defaults (auto: good).";
 
 /// Values that replace those of the scene.

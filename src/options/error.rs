@@ -79,7 +79,9 @@ pub enum OptionError {
         samples: u32,
     },
     /// The published kernels are complete: nothing else can be chosen.
-    #[error("`published` says all of kernel, kernel-weight, alpha and normalise: it cannot stand beside `{option}`")]
+    #[error(
+        "`published` says all of kernel, kernel-weight, overlap, alpha and normalise: it cannot stand beside `{option}`"
+    )]
     Published {
         /// The option that stands beside it.
         option: &'static str,

@@ -21,7 +21,7 @@ pub use self::blur::{BlurMode, ErrorTarget, Quality};
 pub use self::counts::{count, samples_max};
 pub use self::error::OptionError;
 pub use self::parts::{ModeName, ModeParts};
-pub use self::swept::{KernelShape, KernelWeight, Normalise, SourceSamples, SweptKernel, TemporalAlpha};
+pub use self::swept::{KernelShape, KernelWeight, Normalise, Overlap, SourceSamples, SweptKernel, TemporalAlpha};
 pub(crate) use self::words::words;
 use crate::film::Aov;
 

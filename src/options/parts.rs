@@ -10,8 +10,8 @@ use super::counts::{count, samples_max};
 use super::error::list;
 use super::words::words;
 use super::{
-    BlurMode, ErrorTarget, Interleave, KernelShape, KernelWeight, MAX_SAMPLES, Normalise, OptionError, Quality,
-    SourceSamples, SweptKernel, TemporalAlpha,
+    BlurMode, ErrorTarget, Interleave, KernelShape, KernelWeight, MAX_SAMPLES, Normalise, OptionError, Overlap,
+    Quality, SourceSamples, SweptKernel, TemporalAlpha,
 };
 
 /// The name of a mode.
@@ -50,6 +50,7 @@ impl ModeName {
                 "published",
                 "kernel",
                 "kernel-weight",
+                "overlap",
                 "alpha",
                 "normalise",
             ],
@@ -86,6 +87,8 @@ pub struct ModeParts {
     pub kernel_weight: Option<KernelWeight>,
     /// Of volumetric: places within a kernel whose visibility is tested.
     pub source_samples: Option<SourceSamples>,
+    /// Of volumetric: how far kernels of neighbouring intervals overlap.
+    pub overlap: Option<Overlap>,
     /// Of volumetric: where temporal alpha comes from.
     pub alpha: Option<TemporalAlpha>,
     /// Of volumetric: when colours are divided by weights.
@@ -108,6 +111,7 @@ impl ModeParts {
             kernel: None,
             kernel_weight: None,
             source_samples: None,
+            overlap: None,
             alpha: None,
             normalise: None,
             published: false,
@@ -127,6 +131,7 @@ impl ModeParts {
             ("published", self.published),
             ("kernel", self.kernel.is_some()),
             ("kernel-weight", self.kernel_weight.is_some()),
+            ("overlap", self.overlap.is_some()),
             ("alpha", self.alpha.is_some()),
             ("normalise", self.normalise.is_some()),
         ];
@@ -181,7 +186,7 @@ impl ModeParts {
     fn swept(&self) -> Result<SweptKernel, OptionError> {
         let source_samples = self.source_samples.unwrap_or_default();
         if self.published {
-            let complete = ["kernel", "kernel-weight", "alpha", "normalise"];
+            let complete = ["kernel", "kernel-weight", "overlap", "alpha", "normalise"];
             return match self.said().into_iter().find(|part| complete.contains(part)) {
                 Some(option) => Err(OptionError::Published { option }),
                 None => Ok(SweptKernel { source_samples, ..SweptKernel::PUBLISHED }),
@@ -191,6 +196,7 @@ impl ModeParts {
             shape: self.kernel.unwrap_or_default(),
             weight: self.kernel_weight.unwrap_or_default(),
             source_samples,
+            overlap: self.overlap.unwrap_or_default(),
             alpha: self.alpha.unwrap_or_default(),
             normalise: self.normalise.unwrap_or_default(),
         };
@@ -251,6 +257,7 @@ impl ModeParts {
             "source-samples" => self.source_samples = Some(value.parse()?),
             "kernel" => self.kernel = Some(value.parse()?),
             "kernel-weight" => self.kernel_weight = Some(value.parse()?),
+            "overlap" => self.overlap = Some(value.parse()?),
             "alpha" => self.alpha = Some(value.parse()?),
             "normalise" => self.normalise = Some(value.parse()?),
             _ => return Err(self.unknown(option, self.name.options())),

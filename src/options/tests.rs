@@ -46,7 +46,12 @@ fn equal_modes_are_written_alike() {
         ("supersample:8+interleave=1", "supersample:8"),
         ("supersample:8+pixel-samples=8", "supersample:8"),
         ("volumetric:3+sum+pixel-samples=2", "volumetric:3+pixel-samples=2+alpha=sum"),
-        ("volumetric:3+ellipsoid+chord+sum+once", "volumetric:3+published"),
+        ("volumetric:3+ellipsoid+chord+sum+once+overlap=1", "volumetric:3+published"),
+        (
+            "volumetric:3+ellipsoid+chord+sum+once",
+            "volumetric:3+kernel=ellipsoid+kernel-weight=chord+alpha=sum+normalise=once",
+        ),
+        ("volumetric:3+overlap=.50", "volumetric:3"),
         ("supersample:8+interleave=2+pixel-samples=4", "supersample:8+pixel-samples=4+interleave=2"),
         ("bucket:8x4+pixel-samples=8", "bucket:8x4"),
         ("auto:final+samples-max=256", "auto:0.0125"),
@@ -74,6 +79,10 @@ fn mistakes_are_explained() {
         ("bucket:8x4x2", "1 to 65536"),
         ("bucket:65536x65536", "at most 65536 in all"),
         ("volumetric:3+published+once", "it cannot stand beside `normalise`"),
+        ("volumetric:3+published+overlap=1", "it cannot stand beside `overlap`"),
+        ("volumetric:3+overlap=0", "option `overlap`: expected a number from 0.1 to 4, found `0`"),
+        ("volumetric:3+overlap=nan", "from 0.1 to 4"),
+        ("volumetric:3+overlap=4.1", "from 0.1 to 4"),
         ("volumetric:3+published=1", "takes no value, found `1`"),
         ("volumetric:3+kernel=ball", "there are: tube, ellipsoid"),
         ("volumetric:3+kernel=tube+ellipsoid", "twice"),
@@ -179,12 +188,13 @@ fn positions(groups: u32, positions: u32) -> Option<u32> {
 }
 
 fn swept() -> impl Strategy<Value = SweptKernel> {
-    (0_u32..16, 1_u32..=64).prop_map(|(bits, source_samples)| {
+    (0_u32..32, 1_u32..=64, 0.1..=4.0_f64).prop_map(|(bits, source_samples, overlap)| {
         let bit = |i: u32| bits >> i & 1 == 1;
         SweptKernel {
             shape: if bit(0) { KernelShape::Ellipsoid } else { KernelShape::Tube },
             weight: if bit(0) && bit(1) { KernelWeight::Chord } else { KernelWeight::Integral },
             source_samples: SourceSamples(source_samples),
+            overlap: if bit(4) { Overlap(overlap) } else { Overlap::default() },
             alpha: if bit(2) { TemporalAlpha::Sum } else { TemporalAlpha::Union },
             normalise: if bit(3) { Normalise::Once } else { Normalise::Interval },
         }

@@ -7,8 +7,8 @@ use crate::frame::{Blocks, Frame};
 use crate::math::random::Random;
 use crate::model::{Material, Surfels};
 use crate::options::{
-    BlurMode, Interleave, KernelShape, KernelWeight, Normalise, PixelFilter, Prefilter, Quality, RenderOptions,
-    Shading, SourceSamples, SweptKernel, TemporalAlpha,
+    BlurMode, Interleave, KernelShape, KernelWeight, Normalise, Overlap, PixelFilter, Prefilter, Quality,
+    RenderOptions, Shading, SourceSamples, SweptKernel, TemporalAlpha,
 };
 use crate::scene::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
 use crate::time::{Shutter, Weight};
@@ -207,6 +207,7 @@ pub(super) fn swept() -> Vec<Case> {
         case("hard ellipsoid", &moving, options(ellipsoid)),
         case("ellipsoid in parts", &fast, options(SweptKernel { source_samples: SourceSamples(2), ..ellipsoid })),
         case("chord", &fast, options(chord)),
+        case("overlap", &fast, options(SweptKernel { overlap: Overlap(0.8), ..tube })),
         case("published", &fast, options(SweptKernel::PUBLISHED)),
         case("one pixel", &two_balls([1, 1]), options(tube)),
     ]

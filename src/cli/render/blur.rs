@@ -5,8 +5,8 @@ use std::fmt;
 use anyhow::bail;
 use clap::Args;
 use splatblur::options::{
-    self, ErrorTarget, Interleave, KernelShape, KernelWeight, ModeName, ModeParts, Normalise, OptionError, Quality,
-    SourceSamples, TemporalAlpha,
+    self, ErrorTarget, Interleave, KernelShape, KernelWeight, ModeName, ModeParts, Normalise, OptionError, Overlap,
+    Quality, SourceSamples, TemporalAlpha,
 };
 
 use crate::cli::values::one_of;
@@ -70,6 +70,10 @@ pub(super) struct Blur {
     /// Mode volumetric: places within a kernel, on a ray, whose visibility is tested, 1 to 64 [default: 1].
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Blur")]
     source_samples: Option<SourceSamples>,
+    /// Mode volumetric: half-axis of a kernel along its motion, in spacings of the intervals, 0.1 to 4. At 0.5 kernels
+    /// of neighbouring intervals meet end to end; at 1 each reaches the middles of its neighbours [default: 0.5].
+    #[arg(long, value_name = "S", allow_hyphen_values = true, help_heading = "Blur")]
+    overlap: Option<Overlap>,
     /// Mode volumetric: where the coverage of a moving surface comes from. union: the times at which any kernel covers
     /// the pixel; sum: the sum of all weights, at most 1 [default: union].
     #[arg(
@@ -83,8 +87,8 @@ pub(super) struct Blur {
     /// [default: interval].
     #[arg(long, value_name = "WHEN", value_parser = one_of::<Normalise>(Normalise::WORDS), help_heading = "Blur")]
     normalise: Option<Normalise>,
-    /// Mode volumetric as published by Wolf (2008): ellipsoids that overlap in time, chord, sum, once.
-    #[arg(long, conflicts_with_all = ["kernel", "kernel_weight", "alpha", "normalise"], help_heading = "Blur")]
+    /// Mode volumetric as published by Wolf (2008): ellipsoid, chord, overlap 1, sum, once.
+    #[arg(long, conflicts_with_all = ["kernel", "kernel_weight", "overlap", "alpha", "normalise"], help_heading = "Blur")]
     published: bool,
 }
 
@@ -123,6 +127,7 @@ impl Blur {
         self.put(&mut parts.kernel, self.kernel, "--kernel")?;
         self.put(&mut parts.kernel_weight, self.kernel_weight, "--kernel-weight")?;
         self.put(&mut parts.source_samples, self.source_samples, "--source-samples")?;
+        self.put(&mut parts.overlap, self.overlap, "--overlap")?;
         self.put(&mut parts.alpha, self.alpha, "--alpha")?;
         self.put(&mut parts.normalise, self.normalise, "--normalise")?;
         parts.published |= self.published;
@@ -152,6 +157,7 @@ impl Blur {
             ("kernel", self.kernel.is_some()),
             ("kernel-weight", self.kernel_weight.is_some()),
             ("source-samples", self.source_samples.is_some()),
+            ("overlap", self.overlap.is_some()),
             ("alpha", self.alpha.is_some()),
             ("normalise", self.normalise.is_some()),
             ("published", self.published),
@@ -230,6 +236,7 @@ mod tests {
             ("--mode bucket --buckets 3", "bucket:3x4"),
             ("--mode volumetric:3+published", "volumetric:3+published"),
             ("--mode volumetric:3 --published --source-samples 4", "volumetric:3+published+source-samples=4"),
+            ("--mode volumetric --overlap 1", "volumetric:10+overlap=1"),
             ("--mode volumetric+chord --kernel ellipsoid", "volumetric:10+kernel=ellipsoid+kernel-weight=chord"),
         ] {
             assert_eq!(quality(arguments).unwrap().to_string(), mode, "{arguments}");
@@ -246,6 +253,9 @@ mod tests {
             ("--mode supersample+interleave=2 --interleave 4", "--interleave 4 contradicts"),
             ("--mode volumetric+published --alpha union", "--alpha contradicts --mode volumetric+published"),
             ("--mode volumetric+ellipsoid --published", "--published contradicts --mode volumetric+ellipsoid"),
+            ("--mode volumetric+published --overlap 1", "--overlap contradicts --mode volumetric+published"),
+            ("--mode volumetric+overlap=2 --overlap 1", "--overlap 1 contradicts --mode volumetric+overlap=2"),
+            ("--mode supersample --overlap 1", "--overlap is for --mode volumetric"),
             ("--mode volumetric+published+once", "--mode volumetric+published+once: `published` says all"),
             ("--mode volumetric+chord", "--mode volumetric+chord: kernel-weight=chord is the length"),
             ("--mode volumetric --kernel-weight chord", "it needs --kernel ellipsoid"),
