@@ -7,7 +7,10 @@
 //! [`SweepPass::order`]; the splats or the kernels in motion that they read are projected and listed by tile before the
 //! first pass that reads them.
 
-use crate::options::{BlurMode, Interleave, KernelWeight, PixelFilter, SweptKernel};
+mod times;
+
+use self::times::moments;
+use crate::options::{BlurMode, Interleave, KernelWeight, PixelFilter, SweptKernel, Times};
 use crate::sampling::pixel_offsets;
 use crate::time::Shutter;
 
@@ -263,11 +266,13 @@ impl Exposure {
                 let groups = vec![Group { samples: vec![sample], sweep: None }; pixel_samples as usize];
                 Self::uniform(with_offsets(groups, None, filter, seed))
             }
-            BlurMode::Supersample { samples, pixel_samples, interleave } => {
-                Self::sampled(Strata::new(samples, 1, pixel_samples), interleave, filter, seed, shutter, frame)
+            BlurMode::Supersample { samples, pixel_samples, interleave, times } => {
+                let strata = Strata::new(samples, 1, pixel_samples);
+                Self::sampled(strata, interleave, times, filter, seed, shutter, frame)
             }
-            BlurMode::Bucket { buckets, samples, pixel_samples, interleave } => {
-                Self::sampled(Strata::new(buckets, samples, pixel_samples), interleave, filter, seed, shutter, frame)
+            BlurMode::Bucket { buckets, samples, pixel_samples, interleave, times } => {
+                let strata = Strata::new(buckets, samples, pixel_samples);
+                Self::sampled(strata, interleave, times, filter, seed, shutter, frame)
             }
             BlurMode::Volumetric { intervals, pixel_samples, swept } => {
                 let strata = Strata::new(intervals, 1, pixel_samples);
@@ -286,6 +291,7 @@ impl Exposure {
     fn sampled(
         strata: Strata,
         interleave: Interleave,
+        times: Times,
         filter: PixelFilter,
         seed: u64,
         shutter: &Shutter,
@@ -294,18 +300,18 @@ impl Exposure {
         let Strata { groups, samples, repeats, positions } = strata;
         let stride = interleave.stride();
         let raster = |phase| {
-            let order = interleave.order(phase);
-            let place = (f64::from(order) + 0.5) / f64::from(stride * stride);
+            let seed = interleave.seed_of(phase, seed);
+            let place = |within: f64| (f64::from(interleave.order(phase)) + within) / f64::from(stride * stride);
             let weighted = |(t, weight): (f64, f64)| TimeSample {
                 time: shutter.frame_time(frame, t),
                 weight: weight / f64::from(repeats),
             };
-            let moments: Vec<TimeSample> = shutter.strata(groups * samples, place).into_iter().map(weighted).collect();
+            let moments = moments(times, groups * samples, place, shutter, seed, frame);
+            let moments: Vec<TimeSample> = moments.into_iter().map(weighted).collect();
             let groups = moments.chunks(samples as usize).flat_map(|samples| {
                 let group = Group { samples: samples.to_vec(), sweep: None };
                 std::iter::repeat_n(group, repeats as usize)
             });
-            let seed = interleave.seed_of(phase, seed);
             RasterExposure { phase, positions: with_offsets(groups.collect(), positions, filter, seed) }
         };
         Self { stride, rasters: interleave.phases().map(raster).collect() }

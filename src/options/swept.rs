@@ -12,7 +12,7 @@ use super::words::words;
 pub struct SweptKernel {
     /// The volume that a kernel sweeps.
     pub shape: KernelShape,
-    /// Its weight on a ray. [`KernelWeight::Chord`] is of [`KernelShape::Ellipsoid`] only.
+    /// Its weight on a ray. All but [`KernelWeight::Integral`] are of [`KernelShape::Ellipsoid`] only.
     pub weight: KernelWeight,
     /// Places on the ray within a kernel whose sources are tested for visibility (Wolf 2008, eq. C.41).
     pub source_samples: SourceSamples,
@@ -40,7 +40,7 @@ impl SweptKernel {
         self.normalise == Normalise::Once || self.alpha == TemporalAlpha::Sum
     }
 
-    /// Whether visibility is that of slices of an interval. The chord has that of mid-interval alone, as published.
+    /// Whether visibility is that of slices of an interval. Others have that of mid-interval alone, as published.
     pub(crate) fn has_slices(self) -> bool {
         self.weight == KernelWeight::Integral
     }
@@ -160,9 +160,12 @@ pub enum KernelWeight {
     Integral,
     /// By the length of the ray's chord (Wolf 2008, eq. 4.12); of the ellipsoid only.
     Chord,
+    /// The line integral of the 3D Gaussian between the ray's two intersections with the ellipsoid (Wolf 2008, eq. C.16
+    /// and C.38), for which the chord stands; of the ellipsoid only.
+    Line,
 }
 
-words!(KernelWeight, "weight of a kernel", [Integral = "integral", Chord = "chord"]);
+words!(KernelWeight, "weight of a kernel", [Integral = "integral", Chord = "chord", Line = "line"]);
 
 /// Where temporal alpha comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

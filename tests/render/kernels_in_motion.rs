@@ -12,7 +12,7 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::options::{
     BlurMode, Interleave, Normalise, Overlap, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel,
-    TemporalAlpha,
+    TemporalAlpha, Times,
 };
 use splatblur::scene::{Motion, Scene};
 use splatblur::time::Weight;
@@ -134,7 +134,13 @@ fn temporal_alpha_of_disc_and_edge() {
 /// exposure for which each is seen. Compared away from centre and rim, as tests/truth.rs does.
 #[test]
 fn colours_of_a_turning_disc() {
-    let bucket = BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples: None, interleave: Interleave::None };
+    let bucket = BlurMode::Bucket {
+        buckets: 64,
+        samples: 4,
+        pixel_samples: None,
+        interleave: Interleave::None,
+        times: Times::Even,
+    };
     for (weight, a) in [("box", Weight::Box), ("ramp", Weight::Ramp { centre: 1.0 })] {
         let truth = truth(&format!("spin_{weight}_point"));
         for mode in [bucket, volumetric(16)] {

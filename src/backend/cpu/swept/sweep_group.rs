@@ -44,6 +44,7 @@ impl SweepGroup<'_> {
             slope: self.interval.slope,
             sum: self.sums_weights(),
             map: self.map,
+            raster: self.scope.raster,
         }
     }
 
