@@ -242,7 +242,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 33] = [
     ([("min(across.y, columns.y)", "across.y")], "ellipsoid"),
     ([("f32(STRETCH)", "1.0")], "published"),
     ([("form(cross(motion, u) * over)", "form(cross(u, motion) * over)")], "hard"),
-    ([("SPLATS * slot + SPLATS - 1u", "SPLATS * slot")], "tube"),
+    ([("SPLATS * slot + PART", "SPLATS * slot")], "tube"),
     ([("vec2<u32>(column, row)) + view.corner", "vec2<u32>(column, row))")], "tube"),
     ([("1.0 / sums[at], sums[at] > 0.0", "1.0, sums[at] > 0.0")], "tube"),
     ([("pixel - view.map_corner", "pixel")], "fast"),
