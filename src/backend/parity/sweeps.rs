@@ -20,7 +20,7 @@ use crate::plan::{MapPass, Objects, Step, SweepPass};
 use crate::renderer::render_frame;
 
 /// Spoils what passes write.
-fn spoil(harness: &Harness<'_>) {
+pub(super) fn spoil(harness: &Harness<'_>) {
     let buffers = &harness.gpu.state.buffers;
     let mut encoder = harness.gpu.state.encoder();
     let spoilt = [&buffers.splats, &buffers.touched, &buffers.starts, &buffers.thresholds, &buffers.sums, &buffers.map];
@@ -289,7 +289,7 @@ fn broken_swept_programs_are_noticed() {
     assert!(unnoticed.is_empty(), "nothing was noticed: {unnoticed:#?}");
 }
 
-fn values(picture: &Picture) -> Vec<f32> {
+pub(super) fn values(picture: &Picture) -> Vec<f32> {
     let layers = picture.layers.iter().flat_map(|layer| layer.planes.iter().flatten());
     picture.rgba.iter().flatten().chain(layers).copied().collect()
 }
