@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::backend::gpu::{Choice, Gpu, adapters};
-use splatblur::options::{BlurMode, Interleave, Prefilter, RenderOptions, SweptKernel};
+use splatblur::options::{BlurMode, Interleave, Prefilter, RenderOptions, SweptKernel, Times};
 use splatblur::renderer::{Stats, render_frame};
 use splatblur::scene::{Motion, Scene};
 use support::sphere_scene;
@@ -74,7 +74,13 @@ fn modes(gpu: &mut Gpu, cpu: &mut Cpu, surfels: usize) {
         BlurMode::supersample(16),
         BlurMode::supersample(32),
         BlurMode::interleaved(8, Interleave::Two),
-        BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples: None, interleave: Interleave::None },
+        BlurMode::Bucket {
+            buckets: 8,
+            samples: 4,
+            pixel_samples: None,
+            interleave: Interleave::None,
+            times: Times::Even,
+        },
         volumetric(1, SweptKernel::default()),
         volumetric(3, SweptKernel::default()),
         volumetric(10, SweptKernel::default()),

@@ -13,7 +13,7 @@ mod support;
 use std::time::{Duration, Instant};
 
 use splatblur::backend::cpu::Cpu;
-use splatblur::options::{BlurMode, Interleave, Prefilter, RenderOptions, Shading, SweptKernel};
+use splatblur::options::{BlurMode, Interleave, Prefilter, RenderOptions, Shading, SweptKernel, Times};
 use splatblur::renderer::{Stats, render_frame};
 use support::sphere_scene;
 
@@ -28,8 +28,20 @@ fn modes() -> Vec<BlurMode> {
         lattice(8, Interleave::Four),
         BlurMode::supersample(16),
         BlurMode::supersample(32),
-        BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples: None, interleave: Interleave::None },
-        BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples: None, interleave: Interleave::Two },
+        BlurMode::Bucket {
+            buckets: 8,
+            samples: 4,
+            pixel_samples: None,
+            interleave: Interleave::None,
+            times: Times::Even,
+        },
+        BlurMode::Bucket {
+            buckets: 8,
+            samples: 4,
+            pixel_samples: None,
+            interleave: Interleave::Two,
+            times: Times::Even,
+        },
         volumetric(1, SweptKernel::default()),
         volumetric(3, SweptKernel::default()),
         volumetric(10, SweptKernel::default()),

@@ -16,7 +16,7 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::compare::{flip, gamma_rmse};
 use splatblur::film::{Aov, Picture};
 use splatblur::options::{
-    BlurMode, Interleave, KernelShape, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel,
+    BlurMode, Interleave, KernelShape, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel, Times,
 };
 use splatblur::reference::ReferenceOptions;
 use splatblur::renderer::render_frame;
@@ -84,7 +84,13 @@ fn table(asked: &Arguments, scene: &Scene, frame: i64) {
             scene,
             frame,
             &truth,
-            BlurMode::Bucket { buckets, samples, pixel_samples: None, interleave: Interleave::None },
+            BlurMode::Bucket {
+                buckets,
+                samples,
+                pixel_samples: None,
+                interleave: Interleave::None,
+                times: Times::Even,
+            },
         );
     }
     let swept = |intervals, swept| BlurMode::Volumetric { intervals, pixel_samples: None, swept };
@@ -124,7 +130,13 @@ fn alpha_of_shipped_scenes(asked: &Arguments) {
         let errors = &truth.layers.last().unwrap().planes[3];
         for mode in [
             BlurMode::supersample(256),
-            BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples: None, interleave: Interleave::None },
+            BlurMode::Bucket {
+                buckets: 64,
+                samples: 4,
+                pixel_samples: None,
+                interleave: Interleave::None,
+                times: Times::Even,
+            },
             BlurMode::Volumetric { intervals: 16, pixel_samples: None, swept: SweptKernel::default() },
         ] {
             let options = RenderOptions {

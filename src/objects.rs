@@ -9,7 +9,7 @@ use crate::backend::{Achieved, Backend, BackendError, Rendered};
 use crate::film::{Aov, Layer};
 use crate::frame::Frame;
 use crate::model::Material;
-use crate::options::{BlurMode, ErrorTarget, Interleave, Quality, RenderOptions, Shading};
+use crate::options::{BlurMode, ErrorTarget, Interleave, Quality, RenderOptions, Shading, Times};
 use crate::scene::{Light, Scene};
 use crate::time::FrameNumber;
 
@@ -73,7 +73,7 @@ fn mode_of_mattes(target: ErrorTarget, achieved: Option<Achieved>) -> BlurMode {
     let (samples, stride) = achieved.map_or((0, 1), |achieved| (achieved.samples, achieved.interleave));
     let interleave = Interleave::with_stride(stride).unwrap_or_default();
     let samples = samples.max(LEAST_SAMPLES.min(target.samples_max));
-    BlurMode::Supersample { samples, pixel_samples: None, interleave }
+    BlurMode::Supersample { samples, pixel_samples: None, interleave, times: Times::Even }
 }
 
 /// A share in whole units; a share above 0 has one at least.

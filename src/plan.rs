@@ -7,7 +7,10 @@
 //! [`SweepPass::order`]; the splats or the kernels in motion that they read are projected and listed by tile before the
 //! first pass that reads them.
 
-use crate::options::{BlurMode, Interleave, KernelWeight, PixelFilter, SweptKernel};
+mod times;
+
+use self::times::moments;
+use crate::options::{BlurMode, Interleave, KernelWeight, PixelFilter, SweptKernel, Times};
 use crate::sampling::pixel_offsets;
 use crate::time::Shutter;
 
@@ -64,6 +67,8 @@ pub struct Interval {
     pub ends: [f64; 2],
     /// Share of the exposure of each 32nd of the interval.
     pub moments: [f64; 32],
+    /// Motion of a kernel divided by the motion of its surfel, > 0.
+    pub stretch: f64,
 }
 
 /// An interval of the exposure, for kernels in motion on a raster.
@@ -286,11 +291,13 @@ impl Exposure {
                 let groups = vec![Group { samples: vec![sample], sweep: None }; pixel_samples as usize];
                 Self::uniform(with_offsets(groups, None, filter, seed))
             }
-            BlurMode::Supersample { samples, pixel_samples, interleave } => {
-                Self::sampled(Strata::new(samples, 1, pixel_samples), interleave, filter, seed, shutter, frame)
+            BlurMode::Supersample { samples, pixel_samples, interleave, times } => {
+                let strata = Strata::new(samples, 1, pixel_samples);
+                Self::sampled(strata, interleave, times, filter, seed, shutter, frame)
             }
-            BlurMode::Bucket { buckets, samples, pixel_samples, interleave } => {
-                Self::sampled(Strata::new(buckets, samples, pixel_samples), interleave, filter, seed, shutter, frame)
+            BlurMode::Bucket { buckets, samples, pixel_samples, interleave, times } => {
+                let strata = Strata::new(buckets, samples, pixel_samples);
+                Self::sampled(strata, interleave, times, filter, seed, shutter, frame)
             }
             BlurMode::Volumetric { intervals, pixel_samples, swept } => {
                 let strata = Strata::new(intervals, 1, pixel_samples);
@@ -309,6 +316,7 @@ impl Exposure {
     fn sampled(
         strata: Strata,
         interleave: Interleave,
+        times: Times,
         filter: PixelFilter,
         seed: u64,
         shutter: &Shutter,
@@ -317,18 +325,18 @@ impl Exposure {
         let Strata { groups, samples, repeats, positions } = strata;
         let stride = interleave.stride();
         let raster = |phase| {
-            let order = interleave.order(phase);
-            let place = (f64::from(order) + 0.5) / f64::from(stride * stride);
+            let seed = interleave.seed_of(phase, seed);
+            let place = |within: f64| (f64::from(interleave.order(phase)) + within) / f64::from(stride * stride);
             let weighted = |(t, weight): (f64, f64)| TimeSample {
                 time: shutter.frame_time(frame, t),
                 weight: weight / f64::from(repeats),
             };
-            let moments: Vec<TimeSample> = shutter.strata(groups * samples, place).into_iter().map(weighted).collect();
+            let moments = moments(times, groups * samples, place, shutter, seed, frame);
+            let moments: Vec<TimeSample> = moments.into_iter().map(weighted).collect();
             let groups = moments.chunks(samples as usize).flat_map(|samples| {
                 let group = Group { samples: samples.to_vec(), sweep: None };
                 std::iter::repeat_n(group, repeats as usize)
             });
-            let seed = interleave.seed_of(phase, seed);
             RasterExposure { phase, positions: with_offsets(groups.collect(), positions, filter, seed) }
         };
         Self { stride, rasters: interleave.phases().map(raster).collect() }
@@ -384,7 +392,8 @@ fn intervals_of(strata: Strata, kernel: SweptKernel, shutter: &Shutter, frame: f
         let nudge = |jump: bool| if jump { inside } else { 0.0 };
         let ends = [time(from) + nudge(from_jump), time(to) - nudge(to_jump)];
         let sample = TimeSample { time: 0.5 * (ends[0] + ends[1]), weight: share(from, to) };
-        let interval = Interval { ends, moments: std::array::from_fn(|i| share(at(i as u32), at(i as u32 + 1))) };
+        let moments = std::array::from_fn(|i| share(at(i as u32), at(i as u32 + 1)));
+        let interval = Interval { ends, moments, stretch: kernel.overlap.stretch() };
         groups.push(Group { samples: vec![sample], sweep: Some((interval, kernel)) });
     }
     groups.into_iter().flat_map(|group| std::iter::repeat_n(group, repeats as usize)).collect()

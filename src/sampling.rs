@@ -1,6 +1,10 @@
-//! Low-discrepancy sequences: pure functions of (index, dimension, seed).
+//! Low-discrepancy sequences and random numbers: pure functions of (index, dimension, seed).
 //!
-//! Sobol' points in base 2 with Owen scrambling by hashing (Laine and Karras 2011; Burley 2020).
+//! Sobol' points in base 2 with Owen scrambling by hashing (Laine and Karras 2011; Burley 2020). Random numbers come
+//! from PCG64 (O'Neill 2014), whose bytes are the same on every computer.
+
+use rand_pcg::Pcg64;
+use rand_pcg::rand_core::Rng;
 
 /// Point `index` of the first two Sobol' dimensions, as 32-bit fractions.
 ///
@@ -65,6 +69,18 @@ pub fn hash(seed: u64, stream: u64) -> u32 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     ((z ^ (z >> 31)) >> 32) as u32
+}
+
+/// `n` random numbers, independent and uniform in [0, 1), in steps of 2^-53. `frame` gives each frame its own.
+pub fn uniform(n: u32, seed: u64, frame: f64) -> Vec<f64> {
+    /// The stream that the generator's authors suggest.
+    const STREAM: u128 = 0x0a02_bdbf_7bb3_c0a7_ac28_fa16_a64a_bf96;
+    let frame = frame.to_bits();
+    // Offsets have the streams 0 and 1.
+    let words = [hash(seed, 2), hash(seed, 3), hash(frame, 4), hash(frame, 5)];
+    let state = words.into_iter().fold(0, |state, word| state << 32 | u128::from(word));
+    let mut random = Pcg64::new(state, STREAM);
+    (0..n).map(|_| (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64).collect()
 }
 
 /// `n` sub-pixel offsets in [-1/2, 1/2)^2, in pixels, that go with the time samples 0..n in order.
@@ -154,6 +170,36 @@ mod tests {
                 let mean = offsets.iter().map(|o| f64::from(o[d])).sum::<f64>() / f64::from(n);
                 assert!(mean.abs() < 1e-7, "n {n}: mean {mean}");
                 assert!(offsets.iter().all(|o| (-0.5..0.5).contains(&o[d])));
+            }
+        }
+    }
+
+    /// The bits that every computer and every version must make; from PCG64 written out in another language.
+    #[test]
+    fn random_numbers_stay_the_same() {
+        let bits = |seed, frame| uniform(2, seed, frame).into_iter().map(f64::to_bits).collect::<Vec<_>>();
+        assert_eq!(bits(1, 0.0), [0x3fce_bdba_23e9_f3b4, 0x3fe8_e0e9_b184_9bc5]);
+        assert_eq!(bits(77, 1.5), [0x3fe7_1416_35e4_da5d, 0x3fec_fcf2_a727_f503]);
+        assert_ne!(bits(1, 0.0), bits(2, 0.0));
+        assert_ne!(bits(1, 0.0), bits(1, 1.0));
+    }
+
+    /// 2^16 numbers in 256 cells, alone and in pairs of neighbours: chi^2 within 6 standard deviations of its mean.
+    #[test]
+    fn random_numbers_are_uniform_and_independent() {
+        for (seed, frame) in [(1, 0.0), (2, 0.0), (1, 1.0), (1, 2.0), (u64::MAX, -1.5)] {
+            let numbers = uniform(1 << 16, seed, frame);
+            assert!(numbers.iter().all(|v| (0.0..1.0).contains(v)));
+            let cell = |v: f64, cells: f64| (v * cells) as usize;
+            let (mut single, mut pairs) = ([0.0_f64; 256], [0.0_f64; 256]);
+            for pair in numbers.chunks(2) {
+                single[cell(pair[0], 256.0)] += 1.0;
+                single[cell(pair[1], 256.0)] += 1.0;
+                pairs[16 * cell(pair[0], 16.0) + cell(pair[1], 16.0)] += 1.0;
+            }
+            for (counts, mean) in [(single, 256.0), (pairs, 128.0)] {
+                let chi2: f64 = counts.iter().map(|count| (count - mean) * (count - mean) / mean).sum();
+                assert!((chi2 - 255.0).abs() < 6.0 * 510.0_f64.sqrt(), "seed {seed}, frame {frame}: {chi2}");
             }
         }
     }

@@ -25,6 +25,11 @@ pub enum Weight {
         /// Peak, in [0, 1].
         centre: f64,
     },
+    /// a(t) ~ 1 - exp(-|t - centre|), 0 at the centre: what the caption of thesis fig. 3.1d says, word for word.
+    OneMinusExponential {
+        /// Where it is 0, in [0, 1].
+        centre: f64,
+    },
     /// a(t) ~ exp(-(t - centre)^2 / (2 width^2)).
     Gaussian {
         /// Peak, in [0, 1].
@@ -53,6 +58,11 @@ impl Weight {
             Self::Exponential { rate, centre } => {
                 // integral of exp(-rate |s|) from 0 to s
                 let half = |s: f64| -libm::expm1(-rate * s.abs()) / rate * s.signum();
+                half(t - centre) - half(-centre)
+            }
+            Self::OneMinusExponential { centre } => {
+                // integral of 1 - exp(-|s|) from 0 to s
+                let half = |s: f64| s + libm::expm1(-s.abs()) * s.signum();
                 half(t - centre) - half(-centre)
             }
             Self::Gaussian { centre, width } => {
@@ -127,6 +137,11 @@ impl Shutter {
         frame + self.open + (self.close - self.open) * t
     }
 
+    /// The times before which `shares` of the exposure lie, each with the same weight; weights sum to 1.
+    pub fn times_of(&self, shares: &[f64]) -> Vec<(f64, f64)> {
+        shares.iter().map(|&share| (self.weight.time_of(share), 1.0 / shares.len() as f64)).collect()
+    }
+
     /// Times `t_i = (i + place)/n`, `place` in [0, 1], and their weights, the integrals of a over the strata; weights
     /// sum to 1.
     pub fn strata(&self, n: u32, place: f64) -> Vec<(f64, f64)> {
@@ -154,6 +169,8 @@ mod tests {
             (Weight::Ramp { centre: 0.3 }, |t| 1.0 - (t - 0.3).abs()),
             (Weight::Exponential { rate: 3.0, centre: 1.0 }, |t| (-3.0 * (t - 1.0).abs()).exp()),
             (Weight::Exponential { rate: 5.0, centre: 0.4 }, |t| (-5.0 * (t - 0.4).abs()).exp()),
+            (Weight::OneMinusExponential { centre: 1.0 }, |t| 1.0 - (-(t - 1.0).abs()).exp()),
+            (Weight::OneMinusExponential { centre: 0.4 }, |t| 1.0 - (-(t - 0.4).abs()).exp()),
             (Weight::Gaussian { centre: 0.5, width: 0.2 }, |t| (-(t - 0.5).powi(2) / 0.08).exp()),
             (Weight::Curve(vec![(0.2, 0.0), (0.5, 2.0), (0.6, 1.0)]), |t| {
                 if t < 0.2 {

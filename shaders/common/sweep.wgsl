@@ -8,6 +8,8 @@
 const UNMOVED: f32 = 1e-12;
 // 1 / integral over [-1, 1] of exp(-2 tau^2).
 const ELLIPSOID_PEAK: f32 = 0.83591896;
+// Integral of exp(-2 r^2) over the unit disc over its integral over the unit ball.
+const LINE_PEAK: f32 = 0.9341491;
 const HALF_SQRT_PI: f32 = 0.8862269;
 const SQRT_TWO: f32 = 1.4142135;
 const SQRT_HALF_PI: f32 = 1.2533141;
@@ -85,6 +87,12 @@ fn tube_weight(mean: f32, span: vec2<f32>) -> f32 {
 
 fn ellipsoid_weight(mean: f32, span: vec2<f32>) -> f32 {
     return mean * (ELLIPSOID_PEAK * (span.y - span.x));
+}
+
+// Line integral through the ellipsoid (docs/math.md, eq. 16b; Wolf 2008, eq. C.38). `slant`: 1 / |cos| of the angle
+// between the ray and the kernel's normal.
+fn line_weight(mean: f32, span: vec2<f32>, slant: f32) -> f32 {
+    return mean * (LINE_PEAK * (span.y - span.x)) * slant;
 }
 
 // Factor on a chord's weight that keeps a kernel's integral over the screen the same whatever its motion.

@@ -31,6 +31,7 @@ override FOOTPRINT: u32 = 0u;
 const TUBE: u32 = 0u;
 const ELLIPSOID: u32 = 1u;
 const CHORD: u32 = 2u;
+const LINE: u32 = 3u;
 // Number of places of a kernel on one ray whose sources are looked up.
 override SOURCE_SAMPLES: u32 = 1u;
 // If true, the sum of weights is recorded instead of the times at which kernels cover.
@@ -135,7 +136,7 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>, before: f32,
         let known = source(met.source);
         var weight = met.weight;
         var shown = Shown(select(0.0, 1.0, met.source_depth <= known.x), 0xffffffffu);
-        if FOOTPRINT != CHORD {
+        if FOOTPRINT != CHORD && FOOTPRINT != LINE {
             weight = min(weight * known.y, met.most);
             shown = shown_in(met, slices);
         }
@@ -293,8 +294,10 @@ fn meet(splat: SweptSplat, ray: Ray, part: u32, pixel: vec2<f32>) -> Met {
     let disc_tau = 0.5 * (disc_span.x + disc_span.y);
     let time = 1.0 + view.slope * tau;
     let disc_time = 1.0 + view.slope * disc_tau;
-    let own = weigh(body, weighed);
-    let discs = weigh(disc_sweep, disc_span);
+    var slant = 1.0;
+    if FOOTPRINT == LINE { slant = slant_of(splat, x, y, w); }
+    let own = weigh(body, weighed, slant);
+    let discs = weigh(disc_sweep, disc_span, 1.0);
     let weight = select(0.0, own.x * time, body_met);
     let disc_weight = select(0.0, discs.x * disc_time, disc_met);
     let larger = disc_weight > weight;
@@ -330,12 +333,28 @@ fn meet(splat: SweptSplat, ray: Ray, part: u32, pixel: vec2<f32>) -> Met {
 }
 
 // Weight over the interval, its greatest value for kernels of peak 1, and the factor that makes it an intensity.
-fn weigh(s: Sweep, span: vec2<f32>) -> vec3<f32> {
+fn weigh(s: Sweep, span: vec2<f32>, slant: f32) -> vec3<f32> {
     if FOOTPRINT == TUBE { return vec3<f32>(tube_weight(mean_over(s, span), span), tube_weight(1.0, span), 1.0); }
     if FOOTPRINT == ELLIPSOID {
         return vec3<f32>(ellipsoid_weight(mean_over(s, span), span), ellipsoid_weight(1.0, span), 1.0);
     }
+    if FOOTPRINT == LINE { return vec3<f32>(line_weight(mean_over(s, span), span, slant), 1.0, 1.0); }
     return vec3<f32>(chord(s), 1.0, chord_intensity(s));
+}
+
+// 1 / |cos| of the angle between the kernel's normal and the ray at offset `x`, `y` from the splat's reference, where
+// the inverse depth is `w`.
+fn slant_of(splat: SweptSplat, x: f32, y: f32, w: f32) -> f32 {
+    let i = splat.inverse_depth;
+    let offset = splat.reference - (view.axis - view.offset);
+    let normal_x = i[0] * view.focal;
+    let normal_y = i[1] * view.focal;
+    let normal_z = i[2] - i[0] * offset.x - i[1] * offset.y;
+    let over = 1.0 / view.focal;
+    let ray_x = (x + offset.x) * over;
+    let ray_y = (y + offset.y) * over;
+    let normal = sqrt(normal_x * normal_x + normal_y * normal_y + normal_z * normal_z);
+    return normal * sqrt(ray_x * ray_x + ray_y * ray_y + 1.0) / w;
 }
 
 // Part `part` of `span`, which is cut into SOURCE_SAMPLES equal parts.

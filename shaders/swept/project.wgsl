@@ -16,8 +16,6 @@
 
 // If true, the kernel is the ellipsoid instead of the tube.
 override ELLIPSOID: bool = false;
-// Factor on the motion: that of the kernel over that of the surfel.
-override STRETCH: u32 = 1u;
 
 @compute @workgroup_size(256)
 fn sweep(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -28,7 +26,7 @@ fn sweep(@builtin(global_invocation_id) id: vec3<u32>) {
     let column = 3u * segment.buffer_surfels;
     let position = vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]);
     let centre = apply(travels[segment.index].centre, position);
-    let motion = apply(travels[segment.index].motion, position) * f32(STRETCH);
+    let motion = apply(travels[segment.index].motion, position);
     let at_u = at + column;
     let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
     let at_v = at_u + column;

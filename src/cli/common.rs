@@ -33,10 +33,11 @@ Modes: NAME[:COUNTS][+OPTION=VALUE]...
   supersample:32              N time samples; +pixel-samples=P: at P sub-pixel positions (here and below; without it as
                               many as samples, buckets or intervals). Static objects are splatted once at each.
   supersample:8+interleave=2  neighbouring pixels of a 2 x 2 (or 4 x 4) lattice see different times
-  bucket:8x4                  B buckets of N time samples; +interleave=S, +pixel-samples=P
-  volumetric:10               N intervals of swept kernels; +kernel=ellipsoid (or +ellipsoid), +kernel-weight=chord (or
-                              +chord), +alpha=sum (or +sum), +normalise=once (or +once), +source-samples=K,
-                              +pixel-samples=P; +published: all as in Wolf (2008)
+  supersample:8+times=random  random times; or +times=stratified: one in each of N equal shares of the exposure
+  bucket:8x4                  B buckets of N time samples; +interleave=S, +times=T, +pixel-samples=P
+  volumetric:10               N intervals of swept kernels; +kernel=ellipsoid (or +ellipsoid), +kernel-weight=chord or
+                              =line (or +chord, +line), +alpha=sum (or +sum), +normalise=once (or +once), +overlap=S,
+                              +source-samples=K, +pixel-samples=P; +published: all as in Wolf (2008)
 Counts may be left out; those shown are the defaults (auto: good).";
 
 /// Values that replace those of the scene.
@@ -63,7 +64,8 @@ pub(super) struct Overrides {
         help_heading = "Scene"
     )]
     shutter: Option<(f64, f64)>,
-    /// Time weight over the shutter: box, tent, ramp:centre=1, exponential:rate=3,centre=1, gaussian:centre=.5,width=.2
+    /// Time weight over the shutter: box, tent, ramp:centre=1, exponential:rate=3,centre=1,
+    /// one-minus-exponential:centre=1, gaussian:centre=.5,width=.2
     /// (parameters optional) [default: the scene's, else box].
     #[arg(long, value_name = "WEIGHT", help_heading = "Scene")]
     weight: Option<Weight>,

@@ -14,7 +14,8 @@ use super::values;
 /// Convert a model to splatblur's own .bin or to .ply.
 ///
 /// Reads any model that a scene may name, estimates what is missing (normals, radii), and writes the result, so that
-/// later runs need not estimate again. The ending of OUT decides: .bin loads fastest, .ply opens in other programs.
+/// later runs need not estimate again. The ending of OUT decides: .bin loads fastest and keeps the normalisation of
+/// overlapping kernels, .ply opens in other programs.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

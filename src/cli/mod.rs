@@ -21,6 +21,7 @@ mod selection;
 mod sheet;
 mod shell;
 mod study;
+mod thesis;
 mod values;
 mod words;
 
@@ -63,6 +64,7 @@ enum Command {
     Compare(compare::Compare),
     Sheet(Box<sheet::Sheet>),
     Report(Box<report::Report>),
+    Study(thesis::Study),
     Info(info::Info),
     Convert(convert::Convert),
     Generate(generate::Generate),
@@ -77,7 +79,10 @@ pub(super) fn main() -> ExitCode {
         Err(error) => return refuse(&error),
     };
     // These open devices.
-    if matches!(cli.command, Command::Render(_) | Command::Sheet(_) | Command::Report(_) | Command::Info(_)) {
+    if matches!(
+        cli.command,
+        Command::Render(_) | Command::Sheet(_) | Command::Report(_) | Command::Study(_) | Command::Info(_)
+    ) {
         selection::leave_out();
     }
     let done = match &cli.command {
@@ -86,6 +91,7 @@ pub(super) fn main() -> ExitCode {
         Command::Compare(compare) => compare.run(),
         Command::Sheet(sheet) => sheet.run().map(|()| ExitCode::SUCCESS),
         Command::Report(report) => report.run(),
+        Command::Study(study) => study.run().map(|()| ExitCode::SUCCESS),
         Command::Info(info) => info.run().map(|()| ExitCode::SUCCESS),
         Command::Convert(convert) => convert.run().map(|()| ExitCode::SUCCESS),
         Command::Generate(generate) => generate.run().map(|()| ExitCode::SUCCESS),

@@ -38,7 +38,7 @@ pub struct PosedObject {
     pub centre_from_model: Mat3,
     /// Screen-space position of the model's origin, likewise.
     pub centre_origin: Vec3,
-    /// Half the difference of the poses at the interval's ends, linear part; else 0.
+    /// Half the difference of the poses at the interval's ends, times the kernels' stretch, linear part; else 0.
     pub motion_from_model: Mat3,
     /// Motion of the model's origin, likewise.
     pub motion_origin: Vec3,
@@ -132,12 +132,15 @@ impl Poser<'_> {
         let camera_from_model = camera * world_from_model * to_origin;
         let screen = self.screen(&camera_from_model);
         // The line along which surfels travel during an interval: their mean position, by Simpson's rule, and half the
-        // difference of its ends.
+        // difference of its ends, times what kernels are longer.
         let (centre, motion) =
             interval.filter(|_| object.blur).map_or((screen, (DMat3::ZERO, DVec3::ZERO)), |interval| {
                 let [from, to] = interval.ends.map(|time| self.camera_from_model(object, time));
                 let middle = camera_from_model;
-                (self.screen(&(middle + ((from + to) * 0.5 - middle) / 3.0)), self.screen(&((to - from) * 0.5)))
+                (
+                    self.screen(&(middle + ((from + to) * 0.5 - middle) / 3.0)),
+                    self.screen(&((to - from) * (0.5 * interval.stretch))),
+                )
             });
         let linear = DMat3::from_mat4(world_from_model);
         let det = linear.determinant();

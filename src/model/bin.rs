@@ -1,47 +1,90 @@
 //! Our own binary format: complete surfels in columns, exact and fast to load. docs/bin-format.md describes it byte by
-//! byte.
+//! byte. It has 400 lines because it reads two versions of the format.
 
+use std::collections::BTreeSet;
 use std::io::{self, Write};
+use std::ops::Range;
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
 use super::error::{ModelError, ParseError, quote};
 use super::format::BIN_MAGIC;
+use super::normalisation::LARGEST;
 use super::store;
 use super::surfels::{Material, Normalisation, Surfels};
 use super::tidy::{MAX_COORDINATE, usable};
 
-const VERSION: u32 = 1;
+/// The version that is written. The first one is read too.
+const VERSION: u32 = 2;
 const HEADER: usize = 64;
 const CRC_AT: usize = 48;
+/// Of version 2: the number of columns.
+const COLUMNS_AT: usize = 52;
+/// Bytes of a column's entry in the directory: name, type, components, offset, length.
+const ENTRY: usize = 48;
+const NAME: usize = 24;
+/// The type of 32-bit floats, the only one so far.
+const F32: u32 = 1;
+// The first version has bits for columns, where the second one has a directory.
 const HAS_MATERIAL: u32 = 1;
 const HAS_VELOCITY: u32 = 2;
 const TWO_SIDED: u32 = 4;
 const SIGNS_ESTIMATED: u32 = 8;
 
+/// A column that this version knows.
+struct Known {
+    name: &'static str,
+    /// Floats of a row.
+    components: usize,
+    required: bool,
+}
+
+const fn known(name: &'static str, components: usize, required: bool) -> Known {
+    Known { name, components, required }
+}
+
+/// The columns in the order in which they are written. The first version has all but the last.
+const COLUMNS: [Known; 8] = [
+    known("position", 3, true),
+    known("axis_u", 3, true),
+    known("axis_v", 3, true),
+    known("normal", 3, true),
+    known("colour", 3, true),
+    known("material", 4, false),
+    known("velocity", 3, false),
+    known("normalisation", 1, false),
+];
+
+/// Where each column of [`COLUMNS`] lies in the file.
+type Places = [Option<Range<usize>>; COLUMNS.len()];
+
 /// Reads a file into surfels.
 ///
 /// # Errors
-/// The error names the byte. The magic or the version is wrong, there are unknown columns, the length does not fit the
-/// count, the checksum is wrong, or there are surfels that no other reader would accept (not finite, without extent,
-/// normals not of unit length).
+/// The error names the byte. The magic or the version is wrong, columns are missing or do not fit the count, the
+/// checksum is wrong, or there are surfels that no other reader would accept (not finite, without extent, normals not
+/// of unit length).
 pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
     let magic: [u8; 8] = field(bytes, 0)?;
     if magic != BIN_MAGIC {
         return Err(ParseError::byte(0, quote(&magic), quote(&BIN_MAGIC)));
     }
     let version = u32::from_le_bytes(field(bytes, 8)?);
-    if version != VERSION {
-        return Err(ParseError::byte(8, format!("version {version}"), format!("{VERSION}")));
+    if version == 0 || version > VERSION {
+        return Err(ParseError::byte(8, format!("version {version}"), format!("1 to {VERSION}")));
     }
     let mask = u32::from_le_bytes(field(bytes, 12)?);
-    if mask & !(HAS_MATERIAL | HAS_VELOCITY | TWO_SIDED | SIGNS_ESTIMATED) != 0 {
-        return Err(ParseError::byte(
-            12,
-            format!("column mask {mask:#x}"),
+    let (bits, known) = if version == 1 {
+        (
+            HAS_MATERIAL | HAS_VELOCITY | TWO_SIDED | SIGNS_ESTIMATED,
             "bits 0 (material), 1 (velocity), 2 (two-sided) and 3 (signs estimated) only",
-        ));
+        )
+    } else {
+        (TWO_SIDED | SIGNS_ESTIMATED, "bits 2 (two-sided) and 3 (signs estimated) only")
+    };
+    if mask & !bits != 0 {
+        return Err(ParseError::byte(12, format!("column mask {mask:#x}"), known));
     }
     let count = u64::from_le_bytes(field(bytes, 16)?);
     let origin = [24, 32, 40].map(|at| field(bytes, at).map(f64::from_le_bytes));
@@ -50,9 +93,56 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
     if !origin.is_finite() || origin.abs().max_element() > MAX_COORDINATE {
         return Err(ParseError::byte(24, format!("origin {origin}"), "finite coordinates up to 1e18"));
     }
-    let length = file_length(count, mask);
-    if length != Some(bytes.len() as u64) {
-        let expected = length.map_or_else(|| "2^64 or more".to_owned(), |n| n.to_string());
+    let places = if version == 1 { first_version(bytes, count, mask)? } else { directory(bytes, count)? };
+    let found = u32::from_le_bytes(field(bytes, CRC_AT)?);
+    let computed = checksum(bytes);
+    if found != computed {
+        let expected = format!("{computed:08x}: the file is damaged");
+        return Err(ParseError::byte(CRC_AT, format!("checksum {found:08x}"), expected));
+    }
+    let [position, axis_u, axis_v, normal, colour, material, velocity, normalisation] =
+        places.each_ref().map(|place| place.as_ref().and_then(|place| bytes.get(place.clone())).unwrap_or_default());
+    let factors: Vec<f32> = rows(normalisation).map(|[factor]: [f32; 1]| factor).collect();
+    check_factors(&factors, &places)?;
+    let surfels = Surfels {
+        origin,
+        position: vectors(position),
+        axis_u: vectors(axis_u),
+        axis_v: vectors(axis_v),
+        normal: vectors(normal),
+        colour: vectors(colour),
+        material: rows(material)
+            .map(|[ambient, diffuse, specular, shininess]| Material { ambient, diffuse, specular, shininess })
+            .collect(),
+        velocity: vectors(velocity),
+        normalisation: if factors.is_empty() { Normalisation::default() } else { factors.into() },
+        two_sided: mask & TWO_SIDED != 0,
+        signs_estimated: mask & SIGNS_ESTIMATED != 0,
+    };
+    check(&surfels, &places)?;
+    Ok(surfels)
+}
+
+/// The columns of the first version: they follow the header in their order.
+fn first_version(bytes: &[u8], count: u64, mask: u32) -> Result<Places, ParseError> {
+    let mut places = Places::default();
+    let mut end = Some(HEADER as u64);
+    for (place, column) in places.iter_mut().zip(&COLUMNS) {
+        let is_there = match column.name {
+            "material" => mask & HAS_MATERIAL != 0,
+            "velocity" => mask & HAS_VELOCITY != 0,
+            _ => column.required,
+        };
+        if is_there {
+            let (start, length) = (end, column.length(count));
+            let stop = start.zip(length).and_then(|(start, length)| start.checked_add(length));
+            end = stop.and_then(|stop| stop.checked_next_multiple_of(8));
+            // An end beyond the file is found below.
+            *place = start.zip(stop).map(|(start, stop)| start as usize..stop as usize);
+        }
+    }
+    if end != Some(bytes.len() as u64) {
+        let expected = end.map_or_else(|| "2^64 or more".to_owned(), |n| n.to_string());
         let found = format!("{count} surfels in a file of {} bytes", bytes.len());
         return Err(ParseError::byte(16, found, format!("a file of {expected} bytes: is it cut short?")));
     }
@@ -60,44 +150,100 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
     if reserved != [0; 12] {
         return Err(ParseError::byte(CRC_AT + 4, "reserved bytes that are not 0", "12 zeros"));
     }
-    let found = u32::from_le_bytes(field(bytes, CRC_AT)?);
-    let computed = checksum(bytes);
-    if found != computed {
-        let expected = format!("{computed:08x}: the file is damaged");
-        return Err(ParseError::byte(CRC_AT, format!("checksum {found:08x}"), expected));
-    }
-    let mut columns = Columns { bytes, at: HEADER, count: count as usize };
-    let position = columns.vectors();
-    let surfels = Surfels {
-        origin,
-        position,
-        axis_u: columns.vectors(),
-        axis_v: columns.vectors(),
-        normal: columns.vectors(),
-        colour: columns.vectors(),
-        material: if mask & HAS_MATERIAL == 0 { Vec::new() } else { columns.materials() },
-        velocity: if mask & HAS_VELOCITY == 0 { Vec::new() } else { columns.vectors() },
-        normalisation: Normalisation::default(),
-        two_sided: mask & TWO_SIDED != 0,
-        signs_estimated: mask & SIGNS_ESTIMATED != 0,
-    };
-    check(&surfels)?;
-    Ok(surfels)
+    Ok(places)
 }
 
-/// Writes surfels so that [`super::load()`] gives back the same bits.
+/// The columns of the second version: a directory follows the header, and the columns follow the directory in its
+/// order. Columns of other names are skipped.
+fn directory(bytes: &[u8], count: u64) -> Result<Places, ParseError> {
+    let columns = u32::from_le_bytes(field(bytes, COLUMNS_AT)?);
+    let reserved: [u8; 8] = field(bytes, COLUMNS_AT + 4)?;
+    if reserved != [0; 8] {
+        return Err(ParseError::byte(COLUMNS_AT + 4, "reserved bytes that are not 0", "8 zeros"));
+    }
+    let left = bytes.len() - HEADER;
+    let entries = u64::from(columns) * ENTRY as u64;
+    if entries > left as u64 {
+        let expected = format!("at most {}: {left} bytes are left", left / ENTRY);
+        return Err(ParseError::byte(COLUMNS_AT, format!("{columns} columns"), expected));
+    }
+    let mut places = Places::default();
+    let mut names = BTreeSet::new();
+    let mut end = HEADER as u64 + entries;
+    for at in (HEADER..).step_by(ENTRY).take(columns as usize) {
+        let raw: [u8; NAME] = field(bytes, at)?;
+        let name = name(&raw).ok_or_else(|| {
+            let expected = "a name of a to z, 0 to 9 and _, filled up with zeros";
+            ParseError::byte(at, format!("column name {}", quote(&raw)), expected)
+        })?;
+        if !names.insert(raw) {
+            return Err(ParseError::byte(at, format!("a second column `{name}`"), "different names"));
+        }
+        let kind = u32::from_le_bytes(field(bytes, at + NAME)?);
+        let components = u32::from_le_bytes(field(bytes, at + NAME + 4)?);
+        let start = u64::from_le_bytes(field(bytes, at + NAME + 8)?);
+        let length = u64::from_le_bytes(field(bytes, at + NAME + 16)?);
+        if start != end {
+            let found = format!("column `{name}` at byte {start}");
+            return Err(ParseError::byte(at + NAME + 8, found, format!("byte {end}, the next multiple of 8")));
+        }
+        let left = (bytes.len() as u64).saturating_sub(start);
+        if length > left {
+            let found = format!("column `{name}` of {length} bytes");
+            return Err(ParseError::byte(at + NAME + 16, found, format!("at most {left}: is the file cut short?")));
+        }
+        end = (start + length).next_multiple_of(8);
+        let Some((place, column)) = places.iter_mut().zip(&COLUMNS).find(|(_, known)| known.name == name) else {
+            continue;
+        };
+        if (kind, components as usize) != (F32, column.components) {
+            let found = format!("column `{name}` of type {kind} with {components} components");
+            let expected = format!("type {F32} with {}", column.components);
+            return Err(ParseError::byte(at + NAME, found, expected));
+        }
+        if column.length(count) != Some(length) {
+            let found = format!("column `{name}` of {length} bytes for {count} surfels");
+            let expected = format!("{} bytes for each surfel", 4 * column.components);
+            return Err(ParseError::byte(at + NAME + 16, found, expected));
+        }
+        *place = Some(start as usize..(start + length) as usize);
+    }
+    if end != bytes.len() as u64 {
+        let found = format!("columns up to byte {end} in a file of {} bytes", bytes.len());
+        return Err(ParseError::byte(COLUMNS_AT, found, "a file that ends with its last column"));
+    }
+    let missing = places.iter().zip(&COLUMNS).find(|(place, column)| place.is_none() && column.required);
+    match missing {
+        Some((_, column)) => Err(ParseError::byte(HEADER, format!("no column `{}`", column.name), "one")),
+        None => Ok(places),
+    }
+}
+
+/// The name in an entry; `None` if it is empty or has other characters.
+fn name(raw: &[u8; NAME]) -> Option<&str> {
+    let length = raw.iter().position(|&b| b == 0).unwrap_or(NAME);
+    let (name, rest) = raw.split_at_checked(length)?;
+    let is_plain = |b: &u8| b.is_ascii_lowercase() || b.is_ascii_digit() || *b == b'_';
+    let fits = !name.is_empty() && name.iter().all(is_plain) && rest.iter().all(|&b| b == 0);
+    if fits { std::str::from_utf8(name).ok() } else { None }
+}
+
+impl Known {
+    /// Bytes of a column; `None` if they need more than 64 bits.
+    fn length(&self, count: u64) -> Option<u64> {
+        count.checked_mul(4 * self.components as u64)
+    }
+}
+
+/// Writes surfels so that [`super::load()`] gives back the same bits. The normalisation of the kernels is computed
+/// unless it is known, and written too.
 ///
 /// # Errors
 /// The file cannot be written (then no part of it is left), or the arrays differ in length.
 pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     store::check_columns(surfels)?;
+    let columns = Column::all(surfels);
     let mut mask = 0;
-    if !surfels.material.is_empty() {
-        mask |= HAS_MATERIAL;
-    }
-    if !surfels.velocity.is_empty() {
-        mask |= HAS_VELOCITY;
-    }
     if surfels.two_sided {
         mask |= TWO_SIDED;
     }
@@ -106,19 +252,21 @@ pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     }
     let mut header = [0; HEADER];
     let origin = surfels.origin.to_array().map(f64::to_le_bytes);
-    let parts: [&[u8]; 5] = [
+    let parts: [&[u8]; 7] = [
         &BIN_MAGIC,
         &VERSION.to_le_bytes(),
         &u32::to_le_bytes(mask),
         &(surfels.len() as u64).to_le_bytes(),
         origin.as_flattened(),
+        &[0; 4],
+        &(columns.len() as u32).to_le_bytes(),
     ];
     for (to, from) in header.iter_mut().zip(parts.into_iter().flatten()) {
         *to = *from;
     }
     // The checksum precedes the columns. They are encoded twice, which needs no memory for the encoded bytes.
     let mut sum = Sum(crc32fast::Hasher::new());
-    let summed = sum.write_all(&header).and_then(|()| write_columns(&mut sum, surfels));
+    let summed = sum.write_all(&header).and_then(|()| write_columns(&mut sum, &columns));
     summed.map_err(|source| ModelError::Write { path: path.to_owned(), source })?;
     let crc = sum.0.finalize().to_le_bytes();
     for (to, from) in header.iter_mut().skip(CRC_AT).zip(crc) {
@@ -126,26 +274,79 @@ pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     }
     store::write(path, |out| {
         out.write_all(&header)?;
-        write_columns(out, surfels)
+        write_columns(out, &columns)
     })
 }
 
-fn write_columns(out: &mut impl Write, surfels: &Surfels) -> io::Result<()> {
-    let s = surfels;
-    for column in [&s.position, &s.axis_u, &s.axis_v, &s.normal, &s.colour] {
-        write_vectors(out, column)?;
-    }
-    for m in &s.material {
-        write_floats(out, &[m.ambient, m.diffuse, m.specular, m.shininess])?;
-    }
-    write_vectors(out, &s.velocity)
+/// A column to be written.
+struct Column<'a> {
+    known: &'static Known,
+    values: Values<'a>,
 }
 
-fn write_vectors(out: &mut impl Write, column: &[Vec3]) -> io::Result<()> {
-    for v in column {
-        write_floats(out, &v.to_array())?;
+enum Values<'a> {
+    Vectors(&'a [Vec3]),
+    Materials(&'a [Material]),
+    Numbers(&'a [f32]),
+}
+
+impl<'a> Column<'a> {
+    /// The columns of a model that are not empty.
+    fn all(s: &'a Surfels) -> Vec<Self> {
+        let values = [
+            Values::Vectors(&s.position),
+            Values::Vectors(&s.axis_u),
+            Values::Vectors(&s.axis_v),
+            Values::Vectors(&s.normal),
+            Values::Vectors(&s.colour),
+            Values::Materials(&s.material),
+            Values::Vectors(&s.velocity),
+            Values::Numbers(s.normalisation()),
+        ];
+        let columns = COLUMNS.iter().zip(values).map(|(known, values)| Self { known, values });
+        columns.filter(|column| column.known.required || column.bytes() > 0).collect()
     }
-    out.write_all(if column.len() % 2 == 1 { &[0; 4] } else { &[] })
+
+    fn bytes(&self) -> u64 {
+        let bytes = match self.values {
+            Values::Vectors(values) => size_of_val(values),
+            Values::Materials(values) => size_of_val(values),
+            Values::Numbers(values) => size_of_val(values),
+        };
+        bytes as u64
+    }
+
+    fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        match self.values {
+            Values::Vectors(values) => values.iter().try_for_each(|v| write_floats(out, &v.to_array())),
+            Values::Materials(values) => {
+                values.iter().try_for_each(|m| write_floats(out, &[m.ambient, m.diffuse, m.specular, m.shininess]))
+            }
+            Values::Numbers(values) => values.iter().try_for_each(|&value| write_floats(out, &[value])),
+        }
+    }
+}
+
+/// Writes the directory and the columns, each at a multiple of 8 bytes.
+fn write_columns(out: &mut impl Write, columns: &[Column<'_>]) -> io::Result<()> {
+    let mut start = (HEADER + ENTRY * columns.len()) as u64;
+    for column in columns {
+        let mut name = [0; NAME];
+        for (to, from) in name.iter_mut().zip(column.known.name.bytes()) {
+            *to = from;
+        }
+        out.write_all(&name)?;
+        out.write_all(&F32.to_le_bytes())?;
+        out.write_all(&(column.known.components as u32).to_le_bytes())?;
+        out.write_all(&start.to_le_bytes())?;
+        out.write_all(&column.bytes().to_le_bytes())?;
+        start += column.bytes().next_multiple_of(8);
+    }
+    for column in columns {
+        column.write(out)?;
+        out.write_all(if column.bytes() % 8 == 4 { &[0; 4] } else { &[] })?;
+    }
+    Ok(())
 }
 
 fn write_floats<const N: usize>(out: &mut impl Write, values: &[f32; N]) -> io::Result<()> {
@@ -166,14 +367,6 @@ impl Write for Sum {
     }
 }
 
-/// Length of a file, bytes; `None` if it needs more than 64 bits.
-fn file_length(count: u64, mask: u32) -> Option<u64> {
-    let vectors = 5 + u64::from(mask & HAS_VELOCITY != 0);
-    let vector_column = count.checked_mul(12)?.checked_next_multiple_of(8)?;
-    let material = if mask & HAS_MATERIAL == 0 { 0 } else { count.checked_mul(16)? };
-    vector_column.checked_mul(vectors)?.checked_add(material)?.checked_add(HEADER as u64)
-}
-
 /// CRC-32 (IEEE) of the whole file, with its own four bytes taken as 0.
 fn checksum(bytes: &[u8]) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
@@ -188,62 +381,54 @@ fn field<const N: usize>(bytes: &[u8], at: usize) -> Result<[u8; N], ParseError>
     found.copied().ok_or_else(|| ParseError::byte(at, "the end of the file", format!("a header of {HEADER} bytes")))
 }
 
-/// Copies columns out of a file after its length was checked.
-struct Columns<'a> {
-    bytes: &'a [u8],
-    at: usize,
-    count: usize,
+fn vectors(column: &[u8]) -> Vec<Vec3> {
+    rows(column).map(Vec3::from_array).collect()
 }
 
-impl Columns<'_> {
-    fn vectors(&mut self) -> Vec<Vec3> {
-        self.rows::<12>().map(|row| Vec3::from_array(floats(row))).collect()
-    }
-
-    fn materials(&mut self) -> Vec<Material> {
-        let material = |row: &[u8; 16]| {
-            let [ambient, diffuse, specular, shininess] = floats(row);
-            Material { ambient, diffuse, specular, shininess }
-        };
-        self.rows::<16>().map(material).collect()
-    }
-
-    fn rows<const N: usize>(&mut self) -> impl Iterator<Item = &[u8; N]> {
-        let column = self.bytes.get(self.at..).unwrap_or_default();
-        self.at += (N * self.count).next_multiple_of(8);
-        column.as_chunks::<N>().0.iter().take(self.count)
-    }
-}
-
-fn floats<const N: usize, const M: usize>(row: &[u8; N]) -> [f32; M] {
-    let mut values = [0.0; M];
-    for (value, raw) in values.iter_mut().zip(row.as_chunks::<4>().0) {
-        *value = f32::from_le_bytes(*raw);
-    }
-    values
+/// The rows of a column of floats.
+fn rows<const N: usize>(column: &[u8]) -> impl Iterator<Item = [f32; N]> {
+    let floats = column.as_chunks::<4>().0;
+    floats.as_chunks::<N>().0.iter().map(|row| row.map(f32::from_le_bytes))
 }
 
 /// Checks what every other part relies on. A checksum guards against accidents, not against programs that write
 /// nonsense.
-fn check(s: &Surfels) -> Result<(), ParseError> {
+fn check(s: &Surfels, places: &Places) -> Result<(), ParseError> {
     let finite = |v: &Vec3| f64::from(v.abs().max_element()) <= MAX_COORDINATE && v.is_finite();
     let unit = |n: &Vec3| (n.length_squared() - 1.0).abs() < 1e-4;
     let sane =
         |m: &Material| [m.ambient, m.diffuse, m.specular, m.shininess].iter().all(|x| x.is_finite() && *x >= 0.0);
     let axes = s.axis_u.iter().zip(&s.axis_v);
     let faults = [
-        ("position", s.position.iter().position(|v| !finite(v))),
-        ("pair of axes", axes.into_iter().position(|(u, v)| !usable(*u, *v))),
-        ("normal", s.normal.iter().position(|n| !unit(n))),
-        ("colour", s.colour.iter().position(|c| !c.is_finite())),
-        ("material", s.material.iter().position(|m| !sane(m))),
-        ("velocity", s.velocity.iter().position(|v| !finite(v))),
+        (0, "position", s.position.iter().position(|v| !finite(v))),
+        (1, "pair of axes", axes.into_iter().position(|(u, v)| !usable(*u, *v))),
+        (3, "normal", s.normal.iter().position(|n| !unit(n))),
+        (4, "colour", s.colour.iter().position(|c| !c.is_finite())),
+        (5, "material", s.material.iter().position(|m| !sane(m))),
+        (6, "velocity", s.velocity.iter().position(|v| !finite(v))),
     ];
-    match faults.into_iter().find_map(|(what, fault)| fault.map(|i| (what, i))) {
-        Some((what, i)) => {
+    match faults.into_iter().find_map(|(column, what, fault)| fault.map(|i| (column, what, i))) {
+        Some((column, what, i)) => {
             let expected = "finite numbers, axes that span a plane, unit normals, coefficients of at least 0";
-            Err(ParseError::byte(HEADER, format!("an unusable {what} at surfel {i}"), expected))
+            Err(ParseError::byte(byte_of(places, column, i), format!("an unusable {what} at surfel {i}"), expected))
         }
         None => Ok(()),
     }
+}
+
+/// Checks that factors are in the range that [`Surfels::normalisation`] gives.
+fn check_factors(factors: &[f32], places: &Places) -> Result<(), ParseError> {
+    match factors.iter().position(|&factor| !(factor > 0.0 && factor <= LARGEST)) {
+        Some(i) => {
+            let found = format!("the normalisation {} at surfel {i}", factors[i]);
+            Err(ParseError::byte(byte_of(places, 7, i), found, format!("a factor above 0, at most {LARGEST}")))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The byte at which row `i` of a column begins.
+fn byte_of(places: &Places, column: usize, i: usize) -> usize {
+    let start = places[column].as_ref().map_or(HEADER, |place| place.start);
+    start + 4 * COLUMNS[column].components * i
 }

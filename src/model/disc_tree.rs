@@ -184,7 +184,9 @@ mod tests {
         let reach: Vec<f32> = (0..n).map(|i| if i == n / 3 { 50.0 } else { 0.01 + 0.1 * random.next() }).collect();
         let order = order(&centre, &reach);
         let mut seen = vec![false; n];
-        order.iter().for_each(|&i| seen[i as usize] = true);
+        for &i in &order {
+            seen[i as usize] = true;
+        }
         assert!(seen.iter().all(|seen| *seen) && order.len() == n);
         order.iter().map(|&i| Extent::around(centre[i as usize], Vec3::splat(reach[i as usize]))).collect()
     }

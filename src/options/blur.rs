@@ -5,7 +5,7 @@
 
 use std::fmt;
 
-use super::{Interleave, OptionError, SweptKernel};
+use super::{Interleave, OptionError, SweptKernel, Times};
 
 /// How motion becomes blur.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,6 +25,8 @@ pub enum BlurMode {
         pixel_samples: Option<u32>,
         /// Which pixels share their times.
         interleave: Interleave,
+        /// Where the times lie.
+        times: Times,
     },
     /// Time bucketing (Wolf 2008, 3.6.2 and 4.4). Each bucket has one visibility test, normalisation and shading; all
     /// its time samples contribute their attributes.
@@ -38,6 +40,8 @@ pub enum BlurMode {
         pixel_samples: Option<u32>,
         /// Which pixels share their times.
         interleave: Interleave,
+        /// Where the times lie.
+        times: Times,
     },
     /// Volumetric kernels (Wolf 2008, 3.6.3 and 4.1.2). Each kernel sweeps a volume over an interval of the shutter.
     /// Each interval has one visibility test, normalisation and shading.
@@ -60,7 +64,7 @@ impl BlurMode {
 
     /// Supersampling with `samples` time samples, >= 1, each at its own sub-pixel position.
     pub const fn interleaved(samples: u32, interleave: Interleave) -> Self {
-        Self::Supersample { samples, pixel_samples: None, interleave }
+        Self::Supersample { samples, pixel_samples: None, interleave, times: Times::Even }
     }
 
     /// What kernels sweep; `None` in modes whose kernels do not move.
@@ -75,19 +79,19 @@ impl BlurMode {
 /// As in `still:16`, `supersample:8+interleave=2`, `bucket:8x4`, `volumetric:3+published`.
 impl fmt::Display for BlurMode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (interleaved, groups, pixel_samples, swept) = match *self {
+        let (interleaved, times, groups, pixel_samples, swept) = match *self {
             Self::Still { pixel_samples } => return write!(f, "still:{pixel_samples}"),
-            Self::Supersample { samples, pixel_samples, interleave } => {
+            Self::Supersample { samples, pixel_samples, interleave, times } => {
                 write!(f, "supersample:{samples}")?;
-                (interleave, samples, pixel_samples, None)
+                (interleave, times, samples, pixel_samples, None)
             }
-            Self::Bucket { buckets, samples, pixel_samples, interleave } => {
+            Self::Bucket { buckets, samples, pixel_samples, interleave, times } => {
                 write!(f, "bucket:{buckets}x{samples}")?;
-                (interleave, buckets, pixel_samples, None)
+                (interleave, times, buckets, pixel_samples, None)
             }
             Self::Volumetric { intervals, pixel_samples, swept } => {
                 write!(f, "volumetric:{intervals}")?;
-                (Interleave::None, intervals, pixel_samples, Some(swept))
+                (Interleave::None, Times::Even, intervals, pixel_samples, Some(swept))
             }
         };
         if let Some(positions) = pixel_samples.filter(|&positions| positions != groups) {
@@ -95,6 +99,9 @@ impl fmt::Display for BlurMode {
         }
         if interleaved != Interleave::None {
             write!(f, "+interleave={interleaved}")?;
+        }
+        if times != Times::Even {
+            write!(f, "+times={times}")?;
         }
         swept.map_or(Ok(()), |swept| swept.fmt(f))
     }

@@ -1,6 +1,6 @@
 //! Why a text is no option.
 
-use super::MAX_SAMPLES;
+use super::{KernelWeight, MAX_SAMPLES};
 
 /// Why a text does not say a mode or an option: what was found, and what would be right.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -79,14 +79,19 @@ pub enum OptionError {
         samples: u32,
     },
     /// The published kernels are complete: nothing else can be chosen.
-    #[error("`published` says all of kernel, kernel-weight, alpha and normalise: it cannot stand beside `{option}`")]
+    #[error(
+        "`published` says all of kernel, kernel-weight, overlap, alpha and normalise: it cannot stand beside `{option}`"
+    )]
     Published {
         /// The option that stands beside it.
         option: &'static str,
     },
-    /// The chord of a tube.
-    #[error("kernel-weight=chord is the length within an ellipsoid: it needs kernel=ellipsoid")]
-    ChordOfTube,
+    /// A weight of ellipsoids, for a tube.
+    #[error("kernel-weight={weight} is of ellipsoids: it needs kernel=ellipsoid")]
+    OfEllipsoids {
+        /// The weight.
+        weight: KernelWeight,
+    },
     /// A parameter that a time weight does not have.
     #[error("the weight `{weight}` has no parameter `{parameter}` (it takes: {known})")]
     Parameter {

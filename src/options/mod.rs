@@ -21,7 +21,7 @@ pub use self::blur::{BlurMode, ErrorTarget, Quality};
 pub use self::counts::{count, samples_max};
 pub use self::error::OptionError;
 pub use self::parts::{ModeName, ModeParts};
-pub use self::swept::{KernelShape, KernelWeight, Normalise, SourceSamples, SweptKernel, TemporalAlpha};
+pub use self::swept::{KernelShape, KernelWeight, Normalise, Overlap, SourceSamples, SweptKernel, TemporalAlpha};
 pub(crate) use self::words::words;
 use crate::film::Aov;
 
@@ -95,6 +95,20 @@ impl FromStr for Interleave {
     }
 }
 
+/// Where time samples lie within the shutter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Times {
+    /// The middles of equal strata, each with the integral of the time weight over its stratum.
+    #[default]
+    Even,
+    /// A random time in each of as many equal shares of the exposure (Wolf 2008, 4.5: a jittered grid).
+    Stratified,
+    /// Random times, independent of each other, in proportion to the time weight (Wolf 2008, 3.6.4).
+    Random,
+}
+
+words!(Times, "choice of times", [Even = "even", Stratified = "stratified", Random = "random"]);
+
 /// How sub-pixel positions are chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PixelFilter {
@@ -150,7 +164,7 @@ pub struct RenderOptions {
     pub two_sided: bool,
     /// Depth tolerance of visibility for all objects, scene units, 0 to 1e30. `None`: the scene's.
     pub epsilon: Option<f64>,
-    /// Seed of the sub-pixel offsets. Default: 1.
+    /// Seed of the sub-pixel offsets, and of random times. Default: 1.
     pub seed: u64,
     /// Bytes that a frame and the models may take together. Default: 2^30. The picture does not depend on it.
     pub memory: u64,

@@ -10,8 +10,8 @@ use super::counts::{count, samples_max};
 use super::error::list;
 use super::words::words;
 use super::{
-    BlurMode, ErrorTarget, Interleave, KernelShape, KernelWeight, MAX_SAMPLES, Normalise, OptionError, Quality,
-    SourceSamples, SweptKernel, TemporalAlpha,
+    BlurMode, ErrorTarget, Interleave, KernelShape, KernelWeight, MAX_SAMPLES, Normalise, OptionError, Overlap,
+    Quality, SourceSamples, SweptKernel, TemporalAlpha, Times,
 };
 
 /// The name of a mode.
@@ -41,8 +41,8 @@ impl ModeName {
         match self {
             Self::Auto => &["error", "samples-max", "pixel-samples"],
             Self::Still => &["pixel-samples"],
-            Self::Supersample => &["samples", "interleave", "pixel-samples"],
-            Self::Bucket => &["buckets", "samples", "interleave", "pixel-samples"],
+            Self::Supersample => &["samples", "interleave", "times", "pixel-samples"],
+            Self::Bucket => &["buckets", "samples", "interleave", "times", "pixel-samples"],
             Self::Volumetric => &[
                 "samples",
                 "pixel-samples",
@@ -50,6 +50,7 @@ impl ModeName {
                 "published",
                 "kernel",
                 "kernel-weight",
+                "overlap",
                 "alpha",
                 "normalise",
             ],
@@ -78,6 +79,8 @@ pub struct ModeParts {
     pub samples: Option<u32>,
     /// Of supersample and bucket: which pixels share their times.
     pub interleave: Option<Interleave>,
+    /// Of supersample and bucket: where times lie within the shutter.
+    pub times: Option<Times>,
     /// Sub-pixel positions.
     pub pixel_samples: Option<u32>,
     /// Of volumetric: the volume that a kernel sweeps.
@@ -86,6 +89,8 @@ pub struct ModeParts {
     pub kernel_weight: Option<KernelWeight>,
     /// Of volumetric: places within a kernel whose visibility is tested.
     pub source_samples: Option<SourceSamples>,
+    /// Of volumetric: how far kernels of neighbouring intervals overlap.
+    pub overlap: Option<Overlap>,
     /// Of volumetric: where temporal alpha comes from.
     pub alpha: Option<TemporalAlpha>,
     /// Of volumetric: when colours are divided by weights.
@@ -104,10 +109,12 @@ impl ModeParts {
             buckets: None,
             samples: None,
             interleave: None,
+            times: None,
             pixel_samples: None,
             kernel: None,
             kernel_weight: None,
             source_samples: None,
+            overlap: None,
             alpha: None,
             normalise: None,
             published: false,
@@ -122,11 +129,13 @@ impl ModeParts {
             ("buckets", self.buckets.is_some()),
             ("samples", self.samples.is_some()),
             ("interleave", self.interleave.is_some()),
+            ("times", self.times.is_some()),
             ("pixel-samples", self.pixel_samples.is_some()),
             ("source-samples", self.source_samples.is_some()),
             ("published", self.published),
             ("kernel", self.kernel.is_some()),
             ("kernel-weight", self.kernel_weight.is_some()),
+            ("overlap", self.overlap.is_some()),
             ("alpha", self.alpha.is_some()),
             ("normalise", self.normalise.is_some()),
         ];
@@ -142,7 +151,7 @@ impl ModeParts {
         if let Some(part) = self.said().into_iter().find(|part| !self.name.parts().contains(part)) {
             return Err(self.unknown(part, self.name.parts()));
         }
-        let interleave = self.interleave.unwrap_or_default();
+        let (interleave, times) = (self.interleave.unwrap_or_default(), self.times.unwrap_or_default());
         let mode = match self.name {
             ModeName::Auto => {
                 let default = ErrorTarget::default();
@@ -155,14 +164,14 @@ impl ModeParts {
             ModeName::Still => BlurMode::Still { pixel_samples: self.pixel_samples.unwrap_or(16) },
             ModeName::Supersample => {
                 let samples = self.samples.unwrap_or(32);
-                BlurMode::Supersample { samples, pixel_samples: self.positions(samples), interleave }
+                BlurMode::Supersample { samples, pixel_samples: self.positions(samples), interleave, times }
             }
             ModeName::Bucket => {
                 let (buckets, samples) = (self.buckets.unwrap_or(8), self.samples.unwrap_or(4));
                 if u64::from(buckets) * u64::from(samples) > u64::from(MAX_SAMPLES) {
                     return Err(OptionError::Buckets { buckets, samples });
                 }
-                BlurMode::Bucket { buckets, samples, pixel_samples: self.positions(buckets), interleave }
+                BlurMode::Bucket { buckets, samples, pixel_samples: self.positions(buckets), interleave, times }
             }
             ModeName::Volumetric => {
                 let intervals = self.samples.unwrap_or(10);
@@ -181,7 +190,7 @@ impl ModeParts {
     fn swept(&self) -> Result<SweptKernel, OptionError> {
         let source_samples = self.source_samples.unwrap_or_default();
         if self.published {
-            let complete = ["kernel", "kernel-weight", "alpha", "normalise"];
+            let complete = ["kernel", "kernel-weight", "overlap", "alpha", "normalise"];
             return match self.said().into_iter().find(|part| complete.contains(part)) {
                 Some(option) => Err(OptionError::Published { option }),
                 None => Ok(SweptKernel { source_samples, ..SweptKernel::PUBLISHED }),
@@ -191,11 +200,12 @@ impl ModeParts {
             shape: self.kernel.unwrap_or_default(),
             weight: self.kernel_weight.unwrap_or_default(),
             source_samples,
+            overlap: self.overlap.unwrap_or_default(),
             alpha: self.alpha.unwrap_or_default(),
             normalise: self.normalise.unwrap_or_default(),
         };
-        if swept.weight == KernelWeight::Chord && swept.shape == KernelShape::Tube {
-            return Err(OptionError::ChordOfTube);
+        if swept.weight != KernelWeight::Integral && swept.shape == KernelShape::Tube {
+            return Err(OptionError::OfEllipsoids { weight: swept.weight });
         }
         Ok(swept)
     }
@@ -220,7 +230,7 @@ impl ModeParts {
         let (option, value) = text.split_once('=').map_or((text, None), |(option, value)| (option, Some(value)));
         let (option, value) = match (self.name, option, value) {
             (ModeName::Volumetric, "ellipsoid", None) => ("kernel", Some(option)),
-            (ModeName::Volumetric, "chord", None) => ("kernel-weight", Some(option)),
+            (ModeName::Volumetric, "chord" | "line", None) => ("kernel-weight", Some(option)),
             (ModeName::Volumetric, "sum", None) => ("alpha", Some(option)),
             (ModeName::Volumetric, "once", None) => ("normalise", Some(option)),
             _ => (option, value),
@@ -248,9 +258,11 @@ impl ModeParts {
             "samples-max" => self.samples_max = Some(samples_max(value)?),
             "pixel-samples" => self.pixel_samples = Some(count(value)?),
             "interleave" => self.interleave = Some(value.parse()?),
+            "times" => self.times = Some(value.parse()?),
             "source-samples" => self.source_samples = Some(value.parse()?),
             "kernel" => self.kernel = Some(value.parse()?),
             "kernel-weight" => self.kernel_weight = Some(value.parse()?),
+            "overlap" => self.overlap = Some(value.parse()?),
             "alpha" => self.alpha = Some(value.parse()?),
             "normalise" => self.normalise = Some(value.parse()?),
             _ => return Err(self.unknown(option, self.name.options())),

@@ -8,14 +8,16 @@ use super::counts::number;
 use super::words::words;
 
 /// How volumetric kernels weigh and add up.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SweptKernel {
     /// The volume that a kernel sweeps.
     pub shape: KernelShape,
-    /// Its weight on a ray. [`KernelWeight::Chord`] is of [`KernelShape::Ellipsoid`] only.
+    /// Its weight on a ray. All but [`KernelWeight::Integral`] are of [`KernelShape::Ellipsoid`] only.
     pub weight: KernelWeight,
     /// Places on the ray within a kernel whose sources are tested for visibility (Wolf 2008, eq. C.41).
     pub source_samples: SourceSamples,
+    /// How far kernels of neighbouring intervals overlap.
+    pub overlap: Overlap,
     /// Where temporal alpha comes from.
     pub alpha: TemporalAlpha,
     /// When colours are divided by weights.
@@ -23,12 +25,12 @@ pub struct SweptKernel {
 }
 
 impl SweptKernel {
-    /// As published (Wolf 2008). Kernels of neighbouring intervals overlap (its figures 5.2 and 6.1 show that they
-    /// must).
+    /// As published (Wolf 2008). Kernels of neighbouring intervals overlap (figure 5.2(e) shows that they must).
     pub const PUBLISHED: Self = Self {
         shape: KernelShape::Ellipsoid,
         weight: KernelWeight::Chord,
         source_samples: SourceSamples(1),
+        overlap: Overlap(1.0),
         alpha: TemporalAlpha::Sum,
         normalise: Normalise::Once,
     };
@@ -38,15 +40,9 @@ impl SweptKernel {
         self.normalise == Normalise::Once || self.alpha == TemporalAlpha::Sum
     }
 
-    /// Whether visibility is that of slices of an interval. The chord has that of mid-interval alone, as published.
+    /// Whether visibility is that of slices of an interval. Others have that of mid-interval alone, as published.
     pub(crate) fn has_slices(self) -> bool {
         self.weight == KernelWeight::Integral
-    }
-
-    /// Motion of a kernel divided by the motion of its surfel during the interval. It is 2 in the published variant,
-    /// whose half-axis is the whole spacing of the time samples, and 1 in all others.
-    pub fn stretch(self) -> f64 {
-        if (Self { source_samples: SourceSamples(1), ..self }) == Self::PUBLISHED { 2.0 } else { 1.0 }
     }
 }
 
@@ -54,7 +50,7 @@ impl SweptKernel {
 impl fmt::Display for SweptKernel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let default = Self::default();
-        if self.stretch() > 1.0 {
+        if (Self { source_samples: default.source_samples, ..*self }) == Self::PUBLISHED {
             write!(f, "+published")?;
         } else {
             if self.shape != default.shape {
@@ -62,6 +58,9 @@ impl fmt::Display for SweptKernel {
             }
             if self.weight != default.weight {
                 write!(f, "+kernel-weight={}", self.weight)?;
+            }
+            if self.overlap != default.overlap {
+                write!(f, "+overlap={}", self.overlap)?;
             }
             if self.alpha != default.alpha {
                 write!(f, "+alpha={}", self.alpha)?;
@@ -102,6 +101,45 @@ impl FromStr for SourceSamples {
     }
 }
 
+/// Half-axis of a kernel along its motion, in spacings of the intervals, 0.1 to 4.
+///
+/// At 0.5 kernels of neighbouring intervals meet end to end, and each travels as far as its surfel does. At 1 each
+/// reaches the middles of the neighbouring intervals (Wolf 2008, chapter 5, figure 5.2(e)). Its weight is that of one
+/// interval whatever its length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Overlap(pub f64);
+
+impl Overlap {
+    /// The values.
+    const RANGE: std::ops::RangeInclusive<f64> = 0.1..=4.0;
+
+    /// Motion of a kernel divided by the motion of its surfel during the interval.
+    pub(crate) fn stretch(self) -> f64 {
+        2.0 * self.0
+    }
+}
+
+impl Default for Overlap {
+    fn default() -> Self {
+        Self(0.5)
+    }
+}
+
+impl fmt::Display for Overlap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl FromStr for Overlap {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        let spacings = text.parse().ok().filter(|spacings| Self::RANGE.contains(spacings));
+        spacings.map(Self).ok_or_else(|| OptionError::value("a number from 0.1 to 4", text))
+    }
+}
+
 /// The volume that a kernel sweeps over an interval.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum KernelShape {
@@ -122,9 +160,12 @@ pub enum KernelWeight {
     Integral,
     /// By the length of the ray's chord (Wolf 2008, eq. 4.12); of the ellipsoid only.
     Chord,
+    /// The line integral of the 3D Gaussian between the ray's two intersections with the ellipsoid (Wolf 2008, eq. C.16
+    /// and C.38), for which the chord stands; of the ellipsoid only.
+    Line,
 }
 
-words!(KernelWeight, "weight of a kernel", [Integral = "integral", Chord = "chord"]);
+words!(KernelWeight, "weight of a kernel", [Integral = "integral", Chord = "chord", Line = "line"]);
 
 /// Where temporal alpha comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

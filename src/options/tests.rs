@@ -13,7 +13,9 @@ fn modes_are_read() {
     let interleave = Interleave::None;
     assert_eq!(quality("supersample"), BlurMode::supersample(32).into());
     assert_eq!(quality(" supersample:8+interleave=2 "), BlurMode::interleaved(8, Interleave::Two).into());
-    let bucket = |pixel_samples| Quality::Mode(BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples, interleave });
+    let bucket = |pixel_samples| {
+        Quality::Mode(BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples, interleave, times: Times::Even })
+    };
     assert_eq!(quality("bucket"), bucket(None));
     assert_eq!(quality("bucket:8x4"), bucket(None));
     assert_eq!(quality("bucket:8x4+pixel-samples=12"), bucket(Some(12)));
@@ -34,7 +36,10 @@ fn modes_are_read() {
     let target = ErrorTarget { error: ErrorTarget::DRAFT, samples_max: 64, pixel_samples: 4 };
     assert_eq!(quality("auto:draft+samples-max=64+pixel-samples=4"), target.into());
     assert_eq!("0.05+samples-max=64+pixel-samples=4".parse(), Ok(target));
-    assert_eq!("bucket:8x4".parse(), Ok(BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples: None, interleave }));
+    assert_eq!(
+        "bucket:8x4".parse(),
+        Ok(BlurMode::Bucket { buckets: 8, samples: 4, pixel_samples: None, interleave, times: Times::Even })
+    );
     assert_eq!("+kernel=ellipsoid+once+sum".parse(), Ok(kernel));
     assert_eq!("".parse(), Ok(SweptKernel::default()));
 }
@@ -46,9 +51,17 @@ fn equal_modes_are_written_alike() {
         ("supersample:8+interleave=1", "supersample:8"),
         ("supersample:8+pixel-samples=8", "supersample:8"),
         ("volumetric:3+sum+pixel-samples=2", "volumetric:3+pixel-samples=2+alpha=sum"),
-        ("volumetric:3+ellipsoid+chord+sum+once", "volumetric:3+published"),
+        ("volumetric:3+ellipsoid+chord+sum+once+overlap=1", "volumetric:3+published"),
+        (
+            "volumetric:3+ellipsoid+chord+sum+once",
+            "volumetric:3+kernel=ellipsoid+kernel-weight=chord+alpha=sum+normalise=once",
+        ),
+        ("volumetric:3+line+ellipsoid", "volumetric:3+kernel=ellipsoid+kernel-weight=line"),
+        ("volumetric:3+overlap=.50", "volumetric:3"),
         ("supersample:8+interleave=2+pixel-samples=4", "supersample:8+pixel-samples=4+interleave=2"),
         ("bucket:8x4+pixel-samples=8", "bucket:8x4"),
+        ("supersample:8+times=even", "supersample:8"),
+        ("bucket:8x4+times=random+interleave=2", "bucket:8x4+interleave=2+times=random"),
         ("auto:final+samples-max=256", "auto:0.0125"),
     ] {
         assert_eq!(quality(text).to_string(), canonical);
@@ -66,7 +79,7 @@ fn mistakes_are_explained() {
         ("supersample:8+interleave", "needs a value"),
         ("supersample:8+interleave=3", "option `interleave`: expected 1, 2 or 4, found `3`"),
         ("supersample:8+interleave=2+interleave=2", "twice"),
-        ("supersample:8+once", "it takes: interleave, pixel-samples"),
+        ("supersample:8+once", "it takes: interleave, times, pixel-samples"),
         ("supersample:8+pixel-samples=0", "1 to 65536"),
         ("supersample:8+", "has no option ``"),
         ("still:4+interleave=2", "it takes: nothing"),
@@ -74,10 +87,15 @@ fn mistakes_are_explained() {
         ("bucket:8x4x2", "1 to 65536"),
         ("bucket:65536x65536", "at most 65536 in all"),
         ("volumetric:3+published+once", "it cannot stand beside `normalise`"),
+        ("volumetric:3+published+overlap=1", "it cannot stand beside `overlap`"),
+        ("volumetric:3+overlap=0", "option `overlap`: expected a number from 0.1 to 4, found `0`"),
+        ("volumetric:3+overlap=nan", "from 0.1 to 4"),
+        ("volumetric:3+overlap=4.1", "from 0.1 to 4"),
         ("volumetric:3+published=1", "takes no value, found `1`"),
         ("volumetric:3+kernel=ball", "there are: tube, ellipsoid"),
         ("volumetric:3+kernel=tube+ellipsoid", "twice"),
-        ("volumetric:3+chord", "needs kernel=ellipsoid"),
+        ("volumetric:3+chord", "kernel-weight=chord is of ellipsoids: it needs kernel=ellipsoid"),
+        ("volumetric:3+line", "kernel-weight=line is of ellipsoids"),
         ("volumetric:3+tube", "it takes: "),
         ("volumetric:3+alpha", "needs a value"),
         ("volumetric:3+source-samples=65", "1 to 64"),
@@ -86,6 +104,9 @@ fn mistakes_are_explained() {
         ("auto:best", "draft, good, final"),
         ("auto:nan", "draft, good, final"),
         ("auto:0.1+samples-max=3", "4 to 65536"),
+        ("supersample:8+times=halton", "`halton` is no choice of times (there are: even, stratified, random)"),
+        ("volumetric:3+times=random", "has no option `times`"),
+        ("auto:0.1+times=random", "mode auto has no option `times` (it takes: samples-max, pixel-samples)"),
         ("auto:0.1+interleave=2", "it takes: samples-max, pixel-samples"),
     ] {
         let error = text.parse::<Quality>().unwrap_err().to_string();
@@ -138,6 +159,7 @@ fn weights_are_read() {
     assert_eq!(weight("ramp:centre=.25"), Ok(Weight::Ramp { centre: 0.25 }));
     assert_eq!(weight("exponential"), Ok(Weight::Exponential { rate: 3.0, centre: 1.0 }));
     assert_eq!(weight("exponential:centre=0,rate=5"), Ok(Weight::Exponential { rate: 5.0, centre: 0.0 }));
+    assert_eq!(weight("one-minus-exponential"), Ok(Weight::OneMinusExponential { centre: 1.0 }));
     assert_eq!(weight("gaussian:width=.1"), Ok(Weight::Gaussian { centre: 0.5, width: 0.1 }));
     for (text, hint) in [
         ("triangle", "`triangle` is no weight (there are: box, tent"),
@@ -173,18 +195,27 @@ fn interleave() -> impl Strategy<Value = Interleave> {
     prop::sample::select(vec![Interleave::None, Interleave::Two, Interleave::Four])
 }
 
+fn times() -> impl Strategy<Value = Times> {
+    prop::sample::select(vec![Times::Even, Times::Stratified, Times::Random])
+}
+
 /// Positions, `None` where there are as many as groups.
 fn positions(groups: u32, positions: u32) -> Option<u32> {
     Some(positions).filter(|&positions| positions != groups)
 }
 
 fn swept() -> impl Strategy<Value = SweptKernel> {
-    (0_u32..16, 1_u32..=64).prop_map(|(bits, source_samples)| {
+    (0_u32..64, 1_u32..=64, 0.1..=4.0_f64).prop_map(|(bits, source_samples, overlap)| {
         let bit = |i: u32| bits >> i & 1 == 1;
         SweptKernel {
             shape: if bit(0) { KernelShape::Ellipsoid } else { KernelShape::Tube },
-            weight: if bit(0) && bit(1) { KernelWeight::Chord } else { KernelWeight::Integral },
+            weight: match (bit(0) && bit(1), bit(5)) {
+                (false, _) => KernelWeight::Integral,
+                (true, false) => KernelWeight::Chord,
+                (true, true) => KernelWeight::Line,
+            },
             source_samples: SourceSamples(source_samples),
+            overlap: if bit(4) { Overlap(overlap) } else { Overlap::default() },
             alpha: if bit(2) { TemporalAlpha::Sum } else { TemporalAlpha::Union },
             normalise: if bit(3) { Normalise::Once } else { Normalise::Interval },
         }
@@ -196,11 +227,11 @@ pub(crate) fn any_quality() -> impl Strategy<Value = Quality> {
     let count = || 1_u32..=256;
     prop_oneof![
         count().prop_map(|pixel_samples| BlurMode::Still { pixel_samples }.into()),
-        (1..=MAX_SAMPLES, count(), interleave()).prop_map(|(samples, pixel, interleave)| {
-            BlurMode::Supersample { samples, pixel_samples: positions(samples, pixel), interleave }.into()
+        (1..=MAX_SAMPLES, count(), interleave(), times()).prop_map(|(samples, pixel, interleave, times)| {
+            BlurMode::Supersample { samples, pixel_samples: positions(samples, pixel), interleave, times }.into()
         }),
-        (count(), count(), count(), interleave()).prop_map(|(buckets, samples, pixel, interleave)| {
-            BlurMode::Bucket { buckets, samples, pixel_samples: positions(buckets, pixel), interleave }.into()
+        (count(), count(), count(), interleave(), times()).prop_map(|(buckets, samples, pixel, interleave, times)| {
+            BlurMode::Bucket { buckets, samples, pixel_samples: positions(buckets, pixel), interleave, times }.into()
         }),
         (count(), count(), swept()).prop_map(|(intervals, pixel, swept)| {
             BlurMode::Volumetric { intervals, pixel_samples: positions(intervals, pixel), swept }.into()
@@ -218,6 +249,7 @@ fn any_weight() -> impl Strategy<Value = Weight> {
         Just(Weight::Tent),
         centre().prop_map(|centre| Weight::Ramp { centre }),
         (other(), centre()).prop_map(|(rate, centre)| Weight::Exponential { rate, centre }),
+        centre().prop_map(|centre| Weight::OneMinusExponential { centre }),
         (centre(), other()).prop_map(|(centre, width)| Weight::Gaussian { centre, width }),
     ]
 }

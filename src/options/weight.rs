@@ -1,4 +1,5 @@
-//! Time weights as text: `box`, `tent`, `ramp:centre=1`, `exponential:rate=3,centre=1`, `gaussian:centre=.5,width=.2`.
+//! Time weights as text: `box`, `tent`, `ramp:centre=1`, `exponential:rate=3,centre=1`,
+//! `one-minus-exponential:centre=1`, `gaussian:centre=.5,width=.2`.
 
 use std::fmt;
 use std::str::FromStr;
@@ -16,6 +17,7 @@ impl fmt::Display for Weight {
             Self::Tent => f.write_str("tent"),
             Self::Ramp { centre } => write!(f, "ramp:centre={centre}"),
             Self::Exponential { rate, centre } => write!(f, "exponential:rate={rate},centre={centre}"),
+            Self::OneMinusExponential { centre } => write!(f, "one-minus-exponential:centre={centre}"),
             Self::Gaussian { centre, width } => write!(f, "gaussian:centre={centre},width={width}"),
             Self::Curve(points) => write!(f, "curve of {} points", points.len()),
         }
@@ -31,11 +33,11 @@ impl FromStr for Weight {
         let (name, parameters) = text.split_once(':').unwrap_or((text, ""));
         let known: &[&str] = match name {
             "box" | "tent" => &[],
-            "ramp" => &["centre"],
+            "ramp" | "one-minus-exponential" => &["centre"],
             "exponential" => &["rate", "centre"],
             "gaussian" => &["centre", "width"],
             _ => {
-                let known = "box, tent, ramp, exponential, gaussian".to_owned();
+                let known = "box, tent, ramp, exponential, one-minus-exponential, gaussian".to_owned();
                 return Err(OptionError::Word { what: "weight", found: name.to_owned(), known });
             }
         };
@@ -57,6 +59,7 @@ impl FromStr for Weight {
             "tent" => Self::Tent,
             "ramp" => Self::Ramp { centre: get("centre", 1.0) },
             "exponential" => Self::Exponential { rate: get("rate", 3.0), centre: get("centre", 1.0) },
+            "one-minus-exponential" => Self::OneMinusExponential { centre: get("centre", 1.0) },
             _ => Self::Gaussian { centre: get("centre", 0.5), width: get("width", 0.2) },
         })
     }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::options::{SourceSamples, TemporalAlpha};
+use crate::options::{SourceSamples, TemporalAlpha, Times};
 use crate::time::Weight;
 
 fn times(plan: &Exposure) -> Vec<(f64, f64)> {
@@ -102,7 +102,8 @@ fn classes_have_offsets_of_their_own() {
 fn samples_share_out_sub_pixel_positions() {
     let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 } };
     let plan = |samples, pixel_samples, interleave, filter| {
-        let mode = BlurMode::Supersample { samples, pixel_samples: Some(pixel_samples), interleave };
+        let mode =
+            BlurMode::Supersample { samples, pixel_samples: Some(pixel_samples), interleave, times: Times::Even };
         Exposure::new(mode, filter, 3, &shutter, 0.0, &[])
     };
     let all = plan(7, 3, Interleave::None, PixelFilter::Box);
@@ -167,7 +168,8 @@ fn interleaved_classes_share_the_strata() {
 fn buckets_of_one_sample_are_supersampling() {
     let shutter = Shutter { weight: Weight::Tent, ..Shutter::default() };
     for interleave in [Interleave::None, Interleave::Two] {
-        let bucket = BlurMode::Bucket { buckets: 5, samples: 1, pixel_samples: Some(5), interleave };
+        let bucket =
+            BlurMode::Bucket { buckets: 5, samples: 1, pixel_samples: Some(5), interleave, times: Times::Even };
         let samples = BlurMode::interleaved(5, interleave);
         let plan = |mode| Exposure::new(mode, PixelFilter::Box, 3, &shutter, 1.0, &[]);
         assert_eq!(plan(bucket), plan(samples));
@@ -176,7 +178,13 @@ fn buckets_of_one_sample_are_supersampling() {
 
 #[test]
 fn few_buckets_repeat_for_their_sub_pixel_positions() {
-    let mode = BlurMode::Bucket { buckets: 3, samples: 2, pixel_samples: Some(8), interleave: Interleave::None };
+    let mode = BlurMode::Bucket {
+        buckets: 3,
+        samples: 2,
+        pixel_samples: Some(8),
+        interleave: Interleave::None,
+        times: Times::Even,
+    };
     let plan = Exposure::new(mode, PixelFilter::Box, 1, &Shutter::default(), 0.0, &[]);
     let groups: Vec<&Group> = plan.groups().collect();
     assert_eq!(groups.len(), 9);
@@ -215,8 +223,10 @@ fn modes_have_names() {
     assert_eq!(name(kernel), "volumetric:3+pixel-samples=8+published+source-samples=4");
     let kernel = SweptKernel { alpha: TemporalAlpha::Sum, ..SweptKernel::default() };
     assert_eq!(name(kernel), "volumetric:3+pixel-samples=8+alpha=sum");
-    let shared =
-        |samples| BlurMode::Supersample { samples, pixel_samples: Some(4), interleave: Interleave::Two }.to_string();
+    let shared = |samples| {
+        BlurMode::Supersample { samples, pixel_samples: Some(4), interleave: Interleave::Two, times: Times::Even }
+            .to_string()
+    };
     assert_eq!(shared(5), "supersample:5+pixel-samples=4+interleave=2");
     assert_eq!(shared(4), "supersample:4+interleave=2");
 }

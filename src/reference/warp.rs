@@ -75,6 +75,8 @@ mod tests {
             Weight::Ramp { centre: 0.3 },
             Weight::Exponential { rate: 3.0, centre: 1.0 },
             Weight::Exponential { rate: 900.0, centre: 0.0 },
+            Weight::OneMinusExponential { centre: 1.0 },
+            Weight::OneMinusExponential { centre: 0.4 },
             Weight::Gaussian { centre: 0.5, width: 0.2 },
             Weight::Gaussian { centre: 0.1, width: 0.003 },
             Weight::Curve(vec![(0.2, 0.0), (0.25, 3.0), (0.3, 0.0), (0.7, 0.0), (0.700_1, 1.0), (0.8, 0.0)]),

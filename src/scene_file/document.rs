@@ -104,6 +104,7 @@ fn shutter(part: &Part<'_>) -> Result<Shutter, SceneError> {
             Some("tent") => Weight::Tent,
             Some("ramp") => Weight::Ramp { centre: part.number("centre")? },
             Some("exponential") => Weight::Exponential { rate: part.number("rate")?, centre: part.number("centre")? },
+            Some("one-minus-exponential") => Weight::OneMinusExponential { centre: part.number("centre")? },
             Some("gaussian") => Weight::Gaussian { centre: part.number("centre")?, width: part.number("width")? },
             _ => Weight::Box,
         }

@@ -199,7 +199,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("close", Kind::Number(Range(-1e6, 1e6)), Value("0.25"), "closing, likewise; after `open`"),
             row(
                 "weight",
-                Kind::Choice(&["box", "tent", "ramp", "exponential", "gaussian"]),
+                Kind::Choice(&["box", "tent", "ramp", "exponential", "one-minus-exponential", "gaussian"]),
                 Value("box"),
                 "time weight; not with a <curve>",
             ),
@@ -210,6 +210,10 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             only(
                 &["gaussian"],
                 row("centre", Kind::Number(UNIT), Value("0.5"), "time of the peak, 0 at `open`, 1 at `close`"),
+            ),
+            only(
+                &["one-minus-exponential"],
+                row("centre", Kind::Number(UNIT), Value("1"), "time at which it is 0, 0 at `open`, 1 at `close`"),
             ),
             only(&["exponential"], row("rate", Kind::Number(Range(0.001, 1000.0)), Value("3"), "decay per shutter")),
             only(

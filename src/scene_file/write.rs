@@ -96,6 +96,7 @@ impl Xml {
             Weight::Tent => shape("tent", &[]),
             Weight::Ramp { centre } => shape("ramp", &[("centre", *centre)]),
             Weight::Exponential { rate, centre } => shape("exponential", &[("rate", *rate), ("centre", *centre)]),
+            Weight::OneMinusExponential { centre } => shape("one-minus-exponential", &[("centre", *centre)]),
             Weight::Gaussian { centre, width } => shape("gaussian", &[("centre", *centre), ("width", *width)]),
             Weight::Curve(points) => {
                 self.open(1, "shutter", &attributes);

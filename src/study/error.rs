@@ -10,6 +10,7 @@ use super::sheet::SheetError;
 use crate::backend::BackendError;
 use crate::compare::{CompareError, LimitError, ssim};
 use crate::image::ImageError;
+use crate::model::ModelError;
 use crate::reference::ReferenceError;
 use crate::time::FrameNumber;
 
@@ -32,6 +33,9 @@ pub enum StudyError {
     /// A picture cannot be written or read.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// A model of the study's own cannot be made.
+    #[error(transparent)]
+    Model(#[from] ModelError),
     /// Pictures cannot be shown.
     #[error(transparent)]
     Sheet(#[from] SheetError),

@@ -247,3 +247,28 @@ fn help_teaches() {
         }
     }
 }
+
+/// All tables and pictures of the thesis, small: fifteen cells, and each figure's picture.
+#[test]
+fn the_thesis_is_made_again() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = path(directory.path(), "thesis");
+    let small = ["--fewer", "200", "--repeats", "1", "--size", "64x48", "--backend", "cpu"];
+    let output = splatblur(&[&["study", "thesis", "--out", &out], &small[..]].concat());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let tables = text(&output.stdout);
+    assert_eq!(std::fs::read_to_string(directory.path().join("thesis/thesis.md")).unwrap(), tables);
+    let cells: Vec<&str> = tables.lines().filter(|line| line.starts_with("| 5.") && line.contains("| (")).collect();
+    assert_eq!(cells.len(), 15, "{tables}");
+    for (surfels, figure) in [("| 248 |", "5.1"), ("| 2329 |", "5.2"), ("| 2226 |", "5.3")] {
+        assert_eq!(cells.iter().filter(|cell| cell.contains(surfels) && cell.contains(figure)).count(), 5, "{tables}");
+    }
+    assert!(!tables.contains("NaN") && !tables.contains("inf"), "{tables}");
+    for name in ["3.1", "5.1", "5.2", "5.2e", "5.3"] {
+        let picture = image::read(&directory.path().join(format!("thesis/figure-{name}.png"))).unwrap();
+        assert!(picture.rgba.iter().any(|p| p[0] > 0.2 && p[0] < 0.9), "{name}");
+    }
+    assert!(refused(&["study", "thesis", "--out", &out, "--size", "10x10"]).contains("from 64x48 to 4096x4096"));
+    assert!(refused(&["study", "thesis", "--out", &out, "--fewer", "0"]).contains("--fewer"));
+    assert!(refused(&["study", "thesis"]).contains("--out"));
+}

@@ -3,13 +3,13 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests may stop and report")]
 
-use crate::support::closed_forms::{DEPTH, FOCAL, SIZE, disc, edge, truth};
+use crate::support::closed_forms::{DEPTH, FOCAL, SIZE, disc, edge, moving, truth, world};
 use crate::support::{UNLIT, animation, object, render, round_surfels, scene, sphere_scene};
 use glam::{DVec3, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::model::Material;
 use splatblur::options::{
-    BlurMode, Interleave, KernelShape, Normalise, PixelFilter, Prefilter, RenderOptions, SweptKernel,
+    BlurMode, Interleave, KernelShape, Normalise, PixelFilter, Prefilter, RenderOptions, SweptKernel, Times,
 };
 use splatblur::scene::{AnimationBinding, Light, Motion, Scene};
 use splatblur::time::Weight;
@@ -22,8 +22,38 @@ fn ellipsoid() -> SweptKernel {
     SweptKernel { shape: KernelShape::Ellipsoid, ..SweptKernel::default() }
 }
 
+/// Random times against the statistics of a surface that covers a pixel for the share q of the exposure: N independent
+/// times give alpha the mean q and the variance q (1 - q)/N. With one time in each stratum only the two strata with an
+/// end of the cover vary: f (1 - f)/N^2 each, f the part of the stratum that is covered.
+#[test]
+fn random_times_have_the_variance_of_their_kind() {
+    // The disc covers the centre of pixel (32, 32) from .3 to .7: strata 3 and 4 of 8, and .6 of 2 and of 5.
+    let from = world(32.5, 32.5) - DVec3::new(1.0, 0.0, 0.0);
+    let disc = round_surfels([(DVec3::ZERO, DVec3::Z, 0.4, Vec3::ONE)]);
+    let scene = moving(disc, from, Motion::Linear { velocity: DVec3::new(2.0, 0.0, 0.0) });
+    let seeds = 400;
+    for (times, variance) in [(Times::Stratified, 2.0 * 0.6 * 0.4 / 64.0), (Times::Random, 0.4 * 0.6 / 8.0)] {
+        for mode in [
+            BlurMode::Supersample { samples: 8, pixel_samples: None, interleave: Interleave::None, times },
+            BlurMode::Bucket { buckets: 4, samples: 2, pixel_samples: Some(2), interleave: Interleave::None, times },
+        ] {
+            let alpha = |seed| {
+                let options = RenderOptions { seed, aovs: vec![Aov::Alpha], ..exact(mode) };
+                f64::from(render(&scene, &options).layers[0].planes[0][32 * 64 + 32])
+            };
+            let alphas: Vec<f64> = (0..seeds).map(alpha).collect();
+            let mean = alphas.iter().sum::<f64>() / seeds as f64;
+            let spread = alphas.iter().map(|alpha| (alpha - mean).powi(2)).sum::<f64>() / (seeds - 1) as f64;
+            println!("{mode}: mean {mean:.4}, variance {spread:.5}, not {variance:.5}");
+            assert!((mean - 0.4).abs() < 4.0 * (variance / seeds as f64).sqrt(), "{mode}: {mean}");
+            // The standard error of a variance of 400 numbers is 7 %.
+            assert!((spread / variance - 1.0).abs() < 0.3, "{mode}: {spread}, not {variance}");
+        }
+    }
+}
+
 const fn bucket(buckets: u32, samples: u32, interleave: Interleave) -> BlurMode {
-    BlurMode::Bucket { buckets, samples, pixel_samples: None, interleave }
+    BlurMode::Bucket { buckets, samples, pixel_samples: None, interleave, times: Times::Even }
 }
 
 /// Each kind of mode, with `n` moments of the exposure or more: for a volumetric mode the 32nds of its intervals. And
@@ -351,7 +381,13 @@ fn pixel_samples_approach_the_box_filter() {
         let mode = if swept {
             BlurMode::Volumetric { intervals: 2, pixel_samples, swept: SweptKernel::default() }
         } else {
-            BlurMode::Bucket { buckets: 2, samples: 32, pixel_samples, interleave: Interleave::None }
+            BlurMode::Bucket {
+                buckets: 2,
+                samples: 32,
+                pixel_samples,
+                interleave: Interleave::None,
+                times: Times::Even,
+            }
         };
         let picture = render(&edge(), &RenderOptions { filter: PixelFilter::Box, ..exact(mode) });
         let pairs = plane(&picture, Aov::Alpha, 0).iter().zip(&truth);

@@ -11,7 +11,8 @@ use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::options::{
-    BlurMode, Interleave, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel, TemporalAlpha,
+    BlurMode, Interleave, Normalise, Overlap, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel,
+    TemporalAlpha, Times,
 };
 use splatblur::scene::{Motion, Scene};
 use splatblur::time::Weight;
@@ -133,7 +134,13 @@ fn temporal_alpha_of_disc_and_edge() {
 /// exposure for which each is seen. Compared away from centre and rim, as tests/truth.rs does.
 #[test]
 fn colours_of_a_turning_disc() {
-    let bucket = BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples: None, interleave: Interleave::None };
+    let bucket = BlurMode::Bucket {
+        buckets: 64,
+        samples: 4,
+        pixel_samples: None,
+        interleave: Interleave::None,
+        times: Times::Even,
+    };
     for (weight, a) in [("box", Weight::Box), ("ramp", Weight::Ramp { centre: 1.0 })] {
         let truth = truth(&format!("spin_{weight}_point"));
         for mode in [bucket, volumetric(16)] {
@@ -196,6 +203,31 @@ fn alpha_is_the_share_of_the_exposure() {
             let q = (2.0 * reach + 3.0 * spacing) / 3.0;
             assert!((alpha - q).abs() <= 1.0 / f64::from(32 * n), "spacing {spacing}, N = {n}: {alpha}, not {q}");
         }
+    }
+}
+
+/// A kernel that is longer covers each of its places for less time. The kernels of several intervals, laid over each
+/// other, cover the middle of the streak for as long as ever.
+#[test]
+fn overlap_makes_kernels_longer_not_heavier() {
+    let scene = passing(0.5, 0.05, 3.0);
+    // As above.
+    let q = (1.0 + 0.15) / 3.0;
+    let alpha = |intervals, overlap| {
+        let swept = SweptKernel { overlap: Overlap(overlap), ..SweptKernel::default() };
+        let mode = BlurMode::Volumetric { intervals, pixel_samples: None, swept };
+        let picture =
+            render(&scene, &RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(mode) });
+        f64::from(picture.layers[0].planes[0][32 * 65 + 32])
+    };
+    for overlap in [0.5, 0.75, 1.0, 2.0, 4.0] {
+        let (got, want) = (alpha(1, overlap), q / (2.0 * overlap));
+        assert!((got - want).abs() <= 1.0 / 32.0, "overlap {overlap}: {got}, not {want}");
+    }
+    for overlap in [0.5, 1.0, 1.5] {
+        // Two ends in each of up to five intervals, each off by up to half a 32nd of a fifth.
+        let got = alpha(5, overlap);
+        assert!((got - q).abs() <= 1.0 / 32.0, "overlap {overlap}: {got}, not {q}");
     }
 }
 

@@ -6,6 +6,7 @@ mod support;
 mod auto;
 mod closed_forms;
 mod contact;
+mod ewa;
 mod exposure;
 mod gpu;
 mod image_files;

@@ -7,7 +7,7 @@ use crate::support::{UNLIT, object, render, round_surfels, scene, sphere_scene};
 use glam::{DVec3, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::model::Surfels;
-use splatblur::options::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading};
+use splatblur::options::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading, Times};
 use splatblur::scene::{Light, Motion, Scene};
 use splatblur::time::Weight;
 
@@ -18,7 +18,7 @@ fn options(mode: BlurMode) -> RenderOptions {
 }
 
 const fn bucket(buckets: u32, samples: u32) -> BlurMode {
-    BlurMode::Bucket { buckets, samples, pixel_samples: None, interleave: Interleave::None }
+    BlurMode::Bucket { buckets, samples, pixel_samples: None, interleave: Interleave::None, times: Times::Even }
 }
 
 fn values(picture: &Picture) -> Vec<f32> {
@@ -66,7 +66,13 @@ fn without_motion_all_modes_show_the_same() {
         bucket(3, 4),
         BlurMode::interleaved(2, Interleave::Two),
         BlurMode::interleaved(1, Interleave::Four),
-        BlurMode::Bucket { buckets: 2, samples: 2, pixel_samples: Some(5), interleave: Interleave::Two },
+        BlurMode::Bucket {
+            buckets: 2,
+            samples: 2,
+            pixel_samples: Some(5),
+            interleave: Interleave::Two,
+            times: Times::Even,
+        },
     ] {
         let picture = render(&scene, &point(mode));
         // Depth of an ordinary pixel is about 5; sums run over up to 8 samples.
@@ -126,7 +132,13 @@ fn alpha_of_buckets_meets_the_closed_forms() {
             scene.shutter.weight = if weight == "box" { Weight::Box } else { Weight::Ramp { centre: 1.0 } };
             let filtered = if filter == "box" { PixelFilter::Box } else { PixelFilter::Point };
             let pixel_samples = (filter == "box").then_some(1024);
-            let mode = BlurMode::Bucket { buckets: 64, samples: 4, pixel_samples, interleave: Interleave::None };
+            let mode = BlurMode::Bucket {
+                buckets: 64,
+                samples: 4,
+                pixel_samples,
+                interleave: Interleave::None,
+                times: Times::Even,
+            };
             let options = RenderOptions { filter: filtered, prefilter: Prefilter::None, ..options(mode) };
             let picture = render(&scene, &options);
             let truth = truth(&format!("{name}_{weight}_{filter}"));
@@ -196,7 +208,13 @@ fn interleaved_samples_lie_within_their_pixels() {
 fn bytes_of_buckets_and_interleaving_depend_on_neither_threads_nor_memory() {
     let scene = busy();
     let models = scene.objects.iter().map(|object| object.model.bytes()).sum::<u64>();
-    let mode = BlurMode::Bucket { buckets: 2, samples: 3, pixel_samples: Some(3), interleave: Interleave::Two };
+    let mode = BlurMode::Bucket {
+        buckets: 2,
+        samples: 3,
+        pixel_samples: Some(3),
+        interleave: Interleave::Two,
+        times: Times::Even,
+    };
     let with = |threads: usize, memory: u64| -> Vec<u32> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
         let options = RenderOptions { memory, ..options(mode) };
@@ -224,7 +242,16 @@ fn the_samples_layer_counts_time_samples() {
     for (mode, want) in [
         (BlurMode::Still { pixel_samples: 3 }, 3.0),
         (BlurMode::interleaved(5, Interleave::Two), 5.0),
-        (BlurMode::Bucket { buckets: 2, samples: 3, pixel_samples: Some(5), interleave: Interleave::Four }, 18.0),
+        (
+            BlurMode::Bucket {
+                buckets: 2,
+                samples: 3,
+                pixel_samples: Some(5),
+                interleave: Interleave::Four,
+                times: Times::Even,
+            },
+            18.0,
+        ),
     ] {
         let picture = render(&scene, &RenderOptions { aovs: vec![Aov::Samples], ..options(mode) });
         let layer = picture.layers.last().unwrap();

@@ -6,7 +6,7 @@ use crate::support::{object, render, round_surfels, scene};
 use glam::{DVec3, Vec3};
 use splatblur::film::{Aov, Layer, Picture};
 use splatblur::image::{self, Exr, Format, Precision};
-use splatblur::options::{BlurMode, ErrorTarget, Interleave, Quality, RenderOptions, SweptKernel};
+use splatblur::options::{BlurMode, ErrorTarget, Interleave, Quality, RenderOptions, SweptKernel, Times};
 use splatblur::scene::{Light, Motion, Object, Scene};
 
 const SIZE: [u32; 2] = [96, 72];
@@ -91,7 +91,13 @@ fn layer(picture: &Picture) -> &Layer {
 
 fn qualities() -> Vec<Quality> {
     let volumetric = |intervals| BlurMode::Volumetric { intervals, pixel_samples: None, swept: SweptKernel::default() };
-    let bucket = BlurMode::Bucket { buckets: 16, samples: 4, pixel_samples: None, interleave: Interleave::None };
+    let bucket = BlurMode::Bucket {
+        buckets: 16,
+        samples: 4,
+        pixel_samples: None,
+        interleave: Interleave::None,
+        times: Times::Even,
+    };
     vec![
         BlurMode::supersample(64).into(),
         BlurMode::interleaved(32, Interleave::Two).into(),

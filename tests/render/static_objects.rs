@@ -11,7 +11,7 @@ use splatblur::film::{Aov, Picture};
 use splatblur::frame::{Blocks, Frame};
 use splatblur::options::{
     BlurMode, Interleave, KernelShape, Normalise, PixelFilter, RenderOptions, Shading, SourceSamples, SweptKernel,
-    TemporalAlpha,
+    TemporalAlpha, Times,
 };
 use splatblur::plan::Step;
 use splatblur::scene::{Light, Motion, Scene};
@@ -48,8 +48,14 @@ fn modes() -> [BlurMode; 5] {
         BlurMode::Still { pixel_samples: 3 },
         BlurMode::supersample(8),
         BlurMode::interleaved(3, Interleave::Two),
-        BlurMode::Bucket { buckets: 3, samples: 3, pixel_samples: None, interleave: Interleave::None },
-        BlurMode::Supersample { samples: 7, pixel_samples: Some(2), interleave: Interleave::Two },
+        BlurMode::Bucket {
+            buckets: 3,
+            samples: 3,
+            pixel_samples: None,
+            interleave: Interleave::None,
+            times: Times::Even,
+        },
+        BlurMode::Supersample { samples: 7, pixel_samples: Some(2), interleave: Interleave::Two, times: Times::Even },
     ]
 }
 

@@ -176,6 +176,7 @@ fn weights_take_their_own_attributes_and_defaults() {
     assert_eq!(weight("weight='tent'"), Weight::Tent);
     assert_eq!(weight("weight='ramp'"), Weight::Ramp { centre: 1.0 });
     assert_eq!(weight("weight='ramp' centre='0.25'"), Weight::Ramp { centre: 0.25 });
+    assert_eq!(weight("weight='one-minus-exponential'"), Weight::OneMinusExponential { centre: 1.0 });
     assert_eq!(weight("weight='exponential'"), Weight::Exponential { rate: 3.0, centre: 1.0 });
     assert_eq!(weight("weight='gaussian'"), Weight::Gaussian { centre: 0.5, width: 0.2 });
 }
@@ -488,7 +489,7 @@ fn values_are_checked() {
     refused(scene("<image transparent='yes'/>", ""), "scene.xml:2:8: `transparent` is `yes`, expected true or false");
     refused(
         scene("<shutter weight='hat'/>", ""),
-        "scene.xml:2:10: `weight` is `hat`, expected box, tent, ramp, exponential, gaussian",
+        "scene.xml:2:10: `weight` is `hat`, expected box, tent, ramp, exponential, one-minus-exponential, gaussian",
     );
     refused(
         scene("<shutter open='0.5'/>", ""),

@@ -390,8 +390,7 @@ impl Binder<'_> {
             DeviceChannels { shared, values: channels.values, sample_coverage: None, peak: None, count: 1, layers: 1 };
         let mut density = sum_constants(&weights);
         density.push(("COLOUR", 0));
-        let volume =
-            vec![("ELLIPSOID", u32::from(swept.shape == KernelShape::Ellipsoid)), ("STRETCH", swept.stretch() as u32)];
+        let volume = vec![("ELLIPSOID", u32::from(swept.shape == KernelShape::Ellipsoid))];
         let static_picture = if frame.has_static_picture() {
             let film = [(Slot::Film, self.buffers.static_film.as_entire_buffer_binding())];
             Some(self.program(Program::Resolve, &resolve_constants(frame, channels, planes), 0, &film)?)

@@ -61,6 +61,7 @@ pub(super) fn swept_constants(frame: &Frame, swept: SweptKernel, channels: &Devi
         (KernelWeight::Integral, KernelShape::Tube) => 0,
         (KernelWeight::Integral, KernelShape::Ellipsoid) => 1,
         (KernelWeight::Chord, _) => 2,
+        (KernelWeight::Line, _) => 3,
     };
     constants.extend([
         ("FOOTPRINT", footprint),

@@ -7,8 +7,8 @@ use crate::frame::{Blocks, Frame};
 use crate::math::random::Random;
 use crate::model::{Material, Surfels};
 use crate::options::{
-    BlurMode, Interleave, KernelShape, KernelWeight, Normalise, PixelFilter, Prefilter, Quality, RenderOptions,
-    Shading, SourceSamples, SweptKernel, TemporalAlpha,
+    BlurMode, Interleave, KernelShape, KernelWeight, Normalise, Overlap, PixelFilter, Prefilter, Quality,
+    RenderOptions, Shading, SourceSamples, SweptKernel, TemporalAlpha, Times,
 };
 use crate::scene::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
 use crate::time::{Shutter, Weight};
@@ -132,7 +132,13 @@ fn two_balls(size: [u32; 2]) -> Scene {
 pub(super) fn all() -> Vec<Case> {
     let options =
         |mode: BlurMode| RenderOptions { quality: mode.into(), aovs: Aov::ALL.to_vec(), ..RenderOptions::default() };
-    let bucket = |interleave| BlurMode::Bucket { buckets: 2, samples: 3, pixel_samples: Some(2), interleave };
+    let bucket = |interleave| BlurMode::Bucket {
+        buckets: 2,
+        samples: 3,
+        pixel_samples: Some(2),
+        interleave,
+        times: Times::Even,
+    };
     let mut mirrored = two_balls([70, 45]);
     mirrored.objects[1].two_sided = false;
     let mut seen_twice = scene(vec![object(hard(), DVec3::ZERO)], [150, 140]);
@@ -191,6 +197,7 @@ pub(super) fn swept() -> Vec<Case> {
     let tube = SweptKernel::default();
     let ellipsoid = SweptKernel { shape: KernelShape::Ellipsoid, ..tube };
     let chord = SweptKernel { weight: KernelWeight::Chord, ..ellipsoid };
+    let line = SweptKernel { weight: KernelWeight::Line, alpha: TemporalAlpha::Sum, ..ellipsoid };
     let parts = SweptKernel { source_samples: SourceSamples(3), ..tube };
     let case = |name, scene: &Scene, options| Case { name, scene: scene.clone(), options, in_part: false };
     vec![
@@ -207,6 +214,10 @@ pub(super) fn swept() -> Vec<Case> {
         case("hard ellipsoid", &moving, options(ellipsoid)),
         case("ellipsoid in parts", &fast, options(SweptKernel { source_samples: SourceSamples(2), ..ellipsoid })),
         case("chord", &fast, options(chord)),
+        case("line", &fast, options(line)),
+        case("hard line", &moving, options(line)),
+        case("near line", &near, options(SweptKernel { source_samples: SourceSamples(3), ..line })),
+        case("overlap", &fast, options(SweptKernel { overlap: Overlap(0.8), ..tube })),
         case("published", &fast, options(SweptKernel::PUBLISHED)),
         case("one pixel", &two_balls([1, 1]), options(tube)),
     ]

@@ -119,8 +119,8 @@ impl SweepTwins<'_> {
     pub(super) fn sweep(&self, objects: Objects) -> Vec<Posed<SweptSplat>> {
         let kernels_of = |chunk: Chunk| {
             let (mut splats, surfels) = (Vec::new(), &self.scope().frame.objects[chunk.object].surfels);
-            let (view, volume) = (self.scope().view(&chunk), self.group.volume());
-            swept::project::project(&view, volume, surfels, chunk.surfels.clone(), &mut splats);
+            let view = self.scope().view(&chunk);
+            swept::project::project(&view, self.group.ellipsoid(), surfels, chunk.surfels.clone(), &mut splats);
             Posed { chunk, splats }
         };
         whole_chunks(self.scope(), objects).into_iter().map(kernels_of).collect()

@@ -235,12 +235,11 @@ fn swept_passes_agree() {
 }
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 33] = [
+static MUTANTS: [([(&str, &str); 1], &str); 38] = [
     ([("apply(travels[segment.index].motion, position)", "-apply(travels[segment.index].motion, position)")], "tube"),
     ([("(vx * my - vy * mx) * over_both", "(vx * my + vy * mx) * over_both")], "tube"),
     ([("max(begin.y, end.y)", "begin.y")], "fast"),
     ([("min(across.y, columns.y)", "across.y")], "ellipsoid"),
-    ([("f32(STRETCH)", "1.0")], "published"),
     ([("form(cross(motion, u) * over)", "form(cross(u, motion) * over)")], "hard"),
     ([("SPLATS * slot + PART", "SPLATS * slot")], "tube"),
     ([("vec2<u32>(column, row)) + view.corner", "vec2<u32>(column, row))")], "tube"),
@@ -267,6 +266,12 @@ static MUTANTS: [([(&str, &str); 1], &str); 33] = [
     ([("weight *= shown.part", "weight *= 1.0")], "fast"),
     ([("of_slice << (slice * bits)", "of_slice")], "fast"),
     ([("(view.near - p.z) / (q.z - p.z)", "(view.near - q.z) / (q.z - p.z)")], "hard"),
+    ([("let normal = sqrt(normal_x * normal_x", "let normal = sqrt(0.0 * normal_x")], "line"),
+    ([("i[2] - i[0] * offset.x", "i[2] + i[0] * offset.x")], "line"),
+    ([("let ray_x = (x + offset.x)", "let ray_x = (x - offset.x)")], "line"),
+    ([("(LINE_PEAK * (span.y - span.x)) * slant", "(ELLIPSOID_PEAK * (span.y - span.x)) * slant")], "near line"),
+    ([("slant = slant_of(splat, x, y, w)", "slant = 1.0")], "hard line"),
+    ([("&& FOOTPRINT != LINE", "")], "line"),
     ([("view.weight - covered", "view.weight")], "tube"),
     ([("left * static_film[at + 3u * TILE_PIXELS]", "left")], "once"),
 ];

@@ -5,8 +5,8 @@ use std::fmt;
 use anyhow::bail;
 use clap::Args;
 use splatblur::options::{
-    self, ErrorTarget, Interleave, KernelShape, KernelWeight, ModeName, ModeParts, Normalise, OptionError, Quality,
-    SourceSamples, TemporalAlpha,
+    self, ErrorTarget, Interleave, KernelShape, KernelWeight, ModeName, ModeParts, Normalise, OptionError, Overlap,
+    Quality, SourceSamples, TemporalAlpha, Times,
 };
 
 use crate::cli::values::one_of;
@@ -17,7 +17,7 @@ pub(super) struct Blur {
     /// How motion becomes blur, as in still, supersample:32+interleave=2, auto:0.01+samples-max=64 or
     /// volumetric:3+published (`splatblur render --help` lists all). What it leaves open the options below may say
     /// [default: auto; supersample with
-    /// --samples or --interleave].
+    /// --samples, --interleave or --times].
     #[arg(long, value_name = "MODE", value_parser = mode, help_heading = "Blur")]
     mode: Option<Mode>,
     /// Mode auto: the largest error of any part of the image, as root mean square of display values: draft (0.05), good
@@ -49,6 +49,11 @@ pub(super) struct Blur {
     /// Interleaved sampling: each pixel of a lattice of S x S (1, 2 or 4) has times of its own [default: 1].
     #[arg(long, value_name = "S", allow_hyphen_values = true, help_heading = "Blur")]
     interleave: Option<Interleave>,
+    /// Modes supersample and bucket: where times lie within the shutter. even: the middles of equal strata; stratified:
+    /// a random time in each of as many equal shares of the exposure; random: independent random times. --seed chooses
+    /// them [default: even].
+    #[arg(long, value_name = "TIMES", value_parser = one_of::<Times>(Times::WORDS), help_heading = "Blur")]
+    times: Option<Times>,
     /// Sub-pixel positions of mode still [default: 16], and of static objects in mode auto [default: 8]; else those of
     /// all time samples, buckets or intervals [default: one for each]. Fewer are shared out, and static objects are
     /// splatted once at each. With more, each sample is rendered at several.
@@ -59,7 +64,8 @@ pub(super) struct Blur {
     #[arg(long, value_name = "KERNEL", value_parser = one_of::<KernelShape>(KernelShape::WORDS), help_heading = "Blur")]
     kernel: Option<KernelShape>,
     /// Mode volumetric: a kernel's weight on a ray. integral: over time; chord: by the length of the ray within the
-    /// kernel, with --kernel ellipsoid only [default: integral].
+    /// kernel; line: the integral along the ray within the kernel. The last two need --kernel ellipsoid [default:
+    /// integral].
     #[arg(
         long,
         value_name = "WEIGHT",
@@ -70,6 +76,10 @@ pub(super) struct Blur {
     /// Mode volumetric: places within a kernel, on a ray, whose visibility is tested, 1 to 64 [default: 1].
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Blur")]
     source_samples: Option<SourceSamples>,
+    /// Mode volumetric: half-axis of a kernel along its motion, in spacings of the intervals, 0.1 to 4. At 0.5 kernels
+    /// of neighbouring intervals meet end to end; at 1 each reaches the middles of its neighbours [default: 0.5].
+    #[arg(long, value_name = "S", allow_hyphen_values = true, help_heading = "Blur")]
+    overlap: Option<Overlap>,
     /// Mode volumetric: where the coverage of a moving surface comes from. union: the times at which any kernel covers
     /// the pixel; sum: the sum of all weights, at most 1 [default: union].
     #[arg(
@@ -83,8 +93,8 @@ pub(super) struct Blur {
     /// [default: interval].
     #[arg(long, value_name = "WHEN", value_parser = one_of::<Normalise>(Normalise::WORDS), help_heading = "Blur")]
     normalise: Option<Normalise>,
-    /// Mode volumetric as published by Wolf (2008): ellipsoids that overlap in time, chord, sum, once.
-    #[arg(long, conflicts_with_all = ["kernel", "kernel_weight", "alpha", "normalise"], help_heading = "Blur")]
+    /// Mode volumetric as published by Wolf (2008): ellipsoid, chord, overlap 1, sum, once.
+    #[arg(long, conflicts_with_all = ["kernel", "kernel_weight", "overlap", "alpha", "normalise"], help_heading = "Blur")]
     published: bool,
 }
 
@@ -110,7 +120,7 @@ fn mode(text: &str) -> Result<Mode, String> {
 impl Blur {
     /// The mode that all options together say.
     pub(super) fn quality(&self) -> anyhow::Result<Quality> {
-        let counted = self.samples.is_some() || self.interleave.is_some();
+        let counted = self.samples.is_some() || self.interleave.is_some() || self.times.is_some();
         let name = if counted { ModeName::Supersample } else { ModeName::Auto };
         let mut parts = self.mode.as_ref().map_or(ModeParts::new(name), |mode| mode.parts);
         self.check_parts(parts.name)?;
@@ -119,10 +129,12 @@ impl Blur {
         self.put(&mut parts.samples, self.samples, "--samples")?;
         self.put(&mut parts.buckets, self.buckets, "--buckets")?;
         self.put(&mut parts.interleave, self.interleave, "--interleave")?;
+        self.put(&mut parts.times, self.times, "--times")?;
         self.put(&mut parts.pixel_samples, self.pixel_samples, "--pixel-samples")?;
         self.put(&mut parts.kernel, self.kernel, "--kernel")?;
         self.put(&mut parts.kernel_weight, self.kernel_weight, "--kernel-weight")?;
         self.put(&mut parts.source_samples, self.source_samples, "--source-samples")?;
+        self.put(&mut parts.overlap, self.overlap, "--overlap")?;
         self.put(&mut parts.alpha, self.alpha, "--alpha")?;
         self.put(&mut parts.normalise, self.normalise, "--normalise")?;
         parts.published |= self.published;
@@ -152,11 +164,13 @@ impl Blur {
             ("kernel", self.kernel.is_some()),
             ("kernel-weight", self.kernel_weight.is_some()),
             ("source-samples", self.source_samples.is_some()),
+            ("overlap", self.overlap.is_some()),
             ("alpha", self.alpha.is_some()),
             ("normalise", self.normalise.is_some()),
             ("published", self.published),
             ("samples", self.samples.is_some()),
             ("interleave", self.interleave.is_some()),
+            ("times", self.times.is_some()),
         ];
         let Some((part, _)) = given.into_iter().find(|(part, given)| *given && !mode.parts().contains(part)) else {
             return Ok(());
@@ -169,6 +183,8 @@ impl Blur {
         bail!(match (mode, part) {
             (ModeName::Auto, "samples") => "--mode auto chooses the samples; use --samples-max, or --mode supersample",
             (ModeName::Auto, "interleave") => "--mode auto chooses the lattice; --interleave is for --mode supersample",
+            (ModeName::Auto, "times") => "--mode auto chooses the times; --times is for --mode supersample and bucket",
+            (_, "times") => "--times is for modes with time samples: supersample and bucket",
             (ModeName::Volumetric, "interleave") =>
                 "--interleave is not for --mode volumetric, which has no time samples",
             (ModeName::Still, "samples") =>
@@ -189,8 +205,8 @@ impl Blur {
         match error {
             OptionError::Published { .. } if self.published => format!("--published contradicts --mode {text}"),
             OptionError::Published { option } => format!("--{option} contradicts --mode {text}"),
-            OptionError::ChordOfTube => {
-                "--kernel-weight chord is the length within an ellipsoid: it needs --kernel ellipsoid".to_owned()
+            OptionError::OfEllipsoids { weight } => {
+                format!("--kernel-weight {weight} is of ellipsoids: it needs --kernel ellipsoid")
             }
             other => other.to_string(),
         }
@@ -221,6 +237,8 @@ mod tests {
             ("", "auto:0.025"),
             ("--samples 8", "supersample:8"),
             ("--interleave 2", "supersample:32+interleave=2"),
+            ("--times random", "supersample:32+times=random"),
+            ("--mode bucket:4x2 --times stratified", "bucket:4x2+times=stratified"),
             ("--mode supersample:32+interleave=2", "supersample:32+interleave=2"),
             ("--mode supersample:32 --interleave 2 --samples 32", "supersample:32+interleave=2"),
             ("--mode auto:0.01+samples-max=64", "auto:0.01+samples-max=64"),
@@ -230,6 +248,7 @@ mod tests {
             ("--mode bucket --buckets 3", "bucket:3x4"),
             ("--mode volumetric:3+published", "volumetric:3+published"),
             ("--mode volumetric:3 --published --source-samples 4", "volumetric:3+published+source-samples=4"),
+            ("--mode volumetric --overlap 1", "volumetric:10+overlap=1"),
             ("--mode volumetric+chord --kernel ellipsoid", "volumetric:10+kernel=ellipsoid+kernel-weight=chord"),
         ] {
             assert_eq!(quality(arguments).unwrap().to_string(), mode, "{arguments}");
@@ -246,9 +265,17 @@ mod tests {
             ("--mode supersample+interleave=2 --interleave 4", "--interleave 4 contradicts"),
             ("--mode volumetric+published --alpha union", "--alpha contradicts --mode volumetric+published"),
             ("--mode volumetric+ellipsoid --published", "--published contradicts --mode volumetric+ellipsoid"),
+            ("--mode volumetric+published --overlap 1", "--overlap contradicts --mode volumetric+published"),
+            ("--mode volumetric+overlap=2 --overlap 1", "--overlap 1 contradicts --mode volumetric+overlap=2"),
+            ("--mode auto --times random", "--mode auto chooses the times"),
+            ("--mode still --times random", "--times is for modes with time samples"),
+            ("--mode volumetric --times random", "--times is for modes with time samples"),
+            ("--mode supersample+times=even --times random", "--times random contradicts"),
+            ("--mode supersample --overlap 1", "--overlap is for --mode volumetric"),
             ("--mode volumetric+published+once", "--mode volumetric+published+once: `published` says all"),
-            ("--mode volumetric+chord", "--mode volumetric+chord: kernel-weight=chord is the length"),
+            ("--mode volumetric+chord", "--mode volumetric+chord: kernel-weight=chord is of ellipsoids"),
             ("--mode volumetric --kernel-weight chord", "it needs --kernel ellipsoid"),
+            ("--mode volumetric --kernel-weight line", "--kernel-weight line is of ellipsoids: it needs --kernel"),
             ("--mode supersample:8 --buckets 4", "--buckets is for --mode bucket"),
             ("--mode bucket:6000x6000", "--mode bucket:6000x6000: 6000 buckets of 6000 samples"),
             ("--mode swept", "there is no mode `swept` (there are: auto, still, supersample"),

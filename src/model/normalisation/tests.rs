@@ -66,7 +66,9 @@ fn directions(n: u32, random: Option<u64>) -> Vec<Vec3> {
 
 fn ball(directions: &[Vec3], radius: f32) -> Surfels {
     let mut s = Surfels::default();
-    directions.iter().for_each(|&d| round(&mut s, d, d, radius));
+    for &d in directions {
+        round(&mut s, d, d, radius);
+    }
     s
 }
 

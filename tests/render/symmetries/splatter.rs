@@ -4,7 +4,7 @@ use glam::DVec3;
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Aov;
-use splatblur::options::{BlurMode, Interleave, KernelShape, PixelFilter, RenderOptions, SweptKernel};
+use splatblur::options::{BlurMode, Interleave, KernelShape, PixelFilter, RenderOptions, SweptKernel, Times};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use splatblur::time::{Shutter, Weight};
@@ -26,7 +26,7 @@ const fn volumetric(intervals: u32, swept: SweptKernel) -> BlurMode {
 }
 
 const fn bucket(buckets: u32, samples: u32) -> BlurMode {
-    BlurMode::Bucket { buckets, samples, pixel_samples: None, interleave: Interleave::None }
+    BlurMode::Bucket { buckets, samples, pixel_samples: None, interleave: Interleave::None, times: Times::Even }
 }
 
 fn ellipsoid() -> SweptKernel {
@@ -50,7 +50,13 @@ fn interleaved() -> [BlurMode; 3] {
     [
         BlurMode::interleaved(4, Interleave::Two),
         BlurMode::interleaved(2, Interleave::Four),
-        BlurMode::Bucket { buckets: 2, samples: 1, pixel_samples: None, interleave: Interleave::Two },
+        BlurMode::Bucket {
+            buckets: 2,
+            samples: 1,
+            pixel_samples: None,
+            interleave: Interleave::Two,
+            times: Times::Even,
+        },
     ]
 }
 

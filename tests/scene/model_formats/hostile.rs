@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use splatblur::model::{Format, Parsed, parse};
 
-use super::bin::{encode, seal};
+use super::bin::{encode, encode_first_version, seal};
 use super::support::{ENCODINGS, Encoding, Ply, be, read, refused, sfl_file, sfl_set};
 use super::write::sample;
 
@@ -43,6 +43,7 @@ fn seeds() -> Vec<(Format, Vec<u8>)> {
     let obj = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nvn 0 0 1\nf 1/1/1 2//1 -1\n";
     files.push((Format::Obj, obj.as_bytes().to_vec()));
     files.push((Format::Bin, encode(&sample(3, true))));
+    files.push((Format::Bin, encode_first_version(&sample(3, true))));
     files.push((Format::Xyz, b"# x y z, normal, colour\n1 2 3 0 0 1 255 0 0\n4 5 6 0 1 0 0 9 0\n".to_vec()));
     files.push((Format::Pts, b"2\n1 2 3 -20 255 0 0\n4 5 6 30 1 2 3\n".to_vec()));
     files
@@ -268,6 +269,10 @@ proptest! {
     fn noise_never_panics(bytes in proptest::collection::vec(any::<u8>(), 0..600), which in 0..6_usize) {
         let sfl = b"GFLF\0\0\0\0SFLF\0\0\0\0\0\0\0\x14";
         let bin = b"\x89SPLAT\r\n\x01\0\0\0";
+        // No flags, surfels or origin, a number of columns from the noise, and the noise as directory.
+        let columns = &bytes[..bytes.len().min(1)];
+        let second = [&b"\x89SPLAT\r\n\x02\0\0\0"[..], &[0; 40], columns, &[0; 11], &bytes].concat();
+        let _ = parse(&second, Format::Bin);
         let marks: [&[u8]; 6] = [b"ply\n", sfl, b"v 1 2 3\nf ", bin, b"1 2 3\n", b"2\n1 2 3 "];
         let _ = parse(&bytes, FORMATS[which]);
         let _ = parse(&[marks[which], &bytes].concat(), FORMATS[which]);

@@ -45,6 +45,8 @@ pub(in crate::backend) struct EwaBuffers {
     pub second: Vec<f32>,
     /// For each row a bit for each pixel that is not solid.
     pub open: Vec<u32>,
+    /// For each row a bit for each pixel near which there is one that no disc covers.
+    pub rim: Vec<u32>,
     /// Weighted sums of each layer: for each of `ROWS` rows, for each channel and then the extra ones, `STRIDE` floats.
     pub sums: [Vec<f32>; 4],
 }
@@ -53,7 +55,7 @@ impl EwaBuffers {
     /// Bytes of one tile's buffers.
     pub(in crate::backend) const fn bytes(channels: usize) -> u64 {
         let planes = 4 * (channels + EXTRA) + 1;
-        ((planes * ROWS * STRIDE + 2 * APRON_ROWS * APRON_STRIDE + TILE) * size_of::<f32>()) as u64
+        ((planes * ROWS * STRIDE + 2 * APRON_ROWS * APRON_STRIDE + 2 * TILE) * size_of::<f32>()) as u64
     }
 
     pub(in crate::backend) fn clear_depths(&mut self) {
@@ -63,8 +65,10 @@ impl EwaBuffers {
         }
         self.second.clear();
         self.second.resize(ROWS * STRIDE, f32::INFINITY);
-        self.open.clear();
-        self.open.resize(TILE, 0);
+        for rows in [&mut self.open, &mut self.rim] {
+            rows.clear();
+            rows.resize(TILE, 0);
+        }
     }
 
     pub(in crate::backend) fn clear_sums(&mut self, channels: usize) {

@@ -32,7 +32,9 @@ fn resolve_body(
     for y in 0..tile.height {
         for x in (0..tile.width).step_by(LANES) {
             let open = buffers.open[y] >> x & 0xff;
+            let rim = buffers.rim[y] >> x & 0xff;
             let mut left = [1.0_f32; LANES];
+            let last = last_layers(buffers, y * row + x);
             for layer in Layer::ALL {
                 if open == 0 && layer != Layer::Band {
                     continue;
@@ -57,9 +59,14 @@ fn resolve_body(
                     inverse[l] = if weight > 0.0 { 1.0 / weight } else { 0.0 };
                     // Of a thin sheet both sides are there; they cover once.
                     let sum = 0.5 * (weight + sides[l].abs());
-                    let hard = peaks[l] * inverse[l];
+                    // What filtering leaves of the kernels' peaks, and a share of the rest: where half is left, discs
+                    // tell outlines better than sums, which miss what kernels lose towards their rims.
+                    let lost = 1.0 - peaks[l] * inverse[l];
+                    let hard = 1.0 - lost * lost;
                     let coverage = hard * f32::from(covered[l]) + (1.0 - hard) * if sum < 1.0 { sum } else { 1.0 };
-                    let coverage = if open >> l & 1 == 0 { 1.0 } else { coverage };
+                    // Where discs cover all around, the last layer closes what is left: the surface has no holes.
+                    let closes = open >> l & 1 == 0 || rim >> l & 1 == 0 && last[l] == layer as u8;
+                    let coverage = if closes { 1.0 } else { coverage };
                     let coverage = if coverage < left[l] { coverage } else { left[l] };
                     share[l] = if weight > 0.0 { coverage } else { 0.0 };
                     left[l] -= share[l];
@@ -73,6 +80,18 @@ fn resolve_body(
             }
         }
     }
+}
+
+/// For each of the pixels whose sums begin at `at` the last layer that has weight.
+#[inline(always)]
+fn last_layers(buffers: &EwaBuffers, at: usize) -> [u8; LANES] {
+    let mut last = [0; LANES];
+    for (layer, sums) in (0..).zip(&buffers.sums) {
+        if let Some(weights) = sums.get(at..at + LANES) {
+            (0..LANES).for_each(|l| last[l] = if weights[l] > 0.0 { layer } else { last[l] });
+        }
+    }
+    last
 }
 
 #[inline(always)]

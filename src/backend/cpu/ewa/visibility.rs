@@ -110,7 +110,7 @@ fn second_body(
     }
 }
 
-/// Finds the pixels that are not solid. A pixel is solid if discs cover it and all pixels within `apron`, and inverse
+/// Finds the pixels that are not solid, and those near which there is one that no disc covers. A pixel is solid if discs cover it and all pixels within `apron`, and inverse
 /// depths around it change as those of a plane do, up to four tolerances: opposite neighbours agree with their middle.
 /// Pixels outside the image of `size` pixels do not count.
 pub(in crate::backend) fn find_open(tile: &TileRect, apron: usize, size: [u32; 2], buffers: &mut EwaBuffers) {
@@ -124,13 +124,14 @@ pub(in crate::backend) fn find_open(tile: &TileRect, apron: usize, size: [u32; 2
         to.iter_mut().zip(from).for_each(|(to, from)| *to = 1.0 / from);
     }
     for y in 0..tile.height {
-        let mut open = [0_u32; TILE];
+        let mut rim = [0_u32; TILE];
         for row in &inverse[y..=y + 2 * apron] {
             for dx in 0..=2 * apron {
                 let row = &row[dx..][..TILE];
-                open.iter_mut().zip(row).for_each(|(open, z)| *open |= u32::from(*z == 0.0));
+                rim.iter_mut().zip(row).for_each(|(rim, z)| *rim |= u32::from(*z == 0.0));
             }
         }
+        let mut open = rim;
         let middle = &inverse[y + apron][apron..][..TILE];
         let epsilon = &buffers.epsilon[(y + top) * APRON_STRIDE + left..][..TILE];
         for distance in 1..=apron {
@@ -146,8 +147,7 @@ pub(in crate::backend) fn find_open(tile: &TileRect, apron: usize, size: [u32; 2
                 }
             }
         }
-        let mut bits = 0;
-        open[..tile.width].iter().enumerate().for_each(|(x, &open)| bits |= open << x);
-        buffers.open[y] = bits;
+        let bits = |row: &[u32; TILE]| row[..tile.width].iter().enumerate().fold(0, |bits, (x, bit)| bits | bit << x);
+        (buffers.open[y], buffers.rim[y]) = (bits(&open), bits(&rim));
     }
 }

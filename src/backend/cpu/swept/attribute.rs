@@ -7,10 +7,11 @@
 
 use super::hull::Hull;
 use super::map::Map;
-use super::ray::{CHORD, ELLIPSOID, Lanes, Ray, Sight, TUBE};
+use super::ray::{CHORD, ELLIPSOID, LINE, Lanes, Ray, Sight, TUBE};
 use super::slices::{covered, times};
 use crate::backend::cpu::attribute::{Attributes, add};
 use crate::backend::cpu::tiles::{CoverageMask, LANES, STRIDE, Slices, TileRect};
+use crate::frame::Raster;
 use crate::layout::SweptSplat;
 use crate::math::simd::dispatch;
 use crate::options::{KernelShape, KernelWeight, SweptKernel};
@@ -24,6 +25,8 @@ pub(in crate::backend) enum Footprint {
     Ellipsoid,
     /// The ellipsoid's chord (Wolf 2008, eq. 4.12).
     Chord,
+    /// The line integral through the ellipsoid (Wolf 2008, eq. C.38).
+    Line,
 }
 
 impl Footprint {
@@ -31,6 +34,7 @@ impl Footprint {
     pub(in crate::backend) const fn of(kernel: SweptKernel) -> Self {
         match (kernel.weight, kernel.shape) {
             (KernelWeight::Chord, _) => Self::Chord,
+            (KernelWeight::Line, _) => Self::Line,
             (KernelWeight::Integral, KernelShape::Tube) => Self::Tube,
             (KernelWeight::Integral, KernelShape::Ellipsoid) => Self::Ellipsoid,
         }
@@ -49,10 +53,11 @@ pub(in crate::backend) struct Swept<'a> {
     /// Write the sum of weights instead of the times at which kernels cover.
     pub sum: bool,
     pub map: &'a Map,
+    pub raster: &'a Raster,
 }
 
 dispatch! {
-    /// Adds the swept splats that `list` names to `sums` and `coverage_mask`. The chord has no slices.
+    /// Adds the swept splats that `list` names to `sums` and `coverage_mask`. The chord and the line have no slices.
     #[allow(clippy::too_many_arguments, reason = "what the loops read and write")]
     pub(in crate::backend) fn attribute(
         splats: &[SweptSplat], list: &[u32], swept: &Swept<'_>, tile: &TileRect, threshold: &[f32], slices: &Slices,
@@ -88,6 +93,10 @@ fn attribute_body(
             add_all::<CHORD, true>(splats, list, swept, tile, threshold, slices, sums, coverage_mask);
         }
         Footprint::Chord => add_all::<CHORD, false>(splats, list, swept, tile, threshold, slices, sums, coverage_mask),
+        Footprint::Line if low_pass => {
+            add_all::<LINE, true>(splats, list, swept, tile, threshold, slices, sums, coverage_mask);
+        }
+        Footprint::Line => add_all::<LINE, false>(splats, list, swept, tile, threshold, slices, sums, coverage_mask),
     }
 }
 
@@ -105,7 +114,9 @@ fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
 ) {
     let attributes = &swept.attributes;
     let channels = attributes.channels.count;
-    let sight = Sight { source_samples: swept.source_samples, slope: swept.slope, sum: swept.sum };
+    let Raster { axis, offset, focal, .. } = *swept.raster;
+    let axis = [axis[0] - offset[0], axis[1] - offset[1]];
+    let sight = Sight { source_samples: swept.source_samples, slope: swept.slope, sum: swept.sum, axis, focal };
     let [left, top] = tile.corner;
     for &index in list {
         let splat = &splats[index as usize];
@@ -132,7 +143,7 @@ fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
                         continue;
                     }
                     lanes.hide(&threshold[y * STRIDE + x..]);
-                    if FOOTPRINT == CHORD {
+                    if FOOTPRINT == CHORD || FOOTPRINT == LINE {
                         lanes.test(swept.map);
                     } else {
                         lanes.weigh(swept.map, slices, y, x);

@@ -13,33 +13,25 @@ use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, SweptSplat};
 use crate::math::simd::dispatch;
 use crate::model::Surfels;
 
-/// Which volume a kernel sweeps.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::backend) struct Volume {
-    /// The ellipsoid instead of the tube.
-    pub ellipsoid: bool,
-    /// Motion of the kernel over that of the surfel: 2 where neighbouring kernels overlap.
-    pub stretch: f32,
-}
-
 dispatch! {
-    /// Appends the swept splats of `surfels[range]` that may touch the wanted pixels, in surfel order.
+    /// Appends the swept splats of `surfels[range]` that may touch the wanted pixels, in surfel order. `ellipsoid`:
+    /// kernels sweep the ellipsoid instead of the tube.
     pub(in crate::backend) fn project(
-        view: &View<'_>, volume: Volume, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>,
+        view: &View<'_>, ellipsoid: bool, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>,
     ) = project_body
 }
 
 #[inline(always)]
-fn project_body(view: &View<'_>, volume: Volume, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>) {
+fn project_body(view: &View<'_>, ellipsoid: bool, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>) {
     let object = view.object;
     for i in range {
         let posed = Posed {
             centre: object.centre_from_model * surfels.position[i] + object.centre_origin,
-            motion: (object.motion_from_model * surfels.position[i] + object.motion_origin) * volume.stretch,
+            motion: object.motion_from_model * surfels.position[i] + object.motion_origin,
             u: object.screen_from_model * surfels.axis_u[i],
             v: object.screen_from_model * surfels.axis_v[i],
         };
-        if let Some(splat) = sweep(view, volume.ellipsoid, &posed, i as u32) {
+        if let Some(splat) = sweep(view, ellipsoid, &posed, i as u32) {
             out.push(splat);
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::backend::cpu::tiles::LANES;
 use crate::layout::{FLAG_LOW_PASS, SweptSplat};
-use crate::math::sweep::{Path, Sweep, chord_intensity, ellipsoid_weight, moments, tube_weight};
+use crate::math::sweep::{Path, Sweep, chord_intensity, ellipsoid_weight, line_weight, moments, tube_weight};
 
 /// Integral of the tube.
 pub(super) const TUBE: u8 = 0;
@@ -10,6 +10,8 @@ pub(super) const TUBE: u8 = 0;
 pub(super) const ELLIPSOID: u8 = 1;
 /// The ellipsoid's chord (Wolf 2008, eq. 4.12).
 pub(super) const CHORD: u8 = 2;
+/// The line integral through the ellipsoid (Wolf 2008, eq. C.38).
+pub(super) const LINE: u8 = 3;
 
 /// How kernels are met.
 #[derive(Clone, Copy, Debug)]
@@ -20,6 +22,27 @@ pub(super) struct Sight {
     pub slope: f32,
     /// Write the sum of weights instead of the times at which kernels cover.
     pub sum: bool,
+    /// Where the camera's axis meets the raster, counted as sample positions are: raster pixels.
+    pub axis: [f32; 2],
+    /// Focal length, raster pixels.
+    pub focal: f32,
+}
+
+impl Sight {
+    /// 1 / |cos| of the angle between the kernel's normal and the ray at offset `x`, `y` from the splat's reference,
+    /// where the inverse depth is `w` (docs/math.md, eq. 16b).
+    #[inline(always)]
+    fn slant(&self, splat: &SweptSplat, [x, y]: [f32; 2], w: f32) -> f32 {
+        let i = splat.inverse_depth;
+        let (from_x, from_y) = (splat.reference[0] - self.axis[0], splat.reference[1] - self.axis[1]);
+        let (normal_x, normal_y) = (i[0] * self.focal, i[1] * self.focal);
+        let normal_z = i[2] - i[0] * from_x - i[1] * from_y;
+        let over = 1.0 / self.focal;
+        let (ray_x, ray_y) = ((x + from_x) * over, (y + from_y) * over);
+        let normal = (normal_x * normal_x + normal_y * normal_y + normal_z * normal_z).sqrt();
+        let ray = (ray_x * ray_x + ray_y * ray_y + 1.0).sqrt();
+        normal * ray / w
+    }
 }
 
 /// A kernel on the rays through neighbouring pixels. A lane whose ray does not meet it has weight 0 and covers nothing.
@@ -118,7 +141,8 @@ impl Ray {
         let met = wanted & (w > 0.0) & (weighed[0] < weighed[1]);
         let weighed = cut(weighed, part, view.source_samples);
         let span = if FOOTPRINT == TUBE { weighed } else { cut(span, part, view.source_samples) };
-        let (weight, most, intensity) = weigh::<FOOTPRINT>(&sweep, weighed);
+        let slant = if FOOTPRINT == LINE { view.slant(splat, [x, y], w) } else { 1.0 };
+        let (weight, most, intensity) = weigh::<FOOTPRINT>(&sweep, weighed, slant);
         let tau = 0.5 * (weighed[0] + weighed[1]);
         let time = 1.0 + view.slope * tau;
 
@@ -133,7 +157,7 @@ impl Ray {
         ];
         let disc_met = LOW_PASS & wanted & (self.disc > 0.0) & (disc_span[0] < disc_span[1]);
         let disc_span = cut(disc_span, part, view.source_samples);
-        let (disc_weight, disc_most, disc_intensity) = weigh::<FOOTPRINT>(&disc_sweep, disc_span);
+        let (disc_weight, disc_most, disc_intensity) = weigh::<FOOTPRINT>(&disc_sweep, disc_span, 1.0);
         let disc_tau = 0.5 * (disc_span[0] + disc_span[1]);
         let disc_time = 1.0 + view.slope * disc_tau;
 
@@ -182,10 +206,11 @@ impl Ray {
 
 /// Weight over the interval, its greatest value for kernels of peak 1, and what makes it an intensity.
 #[inline(always)]
-fn weigh<const FOOTPRINT: u8>(sweep: &Sweep, span: [f32; 2]) -> (f32, f32, f32) {
+fn weigh<const FOOTPRINT: u8>(sweep: &Sweep, span: [f32; 2], slant: f32) -> (f32, f32, f32) {
     match FOOTPRINT {
         TUBE => (tube_weight(sweep.mean(span), span), tube_weight(1.0, span), 1.0),
         ELLIPSOID => (ellipsoid_weight(sweep.mean(span), span), ellipsoid_weight(1.0, span), 1.0),
+        LINE => (line_weight(sweep.mean(span), span, slant), 1.0, 1.0),
         _ => (sweep.chord(), 1.0, chord_intensity(sweep)),
     }
 }

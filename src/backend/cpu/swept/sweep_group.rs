@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::attribute::{self, Footprint, Swept};
 use super::map::Map;
-use super::project::{self, Volume};
+use super::project;
 use super::resolve::{self, Exposure};
 use super::slices;
 use crate::backend::cpu::bin::Binned;
@@ -30,10 +30,9 @@ pub(in crate::backend) struct SweepGroup<'a> {
 }
 
 impl SweepGroup<'_> {
-    /// The volume that kernels sweep.
-    pub(in crate::backend) fn volume(&self) -> Volume {
-        let ellipsoid = self.kernel.shape == KernelShape::Ellipsoid;
-        Volume { ellipsoid, stretch: self.kernel.stretch() as f32 }
+    /// Do kernels sweep the ellipsoid instead of the tube?
+    pub(in crate::backend) fn ellipsoid(&self) -> bool {
+        self.kernel.shape == KernelShape::Ellipsoid
     }
 
     /// What `attribute` needs for one chunk, whose kernels have `values`.
@@ -45,6 +44,7 @@ impl SweepGroup<'_> {
             slope: self.interval.slope,
             sum: self.sums_weights(),
             map: self.map,
+            raster: self.scope.raster,
         }
     }
 
@@ -117,7 +117,7 @@ impl TileWork for SweepGroup<'_> {
             let surfels = &self.scope.frame.objects[chunk.object].surfels;
             let view = self.scope.view(chunk);
             binned.splats.clear();
-            project::project(&view, self.volume(), surfels, chunk.surfels.clone(), &mut binned.splats);
+            project::project(&view, self.ellipsoid(), surfels, chunk.surfels.clone(), &mut binned.splats);
             binned.bin();
             self.scope.add_values(chunk, binned);
         });

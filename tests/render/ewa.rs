@@ -1,0 +1,190 @@
+//! Full EWA against areas that are known: outlines, small things, mattes, and surfaces without holes.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests may report")]
+
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3};
+use splatblur::backend::cpu::Cpu;
+use splatblur::film::Picture;
+use splatblur::model::Surfels;
+use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use splatblur::renderer::render_frame;
+use splatblur::scene::{Object, Scene};
+
+use crate::support::{UNLIT, object, round_surfels, scene, sphere};
+
+const SIZE: u32 = 48;
+const FOVY: f64 = 2.0;
+
+/// Distance at which a unit length at the origin is one pixel.
+fn distance() -> f64 {
+    f64::from(SIZE) / 2.0 / (FOVY.to_radians() / 2.0).tan()
+}
+
+/// An unlit object whose origin is seen at `at`, pixels from the middle, with `pixels` pixels a unit.
+fn seen(model: Surfels, at: [f64; 2], pixels: f64) -> Object {
+    let mut object = object(model);
+    object.material = Some(UNLIT);
+    object.transform.translate = DVec3::new(at[0], -at[1], 0.0);
+    object.transform.scale = DVec3::splat(pixels);
+    object
+}
+
+fn before_nothing(objects: Vec<Object>) -> Scene {
+    let mut scene = scene(objects, [SIZE; 2], DVec3::Z * distance(), FOVY);
+    scene.image.transparent = true;
+    scene
+}
+
+fn filtered(scene: &Scene, samples: u32, filter: PixelFilter) -> Picture {
+    let options = RenderOptions {
+        quality: BlurMode::supersample(samples).into(),
+        prefilter: Prefilter::Ewa,
+        filter,
+        ..RenderOptions::default()
+    };
+    render_frame(&mut Cpu::default(), scene, 0, &options).unwrap().picture
+}
+
+/// Sum of alpha, pixels.
+fn area(picture: &Picture) -> f64 {
+    picture.rgba.iter().map(|pixel| f64::from(pixel[3])).sum()
+}
+
+/// A ball of random points, white.
+fn random_ball(n: usize) -> Surfels {
+    let mut state = 7_u64;
+    let mut uniform = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    round_surfels((0..n).map(|_| {
+        let (z, phi) = (2.0 * uniform() - 1.0, 2.0 * PI * uniform());
+        let q = (1.0 - z * z).sqrt();
+        let p = DVec3::new(q * phi.cos(), q * phi.sin(), z);
+        (p, p, 6.0 / (n as f64).sqrt(), Vec3::ONE)
+    }))
+}
+
+/// Where a ball stands, pixels from the middle: `n` places in a pixel.
+fn places(n: usize) -> impl Iterator<Item = [f64; 2]> {
+    (0..n).map(move |i| [(i as f64 + 0.5) / n as f64 - 0.5, (i as f64 * 0.618_034).fract() - 0.5])
+}
+
+#[test]
+fn a_ball_is_as_large_as_it_is() {
+    // Seen from near, a ball looks larger than its equator.
+    let radius = 10.05 / (1.0 + (10.05 / distance()).powi(2)).sqrt();
+    for (name, ball) in [("lattice", sphere(20_000)), ("random", random_ball(20_000))] {
+        for samples in [1, 16] {
+            let mut worst = 0.0_f64;
+            for at in places(4) {
+                let scene = before_nothing(vec![seen(ball.clone(), at, radius)]);
+                let got = (area(&filtered(&scene, samples, PixelFilter::Box)) / PI).sqrt();
+                worst = if (got - 10.05).abs() > worst.abs() { got - 10.05 } else { worst };
+            }
+            println!("{name}, {samples} positions: radius off by {worst:.3} px at worst");
+            let most = if samples == 1 { 0.1 } else { 0.02 };
+            assert!(worst.abs() <= most, "{name}, {samples} positions");
+        }
+    }
+}
+
+#[test]
+fn a_tiny_ball_has_its_area() {
+    let truth = PI * 0.01;
+    for (n, filter, samples) in [(500, PixelFilter::Box, 16), (500, PixelFilter::Box, 1), (500, PixelFilter::Point, 1)]
+    {
+        let sums = places(16).map(|at| {
+            let scene = before_nothing(vec![seen(sphere(n), at, 0.1)]);
+            area(&filtered(&scene, samples, filter)) / truth
+        });
+        let sums: Vec<f64> = sums.collect();
+        let mean = sums.iter().sum::<f64>() / sums.len() as f64;
+        let (least, most) = (sums.iter().copied().fold(9.0, f64::min), sums.iter().copied().fold(0.0, f64::max));
+        // One position per pixel meets a tenth of a pixel or not.
+        match (filter, samples) {
+            (PixelFilter::Point, _) => assert!(least >= 0.95 && most <= 1.05, "{least:.3} to {most:.3}"),
+            _ => assert!((mean - 1.0).abs() <= 0.1, "{mean:.3}"),
+        }
+        println!("{filter} at {samples}: {mean:.3} of the area in the mean, {least:.3} to {most:.3}");
+    }
+}
+
+#[test]
+fn a_matte_over_a_plate_is_what_is_rendered_at_once() {
+    let wall = || {
+        let spacing = 0.7;
+        let cells = (0..80 * 80).map(|i| [(i % 80) as f64, (i / 80) as f64].map(|k| (k - 39.5) * spacing));
+        let surfels = cells.map(|[x, y]| (DVec3::new(x, y, 0.0), DVec3::Z, spacing, Vec3::new(0.2, 0.3, 0.8)));
+        let mut wall = seen(round_surfels(surfels), [0.0, 0.0], 1.0);
+        wall.transform.translate.z = -60.0;
+        wall
+    };
+    for samples in [1, 16] {
+        let ball = || seen(sphere(20_000), [0.3, 0.1], 10.05);
+        let matte = filtered(&before_nothing(vec![ball()]), samples, PixelFilter::Box);
+        let plate = filtered(&before_nothing(vec![wall()]), samples, PixelFilter::Box);
+        let whole = filtered(&before_nothing(vec![wall(), ball()]), samples, PixelFilter::Box);
+        let mut worst = 0.0_f32;
+        for ((matte, plate), whole) in matte.rgba.iter().zip(&plate.rgba).zip(&whole.rgba) {
+            for c in 0..4 {
+                worst = worst.max((matte[c] + (1.0 - matte[3]) * plate[c] - whole[c]).abs());
+            }
+        }
+        assert!(worst <= if samples == 1 { 6.0 } else { 4.0 } / 255.0, "{samples} positions");
+        println!("{samples} positions: matte over plate differs by {:.2}/255 at worst", 255.0 * worst);
+    }
+}
+
+#[test]
+fn alpha_does_not_depend_on_density() {
+    for (what, velocity) in [("at rest", 0.0), ("a streak", 12.0)] {
+        let pictures: Vec<Picture> = [5_000, 10_000, 20_000]
+            .into_iter()
+            .map(|n| {
+                let mut ball = seen(sphere(n), [-6.0 * velocity / 12.0, 0.0], 10.05);
+                ball.motions = vec![splatblur::scene::Motion::Linear { velocity: DVec3::X * velocity }];
+                filtered(&before_nothing(vec![ball]), 16, PixelFilter::Box)
+            })
+            .collect();
+        for (a, b, name) in [(0, 1, "1x 2x"), (0, 2, "1x 4x")] {
+            let differences: Vec<f32> = pictures[a]
+                .rgba
+                .iter()
+                .zip(&pictures[b].rgba)
+                .filter(|(a, b)| a[3].max(b[3]) > 0.0 && a[3].min(b[3]) < 1.0)
+                .map(|(a, b)| (a[3] - b[3]).abs() * 255.0)
+                .collect();
+            let mean = differences.iter().sum::<f32>() / differences.len() as f32;
+            let worst = differences.iter().copied().fold(0.0, f32::max);
+            assert!(mean <= 1.5 && worst <= 8.0, "{what}, {name}: {mean:.2}, {worst:.2}");
+            println!("{what}, {name}: {mean:.2}/255 in the mean, {worst:.2}/255 at worst");
+        }
+    }
+}
+
+#[test]
+fn surfaces_have_no_holes() {
+    for (name, ball) in [("lattice", sphere(2_000)), ("random", random_ball(2_000))] {
+        for zoom in [0.5, 1.0, 2.0, 4.0, 8.0] {
+            for samples in [1, 16] {
+                let radius = 5.0 * zoom;
+                let scene = before_nothing(vec![seen(ball.clone(), [0.2, 0.1], radius)]);
+                let picture = filtered(&scene, samples, PixelFilter::Box);
+                let mut least = 1.0_f32;
+                let mut holes = 0;
+                for (i, pixel) in picture.rgba.iter().enumerate() {
+                    let (x, y) = ((i % SIZE as usize) as f64 - 23.7, (i / SIZE as usize) as f64 - 23.6);
+                    if x.hypot(y) < radius * 0.98 - 2.0 {
+                        least = least.min(pixel[3]);
+                        holes += u32::from(pixel[3] < 254.0 / 255.0);
+                    }
+                }
+                assert!(holes == 0, "{name}, radius {radius} px, {samples} positions: {holes} pixels below");
+                println!("{name}, radius {radius} px, {samples} positions: alpha {least:.4} at least, {holes} below");
+            }
+        }
+    }
+}
