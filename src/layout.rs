@@ -37,8 +37,8 @@ pub struct Splat {
 
 /// A surfel's kernel after projection, convolved with the low-pass filter of full EWA (docs/math.md, section 3).
 ///
-/// With (x, y) counted from `disc.reference`: the surfel's affine image is met at (`u`.(x, y), `v`.(x, y)) in units of its
-/// axes, in perspective at that over 1 - `shrink`.(x, y), and (`p`.(x, y)) is V'^-1 (x, y).
+/// With (x, y) counted from `disc.reference`: the surfel's affine image is met at (`u`.(x, y), `v`.(x, y)) in units of
+/// its axes, in perspective at that over 1 - `shrink`.(x, y), and (`p`.(x, y)) is V'^-1 (x, y).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct EwaSplat {

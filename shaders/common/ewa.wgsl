@@ -16,7 +16,8 @@ struct EwaSplat {
 }
 
 // The depths of a tile are quads: T of the tile and its apron, row by row; then, for the tile alone, the tolerance of
-// the disc that T is of, and the second threshold. That is UNWANTED where the pixel is solid.
+// the disc that T is of; the second threshold, UNWANTED where the pixel is solid; and the rim: 1 where there is a pixel
+// within the apron that no disc covers, else 0.
 
 // Quads beside the tile that hold the apron of a row.
 fn apron_quads() -> u32 {
@@ -33,9 +34,27 @@ fn guarded_quads() -> u32 {
     return row_quads() * (TILE + 2u * view.apron);
 }
 
+// Quads of the depths of a tile.
+fn depth_quads() -> u32 {
+    return guarded_quads() + 3u * TILE_QUADS;
+}
+
 // First quad of tile `index`.
 fn depths_of(index: u32) -> u32 {
-    return index * (guarded_quads() + 2u * TILE_QUADS);
+    return index * depth_quads();
+}
+
+// Places of the first quads of the planes of the tile alone, counted from the tile's first quad.
+fn epsilon_place() -> u32 {
+    return guarded_quads();
+}
+
+fn second_place() -> u32 {
+    return guarded_quads() + TILE_QUADS;
+}
+
+fn rim_place() -> u32 {
+    return guarded_quads() + 2u * TILE_QUADS;
 }
 
 // Place of T of a quad of the tile, counted from the tile's first quad.

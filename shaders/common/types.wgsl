@@ -66,8 +66,8 @@ struct View {
     // First pixel of the map. Number of tiles in a row of the map, and of rows of tiles.
     map_corner: vec2<i32>,
     map_tiles: vec2<u32>,
-    // Standard deviation of the low-pass filter of full EWA, and pixels around a tile within which it reaches; 0 without
-    // it.
+    // Standard deviation of the low-pass filter of full EWA, and pixels around a tile within which it reaches; 0
+    // without it.
     sigma: f32,
     apron: u32,
 }

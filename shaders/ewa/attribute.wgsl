@@ -1,10 +1,11 @@
 // Pass `attribute` of full EWA (program `ewa_attribute`): weighted sums of the attributes of splats, in four layers by
 // depth. Solid pixels, and groups of several samples, have the band alone.
 // Twin: src/backend/cpu/ewa/attribute.rs.  Math: docs/math.md, section 3.
-//   in   splats, list, starts, wide, thresholds, values; segments: sample and tolerance of a splat, its weight and share
-//   out  sums      for each tile, for each layer, the channels of sum_attributes; then the sum of weight times peak, the
-//                  sum of weights that is negative for backs, and the number of discs of the last layer that cover the
-//                  pixel. Groups of several samples have the channels of their coverage instead
+//   in   splats, list, starts, wide, thresholds, values
+//        segments  sample and tolerance of a splat, its weight and share
+//   out  sums      for each tile, for each layer, the channels of sum_attributes; then the sum of weight times peak,
+//                  the sum of weights that is negative for backs, and the number of discs of the last layer that cover
+//                  the pixel. Groups of several samples have the channels of their coverage instead
 // One workgroup per tile, one invocation per quad of pixels. A walk over the list adds one layer, so that its sums stay
 // in registers, in list order.
 
@@ -40,7 +41,7 @@ fn ewa_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocati
     if all(quad.first == vec4<f32>(UNWANTED)) { return; }
     quad.second = vec4<f32>(UNWANTED);
     if LAYERS > 1u {
-        quad.second = thresholds[depths_of(index) + guarded_quads() + TILE_QUADS + in_tile];
+        quad.second = thresholds[depths_of(index) + second_place() + in_tile];
     }
     quad.open = quad.second > vec4<f32>(UNWANTED);
     let whole_walk = walk_of(index);

@@ -1,5 +1,5 @@
-// Pass `project` of full EWA (program `ewa_project`): turns surfels into splats, each convolved with the low-pass filter
-// of the sample grid.
+// Pass `project` of full EWA (program `ewa_project`): turns surfels into splats, each convolved with the low-pass
+// filter of the sample grid.
 // Twin: src/backend/cpu/ewa/project.rs.  Math: docs/math.md, section 3.
 //   in   segment, travels   as in project.wgsl
 //        geometry  columns of the surfel buffer: positions, axes u, axes v, normalisation

@@ -30,8 +30,15 @@ fn ewa_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation
         add_pixel(index, tile.xy, pixel.xy, sum_at, Share(covered, 1.0));
         return;
     }
-    let second = thresholds[4u * (depths_at + guarded_quads() + TILE_QUADS) + in_tile];
+    let second = thresholds[4u * (depths_at + second_place()) + in_tile];
     let solid = second == UNWANTED;
+    // Where discs cover all around, the last layer closes what is left: the surface has no holes.
+    var closing = LAYERS;
+    if thresholds[4u * (depths_at + rim_place()) + in_tile] == 0.0 && !solid {
+        for (var layer = 0u; layer < LAYERS; layer += 1u) {
+            if sums[(index * LAYERS + layer) * CHANNELS * TILE_PIXELS + in_tile] > 0.0 { closing = layer; }
+        }
+    }
     var left = 1.0;
     for (var layer = 0u; layer < LAYERS; layer += 1u) {
         if solid && layer != BAND { continue; }
@@ -45,9 +52,12 @@ fn ewa_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation
         if layer == REST { covered = sums[peak_at + 2u * TILE_PIXELS] > 0.0; }
         // Of a thin sheet both sides are there; they cover once.
         let sum = 0.5 * (weight + abs(sums[peak_at + TILE_PIXELS]));
-        let hard = sums[peak_at] * (1.0 / weight);
+        // What filtering leaves of the kernels' peaks, and a share of the rest: where half is left, discs tell outlines
+        // better than sums, which miss what kernels lose towards their rims.
+        let lost = 1.0 - sums[peak_at] * (1.0 / weight);
+        let hard = 1.0 - lost * lost;
         var coverage = hard * select(0.0, 1.0, covered) + (1.0 - hard) * min(sum, 1.0);
-        if solid { coverage = 1.0; }
+        if solid || layer == closing { coverage = 1.0; }
         let share = min(coverage, left);
         left -= share;
         add_pixel(index, tile.xy, pixel.xy, sum_at, Share(share, view.weight));

@@ -1,5 +1,6 @@
 // Pass `visibility` of full EWA (program `ewa_visibility`): T(x, t) of discs, for each tile and the apron around it.
-// Pass `second` (program `ewa_second`): the same minimum over the discs behind T; and which pixels are solid.
+// Pass `second` (program `ewa_second`): the same minimum over the discs behind T; and which pixels are solid, or near a
+// rim.
 // Twin: src/backend/cpu/ewa/visibility.rs.  Math: docs/math.md, section 3.
 //   in   splats, list, starts, wide   output of `ewa_project` and `bin`
 //        segments                     epsilon of a splat's object
@@ -34,7 +35,7 @@ fn ewa_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
     let depths_at = depths_of(index);
     let quads = guarded_quads();
     if !is_wanted(place) {
-        for (var i = lane; i < quads + 2u * TILE_QUADS; i += INVOCATIONS) {
+        for (var i = lane; i < depth_quads(); i += INVOCATIONS) {
             thresholds[depths_at + i] = vec4<f32>(UNWANTED);
         }
         return;
@@ -50,7 +51,7 @@ fn ewa_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
         let column = place.x * TILE + 4u * quad.x;
         let row = place.y * TILE + quad.y;
         let is_own = i < quads && quad.x < 4u && quad.y < TILE;
-        let epsilon_at = depths_at + quads + quad.y * 4u + quad.x;
+        let epsilon_at = depths_at + epsilon_place() + quad.y * 4u + quad.x;
         var depths = Depths(vec4<f32>(NONE), vec4<f32>(0.0));
         if view.resumes != 0u && i < quads {
             depths.threshold = thresholds[depths_at + i];
@@ -125,20 +126,22 @@ fn ewa_second(
     let column = place.x * TILE + 4u * quad.x;
     let row = place.y * TILE + quad.y;
     let depths_at = depths_of(index);
-    let epsilon_at = depths_at + guarded_quads() + lane;
-    let second_at = epsilon_at + TILE_QUADS;
+    let second_at = depths_at + second_place() + lane;
     var second = vec4<f32>(NONE);
     if view.resumes == 0u {
         for (var i = lane; i < guarded_quads(); i += TILE_QUADS) {
             invert(place * TILE, i, thresholds[depths_at + i]);
         }
         workgroupBarrier();
-        let epsilon = thresholds[epsilon_at];
+        let epsilon = thresholds[depths_at + epsilon_place() + lane];
+        var rim = vec4<f32>(0.0);
         for (var i = 0u; i < 4u; i += 1u) {
-            if is_solid(vec2<u32>(4u * (quad.x + apron_quads()) + i, quad.y + view.apron), epsilon[i]) {
-                second[i] = UNWANTED;
-            }
+            let at = vec2<u32>(4u * (quad.x + apron_quads()) + i, quad.y + view.apron);
+            let uncovered = is_rim(at);
+            rim[i] = select(0.0, 1.0, uncovered);
+            second[i] = select(UNWANTED, NONE, uncovered || is_bent(at, epsilon[i]));
         }
+        thresholds[depths_at + rim_place() + lane] = rim;
     } else {
         second = thresholds[second_at];
     }
@@ -161,24 +164,31 @@ fn invert(first: vec2<u32>, i: u32, threshold: vec4<f32>) {
     }
 }
 
-// True if discs cover a pixel and all pixels within the apron, and inverse depths around it change as those of a plane
-// do, up to four tolerances: opposite neighbours agree with their middle. Pixels outside the image do not count.
-fn is_solid(at: vec2<u32>, epsilon: f32) -> bool {
-    let middle_at = at.y * EDGE + at.x;
+// A pixel is solid if discs cover it and all pixels within the apron, and inverse depths around it change as those of a
+// plane do, up to four tolerances: opposite neighbours agree with their middle. Pixels outside the image do not count.
+
+// True if there is a pixel within the apron that no disc covers.
+fn is_rim(at: vec2<u32>) -> bool {
     let apron = view.apron;
     for (var y = at.y - apron; y <= at.y + apron; y += 1u) {
         for (var x = at.x - apron; x <= at.x + apron; x += 1u) {
-            if inverse_depths[y * EDGE + x] == 0.0 { return false; }
+            if inverse_depths[y * EDGE + x] == 0.0 { return true; }
         }
     }
+    return false;
+}
+
+// True if inverse depths around a pixel change otherwise than those of a plane.
+fn is_bent(at: vec2<u32>, epsilon: f32) -> bool {
+    let middle_at = at.y * EDGE + at.x;
     let middle = inverse_depths[middle_at];
     let most = 4.0 * epsilon * (middle * middle);
-    for (var distance = 1u; distance <= apron; distance += 1u) {
+    for (var distance = 1u; distance <= view.apron; distance += 1u) {
         let down = distance * EDGE;
-        if bends(middle_at, distance, most) || bends(middle_at, down, most) { return false; }
-        if bends(middle_at, down + distance, most) || bends(middle_at, down - distance, most) { return false; }
+        if bends(middle_at, distance, most) || bends(middle_at, down, most) { return true; }
+        if bends(middle_at, down + distance, most) || bends(middle_at, down - distance, most) { return true; }
     }
-    return true;
+    return false;
 }
 
 // True if the inverse depths at both places `step` from the middle do not agree with it.

@@ -14,8 +14,8 @@ const UNMOVED: f32 = 1e-12;
 /// 1 / integral of exp(-2 tau^2) over [-1, 1], = sqrt(2/pi) / erf(sqrt 2).
 const ELLIPSOID: f32 = 0.835_918_96;
 
-/// Integral of exp(-2 r^2) over the unit disc over its integral over the unit ball: (1 - e^-2)/2 over sqrt(pi/8) erf(sqrt
-/// 2) - e^-2.
+/// Integral of exp(-2 r^2) over the unit disc over its integral over the unit ball: (1 - e^-2)/2 over
+/// sqrt(pi/8) erf(sqrt 2) - e^-2.
 const LINE: f32 = 0.934_149_1;
 
 /// sqrt(pi)/2.
@@ -139,10 +139,10 @@ pub fn ellipsoid_weight(mean: f32, [first, last]: [f32; 2]) -> f32 {
     mean * (ELLIPSOID * (last - first))
 }
 
-/// Weight of an ellipsoid by its line integral: that of G = D exp(-2 (u^2 + v^2 + tau^2)) along the part of the ray that
-/// `covered` stands for, from its mean (Wolf 2008, eq. C.16 and C.38). D gives the kernel the integral over space that
-/// the unmoved kernel has over its plane. `slant`: 1 / |cos| of the angle between the ray and the kernel's normal, which
-/// is what lengths along the ray are over the time (docs/math.md, eq. 16b).
+/// Weight of an ellipsoid by its line integral: that of G = D exp(-2 (u^2 + v^2 + tau^2)) along the part of the ray
+/// that `covered` stands for, from its mean (Wolf 2008, eq. C.16 and C.38). D gives the kernel the integral over space
+/// that the unmoved kernel has over its plane. `slant`: 1 / |cos| of the angle between the ray and the kernel's
+/// normal, which is what lengths along the ray are over the time (docs/math.md, eq. 16b).
 #[inline(always)]
 pub fn line_weight(mean: f32, [first, last]: [f32; 2], slant: f32) -> f32 {
     mean * (LINE * (last - first)) * slant

@@ -1,6 +1,6 @@
 //! Why a text is no option.
 
-use super::{KernelWeight, MAX_SAMPLES};
+use super::MAX_SAMPLES;
 
 /// Why a text does not say a mode or an option: what was found, and what would be right.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -90,7 +90,7 @@ pub enum OptionError {
     #[error("kernel-weight={weight} is of ellipsoids: it needs kernel=ellipsoid")]
     OfEllipsoids {
         /// The weight.
-        weight: KernelWeight,
+        weight: &'static str,
     },
     /// A parameter that a time weight does not have.
     #[error("the weight `{weight}` has no parameter `{parameter}` (it takes: {known})")]

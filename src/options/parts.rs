@@ -205,7 +205,7 @@ impl ModeParts {
             normalise: self.normalise.unwrap_or_default(),
         };
         if swept.weight != KernelWeight::Integral && swept.shape == KernelShape::Tube {
-            return Err(OptionError::OfEllipsoids { weight: swept.weight });
+            return Err(OptionError::OfEllipsoids { weight: swept.weight.word() });
         }
         Ok(swept)
     }

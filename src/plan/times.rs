@@ -41,16 +41,18 @@ mod tests {
     fn stratified_times_have_a_share_each() {
         for (phase, stride2) in [(0.0, 1.0), (3.0, 4.0)] {
             let times = moments(Times::Stratified, 50, |within| (phase + within) / stride2, &ramp(), 9, 3.0);
-            let mut mean = 0.0;
+            let (mut mean, mut square) = (0.0, 0.0);
             for (i, (t, weight)) in times.into_iter().enumerate() {
                 assert_eq!(weight, 1.0 / 50.0);
                 // a(t) = 2 t: the share before t is t^2.
                 let within = (50.0 * t * t - i as f64) * stride2 - phase;
                 assert!((-1e-9..1.0 + 1e-9).contains(&within), "{i}: {within}");
                 mean += within / 50.0;
+                square += within * within / 50.0;
             }
-            // The standard error is 1/sqrt(12 * 50) = .041.
-            assert!((mean - 0.5).abs() < 0.2, "{mean}");
+            // The standard errors are sqrt(1/12/50) = .041 and sqrt(4/45/50) = .042.
+            assert!((mean - 0.5).abs() < 0.17 && (square - 1.0 / 3.0).abs() < 0.17, "{mean} {square}");
+            assert!((square - mean * mean - 1.0 / 12.0).abs() < 0.05, "{mean} {square}");
         }
     }
 

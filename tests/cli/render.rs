@@ -498,7 +498,7 @@ fn a_mode_takes_its_options_behind_plus_signs() {
 fn modes_that_contradict_themselves_are_refused() {
     let table: &[(&[&str], &[&str])] = &[
         (&["--mode", "supersample:8", "--samples", "4"], &["--samples 4", "--mode supersample:8"]),
-        (&["--mode", "supersample:8+colour=red"], &["colour", "interleave, pixel-samples"]),
+        (&["--mode", "supersample:8+colour=red"], &["colour", "interleave, times, pixel-samples"]),
         (&["--mode", "auto:0.05+interleave=2"], &["interleave", "samples-max"]),
         (&["--mode", "supersample:8+interleave=2+interleave=4"], &["`interleave` is there twice"]),
     ];

@@ -130,13 +130,16 @@ fn transparent(objects: Vec<Object>) -> Scene {
 /// Name, weight, and the integral of a(t) from 0.
 type Weighted = (&'static str, Weight, fn(f64) -> f64);
 
-fn weights() -> [Weighted; 4] {
+fn weights() -> [Weighted; 5] {
     [
         ("box", Weight::Box, |t| t),
         ("tent", Weight::Tent, |t| if t < 0.5 { 2.0 * t * t } else { 1.0 - 2.0 * (1.0 - t) * (1.0 - t) }),
         ("ramp", Weight::Ramp { centre: 1.0 }, |t| t * t),
         ("exponential", Weight::Exponential { rate: 3.0, centre: 1.0 }, |t| {
             ((3.0 * (t - 1.0)).exp() - (-3.0_f64).exp()) / (1.0 - (-3.0_f64).exp())
+        }),
+        ("one-minus-exponential", Weight::OneMinusExponential { centre: 1.0 }, |t| {
+            (t - (t - 1.0).exp()) * 1_f64.exp() + 1.0
         }),
     ]
 }

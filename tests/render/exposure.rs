@@ -126,13 +126,14 @@ impl Exposure {
 /// A weight and its formula.
 type Weighing = (Weight, fn(f64) -> f64);
 
-fn weights() -> [Weighing; 7] {
+fn weights() -> [Weighing; 8] {
     [
         (Weight::Box, |_| 1.0),
         (Weight::Tent, |t| t.min(1.0 - t)),
         (Weight::Ramp { centre: 1.0 }, |t| t),
         (Weight::Ramp { centre: 0.3 }, |t| 1.0 - (t - 0.3).abs()),
         (Weight::Exponential { rate: 3.0, centre: 1.0 }, |t| (3.0 * (t - 1.0)).exp()),
+        (Weight::OneMinusExponential { centre: 1.0 }, |t| 1.0 - (t - 1.0).exp()),
         (Weight::Gaussian { centre: 0.5, width: 0.2 }, |t| (-((t - 0.5) / 0.2).powi(2) / 2.0).exp()),
         (Weight::Curve(vec![(0.0, 0.0), (0.25, 2.0), (1.0, 1.0)]), |t| {
             if t < 0.25 { 8.0 * t } else { 2.0 - (t - 0.25) / 0.75 }

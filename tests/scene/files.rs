@@ -222,6 +222,9 @@ fn what_is_written_loads_to_the_same_scene() {
     for text in [EVERYTHING, &scene("", ""), &turning] {
         comes_back(&Dir::new(text));
     }
+    for weight in ["tent", "ramp", "exponential", "one-minus-exponential", "gaussian"] {
+        comes_back(&Dir::new(scene(&format!("<shutter weight='{weight}'/>"), "")));
+    }
 }
 
 #[test]

@@ -2,7 +2,8 @@
 
 use super::bin::Binned;
 use super::chunk::Chunk;
-use super::tiles::{TileBuffers, TileRect};
+use super::tile_buffers::TileBuffers;
+use super::tiles::TileRect;
 
 /// One tile in one pass.
 pub(in crate::backend) struct Job<'a, S, O> {

@@ -6,7 +6,8 @@ use super::ewa::EwaBuffers;
 use super::resolve::TileFilm;
 use super::static_tile::StaticTile;
 use super::swept::Map;
-use super::tiles::{Band, TILE, TileBuffers};
+use super::tile_buffers::TileBuffers;
+use super::tiles::{Band, TILE};
 
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;

@@ -149,8 +149,8 @@ fn resolve_body(
     }
 }
 
-/// Adds what `LANES` pixels from pixel `[x, y]` of the tile on show, with `share` of each covered. `row`: the sums of the
-/// pixels' row, channel by channel. `inverse`: 1 / sum of weights.
+/// Adds what `LANES` pixels from pixel `[x, y]` of the tile on show, with `share` of each covered. `row`: the sums of
+/// the pixels' row, channel by channel. `inverse`: 1 / sum of weights.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "an inner loop, called in two places")]
 pub(super) fn add_lanes(

@@ -8,8 +8,8 @@ use super::job::Job;
 use super::resolve::{self, TileFilm};
 use super::scope::Scope;
 use super::static_tile::{StaticLayer, StaticTile};
+use super::tile_buffers::TileBuffers;
 use super::tile_runner::TileWork;
-use super::tiles::TileBuffers;
 use crate::layout::Splat;
 use crate::plan::SplatPass;
 

@@ -8,8 +8,9 @@ use super::job::Job;
 use super::resolve::{self, Resolve};
 use super::scope::Scope;
 use super::static_tile::StaticTile;
+use super::tile_buffers::TileBuffers;
 use super::tile_runner::TileWork;
-use super::tiles::{ROWS, STRIDE, TileBuffers};
+use super::tiles::{ROWS, STRIDE};
 use crate::layout::Splat;
 use crate::plan::StaticPass;
 

@@ -7,7 +7,8 @@
 use super::bin::Binned;
 use super::chunk::Chunk;
 use super::resolve::TileFilm;
-use super::tiles::{ROWS, STRIDE, TILE, TileBuffers, TileRect};
+use super::tile_buffers::TileBuffers;
+use super::tiles::{ROWS, STRIDE, TILE, TileRect};
 
 /// The static objects of one sample position; empty where there are none, or no room for them.
 #[derive(Debug, Default)]

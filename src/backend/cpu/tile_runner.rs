@@ -9,7 +9,8 @@ use super::bin::{Binned, Tiled};
 use super::chunk::{CHUNK, Chunk};
 use super::job::Job;
 use super::scope::Scope;
-use super::tiles::{TileBuffers, TileRect};
+use super::tile_buffers::TileBuffers;
+use super::tiles::TileRect;
 
 /// What a step does, tile by tile.
 pub(in crate::backend) trait TileWork: Sync {

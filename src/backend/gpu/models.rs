@@ -59,7 +59,7 @@ impl Models {
 }
 
 fn upload(device: &Device, surfels: &Surfels, normalised: bool) -> Result<Vec<SurfelBuffer>, BackendError> {
-    let factors = if normalised { vec![1.0_f32; surfels.len()] } else { Vec::new() };
+    let factors = if normalised { surfels.normalisation() } else { &[] };
     // At most 40 bytes of geometry, at most 40 of looks.
     let most = (device.most_bytes() / 40).clamp(1, MOST_SURFELS) as usize;
     let mut buffers = Vec::new();

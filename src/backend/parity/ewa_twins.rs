@@ -10,8 +10,9 @@ use crate::backend::cpu::ewa::buffers::{APRON_STRIDE, EXTRA, Layer, with_apron};
 use crate::backend::cpu::ewa::{EwaGroup, resolve, visibility};
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
+use crate::backend::cpu::tile_buffers::TileBuffers;
 use crate::backend::cpu::tile_runner::TileWork;
-use crate::backend::cpu::tiles::{STRIDE, TILE, TileBuffers};
+use crate::backend::cpu::tiles::{STRIDE, TILE};
 use crate::backend::cpu::values;
 use crate::layout::EwaSplat;
 use crate::plan::Objects;
@@ -109,10 +110,23 @@ impl EwaTwins<'_> {
 
     /// The threshold behind T, `edge` x `edge`: `None` where a pixel is solid.
     pub(super) fn second(&self, of: &EwaTile) -> Vec<Option<f32>> {
-        let edge = self.edge;
-        let open = |i: usize| of.buffers.ewa.open[i / edge] >> (i % edge) & 1 != 0;
-        let second = take_rows(&of.buffers.ewa.second, STRIDE, edge).into_iter();
-        second.enumerate().map(|(i, second)| open(i).then_some(second)).collect()
+        let second = take_rows(&of.buffers.ewa.second, STRIDE, self.edge).into_iter();
+        second.zip(self.bits(&of.buffers.ewa.open)).map(|(second, open)| open.then_some(second)).collect()
+    }
+
+    /// Whether there is a pixel nearby that no disc covers, `edge` x `edge`.
+    pub(super) fn rim(&self, of: &EwaTile) -> Vec<bool> {
+        self.bits(&of.buffers.ewa.rim)
+    }
+
+    /// Whether a pixel lies in the image, `edge` x `edge`.
+    pub(super) fn inside(&self, tile: [usize; 2]) -> Vec<bool> {
+        let tile = rect(&self.scope().band, tile, self.edge);
+        (0..self.edge * self.edge).map(|i| i % self.edge < tile.width && i / self.edge < tile.height).collect()
+    }
+
+    fn bits(&self, rows: &[u32]) -> Vec<bool> {
+        (0..self.edge * self.edge).map(|i| rows[i / self.edge] >> (i % self.edge) & 1 != 0).collect()
     }
 
     /// Sums of a tile, layer by layer and channel by channel. Groups of several samples have one layer, and their

@@ -1,5 +1,5 @@
-//! Full EWA: parity with the CPU, pass by pass and slot by slot. Each pass is fed the CPU's results of the passes before
-//! it. Also: broken programs, small buffers and whole images.
+//! Full EWA: parity with the CPU, pass by pass and slot by slot. Each pass is fed the CPU's results of the passes
+//! before it. Also: broken programs, small buffers and whole images.
 
 use super::cases::{self, Case};
 use super::compare::{Tally, flat};
@@ -17,13 +17,19 @@ use crate::backend::gpu::layout::{Segment, TILE};
 use crate::backend::gpu::programs::{Pipelines, Program};
 use crate::frame::Frame;
 use crate::layout::{EwaSplat, Splat};
-use crate::options::Prefilter;
+use crate::options::{PixelFilter, Prefilter};
 use crate::plan::EwaPass;
 use crate::renderer::render_frame;
+use crate::scene::Object;
 
-/// The cases of splats, with filtered kernels.
+/// The cases of splats, with filtered kernels; and a surface of kernels below a pixel whose every pixel bends.
 fn all() -> Vec<Case> {
     let mut all = cases::all();
+    let mut fine = cases::all().swap_remove(0);
+    fine.name = "fine";
+    fine.scene.objects = vec![Object::new(cases::ball(6000, 5, false))];
+    (fine.options.filter, fine.options.epsilon) = (PixelFilter::Point, Some(0.0));
+    all.push(fine);
     all.iter_mut().for_each(|case| case.options.prefilter = Prefilter::Ewa);
     all
 }
@@ -57,7 +63,7 @@ impl Both<'_> {
     /// Floats of a tile's depths.
     fn depth_floats(&self) -> usize {
         let (_, [width, height]) = self.guarded();
-        width * height + 2 * PIXELS
+        width * height + 3 * PIXELS
     }
 
     /// Depths of all tiles as the device has them; NaN where nobody may read them.
@@ -68,20 +74,25 @@ impl Both<'_> {
             let thresholds = self.twins.thresholds(host, tile, before, size).into_iter();
             let mut depths: Vec<f32> = thresholds.map(|t| t.map_or(f32::NAN, |t| t.min(NONE))).collect();
             depths.extend(self.twins.epsilon(host, tile));
-            depths.extend(self.twins.second(host).iter().map(|t| t.map_or(UNWANTED, |t| t.min(NONE))));
+            let inside = self.twins.inside(tile);
+            let in_image = |(value, inside): (f32, &bool)| if *inside { value } else { f32::NAN };
+            let second = self.twins.second(host).into_iter().map(|t| t.map_or(UNWANTED, |t| t.min(NONE)));
+            depths.extend(second.zip(&inside).map(in_image));
+            let rim = self.twins.rim(host).into_iter().map(|rim| f32::from(u8::from(rim)));
+            depths.extend(rim.zip(&inside).map(in_image));
             depths
         };
         self.tiles.iter().zip(&self.host).flat_map(of_tile).collect()
     }
 
-    /// Against the depths on the device; `seconds`: those behind T alone, else all others.
+    /// Against the depths on the device; `seconds`: those behind T and the rim, else all others.
     fn compare_depths(&self, seconds: bool) -> Result<(), String> {
         let want = self.depths();
         let got: Vec<f32> = self.harness.read(&self.harness.gpu.state.buffers.thresholds, want.len());
         let floats = self.depth_floats();
         let mut tally = Tally::default();
         for (i, (got, want)) in got.iter().zip(&want).enumerate() {
-            if want.is_nan() || (i % floats >= floats - PIXELS) != seconds {
+            if want.is_nan() || (i % floats >= floats - 2 * PIXELS) != seconds {
                 continue;
             }
             // Which pixels are solid is decided, and not rounded.
@@ -107,12 +118,13 @@ impl Both<'_> {
         for ((got, host), tile) in got.chunks(floats).zip(&self.host).zip(&self.tiles) {
             let Some(host) = host else { continue };
             let second = self.twins.second(host);
+            let inside = self.twins.inside(*tile);
             for (layer, planes) in self.twins.sums(host).iter().enumerate() {
                 for (channel, plane) in planes.iter().enumerate() {
                     for pixel in 0..PIXELS {
                         // Of a solid pixel only the band is known, without what makes a coverage.
                         let is_band = layer == Layer::Band as usize && channels.peak.is_none_or(|peak| channel < peak);
-                        if layers > 1 && second[pixel].is_none() && !is_band {
+                        if !inside[pixel] || layers > 1 && second[pixel].is_none() && !is_band {
                             continue;
                         }
                         // A sum's rounding goes with the sum of the weights.
@@ -150,8 +162,9 @@ impl Both<'_> {
     }
 }
 
-/// All passes of the first group of a case; the first that differs. Counts pixels: open, solid, with each layer.
-fn check(gpu: &mut Gpu, case: &Case, sigma: Option<f32>, counts: &mut [usize; 6]) -> Result<(), String> {
+/// All passes of the first group of a case; the first that differs. Counts pixels: open, solid, with
+/// each layer, open and not near a rim.
+fn check(gpu: &mut Gpu, case: &Case, sigma: Option<f32>, counts: &mut [usize; 7]) -> Result<(), String> {
     let frame = frame_of(case, sigma);
     let context = Context::of(&frame);
     let Some(harness) = Harness::new(gpu, &frame, &context) else { return Ok(()) };
@@ -182,7 +195,8 @@ fn check(gpu: &mut Gpu, case: &Case, sigma: Option<f32>, counts: &mut [usize; 6]
         slots.feed_splats(&both.harness);
         slots.feed_lists(&both.harness);
         if pass != EwaPass::Visibility {
-            both.harness.write(&both.harness.gpu.state.buffers.thresholds, &both.depths());
+            let depths: Vec<f32> = both.depths().iter().map(|t| if t.is_nan() { NONE } else { *t }).collect();
+            both.harness.write(&both.harness.gpu.state.buffers.thresholds, &depths);
         }
         if pass == EwaPass::Resolve {
             both.feed_sums();
@@ -199,6 +213,8 @@ fn check(gpu: &mut Gpu, case: &Case, sigma: Option<f32>, counts: &mut [usize; 6]
     for host in both.host.iter().flatten() {
         let open = both.twins.second(host);
         counts[0] += open.iter().flatten().count();
+        let closed = both.twins.rim(host).iter().zip(&open).filter(|(rim, second)| !**rim && second.is_some()).count();
+        counts[6] += closed;
         counts[1] += open.iter().filter(|second| second.is_none()).count();
         for (layer, planes) in both.twins.sums(host).iter().enumerate() {
             counts[2 + layer] += planes[0].iter().filter(|&&weight| weight > 0.0).count();
@@ -210,7 +226,7 @@ fn check(gpu: &mut Gpu, case: &Case, sigma: Option<f32>, counts: &mut [usize; 6]
 #[test]
 fn ewa_passes_agree() {
     let Some(mut gpu) = gpu_or_skip("ewa_passes_agree") else { return };
-    let mut counts = [0; 6];
+    let mut counts = [0; 7];
     for case in all() {
         eprintln!("{}:", case.name);
         check(&mut gpu, &case, None, &mut counts).unwrap_or_else(|what| panic!("{what}"));
@@ -221,12 +237,12 @@ fn ewa_passes_agree() {
         check(&mut gpu, case, Some(3.3), &mut counts).unwrap_or_else(|what| panic!("{what}"));
     }
     // The comparison is worth something only where there is something to compare.
-    eprintln!("open, solid, front, band, second, rest: {counts:?}");
+    eprintln!("open, solid, front, band, second, rest, open and not near a rim: {counts:?}");
     assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
 }
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 34] = [
+static MUTANTS: [([(&str, &str); 1], &str); 38] = [
     // Pass `project`.
     (
         [("let wider = vec2<f32>(-margin, margin);\n    let columns", "let wider = vec2<f32>(0.0);\n    let columns")],
@@ -250,10 +266,10 @@ static MUTANTS: [([(&str, &str); 1], &str); 34] = [
     ([("thresholds[depths_at + i] = vec4<f32>(UNWANTED)", "thresholds[depths_at + i] = vec4<f32>(NONE)")], "in part"),
     // Pass `second`.
     ([("threshold[k] >= NONE", "threshold[k] > NONE")], "supersample"),
-    ([("select(inverse, OUTSIDE, outside)", "inverse")], "supersample"),
+    ([("select(inverse, OUTSIDE, outside)", "inverse")], "hard"),
     ([("inverse_depths[y * EDGE + x] == 0.0", "inverse_depths[y * EDGE + x] == 7.0")], "supersample"),
-    ([("4.0 * epsilon * (middle * middle)", "5.0 * epsilon * (middle * middle)")], "layer"),
-    ([("bends(middle_at, down - distance, most)", "false")], "supersample"),
+    ([("4.0 * epsilon * (middle * middle)", "0.4 * epsilon * (middle * middle)")], "supersample"),
+    ([("bends(middle_at, down - distance, most)", "false")], "wide"),
     ([("(met.depth > first)", "(met.depth < first)")], "supersample"),
     // Pass `attribute`.
     ([("splat.weight * kernel(", "kernel(")], "supersample"),
@@ -265,9 +281,13 @@ static MUTANTS: [([(&str, &str); 1], &str); 34] = [
     ([("rest & seen.disc)", "seen.disc)")], "supersample"),
     ([("seen.weight, vec4<f32>(1.0), seen.disc", "seen.weight, vec4<f32>(2.0), seen.disc")], "bucket"),
     // Pass `resolve`.
-    ([("0.5 * (weight + abs(", "0.5 * (weight + (")], "hard, two-sided, one sample"),
+    ([("0.5 * (weight + abs(", "0.5 * (weight + (")], "supersample"),
     ([("min(coverage, left)", "coverage * left")], "supersample"),
-    ([("if solid { coverage = 1.0; }", "")], "supersample"),
+    ([("if solid || layer == closing", "if layer == closing")], "supersample"),
+    ([("if solid || layer == closing", "if solid")], "fine"),
+    ([("> 0.0 { closing = layer; }", "> 0.0 { closing = 0u; }")], "supersample"),
+    ([("1.0 - lost * lost", "1.0 - lost")], "supersample"),
+    ([("rim[i] = select(0.0, 1.0, uncovered)", "rim[i] = 0.0")], "supersample"),
     ([("covered = second < NONE", "covered = true")], "supersample"),
 ];
 
@@ -283,7 +303,7 @@ fn broken_ewa_programs_are_noticed() {
         let name = if sigma.is_some() { "supersample" } else { name };
         let case = cases.iter().find(|case| case.name == name).unwrap();
         gpu.state.pipelines = Pipelines::with(pair);
-        match check(&mut gpu, case, sigma, &mut [0; 6]) {
+        match check(&mut gpu, case, sigma, &mut [0; 7]) {
             Ok(()) => unnoticed.push(format!("`{from}` became `{to}`")),
             Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
         }

@@ -94,7 +94,11 @@ pub(super) struct Blur {
     #[arg(long, value_name = "WHEN", value_parser = one_of::<Normalise>(Normalise::WORDS), help_heading = "Blur")]
     normalise: Option<Normalise>,
     /// Mode volumetric as published by Wolf (2008): ellipsoid, chord, overlap 1, sum, once.
-    #[arg(long, conflicts_with_all = ["kernel", "kernel_weight", "overlap", "alpha", "normalise"], help_heading = "Blur")]
+    #[arg(
+        long,
+        conflicts_with_all = ["kernel", "kernel_weight", "overlap", "alpha", "normalise"],
+        help_heading = "Blur"
+    )]
     published: bool,
 }
 

@@ -77,7 +77,8 @@ impl Thesis {
         let figures = figures(self.size, self.fewer as usize)?;
         let mut table = String::from(
             "\n## Table 5.1\n\n\
-             | figure | cell | samples | kernels | surfels | seconds | frames/s | over (b) | Wolf, frames/s | over (b) |\n\
+             | figure | cell | samples | kernels | surfels | seconds | frames/s | over (b) | \
+             Wolf, frames/s | over (b) |\n\
              | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
         );
         let mut errors = String::from(
@@ -140,8 +141,8 @@ impl Thesis {
             ("(d) one-minus-exponential", Weight::OneMinusExponential { centre: 1.0 }),
             ("exponential, rate 3", Weight::Exponential { rate: 3.0, centre: 1.0 }),
         ];
-        *text += "\n## Figure 3.1\n\nAlpha of a ball that falls, no prefilter, where its centre passes at t = 1/4, 1/2 and 3/4; in \
-                  brackets the integral of a(t) while the ball covers:\n\n\
+        *text += "\n## Figure 3.1\n\nAlpha of a ball that falls, no prefilter, where its centre passes at t = 1/4, 1/2 \
+                  and 3/4; in brackets the integral of a(t) while the ball covers:\n\n\
                   | weight | 1/4 | 1/2 | 3/4 |\n| --- | --- | --- | --- |\n";
         let mut pictures = Vec::new();
         for (name, weight) in weights {
@@ -216,9 +217,9 @@ impl Thesis {
     fn thin_part(&self, renderer: &mut Renderer, directory: &Path, text: &mut String) -> Result<(), StudyError> {
         let scene = figures::thin_part(self.size, self.fewer as usize)?;
         let truth = self.bare(renderer, &scene, BlurMode::supersample(TRUTH))?;
-        *text += "\n## Figure 5.2(e)\n\nThe thin end of a tentacle alone, three intervals, no prefilter: alpha over true \
-                  alpha, at the pixels where the true one is above .02: the least, the lowest twentieth, the median, \
-                  and the share of pixels that have less than half of their true alpha:\n\n\
+        *text += "\n## Figure 5.2(e)\n\nThe thin end of a tentacle alone, three intervals, no prefilter: alpha over \
+                  true alpha, at the pixels where the true one is above .02: the least, the lowest twentieth, the \
+                  median, and the share of pixels that have less than half of their true alpha:\n\n\
                   | kernels | least | 5 % | median | vanished |\n| --- | --- | --- | --- | --- |\n";
         let kernels = [
             ("published, overlap .5", END_TO_END),
@@ -245,8 +246,8 @@ impl Thesis {
 
     /// Figure 5.3: a sum of weights is no alpha where kernels are dense.
     fn densities(&self, renderer: &mut Renderer, text: &mut String) -> Result<(), StudyError> {
-        *text += "\n## Figure 5.3\n\nThe shell alone, three intervals, no prefilter: mean alpha over mean true alpha where the true one \
-                  is .05 to .95, by discs over each point of its surface:\n\n\
+        *text += "\n## Figure 5.3\n\nThe shell alone, three intervals, no prefilter: mean alpha over mean \
+                  true alpha where the true one is .05 to .95, by discs over each point of its surface:\n\n\
                   | discs | published | line | ellipsoid, sum | corrected |\n| --- | --- | --- | --- | --- |\n";
         let summed = SweptKernel {
             shape: KernelShape::Ellipsoid,

@@ -13,8 +13,8 @@ use crate::backend::cpu::job::Job;
 use crate::backend::cpu::project::View;
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
+use crate::backend::cpu::tile_buffers::TileBuffers;
 use crate::backend::cpu::tile_runner::TileWork;
-use crate::backend::cpu::tiles::TileBuffers;
 use crate::layout::EwaSplat;
 use crate::plan::EwaPass;
 

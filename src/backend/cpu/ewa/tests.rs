@@ -174,8 +174,8 @@ fn splats_in_perspective_are_near_the_convolution() {
     }
 }
 
-/// Zwicker et al. (2002), eq. 35 with V' on the screen, and their eq. 36 in the tangent plane, agree at the centre: both
-/// peaks are sqrt(|V| / |V'|).
+/// Zwicker et al. (2002), eq. 35 with V' on the screen, and their eq. 36 in the tangent plane, agree at the centre:
+/// both peaks are sqrt(|V| / |V'|).
 #[test]
 fn screen_and_tangent_plane_agree_at_the_centre() {
     let centre = DVec3::new(0.1, -0.05, 20.0);

@@ -110,9 +110,11 @@ fn second_body(
     }
 }
 
-/// Finds the pixels that are not solid, and those near which there is one that no disc covers. A pixel is solid if discs cover it and all pixels within `apron`, and inverse
-/// depths around it change as those of a plane do, up to four tolerances: opposite neighbours agree with their middle.
-/// Pixels outside the image of `size` pixels do not count.
+/// Finds the pixels that are not solid, and those near which there is one that no disc covers.
+///
+/// A pixel is solid if discs cover it and all pixels within `apron`, and inverse depths around it change as those of a
+/// plane do, up to four tolerances: opposite neighbours agree with their middle. Pixels outside the image of `size`
+/// pixels do not count.
 pub(in crate::backend) fn find_open(tile: &TileRect, apron: usize, size: [u32; 2], buffers: &mut EwaBuffers) {
     const EDGE: usize = TILE + 2 * super::buffers::MOST_APRON;
     let (rect, [left, top]) = with_apron(tile, apron, size);

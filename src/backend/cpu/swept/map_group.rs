@@ -8,8 +8,8 @@ use crate::backend::cpu::bin::Binned;
 use crate::backend::cpu::chunk::Chunk;
 use crate::backend::cpu::job::Job;
 use crate::backend::cpu::scope::Scope;
+use crate::backend::cpu::tile_buffers::TileBuffers;
 use crate::backend::cpu::tile_runner::TileWork;
-use crate::backend::cpu::tiles::TileBuffers;
 use crate::layout::{Channels, Splat};
 use crate::plan::MapPass;
 

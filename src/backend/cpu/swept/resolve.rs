@@ -3,7 +3,8 @@
 //!
 //! In: a tile's sums and coverage mask. Out: its coverage, or its film. One sample position at a time, order-free.
 
-use crate::backend::cpu::tiles::{CoverageMask, LANES, STRIDE, TILE, TileRect};
+use crate::backend::cpu::tile_buffers::CoverageMask;
+use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect};
 use crate::film::FilmPlanes;
 use crate::layout::Channels;
 use crate::math::simd::dispatch;

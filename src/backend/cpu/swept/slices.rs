@@ -6,7 +6,8 @@
 
 use super::hull::Hull;
 use super::ray::{Lanes, Ray};
-use crate::backend::cpu::tiles::{LANES, STRIDE, Slices, TileRect};
+use crate::backend::cpu::tile_buffers::Slices;
+use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect};
 use crate::backend::cpu::visibility::Depths;
 use crate::layout::SweptSplat;
 use crate::math::simd::dispatch;

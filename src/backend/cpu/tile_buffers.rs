@@ -1,0 +1,132 @@
+//! What one group of time samples accumulates in one tile.
+
+use super::ewa::EwaBuffers;
+use super::tiles::{ROWS, STRIDE, TILE};
+
+/// What one group accumulates in one tile.
+#[derive(Clone, Debug, Default)]
+pub(in crate::backend) struct TileBuffers {
+    /// T(x, t) of the visibility rule, +inf where no splat covers: `ROWS` rows of `STRIDE`.
+    pub threshold: Vec<f32>,
+    /// Weighted sums: for each of `ROWS` rows, for each channel, `STRIDE` floats.
+    pub sums: Vec<f32>,
+    /// Coverage by the samples of a group that has several; empty for a group of one sample.
+    pub group_coverage: GroupCoverage,
+    /// When kernels in motion cover; empty where there are none.
+    pub coverage_mask: CoverageMask,
+    /// What is visible of kernels in motion; empty where there are none.
+    pub slices: Slices,
+    /// Depths and sums of full EWA; empty without it.
+    pub ewa: EwaBuffers,
+}
+
+/// What is visible of kernels in motion in each slice of the interval: for each of `TILE` rows, for each slice,
+/// `STRIDE` floats.
+#[derive(Clone, Debug, Default)]
+pub(in crate::backend) struct Slices {
+    /// Number of slices, a power of two, at most 32.
+    pub count: usize,
+    /// Greatest visible depth, +inf where nothing covers.
+    pub threshold: Vec<f32>,
+}
+
+/// When kernels in motion cover, one bit each 32nd of the interval: `TILE` rows of `STRIDE`.
+#[derive(Clone, Debug, Default)]
+pub(in crate::backend) struct CoverageMask {
+    /// Object-space kernels.
+    pub surface: Vec<u32>,
+    /// Low-pass discs.
+    pub low_pass: Vec<u32>,
+    /// Sum of the weights of low-pass discs beyond those of their kernels. Where the sum of weights is the coverage:
+    /// sum of all weights.
+    pub loose: Vec<f32>,
+}
+
+/// Coverage by the samples of a group, one after the other: `ROWS` rows of `STRIDE`.
+#[derive(Clone, Debug, Default)]
+pub(in crate::backend) struct GroupCoverage {
+    /// Sample whose splats are being added; `None` while static objects are added.
+    pub sample: Option<usize>,
+    /// Coverage by that sample, not yet cut at 1: at least 1 where a splat covers, else the weights of the low-pass
+    /// discs.
+    pub sample_coverage: Vec<f32>,
+    /// The part of `sample_coverage` that all samples share: coverage by static objects.
+    pub of_static: Vec<f32>,
+    /// Sum over the samples before it: weight times coverage.
+    pub coverage: Vec<f32>,
+}
+
+impl GroupCoverage {
+    /// Ends all samples before sample `next`; `weights`: weight of each sample.
+    pub(in crate::backend) fn turn(&mut self, weights: impl Fn(usize) -> f32, next: usize) {
+        let first = self.sample.unwrap_or_else(|| {
+            self.of_static.copy_from_slice(&self.sample_coverage);
+            0
+        });
+        for sample in first..next {
+            let weight = weights(sample);
+            let covered = self.coverage.iter_mut().zip(&mut self.sample_coverage).zip(&self.of_static);
+            for ((coverage, of_sample), of_static) in covered {
+                *coverage += weight * if *of_sample < 1.0 { *of_sample } else { 1.0 };
+                *of_sample = *of_static;
+            }
+        }
+        self.sample = Some(next);
+    }
+}
+
+impl TileBuffers {
+    pub(in crate::backend) fn clear_threshold(&mut self) {
+        self.threshold.clear();
+        self.threshold.resize(ROWS * STRIDE, f32::INFINITY);
+    }
+
+    /// For a group of `samples` samples.
+    pub(in crate::backend) fn clear_sums(&mut self, channels: usize, samples: usize) {
+        self.sums.clear();
+        self.sums.resize(ROWS * channels * STRIDE, 0.0);
+        self.clear_coverage(samples);
+    }
+
+    /// For a group of `samples` samples.
+    pub(in crate::backend) fn clear_coverage(&mut self, samples: usize) {
+        let floats = if samples > 1 { ROWS * STRIDE } else { 0 };
+        let GroupCoverage { sample, sample_coverage, of_static, coverage } = &mut self.group_coverage;
+        *sample = None;
+        for plane in [sample_coverage, of_static, coverage] {
+            plane.clear();
+            plane.resize(floats, 0.0);
+        }
+    }
+
+    /// For `count` slices of an interval. Thresholds start from those of static objects.
+    pub(in crate::backend) fn start_slices(&mut self, count: usize) {
+        let Slices { count: slices, threshold } = &mut self.slices;
+        *slices = count;
+        threshold.clear();
+        for row in self.threshold.chunks_exact(STRIDE).take(TILE) {
+            (0..count).for_each(|_| threshold.extend_from_slice(row));
+        }
+    }
+
+    /// For kernels in motion.
+    pub(in crate::backend) fn clear_coverage_mask(&mut self) {
+        for plane in [&mut self.coverage_mask.surface, &mut self.coverage_mask.low_pass] {
+            plane.clear();
+            plane.resize(TILE * STRIDE, 0);
+        }
+        self.coverage_mask.loose.clear();
+        self.coverage_mask.loose.resize(TILE * STRIDE, 0.0);
+    }
+
+    /// Bytes of one tile's buffers, for groups of `samples` samples. `slices`: those of kernels in motion, if
+    /// there are any.
+    pub(in crate::backend) const fn bytes(channels: usize, samples: usize, slices: Option<usize>) -> u64 {
+        let group_coverage = if samples > 1 { 3 } else { 0 };
+        let swept = match slices {
+            Some(slices) => 4 + slices,
+            None => 0,
+        };
+        ((1 + channels + group_coverage + swept) * ROWS * STRIDE * size_of::<f32>()) as u64
+    }
+}
