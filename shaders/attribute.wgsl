@@ -42,8 +42,12 @@ override VALUES: u32 = 3u;
 override GOURAUD: bool = false;
 // If false, the weight is the only channel (pass `density`).
 override COLOUR: bool = true;
-// As in bin.wgsl.
+// First of three channels of full EWA: weight times peak, weights that are negative for backs, and discs that cover; 0
+// without it.
+override PEAK: u32 = 0u;
+// Size of a slot's content in splats, and the part of it that has the flags.
 override SPLATS: u32 = 1u;
+override PART: u32 = 0u;
 
 @compute @workgroup_size(256)
 fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -55,7 +59,7 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
     let column = 3u * segment.buffer_surfels;
     var normal = vec3<f32>(looks[at], looks[at + 1u], looks[at + 2u]);
     normal = unit(apply_linear(segment.normal, normal));
-    if (splats[SPLATS * slot + SPLATS - 1u].flags & FLAG_BACK) != 0u {
+    if (splats[SPLATS * slot + PART].flags & FLAG_BACK) != 0u {
         normal = -normal;
     }
     var colour = vec3<f32>(looks[column + at], looks[column + at + 1u], looks[column + at + 2u]);
@@ -121,6 +125,9 @@ struct Sums {
     coverage: vec4<f32>,
     static_coverage: vec4<f32>,
     nearest: vec4<f32>,
+    peak: vec4<f32>,
+    side: vec4<f32>,
+    discs: vec4<f32>,
     // The turn that `sample_coverage` belongs to: 0 for static objects, then one for each sample in order.
     turn: u32,
 }
@@ -201,6 +208,11 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
     if NEAREST != 0u {
         (*sum).nearest = min((*sum).nearest, select(vec4<f32>(NONE), depth, passes));
     }
+    add_values(sum, slot, weight, select(zero, depth, passes));
+}
+
+// Adds the values of a slot. `depth` must be finite where the weight is 0.
+fn add_values(sum: ptr<function, Sums>, slot: u32, weight: vec4<f32>, depth: vec4<f32>) {
     var next = slot * VALUES;
     (*sum).weight += weight;
     if COLOUR {
@@ -216,7 +228,7 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
         next += 3u;
     }
     if DEPTH != 0u {
-        (*sum).depth += select(zero, depth, passes) * weight;
+        (*sum).depth += depth * weight;
     }
     if VELOCITY != 0u {
         (*sum).velocity_x += weight * values[next];
@@ -264,6 +276,11 @@ fn load_sums(sum: ptr<function, Sums>, at: u32) {
     if NEAREST != 0u {
         (*sum).nearest = sums[at + NEAREST * TILE_QUADS];
     }
+    if PEAK != 0u {
+        (*sum).peak = sums[at + PEAK * TILE_QUADS];
+        (*sum).side = sums[at + (PEAK + 1u) * TILE_QUADS];
+        (*sum).discs = sums[at + (PEAK + 2u) * TILE_QUADS];
+    }
 }
 
 fn store_sums(sum: ptr<function, Sums>, at: u32) {
@@ -298,5 +315,10 @@ fn store_sums(sum: ptr<function, Sums>, at: u32) {
     }
     if NEAREST != 0u {
         sums[at + NEAREST * TILE_QUADS] = (*sum).nearest;
+    }
+    if PEAK != 0u {
+        sums[at + PEAK * TILE_QUADS] = (*sum).peak;
+        sums[at + (PEAK + 1u) * TILE_QUADS] = (*sum).side;
+        sums[at + (PEAK + 2u) * TILE_QUADS] = (*sum).discs;
     }
 }

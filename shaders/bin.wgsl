@@ -48,8 +48,10 @@ const WORKGROUP_ITEMS: u32 = 1024u;
 const DIGITS: u32 = 64u;
 // Lowest bit of the digit of this round.
 override SHIFT: u32 = 0u;
-// Size of a slot's content in splats. It is 2 for kernels in motion; the last part of theirs is laid out as a splat.
+// Size of a slot's content in splats, and the part of it that has the bounds where a splat has them. Kernels in motion
+// and filtered kernels have two parts.
 override SPLATS: u32 = 1u;
+override PART: u32 = 0u;
 
 fn touched_at(slot: u32) -> u32 {
     if slot < view.slots { return touched[slot]; }
@@ -128,7 +130,7 @@ fn bin_emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_i
             wide[at.y] = slot;
             at.y += 1u;
         } else if count > 0u && totals.entries > 0u {
-            let tiles = unpack(splats[SPLATS * slot + SPLATS - 1u].bounds) / TILE;
+            let tiles = unpack(splats[SPLATS * slot + PART].bounds) / TILE;
             for (var y = tiles.z; y <= tiles.w; y += 1u) {
                 for (var x = tiles.x; x <= tiles.y; x += 1u) {
                     if !is_wanted(vec2<u32>(x, y)) { continue; }

@@ -41,7 +41,7 @@ fn resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id)
         share = sums[sum_at + (SAMPLE_COVERAGE + 1u) * TILE_PIXELS];
         weight = 1.0;
     }
-    add_pixel(index, tile.xy, pixel.xy, Share(share, weight));
+    add_pixel(index, tile.xy, pixel.xy, sum_at, Share(share, weight));
 }
 
 // The weight of a pixel's mean: the covered share of the pixel, times a weight.
@@ -50,10 +50,9 @@ struct Share {
     weight: f32,
 }
 
-// Adds one pixel of tile `index` to the film. The sum of the pixel's weights must be > 0.
-fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, share: Share) {
+// Adds one pixel of tile `index` to the film. `sum_at`: its sum of weights, which must be > 0; other channels follow.
+fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, share: Share) {
     let in_tile = pixel.y * TILE + pixel.x;
-    let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
     let inverse = 1.0 / sums[sum_at];
     var colour = mean(sum_at, 1u, inverse);
     var mean_normal = vec3<f32>(0.0);

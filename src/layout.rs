@@ -56,12 +56,13 @@ pub struct EwaSplat {
     pub peak: f32,
     /// Weight at the centre: `peak` times the surfel's normalisation.
     pub weight: f32,
-    /// The pixels in which the filtered kernel may have weight, as `PixelRect::bounds` has them.
-    pub filtered_bounds: [u16; 4],
-    /// The pixels whose tiles list the splat: those that it may touch, and the apron around them.
-    pub listed_bounds: [u16; 4],
     /// 1 for a splat that reaches the camera plane, which is not filtered; else 0.
     pub crossing: u32,
+    /// The pixels whose tiles list the splat: those that it may touch, and the apron around them. They lie where a
+    /// second splat would have its bounds: lists are made of those.
+    pub listed_bounds: [u16; 4],
+    /// The pixels in which the filtered kernel may have weight, as `PixelRect::bounds` has them.
+    pub filtered_bounds: [u16; 4],
 }
 
 /// A surfel's kernel in motion over an interval, tau in [-1, 1], projected (docs/math.md, section 7).

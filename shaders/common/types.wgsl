@@ -66,7 +66,10 @@ struct View {
     // First pixel of the map. Number of tiles in a row of the map, and of rows of tiles.
     map_corner: vec2<i32>,
     map_tiles: vec2<u32>,
-    unused: vec2<u32>,
+    // Standard deviation of the low-pass filter of full EWA, and pixels around a tile within which it reaches; 0
+    // without it.
+    sigma: f32,
+    apron: u32,
 }
 
 // Some surfels of one surfel buffer, posed at one time sample. The array of segments begins with one entry for each

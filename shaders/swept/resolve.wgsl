@@ -45,8 +45,9 @@ fn swept_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocati
     let index = tile.y * view.tiles.x + tile.x;
     let in_tile = pixel.y * TILE + pixel.x;
     let covered = coverage(index, in_tile);
-    if sums[index * CHANNELS * TILE_PIXELS + in_tile] > 0.0 {
-        add_pixel(index, tile.xy, pixel.xy, Share(covered, 1.0));
+    let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
+    if sums[sum_at] > 0.0 {
+        add_pixel(index, tile.xy, pixel.xy, sum_at, Share(covered, 1.0));
     }
     show_static(index * PLANES * TILE_PIXELS + in_tile, covered);
 }

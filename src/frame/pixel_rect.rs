@@ -65,6 +65,16 @@ impl PixelRect {
             last_row: self.last_row + guard,
         }
     }
+
+    /// The rectangle and `pixels` more on each side, within an image of `size` pixels.
+    pub(crate) fn widened(self, pixels: i32, size: [u32; 2]) -> Self {
+        Self {
+            first_column: (self.first_column - pixels).max(0),
+            last_column: (self.last_column + pixels).min(size[0] as i32 - 1),
+            first_row: (self.first_row - pixels).max(0),
+            last_row: (self.last_row + pixels).min(size[1] as i32 - 1),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -4,8 +4,8 @@ use wgpu::{BindGroup, BindGroupEntry, BindingResource, BufferBinding, BufferSize
 
 use super::buffers::Buffers;
 use super::constants::{
-    resolve_constants, restore_constants, slice_constants, sum_constants, swept_constants, swept_resolve_constants,
-    value_constants,
+    ewa_resolve_constants, resolve_constants, restore_constants, slice_constants, sum_constants, swept_constants,
+    swept_resolve_constants, value_constants,
 };
 use super::device::Device;
 use super::layout::{DIGIT_BITS, UNIFORM_STRIDE};
@@ -62,6 +62,8 @@ pub(in crate::backend) struct BoundPrograms {
     pub static_layer: Option<StaticLayerPrograms>,
     /// `None` where no step sweeps kernels.
     pub swept: Option<SweptPrograms>,
+    /// `None` without full EWA.
+    pub ewa: Option<EwaPrograms>,
 }
 
 /// The programs that make splats, or kernels in motion, and their lists.
@@ -112,6 +114,18 @@ pub(in crate::backend) struct SweptPrograms {
     pub attribute: BoundProgram,
     /// Resolves the picture of static objects, where there is one.
     pub static_picture: Option<BoundProgram>,
+}
+
+/// The programs of full EWA.
+#[derive(Debug)]
+pub(in crate::backend) struct EwaPrograms {
+    pub lists: ListPrograms,
+    pub visibility: BoundProgram,
+    /// `None` where pixels have one layer.
+    pub second: Option<BoundProgram>,
+    /// For each object, for each of its surfel buffers.
+    pub splat_values: Vec<Vec<BoundProgram>>,
+    pub attribute: BoundProgram,
 }
 
 impl Gpu {
@@ -188,7 +202,7 @@ impl Binder<'_> {
     }
 
     /// Binds a program whose lists are in the buffers other than `from`. `special` buffers replace the usual ones.
-    fn program(
+    pub(super) fn program(
         &mut self,
         program: Program,
         constants: &Constants,
@@ -225,7 +239,7 @@ impl Binder<'_> {
     }
 
     /// Binds `program` for each surfel buffer of each object.
-    fn of_surfels(
+    pub(super) fn of_surfels(
         &mut self,
         program: Program,
         constants: &Constants,
@@ -270,6 +284,7 @@ impl Binder<'_> {
             Some(kernel) => Some(self.swept_programs(prepared, kernel, 1 - begin)?),
             None => None,
         };
+        let ewa = if frame.has_ewa() { Some(self.ewa_programs(prepared, 1 - begin)?) } else { None };
         Ok(BoundPrograms {
             lists: ListPrograms {
                 project: self.of_surfels(Program::Project, &none, surfel_buffers)?,
@@ -288,6 +303,7 @@ impl Binder<'_> {
             film: self.film_parts(frame, channels, planes, &prepared.film_parts())?,
             static_layer: self.static_layer_programs(channels, schedule.cached_batches() as usize)?,
             swept,
+            ewa,
         })
     }
 
@@ -301,9 +317,11 @@ impl Binder<'_> {
     ) -> Result<Vec<FilmPart>, BackendError> {
         let constants = match frame.swept {
             Some(kernel) => swept_resolve_constants(frame, kernel, channels, planes),
+            None if frame.has_ewa() => ewa_resolve_constants(frame, channels, planes),
             None => resolve_constants(frame, channels, planes),
         };
         let program = match frame.swept.map(|kernel| kernel.normalise) {
+            None if frame.has_ewa() => Program::EwaResolve,
             None => Program::Resolve,
             Some(Normalise::Interval) => Program::SweptResolve,
             Some(Normalise::Once) => Program::Pool,
@@ -364,11 +382,12 @@ impl Binder<'_> {
         emitted: usize,
     ) -> Result<SweptPrograms, BackendError> {
         let Prepared { frame, channels, planes, surfel_buffers, .. } = prepared;
-        let double = ("SPLATS", (size_of::<SweptSplat>() / size_of::<Splat>()) as u32);
+        let double = [("SPLATS", (size_of::<SweptSplat>() / size_of::<Splat>()) as u32), ("PART", 1)];
         let mut values = value_constants(frame, channels);
-        values.push(double);
+        values.extend(double);
         let shared = Channels::weights();
-        let weights = DeviceChannels { shared, values: channels.values, sample_coverage: None, count: 1 };
+        let weights =
+            DeviceChannels { shared, values: channels.values, sample_coverage: None, peak: None, count: 1, layers: 1 };
         let mut density = sum_constants(&weights);
         density.push(("COLOUR", 0));
         let volume = vec![("ELLIPSOID", u32::from(swept.shape == KernelShape::Ellipsoid))];
@@ -386,7 +405,7 @@ impl Binder<'_> {
         Ok(SweptPrograms {
             lists: ListPrograms {
                 project: self.of_surfels(Program::Sweep, &volume, surfel_buffers)?,
-                emit: self.program(Program::BinEmit, &vec![double], emitted, &[])?,
+                emit: self.program(Program::BinEmit, &double.to_vec(), emitted, &[])?,
             },
             density: self.program(Program::SumAttributes, &density, 1, &[])?,
             store_map: self.program(Program::StoreMap, &vec![("DENSITY", u32::from(has_density))], 0, &[])?,

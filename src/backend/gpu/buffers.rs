@@ -118,8 +118,8 @@ impl Buffers {
         let tile = 4 * 256;
         let (band, map) = (schedule.band_tiles, schedule.map_tiles);
         grow(device, &mut self.starts, "lists", 4 * (band.max(map) + 2))?;
-        grow(device, &mut self.thresholds, "thresholds", tile * band.max(map))?;
-        grow(device, &mut self.sums, "sums", tile * map.max(channels.count as u64 * band))?;
+        grow(device, &mut self.thresholds, "thresholds", (schedule.depth_bytes * band).max(tile * map))?;
+        grow(device, &mut self.sums, "sums", tile * map.max(channels.sums() as u64 * band))?;
         if map > 0 {
             let behind = schedule.behind_map_bytes * band;
             grow(device, &mut self.map, "the map", MAP_BYTES * map + behind)?;

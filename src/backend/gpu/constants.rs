@@ -34,6 +34,25 @@ pub(super) fn restore_constants(channels: &DeviceChannels) -> Constants {
     vec![("CHANNELS", channels.count as u32), ("SAMPLE_COVERAGE", sample_coverage)]
 }
 
+/// The layers of full EWA.
+fn layers(channels: &DeviceChannels) -> [(&'static str, u32); 2] {
+    [("LAYERS", channels.layers as u32), ("PEAK", channels.peak.unwrap_or(0) as u32)]
+}
+
+/// For pass `attribute` of full EWA.
+pub(super) fn ewa_constants(channels: &DeviceChannels) -> Constants {
+    let mut constants = sum_constants(channels);
+    constants.extend(layers(channels));
+    constants
+}
+
+/// For pass `resolve` of full EWA.
+pub(super) fn ewa_resolve_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
+    let mut constants = resolve_constants(frame, channels, planes);
+    constants.extend(layers(channels));
+    constants
+}
+
 /// For pass `attribute` of kernels in motion.
 pub(super) fn swept_constants(frame: &Frame, swept: SweptKernel, channels: &DeviceChannels) -> Constants {
     let mut constants = sum_constants(channels);

@@ -55,6 +55,13 @@ impl<'a> Place<'a> {
         Job { place: self, group, objects, from_layer: false, area, map: area.guarded(0), slope: 0.0 }
     }
 
+    /// The same for step `Ewa`. Its pixels are those of the band and of the apron around it; its tiles are the band's.
+    pub(in crate::backend) fn ewa_job(self, group: usize) -> Job<'a> {
+        let (job, raster) = (self.job(group, Objects::All), &self.position.raster);
+        let pixels = job.area.pixels.widened(raster.apron() as i32, raster.size);
+        Job { area: Area { pixels, ..job.area }, ..job }
+    }
+
     /// The surfels of a group, cut into batches.
     pub(in crate::backend) fn batches(&self, job: &Job<'_>) -> Batches {
         let Self { prepared, position, .. } = self;

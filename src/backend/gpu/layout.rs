@@ -49,7 +49,8 @@ pub(in crate::backend) struct View {
     pub corner: [i32; 2],
     pub map_corner: [i32; 2],
     pub map_tiles: [u32; 2],
-    pub unused: [u32; 2],
+    pub sigma: f32,
+    pub apron: u32,
 }
 
 /// Some surfels of one surfel buffer, posed at one time sample; or only the weight of a sample.
@@ -161,6 +162,8 @@ impl View {
             first_light: (group.samples.len() / 2 * middle.lights.len()) as u32,
             lights: middle.lights.len() as u32,
             blocks: blocks(frame),
+            sigma: raster.sigma,
+            apron: raster.apron() as u32,
             ..Self::zeroed()
         }
     }

@@ -4,7 +4,7 @@ use super::layout::{TILE, WIDEST, WORKGROUP_ITEMS};
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PixelRect};
-use crate::layout::{Channels, Splat, SweptSplat};
+use crate::layout::{Channels, EwaSplat, Splat, SweptSplat};
 
 /// Pixels of a tile.
 const TILE_PIXELS: u64 = (TILE * TILE) as u64;
@@ -23,6 +23,16 @@ pub(in crate::backend) const THRESHOLD_BYTES: u64 = 4 * TILE_PIXELS;
 /// Bytes of the map of one tile.
 pub(in crate::backend) const MAP_BYTES: u64 = 8 * TILE_PIXELS;
 
+/// Layers of full EWA: before the nearest disc of a pixel, at it, at the next one, and behind that.
+const EWA_LAYERS: usize = 4;
+
+/// Bytes of the depths of a tile under full EWA, as `shaders/common/ewa.wgsl` has them: of the tile and its apron, in
+/// quads, then three more planes of the tile.
+pub(in crate::backend) fn ewa_depth_bytes(apron: usize) -> u64 {
+    let row = 4 + 2 * (apron as u64).div_ceil(4);
+    16 * (row * (u64::from(TILE) + 2 * apron as u64)) + 3 * THRESHOLD_BYTES
+}
+
 /// Bytes of an entry of a cached list.
 const CACHED_ENTRY_BYTES: u64 = 4;
 
@@ -35,21 +45,33 @@ pub(in crate::backend) struct DeviceChannels {
     /// First of three channels: the sample coverage of the current sample, the coverage by the samples before it, and
     /// the sample coverage of static objects.
     pub sample_coverage: Option<usize>,
+    /// First of three channels of full EWA: weight times peak, weights that are negative for backs, and discs.
+    pub peak: Option<usize>,
     pub count: usize,
+    /// Sums of each pixel: those of the layers of full EWA, else one.
+    pub layers: usize,
 }
 
 impl DeviceChannels {
     pub(in crate::backend) fn of(frame: &Frame) -> Self {
         let shared = Channels::of(frame);
         let several = frame.most_samples_of_a_group() > 1;
+        let layered = frame.has_ewa() && !several;
         // The weight and depth are no values of a splat.
         let values = shared.count - 1 - usize::from(shared.depth.is_some());
         Self {
             shared,
             values: values as u32,
             sample_coverage: several.then_some(shared.count),
-            count: shared.count + if several { 3 } else { 0 },
+            peak: layered.then_some(shared.count),
+            count: shared.count + if several || layered { 3 } else { 0 },
+            layers: if layered { EWA_LAYERS } else { 1 },
         }
+    }
+
+    /// Floats of a pixel's sums.
+    pub(in crate::backend) const fn sums(&self) -> usize {
+        self.layers * self.count
     }
 }
 
@@ -121,6 +143,8 @@ pub(in crate::backend) struct Schedule {
     pub map_tiles: u64,
     /// Bytes of a slot's splat.
     pub splat_bytes: u64,
+    /// Bytes of a tile's thresholds, and of what else is known of its depths.
+    pub depth_bytes: u64,
     /// Tile rows of a band, for each raster.
     pub band_rows: Vec<u32>,
     /// Most slots of a batch.
@@ -186,15 +210,21 @@ impl Schedule {
         let static_picture_bytes = if frame.has_static_picture() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
         let has_layer = cached_slots > 0;
         let behind_map_bytes = THRESHOLD_BYTES * (u64::from(static_picture_bytes > 0) + u64::from(frame.slices()));
+        let apron = frame.positions().map(|position| position.raster.apron()).max().unwrap_or(0);
+        let depth_bytes = if frame.has_ewa() { ewa_depth_bytes(apron) } else { THRESHOLD_BYTES };
         let tile_bytes = {
-            let own = 4 * TILE_PIXELS * (1 + channels.count as u64) + 4 + mask;
+            let own = depth_bytes + 4 * TILE_PIXELS * channels.sums() as u64 + 4 + mask;
             // Thresholds, sums with the least depth, limits.
             let layer = 4 * TILE_PIXELS * (3 + channels.count as u64) + 4;
             own + static_picture_bytes + behind_map_bytes + if has_layer { layer } else { 0 }
         };
         let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
         let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
-        let splat_bytes = if swept { size_of::<SweptSplat>() } else { size_of::<Splat>() } as u64;
+        let splat_bytes = match (swept, frame.has_ewa()) {
+            (true, _) => size_of::<SweptSplat>(),
+            (false, true) => size_of::<EwaSplat>(),
+            (false, false) => size_of::<Splat>(),
+        } as u64;
         let slot_bytes = splat_bytes + 8 + 4 * u64::from(channels.values) + 8 / u64::from(WORKGROUP_ITEMS);
         let cached_bytes = cached_slots * (splat_bytes + 4 + 4 * u64::from(channels.values));
         // Each cached batch has room for as many entries as a batch has.
@@ -216,7 +246,7 @@ impl Schedule {
         let needed = frame.model_bytes + film + widest * tile_bytes + least_map + least_batch;
         BackendError::check_memory(frame, needed)?;
         let left = frame.memory - frame.model_bytes - film;
-        let sums = channels.count + usize::from(has_layer);
+        let sums = channels.sums() + usize::from(has_layer);
         let bound = most_bytes / (4 * TILE_PIXELS * sums.max(planes.count) as u64);
         let band_tiles = bound.min((left - least_batch) / 2 / tile_bytes).max(widest).min(widest * tallest);
         let band_rows: Vec<u32> = rasters
@@ -255,6 +285,7 @@ impl Schedule {
             band_tiles,
             map_tiles,
             splat_bytes,
+            depth_bytes,
             band_rows,
             slots,
             most_entries,

@@ -9,6 +9,7 @@ pub(super) mod bind;
 mod buffers;
 mod constants;
 mod device;
+pub(super) mod ewa;
 mod film;
 mod flight;
 pub(super) mod job;

@@ -22,6 +22,8 @@ pub(in crate::backend) struct Models {
 struct Model {
     /// Holds the address, so that no other model can get it, but not the surfels.
     surfels: Weak<Surfels>,
+    /// Whether the buffers have the normalisation of kernels.
+    normalised: bool,
     buffers: Vec<SurfelBuffer>,
 }
 
@@ -30,37 +32,45 @@ struct Model {
 pub(in crate::backend) struct SurfelBuffer {
     /// Which surfels of the model.
     pub surfels: Range<usize>,
-    /// Columns: positions, axes u, axes v.
+    /// Columns: positions, axes u, axes v; then the normalisation of kernels, where a frame needed it.
     pub geometry: Buffer,
     /// Columns: normals, colours, then materials where the model has them.
     pub looks: Buffer,
 }
 
 impl Models {
-    /// The buffers of `surfels`. They are uploaded if they are not on the device yet.
+    /// The buffers of `surfels`, with the normalisation of kernels if `normalised`. They are uploaded if they are not
+    /// on the device yet.
     pub(in crate::backend) fn surfel_buffers(
         &mut self,
         device: &Device,
         surfels: &Arc<Surfels>,
+        normalised: bool,
     ) -> Result<Vec<SurfelBuffer>, BackendError> {
-        self.models.retain(|model| model.surfels.strong_count() > 0);
+        let lacks = |model: &Model| normalised && !model.normalised && model.surfels.as_ptr() == Arc::as_ptr(surfels);
+        self.models.retain(|model| model.surfels.strong_count() > 0 && !lacks(model));
         if let Some(model) = self.models.iter().find(|model| model.surfels.as_ptr() == Arc::as_ptr(surfels)) {
             return Ok(model.buffers.clone());
         }
-        let buffers = upload(device, surfels)?;
-        self.models.push(Model { surfels: Arc::downgrade(surfels), buffers: buffers.clone() });
+        let buffers = upload(device, surfels, normalised)?;
+        self.models.push(Model { surfels: Arc::downgrade(surfels), normalised, buffers: buffers.clone() });
         Ok(buffers)
     }
 }
 
-fn upload(device: &Device, surfels: &Surfels) -> Result<Vec<SurfelBuffer>, BackendError> {
-    // 36 bytes of geometry, at most 40 of looks.
+fn upload(device: &Device, surfels: &Surfels, normalised: bool) -> Result<Vec<SurfelBuffer>, BackendError> {
+    let factors = if normalised { surfels.normalisation() } else { &[] };
+    // At most 40 bytes of geometry, at most 40 of looks.
     let most = (device.most_bytes() / 40).clamp(1, MOST_SURFELS) as usize;
     let mut buffers = Vec::new();
     for start in (0..surfels.len()).step_by(most) {
         let range = start..(start + most).min(surfels.len());
-        let geometry = [&surfels.position, &surfels.axis_u, &surfels.axis_v]
-            .map(|column| bytemuck::cast_slice::<_, u8>(&column[range.clone()]));
+        let geometry = [
+            bytemuck::cast_slice(&surfels.position[range.clone()]),
+            bytemuck::cast_slice(&surfels.axis_u[range.clone()]),
+            bytemuck::cast_slice(&surfels.axis_v[range.clone()]),
+            bytemuck::cast_slice(factors.get(range.clone()).unwrap_or_default()),
+        ];
         let materials: Vec<[f32; 4]> = surfels
             .material
             .get(range.clone())

@@ -32,12 +32,17 @@ impl Gpu {
         // A kernel that a pixel meets takes as many more iterations as it touches slices. Half of the iterations are
         // for them: a thousand kernels of a batch at one pixel, if each touches 32.
         let software = self.state.device.adapter.device_type == wgpu::DeviceType::Cpu;
-        let slots = if software && frame.slices() > 0 { SOFTWARE_SLOTS / 2 } else { u64::MAX };
+        // Full EWA walks over a list for each layer.
+        let slots = match (software, frame.slices() > 0) {
+            (true, true) => SOFTWARE_SLOTS / 2,
+            (true, false) => SOFTWARE_SLOTS / channels.layers as u64,
+            (false, _) => u64::MAX,
+        };
         let limits = Limits { bytes: self.most_bytes, slots: self.most_slots.min(slots) };
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
         let DeviceState { device, models, buffers, .. } = &mut self.state;
-        let upload = |object: &FrameObject| models.surfel_buffers(device, &object.surfels);
+        let upload = |object: &FrameObject| models.surfel_buffers(device, &object.surfels, frame.has_ewa());
         let surfel_buffers = frame.objects.iter().map(upload).collect::<Result<Vec<_>, _>>()?;
         buffers.fit(device, &schedule, &channels)?;
         let entries = (ENTRIES_PER_SLOT * schedule.slots).min(self.first_entries).max(self.wanted_entries);

@@ -67,6 +67,11 @@ pub(in crate::backend) enum Program {
     SweptResolve,
     Pool,
     Finish,
+    EwaProject,
+    EwaVisibility,
+    EwaSecond,
+    EwaAttribute,
+    EwaResolve,
 }
 
 /// WGSL files, one after the other.
@@ -74,7 +79,8 @@ macro_rules! wgsl {
     ($($file:literal),+ $(,)?) => { concat!($(include_str!(concat!("../../../shaders/", $file)), "\n"),+) };
 }
 
-const PROJECT: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/bounds.wgsl", "project.wgsl");
+const PROJECT: &str =
+    wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/bounds.wgsl", "common/posed.wgsl", "project.wgsl",);
 const BIN: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/scan.wgsl", "bin.wgsl");
 const VISIBILITY: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/hit.wgsl", "visibility.wgsl");
 const RESTORE: &str = wgsl!("common/types.wgsl", "restore.wgsl");
@@ -110,13 +116,47 @@ const SWEPT_ATTRIBUTE: &str = wgsl!(
 );
 const SWEPT_RESOLVE: &str =
     wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "resolve.wgsl", "swept/resolve.wgsl");
+const EWA_PROJECT: &str = wgsl!(
+    "common/types.wgsl",
+    "common/wanted.wgsl",
+    "common/bounds.wgsl",
+    "common/posed.wgsl",
+    "common/ewa.wgsl",
+    "ewa/project.wgsl",
+);
+const EWA_VISIBILITY: &str = wgsl!(
+    "common/types.wgsl",
+    "common/wanted.wgsl",
+    "common/hit.wgsl",
+    "common/list.wgsl",
+    "common/ewa.wgsl",
+    "ewa/visibility.wgsl",
+);
+const EWA_ATTRIBUTE: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/shading.wgsl",
+    "common/hit.wgsl",
+    "common/list.wgsl",
+    "common/ewa.wgsl",
+    "attribute.wgsl",
+    "ewa/attribute.wgsl",
+);
+const EWA_RESOLVE: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/shading.wgsl",
+    "common/ewa.wgsl",
+    "resolve.wgsl",
+    "ewa/resolve.wgsl",
+);
 
 /// The buffers that a program only reads, and those that it writes.
 type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(in crate::backend) const ALL: [Self; 20] = [
+    pub(in crate::backend) const ALL: [Self; 25] = [
         Self::Project,
         Self::BinReduce,
         Self::BinScan,
@@ -137,6 +177,11 @@ impl Program {
         Self::SweptResolve,
         Self::Pool,
         Self::Finish,
+        Self::EwaProject,
+        Self::EwaVisibility,
+        Self::EwaSecond,
+        Self::EwaAttribute,
+        Self::EwaResolve,
     ];
 
     pub(in crate::backend) const fn wgsl(self) -> &'static str {
@@ -158,6 +203,10 @@ impl Program {
             Self::SweptVisibility => SWEPT_VISIBILITY,
             Self::SweptAttribute => SWEPT_ATTRIBUTE,
             Self::SweptResolve | Self::Pool | Self::Finish => SWEPT_RESOLVE,
+            Self::EwaProject => EWA_PROJECT,
+            Self::EwaVisibility | Self::EwaSecond => EWA_VISIBILITY,
+            Self::EwaAttribute => EWA_ATTRIBUTE,
+            Self::EwaResolve => EWA_RESOLVE,
         }
     }
 
@@ -183,6 +232,11 @@ impl Program {
             Self::SweptResolve => "swept_resolve",
             Self::Pool => "pool",
             Self::Finish => "finish",
+            Self::EwaProject => "ewa_project",
+            Self::EwaVisibility => "ewa_visibility",
+            Self::EwaSecond => "ewa_second",
+            Self::EwaAttribute => "ewa_attribute",
+            Self::EwaResolve => "ewa_resolve",
         }
     }
 
@@ -193,7 +247,7 @@ impl Program {
             Sums, Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
         };
         match self {
-            Self::Project | Self::Sweep => (&[Geometry, Travels, Wanted], &[Splats, Touched]),
+            Self::Project | Self::Sweep | Self::EwaProject => (&[Geometry, Travels, Wanted], &[Splats, Touched]),
             Self::BinReduce => (&[Touched], &[Partials]),
             Self::BinScan => (&[], &[Partials, WrittenTotals, Status]),
             Self::BinEmit => (&[Splats, Touched, Totals, Wanted], &[Partials, Keys, List, Wide]),
@@ -201,11 +255,15 @@ impl Program {
             Self::SortScan => (&[Totals], &[Histogram, DigitTotals]),
             Self::SortScatter => (&[Totals, SortedKeys, SortedList], &[Histogram, DigitTotals, Keys, List]),
             Self::BinStarts => (&[Totals, SortedKeys], &[Starts]),
-            Self::Visibility => (&[Segments, Splats, List, Wide, Starts, Wanted], &[Thresholds]),
+            Self::Visibility | Self::EwaVisibility | Self::EwaSecond => {
+                (&[Segments, Splats, List, Wide, Starts, Wanted], &[Thresholds])
+            }
             Self::Restore => (&[Thresholds, LayerThresholds, LayerSums], &[Sums, Limits]),
             Self::SplatValues => (&[Geometry, Looks, Lights, Splats, Touched], &[WrittenValues]),
-            Self::SumAttributes => (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums]),
-            Self::Resolve => (&[Lights, Thresholds, Sums], &[Film]),
+            Self::SumAttributes | Self::EwaAttribute => {
+                (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums])
+            }
+            Self::Resolve | Self::EwaResolve => (&[Lights, Thresholds, Sums], &[Film]),
             Self::StoreMap => (&[Thresholds, Sums], &[Map]),
             Self::SweptVisibility => (&[Segments, Splats, List, Wide, Starts], &[Map]),
             Self::SweptAttribute => (&[Splats, List, Wide, Starts, Values, Map], &[Sums, CoverageMask]),
@@ -217,7 +275,7 @@ impl Program {
 
     /// True if the program has a second uniform, the segment.
     pub(in crate::backend) const fn has_segment(self) -> bool {
-        matches!(self, Self::Project | Self::Sweep | Self::SplatValues)
+        matches!(self, Self::Project | Self::Sweep | Self::SplatValues | Self::EwaProject)
     }
 }
 

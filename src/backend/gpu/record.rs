@@ -3,13 +3,14 @@
 
 use wgpu::ComputePassDescriptor;
 
+use super::ewa::EwaStep;
 use super::job::{Job, Place, dispatch};
 use super::prepared::Prepared;
 use super::steps::{MapStep, SplatStep, StaticLayerStep, StaticPictureStep, SweepStep};
 use super::timestamps::Marks;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
-use crate::plan::{MapPass, Objects, SplatPass, StaticPass, Step, SweepPass};
+use crate::plan::{EwaPass, MapPass, Objects, SplatPass, StaticPass, Step, SweepPass};
 
 impl Gpu {
     /// Records and submits all steps of a frame.
@@ -48,7 +49,10 @@ impl DeviceState {
             match *step {
                 Step::StaticLayer { group } => has_layer = self.static_layer(place, group, marks),
                 Step::Splat { group } => self.splat(place, group, has_layer, marks)?,
-                Step::Ewa { .. } => return Err(self.device.error("prefilter `ewa` is on the CPU alone for now")),
+                Step::Ewa { group } => {
+                    let programs = self.bound(place.programs.ewa.as_ref())?;
+                    self.run(&EwaStep { job: place.ewa_job(group), programs }, &EwaPass::ORDER, marks);
+                }
                 Step::StaticPicture { group } => self.static_picture(place, group, marks)?,
                 Step::VisibilityMap { group, interval, objects, density } => {
                     let map = place.area().guarded(interval.guard);

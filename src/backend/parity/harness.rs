@@ -7,6 +7,7 @@ use super::slots::Slots;
 use super::splat_twins::{Context, Posed, Restored, SplatTwins, Sums, whole};
 use crate::backend::gpu::batches::Batch;
 use crate::backend::gpu::bind::BoundPrograms;
+use crate::backend::gpu::ewa::EwaStep;
 use crate::backend::gpu::job::{Job, Place, StepWork};
 use crate::backend::gpu::layout::{Segment, TILE};
 use crate::backend::gpu::prepared::Prepared;
@@ -15,9 +16,9 @@ use crate::backend::gpu::timestamps::Marks;
 use crate::backend::gpu::{DeviceState, Gpu};
 use crate::frame::{Blocks, Frame};
 use crate::layout::Splat;
-use crate::plan::{MapPass, Objects, PosedInterval, SplatPass, Step, SweepPass};
+use crate::plan::{EwaPass, MapPass, Objects, PosedInterval, SplatPass, Step, SweepPass};
 
-/// A pass of the device: of splats, of the map, or of kernels in motion.
+/// A pass of the device: of splats, of the map, of kernels in motion, or of filtered kernels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pass {
     Project,
@@ -27,6 +28,9 @@ pub(super) enum Pass {
     /// `Project` and `Bin` of kernels in motion.
     MakeKernels,
     Sweep(SweepPass),
+    /// `Project` and `Bin` of filtered kernels.
+    Filter,
+    Ewa(EwaPass),
 }
 
 /// Stands for +infinity on the device.
@@ -94,6 +98,9 @@ impl<'a> Harness<'a> {
     /// The group, on the band or on the map around it.
     fn job(&self, on_map: bool) -> Job<'_> {
         let place = self.place();
+        if self.frame.has_ewa() {
+            return place.ewa_job(0);
+        }
         let Some((interval, objects)) = self.swept else { return place.job(0, Objects::All) };
         let map = place.area().guarded(interval.guard);
         let job = Job { map, slope: interval.slope, ..place.job(0, objects) };
@@ -105,7 +112,7 @@ impl<'a> Harness<'a> {
     }
 
     /// Is the tile of the raster rendered?
-    fn wants(&self, tile: [usize; 2]) -> bool {
+    pub(super) fn wants(&self, tile: [usize; 2]) -> bool {
         let [x, y] = tile.map(|i| i * TILE as usize / Blocks::EDGE);
         self.frame.wanted.as_ref().is_none_or(|blocks| blocks.at(x, y))
     }
@@ -213,6 +220,7 @@ impl<'a> Harness<'a> {
             self.write(&self.gpu.state.buffers.moments, &interval.moments);
         }
         let swept = || self.programs.swept.as_ref().unwrap();
+        let ewa = || self.programs.ewa.as_ref().unwrap();
         match pass {
             Pass::Project => self.lists(&SplatStep { job, layer: None }, true, false),
             Pass::Bin => self.lists(&SplatStep { job, layer: None }, false, true),
@@ -220,6 +228,8 @@ impl<'a> Harness<'a> {
             Pass::Map(pass) => self.record(&MapStep { job, programs: swept() }, pass),
             Pass::MakeKernels => self.lists(&SweepStep { job, programs: swept() }, true, true),
             Pass::Sweep(pass) => self.record(&SweepStep { job, programs: swept() }, pass),
+            Pass::Filter => self.lists(&EwaStep { job, programs: ewa() }, true, true),
+            Pass::Ewa(pass) => self.record(&EwaStep { job, programs: ewa() }, pass),
         }
     }
 

@@ -7,11 +7,16 @@ use super::compare::{Tally, largest};
 use super::harness::{Harness, WIDE};
 use crate::backend::gpu::batches::Batch;
 use crate::backend::gpu::layout::{Segment, TILE, WIDEST};
-use crate::layout::{Splat, SweptSplat};
+use crate::layout::{EwaSplat, Splat, SweptSplat};
 
 /// What a slot may hold.
 pub(super) trait Slotted: Pod {
+    /// The pixels whose tiles list it.
     fn bounds(&self) -> [u16; 4];
+    /// All bounds.
+    fn all_bounds(&self) -> Vec<[u16; 4]> {
+        vec![self.bounds()]
+    }
     fn surfel(&self) -> u32;
     /// What must be equal, and floats, each with the scale of its rounding.
     fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>);
@@ -33,6 +38,29 @@ impl Slotted for Splat {
             (part, scale)
         };
         ([self.surfel, self.flags], floats.into_iter().map(with_scale).collect())
+    }
+}
+
+impl Slotted for EwaSplat {
+    fn bounds(&self) -> [u16; 4] {
+        self.listed_bounds
+    }
+    fn all_bounds(&self) -> Vec<[u16; 4]> {
+        vec![self.listed_bounds, self.filtered_bounds, self.disc.bounds]
+    }
+    fn surfel(&self) -> u32 {
+        self.disc.surfel
+    }
+    fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
+        let Self { disc, u, v, shrink, p, peak, weight, crossing, .. } = *self;
+        let ([surfel, flags], mut floats) = disc.parts();
+        // The forms are quotients of what the disc's are made of.
+        let skew = skew(disc.u, disc.v);
+        floats.extend([u.to_vec(), v.to_vec(), shrink.to_vec(), p.to_vec(), vec![peak, weight]].map(|part| {
+            let scale = largest(&part) * skew;
+            (part, scale)
+        }));
+        ([surfel, flags << 1 | crossing], floats)
     }
 }
 
@@ -160,8 +188,9 @@ impl<S: Slotted> Slots<S> {
             if got_same != same {
                 return Err(format!("slot {slot}: {got_same:?}, not {same:?}"));
             }
-            if got.bounds() != want.bounds() {
-                tally.otherwise(|| format!("slot {slot}: bounds {:?}, not {:?}", got.bounds(), want.bounds()));
+            if got.all_bounds() != want.all_bounds() {
+                let (got, want) = (got.all_bounds(), want.all_bounds());
+                tally.otherwise(|| format!("slot {slot}: bounds {got:?}, not {want:?}"));
             }
             for (part, ((got, _), (want, scale))) in got_floats.iter().zip(&floats).enumerate() {
                 tally.floats(got, want, *scale, || format!("slot {slot}, part {part}"));

@@ -121,7 +121,9 @@ pub(super) fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
             Pass::Splat(SplatPass::Visibility) => visibility(&harness, &host),
             Pass::Splat(SplatPass::Attribute) => attribute(&harness, &host),
             Pass::Splat(SplatPass::Resolve) => resolve(&harness, &host),
-            Pass::Map(_) | Pass::MakeKernels | Pass::Sweep(_) => unreachable!("not a pass of splats"),
+            Pass::Map(_) | Pass::MakeKernels | Pass::Sweep(_) | Pass::Filter | Pass::Ewa(_) => {
+                unreachable!("not a pass of splats")
+            }
         };
         compared.map_err(|what| format!("{}: {pass:?}: {what}", case.name))?;
     }

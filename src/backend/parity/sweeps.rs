@@ -20,7 +20,7 @@ use crate::plan::{MapPass, Objects, Step, SweepPass};
 use crate::renderer::render_frame;
 
 /// Spoils what passes write.
-fn spoil(harness: &Harness<'_>) {
+pub(super) fn spoil(harness: &Harness<'_>) {
     let buffers = &harness.gpu.state.buffers;
     let mut encoder = harness.gpu.state.encoder();
     let spoilt = [&buffers.splats, &buffers.touched, &buffers.starts, &buffers.thresholds, &buffers.sums, &buffers.map];
@@ -241,7 +241,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 38] = [
     ([("max(begin.y, end.y)", "begin.y")], "fast"),
     ([("min(across.y, columns.y)", "across.y")], "ellipsoid"),
     ([("form(cross(motion, u) * over)", "form(cross(u, motion) * over)")], "hard"),
-    ([("SPLATS * slot + SPLATS - 1u", "SPLATS * slot")], "tube"),
+    ([("SPLATS * slot + PART", "SPLATS * slot")], "tube"),
     ([("vec2<u32>(column, row)) + view.corner", "vec2<u32>(column, row))")], "tube"),
     ([("1.0 / sums[at], sums[at] > 0.0", "1.0, sums[at] > 0.0")], "tube"),
     ([("pixel - view.map_corner", "pixel")], "fast"),
@@ -294,7 +294,7 @@ fn broken_swept_programs_are_noticed() {
     assert!(unnoticed.is_empty(), "nothing was noticed: {unnoticed:#?}");
 }
 
-fn values(picture: &Picture) -> Vec<f32> {
+pub(super) fn values(picture: &Picture) -> Vec<f32> {
     let layers = picture.layers.iter().flat_map(|layer| layer.planes.iter().flatten());
     picture.rgba.iter().flatten().chain(layers).copied().collect()
 }

@@ -14,7 +14,7 @@ use crate::math::simd::dispatch;
 
 /// What the pass needs beside splats and depths.
 #[derive(Clone, Copy)]
-pub(super) struct Filter<'a> {
+pub(in crate::backend) struct Filter<'a> {
     pub attributes: Attributes<'a>,
     pub depths: Depths,
     /// Standard deviation of the low-pass filter, pixels.
@@ -46,7 +46,7 @@ impl Filter<'_> {
 dispatch! {
     /// Adds the splats that `list` names to the sums. `sample_coverage`: coverage by the current sample of a group that
     /// has several, else empty.
-    pub(super) fn attribute(
+    pub(in crate::backend) fn attribute(
         splats: &[EwaSplat], list: &[u32], filter: &Filter<'_>, tile: &TileRect, buffers: &mut EwaBuffers,
         sample_coverage: &mut [f32],
     ) = attribute_body

@@ -5,13 +5,13 @@ use crate::backend::cpu::tiles::{LANES, ROWS, STRIDE, TILE, TileRect};
 /// Widest apron: pixels around a tile whose depths are known, too.
 pub(in crate::backend) const MOST_APRON: usize = 8;
 /// Floats from one row of a plane with an apron to the next.
-pub(super) const APRON_STRIDE: usize = TILE + 2 * MOST_APRON + LANES;
+pub(in crate::backend) const APRON_STRIDE: usize = TILE + 2 * MOST_APRON + LANES;
 /// Rows of a plane with an apron: loops may write one more.
-pub(super) const APRON_ROWS: usize = TILE + 2 * MOST_APRON + 1;
+pub(in crate::backend) const APRON_ROWS: usize = TILE + 2 * MOST_APRON + 1;
 
 /// Groups of splats at a pixel, by depth, in the order in which they are composited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Layer {
+pub(in crate::backend) enum Layer {
     /// Before the nearest disc that covers the pixel, by more than the tolerance.
     Front,
     /// At the nearest disc.
@@ -23,17 +23,17 @@ pub(super) enum Layer {
 }
 
 impl Layer {
-    pub(super) const ALL: [Self; 4] = [Self::Front, Self::Band, Self::Second, Self::Rest];
+    pub(in crate::backend) const ALL: [Self; 4] = [Self::Front, Self::Band, Self::Second, Self::Rest];
 }
 
 /// Channels of a layer that follow those of the frame.
-pub(super) const EXTRA: usize = 3;
+pub(in crate::backend) const EXTRA: usize = 3;
 /// Sum of weight times peak.
-pub(super) const PEAK: usize = 0;
+pub(in crate::backend) const PEAK: usize = 0;
 /// Sum of weights, negative for splats that show their backs.
-pub(super) const SIDE: usize = 1;
+pub(in crate::backend) const SIDE: usize = 1;
 /// Number of discs of the layer that cover the pixel.
-pub(super) const DISC: usize = 2;
+pub(in crate::backend) const DISC: usize = 2;
 
 /// Depths and sums of one tile.
 #[derive(Clone, Debug, Default)]
@@ -58,7 +58,7 @@ impl EwaBuffers {
         ((planes * ROWS * STRIDE + 2 * APRON_ROWS * APRON_STRIDE + 2 * TILE) * size_of::<f32>()) as u64
     }
 
-    pub(super) fn clear_depths(&mut self) {
+    pub(in crate::backend) fn clear_depths(&mut self) {
         for (plane, value) in [(&mut self.threshold, f32::INFINITY), (&mut self.epsilon, 0.0)] {
             plane.clear();
             plane.resize(APRON_ROWS * APRON_STRIDE, value);
@@ -71,7 +71,7 @@ impl EwaBuffers {
         }
     }
 
-    pub(super) fn clear_sums(&mut self, channels: usize) {
+    pub(in crate::backend) fn clear_sums(&mut self, channels: usize) {
         let open = self.any_open();
         for (layer, sums) in Layer::ALL.into_iter().zip(&mut self.sums) {
             sums.clear();
@@ -81,13 +81,13 @@ impl EwaBuffers {
         }
     }
 
-    pub(super) fn any_open(&self) -> bool {
+    pub(in crate::backend) fn any_open(&self) -> bool {
         self.open.iter().any(|&row| row != 0)
     }
 }
 
 /// The tile with its apron, as far as it lies in an image of `size` pixels, and where the tile begins in it.
-pub(super) fn with_apron(tile: &TileRect, apron: usize, size: [u32; 2]) -> (TileRect, [usize; 2]) {
+pub(in crate::backend) fn with_apron(tile: &TileRect, apron: usize, size: [u32; 2]) -> (TileRect, [usize; 2]) {
     let [x, y] = tile.origin;
     let (left, top) = (x.min(apron), y.min(apron));
     let right = (size[0] as usize - x - tile.width).min(apron);

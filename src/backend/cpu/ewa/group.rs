@@ -15,7 +15,6 @@ use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
 use crate::backend::cpu::tile_buffers::TileBuffers;
 use crate::backend::cpu::tile_runner::TileWork;
-use crate::frame::PixelRect;
 use crate::layout::EwaSplat;
 use crate::plan::EwaPass;
 
@@ -124,17 +123,5 @@ impl TileWork for EwaGroup<'_> {
         }
         let clock = if pass == EwaPass::Attribute { &scope.clocks.attribute } else { &scope.clocks.visibility };
         clock.add(start);
-    }
-}
-
-impl PixelRect {
-    /// The rectangle and `pixels` more on each side, within an image of `size` pixels.
-    fn widened(self, pixels: i32, size: [u32; 2]) -> Self {
-        Self {
-            first_column: (self.first_column - pixels).max(0),
-            last_column: (self.last_column + pixels).min(size[0] as i32 - 1),
-            first_row: (self.first_row - pixels).max(0),
-            last_row: (self.last_row + pixels).min(size[1] as i32 - 1),
-        }
     }
 }

@@ -11,7 +11,7 @@ use crate::math::simd::dispatch;
 dispatch! {
     /// Adds one group's share of the exposure to `film`. `start`: where the tile begins in planes with an apron.
     /// `coverage`: that of a group's samples together, weights included; empty for a group of one sample.
-    pub(super) fn resolve(
+    pub(in crate::backend) fn resolve(
         resolve: &Resolve<'_>, tile: &TileRect, start: usize, buffers: &EwaBuffers, coverage: &[f32],
         film: &mut TileFilm,
     ) = resolve_body

@@ -12,7 +12,7 @@ use crate::math::simd::dispatch;
 
 dispatch! {
     /// Lowers the thresholds of a tile and its apron by the splats that `list` names.
-    pub(super) fn visibility(
+    pub(in crate::backend) fn visibility(
         splats: &[EwaSplat], list: &[u32], depths: Depths, rect: &TileRect, buffers: &mut EwaBuffers,
     ) = visibility_body
 }
@@ -67,7 +67,7 @@ fn lower<const W: usize>(
 
 dispatch! {
     /// Lowers the second thresholds of the pixels that are not solid.
-    pub(super) fn second(
+    pub(in crate::backend) fn second(
         splats: &[EwaSplat], list: &[u32], depths: Depths, tile: &TileRect, start: usize, buffers: &mut EwaBuffers,
     ) = second_body
 }
@@ -113,9 +113,9 @@ fn second_body(
 /// Finds the pixels that are not solid, and those near which there is one that no disc covers.
 ///
 /// A pixel is solid if discs cover it and all pixels within `apron`, and inverse depths around it change as those of a
-/// plane do, up to four tolerances: opposite neighbours agree with their middle. Pixels outside
-/// the image of `size` pixels do not count.
-pub(super) fn find_open(tile: &TileRect, apron: usize, size: [u32; 2], buffers: &mut EwaBuffers) {
+/// plane do, up to four tolerances: opposite neighbours agree with their middle. Pixels outside the image of `size`
+/// pixels do not count.
+pub(in crate::backend) fn find_open(tile: &TileRect, apron: usize, size: [u32; 2], buffers: &mut EwaBuffers) {
     const EDGE: usize = TILE + 2 * super::buffers::MOST_APRON;
     let (rect, [left, top]) = with_apron(tile, apron, size);
     // Inverse depths with the whole apron; NaN outside the image, 0 where nothing covers.

@@ -11,7 +11,7 @@ use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 use crate::backend::gpu::layout::{DIGIT_BITS, Light, Segment, Status, TILE, Travel, View, WIDEST, WORKGROUP_ITEMS};
 use crate::backend::gpu::programs::Program;
 use crate::frame::Blocks;
-use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, Splat, SweptSplat};
+use crate::layout::{EwaSplat, FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, Splat, SweptSplat};
 
 fn module(program: Program) -> Module {
     wgsl::parse_str(program.wgsl()).unwrap_or_else(|e| panic!("{}", e.emit_to_string(program.wgsl())))
@@ -92,7 +92,8 @@ fn structs_lie_where_the_host_puts_them() {
             corner,
             map_corner,
             map_tiles,
-            unused
+            sigma,
+            apron
         }
     );
     assert_same_layout!(
@@ -126,6 +127,15 @@ fn structs_lie_where_the_host_puts_them() {
         module,
         SweptSplat { reference, inverse_depth, u, v, u_rate, v_rate, motion, ends, bounds, surfel, flags }
     );
+    let module = self::module(Program::EwaProject);
+    assert_same_layout!(
+        module,
+        EwaSplat { disc, u, v, shrink, p, peak, weight, crossing, listed_bounds, filtered_bounds }
+    );
+    // The list of a filtered kernel is made of the bounds of its second half, and its flags are those of the first.
+    assert_eq!(size_of::<EwaSplat>(), 2 * size_of::<Splat>());
+    assert_eq!(offset_of!(EwaSplat, listed_bounds), size_of::<Splat>() + offset_of!(Splat, bounds));
+    assert_eq!(offset_of!(EwaSplat, disc), 0);
     // Programs that read bounds and flags alone take a kernel in motion for two splats.
     assert_eq!(size_of::<SweptSplat>(), 2 * size_of::<Splat>());
     let (of_splat, of_swept) = (offset_of!(Splat, bounds), offset_of!(SweptSplat, bounds));

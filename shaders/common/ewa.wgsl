@@ -1,0 +1,70 @@
+// Kernels that full EWA filters, and what is known of the depths of a tile.
+// Twins: src/layout.rs (EwaSplat), which says what the forms mean; a test compares the layouts.
+// src/backend/cpu/ewa/buffers.rs.
+
+struct EwaSplat {
+    disc: Splat,
+    u: vec2<f32>,
+    v: vec2<f32>,
+    shrink: vec2<f32>,
+    p: array<f32, 3>,
+    peak: f32,
+    weight: f32,
+    crossing: u32,
+    listed_bounds: vec2<u32>,
+    filtered_bounds: vec2<u32>,
+}
+
+// The depths of a tile are quads: T of the tile and its apron, row by row; then, for the tile alone, the tolerance of
+// the disc that T is of; the second threshold, UNWANTED where the pixel is solid; and the rim: 1 where there is a pixel
+// within the apron that no disc covers, else 0.
+
+// Quads beside the tile that hold the apron of a row.
+fn apron_quads() -> u32 {
+    return (view.apron + 3u) / 4u;
+}
+
+// Quads of a row of the tile with its apron.
+fn row_quads() -> u32 {
+    return 4u + 2u * apron_quads();
+}
+
+// Quads of the tile with its apron.
+fn guarded_quads() -> u32 {
+    return row_quads() * (TILE + 2u * view.apron);
+}
+
+// Quads of the depths of a tile.
+fn depth_quads() -> u32 {
+    return guarded_quads() + 3u * TILE_QUADS;
+}
+
+// First quad of tile `index`.
+fn depths_of(index: u32) -> u32 {
+    return index * depth_quads();
+}
+
+// Places of the first quads of the planes of the tile alone, counted from the tile's first quad.
+fn epsilon_place() -> u32 {
+    return guarded_quads();
+}
+
+fn second_place() -> u32 {
+    return guarded_quads() + TILE_QUADS;
+}
+
+fn rim_place() -> u32 {
+    return guarded_quads() + 2u * TILE_QUADS;
+}
+
+// Place of T of a quad of the tile, counted from the tile's first quad.
+fn threshold_place(quad: vec2<u32>) -> u32 {
+    return (quad.y + view.apron) * row_quads() + quad.x + apron_quads();
+}
+
+// Smallest depth tolerance as a share of the depth: 4 units in the last place.
+const LEAST_TOLERANCE: f32 = 4.0 * EPSILON;
+
+fn tolerance_at(depth: vec4<f32>, epsilon: f32) -> vec4<f32> {
+    return max(vec4<f32>(epsilon), LEAST_TOLERANCE * depth);
+}

@@ -1,0 +1,110 @@
+// A surfel on the screen: posed, projected, bounded and culled.
+// Twin: project_lane and push_crossing of src/backend/cpu/project.rs.  Math: docs/math.md, section 2.
+
+@group(0) @binding(1) var<uniform> segment: Segment;
+@group(1) @binding(0) var<storage, read> geometry: array<f32>;
+@group(1) @binding(23) var<storage, read> travels: array<Travel>;
+
+const CULLED: u32 = 0u;
+const ORDINARY: u32 = 1u;
+// It reaches the camera plane.
+const CROSSING: u32 = 2u;
+
+struct Posed {
+    kind: u32,
+    // Without bounds.
+    splat: Splat,
+    // The pixels that it may touch, counted from the view's corner.
+    bounds: vec4<u32>,
+    // Centre, axis u and axis v in homogeneous pixel coordinates (x, y, depth).
+    c: vec3<f32>,
+    u: vec3<f32>,
+    v: vec3<f32>,
+}
+
+// Surfel `index` of the segment. `margin`: pixels by which bounds are wider than what it touches.
+fn posed(index: u32, margin: f32) -> Posed {
+    var out: Posed;
+    let at = 3u * (segment.first_surfel + index);
+    let column = 3u * segment.buffer_surfels;
+    let c = apply(travels[segment.index].centre, vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]));
+    let at_u = at + column;
+    let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
+    let at_v = at_u + column;
+    let v = apply_linear(segment.screen, vec3<f32>(geometry[at_v], geometry[at_v + 1u], geometry[at_v + 2u]));
+    if !(all_finite(c) && all_finite(u) && all_finite(v)) { return out; }
+
+    let depth = c.z;
+    let inverse = 1.0 / depth;
+    let x = c.x * inverse;
+    let y = c.y * inverse;
+    let ux = u.x - x * u.z;
+    let uy = u.y - y * u.z;
+    let vx = v.x - x * v.z;
+    let vy = v.y - y * v.z;
+    // Signed area of the projected axes. The splat faces the viewer if det [u v centre] < 0. One that is seen edge-on
+    // covers nothing.
+    let area = ux * vy - uy * vx;
+    let det = area * depth * segment.handedness;
+    let two_sided = (segment.flags & 1u) != 0u;
+    let reach2 = u.z * u.z + v.z * v.z;
+    let d22 = reach2 - depth * depth;
+    let facing = det < 0.0 || (two_sided && det > 0.0);
+    if !facing || depth + sqrt(reach2) < view.near { return out; }
+    out.c = c;
+    out.u = u;
+    out.v = v;
+    out.splat.surfel = segment.buffer_start + segment.first_surfel + index;
+    out.splat.flags = segment.index << 1u;
+    if depth <= 0.0 || d22 > -1e-3 * depth * depth {
+        cross_camera_plane(&out);
+        return out;
+    }
+    let over_area = 1.0 / area;
+    if !finite(over_area) { return out; }
+    let low_pass = select(0.0, view.low_pass, depth >= view.near);
+    let inverse22 = 1.0 / d22;
+    let reference = view.axis + vec2<f32>(x, y) - view.offset;
+    let wider = vec2<f32>(-margin, margin);
+    let columns = extent(ux * ux + vx * vx, ux * u.z + vx * v.z, d22, inverse22, low_pass) + wider;
+    let rows = extent(uy * uy + vy * vy, uy * u.z + vy * v.z, d22, inverse22, low_pass) + wider;
+    let across = pixels_in(index_range(reference.x, columns), view.pixels.xy);
+    let down = pixels_in(index_range(reference.y, rows), view.pixels.zw);
+    if !(across.x <= across.y && down.x <= down.y) { return out; }
+
+    let over_both = over_area * inverse;
+    out.kind = ORDINARY;
+    out.bounds = bounds_of(across, down);
+    out.splat.reference = reference;
+    out.splat.inverse_depth[0] = (uy * v.z - u.z * vy) * over_both;
+    out.splat.inverse_depth[1] = (u.z * vx - ux * v.z) * over_both;
+    out.splat.inverse_depth[2] = inverse;
+    out.splat.u[0] = vy * over_area;
+    out.splat.u[1] = -vx * over_area;
+    out.splat.v[0] = -uy * over_area;
+    out.splat.v[1] = ux * over_area;
+    out.splat.centre_depth = select(0.0, depth, depth >= view.near);
+    out.splat.flags |= select(FLAG_BACK, 0u, area * segment.handedness < 0.0);
+    return out;
+}
+
+// A splat that reaches the camera plane. Its bounds are the whole image, and pixels are counted from the camera's axis.
+fn cross_camera_plane(out: ptr<function, Posed>) {
+    let c = (*out).c;
+    let u = (*out).u;
+    let v = (*out).v;
+    let normal = cross(u, v);
+    let det = normal.x * c.x + normal.y * c.y + normal.z * c.z;
+    let over = 1.0 / det;
+    if !(finite(det) && finite(over)) { return; }
+    let i = normal * over;
+    let form_u = cross(v, c) * over;
+    let form_v = cross(c, u) * over;
+    (*out).kind = CROSSING;
+    (*out).bounds = vec4<u32>(view.pixels - view.corner.xxyy);
+    (*out).splat.reference = view.axis - view.offset;
+    (*out).splat.inverse_depth = array<f32, 3>(i.x, i.y, i.z);
+    (*out).splat.u = array<f32, 3>(form_u.x, form_u.y, form_u.z);
+    (*out).splat.v = array<f32, 3>(form_v.x, form_v.y, form_v.z);
+    (*out).splat.flags |= select(FLAG_BACK, 0u, det * segment.handedness < 0.0);
+}

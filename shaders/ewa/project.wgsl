@@ -1,0 +1,101 @@
+// Pass `project` of full EWA (program `ewa_project`): turns surfels into splats, each convolved with the low-pass
+// filter of the sample grid.
+// Twin: src/backend/cpu/ewa/project.rs.  Math: docs/math.md, section 3.
+//   in   segment, travels   as in project.wgsl
+//        geometry  columns of the surfel buffer: positions, axes u, axes v, normalisation
+//   out  splats, touched    as in project.wgsl
+// One invocation per surfel. `view.pixels` are those of the band and of the apron around it, as far as the image goes.
+
+@group(1) @binding(4) var<storage, read_write> splats: array<EwaSplat>;
+@group(1) @binding(5) var<storage, read_write> touched: array<u32>;
+
+@compute @workgroup_size(256)
+fn ewa_project(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= segment.surfels { return; }
+    let slot = segment.first_slot + id.x;
+    touched[slot] = 0u;
+    let surfel = posed(id.x, f32(view.apron));
+    if surfel.kind == CULLED { return; }
+    // The twin lists splats beyond the band, too, and nobody reads those lists.
+    let band = band_rows();
+    let bounds = surfel.bounds;
+    let rows = vec2<i32>(bounds.zw);
+    if rows.x > band.y || rows.y < band.x { return; }
+    let listed = vec4<u32>(bounds.xy, vec2<u32>(clamp(rows, band.xx, band.yy)));
+    let factor = geometry[9u * segment.buffer_surfels + segment.first_surfel + id.x];
+    var splat: EwaSplat;
+    splat.disc = surfel.splat;
+    splat.disc.bounds = pack(bounds);
+    splat.peak = 1.0;
+    splat.weight = factor;
+    splat.listed_bounds = pack(listed);
+    splat.filtered_bounds = pack(bounds);
+    splat.crossing = 1u;
+    if surfel.splat.centre_depth > 0.0 && !filter_kernel(&splat, surfel, factor, band) { return; }
+    splats[slot] = splat;
+    touched[slot] = tiles_in(listed);
+}
+
+// First and last pixel row of the band.
+fn band_rows() -> vec2<i32> {
+    let first = i32(view.first_tile_row * TILE);
+    return vec2<i32>(first, min(first + i32(view.tiles.y * TILE) - 1, view.pixels.w));
+}
+
+// Filters an ordinary splat. False where nothing is left of it.
+fn filter_kernel(splat: ptr<function, EwaSplat>, surfel: Posed, factor: f32, band: vec2<i32>) -> bool {
+    let u = surfel.u;
+    let v = surfel.v;
+    let depth = surfel.c.z;
+    let inverse = 1.0 / depth;
+    let x = surfel.c.x * inverse;
+    let y = surfel.c.y * inverse;
+    let ux = u.x - x * u.z;
+    let uy = u.y - y * u.z;
+    let vx = v.x - x * v.z;
+    let vy = v.y - y * v.z;
+    // J, pixels a unit of u and of v.
+    let jux = ux * inverse;
+    let juy = uy * inverse;
+    let jvx = vx * inverse;
+    let jvy = vy * inverse;
+    let variance = view.sigma * view.sigma;
+    let xx = 0.25 * (jux * jux + jvx * jvx) + variance;
+    let xy = 0.25 * (jux * juy + jvx * jvy);
+    let yy = 0.25 * (juy * juy + jvy * jvy) + variance;
+    // |V'| from sums of squares alone, so that nothing cancels: |V| + sigma^2 tr V + sigma^4.
+    let area = 0.25 * (jux * jvy - juy * jvx);
+    let det = area * area + variance * (xx + yy - variance);
+    let over = 1.0 / det;
+    let p = vec3<f32>(yy * over, -xy * over, xx * over);
+    let form_u = vec2<f32>(0.25 * (jux * p.x + juy * p.y), 0.25 * (jux * p.y + juy * p.z));
+    let form_v = vec2<f32>(0.25 * (jvx * p.x + jvy * p.y), 0.25 * (jvx * p.y + jvy * p.z));
+    let shrink = (u.z * form_u + v.z * form_v) * inverse;
+    let peak = sqrt(area * area * over);
+    if !(finite(peak) && peak > 0.0) { return false; }
+    let d22 = u.z * u.z + v.z * v.z - depth * depth;
+    let columns = extent(ux * ux + vx * vx, ux * u.z + vx * v.z, d22, 1.0 / d22, 0.0);
+    let rows = extent(uy * uy + vy * vy, uy * u.z + vy * v.z, d22, 1.0 / d22, 0.0);
+    let reference = surfel.splat.reference;
+    (*splat).disc.bounds = pixels_of(reference, columns, rows, 0.0, view.pixels);
+    (*splat).u = form_u;
+    (*splat).v = form_v;
+    (*splat).shrink = shrink;
+    (*splat).p = array<f32, 3>(p.x, p.y, p.z);
+    (*splat).peak = peak;
+    (*splat).weight = peak * factor;
+    (*splat).filtered_bounds = pixels_of(reference, columns, rows, 2.0 * view.sigma, vec4<i32>(view.pixels.xy, band));
+    (*splat).crossing = 0u;
+    return true;
+}
+
+// The pixels of `wanted` that the ends, widened by `margin`, may touch; none where the first is after the last.
+fn pixels_of(
+    reference: vec2<f32>, columns: vec2<f32>, rows: vec2<f32>, margin: f32, wanted: vec4<i32>,
+) -> vec2<u32> {
+    let wider = vec2<f32>(-margin, margin);
+    let across = pixels_in(index_range(reference.x, columns + wider), wanted.xy);
+    let down = pixels_in(index_range(reference.y, rows + wider), wanted.zw);
+    if across.x <= across.y && down.x <= down.y { return pack(bounds_of(across, down)); }
+    return pack(vec4<u32>(1u, 0u, 1u, 0u));
+}

@@ -1,0 +1,338 @@
+//! Full EWA: parity with the CPU, pass by pass and slot by slot. Each pass is fed the CPU's results of the passes
+//! before it. Also: broken programs, small buffers and whole images.
+
+use super::cases::{self, Case};
+use super::compare::{Tally, flat};
+use super::ewa_twins::{EwaTile, EwaTwins};
+use super::gpu_or_skip;
+use super::harness::{Harness, NONE, PIXELS, Pass, UNWANTED, tiles};
+use super::slots::Slots;
+use super::splat_twins::{Context, whole};
+use super::sweeps::{spoil, values};
+use crate::backend::cpu::Cpu;
+use crate::backend::cpu::ewa::EwaGroup;
+use crate::backend::cpu::ewa::buffers::Layer;
+use crate::backend::gpu::Gpu;
+use crate::backend::gpu::layout::{Segment, TILE};
+use crate::backend::gpu::programs::{Pipelines, Program};
+use crate::frame::Frame;
+use crate::layout::{EwaSplat, Splat};
+use crate::options::{PixelFilter, Prefilter};
+use crate::plan::EwaPass;
+use crate::renderer::render_frame;
+use crate::scene::Object;
+
+/// The cases of splats, with filtered kernels; and a surface of kernels below a pixel whose every pixel bends.
+fn all() -> Vec<Case> {
+    let mut all = cases::all();
+    let mut fine = cases::all().swap_remove(0);
+    fine.name = "fine";
+    fine.scene.objects = vec![Object::new(cases::ball(6000, 5, false))];
+    (fine.options.filter, fine.options.epsilon) = (PixelFilter::Point, Some(0.0));
+    all.push(fine);
+    all.iter_mut().for_each(|case| case.options.prefilter = Prefilter::Ewa);
+    all
+}
+
+/// The frame of a case. `sigma`: that of a wider filter than options give.
+fn frame_of(case: &Case, sigma: Option<f32>) -> Frame {
+    let mut frame = case.frame();
+    for position in frame.rasters.iter_mut().flat_map(|raster| &mut raster.positions) {
+        position.raster.sigma = sigma.unwrap_or(position.raster.sigma);
+    }
+    frame
+}
+
+/// The group on both backends.
+struct Both<'a> {
+    harness: Harness<'a>,
+    twins: EwaTwins<'a>,
+    tiles: Vec<[usize; 2]>,
+    /// What the CPU has of the tiles; `None` where one is not wanted.
+    host: Vec<Option<EwaTile>>,
+    apron: usize,
+}
+
+impl Both<'_> {
+    /// Pixels before a tile's first in a row and in a column, and pixels of both, as the device has them.
+    fn guarded(&self) -> ([usize; 2], [usize; 2]) {
+        let before = [self.apron.next_multiple_of(4), self.apron];
+        (before, before.map(|pixels| TILE as usize + 2 * pixels))
+    }
+
+    /// Floats of a tile's depths.
+    fn depth_floats(&self) -> usize {
+        let (_, [width, height]) = self.guarded();
+        width * height + 3 * PIXELS
+    }
+
+    /// Depths of all tiles as the device has them; NaN where nobody may read them.
+    fn depths(&self) -> Vec<f32> {
+        let of_tile = |(&tile, host): (&[usize; 2], &Option<EwaTile>)| {
+            let Some(host) = host else { return vec![UNWANTED; self.depth_floats()] };
+            let (before, size) = self.guarded();
+            let thresholds = self.twins.thresholds(host, tile, before, size).into_iter();
+            let mut depths: Vec<f32> = thresholds.map(|t| t.map_or(f32::NAN, |t| t.min(NONE))).collect();
+            depths.extend(self.twins.epsilon(host, tile));
+            let inside = self.twins.inside(tile);
+            let in_image = |(value, inside): (f32, &bool)| if *inside { value } else { f32::NAN };
+            let second = self.twins.second(host).into_iter().map(|t| t.map_or(UNWANTED, |t| t.min(NONE)));
+            depths.extend(second.zip(&inside).map(in_image));
+            let rim = self.twins.rim(host).into_iter().map(|rim| f32::from(u8::from(rim)));
+            depths.extend(rim.zip(&inside).map(in_image));
+            depths
+        };
+        self.tiles.iter().zip(&self.host).flat_map(of_tile).collect()
+    }
+
+    /// Against the depths on the device; `seconds`: those behind T and the rim, else all others.
+    fn compare_depths(&self, seconds: bool) -> Result<(), String> {
+        let want = self.depths();
+        let got: Vec<f32> = self.harness.read(&self.harness.gpu.state.buffers.thresholds, want.len());
+        let floats = self.depth_floats();
+        let mut tally = Tally::default();
+        for (i, (got, want)) in got.iter().zip(&want).enumerate() {
+            if want.is_nan() || (i % floats >= floats - 2 * PIXELS) != seconds {
+                continue;
+            }
+            // Which pixels are solid is decided, and not rounded.
+            let far = |t: f32| t.abs() == NONE;
+            if far(*got) || far(*want) {
+                tally.count += 1;
+                if got != want {
+                    tally.otherwise(|| format!("depth {i}: {got}, not {want}"));
+                }
+            } else {
+                tally.floats(&[*got], &[*want], want.abs(), || format!("depth {i}"));
+            }
+        }
+        tally.check("depths")
+    }
+
+    fn compare_sums(&self) -> Result<(), String> {
+        let channels = self.harness.prepared.channels;
+        let (layers, count) = (channels.layers, channels.count);
+        let floats = layers * count * PIXELS;
+        let got: Vec<f32> = self.harness.read(&self.harness.gpu.state.buffers.sums, self.tiles.len() * floats);
+        let mut tally = Tally::default();
+        for ((got, host), tile) in got.chunks(floats).zip(&self.host).zip(&self.tiles) {
+            let Some(host) = host else { continue };
+            let second = self.twins.second(host);
+            let inside = self.twins.inside(*tile);
+            for (layer, planes) in self.twins.sums(host).iter().enumerate() {
+                for (channel, plane) in planes.iter().enumerate() {
+                    for pixel in 0..PIXELS {
+                        // Of a solid pixel only the band is known, without what makes a coverage.
+                        let is_band = layer == Layer::Band as usize && channels.peak.is_none_or(|peak| channel < peak);
+                        if !inside[pixel] || layers > 1 && second[pixel].is_none() && !is_band {
+                            continue;
+                        }
+                        // A sum's rounding goes with the sum of the weights.
+                        let scale = planes[0][pixel].max(plane[pixel].abs());
+                        let at = || format!("tile {tile:?}, pixel {pixel}, layer {layer}, channel {channel}");
+                        let got = got[(layer * count + channel) * PIXELS + pixel];
+                        tally.floats(&[got], &[plane[pixel]], scale, at);
+                    }
+                }
+            }
+        }
+        tally.check("sums")
+    }
+
+    fn feed_sums(&self) {
+        let none = EwaTile::default();
+        let of_tile = |host: &Option<EwaTile>| match host {
+            Some(host) => self.twins.sums(host),
+            None => self.twins.sums(&none),
+        };
+        let sums: Vec<f32> = self.host.iter().flat_map(of_tile).flatten().flatten().collect();
+        self.harness.write(&self.harness.gpu.state.buffers.sums, &sums);
+    }
+
+    fn compare_film(&self) -> Result<(), String> {
+        let none = EwaTile::default();
+        let film = |host: &Option<EwaTile>| flat(&self.twins.film(host.as_ref().unwrap_or(&none)));
+        let want: Vec<f32> = self.host.iter().flat_map(film).collect();
+        super::compare::compare(
+            "film",
+            &self.harness.read(&self.harness.gpu.state.buffers.film, want.len()),
+            &want,
+            |_| 1.0,
+        )
+    }
+}
+
+/// All passes of the first group of a case; the first that differs. Counts pixels: open, solid, with
+/// each layer, open and not near a rim.
+fn check(gpu: &mut Gpu, case: &Case, sigma: Option<f32>, counts: &mut [usize; 7]) -> Result<(), String> {
+    let frame = frame_of(case, sigma);
+    let context = Context::of(&frame);
+    let Some(harness) = Harness::new(gpu, &frame, &context) else { return Ok(()) };
+    let position = &frame.rasters[0].positions[0];
+    let scope = context.scope(&frame, position, &position.groups[0], whole(position));
+    let twins = EwaTwins { group: EwaGroup { scope }, edge: TILE as usize };
+    let tiles = tiles(harness.prepared.schedule.rasters[0].tiles);
+    let posed = twins.project();
+    let host = tiles.iter().map(|&tile| harness.wants(tile).then(|| twins.run(&posed, tile))).collect();
+    let mut both = Both { harness, twins, tiles, host, apron: position.raster.apron() };
+    let splats_of = |segment: &Segment, object: usize| {
+        let sample = (segment.flags >> 2).saturating_sub(1) as usize;
+        &posed.iter().find(|p| p.chunk.sample == sample && p.chunk.object == object).unwrap().splats[..]
+    };
+    let with_segment = |splat: &EwaSplat, segment| {
+        let disc = Splat { flags: splat.disc.flags | segment << 1, ..splat.disc };
+        EwaSplat { disc, ..*splat }
+    };
+    let slots = Slots::new(&both.harness.batch, &both.tiles, splats_of, with_segment, |tile| both.harness.wants(tile));
+    let failed = |pass: Pass| move |what: String| format!("{}: {pass:?}: {what}", case.name);
+
+    spoil(&both.harness);
+    both.harness.run(Pass::Filter);
+    slots.compare_splats(&both.harness).map_err(failed(Pass::Filter))?;
+    slots.compare_lists(&both.harness).map_err(failed(Pass::Filter))?;
+    for pass in EwaPass::ORDER {
+        spoil(&both.harness);
+        slots.feed_splats(&both.harness);
+        slots.feed_lists(&both.harness);
+        if pass != EwaPass::Visibility {
+            let depths: Vec<f32> = both.depths().iter().map(|t| if t.is_nan() { NONE } else { *t }).collect();
+            both.harness.write(&both.harness.gpu.state.buffers.thresholds, &depths);
+        }
+        if pass == EwaPass::Resolve {
+            both.feed_sums();
+        }
+        both.harness.run(Pass::Ewa(pass));
+        let compared = match pass {
+            EwaPass::Visibility => both.compare_depths(false),
+            EwaPass::Second => both.compare_depths(true),
+            EwaPass::Attribute => both.compare_sums(),
+            EwaPass::Resolve => both.compare_film(),
+        };
+        compared.map_err(failed(Pass::Ewa(pass)))?;
+    }
+    for host in both.host.iter().flatten() {
+        let open = both.twins.second(host);
+        counts[0] += open.iter().flatten().count();
+        let closed = both.twins.rim(host).iter().zip(&open).filter(|(rim, second)| !**rim && second.is_some()).count();
+        counts[6] += closed;
+        counts[1] += open.iter().filter(|second| second.is_none()).count();
+        for (layer, planes) in both.twins.sums(host).iter().enumerate() {
+            counts[2 + layer] += planes[0].iter().filter(|&&weight| weight > 0.0).count();
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn ewa_passes_agree() {
+    let Some(mut gpu) = gpu_or_skip("ewa_passes_agree") else { return };
+    let mut counts = [0; 7];
+    for case in all() {
+        eprintln!("{}:", case.name);
+        check(&mut gpu, &case, None, &mut counts).unwrap_or_else(|what| panic!("{what}"));
+    }
+    // An apron that takes more than one quad, and the tile more than one round.
+    for case in all().iter().filter(|case| ["supersample", "in part"].contains(&case.name)) {
+        eprintln!("{}, wide filter:", case.name);
+        check(&mut gpu, case, Some(3.3), &mut counts).unwrap_or_else(|what| panic!("{what}"));
+    }
+    // The comparison is worth something only where there is something to compare.
+    eprintln!("open, solid, front, band, second, rest, open and not near a rim: {counts:?}");
+    assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
+}
+
+/// Text of a program, what replaces it, and a case that must notice.
+static MUTANTS: [([(&str, &str); 1], &str); 38] = [
+    // Pass `project`.
+    (
+        [("let wider = vec2<f32>(-margin, margin);\n    let columns", "let wider = vec2<f32>(0.0);\n    let columns")],
+        "hard",
+    ),
+    ([("0.25 * (jux * juy + jvx * jvy)", "0.25 * (jux * juy - jvx * jvy)")], "supersample"),
+    ([("variance * (xx + yy - variance)", "variance * (xx + yy)")], "supersample"),
+    ([("vec3<f32>(yy * over, -xy * over", "vec3<f32>(yy * over, xy * over")], "supersample"),
+    ([("(u.z * form_u + v.z * form_v) * inverse", "(u.z * form_u - v.z * form_v) * inverse")], "supersample"),
+    ([("sqrt(area * area * over)", "sqrt(area * over)")], "supersample"),
+    ([("(*splat).weight = peak * factor", "(*splat).weight = factor")], "supersample"),
+    ([("columns, rows, 2.0 * view.sigma", "columns, rows, view.sigma")], "supersample"),
+    ([("let factor = geometry[9u", "let factor = geometry[6u")], "supersample"),
+    ([("surfel.splat.centre_depth > 0.0 &&", "true &&")], "hard"),
+    // Pass `visibility`.
+    ([("i / row_quads() - view.apron)", "i / row_quads())")], "supersample"),
+    ([("met.depth + met.tolerance, met.covers", "met.depth, met.covers")], "supersample"),
+    ([("select(depths.epsilon, met.tolerance, lower)", "met.tolerance")], "supersample"),
+    ([("before += INVOCATIONS", "before += 2u * INVOCATIONS")], "wide"),
+    ([("next += AT_ONCE", "next += 2u * AT_ONCE")], "supersample"),
+    ([("thresholds[depths_at + i] = vec4<f32>(UNWANTED)", "thresholds[depths_at + i] = vec4<f32>(NONE)")], "in part"),
+    // Pass `second`.
+    ([("threshold[k] >= NONE", "threshold[k] > NONE")], "supersample"),
+    ([("select(inverse, OUTSIDE, outside)", "inverse")], "hard"),
+    ([("inverse_depths[y * EDGE + x] == 0.0", "inverse_depths[y * EDGE + x] == 7.0")], "supersample"),
+    ([("4.0 * epsilon * (middle * middle)", "0.4 * epsilon * (middle * middle)")], "supersample"),
+    ([("bends(middle_at, down - distance, most)", "false")], "wide"),
+    ([("(met.depth > first)", "(met.depth < first)")], "supersample"),
+    // Pass `attribute`.
+    ([("splat.weight * kernel(", "kernel(")], "supersample"),
+    ([("(over * over) + quarter", "over + quarter")], "supersample"),
+    ([("splat.p[1], splat.p[2]", "splat.p[0], splat.p[2]")], "supersample"),
+    ([("quad.first - 2.0 * tolerance", "quad.first - tolerance")], "supersample"),
+    ([("second = behind & (seen.depth <= quad.second)", "second = behind")], "supersample"),
+    ([("weight * splat.peak", "weight")], "supersample"),
+    ([("rest & seen.disc)", "seen.disc)")], "supersample"),
+    ([("seen.weight, vec4<f32>(1.0), seen.disc", "seen.weight, vec4<f32>(2.0), seen.disc")], "bucket"),
+    // Pass `resolve`.
+    ([("0.5 * (weight + abs(", "0.5 * (weight + (")], "supersample"),
+    ([("min(coverage, left)", "coverage * left")], "supersample"),
+    ([("if solid || layer == closing", "if layer == closing")], "supersample"),
+    ([("if solid || layer == closing", "if solid")], "fine"),
+    ([("> 0.0 { closing = layer; }", "> 0.0 { closing = 0u; }")], "supersample"),
+    ([("1.0 - lost * lost", "1.0 - lost")], "supersample"),
+    ([("rim[i] = select(0.0, 1.0, uncovered)", "rim[i] = 0.0")], "supersample"),
+    ([("covered = second < NONE", "covered = true")], "supersample"),
+];
+
+#[test]
+fn broken_ewa_programs_are_noticed() {
+    let Some(mut gpu) = gpu_or_skip("broken_ewa_programs_are_noticed") else { return };
+    let cases = all();
+    let mut unnoticed = Vec::new();
+    for (pair, name) in &MUTANTS {
+        let [(from, to)] = pair;
+        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
+        let sigma = (*name == "wide").then_some(3.3);
+        let name = if sigma.is_some() { "supersample" } else { name };
+        let case = cases.iter().find(|case| case.name == name).unwrap();
+        gpu.state.pipelines = Pipelines::with(pair);
+        match check(&mut gpu, case, sigma, &mut [0; 7]) {
+            Ok(()) => unnoticed.push(format!("`{from}` became `{to}`")),
+            Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
+        }
+    }
+    assert!(unnoticed.is_empty(), "nothing was noticed: {unnoticed:#?}");
+}
+
+/// Whole images against the CPU's, and against those of buffers that are too small. On the software device pixels equal
+/// the CPU's.
+#[test]
+fn ewa_images_look_the_same() {
+    let open = || gpu_or_skip("ewa_images_look_the_same");
+    let (Some(mut roomy), Some(mut batches), Some(mut bands)) = (open(), open(), open()) else { return };
+    (batches.most_slots, bands.most_bytes) = (100, 256 << 10);
+    for case in all() {
+        let picture =
+            |gpu: &mut Gpu| render_frame(gpu, &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}")).picture;
+        let got = picture(&mut roomy);
+        assert_eq!(picture(&mut batches), got, "{}: batches of 100", case.name);
+        assert_eq!(picture(&mut bands), got, "{}: small bindings", case.name);
+        let want = render_frame(&mut Cpu::default(), &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}"));
+        let (got, want) = (values(&got), values(&want.picture));
+        let difference = |(g, w): (&f32, &f32)| if g == w { 0.0 } else { (g - w).abs() / w.abs().max(1.0) };
+        let differences: Vec<f32> = got.iter().zip(&want).map(difference).collect();
+        let worst = differences.iter().copied().fold(0.0, f32::max);
+        let differing = differences.iter().filter(|&&d| d >= 1e-4 || d.is_nan()).count();
+        let covered = want.iter().filter(|&&v| v != 0.0 && v.is_finite()).count();
+        eprintln!("{}: worst {worst:.1e}, {differing} of {} values differ, {covered} not 0", case.name, want.len());
+        assert!(differing as f64 <= 1e-3 * want.len() as f64, "{}: {differing} values differ", case.name);
+        assert!(covered > 0, "{}: nothing to compare", case.name);
+    }
+}
