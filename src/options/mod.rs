@@ -129,7 +129,7 @@ pub enum Prefilter {
     #[default]
     Approx,
     /// Object-space kernels, each convolved with a Gaussian as wide as the sample grid needs (Zwicker et al. 2001,
-    /// section 4; 2002, section 6). For samples at instants, on the CPU.
+    /// section 4; 2002, section 6). For samples at instants.
     Ewa,
     /// Object-space kernels alone.
     None,
