@@ -30,7 +30,9 @@ fn all() -> Vec<Case> {
     fine.scene.objects = vec![Object::new(cases::ball(6000, 5, false))];
     (fine.options.filter, fine.options.epsilon) = (PixelFilter::Point, Some(0.0));
     all.push(fine);
-    all.iter_mut().for_each(|case| case.options.prefilter = Prefilter::Ewa);
+    for case in &mut all {
+        case.options.prefilter = Prefilter::Ewa;
+    }
     all
 }
 
