@@ -145,3 +145,22 @@ impl Window<'_> {
         left <= right && top <= bottom && wanted()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cluster_shows_its_back_to_eyes_behind_it() {
+        let corners = [Vec3::new(4.9, -0.1, -0.1), Vec3::new(5.1, 0.1, 0.1)];
+        let cluster = Cluster { corners, axis: Vec3::X, spread: 0.1 };
+        for x in [-20.0, 0.0, 3.0] {
+            assert!(cluster.faces_away(Vec3::X * x), "from {x}");
+        }
+        for x in [7.0, 10.0, 20.0] {
+            assert!(!cluster.faces_away(Vec3::X * x), "from {x}");
+        }
+        // From the side its surfels may show.
+        assert!(!cluster.faces_away(Vec3::new(5.0, 9.0, 0.0)));
+    }
+}

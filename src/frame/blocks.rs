@@ -34,3 +34,21 @@ impl Blocks {
         x < self.width && self.wanted.get(y * self.width + x).is_some_and(|&wanted| wanted)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_those_of_wanted_blocks() {
+        // Three blocks in a row, the last one cut; two rows.
+        let blocks = Blocks { width: 3, wanted: vec![true, false, true, true, true, false] };
+        let found = |y: usize| Blocks::columns(Some(&blocks), y, 140, 2);
+        assert_eq!(found(63), [0..64, 128..140]);
+        assert_eq!(found(64), [0..64, 64..128]);
+        assert_eq!(Blocks::columns(None, 64, 140, 2).first(), Some(&(0..140)));
+        // What is to the right of the image is not the next row.
+        assert!(blocks.at(0, 1) && !blocks.at(3, 0) && !blocks.at(0, 2));
+        assert_eq!(Blocks::count([140, 70], 2), [3, 2]);
+    }
+}

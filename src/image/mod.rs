@@ -358,6 +358,13 @@ mod tests {
     }
 
     #[test]
+    fn a_header_promises_no_more_than_a_file_can_hold() {
+        // 80,000 bytes of pixels, and a tenth of them in the file.
+        assert!(plausible(100, 100, 8, 10, 8_000).is_ok());
+        assert!(plausible(100, 100, 8, 10, 7_999).unwrap_err().contains("80000 bytes"));
+    }
+
+    #[test]
     fn a_picture_is_written_in_the_format_that_the_extension_names() {
         let directory = tempfile::tempdir().unwrap();
         let path = |name: &str| directory.path().join(name);

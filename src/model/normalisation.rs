@@ -50,8 +50,8 @@ impl Surfels {
     /// surface.
     ///
     /// It is a property of the model, in model space: rotations, translations and equal scales do not change it, and
-    /// others little. It is computed when it is first asked for. That takes 1.7 s of processor time, on all cores, for a
-    /// million surfels four deep, and 80 bytes for each surfel meanwhile. The result depends neither on the number of
+    /// others little. It is computed when it is first asked for. That takes 1.7 s of processor time, on all cores, for
+    /// a million surfels four deep, and 80 bytes for each surfel meanwhile. The result depends neither on the number of
     /// threads nor on [`Surfels::spatially_ordered`].
     ///
     /// The work for a surfel is limited. Where more than about fifty discs lie over a point, every 8th of them (or

@@ -169,6 +169,13 @@ mod tests {
             let report = estimated(&points, &mut radius);
             assert_eq!(report.lone, group, "group of {group}");
             assert!(radius.iter().all(|&r| r > 0.0 && r < 20.0), "group of {group}");
+            // An eighth of the cloud has an eighth of each radius, limited or not.
+            for p in &mut points {
+                *p /= 8.0;
+            }
+            let mut small = vec![0.0; points.len()];
+            estimated(&points, &mut small);
+            assert!(radius.iter().zip(&small).all(|(r, small)| r / 8.0 == *small), "group of {group}");
         }
     }
 

@@ -24,6 +24,15 @@ fn a_sequence_gives_all_frames_in_order_then_nothing() {
     }
 }
 
+#[test]
+fn a_renderer_says_what_renders() {
+    let renderer = Renderer::open(Device::Cpu).unwrap();
+    let threads = rayon::current_num_threads();
+    assert_eq!(renderer.describe(), renderer.describe_with(threads));
+    assert_eq!(renderer.describe_with(1), "the CPU (1 thread)");
+    assert_eq!(renderer.describe_with(8), "the CPU (8 threads)");
+}
+
 /// The meter stands at the end of the last rendering: one of a mode, two or more of mode auto.
 #[test]
 fn the_meter_counts_all_steps() {
@@ -47,6 +56,16 @@ fn the_meter_counts_all_steps() {
         assert!(read.share == 1.0 && read.renderings >= least, "{quality}: {read:?}");
         assert!(least > 1 || read.renderings == 1, "{quality}: {read:?}");
     }
+}
+
+#[test]
+fn a_model_takes_its_memory_once() {
+    let model = Scene::load("scenes/crossing.xml").unwrap().objects[0].model.clone();
+    let scene = Scene::new([Object::new(model.clone()), Object::new(model.clone())]);
+    let frame = Frame::new(&scene, 0, BlurMode::supersample(1), &RenderOptions::default());
+    // Position, two axes, normal and colour of each surfel.
+    assert!(frame.model_bytes >= 60 * model.len() as u64, "{} for {}", frame.model_bytes, model.len());
+    assert_eq!(frame.model_bytes, model.bytes());
 }
 
 #[test]

@@ -260,5 +260,10 @@ mod tests {
             assert_eq!(closest(slip, known.into_iter()).as_deref(), Some(word));
         }
         assert_eq!(closest("velocity", known.into_iter()), None);
+        // A swap is one edit wherever it stands.
+        for slip in ["pesilon", "espilon", "epislon", "epslion", "epsioln", "epsilno"] {
+            let letters = |word: &str| word.chars().collect::<Vec<_>>();
+            assert_eq!(edits(&letters(slip), &letters("epsilon")), 1, "{slip}");
+        }
     }
 }

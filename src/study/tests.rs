@@ -2,19 +2,27 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use super::provenance::Provenance;
 use super::report::page::page;
 use super::*;
-use crate::options::RenderOptions;
+use crate::film::{Aov, Picture};
+use crate::image::Format;
+use crate::options::{BlurMode, PixelFilter, RenderOptions};
+use crate::reference::ReferenceOptions;
 use crate::renderer::{Device, Renderer};
-use crate::scene_file;
+use crate::scene::Scene;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/spin.xml");
 
-/// A small picture of a shipped scene. `opened` counts the backends that were opened.
-fn trial(opened: &AtomicU32) -> Trial<'_> {
-    let path = Path::new(SCENE);
-    let mut scene = scene_file::load(path, &scene_file::LoadOptions::default()).unwrap().scene;
+/// A shipped scene as a small picture.
+fn scene() -> Scene {
+    let mut scene = Scene::load(SCENE).unwrap();
     (scene.image.width, scene.image.height) = (24, 18);
+    scene
+}
+
+/// `opened` counts the backends that were opened.
+fn trial(opened: &AtomicU32) -> Trial<'_> {
     let open = |kind| match kind {
         BackendKind::Cpu => {
             opened.fetch_add(1, Ordering::Relaxed);
@@ -22,7 +30,7 @@ fn trial(opened: &AtomicU32) -> Trial<'_> {
         }
         BackendKind::Gpu => Err("no GPU here".into()),
     };
-    Trial::new(scene, path, RenderOptions::default(), Box::new(open))
+    Trial::new(scene(), Path::new(SCENE), RenderOptions::default(), Box::new(open))
 }
 
 fn contestants(text: &str) -> Vec<Contestant> {
@@ -104,4 +112,30 @@ fn settings_tell_pictures_apart() {
     }
     let judge = trial.settings_of_judge(16).unwrap().of_frame(3).unwrap();
     assert_ne!(judge, of(&mut trial, "reference:16"), "they have other seeds");
+    let provenance = Provenance::of(&scene(), Path::new(SCENE)).unwrap();
+    let with = |aovs: Vec<Aov>| {
+        let options = ReferenceOptions { aovs, ..ReferenceOptions::default() };
+        provenance.traced(&options, 16, Format::EXR).unwrap().of_frame(3).unwrap()
+    };
+    assert_ne!(with(Vec::new()), with(vec![Aov::Depth]));
+}
+
+/// A ninth of the shutter has a ninth of its motion.
+#[test]
+fn moments_divide_the_shutter() {
+    let opened = AtomicU32::new(0);
+    let moments = trial(&opened).moments(3.into()).unwrap();
+    let options = RenderOptions {
+        quality: BlurMode::supersample(1).into(),
+        filter: PixelFilter::Point,
+        aovs: vec![Aov::Velocity],
+        ..RenderOptions::default()
+    };
+    let whole = Renderer::open(Device::Cpu).unwrap().render(&scene(), 3, &options).unwrap().picture;
+    let fastest = |picture: &Picture| {
+        let velocity = picture.layers.iter().find(|layer| layer.aov == Aov::Velocity).unwrap();
+        velocity.planes.iter().flatten().fold(0.0_f32, |most, v| most.max(v.abs()))
+    };
+    let (one, all) = (fastest(&moments[moments.len() / 2]), fastest(&whole));
+    assert!(moments.len() == 9 && (all / one - 9.0).abs() < 0.1, "{one} pixels of {all}");
 }

@@ -286,12 +286,29 @@ fn render_takes_options_over_the_scene() {
     assert_eq!(rendered(&report), [5]);
     assert_eq!(report["settings"]["weight"], "ramp:centre=1");
     assert_eq!(report["settings"]["seed"], 9);
+    let (whole, frame) = (&report["seconds"], &report["frames"][0]["seconds"]);
+    assert!((1e-6..whole.as_f64().unwrap()).contains(&frame.as_f64().unwrap()), "{frame} of {whole} seconds");
     assert_eq!(report["ffmpeg"], serde_json::Value::Null);
     let picture = image::read(&fixture.path("out/tiny/tiny.0005.png")).unwrap();
     assert_eq!((picture.width, picture.height), (7, 3));
     let carried = image::read_settings(&fixture.path("out/tiny/tiny.0005.png")).unwrap();
     let carried: serde_json::Value = serde_json::from_str(&carried).unwrap();
     assert_eq!((&carried["hash"], &carried["frame"]), (&report["settings"]["hash"], &serde_json::json!(5)));
+}
+
+#[test]
+fn generate_replaces_a_file_only_if_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("ball.ply");
+    let arguments = ["generate", "sphere", path.to_str().unwrap(), "--surfels", "100"];
+    assert_eq!(splatblur(&arguments).status.code(), Some(0));
+    let first = std::fs::read(&path).unwrap();
+    assert!(first.starts_with(b"ply\n"));
+    std::fs::write(&path, "mine").unwrap();
+    assert!(refused(&arguments).contains("ball.ply exists already (--force replaces it)"));
+    assert_eq!(std::fs::read(&path).unwrap(), b"mine");
+    assert_eq!(splatblur(&[&arguments[..], &["--force"]].concat()).status.code(), Some(0));
+    assert_eq!(std::fs::read(&path).unwrap(), first);
 }
 
 /// A frame between two others is the frame before it with the shutter half a frame later, whatever the backend.

@@ -105,7 +105,7 @@ fn a_report_goes_on_where_it_was_and_is_a_gate() {
     assert_eq!(json["sequence"][2]["mode"], "reference:16");
     assert!(json["frames"][0]["standard_error"].as_f64().unwrap() > 0.0);
     assert_eq!(read("report.csv").lines().count(), 1 + 2 * 3 + 3);
-    assert!(read("index.html").contains("supersample:8@cpu"));
+    assert!(read("index.html").contains("supersample:8@cpu") && read("index.html").contains("the CPU ("));
 
     // A finished report is made again from what is there: the times are those of the first run, to the last digit.
     assert_eq!(report(modes, &[]), (0, String::new()));

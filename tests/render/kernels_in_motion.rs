@@ -56,6 +56,21 @@ fn without_motion_a_tube_is_the_splat() {
     }
 }
 
+/// A surfel that is seen exactly from its edge covers nothing: neither it nor the low-pass disc.
+#[test]
+fn an_edge_shows_nothing() {
+    let mut edge_on = object(round_surfels([(DVec3::ZERO, DVec3::Y, 0.3, Vec3::ONE)]));
+    edge_on.motions = vec![Motion::Linear { velocity: DVec3::Z }];
+    let mut scene = scene(vec![edge_on], [33, 33], DVec3::new(0.0, 0.0, 5.0), 40.0);
+    scene.image.transparent = true;
+    for mode in [volumetric(3), BlurMode::supersample(3)] {
+        for two_sided in [false, true] {
+            let options = RenderOptions { two_sided, filter: PixelFilter::Point, ..options(mode) };
+            assert!(render(&scene, &options).rgba.iter().all(|pixel| pixel[3] == 0.0), "{mode} {two_sided}");
+        }
+    }
+}
+
 /// A ball at rest, one that passes before it and one that passes behind, in one interval: the static one shows, and
 /// hides, for as long as it does in 512 samples.
 #[test]

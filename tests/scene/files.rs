@@ -725,6 +725,18 @@ proptest! {
 }
 
 /// A camera's animation replaces eye, at and up: it sits at the node, looks along its -z, and a scale changes nothing.
+/// The first in the scene file, also where it is the camera's, which is read last.
+#[test]
+fn the_first_animation_gives_the_frame_rate() {
+    let camera = "<camera><animation>pal.anim</animation></camera>";
+    let object = "<object><pointModel>m.ply</pointModel><animation>a.anim</animation></object>";
+    for (parts, rate) in [([camera, object], 25.0), ([object, camera], 24.0)] {
+        let dir = Dir::new(format!("<scene>{}</scene>", parts.concat()));
+        dir.add("pal.anim", ANIM.replace("timeUnit film", "timeUnit pal"));
+        assert_eq!(dir.load().unwrap_or_else(|e| panic!("{}", dir.words(e))).scene.frames.rate, rate);
+    }
+}
+
 #[test]
 fn an_animated_camera_is_rigid() {
     let curve = |attribute: &str, output: &str, value: f64| {

@@ -45,6 +45,23 @@ fn keys_are_sorted_and_the_later_of_equal_times_counts() {
 }
 
 #[test]
+fn steepness_is_that_of_the_segments_in_the_range() {
+    let maya = Interpolation::Maya;
+    let c = bent(Infinity::Constant);
+    let ranges = [(1.5, 2.5, 2.0), (3.5, 4.5, 1.0), (2.5, 3.5, 2.0), (5.5, 9.0, 0.0)];
+    for (from, to, steepest) in ranges {
+        assert_eq!(c.steepness(from, to, maya), steepest, "{from}..{to}");
+    }
+    // A value that is held jumps at the end of its segment, or at the beginning.
+    let points = [(1.0, 0.0), (3.0, 4.0), (5.0, 6.0)];
+    for (tangent, jumps) in [(Tangent::Step, 2.9..3.1), (Tangent::StepNext, 0.9..1.1)] {
+        let c = curve(tangent, Infinity::Constant, Infinity::Constant, &points);
+        assert_eq!(c.steepness(1.5, 2.5, maya), 0.0, "{tangent:?}");
+        assert_eq!(c.steepness(jumps.start, jumps.end, maya), f64::INFINITY, "{tangent:?}");
+    }
+}
+
+#[test]
 fn infinity_rules_follow_the_table() {
     let maya = Interpolation::Maya;
     values(&bent(Infinity::Constant), maya, &[(-3.5, 0.0), (0.0, 0.0), (6.0, 6.0), (100.0, 6.0)]);

@@ -163,6 +163,17 @@ impl Buffers {
         Ok(())
     }
 
+    /// Bytes of all buffers that grow with a frame's pixels, slots and entries.
+    #[cfg(test)]
+    pub(in crate::backend) fn bytes(&self) -> u64 {
+        let splats = [&self.splats, &self.touched, &self.partials, &self.wide, &self.values, &self.starts];
+        let tiles = [&self.thresholds, &self.sums, &self.map, &self.coverage_mask, &self.static_film, &self.film];
+        let layer = [&self.layer_thresholds, &self.layer_sums, &self.limits, &self.histogram];
+        let lists = self.keys.iter().chain(&self.lists);
+        let cached = self.cached.iter().flat_map(|c| [&c.splats, &c.list, &c.wide, &c.starts, &c.values]);
+        splats.into_iter().chain(tiles).chain(layer).chain(lists).chain(cached).map(Buffer::size).sum()
+    }
+
     /// Makes room for `entries` entries.
     pub(in crate::backend) fn fit_entries(&mut self, device: &Device, entries: u64) -> Result<(), BackendError> {
         if entries <= self.entries {

@@ -57,6 +57,25 @@ impl Gpu {
     }
 }
 
+#[cfg(test)]
+impl Gpu {
+    /// Makes as much room for a frame as its lists may ever need, and returns all bytes that it then takes.
+    pub(in crate::backend) fn fill(&mut self, frame: &Frame) -> Result<u64, BackendError> {
+        let Prepared { schedule, channels, planes, .. } = self.prepare(frame)?;
+        let DeviceState { device, buffers, .. } = &mut self.state;
+        buffers.fit_entries(device, schedule.most_entries)?;
+        buffers.fit_cached(device, &schedule, &channels)?;
+        // The host has a copy of the film, and the picture.
+        let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
+        let on_host = schedule.film_bytes + 4 * pixels * planes.count as u64;
+        Ok(frame.model_bytes + frame.picture_bytes + buffers.bytes() + on_host)
+    }
+
+    pub(in crate::backend) fn bytes_of_sums(&self) -> u64 {
+        self.state.buffers.sums.size()
+    }
+}
+
 impl Prepared<'_> {
     /// True if any block of the band is wanted.
     pub(in crate::backend) fn wants(&self, band: Band) -> bool {

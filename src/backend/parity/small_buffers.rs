@@ -2,6 +2,7 @@
 
 use super::cases;
 use super::gpu_or_skip;
+use crate::backend::BackendError;
 use crate::backend::gpu::Gpu;
 use crate::film::Picture;
 use crate::renderer::render_frame;
@@ -31,6 +32,41 @@ fn small_buffers_change_nothing() {
         // A binding holds a few tiles.
         bands.most_bytes = 160 << 10;
         assert_eq!(picture(&mut bands, &case), want, "{}: bindings of 160 KiB", case.name);
+    }
+}
+
+/// The least memory with which a frame can be rendered, and half as much again, hold all that it takes.
+#[test]
+fn a_frame_takes_what_it_may_take() {
+    for mut case in cases::all().into_iter().chain(cases::swept()) {
+        (case.scene.image.width, case.scene.image.height) = (1600, 400);
+        let mut frame = case.frame();
+        let mut take = |memory: u64| {
+            let mut gpu = gpu_or_skip("a_frame_takes_what_it_may_take")?;
+            gpu.most_slots = u64::MAX;
+            frame.memory = memory;
+            Some(gpu.fill(&frame))
+        };
+        let Some(refused) = take(0) else { return };
+        let Err(BackendError::Memory { needed, .. }) = refused else { panic!("{}: {refused:?}", case.name) };
+        for memory in [needed, needed + needed / 2] {
+            let Some(taken) = take(memory) else { return };
+            let taken = taken.unwrap_or_else(|e| panic!("{}: {e}", case.name));
+            assert!(taken <= memory, "{}: {taken} bytes of {memory}", case.name);
+            // Nor is much left of the memory.
+            assert!(taken > memory / 10 * 9, "{}: {taken} bytes of {memory}", case.name);
+        }
+    }
+}
+
+#[test]
+fn sums_keep_to_the_limit_of_a_binding() {
+    let Some(mut gpu) = gpu_or_skip("sums_keep_to_the_limit_of_a_binding") else { return };
+    gpu.most_bytes = 160 << 10;
+    for case in cases::all() {
+        gpu.fill(&case.frame()).unwrap_or_else(|e| panic!("{}: {e}", case.name));
+        let bytes = gpu.bytes_of_sums();
+        assert!(bytes <= gpu.most_bytes, "{}: {bytes}", case.name);
     }
 }
 

@@ -86,6 +86,12 @@ fn errors_are_split_by_region() {
 }
 
 #[test]
+fn shares_are_not_rounded_to_none_or_all() {
+    let found = [0.0, 1e-6, 0.5, 0.999_999, 1.0].map(text::percent);
+    assert_eq!(found, ["0.00 %", "< 0.01 %", "50.00 %", "99.99 %", "100.00 %"]);
+}
+
+#[test]
 fn signed_errors_have_their_colours() {
     let reference = solid(12, 1, 0.25);
     let at = |value: f32| signed_error(&solid(12, 1, value), &reference, 0.25).unwrap().pixels()[0];
@@ -95,6 +101,8 @@ fn signed_errors_have_their_colours() {
     let slightly = at(0.26);
     assert!(slightly[0] > slightly[2] && slightly[2] > 200, "{slightly:?}");
     assert_eq!(flip_map(&[0.0, 0.5, 9.0, f32::NAN], 4, 1, 0.5).unwrap().pixels()[1], flip_scale(1.0));
+    // Both ends, and a stop between.
+    assert_eq!([0.0, 0.2, 1.0].map(flip_scale), [[0, 0, 4], [59, 15, 112], [252, 253, 191]]);
     // Lightness rises.
     let light = |v: f32| flip_scale(v).iter().map(|&c| u32::from(c)).sum::<u32>();
     assert!((0..20).all(|i| light(i as f32 / 20.0) <= light((i + 1) as f32 / 20.0)));
@@ -146,6 +154,8 @@ fn curves_lie_where_their_logarithms_are() {
     // Sorted, and in equal steps.
     assert!((points[1].0 - points[0].0 - (points[2].0 - points[1].0)).abs() < 0.11 && points[1].0 > points[0].0);
     assert!((points[1].1 - points[0].1 - (points[2].1 - points[1].1)).abs() < 0.11 && points[1].1 > points[0].1);
+    // The middle of three decades is the middle of the axis, which goes from 70 to 546.
+    assert!((points[1].0 - 308.0).abs() < 0.11, "{points:?}");
     assert!(svg.contains("class=\"floor\"") && svg.contains("y &amp; z") && svg.contains("p&lt;&amp;&quot;"));
     // What a logarithm cannot take is left out.
     let svg = chart::log_log("x", "y", &[series(&[(0.0, 1.0), (1.0, f64::NAN), (-1.0, 1.0)])], Some((0.0, "floor")));

@@ -109,6 +109,8 @@ fn titles_are_drawn_and_cut_to_their_room() {
     assert!(right_end(&full) > 90);
     let cut = text("supersample:10", 60);
     assert!(right_end(&cut) < 60);
+    // What just fits is not cut.
+    assert_eq!(text("abc", 3 * canvas::Text::Small.advance()), text("abc", 200));
     // Beyond ASCII: a question mark, no gap and no panic.
     assert_eq!(text("\u{4e16}", 200), text("?", 200));
     assert_eq!(right_end(&text("abc", 0)), 0);
@@ -134,4 +136,36 @@ fn too_large_is_an_error() {
     for (width, height) in [(0, 1), (1 << 20, 1 << 20), (u64::MAX, u64::MAX)] {
         assert!(matches!(Canvas::new(width, height, [0; 3]), Err(SheetError::Large { .. })));
     }
+}
+
+/// The runs of rows that are not all paper.
+fn bands(canvas: &Canvas) -> Vec<std::ops::Range<usize>> {
+    let mut bands: Vec<std::ops::Range<usize>> = Vec::new();
+    for (y, row) in canvas.pixels().chunks(canvas.width() as usize).enumerate() {
+        match bands.last_mut() {
+            _ if row.iter().all(|&pixel| pixel == [250, 250, 248]) => {}
+            Some(band) if band.end == y => band.end = y + 1,
+            _ => bands.push(y..y + 1),
+        }
+    }
+    bands
+}
+
+/// Each band lies in the line that is meant for it; letters need not fill it.
+#[track_caller]
+fn assert_lines(canvas: &Canvas, lines: &[std::ops::Range<usize>]) {
+    let bands = bands(canvas);
+    let fits = bands.iter().zip(lines).all(|(band, line)| line.start <= band.start && band.end <= line.end);
+    assert!(bands.len() == lines.len() && fits, "{bands:?}, expected {lines:?}");
+}
+
+#[test]
+fn labels_pictures_and_crops_have_their_places() {
+    let picture = solid(400, 100, 0.25);
+    let panel = Panel { title: "mode:8".into(), lines: vec!["8 samples".into(); 2], picture: &picture };
+    let crop = Crop { x: 100, y: 50, width: 80, height: 20 };
+    let canvas = sheet("scene", std::slice::from_ref(&panel), crop, Layout::default()).unwrap();
+    assert_lines(&canvas, &[12..32, 44..64, 68..84, 88..104, 108..208, 214..314]);
+    assert_eq!((canvas.width(), canvas.height()), (424, 338));
+    assert_lines(&flip_through(&[panel]).unwrap()[0], &[0..100, 106..126, 130..146, 150..166]);
 }

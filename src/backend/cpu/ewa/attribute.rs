@@ -65,10 +65,16 @@ fn attribute_body(
         let splat = &splats[index as usize];
         let Some(touched) = Touched::within(splat.filtered_bounds, tile) else { continue };
         let values = filter.attributes.of(index);
-        if touched.is_narrow() && touched.is_high() {
-            add_splat::<NARROW>(splat, &touched, values, filter, tile, buffers, sample_coverage);
-        } else {
-            add_splat::<LANES>(splat, &touched, values, filter, tile, buffers, sample_coverage);
+        let narrow = touched.is_narrow() && touched.is_high();
+        // By constant, since a choice in the loop over lanes would keep it from becoming vectors.
+        match (narrow, splat.crossing != 0) {
+            (true, false) => {
+                add_splat::<NARROW, false>(splat, &touched, values, filter, tile, buffers, sample_coverage);
+            }
+            (false, false) => {
+                add_splat::<LANES, false>(splat, &touched, values, filter, tile, buffers, sample_coverage);
+            }
+            (_, true) => add_splat::<LANES, true>(splat, &touched, values, filter, tile, buffers, sample_coverage),
         }
     }
 }
@@ -87,7 +93,13 @@ struct Seen {
 impl<const W: usize> Patch<W> {
     /// Lane `l` of the patch.
     #[inline(always)]
-    fn filtered(&self, splat: &EwaSplat, l: usize, most_inverse_depth: f32, quarter_variance: f32) -> Seen {
+    fn filtered<const CROSSING: bool>(
+        &self,
+        splat: &EwaSplat,
+        l: usize,
+        most_inverse_depth: f32,
+        quarter_variance: f32,
+    ) -> Seen {
         let hit = self.at(&splat.disc, l);
         let in_view = (hit.inverse_depth > 0.0) & (hit.inverse_depth <= most_inverse_depth);
         let plane_depth = 1.0 / hit.inverse_depth;
@@ -97,13 +109,13 @@ impl<const W: usize> Patch<W> {
         let nearer = 1.0 - form(splat.shrink);
         let over = 1.0 / nearer;
         let filtered = (u * u + v * v) * (over * over) + quarter_variance * (px * px + py * py);
-        let crossing = splat.crossing != 0;
-        let r2 = if crossing { hit.scaled_r2 * (plane_depth * plane_depth) } else { filtered };
-        let shown = if crossing { hit.inside & in_view } else { nearer > 0.0 };
+        let r2 = if CROSSING { hit.scaled_r2 * (plane_depth * plane_depth) } else { filtered };
+        let shown = if CROSSING { hit.inside & in_view } else { nearer > 0.0 };
         let hits = shown & (r2 <= 1.0) & hit.wanted;
         let r2 = if r2 < 1.0 { r2 } else { 1.0 };
+        let weight = splat.weight * fast::kernel(r2);
         Seen {
-            weight: if hits { splat.weight * fast::kernel(r2) } else { 0.0 },
+            weight: if hits { weight } else { 0.0 },
             depth: if in_view { plane_depth } else { splat.disc.centre_depth },
             disc: if hit.inside & in_view & hit.wanted { 1.0 } else { 0.0 },
         }
@@ -112,7 +124,7 @@ impl<const W: usize> Patch<W> {
 
 /// Adds one splat, a patch of `W` columns at a time.
 #[inline(always)]
-fn add_splat<const W: usize>(
+fn add_splat<const W: usize, const CROSSING: bool>(
     splat: &EwaSplat,
     touched: &Touched,
     values: &[f32],
@@ -135,26 +147,13 @@ fn add_splat<const W: usize>(
             let mut depths = [0.0_f32; LANES];
             let mut discs = [0.0_f32; LANES];
             for l in 0..LANES {
-                let seen = patch.filtered(splat, l, most_inverse_depth, quarter_variance);
+                let seen = patch.filtered::<CROSSING>(splat, l, most_inverse_depth, quarter_variance);
                 (weights[l], depths[l], discs[l]) = (seen.weight, seen.depth, seen.disc);
             }
             let at = y * row + x;
             let mut add = |layer: Layer, weights: &Lanes, extra: bool| {
                 let out = &mut buffers.sums[layer as usize][at..];
-                for (channel, value) in values.iter().enumerate() {
-                    add_patch::<W>(&mut out[channel * STRIDE..], row, weights, *value);
-                }
-                if let Some(depth) = filter.attributes.channels.depth {
-                    let mut moments = [0.0; LANES];
-                    (0..LANES).for_each(|l| moments[l] = weights[l] * depths[l]);
-                    add_patch::<W>(&mut out[depth * STRIDE..], row, &moments, 1.0);
-                }
-                if extra {
-                    let out = &mut out[channels * STRIDE..];
-                    let side = if splat.disc.flags & FLAG_BACK == 0 { 1.0 } else { -1.0 };
-                    add_patch::<W>(&mut out[PEAK * STRIDE..], row, weights, splat.peak);
-                    add_patch::<W>(&mut out[SIDE * STRIDE..], row, weights, side);
-                }
+                add_layer::<W>(out, row, splat, values, filter, (weights, &depths), extra);
             };
             let mut open = 0;
             for line in 0..LANES / W {
@@ -196,6 +195,35 @@ fn add_splat<const W: usize>(
             x += W;
         }
         y += LANES / W;
+    }
+}
+
+/// Adds the values of one splat to the sums of a layer that start at `out`, in rows `row` apart. `shown`: weights and
+/// depths. `extra`: the extra channels, too.
+#[inline(always)]
+fn add_layer<const W: usize>(
+    out: &mut [f32],
+    row: usize,
+    splat: &EwaSplat,
+    values: &[f32],
+    filter: &Filter<'_>,
+    shown: (&Lanes, &Lanes),
+    extra: bool,
+) {
+    let (weights, depths) = shown;
+    for (channel, value) in values.iter().enumerate() {
+        add_patch::<W>(&mut out[channel * STRIDE..], row, weights, *value);
+    }
+    if let Some(depth) = filter.attributes.channels.depth {
+        let mut moments = [0.0; LANES];
+        (0..LANES).for_each(|l| moments[l] = weights[l] * depths[l]);
+        add_patch::<W>(&mut out[depth * STRIDE..], row, &moments, 1.0);
+    }
+    if extra {
+        let out = &mut out[filter.attributes.channels.count * STRIDE..];
+        let side = if splat.disc.flags & FLAG_BACK == 0 { 1.0 } else { -1.0 };
+        add_patch::<W>(&mut out[PEAK * STRIDE..], row, weights, splat.peak);
+        add_patch::<W>(&mut out[SIDE * STRIDE..], row, weights, side);
     }
 }
 
