@@ -267,7 +267,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 38] = [
     ([("next += AT_ONCE", "next += 2u * AT_ONCE")], "supersample"),
     ([("thresholds[depths_at + i] = vec4<f32>(UNWANTED)", "thresholds[depths_at + i] = vec4<f32>(NONE)")], "in part"),
     // Pass `second`.
-    ([("threshold[k] >= NONE", "threshold[k] > NONE")], "supersample"),
+    ([("threshold[k] >= NONE", "threshold[k] < NONE")], "supersample"),
     ([("select(inverse, OUTSIDE, outside)", "inverse")], "hard"),
     ([("inverse_depths[y * EDGE + x] == 0.0", "inverse_depths[y * EDGE + x] == 7.0")], "supersample"),
     ([("4.0 * epsilon * (middle * middle)", "0.4 * epsilon * (middle * middle)")], "supersample"),
