@@ -110,7 +110,7 @@ fn bad_values_are_refused_in_one_line() {
         (&["--weight", "ramp:centre=7"], "0 to 1"),
         (&["--weight", "hat"], "tent"),
         (&["--filter", "sinc"], "box, point"),
-        (&["--prefilter", "blur"], "approx, none"),
+        (&["--prefilter", "blur"], "approx, ewa, none"),
         (&["--shading", "flat"], "phong, gouraud"),
         (&["--epsilon", "-1"], "0 to 1e30"),
         (&["--epsilon", "1e40"], "0 to 1e30"),
