@@ -128,8 +128,8 @@ pub enum Prefilter {
     /// 2005; Wolf 2008, 4.2.3).
     #[default]
     Approx,
-    /// Object-space kernels, each convolved with a Gaussian as wide as the sample grid needs (Zwicker et al. 2001,
-    /// section 4; 2002, section 6). For samples at instants.
+    /// Object-space kernels, each convolved with a Gaussian as wide as the sample grid needs (Ren et al. 2002,
+    /// section 4; Zwicker et al. 2002, section 6). For samples at instants.
     Ewa,
     /// Object-space kernels alone.
     None,

@@ -1,5 +1,5 @@
 //! Full EWA: each kernel convolved with the low-pass filter of the sample grid, and coverage by groups of splats
-//! (Zwicker et al. 2001, section 4; 2002, section 6; docs/math.md, section 3).
+//! (Ren et al. 2002, section 4; Zwicker et al. 2002, section 6; docs/math.md, section 3).
 
 pub(in crate::backend) mod attribute;
 pub(in crate::backend) mod buffers;

@@ -1,5 +1,5 @@
 //! Pass `project` of full EWA: surfels to splats, each convolved with the low-pass filter of the sample grid
-//! (Zwicker et al. 2001, eq. 7 and 8; 2002, eq. 35; docs/math.md, section 3).
+//! (Ren et al. 2002, eq. 7 and 8; Zwicker et al. 2002, eq. 35; docs/math.md, section 3).
 //!
 //! A kernel exp(-2 (u^2 + v^2)) is a Gaussian of variance 1/4. J is the derivative of pixels by (u, v) at the centre,
 //! V = J J^T / 4, and V' = V + sigma^2 I. The weight is sqrt(|V| / |V'|) exp(-q / 2), cut where q > 4.
