@@ -148,7 +148,12 @@ fn add_splat<const W: usize>(
 
 /// plane += weights * value, for the patch that starts where `plane` does, of rows `stride` apart.
 #[inline(always)]
-fn add_patch<const W: usize>(plane: &mut [f32], stride: usize, weights: &[f32; LANES], value: f32) {
+pub(in crate::backend) fn add_patch<const W: usize>(
+    plane: &mut [f32],
+    stride: usize,
+    weights: &[f32; LANES],
+    value: f32,
+) {
     let mut sum = patch::load::<W>(plane, stride);
     for l in 0..LANES {
         sum[l] += weights[l] * value;

@@ -253,6 +253,10 @@ impl Executor<'_> {
     fn ewa(&mut self, group: usize) {
         let scope = self.place.scope(group, self.place.band);
         let chunks = chunks(self.place.frame, scope.group, Objects::All);
+        // Before the chunks, which are worked on in parallel: each thread that found none would compute all.
+        for chunk in &chunks {
+            self.place.frame.objects[chunk.object].surfels.normalisation();
+        }
         let splat_bytes = self.budget.splat_bytes;
         let Memory { ewa, buffers, .. } = &mut *self.memory;
         TileRunner { work: &EwaGroup { scope }, chunks: &chunks, passes: &EwaPass::ORDER, splat_bytes }

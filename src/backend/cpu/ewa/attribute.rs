@@ -4,7 +4,7 @@
 //! In: splats of a tile's list, the tile's depths, the surfels' attributes. Out: the tile's sums. In list order.
 
 use super::buffers::{APRON_STRIDE, DISC, EXTRA, EwaBuffers, Layer, PEAK, SIDE};
-use crate::backend::cpu::attribute::Attributes;
+use crate::backend::cpu::attribute::{Attributes, add_patch};
 use crate::backend::cpu::patch::{self, NARROW, Patch, Touched};
 use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect};
 use crate::backend::cpu::visibility::Depths;
@@ -225,14 +225,4 @@ fn add_layer<const W: usize>(
         add_patch::<W>(&mut out[PEAK * STRIDE..], row, weights, splat.peak);
         add_patch::<W>(&mut out[SIDE * STRIDE..], row, weights, side);
     }
-}
-
-/// plane += weights * value, for the patch that starts where `plane` does, of rows `stride` apart.
-#[inline(always)]
-fn add_patch<const W: usize>(plane: &mut [f32], stride: usize, weights: &Lanes, value: f32) {
-    let mut sum = patch::load::<W>(plane, stride);
-    for l in 0..LANES {
-        sum[l] += weights[l] * value;
-    }
-    patch::store::<W>(plane, stride, &sum);
 }
