@@ -11,7 +11,6 @@ mod times;
 
 use self::times::moments;
 use crate::options::{BlurMode, Interleave, KernelWeight, PixelFilter, SweptKernel, Times};
-use crate::sampling::pixel_offsets;
 use crate::time::Shutter;
 
 /// When a frame is sampled: rasters, their sample positions, and the times of each.
@@ -35,7 +34,7 @@ pub struct RasterExposure {
 /// A place within the pixel, and what is sampled there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PositionExposure {
-    /// Offset from the pixel's centre, pixels, each in [-1/2, 1/2).
+    /// Offset from the pixel's centre, pixels, as the pixel filter draws it.
     pub offset: [f32; 2],
     /// Rising in time; at least one.
     pub groups: Vec<Group>,
@@ -401,10 +400,7 @@ fn intervals_of(strata: Strata, kernel: SweptKernel, shutter: &Shutter, frame: f
 
 /// Deals `groups`, in order of time, out to `positions` sub-pixel positions. `None`: one position for each group.
 fn with_offsets(groups: Vec<Group>, positions: Option<u32>, filter: PixelFilter, seed: u64) -> Vec<PositionExposure> {
-    let offsets = match filter {
-        PixelFilter::Box => pixel_offsets(positions.unwrap_or(groups.len() as u32), seed),
-        PixelFilter::Point => vec![[0.0; 2]],
-    };
+    let offsets = filter.offsets(positions.unwrap_or(groups.len() as u32), seed);
     share_out(groups, &offsets)
 }
 

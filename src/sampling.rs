@@ -106,6 +106,47 @@ pub fn pixel_offsets(n: u32, seed: u64) -> Vec<[f32; 2]> {
     offsets
 }
 
+/// exp(-2): what a Gaussian in two dimensions loses where it is cut at 2 standard deviations.
+const CUT_OFF: f64 = 0.135_335_283_236_612_7;
+
+/// Variance along each axis of a Gaussian of variance 1 that is cut at a distance of 2.
+const CUT_VARIANCE: f64 = (1.0 - 3.0 * CUT_OFF) / (1.0 - CUT_OFF);
+
+/// A point of a Gaussian of variance 1 about 0, cut at a distance of 2, for a point of the unit square: areas become
+/// probabilities, and what is near stays near. The square's middle becomes 0.
+///
+/// The square becomes a disc in rings (Shirley and Chiu 1997), and a ring of the disc that of the Gaussian which has
+/// the same mass within it.
+pub fn gaussian_offset(point: [f64; 2]) -> [f64; 2] {
+    let [a, b] = point.map(|v| 2.0 * v - 1.0);
+    let (radius, angle) = match (a.abs() > b.abs(), b == 0.0) {
+        (true, _) => (a, std::f64::consts::FRAC_PI_4 * (b / a)),
+        (false, true) => return [0.0; 2],
+        (false, false) => (b, std::f64::consts::FRAC_PI_2 - std::f64::consts::FRAC_PI_4 * (a / b)),
+    };
+    let distance = (-2.0 * libm::log1p(-radius * radius * (1.0 - CUT_OFF))).sqrt().copysign(radius);
+    [distance * libm::cos(angle), distance * libm::sin(angle)]
+}
+
+/// `n` offsets, in pixels, of a Gaussian with standard deviation `sigma` that is cut at 2 `sigma`. They go with the
+/// time samples 0..n as those of [`pixel_offsets`]. Their mean is 0, and their mean square that of the Gaussian, but for
+/// n = 1: that sample sits at the pixel's centre.
+pub fn gaussian_offsets(n: u32, seed: u64, sigma: f64) -> Vec<[f32; 2]> {
+    let in_square = |offset: [f32; 2]| offset.map(|v| f64::from(v) + 0.5);
+    let mut offsets: Vec<[f64; 2]> =
+        pixel_offsets(n, seed).into_iter().map(|offset| gaussian_offset(in_square(offset))).collect();
+    let count = f64::from(n.max(1));
+    for axis in 0..2 {
+        let mean = offsets.iter().map(|offset| offset[axis]).sum::<f64>() / count;
+        for offset in &mut offsets {
+            offset[axis] -= mean;
+        }
+    }
+    let square = offsets.iter().flatten().map(|v| v * v).sum::<f64>() / count;
+    let scale = if n > 1 { sigma * (2.0 * CUT_VARIANCE / square).sqrt() } else { 0.0 };
+    offsets.into_iter().map(|offset| offset.map(|v| (scale * v) as f32)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -208,5 +249,49 @@ mod tests {
     fn seeds_matter() {
         assert_ne!(pixel_offsets(16, 1), pixel_offsets(16, 2));
         assert_eq!(pixel_offsets(16, 1), pixel_offsets(16, 1));
+    }
+
+    /// Areas of the unit square become masses of the Gaussian: its density times the map's determinant is 1. The
+    /// square's border becomes the circle at 2.
+    #[test]
+    fn the_square_becomes_a_gaussian() {
+        for i in 0..1000 {
+            let [u, v] = sobol2(2 * i + 1).map(|x| 0.01 + 0.98 * (f64::from(x) / 4_294_967_296.0));
+            // The map has edges along the diagonals.
+            if ((u - 0.5).abs() - (v - 0.5).abs()).abs() < 1e-3 {
+                continue;
+            }
+            let step = 1e-6;
+            let across = |du: f64, dv: f64| {
+                let [a, b] = [gaussian_offset([u + du, v + dv]), gaussian_offset([u - du, v - dv])];
+                [0, 1].map(|axis| (a[axis] - b[axis]) / (2.0 * step))
+            };
+            let (by_u, by_v) = (across(step, 0.0), across(0.0, step));
+            let area = (by_u[0] * by_v[1] - by_u[1] * by_v[0]).abs();
+            let [x, y] = gaussian_offset([u, v]);
+            let density = (-0.5 * (x * x + y * y)).exp() / (std::f64::consts::TAU * (1.0 - (-2.0_f64).exp()));
+            assert!((density * area - 1.0).abs() < 1e-5, "({u}, {v}): {}", density * area);
+        }
+        for border in [[0.0, 0.3], [1.0, 0.9], [0.2, 0.0], [0.6, 1.0], [0.0, 0.0]] {
+            let [x, y] = gaussian_offset(border);
+            assert!((x.hypot(y) - 2.0).abs() < 1e-9, "{border:?}");
+        }
+        assert_eq!(gaussian_offset([0.5, 0.5]), [0.0; 2]);
+    }
+
+    /// Means and mean squares are those of the Gaussian with few offsets, too; variances of both axes agree with many.
+    #[test]
+    fn few_gaussian_offsets_have_its_moments() {
+        assert_eq!(gaussian_offsets(1, 7, 2.0), [[0.0; 2]]);
+        for (n, sigma) in [(2_u32, 1.0), (3, 0.25), (4, 1.0), (16, 0.5), (17, 4.0), (256, 1.0)] {
+            let offsets = gaussian_offsets(n, 3, sigma);
+            let mean = |f: &dyn Fn(&[f32; 2]) -> f64| offsets.iter().map(f).sum::<f64>() / f64::from(n) / sigma;
+            // The integral of r^3 exp(-r^2 / 2) over that of r exp(-r^2 / 2), from 0 to 2.
+            let square = (2.0 - 6.0 * (-2.0_f64).exp()) / (1.0 - (-2.0_f64).exp());
+            assert!(mean(&|o| o[0].into()).abs() < 1e-6 && mean(&|o| o[1].into()).abs() < 1e-6, "{n}");
+            let [x, y] = [0, 1].map(|axis| mean(&|o| f64::from(o[axis]).powi(2)) / sigma);
+            assert!((x + y - square).abs() < 1e-5, "{n}: {}", x + y);
+            assert!(n < 16 || (x - y).abs() < 0.1, "{n}: {x}, {y}");
+        }
     }
 }

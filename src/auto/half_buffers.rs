@@ -10,9 +10,8 @@ use super::strata::Strata;
 use crate::backend::{Backend, BackendError, Stats};
 use crate::film::{Aov, Picture, over};
 use crate::frame::{Blocks, Frame};
-use crate::options::{Interleave, PixelFilter, RenderOptions};
+use crate::options::{Interleave, RenderOptions};
 use crate::plan::{Exposure, Group, PositionExposure, RasterExposure, TimeSample};
-use crate::sampling::pixel_offsets;
 use crate::scene::Scene;
 use crate::time::FrameNumber;
 
@@ -68,10 +67,8 @@ impl Round<'_> {
         let fresh = (0..).zip(strata).filter(|(index, _)| self.is_fresh(&place, *index, half));
         let fresh: Vec<(u32, (f64, f64))> = fresh.collect();
         let total: f64 = fresh.iter().map(|(_, (_, weight))| weight).sum();
-        let offsets = match options.filter {
-            PixelFilter::Box => pixel_offsets(self.positions * self.factor, interleave.seed_of(phase, options.seed)),
-            PixelFilter::Point => vec![[0.0; 2]],
-        };
+        let seed = interleave.seed_of(phase, options.seed);
+        let offsets = options.filter.offsets(self.positions * self.factor, seed);
         let mut positions: BTreeMap<usize, PositionExposure> = BTreeMap::new();
         for (index, (t, weight)) in fresh {
             let place = position_of(index as usize, offsets.len());
@@ -247,6 +244,7 @@ impl Mixed<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sampling::pixel_offsets;
     use crate::time::{Shutter, Weight};
 
     fn scene(weight: Weight) -> Scene {

@@ -56,10 +56,10 @@ pub fn render(
     let step = path_length / f64::from(moving_samples);
     let interleave = if target.error >= LOOSE && step >= WIDE_STEP { Interleave::Two } else { Interleave::None };
     let positions = match options.filter {
-        // A lattice has four times as many positions: each class has its own.
-        PixelFilter::Box if moves && interleave == Interleave::None => 2 * target.pixel_samples,
-        PixelFilter::Box => target.pixel_samples,
         PixelFilter::Point => 1,
+        // A lattice has four times as many positions: each class has its own.
+        _ if moves && interleave == Interleave::None => 2 * target.pixel_samples,
+        _ => target.pixel_samples,
     };
     let samples = if moves { moving_samples } else { positions.next_multiple_of(2) };
     let strata = Strata::new(scene, number, samples, target.samples_max);

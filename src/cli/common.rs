@@ -91,13 +91,9 @@ impl Overrides {
 /// Where samples are.
 #[derive(Debug, Args)]
 pub(super) struct Sampling {
-    /// Where samples are: over the pixel's square, or at its centre.
-    #[arg(
-        long,
-        default_value_t,
-        value_parser = values::one_of::<PixelFilter>(PixelFilter::WORDS),
-        help_heading = "Sampling"
-    )]
+    /// What a pixel is a mean of: its square (box), its centre (point), or a Gaussian about it, cut at 2 SIGMA
+    /// (gaussian:SIGMA in pixels, 0.25 to 4; gaussian is gaussian:1).
+    #[arg(long, value_name = "FILTER", default_value_t, help_heading = "Sampling")]
     pub(super) filter: PixelFilter,
     /// Seed of positions and times.
     #[arg(long, value_name = "S", default_value_t = 1, allow_hyphen_values = true, help_heading = "Sampling")]

@@ -105,7 +105,7 @@ impl Report {
         let gate = Arc::new(Mutex::new(()));
         stop_on_interrupt(&gate, &self.out, "the same command", self.common.quiet())?;
         let store = Store { directory: &self.out, gate: &gate, fresh: self.fresh };
-        let bar = Steps::new(experiment.steps(), self.common.quiet());
+        let bar = Steps::new(experiment.steps(&trial), self.common.quiet());
         let (mut study, pictures) = pool.install(|| experiment.run(&mut trial, &store, &|at| bar.tell(at)))?;
         drop(bar);
         study.notes = notes;

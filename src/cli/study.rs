@@ -18,8 +18,9 @@ pub(super) static MODES: LazyLock<String> = LazyLock::new(|| {
         "{}\n\
 Here there is also, with another seed than --reference:
   reference:1024              ray-traced, SPP samples of a pixel (a multiple of 16)
-A mode may end in @cpu or @gpu, the backend that renders it. The reference keeps the scene's depth tolerance and has no
-prefilter.",
+A mode may have filters of its own, as in supersample:8+filter=gaussian:1+prefilter=ewa. It is compared with the
+reference of its own pixel filter. It may end in @cpu or @gpu, the backend that renders it. The reference keeps the
+scene's depth tolerance and has no prefilter.",
         common::MODES
     )
 });

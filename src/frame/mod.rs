@@ -141,8 +141,9 @@ impl Frame {
             .iter()
             .map(|of_raster| {
                 let raster = |offset| Raster::new(size, focal, exposure.stride, of_raster.phase, offset);
+                let (sigma, spread) = filter_of(options, of_raster.positions.len(), exposure.stride);
                 let positions = of_raster.positions.iter().map(|position| {
-                    let raster = raster(position.offset);
+                    let raster = raster(position.offset.map(|v| v * spread));
                     let groups = position.groups.iter().map(|group| {
                         let interval = group.sweep.map(|(interval, _)| interval);
                         let pose = |sample: &TimeSample| poser.sample(sample.time, sample.weight, interval.as_ref());
@@ -151,7 +152,6 @@ impl Frame {
                         sweeps.push(group.sweep.map(posed));
                         PosedGroup { samples }
                     });
-                    let sigma = sigma_of(options, of_raster.positions.len(), exposure.stride);
                     Position { raster: Raster { sigma, ..raster }, groups: groups.collect(), steps: Vec::new() }
                 });
                 PosedRaster { positions: positions.collect(), size: raster([0.0; 2]).size }
@@ -300,22 +300,26 @@ impl Frame {
     }
 }
 
-/// Standard deviation of the low-pass filter of full EWA for `positions` sub-pixel positions, pixels of a raster with
-/// this stride; 0 without full EWA.
+/// What full EWA has of the pixel filter, and what is left to `positions` sub-pixel positions. First the standard
+/// deviation of its low-pass filter, pixels of a raster with this stride (0 without full EWA); then a factor on the
+/// offsets.
 ///
 /// All positions together make one filter of the sample grid, so each has a share of its variance. For a pixel's square
-/// that is 1/12 a pixel^2, over what the cut at two standard deviations leaves of it. At pixel centres it is that of
-/// classical EWA, 1 (Zwicker et al. 2002, section 6.2).
-fn sigma_of(options: &RenderOptions, positions: usize, stride: u32) -> f32 {
+/// that is 1/12 a pixel^2, over what the cut at two standard deviations leaves of it. Of a Gaussian the splats have
+/// 1 / P, and the positions the rest: at one position all is the splats', as in classical EWA (Zwicker et al. 2002,
+/// section 6.2). At pixel centres the filter is that of `gaussian:1`.
+fn filter_of(options: &RenderOptions, positions: usize, stride: u32) -> (f32, f32) {
     const OF_SQUARE: f64 = 0.121;
     if options.prefilter != Prefilter::Ewa {
-        return 0.0;
+        return (0.0, 1.0);
     }
-    let variance = match options.filter {
-        PixelFilter::Box => OF_SQUARE / positions as f64,
-        PixelFilter::Point => 1.0,
+    let share = 1.0 / positions as f64;
+    let (variance, spread) = match options.filter {
+        PixelFilter::Box => (OF_SQUARE * share, 1.0),
+        PixelFilter::Point => (1.0, 1.0),
+        PixelFilter::Gaussian { sigma } => (sigma * sigma * share, (1.0 - share).sqrt()),
     };
-    (variance.sqrt() / f64::from(stride)) as f32
+    ((variance.sqrt() / f64::from(stride)) as f32, spread as f32)
 }
 
 /// Slices of an interval in which nothing moves farther than `guard` raster pixels from its middle. In a slice nothing

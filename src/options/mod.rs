@@ -8,6 +8,7 @@ mod aov;
 mod blur;
 mod counts;
 mod error;
+mod filter;
 mod parts;
 mod swept;
 mod weight;
@@ -20,6 +21,7 @@ pub use self::aov::in_order;
 pub use self::blur::{BlurMode, ErrorTarget, Quality};
 pub use self::counts::{count, samples_max};
 pub use self::error::OptionError;
+pub use self::filter::PixelFilter;
 pub use self::parts::{ModeName, ModeParts};
 pub use self::swept::{KernelShape, KernelWeight, Normalise, Overlap, SourceSamples, SweptKernel, TemporalAlpha};
 pub(crate) use self::words::words;
@@ -109,18 +111,6 @@ pub enum Times {
 
 words!(Times, "choice of times", [Even = "even", Stratified = "stratified", Random = "random"]);
 
-/// How sub-pixel positions are chosen.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PixelFilter {
-    /// Mean over the pixel's square: each time sample has its own sub-pixel offset.
-    #[default]
-    Box,
-    /// Pixel centres.
-    Point,
-}
-
-words!(PixelFilter, "pixel filter", [Box = "box", Point = "point"]);
-
 /// Screen-space prefilter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Prefilter {
@@ -154,7 +144,7 @@ words!(Shading, "shading", [Phong = "phong", Gouraud = "gouraud"]);
 pub struct RenderOptions {
     /// Blur mode, or the error that samples are found for. Default: [`ErrorTarget::default`].
     pub quality: Quality,
-    /// Where sub-pixel positions are. Default: over the pixel's square.
+    /// What a pixel is a mean of. Default: its square.
     pub filter: PixelFilter,
     /// Screen-space prefilter. Default: [`Prefilter::Approx`].
     pub prefilter: Prefilter,

@@ -1,5 +1,6 @@
 use super::*;
 use crate::options::{SourceSamples, TemporalAlpha, Times};
+use crate::sampling::pixel_offsets;
 use crate::time::Weight;
 
 fn times(plan: &Exposure) -> Vec<(f64, f64)> {

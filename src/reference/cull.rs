@@ -93,10 +93,13 @@ impl ObjectCones {
     }
 
     /// Finds the objects that a rectangle of pixels may see: `size` columns and rows from `corner` (column, row) on.
+    /// Samples lie as far outside as the pixel filter reaches.
     pub(super) fn candidates(&self, world: &World<'_>, corner: [usize; 2], size: [usize; 2], out: &mut Candidates) {
         let at = |i: usize, j: usize| [i, j].map(|c| c as f64);
         let [[left, top], [right, bottom]] =
             [corner, [corner[0] + size[0], corner[1] + size[1]]].map(|[i, j]| at(i, j));
+        let beyond = (world.options.filter.reach() - 0.5).max(0.0);
+        let ([left, top], [right, bottom]) = ([left - beyond, top - beyond], [right + beyond, bottom + beyond]);
         let axis = world.direction([0.5 * (left + right), 0.5 * (top + bottom)]).normalize();
         // The point of a plane's rectangle that is farthest from the axis is a corner.
         let corners = [[left, top], [right, top], [left, bottom], [right, bottom]];

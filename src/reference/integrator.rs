@@ -11,6 +11,7 @@ use super::trace::{SamplePoint, Seen, Tracer};
 use super::warp::TimeWarp;
 use crate::film::FilmPlanes;
 use crate::options::PixelFilter;
+use crate::sampling::gaussian_offset;
 use crate::time::FrameNumber;
 
 /// Progress of a run.
@@ -146,9 +147,10 @@ impl<'w, 'a> Integrator<'w, 'a> {
 
     /// Film point (pixels) and scene time (frames) of a point of the unit cube.
     pub(super) fn sample_point(&self, pixel: [u32; 2], [u, v, share]: [f64; 3]) -> SamplePoint {
-        let (u, v) = match self.world.options.filter {
-            PixelFilter::Box => (u, v),
-            PixelFilter::Point => (0.5, 0.5),
+        let [u, v] = match self.world.options.filter {
+            PixelFilter::Box => [u, v],
+            PixelFilter::Point => [0.5, 0.5],
+            PixelFilter::Gaussian { sigma } => gaussian_offset([u, v]).map(|offset| 0.5 + sigma * offset),
         };
         let time = self.world.scene.shutter.frame_time(self.frame, self.warp.time(share));
         ([f64::from(pixel[0]) + u, f64::from(pixel[1]) + v], time)

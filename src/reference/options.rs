@@ -17,7 +17,7 @@ pub struct ReferenceOptions {
     pub error: Option<f64>,
     /// The way positions and times are chosen.
     pub sampler: Sampler,
-    /// Positions are spread over the pixel's square, or are all at its centre.
+    /// How positions are spread about the pixel's centre.
     pub filter: PixelFilter,
     /// The place of shading: at surfels, or at the averaged surface.
     pub shading: Shading,

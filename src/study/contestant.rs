@@ -1,11 +1,12 @@
-//! Who takes part in a study: modes, the reference among them, each on a backend. As text: `MODE[@BACKEND]`.
+//! Who takes part in a study: modes, the reference among them, each with its filters and on a backend. As text:
+//! `MODE[+filter=FILTER][+prefilter=PREFILTER][@BACKEND]`.
 //!
 //! The modes of splatting are those of [`crate::options`]; `reference:SPP` is a mode of studies only.
 
 use std::fmt;
 use std::str::FromStr;
 
-use crate::options::{BlurMode, ModeName, OptionError, Quality, words};
+use crate::options::{BlurMode, ModeName, OptionError, PixelFilter, Prefilter, Quality, words};
 use crate::reference::SCRAMBLINGS;
 
 /// Samples of a pixel of a reference of which the text says nothing more.
@@ -30,6 +31,9 @@ pub enum ContestantError {
     /// References are traced on the CPU.
     #[error("the reference is always made on the CPU")]
     ReferenceBackend,
+    /// References have no prefilter.
+    #[error("the reference has no prefilter (it takes: filter)")]
+    ReferencePrefilter,
     /// Something is wrong in one of a list.
     #[error("mode `{mode}`: {what}")]
     InList {
@@ -145,19 +149,65 @@ pub fn reference_samples(text: &str) -> Result<u64, ContestantError> {
     samples.ok_or_else(|| ContestantError::ReferenceSamples { found: text.to_owned() })
 }
 
-/// One of a list of modes: a method and, perhaps, the backend that it asks for.
+/// The filters that a mode asks for; `None`: those that hold for all modes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Filters {
+    /// What a pixel is a mean of. The mode is compared with the reference that has the same.
+    pub filter: Option<PixelFilter>,
+    /// Screen-space prefilter; of splatting only.
+    pub prefilter: Option<Prefilter>,
+}
+
+impl Filters {
+    /// Those that `text` asks for, and the text without them.
+    fn split(text: &str) -> Result<(Self, String), ContestantError> {
+        let mut filters = Self::default();
+        let mut rest: Vec<&str> = Vec::new();
+        let mut seen: Vec<&str> = Vec::new();
+        for part in text.split('+') {
+            match part.split_once('=') {
+                Some((name @ "filter", value)) => {
+                    seen.push(name);
+                    filters.filter = Some(value.parse()?);
+                }
+                Some((name @ "prefilter", value)) => {
+                    seen.push(name);
+                    filters.prefilter = Some(value.parse()?);
+                }
+                _ => rest.push(part),
+            }
+        }
+        match seen.iter().find(|&name| seen.iter().filter(|&other| other == name).count() > 1) {
+            Some(name) => Err(OptionError::Twice { option: (*name).to_owned() }.into()),
+            None => Ok((filters, rest.join("+"))),
+        }
+    }
+}
+
+/// As in `+filter=gaussian:1+prefilter=ewa`; nothing where nothing is asked for.
+impl fmt::Display for Filters {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.filter.map_or(Ok(()), |filter| write!(f, "+filter={filter}"))?;
+        self.prefilter.map_or(Ok(()), |prefilter| write!(f, "+prefilter={prefilter}"))
+    }
+}
+
+/// One of a list of modes: a method and, perhaps, the filters and the backend that it asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
     /// How the picture is made.
     pub method: Method,
+    /// With which filters.
+    pub filters: Filters,
     /// `None`: not said.
     pub backend: Option<BackendKind>,
 }
 
-/// As in `bucket:8x4+interleave=2@cpu`.
+/// As in `bucket:8x4+interleave=2+prefilter=ewa@cpu`.
 impl fmt::Display for Entry {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.method.fmt(f)?;
+        self.filters.fmt(f)?;
         self.backend.map_or(Ok(()), |backend| write!(f, "@{backend}"))
     }
 }
@@ -171,11 +221,15 @@ impl FromStr for Entry {
             Some((rest, backend)) => (rest, Some(backend.parse()?)),
             None => (text, None),
         };
+        let (filters, text) = Filters::split(text)?;
         let method: Method = text.parse()?;
         if method.is_traced() && backend.is_some_and(|backend| backend != BackendKind::Cpu) {
             return Err(ContestantError::ReferenceBackend);
         }
-        Ok(Self { method, backend })
+        if method.is_traced() && filters.prefilter.is_some() {
+            return Err(ContestantError::ReferencePrefilter);
+        }
+        Ok(Self { method, filters, backend })
     }
 }
 
@@ -212,11 +266,13 @@ pub fn backends(text: &str) -> Result<Vec<BackendKind>, ContestantError> {
     Ok(backends)
 }
 
-/// A method on a backend.
+/// A method with its filters on a backend.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contestant {
     /// How the picture is made.
     pub method: Method,
+    /// With which filters.
+    pub filters: Filters,
     /// What makes it.
     pub backend: BackendKind,
 }
@@ -235,7 +291,7 @@ impl Contestant {
                 (None, Method::Splat(_)) => backends.to_vec(),
             };
             for backend in of_entry {
-                let contestant = Self { method: entry.method, backend };
+                let contestant = Self { method: entry.method, filters: entry.filters, backend };
                 if contestants.contains(&contestant) {
                     return Err(ContestantError::Twice { what: "mode", name: contestant.to_string() });
                 }
@@ -244,12 +300,22 @@ impl Contestant {
         }
         Ok(contestants)
     }
+
+    /// The contestant without its backend.
+    pub fn mode(&self) -> String {
+        format!("{}{}", self.method, self.filters)
+    }
+
+    /// The mode without its counts, as [`Method::family`] has it.
+    pub fn family(&self) -> String {
+        format!("{}{}", self.method.family(), self.filters)
+    }
 }
 
-/// As in `supersample:8@cpu`.
+/// As in `supersample:8+prefilter=ewa@cpu`.
 impl fmt::Display for Contestant {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}@{}", self.method, self.backend)
+        write!(f, "{}@{}", self.mode(), self.backend)
     }
 }
 
@@ -267,8 +333,16 @@ mod tests {
     #[test]
     fn entries_are_read() {
         let two = Method::Splat(BlurMode::interleaved(8, Interleave::Two).into());
-        assert_eq!(entry(" supersample:8+interleave=2 "), Entry { method: two, backend: None });
-        assert_eq!(entry("supersample:8+interleave=2@cpu"), Entry { method: two, backend: Some(BackendKind::Cpu) });
+        let filters = Filters::default();
+        assert_eq!(entry(" supersample:8+interleave=2 "), Entry { method: two, filters, backend: None });
+        let cpu = Some(BackendKind::Cpu);
+        assert_eq!(entry("supersample:8+interleave=2@cpu"), Entry { method: two, filters, backend: cpu });
+        let filters = Filters { filter: Some(PixelFilter::Gaussian { sigma: 0.5 }), prefilter: Some(Prefilter::Ewa) };
+        let text = "supersample:8+interleave=2+filter=gaussian:0.5+prefilter=ewa@cpu";
+        assert_eq!(entry(text), Entry { method: two, filters, backend: cpu });
+        assert_eq!(entry(text).to_string(), text);
+        assert_eq!(entry("supersample:8+prefilter=ewa+interleave=2+filter=gaussian:0.5@cpu"), entry(text));
+        assert_eq!(entry("reference:64+filter=gaussian").to_string(), "reference:64+filter=gaussian:1");
         assert_eq!(entry("reference:64").method, Method::Reference(64));
         assert_eq!(entry("reference@cpu").to_string(), "reference:1024@cpu");
         assert_eq!(entry("bucket:8x4").method.samples(), 32);
@@ -293,6 +367,10 @@ mod tests {
             ("still@tpu", "`tpu` is no backend"),
             ("still@", "is no backend"),
             ("reference:16@gpu", "always made on the CPU"),
+            ("reference:16+prefilter=ewa", "has no prefilter"),
+            ("still+filter=tent", "`tent` is no pixel filter (there are: box, point, gaussian[:SIGMA])"),
+            ("still+filter=gaussian:9", "0.25 to 4 pixels"),
+            ("still+filter=box+filter=point", "`filter`"),
         ] {
             let error = text.parse::<Entry>().unwrap_err().to_string();
             assert!(error.contains(hint), "{text}: {error}");
@@ -319,8 +397,17 @@ mod tests {
             any_quality().prop_map(Method::Splat),
             (1_u64..=65_536).prop_map(|n| Method::Reference(16 * n)),
         ];
+        let filter = prop_oneof![
+            Just(None),
+            Just(Some(PixelFilter::Point)),
+            (0.25..4.0).prop_map(|sigma| Some(PixelFilter::Gaussian { sigma })),
+        ];
+        let prefilter = prop::sample::select(vec![None, Some(Prefilter::Approx), Some(Prefilter::Ewa)]);
         let backend = prop::sample::select(vec![None, Some(BackendKind::Cpu)]);
-        (method, backend).prop_map(|(method, backend)| Entry { method, backend })
+        (method, filter, prefilter, backend).prop_map(|(method, filter, prefilter, backend)| {
+            let prefilter = prefilter.filter(|_| !method.is_traced());
+            Entry { method, filters: Filters { filter, prefilter }, backend }
+        })
     }
 
     proptest! {

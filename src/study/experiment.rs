@@ -5,11 +5,12 @@ use super::contestant::{BackendKind, Contestant, Method};
 use super::pictures::{pictured, pictures_of, regions};
 use super::provenance::PROGRAM;
 use super::report::{Floor, FramePictures, FrameStudy, ModeStudy, Region, SceneStudy, Study, Times, pass_rate, split};
-use super::store::{JUDGE, Store, times};
+use super::store::{Store, times};
 use super::trial::{Trial, samples_of};
 use crate::compare::{self, Comparison, Limit, Metric, flip, ssim};
 use crate::film::Picture;
 use crate::image;
+use crate::options::PixelFilter;
 use crate::time::FrameNumber;
 
 /// What is compared, and how.
@@ -67,8 +68,13 @@ impl Experiment {
     }
 
     /// Steps of all frames, as [`Progress`] counts them.
-    pub fn steps(&self) -> u64 {
-        self.frames.len() as u64 * self.steps_of_frame()
+    pub fn steps(&self, trial: &Trial<'_>) -> u64 {
+        self.frames.len() as u64 * self.steps_of_frame(trial)
+    }
+
+    /// The pixel filters of the contestants.
+    fn filters(&self, trial: &Trial<'_>) -> Vec<PixelFilter> {
+        trial.filters_of(self.contestants.iter().map(|contestant| contestant.filters))
     }
 
     /// Renders what is missing in the store, and compares all. Modes that are missing are measured in turn, after one
@@ -86,7 +92,7 @@ impl Experiment {
         let mut step = 0;
         for &frame in &self.frames {
             self.render(trial, store, frame, tell, step).map_err(StudyError::in_frame(frame))?;
-            step += self.steps_of_frame();
+            step += self.steps_of_frame(trial);
         }
         let study = self.study(trial, store)?;
         let pictures = pictured(&study).into_iter().map(|frame| pictures_of(trial, store, frame, &self.contestants));
@@ -99,9 +105,10 @@ impl Experiment {
         if method.is_traced() { 1 } else { self.repeats }
     }
 
-    /// Renderings of a frame: the reference, and for each contestant one to warm up and the timed ones.
-    fn steps_of_frame(&self) -> u64 {
-        1 + self.contestants.iter().map(|c| 1 + u64::from(self.repeats_of(c.method))).sum::<u64>()
+    /// Renderings of a frame: the references, and for each contestant one to warm up and the timed ones.
+    fn steps_of_frame(&self, trial: &Trial<'_>) -> u64 {
+        self.filters(trial).len() as u64
+            + self.contestants.iter().map(|c| 1 + u64::from(self.repeats_of(c.method))).sum::<u64>()
     }
 
     /// Renders what is missing of a frame.
@@ -114,14 +121,17 @@ impl Experiment {
         first_step: u64,
     ) -> Result<(), StudyError> {
         let mut step = first_step;
-        let path = store.path(frame, JUDGE);
-        let settings = trial.settings_of_judge(self.reference)?.of_frame(frame)?;
-        if store.finished(&path, &settings).is_none() {
-            let what = format!("frame {frame}, reference");
-            let shot = trial.judge(self.reference, frame, &|share| tell(Progress::At { step, what: &what, share }))?;
-            store.keep(&path, &shot.picture, &settings, &[shot.seconds])?;
+        for filter in self.filters(trial) {
+            let path = store.path_of_judge(trial, frame, filter);
+            let settings = trial.settings_of_judge(self.reference, filter)?.of_frame(frame)?;
+            if store.finished(&path, &settings).is_none() {
+                let what = format!("frame {frame}, {}", trial.name_of_judge(filter));
+                let share = |share| tell(Progress::At { step, what: &what, share });
+                let shot = trial.judge(self.reference, filter, frame, &share)?;
+                store.keep(&path, &shot.picture, &settings, &[shot.seconds])?;
+            }
+            step += 1;
         }
-        step += 1;
         let mut missing = Vec::new();
         for &contestant in &self.contestants {
             let settings = trial.settings(contestant, frame)?;
@@ -161,19 +171,26 @@ impl Experiment {
 
     /// Compares what was rendered.
     fn study(&self, trial: &mut Trial<'_>, store: &Store<'_>) -> Result<Study, StudyError> {
-        let judge = trial.settings_of_judge(self.reference)?;
         let mut frames = Vec::new();
         for &frame in &self.frames {
             let regions = regions(trial, frame)?;
-            let path = store.path(frame, JUDGE);
-            let reference = image::read(&path)?;
-            let seconds = times(&path, &judge.of_frame(frame)?).unwrap_or_default();
-            let mut modes = Vec::new();
-            for &contestant in &self.contestants {
-                modes.push(measure(trial, store, frame, contestant, &reference, &regions)?);
+            let mut modes: Vec<Option<ModeStudy>> = vec![None; self.contestants.len()];
+            let mut floors = Vec::new();
+            let mut reference_seconds = 0.0;
+            for filter in self.filters(trial) {
+                let path = store.path_of_judge(trial, frame, filter);
+                let reference = image::read(&path)?;
+                let settings = trial.settings_of_judge(self.reference, filter)?.of_frame(frame)?;
+                reference_seconds += Times::of(&times(&path, &settings).unwrap_or_default()).median;
+                floors.push(Floor::of(&reference)?.ok_or(StudyError::NoStandardError)?);
+                for (mode, &contestant) in modes.iter_mut().zip(&self.contestants) {
+                    if trial.filter_of(contestant.filters) == filter {
+                        *mode = Some(measure(trial, store, frame, contestant, &reference, &regions)?);
+                    }
+                }
             }
-            let floor = Floor::of(&reference)?.ok_or(StudyError::NoStandardError)?;
-            frames.push(FrameStudy { frame, reference_seconds: Times::of(&seconds).median, floor, modes });
+            let floor = Floor::pooled(floors.into_iter());
+            frames.push(FrameStudy { frame, reference_seconds, floor, modes: modes.into_iter().flatten().collect() });
         }
         let sequence: Vec<_> = (0..self.contestants.len())
             .filter_map(|i| ModeStudy::pooled(&frames.iter().map(|f| &f.modes[i]).collect::<Vec<_>>()))
@@ -211,13 +228,15 @@ impl Experiment {
     /// The settings that all modes share, and the reference's.
     fn scene(&self, trial: &mut Trial<'_>) -> Result<SceneStudy, StudyError> {
         let own = |value: Option<f64>| value.map_or_else(|| "the scene's".to_owned(), |e| e.to_string());
-        let judge = trial.settings_of_judge(self.reference)?;
+        let judge = trial.settings_of_judge(self.reference, trial.options().filter)?;
+        let of_modes = self.filters(trial).into_iter().map(|filter| filter.to_string()).collect::<Vec<_>>();
         let options = trial.options();
         let mut settings = judge.in_words();
         settings.push(("prefilter", options.prefilter.to_string()));
         settings.sort_unstable();
         settings.insert(0, ("scene file", trial.path().display().to_string()));
         settings.push(("seed of references among the modes", trial.seed_of_others().to_string()));
+        settings.push(("filters of the modes, each with a reference of its own", of_modes.join(", ")));
         settings.push(("epsilon of the modes", own(options.epsilon)));
         settings.push(("epsilon of the reference", own(None)));
         let scene = trial.scene();
@@ -247,8 +266,8 @@ fn measure(
     let map = flip::map(&picture, reference)?;
     errors.flip = Some(compare::mean(&map, picture.width as usize));
     Ok(ModeStudy {
-        mode: contestant.method.to_string(),
-        family: contestant.method.family(),
+        mode: contestant.mode(),
+        family: contestant.family(),
         backend: contestant.backend.to_string(),
         samples: samples_of(contestant.method, &picture),
         times: Times::of(&seconds),

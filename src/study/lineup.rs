@@ -6,6 +6,7 @@ use super::experiment::{Progress, Tell};
 use super::sheet::{Crop, Panel, SheetError, most_different};
 use super::trial::{Shot, Trial};
 use crate::compare::{Comparison, Metric, Shown};
+use crate::options::PixelFilter;
 use crate::time::FrameNumber;
 
 /// One frame in several modes.
@@ -33,7 +34,8 @@ pub enum Part {
 /// The pictures of a line-up.
 #[derive(Clone, Debug)]
 pub struct Shots {
-    reference: Option<Shot>,
+    /// One for each pixel filter of the modes; none where none was asked for.
+    references: Vec<(PixelFilter, Shot)>,
     /// In the order of the entries.
     of_entries: Vec<Shot>,
     /// The part to enlarge.
@@ -53,8 +55,14 @@ impl LineUp {
     }
 
     /// Renderings, as [`Progress`] counts them.
-    pub fn steps(&self) -> u64 {
-        u64::from(self.reference.is_some()) + self.entries.iter().map(renderings).sum::<u64>()
+    pub fn steps(&self, trial: &Trial<'_>) -> u64 {
+        let references = self.reference.map_or(0, |_| self.filters(trial).len() as u64);
+        references + self.entries.iter().map(renderings).sum::<u64>()
+    }
+
+    /// The pixel filters of the modes.
+    fn filters(&self, trial: &Trial<'_>) -> Vec<PixelFilter> {
+        trial.filters_of(self.entries.iter().map(|entry| entry.filters))
     }
 
     /// Renders the frame in all modes.
@@ -64,17 +72,20 @@ impl LineUp {
     pub fn run(&self, trial: &mut Trial<'_>, tell: Tell<'_>) -> Result<Shots, StudyError> {
         self.check(trial)?;
         let mut step = 0;
-        let mut reference = None;
+        let mut references = Vec::new();
         if let Some(samples) = self.reference {
-            let share = |share| tell(Progress::At { step, what: "reference", share });
-            reference = Some(trial.judge(samples, self.frame, &share)?);
-            step += 1;
+            for filter in self.filters(trial) {
+                let what = trial.name_of_judge(filter);
+                let share = |share| tell(Progress::At { step, what: &what, share });
+                references.push((filter, trial.judge(samples, filter, self.frame, &share)?));
+                step += 1;
+            }
         }
         let mut shots = Vec::new();
         for entry in &self.entries {
             let name = entry.to_string();
             let backend = entry.backend.unwrap_or(BackendKind::Cpu);
-            let contestant = Contestant { method: entry.method, backend };
+            let contestant = Contestant { method: entry.method, filters: entry.filters, backend };
             for turn in 1..=renderings(entry) {
                 let share = |share| tell(Progress::At { step, what: &name, share });
                 share(0.0);
@@ -90,31 +101,33 @@ impl LineUp {
             Part::Here(crop) => crop,
             Part::MostDifferent(width, height) => {
                 // One mode alone can only differ from the reference.
-                let alone = reference.iter().filter(|_| shots.len() == 1);
+                let alone = references.iter().map(|(_, shot)| shot).filter(|_| shots.len() == 1);
                 let pictures: Vec<_> = shots.iter().chain(alone).map(|shot| &shot.picture).collect();
                 most_different(&pictures, width, height)?
             }
         };
-        Ok(Shots { reference, of_entries: shots, crop })
+        Ok(Shots { references, of_entries: shots, crop })
     }
 
-    /// Pictures with their labels: samples, seconds and errors. The reference comes first.
+    /// Pictures with their labels: samples, seconds and errors. References come first. Each mode is compared with that
+    /// of its own pixel filter.
     ///
     /// # Errors
     /// The pictures cannot be compared.
-    pub fn panels<'a>(&self, shots: &'a Shots) -> Result<Vec<Panel<'a>>, StudyError> {
+    pub fn panels<'a>(&self, trial: &Trial<'_>, shots: &'a Shots) -> Result<Vec<Panel<'a>>, StudyError> {
         let mut panels = Vec::new();
         let took = |samples: u64, seconds: f64| {
             let plural = if samples == 1 { "" } else { "s" };
             format!("{samples} sample{plural}, {seconds:.3} s")
         };
-        if let (Some(shot), Some(samples)) = (&shots.reference, self.reference) {
-            let lines = vec![took(samples, shot.seconds), "errors are against this".to_owned()];
-            panels.push(Panel { title: "reference".to_owned(), lines, picture: &shot.picture });
+        for (filter, shot) in &shots.references {
+            let lines = vec![took(self.reference.unwrap_or(0), shot.seconds), "errors are against this".to_owned()];
+            panels.push(Panel { title: trial.name_of_judge(*filter), lines, picture: &shot.picture });
         }
         for (entry, shot) in self.entries.iter().zip(&shots.of_entries) {
             let mut lines = vec![took(shot.samples(entry.method), shot.seconds)];
-            if let Some(reference) = &shots.reference {
+            let filter = trial.filter_of(entry.filters);
+            if let Some((_, reference)) = shots.references.iter().find(|(of, _)| *of == filter) {
                 let errors = Comparison::new(&shot.picture, &reference.picture, &[Metric::Flip])?;
                 let value = |metric| Shown(errors.value(metric).unwrap_or(f64::NAN));
                 lines.push(format!("FLIP {:.6}, RMSE {:.6}", value(Metric::Flip), value(Metric::Rmse)));

@@ -6,10 +6,12 @@ use super::report::{
     FramePictures, FrameStudy, ModePictures, Region, STRATA, Study, classify, flip_map, region_map, signed_error,
 };
 use super::sheet::{Canvas, densest};
-use super::store::{JUDGE, Store};
+use super::store::Store;
 use super::trial::Trial;
 use crate::compare::flip;
+use crate::film::Picture;
 use crate::image;
+use crate::options::PixelFilter;
 use crate::time::FrameNumber;
 
 /// Greatest width of a picture on the page, pixels.
@@ -33,25 +35,33 @@ pub(super) fn pictures_of(
     frame: FrameNumber,
     contestants: &[Contestant],
 ) -> Result<FramePictures, StudyError> {
-    let reference = image::read(&store.path(frame, JUDGE))?;
+    let mut references = Vec::new();
+    for filter in trial.filters_of(contestants.iter().map(|contestant| contestant.filters)) {
+        references.push((filter, image::read(&store.path_of_judge(trial, frame, filter))?));
+    }
     let mut modes = Vec::new();
     for contestant in contestants {
+        let filter = trial.filter_of(contestant.filters);
+        let Some((_, reference)) = references.iter().find(|(of, _)| *of == filter) else { continue };
         let picture = image::read(&store.path(frame, &contestant.to_string()))?;
-        let map = flip::map(&picture, &reference)?;
+        let map = flip::map(&picture, reference)?;
         let values: Vec<f64> = map.iter().map(|&v| f64::from(v)).collect();
         let crop = densest(&values, picture.width, CROP.0, CROP.1);
         let flip = flip_map(&map, picture.width, picture.height, FLIP_RANGE)?;
         let cut = |canvas: &Canvas| canvas.enlarged(crop, 1);
-        let worst = [cut(&Canvas::of(&picture)?)?, cut(&Canvas::of(&reference)?)?, cut(&flip)?];
-        let signed = signed_error(&picture, &reference, SIGNED_RANGE)?;
+        let worst = [cut(&Canvas::of(&picture)?)?, cut(&Canvas::of(reference)?)?, cut(&flip)?];
+        let signed = signed_error(&picture, reference, SIGNED_RANGE)?;
         let mut shown = Canvas::shrunk(&picture, PICTURE)?;
         shown.mark(crop, picture.width);
         modes.push(ModePictures { picture: shown, signed, flip, worst, crop });
     }
-    let regions = region_map(&regions(trial, frame)?, reference.width)?;
-    let reference = Canvas::shrunk(&reference, PICTURE)?;
+    let regions = region_map(&regions(trial, frame)?, trial.scene().image.width)?;
+    let shown = |(filter, picture): (PixelFilter, Picture)| -> Result<_, StudyError> {
+        Ok((trial.name_of_judge(filter), Canvas::shrunk(&picture, PICTURE)?))
+    };
+    let references = references.into_iter().map(shown).collect::<Result<_, _>>()?;
     let (signed_range, flip_range) = (SIGNED_RANGE, FLIP_RANGE);
-    Ok(FramePictures { frame, reference, regions, modes, signed_range, flip_range })
+    Ok(FramePictures { frame, references, regions, modes, signed_range, flip_range })
 }
 
 /// Frames with pictures on the page: all of up to three, else the first, that with the greatest FLIP, and the last.

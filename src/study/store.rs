@@ -11,13 +11,12 @@ use serde::{Deserialize, Serialize};
 use super::StudyError;
 use super::report::page::page;
 use super::report::{FramePictures, Study, csv};
+use super::trial::Trial;
 use crate::files;
 use crate::film::Picture;
 use crate::image::{self, Format};
+use crate::options::PixelFilter;
 use crate::time::FrameNumber;
-
-/// Name of the reference that judges the others.
-pub(super) const JUDGE: &str = "judge";
 
 /// The folder of a report.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +51,11 @@ impl Store<'_> {
             })
             .collect();
         self.directory.join("renderings").join(frame.to_string()).join(name + ".exr")
+    }
+
+    /// File of the reference with this pixel filter that judges the others.
+    pub(super) fn path_of_judge(&self, trial: &Trial<'_>, frame: FrameNumber, filter: PixelFilter) -> PathBuf {
+        self.path(frame, &format!("judge-{}", trial.name_of_judge(filter)))
     }
 
     /// The times of a rendering with these settings, if it is finished and sound; with `fresh`, never.

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use super::provenance::Provenance;
 use super::report::page::page;
 use super::*;
+use crate::compare::{Comparison, Metric};
 use crate::film::{Aov, Picture};
 use crate::image::Format;
 use crate::options::{BlurMode, PixelFilter, RenderOptions};
@@ -56,7 +57,7 @@ fn an_experiment_runs_without_the_command_line() {
     };
     let opened = AtomicU32::new(0);
     let (study, pictures) = experiment.run(&mut trial(&opened), &store, &tell).unwrap();
-    assert_eq!(experiment.steps(), 1 + 3 + 2);
+    assert_eq!(experiment.steps(&trial(&opened)), 1 + 3 + 2);
     assert!(steps.lock().unwrap().iter().all(|&step| step < 6));
     let names: Vec<_> = study.sequence.iter().map(report::ModeStudy::name).collect();
     assert_eq!(names, ["supersample:2@cpu", "reference:16@cpu"]);
@@ -80,6 +81,35 @@ fn an_experiment_runs_without_the_command_line() {
     assert_eq!(source.source().unwrap().to_string(), "no GPU here");
 }
 
+/// Each mode is compared with the reference of its own pixel filter. A reference that takes part, with that filter, is
+/// as near it as its noise is small, and far from the other.
+#[test]
+fn each_mode_is_judged_by_its_own_pixel_filter() {
+    let opened = AtomicU32::new(0);
+    let mut trial = trial(&opened);
+    let directory = tempfile::tempdir().unwrap();
+    let store = Store { directory: directory.path(), gate: &Mutex::new(()), fresh: false };
+    let modes = "reference:1024,reference:1024+filter=gaussian:2,still:1+filter=gaussian:2";
+    let experiment = Experiment {
+        contestants: contestants(modes),
+        frames: vec![3.into()],
+        reference: 1024,
+        repeats: 1,
+        limits: Vec::new(),
+    };
+    assert_eq!(experiment.steps(&trial), 2 + 2 + 2 + 2);
+    let (study, pictures) = experiment.run(&mut trial, &store, &|_| ()).unwrap();
+    let names: Vec<_> = pictures[0].references.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["reference", "reference+filter=gaussian:2"]);
+    let rmse = |i: usize| study.sequence[i].errors.value(Metric::Rmse).unwrap();
+    let of = |filter: PixelFilter| trial.judge(1024, filter, 3.into(), &|_| ()).unwrap().picture;
+    let apart = Comparison::new(&of(PixelFilter::Box), &of(PixelFilter::Gaussian { sigma: 2.0 }), &[]).unwrap();
+    let apart = apart.value(Metric::Rmse).unwrap();
+    assert!(rmse(0) < 0.1 * apart && rmse(1) < 0.1 * apart && apart > 0.01, "{} {} {apart}", rmse(0), rmse(1));
+    let names: Vec<_> = study.sequence.iter().map(report::ModeStudy::name).collect();
+    assert_eq!(names[2], "still:1+filter=gaussian:2@cpu");
+}
+
 #[test]
 fn a_line_up_has_a_panel_for_each_mode() {
     let opened = AtomicU32::new(0);
@@ -89,7 +119,7 @@ fn a_line_up_has_a_panel_for_each_mode() {
         LineUp { frame: 3.into(), entries: entries("still:1,auto:0.05").unwrap(), reference: Some(16), part };
     let shots = line_up.run(&mut trial, &|_| ()).unwrap();
     assert_eq!((shots.crop.width, shots.crop.height), (8, 6));
-    let panels = line_up.panels(&shots).unwrap();
+    let panels = line_up.panels(&trial, &shots).unwrap();
     let titles: Vec<_> = panels.iter().map(|panel| panel.title.as_str()).collect();
     assert_eq!(titles, ["reference", "still:1", "auto:0.05"]);
     assert!(panels[1].lines[0].starts_with("1 sample, ") && panels[1].lines[1].starts_with("FLIP 0."));
@@ -110,7 +140,7 @@ fn settings_tell_pictures_apart() {
     for name in others {
         assert_ne!(first, of(&mut trial, name));
     }
-    let judge = trial.settings_of_judge(16).unwrap().of_frame(3).unwrap();
+    let judge = trial.settings_of_judge(16, PixelFilter::Box).unwrap().of_frame(3).unwrap();
     assert_ne!(judge, of(&mut trial, "reference:16"), "they have other seeds");
     let provenance = Provenance::of(&scene(), Path::new(SCENE)).unwrap();
     let with = |aovs: Vec<Aov>| {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::StudyError;
-use super::contestant::{BackendKind, Contestant, Method};
+use super::contestant::{BackendKind, Contestant, Filters, Method};
 use super::provenance::{Provenance, Settings};
 use super::report::STRATA;
 use crate::film::{Aov, Picture};
@@ -118,23 +118,54 @@ impl<'a> Trial<'a> {
         match contestant.method {
             Method::Splat(quality) => {
                 let aovs = if matches!(quality, Quality::Error(_)) { vec![Aov::Samples] } else { Vec::new() };
-                let options = self.splatting(quality, aovs);
+                let options = self.splatting(quality, contestant.filters, aovs);
                 // Opening a device is no part of rendering.
                 self.backends.get(contestant.backend)?;
                 let start = Instant::now();
                 let picture = self.splat(None, contestant.backend, frame, &options)?;
                 Ok(Shot { picture, seconds: start.elapsed().as_secs_f64() })
             }
-            Method::Reference(samples) => self.trace(&self.tracing(samples, self.seed_of_others()), frame, share),
+            Method::Reference(samples) => {
+                let filter = self.filter_of(contestant.filters);
+                self.trace(&self.tracing(samples, filter, self.seed_of_others()), frame, share)
+            }
         }
     }
 
-    /// The reference that judges the others; its last layer is its standard error.
+    /// The reference with this pixel filter that judges the others; its last layer is its standard error.
     ///
     /// # Errors
     /// It cannot be made.
-    pub fn judge(&self, samples: u64, frame: FrameNumber, share: Share<'_>) -> Result<Shot, StudyError> {
-        self.trace(&self.tracing(samples, self.options.seed), frame, share)
+    pub fn judge(
+        &self,
+        samples: u64,
+        filter: PixelFilter,
+        frame: FrameNumber,
+        share: Share<'_>,
+    ) -> Result<Shot, StudyError> {
+        self.trace(&self.tracing(samples, filter, self.options.seed), frame, share)
+    }
+
+    /// The pixel filter of a mode, and of the reference that judges it.
+    pub fn filter_of(&self, filters: Filters) -> PixelFilter {
+        filters.filter.unwrap_or(self.options.filter)
+    }
+
+    /// The pixel filters of these modes, each once, in order.
+    pub fn filters_of(&self, modes: impl Iterator<Item = Filters>) -> Vec<PixelFilter> {
+        let mut filters = Vec::new();
+        for filter in modes.map(|mode| self.filter_of(mode)) {
+            if !filters.contains(&filter) {
+                filters.push(filter);
+            }
+        }
+        filters
+    }
+
+    /// `reference` where the reference has the pixel filter of all modes; else with the filter, as modes say it.
+    pub fn name_of_judge(&self, filter: PixelFilter) -> String {
+        let filters = Filters { filter: Some(filter).filter(|f| *f != self.options.filter), prefilter: None };
+        format!("reference{filters}")
     }
 
     /// Pixel centres at the middle of each of [`STRATA`] parts of the shutter, without blur, with depth and velocity.
@@ -145,7 +176,7 @@ impl<'a> Trial<'a> {
         let options = RenderOptions {
             filter: PixelFilter::Point,
             prefilter: Prefilter::None,
-            ..self.splatting(BlurMode::supersample(1).into(), vec![Aov::Depth, Aov::Velocity])
+            ..self.splatting(BlurMode::supersample(1).into(), Filters::default(), vec![Aov::Depth, Aov::Velocity])
         };
         let Shutter { open, close, .. } = self.scene.shutter;
         let part = (close - open) / f64::from(STRATA);
@@ -163,20 +194,21 @@ impl<'a> Trial<'a> {
     pub(super) fn settings(&mut self, contestant: Contestant, frame: FrameNumber) -> Result<String, StudyError> {
         let settings = match contestant.method {
             Method::Splat(quality) => {
-                let options = self.splatting(quality, Vec::new());
+                let options = self.splatting(quality, contestant.filters, Vec::new());
                 self.provenance()?.splatted(&options, Format::EXR, contestant.backend.word())?
             }
             Method::Reference(samples) => {
-                let options = self.tracing(samples, self.seed_of_others());
+                let filter = self.filter_of(contestant.filters);
+                let options = self.tracing(samples, filter, self.seed_of_others());
                 self.provenance()?.traced(&options, samples, Format::EXR)?
             }
         };
         Ok(settings.of_frame(frame)?)
     }
 
-    /// The settings of the reference that judges the others.
-    pub(super) fn settings_of_judge(&mut self, samples: u64) -> Result<Settings, StudyError> {
-        let options = self.tracing(samples, self.options.seed);
+    /// The settings of the reference with this pixel filter that judges the others.
+    pub(super) fn settings_of_judge(&mut self, samples: u64, filter: PixelFilter) -> Result<Settings, StudyError> {
+        let options = self.tracing(samples, filter, self.options.seed);
         Ok(self.provenance()?.traced(&options, samples, Format::EXR)?)
     }
 
@@ -202,13 +234,15 @@ impl<'a> Trial<'a> {
     }
 
     /// Options of splatting.
-    fn splatting(&self, quality: Quality, aovs: Vec<Aov>) -> RenderOptions {
-        RenderOptions { quality, aovs, reconstruct: false, ..self.options.clone() }
+    fn splatting(&self, quality: Quality, filters: Filters, aovs: Vec<Aov>) -> RenderOptions {
+        let filter = self.filter_of(filters);
+        let prefilter = filters.prefilter.unwrap_or(self.options.prefilter);
+        RenderOptions { quality, filter, prefilter, aovs, reconstruct: false, ..self.options.clone() }
     }
 
     /// Options of references.
-    fn tracing(&self, samples: u64, seed: u64) -> ReferenceOptions {
-        let RenderOptions { filter, shading, two_sided, .. } = self.options;
+    fn tracing(&self, samples: u64, filter: PixelFilter, seed: u64) -> ReferenceOptions {
+        let RenderOptions { shading, two_sided, .. } = self.options;
         ReferenceOptions { samples, filter, shading, two_sided, seed, ..ReferenceOptions::default() }
     }
 

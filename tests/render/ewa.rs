@@ -112,6 +112,37 @@ fn a_tiny_ball_has_its_area() {
     }
 }
 
+/// A tiny ball is seen as the pixel filter itself: area and width are those of a Gaussian that is cut at 2 sigma,
+/// whatever part of it splats have and what part the positions.
+#[test]
+fn a_tiny_ball_is_a_picture_of_the_gaussian() {
+    for (sigma, samples) in [(1.0, 1), (1.0, 4), (1.0, 16), (0.5, 16), (2.0, 1), (2.0, 16)] {
+        let (mut sum, mut square) = (0.0, 0.0);
+        let mut worst = 1.0_f64;
+        let places: Vec<[f64; 2]> = places(16).collect();
+        for &place in &places {
+            let scene = before_nothing(vec![seen(sphere(400), place, 0.1)]);
+            let picture = filtered(&scene, samples, PixelFilter::Gaussian { sigma });
+            let alpha = |x: u32, y: u32| f64::from(picture.rgba[(y * SIZE + x) as usize][3]);
+            let pixels = (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (x, y)));
+            let middle = [place[0] + f64::from(SIZE) / 2.0, place[1] + f64::from(SIZE) / 2.0];
+            let distance2 =
+                |x: u32, y: u32| (f64::from(x) + 0.5 - middle[0]).powi(2) + (f64::from(y) + 0.5 - middle[1]).powi(2);
+            square += pixels.map(|(x, y)| alpha(x, y) * distance2(x, y)).sum::<f64>();
+            let one = area(&picture) / (PI * 0.01);
+            worst = if (one - 1.0).abs() > (worst - 1.0).abs() { one } else { worst };
+            sum += area(&picture);
+        }
+        let (share, variance) = (sum / (PI * 0.01 * places.len() as f64), 0.5 * square / sum / (sigma * sigma));
+        let want = (1.0 - 3.0 * (-2.0_f64).exp()) / (1.0 - (-2.0_f64).exp());
+        println!(
+            "sigma {sigma}, {samples} positions: area {share:.3}, worst {worst:.3}, variance {variance:.3} of {want:.3}"
+        );
+        assert!((share - 1.0).abs() < 0.05, "sigma {sigma}, {samples}: area {share}");
+        assert!((variance / want - 1.0).abs() < 0.05, "sigma {sigma}, {samples}: variance {variance}");
+    }
+}
+
 #[test]
 fn a_matte_over_a_plate_is_what_is_rendered_at_once() {
     let wall = || {

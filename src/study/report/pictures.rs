@@ -15,8 +15,8 @@ use crate::time::FrameNumber;
 pub struct FramePictures {
     /// Frame number.
     pub frame: FrameNumber,
-    /// The reference.
-    pub reference: Canvas,
+    /// The references, one for each pixel filter of the modes, with their names.
+    pub references: Vec<(String, Canvas)>,
     /// The regions.
     pub regions: Canvas,
     /// One for each mode of the frame, in the order of the study.
@@ -80,7 +80,7 @@ pub(super) fn frame_pictures(study: &Study, pictures: &FramePictures) -> Result<
             div class="card" {
                 h3 { "reference" }
                 div class="pair" {
-                    (image(&pictures.reference, "ray-traced", false)?)
+                    @for (name, reference) in &pictures.references { (image(reference, name, false)?) }
                     div {
                         (image(&pictures.regions, "regions", false)?)
                         p class="legend" { @for region in Region::ALL { span {

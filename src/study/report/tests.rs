@@ -205,7 +205,7 @@ fn the_page_needs_nothing_else_and_says_all() {
     let mode = || ModePictures { picture: canvas(), signed: canvas(), flip: canvas(), crop, worst: worst() };
     let pictures = FramePictures {
         frame: 1.into(),
-        reference: canvas(),
+        references: vec![("reference".into(), canvas())],
         regions: region_map(&[Region::Swept; 144], 12).unwrap(),
         modes: vec![mode(), mode(), mode()],
         signed_range: 0.25,
