@@ -129,8 +129,8 @@ pub fn gaussian_offset(point: [f64; 2]) -> [f64; 2] {
 }
 
 /// `n` offsets, in pixels, of a Gaussian with standard deviation `sigma` that is cut at 2 `sigma`. They go with the
-/// time samples 0..n as those of [`pixel_offsets`]. Their mean is 0, and their mean square that of the Gaussian, but for
-/// n = 1: that sample sits at the pixel's centre.
+/// time samples 0..n as those of [`pixel_offsets`]. Their mean is 0, and their mean square that of the Gaussian, but
+/// for n = 1: that sample sits at the pixel's centre.
 pub fn gaussian_offsets(n: u32, seed: u64, sigma: f64) -> Vec<[f32; 2]> {
     let in_square = |offset: [f32; 2]| offset.map(|v| f64::from(v) + 0.5);
     let mut offsets: Vec<[f64; 2]> =
