@@ -26,7 +26,9 @@ enum What {
     Thesis(Thesis),
 }
 
-/// Wolf (2008): figures 3.1, 5.1, 5.2 and 5.3, and the fifteen cells of table 5.1 beside the thesis' own.
+/// Wolf (2008): figures 3.1, 5.1, 5.2 and 5.3, and the fifteen cells of table 5.1 beside the thesis' own; and the
+/// prefilters beside each other: figures 4.9 and 4.10, figure 11 of Ren et al. (2002), and figure 13 of Zwicker et al.
+/// (2002).
 ///
 /// Writes a picture for each figure and DIR/thesis.md, and prints the tables. The models are made by formula; they have
 /// as many surfels as the thesis' own, which are not public, and move as its captions say. Takes a few minutes on two

@@ -264,7 +264,11 @@ fn the_thesis_is_made_again() {
         assert_eq!(cells.iter().filter(|cell| cell.contains(surfels) && cell.contains(figure)).count(), 5, "{tables}");
     }
     assert!(!tables.contains("NaN") && !tables.contains("inf"), "{tables}");
-    for name in ["3.1", "5.1", "5.2", "5.2e", "5.3"] {
+    let rows = |start: &str| tables.lines().filter(|line| line.starts_with(start)).count();
+    let starts = ["| Wolf 4.9 |", "| Ren et al. 11 |", "| Zwicker et al. 13 |", "| thin |"];
+    assert_eq!(starts.map(rows), [1, 2, 3, 1], "{tables}");
+    let prefilters = ["4.9", "4.10", "ren-11", "ren-11-random", "zwicker-13"];
+    for name in ["3.1", "5.1", "5.2", "5.2e", "5.3"].into_iter().chain(prefilters) {
         let picture = image::read(&directory.path().join(format!("thesis/figure-{name}.png"))).unwrap();
         assert!(picture.rgba.iter().any(|p| p[0] > 0.2 && p[0] < 0.9), "{name}");
     }

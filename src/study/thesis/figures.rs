@@ -83,6 +83,11 @@ pub(super) fn shell(size: [u32; 2], fewer: usize, discs: f64) -> Result<Scene, M
     Ok(scene(vec![object("shell", cloud, DVec3::ZERO, vec![Motion::Linear { velocity: DVec3::X }])?], size))
 }
 
+/// The octopus of figure 5.2, at rest.
+pub(super) fn octopus_at_rest(size: [u32; 2], fewer: usize) -> Result<Scene, ModelError> {
+    Ok(scene(vec![object("octopus", models::octopus(465_878 / fewer).cloud, DVec3::ZERO, Vec::new())?], size))
+}
+
 /// Travel of the ball of figure 3.1, and its radius, scene units.
 pub(super) const FALL: [f64; 2] = [2.0, 0.2];
 
@@ -106,7 +111,7 @@ fn object(name: &str, cloud: Cloud, place: DVec3, motions: Vec<Motion>) -> Resul
 }
 
 /// Frame 0 in the middle of the exposure, before black, seen from (0, 0, 4).
-fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
+pub(super) fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
     let mut scene = Scene::new(objects);
     scene.camera = Camera::new(DVec3::new(0.0, 0.0, 4.0), DVec3::ZERO);
     (scene.image.width, scene.image.height) = (size[0], size[1]);

@@ -1,9 +1,12 @@
-//! The pictures and numbers of Wolf (2008), chapter 5, made again: figures 3.1, 5.1, 5.2, 5.3, and table 5.1.
+//! The pictures and numbers of Wolf (2008) made again: figures 3.1, 5.1, 5.2, 5.3, and table 5.1; and the figures about
+//! the prefilter: 4.9, 4.10, and those of Ren et al. (2002) and Zwicker et al. (2002).
 //!
 //! The models are not the thesis' own, which are not public. They have as many surfels, and move as its captions say.
 
 mod figures;
 mod models;
+mod planes;
+mod prefilters;
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -95,6 +98,7 @@ impl Thesis {
         self.thin_part(renderer, directory, &mut text)?;
         tell("figure 5.3: alpha against density");
         self.densities(renderer, &mut text)?;
+        text += &self.prefilters(renderer, directory, tell)?;
         Ok(text)
     }
 
