@@ -2,7 +2,7 @@
 // filter of the sample grid.
 // Twin: src/backend/cpu/ewa/project.rs.  Math: docs/math.md, section 3.
 //   in   segment, travels   as in project.wgsl
-//        geometry  columns of the surfel buffer: positions, axes u, axes v, normalisation
+//        geometry  columns of the surfel buffer: positions, axes u, axes v, normalisation; then the mean of the last
 //   out  splats, touched    as in project.wgsl
 // One invocation per surfel. `view.pixels` are those of the band and of the apron around it, as far as the image goes.
 
@@ -23,15 +23,16 @@ fn ewa_project(@builtin(global_invocation_id) id: vec3<u32>) {
     if rows.x > band.y || rows.y < band.x { return; }
     let listed = vec4<u32>(bounds.xy, vec2<u32>(clamp(rows, band.xx, band.yy)));
     let factor = geometry[9u * segment.buffer_surfels + segment.first_surfel + id.x];
+    let mean = geometry[10u * segment.buffer_surfels];
     var splat: EwaSplat;
     splat.disc = surfel.splat;
     splat.disc.bounds = pack(bounds);
     splat.peak = 1.0;
-    splat.weight = factor;
+    splat.weight = mean;
     splat.listed_bounds = pack(listed);
     splat.filtered_bounds = pack(bounds);
     splat.crossing = 1u;
-    if surfel.splat.centre_depth > 0.0 && !filter_kernel(&splat, surfel, factor, band) { return; }
+    if surfel.splat.centre_depth > 0.0 && !filter_kernel(&splat, surfel, factor, mean, band) { return; }
     splats[slot] = splat;
     touched[slot] = tiles_in(listed);
 }
@@ -43,7 +44,9 @@ fn band_rows() -> vec2<i32> {
 }
 
 // Filters an ordinary splat. False where nothing is left of it.
-fn filter_kernel(splat: ptr<function, EwaSplat>, surfel: Posed, factor: f32, band: vec2<i32>) -> bool {
+fn filter_kernel(
+    splat: ptr<function, EwaSplat>, surfel: Posed, factor: f32, mean: f32, band: vec2<i32>,
+) -> bool {
     let u = surfel.u;
     let v = surfel.v;
     let depth = surfel.c.z;
@@ -83,7 +86,8 @@ fn filter_kernel(splat: ptr<function, EwaSplat>, surfel: Posed, factor: f32, ban
     (*splat).shrink = shrink;
     (*splat).p = array<f32, 3>(p.x, p.y, p.z);
     (*splat).peak = peak;
-    (*splat).weight = peak * factor;
+    // The narrower the filter is beside the kernel, the more all kernels of a model count alike.
+    (*splat).weight = peak * (factor + peak * (mean - factor));
     (*splat).filtered_bounds = pixels_of(reference, columns, rows, 2.0 * view.sigma, vec4<i32>(view.pixels.xy, band));
     (*splat).crossing = 0u;
     return true;

@@ -60,6 +60,22 @@ impl Surfels {
     pub fn normalisation(&self) -> &[f32] {
         self.normalisation.known_or(|| factors(self))
     }
+
+    /// The mean of all factors, weighted by the areas of the discs: with it for all the sum of areas is the same. 1 for
+    /// a model without surfels. It is computed when it is first asked for.
+    pub fn mean_normalisation(&self) -> f32 {
+        let factors = self.normalisation();
+        self.normalisation.mean_or(|| {
+            let area = |i: usize| f64::from(self.axis_u[i].cross(self.axis_v[i]).length());
+            let (sum, total) = factors
+                .iter()
+                .enumerate()
+                .fold((0.0, 0.0), |(sum, total), (i, &factor)| (sum + area(i) * f64::from(factor), total + area(i)));
+            let mean = (sum / total) as f32;
+            // Not a number where all discs are points, or none is there.
+            if mean > 0.0 && mean <= LARGEST { mean } else { 1.0 }
+        })
+    }
 }
 
 /// A disc as its neighbours see it.

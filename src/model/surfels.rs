@@ -30,12 +30,15 @@ impl Default for Material {
 /// It belongs to the positions and axes beside it. Whoever changes them replaces it by the default, which is "not
 /// known". A clone knows nothing, because clones are made to be changed.
 #[derive(Debug, Default)]
-pub struct Normalisation(OnceLock<Vec<f32>>);
+pub struct Normalisation {
+    factors: OnceLock<Vec<f32>>,
+    mean: OnceLock<f32>,
+}
 
 impl Normalisation {
     /// The factors, one for each surfel, if they are known.
     pub fn known(&self) -> Option<&[f32]> {
-        self.0.get().map(Vec::as_slice)
+        self.factors.get().map(Vec::as_slice)
     }
 
     /// The factors, computed unless they are known.
@@ -43,12 +46,17 @@ impl Normalisation {
     /// Two threads that ask at the same time both compute, and get the same. No lock is held meanwhile: a thread that
     /// waits for its parallel parts may take up a task that asks again, and would wait for itself.
     pub(super) fn known_or(&self, compute: impl FnOnce() -> Vec<f32>) -> &[f32] {
-        if self.0.get().is_none() {
+        if self.factors.get().is_none() {
             let factors = compute();
             // An error says that the other thread was first.
-            let _ = self.0.set(factors);
+            let _ = self.factors.set(factors);
         }
         self.known().unwrap_or_default()
+    }
+
+    /// The mean of the factors, computed unless it is known.
+    pub(super) fn mean_or(&self, compute: impl FnOnce() -> f32) -> f32 {
+        *self.mean.get_or_init(compute)
     }
 }
 
@@ -60,7 +68,7 @@ impl Clone for Normalisation {
 
 impl From<Vec<f32>> for Normalisation {
     fn from(factors: Vec<f32>) -> Self {
-        Self(factors.into())
+        Self { factors: factors.into(), mean: OnceLock::new() }
     }
 }
 

@@ -9,10 +9,11 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
 use splatblur::model::Surfels;
 use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Object, Scene};
 
-use crate::support::{UNLIT, object, round_surfels, scene, sphere};
+use crate::support::{UNLIT, object, rms, round_surfels, scene, sphere};
 
 const SIZE: u32 = 48;
 const FOVY: f64 = 2.0;
@@ -140,6 +141,37 @@ fn a_tiny_ball_is_a_picture_of_the_gaussian() {
         );
         assert!((share - 1.0).abs() < 0.05, "sigma {sigma}, {samples}: area {share}");
         assert!((variance / want - 1.0).abs() < 0.05, "sigma {sigma}, {samples}: variance {variance}");
+    }
+}
+
+/// A surface of points that lie anyhow, near and far. Seen from near, colours go over into each other as they do
+/// without a filter, which is what the reference has; seen from far, each counts for the area that is its own.
+#[test]
+fn colours_of_points_that_lie_anyhow_are_those_of_the_reference() {
+    let mut state = 3_u64;
+    let mut uniform = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    for (spacing, most) in [(8.0, 1.5), (2.0, 1.5), (0.5, 1.5)] {
+        let side = (f64::from(SIZE) / spacing) as i32 / 2 + 6;
+        let places = (-side..=side).flat_map(|i| (-side..=side).map(move |j| [f64::from(i), f64::from(j)]));
+        let plane = round_surfels(places.map(|[x, y]| {
+            let at = DVec3::new(x + uniform() - 0.5, y + uniform() - 0.5, 0.0);
+            (at, DVec3::Z, 1.5, Vec3::new(uniform() as f32, uniform() as f32, uniform() as f32))
+        }));
+        let scene = before_nothing(vec![seen(plane, [0.0; 2], spacing)]);
+        let options = ReferenceOptions { samples: 1024, ..ReferenceOptions::default() };
+        let truth = reference::render(&scene, 0, &options, None, &|_| ()).unwrap().picture;
+        let plain = RenderOptions {
+            quality: BlurMode::supersample(64).into(),
+            prefilter: Prefilter::None,
+            ..RenderOptions::default()
+        };
+        let plain = render_frame(&mut Cpu::default(), &scene, 0, &plain).unwrap().picture;
+        let (with, without) = (rms(&filtered(&scene, 64, PixelFilter::Box), &truth), rms(&plain, &truth));
+        println!("{spacing} px apart: rms {with:.5}, without filter {without:.5}");
+        assert!(with < most * without, "{spacing} px apart: {with:.5} for {without:.5}");
     }
 }
 

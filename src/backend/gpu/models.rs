@@ -32,7 +32,7 @@ struct Model {
 pub(in crate::backend) struct SurfelBuffer {
     /// Which surfels of the model.
     pub surfels: Range<usize>,
-    /// Columns: positions, axes u, axes v; then the normalisation of kernels, where a frame needed it.
+    /// Columns: positions, axes u, axes v; then the normalisation of kernels and its mean, where a frame needed them.
     pub geometry: Buffer,
     /// Columns: normals, colours, then materials where the model has them.
     pub looks: Buffer,
@@ -60,6 +60,7 @@ impl Models {
 
 fn upload(device: &Device, surfels: &Surfels, normalised: bool) -> Result<Vec<SurfelBuffer>, BackendError> {
     let factors = if normalised { surfels.normalisation() } else { &[] };
+    let mean: Vec<f32> = normalised.then(|| surfels.mean_normalisation()).into_iter().collect();
     // At most 40 bytes of geometry, at most 40 of looks.
     let most = (device.most_bytes() / 40).clamp(1, MOST_SURFELS) as usize;
     let mut buffers = Vec::new();
@@ -70,6 +71,7 @@ fn upload(device: &Device, surfels: &Surfels, normalised: bool) -> Result<Vec<Su
             bytemuck::cast_slice(&surfels.axis_u[range.clone()]),
             bytemuck::cast_slice(&surfels.axis_v[range.clone()]),
             bytemuck::cast_slice(factors.get(range.clone()).unwrap_or_default()),
+            bytemuck::cast_slice(&mean),
         ];
         let materials: Vec<[f32; 4]> = surfels
             .material

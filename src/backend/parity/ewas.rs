@@ -244,7 +244,7 @@ fn ewa_passes_agree() {
 }
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 38] = [
+static MUTANTS: [([(&str, &str); 1], &str); 40] = [
     // Pass `project`.
     (
         [("let wider = vec2<f32>(-margin, margin);\n    let columns", "let wider = vec2<f32>(0.0);\n    let columns")],
@@ -255,7 +255,9 @@ static MUTANTS: [([(&str, &str); 1], &str); 38] = [
     ([("vec3<f32>(yy * over, -xy * over", "vec3<f32>(yy * over, xy * over")], "supersample"),
     ([("(u.z * form_u + v.z * form_v) * inverse", "(u.z * form_u - v.z * form_v) * inverse")], "supersample"),
     ([("sqrt(area * area * over)", "sqrt(area * over)")], "supersample"),
-    ([("(*splat).weight = peak * factor", "(*splat).weight = factor")], "supersample"),
+    ([("(*splat).weight = peak * (factor", "(*splat).weight = (factor")], "supersample"),
+    ([("factor + peak * (mean - factor)", "factor")], "supersample"),
+    ([("let mean = geometry[10u", "let mean = geometry[9u")], "supersample"),
     ([("columns, rows, 2.0 * view.sigma", "columns, rows, view.sigma")], "supersample"),
     ([("let factor = geometry[9u", "let factor = geometry[6u")], "supersample"),
     ([("surfel.splat.centre_depth > 0.0 &&", "true &&")], "hard"),

@@ -52,8 +52,9 @@ impl TileWork for EwaGroup<'_> {
             let guarded = pixels.widened(apron as i32, scope.raster.size);
             let view = View { margin: apron as f32, low_pass: false, pixels: guarded, ..scope.view(chunk) };
             let sigma = scope.raster.sigma;
-            let normalisation = surfels.normalisation();
-            let mut out = Filtered { sigma, pixels, guarded, normalisation, out: &mut binned.splats };
+            let (normalisation, mean_normalisation) = (surfels.normalisation(), surfels.mean_normalisation());
+            let splats = &mut binned.splats;
+            let mut out = Filtered { sigma, pixels, guarded, normalisation, mean_normalisation, out: splats };
             project(&view, surfels, chunk.surfels.clone(), &mut out);
             binned.bin();
             scope.add_values(chunk, binned);

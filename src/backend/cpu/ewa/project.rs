@@ -21,8 +21,9 @@ pub(super) struct Filtered<'a> {
     pub pixels: PixelRect,
     /// The pixels of the image around them.
     pub guarded: PixelRect,
-    /// Normalisation of each surfel of the model.
+    /// Normalisation of each surfel of the model, and its mean.
     pub normalisation: &'a [f32],
+    pub mean_normalisation: f32,
     pub out: &'a mut Vec<EwaSplat>,
 }
 
@@ -82,7 +83,7 @@ impl Sink for Filtered<'_> {
             shrink,
             p,
             peak,
-            weight: peak * self.factor(splat.surfel),
+            weight: weight(peak, self.factor(splat.surfel), self.mean_normalisation),
             filtered_bounds: pixels(splat.reference, ends, 2.0 * self.sigma, &self.pixels),
             listed_bounds: splat.bounds,
             crossing: 0,
@@ -93,13 +94,21 @@ impl Sink for Filtered<'_> {
         self.out.push(EwaSplat {
             disc: splat,
             peak: 1.0,
-            weight: self.factor(splat.surfel),
+            weight: self.mean_normalisation,
             filtered_bounds: splat.bounds,
             listed_bounds: splat.bounds,
             crossing: 1,
             ..bytemuck::Zeroable::zeroed()
         });
     }
+}
+
+/// Weight of a kernel at its centre. The narrower the filter is beside the kernel (`peak` near 1), the more all kernels
+/// of a model count alike, as they do in a picture without filter; the wider it is, the more each counts for the area
+/// that is its own (`factor`). `mean`: the mean of all factors, so that weights still add up to about 1.
+#[inline(always)]
+fn weight(peak: f32, factor: f32, mean: f32) -> f32 {
+    peak * (factor + peak * (mean - factor))
 }
 
 /// The pixels of `rect` that `ends`, widened by `margin`, may touch; none where the first is after the last.

@@ -67,7 +67,14 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
         clusters: None,
     };
     let mut out = Vec::new();
-    let mut filtered = Filtered { sigma: sigma as f32, pixels, guarded: pixels, normalisation: &[], out: &mut out };
+    let mut filtered = Filtered {
+        sigma: sigma as f32,
+        pixels,
+        guarded: pixels,
+        normalisation: &[],
+        mean_normalisation: 1.0,
+        out: &mut out,
+    };
     project(&view, &surfels, 0..1, &mut filtered);
     out.pop()
 }
