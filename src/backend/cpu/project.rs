@@ -15,7 +15,7 @@ use crate::math::simd::dispatch;
 use crate::model::Surfels;
 
 /// Surfels worked on at once.
-const LANES: usize = 16;
+pub(in crate::backend) const LANES: usize = 16;
 type Lanes = [f32; LANES];
 /// Surfels turned from points into coordinates at once; a multiple of `LANES`.
 const RUN: usize = CLUSTER_SURFELS;
@@ -63,18 +63,44 @@ impl View<'_> {
     }
 }
 
+/// What is known of a surfel beside its splat. All but `reference` is about the projected centre, in homogeneous pixel
+/// coordinates.
+#[derive(Clone, Copy)]
+pub(in crate::backend) struct Projected {
+    /// Pixel position of the centre.
+    pub reference: [f32; 2],
+    /// One over the depth of the centre.
+    pub inverse: f32,
+    /// Axes u and v (x, y, depth).
+    pub u: [f32; 3],
+    pub v: [f32; 3],
+    /// Left and right end of the disc with its low-pass disc, then top and bottom: pixels.
+    pub ends: [(f32, f32); 2],
+}
+
 /// Where splats go to.
 pub(in crate::backend) trait Sink {
-    /// Takes an ordinary splat. `posed`: centre, axis u and axis v in homogeneous pixel coordinates (x, y, depth).
-    fn push(&mut self, splat: Splat, posed: [[f32; 3]; 3]);
+    /// What it makes of `LANES` surfels, field by field, beside their splats.
+    type Lanes: Default;
+
+    /// Makes lane `l`. This is for all surfels, so that the loop over lanes becomes vectors.
+    fn lane(&self, projected: &Projected, l: usize, out: &mut Self::Lanes);
+
+    /// Takes an ordinary splat, that of lane `l`.
+    fn push(&mut self, splat: Splat, lanes: &Self::Lanes, l: usize);
 
     /// Takes a splat that crosses the camera plane.
     fn push_crossing(&mut self, splat: Splat);
 }
 
 impl Sink for Vec<Splat> {
+    type Lanes = ();
+
     #[inline(always)]
-    fn push(&mut self, splat: Splat, _posed: [[f32; 3]; 3]) {
+    fn lane(&self, _projected: &Projected, _l: usize, _out: &mut ()) {}
+
+    #[inline(always)]
+    fn push(&mut self, splat: Splat, _lanes: &(), _l: usize) {
         self.push(splat);
     }
 
@@ -143,7 +169,7 @@ fn split(points: &[Vec3], [x, y, z]: &mut [[f32; RUN]; 3]) {
 
 /// `n` surfels, from surfel `first` of the run on; `surfel` is the index of that one in the model.
 #[inline(always)]
-fn project_lanes(view: &View<'_>, run: &Run, first: usize, n: usize, surfel: u32, out: &mut impl Sink) {
+fn project_lanes<S: Sink>(view: &View<'_>, run: &Run, first: usize, n: usize, surfel: u32, out: &mut S) {
     let (position, axis_u, axis_v) =
         (lanes(&run.position, first), lanes(&run.axis_u, first), lanes(&run.axis_v, first));
     if !view.two_sided && !view.object.moves && all_face_away(view.object, &position, &axis_u, &axis_v) {
@@ -155,8 +181,10 @@ fn project_lanes(view: &View<'_>, run: &Run, first: usize, n: usize, surfel: u32
         v: transform(&view.object.screen_from_model, Vec3::ZERO, &axis_v),
     };
     let mut shape = Shape::default();
+    let mut of_sink = S::Lanes::default();
     for l in 0..LANES {
-        project_lane(view, &posed, l, &mut shape);
+        let projected = project_lane(view, &posed, l, &mut shape);
+        out.lane(&projected, l, &mut of_sink);
     }
     // Bits instead of a test for each lane, which would often be predicted wrong.
     let mut shown = 0_u32;
@@ -174,7 +202,7 @@ fn project_lanes(view: &View<'_>, run: &Run, first: usize, n: usize, surfel: u32
         let bounds = [shape.bounds[0][l], shape.bounds[1][l], shape.bounds[2][l], shape.bounds[3][l]];
         if view.wants(bounds) {
             let splat = ordinary(&shape, l, bounds, surfel + l as u32);
-            out.push(splat, [&posed.centre, &posed.u, &posed.v].map(|p| [p[0][l], p[1][l], p[2][l]]));
+            out.push(splat, &of_sink, l);
         }
     }
 }
@@ -254,7 +282,7 @@ struct Shape {
 /// Culls by facing, depth and pixels wanted; bounds the ellipse by its dual conic, D = T diag(1, 1, -1) T^t with
 /// T = [u v centre] (Sigg et al. 2006; docs/math.md): exact in perspective.
 #[inline(always)]
-fn project_lane(view: &View<'_>, posed: &PosedLanes, l: usize, shape: &mut Shape) {
+fn project_lane(view: &View<'_>, posed: &PosedLanes, l: usize, shape: &mut Shape) -> Projected {
     let depth = posed.centre[2][l];
     let inverse = 1.0 / depth;
     let x = posed.centre[0][l] * inverse;
@@ -305,6 +333,13 @@ fn project_lane(view: &View<'_>, posed: &PosedLanes, l: usize, shape: &mut Shape
     let ordinary = if seen { ORDINARY } else { CULLED };
     let kind = if crossing { CROSSING } else { ordinary };
     shape.kind[l] = if facing & !behind { kind } else { CULLED };
+    Projected {
+        reference: [reference_x, reference_y],
+        inverse,
+        u: [ux, uy, ud],
+        v: [vx, vy, vd],
+        ends: [(left, right), (top, bottom)],
+    }
 }
 
 #[inline(always)]

@@ -59,10 +59,10 @@ impl EwaTwins<'_> {
         let mut buffers = TileBuffers::default();
         buffers.ewa.clear_depths();
         for (Posed { chunk, splats }, list) in posed.iter().zip(&lists) {
-            visibility::visibility(splats, list, scope.depths(chunk), &guarded, &mut buffers.ewa);
+            visibility::visibility(splats, list, scope.depths(chunk), &guarded, true, &mut buffers.ewa);
         }
         if !several {
-            visibility::find_open(&tile, apron, size, &mut buffers.ewa);
+            visibility::find_open(&tile, apron, size, None, &mut buffers.ewa);
             for (Posed { chunk, splats }, list) in posed.iter().zip(&lists) {
                 visibility::second(splats, list, scope.depths(chunk), &tile, start, &mut buffers.ewa);
             }

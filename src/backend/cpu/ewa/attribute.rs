@@ -143,24 +143,33 @@ fn add_splat<const W: usize, const CROSSING: bool>(
         while x <= touched.x1 {
             let patch = Patch::<W>::new(touched, tile, x, y);
             let limit = patch::load::<W>(&buffers.threshold[filter.start + y * APRON_STRIDE + x..], APRON_STRIDE);
-            let mut weights = [0.0_f32; LANES];
-            let mut depths = [0.0_f32; LANES];
-            let mut discs = [0.0_f32; LANES];
-            for l in 0..LANES {
-                let seen = patch.filtered::<CROSSING>(splat, l, most_inverse_depth, quarter_variance);
-                (weights[l], depths[l], discs[l]) = (seen.weight, seen.depth, seen.disc);
-            }
             let at = y * row + x;
-            let mut add = |layer: Layer, weights: &Lanes, extra: bool| {
-                let out = &mut buffers.sums[layer as usize][at..];
-                add_layer::<W>(out, row, splat, values, filter, (weights, &depths), extra);
-            };
             let mut open = 0;
             for line in 0..LANES / W {
                 let bits = buffers.open.get(y + line).map_or(0, |bits| bits >> x) & ((1 << W) - 1);
                 open |= bits << (line * W);
             }
-            if !sample_coverage.is_empty() {
+            let mut weights = [0.0_f32; LANES];
+            let mut depths = [0.0_f32; LANES];
+            let mut discs = [0.0_f32; LANES];
+            let has_coverage = !sample_coverage.is_empty();
+            if open == 0 && !has_coverage {
+                // Most pixels are solid. Nobody asks for discs there.
+                for l in 0..LANES {
+                    let seen = patch.filtered::<CROSSING>(splat, l, most_inverse_depth, quarter_variance);
+                    weights[l] = if seen.depth <= limit[l] { seen.weight } else { 0.0 };
+                    depths[l] = seen.depth;
+                }
+                let out = &mut buffers.sums[Layer::Band as usize][at..];
+                add_layer::<W>(out, row, splat, values, filter, (&weights, &depths), false);
+                x += W;
+                continue;
+            }
+            for l in 0..LANES {
+                let seen = patch.filtered::<CROSSING>(splat, l, most_inverse_depth, quarter_variance);
+                (weights[l], depths[l], discs[l]) = (seen.weight, seen.depth, seen.disc);
+            }
+            if has_coverage {
                 // A hidden splat covers the pixel, too: what hides it covers it.
                 let mut covered = [0.0; LANES];
                 (0..LANES).for_each(|l| covered[l] = if discs[l] > 0.0 { 1.0 } else { weights[l] });
@@ -169,7 +178,8 @@ fn add_splat<const W: usize, const CROSSING: bool>(
             }
             if open == 0 {
                 (0..LANES).for_each(|l| weights[l] = if depths[l] <= limit[l] { weights[l] } else { 0.0 });
-                add(Layer::Band, &weights, false);
+                let out = &mut buffers.sums[Layer::Band as usize][at..];
+                add_layer::<W>(out, row, splat, values, filter, (&weights, &depths), false);
             } else {
                 let next = patch::load::<W>(&buffers.second[y * STRIDE + x..], STRIDE);
                 let mut of_layer = [[0.0_f32; LANES]; 4];
@@ -184,7 +194,8 @@ fn add_splat<const W: usize, const CROSSING: bool>(
                 }
                 for layer in Layer::ALL {
                     if any[layer as usize] {
-                        add(layer, &of_layer[layer as usize], true);
+                        let out = &mut buffers.sums[layer as usize][at..];
+                        add_layer::<W>(out, row, splat, values, filter, (&of_layer[layer as usize], &depths), true);
                     }
                 }
                 if discs.iter().any(|&disc| disc > 0.0) {

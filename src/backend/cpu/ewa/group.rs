@@ -15,6 +15,7 @@ use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
 use crate::backend::cpu::tile_buffers::TileBuffers;
 use crate::backend::cpu::tile_runner::TileWork;
+use crate::backend::cpu::visibility::Depths;
 use crate::layout::EwaSplat;
 use crate::plan::EwaPass;
 
@@ -26,6 +27,13 @@ pub(in crate::backend) struct EwaGroup<'a> {
 impl EwaGroup<'_> {
     fn apron(&self) -> usize {
         self.scope.raster.apron()
+    }
+
+    /// The depth tolerance of all objects; `None` where they have several.
+    fn tolerance_of_all(&self) -> Option<Depths> {
+        let mut all = self.scope.group.samples.iter().flat_map(|sample| &sample.objects).map(|object| object.epsilon);
+        let epsilon = all.next()?;
+        all.all(|other| other == epsilon).then_some(Depths { near: self.scope.frame.near, epsilon })
     }
 
     fn samples(&self) -> usize {
@@ -75,7 +83,7 @@ impl TileWork for EwaGroup<'_> {
             EwaPass::Second if self.samples() > 1 => {}
             EwaPass::Second => {
                 let tile = self.scope.band.tile(index);
-                find_open(&tile, self.apron(), self.scope.raster.size, &mut buffers.ewa);
+                find_open(&tile, self.apron(), self.scope.raster.size, self.tolerance_of_all(), &mut buffers.ewa);
             }
             EwaPass::Attribute => {
                 buffers.ewa.clear_sums(self.scope.channels.count);
@@ -100,6 +108,8 @@ impl TileWork for EwaGroup<'_> {
         if pass == EwaPass::Second && !job.buffers.ewa.any_open() {
             return;
         }
+        // Nobody asks for them where a group has several samples.
+        let tolerances = self.samples() == 1 && self.tolerance_of_all().is_none();
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);
             if list.is_empty() {
@@ -111,7 +121,7 @@ impl TileWork for EwaGroup<'_> {
             }
             let TileBuffers { ewa: buffers, group_coverage, .. } = &mut *job.buffers;
             match pass {
-                EwaPass::Visibility => visibility(&binned.splats, list, depths, &rect, buffers),
+                EwaPass::Visibility => visibility(&binned.splats, list, depths, &rect, tolerances, buffers),
                 EwaPass::Second => second(&binned.splats, list, depths, &job.tile, first, buffers),
                 EwaPass::Attribute => {
                     let attributes = scope.attributes(chunk, &binned.values);

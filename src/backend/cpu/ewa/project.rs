@@ -6,8 +6,8 @@
 
 use std::ops::Range;
 
-use crate::backend::cpu::bounds::{extent, pixel_range};
-use crate::backend::cpu::project::{Sink, View, project_body};
+use crate::backend::cpu::bounds::{pixel_range, whole};
+use crate::backend::cpu::project::{LANES, Projected, Sink, View, project_body};
 use crate::frame::PixelRect;
 use crate::layout::{EwaSplat, Splat};
 use crate::math::simd::dispatch;
@@ -40,20 +40,30 @@ impl Filtered<'_> {
     }
 }
 
+/// Filtered splats of `LANES` surfels, field by field.
+#[derive(Default)]
+pub(super) struct FilteredLanes {
+    u: [Lanes; 2],
+    v: [Lanes; 2],
+    shrink: [Lanes; 2],
+    p: [Lanes; 3],
+    peak: Lanes,
+    /// First and last column, first and last row, of the disc and of the filtered kernel.
+    disc: [[u16; LANES]; 4],
+    filtered: [[u16; LANES]; 4],
+}
+
+type Lanes = [f32; LANES];
+
 impl Sink for Filtered<'_> {
+    type Lanes = FilteredLanes;
+
     #[inline(always)]
-    fn push(&mut self, splat: Splat, [c, u, v]: [[f32; 3]; 3]) {
-        if splat.centre_depth <= 0.0 {
-            return self.push_crossing(splat);
-        }
-        let depth = c[2];
-        let inverse = 1.0 / depth;
-        let (x, y) = (c[0] * inverse, c[1] * inverse);
-        let (ux, uy) = (u[0] - x * u[2], u[1] - y * u[2]);
-        let (vx, vy) = (v[0] - x * v[2], v[1] - y * v[2]);
+    fn lane(&self, projected: &Projected, l: usize, out: &mut FilteredLanes) {
+        let &Projected { reference, inverse, u, v, ends, .. } = projected;
         // J, pixels a unit of u and of v.
-        let (jux, juy) = (ux * inverse, uy * inverse);
-        let (jvx, jvy) = (vx * inverse, vy * inverse);
+        let (jux, juy) = (u[0] * inverse, u[1] * inverse);
+        let (jvx, jvy) = (v[0] * inverse, v[1] * inverse);
         let variance = self.sigma * self.sigma;
         let xx = 0.25 * (jux * jux + jvx * jvx) + variance;
         let xy = 0.25 * (jux * juy + jvx * jvy);
@@ -65,26 +75,42 @@ impl Sink for Filtered<'_> {
         let p = [yy * over, -xy * over, xx * over];
         let across = |jx: f32, jy: f32| [0.25 * (jx * p[0] + jy * p[1]), 0.25 * (jx * p[1] + jy * p[2])];
         let (form_u, form_v) = (across(jux, juy), across(jvx, jvy));
-        let shrink = [0, 1].map(|i| (u[2] * form_u[i] + v[2] * form_v[i]) * inverse);
-        let peak = (area * area * over).sqrt();
+        for i in 0..2 {
+            out.u[i][l] = form_u[i];
+            out.v[i][l] = form_v[i];
+            out.shrink[i][l] = (u[2] * form_u[i] + v[2] * form_v[i]) * inverse;
+        }
+        for i in 0..3 {
+            out.p[i][l] = p[i];
+        }
+        out.peak[l] = (area * area * over).sqrt();
+        let disc = pixels(reference, ends, 0.0, &self.guarded);
+        let filtered = pixels(reference, ends, 2.0 * self.sigma, &self.pixels);
+        for i in 0..4 {
+            out.disc[i][l] = disc[i];
+            out.filtered[i][l] = filtered[i];
+        }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, splat: Splat, lanes: &FilteredLanes, l: usize) {
+        if splat.centre_depth <= 0.0 {
+            return self.push_crossing(splat);
+        }
+        let peak = lanes.peak[l];
         if !(peak > 0.0 && peak.is_finite()) {
             return;
         }
-        let depth_extent2 = u[2] * u[2] + v[2] * v[2];
-        let d22 = depth_extent2 - depth * depth;
-        let ends = [
-            extent(ux * ux + vx * vx, ux * u[2] + vx * v[2], d22, 1.0 / d22, 0.0),
-            extent(uy * uy + vy * vy, uy * u[2] + vy * v[2], d22, 1.0 / d22, 0.0),
-        ];
+        let bounds = |of: &[[u16; LANES]; 4]| [of[0][l], of[1][l], of[2][l], of[3][l]];
         self.out.push(EwaSplat {
-            disc: Splat { bounds: pixels(splat.reference, ends, 0.0, &self.guarded), ..splat },
-            u: form_u,
-            v: form_v,
-            shrink,
-            p,
+            disc: Splat { bounds: bounds(&lanes.disc), ..splat },
+            u: [lanes.u[0][l], lanes.u[1][l]],
+            v: [lanes.v[0][l], lanes.v[1][l]],
+            shrink: [lanes.shrink[0][l], lanes.shrink[1][l]],
+            p: [lanes.p[0][l], lanes.p[1][l], lanes.p[2][l]],
             peak,
             weight: weight(peak, self.factor(splat.surfel), self.mean_normalisation),
-            filtered_bounds: pixels(splat.reference, ends, 2.0 * self.sigma, &self.pixels),
+            filtered_bounds: bounds(&lanes.filtered),
             listed_bounds: splat.bounds,
             crossing: 0,
         });
@@ -112,13 +138,12 @@ fn weight(peak: f32, factor: f32, mean: f32) -> f32 {
 }
 
 /// The pixels of `rect` that `ends`, widened by `margin`, may touch; none where the first is after the last.
+#[inline(always)]
 fn pixels(reference: [f32; 2], ends: [(f32, f32); 2], margin: f32, rect: &PixelRect) -> [u16; 4] {
     let [(left, right), (top, bottom)] = ends;
     let columns = pixel_range(reference[0], left - margin, right + margin, rect.first_column, rect.last_column);
     let rows = pixel_range(reference[1], top - margin, bottom + margin, rect.first_row, rect.last_row);
-    if columns.0 <= columns.1 && rows.0 <= rows.1 {
-        [columns.0 as u16, columns.1 as u16, rows.0 as u16, rows.1 as u16]
-    } else {
-        [1, 0, 1, 0]
-    }
+    let any = (columns.0 <= columns.1) & (rows.0 <= rows.1);
+    [(columns.0, 1), (columns.1, 0), (rows.0, 1), (rows.1, 0)]
+        .map(|(pixel, none)| if any { whole(pixel) } else { none })
 }

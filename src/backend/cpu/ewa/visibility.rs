@@ -11,27 +11,36 @@ use crate::layout::EwaSplat;
 use crate::math::simd::dispatch;
 
 dispatch! {
-    /// Lowers the thresholds of a tile and its apron by the splats that `list` names.
+    /// Lowers the thresholds of a tile and its apron by the splats that `list` names. `tolerances`: keep those of the
+    /// nearest discs, too.
     pub(in crate::backend) fn visibility(
-        splats: &[EwaSplat], list: &[u32], depths: Depths, rect: &TileRect, buffers: &mut EwaBuffers,
+        splats: &[EwaSplat], list: &[u32], depths: Depths, rect: &TileRect, tolerances: bool, buffers: &mut EwaBuffers,
     ) = visibility_body
 }
 
 #[inline(always)]
-fn visibility_body(splats: &[EwaSplat], list: &[u32], depths: Depths, rect: &TileRect, buffers: &mut EwaBuffers) {
+fn visibility_body(
+    splats: &[EwaSplat],
+    list: &[u32],
+    depths: Depths,
+    rect: &TileRect,
+    tolerances: bool,
+    buffers: &mut EwaBuffers,
+) {
     for &index in list {
         let splat = &splats[index as usize];
         let Some(touched) = Touched::within(splat.disc.bounds, rect) else { continue };
-        if touched.is_narrow() {
-            lower::<NARROW>(splat, &touched, depths, rect, buffers);
-        } else {
-            lower::<LANES>(splat, &touched, depths, rect, buffers);
+        match (touched.is_narrow(), tolerances) {
+            (true, false) => lower::<NARROW, false>(splat, &touched, depths, rect, buffers),
+            (false, false) => lower::<LANES, false>(splat, &touched, depths, rect, buffers),
+            (true, true) => lower::<NARROW, true>(splat, &touched, depths, rect, buffers),
+            (false, true) => lower::<LANES, true>(splat, &touched, depths, rect, buffers),
         }
     }
 }
 
 #[inline(always)]
-fn lower<const W: usize>(
+fn lower<const W: usize, const TOLERANCES: bool>(
     splat: &EwaSplat,
     touched: &Touched,
     depths: Depths,
@@ -46,7 +55,10 @@ fn lower<const W: usize>(
             let patch = Patch::<W>::new(touched, rect, x, y);
             let at = y * APRON_STRIDE + x;
             let mut threshold = patch::load::<W>(&buffers.threshold[at..], APRON_STRIDE);
-            let mut epsilon = patch::load::<W>(&buffers.epsilon[at..], APRON_STRIDE);
+            let mut epsilon = [0.0; LANES];
+            if TOLERANCES {
+                epsilon = patch::load::<W>(&buffers.epsilon[at..], APRON_STRIDE);
+            }
             for l in 0..LANES {
                 let hit = patch.at(&splat.disc, l);
                 let depth = 1.0 / hit.inverse_depth;
@@ -58,7 +70,9 @@ fn lower<const W: usize>(
                 epsilon[l] = if lower { tolerance } else { epsilon[l] };
             }
             patch::store::<W>(&mut buffers.threshold[at..], APRON_STRIDE, &threshold);
-            patch::store::<W>(&mut buffers.epsilon[at..], APRON_STRIDE, &epsilon);
+            if TOLERANCES {
+                patch::store::<W>(&mut buffers.epsilon[at..], APRON_STRIDE, &epsilon);
+            }
             x += W;
         }
         y += LANES / W;
@@ -114,8 +128,15 @@ fn second_body(
 ///
 /// A pixel is solid if discs cover it and all pixels within `apron`, and inverse depths around it change as those of a
 /// plane do, up to four tolerances: opposite neighbours agree with their middle. Pixels outside the image of `size`
-/// pixels do not count.
-pub(in crate::backend) fn find_open(tile: &TileRect, apron: usize, size: [u32; 2], buffers: &mut EwaBuffers) {
+/// pixels do not count. `of_all`: the tolerance of all objects, where it is one; else those that `visibility` kept are
+/// taken.
+pub(in crate::backend) fn find_open(
+    tile: &TileRect,
+    apron: usize,
+    size: [u32; 2],
+    of_all: Option<Depths>,
+    buffers: &mut EwaBuffers,
+) {
     const EDGE: usize = TILE + 2 * super::buffers::MOST_APRON;
     let (rect, [left, top]) = with_apron(tile, apron, size);
     // Inverse depths with the whole apron; NaN outside the image, 0 where nothing covers.
@@ -135,7 +156,12 @@ pub(in crate::backend) fn find_open(tile: &TileRect, apron: usize, size: [u32; 2
         }
         let mut open = rim;
         let middle = &inverse[y + apron][apron..][..TILE];
-        let epsilon = &buffers.epsilon[(y + top) * APRON_STRIDE + left..][..TILE];
+        let first = (y + top) * APRON_STRIDE + left;
+        let epsilon = &mut buffers.epsilon[first..][..TILE];
+        if let Some(depths) = of_all {
+            let thresholds = &buffers.threshold[first..][..TILE];
+            epsilon.iter_mut().zip(thresholds).for_each(|(epsilon, depth)| *epsilon = depths.tolerance(*depth));
+        }
         for distance in 1..=apron {
             for (dx, dy) in [(1, 0), (0, 1), (1, 1), (-1_isize, 1_isize)] {
                 let pick = |sign: isize| {
