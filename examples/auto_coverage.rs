@@ -1,6 +1,6 @@
 //! Does mode auto keep its promises? Stated and true errors on random scenes.
 //!
-//! `cargo run --release --example auto_coverage [-- seed=N] [scenes=N] [prefilter=none] [list=yes]`
+//! `cargo run --release --example auto_coverage [-- seed=N] [scenes=N] [prefilter=approx] [list=yes]`
 //!
 //! For each target: the share of scenes whose stated error is at least the true one, the median of stated / true, the
 //! share of scenes without a block beyond 1.1 E, and the samples of a pixel. The truth is supersampling with 768
@@ -39,7 +39,7 @@ fn main() {
     let asked = Arguments::read(&[], &["seed", "scenes", "prefilter", "list"]);
     let number = |key: &str, default: u64| asked.value(key).map_or(default, |text| text.parse().unwrap());
     let (seed, scenes) = (number("seed", 1), number("scenes", 200));
-    let prefilter = if asked.value("prefilter") == Some("none") { Prefilter::None } else { Prefilter::Approx };
+    let prefilter: Prefilter = asked.value("prefilter").map_or_else(Prefilter::default, |text| text.parse().unwrap());
     let models = Models::load();
     let mut cpu = Cpu::default();
     let mut seen: [Vec<Seen>; 3] = [Vec::new(), Vec::new(), Vec::new()];
