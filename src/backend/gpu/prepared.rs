@@ -27,6 +27,10 @@ pub(in crate::backend) struct Prepared<'a> {
 impl Gpu {
     /// Cuts the frame up and makes room for it.
     pub(in crate::backend) fn prepare<'a>(&mut self, frame: &'a Frame) -> Result<Prepared<'a>, BackendError> {
+        if frame.swept.is_some() && frame.prefilter == crate::options::Prefilter::Ewa {
+            let what = "prefilter `ewa` of kernels in motion is for the CPU alone: take `--backend cpu`";
+            return Err(self.state.device.error(what));
+        }
         let channels = DeviceChannels::of(frame);
         let planes = frame.film_planes();
         // A kernel that a pixel meets takes as many more iterations as it touches slices. Half of the iterations are

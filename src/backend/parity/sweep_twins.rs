@@ -219,7 +219,7 @@ impl SweepTwins<'_> {
         let mut buffers = TileBuffers::default();
         buffers.clear_threshold();
         buffers.clear_sums(self.scope().channels.count, 1);
-        buffers.clear_coverage_mask();
+        buffers.clear_coverage_mask(false);
         buffers
     }
 }
