@@ -126,6 +126,16 @@ pub struct SweptFilter {
     pub crossing: u32,
 }
 
+/// A kernel in motion and its filtered kernel, as the GPU has them.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct FilteredSplat {
+    /// The kernel. Its bounds and ends hold the filtered kernel, too.
+    pub splat: SweptSplat,
+    /// The kernel, filtered.
+    pub filtered: SweptFilter,
+}
+
 impl SweptFilter {
     /// That of a kernel at the camera plane, whose surfel has the normalisation `weight`.
     pub fn unfiltered(weight: f32) -> Self {

@@ -27,10 +27,6 @@ pub(in crate::backend) struct Prepared<'a> {
 impl Gpu {
     /// Cuts the frame up and makes room for it.
     pub(in crate::backend) fn prepare<'a>(&mut self, frame: &'a Frame) -> Result<Prepared<'a>, BackendError> {
-        if frame.swept.is_some() && frame.prefilter == crate::options::Prefilter::Ewa {
-            let what = "prefilter `ewa` of kernels in motion is for the CPU alone: take `--backend cpu`";
-            return Err(self.state.device.error(what));
-        }
         let channels = DeviceChannels::of(frame);
         let planes = frame.film_planes();
         // A kernel that a pixel meets takes as many more iterations as it touches slices. Half of the iterations are
@@ -46,7 +42,8 @@ impl Gpu {
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
         let DeviceState { device, models, buffers, .. } = &mut self.state;
-        let upload = |object: &FrameObject| models.surfel_buffers(device, &object.surfels, frame.has_ewa());
+        let normalised = frame.has_ewa() || frame.has_filtered_sweeps();
+        let upload = |object: &FrameObject| models.surfel_buffers(device, &object.surfels, normalised);
         let surfel_buffers = frame.objects.iter().map(upload).collect::<Result<Vec<_>, _>>()?;
         buffers.fit(device, &schedule, &channels)?;
         let entries = (ENTRIES_PER_SLOT * schedule.slots).min(self.first_entries).max(self.wanted_entries);

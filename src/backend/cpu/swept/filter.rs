@@ -7,7 +7,7 @@
 
 use glam::Vec3;
 
-use super::project::{Posed, forms};
+use super::posed::{Posed, forms};
 use crate::layout::SweptFilter;
 
 /// How a kernel is filtered.

@@ -75,7 +75,7 @@ fn add_all<const FOOTPRINT: u8>(
                 }
                 if lanes.covers != [0; LANES] {
                     lanes.show(slices, swept.sum, y, x);
-                    pair.mark(&lanes, y * STRIDE + x, coverage_mask);
+                    pair.mark(&lanes, swept.sum, y * STRIDE + x, coverage_mask);
                     for (value, plane) in values.iter().zip(out.chunks_exact_mut(STRIDE)) {
                         add(&mut plane[x..], &lanes.weight, *value);
                     }
@@ -152,7 +152,7 @@ impl Pair {
         let w = form(splat.inverse_depth);
         let path = Path { at: [form(splat.u), form(splat.v)], rate: [form(splat.u_rate), form(splat.v_rate)], w };
         let disc_span = beyond_near(self.near * w - 1.0, self.k[1], self.inverse_k[1], Sweep::tube(path).covered());
-        let disc_met = wanted & (w > 0.0) & (disc_span[0] < disc_span[1]);
+        let disc_met = (w > 0.0) & (disc_span[0] < disc_span[1]);
 
         // The filtered kernel: what it weighs.
         let [inverse_depth, u, v, u_rate, v_rate] = self.forms;
@@ -191,19 +191,22 @@ impl Pair {
         lanes.plane[0][l] = depth;
         lanes.plane[1][l] = change;
         lanes.depth[l] = if met { depth + tau * change } else { 0.0 };
-        lanes.surface[l] = if disc_met { moments(disc_span) } else { 0 };
+        lanes.surface[l] = if disc_met & met { moments(disc_span) } else { 0 };
         lanes.low_pass[l] = if met { moments(tube_span) } else { 0 };
-        lanes.covers[l] = u32::from(met | disc_met);
+        lanes.covers[l] = u32::from(met);
     }
 
     /// Adds when the lanes are covered, and by how much, for the pixels from `first` on.
     #[inline(always)]
-    fn mark(&self, lanes: &Lanes, first: usize, coverage_mask: &mut CoverageMask) {
+    fn mark(&self, lanes: &Lanes, sum: bool, first: usize, coverage_mask: &mut CoverageMask) {
         let CoverageMask { surface, low_pass, loose, peak, side } = coverage_mask;
         for (plane, factor) in [(loose, 1.0), (peak, self.peak), (side, self.side)] {
             if let Some(plane) = plane.get_mut(first..) {
                 add(plane, &lanes.loose, factor);
             }
+        }
+        if sum {
+            return;
         }
         for (plane, bits) in [(surface, &lanes.surface), (low_pass, &lanes.low_pass)] {
             if let Some(plane) = plane.get_mut(first..).and_then(<[u32]>::first_chunk_mut::<LANES>) {
@@ -238,7 +241,8 @@ impl Lanes {
             let part = shown[l] / (self.last[l] - self.first[l]);
             let passes = shown[l] > 0.0;
             let share = share * if passes { part } else { HIDDEN };
-            self.weight[l] = if covers { share } else { 0.0 };
+            // A tube that is met beside the ellipsoid covers, and gives a colour where there is no other.
+            self.weight[l] = if covers { share } else { self.loose[l] * HIDDEN };
             if sum {
                 self.loose[l] = if passes { weight * part } else { 0.0 };
             }

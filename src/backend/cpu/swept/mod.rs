@@ -6,6 +6,7 @@ pub(in crate::backend) mod filtered;
 mod hull;
 pub(in crate::backend) mod map;
 mod map_group;
+mod posed;
 pub(in crate::backend) mod project;
 mod ray;
 mod resolve;

@@ -9,6 +9,7 @@ use bytemuck::Zeroable;
 use glam::Vec3;
 
 use super::filter::{Filter, Filtered};
+use super::posed::{Posed, forms};
 use crate::backend::cpu::bounds::{extent, index_range};
 use crate::backend::cpu::project::View;
 use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, SweptFilter, SweptSplat};
@@ -70,18 +71,8 @@ fn all_posed(view: &View<'_>, surfels: &Surfels, range: Range<usize>) -> impl It
     })
 }
 
-/// A kernel in screen space: homogeneous pixel coordinates (x, y, depth) about the camera's axis.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Posed {
-    /// Centre at tau = 0.
-    pub centre: Vec3,
-    /// From there to tau = 1.
-    pub motion: Vec3,
-    pub u: Vec3,
-    pub v: Vec3,
-}
-
-/// The splat of one kernel, and its filtered kernel, zeroed without `filter`; none if it shows the wrong face at mid-interval, or nowhere touches the wanted pixels.
+/// The splat of one kernel, and its filtered kernel, zeroed without `filter`; none if it shows the wrong face at
+/// mid-interval, or nowhere touches the wanted pixels.
 #[inline(always)]
 pub(super) fn sweep(
     view: &View<'_>,
@@ -100,7 +91,8 @@ pub(super) fn sweep(
     let before = |depth: f32| depth > 0.0 && depth_extent2 - depth * depth <= -1e-3 * depth * depth;
     if !(before(depths[0]) && before(depths[1])) {
         let weight = filter.map_or(1.0, |filter| filter.factor);
-        return crossing(view, posed, surfel).map(|splat| (splat, SweptFilter::unfiltered(weight)));
+        let splat = crossing(view, posed, surfel)?;
+        return Some((splat, SweptFilter::unfiltered(weight)));
     }
     let inverse = 1.0 / centre.z;
     let (x, y) = (centre.x * inverse, centre.y * inverse);
@@ -143,26 +135,6 @@ pub(super) fn sweep(
         flags: back | if low_pass > 0.0 { FLAG_LOW_PASS } else { 0 },
     };
     Some((splat, wide.map_or_else(SweptFilter::zeroed, |wide| wide.forms([mx, my, motion.z]))))
-}
-
-/// The linear forms of a kernel with axes `u` and `v`, sheared as `motion` is: inverse depth, u, v, and the rates of u
-/// and v (docs/math.md, eq. 11). `inverse`: 1 over the centre's depth.
-#[inline(always)]
-pub(super) fn forms(
-    [ux, uy, uz]: [f32; 3],
-    [vx, vy, vz]: [f32; 3],
-    [mx, my, mz]: [f32; 3],
-    inverse: f32,
-) -> [[f32; 3]; 5] {
-    let over_area = 1.0 / (ux * vy - uy * vx);
-    let over_both = over_area * inverse;
-    [
-        [(uy * vz - uz * vy) * over_both, (uz * vx - ux * vz) * over_both, inverse],
-        [vy * over_area, -vx * over_area, 0.0],
-        [-uy * over_area, ux * over_area, 0.0],
-        [(vy * mz - vz * my) * over_both, (vz * mx - vx * mz) * over_both, (vx * my - vy * mx) * over_both],
-        [(my * uz - mz * uy) * over_both, (mz * ux - mx * uz) * over_both, (mx * uy - my * ux) * over_both],
-    ]
 }
 
 /// Boxes at both ends, as [`end`] has them, and one box about the whole kernel. `low_pass`: radius of its low-pass

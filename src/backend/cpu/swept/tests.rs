@@ -4,7 +4,8 @@ use glam::{DMat2, DMat3, DVec2, DVec3, Mat3, Vec3};
 
 use super::filter::Filter;
 use super::hull::Hull;
-use super::project::{Posed, sweep};
+use super::posed::Posed;
+use super::project::sweep;
 use super::ray::{LINE, Lanes, Ray, Sight};
 use crate::backend::cpu::project::View;
 use crate::frame::{PixelRect, PosedObject, Raster};
