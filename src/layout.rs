@@ -99,6 +99,50 @@ pub struct SweptSplat {
     pub flags: u32,
 }
 
+/// The kernel of a [`SweptSplat`], convolved with the low-pass filter of full EWA (docs/math.md, section 7).
+///
+/// It is a swept kernel of its own: the forms are those of a `SweptSplat`, counted from the same reference. Those that
+/// have no constants there have none here.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct SweptFilter {
+    /// Inverse depth of its own plane: coefficients of x and y. The constant is that of the unfiltered kernel.
+    pub inverse_depth: [f32; 2],
+    /// Coefficients of x and y.
+    pub u: [f32; 2],
+    /// Coefficients of x and y.
+    pub v: [f32; 2],
+    /// Change of u times inverse depth to tau = 1.
+    pub u_rate: [f32; 3],
+    /// Change of v times inverse depth to tau = 1.
+    pub v_rate: [f32; 3],
+    /// The depth of its own plane at tau is (1 + k tau) / w.
+    pub k: f32,
+    /// Weight at the centre before normalisation, sqrt(|V| / |V'|), in (0, 1].
+    pub peak: f32,
+    /// Weight at the centre: `peak` times the surfel's normalisation.
+    pub weight: f32,
+    /// 1 for a kernel that reaches the camera plane, which is not filtered: its forms are those of the splat. Else 0.
+    pub crossing: u32,
+}
+
+/// A kernel in motion and its filtered kernel, as the GPU has them.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct FilteredSplat {
+    /// The kernel. Its bounds and ends hold the filtered kernel, too.
+    pub splat: SweptSplat,
+    /// The kernel, filtered.
+    pub filtered: SweptFilter,
+}
+
+impl SweptFilter {
+    /// That of a kernel at the camera plane, whose surfel has the normalisation `weight`.
+    pub fn unfiltered(weight: f32) -> Self {
+        Self { peak: 1.0, weight, crossing: 1, ..Self::zeroed() }
+    }
+}
+
 /// The splat shows its back.
 pub const FLAG_BACK: u32 = 1;
 /// The low-pass disc around `reference` exists.
@@ -165,5 +209,6 @@ mod tests {
         assert_eq!(size_of::<Splat>(), 64);
         assert_eq!(size_of::<EwaSplat>(), 128);
         assert_eq!(size_of::<SweptSplat>(), 128);
+        assert_eq!(size_of::<SweptFilter>(), 64);
     }
 }

@@ -159,7 +159,7 @@ pub struct Scenery {
     pub has_static: bool,
     /// Whether the camera and the lights are the same in all samples.
     pub one_view: bool,
-    /// Whether full EWA filters the kernels of samples at instants.
+    /// Whether full EWA filters kernels.
     pub ewa: bool,
 }
 
@@ -177,6 +177,11 @@ impl Step {
                 steps.push(if scenery.ewa { Self::Ewa { group } } else { Self::Splat { group } });
                 continue;
             };
+            if scenery.ewa {
+                // Their weights add up to 1 without a map of densities, static objects' among them.
+                steps.push(Self::Sweep { group, interval, kernel, objects: Objects::All });
+                continue;
+            }
             // The published kernels (Wolf 2008, eq. 4.12) have no densities: static objects are summed with all others.
             let density = kernel.weight == KernelWeight::Integral;
             let has_picture = scenery.has_static && density;

@@ -9,7 +9,7 @@ use crate::backend::{Backend, BackendError, Meter};
 use crate::film::{Aov, Picture};
 use crate::frame::Frame;
 use crate::objects;
-use crate::options::{BlurMode, Prefilter, Quality, RenderOptions};
+use crate::options::{BlurMode, KernelWeight, Prefilter, Quality, RenderOptions};
 use crate::reconstruct;
 use crate::scene::Scene;
 use crate::time::FrameNumber;
@@ -267,8 +267,10 @@ fn finite(frame: FrameNumber) -> Result<FrameNumber, BackendError> {
 }
 
 fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
-    if let (Prefilter::Ewa, Quality::Mode(BlurMode::Volumetric { .. })) = (options.prefilter, options.quality) {
-        return Err(BackendError::Filter);
+    if let (Prefilter::Ewa, Quality::Mode(BlurMode::Volumetric { swept, .. })) = (options.prefilter, options.quality)
+        && swept.weight != KernelWeight::Integral
+    {
+        return Err(BackendError::Filter { weight: swept.weight });
     }
     match scene.objects.iter().find(|object| object.sphere.is_some()) {
         Some(object) => Err(BackendError::Sphere { object: object.name.clone() }),

@@ -65,14 +65,7 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
     }
     var sum: Sums;
     if view.resumes != 0u {
-        sum.weight = sums[sum_at];
-        sum.colour = load(sum_at, 1u);
-        if NORMAL != 0u { sum.normal = load(sum_at, NORMAL); }
-        if DEPTH != 0u { sum.depth = sums[sum_at + DEPTH * TILE_PIXELS]; }
-        if VELOCITY != 0u {
-            sum.velocity.x = sums[sum_at + VELOCITY * TILE_PIXELS];
-            sum.velocity.y = sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS];
-        }
+        sum = load_sums(sum_at);
         sum.surface = coverage_mask[mask_at];
         sum.low_pass = coverage_mask[mask_at + TILE_PIXELS];
         sum.loose = bitcast<f32>(coverage_mask[mask_at + 2u * TILE_PIXELS]);
@@ -84,6 +77,27 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
         add_splat(&sum, next_slot(&walk), pixel, before, slices);
     }
 
+    store_sums(sum_at, sum);
+    coverage_mask[mask_at] = sum.surface;
+    coverage_mask[mask_at + TILE_PIXELS] = sum.low_pass;
+    coverage_mask[mask_at + 2u * TILE_PIXELS] = bitcast<u32>(sum.loose);
+}
+
+// The sums of the pixel whose first is at `sum_at`, without when kernels cover.
+fn load_sums(sum_at: u32) -> Sums {
+    var sum: Sums;
+    sum.weight = sums[sum_at];
+    sum.colour = load(sum_at, 1u);
+    if NORMAL != 0u { sum.normal = load(sum_at, NORMAL); }
+    if DEPTH != 0u { sum.depth = sums[sum_at + DEPTH * TILE_PIXELS]; }
+    if VELOCITY != 0u {
+        sum.velocity.x = sums[sum_at + VELOCITY * TILE_PIXELS];
+        sum.velocity.y = sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS];
+    }
+    return sum;
+}
+
+fn store_sums(sum_at: u32, sum: Sums) {
     sums[sum_at] = sum.weight;
     store(sum_at, 1u, sum.colour);
     if NORMAL != 0u { store(sum_at, NORMAL, sum.normal); }
@@ -92,9 +106,6 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
         sums[sum_at + VELOCITY * TILE_PIXELS] = sum.velocity.x;
         sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS] = sum.velocity.y;
     }
-    coverage_mask[mask_at] = sum.surface;
-    coverage_mask[mask_at + TILE_PIXELS] = sum.low_pass;
-    coverage_mask[mask_at + 2u * TILE_PIXELS] = bitcast<u32>(sum.loose);
 }
 
 // Float `at` of those behind the map's tiles.
@@ -152,20 +163,25 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>, before: f32,
         } else {
             weight *= HIDDEN;
         }
-        var next = slot * VALUES;
-        (*sum).weight += weight;
-        (*sum).colour += weight * vec3<f32>(values[next], values[next + 1u], values[next + 2u]);
+        add_values(sum, slot, weight, met.depth);
+    }
+}
+
+// Adds the values of a kernel, whose mean depth on the ray is `depth`.
+fn add_values(sum: ptr<function, Sums>, slot: u32, weight: f32, depth: f32) {
+    var next = slot * VALUES;
+    (*sum).weight += weight;
+    (*sum).colour += weight * vec3<f32>(values[next], values[next + 1u], values[next + 2u]);
+    next += 3u;
+    if NORMAL != 0u {
+        (*sum).normal += weight * vec3<f32>(values[next], values[next + 1u], values[next + 2u]);
         next += 3u;
-        if NORMAL != 0u {
-            (*sum).normal += weight * vec3<f32>(values[next], values[next + 1u], values[next + 2u]);
-            next += 3u;
-        }
-        if DEPTH != 0u {
-            (*sum).depth += met.depth * weight;
-        }
-        if VELOCITY != 0u {
-            (*sum).velocity += weight * vec2<f32>(values[next], values[next + 1u]);
-        }
+    }
+    if DEPTH != 0u {
+        (*sum).depth += depth * weight;
+    }
+    if VELOCITY != 0u {
+        (*sum).velocity += weight * vec2<f32>(values[next], values[next + 1u]);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Why a backend could not render.
 
 use crate::frame::Frame;
+use crate::options::KernelWeight;
 use crate::time::FrameNumber;
 
 /// Why a backend could not render.
@@ -13,9 +14,15 @@ pub enum BackendError {
         /// Name of the object.
         object: String,
     },
-    /// Full EWA and kernels in motion.
-    #[error("prefilter `ewa` is for samples at instants, not yet for kernels in motion: take `approx` or `none`")]
-    Filter,
+    /// Full EWA and kernels in motion whose weights add up to nothing.
+    #[error(
+        "prefilter `ewa` is not for kernels in motion with the weight `{weight}`: take `--kernel-weight integral`, or \
+         the prefilter `approx` or `none`"
+    )]
+    Filter {
+        /// How kernels weigh.
+        weight: KernelWeight,
+    },
     /// The number of the frame is infinite or NaN.
     #[error("there is no frame {frame}; a finite number is needed")]
     Frame {

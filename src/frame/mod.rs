@@ -268,6 +268,11 @@ impl Frame {
         self.steps().any(|step| matches!(step, Step::Ewa { .. }))
     }
 
+    /// Whether full EWA filters kernels in motion.
+    pub fn has_filtered_sweeps(&self) -> bool {
+        self.swept.is_some() && self.prefilter == Prefilter::Ewa
+    }
+
     /// Whether any step makes a static picture.
     pub fn has_static_picture(&self) -> bool {
         self.steps().any(|step| matches!(step, Step::StaticPicture { .. }))

@@ -119,7 +119,7 @@ pub enum Prefilter {
     #[default]
     Approx,
     /// Object-space kernels, each convolved with a Gaussian as wide as the sample grid needs (Ren et al. 2002,
-    /// section 4; Zwicker et al. 2002, section 6). For samples at instants.
+    /// section 4; Zwicker et al. 2002, section 6). Not for the kernel weights chord and line.
     Ewa,
     /// Object-space kernels alone.
     None,

@@ -47,6 +47,8 @@ fn intervals_share_a_static_picture() {
     let each = ["StaticPicture", "VisibilityMap", "Sweep"];
     assert_eq!(names(kernel, turning), [each, each].concat());
     assert_eq!(names(SweptKernel::PUBLISHED, scenery), ["VisibilityMap", "Sweep", "VisibilityMap", "Sweep"]);
+    let filtered = Scenery { ewa: true, ..scenery };
+    assert_eq!(names(kernel, filtered), ["Sweep", "Sweep"], "static objects are swept with all others");
     let objects = |kernel| match Step::of_position(&sweeps(kernel), scenery).pop() {
         Some(Step::Sweep { objects, .. }) => objects,
         other => panic!("{other:?}"),

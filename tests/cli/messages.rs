@@ -96,6 +96,19 @@ fn other_files_than_scenes_are_named() {
     );
 }
 
+/// Full EWA is for kernels whose weights add up to 1.
+#[test]
+fn full_ewa_of_published_kernels_is_refused() {
+    let options = ["render", "scenes/spin.xml", "--backend", "cpu", "--frames", "1", "--quiet", "--prefilter", "ewa"];
+    for kernel in ["chord", "line"] {
+        let mode = format!("volumetric:2+kernel=ellipsoid+kernel-weight={kernel}");
+        let dir = tempfile::tempdir().unwrap();
+        let line = refused(&[&options[..], &["--mode", &mode, "--out", text(&dir.path().join("out"))]].concat());
+        let expected = format!("the weight `{kernel}`: take `--kernel-weight integral`");
+        assert!(line.contains(&expected), "{line}");
+    }
+}
+
 #[test]
 fn samples_of_references_are_explained() {
     let samples = |count: &str| refused(&["reference", "scenes/spin.xml", "--samples", count]);

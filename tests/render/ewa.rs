@@ -15,16 +15,16 @@ use splatblur::scene::{Object, Scene};
 
 use crate::support::{UNLIT, object, rms, round_surfels, scene, sphere};
 
-const SIZE: u32 = 48;
+pub(crate) const SIZE: u32 = 48;
 const FOVY: f64 = 2.0;
 
 /// Distance at which a unit length at the origin is one pixel.
-fn distance() -> f64 {
+pub(crate) fn distance() -> f64 {
     f64::from(SIZE) / 2.0 / (FOVY.to_radians() / 2.0).tan()
 }
 
 /// An unlit object whose origin is seen at `at`, pixels from the middle, with `pixels` pixels a unit.
-fn seen(model: Surfels, at: [f64; 2], pixels: f64) -> Object {
+pub(crate) fn seen(model: Surfels, at: [f64; 2], pixels: f64) -> Object {
     let mut object = object(model);
     object.material = Some(UNLIT);
     object.transform.translate = DVec3::new(at[0], -at[1], 0.0);
@@ -32,7 +32,7 @@ fn seen(model: Surfels, at: [f64; 2], pixels: f64) -> Object {
     object
 }
 
-fn before_nothing(objects: Vec<Object>) -> Scene {
+pub(crate) fn before_nothing(objects: Vec<Object>) -> Scene {
     let mut scene = scene(objects, [SIZE; 2], DVec3::Z * distance(), FOVY);
     scene.image.transparent = true;
     scene
@@ -49,12 +49,12 @@ fn filtered(scene: &Scene, samples: u32, filter: PixelFilter) -> Picture {
 }
 
 /// Sum of alpha, pixels.
-fn area(picture: &Picture) -> f64 {
+pub(crate) fn area(picture: &Picture) -> f64 {
     picture.rgba.iter().map(|pixel| f64::from(pixel[3])).sum()
 }
 
 /// A ball of random points, white.
-fn random_ball(n: usize) -> Surfels {
+pub(crate) fn random_ball(n: usize) -> Surfels {
     let mut state = 7_u64;
     let mut uniform = move || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -69,7 +69,7 @@ fn random_ball(n: usize) -> Surfels {
 }
 
 /// Where a ball stands, pixels from the middle: `n` places in a pixel.
-fn places(n: usize) -> impl Iterator<Item = [f64; 2]> {
+pub(crate) fn places(n: usize) -> impl Iterator<Item = [f64; 2]> {
     (0..n).map(move |i| [(i as f64 + 0.5) / n as f64 - 0.5, (i as f64 * 0.618_034).fract() - 0.5])
 }
 

@@ -7,6 +7,7 @@ mod auto;
 mod closed_forms;
 mod contact;
 mod ewa;
+mod ewa_in_motion;
 mod exposure;
 mod gpu;
 mod image_files;

@@ -5,13 +5,16 @@
 
 use super::swept::Hull;
 use super::tiles::{Band, TILE, TileRect};
-use crate::layout::{EwaSplat, Splat, SweptSplat};
+use crate::layout::{EwaSplat, Splat, SweptFilter, SweptSplat};
 
 /// Splats that touch more tiles than this are in a list of their own.
 const WIDE: usize = 64;
 
 /// What touches tiles.
 pub(in crate::backend) trait Tiled {
+    /// Bytes of what a splat may have beside itself.
+    const BESIDE: usize = 0;
+
     /// The pixels that may be touched, as `PixelRect::bounds` has them.
     fn bounds(&self) -> [u16; 4];
 
@@ -36,6 +39,8 @@ impl Tiled for EwaSplat {
 }
 
 impl Tiled for SweptSplat {
+    const BESIDE: usize = size_of::<SweptFilter>();
+
     fn bounds(&self) -> [u16; 4] {
         self.bounds
     }
@@ -86,6 +91,8 @@ impl Span {
 pub(in crate::backend) struct Binned<S = Splat> {
     /// Splats, in surfel order.
     pub splats: Vec<S>,
+    /// The filtered kernel of each splat; empty where none is filtered.
+    pub filters: Vec<SweptFilter>,
     /// What each shows: a number for each channel; empty where only weights are wanted.
     pub values: Vec<f32>,
     /// Scratch of `bin`, stored for its memory.
@@ -104,6 +111,7 @@ impl<S> Default for Binned<S> {
     fn default() -> Self {
         Self {
             splats: Vec::new(),
+            filters: Vec::new(),
             values: Vec::new(),
             spans: Vec::new(),
             rect: [0; 4],
@@ -117,7 +125,8 @@ impl<S> Default for Binned<S> {
 impl<S: Tiled> Binned<S> {
     /// Most bytes that a chunk of `surfels` surfels with `channels` values each can take in `band`.
     pub(in crate::backend) fn most_bytes(surfels: usize, channels: usize, band: &Band) -> u64 {
-        (surfels * (size_of::<S>() + size_of::<Span>() + channels * size_of::<f32>() + WIDE * size_of::<u32>())
+        (surfels
+            * (size_of::<S>() + S::BESIDE + size_of::<Span>() + channels * size_of::<f32>() + WIDE * size_of::<u32>())
             + (band.len() + 1) * size_of::<u32>()) as u64
     }
 
@@ -125,6 +134,7 @@ impl<S: Tiled> Binned<S> {
     pub(in crate::backend) fn bytes(&self) -> u64 {
         let words = self.values.capacity() + self.starts.capacity() + self.entries.capacity() + self.wide.capacity();
         let of_splats = self.splats.capacity() * size_of::<S>() + self.spans.capacity() * size_of::<Span>();
+        let of_splats = of_splats + self.filters.capacity() * size_of::<SweptFilter>();
         (of_splats + words * size_of::<u32>()) as u64
     }
 

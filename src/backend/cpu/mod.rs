@@ -32,7 +32,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use self::bin::Binned;
-use self::chunk::chunks;
+use self::chunk::{Chunk, chunks};
 use self::clocks::Clocks;
 use self::ewa::EwaGroup;
 use self::memory::Budget;
@@ -50,7 +50,7 @@ use super::{Backend, BackendError, Meter, Rendered};
 use crate::film::{FilmPlanes, Picture, develop};
 use crate::frame::{Blocks, Frame, PosedRaster, Position};
 use crate::layout::{Channels, EwaSplat, SweptSplat};
-use crate::options::SweptKernel;
+use crate::options::{Prefilter, SweptKernel};
 use crate::plan::{EwaPass, MapPass, Objects, PosedInterval, SplatPass, StaticPass, Step, SweepPass};
 
 /// Pictures whose memory is stored for later ones: as many as mode auto gives back.
@@ -253,14 +253,19 @@ impl Executor<'_> {
     fn ewa(&mut self, group: usize) {
         let scope = self.place.scope(group, self.place.band);
         let chunks = chunks(self.place.frame, scope.group, Objects::All);
-        // Before the chunks, which are worked on in parallel: each thread that found none would compute all.
-        for chunk in &chunks {
-            self.place.frame.objects[chunk.object].surfels.normalisation();
-        }
+        self.normalise(&chunks);
         let splat_bytes = self.budget.splat_bytes;
         let Memory { ewa, buffers, .. } = &mut *self.memory;
         TileRunner { work: &EwaGroup { scope }, chunks: &chunks, passes: &EwaPass::ORDER, splat_bytes }
             .run(ewa, buffers, self.film);
+    }
+
+    /// Computes the factors of all models before their chunks are worked on in parallel: each thread that found none
+    /// would compute all.
+    fn normalise(&self, chunks: &[Chunk]) {
+        for chunk in chunks {
+            self.place.frame.objects[chunk.object].surfels.normalisation();
+        }
     }
 
     /// The picture of static objects, at the position and in the light of a group.
@@ -302,6 +307,9 @@ impl Executor<'_> {
         let scope = self.place.scope(group, self.place.band);
         let chunks = chunks(self.place.frame, scope.group, objects);
         let splat_bytes = self.budget.splat_bytes;
+        if self.place.frame.prefilter == Prefilter::Ewa {
+            self.normalise(&chunks);
+        }
         let Memory { kernels, buffers, map, .. } = &mut *self.memory;
         let work = SweepGroup { scope, interval, kernel, map, picture };
         TileRunner { work: &work, chunks: &chunks, passes: SweepPass::order(kernel.has_slices()), splat_bytes }

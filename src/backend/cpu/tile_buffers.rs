@@ -35,11 +35,15 @@ pub(in crate::backend) struct Slices {
 pub(in crate::backend) struct CoverageMask {
     /// Object-space kernels.
     pub surface: Vec<u32>,
-    /// Low-pass discs.
+    /// Low-pass discs; with full EWA filtered kernels.
     pub low_pass: Vec<u32>,
     /// Sum of the weights of low-pass discs beyond those of their kernels. Where the sum of weights is the coverage:
-    /// sum of all weights.
+    /// sum of all weights. With full EWA: sum of the weights of what covers, visible or hidden.
     pub loose: Vec<f32>,
+    /// The same sum of weight times peak, and of weights that are negative for kernels that show their backs; empty
+    /// without full EWA.
+    pub peak: Vec<f32>,
+    pub side: Vec<f32>,
 }
 
 /// Coverage by the samples of a group, one after the other: `ROWS` rows of `STRIDE`.
@@ -110,13 +114,16 @@ impl TileBuffers {
     }
 
     /// For kernels in motion.
-    pub(in crate::backend) fn clear_coverage_mask(&mut self) {
+    pub(in crate::backend) fn clear_coverage_mask(&mut self, filtered: bool) {
         for plane in [&mut self.coverage_mask.surface, &mut self.coverage_mask.low_pass] {
             plane.clear();
             plane.resize(TILE * STRIDE, 0);
         }
-        self.coverage_mask.loose.clear();
-        self.coverage_mask.loose.resize(TILE * STRIDE, 0.0);
+        let CoverageMask { loose, peak, side, .. } = &mut self.coverage_mask;
+        for (plane, wanted) in [(loose, true), (peak, filtered), (side, filtered)] {
+            plane.clear();
+            plane.resize(if wanted { TILE * STRIDE } else { 0 }, 0.0);
+        }
     }
 
     /// Bytes of one tile's buffers, for groups of `samples` samples. `slices`: those of kernels in motion, if
@@ -124,7 +131,7 @@ impl TileBuffers {
     pub(in crate::backend) const fn bytes(channels: usize, samples: usize, slices: Option<usize>) -> u64 {
         let group_coverage = if samples > 1 { 3 } else { 0 };
         let swept = match slices {
-            Some(slices) => 4 + slices,
+            Some(slices) => 6 + slices,
             None => 0,
         };
         ((1 + channels + group_coverage + swept) * ROWS * STRIDE * size_of::<f32>()) as u64

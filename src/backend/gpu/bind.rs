@@ -18,7 +18,7 @@ use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
 use crate::frame::Frame;
-use crate::layout::{Channels, Splat, SweptSplat};
+use crate::layout::{Channels, FilteredSplat, Splat, SweptSplat};
 use crate::options::{KernelShape, KernelWeight, Normalise, SweptKernel};
 use crate::plan::Objects;
 
@@ -382,7 +382,10 @@ impl Binder<'_> {
         emitted: usize,
     ) -> Result<SweptPrograms, BackendError> {
         let Prepared { frame, channels, planes, surfel_buffers, .. } = prepared;
-        let double = [("SPLATS", (size_of::<SweptSplat>() / size_of::<Splat>()) as u32), ("PART", 1)];
+        let filters = frame.has_filtered_sweeps();
+        // Bounds and flags are in the second part, with a filtered kernel behind them or without.
+        let bytes = if filters { size_of::<FilteredSplat>() } else { size_of::<SweptSplat>() };
+        let double = [("SPLATS", (bytes / size_of::<Splat>()) as u32), ("PART", 1)];
         let mut values = value_constants(frame, channels);
         values.extend(double);
         let shared = Channels::weights();
@@ -400,18 +403,24 @@ impl Binder<'_> {
         let has_density = swept.weight == KernelWeight::Integral;
         let mut visibility = None;
         if swept.has_slices() {
-            visibility = Some(self.program(Program::SweptVisibility, &slice_constants(frame), 1, &[])?);
+            let program = if filters { Program::FilteredVisibility } else { Program::SweptVisibility };
+            visibility = Some(self.program(program, &slice_constants(frame), 1, &[])?);
         }
+        let (project, attribute) = if filters {
+            (Program::FilteredSweep, Program::FilteredAttribute)
+        } else {
+            (Program::Sweep, Program::SweptAttribute)
+        };
         Ok(SweptPrograms {
             lists: ListPrograms {
-                project: self.of_surfels(Program::Sweep, &volume, surfel_buffers)?,
+                project: self.of_surfels(project, &volume, surfel_buffers)?,
                 emit: self.program(Program::BinEmit, &double.to_vec(), emitted, &[])?,
             },
             density: self.program(Program::SumAttributes, &density, 1, &[])?,
             store_map: self.program(Program::StoreMap, &vec![("DENSITY", u32::from(has_density))], 0, &[])?,
             visibility,
             splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
-            attribute: self.program(Program::SweptAttribute, &swept_constants(frame, swept, channels), 1, &[])?,
+            attribute: self.program(attribute, &swept_constants(frame, swept, channels), 1, &[])?,
             static_picture,
         })
     }

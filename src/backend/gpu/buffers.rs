@@ -6,7 +6,7 @@ use super::device::Device;
 use super::layout::{DIGIT_BITS, Light, Segment, Status, Travel, UNIFORM_STRIDE, WORKGROUP_ITEMS};
 use super::memory::{DeviceChannels, MAP_BYTES, Schedule};
 use crate::backend::BackendError;
-use crate::layout::SweptSplat;
+use crate::layout::FilteredSplat;
 
 /// The buffers that the passes of one group and batch exchange, and the film.
 #[derive(Debug)]
@@ -73,7 +73,7 @@ impl Buffers {
             travels: device.buffer("segments", size_of::<Travel>() as u64, SHARED)?,
             lights: device.buffer("lights", size_of::<Light>() as u64, SHARED)?,
             // A buffer must hold at least one element of the largest type that it is bound as.
-            splats: device.buffer("splats", size_of::<SweptSplat>() as u64, SHARED)?,
+            splats: device.buffer("splats", size_of::<FilteredSplat>() as u64, SHARED)?,
             touched: empty()?,
             partials: empty()?,
             totals: device.buffer("totals", 32, SHARED | BufferUsages::INDIRECT)?,
@@ -120,11 +120,8 @@ impl Buffers {
         grow(device, &mut self.starts, "lists", 4 * (band.max(map) + 2))?;
         grow(device, &mut self.thresholds, "thresholds", (schedule.depth_bytes * band).max(tile * map))?;
         grow(device, &mut self.sums, "sums", tile * map.max(channels.sums() as u64 * band))?;
-        if map > 0 {
-            let behind = schedule.behind_map_bytes * band;
-            grow(device, &mut self.map, "the map", MAP_BYTES * map + behind)?;
-            grow(device, &mut self.coverage_mask, "coverage masks", 3 * tile * band)?;
-        }
+        grow(device, &mut self.map, "the map", MAP_BYTES * map + schedule.behind_map_bytes * band)?;
+        grow(device, &mut self.coverage_mask, "coverage masks", schedule.mask_bytes * band)?;
         grow(device, &mut self.static_film, "the static picture", schedule.static_picture_bytes * band)?;
         if schedule.cached_slots > 0 {
             grow(device, &mut self.layer_thresholds, "thresholds", tile * band)?;
@@ -146,7 +143,7 @@ impl Buffers {
             if self.cached.len() <= batch {
                 let empty = || device.buffer("the static layer", 0, SHARED);
                 self.cached.push(CachedBatch {
-                    splats: device.buffer("the static layer", size_of::<SweptSplat>() as u64, SHARED)?,
+                    splats: device.buffer("the static layer", size_of::<FilteredSplat>() as u64, SHARED)?,
                     list: empty()?,
                     wide: empty()?,
                     starts: empty()?,

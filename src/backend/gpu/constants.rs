@@ -105,6 +105,7 @@ pub(super) fn swept_resolve_constants(
         // The weights are the coverage, plane 3, where they have no plane of their own.
         ("WEIGHT_PLANE", planes.weight.unwrap_or(3) as u32),
         ("HAS_STATIC", u32::from(frame.has_static_picture())),
+        ("FILTERED", u32::from(frame.has_filtered_sweeps())),
     ]);
     constants
 }

@@ -11,7 +11,7 @@ use super::memory::{Area, Band};
 use super::prepared::Prepared;
 use super::timestamps::{Marks, Stage};
 use crate::frame::{PosedGroup, Position};
-use crate::plan::Objects;
+use crate::plan::{Objects, PosedInterval};
 
 /// One sample position in one band.
 #[derive(Clone, Copy)]
@@ -60,6 +60,14 @@ impl<'a> Place<'a> {
         let (job, raster) = (self.job(group, Objects::All), &self.position.raster);
         let pixels = job.area.pixels.widened(raster.apron() as i32, raster.size);
         Job { area: Area { pixels, ..job.area }, ..job }
+    }
+
+    /// The job of a group's interval. Full EWA has no map, and no tiles of one.
+    pub(in crate::backend) fn sweep_job(self, group: usize, interval: &PosedInterval, objects: Objects) -> Job<'a> {
+        let around = self.area().guarded(interval.guard);
+        let has_map = self.prepared.frame.guard().is_some();
+        let map = if has_map { around } else { Area { tiles: [0; 2], ..around } };
+        Job { map, slope: interval.slope, ..self.job(group, objects) }
     }
 
     /// The surfels of a group, cut into batches.

@@ -4,7 +4,7 @@ use super::layout::{TILE, WIDEST, WORKGROUP_ITEMS};
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PixelRect};
-use crate::layout::{Channels, EwaSplat, Splat, SweptSplat};
+use crate::layout::{Channels, EwaSplat, FilteredSplat, Splat, SweptSplat};
 
 /// Pixels of a tile.
 const TILE_PIXELS: u64 = (TILE * TILE) as u64;
@@ -16,8 +16,8 @@ pub(in crate::backend) const ENTRIES_PER_SLOT: u64 = 3;
 const ENTRY_BYTES: u64 = 17;
 /// Bytes of a tile of the map beside its start: the map, thresholds and the sum of weights.
 const MAP_TILE_BYTES: u64 = 4 * 4 * TILE_PIXELS + 4;
-/// Bytes of a tile's coverage mask.
-const MASK_BYTES: u64 = 3 * 4 * TILE_PIXELS;
+/// Bytes of a plane of a tile's coverage mask.
+const MASK_BYTES: u64 = 4 * TILE_PIXELS;
 /// Bytes of a tile's thresholds.
 pub(in crate::backend) const THRESHOLD_BYTES: u64 = 4 * TILE_PIXELS;
 /// Bytes of the map of one tile.
@@ -139,7 +139,7 @@ pub(in crate::backend) struct Schedule {
     pub film_bytes: u64,
     /// Most tiles of a band.
     pub band_tiles: u64,
-    /// Most tiles of a map; 0 without kernels in motion.
+    /// Most tiles of a map; 0 where there is none.
     pub map_tiles: u64,
     /// Bytes of a slot's splat.
     pub splat_bytes: u64,
@@ -151,6 +151,8 @@ pub(in crate::backend) struct Schedule {
     pub slots: u64,
     /// Most entries of a batch's lists that may be made room for.
     pub most_entries: u64,
+    /// Bytes of a tile's coverage mask; 0 without kernels in motion.
+    pub mask_bytes: u64,
     /// Bytes of a tile of the static picture; 0 where there is none.
     pub static_picture_bytes: u64,
     /// Bytes of a tile behind the map: thresholds of static objects and of slices, where there are any.
@@ -206,14 +208,19 @@ impl Schedule {
         // Other pictures, the film, its copy for the host, and the picture.
         let film = frame.picture_bytes + 2 * film_bytes + 4 * pixels * planes.count as u64;
         let swept = frame.swept.is_some();
-        let mask = if swept { MASK_BYTES } else { 0 };
+        let mask_bytes = MASK_BYTES
+            * match (swept, frame.has_filtered_sweeps()) {
+                (true, true) => 5,
+                (true, false) => 3,
+                (false, _) => 0,
+            };
         let static_picture_bytes = if frame.has_static_picture() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
         let has_layer = cached_slots > 0;
         let behind_map_bytes = THRESHOLD_BYTES * (u64::from(static_picture_bytes > 0) + u64::from(frame.slices()));
         let apron = frame.positions().map(|position| position.raster.apron()).max().unwrap_or(0);
         let depth_bytes = if frame.has_ewa() { ewa_depth_bytes(apron) } else { THRESHOLD_BYTES };
         let tile_bytes = {
-            let own = depth_bytes + 4 * TILE_PIXELS * channels.sums() as u64 + 4 + mask;
+            let own = depth_bytes + 4 * TILE_PIXELS * channels.sums() as u64 + 4 + mask_bytes;
             // Thresholds, sums with the least depth, limits.
             let layer = 4 * TILE_PIXELS * (3 + channels.count as u64) + 4;
             own + static_picture_bytes + behind_map_bytes + if has_layer { layer } else { 0 }
@@ -221,6 +228,7 @@ impl Schedule {
         let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
         let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
         let splat_bytes = match (swept, frame.has_ewa()) {
+            (true, _) if frame.has_filtered_sweeps() => size_of::<FilteredSplat>(),
             (true, _) => size_of::<SweptSplat>(),
             (false, true) => size_of::<EwaSplat>(),
             (false, false) => size_of::<Splat>(),
@@ -289,6 +297,7 @@ impl Schedule {
             band_rows,
             slots,
             most_entries,
+            mask_bytes,
             static_picture_bytes,
             behind_map_bytes,
             cached_slots,

@@ -42,7 +42,8 @@ impl Gpu {
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
         let DeviceState { device, models, buffers, .. } = &mut self.state;
-        let upload = |object: &FrameObject| models.surfel_buffers(device, &object.surfels, frame.has_ewa());
+        let normalised = frame.has_ewa() || frame.has_filtered_sweeps();
+        let upload = |object: &FrameObject| models.surfel_buffers(device, &object.surfels, normalised);
         let surfel_buffers = frame.objects.iter().map(upload).collect::<Result<Vec<_>, _>>()?;
         buffers.fit(device, &schedule, &channels)?;
         let entries = (ENTRIES_PER_SLOT * schedule.slots).min(self.first_entries).max(self.wanted_entries);

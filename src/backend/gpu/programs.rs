@@ -72,6 +72,9 @@ pub(in crate::backend) enum Program {
     EwaSecond,
     EwaAttribute,
     EwaResolve,
+    FilteredSweep,
+    FilteredVisibility,
+    FilteredAttribute,
 }
 
 /// WGSL files, one after the other.
@@ -93,13 +96,51 @@ const ATTRIBUTE: &str = wgsl!(
     "attribute.wgsl",
 );
 const RESOLVE: &str = wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "resolve.wgsl");
-const SWEEP: &str =
-    wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/bounds.wgsl", "common/swept.wgsl", "swept/project.wgsl");
+const SWEEP: &str = wgsl!(
+    "common/types.wgsl",
+    "common/wanted.wgsl",
+    "common/bounds.wgsl",
+    "common/swept.wgsl",
+    "common/swept_splat.wgsl",
+    "common/moving.wgsl",
+    "swept/project.wgsl",
+);
+const FILTERED_SWEEP: &str = wgsl!(
+    "common/types.wgsl",
+    "common/wanted.wgsl",
+    "common/bounds.wgsl",
+    "common/swept.wgsl",
+    "common/swept_filter.wgsl",
+    "common/moving.wgsl",
+    "swept/filter.wgsl",
+);
+const FILTERED_VISIBILITY: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/swept.wgsl",
+    "common/swept_filter.wgsl",
+    "common/sweep.wgsl",
+    "common/ray.wgsl",
+    "common/list.wgsl",
+    "swept/visibility.wgsl",
+);
+const FILTERED_ATTRIBUTE: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/swept.wgsl",
+    "common/swept_filter.wgsl",
+    "common/sweep.wgsl",
+    "common/ray.wgsl",
+    "common/list.wgsl",
+    "swept/attribute.wgsl",
+    "swept/filtered.wgsl",
+);
 const MAP: &str = wgsl!("common/types.wgsl", "swept/map.wgsl");
 const SWEPT_VISIBILITY: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
     "common/swept.wgsl",
+    "common/swept_splat.wgsl",
     "common/sweep.wgsl",
     "common/ray.wgsl",
     "common/list.wgsl",
@@ -109,6 +150,7 @@ const SWEPT_ATTRIBUTE: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
     "common/swept.wgsl",
+    "common/swept_splat.wgsl",
     "common/sweep.wgsl",
     "common/ray.wgsl",
     "common/list.wgsl",
@@ -156,7 +198,7 @@ type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(in crate::backend) const ALL: [Self; 25] = [
+    pub(in crate::backend) const ALL: [Self; 28] = [
         Self::Project,
         Self::BinReduce,
         Self::BinScan,
@@ -182,6 +224,9 @@ impl Program {
         Self::EwaSecond,
         Self::EwaAttribute,
         Self::EwaResolve,
+        Self::FilteredSweep,
+        Self::FilteredVisibility,
+        Self::FilteredAttribute,
     ];
 
     pub(in crate::backend) const fn wgsl(self) -> &'static str {
@@ -207,6 +252,9 @@ impl Program {
             Self::EwaVisibility | Self::EwaSecond => EWA_VISIBILITY,
             Self::EwaAttribute => EWA_ATTRIBUTE,
             Self::EwaResolve => EWA_RESOLVE,
+            Self::FilteredSweep => FILTERED_SWEEP,
+            Self::FilteredVisibility => FILTERED_VISIBILITY,
+            Self::FilteredAttribute => FILTERED_ATTRIBUTE,
         }
     }
 
@@ -227,7 +275,7 @@ impl Program {
             Self::Resolve => "resolve",
             Self::Sweep => "sweep",
             Self::StoreMap => "store_map",
-            Self::SweptVisibility => "swept_visibility",
+            Self::SweptVisibility | Self::FilteredVisibility => "swept_visibility",
             Self::SweptAttribute => "swept_attribute",
             Self::SweptResolve => "swept_resolve",
             Self::Pool => "pool",
@@ -237,6 +285,8 @@ impl Program {
             Self::EwaSecond => "ewa_second",
             Self::EwaAttribute => "ewa_attribute",
             Self::EwaResolve => "ewa_resolve",
+            Self::FilteredSweep => "filtered_sweep",
+            Self::FilteredAttribute => "filtered_attribute",
         }
     }
 
@@ -247,7 +297,9 @@ impl Program {
             Sums, Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
         };
         match self {
-            Self::Project | Self::Sweep | Self::EwaProject => (&[Geometry, Travels, Wanted], &[Splats, Touched]),
+            Self::Project | Self::Sweep | Self::EwaProject | Self::FilteredSweep => {
+                (&[Geometry, Travels, Wanted], &[Splats, Touched])
+            }
             Self::BinReduce => (&[Touched], &[Partials]),
             Self::BinScan => (&[], &[Partials, WrittenTotals, Status]),
             Self::BinEmit => (&[Splats, Touched, Totals, Wanted], &[Partials, Keys, List, Wide]),
@@ -265,8 +317,10 @@ impl Program {
             }
             Self::Resolve | Self::EwaResolve => (&[Lights, Thresholds, Sums], &[Film]),
             Self::StoreMap => (&[Thresholds, Sums], &[Map]),
-            Self::SweptVisibility => (&[Segments, Splats, List, Wide, Starts], &[Map]),
-            Self::SweptAttribute => (&[Splats, List, Wide, Starts, Values, Map], &[Sums, CoverageMask]),
+            Self::SweptVisibility | Self::FilteredVisibility => (&[Segments, Splats, List, Wide, Starts], &[Map]),
+            Self::SweptAttribute | Self::FilteredAttribute => {
+                (&[Splats, List, Wide, Starts, Values, Map], &[Sums, CoverageMask])
+            }
             Self::SweptResolve => (&[Lights, Sums, CoverageMask, Moments, StaticFilm], &[Film]),
             Self::Pool => (&[Sums, CoverageMask, Moments, StaticFilm], &[Film]),
             Self::Finish => (&[], &[Film]),
@@ -275,7 +329,7 @@ impl Program {
 
     /// True if the program has a second uniform, the segment.
     pub(in crate::backend) const fn has_segment(self) -> bool {
-        matches!(self, Self::Project | Self::Sweep | Self::SplatValues | Self::EwaProject)
+        matches!(self, Self::Project | Self::Sweep | Self::SplatValues | Self::EwaProject | Self::FilteredSweep)
     }
 }
 

@@ -62,8 +62,7 @@ impl DeviceState {
                 }
                 Step::Sweep { group, ref interval, kernel, objects } => {
                     self.device.queue.write_buffer(&self.buffers.moments, 0, bytemuck::bytes_of(&interval.moments));
-                    let map = place.area().guarded(interval.guard);
-                    let job = Job { map, slope: interval.slope, ..place.job(group, objects) };
+                    let job = place.sweep_job(group, interval, objects);
                     let programs = self.bound(place.programs.swept.as_ref())?;
                     self.run(&SweepStep { job, programs }, SweepPass::order(kernel.has_slices()), marks);
                 }

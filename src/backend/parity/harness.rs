@@ -102,9 +102,8 @@ impl<'a> Harness<'a> {
             return place.ewa_job(0);
         }
         let Some((interval, objects)) = self.swept else { return place.job(0, Objects::All) };
-        let map = place.area().guarded(interval.guard);
-        let job = Job { map, slope: interval.slope, ..place.job(0, objects) };
-        if on_map { Job { area: map, ..job } } else { job }
+        let job = place.sweep_job(0, &interval, objects);
+        if on_map { Job { area: job.map, ..job } } else { job }
     }
 
     fn tiles(&self) -> Vec<[usize; 2]> {

@@ -1,16 +1,17 @@
 //! Both backends held against each other, pass by pass and picture by picture.
 //!
 //! Each pass of the GPU backend is fed the CPU's results of the passes before it, and compared with the CPU's own
-//! (`splats`, `sweeps`, `ewas`). The CPU's passes run through the constructors that rendering uses (`splat_twins`,
-//! `sweep_twins`, `ewa_twins`). Splats and lists are compared slot by slot (`slots`), floats with tolerances
-//! (`compare`). The comparison must reject broken programs (`mutants`), and buffers that are too small must not show
-//! (`small_buffers`).
+//! (`splats`, `sweeps`, `ewas`, `filtered_sweeps`). The CPU's passes run through the constructors that rendering uses
+//! (`splat_twins`, `sweep_twins`, `ewa_twins`). Splats and lists are compared slot by slot (`slots`), floats with
+//! tolerances (`compare`). The comparison must reject broken programs (`mutants`), and buffers that are too small must
+//! not show (`small_buffers`).
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
 
 mod cases;
 mod compare;
 mod ewa_twins;
 mod ewas;
+mod filtered_sweeps;
 mod functions;
 mod harness;
 mod mutants;

@@ -7,7 +7,7 @@ use super::compare::{Tally, largest};
 use super::harness::{Harness, WIDE};
 use crate::backend::gpu::batches::Batch;
 use crate::backend::gpu::layout::{Segment, TILE, WIDEST};
-use crate::layout::{EwaSplat, Splat, SweptSplat};
+use crate::layout::{EwaSplat, FilteredSplat, Splat, SweptFilter, SweptSplat};
 
 /// What a slot may hold.
 pub(super) trait Slotted: Pod {
@@ -87,6 +87,33 @@ impl Slotted for SweptSplat {
         ];
         floats.extend(ends.map(|end| (end.to_vec(), largest(&end))));
         ([self.surfel, self.flags], floats)
+    }
+}
+
+impl Slotted for FilteredSplat {
+    fn bounds(&self) -> [u16; 4] {
+        self.splat.bounds
+    }
+    fn surfel(&self) -> u32 {
+        self.splat.surfel
+    }
+    fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
+        let SweptFilter { inverse_depth, u, v, u_rate, v_rate, k, peak, weight, crossing } = self.filtered;
+        let ([surfel, flags], mut floats) = self.splat.parts();
+        // What the forms are made of is that of the splat's.
+        let skew = skew(self.splat.u, self.splat.v);
+        let motion = largest(&self.splat.motion).max(1.0);
+        let rate = largest(&u).max(largest(&v)).max(1.0) * motion;
+        floats.extend([
+            (inverse_depth.to_vec(), largest(&inverse_depth) * skew),
+            (u.to_vec(), largest(&u) * skew),
+            (v.to_vec(), largest(&v) * skew),
+            (u_rate.to_vec(), largest(&u_rate).max(rate) * skew),
+            (v_rate.to_vec(), largest(&v_rate).max(rate) * skew),
+            (vec![k], k.abs().max(largest(&inverse_depth) * motion) * skew),
+            (vec![peak, weight], weight.max(peak) * skew),
+        ]);
+        ([surfel, flags << 1 | crossing], floats)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Buffers that are too small: lists are grown, work is split, and the picture stays the same to the bit.
 
 use super::cases;
+use super::filtered_sweeps;
 use super::gpu_or_skip;
 use crate::backend::BackendError;
 use crate::backend::gpu::Gpu;
@@ -38,7 +39,7 @@ fn small_buffers_change_nothing() {
 /// The least memory with which a frame can be rendered, and half as much again, hold all that it takes.
 #[test]
 fn a_frame_takes_what_it_may_take() {
-    for mut case in cases::all().into_iter().chain(cases::swept()) {
+    for mut case in cases::all().into_iter().chain(cases::swept()).chain(filtered_sweeps::filtered()) {
         (case.scene.image.width, case.scene.image.height) = (1600, 400);
         let mut frame = case.frame();
         let mut take = |memory: u64| {

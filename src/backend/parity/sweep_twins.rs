@@ -17,7 +17,7 @@ use crate::backend::cpu::tile_buffers::TileBuffers;
 use crate::backend::cpu::tiles::{STRIDE, TILE};
 use crate::backend::cpu::values;
 use crate::backend::cpu::visibility;
-use crate::layout::{Channels, SweptSplat};
+use crate::layout::{Channels, FilteredSplat, SweptFilter, SweptSplat};
 use crate::plan::Objects;
 
 /// Sums of a tile: channel by channel, `edge` x `edge`; and when kernels cover.
@@ -27,6 +27,9 @@ pub(super) struct SweptSums {
     pub surface: Vec<u32>,
     pub low_pass: Vec<u32>,
     pub loose: Vec<f32>,
+    /// Empty without full EWA.
+    pub peak: Vec<f32>,
+    pub side: Vec<f32>,
 }
 
 /// The map of one group, in tiles of another size than the CPU's own.
@@ -127,6 +130,20 @@ impl SweepTwins<'_> {
         whole_chunks(self.scope(), objects).into_iter().map(kernels_of).collect()
     }
 
+    /// Kernels in motion, and those that full EWA makes of them.
+    pub(super) fn filtered_sweep(&self, objects: Objects) -> Vec<Posed<FilteredSplat>> {
+        let kernels_of = |chunk: Chunk| {
+            let (mut splats, mut filters) = (Vec::new(), Vec::new());
+            let surfels = &self.scope().frame.objects[chunk.object].surfels;
+            let (view, range) = (self.scope().view(&chunk), chunk.surfels.clone());
+            let ellipsoid = self.group.ellipsoid();
+            swept::project::project_filtered(&view, ellipsoid, surfels, range, &mut splats, &mut filters);
+            let both = splats.into_iter().zip(filters).map(|(splat, filtered)| FilteredSplat { splat, filtered });
+            Posed { chunk, splats: both.collect() }
+        };
+        whole_chunks(self.scope(), objects).into_iter().map(kernels_of).collect()
+    }
+
     /// Thresholds of a tile, slice by slice; none where kernels have no slices. `thresholds`: those of static objects.
     pub(super) fn visibility(
         &self,
@@ -153,9 +170,11 @@ impl SweepTwins<'_> {
     }
 
     /// Sums of a tile of the image, of which `thresholds` are those of static objects, and `slices` those of slices.
+    /// `filters`: the filtered kernels of each of `kernels`; none without full EWA.
     pub(super) fn attribute(
         &self,
         kernels: &[Posed<SweptSplat>],
+        filters: &[Vec<SweptFilter>],
         tile: [usize; 2],
         thresholds: &[f32],
         slices: &[Vec<f32>],
@@ -168,13 +187,17 @@ impl SweepTwins<'_> {
             put_rows(slice, &mut buffers.slices.threshold[i * STRIDE..], slices.len() * STRIDE, self.edge);
         }
         let rect = rect(&self.scope().band, tile, self.edge);
-        for Posed { chunk, splats } in kernels {
+        for (i, Posed { chunk, splats }) in kernels.iter().enumerate() {
             let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
             let mut values = Vec::new();
             values::values(splats, &self.scope().shown(chunk), &mut values);
             let swept = self.group.swept(chunk, &values);
             let TileBuffers { threshold, sums, coverage_mask, slices, .. } = &mut buffers;
-            swept::attribute::attribute(splats, &list, &swept, &rect, threshold, slices, sums, coverage_mask);
+            if let Some(filters) = filters.get(i) {
+                swept::filtered::attribute((splats, filters), &list, &swept, &rect, slices, sums, coverage_mask);
+            } else {
+                swept::attribute::attribute(splats, &list, &swept, &rect, threshold, slices, sums, coverage_mask);
+            }
         }
         let channel = |c: usize| take_rows(&buffers.sums[c * STRIDE..], channels * STRIDE, self.edge);
         SweptSums {
@@ -182,6 +205,8 @@ impl SweepTwins<'_> {
             surface: take_rows(&buffers.coverage_mask.surface, STRIDE, self.edge),
             low_pass: take_rows(&buffers.coverage_mask.low_pass, STRIDE, self.edge),
             loose: take_rows(&buffers.coverage_mask.loose, STRIDE, self.edge),
+            peak: self.plane_of_filters(&buffers.coverage_mask.peak),
+            side: self.plane_of_filters(&buffers.coverage_mask.side),
         }
     }
 
@@ -196,6 +221,10 @@ impl SweepTwins<'_> {
         put_rows(&sums.surface, &mut buffers.coverage_mask.surface, STRIDE, self.edge);
         put_rows(&sums.low_pass, &mut buffers.coverage_mask.low_pass, STRIDE, self.edge);
         put_rows(&sums.loose, &mut buffers.coverage_mask.loose, STRIDE, self.edge);
+        if self.group.filters() {
+            put_rows(&sums.peak, &mut buffers.coverage_mask.peak, STRIDE, self.edge);
+            put_rows(&sums.side, &mut buffers.coverage_mask.side, STRIDE, self.edge);
+        }
         let mut of_static = StaticTile::default();
         of_static.film.values.resize(planes * TILE * TILE, 0.0);
         for (p, plane) in picture.iter().enumerate() {
@@ -215,11 +244,16 @@ impl SweepTwins<'_> {
         (0..planes).map(|p| take_rows(&film.values[p * TILE * TILE..], TILE, self.edge)).collect()
     }
 
+    /// A plane that only full EWA has.
+    fn plane_of_filters(&self, plane: &[f32]) -> Vec<f32> {
+        if plane.is_empty() { Vec::new() } else { take_rows(plane, STRIDE, self.edge) }
+    }
+
     fn clear(&self) -> TileBuffers {
         let mut buffers = TileBuffers::default();
         buffers.clear_threshold();
         buffers.clear_sums(self.scope().channels.count, 1);
-        buffers.clear_coverage_mask();
+        buffers.clear_coverage_mask(self.group.filters());
         buffers
     }
 }

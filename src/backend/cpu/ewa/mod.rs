@@ -6,6 +6,7 @@ pub(in crate::backend) mod buffers;
 mod group;
 mod project;
 pub(in crate::backend) mod resolve;
+pub(super) mod share;
 #[cfg(test)]
 mod tests;
 pub(in crate::backend) mod visibility;

@@ -6,6 +6,7 @@
 
 use std::ops::Range;
 
+use super::share::Shares;
 use crate::backend::cpu::bounds::{pixel_range, whole};
 use crate::backend::cpu::project::{LANES, Projected, Sink, View, project_body};
 use crate::frame::PixelRect;
@@ -21,9 +22,8 @@ pub(super) struct Filtered<'a> {
     pub pixels: PixelRect,
     /// The pixels of the image around them.
     pub guarded: PixelRect,
-    /// Normalisation of each surfel of the model, and its mean.
-    pub normalisation: &'a [f32],
-    pub mean_normalisation: f32,
+    /// What the surfels of the model count.
+    pub shares: Shares<'a>,
     pub out: &'a mut Vec<EwaSplat>,
 }
 
@@ -32,12 +32,6 @@ dispatch! {
     pub(super) fn project(
         view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Filtered<'_>,
     ) = project_body
-}
-
-impl Filtered<'_> {
-    fn factor(&self, surfel: u32) -> f32 {
-        self.normalisation.get(surfel as usize).copied().unwrap_or(1.0)
-    }
 }
 
 /// Filtered splats of `LANES` surfels, field by field.
@@ -109,7 +103,7 @@ impl Sink for Filtered<'_> {
             shrink: [lanes.shrink[0][l], lanes.shrink[1][l]],
             p: [lanes.p[0][l], lanes.p[1][l], lanes.p[2][l]],
             peak,
-            weight: weight(peak, self.factor(splat.surfel), self.mean_normalisation),
+            weight: self.shares.at(splat.surfel as usize).weight(peak),
             filtered_bounds: bounds(&lanes.filtered),
             listed_bounds: splat.bounds,
             crossing: 0,
@@ -120,21 +114,13 @@ impl Sink for Filtered<'_> {
         self.out.push(EwaSplat {
             disc: splat,
             peak: 1.0,
-            weight: self.mean_normalisation,
+            weight: self.shares.at(splat.surfel as usize).unfiltered(),
             filtered_bounds: splat.bounds,
             listed_bounds: splat.bounds,
             crossing: 1,
             ..bytemuck::Zeroable::zeroed()
         });
     }
-}
-
-/// Weight of a kernel at its centre. The narrower the filter is beside the kernel (`peak` near 1), the more all kernels
-/// of a model count alike, as they do in a picture without filter; the wider it is, the more each counts for the area
-/// that is its own (`factor`). `mean`: the mean of all factors, so that weights still add up to about 1.
-#[inline(always)]
-fn weight(peak: f32, factor: f32, mean: f32) -> f32 {
-    peak * (factor + peak * (mean - factor))
 }
 
 /// The pixels of `rect` that `ends`, widened by `margin`, may touch; none where the first is after the last.

@@ -3,6 +3,7 @@
 use glam::{DMat2, DVec2, DVec3, Mat3, Vec3};
 
 use super::project::{Filtered, project};
+use super::share::Shares;
 use crate::backend::cpu::project::View;
 use crate::frame::{PixelRect, PosedObject, Raster};
 use crate::layout::EwaSplat;
@@ -67,14 +68,7 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
         clusters: None,
     };
     let mut out = Vec::new();
-    let mut filtered = Filtered {
-        sigma: sigma as f32,
-        pixels,
-        guarded: pixels,
-        normalisation: &[],
-        mean_normalisation: 1.0,
-        out: &mut out,
-    };
+    let mut filtered = Filtered { sigma: sigma as f32, pixels, guarded: pixels, shares: Shares::ONE, out: &mut out };
     project(&view, &surfels, 0..1, &mut filtered);
     out.pop()
 }

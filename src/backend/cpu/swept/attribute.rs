@@ -168,7 +168,7 @@ fn add_all<const FOOTPRINT: u8, const LOW_PASS: bool>(
 
 /// Share of its weight that a hidden kernel has. It is nothing beside a visible kernel's weight. Without it a pixel
 /// would have no colour where the map, which has one sample a pixel, hides all kernels that cover the pixel.
-const HIDDEN: f32 = 1.0 / (1 << 24) as f32;
+pub(super) const HIDDEN: f32 = 1.0 / (1 << 24) as f32;
 
 impl Lanes {
     /// Removes kernels that are behind static objects. `threshold`: that of static objects, from the first lane's pixel

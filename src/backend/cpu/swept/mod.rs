@@ -1,9 +1,12 @@
 //! Kernels in motion: the passes of an interval of time (Wolf 2008, 4.1.2 and 4.2.2; docs/math.md, section 7).
 
 pub(in crate::backend) mod attribute;
+mod filter;
+pub(in crate::backend) mod filtered;
 mod hull;
 pub(in crate::backend) mod map;
 mod map_group;
+mod posed;
 pub(in crate::backend) mod project;
 mod ray;
 mod resolve;

@@ -5,11 +5,15 @@
 
 use std::ops::Range;
 
+use bytemuck::Zeroable;
 use glam::Vec3;
 
+use super::filter::{Filter, Filtered};
+use super::posed::{Posed, forms};
 use crate::backend::cpu::bounds::{extent, index_range};
+use crate::backend::cpu::ewa::share::Shares;
 use crate::backend::cpu::project::View;
-use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, SweptSplat};
+use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, SweptFilter, SweptSplat};
 use crate::math::simd::dispatch;
 use crate::model::Surfels;
 
@@ -21,36 +25,63 @@ dispatch! {
     ) = project_body
 }
 
+dispatch! {
+    /// As [`project`], with the filtered kernel of each splat.
+    pub(in crate::backend) fn project_filtered(
+        view: &View<'_>, ellipsoid: bool, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>,
+        filters: &mut Vec<SweptFilter>,
+    ) = project_filtered_body
+}
+
 #[inline(always)]
 fn project_body(view: &View<'_>, ellipsoid: bool, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>) {
+    let sweep = |posed: &Posed, i: usize| sweep(view, ellipsoid, posed, i as u32, None);
+    out.extend(all_posed(view, surfels, range).filter_map(|(i, posed)| sweep(&posed, i)).map(|(splat, _)| splat));
+}
+
+#[inline(always)]
+fn project_filtered_body(
+    view: &View<'_>,
+    ellipsoid: bool,
+    surfels: &Surfels,
+    range: Range<usize>,
+    out: &mut Vec<SweptSplat>,
+    filters: &mut Vec<SweptFilter>,
+) {
+    let shares = Shares::of(surfels);
+    for (i, posed) in all_posed(view, surfels, range) {
+        let filter = Filter { sigma: view.raster.sigma, share: shares.at(i) };
+        if let Some((splat, filtered)) = sweep(view, ellipsoid, &posed, i as u32, Some(filter)) {
+            out.push(splat);
+            filters.push(filtered);
+        }
+    }
+}
+
+#[inline(always)]
+fn all_posed(view: &View<'_>, surfels: &Surfels, range: Range<usize>) -> impl Iterator<Item = (usize, Posed)> {
     let object = view.object;
-    for i in range {
+    range.map(move |i| {
         let posed = Posed {
             centre: object.centre_from_model * surfels.position[i] + object.centre_origin,
             motion: object.motion_from_model * surfels.position[i] + object.motion_origin,
             u: object.screen_from_model * surfels.axis_u[i],
             v: object.screen_from_model * surfels.axis_v[i],
         };
-        if let Some(splat) = sweep(view, ellipsoid, &posed, i as u32) {
-            out.push(splat);
-        }
-    }
+        (i, posed)
+    })
 }
 
-/// A kernel in screen space: homogeneous pixel coordinates (x, y, depth) about the camera's axis.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Posed {
-    /// Centre at tau = 0.
-    pub centre: Vec3,
-    /// From there to tau = 1.
-    pub motion: Vec3,
-    pub u: Vec3,
-    pub v: Vec3,
-}
-
-/// The splat of one kernel; none if it shows the wrong face at mid-interval, or nowhere touches the wanted pixels.
+/// The splat of one kernel, and its filtered kernel, zeroed without `filter`; none if it shows the wrong face at
+/// mid-interval, or nowhere touches the wanted pixels.
 #[inline(always)]
-pub(super) fn sweep(view: &View<'_>, ellipsoid: bool, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
+pub(super) fn sweep(
+    view: &View<'_>,
+    ellipsoid: bool,
+    posed: &Posed,
+    surfel: u32,
+    filter: Option<Filter>,
+) -> Option<(SweptSplat, SweptFilter)> {
     let &Posed { centre, motion, u, v } = posed;
     let depth_extent2 = u.z * u.z + v.z * v.z;
     let depths = [centre.z - motion.z, centre.z + motion.z];
@@ -60,7 +91,9 @@ pub(super) fn sweep(view: &View<'_>, ellipsoid: bool, posed: &Posed, surfel: u32
     // False with a NaN.
     let before = |depth: f32| depth > 0.0 && depth_extent2 - depth * depth <= -1e-3 * depth * depth;
     if !(before(depths[0]) && before(depths[1])) {
-        return crossing(view, posed, surfel);
+        let weight = filter.map_or(1.0, |filter| filter.share.unfiltered());
+        let splat = crossing(view, posed, surfel)?;
+        return Some((splat, SweptFilter::unfiltered(weight)));
     }
     let inverse = 1.0 / centre.z;
     let (x, y) = (centre.x * inverse, centre.y * inverse);
@@ -74,59 +107,74 @@ pub(super) fn sweep(view: &View<'_>, ellipsoid: bool, posed: &Posed, surfel: u32
         return None;
     }
     let low_pass = if view.low_pass && centre.z >= view.near { view.raster.low_pass } else { 0.0 };
-    // On the screen the disc grows as it nears: in space it keeps its size.
-    let mut ends = [centre - motion, centre + motion].map(|at| end(view, at, u, v, low_pass * (centre.z / at.z)));
-    if (if depths[0] < depths[1] { depths[0] } else { depths[1] }) - depth_extent2.sqrt() < view.near {
-        ends = clipped(view, posed, low_pass * centre.z).unwrap_or(ends);
-    }
-    let reference = [view.raster.axis[0] + x - view.raster.offset[0], view.raster.axis[1] + y - view.raster.offset[1]];
-    let low = |a: f32, b: f32| if a < b { a } else { b };
-    let high = |a: f32, b: f32| if a > b { a } else { b };
-    let mut hull = hull(&ends);
-    if ellipsoid {
-        // The dual conic T diag(1, 1, 1, -1) T^t with T = [u v motion centre] (Sigg et al. 2006), and that of the
-        // low-pass disc.
-        let disc = low_pass * centre.z;
-        let d22 = depth_extent2 + motion.z * motion.z - centre.z * centre.z;
-        let disc22 = motion.z * motion.z - centre.z * centre.z;
-        let bound = |[u, v, m]: [f32; 3], reference: f32| {
-            let kernel =
-                extent(u * u + v * v + m * m, u * posed.u.z + v * posed.v.z + m * motion.z, d22, 1.0 / d22, 0.0);
-            let disc = extent(disc * disc + m * m, m * motion.z, disc22, 1.0 / disc22, 0.0);
-            index_range(reference, low(kernel.0, disc.0), high(kernel.1, disc.1))
-        };
-        let (columns, rows) = (bound([ux, vx, mx], reference[0]), bound([uy, vy, my], reference[1]));
-        hull = [high(hull[0], columns.0), low(hull[1], columns.1), high(hull[2], rows.0), low(hull[3], rows.1)];
+    let (mut ends, mut hull) = boxes(view, ellipsoid, posed, low_pass);
+    let wide = filter.map(|filter| Filtered::of(posed, filter));
+    if let Some(wide) = &wide {
+        let of_filtered = boxes(view, ellipsoid, &wide.posed, 0.0);
+        ends = [0, 1].map(|i| about(&ends[i], &of_filtered.0[i]));
+        hull = about(&hull, &of_filtered.1);
     }
     let bounds = within(view, hull);
     // False with a NaN.
     if !(bounds[0] <= bounds[1] && bounds[2] <= bounds[3]) {
         return None;
     }
-    let over_area = 1.0 / area;
-    let over_both = over_area * inverse;
+    let reference = [view.raster.axis[0] + x - view.raster.offset[0], view.raster.axis[1] + y - view.raster.offset[1]];
+    let [inverse_depth, u, v, u_rate, v_rate] = forms([ux, uy, u.z], [vx, vy, v.z], [mx, my, motion.z], inverse);
     let back = if area * view.object.handedness < 0.0 { 0 } else { FLAG_BACK };
-    Some(SweptSplat {
+    let splat = SweptSplat {
         reference,
-        inverse_depth: [(uy * v.z - u.z * vy) * over_both, (u.z * vx - ux * v.z) * over_both, inverse],
-        u: [vy * over_area, -vx * over_area, 0.0],
-        v: [-uy * over_area, ux * over_area, 0.0],
-        u_rate: [
-            (vy * motion.z - v.z * my) * over_both,
-            (v.z * mx - vx * motion.z) * over_both,
-            (vx * my - vy * mx) * over_both,
-        ],
-        v_rate: [
-            (my * u.z - motion.z * uy) * over_both,
-            (motion.z * ux - mx * u.z) * over_both,
-            (mx * uy - my * ux) * over_both,
-        ],
+        inverse_depth,
+        u,
+        v,
+        u_rate,
+        v_rate,
         motion: [mx, my, motion.z],
         ends,
         bounds: bounds.map(|bound| bound as u16),
         surfel,
         flags: back | if low_pass > 0.0 { FLAG_LOW_PASS } else { 0 },
-    })
+    };
+    Some((splat, wide.map_or_else(SweptFilter::zeroed, |wide| wide.forms([mx, my, motion.z]))))
+}
+
+/// Boxes at both ends, as [`end`] has them, and one box about the whole kernel. `low_pass`: radius of its low-pass
+/// disc.
+#[inline(always)]
+fn boxes(view: &View<'_>, ellipsoid: bool, posed: &Posed, low_pass: f32) -> ([[f32; 4]; 2], [f32; 4]) {
+    let &Posed { centre, motion, u, v } = posed;
+    let depth_extent2 = u.z * u.z + v.z * v.z;
+    let depths = [centre.z - motion.z, centre.z + motion.z];
+    // On the screen the disc grows as it nears: in space it keeps its size.
+    let mut ends = [centre - motion, centre + motion].map(|at| end(view, at, u, v, low_pass * (centre.z / at.z)));
+    if (if depths[0] < depths[1] { depths[0] } else { depths[1] }) - depth_extent2.sqrt() < view.near {
+        ends = clipped(view, posed, low_pass * centre.z).unwrap_or(ends);
+    }
+    let mut hull = about(&ends[0], &ends[1]);
+    if ellipsoid {
+        // The dual conic T diag(1, 1, 1, -1) T^t with T = [u v motion centre] (Sigg et al. 2006), and that of the
+        // low-pass disc.
+        let inverse = 1.0 / centre.z;
+        let (x, y) = (centre.x * inverse, centre.y * inverse);
+        let reference =
+            [view.raster.axis[0] + x - view.raster.offset[0], view.raster.axis[1] + y - view.raster.offset[1]];
+        let disc = low_pass * centre.z;
+        let d22 = depth_extent2 + motion.z * motion.z - centre.z * centre.z;
+        let disc22 = motion.z * motion.z - centre.z * centre.z;
+        let low = |a: f32, b: f32| if a < b { a } else { b };
+        let high = |a: f32, b: f32| if a > b { a } else { b };
+        let bound = |at: f32, [pu, pv, pm]: [f32; 3], reference: f32| {
+            let (u_on, v_on, m_on) = (pu - at * u.z, pv - at * v.z, pm - at * motion.z);
+            let across = u_on * u_on + v_on * v_on + m_on * m_on;
+            let kernel = extent(across, u_on * u.z + v_on * v.z + m_on * motion.z, d22, 1.0 / d22, 0.0);
+            let disc = extent(disc * disc + m_on * m_on, m_on * motion.z, disc22, 1.0 / disc22, 0.0);
+            index_range(reference, low(kernel.0, disc.0), high(kernel.1, disc.1))
+        };
+        let columns = bound(x, [u.x, v.x, motion.x], reference[0]);
+        let rows = bound(y, [u.y, v.y, motion.y], reference[1]);
+        hull = [high(hull[0], columns.0), low(hull[1], columns.1), high(hull[2], rows.0), low(hull[3], rows.1)];
+    }
+    (ends, hull)
 }
 
 /// Pixel columns and rows that bound the kernel and its low-pass disc when its centre is `centre`: the dual conic of
@@ -147,10 +195,9 @@ fn end(view: &View<'_>, centre: Vec3, u: Vec3, v: Vec3, low_pass: f32) -> [f32; 
     [columns.0, columns.1, rows.0, rows.1]
 }
 
-/// The box about the boxes of both ends.
+/// The box about two boxes.
 #[inline(always)]
-fn hull(ends: &[[f32; 4]; 2]) -> [f32; 4] {
-    let [a, b] = ends;
+fn about(a: &[f32; 4], b: &[f32; 4]) -> [f32; 4] {
     [0, 1, 2, 3].map(|i| {
         let lower = a[i] < b[i];
         if lower == (i % 2 == 0) { a[i] } else { b[i] }
@@ -241,7 +288,7 @@ fn crossing(view: &View<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
     let ends = clipped.unwrap_or_default();
     let mut bounds = view.pixels.bounds([0; 2]);
     if clipped.is_some() {
-        let within = within(view, hull(&ends));
+        let within = within(view, about(&ends[0], &ends[1]));
         // False with a NaN.
         if !(within[0] <= within[1] && within[2] <= within[3]) {
             return None;

@@ -65,7 +65,7 @@ pub(super) struct Lanes {
     /// The pixel nearest the source point, and the depth there that is compared.
     pub source: [[i32; LANES]; 2],
     pub source_depth: [f32; LANES],
-    /// When the kernel covers, and when its low-pass disc does.
+    /// When the kernel covers, and when its low-pass disc or its filtered kernel does.
     pub surface: [u32; LANES],
     pub low_pass: [u32; LANES],
     /// 1 where anything is met.
@@ -217,7 +217,7 @@ fn weigh<const FOOTPRINT: u8>(sweep: &Sweep, span: [f32; 2], slant: f32) -> (f32
 
 /// `span` without the times at which (1 + k tau) / w is nearer than `near`, given near w - 1.
 #[inline(always)]
-fn beyond_near(lacks: f32, k: f32, inverse_k: f32, [first, last]: [f32; 2]) -> [f32; 2] {
+pub(super) fn beyond_near(lacks: f32, k: f32, inverse_k: f32, [first, last]: [f32; 2]) -> [f32; 2] {
     let at = lacks * inverse_k;
     let (lower, upper) = if k < 0.0 { (-1.0, at) } else { (at, 1.0) };
     [if first > lower { first } else { lower }, if last < upper { last } else { upper }]
@@ -225,7 +225,7 @@ fn beyond_near(lacks: f32, k: f32, inverse_k: f32, [first, last]: [f32; 2]) -> [
 
 /// 1 / v, and large but finite where that is not.
 #[inline(always)]
-fn reciprocal(v: f32) -> f32 {
+pub(super) fn reciprocal(v: f32) -> f32 {
     if v.abs() > 1e-30 { 1.0 / v } else { 1e30 }
 }
 

@@ -60,6 +60,53 @@ fn coverage_body(exposure: &Exposure<'_>, coverage_mask: &CoverageMask, out: &mu
     }
 }
 
+/// By how much sums of weights on a surface may be off from 1, over the square of the mean peak of the kernels. The
+/// filter evens out small kernels, which are many.
+const NOISE: f32 = 2.0;
+
+dispatch! {
+    /// As [`coverage`], where full EWA filters kernels and coverage is no sum.
+    pub(in crate::backend) fn filtered_coverage(
+        exposure: &Exposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>,
+    ) = filtered_coverage_body
+}
+
+#[inline(always)]
+fn filtered_coverage_body(exposure: &Exposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>) {
+    out.clear();
+    out.resize(TILE * STRIDE, 0.0);
+    let CoverageMask { surface, low_pass, loose, peak, side } = coverage_mask;
+    let bits = surface.chunks_exact(LANES).zip(low_pass.chunks_exact(LANES));
+    let weights = loose.chunks_exact(LANES).zip(peak.chunks_exact(LANES)).zip(side.chunks_exact(LANES));
+    for (((surface, filtered), ((sum, peak), side)), out) in bits.zip(weights).zip(out.chunks_exact_mut(LANES)) {
+        let mut by_discs = [0.0_f32; LANES];
+        let mut most = [0.0_f32; LANES];
+        for (i, &share) in exposure.interval.moments.iter().enumerate() {
+            for l in 0..LANES {
+                let bit = surface[l] >> i & 1;
+                let any = (surface[l] | filtered[l]) >> i & 1;
+                by_discs[l] += if bit == 1 { share } else { 0.0 };
+                most[l] += if any == 1 { share } else { 0.0 };
+            }
+        }
+        for l in 0..LANES {
+            let by_discs = if surface[l] == u32::MAX { exposure.weight } else { by_discs[l] };
+            let most = if surface[l] | filtered[l] == u32::MAX { exposure.weight } else { most[l] };
+            let large = if sum[l] > 0.0 { peak[l] / sum[l] } else { 1.0 };
+            let hard = 1.0 - (1.0 - large) * (1.0 - large);
+            // Of a thin two-sided sheet the side with the larger sum counts.
+            let weight = exposure.weight * (0.5 * (sum[l] + side[l].abs()));
+            // The time for which discs cover, as far as the weights may be off by noise.
+            let noise = 1.0 + NOISE * (large * large);
+            let (low, high) = (weight / noise, weight * noise);
+            let soft = if by_discs < high { by_discs } else { high };
+            let soft = if soft > low { soft } else { low };
+            let soft = if soft < most { soft } else { most };
+            out[l] = hard * by_discs + (1.0 - hard) * soft;
+        }
+    }
+}
+
 /// Adds one interval's sums, as they are, to the tile's film.
 pub(in crate::backend) fn pool(
     weight: f32,

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::attribute::{self, Footprint, Swept};
+use super::filtered;
 use super::map::Map;
 use super::project;
 use super::resolve::{self, Exposure};
@@ -56,6 +57,11 @@ impl SweepGroup<'_> {
         }
     }
 
+    /// Does full EWA filter kernels?
+    pub(in crate::backend) fn filters(&self) -> bool {
+        self.scope.raster.sigma > 0.0
+    }
+
     fn sums_weights(&self) -> bool {
         self.kernel.alpha == TemporalAlpha::Sum
     }
@@ -69,7 +75,12 @@ impl SweepGroup<'_> {
             }
             let swept = self.swept(chunk, &binned.values);
             let TileBuffers { threshold, sums, coverage_mask, slices, .. } = &mut *job.buffers;
-            attribute::attribute(&binned.splats, list, &swept, &job.tile, threshold, slices, sums, coverage_mask);
+            if self.filters() {
+                let kernels = (&binned.splats[..], &binned.filters[..]);
+                filtered::attribute(kernels, list, &swept, &job.tile, slices, sums, coverage_mask);
+            } else {
+                attribute::attribute(&binned.splats, list, &swept, &job.tile, threshold, slices, sums, coverage_mask);
+            }
         }
     }
 
@@ -88,7 +99,11 @@ impl SweepGroup<'_> {
         let TileBuffers { threshold, sums, group_coverage, coverage_mask, .. } = &mut *job.buffers;
         let (weight, coverage) = (self.scope.weight(), &mut group_coverage.coverage);
         let exposure = Exposure { interval: self.interval, weight, sum: self.sums_weights() };
-        resolve::coverage(&exposure, coverage_mask, coverage);
+        if self.filters() && !exposure.sum {
+            resolve::filtered_coverage(&exposure, coverage_mask, coverage);
+        } else {
+            resolve::coverage(&exposure, coverage_mask, coverage);
+        }
         match self.kernel.normalise {
             Normalise::Once => {
                 resolve::pool(weight, channels, planes, &job.tile, sums, coverage, &mut job.out.values);
@@ -117,7 +132,13 @@ impl TileWork for SweepGroup<'_> {
             let surfels = &self.scope.frame.objects[chunk.object].surfels;
             let view = self.scope.view(chunk);
             binned.splats.clear();
-            project::project(&view, self.ellipsoid(), surfels, chunk.surfels.clone(), &mut binned.splats);
+            let (range, Binned { splats, filters, .. }) = (chunk.surfels.clone(), &mut *binned);
+            filters.clear();
+            if self.filters() {
+                project::project_filtered(&view, self.ellipsoid(), surfels, range, splats, filters);
+            } else {
+                project::project(&view, self.ellipsoid(), surfels, range, splats);
+            }
             binned.bin();
             self.scope.add_values(chunk, binned);
         });
@@ -141,7 +162,7 @@ impl TileWork for SweepGroup<'_> {
                     self.start_threshold(index, buffers);
                 }
                 buffers.clear_sums(self.scope.channels.count, 1);
-                buffers.clear_coverage_mask();
+                buffers.clear_coverage_mask(self.filters());
             }
             // The film goes on from the intervals before.
             SweepPass::Resolve => {}

@@ -1,13 +1,16 @@
 //! Swept splats against their definition, in f64 and by sampling time: a disc that moves in camera space, met by rays.
 
-use glam::{DMat3, DVec3, Mat3, Vec3};
+use glam::{DMat2, DMat3, DVec2, DVec3, Mat3, Vec3};
 
+use super::filter::Filter;
 use super::hull::Hull;
-use super::project::{Posed, sweep};
+use super::posed::Posed;
+use super::project::sweep;
 use super::ray::{LINE, Lanes, Ray, Sight};
+use crate::backend::cpu::ewa::share::Share;
 use crate::backend::cpu::project::View;
 use crate::frame::{PixelRect, PosedObject, Raster};
-use crate::layout::SweptSplat;
+use crate::layout::{SweptFilter, SweptSplat};
 use crate::math::sweep::{Path, Sweep, tube_weight};
 
 const SIZE: u32 = 64;
@@ -27,6 +30,11 @@ struct Disc {
 impl Disc {
     /// The splat, and the pixels that it may touch.
     fn splat(&self, ellipsoid: bool) -> Option<SweptSplat> {
+        self.filtered(ellipsoid, None).map(|(splat, _)| splat)
+    }
+
+    /// The splat and its kernel, filtered with a standard deviation of `sigma` pixels.
+    fn filtered(&self, ellipsoid: bool, sigma: Option<f32>) -> Option<(SweptSplat, SweptFilter)> {
         let screen = |p: DVec3| (DVec3::new(FOCAL, -FOCAL, -1.0) * p).as_vec3();
         let posed =
             Posed { centre: screen(self.centre), motion: screen(self.motion), u: screen(self.u), v: screen(self.v) };
@@ -69,7 +77,7 @@ impl Disc {
             two_sided: true,
             clusters: None,
         };
-        sweep(&view, ellipsoid, &posed, 0)
+        sweep(&view, ellipsoid, &posed, 0, sigma.map(|sigma| Filter { sigma, share: Share::ONE }))
     }
 
     /// (u, v, depth) where the ray through pixel (x, y) meets the disc's plane at `tau`.
@@ -187,6 +195,81 @@ fn splats_are_the_moving_discs() {
     assert!(touched > 20_000 && crossing > 500);
     // 49,873 are tested in vain; without boxes for kernels at the camera plane they are far more.
     assert!(wasted[0] < wasted[1], "{wasted:?}");
+}
+
+impl Disc {
+    /// Of the kernel filtered at `tau`, as full EWA filters one at an instant (docs/math.md, eq. 4a and 4b, with all of
+    /// q in perspective): the share of the squared radius, q / 4, at pixel (x, y), and the peak.
+    fn filtered_by_instants(&self, x: u32, y: u32, tau: f64, sigma: f64) -> [f64; 2] {
+        let at = self.centre + tau * self.motion;
+        let depth = -at.z;
+        let pixel = |p: DVec3| DVec2::new(p.x, -p.y) * (FOCAL / -p.z);
+        let half = f64::from(SIZE) / 2.0;
+        let d = DVec2::new(f64::from(x) + 0.5 - half, f64::from(y) + 0.5 - half) - pixel(at);
+        let column = |a: DVec3| DVec2::new(a.x - at.x / depth * -a.z, -a.y + at.y / depth * -a.z) * (FOCAL / depth);
+        let j = DMat2::from_cols(column(self.u), column(self.v));
+        let unfiltered = (j * j.transpose()) * 0.25;
+        let variance = unfiltered + DMat2::from_diagonal(DVec2::splat(sigma * sigma));
+        let p = variance.inverse() * d;
+        let met = (j.transpose() * p) * 0.25;
+        let nearer = 1.0 - DVec2::new(-self.u.z, -self.v.z).dot(met) / depth;
+        let q = (4.0 * met.length_squared() + sigma * sigma * p.length_squared()) / (nearer * nearer);
+        [q / 4.0, (unfiltered.determinant() / variance.determinant()).sqrt()]
+    }
+}
+
+/// Filtered kernels at mid-interval are those of full EWA at an instant, also nearly edge-on. Over the interval they
+/// move as discs do, within the bounds.
+#[test]
+fn filtered_kernels_are_those_of_instants() {
+    let mut random = Random(17);
+    let (mut met, mut worst, mut nearly_edge_on) = (0, [0.0_f64; 2], 0);
+    for case in 0..600 {
+        let disc = Disc { motion: 0.2 * random.vector(), ..random_disc(&mut random) };
+        let sigma = 0.1 + random.next();
+        let Some((splat, filter)) = disc.filtered(false, Some(sigma as f32)) else { continue };
+        if filter.crossing != 0 {
+            continue;
+        }
+        let normal = disc.u.cross(disc.v).normalize();
+        nearly_edge_on += u32::from(normal.dot(disc.centre.normalize()).abs() < 0.1);
+        let bounds = splat.bounds.map(u32::from);
+        let hull = Hull::of(&splat);
+        for (x, y) in (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (x, y))) {
+            let (dx, dy) = (
+                f64::from(x) + 0.5 - f64::from(splat.reference[0]),
+                f64::from(y) + 0.5 - f64::from(splat.reference[1]),
+            );
+            let plain = |c: [f32; 2]| f64::from(c[0]) * dx + f64::from(c[1]) * dy;
+            let form = |c: [f32; 3]| plain([c[0], c[1]]) + f64::from(c[2]);
+            let w = plain(filter.inverse_depth) + f64::from(splat.inverse_depth[2]);
+            let r2 = |tau: f64| {
+                let at = DVec2::new(
+                    plain(filter.u) + tau * form(filter.u_rate),
+                    plain(filter.v) + tau * form(filter.v_rate),
+                );
+                at.length_squared() / (w * w)
+            };
+            let [columns, rows] = [[bounds[0], bounds[1]], [bounds[2], bounds[3]]];
+            let [left, right] = hull.columns(y as f32, y as f32);
+            let bounded = (columns[0]..=columns[1]).contains(&x)
+                && (rows[0]..=rows[1]).contains(&y)
+                && (left..=right).contains(&(x as i32));
+            for tau in [-1.0, -0.4, 0.3, 1.0] {
+                assert!(bounded || w <= 0.0 || r2(tau) > 1.0, "case {case} at {tau}: {x} {y}, {disc:?}");
+            }
+            let [want, peak] = disc.filtered_by_instants(x, y, 0.0, sigma);
+            if w <= 0.0 || want > 1.2 {
+                continue;
+            }
+            met += 1;
+            worst[0] = worst[0].max((r2(0.0) - want).abs());
+            worst[1] = worst[1].max((f64::from(filter.peak) - peak).abs());
+        }
+    }
+    println!("{met} rays, {nearly_edge_on} nearly edge-on: worst {worst:?}");
+    assert!(met > 20_000 && nearly_edge_on > 20);
+    assert!(worst[0] < 1e-3 && worst[1] < 1e-4, "{worst:?}");
 }
 
 /// The integral of exp(-2 r^2) over the unit ball (`power` 2) or disc (1), by the midpoint rule over the radius.

@@ -11,7 +11,7 @@ use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 use crate::backend::gpu::layout::{DIGIT_BITS, Light, Segment, Status, TILE, Travel, View, WIDEST, WORKGROUP_ITEMS};
 use crate::backend::gpu::programs::Program;
 use crate::frame::Blocks;
-use crate::layout::{EwaSplat, FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, Splat, SweptSplat};
+use crate::layout::{EwaSplat, FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, FilteredSplat, Splat, SweptFilter, SweptSplat};
 
 fn module(program: Program) -> Module {
     wgsl::parse_str(program.wgsl()).unwrap_or_else(|e| panic!("{}", e.emit_to_string(program.wgsl())))
@@ -127,6 +127,10 @@ fn structs_lie_where_the_host_puts_them() {
         module,
         SweptSplat { reference, inverse_depth, u, v, u_rate, v_rate, motion, ends, bounds, surfel, flags }
     );
+    let module = self::module(Program::FilteredSweep);
+    assert_same_layout!(module, SweptFilter { inverse_depth, u, v, u_rate, v_rate, k, peak, weight, crossing });
+    assert_eq!(size_of::<FilteredSplat>(), 3 * size_of::<Splat>());
+    assert_eq!(offset_of!(FilteredSplat, filtered), size_of::<SweptSplat>());
     let module = self::module(Program::EwaProject);
     assert_same_layout!(
         module,

@@ -1,0 +1,178 @@
+//! Kernels in motion that full EWA filters: parity with the CPU, pass by pass and slot by slot. Each pass is fed the
+//! CPU's results of the passes before it. Also: broken programs, small buffers and whole images.
+
+use super::cases::{self, Case};
+use super::compare::{compare, flat};
+use super::gpu_or_skip;
+use super::harness::{Harness, NONE, PIXELS, Pass, tiles};
+use super::slots::Slots;
+use super::splat_twins::{Context, Posed, whole};
+use super::sweep_twins::SweepTwins;
+use super::sweeps::{compare_sums, mask_planes, spoil, values};
+use crate::backend::cpu::Cpu;
+use crate::backend::cpu::swept::{Map, SweepGroup};
+use crate::backend::gpu::Gpu;
+use crate::backend::gpu::layout::TILE;
+use crate::backend::gpu::programs::{Pipelines, Program};
+use crate::film::Picture;
+use crate::layout::{FilteredSplat, SweptFilter, SweptSplat};
+use crate::options::{KernelWeight, Prefilter, Quality};
+use crate::plan::{Objects, Step, SweepPass};
+use crate::renderer::render_frame;
+
+/// The cases of kernels in motion that can be filtered.
+pub(super) fn filtered() -> Vec<Case> {
+    let integral = |case: &Case| match case.options.quality {
+        Quality::Mode(mode) => mode.swept().is_some_and(|kernel| kernel.weight == KernelWeight::Integral),
+        Quality::Error(_) => false,
+    };
+    let mut cases: Vec<Case> = cases::swept().into_iter().filter(integral).collect();
+    for case in &mut cases {
+        case.options.prefilter = Prefilter::Ewa;
+    }
+    cases
+}
+
+/// All passes of the first group of a case; the first that differs.
+fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
+    let frame = case.frame();
+    let context = Context::of(&frame);
+    let Some(mut harness) = Harness::new(gpu, &frame, &context) else { return Ok(()) };
+    let (interval, kernel) = frame
+        .steps()
+        .find_map(|step| match *step {
+            Step::Sweep { interval, kernel, objects: Objects::All, .. } => Some((interval, kernel)),
+            _ => None,
+        })
+        .unwrap();
+    let position = &frame.rasters[0].positions[0];
+    let scope = context.scope(&frame, position, &position.groups[0], whole(position));
+    let map = Map::default();
+    let group = SweepGroup { scope, interval: &interval, kernel, map: &map, picture: &[] };
+    let twins = SweepTwins { group, edge: TILE as usize };
+    let failed = |pass: Pass| move |what: String| format!("{}: {pass:?}: {what}", case.name);
+    let on_band = tiles(harness.prepared.schedule.rasters[0].tiles);
+
+    let both = twins.filtered_sweep(Objects::All);
+    let of_object = |_: &_, object| &both.iter().find(|posed| posed.chunk.object == object).unwrap().splats[..];
+    let with_segment = |kernel: &FilteredSplat, segment| {
+        let flags = kernel.splat.flags | segment << 3;
+        FilteredSplat { splat: SweptSplat { flags, ..kernel.splat }, ..*kernel }
+    };
+    let slots = Slots::new(&harness.batch, &on_band, of_object, with_segment, |_| true);
+    spoil(&harness);
+    harness.run(Pass::MakeKernels);
+    slots.compare_splats(&harness).map_err(failed(Pass::MakeKernels))?;
+    slots.compare_lists(&harness).map_err(failed(Pass::MakeKernels))?;
+
+    let kernels: Vec<Posed<SweptSplat>> = both
+        .iter()
+        .map(|posed| Posed { chunk: posed.chunk.clone(), splats: posed.splats.iter().map(|both| both.splat).collect() })
+        .collect();
+    let filters: Vec<Vec<SweptFilter>> =
+        both.iter().map(|posed| posed.splats.iter().map(|both| both.filtered).collect()).collect();
+    let before = vec![f32::INFINITY; PIXELS];
+    let slices: Vec<_> = on_band.iter().map(|&tile| twins.visibility(&kernels, tile, &before)).collect();
+    let thresholds: Vec<f32> = slices.iter().flat_map(|slices| flat(slices)).collect();
+    slots.feed_splats(&harness);
+    slots.feed_lists(&harness);
+    let pass = Pass::Sweep(SweepPass::Visibility);
+    harness.run(pass);
+    let buffers = &harness.gpu.state.buffers;
+    let got: Vec<f32> = harness.read(&buffers.map, thresholds.len());
+    compare("thresholds of slices", &got, &thresholds, |_| 1.0).map_err(failed(pass))?;
+
+    let of_tile = |(&tile, slices): (_, &Vec<Vec<f32>>)| twins.attribute(&kernels, &filters, tile, &before, slices);
+    let sums: Vec<_> = on_band.iter().zip(&slices).map(of_tile).collect();
+    harness.write(&buffers.map, &thresholds.iter().map(|v| v.min(NONE)).collect::<Vec<_>>());
+    let pass = Pass::Sweep(SweepPass::Attribute);
+    harness.run(pass);
+    compare_sums(&harness, &sums).map_err(failed(pass))?;
+
+    let buffers = &harness.gpu.state.buffers;
+    harness.write(&buffers.sums, &sums.iter().flat_map(|sums| flat(&sums.channels)).collect::<Vec<_>>());
+    harness.write(&buffers.coverage_mask, &sums.iter().flat_map(mask_planes).flatten().collect::<Vec<u32>>());
+    let pass = Pass::Sweep(SweepPass::Resolve);
+    harness.run(pass);
+    let want: Vec<_> = on_band.iter().zip(&sums).flat_map(|(&tile, sums)| twins.resolve(tile, sums, &[])).collect();
+    let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.film, want.len() * PIXELS);
+    compare("film", &got, &flat(&want), |_| 1.0).map_err(failed(pass))
+}
+
+#[test]
+fn filtered_sweeps_agree() {
+    let Some(mut gpu) = gpu_or_skip("filtered_sweeps_agree") else { return };
+    for case in filtered() {
+        eprintln!("{}:", case.name);
+        check(&mut gpu, &case).unwrap_or_else(|what| panic!("{what}"));
+    }
+}
+
+/// Text of a program, what replaces it, and a case that must notice.
+static MUTANTS: [([(&str, &str); 1], &str); 22] = [
+    ([("let area = 0.25 * (jux * jvy - juy * jvx)", "let area = 0.25 * (jux * jvy + juy * jvx)")], "tube"),
+    ([("let l1 = 4.0 * xy * over0", "let l1 = 0.0")], "tube"),
+    ([("let xy = 0.25 * (jux * juy + jvx * jvy)", "let xy = 0.25 * (jux * juy)")], "tube"),
+    ([("variance * (xx + yy - variance)", "variance * (xx + yy)")], "tube"),
+    ([("(sy - l1 * uz) / l2", "sy / l2")], "tube"),
+    ([("geometry[9u * segment.buffer_surfels", "geometry[0u * segment.buffer_surfels")], "tube"),
+    ([("wide.peak * (factor", "(factor")], "tube"),
+    ([("about(own.begin, filtered.begin)", "own.begin")], "fast"),
+    ([("max(own.across.y, filtered.across.y)", "own.across.y")], "fast"),
+    ([("filtered.crossing = 1u", "filtered.crossing = 0u")], "hard"),
+    ([("if f.crossing == 0u", "if f.crossing != 2u")], "hard"),
+    ([("(*sum).surface |= moments_in(disc_span)", "(*sum).surface |= moments_in(disc_span) & 0xffffu")], "fast"),
+    ([("own_k = f.k", "own_k = 2.0 * f.k")], "near"),
+    ([("let time = 1.0 + view.slope * tau;\n    let in_tube", "let time = 1.0;\n    let in_tube")], "fast"),
+    ([("select(HIDDEN, part, part > 0.0)", "1.0")], "fast"),
+    ([("* part; }", "; }")], "sum"),
+    ([("min(weight, most) *", "weight *")], "hard"),
+    ([("vec2<f32>(over, k * over), on_plane", "vec2<f32>(over, k * over), false")], "fast"),
+    ([("loose * vec2<f32>(f.peak, side)", "loose * vec2<f32>(f.peak, 1.0)")], "tube"),
+    ([("0.5 * (sum + abs(side))", "0.5 * (sum + side)")], "tube"),
+    ([("weight / noise", "weight")], "fast"),
+    ([("1.0 - (1.0 - large) * (1.0 - large)", "large")], "fast"),
+];
+
+#[test]
+fn broken_filtered_sweeps_are_noticed() {
+    let Some(mut gpu) = gpu_or_skip("broken_filtered_sweeps_are_noticed") else { return };
+    let cases = filtered();
+    let mut unnoticed = Vec::new();
+    for (pair, name) in &MUTANTS {
+        let [(from, to)] = pair;
+        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
+        let case = cases.iter().find(|case| case.name == *name).unwrap();
+        gpu.state.pipelines = Pipelines::with(pair);
+        match check(&mut gpu, case) {
+            Ok(()) => unnoticed.push(format!("`{from}` became `{to}`")),
+            Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
+        }
+    }
+    assert!(unnoticed.is_empty(), "nothing was noticed: {unnoticed:#?}");
+}
+
+/// Whole images, and the same with small buffers.
+#[test]
+fn filtered_images_look_the_same() {
+    let open = || gpu_or_skip("filtered_images_look_the_same");
+    let (Some(mut gpu), Some(mut batches), Some(mut bands)) = (open(), open(), open()) else { return };
+    (batches.most_slots, bands.most_bytes) = (100, 256 << 10);
+    for case in filtered() {
+        let on_gpu = |gpu: &mut Gpu| -> Picture {
+            render_frame(gpu, &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}")).picture
+        };
+        let whole = on_gpu(&mut gpu);
+        assert_eq!(on_gpu(&mut batches), whole, "{}: batches of 100", case.name);
+        assert_eq!(on_gpu(&mut bands), whole, "{}: small bindings", case.name);
+        let want = render_frame(&mut Cpu::default(), &case.scene, 0, &case.options).unwrap().picture;
+        let (got, want) = (values(&whole), values(&want));
+        let scale = want.iter().copied().filter(|v| v.is_finite()).fold(1.0_f32, |a, b| a.max(b.abs()));
+        let difference = |(g, w): (&f32, &f32)| if g == w { 0.0 } else { (g - w).abs() / scale };
+        let differing = got.iter().zip(&want).map(difference).filter(|&d| d >= 1e-4 || d.is_nan()).count();
+        let covered = want.iter().filter(|&&v| v != 0.0 && v.is_finite()).count();
+        eprintln!("{}: {differing} of {} values differ, {covered} not 0", case.name, want.len());
+        assert!(differing as f64 <= 1e-3 * want.len() as f64, "{}: {differing} values differ", case.name);
+        assert!(covered > 0, "{}: nothing to compare", case.name);
+    }
+}
