@@ -120,10 +120,11 @@ pub struct SweptFilter {
     pub k: f32,
     /// Weight at the centre before normalisation, sqrt(|V| / |V'|), in (0, 1].
     pub peak: f32,
-    /// Weight at the centre: `peak` times the surfel's normalisation.
+    /// Weight at the centre, of colours (docs/math.md, section 3).
     pub weight: f32,
-    /// 1 for a kernel that reaches the camera plane, which is not filtered: its forms are those of the splat. Else 0.
-    pub crossing: u32,
+    /// Weight at the centre, of coverage: `peak` times the surfel's normalisation. 0 for a kernel that reaches the
+    /// camera plane, which is not filtered: its forms are those of the splat, and its coverage has its `weight`.
+    pub coverage: f32,
 }
 
 /// A kernel in motion and its filtered kernel, as the GPU has them.
@@ -137,9 +138,14 @@ pub struct FilteredSplat {
 }
 
 impl SweptFilter {
-    /// That of a kernel at the camera plane, whose surfel has the normalisation `weight`.
+    /// That of a kernel at the camera plane.
     pub fn unfiltered(weight: f32) -> Self {
-        Self { peak: 1.0, weight, crossing: 1, ..Self::zeroed() }
+        Self { peak: 1.0, weight, ..Self::zeroed() }
+    }
+
+    /// Does the kernel reach the camera plane?
+    pub fn is_crossing(&self) -> bool {
+        self.coverage == 0.0
     }
 }
 

@@ -10,7 +10,8 @@ struct SweptFilter {
     k: f32,
     peak: f32,
     weight: f32,
-    crossing: u32,
+    // 0 for a kernel that reaches the camera plane, which is not filtered.
+    coverage: f32,
 }
 
 // The fields of the kernel itself, then its filtered kernel.

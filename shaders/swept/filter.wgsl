@@ -24,7 +24,7 @@ fn filtered_sweep(@builtin(global_invocation_id) id: vec3<u32>) {
     if kernel.kind == CROSSING {
         kernel.splat.filtered.peak = 1.0;
         kernel.splat.filtered.weight = mean;
-        kernel.splat.filtered.crossing = 1u;
+        kernel.splat.filtered.coverage = 0.0;
         write_crossing(slot, kernel.splat, kernel.centre, kernel.motion, kernel.u, kernel.v);
     }
     if kernel.kind != ORDINARY { return; }
@@ -41,6 +41,7 @@ fn filtered_sweep(@builtin(global_invocation_id) id: vec3<u32>) {
     out.peak = wide.peak;
     // The narrower the filter is beside the kernel, the more all kernels of a model count alike.
     out.weight = wide.peak * (factor + wide.peak * (mean - factor));
+    out.coverage = wide.peak * factor;
     kernel.splat.filtered = out;
     let own = boxes_of(kernel, kernel.u, kernel.v, 0.0);
     let filtered = boxes_of(kernel, wide.u, wide.v, 0.0);

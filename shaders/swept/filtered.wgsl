@@ -74,7 +74,9 @@ fn add_filtered(
     var own_w = w;
     var own_k = k;
     var own = path;
-    if f.crossing == 0u {
+    var coverage = f.weight;
+    if f.coverage != 0.0 {
+        coverage = f.coverage;
         own_w = form(array<f32, 3>(f.inverse_depth[0], f.inverse_depth[1], i[2]), x, y);
         own_k = f.k;
         let at_u = form(array<f32, 3>(f.u[0], f.u[1], 0.0), x, y);
@@ -89,8 +91,8 @@ fn add_filtered(
 
     let tau = 0.5 * (tube_span.x + tube_span.y);
     let time = 1.0 + view.slope * tau;
-    let in_tube = f.weight * tube_weight(mean_over(tube, tube_span), tube_span) * time;
-    var weight = in_tube;
+    let in_tube = tube_weight(mean_over(tube, tube_span), tube_span) * time;
+    var weight = f.weight * in_tube;
     var most = tube_weight(1.0, tube_span) * time;
     var met: Met;
     met.span = tube_span;
@@ -108,7 +110,7 @@ fn add_filtered(
     let on_plane = w > 0.0 && view.near * w <= 1.0;
     met.plane = select(vec2<f32>(centre_depth, centre_depth * (m[2] * i[2])), vec2<f32>(over, k * over), on_plane);
     met.depth = met.plane.x + tau * met.plane.y;
-    var loose = in_tube;
+    var loose = coverage * in_tube;
     if SUM { loose = 0.0; }
     if met.span.x < met.span.y {
         let part = shown_in(met, slices).part;
@@ -117,7 +119,7 @@ fn add_filtered(
         add_values(sum, slot, share, met.depth);
     } else {
         // A tube that is met beside the ellipsoid covers, and gives a colour where there is no other.
-        add_values(sum, slot, in_tube * HIDDEN, met.depth);
+        add_values(sum, slot, coverage * in_tube * HIDDEN, met.depth);
     }
     if !SUM {
         if disc_met { (*sum).surface |= moments_in(disc_span); }

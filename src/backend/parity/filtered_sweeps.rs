@@ -109,7 +109,7 @@ fn filtered_sweeps_agree() {
 }
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 22] = [
+static MUTANTS: [([(&str, &str); 1], &str); 24] = [
     ([("let area = 0.25 * (jux * jvy - juy * jvx)", "let area = 0.25 * (jux * jvy + juy * jvx)")], "tube"),
     ([("let l1 = 4.0 * xy * over0", "let l1 = 0.0")], "tube"),
     ([("let xy = 0.25 * (jux * juy + jvx * jvy)", "let xy = 0.25 * (jux * juy)")], "tube"),
@@ -119,14 +119,16 @@ static MUTANTS: [([(&str, &str); 1], &str); 22] = [
     ([("wide.peak * (factor", "(factor")], "tube"),
     ([("about(own.begin, filtered.begin)", "own.begin")], "fast"),
     ([("max(own.across.y, filtered.across.y)", "own.across.y")], "fast"),
-    ([("filtered.crossing = 1u", "filtered.crossing = 0u")], "hard"),
-    ([("if f.crossing == 0u", "if f.crossing != 2u")], "hard"),
+    ([("factor + wide.peak * (mean - factor)", "factor")], "tube"),
+    ([("out.coverage = wide.peak * factor", "out.coverage = wide.peak * mean")], "tube"),
+    ([("filtered.coverage = 0.0", "filtered.coverage = 1.0")], "hard"),
+    ([("if f.coverage != 0.0", "if f.coverage != 9.0")], "hard"),
     ([("(*sum).surface |= moments_in(disc_span)", "(*sum).surface |= moments_in(disc_span) & 0xffffu")], "fast"),
     ([("own_k = f.k", "own_k = 2.0 * f.k")], "near"),
     ([("let time = 1.0 + view.slope * tau;\n    let in_tube", "let time = 1.0;\n    let in_tube")], "fast"),
     ([("select(HIDDEN, part, part > 0.0)", "1.0")], "fast"),
     ([("* part; }", "; }")], "sum"),
-    ([("min(weight, most) *", "weight *")], "hard"),
+    ([("min(weight, most) *", "most *")], "hard"),
     ([("vec2<f32>(over, k * over), on_plane", "vec2<f32>(over, k * over), false")], "fast"),
     ([("loose * vec2<f32>(f.peak, side)", "loose * vec2<f32>(f.peak, 1.0)")], "tube"),
     ([("0.5 * (sum + abs(side))", "0.5 * (sum + side)")], "tube"),

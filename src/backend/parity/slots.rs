@@ -98,7 +98,7 @@ impl Slotted for FilteredSplat {
         self.splat.surfel
     }
     fn parts(&self) -> ([u32; 2], Vec<(Vec<f32>, f32)>) {
-        let SweptFilter { inverse_depth, u, v, u_rate, v_rate, k, peak, weight, crossing } = self.filtered;
+        let SweptFilter { inverse_depth, u, v, u_rate, v_rate, k, peak, weight, coverage } = self.filtered;
         let ([surfel, flags], mut floats) = self.splat.parts();
         // What the forms are made of is that of the splat's.
         let skew = skew(self.splat.u, self.splat.v);
@@ -111,9 +111,9 @@ impl Slotted for FilteredSplat {
             (u_rate.to_vec(), largest(&u_rate).max(rate) * skew),
             (v_rate.to_vec(), largest(&v_rate).max(rate) * skew),
             (vec![k], k.abs().max(largest(&inverse_depth) * motion) * skew),
-            (vec![peak, weight], weight.max(peak) * skew),
+            (vec![peak, weight, coverage], weight.max(peak).max(coverage) * skew),
         ]);
-        ([surfel, flags << 1 | crossing], floats)
+        ([surfel, flags << 1 | u32::from(self.filtered.is_crossing())], floats)
     }
 }
 

@@ -46,6 +46,12 @@ impl Share {
         peak * (self.factor + peak * (self.mean - self.factor))
     }
 
+    /// Weight of coverage alone: the area that is the kernel's own, however large it is.
+    #[inline(always)]
+    pub(in crate::backend::cpu) fn coverage(self, peak: f32) -> f32 {
+        peak * self.factor
+    }
+
     /// Weight of a kernel that is not filtered.
     #[inline(always)]
     pub(in crate::backend::cpu) fn unfiltered(self) -> f32 {

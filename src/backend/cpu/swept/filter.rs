@@ -29,6 +29,7 @@ pub(super) struct Filtered {
     axes: [[f32; 3]; 2],
     peak: f32,
     weight: f32,
+    coverage: f32,
 }
 
 impl Filtered {
@@ -65,6 +66,7 @@ impl Filtered {
             axes,
             peak,
             weight: filter.share.weight(peak),
+            coverage: filter.share.coverage(peak),
         }
     }
 
@@ -82,7 +84,7 @@ impl Filtered {
             k: i[0] * motion[0] + i[1] * motion[1] + i[2] * motion[2],
             peak: self.peak,
             weight: self.weight,
-            crossing: 0,
+            coverage: self.coverage,
         }
     }
 }

@@ -103,6 +103,7 @@ struct Pair {
     /// Depth of the centre at tau = 0, and its change to tau = 1.
     centre: [f32; 2],
     weight: f32,
+    coverage: f32,
     peak: f32,
     /// -1 for a kernel that shows its back, else 1.
     side: f32,
@@ -115,7 +116,7 @@ impl Pair {
         let m = splat.motion;
         let k = i[0] * m[0] + i[1] * m[1] + i[2] * m[2];
         let centre_depth = 1.0 / i[2];
-        let crossing = filter.crossing != 0;
+        let crossing = filter.is_crossing();
         let form = |[x, y]: [f32; 2], one: f32| [x, y, one];
         let filtered =
             [form(filter.inverse_depth, i[2]), form(filter.u, 0.0), form(filter.v, 0.0), filter.u_rate, filter.v_rate];
@@ -128,6 +129,7 @@ impl Pair {
             inverse_k: [reciprocal(filtered_k), reciprocal(k)],
             centre: [centre_depth, centre_depth * (m[2] * i[2])],
             weight: filter.weight,
+            coverage: if crossing { filter.weight } else { filter.coverage },
             peak: filter.peak,
             side: if splat.flags & FLAG_BACK == 0 { 1.0 } else { -1.0 },
         }
@@ -164,10 +166,10 @@ impl Pair {
         let met = wanted & (own_w > 0.0) & (tube_span[0] < tube_span[1]);
         let tau = 0.5 * (tube_span[0] + tube_span[1]);
         let time = 1.0 + slope * tau;
-        let in_tube = self.weight * tube_weight(tube.mean(tube_span), tube_span) * time;
-        lanes.loose[l] = if met { in_tube } else { 0.0 };
+        let in_tube = tube_weight(tube.mean(tube_span), tube_span) * time;
+        lanes.loose[l] = if met { self.coverage * in_tube } else { 0.0 };
         if FOOTPRINT == TUBE {
-            lanes.weight[l] = if met { in_tube } else { 0.0 };
+            lanes.weight[l] = if met { self.weight * in_tube } else { 0.0 };
             lanes.most[l] = tube_weight(1.0, tube_span) * time;
             lanes.first[l] = if met { tube_span[0] } else { 1.0 };
             lanes.last[l] = if met { tube_span[1] } else { -1.0 };

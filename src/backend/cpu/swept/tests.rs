@@ -228,7 +228,7 @@ fn filtered_kernels_are_those_of_instants() {
         let disc = Disc { motion: 0.2 * random.vector(), ..random_disc(&mut random) };
         let sigma = 0.1 + random.next();
         let Some((splat, filter)) = disc.filtered(false, Some(sigma as f32)) else { continue };
-        if filter.crossing != 0 {
+        if filter.is_crossing() {
             continue;
         }
         let normal = disc.u.cross(disc.v).normalize();

@@ -128,7 +128,7 @@ fn structs_lie_where_the_host_puts_them() {
         SweptSplat { reference, inverse_depth, u, v, u_rate, v_rate, motion, ends, bounds, surfel, flags }
     );
     let module = self::module(Program::FilteredSweep);
-    assert_same_layout!(module, SweptFilter { inverse_depth, u, v, u_rate, v_rate, k, peak, weight, crossing });
+    assert_same_layout!(module, SweptFilter { inverse_depth, u, v, u_rate, v_rate, k, peak, weight, coverage });
     assert_eq!(size_of::<FilteredSplat>(), 3 * size_of::<Splat>());
     assert_eq!(offset_of!(FilteredSplat, filtered), size_of::<SweptSplat>());
     let module = self::module(Program::EwaProject);
