@@ -29,6 +29,15 @@ pub struct RasterExposure {
     pub phase: [u32; 2],
     /// Positions within the pixel, in the order in which they are rendered.
     pub positions: Vec<PositionExposure>,
+    /// Positions of a pixel in the whole picture, which share its filter: as many, or more where this is one half of it.
+    pub positions_of_picture: usize,
+}
+
+impl RasterExposure {
+    /// That of a whole picture.
+    fn whole(phase: [u32; 2], positions: Vec<PositionExposure>) -> Self {
+        Self { phase, positions_of_picture: positions.len(), positions }
+    }
 }
 
 /// A place within the pixel, and what is sampled there.
@@ -313,7 +322,7 @@ impl Exposure {
 
     /// One raster: all pixels see the same times.
     fn uniform(positions: Vec<PositionExposure>) -> Self {
-        Self { stride: 1, rasters: vec![RasterExposure { phase: [0, 0], positions }] }
+        Self { stride: 1, rasters: vec![RasterExposure::whole([0, 0], positions)] }
     }
 
     /// One raster for each class of pixels; the groups of each tile the shutter.
@@ -341,7 +350,7 @@ impl Exposure {
                 let group = Group { samples: samples.to_vec(), sweep: None };
                 std::iter::repeat_n(group, repeats as usize)
             });
-            RasterExposure { phase, positions: with_offsets(groups.collect(), positions, filter, seed) }
+            RasterExposure::whole(phase, with_offsets(groups.collect(), positions, filter, seed))
         };
         Self { stride, rasters: interleave.phases().map(raster).collect() }
     }

@@ -56,11 +56,15 @@ impl Round<'_> {
 
     /// The new samples of half buffer `half`; their weights sum to 1.
     fn exposure(&self, half: u32) -> Exposure {
-        let raster = |phase| RasterExposure { phase, positions: self.positions(phase, half) };
+        let raster = |phase| {
+            let (positions, positions_of_picture) = self.positions(phase, half);
+            RasterExposure { phase, positions, positions_of_picture }
+        };
         Exposure { stride: self.interleave.stride(), rasters: self.interleave.phases().map(raster).collect() }
     }
 
-    fn positions(&self, phase: [u32; 2], half: u32) -> Vec<PositionExposure> {
+    /// Those of half buffer `half`, and how many both have together.
+    fn positions(&self, phase: [u32; 2], half: u32) -> (Vec<PositionExposure>, usize) {
         let Self { scene, number, options, interleave, .. } = *self;
         let place = self.place(phase);
         let strata = self.strata.samples(&scene.shutter, self.factor, place.fine);
@@ -77,7 +81,7 @@ impl Round<'_> {
             let position = || PositionExposure { offset: offsets[place], groups: Vec::new() };
             positions.entry(place).or_insert_with(position).groups.push(Group { samples: vec![sample], sweep: None });
         }
-        positions.into_values().collect()
+        (positions.into_values().collect(), offsets.len())
     }
 
     /// Renders the new samples of half buffer `half` in the wanted blocks.

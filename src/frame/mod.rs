@@ -141,7 +141,7 @@ impl Frame {
             .iter()
             .map(|of_raster| {
                 let raster = |offset| Raster::new(size, focal, exposure.stride, of_raster.phase, offset);
-                let (sigma, spread) = filter_of(options, of_raster.positions.len(), exposure.stride);
+                let (sigma, spread) = filter_of(options, of_raster.positions_of_picture, exposure.stride);
                 let positions = of_raster.positions.iter().map(|position| {
                     let raster = raster(position.offset.map(|v| v * spread));
                     let groups = position.groups.iter().map(|group| {

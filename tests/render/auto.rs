@@ -161,7 +161,7 @@ fn refinement_holds_for_other_weights() {
             Group { samples: vec![TimeSample { time, weight: 1.0 / f64::from(n) }], sweep: None }
         });
         let position = PositionExposure { offset: [0.0; 2], groups: samples.collect() };
-        let raster = RasterExposure { phase: [0; 2], positions: vec![position] };
+        let raster = RasterExposure { phase: [0; 2], positions: vec![position], positions_of_picture: 1 };
         let frame = Frame::exposed(&scene, 0.into(), &Exposure { stride: 1, rasters: vec![raster] }, &options);
         Cpu::default().render(frame).unwrap().picture
     };
