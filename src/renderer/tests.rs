@@ -1,7 +1,7 @@
 //! Sequences of frames, and the meter.
 
 use super::*;
-use crate::options::BlurMode;
+use crate::options::{BlurMode, Prefilter};
 use crate::scene::{Object, Sphere};
 
 fn scene() -> Scene {
@@ -50,7 +50,7 @@ fn the_meter_counts_all_steps() {
     for (quality, least) in modes {
         meter.reset();
         assert_eq!(meter.read(), crate::backend::Reading::default());
-        let options = RenderOptions { quality, ..RenderOptions::default() };
+        let options = RenderOptions { quality, prefilter: Prefilter::Approx, ..RenderOptions::default() };
         renderer.render(&scene, 12, &options).unwrap();
         let read = meter.read();
         assert!(read.share == 1.0 && read.renderings >= least, "{quality}: {read:?}");

@@ -8,7 +8,7 @@ use super::*;
 use crate::compare::{Comparison, Metric};
 use crate::film::{Aov, Picture};
 use crate::image::Format;
-use crate::options::{BlurMode, PixelFilter, RenderOptions};
+use crate::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
 use crate::reference::ReferenceOptions;
 use crate::renderer::{Device, Renderer};
 use crate::scene::Scene;
@@ -159,6 +159,7 @@ fn moments_divide_the_shutter() {
         quality: BlurMode::supersample(1).into(),
         filter: PixelFilter::Point,
         aovs: vec![Aov::Velocity],
+        prefilter: Prefilter::Approx,
         ..RenderOptions::default()
     };
     let whole = Renderer::open(Device::Cpu).unwrap().render(&scene(), 3, &options).unwrap().picture;

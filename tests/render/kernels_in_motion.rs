@@ -22,7 +22,12 @@ fn volumetric(intervals: u32) -> BlurMode {
 }
 
 fn options(mode: BlurMode) -> RenderOptions {
-    RenderOptions { quality: mode.into(), aovs: Aov::ALL[..4].to_vec(), ..RenderOptions::default() }
+    RenderOptions {
+        quality: mode.into(),
+        aovs: Aov::ALL[..4].to_vec(),
+        prefilter: Prefilter::Approx,
+        ..RenderOptions::default()
+    }
 }
 
 fn values(picture: &Picture) -> Vec<f32> {

@@ -14,7 +14,7 @@ use splatblur::time::Weight;
 /// With all layers that should agree between modes.
 fn options(mode: BlurMode) -> RenderOptions {
     let aovs = vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity];
-    RenderOptions { quality: mode.into(), aovs, ..RenderOptions::default() }
+    RenderOptions { quality: mode.into(), aovs, prefilter: Prefilter::Approx, ..RenderOptions::default() }
 }
 
 const fn bucket(buckets: u32, samples: u32) -> BlurMode {

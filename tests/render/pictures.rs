@@ -24,7 +24,11 @@ fn render(scene: &Scene, frame: i64, options: &RenderOptions) -> Picture {
 }
 
 fn supersample(samples: u32) -> RenderOptions {
-    RenderOptions { quality: BlurMode::supersample(samples).into(), ..RenderOptions::default() }
+    RenderOptions {
+        quality: BlurMode::supersample(samples).into(),
+        prefilter: Prefilter::Approx,
+        ..RenderOptions::default()
+    }
 }
 
 /// Offsets within a disc of radius 2 px: the structuring element of the closing.

@@ -14,6 +14,7 @@ fn still() -> RenderOptions {
     RenderOptions {
         quality: BlurMode::Still { pixel_samples: 1 }.into(),
         filter: PixelFilter::Point,
+        prefilter: Prefilter::Approx,
         ..RenderOptions::default()
     }
 }
@@ -24,7 +25,11 @@ fn exact(samples: u32) -> RenderOptions {
 }
 
 fn supersample(samples: u32) -> RenderOptions {
-    RenderOptions { quality: BlurMode::supersample(samples).into(), ..RenderOptions::default() }
+    RenderOptions {
+        quality: BlurMode::supersample(samples).into(),
+        prefilter: Prefilter::Approx,
+        ..RenderOptions::default()
+    }
 }
 
 /// A square of surfels about the origin, facing +z.

@@ -10,8 +10,8 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::frame::{Blocks, Frame};
 use splatblur::options::{
-    BlurMode, Interleave, KernelShape, Normalise, PixelFilter, RenderOptions, Shading, SourceSamples, SweptKernel,
-    TemporalAlpha, Times,
+    BlurMode, Interleave, KernelShape, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SourceSamples,
+    SweptKernel, TemporalAlpha, Times,
 };
 use splatblur::plan::Step;
 use splatblur::scene::{Light, Motion, Scene};
@@ -40,7 +40,14 @@ fn options(mode: BlurMode) -> RenderOptions {
     let shared = matches!(mode, BlurMode::Supersample { pixel_samples, .. } if pixel_samples.is_some());
     let filter = if shared { PixelFilter::Box } else { PixelFilter::Point };
     let aovs = Aov::ALL.to_vec();
-    RenderOptions { quality: mode.into(), filter, aovs, epsilon: Some(0.03), ..RenderOptions::default() }
+    RenderOptions {
+        quality: mode.into(),
+        filter,
+        aovs,
+        epsilon: Some(0.03),
+        prefilter: Prefilter::Approx,
+        ..RenderOptions::default()
+    }
 }
 
 fn modes() -> [BlurMode; 5] {

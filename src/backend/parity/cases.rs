@@ -130,8 +130,12 @@ fn two_balls(size: [u32; 2]) -> Scene {
 
 /// All cases.
 pub(super) fn all() -> Vec<Case> {
-    let options =
-        |mode: BlurMode| RenderOptions { quality: mode.into(), aovs: Aov::ALL.to_vec(), ..RenderOptions::default() };
+    let options = |mode: BlurMode| RenderOptions {
+        quality: mode.into(),
+        aovs: Aov::ALL.to_vec(),
+        prefilter: Prefilter::Approx,
+        ..RenderOptions::default()
+    };
     let bucket = |interleave| BlurMode::Bucket {
         buckets: 2,
         samples: 3,
@@ -175,7 +179,11 @@ pub(super) fn all() -> Vec<Case> {
 pub(super) fn large_splats() -> Case {
     let mut scene = scene(vec![object(ball(100, 3, false), DVec3::ZERO)], [256, 256]);
     scene.objects[0].two_sided = true;
-    let options = RenderOptions { quality: BlurMode::supersample(1).into(), ..RenderOptions::default() };
+    let options = RenderOptions {
+        quality: BlurMode::supersample(1).into(),
+        prefilter: Prefilter::Approx,
+        ..RenderOptions::default()
+    };
     Case { name: "large splats", scene, options, in_part: false }
 }
 
@@ -192,6 +200,7 @@ pub(super) fn swept() -> Vec<Case> {
     let options = |swept| RenderOptions {
         quality: BlurMode::Volumetric { intervals: 2, pixel_samples: None, swept }.into(),
         aovs: Aov::ALL.to_vec(),
+        prefilter: Prefilter::Approx,
         ..RenderOptions::default()
     };
     let tube = SweptKernel::default();

@@ -4,7 +4,9 @@ use glam::DVec3;
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Aov;
-use splatblur::options::{BlurMode, Interleave, KernelShape, PixelFilter, RenderOptions, SweptKernel, Times};
+use splatblur::options::{
+    BlurMode, Interleave, KernelShape, PixelFilter, Prefilter, RenderOptions, SweptKernel, Times,
+};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use splatblur::time::{Shutter, Weight};
@@ -67,7 +69,8 @@ fn values_of(backend: &mut dyn Backend, scene: &Scene, mode: BlurMode) -> Vec<Va
 
 fn with(backend: &mut dyn Backend, scene: &Scene, mode: BlurMode, filter: PixelFilter) -> Vec<Values> {
     let aovs = vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity];
-    let options = RenderOptions { quality: mode.into(), filter, aovs, ..RenderOptions::default() };
+    let options =
+        RenderOptions { quality: mode.into(), filter, aovs, prefilter: Prefilter::Approx, ..RenderOptions::default() };
     let picture = render_frame(backend, scene, 0, &options).expect("the frame fits").picture;
     let full = picture.rgba.iter().filter(|p| p[3] == 1.0).count();
     assert!(full > 100 && full < PIXELS / 2, "{mode}: {full} pixels are covered");
