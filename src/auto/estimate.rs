@@ -13,9 +13,9 @@ use crate::math::{fast, srgb};
 use crate::options::Interleave;
 
 /// Error of the image over the root of the half difference, which no more than one scene in twenty exceeds.
-const GAIN: f64 = 0.88;
+const GAIN: f64 = 0.92;
 /// The same where a block was refined: what made it need more samples makes its error fall more slowly too.
-const REFINED_GAIN: f64 = 0.95;
+const REFINED_GAIN: f64 = 1.0;
 /// FLIP of the image over that of the half difference, in the median of scenes, where both were means over pixels.
 const SEEN_GAIN: f64 = 0.74;
 /// The same with a lattice, which the eye blurs, and where strata are so short that the mean is far better than either

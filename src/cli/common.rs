@@ -129,14 +129,14 @@ pub(super) struct Surfaces {
 /// What only splatting has.
 #[derive(Debug, Args)]
 pub(super) struct Splatting {
-    /// Screen-space prefilter against aliasing of small splats. The reference has none.
+    /// Screen-space prefilter against aliasing of small splats [default: ewa; approx for kernels in motion that weigh by
+    /// chord or line]. The reference has none.
     #[arg(
         long,
-        default_value_t,
         value_parser = values::one_of::<Prefilter>(Prefilter::WORDS),
         help_heading = "Surfaces"
     )]
-    pub(super) prefilter: Prefilter,
+    pub(super) prefilter: Option<Prefilter>,
     /// Memory that a frame and the models may take together, as in 64M, 1G [default: half of the computer's or
     /// container's, at least 1G, on a GPU at most 8G]. The images do not depend on it.
     #[arg(

@@ -71,7 +71,6 @@ impl Common {
         };
         let options = RenderOptions {
             filter: self.sampling.filter,
-            prefilter: self.splatting.prefilter,
             shading: self.surfaces.shading,
             two_sided: self.surfaces.two_sided,
             epsilon: self.surfaces.epsilon,
@@ -80,6 +79,6 @@ impl Common {
             memory: self.splatting.memory("gpu", self.running.quiet),
             ..RenderOptions::default()
         };
-        Ok(Loaded { trial: Trial::new(scene, path, options, Box::new(open)), notes, pool })
+        Ok(Loaded { trial: Trial::new(scene, path, options, self.splatting.prefilter, Box::new(open)), notes, pool })
     }
 }

@@ -116,16 +116,27 @@ words!(Times, "choice of times", [Even = "even", Stratified = "stratified", Rand
 pub enum Prefilter {
     /// A pixel counts as near a splat as the nearer of its object-space kernel and a screen-space disc (Botsch et al.
     /// 2005; Wolf 2008, 4.2.3).
-    #[default]
     Approx,
     /// Object-space kernels, each convolved with a Gaussian as wide as the sample grid needs (Ren et al. 2002,
     /// section 4; Zwicker et al. 2002, section 6). Not for the kernel weights chord and line.
+    #[default]
     Ewa,
     /// Object-space kernels alone.
     None,
 }
 
 words!(Prefilter, "prefilter", [Approx = "approx", Ewa = "ewa", None = "none"]);
+
+impl Prefilter {
+    /// The one that suits pictures of this quality: full EWA; the approximation for kernels in motion that weigh as
+    /// published, by chord or line, whose weights add up to nothing.
+    pub fn suited(quality: Quality) -> Self {
+        match quality {
+            Quality::Mode(BlurMode::Volumetric { swept, .. }) if swept.weight != KernelWeight::Integral => Self::Approx,
+            _ => Self::Ewa,
+        }
+    }
+}
 
 /// Where shading happens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -146,7 +157,8 @@ pub struct RenderOptions {
     pub quality: Quality,
     /// What a pixel is a mean of. Default: its square.
     pub filter: PixelFilter,
-    /// Screen-space prefilter. Default: [`Prefilter::Approx`].
+    /// Screen-space prefilter. Default: [`Prefilter::Ewa`]. Kernels in motion that weigh by chord or line need another:
+    /// [`Prefilter::suited`].
     pub prefilter: Prefilter,
     /// Where shading happens. Default: per pixel.
     pub shading: Shading,
@@ -169,7 +181,7 @@ impl Default for RenderOptions {
         Self {
             quality: Quality::default(),
             filter: PixelFilter::Box,
-            prefilter: Prefilter::Approx,
+            prefilter: Prefilter::Ewa,
             shading: Shading::Phong,
             two_sided: false,
             epsilon: None,

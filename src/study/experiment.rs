@@ -232,7 +232,7 @@ impl Experiment {
         let of_modes = self.filters(trial).into_iter().map(|filter| filter.to_string()).collect::<Vec<_>>();
         let options = trial.options();
         let mut settings = judge.in_words();
-        settings.push(("prefilter", options.prefilter.to_string()));
+        settings.push(("prefilter", trial.prefilter()));
         settings.sort_unstable();
         settings.insert(0, ("scene file", trial.path().display().to_string()));
         settings.push(("seed of references among the modes", trial.seed_of_others().to_string()));

@@ -31,7 +31,7 @@ fn trial(opened: &AtomicU32) -> Trial<'_> {
         }
         BackendKind::Gpu => Err("no GPU here".into()),
     };
-    Trial::new(scene(), Path::new(SCENE), RenderOptions::default(), Box::new(open))
+    Trial::new(scene(), Path::new(SCENE), RenderOptions::default(), None, Box::new(open))
 }
 
 fn contestants(text: &str) -> Vec<Contestant> {

@@ -38,6 +38,8 @@ pub struct Trial<'a> {
     scene: Scene,
     path: PathBuf,
     options: RenderOptions,
+    /// Of all modes that ask for none; `None`: the one that suits each.
+    prefilter: Option<Prefilter>,
     backends: Backends<'a>,
     /// Once it was needed.
     provenance: Option<Provenance>,
@@ -86,13 +88,19 @@ pub(super) fn samples_of(method: Method, picture: &Picture) -> u64 {
 
 impl<'a> Trial<'a> {
     /// A scene that was loaded from `path`. `options` hold for all modes, apart from quality, filter along the motion
-    /// and extra channels, which a study sets itself. References have no prefilter and keep the scene's depth
+    /// and extra channels, which a study sets itself. So does `prefilter`; `None` is the one that suits each mode. References have no prefilter and keep the scene's depth
     /// tolerance.
     ///
     /// Everything runs on the threads of the caller's pool (rayon).
-    pub fn new(scene: Scene, path: &Path, options: RenderOptions, open: Open<'a>) -> Self {
+    pub fn new(
+        scene: Scene,
+        path: &Path,
+        options: RenderOptions,
+        prefilter: Option<Prefilter>,
+        open: Open<'a>,
+    ) -> Self {
         let backends = Backends { open, opened: Vec::new() };
-        Self { scene, path: path.to_owned(), options, backends, provenance: None }
+        Self { scene, path: path.to_owned(), options, prefilter, backends, provenance: None }
     }
 
     /// The scene.
@@ -144,6 +152,11 @@ impl<'a> Trial<'a> {
         share: Share<'_>,
     ) -> Result<Shot, StudyError> {
         self.trace(&self.tracing(samples, filter, self.options.seed), frame, share)
+    }
+
+    /// The prefilter of all modes that ask for none, in words.
+    pub(super) fn prefilter(&self) -> String {
+        self.prefilter.map_or_else(|| "ewa where it suits the mode, else approx".to_owned(), |one| one.to_string())
     }
 
     /// The pixel filter of a mode, and of the reference that judges it.
@@ -236,7 +249,7 @@ impl<'a> Trial<'a> {
     /// Options of splatting.
     fn splatting(&self, quality: Quality, filters: Filters, aovs: Vec<Aov>) -> RenderOptions {
         let filter = self.filter_of(filters);
-        let prefilter = filters.prefilter.unwrap_or(self.options.prefilter);
+        let prefilter = filters.prefilter.or(self.prefilter).unwrap_or(Prefilter::suited(quality));
         RenderOptions { quality, filter, prefilter, aovs, reconstruct: false, ..self.options.clone() }
     }
 

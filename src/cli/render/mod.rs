@@ -17,7 +17,7 @@ use clap::{ArgAction, Args};
 use splatblur::FrameNumber;
 use splatblur::backend::{Achieved, Meter};
 use splatblur::film::Aov;
-use splatblur::options::{Quality, RenderOptions};
+use splatblur::options::{Prefilter, Quality, RenderOptions};
 use splatblur::renderer::{self, Rendered, Renderer};
 use splatblur::scene::Scene;
 use splatblur::study::provenance::{PROGRAM, Provenance};
@@ -195,7 +195,7 @@ impl Render {
         Ok(RenderOptions {
             quality,
             filter: self.sampling.filter,
-            prefilter: self.splatting.prefilter,
+            prefilter: self.splatting.prefilter.unwrap_or(Prefilter::suited(quality)),
             shading: self.surfaces.shading,
             two_sided: self.surfaces.two_sided,
             epsilon: self.surfaces.epsilon,

@@ -39,9 +39,9 @@ pub fn page(study: &Study, pictures: &[FramePictures]) -> Result<String, SheetEr
                     "frame, median of " (scene.repeats) " renderings, shortest to longest; the modes were rendered in "
                     "turn after one rendering each to warm up"
                     @if several { "; means over the frames" } "."
-                    @if study.scene.settings.iter().any(|(name, value)| name == "prefilter" && value != "none") {
-                        " The modes have a prefilter and the reference has none: part of each error is the "
-                        "prefilter's, and no number of samples removes it (--prefilter none shows the modes alone)."
+                    @if study.scene.settings.iter().any(|(name, value)| name == "prefilter" && value == "approx") {
+                        " The modes have the prefilter approx and the reference has none: part of each error is the "
+                        "prefilter's, and no number of samples removes it."
                     } }
                 (results(&study.sequence, study.floor()))
                 h2 { "Error against samples and time" }

@@ -107,6 +107,7 @@ impl Thesis {
             quality: mode.into(),
             // The thesis samples pixel centres, with the approximate prefilter (4.2.3).
             filter: PixelFilter::Point,
+            prefilter: Prefilter::Approx,
             memory: self.memory,
             ..RenderOptions::default()
         }
