@@ -29,7 +29,8 @@ pub struct RasterExposure {
     pub phase: [u32; 2],
     /// Positions within the pixel, in the order in which they are rendered.
     pub positions: Vec<PositionExposure>,
-    /// Positions of a pixel in the whole picture, which share its filter: as many, or more where this is one half of it.
+    /// Positions of a pixel in the whole picture, which share its filter: as many, or more where this is one half of
+    /// it.
     pub positions_of_picture: usize,
 }
 

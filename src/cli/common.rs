@@ -129,8 +129,8 @@ pub(super) struct Surfaces {
 /// What only splatting has.
 #[derive(Debug, Args)]
 pub(super) struct Splatting {
-    /// Screen-space prefilter against aliasing of small splats [default: ewa; approx for kernels in motion that weigh by
-    /// chord or line]. The reference has none.
+    /// Screen-space prefilter against aliasing of small splats [default: ewa; approx for kernels in motion that weigh
+    /// by chord or line]. The reference has none.
     #[arg(
         long,
         value_parser = values::one_of::<Prefilter>(Prefilter::WORDS),
