@@ -88,8 +88,8 @@ pub(super) fn samples_of(method: Method, picture: &Picture) -> u64 {
 
 impl<'a> Trial<'a> {
     /// A scene that was loaded from `path`. `options` hold for all modes, apart from quality, prefilter, filter along
-    /// the motion and extra channels, which a study sets itself. `prefilter` holds for all modes, too; `None` is the one
-    /// that suits each mode. References have no prefilter and keep the scene's depth tolerance.
+    /// the motion and extra channels, which a study sets itself. `prefilter` holds for all modes, too; `None` is the
+    /// one that suits each mode. References have no prefilter and keep the scene's depth tolerance.
     ///
     /// Everything runs on the threads of the caller's pool (rayon).
     pub fn new(
