@@ -74,7 +74,8 @@ fn main() {
 
 fn row(scene: &Scene, frame: i64, quality: Quality, out: Option<&Path>) {
     let mut cpu = Cpu::default();
-    let truth = converged(scene, frame, &RenderOptions::default(), "look");
+    let truth =
+        converged(scene, frame, &RenderOptions::default(), &format!("look_{}", RenderOptions::default().prefilter));
     let options = RenderOptions { quality, ..RenderOptions::default() };
     let start = Instant::now();
     let rendered = render_frame(&mut cpu, scene, frame, &options).unwrap();

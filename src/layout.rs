@@ -54,7 +54,7 @@ pub struct EwaSplat {
     pub p: [f32; 3],
     /// Weight at the centre before normalisation, sqrt(|V| / |V'|), in (0, 1].
     pub peak: f32,
-    /// Weight at the centre: `peak` times the surfel's normalisation.
+    /// Weight at the centre, normalised (docs/math.md, section 3).
     pub weight: f32,
     /// 1 for a splat that reaches the camera plane, which is not filtered; else 0.
     pub crossing: u32,

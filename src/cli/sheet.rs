@@ -6,7 +6,7 @@ use anyhow::{Context as _, bail};
 use clap::Args;
 use splatblur::FrameNumber;
 use splatblur::files;
-use splatblur::study::sheet::{self, Crop, Layout, Panel};
+use splatblur::study::sheet::{self, Crop, Layout};
 use splatblur::study::{self, Entry, LineUp, Part, Shots};
 
 use super::common::open_directory;
@@ -129,21 +129,21 @@ impl Sheet {
             scene.shutter.weight,
             shots.crop
         );
-        let panels = line_up.panels(&trial, &shots)?;
-        pool.install(|| self.show(&panels, &shots, &heading))
+        pool.install(|| self.show(&line_up, &shots, &heading))
     }
 
     /// Writes the images, and says what the panels say.
-    fn show(&self, panels: &[Panel<'_>], shots: &Shots, heading: &str) -> anyhow::Result<()> {
+    fn show(&self, line_up: &LineUp, shots: &Shots, heading: &str) -> anyhow::Result<()> {
+        let panels = line_up.panels(shots)?;
         let layout = Layout { panel: self.panel, columns: self.columns };
-        write(&self.out, &sheet::sheet(heading, panels, shots.crop, layout)?.png()?)?;
+        write(&self.out, &sheet::sheet(heading, &panels, shots.crop, layout)?.png()?)?;
         if let Some(path) = &self.flip {
-            write(path, &sheet::animation(&sheet::flip_through(panels)?, 1000)?)?;
+            write(path, &sheet::animation(&sheet::flip_through(&panels)?, 1000)?)?;
         }
         if self.common.quiet() {
             return Ok(());
         }
-        for panel in panels {
+        for panel in &panels {
             say(&format!("{}: {}", panel.title, panel.lines.join("; ")));
         }
         let flip = self.flip.as_ref().map_or_else(String::new, |path| format!("{}\n", path.display()));

@@ -39,7 +39,8 @@ impl PixelFilter {
         }
     }
 
-    /// Farthest offset from the pixel's centre along either axis, pixels.
+    /// Farthest offset of a single draw from the pixel's centre along either axis, pixels. Few `offsets`, whose mean
+    /// square is corrected, may lie a little beyond.
     pub(crate) fn reach(self) -> f64 {
         match self {
             Self::Box => 0.5,

@@ -34,10 +34,10 @@ pub enum Part {
 /// The pictures of a line-up.
 #[derive(Clone, Debug)]
 pub struct Shots {
-    /// One for each pixel filter of the modes; none where none was asked for.
-    references: Vec<(PixelFilter, Shot)>,
-    /// In the order of the entries.
-    of_entries: Vec<Shot>,
+    /// One for each pixel filter of the modes, with its name; none where none was asked for.
+    references: Vec<(PixelFilter, String, Shot)>,
+    /// In the order of the entries, each with its pixel filter.
+    of_entries: Vec<(PixelFilter, Shot)>,
     /// The part to enlarge.
     pub crop: Crop,
 }
@@ -77,7 +77,8 @@ impl LineUp {
             for filter in self.filters(trial) {
                 let what = trial.name_of_judge(filter);
                 let share = |share| tell(Progress::At { step, what: &what, share });
-                references.push((filter, trial.judge(samples, filter, self.frame, &share)?));
+                let shot = trial.judge(samples, filter, self.frame, &share)?;
+                references.push((filter, what, shot));
                 step += 1;
             }
         }
@@ -101,12 +102,13 @@ impl LineUp {
             Part::Here(crop) => crop,
             Part::MostDifferent(width, height) => {
                 // One mode alone can only differ from the reference.
-                let alone = references.iter().map(|(_, shot)| shot).filter(|_| shots.len() == 1);
+                let alone = references.iter().map(|(.., shot)| shot).filter(|_| shots.len() == 1);
                 let pictures: Vec<_> = shots.iter().chain(alone).map(|shot| &shot.picture).collect();
                 most_different(&pictures, width, height)?
             }
         };
-        Ok(Shots { references, of_entries: shots, crop })
+        let filters = self.entries.iter().map(|entry| trial.filter_of(entry.filters));
+        Ok(Shots { references, of_entries: filters.zip(shots).collect(), crop })
     }
 
     /// Pictures with their labels: samples, seconds and errors. References come first. Each mode is compared with that
@@ -114,20 +116,19 @@ impl LineUp {
     ///
     /// # Errors
     /// The pictures cannot be compared.
-    pub fn panels<'a>(&self, trial: &Trial<'_>, shots: &'a Shots) -> Result<Vec<Panel<'a>>, StudyError> {
+    pub fn panels<'a>(&self, shots: &'a Shots) -> Result<Vec<Panel<'a>>, StudyError> {
         let mut panels = Vec::new();
         let took = |samples: u64, seconds: f64| {
             let plural = if samples == 1 { "" } else { "s" };
             format!("{samples} sample{plural}, {seconds:.3} s")
         };
-        for (filter, shot) in &shots.references {
+        for (_, name, shot) in &shots.references {
             let lines = vec![took(self.reference.unwrap_or(0), shot.seconds), "errors are against this".to_owned()];
-            panels.push(Panel { title: trial.name_of_judge(*filter), lines, picture: &shot.picture });
+            panels.push(Panel { title: name.clone(), lines, picture: &shot.picture });
         }
-        for (entry, shot) in self.entries.iter().zip(&shots.of_entries) {
+        for (entry, (filter, shot)) in self.entries.iter().zip(&shots.of_entries) {
             let mut lines = vec![took(shot.samples(entry.method), shot.seconds)];
-            let filter = trial.filter_of(entry.filters);
-            if let Some((_, reference)) = shots.references.iter().find(|(of, _)| *of == filter) {
+            if let Some((.., reference)) = shots.references.iter().find(|(of, ..)| of == filter) {
                 let errors = Comparison::new(&shot.picture, &reference.picture, &[Metric::Flip])?;
                 let value = |metric| Shown(errors.value(metric).unwrap_or(f64::NAN));
                 lines.push(format!("FLIP {:.6}, RMSE {:.6}", value(Metric::Flip), value(Metric::Rmse)));

@@ -119,7 +119,7 @@ fn a_line_up_has_a_panel_for_each_mode() {
         LineUp { frame: 3.into(), entries: entries("still:1,auto:0.05").unwrap(), reference: Some(16), part };
     let shots = line_up.run(&mut trial, &|_| ()).unwrap();
     assert_eq!((shots.crop.width, shots.crop.height), (8, 6));
-    let panels = line_up.panels(&trial, &shots).unwrap();
+    let panels = line_up.panels(&shots).unwrap();
     let titles: Vec<_> = panels.iter().map(|panel| panel.title.as_str()).collect();
     assert_eq!(titles, ["reference", "still:1", "auto:0.05"]);
     assert!(panels[1].lines[0].starts_with("1 sample, ") && panels[1].lines[1].starts_with("FLIP 0."));
