@@ -6,15 +6,16 @@
 //   out  sums      for each tile, for each layer, the channels of sum_attributes; then the sum of weight times peak,
 //                  the sum of weights that is negative for backs, and the number of discs of the last layer that cover
 //                  the pixel. Groups of several samples have the channels of their coverage instead
-// One workgroup per tile, one invocation per quad of pixels. A walk over the list adds one layer, so that its sums stay
-// in registers, in list order.
+// One workgroup per tile, one invocation per quad of pixels. A first walk over the list adds the band, a second one the
+// other layers where there are any. Sums stay in registers, in list order.
 
 // `splats` of attribute.wgsl, for this program.
 @group(1) @binding(4) var<storage, read> filtered_splats: array<EwaSplat>;
 
 // Number of layers.
 override LAYERS: u32 = 1u;
-// Before the nearest disc that covers the pixel by more than the tolerance, at it, at the next one, and behind that.
+// Places of the layers: before the nearest disc that covers the pixel by more than the tolerance, at it, at the next
+// one, and behind that. Where there is one layer alone it is the band, at place 0.
 const FRONT: u32 = 0u;
 const BAND: u32 = 1u;
 const SECOND: u32 = 2u;
@@ -44,27 +45,36 @@ fn ewa_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocati
         quad.second = thresholds[depths_of(index) + second_place() + in_tile];
     }
     quad.open = quad.second > vec4<f32>(UNWANTED);
-    let whole_walk = walk_of(index);
-    if view.resumes != 0u && SAMPLE_COVERAGE == 0u && !has_next(whole_walk) { return; }
-    // The band comes first, and its walk finds out which layers have splats, a bit each.
-    var layers = 1u << BAND;
-    let walks = select(1u, LAYERS, any(quad.open));
-    for (var i = 0u; i < walks; i += 1u) {
-        let layer = (BAND + i) % 4u;
-        let has_splats = (layers >> layer & 1u) != 0u;
-        if view.resumes != 0u && !has_splats { continue; }
-        let layer_at = index * LAYERS + select(0u, layer, LAYERS > 1u);
-        let at = layer_at * CHANNELS * TILE_QUADS + in_tile;
-        var sum = Sums();
-        sum.turn = view.first_turn;
-        if view.resumes != 0u { load_sums(&sum, at); }
-        var walk = whole_walk;
-        while has_splats && has_next(walk) {
-            layers |= add_filtered(&sum, next_slot(&walk), quad, layer);
-        }
-        if SAMPLE_COVERAGE != 0u && sum.turn < view.last_turn { turn(&sum, view.last_turn); }
-        store_sums(&sum, at);
+    var walk = walk_of(index);
+    if view.resumes != 0u && SAMPLE_COVERAGE == 0u && !has_next(walk) { return; }
+    let tile_at = index * LAYERS * CHANNELS * TILE_QUADS + in_tile;
+    let layer_size = CHANNELS * TILE_QUADS;
+    let band_at = tile_at + select(0u, BAND * layer_size, LAYERS > 1u);
+    var band = Sums();
+    band.turn = view.first_turn;
+    if view.resumes != 0u { load_sums(&band, band_at); }
+    var has_others = false;
+    while has_next(walk) {
+        has_others |= add_to_band(&band, next_slot(&walk), quad);
     }
+    if SAMPLE_COVERAGE != 0u && band.turn < view.last_turn { turn(&band, view.last_turn); }
+    store_sums(&band, band_at);
+    if !any(quad.open) || (view.resumes != 0u && !has_others) { return; }
+    var front = Sums();
+    var second = Sums();
+    var rest = Sums();
+    if view.resumes != 0u {
+        load_sums(&front, tile_at + FRONT * layer_size);
+        load_sums(&second, tile_at + SECOND * layer_size);
+        load_sums(&rest, tile_at + REST * layer_size);
+    }
+    walk = walk_of(index);
+    while has_others && has_next(walk) {
+        add_to_others(&front, &second, &rest, next_slot(&walk), quad);
+    }
+    store_sums(&front, tile_at + FRONT * layer_size);
+    store_sums(&second, tile_at + SECOND * layer_size);
+    store_sums(&rest, tile_at + REST * layer_size);
 }
 
 // A filtered splat on the rays through a quad.
@@ -108,44 +118,63 @@ fn see(splat: EwaSplat, quad: Quad) -> Seen {
     );
 }
 
-// Adds a splat to the sums of `layer`. Returns the layers to which it belongs.
-fn add_filtered(sum: ptr<function, Sums>, slot: u32, quad: Quad, layer: u32) -> u32 {
-    if !touches(unpack(filtered_splats[slot].filtered_bounds), quad.column, quad.row) { return 0u; }
+// The pixels of a quad in which a splat is before the band, and in it. Each pixel has it in one layer; behind a solid
+// pixel's band, in none.
+struct Place {
+    before: vec4<bool>,
+    in_band: vec4<bool>,
+}
+
+fn place_of(seen: Seen, epsilon: f32, quad: Quad) -> Place {
+    let tolerance = tolerance_at(seen.depth, epsilon);
+    let before = quad.open & (seen.depth < quad.first - 2.0 * tolerance) & !seen.disc;
+    return Place(before, !before & (seen.depth <= quad.first));
+}
+
+// Adds a splat to the sums of the band. True if another layer has it, too.
+fn add_to_band(band: ptr<function, Sums>, slot: u32, quad: Quad) -> bool {
+    if !touches(unpack(filtered_splats[slot].filtered_bounds), quad.column, quad.row) { return false; }
     let splat = filtered_splats[slot];
     let segment_index = splat.disc.flags >> 1u;
     let seen = see(splat, quad);
     let zero = vec4<f32>(0.0);
     if SAMPLE_COVERAGE != 0u {
         let its_turn = segments[segment_index].flags >> 2u;
-        if its_turn != (*sum).turn { turn(sum, its_turn); }
+        if its_turn != (*band).turn { turn(band, its_turn); }
         // A hidden splat covers the pixel, too: what hides it covers it.
-        (*sum).sample_coverage += select(seen.weight, vec4<f32>(1.0), seen.disc);
+        (*band).sample_coverage += select(seen.weight, vec4<f32>(1.0), seen.disc);
         let weight = select(zero, seen.weight * segments[segment_index].share, seen.depth <= quad.first);
-        if any(weight > zero) { add_values(sum, slot, weight, select(zero, seen.depth, weight > zero)); }
-        return 0u;
+        if any(weight > zero) { add_values(band, slot, weight, select(zero, seen.depth, weight > zero)); }
+        return false;
     }
-    // Each splat belongs to one layer of a pixel; behind a solid pixel's band, to none.
-    let tolerance = tolerance_at(seen.depth, segments[segment_index].epsilon);
-    let before = quad.open & (seen.depth < quad.first - 2.0 * tolerance) & !seen.disc;
-    let band = !before & (seen.depth <= quad.first);
-    let behind = quad.open & !before & !band;
-    let second = behind & (seen.depth <= quad.second);
-    let rest = behind & !second;
-    var takes = band;
-    if layer == FRONT { takes = before; }
-    if layer == SECOND { takes = second; }
-    if layer == REST { takes = rest; }
+    let place = place_of(seen, segments[segment_index].epsilon, quad);
+    add_to_layer(band, slot, splat, seen, place.in_band);
+    return any(quad.open & !place.in_band & (seen.disc | (seen.weight > zero)));
+}
+
+// Adds a splat to the sums of the layers other than the band.
+fn add_to_others(
+    front: ptr<function, Sums>, second: ptr<function, Sums>, rest: ptr<function, Sums>, slot: u32, quad: Quad,
+) {
+    if !touches(unpack(filtered_splats[slot].filtered_bounds), quad.column, quad.row) { return; }
+    let splat = filtered_splats[slot];
+    let seen = see(splat, quad);
+    let place = place_of(seen, segments[splat.disc.flags >> 1u].epsilon, quad);
+    let behind = quad.open & !place.before & !place.in_band;
+    let next = behind & (seen.depth <= quad.second);
+    let last = behind & !next;
+    add_to_layer(front, slot, splat, seen, place.before);
+    add_to_layer(second, slot, splat, seen, next);
+    add_to_layer(rest, slot, splat, seen, last);
+    (*rest).discs += select(vec4<f32>(0.0), vec4<f32>(1.0), last & seen.disc);
+}
+
+// Adds a splat to the sums of a layer in the pixels of which that layer `takes` it.
+fn add_to_layer(sum: ptr<function, Sums>, slot: u32, splat: EwaSplat, seen: Seen, takes: vec4<bool>) {
+    let zero = vec4<f32>(0.0);
     let weight = select(zero, seen.weight, takes);
-    if any(weight > zero) {
-        add_values(sum, slot, weight, select(zero, seen.depth, weight > zero));
-        (*sum).peak += weight * splat.peak;
-        (*sum).side += weight * select(1.0, -1.0, (splat.disc.flags & FLAG_BACK) != 0u);
-    }
-    if layer == REST {
-        (*sum).discs += select(zero, vec4<f32>(1.0), rest & seen.disc);
-    }
-    let shows = seen.weight > zero;
-    return select(0u, 1u << FRONT, any(before & shows))
-        | select(0u, 1u << SECOND, any(second & shows))
-        | select(0u, 1u << REST, any(rest & (shows | seen.disc)));
+    if !any(weight > zero) { return; }
+    add_values(sum, slot, weight, select(zero, seen.depth, weight > zero));
+    (*sum).peak += weight * splat.peak;
+    (*sum).side += weight * select(1.0, -1.0, (splat.disc.flags & FLAG_BACK) != 0u);
 }

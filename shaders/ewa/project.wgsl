@@ -80,7 +80,7 @@ fn filter_kernel(
     let columns = extent(ux * ux + vx * vx, ux * u.z + vx * v.z, d22, 1.0 / d22, 0.0);
     let rows = extent(uy * uy + vy * vy, uy * u.z + vy * v.z, d22, 1.0 / d22, 0.0);
     let reference = surfel.splat.reference;
-    (*splat).disc.bounds = pixels_of(reference, columns, rows, 0.0, view.pixels);
+    (*splat).disc.bounds = pixels_of(reference, columns, rows, view.pixels);
     (*splat).u = form_u;
     (*splat).v = form_v;
     (*splat).shrink = shrink;
@@ -88,18 +88,26 @@ fn filter_kernel(
     (*splat).peak = peak;
     // The narrower the filter is beside the kernel, the more all kernels of a model count alike.
     (*splat).weight = peak * (factor + peak * (mean - factor));
-    (*splat).filtered_bounds = pixels_of(reference, columns, rows, 2.0 * view.sigma, vec4<i32>(view.pixels.xy, band));
+    let filtered_columns = filtered_extent(columns, 4.0 * xx);
+    let filtered_rows = filtered_extent(rows, 4.0 * yy);
+    (*splat).filtered_bounds = pixels_of(reference, filtered_columns, filtered_rows, vec4<i32>(view.pixels.xy, band));
     (*splat).crossing = 0u;
     return true;
 }
 
-// The pixels of `wanted` that the ends, widened by `margin`, may touch; none where the first is after the last.
-fn pixels_of(
-    reference: vec2<f32>, columns: vec2<f32>, rows: vec2<f32>, margin: f32, wanted: vec4<i32>,
-) -> vec2<u32> {
-    let wider = vec2<f32>(-margin, margin);
-    let across = pixels_in(index_range(reference.x, columns + wider), wanted.xy);
-    let down = pixels_in(index_range(reference.y, rows + wider), wanted.zw);
+// Ends of the filtered kernel along one axis, of those of its disc; `affine`: the square of its extent without
+// perspective (docs/math.md, section 3).
+fn filtered_extent(ends: vec2<f32>, affine: f32) -> vec2<f32> {
+    let reach = 2.0 * view.sigma;
+    let disc = vec2<f32>(-ends.x, ends.y);
+    let extent = min(sqrt(max(disc * disc + reach * reach, vec2<f32>(affine))), disc + reach);
+    return vec2<f32>(-extent.x, extent.y);
+}
+
+// The pixels of `wanted` that the ends may touch; none where the first is after the last.
+fn pixels_of(reference: vec2<f32>, columns: vec2<f32>, rows: vec2<f32>, wanted: vec4<i32>) -> vec2<u32> {
+    let across = pixels_in(index_range(reference.x, columns), wanted.xy);
+    let down = pixels_in(index_range(reference.y, rows), wanted.zw);
     if across.x <= across.y && down.x <= down.y { return pack(bounds_of(across, down)); }
     return pack(vec4<u32>(1u, 0u, 1u, 0u));
 }

@@ -100,6 +100,11 @@ impl<const W: usize> Patch<W> {
 #[inline(always)]
 pub(in crate::backend) fn load<const W: usize>(plane: &[f32], stride: usize) -> [f32; LANES] {
     let mut out = [0.0; LANES];
+    if W == NARROW {
+        // Halves that are written to memory one by one are slow to read back as a whole.
+        let (a, b) = (&plane[..NARROW], &plane[stride..][..NARROW]);
+        return [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]];
+    }
     for row in 0..LANES / W {
         out[row * W..][..W].copy_from_slice(&plane[row * stride..][..W]);
     }

@@ -32,10 +32,11 @@ impl Gpu {
         // A kernel that a pixel meets takes as many more iterations as it touches slices. Half of the iterations are
         // for them: a thousand kernels of a batch at one pixel, if each touches 32.
         let software = self.state.device.adapter.device_type == wgpu::DeviceType::Cpu;
-        // Full EWA walks over a list for each layer.
+        // Full EWA walks over a list twice, once for the band and once for the other layers.
         let slots = match (software, frame.slices() > 0) {
             (true, true) => SOFTWARE_SLOTS / 2,
-            (true, false) => SOFTWARE_SLOTS / channels.layers as u64,
+            (true, false) if channels.layers > 1 => SOFTWARE_SLOTS / 2,
+            (true, false) => SOFTWARE_SLOTS,
             (false, _) => u64::MAX,
         };
         let limits = Limits { bytes: self.most_bytes, slots: self.most_slots.min(slots) };

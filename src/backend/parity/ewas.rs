@@ -244,7 +244,7 @@ fn ewa_passes_agree() {
 }
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 40] = [
+static MUTANTS: [([(&str, &str); 1], &str); 43] = [
     // Pass `project`.
     (
         [("let wider = vec2<f32>(-margin, margin);\n    let columns", "let wider = vec2<f32>(0.0);\n    let columns")],
@@ -258,7 +258,9 @@ static MUTANTS: [([(&str, &str); 1], &str); 40] = [
     ([("(*splat).weight = peak * (factor", "(*splat).weight = (factor")], "supersample"),
     ([("factor + peak * (mean - factor)", "factor")], "supersample"),
     ([("let mean = geometry[10u", "let mean = geometry[9u")], "supersample"),
-    ([("columns, rows, 2.0 * view.sigma", "columns, rows, view.sigma")], "supersample"),
+    ([("let reach = 2.0 * view.sigma", "let reach = view.sigma")], "supersample"),
+    ([("(max(disc * disc + reach * reach, vec2<f32>(affine)))", "(disc * disc + reach * reach)")], "supersample"),
+    ([("4.0 * yy)", "4.0 * xx)")], "supersample"),
     ([("let factor = geometry[9u", "let factor = geometry[6u")], "supersample"),
     ([("surfel.splat.centre_depth > 0.0 &&", "true &&")], "hard"),
     // Pass `visibility`.
@@ -280,9 +282,13 @@ static MUTANTS: [([(&str, &str); 1], &str); 40] = [
     ([("(over * over) + quarter", "over + quarter")], "supersample"),
     ([("splat.p[1], splat.p[2]", "splat.p[0], splat.p[2]")], "supersample"),
     ([("quad.first - 2.0 * tolerance", "quad.first - tolerance")], "supersample"),
-    ([("second = behind & (seen.depth <= quad.second)", "second = behind")], "supersample"),
+    ([("next = behind & (seen.depth <= quad.second)", "next = behind")], "supersample"),
     ([("weight * splat.peak", "weight")], "supersample"),
-    ([("rest & seen.disc)", "seen.disc)")], "supersample"),
+    (
+        [("add_to_layer(front, slot, splat, seen, place.before)", "add_to_layer(front, slot, splat, seen, next)")],
+        "supersample",
+    ),
+    ([("last & seen.disc)", "seen.disc)")], "supersample"),
     ([("seen.weight, vec4<f32>(1.0), seen.disc", "seen.weight, vec4<f32>(2.0), seen.disc")], "bucket"),
     // Pass `resolve`.
     ([("0.5 * (weight + abs(", "0.5 * (weight + (")], "supersample"),

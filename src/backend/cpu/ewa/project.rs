@@ -78,8 +78,11 @@ impl Sink for Filtered<'_> {
             out.p[i][l] = p[i];
         }
         out.peak[l] = (area * area * over).sqrt();
-        let disc = pixels(reference, ends, 0.0, &self.guarded);
-        let filtered = pixels(reference, ends, 2.0 * self.sigma, &self.pixels);
+        let disc = pixels(reference, ends, &self.guarded);
+        let [columns, rows] = ends;
+        let filtered_ends =
+            [filtered_extent(columns, 4.0 * xx, self.sigma), filtered_extent(rows, 4.0 * yy, self.sigma)];
+        let filtered = pixels(reference, filtered_ends, &self.pixels);
         for i in 0..4 {
             out.disc[i][l] = disc[i];
             out.filtered[i][l] = filtered[i];
@@ -123,12 +126,25 @@ impl Sink for Filtered<'_> {
     }
 }
 
-/// The pixels of `rect` that `ends`, widened by `margin`, may touch; none where the first is after the last.
+/// Ends of the filtered kernel along one axis, of those of its disc; `affine`: the square of its extent without
+/// perspective (docs/math.md, section 3).
 #[inline(always)]
-fn pixels(reference: [f32; 2], ends: [(f32, f32); 2], margin: f32, rect: &PixelRect) -> [u16; 4] {
+fn filtered_extent((low, high): (f32, f32), affine: f32, sigma: f32) -> (f32, f32) {
+    let reach = 2.0 * sigma;
+    let extent = |disc: f32| {
+        let square = disc * disc + reach * reach;
+        let extent = (if square > affine { square } else { affine }).sqrt();
+        if extent < disc + reach { extent } else { disc + reach }
+    };
+    (-extent(-low), extent(high))
+}
+
+/// The pixels of `rect` that `ends` may touch; none where the first is after the last.
+#[inline(always)]
+fn pixels(reference: [f32; 2], ends: [(f32, f32); 2], rect: &PixelRect) -> [u16; 4] {
     let [(left, right), (top, bottom)] = ends;
-    let columns = pixel_range(reference[0], left - margin, right + margin, rect.first_column, rect.last_column);
-    let rows = pixel_range(reference[1], top - margin, bottom + margin, rect.first_row, rect.last_row);
+    let columns = pixel_range(reference[0], left, right, rect.first_column, rect.last_column);
+    let rows = pixel_range(reference[1], top, bottom, rect.first_row, rect.last_row);
     let any = (columns.0 <= columns.1) & (rows.0 <= rows.1);
     [(columns.0, 1), (columns.1, 0), (rows.0, 1), (rows.1, 0)]
         .map(|(pixel, none)| if any { whole(pixel) } else { none })

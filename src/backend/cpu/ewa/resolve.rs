@@ -34,42 +34,47 @@ fn resolve_body(
             let open = buffers.open[y] >> x & 0xff;
             let rim = buffers.rim[y] >> x & 0xff;
             let mut left = [1.0_f32; LANES];
-            let last = last_layers(buffers, y * row + x);
+            let last = if open == 0 { [0; LANES] } else { last_layers(buffers, y * row + x) };
             for layer in Layer::ALL {
                 if open == 0 && layer != Layer::Band {
                     continue;
                 }
                 let sums = &buffers.sums[layer as usize][y * row..][..row];
                 let plane = |channel: usize| lanes(&sums[channel * STRIDE + x..]);
-                let (weights, peaks, sides) = (plane(0), plane(channels + PEAK), plane(channels + SIDE));
+                let weights = plane(0);
                 if weights.iter().all(|&weight| weight == 0.0) {
                     continue;
                 }
-                let first = lanes(&buffers.threshold[start + y * APRON_STRIDE + x..]);
-                let covered = match layer {
-                    Layer::Front => [false; LANES],
-                    Layer::Band => first.map(|depth| depth < f32::INFINITY),
-                    Layer::Second => lanes(&buffers.second[y * STRIDE + x..]).map(|depth| depth < f32::INFINITY),
-                    Layer::Rest => plane(channels + DISC).map(|discs| discs > 0.0),
-                };
-                let mut inverse = [0.0; LANES];
+                let inverse = weights.map(|weight| if weight > 0.0 { 1.0 / weight } else { 0.0 });
                 let mut share = [0.0; LANES];
-                for l in 0..LANES {
-                    let weight = weights[l];
-                    inverse[l] = if weight > 0.0 { 1.0 / weight } else { 0.0 };
-                    // Of a thin sheet both sides are there; they cover once.
-                    let sum = 0.5 * (weight + sides[l].abs());
-                    // What filtering leaves of the kernels' peaks, and a share of the rest: where half is left, discs
-                    // tell outlines better than sums, which miss what kernels lose towards their rims.
-                    let lost = 1.0 - peaks[l] * inverse[l];
-                    let hard = 1.0 - lost * lost;
-                    let coverage = hard * f32::from(covered[l]) + (1.0 - hard) * if sum < 1.0 { sum } else { 1.0 };
-                    // Where discs cover all around, the last layer closes what is left: the surface has no holes.
-                    let closes = open >> l & 1 == 0 || rim >> l & 1 == 0 && last[l] == layer as u8;
-                    let coverage = if closes { 1.0 } else { coverage };
-                    let coverage = if coverage < left[l] { coverage } else { left[l] };
-                    share[l] = if weight > 0.0 { coverage } else { 0.0 };
-                    left[l] -= share[l];
+                if open == 0 {
+                    // Solid: the band covers all.
+                    share = weights.map(|weight| if weight > 0.0 { 1.0 } else { 0.0 });
+                } else {
+                    let first = lanes(&buffers.threshold[start + y * APRON_STRIDE + x..]);
+                    let covered = match layer {
+                        Layer::Front => [false; LANES],
+                        Layer::Band => first.map(|depth| depth < f32::INFINITY),
+                        Layer::Second => lanes(&buffers.second[y * STRIDE + x..]).map(|depth| depth < f32::INFINITY),
+                        Layer::Rest => plane(channels + DISC).map(|discs| discs > 0.0),
+                    };
+                    let (peaks, sides) = (plane(channels + PEAK), plane(channels + SIDE));
+                    for l in 0..LANES {
+                        let weight = weights[l];
+                        // Of a thin sheet both sides are there; they cover once.
+                        let sum = 0.5 * (weight + sides[l].abs());
+                        // What filtering leaves of the kernels' peaks, and a share of the rest: where half is left,
+                        // discs tell outlines better than sums, which miss what kernels lose towards their rims.
+                        let lost = 1.0 - peaks[l] * inverse[l];
+                        let hard = 1.0 - lost * lost;
+                        let coverage = hard * f32::from(covered[l]) + (1.0 - hard) * if sum < 1.0 { sum } else { 1.0 };
+                        // Where discs cover all around, the last layer closes what is left: the surface has no holes.
+                        let closes = open >> l & 1 == 0 || rim >> l & 1 == 0 && last[l] == layer as u8;
+                        let coverage = if closes { 1.0 } else { coverage };
+                        let coverage = if coverage < left[l] { coverage } else { left[l] };
+                        share[l] = if weight > 0.0 { coverage } else { 0.0 };
+                        left[l] -= share[l];
+                    }
                 }
                 let mut weight = resolve.weight;
                 if let Some(coverage) = group_coverage.get(y * STRIDE + x..).filter(|rest| !rest.is_empty()) {

@@ -7,6 +7,7 @@ use super::share::Shares;
 use crate::backend::cpu::project::View;
 use crate::frame::{PixelRect, PosedObject, Raster};
 use crate::layout::EwaSplat;
+use crate::math::random::Random;
 use crate::model::Surfels;
 
 const SIZE: u32 = 64;
@@ -197,4 +198,42 @@ fn screen_and_tangent_plane_agree_at_the_centre() {
         assert!((screen - plane).abs() < 1e-6, "{screen} {plane}");
         assert!((f64::from(splat.peak) - plane).abs() < 1e-6, "{} {plane}", splat.peak);
     }
+}
+
+/// A splat has no weight outside its bounds: random splats, large and small, seen from any side.
+#[test]
+fn bounds_hold_all_that_is_not_cut() {
+    let mut random = Random(15);
+    let mut between = |low: f64, high: f64| low + (high - low) * f64::from(random.next());
+    let (mut inside, mut bounded) = (0, 0);
+    for number in 0..4000 {
+        let focal = [FAR, WIDE][number % 2];
+        let depth = if focal == FAR { 1e5 } else { 10.0 };
+        let pixel = depth / focal;
+        let centre = DVec3::new(between(-16.0, 16.0) * pixel, between(-16.0, 16.0) * pixel, depth);
+        let radius = between(0.05, 1.0).powi(3) * 40.0 * pixel;
+        let axes = axes(radius, radius * between(0.2, 1.0), between(0.0, 1.57), between(0.0, 3.1));
+        let sigma = between(0.05, 1.5);
+        let Some(splat) = splat(focal, centre, axes, sigma).filter(|splat| splat.crossing == 0) else { continue };
+        let [x0, x1, y0, y1] = splat.filtered_bounds.map(i32::from);
+        bounded += (x1 + 1 - x0).max(0) * (y1 + 1 - y0).max(0);
+        for y in 0..SIZE as i32 {
+            for x in 0..SIZE as i32 {
+                let [rx, ry] = splat.disc.reference.map(f64::from);
+                let d = DVec2::new(f64::from(x) + 0.5 - rx, f64::from(y) + 0.5 - ry);
+                let nearer = 1.0 - f64::from(splat.shrink[0]) * d.x - f64::from(splat.shrink[1]) * d.y;
+                if nearer > 0.0 && q(&splat, d, sigma) <= 4.0 {
+                    inside += 1;
+                    let holds = (x0..=x1).contains(&x) && (y0..=y1).contains(&y);
+                    assert!(
+                        holds,
+                        "splat {number}, sigma {sigma}: pixel {x}, {y} is not in {:?}",
+                        splat.filtered_bounds
+                    );
+                }
+            }
+        }
+    }
+    println!("{inside} pixels have weight, {bounded} lie in bounds");
+    assert!(inside > 100_000);
 }

@@ -65,9 +65,10 @@ fn lower<const W: usize, const TOLERANCES: bool>(
                 let tolerance = depths.tolerance(depth);
                 let covers = hit.inside & (hit.inverse_depth <= most_inverse_depth) & hit.wanted;
                 let candidate = if covers { depth + tolerance } else { f32::INFINITY };
-                let lower = candidate < threshold[l];
-                threshold[l] = if lower { candidate } else { threshold[l] };
-                epsilon[l] = if lower { tolerance } else { epsilon[l] };
+                if TOLERANCES {
+                    epsilon[l] = if candidate < threshold[l] { tolerance } else { epsilon[l] };
+                }
+                threshold[l] = if candidate < threshold[l] { candidate } else { threshold[l] };
             }
             patch::store::<W>(&mut buffers.threshold[at..], APRON_STRIDE, &threshold);
             if TOLERANCES {
@@ -99,7 +100,11 @@ fn second_body(
     for &index in list {
         let splat = &splats[index as usize].disc;
         let Some(touched) = Touched::within(splat.bounds, tile) else { continue };
+        let columns = ((2_u64 << touched.x1) - (1 << touched.x0)) as u32;
         for y in touched.y0..=touched.y1 {
+            if buffers.open[y] & columns == 0 {
+                continue;
+            }
             let mut x = touched.x0;
             while x <= touched.x1 {
                 if (buffers.open[y] >> x) as u8 == 0 {
@@ -124,19 +129,20 @@ fn second_body(
     }
 }
 
-/// Finds the pixels that are not solid, and those near which there is one that no disc covers.
-///
-/// A pixel is solid if discs cover it and all pixels within `apron`, and inverse depths around it change as those of a
-/// plane do, up to four tolerances: opposite neighbours agree with their middle. Pixels outside the image of `size`
-/// pixels do not count. `of_all`: the tolerance of all objects, where it is one; else those that `visibility` kept are
-/// taken.
-pub(in crate::backend) fn find_open(
-    tile: &TileRect,
-    apron: usize,
-    size: [u32; 2],
-    of_all: Option<Depths>,
-    buffers: &mut EwaBuffers,
-) {
+dispatch! {
+    /// Finds the pixels that are not solid, and those near which there is one that no disc covers.
+    ///
+    /// A pixel is solid if discs cover it and all pixels within `apron`, and inverse depths around it change as those of a
+    /// plane do, up to four tolerances: opposite neighbours agree with their middle. Pixels outside the image of `size`
+    /// pixels do not count. `of_all`: the tolerance of all objects, where it is one; else those that `visibility` kept are
+    /// taken.
+    pub(in crate::backend) fn find_open(
+        tile: &TileRect, apron: usize, size: [u32; 2], of_all: Option<Depths>, buffers: &mut EwaBuffers,
+    ) = find_open_body
+}
+
+#[inline(always)]
+fn find_open_body(tile: &TileRect, apron: usize, size: [u32; 2], of_all: Option<Depths>, buffers: &mut EwaBuffers) {
     const EDGE: usize = TILE + 2 * super::buffers::MOST_APRON;
     let (rect, [left, top]) = with_apron(tile, apron, size);
     // Inverse depths with the whole apron; NaN outside the image, 0 where nothing covers.
