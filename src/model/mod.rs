@@ -6,12 +6,12 @@
 //! it is asked for.
 
 mod bin;
+mod capture;
 mod cloud;
 mod complete;
 mod disc_tree;
 mod error;
 mod format;
-mod gaussian;
 pub mod generate;
 mod load;
 mod map;
@@ -38,6 +38,7 @@ mod write_ply;
 mod xyz;
 
 pub use bin::write_bin;
+pub use capture::Gaussians;
 pub use cloud::{Cloud, ColourStorage};
 pub use complete::complete;
 pub use error::{ModelError, ParseError, Place};

@@ -12,15 +12,15 @@
 //! | cut-off radius | radius, psz, point_size, size, value, scale (a float) |
 //! | axes, velocity | tux tuy tuz tvx tvy tvz; vx vy vz, velocity_x.. |
 //! | material (ours) | ambient diffuse specular shininess |
-//! | Gaussian splat | f_dc_0.. opacity scale_0.. rot_0.. |
+//! | Gaussian splat | f_dc_0.. opacity scale_0.. rot_0.. ; f_rest_0.. |
 
 use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
 
+use super::capture::{Gaussian, Gaussians, MOST_HARMONICS, harmonics_of, logistic};
 use super::cloud::{Cloud, ColourStorage};
 use super::error::ParseError;
-use super::gaussian;
 use super::mesh::{self, AreaNormals};
 use super::ply_body::{Body, within};
 use super::ply_header::{self, Element, Encoding, Header, Kind, Scalar};
@@ -121,8 +121,51 @@ struct Columns {
     axes: Option<[usize; 6]>,
     velocity: Option<[usize; 3]>,
     material: [Option<usize>; 4],
-    gaussian: Option<[usize; 11]>,
+    gaussian: Option<GaussianColumns>,
     colour_type: Scalar,
+}
+
+/// Places of the columns of a Gaussian-splat capture.
+struct GaussianColumns {
+    /// `f_dc` 0..2, opacity, scale 0..2, rot 0..3.
+    own: [usize; 11],
+    /// All harmonics above degree 0 of red, then of green, then of blue.
+    rest: Vec<usize>,
+    /// Their highest degree.
+    degree: u8,
+}
+
+impl GaussianColumns {
+    /// The columns, if the file is a capture. `f_rest` columns count as far as all of one degree are there.
+    fn find(finder: &mut Finder<'_>) -> Option<Self> {
+        let own = finder.take([
+            "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2",
+            "rot_3",
+        ])?;
+        let given = (0..3 * MOST_HARMONICS).take_while(|k| finder.has(&format!("f_rest_{k}"))).count();
+        let degree = (1..=3_u8).rev().find(|&degree| 3 * harmonics_of(degree) == given).unwrap_or(0);
+        let wanted = (0..3 * harmonics_of(degree)).map(|k| format!("f_rest_{k}"));
+        let rest = wanted.filter_map(|name| finder.take([name.as_str()])).map(|[index]| index).collect();
+        Some(Self { own, rest, degree })
+    }
+
+    /// The Gaussian of a record: ln sigma, logit of opacity, coefficients channel by channel.
+    fn gaussian(&self, position: [f64; 3], values: &[f64]) -> Gaussian {
+        let [r, g, b, opacity, s0, s1, s2, w, x, y, z] = self.own.map(|index| values[index]);
+        let mut harmonics = [Vec3::ZERO; MOST_HARMONICS];
+        let each = self.rest.len() / 3;
+        for (k, harmonic) in harmonics[..each].iter_mut().enumerate() {
+            *harmonic = Vec3::from_array([0, 1, 2].map(|channel| values[self.rest[channel * each + k]] as f32));
+        }
+        Gaussian {
+            position,
+            sigma: [s0, s1, s2].map(f64::exp),
+            rotation: [w, x, y, z],
+            opacity: logistic(opacity),
+            base: [r, g, b],
+            harmonics,
+        }
+    }
 }
 
 /// What the reader does with the next property of a record.
@@ -145,7 +188,7 @@ fn read_vertices(
     let count = body.count(element)?;
     let mut values = vec![0.0; steps.len()];
     cloud.position.reserve_exact(count);
-    let mut splats = Vec::new();
+    let mut gaussians = Gaussians::of_degree(columns.gaussian.as_ref().map_or(0, |columns| columns.degree));
     for row in 0..count {
         if row % CHUNK == 0 {
             progress(row as f32 / count as f32);
@@ -157,12 +200,13 @@ fn read_vertices(
             }
             .map_err(|e| within(e, element, row, &property.name))?;
         }
-        columns.push(&values, cloud, &mut splats);
+        columns.push(&values, cloud, &mut gaussians);
     }
     let says = |comment: &str| header.comments.iter().any(|c| c == comment);
     (cloud.two_sided, cloud.signs_estimated) = (says(TWO_SIDED), says(SIGNS_ESTIMATED));
     if columns.gaussian.is_some() {
-        gaussian::fill(cloud, &splats);
+        let notes = std::mem::take(&mut cloud.notes);
+        *cloud = Gaussians { notes, ..gaussians }.into_cloud();
     } else if columns.colour.is_some() || columns.grey.is_some() {
         let declared_linear = says(LINEAR_COLOURS);
         scale_colours(cloud, columns.colour_type, columns.grey.is_some(), declared_linear);
@@ -171,14 +215,14 @@ fn read_vertices(
 }
 
 impl Columns {
-    fn push(&self, values: &[f64], cloud: &mut Cloud, splats: &mut Vec<[f64; 11]>) {
+    fn push(&self, values: &[f64], cloud: &mut Cloud, gaussians: &mut Gaussians) {
         let vector = |s: [usize; 3]| Vec3::new(values[s[0]] as f32, values[s[1]] as f32, values[s[2]] as f32);
-        let p = self.position;
-        cloud.position.push(DVec3::new(values[p[0]], values[p[1]], values[p[2]]));
-        if let Some(indices) = self.gaussian {
-            splats.push(indices.map(|s| values[s]));
+        let position = self.position.map(|s| values[s]);
+        if let Some(columns) = &self.gaussian {
+            gaussians.push(&columns.gaussian(position, values));
             return;
         }
+        cloud.position.push(DVec3::from_array(position));
         if let Some(n) = self.normal {
             // The vector is scaled in f64: an f32 overflow would lose the direction.
             let wide = DVec3::new(values[n[0]], values[n[1]], values[n[2]]);
@@ -227,9 +271,7 @@ fn columns(finder: &mut Finder<'_>, element: &Element, notes: &mut Vec<String>) 
         };
         return Err(ParseError::line(element.line, found, expected));
     };
-    let gaussian = finder.take([
-        "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
-    ]);
+    let gaussian = GaussianColumns::find(finder);
     if gaussian.is_some() {
         return Ok(Columns {
             position,

@@ -1,0 +1,125 @@
+//! Captures: 3D Gaussians (Kerbl et al. 2023), as the files of several programs hold them.
+//!
+//! Readers turn what a file says into [`Gaussians`], in one frame and one meaning. `surfels` makes opaque surfels of
+//! them, which is how they are drawn.
+
+mod surfels;
+
+use glam::{Quat, Vec3};
+
+use super::tidy::MAX_COORDINATE;
+
+/// The spherical harmonic of degree 0: 1 / (2 sqrt(pi)).
+const SH_C0: f32 = 0.282_094_8;
+
+/// Highest degree of harmonics that is kept.
+const MOST_DEGREE: u8 = 3;
+
+/// Coefficients of the degrees 1 to 3.
+pub(super) const MOST_HARMONICS: usize = 15;
+
+/// Transparent 3D Gaussians, as structure of arrays.
+///
+/// The frame is that of the plain PLY files: x right, y down, z forward. Readers of other frames turn into it. All
+/// values are finite.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Gaussians {
+    /// Centres, model units.
+    pub position: Vec<Vec3>,
+    /// Standard deviations along the three axes of the rotation, model units, >= 0.
+    pub sigma: Vec<Vec3>,
+    /// From the axes of a Gaussian to the model; unit quaternions.
+    pub rotation: Vec<Quat>,
+    /// Opacity at the centre, in [0, 1].
+    pub opacity: Vec<f32>,
+    /// Coefficients of the harmonic of degree 0, for red, green and blue. See [`Self::colour`].
+    pub base: Vec<Vec3>,
+    /// Coefficients of the harmonics of degrees 1 to `degree`, for red, green and blue: [`Self::harmonics_each`] for
+    /// each Gaussian, by degree and then from -degree to degree. Real harmonics with the Condon-Shortley sign; the
+    /// direction is from the eye to the centre.
+    pub harmonics: Vec<Vec3>,
+    /// Highest degree of harmonics, 0 to 3.
+    pub degree: u8,
+    /// What a user should know: Gaussians that were dropped, properties that were ignored.
+    pub notes: Vec<String>,
+    /// Gaussians that were dropped because they cannot be drawn.
+    pub dropped: usize,
+}
+
+/// One Gaussian of a file, in any precision that the file has, not yet checked.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Gaussian {
+    pub position: [f64; 3],
+    /// Standard deviations, model units.
+    pub sigma: [f64; 3],
+    /// w, x, y, z; of any length.
+    pub rotation: [f64; 4],
+    pub opacity: f64,
+    pub base: [f64; 3],
+    /// The first [`Gaussians::harmonics_each`] count.
+    pub harmonics: [Vec3; MOST_HARMONICS],
+}
+
+impl Gaussians {
+    /// None yet, with harmonics up to `degree`.
+    pub(super) fn of_degree(degree: u8) -> Self {
+        Self { degree: degree.min(MOST_DEGREE), ..Self::default() }
+    }
+
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.position.len()
+    }
+
+    /// True if there are none.
+    pub fn is_empty(&self) -> bool {
+        self.position.is_empty()
+    }
+
+    /// Coefficients of harmonics above degree 0 that each Gaussian has: 0, 3, 8 or 15.
+    pub fn harmonics_each(&self) -> usize {
+        harmonics_of(self.degree)
+    }
+
+    /// The part of Gaussian `index`'s colour that is the same from all sides: 0.5 and the harmonic of degree 0. In the
+    /// space of the capture; it may lie outside [0, 1].
+    pub fn colour(&self, index: usize) -> Vec3 {
+        0.5 + SH_C0 * self.base[index]
+    }
+
+    /// Appends one of a file, or counts it as dropped where it cannot be drawn: where a number is not finite or too
+    /// large, the rotation has no direction, or the opacity is not one.
+    pub(super) fn push(&mut self, of_file: &Gaussian) {
+        let Gaussian { position, sigma, rotation, opacity, base, harmonics } = *of_file;
+        let harmonics = &harmonics[..self.harmonics_each()];
+        let length = rotation.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let sane = position.iter().all(|x| x.abs() <= MAX_COORDINATE)
+            && sigma.iter().all(|s| (0.0..=MAX_COORDINATE).contains(s))
+            && (1e-15..1e15).contains(&length)
+            && (0.0..=1.0).contains(&opacity)
+            && base.iter().all(|c| c.abs() <= MAX_COORDINATE)
+            && harmonics.iter().all(|c| c.is_finite());
+        if !sane {
+            self.dropped += 1;
+            return;
+        }
+        let [w, x, y, z] = rotation.map(|x| (x / length) as f32);
+        self.position.push(Vec3::from_array(position.map(|x| x as f32)));
+        self.sigma.push(Vec3::from_array(sigma.map(|s| s as f32)));
+        self.rotation.push(Quat::from_xyzw(x, y, z, w));
+        self.opacity.push(opacity as f32);
+        self.base.push(Vec3::from_array(base.map(|c| c as f32)));
+        self.harmonics.extend_from_slice(harmonics);
+    }
+}
+
+/// Number of harmonics of degrees 1 to `degree`.
+pub(super) fn harmonics_of(degree: u8) -> usize {
+    let degree = usize::from(degree);
+    (degree + 1) * (degree + 1) - 1
+}
+
+/// The opacity of a logit.
+pub(super) fn logistic(logit: f64) -> f64 {
+    1.0 / (1.0 + (-logit).exp())
+}
