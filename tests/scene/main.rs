@@ -5,6 +5,7 @@ mod support;
 
 mod anim;
 mod cameras;
+mod captures;
 mod files;
 mod fuzz_corpus;
 mod model_formats;

@@ -3,6 +3,7 @@
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "tests and benches may stop and report")]
 
 pub mod closed_forms;
+pub mod gaussians;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod ideal_sphere;
