@@ -4,6 +4,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
+use super::capture::Gaussians;
 use super::cloud::Cloud;
 use super::complete::complete;
 use super::error::{ModelError, ParseError};
@@ -42,6 +43,17 @@ pub fn parse(bytes: &[u8], format: Format) -> Result<Parsed, ParseError> {
     parse_told(bytes, format, &|_| {})
 }
 
+/// Reads the Gaussians of a capture as the file gives them, or `None` if the file holds none.
+///
+/// # Errors
+/// The bytes are not a valid file of this format.
+pub fn parse_capture(bytes: &[u8], format: Format) -> Result<Option<Gaussians>, ParseError> {
+    Ok(match read(bytes, format, &|_| {})? {
+        Content::Capture(gaussians) => Some(gaussians),
+        Content::Cloud(_) | Content::Surfels(_) => None,
+    })
+}
+
 /// Reads a model file of any format and completes it. The content shows the format; if it does not, the extension does.
 ///
 /// # Errors
@@ -74,15 +86,32 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
 }
 
 fn parse_told(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Parsed, ParseError> {
-    let cloud = match format {
-        Format::Ply => ply::parse(bytes, progress)?,
-        Format::Sfl => sfl::parse(bytes, progress)?,
-        Format::Obj => obj::parse(bytes, progress)?,
-        Format::Xyz => xyz::parse(bytes, xyz::Kind::Xyz, progress)?,
-        Format::Pts => xyz::parse(bytes, xyz::Kind::Pts, progress)?,
-        Format::Bin => return bin::parse(bytes).map(Parsed::Surfels),
-    };
-    Ok(Parsed::Cloud(tidy::tidy(cloud)))
+    Ok(match read(bytes, format, progress)? {
+        Content::Cloud(cloud) => Parsed::Cloud(tidy::tidy(cloud)),
+        Content::Capture(gaussians) => Parsed::Cloud(tidy::tidy(gaussians.into_cloud())),
+        Content::Surfels(surfels) => Parsed::Surfels(surfels),
+    })
+}
+
+/// What the readers give.
+enum Content {
+    Cloud(Cloud),
+    Capture(Gaussians),
+    Surfels(Surfels),
+}
+
+fn read(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Content, ParseError> {
+    Ok(match format {
+        Format::Ply => match ply::parse(bytes, progress)? {
+            ply::Content::Cloud(cloud) => Content::Cloud(cloud),
+            ply::Content::Capture(gaussians) => Content::Capture(gaussians),
+        },
+        Format::Sfl => Content::Cloud(sfl::parse(bytes, progress)?),
+        Format::Obj => Content::Cloud(obj::parse(bytes, progress)?),
+        Format::Xyz => Content::Cloud(xyz::parse(bytes, xyz::Kind::Xyz, progress)?),
+        Format::Pts => Content::Cloud(xyz::parse(bytes, xyz::Kind::Pts, progress)?),
+        Format::Bin => Content::Surfels(bin::parse(bytes)?),
+    })
 }
 
 /// Applies what a scene says to surfels that are already complete. Their colours are linear unless the scene names

@@ -36,42 +36,66 @@ pub(super) const SIGNS_ESTIMATED: &str = "splatblur estimated the signs of the n
 /// Names of the material properties, in the order of [`Material`]'s fields.
 pub(super) const MATERIAL: [&str; 4] = ["ambient", "diffuse", "specular", "shininess"];
 
+/// What a PLY file holds.
+pub(super) enum Content {
+    /// Points, surfels, or the vertices of a mesh.
+    Cloud(Cloud),
+    /// Gaussians.
+    Capture(Gaussians),
+}
+
+impl Content {
+    fn notes(&mut self) -> &mut Vec<String> {
+        match self {
+            Self::Cloud(cloud) => &mut cloud.notes,
+            Self::Capture(gaussians) => &mut gaussians.notes,
+        }
+    }
+
+    fn has_points(&self) -> bool {
+        match self {
+            Self::Cloud(cloud) => !cloud.position.is_empty(),
+            Self::Capture(gaussians) => !gaussians.is_empty(),
+        }
+    }
+}
+
 /// Reads a PLY file. `progress` now and then gets the share of vertices read.
 ///
 /// # Errors
 /// The error names the line or the byte. Something is outside the grammar, the body is cut short, vertices have no
 /// positions, or face indices are bad. Where the faces of a text are at fault, its points are used, with a note.
-pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, ParseError> {
+pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Content, ParseError> {
     let header = ply_header::parse(bytes)?;
     let mut body = Body::new(bytes, header.body, header.encoding);
-    let mut cloud = Cloud::default();
+    let mut content = None;
     let mut faces = Vec::new();
-    let mut has_vertices = false;
     let mut damage = None;
     for element in &header.elements {
         match element.name.as_str() {
-            "vertex" => {
-                has_vertices = true;
-                read_vertices(&mut body, element, &header, &mut cloud, progress)?;
-            }
+            "vertex" => content = Some(read_vertices(&mut body, element, &header, progress)?),
             "face" | "tristrips" => {
                 faces.push((element, body.at));
                 if let Err(fault) = body.skip_element(element) {
-                    damage = Some(spare_points(fault, &header, &cloud)?);
+                    damage = Some(spare_points(fault, &header, content.as_ref())?);
                     break;
                 }
             }
             _ => body.skip_element(element)?,
         }
     }
-    if !has_vertices {
+    let Some(mut content) = content else {
         return Err(ParseError::line(1, "no element `vertex`", "`element vertex COUNT` in the header"));
-    }
+    };
     let surplus = body.surplus();
     if surplus > 0 && damage.is_none() {
-        cloud.notes.push(format!("{surplus} bytes after the last element ignored"));
+        content.notes().push(format!("{surplus} bytes after the last element ignored"));
     }
-    if cloud.normal.is_empty() && !faces.is_empty() && damage.is_none() {
+    if let Content::Cloud(cloud) = &mut content
+        && cloud.normal.is_empty()
+        && !faces.is_empty()
+        && damage.is_none()
+    {
         match mesh_normals(&mut body, &faces, &cloud.position) {
             Ok((_, 0)) => {}
             Ok((normal, polygons)) => {
@@ -79,17 +103,17 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
                 cloud.notes.push(format!("normals from {polygons} faces, weighted by area"));
                 cloud.notes.extend(mesh::too_few(cloud.position.len(), polygons));
             }
-            Err(fault) => damage = Some(spare_points(fault, &header, &cloud)?),
+            Err(fault) => damage = Some(spare_points(fault, &header, Some(&content))?),
         }
     }
-    cloud.notes.extend(damage);
-    Ok(cloud)
+    content.notes().extend(damage);
+    Ok(content)
 }
 
 /// What to say about faces that cannot be read where the points before them can be used; else the fault itself. A text
 /// whose faces were edited or cut still has its points. Bytes that are out of step may have shifted anything.
-fn spare_points(fault: ParseError, header: &Header, cloud: &Cloud) -> Result<String, ParseError> {
-    if header.encoding == Encoding::Ascii && !cloud.position.is_empty() {
+fn spare_points(fault: ParseError, header: &Header, before: Option<&Content>) -> Result<String, ParseError> {
+    if header.encoding == Encoding::Ascii && before.is_some_and(Content::has_points) {
         Ok(format!("faces ignored, points used ({fault})"))
     } else {
         Err(fault)
@@ -178,16 +202,18 @@ fn read_vertices(
     body: &mut Body<'_>,
     element: &Element,
     header: &Header,
-    cloud: &mut Cloud,
     progress: &dyn Fn(f32),
-) -> Result<(), ParseError> {
+) -> Result<Content, ParseError> {
     const CHUNK: usize = 1 << 16;
+    let mut cloud = Cloud::default();
     let mut finder = Finder::new(element);
     let columns = columns(&mut finder, element, &mut cloud.notes)?;
     let steps = finder.steps();
     let count = body.count(element)?;
     let mut values = vec![0.0; steps.len()];
-    cloud.position.reserve_exact(count);
+    if columns.gaussian.is_none() {
+        cloud.position.reserve_exact(count);
+    }
     let mut gaussians = Gaussians::of_degree(columns.gaussian.as_ref().map_or(0, |columns| columns.degree));
     for row in 0..count {
         if row % CHUNK == 0 {
@@ -200,18 +226,18 @@ fn read_vertices(
             }
             .map_err(|e| within(e, element, row, &property.name))?;
         }
-        columns.push(&values, cloud, &mut gaussians);
+        columns.push(&values, &mut cloud, &mut gaussians);
+    }
+    if columns.gaussian.is_some() {
+        return Ok(Content::Capture(Gaussians { notes: cloud.notes, ..gaussians }));
     }
     let says = |comment: &str| header.comments.iter().any(|c| c == comment);
     (cloud.two_sided, cloud.signs_estimated) = (says(TWO_SIDED), says(SIGNS_ESTIMATED));
-    if columns.gaussian.is_some() {
-        let notes = std::mem::take(&mut cloud.notes);
-        *cloud = Gaussians { notes, ..gaussians }.into_cloud();
-    } else if columns.colour.is_some() || columns.grey.is_some() {
+    if columns.colour.is_some() || columns.grey.is_some() {
         let declared_linear = says(LINEAR_COLOURS);
-        scale_colours(cloud, columns.colour_type, columns.grey.is_some(), declared_linear);
+        scale_colours(&mut cloud, columns.colour_type, columns.grey.is_some(), declared_linear);
     }
-    Ok(())
+    Ok(Content::Cloud(cloud))
 }
 
 impl Columns {
