@@ -17,10 +17,10 @@ const GAIN: f64 = 0.92;
 /// The same where a block was refined: what made it need more samples makes its error fall more slowly too.
 const REFINED_GAIN: f64 = 1.0;
 /// FLIP of the image over that of the half difference, in the median of scenes, where both were means over pixels.
-const SEEN_GAIN: f64 = 1.0;
+const SEEN_GAIN: f64 = 0.74;
 /// The same with a lattice, which the eye blurs, and where strata are so short that the mean is far better than either
 /// half.
-const SEEN_GAIN_OF_FINE_STRATA: f64 = 0.55;
+const SEEN_GAIN_OF_FINE_STRATA: f64 = 0.42;
 /// Longest path of a surfel within a stratum, pixels, where the strata are so short. Where nothing moves by more than
 /// the smaller number, sub-pixel positions decide.
 const FINE_STRATA: std::ops::Range<f64> = 1.5..4.5;
