@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::capture::Gaussians;
+use super::capture::{Gaussians, splat};
 use super::cloud::Cloud;
 use super::complete::complete;
 use super::error::{ModelError, ParseError};
@@ -110,6 +110,7 @@ fn read(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Content,
         Format::Obj => Content::Cloud(obj::parse(bytes, progress)?),
         Format::Xyz => Content::Cloud(xyz::parse(bytes, xyz::Kind::Xyz, progress)?),
         Format::Pts => Content::Cloud(xyz::parse(bytes, xyz::Kind::Pts, progress)?),
+        Format::Splat => Content::Capture(splat::parse(bytes, progress)?),
         Format::Bin => Content::Surfels(bin::parse(bytes)?),
     })
 }

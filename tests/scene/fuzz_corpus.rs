@@ -20,7 +20,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 type Read = fn(&Path) -> anyhow::Result<()>;
 
 /// Target (a folder of the corpus), extension that the file is read under, reader.
-const TARGETS: [(&str, &str, Read); 9] = [
+const TARGETS: [(&str, &str, Read); 10] = [
     ("anim", "anim", |path| read_animation(path)),
     ("bin", "bin", |path| read_model(path)),
     ("image", "img", |path| Ok(image::read(path).map(drop)?)),
@@ -29,6 +29,7 @@ const TARGETS: [(&str, &str, Read); 9] = [
     ("pts", "pts", |path| read_model(path)),
     ("scene", "xml", |path| Ok(scene_file::load(path, &scene_file::LoadOptions::default()).map(drop)?)),
     ("sfl", "sfl", |path| read_model(path)),
+    ("splat", "splat", |path| read_model(path)),
     ("xyz", "xyz", |path| read_model(path)),
 ];
 

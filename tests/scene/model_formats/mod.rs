@@ -3,12 +3,14 @@
 #![allow(clippy::unwrap_used, reason = "clippy knows #[test] functions, not their helpers")]
 
 mod bin;
+mod compressed_ply;
 mod files;
 mod hostile;
 mod obj;
 mod ply;
 mod ply_crosscheck;
 mod sfl;
+mod splat;
 mod support;
 mod write;
 mod xyz;
