@@ -5,6 +5,8 @@
 
 pub(super) mod compressed_ply;
 mod smallest_three;
+#[cfg(feature = "formats")]
+pub(super) mod sog;
 pub(super) mod splat;
 mod surfels;
 

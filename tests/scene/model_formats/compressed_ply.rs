@@ -65,6 +65,11 @@ fn file(columns: usize, rows: &[Vec<f64>]) -> Ply {
         .element("vertex", &PACKED, rows)
 }
 
+/// For the tests of hostile files.
+pub(super) fn seed() -> Vec<u8> {
+    file(18, &[largest(), largest()]).bytes()
+}
+
 #[test]
 fn each_field_in_every_encoding() {
     let middle = vec![

@@ -7,8 +7,8 @@ use super::bin::{encode, encode_first_version, seal};
 use super::support::{ENCODINGS, Encoding, Ply, be, read, refused, sfl_file, sfl_set};
 use super::write::sample;
 
-const FORMATS: [Format; 7] =
-    [Format::Ply, Format::Sfl, Format::Obj, Format::Bin, Format::Xyz, Format::Pts, Format::Splat];
+const FORMATS: [Format; 8] =
+    [Format::Ply, Format::Sfl, Format::Obj, Format::Bin, Format::Xyz, Format::Pts, Format::Splat, Format::Sog];
 
 /// Small valid files of every format.
 fn seeds() -> Vec<(Format, Vec<u8>)> {
@@ -37,6 +37,9 @@ fn seeds() -> Vec<(Format, Vec<u8>)> {
         Format::Ply,
         Ply::new(Encoding::Little).element("vertex", &splat, &[vec![1.0; 14], vec![0.5; 14]]).bytes(),
     ));
+    files.push((Format::Ply, super::compressed_ply::seed()));
+    #[cfg(feature = "formats")]
+    files.push((Format::Sog, super::sog::seed()));
     files.push((Format::Sfl, read("tiny_full.sfl")));
     let record = be(&[1.0, 2.0, 3.0, 2.0, 0.0, 0.0, 0.0, 0.5, 0.0]);
     let [set, resolution] = sfl_set(1 << 24, &[(0, 0), (24, 12)], 36, &record, &[]);
@@ -273,7 +276,7 @@ proptest! {
         let columns = &bytes[..bytes.len().min(1)];
         let second = [&b"\x89SPLAT\r\n\x02\0\0\0"[..], &[0; 40], columns, &[0; 11], &bytes].concat();
         let _ = parse(&second, Format::Bin);
-        let marks: [&[u8]; 7] = [b"ply\n", sfl, b"v 1 2 3\nf ", bin, b"1 2 3\n", b"2\n1 2 3 ", b""];
+        let marks: [&[u8]; 8] = [b"ply\n", sfl, b"v 1 2 3\nf ", bin, b"1 2 3\n", b"2\n1 2 3 ", b"", b"PK\x03\x04"];
         let _ = parse(&bytes, FORMATS[which]);
         let _ = parse(&[marks[which], &bytes].concat(), FORMATS[which]);
     }

@@ -10,6 +10,8 @@ mod obj;
 mod ply;
 mod ply_crosscheck;
 mod sfl;
+#[cfg(feature = "formats")]
+mod sog;
 mod splat;
 mod support;
 mod write;
