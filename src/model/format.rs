@@ -23,14 +23,18 @@ pub enum Format {
     Xyz,
     /// Points as lines of numbers, after a line with their number.
     Pts,
+    /// Gaussian-splat captures as `.splat`: records of 32 bytes.
+    Splat,
+    /// Gaussian-splat captures as SOG: a zip archive of pictures. Needs the Cargo feature `formats`.
+    Sog,
 }
 
 impl Format {
     /// The known formats, for messages.
     pub const KNOWN: &'static str = KNOWN_FORMATS;
 
-    /// The format of a file by its first bytes, or by its extension if the bytes show none: OBJ has no mark, and a text
-    /// of points is known by lines of numbers.
+    /// The format of a file by its first bytes, or by its extension if the bytes show none: OBJ and `.splat` have no
+    /// mark, and a text of points is known by lines of numbers.
     pub fn detect(bytes: &[u8], path: &Path) -> Option<Self> {
         if bytes.starts_with(&BIN_MAGIC) {
             Some(Self::Bin)
@@ -38,10 +42,14 @@ impl Format {
             Some(Self::Sfl)
         } else if bytes.starts_with(b"ply") && bytes.get(3).is_none_or(u8::is_ascii_whitespace) {
             Some(Self::Ply)
+        } else if bytes.starts_with(b"PK\x03\x04") {
+            Some(Self::Sog)
         } else {
             let ends_in = |name: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(name));
             match xyz::looks_like(bytes) {
                 _ if ends_in("obj") => Some(Self::Obj),
+                _ if ends_in("splat") => Some(Self::Splat),
+                _ if ends_in("sog") => Some(Self::Sog),
                 Some(xyz::Kind::Xyz) => Some(Self::Xyz),
                 Some(xyz::Kind::Pts) => Some(Self::Pts),
                 None if ends_in("xyz") => Some(Self::Xyz),

@@ -12,12 +12,13 @@
 //! | cut-off radius | radius, psz, point_size, size, value, scale (a float) |
 //! | axes, velocity | tux tuy tuz tvx tvy tvz; vx vy vz, velocity_x.. |
 //! | material (ours) | ambient diffuse specular shininess |
-//! | Gaussian splat | f_dc_0.. opacity scale_0.. rot_0.. ; f_rest_0.. |
+//! | Gaussian splat | f_dc_0.. opacity scale_0.. rot_0.. ; f_rest_0.. ; packed ones: `capture::compressed_ply` |
 
 use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
 
+use super::capture::compressed_ply;
 use super::capture::{Gaussian, Gaussians, MOST_HARMONICS, harmonics_of, logistic};
 use super::cloud::{Cloud, ColourStorage};
 use super::error::ParseError;
@@ -52,6 +53,13 @@ impl Content {
         }
     }
 
+    fn note_surplus(&mut self, body: &Body<'_>) {
+        let surplus = body.surplus();
+        if surplus > 0 {
+            self.notes().push(format!("{surplus} bytes after the last element ignored"));
+        }
+    }
+
     fn has_points(&self) -> bool {
         match self {
             Self::Cloud(cloud) => !cloud.position.is_empty(),
@@ -68,6 +76,11 @@ impl Content {
 pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Content, ParseError> {
     let header = ply_header::parse(bytes)?;
     let mut body = Body::new(bytes, header.body, header.encoding);
+    if compressed_ply::is_compressed(&header) {
+        let mut content = Content::Capture(compressed_ply::parse(&header, &mut body, progress)?);
+        content.note_surplus(&body);
+        return Ok(content);
+    }
     let mut content = None;
     let mut faces = Vec::new();
     let mut damage = None;
@@ -87,9 +100,8 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Content, Par
     let Some(mut content) = content else {
         return Err(ParseError::line(1, "no element `vertex`", "`element vertex COUNT` in the header"));
     };
-    let surplus = body.surplus();
-    if surplus > 0 && damage.is_none() {
-        content.notes().push(format!("{surplus} bytes after the last element ignored"));
+    if damage.is_none() {
+        content.note_surplus(&body);
     }
     if let Content::Cloud(cloud) = &mut content
         && cloud.normal.is_empty()
@@ -289,13 +301,8 @@ impl Columns {
 /// Chooses the properties to use, and names the unused ones in the notes.
 fn columns(finder: &mut Finder<'_>, element: &Element, notes: &mut Vec<String>) -> Result<Columns, ParseError> {
     let Some(position) = finder.take(["x", "y", "z"]) else {
-        let packed = finder.by_name.contains_key("packed_position");
-        let (found, expected) = if packed {
-            ("a compressed Gaussian-splat PLY (packed_position)", "the plain layout: convert it first")
-        } else {
-            ("an element `vertex` without x, y and z", "numbers x, y and z")
-        };
-        return Err(ParseError::line(element.line, found, expected));
+        let found = "an element `vertex` without x, y and z";
+        return Err(ParseError::line(element.line, found, "numbers x, y and z"));
     };
     let gaussian = GaussianColumns::find(finder);
     if gaussian.is_some() {

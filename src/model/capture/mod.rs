@@ -3,6 +3,11 @@
 //! Readers turn what a file says into [`Gaussians`], in one frame and one meaning. `surfels` makes opaque surfels of
 //! them, which is how they are drawn.
 
+pub(super) mod compressed_ply;
+mod smallest_three;
+#[cfg(feature = "formats")]
+pub(super) mod sog;
+pub(super) mod splat;
 mod surfels;
 
 use glam::{Quat, Vec3};

@@ -3,12 +3,16 @@
 #![allow(clippy::unwrap_used, reason = "clippy knows #[test] functions, not their helpers")]
 
 mod bin;
+mod compressed_ply;
 mod files;
 mod hostile;
 mod obj;
 mod ply;
 mod ply_crosscheck;
 mod sfl;
+#[cfg(feature = "formats")]
+mod sog;
+mod splat;
 mod support;
 mod write;
 mod xyz;
