@@ -23,6 +23,10 @@ pub enum Format {
     Xyz,
     /// Points as lines of numbers, after a line with their number.
     Pts,
+    /// Gaussian-splat captures in planes of compressed bytes.
+    Spz,
+    /// glTF in one file, with Gaussian splats.
+    Glb,
 }
 
 impl Format {
@@ -38,6 +42,11 @@ impl Format {
             Some(Self::Sfl)
         } else if bytes.starts_with(b"ply") && bytes.get(3).is_none_or(u8::is_ascii_whitespace) {
             Some(Self::Ply)
+        } else if bytes.starts_with(b"NGSP") || bytes.starts_with(b"\x1f\x8b") {
+            // Older versions of SPZ are gzip, which no other format is.
+            Some(Self::Spz)
+        } else if bytes.starts_with(b"glTF") {
+            Some(Self::Glb)
         } else {
             let ends_in = |name: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(name));
             match xyz::looks_like(bytes) {

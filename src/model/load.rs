@@ -11,7 +11,7 @@ use super::error::{ModelError, ParseError};
 use super::format::Format;
 use super::options::{ColourSpace, LoadOptions, Progress};
 use super::surfels::{Normalisation, Surfels};
-use super::{bin, map, obj, ply, sfl, tidy, xyz};
+use super::{bin, capture, map, obj, ply, sfl, tidy, xyz};
 use crate::math::srgb;
 
 /// A model, and what a user should know about how it was read.
@@ -110,6 +110,8 @@ fn read(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Content,
         Format::Obj => Content::Cloud(obj::parse(bytes, progress)?),
         Format::Xyz => Content::Cloud(xyz::parse(bytes, xyz::Kind::Xyz, progress)?),
         Format::Pts => Content::Cloud(xyz::parse(bytes, xyz::Kind::Pts, progress)?),
+        Format::Spz => Content::Capture(capture::parse_spz(bytes)?),
+        Format::Glb => Content::Capture(capture::parse_glb(bytes)?),
         Format::Bin => Content::Surfels(bin::parse(bytes)?),
     })
 }

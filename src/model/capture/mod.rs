@@ -3,14 +3,30 @@
 //! Readers turn what a file says into [`Gaussians`], in one frame and one meaning. `surfels` makes opaque surfels of
 //! them, which is how they are drawn.
 
+mod glb;
+#[cfg(feature = "formats")]
+mod spz;
 mod surfels;
 
 use glam::{Quat, Vec3};
+
+pub(super) use glb::parse as parse_glb;
+#[cfg(feature = "formats")]
+pub(super) use spz::parse as parse_spz;
+
+#[cfg(not(feature = "formats"))]
+use super::error::ParseError;
 
 use super::tidy::MAX_COORDINATE;
 
 /// The spherical harmonic of degree 0: 1 / (2 sqrt(pi)).
 const SH_C0: f32 = 0.282_094_8;
+
+/// Bytes of Gaussians that every file may have, however small it is.
+const FREE_BYTES: u64 = 64 << 20;
+
+/// Most bytes of Gaussians for each byte of a file. Real captures have 3 to 6.
+const MOST_GROWTH: u64 = 100;
 
 /// Highest degree of harmonics that is kept.
 const MOST_DEGREE: u8 = 3;
@@ -40,6 +56,11 @@ pub struct Gaussians {
     pub harmonics: Vec<Vec3>,
     /// Highest degree of harmonics, 0 to 3.
     pub degree: u8,
+    /// True if the file says that the capture was trained with the filter of an antialiased rasteriser: whoever widens
+    /// a Gaussian by the filter then lowers its opacity.
+    pub antialiased: bool,
+    /// True if colours are linear light. Else they are sRGB-encoded.
+    pub linear: bool,
     /// What a user should know: Gaussians that were dropped, properties that were ignored.
     pub notes: Vec<String>,
     /// Gaussians that were dropped because they cannot be drawn.
@@ -111,6 +132,19 @@ impl Gaussians {
         self.base.push(Vec3::from_array(base.map(|c| c as f32)));
         self.harmonics.extend_from_slice(harmonics);
     }
+}
+
+/// Refuses an SPZ file: what inflates it is not part of this program.
+#[cfg(not(feature = "formats"))]
+pub(super) fn parse_spz(_: &[u8]) -> Result<Gaussians, ParseError> {
+    let expected = "a format that needs no decompression: this program was built without the feature `formats`";
+    Err(ParseError::byte(0, "a compressed capture (SPZ)", expected))
+}
+
+/// Most bytes of Gaussians that a file of `size` bytes may hold: what compresses better, or stands in more places of a
+/// scene, is no capture but an attempt to fill memory.
+fn allowance(size: usize) -> u64 {
+    FREE_BYTES + MOST_GROWTH * size as u64
 }
 
 /// Number of harmonics of degrees 1 to `degree`.

@@ -7,7 +7,8 @@ use super::bin::{encode, encode_first_version, seal};
 use super::support::{ENCODINGS, Encoding, Ply, be, read, refused, sfl_file, sfl_set};
 use super::write::sample;
 
-const FORMATS: [Format; 6] = [Format::Ply, Format::Sfl, Format::Obj, Format::Bin, Format::Xyz, Format::Pts];
+const FORMATS: [Format; 8] =
+    [Format::Ply, Format::Sfl, Format::Obj, Format::Bin, Format::Xyz, Format::Pts, Format::Spz, Format::Glb];
 
 /// Small valid files of every format.
 fn seeds() -> Vec<(Format, Vec<u8>)> {
@@ -266,14 +267,16 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn noise_never_panics(bytes in proptest::collection::vec(any::<u8>(), 0..600), which in 0..6_usize) {
+    fn noise_never_panics(bytes in proptest::collection::vec(any::<u8>(), 0..600), which in 0..8_usize) {
         let sfl = b"GFLF\0\0\0\0SFLF\0\0\0\0\0\0\0\x14";
         let bin = b"\x89SPLAT\r\n\x01\0\0\0";
         // No flags, surfels or origin, a number of columns from the noise, and the noise as directory.
         let columns = &bytes[..bytes.len().min(1)];
         let second = [&b"\x89SPLAT\r\n\x02\0\0\0"[..], &[0; 40], columns, &[0; 11], &bytes].concat();
         let _ = parse(&second, Format::Bin);
-        let marks: [&[u8]; 6] = [b"ply\n", sfl, b"v 1 2 3\nf ", bin, b"1 2 3\n", b"2\n1 2 3 "];
+        let spz = b"NGSP\x04\0\0\0\x02\0\0\0\0\x0c\0\x05\x20\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0";
+        let glb = b"glTF\x02\0\0\0\x14\0\0\0";
+        let marks: [&[u8]; 8] = [b"ply\n", sfl, b"v 1 2 3\nf ", bin, b"1 2 3\n", b"2\n1 2 3 ", spz, glb];
         let _ = parse(&bytes, FORMATS[which]);
         let _ = parse(&[marks[which], &bytes].concat(), FORMATS[which]);
     }

@@ -4,11 +4,14 @@
 
 mod bin;
 mod files;
+mod glb;
 mod hostile;
 mod obj;
 mod ply;
 mod ply_crosscheck;
 mod sfl;
+#[cfg(feature = "formats")]
+mod spz;
 mod support;
 mod write;
 mod xyz;
