@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 /// The formats of models that are known, for messages. It stands here because `format` looks into files with readers
 /// that report errors.
-pub(super) const KNOWN_FORMATS: &str =
-    "PLY, Pointshop3D .sfl, Wavefront .obj, points as text .xyz and .pts, .splat, SOG, splatblur .bin";
+pub(super) const KNOWN_FORMATS: &str = "PLY, Pointshop3D .sfl, Wavefront .obj, points as text .xyz and .pts, \
+     splatblur .bin, Gaussian splats .splat, .spz, .sog and .glb";
 
 /// Why a model was refused or could not be written.
 #[derive(Debug, thiserror::Error)]

@@ -27,6 +27,10 @@ pub enum Format {
     Splat,
     /// Gaussian-splat captures as SOG: a zip archive of pictures. Needs the Cargo feature `formats`.
     Sog,
+    /// Gaussian-splat captures in planes of compressed bytes.
+    Spz,
+    /// glTF in one file, with Gaussian splats.
+    Glb,
 }
 
 impl Format {
@@ -44,6 +48,11 @@ impl Format {
             Some(Self::Ply)
         } else if bytes.starts_with(b"PK\x03\x04") {
             Some(Self::Sog)
+        } else if bytes.starts_with(b"NGSP") || bytes.starts_with(b"\x1f\x8b") {
+            // Older versions of SPZ are gzip, which no other format is.
+            Some(Self::Spz)
+        } else if bytes.starts_with(b"glTF") {
+            Some(Self::Glb)
         } else {
             let ends_in = |name: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(name));
             match xyz::looks_like(bytes) {

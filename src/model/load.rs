@@ -4,9 +4,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
-#[cfg(feature = "formats")]
-use super::capture::sog;
-use super::capture::{Gaussians, splat};
+use super::capture::{self, Gaussians};
 use super::cloud::Cloud;
 use super::complete::complete;
 use super::error::{ModelError, ParseError};
@@ -112,19 +110,12 @@ fn read(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Content,
         Format::Obj => Content::Cloud(obj::parse(bytes, progress)?),
         Format::Xyz => Content::Cloud(xyz::parse(bytes, xyz::Kind::Xyz, progress)?),
         Format::Pts => Content::Cloud(xyz::parse(bytes, xyz::Kind::Pts, progress)?),
-        Format::Splat => Content::Capture(splat::parse(bytes, progress)?),
-        #[cfg(feature = "formats")]
-        Format::Sog => Content::Capture(sog::parse(bytes, progress)?),
-        #[cfg(not(feature = "formats"))]
-        Format::Sog => return Err(needs_formats("a SOG capture")),
+        Format::Splat => Content::Capture(capture::parse_splat(bytes, progress)?),
+        Format::Sog => Content::Capture(capture::parse_sog(bytes, progress)?),
+        Format::Spz => Content::Capture(capture::parse_spz(bytes)?),
+        Format::Glb => Content::Capture(capture::parse_glb(bytes)?),
         Format::Bin => Content::Surfels(bin::parse(bytes)?),
     })
-}
-
-/// The program was built without the reader of a file.
-#[cfg(not(feature = "formats"))]
-fn needs_formats(found: &str) -> ParseError {
-    ParseError::byte(0, found, "a program built with the Cargo feature `formats`, which reads it")
 }
 
 /// Applies what a scene says to surfels that are already complete. Their colours are linear unless the scene names

@@ -20,9 +20,10 @@ const PATIENCE: Duration = Duration::from_secs(2);
 type Read = fn(&Path) -> anyhow::Result<()>;
 
 /// Target (a folder of the corpus), extension that the file is read under, reader.
-const TARGETS: [(&str, &str, Read); 11] = [
+const TARGETS: [(&str, &str, Read); 13] = [
     ("anim", "anim", |path| read_animation(path)),
     ("bin", "bin", |path| read_model(path)),
+    ("glb", "glb", |path| read_model(path)),
     ("image", "img", |path| Ok(image::read(path).map(drop)?)),
     ("obj", "obj", |path| read_model(path)),
     ("ply", "ply", |path| read_model(path)),
@@ -31,11 +32,12 @@ const TARGETS: [(&str, &str, Read); 11] = [
     ("sfl", "sfl", |path| read_model(path)),
     ("sog", "sog", |path| read_model(path)),
     ("splat", "splat", |path| read_model(path)),
+    ("spz", "spz", |path| read_model(path)),
     ("xyz", "xyz", |path| read_model(path)),
 ];
 
 /// Targets that need the Cargo feature `formats`.
-const OF_FORMATS: [&str; 1] = ["sog"];
+const OF_FORMATS: [&str; 2] = ["sog", "spz"];
 
 fn read_model(path: &Path) -> anyhow::Result<()> {
     let loaded = model::load(path, &model::LoadOptions::default(), &|_, _| {})?;

@@ -31,7 +31,8 @@ pub fn picture(gaussians: &Gaussians, view: &View) -> Vec<[f64; 4]> {
     let limit = DVec2::new(half * width as f64 / height as f64, half) * 1.3;
 
     let place = |index: usize| turn * (gaussians.position[index].as_dvec3() - view.eye);
-    let mut order: Vec<(f64, usize)> = (0..gaussians.len()).map(|i| (place(i).z, i)).filter(|(z, _)| *z > NEAR).collect();
+    let mut order: Vec<(f64, usize)> =
+        (0..gaussians.len()).map(|i| (place(i).z, i)).filter(|(z, _)| *z > NEAR).collect();
     order.sort_by(|a, b| a.partial_cmp(b).expect("depths are finite"));
 
     let mut out = vec![[0.0; 4]; width * height];

@@ -4,18 +4,36 @@
 //! them, which is how they are drawn.
 
 pub(super) mod compressed_ply;
+mod glb;
 mod smallest_three;
 #[cfg(feature = "formats")]
-pub(super) mod sog;
-pub(super) mod splat;
+mod sog;
+mod splat;
+#[cfg(feature = "formats")]
+mod spz;
 mod surfels;
 
 use glam::{Quat, Vec3};
 
+pub(super) use glb::parse as parse_glb;
+#[cfg(feature = "formats")]
+pub(super) use sog::parse as parse_sog;
+pub(super) use splat::parse as parse_splat;
+#[cfg(feature = "formats")]
+pub(super) use spz::parse as parse_spz;
+
+#[cfg(not(feature = "formats"))]
+use super::error::ParseError;
 use super::tidy::MAX_COORDINATE;
 
 /// The spherical harmonic of degree 0: 1 / (2 sqrt(pi)).
 const SH_C0: f32 = 0.282_094_8;
+
+/// Bytes of Gaussians that every file may have, however small it is.
+const FREE_BYTES: u64 = 64 << 20;
+
+/// Most bytes of Gaussians for each byte of a file. Real captures have 3 to 6.
+const MOST_GROWTH: u64 = 100;
 
 /// Highest degree of harmonics that is kept.
 const MOST_DEGREE: u8 = 3;
@@ -45,6 +63,11 @@ pub struct Gaussians {
     pub harmonics: Vec<Vec3>,
     /// Highest degree of harmonics, 0 to 3.
     pub degree: u8,
+    /// True if the file says that the capture was trained with the filter of an antialiased rasteriser: whoever widens
+    /// a Gaussian by the filter then lowers its opacity.
+    pub antialiased: bool,
+    /// True if colours are linear light. Else they are sRGB-encoded.
+    pub linear: bool,
     /// What a user should know: Gaussians that were dropped, properties that were ignored.
     pub notes: Vec<String>,
     /// Gaussians that were dropped because they cannot be drawn.
@@ -116,6 +139,29 @@ impl Gaussians {
         self.base.push(Vec3::from_array(base.map(|c| c as f32)));
         self.harmonics.extend_from_slice(harmonics);
     }
+}
+
+/// Refuses an SPZ file: what inflates it is not part of this program.
+#[cfg(not(feature = "formats"))]
+pub(super) fn parse_spz(_: &[u8]) -> Result<Gaussians, ParseError> {
+    Err(needs_formats("an SPZ capture"))
+}
+
+/// Refuses a SOG file: what unpacks it is not part of this program.
+#[cfg(not(feature = "formats"))]
+pub(super) fn parse_sog(_: &[u8], _: &dyn Fn(f32)) -> Result<Gaussians, ParseError> {
+    Err(needs_formats("a SOG capture"))
+}
+
+#[cfg(not(feature = "formats"))]
+fn needs_formats(found: &str) -> ParseError {
+    ParseError::byte(0, found, "a program built with the Cargo feature `formats`, which reads it")
+}
+
+/// Most bytes of Gaussians that a file of `size` bytes may hold: what compresses better, or stands in more places of a
+/// scene, is no capture but an attempt to fill memory.
+fn allowance(size: usize) -> u64 {
+    FREE_BYTES + MOST_GROWTH * size as u64
 }
 
 /// Number of harmonics of degrees 1 to `degree`.

@@ -121,9 +121,7 @@ pub(in crate::model) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Ga
     if strays > 0 {
         gaussians.notes.push(format!("{strays} Gaussians name harmonics that the file does not have (taken as none)"));
     }
-    if meta.antialias {
-        gaussians.notes.push("trained with antialiasing, which is ignored".to_owned());
-    }
+    gaussians.antialiased = meta.antialias;
     Ok(gaussians)
 }
 

@@ -24,7 +24,8 @@ const FEWEST_FOR_SIZE: usize = 100;
 impl Gaussians {
     /// Opaque surfels in their place.
     ///
-    /// Colours are sRGB-encoded by custom (captures are trained on 8-bit images as they are), and marked so.
+    /// Colours are sRGB-encoded by custom (captures are trained on 8-bit images as they are), and marked so, unless the
+    /// file says that they are linear.
     pub(in crate::model) fn into_cloud(self) -> Cloud {
         let solid: Vec<bool> = self.opacity.iter().map(|alpha| *alpha > LEAST_ALPHA).collect();
         let faint = solid.iter().filter(|s| !**s).count();
@@ -53,7 +54,7 @@ impl Gaussians {
             cloud.axes.push([u, v]);
         }
         retain(&mut cloud, &keep);
-        cloud.colour_storage = ColourStorage::Integer;
+        cloud.colour_storage = if self.linear { ColourStorage::Float } else { ColourStorage::Integer };
         cloud.two_sided = true;
         let total = self.len() + self.dropped;
         cloud.notes.push(format!(
@@ -66,10 +67,10 @@ impl Gaussians {
         if self.degree > 0 {
             cloud.notes.push(format!("Gaussian splats: harmonics of degrees 1 to {} ignored", self.degree));
         }
-        cloud.notes.push(
-            "Gaussian splats: colours taken as sRGB; normals (the smallest axes) have no sign: both sides are shown"
-                .to_owned(),
-        );
+        let space = if self.linear { "linear light" } else { "sRGB" };
+        cloud.notes.push(format!(
+            "Gaussian splats: colours taken as {space}; normals (the smallest axes) have no sign: both sides are shown"
+        ));
         cloud
     }
 }

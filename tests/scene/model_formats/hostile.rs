@@ -7,8 +7,18 @@ use super::bin::{encode, encode_first_version, seal};
 use super::support::{ENCODINGS, Encoding, Ply, be, read, refused, sfl_file, sfl_set};
 use super::write::sample;
 
-const FORMATS: [Format; 8] =
-    [Format::Ply, Format::Sfl, Format::Obj, Format::Bin, Format::Xyz, Format::Pts, Format::Splat, Format::Sog];
+const FORMATS: [Format; 10] = [
+    Format::Ply,
+    Format::Sfl,
+    Format::Obj,
+    Format::Bin,
+    Format::Xyz,
+    Format::Pts,
+    Format::Splat,
+    Format::Sog,
+    Format::Spz,
+    Format::Glb,
+];
 
 /// Small valid files of every format.
 fn seeds() -> Vec<(Format, Vec<u8>)> {
@@ -276,7 +286,10 @@ proptest! {
         let columns = &bytes[..bytes.len().min(1)];
         let second = [&b"\x89SPLAT\r\n\x02\0\0\0"[..], &[0; 40], columns, &[0; 11], &bytes].concat();
         let _ = parse(&second, Format::Bin);
-        let marks: [&[u8]; 8] = [b"ply\n", sfl, b"v 1 2 3\nf ", bin, b"1 2 3\n", b"2\n1 2 3 ", b"", b"PK\x03\x04"];
+        let spz = b"NGSP\x04\0\0\0\x02\0\0\0\0\x0c\0\x05\x20\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0";
+        let glb = b"glTF\x02\0\0\0\x14\0\0\0";
+        let marks: [&[u8]; 10] =
+            [b"ply\n", sfl, b"v 1 2 3\nf ", bin, b"1 2 3\n", b"2\n1 2 3 ", b"", b"PK\x03\x04", spz, glb];
         let _ = parse(&bytes, FORMATS[which]);
         let _ = parse(&[marks[which], &bytes].concat(), FORMATS[which]);
     }

@@ -5,6 +5,7 @@
 mod bin;
 mod compressed_ply;
 mod files;
+mod glb;
 mod hostile;
 mod obj;
 mod ply;
@@ -13,6 +14,8 @@ mod sfl;
 #[cfg(feature = "formats")]
 mod sog;
 mod splat;
+#[cfg(feature = "formats")]
+mod spz;
 mod support;
 mod write;
 mod xyz;
