@@ -1,7 +1,7 @@
 //! Compressed Gaussian-splat PLY: 16 bytes for each Gaussian, in chunks of 256.
 //!
-//! The element `chunk` has the ranges of its Gaussians, `vertex` has four whole numbers for each Gaussian that say where
-//! in these ranges it lies, and `sh` may have its harmonics. The elements come in this order.
+//! The element `chunk` has the ranges of its Gaussians, `vertex` has four whole numbers for each Gaussian that say
+//! where in these ranges it lies, and `sh` may have its harmonics. The elements come in this order.
 
 use glam::Vec3;
 
@@ -51,8 +51,8 @@ pub(in crate::model) fn is_compressed(header: &Header) -> bool {
 /// Reads the body. `progress` now and then gets the share of Gaussians read.
 ///
 /// # Errors
-/// The error names the line or the byte. An element or column is missing, out of order or of another type, the counts of
-/// the elements disagree, or the body is cut short.
+/// The error names the line or the byte. An element or column is missing, out of order or of another type, the counts
+/// of the elements disagree, or the body is cut short.
 pub(in crate::model) fn parse(
     header: &Header,
     body: &mut Body<'_>,
@@ -202,7 +202,8 @@ fn read_harmonics(
     ranges: &[Ranges],
     packed: &[[u32; 4]],
 ) -> Result<Gaussians, ParseError> {
-    let given = (0..).take_while(|k| place(element, &format!("f_rest_{k}")).is_some()).count();
+    // One more than there may be: names are not searched for without end.
+    let given = (0..=3 * MOST_HARMONICS).take_while(|k| place(element, &format!("f_rest_{k}")).is_some()).count();
     let Some(degree) = (1..=3_u8).find(|&degree| 3 * harmonics_of(degree) == given) else {
         let found = format!("element `sh` with {given} columns f_rest_0, f_rest_1, ..");
         return Err(ParseError::line(element.line, found, "9, 24 or 45 of them"));

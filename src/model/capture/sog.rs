@@ -73,8 +73,8 @@ struct Palette {
 /// Reads the bytes of a file. `progress` now and then gets the share of Gaussians read.
 ///
 /// # Errors
-/// The archive is damaged, `meta.json` is of another version or lacks something, or a picture is missing, is not lossless
-/// WebP, or has another size than the number of Gaussians asks for.
+/// The archive is damaged, `meta.json` is of another version or lacks something, or a picture is missing, is not
+/// lossless WebP, or has another size than the number of Gaussians asks for.
 pub(in crate::model) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Gaussians, ParseError> {
     const REPORT: usize = 1 << 16;
     let mut archive = Archive::open(bytes)?;

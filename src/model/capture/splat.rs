@@ -1,7 +1,7 @@
 //! `.splat` files: records of 32 bytes without a header.
 //!
-//! A record has the position and the standard deviations as floats, then the colour with the opacity and the rotation as
-//! bytes. Nothing marks the file, so the only thing that can be wrong is its size.
+//! A record has the position and the standard deviations as floats, then the colour with the opacity and the rotation
+//! as bytes. Nothing marks the file, so the only thing that can be wrong is its size.
 
 use super::{Gaussian, Gaussians, SH_C0};
 use crate::model::error::ParseError;

@@ -35,8 +35,8 @@ fn ranges(columns: usize) -> Vec<(&'static str, &'static str)> {
     RANGES[..columns].iter().map(|name| ("float", *name)).collect()
 }
 
-/// Positions in a box from (-1, 0, 10) to (1, 4, 10), ln sigma from -2 to 0 in x, -3 to 1 in y and 5 in z, colours from 0
-/// to 2 in red, -1 to 1 in green and 0.25 in blue.
+/// Positions in a box from (-1, 0, 10) to (1, 4, 10), ln sigma from -2 to 0 in x, -3 to 1 in y and 5 in z, colours from
+/// 0 to 2 in red, -1 to 1 in green and 0.25 in blue.
 const CHUNK: [f64; 18] =
     [-1.0, 0.0, 10.0, 1.0, 4.0, 10.0, -2.0, -3.0, 5.0, 0.0, 1.0, 5.0, 0.0, -1.0, 0.25, 2.0, 1.0, 0.25];
 
@@ -238,8 +238,8 @@ fn every_truncation_is_refused() {
 
 #[test]
 fn headers_that_are_refused() {
-    let chunk: String = RANGES.iter().map(|name| format!("property float {name}\n")).collect();
-    let vertex: String = PACKED.iter().map(|(kind, name)| format!("property {kind} {name}\n")).collect();
+    let chunk = lines(&ranges(18));
+    let vertex = lines(&PACKED);
     let text = |lines: &str| format!("ply\nformat binary_little_endian 1.0\n{lines}end_header\n{}", "0".repeat(999));
     let after = |sh: &str| text(&format!("element chunk 1\n{chunk}element vertex 2\n{vertex}element sh {sh}"));
     for (file, expected) in [
@@ -281,13 +281,18 @@ fn headers_that_are_refused() {
 }
 
 fn sh_lines(kind: &str) -> String {
-    rest(9).iter().map(|(_, name)| format!("property {kind} {name}\n")).collect()
+    (0..9).map(|k| format!("property {kind} f_rest_{k}\n")).collect::<Vec<_>>().concat()
+}
+
+/// Properties as the header has them.
+fn lines(properties: &[(&str, &str)]) -> String {
+    properties.iter().map(|(kind, name)| format!("property {kind} {name}\n")).collect::<Vec<_>>().concat()
 }
 
 #[test]
 fn absurd_counts_are_refused_at_once() {
-    let chunk: String = RANGES.iter().map(|name| format!("property float {name}\n")).collect();
-    let vertex: String = PACKED.iter().map(|(kind, name)| format!("property {kind} {name}\n")).collect();
+    let chunk = lines(&ranges(18));
+    let vertex = lines(&PACKED);
     let start = Instant::now();
     for encoding in ["ascii", "binary_little_endian"] {
         for [chunks, count, sh] in

@@ -69,3 +69,11 @@ fn files_of_the_test_set() {
         assert_eq!(loaded.surfels.len(), count, "{name}");
     }
 }
+
+#[cfg(not(feature = "formats"))]
+#[test]
+fn readers_left_out_of_the_build_name_their_feature() {
+    let e = load_as("a.sog", b"PK\x03\x04").unwrap_err().to_string();
+    let expected = "a.sog: byte 0: found a SOG capture, expected a program built with the Cargo feature `formats`";
+    assert!(e.contains(expected), "{e}");
+}

@@ -200,6 +200,7 @@ fn what_is_refused() {
         ),
         (Sog::new().set("/means/files/0", json!("../low.webp")), "found a file name `../low.webp` in meta.json"),
         (Sog::new().set("/means/files/0", json!("a\\low.webp")), "in meta.json, expected a plain name"),
+        (Sog::new().set("/means/files/0", json!("a/low.webp")), "in meta.json, expected a plain name"),
         (Sog::new().set("/means/files/0", json!("")), "found a file name `` in meta.json, expected a plain name"),
         (Sog::new().file("low.webp", b"RIFF\x04\0\0\0WEBP".to_vec()), "found damaged WebP ("),
         (
