@@ -132,10 +132,10 @@ fn second_body(
 dispatch! {
     /// Finds the pixels that are not solid, and those near which there is one that no disc covers.
     ///
-    /// A pixel is solid if discs cover it and all pixels within `apron`, and inverse depths around it change as those of a
-    /// plane do, up to four tolerances: opposite neighbours agree with their middle. Pixels outside the image of `size`
-    /// pixels do not count. `of_all`: the tolerance of all objects, where it is one; else those that `visibility` kept are
-    /// taken.
+    /// A pixel is solid if discs cover it and all pixels within `apron`, and inverse depths around it change as those
+    /// of a plane do, up to four tolerances: opposite neighbours agree with their middle. Pixels outside the image of
+    /// `size` pixels do not count. `of_all`: the tolerance of all objects, where it is one; else those that
+    /// `visibility` kept are taken.
     pub(in crate::backend) fn find_open(
         tile: &TileRect, apron: usize, size: [u32; 2], of_all: Option<Depths>, buffers: &mut EwaBuffers,
     ) = find_open_body
