@@ -69,3 +69,10 @@ fn files_of_the_test_set() {
         assert_eq!(loaded.surfels.len(), count, "{name}");
     }
 }
+
+#[cfg(not(feature = "formats"))]
+#[test]
+fn compressed_captures_need_their_feature() {
+    let found = load_as("a.spz", b"NGSP\x04\0\0\0").unwrap_err();
+    assert!(found.to_string().ends_with("this program was built without the feature `formats`"), "{found}");
+}
