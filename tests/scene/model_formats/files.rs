@@ -72,14 +72,12 @@ fn files_of_the_test_set() {
 
 #[cfg(not(feature = "formats"))]
 #[test]
-<<<<<<< HEAD
 fn readers_left_out_of_the_build_name_their_feature() {
-    let e = load_as("a.sog", b"PK\x03\x04").unwrap_err().to_string();
-    let expected = "a.sog: byte 0: found a SOG capture, expected a program built with the Cargo feature `formats`";
-    assert!(e.contains(expected), "{e}");
-=======
-fn compressed_captures_need_their_feature() {
-    let found = load_as("a.spz", b"NGSP\x04\0\0\0").unwrap_err();
-    assert!(found.to_string().ends_with("this program was built without the feature `formats`"), "{found}");
->>>>>>> hb
+    for (name, bytes, found) in
+        [("a.sog", b"PK\x03\x04".as_slice(), "a SOG capture"), ("a.spz", b"NGSP\x04\0\0\0", "an SPZ capture")]
+    {
+        let e = load_as(name, bytes).unwrap_err().to_string();
+        let says = format!("{name}: byte 0: found {found}, expected a program built with the Cargo feature `formats`");
+        assert!(e.contains(&says), "{e}");
+    }
 }
