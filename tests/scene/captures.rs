@@ -9,8 +9,8 @@ use splatblur::model::{Format, parse_capture};
 
 use crate::support::gaussians::{View, picture, psnr};
 
-/// Positions, sizes, turns, opacities and colours of the plain PLY are what the picture was made of. Its makers' code is
-/// not ours, and neither splatter nor reference has a part in this one.
+/// Positions, sizes, turns, opacities and colours of the plain PLY are what the picture was made of. The code that made
+/// it is not ours, and neither splatter nor reference has a part in this test.
 #[test]
 fn the_guitar_makes_the_exact_picture() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
