@@ -23,7 +23,7 @@ Examples:
   splatblur convert pond.ply pond.bin --radius-scale 2.5
   splatblur convert statue.sfl statue.ply --force")]
 pub(super) struct Convert {
-    /// Model: .ply, .sfl, .obj, .xyz, .pts, .bin.
+    /// Model: .ply, .sfl, .obj, .xyz, .pts, .bin; capture: .ply, .splat, .spz, .sog, .glb.
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// File to write, ending in .bin or .ply.
