@@ -172,7 +172,8 @@ struct GaussianColumns {
 }
 
 impl GaussianColumns {
-    /// The columns, if the file is a capture. `f_rest` columns count as far as all of one degree are there.
+    /// The columns, if the file is a capture. `f_rest` columns count if they are exactly those of a degree from 1 to 3;
+    /// those of degree 4 do not count.
     fn find(finder: &mut Finder<'_>) -> Option<Self> {
         let own = finder.take([
             "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2",
