@@ -60,7 +60,8 @@ impl Gaussians {
         cloud.notes.push(format!(
             "Gaussian splats drawn as opaque surfels: {} of {total} kept; \
              dropped {faint} with opacity up to {LEAST_ALPHA}, \
-             {large} with a sigma above {}% of the model's size, {broken} with a bad scale or rotation or another number that is none",
+             {large} with a sigma above {}% of the model's size, \
+             {broken} with a bad scale or rotation or another number that is none",
             cloud.position.len(),
             100.0 * LARGEST_SIGMA,
         ));
