@@ -125,6 +125,15 @@ pub struct Background {
     pub transparent: bool,
 }
 
+/// In which numbers transparent things are composited: that of the whole image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Blending {
+    /// sRGB-encoded values. Each instant is decoded before it is averaged over time.
+    Coded,
+    /// Linear light.
+    Linear,
+}
+
 /// Which planes a film has: r, g, b, alpha, then those of the AOVs (alpha and samples need none of their own).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FilmPlanes {

@@ -126,6 +126,13 @@ pub enum Step {
         /// The group.
         group: usize,
     },
+    /// Composites what is transparent over the picture of one group, front to back, and adds it to the film
+    /// ([`TransparentPass::ORDER`]). The step before it, which adds nothing to the film then, leaves that picture with
+    /// its depth thresholds.
+    Transparent {
+        /// The group.
+        group: usize,
+    },
     /// Makes a picture of static objects for the sweeps that follow ([`StaticPass::ORDER`]). They show it behind
     /// kernels in motion.
     StaticPicture {
@@ -171,6 +178,8 @@ pub struct Scenery {
     pub one_view: bool,
     /// Whether full EWA filters kernels.
     pub ewa: bool,
+    /// Whether the scene holds what is transparent.
+    pub transparent: bool,
 }
 
 impl Step {
@@ -185,6 +194,9 @@ impl Step {
         for (group, sweep) in sweeps.iter().enumerate() {
             let Some((interval, kernel)) = *sweep else {
                 steps.push(if scenery.ewa { Self::Ewa { group } } else { Self::Splat { group } });
+                if scenery.transparent {
+                    steps.push(Self::Transparent { group });
+                }
                 continue;
             };
             if scenery.ewa {
@@ -239,6 +251,26 @@ pub enum EwaPass {
 impl EwaPass {
     /// The passes in order.
     pub const ORDER: [Self; 4] = [Self::Visibility, Self::Second, Self::Attribute, Self::Resolve];
+}
+
+/// A pass of [`Step::Transparent`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TransparentPass {
+    /// Kernels to splats, and the depths of their centres.
+    Project,
+    /// The order of depths.
+    Sort,
+    /// Lists by tile, in that order.
+    List,
+    /// Composites the splats of a tile, front to back.
+    Composite,
+    /// Lays them over the opaque picture of the instant, and adds it to the film with the time weight.
+    Resolve,
+}
+
+impl TransparentPass {
+    /// The passes in order; what is between projecting and resolving is once for each time sample of the group.
+    pub const ORDER: [Self; 5] = [Self::Project, Self::Sort, Self::List, Self::Composite, Self::Resolve];
 }
 
 /// A pass of [`Step::StaticLayer`] and [`Step::StaticPicture`].

@@ -272,6 +272,10 @@ fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
     {
         return Err(BackendError::Filter { weight: swept.weight });
     }
+    let capture = scene.objects.iter().find(|object| object.model.gaussians().is_some());
+    if let (Some(object), Quality::Mode(BlurMode::Volumetric { .. })) = (capture, options.quality) {
+        return Err(BackendError::Volumetric { object: object.name.clone() });
+    }
     match scene.objects.iter().find(|object| object.sphere.is_some()) {
         Some(object) => Err(BackendError::Sphere { object: object.name.clone() }),
         None => Ok(()),

@@ -23,6 +23,21 @@ pub enum BackendError {
         /// How kernels weigh.
         weight: KernelWeight,
     },
+    /// Kernels in motion do not composite.
+    #[error(
+        "object `{object}` is a capture, which mode `volumetric` cannot show: take `supersample`, `bucket` or `auto`, \
+         or `kind=\"surfels\"` in its <pointModel>"
+    )]
+    Volumetric {
+        /// Name of the object.
+        object: String,
+    },
+    /// The GPU does not show captures.
+    #[error("object `{object}` is a capture, which only the CPU can show so far: take `--backend cpu`")]
+    Capture {
+        /// Name of the object.
+        object: String,
+    },
     /// The number of the frame is infinite or NaN.
     #[error("there is no frame {frame}; a finite number is needed")]
     Frame {

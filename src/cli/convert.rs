@@ -55,7 +55,9 @@ impl Convert {
         if info::head(&self.input).is_ok_and(|head| info::kind(&head, &self.input) == Kind::Scene) {
             bail!("{} is a scene; convert takes a model, such as one that it names", self.input.display());
         }
-        let options = model::LoadOptions { radius_scale: self.radius_scale, colour_space: self.colour_space };
+        // What it writes holds surfels.
+        let kind = Some(model::Kind::Surfels);
+        let options = model::LoadOptions { kind, radius_scale: self.radius_scale, colour_space: self.colour_space };
         let progress = Loading::new(self.quiet);
         let loaded = model::load(&self.input, &options, &|what, share| progress.step(what, share))?;
         drop(progress);

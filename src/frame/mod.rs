@@ -11,13 +11,13 @@ mod static_objects;
 
 use std::sync::Arc;
 
-use crate::film::{Aov, Background, FilmPlanes};
+use crate::film::{Aov, Background, Blending, FilmPlanes};
 use crate::math::focal_length;
-use crate::model::{Material, Surfels};
+use crate::model::{Gaussians, Material, Surfels};
 use crate::options::{BlurMode, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel};
 use crate::plan::{Exposure, PosedInterval, Scenery, Step, TimeSample};
 use crate::scene::pose::jumps;
-use crate::scene::{Object, Scene};
+use crate::scene::{Capture, Object, Scene};
 use crate::time::FrameNumber;
 
 pub use self::blocks::Blocks;
@@ -48,6 +48,8 @@ pub struct Frame {
     pub aovs: Vec<Aov>,
     /// The background behind the film.
     pub background: Background,
+    /// How transparent things are composited; `None` where there are none.
+    pub blending: Option<Blending>,
     /// Bytes that the frame and its models may take.
     pub memory: u64,
     /// Bytes that the models take; a model shared by several objects counts once.
@@ -96,6 +98,10 @@ pub struct PosedGroup {
 pub struct FrameObject {
     /// The surfels. They are shared, so that a backend can recognise a model that it has already uploaded.
     pub surfels: Arc<Surfels>,
+    /// The Gaussians of a capture; such an object has no surfels.
+    pub gaussians: Option<Arc<Gaussians>>,
+    /// How they are drawn. Its opacity, crop box and antialiasing are as they are to be used.
+    pub capture: Capture,
     /// Material of the whole object; `None`: one per surfel, `surfels.material`.
     pub material: Option<Material>,
     /// Show back faces, with normals turned to the viewer.
@@ -171,6 +177,7 @@ impl Frame {
             stride: exposure.stride,
             near,
             prefilter: options.prefilter,
+            blending: blending(scene),
             // Normals are not averaged over time (Wolf 2008, fig. 4.4).
             shading: if swept.is_some() { Shading::Gouraud } else { options.shading },
             aovs: options.aovs.clone(),
@@ -199,6 +206,7 @@ impl Frame {
             has_static: self.has_static(),
             one_view: self.has_one_view(),
             ewa: self.prefilter == Prefilter::Ewa,
+            transparent: self.blending.is_some(),
         };
         let completes = self.swept.is_some_and(SweptKernel::needs_finish);
         let mut rest = sweeps;
@@ -337,7 +345,17 @@ fn model_bytes(scene: &Scene) -> u64 {
     let mut models: Vec<_> = scene.objects.iter().map(|object| object.model.surfels()).collect();
     models.sort_by_key(|model| Arc::as_ptr(model));
     models.dedup_by_key(|model| Arc::as_ptr(model));
-    models.iter().map(|model| model.bytes()).sum()
+    let mut captures: Vec<_> = scene.objects.iter().filter_map(|object| object.model.gaussians()).collect();
+    captures.sort_by_key(|capture| Arc::as_ptr(capture));
+    captures.dedup_by_key(|capture| Arc::as_ptr(capture));
+    models.iter().map(|model| model.bytes()).sum::<u64>() + captures.iter().map(|capture| capture.bytes()).sum::<u64>()
+}
+
+/// The numbers in which the image is composited: coded values as soon as one capture has them.
+fn blending(scene: &Scene) -> Option<Blending> {
+    let captures = scene.objects.iter().filter_map(|object| object.model.gaussians());
+    let coded = |linear: bool| if linear { Blending::Linear } else { Blending::Coded };
+    captures.map(|capture| coded(capture.linear)).reduce(|a, b| if a == Blending::Coded { a } else { b })
 }
 
 /// Material of the object: the scene's, else the file's, else the default.
@@ -348,5 +366,12 @@ fn frame_object(object: &Object, options: &RenderOptions, is_static: bool) -> Fr
         None => None,
     };
     let two_sided = options.two_sided || object.two_sided;
-    FrameObject { surfels: Arc::clone(object.model.surfels()), material, two_sided, is_static }
+    FrameObject {
+        surfels: Arc::clone(object.model.surfels()),
+        gaussians: object.model.gaussians().cloned(),
+        capture: object.capture,
+        material,
+        two_sided,
+        is_static,
+    }
 }

@@ -9,6 +9,10 @@ use crate::scene::pose::{ObjectPose, camera_from_world, object_pose, object_velo
 use crate::scene::{Light, Object, Scene};
 use crate::shading::ShadingLight;
 
+/// Least depth at which Gaussians are drawn, in units of the model (Kerbl et al. 2023, their program): nearer ones would
+/// fill the image.
+const NEAR_OF_GAUSSIANS: f64 = 0.2;
+
 /// The scene at one time sample.
 #[derive(Clone, Debug)]
 pub struct PosedSample {
@@ -60,6 +64,8 @@ pub struct PosedObject {
     pub handedness: f32,
     /// Depth tolerance of the visibility rule, world units.
     pub epsilon: f32,
+    /// Least depth at which its Gaussians are drawn, world units.
+    pub near: f32,
 }
 
 /// Poses the scene at the times of one frame.
@@ -174,6 +180,7 @@ impl Poser<'_> {
             world_origin: (world_from_camera * camera_from_model.w_axis.truncate()).as_vec3(),
             handedness: if det < 0.0 { -1.0 } else { 1.0 },
             epsilon: epsilon as f32,
+            near: self.scene.camera.near.max(NEAR_OF_GAUSSIANS * libm::cbrt(det.abs())) as f32,
         }
     }
 

@@ -67,6 +67,12 @@ pub enum ModelError {
         /// Either empty, or `: ` and why points were dropped.
         dropped: String,
     },
+    /// The file was to be drawn as Gaussians and is no capture.
+    #[error("model {} holds no 3D Gaussians, which kind `gaussians` needs", path.display())]
+    NoGaussians {
+        /// The file.
+        path: PathBuf,
+    },
     /// The arrays of surfels to be written differ in length.
     #[error("surfels to be written have {found} of `{column}`, expected {expected}")]
     UnequalColumns {

@@ -9,7 +9,7 @@ use super::cloud::Cloud;
 use super::complete::complete;
 use super::error::{ModelError, ParseError};
 use super::format::Format;
-use super::options::{ColourSpace, LoadOptions, Progress};
+use super::options::{ColourSpace, Kind, LoadOptions, Progress};
 use super::surfels::{Normalisation, Surfels};
 use super::{bin, map, obj, ply, sfl, tidy, xyz};
 use crate::math::srgb;
@@ -17,8 +17,10 @@ use crate::math::srgb;
 /// A model, and what a user should know about how it was read.
 #[derive(Clone, Debug)]
 pub struct Loaded {
-    /// The model, in file order.
+    /// The model, in file order; empty where it is `gaussians`.
     pub surfels: Surfels,
+    /// The Gaussians of a capture, in file order; `None` for all other models, and for a capture that is to be surfels.
+    pub gaussians: Option<Gaussians>,
     /// One line each for points that were dropped, normals and radii that were estimated, and conventions that were
     /// assumed.
     pub notes: Vec<String>,
@@ -59,17 +61,24 @@ pub fn parse_capture(bytes: &[u8], format: Format) -> Result<Option<Gaussians>, 
 /// # Errors
 /// The file cannot be read, is not a regular file, or is not a valid model of a known format with at least one point.
 pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<Loaded, ModelError> {
-    let parsed = {
+    let content = {
         let bytes = map::map(path)?;
         let format = Format::detect(&bytes, path).ok_or_else(|| ModelError::UnknownFormat { path: path.to_owned() })?;
-        parse_told(&bytes, format, &|share| progress("reading", share))
+        read(&bytes, format, &|share| progress("reading", share))
             .map_err(|why| ModelError::Invalid { path: path.to_owned(), why })?
+    };
+    let parsed = match (content, options.kind) {
+        (Content::Capture(gaussians), None | Some(Kind::Gaussians)) => return capture(gaussians, options, path),
+        (_, Some(Kind::Gaussians)) => return Err(ModelError::NoGaussians { path: path.to_owned() }),
+        (content, _) => tidied(content),
     };
     match parsed {
         Parsed::Surfels(surfels) if surfels.is_empty() => {
             Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: String::new() })
         }
-        Parsed::Surfels(surfels) => Ok(Loaded { surfels: adjust(surfels, options), notes: Vec::new() }),
+        Parsed::Surfels(surfels) => {
+            Ok(Loaded { surfels: adjust(surfels, options), gaussians: None, notes: Vec::new() })
+        }
         Parsed::Cloud(mut cloud) => {
             let mut notes = std::mem::take(&mut cloud.notes);
             let (surfels, completed) = complete(cloud, options, progress).map_err(|error| match error {
@@ -80,17 +89,45 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
                 other => other,
             })?;
             notes.extend(completed);
-            Ok(Loaded { surfels, notes })
+            Ok(Loaded { surfels, gaussians: None, notes })
         }
     }
 }
 
 fn parse_told(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Parsed, ParseError> {
-    Ok(match read(bytes, format, progress)? {
+    Ok(tidied(read(bytes, format, progress)?))
+}
+
+/// What is drawn as surfels, without points that cannot be drawn.
+fn tidied(content: Content) -> Parsed {
+    match content {
         Content::Cloud(cloud) => Parsed::Cloud(tidy::tidy(cloud)),
         Content::Capture(gaussians) => Parsed::Cloud(tidy::tidy(gaussians.into_cloud())),
         Content::Surfels(surfels) => Parsed::Surfels(surfels),
-    })
+    }
+}
+
+/// A capture that stays one.
+fn capture(mut gaussians: Gaussians, options: &LoadOptions, path: &Path) -> Result<Loaded, ModelError> {
+    let mut notes = std::mem::take(&mut gaussians.notes);
+    if gaussians.dropped > 0 {
+        notes.push(format!(
+            "Gaussian splats: {} of {} dropped, with a bad scale, rotation or opacity or another number that is none",
+            gaussians.dropped,
+            gaussians.dropped + gaussians.len()
+        ));
+    }
+    if gaussians.is_empty() {
+        let dropped = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
+        return Err(ModelError::NoPointsIn { path: path.to_owned(), dropped });
+    }
+    if options.radius_scale != 1.0 {
+        gaussians.sigma.iter_mut().for_each(|sigma| *sigma *= options.radius_scale as f32);
+    }
+    if let Some(space) = options.colour_space {
+        gaussians.linear = space == ColourSpace::Linear;
+    }
+    Ok(Loaded { surfels: Surfels::default(), gaussians: Some(gaussians), notes })
 }
 
 /// What the readers give.

@@ -44,6 +44,6 @@ pub use complete::complete;
 pub use error::{ModelError, ParseError, Place};
 pub use format::Format;
 pub use load::{Loaded, Parsed, load, parse, parse_capture};
-pub use options::{ColourSpace, LoadOptions, Progress};
+pub use options::{ColourSpace, Kind, LoadOptions, Progress};
 pub use surfels::{Material, Normalisation, Surfels};
 pub use write_ply::write_ply;

@@ -9,10 +9,21 @@ pub enum ColourSpace {
     Linear,
 }
 
+/// What the elements of a capture are drawn as (`<pointModel kind="...">`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Kind {
+    /// Opaque discs, without the fainter half of a capture.
+    Surfels,
+    /// Transparent 3D Gaussians. Only captures have them.
+    Gaussians,
+}
+
 /// The choices that a scene has for a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadOptions {
-    /// Factor on all cut-off radii, > 0.
+    /// What a capture becomes; `None`: Gaussians.
+    pub kind: Option<Kind>,
+    /// Factor on all cut-off radii, > 0; on the standard deviations of Gaussians.
     pub radius_scale: f64,
     /// The colour space, in place of the one that the storage type implies.
     pub colour_space: Option<ColourSpace>,
@@ -20,7 +31,7 @@ pub struct LoadOptions {
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self { radius_scale: 1.0, colour_space: None }
+        Self { kind: None, radius_scale: 1.0, colour_space: None }
     }
 }
 

@@ -10,4 +10,6 @@ pub(crate) use self::automatic::{GivenCamera, GivenFrames, camera, frames, light
 pub use self::model::Model;
 pub(crate) use self::sight::camera_enters;
 pub use self::sight::{Unseen, why_unseen};
-pub use self::values::{AnimationBinding, Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene, Sphere};
+pub use self::values::{
+    AnimationBinding, Camera, Capture, FrameRange, ImageSettings, Light, Motion, Object, Scene, Sphere,
+};

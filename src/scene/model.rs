@@ -1,20 +1,24 @@
-//! The surfels of an object, with what is derived from them once.
+//! What an object shows, with what is derived from it once.
 
 use std::ops::Deref;
 use std::sync::Arc;
 
-use crate::math::Bounds;
-use crate::model::Surfels;
+use glam::DVec3;
 
-/// The surfels that an object shows. Copies share them: a clone costs nothing.
+use crate::math::Bounds;
+use crate::model::{Gaussians, Loaded, Surfels};
+
+/// The surfels that an object shows, or the Gaussians of a capture. Copies share them: a clone costs nothing.
 ///
-/// It gives access to everything of its [`Surfels`]; what is derived from them (median radius, box) is computed once.
-/// To change a model, make a new one of changed surfels.
+/// It gives access to everything of its [`Surfels`], which are none for a capture; what is derived from both (median
+/// radius, boxes) is computed once. To change a model, make a new one.
 #[derive(Clone, Debug, Default)]
 pub struct Model {
     surfels: Arc<Surfels>,
+    gaussians: Option<Arc<Gaussians>>,
     median_radius: f32,
     bounds: Bounds,
+    core: Bounds,
 }
 
 impl Model {
@@ -23,14 +27,31 @@ impl Model {
         &self.surfels
     }
 
-    /// Median of the cut-off radii, model space; 0 for a model without surfels.
+    /// The shared Gaussians of a capture; `None` for surfels.
+    pub fn gaussians(&self) -> Option<&Arc<Gaussians>> {
+        self.gaussians.as_ref()
+    }
+
+    /// Number of surfels or Gaussians.
+    pub fn elements(&self) -> usize {
+        self.gaussians.as_ref().map_or(self.surfels.len(), |gaussians| gaussians.len())
+    }
+
+    /// Median of the cut-off radii, or of twice the largest standard deviations of Gaussians, model space; 0 for a
+    /// model that has none.
     pub fn median_radius(&self) -> f32 {
         self.median_radius
     }
 
-    /// Box around the surfel centres, model space; empty for a model without surfels.
+    /// Box around the centres, model space; empty for a model without any.
     pub fn bounds(&self) -> Bounds {
         self.bounds
+    }
+
+    /// Box around what a viewer looks at, model space: for surfels that of [`Self::bounds`]. Captures have stray
+    /// Gaussians far away, so the outermost 2 % on each side do not count.
+    pub fn core(&self) -> Bounds {
+        self.core
     }
 }
 
@@ -43,8 +64,51 @@ impl From<Surfels> for Model {
 impl From<Arc<Surfels>> for Model {
     fn from(surfels: Arc<Surfels>) -> Self {
         let (median_radius, bounds) = (surfels.median_radius(), surfels.bounds());
-        Self { surfels, median_radius, bounds }
+        Self { surfels, gaussians: None, median_radius, bounds, core: bounds }
     }
+}
+
+impl From<Gaussians> for Model {
+    fn from(gaussians: Gaussians) -> Self {
+        Arc::new(gaussians).into()
+    }
+}
+
+impl From<Arc<Gaussians>> for Model {
+    fn from(gaussians: Arc<Gaussians>) -> Self {
+        let bounds: Bounds = gaussians.position.iter().map(|p| p.as_dvec3()).collect();
+        let mut radii: Vec<f32> = gaussians.sigma.iter().map(|sigma| 2.0 * sigma.max_element()).collect();
+        let middle = radii.len() / 2;
+        let median_radius =
+            if radii.is_empty() { 0.0 } else { *radii.select_nth_unstable_by(middle, f32::total_cmp).1 };
+        let core = core(&gaussians, bounds);
+        Self { surfels: Arc::default(), gaussians: Some(gaussians), median_radius, bounds, core }
+    }
+}
+
+impl From<Loaded> for Model {
+    /// Surfels are sorted along a curve through space.
+    fn from(loaded: Loaded) -> Self {
+        match loaded.gaussians {
+            Some(gaussians) => gaussians.into(),
+            None => loaded.surfels.spatially_ordered().into(),
+        }
+    }
+}
+
+/// [`Model::core`] of a capture with `bounds`.
+fn core(gaussians: &Gaussians, bounds: Bounds) -> Bounds {
+    let last = gaussians.len().saturating_sub(1);
+    if last / 50 == 0 {
+        return bounds;
+    }
+    let [x, y, z] = [0, 1, 2].map(|axis| {
+        let mut line: Vec<f32> = gaussians.position.iter().map(|p| p[axis]).collect();
+        let low = *line.select_nth_unstable_by(last / 50, f32::total_cmp).1;
+        let high = *line.select_nth_unstable_by(last - last / 50, f32::total_cmp).1;
+        [f64::from(low), f64::from(high)]
+    });
+    Bounds { min: DVec3::new(x[0], y[0], z[0]), max: DVec3::new(x[1], y[1], z[1]) }
 }
 
 impl Deref for Model {

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use super::model::Model;
 use crate::anim::{Interpolation, NodeAnimation};
 use crate::math::{Bounds, Trs};
-use crate::model::{self, Cloud, ColourSpace, Material, ModelError};
+use crate::model::{self, Cloud, ColourSpace, Kind, Material, ModelError};
 use crate::time::Shutter;
 
 /// What is rendered: objects, lights and a camera, with the image, the frames and the shutter.
@@ -180,6 +180,10 @@ pub struct Object {
     pub model_path: PathBuf,
     /// The surfels; shared by objects with the same model and options.
     pub model: Model,
+    /// What a capture is drawn as, forced by the scene (already applied to `model`).
+    pub kind: Option<Kind>,
+    /// How a capture is drawn; it means nothing for surfels.
+    pub capture: Capture,
     /// Factor on the model's radii, > 0 (already applied to `model`).
     pub radius_scale: f64,
     /// Colour space forced by the scene (already applied to `model`).
@@ -217,6 +221,8 @@ impl Object {
         Self {
             name: String::new(),
             model_path: PathBuf::new(),
+            kind: None,
+            capture: Capture::default(),
             radius_scale: 1.0,
             colour_space: None,
             transform: Trs::default(),
@@ -232,16 +238,16 @@ impl Object {
         }
     }
 
-    /// An object of a model file: PLY, `Pointshop3D` `.sfl`, Wavefront `.obj`, points as
-    /// text (`.xyz`, `.pts`) or splatblur's own `.bin`. Missing
-    /// normals and radii are estimated, and the surfels sorted along a curve through space.
+    /// An object of a model file: PLY, `Pointshop3D` `.sfl`, Wavefront `.obj`, points as text (`.xyz`, `.pts`),
+    /// splatblur's own `.bin`, or a capture. Missing normals and radii of surfels are estimated, and the surfels sorted
+    /// along a curve through space.
     ///
     /// # Errors
     /// The file cannot be read, or is not a valid model with at least one point.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
         let path = path.as_ref();
         let loaded = model::load(path, &model::LoadOptions::default(), &|_, _| {})?;
-        Ok(Self { model_path: path.to_owned(), ..Self::new(loaded.surfels.spatially_ordered()) })
+        Ok(Self { model_path: path.to_owned(), ..Self::new(Model::from(loaded)) })
     }
 
     /// An object of points: missing normals and radii are estimated, and the points sorted along a curve through space.
@@ -257,13 +263,54 @@ impl Object {
     pub fn bounds(&self) -> Bounds {
         match self.sphere {
             Some(Sphere { radius, .. }) => [DVec3::splat(-radius), DVec3::splat(radius)].into_iter().collect(),
-            None => self.model.bounds(),
+            None => self.cropped(self.model.bounds()),
+        }
+    }
+
+    /// Box around what a viewer looks at, in model space: that of [`Self::bounds`] without the strays of a capture.
+    pub fn core(&self) -> Bounds {
+        if self.sphere.is_some() { self.bounds() } else { self.cropped(self.model.core()) }
+    }
+
+    fn cropped(&self, bounds: Bounds) -> Bounds {
+        match self.capture.crop {
+            Some([min, max]) if self.model.gaussians().is_some() => {
+                Bounds { min: bounds.min.max(min), max: bounds.max.min(max) }
+            }
+            _ => bounds,
         }
     }
 
     /// True if no animation and no motion moves the object.
     pub fn is_fixed(&self) -> bool {
         self.animation.is_none() && self.motions.is_empty()
+    }
+}
+
+/// How the Gaussians of a capture are drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Capture {
+    /// Factor on all opacities, in [0, 1].
+    pub opacity: f64,
+    /// Highest degree of harmonics that colours have, as far as the capture has them.
+    pub harmonics: u8,
+    /// Gaussians with centres outside this box are left out, model space; both corners belong to it.
+    pub crop: Option<[DVec3; 2]>,
+    /// Whether a Gaussian that is widened by the filter loses opacity; `None`: as the file says.
+    pub antialias: Option<bool>,
+    /// The colour of all, in place of their own.
+    #[doc(hidden)]
+    pub flat: Option<Vec3>,
+}
+
+impl Capture {
+    /// The highest degree of harmonics.
+    pub const MOST_HARMONICS: u8 = 3;
+}
+
+impl Default for Capture {
+    fn default() -> Self {
+        Self { opacity: 1.0, harmonics: Self::MOST_HARMONICS, crop: None, antialias: None, flat: None }
     }
 }
 

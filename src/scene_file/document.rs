@@ -5,10 +5,11 @@ use glam::DVec3;
 use super::attributes::Part;
 use super::dom::{Element, FileRef, Source};
 use super::error::{SceneError, quoted};
+use super::schema::FAR;
 use crate::anim::Interpolation;
 use crate::math::{RotateOrder, Trs};
-use crate::model::{self, ColourSpace, Material};
-use crate::scene::{GivenCamera, GivenFrames, ImageSettings, Light, Motion, Sphere};
+use crate::model::{self, ColourSpace, Kind, Material};
+use crate::scene::{Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, Sphere};
 use crate::time::{Shutter, Weight};
 
 /// A scene before its files are read.
@@ -59,6 +60,7 @@ pub(super) struct ObjectSpec {
     pub(super) motions: Vec<Motion>,
     pub(super) place: Trs,
     pub(super) material: Option<Material>,
+    pub(super) capture: Capture,
 }
 
 /// Reads a checked tree.
@@ -202,6 +204,10 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         _ => ColourSpace::Srgb,
     });
     let material = part.element.child("material").map(|e| material(&Part::new(part.source, e, "material")));
+    let kind = model.choice("kind")?.map(|word| match word.as_str() {
+        "surfels" => Kind::Surfels,
+        _ => Kind::Gaussians,
+    });
     Ok(ObjectSpec {
         name,
         blur: part.boolean("blur")?,
@@ -211,12 +217,30 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
             Some(element) => ShapeSpec::Sphere(sphere(&Part::new(part.source, element, "sphere"))?),
             None => ShapeSpec::Model(model.file()),
         },
-        options: model::LoadOptions { radius_scale: model.number("radiusScale")?, colour_space },
+        options: model::LoadOptions { kind, radius_scale: model.number("radiusScale")?, colour_space },
+        capture: capture(&model)?,
         transform: placement(&inside("transform"))?,
         animation: animation(part)?,
         motions: motions(part)?,
         place: placement(&inside("place"))?,
         material: material.transpose()?,
+    })
+}
+
+fn capture(part: &Part<'_>) -> Result<Capture, SceneError> {
+    let (min, max) = (part.optional_vector("cropMin")?, part.optional_vector("cropMax")?);
+    if let (Some(min), Some(max)) = (min, max)
+        && !min.cmple(max).all()
+    {
+        return Err(part.bad("cropMax", &max, format!("at least `cropMin`, {min}")));
+    }
+    let crop = [min.unwrap_or(DVec3::splat(-FAR)), max.unwrap_or(DVec3::splat(FAR))];
+    Ok(Capture {
+        opacity: part.number("opacity")?,
+        harmonics: part.integer("shDegree")?.unwrap_or(Capture::MOST_HARMONICS.into()) as u8,
+        crop: (min.is_some() || max.is_some()).then_some(crop),
+        antialias: part.optional_boolean("antialias")?,
+        flat: None,
     })
 }
 

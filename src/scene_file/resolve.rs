@@ -13,7 +13,7 @@ use super::paths::Finder;
 use super::{LoadOptions, Loaded, write};
 use crate::anim::{self, Animation};
 use crate::model;
-use crate::scene::{self, AnimationBinding, Camera, FrameRange, GivenCamera, Model, Object, Scene};
+use crate::scene::{self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Model, Object, Scene};
 
 /// Reads all files of a document and fills in what it leaves out.
 pub(super) fn resolve(
@@ -121,11 +121,11 @@ fn camera(
     Ok(camera)
 }
 
-/// Most copies of one model file that differ in radius scale or colour space: a small scene must not fill the memory.
+/// Most copies of one model file that differ in radius scale, colour space or kind: a small scene must not fill the memory.
 const MOST_VARIANTS: usize = 32;
 
-/// What two objects share if they name it alike: file, radius scale (its bits) and colour space.
-type ModelKey = (PathBuf, u64, Option<bool>);
+/// What two objects share if they name it alike: file, kind, radius scale (its bits) and colour space.
+type ModelKey = (PathBuf, Option<model::Kind>, u64, Option<bool>);
 
 /// The files of one scene, each read once.
 struct Files<'a> {
@@ -154,9 +154,18 @@ impl Files<'_> {
             }
             ShapeSpec::Sphere(sphere) => (PathBuf::new(), Model::default(), Some(*sphere)),
         };
+        if model.gaussians().is_none() && spec.capture != Capture::default() {
+            self.notes.push(format!(
+                "object {}: `opacity`, `shDegree`, `cropMin`, `cropMax` and `antialias` are for captures drawn as Gaussians, and mean \
+                 nothing here",
+                quoted(&spec.name)
+            ));
+        }
         Ok(Object {
             name: spec.name,
             model_path,
+            kind: spec.options.kind,
+            capture: spec.capture,
             two_sided: spec.two_sided.unwrap_or(model.two_sided),
             model,
             radius_scale: spec.options.radius_scale,
@@ -191,7 +200,7 @@ impl Files<'_> {
         canonical: PathBuf,
     ) -> Result<Model, SceneError> {
         let linear = options.colour_space.map(|c| c == model::ColourSpace::Linear);
-        let key = (canonical, options.radius_scale.to_bits(), linear);
+        let key = (canonical, options.kind, options.radius_scale.to_bits(), linear);
         if let Some(model) = self.models.get(&key) {
             return Ok(model.clone());
         }
@@ -202,7 +211,9 @@ impl Files<'_> {
                 at: self.source.locate(file.at),
                 what: "<pointModel>".to_owned(),
                 found: format!("variant {variants} of the file {}", path.display()),
-                expected: format!("at most {MOST_VARIANTS} pairs of `radiusScale` and `colourSpace` for one file"),
+                expected: format!(
+                    "at most {MOST_VARIANTS} sets of `radiusScale`, `colourSpace` and `kind` for one file"
+                ),
             });
         }
         let silent = |_: &str, _: f32| {};
@@ -210,7 +221,7 @@ impl Files<'_> {
         let loaded = model::load(path, options, progress)
             .map_err(|e| SceneError::Model { at: self.source.locate(file.at), source: Box::new(e) })?;
         self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
-        let model = Model::from(loaded.surfels.spatially_ordered());
+        let model = Model::from(loaded);
         self.models.insert(key, model.clone());
         Ok(model)
     }

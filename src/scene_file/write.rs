@@ -13,8 +13,8 @@ use super::schema::MOST_INTENSITY;
 use super::xml::is_xml;
 use crate::anim::Interpolation;
 use crate::math::Trs;
-use crate::model::ColourSpace;
-use crate::scene::{AnimationBinding, Camera, Light, Motion, Object, Scene};
+use crate::model::{ColourSpace, Kind};
+use crate::scene::{AnimationBinding, Camera, Capture, Light, Motion, Object, Scene};
 use crate::time::{Shutter, Weight};
 
 /// The scene as UTF-8 XML; paths are written relative to the directory `relative_to`, where the file is to stand.
@@ -182,6 +182,21 @@ impl Xml {
             };
             ("colourSpace", word.to_owned())
         }));
+        attributes.extend(object.kind.map(|kind| {
+            let word = match kind {
+                Kind::Surfels => "surfels",
+                Kind::Gaussians => "gaussians",
+            };
+            ("kind", word.to_owned())
+        }));
+        if object.model.gaussians().is_some() {
+            let Capture { opacity, harmonics, crop, antialias, flat: _ } = object.capture;
+            attributes.extend([("opacity", number(opacity)), ("shDegree", harmonics.to_string())]);
+            if let Some([min, max]) = crop {
+                attributes.extend([("cropMin", vector(min)), ("cropMax", vector(max))]);
+            }
+            attributes.extend(antialias.map(|on| ("antialias", on.to_string())));
+        }
         self.file(2, "pointModel", &attributes, &relative(&object.model_path, base));
     }
 

@@ -197,6 +197,7 @@ impl Executor<'_> {
                 Step::StaticLayer { group } => layer = self.static_layer(group),
                 Step::Splat { group } => self.splat(group, &layer),
                 Step::Ewa { group } => self.ewa(group),
+                Step::Transparent { .. } => {}
                 Step::StaticPicture { group } => picture = self.static_picture(group),
                 Step::VisibilityMap { group, interval, objects, density } => {
                     self.visibility_map(group, interval.guard, objects, MapPass::order(density));

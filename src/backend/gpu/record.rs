@@ -47,6 +47,8 @@ impl DeviceState {
         let mut has_layer = false;
         for step in &place.position.steps {
             match *step {
+                // Frames with captures are refused before.
+                Step::Transparent { .. } => {}
                 Step::StaticLayer { group } => has_layer = self.static_layer(place, group, marks),
                 Step::Splat { group } => self.splat(place, group, has_layer, marks)?,
                 Step::Ewa { group } => {

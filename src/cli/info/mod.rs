@@ -143,7 +143,8 @@ impl Info {
 
     fn model(&self, file: &Path) -> anyhow::Result<()> {
         let progress = Loading::new(false);
-        let options = model::LoadOptions { radius_scale: self.radius_scale, colour_space: self.colour_space };
+        let options =
+            model::LoadOptions { kind: None, radius_scale: self.radius_scale, colour_space: self.colour_space };
         let loaded = model::load(file, &options, &|what, share| progress.step(what, share))?;
         drop(progress);
         self.show(&describe::model_file(&loaded))

@@ -104,6 +104,12 @@ impl Gaussians {
         self.position.is_empty()
     }
 
+    /// Bytes that they take.
+    pub fn bytes(&self) -> u64 {
+        let each = 3 * size_of::<Vec3>() + size_of::<Quat>() + size_of::<f32>();
+        (self.len() * each + size_of_val(self.harmonics.as_slice())) as u64
+    }
+
     /// Coefficients of harmonics above degree 0 that each Gaussian has: 0, 3, 8 or 15.
     pub fn harmonics_each(&self) -> usize {
         harmonics_of(self.degree)

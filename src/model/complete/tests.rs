@@ -148,7 +148,7 @@ fn radius_scale_multiplies() {
     assert_eq!(surfels.axis_u[0], 2.5 * Vec3::X);
     assert!((surfels.radius(1) - 5.0).abs() < 1e-5);
     for radius_scale in [1e300, 1e-300] {
-        assert_sound(&complete(three(), &LoadOptions { radius_scale, colour_space: None }, &quiet).unwrap().0);
+        assert_sound(&complete(three(), &LoadOptions { radius_scale, ..LoadOptions::default() }, &quiet).unwrap().0);
     }
 }
 
@@ -157,7 +157,8 @@ fn colours_become_linear_by_storage_or_by_option() {
     let of = |storage, colour_space| {
         let colour = vec![Vec3::splat(128.0 / 255.0), Vec3::splat(0.3), Vec3::NAN];
         let given = Cloud { colour, colour_storage: storage, ..three() };
-        let (surfels, notes) = complete(given, &LoadOptions { colour_space, radius_scale: 1.0 }, &quiet).unwrap();
+        let (surfels, notes) =
+            complete(given, &LoadOptions { colour_space, ..LoadOptions::default() }, &quiet).unwrap();
         assert_eq!(notes, ["colours of 1 points are not finite: white"]);
         assert_eq!(surfels.colour[2], Vec3::ONE);
         [surfels.colour[0].x, surfels.colour[1].y]
@@ -216,7 +217,7 @@ proptest! {
             velocity: rows.iter().map(|r| r.5).take(column(4)).collect(),
             ..Cloud::default()
         };
-        match complete(given, &LoadOptions { radius_scale: scale, colour_space: None }, &quiet) {
+        match complete(given, &LoadOptions { radius_scale: scale, ..LoadOptions::default() }, &quiet) {
             Ok((surfels, _)) => {
                 assert_sound(&surfels);
                 assert_sound(&surfels.spatially_ordered());

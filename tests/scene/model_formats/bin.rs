@@ -146,7 +146,7 @@ fn options_of_a_scene() {
     let mut s = sample(3, false);
     s.colour[0] = Vec3::splat(188.0 / 255.0);
     write_bin(&path, &s).unwrap();
-    let options = LoadOptions { radius_scale: 2.0, colour_space: Some(ColourSpace::Srgb) };
+    let options = LoadOptions { radius_scale: 2.0, colour_space: Some(ColourSpace::Srgb), ..LoadOptions::default() };
     let back = load(&path, &options, &|_, _| {}).unwrap().surfels;
     assert_eq!(back.axis_u[1], s.axis_u[1] * 2.0);
     // Larger discs overlap more.
