@@ -149,6 +149,33 @@ impl SweptFilter {
     }
 }
 
+/// A 3D Gaussian of a capture, posed and projected for one time sample (docs/math.md, section 9).
+///
+/// At the sample position p = pixel + 1/2 + offset of the group's raster, with (x, y) = p - `reference`: its alpha is
+/// 2^(`peak` - `along` x^2 - `across` (y - `slope` x)^2).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct GaussianSplat {
+    /// The projected centre, pixels; sub-pixel offsets are not in it.
+    pub reference: [f32; 2],
+    /// Fall of log2 alpha with x^2, pixels^-2, where y = `slope` x.
+    pub along: f32,
+    /// Where on a column alpha is largest: y over x.
+    pub slope: f32,
+    /// Fall of log2 alpha away from that place, pixels^-2.
+    pub across: f32,
+    /// log2 of the opacity at the centre.
+    pub peak: f32,
+    /// Depth of the centre, scene units.
+    pub depth: f32,
+    /// Colour as seen from the eye, in the numbers that the image is composited in; >= 0.
+    pub colour: [f32; 3],
+    /// The pixels that the splat may touch, as `PixelRect::bounds` has them.
+    pub bounds: [u16; 4],
+    /// Index among all Gaussians of the frame: those of its first object first.
+    pub index: u32,
+}
+
 /// The splat shows its back.
 pub const FLAG_BACK: u32 = 1;
 /// The low-pass disc around `reference` exists.
@@ -213,6 +240,7 @@ mod tests {
     #[test]
     fn a_splat_is_a_cache_line() {
         assert_eq!(size_of::<Splat>(), 64);
+        assert_eq!(size_of::<GaussianSplat>(), 52);
         assert_eq!(size_of::<EwaSplat>(), 128);
         assert_eq!(size_of::<SweptSplat>(), 128);
         assert_eq!(size_of::<SweptFilter>(), 64);

@@ -20,7 +20,7 @@ pub struct Rendered {
 pub struct Stats {
     /// Time samples.
     pub samples: u64,
-    /// Surfels posed, over all time samples.
+    /// Surfels and Gaussians posed, over all time samples.
     pub surfels: u64,
     /// Splats projected onto the image, over all time samples. A splat counts once for each batch that it is in: where
     /// memory is short ([`RenderOptions::memory`]), splats pass in batches.
@@ -29,12 +29,16 @@ pub struct Stats {
     pub splats: u64,
     /// Time of `project`. On the CPU: the sum over all threads, `bin` included. On a GPU: by the device's clock.
     pub project: Duration,
+    /// Time of `sort`, of splats of captures.
+    pub sort: Duration,
     /// Time of `bin`, where it is measured by itself.
     pub bin: Duration,
     /// Time of `visibility`.
     pub visibility: Duration,
     /// Time of `attribute`.
     pub attribute: Duration,
+    /// Time of `composite`, of splats of captures.
+    pub composite: Duration,
     /// Time of `resolve`.
     pub resolve: Duration,
     /// The result of mode auto; `None` for a blur mode with given samples.
@@ -84,16 +88,18 @@ impl Stats {
         self.surfels += other.surfels;
         self.splats += other.splats;
         self.project += other.project;
+        self.sort += other.sort;
         self.bin += other.bin;
         self.visibility += other.visibility;
         self.attribute += other.attribute;
+        self.composite += other.composite;
         self.resolve += other.resolve;
     }
 
     /// Samples and surfels of a frame, before anything is measured.
     pub(super) fn of(frame: &Frame) -> Self {
         let samples: u64 = frame.groups().map(|group| group.samples.len() as u64).sum();
-        let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
+        let surfels: u64 = frame.objects.iter().map(|object| object.elements() as u64).sum();
         Self { samples, surfels: samples * surfels, ..Self::default() }
     }
 }

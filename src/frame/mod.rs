@@ -110,6 +110,13 @@ pub struct FrameObject {
     pub is_static: bool,
 }
 
+impl FrameObject {
+    /// Number of surfels or Gaussians.
+    pub fn elements(&self) -> usize {
+        self.gaussians.as_ref().map_or(self.surfels.len(), |gaussians| gaussians.len())
+    }
+}
+
 impl Position {
     /// Interval and kernel of each group; `None` where samples are instants.
     fn sweeps(&self) -> Vec<Option<(PosedInterval, SweptKernel)>> {

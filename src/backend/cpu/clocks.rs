@@ -23,6 +23,9 @@ impl Clock {
 #[derive(Debug, Default)]
 pub(in crate::backend) struct Clocks {
     pub project: Clock,
+    pub sort: Clock,
+    pub bin: Clock,
+    pub composite: Clock,
     pub visibility: Clock,
     pub attribute: Clock,
     pub resolve: Clock,
@@ -34,6 +37,9 @@ impl Clocks {
         Stats {
             splats: self.splats.load(Relaxed),
             project: self.project.total(),
+            sort: self.sort.total(),
+            bin: self.bin.total(),
+            composite: self.composite.total(),
             visibility: self.visibility.total(),
             attribute: self.attribute.total(),
             resolve: self.resolve.total(),

@@ -8,6 +8,7 @@ use super::static_tile::StaticTile;
 use super::swept::Map;
 use super::tile_buffers::TileBuffers;
 use super::tiles::{Band, TILE};
+use super::transparent;
 
 use crate::backend::BackendError;
 use crate::film::FilmPlanes;
@@ -20,6 +21,8 @@ pub(in crate::backend) struct Budget {
     pub band_rows: usize,
     /// Bytes for splats and their lists.
     pub splat_bytes: u64,
+    /// Bytes for splats of captures and their lists.
+    pub transparent_bytes: u64,
     /// Is there room for static layers?
     pub layers: bool,
 }
@@ -57,6 +60,7 @@ impl Budget {
             // Tiles of the map have fewer buffers, but there are more of them.
             let of_map = guarded * TileBuffers::bytes(1, 1, None);
             let own = guarded * Map::bytes(1) + of_map.max(tiles * TileBuffers::bytes(channels.count, samples, slices));
+            let own = own + if frame.blending.is_some() { tiles * transparent::bytes_of_tile(planes.count) } else { 0 };
             let own = own + if frame.has_ewa() { tiles * EwaBuffers::bytes(channels.count) } else { 0 };
             own + tiles * (picture_bytes + if layers { layer_bytes } else { 0 })
         };
@@ -67,6 +71,8 @@ impl Budget {
             let moving = if swept { Binned::<SweptSplat>::most_bytes(CHUNK, channels.count, &band) } else { 0 };
             let ewa = if frame.has_ewa() { Binned::<EwaSplat>::most_bytes(CHUNK, channels.count, &band) } else { 0 };
             let moving = moving + ewa;
+            let gaussians = if frame.blending.is_some() { CHUNK as u64 * transparent::BYTES } else { 0 };
+            let moving = moving + gaussians;
             (threads + 1) * (Binned::<Splat>::most_bytes(CHUNK, channels.count, &guarded) + moving)
         };
         let needed = frame.model_bytes + film + buffers_with(1, false) + batch(1);
@@ -77,6 +83,13 @@ impl Budget {
         let buffers = |rows: u64| buffers_with(rows, layers);
         let rows = (1..=tiles_y).rev().find(|&rows| buffers(rows) <= left / 2).unwrap_or(1);
         let splat_bytes = left.saturating_sub(buffers(rows)).max(batch(rows));
-        Ok(Self { band_rows: rows as usize, splat_bytes, layers })
+        // Opaque and transparent splats take turns, but their memory stays.
+        let opaque = frame.objects.iter().any(|object| !object.surfels.is_empty());
+        let (splat_bytes, transparent_bytes) = match (frame.blending.is_some(), opaque) {
+            (false, _) => (splat_bytes, 0),
+            (true, false) => (0, splat_bytes),
+            (true, true) => (splat_bytes / 2, splat_bytes / 2),
+        };
+        Ok(Self { band_rows: rows as usize, splat_bytes, transparent_bytes, layers })
     }
 }

@@ -24,6 +24,7 @@ pub(super) mod swept;
 pub(super) mod tile_buffers;
 pub(super) mod tile_runner;
 pub(super) mod tiles;
+mod transparent;
 pub(super) mod values;
 pub(super) mod visibility;
 
@@ -45,6 +46,7 @@ use self::swept::{Map, MapGroup, SweepGroup};
 use self::tile_buffers::TileBuffers;
 use self::tile_runner::TileRunner;
 use self::tiles::{Band, TILE};
+use self::transparent::{Fixed, TransparentGroup, TransparentMemory};
 use super::clusters::{ClusterStore, Clusters};
 use super::{Backend, BackendError, Meter, Rendered};
 use crate::film::{FilmPlanes, Picture, develop};
@@ -85,6 +87,7 @@ struct Memory {
     /// For bands whose splats come in batches.
     buffers: Vec<TileBuffers>,
     map: Map,
+    transparent: TransparentMemory,
 }
 
 impl Backend for Cpu {
@@ -141,11 +144,14 @@ impl Cpu {
                 let rows = [first, (first + budget.band_rows).min(tiles_y)];
                 let band = Band::new(raster.size, rows);
                 let film = &mut film.tiles[rows[0] * film.tiles_x..rows[1] * film.tiles_x];
+                let offsets = transparent::offsets(raster);
+                let mut fixed = Fixed::default();
                 for position in &raster.positions {
                     let (planes, channels, clusters, clocks) = (&planes, &channels, &clusters[..], &clocks);
                     let place = Place { frame, position, band, planes, channels, clusters, clocks };
                     let (memory, meter) = (&mut self.memory, &*self.meter);
-                    Executor { place, budget: &budget, memory, film, meter }.run();
+                    let fixed = &mut fixed;
+                    Executor { place, budget: &budget, memory, film, meter, offsets, fixed }.run();
                 }
             }
             films.films.push(film);
@@ -165,6 +171,20 @@ struct Executor<'a> {
     /// The band's part of the raster's film.
     film: &'a mut [TileFilm],
     meter: &'a Meter,
+    /// Least and greatest offset of the raster's sample positions, raster pixels.
+    offsets: [[f32; 2]; 2],
+    /// What is transparent and static in the band.
+    fixed: &'a mut Fixed,
+}
+
+/// Where the picture of a group goes: to the film, or where something transparent is laid over it first.
+fn of_group<'a>(frame: &Frame, opaque: &'a mut Vec<TileFilm>, film: &'a mut [TileFilm]) -> &'a mut [TileFilm] {
+    if frame.blending.is_none() {
+        return film;
+    }
+    opaque.resize_with(film.len().max(opaque.len()), TileFilm::default);
+    opaque.iter_mut().for_each(TileFilm::clear);
+    &mut opaque[..film.len()]
 }
 
 /// One sample position in one band.
@@ -197,7 +217,7 @@ impl Executor<'_> {
                 Step::StaticLayer { group } => layer = self.static_layer(group),
                 Step::Splat { group } => self.splat(group, &layer),
                 Step::Ewa { group } => self.ewa(group),
-                Step::Transparent { .. } => {}
+                Step::Transparent { group } => self.transparent(group),
                 Step::StaticPicture { group } => picture = self.static_picture(group),
                 Step::VisibilityMap { group, interval, objects, density } => {
                     self.visibility_map(group, interval.guard, objects, MapPass::order(density));
@@ -245,9 +265,9 @@ impl Executor<'_> {
         let chunks = chunks(self.place.frame, scope.group, objects);
         let work = SplatGroup { scope, layer };
         let splat_bytes = self.budget.splat_bytes;
-        let Memory { splats, buffers, .. } = &mut *self.memory;
-        TileRunner { work: &work, chunks: &chunks, passes: &SplatPass::ORDER, splat_bytes }
-            .run(splats, buffers, self.film);
+        let Memory { splats, buffers, transparent, .. } = &mut *self.memory;
+        let film = of_group(self.place.frame, &mut transparent.opaque, self.film);
+        TileRunner { work: &work, chunks: &chunks, passes: &SplatPass::ORDER, splat_bytes }.run(splats, buffers, film);
     }
 
     /// One group, with filtered kernels.
@@ -256,9 +276,17 @@ impl Executor<'_> {
         let chunks = chunks(self.place.frame, scope.group, Objects::All);
         self.normalise(&chunks);
         let splat_bytes = self.budget.splat_bytes;
-        let Memory { ewa, buffers, .. } = &mut *self.memory;
+        let Memory { ewa, buffers, transparent, .. } = &mut *self.memory;
+        let film = of_group(self.place.frame, &mut transparent.opaque, self.film);
         TileRunner { work: &EwaGroup { scope }, chunks: &chunks, passes: &EwaPass::ORDER, splat_bytes }
-            .run(ewa, buffers, self.film);
+            .run(ewa, buffers, film);
+    }
+
+    /// What is transparent, over the picture of the same group.
+    fn transparent(&mut self, group: usize) {
+        let scope = self.place.scope(group, self.place.band);
+        let work = TransparentGroup { scope, offsets: self.offsets, splat_bytes: self.budget.transparent_bytes };
+        work.run(self.fixed, &mut self.memory.transparent, self.film);
     }
 
     /// Computes the factors of all models before their chunks are worked on in parallel: each thread that found none

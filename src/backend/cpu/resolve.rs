@@ -2,7 +2,7 @@
 //!
 //! In: a tile's sums and thresholds. Out: the tile's film. One sample position at a time, order-free.
 
-use super::tiles::{LANES, STRIDE, TILE, TileRect};
+use super::tiles::{LANES, ROWS, STRIDE, TILE, TileRect};
 use super::values::{add_lobes, unit};
 use crate::film::{Film, FilmPlanes};
 use crate::frame::{PosedSample, Raster};
@@ -15,9 +15,23 @@ use crate::shading::{ShadingLight, agreement, towards_point};
 #[derive(Clone, Debug, Default)]
 pub(in crate::backend) struct TileFilm {
     pub values: Vec<f32>,
+    /// T(x) of the picture's surfels, as in `TileBuffers`, where something transparent is laid over it; else empty, as it
+    /// is where no surfel shows.
+    pub threshold: Vec<f32>,
 }
 
 impl TileFilm {
+    /// Bytes of one tile's film and its thresholds.
+    pub(in crate::backend) const fn bytes_with_threshold(planes: usize) -> u64 {
+        Self::bytes(planes) + (ROWS * STRIDE * size_of::<f32>()) as u64
+    }
+
+    /// Empties it; its memory stays.
+    pub(in crate::backend) fn clear(&mut self) {
+        self.values.clear();
+        self.threshold.clear();
+    }
+
     /// Bytes of one tile's film.
     pub(in crate::backend) const fn bytes(planes: usize) -> u64 {
         (planes * TILE * TILE * size_of::<f32>()) as u64
@@ -36,7 +50,7 @@ impl TiledFilm {
     /// than to allocate.
     pub(in crate::backend) fn empty(&mut self, size: [u32; 2]) {
         let [tiles_x, tiles_y] = size.map(|pixels| (pixels as usize).div_ceil(TILE));
-        self.tiles.iter_mut().for_each(|tile| tile.values.clear());
+        self.tiles.iter_mut().for_each(TileFilm::clear);
         self.tiles.resize_with(tiles_x * tiles_y, TileFilm::default);
         self.tiles_x = tiles_x;
     }

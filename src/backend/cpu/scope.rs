@@ -103,9 +103,9 @@ impl Scope<'_> {
         }
     }
 
-    /// Share of the exposure of a group of one sample.
+    /// Share of the exposure of a group of one sample; 1 where the group's picture is not yet added to the film.
     pub(in crate::backend) fn weight(&self) -> f32 {
-        self.group.samples[0].weight
+        if self.frame.blending.is_some() { 1.0 } else { self.group.samples[0].weight }
     }
 
     /// Starts the samples of a group that come before those of `chunk`; static objects belong to all.

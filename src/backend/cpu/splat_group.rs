@@ -93,6 +93,9 @@ impl TileWork for SplatGroup<'_> {
                 scope.end_turns(job.buffers);
                 let TileBuffers { threshold, sums, group_coverage, .. } = job.buffers;
                 resolve::resolve(&scope.resolve(), &job.tile, threshold, sums, &group_coverage.coverage, job.out);
+                if scope.frame.blending.is_some() {
+                    job.out.threshold.clone_from(threshold);
+                }
                 scope.clocks.resolve.add(start);
             }
         }
@@ -109,6 +112,9 @@ impl TileWork for SplatGroup<'_> {
         film.values.resize(values.len(), 0.0);
         let weight = self.scope.weight();
         film.values.iter_mut().zip(values).for_each(|(out, value)| *out += weight * value);
+        if self.scope.frame.blending.is_some() {
+            film.threshold.clone_from(&tile.threshold);
+        }
         self.scope.clocks.resolve.add(start);
         true
     }

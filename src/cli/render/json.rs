@@ -52,10 +52,14 @@ pub(super) struct FrameReport<'a> {
 #[derive(Serialize)]
 struct PassSeconds {
     project: f64,
-    /// On the CPU a part of `project`.
+    /// Of captures.
+    sort: f64,
+    /// On the CPU a part of `project`, but for captures.
     bin: f64,
     visibility: f64,
     attribute: f64,
+    /// Of captures.
+    composite: f64,
     resolve: f64,
     total: f64,
 }
@@ -63,10 +67,18 @@ struct PassSeconds {
 impl<'a> FrameReport<'a> {
     pub(super) fn new(finished: &'a Finished, backend: &str) -> Self {
         let (seconds, stats) = finished.rendered.unwrap_or((0.0, Stats::default()));
-        let [project, bin, visibility, attribute, resolve] =
-            [stats.project, stats.bin, stats.visibility, stats.attribute, stats.resolve].map(|pass| pass.as_secs_f64());
-        let total = project + bin + visibility + attribute + resolve;
-        let passes = Some(PassSeconds { project, bin, visibility, attribute, resolve, total });
+        let Stats { project, sort, bin, visibility, attribute, composite, resolve, .. } = stats;
+        let seconds_of = |pass: std::time::Duration| pass.as_secs_f64();
+        let passes = Some(PassSeconds {
+            project: seconds_of(project),
+            sort: seconds_of(sort),
+            bin: seconds_of(bin),
+            visibility: seconds_of(visibility),
+            attribute: seconds_of(attribute),
+            composite: seconds_of(composite),
+            resolve: seconds_of(resolve),
+            total: seconds_of(project + sort + bin + visibility + attribute + composite + resolve),
+        });
         let (cpu_seconds, device_seconds) = if backend == "cpu" { (passes, None) } else { (None, passes) };
         Self {
             frame: finished.frame,

@@ -16,6 +16,7 @@ use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
 use crate::backend::cpu::tile_buffers::TileBuffers;
 use crate::backend::cpu::tile_runner::TileWork;
+use crate::backend::cpu::tiles::{ROWS, STRIDE};
 use crate::backend::cpu::visibility::Depths;
 use crate::layout::EwaSplat;
 use crate::plan::EwaPass;
@@ -103,6 +104,15 @@ impl TileWork for EwaGroup<'_> {
             scope.end_turns(job.buffers);
             let TileBuffers { ewa, group_coverage, .. } = job.buffers;
             resolve(&scope.resolve(), &job.tile, first, ewa, &group_coverage.coverage, job.out);
+            if scope.frame.blending.is_some() {
+                let out = &mut job.out.threshold;
+                out.clear();
+                out.resize(ROWS * STRIDE, f32::INFINITY);
+                for y in 0..job.tile.height {
+                    let row = &ewa.threshold[first + y * APRON_STRIDE..][..job.tile.width];
+                    out[y * STRIDE..][..job.tile.width].copy_from_slice(row);
+                }
+            }
             return scope.clocks.resolve.add(start);
         }
         if pass == EwaPass::Second && !job.buffers.ewa.any_open() {
