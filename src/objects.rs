@@ -12,6 +12,7 @@ use crate::model::Material;
 use crate::options::{BlurMode, ErrorTarget, Interleave, Quality, RenderOptions, Shading, Times};
 use crate::scene::{Light, Scene};
 use crate::time::FrameNumber;
+use glam::Vec3;
 
 /// Fewest time samples of the mattes in mode auto, as far as the target allows.
 const LEAST_SAMPLES: u32 = 16;
@@ -43,7 +44,7 @@ pub fn add_layer(
     let mut indices = vec![0.0_f32; pixels];
     let samples = rendered.stats.samples;
     for (i, object) in scene.objects.iter().enumerate() {
-        if object.model.is_empty() {
+        if object.model.elements() == 0 {
             continue;
         }
         let matte = matte(scene, i);
@@ -92,6 +93,7 @@ fn matte(scene: &Scene, index: usize) -> Scene {
     for (i, object) in scene.objects.iter_mut().enumerate() {
         let specular = if i == index { 1.0 } else { 0.0 };
         object.material = Some(Material { ambient: 0.0, diffuse: 0.0, specular, shininess: 0.0 });
+        object.capture.flat = Some(Vec3::splat(specular));
     }
     scene
 }

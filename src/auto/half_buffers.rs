@@ -93,7 +93,7 @@ impl Round<'_> {
         stats: &mut Stats,
     ) -> Result<Picture, BackendError> {
         let mut frame = Frame::exposed(self.scene, self.number, &self.exposure(half), self.options);
-        frame.background.transparent = true;
+        frame.leaves_background = true;
         frame.wanted = wanted.cloned();
         // Room for the two older half buffers, and for the other one of this round.
         frame.picture_bytes = 3 * picture_bytes(&frame);

@@ -1,4 +1,4 @@
-//! Path lengths of surfels on the screen.
+//! Path lengths of surfels and Gaussians on the screen.
 
 use glam::{DMat4, DVec2, DVec3};
 use rayon::prelude::*;
@@ -40,7 +40,7 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber, most: usize) -
     if poses.iter().all(|pose| *pose == poses[0]) {
         return 0.0;
     }
-    let step = object.model.len().div_ceil(most).max(1);
+    let step = object.model.elements().div_ceil(most).max(1);
     let on_image = |p: DVec2| p.x.abs() <= 0.5 * width && p.y.abs() <= 0.5 * height;
     let length_of = |position: DVec3| {
         let mut length = 0.0;
@@ -57,6 +57,7 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber, most: usize) -
         }
         length
     };
-    let positions = object.model.position.iter().step_by(step);
+    let positions = object.model.gaussians().map_or(&object.model.position, |gaussians| &gaussians.position);
+    let positions = positions.iter().step_by(step);
     positions.map(|p| length_of(p.as_dvec3() + object.model.origin)).fold(0.0, f64::max)
 }

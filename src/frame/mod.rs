@@ -46,8 +46,10 @@ pub struct Frame {
     pub shading: Shading,
     /// Extra channels.
     pub aovs: Vec<Aov>,
-    /// The background behind the film.
+    /// The background behind the film. What is transparent is composited over it, instant by instant.
     pub background: Background,
+    /// The picture is the film as it is, for a caller that lays several over the background.
+    pub leaves_background: bool,
     /// How transparent things are composited; `None` where there are none.
     pub blending: Option<Blending>,
     /// Bytes that the frame and its models may take.
@@ -189,6 +191,7 @@ impl Frame {
             shading: if swept.is_some() { Shading::Gouraud } else { options.shading },
             aovs: options.aovs.clone(),
             background: Background { colour: scene.image.background, transparent: scene.image.transparent },
+            leaves_background: false,
             memory: options.memory,
             model_bytes: model_bytes(scene),
             picture_bytes: 0,
@@ -227,6 +230,11 @@ impl Frame {
                 last.steps.push(Step::Finish);
             }
         }
+    }
+
+    /// What the film is developed over.
+    pub fn behind_film(&self) -> Background {
+        Background { transparent: self.background.transparent || self.leaves_background, ..self.background }
     }
 
     /// The planes of the frame's film.
@@ -358,11 +366,13 @@ fn model_bytes(scene: &Scene) -> u64 {
     models.iter().map(|model| model.bytes()).sum::<u64>() + captures.iter().map(|capture| capture.bytes()).sum::<u64>()
 }
 
-/// The numbers in which the image is composited: coded values as soon as one capture has them.
+/// The numbers in which the image is composited: coded values as soon as one capture has them. Flat colours are linear.
 fn blending(scene: &Scene) -> Option<Blending> {
-    let captures = scene.objects.iter().filter_map(|object| object.model.gaussians());
-    let coded = |linear: bool| if linear { Blending::Linear } else { Blending::Coded };
-    captures.map(|capture| coded(capture.linear)).reduce(|a, b| if a == Blending::Coded { a } else { b })
+    let blending = |object: &Object| {
+        let linear = object.model.gaussians()?.linear || object.capture.flat.is_some();
+        Some(if linear { Blending::Linear } else { Blending::Coded })
+    };
+    scene.objects.iter().filter_map(blending).reduce(|a, b| if a == Blending::Coded { a } else { b })
 }
 
 /// Material of the object: the scene's, else the file's, else the default.

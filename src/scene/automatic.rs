@@ -121,7 +121,8 @@ pub(crate) struct GivenCamera {
     pub(crate) eye: Option<DVec3>,
     /// Point that it looks at.
     pub(crate) at: Option<DVec3>,
-    pub(crate) up: DVec3,
+    /// `None`: up as captures have it where all objects are captures that stand so, else +y.
+    pub(crate) up: Option<DVec3>,
     /// Radians.
     pub(crate) fovy: f64,
     pub(crate) near: Option<f64>,
@@ -129,14 +130,30 @@ pub(crate) struct GivenCamera {
 
 impl Default for GivenCamera {
     fn default() -> Self {
-        Self { eye: None, at: None, up: DVec3::Y, fovy: Camera::FOVY_DEGREES.to_radians(), near: None }
+        Self { eye: None, at: None, up: None, fovy: Camera::FOVY_DEGREES.to_radians(), near: None }
+    }
+}
+
+/// The directions of up, and from what is looked at to the eye, where nothing is said. Captures have y down and z
+/// forward, as the cameras had that they were made from; all else has y up and z to the eye.
+fn upright(scene: &Scene) -> [DVec3; 2] {
+    let upside_down = |object: &Object| {
+        let pose = object_pose(scene, object, scene.frames.first as f64).world_from_model;
+        object.model.gaussians().is_some() && pose.transform_vector3(DVec3::NEG_Y).y < 0.0
+    };
+    if !scene.objects.is_empty() && scene.objects.iter().all(upside_down) {
+        [DVec3::NEG_Y, DVec3::NEG_Z]
+    } else {
+        [DVec3::Y, DVec3::Z]
     }
 }
 
 /// Completes a camera. Where its eye or the point that it looks at is missing, it sees all objects at all times,
-/// looking along -z.
+/// looking along -z, or along +z at captures.
 pub(crate) fn camera(scene: &Scene, given: &GivenCamera) -> Camera {
     let GivenCamera { eye, at: target, up, fovy, near } = *given;
+    let [upwards, backwards] = upright(scene);
+    let up = up.unwrap_or(upwards);
     if let (Some(eye), Some(at)) = (eye, target) {
         return Camera { up, fovy, near: near.unwrap_or(Camera::NEAR), ..Camera::new(eye, at) };
     }
@@ -148,7 +165,7 @@ pub(crate) fn camera(scene: &Scene, given: &GivenCamera) -> Camera {
     let distance = if distance > 0.0 && distance.is_finite() { distance } else { 1.0 };
     let grid = Grid::new(distance);
     let at = target.unwrap_or_else(|| grid.vector(bounds.centre()));
-    let eye = eye.unwrap_or_else(|| at + DVec3::new(0.0, 0.0, grid.above(distance + (at - bounds.centre()).length())));
+    let eye = eye.unwrap_or_else(|| at + backwards * grid.above(distance + (at - bounds.centre()).length()));
     let eye = grid.exact(eye);
     // A near plane that cuts no small scene away.
     let near = near.unwrap_or_else(|| Camera::NEAR.min(grid.number((eye - at).length() * 1e-3)).max(1e-9));
@@ -166,7 +183,7 @@ fn swept_bounds(scene: &Scene) -> Bounds {
     let mut all = Bounds::default();
     for only_visible in [true, false] {
         for object in &scene.objects {
-            let bounds = object.bounds();
+            let bounds = object.core();
             if bounds.is_empty() {
                 continue;
             }

@@ -105,7 +105,10 @@ pub fn why_unseen(scene: &Scene, object: &Object, frame: FrameNumber, drawn: boo
     }
     let nearest = corners.iter().map(|p| p.z).fold(f64::INFINITY, f64::min).max(camera.near);
     let extent = norm_of(&camera_from_model) * bounds.size().length() + 2.0 * radius;
-    if extent / (nearest * up) * 0.5 * f64::from(scene.image.height) < 1.0 || object.two_sided {
+    if extent / (nearest * up) * 0.5 * f64::from(scene.image.height) < 1.0
+        || object.two_sided
+        || object.model.gaussians().is_some()
+    {
         return Unseen::Small;
     }
     Unseen::FacingAway

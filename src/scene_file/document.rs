@@ -145,7 +145,7 @@ fn camera(part: &Part<'_>) -> Result<CameraSpec, SceneError> {
         given: GivenCamera {
             eye: part.optional_vector("eye")?,
             at: part.optional_vector("at")?,
-            up: part.vector("up")?,
+            up: part.optional_vector("up")?,
             fovy: part.number("fovy")?.to_radians(),
             near: part.given("near").then(|| part.number("near")).transpose()?,
         },

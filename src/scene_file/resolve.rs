@@ -93,7 +93,7 @@ fn camera(
         (Some(CameraSpec { given, .. }), Some(animation)) => {
             let eye = given.eye.unwrap_or(DVec3::ZERO);
             Camera {
-                up: given.up,
+                up: given.up.unwrap_or(DVec3::Y),
                 fovy: given.fovy,
                 near: given.near.unwrap_or(Camera::NEAR),
                 animation: Some(animation),

@@ -247,7 +247,12 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         attributes: &[
             row("eye", Kind::Vector(COORDINATE), Auto("in front (+z) of `at`, all objects in view"), "eye point"),
             row("at", Kind::Vector(COORDINATE), Auto("middle of the box round all motion"), "point looked at"),
-            row("up", Kind::Direction, Value("0 1 0"), "up direction, not along the view"),
+            row(
+                "up",
+                Kind::Direction,
+                Auto("0 1 0; 0 -1 0 where all objects are captures as they are"),
+                "up direction, not along the view",
+            ),
             row("fovy", Kind::Number(Range(1e-6, 179.999)), Value("40"), "vertical field of view, degrees"),
             row("near", Kind::Number(Range(1e-9, FAR)), Value("0.01"), "nearest visible depth, scene units"),
         ],

@@ -4,6 +4,7 @@
 mod support;
 
 mod auto;
+mod captures;
 mod closed_forms;
 mod contact;
 mod ewa;

@@ -75,6 +75,9 @@ impl Budget {
             let moving = moving + gaussians;
             (threads + 1) * (Binned::<Splat>::most_bytes(CHUNK, channels.count, &guarded) + moving)
         };
+        let gaussians = frame.objects.iter().filter_map(|object| object.gaussians.as_ref());
+        let gaussians: u64 = gaussians.map(|gaussians| gaussians.len() as u64).sum();
+        let film = film + gaussians * transparent::BYTES_OF_RANK;
         let needed = frame.model_bytes + film + buffers_with(1, false) + batch(1);
         BackendError::check_memory(frame, needed)?;
         // Half of what is left for the tiles' buffers at the most; the rest for splats.

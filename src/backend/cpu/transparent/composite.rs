@@ -19,7 +19,14 @@ const OPAQUE: f32 = 1e-4;
 pub(in crate::backend) struct Composite {
     values: Vec<f32>,
     channels: usize,
+    /// A bit for each block of `BLOCK` pixels, row by row, in which no pixel can take more.
+    closed: u32,
 }
+
+/// Columns and rows of pixels that are closed together. A tile has 4 x 8 of them, as many as a mask has bits.
+const BLOCK: [usize; 2] = [8, 4];
+const BLOCKS_X: usize = TILE / BLOCK[0];
+const _: () = assert!(BLOCKS_X == 4 && TILE / BLOCK[1] == 8);
 
 /// Channels: transmittance, red, green, blue, and where they are wanted the depth, then the velocity.
 const COLOUR: usize = 1;
@@ -39,11 +46,18 @@ impl Composite {
             (true, false) => 5,
             (false, false) => 4,
         };
+        self.closed = 0;
         self.values.clear();
         self.values.resize(TILE * STRIDE * self.channels, 0.0);
         for row in self.values.chunks_exact_mut(STRIDE * self.channels) {
             row[..STRIDE].fill(1.0);
         }
+    }
+
+    /// Can pixels within `bounds` take more? `bounds` are those of a splat that touches the tile.
+    #[inline(always)]
+    pub(super) fn is_open(&self, bounds: [u16; 4], tile: &TileRect) -> bool {
+        blocks(within(bounds, tile)) & !self.closed != 0
     }
 
     /// `LANES` pixels of a channel, from pixel `[x, y]` of the tile on.
@@ -91,8 +105,9 @@ impl Batch {
         self.velocities.extend(velocity);
     }
 
-    pub(super) fn is_full(&self) -> bool {
-        self.splats.len() >= Self::SIZE
+    /// Splats that still fit.
+    pub(super) fn room(&self) -> usize {
+        Self::SIZE.saturating_sub(self.splats.len())
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -126,23 +141,59 @@ fn composite_body(batch: &Batch, place: &Place<'_>, out: &mut Composite) -> bool
         (_, false) => all::<7, true>(batch, place, out),
     }
     let furthest = batch.splats.last().map_or(0.0, |splat| splat.depth);
-    let tile = place.tile;
-    (0..tile.height).any(|y| {
-        let through = &out.values[y * out.channels * STRIDE..][..tile.width];
-        match place.threshold.get(y * STRIDE..) {
-            Some(limits) if !limits.is_empty() => {
-                through.iter().zip(limits).any(|(&through, &limit)| through >= OPAQUE && limit >= furthest)
+    out.close(place, furthest);
+    out.closed != u32::MAX
+}
+
+impl Composite {
+    /// Finds the blocks that take nothing from depth `furthest` on.
+    #[inline(always)]
+    fn close(&mut self, place: &Place<'_>, furthest: f32) {
+        let [columns, rows] = [place.tile.width, place.tile.height];
+        for block in 0..u32::BITS as usize {
+            if self.closed >> block & 1 == 1 {
+                continue;
             }
-            _ => through.iter().any(|&through| through >= OPAQUE),
+            let [x, y] = [block % BLOCKS_X * BLOCK[0], block / BLOCKS_X * BLOCK[1]];
+            let mut open = false;
+            for y in y..(y + BLOCK[1]).min(rows) {
+                let through = &self.values[y * self.channels * STRIDE + x..][..BLOCK[0]];
+                let mut least = [f32::INFINITY; BLOCK[0]];
+                if let Some(limits) = place.threshold.get(y * STRIDE + x..y * STRIDE + x + BLOCK[0]) {
+                    least.copy_from_slice(limits);
+                }
+                for l in 0..BLOCK[0] {
+                    open |= (through[l] >= OPAQUE) & (least[l] >= furthest) & (x + l < columns);
+                }
+            }
+            self.closed |= u32::from(!open) << block;
         }
-    })
+    }
+}
+
+/// Columns and rows of `bounds` within a tile, counted from its corner.
+#[inline(always)]
+fn within(bounds: [u16; 4], tile: &TileRect) -> [usize; 4] {
+    let [left, top] = tile.origin;
+    let [x0, x1, y0, y1] = bounds.map(usize::from);
+    let (right, bottom) = (left + tile.width - 1, top + tile.height - 1);
+    [x0.max(left) - left, x1.min(right) - left, y0.max(top) - top, y1.min(bottom) - top]
+}
+
+/// The blocks of the pixels between columns `x0` and `x1` and rows `y0` and `y1`.
+#[inline(always)]
+const fn blocks([x0, x1, y0, y1]: [usize; 4]) -> u32 {
+    let columns = (2 << (x1 / BLOCK[0])) - (1 << (x0 / BLOCK[0]));
+    let below = u32::MAX << (y0 / BLOCK[1] * BLOCKS_X);
+    let above = u32::MAX >> ((TILE / BLOCK[1] - 1 - y1 / BLOCK[1]) * BLOCKS_X);
+    (columns * 0x1111_1111) & below & above
 }
 
 #[inline(always)]
 fn all<const CHANNELS: usize, const BEHIND: bool>(batch: &Batch, place: &Place<'_>, out: &mut Composite) {
     for (index, splat) in batch.splats.iter().enumerate() {
         let velocity = if CHANNELS > 5 { batch.velocities[index] } else { [0.0; 2] };
-        one::<CHANNELS, BEHIND>(splat, velocity, place, &mut out.values);
+        one::<CHANNELS, BEHIND>(splat, velocity, place, out);
     }
 }
 
@@ -152,12 +203,14 @@ fn one<const CHANNELS: usize, const BEHIND: bool>(
     splat: &GaussianSplat,
     velocity: [f32; 2],
     place: &Place<'_>,
-    out: &mut [f32],
+    out: &mut Composite,
 ) {
     let [left, top] = place.tile.origin;
-    let [x0, x1, y0, y1] = splat.bounds.map(usize::from);
-    let (x0, x1) = (x0.max(left) - left, x1.min(left + place.tile.width - 1) - left);
-    let (y0, y1) = (y0.max(top) - top, y1.min(top + place.tile.height - 1) - top);
+    let [x0, x1, y0, y1] = within(splat.bounds, place.tile);
+    if blocks([x0, x1, y0, y1]) & !out.closed == 0 {
+        return;
+    }
+    let out = &mut out.values;
     let faintest = -FAINTEST.log2();
     let &GaussianSplat { along, slope, across, peak, depth, colour, .. } = splat;
     let shift = |axis: usize, pixel: usize| pixel as f32 + 0.5 - splat.reference[axis] + place.offset[axis];

@@ -25,7 +25,6 @@ use super::resolve::TileFilm;
 use super::scope::Scope;
 use crate::film::{Aov, Blending};
 use crate::frame::PosedRaster;
-use crate::layout::GaussianSplat;
 
 /// What later steps and later frames use again.
 #[derive(Debug, Default)]
@@ -62,8 +61,12 @@ pub(in crate::backend) fn offsets(raster: &PosedRaster) -> [[f32; 2]; 2] {
     [by(f32::min), by(f32::max)]
 }
 
-/// Bytes of one Gaussian at most: as a splat, in its order, and in lists.
-pub(in crate::backend) const BYTES: u64 = (Projected::BYTES + Order::BYTES + Listed::BYTES) as u64;
+/// Bytes of one Gaussian as a splat and in its order.
+const BYTES_UNLISTED: usize = Projected::BYTES + Order::BYTES;
+/// With its place in lists, at most.
+pub(in crate::backend) const BYTES: u64 = (BYTES_UNLISTED + Listed::BYTES) as u64;
+/// Bytes of one Gaussian while slabs are looked for.
+pub(in crate::backend) const BYTES_OF_RANK: u64 = size_of::<u64>() as u64;
 
 /// Bytes of one tile: what it accumulates, and the opaque picture.
 pub(in crate::backend) const fn bytes_of_tile(planes: usize) -> u64 {
@@ -247,24 +250,28 @@ impl TransparentGroup<'_> {
             out.clear(scope.planes.depth.is_some(), self.velocity());
         }
         let place = Place { tile: &tile, offset: scope.raster.offset, threshold: &opaque.threshold };
-        let mut front = sets.map(|set| set.walk(&tile, index).peekable());
+        let any = sets.map(|set| set.reaches(index));
+        let mut walks = sets.map(|set| set.walk(&tile, index));
         let mut batch = Batch::default();
-        let mut any = false;
-        while let Some((splat, velocity)) = nearest(&mut front) {
-            batch.push(splat, velocity);
-            if batch.is_full() {
-                any = true;
+        loop {
+            let wants = |bounds| out.is_open(bounds, &tile);
+            let more = match any {
+                [true, false] => walks[0].take(&mut batch, wants),
+                [false, true] => walks[1].take(&mut batch, wants),
+                _ => take_nearest(&mut walks, &mut batch, wants),
+            };
+            if !batch.is_empty() && (!more || batch.room() == 0) {
                 let open = composite(&batch, &place, out);
                 batch.clear();
                 if !open {
                     break;
                 }
             }
+            if !more {
+                break;
+            }
         }
-        if !batch.is_empty() {
-            any = true;
-            composite(&batch, &place, out);
-        }
+        let any = any.contains(&true);
         scope.clocks.composite.add(start);
         let seen = any || !opaque.values.is_empty() || !pass.first;
         if pass.last && seen {
@@ -295,17 +302,24 @@ struct Pass {
     sample: usize,
 }
 
-/// The nearest of what both walks come to next.
-#[inline]
-fn nearest<'a>(
-    walks: &mut [std::iter::Peekable<Walk<'a>>; 2],
-) -> Option<(&'a GaussianSplat, Option<&'a [f32; 2]>)> {
+/// Fills `batch` with the nearest of what both walks come to next. False at the end of both.
+fn take_nearest(walks: &mut [Walk<'_>; 2], batch: &mut Batch, wants: impl Fn([u16; 4]) -> bool) -> bool {
     let [fixed, moving] = walks;
-    let first = match (fixed.peek(), moving.peek()) {
-        (Some(a), Some(b)) => a.rank < b.rank,
-        (a, _) => a.is_some(),
-    };
-    let step = if first { fixed.next() } else { moving.next() };
-    step.map(|step| (step.splat, step.velocity))
+    let mut next = [fixed.peek(), moving.peek()];
+    while batch.room() > 0 {
+        let first = match next {
+            [None, None] => return false,
+            [Some(of_fixed), Some(of_moving)] => of_fixed < of_moving,
+            [of_fixed, None] => of_fixed.is_some(),
+            [None, Some(_)] => false,
+        };
+        if first {
+            fixed.take_one(batch, &wants);
+            next[0] = fixed.peek();
+        } else {
+            moving.take_one(batch, &wants);
+            next[1] = moving.peek();
+        }
+    }
+    true
 }
-

@@ -10,7 +10,6 @@ use glam::Vec3;
 use super::harmonics;
 use crate::backend::cpu::bounds::{pixel_range, whole};
 use crate::backend::cpu::project::transform;
-use crate::backend::cpu::tiles::TILE;
 use crate::film::Blending;
 use crate::frame::{Blocks, FrameObject, PixelRect, PosedObject, Raster};
 use crate::layout::GaussianSplat;
@@ -63,9 +62,8 @@ pub(in crate::backend) struct View<'a> {
 pub(in crate::backend) struct Projected {
     /// In the order of the model.
     pub splats: Vec<GaussianSplat>,
-    /// First and last column of tiles that each touches, then first and last row. Column 1 to 0 for one that touches
-    /// none.
-    pub tiles: Vec<[u16; 4]>,
+    /// The pixels that each may touch, apart from all else, as they are asked for more often. [`NOWHERE`] for none.
+    pub bounds: Vec<[u16; 4]>,
     /// Screen velocity of each centre, pixels of the image per shutter; empty where it is not wanted.
     pub velocities: Vec<[f32; 2]>,
 }
@@ -75,18 +73,18 @@ impl Projected {
     pub(in crate::backend) const BYTES: usize = size_of::<GaussianSplat>() + 2 * size_of::<[f32; 2]>();
 
     fn clear(&mut self, most: usize, velocity: bool) {
-        let Self { splats, tiles, velocities } = self;
+        let Self { splats, bounds, velocities } = self;
         splats.clear();
         splats.reserve_exact(most);
-        tiles.clear();
-        tiles.reserve_exact(most);
+        bounds.clear();
+        bounds.reserve_exact(most);
         velocities.clear();
         velocities.reserve_exact(if velocity { most } else { 0 });
     }
 }
 
-/// Touches no tile.
-const NOWHERE: [u16; 4] = [1, 0, 1, 0];
+/// Bounds of what touches no pixel: its first column comes after its last.
+pub(in crate::backend) const NOWHERE: [u16; 4] = [1, 0, 1, 0];
 
 /// The splats of `range`.
 pub(in crate::backend) fn project(view: &View<'_>, gaussians: &Gaussians, range: Range<usize>, out: &mut Projected) {
@@ -121,8 +119,7 @@ struct Shape {
 
 fn push(view: &View<'_>, gaussians: &Gaussians, index: usize, l: usize, shape: &Shape, out: &mut Projected) {
     let bounds = [shape.bounds[0][l], shape.bounds[1][l], shape.bounds[2][l], shape.bounds[3][l]];
-    let tiles = bounds.map(|pixel| pixel / TILE as u16);
-    let seen = shape.seen >> l & 1 == 1 && wants(view, tiles);
+    let seen = shape.seen >> l & 1 == 1 && wants(view, bounds);
     if !seen && !view.all {
         return;
     }
@@ -137,16 +134,16 @@ fn push(view: &View<'_>, gaussians: &Gaussians, index: usize, l: usize, shape: &
         bounds,
         index: view.first + index as u32,
     });
-    out.tiles.push(if seen { tiles } else { NOWHERE });
+    out.bounds.push(if seen { bounds } else { NOWHERE });
     if view.velocity {
         out.velocities.push(velocity(view, gaussians.position[index]));
     }
 }
 
-/// Does what touches `tiles` touch a block that is wanted?
-fn wants(view: &View<'_>, tiles: [u16; 4]) -> bool {
+/// Does what has these bounds touch a block that is wanted?
+fn wants(view: &View<'_>, bounds: [u16; 4]) -> bool {
     let Some(blocks) = view.wanted else { return true };
-    let [x0, x1, y0, y1] = tiles.map(usize::from);
+    let [x0, x1, y0, y1] = bounds.map(|pixel| usize::from(pixel) / Blocks::EDGE);
     (y0..=y1).any(|y| (x0..=x1).any(|x| blocks.at(x, y)))
 }
 

@@ -1,8 +1,8 @@
 //! Slabs of depth: which Gaussians are worked on together where all do not fit into memory.
 
 use super::project::Projected;
-use super::sorted::{CHUNK, key_of};
-use super::{BYTES, Run, TransparentGroup};
+use super::sorted::{CHUNK, key_of, tiles_listed};
+use super::{BYTES, BYTES_UNLISTED, Run, TransparentGroup};
 
 /// Depths as integers, with indices among all Gaussians of the frame: from the first, included, to the last, excluded.
 /// `None`: no end.
@@ -26,9 +26,9 @@ impl Slab {
 
 /// Drops the splats that are not `kept`.
 pub(super) fn retain(kept: &[bool], projected: &mut Projected) {
-    let Projected { splats, tiles, velocities } = projected;
+    let Projected { splats, bounds, velocities } = projected;
     retain_of(kept, splats);
-    retain_of(kept, tiles);
+    retain_of(kept, bounds);
     retain_of(kept, velocities);
 }
 
@@ -48,12 +48,17 @@ pub(super) fn slabs(group: &TransparentGroup<'_>, still: &[Run], moving: &[Run],
     if count <= fit {
         return vec![Slab::default()];
     }
-    let mut ranks = Vec::with_capacity(count);
+    let mut ranks = Vec::new();
     let mut projected = Projected::default();
+    let mut touched = 0;
     for run in still.iter().chain(moving) {
         group.project_run(run, sample, group.several(), &mut projected);
         ranks.extend(projected.splats.iter().map(|splat| rank(splat.depth, splat.index)));
+        touched += projected.bounds.iter().map(|&bounds| tiles_listed(bounds)).sum::<usize>();
     }
+    // Lists take what splats touch on the mean, and twice that, as it differs from slab to slab.
+    let of_lists = 2 * size_of::<u32>() * touched / ranks.len().max(1);
+    let fit = group.splat_bytes as usize / (BYTES_UNLISTED + of_lists);
     ranks.sort_unstable();
     let cuts: Vec<u64> = ranks.chunks(fit.max(CHUNK)).skip(1).map(|slab| slab[0]).collect();
     let ends = cuts.iter().copied().map(Some).chain([None]);

@@ -5,8 +5,9 @@
 
 use rayon::prelude::*;
 
+use super::composite::Batch;
 use super::project::Projected;
-use crate::backend::cpu::tiles::{Band, TileRect};
+use crate::backend::cpu::tiles::{Band, TILE, TileRect};
 use crate::layout::GaussianSplat;
 
 /// Gaussians of a chunk. Splat `i` of chunk `c` has the place `c * CHUNK + i`.
@@ -43,7 +44,12 @@ impl Order {
     pub(super) fn of(chunks: &[Projected]) -> Self {
         let ranks = |(chunk, projected): (usize, &Projected)| -> Vec<Rank> {
             let place = |i: usize| (chunk * CHUNK + i) as u64;
-            projected.splats.iter().enumerate().map(|(i, splat)| u64::from(key_of(splat.depth)) << 32 | place(i)).collect()
+            projected
+                .splats
+                .iter()
+                .enumerate()
+                .map(|(i, splat)| u64::from(key_of(splat.depth)) << 32 | place(i))
+                .collect()
         };
         let ranks: Vec<Vec<Rank>> = chunks.par_iter().enumerate().map(ranks).collect();
         let mut parts = split(&ranks);
@@ -86,6 +92,22 @@ struct Lists {
     wide: Vec<u32>,
 }
 
+/// The tiles that `bounds` touch: first and last column, first and last row. `None`: no tile.
+fn tiles_of(bounds: [u16; 4]) -> Option<[usize; 4]> {
+    let [x0, x1, ..] = bounds;
+    (x0 <= x1).then(|| bounds.map(|pixel| usize::from(pixel) / TILE))
+}
+
+/// Number of tiles.
+fn count([x0, x1, y0, y1]: [usize; 4]) -> usize {
+    (x1 + 1 - x0) * (y1 + 1 - y0)
+}
+
+/// Lists in which a splat with these bounds is.
+pub(super) fn tiles_listed(bounds: [u16; 4]) -> usize {
+    tiles_of(bounds).map_or(0, |tiles| if count(tiles) > WIDE { 1 } else { count(tiles) })
+}
+
 /// Splats of a time sample, in an order, by tile.
 #[derive(Debug)]
 pub(super) struct Listed<'a> {
@@ -104,9 +126,29 @@ impl<'a> Listed<'a> {
         Self { chunks, order, lists }
     }
 
+    #[inline(always)]
+    fn bounds(&self, place: usize) -> [u16; 4] {
+        self.chunks[place / CHUNK].bounds[place % CHUNK]
+    }
+
+    #[inline(always)]
+    fn splat(&self, place: usize) -> &GaussianSplat {
+        &self.chunks[place / CHUNK].splats[place % CHUNK]
+    }
+
+    #[inline(always)]
+    fn velocity(&self, place: usize) -> Option<&[f32; 2]> {
+        self.chunks[place / CHUNK].velocities.get(place % CHUNK)
+    }
+
     /// Nothing at all.
     pub(super) const fn none(order: &'a Order) -> Self {
         Self { chunks: &[], order, lists: Vec::new() }
+    }
+
+    /// Has the tile any splats of which it could be sure only by looking at each?
+    pub(super) fn reaches(&self, index: usize) -> bool {
+        self.lists.iter().any(|lists| lists.starts[index] < lists.starts[index + 1] || !lists.wide.is_empty())
     }
 
     /// Walks over the splats of a tile, the nearest first.
@@ -117,9 +159,8 @@ impl<'a> Listed<'a> {
     }
 }
 
-fn tiles_of(chunks: &[Projected], rank: Rank) -> [usize; 4] {
-    let place = rank as u32 as usize;
-    chunks[place / CHUNK].tiles[place % CHUNK].map(usize::from)
+fn place_of(rank: Rank) -> usize {
+    rank as u32 as usize
 }
 
 fn list(chunks: &[Projected], part: &[Rank], band: &Band) -> Lists {
@@ -127,23 +168,21 @@ fn list(chunks: &[Projected], part: &[Rank], band: &Band) -> Lists {
     let Lists { starts, entries, wide } = &mut lists;
     let first_row = band.tile_rows[0];
     // Each once from the chunks, which is what takes time.
-    let spans: Vec<[u16; 4]> = part.iter().map(|&rank| tiles_of(chunks, rank).map(|tile| tile as u16)).collect();
-    let rows = |span: &[u16; 4], visit: &mut dyn FnMut(usize, usize)| {
-        let [x0, x1, y0, y1] = span.map(usize::from);
-        if x0 > x1 || (x1 + 1 - x0) * (y1 + 1 - y0) > WIDE {
-            return;
-        }
+    let bounds = part.iter().map(|&rank| chunks[place_of(rank) / CHUNK].bounds[place_of(rank) % CHUNK]);
+    let bounds: Vec<[u16; 4]> = bounds.collect();
+    let narrow = |bounds: [u16; 4]| tiles_of(bounds).filter(|&tiles| count(tiles) <= WIDE);
+    let rows = |bounds: [u16; 4], visit: &mut dyn FnMut(usize, usize)| {
+        let Some([x0, x1, y0, y1]) = narrow(bounds) else { return };
         for y in y0..=y1 {
             visit((y - first_row) * band.tiles_x + x0, x1 + 1 - x0);
         }
     };
     // Counting sort: counts, then starts, then entries; `starts` is moved one ahead so that filling restores it.
-    for (index, span) in spans.iter().enumerate() {
-        let [x0, x1, y0, y1] = span.map(usize::from);
-        if x0 <= x1 && (x1 + 1 - x0) * (y1 + 1 - y0) > WIDE {
+    for (index, &bounds) in bounds.iter().enumerate() {
+        if narrow(bounds).is_none() && tiles_of(bounds).is_some() {
             wide.push(index as u32);
         }
-        rows(span, &mut |first, count| starts[first + 2..][..count].iter_mut().for_each(|start| *start += 1));
+        rows(bounds, &mut |first, count| starts[first + 2..][..count].iter_mut().for_each(|start| *start += 1));
     }
     let mut sum = 0;
     for start in &mut *starts {
@@ -151,8 +190,8 @@ fn list(chunks: &[Projected], part: &[Rank], band: &Band) -> Lists {
         *start = sum;
     }
     entries.resize(sum as usize, 0);
-    for (index, span) in (0..).zip(&spans) {
-        rows(span, &mut |first, count| {
+    for (index, &bounds) in (0..).zip(&bounds) {
+        rows(bounds, &mut |first, count| {
             for next in &mut starts[first + 1..][..count] {
                 entries[*next as usize] = index;
                 *next += 1;
@@ -175,16 +214,6 @@ pub(super) struct Walk<'a> {
     next: usize,
 }
 
-/// A splat of a walk.
-#[derive(Clone, Copy)]
-pub(super) struct Step<'a> {
-    /// Its depth as an integer, and its index among all Gaussians of the frame.
-    pub rank: (u32, u32),
-    pub splat: &'a GaussianSplat,
-    /// Velocity of its centre, where it is wanted.
-    pub velocity: Option<&'a [f32; 2]>,
-}
-
 impl<'a> Walk<'a> {
     /// Opens the list of the tile in the current part, or in the next that has one.
     fn open(&mut self) {
@@ -196,8 +225,8 @@ impl<'a> Walk<'a> {
             let part = &self.listed.order.parts[self.part];
             let [x, y] = self.tile.tile;
             let touches = |&&index: &&u32| {
-                let [x0, x1, y0, y1] = tiles_of(self.listed.chunks, part[index as usize]);
-                (x0..=x1).contains(&x) && (y0..=y1).contains(&y)
+                let tiles = tiles_of(self.listed.bounds(place_of(part[index as usize])));
+                tiles.is_some_and(|[x0, x1, y0, y1]| (x0..=x1).contains(&x) && (y0..=y1).contains(&y))
             };
             self.merged.extend(lists.wide.iter().filter(touches));
             if !self.merged.is_empty() {
@@ -212,30 +241,63 @@ impl<'a> Walk<'a> {
         self.list = &[];
         self.merged.clear();
     }
-}
 
-impl<'a> Iterator for Walk<'a> {
-    type Item = Step<'a>;
+    fn rest(&self) -> &[u32] {
+        let list = if self.merged.is_empty() { self.list } else { &self.merged };
+        &list[self.next..]
+    }
 
-    #[inline]
-    fn next(&mut self) -> Option<Step<'a>> {
-        loop {
-            let list = if self.merged.is_empty() { self.list } else { &self.merged };
-            if let Some(&index) = list.get(self.next) {
-                self.next += 1;
-                let listed = self.listed;
-                let rank = listed.order.parts[self.part][index as usize];
-                let place = rank as u32 as usize;
-                let chunk = &listed.chunks[place / CHUNK];
-                let splat = &chunk.splats[place % CHUNK];
-                let velocity = chunk.velocities.get(place % CHUNK);
-                return Some(Step { rank: ((rank >> 32) as u32, splat.index), splat, velocity });
-            }
-            if self.part >= self.listed.lists.len() {
-                return None;
-            }
+    /// The next splat's depth as an integer, and its index among all Gaussians of the frame.
+    pub(super) fn peek(&self) -> Option<(u32, u32)> {
+        let &index = self.rest().first()?;
+        let rank = self.listed.order.parts[self.part][index as usize];
+        Some(((rank >> 32) as u32, self.listed.splat(place_of(rank)).index))
+    }
+
+    /// Moves on over `count` splats of the open list.
+    fn advance(&mut self, count: usize) {
+        self.next += count;
+        if self.rest().is_empty() {
             self.part += 1;
             self.open();
         }
+    }
+
+    /// Appends the next splat to `batch`, if `wants` its bounds.
+    pub(super) fn take_one(&mut self, batch: &mut Batch, wants: impl Fn([u16; 4]) -> bool) {
+        if let Some(&index) = self.rest().first() {
+            let place = place_of(self.listed.order.parts[self.part][index as usize]);
+            if wants(self.listed.bounds(place)) {
+                batch.push(self.listed.splat(place), self.listed.velocity(place));
+            }
+            self.advance(1);
+        }
+    }
+
+    /// Appends the next splats to `batch`, those of which `wants` the bounds, as many as have room. False at the end.
+    pub(super) fn take(&mut self, batch: &mut Batch, wants: impl Fn([u16; 4]) -> bool) -> bool {
+        let room = batch.room();
+        let listed = self.listed;
+        let count = self.rest().len().min(room);
+        if count == 0 {
+            return false;
+        }
+        let part = &listed.order.parts[self.part];
+        // Places first: short loops have more loads under way than one long loop.
+        let mut places = [0; Batch::SIZE];
+        for (place, &index) in places.iter_mut().zip(&self.rest()[..count]) {
+            *place = place_of(part[index as usize]);
+        }
+        let mut kept = 0;
+        for i in 0..count {
+            let place = places[i];
+            places[kept] = place;
+            kept += usize::from(wants(listed.bounds(place)));
+        }
+        for &place in &places[..kept] {
+            batch.push(listed.splat(place), listed.velocity(place));
+        }
+        self.advance(count);
+        true
     }
 }
