@@ -20,7 +20,7 @@ use self::composite::{Batch, Composite, Place, composite};
 use self::project::{Projected, View, project};
 use self::resolve::{Over, resolve};
 use self::slabs::{Slab, retain, slabs};
-use self::sorted::{CHUNK, Listed, Order, Walk};
+use self::sorted::{CHUNK, Listed, Lists, Order, Walk, lists};
 use super::resolve::TileFilm;
 use super::scope::Scope;
 use crate::film::{Aov, Blending};
@@ -32,17 +32,21 @@ pub(in crate::backend) struct TransparentMemory {
     /// The opaque picture of a group, tile by tile.
     pub opaque: Vec<TileFilm>,
     moving: Vec<Projected>,
+    /// What moves, at the middle of a bucket.
     of_middle: Vec<Projected>,
     composites: Vec<Composite>,
-    fixed: Vec<Projected>,
 }
 
 /// Splats of static objects in one band, in order: the same for all sample positions of a raster.
 #[derive(Debug, Default)]
 pub(in crate::backend) struct Fixed {
-    order: Option<Order>,
-    /// The slab of depth that it holds.
-    slab: Slab,
+    /// The slab of depth that it holds; `None`: nothing yet.
+    slab: Option<Slab>,
+    chunks: Vec<Projected>,
+    order: Order,
+    lists: Vec<Lists>,
+    /// Tiles that show nothing else, with weight 1. They are the same at all positions, where those have one offset.
+    films: Vec<TileFilm>,
 }
 
 /// One group in one band.
@@ -68,9 +72,9 @@ pub(in crate::backend) const BYTES: u64 = (BYTES_UNLISTED + Listed::BYTES) as u6
 /// Bytes of one Gaussian while slabs are looked for.
 pub(in crate::backend) const BYTES_OF_RANK: u64 = size_of::<u64>() as u64;
 
-/// Bytes of one tile: what it accumulates, and the opaque picture.
+/// Bytes of one tile: what it accumulates, the opaque picture, and what is static alone.
 pub(in crate::backend) const fn bytes_of_tile(planes: usize) -> u64 {
-    Composite::BYTES + TileFilm::bytes_with_threshold(planes)
+    Composite::BYTES + TileFilm::bytes_with_threshold(planes) + TileFilm::bytes(planes)
 }
 
 /// Some Gaussians of one object.
@@ -105,43 +109,44 @@ impl TransparentGroup<'_> {
         let scope = &self.scope;
         let samples = scope.group.samples.len();
         let middle = samples / 2;
-        let TransparentMemory { opaque, moving, of_middle, composites, fixed: of_fixed } = memory;
         let (still, moves) = (runs(scope, true), runs(scope, false));
         let slabs = slabs(self, &still, &moves, middle);
+        // A bucket has the order of its middle.
         let mut shared = None;
         for sample in 0..samples {
             for (number, slab) in slabs.iter().enumerate() {
-                if fixed.order.is_none() || fixed.slab != *slab {
-                    self.project(&still, sample, false, slab, of_fixed);
-                    fixed.order = Some(self.sort(of_fixed));
-                    fixed.slab = *slab;
-                }
-                // A bucket has the order of its middle; then nothing may be left out of it.
+                self.fix(&still, slab, fixed);
                 if self.several() && (shared.is_none() || slabs.len() > 1) {
-                    self.project(&moves, middle, self.several(), slab, of_middle);
-                    shared = Some(self.sort(of_middle));
+                    self.project(&moves, middle, true, slab, &mut memory.of_middle);
+                    shared = Some(self.sort(&memory.of_middle));
                 }
-                self.project(&moves, sample, self.several(), slab, moving);
-                let own;
-                let order = match &shared {
-                    Some(order) => order,
-                    None => {
-                        own = self.sort(moving);
-                        &own
-                    }
-                };
-                let start = Instant::now();
-                let none = Order::default();
-                let of_fixed = match &fixed.order {
-                    Some(order) => Listed::new(of_fixed, order, &scope.band),
-                    None => Listed::none(&none),
-                };
-                let of_moving = Listed::new(moving, order, &scope.band);
-                scope.clocks.bin.add(start);
+                // Nothing is left out where the order has all.
+                self.project(&moves, sample, self.several(), slab, &mut memory.moving);
+                let own = if shared.is_none() { self.sort(&memory.moving) } else { Order::default() };
+                let order = shared.as_ref().unwrap_or(&own);
+                let lists = self.list(&memory.moving, order);
+                let moving = Listed { chunks: &memory.moving, order, lists: &lists };
+                let Fixed { chunks, order, lists, films, .. } = &mut *fixed;
+                let sets = [Listed { chunks, order, lists }, moving];
                 let pass = Pass { first: number == 0, last: number + 1 == slabs.len(), sample };
-                self.tiles([&of_fixed, &of_moving], pass, opaque, composites, film);
+                if pass.first && pass.last {
+                    self.tiles_at_once(sets, pass, &memory.opaque, films, film);
+                } else {
+                    self.tiles_of_slab(sets, pass, &memory.opaque, &mut memory.composites, film);
+                }
             }
         }
+    }
+
+    /// Projects, sorts and lists what is static, if that was not done before.
+    fn fix(&self, still: &[Run], slab: &Slab, fixed: &mut Fixed) {
+        if fixed.slab == Some(*slab) {
+            return;
+        }
+        self.project(still, 0, false, slab, &mut fixed.chunks);
+        fixed.order = self.sort(&fixed.chunks);
+        fixed.lists = self.list(&fixed.chunks, &fixed.order);
+        fixed.slab = Some(*slab);
     }
 
     /// Has the group several samples?
@@ -209,31 +214,64 @@ impl TransparentGroup<'_> {
         order
     }
 
-    /// Passes `composite` and `resolve` of all tiles, in buffers of their own or in those that go from slab to slab.
-    fn tiles(
+    /// Pass `list`.
+    fn list(&self, projected: &[Projected], order: &Order) -> Vec<Lists> {
+        let start = Instant::now();
+        let lists = lists(projected, order, &self.scope.band);
+        self.scope.clocks.bin.add(start);
+        lists
+    }
+
+    /// Passes `composite` and `resolve` of all tiles, with all splats at hand.
+    fn tiles_at_once(
         &self,
-        sets: [&Listed<'_>; 2],
+        sets: [Listed<'_>; 2],
         pass: Pass,
         opaque: &[TileFilm],
-        composites: &mut Vec<Composite>,
-        film: &mut [TileFilm],
+        films: &mut Vec<TileFilm>,
+        out: &mut [TileFilm],
     ) {
-        if pass.first && pass.last {
-            film.par_iter_mut().enumerate().for_each_init(Composite::default, |composite, (index, film)| {
-                self.tile(sets, pass, index, &opaque[index], composite, film);
-            });
-            return;
-        }
-        composites.resize_with(film.len().max(composites.len()), Composite::default);
-        film.par_iter_mut().zip(composites).enumerate().for_each(|(index, (film, composite))| {
-            self.tile(sets, pass, index, &opaque[index], composite, film);
+        let weight = self.scope.group.samples[pass.sample].weight;
+        // A film of a tile is worth keeping where it will be shown again.
+        let shared = self.offsets[0] == self.offsets[1];
+        films.resize_with(out.len(), TileFilm::default);
+        let tiles = out.par_iter_mut().zip(films).enumerate();
+        tiles.for_each_init(Composite::default, |composite, (index, (out, film))| {
+            let alone = !sets[1].reaches(index) && opaque[index].values.is_empty();
+            if !(shared && alone) {
+                return self.tile(sets, pass, weight, index, &opaque[index], composite, out);
+            }
+            if film.values.is_empty() {
+                self.tile(sets, pass, 1.0, index, &opaque[index], composite, film);
+            }
+            out.values.resize(film.values.len().max(out.values.len()), 0.0);
+            out.values.iter_mut().zip(&film.values).for_each(|(out, value)| *out += weight * value);
         });
     }
 
+    /// The same of one slab of depth, in buffers that go from slab to slab.
+    fn tiles_of_slab(
+        &self,
+        sets: [Listed<'_>; 2],
+        pass: Pass,
+        opaque: &[TileFilm],
+        composites: &mut Vec<Composite>,
+        out: &mut [TileFilm],
+    ) {
+        let weight = self.scope.group.samples[pass.sample].weight;
+        composites.resize_with(out.len().max(composites.len()), Composite::default);
+        out.par_iter_mut().zip(composites).enumerate().for_each(|(index, (out, composite))| {
+            self.tile(sets, pass, weight, index, &opaque[index], composite, out);
+        });
+    }
+
+    /// One tile, added to `film` with `weight`.
+    #[allow(clippy::too_many_arguments, reason = "called in three places of this file")]
     fn tile(
         &self,
-        sets: [&Listed<'_>; 2],
+        sets: [Listed<'_>; 2],
         pass: Pass,
+        weight: f32,
         index: usize,
         opaque: &TileFilm,
         out: &mut Composite,
@@ -281,7 +319,7 @@ impl TransparentGroup<'_> {
             let over = Over {
                 opaque,
                 scale: if samples.len() > 1 && total > 0.0 { 1.0 / total } else { 1.0 },
-                weight: samples[pass.sample].weight,
+                weight,
                 blending: frame.blending.unwrap_or(Blending::Linear),
                 background: frame.background,
                 planes: scope.planes,

@@ -83,7 +83,7 @@ fn split(ranks: &[Vec<Rank>]) -> Vec<Vec<Rank>> {
 
 /// The lists of the tiles of a band, for one part of an order.
 #[derive(Debug, Default)]
-struct Lists {
+pub(super) struct Lists {
     /// For each tile, where its list starts in `entries`; one more at the end.
     starts: Vec<u32>,
     /// Indices into the part, rising.
@@ -109,22 +109,16 @@ pub(super) fn tiles_listed(bounds: [u16; 4]) -> usize {
 }
 
 /// Splats of a time sample, in an order, by tile.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Listed<'a> {
-    chunks: &'a [Projected],
-    order: &'a Order,
-    lists: Vec<Lists>,
+    pub chunks: &'a [Projected],
+    pub order: &'a Order,
+    pub lists: &'a [Lists],
 }
 
 impl<'a> Listed<'a> {
     /// Most bytes of one splat.
     pub(super) const BYTES: usize = WIDE * size_of::<u32>();
-
-    /// Lists splats by the tiles of `band`.
-    pub(super) fn new(chunks: &'a [Projected], order: &'a Order, band: &Band) -> Self {
-        let lists = order.parts.par_iter().map(|part| list(chunks, part, band)).collect();
-        Self { chunks, order, lists }
-    }
 
     #[inline(always)]
     fn bounds(&self, place: usize) -> [u16; 4] {
@@ -141,18 +135,13 @@ impl<'a> Listed<'a> {
         self.chunks[place / CHUNK].velocities.get(place % CHUNK)
     }
 
-    /// Nothing at all.
-    pub(super) const fn none(order: &'a Order) -> Self {
-        Self { chunks: &[], order, lists: Vec::new() }
-    }
-
     /// Has the tile any splats of which it could be sure only by looking at each?
     pub(super) fn reaches(&self, index: usize) -> bool {
         self.lists.iter().any(|lists| lists.starts[index] < lists.starts[index + 1] || !lists.wide.is_empty())
     }
 
     /// Walks over the splats of a tile, the nearest first.
-    pub(super) fn walk(&'a self, tile: &'a TileRect, index: usize) -> Walk<'a> {
+    pub(super) fn walk(self, tile: &'a TileRect, index: usize) -> Walk<'a> {
         let mut walk = Walk { listed: self, tile, index, part: 0, list: &[], next: 0, merged: Vec::new() };
         walk.open();
         walk
@@ -161,6 +150,11 @@ impl<'a> Listed<'a> {
 
 fn place_of(rank: Rank) -> usize {
     rank as u32 as usize
+}
+
+/// Lists splats by the tiles of `band`.
+pub(super) fn lists(chunks: &[Projected], order: &Order, band: &Band) -> Vec<Lists> {
+    order.parts.par_iter().map(|part| list(chunks, part, band)).collect()
 }
 
 fn list(chunks: &[Projected], part: &[Rank], band: &Band) -> Lists {
@@ -203,7 +197,7 @@ fn list(chunks: &[Projected], part: &[Rank], band: &Band) -> Lists {
 
 /// The splats of one tile, the nearest first.
 pub(super) struct Walk<'a> {
-    listed: &'a Listed<'a>,
+    listed: Listed<'a>,
     tile: &'a TileRect,
     index: usize,
     part: usize,
