@@ -134,26 +134,22 @@ impl Default for GivenCamera {
     }
 }
 
-/// The directions of up, and from what is looked at to the eye, where nothing is said. Captures have y down and z
-/// forward, as the cameras had that they were made from; all else has y up and z to the eye.
-fn upright(scene: &Scene) -> [DVec3; 2] {
-    let upside_down = |object: &Object| {
+/// The direction of up where nothing is said. Captures have y down, as the cameras had that they were made from; their
+/// viewers look from +z, too.
+fn upwards(scene: &Scene) -> DVec3 {
+    let is_upside_down = |object: &Object| {
         let pose = object_pose(scene, object, scene.frames.first as f64).world_from_model;
         object.model.gaussians().is_some() && pose.transform_vector3(DVec3::NEG_Y).y < 0.0
     };
-    if !scene.objects.is_empty() && scene.objects.iter().all(upside_down) {
-        [DVec3::NEG_Y, DVec3::NEG_Z]
-    } else {
-        [DVec3::Y, DVec3::Z]
-    }
+    let all = !scene.objects.is_empty() && scene.objects.iter().all(is_upside_down);
+    if all { DVec3::NEG_Y } else { DVec3::Y }
 }
 
 /// Completes a camera. Where its eye or the point that it looks at is missing, it sees all objects at all times,
-/// looking along -z, or along +z at captures.
+/// looking along -z.
 pub(crate) fn camera(scene: &Scene, given: &GivenCamera) -> Camera {
     let GivenCamera { eye, at: target, up, fovy, near } = *given;
-    let [upwards, backwards] = upright(scene);
-    let up = up.unwrap_or(upwards);
+    let up = up.unwrap_or_else(|| upwards(scene));
     if let (Some(eye), Some(at)) = (eye, target) {
         return Camera { up, fovy, near: near.unwrap_or(Camera::NEAR), ..Camera::new(eye, at) };
     }
@@ -165,7 +161,7 @@ pub(crate) fn camera(scene: &Scene, given: &GivenCamera) -> Camera {
     let distance = if distance > 0.0 && distance.is_finite() { distance } else { 1.0 };
     let grid = Grid::new(distance);
     let at = target.unwrap_or_else(|| grid.vector(bounds.centre()));
-    let eye = eye.unwrap_or_else(|| at + backwards * grid.above(distance + (at - bounds.centre()).length()));
+    let eye = eye.unwrap_or_else(|| at + DVec3::new(0.0, 0.0, grid.above(distance + (at - bounds.centre()).length())));
     let eye = grid.exact(eye);
     // A near plane that cuts no small scene away.
     let near = near.unwrap_or_else(|| Camera::NEAR.min(grid.number((eye - at).length() * 1e-3)).max(1e-9));
