@@ -53,7 +53,7 @@ pub(super) struct Reference {
     /// Go on from the .ref files of an earlier run with the same settings; frames without one start from nothing.
     #[arg(long, help_heading = "Output")]
     resume: bool,
-    /// Write no .ref files (up to 536 bytes for each pixel that is not empty); then --resume cannot go on.
+    /// Write no .ref files (up to 544 bytes for each pixel that is not empty); then --resume cannot go on.
     #[arg(long, conflicts_with = "resume", help_heading = "Output")]
     no_sums: bool,
     /// Print everything about pixel X,Y of the first frame, and write nothing.

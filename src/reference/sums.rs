@@ -192,7 +192,9 @@ impl Sums {
                 let at = y * width + x;
                 let range = &self.range[at];
                 if *range != NO_RANGE {
-                    range.iter().for_each(|value| add(value.map(f64::from)));
+                    for value in range {
+                        add(value.map(f64::from));
+                    }
                 }
                 // Samples that are not recorded saw nothing. If any is not, all that are have the coverage 1.
                 if range[0][3] >= 1.0 && self.hits(at) < self.samples as f64 {

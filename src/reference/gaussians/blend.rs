@@ -23,7 +23,7 @@ impl Blend {
     }
 
     /// Linear light in the numbers of the image's blending.
-    pub(super) fn from_linear(&self, colour: DVec3) -> DVec3 {
+    pub(super) fn of_light(&self, colour: DVec3) -> DVec3 {
         match self.space {
             Blending::Coded => colour.map(srgb::encoded),
             Blending::Linear => colour,
@@ -32,7 +32,7 @@ impl Blend {
 
     /// A capture's colour in the numbers of the image's blending. If one capture is coded, so is the image.
     pub(super) fn of_capture(&self, colour: DVec3, linear: bool) -> DVec3 {
-        if linear { self.from_linear(colour) } else { colour }
+        if linear { self.of_light(colour) } else { colour }
     }
 
     /// Premultiplied linear light of a finished ray: what `sum`, composited in the image's blending with the coverage

@@ -3,9 +3,9 @@
 //! V' = J W S W^T J^T + 0.3 pixels^2 (Kerbl et al. 2023, their program; Zwicker et al. 2001, eq. 24): J is the
 //! derivative of the projection at the centre, whose tangents are kept within 1.3 of the half field of view.
 //!
-//! All is multiplied by (z / f)^2. With E = z u - (x, y) for the film's tangents u and the centre (x, y, z), and the rows
-//! a = w_x - t_x w_z and b = w_y - t_y w_z of the model's transform, q = E^T [a S a + d, a S b; a S b, b S b + d]^-1 E,
-//! d = 0.3 z^2 / f^2.
+//! All is multiplied by (z / f)^2. The centre is at (x, y, z) in the camera, and e = z u - (x, y) for the tangents u of
+//! the film point. Of the transform with the rows X, Y and Z, and the tangents s and t of J, the rows a = X - s Z and
+//! b = Y - t Z are left. With d = 0.3 z^2 / f^2, q = e^T (aSa + d, aSb; aSb, bSb + d)^-1 e.
 
 use glam::DVec3;
 

@@ -194,16 +194,19 @@ impl<'w, 'a> Veil<'w, 'a> {
         if world.captures.len() > 1 {
             candidates.sort_by_key(|candidate| candidate.capture);
         }
+        let (batch, candidates) = (&mut self.batch, &*candidates);
         for run in candidates.chunk_by(|a, b| a.capture == b.capture) {
             let number = run[0].capture;
             let capture = &world.captures[number as usize];
             let kernels = world.trees[capture.tree].kernels();
-            self.batch.count = 0;
-            run.iter().for_each(|candidate| self.batch.push(&kernels[candidate.place as usize]));
+            batch.count = 0;
+            for candidate in run {
+                batch.push(&kernels[candidate.place as usize]);
+            }
             let views = self.views.iter().skip(number as usize).step_by(world.captures.len());
             for (ray, view) in self.rays.iter_mut().zip(views) {
                 let (true, Some(view)) = (ray.live, view) else { continue };
-                look(&self.batch, &view.sight, &mut self.seen);
+                look(batch, &view.sight, &mut self.seen);
                 for (i, candidate) in run.iter().enumerate() {
                     let kernel = &kernels[candidate.place as usize];
                     let depth = self.seen.depth[i];
@@ -284,7 +287,7 @@ impl<'w, 'a> Veil<'w, 'a> {
         match opaque {
             Some(opaque) if !ray.any => opaque,
             Some(opaque) => Seen {
-                colour: blend.finish(ray.colour + through * blend.from_linear(opaque.colour), 1.0),
+                colour: blend.finish(ray.colour + through * blend.of_light(opaque.colour), 1.0),
                 coverage: 1.0,
                 depth: ray.depth + through * opaque.depth,
                 normal: through * opaque.normal,
@@ -321,7 +324,7 @@ impl View {
         };
         let scale = libm::cbrt(linear.determinant().abs());
         let near = world.scene.camera.near.max(NEAREST * scale);
-        // |E| <= sqrt(reach) (|P| |W| sigma + sqrt(d)), with |P|^2 <= 1 + t_x^2 + t_y^2 of the bounds; in the model
+        // |e| <= sqrt(reach) (|P| |W| sigma + sqrt(d)), with |P|^2 <= 1 + s^2 + t^2 of the bounds; in the model
         // lengths grow by the norm of the inverse.
         let back = norm(&pose.model_from_world);
         let slant = (1.0 + bounds[0] * bounds[0] + bounds[1] * bounds[1]).sqrt();
