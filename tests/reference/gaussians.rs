@@ -283,8 +283,8 @@ fn aovs_are_weighted_by_shares() {
     }
 }
 
-/// Gaussians before, around and behind the camera, of all shapes, with harmonics; turning, scaled, half of them cropped;
-/// opaque surfels among them; a camera that moves.
+/// Gaussians before, around and behind the camera, of all shapes, with harmonics; turning, scaled, half of them
+/// cropped; opaque surfels among them; a camera that moves.
 fn busy_scene(size: [u32; 2], count: u32) -> Scene {
     let h = |i: u32, k: u64| f64::from(hash(u64::from(i), k)) / 2_f64.powi(31) - 1.0;
     let v = |i: u32, k: u64| DVec3::new(h(i, k), h(i, k + 1), h(i, k + 2));

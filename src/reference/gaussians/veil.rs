@@ -1,9 +1,9 @@
 //! Composites the Gaussians of captures over what rays see of opaque surfaces.
 //!
-//! A group of rays, near each other in place and time, shares one list of Gaussians that any of them may meet, sorted by
-//! a lower bound of depth. The list is taken batch by batch. Each ray sees each Gaussian of a batch exactly at its own
-//! time, and composites what is surely nearer than all batches to come. So what one ray sees depends on nothing else
-//! than that ray, and memory does not grow with what is hidden.
+//! A group of rays, near each other in place and time, shares one list of Gaussians that any of them may meet, sorted
+//! by a lower bound of depth. The list is taken batch by batch. Each ray sees each Gaussian of a batch exactly at its
+//! own time, and composites what is surely nearer than all batches to come. So what one ray sees depends on nothing
+//! else than that ray, and memory does not grow with what is hidden.
 
 use glam::{DMat4, DVec2, DVec3};
 
