@@ -41,7 +41,7 @@ Examples:
     splatblur reference scene.xml --frames 12 --pixel 320,200 --sample 17
 
 JSON (--json), one object: program, scene, directory, frames: [{frame, path, samples, traced (samples of this run, all
-pixels), mean_error, surfels, hierarchy_bytes, build_seconds, trace_seconds}], notes.")]
+pixels), mean_error, surfels, gaussians, hierarchy_bytes, build_seconds, trace_seconds}], notes.")]
 #[command(mut_arg("out", |arg| arg.help("Directory of the images; made if missing [default: out/<scene>.reference]")))]
 #[command(mut_arg("format", |arg| {
     arg.default_value("exr").help("File format; PNG has neither errors nor other layers")
@@ -53,7 +53,7 @@ pub(super) struct Reference {
     /// Go on from the .ref files of an earlier run with the same settings; frames without one start from nothing.
     #[arg(long, help_heading = "Output")]
     resume: bool,
-    /// Write no .ref files (up to 536 bytes for each pixel that is not empty); then --resume cannot go on.
+    /// Write no .ref files (up to 544 bytes for each pixel that is not empty); then --resume cannot go on.
     #[arg(long, conflicts_with = "resume", help_heading = "Output")]
     no_sums: bool,
     /// Print everything about pixel X,Y of the first frame, and write nothing.
@@ -154,6 +154,7 @@ struct FrameReport {
     traced: u64,
     mean_error: f64,
     surfels: u64,
+    gaussians: u64,
     hierarchy_bytes: u64,
     build_seconds: f64,
     trace_seconds: f64,
@@ -215,7 +216,7 @@ impl Reference {
             written.with_context(|| format!("cannot write {}", sums_path.display()))?;
         }
         image::write(&path, &picture, output.format, &settings)?;
-        let Stats { samples, traced, mean_error, surfels, hierarchy_bytes, build, trace, .. } = made.stats;
+        let Stats { samples, traced, mean_error, surfels, gaussians, hierarchy_bytes, build, trace, .. } = made.stats;
         let (build_seconds, trace_seconds) = (build.as_secs_f64(), trace.as_secs_f64());
         Ok(FrameReport {
             frame,
@@ -224,6 +225,7 @@ impl Reference {
             traced,
             mean_error,
             surfels,
+            gaussians,
             hierarchy_bytes,
             build_seconds,
             trace_seconds,
@@ -299,15 +301,19 @@ impl Output<'_> {
 
 fn summary(report: &FrameReport) -> String {
     let rate = report.traced as f64 / report.trace_seconds.max(1e-9) / 1e6;
+    let what = match (report.surfels, report.gaussians) {
+        (surfels, 0) => format!("{surfels} surfels"),
+        (0, gaussians) => format!("{gaussians} Gaussians"),
+        (surfels, gaussians) => format!("{surfels} surfels and {gaussians} Gaussians"),
+    };
     format!(
-        "{}: {} samples a pixel, mean standard error {:.2e}, {:.1} s ({:.2} M samples/s), hierarchies of {} surfels in \
+        "{}: {} samples a pixel, mean standard error {:.2e}, {:.1} s ({:.2} M samples/s), hierarchies of {what} in \
          {:.2} s\n",
         report.path.display(),
         report.samples,
         report.mean_error,
         report.build_seconds + report.trace_seconds,
         rate,
-        report.surfels,
         report.build_seconds
     )
 }

@@ -5,16 +5,26 @@ use super::simd::dispatch;
 
 /// Linear light of an sRGB-encoded value. Both are nominally in [0, 1]; the function is odd about 0.
 pub fn to_linear(encoded: f32) -> f32 {
-    let e = f64::from(encoded.abs());
-    let linear = if e <= 0.040_45 { e / 12.92 } else { libm::pow((e + 0.055) / 1.055, 2.4) };
-    (linear as f32).copysign(encoded)
+    linear(f64::from(encoded)) as f32
 }
 
 /// sRGB-encoded value of linear light. Both are nominally in [0, 1]; the function is odd about 0.
 pub fn from_linear(linear: f32) -> f32 {
-    let l = f64::from(linear.abs());
+    encoded(f64::from(linear)) as f32
+}
+
+/// [`to_linear`] in double precision.
+pub fn linear(encoded: f64) -> f64 {
+    let e = encoded.abs();
+    let linear = if e <= 0.040_45 { e / 12.92 } else { libm::pow((e + 0.055) / 1.055, 2.4) };
+    linear.copysign(encoded)
+}
+
+/// [`from_linear`] in double precision.
+pub fn encoded(linear: f64) -> f64 {
+    let l = linear.abs();
     let encoded = if l <= 0.003_130_8 { l * 12.92 } else { 1.055 * libm::pow(l, 1.0 / 2.4) - 0.055 };
-    (encoded as f32).copysign(linear)
+    encoded.copysign(linear)
 }
 
 /// [`from_linear`] for a value in [0, 1] by a polynomial. Absolute error below 1e-6, and many times as fast.

@@ -66,7 +66,8 @@ impl ObjectCones {
         let (centre, radius) = match body.shape {
             Shape::Model(model) => (world.models[model].centre, world.models[model].radius),
             Shape::Sphere(sphere) => (DVec3::ZERO, sphere.radius),
-            Shape::Nothing => return Extent::Nowhere,
+            // Captures have trees of their own.
+            Shape::Gaussians(_) | Shape::Nothing => return Extent::Nowhere,
         };
         let Some(camera) = world.camera_of(body) else { return Extent::Everywhere };
         let cone = |from: f64, to: f64| {
@@ -106,7 +107,8 @@ impl ObjectCones {
         let cos = corners.map(|c| world.direction(c).normalize().dot(axis)).into_iter().fold(1.0, f64::min);
         let tile = Cone { axis, sin: (1.0 - cos * cos).max(0.0).sqrt() + MARGIN, cos };
         out.bodies.clear();
-        out.any = 0;
+        // Rays find captures by themselves.
+        out.any = if world.captures.is_empty() { 0 } else { u64::MAX };
         for (number, extent) in self.extents.iter().enumerate() {
             let subintervals = match extent {
                 Extent::Nowhere => 0,

@@ -43,6 +43,12 @@ pub enum ReferenceError {
         /// Height of the image.
         height: u32,
     },
+    /// A capture is too large.
+    #[error("the tree of {count} Gaussians does not fit into memory")]
+    Gaussians {
+        /// Gaussians of the capture.
+        count: usize,
+    },
     /// The bytes are no partial sums, or they are damaged.
     #[error("these are no partial sums of a reference, or they are damaged")]
     Damaged,

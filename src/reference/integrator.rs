@@ -1,15 +1,17 @@
 //! Samples an image tile by tile and adds what the samples see to the sums.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::boxes::PACKET;
 use super::cull::{Candidates, ObjectCones};
+use super::gaussians::veil::Veil;
 use super::posed::World;
 use super::sampler::{Points, SCRAMBLINGS};
-use super::sums::{PixelSums, Sums};
+use super::sums::{NO_RANGE, PixelSums, Range, Sums, widen};
 use super::trace::{SamplePoint, Seen, Tracer};
 use super::warp::TimeWarp;
-use crate::film::FilmPlanes;
+use crate::film::{Background, FilmPlanes};
 use crate::options::PixelFilter;
 use crate::sampling::gaussian_offset;
 use crate::time::FrameNumber;
@@ -76,9 +78,12 @@ impl<'w, 'a> Integrator<'w, 'a> {
         let (samples, width) = (sums.samples, sums.width as usize);
         let strips_of_sums = sums.colour.par_chunks_mut(strip).zip(sums.range.par_chunks_mut(strip)).zip(&mut extras);
         strips_of_sums.enumerate().for_each_init(
-            || (Tracer::new(self.world), TileSamples::default()),
-            |(tracer, tile), (number, ((colour, range), extra))| {
-                let mut strip = Strip { planes: &planes, colour, range, extra };
+            || (Tracer::new(self.world), self.veil(), TileSamples::default()),
+            |(tracer, veil, tile), (number, ((colour, range), extra))| {
+                let mut strip = Strip { planes: &planes, background: self.world.background(), colour, range, extra };
+                if samples > 0 && veil.is_some() {
+                    strip.restore_misses();
+                }
                 let rows = strip.colour.len() / width;
                 for left in (0..width).step_by(TILE) {
                     let (first_pixel, size) = ([left, number * TILE], [TILE.min(width - left), rows]);
@@ -89,7 +94,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
                     }
                     for k in (first..last).step_by(POINTS as usize) {
                         self.place_tile(tile, &points, (corner, size), width, k..(k + POINTS).min(last));
-                        tile.trace(tracer, &self.cones);
+                        tile.trace(tracer, &self.cones, veil.as_mut());
                         tile.samples.iter().zip(&tile.seen).for_each(|(sample, seen)| {
                             if let Some(seen) = seen {
                                 strip.add(sample.pixel as usize, sample.scrambling as usize, seen);
@@ -102,6 +107,11 @@ impl<'w, 'a> Integrator<'w, 'a> {
             },
         );
         sums.samples = end;
+    }
+
+    /// What composites captures; `None` where there are none.
+    fn veil(&self) -> Option<Veil<'w, 'a>> {
+        (!self.world.captures.is_empty()).then(|| Veil::new(self.world))
     }
 
     /// Fills `tile` with the samples that may hit something. Of each pixel of the tile (corner in the image, size) it
@@ -181,13 +191,20 @@ struct TileSamples {
     order: Vec<u32>,
     /// End of each stratum of times in `order`.
     ends: Vec<u32>,
+    /// Of a group of samples: points, limits T, and what is seen of opaque surfaces and then of all.
+    points: Vec<SamplePoint>,
+    limits: Vec<f64>,
+    group: Vec<Option<Seen>>,
 }
+
+/// Samples that captures are gathered for at once.
+const GROUP: usize = 4 * PACKET;
 
 /// Mean number of samples in one stratum of times.
 const PER_STRATUM: usize = 8;
 
 impl TileSamples {
-    fn trace(&mut self, tracer: &mut Tracer<'_, '_>, cones: &ObjectCones) {
+    fn trace(&mut self, tracer: &mut Tracer<'_, '_>, cones: &ObjectCones, mut veil: Option<&mut Veil<'_, '_>>) {
         let n = self.samples.len();
         self.seen.resize(n, None);
         if n == 0 {
@@ -208,14 +225,23 @@ impl TileSamples {
             self.order[*end as usize] = number as u32;
             *end += 1;
         }
-        let mut points = [SamplePoint::default(); PACKET];
-        for packet in self.order.chunks(PACKET) {
-            for (point, &number) in points.iter_mut().zip(packet) {
-                *point = self.samples[number as usize].point;
+        for group in self.order.chunks(GROUP) {
+            self.points.clear();
+            self.points.extend(group.iter().map(|&number| self.samples[number as usize].point));
+            self.limits.clear();
+            self.group.clear();
+            for points in self.points.chunks(PACKET) {
+                tracer.hits(points, &self.candidates, cones);
+                for lane in 0..points.len() {
+                    self.limits.push(tracer.found[lane].limit);
+                    self.group.push(tracer.seen(lane));
+                }
             }
-            tracer.hits(&points[..packet.len()], &self.candidates, cones);
-            for (lane, &number) in packet.iter().enumerate() {
-                self.seen[number as usize] = tracer.seen(lane);
+            if let Some(veil) = &mut veil {
+                veil.composite(&self.points, &self.limits, &mut self.group);
+            }
+            for (&number, seen) in group.iter().zip(&self.group) {
+                self.seen[number as usize] = *seen;
             }
         }
     }
@@ -224,24 +250,31 @@ impl TileSamples {
 /// The sums of a strip of pixels.
 struct Strip<'a> {
     planes: &'a FilmPlanes,
+    background: Background,
     colour: &'a mut [PixelSums],
-    range: &'a mut [[[f32; 3]; 2]],
+    range: &'a mut [Range],
     extra: &'a mut [f64],
 }
 
 impl Strip<'_> {
+    /// Where captures are in the scene every sample has a place in the range of its pixel, but the range of a pixel
+    /// whose samples all saw nothing is not kept in files. It is that of one such sample.
+    fn restore_misses(&mut self) {
+        let behind = if self.background.transparent { DVec3::ZERO } else { self.background.colour };
+        for range in self.range.iter_mut().filter(|range| **range == NO_RANGE) {
+            widen(range, behind.extend(0.0).as_vec4().to_array());
+        }
+    }
+
     fn add(&mut self, pixel: usize, scrambling: usize, seen: &Seen) {
         let sums = &mut self.colour[pixel][scrambling];
         sums[0] += seen.colour.x;
         sums[1] += seen.colour.y;
         sums[2] += seen.colour.z;
-        sums[3] += 1.0;
-        let colour = seen.colour.as_vec3().to_array();
-        let [low, high] = &mut self.range[pixel];
-        for c in 0..3 {
-            low[c] = low[c].min(colour[c]);
-            high[c] = high[c].max(colour[c]);
-        }
+        sums[3] += seen.coverage;
+        let behind = if self.background.transparent { DVec3::ZERO } else { self.background.colour };
+        let colour = seen.colour + (1.0 - seen.coverage) * behind;
+        widen(&mut self.range[pixel], colour.extend(seen.coverage).as_vec4().to_array());
         let planes = self.planes.count - 4;
         let extra = &mut self.extra[pixel * planes..][..planes];
         let mut add = |plane: Option<usize>, values: &[f64]| {

@@ -7,13 +7,14 @@
 //! prefilter, as rays have no footprint: it is what a splatter without prefilter converges to. See docs/reference.md.
 //!
 //! Data flow: `sampler` and `warp` (where and when a sample lies) → `cull` (objects that it may hit) → `trace`
-//! (what it sees), through `bvh`, `boxes` and `traverse` → `sums` (means and standard errors). `integrator` does
-//! this for the pixels of an image, `render` for a frame, `probe` for one pixel.
+//! (what it sees), through `bvh`, `boxes` and `traverse` → `gaussians` (captures over that) → `sums` (means and
+//! standard errors). `integrator` does this for the pixels of an image, `render` for a frame, `probe` for one pixel.
 
 mod boxes;
 mod bvh;
 mod cull;
 mod error;
+mod gaussians;
 mod integrator;
 mod options;
 mod posed;
@@ -29,7 +30,7 @@ mod warp;
 pub use self::error::ReferenceError;
 pub use self::integrator::{Progress, Step};
 pub use self::options::{ROUND, ReferenceOptions};
-pub use self::probe::{Probe, ProbedHit, Sample, probe};
+pub use self::probe::{Probe, ProbedGaussian, ProbedHit, Sample, probe};
 pub use self::render::{Reference, Stats, render};
 pub use self::sampler::{MOST_SAMPLES, SCRAMBLINGS, Sampler};
 pub use self::sums::Sums;

@@ -5,12 +5,15 @@ use glam::{DAffine3, DMat3, DMat4, DVec3};
 use rayon::prelude::*;
 
 use super::bvh::Bvh;
+use super::error::ReferenceError;
+use super::gaussians::blend::Blend;
+use super::gaussians::tree::Tree;
 use super::options::ReferenceOptions;
 use crate::film::Background;
 use crate::math::{focal_length, norm};
-use crate::model::{Material, Surfels};
+use crate::model::{Gaussians, Material, Surfels};
 use crate::scene::pose::{ObjectPoser, camera_from_world};
-use crate::scene::{Light, Object, Scene, Sphere};
+use crate::scene::{Capture, Light, Object, Scene, Sphere};
 use crate::shading::ShadingLight;
 use crate::time::FrameNumber;
 
@@ -26,6 +29,12 @@ pub(super) struct World<'a> {
     pub bodies: Vec<Body<'a>>,
     /// Hierarchies. Objects with the same model share one.
     pub models: Vec<Bvh>,
+    /// Objects that show captures, in the order of objects.
+    pub captures: Vec<Transparent<'a>>,
+    /// Trees of captures. Objects that show the same Gaussians of one share a tree.
+    pub trees: Vec<Tree>,
+    /// The image's blending of captures.
+    pub blend: Blend,
     /// The camera's pose if it does not move.
     fixed_camera: Option<CameraPose>,
     /// The camera's pose at the frame number.
@@ -40,11 +49,25 @@ pub(super) struct CameraPose {
     pub eye: DVec3,
 }
 
+/// An object that shows a capture.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Transparent<'a> {
+    /// Number of the object.
+    pub body: usize,
+    /// Number of the tree.
+    pub tree: usize,
+    pub gaussians: &'a Gaussians,
+    /// Opacities shrink where Gaussians are widened.
+    pub antialias: bool,
+}
+
 /// The shape of an object that rays can hit.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape {
     /// A model: the number of its hierarchy.
     Model(usize),
+    /// A capture: the number of its tree.
+    Gaussians(usize),
     Sphere(Sphere),
     Nothing,
 }
@@ -82,9 +105,17 @@ impl BodyPose {
 
 impl<'a> World<'a> {
     /// Builds the hierarchies and poses static objects.
-    pub(super) fn new(scene: &'a Scene, frame: FrameNumber, options: &'a ReferenceOptions) -> Self {
+    ///
+    /// # Errors
+    /// A capture does not fit into memory.
+    pub(super) fn new(
+        scene: &'a Scene,
+        frame: FrameNumber,
+        options: &'a ReferenceOptions,
+    ) -> Result<Self, ReferenceError> {
         let number = frame.get();
         let mut distinct: Vec<&Surfels> = Vec::new();
+        let mut shown: Vec<(&Gaussians, &Capture)> = Vec::new();
         let bodies: Vec<Body<'a>> = scene
             .objects
             .iter()
@@ -92,6 +123,17 @@ impl<'a> World<'a> {
                 let surfels: &Surfels = &object.model;
                 let shape = match object.sphere {
                     Some(sphere) => Shape::Sphere(sphere),
+                    None if let Some(gaussians) = object.model.gaussians() => {
+                        let capture = &object.capture;
+                        let same = |(other, its): &(&Gaussians, &Capture)| {
+                            std::ptr::eq(*other, &raw const **gaussians)
+                                && (its.opacity, its.crop) == (capture.opacity, capture.crop)
+                        };
+                        Shape::Gaussians(shown.iter().position(same).unwrap_or_else(|| {
+                            shown.push((gaussians, capture));
+                            shown.len() - 1
+                        }))
+                    }
                     None if surfels.is_empty() => Shape::Nothing,
                     None => {
                         Shape::Model(distinct.iter().position(|m| std::ptr::eq(*m, surfels)).unwrap_or_else(|| {
@@ -104,17 +146,23 @@ impl<'a> World<'a> {
             })
             .collect();
         let models = distinct.into_par_iter().map(Bvh::new).collect();
+        let captures = bodies.iter().enumerate().filter_map(|(body, of)| Transparent::of(body, of)).collect();
+        let trees = shown.into_iter().map(|(gaussians, capture)| Tree::new(gaussians, capture));
+        let trees = trees.collect::<Result<_, _>>()?;
         let frame_camera = CameraPose::new(&camera_from_world(scene, number));
-        Self {
+        Ok(Self {
             scene,
             options,
             size: [scene.image.width, scene.image.height],
             focal: focal_length(f64::from(scene.image.height), scene.camera.fovy),
             bodies,
             models,
+            captures,
+            trees,
+            blend: Blend::of(scene),
             fixed_camera: scene.camera.rests().then_some(frame_camera),
             frame_camera,
-        }
+        })
     }
 
     /// What the picture is composited over.
@@ -161,6 +209,15 @@ impl<'a> World<'a> {
     /// True if the lights relative to the eye are the same for every sample.
     pub(super) fn fixed_lights(&self) -> bool {
         self.fixed_camera.is_some()
+    }
+}
+
+impl<'a> Transparent<'a> {
+    fn of(body: usize, of: &Body<'a>) -> Option<Self> {
+        let Shape::Gaussians(tree) = of.shape else { return None };
+        let gaussians: &'a Gaussians = of.object.model.gaussians()?;
+        let antialias = of.object.capture.antialias.unwrap_or(gaussians.antialiased);
+        Some(Self { body, tree, gaussians, antialias })
     }
 }
 

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::cull::Candidates;
 use super::error::{ReferenceError, finite};
+use super::gaussians::veil::{Taken, Veil};
 use super::integrator::Integrator;
 use super::options::ReferenceOptions;
 use super::posed::{Shape, World};
@@ -32,9 +33,13 @@ pub struct Sample {
     /// Surfels on the ray, nearest first. All that contribute are there, and others that were met on the way; farther
     /// ones may be missing.
     pub hits: Vec<ProbedHit>,
-    /// Shaded linear colour; `None` where nothing is hit.
+    /// Gaussians of captures that contribute, nearest first.
+    pub gaussians: Vec<ProbedGaussian>,
+    /// Linear colour, shaded, and under captures premultiplied by the coverage; `None` where nothing is hit.
     pub colour: Option<DVec3>,
-    /// Mean depth and unit normal (world axes) of the surfels that contribute.
+    /// 1 where an opaque surface is hit, 0 where nothing is.
+    pub coverage: f64,
+    /// Mean depth and unit normal (world axes) of what contributes. Captures have no normal.
     pub surface: Option<(f64, DVec3)>,
 }
 
@@ -63,6 +68,23 @@ pub struct ProbedHit {
     pub normal: DVec3,
 }
 
+/// A Gaussian on a probed ray.
+#[derive(Clone, Debug)]
+pub struct ProbedGaussian {
+    /// Name of the object.
+    pub object: String,
+    /// Number of the Gaussian in the capture.
+    pub index: usize,
+    /// Camera depth of its centre.
+    pub depth: f64,
+    /// Share of the light behind it that it hides, 1/255 to 0.99.
+    pub alpha: f64,
+    /// Share of its light that what is before it lets through.
+    pub transmittance: f64,
+    /// Colour in the space of the capture.
+    pub colour: DVec3,
+}
+
 /// One pixel, and one of its samples if that was asked for.
 #[derive(Clone, Debug)]
 pub struct Probe {
@@ -70,8 +92,8 @@ pub struct Probe {
     pub pixel: [u32; 2],
     /// Number of samples taken.
     pub samples: u64,
-    /// Number of samples that hit something.
-    pub hits: u64,
+    /// Coverage of all samples: without captures the number of samples that hit something.
+    pub hits: f64,
     /// r, g, b as the picture has them (premultiplied, over its background), and coverage.
     pub mean: [f64; 4],
     /// The same for each scrambling alone.
@@ -103,7 +125,7 @@ pub fn probe(
     if let Some(sample) = sample.filter(|&sample| sample >= samples) {
         return Err(ReferenceError::NoSample { sample, samples });
     }
-    let world = World::new(scene, frame, options);
+    let world = World::new(scene, frame, options)?;
     // The neighbours are sampled too, because the error depends on what they saw.
     let origin = pixel.map(|c| c.saturating_sub(1));
     let [w, h] = [0, 1].map(|axis| (pixel[axis] + 2).min([width, height][axis]) - origin[axis]);
@@ -115,7 +137,7 @@ pub fn probe(
     let scramblings = sums.seen(at, background);
     let mean = mean(&scramblings);
     let error = sums.error(at, background);
-    let hits = sums.hits(at) as u64;
+    let hits = sums.hits(at);
     let sample = sample.map(|number| {
         let (k, each) = (number / SCRAMBLINGS as u64, samples / SCRAMBLINGS as u64);
         let points = Points::new(options.sampler, options.seed, k, k + 1, each);
@@ -154,7 +176,23 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
         });
     }
     hits.sort_by(|a, b| a.depth.total_cmp(&b.depth));
-    let seen = tracer.seen(0);
+    let mut seen = [tracer.seen(0)];
+    let mut taken = Vec::new();
+    if !world.captures.is_empty() {
+        let mut veil = Veil::new(world);
+        veil.taken = Some(taken);
+        veil.composite(&[(film, time)], &[limit], &mut seen);
+        taken = veil.taken.unwrap_or_default();
+    }
+    let seen = seen[0].filter(|seen| seen.coverage > 0.0);
+    let of_capture = |taken: Taken| ProbedGaussian {
+        object: world.bodies[world.captures[taken.capture].body].object.name.clone(),
+        index: taken.index,
+        depth: taken.depth,
+        alpha: taken.alpha,
+        transmittance: taken.transmittance,
+        colour: taken.colour,
+    };
     Sample {
         number,
         film,
@@ -162,8 +200,10 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
         ray: [camera.eye, camera.world_from_camera * direction],
         limit,
         hits,
+        gaussians: taken.into_iter().map(of_capture).collect(),
         colour: seen.map(|seen| seen.colour),
-        surface: seen.map(|seen| (seen.depth, seen.normal)),
+        coverage: seen.map_or(0.0, |seen| seen.coverage),
+        surface: seen.map(|seen| (seen.depth / seen.coverage, seen.normal / seen.coverage)),
     }
 }
 
@@ -200,6 +240,18 @@ impl fmt::Display for Probe {
                 if hit.back { ", from behind" } else { "" },
                 numbers(&hit.colour.to_array()),
                 numbers(&hit.normal.to_array()),
+            )?;
+        }
+        for gaussian in &sample.gaussians {
+            writeln!(
+                f,
+                "  takes  `{}` Gaussian {}: depth {}, alpha {:.6}, transmittance {:.6}, colour {}",
+                gaussian.object,
+                gaussian.index,
+                gaussian.depth,
+                gaussian.alpha,
+                gaussian.transmittance,
+                numbers(&gaussian.colour.to_array()),
             )?;
         }
         if let (Some(colour), Some((depth, normal))) = (sample.colour, sample.surface) {

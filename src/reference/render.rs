@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::bvh::Bvh;
 use super::error::{ReferenceError, finite};
+use super::gaussians::tree::Tree;
 use super::integrator::{Integrator, Progress};
 use super::options::{ROUND, ReferenceOptions};
 use super::posed::World;
@@ -34,7 +35,9 @@ pub struct Stats {
     pub mean_error: f64,
     /// Surfels of the distinct models.
     pub surfels: u64,
-    /// Memory of their hierarchies, bytes.
+    /// Gaussians of the distinct captures that can be seen.
+    pub gaussians: u64,
+    /// Memory of the hierarchies of both, bytes.
     pub hierarchy_bytes: u64,
     /// Memory of the partial sums, bytes.
     pub sums_bytes: u64,
@@ -68,7 +71,7 @@ pub fn render(
         None => Sums::new(size, &options.aovs)?,
     };
     let start = Instant::now();
-    let world = World::new(scene, frame, options);
+    let world = World::new(scene, frame, options)?;
     let build = start.elapsed();
     let start = Instant::now();
     let before = sums.samples;
@@ -95,7 +98,8 @@ pub fn render(
         traced: (sums.samples - before) * u64::from(size[0]) * u64::from(size[1]),
         mean_error: sums.mean_error(background),
         surfels: world.surfels(),
-        hierarchy_bytes: world.models.iter().map(Bvh::bytes).sum(),
+        gaussians: world.trees.iter().map(|tree| tree.kernels().len() as u64).sum(),
+        hierarchy_bytes: world.models.iter().map(Bvh::bytes).chain(world.trees.iter().map(Tree::bytes)).sum(),
         sums_bytes: sums.bytes(),
         build,
         trace: start.elapsed(),

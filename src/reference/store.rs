@@ -1,16 +1,16 @@
 //! Partial sums as bytes, from which a later run can continue. They are exact, so a run in parts gives the same picture
 //! as a run in one piece.
 //!
-//! The bytes are little endian: the mark `SBREFSM1`; the length and text of the settings; width, height and number of
+//! The bytes are little endian: the mark `SBREFSM2`; the length and text of the settings; width, height and number of
 //! planes of AOVs (u32); samples (u64). Then comes one bit for each pixel that tells whether anything was seen in it,
-//! and for each such pixel its 64 sums (f64), its range (6 f32) and its planes (f64). The last four bytes are the
+//! and for each such pixel its 64 sums (f64), its range (8 f32) and its planes (f64). The last four bytes are the
 //! CRC-32 of all that.
 
 use super::error::ReferenceError;
 use super::sampler::SCRAMBLINGS;
 use super::sums::Sums;
 
-const MARK: &[u8; 8] = b"SBREFSM1";
+const MARK: &[u8; 8] = b"SBREFSM2";
 
 impl Sums {
     /// The content of a file: the sums and the settings that they belong to.
@@ -93,7 +93,7 @@ mod tests {
         let mut sums = Sums::new([5, 3], &[Aov::Depth, Aov::Velocity]).unwrap();
         sums.samples = 32;
         sums.colour[7][3] = [0.1, 2.0, -1e-300, 1.0];
-        sums.range[7] = [[0.5; 3], [0.75; 3]];
+        sums.range[7] = [[0.5, 0.5, 0.5, 1.0], [0.75, 0.75, 0.75, 1.0]];
         sums.extra[7 * 3 + 2] = 4.5;
         let bytes = sums.to_bytes("settings");
         assert_eq!(Sums::from_bytes(&bytes).unwrap(), (sums, "settings".to_owned()));

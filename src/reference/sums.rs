@@ -10,6 +10,10 @@ use crate::film::{Aov, Background, Film, FilmPlanes, Layer, Picture, develop};
 /// Sums of r, g, b and coverage, one for each scrambling.
 pub(super) type PixelSums = [[f64; 4]; SCRAMBLINGS];
 
+/// Least and greatest value of any sample of a pixel that was recorded: r, g, b over the background, and coverage.
+/// Every sample that hit something is. Where captures are in the scene all are.
+pub(super) type Range = [[f32; 4]; 2];
+
 /// The sums of an image. They are all that a later run needs to continue, with the same result as a run without a
 /// break.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,9 +24,8 @@ pub struct Sums {
     pub(super) samples: u64,
     /// Sums of each pixel, row-major.
     pub(super) colour: Vec<PixelSums>,
-    /// Least and greatest shaded colour of the samples that hit something, row-major. Pixels without a hit have the
-    /// least above the greatest.
-    pub(super) range: Vec<[[f32; 3]; 2]>,
+    /// Range of each pixel, row-major. Pixels without a recorded sample have the least above the greatest.
+    pub(super) range: Vec<Range>,
     /// Sums of the AOV planes beyond the first four, `planes` for each pixel, row-major.
     pub(super) extra: Vec<f64>,
     pub(super) planes: usize,
@@ -39,7 +42,15 @@ pub struct Sums {
 const RARE: f64 = 256.0 * 2.0 / (18.0 * 19.0);
 
 /// The range of a pixel without samples.
-pub(super) const NO_RANGE: [[f32; 3]; 2] = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+pub(super) const NO_RANGE: Range = [[f32::INFINITY; 4], [f32::NEG_INFINITY; 4]];
+
+/// Takes one sample into a range.
+pub(super) fn widen([low, high]: &mut Range, value: [f32; 4]) {
+    for c in 0..4 {
+        low[c] = low[c].min(value[c]);
+        high[c] = high[c].max(value[c]);
+    }
+}
 
 /// The scramblings that a standard error is taken from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,7 +83,7 @@ impl Sums {
     /// The sums of an image without samples; `None` if they do not fit into memory.
     pub(super) fn empty(width: u32, height: u32, planes: usize) -> Option<Self> {
         let pixels = (width as usize).checked_mul(height as usize)?;
-        let each = size_of::<PixelSums>() + size_of::<[[f32; 3]; 2]>() + size_of::<f64>() * planes;
+        let each = size_of::<PixelSums>() + size_of::<Range>() + size_of::<f64>() * planes;
         // The memory is tried first: `vec!` would end the program.
         Vec::<u8>::new().try_reserve_exact(pixels.checked_mul(each)?).ok()?;
         Some(Self {
@@ -120,12 +131,12 @@ impl Sums {
         sum.map(|s| s / self.samples as f64)
     }
 
-    /// Number of samples of pixel `i` that hit something.
+    /// Coverage of all samples of pixel `i`: without captures the number of those that hit something.
     pub(super) fn hits(&self, i: usize) -> f64 {
         self.colour[i].iter().map(|sums| sums[3]).sum()
     }
 
-    /// Share of all samples that hit something.
+    /// Mean coverage of all samples.
     pub fn mean_coverage(&self) -> f64 {
         let hits: f64 = (0..self.colour.len()).map(|i| self.hits(i)).sum();
         hits / (self.samples as f64 * self.colour.len() as f64)
@@ -167,6 +178,8 @@ impl Sums {
     fn spread(&self, i: usize, behind: [f64; 3]) -> [f64; 4] {
         let width = self.width as usize;
         let (x, y) = (i % width, i / width);
+        // Rounded as recorded samples are.
+        let [r, g, b] = behind.map(|value| f64::from(value as f32));
         let (mut low, mut high) = ([f64::INFINITY; 4], [f64::NEG_INFINITY; 4]);
         let mut add = |values: [f64; 4]| {
             for c in 0..4 {
@@ -177,14 +190,15 @@ impl Sums {
         for y in y.saturating_sub(1)..(y + 2).min(self.height as usize) {
             for x in x.saturating_sub(1)..(x + 2).min(width) {
                 let at = y * width + x;
-                let hits = self.hits(at);
-                if hits > 0.0 {
-                    for [r, g, b] in self.range[at] {
-                        add([f64::from(r), f64::from(g), f64::from(b), 1.0]);
+                let range = &self.range[at];
+                if *range != NO_RANGE {
+                    for value in range {
+                        add(value.map(f64::from));
                     }
                 }
-                if hits < self.samples as f64 {
-                    add([behind[0], behind[1], behind[2], 0.0]);
+                // Samples that are not recorded saw nothing. If any is not, all that are have the coverage 1.
+                if range[0][3] >= 1.0 && self.hits(at) < self.samples as f64 {
+                    add([r, g, b, 0.0]);
                 }
             }
         }
@@ -267,7 +281,7 @@ mod tests {
         sums.samples = 160;
         sums.colour[4] = hits.map(|n| [n, n, n, n]);
         if hits.iter().any(|&n| n > 0.0) {
-            sums.range[4] = [[1.0; 3]; 2];
+            sums.range[4] = [[1.0; 4]; 2];
         }
         sums
     }

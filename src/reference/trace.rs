@@ -19,14 +19,22 @@ use crate::shading::{ShadingLight, shade};
 /// What one sample sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Seen {
-    /// Shaded colour, linear Rec.709.
+    /// Shaded colour, linear Rec.709, premultiplied by `coverage` like all below.
     pub colour: DVec3,
+    /// 1 for opaque surfaces, 1 - transmittance where only captures are seen.
+    pub coverage: f64,
     /// Mean camera depth.
     pub depth: f64,
-    /// Averaged normal: a unit vector in world axes.
+    /// Averaged normal: a unit vector in world axes. Captures have none.
     pub normal: DVec3,
     /// Mean screen velocity, pixels per shutter; 0 unless the AOV is wanted.
     pub velocity: DVec2,
+}
+
+impl Seen {
+    /// Nothing at all.
+    pub(super) const NOTHING: Self =
+        Self { colour: DVec3::ZERO, coverage: 0.0, depth: 0.0, normal: DVec3::ZERO, velocity: DVec2::ZERO };
 }
 
 /// An object that the ray of a lane meets.
@@ -119,7 +127,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
                 Shape::Sphere(sphere) => {
                     self.rays.iter().for_each(|ray| intersect_sphere(&sphere, ray, &mut self.found[ray.lane]));
                 }
-                Shape::Nothing => {}
+                Shape::Gaussians(_) | Shape::Nothing => {}
             }
         }
     }
@@ -177,7 +185,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
             let position = (direction * depth).as_vec3();
             colour = shade(&self.lights, &material, colour.as_vec3(), normal.as_vec3(), position).as_dvec3();
         }
-        Some(Seen { colour, depth, normal, velocity: velocity * over })
+        Some(Seen { colour, coverage: 1.0, depth, normal, velocity: velocity * over })
     }
 
     /// Screen velocity of a surfel's centre, pixels per shutter: the derivative of (f X, -f Y) / depth (docs/math.md,

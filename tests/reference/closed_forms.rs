@@ -21,29 +21,31 @@ use splatblur::time::Weight;
 const SAMPLES: u64 = 4096;
 
 /// What is expected of a pixel: premultiplied r, g, b, and alpha; `None`: not compared.
-type Expected<'a> = &'a dyn Fn(usize, usize) -> Option<[f64; 4]>;
+pub(crate) type Expected<'a> = &'a dyn Fn(usize, usize) -> Option<[f64; 4]>;
 
-fn reference(scene: &Scene, filter: PixelFilter) -> Reference {
+pub(crate) fn reference(scene: &Scene, filter: PixelFilter) -> Reference {
     let options = ReferenceOptions { samples: SAMPLES, filter, ..ReferenceOptions::default() };
     render(scene, 0, &options, None, &|_| ()).expect("valid options")
 }
 
-struct Statistics {
+pub(crate) struct Statistics {
     /// Values with a z.
     count: usize,
     rms: f64,
     /// Share of all compared values within 4 standard errors + 1e-6.
-    within: f64,
+    pub(crate) within: f64,
+    /// Root mean square of the differences.
+    pub(crate) difference: f64,
     /// Mean standard error of all compared values.
-    error: f64,
+    pub(crate) error: f64,
 }
 
-fn statistics(reference: &Reference, expected: Expected<'_>) -> Statistics {
+pub(crate) fn statistics(reference: &Reference, expected: Expected<'_>) -> Statistics {
     let picture = &reference.picture;
     let errors = picture.layers.last().expect("the error layer");
     assert_eq!(errors.aov, Aov::Error);
     let (mut compared, mut within, mut error_sum) = (0, 0, 0.0);
-    let (mut count, mut squares) = (0, 0.0);
+    let (mut count, mut squares, mut differences) = (0, 0.0, 0.0);
     for (i, pixel) in picture.rgba.iter().enumerate() {
         let Some(want) = expected(i % picture.width as usize, i / picture.width as usize) else { continue };
         for c in 0..4 {
@@ -51,6 +53,7 @@ fn statistics(reference: &Reference, expected: Expected<'_>) -> Statistics {
             let error = f64::from(errors.planes[c][i]);
             compared += 1;
             error_sum += error;
+            differences += difference * difference;
             within += usize::from(difference.abs() <= 4.0 * error + 1e-6);
             if error > 0.0 {
                 count += 1;
@@ -62,6 +65,7 @@ fn statistics(reference: &Reference, expected: Expected<'_>) -> Statistics {
         count,
         rms: (squares / count.max(1) as f64).sqrt(),
         within: within as f64 / f64::from(compared),
+        difference: (differences / f64::from(compared)).sqrt(),
         error: error_sum / f64::from(compared),
     }
 }

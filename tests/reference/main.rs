@@ -4,5 +4,6 @@
 mod support;
 
 mod closed_forms;
+mod gaussians;
 mod promises;
 mod samples;

@@ -80,7 +80,7 @@ pub fn picture(gaussians: &Gaussians, view: &View) -> Vec<[f64; 4]> {
 }
 
 /// The colour of a Gaussian that is seen in the direction `d`.
-fn colour(gaussians: &Gaussians, index: usize, d: DVec3) -> DVec3 {
+pub fn colour(gaussians: &Gaussians, index: usize, d: DVec3) -> DVec3 {
     let each = gaussians.harmonics_each();
     let own = &gaussians.harmonics[index * each..][..each];
     let sum: DVec3 = own.iter().zip(basis(d)).map(|(coefficient, basis)| coefficient.as_dvec3() * basis).sum();

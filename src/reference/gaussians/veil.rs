@@ -1,0 +1,351 @@
+//! Composites the Gaussians of captures over what rays see of opaque surfaces.
+//!
+//! A group of rays, near each other in place and time, shares one list of Gaussians that any of them may meet, sorted
+//! by a lower bound of depth. The list is taken batch by batch. Each ray sees each Gaussian of a batch exactly at its
+//! own time, and composites what is surely nearer than all batches to come. So what one ray sees depends on nothing
+//! else than that ray, and memory does not grow with what is hidden.
+
+use glam::{DMat4, DVec2, DVec3};
+
+use super::beam::{Beam, BeamRay};
+use super::colour::colour;
+use super::sight::{BATCH, Batch, Seen as SeenBatch, Sight, look};
+use super::tree::LEAST_ALPHA;
+use crate::film::Aov;
+use crate::math::norm;
+use crate::reference::posed::{CameraPose, World};
+use crate::reference::trace::{SamplePoint, Seen};
+use crate::scene::pose::object_velocity;
+
+/// Greatest alpha of one Gaussian.
+const MOST_ALPHA: f64 = 0.99;
+
+/// Variance that is added on the screen, pixels^2.
+const DILATION: f64 = 0.3;
+
+/// Tangents of the projection's derivative are kept within so many half fields of view.
+const FIELD: f64 = 1.3;
+
+/// Centres nearer than this share of the object's scale are not drawn.
+const NEAREST: f64 = 0.2;
+
+/// Transmittance at which a ray ends. What is left would change a colour by less than this.
+const OPAQUE: f64 = 1e-6;
+
+/// Waiting hits of one ray from which on those are dropped that are surely hidden.
+const MANY: usize = 8192;
+
+/// A Gaussian that a ray was shown, with its share.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::reference) struct Taken {
+    /// Number of the capture, and of the Gaussian in its model.
+    pub capture: usize,
+    pub index: usize,
+    /// Camera depth of the centre.
+    pub depth: f64,
+    pub alpha: f64,
+    /// Transmittance of what is before it.
+    pub transmittance: f64,
+    /// Colour in the space of the capture.
+    pub colour: DVec3,
+}
+
+/// What a group of rays sees, on one thread.
+#[derive(Debug)]
+pub(in crate::reference) struct Veil<'w, 'a> {
+    world: &'w World<'a>,
+    rays: Vec<Ray>,
+    /// Of each ray its view of each capture; `None` where the object is hidden.
+    views: Vec<Option<View>>,
+    list: Vec<Candidate>,
+    stack: Vec<(u32, u32)>,
+    batch: Batch,
+    seen: SeenBatch,
+    /// What was composited, in its order, if that is wanted.
+    pub taken: Option<Vec<Taken>>,
+}
+
+/// A ray, and what it has met so far.
+#[derive(Clone, Debug, Default)]
+struct Ray {
+    time: f64,
+    /// Centres behind this depth are hidden by opaque surfaces.
+    limit: f64,
+    live: bool,
+    transmittance: f64,
+    colour: DVec3,
+    depth: f64,
+    velocity: DVec2,
+    /// Hits that are not composited yet.
+    waiting: Vec<Hit>,
+    /// True if anything was composited.
+    any: bool,
+}
+
+/// How a ray sees the object of one capture.
+#[derive(Clone, Copy, Debug)]
+struct View {
+    sight: Sight,
+    near: f64,
+    beam: BeamRay,
+    /// Change of the model's place relative to the camera, per shutter; made when it is asked for.
+    rate: Option<DMat4>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    /// Lower bound of the depth at which any ray sees it.
+    nearest: f64,
+    capture: u32,
+    place: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Hit {
+    depth: f64,
+    alpha: f64,
+    /// Number of the capture's object, and of the Gaussian in its model: the order among equal depths.
+    capture: u32,
+    index: u32,
+}
+
+impl<'w, 'a> Veil<'w, 'a> {
+    pub(in crate::reference) fn new(world: &'w World<'a>) -> Self {
+        Self {
+            world,
+            rays: Vec::new(),
+            views: Vec::new(),
+            list: Vec::new(),
+            stack: Vec::new(),
+            batch: Batch::default(),
+            seen: SeenBatch::default(),
+            taken: None,
+        }
+    }
+
+    /// Composites the captures of the world over what each sample sees of opaque surfaces: `opaque` with its limit T
+    /// (docs/math.md, eq. 5). Samples that see nothing get a colour without coverage.
+    pub(in crate::reference) fn composite(
+        &mut self,
+        points: &[SamplePoint],
+        limits: &[f64],
+        seen: &mut [Option<Seen>],
+    ) {
+        self.begin(points, limits);
+        self.gather();
+        let mut batches = std::mem::take(&mut self.list);
+        let mut first = 0;
+        while first < batches.len() && self.rays.iter().any(|ray| ray.live) {
+            let end = (first + BATCH).min(batches.len());
+            let next = batches.get(end).map_or(f64::INFINITY, |candidate| candidate.nearest);
+            self.meet(&mut batches[first..end]);
+            for ray in 0..self.rays.len() {
+                self.settle(ray, next);
+            }
+            first = end;
+        }
+        self.list = batches;
+        for (ray, seen) in self.rays.iter().zip(seen) {
+            *seen = Some(self.finish(ray, *seen));
+        }
+    }
+
+    fn begin(&mut self, points: &[SamplePoint], limits: &[f64]) {
+        let world = self.world;
+        self.rays.resize_with(points.len(), Ray::default);
+        self.views.clear();
+        for (ray, (&(film, time), &limit)) in self.rays.iter_mut().zip(points.iter().zip(limits)) {
+            let mut waiting = std::mem::take(&mut ray.waiting);
+            waiting.clear();
+            *ray = Ray { time, limit, live: true, transmittance: 1.0, waiting, ..Ray::default() };
+            let camera = world.camera(time);
+            self.views.extend(world.captures.iter().map(|capture| {
+                let body = &world.bodies[capture.body];
+                let camera = if body.object.blur { &camera } else { &world.frame_camera };
+                View::new(world, capture.body, world.trees[capture.tree].reach, camera, film, time)
+            }));
+        }
+    }
+
+    /// Lists what any ray may meet.
+    fn gather(&mut self) {
+        let world = self.world;
+        self.list.clear();
+        let captures = world.captures.len();
+        let far = self.rays.iter().map(|ray| ray.limit).fold(0.0, f64::max);
+        for (number, capture) in world.captures.iter().enumerate() {
+            let tree = &world.trees[capture.tree];
+            let rays = self.views.iter().skip(number).step_by(captures).flatten().map(|view| view.beam);
+            let Some(beam) = Beam::around(rays, far, tree.extent) else { continue };
+            tree.visit(&beam, &mut self.stack, |place, kernel| {
+                if let Some(nearest) = beam.nearest(kernel.centre.as_dvec3(), kernel.radius) {
+                    self.list.push(Candidate { nearest, capture: number as u32, place });
+                }
+            });
+        }
+        self.list.sort_unstable_by(|a, b| {
+            a.nearest.total_cmp(&b.nearest).then((a.capture, a.place).cmp(&(b.capture, b.place)))
+        });
+    }
+
+    /// Lets each ray look at some candidates, and keeps what it meets.
+    fn meet(&mut self, candidates: &mut [Candidate]) {
+        let world = self.world;
+        if world.captures.len() > 1 {
+            candidates.sort_by_key(|candidate| candidate.capture);
+        }
+        let (batch, candidates) = (&mut self.batch, &*candidates);
+        for run in candidates.chunk_by(|a, b| a.capture == b.capture) {
+            let number = run[0].capture;
+            let capture = &world.captures[number as usize];
+            let kernels = world.trees[capture.tree].kernels();
+            batch.count = 0;
+            for candidate in run {
+                batch.push(&kernels[candidate.place as usize]);
+            }
+            let views = self.views.iter().skip(number as usize).step_by(world.captures.len());
+            for (ray, view) in self.rays.iter_mut().zip(views) {
+                let (true, Some(view)) = (ray.live, view) else { continue };
+                look(batch, &view.sight, &mut self.seen);
+                for (i, candidate) in run.iter().enumerate() {
+                    let kernel = &kernels[candidate.place as usize];
+                    let depth = self.seen.depth[i];
+                    // The comparisons also fail where a number is NaN.
+                    if !(self.seen.q[i] <= kernel.reach && depth >= view.near && depth <= ray.limit) {
+                        continue;
+                    }
+                    let share = if capture.antialias { self.seen.shrink[i].max(0.0).sqrt() } else { 1.0 };
+                    let alpha = (kernel.opacity * share * libm::exp(-0.5 * self.seen.q[i])).min(MOST_ALPHA);
+                    if alpha >= LEAST_ALPHA {
+                        ray.waiting.push(Hit { depth, alpha, capture: number, index: kernel.index });
+                    }
+                }
+            }
+        }
+    }
+
+    /// Composites the waiting hits of a ray that are nearer than `next`, where all that is still to come begins.
+    fn settle(&mut self, number: usize, next: f64) {
+        if !self.rays[number].live {
+            return;
+        }
+        let mut waiting = std::mem::take(&mut self.rays[number].waiting);
+        waiting
+            .sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth).then((a.capture, a.index).cmp(&(b.capture, b.index))));
+        let mut done = 0;
+        while done < waiting.len() && waiting[done].depth < next && self.rays[number].transmittance >= OPAQUE {
+            self.add(number, &waiting[done]);
+            done += 1;
+        }
+        waiting.drain(..done);
+        let ray = &mut self.rays[number];
+        if waiting.len() > MANY {
+            // What is still to come can only hide more.
+            let mut transmittance = ray.transmittance;
+            let ends = waiting.iter().position(|hit| {
+                let hidden = transmittance < OPAQUE;
+                transmittance *= 1.0 - hit.alpha;
+                hidden
+            });
+            waiting.truncate(ends.unwrap_or(waiting.len()));
+        }
+        ray.live = ray.transmittance >= OPAQUE && next <= ray.limit;
+        ray.waiting = waiting;
+    }
+
+    /// Composites one hit behind those before it.
+    fn add(&mut self, number: usize, hit: &Hit) {
+        let world = self.world;
+        let capture = &world.captures[hit.capture as usize];
+        let body = &world.bodies[capture.body];
+        let (gaussians, options) = (capture.gaussians, &body.object.capture);
+        let at = number * world.captures.len() + hit.capture as usize;
+        let (ray, Some(view)) = (&mut self.rays[number], &mut self.views[at]) else { return };
+        let &mut Ray { transmittance, .. } = ray;
+        let &Hit { depth, alpha, capture: number, index } = hit;
+        let weight = transmittance * alpha;
+        let own = colour(gaussians, options, index as usize, view.beam.origin);
+        if let Some(taken) = &mut self.taken {
+            let (capture, index) = (number as usize, index as usize);
+            taken.push(Taken { capture, index, depth, alpha, transmittance, colour: own });
+        }
+        ray.colour += weight * world.blend.of_capture(own, gaussians.linear);
+        ray.depth += weight * hit.depth;
+        if body.object.blur && world.options.aovs.contains(&Aov::Velocity) {
+            let rate = *view.rate.get_or_insert_with(|| object_velocity(world.scene, body.object, ray.time));
+            let centre = gaussians.position[hit.index as usize].as_dvec3();
+            ray.velocity += weight * world.focal * view.velocity(centre, &rate);
+        }
+        ray.transmittance *= 1.0 - hit.alpha;
+        ray.any = true;
+    }
+
+    /// What the ray sees of captures and of opaque surfaces.
+    fn finish(&self, ray: &Ray, opaque: Option<Seen>) -> Seen {
+        let through = ray.transmittance;
+        let blend = &self.world.blend;
+        match opaque {
+            Some(opaque) if !ray.any => opaque,
+            Some(opaque) => Seen {
+                colour: blend.finish(ray.colour + through * blend.of_light(opaque.colour), 1.0),
+                coverage: 1.0,
+                depth: ray.depth + through * opaque.depth,
+                normal: through * opaque.normal,
+                velocity: ray.velocity + through * opaque.velocity,
+            },
+            None if !ray.any => Seen::NOTHING,
+            None => Seen {
+                colour: blend.finish(ray.colour, 1.0 - through),
+                coverage: 1.0 - through,
+                depth: ray.depth,
+                normal: DVec3::ZERO,
+                velocity: ray.velocity,
+            },
+        }
+    }
+}
+
+impl View {
+    fn new(world: &World<'_>, body: usize, reach: f64, camera: &CameraPose, film: [f64; 2], time: f64) -> Option<Self> {
+        let pose = world.bodies[body].pose_at(time)?;
+        let axes = camera.world_from_camera;
+        let rows = [axes.x_axis, -axes.y_axis, -axes.z_axis];
+        let place = pose.world_from_model.translation - camera.eye;
+        let linear = pose.world_from_model.matrix3;
+        let size = world.size.map(f64::from);
+        let half = size.map(|pixels| 0.5 * pixels / world.focal);
+        let bounds = half.map(|half| FIELD * half);
+        let sight = Sight {
+            rows: rows.map(|row| linear.transpose() * row),
+            offset: DVec3::from_array(rows.map(|row| row.dot(place))),
+            tangent: [0, 1].map(|axis| film[axis] / world.focal - half[axis]),
+            bounds,
+            dilation: DILATION / (world.focal * world.focal),
+        };
+        let scale = libm::cbrt(linear.determinant().abs());
+        let near = world.scene.camera.near.max(NEAREST * scale);
+        // |e| <= sqrt(reach) (|P| |W| sigma + sqrt(d)), with |P|^2 <= 1 + s^2 + t^2 of the bounds; in the model
+        // lengths grow by the norm of the inverse.
+        let back = norm(&pose.model_from_world);
+        let slant = (1.0 + bounds[0] * bounds[0] + bounds[1] * bounds[1]).sqrt();
+        let beam = BeamRay {
+            origin: pose.model_from_world * -place,
+            direction: pose.model_from_world * (camera.world_from_camera * world.direction(film)),
+            forward: sight.rows[2],
+            offset: sight.offset.z,
+            near,
+            growth: slant * norm(&linear) * back,
+            slope: (reach * sight.dilation).sqrt() * back,
+        };
+        Some(Self { sight, near, beam, rate: None })
+    }
+
+    /// Velocity of a point of the model on the film, tangents per shutter, x right, y down; `rate` is the change of
+    /// `camera_from_model` per shutter.
+    fn velocity(&self, p: DVec3, rate: &DMat4) -> DVec2 {
+        let [x, y, z] = [0, 1, 2].map(|axis| self.sight.rows[axis].dot(p) + self.sight.offset[axis]);
+        let v = rate.transform_vector3(p) + rate.w_axis.truncate();
+        let (dx, dy, dz) = (v.x, -v.y, -v.z);
+        DVec2::new(dx - x / z * dz, dy - y / z * dz) / z
+    }
+}
