@@ -170,6 +170,7 @@ pub enum Step {
 }
 
 /// What the steps of a frame depend on, apart from its times.
+#[allow(clippy::struct_excessive_bools, reason = "independent facts, each with a name")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scenery {
     /// Whether any visible object with surfels is static.

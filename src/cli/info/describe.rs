@@ -7,8 +7,8 @@ use serde_json::{Map, Value, json};
 use splatblur::anim::{Animation, NodeAnimation};
 use splatblur::film::Picture;
 use splatblur::math::{Bounds, Trs};
-use splatblur::model::{self, Material, Surfels};
-use splatblur::scene::{AnimationBinding, Camera, Light, Motion, Object};
+use splatblur::model::{self, Gaussians, Material, Surfels};
+use splatblur::scene::{AnimationBinding, Camera, Light, Model, Motion, Object};
 use splatblur::scene_file;
 
 fn object(pairs: Vec<(&str, Value)>) -> Value {
@@ -82,7 +82,7 @@ fn scene_object(o: &Object) -> Value {
     let mut pairs = vec![
         ("name", json!(o.name)),
         ("path", json!(o.model_path.to_string_lossy())),
-        ("model", model(&o.model)),
+        ("model", o.model.gaussians().map_or_else(|| model(&o.model), |gaussians| capture(gaussians))),
         ("radius_scale", json!(o.radius_scale)),
         ("blur", json!(o.blur)),
         ("two_sided", json!(o.two_sided)),
@@ -141,7 +141,24 @@ fn trs(t: &Trs) -> Value {
 
 /// A model file.
 pub(super) fn model_file(loaded: &model::Loaded) -> Value {
-    object(vec![("kind", json!("model")), ("model", model(&loaded.surfels)), ("notes", json!(loaded.notes))])
+    let inside = loaded.gaussians.as_ref().map_or_else(|| model(&loaded.surfels), capture);
+    object(vec![("kind", json!("model")), ("model", inside), ("notes", json!(loaded.notes))])
+}
+
+fn capture(g: &Gaussians) -> Value {
+    let model = Model::from(g.clone());
+    let turned = g.turned.map(|turn| format!("; those of the file were turned by {turn}"));
+    let box_of = |Bounds { min, max }: Bounds| json!({ "min": vector(min), "max": vector(max) });
+    object(vec![
+        ("gaussians", json!(g.len())),
+        ("harmonics", json!(format!("degrees 0 to {}", g.degree))),
+        ("colours", json!(if g.linear { "linear light" } else { "sRGB-encoded" })),
+        ("axes", json!(format!("x right, y down, z forward{}", turned.as_deref().unwrap_or_default()))),
+        ("antialiased", json!(g.antialiased)),
+        ("bounds", box_of(model.bounds())),
+        ("core", box_of(model.core())),
+        ("radius", json!({ "median": single(model.median_radius()) })),
+    ])
 }
 
 fn model(s: &Surfels) -> Value {
@@ -226,11 +243,12 @@ pub(super) fn text(report: &Value) -> String {
 }
 
 /// Keys that come first in text, in this order; all others follow by name.
-const ORDER: [&str; 27] = [
+const ORDER: [&str; 28] = [
     "kind",
     "name",
     "type",
     "surfels",
+    "gaussians",
     "width",
     "height",
     "background",
@@ -342,7 +360,7 @@ mod tests {
 
     #[test]
     fn a_model_is_counted_and_measured() {
-        let loaded = model::Loaded { surfels: square(), notes: vec!["normals estimated".to_owned()] };
+        let loaded = model::Loaded { surfels: square(), gaussians: None, notes: vec!["normals estimated".to_owned()] };
         let report = model_file(&loaded);
         assert_eq!(report["model"]["surfels"], 3);
         assert_eq!(report["model"]["radius"], json!({ "min": 1.0, "median": 2.0, "max": 3.0 }));
@@ -354,7 +372,7 @@ mod tests {
         assert!(text.contains("  sides: fronts show\n"), "{text}");
         assert!(text.contains("  bounds: min 10 0 0, max 11 1 0\n"), "{text}");
         assert!(text.ends_with("note: normals estimated\n"), "{text}");
-        let empty = model::Loaded { surfels: Surfels::default(), notes: Vec::new() };
+        let empty = model::Loaded { surfels: Surfels::default(), gaussians: None, notes: Vec::new() };
         assert_eq!(model_file(&empty)["model"]["surfels"], 0);
     }
 

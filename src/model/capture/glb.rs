@@ -54,7 +54,8 @@ pub(in crate::model) fn parse(bytes: &[u8]) -> Result<Gaussians, ParseError> {
     if logarithms {
         notes.push("Gaussian splats: negative scales, so all are taken as logarithms".to_owned());
     }
-    let mut gaussians = Gaussians { linear, notes, ..Gaussians::of_degree(degree) };
+    let mut gaussians =
+        Gaussians { linear, notes, turned: Some("180 degrees about z"), ..Gaussians::of_degree(degree) };
     for part in &parts {
         part.append(logarithms, &mut gaussians);
     }

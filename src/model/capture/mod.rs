@@ -66,6 +66,8 @@ pub struct Gaussians {
     /// True if the file says that the capture was trained with the filter of an antialiased rasteriser: whoever widens
     /// a Gaussian by the filter then lowers its opacity.
     pub antialiased: bool,
+    /// How the file's axes were turned into the common ones; `None`: not at all.
+    pub turned: Option<&'static str>,
     /// True if colours are linear light. Else they are sRGB-encoded.
     pub linear: bool,
     /// What a user should know: Gaussians that were dropped, properties that were ignored.

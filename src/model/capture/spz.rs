@@ -252,6 +252,7 @@ impl Header {
     fn gaussians(&self, planes: [&[u8]; 6]) -> Gaussians {
         let mut gaussians = Gaussians::of_degree(self.degree);
         gaussians.antialiased = self.flags & ANTIALIASED != 0;
+        gaussians.turned = Some("180 degrees about x");
         let kept = gaussians.harmonics_each();
         let [position, alpha, colour, scale, rotation, harmonics] = planes;
         let [position_width, _, _, _, rotation_width, harmonics_width] = self.widths();

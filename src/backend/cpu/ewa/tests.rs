@@ -30,6 +30,7 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
     let origin = screen * centre.as_vec3();
     let object = PosedObject {
         visible: true,
+        near: 0.01,
         moves: false,
         eye: Vec3::ZERO,
         centre_from_model: screen,

@@ -49,6 +49,7 @@ fn clusters_that_are_left_out_hold_nothing() {
         let (screen_from_model, screen_origin) = (k * linear, k * origin);
         let object = PosedObject {
             visible: true,
+            near: 0.01,
             screen_from_model,
             screen_origin,
             centre_from_model: screen_from_model,

@@ -40,6 +40,7 @@ impl Disc {
             Posed { centre: screen(self.centre), motion: screen(self.motion), u: screen(self.u), v: screen(self.v) };
         let object = PosedObject {
             visible: true,
+            near: 0.01,
             screen_from_model: Mat3::IDENTITY,
             screen_origin: Vec3::ZERO,
             centre_from_model: Mat3::IDENTITY,
