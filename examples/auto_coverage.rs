@@ -1,6 +1,7 @@
 //! Does mode auto keep its promises? Stated and true errors on random scenes.
 //!
-//! `cargo run --release --example auto_coverage [-- seed=N] [scenes=N] [prefilter=approx] [list=yes]`
+//! `cargo run --release --example auto_coverage [-- seed=N] [scenes=N] [prefilter=approx] [captures=yes]
+//! [list=yes]`
 //!
 //! For each target: the share of scenes whose stated error is at least the true one, the median of stated / true, the
 //! share of scenes without a block beyond 1.1 E, and the samples of a pixel. The truth is supersampling with 768
@@ -18,7 +19,7 @@ use splatblur::options::{ErrorTarget, Prefilter, Quality, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use support::Arguments;
-use support::random_scenes::{Models, random};
+use support::random_scenes::{Models, random, random_with_captures};
 use support::scenes::converged;
 
 /// Targets: draft, good and final.
@@ -36,7 +37,7 @@ struct Seen {
 }
 
 fn main() {
-    let asked = Arguments::read(&[], &["seed", "scenes", "prefilter", "list"]);
+    let asked = Arguments::read(&[], &["seed", "scenes", "prefilter", "captures", "list"]);
     let number = |key: &str, default: u64| asked.value(key).map_or(default, |text| text.parse().unwrap());
     let (seed, scenes) = (number("seed", 1), number("scenes", 200));
     let prefilter: Prefilter = asked.value("prefilter").map_or_else(Prefilter::default, |text| text.parse().unwrap());
@@ -44,7 +45,8 @@ fn main() {
     let mut cpu = Cpu::default();
     let mut seen: [Vec<Seen>; 3] = [Vec::new(), Vec::new(), Vec::new()];
     for index in 0..scenes {
-        let scene = random(&models, seed, index);
+        let of_seed = if asked.value("captures").is_some() { random_with_captures } else { random };
+        let scene = of_seed(&models, seed, index);
         let options = RenderOptions { prefilter, ..RenderOptions::default() };
         let truth = converged(&scene, 0, &options, &prefilter.to_string());
         for (error, seen) in ERRORS.into_iter().zip(&mut seen) {

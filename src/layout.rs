@@ -149,7 +149,7 @@ impl SweptFilter {
     }
 }
 
-/// A 3D Gaussian of a capture, posed and projected for one time sample (docs/math.md, section 9).
+/// A 3D Gaussian of a capture, posed and projected for one time sample (docs/math.md, section 11).
 ///
 /// At the sample position p = pixel + 1/2 + offset of the group's raster, with (x, y) = p - `reference`: its alpha is
 /// 2^(`peak` - `along` x^2 - `across` (y - `slope` x)^2).

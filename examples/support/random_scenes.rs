@@ -6,12 +6,12 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 use splatblur::anim::{self, Interpolation};
 use splatblur::math::Trs;
-use splatblur::model::{self, Material};
+use splatblur::model::{self, Gaussians, Material};
 use splatblur::scene::{AnimationBinding, Light, Model, Motion, Object, Scene};
 use splatblur::time::Weight;
 
@@ -24,6 +24,7 @@ pub struct Models {
     wall: Model,
     cow: Model,
     statue: Model,
+    guitar: Model,
 }
 
 impl Models {
@@ -32,7 +33,7 @@ impl Models {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/models");
         let shipped = |name: &str| {
             let loaded = model::load(&folder.join(name), &model::LoadOptions::default(), &|_, _| {});
-            Model::from(loaded.expect("a shipped model").surfels.spatially_ordered())
+            Model::from(loaded.expect("a shipped model"))
         };
         Self {
             ball: sphere(5000).spatially_ordered().into(),
@@ -40,8 +41,26 @@ impl Models {
             wall: chequers().spatially_ordered().into(),
             cow: shipped("spot.sfl"),
             statue: shipped("guanyin.sfl"),
+            guitar: thinned(&shipped("guitar_3dgs.ply")),
         }
     }
+}
+
+/// Every sixth Gaussian of the guitar, larger, upright, about 2 high about the origin.
+fn thinned(guitar: &Model) -> Model {
+    let whole = guitar.gaussians().expect("a capture");
+    let every = |i: &usize| i % 6 == 0;
+    let picked: Vec<usize> = (0..whole.len()).filter(every).collect();
+    let upright = Quat::from_rotation_x(std::f32::consts::PI);
+    Gaussians {
+        position: picked.iter().map(|&i| upright * (whole.position[i] - Vec3::new(0.0, -2.0, 0.0)) * 0.5).collect(),
+        sigma: picked.iter().map(|&i| whole.sigma[i] * 0.5 * 1.8).collect(),
+        rotation: picked.iter().map(|&i| upright * whole.rotation[i]).collect(),
+        opacity: picked.iter().map(|&i| whole.opacity[i]).collect(),
+        base: picked.iter().map(|&i| whole.base[i]).collect(),
+        ..Gaussians::default()
+    }
+    .into()
 }
 
 /// Seven slats in z = 0, 0.2 wide, 2.4 high and 0.5 apart.
@@ -227,5 +246,19 @@ pub fn random(models: &Models, seed: u64, index: u64) -> Scene {
         curve(&mut curves, "rotate.rotateY", "angular", "linear", &keys);
         made.camera.animation = Some(binding(&curves));
     }
+    made
+}
+
+/// As [`random`], with some of the objects captures, at least the first.
+pub fn random_with_captures(models: &Models, seed: u64, index: u64) -> Scene {
+    let mut made = random(models, seed, index);
+    let mut dice = Dice(Pcg64::seed_from_u64(seed.wrapping_mul(7_000_003).wrapping_add(index)));
+    for (number, object) in made.objects.iter_mut().enumerate() {
+        if number == 0 || dice.chance(0.4) {
+            object.model = models.guitar.clone();
+            object.transform.scale = DVec3::splat(dice.within(0.5, 1.3));
+        }
+    }
+    made.name = format!("captures_{seed}_{index}");
     made
 }

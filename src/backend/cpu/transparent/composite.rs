@@ -1,4 +1,4 @@
-//! Pass `composite`: the splats of a tile, front to back: C += T a c, then T *= 1 - a (docs/math.md, section 9).
+//! Pass `composite`: the splats of a tile, front to back: C += T a c, then T *= 1 - a (docs/math.md, section 11).
 //!
 //! In: splats in the order of depth; depth thresholds of opaque surfels. Out: premultiplied colour and transmittance of
 //! each pixel. The order of splats matters; pixels do not know one another.

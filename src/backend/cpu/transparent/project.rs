@@ -1,6 +1,6 @@
 //! Pass `project` of Gaussians: posed, projected, widened by the filter, bounded and culled.
 //!
-//! Math: docs/math.md, section 9. In: Gaussians of one object and its pose. Out: splats in the order of the model.
+//! Math: docs/math.md, section 11. In: Gaussians of one object and its pose. Out: splats in the order of the model.
 //! Order-free.
 
 use std::ops::Range;

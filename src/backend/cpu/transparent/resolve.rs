@@ -1,5 +1,5 @@
 //! Pass `resolve` of what is transparent: over the opaque picture of the instant, decoded, and added to the film with
-//! the time weight (docs/math.md, section 9).
+//! the time weight (docs/math.md, section 11).
 //!
 //! In: a tile's composite, and the opaque picture of its group. Out: the tile's film. One instant at a time.
 
