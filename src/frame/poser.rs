@@ -9,8 +9,8 @@ use crate::scene::pose::{ObjectPose, camera_from_world, object_pose, object_velo
 use crate::scene::{Light, Object, Scene};
 use crate::shading::ShadingLight;
 
-/// Least depth at which Gaussians are drawn, in units of the model (Kerbl et al. 2023, their program): nearer ones would
-/// fill the image.
+/// Least depth at which Gaussians are drawn, in units of the model (Kerbl et al. 2023, their program). Nearer ones
+/// would fill the image.
 const NEAR_OF_GAUSSIANS: f64 = 0.2;
 
 /// The scene at one time sample.

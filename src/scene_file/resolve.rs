@@ -121,7 +121,8 @@ fn camera(
     Ok(camera)
 }
 
-/// Most copies of one model file that differ in radius scale, colour space or kind: a small scene must not fill the memory.
+/// Most copies of one model file that differ in radius scale, colour space or kind: a small scene must not fill the
+/// memory.
 const MOST_VARIANTS: usize = 32;
 
 /// What two objects share if they name it alike: file, kind, radius scale (its bits) and colour space.
@@ -156,8 +157,8 @@ impl Files<'_> {
         };
         if model.gaussians().is_none() && spec.capture != Capture::default() {
             self.notes.push(format!(
-                "object {}: `opacity`, `shDegree`, `cropMin`, `cropMax` and `antialias` are for captures drawn as Gaussians, and mean \
-                 nothing here",
+                "object {}: `opacity`, `shDegree`, `cropMin`, `cropMax` and `antialias` are for captures drawn as \
+                 Gaussians, and mean nothing here",
                 quoted(&spec.name)
             ));
         }

@@ -518,3 +518,69 @@ fn each_pixel_knows_its_object() {
     let place = |index: f32| indices.iter().position(|i| *i == index).unwrap();
     assert!(place(1.0) < place(2.0), "{indices:?}");
 }
+
+/// Whatever a reader lets through is drawn or left out: no NaN, no infinity, no end of the program.
+#[test]
+fn extreme_gaussians_are_drawn_or_left_out() {
+    let mut capture = random_capture(41, 40, 3);
+    let extreme = [0.0, 1e-30, 1e-6, 1.0, 1e6, 1e15];
+    for (i, size) in extreme.into_iter().enumerate() {
+        for (j, other) in extreme.into_iter().enumerate() {
+            let at = (i * extreme.len() + j) % capture.len();
+            capture.sigma[at] = Vec3::new(size, other, extreme[(i + j) % 6]);
+            capture.opacity[at] = [0.0, 1.0, 0.5][(i + j) % 3];
+        }
+    }
+    // At the eye, behind it, on the plane of the camera, and as far away as a file may say.
+    capture.position[0] = Vec3::new(0.5, -1.0, -3.0);
+    capture.position[1] = Vec3::new(0.5, -1.0, -30.0);
+    capture.position[2] = Vec3::new(5.0, -1.0, -3.0);
+    capture.position[3] = Vec3::splat(1e15);
+    capture.base[4] = Vec3::splat(1e15);
+    capture.harmonics[75] = Vec3::splat(-1e15);
+    for scale in [1e-9, 1.0, 1e9] {
+        let mut object = Object::new(capture.clone());
+        object.transform.scale = DVec3::splat(scale);
+        object.motions = vec![Motion::Rotation { axis: DVec3::Y, per_frame: 3.0, centre: DVec3::ZERO }];
+        let scene = seen(vec![object], [40, 30], DVec3::new(0.5, -1.0, -3.0), DVec3::ZERO);
+        for mode in [BlurMode::supersample(3), "bucket:2x2".parse().unwrap()] {
+            let options = RenderOptions { aovs: AOVS.to_vec(), ..with(mode) };
+            let picture = render(&scene, &options);
+            assert!(picture.rgba.iter().flatten().all(|value| value.is_finite()), "scale {scale}, {mode}");
+            for layer in picture.layers.iter().filter(|layer| layer.aov != Aov::Depth) {
+                assert!(layer.planes.iter().flatten().all(|value| value.is_finite()), "scale {scale}, {:?}", layer.aov);
+            }
+        }
+    }
+}
+
+/// Each position of the pixel filter samples the Gaussian where it lies, whether the object rests or moves.
+#[test]
+fn positions_lie_where_the_filter_has_them() {
+    let (sigma, opacity) = (0.1, 0.8);
+    let focal = 8.5 / 25_f64.to_radians().tan();
+    let variance = (sigma * focal / 2.0).powi(2) + 0.3;
+    for count in [2, 8] {
+        for (mode, along) in [(BlurMode::Still { pixel_samples: count }, 0.0), (BlurMode::supersample(count), 0.02)] {
+            let offsets = splatblur::sampling::pixel_offsets(count, 1);
+            let mut object = Object::new(one(Vec3::ZERO, sigma as f32, opacity as f32, Vec3::ONE));
+            // Towards the eye: the centre stays in the middle.
+            object.motions = vec![Motion::Linear { velocity: DVec3::new(0.0, 0.0, -along) }];
+            let scene = seen(vec![object], [17, 17], DVec3::new(0.0, 0.0, -2.0), DVec3::ZERO);
+            let options = RenderOptions { filter: PixelFilter::Box, seed: 1, ..with(mode) };
+            let picture = render(&scene, &options);
+            for (x, y) in [(8_u32, 8_u32), (10, 8), (7, 10), (8, 5)] {
+                let alpha = |&[dx, dy]: &[f32; 2]| {
+                    let d = DVec3::new(f64::from(x) + f64::from(dx) - 8.0, f64::from(y) + f64::from(dy) - 8.0, 0.0);
+                    opacity * (-0.5 * d.length_squared() / variance).exp()
+                };
+                let want = offsets.iter().map(alpha).sum::<f64>() / f64::from(count);
+                let found = f64::from(picture.rgba[(y * 17 + x) as usize][3]);
+                assert!(
+                    (found - want).abs() < if along > 0.0 { 0.01 } else { 1e-5 },
+                    "{mode} {x} {y}: {found} for {want}"
+                );
+            }
+        }
+    }
+}

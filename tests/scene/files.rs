@@ -656,8 +656,8 @@ fn crowds_are_quick() {
     let object = |i| format!("<object><pointModel radiusScale='1.{i}'>m.ply</pointModel></object>");
     refused(
         format!("<scene>{}</scene>", (10..43).map(object).collect::<String>()),
-        "scene.xml:1:2159: <pointModel> is variant 33 of the file m.ply, expected at most 32 pairs of `radiusScale` \
-         and `colourSpace` for one file",
+        "scene.xml:1:2159: <pointModel> is variant 33 of the file m.ply, expected at most 32 sets of `radiusScale`, \
+         `colourSpace` and `kind` for one file",
     );
 }
 

@@ -40,8 +40,17 @@ const TARGETS: [(&str, &str, Read); 13] = [
 const OF_FORMATS: [&str; 2] = ["sog", "spz"];
 
 fn read_model(path: &Path) -> anyhow::Result<()> {
-    let loaded = model::load(path, &model::LoadOptions::default(), &|_, _| {})?;
-    let s = loaded.surfels;
+    let gaussians = model::load(path, &model::LoadOptions::default(), &|_, _| {})?.gaussians;
+    if let Some(g) = gaussians {
+        assert!(!g.is_empty(), "a capture without Gaussians was accepted");
+        for i in 0..g.len() {
+            let vectors = [g.position[i], g.sigma[i], g.base[i]];
+            assert!(vectors.iter().all(|v| v.is_finite()), "Gaussian {i} is not finite");
+            assert!(g.rotation[i].is_normalized(), "Gaussian {i} has no rotation");
+        }
+    }
+    let surfels = model::LoadOptions { kind: Some(model::Kind::Surfels), ..model::LoadOptions::default() };
+    let s = model::load(path, &surfels, &|_, _| {})?.surfels;
     assert!(!s.is_empty(), "a model without surfels was accepted");
     for i in 0..s.len() {
         let vectors = [s.position[i], s.axis_u[i], s.axis_v[i], s.normal[i], s.colour[i]];

@@ -15,8 +15,8 @@ use crate::shading::{ShadingLight, agreement, towards_point};
 #[derive(Clone, Debug, Default)]
 pub(in crate::backend) struct TileFilm {
     pub values: Vec<f32>,
-    /// T(x) of the picture's surfels, as in `TileBuffers`, where something transparent is laid over it; else empty, as it
-    /// is where no surfel shows.
+    /// T(x) of the picture's surfels, as in `TileBuffers`, where something transparent is laid over it. Empty where no
+    /// surfel shows, and in all other pictures.
     pub threshold: Vec<f32>,
 }
 

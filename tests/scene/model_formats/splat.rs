@@ -1,6 +1,6 @@
 //! `.splat`: every field against values computed by hand.
 
-use glam::{DVec3, Quat, Vec3};
+use glam::{Quat, Vec3};
 use splatblur::model::{Format, Gaussians, parse_capture};
 
 use super::support::{cloud, load_as, refused};
@@ -72,7 +72,7 @@ fn the_extension_shows_the_format() {
     let bytes = record([1.0, 2.0, 3.0, 1.0, 1.0, 0.5], [255, 255, 255, 255, 255, 128, 128, 128]);
     for name in ["a.splat", "a.SPLAT"] {
         let loaded = load_as(name, &bytes).unwrap();
-        assert_eq!([loaded.surfels.origin + loaded.surfels.position[0].as_dvec3()], [DVec3::new(1.0, 2.0, 3.0)]);
+        assert_eq!(loaded.gaussians.unwrap().position, [Vec3::new(1.0, 2.0, 3.0)]);
     }
     load_as("a.dat", &bytes).unwrap_err();
     let e = load_as("short.splat", &bytes[..31]).unwrap_err().to_string();
