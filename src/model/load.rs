@@ -62,6 +62,7 @@ pub fn parse_capture(bytes: &[u8], format: Format) -> Result<Option<Gaussians>, 
 /// The file cannot be read, is not a regular file, or is not a valid model of a known format with at least one point.
 pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<Loaded, ModelError> {
     let content = {
+        refuse_by_name(path)?;
         let bytes = map::map(path)?;
         let format = Format::detect(&bytes, path).ok_or_else(|| ModelError::UnknownFormat { path: path.to_owned() })?;
         read(&bytes, format, &|share| progress("reading", share))
@@ -96,6 +97,20 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
 
 fn parse_told(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Parsed, ParseError> {
     Ok(tidied(read(bytes, format, progress)?))
+}
+
+/// Refuses captures of programs that keep the meaning of their bytes to themselves, or spread them over many files.
+fn refuse_by_name(path: &Path) -> Result<(), ModelError> {
+    let refused = |found: &str| {
+        let why = ParseError::byte(0, found, "the PLY, SPZ or SOG that it was made from");
+        Err(ModelError::Invalid { path: path.to_owned(), why })
+    };
+    let name = path.file_name().unwrap_or_default().to_ascii_lowercase();
+    match name.to_str() {
+        Some("lod-meta.json") => refused("a streamed SOG (lod-meta.json)"),
+        Some(name) if name.ends_with(".ksplat") => refused("a .ksplat capture"),
+        _ => Ok(()),
+    }
 }
 
 /// What is drawn as surfels, without points that cannot be drawn.

@@ -75,7 +75,7 @@ pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, SceneError
 pub fn load_model(path: &Path, progress: Progress<'_>) -> Result<Loaded, ModelError> {
     let loaded = model::load(path, &model::LoadOptions::default(), progress)?;
     let notes = loaded.notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
-    let mut object = Object::new(loaded.surfels.spatially_ordered());
+    let mut object = Object::new(loaded);
     path.clone_into(&mut object.model_path);
     let mut scene = Scene::new([object]);
     scene.name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());

@@ -5,7 +5,9 @@ use std::path::Path;
 
 use glam::DVec3;
 use splatblur::image;
-use splatblur::model::{Format, parse_capture};
+use splatblur::model::{self, Format, Kind, parse_capture};
+use splatblur::scene::{Capture, Object, Scene};
+use splatblur::scene_file;
 
 use crate::support::gaussians::{View, picture, psnr};
 
@@ -25,4 +27,66 @@ fn the_guitar_makes_the_exact_picture() {
     let found = psnr(&picture(&guitar, &view), &want);
     println!("{found:.1} dB");
     assert!(found >= 80.0, "{found:.1} dB");
+}
+
+/// A capture alone is looked at upright, from the front, whole but for its strays.
+#[test]
+fn a_capture_alone_is_seen_upright() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/models/guitar_3dgs.ply");
+    let scene = scene_file::load_model(&path, &|_, _| {}).unwrap().scene;
+    assert!(scene.objects[0].model.gaussians().is_some() && scene.objects[0].model.surfels().is_empty());
+    assert_eq!(scene.camera.up, DVec3::NEG_Y);
+    let away = scene.camera.eye - scene.camera.at;
+    assert!(away.z > 0.0 && away.truncate().length() < 1e-9, "{away}");
+    // The guitar is 4.4 high; the core leaves out its outermost 2 %.
+    let size = scene.objects[0].core().size();
+    assert!((4.0..4.3).contains(&size.y), "{size}");
+    // What stands the other way up is seen as all else is.
+    let mut turned = scene.objects[0].clone();
+    turned.transform.rotate = DVec3::new(std::f64::consts::PI, 0.0, 0.0);
+    assert_eq!(Scene::new([turned]).camera.up, DVec3::Y);
+    let ball = Object::load(path.with_file_name("ball.ply")).unwrap();
+    assert_eq!(Scene::new([scene.objects[0].clone(), ball]).camera.up, DVec3::Y);
+}
+
+/// What a scene says about a capture is loaded, written and loaded again.
+#[test]
+fn a_scene_says_how_a_capture_is_drawn() {
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/models/guitar_3dgs.ply");
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("scene.xml");
+    let load = |attributes: &str| {
+        let text = format!("<scene><object><pointModel {attributes}>{}</pointModel></object></scene>", model.display());
+        fs::write(&path, text).unwrap();
+        scene_file::load(&path, &scene_file::LoadOptions::default())
+    };
+    let plain = load("").unwrap().scene;
+    assert_eq!((plain.objects[0].kind, plain.objects[0].capture), (None, Capture::default()));
+    let given = "kind='gaussians' opacity='0.25' shDegree='2' cropMin='-1 -3 -1' antialias='true' colourSpace='linear'";
+    let scene = load(given).unwrap().scene;
+    let capture = scene.objects[0].capture;
+    assert_eq!((capture.opacity, capture.harmonics, capture.antialias), (0.25, 2, Some(true)));
+    assert_eq!(capture.crop.unwrap(), [DVec3::new(-1.0, -3.0, -1.0), DVec3::splat(1e30)]);
+    assert!(scene.objects[0].model.gaussians().unwrap().linear);
+    assert_eq!(scene.objects[0].bounds().min.y, -3.0);
+    fs::write(&path, scene_file::to_xml(&scene, directory.path())).unwrap();
+    let again = scene_file::load(&path, &scene_file::LoadOptions::default()).unwrap().scene;
+    assert_eq!((again.objects[0].kind, again.objects[0].capture), (Some(Kind::Gaussians), capture));
+
+    let surfels = load("kind='surfels' opacity='0.5'").unwrap();
+    assert!(surfels.scene.objects[0].model.gaussians().is_none() && surfels.scene.objects[0].model.len() > 10_000);
+    assert!(surfels.notes.iter().any(|note| note.contains("mean nothing here")), "{:?}", surfels.notes);
+    let refused = load("cropMin='0 0 0' cropMax='1 -1 1'").map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("`cropMax`") && refused.contains("at least `cropMin`"), "{refused}");
+}
+
+#[test]
+fn foreign_captures_are_refused_by_name() {
+    let directory = tempfile::tempdir().unwrap();
+    for (name, word) in [("a.ksplat", ".ksplat"), ("lod-meta.json", "streamed SOG")] {
+        let path = directory.path().join(name);
+        fs::write(&path, "0 0 0\n").unwrap();
+        let refused = model::load(&path, &model::LoadOptions::default(), &|_, _| {}).unwrap_err().to_string();
+        assert!(refused.contains(word) && !refused.contains('\n'), "{refused}");
+    }
 }

@@ -121,6 +121,8 @@ pub(super) struct Place<'a> {
     pub tile: &'a TileRect,
     /// Offset of the sample position from the pixels' centres, raster pixels.
     pub offset: [f32; 2],
+    /// Do depths rise? Those of a bucket's samples need not: their order is that of its middle.
+    pub rising: bool,
     /// T(x) of opaque surfels, as `TileBuffers` have it; empty where there are none.
     pub threshold: &'a [f32],
 }
@@ -140,7 +142,8 @@ fn composite_body(batch: &Batch, place: &Place<'_>, out: &mut Composite) -> bool
         (_, true) => all::<7, false>(batch, place, out),
         (_, false) => all::<7, true>(batch, place, out),
     }
-    let furthest = batch.splats.last().map_or(0.0, |splat| splat.depth);
+    let last = batch.splats.last().filter(|_| place.rising);
+    let furthest = last.map_or(f32::NEG_INFINITY, |splat| splat.depth);
     out.close(place, furthest);
     out.closed != u32::MAX
 }

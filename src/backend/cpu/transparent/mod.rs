@@ -287,7 +287,8 @@ impl TransparentGroup<'_> {
         if pass.first {
             out.clear(scope.planes.depth.is_some(), self.velocity());
         }
-        let place = Place { tile: &tile, offset: scope.raster.offset, threshold: &opaque.threshold };
+        let place =
+            Place { tile: &tile, offset: scope.raster.offset, rising: !self.several(), threshold: &opaque.threshold };
         let any = sets.map(|set| set.reaches(index));
         let mut walks = sets.map(|set| set.walk(&tile, index));
         let mut batch = Batch::default();
