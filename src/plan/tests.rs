@@ -23,7 +23,7 @@ fn posed_interval(guard: u32) -> PosedInterval {
 /// Static objects are splatted once where several groups share a position, and not where one is alone.
 #[test]
 fn groups_of_one_position_share_a_static_layer() {
-    let scenery = Scenery { has_static: true, one_view: true, ewa: false };
+    let scenery = Scenery { has_static: true, one_view: true, ewa: false, transparent: false };
     let (layer, splat) = (Step::StaticLayer { group: 0 }, |group| Step::Splat { group });
     assert_eq!(Step::of_position(&[None, None], scenery), [layer, splat(0), splat(1)]);
     assert_eq!(Step::of_position(&[None], scenery), [splat(0)]);
@@ -40,7 +40,7 @@ fn intervals_share_a_static_picture() {
         let steps = Step::of_position(&sweeps(kernel), scenery);
         steps.iter().map(|step| format!("{step:?}").split(' ').next().unwrap().to_owned()).collect()
     };
-    let scenery = Scenery { has_static: true, one_view: true, ewa: false };
+    let scenery = Scenery { has_static: true, one_view: true, ewa: false, transparent: false };
     let kernel = SweptKernel::default();
     assert_eq!(names(kernel, scenery), ["StaticPicture", "VisibilityMap", "Sweep", "VisibilityMap", "Sweep"]);
     let turning = Scenery { one_view: false, ..scenery };

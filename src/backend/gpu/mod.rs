@@ -23,6 +23,7 @@ pub(super) mod steps;
 #[cfg(test)]
 pub(super) mod tests;
 pub(super) mod timestamps;
+pub(super) mod transparent;
 
 use std::collections::VecDeque;
 

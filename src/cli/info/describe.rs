@@ -342,7 +342,7 @@ mod tests {
 
     #[test]
     fn a_model_is_counted_and_measured() {
-        let loaded = model::Loaded { surfels: square(), notes: vec!["normals estimated".to_owned()] };
+        let loaded = model::Loaded { surfels: square(), gaussians: None, notes: vec!["normals estimated".to_owned()] };
         let report = model_file(&loaded);
         assert_eq!(report["model"]["surfels"], 3);
         assert_eq!(report["model"]["radius"], json!({ "min": 1.0, "median": 2.0, "max": 3.0 }));
@@ -354,7 +354,7 @@ mod tests {
         assert!(text.contains("  sides: fronts show\n"), "{text}");
         assert!(text.contains("  bounds: min 10 0 0, max 11 1 0\n"), "{text}");
         assert!(text.ends_with("note: normals estimated\n"), "{text}");
-        let empty = model::Loaded { surfels: Surfels::default(), notes: Vec::new() };
+        let empty = model::Loaded { surfels: Surfels::default(), gaussians: None, notes: Vec::new() };
         assert_eq!(model_file(&empty)["model"]["surfels"], 0);
     }
 

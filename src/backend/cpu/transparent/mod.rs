@@ -297,9 +297,7 @@ struct Pass {
 
 /// The nearest of what both walks come to next.
 #[inline]
-fn nearest<'a>(
-    walks: &mut [std::iter::Peekable<Walk<'a>>; 2],
-) -> Option<(&'a GaussianSplat, Option<&'a [f32; 2]>)> {
+fn nearest<'a>(walks: &mut [std::iter::Peekable<Walk<'a>>; 2]) -> Option<(&'a GaussianSplat, Option<&'a [f32; 2]>)> {
     let [fixed, moving] = walks;
     let first = match (fixed.peek(), moving.peek()) {
         (Some(a), Some(b)) => a.rank < b.rank,
@@ -308,4 +306,3 @@ fn nearest<'a>(
     let step = if first { fixed.next() } else { moving.next() };
     step.map(|step| (step.splat, step.velocity))
 }
-
