@@ -211,14 +211,7 @@ impl Schedule {
         cached_slots: u64,
     ) -> Result<Self, BackendError> {
         let most_bytes = limits.bytes;
-        let (mut rasters, mut film_floats) = (Vec::new(), 0);
-        for raster in &frame.rasters {
-            let size = raster.size;
-            let tiles = size.map(|pixels| pixels.div_ceil(TILE));
-            rasters.push(RasterFilm { size, tiles, start: film_floats });
-            film_floats += u64::from(tiles[0]) * u64::from(tiles[1]) * TILE_PIXELS * planes.count as u64;
-        }
-        let film_bytes = 4 * film_floats;
+        let (rasters, film_bytes) = films(frame, planes);
         let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
         // Other pictures, the film, its copy for the host, and the picture.
         let film = frame.picture_bytes + 2 * film_bytes + 4 * pixels * planes.count as u64;
@@ -231,11 +224,7 @@ impl Schedule {
             };
         let static_picture_bytes = if frame.has_static_picture() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
         let opaque_bytes = if frame.blending.is_some() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
-        // All Gaussians of a sample are on the device, and are sorted together.
-        let captures = frame.objects.iter().filter_map(|object| object.gaussians.as_ref());
-        let gaussians = captures.map(|capture| capture.len() as u64).sum::<u64>();
-        let more_entries = gaussians.saturating_sub(LEAST_SLOTS * u64::from(WIDEST));
-        let gaussian_bytes = gaussians * GAUSSIAN_BYTES + more_entries * ENTRY_BYTES;
+        let (gaussians, gaussian_bytes) = gaussians(frame);
         let has_layer = cached_slots > 0;
         let behind_map_bytes = THRESHOLD_BYTES * (u64::from(static_picture_bytes > 0) + u64::from(frame.slices()));
         let apron = frame.positions().map(|position| position.raster.apron()).max().unwrap_or(0);
@@ -339,6 +328,27 @@ impl Schedule {
     pub(in crate::backend) fn cached_batches(&self) -> u64 {
         if self.cached_slots == 0 { 0 } else { self.cached_slots.div_ceil(self.slots) }
     }
+}
+
+/// The films of a frame's rasters, and the bytes of all.
+fn films(frame: &Frame, planes: &FilmPlanes) -> (Vec<RasterFilm>, u64) {
+    let (mut rasters, mut film_floats) = (Vec::new(), 0);
+    for raster in &frame.rasters {
+        let size = raster.size;
+        let tiles = size.map(|pixels| pixels.div_ceil(TILE));
+        rasters.push(RasterFilm { size, tiles, start: film_floats });
+        film_floats += u64::from(tiles[0]) * u64::from(tiles[1]) * TILE_PIXELS * planes.count as u64;
+    }
+    (rasters, 4 * film_floats)
+}
+
+/// Gaussians of all captures, and the bytes that they take beside those of a batch. All of a sample are on the device,
+/// and are sorted together.
+fn gaussians(frame: &Frame) -> (u64, u64) {
+    let captures = frame.objects.iter().filter_map(|object| object.gaussians.as_ref());
+    let count = captures.map(|capture| capture.len() as u64).sum::<u64>();
+    let more_entries = count.saturating_sub(LEAST_SLOTS * u64::from(WIDEST));
+    (count, count * GAUSSIAN_BYTES + more_entries * ENTRY_BYTES)
 }
 
 /// Surfels of the static objects, where a static layer is made; else 0.

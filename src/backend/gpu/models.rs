@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::sync::{Arc, Weak};
 
+use glam::Quat;
 use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
@@ -130,7 +131,7 @@ fn upload_gaussians(device: &Device, gaussians: &Gaussians) -> Result<Vec<ModelB
     let mut buffers = Vec::new();
     for start in (0..gaussians.len()).step_by(most) {
         let range = start..(start + most).min(gaussians.len());
-        let turns: Vec<[f32; 4]> = gaussians.rotation[range.clone()].iter().map(|turn| turn.to_array()).collect();
+        let turns: Vec<[f32; 4]> = gaussians.rotation[range.clone()].iter().map(Quat::to_array).collect();
         let colours: Vec<_> = range.clone().map(|index| gaussians.colour(index)).collect();
         let geometry = [
             bytemuck::cast_slice(&gaussians.position[range.clone()]),

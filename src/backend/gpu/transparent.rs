@@ -4,7 +4,7 @@
 //! `composite`, the nearest first; a slab has as many splats as a batch may have slots.
 
 use bytemuck::Zeroable;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use wgpu::{CommandEncoder, ComputePassDescriptor};
 
 use super::DeviceState;
@@ -115,7 +115,7 @@ fn segment(frame: &Frame, group: &PosedGroup, sample: usize, run: &Run) -> Captu
     let capture = &object.capture;
     let Some(gaussians) = &object.gaussians else { return CaptureSegment::zeroed() };
     let degree = usize::from(capture.harmonics.min(gaussians.degree));
-    let [low, high] = capture.crop.map_or([Vec3::MIN, Vec3::MAX], |crop| crop.map(|corner| corner.as_vec3()));
+    let [low, high] = capture.crop.map_or([Vec3::MIN, Vec3::MAX], |crop| crop.map(DVec3::as_vec3));
     let stride = frame.stride as f32;
     let antialias = capture.antialias.unwrap_or(gaussians.antialiased);
     let encode = gaussians.linear && frame.blending == Some(Blending::Coded);

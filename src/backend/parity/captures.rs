@@ -19,7 +19,9 @@ fn cloud(n: usize, seed: u64, degree: u8, linear: bool) -> Gaussians {
         out.sigma.push(Vec3::new(random.next(), random.next(), random.next()) * size);
         let axis = random.vector().normalize();
         out.rotation.push(Quat::from_axis_angle(axis, 6.0 * random.next()));
-        out.opacity.push(if i % 40 == 0 { 0.2 } else { random.next() });
+        // Some are as opaque as can be.
+        let opacity = random.next();
+        out.opacity.push(if i % 40 == 0 { 0.2 } else { (1.3 * opacity).min(1.0) });
         out.base.push(1.5 * random.vector());
         out.harmonics.extend((0..out.harmonics_each()).map(|_| 0.4 * random.vector()));
     }
@@ -52,6 +54,13 @@ fn mixed(first: Gaussians, second: Gaussians, size: [u32; 2]) -> Scene {
     let mut scene = scene(vec![behind, fixed, moving(second), before], size);
     scene.image.background = DVec3::new(0.1, 0.3, 0.6);
     scene
+}
+
+/// More Gaussians than rounding of a budget would hide.
+pub(super) fn many() -> Case {
+    let scene = mixed(cloud(600_000, 3, 0, false), cloud(30, 4, 0, false), [70, 45]);
+    let quality = BlurMode::supersample(2).into();
+    Case { name: "many", scene, options: RenderOptions { quality, ..RenderOptions::default() }, in_part: false }
 }
 
 /// All cases.
@@ -92,6 +101,11 @@ pub(super) fn captures() -> Vec<Case> {
     let mut ties = mixed(layer(200, 7), layer(200, 8), [70, 45]);
     ties.objects[2].motions = vec![Motion::Linear { velocity: DVec3::new(0.2, 0.1, 0.0) }];
     ties.objects[2].transform.translate.z = -0.4;
+    // Beside the field of view and behind the eye, and so wide that they reach into the picture.
+    let mut around = cloud(300, 9, 0, false);
+    around.position.iter_mut().for_each(|position| *position *= 6.0);
+    around.sigma.iter_mut().for_each(|sigma| *sigma *= 4.0);
+    let aside = mixed(around, cloud(30, 4, 0, false), [70, 45]);
     let mut near = coded.clone();
     near.camera.near = 2.9;
     let case = |name, scene: &Scene, options| Case { name, scene: scene.clone(), options, in_part: false };
@@ -111,6 +125,7 @@ pub(super) fn captures() -> Vec<Case> {
         case("drawn", &drawn, options(still)),
         case("ties", &ties, point(BlurMode::supersample(2))),
         case("near", &near, options(still)),
+        case("aside", &aside, options(still)),
         case("large", &large, options(bucket)),
         case("layer", &coded, point(BlurMode::supersample(3))),
         case("layer, bucket", &coded, point(bucket)),
