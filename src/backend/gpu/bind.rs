@@ -3,6 +3,7 @@
 use wgpu::{BindGroup, BindGroupEntry, BindingResource, BufferBinding, BufferSize, ComputePass, ComputePipeline};
 
 use super::buffers::Buffers;
+use super::captures;
 use super::constants::{
     ewa_resolve_constants, resolve_constants, restore_constants, slice_constants, sum_constants, swept_constants,
     swept_resolve_constants, value_constants,
@@ -14,7 +15,6 @@ use super::models::ModelBuffer;
 use super::prepared::Prepared;
 use super::programs::{Constants, Pipelines, Program, Slot};
 use super::timestamps::Marks;
-use super::transparent::{self, TransparentPrograms};
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
 use crate::layout::{Channels, FilteredSplat, Splat, SweptSplat};
@@ -131,6 +131,17 @@ pub(in crate::backend) struct EwaPrograms {
     pub attribute: BoundProgram,
 }
 
+/// The programs of captures.
+#[derive(Debug)]
+pub(in crate::backend) struct TransparentPrograms {
+    /// For each object, for each of its buffers.
+    pub project: Vec<Vec<BoundProgram>>,
+    /// By depth.
+    pub sort: Vec<Round>,
+    pub gather: BoundProgram,
+    pub composite: BoundProgram,
+}
+
 impl Gpu {
     /// Makes room for the uniforms of the largest group and for all marks; binds the programs.
     pub(in crate::backend) fn bind(
@@ -151,7 +162,7 @@ impl Gpu {
                 most = [most[0].max(views), most[1].max(segments), most[2].max(lights)];
                 passes += 18 * views + 4;
                 if frame.blending.is_some() {
-                    let [views, segments, of_step] = transparent::sizes(prepared, group);
+                    let [views, segments, of_step] = captures::sizes(prepared, group);
                     most = [most[0].max(views), most[1].max(segments), most[2]];
                     passes += of_step;
                 }

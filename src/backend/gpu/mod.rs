@@ -7,6 +7,7 @@
 pub(super) mod batches;
 pub(super) mod bind;
 mod buffers;
+mod captures;
 mod constants;
 mod device;
 pub(super) mod ewa;

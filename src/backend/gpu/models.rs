@@ -1,4 +1,5 @@
-//! Models on the device: surfels and the Gaussians of captures. They are uploaded when a frame first names them, and stay while the scene holds them.
+//! Models on the device: surfels and the Gaussians of captures. They are uploaded when a frame first names them, and
+//! stay while the scene holds them.
 
 use std::ops::Range;
 use std::sync::{Arc, Weak};

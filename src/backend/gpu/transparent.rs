@@ -8,7 +8,8 @@ use glam::{DVec3, Vec3};
 use wgpu::{CommandEncoder, ComputePassDescriptor};
 
 use super::DeviceState;
-use super::bind::{Binder, BoundProgram, Round};
+use super::bind::{Binder, BoundProgram, TransparentPrograms};
+use super::captures::{Run, runs};
 use super::constants::{composite_constants, transparent_resolve_constants};
 use super::job::{Place, dispatch, view_offset};
 use super::layout::{
@@ -32,17 +33,6 @@ const DEPTH_BITS: u32 = 32;
 /// The sort of depths begins and ends in the first buffers.
 const ROUNDS: usize = DEPTH_BITS.div_ceil(DIGIT_BITS) as usize;
 const _: () = assert!(ROUNDS.is_multiple_of(2) && size_of::<CaptureSegment>() as u64 <= UNIFORM_STRIDE);
-
-/// The programs of captures.
-#[derive(Debug)]
-pub(in crate::backend) struct TransparentPrograms {
-    /// For each object, for each of its buffers.
-    project: Vec<Vec<BoundProgram>>,
-    /// By depth.
-    sort: Vec<Round>,
-    gather: BoundProgram,
-    composite: BoundProgram,
-}
 
 impl Binder<'_> {
     /// Binds the programs of captures.
@@ -72,41 +62,6 @@ impl Binder<'_> {
         let constants = transparent_resolve_constants(frame, channels, planes);
         self.program(Program::TransparentResolve, &constants, 0, &[(Slot::Film, part)])
     }
-}
-
-/// The Gaussians of one buffer, in a group.
-#[derive(Clone, Copy, Debug)]
-struct Run {
-    object: usize,
-    buffer: usize,
-    count: u32,
-    first_slot: u32,
-    first_index: u32,
-}
-
-/// The Gaussians of the objects that are visible at some sample, in document order, and their number.
-fn runs(prepared: &Prepared<'_>, group: &PosedGroup) -> (Vec<Run>, u32) {
-    let mut runs = Vec::new();
-    let (mut slots, mut all) = (0_u32, 0_u32);
-    for (object, buffers) in prepared.gaussian_buffers.iter().enumerate() {
-        let visible = group.samples.iter().any(|sample| sample.objects[object].visible);
-        for (buffer, of_buffer) in buffers.iter().enumerate() {
-            let count = of_buffer.surfels.len() as u32;
-            if visible {
-                runs.push(Run { object, buffer, count, first_slot: slots, first_index: all });
-                slots += count;
-            }
-            all += count;
-        }
-    }
-    (runs, slots)
-}
-
-/// Most views and segments of a group, and passes that it records.
-pub(super) fn sizes(prepared: &Prepared<'_>, group: &PosedGroup) -> [usize; 3] {
-    let (runs, slots) = runs(prepared, group);
-    let slabs = u64::from(slots).div_ceil(prepared.schedule.slots).max(1) as usize;
-    [slabs + 1, 1 + 2 * runs.len(), group.samples.len() * (4 + 2 * slabs)]
 }
 
 fn segment(frame: &Frame, group: &PosedGroup, sample: usize, run: &Run) -> CaptureSegment {
@@ -346,7 +301,7 @@ impl super::Gpu {
     }
 
     /// The sort of depths.
-    pub(in crate::backend) fn rounds_of_depths(&mut self) -> Vec<Round> {
+    pub(in crate::backend) fn rounds_of_depths(&mut self) -> Vec<super::bind::Round> {
         let DeviceState { device, buffers, pipelines, .. } = &mut self.state;
         let mut binder = Binder { device, pipelines, buffers };
         (0..ROUNDS).map(|round| binder.round(round, round % 2).unwrap()).collect()

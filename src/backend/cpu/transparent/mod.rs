@@ -297,7 +297,9 @@ struct Pass {
 
 /// The nearest of what both walks come to next.
 #[inline]
-fn nearest<'a>(walks: &mut [std::iter::Peekable<Walk<'a>>; 2]) -> Option<(&'a GaussianSplat, Option<&'a [f32; 2]>)> {
+fn nearest<'a>(
+    walks: &mut [std::iter::Peekable<Walk<'a>>; 2],
+) -> Option<(&'a GaussianSplat, Option<&'a [f32; 2]>)> {
     let [fixed, moving] = walks;
     let first = match (fixed.peek(), moving.peek()) {
         (Some(a), Some(b)) => a.rank < b.rank,
@@ -306,3 +308,4 @@ fn nearest<'a>(walks: &mut [std::iter::Peekable<Walk<'a>>; 2]) -> Option<(&'a Ga
     let step = if first { fixed.next() } else { moving.next() };
     step.map(|step| (step.splat, step.velocity))
 }
+

@@ -43,12 +43,7 @@ impl Order {
     pub(super) fn of(chunks: &[Projected]) -> Self {
         let ranks = |(chunk, projected): (usize, &Projected)| -> Vec<Rank> {
             let place = |i: usize| (chunk * CHUNK + i) as u64;
-            projected
-                .splats
-                .iter()
-                .enumerate()
-                .map(|(i, splat)| u64::from(key_of(splat.depth)) << 32 | place(i))
-                .collect()
+            projected.splats.iter().enumerate().map(|(i, splat)| u64::from(key_of(splat.depth)) << 32 | place(i)).collect()
         };
         let ranks: Vec<Vec<Rank>> = chunks.par_iter().enumerate().map(ranks).collect();
         let mut parts = split(&ranks);
