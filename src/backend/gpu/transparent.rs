@@ -2,6 +2,9 @@
 //!
 //! The Gaussians of all captures are projected and sorted together. Then slabs of depth go through `gather`, `bin` and
 //! `composite`, the nearest first; a slab has as many splats as a batch may have slots.
+//!
+//! All Gaussians of a sample are on the device, 68 bytes each; a binding must hold their splats, else the frame is
+//! refused. Static captures are projected and sorted anew at each sample.
 
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
