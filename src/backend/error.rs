@@ -32,12 +32,6 @@ pub enum BackendError {
         /// Name of the object.
         object: String,
     },
-    /// The GPU does not show captures.
-    #[error("object `{object}` is a capture, which only the CPU can show so far: take `--backend cpu`")]
-    Capture {
-        /// Name of the object.
-        object: String,
-    },
     /// The number of the frame is infinite or NaN.
     #[error("there is no frame {frame}; a finite number is needed")]
     Frame {

@@ -6,14 +6,20 @@
 
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
+
+use crate::support::gaussians::psnr;
 use crate::support::gpu::gpu_or_skip;
 use crate::support::sphere_scene;
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
-use splatblur::options::{BlurMode, Interleave, RenderOptions};
+use splatblur::image;
+use splatblur::math::srgb::from_linear;
+use splatblur::model::{Format, parse_capture};
+use splatblur::options::{BlurMode, Interleave, PixelFilter, RenderOptions};
 use splatblur::renderer::{Frames, render_frame};
-use splatblur::scene::Scene;
+use splatblur::scene::{Camera, ImageSettings, Object, Scene};
 use splatblur::scene_file;
 
 fn shipped() -> Vec<(String, Scene)> {
@@ -133,4 +139,32 @@ fn a_tile_holds_more_splats_than_a_loop_has_turns() {
     let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     // Sums of some thousand weights.
     assert!(worst < 1e-3, "{worst}");
+}
+
+/// The captured guitar on the device, against a picture of another program (tests/scene/captures.rs).
+#[test]
+fn the_guitar_is_the_exact_picture() {
+    let Some(mut gpu) = gpu_or_skip("the_guitar_is_the_exact_picture") else { return };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let bytes = std::fs::read(root.join("scenes/models/guitar_3dgs.ply")).unwrap();
+    let guitar = parse_capture(&bytes, Format::Ply).unwrap().unwrap();
+    let mut scene = sphere_scene(1, 100, false);
+    scene.objects = vec![Object::new(guitar)];
+    scene.image = ImageSettings { width: 480, height: 360, transparent: true, ..ImageSettings::default() };
+    scene.camera = Camera::new(DVec3::new(0.0, -2.0, 6.0), DVec3::new(0.0, -2.0, 0.0));
+    (scene.camera.up, scene.camera.fovy, scene.camera.near) = (-DVec3::Y, 50_f64.to_radians(), 0.2);
+    let still = BlurMode::Still { pixel_samples: 1 };
+    let options = RenderOptions { quality: still.into(), filter: PixelFilter::Point, ..RenderOptions::default() };
+    let picture = render_frame(&mut gpu, &scene, 0, &options).unwrap().picture;
+    // The truth has coded values.
+    let coded = |&[r, g, b, a]: &[f32; 4]| {
+        let of = |c: f32| if a > 0.0 { a * from_linear(c / a) } else { 0.0 };
+        [of(r), of(g), of(b), a].map(f64::from)
+    };
+    let got: Vec<[f64; 4]> = picture.rgba.iter().map(coded).collect();
+    let truth = image::read(&root.join("tests/data/truth/captures/guitar_0.exr")).unwrap();
+    let want: Vec<[f64; 4]> = truth.rgba.iter().map(|pixel| pixel.map(f64::from)).collect();
+    let found = psnr(&got, &want);
+    eprintln!("{found:.1} dB");
+    assert!(found >= 80.0, "{found:.1} dB");
 }

@@ -24,7 +24,7 @@ pub(super) mod swept;
 pub(super) mod tile_buffers;
 pub(super) mod tile_runner;
 pub(super) mod tiles;
-mod transparent;
+pub(super) mod transparent;
 pub(super) mod values;
 pub(super) mod visibility;
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::layout::{Segment, Travel, UNIFORM_STRIDE};
 use super::memory::Schedule;
-use super::models::SurfelBuffer;
+use super::models::ModelBuffer;
 use super::prepared::Prepared;
 use crate::backend::clusters::{CLUSTER_SURFELS, Window};
 use crate::frame::{PixelRect, PosedGroup, Raster};
@@ -91,7 +91,7 @@ struct Cutter<'a> {
 
 impl Cutter<'_> {
     /// The runs of a surfel buffer that are wanted.
-    fn parts(&self, sample: usize, object: usize, buffer: &SurfelBuffer) -> Vec<Range<usize>> {
+    fn parts(&self, sample: usize, object: usize, buffer: &ModelBuffer) -> Vec<Range<usize>> {
         let frame = self.prepared.frame;
         let Some((clusters, blocks)) = self.prepared.clusters.get(object).zip(frame.wanted.as_ref()) else {
             return vec![buffer.surfels.clone()];

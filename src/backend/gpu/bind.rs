@@ -3,6 +3,7 @@
 use wgpu::{BindGroup, BindGroupEntry, BindingResource, BufferBinding, BufferSize, ComputePass, ComputePipeline};
 
 use super::buffers::Buffers;
+use super::captures;
 use super::constants::{
     ewa_resolve_constants, resolve_constants, restore_constants, slice_constants, sum_constants, swept_constants,
     swept_resolve_constants, value_constants,
@@ -10,14 +11,12 @@ use super::constants::{
 use super::device::Device;
 use super::layout::{DIGIT_BITS, UNIFORM_STRIDE};
 use super::memory::DeviceChannels;
-use super::models::SurfelBuffer;
+use super::models::ModelBuffer;
 use super::prepared::Prepared;
 use super::programs::{Constants, Pipelines, Program, Slot};
 use super::timestamps::Marks;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
-use crate::film::FilmPlanes;
-use crate::frame::Frame;
 use crate::layout::{Channels, FilteredSplat, Splat, SweptSplat};
 use crate::options::{KernelShape, KernelWeight, Normalise, SweptKernel};
 use crate::plan::Objects;
@@ -64,6 +63,8 @@ pub(in crate::backend) struct BoundPrograms {
     pub swept: Option<SweptPrograms>,
     /// `None` without full EWA.
     pub ewa: Option<EwaPrograms>,
+    /// `None` without captures.
+    pub transparent: Option<TransparentPrograms>,
 }
 
 /// The programs that make splats, or kernels in motion, and their lists.
@@ -89,6 +90,8 @@ pub(in crate::backend) struct FilmPart {
     pub resolve: BoundProgram,
     /// `None` where the film is complete when all groups are added.
     pub finish: Option<BoundProgram>,
+    /// `None` without captures. With them `resolve` makes the opaque picture, and this adds to the film.
+    pub over: Option<BoundProgram>,
 }
 
 /// The programs of a static layer.
@@ -128,6 +131,17 @@ pub(in crate::backend) struct EwaPrograms {
     pub attribute: BoundProgram,
 }
 
+/// The programs of captures.
+#[derive(Debug)]
+pub(in crate::backend) struct TransparentPrograms {
+    /// For each object, for each of its buffers.
+    pub project: Vec<Vec<BoundProgram>>,
+    /// By depth.
+    pub sort: Vec<Round>,
+    pub gather: BoundProgram,
+    pub composite: BoundProgram,
+}
+
 impl Gpu {
     /// Makes room for the uniforms of the largest group and for all marks; binds the programs.
     pub(in crate::backend) fn bind(
@@ -147,6 +161,11 @@ impl Gpu {
                 let lights = group.samples.iter().map(|sample| sample.lights.len()).sum();
                 most = [most[0].max(views), most[1].max(segments), most[2].max(lights)];
                 passes += 18 * views + 4;
+                if frame.blending.is_some() {
+                    let [views, segments, of_step] = captures::sizes(prepared, group);
+                    most = [most[0].max(views), most[1].max(segments), most[2]];
+                    passes += of_step;
+                }
             }
         }
         let bands: usize = (0..schedule.rasters.len()).map(|raster| schedule.bands(raster).count()).max().unwrap_or(0);
@@ -198,6 +217,9 @@ impl Binder<'_> {
             Slot::LayerThresholds => &b.layer_thresholds,
             Slot::LayerSums => &b.layer_sums,
             Slot::Limits => &b.limits,
+            Slot::Gaussians => &b.gaussians,
+            Slot::Order => &b.order,
+            Slot::Opaque => &b.opaque,
         }
     }
 
@@ -243,21 +265,42 @@ impl Binder<'_> {
         &mut self,
         program: Program,
         constants: &Constants,
-        surfel_buffers: &[Vec<SurfelBuffer>],
+        surfel_buffers: &[Vec<ModelBuffer>],
     ) -> Result<Vec<Vec<BoundProgram>>, BackendError> {
-        let mut one = |buffer: &SurfelBuffer| {
+        self.of_models(program, constants, 0, surfel_buffers)
+    }
+
+    /// Binds `program` for each buffer of each object. Its lists are in the buffers other than `from`.
+    pub(super) fn of_models(
+        &mut self,
+        program: Program,
+        constants: &Constants,
+        from: usize,
+        buffers: &[Vec<ModelBuffer>],
+    ) -> Result<Vec<Vec<BoundProgram>>, BackendError> {
+        let mut one = |buffer: &ModelBuffer| {
             let special = [
                 (Slot::Geometry, buffer.geometry.as_entire_buffer_binding()),
                 (Slot::Looks, buffer.looks.as_entire_buffer_binding()),
             ];
-            self.program(program, constants, 0, &special)
+            self.program(program, constants, from, &special)
         };
-        surfel_buffers.iter().map(|buffers| buffers.iter().map(&mut one).collect()).collect()
+        buffers.iter().map(|buffers| buffers.iter().map(&mut one).collect()).collect()
+    }
+
+    /// Binds a round of a sort, which reads the buffers `from`.
+    pub(super) fn round(&mut self, round: usize, from: usize) -> Result<Round, BackendError> {
+        let shift = vec![("SHIFT", round as u32 * DIGIT_BITS)];
+        Ok(Round {
+            count: self.program(Program::SortCount, &shift, from, &[])?,
+            scan: self.program(Program::SortScan, &Constants::new(), from, &[])?,
+            scatter: self.program(Program::SortScatter, &shift, from, &[])?,
+        })
     }
 
     /// Binds all programs of a frame.
     pub(in crate::backend) fn bind(&mut self, prepared: &Prepared<'_>) -> Result<BoundPrograms, BackendError> {
-        let Prepared { frame, channels, planes, surfel_buffers, schedule, .. } = prepared;
+        let Prepared { frame, channels, surfel_buffers, schedule, .. } = prepared;
         let none = Constants::new();
         let rounds = schedule
             .band_tiles
@@ -272,19 +315,15 @@ impl Binder<'_> {
         let begin = rounds % 2;
         let mut sort = Vec::new();
         for round in 0..rounds {
-            let from = (begin + round) % 2;
-            let shift = vec![("SHIFT", round as u32 * DIGIT_BITS)];
-            sort.push(Round {
-                count: self.program(Program::SortCount, &shift, from, &[])?,
-                scan: self.program(Program::SortScan, &none, from, &[])?,
-                scatter: self.program(Program::SortScatter, &shift, from, &[])?,
-            });
+            sort.push(self.round(round, (begin + round) % 2)?);
         }
         let swept = match frame.swept {
             Some(kernel) => Some(self.swept_programs(prepared, kernel, 1 - begin)?),
             None => None,
         };
         let ewa = if frame.has_ewa() { Some(self.ewa_programs(prepared, 1 - begin)?) } else { None };
+        let captures = frame.blending.is_some();
+        let transparent = if captures { Some(self.transparent_programs(prepared)?) } else { None };
         Ok(BoundPrograms {
             lists: ListPrograms {
                 project: self.of_surfels(Program::Project, &none, surfel_buffers)?,
@@ -300,21 +339,17 @@ impl Binder<'_> {
             visibility: self.program(Program::Visibility, &none, 1, &[])?,
             splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
             sum_attributes: self.program(Program::SumAttributes, &sums, 1, &[])?,
-            film: self.film_parts(frame, channels, planes, &prepared.film_parts())?,
+            film: self.film_parts(prepared, &prepared.film_parts())?,
             static_layer: self.static_layer_programs(channels, schedule.cached_batches() as usize)?,
             swept,
             ewa,
+            transparent,
         })
     }
 
     /// Binds the programs that write to the parts of the film. A part is its first byte and its length.
-    fn film_parts(
-        &mut self,
-        frame: &Frame,
-        channels: &DeviceChannels,
-        planes: &FilmPlanes,
-        parts: &[(u64, u64)],
-    ) -> Result<Vec<FilmPart>, BackendError> {
+    fn film_parts(&mut self, prepared: &Prepared<'_>, parts: &[(u64, u64)]) -> Result<Vec<FilmPart>, BackendError> {
+        let Prepared { frame, channels, planes, .. } = prepared;
         let constants = match frame.swept {
             Some(kernel) => swept_resolve_constants(frame, kernel, channels, planes),
             None if frame.has_ewa() => ewa_resolve_constants(frame, channels, planes),
@@ -327,14 +362,16 @@ impl Binder<'_> {
             Some(Normalise::Once) => Program::Pool,
         };
         let needs_finish = frame.swept.is_some_and(SweptKernel::needs_finish);
-        let film = self.buffers.film.clone();
+        let (film, opaque) = (self.buffers.film.clone(), self.buffers.opaque.clone());
+        let captures = frame.blending.is_some();
         let part = |&(offset, bytes): &(u64, u64)| {
             let part = BufferBinding { buffer: &film, offset, size: BufferSize::new(bytes) };
-            let special = [(Slot::Film, part)];
+            let over = if captures { Some(self.over(prepared, part.clone())?) } else { None };
+            let special = [(Slot::Film, if captures { opaque.as_entire_buffer_binding() } else { part })];
             let resolve = self.program(program, &constants, 0, &special)?;
             let finish =
                 if needs_finish { Some(self.program(Program::Finish, &constants, 0, &special)?) } else { None };
-            Ok(FilmPart { resolve, finish })
+            Ok(FilmPart { resolve, finish, over })
         };
         parts.iter().map(part).collect()
     }
@@ -389,8 +426,15 @@ impl Binder<'_> {
         let mut values = value_constants(frame, channels);
         values.extend(double);
         let shared = Channels::weights();
-        let weights =
-            DeviceChannels { shared, values: channels.values, sample_coverage: None, peak: None, count: 1, layers: 1 };
+        let weights = DeviceChannels {
+            shared,
+            sample_coverage: None,
+            peak: None,
+            count: 1,
+            layers: 1,
+            composite: 0,
+            ..*channels
+        };
         let mut density = sum_constants(&weights);
         density.push(("COLOUR", 0));
         let volume = vec![("ELLIPSOID", u32::from(swept.shape == KernelShape::Ellipsoid))];

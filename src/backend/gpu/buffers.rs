@@ -3,7 +3,7 @@
 use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
-use super::layout::{DIGIT_BITS, Light, Segment, Status, Travel, UNIFORM_STRIDE, WORKGROUP_ITEMS};
+use super::layout::{DIGIT_BITS, DeviceGaussian, Light, Segment, Status, Travel, UNIFORM_STRIDE, WORKGROUP_ITEMS};
 use super::memory::{DeviceChannels, MAP_BYTES, Schedule};
 use crate::backend::BackendError;
 use crate::layout::FilteredSplat;
@@ -36,6 +36,11 @@ pub(in crate::backend) struct Buffers {
     pub coverage_mask: Buffer,
     pub moments: Buffer,
     pub film: Buffer,
+    /// The Gaussians of all captures at one time sample, and their slots in the order of depth.
+    pub gaussians: Buffer,
+    pub order: Buffer,
+    /// The picture of a group's surfels, which captures are laid over.
+    pub opaque: Buffer,
     /// The picture of static objects, beside kernels in motion.
     pub static_film: Buffer,
     /// The blocks of the image that are wanted.
@@ -91,6 +96,9 @@ impl Buffers {
             coverage_mask: empty()?,
             moments: device.buffer("moments", size_of::<[f32; 32]>() as u64, SHARED)?,
             film: empty()?,
+            gaussians: device.buffer("splats of captures", size_of::<DeviceGaussian>() as u64, SHARED)?,
+            order: empty()?,
+            opaque: empty()?,
             // It is bound even where there is no static picture.
             static_film: device.buffer("the static picture", 4, SHARED)?,
             wanted: empty()?,
@@ -123,6 +131,10 @@ impl Buffers {
         grow(device, &mut self.map, "the map", MAP_BYTES * map + schedule.behind_map_bytes * band)?;
         grow(device, &mut self.coverage_mask, "coverage masks", schedule.mask_bytes * band)?;
         grow(device, &mut self.static_film, "the static picture", schedule.static_picture_bytes * band)?;
+        let each = size_of::<DeviceGaussian>() as u64;
+        grow(device, &mut self.gaussians, "splats of captures", schedule.gaussians * each)?;
+        grow(device, &mut self.order, "splats of captures", 4 * schedule.gaussians)?;
+        grow(device, &mut self.opaque, "the opaque picture", schedule.opaque_bytes * band)?;
         if schedule.cached_slots > 0 {
             grow(device, &mut self.layer_thresholds, "thresholds", tile * band)?;
             grow(device, &mut self.layer_sums, "sums", tile * (channels.count as u64 + 1) * band)?;
@@ -165,10 +177,11 @@ impl Buffers {
     pub(in crate::backend) fn bytes(&self) -> u64 {
         let splats = [&self.splats, &self.touched, &self.partials, &self.wide, &self.values, &self.starts];
         let tiles = [&self.thresholds, &self.sums, &self.map, &self.coverage_mask, &self.static_film, &self.film];
+        let captures = [&self.gaussians, &self.order, &self.opaque];
         let layer = [&self.layer_thresholds, &self.layer_sums, &self.limits, &self.histogram];
         let lists = self.keys.iter().chain(&self.lists);
         let cached = self.cached.iter().flat_map(|c| [&c.splats, &c.list, &c.wide, &c.starts, &c.values]);
-        splats.into_iter().chain(tiles).chain(layer).chain(lists).chain(cached).map(Buffer::size).sum()
+        splats.into_iter().chain(tiles).chain(captures).chain(layer).chain(lists).chain(cached).map(Buffer::size).sum()
     }
 
     /// Makes room for `entries` entries.

@@ -2,7 +2,7 @@
 
 use super::memory::DeviceChannels;
 use super::programs::Constants;
-use crate::film::FilmPlanes;
+use crate::film::{Blending, FilmPlanes};
 use crate::frame::Frame;
 use crate::options::{KernelShape, KernelWeight, Shading, SweptKernel, TemporalAlpha};
 
@@ -90,6 +90,28 @@ pub(super) fn resolve_constants(frame: &Frame, channels: &DeviceChannels, planes
         ("PLANES", planes.count as u32),
     ]);
     constants
+}
+
+/// For pass `composite`.
+pub(super) fn composite_constants(frame: &Frame, channels: &DeviceChannels) -> Constants {
+    vec![("CHANNELS", channels.composite as u32), ("APRONS", u32::from(frame.has_ewa()))]
+}
+
+/// For pass `resolve` of what is transparent.
+pub(super) fn transparent_resolve_constants(
+    frame: &Frame,
+    channels: &DeviceChannels,
+    planes: &FilmPlanes,
+) -> Constants {
+    let at = |plane: Option<usize>| plane.unwrap_or(0) as u32;
+    vec![
+        ("CHANNELS", channels.composite as u32),
+        ("DEPTH_PLANE", at(planes.depth)),
+        ("NORMAL_PLANE", at(planes.normal)),
+        ("VELOCITY_PLANE", at(planes.velocity)),
+        ("PLANES", planes.count as u32),
+        ("CODED", u32::from(frame.blending == Some(Blending::Coded))),
+    ]
 }
 
 /// For pass `resolve` of kernels in motion.

@@ -5,7 +5,7 @@ use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 
 use super::DeviceState;
 use super::batches::{Batch, Batches};
-use super::bind::{BinPrograms, BoundProgram, BoundPrograms, FilmPart, ListPrograms};
+use super::bind::{BinPrograms, BoundProgram, BoundPrograms, FilmPart, ListPrograms, Round};
 use super::layout::{DIGIT_BITS, Segment, Travel, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, lights};
 use super::memory::{Area, Band};
 use super::prepared::Prepared;
@@ -125,10 +125,10 @@ impl DeviceState {
         self.device.handle.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
-    /// Records and submits the passes of a step. Passes that read lists run batch by batch.
-    pub(in crate::backend) fn run<W: StepWork>(&self, work: &W, passes: &[W::Pass], marks: &mut Marks) {
+    /// Records and submits the passes of a step. Passes that read lists run batch by batch. False if there is no batch.
+    pub(in crate::backend) fn run<W: StepWork>(&self, work: &W, passes: &[W::Pass], marks: &mut Marks) -> bool {
         let Batches { cached, run: batches } = self.upload(work.job());
-        let Some(last) = batches.len().checked_sub(1) else { return };
+        let Some(last) = batches.len().checked_sub(1) else { return false };
         let mut encoder = self.encoder();
         let mut at_hand = None;
         for &pass in passes {
@@ -151,6 +151,7 @@ impl DeviceState {
             }
         }
         self.flush(&mut encoder, marks);
+        true
     }
 
     /// Submits what is recorded.
@@ -256,21 +257,38 @@ impl DeviceState {
         let timestamp_writes = marks.mark(Stage::Bin);
         let recorder = &mut encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
         let Job { place, area, .. } = *work.job();
-        let BinPrograms { reduce, scan, sort, starts } = &place.programs.bin;
-        let (view, groups) = (view_offset(number), [batch.slots.div_ceil(WORKGROUP_ITEMS), 1]);
+        self.lists(recorder, place.programs, &work.lists().emit, batch.slots, area.tiles, view_offset(number));
+    }
+
+    /// Records pass `bin` of `slots` slots. `emit`: the program that emits their entries.
+    pub(in crate::backend) fn lists(
+        &self,
+        recorder: &mut ComputePass<'_>,
+        programs: &BoundPrograms,
+        emit: &BoundProgram,
+        slots: u32,
+        [tiles_x, tiles_y]: [u32; 2],
+        view: u32,
+    ) {
+        let BinPrograms { reduce, scan, sort, starts } = &programs.bin;
+        let groups = [slots.div_ceil(WORKGROUP_ITEMS), 1];
         dispatch(recorder, reduce, groups, view);
         dispatch(recorder, scan, [1, 1], view);
-        dispatch(recorder, &work.lists().emit, groups, view);
+        dispatch(recorder, emit, groups, view);
+        self.sort(recorder, sort, view);
+        dispatch(recorder, starts, [(tiles_x * tiles_y + 2).div_ceil(256), 1], view);
+    }
+
+    /// Records the rounds of a sort of as many entries as `totals` has.
+    pub(in crate::backend) fn sort(&self, recorder: &mut ComputePass<'_>, rounds: &[Round], view: u32) {
         let totals = &self.buffers.totals;
-        for round in sort {
+        for round in rounds {
             round.count.set(recorder, &[view]);
             recorder.dispatch_workgroups_indirect(totals, 0);
             dispatch(recorder, &round.scan, [1 << DIGIT_BITS, 1], view);
             round.scatter.set(recorder, &[view]);
             recorder.dispatch_workgroups_indirect(totals, 0);
         }
-        let [tiles_x, tiles_y] = area.tiles;
-        dispatch(recorder, starts, [(tiles_x * tiles_y + 2).div_ceil(256), 1], view);
     }
 }
 

@@ -51,6 +51,10 @@ pub(in crate::backend) struct View {
     pub map_tiles: [u32; 2],
     pub sigma: f32,
     pub apron: u32,
+    pub first_place: u32,
+    pub has_opaque: u32,
+    pub opaque_scale: f32,
+    pub unused: u32,
 }
 
 /// Some surfels of one surfel buffer, posed at one time sample; or only the weight of a sample.
@@ -91,6 +95,54 @@ pub(in crate::backend) struct Travel {
 pub(in crate::backend) struct Light {
     pub vector: [f32; 4],
     pub colour: [f32; 4],
+}
+
+/// The Gaussians of one buffer of a capture, posed at one time sample (`shaders/transparent/project.wgsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(in crate::backend) struct CaptureSegment {
+    pub screen: [[f32; 4]; 3],
+    pub rate: [[f32; 4]; 3],
+    pub eye: [f32; 3],
+    pub near: f32,
+    pub field: [f32; 2],
+    pub dilation: f32,
+    pub opacity: f32,
+    pub low: [f32; 4],
+    pub high: [f32; 4],
+    pub tint: [f32; 4],
+    pub first_slot: u32,
+    pub count: u32,
+    pub first_index: u32,
+    pub flags: u32,
+    pub harmonics_each: u32,
+    pub harmonics_used: u32,
+    pub unused: [u32; 2],
+}
+
+/// A projected Gaussian ([`crate::layout::GaussianSplat`]) as the device has it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(in crate::backend) struct DeviceGaussian {
+    pub reference: [f32; 2],
+    pub along: f32,
+    pub slope: f32,
+    pub across: f32,
+    pub peak: f32,
+    pub colour: [f32; 3],
+    pub depth: f32,
+    pub velocity: [f32; 2],
+    pub bounds: [u16; 4],
+    pub index: u32,
+    pub unused: u32,
+}
+
+/// The background behind what is transparent (`shaders/transparent/resolve.wgsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub(in crate::backend) struct Backdrop {
+    pub colour: [f32; 4],
+    pub shown: [f32; 4],
 }
 
 /// The results of pass `bin` that the host reads after a frame.
@@ -156,7 +208,8 @@ impl View {
             low_pass_scale: if low_pass > 0.0 { 1.0 / (low_pass * low_pass) } else { 0.0 },
             focal: raster.focal,
             stride: frame.stride as f32,
-            weight: middle.weight,
+            // The picture of a group that something transparent is laid over is not yet added to the film.
+            weight: if frame.blending.is_some() { 1.0 } else { middle.weight },
             camera: [column(camera.x_axis), column(camera.y_axis), column(camera.z_axis)],
             material: coefficients(uniform.unwrap_or_default()),
             first_light: (group.samples.len() / 2 * middle.lights.len()) as u32,
@@ -198,7 +251,7 @@ fn light(light: &ShadingLight) -> Light {
     Light { vector: vector.extend(kind).to_array(), colour: colour.extend(0.0).to_array() }
 }
 
-fn rows(m: &Mat3, origin: Vec3) -> [[f32; 4]; 3] {
+pub(super) fn rows(m: &Mat3, origin: Vec3) -> [[f32; 4]; 3] {
     [0, 1, 2].map(|i| m.row(i).extend(origin[i]).to_array())
 }
 

@@ -1,8 +1,8 @@
 //! How a frame is cut up: rasters into bands of tile rows, so that every buffer fits, and surfels into batches.
 
-use super::layout::{TILE, WIDEST, WORKGROUP_ITEMS};
+use super::layout::{DeviceGaussian, TILE, WIDEST, WORKGROUP_ITEMS};
 use crate::backend::BackendError;
-use crate::film::FilmPlanes;
+use crate::film::{Aov, FilmPlanes};
 use crate::frame::{Frame, PixelRect};
 use crate::layout::{Channels, EwaSplat, FilteredSplat, Splat, SweptSplat};
 
@@ -22,6 +22,9 @@ const MASK_BYTES: u64 = 4 * TILE_PIXELS;
 pub(in crate::backend) const THRESHOLD_BYTES: u64 = 4 * TILE_PIXELS;
 /// Bytes of the map of one tile.
 pub(in crate::backend) const MAP_BYTES: u64 = 8 * TILE_PIXELS;
+
+/// Bytes of a projected Gaussian and of its place in the order.
+const GAUSSIAN_BYTES: u64 = size_of::<DeviceGaussian>() as u64 + 4;
 
 /// Layers of full EWA: before the nearest disc of a pixel, at it, at the next one, and behind that.
 const EWA_LAYERS: usize = 4;
@@ -50,6 +53,8 @@ pub(in crate::backend) struct DeviceChannels {
     pub count: usize,
     /// Sums of each pixel: those of the layers of full EWA, else one.
     pub layers: usize,
+    /// Channels of a composite: transmittance, colour, then depth, then velocity; 0 without captures.
+    pub composite: usize,
 }
 
 impl DeviceChannels {
@@ -66,12 +71,18 @@ impl DeviceChannels {
             peak: layered.then_some(shared.count),
             count: shared.count + if several || layered { 3 } else { 0 },
             layers: if layered { EWA_LAYERS } else { 1 },
+            composite: match (frame.blending, frame.aovs.contains(&Aov::Depth)) {
+                (None, _) => 0,
+                _ if frame.aovs.contains(&Aov::Velocity) => 7,
+                (Some(_), true) => 5,
+                (Some(_), false) => 4,
+            },
         }
     }
 
-    /// Floats of a pixel's sums.
-    pub(in crate::backend) const fn sums(&self) -> usize {
-        self.layers * self.count
+    /// Floats of a pixel's sums, or of its composite, which takes their place.
+    pub(in crate::backend) fn sums(&self) -> usize {
+        (self.layers * self.count).max(self.composite)
     }
 }
 
@@ -157,6 +168,10 @@ pub(in crate::backend) struct Schedule {
     pub static_picture_bytes: u64,
     /// Bytes of a tile behind the map: thresholds of static objects and of slices, where there are any.
     pub behind_map_bytes: u64,
+    /// Gaussians of all captures.
+    pub gaussians: u64,
+    /// Bytes of a tile of the opaque picture that captures are laid over; 0 without captures.
+    pub opaque_bytes: u64,
     /// Slots of static objects that are cached for groups that share a sample position. If 0, all groups splat
     /// everything.
     pub cached_slots: u64,
@@ -196,14 +211,7 @@ impl Schedule {
         cached_slots: u64,
     ) -> Result<Self, BackendError> {
         let most_bytes = limits.bytes;
-        let (mut rasters, mut film_floats) = (Vec::new(), 0);
-        for raster in &frame.rasters {
-            let size = raster.size;
-            let tiles = size.map(|pixels| pixels.div_ceil(TILE));
-            rasters.push(RasterFilm { size, tiles, start: film_floats });
-            film_floats += u64::from(tiles[0]) * u64::from(tiles[1]) * TILE_PIXELS * planes.count as u64;
-        }
-        let film_bytes = 4 * film_floats;
+        let (rasters, film_bytes) = films(frame, planes);
         let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
         // Other pictures, the film, its copy for the host, and the picture.
         let film = frame.picture_bytes + 2 * film_bytes + 4 * pixels * planes.count as u64;
@@ -215,6 +223,8 @@ impl Schedule {
                 (false, _) => 0,
             };
         let static_picture_bytes = if frame.has_static_picture() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
+        let opaque_bytes = if frame.blending.is_some() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
+        let (gaussians, gaussian_bytes) = gaussians(frame);
         let has_layer = cached_slots > 0;
         let behind_map_bytes = THRESHOLD_BYTES * (u64::from(static_picture_bytes > 0) + u64::from(frame.slices()));
         let apron = frame.positions().map(|position| position.raster.apron()).max().unwrap_or(0);
@@ -223,7 +233,7 @@ impl Schedule {
             let own = depth_bytes + 4 * TILE_PIXELS * channels.sums() as u64 + 4 + mask_bytes;
             // Thresholds, sums with the least depth, limits.
             let layer = 4 * TILE_PIXELS * (3 + channels.count as u64) + 4;
-            own + static_picture_bytes + behind_map_bytes + if has_layer { layer } else { 0 }
+            own + static_picture_bytes + opaque_bytes + behind_map_bytes + if has_layer { layer } else { 0 }
         };
         let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
         let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
@@ -251,9 +261,9 @@ impl Schedule {
         };
         let least_map = map_of(1) * MAP_TILE_BYTES;
 
-        let needed = frame.model_bytes + film + widest * tile_bytes + least_map + least_batch;
+        let needed = frame.model_bytes + film + widest * tile_bytes + least_map + least_batch + gaussian_bytes;
         BackendError::check_memory(frame, needed)?;
-        let left = frame.memory - frame.model_bytes - film;
+        let left = frame.memory - frame.model_bytes - film - gaussian_bytes;
         let sums = channels.sums() + usize::from(has_layer);
         let bound = most_bytes / (4 * TILE_PIXELS * sums.max(planes.count) as u64);
         let band_tiles = bound.min((left - least_batch) / 2 / tile_bytes).max(widest).min(widest * tallest);
@@ -282,9 +292,10 @@ impl Schedule {
         let bound = most_bytes / splat_bytes.max(4 * u64::from(channels.values));
         let cached_entry_bytes = if has_layer { CACHED_ENTRY_BYTES } else { 0 };
         let fit = left / (slot_bytes + ENTRIES_PER_SLOT * (ENTRY_BYTES + cached_entry_bytes));
-        let slots = (samples * surfels).min(fit).max(LEAST_SLOTS).min(bound).min(limits.slots);
+        let slots = (samples * surfels).max(gaussians).min(fit).max(LEAST_SLOTS).min(bound).min(limits.slots);
         let most_entries = ((left.saturating_sub(slots * slot_bytes)) / entry_bytes(slots))
             .max(LEAST_SLOTS * u64::from(WIDEST))
+            .max(gaussians)
             .min(most_bytes / 4)
             .min(65_535 * u64::from(WORKGROUP_ITEMS));
         Ok(Self {
@@ -300,6 +311,8 @@ impl Schedule {
             mask_bytes,
             static_picture_bytes,
             behind_map_bytes,
+            gaussians,
+            opaque_bytes,
             cached_slots,
         })
     }
@@ -315,6 +328,27 @@ impl Schedule {
     pub(in crate::backend) fn cached_batches(&self) -> u64 {
         if self.cached_slots == 0 { 0 } else { self.cached_slots.div_ceil(self.slots) }
     }
+}
+
+/// The films of a frame's rasters, and the bytes of all.
+fn films(frame: &Frame, planes: &FilmPlanes) -> (Vec<RasterFilm>, u64) {
+    let (mut rasters, mut film_floats) = (Vec::new(), 0);
+    for raster in &frame.rasters {
+        let size = raster.size;
+        let tiles = size.map(|pixels| pixels.div_ceil(TILE));
+        rasters.push(RasterFilm { size, tiles, start: film_floats });
+        film_floats += u64::from(tiles[0]) * u64::from(tiles[1]) * TILE_PIXELS * planes.count as u64;
+    }
+    (rasters, 4 * film_floats)
+}
+
+/// Gaussians of all captures, and the bytes that they take beside those of a batch. All of a sample are on the device,
+/// and are sorted together.
+fn gaussians(frame: &Frame) -> (u64, u64) {
+    let captures = frame.objects.iter().filter_map(|object| object.gaussians.as_ref());
+    let count = captures.map(|capture| capture.len() as u64).sum::<u64>();
+    let more_entries = count.saturating_sub(LEAST_SLOTS * u64::from(WIDEST));
+    (count, count * GAUSSIAN_BYTES + more_entries * ENTRY_BYTES)
 }
 
 /// Surfels of the static objects, where a static layer is made; else 0.

@@ -7,6 +7,7 @@
 pub(super) mod batches;
 pub(super) mod bind;
 mod buffers;
+mod captures;
 mod constants;
 mod device;
 pub(super) mod ewa;
@@ -23,6 +24,7 @@ pub(super) mod steps;
 #[cfg(test)]
 pub(super) mod tests;
 pub(super) mod timestamps;
+pub(super) mod transparent;
 
 use std::collections::VecDeque;
 

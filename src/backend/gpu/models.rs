@@ -1,13 +1,15 @@
-//! Models on the device. They are uploaded when a frame first names them, and stay while the scene holds them.
+//! Models on the device: surfels and the Gaussians of captures. They are uploaded when a frame first names them, and
+//! stay while the scene holds them.
 
 use std::ops::Range;
 use std::sync::{Arc, Weak};
 
+use glam::Quat;
 use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
 use crate::backend::BackendError;
-use crate::model::Surfels;
+use crate::model::{Gaussians, Surfels};
 
 /// Most surfels of a surfel buffer. One dispatch covers them along one axis.
 const MOST_SURFELS: u64 = 1 << 22;
@@ -16,6 +18,14 @@ const MOST_SURFELS: u64 = 1 << 22;
 #[derive(Debug, Default)]
 pub(in crate::backend) struct Models {
     models: Vec<Model>,
+    captures: Vec<Capture>,
+}
+
+#[derive(Debug)]
+struct Capture {
+    /// As in [`Model`].
+    gaussians: Weak<Gaussians>,
+    buffers: Vec<ModelBuffer>,
 }
 
 #[derive(Debug)]
@@ -24,17 +34,18 @@ struct Model {
     surfels: Weak<Surfels>,
     /// Whether the buffers have the normalisation of kernels.
     normalised: bool,
-    buffers: Vec<SurfelBuffer>,
+    buffers: Vec<ModelBuffer>,
 }
 
-/// Some surfels of a model, in buffers that a program can bind as a whole.
+/// Some surfels or Gaussians of a model, in buffers that a program can bind as a whole.
 #[derive(Clone, Debug)]
-pub(in crate::backend) struct SurfelBuffer {
-    /// Which surfels of the model.
+pub(in crate::backend) struct ModelBuffer {
+    /// Which of the model.
     pub surfels: Range<usize>,
     /// Columns: positions, axes u, axes v; then the normalisation of kernels and its mean, where a frame needed them.
+    /// Of Gaussians: positions, standard deviations, rotations, opacities.
     pub geometry: Buffer,
-    /// Columns: normals, colours, then materials where the model has them.
+    /// Columns: normals, colours, then materials where the model has them. Of Gaussians: colours, then harmonics.
     pub looks: Buffer,
 }
 
@@ -46,7 +57,7 @@ impl Models {
         device: &Device,
         surfels: &Arc<Surfels>,
         normalised: bool,
-    ) -> Result<Vec<SurfelBuffer>, BackendError> {
+    ) -> Result<Vec<ModelBuffer>, BackendError> {
         let lacks = |model: &Model| normalised && !model.normalised && model.surfels.as_ptr() == Arc::as_ptr(surfels);
         self.models.retain(|model| model.surfels.strong_count() > 0 && !lacks(model));
         if let Some(model) = self.models.iter().find(|model| model.surfels.as_ptr() == Arc::as_ptr(surfels)) {
@@ -56,9 +67,25 @@ impl Models {
         self.models.push(Model { surfels: Arc::downgrade(surfels), normalised, buffers: buffers.clone() });
         Ok(buffers)
     }
+
+    /// The buffers of `gaussians`. They are uploaded if they are not on the device yet.
+    pub(in crate::backend) fn gaussian_buffers(
+        &mut self,
+        device: &Device,
+        gaussians: &Arc<Gaussians>,
+    ) -> Result<Vec<ModelBuffer>, BackendError> {
+        self.captures.retain(|capture| capture.gaussians.strong_count() > 0);
+        let same = |capture: &&Capture| capture.gaussians.as_ptr() == Arc::as_ptr(gaussians);
+        if let Some(capture) = self.captures.iter().find(same) {
+            return Ok(capture.buffers.clone());
+        }
+        let buffers = upload_gaussians(device, gaussians)?;
+        self.captures.push(Capture { gaussians: Arc::downgrade(gaussians), buffers: buffers.clone() });
+        Ok(buffers)
+    }
 }
 
-fn upload(device: &Device, surfels: &Surfels, normalised: bool) -> Result<Vec<SurfelBuffer>, BackendError> {
+fn upload(device: &Device, surfels: &Surfels, normalised: bool) -> Result<Vec<ModelBuffer>, BackendError> {
     let factors = if normalised { surfels.normalisation() } else { &[] };
     let mean: Vec<f32> = normalised.then(|| surfels.mean_normalisation()).into_iter().collect();
     // At most 40 bytes of geometry, at most 40 of looks.
@@ -85,12 +112,42 @@ fn upload(device: &Device, surfels: &Surfels, normalised: bool) -> Result<Vec<Su
             bytemuck::cast_slice(&surfels.colour[range.clone()]),
             bytemuck::cast_slice(&materials),
         ];
-        buffers.push(SurfelBuffer {
+        buffers.push(ModelBuffer {
             surfels: range,
             geometry: columns(device, "surfels", &geometry)?,
             looks: columns(device, "surfels", &looks)?,
         });
         // Uploads under way take memory too, so surfel buffers go one at a time.
+        device.queue.submit([]);
+        device.wait()?;
+    }
+    Ok(buffers)
+}
+
+fn upload_gaussians(device: &Device, gaussians: &Gaussians) -> Result<Vec<ModelBuffer>, BackendError> {
+    let each = gaussians.harmonics_each();
+    // 44 bytes of geometry; colour and harmonics of looks.
+    let widest = (12 + 12 * each as u64).max(44);
+    let most = (device.most_bytes() / widest).clamp(1, MOST_SURFELS) as usize;
+    let mut buffers = Vec::new();
+    for start in (0..gaussians.len()).step_by(most) {
+        let range = start..(start + most).min(gaussians.len());
+        let turns: Vec<[f32; 4]> = gaussians.rotation[range.clone()].iter().map(Quat::to_array).collect();
+        let colours: Vec<_> = range.clone().map(|index| gaussians.colour(index)).collect();
+        let geometry = [
+            bytemuck::cast_slice(&gaussians.position[range.clone()]),
+            bytemuck::cast_slice(&gaussians.sigma[range.clone()]),
+            bytemuck::cast_slice(&turns),
+            bytemuck::cast_slice(&gaussians.opacity[range.clone()]),
+        ];
+        let harmonics = &gaussians.harmonics[range.start * each..range.end * each];
+        let looks = [bytemuck::cast_slice(&colours), bytemuck::cast_slice(harmonics)];
+        buffers.push(ModelBuffer {
+            surfels: range,
+            geometry: columns(device, "captures", &geometry)?,
+            looks: columns(device, "captures", &looks)?,
+        });
+        // As for surfels.
         device.queue.submit([]);
         device.wait()?;
     }

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::buffers::grow;
-use super::layout::{TILE, wanted};
+use super::layout::{DeviceGaussian, TILE, wanted};
 use super::memory::{Band, DeviceChannels, ENTRIES_PER_SLOT, Limits, Schedule};
-use super::models::SurfelBuffer;
+use super::models::ModelBuffer;
 use super::{DeviceState, Gpu, SOFTWARE_SLOTS};
 use crate::backend::BackendError;
 use crate::backend::clusters::Clusters;
@@ -18,7 +18,9 @@ pub(in crate::backend) struct Prepared<'a> {
     pub channels: DeviceChannels,
     pub planes: FilmPlanes,
     /// The surfel buffers of each object.
-    pub surfel_buffers: Vec<Vec<SurfelBuffer>>,
+    pub surfel_buffers: Vec<Vec<ModelBuffer>>,
+    /// The buffers of each object's Gaussians.
+    pub gaussian_buffers: Vec<Vec<ModelBuffer>>,
     /// The clusters of each object, where only some blocks of the image are wanted.
     pub clusters: Vec<Arc<Clusters>>,
     pub schedule: Schedule,
@@ -43,19 +45,33 @@ impl Gpu {
         let mut schedule = Schedule::new(frame, &channels, &planes, limits)?;
         schedule.most_entries = schedule.most_entries.min(self.most_entries);
         let DeviceState { device, models, buffers, .. } = &mut self.state;
+        let bytes = schedule.gaussians * size_of::<DeviceGaussian>() as u64;
+        if bytes > self.most_bytes {
+            return Err(device.error(format!(
+                "{} Gaussians of captures need a buffer of {bytes} bytes, but a program can bind {}: take `--backend \
+                 cpu`, which draws them in slabs of depth",
+                schedule.gaussians, self.most_bytes
+            )));
+        }
         let normalised = frame.has_ewa() || frame.has_filtered_sweeps();
         let upload = |object: &FrameObject| models.surfel_buffers(device, &object.surfels, normalised);
         let surfel_buffers = frame.objects.iter().map(upload).collect::<Result<Vec<_>, _>>()?;
+        let upload = |object: &FrameObject| match &object.gaussians {
+            Some(gaussians) => models.gaussian_buffers(device, gaussians),
+            None => Ok(Vec::new()),
+        };
+        let gaussian_buffers = frame.objects.iter().map(upload).collect::<Result<Vec<_>, _>>()?;
         buffers.fit(device, &schedule, &channels)?;
         let entries = (ENTRIES_PER_SLOT * schedule.slots).min(self.first_entries).max(self.wanted_entries);
-        buffers.fit_entries(device, entries.min(schedule.most_entries))?;
+        // The sort of Gaussians takes an entry for each.
+        buffers.fit_entries(device, entries.min(schedule.most_entries).max(schedule.gaussians))?;
         buffers.fit_cached(device, &schedule, &channels)?;
         let wanted = wanted(frame);
         grow(device, &mut buffers.wanted, "blocks", 4 * wanted.len() as u64)?;
         device.queue.write_buffer(&buffers.wanted, 0, bytemuck::cast_slice(&wanted));
         let in_part = frame.wanted.is_some() && frame.swept.is_none();
         let clusters = if in_part { self.clusters.of_frame(frame) } else { Vec::new() };
-        Ok(Prepared { frame, channels, planes, surfel_buffers, clusters, schedule })
+        Ok(Prepared { frame, channels, planes, surfel_buffers, gaussian_buffers, clusters, schedule })
     }
 }
 

@@ -42,6 +42,9 @@ pub(in crate::backend) enum Slot {
     LayerSums = 29,
     Limits = 30,
     StaticFilm = 31,
+    Gaussians = 32,
+    Order = 33,
+    Opaque = 34,
 }
 
 /// A compute program.
@@ -75,6 +78,10 @@ pub(in crate::backend) enum Program {
     FilteredSweep,
     FilteredVisibility,
     FilteredAttribute,
+    GaussianProject,
+    Gather,
+    Composite,
+    TransparentResolve,
 }
 
 /// WGSL files, one after the other.
@@ -193,12 +200,46 @@ const EWA_RESOLVE: &str = wgsl!(
     "ewa/resolve.wgsl",
 );
 
+const GAUSSIAN_PROJECT: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/srgb.wgsl",
+    "common/wanted.wgsl",
+    "common/bounds.wgsl",
+    "common/gaussian.wgsl",
+    "transparent/project.wgsl",
+);
+const GATHER: &str = wgsl!(
+    "common/types.wgsl",
+    "common/wanted.wgsl",
+    "common/bounds.wgsl",
+    "common/gaussian.wgsl",
+    "transparent/gather.wgsl",
+);
+const COMPOSITE: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/wanted.wgsl",
+    "common/hit.wgsl",
+    "common/list.wgsl",
+    "common/ewa.wgsl",
+    "common/gaussian.wgsl",
+    "transparent/composite.wgsl",
+);
+const TRANSPARENT_RESOLVE: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/srgb.wgsl",
+    "common/wanted.wgsl",
+    "transparent/resolve.wgsl",
+);
+
 /// The buffers that a program only reads, and those that it writes.
 type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(in crate::backend) const ALL: [Self; 28] = [
+    pub(in crate::backend) const ALL: [Self; 32] = [
         Self::Project,
         Self::BinReduce,
         Self::BinScan,
@@ -227,6 +268,10 @@ impl Program {
         Self::FilteredSweep,
         Self::FilteredVisibility,
         Self::FilteredAttribute,
+        Self::GaussianProject,
+        Self::Gather,
+        Self::Composite,
+        Self::TransparentResolve,
     ];
 
     pub(in crate::backend) const fn wgsl(self) -> &'static str {
@@ -255,6 +300,10 @@ impl Program {
             Self::FilteredSweep => FILTERED_SWEEP,
             Self::FilteredVisibility => FILTERED_VISIBILITY,
             Self::FilteredAttribute => FILTERED_ATTRIBUTE,
+            Self::GaussianProject => GAUSSIAN_PROJECT,
+            Self::Gather => GATHER,
+            Self::Composite => COMPOSITE,
+            Self::TransparentResolve => TRANSPARENT_RESOLVE,
         }
     }
 
@@ -287,14 +336,19 @@ impl Program {
             Self::EwaResolve => "ewa_resolve",
             Self::FilteredSweep => "filtered_sweep",
             Self::FilteredAttribute => "filtered_attribute",
+            Self::GaussianProject => "gaussian_project",
+            Self::Gather => "gather",
+            Self::Composite => "composite",
+            Self::TransparentResolve => "transparent_resolve",
         }
     }
 
     pub(in crate::backend) const fn buffers(self) -> Buffers {
         use Slot::{
-            CoverageMask, DigitTotals, Film, Geometry, Histogram, Keys, LayerSums, LayerThresholds, Lights, Limits,
-            List, Looks, Map, Moments, Partials, Segments, SortedKeys, SortedList, Splats, Starts, StaticFilm, Status,
-            Sums, Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
+            CoverageMask, DigitTotals, Film, Gaussians, Geometry, Histogram, Keys, LayerSums, LayerThresholds, Lights,
+            Limits, List, Looks, Map, Moments, Opaque, Order, Partials, Segments, SortedKeys, SortedList, Splats,
+            Starts, StaticFilm, Status, Sums, Thresholds, Totals, Touched, Travels, Values, Wanted, Wide,
+            WrittenTotals, WrittenValues,
         };
         match self {
             Self::Project | Self::Sweep | Self::EwaProject | Self::FilteredSweep => {
@@ -324,12 +378,25 @@ impl Program {
             Self::SweptResolve => (&[Lights, Sums, CoverageMask, Moments, StaticFilm], &[Film]),
             Self::Pool => (&[Sums, CoverageMask, Moments, StaticFilm], &[Film]),
             Self::Finish => (&[], &[Film]),
+            Self::GaussianProject => (&[Geometry, Looks], &[Keys, List, Gaussians]),
+            Self::Gather => (&[Gaussians, Order, Wanted], &[Splats, Touched]),
+            Self::Composite => (&[Splats, List, Wide, Starts, Thresholds, Wanted], &[Sums]),
+            Self::TransparentResolve => (&[Sums, Opaque, Wanted], &[Film]),
         }
     }
 
-    /// True if the program has a second uniform, the segment.
+    /// True if the program has a second uniform, the segment or the background.
     pub(in crate::backend) const fn has_segment(self) -> bool {
-        matches!(self, Self::Project | Self::Sweep | Self::SplatValues | Self::EwaProject | Self::FilteredSweep)
+        matches!(
+            self,
+            Self::Project
+                | Self::Sweep
+                | Self::SplatValues
+                | Self::EwaProject
+                | Self::FilteredSweep
+                | Self::GaussianProject
+                | Self::TransparentResolve
+        )
     }
 }
 

@@ -8,6 +8,7 @@ use super::job::{Job, Place, dispatch};
 use super::prepared::Prepared;
 use super::steps::{MapStep, SplatStep, StaticLayerStep, StaticPictureStep, SweepStep};
 use super::timestamps::Marks;
+use super::transparent::TransparentStep;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
 use crate::plan::{EwaPass, MapPass, Objects, SplatPass, StaticPass, Step, SweepPass};
@@ -44,16 +45,22 @@ impl Gpu {
 impl DeviceState {
     /// Records and submits the steps of one sample position in one band.
     fn execute(&self, place: Place<'_>, marks: &mut Marks) -> Result<(), BackendError> {
-        let mut has_layer = false;
+        let (mut has_layer, mut has_opaque) = (false, false);
         for step in &place.position.steps {
             match *step {
-                // Frames with captures are refused before.
-                Step::Transparent { .. } => {}
                 Step::StaticLayer { group } => has_layer = self.static_layer(place, group, marks),
-                Step::Splat { group } => self.splat(place, group, has_layer, marks)?,
+                Step::Splat { group } => {
+                    self.clear_opaque(place);
+                    has_opaque = self.splat(place, group, has_layer, marks)?;
+                }
                 Step::Ewa { group } => {
+                    self.clear_opaque(place);
                     let programs = self.bound(place.programs.ewa.as_ref())?;
-                    self.run(&EwaStep { job: place.ewa_job(group), programs }, &EwaPass::ORDER, marks);
+                    has_opaque = self.run(&EwaStep { job: place.ewa_job(group), programs }, &EwaPass::ORDER, marks);
+                }
+                Step::Transparent { group } => {
+                    let programs = self.bound(place.programs.transparent.as_ref())?;
+                    TransparentStep::new(place, group, programs, has_opaque).run(self, marks);
                 }
                 Step::StaticPicture { group } => self.static_picture(place, group, marks)?,
                 Step::VisibilityMap { group, interval, objects, density } => {
@@ -81,6 +88,15 @@ impl DeviceState {
         Ok(())
     }
 
+    /// Empties the opaque picture, where something transparent is laid over it.
+    fn clear_opaque(&self, place: Place<'_>) {
+        if place.prepared.frame.blending.is_some() {
+            let mut encoder = self.encoder();
+            encoder.clear_buffer(&self.buffers.opaque, 0, None);
+            self.device.queue.submit([encoder.finish()]);
+        }
+    }
+
     /// The programs of a step. They are bound for every frame that has the step.
     fn bound<'a, T>(&self, programs: Option<&'a T>) -> Result<&'a T, BackendError> {
         programs.ok_or_else(|| self.device.error("a step's programs were not bound"))
@@ -97,23 +113,22 @@ impl DeviceState {
         any
     }
 
-    /// Splats a group. It starts from the static layer if there is one.
+    /// Splats a group. It starts from the static layer if there is one. False if the group has nothing to splat.
     pub(in crate::backend) fn splat(
         &self,
         place: Place<'_>,
         group: usize,
         has_layer: bool,
         marks: &mut Marks,
-    ) -> Result<(), BackendError> {
+    ) -> Result<bool, BackendError> {
         if has_layer {
             let job = Job { from_layer: true, ..place.job(group, Objects::Moving) };
             let layer = Some(self.bound(place.programs.static_layer.as_ref())?);
-            self.run(&SplatStep { job, layer }, &SplatPass::ORDER, marks);
+            Ok(self.run(&SplatStep { job, layer }, &SplatPass::ORDER, marks))
         } else {
             let job = place.job(group, Objects::All);
-            self.run(&SplatStep { job, layer: None }, &SplatPass::ORDER, marks);
+            Ok(self.run(&SplatStep { job, layer: None }, &SplatPass::ORDER, marks))
         }
-        Ok(())
     }
 
     /// Makes the picture of static objects at a position, in the light of a group.

@@ -12,9 +12,11 @@ use crate::backend::{BackendError, Stats};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::backend) enum Stage {
     Project,
+    Sort,
     Bin,
     Visibility,
     Attribute,
+    Composite,
     Resolve,
 }
 
@@ -115,9 +117,11 @@ impl Marks {
                 let time = Duration::from_nanos((ticks as f64 * clock.period) as u64);
                 match stage {
                     Stage::Project => stats.project += time,
+                    Stage::Sort => stats.sort += time,
                     Stage::Bin => stats.bin += time,
                     Stage::Visibility => stats.visibility += time,
                     Stage::Attribute => stats.attribute += time,
+                    Stage::Composite => stats.composite += time,
                     Stage::Resolve => stats.resolve += time,
                 }
             }

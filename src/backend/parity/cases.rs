@@ -10,7 +10,7 @@ use crate::options::{
     BlurMode, Interleave, KernelShape, KernelWeight, Normalise, Overlap, PixelFilter, Prefilter, Quality,
     RenderOptions, Shading, SourceSamples, SweptKernel, TemporalAlpha, Times,
 };
-use crate::scene::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
+use crate::scene::{Camera, FrameRange, ImageSettings, Light, Model, Motion, Object, Scene};
 use crate::time::{Shutter, Weight};
 
 /// A scene and how it is rendered.
@@ -91,13 +91,13 @@ fn hard() -> Surfels {
     surfels
 }
 
-fn object(model: Surfels, at: DVec3) -> Object {
+pub(super) fn object(model: impl Into<Model>, at: DVec3) -> Object {
     let mut object = Object::new(model);
     object.transform.translate = at;
     object
 }
 
-fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
+pub(super) fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
     let eye = DVec3::new(0.0, 0.0, 3.0);
     Scene {
         name: "test".into(),

@@ -3,10 +3,12 @@
 //! Each pass of the GPU backend is fed the CPU's results of the passes before it, and compared with the CPU's own
 //! (`splats`, `sweeps`, `ewas`, `filtered_sweeps`). The CPU's passes run through the constructors that rendering uses
 //! (`splat_twins`, `sweep_twins`, `ewa_twins`). Splats and lists are compared slot by slot (`slots`), floats with
-//! tolerances (`compare`). The comparison must reject broken programs (`mutants`), and buffers that are too small must
+//! tolerances (`compare`). Captures are compared as whole frames, and by the pass that projects them (`transparents`).
+//! The comparison must reject broken programs (`mutants`), and buffers that are too small must
 //! not show (`small_buffers`).
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
 
+mod captures;
 mod cases;
 mod compare;
 mod ewa_twins;
@@ -17,10 +19,12 @@ mod harness;
 mod mutants;
 mod slots;
 mod small_buffers;
+mod sorts;
 mod splat_twins;
 mod splats;
 mod sweep_twins;
 mod sweeps;
 mod tiles_of_edge;
+mod transparents;
 
 use super::gpu::tests::gpu_or_skip;

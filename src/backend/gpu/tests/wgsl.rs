@@ -8,7 +8,10 @@ use naga::proc::Layouter;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
-use crate::backend::gpu::layout::{DIGIT_BITS, Light, Segment, Status, TILE, Travel, View, WIDEST, WORKGROUP_ITEMS};
+use crate::backend::gpu::layout::{
+    Backdrop, CaptureSegment, DIGIT_BITS, DeviceGaussian, Light, Segment, Status, TILE, Travel, View, WIDEST,
+    WORKGROUP_ITEMS,
+};
 use crate::backend::gpu::programs::Program;
 use crate::frame::Blocks;
 use crate::layout::{EwaSplat, FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, FilteredSplat, Splat, SweptFilter, SweptSplat};
@@ -93,7 +96,11 @@ fn structs_lie_where_the_host_puts_them() {
             map_corner,
             map_tiles,
             sigma,
-            apron
+            apron,
+            first_place,
+            has_opaque,
+            opaque_scale,
+            unused
         }
     );
     assert_same_layout!(
@@ -149,6 +156,41 @@ fn structs_lie_where_the_host_puts_them() {
 }
 
 #[test]
+fn structs_of_captures_lie_where_the_host_puts_them() {
+    let module = self::module(Program::GaussianProject);
+    assert_same_layout!(
+        module,
+        CaptureSegment {
+            screen,
+            rate,
+            eye,
+            near,
+            field,
+            dilation,
+            opacity,
+            low,
+            high,
+            tint,
+            first_slot,
+            count,
+            first_index,
+            flags,
+            harmonics_each,
+            harmonics_used,
+            unused
+        }
+    );
+    assert_same_layout!(
+        module,
+        DeviceGaussian { reference, along, slope, across, peak, colour, depth, velocity, bounds, index, unused }
+    );
+    // Pass `bin` takes it for a splat.
+    assert_eq!(offset_of!(DeviceGaussian, bounds), offset_of!(Splat, bounds));
+    let module = self::module(Program::TransparentResolve);
+    assert_same_layout!(module, Backdrop { colour, shown });
+}
+
+#[test]
 fn constants_are_the_hosts() {
     let bin = Program::BinScan.wgsl();
     for line in [
@@ -160,6 +202,8 @@ fn constants_are_the_hosts() {
     ] {
         assert!(bin.contains(&line), "{line}");
     }
+    let gathered = format!("const GATHERED: u32 = {WORKGROUP_ITEMS}u;");
+    assert!(Program::Gather.wgsl().contains(&gathered), "{gathered}");
     let tiles = format!("const BLOCK_TILES: u32 = {}u;", Blocks::EDGE as u32 / TILE);
     assert!(bin.contains(&tiles) && (Blocks::EDGE as u32).is_multiple_of(TILE), "{tiles}");
     for (name, flag) in [("BACK", FLAG_BACK), ("LOW_PASS", FLAG_LOW_PASS), ("CROSSING", FLAG_CROSSING)] {

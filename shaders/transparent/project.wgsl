@@ -1,0 +1,214 @@
+// Pass `project` of Gaussians (program `gaussian_project`): posed, projected, widened by the filter, bounded and
+// culled; and the depths by which they are sorted.
+// Twins: src/backend/cpu/transparent/project.rs, harmonics.rs; key_of of sorted.rs.  Math: docs/math.md, section 9.
+//   in   segment
+//        geometry    columns: positions, standard deviations, rotations (x, y, z, w), opacities
+//        looks       columns: colours from all sides; then the harmonics of each Gaussian
+//   out  gaussians   one for each slot; those that touch nothing have bounds that say so
+//        keys, list  depths as integers of the same order, and the slots themselves
+// One invocation per Gaussian of a segment.
+
+@group(0) @binding(1) var<uniform> segment: CaptureSegment;
+@group(1) @binding(0) var<storage, read> geometry: array<f32>;
+@group(1) @binding(1) var<storage, read> looks: array<f32>;
+@group(1) @binding(9) var<storage, read_write> keys: array<u32>;
+@group(1) @binding(10) var<storage, read_write> list: array<u32>;
+@group(1) @binding(32) var<storage, read_write> gaussians: array<DeviceGaussian>;
+
+// Are velocities wanted?
+override VELOCITY: bool = false;
+
+// The Gaussians of one buffer of a capture, posed at one time sample.
+struct CaptureSegment {
+    screen: array<vec4<f32>, 3>,
+    rate: array<vec4<f32>, 3>,
+    // The eye in model space. Least depth that is drawn.
+    eye: vec3<f32>,
+    near: f32,
+    // How far from the axis the derivative of the projection is taken at most, pixels.
+    field: vec2<f32>,
+    // Variance by which the filter widens a Gaussian, pixels^2.
+    dilation: f32,
+    // Factor on opacities.
+    opacity: f32,
+    // Corners of the crop box.
+    low: vec4<f32>,
+    high: vec4<f32>,
+    // The colour of all, where w is 1.
+    tint: vec4<f32>,
+    first_slot: u32,
+    count: u32,
+    // Index of the first one among all Gaussians of the frame.
+    first_index: u32,
+    // Bit 0: one that is widened loses opacity. Bit 1: colours are linear, and the image is composited in coded values.
+    flags: u32,
+    // Harmonics that each has, and those that are used: 0, 3, 8 or 15.
+    harmonics_each: u32,
+    harmonics_used: u32,
+    unused: vec2<u32>,
+}
+const FLAG_ANTIALIAS: u32 = 1u;
+const FLAG_ENCODE: u32 = 2u;
+
+// 0.5 / ln(2).
+const HALF_LOG2_E: f32 = 0.72134752;
+
+@compute @workgroup_size(256)
+fn gaussian_project(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= segment.count { return; }
+    let slot = segment.first_slot + id.x;
+    let at = 3u * id.x;
+    let position = vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]);
+    let centre = apply(segment.screen, position);
+    var splat = projected(id.x, position, centre);
+    if unpack(splat.bounds).x <= unpack(splat.bounds).y {
+        let colour = colour_of(id.x, position);
+        splat.colour = array<f32, 3>(colour.x, colour.y, colour.z);
+        if VELOCITY { splat.velocity = velocity_of(position, centre); }
+    }
+    gaussians[slot] = splat;
+    keys[slot] = key_of(centre.z);
+    list[slot] = slot;
+}
+
+// A depth as an integer of the same order.
+fn key_of(depth: f32) -> u32 {
+    let bits = bitcast<u32>(depth);
+    return select(~bits, bits | 0x80000000u, bits >> 31u == 0u);
+}
+
+// All but colour and velocity.
+fn projected(i: u32, position: vec3<f32>, centre: vec3<f32>) -> DeviceGaussian {
+    let n = segment.count;
+    let sigma_at = 3u * (n + i);
+    let turn_at = 6u * n + 4u * i;
+    let depth = centre.z;
+    let over = 1.0 / depth;
+    let x = centre.x * over;
+    let y = centre.y * over;
+    let jx = clamp(x, -segment.field.x, segment.field.x);
+    let jy = clamp(y, -segment.field.y, segment.field.y);
+    // The axes of the Gaussian in the model, one standard deviation long.
+    let qx = geometry[turn_at];
+    let qy = geometry[turn_at + 1u];
+    let qz = geometry[turn_at + 2u];
+    let qw = geometry[turn_at + 3u];
+    let axis_x =
+        vec3<f32>(1.0 - 2.0 * (qy * qy + qz * qz), 2.0 * (qx * qy + qw * qz), 2.0 * (qx * qz - qw * qy));
+    let axis_y =
+        vec3<f32>(2.0 * (qx * qy - qw * qz), 1.0 - 2.0 * (qx * qx + qz * qz), 2.0 * (qy * qz + qw * qx));
+    let axis_z =
+        vec3<f32>(2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy));
+    // The same on the screen, pixels.
+    let first = on_screen(axis_x, jx, jy, geometry[sigma_at] * over);
+    let second = on_screen(axis_y, jx, jy, geometry[sigma_at + 1u] * over);
+    let third = on_screen(axis_z, jx, jy, geometry[sigma_at + 2u] * over);
+    let u = vec3<f32>(first.x, second.x, third.x);
+    let v = vec3<f32>(first.y, second.y, third.y);
+    let xx = u.x * u.x + u.y * u.y + u.z * u.z;
+    let yy = v.x * v.x + v.y * v.y + v.z * v.z;
+    let xy = u.x * v.x + u.y * v.y + u.z * v.z;
+    // |V| as the square of a vector product: the difference of products would cancel for long thin splats.
+    let c = vec3<f32>(u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x);
+    let unfiltered = c.x * c.x + c.y * c.y + c.z * c.z;
+    let dilation = segment.dilation;
+    let determinant = unfiltered + dilation * (xx + yy) + dilation * dilation;
+    let wide_xx = xx + dilation;
+    let wide_yy = yy + dilation;
+    var lost = 1.0;
+    if (segment.flags & FLAG_ANTIALIAS) != 0u { lost = sqrt(unfiltered / determinant); }
+    let opacity = geometry[10u * n + i] * segment.opacity * lost;
+    let solid = opacity * 255.0 > 1.0;
+    let peak = log_of_two(select(1.0, opacity, solid));
+    let over_xx = 1.0 / wide_xx;
+    let reach = (peak + LOG2_FAINTEST) * (1.0 / HALF_LOG2_E);
+    let reach_x = sqrt(reach * wide_xx);
+    let reach_y = sqrt(reach * wide_yy);
+
+    var out: DeviceGaussian;
+    out.reference = view.axis + vec2<f32>(x, y);
+    out.along = HALF_LOG2_E * over_xx;
+    out.slope = xy * over_xx;
+    out.across = HALF_LOG2_E * wide_xx / determinant;
+    out.peak = peak;
+    out.depth = depth;
+    out.index = segment.first_index + i;
+    out.bounds = pack(vec4<u32>(1u, 0u, 1u, 0u));
+    let inside = all(position >= segment.low.xyz) && all(position <= segment.high.xyz);
+    let sane = all_finite(vec3<f32>(out.reference, determinant)) && finite(depth);
+    if !(sane && solid && inside && depth >= segment.near) { return out; }
+    let across = vec2<f32>(-reach_x, reach_x) - view.offset.x;
+    let down = vec2<f32>(-reach_y, reach_y) - view.offset.y;
+    let columns = pixels_in(index_range(out.reference.x, across), view.pixels.xy);
+    let rows = pixels_in(index_range(out.reference.y, down), view.pixels.zw);
+    if columns.x <= columns.y && rows.x <= rows.y { out.bounds = pack(bounds_of(columns, rows)); }
+    return out;
+}
+
+// An axis of a Gaussian on the screen, by the derivative of the projection at (jx, jy); `scale`: its length over the
+// depth.
+fn on_screen(axis: vec3<f32>, jx: f32, jy: f32, scale: f32) -> vec2<f32> {
+    let turned = apply_linear(segment.screen, axis);
+    return vec2<f32>((turned.x - jx * turned.z) * scale, (turned.y - jy * turned.z) * scale);
+}
+
+// The colour of a Gaussian as the eye sees it, in the numbers of the image.
+fn colour_of(i: u32, position: vec3<f32>) -> vec3<f32> {
+    if segment.tint.w != 0.0 { return segment.tint.xyz; }
+    let at = 3u * i;
+    var own = vec3<f32>(looks[at], looks[at + 1u], looks[at + 2u]);
+    if segment.harmonics_used > 0u {
+        own += harmonics(i, unit_or_zero(position - segment.eye));
+    }
+    own = max(own, vec3<f32>(0.0));
+    if (segment.flags & FLAG_ENCODE) == 0u { return own; }
+    return vec3<f32>(from_linear(own.x), from_linear(own.y), from_linear(own.z));
+}
+
+fn unit_or_zero(v: vec3<f32>) -> vec3<f32> {
+    let inverse = 1.0 / sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
+    if !finite(inverse) || inverse <= 0.0 { return vec3<f32>(0.0); }
+    return v * inverse;
+}
+
+// What the harmonics add to the colour of a Gaussian that is seen along the unit vector `d`. Real harmonics of degrees
+// 1 to 3 with the Condon-Shortley sign.
+fn harmonics(i: u32, d: vec3<f32>) -> vec3<f32> {
+    let xx = d.x * d.x;
+    let yy = d.y * d.y;
+    let zz = d.z * d.z;
+    // From degree 1 on, each from -degree to degree.
+    var basis = array<f32, 15>(
+        -0.48860251 * d.y,
+        0.48860251 * d.z,
+        -0.48860251 * d.x,
+        1.0925484 * d.x * d.y,
+        -1.0925484 * d.y * d.z,
+        0.31539157 * (2.0 * zz - xx - yy),
+        -1.0925484 * d.x * d.z,
+        0.5462742 * (xx - yy),
+        -0.5900436 * d.y * (3.0 * xx - yy),
+        2.8906114 * d.x * d.y * d.z,
+        -0.4570458 * d.y * (4.0 * zz - xx - yy),
+        0.37317634 * d.z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
+        -0.4570458 * d.x * (4.0 * zz - xx - yy),
+        1.4453057 * d.z * (xx - yy),
+        -0.5900436 * d.x * (xx - 3.0 * yy),
+    );
+    let first = 3u * (segment.count + segment.harmonics_each * i);
+    var sum = vec3<f32>(0.0);
+    for (var k = 0u; k < segment.harmonics_used; k += 1u) {
+        let at = first + 3u * k;
+        sum += vec3<f32>(looks[at], looks[at + 1u], looks[at + 2u]) * basis[k];
+    }
+    return sum;
+}
+
+// Screen velocity of a centre: the derivative of (x, y) = (X, Y) / depth.
+fn velocity_of(position: vec3<f32>, centre: vec3<f32>) -> vec2<f32> {
+    let rate = apply(segment.rate, position);
+    let over = 1.0 / centre.z;
+    let x = (rate.x - centre.x * over * rate.z) * over;
+    let y = (rate.y - centre.y * over * rate.z) * over;
+    return vec2<f32>(x, y) * view.stride;
+}

@@ -1,0 +1,39 @@
+//! How the Gaussians of a group are cut up: a run for each buffer that holds some.
+
+use super::prepared::Prepared;
+use crate::frame::PosedGroup;
+
+/// The Gaussians of one buffer, in a group.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Run {
+    pub object: usize,
+    pub buffer: usize,
+    pub count: u32,
+    pub first_slot: u32,
+    pub first_index: u32,
+}
+
+/// The Gaussians of the objects that are visible at some sample, in document order, and their number.
+pub(super) fn runs(prepared: &Prepared<'_>, group: &PosedGroup) -> (Vec<Run>, u32) {
+    let mut runs = Vec::new();
+    let (mut slots, mut all) = (0_u32, 0_u32);
+    for (object, buffers) in prepared.gaussian_buffers.iter().enumerate() {
+        let visible = group.samples.iter().any(|sample| sample.objects[object].visible);
+        for (buffer, of_buffer) in buffers.iter().enumerate() {
+            let count = of_buffer.surfels.len() as u32;
+            if visible {
+                runs.push(Run { object, buffer, count, first_slot: slots, first_index: all });
+                slots += count;
+            }
+            all += count;
+        }
+    }
+    (runs, slots)
+}
+
+/// Most views and segments of a group, and passes that it records.
+pub(super) fn sizes(prepared: &Prepared<'_>, group: &PosedGroup) -> [usize; 3] {
+    let (runs, slots) = runs(prepared, group);
+    let slabs = u64::from(slots).div_ceil(prepared.schedule.slots).max(1) as usize;
+    [slabs + 1, 1 + 2 * runs.len(), group.samples.len() * (4 + 2 * slabs)]
+}

@@ -1,0 +1,138 @@
+//! Small scenes with captures, which take every branch of their passes.
+
+use glam::{DVec3, Quat, Vec3};
+
+use super::cases::{Case, ball, object, scene};
+use crate::film::Aov;
+use crate::math::random::Random;
+use crate::model::Gaussians;
+use crate::options::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Times};
+use crate::scene::{Motion, Object, Scene};
+
+/// `n` Gaussians of all sizes in a cube; some are as wide as an image, and some too faint to show.
+fn cloud(n: usize, seed: u64, degree: u8, linear: bool) -> Gaussians {
+    let mut random = Random(seed);
+    let mut out = Gaussians { degree, linear, ..Gaussians::default() };
+    for i in 0..n {
+        out.position.push(random.vector());
+        let size = if i % 40 == 0 { 1.5 } else { 0.25 };
+        out.sigma.push(Vec3::new(random.next(), random.next(), random.next()) * size);
+        let axis = random.vector().normalize();
+        out.rotation.push(Quat::from_axis_angle(axis, 6.0 * random.next()));
+        // Some are as opaque as can be.
+        let opacity = random.next();
+        out.opacity.push(if i % 40 == 0 { 0.2 } else { (1.3 * opacity).min(1.0) });
+        out.base.push(1.5 * random.vector());
+        out.harmonics.extend((0..out.harmonics_each()).map(|_| 0.4 * random.vector()));
+    }
+    out
+}
+
+/// Gaussians whose centres all have one depth, in front of the camera.
+fn layer(n: usize, seed: u64) -> Gaussians {
+    let mut out = cloud(n, seed, 0, false);
+    out.position.iter_mut().for_each(|position| position.z = 0.25);
+    out
+}
+
+fn moving(model: Gaussians) -> Object {
+    let mut object = object(model, DVec3::new(0.1, 0.0, -0.5));
+    object.motions = vec![
+        Motion::Rotation { axis: DVec3::Y, per_frame: 0.6, centre: DVec3::ZERO },
+        Motion::Linear { velocity: DVec3::new(0.3, -0.2, 0.4) },
+    ];
+    object
+}
+
+/// A static capture and a moving one between two balls of surfels; the nearer one is small.
+fn mixed(first: Gaussians, second: Gaussians, size: [u32; 2]) -> Scene {
+    let mut behind = object(ball(900, 1, true), DVec3::new(-0.3, 0.0, -1.2));
+    behind.motions = vec![Motion::Linear { velocity: DVec3::new(0.4, 0.1, 0.2) }];
+    let mut before = object(ball(400, 2, false), DVec3::new(0.5, 0.2, 1.2));
+    before.transform.scale = DVec3::splat(0.25);
+    let fixed = object(first, DVec3::new(-0.2, 0.1, -0.4));
+    let mut scene = scene(vec![behind, fixed, moving(second), before], size);
+    scene.image.background = DVec3::new(0.1, 0.3, 0.6);
+    scene
+}
+
+/// More Gaussians than rounding of a budget would hide.
+pub(super) fn many() -> Case {
+    let scene = mixed(cloud(600_000, 3, 0, false), cloud(30, 4, 0, false), [70, 45]);
+    let quality = BlurMode::supersample(2).into();
+    Case { name: "many", scene, options: RenderOptions { quality, ..RenderOptions::default() }, in_part: false }
+}
+
+/// All cases.
+pub(super) fn captures() -> Vec<Case> {
+    let options = |mode: BlurMode| RenderOptions {
+        quality: mode.into(),
+        aovs: Aov::ALL.to_vec(),
+        prefilter: Prefilter::Approx,
+        ..RenderOptions::default()
+    };
+    let point = |mode| RenderOptions { filter: PixelFilter::Point, ..options(mode) };
+    let plain = |mode| RenderOptions { aovs: Vec::new(), ..options(mode) };
+    let still = BlurMode::Still { pixel_samples: 2 };
+    let bucket = BlurMode::Bucket {
+        buckets: 2,
+        samples: 3,
+        pixel_samples: Some(2),
+        interleave: Interleave::None,
+        times: Times::Even,
+    };
+    let both = |linear| mixed(cloud(300, 3, 3, linear), cloud(300, 4, 2, linear), [70, 45]);
+    let coded = both(false);
+    let linear = both(true);
+    let encoded = mixed(cloud(300, 3, 3, false), cloud(300, 4, 2, true), [70, 45]);
+    let large = mixed(cloud(300, 5, 1, false), cloud(300, 6, 0, false), [150, 140]);
+    let mut behind_nothing = coded.clone();
+    behind_nothing.image.transparent = true;
+    let mut linear_behind_nothing = linear.clone();
+    linear_behind_nothing.image.transparent = true;
+    let mut alone = coded.clone();
+    alone.objects.retain(|object| object.model.gaussians().is_some());
+    let mut drawn = coded.clone();
+    drawn.objects[1].capture.opacity = 0.6;
+    drawn.objects[1].capture.harmonics = 1;
+    drawn.objects[1].capture.crop = Some([DVec3::new(-0.5, -0.8, -0.9), DVec3::new(0.9, 0.7, 0.6)]);
+    drawn.objects[1].capture.antialias = Some(true);
+    drawn.objects[2].capture.flat = Some(Vec3::new(0.9, 0.2, 0.4));
+    let mut ties = mixed(layer(200, 7), layer(200, 8), [70, 45]);
+    ties.objects[2].motions = vec![Motion::Linear { velocity: DVec3::new(0.2, 0.1, 0.0) }];
+    ties.objects[2].transform.translate.z = -0.4;
+    // Beside the field of view and behind the eye, and so wide that they reach into the picture.
+    let mut around = cloud(300, 9, 0, false);
+    around.position.iter_mut().for_each(|position| *position *= 6.0);
+    around.sigma.iter_mut().for_each(|sigma| *sigma *= 4.0);
+    let aside = mixed(around, cloud(30, 4, 0, false), [70, 45]);
+    let mut near = coded.clone();
+    near.camera.near = 2.9;
+    let case = |name, scene: &Scene, options| Case { name, scene: scene.clone(), options, in_part: false };
+    let in_part = |name, scene: &Scene, options| Case { in_part: true, ..case(name, scene, options) };
+    vec![
+        case("still", &coded, options(still)),
+        case("supersample", &coded, options(BlurMode::supersample(2))),
+        case("linear", &linear, options(BlurMode::supersample(2))),
+        case("encoded", &encoded, options(BlurMode::supersample(2))),
+        case("transparent", &behind_nothing, options(BlurMode::supersample(2))),
+        case("linear, transparent", &linear_behind_nothing, options(still)),
+        case("bucket", &coded, options(bucket)),
+        case("interleaved", &coded, options(BlurMode::interleaved(2, Interleave::Two))),
+        case("alone", &alone, options(BlurMode::supersample(2))),
+        case("plain", &coded, plain(BlurMode::supersample(2))),
+        case("depth", &coded, RenderOptions { aovs: vec![Aov::Depth], ..options(still) }),
+        case("drawn", &drawn, options(still)),
+        case("ties", &ties, point(BlurMode::supersample(2))),
+        case("near", &near, options(still)),
+        case("aside", &aside, options(still)),
+        case("large", &large, options(bucket)),
+        case("layer", &coded, point(BlurMode::supersample(3))),
+        case("layer, bucket", &coded, point(bucket)),
+        case("ewa", &coded, RenderOptions { prefilter: Prefilter::Ewa, ..options(BlurMode::supersample(2)) }),
+        case("ewa, bucket", &coded, RenderOptions { prefilter: Prefilter::Ewa, ..options(bucket) }),
+        in_part("in part", &coded, point(BlurMode::supersample(2))),
+        in_part("in part, large", &large, point(still)),
+        case("one pixel", &mixed(cloud(30, 3, 1, false), cloud(30, 4, 0, false), [1, 1]), options(still)),
+    ]
+}

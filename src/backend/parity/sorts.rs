@@ -1,0 +1,81 @@
+//! The sort of depths against the standard library's stable sort.
+
+use super::gpu_or_skip;
+use super::harness::read;
+use crate::backend::gpu::Gpu;
+use crate::backend::gpu::layout::WORKGROUP_ITEMS;
+use crate::backend::gpu::programs::{Pipelines, Program};
+use crate::math::random::Random;
+
+/// The places of `keys` in their order, by the device.
+fn sorted(gpu: &mut Gpu, keys: &[u32]) -> Vec<u32> {
+    let n = keys.len();
+    gpu.make_room_to_sort(n as u64);
+    let rounds = gpu.rounds_of_depths();
+    let buffers = &gpu.state.buffers;
+    let queue = &gpu.state.device.queue;
+    let slots: Vec<u32> = (0..n as u32).collect();
+    let totals = [(n as u32).div_ceil(WORKGROUP_ITEMS), 1, 1, n as u32];
+    queue.write_buffer(&buffers.keys[0], 0, bytemuck::cast_slice(keys));
+    queue.write_buffer(&buffers.lists[0], 0, bytemuck::cast_slice(&slots));
+    queue.write_buffer(&buffers.totals, 0, bytemuck::cast_slice(&totals));
+    let mut encoder = gpu.state.encoder();
+    {
+        let mut recorder = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        gpu.state.sort(&mut recorder, &rounds, 0);
+    }
+    queue.submit([encoder.finish()]);
+    gpu.state.device.check().unwrap();
+    read(gpu, &buffers.lists[0], n)
+}
+
+/// Sorts keys that are hard on a sort.
+fn check(gpu: &mut Gpu, counts: &[u32]) -> Result<(), String> {
+    let mut random = Random(1);
+    for &n in counts {
+        let mut number = || (f64::from(random.next()) * 4_294_967_296.0) as u32;
+        let sets: [(&str, Vec<u32>); 7] = [
+            ("random", (0..n).map(|_| number()).collect()),
+            ("equal", vec![0x8765_4321; n as usize]),
+            ("rising", (0..n).map(|i| i * 14_000).collect()),
+            ("falling", (0..n).map(|i| u32::MAX - i).collect()),
+            ("few", (0..n).map(|_| number() >> 30 << 30).collect()),
+            ("close", (0..n).map(|_| 0xbf80_0000 + (number() >> 22)).collect()),
+            ("ends", (0..n).map(|i| if i % 3 == 0 { u32::MAX } else { i % 2 }).collect()),
+        ];
+        for (name, keys) in sets {
+            let mut want: Vec<u32> = (0..n).collect();
+            want.sort_by_key(|&place| keys[place as usize]);
+            if sorted(gpu, &keys) != want {
+                return Err(format!("{n} keys, {name}"));
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn depths_are_sorted_and_ties_stay_in_order() {
+    let Some(mut gpu) = gpu_or_skip("depths_are_sorted_and_ties_stay_in_order") else { return };
+    let counts = [1, 2, 63, 64, 65, 1023, 1024, 1025, 5000, 100_000, 300_001];
+    check(&mut gpu, &counts).unwrap_or_else(|what| panic!("{what}"));
+}
+
+#[test]
+fn broken_sorts_are_noticed() {
+    static BROKEN: [[(&str, &str); 1]; 5] = [
+        [("place += select(0u, 1u, digits[before] == digit)", "place += select(0u, 1u, digits[before] > digit)")],
+        [("place += entries", "place += 0u * entries")],
+        [("place += digit_totals[digit]", "place += 1u")],
+        [("(sorted_keys[first + i] >> SHIFT)", "(sorted_keys[first + i] >> (SHIFT & 15u))")],
+        [("histogram[at] = before + result.before.x", "histogram[at] = result.before.x")],
+    ];
+    let Some(mut gpu) = gpu_or_skip("broken_sorts_are_noticed") else { return };
+    for pair in &BROKEN {
+        assert!(Program::SortScatter.wgsl().contains(pair[0].0), "no program has {pair:?}");
+        gpu.state.pipelines = Pipelines::with(pair);
+        // The last has more than 256 workgroups.
+        let Err(what) = check(&mut gpu, &[1025, 300_000]) else { panic!("{pair:?} was not noticed") };
+        eprintln!("{pair:?}: {what}");
+    }
+}

@@ -1,0 +1,313 @@
+//! Captures: projected Gaussians, and whole frames, against the CPU's.
+
+use super::captures::{captures, many};
+use super::cases::Case;
+use super::compare::{Tally, largest};
+use super::gpu_or_skip;
+use super::harness::read;
+use super::sweeps::values;
+use crate::backend::cpu::Cpu;
+use crate::backend::cpu::transparent::project::{Projected, View, project};
+use crate::backend::gpu::Gpu;
+use crate::backend::gpu::layout::DeviceGaussian;
+use crate::backend::gpu::programs::{Pipelines, Program};
+use crate::backend::{Backend, BackendError};
+use crate::film::{Aov, Blending, Picture};
+use crate::frame::{Frame, PixelRect};
+use crate::options::{ErrorTarget, Quality};
+use crate::renderer::render_frame;
+
+/// Share of values that may differ. At a cut-off a splat may fall on the other side by rounding; on the software device
+/// that was seen at no value of any case.
+const BUDGET: f64 = 1e-3;
+/// Largest difference of a value, relative to the larger of 1 and the value. Measured on the software device: 3.4e-7.
+const TOLERANCE: f32 = 1e-4;
+
+/// The picture of the device against the CPU's.
+fn compare(name: &str, got: &Picture, want: &Picture) -> Result<(), String> {
+    let (got, want) = (values(got), values(want));
+    let difference = |(g, w): (&f32, &f32)| if g == w { 0.0 } else { (g - w).abs() / w.abs().max(1.0) };
+    let differences: Vec<f32> = got.iter().zip(&want).map(difference).collect();
+    let worst = differences.iter().copied().fold(0.0, f32::max);
+    let differing = differences.iter().filter(|&&d| d >= TOLERANCE || d.is_nan()).count();
+    let covered = want.iter().filter(|&&v| v != 0.0 && v.is_finite()).count();
+    eprintln!("{name}: worst {worst:.1e}, {differing} of {} values differ, {covered} not 0", want.len());
+    assert!(got.len() == want.len() && covered > 0, "{name}: nothing to compare");
+    if differing as f64 > BUDGET * want.len() as f64 {
+        return Err(format!("{name}: {differing} of {} values differ, worst {worst:.1e}", want.len()));
+    }
+    Ok(())
+}
+
+/// All projected Gaussians of the first sample of a case.
+fn check_project(gpu: &mut Gpu, name: &str, frame: &Frame) -> Result<usize, String> {
+    let (device, keys) = gpu.projected(frame);
+    let mut by_key: Vec<usize> = (0..keys.len()).collect();
+    by_key.sort_by_key(|&slot| keys[slot]);
+    if !by_key.is_sorted_by(|&a, &b| device[a].depth.total_cmp(&device[b].depth).is_le()) {
+        return Err(format!("{name}: keys are not in the order of depths"));
+    }
+    let position = &frame.rasters[0].positions[0];
+    let posed = &position.groups[0].samples[0];
+    let (mut first, mut tally) = (0_usize, Tally::default());
+    for (object, posed) in frame.objects.iter().zip(&posed.objects) {
+        let Some(gaussians) = &object.gaussians else { continue };
+        let view = View {
+            object,
+            posed,
+            near: posed.near,
+            raster: position.raster,
+            size: frame.size,
+            stride: frame.stride as f32,
+            pixels: PixelRect::of_image(position.raster.size),
+            wanted: None,
+            offsets: [position.raster.offset; 2],
+            blending: frame.blending.unwrap_or(Blending::Linear),
+            velocity: frame.aovs.contains(&Aov::Velocity),
+            first: first as u32,
+            all: true,
+        };
+        let mut host = Projected::default();
+        project(&view, gaussians, 0..gaussians.len(), &mut host);
+        for (i, want) in host.splats.iter().enumerate() {
+            let got = &device[first + i];
+            let at = || format!("{name}: Gaussian {}", want.index);
+            assert_eq!(got.index, want.index, "{name}");
+            tally.floats(&[got.depth], &[want.depth], want.depth.abs(), at);
+            let seen = host.tiles[i][0] <= host.tiles[i][1];
+            if (got.bounds[0] <= got.bounds[1]) != seen || (seen && got.bounds != want.bounds) {
+                tally.otherwise(|| format!("{}: bounds {:?}, not {:?}", at(), got.bounds, want.bounds));
+            }
+            if !seen {
+                continue;
+            }
+            let forms = |along, slope, across, peak| [along, slope, across, peak];
+            let of_device = forms(got.along, got.slope, got.across, got.peak);
+            let of_host = forms(want.along, want.slope, want.across, want.peak);
+            tally.floats(&of_device, &of_host, largest(&of_host), at);
+            tally.floats(&got.reference, &want.reference, largest(&want.reference), at);
+            tally.floats(&got.colour, &want.colour, largest(&want.colour), at);
+            if let Some(velocity) = host.velocities.get(i) {
+                tally.floats(&got.velocity, velocity, largest(velocity), at);
+            }
+        }
+        first += gaussians.len();
+    }
+    let count = tally.count;
+    tally.check("Gaussians").map(|()| count)
+}
+
+/// Pass `project` and the whole frame.
+fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
+    let frame = case.frame();
+    check_project(gpu, case.name, &frame)?;
+    let got = gpu.render(frame.clone()).unwrap_or_else(|e| panic!("{}: {e}", case.name)).picture;
+    let want = Cpu::default().render(frame).unwrap_or_else(|e| panic!("{}: {e}", case.name)).picture;
+    compare(case.name, &got, &want)
+}
+
+#[test]
+fn captures_look_the_same() {
+    let Some(mut gpu) = gpu_or_skip("captures_look_the_same") else { return };
+    for case in captures() {
+        check(&mut gpu, &case).unwrap_or_else(|what| panic!("{what}"));
+    }
+}
+
+/// Mode auto wants some blocks, several times.
+#[test]
+fn captures_look_the_same_in_mode_auto() {
+    let Some(mut gpu) = gpu_or_skip("captures_look_the_same_in_mode_auto") else { return };
+    for case in captures().iter().filter(|case| ["supersample", "linear", "large"].contains(&case.name)) {
+        let mut options = case.options.clone();
+        options.quality = Quality::Error(ErrorTarget { error: 0.01, samples_max: 48, ..ErrorTarget::default() });
+        let rendered = |backend: &mut dyn Backend| render_frame(backend, &case.scene, 0, &options).unwrap();
+        let (got, want) = (rendered(&mut gpu), rendered(&mut Cpu::default()));
+        assert_eq!(got.stats.achieved.map(|a| a.refined), want.stats.achieved.map(|a| a.refined));
+        assert!(want.stats.achieved.is_some_and(|achieved| achieved.refined > 0), "{}: no block is wanted", case.name);
+        compare(case.name, &got.picture, &want.picture).unwrap_or_else(|what| panic!("{what}"));
+    }
+}
+
+/// Slabs of depth, bands of the image, and lists that grow change nothing.
+#[test]
+fn small_buffers_change_no_capture() {
+    let open = || gpu_or_skip("small_buffers_change_no_capture");
+    let (Some(mut roomy), Some(mut slabs), Some(mut bands)) = (open(), open(), open()) else { return };
+    (slabs.most_slots, bands.most_bytes) = (100, 160 << 10);
+    for case in captures() {
+        let picture = |gpu: &mut Gpu| gpu.render(case.frame()).unwrap_or_else(|e| panic!("{e}")).picture;
+        let want = picture(&mut roomy);
+        assert_eq!(picture(&mut slabs), want, "{}: slabs of 100", case.name);
+        assert_eq!(picture(&mut bands), want, "{}: bindings of 160 KiB", case.name);
+        let Some(mut small) = open() else { return };
+        (small.first_entries, small.most_entries) = (1, 900);
+        let before = small.most_slots;
+        assert_eq!(picture(&mut small), want, "{}: lists of 900 entries", case.name);
+        let few = ["one pixel", "aside"].contains(&case.name);
+        assert!(small.most_slots < before || few, "{}: no slab was split", case.name);
+    }
+}
+
+/// Slabs that forget those before them are noticed.
+#[test]
+fn broken_slabs_are_noticed() {
+    static SLABS: [[(&str, &str); 1]; 3] = [
+        [("if view.resumes != 0u {\n        if !has_next(walk) { return; }\n        load(&sum, at);", "if false {")],
+        [("order[view.first_place + i]", "order[i]")],
+        [(
+            "for (var i = first + lane; i < end; i += 256u) {\n        let splat = gaussians",
+            "for (var i = \
+          first + lane; i + 1u < end; i += 256u) {\n        let splat = gaussians",
+        )],
+    ];
+    let open = || gpu_or_skip("broken_slabs_are_noticed");
+    let (Some(mut roomy), Some(mut slabs)) = (open(), open()) else { return };
+    slabs.most_slots = 100;
+    let case = &captures()[1];
+    let want = roomy.render(case.frame()).unwrap().picture;
+    for pair in &SLABS {
+        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(pair[0].0)), "no program has {pair:?}");
+        slabs.state.pipelines = Pipelines::with(pair);
+        assert!(slabs.render(case.frame()).unwrap().picture != want, "{pair:?}");
+    }
+}
+
+/// The least memory with which a frame can be rendered holds all that it takes. What does not fit is refused in words.
+#[test]
+fn captures_keep_to_their_memory() {
+    for mut case in captures().into_iter().chain([many()]) {
+        (case.scene.image.width, case.scene.image.height) = (1600, 400);
+        let mut frame = case.frame();
+        let mut take = |memory: u64| {
+            let mut gpu = gpu_or_skip("captures_keep_to_their_memory")?;
+            gpu.most_slots = u64::MAX;
+            frame.memory = memory;
+            Some(gpu.fill(&frame))
+        };
+        let Some(refused) = take(0) else { return };
+        let Err(BackendError::Memory { needed, .. }) = refused else { panic!("{}: {refused:?}", case.name) };
+        for memory in [needed, needed + needed / 2] {
+            let Some(taken) = take(memory) else { return };
+            let taken = taken.unwrap_or_else(|e| panic!("{}: {e}", case.name));
+            assert!(taken <= memory && taken > memory / 10 * 9, "{}: {taken} bytes of {memory}", case.name);
+        }
+    }
+    let Some(mut gpu) = gpu_or_skip("captures_keep_to_their_memory") else { return };
+    gpu.most_bytes = 32 << 10;
+    let refused = gpu.render(captures()[0].frame()).map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("600 Gaussians") && refused.contains("`--backend cpu`"), "{refused}");
+}
+
+/// Text of a program, what replaces it, and a case that must notice.
+static MUTANTS: [([(&str, &str); 1], &str); 78] = [
+    // Pass `project`.
+    ([("axis + vec2<f32>(x, y)", "axis + vec2<f32>(x, x)")], "supersample"),
+    ([("jx = clamp(x, -segment.field.x, segment.field.x)", "jx = x")], "aside"),
+    ([("jy = clamp(y, -segment.field.y, segment.field.y)", "jy = y")], "aside"),
+    ([("qy = geometry[turn_at + 1u]", "qy = geometry[turn_at]")], "supersample"),
+    ([("1.0 - 2.0 * (qy * qy + qz * qz)", "1.0 - 2.0 * (qy * qy - qz * qz)")], "supersample"),
+    ([("2.0 * (qx * qy + qw * qz)", "2.0 * (qx * qy - qw * qz)")], "supersample"),
+    ([("2.0 * (qx * qz - qw * qy)", "2.0 * (qx * qz + qw * qy)")], "supersample"),
+    ([("2.0 * (qx * qy - qw * qz)", "2.0 * (qx * qy + qw * qz)")], "supersample"),
+    ([("1.0 - 2.0 * (qx * qx + qz * qz)", "1.0 + 2.0 * (qx * qx + qz * qz)")], "supersample"),
+    ([("2.0 * (qy * qz + qw * qx)", "2.0 * (qy * qz - qw * qx)")], "supersample"),
+    ([("(qx * qz + qw * qy), 2.0", "(qx * qz - qw * qy), 2.0")], "supersample"),
+    ([("2.0 * (qy * qz - qw * qx)", "2.0 * (qy * qz + qw * qx)")], "supersample"),
+    ([("1.0 - 2.0 * (qx * qx + qy * qy)", "1.0 - 2.0 * (qx * qx - qy * qy)")], "supersample"),
+    ([("geometry[sigma_at + 1u] * over", "geometry[sigma_at] * over")], "supersample"),
+    ([("turned.x - jx * turned.z", "turned.x")], "supersample"),
+    ([("turned.y - jy * turned.z", "turned.y")], "supersample"),
+    ([("c.x * c.x + c.y * c.y + c.z * c.z", "c.x * c.x + c.y * c.y")], "supersample"),
+    ([("u.z * v.x - u.x * v.z", "u.z * v.x + u.x * v.z")], "supersample"),
+    ([("dilation * (xx + yy) + dilation * dilation", "dilation * (xx + yy)")], "supersample"),
+    ([("wide_xx = xx + dilation", "wide_xx = xx")], "supersample"),
+    ([("wide_yy = yy + dilation", "wide_yy = yy + 9.0 * dilation")], "supersample"),
+    ([("lost = sqrt(unfiltered / determinant)", "lost = unfiltered / determinant")], "drawn"),
+    ([("segment.opacity * lost", "lost")], "drawn"),
+    ([("opacity * 255.0 > 1.0", "opacity * 25.0 > 1.0")], "drawn"),
+    ([("(peak + LOG2_FAINTEST)", "LOG2_FAINTEST")], "supersample"),
+    ([("slope = xy * over_xx", "slope = -xy * over_xx")], "supersample"),
+    ([("HALF_LOG2_E * wide_xx / determinant", "HALF_LOG2_E / wide_yy")], "supersample"),
+    ([("all(position >= segment.low.xyz)", "true")], "drawn"),
+    ([("all(position <= segment.high.xyz)", "true")], "drawn"),
+    ([("&& depth >= segment.near", "")], "near"),
+    ([("reach_x) - view.offset.x", "reach_x) + view.offset.x")], "supersample"),
+    ([("reach_y) - view.offset.y", "reach_y) + view.offset.y")], "supersample"),
+    ([("if segment.tint.w != 0.0", "if false")], "drawn"),
+    ([("(position - segment.eye)", "(segment.eye - position)")], "supersample"),
+    ([("max(own, vec3<f32>(0.0))", "own")], "supersample"),
+    ([("(segment.flags & FLAG_ENCODE) == 0u", "true")], "encoded"),
+    ([("own += harmonics(i", "own -= harmonics(i")], "supersample"),
+    ([("k < segment.harmonics_used", "k < segment.harmonics_each")], "drawn"),
+    ([("-0.48860251 * d.x", "0.48860251 * d.x")], "supersample"),
+    ([("-1.0925484 * d.y * d.z", "1.0925484 * d.y * d.z")], "supersample"),
+    ([("2.0 * zz - xx - yy)", "2.0 * zz - xx + yy)")], "supersample"),
+    ([("0.5462742 * (xx - yy)", "0.5462742 * (xx + yy)")], "supersample"),
+    ([("-0.5900436 * d.y", "0.5900436 * d.y")], "supersample"),
+    ([("2.8906114 * d.x", "-2.8906114 * d.x")], "supersample"),
+    ([("-0.4570458 * d.y", "0.4570458 * d.y")], "supersample"),
+    ([("2.0 * zz - 3.0 * xx", "2.0 * zz + 3.0 * xx")], "supersample"),
+    ([("-0.4570458 * d.x", "0.4570458 * d.x")], "supersample"),
+    ([("1.4453057 * d.z", "-1.4453057 * d.z")], "supersample"),
+    ([("(xx - 3.0 * yy)", "(xx + 3.0 * yy)")], "supersample"),
+    ([("centre.x * over * rate.z", "centre.x * over")], "supersample"),
+    ([("rate.y - centre.y", "rate.y + centre.y")], "supersample"),
+    // Passes `sort` and `list`.
+    ([("bits | 0x80000000u", "bits & 0xffff0000u")], "supersample"),
+    ([("select(~bits, bits |", "select(bits, bits |")], "aside"),
+    ([("if bounds.x <= bounds.y { count", "if bounds.x + 8u <= bounds.y { count")], "supersample"),
+    ([("order[view.first_place + i]", "view.first_place + i")], "supersample"),
+    ([("place += select(0u, 1u, digits[before] == digit)", "place += select(0u, 1u, digits[before] > 99u)")], "ties"),
+    // Pass `composite`.
+    ([("splat.reference.x + view.offset.x", "splat.reference.x")], "supersample"),
+    ([("y - splat.slope * x", "y")], "supersample"),
+    ([("min(opacity, vec4<f32>(MOST_ALPHA))", "opacity")], "still"),
+    ([("exponent >= vec4<f32>(-LOG2_FAINTEST)", "exponent >= vec4<f32>(-6.0)")], "still"),
+    ([("through >= vec4<f32>(OPAQUE))\n", "through >= vec4<f32>(0.2))\n")], "still"),
+    ([("(vec4<f32>(splat.depth) <= limit)", "(limit > vec4<f32>(0.0))")], "still"),
+    ([("threshold_place(quad.xy)", "0u")], "ewa"),
+    ([("share * splat.velocity.y", "share * splat.velocity.x")], "still"),
+    ([("(*sum).depth += share * splat.depth", "(*sum).depth += splat.depth")], "depth"),
+    // Pass `resolve`.
+    ([("through * (1.0 - solid)", "through")], "still"),
+    ([("if CODED { shown = from_linear(linear); }", "")], "still"),
+    ([("behind_through * behind_coded) -", "behind_through * behind) -")], "still"),
+    ([("- behind_through * behind;", ";")], "still"),
+    ([("return alpha * to_linear", "return to_linear")], "transparent"),
+    ([("if CODED { seen = decoded", "if false { seen = decoded")], "transparent"),
+    ([("(front * inverse)", "(front)")], "transparent"),
+    ([("own + through * (shown * solid)", "own + through * shown")], "linear"),
+    ([("view.weight * seen", "seen")], "linear"),
+    ([("view.weight * alpha", "alpha")], "linear"),
+    ([("(own + through * of_opaque(at, plane))", "(own + of_opaque(at, plane))")], "still"),
+    ([("sums[sum_at + 6u * TILE_PIXELS]", "sums[sum_at + 5u * TILE_PIXELS]")], "still"),
+    ([("[at + plane * TILE_PIXELS] * view.opaque_scale", "[at + plane * TILE_PIXELS]")], "bucket"),
+];
+
+#[test]
+fn broken_programs_of_captures_are_noticed() {
+    let Some(mut gpu) = gpu_or_skip("broken_programs_of_captures_are_noticed") else { return };
+    let cases = captures();
+    let mut unnoticed = Vec::new();
+    for (pair, name) in &MUTANTS {
+        let [(from, to)] = pair;
+        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
+        let case = cases.iter().find(|case| case.name == *name).unwrap();
+        gpu.state.pipelines = Pipelines::with(pair);
+        match check(&mut gpu, case) {
+            Ok(()) => unnoticed.push(format!("`{from}` became `{to}`")),
+            Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
+        }
+    }
+    assert!(unnoticed.is_empty(), "nothing was noticed: {unnoticed:#?}");
+}
+
+impl Gpu {
+    /// The Gaussians of the first sample of a frame, and the keys by which they are sorted.
+    fn projected(&mut self, frame: &Frame) -> (Vec<DeviceGaussian>, Vec<u32>) {
+        let count = self.project_first(frame);
+        let buffers = &self.state.buffers;
+        (read(self, &buffers.gaussians, count), read(self, &buffers.keys[0], count))
+    }
+}
