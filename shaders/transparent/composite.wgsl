@@ -1,5 +1,5 @@
 // Pass `composite`: the Gaussians of a tile, front to back.
-// Twin: src/backend/cpu/transparent/composite.rs.  Math: docs/math.md, section 9.
+// Twin: src/backend/cpu/transparent/composite.rs.  Math: docs/math.md, section 11.
 //   in   splats, list, starts, wide   output of `gather` and `bin`: in the order of depth
 //        thresholds                   T of opaque surfels, where the view has any
 //   in and out  sums   for each tile, for each channel, its quads: transmittance, red, green, blue, and where they are

@@ -1,6 +1,6 @@
 // Pass `project` of Gaussians (program `gaussian_project`): posed, projected, widened by the filter, bounded and
 // culled; and the depths by which they are sorted.
-// Twins: src/backend/cpu/transparent/project.rs, harmonics.rs; key_of of sorted.rs.  Math: docs/math.md, section 9.
+// Twins: src/backend/cpu/transparent/project.rs, harmonics.rs; key_of of sorted.rs.  Math: docs/math.md, section 11.
 //   in   segment
 //        geometry    columns: positions, standard deviations, rotations (x, y, z, w), opacities
 //        looks       columns: colours from all sides; then the harmonics of each Gaussian

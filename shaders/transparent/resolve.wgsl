@@ -1,6 +1,6 @@
 // Pass `resolve` of what is transparent (program `transparent_resolve`): lays the composite over the opaque picture of
 // the instant, decodes it, and adds it to the film with the time weight.
-// Twin: src/backend/cpu/transparent/resolve.rs.  Math: docs/math.md, section 9.
+// Twin: src/backend/cpu/transparent/resolve.rs.  Math: docs/math.md, section 11.
 //   in   sums       output of `composite`
 //        opaque     the picture of the group's surfels, premultiplied, as the film has it
 //        backdrop

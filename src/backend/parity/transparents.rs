@@ -74,7 +74,7 @@ fn check_project(gpu: &mut Gpu, name: &str, frame: &Frame) -> Result<usize, Stri
             let at = || format!("{name}: Gaussian {}", want.index);
             assert_eq!(got.index, want.index, "{name}");
             tally.floats(&[got.depth], &[want.depth], want.depth.abs(), at);
-            let seen = host.tiles[i][0] <= host.tiles[i][1];
+            let seen = host.bounds[i][0] <= host.bounds[i][1];
             if (got.bounds[0] <= got.bounds[1]) != seen || (seen && got.bounds != want.bounds) {
                 tally.otherwise(|| format!("{}: bounds {:?}, not {:?}", at(), got.bounds, want.bounds));
             }

@@ -46,7 +46,6 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
         world_origin: Vec3::ZERO,
         handedness: 1.0,
         epsilon: 0.0,
-        near: 0.0,
     };
     let raster = Raster {
         size: [SIZE; 2],

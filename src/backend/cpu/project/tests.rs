@@ -65,7 +65,6 @@ fn clusters_that_are_left_out_hold_nothing() {
             world_origin: origin,
             handedness,
             epsilon: 0.0,
-            near: 0.0,
         };
         let raster = Raster {
             size: [64; 2],

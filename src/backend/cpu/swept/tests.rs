@@ -56,7 +56,6 @@ impl Disc {
             world_origin: Vec3::ZERO,
             handedness: 1.0,
             epsilon: 0.0,
-            near: 0.0,
         };
         let raster = Raster {
             size: [SIZE; 2],
