@@ -49,7 +49,7 @@ impl Models {
 /// Every sixth Gaussian of the guitar, larger, upright, about 2 high about the origin.
 fn thinned(guitar: &Model) -> Model {
     let whole = guitar.gaussians().expect("a capture");
-    let every = |i: &usize| i % 6 == 0;
+    let every = |i: &usize| i.is_multiple_of(6);
     let picked: Vec<usize> = (0..whole.len()).filter(every).collect();
     let upright = Quat::from_rotation_x(std::f32::consts::PI);
     Gaussians {

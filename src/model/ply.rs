@@ -169,21 +169,32 @@ struct GaussianColumns {
     rest: Vec<usize>,
     /// Their highest degree.
     degree: u8,
+    /// What is left out of the file's harmonics.
+    note: Option<String>,
 }
 
 impl GaussianColumns {
-    /// The columns, if the file is a capture. `f_rest` columns count if they are exactly those of a degree from 1 to 3;
-    /// those of degree 4 do not count.
+    /// The columns, if the file is a capture. `f_rest` columns count if they are exactly those of a degree from 1 to 4.
+    /// Of degree 4 what lies beyond degree 3 is dropped.
     fn find(finder: &mut Finder<'_>) -> Option<Self> {
         let own = finder.take([
             "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2",
             "rot_3",
         ])?;
-        let given = (0..3 * MOST_HARMONICS).take_while(|k| finder.has(&format!("f_rest_{k}"))).count();
-        let degree = (1..=3_u8).rev().find(|&degree| 3 * harmonics_of(degree) == given).unwrap_or(0);
-        let wanted = (0..3 * harmonics_of(degree)).map(|k| format!("f_rest_{k}"));
+        let given = (0..=3 * harmonics_of(4)).take_while(|k| finder.has(&format!("f_rest_{k}"))).count();
+        let of_file = (1..=4_u8).rev().find(|&degree| 3 * harmonics_of(degree) == given).unwrap_or(0);
+        let degree = of_file.min(3);
+        let (each, used) = (harmonics_of(of_file), harmonics_of(degree));
+        let wanted = (0..3).flat_map(|channel| (0..used).map(move |k| format!("f_rest_{}", channel * each + k)));
         let rest = wanted.filter_map(|name| finder.take([name.as_str()])).map(|[index]| index).collect();
-        Some(Self { own, rest, degree })
+        let note = match of_file {
+            0 if given > 0 => {
+                Some(format!("Gaussian splats: {given} columns f_rest ignored, expected 9, 24, 45 or 72"))
+            }
+            4 => Some("Gaussian splats: harmonics of degree 4 dropped".to_owned()),
+            _ => None,
+        };
+        Some(Self { own, rest, degree, note })
     }
 
     /// The Gaussian of a record: ln sigma, logit of opacity, coefficients channel by channel.
@@ -228,6 +239,7 @@ fn read_vertices(
         cloud.position.reserve_exact(count);
     }
     let mut gaussians = Gaussians::of_degree(columns.gaussian.as_ref().map_or(0, |columns| columns.degree));
+    cloud.notes.extend(columns.gaussian.as_ref().and_then(|columns| columns.note.clone()));
     for row in 0..count {
         if row % CHUNK == 0 {
             progress(row as f32 / count as f32);

@@ -11,7 +11,7 @@ use splatblur::film::{Aov, Picture};
 use splatblur::image;
 use splatblur::math::srgb;
 use splatblur::model::{Gaussians, Surfels};
-use splatblur::options::{BlurMode, ErrorTarget, Interleave, PixelFilter, Quality, RenderOptions};
+use splatblur::options::{BlurMode, ErrorTarget, Interleave, PixelFilter, Quality, RenderOptions, Times};
 use splatblur::scene::{Camera, Capture, Motion, Object, Scene};
 
 use crate::support::gaussians::{View, picture, psnr};
@@ -289,7 +289,7 @@ fn an_opaque_card_hides_what_is_behind_it() {
             samples: 3,
             pixel_samples: None,
             interleave: Interleave::None,
-            times: Default::default(),
+            times: Times::default(),
         },
     ] {
         for (z, hidden) in [(-0.5, false), (0.5, true)] {
@@ -297,7 +297,9 @@ fn an_opaque_card_hides_what_is_behind_it() {
                 let mut objects = vec![veil(z, false), card(Vec3::from(card_colour.map(|c| c as f32)))];
                 if moves {
                     let there = Motion::Linear { velocity: DVec3::new(0.02, 0.0, 0.0) };
-                    objects.iter_mut().for_each(|object| object.motions = vec![there]);
+                    for object in &mut objects {
+                        object.motions = vec![there];
+                    }
                 }
                 let scene = seen(objects, [17, 17], DVec3::new(0.0, 0.0, -2.0), DVec3::ZERO);
                 let through = |c: usize| decoded(0.5 * own[c] + 0.5 * encoded(card_colour[c]));
@@ -364,7 +366,7 @@ fn memory_and_threads_change_no_byte() {
             samples: 2,
             pixel_samples: None,
             interleave: Interleave::None,
-            times: Default::default(),
+            times: Times::default(),
         },
     ] {
         let options = RenderOptions { aovs: AOVS.to_vec(), filter: PixelFilter::Box, ..with(mode) };

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use splatblur::image;
 use splatblur::model::{self, Format, Kind, parse_capture};
 use splatblur::scene::{Capture, Object, Scene};
@@ -89,4 +89,34 @@ fn foreign_captures_are_refused_by_name() {
         let refused = model::load(&path, &model::LoadOptions::default(), &|_, _| {}).unwrap_err().to_string();
         assert!(refused.contains(word) && !refused.contains('\n'), "{refused}");
     }
+}
+
+/// Columns of harmonics: those of degree 4 are read as degree 3 and a note, odd numbers of them as none and a note.
+#[test]
+fn a_plain_ply_says_what_it_leaves_out() {
+    let file = |rest: usize| {
+        let own = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2"].map(str::to_owned).into_iter();
+        let names = own
+            .chain((0..rest).map(|k| format!("f_rest_{k}")))
+            .chain(["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"].map(str::to_owned));
+        let properties: String = names.flat_map(|name| ["property float ".to_owned(), name, "\n".to_owned()]).collect();
+        let rest = (0..rest).map(|k| k.to_string()).collect::<Vec<_>>().join(" ");
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 1\n{properties}end_header\n1 2 3 0 0 0 {rest} 0 -1 -1 -1 1 0 0 0\n"
+        )
+    };
+    let capture = |rest: usize| parse_capture(file(rest).as_bytes(), Format::Ply).unwrap().unwrap();
+    for (rest, degree, word) in
+        [(0, 0, ""), (9, 1, ""), (24, 2, ""), (45, 3, ""), (72, 3, "degree 4"), (10, 0, "10 columns")]
+    {
+        let found = capture(rest);
+        assert_eq!(found.degree, degree, "{rest} columns");
+        assert_eq!(found.notes.iter().any(|note| note.contains(word)), !word.is_empty(), "{rest}: {:?}", found.notes);
+    }
+    // Channel by channel: red has the first 24 of 72.
+    let of_degree_4 = capture(72).harmonics;
+    assert_eq!(
+        (of_degree_4.len(), of_degree_4[0], of_degree_4[14]),
+        (15, Vec3::new(0.0, 24.0, 48.0), Vec3::new(14.0, 38.0, 62.0))
+    );
 }

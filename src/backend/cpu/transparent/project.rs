@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::harmonics;
 use crate::backend::cpu::bounds::{pixel_range, whole};
@@ -20,6 +20,9 @@ use crate::model::Gaussians;
 /// Gaussians worked on at once.
 const LANES: usize = 16;
 type Lanes = [f32; LANES];
+
+/// What turns a power of e with the factor 1/2 into one of 2.
+const HALF_LOG2_E: f32 = 0.5 * std::f32::consts::LOG2_E;
 
 /// Variance by which the filter widens a Gaussian, pixels^2 of the image (Kerbl et al. 2023, their program).
 const DILATION: f32 = 0.3;
@@ -194,8 +197,7 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
     let capture = &view.object.capture;
     let factor = capture.opacity as f32;
     let antialias = capture.antialias.unwrap_or(gaussians.antialiased);
-    let [low, high] =
-        capture.crop.map_or([Vec3::NEG_INFINITY, Vec3::INFINITY], |crop| crop.map(|corner| corner.as_vec3()));
+    let [low, high] = capture.crop.map_or([Vec3::NEG_INFINITY, Vec3::INFINITY], |crop| crop.map(DVec3::as_vec3));
     let centre = transform(&view.posed.screen_from_model, view.posed.screen_origin, &position);
     let m = view.posed.screen_from_model.to_cols_array_2d();
     let half = [0, 1].map(|i| FIELD * 0.5 * view.size[i] as f32 / view.stride);
@@ -241,7 +243,6 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
         let solid = peak * FAINTEST > 1.0;
         let peak = fast::log2(if solid { peak } else { 1.0 });
         let over_xx = 1.0 / wide_xx;
-        const HALF_LOG2_E: f32 = 0.5 * std::f32::consts::LOG2_E;
         shape.along[l] = HALF_LOG2_E * over_xx;
         shape.slope[l] = xy * over_xx;
         shape.across[l] = HALF_LOG2_E * wide_xx / determinant;

@@ -46,7 +46,9 @@ fn resolve_body(over: &Over<'_>, composite: &Composite, tile: &TileRect, film: &
                 let first = (plane * TILE + y) * TILE + x;
                 if let Some(row) = over.opaque.values.get(first..first + LANES) {
                     out.copy_from_slice(row);
-                    out.iter_mut().for_each(|value| *value *= over.scale);
+                    for value in &mut out {
+                        *value *= over.scale;
+                    }
                 }
                 out
             };

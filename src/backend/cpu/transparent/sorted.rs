@@ -208,7 +208,7 @@ pub(super) struct Walk<'a> {
     next: usize,
 }
 
-impl<'a> Walk<'a> {
+impl Walk<'_> {
     /// Opens the list of the tile in the current part, or in the next that has one.
     fn open(&mut self) {
         self.next = 0;
