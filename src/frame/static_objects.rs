@@ -8,7 +8,8 @@ use crate::scene::Scene;
 /// Longest path over the screen during the exposure of an object that counts as static, pixels.
 pub const STATIC_PATH: f32 = 0.25;
 
-/// Whether each object is static. One whose path is shorter than [`STATIC_PATH`] is held at its pose of mid-exposure.
+/// Whether each object is static. Surfels whose path is shorter than [`STATIC_PATH`] are held at their pose of
+/// mid-exposure; a capture is static where its pose never changes.
 ///
 /// `times` are those of the samples of `rasters`, one after the other; `stride` and `near` are the frame's.
 pub(super) fn find_static(
@@ -31,6 +32,10 @@ pub(super) fn find_static(
                 return true;
             }
             let object_of_scene = &scene.objects[object];
+            // Gaussians may be far larger than the box of their centres, and their order may change on the shortest path.
+            if object_of_scene.model.gaussians().is_some() {
+                return false;
+            }
             let origin = object_of_scene.model.origin;
             let drifts = object_of_scene.bounds().corners().map(|corner| {
                 let corner = (corner - origin).as_vec3();

@@ -571,10 +571,11 @@ fn positions_lie_where_the_filter_has_them() {
             let scene = seen(vec![object], [17, 17], DVec3::new(0.0, 0.0, -2.0), DVec3::ZERO);
             let options = RenderOptions { filter: PixelFilter::Box, seed: 1, ..with(mode) };
             let picture = render(&scene, &options);
-            for (x, y) in [(8_u32, 8_u32), (10, 8), (7, 10), (8, 5)] {
+            for (x, y) in (0..17_u32).flat_map(|y| (0..17_u32).map(move |x| (x, y))) {
                 let alpha = |&[dx, dy]: &[f32; 2]| {
                     let d = DVec3::new(f64::from(x) + f64::from(dx) - 8.0, f64::from(y) + f64::from(dy) - 8.0, 0.0);
-                    opacity * (-0.5 * d.length_squared() / variance).exp()
+                    let alpha = opacity * (-0.5 * d.length_squared() / variance).exp();
+                    if alpha < 1.0 / 255.0 { 0.0 } else { alpha }
                 };
                 let want = offsets.iter().map(alpha).sum::<f64>() / f64::from(count);
                 let found = f64::from(picture.rgba[(y * 17 + x) as usize][3]);
@@ -585,4 +586,37 @@ fn positions_lie_where_the_filter_has_them() {
             }
         }
     }
+}
+
+/// The order of a bucket is that of its middle. In its first sample what comes first in that order lies behind a card;
+/// what comes later lies before it, and shows.
+#[test]
+fn a_bucket_shows_what_is_before_a_card_though_it_comes_late() {
+    let (own, card_colour, faint) = ([0.2, 0.5, 0.9], [0.3, 0.1, 0.6], 0.004_f64);
+    let crowd = one(Vec3::new(0.0, 0.0, 2.25), 1e3, faint as f32, Vec3::ZERO);
+    let crowd = (0..6).fold(crowd, |crowd, _| both(&crowd, &crowd));
+    assert_eq!(crowd.len(), 64);
+    // Behind the card at first, then nearer than the veil.
+    let mut crowd = Object::new(crowd);
+    crowd.motions = vec![Motion::Linear { velocity: DVec3::new(0.0, 0.0, -5.0) }];
+    let objects = vec![crowd, veil(-1.0, false), card(Vec3::from(card_colour.map(|c| c as f32)))];
+    let scene = seen(objects, [17, 17], DVec3::new(0.0, 0.0, -4.0), DVec3::ZERO);
+    let found = at_middle(&render(&scene, &with("bucket:1x2".parse().unwrap())));
+    let through = |c: usize, before: f64| decoded(before * (0.5 * own[c] + 0.5 * encoded(card_colour[c])));
+    let want = |c: usize| 0.5 * through(c, 1.0) + 0.5 * through(c, (1.0 - faint).powi(64));
+    assert_near(found, [want(0), want(1), want(2), 1.0], 1e-4);
+}
+
+/// Depth and velocity of surfels show through what is before them.
+#[test]
+fn layers_hold_surfels_behind_captures() {
+    let objects = vec![veil(-1.0, false), card(Vec3::ONE)];
+    let scene = seen(objects, [17, 17], DVec3::new(0.0, 0.0, -4.0), DVec3::ZERO);
+    let picture = render(&scene, &RenderOptions { aovs: AOVS.to_vec(), ..still() });
+    let value = |aov: Aov, channel: usize| {
+        let layer = picture.layers.iter().find(|layer| layer.aov == aov).unwrap();
+        f64::from(layer.planes[channel][17 * 8 + 8])
+    };
+    assert!((value(Aov::Depth, 0) - (0.5 * 3.0 + 0.5 * 4.0)).abs() < 1e-3, "{}", value(Aov::Depth, 0));
+    assert!((value(Aov::Normal, 2) + 0.5).abs() < 1e-3, "{}", value(Aov::Normal, 2));
 }
