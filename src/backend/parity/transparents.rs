@@ -120,7 +120,7 @@ fn captures_look_the_same_in_mode_auto() {
     let Some(mut gpu) = gpu_or_skip("captures_look_the_same_in_mode_auto") else { return };
     for case in captures().iter().filter(|case| ["supersample", "linear", "large"].contains(&case.name)) {
         let mut options = case.options.clone();
-        options.quality = Quality::Error(ErrorTarget { error: 0.0015, samples_max: 48, ..ErrorTarget::default() });
+        options.quality = Quality::Error(ErrorTarget { error: 0.0015, samples_max: 240, ..ErrorTarget::default() });
         let rendered = |backend: &mut dyn Backend| render_frame(backend, &case.scene, 0, &options).unwrap();
         let (got, want) = (rendered(&mut gpu), rendered(&mut Cpu::default()));
         assert_eq!(got.stats.achieved.map(|a| a.refined), want.stats.achieved.map(|a| a.refined));
