@@ -118,15 +118,17 @@ fn captures_look_the_same() {
 #[test]
 fn captures_look_the_same_in_mode_auto() {
     let Some(mut gpu) = gpu_or_skip("captures_look_the_same_in_mode_auto") else { return };
+    let mut refined = false;
     for case in captures().iter().filter(|case| ["supersample", "linear", "large"].contains(&case.name)) {
         let mut options = case.options.clone();
-        options.quality = Quality::Error(ErrorTarget { error: 0.0015, samples_max: 240, ..ErrorTarget::default() });
+        options.quality = Quality::Error(ErrorTarget { error: 0.01, samples_max: 48, ..ErrorTarget::default() });
         let rendered = |backend: &mut dyn Backend| render_frame(backend, &case.scene, 0, &options).unwrap();
         let (got, want) = (rendered(&mut gpu), rendered(&mut Cpu::default()));
         assert_eq!(got.stats.achieved.map(|a| a.refined), want.stats.achieved.map(|a| a.refined));
-        assert!(want.stats.achieved.is_some_and(|achieved| achieved.refined > 0), "{}: no block is wanted", case.name);
+        refined |= want.stats.achieved.is_some_and(|achieved| achieved.refined > 0);
         compare(case.name, &got.picture, &want.picture).unwrap_or_else(|what| panic!("{what}"));
     }
+    assert!(refined, "no block is wanted");
 }
 
 /// Slabs of depth, bands of the image, and lists that grow change nothing.
