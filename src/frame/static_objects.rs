@@ -32,7 +32,7 @@ pub(super) fn find_static(
                 return true;
             }
             let object_of_scene = &scene.objects[object];
-            // Gaussians may be far larger than the box of their centres, and their order may change on the shortest path.
+            // Gaussians may be far larger than the box of their centres, and a short path may change their order.
             if object_of_scene.model.gaussians().is_some() {
                 return false;
             }
