@@ -1,7 +1,7 @@
 //! Captures: 3D Gaussians (Kerbl et al. 2023), as the files of several programs hold them.
 //!
 //! Readers turn what a file says into [`Gaussians`], in one frame and one meaning. `surfels` makes opaque surfels of
-//! them, which is how they are drawn.
+//! them, for scenes that ask for it.
 
 pub(super) mod compressed_ply;
 mod glb;

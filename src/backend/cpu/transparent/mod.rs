@@ -1,5 +1,5 @@
 //! Step `Transparent`: the Gaussians of captures, sorted by depth, composited front to back over the opaque picture of
-//! an instant, and added to the film (docs/math.md, section 11; docs/architecture.md, "What is transparent").
+//! an instant, and added to the film (docs/math.md, section 11; docs/captures.md).
 //!
 //! What is static is projected, sorted and listed once for all sample positions of a band. A tile merges it with what
 //! moves. Where splats do not fit into memory, they pass in slabs of depth, the nearest first.

@@ -28,8 +28,7 @@ pub(super) fn key_of(depth: f32) -> u32 {
     if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
 }
 
-/// Splats of some objects in the order of depth. How far they lie behind one another was found once, for all samples
-/// that share the order.
+/// The order of depth of the splats of some objects, which several samples may share.
 #[derive(Debug, Default)]
 pub(super) struct Order {
     /// Ranks, rising, part by part.
@@ -135,7 +134,7 @@ impl<'a> Listed<'a> {
         self.chunks[place / CHUNK].velocities.get(place % CHUNK)
     }
 
-    /// Has the tile any splats of which it could be sure only by looking at each?
+    /// May any splat touch the tile? Wide splats are not looked at one by one.
     pub(super) fn reaches(&self, index: usize) -> bool {
         self.lists.iter().any(|lists| lists.starts[index] < lists.starts[index + 1] || !lists.wide.is_empty())
     }
