@@ -559,7 +559,7 @@ fn extreme_gaussians_are_drawn_or_left_out() {
 /// Each position of the pixel filter samples the Gaussian where it lies, whether the object rests or moves.
 #[test]
 fn positions_lie_where_the_filter_has_them() {
-    let (sigma, opacity) = (0.1, 0.8);
+    let (sigma, opacity) = (0.12, 0.8);
     let focal = 8.5 / 25_f64.to_radians().tan();
     let variance = (sigma * focal / 2.0).powi(2) + 0.3;
     for count in [2, 8] {
@@ -593,14 +593,14 @@ fn positions_lie_where_the_filter_has_them() {
 #[test]
 fn a_bucket_shows_what_is_before_a_card_though_it_comes_late() {
     let (own, card_colour, faint) = ([0.2, 0.5, 0.9], [0.3, 0.1, 0.6], 0.004_f64);
-    let crowd = one(Vec3::new(0.0, 0.0, 2.25), 1e3, faint as f32, Vec3::ZERO);
+    let crowd = one(Vec3::new(0.0, 0.0, 1.15), 1e3, faint as f32, Vec3::ZERO);
     let crowd = (0..6).fold(crowd, |crowd, _| both(&crowd, &crowd));
     assert_eq!(crowd.len(), 64);
-    // Behind the card at first, then nearer than the veil.
+    // Behind the card, which fills the image, at first; then nearer than the veil.
     let mut crowd = Object::new(crowd);
-    crowd.motions = vec![Motion::Linear { velocity: DVec3::new(0.0, 0.0, -5.0) }];
-    let objects = vec![crowd, veil(-1.0, false), card(Vec3::from(card_colour.map(|c| c as f32)))];
-    let scene = seen(objects, [17, 17], DVec3::new(0.0, 0.0, -4.0), DVec3::ZERO);
+    crowd.motions = vec![Motion::Linear { velocity: DVec3::new(0.0, 0.0, -2.6) }];
+    let objects = vec![crowd, veil(-0.4, false), card(Vec3::from(card_colour.map(|c| c as f32)))];
+    let scene = seen(objects, [17, 17], DVec3::new(0.0, 0.0, -1.5), DVec3::ZERO);
     let found = at_middle(&render(&scene, &with("bucket:1x2".parse().unwrap())));
     let through = |c: usize, before: f64| decoded(before * (0.5 * own[c] + 0.5 * encoded(card_colour[c])));
     let want = |c: usize| 0.5 * through(c, 1.0) + 0.5 * through(c, (1.0 - faint).powi(64));
