@@ -5,6 +5,8 @@
 //! which this object is white and all others are black. So it has the visibility of the picture in every mode on every
 //! backend, and costs one more rendering of the frame for each object.
 
+use glam::{DVec3, Vec3};
+
 use crate::backend::{Achieved, Backend, BackendError, Rendered};
 use crate::film::{Aov, Layer};
 use crate::frame::Frame;
@@ -12,7 +14,6 @@ use crate::model::Material;
 use crate::options::{BlurMode, ErrorTarget, Interleave, Quality, RenderOptions, Shading, Times};
 use crate::scene::{Light, Scene};
 use crate::time::FrameNumber;
-use glam::Vec3;
 
 /// Fewest time samples of the mattes in mode auto, as far as the target allows.
 const LEAST_SAMPLES: u32 = 16;
@@ -89,7 +90,7 @@ fn units(share: f32) -> u32 {
 fn matte(scene: &Scene, index: usize) -> Scene {
     let mut scene = scene.clone();
     scene.image.transparent = true;
-    scene.lights = vec![Light::Directional { direction: glam::DVec3::NEG_Z, colour: glam::DVec3::ONE }];
+    scene.lights = vec![Light::Directional { direction: DVec3::NEG_Z, colour: DVec3::ONE }];
     for (i, object) in scene.objects.iter_mut().enumerate() {
         let specular = if i == index { 1.0 } else { 0.0 };
         object.material = Some(Material { ambient: 0.0, diffuse: 0.0, specular, shininess: 0.0 });

@@ -102,7 +102,7 @@ pub struct FrameObject {
     pub surfels: Arc<Surfels>,
     /// The Gaussians of a capture; such an object has no surfels.
     pub gaussians: Option<Arc<Gaussians>>,
-    /// How they are drawn. Its opacity, crop box and antialiasing are as they are to be used.
+    /// How they are drawn, as the scene says.
     pub capture: Capture,
     /// Material of the whole object; `None`: one per surfel, `surfels.material`.
     pub material: Option<Material>,
