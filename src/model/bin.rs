@@ -45,7 +45,7 @@ const fn known(name: &'static str, components: usize, required: bool) -> Known {
 }
 
 /// The columns in the order in which they are written. The first version has all but the last.
-const COLUMNS: [Known; 8] = [
+const COLUMNS: [Known; 9] = [
     known("position", 3, true),
     known("axis_u", 3, true),
     known("axis_v", 3, true),
@@ -54,6 +54,7 @@ const COLUMNS: [Known; 8] = [
     known("material", 4, false),
     known("velocity", 3, false),
     known("normalisation", 1, false),
+    known("opacity", 1, false),
 ];
 
 /// Where each column of [`COLUMNS`] lies in the file.
@@ -100,7 +101,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
         let expected = format!("{computed:08x}: the file is damaged");
         return Err(ParseError::byte(CRC_AT, format!("checksum {found:08x}"), expected));
     }
-    let [position, axis_u, axis_v, normal, colour, material, velocity, normalisation] =
+    let [position, axis_u, axis_v, normal, colour, material, velocity, normalisation, opacity] =
         places.each_ref().map(|place| place.as_ref().and_then(|place| bytes.get(place.clone())).unwrap_or_default());
     let factors: Vec<f32> = rows(normalisation).map(|[factor]: [f32; 1]| factor).collect();
     check_factors(&factors, &places)?;
@@ -115,6 +116,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
             .map(|[ambient, diffuse, specular, shininess]| Material { ambient, diffuse, specular, shininess })
             .collect(),
         velocity: vectors(velocity),
+        opacity: rows(opacity).map(|[opacity]: [f32; 1]| opacity).collect(),
         normalisation: if factors.is_empty() { Normalisation::default() } else { factors.into() },
         two_sided: mask & TWO_SIDED != 0,
         signs_estimated: mask & SIGNS_ESTIMATED != 0,
@@ -302,6 +304,7 @@ impl<'a> Column<'a> {
             Values::Materials(&s.material),
             Values::Vectors(&s.velocity),
             Values::Numbers(s.normalisation()),
+            Values::Numbers(&s.opacity),
         ];
         let columns = COLUMNS.iter().zip(values).map(|(known, values)| Self { known, values });
         columns.filter(|column| column.known.required || column.bytes() > 0).collect()
@@ -406,10 +409,12 @@ fn check(s: &Surfels, places: &Places) -> Result<(), ParseError> {
         (4, "colour", s.colour.iter().position(|c| !c.is_finite())),
         (5, "material", s.material.iter().position(|m| !sane(m))),
         (6, "velocity", s.velocity.iter().position(|v| !finite(v))),
+        (8, "opacity", s.opacity.iter().position(|opacity| !(0.0..=1.0).contains(opacity))),
     ];
     match faults.into_iter().find_map(|(column, what, fault)| fault.map(|i| (column, what, i))) {
         Some((column, what, i)) => {
-            let expected = "finite numbers, axes that span a plane, unit normals, coefficients of at least 0";
+            let expected = "finite numbers, axes that span a plane, unit normals, coefficients of at least 0, \
+                            opacities from 0 to 1";
             Err(ParseError::byte(byte_of(places, column, i), format!("an unusable {what} at surfel {i}"), expected))
         }
         None => Ok(()),

@@ -33,6 +33,8 @@ pub struct Cloud {
     pub colour: Vec<Vec3>,
     /// How the file stored the colours.
     pub colour_storage: ColourStorage,
+    /// Opacities, in [0, 1].
+    pub opacity: Vec<f32>,
     /// Reflection coefficients of each point.
     pub material: Vec<Material>,
     /// Velocities, model units per frame (kept for later use).

@@ -49,6 +49,7 @@ pub fn complete(
     let colour = linear_colours(&cloud, position.len(), options.colour_space, &mut notes);
     repair(&mut cloud.material, is_valid_material, Material::default(), "reflection coefficients", &mut notes);
     repair(&mut cloud.velocity, Vec3::is_finite, Vec3::ZERO, "velocities", &mut notes);
+    repair(&mut cloud.opacity, |opacity| (0.0..=1.0).contains(&opacity), 1.0, "opacities", &mut notes);
     let surfels = Surfels {
         origin,
         position,
@@ -58,6 +59,7 @@ pub fn complete(
         colour,
         material: cloud.material,
         velocity: cloud.velocity,
+        opacity: cloud.opacity,
         normalisation: Normalisation::default(),
         two_sided: cloud.two_sided,
         signs_estimated: cloud.signs_estimated,
@@ -74,6 +76,7 @@ macro_rules! for_each_column {
         $with(&mut $cloud.colour, "colours");
         $with(&mut $cloud.material, "reflection coefficients");
         $with(&mut $cloud.velocity, "velocities");
+        $with(&mut $cloud.opacity, "opacities");
     };
 }
 

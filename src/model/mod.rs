@@ -38,7 +38,7 @@ mod write_ply;
 mod xyz;
 
 pub use bin::write_bin;
-pub use capture::Gaussians;
+pub use capture::{Gaussians, Optics};
 pub use cloud::{Cloud, ColourStorage};
 pub use complete::complete;
 pub use error::{ModelError, ParseError, Place};

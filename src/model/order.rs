@@ -26,6 +26,7 @@ impl Surfels {
         permute(&mut self.axis_v, &order);
         permute(&mut self.normal, &order);
         permute(&mut self.colour, &order);
+        permute(&mut self.opacity, &order);
         permute(&mut self.material, &order);
         permute(&mut self.velocity, &order);
         if let Some(factors) = self.normalisation.known() {

@@ -32,6 +32,7 @@ pub(super) fn check_columns(surfels: &Surfels) -> Result<(), ModelError> {
         ("colour", surfels.colour.len(), false),
         ("material", surfels.material.len(), true),
         ("velocity", surfels.velocity.len(), true),
+        ("opacity", surfels.opacity.len(), true),
         ("normalisation", known.map_or(expected, <[f32]>::len), false),
     ];
     for (column, found, optional) in columns {

@@ -74,8 +74,8 @@ impl From<Vec<f32>> for Normalisation {
 
 /// A model that can be rendered: every surfel has axes, a normal and a colour.
 ///
-/// It is a structure of arrays of one length. Only `material` and `velocity` may be empty, where the file has none, and
-/// `normalisation` until somebody asks for it.
+/// It is a structure of arrays of one length. Only `opacity`, `material` and `velocity` may be empty, where the file has
+/// none, and `normalisation` until somebody asks for it.
 #[derive(Clone, Debug, Default)]
 pub struct Surfels {
     /// Point of model space that the positions are relative to (models are recentred in `f64`).
@@ -90,6 +90,8 @@ pub struct Surfels {
     pub normal: Vec<Vec3>,
     /// Colours, linear Rec.709.
     pub colour: Vec<Vec3>,
+    /// Opacities, in [0, 1]; empty where all are 1.
+    pub opacity: Vec<f32>,
     /// Reflection coefficients, or empty.
     pub material: Vec<Material>,
     /// Velocities, model units per frame, or empty.
@@ -119,7 +121,8 @@ impl Surfels {
         let vectors = [&self.position, &self.axis_u, &self.axis_v, &self.normal, &self.colour, &self.velocity];
         let vectors: usize = vectors.iter().map(|column| size_of_val(column.as_slice())).sum();
         let factors = self.normalisation.known().unwrap_or_default();
-        (vectors + size_of_val(self.material.as_slice()) + size_of_val(factors)) as u64
+        let of_opacity = size_of_val(self.opacity.as_slice());
+        (vectors + of_opacity + size_of_val(self.material.as_slice()) + size_of_val(factors)) as u64
     }
 
     /// Cut-off radius of surfel `i`: the length of the longer axis.
@@ -135,6 +138,11 @@ impl Surfels {
         }
         let middle = radii.len() / 2;
         *radii.select_nth_unstable_by(middle, f32::total_cmp).1
+    }
+
+    /// The least opacity; 1 for a model without opacities.
+    pub fn least_opacity(&self) -> f32 {
+        self.opacity.iter().copied().fold(1.0, f32::min)
     }
 
     /// Box around the surfel centres, in model space.

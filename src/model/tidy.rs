@@ -33,6 +33,8 @@ pub(super) fn tidy(mut cloud: Cloud) -> Cloud {
     note(&mut cloud.notes, odd, "a colour that is not finite (drawn white)");
     let odd = each(&mut cloud.velocity, |v| !v.is_finite(), Vec3::ZERO);
     note(&mut cloud.notes, odd, "a velocity that is not finite (taken as 0)");
+    let odd = each(&mut cloud.opacity, |o| !(0.0..=1.0).contains(o), 1.0);
+    note(&mut cloud.notes, odd, "an opacity outside 0 to 1 (taken as 1)");
     cloud
 }
 
@@ -49,6 +51,7 @@ pub(super) fn retain(cloud: &mut Cloud, keep: &[bool]) {
     filter(&mut cloud.colour, keep);
     filter(&mut cloud.material, keep);
     filter(&mut cloud.velocity, keep);
+    filter(&mut cloud.opacity, keep);
 }
 
 /// True for axes that span a plane: they are finite, not too long, and not parallel (sine of the angle above 1e-6).

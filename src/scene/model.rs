@@ -17,6 +17,7 @@ pub struct Model {
     surfels: Arc<Surfels>,
     gaussians: Option<Arc<Gaussians>>,
     median_radius: f32,
+    least_opacity: f32,
     bounds: Bounds,
     core: Bounds,
 }
@@ -43,6 +44,11 @@ impl Model {
         self.median_radius
     }
 
+    /// The least opacity of surfels; 1 for a model without any.
+    pub fn least_opacity(&self) -> f32 {
+        self.least_opacity
+    }
+
     /// Box around the centres, model space; empty for a model without any.
     pub fn bounds(&self) -> Bounds {
         self.bounds
@@ -64,7 +70,8 @@ impl From<Surfels> for Model {
 impl From<Arc<Surfels>> for Model {
     fn from(surfels: Arc<Surfels>) -> Self {
         let (median_radius, bounds) = (surfels.median_radius(), surfels.bounds());
-        Self { surfels, gaussians: None, median_radius, bounds, core: bounds }
+        let least_opacity = surfels.least_opacity();
+        Self { surfels, gaussians: None, median_radius, least_opacity, bounds, core: bounds }
     }
 }
 
@@ -82,7 +89,8 @@ impl From<Arc<Gaussians>> for Model {
         let median_radius =
             if radii.is_empty() { 0.0 } else { *radii.select_nth_unstable_by(middle, f32::total_cmp).1 };
         let core = core(&gaussians, bounds);
-        Self { surfels: Arc::default(), gaussians: Some(gaussians), median_radius, bounds, core }
+        let surfels = Arc::default();
+        Self { surfels, gaussians: Some(gaussians), median_radius, least_opacity: 1.0, bounds, core }
     }
 }
 

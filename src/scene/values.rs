@@ -198,6 +198,8 @@ pub struct Object {
     pub place: Trs,
     /// The whole object's material; `None`: the model's own, else the default.
     pub material: Option<Material>,
+    /// Factor on the opacities of surfels, in [0, 1].
+    pub opacity: f64,
     /// Depth tolerance of the visibility rule, world units; `None`: the median cut-off radius times the object's scale.
     pub epsilon: Option<f64>,
     /// False: object and camera are posed at the frame number.
@@ -230,6 +232,7 @@ impl Object {
             motions: Vec::new(),
             place: Trs::default(),
             material: None,
+            opacity: 1.0,
             epsilon: None,
             blur: true,
             two_sided: model.two_sided,
@@ -279,6 +282,14 @@ impl Object {
             }
             _ => bounds,
         }
+    }
+
+    /// True if light passes through the object's surfels. Surfaces that are as good as opaque count as opaque: they
+    /// need no order.
+    pub fn is_see_through(&self) -> bool {
+        /// Less would be seen in 8 bits.
+        const OPAQUE: f64 = 254.0 / 255.0;
+        !self.model.is_empty() && self.opacity * f64::from(self.model.least_opacity()) < OPAQUE
     }
 
     /// True if no animation and no motion moves the object.

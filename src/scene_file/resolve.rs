@@ -176,6 +176,7 @@ impl Files<'_> {
             motions: spec.motions,
             place: spec.place,
             material: spec.material,
+            opacity: 1.0,
             epsilon: spec.epsilon,
             blur: spec.blur,
             sphere,

@@ -41,6 +41,20 @@ const MOST_DEGREE: u8 = 3;
 /// Coefficients of the degrees 1 to 3.
 pub(super) const MOST_HARMONICS: usize = 15;
 
+/// What the opacity of Gaussians means.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Optics {
+    /// The largest alpha of a Gaussian on the screen, in [0, 1] (Kerbl et al. 2023).
+    #[default]
+    Alpha,
+    /// A Gaussian is the kernel of a sample of a volume (Zwicker et al. 2002, eq. 25): its opacity is the integral of
+    /// extinction over space, in extinction per scene unit times model units^3; >= 0.
+    Extinction {
+        /// Depth within which kernels are composited as one layer, model units, > 0.
+        layer: f32,
+    },
+}
+
 /// Transparent 3D Gaussians, as structure of arrays.
 ///
 /// The frame is that of the plain PLY files: x right, y down, z forward. Readers of other frames turn into it. All
@@ -53,8 +67,12 @@ pub struct Gaussians {
     pub sigma: Vec<Vec3>,
     /// From the axes of a Gaussian to the model; unit quaternions.
     pub rotation: Vec<Quat>,
-    /// Opacity at the centre, in [0, 1].
+    /// Opacity at the centre, in [0, 1], or what `optics` says.
     pub opacity: Vec<f32>,
+    /// What opacities mean.
+    pub optics: Optics,
+    /// Unit normals that lights shade, or 0 for a Gaussian that has none; empty where Gaussians emit their colours.
+    pub normal: Vec<Vec3>,
     /// Coefficients of the harmonic of degree 0, for red, green and blue. See [`Self::colour`].
     pub base: Vec<Vec3>,
     /// Coefficients of the harmonics of degrees 1 to `degree`, for red, green and blue: [`Self::harmonics_each`] for
@@ -109,7 +127,7 @@ impl Gaussians {
     /// Bytes that they take.
     pub fn bytes(&self) -> u64 {
         let each = 3 * size_of::<Vec3>() + size_of::<Quat>() + size_of::<f32>();
-        (self.len() * each + size_of_val(self.harmonics.as_slice())) as u64
+        (self.len() * each + size_of_val(self.harmonics.as_slice()) + size_of_val(self.normal.as_slice())) as u64
     }
 
     /// Coefficients of harmonics above degree 0 that each Gaussian has: 0, 3, 8 or 15.
