@@ -149,22 +149,24 @@ impl SweptFilter {
     }
 }
 
-/// A 3D Gaussian of a capture, posed and projected for one time sample (docs/math.md, section 11).
+/// A 3D Gaussian of a capture or of a volume, posed and projected for one time sample (docs/math.md, sections 11 and
+/// 12).
 ///
-/// At the sample position p = pixel + 1/2 + offset of the group's raster, with (x, y) = p - `reference`: its alpha is
-/// 2^(`peak` - `along` x^2 - `across` (y - `slope` x)^2).
+/// At the sample position p = pixel + 1/2 + offset of the group's raster, with (x, y) = p - `reference`: the number
+/// 2^(`peak` - `along` x^2 - `across` (y - `slope` x)^2) is its alpha, or for a volume its optical depth in powers
+/// of 1/2.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct GaussianSplat {
     /// The projected centre, pixels; sub-pixel offsets are not in it.
     pub reference: [f32; 2],
-    /// Fall of log2 alpha with x^2, pixels^-2, where y = `slope` x.
+    /// Fall of its log2 with x^2, pixels^-2, where y = `slope` x.
     pub along: f32,
-    /// Where on a column alpha is largest: y over x.
+    /// Where on a column it is largest: y over x.
     pub slope: f32,
-    /// Fall of log2 alpha away from that place, pixels^-2.
+    /// Fall of its log2 away from that place, pixels^-2.
     pub across: f32,
-    /// log2 of the opacity at the centre.
+    /// Its log2 at the centre.
     pub peak: f32,
     /// Depth of the centre, scene units.
     pub depth: f32,
@@ -174,6 +176,9 @@ pub struct GaussianSplat {
     pub bounds: [u16; 4],
     /// Index among all Gaussians of the frame: those of its first object first.
     pub index: u32,
+    /// Of a volume's: depth within which it is of one layer with what lies behind it, scene units, > 0. 0 for a
+    /// capture's.
+    pub layer: f32,
 }
 
 /// The splat shows its back.
@@ -240,7 +245,7 @@ mod tests {
     #[test]
     fn a_splat_is_a_cache_line() {
         assert_eq!(size_of::<Splat>(), 64);
-        assert_eq!(size_of::<GaussianSplat>(), 52);
+        assert_eq!(size_of::<GaussianSplat>(), 56);
         assert_eq!(size_of::<EwaSplat>(), 128);
         assert_eq!(size_of::<SweptSplat>(), 128);
         assert_eq!(size_of::<SweptFilter>(), 64);

@@ -95,15 +95,17 @@ pub struct PosedInterval {
     pub slices: u32,
 }
 
-/// Which objects a step splats. Static objects come first in the order of sums.
+/// Which objects with surfels a step splats. Static objects come first in the order of sums.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Objects {
-    /// All visible objects.
+    /// All visible objects that are opaque.
     All,
-    /// Static objects alone: their pose is the same in all samples of the frame.
+    /// Static opaque objects alone: their pose is the same in all samples of the frame.
     Static,
-    /// All others.
+    /// All other opaque objects.
     Moving,
+    /// All visible objects that light passes through.
+    SeeThrough,
 }
 
 /// What a backend does for one sample position of one raster. `group` is an index into the groups of the position.

@@ -11,7 +11,7 @@ use crate::frame::Frame;
 use crate::objects;
 use crate::options::{BlurMode, KernelWeight, Prefilter, Quality, RenderOptions};
 use crate::reconstruct;
-use crate::scene::Scene;
+use crate::scene::{Object, Scene};
 use crate::time::FrameNumber;
 
 #[cfg(feature = "gpu")]
@@ -272,8 +272,9 @@ fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
     {
         return Err(BackendError::Filter { weight: swept.weight });
     }
-    let capture = scene.objects.iter().find(|object| object.model.gaussians().is_some());
-    if let (Some(object), Quality::Mode(BlurMode::Volumetric { .. })) = (capture, options.quality) {
+    let transparent = |object: &&Object| object.model.gaussians().is_some() || object.is_see_through();
+    let transparent = scene.objects.iter().find(transparent);
+    if let (Some(object), Quality::Mode(BlurMode::Volumetric { .. })) = (transparent, options.quality) {
         return Err(BackendError::Volumetric { object: object.name.clone() });
     }
     match scene.objects.iter().find(|object| object.sphere.is_some()) {

@@ -25,12 +25,20 @@ pub enum BackendError {
     },
     /// Kernels in motion do not composite.
     #[error(
-        "object `{object}` is a capture, which mode `volumetric` cannot show: take `supersample`, `bucket` or `auto`, \
-         or `kind=\"surfels\"` in its <pointModel>"
+        "light passes through object `{object}`, which mode `volumetric` cannot show: take `supersample`, `bucket` or \
+         `auto`; of a capture also `kind=\"surfels\"` in its <pointModel>"
     )]
     Volumetric {
         /// Name of the object.
         object: String,
+    },
+    /// What only the CPU shows so far.
+    #[error("object {object} of the frame has {what}, which the GPU cannot show: take `--backend cpu`")]
+    OnCpuAlone {
+        /// Index of the object, from 1 on.
+        object: usize,
+        /// What it has.
+        what: &'static str,
     },
     /// The number of the frame is infinite or NaN.
     #[error("there is no frame {frame}; a finite number is needed")]

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use crate::film::{Aov, Background, Blending, FilmPlanes};
 use crate::math::focal_length;
-use crate::model::{Gaussians, Material, Surfels};
+use crate::model::{Gaussians, Material, Optics, Surfels};
 use crate::options::{BlurMode, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel};
 use crate::plan::{Exposure, PosedInterval, Scenery, Step, TimeSample};
 use crate::scene::pose::jumps;
@@ -104,6 +104,10 @@ pub struct FrameObject {
     pub gaussians: Option<Arc<Gaussians>>,
     /// How they are drawn, as the scene says.
     pub capture: Capture,
+    /// Does light pass through its surfels?
+    pub see_through: bool,
+    /// Factor on the opacities of its surfels.
+    pub opacity: f32,
     /// Material of the whole object; `None`: one per surfel, `surfels.material`.
     pub material: Option<Material>,
     /// Show back faces, with normals turned to the viewer.
@@ -296,6 +300,11 @@ impl Frame {
         self.swept.is_some() && self.prefilter == Prefilter::Ewa
     }
 
+    /// Whether any object is a volume.
+    pub fn has_volumes(&self) -> bool {
+        self.objects.iter().filter_map(|object| object.gaussians.as_ref()).any(|of| of.optics != Optics::Alpha)
+    }
+
     /// Whether any step makes a static picture.
     pub fn has_static_picture(&self) -> bool {
         self.steps().any(|step| matches!(step, Step::StaticPicture { .. }))
@@ -305,7 +314,7 @@ impl Frame {
     fn has_static(&self) -> bool {
         let first = self.all_samples().next();
         let seen = |object: usize| first.is_some_and(|sample| sample.objects[object].visible);
-        let fixed = |object: &FrameObject| object.is_static && !object.surfels.is_empty();
+        let fixed = |object: &FrameObject| object.is_static && !object.surfels.is_empty() && !object.see_through;
         self.objects.iter().enumerate().any(|(index, object)| fixed(object) && seen(index))
     }
 
@@ -366,9 +375,13 @@ fn model_bytes(scene: &Scene) -> u64 {
     models.iter().map(|model| model.bytes()).sum::<u64>() + captures.iter().map(|capture| capture.bytes()).sum::<u64>()
 }
 
-/// The numbers in which the image is composited: coded values as soon as one capture has them. Flat colours are linear.
+/// The numbers in which the image is composited: coded values as soon as one capture has them. Flat colours are linear,
+/// and so are see-through surfels and volumes.
 fn blending(scene: &Scene) -> Option<Blending> {
     let blending = |object: &Object| {
+        if object.is_see_through() {
+            return Some(Blending::Linear);
+        }
         let linear = object.model.gaussians()?.linear || object.capture.flat.is_some();
         Some(if linear { Blending::Linear } else { Blending::Coded })
     };
@@ -387,6 +400,8 @@ fn frame_object(object: &Object, options: &RenderOptions, is_static: bool) -> Fr
         surfels: Arc::clone(object.model.surfels()),
         gaussians: object.model.gaussians().cloned(),
         capture: object.capture,
+        see_through: object.is_see_through(),
+        opacity: object.opacity as f32,
         material,
         two_sided,
         is_static,

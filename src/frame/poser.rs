@@ -3,14 +3,15 @@
 use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
 
 use crate::film::Aov;
+use crate::model::Optics;
 use crate::options::RenderOptions;
 use crate::plan::{Interval, PosedInterval};
 use crate::scene::pose::{ObjectPose, camera_from_world, object_pose, object_velocity};
 use crate::scene::{Light, Object, Scene};
 use crate::shading::ShadingLight;
 
-/// Least depth at which Gaussians are drawn, in units of the model (Kerbl et al. 2023, their program). Nearer ones
-/// would fill the image.
+/// Least depth at which Gaussians of captures are drawn, in units of the model (Kerbl et al. 2023, their program).
+/// Nearer ones would fill the image.
 const NEAR_OF_GAUSSIANS: f64 = 0.2;
 
 /// The scene at one time sample.
@@ -62,7 +63,7 @@ pub struct PosedObject {
     pub world_origin: Vec3,
     /// -1 for transforms that mirror, else 1.
     pub handedness: f32,
-    /// Depth tolerance of the visibility rule, world units.
+    /// Depth tolerance of the visibility rule, world units; of a volume the depth of a layer.
     pub epsilon: f32,
     /// Least depth at which its Gaussians are drawn, world units.
     pub near: f32,
@@ -158,11 +159,13 @@ impl Poser<'_> {
         };
         // Rotation of the camera that posed the object: normals and positions stay in world axes.
         let world_from_camera = DMat3::from_mat4(camera).transpose();
-        let epsilon = self
-            .options
-            .epsilon
-            .or(object.epsilon)
-            .unwrap_or_else(|| f64::from(object.model.median_radius()) * libm::cbrt(det.abs()));
+        let scale = libm::cbrt(det.abs());
+        let (tolerance, nearest) = match object.model.gaussians().map(|gaussians| gaussians.optics) {
+            None => (object.model.median_radius(), 0.0),
+            Some(Optics::Alpha) => (object.model.median_radius(), NEAR_OF_GAUSSIANS),
+            Some(Optics::Extinction { layer }) => (layer, 0.0),
+        };
+        let epsilon = self.options.epsilon.or(object.epsilon).unwrap_or_else(|| f64::from(tolerance) * scale);
         PosedObject {
             visible: visible && det != 0.0,
             screen_from_model: screen.0.as_mat3(),
@@ -180,7 +183,7 @@ impl Poser<'_> {
             world_origin: (world_from_camera * camera_from_model.w_axis.truncate()).as_vec3(),
             handedness: if det < 0.0 { -1.0 } else { 1.0 },
             epsilon: epsilon as f32,
-            near: self.scene.camera.near.max(NEAR_OF_GAUSSIANS * libm::cbrt(det.abs())) as f32,
+            near: self.scene.camera.near.max(nearest * scale) as f32,
         }
     }
 

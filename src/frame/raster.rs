@@ -1,5 +1,7 @@
 //! The pixels that a sample position is rendered for.
 
+use crate::options::Prefilter;
+
 /// The pixels that a group is rendered for, as an image of their own: every `Frame::stride`-th pixel of the frame's
 /// image.
 ///
@@ -24,6 +26,19 @@ pub struct Raster {
 }
 
 impl Raster {
+    /// Variance of the low-pass filter of `prefilter`, raster pixels^2, for kernels that are Gaussians. A disc of the
+    /// approximate filter ends where a Gaussian has two standard deviations.
+    pub fn variance(&self, prefilter: Prefilter) -> f32 {
+        /// Share of the variance of a Gaussian that is left where it is cut at two standard deviations, as the kernels
+        /// of surfels are: 1 - 2 / (e^2 - 1).
+        const CUT: f32 = 0.686_965;
+        match prefilter {
+            Prefilter::None => 0.0,
+            Prefilter::Approx => CUT * 0.25 * self.low_pass * self.low_pass,
+            Prefilter::Ewa => CUT * self.sigma * self.sigma,
+        }
+    }
+
     /// Pixels within which the filter of full EWA reaches from one pixel to another.
     pub fn apron(&self) -> usize {
         (2.0 * self.sigma).ceil() as usize

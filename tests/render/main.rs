@@ -20,3 +20,4 @@ mod pictures;
 mod rendering;
 mod static_objects;
 mod symmetries;
+mod volumes;

@@ -285,7 +285,9 @@ impl Executor<'_> {
     /// What is transparent, over the picture of the same group.
     fn transparent(&mut self, group: usize) {
         let scope = self.place.scope(group, self.place.band);
-        let work = TransparentGroup { scope, offsets: self.offsets, splat_bytes: self.budget.transparent_bytes };
+        let splat_bytes = self.budget.transparent_bytes;
+        let volumes = self.place.frame.has_volumes();
+        let work = TransparentGroup { scope, offsets: self.offsets, splat_bytes, volumes };
         work.run(self.fixed, &mut self.memory.transparent, self.film);
     }
 

@@ -7,7 +7,7 @@ use super::memory::Schedule;
 use super::models::ModelBuffer;
 use super::prepared::Prepared;
 use crate::backend::clusters::{CLUSTER_SURFELS, Window};
-use crate::frame::{PixelRect, PosedGroup, Raster};
+use crate::frame::{FrameObject, PixelRect, PosedGroup, Raster};
 use crate::plan::Objects;
 
 /// Gaps of unwanted surfels that are shorter than this are projected too, because a segment of its own costs more.
@@ -51,9 +51,11 @@ impl Schedule {
         from_layer: bool,
     ) -> Batches {
         let frame = prepared.frame;
+        let see_through = objects == Objects::SeeThrough;
         let visible = |sample: usize, fixed: bool| {
             let posed = group.samples[sample].objects.iter().zip(&frame.objects).enumerate();
-            let some = posed.filter(move |(_, (pose, object))| pose.visible && object.is_static == fixed);
+            let wanted = move |object: &FrameObject| object.is_static == fixed && object.see_through == see_through;
+            let some = posed.filter(move |(_, (pose, object))| pose.visible && wanted(object));
             some.map(move |(index, _)| (sample, index))
         };
         let fixed = || visible(0, true);
@@ -63,7 +65,7 @@ impl Schedule {
         let mut cutter = Cutter { prepared, raster, group, most: self.slots as usize, index };
         let cached = if from_layer { cutter.cut(fixed()) } else { Vec::new() };
         let mut run = match objects {
-            Objects::All => cutter.cut(fixed().chain(moving())),
+            Objects::All | Objects::SeeThrough => cutter.cut(fixed().chain(moving())),
             Objects::Static => cutter.cut(fixed()),
             Objects::Moving => cutter.cut(moving()),
         };

@@ -13,6 +13,7 @@ use super::timestamps::Marks;
 use crate::backend::{BackendError, Rendered, Stats};
 use crate::film::develop;
 use crate::frame::{Blocks, Frame};
+use crate::model::Optics;
 
 /// Where a frame's film, status and marks go. A later frame uses it again.
 #[derive(Debug)]
@@ -48,6 +49,7 @@ impl Landing {
 impl Gpu {
     /// Submits everything that a frame takes.
     pub(in crate::backend) fn depart(&mut self, frame: Frame) -> Result<Flight, BackendError> {
+        check(&frame)?;
         let prepared = self.prepare(&frame)?;
         let mut landing = match self.landings.pop() {
             Some(landing) => landing,
@@ -133,4 +135,16 @@ impl Gpu {
         }
         Ok(picture.map(|picture| Rendered { picture, stats }).ok_or(frame))
     }
+}
+
+/// Refuses what no GPU program shows yet.
+fn check(frame: &Frame) -> Result<(), BackendError> {
+    for (object, of_frame) in (1..).zip(&frame.objects) {
+        let volume = of_frame.gaussians.as_ref().is_some_and(|of| of.optics != Optics::Alpha);
+        let what = if volume { "kernels of a volume" } else { "see-through surfels" };
+        if volume || of_frame.see_through {
+            return Err(BackendError::OnCpuAlone { object, what });
+        }
+    }
+    Ok(())
 }

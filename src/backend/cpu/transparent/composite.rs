@@ -1,10 +1,12 @@
-//! Pass `composite`: the splats of a tile, front to back: C += T a c, then T *= 1 - a (docs/math.md, section 11).
+//! Pass `composite`: the splats of a tile, front to back: C += T a c, then T *= 1 - a (docs/math.md, sections 11 and
+//! 12).
 //!
-//! In: splats in the order of depth; depth thresholds of opaque surfels. Out: premultiplied colour and transmittance of
-//! each pixel. The order of splats matters; pixels do not know one another.
+//! In: splats in the order of depth; depth thresholds of opaque surfels; layers of see-through surfels. Out:
+//! premultiplied colour and transmittance of each pixel. The order of splats matters; pixels do not know one another.
 
-use super::project::FAINTEST;
-use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect};
+use super::accumulators::{COLOUR, Composite, DEPTH, Surfels, blocks, within};
+use super::project::{FAINTEST, least_power};
+use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect};
 use crate::layout::GaussianSplat;
 use crate::math::fast;
 use crate::math::simd::dispatch;
@@ -12,77 +14,7 @@ use crate::math::simd::dispatch;
 /// Largest alpha of a splat (Kerbl et al. 2023, their program).
 const MOST_ALPHA: f32 = 0.99;
 /// A pixel whose transmittance is below this takes no more.
-const OPAQUE: f32 = 1e-4;
-
-/// What the pixels of a tile accumulate: for each of `TILE` rows, for each channel, `STRIDE` floats.
-#[derive(Clone, Debug, Default)]
-pub(in crate::backend) struct Composite {
-    values: Vec<f32>,
-    channels: usize,
-    /// A bit for each block of `BLOCK` pixels, row by row, in which no pixel can take more.
-    closed: u32,
-}
-
-/// Columns and rows of pixels that are closed together. A tile has 4 x 8 of them, as many as a mask has bits.
-const BLOCK: [usize; 2] = [8, 4];
-const BLOCKS_X: usize = TILE / BLOCK[0];
-const _: () = assert!(BLOCKS_X == 4 && TILE / BLOCK[1] == 8);
-
-/// Channels: transmittance, red, green, blue, and where they are wanted the depth, then the velocity.
-const COLOUR: usize = 1;
-const DEPTH: usize = 4;
-
-impl Composite {
-    /// Floats of one pixel row of a tile, at most.
-    const MOST_CHANNELS: usize = 7;
-
-    /// Bytes of one tile at most.
-    pub(super) const BYTES: u64 = (TILE * STRIDE * Self::MOST_CHANNELS * size_of::<f32>()) as u64;
-
-    /// Empties it. `depth`, `velocity`: are they wanted?
-    pub(super) fn clear(&mut self, depth: bool, velocity: bool) {
-        self.channels = match (depth, velocity) {
-            (_, true) => 7,
-            (true, false) => 5,
-            (false, false) => 4,
-        };
-        self.closed = 0;
-        self.values.clear();
-        self.values.resize(TILE * STRIDE * self.channels, 0.0);
-        for row in self.values.chunks_exact_mut(STRIDE * self.channels) {
-            row[..STRIDE].fill(1.0);
-        }
-    }
-
-    /// Can pixels within `bounds` take more? `bounds` are those of a splat that touches the tile.
-    #[inline(always)]
-    pub(super) fn is_open(&self, bounds: [u16; 4], tile: &TileRect) -> bool {
-        blocks(within(bounds, tile)) & !self.closed != 0
-    }
-
-    /// `LANES` pixels of a channel, from pixel `[x, y]` of the tile on.
-    #[inline(always)]
-    pub(super) fn lanes(&self, channel: usize, [x, y]: [usize; 2]) -> [f32; LANES] {
-        let mut out = [0.0; LANES];
-        out.copy_from_slice(&self.values[(y * self.channels + channel) * STRIDE + x..][..LANES]);
-        out
-    }
-
-    /// First of three channels.
-    pub(super) const fn colour() -> usize {
-        COLOUR
-    }
-
-    /// That of depth, if it has one.
-    pub(super) fn depth(&self) -> Option<usize> {
-        (self.channels > DEPTH).then_some(DEPTH)
-    }
-
-    /// First of two channels, if it has them.
-    pub(super) fn velocity(&self) -> Option<usize> {
-        (self.channels > DEPTH + 1).then_some(DEPTH + 1)
-    }
-}
+pub(super) const OPAQUE: f32 = 1e-4;
 
 /// Splats of one tile that are composited together.
 #[derive(Debug, Default)]
@@ -123,8 +55,7 @@ pub(super) struct Place<'a> {
     pub offset: [f32; 2],
     /// Do depths rise? Those of a bucket's samples need not: their order is that of its middle.
     pub rising: bool,
-    /// T(x) of opaque surfels, as `TileBuffers` have it; empty where there are none.
-    pub threshold: &'a [f32],
+    pub surfels: Surfels<'a>,
 }
 
 dispatch! {
@@ -134,7 +65,7 @@ dispatch! {
 
 #[inline(always)]
 fn composite_body(batch: &Batch, place: &Place<'_>, out: &mut Composite) -> bool {
-    match (out.channels, place.threshold.is_empty()) {
+    match (out.own_channels(), out.limit.is_empty()) {
         (4, true) => all::<4, false>(batch, place, out),
         (4, false) => all::<4, true>(batch, place, out),
         (5, true) => all::<5, false>(batch, place, out),
@@ -144,65 +75,25 @@ fn composite_body(batch: &Batch, place: &Place<'_>, out: &mut Composite) -> bool
     }
     let last = batch.splats.last().filter(|_| place.rising);
     let furthest = last.map_or(f32::NEG_INFINITY, |splat| splat.depth);
-    out.close(place, furthest);
+    out.close(place.tile, furthest);
     out.closed != u32::MAX
 }
 
-impl Composite {
-    /// Finds the blocks that take nothing from depth `furthest` on.
-    #[inline(always)]
-    fn close(&mut self, place: &Place<'_>, furthest: f32) {
-        let [columns, rows] = [place.tile.width, place.tile.height];
-        for block in 0..u32::BITS as usize {
-            if self.closed >> block & 1 == 1 {
-                continue;
-            }
-            let [x, y] = [block % BLOCKS_X * BLOCK[0], block / BLOCKS_X * BLOCK[1]];
-            let mut open = false;
-            for y in y..(y + BLOCK[1]).min(rows) {
-                let through = &self.values[y * self.channels * STRIDE + x..][..BLOCK[0]];
-                let mut least = [f32::INFINITY; BLOCK[0]];
-                if let Some(limits) = place.threshold.get(y * STRIDE + x..y * STRIDE + x + BLOCK[0]) {
-                    least.copy_from_slice(limits);
-                }
-                for l in 0..BLOCK[0] {
-                    open |= (through[l] >= OPAQUE) & (least[l] >= furthest) & (x + l < columns);
-                }
-            }
-            self.closed |= u32::from(!open) << block;
+#[inline(always)]
+fn all<const CHANNELS: usize, const SURFELS: bool>(batch: &Batch, place: &Place<'_>, out: &mut Composite) {
+    for (index, splat) in batch.splats.iter().enumerate() {
+        let velocity = if CHANNELS > 5 { batch.velocities[index] } else { [0.0; 2] };
+        if splat.layer > 0.0 {
+            one::<CHANNELS, SURFELS, true>(splat, velocity, place, out);
+        } else {
+            one::<CHANNELS, SURFELS, false>(splat, velocity, place, out);
         }
     }
 }
 
-/// Columns and rows of `bounds` within a tile, counted from its corner.
+/// One splat. `SURFELS`: there may be surfels in front of it. `VOLUME`: it is a kernel of a volume.
 #[inline(always)]
-fn within(bounds: [u16; 4], tile: &TileRect) -> [usize; 4] {
-    let [left, top] = tile.origin;
-    let [x0, x1, y0, y1] = bounds.map(usize::from);
-    let (right, bottom) = (left + tile.width - 1, top + tile.height - 1);
-    [x0.max(left) - left, x1.min(right) - left, y0.max(top) - top, y1.min(bottom) - top]
-}
-
-/// The blocks of the pixels between columns `x0` and `x1` and rows `y0` and `y1`.
-#[inline(always)]
-const fn blocks([x0, x1, y0, y1]: [usize; 4]) -> u32 {
-    let columns = (2 << (x1 / BLOCK[0])) - (1 << (x0 / BLOCK[0]));
-    let below = u32::MAX << (y0 / BLOCK[1] * BLOCKS_X);
-    let above = u32::MAX >> ((TILE / BLOCK[1] - 1 - y1 / BLOCK[1]) * BLOCKS_X);
-    (columns * 0x1111_1111) & below & above
-}
-
-#[inline(always)]
-fn all<const CHANNELS: usize, const BEHIND: bool>(batch: &Batch, place: &Place<'_>, out: &mut Composite) {
-    for (index, splat) in batch.splats.iter().enumerate() {
-        let velocity = if CHANNELS > 5 { batch.velocities[index] } else { [0.0; 2] };
-        one::<CHANNELS, BEHIND>(splat, velocity, place, out);
-    }
-}
-
-/// One splat. `BEHIND`: some of it may lie behind opaque surfels.
-#[inline(always)]
-fn one<const CHANNELS: usize, const BEHIND: bool>(
+fn one<const CHANNELS: usize, const SURFELS: bool, const VOLUME: bool>(
     splat: &GaussianSplat,
     velocity: [f32; 2],
     place: &Place<'_>,
@@ -213,9 +104,10 @@ fn one<const CHANNELS: usize, const BEHIND: bool>(
     if blocks([x0, x1, y0, y1]) & !out.closed == 0 {
         return;
     }
-    let out = &mut out.values;
-    let faintest = -FAINTEST.log2();
     let &GaussianSplat { along, slope, across, peak, depth, colour, .. } = splat;
+    let faintest = if VOLUME { least_power(peak) } else { -FAINTEST.log2() };
+    let with_volumes = !out.open.is_empty();
+    let row_length = out.channels * STRIDE;
     let shift = |axis: usize, pixel: usize| pixel as f32 + 0.5 - splat.reference[axis] + place.offset[axis];
     let mut first = [0.0; LANES];
     for l in 0..LANES {
@@ -223,49 +115,141 @@ fn one<const CHANNELS: usize, const BEHIND: bool>(
     }
     for y in y0..=y1 {
         let dy = shift(1, top + y);
-        let row = &mut out[y * CHANNELS * STRIDE..][..CHANNELS * STRIDE];
         let mut x = x0;
         while x <= x1 {
             let step = (x - x0) as f32;
+            let at = y * row_length + x;
             let mut through = [0.0; LANES];
-            through.copy_from_slice(&row[x..x + LANES]);
-            let mut limit = [0.0; LANES];
-            if BEHIND {
-                limit.copy_from_slice(&place.threshold[y * STRIDE + x..][..LANES]);
+            through.copy_from_slice(&out.values[at..at + LANES]);
+            let mut value = [0.0; LANES];
+            let mut limit = [f32::INFINITY; LANES];
+            if SURFELS {
+                limit.copy_from_slice(&out.limit[y * STRIDE + x..][..LANES]);
             }
-            let mut share = [0.0; LANES];
             for l in 0..LANES {
                 let dx = first[l] + step;
                 let away = dy - slope * dx;
                 let power = peak - along * (dx * dx) - across * (away * away);
-                let alpha = fast::exp2_of_small(power);
-                let alpha = if alpha < MOST_ALPHA { alpha } else { MOST_ALPHA };
+                let own = if VOLUME { fast::exp2(power) } else { fast::exp2_of_small(power) };
+                let own = if VOLUME || own < MOST_ALPHA { own } else { MOST_ALPHA };
                 let mut shows = (power >= faintest) & (through[l] >= OPAQUE);
-                if BEHIND {
+                if SURFELS {
                     shows &= depth <= limit[l];
                 }
-                let alpha = if shows { alpha } else { 0.0 };
-                share[l] = through[l] * alpha;
-                through[l] -= share[l];
+                value[l] = if shows { own } else { 0.0 };
             }
-            row[x..x + LANES].copy_from_slice(&through);
-            let mut add = |channel: usize, value: f32| {
-                let out = &mut row[channel * STRIDE + x..][..LANES];
-                for l in 0..LANES {
-                    out[l] += share[l] * value;
+            if SURFELS && pass_surfels(place, out, [x, y], depth, &value) {
+                through.copy_from_slice(&out.values[at..at + LANES]);
+            }
+            if VOLUME {
+                add_kernel::<CHANNELS>(splat, velocity, out, [x, y], &value);
+            } else {
+                if with_volumes && close_layers(out, [x, y], &value) {
+                    through.copy_from_slice(&out.values[at..at + LANES]);
                 }
-            };
-            add(COLOUR, colour[0]);
-            add(COLOUR + 1, colour[1]);
-            add(COLOUR + 2, colour[2]);
-            if CHANNELS > DEPTH {
-                add(DEPTH, depth);
-            }
-            if CHANNELS > DEPTH + 1 {
-                add(DEPTH + 1, velocity[0]);
-                add(DEPTH + 2, velocity[1]);
+                let row = &mut out.values[at..];
+                for l in 0..LANES {
+                    value[l] *= through[l];
+                    through[l] -= value[l];
+                }
+                row[..LANES].copy_from_slice(&through);
+                add::<CHANNELS>(row, &value, colour, depth, velocity);
             }
             x += LANES;
         }
     }
+}
+
+/// Adds a splat's channels times `shares` to `LANES` pixels of `row`.
+#[inline(always)]
+fn add<const CHANNELS: usize>(
+    row: &mut [f32],
+    shares: &[f32; LANES],
+    colour: [f32; 3],
+    depth: f32,
+    velocity: [f32; 2],
+) {
+    let mut add = |channel: usize, value: f32| {
+        let out = &mut row[channel * STRIDE..][..LANES];
+        for l in 0..LANES {
+            out[l] += shares[l] * value;
+        }
+    };
+    add(COLOUR, colour[0]);
+    add(COLOUR + 1, colour[1]);
+    add(COLOUR + 2, colour[2]);
+    if CHANNELS > DEPTH {
+        add(DEPTH, depth);
+    }
+    if CHANNELS > DEPTH + 1 {
+        add(DEPTH + 1, velocity[0]);
+        add(DEPTH + 2, velocity[1]);
+    }
+}
+
+/// Adds a kernel of a volume to the open layers of `LANES` pixels, or opens new ones where it lies behind them.
+#[inline(always)]
+fn add_kernel<const CHANNELS: usize>(
+    splat: &GaussianSplat,
+    velocity: [f32; 2],
+    out: &mut Composite,
+    [x, y]: [usize; 2],
+    optical_depth: &[f32; LANES],
+) {
+    let mut behind = [false; LANES];
+    let mut any = false;
+    for (l, until) in out.until[y * STRIDE + x..][..LANES].iter().enumerate() {
+        behind[l] = (splat.depth > *until) & (optical_depth[l] > 0.0);
+        any |= behind[l];
+    }
+    if any {
+        out.close_layers([x, y], &behind);
+        let until = &mut out.until[y * STRIDE + x..][..LANES];
+        for l in 0..LANES {
+            until[l] = if behind[l] { splat.depth + splat.layer } else { until[l] };
+        }
+    }
+    let row = &mut out.open[y * out.channels * STRIDE + x..];
+    for l in 0..LANES {
+        row[l] += optical_depth[l];
+    }
+    add::<CHANNELS>(row, optical_depth, splat.colour, splat.depth, velocity);
+}
+
+/// Composites the open layers of volumes that a splat with these alphas lies behind. Says whether there were any.
+#[inline(always)]
+fn close_layers(out: &mut Composite, [x, y]: [usize; 2], alpha: &[f32; LANES]) -> bool {
+    let mut wanted = [false; LANES];
+    let mut any = false;
+    for (l, until) in out.until[y * STRIDE + x..][..LANES].iter().enumerate() {
+        wanted[l] = (alpha[l] > 0.0) & (*until > f32::NEG_INFINITY);
+        any |= wanted[l];
+    }
+    if any {
+        out.close_layers([x, y], &wanted);
+    }
+    any
+}
+
+/// Composites the layers of surfels before `depth` where a splat shows. Says whether there were any.
+#[inline(always)]
+fn pass_surfels(
+    place: &Place<'_>,
+    out: &mut Composite,
+    [x, y]: [usize; 2],
+    depth: f32,
+    shown: &[f32; LANES],
+) -> bool {
+    let mut before = [false; LANES];
+    let mut any = false;
+    for (l, next) in out.next_depth[y * STRIDE + x..][..LANES].iter().enumerate() {
+        before[l] = (*next < depth) & (shown[l] > 0.0);
+        any |= before[l];
+    }
+    if any {
+        for l in (0..LANES).filter(|&l| before[l]) {
+            out.pass_surfels(&place.surfels, [x + l, y], depth);
+        }
+    }
+    any
 }

@@ -4,7 +4,9 @@
 //! What is static is projected, sorted and listed once for all sample positions of a band. A tile merges it with what
 //! moves. Where splats do not fit into memory, they pass in slabs of depth, the nearest first.
 
-pub(in crate::backend) mod composite;
+mod accumulators;
+mod composite;
+mod emission;
 mod harmonics;
 pub(in crate::backend) mod project;
 mod resolve;
@@ -16,7 +18,8 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use self::composite::{Batch, Composite, Place, composite};
+use self::accumulators::{Composite, Content, Surfels};
+use self::composite::{Batch, Place, composite};
 use self::project::{Projected, View, project};
 use self::resolve::{Over, resolve};
 use self::slabs::{Slab, retain, slabs};
@@ -31,6 +34,8 @@ use crate::frame::PosedRaster;
 pub(in crate::backend) struct TransparentMemory {
     /// The opaque picture of a group, tile by tile.
     pub opaque: Vec<TileFilm>,
+    /// The layers of see-through surfels of a group, tile by tile, each front to back.
+    pub layers: Vec<Vec<TileFilm>>,
     moving: Vec<Projected>,
     /// What moves, at the middle of a bucket.
     of_middle: Vec<Projected>,
@@ -56,6 +61,8 @@ pub(in crate::backend) struct TransparentGroup<'a> {
     pub offsets: [[f32; 2]; 2],
     /// Bytes for splats and their lists.
     pub splat_bytes: u64,
+    /// Is any object a volume?
+    pub volumes: bool,
 }
 
 /// Least and greatest offset of a raster's sample positions, raster pixels.
@@ -129,10 +136,11 @@ impl TransparentGroup<'_> {
                 let Fixed { chunks, order, lists, films, .. } = &mut *fixed;
                 let sets = [Listed { chunks, order, lists }, moving];
                 let pass = Pass { first: number == 0, last: number + 1 == slabs.len(), sample };
+                let surfels = OfSurfels { opaque: &memory.opaque, layers: &memory.layers };
                 if pass.first && pass.last {
-                    self.tiles_at_once(sets, pass, &memory.opaque, films, film);
+                    self.tiles_at_once(sets, pass, surfels, films, film);
                 } else {
-                    self.tiles_of_slab(sets, pass, &memory.opaque, &mut memory.composites, film);
+                    self.tiles_of_slab(sets, pass, surfels, &mut memory.composites, film);
                 }
             }
         }
@@ -190,6 +198,7 @@ impl TransparentGroup<'_> {
         let posed = &scope.group.samples[sample].objects[run.object];
         let view = View {
             object,
+            sample: &scope.group.samples[sample],
             posed,
             near: if posed.visible { posed.near } else { f32::INFINITY },
             raster: *scope.raster,
@@ -198,6 +207,7 @@ impl TransparentGroup<'_> {
             pixels: scope.band.pixels,
             wanted: frame.wanted.as_ref(),
             offsets,
+            variance: scope.raster.variance(frame.prefilter),
             blending: frame.blending.unwrap_or(Blending::Linear),
             velocity: self.velocity(),
             first: run.first,
@@ -227,7 +237,7 @@ impl TransparentGroup<'_> {
         &self,
         sets: [Listed<'_>; 2],
         pass: Pass,
-        opaque: &[TileFilm],
+        surfels: OfSurfels<'_>,
         films: &mut Vec<TileFilm>,
         out: &mut [TileFilm],
     ) {
@@ -237,12 +247,13 @@ impl TransparentGroup<'_> {
         films.resize_with(out.len(), TileFilm::default);
         let tiles = out.par_iter_mut().zip(films).enumerate();
         tiles.for_each_init(Composite::default, |composite, (index, (out, film))| {
-            let alone = !sets[1].reaches(index) && opaque[index].values.is_empty();
+            let surfels = surfels.tile(index);
+            let alone = !sets[1].reaches(index) && surfels.is_empty();
             if !(shared && alone) {
-                return self.tile(sets, pass, weight, index, &opaque[index], composite, out);
+                return self.tile(sets, pass, weight, index, surfels, composite, out);
             }
             if film.values.is_empty() {
-                self.tile(sets, pass, 1.0, index, &opaque[index], composite, film);
+                self.tile(sets, pass, 1.0, index, surfels, composite, film);
             }
             out.values.resize(film.values.len().max(out.values.len()), 0.0);
             out.values.iter_mut().zip(&film.values).for_each(|(out, value)| *out += weight * value);
@@ -254,14 +265,14 @@ impl TransparentGroup<'_> {
         &self,
         sets: [Listed<'_>; 2],
         pass: Pass,
-        opaque: &[TileFilm],
+        surfels: OfSurfels<'_>,
         composites: &mut Vec<Composite>,
         out: &mut [TileFilm],
     ) {
         let weight = self.scope.group.samples[pass.sample].weight;
         composites.resize_with(out.len().max(composites.len()), Composite::default);
         out.par_iter_mut().zip(composites).enumerate().for_each(|(index, (out, composite))| {
-            self.tile(sets, pass, weight, index, &opaque[index], composite, out);
+            self.tile(sets, pass, weight, index, surfels.tile(index), composite, out);
         });
     }
 
@@ -273,7 +284,7 @@ impl TransparentGroup<'_> {
         pass: Pass,
         weight: f32,
         index: usize,
-        opaque: &TileFilm,
+        TileSurfels { opaque, layers }: TileSurfels<'_>,
         out: &mut Composite,
         film: &mut TileFilm,
     ) {
@@ -284,11 +295,13 @@ impl TransparentGroup<'_> {
             return;
         }
         let start = Instant::now();
+        let coded = frame.blending == Some(Blending::Coded);
+        let surfels = Surfels { layers, threshold: &opaque.threshold, planes: scope.planes, coded };
         if pass.first {
-            out.clear(scope.planes.depth.is_some(), self.velocity());
+            let (depth, velocity) = (scope.planes.depth.is_some(), self.velocity());
+            out.start(&Content { depth, velocity, volumes: self.volumes, surfels }, &tile);
         }
-        let place =
-            Place { tile: &tile, offset: scope.raster.offset, rising: !self.several(), threshold: &opaque.threshold };
+        let place = Place { tile: &tile, offset: scope.raster.offset, rising: !self.several(), surfels };
         let any = sets.map(|set| set.reaches(index));
         let mut walks = sets.map(|set| set.walk(&tile, index));
         let mut batch = Batch::default();
@@ -310,9 +323,12 @@ impl TransparentGroup<'_> {
                 break;
             }
         }
+        if pass.last {
+            out.finish(&surfels, &tile);
+        }
         let any = any.contains(&true);
         scope.clocks.composite.add(start);
-        let seen = any || !opaque.values.is_empty() || !pass.first;
+        let seen = any || !opaque.values.is_empty() || !layers.is_empty() || !pass.first;
         if pass.last && seen {
             let start = Instant::now();
             let samples = &scope.group.samples;
@@ -328,6 +344,32 @@ impl TransparentGroup<'_> {
             resolve(&over, out, &tile, film);
             scope.clocks.resolve.add(start);
         }
+    }
+}
+
+/// What surfels show in the tiles of a band.
+#[derive(Clone, Copy)]
+struct OfSurfels<'a> {
+    opaque: &'a [TileFilm],
+    layers: &'a [Vec<TileFilm>],
+}
+
+/// The same of one tile.
+#[derive(Clone, Copy)]
+struct TileSurfels<'a> {
+    opaque: &'a TileFilm,
+    layers: &'a [TileFilm],
+}
+
+impl<'a> OfSurfels<'a> {
+    fn tile(self, index: usize) -> TileSurfels<'a> {
+        TileSurfels { opaque: &self.opaque[index], layers: self.layers.get(index).map_or(&[], Vec::as_slice) }
+    }
+}
+
+impl TileSurfels<'_> {
+    fn is_empty(&self) -> bool {
+        self.opaque.values.is_empty() && self.layers.is_empty()
     }
 }
 

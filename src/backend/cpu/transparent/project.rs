@@ -1,21 +1,21 @@
 //! Pass `project` of Gaussians: posed, projected, widened by the filter, bounded and culled.
 //!
-//! Math: docs/math.md, section 11. In: Gaussians of one object and its pose. Out: splats in the order of the model.
-//! Order-free.
+//! Math: docs/math.md, sections 11 and 12. In: Gaussians of one object and its pose. Out: splats in the order of the
+//! model. Order-free.
 
 use std::ops::Range;
 
 use glam::{DVec3, Vec3};
 
-use super::harmonics;
+use super::emission;
 use crate::backend::cpu::bounds::{pixel_range, whole};
 use crate::backend::cpu::project::transform;
 use crate::film::Blending;
-use crate::frame::{Blocks, FrameObject, PixelRect, PosedObject, Raster};
+use crate::frame::{Blocks, FrameObject, PixelRect, PosedObject, PosedSample, Raster};
 use crate::layout::GaussianSplat;
 use crate::math::simd::dispatch;
-use crate::math::{fast, srgb};
-use crate::model::Gaussians;
+use crate::math::fast;
+use crate::model::{Gaussians, Optics};
 
 /// Gaussians worked on at once.
 const LANES: usize = 16;
@@ -32,10 +32,17 @@ pub(in crate::backend) const FAINTEST: f32 = 255.0;
 /// program): beyond, splats would grow without bounds.
 const FIELD: f32 = 1.3;
 
+/// log2 of the optical depth, in powers of 1/2, below which a volume's kernel is cut. What is cut off goes to what is
+/// left.
+pub(in crate::backend) const FAINTEST_DEPTH: f32 = -13.0;
+/// A volume's kernel keeps at least these powers of 1/2 below its centre: two standard deviations.
+pub(in crate::backend) const LEAST_REACH: f32 = 2.0 * std::f32::consts::LOG2_E;
+
 /// What `project` needs beside the Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::backend) struct View<'a> {
     pub object: &'a FrameObject,
+    pub sample: &'a PosedSample,
     pub posed: &'a PosedObject,
     /// Least depth that is drawn, scene units; infinite for an object that is hidden.
     pub near: f32,
@@ -50,6 +57,8 @@ pub(in crate::backend) struct View<'a> {
     pub wanted: Option<&'a Blocks>,
     /// Least and greatest offset of the sample positions that the splats are for, raster pixels.
     pub offsets: [[f32; 2]; 2],
+    /// Variance by which the filter of the image widens a volume's kernel, raster pixels^2.
+    pub variance: f32,
     /// The numbers in which the image is composited.
     pub blending: Blending,
     /// With velocities of centres?
@@ -133,9 +142,13 @@ fn push(view: &View<'_>, gaussians: &Gaussians, index: usize, l: usize, shape: &
         across: shape.across[l],
         peak: shape.peak[l],
         depth: shape.depth[l],
-        colour: if seen { colour(view, gaussians, index) } else { [0.0; 3] },
+        colour: if seen { emission::colour(view, gaussians, index) } else { [0.0; 3] },
         bounds,
         index: view.first + index as u32,
+        layer: match gaussians.optics {
+            Optics::Alpha => 0.0,
+            Optics::Extinction { .. } => view.posed.epsilon.max(f32::MIN_POSITIVE),
+        },
     });
     out.bounds.push(if seen { bounds } else { NOWHERE });
     if view.velocity {
@@ -148,18 +161,6 @@ fn wants(view: &View<'_>, bounds: [u16; 4]) -> bool {
     let Some(blocks) = view.wanted else { return true };
     let [x0, x1, y0, y1] = bounds.map(|pixel| usize::from(pixel) / Blocks::EDGE);
     (y0..=y1).any(|y| (x0..=x1).any(|x| blocks.at(x, y)))
-}
-
-/// The colour of a Gaussian as the eye sees it, in the numbers of the image.
-fn colour(view: &View<'_>, gaussians: &Gaussians, index: usize) -> [f32; 3] {
-    let capture = &view.object.capture;
-    if let Some(flat) = capture.flat {
-        return flat.to_array();
-    }
-    let direction = || (gaussians.position[index] - view.posed.eye).normalize_or_zero();
-    let own = gaussians.colour(index) + harmonics::sum(gaussians, index, capture.harmonics, direction);
-    let own = own.max(Vec3::ZERO).to_array();
-    if gaussians.linear && view.blending == Blending::Coded { own.map(srgb::from_linear) } else { own }
 }
 
 /// Screen velocity of a centre, pixels of the image per shutter: the derivative of (x, y) = (X, Y) / depth.
@@ -201,7 +202,12 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
     let centre = transform(&view.posed.screen_from_model, view.posed.screen_origin, &position);
     let m = view.posed.screen_from_model.to_cols_array_2d();
     let half = [0, 1].map(|i| FIELD * 0.5 * view.size[i] as f32 / view.stride);
-    let dilation = DILATION / (view.stride * view.stride);
+    let volume = gaussians.optics != Optics::Alpha;
+    let dilation = if volume { view.variance } else { DILATION / (view.stride * view.stride) };
+    // Of a volume: area on the raster over that in the model, at depth 1 on the axis, and over 2 pi in powers of 1/2.
+    let area = view.posed.screen_from_model.determinant().abs();
+    let area = area * (std::f32::consts::LOG2_E / std::f32::consts::TAU);
+    let inverse_focal2 = 1.0 / (view.raster.focal * view.raster.focal);
     let [least, most] = view.offsets;
     let PixelRect { first_column, last_column, first_row, last_row } = view.pixels;
     let faintest = FAINTEST.log2();
@@ -222,12 +228,14 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
         // The same on the screen, pixels.
         let mut u = [0.0; 3];
         let mut v = [0.0; 3];
+        let mut e = [0.0; 3];
         for k in 0..3 {
             let on_screen = |row: usize| m[0][row] * axes[k][0] + m[1][row] * axes[k][1] + m[2][row] * axes[k][2];
             let scale = s[k] * over;
             let away = on_screen(2);
             u[k] = (on_screen(0) - jx * away) * scale;
             v[k] = (on_screen(1) - jy * away) * scale;
+            e[k] = away * scale;
         }
         let xx = u[0] * u[0] + u[1] * u[1] + u[2] * u[2];
         let yy = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
@@ -239,9 +247,17 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
         let wide_xx = xx + dilation;
         let wide_yy = yy + dilation;
         let lost = if antialias { (unfiltered / determinant).sqrt() } else { 1.0 };
-        let peak = opacity[l] * factor * lost;
-        let solid = peak * FAINTEST > 1.0;
+        // Zwicker et al. 2002, eq. 33: the integral of the kernel over the ray at its centre. A ray that leaves the axis
+        // is longer than its depth.
+        let longer2 = 1.0 + (x * x + y * y) * inverse_focal2;
+        let bend = Bend::of(&u, &v, &e, [x, y], longer2, inverse_focal2);
+        let integral = area * longer2.sqrt() * (over * over) / determinant.sqrt() * bend.mass;
+        let peak = opacity[l] * factor * if volume { integral } else { lost };
+        let solid = if volume { peak >= f32::MIN_POSITIVE } else { peak * FAINTEST > 1.0 };
         let peak = fast::log2(if solid { peak } else { 1.0 });
+        let kept = 1.0 - fast::exp2(least_power(peak) - peak);
+        let peak = if volume { peak - fast::log2(kept) } else { peak };
+        let faintest = if volume { -least_power(peak) } else { faintest };
         let over_xx = 1.0 / wide_xx;
         shape.along[l] = HALF_LOG2_E * over_xx;
         shape.slope[l] = xy * over_xx;
@@ -250,7 +266,8 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
         shape.depth[l] = depth;
         let reach = (peak + faintest) * (1.0 / HALF_LOG2_E);
         let (reach_x, reach_y) = ((reach * wide_xx).sqrt(), (reach * wide_yy).sqrt());
-        let (x, y) = (view.raster.axis[0] + x, view.raster.axis[1] + y);
+        let [shift_x, shift_y] = if volume { bend.shift } else { [0.0; 2] };
+        let (x, y) = (view.raster.axis[0] + x + shift_x, view.raster.axis[1] + y + shift_y);
         shape.x[l] = x;
         shape.y[l] = y;
         let columns = pixel_range(x, -reach_x - most[0], reach_x - least[0], first_column, last_column);
@@ -263,7 +280,8 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
             & (p[1] <= high.y)
             & (p[2] <= high.z);
         let on_image = (columns.0 <= columns.1) & (rows.0 <= rows.1);
-        let touches = solid & inside & on_image & (depth >= view.near) & (determinant < f32::INFINITY);
+        let touches = solid & inside & on_image & (depth >= view.near);
+        let touches = touches & (determinant > 0.0) & (determinant < f32::INFINITY);
         shape.bounds[0][l] = whole(columns.0);
         shape.bounds[1][l] = whole(columns.1);
         shape.bounds[2][l] = whole(rows.0);
@@ -271,6 +289,48 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
         seen[l] = u32::from(touches);
     }
     shape.seen = (0..LANES).fold(0, |bits, l| bits | seen[l] << l);
+}
+
+/// What the affine image of a kernel misses of perspective, to second order in the angle at which the eye sees it
+/// (docs/math.md, section 12).
+struct Bend {
+    /// Factor on the integral over the screen.
+    mass: f32,
+    /// Of the mean place on the screen, pixels.
+    shift: [f32; 2],
+}
+
+impl Bend {
+    /// Most that the factor differs from 1: beyond, the series says nothing.
+    const MOST: f32 = 0.5;
+
+    /// `u`, `v`: the image of the axes, pixels; `e`: their depths over that of the centre, which is at `place`.
+    /// `longer2`: square of the length of the ray over its depth.
+    #[inline(always)]
+    fn of(u: &[f32; 3], v: &[f32; 3], e: &[f32; 3], [x, y]: [f32; 2], longer2: f32, inverse_focal2: f32) -> Self {
+        let over = inverse_focal2 / longer2;
+        let (mut mass, mut shift) = (0.0, [0.0; 2]);
+        for k in 0..3 {
+            // Along the ray, over its length.
+            let across = (u[k] * x + v[k] * y) * over;
+            let along = across + e[k];
+            let (px, py) = (u[k] + x * e[k], v[k] + y * e[k]);
+            let length2 = (px * px + py * py) * over + e[k] * e[k] / longer2;
+            mass += 0.5 * (length2 - along * along - 6.0 * along * e[k] + 12.0 * e[k] * e[k]);
+            shift[0] += u[k] * (across - 3.0 * e[k]);
+            shift[1] += v[k] * (across - 3.0 * e[k]);
+        }
+        let size = if mass > 0.0 { mass } else { -mass };
+        let trust = if size > Self::MOST { Self::MOST / size } else { 1.0 };
+        Self { mass: 1.0 + mass * trust, shift: shift.map(|shift| shift * trust) }
+    }
+}
+
+/// Where the kernel of a volume with the centre 2^`peak` is cut.
+#[inline(always)]
+pub(super) fn least_power(peak: f32) -> f32 {
+    let least = peak - LEAST_REACH;
+    if least < FAINTEST_DEPTH { least } else { FAINTEST_DEPTH }
 }
 
 #[inline(always)]

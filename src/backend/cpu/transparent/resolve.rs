@@ -3,7 +3,7 @@
 //!
 //! In: a tile's composite, and the opaque picture of its group. Out: the tile's film. One instant at a time.
 
-use super::composite::Composite;
+use super::accumulators::Composite;
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::tiles::{LANES, TILE, TileRect};
 use crate::film::{Background, Blending, FilmPlanes};
@@ -104,7 +104,7 @@ fn resolve_body(over: &Over<'_>, composite: &Composite, tile: &TileRect, film: &
                 mixed(plane, composite.depth());
             }
             if let Some(plane) = over.planes.normal {
-                (0..3).for_each(|c| mixed(plane + c, None));
+                (0..3).for_each(|c| mixed(plane + c, composite.normal().map(|channel| channel + c)));
             }
             if let Some(plane) = over.planes.velocity {
                 (0..2).for_each(|c| mixed(plane + c, composite.velocity().map(|channel| channel + c)));
