@@ -203,17 +203,19 @@ pub struct Channels {
     pub velocity: Option<usize>,
     /// First of four: ambient, diffuse, specular, shininess; only where materials differ.
     pub material: Option<usize>,
+    /// Opacity; only for what light passes through.
+    pub opacity: Option<usize>,
     /// The material of all objects, where they have the same.
     pub uniform: Option<Material>,
 }
 
 impl Channels {
     /// Largest number of channels.
-    pub const MOST: usize = 14;
+    pub const MOST: usize = 15;
 
     /// The sum of weights alone.
     pub const fn weights() -> Self {
-        Self { count: 1, normal: None, depth: None, velocity: None, material: None, uniform: None }
+        Self { count: 1, normal: None, depth: None, velocity: None, material: None, opacity: None, uniform: None }
     }
 
     /// The channels that `frame` needs.
@@ -234,7 +236,13 @@ impl Channels {
         let depth = take(deferred && lit_by_points || frame.aovs.contains(&Aov::Depth), 1);
         let velocity = take(frame.aovs.contains(&Aov::Velocity), 2);
         let material = take(deferred && uniform.is_none(), 4);
-        Self { count, normal, depth, velocity, material, uniform }
+        Self { count, normal, depth, velocity, material, opacity: None, uniform }
+    }
+
+    /// The same and the opacity.
+    #[must_use]
+    pub fn with_opacity(self) -> Self {
+        Self { count: self.count + 1, opacity: Some(self.count), ..self }
     }
 }
 

@@ -276,6 +276,38 @@ impl TransparentPass {
     pub const ORDER: [Self; 5] = [Self::Project, Self::Sort, Self::List, Self::Composite, Self::Resolve];
 }
 
+/// Most layers of see-through surfels at a pixel.
+pub const LAYERS: u8 = 8;
+
+/// A pass over see-through surfels, before those of [`TransparentPass`]. Each has the number of its layer, 0 for the
+/// nearest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LayerPass {
+    /// As [`EwaPass::Visibility`], of discs behind all layers before this one. That of number [`LAYERS`] finds out
+    /// where there are more.
+    Visibility(u8),
+    /// As [`EwaPass::Attribute`], of what lies in the layer.
+    Attribute(u8),
+    /// Normalises and shades the layer.
+    Resolve(u8),
+}
+
+impl LayerPass {
+    /// The passes in order, for all layers.
+    pub const ORDER: [Self; 3 * LAYERS as usize + 1] = {
+        let mut order = [Self::Visibility(LAYERS); 3 * LAYERS as usize + 1];
+        let mut layer = 0;
+        while layer < LAYERS {
+            let first = 3 * layer as usize;
+            order[first] = Self::Visibility(layer);
+            order[first + 1] = Self::Attribute(layer);
+            order[first + 2] = Self::Resolve(layer);
+            layer += 1;
+        }
+        order
+    };
+}
+
 /// A pass of [`Step::StaticLayer`] and [`Step::StaticPicture`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StaticPass {

@@ -300,6 +300,11 @@ impl Frame {
         self.swept.is_some() && self.prefilter == Prefilter::Ewa
     }
 
+    /// Whether light passes through the surfels of any object.
+    pub fn has_see_through(&self) -> bool {
+        self.objects.iter().any(|object| object.see_through)
+    }
+
     /// Whether any object is a volume.
     pub fn has_volumes(&self) -> bool {
         self.objects.iter().filter_map(|object| object.gaussians.as_ref()).any(|of| of.optics != Optics::Alpha)

@@ -26,6 +26,16 @@ pub struct Raster {
 }
 
 impl Raster {
+    /// The raster with the standard deviation that the filter of see-through surfels has: they are always filtered as
+    /// full EWA does, with the approximate filter by a Gaussian as wide as its disc.
+    #[must_use]
+    pub fn for_see_through(self, prefilter: Prefilter) -> Self {
+        match prefilter {
+            Prefilter::Approx => Self { sigma: 0.5 * self.low_pass, ..self },
+            Prefilter::Ewa | Prefilter::None => self,
+        }
+    }
+
     /// Variance of the low-pass filter of `prefilter`, raster pixels^2, for kernels that are Gaussians. A disc of the
     /// approximate filter ends where a Gaussian has two standard deviations.
     pub fn variance(&self, prefilter: Prefilter) -> f32 {

@@ -18,6 +18,7 @@ mod objects;
 mod oracle;
 mod pictures;
 mod rendering;
+mod see_through;
 mod static_objects;
 mod symmetries;
 mod volumes;

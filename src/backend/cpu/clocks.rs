@@ -30,12 +30,15 @@ pub(in crate::backend) struct Clocks {
     pub attribute: Clock,
     pub resolve: Clock,
     pub splats: AtomicU64,
+    /// Pixels with more layers of see-through surfels than are composited, over all groups.
+    pub left_out: AtomicU64,
 }
 
 impl Clocks {
     pub(in crate::backend) fn stats(&self, frame: &Frame) -> Stats {
         Stats {
             splats: self.splats.load(Relaxed),
+            left_out: self.left_out.load(Relaxed),
             project: self.project.total(),
             sort: self.sort.total(),
             bin: self.bin.total(),

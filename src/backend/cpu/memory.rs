@@ -48,6 +48,7 @@ impl Budget {
         let slices = swept.then(|| frame.slices() as usize);
         let guard = frame.guard();
         let picture_bytes = if frame.has_static_picture() { StaticTile::bytes(planes.count) } else { 0 };
+        let see_through = frame.has_see_through();
         let layer_bytes = if frame.has_static_layer() {
             StaticTile::bytes_with_sums(channels.count, samples, planes.count)
         } else {
@@ -61,7 +62,9 @@ impl Budget {
             let of_map = guarded * TileBuffers::bytes(1, 1, None);
             let own = guarded * Map::bytes(1) + of_map.max(tiles * TileBuffers::bytes(channels.count, samples, slices));
             let own = own + if frame.blending.is_some() { tiles * transparent::bytes_of_tile(planes.count) } else { 0 };
-            let own = own + if frame.has_ewa() { tiles * EwaBuffers::bytes(channels.count) } else { 0 };
+            let ewa = frame.has_ewa() || see_through;
+            let own = own + if ewa { tiles * EwaBuffers::bytes(channels.count + 1) } else { 0 };
+            let own = own + if see_through { tiles * transparent::bytes_of_layers(planes.count) } else { 0 };
             own + tiles * (picture_bytes + if layers { layer_bytes } else { 0 })
         };
         let threads = rayon::current_num_threads() as u64;
@@ -69,7 +72,11 @@ impl Budget {
             let band = Band::new(raster, [0, rows as usize]);
             let guarded = guard.map_or(band, |guard| band.guarded(guard));
             let moving = if swept { Binned::<SweptSplat>::most_bytes(CHUNK, channels.count, &band) } else { 0 };
-            let ewa = if frame.has_ewa() { Binned::<EwaSplat>::most_bytes(CHUNK, channels.count, &band) } else { 0 };
+            let ewa = if frame.has_ewa() || see_through {
+                Binned::<EwaSplat>::most_bytes(CHUNK, channels.count, &band)
+            } else {
+                0
+            };
             let moving = moving + ewa;
             let gaussians = if frame.blending.is_some() { CHUNK as u64 * transparent::BYTES } else { 0 };
             let moving = moving + gaussians;

@@ -46,14 +46,14 @@ use self::swept::{Map, MapGroup, SweepGroup};
 use self::tile_buffers::TileBuffers;
 use self::tile_runner::TileRunner;
 use self::tiles::{Band, TILE};
-use self::transparent::{Fixed, TransparentGroup, TransparentMemory};
+use self::transparent::{Fixed, SeeThroughGroup, TransparentGroup, TransparentMemory};
 use super::clusters::{ClusterStore, Clusters};
 use super::{Backend, BackendError, Meter, Rendered};
 use crate::film::{FilmPlanes, Picture, develop};
 use crate::frame::{Blocks, Frame, PosedRaster, Position};
 use crate::layout::{Channels, EwaSplat, SweptSplat};
 use crate::options::{Prefilter, SweptKernel};
-use crate::plan::{EwaPass, MapPass, Objects, PosedInterval, SplatPass, StaticPass, Step, SweepPass};
+use crate::plan::{EwaPass, LayerPass, MapPass, Objects, PosedInterval, SplatPass, StaticPass, Step, SweepPass};
 
 /// Pictures whose memory is stored for later ones: as many as mode auto gives back.
 const SPARE_PICTURES: usize = 3;
@@ -274,7 +274,7 @@ impl Executor<'_> {
     fn ewa(&mut self, group: usize) {
         let scope = self.place.scope(group, self.place.band);
         let chunks = chunks(self.place.frame, scope.group, Objects::All);
-        self.normalise(&chunks);
+        normalise(self.place.frame, &chunks);
         let splat_bytes = self.budget.splat_bytes;
         let Memory { ewa, buffers, transparent, .. } = &mut *self.memory;
         let film = of_group(self.place.frame, &mut transparent.opaque, self.film);
@@ -284,6 +284,7 @@ impl Executor<'_> {
 
     /// What is transparent, over the picture of the same group.
     fn transparent(&mut self, group: usize) {
+        self.see_through(group);
         let scope = self.place.scope(group, self.place.band);
         let splat_bytes = self.budget.transparent_bytes;
         let volumes = self.place.frame.has_volumes();
@@ -291,12 +292,25 @@ impl Executor<'_> {
         work.run(self.fixed, &mut self.memory.transparent, self.film);
     }
 
-    /// Computes the factors of all models before their chunks are worked on in parallel: each thread that found none
-    /// would compute all.
-    fn normalise(&self, chunks: &[Chunk]) {
-        for chunk in chunks {
-            self.place.frame.objects[chunk.object].surfels.normalisation();
+    /// The layers of see-through surfels.
+    fn see_through(&mut self, group: usize) {
+        let frame = self.place.frame;
+        let scope = self.place.scope(group, self.place.band);
+        let chunks = chunks(frame, scope.group, Objects::SeeThrough);
+        let tiles = if chunks.is_empty() { 0 } else { scope.band.len() };
+        let Memory { ewa, buffers, transparent, .. } = &mut *self.memory;
+        let TransparentMemory { opaque, layers, .. } = transparent;
+        layers.iter_mut().for_each(Vec::clear);
+        layers.resize_with(tiles, Vec::new);
+        if chunks.is_empty() {
+            return;
         }
+        normalise(frame, &chunks);
+        let raster = scope.raster.for_see_through(frame.prefilter);
+        let channels = scope.channels.with_opacity();
+        let work = SeeThroughGroup { scope: Scope { raster: &raster, channels: &channels, ..scope }, opaque };
+        let splat_bytes = self.budget.splat_bytes;
+        TileRunner { work: &work, chunks: &chunks, passes: &LayerPass::ORDER, splat_bytes }.run(ewa, buffers, layers);
     }
 
     /// The picture of static objects, at the position and in the light of a group.
@@ -339,11 +353,19 @@ impl Executor<'_> {
         let chunks = chunks(self.place.frame, scope.group, objects);
         let splat_bytes = self.budget.splat_bytes;
         if self.place.frame.prefilter == Prefilter::Ewa {
-            self.normalise(&chunks);
+            normalise(self.place.frame, &chunks);
         }
         let Memory { kernels, buffers, map, .. } = &mut *self.memory;
         let work = SweepGroup { scope, interval, kernel, map, picture };
         TileRunner { work: &work, chunks: &chunks, passes: SweepPass::order(kernel.has_slices()), splat_bytes }
             .run(kernels, buffers, self.film);
+    }
+}
+
+/// Computes the factors of all models before their chunks are worked on in parallel: each thread that found none would
+/// compute all.
+fn normalise(frame: &Frame, chunks: &[Chunk]) {
+    for chunk in chunks {
+        frame.objects[chunk.object].surfels.normalisation();
     }
 }

@@ -167,7 +167,7 @@ fn resolve_body(
 /// the pixels' row, channel by channel. `inverse`: 1 / sum of weights.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "an inner loop, called in two places")]
-pub(super) fn add_lanes(
+pub(in crate::backend::cpu) fn add_lanes(
     resolve: &Resolve<'_>,
     tile: &TileRect,
     [x, y]: [usize; 2],

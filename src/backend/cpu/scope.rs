@@ -108,6 +108,13 @@ impl Scope<'_> {
         if self.frame.blending.is_some() { 1.0 } else { self.group.samples[0].weight }
     }
 
+    /// What turns the sums of a group's samples, whose weights are in them, into means.
+    pub(in crate::backend) fn scale(&self) -> f32 {
+        let samples = &self.group.samples;
+        let total: f32 = samples.iter().map(|sample| sample.weight).sum();
+        if samples.len() > 1 && total > 0.0 { 1.0 / total } else { 1.0 }
+    }
+
     /// Starts the samples of a group that come before those of `chunk`; static objects belong to all.
     pub(in crate::backend) fn turn(&self, chunk: &Chunk, buffers: &mut TileBuffers) {
         if self.group.samples.len() > 1 && !self.frame.objects[chunk.object].is_static {

@@ -2,6 +2,7 @@
 
 use super::ewa::EwaBuffers;
 use super::tiles::{ROWS, STRIDE, TILE};
+use super::transparent::PeelBuffers;
 
 /// What one group accumulates in one tile.
 #[derive(Clone, Debug, Default)]
@@ -18,6 +19,8 @@ pub(in crate::backend) struct TileBuffers {
     pub slices: Slices,
     /// Depths and sums of full EWA; empty without it.
     pub ewa: EwaBuffers,
+    /// What see-through surfels cover; empty where there are none.
+    pub peel: PeelBuffers,
 }
 
 /// What is visible of kernels in motion in each slice of the interval: for each of `TILE` rows, for each slice,

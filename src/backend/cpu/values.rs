@@ -115,6 +115,10 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mu
         if let Some(at) = channels.normal {
             out[at..at + 3].copy_from_slice(&[normal[0][l], normal[1][l], normal[2][l]]);
         }
+        if let Some(at) = channels.opacity {
+            let own = surfels.opacity.get(faces[l].0 as usize).copied().unwrap_or(1.0);
+            out[at] = shown.object.opacity * own;
+        }
         if let Some(at) = channels.velocity {
             let velocity = velocity(surfels.position[faces[l].0 as usize], shown);
             out[at..at + 2].copy_from_slice(&velocity.map(|v| v * shown.stride));

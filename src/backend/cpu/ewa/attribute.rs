@@ -21,6 +21,8 @@ pub(in crate::backend) struct Filter<'a> {
     pub sigma: f32,
     /// Where the tile begins in planes with an apron.
     pub start: usize,
+    /// T(x) of what hides the layer that is being peeled off; empty where nothing does.
+    pub ceiling: &'a [f32],
 }
 
 impl Filter<'_> {
@@ -61,21 +63,22 @@ fn attribute_body(
     buffers: &mut EwaBuffers,
     sample_coverage: &mut [f32],
 ) {
+    let peels = !buffers.floor.is_empty();
     for &index in list {
         let splat = &splats[index as usize];
         let Some(touched) = Touched::within(splat.filtered_bounds, tile) else { continue };
         let values = filter.attributes.of(index);
         let narrow = touched.is_narrow() && touched.is_high();
         // By constant, since a choice in the loop over lanes would keep it from becoming vectors.
-        match (narrow, splat.crossing != 0) {
-            (true, false) => {
-                add_splat::<NARROW, false>(splat, &touched, values, filter, tile, buffers, sample_coverage);
-            }
-            (false, false) => {
-                add_splat::<LANES, false>(splat, &touched, values, filter, tile, buffers, sample_coverage);
-            }
-            (_, true) => add_splat::<LANES, true>(splat, &touched, values, filter, tile, buffers, sample_coverage),
-        }
+        let add = match (narrow, splat.crossing != 0, peels) {
+            (true, false, false) => add_splat::<NARROW, false, false>,
+            (false, false, false) => add_splat::<LANES, false, false>,
+            (_, true, false) => add_splat::<LANES, true, false>,
+            (true, false, true) => add_splat::<NARROW, false, true>,
+            (false, false, true) => add_splat::<LANES, false, true>,
+            (_, true, true) => add_splat::<LANES, true, true>,
+        };
+        add(splat, &touched, values, filter, tile, buffers, sample_coverage);
     }
 }
 
@@ -122,9 +125,10 @@ impl<const W: usize> Patch<W> {
     }
 }
 
-/// Adds one splat, a patch of `W` columns at a time.
+/// Adds one splat, a patch of `W` columns at a time. `PEELS`: one layer is peeled off, from the floor to T. What lies
+/// behind has other layers.
 #[inline(always)]
-fn add_splat<const W: usize, const CROSSING: bool>(
+fn add_splat<const W: usize, const CROSSING: bool, const PEELS: bool>(
     splat: &EwaSplat,
     touched: &Touched,
     values: &[f32],
@@ -152,12 +156,22 @@ fn add_splat<const W: usize, const CROSSING: bool>(
             let mut weights = [0.0_f32; LANES];
             let mut depths = [0.0_f32; LANES];
             let mut discs = [0.0_f32; LANES];
+            let (mut floor, mut ceiling) = ([0.0; LANES], [f32::INFINITY; LANES]);
+            if PEELS {
+                floor = patch::load::<W>(&buffers.floor[filter.start + y * APRON_STRIDE + x..], APRON_STRIDE);
+                if !filter.ceiling.is_empty() {
+                    ceiling = patch::load::<W>(&filter.ceiling[y * STRIDE + x..], STRIDE);
+                }
+            }
+            let in_layer =
+                |depth: f32, l: usize| !PEELS || (depth > floor[l]) & (depth <= limit[l]) & (depth <= ceiling[l]);
             let has_coverage = !sample_coverage.is_empty();
             if open == 0 && !has_coverage {
                 // Most pixels are solid. Nobody asks for discs there.
                 for l in 0..LANES {
                     let seen = patch.filtered::<CROSSING>(splat, l, most_inverse_depth, quarter_variance);
-                    weights[l] = if seen.depth <= limit[l] { seen.weight } else { 0.0 };
+                    let shows = (seen.depth <= limit[l]) & in_layer(seen.depth, l);
+                    weights[l] = if shows { seen.weight } else { 0.0 };
                     depths[l] = seen.depth;
                 }
                 let out = &mut buffers.sums[Layer::Band as usize][at..];
@@ -168,6 +182,9 @@ fn add_splat<const W: usize, const CROSSING: bool>(
             for l in 0..LANES {
                 let seen = patch.filtered::<CROSSING>(splat, l, most_inverse_depth, quarter_variance);
                 (weights[l], depths[l], discs[l]) = (seen.weight, seen.depth, seen.disc);
+                if !in_layer(seen.depth, l) {
+                    (weights[l], discs[l]) = (0.0, 0.0);
+                }
             }
             if has_coverage {
                 // A hidden splat covers the pixel, too: what hides it covers it.

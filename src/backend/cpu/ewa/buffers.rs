@@ -41,6 +41,8 @@ pub(in crate::backend) struct EwaBuffers {
     /// T(x, t), +inf where no disc covers, and the tolerance of the disc that it is of: with an apron.
     pub threshold: Vec<f32>,
     pub epsilon: Vec<f32>,
+    /// Depths up to which all was peeled off: only what lies behind counts. With an apron; empty where nothing was.
+    pub floor: Vec<f32>,
     /// The same minimum over the discs behind T: `ROWS` rows of `STRIDE`.
     pub second: Vec<f32>,
     /// For each row a bit for each pixel that is not solid.
@@ -55,7 +57,7 @@ impl EwaBuffers {
     /// Bytes of one tile's buffers.
     pub(in crate::backend) const fn bytes(channels: usize) -> u64 {
         let planes = 4 * (channels + EXTRA) + 1;
-        ((planes * ROWS * STRIDE + 2 * APRON_ROWS * APRON_STRIDE + 2 * TILE) * size_of::<f32>()) as u64
+        ((planes * ROWS * STRIDE + 3 * APRON_ROWS * APRON_STRIDE + 2 * TILE) * size_of::<f32>()) as u64
     }
 
     pub(in crate::backend) fn clear_depths(&mut self) {

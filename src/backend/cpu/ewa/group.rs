@@ -32,7 +32,7 @@ impl EwaGroup<'_> {
     }
 
     /// The depth tolerance of all objects; `None` where they have several.
-    fn tolerance_of_all(&self) -> Option<Depths> {
+    pub(in crate::backend::cpu) fn tolerance_of_all(&self) -> Option<Depths> {
         let mut all = self.scope.group.samples.iter().flat_map(|sample| &sample.objects).map(|object| object.epsilon);
         let epsilon = all.next()?;
         all.all(|other| other == epsilon).then_some(Depths { near: self.scope.frame.near, epsilon })
@@ -79,7 +79,10 @@ impl TileWork for EwaGroup<'_> {
 
     fn prepare(&self, pass: EwaPass, index: usize, buffers: &mut TileBuffers, _scratch: &mut Vec<u32>) {
         match pass {
-            EwaPass::Visibility => buffers.ewa.clear_depths(),
+            EwaPass::Visibility => {
+                buffers.ewa.clear_depths();
+                buffers.ewa.floor.clear();
+            }
             // Several samples have one coverage, at all depths together.
             EwaPass::Second if self.samples() > 1 => {}
             EwaPass::Second => {
@@ -135,7 +138,7 @@ impl TileWork for EwaGroup<'_> {
                 EwaPass::Second => second(&binned.splats, list, depths, &job.tile, first, buffers),
                 EwaPass::Attribute => {
                     let attributes = scope.attributes(chunk, &binned.values);
-                    let filter = Filter { attributes, depths, sigma: scope.raster.sigma, start: first };
+                    let filter = Filter { attributes, depths, sigma: scope.raster.sigma, start: first, ceiling: &[] };
                     let coverage = &mut group_coverage.sample_coverage;
                     attribute(&binned.splats, list, &filter, &job.tile, buffers, coverage);
                 }

@@ -11,5 +11,8 @@ pub(super) mod share;
 mod tests;
 pub(in crate::backend) mod visibility;
 
+pub(in crate::backend::cpu) use self::attribute::{Filter, attribute};
 pub(in crate::backend) use self::buffers::EwaBuffers;
+pub(in crate::backend::cpu) use self::buffers::{APRON_STRIDE, EXTRA, Layer, PEAK, SIDE, with_apron};
 pub(in crate::backend) use self::group::EwaGroup;
+pub(in crate::backend::cpu) use self::visibility::{find_open, visibility};

@@ -27,20 +27,24 @@ fn visibility_body(
     tolerances: bool,
     buffers: &mut EwaBuffers,
 ) {
+    let behind = !buffers.floor.is_empty();
     for &index in list {
         let splat = &splats[index as usize];
         let Some(touched) = Touched::within(splat.disc.bounds, rect) else { continue };
-        match (touched.is_narrow(), tolerances) {
-            (true, false) => lower::<NARROW, false>(splat, &touched, depths, rect, buffers),
-            (false, false) => lower::<LANES, false>(splat, &touched, depths, rect, buffers),
-            (true, true) => lower::<NARROW, true>(splat, &touched, depths, rect, buffers),
-            (false, true) => lower::<LANES, true>(splat, &touched, depths, rect, buffers),
+        match (touched.is_narrow(), tolerances, behind) {
+            (true, false, false) => lower::<NARROW, false, false>(splat, &touched, depths, rect, buffers),
+            (false, false, false) => lower::<LANES, false, false>(splat, &touched, depths, rect, buffers),
+            (true, true, false) => lower::<NARROW, true, false>(splat, &touched, depths, rect, buffers),
+            (false, true, false) => lower::<LANES, true, false>(splat, &touched, depths, rect, buffers),
+            (true, _, true) => lower::<NARROW, true, true>(splat, &touched, depths, rect, buffers),
+            (false, _, true) => lower::<LANES, true, true>(splat, &touched, depths, rect, buffers),
         }
     }
 }
 
+/// `BEHIND`: only discs behind the floor count.
 #[inline(always)]
-fn lower<const W: usize, const TOLERANCES: bool>(
+fn lower<const W: usize, const TOLERANCES: bool, const BEHIND: bool>(
     splat: &EwaSplat,
     touched: &Touched,
     depths: Depths,
@@ -59,11 +63,16 @@ fn lower<const W: usize, const TOLERANCES: bool>(
             if TOLERANCES {
                 epsilon = patch::load::<W>(&buffers.epsilon[at..], APRON_STRIDE);
             }
+            let mut floor = [0.0; LANES];
+            if BEHIND {
+                floor = patch::load::<W>(&buffers.floor[at..], APRON_STRIDE);
+            }
             for l in 0..LANES {
                 let hit = patch.at(&splat.disc, l);
                 let depth = 1.0 / hit.inverse_depth;
                 let tolerance = depths.tolerance(depth);
                 let covers = hit.inside & (hit.inverse_depth <= most_inverse_depth) & hit.wanted;
+                let covers = covers & (!BEHIND | (depth > floor[l]));
                 let candidate = if covers { depth + tolerance } else { f32::INFINITY };
                 if TOLERANCES {
                     epsilon[l] = if candidate < threshold[l] { tolerance } else { epsilon[l] };

@@ -233,13 +233,7 @@ fn close_layers(out: &mut Composite, [x, y]: [usize; 2], alpha: &[f32; LANES]) -
 
 /// Composites the layers of surfels before `depth` where a splat shows. Says whether there were any.
 #[inline(always)]
-fn pass_surfels(
-    place: &Place<'_>,
-    out: &mut Composite,
-    [x, y]: [usize; 2],
-    depth: f32,
-    shown: &[f32; LANES],
-) -> bool {
+fn pass_surfels(place: &Place<'_>, out: &mut Composite, [x, y]: [usize; 2], depth: f32, shown: &[f32; LANES]) -> bool {
     let mut before = [false; LANES];
     let mut any = false;
     for (l, next) in out.next_depth[y * STRIDE + x..][..LANES].iter().enumerate() {

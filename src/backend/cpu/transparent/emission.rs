@@ -31,7 +31,6 @@ fn lit(view: &View<'_>, colour: Vec3, normal: Vec3, position: Vec3) -> Vec3 {
     let position = posed.world_from_model * position + posed.world_origin;
     let normal = (posed.normal_matrix * normal).normalize_or_zero();
     let normal = if normal.dot(position) > 0.0 { -normal } else { normal };
-    let material =
-        if normal == Vec3::ZERO { Material { diffuse: 0.0, specular: 0.0, ..material } } else { material };
+    let material = if normal == Vec3::ZERO { Material { diffuse: 0.0, specular: 0.0, ..material } } else { material };
     shade(&view.sample.lights, &material, colour, normal, position)
 }

@@ -10,6 +10,7 @@ mod emission;
 mod harmonics;
 pub(in crate::backend) mod project;
 mod resolve;
+mod see_through;
 mod slabs;
 mod sorted;
 
@@ -22,12 +23,14 @@ use self::accumulators::{Composite, Content, Surfels};
 use self::composite::{Batch, Place, composite};
 use self::project::{Projected, View, project};
 use self::resolve::{Over, resolve};
+pub(in crate::backend) use self::see_through::{PeelBuffers, SeeThroughGroup};
 use self::slabs::{Slab, retain, slabs};
 use self::sorted::{CHUNK, Listed, Lists, Order, Walk, lists};
 use super::resolve::TileFilm;
 use super::scope::Scope;
 use crate::film::{Aov, Blending};
 use crate::frame::PosedRaster;
+use crate::plan::LAYERS;
 
 /// What later steps and later frames use again.
 #[derive(Debug, Default)]
@@ -82,6 +85,11 @@ pub(in crate::backend) const BYTES_OF_RANK: u64 = size_of::<u64>() as u64;
 /// Bytes of one tile: what it accumulates, the opaque picture, and what is static alone.
 pub(in crate::backend) const fn bytes_of_tile(planes: usize) -> u64 {
     Composite::BYTES + TileFilm::bytes_with_threshold(planes) + TileFilm::bytes(planes)
+}
+
+/// Bytes of one tile of see-through surfels: what is peeled off, and all layers.
+pub(in crate::backend) const fn bytes_of_layers(planes: usize) -> u64 {
+    PeelBuffers::BYTES + LAYERS as u64 * TileFilm::bytes_with_threshold(planes)
 }
 
 /// Some Gaussians of one object.
@@ -331,11 +339,9 @@ impl TransparentGroup<'_> {
         let seen = any || !opaque.values.is_empty() || !layers.is_empty() || !pass.first;
         if pass.last && seen {
             let start = Instant::now();
-            let samples = &scope.group.samples;
-            let total: f32 = samples.iter().map(|sample| sample.weight).sum();
             let over = Over {
                 opaque,
-                scale: if samples.len() > 1 && total > 0.0 { 1.0 / total } else { 1.0 },
+                scale: scope.scale(),
                 weight,
                 blending: frame.blending.unwrap_or(Blending::Linear),
                 background: frame.background,

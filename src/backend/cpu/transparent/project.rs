@@ -13,8 +13,8 @@ use crate::backend::cpu::project::transform;
 use crate::film::Blending;
 use crate::frame::{Blocks, FrameObject, PixelRect, PosedObject, PosedSample, Raster};
 use crate::layout::GaussianSplat;
-use crate::math::simd::dispatch;
 use crate::math::fast;
+use crate::math::simd::dispatch;
 use crate::model::{Gaussians, Optics};
 
 /// Gaussians worked on at once.
