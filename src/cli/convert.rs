@@ -57,7 +57,8 @@ impl Convert {
         }
         // What it writes holds surfels.
         let kind = Some(model::Kind::Surfels);
-        let options = model::LoadOptions { kind, radius_scale: self.radius_scale, colour_space: self.colour_space };
+        let (radius_scale, colour_space) = (self.radius_scale, self.colour_space);
+        let options = model::LoadOptions { kind, radius_scale, colour_space, ..model::LoadOptions::default() };
         let progress = Loading::new(self.quiet);
         let loaded = model::load(&self.input, &options, &|what, share| progress.step(what, share))?;
         drop(progress);

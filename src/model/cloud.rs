@@ -35,6 +35,10 @@ pub struct Cloud {
     pub colour_storage: ColourStorage,
     /// Opacities, in [0, 1].
     pub opacity: Vec<f32>,
+    /// Values of the samples of a volume; nothing for surfels.
+    pub density: Vec<f32>,
+    /// Parts of space that the samples of a volume stand for, model units^3, > 0; nothing for surfels.
+    pub volume: Vec<f32>,
     /// Reflection coefficients of each point.
     pub material: Vec<Material>,
     /// Velocities, model units per frame (kept for later use).

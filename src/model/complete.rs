@@ -77,6 +77,8 @@ macro_rules! for_each_column {
         $with(&mut $cloud.material, "reflection coefficients");
         $with(&mut $cloud.velocity, "velocities");
         $with(&mut $cloud.opacity, "opacities");
+        $with(&mut $cloud.density, "densities");
+        $with(&mut $cloud.volume, "volumes");
     };
 }
 

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 /// The formats of models that are known, for messages. It stands here because `format` looks into files with readers
 /// that report errors.
 pub(super) const KNOWN_FORMATS: &str = "PLY, Pointshop3D .sfl, Wavefront .obj, points as text .xyz and .pts, \
-     splatblur .bin, Gaussian splats .splat, .spz, .sog and .glb";
+     splatblur .bin, Gaussian splats .splat, .spz, .sog and .glb, volumes .nrrd";
 
 /// Why a model was refused or could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -70,6 +70,21 @@ pub enum ModelError {
     /// The file was to be drawn as Gaussians and is no capture.
     #[error("model {} holds no 3D Gaussians, which kind `gaussians` needs", path.display())]
     NoGaussians {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file was to be drawn as a volume and is none.
+    #[error(
+        "model {} holds no volume, which kind `volume` needs: an NRRD grid, or points with `density` and `radius`",
+        path.display()
+    )]
+    NoVolume {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file was to be drawn as surfels and is a grid of a volume.
+    #[error("model {} is a grid of a volume, which has no surfels (kind `surfels`)", path.display())]
+    NoSurfels {
         /// The file.
         path: PathBuf,
     },

@@ -31,6 +31,8 @@ pub enum Format {
     Spz,
     /// glTF in one file, with Gaussian splats.
     Glb,
+    /// Regular grids of a volume's values: NRRD with its data in the same file.
+    Nrrd,
 }
 
 impl Format {
@@ -53,6 +55,8 @@ impl Format {
             Some(Self::Spz)
         } else if bytes.starts_with(b"glTF") {
             Some(Self::Glb)
+        } else if bytes.starts_with(b"NRRD") {
+            Some(Self::Nrrd)
         } else {
             let ends_in = |name: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(name));
             match xyz::looks_like(bytes) {

@@ -11,16 +11,26 @@ use super::error::{ModelError, ParseError};
 use super::format::Format;
 use super::options::{ColourSpace, Kind, LoadOptions, Progress};
 use super::surfels::{Normalisation, Surfels};
+use super::volume::{self, Grid, Made, Samples, VolumeFacts};
 use super::{bin, map, obj, ply, sfl, tidy, xyz};
 use crate::math::srgb;
+
+/// Kernels of a volume that every file may become, however small it is.
+const FREE_KERNELS: u64 = 1 << 23;
+
+/// Most kernels above [`FREE_KERNELS`] for each byte of a file. A raw grid has one at most, a packed one a few.
+const MOST_KERNELS_A_BYTE: u64 = 8;
 
 /// A model, and what a user should know about how it was read.
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The model, in file order; empty where it is `gaussians`.
     pub surfels: Surfels,
-    /// The Gaussians of a capture, in file order; `None` for all other models, and for a capture that is to be surfels.
+    /// The Gaussians of a capture or the kernels of a volume, in file order; `None` for all other models, and where they
+    /// are to be surfels.
     pub gaussians: Option<Gaussians>,
+    /// What a volume held; `None` for all other models.
+    pub volume: Option<VolumeFacts>,
     /// One line each for points that were dropped, normals and radii that were estimated, and conventions that were
     /// assumed.
     pub notes: Vec<String>,
@@ -33,6 +43,8 @@ pub enum Parsed {
     Cloud(Cloud),
     /// Complete surfels, from our own format.
     Surfels(Surfels),
+    /// The grid of a volume.
+    Grid(Grid),
 }
 
 /// Reads the bytes of a model file. Points that cannot be drawn are dropped. Nothing is estimated yet.
@@ -52,7 +64,7 @@ pub fn parse(bytes: &[u8], format: Format) -> Result<Parsed, ParseError> {
 pub fn parse_capture(bytes: &[u8], format: Format) -> Result<Option<Gaussians>, ParseError> {
     Ok(match read(bytes, format, &|_| {})? {
         Content::Capture(gaussians) => Some(gaussians),
-        Content::Cloud(_) | Content::Surfels(_) => None,
+        Content::Cloud(_) | Content::Surfels(_) | Content::Grid(_) => None,
     })
 }
 
@@ -61,27 +73,47 @@ pub fn parse_capture(bytes: &[u8], format: Format) -> Result<Option<Gaussians>, 
 /// # Errors
 /// The file cannot be read, is not a regular file, or is not a valid model of a known format with at least one point.
 pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<Loaded, ModelError> {
-    let content = {
+    let (content, size) = {
         refuse_by_name(path)?;
         let bytes = map::map(path)?;
         let format = Format::detect(&bytes, path).ok_or_else(|| ModelError::UnknownFormat { path: path.to_owned() })?;
-        read(&bytes, format, &|share| progress("reading", share))
-            .map_err(|why| ModelError::Invalid { path: path.to_owned(), why })?
+        let content = read(&bytes, format, &|share| progress("reading", share))
+            .map_err(|why| ModelError::Invalid { path: path.to_owned(), why })?;
+        (content, bytes.len())
     };
+    let owned = || path.to_owned();
     let parsed = match (content, options.kind) {
         (Content::Capture(gaussians), None | Some(Kind::Gaussians)) => return capture(gaussians, options, path),
-        (_, Some(Kind::Gaussians)) => return Err(ModelError::NoGaussians { path: path.to_owned() }),
+        (_, Some(Kind::Gaussians)) => return Err(ModelError::NoGaussians { path: owned() }),
+        (Content::Grid(_), Some(Kind::Surfels)) => return Err(ModelError::NoSurfels { path: owned() }),
+        (Content::Grid(grid), None | Some(Kind::Volume)) => {
+            let made = volume::of_grid(&grid, &options.volume, options.radius_scale, most_kernels(size), progress);
+            return of_volume(made, path);
+        }
+        (Content::Cloud(cloud), kind) if kind == Some(Kind::Volume) || kind.is_none() && is_volume(&cloud) => {
+            let linear = options.colour_space.map(|space| space == ColourSpace::Linear);
+            let samples = Samples::from_cloud(tidy::tidy(cloud), linear);
+            let samples = samples.ok_or_else(|| ModelError::NoVolume { path: owned() })?;
+            let made =
+                volume::of_samples(&samples, &options.volume, options.radius_scale, most_kernels(size), progress);
+            return of_volume(made, path);
+        }
+        (_, Some(Kind::Volume)) => return Err(ModelError::NoVolume { path: owned() }),
         (content, _) => tidied(content),
     };
     match parsed {
+        Parsed::Grid(_) => Err(ModelError::NoSurfels { path: owned() }),
         Parsed::Surfels(surfels) if surfels.is_empty() => {
             Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: String::new() })
         }
         Parsed::Surfels(surfels) => {
-            Ok(Loaded { surfels: adjust(surfels, options), gaussians: None, notes: Vec::new() })
+            Ok(Loaded { surfels: adjust(surfels, options), gaussians: None, volume: None, notes: Vec::new() })
         }
         Parsed::Cloud(mut cloud) => {
             let mut notes = std::mem::take(&mut cloud.notes);
+            if !cloud.density.is_empty() {
+                notes.push("`density` ignored: the points are drawn as surfels (kind `volume` uses it)".to_owned());
+            }
             let (surfels, completed) = complete(cloud, options, progress).map_err(|error| match error {
                 ModelError::NoPoints => {
                     let dropped = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
@@ -90,13 +122,34 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
                 other => other,
             })?;
             notes.extend(completed);
-            Ok(Loaded { surfels, gaussians: None, notes })
+            Ok(Loaded { surfels, gaussians: None, volume: None, notes })
         }
     }
 }
 
 fn parse_told(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Parsed, ParseError> {
     Ok(tidied(read(bytes, format, progress)?))
+}
+
+/// Most kernels of a volume whose file has `size` bytes: a small file that packs more is an attempt to fill memory.
+fn most_kernels(size: usize) -> u64 {
+    FREE_KERNELS.saturating_add(MOST_KERNELS_A_BYTE.saturating_mul(size as u64))
+}
+
+/// True for points that are samples of a volume by themselves: they have densities and radii, and no surface.
+fn is_volume(cloud: &Cloud) -> bool {
+    !cloud.density.is_empty() && !cloud.radius.is_empty() && cloud.normal.is_empty() && cloud.axes.is_empty()
+}
+
+/// The kernels of a volume, of which there is one at least.
+fn of_volume(made: Result<Made, ParseError>, path: &Path) -> Result<Loaded, ModelError> {
+    let Made { gaussians, facts, notes } = made.map_err(|why| ModelError::Invalid { path: path.to_owned(), why })?;
+    if gaussians.is_empty() {
+        let mut why = notes;
+        why.push("no sample has an extinction above 0".to_owned());
+        return Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: format!(": {}", why.join("; ")) });
+    }
+    Ok(Loaded { surfels: Surfels::default(), gaussians: Some(gaussians), volume: Some(facts), notes })
 }
 
 /// Refuses captures of programs that keep the meaning of their bytes to themselves, or spread them over many files.
@@ -119,6 +172,7 @@ fn tidied(content: Content) -> Parsed {
         Content::Cloud(cloud) => Parsed::Cloud(tidy::tidy(cloud)),
         Content::Capture(gaussians) => Parsed::Cloud(tidy::tidy(gaussians.into_cloud())),
         Content::Surfels(surfels) => Parsed::Surfels(surfels),
+        Content::Grid(grid) => Parsed::Grid(grid),
     }
 }
 
@@ -142,7 +196,7 @@ fn capture(mut gaussians: Gaussians, options: &LoadOptions, path: &Path) -> Resu
     if let Some(space) = options.colour_space {
         gaussians.linear = space == ColourSpace::Linear;
     }
-    Ok(Loaded { surfels: Surfels::default(), gaussians: Some(gaussians), notes })
+    Ok(Loaded { surfels: Surfels::default(), gaussians: Some(gaussians), volume: None, notes })
 }
 
 /// What the readers give.
@@ -150,6 +204,7 @@ enum Content {
     Cloud(Cloud),
     Capture(Gaussians),
     Surfels(Surfels),
+    Grid(Grid),
 }
 
 fn read(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Content, ParseError> {
@@ -167,6 +222,7 @@ fn read(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Content,
         Format::Spz => Content::Capture(capture::parse_spz(bytes)?),
         Format::Glb => Content::Capture(capture::parse_glb(bytes)?),
         Format::Bin => Content::Surfels(bin::parse(bytes)?),
+        Format::Nrrd => Content::Grid(volume::parse_nrrd(bytes, progress)?),
     })
 }
 

@@ -2,8 +2,8 @@
 //!
 //! Data flow: `format` (which format a file has) → `ply`, `sfl`, `obj`, `xyz`, `bin` (bytes to a cloud) → `tidy`
 //! (points and attributes that cannot be drawn) → `complete` (normals and radii that are missing; `sides`: do the
-//! signs of normals mean something?) → `surfels`. `load` does all this. `normalisation` is computed when
-//! it is asked for.
+//! signs of normals mean something?) → `surfels`. Captures (`capture`) and volumes (`volume`) become [`Gaussians`].
+//! `load` does all this. `normalisation` is computed when it is asked for.
 
 mod bin;
 mod capture;
@@ -34,6 +34,7 @@ mod sides;
 mod store;
 mod surfels;
 mod tidy;
+mod volume;
 mod write_ply;
 mod xyz;
 
@@ -46,4 +47,7 @@ pub use format::Format;
 pub use load::{Loaded, Parsed, load, parse, parse_capture};
 pub use options::{ColourSpace, Kind, LoadOptions, Progress};
 pub use surfels::{Material, Normalisation, Surfels};
+pub use volume::{
+    Grid, KERNEL, MOST_EXTINCTION, Samples, Stop, TransferFunction, TransferFunctionError, VolumeFacts, VolumeOptions,
+};
 pub use write_ply::write_ply;

@@ -12,6 +12,8 @@
 //! | cut-off radius | radius, psz, point_size, size, value, scale (a float) |
 //! | axes, velocity | tux tuy tuz tvx tvy tvz; vx vy vz, velocity_x.. |
 //! | material (ours) | ambient diffuse specular shininess |
+//! | opacity | alpha, opacity (not beside f_dc_0 and scale_0) |
+//! | sample of a volume | density; volume |
 //! | Gaussian splat | f_dc_0.. opacity scale_0.. rot_0.. ; f_rest_0.. ; packed ones: `capture::compressed_ply` |
 
 use std::collections::HashMap;
@@ -157,6 +159,10 @@ struct Columns {
     axes: Option<[usize; 6]>,
     velocity: Option<[usize; 3]>,
     material: [Option<usize>; 4],
+    /// The number, and what stands for 1.
+    opacity: Option<(usize, f64)>,
+    density: Option<usize>,
+    volume: Option<usize>,
     gaussian: Option<GaussianColumns>,
     colour_type: Scalar,
 }
@@ -295,6 +301,13 @@ impl Columns {
         if let Some(v) = self.velocity {
             cloud.velocity.push(vector(v));
         }
+        if let Some((opacity, one)) = self.opacity {
+            // The sign of a signed byte is an accident, as in colours.
+            let value = values[opacity] / one;
+            cloud.opacity.push(if one == 255.0 && value < 0.0 { value + 256.0 / 255.0 } else { value } as f32);
+        }
+        cloud.density.extend(self.density.map(|density| values[density] as f32));
+        cloud.volume.extend(self.volume.map(|volume| values[volume] as f32));
         if self.material.iter().any(Option::is_some) {
             let d = Material::default();
             let value = |i: usize, default: f32| {
@@ -328,6 +341,9 @@ fn columns(finder: &mut Finder<'_>, element: &Element, notes: &mut Vec<String>) 
             axes: None,
             velocity: None,
             material: [None; 4],
+            opacity: None,
+            density: None,
+            volume: None,
             gaussian,
             colour_type: Scalar::F32,
         });
@@ -347,6 +363,12 @@ fn columns(finder: &mut Finder<'_>, element: &Element, notes: &mut Vec<String>) 
     }
     let velocity = finder.take_first(&[["vx", "vy", "vz"], ["velocity_x", "velocity_y", "velocity_z"]]);
     let material = MATERIAL.map(|name| finder.take([name]).map(|s| s[0]));
+    // What stands beside the columns of a capture is the logit of one, even where others of them are missing.
+    let logit = finder.has("f_dc_0") && finder.has("scale_0");
+    let opacity = finder.take(["alpha"]).or_else(|| if logit { None } else { finder.take(["opacity"]) });
+    let opacity = opacity.map(|[index]| (index, finder.scalar(index).largest_of_whole()));
+    let density = finder.take(["density"]).map(|s| s[0]);
+    let volume = density.and_then(|_| finder.take(["volume"])).map(|s| s[0]);
     let mut grey = None;
     if colour.is_none() {
         let scalars = element.properties.iter().map(|p| p.name.as_str()).filter(|n| n.starts_with("scalar_"));
@@ -367,6 +389,9 @@ fn columns(finder: &mut Finder<'_>, element: &Element, notes: &mut Vec<String>) 
         axes,
         velocity,
         material,
+        opacity,
+        density,
+        volume,
         gaussian,
         colour_type,
     })
@@ -485,9 +510,8 @@ impl<'a> Finder<'a> {
     fn note_ignored(&self, notes: &mut Vec<String>) {
         const SHOWN: usize = 12;
         let unused = self.element.properties.iter().zip(&self.indices).filter(|(_, index)| index.is_none());
-        // Opacity and confidence have no meaning for opaque surfels, but nearly every file has them.
-        let names: Vec<&str> =
-            unused.map(|(p, _)| p.name.as_str()).filter(|n| !matches!(*n, "alpha" | "confidence")).collect();
+        // Confidence has no meaning for surfels, but many files have it.
+        let names: Vec<&str> = unused.map(|(p, _)| p.name.as_str()).filter(|n| *n != "confidence").collect();
         if !names.is_empty() {
             let more = names.len().saturating_sub(SHOWN);
             let shown: Vec<String> =

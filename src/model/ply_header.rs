@@ -56,6 +56,19 @@ impl Scalar {
         matches!(self, Self::F32 | Self::F64)
     }
 
+    /// What stands for 1 where a share is stored as a whole number; 1 for floats. A signed byte is taken as an unsigned
+    /// one.
+    pub(super) fn largest_of_whole(self) -> f64 {
+        match self {
+            Self::I8 | Self::U8 => u8::MAX.into(),
+            Self::I16 => i16::MAX.into(),
+            Self::U16 => u16::MAX.into(),
+            Self::I32 => i32::MAX.into(),
+            Self::U32 => u32::MAX.into(),
+            Self::F32 | Self::F64 => 1.0,
+        }
+    }
+
     /// The usual name.
     pub(super) fn name(self) -> &'static str {
         match self {

@@ -35,7 +35,21 @@ pub(super) fn tidy(mut cloud: Cloud) -> Cloud {
     note(&mut cloud.notes, odd, "a velocity that is not finite (taken as 0)");
     let odd = each(&mut cloud.opacity, |o| !(0.0..=1.0).contains(o), 1.0);
     note(&mut cloud.notes, odd, "an opacity outside 0 to 1 (taken as 1)");
+    drop_idle_opacities(&mut cloud);
     cloud
+}
+
+/// Empties a column of opacities that says nothing, so that the model stays opaque and needs no order: all are as good
+/// as 1, or all are 0, as exporters write that know no opacity.
+fn drop_idle_opacities(cloud: &mut Cloud) {
+    /// Less would be seen in 8 bits.
+    const OPAQUE: f32 = 254.0 / 255.0;
+    if cloud.opacity.iter().all(|opacity| *opacity >= OPAQUE) {
+        cloud.opacity = Vec::new();
+    } else if cloud.opacity.iter().all(|opacity| *opacity == 0.0) {
+        cloud.opacity = Vec::new();
+        cloud.notes.push("the opacities of all points are 0: taken as opaque".to_owned());
+    }
 }
 
 /// Keeps the points whose flag is set, in order.
@@ -52,6 +66,8 @@ pub(super) fn retain(cloud: &mut Cloud, keep: &[bool]) {
     filter(&mut cloud.material, keep);
     filter(&mut cloud.velocity, keep);
     filter(&mut cloud.opacity, keep);
+    filter(&mut cloud.density, keep);
+    filter(&mut cloud.volume, keep);
 }
 
 /// True for axes that span a plane: they are finite, not too long, and not parallel (sine of the angle above 1e-6).

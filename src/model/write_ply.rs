@@ -13,9 +13,10 @@ use super::surfels::Surfels;
 use crate::math::srgb;
 
 /// Writes surfels as little-endian PLY: position, normal, axes (tux..tvz), radius and colour, and where there are any,
-/// material (ambient, diffuse, specular, shininess) and velocity (vx, vy, vz).
+/// opacity (alpha), material (ambient, diffuse, specular, shininess) and velocity (vx, vy, vz).
 ///
-/// [`super::load()`] gives back the same normals, axes, colours, materials and velocities. Positions are floats, exact
+/// [`super::load()`] gives back the same normals, axes, colours, materials and velocities, and opacities unless they are
+/// all 0 or all as good as 1. Positions are floats, exact
 /// where the origin is zero. Otherwise they are doubles, which are exact in model space to 2^-53 of their size; the
 /// reader chooses an origin of its own. Colours are bytes (sRGB) where that is exact for every surfel. Otherwise they
 /// are linear floats, which other programs may show too dark; a comment in the file says so.
@@ -44,6 +45,9 @@ pub fn write_ply(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
             match bytes.as_ref().and_then(|b| b.get(i)) {
                 Some(rgb) => out.write_all(rgb)?,
                 None => out.write_all(s.colour[i].to_array().map(f32::to_le_bytes).as_flattened())?,
+            }
+            if let Some(opacity) = s.opacity.get(i) {
+                out.write_all(&opacity.to_le_bytes())?;
             }
             if let Some(m) = s.material.get(i) {
                 let values = [m.ambient, m.diffuse, m.specular, m.shininess];
@@ -78,6 +82,9 @@ fn header(s: &Surfels, wide: bool, byte_colours: bool) -> String {
     properties(if wide { "double" } else { "float" }, &["x", "y", "z"]);
     properties("float", &["nx", "ny", "nz", "tux", "tuy", "tuz", "tvx", "tvy", "tvz", "radius"]);
     properties(if byte_colours { "uchar" } else { "float" }, &["red", "green", "blue"]);
+    if !s.opacity.is_empty() {
+        properties("float", &["alpha"]);
+    }
     if !s.material.is_empty() {
         properties("float", &MATERIAL);
     }

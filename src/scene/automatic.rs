@@ -6,6 +6,7 @@ use glam::DVec3;
 use super::pose::object_pose;
 use super::values::{AnimationBinding, Camera, FrameRange, ImageSettings, Light, Object, Scene};
 use crate::math::Bounds;
+use crate::model::Optics;
 use crate::time::Shutter;
 
 /// Frames a second where neither the scene nor an animation says it: film.
@@ -135,11 +136,12 @@ impl Default for GivenCamera {
 }
 
 /// The direction of up where nothing is said. Captures have y down, as the cameras had that they were made from; their
-/// viewers look from +z, too.
+/// viewers look from +z, too. Volumes have y up.
 fn upwards(scene: &Scene) -> DVec3 {
     let is_upside_down = |object: &Object| {
         let pose = object_pose(scene, object, scene.frames.first as f64).world_from_model;
-        object.model.gaussians().is_some() && pose.transform_vector3(DVec3::NEG_Y).y < 0.0
+        object.model.gaussians().is_some_and(|g| g.optics == Optics::Alpha)
+            && pose.transform_vector3(DVec3::NEG_Y).y < 0.0
     };
     let all = !scene.objects.is_empty() && scene.objects.iter().all(is_upside_down);
     if all { DVec3::NEG_Y } else { DVec3::Y }

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use crate::math::Bounds;
-use crate::model::{Gaussians, Loaded, Surfels};
+use crate::model::{Gaussians, Loaded, Optics, Surfels};
 
-/// The surfels that an object shows, or the Gaussians of a capture. Copies share them: a clone costs nothing.
+/// The surfels that an object shows, or the Gaussians of a capture or a volume. Copies share them: a clone costs nothing.
 ///
 /// It gives access to everything of its [`Surfels`], which are none for a capture; what is derived from both (median
 /// radius, boxes) is computed once. To change a model, make a new one.
@@ -28,9 +28,14 @@ impl Model {
         &self.surfels
     }
 
-    /// The shared Gaussians of a capture; `None` for surfels.
+    /// The shared Gaussians of a capture or a volume; `None` for surfels.
     pub fn gaussians(&self) -> Option<&Arc<Gaussians>> {
         self.gaussians.as_ref()
+    }
+
+    /// True for the kernels of a volume.
+    pub fn is_volume(&self) -> bool {
+        self.gaussians.as_ref().is_some_and(|gaussians| gaussians.optics != Optics::Alpha)
     }
 
     /// Number of surfels or Gaussians.
@@ -104,10 +109,10 @@ impl From<Loaded> for Model {
     }
 }
 
-/// [`Model::core`] of a capture with `bounds`.
+/// [`Model::core`] of Gaussians with `bounds`. Volumes have no strays.
 fn core(gaussians: &Gaussians, bounds: Bounds) -> Bounds {
     let last = gaussians.len().saturating_sub(1);
-    if last / 50 == 0 {
+    if last / 50 == 0 || gaussians.optics != Optics::Alpha {
         return bounds;
     }
     let [x, y, z] = [0, 1, 2].map(|axis| {

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use super::model::Model;
 use crate::anim::{Interpolation, NodeAnimation};
 use crate::math::{Bounds, Trs};
-use crate::model::{self, Cloud, ColourSpace, Kind, Material, ModelError};
+use crate::model::{self, Cloud, ColourSpace, Kind, Material, ModelError, VolumeOptions};
 use crate::time::Shutter;
 
 /// What is rendered: objects, lights and a camera, with the image, the frames and the shutter.
@@ -180,10 +180,12 @@ pub struct Object {
     pub model_path: PathBuf,
     /// The surfels; shared by objects with the same model and options.
     pub model: Model,
-    /// What a capture is drawn as, forced by the scene (already applied to `model`).
+    /// What the model is drawn as, forced by the scene (already applied to `model`).
     pub kind: Option<Kind>,
-    /// How a capture is drawn; it means nothing for surfels.
+    /// How a capture is drawn; of it, `opacity` and `crop` hold for volumes too. It means nothing for surfels.
     pub capture: Capture,
+    /// How a volume became kernels (already applied to `model`); it means nothing for other models.
+    pub volume: VolumeOptions,
     /// Factor on the model's radii, > 0 (already applied to `model`).
     pub radius_scale: f64,
     /// Colour space forced by the scene (already applied to `model`).
@@ -225,6 +227,7 @@ impl Object {
             model_path: PathBuf::new(),
             kind: None,
             capture: Capture::default(),
+            volume: VolumeOptions::default(),
             radius_scale: 1.0,
             colour_space: None,
             transform: Trs::default(),
@@ -242,7 +245,7 @@ impl Object {
     }
 
     /// An object of a model file: PLY, `Pointshop3D` `.sfl`, Wavefront `.obj`, points as text (`.xyz`, `.pts`),
-    /// splatblur's own `.bin`, or a capture. Missing normals and radii of surfels are estimated, and the surfels sorted
+    /// splatblur's own `.bin`, a capture, or a volume (`.nrrd`). Missing normals and radii of surfels are estimated, and the surfels sorted
     /// along a curve through space.
     ///
     /// # Errors
@@ -262,7 +265,7 @@ impl Object {
         Ok(Self::new(surfels.spatially_ordered()))
     }
 
-    /// Box around the surfel centres, or around the ideal sphere, in model space; empty for a model without surfels.
+    /// Box around the centres of surfels, Gaussians or kernels, or around the ideal sphere, in model space; empty for a model without surfels.
     pub fn bounds(&self) -> Bounds {
         match self.sphere {
             Some(Sphere { radius, .. }) => [DVec3::splat(-radius), DVec3::splat(radius)].into_iter().collect(),

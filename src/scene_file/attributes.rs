@@ -66,6 +66,16 @@ impl<'a> Part<'a> {
         self.optional_number(name).map(Option::unwrap_or_default)
     }
 
+    /// A number, infinite where the word says so.
+    pub(super) fn divisor(&self, name: &str) -> Result<f64, SceneError> {
+        let divisor = self.parse(name, |value, kind| match kind {
+            Kind::Divisor(_) if value == "infinite" => Some(f64::INFINITY),
+            Kind::Divisor(range) => number(value, range),
+            _ => None,
+        })?;
+        Ok(divisor.unwrap_or(1.0))
+    }
+
     pub(super) fn optional_vector(&self, name: &str) -> Result<Option<DVec3>, SceneError> {
         self.parse(name, vector)
     }

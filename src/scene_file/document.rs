@@ -1,5 +1,7 @@
 //! Turns a checked tree into plain values that need no file.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::attributes::Part;
@@ -8,7 +10,7 @@ use super::error::{SceneError, quoted};
 use super::schema::FAR;
 use crate::anim::Interpolation;
 use crate::math::{RotateOrder, Trs};
-use crate::model::{self, ColourSpace, Kind, Material};
+use crate::model::{self, ColourSpace, Kind, Material, Stop, TransferFunction, VolumeOptions};
 use crate::scene::{Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, Sphere};
 use crate::time::{Shutter, Weight};
 
@@ -60,6 +62,8 @@ pub(super) struct ObjectSpec {
     pub(super) motions: Vec<Motion>,
     pub(super) place: Trs,
     pub(super) material: Option<Material>,
+    /// Factor on the opacities of surfels.
+    pub(super) opacity: f64,
     pub(super) capture: Capture,
 }
 
@@ -203,11 +207,18 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         "linear" => ColourSpace::Linear,
         _ => ColourSpace::Srgb,
     });
-    let material = part.element.child("material").map(|e| material(&Part::new(part.source, e, "material")));
+    let surface = inside("material");
     let kind = model.choice("kind")?.map(|word| match word.as_str() {
         "surfels" => Kind::Surfels,
+        "volume" => Kind::Volume,
         _ => Kind::Gaussians,
     });
+    let volume = VolumeOptions {
+        transfer: part.element.child("transferFunction").map(|e| transfer(part.source, e)).transpose()?.map(Arc::new),
+        kernel: model.number("kernel")?,
+        flatten: model.divisor("flatten")?,
+        lit: model.boolean("lit")?,
+    };
     Ok(ObjectSpec {
         name,
         blur: part.boolean("blur")?,
@@ -217,13 +228,32 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
             Some(element) => ShapeSpec::Sphere(sphere(&Part::new(part.source, element, "sphere"))?),
             None => ShapeSpec::Model(model.file()),
         },
-        options: model::LoadOptions { kind, radius_scale: model.number("radiusScale")?, colour_space },
+        options: model::LoadOptions { kind, radius_scale: model.number("radiusScale")?, colour_space, volume },
         capture: capture(&model)?,
         transform: placement(&inside("transform"))?,
         animation: animation(part)?,
         motions: motions(part)?,
         place: placement(&inside("place"))?,
-        material: material.transpose()?,
+        material: material(&surface, part.element.child("material").is_some())?,
+        opacity: surface.number("opacity")?,
+    })
+}
+
+fn transfer(source: &Source, element: &Element) -> Result<TransferFunction, SceneError> {
+    let mut stops: Vec<Stop> = Vec::new();
+    for element in element.children("stop") {
+        let part = Part::new(source, element, "stop");
+        let value = part.number("value")?;
+        if let Some(before) = stops.last().map(|stop| stop.value).filter(|before| value <= *before) {
+            return Err(part.bad("value", &value, format!("more than that of the stop before, {before}")));
+        }
+        stops.push(Stop { value, colour: part.vector("colour")?.as_vec3(), opacity: part.number("opacity")? });
+    }
+    TransferFunction::new(stops).map_err(|why| SceneError::BadValue {
+        at: source.locate(element.at),
+        what: "<transferFunction>".to_owned(),
+        found: why.to_string(),
+        expected: "stops with rising values".to_owned(),
     })
 }
 
@@ -281,14 +311,17 @@ fn placement(part: &Part<'_>) -> Result<Trs, SceneError> {
     Ok(Trs { translate, rotate, scale, order: RotateOrder::Xyz })
 }
 
-fn material(part: &Part<'_>) -> Result<Material, SceneError> {
+/// The coefficients of a `<material>`. One that says nothing but an opacity leaves those of the model's file.
+fn material(part: &Part<'_>, is_there: bool) -> Result<Option<Material>, SceneError> {
     let number = |name| part.number(name).map(|x| x as f32);
-    Ok(Material {
+    let material = Material {
         ambient: number("ambient")?,
         diffuse: number("diffuse")?,
         specular: number("specular")?,
         shininess: number("shininess")?,
-    })
+    };
+    let given = ["ambient", "diffuse", "specular", "shininess"].into_iter().any(|name| part.given(name));
+    Ok((is_there && (given || !part.given("opacity"))).then_some(material))
 }
 
 /// `v` at length 1. A vector whose length is 1 up to rounding stays as it is, so that a written scene loads back.

@@ -121,12 +121,12 @@ fn camera(
     Ok(camera)
 }
 
-/// Most copies of one model file that differ in radius scale, colour space or kind: a small scene must not fill the
+/// Most copies of one model file that differ in how they are loaded: a small scene must not fill the
 /// memory.
 const MOST_VARIANTS: usize = 32;
 
-/// What two objects share if they name it alike: file, kind, radius scale (its bits) and colour space.
-type ModelKey = (PathBuf, Option<model::Kind>, u64, Option<bool>);
+/// What two objects share if they name it alike: the file, and the options as text, which tells all numbers apart.
+type ModelKey = (PathBuf, String);
 
 /// The files of one scene, each read once.
 struct Files<'a> {
@@ -155,18 +155,13 @@ impl Files<'_> {
             }
             ShapeSpec::Sphere(sphere) => (PathBuf::new(), Model::default(), Some(*sphere)),
         };
-        if model.gaussians().is_none() && spec.capture != Capture::default() {
-            self.notes.push(format!(
-                "object {}: `opacity`, `shDegree`, `cropMin`, `cropMax` and `antialias` are for captures drawn as \
-                 Gaussians, and mean nothing here",
-                quoted(&spec.name)
-            ));
-        }
+        self.note_idle(&spec, &model);
         Ok(Object {
             name: spec.name,
             model_path,
             kind: spec.options.kind,
             capture: spec.capture,
+            volume: spec.options.volume,
             two_sided: spec.two_sided.unwrap_or(model.two_sided),
             model,
             radius_scale: spec.options.radius_scale,
@@ -176,11 +171,36 @@ impl Files<'_> {
             motions: spec.motions,
             place: spec.place,
             material: spec.material,
-            opacity: 1.0,
+            opacity: spec.opacity,
             epsilon: spec.epsilon,
             blur: spec.blur,
             sphere,
         })
+    }
+
+    /// Notes what is said about an object and means nothing for its model.
+    fn note_idle(&mut self, spec: &ObjectSpec, model: &Model) {
+        let capture = spec.capture;
+        let volume_only = capture.harmonics != Capture::MOST_HARMONICS || capture.antialias.is_some();
+        let (is_capture, is_volume) = (model.gaussians().is_some() && !model.is_volume(), model.is_volume());
+        let mut note = |what: &str| {
+            self.notes.push(format!("object {}: {what}, and mean nothing here", quoted(&spec.name)));
+        };
+        if !is_capture && !is_volume && capture != Capture::default() {
+            note(
+                "`opacity`, `shDegree`, `cropMin`, `cropMax` and `antialias` are for captures drawn as Gaussians, all but \
+                 `shDegree` and `antialias` for volumes too",
+            );
+        }
+        if is_volume && volume_only {
+            note("`shDegree` and `antialias` are for captures drawn as Gaussians");
+        }
+        if !is_volume && spec.options.volume != model::VolumeOptions::default() {
+            note("`kernel`, `flatten`, `lit` and <transferFunction> are for volumes");
+        }
+        if (is_capture || is_volume) && spec.opacity != 1.0 {
+            note("the numbers of `opacity` in <material> are for surfels");
+        }
     }
 
     fn find(&mut self, file: &FileRef) -> Result<(PathBuf, PathBuf), SceneError> {
@@ -201,8 +221,7 @@ impl Files<'_> {
         path: &Path,
         canonical: PathBuf,
     ) -> Result<Model, SceneError> {
-        let linear = options.colour_space.map(|c| c == model::ColourSpace::Linear);
-        let key = (canonical, options.kind, options.radius_scale.to_bits(), linear);
+        let key = (canonical, format!("{options:?}"));
         if let Some(model) = self.models.get(&key) {
             return Ok(model.clone());
         }
@@ -214,7 +233,8 @@ impl Files<'_> {
                 what: "<pointModel>".to_owned(),
                 found: format!("variant {variants} of the file {}", path.display()),
                 expected: format!(
-                    "at most {MOST_VARIANTS} sets of `radiusScale`, `colourSpace` and `kind` for one file"
+                    "at most {MOST_VARIANTS} sets of `radiusScale`, `colourSpace`, `kind` and what volumes take for one \
+                     file"
                 ),
             });
         }

@@ -70,6 +70,8 @@ pub(super) enum Kind {
     Direction,
     /// One number for all axes, or three; none 0.
     Scale,
+    /// A number, or the word for more than any.
+    Divisor(Range),
 }
 
 /// Bounds of a number, both included.
@@ -120,6 +122,7 @@ impl std::fmt::Display for Kind {
             Self::Number(range) => write!(f, "a number {range}"),
             Self::Vector(range) => write!(f, "three numbers {range}"),
             Self::Direction => f.write_str("three numbers, length from 1e-9 to 1e30"),
+            Self::Divisor(range) => write!(f, "a number {range}, or infinite"),
             Self::Scale => f.write_str("one number or three, each from 1e-9 to 1e9 or the negative of that"),
         }
     }
@@ -302,6 +305,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             child("motion", Any),
             child("place", AtMostOne),
             child("material", AtMostOne),
+            child("transferFunction", AtMostOne),
         ],
     },
     ElementSchema {
@@ -318,17 +322,30 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             ),
             row(
                 "kind",
-                Kind::Choice(&["surfels", "gaussians"]),
-                Auto("gaussians for captures, else surfels"),
-                "what a capture is drawn as: opaque discs, or transparent Gaussians",
+                Kind::Choice(&["surfels", "gaussians", "volume"]),
+                Auto("gaussians for captures, volume for volumes, else surfels"),
+                "what is drawn: opaque discs, a capture's transparent Gaussians, or a volume's kernels",
             ),
-            row("opacity", Kind::Number(UNIT), Value("1"), "factor on the opacities of a capture"),
+            row(
+                "kernel",
+                Kind::Number(Range(0.01, 100.0)),
+                Value("0.6"),
+                "standard deviation of a volume's kernels, spacings or radii",
+            ),
+            row(
+                "flatten",
+                Kind::Divisor(Range(1.0, 1e9)),
+                Value("1"),
+                "divisor of a volume's standard deviation along the gradient",
+            ),
+            row("lit", Kind::Boolean, Value("false"), "true: lights shade a volume, with gradients as normals"),
+            row("opacity", Kind::Number(UNIT), Value("1"), "factor on the opacities of a capture or a volume"),
             row("shDegree", Kind::Integer(0, 3), Value("3"), "highest degree of a capture's harmonics that is used"),
             row(
                 "cropMin",
                 Kind::Vector(COORDINATE),
                 Auto("none"),
-                "least x, y, z of a capture's centres that are drawn",
+                "least x, y, z of the centres of a capture or a volume that are drawn",
             ),
             row("cropMax", Kind::Vector(COORDINATE), Auto("none"), "greatest x, y, z, likewise"),
             row(
@@ -384,6 +401,30 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("diffuse", Kind::Number(LIGHT), Value("1"), "diffuse coefficient"),
             row("specular", Kind::Number(LIGHT), Value("0.1"), "specular coefficient"),
             row("shininess", Kind::Number(LIGHT), Value("30"), "specular exponent"),
+            row("opacity", Kind::Number(UNIT), Value("1"), "factor on the opacities of surfels"),
+        ],
+        children: &[],
+    },
+    ElementSchema {
+        name: "transferFunction",
+        text: None,
+        selector: None,
+        attributes: &[],
+        children: &[child("stop", AtLeastOne)],
+    },
+    ElementSchema {
+        name: "stop",
+        text: None,
+        selector: None,
+        attributes: &[
+            row("value", Kind::Number(COORDINATE), Required, "value of the volume; more than that of the stop before"),
+            row("colour", Kind::Vector(LIGHT), Value("1 1 1"), "colour there, linear red green blue"),
+            row(
+                "opacity",
+                Kind::Number(Range(0.0, crate::model::MOST_EXTINCTION)),
+                Required,
+                "extinction there, per scene unit",
+            ),
         ],
         children: &[],
     },

@@ -13,7 +13,7 @@ use super::schema::MOST_INTENSITY;
 use super::xml::is_xml;
 use crate::anim::Interpolation;
 use crate::math::Trs;
-use crate::model::{ColourSpace, Kind};
+use crate::model::{ColourSpace, Kind, TransferFunction, VolumeOptions};
 use crate::scene::{AnimationBinding, Camera, Capture, Light, Motion, Object, Scene};
 use crate::time::{Shutter, Weight};
 
@@ -153,17 +153,22 @@ impl Xml {
         }
         object.motions.iter().for_each(|motion| self.motion(motion));
         self.placement("place", &object.place);
-        if let Some(m) = &object.material {
-            self.line(
-                2,
-                "material",
-                &[
-                    ("ambient", m.ambient.to_string()),
-                    ("diffuse", m.diffuse.to_string()),
-                    ("specular", m.specular.to_string()),
-                    ("shininess", m.shininess.to_string()),
-                ],
-            );
+        let coefficients = object.material.map(|m| {
+            [
+                ("ambient", m.ambient.to_string()),
+                ("diffuse", m.diffuse.to_string()),
+                ("specular", m.specular.to_string()),
+                ("shininess", m.shininess.to_string()),
+            ]
+        });
+        // With its opacity alone it leaves the coefficients of the model's file.
+        if coefficients.is_some() || object.opacity != 1.0 {
+            let mut attributes: Vec<_> = coefficients.into_iter().flatten().collect();
+            attributes.push(("opacity", number(object.opacity)));
+            self.line(2, "material", &attributes);
+        }
+        if let Some(transfer) = &object.volume.transfer {
+            self.transfer(transfer);
         }
         self.0.push_str("  </object>\n");
     }
@@ -186,9 +191,15 @@ impl Xml {
             let word = match kind {
                 Kind::Surfels => "surfels",
                 Kind::Gaussians => "gaussians",
+                Kind::Volume => "volume",
             };
             ("kind", word.to_owned())
         }));
+        let VolumeOptions { transfer: _, kernel, flatten, lit } = &object.volume;
+        if object.model.is_volume() || object.volume != VolumeOptions::default() {
+            let flatten = if flatten.is_infinite() { "infinite".to_owned() } else { number(*flatten) };
+            attributes.extend([("kernel", number(*kernel)), ("flatten", flatten), ("lit", lit.to_string())]);
+        }
         if object.model.gaussians().is_some() {
             let Capture { opacity, harmonics, crop, antialias, flat: _ } = object.capture;
             attributes.extend([("opacity", number(opacity)), ("shDegree", harmonics.to_string())]);
@@ -198,6 +209,17 @@ impl Xml {
             attributes.extend(antialias.map(|on| ("antialias", on.to_string())));
         }
         self.file(2, "pointModel", &attributes, &relative(&object.model_path, base));
+    }
+
+    fn transfer(&mut self, transfer: &TransferFunction) {
+        self.0.push_str("    <transferFunction>\n");
+        for stop in transfer.stops() {
+            let Vec3 { x, y, z } = stop.colour;
+            let attributes =
+                [("value", number(stop.value)), ("colour", format!("{x} {y} {z}")), ("opacity", number(stop.opacity))];
+            self.line(3, "stop", &attributes);
+        }
+        self.0.push_str("    </transferFunction>\n");
     }
 
     fn placement(&mut self, name: &str, trs: &Trs) {

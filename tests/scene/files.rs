@@ -363,7 +363,7 @@ fn the_unknown_is_refused_with_what_is_known() {
     refused(
         scene("", "<transfrom/>"),
         "scene.xml:5:1: <object> has no element `transfrom`, did you mean `transform`? (it takes: <pointModel>, \
-         <sphere>, <transform>, <animation>, <motion>, <place>, <material>)",
+         <sphere>, <transform>, <animation>, <motion>, <place>, <material>, <transferFunction>)",
     );
     refused(
         scene("<camera\n  fov='40'/>", ""),
@@ -423,7 +423,7 @@ fn structure_is_checked() {
     refused(
         scene("", "fast"),
         "scene.xml:5:1: text `fast` in <object>, expected only <pointModel>, <sphere>, <transform>, <animation>, \
-         <motion>, <place>, <material>",
+         <motion>, <place>, <material>, <transferFunction>",
     );
     refused(scene("<image>big</image>", ""), "scene.xml:2:8: text `big` in <image>, expected nothing inside");
     refused(
@@ -657,7 +657,7 @@ fn crowds_are_quick() {
     refused(
         format!("<scene>{}</scene>", (10..43).map(object).collect::<String>()),
         "scene.xml:1:2159: <pointModel> is variant 33 of the file m.ply, expected at most 32 sets of `radiusScale`, \
-         `colourSpace` and `kind` for one file",
+         `colourSpace`, `kind` and what volumes take for one file",
     );
 }
 

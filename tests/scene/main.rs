@@ -11,3 +11,4 @@ mod fuzz_corpus;
 mod model_formats;
 mod moving_bounds;
 mod shipped;
+mod volumes;

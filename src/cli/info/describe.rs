@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use splatblur::anim::{Animation, NodeAnimation};
 use splatblur::film::Picture;
 use splatblur::math::{Bounds, Trs};
-use splatblur::model::{self, Gaussians, Material, Surfels};
+use splatblur::model::{self, Gaussians, Material, Optics, Surfels, VolumeFacts};
 use splatblur::scene::{AnimationBinding, Camera, Light, Model, Motion, Object};
 use splatblur::scene_file;
 
@@ -99,6 +99,9 @@ fn scene_object(o: &Object) -> Value {
     if !o.motions.is_empty() {
         pairs.push(("motions", Value::Array(o.motions.iter().map(motion).collect())));
     }
+    if o.opacity != 1.0 {
+        pairs.push(("opacity", json!(o.opacity)));
+    }
     if let Some(m) = &o.material {
         pairs.push(("material", material(m)));
     }
@@ -141,11 +144,40 @@ fn trs(t: &Trs) -> Value {
 
 /// A model file.
 pub(super) fn model_file(loaded: &model::Loaded) -> Value {
-    let inside = loaded.gaussians.as_ref().map_or_else(|| model(&loaded.surfels), capture);
+    let inside = match (&loaded.gaussians, &loaded.volume) {
+        (Some(gaussians), Some(facts)) => volume(gaussians, Some(facts)),
+        (Some(gaussians), None) => capture(gaussians),
+        _ => model(&loaded.surfels),
+    };
     object(vec![("kind", json!("model")), ("model", inside), ("notes", json!(loaded.notes))])
 }
 
+/// Kernels of a volume, and what they were made of where that is known.
+fn volume(g: &Gaussians, facts: Option<&VolumeFacts>) -> Value {
+    let model = Model::from(g.clone());
+    let Bounds { min, max } = model.bounds();
+    let mut pairs = vec![("kernels", json!(g.len()))];
+    if let Some(facts) = facts {
+        let [least, greatest] = facts.range.map(single);
+        pairs.push(("samples", json!(facts.samples)));
+        match facts.sizes {
+            Some(sizes) => pairs.extend([("size", json!(sizes)), ("spacing", json!(facts.spacings.map(tidy)))]),
+            None => pairs.push(("median_radius", json!(tidy(facts.spacings[0])))),
+        }
+        pairs.extend([("type", json!(facts.storage)), ("values", json!({ "min": least, "max": greatest }))]);
+    }
+    pairs.push(("lit", json!(!g.normal.is_empty())));
+    if let Optics::Extinction { layer } = g.optics {
+        pairs.push(("layer", single(layer)));
+    }
+    pairs.push(("bounds", json!({ "min": vector(min), "max": vector(max) })));
+    object(pairs)
+}
+
 fn capture(g: &Gaussians) -> Value {
+    if g.optics != Optics::Alpha {
+        return volume(g, None);
+    }
     let model = Model::from(g.clone());
     let turned = g.turned.map(|turn| format!("; those of the file were turned by {turn}"));
     let box_of = |Bounds { min, max }: Bounds| json!({ "min": vector(min), "max": vector(max) });
@@ -169,6 +201,7 @@ fn model(s: &Surfels) -> Value {
         (u - v).abs() > 1e-4 * u.max(v)
     });
     let mut properties = vec!["position", "normal", "colour", if elliptical { "two radii" } else { "radius" }];
+    properties.extend((!s.opacity.is_empty()).then_some("opacity"));
     properties.extend((!s.material.is_empty()).then_some("material"));
     properties.extend((!s.velocity.is_empty()).then_some("velocity"));
     let sides = match (s.two_sided, s.signs_estimated) {
@@ -360,7 +393,12 @@ mod tests {
 
     #[test]
     fn a_model_is_counted_and_measured() {
-        let loaded = model::Loaded { surfels: square(), gaussians: None, notes: vec!["normals estimated".to_owned()] };
+        let loaded = model::Loaded {
+            surfels: square(),
+            gaussians: None,
+            volume: None,
+            notes: vec!["normals estimated".to_owned()],
+        };
         let report = model_file(&loaded);
         assert_eq!(report["model"]["surfels"], 3);
         assert_eq!(report["model"]["radius"], json!({ "min": 1.0, "median": 2.0, "max": 3.0 }));
@@ -372,7 +410,7 @@ mod tests {
         assert!(text.contains("  sides: fronts show\n"), "{text}");
         assert!(text.contains("  bounds: min 10 0 0, max 11 1 0\n"), "{text}");
         assert!(text.ends_with("note: normals estimated\n"), "{text}");
-        let empty = model::Loaded { surfels: Surfels::default(), gaussians: None, notes: Vec::new() };
+        let empty = model::Loaded { surfels: Surfels::default(), gaussians: None, volume: None, notes: Vec::new() };
         assert_eq!(model_file(&empty)["model"]["surfels"], 0);
     }
 

@@ -143,8 +143,8 @@ impl Info {
 
     fn model(&self, file: &Path) -> anyhow::Result<()> {
         let progress = Loading::new(false);
-        let options =
-            model::LoadOptions { kind: None, radius_scale: self.radius_scale, colour_space: self.colour_space };
+        let (radius_scale, colour_space) = (self.radius_scale, self.colour_space);
+        let options = model::LoadOptions { radius_scale, colour_space, ..model::LoadOptions::default() };
         let loaded = model::load(file, &options, &|what, share| progress.step(what, share))?;
         drop(progress);
         self.show(&describe::model_file(&loaded))

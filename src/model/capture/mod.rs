@@ -141,6 +141,11 @@ impl Gaussians {
         0.5 + SH_C0 * self.base[index]
     }
 
+    /// The coefficient of degree 0 that gives a colour, up to rounding.
+    pub(super) fn base_of(colour: Vec3) -> Vec3 {
+        (colour - 0.5) / SH_C0
+    }
+
     /// Appends one of a file, or counts it as dropped where it cannot be drawn: where a number is not finite or too
     /// large, the rotation has no direction, or the opacity is not one.
     pub(super) fn push(&mut self, of_file: &Gaussian) {

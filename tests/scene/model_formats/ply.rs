@@ -156,7 +156,7 @@ fn colours_by_their_type() {
 
 #[test]
 fn unused_properties_are_named() {
-    let c = points(&with_xyz(&[("float", "curvature"), ("float", "confidence"), ("uchar", "alpha")]), &[&[0.0; 6]]);
+    let c = points(&with_xyz(&[("float", "curvature"), ("float", "confidence"), ("uchar", "alpha")]), &[&[255.0; 6]]);
     assert_eq!(c.notes, ["vertex properties ignored: curvature"]);
 }
 

@@ -16,7 +16,7 @@ pub(crate) fn read(name: &str) -> Vec<u8> {
 pub(crate) fn cloud(bytes: &[u8], format: Format) -> Cloud {
     match parse(bytes, format) {
         Ok(Parsed::Cloud(cloud)) => cloud,
-        Ok(Parsed::Surfels(_)) => panic!("surfels instead of a cloud"),
+        Ok(Parsed::Surfels(_) | Parsed::Grid(_)) => panic!("surfels or a grid instead of a cloud"),
         Err(error) => panic!("{error}"),
     }
 }
@@ -31,7 +31,7 @@ pub(crate) fn refused(bytes: &[u8], format: Format) -> ParseError {
 pub(crate) fn surfels(bytes: &[u8]) -> Result<Surfels, ParseError> {
     match parse(bytes, Format::Bin)? {
         Parsed::Surfels(surfels) => Ok(surfels),
-        Parsed::Cloud(_) => panic!("a cloud instead of surfels"),
+        Parsed::Cloud(_) | Parsed::Grid(_) => panic!("a cloud or a grid instead of surfels"),
     }
 }
 

@@ -8,7 +8,7 @@ use super::support::refused;
 fn cloud(text: &str, format: Format) -> Cloud {
     match parse(text.as_bytes(), format).unwrap() {
         Parsed::Cloud(cloud) => cloud,
-        Parsed::Surfels(_) => panic!("complete surfels"),
+        Parsed::Surfels(_) | Parsed::Grid(_) => panic!("no cloud"),
     }
 }
 

@@ -1,0 +1,425 @@
+//! Samples to kernels: one Gaussian for each sample that has an extinction.
+//!
+//! The opacity of a kernel is the integral of its extinction over space: extinction times the volume of a cell. Its
+//! shape does not matter to that, so a wider or a flatter kernel takes away as much light in all.
+
+use glam::{DMat2, DMat3, DQuat, DVec3, Quat, Vec3};
+use rayon::prelude::*;
+
+use super::grid::Grid;
+use super::samples::Samples;
+use super::transfer::TransferFunction;
+use super::{VolumeFacts, VolumeOptions, gradient};
+use crate::model::capture::{Gaussians, Optics};
+use crate::model::error::ParseError;
+use crate::model::options::Progress;
+
+/// Standard deviation of a kernel by default, in distances of neighbours.
+pub const KERNEL: f64 = 0.6;
+
+/// Depth of a layer of kernels that are composited as one, in distances of neighbours.
+const LAYER: f64 = 1.0;
+
+/// Extinction of the greatest value where nothing is said: light along the largest extent of the grid is reduced by
+/// e^-10 if all of it had this value.
+const DEFAULT_DEPTH: f64 = 10.0;
+
+/// Layers of a grid that are made at a time: enough for all threads, and a small part of the memory.
+const LAYERS_AT_ONCE: usize = 16;
+
+/// Kernels, and what they were made of.
+pub(in crate::model) struct Made {
+    pub(in crate::model) gaussians: Gaussians,
+    pub(in crate::model) facts: VolumeFacts,
+    pub(in crate::model) notes: Vec<String>,
+}
+
+/// The kernels of a grid; `scale` is a factor on their standard deviations.
+///
+/// # Errors
+/// There would be more than `most`.
+pub(in crate::model) fn of_grid(
+    grid: &Grid,
+    options: &VolumeOptions,
+    scale: f64,
+    most: u64,
+    progress: Progress<'_>,
+) -> Result<Made, ParseError> {
+    let mut notes = grid.notes.clone();
+    let spacings = grid.spacings();
+    let cell = spacings.x * spacings.y * spacings.z;
+    let [least, greatest] = grid.range();
+    let default;
+    let transfer = if let Some(transfer) = options.transfer.as_deref() {
+        transfer
+    } else {
+        let top = DEFAULT_DEPTH / grid.extent().max_element();
+        notes.push(format!(
+            "no transfer function: white, with an extinction that rises from 0 at {least} to {top} at {greatest}"
+        ));
+        if least == greatest {
+            notes.push("all values are equal: nothing shows".to_owned());
+        }
+        default = TransferFunction::ramp(least, greatest, top);
+        &default
+    };
+    let mass = |value: f32| (transfer.at(value.into()).1 * cell) as f32;
+    let shown = grid.values.par_chunks(1 << 16).map(|values| values.iter().filter(|v| mass(**v) > 0.0).count()).sum();
+    check(shown, most)?;
+
+    let shape = Shape::of_grid(grid, options.kernel * scale);
+    let plain = shape.plain();
+    let columns = |k: usize| {
+        let mut made = Columns::default();
+        for (at, value) in grid.layer(k).iter().enumerate() {
+            let opacity = mass(*value);
+            if opacity > 0.0 {
+                let index = [at % grid.sizes[0], at / grid.sizes[0], k];
+                let normal = if options.needs_gradient() { normal(grid.gradient(index)) } else { DVec3::ZERO };
+                let (sigma, rotation) = shape.flattened(normal, options.flatten).unwrap_or(plain);
+                made.push(grid.place(index), sigma, rotation, opacity, transfer.at((*value).into()).0);
+                made.normal.extend(options.lit.then(|| normal.as_vec3()));
+            }
+        }
+        made
+    };
+    let mut gaussians = empty(LAYER * libm::cbrt(cell), shown, options.lit);
+    for first in (0..grid.sizes[2]).step_by(LAYERS_AT_ONCE) {
+        let last = grid.sizes[2].min(first + LAYERS_AT_ONCE);
+        let layers: Vec<Columns> = (first..last).into_par_iter().map(columns).collect();
+        layers.into_iter().for_each(|layer| layer.append_to(&mut gaussians));
+        progress("making kernels", last as f32 / grid.sizes[2] as f32);
+    }
+    let facts = VolumeFacts {
+        sizes: Some(grid.sizes),
+        samples: grid.values.len(),
+        spacings: spacings.to_array(),
+        storage: grid.storage,
+        range: [least, greatest],
+    };
+    Ok(Made { gaussians, facts, notes })
+}
+
+/// The kernels of samples in no order; `scale` is a factor on their standard deviations.
+///
+/// # Errors
+/// There would be more than `most`.
+pub(in crate::model) fn of_samples(
+    samples: &Samples,
+    options: &VolumeOptions,
+    scale: f64,
+    most: u64,
+    progress: Progress<'_>,
+) -> Result<Made, ParseError> {
+    let look = |i: usize| match options.transfer.as_deref() {
+        Some(transfer) => transfer.at(samples.density[i].into()),
+        None => (samples.colour.get(i).copied().unwrap_or(Vec3::ONE), samples.extinction(i)),
+    };
+    let mass = |i: usize| (look(i).1 * samples.volume(i)) as f32;
+    let shown: Vec<usize> = (0..samples.position.len()).filter(|i| mass(*i) > 0.0).collect();
+    check(shown.len(), most)?;
+    let gradients = if options.needs_gradient() { gradient::of_samples(samples, progress) } else { Vec::new() };
+    let median = f64::from(samples.median_radius());
+    let mut gaussians = empty(LAYER * median, shown.len(), options.lit);
+    let mut columns = Columns::default();
+    for i in shown {
+        let sigma = options.kernel * scale * f64::from(samples.radius[i]);
+        let shape = Shape { axes: DMat3::from_diagonal(DVec3::splat(sigma)) };
+        let normal = gradients.get(i).map_or(DVec3::ZERO, |gradient| normal(*gradient));
+        let (sigma, rotation) = shape.flattened(normal, options.flatten).unwrap_or_else(|| shape.plain());
+        columns.push(samples.position[i], sigma, rotation, mass(i), look(i).0);
+        columns.normal.extend(options.lit.then(|| normal.as_vec3()));
+    }
+    columns.append_to(&mut gaussians);
+    let join = |[least, greatest]: [f32; 2], value: &f32| [least.min(*value), greatest.max(*value)];
+    let facts = VolumeFacts {
+        sizes: None,
+        samples: samples.position.len(),
+        spacings: [median; 3],
+        storage: "densities of points",
+        range: samples.density.iter().fold([f32::INFINITY, f32::NEG_INFINITY], join),
+    };
+    Ok(Made { gaussians, facts, notes: samples.notes.clone() })
+}
+
+impl VolumeOptions {
+    fn needs_gradient(&self) -> bool {
+        self.lit || self.flatten > 1.0
+    }
+}
+
+fn check(kernels: usize, most: u64) -> Result<(), ParseError> {
+    if kernels as u64 <= most {
+        return Ok(());
+    }
+    Err(ParseError::byte(0, format!("a volume of {kernels} kernels"), format!("at most {most} for its size")))
+}
+
+/// No kernels yet, with room for `count`.
+fn empty(layer: f64, count: usize, lit: bool) -> Gaussians {
+    let mut gaussians =
+        Gaussians { optics: Optics::Extinction { layer: layer as f32 }, linear: true, ..Gaussians::default() };
+    gaussians.position.reserve_exact(count);
+    gaussians.sigma.reserve_exact(count);
+    gaussians.rotation.reserve_exact(count);
+    gaussians.opacity.reserve_exact(count);
+    gaussians.base.reserve_exact(count);
+    gaussians.normal.reserve_exact(if lit { count } else { 0 });
+    gaussians
+}
+
+/// The unit vector against a gradient; 0 for a gradient without a direction.
+fn normal(gradient: DVec3) -> DVec3 {
+    -gradient.normalize_or_zero()
+}
+
+/// Columns of Gaussians that are made together.
+#[derive(Default)]
+struct Columns {
+    position: Vec<Vec3>,
+    sigma: Vec<Vec3>,
+    rotation: Vec<Quat>,
+    opacity: Vec<f32>,
+    base: Vec<Vec3>,
+    normal: Vec<Vec3>,
+}
+
+impl Columns {
+    fn push(&mut self, position: DVec3, sigma: Vec3, rotation: Quat, opacity: f32, colour: Vec3) {
+        self.position.push(position.as_vec3());
+        self.sigma.push(sigma);
+        self.rotation.push(rotation);
+        self.opacity.push(opacity);
+        self.base.push(Gaussians::base_of(colour));
+    }
+
+    fn append_to(mut self, gaussians: &mut Gaussians) {
+        gaussians.position.append(&mut self.position);
+        gaussians.sigma.append(&mut self.sigma);
+        gaussians.rotation.append(&mut self.rotation);
+        gaussians.opacity.append(&mut self.opacity);
+        gaussians.base.append(&mut self.base);
+        gaussians.normal.append(&mut self.normal);
+    }
+}
+
+/// The shape of a kernel: its covariance is `axes` times its transpose.
+#[derive(Clone, Copy)]
+struct Shape {
+    /// Columns: standard deviations along directions at right angles, model units.
+    axes: DMat3,
+}
+
+impl Shape {
+    fn of_grid(grid: &Grid, kernel: f64) -> Self {
+        Self { axes: grid.steps * kernel }
+    }
+
+    /// Standard deviations and rotation as they are.
+    fn plain(self) -> (Vec3, Quat) {
+        let [x, y, z] = [self.axes.x_axis, self.axes.y_axis, self.axes.z_axis];
+        let sigma = DVec3::new(x.length(), y.length(), z.length());
+        (sigma.as_vec3(), rotation(x / sigma.x, y / sigma.y))
+    }
+
+    /// Standard deviations and rotation where the one along `normal` is divided by `factor` (Zwicker et al. 2002, eq.
+    /// 37); `None` where nothing is to be done: the normal is 0, or the factor 1.
+    ///
+    /// Across the normal the kernel keeps the covariance that it has there, along its principal axes.
+    fn flattened(self, normal: DVec3, factor: f64) -> Option<(Vec3, Quat)> {
+        if normal == DVec3::ZERO || factor <= 1.0 {
+            return None;
+        }
+        let (s, t) = normal.any_orthonormal_pair();
+        // The covariance in the frame of s, t and the normal.
+        let [of_s, of_t, of_n] = [s, t, normal].map(|direction| self.axes.transpose() * direction);
+        let across = DMat2::from_cols_array(&[of_s.dot(of_s), of_s.dot(of_t), of_s.dot(of_t), of_t.dot(of_t)]);
+        let (variances, turn) = principal(across);
+        let u = s * turn.x + t * turn.y;
+        let sigma = DVec3::new(variances[0].sqrt(), variances[1].sqrt(), of_n.length() / factor);
+        Some((sigma.as_vec3(), rotation(u, normal.cross(u))))
+    }
+}
+
+/// Principal variances of a symmetric matrix, and the unit vector of the first.
+fn principal(matrix: DMat2) -> ([f64; 2], glam::DVec2) {
+    let [a, b, _, c] = matrix.to_cols_array();
+    let (mean, half) = (0.5 * (a + c), 0.5 * (a - c));
+    let radius = (half * half + b * b).sqrt();
+    // Axes of a circle, up to rounding, are any.
+    if radius <= 1e-12 * mean {
+        return ([mean; 2], glam::DVec2::X);
+    }
+    let (sin, cos) = libm::sincos(0.5 * libm::atan2(b, half));
+    ([mean + radius, (mean - radius).max(0.0)], glam::DVec2::new(cos, sin))
+}
+
+/// The rotation to the directions u, v and u x v, which are unit vectors at right angles.
+fn rotation(u: DVec3, v: DVec3) -> Quat {
+    DQuat::from_mat3(&DMat3::from_cols(u, v, u.cross(v))).normalize().as_quat().normalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::super::Stop;
+    use super::*;
+
+    fn ball(sizes: [usize; 3], steps: DMat3) -> Grid {
+        let mut grid =
+            Grid { sizes, origin: DVec3::new(0.5, -1.0, 2.0), steps, values: vec![], storage: "float", notes: vec![] };
+        let count = sizes.iter().product();
+        let index = |i: usize| [i % sizes[0], i / sizes[0] % sizes[1], i / sizes[0] / sizes[1]];
+        let middle = grid.place(sizes.map(|size| size / 2));
+        let radius = 0.45 * grid.extent().min_element();
+        let value = |i: usize| (1.0 - (grid.place(index(i)) - middle).length() / radius).max(0.0) as f32;
+        grid.values = (0..count).map(value).collect();
+        grid
+    }
+
+    fn options() -> VolumeOptions {
+        let stops = vec![
+            Stop { value: 0.0, colour: Vec3::new(0.0, 0.5, 1.0), opacity: 0.0 },
+            Stop { value: 1.0, colour: Vec3::new(2.0, 0.25, 0.0), opacity: 7.0 },
+        ];
+        VolumeOptions { transfer: Some(Arc::new(TransferFunction::new(stops).unwrap())), ..VolumeOptions::default() }
+    }
+
+    fn made(grid: &Grid, options: &VolumeOptions) -> Made {
+        of_grid(grid, options, 1.0, u64::MAX, &|_, _| {}).unwrap()
+    }
+
+    fn covariance(g: &Gaussians, i: usize) -> DMat3 {
+        let frame = DMat3::from_quat(g.rotation[i].as_dquat());
+        let sigma = g.sigma[i].as_dvec3();
+        frame * DMat3::from_diagonal(sigma * sigma) * frame.transpose()
+    }
+
+    fn near(a: DMat3, b: DMat3, what: &str) {
+        // Standard deviations and quaternions in single precision: some 1e-7 each.
+        let size = b.to_cols_array().into_iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        assert!(a.abs_diff_eq(b, 1e-6 * size), "{what}: {a} is not {b}");
+    }
+
+    #[test]
+    fn each_sample_with_extinction_is_a_kernel_in_its_place() {
+        let turn = DMat3::from_rotation_y(0.4);
+        // One axis is mirrored: a rotation alone cannot say that, and a kernel need not.
+        let steps = turn * DMat3::from_diagonal(DVec3::new(0.1, -0.2, 0.3));
+        let grid = ball([9, 8, 7], steps);
+        let Made { gaussians: g, facts, .. } = made(&grid, &options());
+        let shown: Vec<usize> = (0..grid.values.len()).filter(|i| grid.values[*i] > 0.0).collect();
+        assert_eq!((g.len(), facts.samples, facts.sizes), (shown.len(), 504, Some([9, 8, 7])));
+        assert!(g.len() > 30 && g.len() < 500 && g.linear && g.degree == 0 && g.normal.is_empty());
+        let Optics::Extinction { layer } = g.optics else { panic!("{:?}", g.optics) };
+        assert!((f64::from(layer) - LAYER * libm::cbrt(0.006)).abs() < 1e-6);
+        for (at, i) in shown.into_iter().enumerate() {
+            let value = f64::from(grid.values[i]);
+            assert_eq!(g.position[at], grid.place([i % 9, i / 9 % 8, i / 72]).as_vec3());
+            assert!((f64::from(g.opacity[at]) - 7.0 * value * 0.006).abs() < 1e-8);
+            let colour = Vec3::new(2.0 * value as f32, 0.5 - 0.25 * value as f32, 1.0 - value as f32);
+            assert!((g.colour(at) - colour).abs().max_element() < 5e-7, "{} {colour}", g.colour(at));
+            near(covariance(&g, at), KERNEL * KERNEL * steps * steps.transpose(), "covariance");
+        }
+    }
+
+    /// Equation 37 where the kernel is round: the normal's variance is divided by s^2, the others stay.
+    #[test]
+    fn flat_kernels_lose_their_extent_along_the_gradient() {
+        let grid = ball([12, 12, 12], DMat3::from_diagonal(DVec3::splat(0.1)));
+        let plain = made(&grid, &VolumeOptions { lit: true, ..options() });
+        assert_eq!(plain.gaussians.normal.len(), plain.gaussians.len());
+        for flatten in [2.0, 8.0, f64::INFINITY] {
+            let flat = made(&grid, &VolumeOptions { flatten, lit: true, ..options() }).gaussians;
+            assert_eq!(flat.opacity, plain.gaussians.opacity);
+            let mut turned = 0;
+            for i in 0..flat.len() {
+                let n = flat.normal[i].as_dvec3();
+                let round = DMat3::from_diagonal(DVec3::splat(0.06 * 0.06));
+                if n == DVec3::ZERO {
+                    near(covariance(&flat, i), round, "no gradient");
+                    continue;
+                }
+                turned += 1;
+                let outer = DMat3::from_cols(n * n.x, n * n.y, n * n.z);
+                near(covariance(&flat, i), round - outer * (0.06 * 0.06 * (1.0 - 1.0 / (flatten * flatten))), "flat");
+                assert!((n.length() - 1.0).abs() < 1e-6);
+                // Out of the dense middle.
+                let out = flat.position[i].as_dvec3() - grid.place([6, 6, 6]);
+                assert!(n.dot(out) >= 0.0, "{n} at {out}");
+            }
+            assert!(turned > 100, "{turned}");
+        }
+    }
+
+    /// In an uneven grid: what stays across the normal is the covariance there.
+    #[test]
+    fn flat_kernels_of_uneven_grids() {
+        let grid = ball([10, 20, 5], DMat3::from_rotation_x(0.3) * DMat3::from_diagonal(DVec3::new(0.1, 0.05, 0.2)));
+        let plain = made(&grid, &options()).gaussians;
+        let flat = made(&grid, &VolumeOptions { flatten: 4.0, lit: true, ..options() }).gaussians;
+        for i in 0..flat.len() {
+            let n = flat.normal[i].as_dvec3();
+            if n == DVec3::ZERO {
+                continue;
+            }
+            let (before, after) = (covariance(&plain, i), covariance(&flat, i));
+            let (s, t) = n.any_orthonormal_pair();
+            // Of about 0.01: rounding of single precision.
+            for (a, b) in [(s, s), (s, t), (t, t)] {
+                assert!((a.dot(before * b) - a.dot(after * b)).abs() < 1e-8);
+            }
+            assert!((n.dot(after * n) - n.dot(before * n) / 16.0).abs() < 1e-8);
+            assert!(s.dot(after * n).abs() < 1e-8 && t.dot(after * n).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn the_default_shows_the_greatest_value() {
+        let grid = ball([8, 8, 8], DMat3::from_diagonal(DVec3::splat(0.5)));
+        let Made { gaussians, notes, .. } = made(&grid, &VolumeOptions::default());
+        // 10 over an extent of 4.
+        let greatest = grid.range()[1];
+        let most = gaussians.opacity.iter().copied().fold(0.0, f32::max);
+        assert!((most - 2.5 * 0.125).abs() < 1e-6, "{most}");
+        assert!(notes[0].contains("from 0 at 0 to 2.5 at") && greatest > 0.9, "{notes:?}");
+        let even = Grid { values: vec![3.0; 512], ..grid };
+        let Made { gaussians, notes, .. } = made(&even, &VolumeOptions::default());
+        assert!(gaussians.is_empty() && notes.iter().any(|note| note.contains("all values are equal")), "{notes:?}");
+    }
+
+    #[test]
+    fn samples_count_like_cells_of_their_radii() {
+        let samples = Samples {
+            position: vec![DVec3::X, DVec3::Y, DVec3::Z],
+            radius: vec![0.5, 0.25, 1.0],
+            density: vec![2.0, 4.0, -1.0],
+            colour: vec![Vec3::new(0.1, 0.2, 0.3); 3],
+            ..Samples::default()
+        };
+        let make = |samples: &Samples, options: &VolumeOptions| of_samples(samples, options, 2.0, 9, &|_, _| {});
+        let g = make(&samples, &VolumeOptions::default()).unwrap().gaussians;
+        // A negative density takes nothing away.
+        assert_eq!((g.opacity.as_slice(), &g.position[..]), ([0.25, 0.0625].as_slice(), &[Vec3::X, Vec3::Y][..]));
+        assert_eq!(g.sigma, [Vec3::splat(0.6), Vec3::splat(0.3)]);
+        assert!((g.colour(1) - Vec3::new(0.1, 0.2, 0.3)).abs().max_element() < 1e-7);
+        assert_eq!(g.optics, Optics::Extinction { layer: 0.5 });
+        let g = make(&samples, &options()).unwrap().gaussians;
+        assert_eq!(g.opacity, [0.875, 7.0 / 64.0]);
+        let own = Samples { volume: vec![1.0, 2.0, 3.0], ..samples };
+        assert_eq!(make(&own, &VolumeOptions::default()).unwrap().gaussians.opacity, [2.0, 8.0]);
+        assert!(of_samples(&own, &VolumeOptions::default(), 1.0, 1, &|_, _| {}).is_err());
+    }
+
+    #[test]
+    fn the_number_of_threads_does_not_matter() {
+        let grid = ball([40, 30, 50], DMat3::from_diagonal(DVec3::splat(0.1)));
+        let options = VolumeOptions { flatten: 3.0, lit: true, ..options() };
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| made(&grid, &options).gaussians)
+        };
+        assert_eq!(with(1), with(4));
+    }
+}
