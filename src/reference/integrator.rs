@@ -1,11 +1,14 @@
 //! Samples an image tile by tile and adds what the samples see to the sums.
 
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::boxes::PACKET;
 use super::cull::{Candidates, ObjectCones};
 use super::gaussians::veil::Veil;
+use super::layers::Surfaces;
 use super::posed::World;
 use super::sampler::{Points, SCRAMBLINGS};
 use super::sums::{NO_RANGE, PixelSums, Range, Sums, widen};
@@ -46,6 +49,8 @@ pub(super) struct Integrator<'w, 'a> {
     frame: f64,
     /// First pixel of the window.
     origin: [u32; 2],
+    /// Samples so far with more layers of see-through surfels than are taken.
+    pub cut: AtomicU64,
 }
 
 impl<'w, 'a> Integrator<'w, 'a> {
@@ -57,6 +62,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
             cones: ObjectCones::new(world, frame),
             frame,
             origin,
+            cut: AtomicU64::new(0),
         }
     }
 
@@ -74,7 +80,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
         } else {
             sums.extra.chunks_mut(strip * sums.planes).collect()
         };
-        let finished = std::sync::atomic::AtomicUsize::new(0);
+        let finished = AtomicUsize::new(0);
         let (samples, width) = (sums.samples, sums.width as usize);
         let strips_of_sums = sums.colour.par_chunks_mut(strip).zip(sums.range.par_chunks_mut(strip)).zip(&mut extras);
         strips_of_sums.enumerate().for_each_init(
@@ -102,16 +108,17 @@ impl<'w, 'a> Integrator<'w, 'a> {
                         });
                     }
                 }
-                let done = finished.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
+                self.cut.fetch_add(std::mem::take(&mut tile.surfaces.cut), Ordering::Relaxed);
+                let done = finished.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(Step { samples, end, share: done as f64 / strips as f64, error });
             },
         );
         sums.samples = end;
     }
 
-    /// What composites captures; `None` where there are none.
+    /// What composites all that is see-through; `None` where nothing is.
     fn veil(&self) -> Option<Veil<'w, 'a>> {
-        (!self.world.captures.is_empty()).then(|| Veil::new(self.world))
+        self.world.is_see_through().then(|| Veil::new(self.world))
     }
 
     /// Fills `tile` with the samples that may hit something. Of each pixel of the tile (corner in the image, size) it
@@ -191,10 +198,9 @@ struct TileSamples {
     order: Vec<u32>,
     /// End of each stratum of times in `order`.
     ends: Vec<u32>,
-    /// Of a group of samples: points, limits T, and what is seen of opaque surfaces and then of all.
+    /// Of a group of samples: points, and what is seen of surfaces and then of all.
     points: Vec<SamplePoint>,
-    limits: Vec<f64>,
-    group: Vec<Option<Seen>>,
+    surfaces: Surfaces,
 }
 
 /// Samples that captures are gathered for at once.
@@ -228,19 +234,15 @@ impl TileSamples {
         for group in self.order.chunks(GROUP) {
             self.points.clear();
             self.points.extend(group.iter().map(|&number| self.samples[number as usize].point));
-            self.limits.clear();
-            self.group.clear();
+            self.surfaces.clear();
             for points in self.points.chunks(PACKET) {
                 tracer.hits(points, &self.candidates, cones);
-                for lane in 0..points.len() {
-                    self.limits.push(tracer.found[lane].limit);
-                    self.group.push(tracer.seen(lane));
-                }
+                (0..points.len()).for_each(|lane| self.surfaces.add(tracer, lane));
             }
             if let Some(veil) = &mut veil {
-                veil.composite(&self.points, &self.limits, &mut self.group);
+                veil.composite(&self.points, &mut self.surfaces);
             }
-            for (&number, seen) in group.iter().zip(&self.group) {
+            for (&number, seen) in group.iter().zip(&self.surfaces.opaque) {
                 self.seen[number as usize] = *seen;
             }
         }
@@ -257,7 +259,7 @@ struct Strip<'a> {
 }
 
 impl Strip<'_> {
-    /// Where captures are in the scene every sample has a place in the range of its pixel, but the range of a pixel
+    /// Where anything see-through is in the scene every sample has a place in the range of its pixel, but the range of a pixel
     /// whose samples all saw nothing is not kept in files. It is that of one such sample.
     fn restore_misses(&mut self) {
         let behind = if self.background.transparent { DVec3::ZERO } else { self.background.colour };

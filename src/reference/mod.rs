@@ -7,8 +7,8 @@
 //! prefilter, as rays have no footprint: it is what a splatter without prefilter converges to. See docs/reference.md.
 //!
 //! Data flow: `sampler` and `warp` (where and when a sample lies) → `cull` (objects that it may hit) → `trace`
-//! (what it sees), through `bvh`, `boxes` and `traverse` → `gaussians` (captures over that) → `sums` (means and
-//! standard errors). `integrator` does this for the pixels of an image, `render` for a frame, `probe` for one pixel.
+//! (what it sees), through `bvh`, `boxes` and `traverse` → `layers` (see-through surfels before that) → `gaussians`
+//! (captures among them) → `sums` (means and standard errors). `integrator` does this for the pixels of an image, `render` for a frame, `probe` for one pixel.
 
 mod boxes;
 mod bvh;
@@ -16,6 +16,7 @@ mod cull;
 mod error;
 mod gaussians;
 mod integrator;
+mod layers;
 mod options;
 mod posed;
 mod probe;

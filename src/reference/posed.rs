@@ -78,6 +78,8 @@ pub(super) struct Body<'a> {
     pub object: &'a Object,
     pub surfels: &'a Surfels,
     pub shape: Shape,
+    /// Light passes through its surfels.
+    pub see_through: bool,
     poser: ObjectPoser<'a>,
     /// The pose if it does not change.
     fixed: Option<BodyPose>,
@@ -206,6 +208,11 @@ impl<'a> World<'a> {
         if body.object.blur { self.fixed_camera } else { Some(self.frame_camera) }
     }
 
+    /// True if light passes through anything.
+    pub(super) fn is_see_through(&self) -> bool {
+        !self.captures.is_empty() || self.bodies.iter().any(|body| body.see_through)
+    }
+
     /// True if the lights relative to the eye are the same for every sample.
     pub(super) fn fixed_lights(&self) -> bool {
         self.fixed_camera.is_some()
@@ -234,6 +241,7 @@ impl<'a> Body<'a> {
             object,
             surfels: &object.model,
             shape,
+            see_through: matches!(shape, Shape::Model(_)) && object.is_see_through(),
             poser: ObjectPoser::new(scene, object),
             fixed: None,
             epsilon: options.epsilon.or(object.epsilon),
@@ -289,6 +297,12 @@ impl<'a> Body<'a> {
         let epsilon =
             self.epsilon.unwrap_or_else(|| f64::from(self.object.model.median_radius()) * libm::cbrt(det.abs()));
         Some(BodyPose { world_from_model, model_from_world, epsilon })
+    }
+
+    /// Opacity of a surfel of a see-through object, in [0, 1].
+    pub(super) fn opacity(&self, surfel: usize) -> f64 {
+        let own = self.surfels.opacity.get(surfel).map_or(1.0, |&opacity| f64::from(opacity));
+        (self.object.opacity * own).clamp(0.0, 1.0)
     }
 
     /// Material of a surfel: that of the scene; without it that of the file; without both the default.

@@ -8,6 +8,7 @@ use super::cull::Candidates;
 use super::error::{ReferenceError, finite};
 use super::gaussians::veil::{Taken, Veil};
 use super::integrator::Integrator;
+use super::layers::Surfaces;
 use super::options::ReferenceOptions;
 use super::posed::{Shape, World};
 use super::sampler::{Points, SCRAMBLINGS};
@@ -27,19 +28,19 @@ pub struct Sample {
     pub time: f64,
     /// Eye and direction (of depth 1) of the ray, world space.
     pub ray: [DVec3; 2],
-    /// T of the visibility rule (docs/math.md, eq. 5): the greatest depth that contributes. Infinite where nothing is
-    /// hit.
+    /// T of the visibility rule (docs/math.md, eq. 5): the greatest depth that contributes. Infinite where nothing
+    /// opaque is hit.
     pub limit: f64,
     /// Surfels on the ray, nearest first. All that contribute are there, and others that were met on the way; farther
     /// ones may be missing.
     pub hits: Vec<ProbedHit>,
     /// Gaussians of captures that contribute, nearest first.
     pub gaussians: Vec<ProbedGaussian>,
-    /// Linear colour, shaded, and under captures premultiplied by the coverage; `None` where nothing is hit.
+    /// Linear colour, shaded, and premultiplied by the coverage; `None` where nothing is hit.
     pub colour: Option<DVec3>,
     /// 1 where an opaque surface is hit, 0 where nothing is.
     pub coverage: f64,
-    /// Mean depth and unit normal (world axes) of what contributes. Captures have no normal.
+    /// Mean depth and normal (world axes) of what contributes. Captures and volumes have no normal.
     pub surface: Option<(f64, DVec3)>,
 }
 
@@ -58,8 +59,12 @@ pub struct ProbedHit {
     pub weight: f64,
     /// Depth tolerance of its object, world units.
     pub epsilon: f64,
-    /// True if the depth is at most T, so that the surfel contributes.
+    /// True if the surfel contributes: its depth is at most T, and a see-through surfel has a layer.
     pub admitted: bool,
+    /// Layer of a see-through surfel, 1 the nearest; `None` for an opaque one, and behind the last layer.
+    pub layer: Option<usize>,
+    /// Opacity, in [0, 1].
+    pub opacity: f64,
     /// True if it is seen from behind.
     pub back: bool,
     /// Linear colour before shading.
@@ -92,7 +97,7 @@ pub struct Probe {
     pub pixel: [u32; 2],
     /// Number of samples taken.
     pub samples: u64,
-    /// Coverage of all samples: without captures the number of samples that hit something.
+    /// Coverage of all samples: where nothing is see-through the number of samples that hit something.
     pub hits: f64,
     /// r, g, b as the picture has them (premultiplied, over its background), and coverage.
     pub mean: [f64; 4],
@@ -158,10 +163,16 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
     let direction = world.direction(film);
     let limit = tracer.found[0].limit;
     let mut hits: Vec<ProbedHit> = Vec::new();
-    for hit in &tracer.found[0].hits {
+    let mut all = tracer.found[0].hits.clone();
+    let mut surfaces = Surfaces::default();
+    surfaces.add(tracer, 0);
+    all.extend(&tracer.found[0].see_through);
+    for hit in &all {
         let body = &world.bodies[hit.object as usize];
         let Some(target) = tracer.target(0, hit) else { continue };
         let surface = Surface::of(body, target, hit);
+        let layer = surfaces.layers(0).iter().position(|layer| hit.depth <= layer.limit);
+        let layer = layer.filter(|_| body.see_through);
         hits.push(ProbedHit {
             object: body.object.name.clone(),
             surfel: (!matches!(body.shape, Shape::Sphere(_))).then_some(hit.surfel),
@@ -169,22 +180,23 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
             uv: [hit.u, hit.v],
             weight: hit.weight(),
             epsilon: target.pose.epsilon,
-            admitted: hit.depth <= limit,
+            admitted: if body.see_through { layer.is_some() } else { hit.depth <= limit },
+            layer: layer.map(|layer| layer + 1),
+            opacity: if body.see_through { body.opacity(hit.surfel as usize) } else { 1.0 },
             back: hit.back,
             colour: surface.colour.as_dvec3(),
             normal: surface.normal,
         });
     }
     hits.sort_by(|a, b| a.depth.total_cmp(&b.depth));
-    let mut seen = [tracer.seen(0)];
     let mut taken = Vec::new();
-    if !world.captures.is_empty() {
+    if world.is_see_through() {
         let mut veil = Veil::new(world);
         veil.taken = Some(taken);
-        veil.composite(&[(film, time)], &[limit], &mut seen);
+        veil.composite(&[(film, time)], &mut surfaces);
         taken = veil.taken.unwrap_or_default();
     }
-    let seen = seen[0].filter(|seen| seen.coverage > 0.0);
+    let seen = surfaces.opaque[0].filter(|seen| seen.coverage > 0.0);
     let of_capture = |taken: Taken| ProbedGaussian {
         object: world.bodies[world.captures[taken.capture].body].object.name.clone(),
         index: taken.index,
@@ -230,7 +242,7 @@ impl fmt::Display for Probe {
             let what = hit.surfel.map_or_else(|| "ideal sphere".to_owned(), |i| format!("surfel {i}"));
             writeln!(
                 f,
-                "  {} `{}` {what}: depth {}, u v {}, weight {:.6}, epsilon {}{}, colour {}, normal {}",
+                "  {} `{}` {what}: depth {}, u v {}, weight {:.6}, epsilon {}{}{}, colour {}, normal {}",
                 if hit.admitted { "takes " } else { "leaves" },
                 hit.object,
                 hit.depth,
@@ -238,6 +250,7 @@ impl fmt::Display for Probe {
                 hit.weight,
                 hit.epsilon,
                 if hit.back { ", from behind" } else { "" },
+                hit.layer.map_or_else(String::new, |layer| format!(", layer {layer}, opacity {:.6}", hit.opacity)),
                 numbers(&hit.colour.to_array()),
                 numbers(&hit.normal.to_array()),
             )?;

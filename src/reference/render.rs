@@ -1,5 +1,6 @@
 //! Makes a reference, in one run or as the continuation of an earlier one.
 
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use super::bvh::Bvh;
@@ -33,6 +34,8 @@ pub struct Stats {
     pub traced: u64,
     /// Mean standard error over all pixels and over r, g, b (of the picture) and coverage.
     pub mean_error: f64,
+    /// Samples of this run with more than eight layers of see-through surfels, of which the farther ones were left out.
+    pub cut: u64,
     /// Surfels of the distinct models.
     pub surfels: u64,
     /// Gaussians of the distinct captures that can be seen.
@@ -97,6 +100,7 @@ pub fn render(
         samples: sums.samples,
         traced: (sums.samples - before) * u64::from(size[0]) * u64::from(size[1]),
         mean_error: sums.mean_error(background),
+        cut: integrator.cut.load(Ordering::Relaxed),
         surfels: world.surfels(),
         gaussians: world.trees.iter().map(|tree| tree.kernels().len() as u64).sum(),
         hierarchy_bytes: world.models.iter().map(Bvh::bytes).chain(world.trees.iter().map(Tree::bytes)).sum(),

@@ -11,7 +11,7 @@ use crate::film::{Aov, Background, Film, FilmPlanes, Layer, Picture, develop};
 pub(super) type PixelSums = [[f64; 4]; SCRAMBLINGS];
 
 /// Least and greatest value of any sample of a pixel that was recorded: r, g, b over the background, and coverage.
-/// Every sample that hit something is. Where captures are in the scene all are.
+/// Every sample that hit something is. Where anything see-through is in the scene all are.
 pub(super) type Range = [[f32; 4]; 2];
 
 /// The sums of an image. They are all that a later run needs to continue, with the same result as a run without a
@@ -131,7 +131,7 @@ impl Sums {
         sum.map(|s| s / self.samples as f64)
     }
 
-    /// Coverage of all samples of pixel `i`: without captures the number of those that hit something.
+    /// Coverage of all samples of pixel `i`: where nothing is see-through the number of those that hit something.
     pub(super) fn hits(&self, i: usize) -> f64 {
         self.colour[i].iter().map(|sums| sums[3]).sum()
     }

@@ -2,6 +2,7 @@
 //!
 //! T = min over the surfels of all objects on the ray of (depth + epsilon); colour = sum(w c) / sum(w) over the surfels
 //! with depth <= T. The sums are taken in the order of objects and surfels, so they do not depend on the hierarchy.
+//! Opaque surfels set T; see-through ones before it are found afterwards, for `layers`.
 
 use glam::{DVec2, DVec3, Vec3};
 
@@ -101,8 +102,23 @@ impl<'w, 'a> Tracer<'w, 'a> {
             time,
         }));
         self.found.iter_mut().for_each(Found::clear);
+        self.meet(candidates, cones, false);
+        if world.bodies.iter().any(|body| body.see_through) {
+            let swap = |found: &mut Found| std::mem::swap(&mut found.hits, &mut found.see_through);
+            self.found.iter_mut().for_each(swap);
+            self.meet(candidates, cones, true);
+            self.found.iter_mut().for_each(swap);
+        }
+    }
+
+    /// Adds the hits of all objects that are see-through, or of all others.
+    fn meet(&mut self, candidates: &Candidates, cones: &ObjectCones, see_through: bool) {
+        let world = self.world;
         for &(number, subintervals) in &candidates.bodies {
             let body = &world.bodies[number];
+            if body.see_through != see_through {
+                continue;
+            }
             self.rays.clear();
             for (lane, view) in self.views.iter().enumerate() {
                 if subintervals >> cones.subinterval(view.time) & 1 == 0 {
@@ -115,7 +131,8 @@ impl<'w, 'a> Tracer<'w, 'a> {
                     origin: pose.model_from_world * (eye - pose.world_from_model.translation),
                     direction: pose.model_from_world * direction,
                     near: world.scene.camera.near,
-                    epsilon: pose.epsilon,
+                    // An infinite tolerance lowers no limit.
+                    epsilon: if see_through { f64::INFINITY } else { pose.epsilon },
                     two_sided: world.options.two_sided || body.object.two_sided,
                     object: number as u32,
                     lane,
@@ -137,11 +154,18 @@ impl<'w, 'a> Tracer<'w, 'a> {
         self.targets[lane * self.world.bodies.len() + hit.object as usize].as_ref()
     }
 
-    /// What a lane sees: the weighted mean of its hits up to T, shaded (docs/math.md, eq. 6 and 7).
+    /// What a lane sees of opaque surfaces: the weighted mean of its hits up to T, shaded (docs/math.md, eq. 6 and 7).
     pub(super) fn seen(&mut self, lane: usize) -> Option<Seen> {
         let limit = self.found[lane].limit;
-        let hits = &mut self.found[lane].hits;
+        let mut hits = std::mem::take(&mut self.found[lane].hits);
         hits.retain(|hit| hit.depth <= limit);
+        let seen = self.surface(lane, &mut hits);
+        self.found[lane].hits = hits;
+        seen
+    }
+
+    /// One surface of a lane: the weighted mean of `hits`, shaded; `None` without hits. The hits are sorted.
+    pub(super) fn surface(&mut self, lane: usize, hits: &mut [Hit]) -> Option<Seen> {
         if hits.is_empty() {
             return None;
         }
@@ -153,7 +177,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
         }
         let (mut weight, mut colour, mut normal, mut depth) = (0.0, DVec3::ZERO, DVec3::ZERO, 0.0);
         let (mut material, mut velocity) = ([0.0; 4], DVec2::ZERO);
-        for hit in &self.found[lane].hits {
+        for hit in &*hits {
             let body = &self.world.bodies[hit.object as usize];
             let Some(target) = self.target(lane, hit) else { continue };
             let surface = Surface::of(body, target, hit);
@@ -186,6 +210,17 @@ impl<'w, 'a> Tracer<'w, 'a> {
             colour = shade(&self.lights, &material, colour.as_vec3(), normal.as_vec3(), position).as_dvec3();
         }
         Some(Seen { colour, coverage: 1.0, depth, normal, velocity: velocity * over })
+    }
+
+    /// Mean opacity of see-through hits, weighted as their colours.
+    pub(super) fn opacity(&self, hits: &[Hit]) -> f64 {
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for hit in hits {
+            let w = hit.weight();
+            sum += w * self.world.bodies[hit.object as usize].opacity(hit.surfel as usize);
+            weight += w;
+        }
+        sum / weight
     }
 
     /// Screen velocity of a surfel's centre, pixels per shutter: the derivative of (f X, -f Y) / depth (docs/math.md,

@@ -25,7 +25,7 @@ pub(super) struct ModelRay {
     pub direction: DVec3,
     /// Nearest visible depth.
     pub near: f64,
-    /// Depth tolerance of the object, world units.
+    /// Depth tolerance of the object, world units; infinite for an object that hides nothing.
     pub epsilon: f64,
     pub two_sided: bool,
     /// Number of the object, which its hits get.
@@ -53,6 +53,8 @@ pub(super) struct Hit {
 pub(super) struct Found {
     /// Surfels hit so far. Those beyond the final limit are still among them.
     pub hits: Vec<Hit>,
+    /// See-through surfels hit at depths up to the limit of all opaque ones.
+    pub see_through: Vec<Hit>,
     /// T of the visibility rule so far (docs/math.md, eq. 5): the least depth + epsilon.
     pub limit: f64,
 }
@@ -61,6 +63,7 @@ impl Found {
     /// Returns to the state before the first object.
     pub(super) fn clear(&mut self) {
         self.hits.clear();
+        self.see_through.clear();
         self.limit = f64::INFINITY;
     }
 }

@@ -7,3 +7,4 @@ mod closed_forms;
 mod gaussians;
 mod promises;
 mod samples;
+mod see_through;

@@ -1,4 +1,4 @@
-//! Composites the Gaussians of captures over what rays see of opaque surfaces.
+//! Composites the Gaussians of captures and layers of see-through surfels over what rays see of opaque surfaces.
 //!
 //! A group of rays, near each other in place and time, shares one list of Gaussians that any of them may meet, sorted
 //! by a lower bound of depth. The list is taken batch by batch. Each ray sees each Gaussian of a batch exactly at its
@@ -8,11 +8,13 @@
 use glam::{DMat4, DVec2, DVec3};
 
 use super::beam::{Beam, BeamRay};
+use super::blend::Blend;
 use super::colour::colour;
 use super::sight::{BATCH, Batch, Seen as SeenBatch, Sight, look};
 use super::tree::LEAST_ALPHA;
 use crate::film::Aov;
 use crate::math::norm;
+use crate::reference::layers::{Layer, Surfaces};
 use crate::reference::posed::{CameraPose, World};
 use crate::reference::trace::{SamplePoint, Seen};
 use crate::scene::pose::object_velocity;
@@ -75,9 +77,12 @@ struct Ray {
     transmittance: f64,
     colour: DVec3,
     depth: f64,
+    normal: DVec3,
     velocity: DVec2,
     /// Hits that are not composited yet.
     waiting: Vec<Hit>,
+    /// Layers of see-through surfels that are composited.
+    layers: usize,
     /// True if anything was composited.
     any: bool,
 }
@@ -123,15 +128,10 @@ impl<'w, 'a> Veil<'w, 'a> {
         }
     }
 
-    /// Composites the captures of the world over what each sample sees of opaque surfaces: `opaque` with its limit T
-    /// (docs/math.md, eq. 5). Samples that see nothing get a colour without coverage.
-    pub(in crate::reference) fn composite(
-        &mut self,
-        points: &[SamplePoint],
-        limits: &[f64],
-        seen: &mut [Option<Seen>],
-    ) {
-        self.begin(points, limits);
+    /// Composites captures and see-through layers over what each sample sees of opaque surfaces, and writes the result
+    /// there. Samples that see nothing get a colour without coverage.
+    pub(in crate::reference) fn composite(&mut self, points: &[SamplePoint], surfaces: &mut Surfaces) {
+        self.begin(points, &surfaces.limits);
         self.gather();
         let mut batches = std::mem::take(&mut self.list);
         let mut first = 0;
@@ -140,13 +140,15 @@ impl<'w, 'a> Veil<'w, 'a> {
             let next = batches.get(end).map_or(f64::INFINITY, |candidate| candidate.nearest);
             self.meet(&mut batches[first..end]);
             for ray in 0..self.rays.len() {
-                self.settle(ray, next);
+                self.settle(ray, next, surfaces.layers(ray));
             }
             first = end;
         }
         self.list = batches;
-        for (ray, seen) in self.rays.iter().zip(seen) {
-            *seen = Some(self.finish(ray, *seen));
+        for ray in 0..self.rays.len() {
+            self.settle(ray, f64::INFINITY, surfaces.layers(ray));
+            let opaque = &mut surfaces.opaque[ray];
+            *opaque = Some(self.finish(&self.rays[ray], *opaque));
         }
     }
 
@@ -224,8 +226,9 @@ impl<'w, 'a> Veil<'w, 'a> {
         }
     }
 
-    /// Composites the waiting hits of a ray that are nearer than `next`, where all that is still to come begins.
-    fn settle(&mut self, number: usize, next: f64) {
+    /// Composites the waiting hits and the `layers` of a ray that are nearer than `next`, where all that is still to
+    /// come begins. A Gaussian at the limit of a layer is before it.
+    fn settle(&mut self, number: usize, next: f64, layers: &[Layer]) {
         if !self.rays[number].live {
             return;
         }
@@ -233,9 +236,18 @@ impl<'w, 'a> Veil<'w, 'a> {
         waiting
             .sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth).then((a.capture, a.index).cmp(&(b.capture, b.index))));
         let mut done = 0;
-        while done < waiting.len() && waiting[done].depth < next && self.rays[number].transmittance >= OPAQUE {
-            self.add(number, &waiting[done]);
-            done += 1;
+        while self.rays[number].transmittance >= OPAQUE {
+            let hit = waiting.get(done).filter(|hit| hit.depth < next);
+            let layer = layers.get(self.rays[number].layers);
+            let layer = layer.filter(|layer| next.is_infinite() || layer.limit < next);
+            match (hit, layer) {
+                (Some(hit), layer) if layer.is_none_or(|layer| hit.depth <= layer.limit) => {
+                    self.add(number, hit);
+                    done += 1;
+                }
+                (_, Some(layer)) => self.rays[number].add_layer(layer, &self.world.blend),
+                _ => break,
+            }
         }
         waiting.drain(..done);
         let ray = &mut self.rays[number];
@@ -249,7 +261,8 @@ impl<'w, 'a> Veil<'w, 'a> {
             });
             waiting.truncate(ends.unwrap_or(waiting.len()));
         }
-        ray.live = ray.transmittance >= OPAQUE && next <= ray.limit;
+        // The limit of the last layers may be greater than that of the opaque surface.
+        ray.live = ray.transmittance >= OPAQUE && (next <= ray.limit || ray.layers < layers.len());
         ray.waiting = waiting;
     }
 
@@ -290,7 +303,7 @@ impl<'w, 'a> Veil<'w, 'a> {
                 colour: blend.finish(ray.colour + through * blend.of_light(opaque.colour), 1.0),
                 coverage: 1.0,
                 depth: ray.depth + through * opaque.depth,
-                normal: through * opaque.normal,
+                normal: ray.normal + through * opaque.normal,
                 velocity: ray.velocity + through * opaque.velocity,
             },
             None if !ray.any => Seen::NOTHING,
@@ -298,10 +311,25 @@ impl<'w, 'a> Veil<'w, 'a> {
                 colour: blend.finish(ray.colour, 1.0 - through),
                 coverage: 1.0 - through,
                 depth: ray.depth,
-                normal: DVec3::ZERO,
+                normal: ray.normal,
                 velocity: ray.velocity,
             },
         }
+    }
+}
+
+impl Ray {
+    /// Composites a layer behind what is there.
+    fn add_layer(&mut self, layer: &Layer, blend: &Blend) {
+        let Layer { seen, opacity, .. } = layer;
+        let weight = self.transmittance * opacity;
+        self.colour += weight * blend.of_light(seen.colour);
+        self.depth += weight * seen.depth;
+        self.normal += weight * seen.normal;
+        self.velocity += weight * seen.velocity;
+        self.transmittance *= 1.0 - opacity;
+        self.layers += 1;
+        self.any = true;
     }
 }
 

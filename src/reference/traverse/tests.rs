@@ -85,7 +85,7 @@ fn both_versions_find_what_each_surfel_says() {
                 assert_eq!(limit.to_bits(), plain[lane].limit.to_bits());
                 let of = |found: &Found| {
                     let within = found.hits.iter().copied().filter(|hit| hit.depth <= limit).collect();
-                    hits(&Found { hits: within, limit })
+                    hits(&Found { hits: within, limit, ..Found::default() })
                 };
                 assert_eq!(of(&quick[lane]), of(&plain[lane]));
                 let all: Vec<(usize, f64)> =
