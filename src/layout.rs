@@ -176,9 +176,8 @@ pub struct GaussianSplat {
     pub bounds: [u16; 4],
     /// Index among all Gaussians of the frame: those of its first object first.
     pub index: u32,
-    /// Of a volume's: depth within which it is of one layer with what lies behind it, scene units, > 0. 0 for a
-    /// capture's.
-    pub layer: f32,
+    /// Of a volume's: number of the layer that it is of, from 1 on, rising with depth. 0 for a capture's.
+    pub layer: u32,
 }
 
 /// The splat shows its back.

@@ -117,6 +117,11 @@ pub struct FrameObject {
 }
 
 impl FrameObject {
+    /// Is it a volume?
+    pub fn is_volume(&self) -> bool {
+        self.gaussians.as_ref().is_some_and(|gaussians| gaussians.optics != Optics::Alpha)
+    }
+
     /// Number of surfels or Gaussians.
     pub fn elements(&self) -> usize {
         self.gaussians.as_ref().map_or(self.surfels.len(), |gaussians| gaussians.len())
@@ -307,7 +312,7 @@ impl Frame {
 
     /// Whether any object is a volume.
     pub fn has_volumes(&self) -> bool {
-        self.objects.iter().filter_map(|object| object.gaussians.as_ref()).any(|of| of.optics != Optics::Alpha)
+        self.objects.iter().any(FrameObject::is_volume)
     }
 
     /// Whether any step makes a static picture.

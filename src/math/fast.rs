@@ -68,12 +68,12 @@ pub fn erf_slope(a: f32, b: f32) -> f32 {
 #[inline(always)]
 pub fn exp2(x: f32) -> f32 {
     let x = if x > -126.0 { x } else { -126.0 };
-    exp2_above(if x < 126.0 { x } else { 126.0 })
+    exp2_within(if x < 126.0 { x } else { 126.0 })
 }
 
-/// 2^x for x in [-126, 126].
+/// 2^x for x in [-126, 126]; relative error below 3e-7. Beyond, it is any number.
 #[inline(always)]
-fn exp2_above(x: f32) -> f32 {
+pub fn exp2_within(x: f32) -> f32 {
     const C: [f32; 7] =
         [1.0, std::f32::consts::LN_2, 0.240_226_5, 0.055_503_27, 0.009_618_026, 0.001_340_043_2, 0.000_154_697_32];
     /// Adding this leaves the nearest integer in the low mantissa bits. (A saturating cast would block vector code.)
@@ -89,12 +89,6 @@ fn exp2_above(x: f32) -> f32 {
     p = p * f + C[1];
     p = p * f + C[0];
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
-}
-
-/// 2^x for x <= 4, 2^-126 below -126; relative error below 3e-7. The same as [`exp2`] there, without its upper end.
-#[inline(always)]
-pub fn exp2_of_small(x: f32) -> f32 {
-    exp2_above(if x > -126.0 { x } else { -126.0 })
 }
 
 /// log2(x) for normal x > 0; absolute error below 2e-7 + 1e-7 |log2 x|.

@@ -10,6 +10,9 @@ use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect};
 use crate::film::FilmPlanes;
 use crate::math::{fast, srgb};
 
+/// Runs of `LANES` pixels in a row of a tile.
+pub(super) const RUNS: usize = TILE / LANES;
+
 /// What the pixels of a tile accumulate: for each of `TILE` rows, for each channel, `STRIDE` floats.
 #[derive(Clone, Debug, Default)]
 pub(in crate::backend) struct Composite {
@@ -17,8 +20,8 @@ pub(in crate::backend) struct Composite {
     /// The open layers of volumes: optical depth in powers of 1/2, and the other channels times that. Empty where a
     /// frame has no volumes.
     pub(super) open: Vec<f32>,
-    /// Greatest depth of the kernels that are of the open layer; -inf where none is open: `TILE` rows of `STRIDE`.
-    pub(super) until: Vec<f32>,
+    /// Which layer is open in each run of `LANES` pixels: `TILE` rows of `RUNS`.
+    pub(super) opened: Vec<u32>,
     pub(super) channels: usize,
     /// Depth of the next layer of see-through surfels, +inf where none is left; empty where no surfel is in the tile.
     pub(super) next_depth: Vec<f32>,
@@ -69,8 +72,8 @@ impl Surfels<'_> {
 }
 
 impl Composite {
-    /// Floats of one pixel of a tile, at most: both sets of channels, the end of the open layer, two of surfels.
-    const MOST_FLOATS: usize = 10 + 10 + 1 + 3;
+    /// Floats of one pixel of a tile, at most: both sets of channels, three of surfels, and the number of the open layer.
+    const MOST_FLOATS: usize = 10 + 10 + 3 + 1;
 
     /// Bytes of one tile at most.
     pub(super) const BYTES: u64 = (TILE * STRIDE * Self::MOST_FLOATS * size_of::<f32>()) as u64;
@@ -92,7 +95,8 @@ impl Composite {
             row[..STRIDE].fill(1.0);
         }
         fill(&mut self.open, if content.volumes { floats } else { 0 }, 0.0);
-        fill(&mut self.until, if content.volumes { TILE * STRIDE } else { 0 }, f32::NEG_INFINITY);
+        self.opened.clear();
+        self.opened.resize(if content.volumes { TILE * RUNS } else { 0 }, 0);
         let floats = if surfels.any() { TILE * STRIDE } else { 0 };
         fill(&mut self.limit, floats, f32::INFINITY);
         for (limit, threshold) in self.limit.iter_mut().zip(surfels.threshold) {
@@ -117,9 +121,7 @@ impl Composite {
     /// `LANES` pixels of a channel, from pixel `[x, y]` of the tile on.
     #[inline(always)]
     pub(super) fn lanes(&self, channel: usize, [x, y]: [usize; 2]) -> [f32; LANES] {
-        let mut out = [0.0; LANES];
-        out.copy_from_slice(&self.values[(y * self.channels + channel) * STRIDE + x..][..LANES]);
-        out
+        lanes(&self.values[(y * self.channels + channel) * STRIDE + x..])
     }
 
     /// First of three channels.
@@ -174,26 +176,38 @@ impl Composite {
     #[inline(always)]
     pub(super) fn close_layers(&mut self, [x, y]: [usize; 2], wanted: &[bool; LANES]) {
         let first = y * self.channels * STRIDE + x;
-        let (Some(open), Some(values)) = (self.open.get_mut(first..), self.values.get_mut(first..)) else { return };
+        let open = &mut self.open[first..];
+        let values = &mut self.values[first..];
+        // Copies, as the compiler cannot know that the planes lie apart.
+        let (mut depths, mut throughs) = (lanes(open), lanes(values));
         let mut factor = [0.0; LANES];
         for l in 0..LANES {
-            let depth = if wanted[l] { open[l] } else { 0.0 };
+            let depth = if wanted[l] & (throughs[l] >= OPAQUE) { depths[l] } else { 0.0 };
             let through = fast::exp2(-depth);
             let share = if depth > 0.0 { (1.0 - through) / depth } else { 0.0 };
-            factor[l] = values[l] * share;
-            values[l] *= through;
-            open[l] = if wanted[l] { 0.0 } else { open[l] };
+            factor[l] = throughs[l] * share;
+            throughs[l] *= through;
+            depths[l] = if wanted[l] { 0.0 } else { depths[l] };
         }
+        open[..LANES].copy_from_slice(&depths);
+        values[..LANES].copy_from_slice(&throughs);
         for channel in COLOUR..self.normal.unwrap_or(self.channels) {
-            let at = channel * STRIDE;
-            for l in at..at + LANES {
-                values[l] += factor[l - at] * open[l];
-                open[l] = if wanted[l - at] { 0.0 } else { open[l] };
+            let open = &mut open[channel * STRIDE..][..LANES];
+            let values = &mut values[channel * STRIDE..][..LANES];
+            let (mut of_layer, mut of_pixel) = (lanes(open), lanes(values));
+            for l in 0..LANES {
+                of_pixel[l] += factor[l] * of_layer[l];
+                of_layer[l] = if wanted[l] { 0.0 } else { of_layer[l] };
             }
+            open.copy_from_slice(&of_layer);
+            values.copy_from_slice(&of_pixel);
         }
-        for (until, wanted) in self.until[y * STRIDE + x..].iter_mut().zip(wanted) {
-            *until = if *wanted { f32::NEG_INFINITY } else { *until };
-        }
+    }
+
+    /// Does no pixel of the block of pixel `[x, y]` take more?
+    #[inline(always)]
+    pub(super) fn is_closed(&self, [x, y]: [usize; 2]) -> bool {
+        self.closed >> (y / BLOCK[1] * BLOCKS_X + x / BLOCK[0]) & 1 == 1
     }
 
     /// Composites the layers of surfels of pixel `[x, y]` that are nearer than `depth`.
@@ -255,6 +269,14 @@ impl Composite {
             }
         }
     }
+}
+
+/// The first `LANES` of a plane.
+#[inline(always)]
+pub(super) fn lanes(plane: &[f32]) -> [f32; LANES] {
+    let mut out = [0.0; LANES];
+    out.copy_from_slice(&plane[..LANES]);
+    out
 }
 
 fn fill(values: &mut Vec<f32>, floats: usize, value: f32) {

@@ -4,7 +4,7 @@
 //! In: splats in the order of depth; depth thresholds of opaque surfels; layers of see-through surfels. Out:
 //! premultiplied colour and transmittance of each pixel. The order of splats matters; pixels do not know one another.
 
-use super::accumulators::{COLOUR, Composite, DEPTH, Surfels, blocks, within};
+use super::accumulators::{COLOUR, Composite, DEPTH, RUNS, Surfels, blocks, lanes, within};
 use super::project::{FAINTEST, least_power};
 use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect};
 use crate::layout::GaussianSplat;
@@ -65,13 +65,18 @@ dispatch! {
 
 #[inline(always)]
 fn composite_body(batch: &Batch, place: &Place<'_>, out: &mut Composite) -> bool {
-    match (out.own_channels(), out.limit.is_empty()) {
-        (4, true) => all::<4, false>(batch, place, out),
-        (4, false) => all::<4, true>(batch, place, out),
-        (5, true) => all::<5, false>(batch, place, out),
-        (5, false) => all::<5, true>(batch, place, out),
-        (_, true) => all::<7, false>(batch, place, out),
-        (_, false) => all::<7, true>(batch, place, out),
+    let surfels = !out.limit.is_empty();
+    match (out.own_channels(), surfels, out.open.is_empty()) {
+        (4, false, true) => all::<4, false, false>(batch, place, out),
+        (4, false, false) => all::<4, false, true>(batch, place, out),
+        (4, true, true) => all::<4, true, false>(batch, place, out),
+        (4, true, false) => all::<4, true, true>(batch, place, out),
+        (5, false, true) => all::<5, false, false>(batch, place, out),
+        (5, false, false) => all::<5, false, true>(batch, place, out),
+        (5, true, true) => all::<5, true, false>(batch, place, out),
+        (5, true, false) => all::<5, true, true>(batch, place, out),
+        (_, _, true) => all::<7, true, false>(batch, place, out),
+        (_, _, false) => all::<7, true, true>(batch, place, out),
     }
     let last = batch.splats.last().filter(|_| place.rising);
     let furthest = last.map_or(f32::NEG_INFINITY, |splat| splat.depth);
@@ -79,21 +84,29 @@ fn composite_body(batch: &Batch, place: &Place<'_>, out: &mut Composite) -> bool
     out.closed != u32::MAX
 }
 
+/// `SURFELS`: there may be surfels. `VOLUMES`: there may be kernels of volumes.
 #[inline(always)]
-fn all<const CHANNELS: usize, const SURFELS: bool>(batch: &Batch, place: &Place<'_>, out: &mut Composite) {
+fn all<const CHANNELS: usize, const SURFELS: bool, const VOLUMES: bool>(
+    batch: &Batch,
+    place: &Place<'_>,
+    out: &mut Composite,
+) {
     for (index, splat) in batch.splats.iter().enumerate() {
-        let velocity = if CHANNELS > 5 { batch.velocities[index] } else { [0.0; 2] };
-        if splat.layer > 0.0 {
-            one::<CHANNELS, SURFELS, true>(splat, velocity, place, out);
+        let velocity = if CHANNELS > DEPTH + 1 { batch.velocities[index] } else { [0.0; 2] };
+        if VOLUMES && splat.layer > 0 {
+            one::<CHANNELS, SURFELS, VOLUMES, true>(splat, velocity, place, out);
         } else {
-            one::<CHANNELS, SURFELS, false>(splat, velocity, place, out);
+            one::<CHANNELS, SURFELS, VOLUMES, false>(splat, velocity, place, out);
         }
     }
 }
 
-/// One splat. `SURFELS`: there may be surfels in front of it. `VOLUME`: it is a kernel of a volume.
+type Lanes = [f32; LANES];
+
+/// One splat, in runs of `LANES` pixels that begin at multiples of that: what was written just before is then read as
+/// it was written. `VOLUME`: it is a kernel of a volume.
 #[inline(always)]
-fn one<const CHANNELS: usize, const SURFELS: bool, const VOLUME: bool>(
+fn one<const CHANNELS: usize, const SURFELS: bool, const VOLUMES: bool, const VOLUME: bool>(
     splat: &GaussianSplat,
     velocity: [f32; 2],
     place: &Place<'_>,
@@ -104,146 +117,178 @@ fn one<const CHANNELS: usize, const SURFELS: bool, const VOLUME: bool>(
     if blocks([x0, x1, y0, y1]) & !out.closed == 0 {
         return;
     }
-    let &GaussianSplat { along, slope, across, peak, depth, colour, .. } = splat;
-    let faintest = if VOLUME { least_power(peak) } else { -FAINTEST.log2() };
-    let with_volumes = !out.open.is_empty();
-    let row_length = out.channels * STRIDE;
-    let shift = |axis: usize, pixel: usize| pixel as f32 + 0.5 - splat.reference[axis] + place.offset[axis];
-    let mut first = [0.0; LANES];
-    for l in 0..LANES {
-        first[l] = shift(0, left + x0) + l as f32;
-    }
-    for y in y0..=y1 {
-        let dy = shift(1, top + y);
-        let mut x = x0;
-        while x <= x1 {
-            let step = (x - x0) as f32;
-            let at = y * row_length + x;
-            let mut through = [0.0; LANES];
-            through.copy_from_slice(&out.values[at..at + LANES]);
+    let form = Form::of(splat, place.offset);
+    let faintest = if VOLUME { least_power(splat.peak) } else { -FAINTEST.log2() };
+    let [first, last] = [x0 / LANES * LANES, x1 / LANES * LANES + LANES - 1];
+    let has_ladder = VOLUME && form.suits_ladder([left + first, left + last], [top + y0, top + y1]);
+    for run in x0 / LANES..=x1 / LANES {
+        let x = run * LANES;
+        let dx: Lanes = std::array::from_fn(|l| form.dx(left + x + l));
+        let mut ladder = Ladder::default();
+        if has_ladder {
+            ladder = Ladder::start(&form, &dx, form.dy(top + y0));
+        }
+        for y in y0..=y1 {
             let mut value = [0.0; LANES];
-            let mut limit = [f32::INFINITY; LANES];
-            if SURFELS {
-                limit.copy_from_slice(&out.limit[y * STRIDE + x..][..LANES]);
-            }
-            for l in 0..LANES {
-                let dx = first[l] + step;
-                let away = dy - slope * dx;
-                let power = peak - along * (dx * dx) - across * (away * away);
-                let own = if VOLUME { fast::exp2(power) } else { fast::exp2_of_small(power) };
-                let own = if VOLUME || own < MOST_ALPHA { own } else { MOST_ALPHA };
-                let mut shows = (power >= faintest) & (through[l] >= OPAQUE);
-                if SURFELS {
-                    shows &= depth <= limit[l];
+            if has_ladder {
+                value = ladder.values(faintest);
+                ladder.step();
+            } else {
+                let dy = form.dy(top + y);
+                for l in 0..LANES {
+                    let power = form.power(dx[l], dy);
+                    let own = fast::exp2_within(power);
+                    value[l] = if power >= faintest { own } else { 0.0 };
                 }
-                value[l] = if shows { own } else { 0.0 };
             }
-            if SURFELS && pass_surfels(place, out, [x, y], depth, &value) {
-                through.copy_from_slice(&out.values[at..at + LANES]);
+            if out.is_closed([x, y]) {
+                continue;
+            }
+            if SURFELS {
+                let limit = lanes(&out.limit[y * STRIDE + x..]);
+                let next = lanes(&out.next_depth[y * STRIDE + x..]);
+                for l in 0..LANES {
+                    value[l] = if splat.depth <= limit[l] { value[l] } else { 0.0 };
+                }
+                if any(|l| (value[l] > 0.0) & (next[l] < splat.depth)) {
+                    for l in (0..LANES).filter(|&l| value[l] > 0.0 && next[l] < splat.depth) {
+                        out.pass_surfels(&place.surfels, [x + l, y], splat.depth);
+                    }
+                }
             }
             if VOLUME {
-                add_kernel::<CHANNELS>(splat, velocity, out, [x, y], &value);
-            } else {
-                if with_volumes && close_layers(out, [x, y], &value) {
-                    through.copy_from_slice(&out.values[at..at + LANES]);
+                // Pixels that have nothing of the layer before do not change.
+                if out.opened[y * RUNS + run] != splat.layer {
+                    out.close_layers([x, y], &[true; LANES]);
+                    out.opened[y * RUNS + run] = splat.layer;
                 }
-                let row = &mut out.values[at..];
+                let open = &mut out.open[y * out.channels * STRIDE + x..];
+                let mut depths = lanes(open);
+                (0..LANES).for_each(|l| depths[l] += value[l]);
+                open[..LANES].copy_from_slice(&depths);
+                add::<CHANNELS>(open, &value, splat, velocity);
+            } else {
+                if VOLUMES {
+                    out.close_layers([x, y], &std::array::from_fn(|l| value[l] > 0.0));
+                }
+                let row = &mut out.values[y * out.channels * STRIDE + x..];
+                let mut through = lanes(row);
                 for l in 0..LANES {
-                    value[l] *= through[l];
+                    let alpha = if value[l] < MOST_ALPHA { value[l] } else { MOST_ALPHA };
+                    let alpha = if through[l] >= OPAQUE { alpha } else { 0.0 };
+                    value[l] = alpha * through[l];
                     through[l] -= value[l];
                 }
                 row[..LANES].copy_from_slice(&through);
-                add::<CHANNELS>(row, &value, colour, depth, velocity);
+                add::<CHANNELS>(row, &value, splat, velocity);
             }
-            x += LANES;
         }
     }
 }
 
-/// Adds a splat's channels times `shares` to `LANES` pixels of `row`.
+/// Adds what a splat has, times `shares`, to all channels of `LANES` pixels but the first.
 #[inline(always)]
-fn add<const CHANNELS: usize>(
-    row: &mut [f32],
-    shares: &[f32; LANES],
-    colour: [f32; 3],
-    depth: f32,
-    velocity: [f32; 2],
-) {
-    let mut add = |channel: usize, value: f32| {
+fn add<const CHANNELS: usize>(row: &mut [f32], shares: &Lanes, splat: &GaussianSplat, velocity: [f32; 2]) {
+    let [r, g, b] = splat.colour;
+    let values = [r, g, b, splat.depth, velocity[0], velocity[1]];
+    for (channel, value) in (COLOUR..CHANNELS).zip(values) {
         let out = &mut row[channel * STRIDE..][..LANES];
         for l in 0..LANES {
             out[l] += shares[l] * value;
         }
-    };
-    add(COLOUR, colour[0]);
-    add(COLOUR + 1, colour[1]);
-    add(COLOUR + 2, colour[2]);
-    if CHANNELS > DEPTH {
-        add(DEPTH, depth);
-    }
-    if CHANNELS > DEPTH + 1 {
-        add(DEPTH + 1, velocity[0]);
-        add(DEPTH + 2, velocity[1]);
     }
 }
 
-/// Adds a kernel of a volume to the open layers of `LANES` pixels, or opens new ones where it lies behind them.
-#[inline(always)]
-fn add_kernel<const CHANNELS: usize>(
-    splat: &GaussianSplat,
-    velocity: [f32; 2],
-    out: &mut Composite,
-    [x, y]: [usize; 2],
-    optical_depth: &[f32; LANES],
-) {
-    let mut behind = [false; LANES];
-    let mut any = false;
-    for (l, until) in out.until[y * STRIDE + x..][..LANES].iter().enumerate() {
-        behind[l] = (splat.depth > *until) & (optical_depth[l] > 0.0);
-        any |= behind[l];
+/// The exponent of a splat as a function of the pixel.
+struct Form {
+    reference: [f32; 2],
+    offset: [f32; 2],
+    along: f32,
+    slope: f32,
+    across: f32,
+    peak: f32,
+}
+
+impl Form {
+    #[inline(always)]
+    fn of(splat: &GaussianSplat, offset: [f32; 2]) -> Self {
+        let &GaussianSplat { reference, along, slope, across, peak, .. } = splat;
+        Self { reference, offset, along, slope, across, peak }
     }
-    if any {
-        out.close_layers([x, y], &behind);
-        let until = &mut out.until[y * STRIDE + x..][..LANES];
+
+    #[inline(always)]
+    fn dx(&self, column: usize) -> f32 {
+        column as f32 + 0.5 - self.reference[0] + self.offset[0]
+    }
+
+    #[inline(always)]
+    fn dy(&self, row: usize) -> f32 {
+        row as f32 + 0.5 - self.reference[1] + self.offset[1]
+    }
+
+    #[inline(always)]
+    fn power(&self, dx: f32, dy: f32) -> f32 {
+        let away = dy - self.slope * dx;
+        self.peak - self.along * (dx * dx) - self.across * (away * away)
+    }
+
+    /// Are all numbers of a [`Ladder`] between columns and rows of the raster, all included, in the range of floats?
+    #[inline(always)]
+    fn suits_ladder(&self, columns: [usize; 2], rows: [usize; 2]) -> bool {
+        const MOST: f32 = 100.0;
+        let larger = |[a, b]: [f32; 2]| if a.abs() > b.abs() { a.abs() } else { b.abs() };
+        let (dx, dy) = (larger(columns.map(|x| self.dx(x))), larger(rows.map(|y| self.dy(y))));
+        let tilt = self.slope.abs() * dx;
+        let falls = self.along * (dx * dx) + self.across * ((dy + tilt) * (dy + tilt)) - self.peak;
+        (falls < MOST) & (2.0 * self.across * tilt < MOST) & (self.across * (2.0 * dy + 1.0) < MOST)
+    }
+}
+
+/// The values of a splat, row after row, by one product for each: the exponent is quadratic, so the factor from one row
+/// to the next changes by a factor that stays.
+#[derive(Default)]
+struct Ladder {
+    values: Lanes,
+    /// Factor to the next row: a part that depends on the column, and one that does not.
+    factor: Lanes,
+    common: f32,
+    /// Factor of the second part from row to row.
+    change: f32,
+}
+
+impl Ladder {
+    #[inline(always)]
+    fn start(form: &Form, dx: &Lanes, dy: f32) -> Self {
+        let (mut values, mut factor) = ([0.0; LANES], [0.0; LANES]);
         for l in 0..LANES {
-            until[l] = if behind[l] { splat.depth + splat.layer } else { until[l] };
+            values[l] = fast::exp2(form.power(dx[l], dy));
+            factor[l] = fast::exp2(2.0 * form.across * form.slope * dx[l]);
         }
+        let common = fast::exp2(-form.across * (2.0 * dy + 1.0));
+        Self { values, factor, common, change: fast::exp2(-2.0 * form.across) }
     }
-    let row = &mut out.open[y * out.channels * STRIDE + x..];
+
+    /// Those that are not below 2^`faintest`.
+    #[inline(always)]
+    fn values(&self, faintest: f32) -> Lanes {
+        let least = fast::exp2(faintest);
+        self.values.map(|value| if value >= least { value } else { 0.0 })
+    }
+
+    #[inline(always)]
+    fn step(&mut self) {
+        for l in 0..LANES {
+            self.values[l] *= self.factor[l] * self.common;
+        }
+        self.common *= self.change;
+    }
+}
+
+#[inline(always)]
+fn any(holds: impl Fn(usize) -> bool) -> bool {
+    let mut any = false;
     for l in 0..LANES {
-        row[l] += optical_depth[l];
-    }
-    add::<CHANNELS>(row, optical_depth, splat.colour, splat.depth, velocity);
-}
-
-/// Composites the open layers of volumes that a splat with these alphas lies behind. Says whether there were any.
-#[inline(always)]
-fn close_layers(out: &mut Composite, [x, y]: [usize; 2], alpha: &[f32; LANES]) -> bool {
-    let mut wanted = [false; LANES];
-    let mut any = false;
-    for (l, until) in out.until[y * STRIDE + x..][..LANES].iter().enumerate() {
-        wanted[l] = (alpha[l] > 0.0) & (*until > f32::NEG_INFINITY);
-        any |= wanted[l];
-    }
-    if any {
-        out.close_layers([x, y], &wanted);
-    }
-    any
-}
-
-/// Composites the layers of surfels before `depth` where a splat shows. Says whether there were any.
-#[inline(always)]
-fn pass_surfels(place: &Place<'_>, out: &mut Composite, [x, y]: [usize; 2], depth: f32, shown: &[f32; LANES]) -> bool {
-    let mut before = [false; LANES];
-    let mut any = false;
-    for (l, next) in out.next_depth[y * STRIDE + x..][..LANES].iter().enumerate() {
-        before[l] = (*next < depth) & (shown[l] > 0.0);
-        any |= before[l];
-    }
-    if any {
-        for l in (0..LANES).filter(|&l| before[l]) {
-            out.pass_surfels(&place.surfels, [x + l, y], depth);
-        }
+        any |= holds(l);
     }
     any
 }

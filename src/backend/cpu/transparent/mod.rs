@@ -137,6 +137,9 @@ impl TransparentGroup<'_> {
                 }
                 // Nothing is left out where the order has all.
                 self.project(&moves, sample, self.several(), slab, &mut memory.moving);
+                if self.several() {
+                    memory.moving.iter_mut().zip(&memory.of_middle).for_each(|(own, middle)| own.layers_of(middle));
+                }
                 let own = if shared.is_none() { self.sort(&memory.moving) } else { Order::default() };
                 let order = shared.as_ref().unwrap_or(&own);
                 let lists = self.list(&memory.moving, order);
@@ -163,6 +166,14 @@ impl TransparentGroup<'_> {
         fixed.order = self.sort(&fixed.chunks);
         fixed.lists = self.list(&fixed.chunks, &fixed.order);
         fixed.slab = Some(*slab);
+    }
+
+    /// Depth of a layer of volumes, scene units: the least of all volumes, at the group's middle.
+    fn layer(&self) -> f32 {
+        let samples = &self.scope.group.samples;
+        let posed = samples[samples.len() / 2].objects.iter().zip(&self.scope.frame.objects);
+        let volumes = posed.filter(|(_, object)| object.is_volume()).map(|(posed, _)| posed.epsilon);
+        volumes.fold(f32::MAX, f32::min).max(f32::MIN_POSITIVE)
     }
 
     /// Has the group several samples?
@@ -215,6 +226,7 @@ impl TransparentGroup<'_> {
             pixels: scope.band.pixels,
             wanted: frame.wanted.as_ref(),
             offsets,
+            layer: self.layer(),
             variance: scope.raster.variance(frame.prefilter),
             blending: frame.blending.unwrap_or(Blending::Linear),
             velocity: self.velocity(),
@@ -316,8 +328,8 @@ impl TransparentGroup<'_> {
         loop {
             let wants = |bounds| out.is_open(bounds, &tile);
             let more = match any {
-                [true, false] => walks[0].take(&mut batch, wants),
-                [false, true] => walks[1].take(&mut batch, wants),
+                [true, false] => walks[0].take(&mut batch, out.closed == 0, wants),
+                [false, true] => walks[1].take(&mut batch, out.closed == 0, wants),
                 _ => take_nearest(&mut walks, &mut batch, wants),
             };
             if !batch.is_empty() && (!more || batch.room() == 0) {

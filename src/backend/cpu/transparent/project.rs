@@ -34,7 +34,9 @@ const FIELD: f32 = 1.3;
 
 /// log2 of the optical depth, in powers of 1/2, below which a volume's kernel is cut. What is cut off goes to what is
 /// left.
-pub(in crate::backend) const FAINTEST_DEPTH: f32 = -13.0;
+pub(in crate::backend) const FAINTEST_DEPTH: f32 = -12.0;
+/// log2 of the largest optical depth of a kernel, likewise: a float still holds what it lets through next to its rim.
+const MOST_DEPTH: f32 = 40.0;
 /// A volume's kernel keeps at least these powers of 1/2 below its centre: two standard deviations.
 pub(in crate::backend) const LEAST_REACH: f32 = 2.0 * std::f32::consts::LOG2_E;
 
@@ -57,6 +59,8 @@ pub(in crate::backend) struct View<'a> {
     pub wanted: Option<&'a Blocks>,
     /// Least and greatest offset of the sample positions that the splats are for, raster pixels.
     pub offsets: [[f32; 2]; 2],
+    /// Depth of a layer of volumes, scene units, > 0.
+    pub layer: f32,
     /// Variance by which the filter of the image widens a volume's kernel, raster pixels^2.
     pub variance: f32,
     /// The numbers in which the image is composited.
@@ -83,6 +87,11 @@ pub(in crate::backend) struct Projected {
 impl Projected {
     /// Bytes of one Gaussian at most.
     pub(in crate::backend) const BYTES: usize = size_of::<GaussianSplat>() + 2 * size_of::<[f32; 2]>();
+
+    /// Takes the layers from where the same Gaussians are in `other`.
+    pub(super) fn layers_of(&mut self, other: &Self) {
+        self.splats.iter_mut().zip(&other.splats).for_each(|(own, other)| own.layer = other.layer);
+    }
 
     fn clear(&mut self, most: usize, velocity: bool) {
         let Self { splats, bounds, velocities } = self;
@@ -146,8 +155,8 @@ fn push(view: &View<'_>, gaussians: &Gaussians, index: usize, l: usize, shape: &
         bounds,
         index: view.first + index as u32,
         layer: match gaussians.optics {
-            Optics::Alpha => 0.0,
-            Optics::Extinction { .. } => view.posed.epsilon.max(f32::MIN_POSITIVE),
+            Optics::Alpha => 0,
+            Optics::Extinction { .. } => 1 + (shape.depth[l] / view.layer) as u32,
         },
     });
     out.bounds.push(if seen { bounds } else { NOWHERE });
@@ -257,6 +266,8 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
         let peak = fast::log2(if solid { peak } else { 1.0 });
         let kept = 1.0 - fast::exp2(least_power(peak) - peak);
         let peak = if volume { peak - fast::log2(kept) } else { peak };
+        // Nothing gets through more.
+        let peak = if volume & (peak > MOST_DEPTH) { MOST_DEPTH } else { peak };
         let faintest = if volume { -least_power(peak) } else { faintest };
         let over_xx = 1.0 / wide_xx;
         shape.along[l] = HALF_LOG2_E * over_xx;

@@ -268,7 +268,8 @@ impl Walk<'_> {
     }
 
     /// Appends the next splats to `batch`, those of which `wants` the bounds, as many as have room. False at the end.
-    pub(super) fn take(&mut self, batch: &mut Batch, wants: impl Fn([u16; 4]) -> bool) -> bool {
+    /// `all`: it wants all, so nobody need look at bounds, which takes time.
+    pub(super) fn take(&mut self, batch: &mut Batch, all: bool, wants: impl Fn([u16; 4]) -> bool) -> bool {
         let room = batch.room();
         let listed = self.listed;
         let count = self.rest().len().min(room);
@@ -281,8 +282,8 @@ impl Walk<'_> {
         for (place, &index) in places.iter_mut().zip(&self.rest()[..count]) {
             *place = place_of(part[index as usize]);
         }
-        let mut kept = 0;
-        for i in 0..count {
+        let mut kept = if all { count } else { 0 };
+        for i in kept..count {
             let place = places[i];
             places[kept] = place;
             kept += usize::from(wants(listed.bounds(place)));
