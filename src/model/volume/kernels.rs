@@ -53,13 +53,15 @@ pub(in crate::model) fn of_grid(
     let transfer = if let Some(transfer) = options.transfer.as_deref() {
         transfer
     } else {
-        let top = DEFAULT_DEPTH / grid.extent().max_element();
-        notes.push(format!(
-            "no transfer function: white, with an extinction that rises from 0 at {least} to {top} at {greatest}"
-        ));
-        if least == greatest {
-            notes.push("all values are equal: nothing shows".to_owned());
-        }
+        let rises = least < greatest;
+        let top = if rises { DEFAULT_DEPTH / grid.extent().max_element() } else { 0.0 };
+        notes.push(if rises {
+            format!(
+                "no transfer function: white, with an extinction that rises from 0 at {least} to {top} at {greatest}"
+            )
+        } else {
+            format!("no transfer function, and all values are equal ({least}): nothing shows")
+        });
         default = TransferFunction::ramp(least, greatest, top);
         &default
     };
@@ -386,7 +388,7 @@ mod tests {
         assert!(notes[0].contains("from 0 at 0 to 2.5 at") && greatest > 0.9, "{notes:?}");
         let even = Grid { values: vec![3.0; 512], ..grid };
         let Made { gaussians, notes, .. } = made(&even, &VolumeOptions::default());
-        assert!(gaussians.is_empty() && notes.iter().any(|note| note.contains("all values are equal")), "{notes:?}");
+        assert!(gaussians.is_empty() && notes[0].contains("all values are equal (3)"), "{notes:?}");
     }
 
     #[test]
