@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
@@ -87,7 +86,9 @@ fn of_type(values: &[i8], sizes: [usize; 3], (kind, size): (&str, usize), little
         "gzip" => out.extend(gzip(&raw)),
         _ => {
             let mut text = String::new();
-            values.iter().for_each(|value| writeln!(text, "{value}.0").unwrap());
+            for value in values {
+                writeln!(text, "{value}.0").unwrap();
+            }
             out.extend(text.bytes());
         }
     }
@@ -374,6 +375,7 @@ fn gzip_holds_what_the_sizes_say() {
 #[cfg(feature = "formats")]
 #[test]
 fn bombs_are_refused_at_once() {
+    use std::time::{Duration, Instant};
     let start = Instant::now();
     let head = |sizes: &str| format!("NRRD0004\ntype: uchar\ndimension: 3\nsizes: {sizes}\nencoding: gzip\n\n");
     // 64 MB of zeros in 64 kB, behind sizes that are smaller, larger, and larger than any stream of this length.
