@@ -23,8 +23,8 @@ Examples:
   splatblur convert pond.ply pond.bin --radius-scale 2.5
   splatblur convert statue.sfl statue.ply --force")]
 pub(super) struct Convert {
-    /// Model: .ply, .sfl, .obj, .xyz, .pts, .bin; capture: .ply, .splat, .spz, .sog, .glb. Grids of volumes (.nrrd) have
-    /// no surfels.
+    /// Model: .ply, .sfl, .obj, .xyz, .pts, .bin; capture: .ply, .splat, .spz, .sog, .glb. Volumes' grids (.nrrd)
+    /// have no surfels.
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// File to write, ending in .bin or .ply.

@@ -53,8 +53,8 @@ impl Storage {
     }
 }
 
-/// Writes `size` x `size` x `size` samples as raw little-endian NRRD. They stand in the middles of the cells that fill the
-/// cube from -1 to 1; x varies fastest. One layer at a time is held.
+/// Writes `size` x `size` x `size` samples as raw little-endian NRRD. They stand in the middles of the cells that fill
+/// the cube from -1 to 1; x varies fastest. One layer at a time is held.
 ///
 /// # Errors
 /// The writer fails.

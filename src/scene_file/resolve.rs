@@ -188,8 +188,8 @@ impl Files<'_> {
         };
         if !is_capture && !is_volume && capture != Capture::default() {
             note(
-                "`opacity`, `shDegree`, `cropMin`, `cropMax` and `antialias` are for captures drawn as Gaussians, all but \
-                 `shDegree` and `antialias` for volumes too, and mean",
+                "`opacity`, `shDegree`, `cropMin`, `cropMax` and `antialias` are for captures drawn as Gaussians, all \
+                 but `shDegree` and `antialias` for volumes too, and mean",
             );
         }
         if is_volume && volume_only {
@@ -233,8 +233,8 @@ impl Files<'_> {
                 what: "<pointModel>".to_owned(),
                 found: format!("variant {variants} of the file {}", path.display()),
                 expected: format!(
-                    "at most {MOST_VARIANTS} sets of `radiusScale`, `colourSpace`, `kind` and what volumes take for one \
-                     file"
+                    "at most {MOST_VARIANTS} sets of `radiusScale`, `colourSpace`, `kind` and what volumes take for \
+                     one file"
                 ),
             });
         }

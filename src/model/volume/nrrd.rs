@@ -1,8 +1,8 @@
 //! NRRD files with their data in the same file (`NRRD0001` to `NRRD0005`; raw, text, gzip).
 //!
 //! The header (`nrrd_header`) says how many bytes of values there are, so a size that lies is noticed before anything
-//! is allocated. Values become `f32`, 4 bytes each, whatever their type is. Gzip may pack a thousand bytes into one, and
-//! smoke is mostly zeros. So the number of values is bounded by [`most_values`].
+//! is allocated. Values become `f32`, 4 bytes each, whatever their type is. Gzip may pack a thousand bytes into one,
+//! and smoke is mostly zeros. So the number of values is bounded by [`most_values`].
 
 use std::io::{self, Read};
 

@@ -122,15 +122,17 @@ proptest! {
     fn damaged_headers_are_no_panic(
         edits in prop::collection::vec((0..400_usize, 0..12_usize, prop_oneof![
             prop::collection::vec(any::<u8>(), 0..4),
-            prop::sample::select(vec!["-1", "0", "1e308", "NaN", "none", "(", ")", "\n", "\n\n", ":", "=", "99999999999"])
+            prop::sample::select(vec!["-1", "0", "1e308", "NaN", "none", "(", ")", "\n", "\n\n", ":", "9999999999"])
                 .prop_map(|s| s.as_bytes().to_vec()),
         ]), 1..4),
         oblique in any::<bool>(),
     ) {
         let places = if oblique {
-            "space dimension: 3\nspace directions: (1,0,0) (0,2,0) (0,0,3)\nspace origin: (1,2,3)\nkinds: domain domain domain\n"
+            "space dimension: 3\nspace directions: (1,0,0) (0,2,0) (0,0,3)\nspace origin: (1,2,3)\n\
+             kinds: domain domain domain\n"
         } else {
-            "spacings: 1 2 NaN\naxis mins: 1 2 3\naxis maxs: NaN NaN 4\ncenterings: cell node none\nline skip: 0\nbyte skip: 0\n"
+            "spacings: 1 2 NaN\naxis mins: 1 2 3\naxis maxs: NaN NaN 4\ncenterings: cell node none\n\
+             line skip: 0\nbyte skip: 0\n"
         };
         let mut file = small(places);
         for (at, cut, insert) in edits {
