@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use clap::Args;
-use splatblur::model;
+use splatblur::model::{self, ModelError};
 
 use super::info::{self, Kind};
 use super::output::{print, say};
@@ -23,7 +23,8 @@ Examples:
   splatblur convert pond.ply pond.bin --radius-scale 2.5
   splatblur convert statue.sfl statue.ply --force")]
 pub(super) struct Convert {
-    /// Model: .ply, .sfl, .obj, .xyz, .pts, .bin; capture: .ply, .splat, .spz, .sog, .glb.
+    /// Model: .ply, .sfl, .obj, .xyz, .pts, .bin; capture: .ply, .splat, .spz, .sog, .glb. Volumes' grids (.nrrd)
+    /// have no surfels.
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// File to write, ending in .bin or .ply.
@@ -60,8 +61,14 @@ impl Convert {
         let (radius_scale, colour_space) = (self.radius_scale, self.colour_space);
         let options = model::LoadOptions { kind, radius_scale, colour_space, ..model::LoadOptions::default() };
         let progress = Loading::new(self.quiet);
-        let loaded = model::load(&self.input, &options, &|what, share| progress.step(what, share))?;
+        let loaded = model::load(&self.input, &options, &|what, share| progress.step(what, share));
         drop(progress);
+        let loaded = match loaded {
+            Err(ModelError::NoSurfels { path }) => {
+                bail!("{} is a grid of a volume; convert writes surfels, and a volume has none", path.display())
+            }
+            other => other?,
+        };
         if !self.quiet {
             for note in &loaded.notes {
                 say(&format!("note: {note}"));

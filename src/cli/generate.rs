@@ -1,34 +1,46 @@
 //! `splatblur generate`: models made by formula.
 
-use std::io::{BufWriter, Write as _};
+use std::fs::File;
+use std::io::{self, BufWriter, Write as _};
 use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
 use splatblur::files;
+use splatblur::model::generate_volume::{self, Shape, Storage};
 use splatblur::model::{Cloud, generate};
 
 use super::memory;
 use super::output::print;
 
-/// Generate one of the demo scenes' models, or a sphere of any number of surfels, as binary .ply.
+/// Generate one of the demo scenes' models, or a sphere of any number of surfels, as binary .ply; or a volume as .nrrd.
 ///
 /// The same model is the same file, byte for byte, on every computer.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
   splatblur generate ball ball.ply
-  splatblur generate sphere sphere.ply --surfels 1000000")]
+  splatblur generate sphere sphere.ply --surfels 1000000
+  splatblur generate volume smoke.nrrd --size 256 --type float")]
 pub(super) struct Generate {
     /// What to generate.
     #[arg(value_enum)]
     model: Model,
-    /// File to write, ending in .ply.
+    /// File to write, ending in .ply, or in .nrrd for a volume.
     #[arg(value_name = "OUT")]
     output: PathBuf,
     /// Number of surfels of a sphere [default: 100000].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
     surfels: Option<u32>,
+    /// Cells of a volume along each axis [default: 128].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    size: Option<u32>,
+    /// Shape of a volume [default: torus].
+    #[arg(long, value_enum)]
+    shape: Option<ShapeWord>,
+    /// Type of a volume's values [default: uint8].
+    #[arg(long = "type", value_enum)]
+    storage: Option<StorageWord>,
     /// Replace OUT if it exists.
     #[arg(long)]
     force: bool,
@@ -51,18 +63,48 @@ enum Model {
     Fence,
     /// Unit sphere of --surfels surfels
     Sphere,
+    /// Cube from -1 to 1 of --size cells along each axis
+    Volume,
+}
+
+/// The shapes of volumes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ShapeWord {
+    /// Ring of smoke about y
+    Torus,
+    /// Ball with a soft edge
+    Sphere,
+    /// Ball in layers
+    Zebra,
+}
+
+/// The types of a volume's values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum StorageWord {
+    /// 0 to 255
+    Uint8,
+    /// 0 to 1
+    Float,
 }
 
 impl Generate {
     pub(super) fn run(&self) -> anyhow::Result<()> {
-        if !self.output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply")) {
-            bail!("{} must end in .ply", self.output.display());
+        let is_volume = self.model == Model::Volume;
+        let needed = if is_volume { "nrrd" } else { "ply" };
+        if !self.output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(needed)) {
+            bail!("{} must end in .{needed}", self.output.display());
+        }
+        if !is_volume && (self.size.is_some() || self.shape.is_some() || self.storage.is_some()) {
+            bail!("--size, --shape and --type are for `volume` only");
         }
         if self.surfels.is_some() && self.model != Model::Sphere {
             bail!("--surfels is for `sphere` only: the other models have fixed numbers");
         }
         if !self.force && self.output.symlink_metadata().is_ok() {
             bail!("{} exists already (--force replaces it)", self.output.display());
+        }
+        if is_volume {
+            return self.volume();
         }
         let needed = BYTES * u64::from(self.surfels.unwrap_or_default());
         if let Some(available) = memory::available().filter(|&available| needed > available) {
@@ -71,13 +113,32 @@ impl Generate {
             bail!("--surfels {surfels} takes {needed} of memory, but there is {available}");
         }
         let cloud = self.cloud();
+        self.write(|out| generate::write(&cloud, out))?;
+        print(&format!("{} surfels: {}\n", cloud.position.len(), self.output.display()))
+    }
+
+    fn volume(&self) -> anyhow::Result<()> {
+        let size = self.size.unwrap_or(128);
+        let shape = match self.shape {
+            None | Some(ShapeWord::Torus) => Shape::Torus,
+            Some(ShapeWord::Sphere) => Shape::Sphere,
+            Some(ShapeWord::Zebra) => Shape::Zebra,
+        };
+        let storage = match self.storage {
+            None | Some(StorageWord::Uint8) => Storage::Uint8,
+            Some(StorageWord::Float) => Storage::Float,
+        };
+        self.write(|out| generate_volume::write(shape, size, storage, out))?;
+        print(&format!("{size} x {size} x {size} samples: {}\n", self.output.display()))
+    }
+
+    fn write(&self, content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> anyhow::Result<()> {
         files::replace_with(&self.output, |temporary| {
-            let mut out = BufWriter::new(std::fs::File::create(temporary)?);
-            generate::write(&cloud, &mut out)?;
+            let mut out = BufWriter::new(File::create(temporary)?);
+            content(&mut out)?;
             out.flush()
         })
-        .with_context(|| format!("cannot write {}", self.output.display()))?;
-        print(&format!("{} surfels: {}\n", cloud.position.len(), self.output.display()))
+        .with_context(|| format!("cannot write {}", self.output.display()))
     }
 
     fn cloud(&self) -> Cloud {
@@ -86,6 +147,8 @@ impl Generate {
             Model::CheckerPlane => generate::checker_plane(),
             Model::Floor => generate::floor(),
             Model::Fence => generate::fence(),
+            // A volume is not a cloud, and was written before.
+            Model::Volume => Cloud::default(),
             Model::Sphere => generate::sphere(self.surfels.unwrap_or(100_000)),
         }
     }

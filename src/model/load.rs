@@ -26,8 +26,8 @@ const MOST_KERNELS_A_BYTE: u64 = 8;
 pub struct Loaded {
     /// The model, in file order; empty where it is `gaussians`.
     pub surfels: Surfels,
-    /// The Gaussians of a capture or the kernels of a volume, in file order; `None` for all other models, and where they
-    /// are to be surfels.
+    /// The Gaussians of a capture or the kernels of a volume, in file order; `None` for all other models, and where
+    /// they are to be surfels.
     pub gaussians: Option<Gaussians>,
     /// What a volume held; `None` for all other models.
     pub volume: Option<VolumeFacts>,

@@ -13,6 +13,7 @@ mod disc_tree;
 mod error;
 mod format;
 pub mod generate;
+pub mod generate_volume;
 mod load;
 mod map;
 mod mesh;

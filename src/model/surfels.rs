@@ -74,8 +74,8 @@ impl From<Vec<f32>> for Normalisation {
 
 /// A model that can be rendered: every surfel has axes, a normal and a colour.
 ///
-/// It is a structure of arrays of one length. Only `opacity`, `material` and `velocity` may be empty, where the file has
-/// none, and `normalisation` until somebody asks for it.
+/// It is a structure of arrays of one length. Only `opacity`, `material` and `velocity` may be empty, where the file
+/// has none, and `normalisation` until somebody asks for it.
 #[derive(Clone, Debug, Default)]
 pub struct Surfels {
     /// Point of model space that the positions are relative to (models are recentred in `f64`).

@@ -15,11 +15,11 @@ use crate::math::srgb;
 /// Writes surfels as little-endian PLY: position, normal, axes (tux..tvz), radius and colour, and where there are any,
 /// opacity (alpha), material (ambient, diffuse, specular, shininess) and velocity (vx, vy, vz).
 ///
-/// [`super::load()`] gives back the same normals, axes, colours, materials and velocities, and opacities unless they are
-/// all 0 or all as good as 1. Positions are floats, exact
-/// where the origin is zero. Otherwise they are doubles, which are exact in model space to 2^-53 of their size; the
-/// reader chooses an origin of its own. Colours are bytes (sRGB) where that is exact for every surfel. Otherwise they
-/// are linear floats, which other programs may show too dark; a comment in the file says so.
+/// [`super::load()`] gives back the same normals, axes, colours, materials and velocities, and opacities unless they
+/// are all 0 or all as good as 1. Positions are floats, exact where the origin is zero. Otherwise they are doubles,
+/// which are exact in model space to 2^-53 of their size; the reader chooses an origin of its own. Colours are bytes
+/// (sRGB) where that is exact for every surfel. Otherwise they are linear floats, which other programs may show too
+/// dark; a comment in the file says so.
 ///
 /// # Errors
 /// The file cannot be written (then nothing is left behind), or the arrays differ in length.

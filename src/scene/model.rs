@@ -8,7 +8,8 @@ use glam::DVec3;
 use crate::math::Bounds;
 use crate::model::{Gaussians, Loaded, Optics, Surfels};
 
-/// The surfels that an object shows, or the Gaussians of a capture or a volume. Copies share them: a clone costs nothing.
+/// The surfels that an object shows, or the Gaussians of a capture or a volume. Copies share them: a clone costs
+/// nothing.
 ///
 /// It gives access to everything of its [`Surfels`], which are none for a capture; what is derived from both (median
 /// radius, boxes) is computed once. To change a model, make a new one.

@@ -245,8 +245,8 @@ impl Object {
     }
 
     /// An object of a model file: PLY, `Pointshop3D` `.sfl`, Wavefront `.obj`, points as text (`.xyz`, `.pts`),
-    /// splatblur's own `.bin`, a capture, or a volume (`.nrrd`). Missing normals and radii of surfels are estimated, and the surfels sorted
-    /// along a curve through space.
+    /// splatblur's own `.bin`, a capture, or a volume (`.nrrd`). Missing normals and radii of surfels are
+    /// estimated, and the surfels sorted along a curve through space.
     ///
     /// # Errors
     /// The file cannot be read, or is not a valid model with at least one point.
@@ -265,7 +265,8 @@ impl Object {
         Ok(Self::new(surfels.spatially_ordered()))
     }
 
-    /// Box around the centres of surfels, Gaussians or kernels, or around the ideal sphere, in model space; empty for a model without surfels.
+    /// Box around the centres of surfels, Gaussians or kernels, or around the ideal sphere, in model space;
+    /// empty for a model without any.
     pub fn bounds(&self) -> Bounds {
         match self.sphere {
             Some(Sphere { radius, .. }) => [DVec3::splat(-radius), DVec3::splat(radius)].into_iter().collect(),

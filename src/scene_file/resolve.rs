@@ -184,22 +184,22 @@ impl Files<'_> {
         let volume_only = capture.harmonics != Capture::MOST_HARMONICS || capture.antialias.is_some();
         let (is_capture, is_volume) = (model.gaussians().is_some() && !model.is_volume(), model.is_volume());
         let mut note = |what: &str| {
-            self.notes.push(format!("object {}: {what}, and mean nothing here", quoted(&spec.name)));
+            self.notes.push(format!("object {}: {what} nothing here", quoted(&spec.name)));
         };
         if !is_capture && !is_volume && capture != Capture::default() {
             note(
-                "`opacity`, `shDegree`, `cropMin`, `cropMax` and `antialias` are for captures drawn as Gaussians, all but \
-                 `shDegree` and `antialias` for volumes too",
+                "`opacity`, `shDegree`, `cropMin`, `cropMax` and `antialias` are for captures drawn as Gaussians, all \
+                 but `shDegree` and `antialias` for volumes too, and mean",
             );
         }
         if is_volume && volume_only {
-            note("`shDegree` and `antialias` are for captures drawn as Gaussians");
+            note("`shDegree` and `antialias` are for captures drawn as Gaussians, and mean");
         }
         if !is_volume && spec.options.volume != model::VolumeOptions::default() {
-            note("`kernel`, `flatten`, `lit` and <transferFunction> are for volumes");
+            note("`kernel`, `flatten`, `lit` and <transferFunction> are for volumes, and mean");
         }
         if (is_capture || is_volume) && spec.opacity != 1.0 {
-            note("the numbers of `opacity` in <material> are for surfels");
+            note("`opacity` of <material> is for surfels, and means");
         }
     }
 
@@ -233,8 +233,8 @@ impl Files<'_> {
                 what: "<pointModel>".to_owned(),
                 found: format!("variant {variants} of the file {}", path.display()),
                 expected: format!(
-                    "at most {MOST_VARIANTS} sets of `radiusScale`, `colourSpace`, `kind` and what volumes take for one \
-                     file"
+                    "at most {MOST_VARIANTS} sets of `radiusScale`, `colourSpace`, `kind` and what volumes take for \
+                     one file"
                 ),
             });
         }

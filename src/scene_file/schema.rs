@@ -530,6 +530,13 @@ mod tests {
     }
 
     #[test]
+    fn the_kernel_of_volumes_has_one_default() {
+        let row = element("pointModel").and_then(|schema| schema.row("kernel", "")).unwrap();
+        let Absent::Value(kernel) = row.default else { panic!("{:?}", row.default) };
+        assert_eq!(kernel.parse::<f64>().unwrap(), crate::model::KERNEL);
+    }
+
+    #[test]
     fn ranges_refuse_what_is_not_finite() {
         assert!(COORDINATE.holds(1.0) && COORDINATE.holds(-FAR));
         assert!(!COORDINATE.holds(f64::NAN) && !COORDINATE.holds(f64::INFINITY));

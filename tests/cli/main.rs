@@ -12,3 +12,4 @@ mod reference;
 mod render;
 mod report;
 mod shell;
+mod volumes;

@@ -166,6 +166,11 @@ fn every_value_arrives() {
     assert!((axis.length() - 1.0).abs() < 1e-15 && (per_frame.to_degrees() + 12.345).abs() < 1e-12);
     assert_eq!(centre, DVec3::new(0.1, 0.2, 0.3));
     assert_eq!(o.place.scale, DVec3::new(-1.0, 2.0, 0.3));
+    assert_eq!((o.opacity, o.volume.kernel, o.volume.flatten, o.volume.lit), (0.75, 0.7, 2.5, true));
+    let stops = o.volume.transfer.as_ref().unwrap().stops().to_vec();
+    assert_eq!(stops.len(), 2);
+    assert_eq!((stops[0].value, stops[0].colour, stops[0].opacity), (-1e-3, glam::Vec3::ONE, 0.0));
+    assert_eq!(stops[1].colour, glam::Vec3::new(1.0, 0.3, 0.007));
     let m = o.material.unwrap();
     assert_eq!((m.ambient, m.diffuse, m.specular, m.shininess), (0.2, 0.6, 0.4, 20.5));
 }
@@ -189,6 +194,27 @@ fn models_named_alike_are_loaded_once() {
     let objects = loaded(format!("<scene>{all}</scene>")).scene.objects;
     assert!(Arc::ptr_eq(objects[0].model.surfels(), objects[1].model.surfels()));
     assert!(!Arc::ptr_eq(objects[0].model.surfels(), objects[2].model.surfels()));
+}
+
+/// A material that says its opacity alone leaves the coefficients of the file, and comes back so.
+#[test]
+fn opacities_of_materials() {
+    let object = |inside: &str| loaded(scene("", inside)).scene.objects[0].clone();
+    let opaque = object("<material/>");
+    assert!(opaque.material.is_some() && opaque.opacity == 1.0 && !opaque.is_see_through());
+    let thin = object("<material opacity='0.5'/>");
+    assert!(thin.material.is_none() && thin.opacity == 0.5 && thin.is_see_through());
+    let both = object("<material opacity='0.5' diffuse='0.25'/>");
+    assert_eq!((both.material.unwrap().diffuse, both.material.unwrap().ambient, both.opacity), (0.25, 1.0, 0.5));
+    // As good as opaque.
+    assert!(!object("<material opacity='0.999'/>").is_see_through());
+    for inside in ["<material opacity='0.5'/>", "<material opacity='0' specular='0'/>", "<material/>"] {
+        comes_back(&Dir::new(scene("", inside)));
+    }
+    refused(
+        scene("", "<material opacity='1.5'/>"),
+        "scene.xml:5:11: `opacity` is `1.5`, expected a number from 0 to 1",
+    );
 }
 
 #[test]

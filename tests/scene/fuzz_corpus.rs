@@ -20,11 +20,12 @@ const PATIENCE: Duration = Duration::from_secs(2);
 type Read = fn(&Path) -> anyhow::Result<()>;
 
 /// Target (a folder of the corpus), extension that the file is read under, reader.
-const TARGETS: [(&str, &str, Read); 13] = [
+const TARGETS: [(&str, &str, Read); 14] = [
     ("anim", "anim", |path| read_animation(path)),
     ("bin", "bin", |path| read_model(path)),
     ("glb", "glb", |path| read_model(path)),
     ("image", "img", |path| Ok(image::read(path).map(drop)?)),
+    ("nrrd", "nrrd", |path| read_volume(path)),
     ("obj", "obj", |path| read_model(path)),
     ("ply", "ply", |path| read_model(path)),
     ("pts", "pts", |path| read_model(path)),
@@ -56,6 +57,20 @@ fn read_model(path: &Path) -> anyhow::Result<()> {
         let vectors = [s.position[i], s.axis_u[i], s.axis_v[i], s.normal[i], s.colour[i]];
         assert!(vectors.iter().all(|v| v.is_finite()), "surfel {i} is not finite");
         assert!(s.radius(i) > 0.0, "surfel {i} has no radius");
+    }
+    Ok(())
+}
+
+fn read_volume(path: &Path) -> anyhow::Result<()> {
+    let volume = model::VolumeOptions { flatten: 3.0, lit: true, ..model::VolumeOptions::default() };
+    for volume in [model::VolumeOptions::default(), volume] {
+        let options = model::LoadOptions { volume, ..model::LoadOptions::default() };
+        let g = model::load(path, &options, &|_, _| {})?.gaussians.expect("a volume");
+        assert!(!g.is_empty(), "a volume without kernels was accepted");
+        for i in 0..g.len() {
+            assert!([g.position[i], g.sigma[i], g.base[i]].iter().all(|v| v.is_finite()), "kernel {i} is not finite");
+            assert!(g.rotation[i].is_normalized() && g.opacity[i].is_finite() && g.opacity[i] > 0.0, "kernel {i}");
+        }
     }
     Ok(())
 }

@@ -159,10 +159,10 @@ fn what_means_nothing_is_noted() {
     let dir = Dir::new();
     let noted = |loaded: Result<scene_file::Loaded, SceneError>, part: &str| {
         let notes = loaded.unwrap().notes;
-        assert!(notes.iter().any(|n| n.contains(part) && n.contains("mean nothing here")), "{part}: {notes:?}");
+        assert!(notes.iter().any(|n| n.contains(part) && n.ends_with(" nothing here")), "{part}: {notes:?}");
     };
     noted(dir.object("shDegree='1'", ""), "`shDegree` and `antialias`");
-    noted(dir.object("", "<material opacity='0.5'/>"), "`opacity` in <material>");
+    noted(dir.object("", "<material opacity='0.5'/>"), "`opacity` of <material> is for surfels");
     fs::write(dir.path("grid.nrrd"), SAMPLES).unwrap();
     noted(dir.object("kind='surfels' lit='true'", ""), "`kernel`, `flatten`, `lit` and <transferFunction>");
     noted(dir.object("kind='surfels'", RAMP), "`kernel`, `flatten`, `lit` and <transferFunction>");

@@ -276,12 +276,15 @@ pub(super) fn text(report: &Value) -> String {
 }
 
 /// Keys that come first in text, in this order; all others follow by name.
-const ORDER: [&str; 28] = [
+const ORDER: [&str; 31] = [
     "kind",
     "name",
     "type",
     "surfels",
     "gaussians",
+    "kernels",
+    "size",
+    "spacing",
     "width",
     "height",
     "background",

@@ -30,8 +30,8 @@ Examples:
   splatblur info --adapters")]
 #[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub(super) struct Info {
-    /// Scene (.xml), model (.ply, .sfl, .obj, .xyz, .pts, .bin), capture (.ply, .splat, .spz, .sog, .glb), animation
-    /// (.anim) or image (.png, .exr); told apart by content.
+    /// Scene (.xml), model (.ply, .sfl, .obj, .xyz, .pts, .bin), capture (.ply, .splat, .spz, .sog, .glb), volume
+    /// (.nrrd, .ply), animation (.anim) or image (.png, .exr); told apart by content.
     #[arg(required_unless_present = "adapters")]
     file: Option<PathBuf>,
 

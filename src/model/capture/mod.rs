@@ -57,8 +57,8 @@ pub enum Optics {
 
 /// Transparent 3D Gaussians, as structure of arrays.
 ///
-/// The frame is that of the plain PLY files: x right, y down, z forward. Readers of other frames turn into it. All
-/// values are finite.
+/// The frame of captures is that of the plain PLY files: x right, y down, z forward. Readers of other frames turn into
+/// it. Volumes keep the axes of their file. All values are finite.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gaussians {
     /// Centres, model units.

@@ -7,6 +7,7 @@ mod gradient;
 mod grid;
 mod kernels;
 mod nrrd;
+mod nrrd_fields;
 mod nrrd_header;
 mod samples;
 mod transfer;

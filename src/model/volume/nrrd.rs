@@ -1,8 +1,8 @@
 //! NRRD files with their data in the same file (`NRRD0001` to `NRRD0005`; raw, text, gzip).
 //!
 //! The header (`nrrd_header`) says how many bytes of values there are, so a size that lies is noticed before anything
-//! is allocated. Values become `f32`, 4 bytes each, whatever their type is. Gzip may pack a thousand bytes into one, and
-//! smoke is mostly zeros. So the number of values is bounded by [`most_values`].
+//! is allocated. Values become `f32`, 4 bytes each, whatever their type is. Gzip may pack a thousand bytes into one,
+//! and smoke is mostly zeros. So the number of values is bounded by [`most_values`].
 
 use std::io::{self, Read};
 
@@ -205,23 +205,23 @@ fn decode(stream: &mut impl Read, header: &Header, values: &mut Vec<f32>, progre
 
 fn append(bytes: &[u8], kind: Type, little: bool, values: &mut Vec<f32>) {
     macro_rules! numbers {
-        ($type:ty) => {{
+        ($type:ty, $as_single:expr) => {{
             let (numbers, _) = bytes.as_chunks::<{ size_of::<$type>() }>();
             let decode = if little { <$type>::from_le_bytes } else { <$type>::from_be_bytes };
-            values.extend(numbers.iter().map(|raw| decode(*raw) as f32));
+            values.extend(numbers.iter().map(|raw| $as_single(decode(*raw))));
         }};
     }
     match kind {
-        Type::I8 => numbers!(i8),
-        Type::U8 => numbers!(u8),
-        Type::I16 => numbers!(i16),
-        Type::U16 => numbers!(u16),
-        Type::I32 => numbers!(i32),
-        Type::U32 => numbers!(u32),
-        Type::I64 => numbers!(i64),
-        Type::U64 => numbers!(u64),
-        Type::F32 => numbers!(f32),
-        Type::F64 => numbers!(f64),
+        Type::I8 => numbers!(i8, f32::from),
+        Type::U8 => numbers!(u8, f32::from),
+        Type::I16 => numbers!(i16, f32::from),
+        Type::U16 => numbers!(u16, f32::from),
+        Type::I32 => numbers!(i32, |x| x as f32),
+        Type::U32 => numbers!(u32, |x| x as f32),
+        Type::I64 => numbers!(i64, |x| x as f32),
+        Type::U64 => numbers!(u64, |x| x as f32),
+        Type::F32 => numbers!(f32, f32::from),
+        Type::F64 => numbers!(f64, |x| x as f32),
     }
 }
 

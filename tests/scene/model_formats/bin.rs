@@ -138,6 +138,30 @@ fn columns_of_later_versions_are_skipped() {
     assert_eq!(encode(&back), good);
 }
 
+/// A column of opacities is written after the normalisation, where there is one.
+#[test]
+fn opacities_come_back() {
+    let mut s = sample(3, true);
+    s.opacity = vec![0.0, 0.25, 1.0];
+    let bytes = encode(&s);
+    assert_eq!(bytes[52], 9);
+    assert!(bytes[64 + 8 * 48..].starts_with(b"opacity\0"));
+    let back = surfels(&bytes).unwrap();
+    assert_eq!((&back.opacity, back.least_opacity()), (&s.opacity, 0.0));
+    assert_eq!(format!("{s:?}"), format!("{back:?}"));
+    assert_eq!(encode(&back), bytes);
+    // The last column: three floats and 4 bytes of padding.
+    let at = bytes.len() - 16 + 4;
+    assert_eq!(bytes[at..at + 4], 0.25_f32.to_le_bytes());
+    for opacity in [-0.001_f32, 1.001, f32::NAN, f32::INFINITY] {
+        let e = message(&bytes, at, &opacity.to_le_bytes());
+        assert!(e.starts_with(&format!("byte {at}: found an unusable opacity at surfel 1")), "{e}");
+        assert!(e.contains("opacities from 0 to 1"), "{e}");
+    }
+    let e = message(&bytes, 64 + 8 * 48 + 40, &[8]);
+    assert!(e.contains("column `opacity` of 8 bytes for 3 surfels, expected 4 bytes"), "{e}");
+}
+
 #[test]
 fn options_of_a_scene() {
     let dir = tempfile::tempdir().unwrap();

@@ -7,7 +7,7 @@ use super::bin::{encode, encode_first_version, seal};
 use super::support::{ENCODINGS, Encoding, Ply, be, read, refused, sfl_file, sfl_set};
 use super::write::sample;
 
-const FORMATS: [Format; 10] = [
+const FORMATS: [Format; 11] = [
     Format::Ply,
     Format::Sfl,
     Format::Obj,
@@ -18,6 +18,7 @@ const FORMATS: [Format; 10] = [
     Format::Sog,
     Format::Spz,
     Format::Glb,
+    Format::Nrrd,
 ];
 
 /// Small valid files of every format.
@@ -59,6 +60,8 @@ fn seeds() -> Vec<(Format, Vec<u8>)> {
     files.push((Format::Bin, encode(&sample(3, true))));
     files.push((Format::Bin, encode_first_version(&sample(3, true))));
     files.push((Format::Xyz, b"# x y z, normal, colour\n1 2 3 0 0 1 255 0 0\n4 5 6 0 1 0 0 9 0\n".to_vec()));
+    let nrrd = "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 2 2\nspacings: 1 2 3\nencoding: raw\n\n01234567";
+    files.push((Format::Nrrd, nrrd.as_bytes().to_vec()));
     files.push((Format::Pts, b"2\n1 2 3 -20 255 0 0\n4 5 6 30 1 2 3\n".to_vec()));
     files
 }
@@ -288,8 +291,9 @@ proptest! {
         let _ = parse(&second, Format::Bin);
         let spz = b"NGSP\x04\0\0\0\x02\0\0\0\0\x0c\0\x05\x20\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0";
         let glb = b"glTF\x02\0\0\0\x14\0\0\0";
-        let marks: [&[u8]; 10] =
-            [b"ply\n", sfl, b"v 1 2 3\nf ", bin, b"1 2 3\n", b"2\n1 2 3 ", b"", b"PK\x03\x04", spz, glb];
+        let nrrd = b"NRRD0004\ntype: float\ndimension: 3\nendian: big\nencoding: gzip\nsizes: 1 2 ";
+        let marks: [&[u8]; 11] =
+            [b"ply\n", sfl, b"v 1 2 3\nf ", bin, b"1 2 3\n", b"2\n1 2 3 ", b"", b"PK\x03\x04", spz, glb, nrrd];
         let _ = parse(&bytes, FORMATS[which]);
         let _ = parse(&[marks[which], &bytes].concat(), FORMATS[which]);
     }

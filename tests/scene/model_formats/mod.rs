@@ -7,6 +7,7 @@ mod compressed_ply;
 mod files;
 mod glb;
 mod hostile;
+mod nrrd;
 mod obj;
 mod ply;
 mod ply_crosscheck;

@@ -155,6 +155,50 @@ fn colours_by_their_type() {
 }
 
 #[test]
+fn opacities_by_their_type() {
+    let of = |kind: &'static str, name: &'static str, values: [f64; 3]| {
+        let rows = values.map(|value| vec![0.0, 0.0, 0.0, value]);
+        let properties = with_xyz(&[(kind, name)]);
+        let all: Vec<_> = ENCODINGS
+            .map(|encoding| cloud(&Ply::new(encoding).element("vertex", &properties, &rows).bytes(), Format::Ply))
+            .into_iter()
+            .map(|cloud| (cloud.opacity, cloud.notes))
+            .collect();
+        assert!(all.iter().all(|one| *one == all[0]), "{all:?}");
+        all[0].clone()
+    };
+    for (kind, one) in [
+        ("uchar", 255.0),
+        ("short", 32767.0),
+        ("ushort", 65535.0),
+        ("int", 2_147_483_647.0),
+        ("uint", 4_294_967_295.0),
+        ("float", 1.0),
+        ("double", 1.0),
+    ] {
+        for name in ["alpha", "opacity"] {
+            let (opacity, notes) = of(kind, name, [0.0, one, if one > 1.0 { 51.0 } else { 0.25 }]);
+            let third = if one > 1.0 { 51.0 / one } else { 0.25 };
+            assert_eq!((opacity, notes), (vec![0.0, 1.0, third as f32], vec![]), "{kind} {name}");
+        }
+    }
+    // The sign of a signed byte is an accident.
+    assert_eq!(of("char", "alpha", [-1.0, 51.0, 0.0]).0, [1.0, 0.2, 0.0]);
+    // Opaque ones say nothing. Zeros alone are those of a program that knows no opacity.
+    assert_eq!(of("uchar", "alpha", [254.0, 255.0, 254.0]), (vec![], vec![]));
+    assert_eq!(of("uchar", "alpha", [255.0, 253.0, 255.0]).0.len(), 3);
+    let note = "the opacities of all points are 0: taken as opaque".to_owned();
+    assert_eq!(of("uchar", "alpha", [0.0; 3]), (vec![], vec![note]));
+    let (opacity, notes) = of("float", "alpha", [-0.5, 2.0, 0.5]);
+    assert_eq!((opacity, notes.len()), (vec![1.0, 1.0, 0.5], 1), "{notes:?}");
+    // Beside columns of a capture it is a logit, even where the rest of the capture is missing.
+    let broken = with_xyz(&[("float", "f_dc_0"), ("float", "scale_0"), ("float", "opacity")]);
+    let c = cloud(&Ply::new(Encoding::Little).element("vertex", &broken, &[vec![0.5; 6]]).bytes(), Format::Ply);
+    assert!(c.opacity.is_empty());
+    assert_eq!(c.notes, ["vertex properties ignored: f_dc_0, scale_0, opacity"]);
+}
+
+#[test]
 fn unused_properties_are_named() {
     let c = points(&with_xyz(&[("float", "curvature"), ("float", "confidence"), ("uchar", "alpha")]), &[&[255.0; 6]]);
     assert_eq!(c.notes, ["vertex properties ignored: curvature"]);

@@ -60,6 +60,23 @@ fn ply_round_trip() {
 }
 
 #[test]
+fn ply_keeps_opacities() {
+    let mut s = sample(4, false);
+    s.opacity = vec![0.0, 0.1, 0.5, 1.0];
+    let (back, header) = round_trip(&s);
+    assert!(header.contains("property float alpha\n"), "{header}");
+    assert_eq!(back.opacity, s.opacity);
+    // All as good as 1: opaque.
+    s.opacity = vec![1.0, 0.997, 1.0, 1.0];
+    assert!(round_trip(&s).0.opacity.is_empty());
+    s.opacity = vec![1.0, 0.995, 1.0, 1.0];
+    assert_eq!(round_trip(&s).0.opacity, s.opacity);
+    s.opacity.pop();
+    let e = write_ply(std::path::Path::new("a.ply"), &s).unwrap_err().to_string();
+    assert_eq!(e, "surfels to be written have 3 of `opacity`, expected 4");
+}
+
+#[test]
 fn unequal_columns_and_bad_paths_are_refused() {
     let mut s = sample(3, true);
     s.velocity.pop();
