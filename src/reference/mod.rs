@@ -8,10 +8,11 @@
 //!
 //! Data flow: `sampler` and `warp` (where and when a sample lies) → `cull` (objects that it may hit) → `trace`
 //! (what it sees), through `bvh`, `boxes` and `traverse` → `layers` (see-through surfels before that) → `gaussians`
-//! (captures among them) → `sums` (means and standard errors). `integrator` does this for the pixels of an image, `render` for a frame, `probe` for one pixel.
+//! (captures among them) with `volumes` → `composite` → `sums` (means and standard errors). `integrator` does this for the pixels of an image, `render` for a frame, `probe` for one pixel.
 
 mod boxes;
 mod bvh;
+mod composite;
 mod cull;
 mod error;
 mod gaussians;
@@ -26,6 +27,7 @@ mod store;
 mod sums;
 mod trace;
 mod traverse;
+mod volumes;
 mod warp;
 
 pub use self::error::ReferenceError;

@@ -7,11 +7,12 @@ use rayon::prelude::*;
 use super::bvh::Bvh;
 use super::error::ReferenceError;
 use super::gaussians::blend::Blend;
-use super::gaussians::tree::Tree;
+use super::gaussians::tree::{Kernel, Tree};
 use super::options::ReferenceOptions;
+use super::volumes::kernel::Kernel as VolumeKernel;
 use crate::film::Background;
 use crate::math::{focal_length, norm};
-use crate::model::{Gaussians, Material, Surfels};
+use crate::model::{Gaussians, Material, Optics, Surfels};
 use crate::scene::pose::{ObjectPoser, camera_from_world};
 use crate::scene::{Capture, Light, Object, Scene, Sphere};
 use crate::shading::ShadingLight;
@@ -32,7 +33,11 @@ pub(super) struct World<'a> {
     /// Objects that show captures, in the order of objects.
     pub captures: Vec<Transparent<'a>>,
     /// Trees of captures. Objects that show the same Gaussians of one share a tree.
-    pub trees: Vec<Tree>,
+    pub trees: Vec<Tree<Kernel>>,
+    /// Objects that show volumes, in the order of objects.
+    pub volumes: Vec<Volume<'a>>,
+    /// Trees of volumes.
+    pub volume_trees: Vec<Tree<VolumeKernel>>,
     /// The image's blending of captures.
     pub blend: Blend,
     /// The camera's pose if it does not move.
@@ -59,6 +64,18 @@ pub(super) struct Transparent<'a> {
     pub gaussians: &'a Gaussians,
     /// Opacities shrink where Gaussians are widened.
     pub antialias: bool,
+    /// Greatest `reach` of the tree's Gaussians.
+    pub reach: f64,
+}
+
+/// An object that shows a volume.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Volume<'a> {
+    /// Number of the object.
+    pub body: usize,
+    /// Number of the tree.
+    pub tree: usize,
+    pub gaussians: &'a Gaussians,
 }
 
 /// The shape of an object that rays can hit.
@@ -68,6 +85,8 @@ pub(super) enum Shape {
     Model(usize),
     /// A capture: the number of its tree.
     Gaussians(usize),
+    /// A volume: the number of its tree.
+    Volume(usize),
     Sphere(Sphere),
     Nothing,
 }
@@ -117,7 +136,7 @@ impl<'a> World<'a> {
     ) -> Result<Self, ReferenceError> {
         let number = frame.get();
         let mut distinct: Vec<&Surfels> = Vec::new();
-        let mut shown: Vec<(&Gaussians, &Capture)> = Vec::new();
+        let (mut shown, mut volumes): (Vec<Shown<'_>>, Vec<Shown<'_>>) = Default::default();
         let bodies: Vec<Body<'a>> = scene
             .objects
             .iter()
@@ -125,17 +144,10 @@ impl<'a> World<'a> {
                 let surfels: &Surfels = &object.model;
                 let shape = match object.sphere {
                     Some(sphere) => Shape::Sphere(sphere),
-                    None if let Some(gaussians) = object.model.gaussians() => {
-                        let capture = &object.capture;
-                        let same = |(other, its): &(&Gaussians, &Capture)| {
-                            std::ptr::eq(*other, &raw const **gaussians)
-                                && (its.opacity, its.crop) == (capture.opacity, capture.crop)
-                        };
-                        Shape::Gaussians(shown.iter().position(same).unwrap_or_else(|| {
-                            shown.push((gaussians, capture));
-                            shown.len() - 1
-                        }))
-                    }
+                    None if let Some(gaussians) = object.model.gaussians() => match gaussians.optics {
+                        Optics::Alpha => Shape::Gaussians(tree_of(&mut shown, gaussians, &object.capture)),
+                        Optics::Extinction { .. } => Shape::Volume(tree_of(&mut volumes, gaussians, &object.capture)),
+                    },
                     None if surfels.is_empty() => Shape::Nothing,
                     None => {
                         Shape::Model(distinct.iter().position(|m| std::ptr::eq(*m, surfels)).unwrap_or_else(|| {
@@ -148,9 +160,13 @@ impl<'a> World<'a> {
             })
             .collect();
         let models = distinct.into_par_iter().map(Bvh::new).collect();
-        let captures = bodies.iter().enumerate().filter_map(|(body, of)| Transparent::of(body, of)).collect();
-        let trees = shown.into_iter().map(|(gaussians, capture)| Tree::new(gaussians, capture));
-        let trees = trees.collect::<Result<_, _>>()?;
+        let trees = shown.into_iter().map(|(g, capture)| Tree::new(g, capture, |i| Kernel::of(g, capture, i)));
+        let trees = trees.collect::<Result<Vec<_>, _>>()?;
+        let captures = bodies.iter().enumerate().filter_map(|(body, of)| Transparent::of(body, of, &trees)).collect();
+        let volume_trees =
+            volumes.into_iter().map(|(g, capture)| Tree::new(g, capture, |i| VolumeKernel::of(g, capture, i)));
+        let volume_trees = volume_trees.collect::<Result<_, _>>()?;
+        let volumes = bodies.iter().enumerate().filter_map(|(body, of)| Volume::of(body, of)).collect();
         let frame_camera = CameraPose::new(&camera_from_world(scene, number));
         Ok(Self {
             scene,
@@ -161,6 +177,8 @@ impl<'a> World<'a> {
             models,
             captures,
             trees,
+            volumes,
+            volume_trees,
             blend: Blend::of(scene),
             fixed_camera: scene.camera.rests().then_some(frame_camera),
             frame_camera,
@@ -203,6 +221,20 @@ impl<'a> World<'a> {
         (0..self.models.len()).filter_map(of_model).map(|body| body.surfels.len() as u64).sum()
     }
 
+    /// Gaussians of the distinct captures and volumes.
+    pub(super) fn gaussians(&self) -> u64 {
+        let captures: usize = self.trees.iter().map(|tree| tree.kernels().len()).sum();
+        let volumes: usize = self.volume_trees.iter().map(|tree| tree.kernels().len()).sum();
+        (captures + volumes) as u64
+    }
+
+    /// Memory of all hierarchies, bytes.
+    pub(super) fn bytes(&self) -> u64 {
+        let surfels: u64 = self.models.iter().map(Bvh::bytes).sum();
+        let captures: u64 = self.trees.iter().map(Tree::bytes).sum();
+        surfels + captures + self.volume_trees.iter().map(Tree::bytes).sum::<u64>()
+    }
+
     /// The pose of the camera that sees an object, if it is the same for every sample.
     pub(super) fn camera_of(&self, body: &Body<'_>) -> Option<CameraPose> {
         if body.object.blur { self.fixed_camera } else { Some(self.frame_camera) }
@@ -210,7 +242,7 @@ impl<'a> World<'a> {
 
     /// True if light passes through anything.
     pub(super) fn is_see_through(&self) -> bool {
-        !self.captures.is_empty() || self.bodies.iter().any(|body| body.see_through)
+        !self.captures.is_empty() || !self.volumes.is_empty() || self.bodies.iter().any(|body| body.see_through)
     }
 
     /// True if the lights relative to the eye are the same for every sample.
@@ -220,12 +252,34 @@ impl<'a> World<'a> {
 }
 
 impl<'a> Transparent<'a> {
-    fn of(body: usize, of: &Body<'a>) -> Option<Self> {
+    fn of(body: usize, of: &Body<'a>, trees: &[Tree<Kernel>]) -> Option<Self> {
         let Shape::Gaussians(tree) = of.shape else { return None };
         let gaussians: &'a Gaussians = of.object.model.gaussians()?;
         let antialias = of.object.capture.antialias.unwrap_or(gaussians.antialiased);
-        Some(Self { body, tree, gaussians, antialias })
+        let reach = trees[tree].kernels().iter().map(|kernel| kernel.reach).fold(0.0, f64::max);
+        Some(Self { body, tree, gaussians, antialias, reach })
     }
+}
+
+impl<'a> Volume<'a> {
+    fn of(body: usize, of: &Body<'a>) -> Option<Self> {
+        let Shape::Volume(tree) = of.shape else { return None };
+        Some(Self { body, tree, gaussians: of.object.model.gaussians()? })
+    }
+}
+
+/// Gaussians, and how they are shown.
+type Shown<'a> = (&'a Gaussians, &'a Capture);
+
+/// The number of the tree of Gaussians that are shown in this way.
+fn tree_of<'a>(shown: &mut Vec<Shown<'a>>, gaussians: &'a Gaussians, capture: &'a Capture) -> usize {
+    let same = |&(other, its): &Shown<'_>| {
+        std::ptr::eq(other, gaussians) && (its.opacity, its.crop) == (capture.opacity, capture.crop)
+    };
+    shown.iter().position(same).unwrap_or_else(|| {
+        shown.push((gaussians, capture));
+        shown.len() - 1
+    })
 }
 
 impl CameraPose {

@@ -3,9 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use super::bvh::Bvh;
 use super::error::{ReferenceError, finite};
-use super::gaussians::tree::Tree;
 use super::integrator::{Integrator, Progress};
 use super::options::{ROUND, ReferenceOptions};
 use super::posed::World;
@@ -38,9 +36,9 @@ pub struct Stats {
     pub cut: u64,
     /// Surfels of the distinct models.
     pub surfels: u64,
-    /// Gaussians of the distinct captures that can be seen.
+    /// Gaussians of the distinct captures and volumes that can be seen.
     pub gaussians: u64,
-    /// Memory of the hierarchies of both, bytes.
+    /// Memory of the hierarchies of all, bytes.
     pub hierarchy_bytes: u64,
     /// Memory of the partial sums, bytes.
     pub sums_bytes: u64,
@@ -102,8 +100,8 @@ pub fn render(
         mean_error: sums.mean_error(background),
         cut: integrator.cut.load(Ordering::Relaxed),
         surfels: world.surfels(),
-        gaussians: world.trees.iter().map(|tree| tree.kernels().len() as u64).sum(),
-        hierarchy_bytes: world.models.iter().map(Bvh::bytes).chain(world.trees.iter().map(Tree::bytes)).sum(),
+        gaussians: world.gaussians(),
+        hierarchy_bytes: world.bytes(),
         sums_bytes: sums.bytes(),
         build,
         trace: start.elapsed(),

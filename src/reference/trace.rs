@@ -22,11 +22,11 @@ use crate::shading::{ShadingLight, shade};
 pub(super) struct Seen {
     /// Shaded colour, linear Rec.709, premultiplied by `coverage` like all below.
     pub colour: DVec3,
-    /// 1 for opaque surfaces, 1 - transmittance where only captures are seen.
+    /// 1 for opaque surfaces, 1 - transmittance where light passes through all that is seen.
     pub coverage: f64,
     /// Mean camera depth.
     pub depth: f64,
-    /// Averaged normal: a unit vector in world axes. Captures have none.
+    /// Averaged normal: a unit vector in world axes. Captures and volumes have none.
     pub normal: DVec3,
     /// Mean screen velocity, pixels per shutter; 0 unless the AOV is wanted.
     pub velocity: DVec2,
@@ -144,7 +144,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
                 Shape::Sphere(sphere) => {
                     self.rays.iter().for_each(|ray| intersect_sphere(&sphere, ray, &mut self.found[ray.lane]));
                 }
-                Shape::Gaussians(_) | Shape::Nothing => {}
+                Shape::Gaussians(_) | Shape::Volume(_) | Shape::Nothing => {}
             }
         }
     }

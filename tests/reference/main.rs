@@ -8,3 +8,4 @@ mod gaussians;
 mod promises;
 mod samples;
 mod see_through;
+mod volumes;

@@ -23,7 +23,7 @@ impl Blend {
     }
 
     /// Linear light in the numbers of the image's blending.
-    pub(super) fn of_light(&self, colour: DVec3) -> DVec3 {
+    pub(in crate::reference) fn of_light(&self, colour: DVec3) -> DVec3 {
         match self.space {
             Blending::Coded => colour.map(srgb::encoded),
             Blending::Linear => colour,
@@ -40,7 +40,7 @@ impl Blend {
     ///
     /// Decoding is not linear, so that share of the background is taken off again; who adds it gets the exact colour,
     /// also for means over rays.
-    pub(super) fn finish(&self, sum: DVec3, alpha: f64) -> DVec3 {
+    pub(in crate::reference) fn finish(&self, sum: DVec3, alpha: f64) -> DVec3 {
         let Background { colour, transparent } = self.background;
         match self.space {
             Blending::Linear => sum,

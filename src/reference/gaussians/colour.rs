@@ -7,7 +7,7 @@ use crate::scene::Capture;
 
 /// Colour of Gaussian `index` seen from `eye` (model space), in the space of the capture: max(0, 0.5 + sum of harmonics
 /// of the direction from the eye to the centre), or the one colour that the object has for all.
-pub(super) fn colour(gaussians: &Gaussians, capture: &Capture, index: usize, eye: DVec3) -> DVec3 {
+pub(in crate::reference) fn colour(gaussians: &Gaussians, capture: &Capture, index: usize, eye: DVec3) -> DVec3 {
     if let Some(flat) = capture.flat {
         return flat.as_dvec3();
     }

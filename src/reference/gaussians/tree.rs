@@ -1,4 +1,4 @@
-//! The Gaussians of a capture in a tree of boxes, in model space.
+//! The Gaussians of a capture or of a volume in a tree of boxes, in model space.
 //!
 //! They stand along a curve through space. Eight neighbours share a box, eight such boxes share one, and so on: the
 //! tree needs no pointers.
@@ -16,6 +16,15 @@ pub(in crate::reference) const LEAST_ALPHA: f64 = 1.0 / 255.0;
 
 /// Children of a node.
 const WIDTH: usize = 8;
+
+/// What a tree holds.
+pub(in crate::reference) trait Placed: Copy + Send + Sync {
+    /// Centre, model space.
+    fn centre(&self) -> Vec3;
+
+    /// Distance from the centre within which a ray may meet it, model units.
+    fn radius(&self) -> f64;
+}
 
 /// A Gaussian that can be seen.
 #[derive(Clone, Copy, Debug)]
@@ -41,26 +50,29 @@ struct Node {
     radius: f64,
 }
 
-/// The Gaussians of a capture that can be seen.
+/// The Gaussians that can be seen.
 #[derive(Clone, Debug)]
-pub(in crate::reference) struct Tree {
-    kernels: Vec<Kernel>,
+pub(in crate::reference) struct Tree<K> {
+    kernels: Vec<K>,
     /// Nodes by level, those above kernels first. The last level has at most [`WIDTH`] nodes.
     levels: Vec<Vec<Node>>,
-    /// Greatest `reach` of all.
-    pub reach: f64,
     /// Greatest absolute value of a coordinate.
     pub extent: f64,
 }
 
-impl Tree {
-    /// Builds the tree of all that `capture` lets be seen.
+impl<K: Placed> Tree<K> {
+    /// Builds the tree of all that `capture` lets be seen. `of` makes the kernel of a number, or tells that nobody sees
+    /// it.
     ///
     /// # Errors
     /// The tree does not fit into memory.
-    pub(in crate::reference) fn new(gaussians: &Gaussians, capture: &Capture) -> Result<Self, ReferenceError> {
+    pub(in crate::reference) fn new(
+        gaussians: &Gaussians,
+        capture: &Capture,
+        of: impl Fn(u32) -> Option<K> + Sync,
+    ) -> Result<Self, ReferenceError> {
         let count = gaussians.len();
-        let each = size_of::<Kernel>() + size_of::<(u64, u32)>() + size_of::<Node>() / WIDTH * 2;
+        let each = size_of::<K>() + size_of::<(u64, u32)>() + size_of::<Node>() / WIDTH * 2;
         // The memory is tried first: a vector that does not fit would end the program.
         let fits = count.checked_mul(each).is_some_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
         if !fits || u32::try_from(count).is_err() {
@@ -69,30 +81,25 @@ impl Tree {
         let inside = |p: DVec3| capture.crop.is_none_or(|[low, high]| p.cmpge(low).all() && p.cmple(high).all());
         let seen: Vec<u32> = (0..count as u32)
             .into_par_iter()
-            .filter(|&index| {
-                let kernel = Kernel::of(gaussians, capture, index);
-                kernel.is_visible() && inside(kernel.centre.as_dvec3())
-            })
+            .filter(|&index| inside(gaussians.position[index as usize].as_dvec3()) && of(index).is_some())
             .collect();
         let low = seen.iter().fold(Vec3::INFINITY, |low, &i| low.min(gaussians.position[i as usize]));
         let high = seen.iter().fold(Vec3::NEG_INFINITY, |high, &i| high.max(gaussians.position[i as usize]));
         let mut order: Vec<(u64, u32)> =
             seen.into_par_iter().map(|i| (along_curve(gaussians.position[i as usize], low, high), i)).collect();
         order.par_sort_unstable();
-        let kernels: Vec<Kernel> =
-            order.into_par_iter().map(|(_, index)| Kernel::of(gaussians, capture, index)).collect();
+        let kernels: Vec<K> = order.into_par_iter().filter_map(|(_, index)| of(index)).collect();
         let mut levels: Vec<Vec<Node>> = vec![kernels.chunks(WIDTH).map(Node::of_kernels).collect()];
         while let Some(above) = levels.last().filter(|level| level.len() > WIDTH) {
             let next = above.chunks(WIDTH).map(Node::of_nodes).collect();
             levels.push(next);
         }
-        let reach = kernels.iter().map(|kernel| kernel.reach).fold(0.0, f64::max);
         let extent = low.abs().max(high.abs()).as_dvec3().max_element();
-        Ok(Self { kernels, levels, reach, extent: if extent.is_finite() { extent } else { 0.0 } })
+        Ok(Self { kernels, levels, extent: if extent.is_finite() { extent } else { 0.0 } })
     }
 
     /// The Gaussians, of which [`Self::visit`] tells the places.
-    pub(in crate::reference) fn kernels(&self) -> &[Kernel] {
+    pub(in crate::reference) fn kernels(&self) -> &[K] {
         &self.kernels
     }
 
@@ -103,12 +110,7 @@ impl Tree {
     }
 
     /// Calls `found` with the place of each Gaussian that a ray of the beam may meet. `stack` is scratch.
-    pub(in crate::reference) fn visit(
-        &self,
-        beam: &Beam,
-        stack: &mut Vec<(u32, u32)>,
-        mut found: impl FnMut(u32, &Kernel),
-    ) {
+    pub(in crate::reference) fn visit(&self, beam: &Beam, stack: &mut Vec<(u32, u32)>, mut found: impl FnMut(u32, &K)) {
         let top = self.levels.len() - 1;
         stack.clear();
         stack.extend((0..self.levels[top].len() as u32).map(|at| (top as u32, at)));
@@ -129,8 +131,19 @@ impl Tree {
     }
 }
 
+impl Placed for Kernel {
+    fn centre(&self) -> Vec3 {
+        self.centre
+    }
+
+    fn radius(&self) -> f64 {
+        self.radius
+    }
+}
+
 impl Kernel {
-    fn of(gaussians: &Gaussians, capture: &Capture, index: u32) -> Self {
+    /// Gaussian `index` of a capture; `None` where it is too faint, or not finite.
+    pub(in crate::reference) fn of(gaussians: &Gaussians, capture: &Capture, index: u32) -> Option<Self> {
         let i = index as usize;
         let sigma = gaussians.sigma[i].as_dvec3();
         let axes = DMat3::from_quat(gaussians.rotation[i].as_dquat().normalize()) * DMat3::from_diagonal(sigma);
@@ -138,17 +151,17 @@ impl Kernel {
         let opacity = f64::from(gaussians.opacity[i]) * capture.opacity;
         // A little more than the exact reach: alpha itself is compared where the Gaussian is seen.
         let reach = 2.0 * libm::log(opacity / LEAST_ALPHA) + 1e-9;
-        Self {
+        let kernel = Self {
             centre: gaussians.position[i],
             index,
             covariance: [s.x_axis.x, s.x_axis.y, s.x_axis.z, s.y_axis.y, s.y_axis.z, s.z_axis.z],
             opacity,
             reach,
             radius: sigma.max_element() * reach.max(0.0).sqrt(),
-        }
+        };
+        kernel.is_visible().then_some(kernel)
     }
 
-    /// False where it is too faint, or not finite.
     fn is_visible(&self) -> bool {
         self.reach >= 0.0
             && self.reach.is_finite()
@@ -159,10 +172,10 @@ impl Kernel {
 }
 
 impl Node {
-    fn of_kernels(kernels: &[Kernel]) -> Self {
+    fn of_kernels<K: Placed>(kernels: &[K]) -> Self {
         kernels
             .iter()
-            .map(|k| Self { low: k.centre, high: k.centre, radius: k.radius })
+            .map(|k| Self { low: k.centre(), high: k.centre(), radius: k.radius() })
             .fold(Self::NOTHING, Self::union)
     }
 

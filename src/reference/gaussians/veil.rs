@@ -1,22 +1,26 @@
-//! Composites the Gaussians of captures and layers of see-through surfels over what rays see of opaque surfaces.
+//! Composites the Gaussians of captures, layers of see-through surfels and volumes over what rays see of opaque
+//! surfaces.
 //!
 //! A group of rays, near each other in place and time, shares one list of Gaussians that any of them may meet, sorted
 //! by a lower bound of depth. The list is taken batch by batch. Each ray sees each Gaussian of a batch exactly at its
 //! own time, and composites what is surely nearer than all batches to come. So what one ray sees depends on nothing
-//! else than that ray, and memory does not grow with what is hidden.
+//! else than that ray, and memory does not grow with what is hidden. A volume is marched through between all that, so
+//! where there is one all hits wait for the end.
 
-use glam::{DMat4, DVec2, DVec3};
+use glam::{DMat4, DVec3};
 
 use super::beam::{Beam, BeamRay};
-use super::blend::Blend;
 use super::colour::colour;
+use super::place::Place;
 use super::sight::{BATCH, Batch, Seen as SeenBatch, Sight, look};
 use super::tree::LEAST_ALPHA;
 use crate::film::Aov;
 use crate::math::norm;
+use crate::reference::composite::{Composite, OPAQUE};
 use crate::reference::layers::{Layer, Surfaces};
 use crate::reference::posed::{CameraPose, World};
 use crate::reference::trace::{SamplePoint, Seen};
+use crate::reference::volumes::march::March;
 use crate::scene::pose::object_velocity;
 
 /// Greatest alpha of one Gaussian.
@@ -30,9 +34,6 @@ const FIELD: f64 = 1.3;
 
 /// Centres nearer than this share of the object's scale are not drawn.
 const NEAREST: f64 = 0.2;
-
-/// Transmittance at which a ray ends. What is left would change a colour by less than this.
-const OPAQUE: f64 = 1e-6;
 
 /// Waiting hits of one ray from which on those are dropped that are surely hidden.
 const MANY: usize = 8192;
@@ -63,6 +64,8 @@ pub(in crate::reference) struct Veil<'w, 'a> {
     stack: Vec<(u32, u32)>,
     batch: Batch,
     seen: SeenBatch,
+    /// Volumes; `None` where there are none.
+    march: Option<March<'w, 'a>>,
     /// What was composited, in its order, if that is wanted.
     pub taken: Option<Vec<Taken>>,
 }
@@ -74,23 +77,18 @@ struct Ray {
     /// Centres behind this depth are hidden by opaque surfaces.
     limit: f64,
     live: bool,
-    transmittance: f64,
-    colour: DVec3,
-    depth: f64,
-    normal: DVec3,
-    velocity: DVec2,
+    sum: Composite,
     /// Hits that are not composited yet.
     waiting: Vec<Hit>,
     /// Layers of see-through surfels that are composited.
     layers: usize,
-    /// True if anything was composited.
-    any: bool,
 }
 
 /// How a ray sees the object of one capture.
 #[derive(Clone, Copy, Debug)]
 struct View {
     sight: Sight,
+    place: Place,
     near: f64,
     beam: BeamRay,
     /// Change of the model's place relative to the camera, per shutter; made when it is asked for.
@@ -124,6 +122,7 @@ impl<'w, 'a> Veil<'w, 'a> {
             stack: Vec::new(),
             batch: Batch::default(),
             seen: SeenBatch::default(),
+            march: (!world.volumes.is_empty()).then(|| March::new(world)),
             taken: None,
         }
     }
@@ -140,15 +139,26 @@ impl<'w, 'a> Veil<'w, 'a> {
             let next = batches.get(end).map_or(f64::INFINITY, |candidate| candidate.nearest);
             self.meet(&mut batches[first..end]);
             for ray in 0..self.rays.len() {
-                self.settle(ray, next, surfaces.layers(ray));
+                self.settle(ray, next, surfaces.layers(ray), false);
             }
             first = end;
         }
         self.list = batches;
+        let end = |opaque: &Option<Seen>| opaque.map_or(f64::INFINITY, |opaque| opaque.depth);
+        if let Some(march) = &mut self.march {
+            march.begin(points, surfaces.opaque.iter().map(end));
+        }
         for ray in 0..self.rays.len() {
-            self.settle(ray, f64::INFINITY, surfaces.layers(ray));
-            let opaque = &mut surfaces.opaque[ray];
-            *opaque = Some(self.finish(&self.rays[ray], *opaque));
+            let opaque = surfaces.opaque[ray];
+            if let Some(march) = &mut self.march {
+                march.begin_ray(ray, end(&opaque));
+            }
+            self.settle(ray, f64::INFINITY, surfaces.layers(ray), true);
+            let sum = &mut self.rays[ray].sum;
+            if let Some(march) = &mut self.march {
+                march.advance(f64::INFINITY, sum);
+            }
+            surfaces.opaque[ray] = Some(sum.over(opaque, &self.world.blend));
         }
     }
 
@@ -159,12 +169,12 @@ impl<'w, 'a> Veil<'w, 'a> {
         for (ray, (&(film, time), &limit)) in self.rays.iter_mut().zip(points.iter().zip(limits)) {
             let mut waiting = std::mem::take(&mut ray.waiting);
             waiting.clear();
-            *ray = Ray { time, limit, live: true, transmittance: 1.0, waiting, ..Ray::default() };
+            *ray = Ray { time, limit, live: true, waiting, ..Ray::default() };
             let camera = world.camera(time);
             self.views.extend(world.captures.iter().map(|capture| {
                 let body = &world.bodies[capture.body];
                 let camera = if body.object.blur { &camera } else { &world.frame_camera };
-                View::new(world, capture.body, world.trees[capture.tree].reach, camera, film, time)
+                View::new(world, capture.body, capture.reach, camera, film, time)
             }));
         }
     }
@@ -227,33 +237,45 @@ impl<'w, 'a> Veil<'w, 'a> {
     }
 
     /// Composites the waiting hits and the `layers` of a ray that are nearer than `next`, where all that is still to
-    /// come begins. A Gaussian at the limit of a layer is before it.
-    fn settle(&mut self, number: usize, next: f64, layers: &[Layer]) {
-        if !self.rays[number].live {
+    /// come begins. A Gaussian at the limit of a layer is before it. Where there is a volume this waits for the `last`
+    /// call.
+    fn settle(&mut self, number: usize, next: f64, layers: &[Layer], last: bool) {
+        if !self.rays[number].live && !last {
             return;
         }
         let mut waiting = std::mem::take(&mut self.rays[number].waiting);
         waiting
             .sort_unstable_by(|a, b| a.depth.total_cmp(&b.depth).then((a.capture, a.index).cmp(&(b.capture, b.index))));
         let mut done = 0;
-        while self.rays[number].transmittance >= OPAQUE {
+        let waits = self.march.is_some() && !last;
+        while !waits && !self.rays[number].sum.is_opaque() {
             let hit = waiting.get(done).filter(|hit| hit.depth < next);
             let layer = layers.get(self.rays[number].layers);
             let layer = layer.filter(|layer| next.is_infinite() || layer.limit < next);
-            match (hit, layer) {
-                (Some(hit), layer) if layer.is_none_or(|layer| hit.depth <= layer.limit) => {
-                    self.add(number, hit);
-                    done += 1;
-                }
-                (_, Some(layer)) => self.rays[number].add_layer(layer, &self.world.blend),
-                _ => break,
+            let hit = hit.filter(|hit| layer.is_none_or(|layer| hit.depth <= layer.limit));
+            // A Gaussian may be behind a layer's depth and before its limit.
+            let depth = layer.map_or(f64::INFINITY, |layer| layer.seen.depth);
+            let depth = hit.map_or(depth, |hit| depth.min(hit.depth));
+            if hit.is_none() && layer.is_none() {
+                break;
+            }
+            if let Some(march) = &mut self.march {
+                march.advance(depth, &mut self.rays[number].sum);
+            }
+            if let Some(hit) = hit {
+                self.add(number, hit);
+                done += 1;
+            } else if let Some(Layer { seen, opacity, .. }) = layer {
+                let colour = self.world.blend.of_light(seen.colour);
+                self.rays[number].sum.add(*opacity, &Seen { colour, ..*seen });
+                self.rays[number].layers += 1;
             }
         }
         waiting.drain(..done);
         let ray = &mut self.rays[number];
         if waiting.len() > MANY {
             // What is still to come can only hide more.
-            let mut transmittance = ray.transmittance;
+            let mut transmittance = ray.sum.transmittance;
             let ends = waiting.iter().position(|hit| {
                 let hidden = transmittance < OPAQUE;
                 transmittance *= 1.0 - hit.alpha;
@@ -262,7 +284,7 @@ impl<'w, 'a> Veil<'w, 'a> {
             waiting.truncate(ends.unwrap_or(waiting.len()));
         }
         // The limit of the last layers may be greater than that of the opaque surface.
-        ray.live = ray.transmittance >= OPAQUE && (next <= ray.limit || ray.layers < layers.len());
+        ray.live = !ray.sum.is_opaque() && (next <= ray.limit || ray.layers < layers.len());
         ray.waiting = waiting;
     }
 
@@ -274,78 +296,34 @@ impl<'w, 'a> Veil<'w, 'a> {
         let (gaussians, options) = (capture.gaussians, &body.object.capture);
         let at = number * world.captures.len() + hit.capture as usize;
         let (ray, Some(view)) = (&mut self.rays[number], &mut self.views[at]) else { return };
-        let &mut Ray { transmittance, .. } = ray;
+        let transmittance = ray.sum.transmittance;
         let &Hit { depth, alpha, capture: number, index } = hit;
-        let weight = transmittance * alpha;
         let own = colour(gaussians, options, index as usize, view.beam.origin);
         if let Some(taken) = &mut self.taken {
             let (capture, index) = (number as usize, index as usize);
             taken.push(Taken { capture, index, depth, alpha, transmittance, colour: own });
         }
-        ray.colour += weight * world.blend.of_capture(own, gaussians.linear);
-        ray.depth += weight * hit.depth;
+        let mut part = Seen { colour: world.blend.of_capture(own, gaussians.linear), depth, ..Seen::NOTHING };
         if body.object.blur && world.options.aovs.contains(&Aov::Velocity) {
             let rate = *view.rate.get_or_insert_with(|| object_velocity(world.scene, body.object, ray.time));
             let centre = gaussians.position[hit.index as usize].as_dvec3();
-            ray.velocity += weight * world.focal * view.velocity(centre, &rate);
+            part.velocity = world.focal * view.place.velocity(centre, &rate);
         }
-        ray.transmittance *= 1.0 - hit.alpha;
-        ray.any = true;
-    }
-
-    /// What the ray sees of captures and of opaque surfaces.
-    fn finish(&self, ray: &Ray, opaque: Option<Seen>) -> Seen {
-        let through = ray.transmittance;
-        let blend = &self.world.blend;
-        match opaque {
-            Some(opaque) if !ray.any => opaque,
-            Some(opaque) => Seen {
-                colour: blend.finish(ray.colour + through * blend.of_light(opaque.colour), 1.0),
-                coverage: 1.0,
-                depth: ray.depth + through * opaque.depth,
-                normal: ray.normal + through * opaque.normal,
-                velocity: ray.velocity + through * opaque.velocity,
-            },
-            None if !ray.any => Seen::NOTHING,
-            None => Seen {
-                colour: blend.finish(ray.colour, 1.0 - through),
-                coverage: 1.0 - through,
-                depth: ray.depth,
-                normal: ray.normal,
-                velocity: ray.velocity,
-            },
-        }
-    }
-}
-
-impl Ray {
-    /// Composites a layer behind what is there.
-    fn add_layer(&mut self, layer: &Layer, blend: &Blend) {
-        let Layer { seen, opacity, .. } = layer;
-        let weight = self.transmittance * opacity;
-        self.colour += weight * blend.of_light(seen.colour);
-        self.depth += weight * seen.depth;
-        self.normal += weight * seen.normal;
-        self.velocity += weight * seen.velocity;
-        self.transmittance *= 1.0 - opacity;
-        self.layers += 1;
-        self.any = true;
+        ray.sum.add(alpha, &part);
     }
 }
 
 impl View {
     fn new(world: &World<'_>, body: usize, reach: f64, camera: &CameraPose, film: [f64; 2], time: f64) -> Option<Self> {
         let pose = world.bodies[body].pose_at(time)?;
-        let axes = camera.world_from_camera;
-        let rows = [axes.x_axis, -axes.y_axis, -axes.z_axis];
-        let place = pose.world_from_model.translation - camera.eye;
+        let place = Place::new(&pose, camera, world.direction(film));
         let linear = pose.world_from_model.matrix3;
         let size = world.size.map(f64::from);
         let half = size.map(|pixels| 0.5 * pixels / world.focal);
         let bounds = half.map(|half| FIELD * half);
         let sight = Sight {
-            rows: rows.map(|row| linear.transpose() * row),
-            offset: DVec3::from_array(rows.map(|row| row.dot(place))),
+            rows: place.rows,
+            offset: place.offset,
             tangent: [0, 1].map(|axis| film[axis] / world.focal - half[axis]),
             bounds,
             dilation: DILATION / (world.focal * world.focal),
@@ -357,23 +335,14 @@ impl View {
         let back = norm(&pose.model_from_world);
         let slant = (1.0 + bounds[0] * bounds[0] + bounds[1] * bounds[1]).sqrt();
         let beam = BeamRay {
-            origin: pose.model_from_world * -place,
-            direction: pose.model_from_world * (camera.world_from_camera * world.direction(film)),
-            forward: sight.rows[2],
-            offset: sight.offset.z,
+            origin: place.eye,
+            direction: place.direction,
+            forward: place.rows[2],
+            offset: place.offset.z,
             near,
             growth: slant * norm(&linear) * back,
             slope: (reach * sight.dilation).sqrt() * back,
         };
-        Some(Self { sight, near, beam, rate: None })
-    }
-
-    /// Velocity of a point of the model on the film, tangents per shutter, x right, y down; `rate` is the change of
-    /// `camera_from_model` per shutter.
-    fn velocity(&self, p: DVec3, rate: &DMat4) -> DVec2 {
-        let [x, y, z] = [0, 1, 2].map(|axis| self.sight.rows[axis].dot(p) + self.sight.offset[axis]);
-        let v = rate.transform_vector3(p) + rate.w_axis.truncate();
-        let (dx, dy, dz) = (v.x, -v.y, -v.z);
-        DVec2::new(dx - x / z * dz, dy - y / z * dz) / z
+        Some(Self { sight, place, near, beam, rate: None })
     }
 }
