@@ -285,8 +285,8 @@ fn decoded(c: f64) -> f64 {
     if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
-/// A Gaussian of a capture is before a layer if its centre is at most at the layer's limit. Coded colours make the whole
-/// image blend coded.
+/// A Gaussian of a capture is before a layer if its centre is at most at the layer's limit. Coded colours make the
+/// whole image blend coded.
 #[test]
 fn gaussians_stand_between_layers() {
     let layers = [(3.0, RED, 0.5), (5.0, GREEN, 0.25)];
