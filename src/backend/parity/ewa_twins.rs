@@ -74,7 +74,8 @@ impl EwaTwins<'_> {
             let mut of_splats = Vec::new();
             values::values(splats, &scope.shown(chunk), &mut of_splats);
             let attributes = scope.attributes(chunk, &of_splats);
-            let filter = Filter { attributes, depths: scope.depths(chunk), sigma: scope.raster.sigma, start, ceiling: &[] };
+            let filter =
+                Filter { attributes, depths: scope.depths(chunk), sigma: scope.raster.sigma, start, ceiling: &[] };
             let TileBuffers { ewa, group_coverage, .. } = &mut buffers;
             attribute::attribute(splats, list, &filter, &tile, ewa, &mut group_coverage.sample_coverage);
         }

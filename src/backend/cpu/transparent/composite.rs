@@ -75,8 +75,10 @@ fn composite_body(batch: &Batch, place: &Place<'_>, out: &mut Composite) -> bool
         (5, false, false) => all::<5, false, true>(batch, place, out),
         (5, true, true) => all::<5, true, false>(batch, place, out),
         (5, true, false) => all::<5, true, true>(batch, place, out),
-        (_, _, true) => all::<7, true, false>(batch, place, out),
-        (_, _, false) => all::<7, true, true>(batch, place, out),
+        (_, false, true) => all::<7, false, false>(batch, place, out),
+        (_, false, false) => all::<7, false, true>(batch, place, out),
+        (_, true, true) => all::<7, true, false>(batch, place, out),
+        (_, true, false) => all::<7, true, true>(batch, place, out),
     }
     let last = batch.splats.last().filter(|_| place.rising);
     let furthest = last.map_or(f32::NEG_INFINITY, |splat| splat.depth);
