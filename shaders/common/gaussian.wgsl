@@ -1,4 +1,4 @@
-// A Gaussian of a capture, projected. Twins: src/layout.rs (GaussianSplat), which says what the fields mean;
+// A Gaussian of a capture or volume, projected. Twins: src/layout.rs (GaussianSplat), which says what the fields mean;
 // src/backend/gpu/layout.rs (DeviceGaussian), a test compares the layouts. Its size and the place of its bounds are
 // those of a `Splat`: pass `bin` takes it for one.
 struct DeviceGaussian {
@@ -14,8 +14,18 @@ struct DeviceGaussian {
     // Its first column is behind its last where it touches nothing.
     bounds: vec2<u32>,
     index: u32,
-    unused: u32,
+    layer: u32,
 }
 
 // log2(255). Alphas below 1/255 are 0 (Kerbl et al. 2023, their program).
 const LOG2_FAINTEST: f32 = 7.9943534;
+
+// log2 of the optical depth, in powers of 1/2, below which a volume's kernel is cut, and the powers of 1/2 below its
+// centre that it keeps at least. A test holds them against src/backend/cpu/transparent/project.rs.
+const FAINTEST_DEPTH: f32 = -12.0;
+const LEAST_REACH: f32 = 2.88539;
+
+// Where the kernel of a volume with the centre 2^`peak` is cut.
+fn least_power(peak: f32) -> f32 {
+    return min(peak - LEAST_REACH, FAINTEST_DEPTH);
+}

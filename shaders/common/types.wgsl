@@ -70,12 +70,12 @@ struct View {
     // without it.
     sigma: f32,
     apron: u32,
-    // Of captures. Place of the first slot in the order of depth. Not 0 where thresholds hold opaque surfels. What
-    // turns the sums of the opaque picture into means over the group.
+    // Of what is transparent. Place of the first slot in the order of depth. Not 0 where thresholds hold opaque
+    // surfels. What turns the sums of the opaque picture into means over the group. Not 0 in the last slab of depth.
     first_place: u32,
     has_opaque: u32,
     opaque_scale: f32,
-    unused: u32,
+    ends: u32,
 }
 
 // Some surfels of one surfel buffer, posed at one time sample. The array of segments begins with one entry for each

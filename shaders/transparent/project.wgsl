@@ -1,9 +1,10 @@
 // Pass `project` of Gaussians (program `gaussian_project`): posed, projected, widened by the filter, bounded and
 // culled; and the depths by which they are sorted.
-// Twins: src/backend/cpu/transparent/project.rs, harmonics.rs; key_of of sorted.rs.  Math: docs/math.md, section 11.
-//   in   segment
+// Twins: src/backend/cpu/transparent/project.rs, emission.rs, harmonics.rs; key_of of sorted.rs.
+// Math: docs/math.md, sections 11 and 12.
+//   in   segment, lights
 //        geometry    columns: positions, standard deviations, rotations (x, y, z, w), opacities
-//        looks       columns: colours from all sides; then the harmonics of each Gaussian
+//        looks       columns: colours from all sides; the harmonics of each Gaussian; then normals where it has them
 //   out  gaussians   one for each slot; those that touch nothing have bounds that say so
 //        keys, list  depths as integers of the same order, and the slots themselves
 // One invocation per Gaussian of a segment.
@@ -11,6 +12,7 @@
 @group(0) @binding(1) var<uniform> segment: CaptureSegment;
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
 @group(1) @binding(1) var<storage, read> looks: array<f32>;
+@group(1) @binding(3) var<storage, read> lights: array<Light>;
 @group(1) @binding(9) var<storage, read_write> keys: array<u32>;
 @group(1) @binding(10) var<storage, read_write> list: array<u32>;
 @group(1) @binding(32) var<storage, read_write> gaussians: array<DeviceGaussian>;
@@ -18,7 +20,7 @@
 // Are velocities wanted?
 override VELOCITY: bool = false;
 
-// The Gaussians of one buffer of a capture, posed at one time sample.
+// The Gaussians of one buffer of a capture or volume, posed at one time sample.
 struct CaptureSegment {
     screen: array<vec4<f32>, 3>,
     rate: array<vec4<f32>, 3>,
@@ -41,14 +43,33 @@ struct CaptureSegment {
     // Index of the first one among all Gaussians of the frame.
     first_index: u32,
     // Bit 0: one that is widened loses opacity. Bit 1: colours are linear, and the image is composited in coded values.
+    // Bit 2: kernels of a volume. Bit 3: they have normals that lights shade. Bit 4: they keep their layers.
     flags: u32,
     // Harmonics that each has, and those that are used: 0, 3, 8 or 15.
     harmonics_each: u32,
     harmonics_used: u32,
+    // Of a volume: area on the raster over that in the model, at depth 1 on the axis, over 2 pi, in powers of 1/2. Depth
+    // of a layer, scene units.
+    area: f32,
+    layer: f32,
+    // Of what is lit: as in `Segment`.
+    normal: array<vec4<f32>, 3>,
+    world: array<vec4<f32>, 3>,
+    material: vec4<f32>,
+    first_light: u32,
+    lights: u32,
     unused: vec2<u32>,
 }
 const FLAG_ANTIALIAS: u32 = 1u;
 const FLAG_ENCODE: u32 = 2u;
+const FLAG_VOLUME: u32 = 4u;
+const FLAG_LIT: u32 = 8u;
+const FLAG_KEEP_LAYER: u32 = 16u;
+
+// log2 of the largest optical depth of a kernel, in powers of 1/2.
+const MOST_DEPTH: f32 = 40.0;
+// The largest number of a layer, less 1: the last float below 2^32.
+const MOST_LAYER: f32 = 4294967040.0;
 
 // 0.5 / ln(2).
 const HALF_LOG2_E: f32 = 0.72134752;
@@ -65,6 +86,10 @@ fn gaussian_project(@builtin(global_invocation_id) id: vec3<u32>) {
         let colour = colour_of(id.x, position);
         splat.colour = array<f32, 3>(colour.x, colour.y, colour.z);
         if VELOCITY { splat.velocity = velocity_of(position, centre); }
+    }
+    if (segment.flags & FLAG_VOLUME) != 0u {
+        splat.layer = 1u + u32(clamp(centre.z / segment.layer, 0.0, MOST_LAYER));
+        if (segment.flags & FLAG_KEEP_LAYER) != 0u { splat.layer = gaussians[slot].layer; }
     }
     gaussians[slot] = splat;
     keys[slot] = key_of(centre.z);
@@ -105,6 +130,7 @@ fn projected(i: u32, position: vec3<f32>, centre: vec3<f32>) -> DeviceGaussian {
     let third = on_screen(axis_z, jx, jy, geometry[sigma_at + 2u] * over);
     let u = vec3<f32>(first.x, second.x, third.x);
     let v = vec3<f32>(first.y, second.y, third.y);
+    let e = vec3<f32>(first.z, second.z, third.z);
     let xx = u.x * u.x + u.y * u.y + u.z * u.z;
     let yy = v.x * v.x + v.y * v.y + v.z * v.z;
     let xy = u.x * v.x + u.y * v.y + u.z * v.z;
@@ -117,16 +143,32 @@ fn projected(i: u32, position: vec3<f32>, centre: vec3<f32>) -> DeviceGaussian {
     let wide_yy = yy + dilation;
     var lost = 1.0;
     if (segment.flags & FLAG_ANTIALIAS) != 0u { lost = sqrt(unfiltered / determinant); }
-    let opacity = geometry[10u * n + i] * segment.opacity * lost;
-    let solid = opacity * 255.0 > 1.0;
-    let peak = log_of_two(select(1.0, opacity, solid));
+    let is_volume = (segment.flags & FLAG_VOLUME) != 0u;
+    // Zwicker et al. 2002, eq. 33: the integral of the kernel over the ray at its centre. A ray that leaves the axis is
+    // longer than its depth.
+    let inverse_focal2 = 1.0 / (view.focal * view.focal);
+    let longer2 = 1.0 + (x * x + y * y) * inverse_focal2;
+    let bend = bend_of(u, v, e, vec2<f32>(x, y), longer2, inverse_focal2);
+    let integral = segment.area * sqrt(longer2) * (over * over) / sqrt(determinant) * bend.mass;
+    let opacity = geometry[10u * n + i] * segment.opacity * select(lost, integral, is_volume);
+    let solid = select(opacity * 255.0 > 1.0, opacity >= LEAST_NORMAL, is_volume);
+    var peak = log_of_two(select(1.0, opacity, solid));
+    var faintest = LOG2_FAINTEST;
+    var shift = vec2<f32>(0.0);
+    if is_volume {
+        let kept = 1.0 - power_of_two(least_power(peak) - peak);
+        // Nothing gets through more.
+        peak = min(peak - log_of_two(kept), MOST_DEPTH);
+        faintest = -least_power(peak);
+        shift = bend.shift;
+    }
     let over_xx = 1.0 / wide_xx;
-    let reach = (peak + LOG2_FAINTEST) * (1.0 / HALF_LOG2_E);
+    let reach = (peak + faintest) * (1.0 / HALF_LOG2_E);
     let reach_x = sqrt(reach * wide_xx);
     let reach_y = sqrt(reach * wide_yy);
 
     var out: DeviceGaussian;
-    out.reference = view.axis + vec2<f32>(x, y);
+    out.reference = view.axis + vec2<f32>(x, y) + shift;
     out.along = HALF_LOG2_E * over_xx;
     out.slope = xy * over_xx;
     out.across = HALF_LOG2_E * wide_xx / determinant;
@@ -135,7 +177,7 @@ fn projected(i: u32, position: vec3<f32>, centre: vec3<f32>) -> DeviceGaussian {
     out.index = segment.first_index + i;
     out.bounds = pack(vec4<u32>(1u, 0u, 1u, 0u));
     let inside = all(position >= segment.low.xyz) && all(position <= segment.high.xyz);
-    let sane = all_finite(vec3<f32>(out.reference, determinant)) && finite(depth);
+    let sane = all_finite(vec3<f32>(out.reference, determinant)) && finite(depth) && determinant > 0.0;
     if !(sane && solid && inside && depth >= segment.near) { return out; }
     let across = vec2<f32>(-reach_x, reach_x) - view.offset.x;
     let down = vec2<f32>(-reach_y, reach_y) - view.offset.y;
@@ -145,11 +187,50 @@ fn projected(i: u32, position: vec3<f32>, centre: vec3<f32>) -> DeviceGaussian {
     return out;
 }
 
-// An axis of a Gaussian on the screen, by the derivative of the projection at (jx, jy); `scale`: its length over the
-// depth.
-fn on_screen(axis: vec3<f32>, jx: f32, jy: f32, scale: f32) -> vec2<f32> {
+// An axis of a Gaussian on the screen, by the derivative of the projection at (jx, jy), and its depth over that of the
+// centre; `scale`: its length over the depth.
+fn on_screen(axis: vec3<f32>, jx: f32, jy: f32, scale: f32) -> vec3<f32> {
     let turned = apply_linear(segment.screen, axis);
-    return vec2<f32>((turned.x - jx * turned.z) * scale, (turned.y - jy * turned.z) * scale);
+    return vec3<f32>((turned.x - jx * turned.z) * scale, (turned.y - jy * turned.z) * scale, turned.z * scale);
+}
+
+// The least positive float that every device holds.
+const LEAST_NORMAL: f32 = 1.17549435e-38;
+
+// What the affine image of a kernel misses of perspective, to second order in the angle at which the eye sees it
+// (docs/math.md, section 12).
+struct Bend {
+    // Factor on the integral over the screen.
+    mass: f32,
+    // Of the mean place on the screen, pixels.
+    shift: vec2<f32>,
+}
+
+// Most that the factor differs from 1: beyond, the series says nothing.
+const MOST_BEND: f32 = 0.5;
+
+// `u`, `v`: the image of the axes, pixels; `e`: their depths over that of the centre, which is at `place`. `longer2`:
+// square of the length of the ray over its depth.
+fn bend_of(
+    u: vec3<f32>, v: vec3<f32>, e: vec3<f32>, place: vec2<f32>, longer2: f32, inverse_focal2: f32,
+) -> Bend {
+    let over = inverse_focal2 / longer2;
+    var mass = 0.0;
+    var shift = vec2<f32>(0.0);
+    for (var k = 0u; k < 3u; k += 1u) {
+        // Along the ray, over its length.
+        let across = (u[k] * place.x + v[k] * place.y) * over;
+        let along = across + e[k];
+        let px = u[k] + place.x * e[k];
+        let py = v[k] + place.y * e[k];
+        let length2 = (px * px + py * py) * over + e[k] * e[k] / longer2;
+        mass += 0.5 * (length2 - along * along - 6.0 * along * e[k] + 12.0 * e[k] * e[k]);
+        shift.x += u[k] * (across - 3.0 * e[k]);
+        shift.y += v[k] * (across - 3.0 * e[k]);
+    }
+    let size = abs(mass);
+    let trust = select(1.0, MOST_BEND / size, size > MOST_BEND);
+    return Bend(1.0 + mass * trust, shift * trust);
 }
 
 // The colour of a Gaussian as the eye sees it, in the numbers of the image.
@@ -161,8 +242,22 @@ fn colour_of(i: u32, position: vec3<f32>) -> vec3<f32> {
         own += harmonics(i, unit_or_zero(position - segment.eye));
     }
     own = max(own, vec3<f32>(0.0));
+    if (segment.flags & FLAG_LIT) != 0u { own = lit(i, own, position); }
     if (segment.flags & FLAG_ENCODE) == 0u { return own; }
     return vec3<f32>(from_linear(own.x), from_linear(own.y), from_linear(own.z));
+}
+
+// `colour` lit once for the whole kernel, with the normal on the side of the eye (Zwicker et al. 2002, sections 4.2
+// and 7.1). Ambient light alone reaches what has no normal.
+fn lit(i: u32, colour: vec3<f32>, position: vec3<f32>) -> vec3<f32> {
+    let at = 3u * (segment.count * (1u + segment.harmonics_each) + i);
+    let world = apply(segment.world, position);
+    var normal = vec3<f32>(looks[at], looks[at + 1u], looks[at + 2u]);
+    normal = unit_or_zero(apply_linear(segment.normal, normal));
+    if normal.x * world.x + normal.y * world.y + normal.z * world.z > 0.0 { normal = -normal; }
+    var material = segment.material;
+    if all(normal == vec3<f32>(0.0)) { material = vec4<f32>(material.x, 0.0, 0.0, material.w); }
+    return shade(segment.first_light, segment.lights, material, colour, normal, world, unit_or_zero(-world));
 }
 
 fn unit_or_zero(v: vec3<f32>) -> vec3<f32> {

@@ -9,8 +9,8 @@ use super::constants::{
     swept_resolve_constants, value_constants,
 };
 use super::device::Device;
-use super::layout::{DIGIT_BITS, UNIFORM_STRIDE};
-use super::memory::DeviceChannels;
+use super::layout::{CAPTURE_STRIDES, DIGIT_BITS, UNIFORM_STRIDE};
+use super::memory::{CompositeChannels, DeviceChannels};
 use super::models::ModelBuffer;
 use super::prepared::Prepared;
 use super::programs::{Constants, Pipelines, Program, Slot};
@@ -233,12 +233,14 @@ impl Binder<'_> {
     ) -> Result<BoundProgram, BackendError> {
         let pipeline = self.pipelines.get(self.device, program, constants)?;
         let layouts = self.pipelines.layouts(self.device, program).clone();
-        let uniform = |buffer| {
-            BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: BufferSize::new(UNIFORM_STRIDE) })
+        let uniform = |buffer, strides: usize| {
+            let size = BufferSize::new(strides as u64 * UNIFORM_STRIDE);
+            BindingResource::Buffer(BufferBinding { buffer, offset: 0, size })
         };
+        let of_segment = if program == Program::GaussianProject { CAPTURE_STRIDES } else { 1 };
         let uniforms = [
-            BindGroupEntry { binding: 0, resource: uniform(&self.buffers.views) },
-            BindGroupEntry { binding: 1, resource: uniform(&self.buffers.segments) },
+            BindGroupEntry { binding: 0, resource: uniform(&self.buffers.views, 1) },
+            BindGroupEntry { binding: 1, resource: uniform(&self.buffers.segments, of_segment) },
         ];
         let uniforms = &uniforms[..if program.has_segment() { 2 } else { 1 }];
         let (read, written) = program.buffers();
@@ -432,7 +434,7 @@ impl Binder<'_> {
             peak: None,
             count: 1,
             layers: 1,
-            composite: 0,
+            composite: CompositeChannels::default(),
             ..*channels
         };
         let mut density = sum_constants(&weights);

@@ -1,5 +1,6 @@
 //! How the Gaussians of a group are cut up: a run for each buffer that holds some.
 
+use super::layout::CAPTURE_STRIDES;
 use super::prepared::Prepared;
 use crate::frame::PosedGroup;
 
@@ -31,9 +32,15 @@ pub(super) fn runs(prepared: &Prepared<'_>, group: &PosedGroup) -> (Vec<Run>, u3
     (runs, slots)
 }
 
+/// Where segment `number` of a group begins, strides of uniforms. The background comes before all.
+pub(super) const fn segment_at(number: usize) -> usize {
+    1 + number * CAPTURE_STRIDES
+}
+
 /// Most views and segments of a group, and passes that it records.
 pub(super) fn sizes(prepared: &Prepared<'_>, group: &PosedGroup) -> [usize; 3] {
     let (runs, slots) = runs(prepared, group);
     let slabs = u64::from(slots).div_ceil(prepared.schedule.slots).max(1) as usize;
-    [slabs + 1, 1 + 2 * runs.len(), group.samples.len() * (4 + 2 * slabs)]
+    // A program is bound to a segment even where none is visible.
+    [slabs + 1, segment_at((2 * runs.len()).max(1)), group.samples.len() * (4 + 2 * slabs)]
 }

@@ -92,9 +92,17 @@ pub(super) fn resolve_constants(frame: &Frame, channels: &DeviceChannels, planes
     constants
 }
 
+fn channels_of_composite(channels: &DeviceChannels) -> Constants {
+    let composite = &channels.composite;
+    vec![("CHANNELS", composite.count as u32), ("OWN", composite.own as u32)]
+}
+
 /// For pass `composite`.
 pub(super) fn composite_constants(frame: &Frame, channels: &DeviceChannels) -> Constants {
-    vec![("CHANNELS", channels.composite as u32), ("APRONS", u32::from(frame.has_ewa()))]
+    let mut constants = channels_of_composite(channels);
+    constants.push(("APRONS", u32::from(frame.has_ewa())));
+    constants.push(("OPEN", channels.composite.open.unwrap_or(0) as u32));
+    constants
 }
 
 /// For pass `resolve` of what is transparent.
@@ -104,14 +112,16 @@ pub(super) fn transparent_resolve_constants(
     planes: &FilmPlanes,
 ) -> Constants {
     let at = |plane: Option<usize>| plane.unwrap_or(0) as u32;
-    vec![
-        ("CHANNELS", channels.composite as u32),
+    let mut constants = channels_of_composite(channels);
+    constants.retain(|(name, _)| *name != "OWN");
+    constants.extend([
         ("DEPTH_PLANE", at(planes.depth)),
         ("NORMAL_PLANE", at(planes.normal)),
         ("VELOCITY_PLANE", at(planes.velocity)),
         ("PLANES", planes.count as u32),
         ("CODED", u32::from(frame.blending == Some(Blending::Coded))),
-    ]
+    ]);
+    constants
 }
 
 /// For pass `resolve` of kernels in motion.

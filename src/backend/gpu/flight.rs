@@ -13,7 +13,6 @@ use super::timestamps::Marks;
 use crate::backend::{BackendError, Rendered, Stats};
 use crate::film::develop;
 use crate::frame::{Blocks, Frame};
-use crate::model::Optics;
 
 /// Where a frame's film, status and marks go. A later frame uses it again.
 #[derive(Debug)]
@@ -140,10 +139,8 @@ impl Gpu {
 /// Refuses what no GPU program shows yet.
 fn check(frame: &Frame) -> Result<(), BackendError> {
     for (object, of_frame) in (1..).zip(&frame.objects) {
-        let volume = of_frame.gaussians.as_ref().is_some_and(|of| of.optics != Optics::Alpha);
-        let what = if volume { "kernels of a volume" } else { "see-through surfels" };
-        if volume || of_frame.see_through {
-            return Err(BackendError::OnCpuAlone { object, what });
+        if of_frame.see_through {
+            return Err(BackendError::OnCpuAlone { object, what: "see-through surfels" });
         }
     }
     Ok(())

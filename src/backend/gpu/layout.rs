@@ -18,6 +18,8 @@ pub(in crate::backend) const WIDEST: u32 = 64;
 pub(in crate::backend) const DIGIT_BITS: u32 = 6;
 /// Distance of uniforms in their buffers, bytes; no device asks for more.
 pub(in crate::backend) const UNIFORM_STRIDE: u64 = 256;
+/// Strides that a [`CaptureSegment`] takes.
+pub(in crate::backend) const CAPTURE_STRIDES: usize = size_of::<CaptureSegment>().div_ceil(UNIFORM_STRIDE as usize);
 
 /// The work of a dispatch: one group, one band of the image, one batch of surfels.
 #[repr(C)]
@@ -54,7 +56,7 @@ pub(in crate::backend) struct View {
     pub first_place: u32,
     pub has_opaque: u32,
     pub opaque_scale: f32,
-    pub unused: u32,
+    pub ends: u32,
 }
 
 /// Some surfels of one surfel buffer, posed at one time sample; or only the weight of a sample.
@@ -97,7 +99,7 @@ pub(in crate::backend) struct Light {
     pub colour: [f32; 4],
 }
 
-/// The Gaussians of one buffer of a capture, posed at one time sample (`shaders/transparent/project.wgsl`).
+/// The Gaussians of one buffer of a capture or volume, posed at one time sample (`shaders/transparent/project.wgsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub(in crate::backend) struct CaptureSegment {
@@ -117,6 +119,13 @@ pub(in crate::backend) struct CaptureSegment {
     pub flags: u32,
     pub harmonics_each: u32,
     pub harmonics_used: u32,
+    pub area: f32,
+    pub layer: f32,
+    pub normal: [[f32; 4]; 3],
+    pub world: [[f32; 4]; 3],
+    pub material: [f32; 4],
+    pub first_light: u32,
+    pub lights: u32,
     pub unused: [u32; 2],
 }
 
@@ -134,7 +143,7 @@ pub(in crate::backend) struct DeviceGaussian {
     pub velocity: [f32; 2],
     pub bounds: [u16; 4],
     pub index: u32,
-    pub unused: u32,
+    pub layer: u32,
 }
 
 /// The background behind what is transparent (`shaders/transparent/resolve.wgsl`).
@@ -255,6 +264,6 @@ pub(super) fn rows(m: &Mat3, origin: Vec3) -> [[f32; 4]; 3] {
     [0, 1, 2].map(|i| m.row(i).extend(origin[i]).to_array())
 }
 
-fn coefficients(material: Material) -> [f32; 4] {
+pub(super) fn coefficients(material: Material) -> [f32; 4] {
     [material.ambient, material.diffuse, material.specular, material.shininess]
 }

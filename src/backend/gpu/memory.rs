@@ -53,8 +53,33 @@ pub(in crate::backend) struct DeviceChannels {
     pub count: usize,
     /// Sums of each pixel: those of the layers of full EWA, else one.
     pub layers: usize,
-    /// Channels of a composite: transmittance, colour, then depth, then velocity; 0 without captures.
-    pub composite: usize,
+    pub composite: CompositeChannels,
+}
+
+/// Channels of a composite of what is transparent. All are 0 where nothing is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(in crate::backend) struct CompositeChannels {
+    /// Those that splats have: transmittance, colour, then depth, then velocity.
+    pub own: usize,
+    /// The first one of the open layer of volumes: as many again, optical depth in place of the transmittance; then its
+    /// number.
+    pub open: Option<usize>,
+    pub count: usize,
+}
+
+impl CompositeChannels {
+    fn of(frame: &Frame) -> Self {
+        if frame.blending.is_none() {
+            return Self::default();
+        }
+        let own = match [Aov::Depth, Aov::Velocity].map(|aov| frame.aovs.contains(&aov)) {
+            [_, true] => 7,
+            [true, false] => 5,
+            [false, false] => 4,
+        };
+        let open = frame.has_volumes().then_some(own);
+        Self { own, open, count: own + open.map_or(0, |_| own + 1) }
+    }
 }
 
 impl DeviceChannels {
@@ -71,18 +96,13 @@ impl DeviceChannels {
             peak: layered.then_some(shared.count),
             count: shared.count + if several || layered { 3 } else { 0 },
             layers: if layered { EWA_LAYERS } else { 1 },
-            composite: match (frame.blending, frame.aovs.contains(&Aov::Depth)) {
-                (None, _) => 0,
-                _ if frame.aovs.contains(&Aov::Velocity) => 7,
-                (Some(_), true) => 5,
-                (Some(_), false) => 4,
-            },
+            composite: CompositeChannels::of(frame),
         }
     }
 
     /// Floats of a pixel's sums, or of its composite, which takes their place.
     pub(in crate::backend) fn sums(&self) -> usize {
-        (self.layers * self.count).max(self.composite)
+        (self.layers * self.count).max(self.composite.count)
     }
 }
 

@@ -45,7 +45,8 @@ pub(in crate::backend) struct ModelBuffer {
     /// Columns: positions, axes u, axes v; then the normalisation of kernels and its mean, where a frame needed them.
     /// Of Gaussians: positions, standard deviations, rotations, opacities.
     pub geometry: Buffer,
-    /// Columns: normals, colours, then materials where the model has them. Of Gaussians: colours, then harmonics.
+    /// Columns: normals, colours, then materials where the model has them. Of Gaussians: colours, harmonics, then
+    /// normals where they have them.
     pub looks: Buffer,
 }
 
@@ -126,8 +127,8 @@ fn upload(device: &Device, surfels: &Surfels, normalised: bool) -> Result<Vec<Mo
 
 fn upload_gaussians(device: &Device, gaussians: &Gaussians) -> Result<Vec<ModelBuffer>, BackendError> {
     let each = gaussians.harmonics_each();
-    // 44 bytes of geometry; colour and harmonics of looks.
-    let widest = (12 + 12 * each as u64).max(44);
+    // 44 bytes of geometry; colour, harmonics and normal of looks.
+    let widest = (24 + 12 * each as u64).max(44);
     let most = (device.most_bytes() / widest).clamp(1, MOST_SURFELS) as usize;
     let mut buffers = Vec::new();
     for start in (0..gaussians.len()).step_by(most) {
@@ -141,7 +142,8 @@ fn upload_gaussians(device: &Device, gaussians: &Gaussians) -> Result<Vec<ModelB
             bytemuck::cast_slice(&gaussians.opacity[range.clone()]),
         ];
         let harmonics = &gaussians.harmonics[range.start * each..range.end * each];
-        let looks = [bytemuck::cast_slice(&colours), bytemuck::cast_slice(harmonics)];
+        let normals = gaussians.normal.get(range.clone()).unwrap_or_default();
+        let looks = [bytemuck::cast_slice(&colours), bytemuck::cast_slice(harmonics), bytemuck::cast_slice(normals)];
         buffers.push(ModelBuffer {
             surfels: range,
             geometry: columns(device, "captures", &geometry)?,

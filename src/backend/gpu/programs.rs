@@ -203,6 +203,7 @@ const EWA_RESOLVE: &str = wgsl!(
 const GAUSSIAN_PROJECT: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
+    "common/shading.wgsl",
     "common/srgb.wgsl",
     "common/wanted.wgsl",
     "common/bounds.wgsl",
@@ -378,7 +379,7 @@ impl Program {
             Self::SweptResolve => (&[Lights, Sums, CoverageMask, Moments, StaticFilm], &[Film]),
             Self::Pool => (&[Sums, CoverageMask, Moments, StaticFilm], &[Film]),
             Self::Finish => (&[], &[Film]),
-            Self::GaussianProject => (&[Geometry, Looks], &[Keys, List, Gaussians]),
+            Self::GaussianProject => (&[Geometry, Looks, Lights], &[Keys, List, Gaussians]),
             Self::Gather => (&[Gaussians, Order, Wanted], &[Splats, Touched]),
             Self::Composite => (&[Splats, List, Wide, Starts, Thresholds, Wanted], &[Sums]),
             Self::TransparentResolve => (&[Sums, Opaque, Wanted], &[Film]),

@@ -1,10 +1,12 @@
 //! Step `Transparent`: its programs, and the passes that it records. Twin: `src/backend/cpu/transparent/mod.rs`.
 //!
-//! The Gaussians of all captures are projected and sorted together. Then slabs of depth go through `gather`, `bin` and
+//! The Gaussians of all captures and volumes are projected and sorted together. Then slabs of depth go through `gather`, `bin` and
 //! `composite`, the nearest first; a slab has as many splats as a batch may have slots.
 //!
 //! All Gaussians of a sample are on the device, 68 bytes each; a binding must hold their splats, else the frame is
 //! refused. Static captures are projected and sorted anew at each sample.
+
+use std::f32::consts::{LOG2_E, TAU};
 
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
@@ -12,11 +14,12 @@ use wgpu::{CommandEncoder, ComputePassDescriptor};
 
 use super::DeviceState;
 use super::bind::{Binder, BoundProgram, TransparentPrograms};
-use super::captures::{Run, runs};
+use super::captures::{Run, runs, segment_at};
 use super::constants::{composite_constants, transparent_resolve_constants};
 use super::job::{Place, dispatch, view_offset};
 use super::layout::{
-    Backdrop, CaptureSegment, DIGIT_BITS, DeviceGaussian, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, rows,
+    Backdrop, CaptureSegment, DIGIT_BITS, DeviceGaussian, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, coefficients, lights,
+    rows,
 };
 use super::prepared::Prepared;
 use super::programs::{Constants, Program, Slot};
@@ -35,7 +38,7 @@ const FIELD: f32 = 1.3;
 const DEPTH_BITS: u32 = 32;
 /// The sort of depths begins and ends in the first buffers.
 const ROUNDS: usize = DEPTH_BITS.div_ceil(DIGIT_BITS) as usize;
-const _: () = assert!(ROUNDS.is_multiple_of(2) && size_of::<CaptureSegment>() as u64 <= UNIFORM_STRIDE);
+const _: () = assert!(ROUNDS.is_multiple_of(2));
 
 impl Binder<'_> {
     /// Binds the programs of captures.
@@ -67,7 +70,9 @@ impl Binder<'_> {
     }
 }
 
-fn segment(frame: &Frame, group: &PosedGroup, sample: usize, run: &Run) -> CaptureSegment {
+/// What a run's Gaussians are posed by at a sample. `keeps_layers`: their layers stay those of the last projection.
+fn segment(place: &Place<'_>, group: &PosedGroup, sample: usize, run: &Run, keeps_layers: bool) -> CaptureSegment {
+    let (frame, raster) = (place.prepared.frame, &place.position.raster);
     let object = &frame.objects[run.object];
     let posed = &group.samples[sample].objects[run.object];
     let capture = &object.capture;
@@ -77,6 +82,8 @@ fn segment(frame: &Frame, group: &PosedGroup, sample: usize, run: &Run) -> Captu
     let stride = frame.stride as f32;
     let antialias = capture.antialias.unwrap_or(gaussians.antialiased);
     let encode = gaussians.linear && frame.blending == Some(Blending::Coded);
+    let (volume, lit) = (object.is_volume(), !gaussians.normal.is_empty());
+    let lights = group.samples[sample].lights.len();
     CaptureSegment {
         screen: rows(&posed.screen_from_model, posed.screen_origin),
         rate: rows(&posed.screen_rate, posed.screen_origin_rate),
@@ -84,7 +91,7 @@ fn segment(frame: &Frame, group: &PosedGroup, sample: usize, run: &Run) -> Captu
         // Its depths count in the order of a group even where it is hidden.
         near: if posed.visible { posed.near } else { f32::MAX },
         field: [0, 1].map(|i| FIELD * 0.5 * frame.size[i] as f32 / stride),
-        dilation: DILATION / (stride * stride),
+        dilation: if volume { raster.variance(frame.prefilter) } else { DILATION / (stride * stride) },
         opacity: capture.opacity as f32,
         low: low.extend(0.0).to_array(),
         high: high.extend(0.0).to_array(),
@@ -92,11 +99,28 @@ fn segment(frame: &Frame, group: &PosedGroup, sample: usize, run: &Run) -> Captu
         first_slot: run.first_slot,
         count: run.count,
         first_index: run.first_index,
-        flags: u32::from(antialias) | u32::from(encode) << 1,
+        flags: [antialias, encode, volume, lit, keeps_layers]
+            .into_iter()
+            .rev()
+            .fold(0, |flags, flag| flags << 1 | u32::from(flag)),
         harmonics_each: gaussians.harmonics_each() as u32,
         harmonics_used: ((degree + 1).pow(2) - 1) as u32,
+        area: posed.screen_from_model.determinant().abs() * (LOG2_E / TAU),
+        layer: layer(frame, group),
+        normal: rows(&posed.normal_matrix, Vec3::ZERO),
+        world: rows(&posed.world_from_model, posed.world_origin),
+        material: coefficients(object.material.unwrap_or_default()),
+        first_light: (sample * lights) as u32,
+        lights: lights as u32,
         ..CaptureSegment::zeroed()
     }
+}
+
+/// Depth of a layer of volumes, scene units: the least of all volumes, at the group's middle.
+fn layer(frame: &Frame, group: &PosedGroup) -> f32 {
+    let posed = group.samples[group.samples.len() / 2].objects.iter().zip(&frame.objects);
+    let volumes = posed.filter(|(_, object)| object.is_volume()).map(|(posed, _)| posed.epsilon);
+    volumes.fold(f32::MAX, f32::min).max(f32::MIN_POSITIVE)
 }
 
 fn backdrop(frame: &Frame) -> Backdrop {
@@ -185,6 +209,7 @@ impl<'a> TransparentStep<'a> {
             first_place: first,
             slots: most.min(self.slots - first),
             resumes: u32::from(first > 0),
+            ends: u32::from(first.saturating_add(most) >= self.slots),
             ..all
         };
         // A group without Gaussians has a slab, too: its opaque picture goes to the film.
@@ -197,9 +222,9 @@ impl<'a> TransparentStep<'a> {
         }
         segments.extend_from_slice(bytemuck::bytes_of(&backdrop(frame)));
         pad(&mut segments);
-        for sample in [middle, sample] {
+        for (sample, keeps_layers) in [(middle, false), (sample, true)] {
             for run in &self.runs {
-                let segment = segment(frame, self.group, sample, run);
+                let segment = segment(&self.place, self.group, sample, run, keeps_layers);
                 segments.extend_from_slice(bytemuck::bytes_of(&segment));
                 pad(&mut segments);
             }
@@ -210,6 +235,7 @@ impl<'a> TransparentStep<'a> {
         queue.write_buffer(&state.buffers.views, 0, &views);
         queue.write_buffer(&state.buffers.segments, 0, &segments);
         queue.write_buffer(&state.buffers.totals, 0, bytemuck::cast_slice(&totals));
+        queue.write_buffer(&state.buffers.lights, 0, bytemuck::cast_slice(&lights(&self.group.samples)));
         slabs
     }
 
@@ -218,7 +244,7 @@ impl<'a> TransparentStep<'a> {
         let timestamp_writes = marks.mark(Stage::Project);
         let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
         for (number, run) in self.runs.iter().enumerate() {
-            let segment = 1 + set * self.runs.len() + number;
+            let segment = segment_at(set * self.runs.len() + number);
             self.programs.project[run.object][run.buffer].set(&mut recorder, &[0, view_offset(segment)]);
             recorder.dispatch_workgroups(run.count.div_ceil(256), 1, 1);
         }

@@ -1,13 +1,13 @@
-//! Small scenes with captures, which take every branch of their passes.
+//! Small scenes with captures and volumes, which take every branch of their passes.
 
 use glam::{DVec3, Quat, Vec3};
 
 use super::cases::{Case, ball, object, scene};
 use crate::film::Aov;
 use crate::math::random::Random;
-use crate::model::Gaussians;
+use crate::model::{Gaussians, Material, Optics};
 use crate::options::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Times};
-use crate::scene::{Motion, Object, Scene};
+use crate::scene::{Light, Motion, Object, Scene};
 
 /// `n` Gaussians of all sizes in a cube; some are as wide as an image, and some too faint to show.
 fn cloud(n: usize, seed: u64, degree: u8, linear: bool) -> Gaussians {
@@ -32,6 +32,24 @@ fn cloud(n: usize, seed: u64, degree: u8, linear: bool) -> Gaussians {
 fn layer(n: usize, seed: u64) -> Gaussians {
     let mut out = cloud(n, seed, 0, false);
     out.position.iter_mut().for_each(|position| position.z = 0.25);
+    out
+}
+
+/// `n` kernels of a volume in a cube, of all sizes, with `normals` for lights or without. Layers are `layer` deep.
+fn volume(n: usize, seed: u64, layer: f32, normals: bool) -> Gaussians {
+    let mut random = Random(seed);
+    let mut out = cloud(n, seed, 0, true);
+    out.optics = Optics::Extinction { layer };
+    for i in 0..n {
+        let sigma = &mut out.sigma[i];
+        *sigma = 0.4 * *sigma + 0.03;
+        // The integral of a kernel that takes half of the light on the mean; some are very thin.
+        let thin = if i % 7 == 0 { 2e-3 } else { 1.0 };
+        out.opacity[i] *= 8.0 * sigma.x * sigma.y.max(sigma.z) * thin;
+        // Some have none.
+        let normal = if i % 9 == 0 { Vec3::ZERO } else { random.vector().normalize() };
+        out.normal.extend(normals.then_some(normal));
+    }
     out
 }
 
@@ -108,6 +126,22 @@ pub(super) fn captures() -> Vec<Case> {
     let aside = mixed(around, cloud(30, 4, 0, false), [70, 45]);
     let mut near = coded.clone();
     near.camera.near = 2.9;
+    // A volume and a capture in motion between the balls, and a second volume among the capture's Gaussians.
+    let fog = |seed, normals| mixed(volume(300, seed, 0.15, normals), cloud(60, 4, 1, false), [70, 45]);
+    let mut foggy = fog(11, false);
+    foggy.objects.insert(2, moving(volume(200, 12, 0.1, true)));
+    let mut lit = foggy.clone();
+    (lit.objects[1], lit.objects[2]) = (fog(13, true).objects.swap_remove(1), moving(volume(200, 14, 0.2, false)));
+    // A light from behind, which what has no normal must not reflect.
+    lit.lights.push(Light::Directional { direction: DVec3::Z, colour: DVec3::splat(0.8) });
+    lit.objects[1].material = Some(Material { specular: 0.6, shininess: 2.0, ..Material::default() });
+    let linear_lit = mixed(volume(300, 13, 0.1, true), volume(300, 14, 0.2, true), [70, 45]);
+    let mut dense = foggy.clone();
+    dense.objects[1].capture.opacity = 1e16;
+    // Kernels around the eye, as wide as they are far.
+    let mut near_eye = volume(60, 15, 0.3, false);
+    near_eye.sigma.iter_mut().for_each(|sigma| *sigma *= 8.0);
+    let wide = mixed(near_eye, cloud(30, 4, 0, false), [70, 45]);
     let case = |name, scene: &Scene, options| Case { name, scene: scene.clone(), options, in_part: false };
     let in_part = |name, scene: &Scene, options| Case { in_part: true, ..case(name, scene, options) };
     vec![
@@ -131,6 +165,16 @@ pub(super) fn captures() -> Vec<Case> {
         case("layer, bucket", &coded, point(bucket)),
         case("ewa", &coded, RenderOptions { prefilter: Prefilter::Ewa, ..options(BlurMode::supersample(2)) }),
         case("ewa, bucket", &coded, RenderOptions { prefilter: Prefilter::Ewa, ..options(bucket) }),
+        case("volume", &foggy, options(BlurMode::supersample(2))),
+        case("volume, bucket", &foggy, options(bucket)),
+        case("volume, point", &foggy, RenderOptions { prefilter: Prefilter::None, ..point(still) }),
+        case("volume, ewa", &foggy, RenderOptions { prefilter: Prefilter::Ewa, ..options(still) }),
+        case("lit volume", &lit, options(BlurMode::supersample(2))),
+        case("lit volume, interleaved", &linear_lit, plain(BlurMode::interleaved(2, Interleave::Two))),
+        case("lit volume, depth", &linear_lit, RenderOptions { aovs: vec![Aov::Depth], ..options(bucket) }),
+        case("dense", &dense, options(still)),
+        case("wide volume", &wide, options(still)),
+        in_part("volume, in part", &foggy, point(bucket)),
         in_part("in part", &coded, point(BlurMode::supersample(2))),
         in_part("in part, large", &large, point(still)),
         case("one pixel", &mixed(cloud(30, 3, 1, false), cloud(30, 4, 0, false), [1, 1]), options(still)),

@@ -20,7 +20,8 @@ use crate::renderer::render_frame;
 /// Share of values that may differ. At a cut-off a splat may fall on the other side by rounding; on the software device
 /// that was seen at no value of any case.
 const BUDGET: f64 = 1e-3;
-/// Largest difference of a value, relative to the larger of 1 and the value. Measured on the software device: 3.4e-7.
+/// Largest difference of a value, relative to the larger of 1 and the value. Measured on the software device: 4.8e-7
+/// with captures alone, 1.6e-5 with volumes, whose kernels the CPU steps along columns.
 const TOLERANCE: f32 = 1e-4;
 
 /// The picture of the device against the CPU's.
@@ -48,12 +49,15 @@ fn check_project(gpu: &mut Gpu, name: &str, frame: &Frame) -> Result<usize, Stri
         return Err(format!("{name}: keys are not in the order of depths"));
     }
     let position = &frame.rasters[0].positions[0];
-    let posed = &position.groups[0].samples[0];
+    let sample = &position.groups[0].samples[0];
+    let of_volumes = sample.objects.iter().zip(&frame.objects).filter(|(_, object)| object.is_volume());
+    let layer = of_volumes.map(|(posed, _)| posed.epsilon).fold(f32::MAX, f32::min);
     let (mut first, mut tally) = (0_usize, Tally::default());
-    for (object, posed) in frame.objects.iter().zip(&posed.objects) {
+    for (object, posed) in frame.objects.iter().zip(&sample.objects) {
         let Some(gaussians) = &object.gaussians else { continue };
         let view = View {
             object,
+            sample,
             posed,
             near: posed.near,
             raster: position.raster,
@@ -62,6 +66,8 @@ fn check_project(gpu: &mut Gpu, name: &str, frame: &Frame) -> Result<usize, Stri
             pixels: PixelRect::of_image(position.raster.size),
             wanted: None,
             offsets: [position.raster.offset; 2],
+            layer: layer.max(f32::MIN_POSITIVE),
+            variance: position.raster.variance(frame.prefilter),
             blending: frame.blending.unwrap_or(Blending::Linear),
             velocity: frame.aovs.contains(&Aov::Velocity),
             first: first as u32,
@@ -74,6 +80,9 @@ fn check_project(gpu: &mut Gpu, name: &str, frame: &Frame) -> Result<usize, Stri
             let at = || format!("{name}: Gaussian {}", want.index);
             assert_eq!(got.index, want.index, "{name}");
             tally.floats(&[got.depth], &[want.depth], want.depth.abs(), at);
+            if got.layer != want.layer {
+                tally.otherwise(|| format!("{}: layer {}, not {}", at(), got.layer, want.layer));
+            }
             let seen = host.bounds[i][0] <= host.bounds[i][1];
             if (got.bounds[0] <= got.bounds[1]) != seen || (seen && got.bounds != want.bounds) {
                 tally.otherwise(|| format!("{}: bounds {:?}, not {:?}", at(), got.bounds, want.bounds));
@@ -146,7 +155,7 @@ fn small_buffers_change_no_capture() {
         (small.first_entries, small.most_entries) = (1, 900);
         let before = small.most_slots;
         assert_eq!(picture(&mut small), want, "{}: lists of 900 entries", case.name);
-        let few = ["one pixel", "aside"].contains(&case.name);
+        let few = ["one pixel", "aside", "wide volume", "volume, in part"].contains(&case.name);
         assert!(small.most_slots < before || few, "{}: no slab was split", case.name);
     }
 }
@@ -155,7 +164,10 @@ fn small_buffers_change_no_capture() {
 #[test]
 fn broken_slabs_are_noticed() {
     static SLABS: [[(&str, &str); 1]; 3] = [
-        [("if view.resumes != 0u {\n        if !has_next(walk) { return; }\n        load(&sum, at);", "if false {")],
+        [(
+            "if view.resumes != 0u {\n        if !has_next(walk) && !has_rest { return; }\n        load(&sum, at);",
+            "if false {",
+        )],
         [("order[view.first_place + i]", "order[i]")],
         [(
             "for (var i = first + lane; i < end; i += 256u) {\n        let splat = gaussians",
@@ -202,7 +214,7 @@ fn captures_keep_to_their_memory() {
 }
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 78] = [
+static MUTANTS: [([(&str, &str); 1], &str); 99] = [
     // Pass `project`.
     ([("axis + vec2<f32>(x, y)", "axis + vec2<f32>(x, x)")], "supersample"),
     ([("jx = clamp(x, -segment.field.x, segment.field.x)", "jx = x")], "aside"),
@@ -226,9 +238,9 @@ static MUTANTS: [([(&str, &str); 1], &str); 78] = [
     ([("wide_xx = xx + dilation", "wide_xx = xx")], "supersample"),
     ([("wide_yy = yy + dilation", "wide_yy = yy + 9.0 * dilation")], "supersample"),
     ([("lost = sqrt(unfiltered / determinant)", "lost = unfiltered / determinant")], "drawn"),
-    ([("segment.opacity * lost", "lost")], "drawn"),
+    ([("segment.opacity * select(", "select(")], "drawn"),
     ([("opacity * 255.0 > 1.0", "opacity * 25.0 > 1.0")], "drawn"),
-    ([("(peak + LOG2_FAINTEST)", "LOG2_FAINTEST")], "supersample"),
+    ([("(peak + faintest)", "faintest")], "supersample"),
     ([("slope = xy * over_xx", "slope = -xy * over_xx")], "supersample"),
     ([("HALF_LOG2_E * wide_xx / determinant", "HALF_LOG2_E / wide_yy")], "supersample"),
     ([("all(position >= segment.low.xyz)", "true")], "drawn"),
@@ -255,6 +267,28 @@ static MUTANTS: [([(&str, &str); 1], &str); 78] = [
     ([("(xx - 3.0 * yy)", "(xx + 3.0 * yy)")], "supersample"),
     ([("centre.x * over * rate.z", "centre.x * over")], "supersample"),
     ([("rate.y - centre.y", "rate.y + centre.y")], "supersample"),
+    // Of volumes.
+    ([("inverse_focal2 = 1.0 / (view.focal * view.focal)", "inverse_focal2 = 1.0 / view.focal")], "volume"),
+    ([("segment.area * sqrt(longer2) * (over * over)", "segment.area * sqrt(longer2) * over")], "volume"),
+    ([("opacity >= LEAST_NORMAL, is_volume", "opacity * 255.0 > 1.0, is_volume")], "volume"),
+    ([("min(peak - log_of_two(kept), MOST_DEPTH)", "min(peak, MOST_DEPTH)")], "volume"),
+    ([("min(peak - log_of_two(kept), MOST_DEPTH)", "peak - log_of_two(kept)")], "dense"),
+    ([("faintest = -least_power(peak)", "faintest = LOG2_FAINTEST")], "volume"),
+    ([("shift = bend.shift;", "")], "volume"),
+    ([("vec2<f32>(x, y) + shift", "vec2<f32>(x, y)")], "volume"),
+    ([("- 6.0 * along * e[k] + 12.0", "+ 6.0 * along * e[k] + 12.0")], "volume"),
+    ([("px * px + py * py) * over +", "px * px + py * py) +")], "volume"),
+    ([("select(1.0, MOST_BEND / size, size > MOST_BEND)", "1.0")], "wide volume"),
+    ([("own = lit(i, own, position)", "own = vec3<f32>(0.1)")], "lit volume"),
+    ([("> 0.0 { normal = -normal; }", "< 0.0 { normal = -normal; }")], "lit volume"),
+    ([("vec4<f32>(material.x, 0.0, 0.0, material.w)", "material")], "lit volume"),
+    ([("min(peak - LEAST_REACH, FAINTEST_DEPTH)", "FAINTEST_DEPTH")], "volume"),
+    ([("splat.layer = gaussians[slot].layer;", "")], "volume, bucket"),
+    ([("1u + u32(clamp(centre.z / segment.layer", "1u + u32(clamp(centre.z / 0.7")], "volume"),
+    ([("if (*quad).layer != splat.layer {", "if false {")], "volume"),
+    ([("if OPEN != 0u { close_layer(sum, open, reaches); }", "")], "volume"),
+    ([("if has_rest { close_layer", "if false { close_layer")], "volume"),
+    ([("(1.0 - through) / select", "1.0 / select")], "volume"),
     // Passes `sort` and `list`.
     ([("bits | 0x80000000u", "bits & 0xffff0000u")], "supersample"),
     ([("select(~bits, bits |", "select(bits, bits |")], "aside"),
@@ -264,11 +298,11 @@ static MUTANTS: [([(&str, &str); 1], &str); 78] = [
     // Pass `composite`.
     ([("splat.reference.x + view.offset.x", "splat.reference.x")], "supersample"),
     ([("y - splat.slope * x", "y")], "supersample"),
-    ([("min(opacity, vec4<f32>(MOST_ALPHA))", "opacity")], "still"),
+    ([("min(value, vec4<f32>(MOST_ALPHA))", "value")], "still"),
     ([("exponent >= vec4<f32>(-LOG2_FAINTEST)", "exponent >= vec4<f32>(-6.0)")], "still"),
-    ([("through >= vec4<f32>(OPAQUE))\n", "through >= vec4<f32>(0.2))\n")], "still"),
-    ([("(vec4<f32>(splat.depth) <= limit)", "(limit > vec4<f32>(0.0))")], "still"),
-    ([("threshold_place(quad.xy)", "0u")], "ewa"),
+    ([("reaches & (through >= vec4<f32>(OPAQUE))", "reaches & (through >= vec4<f32>(0.2))")], "still"),
+    ([("vec4<f32>(splat.depth) <= (*quad).limit", "(*quad).limit > vec4<f32>(0.0)")], "still"),
+    ([("threshold_place(place.xy)];\n        } else {", "0u];\n        } else {")], "ewa"),
     ([("share * splat.velocity.y", "share * splat.velocity.x")], "still"),
     ([("(*sum).depth += share * splat.depth", "(*sum).depth += splat.depth")], "depth"),
     // Pass `resolve`.

@@ -36,7 +36,7 @@ const FIELD: f32 = 1.3;
 /// left.
 pub(in crate::backend) const FAINTEST_DEPTH: f32 = -13.0;
 /// log2 of the largest optical depth of a kernel, likewise: a float still holds what it lets through next to its rim.
-const MOST_DEPTH: f32 = 40.0;
+pub(in crate::backend) const MOST_DEPTH: f32 = 40.0;
 /// A volume's kernel keeps at least these powers of 1/2 below its centre: two standard deviations.
 pub(in crate::backend) const LEAST_REACH: f32 = 2.0 * std::f32::consts::LOG2_E;
 

@@ -8,6 +8,7 @@ use naga::proc::Layouter;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
+use crate::backend::cpu::transparent::project::{FAINTEST_DEPTH, LEAST_REACH, MOST_DEPTH};
 use crate::backend::gpu::layout::{
     Backdrop, CaptureSegment, DIGIT_BITS, DeviceGaussian, Light, Segment, Status, TILE, Travel, View, WIDEST,
     WORKGROUP_ITEMS,
@@ -100,7 +101,7 @@ fn structs_lie_where_the_host_puts_them() {
             first_place,
             has_opaque,
             opaque_scale,
-            unused
+            ends
         }
     );
     assert_same_layout!(
@@ -177,12 +178,19 @@ fn structs_of_captures_lie_where_the_host_puts_them() {
             flags,
             harmonics_each,
             harmonics_used,
+            area,
+            layer,
+            normal,
+            world,
+            material,
+            first_light,
+            lights,
             unused
         }
     );
     assert_same_layout!(
         module,
-        DeviceGaussian { reference, along, slope, across, peak, colour, depth, velocity, bounds, index, unused }
+        DeviceGaussian { reference, along, slope, across, peak, colour, depth, velocity, bounds, index, layer }
     );
     // Pass `bin` takes it for a splat.
     assert_eq!(offset_of!(DeviceGaussian, bounds), offset_of!(Splat, bounds));
@@ -202,6 +210,10 @@ fn constants_are_the_hosts() {
     ] {
         assert!(bin.contains(&line), "{line}");
     }
+    let cut = format!("const FAINTEST_DEPTH: f32 = {FAINTEST_DEPTH:?};\nconst LEAST_REACH: f32 = {LEAST_REACH:?};");
+    let most = format!("const MOST_DEPTH: f32 = {MOST_DEPTH:?};");
+    assert!(Program::Composite.wgsl().contains(&cut), "{cut}");
+    assert!([cut, most].iter().all(|text| Program::GaussianProject.wgsl().contains(text)));
     let gathered = format!("const GATHERED: u32 = {WORKGROUP_ITEMS}u;");
     assert!(Program::Gather.wgsl().contains(&gathered), "{gathered}");
     let tiles = format!("const BLOCK_TILES: u32 = {}u;", Blocks::EDGE as u32 / TILE);
