@@ -3,15 +3,17 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "tests may stop and report")]
 
+use std::sync::Arc;
+
 use glam::{DVec3, Quat, Vec3};
 use splatblur::backend::BackendError;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::flip;
 use splatblur::film::{Aov, Picture};
-use splatblur::model::{Gaussians, Optics};
+use splatblur::model::{self, Gaussians, Kind, LoadOptions, Optics, Stop, TransferFunction, VolumeOptions};
 use splatblur::options::{BlurMode, ErrorTarget, Interleave, PixelFilter, Prefilter, Quality, RenderOptions, Times};
 use splatblur::renderer::render_frame;
-use splatblur::scene::{Camera, Motion, Object, Scene};
+use splatblur::scene::{Camera, Model, Motion, Object, Scene};
 
 use crate::support::volumes::{View, picture, pixel as support_pixel};
 use crate::support::{render, scene};
@@ -379,5 +381,66 @@ fn modes_agree_on_volumes_in_motion() {
         let flip = flip::mean(&with(quality), &want).unwrap();
         println!("{quality:?}: FLIP {flip:.4}");
         assert!(flip < 0.02, "{quality:?}: FLIP {flip:.4}");
+    }
+}
+
+/// The same field on a grid, on one of cells that are not cubes, and as samples in no order.
+#[test]
+fn grids_of_all_kinds_and_samples_show_the_same_field() {
+    let field = |p: DVec3| 200.0 * (-(p.x * p.x + 1.5 * p.y * p.y + p.z * p.z) * 4.0).exp();
+    let dir = tempfile::tempdir().unwrap();
+    let load = |name: &str, bytes: &[u8]| {
+        let path = dir.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let stop = |value, opacity| Stop { value, colour: Vec3::new(0.9, 0.5, 0.2), opacity };
+        let transfer = TransferFunction::new(vec![stop(1.0, 0.0), stop(201.0, 8.0)]).unwrap();
+        let volume = VolumeOptions { transfer: Some(Arc::new(transfer)), ..VolumeOptions::default() };
+        let options = LoadOptions { volume, kind: Some(Kind::Volume), ..LoadOptions::default() };
+        Object::new(Model::from(model::load(&path, &options, &|_, _| {}).unwrap()))
+    };
+    let grid = |name: &str, [nx, ny, nz]: [usize; 3]| {
+        let spacing = [nx, ny, nz].map(|n| 2.0 / n as f64);
+        let at = |i: usize, axis: usize| (i as f64 + 0.5) * spacing[axis] - 1.0;
+        let places = (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])));
+        let places = places.map(|[x, y, z]| DVec3::new(at(x, 0), at(y, 1), at(z, 2)));
+        let values: Vec<u8> = places.flat_map(|p| (field(p) as f32).to_le_bytes()).collect();
+        let [sx, sy, sz] = spacing;
+        let header = format!(
+            "NRRD0004\ntype: float\nendian: little\ndimension: 3\nsizes: {nx} {ny} {nz}\nencoding: raw\n\
+             space dimension: 3\nspace directions: ({sx},0,0) (0,{sy},0) (0,0,{sz})\nspace origin: ({},{},{})\n\n",
+            at(0, 0),
+            at(0, 1),
+            at(0, 2)
+        );
+        load(name, &[header.as_bytes(), &values].concat())
+    };
+    let regular = grid("regular.nrrd", [40, 40, 40]);
+    let rectilinear = grid("rectilinear.nrrd", [56, 40, 48]);
+    // Samples in a lattice that is turned by random angles, with its layers shifted: none is where a grid has one.
+    let samples = {
+        let r = 0.05;
+        let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 0.8, -0.5);
+        let steps = || -34..=34_i32;
+        let places = steps().flat_map(|z| steps().flat_map(move |y| steps().map(move |x| [x, y, z])));
+        let places = places.map(|[x, y, z]| {
+            turn * DVec3::new(f64::from(x) + 0.37 * f64::from(z), f64::from(y) + 0.71 * f64::from(z), f64::from(z)) * r
+        });
+        let inside: Vec<DVec3> = places.filter(|p| p.abs().max_element() <= 1.0).collect();
+        let header = format!(
+            "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
+             property float z\nproperty float density\nproperty float radius\nend_header\n",
+            inside.len()
+        );
+        let rows = inside.iter().flat_map(|p| [p.x, p.y, p.z, field(*p), r]).flat_map(|v| (v as f32).to_le_bytes());
+        load("samples.ply", &[header.into_bytes(), rows.collect()].concat())
+    };
+    let view = View { eye: DVec3::new(1.0, 1.2, 3.0), at: DVec3::ZERO, fovy: FOVY, size: [96, 72] };
+    let shown = |object: Object| render(&seen(vec![object], &view), &unfiltered());
+    let want = shown(regular);
+    assert!(want.rgba.iter().any(|pixel| pixel[3] > 0.9));
+    for (name, object) in [("rectilinear", rectilinear), ("samples", samples)] {
+        let flip = flip::mean(&shown(object), &want).unwrap();
+        println!("{name}: FLIP {flip:.4}");
+        assert!(flip < 0.01, "{name}: FLIP {flip:.4}");
     }
 }
