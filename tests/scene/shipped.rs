@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use splatblur::model::generate_volume::{self, Shape, Storage};
 use splatblur::model::{Cloud, generate};
 use splatblur::scene_file;
 
@@ -38,6 +39,9 @@ fn generated_models_are_what_the_generator_writes() {
     assert_shipped("checker_plane.ply", &generate::checker_plane());
     assert_shipped("floor.ply", &generate::floor());
     assert_shipped("fence.ply", &generate::fence());
+    let mut smoke = Vec::new();
+    generate_volume::write(Shape::Torus, 64, Storage::Uint8, &mut smoke).unwrap();
+    assert!(fs::read(scenes().join("models/smoke.nrrd")).unwrap() == smoke, "smoke.nrrd is not what is generated");
 }
 
 #[test]
