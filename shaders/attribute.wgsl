@@ -3,7 +3,7 @@
 //
 // `splat_values`, one invocation per surfel of a segment:
 //   in   segment, geometry, looks, lights
-//   out  values    for each slot: colour, then normal, velocity and material where they are wanted
+//   out  values    for each slot: colour, then normal, velocity, material and opacity where they are wanted
 // `sum_attributes`, one workgroup per tile, one invocation per quad of pixels; sums are in registers, in list order:
 //   in   splats, list, starts, wide, thresholds, values; segments: sample of a splat, its weight and share
 //   out  sums      for each tile, for each channel, its quads: weight, colour, then normal, depth, velocity and
@@ -34,6 +34,8 @@ override MATERIAL: u32 = 0u;
 // First of three channels for the coverage in groups of several samples; 0 in other groups. They are the sample
 // coverage of the current sample, the coverage by the samples before it, and the sample coverage of static objects.
 override SAMPLE_COVERAGE: u32 = 0u;
+// Channel of the opacity; 0 without it.
+override OPACITY: u32 = 0u;
 // Channel of the least depth of the splats that are added (NONE where there are none); 0 if it is not wanted.
 override NEAREST: u32 = 0u;
 // Number of channels, and number of floats of a splat in `values`.
@@ -102,6 +104,13 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
         written_values[next + 1u] = material.y;
         written_values[next + 2u] = material.z;
         written_values[next + 3u] = material.w;
+        next += 4u;
+    }
+    if OPACITY != 0u {
+        let before = u32(segment.normal[1].w) * segment.buffer_surfels;
+        var own = 1.0;
+        if before > 0u { own = looks[before + surfel]; }
+        written_values[next] = segment.normal[0].w * own;
     }
 }
 
@@ -121,6 +130,7 @@ struct Sums {
     diffuse: vec4<f32>,
     specular: vec4<f32>,
     shininess: vec4<f32>,
+    opacity: vec4<f32>,
     sample_coverage: vec4<f32>,
     coverage: vec4<f32>,
     static_coverage: vec4<f32>,
@@ -240,7 +250,9 @@ fn add_values(sum: ptr<function, Sums>, slot: u32, weight: vec4<f32>, depth: vec
         (*sum).diffuse += weight * values[next + 1u];
         (*sum).specular += weight * values[next + 2u];
         (*sum).shininess += weight * values[next + 3u];
+        next += 4u;
     }
+    if OPACITY != 0u { (*sum).opacity += weight * values[next]; }
 }
 
 fn load_sums(sum: ptr<function, Sums>, at: u32) {
@@ -268,6 +280,7 @@ fn load_sums(sum: ptr<function, Sums>, at: u32) {
         (*sum).specular = sums[at + (MATERIAL + 2u) * TILE_QUADS];
         (*sum).shininess = sums[at + (MATERIAL + 3u) * TILE_QUADS];
     }
+    if OPACITY != 0u { (*sum).opacity = sums[at + OPACITY * TILE_QUADS]; }
     if SAMPLE_COVERAGE != 0u {
         (*sum).sample_coverage = sums[at + SAMPLE_COVERAGE * TILE_QUADS];
         (*sum).coverage = sums[at + (SAMPLE_COVERAGE + 1u) * TILE_QUADS];
@@ -308,6 +321,7 @@ fn store_sums(sum: ptr<function, Sums>, at: u32) {
         sums[at + (MATERIAL + 2u) * TILE_QUADS] = (*sum).specular;
         sums[at + (MATERIAL + 3u) * TILE_QUADS] = (*sum).shininess;
     }
+    if OPACITY != 0u { sums[at + OPACITY * TILE_QUADS] = (*sum).opacity; }
     if SAMPLE_COVERAGE != 0u {
         sums[at + SAMPLE_COVERAGE * TILE_QUADS] = (*sum).sample_coverage;
         sums[at + (SAMPLE_COVERAGE + 1u) * TILE_QUADS] = (*sum).coverage;

@@ -41,6 +41,9 @@ struct Status {
     // Number of splats so far, 64 bits.
     splats_low: u32,
     splats_high: u32,
+    // Of `peel_left_out`.
+    left_out_low: u32,
+    left_out_high: u32,
 }
 
 // Slots, or entries of lists, of one workgroup.

@@ -15,9 +15,15 @@ struct EwaSplat {
     filtered_bounds: vec2<u32>,
 }
 
+// Are layers of see-through surfels peeled off? Twin: `floor` and `ceiling` of the same files.
+override PEEL: bool = false;
+
 // The depths of a tile are quads: T of the tile and its apron, row by row; then, for the tile alone, the tolerance of
 // the disc that T is of; the second threshold, UNWANTED where the pixel is solid; and the rim: 1 where there is a pixel
 // within the apron that no disc covers, else 0.
+// Where layers are peeled off, there follow the floor, up to which all was peeled off, of the tile and its apron; for
+// the tile alone the ceiling, T of opaque surfels, and the three planes of its cover; and the state: 1 while there is
+// more to peel off, else 0; and the number of the layer.
 
 // Quads beside the tile that hold the apron of a row.
 fn apron_quads() -> u32 {
@@ -34,9 +40,15 @@ fn guarded_quads() -> u32 {
     return row_quads() * (TILE + 2u * view.apron);
 }
 
+// Quads of the depths of a tile of opaque surfels.
+fn opaque_depth_quads() -> u32 {
+    return guarded_quads() + 3u * TILE_QUADS;
+}
+
 // Quads of the depths of a tile.
 fn depth_quads() -> u32 {
-    return guarded_quads() + 3u * TILE_QUADS;
+    if PEEL { return state_place() + 1u; }
+    return opaque_depth_quads();
 }
 
 // First quad of tile `index`.
@@ -55,6 +67,22 @@ fn second_place() -> u32 {
 
 fn rim_place() -> u32 {
     return guarded_quads() + 2u * TILE_QUADS;
+}
+
+fn floor_place() -> u32 {
+    return opaque_depth_quads();
+}
+
+fn ceiling_place() -> u32 {
+    return floor_place() + guarded_quads();
+}
+
+fn cover_place() -> u32 {
+    return ceiling_place() + TILE_QUADS;
+}
+
+fn state_place() -> u32 {
+    return cover_place() + 3u * TILE_QUADS;
 }
 
 // Place of T of a quad of the tile, counted from the tile's first quad.

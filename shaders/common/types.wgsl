@@ -70,16 +70,22 @@ struct View {
     // without it.
     sigma: f32,
     apron: u32,
-    // Of what is transparent. Place of the first slot in the order of depth. Not 0 where thresholds hold opaque
-    // surfels. What turns the sums of the opaque picture into means over the group. Not 0 in the last slab of depth.
+    // Of what is transparent. Place of the first slot in the order of depth. Which surfels there are: bits as below.
+    // What turns sums over the group into means. Not 0 in the last slab of depth.
     first_place: u32,
-    has_opaque: u32,
+    surfels: u32,
     opaque_scale: f32,
     ends: u32,
 }
 
+// Bits of `View.surfels`: thresholds hold opaque surfels; there are layers of see-through surfels.
+const OPAQUE_SURFELS: u32 = 1u;
+const SEE_THROUGH_SURFELS: u32 = 2u;
+
 // Some surfels of one surfel buffer, posed at one time sample. The array of segments begins with one entry for each
-// sample, which holds only the sample's weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i).
+// sample, which holds only the sample's weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i). The normal's rows
+// have no origin: the first one ends with the object's factor on opacities, the second one with the floats of a surfel
+// in `looks` before its opacity, 0 where surfels have none.
 struct Segment {
     screen: array<vec4<f32>, 3>,
     rate: array<vec4<f32>, 3>,

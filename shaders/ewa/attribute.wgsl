@@ -1,5 +1,6 @@
 // Pass `attribute` of full EWA (program `ewa_attribute`): weighted sums of the attributes of splats, in four layers by
-// depth. Solid pixels, and groups of several samples, have the band alone.
+// depth. Solid pixels, and groups of several samples, have the band alone. What is peeled off has the first two, and no
+// splats but those from the floor to T.
 // Twin: src/backend/cpu/ewa/attribute.rs.  Math: docs/math.md, section 3.
 //   in   splats, list, starts, wide, thresholds, values
 //        segments  sample and tolerance of a splat, its weight and share
@@ -29,6 +30,9 @@ struct Quad {
     first: vec4<f32>,
     second: vec4<f32>,
     open: vec4<bool>,
+    // Between these lies what is peeled off.
+    floor: vec4<f32>,
+    ceiling: vec4<f32>,
 }
 
 @compute @workgroup_size(4, 16)
@@ -39,6 +43,11 @@ fn ewa_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocati
     quad.column = tile.x * TILE + place.x * 4u;
     quad.row = (view.first_tile_row + tile.y) * TILE + place.y;
     quad.first = thresholds[depths_of(index) + threshold_place(place.xy)];
+    if PEEL {
+        if thresholds[depths_of(index) + state_place()].x == 0.0 { return; }
+        quad.floor = thresholds[depths_of(index) + floor_place() + threshold_place(place.xy)];
+        quad.ceiling = min(quad.first, thresholds[depths_of(index) + ceiling_place() + in_tile]);
+    }
     if all(quad.first == vec4<f32>(UNWANTED)) { return; }
     quad.second = vec4<f32>(UNWANTED);
     if LAYERS > 1u {
@@ -65,16 +74,20 @@ fn ewa_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocati
     var rest = Sums();
     if view.resumes != 0u {
         load_sums(&front, tile_at + FRONT * layer_size);
-        load_sums(&second, tile_at + SECOND * layer_size);
-        load_sums(&rest, tile_at + REST * layer_size);
+        if LAYERS > 2u {
+            load_sums(&second, tile_at + SECOND * layer_size);
+            load_sums(&rest, tile_at + REST * layer_size);
+        }
     }
     walk = walk_of(index);
     while has_others && has_next(walk) {
         add_to_others(&front, &second, &rest, next_slot(&walk), quad);
     }
     store_sums(&front, tile_at + FRONT * layer_size);
-    store_sums(&second, tile_at + SECOND * layer_size);
-    store_sums(&rest, tile_at + REST * layer_size);
+    if LAYERS > 2u {
+        store_sums(&second, tile_at + SECOND * layer_size);
+        store_sums(&rest, tile_at + REST * layer_size);
+    }
 }
 
 // A filtered splat on the rays through a quad.
@@ -111,11 +124,17 @@ fn see(splat: EwaSplat, quad: Quad) -> Seen {
     }
     let hits = shown & (r2 <= one) & within;
     let weight = splat.weight * kernel(select(one, r2, r2 < one));
-    return Seen(
+    var seen = Seen(
         select(vec4<f32>(0.0), weight, hits),
         select(vec4<f32>(splat.disc.centre_depth), plane_depth, in_view),
         at.inside & in_view & within,
     );
+    if PEEL {
+        let in_layer = (seen.depth > quad.floor) & (seen.depth <= quad.ceiling);
+        seen.weight = select(vec4<f32>(0.0), seen.weight, in_layer);
+        seen.disc = seen.disc & in_layer;
+    }
+    return seen;
 }
 
 // The pixels of a quad in which a splat is before the band, and in it. Each pixel has it in one layer; behind a solid

@@ -5,6 +5,7 @@
 //   in   splats, list, starts, wide   output of `ewa_project` and `bin`
 //        segments                     epsilon of a splat's object
 //   in and out  thresholds   depths of each tile, as common/ewa.wgsl has them
+// Of a layer that is peeled off, discs behind the floor alone count, and there is no second threshold.
 // One workgroup per tile, one invocation per quad of pixels. A tile knows its apron from its own list, so it reads no
 // other tile. The order of splats does not change a minimum.
 
@@ -22,11 +23,15 @@ const AT_ONCE: u32 = 64u;
 var<workgroup> discs_read: array<Splat, AT_ONCE>;
 var<workgroup> epsilons_read: array<f32, AT_ONCE>;
 
-// T of a quad, and the tolerances of the discs that it is of.
+// T of a quad, and the tolerances of the discs that it is of. Only discs behind the floor count.
 struct Depths {
     threshold: vec4<f32>,
     epsilon: vec4<f32>,
+    floor: vec4<f32>,
 }
+
+// Is there more to peel off the tile?
+var<workgroup> live: u32;
 
 @compute @workgroup_size(128)
 fn ewa_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
@@ -34,6 +39,10 @@ fn ewa_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
     let place = vec2<u32>(tile.x, view.first_tile_row + tile.y);
     let depths_at = depths_of(index);
     let quads = guarded_quads();
+    if PEEL {
+        if lane == 0u { live = u32(thresholds[depths_at + state_place()].x); }
+        if workgroupUniformLoad(&live) == 0u { return; }
+    }
     if !is_wanted(place) {
         for (var i = lane; i < depth_quads(); i += INVOCATIONS) {
             thresholds[depths_at + i] = vec4<f32>(UNWANTED);
@@ -52,7 +61,13 @@ fn ewa_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
         let row = place.y * TILE + quad.y;
         let is_own = i < quads && quad.x < 4u && quad.y < TILE;
         let epsilon_at = depths_at + epsilon_place() + quad.y * 4u + quad.x;
-        var depths = Depths(vec4<f32>(NONE), vec4<f32>(0.0));
+        var depths = Depths(vec4<f32>(NONE), vec4<f32>(0.0), vec4<f32>(0.0));
+        if PEEL && i < quads {
+            // The layer before it reached to its T.
+            let floor_at = depths_at + floor_place() + i;
+            if view.resumes == 0u { thresholds[floor_at] = thresholds[depths_at + i]; }
+            depths.floor = thresholds[floor_at];
+        }
         if view.resumes != 0u && i < quads {
             depths.threshold = thresholds[depths_at + i];
             if is_own { depths.epsilon = thresholds[epsilon_at]; }
@@ -100,12 +115,14 @@ fn meet(disc: Splat, epsilon: f32, column: u32, row: u32) -> Met {
 
 // The depths, lowered by a disc of an object with tolerance `epsilon`.
 fn lowered(depths: Depths, disc: Splat, epsilon: f32, column: u32, row: u32) -> Depths {
-    let met = meet(disc, epsilon, column, row);
+    var met = meet(disc, epsilon, column, row);
+    if PEEL { met.covers = met.covers & (met.depth > depths.floor); }
     let candidate = select(vec4<f32>(NONE), met.depth + met.tolerance, met.covers);
     let lower = candidate < depths.threshold;
     return Depths(
         select(depths.threshold, candidate, lower),
         select(depths.epsilon, met.tolerance, lower),
+        depths.floor,
     );
 }
 
@@ -123,6 +140,11 @@ fn ewa_second(
     let index = tile.y * view.tiles.x + tile.x;
     let place = vec2<u32>(tile.x, view.first_tile_row + tile.y);
     if !is_wanted(place) { return; }
+    let state_at = depths_of(index) + state_place();
+    if PEEL {
+        if lane == 0u { live = u32(thresholds[state_at].x); }
+        if workgroupUniformLoad(&live) == 0u { return; }
+    }
     let column = place.x * TILE + 4u * quad.x;
     let row = place.y * TILE + quad.y;
     let depths_at = depths_of(index);
@@ -145,7 +167,7 @@ fn ewa_second(
     } else {
         second = thresholds[second_at];
     }
-    if any(second > vec4<f32>(UNWANTED)) {
+    if !PEEL && any(second > vec4<f32>(UNWANTED)) {
         second = behind(index, second, thresholds[depths_at + threshold_place(quad.xy)], column, row);
     }
     thresholds[second_at] = second;

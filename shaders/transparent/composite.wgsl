@@ -2,9 +2,11 @@
 // Twins: src/backend/cpu/transparent/composite.rs, accumulators.rs.  Math: docs/math.md, sections 11 and 12.
 //   in   splats, list, starts, wide   output of `gather` and `bin`: in the order of depth
 //        thresholds                   T of opaque surfels, where the view has any
+//        layers                       of see-through surfels, where the view has any: the films of peel.wgsl
 //   in and out  sums   for each tile, for each channel, its quads: transmittance, red, green, blue, and where they are
-//                      wanted the depth, then the velocity; then the same of the open layer of a volume, with its
-//                      optical depth first and its number last
+//                      wanted the depth, then the velocity, then the normal; then the first of these of the open layer
+//                      of a volume, with its optical depth first and its number last; then the number of the next layer
+//                      of see-through surfels
 // One workgroup per tile, one invocation per quad of pixels. Slabs of depth come one after the other, the nearest
 // first.
 
@@ -14,6 +16,7 @@
 @group(1) @binding(12) var<storage, read> starts: array<u32>;
 @group(1) @binding(17) var<storage, read> thresholds: array<vec4<f32>>;
 @group(1) @binding(20) var<storage, read_write> sums: array<vec4<f32>>;
+@group(1) @binding(36) var<storage, read> layers: array<f32>;
 
 // All channels.
 override CHANNELS: u32 = 4u;
@@ -21,6 +24,18 @@ override CHANNELS: u32 = 4u;
 override OWN: u32 = 4u;
 // The first channel of the open layer; 0 where there are no volumes.
 override OPEN: u32 = 0u;
+// First of three channels: normals, of see-through surfels alone; 0 where they are not wanted.
+override NORMAL: u32 = 0u;
+// Channel of the next layer of see-through surfels; 0 where there are none.
+override NEXT: u32 = 0u;
+// As in peel.wgsl, and as in resolve.wgsl.
+override MOST_LAYERS: u32 = 8u;
+override DEPTH_PLANE: u32 = 0u;
+override NORMAL_PLANE: u32 = 0u;
+override VELOCITY_PLANE: u32 = 0u;
+override PLANES: u32 = 4u;
+// Is the image composited in coded values?
+override CODED: bool = false;
 // Do thresholds lie as those of full EWA, with an apron around each tile?
 override APRONS: bool = false;
 
@@ -38,6 +53,9 @@ struct Composite {
     depth: vec4<f32>,
     velocity_x: vec4<f32>,
     velocity_y: vec4<f32>,
+    normal_x: vec4<f32>,
+    normal_y: vec4<f32>,
+    normal_z: vec4<f32>,
 }
 
 // The quad, and what it has beside its sum.
@@ -47,6 +65,11 @@ struct Quad {
     limit: vec4<f32>,
     // Number of the open layer.
     layer: u32,
+    // First pixel in the first layer of see-through surfels.
+    surfels_at: u32,
+    // Number and depth of the next layer of see-through surfels.
+    next: vec4<u32>,
+    next_depth: vec4<f32>,
 }
 
 @compute @workgroup_size(4, 16)
@@ -61,23 +84,37 @@ fn composite(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_i
     quad.row = tile_place.y * TILE + place.y;
     var walk = walk_of(index);
     // What is still open ends with the last slab.
-    let has_rest = OPEN != 0u && view.ends != 0u;
+    let has_rest = (OPEN != 0u || NEXT != 0u) && view.ends != 0u;
     var sum: Composite;
     var open: Composite;
     sum.through = vec4<f32>(1.0);
     if view.resumes != 0u {
         if !has_next(walk) && !has_rest { return; }
         load(&sum, at);
+        if NORMAL != 0u {
+            sum.normal_x = sums[at + NORMAL * TILE_QUADS];
+            sum.normal_y = sums[at + (NORMAL + 1u) * TILE_QUADS];
+            sum.normal_z = sums[at + (NORMAL + 2u) * TILE_QUADS];
+        }
         if OPEN != 0u {
             load(&open, at + OPEN * TILE_QUADS);
             quad.layer = number_at(at);
         }
     }
+    let has_layers = NEXT != 0u && (view.surfels & SEE_THROUGH_SURFELS) != 0u;
+    quad.next = vec4<u32>(MOST_LAYERS);
+    quad.next_depth = vec4<f32>(NONE);
+    if has_layers {
+        quad.surfels_at = index * MOST_LAYERS * PLANES * TILE_PIXELS + 4u * in_tile;
+        var first = vec4<u32>(0u);
+        if view.resumes != 0u { first = vec4<u32>(sums[at + NEXT * TILE_QUADS]); }
+        for (var i = 0u; i < 4u; i += 1u) { find_next(&quad, i, first[i]); }
+    }
     // Nothing is composited outside the image.
     let columns = vec4<u32>(quad.column, quad.column + 1u, quad.column + 2u, quad.column + 3u);
     let outside = (columns > vec4<u32>(u32(view.pixels.y))) | vec4<bool>(quad.row > u32(view.pixels.w));
     var limit = vec4<f32>(NONE);
-    if view.has_opaque != 0u {
+    if (view.surfels & OPAQUE_SURFELS) != 0u {
         if APRONS {
             limit = thresholds[depths_of(index) + threshold_place(place.xy)];
         } else {
@@ -88,9 +125,19 @@ fn composite(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_i
     while has_next(walk) && any((sum.through >= vec4<f32>(OPAQUE)) & (quad.limit > vec4<f32>(UNWANTED))) {
         add_splat(&sum, &open, next_slot(&walk), &quad);
     }
-    if has_rest { close_layer(&sum, &open, vec4<bool>(true)); }
+    if has_rest {
+        if has_layers { pass_surfels(&sum, &open, &quad, vec4<bool>(true), NONE, true); }
+        if OPEN != 0u { close_layer(&sum, &open, vec4<bool>(true)); }
+    }
     store(&sum, at);
-    if OPEN != 0u && !has_rest {
+    if NORMAL != 0u {
+        sums[at + NORMAL * TILE_QUADS] = sum.normal_x;
+        sums[at + (NORMAL + 1u) * TILE_QUADS] = sum.normal_y;
+        sums[at + (NORMAL + 2u) * TILE_QUADS] = sum.normal_z;
+    }
+    if has_rest { return; }
+    if NEXT != 0u { sums[at + NEXT * TILE_QUADS] = vec4<f32>(quad.next); }
+    if OPEN != 0u {
         store(&open, at + OPEN * TILE_QUADS);
         let number = vec2<u32>(quad.layer & 0xffffu, quad.layer >> 16u);
         sums[at + (OPEN + OWN) * TILE_QUADS] = vec4<f32>(vec2<f32>(number), 0.0, 0.0);
@@ -126,6 +173,7 @@ fn add_splat(
     if OPEN != 0u && splat.layer > 0u {
         let shows = (exponent >= vec4<f32>(least_power(splat.peak))) & before;
         if !any(shows) { return; }
+        if NEXT != 0u { pass_surfels(sum, open, quad, shows, splat.depth, false); }
         if (*quad).layer != splat.layer {
             close_layer(sum, open, vec4<bool>(true));
             (*quad).layer = splat.layer;
@@ -136,6 +184,7 @@ fn add_splat(
         return;
     }
     let reaches = (exponent >= vec4<f32>(-LOG2_FAINTEST)) & before;
+    if NEXT != 0u { pass_surfels(sum, open, quad, reaches, splat.depth, false); }
     if OPEN != 0u { close_layer(sum, open, reaches); }
     let through = (*sum).through;
     let shows = reaches & (through >= vec4<f32>(OPAQUE));
@@ -184,6 +233,66 @@ fn close_layer(sum: ptr<function, Composite>, open: ptr<function, Composite>, wa
         (*open).velocity_x = select((*open).velocity_x, zero, wanted);
         (*open).velocity_y = select((*open).velocity_y, zero, wanted);
     }
+}
+
+// Composites the layers of see-through surfels that are nearer than `depth`, or `all`, in the pixels that are `wanted`.
+fn pass_surfels(
+    sum: ptr<function, Composite>, open: ptr<function, Composite>, quad: ptr<function, Quad>, wanted: vec4<bool>,
+    depth: f32, all: bool,
+) {
+    loop {
+        let nearer = ((*quad).next_depth < vec4<f32>(depth)) | vec4<bool>(all);
+        let due = wanted & nearer & ((*quad).next < vec4<u32>(MOST_LAYERS));
+        if !any(due) { return; }
+        if OPEN != 0u { close_layer(sum, open, due); }
+        for (var i = 0u; i < 4u; i += 1u) {
+            if !due[i] { continue; }
+            let number = (*quad).next[i];
+            add_surfels(sum, i, (*quad).surfels_at + number * PLANES * TILE_PIXELS + i);
+            find_next(quad, i, number + 1u);
+        }
+    }
+}
+
+// Finds the next layer of surfels at pixel `i` of the quad, from number `first` on.
+fn find_next(quad: ptr<function, Quad>, i: u32, first: u32) {
+    var number = first;
+    var depth = NONE;
+    for (; number < MOST_LAYERS; number += 1u) {
+        let at = (*quad).surfels_at + number * PLANES * TILE_PIXELS + i;
+        if layers[at + 3u * TILE_PIXELS] > 0.0 {
+            // What only filters reach has no depth of its own; it lies behind all that has.
+            depth = layers[at + (PLANES - 1u) * TILE_PIXELS];
+            break;
+        }
+    }
+    (*quad).next[i] = number;
+    (*quad).next_depth[i] = depth;
+}
+
+// Composites pixel `i` of a layer of surfels, whose first plane has it at `at`.
+fn add_surfels(sum: ptr<function, Composite>, i: u32, at: u32) {
+    let through = (*sum).through[i];
+    let alpha = layers[at + 3u * TILE_PIXELS];
+    var colour = vec3<f32>(layers[at], layers[at + TILE_PIXELS], layers[at + 2u * TILE_PIXELS]);
+    if CODED {
+        colour = alpha
+            * vec3<f32>(from_linear(colour.x / alpha), from_linear(colour.y / alpha), from_linear(colour.z / alpha));
+    }
+    (*sum).red[i] += through * colour.x;
+    (*sum).green[i] += through * colour.y;
+    (*sum).blue[i] += through * colour.z;
+    if OWN > 4u && DEPTH_PLANE != 0u { (*sum).depth[i] += through * layers[at + DEPTH_PLANE * TILE_PIXELS]; }
+    if OWN > 5u && VELOCITY_PLANE != 0u {
+        (*sum).velocity_x[i] += through * layers[at + VELOCITY_PLANE * TILE_PIXELS];
+        (*sum).velocity_y[i] += through * layers[at + (VELOCITY_PLANE + 1u) * TILE_PIXELS];
+    }
+    if NORMAL != 0u {
+        (*sum).normal_x[i] += through * layers[at + NORMAL_PLANE * TILE_PIXELS];
+        (*sum).normal_y[i] += through * layers[at + (NORMAL_PLANE + 1u) * TILE_PIXELS];
+        (*sum).normal_z[i] += through * layers[at + (NORMAL_PLANE + 2u) * TILE_PIXELS];
+    }
+    (*sum).through[i] = through * (1.0 - alpha);
 }
 
 fn load(sum: ptr<function, Composite>, at: u32) {

@@ -15,6 +15,7 @@
 
 // As in composite.wgsl.
 override CHANNELS: u32 = 4u;
+override NORMAL: u32 = 0u;
 // As in resolve.wgsl.
 override DEPTH_PLANE: u32 = 0u;
 override NORMAL_PLANE: u32 = 0u;
@@ -59,9 +60,11 @@ fn transparent_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_in
         add(at, DEPTH_PLANE, sums[sum_at + 4u * TILE_PIXELS], through);
     }
     if NORMAL_PLANE != 0u {
-        add(at, NORMAL_PLANE, 0.0, through);
-        add(at, NORMAL_PLANE + 1u, 0.0, through);
-        add(at, NORMAL_PLANE + 2u, 0.0, through);
+        for (var c = 0u; c < 3u; c += 1u) {
+            var own = 0.0;
+            if NORMAL != 0u { own = sums[sum_at + (NORMAL + c) * TILE_PIXELS]; }
+            add(at, NORMAL_PLANE + c, own, through);
+        }
     }
     if VELOCITY_PLANE != 0u {
         add(at, VELOCITY_PLANE, sums[sum_at + 5u * TILE_PIXELS], through);

@@ -32,14 +32,6 @@ pub enum BackendError {
         /// Name of the object.
         object: String,
     },
-    /// What only the CPU shows so far.
-    #[error("object {object} of the frame has {what}, which the GPU cannot show: take `--backend cpu`")]
-    OnCpuAlone {
-        /// Index of the object, from 1 on.
-        object: usize,
-        /// What it has.
-        what: &'static str,
-    },
     /// The number of the frame is infinite or NaN.
     #[error("there is no frame {frame}; a finite number is needed")]
     Frame {

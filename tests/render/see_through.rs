@@ -290,3 +290,30 @@ fn balls_of_glass_are_those_of_the_reference() {
         assert!(flip < 0.01, "{prefilter:?}: FLIP {flip:.4}");
     }
 }
+
+/// The closed forms above on a GPU: filters, groups of samples, a capture between layers, and what is left out.
+#[cfg(feature = "gpu")]
+#[test]
+fn a_gpu_shows_the_same_layers() {
+    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("a_gpu_shows_the_same_layers") else { return };
+    let green = Vec3::new(0.2, 0.8, 0.3);
+    let objects = || vec![plane(-0.5, 0.6, BLUE), veil(0.0, green), plane(0.5, 0.3, RED)];
+    let want = over(&[(0.3, RED), (0.5, green), (0.6, BLUE)]);
+    for prefilter in [Prefilter::None, Prefilter::Approx, Prefilter::Ewa] {
+        for mode in [STILL, BlurMode::supersample(2), bucket(1, 2)] {
+            let rendered = render_frame(&mut gpu, &view(objects()), 0, &with(mode, prefilter)).unwrap();
+            let found = worst(&rendered.picture, want);
+            // As `a_capture_lies_between_layers` has it.
+            assert!(found < 1e-4, "{mode:?}, {prefilter:?}: {found:.1e}");
+            assert_eq!(rendered.stats.left_out, 0);
+        }
+    }
+    for n in [8, 9_usize] {
+        let layers: Vec<(f64, Vec3)> = (0..n).map(|i| (0.15 + 0.02 * i as f64, colour_of(i))).collect();
+        let objects = (0..n).rev().map(|i| plane(1.0 - 0.2 * i as f64, layers[i].0, layers[i].1)).collect();
+        let rendered = render_frame(&mut gpu, &view(objects), 0, &with(STILL, Prefilter::Ewa)).unwrap();
+        let found = worst(&rendered.picture, over(&layers[..8]));
+        assert!(found < 1e-5, "{n} layers: {found:.1e}");
+        assert_eq!(rendered.stats.left_out > 0, n > 8, "{n} layers");
+    }
+}

@@ -19,7 +19,7 @@ use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
 use crate::layout::{Channels, FilteredSplat, Splat, SweptSplat};
 use crate::options::{KernelShape, KernelWeight, Normalise, SweptKernel};
-use crate::plan::Objects;
+use crate::plan::{LayerPass, Objects};
 
 /// A pipeline and the buffers that it is bound to.
 #[derive(Clone, Debug)]
@@ -63,7 +63,9 @@ pub(in crate::backend) struct BoundPrograms {
     pub swept: Option<SweptPrograms>,
     /// `None` without full EWA.
     pub ewa: Option<EwaPrograms>,
-    /// `None` without captures.
+    /// `None` without see-through surfels.
+    pub see_through: Option<SeeThroughPrograms>,
+    /// `None` where nothing is transparent.
     pub transparent: Option<TransparentPrograms>,
 }
 
@@ -131,7 +133,17 @@ pub(in crate::backend) struct EwaPrograms {
     pub attribute: BoundProgram,
 }
 
-/// The programs of captures.
+/// The programs of see-through surfels. Depths are in a buffer of their own.
+#[derive(Debug)]
+pub(in crate::backend) struct SeeThroughPrograms {
+    pub start: BoundProgram,
+    /// Without what is behind T.
+    pub ewa: EwaPrograms,
+    pub resolve: BoundProgram,
+    pub left_out: BoundProgram,
+}
+
+/// The programs of captures and volumes.
 #[derive(Debug)]
 pub(in crate::backend) struct TransparentPrograms {
     /// For each object, for each of its buffers.
@@ -141,6 +153,9 @@ pub(in crate::backend) struct TransparentPrograms {
     pub gather: BoundProgram,
     pub composite: BoundProgram,
 }
+
+/// Passes that are recorded of a batch of see-through surfels: lists are made again for each that reads them.
+const PASSES_OF_LAYERS: usize = 4 * LayerPass::ORDER.len();
 
 impl Gpu {
     /// Makes room for the uniforms of the largest group and for all marks; binds the programs.
@@ -155,12 +170,17 @@ impl Gpu {
         for position in frame.positions() {
             for group in &position.groups {
                 // Static and moving objects in separate batches may take one view more.
-                let batches = schedule.batches(prepared, &position.raster, group, Objects::All, false);
-                let views = batches.run.len() + 2;
-                let segments = group.samples.len() + batches.segments().count() + views;
                 let lights = group.samples.iter().map(|sample| sample.lights.len()).sum();
-                most = [most[0].max(views), most[1].max(segments), most[2].max(lights)];
-                passes += 18 * views + 4;
+                for (objects, passes_each) in [(Objects::All, 18), (Objects::SeeThrough, PASSES_OF_LAYERS)] {
+                    let batches = schedule.batches(prepared, &position.raster, group, objects, false);
+                    if objects == Objects::SeeThrough && batches.run.is_empty() {
+                        continue;
+                    }
+                    let views = batches.run.len() + 2;
+                    let segments = group.samples.len() + batches.segments().count() + views;
+                    most = [most[0].max(views), most[1].max(segments), most[2].max(lights)];
+                    passes += passes_each * views + 4;
+                }
                 if frame.blending.is_some() {
                     let [views, segments, of_step] = captures::sizes(prepared, group);
                     most = [most[0].max(views), most[1].max(segments), most[2]];
@@ -220,6 +240,8 @@ impl Binder<'_> {
             Slot::Gaussians => &b.gaussians,
             Slot::Order => &b.order,
             Slot::Opaque => &b.opaque,
+            Slot::Peeled => &b.peeled,
+            Slot::Layers => &b.layers,
         }
     }
 
@@ -324,6 +346,10 @@ impl Binder<'_> {
             None => None,
         };
         let ewa = if frame.has_ewa() { Some(self.ewa_programs(prepared, 1 - begin)?) } else { None };
+        let see_through = match prepared.see_through {
+            Some(ref channels) => Some(self.see_through_programs(prepared, channels, 1 - begin)?),
+            None => None,
+        };
         let captures = frame.blending.is_some();
         let transparent = if captures { Some(self.transparent_programs(prepared)?) } else { None };
         Ok(BoundPrograms {
@@ -345,6 +371,7 @@ impl Binder<'_> {
             static_layer: self.static_layer_programs(channels, schedule.cached_batches() as usize)?,
             swept,
             ewa,
+            see_through,
             transparent,
         })
     }
@@ -431,6 +458,7 @@ impl Binder<'_> {
         let weights = DeviceChannels {
             shared,
             sample_coverage: None,
+            opacity: None,
             peak: None,
             count: 1,
             layers: 1,

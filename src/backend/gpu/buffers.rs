@@ -41,6 +41,9 @@ pub(in crate::backend) struct Buffers {
     pub order: Buffer,
     /// The picture of a group's surfels, which captures are laid over.
     pub opaque: Buffer,
+    /// Depths and covers of see-through surfels, while layers are peeled off; the films of those layers.
+    pub peeled: Buffer,
+    pub layers: Buffer,
     /// The picture of static objects, beside kernels in motion.
     pub static_film: Buffer,
     /// The blocks of the image that are wanted.
@@ -99,6 +102,8 @@ impl Buffers {
             gaussians: device.buffer("splats of captures", size_of::<DeviceGaussian>() as u64, SHARED)?,
             order: empty()?,
             opaque: empty()?,
+            peeled: empty()?,
+            layers: empty()?,
             // It is bound even where there is no static picture.
             static_film: device.buffer("the static picture", 4, SHARED)?,
             wanted: empty()?,
@@ -122,12 +127,12 @@ impl Buffers {
         grow(device, &mut self.touched, "tile counts", 4 * slots)?;
         grow(device, &mut self.partials, "tile counts", 8 * slots.div_ceil(u64::from(WORKGROUP_ITEMS)))?;
         grow(device, &mut self.wide, "lists", 4 * slots)?;
-        grow(device, &mut self.values, "attributes", 4 * u64::from(channels.values) * slots)?;
+        grow(device, &mut self.values, "attributes", 4 * schedule.values * slots)?;
         let tile = 4 * 256;
         let (band, map) = (schedule.band_tiles, schedule.map_tiles);
         grow(device, &mut self.starts, "lists", 4 * (band.max(map) + 2))?;
         grow(device, &mut self.thresholds, "thresholds", (schedule.depth_bytes * band).max(tile * map))?;
-        grow(device, &mut self.sums, "sums", tile * map.max(channels.sums() as u64 * band))?;
+        grow(device, &mut self.sums, "sums", tile * map.max(schedule.sums * band))?;
         grow(device, &mut self.map, "the map", MAP_BYTES * map + schedule.behind_map_bytes * band)?;
         grow(device, &mut self.coverage_mask, "coverage masks", schedule.mask_bytes * band)?;
         grow(device, &mut self.static_film, "the static picture", schedule.static_picture_bytes * band)?;
@@ -135,6 +140,8 @@ impl Buffers {
         grow(device, &mut self.gaussians, "splats of captures", schedule.gaussians * each)?;
         grow(device, &mut self.order, "splats of captures", 4 * schedule.gaussians)?;
         grow(device, &mut self.opaque, "the opaque picture", schedule.opaque_bytes * band)?;
+        grow(device, &mut self.peeled, "see-through surfels", schedule.peeled_bytes * band)?;
+        grow(device, &mut self.layers, "see-through surfels", schedule.layer_bytes * band)?;
         if schedule.cached_slots > 0 {
             grow(device, &mut self.layer_thresholds, "thresholds", tile * band)?;
             grow(device, &mut self.layer_sums, "sums", tile * (channels.count as u64 + 1) * band)?;
@@ -177,7 +184,7 @@ impl Buffers {
     pub(in crate::backend) fn bytes(&self) -> u64 {
         let splats = [&self.splats, &self.touched, &self.partials, &self.wide, &self.values, &self.starts];
         let tiles = [&self.thresholds, &self.sums, &self.map, &self.coverage_mask, &self.static_film, &self.film];
-        let captures = [&self.gaussians, &self.order, &self.opaque];
+        let captures = [&self.gaussians, &self.order, &self.opaque, &self.peeled, &self.layers];
         let layer = [&self.layer_thresholds, &self.layer_sums, &self.limits, &self.histogram];
         let lists = self.keys.iter().chain(&self.lists);
         let cached = self.cached.iter().flat_map(|c| [&c.splats, &c.list, &c.wide, &c.starts, &c.values]);

@@ -5,6 +5,7 @@ use super::programs::Constants;
 use crate::film::{Blending, FilmPlanes};
 use crate::frame::Frame;
 use crate::options::{KernelShape, KernelWeight, Shading, SweptKernel, TemporalAlpha};
+use crate::plan::LAYERS;
 
 /// The channels of sums.
 pub(super) fn sum_constants(channels: &DeviceChannels) -> Constants {
@@ -43,6 +44,34 @@ fn layers(channels: &DeviceChannels) -> [(&'static str, u32); 2] {
 pub(super) fn ewa_constants(channels: &DeviceChannels) -> Constants {
     let mut constants = sum_constants(channels);
     constants.extend(layers(channels));
+    constants
+}
+
+/// The channel of opacities, and that layers are peeled off.
+fn of_peel(channels: &DeviceChannels) -> [(&'static str, u32); 2] {
+    [("OPACITY", channels.opacity.unwrap_or(0) as u32), ("PEEL", 1)]
+}
+
+/// For `splat_values` of see-through surfels.
+pub(super) fn peel_value_constants(frame: &Frame, channels: &DeviceChannels) -> Constants {
+    let mut constants = value_constants(frame, channels);
+    constants.extend(of_peel(channels).into_iter().take(1));
+    constants
+}
+
+/// For pass `attribute` of see-through surfels.
+pub(super) fn peel_constants(channels: &DeviceChannels) -> Constants {
+    let mut constants = ewa_constants(channels);
+    constants.extend(of_peel(channels));
+    constants
+}
+
+/// For the programs that make layers of what is peeled off. The films of layers have a plane more.
+pub(super) fn peel_resolve_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
+    let mut constants = resolve_constants(frame, channels, &FilmPlanes { count: planes.count + 1, ..*planes });
+    constants.extend(layers(channels));
+    constants.extend(of_peel(channels));
+    constants.extend([("APRONS", u32::from(frame.has_ewa())), ("MOST_LAYERS", u32::from(LAYERS))]);
     constants
 }
 
@@ -92,16 +121,32 @@ pub(super) fn resolve_constants(frame: &Frame, channels: &DeviceChannels, planes
     constants
 }
 
-fn channels_of_composite(channels: &DeviceChannels) -> Constants {
-    let composite = &channels.composite;
-    vec![("CHANNELS", composite.count as u32), ("OWN", composite.own as u32)]
+/// What both passes after the sort need: channels, and where the planes of films are.
+fn channels_of_composite(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
+    let at = |plane: Option<usize>| plane.unwrap_or(0) as u32;
+    vec![
+        ("CHANNELS", channels.composite.count as u32),
+        ("NORMAL", at(channels.composite.normal)),
+        ("DEPTH_PLANE", at(planes.depth)),
+        ("NORMAL_PLANE", at(planes.normal)),
+        ("VELOCITY_PLANE", at(planes.velocity)),
+        ("CODED", u32::from(frame.blending == Some(Blending::Coded))),
+    ]
 }
 
 /// For pass `composite`.
-pub(super) fn composite_constants(frame: &Frame, channels: &DeviceChannels) -> Constants {
-    let mut constants = channels_of_composite(channels);
-    constants.push(("APRONS", u32::from(frame.has_ewa())));
-    constants.push(("OPEN", channels.composite.open.unwrap_or(0) as u32));
+pub(super) fn composite_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
+    let at = |channel: Option<usize>| channel.unwrap_or(0) as u32;
+    let mut constants = channels_of_composite(frame, channels, planes);
+    constants.extend([
+        ("OWN", channels.composite.own as u32),
+        ("APRONS", u32::from(frame.has_ewa())),
+        ("OPEN", at(channels.composite.open)),
+        ("NEXT", at(channels.composite.next)),
+        ("MOST_LAYERS", u32::from(LAYERS)),
+        // The films of layers have a plane more.
+        ("PLANES", planes.count as u32 + 1),
+    ]);
     constants
 }
 
@@ -111,16 +156,8 @@ pub(super) fn transparent_resolve_constants(
     channels: &DeviceChannels,
     planes: &FilmPlanes,
 ) -> Constants {
-    let at = |plane: Option<usize>| plane.unwrap_or(0) as u32;
-    let mut constants = channels_of_composite(channels);
-    constants.retain(|(name, _)| *name != "OWN");
-    constants.extend([
-        ("DEPTH_PLANE", at(planes.depth)),
-        ("NORMAL_PLANE", at(planes.normal)),
-        ("VELOCITY_PLANE", at(planes.velocity)),
-        ("PLANES", planes.count as u32),
-        ("CODED", u32::from(frame.blending == Some(Blending::Coded))),
-    ]);
+    let mut constants = channels_of_composite(frame, channels, planes);
+    constants.push(("PLANES", planes.count as u32));
     constants
 }
 

@@ -13,6 +13,9 @@ use crate::backend::BackendError;
 use crate::layout::{EwaSplat, Splat};
 use crate::plan::EwaPass;
 
+/// Size of a filtered splat in splats.
+pub(super) const PARTS: (&str, u32) = ("SPLATS", (size_of::<EwaSplat>() / size_of::<Splat>()) as u32);
+
 impl Binder<'_> {
     /// Binds the programs of full EWA. New lists go to the sort's buffers other than `emitted`.
     pub(super) fn ewa_programs(
@@ -22,16 +25,15 @@ impl Binder<'_> {
     ) -> Result<EwaPrograms, BackendError> {
         let Prepared { frame, channels, surfel_buffers, .. } = prepared;
         let none = Constants::new();
-        let parts = ("SPLATS", (size_of::<EwaSplat>() / size_of::<Splat>()) as u32);
         // Flags are those of the disc, which comes first.
         let mut values = value_constants(frame, channels);
-        values.push(parts);
+        values.push(PARTS);
         // Without layers a pixel has the band alone.
         let second = if channels.layers > 1 { Some(self.program(Program::EwaSecond, &none, 1, &[])?) } else { None };
         Ok(EwaPrograms {
             lists: ListPrograms {
                 project: self.of_surfels(Program::EwaProject, &none, surfel_buffers)?,
-                emit: self.program(Program::BinEmit, &vec![parts, ("PART", 1)], emitted, &[])?,
+                emit: self.program(Program::BinEmit, &vec![PARTS, ("PART", 1)], emitted, &[])?,
             },
             visibility: self.program(Program::EwaVisibility, &none, 1, &[])?,
             second,

@@ -6,11 +6,11 @@ use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 use super::DeviceState;
 use super::batches::{Batch, Batches};
 use super::bind::{BinPrograms, BoundProgram, BoundPrograms, FilmPart, ListPrograms, Round};
-use super::layout::{DIGIT_BITS, Segment, Travel, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, lights};
+use super::layout::{DIGIT_BITS, OPAQUE_SURFELS, Segment, Travel, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, lights};
 use super::memory::{Area, Band};
 use super::prepared::Prepared;
 use super::timestamps::{Marks, Stage};
-use crate::frame::{PosedGroup, Position};
+use crate::frame::{PosedGroup, Position, Raster};
 use crate::plan::{Objects, PosedInterval};
 
 /// One sample position in one band.
@@ -38,6 +38,8 @@ pub(in crate::backend) struct Job<'a> {
     pub area: Area,
     /// The pixels of the visibility map.
     pub map: Area,
+    /// Do the thresholds hold opaque surfels, before or behind those of the job?
+    pub has_opaque: bool,
     /// Slope of the time weight, as in [`crate::plan::PosedInterval`]. It is 0 where samples are instants.
     pub slope: f32,
 }
@@ -52,12 +54,13 @@ impl<'a> Place<'a> {
     pub(in crate::backend) fn job(self, group: usize, objects: Objects) -> Job<'a> {
         let area = self.area();
         let group = &self.position.groups[group];
-        Job { place: self, group, objects, from_layer: false, area, map: area.guarded(0), slope: 0.0 }
+        let map = area.guarded(0);
+        Job { place: self, group, objects, from_layer: false, area, map, has_opaque: false, slope: 0.0 }
     }
 
-    /// The same for step `Ewa`. Its pixels are those of the band and of the apron around it; its tiles are the band's.
-    pub(in crate::backend) fn ewa_job(self, group: usize) -> Job<'a> {
-        let (job, raster) = (self.job(group, Objects::All), &self.position.raster);
+    /// The same for full EWA. Its pixels are those of the band and of the apron around it; its tiles are the band's.
+    pub(in crate::backend) fn ewa_job(self, group: usize, objects: Objects) -> Job<'a> {
+        let (job, raster) = (self.job(group, objects), self.raster(objects));
         let pixels = job.area.pixels.widened(raster.apron() as i32, raster.size);
         Job { area: Area { pixels, ..job.area }, ..job }
     }
@@ -72,8 +75,14 @@ impl<'a> Place<'a> {
 
     /// The surfels of a group, cut into batches.
     pub(in crate::backend) fn batches(&self, job: &Job<'_>) -> Batches {
-        let Self { prepared, position, .. } = self;
-        prepared.schedule.batches(prepared, &position.raster, job.group, job.objects, job.from_layer)
+        let (prepared, raster) = (self.prepared, self.raster(job.objects));
+        prepared.schedule.batches(prepared, &raster, job.group, job.objects, job.from_layer)
+    }
+
+    /// The raster, with the filter that `objects` have.
+    pub(in crate::backend) fn raster(&self, objects: Objects) -> Raster {
+        let raster = self.position.raster;
+        if objects == Objects::SeeThrough { raster.for_see_through(self.prepared.frame.prefilter) } else { raster }
     }
 }
 
@@ -164,8 +173,10 @@ impl DeviceState {
     /// Uploads a group's views, segments and lights. Returns its batches.
     pub(in crate::backend) fn upload(&self, job: &Job<'_>) -> Batches {
         let Job { place, group, area, map, .. } = *job;
-        let (prepared, raster) = (place.prepared, &place.position.raster);
+        let (prepared, raster) = (place.prepared, place.raster(job.objects));
         let batches = place.batches(job);
+        let see_through = job.objects == Objects::SeeThrough;
+        let of_all = View::of(prepared.frame, &raster, group, prepared.channels.shared.uniform);
         let shared = View {
             pixels: area.pixels.to_array(),
             corner: area.corner,
@@ -175,7 +186,10 @@ impl DeviceState {
             map_tiles: map.tiles,
             entry_capacity: self.buffers.entries.min(u64::from(u32::MAX)) as u32,
             slope: job.slope,
-            ..View::of(prepared.frame, raster, group, prepared.channels.shared.uniform)
+            surfels: u32::from(job.has_opaque) * OPAQUE_SURFELS,
+            opaque_scale: group_scale(group),
+            low_pass: if see_through { 0.0 } else { of_all.low_pass },
+            ..of_all
         };
         let mut views = Vec::new();
         let mut before = 0;
@@ -290,6 +304,12 @@ impl DeviceState {
             recorder.dispatch_workgroups_indirect(totals, 0);
         }
     }
+}
+
+/// What turns sums over a group's samples into means.
+pub(in crate::backend) fn group_scale(group: &PosedGroup) -> f32 {
+    let total: f32 = group.samples.iter().map(|sample| sample.weight).sum();
+    if group.samples.len() > 1 && total > 0.0 { 1.0 / total } else { 1.0 }
 }
 
 /// Where view `number` begins, bytes.

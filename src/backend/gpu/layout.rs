@@ -54,10 +54,14 @@ pub(in crate::backend) struct View {
     pub sigma: f32,
     pub apron: u32,
     pub first_place: u32,
-    pub has_opaque: u32,
+    pub surfels: u32,
     pub opaque_scale: f32,
     pub ends: u32,
 }
+
+/// Bits of [`View::surfels`].
+pub(in crate::backend) const OPAQUE_SURFELS: u32 = 1;
+pub(in crate::backend) const SEE_THROUGH_SURFELS: u32 = 2;
 
 /// Some surfels of one surfel buffer, posed at one time sample; or only the weight of a sample.
 #[repr(C)]
@@ -154,13 +158,15 @@ pub(in crate::backend) struct Backdrop {
     pub shown: [f32; 4],
 }
 
-/// The results of pass `bin` that the host reads after a frame.
+/// What the host reads after a frame: of pass `bin`, and the pixels that lack layers of see-through surfels.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(in crate::backend) struct Status {
     pub most_entries: u32,
     pub splats_low: u32,
     pub splats_high: u32,
+    pub left_out_low: u32,
+    pub left_out_high: u32,
 }
 
 impl Segment {
@@ -171,11 +177,14 @@ impl Segment {
 
     /// The pose of an object, without its surfels. `turn` is 0 for static objects, else 1 + the sample.
     pub(in crate::backend) fn posed(posed: &PosedObject, object: &FrameObject, turn: u32, share: f32) -> Self {
-        let materials = object.material.is_none() && !object.surfels.material.is_empty();
+        let (has_materials, has_opacities) = (!object.surfels.material.is_empty(), !object.surfels.opacity.is_empty());
+        let materials = object.material.is_none() && has_materials;
+        let before = if has_materials { 10.0 } else { 6.0 };
+        let of_opacity = Vec3::new(object.opacity, if has_opacities { before } else { 0.0 }, 0.0);
         Self {
             screen: rows(&posed.screen_from_model, posed.screen_origin),
             rate: rows(&posed.screen_rate, posed.screen_origin_rate),
-            normal: rows(&posed.normal_matrix, Vec3::ZERO),
+            normal: rows(&posed.normal_matrix, of_opacity),
             world: rows(&posed.world_from_model, posed.world_origin),
             material: coefficients(object.material.unwrap_or_default()),
             epsilon: posed.epsilon,

@@ -3,8 +3,9 @@
 use super::layout::{DeviceGaussian, TILE, WIDEST, WORKGROUP_ITEMS};
 use crate::backend::BackendError;
 use crate::film::{Aov, FilmPlanes};
-use crate::frame::{Frame, PixelRect};
+use crate::frame::{Frame, PixelRect, Position};
 use crate::layout::{Channels, EwaSplat, FilteredSplat, Splat, SweptSplat};
+use crate::plan::LAYERS;
 
 /// Pixels of a tile.
 const TILE_PIXELS: u64 = (TILE * TILE) as u64;
@@ -36,6 +37,15 @@ pub(in crate::backend) fn ewa_depth_bytes(apron: usize) -> u64 {
     16 * (row * (u64::from(TILE) + 2 * apron as u64)) + 3 * THRESHOLD_BYTES
 }
 
+/// Bytes of the depths and covers of a tile while layers are peeled off, as the same file has them.
+pub(in crate::backend) fn peeled_bytes(apron: usize) -> u64 {
+    let row = 4 + 2 * (apron as u64).div_ceil(4);
+    ewa_depth_bytes(apron) + 16 * (row * (u64::from(TILE) + 2 * apron as u64)) + 4 * THRESHOLD_BYTES + 16
+}
+
+/// Layers of sums of see-through surfels of a pixel: before the nearest disc, and at it.
+const PEEL_LAYERS: usize = 2;
+
 /// Bytes of an entry of a cached list.
 const CACHED_ENTRY_BYTES: u64 = 4;
 
@@ -48,6 +58,8 @@ pub(in crate::backend) struct DeviceChannels {
     /// First of three channels: the sample coverage of the current sample, the coverage by the samples before it, and
     /// the sample coverage of static objects.
     pub sample_coverage: Option<usize>,
+    /// Channel of opacities, of see-through surfels alone.
+    pub opacity: Option<usize>,
     /// First of three channels of full EWA: weight times peak, weights that are negative for backs, and discs.
     pub peak: Option<usize>,
     pub count: usize,
@@ -61,9 +73,13 @@ pub(in crate::backend) struct DeviceChannels {
 pub(in crate::backend) struct CompositeChannels {
     /// Those that splats have: transmittance, colour, then depth, then velocity.
     pub own: usize,
+    /// First of three: normal, where see-through surfels have it.
+    pub normal: Option<usize>,
     /// The first one of the open layer of volumes: as many again, optical depth in place of the transmittance; then its
     /// number.
     pub open: Option<usize>,
+    /// Number of the next layer of see-through surfels.
+    pub next: Option<usize>,
     pub count: usize,
 }
 
@@ -77,25 +93,45 @@ impl CompositeChannels {
             [true, false] => 5,
             [false, false] => 4,
         };
-        let open = frame.has_volumes().then_some(own);
-        Self { own, open, count: own + open.map_or(0, |_| own + 1) }
+        let mut count = own;
+        let mut take = |wanted: bool, n: usize| {
+            wanted.then(|| {
+                count += n;
+                count - n
+            })
+        };
+        let see_through = frame.has_see_through();
+        let normal = take(see_through && frame.aovs.contains(&Aov::Normal), 3);
+        let open = take(frame.has_volumes(), own + 1);
+        let next = take(see_through, 1);
+        Self { own, normal, open, next, count }
     }
 }
 
 impl DeviceChannels {
     pub(in crate::backend) fn of(frame: &Frame) -> Self {
-        let shared = Channels::of(frame);
+        Self::with(frame, Channels::of(frame), if frame.has_ewa() { EWA_LAYERS } else { 1 })
+    }
+
+    /// Those of see-through surfels; `None` where there are none.
+    pub(in crate::backend) fn see_through(frame: &Frame) -> Option<Self> {
+        frame.has_see_through().then(|| Self::with(frame, Channels::of(frame).with_opacity(), PEEL_LAYERS))
+    }
+
+    /// `layers`: those of groups of one sample.
+    fn with(frame: &Frame, shared: Channels, layers: usize) -> Self {
         let several = frame.most_samples_of_a_group() > 1;
-        let layered = frame.has_ewa() && !several;
+        let layered = layers > 1 && !several;
         // The weight and depth are no values of a splat.
         let values = shared.count - 1 - usize::from(shared.depth.is_some());
         Self {
             shared,
             values: values as u32,
+            opacity: shared.opacity,
             sample_coverage: several.then_some(shared.count),
             peak: layered.then_some(shared.count),
             count: shared.count + if several || layered { 3 } else { 0 },
-            layers: if layered { EWA_LAYERS } else { 1 },
+            layers: if layered { layers } else { 1 },
             composite: CompositeChannels::of(frame),
         }
     }
@@ -172,7 +208,11 @@ pub(in crate::backend) struct Schedule {
     pub band_tiles: u64,
     /// Most tiles of a map; 0 where there is none.
     pub map_tiles: u64,
-    /// Bytes of a slot's splat.
+    /// Floats of a pixel's sums, of any step.
+    pub sums: u64,
+    /// Floats of a slot's attributes, of any step.
+    pub values: u64,
+    /// Bytes of a slot's splat, of any step.
     pub splat_bytes: u64,
     /// Bytes of a tile's thresholds, and of what else is known of its depths.
     pub depth_bytes: u64,
@@ -192,6 +232,9 @@ pub(in crate::backend) struct Schedule {
     pub gaussians: u64,
     /// Bytes of a tile of the opaque picture that captures are laid over; 0 without captures.
     pub opaque_bytes: u64,
+    /// Bytes of a tile of what is peeled off see-through surfels, and of the films of all layers; 0 without them.
+    pub peeled_bytes: u64,
+    pub layer_bytes: u64,
     /// Slots of static objects that are cached for groups that share a sample position. If 0, all groups splat
     /// everything.
     pub cached_slots: u64,
@@ -244,26 +287,33 @@ impl Schedule {
             };
         let static_picture_bytes = if frame.has_static_picture() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
         let opaque_bytes = if frame.blending.is_some() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
+        let see_through = DeviceChannels::see_through(frame);
+        let sums = see_through.map_or(0, |own| own.sums()).max(channels.sums());
+        let values = u64::from(see_through.map_or(0, |own| own.values).max(channels.values));
+        let (peeled_bytes, layer_bytes) = match see_through {
+            Some(_) => (peeled_bytes(most_apron_of_layers(frame)), 4 * TILE_PIXELS * planes_of_layers(planes)),
+            None => (0, 0),
+        };
         let (gaussians, gaussian_bytes) = gaussians(frame);
         let has_layer = cached_slots > 0;
         let behind_map_bytes = THRESHOLD_BYTES * (u64::from(static_picture_bytes > 0) + u64::from(frame.slices()));
         let apron = frame.positions().map(|position| position.raster.apron()).max().unwrap_or(0);
         let depth_bytes = if frame.has_ewa() { ewa_depth_bytes(apron) } else { THRESHOLD_BYTES };
         let tile_bytes = {
-            let own = depth_bytes + 4 * TILE_PIXELS * channels.sums() as u64 + 4 + mask_bytes;
+            let own = depth_bytes + 4 * TILE_PIXELS * sums as u64 + 4 + mask_bytes + peeled_bytes + layer_bytes;
             // Thresholds, sums with the least depth, limits.
             let layer = 4 * TILE_PIXELS * (3 + channels.count as u64) + 4;
             own + static_picture_bytes + opaque_bytes + behind_map_bytes + if has_layer { layer } else { 0 }
         };
         let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
         let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
-        let splat_bytes = match (swept, frame.has_ewa()) {
+        let splat_bytes = match (swept, frame.has_ewa() || see_through.is_some()) {
             (true, _) if frame.has_filtered_sweeps() => size_of::<FilteredSplat>(),
             (true, _) => size_of::<SweptSplat>(),
             (false, true) => size_of::<EwaSplat>(),
             (false, false) => size_of::<Splat>(),
         } as u64;
-        let slot_bytes = splat_bytes + 8 + 4 * u64::from(channels.values) + 8 / u64::from(WORKGROUP_ITEMS);
+        let slot_bytes = splat_bytes + 8 + 4 * values + 8 / u64::from(WORKGROUP_ITEMS);
         let cached_bytes = cached_slots * (splat_bytes + 4 + 4 * u64::from(channels.values));
         // Each cached batch has room for as many entries as a batch has.
         let entry_bytes = |slots: u64| ENTRY_BYTES + CACHED_ENTRY_BYTES * cached_slots.div_ceil(slots);
@@ -284,8 +334,8 @@ impl Schedule {
         let needed = frame.model_bytes + film + widest * tile_bytes + least_map + least_batch + gaussian_bytes;
         BackendError::check_memory(frame, needed)?;
         let left = frame.memory - frame.model_bytes - film - gaussian_bytes;
-        let sums = channels.sums() + usize::from(has_layer);
-        let bound = most_bytes / (4 * TILE_PIXELS * sums.max(planes.count) as u64);
+        let most_planes = (sums + usize::from(has_layer)).max(planes.count) as u64;
+        let bound = most_bytes / (4 * TILE_PIXELS * most_planes).max(layer_bytes).max(peeled_bytes);
         let band_tiles = bound.min((left - least_batch) / 2 / tile_bytes).max(widest).min(widest * tallest);
         let band_rows: Vec<u32> = rasters
             .iter()
@@ -309,7 +359,7 @@ impl Schedule {
         let left = left - band_tiles * tile_bytes - map_tiles * MAP_TILE_BYTES - cached_bytes;
         let samples = frame.most_samples_of_a_group() as u64;
         let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
-        let bound = most_bytes / splat_bytes.max(4 * u64::from(channels.values));
+        let bound = most_bytes / splat_bytes.max(4 * values);
         let cached_entry_bytes = if has_layer { CACHED_ENTRY_BYTES } else { 0 };
         let fit = left / (slot_bytes + ENTRIES_PER_SLOT * (ENTRY_BYTES + cached_entry_bytes));
         let slots = (samples * surfels).max(gaussians).min(fit).max(LEAST_SLOTS).min(bound).min(limits.slots);
@@ -323,6 +373,8 @@ impl Schedule {
             film_bytes,
             band_tiles,
             map_tiles,
+            sums: sums as u64,
+            values,
             splat_bytes,
             depth_bytes,
             band_rows,
@@ -333,6 +385,8 @@ impl Schedule {
             behind_map_bytes,
             gaussians,
             opaque_bytes,
+            peeled_bytes,
+            layer_bytes,
             cached_slots,
         })
     }
@@ -348,6 +402,17 @@ impl Schedule {
     pub(in crate::backend) fn cached_batches(&self) -> u64 {
         if self.cached_slots == 0 { 0 } else { self.cached_slots.div_ceil(self.slots) }
     }
+}
+
+/// Widest apron of see-through surfels.
+fn most_apron_of_layers(frame: &Frame) -> usize {
+    let apron = |position: &Position| position.raster.for_see_through(frame.prefilter).apron();
+    frame.positions().map(apron).max().unwrap_or(0)
+}
+
+/// Planes of the films of all layers of a pixel: each has those of the film, and its depth.
+pub(in crate::backend) fn planes_of_layers(planes: &FilmPlanes) -> u64 {
+    u64::from(LAYERS) * (planes.count as u64 + 1)
 }
 
 /// The films of a frame's rasters, and the bytes of all.

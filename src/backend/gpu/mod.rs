@@ -20,6 +20,7 @@ pub(super) mod models;
 pub(super) mod prepared;
 pub(super) mod programs;
 pub(super) mod record;
+mod see_through;
 pub(super) mod steps;
 #[cfg(test)]
 pub(super) mod tests;

@@ -11,11 +11,14 @@ use crate::backend::BackendError;
 use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
 use crate::frame::{Blocks, Frame, FrameObject};
+use crate::model::Surfels;
 
 /// What stays the same while a frame is rendered.
 pub(in crate::backend) struct Prepared<'a> {
     pub frame: &'a Frame,
     pub channels: DeviceChannels,
+    /// The channels of see-through surfels, where there are any.
+    pub see_through: Option<DeviceChannels>,
     pub planes: FilmPlanes,
     /// The surfel buffers of each object.
     pub surfel_buffers: Vec<Vec<ModelBuffer>>,
@@ -29,15 +32,16 @@ pub(in crate::backend) struct Prepared<'a> {
 impl Gpu {
     /// Cuts the frame up and makes room for it.
     pub(in crate::backend) fn prepare<'a>(&mut self, frame: &'a Frame) -> Result<Prepared<'a>, BackendError> {
-        let channels = DeviceChannels::of(frame);
+        let (channels, see_through) = (DeviceChannels::of(frame), DeviceChannels::see_through(frame));
         let planes = frame.film_planes();
         // A kernel that a pixel meets takes as many more iterations as it touches slices. Half of the iterations are
         // for them: a thousand kernels of a batch at one pixel, if each touches 32.
         let software = self.state.device.adapter.device_type == wgpu::DeviceType::Cpu;
         // Full EWA walks over a list twice, once for the band and once for the other layers.
+        let layers = see_through.map_or(1, |own| own.layers).max(channels.layers);
         let slots = match (software, frame.slices() > 0) {
             (true, true) => SOFTWARE_SLOTS / 2,
-            (true, false) if channels.layers > 1 => SOFTWARE_SLOTS / 2,
+            (true, false) if layers > 1 => SOFTWARE_SLOTS / 2,
             (true, false) => SOFTWARE_SLOTS,
             (false, _) => u64::MAX,
         };
@@ -53,8 +57,12 @@ impl Gpu {
                 schedule.gaussians, self.most_bytes
             )));
         }
-        let normalised = frame.has_ewa() || frame.has_filtered_sweeps();
-        let upload = |object: &FrameObject| models.surfel_buffers(device, &object.surfels, normalised);
+        let filters_all = frame.has_ewa() || frame.has_filtered_sweeps();
+        let filters = |surfels: &Arc<Surfels>| {
+            let mut see_through = frame.objects.iter().filter(|object| object.see_through);
+            filters_all || see_through.any(|object| Arc::ptr_eq(&object.surfels, surfels))
+        };
+        let upload = |object: &FrameObject| models.surfel_buffers(device, &object.surfels, filters(&object.surfels));
         let surfel_buffers = frame.objects.iter().map(upload).collect::<Result<Vec<_>, _>>()?;
         let upload = |object: &FrameObject| match &object.gaussians {
             Some(gaussians) => models.gaussian_buffers(device, gaussians),
@@ -71,7 +79,7 @@ impl Gpu {
         device.queue.write_buffer(&buffers.wanted, 0, bytemuck::cast_slice(&wanted));
         let in_part = frame.wanted.is_some() && frame.swept.is_none();
         let clusters = if in_part { self.clusters.of_frame(frame) } else { Vec::new() };
-        Ok(Prepared { frame, channels, planes, surfel_buffers, gaussian_buffers, clusters, schedule })
+        Ok(Prepared { frame, channels, see_through, planes, surfel_buffers, gaussian_buffers, clusters, schedule })
     }
 }
 

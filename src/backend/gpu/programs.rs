@@ -45,6 +45,8 @@ pub(in crate::backend) enum Slot {
     Gaussians = 32,
     Order = 33,
     Opaque = 34,
+    Peeled = 35,
+    Layers = 36,
 }
 
 /// A compute program.
@@ -82,6 +84,9 @@ pub(in crate::backend) enum Program {
     Gather,
     Composite,
     TransparentResolve,
+    PeelStart,
+    PeelResolve,
+    PeelLeftOut,
 }
 
 /// WGSL files, one after the other.
@@ -225,6 +230,7 @@ const COMPOSITE: &str = wgsl!(
     "common/list.wgsl",
     "common/ewa.wgsl",
     "common/gaussian.wgsl",
+    "common/srgb.wgsl",
     "transparent/composite.wgsl",
 );
 const TRANSPARENT_RESOLVE: &str = wgsl!(
@@ -235,12 +241,22 @@ const TRANSPARENT_RESOLVE: &str = wgsl!(
     "transparent/resolve.wgsl",
 );
 
+const PEEL: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/shading.wgsl",
+    "common/ewa.wgsl",
+    "common/wanted.wgsl",
+    "resolve.wgsl",
+    "transparent/peel.wgsl",
+);
+
 /// The buffers that a program only reads, and those that it writes.
 type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(in crate::backend) const ALL: [Self; 32] = [
+    pub(in crate::backend) const ALL: [Self; 35] = [
         Self::Project,
         Self::BinReduce,
         Self::BinScan,
@@ -273,6 +289,9 @@ impl Program {
         Self::Gather,
         Self::Composite,
         Self::TransparentResolve,
+        Self::PeelStart,
+        Self::PeelResolve,
+        Self::PeelLeftOut,
     ];
 
     pub(in crate::backend) const fn wgsl(self) -> &'static str {
@@ -305,6 +324,7 @@ impl Program {
             Self::Gather => GATHER,
             Self::Composite => COMPOSITE,
             Self::TransparentResolve => TRANSPARENT_RESOLVE,
+            Self::PeelStart | Self::PeelResolve | Self::PeelLeftOut => PEEL,
         }
     }
 
@@ -341,15 +361,18 @@ impl Program {
             Self::Gather => "gather",
             Self::Composite => "composite",
             Self::TransparentResolve => "transparent_resolve",
+            Self::PeelStart => "peel_start",
+            Self::PeelResolve => "peel_resolve",
+            Self::PeelLeftOut => "peel_left_out",
         }
     }
 
     pub(in crate::backend) const fn buffers(self) -> Buffers {
         use Slot::{
-            CoverageMask, DigitTotals, Film, Gaussians, Geometry, Histogram, Keys, LayerSums, LayerThresholds, Lights,
-            Limits, List, Looks, Map, Moments, Opaque, Order, Partials, Segments, SortedKeys, SortedList, Splats,
-            Starts, StaticFilm, Status, Sums, Thresholds, Totals, Touched, Travels, Values, Wanted, Wide,
-            WrittenTotals, WrittenValues,
+            CoverageMask, DigitTotals, Film, Gaussians, Geometry, Histogram, Keys, LayerSums, LayerThresholds, Layers,
+            Lights, Limits, List, Looks, Map, Moments, Opaque, Order, Partials, Peeled, Segments, SortedKeys,
+            SortedList, Splats, Starts, StaticFilm, Status, Sums, Thresholds, Totals, Touched, Travels, Values, Wanted,
+            Wide, WrittenTotals, WrittenValues,
         };
         match self {
             Self::Project | Self::Sweep | Self::EwaProject | Self::FilteredSweep => {
@@ -381,8 +404,11 @@ impl Program {
             Self::Finish => (&[], &[Film]),
             Self::GaussianProject => (&[Geometry, Looks, Lights], &[Keys, List, Gaussians]),
             Self::Gather => (&[Gaussians, Order, Wanted], &[Splats, Touched]),
-            Self::Composite => (&[Splats, List, Wide, Starts, Thresholds, Wanted], &[Sums]),
+            Self::Composite => (&[Splats, List, Wide, Starts, Thresholds, Wanted, Layers], &[Sums]),
             Self::TransparentResolve => (&[Sums, Opaque, Wanted], &[Film]),
+            Self::PeelStart => (&[Thresholds, Wanted], &[Film, Peeled]),
+            Self::PeelResolve => (&[Lights, Sums], &[Film, Peeled]),
+            Self::PeelLeftOut => (&[], &[Status, Peeled]),
         }
     }
 

@@ -5,6 +5,7 @@ use wgpu::ComputePassDescriptor;
 
 use super::ewa::EwaStep;
 use super::job::{Job, Place, dispatch};
+use super::layout::{OPAQUE_SURFELS, SEE_THROUGH_SURFELS};
 use super::prepared::Prepared;
 use super::steps::{MapStep, SplatStep, StaticLayerStep, StaticPictureStep, SweepStep};
 use super::timestamps::Marks;
@@ -56,11 +57,17 @@ impl DeviceState {
                 Step::Ewa { group } => {
                     self.clear_opaque(place);
                     let programs = self.bound(place.programs.ewa.as_ref())?;
-                    has_opaque = self.run(&EwaStep { job: place.ewa_job(group), programs }, &EwaPass::ORDER, marks);
+                    has_opaque = self.run(
+                        &EwaStep { job: place.ewa_job(group, Objects::All), programs },
+                        &EwaPass::ORDER,
+                        marks,
+                    );
                 }
                 Step::Transparent { group } => {
+                    let has_layers = self.see_through(place, group, has_opaque, marks);
+                    let surfels = u32::from(has_opaque) * OPAQUE_SURFELS | u32::from(has_layers) * SEE_THROUGH_SURFELS;
                     let programs = self.bound(place.programs.transparent.as_ref())?;
-                    TransparentStep::new(place, group, programs, has_opaque).run(self, marks);
+                    TransparentStep::new(place, group, programs, surfels).run(self, marks);
                 }
                 Step::StaticPicture { group } => self.static_picture(place, group, marks)?,
                 Step::VisibilityMap { group, interval, objects, density } => {

@@ -16,7 +16,7 @@ use super::DeviceState;
 use super::bind::{Binder, BoundProgram, TransparentPrograms};
 use super::captures::{Run, runs, segment_at};
 use super::constants::{composite_constants, transparent_resolve_constants};
-use super::job::{Place, dispatch, view_offset};
+use super::job::{Place, dispatch, group_scale, view_offset};
 use super::layout::{
     Backdrop, CaptureSegment, DIGIT_BITS, DeviceGaussian, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, coefficients, lights,
     rows,
@@ -41,12 +41,12 @@ const ROUNDS: usize = DEPTH_BITS.div_ceil(DIGIT_BITS) as usize;
 const _: () = assert!(ROUNDS.is_multiple_of(2));
 
 impl Binder<'_> {
-    /// Binds the programs of captures.
+    /// Binds the programs of captures and volumes.
     pub(super) fn transparent_programs(
         &mut self,
         prepared: &Prepared<'_>,
     ) -> Result<TransparentPrograms, BackendError> {
-        let Prepared { frame, channels, gaussian_buffers, .. } = prepared;
+        let Prepared { frame, channels, planes, gaussian_buffers, .. } = prepared;
         let none = Constants::new();
         let velocity = vec![("VELOCITY", u32::from(frame.aovs.contains(&Aov::Velocity)))];
         Ok(TransparentPrograms {
@@ -54,7 +54,7 @@ impl Binder<'_> {
             sort: (0..ROUNDS).map(|round| self.round(round, round % 2)).collect::<Result<_, _>>()?,
             gather: self.program(Program::Gather, &none, 0, &[])?,
             // Sorted lists are in the first buffers.
-            composite: self.program(Program::Composite, &composite_constants(frame, channels), 1, &[])?,
+            composite: self.program(Program::Composite, &composite_constants(frame, channels, planes), 1, &[])?,
         })
     }
 
@@ -136,8 +136,8 @@ pub(in crate::backend) struct TransparentStep<'a> {
     place: Place<'a>,
     group: &'a PosedGroup,
     programs: &'a TransparentPrograms,
-    /// Do the thresholds hold opaque surfels?
-    has_opaque: bool,
+    /// Which surfels there are, as [`View::surfels`] has it.
+    surfels: u32,
     runs: Vec<Run>,
     /// Gaussians of all runs.
     slots: u32,
@@ -148,11 +148,11 @@ impl<'a> TransparentStep<'a> {
         place: Place<'a>,
         group: usize,
         programs: &'a TransparentPrograms,
-        has_opaque: bool,
+        surfels: u32,
     ) -> Self {
         let group = &place.position.groups[group];
         let (runs, slots) = runs(place.prepared, group);
-        Self { place, group, programs, has_opaque, runs, slots }
+        Self { place, group, programs, surfels, runs, slots }
     }
 
     /// Records and submits all passes of all samples. A group has the order of its middle.
@@ -191,7 +191,6 @@ impl<'a> TransparentStep<'a> {
     pub(in crate::backend) fn upload(&self, state: &DeviceState, sample: usize, middle: usize) -> Vec<View> {
         let (prepared, raster) = (self.place.prepared, &self.place.position.raster);
         let (frame, area) = (prepared.frame, self.place.area());
-        let total: f32 = self.group.samples.iter().map(|sample| sample.weight).sum();
         let all = View {
             pixels: area.pixels.to_array(),
             corner: area.corner,
@@ -200,8 +199,8 @@ impl<'a> TransparentStep<'a> {
             entry_capacity: state.buffers.entries.min(u64::from(u32::MAX)) as u32,
             slots: self.slots,
             weight: self.group.samples[sample].weight,
-            has_opaque: u32::from(self.has_opaque),
-            opaque_scale: if self.group.samples.len() > 1 && total > 0.0 { 1.0 / total } else { 1.0 },
+            surfels: self.surfels,
+            opaque_scale: group_scale(self.group),
             ..View::of(frame, raster, self.group, None)
         };
         let most = prepared.schedule.slots.min(u64::from(u32::MAX)) as u32;
@@ -313,7 +312,7 @@ impl super::Gpu {
         let position = &frame.rasters[0].positions[0];
         let place =
             Place { prepared: &prepared, programs: &programs, position, raster: 0, band, film: &programs.film[0] };
-        let step = TransparentStep::new(place, 0, programs.transparent.as_ref().unwrap(), false);
+        let step = TransparentStep::new(place, 0, programs.transparent.as_ref().unwrap(), 0);
         step.upload(&self.state, 0, 0);
         let mut encoder = self.state.encoder();
         step.project(&mut encoder, 0, &mut marks);

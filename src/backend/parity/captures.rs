@@ -1,4 +1,4 @@
-//! Small scenes with captures and volumes, which take every branch of their passes.
+//! Small scenes with captures, volumes and see-through surfels, which take every branch of their passes.
 
 use glam::{DVec3, Quat, Vec3};
 
@@ -6,7 +6,7 @@ use super::cases::{Case, ball, object, scene};
 use crate::film::Aov;
 use crate::math::random::Random;
 use crate::model::{Gaussians, Material, Optics};
-use crate::options::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Times};
+use crate::options::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading, Times};
 use crate::scene::{Light, Motion, Object, Scene};
 
 /// `n` Gaussians of all sizes in a cube; some are as wide as an image, and some too faint to show.
@@ -51,6 +51,46 @@ fn volume(n: usize, seed: u64, layer: f32, normals: bool) -> Gaussians {
         out.normal.extend(normals.then_some(normal));
     }
     out
+}
+
+/// A ball of see-through surfels, seen from both sides. Each surfel has an opacity.
+fn glass(n: usize, seed: u64, materials: bool) -> Object {
+    let mut random = Random(seed);
+    let mut surfels = ball(n, seed, materials);
+    surfels.opacity = (0..n).map(|_| 0.2 + 0.7 * random.next()).collect();
+    let mut glass = object(surfels, DVec3::new(0.1, -0.1, -0.3));
+    (glass.two_sided, glass.opacity) = (true, 0.9);
+    glass
+}
+
+/// `scene` and two balls of see-through surfels: one in motion around what is in the middle, and a still one aside.
+fn with_glass(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    let mut around = glass(900, 21, true);
+    around.motions = vec![
+        Motion::Rotation { axis: DVec3::X, per_frame: 0.5, centre: DVec3::ZERO },
+        Motion::Linear { velocity: DVec3::new(-0.2, 0.3, 0.2) },
+    ];
+    let mut aside = glass(300, 22, false);
+    aside.transform.scale = DVec3::new(0.5, 0.4, -0.5);
+    aside.transform.translate = DVec3::new(-0.6, 0.3, 0.4);
+    scene.objects.insert(1, around);
+    scene.objects.push(aside);
+    scene
+}
+
+/// Balls of see-through surfels one in the other, with more layers than are shown.
+fn nested() -> Scene {
+    let each = (1..=6_u8).map(|i| {
+        let mut glass = glass(500, 30 + u64::from(i), false);
+        glass.transform.scale = DVec3::splat(0.15 * f64::from(i));
+        glass.opacity = 0.25;
+        glass
+    });
+    // An opaque one hides some.
+    let mut before = object(ball(400, 2, false), DVec3::new(0.2, 0.1, 1.2));
+    before.transform.scale = DVec3::splat(0.25);
+    scene(each.chain([before]).collect(), [70, 45])
 }
 
 fn moving(model: Gaussians) -> Object {
@@ -174,6 +214,20 @@ pub(super) fn captures() -> Vec<Case> {
         case("lit volume, depth", &linear_lit, RenderOptions { aovs: vec![Aov::Depth], ..options(bucket) }),
         case("dense", &dense, options(still)),
         case("wide volume", &wide, options(still)),
+        case("glass", &with_glass(&coded), options(BlurMode::supersample(2))),
+        case("glass, ewa", &with_glass(&linear), RenderOptions { prefilter: Prefilter::Ewa, ..options(still) }),
+        case("glass, point", &with_glass(&coded), RenderOptions { prefilter: Prefilter::None, ..point(still) }),
+        case("glass, bucket", &with_glass(&coded), options(bucket)),
+        case("glass, ewa, bucket", &with_glass(&coded), RenderOptions { prefilter: Prefilter::Ewa, ..options(bucket) }),
+        case("glass, interleaved", &with_glass(&coded), plain(BlurMode::interleaved(2, Interleave::Two))),
+        case("glass, gouraud", &with_glass(&linear), RenderOptions { shading: Shading::Gouraud, ..plain(still) }),
+        case("glass, depth", &with_glass(&linear), RenderOptions { aovs: vec![Aov::Depth], ..options(still) }),
+        case("glass, normal", &with_glass(&linear), RenderOptions { aovs: vec![Aov::Normal], ..options(still) }),
+        case("glass, fog", &with_glass(&foggy), options(BlurMode::supersample(2))),
+        case("glass, fog, bucket", &with_glass(&lit), point(bucket)),
+        case("glass, large", &with_glass(&large), options(bucket)),
+        case("glass, nested", &nested(), RenderOptions { prefilter: Prefilter::Ewa, ..options(still) }),
+        in_part("glass, in part", &with_glass(&foggy), point(BlurMode::supersample(2))),
         in_part("volume, in part", &foggy, point(bucket)),
         in_part("in part", &coded, point(BlurMode::supersample(2))),
         in_part("in part, large", &large, point(still)),

@@ -99,7 +99,7 @@ impl<'a> Harness<'a> {
     fn job(&self, on_map: bool) -> Job<'_> {
         let place = self.place();
         if self.frame.has_ewa() {
-            return place.ewa_job(0);
+            return place.ewa_job(0, Objects::All);
         }
         let Some((interval, objects)) = self.swept else { return place.job(0, Objects::All) };
         let job = place.sweep_job(0, &interval, objects);

@@ -99,7 +99,7 @@ fn structs_lie_where_the_host_puts_them() {
             sigma,
             apron,
             first_place,
-            has_opaque,
+            surfels,
             opaque_scale,
             ends
         }
@@ -129,7 +129,7 @@ fn structs_lie_where_the_host_puts_them() {
     assert_same_layout!(module, Travel { centre, motion });
     assert_same_layout!(module, Light { vector, colour });
     let module = self::module(Program::BinScan);
-    assert_same_layout!(module, Status { most_entries, splats_low, splats_high });
+    assert_same_layout!(module, Status { most_entries, splats_low, splats_high, left_out_low, left_out_high });
     let module = self::module(Program::Sweep);
     assert_same_layout!(
         module,
