@@ -48,8 +48,8 @@ struct CaptureSegment {
     // Harmonics that each has, and those that are used: 0, 3, 8 or 15.
     harmonics_each: u32,
     harmonics_used: u32,
-    // Of a volume: area on the raster over that in the model, at depth 1 on the axis, over 2 pi, in powers of 1/2. Depth
-    // of a layer, scene units.
+    // Of a volume: area on the raster over that in the model, at depth 1 on the axis, over 2 pi, in powers of 1/2.
+    // Depth of a layer, scene units.
     area: f32,
     layer: f32,
     // Of what is lit: as in `Segment`.

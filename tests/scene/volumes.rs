@@ -200,7 +200,7 @@ fn points_with_densities_and_radii_are_a_volume() {
     assert_eq!((g.len(), &g.opacity[..]), (2, &[2.0 * 0.125, 4.0 / 64.0][..]));
     assert_eq!(g.sigma, [Vec3::splat(0.3), Vec3::splat(0.15)]);
     assert!((g.colour(0) - Vec3::X).abs().max_element() < 1e-6);
-    assert_eq!(g.optics, Optics::Extinction { layer: 0.5 });
+    assert_eq!(g.optics, Optics::Extinction { layer: 0.625 });
     // Or surfels, where the scene says so, and by themselves where they have normals or lack radii.
     let surfels = dir.load("samples.ply", &LoadOptions { kind: Some(Kind::Surfels), ..LoadOptions::default() });
     let surfels = surfels.unwrap();

@@ -2,7 +2,7 @@
 
 use super::ewa::EwaBuffers;
 use super::tiles::{ROWS, STRIDE, TILE};
-use super::transparent::PeelBuffers;
+use super::transparent::see_through::cover::PeelBuffers;
 
 /// What one group accumulates in one tile.
 #[derive(Clone, Debug, Default)]

@@ -63,8 +63,8 @@ Examples:
     splatblur render scene.xml --format exr --aov depth,normal,velocity --resume
 
 JSON (--json), one object: program, scene, directory, backend, frames: [{{frame, path, skipped, seconds (wall,
-rendering), samples, surfels, splats, left_out, auto (error, way, samples, most_samples, interleave, blocks, refined, capped),
-cpu_seconds or device_seconds: {{project, sort, bin, visibility, attribute, composite, resolve, total}}}}],
+rendering), samples, surfels, splats, left_out (pixels with too many layers of see-through surfels), auto (error, way,
+samples, most_samples, interleave, blocks, refined, capped), cpu_seconds or device_seconds: {{project, sort, bin, visibility, attribute, composite, resolve, total}}}}],
 load_seconds, seconds (whole run), notes, objects (with --aov object: index to name), ffmpeg (null where frames do not
 follow one another), settings (as each file carries them, with `frame`, in its header)."))]
 pub(super) struct Render {
@@ -219,8 +219,8 @@ fn left_out(finished: &[Finished]) -> Option<String> {
     let left_out = |done: &Finished| done.rendered.as_ref().map_or(0, |(_, stats)| stats.left_out);
     let worst = finished.iter().max_by_key(|done| left_out(done)).filter(|done| left_out(done) > 0)?;
     Some(format!(
-        "frame {}: {} pixels, over all instants, have more than {LAYERS} layers of see-through surfels; those behind are \
-         left out",
+        "frame {}: {} pixels, over all instants, have more than {LAYERS} layers of see-through surfels; those behind \
+         are left out",
         worst.frame,
         left_out(worst)
     ))

@@ -4,11 +4,13 @@
 //! overlap in depth, whose optical depths add up before they count as one (Zwicker et al. 2002, section 7.1: sheets).
 //! Layers of see-through surfels wait until what is composited has come to their depth.
 
-use super::composite::OPAQUE;
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect};
 use crate::film::FilmPlanes;
 use crate::math::{fast, srgb};
+
+/// A pixel whose transmittance is below this takes no more.
+pub(super) const OPAQUE: f32 = 1e-4;
 
 /// Runs of `LANES` pixels in a row of a tile.
 pub(super) const RUNS: usize = TILE / LANES;
@@ -72,7 +74,7 @@ impl Surfels<'_> {
 }
 
 impl Composite {
-    /// Floats of one pixel of a tile, at most: both sets of channels, three of surfels, and the number of the open layer.
+    /// Floats of one pixel of a tile, at most: both sets of channels, three of surfels, the number of the open layer.
     const MOST_FLOATS: usize = 10 + 10 + 3 + 1;
 
     /// Bytes of one tile at most.

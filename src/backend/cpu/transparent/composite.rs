@@ -4,7 +4,7 @@
 //! In: splats in the order of depth; depth thresholds of opaque surfels; layers of see-through surfels. Out:
 //! premultiplied colour and transmittance of each pixel. The order of splats matters; pixels do not know one another.
 
-use super::accumulators::{COLOUR, Composite, DEPTH, RUNS, Surfels, blocks, lanes, within};
+use super::accumulators::{COLOUR, Composite, DEPTH, OPAQUE, RUNS, Surfels, blocks, lanes, within};
 use super::project::{FAINTEST, least_power};
 use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect};
 use crate::layout::GaussianSplat;
@@ -13,8 +13,6 @@ use crate::math::simd::dispatch;
 
 /// Largest alpha of a splat (Kerbl et al. 2023, their program).
 const MOST_ALPHA: f32 = 0.99;
-/// A pixel whose transmittance is below this takes no more.
-pub(super) const OPAQUE: f32 = 1e-4;
 
 /// Splats of one tile that are composited together.
 #[derive(Debug, Default)]

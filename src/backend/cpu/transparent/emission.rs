@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::harmonics;
-use super::project::View;
+use super::view::View;
 use crate::film::Blending;
 use crate::math::srgb;
 use crate::model::{Gaussians, Material};

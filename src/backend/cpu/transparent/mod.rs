@@ -10,9 +10,10 @@ mod emission;
 mod harmonics;
 pub(in crate::backend) mod project;
 mod resolve;
-mod see_through;
+pub(in crate::backend) mod see_through;
 mod slabs;
 mod sorted;
+pub(in crate::backend) mod view;
 
 use std::ops::Range;
 use std::time::Instant;
@@ -21,11 +22,13 @@ use rayon::prelude::*;
 
 use self::accumulators::{Composite, Content, Surfels};
 use self::composite::{Batch, Place, composite};
-use self::project::{Projected, View, project};
+use self::project::{Projected, project};
 use self::resolve::{Over, resolve};
-pub(in crate::backend) use self::see_through::{PeelBuffers, SeeThroughGroup};
+pub(in crate::backend) use self::see_through::SeeThroughGroup;
+use self::see_through::cover::PeelBuffers;
 use self::slabs::{Slab, retain, slabs};
 use self::sorted::{CHUNK, Listed, Lists, Order, Walk, lists};
+use self::view::View;
 use super::resolve::TileFilm;
 use super::scope::Scope;
 use crate::film::{Aov, Blending};

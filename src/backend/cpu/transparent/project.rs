@@ -8,10 +8,10 @@ use std::ops::Range;
 use glam::{DVec3, Vec3};
 
 use super::emission;
+use super::view::View;
 use crate::backend::cpu::bounds::{pixel_range, whole};
 use crate::backend::cpu::project::transform;
-use crate::film::Blending;
-use crate::frame::{Blocks, FrameObject, PixelRect, PosedObject, PosedSample, Raster};
+use crate::frame::{Blocks, PixelRect};
 use crate::layout::GaussianSplat;
 use crate::math::fast;
 use crate::math::simd::dispatch;
@@ -39,39 +39,6 @@ pub(in crate::backend) const FAINTEST_DEPTH: f32 = -13.0;
 pub(in crate::backend) const MOST_DEPTH: f32 = 40.0;
 /// A volume's kernel keeps at least these powers of 1/2 below its centre: two standard deviations.
 pub(in crate::backend) const LEAST_REACH: f32 = 2.0 * std::f32::consts::LOG2_E;
-
-/// What `project` needs beside the Gaussians.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::backend) struct View<'a> {
-    pub object: &'a FrameObject,
-    pub sample: &'a PosedSample,
-    pub posed: &'a PosedObject,
-    /// Least depth that is drawn, scene units; infinite for an object that is hidden.
-    pub near: f32,
-    pub raster: Raster,
-    /// Size of the image, pixels.
-    pub size: [u32; 2],
-    /// Pixels of the image to one of the raster.
-    pub stride: f32,
-    /// The pixels that are wanted.
-    pub pixels: PixelRect,
-    /// Blocks of those pixels that are wanted; `None`: all.
-    pub wanted: Option<&'a Blocks>,
-    /// Least and greatest offset of the sample positions that the splats are for, raster pixels.
-    pub offsets: [[f32; 2]; 2],
-    /// Depth of a layer of volumes, scene units, > 0.
-    pub layer: f32,
-    /// Variance by which the filter of the image widens a volume's kernel, raster pixels^2.
-    pub variance: f32,
-    /// The numbers in which the image is composited.
-    pub blending: Blending,
-    /// With velocities of centres?
-    pub velocity: bool,
-    /// Index of the object's first Gaussian among all of the frame.
-    pub first: u32,
-    /// Leave nothing out, so that splat `i` is Gaussian `i` of the range.
-    pub all: bool,
-}
 
 /// The splats of a run of Gaussians.
 #[derive(Clone, Debug, Default)]
@@ -256,8 +223,8 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
         let wide_xx = xx + dilation;
         let wide_yy = yy + dilation;
         let lost = if antialias { (unfiltered / determinant).sqrt() } else { 1.0 };
-        // Zwicker et al. 2002, eq. 33: the integral of the kernel over the ray at its centre. A ray that leaves the axis
-        // is longer than its depth.
+        // Zwicker et al. 2002, eq. 33: the integral of the kernel over the ray at its centre. A ray away from the axis is
+        // longer than its depth.
         let longer2 = 1.0 + (x * x + y * y) * inverse_focal2;
         let bend = Bend::of(&u, &v, &e, [x, y], longer2, inverse_focal2);
         let integral = area * longer2.sqrt() * (over * over) / determinant.sqrt() * bend.mass;

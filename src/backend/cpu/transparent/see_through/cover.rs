@@ -3,9 +3,22 @@
 //! Groups of splats fill a pixel side by side until it is full, as the parts of one surface do at a crease or at an
 //! outline. What does not fit lies behind what was there before (docs/math.md, section 12).
 
-use super::super::composite::OPAQUE;
-use crate::backend::cpu::ewa::APRON_STRIDE;
+use super::super::accumulators::OPAQUE;
+use crate::backend::cpu::ewa::buffers::APRON_STRIDE;
 use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect};
+
+/// What is peeled off one tile.
+#[derive(Clone, Debug, Default)]
+pub(in crate::backend) struct PeelBuffers {
+    pub(super) cover: Cover,
+    /// Is there more to peel off?
+    pub(super) live: bool,
+}
+
+impl PeelBuffers {
+    /// Bytes of one tile.
+    pub(in crate::backend) const BYTES: u64 = Cover::BYTES;
+}
 
 /// For each pixel, `TILE` rows of `STRIDE`.
 #[derive(Clone, Debug, Default)]

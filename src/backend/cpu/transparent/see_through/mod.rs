@@ -4,12 +4,11 @@
 //! A layer is what full EWA shows of the discs behind all layers before it. So it needs no order of splats, and a tile
 //! goes through the same passes again for each layer, until no disc is left.
 
-mod cover;
+pub(in crate::backend) mod cover;
 mod resolve;
 
 use std::time::Instant;
 
-use self::cover::Cover;
 use self::resolve::{Peeled, resolve};
 use crate::backend::cpu::bin::Binned;
 use crate::backend::cpu::chunk::Chunk;
@@ -21,19 +20,6 @@ use crate::backend::cpu::tile_buffers::TileBuffers;
 use crate::backend::cpu::tile_runner::TileWork;
 use crate::layout::EwaSplat;
 use crate::plan::{LAYERS, LayerPass};
-
-/// What is peeled off one tile.
-#[derive(Clone, Debug, Default)]
-pub(in crate::backend) struct PeelBuffers {
-    cover: Cover,
-    /// Is there more to peel off?
-    live: bool,
-}
-
-impl PeelBuffers {
-    /// Bytes of one tile.
-    pub(in crate::backend) const BYTES: u64 = Cover::BYTES;
-}
 
 /// One group in one band.
 pub(in crate::backend) struct SeeThroughGroup<'a> {

@@ -3,7 +3,7 @@
 //!
 //! In: a tile's sums and depths, what covers it so far. Out: the layer's film and its depths.
 
-use super::super::composite::OPAQUE;
+use super::super::accumulators::OPAQUE;
 use super::cover::Cover;
 use crate::backend::cpu::ewa::{APRON_STRIDE, EXTRA, EwaBuffers, Layer, PEAK, SIDE};
 use crate::backend::cpu::resolve::{Resolve, TileFilm, add_lanes};
