@@ -90,6 +90,7 @@ impl Stats {
         self.samples += other.samples;
         self.surfels += other.surfels;
         self.splats += other.splats;
+        self.left_out += other.left_out;
         self.project += other.project;
         self.sort += other.sort;
         self.bin += other.bin;

@@ -107,7 +107,8 @@ impl ObjectCones {
         let cos = corners.map(|c| world.direction(c).normalize().dot(axis)).into_iter().fold(1.0, f64::min);
         let tile = Cone { axis, sin: (1.0 - cos * cos).max(0.0).sqrt() + MARGIN, cos };
         out.bodies.clear();
-        // Rays find captures and volumes by themselves, and where anything is see-through every sample has a colour to record.
+        // Rays find captures and volumes by themselves, and where anything is see-through every sample has a colour to
+        // record.
         out.any = if world.is_see_through() { u64::MAX } else { 0 };
         for (number, extent) in self.extents.iter().enumerate() {
             let subintervals = match extent {

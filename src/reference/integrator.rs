@@ -259,8 +259,8 @@ struct Strip<'a> {
 }
 
 impl Strip<'_> {
-    /// Where anything see-through is in the scene every sample has a place in the range of its pixel, but the range of a pixel
-    /// whose samples all saw nothing is not kept in files. It is that of one such sample.
+    /// Where anything see-through is in the scene every sample has a place in the range of its pixel, but the range of
+    /// a pixel whose samples all saw nothing is not kept in files. It is that of one such sample.
     fn restore_misses(&mut self) {
         let behind = if self.background.transparent { DVec3::ZERO } else { self.background.colour };
         for range in self.range.iter_mut().filter(|range| **range == NO_RANGE) {

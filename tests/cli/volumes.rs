@@ -78,3 +78,30 @@ fn what_makes_no_sense_is_one_line() {
     assert_eq!(run(dir.path(), "generate volume b.nrrd --size 0").0, Some(2));
     assert_eq!(run(dir.path(), "generate volume b.nrrd --size 1025").0, Some(2));
 }
+
+/// Ten sheets of glass, one behind the other: two are left out, and the program says so.
+#[test]
+fn layers_that_are_left_out_are_counted() {
+    let dir = tempfile::tempdir().unwrap();
+    assert_eq!(run(dir.path(), "generate checker_plane plane.ply").0, Some(0));
+    let sheet = |i: i32| {
+        format!(
+            "<object epsilon='0.01'><pointModel>plane.ply</pointModel><transform rotate='90 0 0' translate='0 0 {}'/>\
+             <material opacity='0.2'/></object>",
+            -i
+        )
+    };
+    let scene = |count: i32| {
+        let sheets: String = (0..count).map(sheet).collect();
+        format!("<scene><image width='16' height='16'/><camera eye='0 0 5' at='0 0 0'/>{sheets}</scene>")
+    };
+    for (count, said) in [(8, false), (10, true)] {
+        fs::write(dir.path().join("s.xml"), scene(count)).unwrap();
+        let line = "render s.xml --frames 0 --mode still --pixel-samples 1 --backend cpu --json --out out";
+        let (status, report, errors) = run(dir.path(), line);
+        assert_eq!(status, Some(0), "{errors}");
+        let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+        assert_eq!(report["frames"][0]["left_out"].as_u64().unwrap() > 0, said, "{report}");
+        assert_eq!(errors.contains("more than 8 layers of see-through surfels"), said, "{errors}");
+    }
+}

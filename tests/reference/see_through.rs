@@ -6,6 +6,7 @@
 use glam::{DVec3, Quat, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::model::Gaussians;
+use splatblur::options::PixelFilter;
 use splatblur::reference::{ReferenceOptions, Sample, Sums, probe, render};
 use splatblur::scene::{Motion, Object, Scene};
 
@@ -193,7 +194,9 @@ fn edge_on_layers_do_no_harm() {
         let mut disc = object(round_surfels([(DVec3::ZERO, normal, 1.0, RED)]));
         (disc.material, disc.opacity, disc.two_sided) = (Some(UNLIT), 0.5, true);
         disc.transform.translate.z = -3.0;
-        let scene = before_camera(vec![disc, wall.clone()]);
+        let mut scene = before_camera(vec![disc, wall.clone()]);
+        // The rays of the middle column lie in the plane of the first disc.
+        scene.image.width = 13;
         for sample in samples(&scene) {
             let is_hit = sample.hits.iter().any(|hit| hit.layer.is_some());
             let mean = 0.5 * (RED.as_dvec3() + GREEN.as_dvec3());
@@ -201,10 +204,15 @@ fn edge_on_layers_do_no_harm() {
             let seen = sample.colour.unwrap();
             assert!((seen - want).length() < EXACT && sample.coverage == 1.0, "{tilt}: {seen}");
         }
-        let made = render(&scene, 0, &ReferenceOptions { samples: 256, ..Default::default() }, None, &|_| ()).unwrap();
-        let mean = made.picture.rgba.iter().map(|pixel| pixel[0]).sum::<f32>() / made.picture.rgba.len() as f32;
-        assert!(made.picture.rgba.iter().flatten().all(|value| value.is_finite()));
-        assert!((0.0..0.01).contains(&mean), "{tilt}: {mean}");
+        for filter in [PixelFilter::Point, PixelFilter::Box] {
+            let options = ReferenceOptions { samples: 256, filter, ..Default::default() };
+            let picture = render(&scene, 0, &options, None, &|_| ()).unwrap().picture;
+            let mean = picture.rgba.iter().map(|pixel| pixel[0]).sum::<f32>() / picture.rgba.len() as f32;
+            assert!(picture.rgba.iter().flatten().all(|value| value.is_finite()), "{tilt}");
+            // Rays in the plane of a disc miss it; a disc that is tilted by 1/1000 covers 1/1000 of its size.
+            let most = if tilt == 0.0 { 0.0 } else { 0.03 };
+            assert!(mean <= most, "{tilt}: {mean}");
+        }
     }
 }
 
@@ -277,8 +285,8 @@ fn decoded(c: f64) -> f64 {
     if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
-/// A Gaussian of a capture is before a layer if its centre is at most at the layer's limit. Coded colours make the whole
-/// image blend coded.
+/// A Gaussian of a capture is before a layer if its centre is at most at the layer's limit. Coded colours make the
+/// whole image blend coded.
 #[test]
 fn gaussians_stand_between_layers() {
     let layers = [(3.0, RED, 0.5), (5.0, GREEN, 0.25)];
@@ -328,7 +336,8 @@ fn busy_scene() -> Scene {
     glass.two_sided = true;
     glass.motions = vec![
         Motion::Rotation { axis: DVec3::Y, per_frame: 0.4, centre: DVec3::ZERO },
-        Motion::Linear { velocity: DVec3::new(0.5, 0.1, 0.0) },
+        // So fast that many pixels see nothing for most samples.
+        Motion::Linear { velocity: DVec3::new(9.0, 0.1, 0.0) },
     ];
     let mut ball = object(sphere(1000));
     ball.transform.scale = DVec3::splat(0.4);

@@ -4,11 +4,13 @@
 
 use glam::{DVec3, Quat, Vec3};
 use splatblur::backend::cpu::Cpu;
+use splatblur::compare::flip;
 use splatblur::film::{Aov, Picture};
 use splatblur::model::{Gaussians, Surfels};
 use splatblur::options::{
     BlurMode, ErrorTarget, Interleave, PixelFilter, Prefilter, Quality, RenderOptions, SweptKernel, Times,
 };
+use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Motion, Object, Scene};
 
@@ -282,5 +284,36 @@ fn a_gpu_shows_the_same_layers() {
         let found = worst(&rendered.picture, over(&layers[..8]));
         assert!(found < 1e-5, "{n} layers: {found:.1e}");
         assert_eq!(rendered.stats.left_out > 0, n > 8, "{n} layers");
+    }
+}
+
+/// Balls of glass in motion, through one another and through what is opaque: the picture of rays, which has layers by
+/// code of its own.
+#[test]
+fn balls_of_glass_are_those_of_the_reference() {
+    let ball = |radius: f64, z: f64, opacity: f64, velocity: DVec3| {
+        let mut ball = object(crate::support::sphere(4000));
+        ball.transform.scale = DVec3::splat(radius);
+        ball.transform.translate.z = z;
+        ball.two_sided = true;
+        ball.opacity = opacity;
+        ball.motions = vec![Motion::Linear { velocity }];
+        ball
+    };
+    let mut scene = view(vec![
+        ball(0.5, 0.3, 0.4, DVec3::new(0.4, 0.1, 0.0)),
+        ball(0.6, 0.0, 0.6, DVec3::new(-0.3, 0.0, 0.1)),
+        ball(0.3, 0.2, 1.0, DVec3::new(0.0, 0.4, 0.0)),
+        plane(-1.2, 0.5, BLUE),
+    ]);
+    (scene.image.width, scene.image.height) = (96, 72);
+    scene.image.transparent = false;
+    let options = ReferenceOptions { samples: 256, ..ReferenceOptions::default() };
+    let want = reference::render(&scene, 0, &options, None, &|_| ()).unwrap().picture;
+    for prefilter in [Prefilter::None, Prefilter::Ewa] {
+        let options = RenderOptions { filter: PixelFilter::Box, ..with(BlurMode::supersample(32), prefilter) };
+        let flip = flip::mean(&render(&scene, &options), &want).unwrap();
+        println!("{prefilter:?}: FLIP {flip:.4}");
+        assert!(flip < 0.01, "{prefilter:?}: FLIP {flip:.4}");
     }
 }

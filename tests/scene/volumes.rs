@@ -66,7 +66,7 @@ fn a_grid_is_a_model() {
     assert!((g.colour(3) - Vec3::ONE).abs().max_element() < 1e-6);
     // The largest extent is 4; a cell has the volume 1.
     assert!((g.opacity[22] - 2.5).abs() < 1e-6, "{}", g.opacity[22]);
-    assert_eq!(g.optics, Optics::Extinction { layer: 1.0 });
+    assert_eq!(g.optics, Optics::Extinction { layer: 1.25 });
     let note = &loaded.notes[0];
     assert!(note.contains("no transfer function") && note.contains("from 0 at 0 to 2.5 at 23"), "{note}");
 

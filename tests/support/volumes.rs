@@ -42,7 +42,12 @@ struct OnRay {
 pub fn picture(gaussians: &Gaussians, view: &View) -> Vec<[f64; 4]> {
     let [width, height] = view.size;
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
-    pixels.map(|pixel| march(gaussians, view.eye, view.direction(pixel.map(|p| f64::from(p) + 0.5)))).collect()
+    pixels.map(|at| pixel(gaussians, view, at)).collect()
+}
+
+/// The same at the centre of one pixel.
+pub fn pixel(gaussians: &Gaussians, view: &View, at: [u32; 2]) -> [f64; 4] {
+    march(gaussians, view.eye, view.direction(at.map(|p| f64::from(p) + 0.5)))
 }
 
 fn march(gaussians: &Gaussians, eye: DVec3, direction: DVec3) -> [f64; 4] {

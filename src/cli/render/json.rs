@@ -38,6 +38,8 @@ pub(super) struct FrameReport<'a> {
     samples: u64,
     surfels: u64,
     splats: u64,
+    /// Pixels, over all instants, with more layers of see-through surfels than are drawn.
+    left_out: u64,
     /// What mode auto reached.
     #[serde(skip_serializing_if = "Option::is_none")]
     auto: Option<Achieved>,
@@ -88,6 +90,7 @@ impl<'a> FrameReport<'a> {
             samples: stats.samples,
             surfels: stats.surfels,
             splats: stats.splats,
+            left_out: stats.left_out,
             auto: stats.achieved,
             cpu_seconds,
             device_seconds,

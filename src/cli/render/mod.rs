@@ -18,6 +18,7 @@ use splatblur::FrameNumber;
 use splatblur::backend::{Achieved, Meter};
 use splatblur::film::Aov;
 use splatblur::options::{Prefilter, Quality, RenderOptions};
+use splatblur::plan::LAYERS;
 use splatblur::renderer::{self, Rendered, Renderer};
 use splatblur::scene::Scene;
 use splatblur::study::provenance::{PROGRAM, Provenance};
@@ -62,7 +63,7 @@ Examples:
     splatblur render scene.xml --format exr --aov depth,normal,velocity --resume
 
 JSON (--json), one object: program, scene, directory, backend, frames: [{{frame, path, skipped, seconds (wall,
-rendering), samples, surfels, splats, auto (error, way, samples, most_samples, interleave, blocks, refined, capped),
+rendering), samples, surfels, splats, left_out, auto (error, way, samples, most_samples, interleave, blocks, refined, capped),
 cpu_seconds or device_seconds: {{project, sort, bin, visibility, attribute, composite, resolve, total}}}}],
 load_seconds, seconds (whole run), notes, objects (with --aov object: index to name), ffmpeg (null where frames do not
 follow one another), settings (as each file carries them, with `frame`, in its header)."))]
@@ -157,6 +158,12 @@ impl Render {
             }
             notes.push(warning);
         }
+        if let Some(note) = left_out(&finished) {
+            if !self.running.quiet {
+                say(&format!("note: {note}"));
+            }
+            notes.push(note);
+        }
 
         let movie = Movie {
             directory: &directory,
@@ -205,6 +212,18 @@ impl Render {
             ..RenderOptions::default()
         })
     }
+}
+
+/// Says where more layers of see-through surfels lie one behind the other than are drawn.
+fn left_out(finished: &[Finished]) -> Option<String> {
+    let left_out = |done: &Finished| done.rendered.as_ref().map_or(0, |(_, stats)| stats.left_out);
+    let worst = finished.iter().max_by_key(|done| left_out(done)).filter(|done| left_out(done) > 0)?;
+    Some(format!(
+        "frame {}: {} pixels, over all instants, have more than {LAYERS} layers of see-through surfels; those behind are \
+         left out",
+        worst.frame,
+        left_out(worst)
+    ))
 }
 
 /// The names that the indices of the layer `object` stand for.

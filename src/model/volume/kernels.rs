@@ -17,8 +17,9 @@ use crate::model::options::Progress;
 /// Standard deviation of a kernel by default, in distances of neighbours.
 pub const KERNEL: f64 = 0.6;
 
-/// Depth of a layer of kernels that are composited as one, in distances of neighbours.
-const LAYER: f64 = 1.0;
+/// Depth of a layer of kernels that are composited as one, in distances of neighbours. Not a whole number: the slices of
+/// a grid across the view would fall on the ends of layers.
+const LAYER: f64 = 1.25;
 
 /// Extinction of the greatest value where nothing is said: light along the largest extent of the grid is reduced by
 /// e^-10 if all of it had this value.

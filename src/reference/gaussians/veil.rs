@@ -149,6 +149,7 @@ impl<'w, 'a> Veil<'w, 'a> {
             march.begin(points, surfaces.opaque.iter().map(end));
         }
         for ray in 0..self.rays.len() {
+            // The limit of the last layers may be greater than that of the opaque surface: they wait for this.
             let opaque = surfaces.opaque[ray];
             if let Some(march) = &mut self.march {
                 march.begin_ray(ray, end(&opaque));
@@ -283,8 +284,7 @@ impl<'w, 'a> Veil<'w, 'a> {
             });
             waiting.truncate(ends.unwrap_or(waiting.len()));
         }
-        // The limit of the last layers may be greater than that of the opaque surface.
-        ray.live = !ray.sum.is_opaque() && (next <= ray.limit || ray.layers < layers.len());
+        ray.live = !ray.sum.is_opaque() && next <= ray.limit;
         ray.waiting = waiting;
     }
 

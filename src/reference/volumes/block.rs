@@ -1,9 +1,9 @@
 //! Extinction and emission at equal distances along a ray, and the light of that.
 //!
-//! The nodes form panels of three. Within a panel the optical depths t at its middle and at its end are integrals of the
-//! parabola through its three extinctions f. What the panel hides is exactly 1 - exp(-t). Its colour is the mean of the
-//! colours at its nodes, with Simpson's weights times f exp(-t). So a constant colour is exact however dense it is, and
-//! all else is of fourth order.
+//! The nodes form panels of three. Within a panel the optical depths t at its middle and at its end are integrals of
+//! the parabola through its three extinctions f. What the panel hides is exactly 1 - exp(-t). Its colour is the mean of
+//! the colours at its nodes, with Simpson's weights times f exp(-t). So a constant colour is exact however dense it is,
+//! and all else is of fourth order.
 
 use glam::{DVec2, DVec3};
 

@@ -70,15 +70,19 @@ fn attribute_body(
         let values = filter.attributes.of(index);
         let narrow = touched.is_narrow() && touched.is_high();
         // By constant, since a choice in the loop over lanes would keep it from becoming vectors.
-        let add = match (narrow, splat.crossing != 0, peels) {
-            (true, false, false) => add_splat::<NARROW, false, false>,
-            (false, false, false) => add_splat::<LANES, false, false>,
-            (_, true, false) => add_splat::<LANES, true, false>,
-            (true, false, true) => add_splat::<NARROW, false, true>,
-            (false, false, true) => add_splat::<LANES, false, true>,
-            (_, true, true) => add_splat::<LANES, true, true>,
-        };
-        add(splat, &touched, values, filter, tile, buffers, sample_coverage);
+        macro_rules! add {
+            ($w:expr, $crossing:expr, $peels:expr) => {
+                add_splat::<$w, $crossing, $peels>(splat, &touched, values, filter, tile, buffers, sample_coverage)
+            };
+        }
+        match (narrow, splat.crossing != 0, peels) {
+            (true, false, false) => add!(NARROW, false, false),
+            (false, false, false) => add!(LANES, false, false),
+            (_, true, false) => add!(LANES, true, false),
+            (true, false, true) => add!(NARROW, false, true),
+            (false, false, true) => add!(LANES, false, true),
+            (_, true, true) => add!(LANES, true, true),
+        }
     }
 }
 
@@ -184,6 +188,15 @@ fn add_splat<const W: usize, const CROSSING: bool, const PEELS: bool>(
                 (weights[l], depths[l], discs[l]) = (seen.weight, seen.depth, seen.disc);
                 if !in_layer(seen.depth, l) {
                     (weights[l], discs[l]) = (0.0, 0.0);
+                }
+            }
+            if PEELS {
+                // Most splats are of other layers.
+                let mut any = false;
+                (0..LANES).for_each(|l| any |= (weights[l] > 0.0) | (discs[l] > 0.0));
+                if !any {
+                    x += W;
+                    continue;
                 }
             }
             if has_coverage {

@@ -34,7 +34,7 @@ const FIELD: f32 = 1.3;
 
 /// log2 of the optical depth, in powers of 1/2, below which a volume's kernel is cut. What is cut off goes to what is
 /// left.
-pub(in crate::backend) const FAINTEST_DEPTH: f32 = -12.0;
+pub(in crate::backend) const FAINTEST_DEPTH: f32 = -13.0;
 /// log2 of the largest optical depth of a kernel, likewise: a float still holds what it lets through next to its rim.
 pub(in crate::backend) const MOST_DEPTH: f32 = 40.0;
 /// A volume's kernel keeps at least these powers of 1/2 below its centre: two standard deviations.
