@@ -1,7 +1,7 @@
 //! Step `Transparent`: its programs, and the passes that it records. Twin: `src/backend/cpu/transparent/mod.rs`.
 //!
-//! The Gaussians of all captures and volumes are projected and sorted together. Then slabs of depth go through `gather`, `bin` and
-//! `composite`, the nearest first; a slab has as many splats as a batch may have slots.
+//! The Gaussians of all captures and volumes are projected and sorted together. Then slabs of depth go through
+//! `gather`, `bin` and `composite`, the nearest first; a slab has as many splats as a batch may have slots.
 //!
 //! All Gaussians of a sample are on the device, 68 bytes each; a binding must hold their splats, else the frame is
 //! refused. Static captures are projected and sorted anew at each sample.
