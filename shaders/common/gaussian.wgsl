@@ -22,7 +22,7 @@ const LOG2_FAINTEST: f32 = 7.9943534;
 
 // log2 of the optical depth, in powers of 1/2, below which a volume's kernel is cut, and the powers of 1/2 below its
 // centre that it keeps at least. A test holds them against src/backend/cpu/transparent/project.rs.
-const FAINTEST_DEPTH: f32 = -12.0;
+const FAINTEST_DEPTH: f32 = -13.0;
 const LEAST_REACH: f32 = 2.88539;
 
 // Where the kernel of a volume with the centre 2^`peak` is cut.

@@ -92,7 +92,7 @@ pub(in crate::backend) struct FilmPart {
     pub resolve: BoundProgram,
     /// `None` where the film is complete when all groups are added.
     pub finish: Option<BoundProgram>,
-    /// `None` without captures. With them `resolve` makes the opaque picture, and this adds to the film.
+    /// `None` where nothing is transparent. Else `resolve` makes the opaque picture, and this adds to the film.
     pub over: Option<BoundProgram>,
 }
 

@@ -36,10 +36,10 @@ pub(in crate::backend) struct Buffers {
     pub coverage_mask: Buffer,
     pub moments: Buffer,
     pub film: Buffer,
-    /// The Gaussians of all captures at one time sample, and their slots in the order of depth.
+    /// The Gaussians of all captures and volumes at one time sample, and their slots in the order of depth.
     pub gaussians: Buffer,
     pub order: Buffer,
-    /// The picture of a group's surfels, which captures are laid over.
+    /// The picture of a group's surfels, which what is transparent is laid over.
     pub opaque: Buffer,
     /// Depths and covers of see-through surfels, while layers are peeled off; the films of those layers.
     pub peeled: Buffer,

@@ -228,9 +228,9 @@ pub(in crate::backend) struct Schedule {
     pub static_picture_bytes: u64,
     /// Bytes of a tile behind the map: thresholds of static objects and of slices, where there are any.
     pub behind_map_bytes: u64,
-    /// Gaussians of all captures.
+    /// Gaussians of all captures and volumes.
     pub gaussians: u64,
-    /// Bytes of a tile of the opaque picture that captures are laid over; 0 without captures.
+    /// Bytes of a tile of the opaque picture that what is transparent is laid over; 0 without.
     pub opaque_bytes: u64,
     /// Bytes of a tile of what is peeled off see-through surfels, and of the films of all layers; 0 without them.
     pub peeled_bytes: u64,
@@ -427,8 +427,8 @@ fn films(frame: &Frame, planes: &FilmPlanes) -> (Vec<RasterFilm>, u64) {
     (rasters, 4 * film_floats)
 }
 
-/// Gaussians of all captures, and the bytes that they take beside those of a batch. All of a sample are on the device,
-/// and are sorted together.
+/// Gaussians of all captures and volumes, and the bytes that they take beside those of a batch. All of a sample are on
+/// the device, and are sorted together.
 fn gaussians(frame: &Frame) -> (u64, u64) {
     let captures = frame.objects.iter().filter_map(|object| object.gaussians.as_ref());
     let count = captures.map(|capture| capture.len() as u64).sum::<u64>();

@@ -114,7 +114,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let got = gpu.render(frame.clone()).unwrap_or_else(|e| panic!("{}: {e}", case.name));
     let want = Cpu::default().render(frame).unwrap_or_else(|e| panic!("{}: {e}", case.name));
     let left_out = [got.stats.left_out, want.stats.left_out];
-    assert!(case.name != "glass, nested" || want.stats.left_out > 100, "{}: {left_out:?} left out", case.name);
+    assert!(case.name != "glass, nested" || want.stats.left_out > 50, "{}: {left_out:?} left out", case.name);
     if left_out[0].abs_diff(left_out[1]) as f64 > BUDGET * want.picture.rgba.len() as f64 {
         return Err(format!("{}: {left_out:?} pixels left out", case.name));
     }
@@ -152,7 +152,9 @@ fn small_buffers_change_no_capture() {
     let open = || gpu_or_skip("small_buffers_change_no_capture");
     let (Some(mut roomy), Some(mut slabs), Some(mut bands)) = (open(), open(), open()) else { return };
     (slabs.most_slots, bands.most_bytes) = (100, 160 << 10);
-    for case in captures() {
+    // See-through surfels go through all batches for each of their layers, which takes long.
+    let glasses = ["glass, fog", "glass, ewa, bucket"];
+    for case in captures().into_iter().filter(|case| !case.name.starts_with("glass") || glasses.contains(&case.name)) {
         let picture = |gpu: &mut Gpu| gpu.render(case.frame()).unwrap_or_else(|e| panic!("{e}")).picture;
         let want = picture(&mut roomy);
         assert_eq!(picture(&mut slabs), want, "{}: slabs of 100", case.name);
@@ -302,7 +304,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 139] = [
     ([("1u + u32(clamp(centre.z / segment.layer", "1u + u32(clamp(centre.z / 0.7")], "volume"),
     ([("if (*quad).layer != splat.layer {", "if false {")], "volume"),
     ([("if OPEN != 0u { close_layer(sum, open, reaches); }", "")], "volume"),
-    ([("if has_rest { close_layer", "if false { close_layer")], "volume"),
+    ([("if OPEN != 0u { close_layer(&sum, &open, vec4<bool>(true)); }", "")], "volume"),
     ([("(1.0 - through) / select", "1.0 / select")], "volume"),
     // Of see-through surfels.
     ([("met.covers = met.covers & (met.depth > depths.floor);", "")], "glass"),
@@ -341,7 +343,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 139] = [
     ([("select(0.0, 1.0, atomicLoad(&counted) > 0u)", "0.0")], "glass"),
     ([("depth > peeled[4u * (depths_at + ceiling_place()) + pixel]", "false")], "glass, nested"),
     ([("min(coverage, room)", "coverage")], "glass, ewa"),
-    ([("if beside >= room {", "if false {")], "glass, ewa"),
+    ([("if beside >= room {", "if false {")], "glass, bucket"),
     ([("of_filled - light_behind + light_beside", "of_filled + light_beside")], "glass, ewa"),
     ([("atomicAdd(&status[LEFT_OUT_LOW], more)", "atomicAdd(&status[LEFT_OUT_LOW], 1u)")], "glass, nested"),
     ([("pass_surfels(sum, open, quad, reaches, splat.depth, false)", "")], "glass"),
