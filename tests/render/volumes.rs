@@ -146,7 +146,10 @@ fn a_kernel_that_is_small_to_the_eye_is_exact() {
 const NEAR: [DVec3; 2] = [DVec3::new(1.0, 1.5, 2.0), DVec3::new(-1.6, 0.4, 1.9)];
 const FAR: DVec3 = DVec3::new(2.0, 3.0, 9.0);
 
-fn fields() -> [(&'static str, fn(Vec3) -> (f32, Vec3)); 2] {
+/// Extinction and colour at a point.
+type Field = fn(Vec3) -> (f32, Vec3);
+
+fn fields() -> [(&'static str, Field); 2] {
     [("torus", torus), ("ball", ball)]
 }
 
@@ -252,6 +255,8 @@ fn a_zebra_is_smooth_with_the_filter_and_aliased_without() {
 /// (Zwicker et al. 2002, section 6.4, eq. 37).
 #[test]
 fn flattened_kernels_are_surface_splats() {
+    // Surfels have kernels of standard deviation radius / 2, which lose some of it where they are cut.
+    const CUT: f64 = 0.828_83;
     let n = 96;
     let spacing = 4.0 / n as f32;
     let at = |i: usize| (i as f32 + 0.5) * spacing - 2.0;
@@ -260,8 +265,6 @@ fn flattened_kernels_are_surface_splats() {
         Vec3::splat(if dark { 0.05 } else { 0.9 })
     };
     let places: Vec<Vec3> = (0..n).flat_map(|y| (0..n).map(move |x| Vec3::new(at(x), at(y), 0.0))).collect();
-    // Surfels have kernels of standard deviation radius / 2, which lose some of it where they are cut.
-    const CUT: f64 = 0.828_83;
     let sigma = spacing;
     let depth = 0.1_f32;
     let mut volume = kernels(sigma, 0.1, places.iter().map(|&p| (p, depth * spacing * spacing, colour(p))));

@@ -266,6 +266,7 @@ impl Schedule {
     }
 
     /// Cuts the frame up, with a cache for `cached_slots` slots of static objects.
+    #[allow(clippy::too_many_lines, reason = "one sum over all buffers")]
     fn cut(
         frame: &Frame,
         channels: &DeviceChannels,

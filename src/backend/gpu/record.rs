@@ -65,7 +65,8 @@ impl DeviceState {
                 }
                 Step::Transparent { group } => {
                     let has_layers = self.see_through(place, group, has_opaque, marks);
-                    let surfels = u32::from(has_opaque) * OPAQUE_SURFELS | u32::from(has_layers) * SEE_THROUGH_SURFELS;
+                    let surfels =
+                        (u32::from(has_opaque) * OPAQUE_SURFELS) | (u32::from(has_layers) * SEE_THROUGH_SURFELS);
                     let programs = self.bound(place.programs.transparent.as_ref())?;
                     TransparentStep::new(place, group, programs, surfels).run(self, marks);
                 }

@@ -122,6 +122,7 @@ pub(super) fn many() -> Case {
 }
 
 /// All cases.
+#[allow(clippy::too_many_lines, reason = "a list of cases")]
 pub(super) fn captures() -> Vec<Case> {
     let options = |mode: BlurMode| RenderOptions {
         quality: mode.into(),

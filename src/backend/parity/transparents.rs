@@ -153,7 +153,7 @@ fn small_buffers_change_no_capture() {
     let (Some(mut roomy), Some(mut slabs), Some(mut bands)) = (open(), open(), open()) else { return };
     (slabs.most_slots, bands.most_bytes) = (100, 160 << 10);
     // See-through surfels go through all batches for each of their layers, which takes long.
-    let glasses = ["glass, fog", "glass, ewa, bucket"];
+    let glasses = ["glass, fog"];
     for case in captures().into_iter().filter(|case| !case.name.starts_with("glass") || glasses.contains(&case.name)) {
         let picture = |gpu: &mut Gpu| gpu.render(case.frame()).unwrap_or_else(|e| panic!("{e}")).picture;
         let want = picture(&mut roomy);

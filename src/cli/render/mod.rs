@@ -64,7 +64,8 @@ Examples:
 
 JSON (--json), one object: program, scene, directory, backend, frames: [{{frame, path, skipped, seconds (wall,
 rendering), samples, surfels, splats, left_out (pixels with too many layers of see-through surfels), auto (error, way,
-samples, most_samples, interleave, blocks, refined, capped), cpu_seconds or device_seconds: {{project, sort, bin, visibility, attribute, composite, resolve, total}}}}],
+samples, most_samples, interleave, blocks, refined, capped), cpu_seconds or device_seconds: {{project, sort, bin,
+visibility, attribute, composite, resolve, total}}}}],
 load_seconds, seconds (whole run), notes, objects (with --aov object: index to name), ffmpeg (null where frames do not
 follow one another), settings (as each file carries them, with `frame`, in its header)."))]
 pub(super) struct Render {

@@ -176,7 +176,7 @@ impl Composite {
 
     /// Composites the open layers of those of `LANES` pixels, from pixel `[x, y]` on, that are `wanted`.
     #[inline(always)]
-    pub(super) fn close_layers(&mut self, [x, y]: [usize; 2], wanted: &[bool; LANES]) {
+    pub(super) fn close_layers(&mut self, [x, y]: [usize; 2], wanted: [bool; LANES]) {
         let first = y * self.channels * STRIDE + x;
         let open = &mut self.open[first..];
         let values = &mut self.values[first..];
@@ -219,7 +219,7 @@ impl Composite {
             if !self.open.is_empty() {
                 let mut wanted = [false; LANES];
                 wanted[0] = true;
-                self.close_layers([x, y], &wanted);
+                self.close_layers([x, y], wanted);
             }
             let number = self.next[y * STRIDE + x];
             self.add_surfels(surfels, &surfels.layers[usize::from(number)], [x, y]);
@@ -267,7 +267,7 @@ impl Composite {
                 (0..tile.width).for_each(|x| self.pass_surfels(surfels, [x, y], f32::INFINITY));
             }
             if !self.open.is_empty() {
-                (0..tile.width).step_by(LANES).for_each(|x| self.close_layers([x, y], &[true; LANES]));
+                (0..tile.width).step_by(LANES).for_each(|x| self.close_layers([x, y], [true; LANES]));
             }
         }
     }

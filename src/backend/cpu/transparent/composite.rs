@@ -159,7 +159,7 @@ fn one<const CHANNELS: usize, const SURFELS: bool, const VOLUMES: bool, const VO
             if VOLUME {
                 // Pixels that have nothing of the layer before do not change.
                 if out.opened[y * RUNS + run] != splat.layer {
-                    out.close_layers([x, y], &[true; LANES]);
+                    out.close_layers([x, y], [true; LANES]);
                     out.opened[y * RUNS + run] = splat.layer;
                 }
                 let open = &mut out.open[y * out.channels * STRIDE + x..];
@@ -169,7 +169,7 @@ fn one<const CHANNELS: usize, const SURFELS: bool, const VOLUMES: bool, const VO
                 add::<CHANNELS>(open, &value, splat, velocity);
             } else {
                 if VOLUMES {
-                    out.close_layers([x, y], &std::array::from_fn(|l| value[l] > 0.0));
+                    out.close_layers([x, y], std::array::from_fn(|l| value[l] > 0.0));
                 }
                 let row = &mut out.values[y * out.channels * STRIDE + x..];
                 let mut through = lanes(row);

@@ -155,6 +155,7 @@ dispatch! {
 }
 
 #[inline(always)]
+#[allow(clippy::too_many_lines, reason = "one loop over lanes, which a call would keep from becoming vectors")]
 fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: usize, shape: &mut Shape) {
     let mut position = [[0.0; LANES]; 3];
     let mut sigma = [[0.0; LANES]; 3];
@@ -223,8 +224,8 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
         let wide_xx = xx + dilation;
         let wide_yy = yy + dilation;
         let lost = if antialias { (unfiltered / determinant).sqrt() } else { 1.0 };
-        // Zwicker et al. 2002, eq. 33: the integral of the kernel over the ray at its centre. A ray away from the axis is
-        // longer than its depth.
+        // Zwicker et al. 2002, eq. 33: the integral of the kernel over the ray at its centre. A ray away from the axis
+        // is longer than its depth.
         let longer2 = 1.0 + (x * x + y * y) * inverse_focal2;
         let bend = Bend::of(&u, &v, &e, [x, y], longer2, inverse_focal2);
         let integral = area * longer2.sqrt() * (over * over) / determinant.sqrt() * bend.mass;

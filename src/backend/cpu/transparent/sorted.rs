@@ -282,11 +282,15 @@ impl Walk<'_> {
         for (place, &index) in places.iter_mut().zip(&self.rest()[..count]) {
             *place = place_of(part[index as usize]);
         }
-        let mut kept = if all { count } else { 0 };
-        for i in kept..count {
-            let place = places[i];
-            places[kept] = place;
-            kept += usize::from(wants(listed.bounds(place)));
+        let mut kept = 0;
+        if all {
+            kept = count;
+        } else {
+            for i in 0..count {
+                let place = places[i];
+                places[kept] = place;
+                kept += usize::from(wants(listed.bounds(place)));
+            }
         }
         for &place in &places[..kept] {
             batch.push(listed.splat(place), listed.velocity(place));
