@@ -141,7 +141,7 @@ fn samples_count_like_cells_of_their_radii() {
     assert_eq!((g.opacity.as_slice(), &g.position[..]), ([0.25, 0.0625].as_slice(), &[Vec3::X, Vec3::Y][..]));
     assert_eq!(g.sigma, [Vec3::splat(0.6), Vec3::splat(0.3)]);
     assert!((g.colour(1) - Vec3::new(0.1, 0.2, 0.3)).abs().max_element() < 1e-7);
-    assert_eq!(g.optics, Optics::Extinction { layer: 0.5 });
+    assert_eq!(g.optics, Optics::Extinction { layer: (0.5 * LAYER) as f32 });
     let g = make(&samples, &options()).unwrap().gaussians;
     assert_eq!(g.opacity, [0.875, 7.0 / 64.0]);
     let own = Samples { volume: vec![1.0, 2.0, 3.0], ..samples };
