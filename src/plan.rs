@@ -283,19 +283,22 @@ pub const LAYERS: u8 = 8;
 /// nearest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LayerPass {
-    /// As [`EwaPass::Visibility`], of discs behind all layers before this one. That of number [`LAYERS`] finds out
-    /// where there are more.
+    /// As [`EwaPass::Visibility`], of discs behind all layers before this one. That of number [`LAYERS`] finds what
+    /// [`LayerPass::LeftOut`] counts.
     Visibility(u8),
     /// As [`EwaPass::Attribute`], of what lies in the layer.
     Attribute(u8),
     /// Normalises and shades the layer.
     Resolve(u8),
+    /// Counts the pixels that have more layers.
+    LeftOut,
 }
 
 impl LayerPass {
     /// The passes in order, for all layers.
-    pub const ORDER: [Self; 3 * LAYERS as usize + 1] = {
-        let mut order = [Self::Visibility(LAYERS); 3 * LAYERS as usize + 1];
+    pub const ORDER: [Self; 3 * LAYERS as usize + 2] = {
+        let mut order = [Self::LeftOut; 3 * LAYERS as usize + 2];
+        order[3 * LAYERS as usize] = Self::Visibility(LAYERS);
         let mut layer = 0;
         while layer < LAYERS {
             let first = 3 * layer as usize;

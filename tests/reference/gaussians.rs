@@ -6,16 +6,17 @@ use std::fs;
 use std::path::Path;
 
 use glam::{DMat3, DVec2, DVec3, Quat, Vec3};
-use splatblur::film::{Aov, Picture};
+use splatblur::film::Aov;
 use splatblur::image;
 use splatblur::model::{Format, Gaussians, parse_capture};
 use splatblur::options::PixelFilter;
-use splatblur::reference::{ReferenceOptions, Sample, Sums, probe, render};
+use splatblur::reference::{ReferenceOptions, Sample, probe, render};
 use splatblur::sampling::hash;
 use splatblur::scene::pose::{camera_from_world, object_pose};
 use splatblur::scene::{Motion, Object, Scene};
 
 use crate::closed_forms::{reference, statistics};
+use crate::parts::assert_parts_and_threads_change_nothing;
 use crate::support::closed_forms::{FOCAL, SIZE};
 use crate::support::gaussians::{colour, psnr};
 use crate::support::{UNLIT, object, round_surfels, scene, sphere};
@@ -433,12 +434,6 @@ fn pixels_match_brute_force() {
     assert!(met > 20_000 && walls > 100, "{met}, {walls}");
 }
 
-fn bits(picture: &Picture) -> Vec<u32> {
-    let layers = picture.layers.iter().flat_map(|layer| layer.planes.iter().flatten());
-    picture.rgba.iter().flatten().chain(layers).map(|v| v.to_bits()).collect()
-}
-
-/// One run, three runs over the disk, one thread and three: the same bytes.
 #[test]
 fn bytes_do_not_depend_on_parts_or_threads() {
     // So fast that most pixels see nothing for many samples.
@@ -448,21 +443,8 @@ fn bytes_do_not_depend_on_parts_or_threads() {
         [(busy_scene([37, 26], 60), false), (busy_scene([37, 26], 60), true), (fast.scene(), false)]
     {
         scene.image.transparent = transparent;
-        let run = |samples: u64, threads: usize, sums: Option<Sums>| {
-            let options = ReferenceOptions { samples, aovs: Aov::ALL.to_vec(), ..ReferenceOptions::default() };
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| render(&scene, 0, &options, sums, &|_| ()).unwrap())
-        };
-        let whole = run(80, 1, None);
-        assert!(bits(&whole.picture) == bits(&run(80, 3, None).picture), "threads");
-        let mut sums: Option<Sums> = None;
-        for samples in [16, 48, 80] {
-            let part = run(samples, 3, sums);
-            sums = Some(Sums::from_bytes(&part.sums.to_bytes("s")).unwrap().0);
-        }
-        let last = run(80, 2, sums);
+        let [last, _] = assert_parts_and_threads_change_nothing(&scene);
         assert_eq!(last.stats.traced, 0);
-        assert!(bits(&whole.picture) == bits(&last.picture), "parts");
     }
 }
 

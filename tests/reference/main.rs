@@ -5,6 +5,7 @@ mod support;
 
 mod closed_forms;
 mod gaussians;
+mod parts;
 mod promises;
 mod samples;
 mod see_through;

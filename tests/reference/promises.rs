@@ -6,7 +6,7 @@
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use splatblur::film::{Aov, Picture};
+use splatblur::film::Aov;
 use splatblur::model::{Material, Surfels};
 use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions, Shading};
 use splatblur::reference::{
@@ -14,6 +14,7 @@ use splatblur::reference::{
 };
 use splatblur::scene::{Light, Motion, Scene};
 
+use crate::parts::bits;
 use crate::support::ideal_sphere::approaches_the_ideal_sphere;
 use crate::support::{UNLIT, object, render, rms, round_surfels, scene, sphere, sphere_scene};
 
@@ -23,11 +24,6 @@ fn reference(scene: &Scene, options: &ReferenceOptions) -> Reference {
 
 fn with(samples: u64) -> ReferenceOptions {
     ReferenceOptions { samples, ..ReferenceOptions::default() }
-}
-
-fn bits(picture: &Picture) -> Vec<u32> {
-    let layers = picture.layers.iter().flat_map(|layer| layer.planes.iter().flatten());
-    picture.rgba.iter().flatten().chain(layers).map(|v| v.to_bits()).collect()
 }
 
 /// A turning sphere before a tilted wall, one that does not blur, different materials, all kinds of light.

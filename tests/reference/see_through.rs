@@ -4,12 +4,13 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests may stop and report")]
 
 use glam::{DVec3, Quat, Vec3};
-use splatblur::film::{Aov, Picture};
+use splatblur::film::Aov;
 use splatblur::model::Gaussians;
 use splatblur::options::PixelFilter;
-use splatblur::reference::{ReferenceOptions, Sample, Sums, probe, render};
+use splatblur::reference::{ReferenceOptions, Sample, probe, render};
 use splatblur::scene::{Motion, Object, Scene};
 
+use crate::parts::assert_parts_and_threads_change_nothing;
 use crate::support::{UNLIT, object, round_surfels, scene, sphere};
 
 const EXACT: f64 = 1e-12;
@@ -348,31 +349,13 @@ fn busy_scene() -> Scene {
     scene
 }
 
-fn bits(picture: &Picture) -> Vec<u32> {
-    let layers = picture.layers.iter().flat_map(|layer| layer.planes.iter().flatten());
-    picture.rgba.iter().flatten().chain(layers).map(|v| v.to_bits()).collect()
-}
-
-/// One run, three runs over the disk, one thread and two: the same bytes.
 #[test]
 fn bytes_do_not_depend_on_parts_or_threads() {
     for (capture, transparent) in [(true, false), (true, true), (false, false), (false, true)] {
         let mut scene = busy_scene();
         scene.image.transparent = transparent;
         scene.objects.truncate(if capture { 3 } else { 2 });
-        let run = |samples: u64, threads: usize, sums: Option<Sums>| {
-            let options = ReferenceOptions { samples, aovs: Aov::ALL.to_vec(), ..ReferenceOptions::default() };
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| render(&scene, 0, &options, sums, &|_| ()).unwrap())
-        };
-        let whole = run(80, 1, None);
-        assert!(bits(&whole.picture) == bits(&run(80, 2, None).picture), "threads");
-        let mut sums: Option<Sums> = None;
-        for samples in [16, 48, 80] {
-            let part = run(samples, 2, sums);
-            sums = Some(Sums::from_bytes(&part.sums.to_bytes("s")).unwrap().0);
-        }
-        assert!(bits(&whole.picture) == bits(&run(80, 2, sums).picture), "parts");
+        let [_, whole] = assert_parts_and_threads_change_nothing(&scene);
         let alpha = whole.picture.layers.iter().find(|layer| layer.aov == Aov::Alpha).unwrap();
         let partial = alpha.planes[0].iter().filter(|alpha| (0.1..0.9).contains(*alpha)).count();
         assert!(partial > 30, "{partial}");

@@ -8,13 +8,14 @@
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DVec2, DVec3, Quat, Vec3};
-use splatblur::film::{Aov, Picture};
+use splatblur::film::Aov;
 use splatblur::model::{Gaussians, Material, Optics};
-use splatblur::reference::{ReferenceOptions, Sample, Sums, probe, render};
+use splatblur::reference::{ReferenceOptions, Sample, probe, render};
 use splatblur::sampling::hash;
 use splatblur::scene::pose::{camera_from_world, object_pose};
 use splatblur::scene::{Light, Motion, Object, Scene};
 
+use crate::parts::assert_parts_and_threads_change_nothing;
 use crate::support::{UNLIT, object, round_surfels, scene, sphere};
 
 const CUT: f64 = 1e-7;
@@ -561,12 +562,6 @@ fn aovs_are_weighted_by_light() {
     assert!(compared > 20, "{compared}");
 }
 
-fn bits(picture: &Picture) -> Vec<u32> {
-    let layers = picture.layers.iter().flat_map(|layer| layer.planes.iter().flatten());
-    picture.rgba.iter().flatten().chain(layers).map(|v| v.to_bits()).collect()
-}
-
-/// One run, three runs over the disk, one thread and two: the same bytes.
 #[test]
 fn bytes_do_not_depend_on_parts_or_threads() {
     for transparent in [false, true] {
@@ -578,19 +573,7 @@ fn bytes_do_not_depend_on_parts_or_threads() {
         let mut glass = object(sphere(1000));
         (glass.opacity, glass.two_sided) = (0.3, true);
         scene.objects.extend([ball, glass]);
-        let run = |samples: u64, threads: usize, sums: Option<Sums>| {
-            let options = ReferenceOptions { samples, aovs: Aov::ALL.to_vec(), ..ReferenceOptions::default() };
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| render(&scene, 0, &options, sums, &|_| ()).unwrap())
-        };
-        let whole = run(80, 1, None);
-        assert!(bits(&whole.picture) == bits(&run(80, 2, None).picture), "threads");
-        let mut sums: Option<Sums> = None;
-        for samples in [16, 48, 80] {
-            let part = run(samples, 2, sums);
-            sums = Some(Sums::from_bytes(&part.sums.to_bytes("s")).unwrap().0);
-        }
-        assert!(bits(&whole.picture) == bits(&run(80, 2, sums).picture), "parts");
+        assert_parts_and_threads_change_nothing(&scene);
     }
 }
 

@@ -120,6 +120,23 @@ fn eight_layers_show_and_the_rest_is_counted() {
     }
 }
 
+/// With little memory splats pass in batches. The picture is the same, and a pixel with more layers is counted once.
+#[test]
+fn memory_changes_neither_picture_nor_count() {
+    let objects = (0..12).map(|i| plane(1.0 - 0.1 * f64::from(i), 0.2, colour_of(i as usize))).collect();
+    let scene = view(objects);
+    let with_memory = |memory: u64| {
+        let options = RenderOptions { memory, ..with(STILL, Prefilter::Ewa) };
+        render_frame(&mut Cpu::default(), &scene, 0, &options)
+    };
+    let whole = with_memory(1 << 30).unwrap();
+    let few = (1..1 << 12).find_map(|step| with_memory(step << 16).ok()).unwrap();
+    assert!(few.stats.splats > 2 * whole.stats.splats, "{} splats of {}", few.stats.splats, whole.stats.splats);
+    assert!(few.picture == whole.picture);
+    assert!(whole.stats.left_out > 100);
+    assert_eq!(few.stats.left_out, whole.stats.left_out);
+}
+
 /// Kernels whose depths differ by less than the tolerance are one layer, and are normalised together.
 #[test]
 fn splats_that_straddle_the_tolerance_are_one_layer_or_two() {

@@ -49,6 +49,8 @@ impl Budget {
         let guard = frame.guard();
         let picture_bytes = if frame.has_static_picture() { StaticTile::bytes(planes.count) } else { 0 };
         let see_through = frame.has_see_through();
+        // See-through surfels have a channel more, their opacity.
+        let most_channels = channels.count + usize::from(see_through);
         let layer_bytes = if frame.has_static_layer() {
             StaticTile::bytes_with_sums(channels.count, samples, planes.count)
         } else {
@@ -60,10 +62,10 @@ impl Budget {
             let guarded = guard.map_or(0, |guard| band.guarded(guard).len() as u64);
             // Tiles of the map have fewer buffers, but there are more of them.
             let of_map = guarded * TileBuffers::bytes(1, 1, None);
-            let own = guarded * Map::bytes(1) + of_map.max(tiles * TileBuffers::bytes(channels.count, samples, slices));
+            let own = guarded * Map::bytes(1) + of_map.max(tiles * TileBuffers::bytes(most_channels, samples, slices));
             let own = own + if frame.blending.is_some() { tiles * transparent::bytes_of_tile(planes.count) } else { 0 };
             let ewa = frame.has_ewa() || see_through;
-            let own = own + if ewa { tiles * EwaBuffers::bytes(channels.count + 1) } else { 0 };
+            let own = own + if ewa { tiles * EwaBuffers::bytes(most_channels) } else { 0 };
             let own = own + if see_through { tiles * transparent::bytes_of_layers(planes.count) } else { 0 };
             own + tiles * (picture_bytes + if layers { layer_bytes } else { 0 })
         };
@@ -73,7 +75,7 @@ impl Budget {
             let guarded = guard.map_or(band, |guard| band.guarded(guard));
             let moving = if swept { Binned::<SweptSplat>::most_bytes(CHUNK, channels.count, &band) } else { 0 };
             let ewa = if frame.has_ewa() || see_through {
-                Binned::<EwaSplat>::most_bytes(CHUNK, channels.count, &band)
+                Binned::<EwaSplat>::most_bytes(CHUNK, most_channels, &band)
             } else {
                 0
             };

@@ -287,8 +287,7 @@ impl Executor<'_> {
         self.see_through(group);
         let scope = self.place.scope(group, self.place.band);
         let splat_bytes = self.budget.transparent_bytes;
-        let volumes = self.place.frame.has_volumes();
-        let work = TransparentGroup { scope, offsets: self.offsets, splat_bytes, volumes };
+        let work = TransparentGroup { scope, offsets: self.offsets, splat_bytes };
         work.run(self.fixed, &mut self.memory.transparent, self.film);
     }
 

@@ -11,6 +11,14 @@ pub(in crate::backend) const STRIDE: usize = TILE + LANES;
 /// Rows of a tile buffer: loops may start at any row and write two.
 pub(in crate::backend) const ROWS: usize = TILE + 1;
 
+/// The first `LANES` pixels of `plane`.
+#[inline(always)]
+pub(in crate::backend) fn lanes(plane: &[f32]) -> [f32; LANES] {
+    let mut out = [0.0; LANES];
+    out.copy_from_slice(&plane[..LANES]);
+    out
+}
+
 /// A rectangle of tiles that is rendered together: whole rows of tiles.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::backend) struct Band {

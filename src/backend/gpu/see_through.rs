@@ -69,13 +69,7 @@ impl DeviceState {
         let job = Job { has_opaque, ..place.ewa_job(group, Objects::SeeThrough) };
         let in_one_batch = place.batches(&job).run.len() == 1;
         let step = SeeThroughStep { job, programs, in_one_batch };
-        let any = self.run(&step, &LayerPass::ORDER, marks);
-        if any {
-            let mut encoder = self.encoder();
-            step.record_alone(&mut encoder, &programs.left_out, Stage::Visibility, marks);
-            self.flush(&mut encoder, marks);
-        }
-        any
+        self.run(&step, &LayerPass::ORDER, marks)
     }
 }
 
@@ -110,13 +104,13 @@ impl StepWork for SeeThroughStep<'_> {
     fn reads_splats(pass: LayerPass) -> bool {
         match pass {
             LayerPass::Visibility(_) | LayerPass::Attribute(_) => true,
-            LayerPass::Resolve(_) => false,
+            LayerPass::Resolve(_) | LayerPass::LeftOut => false,
         }
     }
 
     fn stage(pass: LayerPass) -> Stage {
         match pass {
-            LayerPass::Visibility(_) => Stage::Visibility,
+            LayerPass::Visibility(_) | LayerPass::LeftOut => Stage::Visibility,
             LayerPass::Attribute(_) => Stage::Attribute,
             LayerPass::Resolve(_) => Stage::Resolve,
         }
@@ -137,12 +131,12 @@ impl StepWork for SeeThroughStep<'_> {
                     self.record_alone(encoder, second, Stage::Visibility, marks);
                 }
             }
-            LayerPass::Visibility(_) | LayerPass::Resolve(_) => {}
+            LayerPass::Visibility(_) | LayerPass::Resolve(_) | LayerPass::LeftOut => {}
         }
     }
 
     fn record(&self, recorder: &mut ComputePass<'_>, pass: LayerPass, batch: &Batch, view: u32) {
-        let (SeeThroughPrograms { ewa, resolve, .. }, tiles) = (self.programs, self.job.area.tiles);
+        let (SeeThroughPrograms { ewa, resolve, left_out, .. }, tiles) = (self.programs, self.job.area.tiles);
         match pass {
             LayerPass::Visibility(_) => dispatch(recorder, &ewa.visibility, tiles, view),
             LayerPass::Attribute(layer) => {
@@ -152,6 +146,7 @@ impl StepWork for SeeThroughStep<'_> {
                 dispatch(recorder, &ewa.attribute, tiles, view);
             }
             LayerPass::Resolve(_) => dispatch(recorder, resolve, tiles, view),
+            LayerPass::LeftOut => dispatch(recorder, left_out, tiles, view),
         }
     }
 }

@@ -1,7 +1,8 @@
 //! Volumes: samples of a medium that light passes through, drawn as Gaussian kernels (Zwicker et al. 2002, section 5).
 //!
-//! Data flow: `nrrd` (bytes to a [`Grid`]), or a cloud with densities ([`Samples`]) → `transfer` (values to colour and
-//! extinction) → `kernels` (one Gaussian a sample, the flattened ones along `gradient`). docs/volumes.md is the guide.
+//! Data flow: `nrrd` (bytes to a [`Grid`]), or a cloud with densities ([`Samples`]) → `transfer` (values to colour
+//! and extinction) → `kernels` (one Gaussian a sample, the flattened ones along `gradient`). docs/volumes.md is the
+//! guide.
 
 mod gradient;
 mod grid;

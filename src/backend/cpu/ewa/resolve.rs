@@ -5,7 +5,7 @@
 
 use super::buffers::{APRON_STRIDE, DISC, EXTRA, EwaBuffers, Layer, PEAK, SIDE};
 use crate::backend::cpu::resolve::{Resolve, TileFilm, add_lanes};
-use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect};
+use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect, lanes};
 use crate::math::simd::dispatch;
 
 dispatch! {
@@ -61,13 +61,7 @@ fn resolve_body(
                     let (peaks, sides) = (plane(channels + PEAK), plane(channels + SIDE));
                     for l in 0..LANES {
                         let weight = weights[l];
-                        // Of a thin sheet both sides are there; they cover once.
-                        let sum = 0.5 * (weight + sides[l].abs());
-                        // What filtering leaves of the kernels' peaks, and a share of the rest: where half is left,
-                        // discs tell outlines better than sums, which miss what kernels lose towards their rims.
-                        let lost = 1.0 - peaks[l] * inverse[l];
-                        let hard = 1.0 - lost * lost;
-                        let coverage = hard * f32::from(covered[l]) + (1.0 - hard) * if sum < 1.0 { sum } else { 1.0 };
+                        let coverage = coverage(weight, sides[l], peaks[l] * inverse[l], covered[l]);
                         // Where discs cover all around, the last layer closes what is left: the surface has no holes.
                         let closes = open >> l & 1 == 0 || rim >> l & 1 == 0 && last[l] == layer as u8;
                         let coverage = if closes { 1.0 } else { coverage };
@@ -87,6 +81,19 @@ fn resolve_body(
     }
 }
 
+/// Share of a pixel that a group of splats covers: `weight` and `side` are its sums, `peak` is what filtering leaves of
+/// the kernels' peaks in the mean, and `covered` says whether a disc covers the pixel.
+#[inline(always)]
+pub(in crate::backend) fn coverage(weight: f32, side: f32, peak: f32, covered: bool) -> f32 {
+    // Of a thin sheet both sides are there; they cover once.
+    let sum = 0.5 * (weight + side.abs());
+    // What is left of the peaks, and a share of the rest: where half is left, discs tell outlines better than sums,
+    // which miss what kernels lose towards their rims.
+    let lost = 1.0 - peak;
+    let hard = 1.0 - lost * lost;
+    hard * f32::from(covered) + (1.0 - hard) * if sum < 1.0 { sum } else { 1.0 }
+}
+
 /// For each of the pixels whose sums begin at `at` the last layer that has weight.
 #[inline(always)]
 fn last_layers(buffers: &EwaBuffers, at: usize) -> [u8; LANES] {
@@ -97,11 +104,4 @@ fn last_layers(buffers: &EwaBuffers, at: usize) -> [u8; LANES] {
         }
     }
     last
-}
-
-#[inline(always)]
-fn lanes(plane: &[f32]) -> [f32; LANES] {
-    let mut out = [0.0; LANES];
-    out.copy_from_slice(&plane[..LANES]);
-    out
 }

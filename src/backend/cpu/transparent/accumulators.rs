@@ -5,7 +5,7 @@
 //! Layers of see-through surfels wait until what is composited has come to their depth.
 
 use crate::backend::cpu::resolve::TileFilm;
-use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect};
+use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect, lanes};
 use crate::film::FilmPlanes;
 use crate::math::{fast, srgb};
 
@@ -271,14 +271,6 @@ impl Composite {
             }
         }
     }
-}
-
-/// The first `LANES` of a plane.
-#[inline(always)]
-pub(super) fn lanes(plane: &[f32]) -> [f32; LANES] {
-    let mut out = [0.0; LANES];
-    out.copy_from_slice(&plane[..LANES]);
-    out
 }
 
 fn fill(values: &mut Vec<f32>, floats: usize, value: f32) {

@@ -4,9 +4,9 @@
 //! In: splats in the order of depth; depth thresholds of opaque surfels; layers of see-through surfels. Out:
 //! premultiplied colour and transmittance of each pixel. The order of splats matters; pixels do not know one another.
 
-use super::accumulators::{COLOUR, Composite, DEPTH, OPAQUE, RUNS, Surfels, blocks, lanes, within};
+use super::accumulators::{COLOUR, Composite, DEPTH, OPAQUE, RUNS, Surfels, blocks, within};
 use super::project::{FAINTEST, least_power};
-use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect};
+use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect, lanes};
 use crate::layout::GaussianSplat;
 use crate::math::fast;
 use crate::math::simd::dispatch;

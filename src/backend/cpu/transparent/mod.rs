@@ -67,8 +67,6 @@ pub(in crate::backend) struct TransparentGroup<'a> {
     pub offsets: [[f32; 2]; 2],
     /// Bytes for splats and their lists.
     pub splat_bytes: u64,
-    /// Is any object a volume?
-    pub volumes: bool,
 }
 
 /// Least and greatest offset of a raster's sample positions, raster pixels.
@@ -322,7 +320,7 @@ impl TransparentGroup<'_> {
         let surfels = Surfels { layers, threshold: &opaque.threshold, planes: scope.planes, coded };
         if pass.first {
             let (depth, velocity) = (scope.planes.depth.is_some(), self.velocity());
-            out.start(&Content { depth, velocity, volumes: self.volumes, surfels }, &tile);
+            out.start(&Content { depth, velocity, volumes: self.scope.frame.has_volumes(), surfels }, &tile);
         }
         let place = Place { tile: &tile, offset: scope.raster.offset, rising: !self.several(), surfels };
         let any = sets.map(|set| set.reaches(index));

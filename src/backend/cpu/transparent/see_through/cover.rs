@@ -5,7 +5,7 @@
 
 use super::super::accumulators::OPAQUE;
 use crate::backend::cpu::ewa::buffers::APRON_STRIDE;
-use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect};
+use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect, lanes};
 
 /// What is peeled off one tile.
 #[derive(Clone, Debug, Default)]
@@ -56,15 +56,10 @@ impl Cover {
     /// `LANES` pixels from `at` on.
     #[inline(always)]
     pub(super) fn load(&self, at: usize) -> CoverLanes {
-        let load = |plane: &[f32]| {
-            let mut out = [0.0; LANES];
-            out.copy_from_slice(&plane[at..at + LANES]);
-            out
-        };
         CoverLanes {
-            filled: load(&self.filled),
-            through_filled: load(&self.through_filled),
-            through_rest: load(&self.through_rest),
+            filled: lanes(&self.filled[at..]),
+            through_filled: lanes(&self.through_filled[at..]),
+            through_rest: lanes(&self.through_rest[at..]),
         }
     }
 

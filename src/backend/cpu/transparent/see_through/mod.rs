@@ -7,6 +7,7 @@
 pub(in crate::backend) mod cover;
 mod resolve;
 
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use self::resolve::{Peeled, resolve};
@@ -19,7 +20,7 @@ use crate::backend::cpu::scope::Scope;
 use crate::backend::cpu::tile_buffers::TileBuffers;
 use crate::backend::cpu::tile_runner::TileWork;
 use crate::layout::EwaSplat;
-use crate::plan::{LAYERS, LayerPass};
+use crate::plan::LayerPass;
 
 /// One group in one band.
 pub(in crate::backend) struct SeeThroughGroup<'a> {
@@ -56,7 +57,7 @@ impl TileWork for SeeThroughGroup<'_> {
     fn reads_splats(pass: LayerPass) -> bool {
         match pass {
             LayerPass::Visibility(_) | LayerPass::Attribute(_) => true,
-            LayerPass::Resolve(_) => false,
+            LayerPass::Resolve(_) | LayerPass::LeftOut => false,
         }
     }
 
@@ -109,6 +110,12 @@ impl TileWork for SeeThroughGroup<'_> {
             }
             return scope.clocks.resolve.add(start);
         }
+        if let LayerPass::LeftOut = pass {
+            let TileBuffers { ewa, peel, .. } = job.buffers;
+            let left = peel.cover.left_out(&job.tile, &ewa.threshold[first..], ceiling);
+            scope.clocks.left_out.fetch_add(left, Ordering::Relaxed);
+            return;
+        }
         let tolerances = scope.group.samples.len() == 1 && self.ewa().tolerance_of_all().is_none();
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);
@@ -130,11 +137,6 @@ impl TileWork for SeeThroughGroup<'_> {
         match pass {
             LayerPass::Attribute(_) => scope.clocks.attribute.add(start),
             _ => scope.clocks.visibility.add(start),
-        }
-        if let LayerPass::Visibility(LAYERS) = pass {
-            let TileBuffers { ewa, peel, .. } = job.buffers;
-            let left = peel.cover.left_out(&job.tile, &ewa.threshold[first..], ceiling);
-            scope.clocks.left_out.fetch_add(left, std::sync::atomic::Ordering::Relaxed);
         }
     }
 }

@@ -5,9 +5,9 @@
 
 use super::super::accumulators::OPAQUE;
 use super::cover::Cover;
-use crate::backend::cpu::ewa::{APRON_STRIDE, EXTRA, EwaBuffers, Layer, PEAK, SIDE};
+use crate::backend::cpu::ewa::{self, APRON_STRIDE, EXTRA, EwaBuffers, Layer, PEAK, SIDE};
 use crate::backend::cpu::resolve::{Resolve, TileFilm, add_lanes};
-use crate::backend::cpu::tiles::{LANES, ROWS, STRIDE, TILE, TileRect};
+use crate::backend::cpu::tiles::{LANES, ROWS, STRIDE, TILE, TileRect, lanes};
 use crate::math::simd::dispatch;
 
 /// What was summed up of a layer.
@@ -79,11 +79,7 @@ fn resolve_body(
                 let mut share = [0.0; LANES];
                 for l in 0..LANES {
                     let covered = layer == Layer::Band && depth[l] < f32::INFINITY;
-                    // As `ewa::resolve` has it.
-                    let sum = 0.5 * (weights[l] + sides[l].abs());
-                    let lost = 1.0 - peaks[l] * inverse[l];
-                    let hard = 1.0 - lost * lost;
-                    let soft = hard * f32::from(covered) + (1.0 - hard) * if sum < 1.0 { sum } else { 1.0 };
+                    let soft = ewa::resolve::coverage(weights[l], sides[l], peaks[l] * inverse[l], covered);
                     let coverage = if open >> l & 1 == 0 { 1.0 } else { soft };
                     let coverage = group_coverage.get(at + l).map_or(coverage, |coverage| coverage * scale);
                     if weights[l] > 0.0 && before[l] >= OPAQUE {
@@ -102,11 +98,4 @@ fn resolve_body(
         }
     }
     found
-}
-
-#[inline(always)]
-fn lanes(plane: &[f32]) -> [f32; LANES] {
-    let mut out = [0.0; LANES];
-    out.copy_from_slice(&plane[..LANES]);
-    out
 }
