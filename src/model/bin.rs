@@ -115,6 +115,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
         material: rows(material)
             .map(|[ambient, diffuse, specular, shininess]| Material { ambient, diffuse, specular, shininess })
             .collect(),
+        mipmap: Vec::new(),
         velocity: vectors(velocity),
         opacity: rows(opacity).map(|[opacity]: [f32; 1]| opacity).collect(),
         normalisation: if factors.is_empty() { Normalisation::default() } else { factors.into() },

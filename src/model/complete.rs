@@ -58,6 +58,7 @@ pub fn complete(
         normal,
         colour,
         material: cloud.material,
+        mipmap: Vec::new(),
         velocity: cloud.velocity,
         opacity: cloud.opacity,
         normalisation: Normalisation::default(),

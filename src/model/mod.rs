@@ -5,6 +5,7 @@
 //! signs of normals mean something?) → `surfels`. Captures (`capture`) and volumes (`volume`) become [`Gaussians`].
 //! `load` does all this. `normalisation` is computed when it is asked for.
 
+mod area_normals;
 mod bin;
 mod capture;
 mod cloud;
@@ -16,7 +17,7 @@ pub mod generate;
 pub mod generate_volume;
 mod load;
 mod map;
-mod mesh;
+pub mod mesh;
 mod neighbours;
 mod normalisation;
 mod normals;
@@ -47,7 +48,7 @@ pub use error::{ModelError, ParseError, Place};
 pub use format::Format;
 pub use load::{Loaded, Parsed, load, parse, parse_capture};
 pub use options::{ColourSpace, Kind, LoadOptions, Progress};
-pub use surfels::{Material, Normalisation, Surfels};
+pub use surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA, Material, Normalisation, Surfels};
 pub use volume::{
     Grid, KERNEL, MOST_EXTINCTION, Samples, Stop, TransferFunction, TransferFunctionError, VolumeFacts, VolumeOptions,
 };

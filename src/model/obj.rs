@@ -8,9 +8,9 @@
 
 use glam::{DVec3, Vec3};
 
+use super::area_normals::{self, AreaNormals};
 use super::cloud::{Cloud, ColourStorage};
 use super::error::{ParseError, quote};
-use super::mesh::{self, AreaNormals};
 use super::ply_body::number;
 
 /// Reads an OBJ file.
@@ -65,7 +65,7 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Cloud, Parse
         let (from_faces, faces) = face_normals(bytes, &cloud.position)?;
         cloud.normal = from_faces;
         cloud.notes.push(format!("normals from {faces} faces, weighted by area"));
-        cloud.notes.extend(mesh::too_few(cloud.position.len(), faces));
+        cloud.notes.extend(area_normals::too_few(cloud.position.len(), faces));
     } else if normals.len() == cloud.position.len() {
         cloud.normal = normals;
     }

@@ -20,11 +20,11 @@ use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
 
+use super::area_normals::{self, AreaNormals};
 use super::capture::compressed_ply;
 use super::capture::{Gaussian, Gaussians, MOST_HARMONICS, harmonics_of, logistic};
 use super::cloud::{Cloud, ColourStorage};
 use super::error::ParseError;
-use super::mesh::{self, AreaNormals};
 use super::ply_body::{Body, within};
 use super::ply_header::{self, Element, Encoding, Header, Kind, Scalar};
 use super::surfels::Material;
@@ -115,7 +115,7 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Content, Par
             Ok((normal, polygons)) => {
                 cloud.normal = normal;
                 cloud.notes.push(format!("normals from {polygons} faces, weighted by area"));
-                cloud.notes.extend(mesh::too_few(cloud.position.len(), polygons));
+                cloud.notes.extend(area_normals::too_few(cloud.position.len(), polygons));
             }
             Err(fault) => damage = Some(spare_points(fault, &header, Some(&content))?),
         }

@@ -72,9 +72,16 @@ impl From<Vec<f32>> for Normalisation {
     }
 }
 
+/// Levels of [`Surfels::mipmap`].
+pub const MIPMAP_LEVELS: usize = 3;
+
+/// Standard deviation of the filter of level 0 of a texture, in cut-off radii. A sampled mesh has radii of sqrt(3)
+/// spacings, so it is half a spacing.
+pub const MIPMAP_SIGMA: f32 = 0.288_675;
+
 /// A model that can be rendered: every surfel has axes, a normal and a colour.
 ///
-/// It is a structure of arrays of one length. Only `opacity`, `material` and `velocity` may be empty, where the file
+/// It is a structure of arrays of one length. Only `mipmap`, `opacity`, `material` and `velocity` may be empty, where the file
 /// has none, and `normalisation` until somebody asks for it.
 #[derive(Clone, Debug, Default)]
 pub struct Surfels {
@@ -90,6 +97,10 @@ pub struct Surfels {
     pub normal: Vec<Vec3>,
     /// Colours, linear Rec.709.
     pub colour: Vec<Vec3>,
+    /// Coarser levels of the texture, linear Rec.709, or empty. Level k = 1, 2, 3 is the texture under a Gaussian of
+    /// standard deviation 2^k [`MIPMAP_SIGMA`] times the cut-off radius, on the surface; `colour` is level 0 (Pfister et
+    /// al. 2000, section 5.2).
+    pub mipmap: Vec<[Vec3; MIPMAP_LEVELS]>,
     /// Opacities, in [0, 1]; empty where all are 1.
     pub opacity: Vec<f32>,
     /// Reflection coefficients, or empty.
@@ -122,7 +133,8 @@ impl Surfels {
         let vectors: usize = vectors.iter().map(|column| size_of_val(column.as_slice())).sum();
         let factors = self.normalisation.known().unwrap_or_default();
         let of_opacity = size_of_val(self.opacity.as_slice());
-        (vectors + of_opacity + size_of_val(self.material.as_slice()) + size_of_val(factors)) as u64
+        let of_mipmap = size_of_val(self.mipmap.as_slice());
+        (vectors + of_mipmap + of_opacity + size_of_val(self.material.as_slice()) + size_of_val(factors)) as u64
     }
 
     /// Cut-off radius of surfel `i`: the length of the longer axis.

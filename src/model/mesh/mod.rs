@@ -1,0 +1,94 @@
+//! Triangle meshes with textures, before they are sampled to surfels.
+//!
+//! Readers give a [`Mesh`] in the space of the model. Nothing of it is filtered or reduced yet.
+
+use glam::{DVec3, Vec2, Vec3, Vec4};
+
+/// A triangle mesh.
+///
+/// Every array of vertices has one entry for each vertex, or is empty where the file has no such property. Vertices are
+/// shared by triangles only where all their properties are the same.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Positions in model space.
+    pub position: Vec<DVec3>,
+    /// Unit normals. A zero vector means that this vertex lacks one.
+    pub normal: Vec<Vec3>,
+    /// Texture coordinates, as in glTF: (0, 0) is the upper left corner of the image.
+    pub uv: Vec<Vec2>,
+    /// Colour and opacity, linear. They multiply those of the material.
+    pub colour: Vec<Vec4>,
+    /// In file order.
+    pub triangles: Vec<Triangle>,
+    /// What [`Triangle::material`] counts. At least one.
+    pub materials: Vec<MeshMaterial>,
+    /// What [`MeshMaterial::texture`] counts.
+    pub textures: Vec<Texture>,
+    /// What a user should know: what was ignored, and conventions that were assumed.
+    pub notes: Vec<String>,
+}
+
+/// Three vertices, counter-clockwise seen from outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Triangle {
+    /// Indices of vertices, all valid.
+    pub corners: [u32; 3],
+    /// Index of a material, valid.
+    pub material: u32,
+}
+
+/// How a surface looks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshMaterial {
+    /// Its name in the file, or nothing.
+    pub name: String,
+    /// Colour and opacity, linear. It multiplies the texture.
+    pub colour: Vec4,
+    /// Index of a texture, valid.
+    pub texture: Option<u32>,
+    /// What its opacity means.
+    pub alpha: AlphaMode,
+    /// Both sides are shown.
+    pub two_sided: bool,
+}
+
+/// What the opacity of a material means, as in glTF.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum AlphaMode {
+    /// Nothing: all of it is opaque.
+    #[default]
+    Opaque,
+    /// The surface is there where its opacity is at least this, and opaque.
+    Mask(f32),
+    /// It is the opacity.
+    Blend,
+}
+
+impl Default for MeshMaterial {
+    fn default() -> Self {
+        Self { name: String::new(), colour: Vec4::ONE, texture: None, alpha: AlphaMode::Opaque, two_sided: false }
+    }
+}
+
+/// A decoded image.
+#[derive(Clone, Debug)]
+pub struct Texture {
+    /// Width and height, texels, both > 0.
+    pub size: [u32; 2],
+    /// Rows from the top; red, green and blue in sRGB, straight alpha.
+    pub texels: Vec<[u8; 4]>,
+    /// What lies beyond the image, along u and v.
+    pub wrap: [Wrap; 2],
+}
+
+/// What lies beyond the edge of a texture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wrap {
+    /// The texture again.
+    #[default]
+    Repeat,
+    /// Its mirror image.
+    Mirror,
+    /// The texel at the edge.
+    Clamp,
+}
