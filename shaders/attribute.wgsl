@@ -65,6 +65,8 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
         normal = -normal;
     }
     var colour = vec3<f32>(looks[column + at], looks[column + at + 1u], looks[column + at + 2u]);
+    let mipmap = u32(segment.normal[2].w) * segment.buffer_surfels;
+    if mipmap > 0u { colour = of_texture(colour, mipmap + 9u * surfel, level(at, column)); }
     var material = segment.material;
     if (segment.flags & 2u) != 0u {
         let m = 2u * column + 4u * surfel;
@@ -112,6 +114,46 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
         if before > 0u { own = looks[before + surfel]; }
         written_values[next] = segment.normal[0].w * own;
     }
+}
+
+// Variance of a surfel's kernel, and of the filter of level 0 of its texture: squares of its cut-off radius.
+const KERNEL_VARIANCE: f32 = 0.171741;
+const TEXTURE_VARIANCE: f32 = 0.288675 * 0.288675;
+const MIPMAP_LEVELS: u32 = 3u;
+
+// The colour of a level of a texture, linear between two levels. `finest` is level 0; the others are at `levels`.
+fn of_texture(finest: vec3<f32>, levels: u32, level: f32) -> vec3<f32> {
+    let finer = min(u32(level), MIPMAP_LEVELS - 1u);
+    let to = levels + 3u * finer;
+    var from_colour = finest;
+    if finer > 0u { from_colour = vec3<f32>(looks[to - 3u], looks[to - 2u], looks[to - 1u]); }
+    let to_colour = vec3<f32>(looks[to], looks[to + 1u], looks[to + 2u]);
+    return from_colour + (to_colour - from_colour) * (level - f32(finer));
+}
+
+// The level of a surfel's texture that is as wide as the pixel, in [0, 3]. `at`: where the surfel's position is.
+// Twin: level of src/backend/cpu/values.rs.
+fn level(at: u32, column: u32) -> f32 {
+    let c = apply(segment.screen, vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]));
+    let at_u = at + column;
+    let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
+    let at_v = at_u + column;
+    let v = apply_linear(segment.screen, vec3<f32>(geometry[at_v], geometry[at_v + 1u], geometry[at_v + 2u]));
+    let over = 1.0 / c.z;
+    let x = c.x * over;
+    let y = c.y * over;
+    let ux = (u.x - x * u.z) * over;
+    let uy = (u.y - y * u.z) * over;
+    let vx = (v.x - x * v.z) * over;
+    let vy = (v.y - y * v.z) * over;
+    let area = ux * vy - uy * vx;
+    let half = 0.5 * (ux * ux + uy * uy + vx * vx + vy * vy);
+    let product = area * area;
+    let longer = half + sqrt(max(half * half - product, 0.0));
+    let variance = view.footprint * view.footprint * (longer / product);
+    let ratio = (variance - KERNEL_VARIANCE) * (1.0 / TEXTURE_VARIANCE);
+    if !(ratio > 1.0) || c.z < view.near { return 0.0; }
+    return 0.5 * log_of_two(min(ratio, 64.0));
 }
 
 // The sums of one quad.

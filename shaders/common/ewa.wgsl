@@ -25,9 +25,14 @@ override PEEL: bool = false;
 // the tile alone the ceiling, T of opaque surfels, and the three planes of its cover; and the state: 1 while there is
 // more to peel off, else 0; and the number of the layer.
 
+// Pixels around a tile within which the low-pass filter reaches.
+fn apron() -> u32 {
+    return u32(ceil(2.0 * view.sigma));
+}
+
 // Quads beside the tile that hold the apron of a row.
 fn apron_quads() -> u32 {
-    return (view.apron + 3u) / 4u;
+    return (apron() + 3u) / 4u;
 }
 
 // Quads of a row of the tile with its apron.
@@ -37,7 +42,7 @@ fn row_quads() -> u32 {
 
 // Quads of the tile with its apron.
 fn guarded_quads() -> u32 {
-    return row_quads() * (TILE + 2u * view.apron);
+    return row_quads() * (TILE + 2u * apron());
 }
 
 // Quads of the depths of a tile of opaque surfels.
@@ -87,7 +92,7 @@ fn state_place() -> u32 {
 
 // Place of T of a quad of the tile, counted from the tile's first quad.
 fn threshold_place(quad: vec2<u32>) -> u32 {
-    return (quad.y + view.apron) * row_quads() + quad.x + apron_quads();
+    return (quad.y + apron()) * row_quads() + quad.x + apron_quads();
 }
 
 // Smallest depth tolerance as a share of the depth: 4 units in the last place.

@@ -66,10 +66,10 @@ struct View {
     // First pixel of the map. Number of tiles in a row of the map, and of rows of tiles.
     map_corner: vec2<i32>,
     map_tiles: vec2<u32>,
-    // Standard deviation of the low-pass filter of full EWA, and pixels around a tile within which it reaches; 0
-    // without it.
+    // Standard deviation of the low-pass filter of full EWA; 0 without it. That of a pixel's square, by which textures
+    // are filtered.
     sigma: f32,
-    apron: u32,
+    footprint: f32,
     // Of what is transparent. Place of the first slot in the order of depth. Which surfels there are: bits as below.
     // What turns sums over the group into means. Not 0 in the last slab of depth.
     first_place: u32,
@@ -84,8 +84,8 @@ const SEE_THROUGH_SURFELS: u32 = 2u;
 
 // Some surfels of one surfel buffer, posed at one time sample. The array of segments begins with one entry for each
 // sample, which holds only the sample's weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i). The normal's rows
-// have no origin: the first one ends with the object's factor on opacities, the second one with the floats of a surfel
-// in `looks` before its opacity, 0 where surfels have none.
+// have no origin: the first one ends with the object's factor on opacities, the others with the floats of a surfel in
+// `looks` before its opacity and before its mipmap, 0 where surfels have none.
 struct Segment {
     screen: array<vec4<f32>, 3>,
     rate: array<vec4<f32>, 3>,

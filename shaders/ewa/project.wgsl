@@ -14,7 +14,7 @@ fn ewa_project(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= segment.surfels { return; }
     let slot = segment.first_slot + id.x;
     touched[slot] = 0u;
-    let surfel = posed(id.x, f32(view.apron));
+    let surfel = posed(id.x, f32(apron()));
     if surfel.kind == CULLED { return; }
     // The twin lists splats beyond the band, too, and nobody reads those lists.
     let band = band_rows();

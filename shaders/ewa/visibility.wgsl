@@ -56,7 +56,7 @@ fn ewa_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
         let i = before + lane;
         let in_row = i % row_quads();
         // Left of the tile and above it these are below 0, and wrap.
-        let quad = vec2<u32>(in_row - apron_quads(), i / row_quads() - view.apron);
+        let quad = vec2<u32>(in_row - apron_quads(), i / row_quads() - apron());
         let column = place.x * TILE + 4u * quad.x;
         let row = place.y * TILE + quad.y;
         let is_own = i < quads && quad.x < 4u && quad.y < TILE;
@@ -158,7 +158,7 @@ fn ewa_second(
         let epsilon = thresholds[depths_at + epsilon_place() + lane];
         var rim = vec4<f32>(0.0);
         for (var i = 0u; i < 4u; i += 1u) {
-            let at = vec2<u32>(4u * (quad.x + apron_quads()) + i, quad.y + view.apron);
+            let at = vec2<u32>(4u * (quad.x + apron_quads()) + i, quad.y + apron());
             let uncovered = is_rim(at);
             rim[i] = select(0.0, 1.0, uncovered);
             second[i] = select(UNWANTED, NONE, uncovered || is_bent(at, epsilon[i]));
@@ -177,7 +177,7 @@ fn ewa_second(
 fn invert(first: vec2<u32>, i: u32, threshold: vec4<f32>) {
     let in_row = 4u * (i % row_quads());
     let line = i / row_quads();
-    let y = i32(first.y + line) - i32(view.apron);
+    let y = i32(first.y + line) - i32(apron());
     for (var k = 0u; k < 4u; k += 1u) {
         let x = i32(first.x + in_row + k) - i32(4u * apron_quads());
         let outside = x < view.pixels.x || x > view.pixels.y || y < view.pixels.z || y > view.pixels.w;
@@ -191,9 +191,9 @@ fn invert(first: vec2<u32>, i: u32, threshold: vec4<f32>) {
 
 // True if there is a pixel within the apron that no disc covers.
 fn is_rim(at: vec2<u32>) -> bool {
-    let apron = view.apron;
-    for (var y = at.y - apron; y <= at.y + apron; y += 1u) {
-        for (var x = at.x - apron; x <= at.x + apron; x += 1u) {
+    let reach = apron();
+    for (var y = at.y - reach; y <= at.y + reach; y += 1u) {
+        for (var x = at.x - reach; x <= at.x + reach; x += 1u) {
             if inverse_depths[y * EDGE + x] == 0.0 { return true; }
         }
     }
@@ -205,7 +205,7 @@ fn is_bent(at: vec2<u32>, epsilon: f32) -> bool {
     let middle_at = at.y * EDGE + at.x;
     let middle = inverse_depths[middle_at];
     let most = 4.0 * epsilon * (middle * middle);
-    for (var distance = 1u; distance <= view.apron; distance += 1u) {
+    for (var distance = 1u; distance <= apron(); distance += 1u) {
         let down = distance * EDGE;
         if bends(middle_at, distance, most) || bends(middle_at, down, most) { return true; }
         if bends(middle_at, down + distance, most) || bends(middle_at, down - distance, most) { return true; }

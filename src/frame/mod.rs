@@ -166,6 +166,7 @@ impl Frame {
             .map(|of_raster| {
                 let raster = |offset| Raster::new(size, focal, exposure.stride, of_raster.phase, offset);
                 let (sigma, spread) = filter_of(options, of_raster.positions_of_picture, exposure.stride);
+                let footprint = footprint(options, of_raster.positions_of_picture, exposure.stride);
                 let positions = of_raster.positions.iter().map(|position| {
                     let raster = raster(position.offset.map(|v| v * spread));
                     let groups = position.groups.iter().map(|group| {
@@ -176,7 +177,11 @@ impl Frame {
                         sweeps.push(group.sweep.map(posed));
                         PosedGroup { samples }
                     });
-                    Position { raster: Raster { sigma, ..raster }, groups: groups.collect(), steps: Vec::new() }
+                    Position {
+                        raster: Raster { sigma, footprint, ..raster },
+                        groups: groups.collect(),
+                        steps: Vec::new(),
+                    }
                 });
                 PosedRaster { positions: positions.collect(), size: raster([0.0; 2]).size }
             })
@@ -367,6 +372,16 @@ fn filter_of(options: &RenderOptions, positions: usize, stride: u32) -> (f32, f3
         PixelFilter::Gaussian { sigma } => (sigma * sigma * share, (1.0 - share).sqrt()),
     };
     ((variance.sqrt() / f64::from(stride)) as f32, spread as f32)
+}
+
+/// Standard deviation of what one of `positions` sub-pixel positions has of a pixel's square, pixels of a raster with
+/// this stride; 0 with full EWA, which filters textures together with kernels.
+fn footprint(options: &RenderOptions, positions: usize, stride: u32) -> f32 {
+    const OF_SQUARE: f64 = 1.0 / 12.0;
+    if options.prefilter == Prefilter::Ewa {
+        return 0.0;
+    }
+    ((OF_SQUARE / positions as f64).sqrt() / f64::from(stride)) as f32
 }
 
 /// Slices of an interval in which nothing moves farther than `guard` raster pixels from its middle. In a slice nothing

@@ -21,6 +21,9 @@ pub struct Raster {
     pub low_pass: f32,
     /// Standard deviation of the low-pass filter of full EWA, raster pixels; 0 without it.
     pub sigma: f32,
+    /// Standard deviation of a pixel's square, raster pixels: as much of it as this sample position stands for. Textures
+    /// are filtered by it.
+    pub footprint: f32,
     /// Offset of the sample position from the raster pixel's centre, raster pixels.
     pub offset: [f32; 2],
 }
@@ -31,7 +34,7 @@ impl Raster {
     #[must_use]
     pub fn for_see_through(self, prefilter: Prefilter) -> Self {
         match prefilter {
-            Prefilter::Approx => Self { sigma: 0.5 * self.low_pass, ..self },
+            Prefilter::Approx => Self { sigma: 0.5 * self.low_pass, footprint: 0.0, ..self },
             Prefilter::Ewa | Prefilter::None => self,
         }
     }
@@ -65,6 +68,7 @@ impl Raster {
             focal: (focal / s) as f32,
             low_pass: (std::f64::consts::SQRT_2 / s) as f32,
             sigma: 0.0,
+            footprint: 0.0,
             offset: offset.map(|o| (f64::from(o) / s) as f32),
         }
     }

@@ -64,6 +64,7 @@ impl Scope<'_> {
             shading: self.frame.shading,
             near: self.frame.near,
             stride: self.frame.stride as f32,
+            footprint: self.raster.footprint,
         }
     }
 

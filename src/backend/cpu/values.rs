@@ -10,9 +10,14 @@ use super::project::transform;
 use super::tiles::LANES;
 use crate::frame::{FrameObject, PosedObject, PosedSample};
 use crate::layout::{Channels, EwaSplat, FLAG_BACK, Splat, SweptSplat};
+use crate::math::fast;
 use crate::math::simd::dispatch;
+use crate::model::{MIPMAP_LEVELS, MIPMAP_SIGMA, Surfels};
 use crate::options::Shading;
 use crate::shading::{ShadingLight, lobes, towards_point};
+
+/// Variance of a surfel's kernel, squares of its cut-off radius: what splatting itself filters of a texture.
+const KERNEL_VARIANCE: f32 = 0.171_741;
 
 /// Where values come from: an object at a time sample.
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +30,8 @@ pub(in crate::backend) struct Shown<'a> {
     pub near: f32,
     /// Pixels of the image to one of the raster.
     pub stride: f32,
+    /// Standard deviation of a pixel's square, raster pixels.
+    pub footprint: f32,
 }
 
 /// What it shows the side of.
@@ -84,6 +91,13 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mu
     for l in 0..LANES {
         let i = faces[l].0 as usize;
         (colour[0][l], colour[1][l], colour[2][l]) = surfels.colour[i].into();
+    }
+    if !surfels.mipmap.is_empty() {
+        for l in 0..LANES {
+            let i = faces[l].0 as usize;
+            let [red, green, blue] = of_texture(surfels, i, level(surfels, i, shown)).to_array();
+            (colour[0][l], colour[1][l], colour[2][l]) = (red, green, blue);
+        }
     }
     if gouraud || channels.normal.is_some() {
         for l in 0..LANES {
@@ -173,6 +187,39 @@ fn lit(
         }
     }
     out
+}
+
+/// The colour of level `level` of a surfel's texture, linear between two levels.
+#[inline(always)]
+fn of_texture(surfels: &Surfels, i: usize, level: f32) -> Vec3 {
+    let levels = &surfels.mipmap[i];
+    let finer = (level as usize).min(MIPMAP_LEVELS - 1);
+    let from = if finer == 0 { surfels.colour[i] } else { levels[finer - 1] };
+    from + (levels[finer] - from) * (level - finer as f32)
+}
+
+/// The level of a surfel's texture that is as wide as the pixel, in [0, 3] (docs/math.md, section 13). It is 0 where the
+/// surfel's centre has no image, being nearer than `near`.
+#[inline(always)]
+fn level(surfels: &Surfels, i: usize, shown: &Shown<'_>) -> f32 {
+    let posed = shown.posed;
+    let c = posed.screen_from_model * surfels.position[i] + posed.screen_origin;
+    let (u, v) = (posed.screen_from_model * surfels.axis_u[i], posed.screen_from_model * surfels.axis_v[i]);
+    let over = 1.0 / c.z;
+    let (x, y) = (c.x * over, c.y * over);
+    let (ux, uy) = ((u.x - x * u.z) * over, (u.y - y * u.z) * over);
+    let (vx, vy) = ((v.x - x * v.z) * over, (v.y - y * v.z) * over);
+    let area = ux * vy - uy * vx;
+    // Half the sum and the product of the squares of the image's semi-axes, and from them the longer one.
+    let half = 0.5 * (ux * ux + uy * uy + vx * vx + vy * vy);
+    let product = area * area;
+    let root = half * half - product;
+    let longer = half + (if root > 0.0 { root } else { 0.0 }).sqrt();
+    // Of the pixel on the surface, in cut-off radii.
+    let variance = shown.footprint * shown.footprint * (longer / product);
+    let ratio = (variance - KERNEL_VARIANCE) * (1.0 / (MIPMAP_SIGMA * MIPMAP_SIGMA));
+    let ratio = if ratio > 1.0 && c.z >= shown.near { ratio } else { 1.0 };
+    0.5 * fast::log2(if ratio < 64.0 { ratio } else { 64.0 })
 }
 
 /// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth. 0 where

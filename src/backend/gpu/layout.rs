@@ -52,7 +52,7 @@ pub(in crate::backend) struct View {
     pub map_corner: [i32; 2],
     pub map_tiles: [u32; 2],
     pub sigma: f32,
-    pub apron: u32,
+    pub footprint: f32,
     pub first_place: u32,
     pub surfels: u32,
     pub opaque_scale: f32,
@@ -177,14 +177,17 @@ impl Segment {
 
     /// The pose of an object, without its surfels. `turn` is 0 for static objects, else 1 + the sample.
     pub(in crate::backend) fn posed(posed: &PosedObject, object: &FrameObject, turn: u32, share: f32) -> Self {
-        let (has_materials, has_opacities) = (!object.surfels.material.is_empty(), !object.surfels.opacity.is_empty());
+        let has_materials = !object.surfels.material.is_empty();
         let materials = object.material.is_none() && has_materials;
-        let before = if has_materials { 10.0 } else { 6.0 };
-        let of_opacity = Vec3::new(object.opacity, if has_opacities { before } else { 0.0 }, 0.0);
+        let before_opacity = if has_materials { 10.0 } else { 6.0 };
+        let has_opacity = if object.surfels.opacity.is_empty() { 0.0 } else { 1.0 };
+        let has_mipmap = if object.surfels.mipmap.is_empty() { 0.0 } else { 1.0 };
+        let columns =
+            Vec3::new(object.opacity, has_opacity * before_opacity, has_mipmap * (before_opacity + has_opacity));
         Self {
             screen: rows(&posed.screen_from_model, posed.screen_origin),
             rate: rows(&posed.screen_rate, posed.screen_origin_rate),
-            normal: rows(&posed.normal_matrix, of_opacity),
+            normal: rows(&posed.normal_matrix, columns),
             world: rows(&posed.world_from_model, posed.world_origin),
             material: coefficients(object.material.unwrap_or_default()),
             epsilon: posed.epsilon,
@@ -234,7 +237,7 @@ impl View {
             lights: middle.lights.len() as u32,
             blocks: blocks(frame),
             sigma: raster.sigma,
-            apron: raster.apron() as u32,
+            footprint: raster.footprint,
             ..Self::zeroed()
         }
     }

@@ -45,7 +45,7 @@ pub(in crate::backend) struct ModelBuffer {
     /// Columns: positions, axes u, axes v; then the normalisation of kernels and its mean, where a frame needed them.
     /// Of Gaussians: positions, standard deviations, rotations, opacities.
     pub geometry: Buffer,
-    /// Columns: normals, colours, then materials and opacities where the model has them. Of Gaussians: colours,
+    /// Columns: normals, colours, then materials, opacities and mipmaps where the model has them. Of Gaussians: colours,
     /// harmonics, then normals where they have them.
     pub looks: Buffer,
 }
@@ -89,8 +89,8 @@ impl Models {
 fn upload(device: &Device, surfels: &Surfels, normalised: bool) -> Result<Vec<ModelBuffer>, BackendError> {
     let factors = if normalised { surfels.normalisation() } else { &[] };
     let mean: Vec<f32> = normalised.then(|| surfels.mean_normalisation()).into_iter().collect();
-    // At most 40 bytes of geometry, at most 44 of looks.
-    let most = (device.most_bytes() / 44).clamp(1, MOST_SURFELS) as usize;
+    // At most 40 bytes of geometry, at most 80 of looks.
+    let most = (device.most_bytes() / 80).clamp(1, MOST_SURFELS) as usize;
     let mut buffers = Vec::new();
     for start in (0..surfels.len()).step_by(most) {
         let range = start..(start + most).min(surfels.len());
@@ -108,11 +108,13 @@ fn upload(device: &Device, surfels: &Surfels, normalised: bool) -> Result<Vec<Mo
             .iter()
             .map(|m| [m.ambient, m.diffuse, m.specular, m.shininess])
             .collect();
+        let mipmap = surfels.mipmap.get(range.clone()).unwrap_or_default().as_flattened();
         let looks = [
             bytemuck::cast_slice(&surfels.normal[range.clone()]),
             bytemuck::cast_slice(&surfels.colour[range.clone()]),
             bytemuck::cast_slice(&materials),
             bytemuck::cast_slice(surfels.opacity.get(range.clone()).unwrap_or_default()),
+            bytemuck::cast_slice(mipmap),
         ];
         buffers.push(ModelBuffer {
             surfels: range,

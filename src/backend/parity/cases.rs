@@ -56,6 +56,10 @@ pub(super) fn ball(n: usize, seed: u64, materials: bool) -> Surfels {
             surfels.material.push(Material { ambient, diffuse, specular, shininess: 40.0 * random.next() });
         }
     }
+    if materials {
+        let levels = surfels.colour.iter().map(|c| [Vec3::ONE - *c, Vec3::new(c.y, c.z, c.x), Vec3::splat(0.5)]);
+        surfels.mipmap = levels.collect();
+    }
     surfels
 }
 

@@ -73,6 +73,7 @@ fn clusters_that_are_left_out_hold_nothing() {
             focal: 90.0,
             low_pass: std::f32::consts::SQRT_2,
             sigma: 0.0,
+            footprint: 0.0,
             offset: [0.3, -0.4],
         };
         let whole = View {

@@ -97,7 +97,7 @@ fn structs_lie_where_the_host_puts_them() {
             map_corner,
             map_tiles,
             sigma,
-            apron,
+            footprint,
             first_place,
             surfels,
             opaque_scale,
