@@ -16,9 +16,9 @@ mod nodes;
 mod uri;
 
 pub(crate) use column::{Column, Shape};
-pub(crate) use document::{Channel, Clip, Document, Image, Material, Node, Primitive, Sampler, TextureInfo};
-pub(crate) use error::{GltfError, TEXT, named, wrong};
+pub(crate) use document::{AlphaWord, Clip, Image, Material, Primitive, TextureInfo};
+pub(crate) use error::{GltfError, named, wrong};
 pub(crate) use file::{GltfFile, is_text};
 pub use names::{AnimationEntry, NodeEntry, Nodes};
 pub(crate) use nodes::Tree;
-pub(crate) use uri::{beside, read_beside};
+pub(crate) use uri::{beside, inline, read, read_beside};

@@ -24,14 +24,14 @@ impl Tree {
             }
         }
         // Every node has one parent at most, so whatever no root reaches is a cycle.
-        let mut reached = 0;
+        let mut reached = vec![false; nodes.len()];
         let mut open: Vec<usize> = (0..nodes.len()).filter(|&index| parents[index].is_none()).collect();
         while let Some(index) = open.pop() {
-            reached += 1;
+            reached[index] = true;
             open.extend(&nodes[index].children);
         }
-        if reached < nodes.len() {
-            return Err(wrong(format!("{} nodes in cycles", nodes.len() - reached), "a tree without cycles"));
+        if let Some(index) = reached.iter().position(|reached| !reached) {
+            return Err(wrong(format!("node {index} a second time, below itself"), "a tree without cycles"));
         }
         Ok(Self { parents })
     }

@@ -13,7 +13,7 @@ use super::error::quote;
 const MOST_BYTES: u64 = 1 << 30;
 
 /// The data of a `data:` URI; `None` for other URIs, an error text where it is not base64.
-pub(super) fn inline(uri: &str) -> Option<Result<Vec<u8>, String>> {
+pub(crate) fn inline(uri: &str) -> Option<Result<Vec<u8>, String>> {
     let rest = uri.get(..5).filter(|scheme| scheme.eq_ignore_ascii_case("data:")).and_then(|_| uri.get(5..))?;
     let Some((kind, text)) = rest.split_once(',') else {
         return Some(Err(format!("{} without a comma", quote(uri))));
@@ -122,7 +122,7 @@ pub(crate) fn read_beside(path: &Path, uri: &str) -> Result<Vec<u8>, String> {
 }
 
 /// The bytes of a regular file; else why not, as `is missing`.
-fn read(path: &Path) -> Result<Vec<u8>, String> {
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>, String> {
     // This comes before opening the file: opening a pipe may wait for ever.
     let about = fs::metadata(path).map_err(|_| "is missing")?;
     if !about.is_file() {

@@ -15,12 +15,42 @@ const MOST_SIZE: u32 = 16_384;
 /// Most texels of an image.
 const MOST_TEXELS: u64 = 1 << 28;
 
-/// Texels that every image may have, however small its file is.
-const FREE_TEXELS: u64 = 1 << 24;
+/// Texels that the images of every model may have together, however small its files are.
+const FREE_TEXELS: u64 = 1 << 26;
 
-/// Most texels above [`FREE_TEXELS`] for each byte of a file. An image of one colour packs that well, a texture does
+/// Most texels above [`FREE_TEXELS`] for each byte of the files. An image of one colour packs that well, a texture does
 /// not.
-const MOST_TEXELS_A_BYTE: u64 = 2048;
+const MOST_TEXELS_A_BYTE: u64 = 256;
+
+/// The texels that the images of one model may still have.
+#[derive(Debug)]
+pub(super) struct Budget(u64);
+
+impl Budget {
+    /// For a model whose file has `bytes`.
+    pub(super) fn new(bytes: usize) -> Self {
+        Self(FREE_TEXELS + MOST_TEXELS_A_BYTE * bytes as u64)
+    }
+
+    /// More, for another file of the model.
+    pub(super) fn add(&mut self, bytes: usize) {
+        self.0 = self.0.saturating_add(MOST_TEXELS_A_BYTE * bytes as u64);
+    }
+
+    /// Refuses what a header promises before memory is taken for it.
+    fn take(&mut self, width: u64, height: u64) -> Result<[u32; 2], String> {
+        let most = u64::from(MOST_SIZE);
+        if !(1..=most).contains(&width) || !(1..=most).contains(&height) {
+            return Err(format!("{width} x {height} texels, expected 1 to {MOST_SIZE} each"));
+        }
+        let limit = MOST_TEXELS.min(self.0);
+        if width * height > limit {
+            return Err(format!("{width} x {height} texels, expected at most {limit} for files of this size"));
+        }
+        self.0 -= width * height;
+        Ok([width as u32, height as u32])
+    }
+}
 
 /// Why an image was not decoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,13 +65,13 @@ pub(super) enum NoTexture {
 ///
 /// # Errors
 /// The format is unknown, or the image is damaged or too large. The text says what was found.
-pub(super) fn decode(bytes: &[u8], wrap: [Wrap; 2]) -> Result<Texture, NoTexture> {
+pub(super) fn decode(bytes: &[u8], wrap: [Wrap; 2], budget: &mut Budget) -> Result<Texture, NoTexture> {
     let (size, texels) = if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
-        decode_png(bytes).map_err(|why| NoTexture::Broken(format!("a PNG with {why}")))?
+        decode_png(bytes, budget).map_err(|why| NoTexture::Broken(format!("a PNG with {why}")))?
     } else if bytes.starts_with(&[0xff, 0xd8, 0xff]) {
-        jpeg(bytes)?
+        jpeg(bytes, budget)?
     } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
-        webp(bytes)?
+        webp(bytes, budget)?
     } else {
         let known: [(&[u8], &str); 6] = [
             (b"\xabKTX 20", "a KTX2 image"),
@@ -57,22 +87,9 @@ pub(super) fn decode(bytes: &[u8], wrap: [Wrap; 2]) -> Result<Texture, NoTexture
     Ok(Texture { size, texels, wrap })
 }
 
-/// Refuses what a header promises before memory is taken for it.
-fn check(width: u64, height: u64, bytes: usize) -> Result<[u32; 2], String> {
-    let most = u64::from(MOST_SIZE);
-    if !(1..=most).contains(&width) || !(1..=most).contains(&height) {
-        return Err(format!("{width} x {height} texels, expected 1 to {MOST_SIZE} each"));
-    }
-    let limit = MOST_TEXELS.min(FREE_TEXELS + MOST_TEXELS_A_BYTE * bytes as u64);
-    if width * height > limit {
-        return Err(format!("{width} x {height} texels in {bytes} bytes, expected at most {limit} texels"));
-    }
-    Ok([width as u32, height as u32])
-}
-
 type Texels = ([u32; 2], Vec<[u8; 4]>);
 
-fn decode_png(bytes: &[u8]) -> Result<Texels, String> {
+fn decode_png(bytes: &[u8], budget: &mut Budget) -> Result<Texels, String> {
     let refused = |e: png::DecodingError| format!("damage: {e}");
     // The header is checked by us; the limit is for what stands beside the pixels.
     let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), Limits { bytes: 1 << 26 });
@@ -80,7 +97,7 @@ fn decode_png(bytes: &[u8]) -> Result<Texels, String> {
     decoder.set_transformations(Transformations::EXPAND);
     let mut reader = decoder.read_info().map_err(refused)?;
     let (width, height) = reader.info().size();
-    let size = check(width.into(), height.into(), bytes.len())?;
+    let size = budget.take(width.into(), height.into())?;
     let (colour, depth) = reader.output_color_type();
     let channels = colour.samples();
     let length = reader.output_buffer_size().ok_or("too many pixels")?;
@@ -107,17 +124,17 @@ fn texels(codes: &[u8], channels: usize) -> Vec<[u8; 4]> {
 }
 
 #[cfg(not(feature = "formats"))]
-fn jpeg(_: &[u8]) -> Result<Texels, NoTexture> {
+fn jpeg(_: &[u8], _: &mut Budget) -> Result<Texels, NoTexture> {
     Err(NoTexture::Unknown("a JPEG image, which needs a program built with the feature `formats`".to_owned()))
 }
 
 #[cfg(not(feature = "formats"))]
-fn webp(_: &[u8]) -> Result<Texels, NoTexture> {
+fn webp(_: &[u8], _: &mut Budget) -> Result<Texels, NoTexture> {
     Err(NoTexture::Unknown("a WebP image, which needs a program built with the feature `formats`".to_owned()))
 }
 
 #[cfg(feature = "formats")]
-fn jpeg(bytes: &[u8]) -> Result<Texels, NoTexture> {
+fn jpeg(bytes: &[u8], budget: &mut Budget) -> Result<Texels, NoTexture> {
     use zune_jpeg::JpegDecoder;
     use zune_jpeg::zune_core::bytestream::ZCursor;
     use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -130,7 +147,7 @@ fn jpeg(bytes: &[u8]) -> Result<Texels, NoTexture> {
     let damaged = |e: zune_jpeg::errors::DecodeErrors| broken(format!("damage: {e:?}"));
     decoder.decode_headers().map_err(damaged)?;
     let (width, height) = decoder.dimensions().ok_or_else(|| broken("no size".to_owned()))?;
-    let size = check(width as u64, height as u64, bytes.len()).map_err(broken)?;
+    let size = budget.take(width as u64, height as u64).map_err(broken)?;
     let channels = match decoder.input_colorspace() {
         Some(ColorSpace::CMYK | ColorSpace::YCCK) => {
             return Err(broken("the colours of a printer (CMYK), expected red, green and blue, or grey".to_owned()));
@@ -149,13 +166,13 @@ fn jpeg(bytes: &[u8]) -> Result<Texels, NoTexture> {
 }
 
 #[cfg(feature = "formats")]
-fn webp(bytes: &[u8]) -> Result<Texels, NoTexture> {
+fn webp(bytes: &[u8], budget: &mut Budget) -> Result<Texels, NoTexture> {
     let broken = |why: String| NoTexture::Broken(format!("a WebP with {why}"));
     let damaged = |e: image_webp::DecodingError| broken(format!("damage: {e}"));
     let mut decoder = image_webp::WebPDecoder::new(Cursor::new(bytes)).map_err(damaged)?;
     decoder.set_memory_limit(1 << 30);
     let (width, height) = decoder.dimensions();
-    let size = check(width.into(), height.into(), bytes.len()).map_err(broken)?;
+    let size = budget.take(width.into(), height.into()).map_err(broken)?;
     let length = decoder.output_buffer_size().ok_or_else(|| broken("too many pixels".to_owned()))?;
     let mut data = vec![0; length];
     decoder.read_image(&mut data).map_err(damaged)?;
