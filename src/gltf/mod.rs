@@ -16,7 +16,7 @@ mod nodes;
 mod uri;
 
 pub(crate) use column::{Column, Shape};
-pub(crate) use document::{AlphaWord, Clip, Image, Material, Primitive, TextureInfo};
+pub(crate) use document::{AlphaWord, Clip, Image, Material, Node, Primitive, TextureInfo};
 pub(crate) use error::{GltfError, named, wrong};
 pub(crate) use file::{GltfFile, is_text};
 pub use names::{AnimationEntry, NodeEntry, Nodes};

@@ -4,7 +4,7 @@
 
 use glam::DVec3;
 use serde_json::{Map, Value, json};
-use splatblur::anim::{Animation, NodeAnimation};
+use splatblur::anim::{Animation, NodeAnimation, NodeMotion};
 use splatblur::film::Picture;
 use splatblur::math::{Bounds, Trs};
 use splatblur::model::{self, Gaussians, Material, Optics, Surfels, VolumeFacts};
@@ -96,6 +96,9 @@ fn scene_object(o: &Object) -> Value {
     if let Some(animation) = &o.animation {
         pairs.push(("animation", binding(animation)));
     }
+    if let Some(node) = &o.node {
+        pairs.push(("node", json!(node)));
+    }
     if !o.motions.is_empty() {
         pairs.push(("motions", Value::Array(o.motions.iter().map(motion).collect())));
     }
@@ -127,11 +130,23 @@ fn motion(m: &Motion) -> Value {
 
 fn binding(b: &AnimationBinding) -> Value {
     let (first, last) = b.node.range();
-    json!({
-        "path": b.path.to_string_lossy(), "node": b.node.name,
-        "interpolation": format!("{:?}", b.interpolation).to_lowercase(),
-        "first_second": tidy(first), "last_second": tidy(last),
-    })
+    let mut pairs = vec![
+        ("path", json!(b.path.to_string_lossy())),
+        ("first_second", json!(tidy(first))),
+        ("last_second", json!(tidy(last))),
+    ];
+    match &b.node {
+        NodeMotion::Curves(node) => pairs.extend([
+            ("node", json!(node.name)),
+            ("interpolation", json!(format!("{:?}", b.interpolation).to_lowercase())),
+        ]),
+        NodeMotion::Chain(chain) => pairs.extend([
+            ("node", json!(chain.label)),
+            ("fps", json!(tidy(chain.fps))),
+            ("loop", json!(chain.looped)),
+        ]),
+    }
+    object(pairs)
 }
 
 fn trs(t: &Trs) -> Value {
