@@ -134,7 +134,10 @@ impl GltfAnimation {
             }
         }
         if moving > MOST_MOVING {
-            return Err(wrong(format!("{moving} nodes with keys, one below another"), format!("at most {MOST_MOVING}")));
+            return Err(wrong(
+                format!("{moving} nodes with keys, one below another"),
+                format!("at most {MOST_MOVING}"),
+            ));
         }
         let label = node.map_or_else(|| self.nodes.label(index), str::to_owned);
         let period = super::track::Clock { fps }.key(clip.map_or(0.0, |clip| clip.end));
@@ -159,11 +162,8 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn clip(&mut self, clip: &Clip) -> Result<Moves, GltfError> {
-        let mut moves = Moves {
-            name: clip.name.as_deref().unwrap_or_default().to_owned(),
-            end: 0.0,
-            tracks: HashMap::new(),
-        };
+        let mut moves =
+            Moves { name: clip.name.as_deref().unwrap_or_default().to_owned(), end: 0.0, tracks: HashMap::new() };
         let mut ignored = 0;
         for (index, channel) in clip.channels.iter().enumerate() {
             let property = match channel.target.path.as_str() {
@@ -246,11 +246,8 @@ impl Reader<'_> {
         self.take(column.count.saturating_mul(4))?;
         let mut values = Vec::with_capacity(column.count);
         for row in 0..column.count {
-            let mut value = if turns {
-                DVec4::from_array(column.get(row))
-            } else {
-                DVec3::from_array(column.get(row)).extend(0.0)
-            };
+            let mut value =
+                if turns { DVec4::from_array(column.get(row)) } else { DVec3::from_array(column.get(row)).extend(0.0) };
             let is_tangent = between == Between::Cubic && row % 3 != 1;
             if turns && !is_tangent {
                 value = value.try_normalize().unwrap_or(DVec4::NAN);

@@ -143,8 +143,11 @@ fn slerp(a: DVec4, b: DVec4, t: f64) -> DVec4 {
     let (b, d) = if d < 0.0 { (-b, -d) } else { (b, d) };
     let angle = libm::acos(d.min(1.0));
     let sine = libm::sin(angle);
-    let mixed =
-        if sine < 1e-9 { a + (b - a) * t } else { (a * libm::sin(angle * (1.0 - t)) + b * libm::sin(angle * t)) / sine };
+    let mixed = if sine < 1e-9 {
+        a + (b - a) * t
+    } else {
+        (a * libm::sin(angle * (1.0 - t)) + b * libm::sin(angle * t)) / sine
+    };
     mixed.try_normalize().unwrap_or(a)
 }
 

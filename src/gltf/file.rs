@@ -39,7 +39,9 @@ impl<'a> GltfFile<'a> {
             let Some(buffer) = file.document.buffers.get(index) else { continue };
             let Some(name) = buffer.uri.as_deref() else { continue };
             let data = match uri::inline(name) {
-                Some(data) => data.map_err(|found| wrong(format!("buffer {index}, {found}"), "base64 after a comma"))?,
+                Some(data) => {
+                    data.map_err(|found| wrong(format!("buffer {index}, {found}"), "base64 after a comma"))?
+                }
                 None => uri::read_beside(path, name).map_err(|why| wrong(format!("buffer {index}, {why}"), FILE))?,
             };
             *slot = Some(Cow::Owned(data));

@@ -21,4 +21,4 @@ pub(crate) use error::{GltfError, named, wrong};
 pub(crate) use file::{GltfFile, is_text};
 pub use names::{AnimationEntry, NodeEntry, Nodes};
 pub(crate) use nodes::Tree;
-pub(crate) use uri::{beside, inline, read, read_beside};
+pub(crate) use uri::{beside, find_beside, inline, read, read_beside};

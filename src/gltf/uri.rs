@@ -110,14 +110,19 @@ pub(crate) fn beside(path: &Path, name: &str) -> Result<PathBuf, String> {
     Ok(found)
 }
 
-/// The bytes of a file beside `path`, by its URI; an error text where there are none.
-pub(crate) fn read_beside(path: &Path, uri: &str) -> Result<Vec<u8>, String> {
+/// The file beside `path` that a URI means; an error text where it leads out of the folder.
+pub(crate) fn find_beside(path: &Path, uri: &str) -> Result<PathBuf, String> {
     // Some programs write names with a `%` that escapes nothing.
     let decoded = beside(path, &unescaped(uri));
-    let found = match decoded {
-        Ok(file) if file.exists() => file,
-        decoded => beside(path, uri).ok().filter(|file| file.exists()).map_or(decoded, Ok)?,
-    };
+    match decoded {
+        Ok(file) if file.exists() => Ok(file),
+        decoded => beside(path, uri).ok().filter(|file| file.exists()).map_or(decoded, Ok),
+    }
+}
+
+/// The bytes of a file beside `path`, by its URI; an error text where there are none.
+pub(crate) fn read_beside(path: &Path, uri: &str) -> Result<Vec<u8>, String> {
+    let found = find_beside(path, uri)?;
     read(&found).map_err(|why| format!("{} which {why}", quote(uri)))
 }
 

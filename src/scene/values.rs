@@ -1,7 +1,6 @@
 //! A scene as plain values: what the renderer sees.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
@@ -343,6 +342,8 @@ pub struct Sphere {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::model::generate;
 

@@ -137,8 +137,8 @@ struct Files<'a> {
     /// By the text that names them: the path, and the one name of the file.
     found: HashMap<String, (PathBuf, PathBuf)>,
     models: HashMap<ModelKey, Model>,
-    /// How often each file was read as a model.
-    variants: HashMap<PathBuf, usize>,
+    /// How often each file, or a node of it, was read as a model.
+    variants: HashMap<(PathBuf, Option<String>), usize>,
     animations: HashMap<PathBuf, Arc<anim::Loaded>>,
     /// Where the first animation is named, and its file's rate.
     rate: Option<(usize, f64)>,
@@ -226,7 +226,8 @@ impl Files<'_> {
         if let Some(model) = self.models.get(&key) {
             return Ok(model.clone());
         }
-        let variants = self.variants.entry(key.0.clone()).or_default();
+        // Each node of a file is another model, and no larger than its part of the file.
+        let variants = self.variants.entry((key.0.clone(), options.node.clone())).or_default();
         *variants += 1;
         if *variants > MOST_VARIANTS {
             return Err(SceneError::BadValue {
@@ -284,7 +285,10 @@ impl Files<'_> {
                 let looped = spec.looped.unwrap_or(false);
                 let chain = animation.bind(spec.node.as_deref(), fps, looped).map_err(refuse)?;
                 if !chain.unused.is_empty() {
-                    idle(&format!("animations beside the first that moves the node ({}) mean", chain.unused.join(", ")));
+                    idle(&format!(
+                        "animations beside the first that moves the node ({}) mean",
+                        chain.unused.join(", ")
+                    ));
                 }
                 (fps, NodeMotion::from(chain))
             }

@@ -240,11 +240,8 @@ impl Xml {
         let node = match &binding.node {
             NodeMotion::Curves(node) => node,
             NodeMotion::Chain(chain) => {
-                let attributes = [
-                    ("node", chain.label.clone()),
-                    ("fps", number(chain.fps)),
-                    ("loop", chain.looped.to_string()),
-                ];
+                let attributes =
+                    [("node", chain.label.clone()), ("fps", number(chain.fps)), ("loop", chain.looped.to_string())];
                 return self.file(2, "animation", &attributes, &relative(&binding.path, base));
             }
         };
@@ -282,7 +279,7 @@ impl Xml {
 }
 
 /// The fewest digits that parse to the same `f64`; powers of ten where they are shorter.
-fn number(x: f64) -> String {
+pub(super) fn number(x: f64) -> String {
     let (plain, power) = (x.to_string(), format!("{x:e}"));
     if plain.len() <= power.len() + 4 { plain } else { power }
 }
@@ -308,7 +305,7 @@ fn degrees(radians: f64) -> String {
 }
 
 /// Text as XML takes it, in attributes and between tags.
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

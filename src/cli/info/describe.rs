@@ -6,7 +6,9 @@ use glam::DVec3;
 use serde_json::{Map, Value, json};
 use splatblur::anim::{Animation, NodeAnimation, NodeMotion};
 use splatblur::film::Picture;
+use splatblur::gltf::{AnimationEntry, NodeEntry, Nodes};
 use splatblur::math::{Bounds, Trs};
+use splatblur::model::mesh::{Mesh, Texture};
 use splatblur::model::{self, Gaussians, Material, Optics, Surfels, VolumeFacts};
 use splatblur::scene::{AnimationBinding, Camera, Light, Model, Motion, Object};
 use splatblur::scene_file;
@@ -140,11 +142,9 @@ fn binding(b: &AnimationBinding) -> Value {
             ("node", json!(node.name)),
             ("interpolation", json!(format!("{:?}", b.interpolation).to_lowercase())),
         ]),
-        NodeMotion::Chain(chain) => pairs.extend([
-            ("node", json!(chain.label)),
-            ("fps", json!(tidy(chain.fps))),
-            ("loop", json!(chain.looped)),
-        ]),
+        NodeMotion::Chain(chain) => {
+            pairs.extend([("node", json!(chain.label)), ("fps", json!(tidy(chain.fps))), ("loop", json!(chain.looped))])
+        }
     }
     object(pairs)
 }
@@ -165,6 +165,39 @@ pub(super) fn model_file(loaded: &model::Loaded) -> Value {
         _ => model(&loaded.surfels),
     };
     object(vec![("kind", json!("model")), ("model", inside), ("notes", json!(loaded.notes))])
+}
+
+/// A glTF file with triangles.
+pub(super) fn mesh(m: &Mesh, nodes: &Nodes) -> Value {
+    let used = m.triangles.iter().flat_map(|triangle| triangle.corners);
+    let Bounds { min, max } = used.map(|corner| m.position[corner as usize]).collect();
+    let size = |t: &Texture| json!({ "width": t.size[0], "height": t.size[1] });
+    let entry = |(index, node): (usize, &NodeEntry)| {
+        object(vec![
+            ("name", json!(node.name)),
+            ("index", json!(index)),
+            ("mesh", if node.mesh.is_some() { json!(node.mesh_name) } else { Value::Null }),
+            ("parent", json!(node.parent)),
+            ("triangles", json!(node.triangles)),
+            ("animated", json!(node.animated)),
+        ])
+    };
+    let clip =
+        |clip: &AnimationEntry| json!({ "name": clip.name, "seconds": tidy(clip.seconds), "channels": clip.channels });
+    let inside = object(vec![
+        ("triangles", json!(m.triangles.len())),
+        ("vertices", json!(m.position.len())),
+        ("materials", json!(m.materials.iter().map(|material| &material.name).collect::<Vec<_>>())),
+        ("textures", Value::Array(m.textures.iter().map(size).collect())),
+        ("bounds", json!({ "min": vector(min), "max": vector(max) })),
+    ]);
+    object(vec![
+        ("kind", json!("model")),
+        ("model", inside),
+        ("nodes", Value::Array(nodes.nodes.iter().enumerate().map(entry).collect())),
+        ("animations", Value::Array(nodes.animations.iter().map(clip).collect())),
+        ("notes", json!(m.notes)),
+    ])
 }
 
 /// Kernels of a volume, and what they were made of where that is known.

@@ -4,14 +4,14 @@
 //! is kept, with its texture, its opacity, and whether both sides show. What else a file has is a note.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2, Vec3, Vec4};
 use serde_json::Value;
 
 use super::gltf_material::Materials;
 use super::{Mesh, Triangle};
-use crate::gltf::{Column, GltfError, GltfFile, Nodes, Primitive, Shape, Tree, named, wrong};
+use crate::gltf::{Column, GltfError, GltfFile, Nodes, Primitive, Shape, Tree, find_beside, inline, named, wrong};
 
 /// Bytes of a mesh that every file may have, however small it is.
 const FREE_BYTES: u64 = 64 << 20;
@@ -86,6 +86,15 @@ pub(super) fn read(bytes: &[u8], path: &Path, node: Option<&str>) -> Result<Opti
     }
     let mesh = reader.finish()?;
     Ok((!mesh.triangles.is_empty()).then_some(mesh))
+}
+
+/// The files that a file names and that are there.
+pub(super) fn files(bytes: &[u8], path: &Path) -> Result<Vec<PathBuf>, GltfError> {
+    let document = GltfFile::read_text(bytes)?.document;
+    let buffers = document.buffers.iter().map(|buffer| buffer.uri.as_deref());
+    let images = document.images.iter().map(|image| image.uri.as_deref());
+    let names = buffers.chain(images).flatten().filter(|name| inline(name).is_none());
+    Ok(names.filter_map(|name| find_beside(path, name).ok()).collect())
 }
 
 /// Lists the nodes and the animations of a file.
@@ -231,9 +240,8 @@ impl<'a> Reader<'a> {
     fn columns(&mut self, primitive: &Primitive, position: usize) -> Result<Columns<'a>, GltfError> {
         let file = self.file;
         let attribute = |name: &str| primitive.attributes.get(name).copied();
-        let column = |name: &str, shape: Shape| {
-            attribute(name).map(|index| file.column(index, shape, name)).transpose()
-        };
+        let column =
+            |name: &str, shape: Shape| attribute(name).map(|index| file.column(index, shape, name)).transpose();
         let uv = format!("TEXCOORD_{}", self.materials.uv_set(primitive.material));
         let colour = attribute("COLOR_0").map(|index| -> Result<_, GltfError> {
             let shape = if file.shape(index)? == Shape::Vec3 { Shape::Vec3 } else { Shape::Vec4 };

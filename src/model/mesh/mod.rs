@@ -10,7 +10,7 @@ mod obj;
 mod polygon;
 mod texture;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
@@ -124,6 +124,14 @@ pub fn read(bytes: &[u8], format: Format, path: &Path, node: Option<&str>) -> Re
         Format::Obj => obj::read(bytes, path),
         _ => Ok(None),
     }
+}
+
+/// The other files that a glTF file names and that are there.
+///
+/// # Errors
+/// The bytes are no glTF file.
+pub fn files(bytes: &[u8], path: &Path) -> Result<Vec<PathBuf>, ParseError> {
+    Ok(gltf::files(bytes, path)?)
 }
 
 /// Lists the nodes and the animations of a glTF file.

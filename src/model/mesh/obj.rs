@@ -86,9 +86,10 @@ impl Reader<'_> {
                 ref other => return Err(bad(line, other, "`vn x y z`")),
             },
             b"f" => return self.face(rest, line),
-            b"mtllib" => self.library.add(&text(rest), &mut self.mesh).map_err(|found| {
-                ParseError::line(line, found, "a material library that can be read")
-            })?,
+            b"mtllib" => self
+                .library
+                .add(&text(rest), &mut self.mesh)
+                .map_err(|found| ParseError::line(line, found, "a material library that can be read"))?,
             b"usemtl" => {
                 let name = text(rest);
                 self.material = match self.library.index(&name, &mut self.mesh) {
@@ -209,7 +210,8 @@ impl Reader<'_> {
             mesh.notes.push(format!("ignored: lines, points and curves ({ignored})"));
         }
         if concave > 0 {
-            mesh.notes.push(format!("faces that cross themselves or have too many corners are drawn as fans ({concave})"));
+            mesh.notes
+                .push(format!("faces that cross themselves or have too many corners are drawn as fans ({concave})"));
         }
         mesh
     }

@@ -33,9 +33,15 @@ pub(super) fn triangulate(corners: &[DVec3]) -> Option<Vec<[usize; 3]>> {
             let [p, q, r] = [flat[a], flat[b], flat[c]];
             let inside = |&&i: &&usize| {
                 let x = flat[i];
-                i != a && i != b && i != c
-                    && x != p && x != q && x != r
-                    && area(p, q, x) >= 0.0 && area(q, r, x) >= 0.0 && area(r, p, x) >= 0.0
+                i != a
+                    && i != b
+                    && i != c
+                    && x != p
+                    && x != q
+                    && x != r
+                    && area(p, q, x) >= 0.0
+                    && area(q, r, x) >= 0.0
+                    && area(r, p, x) >= 0.0
             };
             area(p, q, r) > 0.0 && left.iter().find(inside).is_none()
         };
