@@ -59,7 +59,7 @@ impl GltfAnimation {
     pub const FPS: f64 = 24.0;
 
     /// Reads the bytes of a file; its buffers lie beside `path`, or below.
-    pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Self, AnimError> {
+    pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, AnimError> {
         let refuse = |why: GltfError| AnimError::Gltf { path: path.to_owned(), why: why.to_string() };
         let file = GltfFile::read(bytes, path).map_err(refuse)?;
         Self::of(&file, bytes.len(), path).map_err(refuse)

@@ -31,7 +31,7 @@ impl Tree {
             open.extend(&nodes[index].children);
         }
         if let Some(index) = reached.iter().position(|reached| !reached) {
-            return Err(wrong(format!("node {index} a second time, below itself"), "a tree without cycles"));
+            return Err(wrong(format!("node {index} a second time"), "a tree without cycles"));
         }
         Ok(Self { parents })
     }

@@ -235,7 +235,7 @@ impl Files<'_> {
                 what: "<pointModel>".to_owned(),
                 found: format!("variant {variants} of the file {}", path.display()),
                 expected: format!(
-                    "at most {MOST_VARIANTS} sets of `radiusScale`, `colourSpace`, `kind`, `node` and what volumes take for \
+                    "at most {MOST_VARIANTS} sets of `radiusScale`, `colourSpace`, `kind` and what volumes take for \
                      one file"
                 ),
             });

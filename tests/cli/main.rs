@@ -8,6 +8,7 @@ mod gpu;
 mod hostile_input;
 mod input;
 mod messages;
+mod meshes;
 mod reference;
 mod render;
 mod report;

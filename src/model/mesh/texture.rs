@@ -95,9 +95,9 @@ fn decode_png(bytes: &[u8], budget: &mut Budget) -> Result<Texels, String> {
     let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), Limits { bytes: 1 << 26 });
     // Palettes become colours, transparent colours alpha, and fewer bits than 8 become 8.
     decoder.set_transformations(Transformations::EXPAND);
-    let mut reader = decoder.read_info().map_err(refused)?;
-    let (width, height) = reader.info().size();
+    let (width, height) = decoder.read_header_info().map_err(refused)?.size();
     let size = budget.take(width.into(), height.into())?;
+    let mut reader = decoder.read_info().map_err(refused)?;
     let (colour, depth) = reader.output_color_type();
     let channels = colour.samples();
     let length = reader.output_buffer_size().ok_or("too many pixels")?;
