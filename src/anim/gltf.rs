@@ -128,7 +128,7 @@ impl GltfAnimation {
                     joints.push(Joint::Moving { scale, rotation, translation, tracks: tracks.clone() });
                 }
                 None => match joints.last_mut() {
-                    Some(Joint::Fixed(place)) => *place = *place * rest.place,
+                    Some(Joint::Fixed(place)) => *place *= rest.place,
                     _ => joints.push(Joint::Fixed(rest.place)),
                 },
             }

@@ -73,7 +73,9 @@ impl Nodes {
         }
         let mut shown = vec![false; nodes.len()];
         let placed = tree.placed(&file.document)?;
-        placed.iter().for_each(|(node, _)| shown[*node] = true);
+        for (node, _) in placed {
+            shown[node] = true;
+        }
         // Parents come before their children, so that what moves a parent is known.
         let mut carried = moved;
         for index in top_down(&file.document, &tree) {
@@ -132,7 +134,7 @@ impl Nodes {
         match self.matching(name)[..] {
             [index] => Ok(index),
             [] => Err(self.unknown(name)),
-            ref several => Err(self.ambiguous(name, several)),
+            ref several => Err(ambiguous(name, several)),
         }
     }
 
@@ -145,7 +147,7 @@ impl Nodes {
             (Some(index), None) => Err(wrong(format!("node #{index} ({}) without a mesh", quote(name)), "a mesh")),
             (_, Some(&first)) => {
                 let same = with_mesh.iter().all(|&index| self.nodes[index].mesh == self.nodes[first].mesh);
-                if same { Ok(first) } else { Err(self.ambiguous(name, &with_mesh)) }
+                if same { Ok(first) } else { Err(ambiguous(name, &with_mesh)) }
             }
         }
     }
@@ -169,11 +171,11 @@ impl Nodes {
         let list = listed(known);
         wrong(format!("no node {}", quote(name)), format!("a node of the file: {list}"))
     }
+}
 
-    fn ambiguous(&self, name: &str, several: &[usize]) -> GltfError {
-        let list = listed(several.iter().map(|index| format!("#{index}")));
-        wrong(format!("{} nodes {}", several.len(), quote(name)), format!("one of {list}"))
-    }
+fn ambiguous(name: &str, several: &[usize]) -> GltfError {
+    let list = listed(several.iter().map(|index| format!("#{index}")));
+    wrong(format!("{} nodes {}", several.len(), quote(name)), format!("one of {list}"))
 }
 
 /// Characters that XML 1.0 has no place for, beside control characters.

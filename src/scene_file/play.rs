@@ -88,7 +88,7 @@ pub fn play(path: &Path) -> Result<Play, NoPlay> {
         xml: xml(nodes, &drawn, &name, frames, &camera(seen)),
         files: files(&bytes, path).map_err(invalid)?,
         objects: drawn.len(),
-        notes: whole.notes,
+        notes: whole.notes.into_iter().filter(|note| !note.contains(mesh::NOT_PLAYED)).collect(),
     })
 }
 

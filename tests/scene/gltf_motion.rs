@@ -157,7 +157,8 @@ fn keys_are_joined_as_the_specification_says() {
     near(shift(&cubic, 3.0), up([3.0, 4.0, 0.0]));
     // The longer way round is written, the shorter is taken: from 0 to -90 degrees about z.
     let half = std::f32::consts::FRAC_1_SQRT_2;
-    let turn = bind(&file("rotation", "LINEAR", &[0.0, 1.0], &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, -half]), false).unwrap();
+    let turn =
+        bind(&file("rotation", "LINEAR", &[0.0, 1.0], &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, half, -half]), false).unwrap();
     let x = turn.at(0.5).transform_vector3(DVec3::X) / 2.0;
     assert!((x - DVec3::new(0.5_f64.sqrt(), -(0.5_f64.sqrt()), 0.0)).length() < 1e-7, "{x}");
     // A spline of rotations is brought to length 1.
@@ -190,7 +191,8 @@ fn a_loop_repeats_from_0_to_the_last_key() {
     }
     // Another animation of the node is said.
     let clips = text["animations"][0].clone();
-    text["animations"] = json!([clips, {"name": "other", "channels": clips["channels"], "samplers": clips["samplers"]}]);
+    text["animations"] =
+        json!([clips, {"name": "other", "channels": clips["channels"], "samplers": clips["samplers"]}]);
     assert_eq!(bind(&(text, bytes), true).unwrap().unused, ["other"]);
 }
 

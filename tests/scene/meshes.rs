@@ -108,8 +108,9 @@ fn other_reader(path: &Path) -> Vec<(DVec3, Vec3, Vec2)> {
             let reader = primitive.reader(|_| Some(&blob));
             let positions: Vec<_> = reader.read_positions().unwrap().collect();
             let normals: Vec<_> = reader.read_normals().unwrap().collect();
-            let uvs: Vec<[f32; 2]> =
-                reader.read_tex_coords(0).map_or_else(|| vec![[0.0; 2]; positions.len()], |uvs| uvs.into_f32().collect());
+            let uvs: Vec<[f32; 2]> = reader
+                .read_tex_coords(0)
+                .map_or_else(|| vec![[0.0; 2]; positions.len()], |uvs| uvs.into_f32().collect());
             for index in reader.read_indices().unwrap().into_u32() {
                 let i = index as usize;
                 let position = place.transform_point3(positions[i].into()).as_dvec3();
@@ -542,10 +543,14 @@ fn materials_of_obj_files_are_found_as_people_name_them() {
     fs::create_dir(place("textures")).unwrap();
     let red = image::RgbaImage::from_pixel(1, 1, image::Rgba([255, 0, 0, 9]));
     red.save(place("textures/a b.png")).unwrap();
-    fs::write(place("my model.mtl"), concat!(
-        "newmtl  two  words\r\nKd 0.5 0.25 1\r\nd 0.5\r\nmap_Kd -clamp on C:\\Users\\me\\textures\\a b.png\r\n",
-        "newmtl see\r\nTr 0.25\r\nmap_Kd ..\\..\\a%20b.png\r\nnewmtl short\r\nKd 0.5\r\n",
-    )).unwrap();
+    fs::write(
+        place("my model.mtl"),
+        concat!(
+            "newmtl  two  words\r\nKd 0.5 0.25 1\r\nd 0.5\r\nmap_Kd -clamp on C:\\Users\\me\\textures\\a b.png\r\n",
+            "newmtl see\r\nTr 0.25\r\nmap_Kd ..\\..\\a%20b.png\r\nnewmtl short\r\nKd 0.5\r\n",
+        ),
+    )
+    .unwrap();
     let text = concat!(
         "mtllib my model.mtl\nmtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n",
         "usemtl two words\nf 1 2 3\nusemtl see\nf 1 2 3\nusemtl short\nf 1 2 3\nusemtl unknown\nf 3 2 1\n",

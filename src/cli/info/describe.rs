@@ -143,7 +143,11 @@ fn binding(b: &AnimationBinding) -> Value {
             ("interpolation", json!(format!("{:?}", b.interpolation).to_lowercase())),
         ]),
         NodeMotion::Chain(chain) => {
-            pairs.extend([("node", json!(chain.label)), ("fps", json!(tidy(chain.fps))), ("loop", json!(chain.looped))])
+            pairs.extend([
+                ("node", json!(chain.label)),
+                ("fps", json!(tidy(chain.fps))),
+                ("loop", json!(chain.looped)),
+            ]);
         }
     }
     object(pairs)
@@ -171,19 +175,25 @@ pub(super) fn model_file(loaded: &model::Loaded) -> Value {
 pub(super) fn mesh(m: &Mesh, nodes: &Nodes) -> Value {
     let used = m.triangles.iter().flat_map(|triangle| triangle.corners);
     let Bounds { min, max } = used.map(|corner| m.position[corner as usize]).collect();
+    let named = |name: &String| if name.is_empty() { Value::Null } else { json!(name) };
     let size = |t: &Texture| json!({ "width": t.size[0], "height": t.size[1] });
     let entry = |(index, node): (usize, &NodeEntry)| {
         object(vec![
-            ("name", json!(node.name)),
+            ("name", named(&node.name)),
             ("index", json!(index)),
-            ("mesh", if node.mesh.is_some() { json!(node.mesh_name) } else { Value::Null }),
+            (
+                "mesh",
+                node.mesh.map_or(Value::Null, |mesh| match node.mesh_name.as_str() {
+                    "" => json!(format!("#{mesh}")),
+                    name => json!(name),
+                }),
+            ),
             ("parent", json!(node.parent)),
             ("triangles", json!(node.triangles)),
             ("animated", json!(node.animated)),
         ])
     };
-    let clip =
-        |clip: &AnimationEntry| json!({ "name": clip.name, "seconds": tidy(clip.seconds), "channels": clip.channels });
+    let clip = |clip: &AnimationEntry| json!({ "name": named(&clip.name), "seconds": tidy(clip.seconds), "channels": clip.channels });
     let inside = object(vec![
         ("triangles", json!(m.triangles.len())),
         ("vertices", json!(m.position.len())),
@@ -324,9 +334,12 @@ pub(super) fn text(report: &Value) -> String {
 }
 
 /// Keys that come first in text, in this order; all others follow by name.
-const ORDER: [&str; 31] = [
+const ORDER: [&str; 34] = [
     "kind",
     "name",
+    "index",
+    "mesh",
+    "parent",
     "type",
     "surfels",
     "gaussians",
@@ -377,7 +390,7 @@ fn members(value: &Value, level: usize, lines: &mut Vec<String>) {
 fn entry(key: &str, value: &Value, level: usize, lines: &mut Vec<String>) {
     let indent = "  ".repeat(level);
     match value {
-        Value::Object(map) if map.values().all(is_short) && map.len() <= 4 => {
+        Value::Object(map) if map.values().all(is_short) && map.len() <= if key == "node" { 6 } else { 4 } => {
             let parts: Vec<_> =
                 ordered(map).into_iter().map(|(k, v)| format!("{} {}", k.replace('_', " "), short(v))).collect();
             lines.push(format!("{indent}{key}: {}", parts.join(", ")));

@@ -41,7 +41,7 @@ pub(in crate::model) fn parse(bytes: &[u8]) -> Result<Gaussians, ParseError> {
         return Err(wrong("Gaussians of two colour spaces", "one for all").into());
     }
     // A program writes one kind of scale, whatever the numbers of one of its primitives are.
-    let logarithms = parts.iter().any(|part| part.any_negative_scale());
+    let logarithms = parts.iter().any(Part::any_negative_scale);
     if logarithms {
         notes.push("Gaussian splats: negative scales, so all are taken as logarithms".to_owned());
     }

@@ -84,7 +84,7 @@ pub(super) fn read(bytes: &[u8], path: &Path, node: Option<&str>) -> Result<Opti
     for (index, affine) in placed {
         reader.node(index, &affine)?;
     }
-    let mesh = reader.finish()?;
+    let mesh = reader.finish();
     Ok((!mesh.triangles.is_empty()).then_some(mesh))
 }
 
@@ -310,9 +310,9 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn finish(mut self) -> Result<Mesh, GltfError> {
+    fn finish(mut self) -> Mesh {
         let animations = self.file.document.animations.len();
-        self.note("animations (bind them with `<animation node=...>`)", animations);
+        self.note(super::NOT_PLAYED, animations);
         let Self { mut mesh, materials, notes, columns, .. } = self;
         let [normals, uvs, colours] = columns;
         if !normals {
@@ -326,7 +326,7 @@ impl<'a> Reader<'a> {
         }
         materials.finish(&mut mesh);
         mesh.notes.extend(notes.into_iter().map(|(what, count)| format!("ignored: {what} ({count})")));
-        Ok(mesh)
+        mesh
     }
 }
 

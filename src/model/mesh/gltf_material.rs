@@ -216,14 +216,13 @@ impl<'a> Materials<'a> {
         let bytes = match place {
             Source::View(view) => self.file.view(view).map_err(Lost::Error)?,
             Source::Uri(uri) => {
-                read = match inline(uri) {
+                read = if let Some(data) = inline(uri) {
                     // Its text is a part of the file, which counted already.
-                    Some(data) => data.map_err(|found| Lost::Error(wrong(found, "base64 after a comma")))?,
-                    None => {
-                        let data = read_beside(self.path, uri).map_err(Lost::Note)?;
-                        self.budget.add(data.len());
-                        data
-                    }
+                    data.map_err(|found| Lost::Error(wrong(found, "base64 after a comma")))?
+                } else {
+                    let data = read_beside(self.path, uri).map_err(Lost::Note)?;
+                    self.budget.add(data.len());
+                    data
                 };
                 &read
             }

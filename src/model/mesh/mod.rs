@@ -107,6 +107,9 @@ pub enum Wrap {
     Clamp,
 }
 
+/// Begins the note on animations, which a mesh does not have.
+pub(crate) const NOT_PLAYED: &str = "animations, which an `<animation node>` plays";
+
 /// Reads the triangles of a file; `None` for a file without any, and for a capture.
 ///
 /// A glTF file gives its default scene at rest in world space, or the mesh of one `node` in the space of that node,
