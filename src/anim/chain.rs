@@ -107,8 +107,8 @@ impl Chain {
     }
 
     /// A sphere that holds the sphere about `centre` (in the node's space) at all times from `from` to `to`: its centre
-    /// is that of mid-time. Also the most that the centre moves away from there. `None` where the node jumps, or nothing
-    /// is known.
+    /// is that of mid-time. Also the most that the centre moves away from there. `None` where the node jumps, or
+    /// nothing is known.
     ///
     /// For x(t) = T R S y(t), |x(t) - x(m)| <= |dT| + (|dR| s + |dS|) |y(t)| + |S(m)| |y(t) - y(m)|, where s is the
     /// largest scale at any time; this is applied node by node, upwards.

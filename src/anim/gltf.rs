@@ -89,13 +89,13 @@ impl GltfAnimation {
 
     /// The motion of a node with all that it hangs below.
     ///
-    /// `node` is the name of a node, else the name of the mesh of one, else `#index`; without it the first node that has
-    /// keys. Of several animations the first that moves the chain is used. `fps` is how many frames a second the file
-    /// has; its keys that miss a frame by rounding are on it.
+    /// `node` is the name of a node, else the name of the mesh of one, else `#index`; without it the first node that
+    /// has keys. Of several animations the first that moves the chain is used. `fps` is how many frames a second the
+    /// file has; its keys that miss a frame by rounding are on it.
     ///
     /// # Errors
-    /// There is no such node, or several are. A node of the chain has keys and a matrix that is no translation, rotation
-    /// and scale, or too many nodes have keys. Without `node`: none has keys.
+    /// There is no such node, or several are. A node of the chain has keys and a matrix that is no translation,
+    /// rotation and scale, or too many nodes have keys. Without `node`: none has keys.
     pub fn bind(&self, node: Option<&str>, fps: f64, looped: bool) -> Result<Chain, AnimError> {
         self.chain(node, fps, looped).map_err(|why| AnimError::Gltf { path: self.path.clone(), why: why.to_string() })
     }

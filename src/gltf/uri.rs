@@ -1,7 +1,7 @@
 //! Other files that a file names, and data in place of a name.
 //!
-//! A file may name only what lies in its own folder or below: names that lead out, by `..`, by a root, by a scheme or by
-//! a link, are refused. So a scene that keeps to one folder stays there.
+//! A file may name only what lies in its own folder or below: names that lead out, by `..`, by a root, by a scheme or
+//! by a link, are refused. So a scene that keeps to one folder stays there.
 
 use std::fs::{self, File};
 use std::io::Read as _;

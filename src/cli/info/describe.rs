@@ -193,7 +193,10 @@ pub(super) fn mesh(m: &Mesh, nodes: &Nodes) -> Value {
             ("animated", json!(node.animated)),
         ])
     };
-    let clip = |clip: &AnimationEntry| json!({ "name": named(&clip.name), "seconds": tidy(clip.seconds), "channels": clip.channels });
+    let clip = |clip: &AnimationEntry| {
+        let (seconds, channels) = (tidy(clip.seconds), clip.channels);
+        json!({ "name": named(&clip.name), "seconds": seconds, "channels": channels })
+    };
     let inside = object(vec![
         ("triangles", json!(m.triangles.len())),
         ("vertices", json!(m.position.len())),

@@ -19,7 +19,8 @@ use super::{adapters, values};
 ///
 /// Reads the file whole, with all that it names, and refuses what `render` would refuse. Scenes: every resolved value,
 /// or canonical XML that loads back to the same scene. Models: counts, bounds, radii, properties. Animations: nodes,
-/// attributes, range, or the evaluated channels. glTF files: triangles, nodes, and their animations. Images: size, layers, and the settings that made them.
+/// attributes, range, or the evaluated channels. glTF files: triangles, nodes, and their animations. Images: size,
+/// layers, and the settings that made them.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -31,8 +32,8 @@ Examples:
   splatblur info --adapters")]
 #[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub(super) struct Info {
-    /// Scene (.xml), model (.ply, .sfl, .obj, .glb, .gltf, .xyz, .pts, .bin), capture (.ply, .splat, .spz, .sog, .glb), volume
-    /// (.nrrd, .ply), animation (.anim) or image (.png, .exr); told apart by content.
+    /// Scene (.xml), model (.ply, .sfl, .obj, .glb, .gltf, .xyz, .pts, .bin), capture (.ply, .splat, .spz, .sog,
+    /// .glb), volume (.nrrd, .ply), animation (.anim) or image (.png, .exr); told apart by content.
     #[arg(required_unless_present = "adapters")]
     file: Option<PathBuf>,
 

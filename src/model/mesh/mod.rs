@@ -114,8 +114,8 @@ pub(crate) const NOT_PLAYED: &str = "animations, which an `<animation node>` pla
 ///
 /// A glTF file gives its default scene at rest in world space, or the mesh of one `node` in the space of that node,
 /// without its children. The node is found by its name, else by the name of its mesh, else as `#index`. Files that
-/// `bytes` names lie in the folder of `path` or below; no other is opened. A glTF file that names others is refused; for
-/// an OBJ they are looked for by the end of their path.
+/// `bytes` names lie in the folder of `path` or below; no other is opened. A glTF file that names others is refused;
+/// for an OBJ they are looked for by the end of their path.
 ///
 /// Memory stays within a small multiple of the files, whatever they say.
 ///

@@ -93,8 +93,8 @@ impl<'a> Library<'a> {
         Ok(())
     }
 
-    /// Index in the mesh of the material of this name; `None` where no library has it. The error says what is wrong with
-    /// its texture.
+    /// Index in the mesh of the material of this name; `None` where no library has it. The error says what is wrong
+    /// with its texture.
     pub(super) fn index(&mut self, name: &str, mesh: &mut Mesh) -> Result<Option<u32>, String> {
         if let Some(&index) = self.known.get(name) {
             return Ok(Some(index));

@@ -1,7 +1,7 @@
 //! Meshes of Wavefront OBJ files, with their materials.
 //!
-//! The reader is our own: it says in which line a file is wrong, and keeps positions in `f64`. (The crate `tobj` names no
-//! lines, and stops the program on a short `Kd`.) Statements that matter: `v x y z [w] [r g b]`, `vt`, `vn`, `f`,
+//! The reader is our own: it says in which line a file is wrong, and keeps positions in `f64`. (The crate `tobj` names
+//! no lines, and stops the program on a short `Kd`.) Statements that matter: `v x y z [w] [r g b]`, `vt`, `vn`, `f`,
 //! `usemtl` and `mtllib`. Vertex colours are sRGB. A format without sides shows both.
 
 use std::collections::HashMap;

@@ -5,8 +5,8 @@ use glam::{DVec2, DVec3};
 /// Most corners of a polygon whose ears are clipped: the time grows with their cube at worst.
 const MOST_CORNERS: usize = 512;
 
-/// The triangles of a polygon, as indices of its corners, in its winding; `None` where it crosses itself, has no area, or
-/// too many corners that turn inwards.
+/// The triangles of a polygon, as indices of its corners, in its winding; `None` where it crosses itself, has no area,
+/// or too many corners that turn inwards.
 ///
 /// Convex polygons become fans, others lose their ears one by one (Meisters 1975).
 pub(super) fn triangulate(corners: &[DVec3]) -> Option<Vec<[usize; 3]>> {
