@@ -65,6 +65,9 @@ pub mod time;
 pub mod sampling;
 
 #[doc(hidden)]
+pub mod gltf;
+
+#[doc(hidden)]
 pub mod anim;
 
 #[doc(hidden)]

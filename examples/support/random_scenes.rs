@@ -102,7 +102,7 @@ fn binding(curves: &str) -> AnimationBinding {
          endTime 1;\n{curves}"
     );
     let animation = anim::parse(text.as_bytes(), Path::new("random.anim")).expect("sound keys");
-    let node = animation.node(None).expect("one node").clone();
+    let node = animation.node(None).expect("one node").clone().into();
     AnimationBinding { path: "random.anim".into(), node, interpolation: Interpolation::default() }
 }
 

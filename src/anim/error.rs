@@ -116,6 +116,14 @@ pub enum AnimError {
         /// Notes on what was skipped.
         notes: Vec<String>,
     },
+    /// A glTF file is not valid, or has no such node.
+    #[error("{}: {why}", path.display())]
+    Gltf {
+        /// The file.
+        path: PathBuf,
+        /// Where and what.
+        why: String,
+    },
     /// No node has a translate, rotate, scale or visibility curve.
     #[error(
         "{} animates no transform: expected translate, rotate, scale or visibility curves (nodes: {known})",

@@ -1,4 +1,4 @@
-//! Reading a `.anim` file from disk, with a limit on its size.
+//! Reading an animation file from disk, with a limit on its size.
 
 use std::fs::{self, File};
 use std::io::Read as _;
@@ -6,16 +6,43 @@ use std::path::Path;
 
 use super::animation::Animation;
 use super::error::AnimError;
+use super::gltf::GltfAnimation;
 use super::maya::parse;
+use crate::gltf::is_text;
 
 /// Largest file that is read, bytes. A hundred curves of 60,000 keys fit.
 const MAX_BYTES: u64 = 256 << 20;
+
+/// An animation file of either kind.
+#[derive(Clone, Debug)]
+pub enum Loaded {
+    /// Maya's.
+    Maya(Animation),
+    /// glTF.
+    Gltf(GltfAnimation),
+}
+
+/// Reads an animation file. The content shows its kind.
+///
+/// # Errors
+/// As [`load`], or the file is not a valid glTF file.
+pub fn open(path: &Path) -> Result<Loaded, AnimError> {
+    let bytes = bytes(path)?;
+    if bytes.starts_with(b"glTF") || is_text(&bytes) {
+        return GltfAnimation::parse(&bytes, path).map(Loaded::Gltf);
+    }
+    parse(&bytes, path).map(Loaded::Maya)
+}
 
 /// Reads a `.anim` file.
 ///
 /// # Errors
 /// The file cannot be read, is not a regular file, is larger than 256 MiB, or is not a valid `.anim` file.
 pub fn load(path: &Path) -> Result<Animation, AnimError> {
+    parse(&bytes(path)?, path)
+}
+
+fn bytes(path: &Path) -> Result<Vec<u8>, AnimError> {
     // This comes before opening the file: opening a pipe may wait for ever.
     let about = fs::metadata(path).map_err(|e| AnimError::read(path, e))?;
     if !about.is_file() {
@@ -32,5 +59,5 @@ pub fn load(path: &Path) -> Result<Animation, AnimError> {
     if bytes.len() as u64 > MAX_BYTES {
         return Err(too_large(bytes.len() as u64));
     }
-    parse(&bytes, path)
+    Ok(bytes)
 }

@@ -1,10 +1,11 @@
-//! `splatblur convert`: a model of any format to `.bin` or `.ply`.
+//! `splatblur convert`: a model of any format to `.bin` or `.ply`, or a glTF file to a scene that plays it.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use clap::Args;
 use splatblur::model::{self, ModelError};
+use splatblur::{files, scene_file};
 
 use super::info::{self, Kind};
 use super::output::{print, say};
@@ -16,18 +17,22 @@ use super::values;
 /// Reads any model that a scene may name, estimates what is missing (normals, radii), and writes the result, so that
 /// later runs need not estimate again. The ending of OUT decides: .bin loads fastest and keeps the normalisation of
 /// overlapping kernels, .ply opens in other programs.
+///
+/// A glTF file and an OUT that has no ending make a folder: scene.xml with one object for each node that has a mesh,
+/// moved as the file moves it, and a copy of the file.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
   splatblur convert scan.ply scan.bin
   splatblur convert pond.ply pond.bin --radius-scale 2.5
-  splatblur convert statue.sfl statue.ply --force")]
+  splatblur convert statue.sfl statue.ply --force
+  splatblur convert truck.glb truck")]
 pub(super) struct Convert {
     /// Model: .ply, .sfl, .obj, .xyz, .pts, .bin; capture: .ply, .splat, .spz, .sog, .glb. Volumes' grids (.nrrd)
     /// have no surfels.
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// File to write, ending in .bin or .ply.
+    /// File to write, ending in .bin or .ply; of a glTF file also a folder.
     #[arg(value_name = "OUT")]
     output: PathBuf,
     /// Factor on all splat radii.
@@ -46,6 +51,9 @@ pub(super) struct Convert {
 
 impl Convert {
     pub(super) fn run(&self) -> anyhow::Result<()> {
+        if self.output.extension().is_none() && is_gltf(&self.input) {
+            return self.play();
+        }
         let binary = binary(&self.output)?;
         if same_file(&self.input, &self.output) {
             bail!("{} is both IN and OUT", self.input.display());
@@ -81,6 +89,42 @@ impl Convert {
         }
         print(&format!("{} surfels: {}\n", loaded.surfels.len(), self.output.display()))
     }
+}
+
+impl Convert {
+    /// Makes a folder with a scene that plays a glTF file.
+    fn play(&self) -> anyhow::Result<()> {
+        let folder = &self.output;
+        let mut play = scene_file::play(&self.input)?;
+        let inside = |name: &Path| folder.join(name);
+        let scene = inside(Path::new("scene.xml"));
+        let others = play.files.iter().map(|(_, to)| inside(to)).chain([scene.clone()]);
+        if let Some(there) = others.into_iter().find(|to| to.symlink_metadata().is_ok() && !self.force) {
+            bail!("{} exists already (--force replaces it)", there.display());
+        }
+        // A file that is its own copy stays where it is.
+        play.files.retain(|(from, to)| !same_file(from, &inside(to)));
+        for (from, to) in &play.files {
+            let to = inside(to);
+            let bytes = std::fs::read(from).with_context(|| format!("cannot read {}", from.display()))?;
+            let written =
+                to.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| files::replace(&to, &bytes));
+            written.with_context(|| format!("cannot write {}", to.display()))?;
+        }
+        let written = std::fs::create_dir_all(folder).and_then(|()| files::replace(&scene, play.xml.as_bytes()));
+        written.with_context(|| format!("cannot write {}", scene.display()))?;
+        if self.quiet {
+            return Ok(());
+        }
+        play.notes.iter().for_each(|note| say(&format!("note: {note}")));
+        print(&format!("{} objects: {}\n", play.objects, scene.display()))
+    }
+}
+
+/// True for a glTF file by its first bytes.
+fn is_gltf(path: &Path) -> bool {
+    let named = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gltf"));
+    named || info::head(path).is_ok_and(|head| head.starts_with(b"glTF"))
 }
 
 /// True for `.bin`, false for `.ply`.

@@ -3,10 +3,12 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use crate::gltf::GltfError;
+
 /// The formats of models that are known, for messages. It stands here because `format` looks into files with readers
 /// that report errors.
 pub(super) const KNOWN_FORMATS: &str = "PLY, Pointshop3D .sfl, Wavefront .obj, points as text .xyz and .pts, \
-     splatblur .bin, Gaussian splats .splat, .spz, .sog and .glb, volumes .nrrd";
+     splatblur .bin, glTF .glb and .gltf, Gaussian splats .splat, .spz, .sog and .glb, volumes .nrrd";
 
 /// Why a model was refused or could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -147,6 +149,12 @@ impl ParseError {
         self.expected.push_str(what);
         self.expected.push(')');
         self
+    }
+}
+
+impl From<GltfError> for ParseError {
+    fn from(error: GltfError) -> Self {
+        Self::byte(error.at, error.found, error.expected)
     }
 }
 

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::error::KNOWN_FORMATS;
 use super::xyz;
+use crate::gltf;
 
 /// The first bytes of our own format. They are not text, so a transfer that changes line ends is noticed.
 pub(super) const BIN_MAGIC: [u8; 8] = *b"\x89SPLAT\r\n";
@@ -29,8 +30,10 @@ pub enum Format {
     Sog,
     /// Gaussian-splat captures in planes of compressed bytes.
     Spz,
-    /// glTF in one file, with Gaussian splats.
+    /// glTF in one file: triangles, or Gaussian splats.
     Glb,
+    /// glTF as text, with its data in other files or in the text: triangles.
+    Gltf,
     /// Regular grids of a volume's values: NRRD with its data in the same file.
     Nrrd,
 }
@@ -57,6 +60,8 @@ impl Format {
             Some(Self::Glb)
         } else if bytes.starts_with(b"NRRD") {
             Some(Self::Nrrd)
+        } else if gltf::is_text(bytes) {
+            Some(Self::Gltf)
         } else {
             let ends_in = |name: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(name));
             match xyz::looks_like(bytes) {

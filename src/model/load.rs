@@ -221,6 +221,8 @@ fn read(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Content,
         Format::Sog => Content::Capture(capture::parse_sog(bytes, progress)?),
         Format::Spz => Content::Capture(capture::parse_spz(bytes)?),
         Format::Glb => Content::Capture(capture::parse_glb(bytes)?),
+        // Its triangles are read by `mesh::read`.
+        Format::Gltf => return Err(ParseError::byte(0, "a glTF text without triangles", "triangles")),
         Format::Bin => Content::Surfels(bin::parse(bytes)?),
         Format::Nrrd => Content::Grid(volume::parse_nrrd(bytes, progress)?),
     })

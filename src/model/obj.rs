@@ -106,14 +106,14 @@ fn face_normals(bytes: &[u8], positions: &[DVec3]) -> Result<(Vec<Vec3>, usize),
     Ok((normals.finish(), faces))
 }
 
-fn numbers(words: &[&[u8]], line: u64) -> Result<Vec<f64>, ParseError> {
+pub(super) fn numbers(words: &[&[u8]], line: u64) -> Result<Vec<f64>, ParseError> {
     let parse = |word: &&[u8]| number(word).ok_or_else(|| ParseError::line(line, quote(word), "a number"));
     words.iter().map(parse).collect()
 }
 
 /// Statements as (line number from 1, words). Comments are removed, and a line that ends in a backslash is joined with
 /// the next.
-fn statements(bytes: &[u8]) -> impl Iterator<Item = (u64, Vec<&[u8]>)> {
+pub(super) fn statements(bytes: &[u8]) -> impl Iterator<Item = (u64, Vec<&[u8]>)> {
     let mut lines = bytes.split(|&b| b == b'\n').zip(1_u64..);
     std::iter::from_fn(move || {
         let (line, number) = lines.next()?;

@@ -33,11 +33,14 @@ pub struct LoadOptions {
     pub colour_space: Option<ColourSpace>,
     /// How a volume becomes kernels; nothing for other models.
     pub volume: VolumeOptions,
+    /// The node of a glTF file whose mesh is wanted, in its own space: its name, the name of its mesh, or `#index`.
+    /// `None`: the whole scene.
+    pub node: Option<String>,
 }
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self { kind: None, radius_scale: 1.0, colour_space: None, volume: VolumeOptions::default() }
+        Self { kind: None, radius_scale: 1.0, colour_space: None, volume: VolumeOptions::default(), node: None }
     }
 }
 

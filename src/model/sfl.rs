@@ -117,7 +117,8 @@ fn surfel_sets(directories: &[Directory]) -> Vec<(&Directory, Vec<&Directory>)> 
 }
 
 fn root_axes(container: Container<'_>, root: &Directory) -> Result<DMat3, ParseError> {
-    let axis = |tag, default: DVec3| Ok(container.floats::<3>(root, tag)?.map_or(default, DVec3::from_array));
+    let axis =
+        |tag, default: DVec3| Ok::<_, ParseError>(container.floats::<3>(root, tag)?.map_or(default, DVec3::from_array));
     // Each axis is a row, so the new position is (right.p, up.p, back.p).
     Ok(DMat3::from_cols(axis(0x0110, DVec3::X)?, axis(0x0111, DVec3::Y)?, axis(0x0112, DVec3::Z)?).transpose())
 }

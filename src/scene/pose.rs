@@ -19,9 +19,9 @@ pub fn object_pose(scene: &Scene, object: &Object, frame_time: f64) -> ObjectPos
     let mut m = object.transform.matrix();
     let mut visible = true;
     if let Some(binding) = &object.animation {
-        let state = binding.node.at(seconds(scene, frame_time), binding.interpolation);
-        visible = state.visible;
-        m = state.transform.matrix() * m;
+        let pose = binding.node.at(seconds(scene, frame_time), binding.interpolation);
+        visible = pose.visible;
+        m = pose.matrix * m;
     }
     for motion in &object.motions {
         m = motion_matrix(motion, frame_time) * m;
@@ -52,11 +52,11 @@ impl<'a> ObjectPoser<'a> {
     pub fn at(&self, frame_time: f64) -> Option<DAffine3> {
         let mut m = self.transform;
         if let Some(binding) = &self.object.animation {
-            let state = binding.node.at(seconds(self.scene, frame_time), binding.interpolation);
-            if !state.visible {
+            let pose = binding.node.at(seconds(self.scene, frame_time), binding.interpolation);
+            if !pose.visible {
                 return None;
             }
-            m = DAffine3::from_mat4(state.transform.matrix()) * m;
+            m = DAffine3::from_mat4(pose.matrix) * m;
         }
         for motion in &self.object.motions {
             match *motion {
@@ -79,13 +79,8 @@ impl<'a> ObjectPoser<'a> {
         let mut radius = radius * norm(&self.transform.matrix3);
         let mut drift = 0.0;
         if let Some(binding) = &self.object.animation {
-            let [from, middle, to] = [from, middle, to].map(|time| seconds(self.scene, time));
-            let by = binding.node.drift(from, to, binding.interpolation)?;
-            let transform = binding.node.at(middle, binding.interpolation).transform;
-            let scale = transform.scale.abs().max_element() + by.scale;
-            drift = by.translate + (by.rotate * scale + by.scale) * x.length();
-            radius *= scale;
-            x = transform.matrix().transform_point3(x);
+            let times = [from, middle, to].map(|time| seconds(self.scene, time));
+            (x, radius, drift) = binding.node.sweep(x, radius, times, binding.interpolation)?;
         }
         for motion in &self.object.motions {
             match *motion {
@@ -114,11 +109,8 @@ pub fn camera_from_world(scene: &Scene, frame_time: f64) -> DMat4 {
     let at_rest = camera.animation.as_ref().map_or_else(
         || look_at(camera),
         |binding| {
-            let state = binding.node.at(seconds(scene, frame_time), binding.interpolation);
             // Scale on a camera node means nothing: only its axes and position count.
-            let mut rigid = state.transform;
-            rigid.scale = DVec3::ONE;
-            rigid_inverse(&rigid.matrix())
+            rigid_inverse(&binding.node.rigid_at(seconds(scene, frame_time), binding.interpolation))
         },
     );
     camera.motions.iter().fold(at_rest, |view, motion| view * rigid_inverse(&motion_matrix(motion, frame_time)))

@@ -1,12 +1,11 @@
 //! A scene as plain values: what the renderer sees.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
 use super::model::Model;
-use crate::anim::{Interpolation, NodeAnimation};
+use crate::anim::{Interpolation, NodeMotion};
 use crate::math::{Bounds, Trs};
 use crate::model::{self, Cloud, ColourSpace, Kind, Material, ModelError, VolumeOptions};
 use crate::time::Shutter;
@@ -143,9 +142,9 @@ pub enum Light {
 pub struct AnimationBinding {
     /// File the node came from.
     pub path: PathBuf,
-    /// The node's curves.
-    pub node: Arc<NodeAnimation>,
-    /// How values between keys are found.
+    /// The node's motion.
+    pub node: NodeMotion,
+    /// How values between the keys of a Maya file are found.
     pub interpolation: Interpolation,
 }
 
@@ -186,6 +185,8 @@ pub struct Object {
     pub capture: Capture,
     /// How a volume became kernels (already applied to `model`); it means nothing for other models.
     pub volume: VolumeOptions,
+    /// The node of a glTF file that `model` is; `None`: its whole scene.
+    pub node: Option<String>,
     /// Factor on the model's radii, > 0 (already applied to `model`).
     pub radius_scale: f64,
     /// Colour space forced by the scene (already applied to `model`).
@@ -228,6 +229,7 @@ impl Object {
             kind: None,
             capture: Capture::default(),
             volume: VolumeOptions::default(),
+            node: None,
             radius_scale: 1.0,
             colour_space: None,
             transform: Trs::default(),
@@ -340,6 +342,8 @@ pub struct Sphere {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::model::generate;
 

@@ -40,6 +40,11 @@ pub(super) struct AnimationSpec {
     pub(super) file: FileRef,
     pub(super) interpolation: Interpolation,
     pub(super) node: Option<String>,
+    /// Frames a second of a glTF file.
+    pub(super) fps: Option<f64>,
+    pub(super) looped: Option<bool>,
+    /// True if the scene says how values between keys are found.
+    pub(super) says_between: bool,
 }
 
 /// What an object looks like.
@@ -228,7 +233,13 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
             Some(element) => ShapeSpec::Sphere(sphere(&Part::new(part.source, element, "sphere"))?),
             None => ShapeSpec::Model(model.file()),
         },
-        options: model::LoadOptions { kind, radius_scale: model.number("radiusScale")?, colour_space, volume },
+        options: model::LoadOptions {
+            kind,
+            radius_scale: model.number("radiusScale")?,
+            colour_space,
+            volume,
+            node: model.text("node")?,
+        },
         capture: capture(&model)?,
         transform: placement(&inside("transform"))?,
         animation: animation(part)?,
@@ -286,7 +297,14 @@ fn animation(parent: &Part<'_>) -> Result<Option<AnimationSpec>, SceneError> {
         Some("spline") => Interpolation::Spline,
         _ => Interpolation::Maya,
     };
-    Ok(Some(AnimationSpec { file: part.file(), interpolation, node: part.text("node")? }))
+    Ok(Some(AnimationSpec {
+        file: part.file(),
+        interpolation,
+        node: part.text("node")?,
+        fps: part.optional_number("fps")?,
+        looped: part.given("loop").then(|| part.boolean("loop")).transpose()?,
+        says_between: part.given("interpolation"),
+    }))
 }
 
 fn motions(parent: &Part<'_>) -> Result<Vec<Motion>, SceneError> {

@@ -1,7 +1,8 @@
 //! Scene files: reads XML into a [`Scene`], and writes it back. `xml.rs` alone knows how to read XML.
 //!
 //! A file goes through `xml` (bytes to a tree), `check` (the tree against the `schema`), `document` (values, without
-//! files) and `resolve` (files read, defaults filled in); `write` goes back. The format: docs/scene-format.md.
+//! files) and `resolve` (files read, defaults filled in); `write` goes back. `play` makes
+//! a scene of a glTF file. The format: docs/scene-format.md.
 
 mod attributes;
 mod check;
@@ -9,6 +10,7 @@ mod document;
 mod dom;
 mod error;
 mod paths;
+mod play;
 mod resolve;
 mod schema;
 mod write;
@@ -20,6 +22,7 @@ use crate::model::{self, ModelError, Progress};
 use crate::scene::{Object, Scene};
 
 pub use self::error::{Location, SceneError};
+pub use self::play::{NoPlay, Play, play};
 pub use self::write::{camera_line, to_xml};
 
 /// How scene files are read.

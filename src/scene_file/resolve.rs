@@ -11,7 +11,7 @@ use super::dom::{FileRef, Source};
 use super::error::{SceneError, quoted};
 use super::paths::Finder;
 use super::{LoadOptions, Loaded, write};
-use crate::anim::{self, Animation};
+use crate::anim::{self, NodeMotion};
 use crate::model;
 use crate::scene::{self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Model, Object, Scene};
 
@@ -137,9 +137,9 @@ struct Files<'a> {
     /// By the text that names them: the path, and the one name of the file.
     found: HashMap<String, (PathBuf, PathBuf)>,
     models: HashMap<ModelKey, Model>,
-    /// How often each file was read as a model.
-    variants: HashMap<PathBuf, usize>,
-    animations: HashMap<PathBuf, Arc<Animation>>,
+    /// How often each file, or a node of it, was read as a model.
+    variants: HashMap<(PathBuf, Option<String>), usize>,
+    animations: HashMap<PathBuf, Arc<anim::Loaded>>,
     /// Where the first animation is named, and its file's rate.
     rate: Option<(usize, f64)>,
 }
@@ -162,6 +162,7 @@ impl Files<'_> {
             kind: spec.options.kind,
             capture: spec.capture,
             volume: spec.options.volume,
+            node: spec.options.node,
             two_sided: spec.two_sided.unwrap_or(model.two_sided),
             model,
             radius_scale: spec.options.radius_scale,
@@ -225,7 +226,8 @@ impl Files<'_> {
         if let Some(model) = self.models.get(&key) {
             return Ok(model.clone());
         }
-        let variants = self.variants.entry(key.0.clone()).or_default();
+        // Each node of a file is another model, and no larger than its part of the file.
+        let variants = self.variants.entry((key.0.clone(), options.node.clone())).or_default();
         *variants += 1;
         if *variants > MOST_VARIANTS {
             return Err(SceneError::BadValue {
@@ -255,18 +257,45 @@ impl Files<'_> {
         let animation = if let Some(animation) = self.animations.get(&key) {
             Arc::clone(animation)
         } else {
-            let animation = match anim::load(&path) {
-                Ok(animation) => Arc::new(animation),
-                Err(e) => return Err(refuse(e)),
+            let animation = Arc::new(anim::open(&path).map_err(refuse)?);
+            let notes = match &*animation {
+                anim::Loaded::Maya(animation) => &animation.notes,
+                anim::Loaded::Gltf(animation) => &animation.notes,
             };
-            self.notes.extend(animation.notes.iter().map(|note| format!("{}: {note}", path.display())));
+            self.notes.extend(notes.iter().map(|note| format!("{}: {note}", path.display())));
             self.animations.insert(key, Arc::clone(&animation));
             animation
         };
+        let mut idle = |what: &str| {
+            self.notes.push(format!("{}: {what} nothing here", source.locate(spec.file.at)));
+        };
+        let (rate, node) = match &*animation {
+            anim::Loaded::Maya(animation) => {
+                if spec.fps.is_some() || spec.looped.is_some() {
+                    idle("`fps` and `loop` are for glTF files, and mean");
+                }
+                let node = animation.node(spec.node.as_deref()).map_err(refuse)?;
+                (animation.rate, NodeMotion::from(Arc::clone(node)))
+            }
+            anim::Loaded::Gltf(animation) => {
+                if spec.says_between {
+                    idle("`interpolation` is for Maya files, and means");
+                }
+                let fps = spec.fps.unwrap_or(anim::GltfAnimation::FPS);
+                let looped = spec.looped.unwrap_or(false);
+                let chain = animation.bind(spec.node.as_deref(), fps, looped).map_err(refuse)?;
+                if !chain.unused.is_empty() {
+                    idle(&format!(
+                        "animations beside the first that moves the node ({}) mean",
+                        chain.unused.join(", ")
+                    ));
+                }
+                (fps, NodeMotion::from(chain))
+            }
+        };
         if self.rate.is_none_or(|(first, _)| spec.file.at < first) {
-            self.rate = Some((spec.file.at, animation.rate));
+            self.rate = Some((spec.file.at, rate));
         }
-        let node = Arc::clone(animation.node(spec.node.as_deref()).map_err(refuse)?);
         Ok(AnimationBinding { path, node, interpolation: spec.interpolation })
     }
 }

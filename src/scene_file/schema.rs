@@ -338,6 +338,12 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 Value("1"),
                 "divisor of a volume's standard deviation along the gradient",
             ),
+            row(
+                "node",
+                Kind::Text,
+                Auto("the whole scene of the file"),
+                "node of a glTF file whose mesh is drawn, in the node's own space",
+            ),
             row("lit", Kind::Boolean, Value("false"), "true: lights shade a volume, with gradients as normals"),
             row("opacity", Kind::Number(UNIT), Value("1"), "factor on the opacities of a capture or a volume"),
             row("shDegree", Kind::Integer(0, 3), Value("3"), "highest degree of a capture's harmonics that is used"),
@@ -373,7 +379,14 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         selector: None,
         attributes: &[
             row("interpolation", Kind::Choice(&["maya", "linear", "spline"]), Value("maya"), "between the keys"),
-            row("node", Kind::Text, Auto("the first with a transform curve"), "node of the file, by name"),
+            row("node", Kind::Text, Auto("the first that the file moves"), "node of the file, by name"),
+            row(
+                "fps",
+                Kind::Number(Range(0.001, 1e6)),
+                Auto("24"),
+                "frames per second of a glTF file, which has seconds",
+            ),
+            row("loop", Kind::Boolean, Value("false"), "true: a glTF file's animation repeats for ever"),
         ],
         children: &[],
     },

@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 
 use super::schema::MOST_INTENSITY;
 use super::xml::is_xml;
-use crate::anim::Interpolation;
+use crate::anim::{Interpolation, NodeMotion};
 use crate::math::Trs;
 use crate::model::{ColourSpace, Kind, TransferFunction, VolumeOptions};
 use crate::scene::{AnimationBinding, Camera, Capture, Light, Motion, Object, Scene};
@@ -200,6 +200,7 @@ impl Xml {
             let flatten = if flatten.is_infinite() { "infinite".to_owned() } else { number(*flatten) };
             attributes.extend([("kernel", number(*kernel)), ("flatten", flatten), ("lit", lit.to_string())]);
         }
+        attributes.extend(object.node.clone().map(|node| ("node", node)));
         if object.model.gaussians().is_some() {
             let Capture { opacity, harmonics, crop, antialias, flat: _ } = object.capture;
             attributes.extend([("opacity", number(opacity)), ("shDegree", harmonics.to_string())]);
@@ -236,6 +237,14 @@ impl Xml {
     }
 
     fn animation(&mut self, binding: &AnimationBinding, base: &Path) {
+        let node = match &binding.node {
+            NodeMotion::Curves(node) => node,
+            NodeMotion::Chain(chain) => {
+                let attributes =
+                    [("node", chain.label.clone()), ("fps", number(chain.fps)), ("loop", chain.looped.to_string())];
+                return self.file(2, "animation", &attributes, &relative(&binding.path, base));
+            }
+        };
         let interpolation = match binding.interpolation {
             Interpolation::Maya => "maya",
             Interpolation::Linear => "linear",
@@ -243,7 +252,7 @@ impl Xml {
         };
         let mut attributes = vec![("interpolation", interpolation.to_owned())];
         // A name that XML cannot hold was not chosen by name.
-        let name = &binding.node.name;
+        let name = &node.name;
         if !name.is_empty() && name.trim() == name && !name.contains(|c: char| c.is_control() || !is_xml(c)) {
             attributes.push(("node", name.clone()));
         }
@@ -270,7 +279,7 @@ impl Xml {
 }
 
 /// The fewest digits that parse to the same `f64`; powers of ten where they are shorter.
-fn number(x: f64) -> String {
+pub(super) fn number(x: f64) -> String {
     let (plain, power) = (x.to_string(), format!("{x:e}"));
     if plain.len() <= power.len() + 4 { plain } else { power }
 }
@@ -296,7 +305,7 @@ fn degrees(radians: f64) -> String {
 }
 
 /// Text as XML takes it, in attributes and between tags.
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

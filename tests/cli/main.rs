@@ -7,6 +7,7 @@ mod compare;
 mod gpu;
 mod hostile_input;
 mod input;
+mod meshes;
 mod messages;
 mod reference;
 mod render;

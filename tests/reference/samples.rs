@@ -53,7 +53,7 @@ fn ideal(radius: f64, colour: Vec3) -> Object {
 
 fn crowd() -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("animations/toward_camera_spin.anim");
-    let node = Arc::clone(&anim::load(&path).expect("an animation that ships").nodes[0]);
+    let node = Arc::clone(&anim::load(&path).expect("an animation that ships").nodes[0]).into();
     let binding = AnimationBinding { path, node, interpolation: anim::Interpolation::default() };
     let mut model = cloud(1500);
     model.origin = DVec3::new(0.4, -0.3, 0.2);

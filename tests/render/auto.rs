@@ -182,7 +182,7 @@ fn a_short_appearance_is_seen_and_stated() {
             from + 0.03
         );
         let animation = anim::parse(curve.as_bytes(), Path::new("blink.anim")).unwrap();
-        let node = animation.node(None).unwrap().clone();
+        let node = animation.node(None).unwrap().clone().into();
         scene.objects.truncate(1);
         let interpolation = Interpolation::default();
         scene.objects[0].animation = Some(AnimationBinding { path: "blink.anim".into(), node, interpolation });

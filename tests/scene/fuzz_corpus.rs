@@ -20,11 +20,13 @@ const PATIENCE: Duration = Duration::from_secs(2);
 type Read = fn(&Path) -> anyhow::Result<()>;
 
 /// Target (a folder of the corpus), extension that the file is read under, reader.
-const TARGETS: [(&str, &str, Read); 14] = [
+const TARGETS: [(&str, &str, Read); 16] = [
     ("anim", "anim", |path| read_animation(path)),
     ("bin", "bin", |path| read_model(path)),
     ("glb", "glb", |path| read_model(path)),
+    ("gltf", "glb", |path| read_mesh(path)),
     ("image", "img", |path| Ok(image::read(path).map(drop)?)),
+    ("mesh_obj", "obj", |path| read_mesh(path)),
     ("nrrd", "nrrd", |path| read_volume(path)),
     ("obj", "obj", |path| read_model(path)),
     ("ply", "ply", |path| read_model(path)),
@@ -57,6 +59,32 @@ fn read_model(path: &Path) -> anyhow::Result<()> {
         let vectors = [s.position[i], s.axis_u[i], s.axis_v[i], s.normal[i], s.colour[i]];
         assert!(vectors.iter().all(|v| v.is_finite()), "surfel {i} is not finite");
         assert!(s.radius(i) > 0.0, "surfel {i} has no radius");
+    }
+    Ok(())
+}
+
+/// Reads the triangles of a file, and its animations if it is glTF.
+fn read_mesh(path: &Path) -> anyhow::Result<()> {
+    let bytes = fs::read(path)?;
+    let format = model::Format::detect(&bytes, path).ok_or_else(|| anyhow::anyhow!("{}", path.display()))?;
+    let invalid = |why| model::ModelError::Invalid { path: path.to_owned(), why };
+    let mesh = model::mesh::read(&bytes, format, path, None).map_err(invalid)?;
+    let mesh = mesh.ok_or_else(|| anyhow::anyhow!("{} has no triangles", path.display()))?;
+    assert!(!mesh.triangles.is_empty(), "a mesh without triangles was accepted");
+    for triangle in &mesh.triangles {
+        assert!((triangle.material as usize) < mesh.materials.len());
+        let positions = triangle.corners.map(|corner| mesh.position[corner as usize]);
+        assert!(positions.iter().all(|p| p.is_finite()), "a corner is not finite");
+    }
+    let columns = [mesh.normal.len(), mesh.uv.len(), mesh.colour.len()];
+    assert!(columns.iter().all(|n| [0, mesh.position.len()].contains(n)), "{columns:?}");
+    if format != model::Format::Obj
+        && let anim::Loaded::Gltf(animation) = anim::open(path)?
+    {
+        for looped in [false, true] {
+            let chain = animation.bind(None, 24.0, looped)?;
+            assert!([-1e8, -1.0, 0.0, 0.51, 1e8].iter().all(|seconds| chain.at(*seconds).is_finite()));
+        }
     }
     Ok(())
 }

@@ -8,6 +8,8 @@ mod cameras;
 mod captures;
 mod files;
 mod fuzz_corpus;
+mod gltf_motion;
+mod meshes;
 mod model_formats;
 mod moving_bounds;
 mod shipped;

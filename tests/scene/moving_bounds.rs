@@ -33,7 +33,7 @@ fn holds_the_object_at_every_time() {
                 let mut object = support::object(Surfels::default());
                 object.animation = animation.map(|path| AnimationBinding {
                     path: path.clone(),
-                    node: anim::load(path).unwrap().node(None).unwrap().clone(),
+                    node: anim::load(path).unwrap().node(None).unwrap().clone().into(),
                     interpolation: mode,
                 });
                 object.transform.scale = DVec3::new(1.5, 0.7, -1.1);

@@ -137,6 +137,6 @@ pub fn animation(curves: &[Curve<'_>]) -> AnimationBinding {
     }
     let path = Path::new("made in code");
     let parsed = anim::parse(text.as_bytes(), path).expect("a valid animation");
-    let node = parsed.node(None).expect("one node").clone();
+    let node = parsed.node(None).expect("one node").clone().into();
     AnimationBinding { path: path.into(), node, interpolation: Interpolation::Maya }
 }

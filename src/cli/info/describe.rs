@@ -4,9 +4,11 @@
 
 use glam::DVec3;
 use serde_json::{Map, Value, json};
-use splatblur::anim::{Animation, NodeAnimation};
+use splatblur::anim::{Animation, NodeAnimation, NodeMotion};
 use splatblur::film::Picture;
+use splatblur::gltf::{AnimationEntry, NodeEntry, Nodes};
 use splatblur::math::{Bounds, Trs};
+use splatblur::model::mesh::{Mesh, Texture};
 use splatblur::model::{self, Gaussians, Material, Optics, Surfels, VolumeFacts};
 use splatblur::scene::{AnimationBinding, Camera, Light, Model, Motion, Object};
 use splatblur::scene_file;
@@ -96,6 +98,9 @@ fn scene_object(o: &Object) -> Value {
     if let Some(animation) = &o.animation {
         pairs.push(("animation", binding(animation)));
     }
+    if let Some(node) = &o.node {
+        pairs.push(("node", json!(node)));
+    }
     if !o.motions.is_empty() {
         pairs.push(("motions", Value::Array(o.motions.iter().map(motion).collect())));
     }
@@ -127,11 +132,25 @@ fn motion(m: &Motion) -> Value {
 
 fn binding(b: &AnimationBinding) -> Value {
     let (first, last) = b.node.range();
-    json!({
-        "path": b.path.to_string_lossy(), "node": b.node.name,
-        "interpolation": format!("{:?}", b.interpolation).to_lowercase(),
-        "first_second": tidy(first), "last_second": tidy(last),
-    })
+    let mut pairs = vec![
+        ("path", json!(b.path.to_string_lossy())),
+        ("first_second", json!(tidy(first))),
+        ("last_second", json!(tidy(last))),
+    ];
+    match &b.node {
+        NodeMotion::Curves(node) => pairs.extend([
+            ("node", json!(node.name)),
+            ("interpolation", json!(format!("{:?}", b.interpolation).to_lowercase())),
+        ]),
+        NodeMotion::Chain(chain) => {
+            pairs.extend([
+                ("node", json!(chain.label)),
+                ("fps", json!(tidy(chain.fps))),
+                ("loop", json!(chain.looped)),
+            ]);
+        }
+    }
+    object(pairs)
 }
 
 fn trs(t: &Trs) -> Value {
@@ -150,6 +169,48 @@ pub(super) fn model_file(loaded: &model::Loaded) -> Value {
         _ => model(&loaded.surfels),
     };
     object(vec![("kind", json!("model")), ("model", inside), ("notes", json!(loaded.notes))])
+}
+
+/// A glTF file with triangles.
+pub(super) fn mesh(m: &Mesh, nodes: &Nodes) -> Value {
+    let used = m.triangles.iter().flat_map(|triangle| triangle.corners);
+    let Bounds { min, max } = used.map(|corner| m.position[corner as usize]).collect();
+    let named = |name: &String| if name.is_empty() { Value::Null } else { json!(name) };
+    let size = |t: &Texture| json!({ "width": t.size[0], "height": t.size[1] });
+    let entry = |(index, node): (usize, &NodeEntry)| {
+        object(vec![
+            ("name", named(&node.name)),
+            ("index", json!(index)),
+            (
+                "mesh",
+                node.mesh.map_or(Value::Null, |mesh| match node.mesh_name.as_str() {
+                    "" => json!(format!("#{mesh}")),
+                    name => json!(name),
+                }),
+            ),
+            ("parent", json!(node.parent)),
+            ("triangles", json!(node.triangles)),
+            ("animated", json!(node.animated)),
+        ])
+    };
+    let clip = |clip: &AnimationEntry| {
+        let (seconds, channels) = (tidy(clip.seconds), clip.channels);
+        json!({ "name": named(&clip.name), "seconds": seconds, "channels": channels })
+    };
+    let inside = object(vec![
+        ("triangles", json!(m.triangles.len())),
+        ("vertices", json!(m.position.len())),
+        ("materials", json!(m.materials.iter().map(|material| &material.name).collect::<Vec<_>>())),
+        ("textures", Value::Array(m.textures.iter().map(size).collect())),
+        ("bounds", json!({ "min": vector(min), "max": vector(max) })),
+    ]);
+    object(vec![
+        ("kind", json!("model")),
+        ("model", inside),
+        ("nodes", Value::Array(nodes.nodes.iter().enumerate().map(entry).collect())),
+        ("animations", Value::Array(nodes.animations.iter().map(clip).collect())),
+        ("notes", json!(m.notes)),
+    ])
 }
 
 /// Kernels of a volume, and what they were made of where that is known.
@@ -276,9 +337,12 @@ pub(super) fn text(report: &Value) -> String {
 }
 
 /// Keys that come first in text, in this order; all others follow by name.
-const ORDER: [&str; 31] = [
+const ORDER: [&str; 34] = [
     "kind",
     "name",
+    "index",
+    "mesh",
+    "parent",
     "type",
     "surfels",
     "gaussians",
@@ -329,7 +393,7 @@ fn members(value: &Value, level: usize, lines: &mut Vec<String>) {
 fn entry(key: &str, value: &Value, level: usize, lines: &mut Vec<String>) {
     let indent = "  ".repeat(level);
     match value {
-        Value::Object(map) if map.values().all(is_short) && map.len() <= 4 => {
+        Value::Object(map) if map.values().all(is_short) && map.len() <= if key == "node" { 6 } else { 4 } => {
             let parts: Vec<_> =
                 ordered(map).into_iter().map(|(k, v)| format!("{} {}", k.replace('_', " "), short(v))).collect();
             lines.push(format!("{indent}{key}: {}", parts.join(", ")));

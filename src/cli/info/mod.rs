@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use clap::Args;
+use splatblur::model::{Format, ModelError, mesh};
 use splatblur::{anim, image, model, scene_file};
 
 use super::output::{self, print, print_json};
@@ -18,7 +19,8 @@ use super::{adapters, values};
 ///
 /// Reads the file whole, with all that it names, and refuses what `render` would refuse. Scenes: every resolved value,
 /// or canonical XML that loads back to the same scene. Models: counts, bounds, radii, properties. Animations: nodes,
-/// attributes, range, or the evaluated channels. Images: size, layers, and the settings that made them.
+/// attributes, range, or the evaluated channels. glTF files: triangles, nodes, and their animations. Images: size,
+/// layers, and the settings that made them.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -30,8 +32,8 @@ Examples:
   splatblur info --adapters")]
 #[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub(super) struct Info {
-    /// Scene (.xml), model (.ply, .sfl, .obj, .xyz, .pts, .bin), capture (.ply, .splat, .spz, .sog, .glb), volume
-    /// (.nrrd, .ply), animation (.anim) or image (.png, .exr); told apart by content.
+    /// Scene (.xml), model (.ply, .sfl, .obj, .glb, .gltf, .xyz, .pts, .bin), capture (.ply, .splat, .spz, .sog,
+    /// .glb), volume (.nrrd, .ply), animation (.anim) or image (.png, .exr); told apart by content.
     #[arg(required_unless_present = "adapters")]
     file: Option<PathBuf>,
 
@@ -142,6 +144,9 @@ impl Info {
     }
 
     fn model(&self, file: &Path) -> anyhow::Result<()> {
+        if let Some(report) = meshes(file)? {
+            return self.show(&report);
+        }
         let progress = Loading::new(false);
         let (radius_scale, colour_space) = (self.radius_scale, self.colour_space);
         let options = model::LoadOptions { radius_scale, colour_space, ..model::LoadOptions::default() };
@@ -153,6 +158,16 @@ impl Info {
     fn show(&self, report: &serde_json::Value) -> anyhow::Result<()> {
         if self.json { print_json(report) } else { print(&describe::text(report)) }
     }
+}
+
+/// What a glTF file with triangles holds; `None` for all other files.
+fn meshes(file: &Path) -> anyhow::Result<Option<serde_json::Value>> {
+    let bytes = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
+    let Some(format @ (Format::Glb | Format::Gltf)) = Format::detect(&bytes, file) else { return Ok(None) };
+    let invalid = |why| ModelError::Invalid { path: file.to_owned(), why };
+    let Some(mesh) = mesh::read(&bytes, format, file, None).map_err(invalid)? else { return Ok(None) };
+    let nodes = mesh::nodes(&bytes, file).map_err(invalid)?;
+    Ok(Some(describe::mesh(&mesh, &nodes)))
 }
 
 /// The first bytes of a regular file.

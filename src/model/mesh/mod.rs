@@ -1,8 +1,22 @@
 //! Triangle meshes with textures, before they are sampled to surfels.
 //!
-//! Readers give a [`Mesh`] in the space of the model. Nothing of it is filtered or reduced yet.
+//! Readers give a [`Mesh`] in the space of the model. Nothing of it is filtered or reduced yet. Data flow: `gltf` with
+//! `gltf_material`, `obj` with `mtl` and `polygon` (bytes to a mesh), and `texture` (images to texels).
+
+mod gltf;
+mod gltf_material;
+mod mtl;
+mod obj;
+mod polygon;
+mod texture;
+
+use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
+
+use super::error::ParseError;
+use super::format::Format;
+use crate::gltf::Nodes;
 
 /// A triangle mesh.
 ///
@@ -82,7 +96,7 @@ pub struct Texture {
 }
 
 /// What lies beyond the edge of a texture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// The texture again.
     #[default]
@@ -91,4 +105,42 @@ pub enum Wrap {
     Mirror,
     /// The texel at the edge.
     Clamp,
+}
+
+/// Begins the note on animations, which a mesh does not have.
+pub(crate) const NOT_PLAYED: &str = "animations, which an `<animation node>` plays";
+
+/// Reads the triangles of a file; `None` for a file without any, and for a capture.
+///
+/// A glTF file gives its default scene at rest in world space, or the mesh of one `node` in the space of that node,
+/// without its children. The node is found by its name, else by the name of its mesh, else as `#index`. Files that
+/// `bytes` names lie in the folder of `path` or below; no other is opened. A glTF file that names others is refused;
+/// for an OBJ they are looked for by the end of their path.
+///
+/// Memory stays within a small multiple of the files, whatever they say.
+///
+/// # Errors
+/// The bytes are no valid file of this format, or `node` means no mesh, or several.
+pub fn read(bytes: &[u8], format: Format, path: &Path, node: Option<&str>) -> Result<Option<Mesh>, ParseError> {
+    match format {
+        Format::Glb | Format::Gltf => Ok(gltf::read(bytes, path, node)?),
+        Format::Obj => obj::read(bytes, path),
+        _ => Ok(None),
+    }
+}
+
+/// The other files that a glTF file names and that are there.
+///
+/// # Errors
+/// The bytes are no glTF file.
+pub fn files(bytes: &[u8], path: &Path) -> Result<Vec<PathBuf>, ParseError> {
+    Ok(gltf::files(bytes, path)?)
+}
+
+/// Lists the nodes and the animations of a glTF file.
+///
+/// # Errors
+/// The bytes are no valid glTF file.
+pub fn nodes(bytes: &[u8], path: &Path) -> Result<Nodes, ParseError> {
+    Ok(gltf::nodes(bytes, path)?)
 }

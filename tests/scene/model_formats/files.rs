@@ -37,7 +37,7 @@ fn errors_name_the_file() {
             "a.ply",
             b"plywood".as_slice(),
             "a.ply is of no known format (known: PLY, Pointshop3D .sfl, Wavefront .obj, points as text .xyz \
-             and .pts, splatblur .bin, Gaussian splats .splat, .spz, .sog and .glb, volumes \
+             and .pts, splatblur .bin, glTF .glb and .gltf, Gaussian splats .splat, .spz, .sog and .glb, volumes \
              .nrrd)",
         ),
         ("a.dat", b"%YAML", "a.dat is of no known format"),
