@@ -10,7 +10,7 @@ use super::error::{SceneError, quoted};
 use super::schema::FAR;
 use crate::anim::Interpolation;
 use crate::math::{RotateOrder, Trs};
-use crate::model::{self, ColourSpace, Kind, Material, Stop, TransferFunction, VolumeOptions};
+use crate::model::{self, ColourSpace, Kind, Material, MeshOptions, Stop, TransferFunction, VolumeOptions};
 use crate::scene::{Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, Sphere};
 use crate::time::{Shutter, Weight};
 
@@ -219,6 +219,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         flatten: model.divisor("flatten")?,
         lit: model.boolean("lit")?,
     };
+    let mesh = MeshOptions { spacing: model.spacing("spacing")?, reduce: model.boolean("reduce")? };
     Ok(ObjectSpec {
         name,
         blur: part.boolean("blur")?,
@@ -228,7 +229,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
             Some(element) => ShapeSpec::Sphere(sphere(&Part::new(part.source, element, "sphere"))?),
             None => ShapeSpec::Model(model.file()),
         },
-        options: model::LoadOptions { kind, radius_scale: model.number("radiusScale")?, colour_space, volume },
+        options: model::LoadOptions { kind, radius_scale: model.number("radiusScale")?, colour_space, volume, mesh },
         capture: capture(&model)?,
         transform: placement(&inside("transform"))?,
         animation: animation(part)?,

@@ -400,6 +400,7 @@ mod tests {
             surfels: square(),
             gaussians: None,
             volume: None,
+            mesh: None,
             notes: vec!["normals estimated".to_owned()],
         };
         let report = model_file(&loaded);
@@ -413,7 +414,8 @@ mod tests {
         assert!(text.contains("  sides: fronts show\n"), "{text}");
         assert!(text.contains("  bounds: min 10 0 0, max 11 1 0\n"), "{text}");
         assert!(text.ends_with("note: normals estimated\n"), "{text}");
-        let empty = model::Loaded { surfels: Surfels::default(), gaussians: None, volume: None, notes: Vec::new() };
+        let empty =
+            model::Loaded { surfels: Surfels::default(), gaussians: None, volume: None, mesh: None, notes: Vec::new() };
         assert_eq!(model_file(&empty)["model"]["surfels"], 0);
     }
 

@@ -1,6 +1,20 @@
 //! Triangle meshes with textures, before they are sampled to surfels.
 //!
-//! Readers give a [`Mesh`] in the space of the model. Nothing of it is filtered or reduced yet.
+//! Readers give a [`Mesh`] in the space of the model. Nothing of it is filtered or reduced yet. Sampling makes surfels
+//! of it: `facets` (triangles with an area, and how they hang together) → `spacing` (how many surfels) → `raster` (hits
+//! of rays) → `fill` (what rays miss) → `paint` (normals and colours, textures by `pyramid`) → `sample` (all of it).
+
+mod facets;
+mod fill;
+mod of_cloud;
+mod paint;
+mod pyramid;
+mod raster;
+mod sample;
+mod spacing;
+
+pub(super) use of_cloud::of_cloud;
+pub(crate) use sample::{Sampled, USUAL, Unsampled, limited, sample};
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
