@@ -146,7 +146,7 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
         (_, Some(Kind::Volume)) => return Err(ModelError::NoVolume { path: owned() }),
         (Content::Mesh(cloud, triangles), _) => {
             let mesh = mesh::of_cloud(cloud, triangles, options.colour_space);
-            return of_mesh(mesh, options, path, progress);
+            return sample_mesh(mesh, options, path, progress);
         }
         (content, _) => tidied(content),
     };
@@ -184,8 +184,16 @@ fn parse_told(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Pa
     Ok(tidied(read(bytes, format, false, progress)?))
 }
 
-/// The surfels of a mesh.
-fn of_mesh(mesh: Mesh, options: &LoadOptions, path: &Path, progress: Progress<'_>) -> Result<Loaded, ModelError> {
+/// Samples a mesh to surfels (Pfister et al. 2000, section 5). `path` stands for its file in messages.
+///
+/// # Errors
+/// No triangle has an area, the spacing is too small, or all is cut out.
+pub fn sample_mesh(
+    mesh: Mesh,
+    options: &LoadOptions,
+    path: &Path,
+    progress: Progress<'_>,
+) -> Result<Loaded, ModelError> {
     progress("sampling", 0.0);
     let loaded = sampled(Arc::new(mesh), options.mesh, options.radius_scale).map_err(|why| match why {
         Unsampled::Flat { triangles } => ModelError::FlatMesh { path: path.to_owned(), triangles },

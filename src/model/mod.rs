@@ -47,7 +47,7 @@ pub use cloud::{Cloud, ColourStorage};
 pub use complete::complete;
 pub use error::{ModelError, ParseError, Place};
 pub use format::Format;
-pub use load::{Loaded, MeshSource, Parsed, load, parse, parse_capture, parse_mesh};
+pub use load::{Loaded, MeshSource, Parsed, load, parse, parse_capture, parse_mesh, sample_mesh};
 pub use options::{ColourSpace, Kind, LoadOptions, MeshOptions, Progress, Spacing};
 pub use surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA, Material, Normalisation, Surfels};
 pub use volume::{

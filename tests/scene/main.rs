@@ -10,5 +10,6 @@ mod files;
 mod fuzz_corpus;
 mod model_formats;
 mod moving_bounds;
+mod sampling;
 mod shipped;
 mod volumes;

@@ -149,7 +149,13 @@ pub(super) fn model_file(loaded: &model::Loaded) -> Value {
         (Some(gaussians), None) => capture(gaussians),
         _ => model(&loaded.surfels),
     };
-    object(vec![("kind", json!("model")), ("model", inside), ("notes", json!(loaded.notes))])
+    let mut pairs = vec![("kind", json!("model")), ("model", inside)];
+    if let Some(mesh) = &loaded.mesh {
+        let spacing = tidy(mesh.spacing());
+        pairs.push(("mesh", json!({ "triangles": mesh.triangles(), "spacing": spacing })));
+    }
+    pairs.push(("notes", json!(loaded.notes)));
+    object(pairs)
 }
 
 /// Kernels of a volume, and what they were made of where that is known.
@@ -201,6 +207,7 @@ fn model(s: &Surfels) -> Value {
         (u - v).abs() > 1e-4 * u.max(v)
     });
     let mut properties = vec!["position", "normal", "colour", if elliptical { "two radii" } else { "radius" }];
+    properties.extend((!s.mipmap.is_empty()).then_some("mipmap"));
     properties.extend((!s.opacity.is_empty()).then_some("opacity"));
     properties.extend((!s.material.is_empty()).then_some("material"));
     properties.extend((!s.velocity.is_empty()).then_some("velocity"));

@@ -14,7 +14,7 @@ mod sample;
 mod spacing;
 
 pub(super) use of_cloud::of_cloud;
-pub(crate) use sample::{Sampled, USUAL, Unsampled, limited, sample};
+pub(crate) use sample::{Sampled, Unsampled, limited, sample};
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 

@@ -28,8 +28,6 @@ pub(super) struct Palette<'a> {
 
 /// One triangle, ready to be painted.
 pub(super) struct Brush<'a> {
-    pub(super) triangle: u32,
-    pub(super) corner: [DVec3; 3],
     /// By the winding.
     face: Vec3,
     /// Two orthogonal tangents of unit length; their cross product is `face`.
@@ -83,13 +81,6 @@ impl<'a> Palette<'a> {
         !self.pyramids.is_empty()
     }
 
-    /// True if light passes through a material.
-    pub(super) fn blends(&self) -> bool {
-        let mesh = self.facets.mesh;
-        let blends = |i: &u32| mesh.materials[mesh.triangles[*i as usize].material as usize].alpha == AlphaMode::Blend;
-        self.facets.kept.iter().any(blends)
-    }
-
     pub(super) fn brush(&self, triangle: u32) -> Brush<'_> {
         let mesh = self.facets.mesh;
         let shape = self.facets.shape(triangle);
@@ -100,8 +91,6 @@ impl<'a> Palette<'a> {
         let (u, v) = face.any_orthonormal_pair();
         let sane = |c: Vec4| if c.is_finite() { c.clamp(Vec4::ZERO, Vec4::splat(BRIGHTEST)) } else { Vec4::ONE };
         Brush {
-            triangle,
-            corner: shape.corner,
             face: face.as_vec3(),
             tangents: [u.as_vec3(), v.as_vec3()],
             normal: corners.map(|v| {

@@ -12,7 +12,7 @@ use crate::model::options::{MeshOptions, Spacing};
 use crate::model::surfels::{MIPMAP_LEVELS, Normalisation, Surfels};
 
 /// Surfels of a mesh where nothing else decides.
-pub(crate) const USUAL: f64 = 200_000.0;
+const USUAL: f64 = 200_000.0;
 
 /// Least radius, model units: its square does not underflow in `f32`.
 const SMALLEST: f64 = 1e-18;
