@@ -6,6 +6,9 @@ use rayon::prelude::*;
 use super::facets::{Facets, Shape};
 use super::raster::Hit;
 
+/// Part of the radius within which a tested point must have a surfel. The rest is for the points between tested ones.
+const NEAR: f64 = 0.8;
+
 /// A surfel that no ray made.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extra {
@@ -17,8 +20,8 @@ pub(super) struct Extra {
     pub(super) radius: f64,
 }
 
-/// Surfels that are missing after `hits`, whose positions are `position`. Every vertex is then within `radius` of a
-/// surfel, and so is the middle line of every thin triangle; a connected part without any hit has a surfel at its centre.
+/// Surfels that are missing after `hits`, whose positions are `position`. Every vertex is then within 0.8 `radius`
+/// of a surfel, and so is the middle line of every thin triangle; a connected part without any hit has a surfel at its centre.
 pub(super) fn extras(
     facets: &Facets<'_>,
     welded: &[u32],
@@ -45,7 +48,7 @@ pub(super) fn extras(
             let shape = facets.shape(i);
             candidates(i, &shape, spacing).map(move |hit| (hit, hit.position(&shape.corner)))
         })
-        .filter(|&(_, p)| !cells.any_within(p, radius))
+        .filter(|&(_, p)| !cells.any_within(p, NEAR * radius))
         .collect();
     // Few are left, and each covers its neighbours.
     let mut added = Sparse::new(2.0 * radius);
@@ -55,7 +58,7 @@ pub(super) fn extras(
         }
     }
     for (hit, position) in bare {
-        if !added.any_within(position, radius) {
+        if !added.any_within(position, NEAR * radius) {
             added.add(position);
             extras.push(Extra { hit, position, radius });
         }
@@ -85,7 +88,7 @@ fn middle(facets: &Facets<'_>, part: &[u32], radius: f64) -> Extra {
 fn candidates(triangle: u32, shape: &Shape, spacing: f64) -> impl Iterator<Item = Hit> + use<> {
     let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
     let thin = shape.height() < 2.0 * spacing && shape.longest > spacing;
-    let steps = if thin { (shape.longest / spacing).ceil() as u64 } else { 0 };
+    let steps = if thin { (2.0 * shape.longest / spacing).ceil() as u64 } else { 0 };
     // From the tip opposite the shortest edge to the middle of that edge.
     let [a, b, c] = shape.corner;
     let edges = [b.distance(c), c.distance(a), a.distance(b)];

@@ -4,7 +4,9 @@
 //! Small ellipses sum over texels. Large ones sum over means of 2^l x 2^l texels, so that the standard deviation across
 //! the ellipse is 2 to 4 of these cells. The variance that means have of their own is taken from that of the Gaussian.
 //! An ellipse more than 16 times as long as wide is widened. The error against the sum over all texels under the whole
-//! Gaussian is below 0.02 of the texture's contrast where no ellipse is widened (tests below).
+//! Gaussian is below 0.02 of the texture's contrast where no ellipse is widened,
+//! and below 0.15 beyond the edge of a clamped one, where the mean of the cell at the edge stands for its outermost texels
+//! (tests/scene/sampling.rs).
 
 use glam::{DVec2, Vec4};
 use rayon::prelude::*;
