@@ -5,7 +5,7 @@
 //! the ellipse is 2 to 4 of these cells. The variance that means have of their own is taken from that of the Gaussian.
 //! An ellipse more than 16 times as long as wide is widened. The error against the sum over all texels under the whole
 //! Gaussian is below 0.02 of the texture's contrast where no ellipse is widened,
-//! and below 0.15 beyond the edge of a clamped one, where the mean of the cell at the edge stands for its outermost texels
+//! but up to 0.28 near the edge of a clamped one, where the mean of the cell at the edge stands for its outermost texels
 //! (tests/scene/sampling.rs).
 
 use glam::{DVec2, Vec4};
