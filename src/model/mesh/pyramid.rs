@@ -3,10 +3,9 @@
 //!
 //! Small ellipses sum over texels. Large ones sum over means of 2^l x 2^l texels, so that the standard deviation across
 //! the ellipse is 2 to 4 of these cells. The variance that means have of their own is taken from that of the Gaussian.
-//! An ellipse more than 16 times as long as wide is widened. The error against the sum over all texels under the whole
-//! Gaussian is below 0.02 of the texture's contrast where no ellipse is widened,
-//! but up to 0.28 near the edge of a clamped one, where the mean of the cell at the edge stands for its outermost texels
-//! (tests/scene/sampling.rs).
+//! Means across a clamped edge are those of the texels at the edge, repeated without end. An ellipse more than 16 times
+//! as long as wide is widened. The error against the sum over all texels under the whole Gaussian is below 0.02 of the
+//! texture's contrast where no ellipse is widened (tests/scene/sampling.rs).
 
 use glam::{DVec2, Vec4};
 use rayon::prelude::*;
@@ -22,6 +21,10 @@ const REACH: f64 = 3.0;
 const LONGEST: f64 = 16.0;
 /// Variance of the tent between texels, texels^2: a texture is what lies between its texels too.
 const TENT: f64 = 1.0 / 6.0;
+/// Greatest variance of a filter, texels^2.
+const WIDEST: f64 = 1e15;
+/// Levels of a texture with a clamped edge, which does not end: enough for the widest filter.
+const LEVELS_CLAMPED: usize = 24;
 
 /// A texture, and its means over squares of 2, 4, 8... texels.
 pub(super) struct Pyramid<'a> {
@@ -30,12 +33,17 @@ pub(super) struct Pyramid<'a> {
     opaque: bool,
     /// Linear light of the 256 values of a byte.
     linear: [f32; 256],
-    /// Level 1 and up; the last one is a single cell.
+    /// Level 1 and up; the texture is a single cell of the last one.
     levels: Vec<Level>,
 }
 
+/// Means over the cells of a level. Along an axis with clamped edges, one more cell at each end stands for all that lie
+/// wholly beyond the edge.
 struct Level {
+    /// Cells that lie at least in part within the texture.
     size: [usize; 2],
+    /// Cells at each end beyond the edge, 0 or 1.
+    pad: [usize; 2],
     cells: Vec<Vec4>,
 }
 
@@ -56,15 +64,15 @@ impl<'a> Pyramid<'a> {
         let linear = std::array::from_fn(|byte| srgb::to_linear(byte as f32 / 255.0));
         let mut pyramid = Self { texture, opaque, linear, levels: Vec::new() };
         let mut size = pyramid.size(0);
-        while size != [1, 1] {
+        let pad = texture.wrap.map(|wrap| usize::from(wrap == Wrap::Clamp));
+        let least = if pad == [0, 0] { 0 } else { LEVELS_CLAMPED };
+        while size != [1, 1] || pyramid.levels.len() < least {
             let below = pyramid.levels.len();
-            let of_below = size;
             size = size.map(|n| n.div_ceil(2));
-            let cells = (0..size[0] * size[1])
-                .into_par_iter()
-                .map(|i| pyramid.mean(below, of_below, [i % size[0], i / size[0]]))
-                .collect();
-            pyramid.levels.push(Level { size, cells });
+            let [width, height] = [0, 1].map(|axis| size[axis] + 2 * pad[axis]);
+            let at = |i: usize| [(i % width) as i64 - pad[0] as i64, (i / width) as i64 - pad[1] as i64];
+            let cells = (0..width * height).into_par_iter().map(|i| pyramid.mean(below, at(i))).collect();
+            pyramid.levels.push(Level { size, pad, cells });
         }
         pyramid
     }
@@ -75,17 +83,33 @@ impl<'a> Pyramid<'a> {
         DVec2::new(width.into(), height.into())
     }
 
-    /// Mean of the up to 2 x 2 cells of `level` below a cell, by their areas.
-    fn mean(&self, level: usize, size: [usize; 2], [x, y]: [usize; 2]) -> Vec4 {
+    /// Mean of the 2 x 2 cells of `level` below a cell, by their areas.
+    fn mean(&self, level: usize, at: [i64; 2]) -> Vec4 {
+        let parts = [0, 1].map(|axis| {
+            let edges = self.edges(level, axis);
+            [0, 1].map(|side| {
+                let index = 2 * at[axis] + side;
+                let inside = index.clamp(edges[0], edges[1]);
+                let there = index == inside || self.texture.wrap[axis] == Wrap::Clamp;
+                (inside, if there { self.share(level, axis, inside) } else { 0.0 })
+            })
+        });
         let (mut sum, mut weight) = (Vec4::ZERO, 0.0);
-        for v in 2 * y..(2 * y + 2).min(size[1]) {
-            for u in 2 * x..(2 * x + 2).min(size[0]) {
-                let area = (self.share(level, 0, u) * self.share(level, 1, v)) as f32;
-                sum += area * self.cell(level, u, v);
+        for (y, height) in parts[1] {
+            for (x, width) in parts[0] {
+                let area = (width * height) as f32;
+                sum += area * self.cell(level, x, y);
                 weight += area;
             }
         }
         sum / weight
+    }
+
+    /// The first and the last cell along an axis. Beyond a clamped edge, all are like these.
+    fn edges(&self, level: usize, axis: usize) -> [i64; 2] {
+        let pad =
+            level.checked_sub(1).and_then(|above| self.levels.get(above)).map_or(0, |level| level.pad[axis] as i64);
+        [-pad, self.size(level)[axis] as i64 - 1 + pad]
     }
 
     fn size(&self, level: usize) -> [usize; 2] {
@@ -95,19 +119,27 @@ impl<'a> Pyramid<'a> {
         }
     }
 
-    /// The part of a cell along an axis that lies within the texture.
-    fn share(&self, level: usize, axis: usize, index: usize) -> f64 {
+    /// The part of a cell along an axis that lies within the texture. A clamped one has no end.
+    fn share(&self, level: usize, axis: usize, index: i64) -> f64 {
+        if self.texture.wrap[axis] == Wrap::Clamp {
+            return 1.0;
+        }
         let width = 1_u64 << level;
         let left = u64::from(self.texture.size[axis]) - (index as u64 * width);
         left.min(width) as f64 / width as f64
     }
 
+    /// A cell within [`Self::edges`].
     #[inline]
-    fn cell(&self, level: usize, x: usize, y: usize) -> Vec4 {
+    fn cell(&self, level: usize, x: i64, y: i64) -> Vec4 {
         match level.checked_sub(1) {
-            Some(above) => self.levels[above].cells[y * self.levels[above].size[0] + x],
+            Some(above) => {
+                let Level { size, pad, cells } = &self.levels[above];
+                let [x, y] = [x + pad[0] as i64, y + pad[1] as i64];
+                cells[y as usize * (size[0] + 2 * pad[0]) + x as usize]
+            }
             None => {
-                let [r, g, b, a] = self.texture.texels[y * self.texture.size[0] as usize + x];
+                let [r, g, b, a] = self.texture.texels[y as usize * self.texture.size[0] as usize + x as usize];
                 let colour = Vec4::new(
                     self.linear[usize::from(r)],
                     self.linear[usize::from(g)],
@@ -123,9 +155,9 @@ impl<'a> Pyramid<'a> {
     pub(super) fn footprint(&self, covariance: [f64; 3]) -> Footprint {
         let top = self.levels.len();
         let [mut uu, mut uv, mut vv] = covariance;
-        // NaN fails the comparison; beyond it is any texture.
-        if !(uu + vv < 1e15) {
-            return Footprint { level: top, flat: [true; 2], conic: [0.0; 3], reach: DVec2::ZERO };
+        // NaN fails the comparison.
+        if !(uu + vv < WIDEST) {
+            [uu, uv, vv] = [0.5 * WIDEST, 0.0, 0.5 * WIDEST];
         }
         (uu, vv) = (uu + TENT, vv + TENT);
         let (middle, half) = (0.5 * (uu + vv), DVec2::new(0.5 * (uu - vv), uv).length());
@@ -144,7 +176,8 @@ impl<'a> Pyramid<'a> {
         let cell = (1_u64 << level) as f64;
         let of_means = (cell * cell - 1.0) / 12.0;
         let [uu, uv, vv] = [uu - of_means, uv, vv - of_means].map(|x| x / cell / cell);
-        let flat = self.texture.size.map(|n| level > 0 && f64::from(n) <= cell);
+        let flat =
+            [0, 1].map(|axis| f64::from(self.texture.size[axis]) <= cell && self.texture.wrap[axis] != Wrap::Clamp);
         let conic = match flat {
             [false, false] => {
                 let determinant = uu * vv - uv * uv;
@@ -181,7 +214,7 @@ impl<'a> Pyramid<'a> {
                 };
                 lines[0].runs(at[0] + middle - half, at[0] + middle + half, |run| {
                     let dx = if footprint.flat[0] { 0.0 } else { run.at - at[0] };
-                    let (of_run, weight) = self.run(footprint, &run, &lines[0], y as usize, dx, dy);
+                    let (of_run, weight) = self.run(footprint, &run, &lines[0], y, dx, dy);
                     sum += share * of_run;
                     weights += share * weight;
                 });
@@ -193,7 +226,7 @@ impl<'a> Pyramid<'a> {
 
     /// Sum of the cells of a run in row `y`, weighted, and of their weights. The weight exp(-q) is a product: that of
     /// the next cell is the last one times a ratio, which shrinks by a constant factor.
-    fn run(&self, footprint: &Footprint, run: &Run, line: &Line, y: usize, dx: f64, dy: f64) -> (Vec4, f32) {
+    fn run(&self, footprint: &Footprint, run: &Run, line: &Line, y: i64, dx: f64, dy: f64) -> (Vec4, f32) {
         let [a, b, c] = footprint.conic;
         let mut weight = exp(-(0.5 * a * dx * dx + b * dx * dy + 0.5 * c * dy * dy));
         let mut ratio = exp(-(a * (dx + 0.5) + b * dy));
@@ -202,7 +235,7 @@ impl<'a> Pyramid<'a> {
         let mut x = run.index;
         for _ in 0..run.count {
             let here = weight * line.share(x);
-            sum += here * self.cell(footprint.level, x as usize, y);
+            sum += here * self.cell(footprint.level, x, y);
             weights += here;
             weight *= ratio;
             ratio *= shrink;
@@ -216,7 +249,8 @@ impl<'a> Pyramid<'a> {
         Line {
             cells,
             period: f64::from(self.texture.size[axis]) / (1_u64 << footprint.level) as f64,
-            last: self.share(footprint.level, axis, cells as usize - 1) as f32,
+            edges: self.edges(footprint.level, axis),
+            last: self.share(footprint.level, axis, cells - 1) as f32,
             wrap: self.texture.wrap[axis],
             flat: footprint.flat[axis],
         }
@@ -231,6 +265,8 @@ fn exp(x: f64) -> f32 {
 /// The cells of a level along one axis.
 struct Line {
     cells: i64,
+    /// The first and the last cell there is.
+    edges: [i64; 2],
     /// Width of the texture, cells.
     period: f64,
     /// The part of the last cell that lies within the texture.
@@ -253,8 +289,8 @@ impl Line {
         if index + 1 == self.cells { self.last } else { 1.0 }
     }
 
-    fn nearest(&self, at: f64) -> usize {
-        (at.floor().max(0.0) as usize).min(self.cells as usize - 1)
+    fn nearest(&self, at: f64) -> i64 {
+        (at.floor() as i64).clamp(self.edges[0], self.edges[1])
     }
 
     /// A place near the origin at which the line looks the same.
@@ -262,7 +298,7 @@ impl Line {
         match self.wrap {
             Wrap::Repeat => at - (at / self.period).floor() * self.period,
             Wrap::Mirror => at - (0.5 * at / self.period).floor() * (2.0 * self.period),
-            // Beyond this all cells are those of the edge.
+            // Beyond this all cells are like that of the edge.
             Wrap::Clamp => at.clamp(-2.0 * reach - 1.0, self.period + 2.0 * reach + 1.0),
         }
     }
@@ -282,9 +318,9 @@ impl Line {
         };
         let end = self.cells - 1;
         if self.wrap == Wrap::Clamp {
-            part(0.0, i64::MIN, -1, &|_| 0, 0);
+            part(0.0, i64::MIN, -1, &|_| self.edges[0], 0);
             part(0.0, 0, end, &|i| i, 1);
-            part(0.0, self.cells, i64::MAX, &|_| end, 0);
+            part(0.0, self.cells, i64::MAX, &|_| self.edges[1], 0);
             return;
         }
         // The last cell may reach into the next image.
