@@ -128,7 +128,7 @@ fn is_gltf(path: &Path) -> bool {
 }
 
 /// True for `.bin`, false for `.ply`.
-fn binary(path: &Path) -> anyhow::Result<bool> {
+pub(super) fn binary(path: &Path) -> anyhow::Result<bool> {
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
     match ending.to_str() {
         Some("bin") => Ok(true),
@@ -137,7 +137,7 @@ fn binary(path: &Path) -> anyhow::Result<bool> {
     }
 }
 
-fn same_file(a: &Path, b: &Path) -> bool {
+pub(super) fn same_file(a: &Path, b: &Path) -> bool {
     match (a.canonicalize(), b.canonicalize()) {
         (Ok(a), Ok(b)) => a == b,
         _ => false,

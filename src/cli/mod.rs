@@ -17,6 +17,7 @@ mod progress;
 mod reference;
 mod render;
 mod report;
+mod sample;
 mod selection;
 mod sheet;
 mod shell;
@@ -67,6 +68,7 @@ enum Command {
     Study(thesis::Study),
     Info(info::Info),
     Convert(convert::Convert),
+    Sample(sample::Sample),
     Generate(generate::Generate),
     Completions(shell::Completions),
     Man(shell::Manual),
@@ -94,6 +96,7 @@ pub(super) fn main() -> ExitCode {
         Command::Study(study) => study.run().map(|()| ExitCode::SUCCESS),
         Command::Info(info) => info.run().map(|()| ExitCode::SUCCESS),
         Command::Convert(convert) => convert.run().map(|()| ExitCode::SUCCESS),
+        Command::Sample(sample) => sample.run().map(|()| ExitCode::SUCCESS),
         Command::Generate(generate) => generate.run().map(|()| ExitCode::SUCCESS),
         Command::Completions(completions) => completions.run(Cli::command()).map(|()| ExitCode::SUCCESS),
         Command::Man(manual) => manual.run(Cli::command()).map(|()| ExitCode::SUCCESS),

@@ -12,7 +12,7 @@ use super::error::{ModelError, ParseError, quote};
 use super::format::BIN_MAGIC;
 use super::normalisation::LARGEST;
 use super::store;
-use super::surfels::{Material, Normalisation, Surfels};
+use super::surfels::{MIPMAP_LEVELS, Material, Normalisation, Surfels};
 use super::tidy::{MAX_COORDINATE, usable};
 
 /// The version that is written. The first one is read too.
@@ -44,8 +44,8 @@ const fn known(name: &'static str, components: usize, required: bool) -> Known {
     Known { name, components, required }
 }
 
-/// The columns in the order in which they are written. The first version has all but the last.
-const COLUMNS: [Known; 9] = [
+/// The columns in the order in which they are written. The first version has the first seven.
+const COLUMNS: [Known; 10] = [
     known("position", 3, true),
     known("axis_u", 3, true),
     known("axis_v", 3, true),
@@ -55,6 +55,7 @@ const COLUMNS: [Known; 9] = [
     known("velocity", 3, false),
     known("normalisation", 1, false),
     known("opacity", 1, false),
+    known("mipmap", 3 * MIPMAP_LEVELS, false),
 ];
 
 /// Where each column of [`COLUMNS`] lies in the file.
@@ -101,7 +102,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
         let expected = format!("{computed:08x}: the file is damaged");
         return Err(ParseError::byte(CRC_AT, format!("checksum {found:08x}"), expected));
     }
-    let [position, axis_u, axis_v, normal, colour, material, velocity, normalisation, opacity] =
+    let [position, axis_u, axis_v, normal, colour, material, velocity, normalisation, opacity, mipmap] =
         places.each_ref().map(|place| place.as_ref().and_then(|place| bytes.get(place.clone())).unwrap_or_default());
     let factors: Vec<f32> = rows(normalisation).map(|[factor]: [f32; 1]| factor).collect();
     check_factors(&factors, &places)?;
@@ -115,7 +116,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
         material: rows(material)
             .map(|[ambient, diffuse, specular, shininess]| Material { ambient, diffuse, specular, shininess })
             .collect(),
-        mipmap: Vec::new(),
+        mipmap: rows(mipmap).map(levels).collect(),
         velocity: vectors(velocity),
         opacity: rows(opacity).map(|[opacity]: [f32; 1]| opacity).collect(),
         normalisation: if factors.is_empty() { Normalisation::default() } else { factors.into() },
@@ -291,6 +292,7 @@ enum Values<'a> {
     Vectors(&'a [Vec3]),
     Materials(&'a [Material]),
     Numbers(&'a [f32]),
+    Levels(&'a [[Vec3; MIPMAP_LEVELS]]),
 }
 
 impl<'a> Column<'a> {
@@ -306,6 +308,7 @@ impl<'a> Column<'a> {
             Values::Vectors(&s.velocity),
             Values::Numbers(s.normalisation()),
             Values::Numbers(&s.opacity),
+            Values::Levels(&s.mipmap),
         ];
         let columns = COLUMNS.iter().zip(values).map(|(known, values)| Self { known, values });
         columns.filter(|column| column.known.required || column.bytes() > 0).collect()
@@ -316,6 +319,7 @@ impl<'a> Column<'a> {
             Values::Vectors(values) => size_of_val(values),
             Values::Materials(values) => size_of_val(values),
             Values::Numbers(values) => size_of_val(values),
+            Values::Levels(values) => size_of_val(values),
         };
         bytes as u64
     }
@@ -327,6 +331,9 @@ impl<'a> Column<'a> {
                 values.iter().try_for_each(|m| write_floats(out, &[m.ambient, m.diffuse, m.specular, m.shininess]))
             }
             Values::Numbers(values) => values.iter().try_for_each(|&value| write_floats(out, &[value])),
+            Values::Levels(values) => {
+                values.iter().flatten().try_for_each(|colour| write_floats(out, &colour.to_array()))
+            }
         }
     }
 }
@@ -389,6 +396,11 @@ fn vectors(column: &[u8]) -> Vec<Vec3> {
     rows(column).map(Vec3::from_array).collect()
 }
 
+/// The colours of a row.
+fn levels(row: [f32; 3 * MIPMAP_LEVELS]) -> [Vec3; MIPMAP_LEVELS] {
+    std::array::from_fn(|k| Vec3::from_slice(&row[3 * k..]))
+}
+
 /// The rows of a column of floats.
 fn rows<const N: usize>(column: &[u8]) -> impl Iterator<Item = [f32; N]> {
     let floats = column.as_chunks::<4>().0;
@@ -411,6 +423,7 @@ fn check(s: &Surfels, places: &Places) -> Result<(), ParseError> {
         (5, "material", s.material.iter().position(|m| !sane(m))),
         (6, "velocity", s.velocity.iter().position(|v| !finite(v))),
         (8, "opacity", s.opacity.iter().position(|opacity| !(0.0..=1.0).contains(opacity))),
+        (9, "row of colours", s.mipmap.iter().position(|row| !row.iter().all(|c| c.is_finite()))),
     ];
     match faults.into_iter().find_map(|(column, what, fault)| fault.map(|i| (column, what, i))) {
         Some((column, what, i)) => {

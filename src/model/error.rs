@@ -90,6 +90,24 @@ pub enum ModelError {
         /// The file.
         path: PathBuf,
     },
+    /// The mesh has no triangle that could be sampled.
+    #[error("model {} has {triangles} triangles and none has an area (spacing `none` takes its vertices as points)", path.display())]
+    FlatMesh {
+        /// The file.
+        path: PathBuf,
+        /// Their number.
+        triangles: usize,
+    },
+    /// The spacing of the surfels of a mesh is too small.
+    #[error("model {}: spacing {spacing} is too small for its size, expected at least {least:.3e}", path.display())]
+    FineSpacing {
+        /// The file.
+        path: PathBuf,
+        /// What was given.
+        spacing: f64,
+        /// About the least one that is possible.
+        least: f64,
+    },
     /// The arrays of surfels to be written differ in length.
     #[error("surfels to be written have {found} of `{column}`, expected {expected}")]
     UnequalColumns {

@@ -1,15 +1,17 @@
 //! Reading a model file of any format.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::Vec3;
 
 use super::capture::{self, Gaussians};
-use super::cloud::Cloud;
+use super::cloud::{Cloud, ColourStorage};
 use super::complete::complete;
 use super::error::{ModelError, ParseError};
 use super::format::Format;
-use super::options::{ColourSpace, Kind, LoadOptions, Progress};
+use super::mesh::{self, Mesh, Sampled, Unsampled};
+use super::options::{ColourSpace, Kind, LoadOptions, MeshOptions, Progress, Spacing};
 use super::surfels::{Normalisation, Surfels};
 use super::volume::{self, Grid, Made, Samples, VolumeFacts};
 use super::{bin, map, obj, ply, sfl, tidy, xyz};
@@ -31,9 +33,40 @@ pub struct Loaded {
     pub gaussians: Option<Gaussians>,
     /// What a volume held; `None` for all other models.
     pub volume: Option<VolumeFacts>,
+    /// The mesh that the surfels are samples of; `None` for all other models.
+    pub mesh: Option<MeshSource>,
     /// One line each for points that were dropped, normals and radii that were estimated, and conventions that were
     /// assumed.
     pub notes: Vec<String>,
+}
+
+/// A mesh, and how it was sampled.
+#[derive(Clone, Debug)]
+pub struct MeshSource {
+    mesh: Arc<Mesh>,
+    options: MeshOptions,
+    radius_scale: f64,
+    spacing: f64,
+}
+
+impl MeshSource {
+    /// Distance of the sampling rays, model units.
+    pub fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
+    /// Number of triangles in the file.
+    pub fn triangles(&self) -> usize {
+        self.mesh.triangles.len()
+    }
+
+    /// The mesh sampled again: with `spacing` (model units), but within a range of numbers of surfels. `None` if it
+    /// cannot be sampled.
+    pub(crate) fn resampled(&self, spacing: f64, surfels: [f64; 2]) -> Option<Loaded> {
+        let spacing = mesh::limited(&self.mesh, spacing, surfels, self.options.reduce);
+        let options = MeshOptions { spacing: Spacing::Of(spacing), ..self.options };
+        sampled(Arc::clone(&self.mesh), options, self.radius_scale).ok()
+    }
 }
 
 /// The result of [`parse`].
@@ -57,14 +90,25 @@ pub fn parse(bytes: &[u8], format: Format) -> Result<Parsed, ParseError> {
     parse_told(bytes, format, &|_| {})
 }
 
+/// Reads the mesh of a file with faces, or `None` if it has none.
+///
+/// # Errors
+/// The bytes are not a valid file of this format.
+pub fn parse_mesh(bytes: &[u8], format: Format) -> Result<Option<Mesh>, ParseError> {
+    Ok(match read(bytes, format, true, &|_| {})? {
+        Content::Mesh(cloud, triangles) => Some(mesh::of_cloud(cloud, triangles, None)),
+        Content::Capture(_) | Content::Cloud(_) | Content::Surfels(_) | Content::Grid(_) => None,
+    })
+}
+
 /// Reads the Gaussians of a capture as the file gives them, or `None` if the file holds none.
 ///
 /// # Errors
 /// The bytes are not a valid file of this format.
 pub fn parse_capture(bytes: &[u8], format: Format) -> Result<Option<Gaussians>, ParseError> {
-    Ok(match read(bytes, format, &|_| {})? {
+    Ok(match read(bytes, format, false, &|_| {})? {
         Content::Capture(gaussians) => Some(gaussians),
-        Content::Cloud(_) | Content::Surfels(_) | Content::Grid(_) => None,
+        Content::Cloud(_) | Content::Mesh(..) | Content::Surfels(_) | Content::Grid(_) => None,
     })
 }
 
@@ -77,8 +121,20 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
         refuse_by_name(path)?;
         let bytes = map::map(path)?;
         let format = Format::detect(&bytes, path).ok_or_else(|| ModelError::UnknownFormat { path: path.to_owned() })?;
-        let content = read(&bytes, format, &|share| progress("reading", share))
-            .map_err(|why| ModelError::Invalid { path: path.to_owned(), why })?;
+        let invalid = |why| ModelError::Invalid { path: path.to_owned(), why };
+        if options.node.is_some() && !matches!(format, Format::Glb | Format::Gltf) {
+            return Err(invalid(ParseError::byte(0, "a file without nodes", "glTF, as a `node` is named")));
+        }
+        let sampled = options.mesh.spacing != Spacing::None;
+        if matches!(options.kind, None | Some(Kind::Surfels)) && (sampled || format != Format::Obj) {
+            let mesh = mesh::read(&bytes, format, path, options.node.as_deref()).map_err(invalid)?;
+            match mesh {
+                Some(mesh) if sampled => return sample_mesh(mesh, options, path, progress),
+                Some(mesh) => return vertices(mesh, options, path, progress),
+                None => {}
+            }
+        }
+        let content = read(&bytes, format, sampled, &|share| progress("reading", share)).map_err(invalid)?;
         (content, bytes.len())
     };
     let owned = || path.to_owned();
@@ -99,6 +155,10 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
             return of_volume(made, path);
         }
         (_, Some(Kind::Volume)) => return Err(ModelError::NoVolume { path: owned() }),
+        (Content::Mesh(cloud, triangles), _) => {
+            let mesh = mesh::of_cloud(cloud, triangles, options.colour_space);
+            return sample_mesh(mesh, options, path, progress);
+        }
         (content, _) => tidied(content),
     };
     match parsed {
@@ -106,29 +166,85 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
         Parsed::Surfels(surfels) if surfels.is_empty() => {
             Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: String::new() })
         }
-        Parsed::Surfels(surfels) => {
-            Ok(Loaded { surfels: adjust(surfels, options), gaussians: None, volume: None, notes: Vec::new() })
-        }
-        Parsed::Cloud(mut cloud) => {
-            let mut notes = std::mem::take(&mut cloud.notes);
-            if !cloud.density.is_empty() {
-                notes.push("`density` ignored: the points are drawn as surfels (kind `volume` uses it)".to_owned());
-            }
-            let (surfels, completed) = complete(cloud, options, progress).map_err(|error| match error {
-                ModelError::NoPoints => {
-                    let dropped = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
-                    ModelError::NoPointsIn { path: path.to_owned(), dropped }
-                }
-                other => other,
-            })?;
-            notes.extend(completed);
-            Ok(Loaded { surfels, gaussians: None, volume: None, notes })
-        }
+        Parsed::Surfels(surfels) => Ok(Loaded {
+            surfels: adjust(surfels, options),
+            gaussians: None,
+            volume: None,
+            mesh: None,
+            notes: Vec::new(),
+        }),
+        Parsed::Cloud(cloud) => completed(cloud, options, path, progress),
     }
 }
 
+/// The surfels of points, with what they lack.
+fn completed(
+    mut cloud: Cloud,
+    options: &LoadOptions,
+    path: &Path,
+    progress: Progress<'_>,
+) -> Result<Loaded, ModelError> {
+    let mut notes = std::mem::take(&mut cloud.notes);
+    if !cloud.density.is_empty() {
+        notes.push("`density` ignored: the points are drawn as surfels (kind `volume` uses it)".to_owned());
+    }
+    let (surfels, completed) = complete(cloud, options, progress).map_err(|error| match error {
+        ModelError::NoPoints => {
+            let dropped = if notes.is_empty() { String::new() } else { format!(": {}", notes.join("; ")) };
+            ModelError::NoPointsIn { path: path.to_owned(), dropped }
+        }
+        other => other,
+    })?;
+    notes.extend(completed);
+    Ok(Loaded { surfels, gaussians: None, volume: None, mesh: None, notes })
+}
+
+/// The vertices of a mesh as points.
+fn vertices(mesh: Mesh, options: &LoadOptions, path: &Path, progress: Progress<'_>) -> Result<Loaded, ModelError> {
+    let cloud = Cloud {
+        position: mesh.position,
+        normal: mesh.normal,
+        colour: mesh.colour.iter().map(|colour| colour.truncate()).collect(),
+        colour_storage: ColourStorage::Float,
+        notes: mesh.notes,
+        ..Cloud::default()
+    };
+    completed(tidy::tidy(cloud), options, path, progress)
+}
+
 fn parse_told(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Parsed, ParseError> {
-    Ok(tidied(read(bytes, format, progress)?))
+    Ok(tidied(read(bytes, format, false, progress)?))
+}
+
+/// Samples a mesh to surfels (Pfister et al. 2000, section 5). `path` stands for its file in messages.
+///
+/// # Errors
+/// No triangle has an area, the spacing is too small, or all is cut out.
+pub fn sample_mesh(
+    mesh: Mesh,
+    options: &LoadOptions,
+    path: &Path,
+    progress: Progress<'_>,
+) -> Result<Loaded, ModelError> {
+    progress("sampling", 0.0);
+    let loaded = sampled(Arc::new(mesh), options.mesh, options.radius_scale).map_err(|why| match why {
+        Unsampled::Flat { triangles } => ModelError::FlatMesh { path: path.to_owned(), triangles },
+        Unsampled::Fine { spacing, least } => ModelError::FineSpacing { path: path.to_owned(), spacing, least },
+    })?;
+    progress("sampling", 1.0);
+    if loaded.surfels.is_empty() {
+        let dropped = format!(": {}", loaded.notes.join("; "));
+        return Err(ModelError::NoPointsIn { path: path.to_owned(), dropped });
+    }
+    Ok(loaded)
+}
+
+fn sampled(mesh: Arc<Mesh>, options: MeshOptions, radius_scale: f64) -> Result<Loaded, Unsampled> {
+    let Sampled { surfels, spacing, notes: of_sampling } = mesh::sample(&mesh, &options, radius_scale)?;
+    let mut notes = mesh.notes.clone();
+    notes.extend(of_sampling);
+    let mesh = Some(MeshSource { mesh, options, radius_scale, spacing });
+    Ok(Loaded { surfels, gaussians: None, volume: None, mesh, notes })
 }
 
 /// Most kernels of a volume whose file has `size` bytes: a small file that packs more is an attempt to fill memory.
@@ -149,7 +265,7 @@ fn of_volume(made: Result<Made, ParseError>, path: &Path) -> Result<Loaded, Mode
         why.push("no sample has an extinction above 0".to_owned());
         return Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: format!(": {}", why.join("; ")) });
     }
-    Ok(Loaded { surfels: Surfels::default(), gaussians: Some(gaussians), volume: Some(facts), notes })
+    Ok(Loaded { surfels: Surfels::default(), gaussians: Some(gaussians), volume: Some(facts), mesh: None, notes })
 }
 
 /// Refuses captures of programs that keep the meaning of their bytes to themselves, or spread them over many files.
@@ -169,7 +285,8 @@ fn refuse_by_name(path: &Path) -> Result<(), ModelError> {
 /// What is drawn as surfels, without points that cannot be drawn.
 fn tidied(content: Content) -> Parsed {
     match content {
-        Content::Cloud(cloud) => Parsed::Cloud(tidy::tidy(cloud)),
+        // A mesh that is not sampled was read as its vertices.
+        Content::Cloud(cloud) | Content::Mesh(cloud, _) => Parsed::Cloud(tidy::tidy(cloud)),
         Content::Capture(gaussians) => Parsed::Cloud(tidy::tidy(gaussians.into_cloud())),
         Content::Surfels(surfels) => Parsed::Surfels(surfels),
         Content::Grid(grid) => Parsed::Grid(grid),
@@ -196,21 +313,25 @@ fn capture(mut gaussians: Gaussians, options: &LoadOptions, path: &Path) -> Resu
     if let Some(space) = options.colour_space {
         gaussians.linear = space == ColourSpace::Linear;
     }
-    Ok(Loaded { surfels: Surfels::default(), gaussians: Some(gaussians), volume: None, notes })
+    Ok(Loaded { surfels: Surfels::default(), gaussians: Some(gaussians), volume: None, mesh: None, notes })
 }
 
 /// What the readers give.
 enum Content {
     Cloud(Cloud),
+    /// Vertices, and the corners of triangles.
+    Mesh(Cloud, Vec<[u32; 3]>),
     Capture(Gaussians),
     Surfels(Surfels),
     Grid(Grid),
 }
 
-fn read(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Content, ParseError> {
+/// `faces`: files with faces are meshes.
+fn read(bytes: &[u8], format: Format, faces: bool, progress: &dyn Fn(f32)) -> Result<Content, ParseError> {
     Ok(match format {
-        Format::Ply => match ply::parse(bytes, progress)? {
+        Format::Ply => match ply::parse(bytes, faces, progress)? {
             ply::Content::Cloud(cloud) => Content::Cloud(cloud),
+            ply::Content::Mesh(cloud, triangles) => Content::Mesh(cloud, triangles),
             ply::Content::Capture(gaussians) => Content::Capture(gaussians),
         },
         Format::Sfl => Content::Cloud(sfl::parse(bytes, progress)?),
@@ -238,7 +359,7 @@ fn adjust(mut surfels: Surfels, options: &LoadOptions) -> Surfels {
         surfels.normalisation = Normalisation::default();
     }
     if options.colour_space == Some(ColourSpace::Srgb) {
-        for c in &mut surfels.colour {
+        for c in surfels.colour.iter_mut().chain(surfels.mipmap.as_flattened_mut()) {
             *c = Vec3::from_array(c.to_array().map(srgb::to_linear));
         }
     }

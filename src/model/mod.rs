@@ -2,7 +2,7 @@
 //!
 //! Data flow: `format` (which format a file has) → `ply`, `sfl`, `obj`, `xyz`, `bin` (bytes to a cloud) → `tidy`
 //! (points and attributes that cannot be drawn) → `complete` (normals and radii that are missing; `sides`: do the
-//! signs of normals mean something?) → `surfels`. Captures (`capture`) and volumes (`volume`) become [`Gaussians`].
+//! signs of normals mean something?) → `surfels`. A mesh (`mesh`) is sampled to surfels. Captures (`capture`) and volumes (`volume`) become [`Gaussians`].
 //! `load` does all this. `normalisation` is computed when it is asked for.
 
 mod area_normals;
@@ -27,6 +27,7 @@ mod order;
 mod orient;
 mod ply;
 mod ply_body;
+mod ply_faces;
 mod ply_header;
 mod radii;
 mod sfl;
@@ -46,8 +47,8 @@ pub use cloud::{Cloud, ColourStorage};
 pub use complete::complete;
 pub use error::{ModelError, ParseError, Place};
 pub use format::Format;
-pub use load::{Loaded, Parsed, load, parse, parse_capture};
-pub use options::{ColourSpace, Kind, LoadOptions, Progress};
+pub use load::{Loaded, MeshSource, Parsed, load, parse, parse_capture, parse_mesh, sample_mesh};
+pub use options::{ColourSpace, Kind, LoadOptions, MeshOptions, Progress, Spacing};
 pub use surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA, Material, Normalisation, Surfels};
 pub use volume::{
     Grid, KERNEL, MOST_EXTINCTION, Samples, Stop, TransferFunction, TransferFunctionError, VolumeFacts, VolumeOptions,

@@ -22,6 +22,37 @@ pub enum Kind {
     Volume,
 }
 
+/// How far apart the surfels of a mesh are (`<pointModel spacing="...">`).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Spacing {
+    /// In a scene by the size of a pixel where the object is nearest to the camera; else such that there are about
+    /// 200 000 surfels.
+    #[default]
+    Auto,
+    /// Distance of the sampling rays, model units, > 0.
+    Of(f64),
+    /// Such that there are about as many surfels, > 0.
+    Surfels(u32),
+    /// The mesh is not sampled: its vertices are points.
+    None,
+}
+
+/// How a mesh becomes surfels. It means nothing for other models.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeshOptions {
+    /// How far apart surfels are.
+    pub spacing: Spacing,
+    /// Each triangle is sampled along the axis that it faces most, and not along all three (3-to-1 reduction; Pfister et
+    /// al. 2000, section 6.2).
+    pub reduce: bool,
+}
+
+impl Default for MeshOptions {
+    fn default() -> Self {
+        Self { spacing: Spacing::Auto, reduce: true }
+    }
+}
+
 /// The choices that a scene has for a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadOptions {
@@ -36,11 +67,14 @@ pub struct LoadOptions {
     /// The node of a glTF file whose mesh is wanted, in its own space: its name, the name of its mesh, or `#index`.
     /// `None`: the whole scene.
     pub node: Option<String>,
+    /// How a mesh becomes surfels; nothing for other models.
+    pub mesh: MeshOptions,
 }
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        Self { kind: None, radius_scale: 1.0, colour_space: None, volume: VolumeOptions::default(), node: None }
+        let (volume, mesh) = (VolumeOptions::default(), MeshOptions::default());
+        Self { kind: None, radius_scale: 1.0, colour_space: None, volume, node: None, mesh }
     }
 }
 

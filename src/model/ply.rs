@@ -1,4 +1,4 @@
-//! PLY files: point clouds, surfels, meshes whose vertices are taken as points, and Gaussian-splat captures.
+//! PLY files: point clouds, surfels, meshes, and Gaussian-splat captures.
 //!
 //! The header (`ply_header`) becomes a list of steps, one for each property. The body (`ply_body`) is then read in one
 //! pass. The file is long because all columns of one table are read here. Names count in any letter case and order,
@@ -26,6 +26,7 @@ use super::capture::{Gaussian, Gaussians, MOST_HARMONICS, harmonics_of, logistic
 use super::cloud::{Cloud, ColourStorage};
 use super::error::ParseError;
 use super::ply_body::{Body, within};
+use super::ply_faces::{self, Triangles};
 use super::ply_header::{self, Element, Encoding, Header, Kind, Scalar};
 use super::surfels::Material;
 
@@ -43,6 +44,8 @@ pub(super) const MATERIAL: [&str; 4] = ["ambient", "diffuse", "specular", "shini
 pub(super) enum Content {
     /// Points, surfels, or the vertices of a mesh.
     Cloud(Cloud),
+    /// Vertices, and the corners of triangles: at least one, all valid.
+    Mesh(Cloud, Vec<[u32; 3]>),
     /// Gaussians.
     Capture(Gaussians),
 }
@@ -50,7 +53,7 @@ pub(super) enum Content {
 impl Content {
     fn notes(&mut self) -> &mut Vec<String> {
         match self {
-            Self::Cloud(cloud) => &mut cloud.notes,
+            Self::Cloud(cloud) | Self::Mesh(cloud, _) => &mut cloud.notes,
             Self::Capture(gaussians) => &mut gaussians.notes,
         }
     }
@@ -64,18 +67,19 @@ impl Content {
 
     fn has_points(&self) -> bool {
         match self {
-            Self::Cloud(cloud) => !cloud.position.is_empty(),
+            Self::Cloud(cloud) | Self::Mesh(cloud, _) => !cloud.position.is_empty(),
             Self::Capture(gaussians) => !gaussians.is_empty(),
         }
     }
 }
 
-/// Reads a PLY file. `progress` now and then gets the share of vertices read.
+/// Reads a PLY file. `progress` now and then gets the share of vertices read. `faces`: a file with faces is a mesh; else
+/// its vertices are points, with normals from the faces. Surfels and samples of volumes stay points in any case.
 ///
 /// # Errors
 /// The error names the line or the byte. Something is outside the grammar, the body is cut short, vertices have no
 /// positions, or face indices are bad. Where the faces of a text are at fault, its points are used, with a note.
-pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Content, ParseError> {
+pub(super) fn parse(bytes: &[u8], faces: bool, progress: &dyn Fn(f32)) -> Result<Content, ParseError> {
     let header = ply_header::parse(bytes)?;
     let mut body = Body::new(bytes, header.body, header.encoding);
     if compressed_ply::is_compressed(&header) {
@@ -84,6 +88,7 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Content, Par
         return Ok(content);
     }
     let mut content = None;
+    let as_mesh = faces;
     let mut faces = Vec::new();
     let mut damage = None;
     for element in &header.elements {
@@ -104,6 +109,17 @@ pub(super) fn parse(bytes: &[u8], progress: &dyn Fn(f32)) -> Result<Content, Par
     };
     if damage.is_none() {
         content.note_surplus(&body);
+    }
+    if as_mesh
+        && let Content::Cloud(cloud) = &mut content
+        && is_vertices(cloud)
+        && damage.is_none()
+    {
+        match triangles(&mut body, &faces, cloud.position.len()) {
+            Ok(corners) if corners.is_empty() => {}
+            Ok(corners) => return Ok(Content::Mesh(std::mem::take(cloud), corners)),
+            Err(fault) => damage = Some(spare_points(fault, &header, Some(&content))?),
+        }
     }
     if let Content::Cloud(cloud) = &mut content
         && cloud.normal.is_empty()
@@ -134,6 +150,24 @@ fn spare_points(fault: ParseError, header: &Header, before: Option<&Content>) ->
     }
 }
 
+/// True for points that may be the vertices of a mesh: they are no surfels and no samples of a volume.
+fn is_vertices(cloud: &Cloud) -> bool {
+    cloud.radius.is_empty() && cloud.axes.is_empty() && cloud.density.is_empty()
+}
+
+/// The triangles of all faces.
+fn triangles(body: &mut Body<'_>, faces: &[(&Element, usize)], vertices: usize) -> Result<Vec<[u32; 3]>, ParseError> {
+    let mut triangles = Triangles::new(vertices);
+    for &(element, at) in faces {
+        body.at = at;
+        let strips = ply_faces::are_strips(element);
+        ply_faces::read(body, element, &mut |indices| {
+            if strips { triangles.add_strips(indices) } else { triangles.add(indices) }
+        })?;
+    }
+    Ok(triangles.corners)
+}
+
 /// Normals of the vertices, and the number of polygons.
 fn mesh_normals(
     body: &mut Body<'_>,
@@ -144,7 +178,10 @@ fn mesh_normals(
     let mut polygons = 0;
     for &(element, at) in faces {
         body.at = at;
-        polygons += read_faces(body, element, &mut normals)?;
+        let strips = ply_faces::are_strips(element);
+        polygons += ply_faces::read(body, element, &mut |indices| {
+            if strips { normals.add_strips(indices) } else { normals.add(indices) }
+        })?;
     }
     Ok((normals.finish(), polygons))
 }
@@ -422,33 +459,6 @@ fn scale_colours(cloud: &mut Cloud, scalar: Scalar, grey: bool, declared_linear:
         (f64::from(x) / divisor) as f32
     };
     cloud.colour.iter_mut().for_each(|c| *c = Vec3::new(scale(c.x), scale(c.y), scale(c.z)));
-}
-
-/// Adds the polygons of an element, and returns their number.
-fn read_faces(body: &mut Body<'_>, element: &Element, normals: &mut AreaNormals<'_>) -> Result<usize, ParseError> {
-    let is_indices = |name: &str| matches!(name, "vertex_indices" | "vertex_index");
-    let strips = element.name == "tristrips";
-    let mut indices = Vec::new();
-    let mut polygons = 0;
-    for row in 0..body.count(element)? {
-        for property in &element.properties {
-            let at = body.at;
-            let located = |e: ParseError| within(e, element, row, &property.name);
-            match property.kind {
-                Kind::List { count, item } if is_indices(&property.name) => {
-                    body.indices(count, item, &mut indices).map_err(located)?;
-                    let added = if strips { normals.add_strips(&indices) } else { normals.add(&indices) };
-                    added.map_err(|index| {
-                        let found = format!("vertex index {index}");
-                        located(body.fault(at, found, "the index of a vertex of this file, from 0"))
-                    })?;
-                    polygons += 1;
-                }
-                kind => body.skip(kind).map_err(located)?,
-            }
-        }
-    }
-    Ok(polygons)
 }
 
 /// Gives each wanted property an index in the record that is read.

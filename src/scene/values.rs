@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use super::model::Model;
 use crate::anim::{Interpolation, NodeMotion};
 use crate::math::{Bounds, Trs};
-use crate::model::{self, Cloud, ColourSpace, Kind, Material, ModelError, VolumeOptions};
+use crate::model::{self, Cloud, ColourSpace, Kind, Material, MeshOptions, ModelError, VolumeOptions};
 use crate::time::Shutter;
 
 /// What is rendered: objects, lights and a camera, with the image, the frames and the shutter.
@@ -187,6 +187,8 @@ pub struct Object {
     pub volume: VolumeOptions,
     /// The node of a glTF file that `model` is; `None`: its whole scene.
     pub node: Option<String>,
+    /// How a mesh became surfels (already applied to `model`); it means nothing for other models.
+    pub mesh: MeshOptions,
     /// Factor on the model's radii, > 0 (already applied to `model`).
     pub radius_scale: f64,
     /// Colour space forced by the scene (already applied to `model`).
@@ -230,6 +232,7 @@ impl Object {
             capture: Capture::default(),
             volume: VolumeOptions::default(),
             node: None,
+            mesh: MeshOptions::default(),
             radius_scale: 1.0,
             colour_space: None,
             transform: Trs::default(),
@@ -248,7 +251,8 @@ impl Object {
 
     /// An object of a model file: PLY, `Pointshop3D` `.sfl`, Wavefront `.obj`, points as text (`.xyz`, `.pts`),
     /// splatblur's own `.bin`, a capture, or a volume (`.nrrd`). Missing normals and radii of surfels are
-    /// estimated, and the surfels sorted along a curve through space.
+    /// estimated, and the surfels sorted along a curve through space. A file with faces is sampled to about 200 000
+    /// surfels.
     ///
     /// # Errors
     /// The file cannot be read, or is not a valid model with at least one point.

@@ -6,6 +6,7 @@ use super::check::selected;
 use super::dom::{Element, FileRef, Source};
 use super::error::{SceneError, quoted};
 use super::schema::{Absent, AttributeSchema, ElementSchema, FAR, Kind, Range, element as schema_of};
+use crate::model::Spacing;
 
 /// An element, present or not, with its schema. It gives values by name.
 pub(super) struct Part<'a> {
@@ -74,6 +75,16 @@ impl<'a> Part<'a> {
             _ => None,
         })?;
         Ok(divisor.unwrap_or(1.0))
+    }
+
+    /// The spacing of a mesh's surfels.
+    pub(super) fn spacing(&self, name: &str) -> Result<Spacing, SceneError> {
+        let spacing = self.parse(name, |value, kind| match kind {
+            Kind::Spacing(_) if value == "none" => Some(Spacing::None),
+            Kind::Spacing(range) => number(value, range).map(Spacing::Of),
+            _ => None,
+        })?;
+        Ok(spacing.unwrap_or(Spacing::Auto))
     }
 
     pub(super) fn optional_vector(&self, name: &str) -> Result<Option<DVec3>, SceneError> {

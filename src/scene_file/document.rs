@@ -10,7 +10,7 @@ use super::error::{SceneError, quoted};
 use super::schema::FAR;
 use crate::anim::Interpolation;
 use crate::math::{RotateOrder, Trs};
-use crate::model::{self, ColourSpace, Kind, Material, Stop, TransferFunction, VolumeOptions};
+use crate::model::{self, ColourSpace, Kind, Material, MeshOptions, Stop, TransferFunction, VolumeOptions};
 use crate::scene::{Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, Sphere};
 use crate::time::{Shutter, Weight};
 
@@ -224,6 +224,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         flatten: model.divisor("flatten")?,
         lit: model.boolean("lit")?,
     };
+    let mesh = MeshOptions { spacing: model.spacing("spacing")?, reduce: model.boolean("reduce")? };
     Ok(ObjectSpec {
         name,
         blur: part.boolean("blur")?,
@@ -238,6 +239,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
             radius_scale: model.number("radiusScale")?,
             colour_space,
             volume,
+            mesh,
             node: model.text("node")?,
         },
         capture: capture(&model)?,

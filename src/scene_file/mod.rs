@@ -76,11 +76,17 @@ pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, SceneError
 /// # Errors
 /// The file cannot be read, or is not a valid model with at least one point.
 pub fn load_model(path: &Path, progress: Progress<'_>) -> Result<Loaded, ModelError> {
-    let loaded = model::load(path, &model::LoadOptions::default(), progress)?;
-    let notes = loaded.notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
+    let loaded = model::load(path, &resolve::coarse(model::LoadOptions::default()), progress)?;
+    let mut notes: Vec<String> = loaded.notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
+    let mesh = loaded.mesh.clone();
     let mut object = Object::new(loaded);
     path.clone_into(&mut object.model_path);
+    let model = object.model.clone();
     let mut scene = Scene::new([object]);
+    if let Some(source) = mesh {
+        notes.clear();
+        resolve::refine(&mut scene, &resolve::CoarseMesh { path: path.to_owned(), source, model }, &mut notes);
+    }
     scene.name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     Ok(Loaded { scene, notes })
 }

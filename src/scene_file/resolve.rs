@@ -12,7 +12,7 @@ use super::error::{SceneError, quoted};
 use super::paths::Finder;
 use super::{LoadOptions, Loaded, write};
 use crate::anim::{self, NodeMotion};
-use crate::model;
+use crate::model::{self, MeshOptions, MeshSource, Spacing};
 use crate::scene::{self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Model, Object, Scene};
 
 /// Reads all files of a document and fills in what it leaves out.
@@ -31,6 +31,7 @@ pub(super) fn resolve(
         found: HashMap::new(),
         models: HashMap::new(),
         variants: HashMap::new(),
+        meshes: Vec::new(),
         animations: HashMap::new(),
         rate: None,
     };
@@ -57,6 +58,9 @@ pub(super) fn resolve(
     scene.camera = camera(source, &scene, document.camera.as_ref(), camera_binding)?;
     scene.camera.motions = document.camera.map_or_else(Vec::new, |c| c.motions);
     let mut notes = files.notes;
+    for mesh in files.meshes {
+        refine(&mut scene, &mesh, &mut notes);
+    }
     show_insides(&mut scene, &sides_given, &mut notes);
     if scene.camera.automatic {
         let FrameRange { first, last, .. } = scene.frames;
@@ -67,6 +71,26 @@ pub(super) fn resolve(
         ));
     }
     Ok(Loaded { scene, notes })
+}
+
+/// A mesh whose spacing the scene decides, sampled coarsely so that the scene has its size.
+pub(super) struct CoarseMesh {
+    pub(super) path: PathBuf,
+    pub(super) source: MeshSource,
+    pub(super) model: Model,
+}
+
+/// Samples a mesh again, as finely as the objects that show it need.
+pub(super) fn refine(scene: &mut Scene, coarse: &CoarseMesh, notes: &mut Vec<String>) {
+    let shows = |object: &Object| Arc::ptr_eq(object.model.surfels(), coarse.model.surfels());
+    let wanted = scene.objects.iter().filter(|object| shows(object));
+    let wanted = wanted.filter_map(|object| scene::wanted_spacing(scene, object)).reduce(f64::min);
+    // An object that is never seen stays coarse.
+    let wanted = wanted.unwrap_or_else(|| coarse.source.spacing());
+    let Some(loaded) = coarse.source.resampled(wanted, scene::SURFELS) else { return };
+    notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", coarse.path.display())));
+    let model = Model::from(loaded);
+    scene.objects.iter_mut().filter(|object| shows(object)).for_each(|object| object.model = model.clone());
 }
 
 /// Shows both sides of objects that the camera stands within, where their fronts were estimated to be outside and the
@@ -139,6 +163,7 @@ struct Files<'a> {
     models: HashMap<ModelKey, Model>,
     /// How often each file, or a node of it, was read as a model.
     variants: HashMap<(PathBuf, Option<String>), usize>,
+    meshes: Vec<CoarseMesh>,
     animations: HashMap<PathBuf, Arc<anim::Loaded>>,
     /// Where the first animation is named, and its file's rate.
     rate: Option<(usize, f64)>,
@@ -163,6 +188,7 @@ impl Files<'_> {
             capture: spec.capture,
             volume: spec.options.volume,
             node: spec.options.node,
+            mesh: spec.options.mesh,
             two_sided: spec.two_sided.unwrap_or(model.two_sided),
             model,
             radius_scale: spec.options.radius_scale,
@@ -235,17 +261,25 @@ impl Files<'_> {
                 what: "<pointModel>".to_owned(),
                 found: format!("variant {variants} of the file {}", path.display()),
                 expected: format!(
-                    "at most {MOST_VARIANTS} sets of `radiusScale`, `colourSpace`, `kind` and what volumes take for \
-                     one file"
+                    "at most {MOST_VARIANTS} sets of `radiusScale`, `colourSpace`, `kind`, `spacing`, `reduce` and what \
+                     volumes take for one file"
                 ),
             });
         }
         let silent = |_: &str, _: f32| {};
         let progress = self.options.progress.unwrap_or(&silent);
-        let loaded = model::load(path, options, progress)
+        let is_auto = options.mesh.spacing == Spacing::Auto;
+        let options = if is_auto { coarse(options.clone()) } else { options.clone() };
+        let loaded = model::load(path, &options, progress)
             .map_err(|e| SceneError::Model { at: self.source.locate(file.at), source: Box::new(e) })?;
-        self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
+        let mesh = loaded.mesh.clone().filter(|_| is_auto);
+        if mesh.is_none() {
+            self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
+        }
         let model = Model::from(loaded);
+        if let Some(source) = mesh {
+            self.meshes.push(CoarseMesh { path: path.to_owned(), source, model: model.clone() });
+        }
         self.models.insert(key, model.clone());
         Ok(model)
     }
@@ -298,6 +332,12 @@ impl Files<'_> {
         }
         Ok(AnimationBinding { path, node, interpolation: spec.interpolation })
     }
+}
+
+/// The options with which a mesh gets its size, before the scene says how fine it is to be.
+pub(super) fn coarse(options: model::LoadOptions) -> model::LoadOptions {
+    let mesh = MeshOptions { spacing: Spacing::Surfels(scene::SURFELS[0] as u32), ..options.mesh };
+    model::LoadOptions { mesh, ..options }
 }
 
 /// One name for one file, however the scene writes it.

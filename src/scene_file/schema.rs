@@ -72,6 +72,8 @@ pub(super) enum Kind {
     Scale,
     /// A number, or the word for more than any.
     Divisor(Range),
+    /// A number, or the word for no sampling.
+    Spacing(Range),
 }
 
 /// Bounds of a number, both included.
@@ -123,6 +125,7 @@ impl std::fmt::Display for Kind {
             Self::Vector(range) => write!(f, "three numbers {range}"),
             Self::Direction => f.write_str("three numbers, length from 1e-9 to 1e30"),
             Self::Divisor(range) => write!(f, "a number {range}, or infinite"),
+            Self::Spacing(range) => write!(f, "a number {range}, or none"),
             Self::Scale => f.write_str("one number or three, each from 1e-9 to 1e9 or the negative of that"),
         }
     }
@@ -326,6 +329,13 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 Auto("gaussians for captures, volume for volumes, else surfels"),
                 "what is drawn: opaque discs, a capture's transparent Gaussians, or a volume's kernels",
             ),
+            row(
+                "spacing",
+                Kind::Spacing(Range(1e-18, 1e18)),
+                Auto("by the size of a pixel, see above"),
+                "distance of the rays that sample a mesh, model units; none: its vertices are points",
+            ),
+            row("reduce", Kind::Boolean, Value("true"), "false: a mesh is sampled along three axes and not along one"),
             row(
                 "kernel",
                 Kind::Number(Range(0.01, 100.0)),

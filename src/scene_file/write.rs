@@ -13,7 +13,7 @@ use super::schema::MOST_INTENSITY;
 use super::xml::is_xml;
 use crate::anim::{Interpolation, NodeMotion};
 use crate::math::Trs;
-use crate::model::{ColourSpace, Kind, TransferFunction, VolumeOptions};
+use crate::model::{ColourSpace, Kind, MeshOptions, Spacing, TransferFunction, VolumeOptions};
 use crate::scene::{AnimationBinding, Camera, Capture, Light, Motion, Object, Scene};
 use crate::time::{Shutter, Weight};
 
@@ -195,6 +195,16 @@ impl Xml {
             };
             ("kind", word.to_owned())
         }));
+        if object.mesh != MeshOptions::default() {
+            let spacing = match object.mesh.spacing {
+                // A number of surfels has no place in a scene file.
+                Spacing::Auto | Spacing::Surfels(_) => None,
+                Spacing::Of(spacing) => Some(number(spacing)),
+                Spacing::None => Some("none".to_owned()),
+            };
+            attributes.extend(spacing.map(|spacing| ("spacing", spacing)));
+            attributes.push(("reduce", object.mesh.reduce.to_string()));
+        }
         let VolumeOptions { transfer: _, kernel, flatten, lit } = &object.volume;
         if object.model.is_volume() || object.volume != VolumeOptions::default() {
             let flatten = if flatten.is_infinite() { "infinite".to_owned() } else { number(*flatten) };

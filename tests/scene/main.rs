@@ -12,5 +12,6 @@ mod gltf_motion;
 mod meshes;
 mod model_formats;
 mod moving_bounds;
+mod sampling;
 mod shipped;
 mod volumes;

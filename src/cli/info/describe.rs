@@ -168,7 +168,13 @@ pub(super) fn model_file(loaded: &model::Loaded) -> Value {
         (Some(gaussians), None) => capture(gaussians),
         _ => model(&loaded.surfels),
     };
-    object(vec![("kind", json!("model")), ("model", inside), ("notes", json!(loaded.notes))])
+    let mut pairs = vec![("kind", json!("model")), ("model", inside)];
+    if let Some(mesh) = &loaded.mesh {
+        let spacing = tidy(mesh.spacing());
+        pairs.push(("mesh", json!({ "triangles": mesh.triangles(), "spacing": spacing })));
+    }
+    pairs.push(("notes", json!(loaded.notes)));
+    object(pairs)
 }
 
 /// A glTF file with triangles.
@@ -262,6 +268,7 @@ fn model(s: &Surfels) -> Value {
         (u - v).abs() > 1e-4 * u.max(v)
     });
     let mut properties = vec!["position", "normal", "colour", if elliptical { "two radii" } else { "radius" }];
+    properties.extend((!s.mipmap.is_empty()).then_some("mipmap"));
     properties.extend((!s.opacity.is_empty()).then_some("opacity"));
     properties.extend((!s.material.is_empty()).then_some("material"));
     properties.extend((!s.velocity.is_empty()).then_some("velocity"));
@@ -464,6 +471,7 @@ mod tests {
             surfels: square(),
             gaussians: None,
             volume: None,
+            mesh: None,
             notes: vec!["normals estimated".to_owned()],
         };
         let report = model_file(&loaded);
@@ -477,7 +485,8 @@ mod tests {
         assert!(text.contains("  sides: fronts show\n"), "{text}");
         assert!(text.contains("  bounds: min 10 0 0, max 11 1 0\n"), "{text}");
         assert!(text.ends_with("note: normals estimated\n"), "{text}");
-        let empty = model::Loaded { surfels: Surfels::default(), gaussians: None, volume: None, notes: Vec::new() };
+        let empty =
+            model::Loaded { surfels: Surfels::default(), gaussians: None, volume: None, mesh: None, notes: Vec::new() };
         assert_eq!(model_file(&empty)["model"]["surfels"], 0);
     }
 

@@ -1,6 +1,6 @@
 //! What may be opened at all, and what a user is told.
 
-use splatblur::model::{LoadOptions, ModelError, load};
+use splatblur::model::{LoadOptions, MeshOptions, ModelError, Spacing, load};
 
 use super::support::{data, load_as};
 
@@ -66,7 +66,8 @@ fn a_model_of_unusable_points() {
 #[test]
 fn files_of_the_test_set() {
     for (name, count) in [("tiny_full.sfl", 3), ("spot_1500_ascii.ply", 1500), ("spot_mesh_be.ply", 2930)] {
-        let loaded = load(&data(name), &LoadOptions::default(), &|_, _| {}).unwrap();
+        let mesh = MeshOptions { spacing: Spacing::None, ..MeshOptions::default() };
+        let loaded = load(&data(name), &LoadOptions { mesh, ..LoadOptions::default() }, &|_, _| {}).unwrap();
         assert_eq!(loaded.surfels.len(), count, "{name}");
     }
 }

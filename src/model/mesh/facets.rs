@@ -1,0 +1,162 @@
+//! The triangles of a mesh that have an area, and how they hang together.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::Mesh;
+use crate::math::Bounds;
+use crate::model::tidy::MAX_COORDINATE;
+
+/// Least height of a triangle, in its longest edges: below it the direction of the normal is rounding.
+const FLAT: f64 = 1e-12;
+
+/// The usable triangles of a mesh.
+pub(super) struct Facets<'a> {
+    pub(super) mesh: &'a Mesh,
+    /// Middle of the box of the usable triangles, model space. Their corners are relative to it.
+    pub(super) origin: DVec3,
+    /// Edge lengths of that box.
+    pub(super) size: DVec3,
+    /// Indices of the usable triangles, rising.
+    pub(super) kept: Vec<u32>,
+}
+
+/// A triangle, relative to [`Facets::origin`].
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape {
+    pub(super) corner: [DVec3; 3],
+    /// Along the normal by the winding; its length is twice the area.
+    pub(super) across: DVec3,
+    /// Length of the longest edge.
+    pub(super) longest: f64,
+}
+
+impl Shape {
+    fn new(corner: [DVec3; 3]) -> Self {
+        let [a, b, c] = corner;
+        let longest = [b - a, c - b, a - c].map(DVec3::length).into_iter().fold(0.0, f64::max);
+        Self { corner, across: (b - a).cross(c - a), longest }
+    }
+
+    pub(super) fn area(&self) -> f64 {
+        0.5 * self.across.length()
+    }
+
+    /// Height over the longest edge.
+    pub(super) fn height(&self) -> f64 {
+        self.across.length() / self.longest
+    }
+
+    pub(super) fn centre(&self) -> DVec3 {
+        (self.corner[0] + self.corner[1] + self.corner[2]) / 3.0
+    }
+
+    /// The axis along which the triangle is largest. Of equals it is the first, also where rounding tells them apart, so
+    /// that triangles of one plane agree.
+    pub(super) fn axis(&self) -> usize {
+        const SAME: f64 = 1.0 + 1e-9;
+        let size = self.across.abs();
+        let first = if size.y > size.x * SAME { 1 } else { 0 };
+        if size.z > size[first] * SAME { 2 } else { first }
+    }
+
+    /// Axes of the rays that sample the triangle.
+    pub(super) fn axes(&self, reduce: bool) -> std::ops::Range<usize> {
+        let axis = self.axis();
+        if reduce { axis..axis + 1 } else { 0..3 }
+    }
+}
+
+impl<'a> Facets<'a> {
+    pub(super) fn new(mesh: &'a Mesh) -> Self {
+        let kept: Vec<u32> = (0..mesh.triangles.len() as u32)
+            .into_par_iter()
+            .filter(|&i| {
+                let corner = mesh.triangles[i as usize].corners.map(|v| mesh.position[v as usize]);
+                // NaN fails the comparisons.
+                let near = corner.iter().all(|p| p.abs().cmple(DVec3::splat(MAX_COORDINATE)).all());
+                let shape = Shape::new(corner);
+                near && shape.height() > FLAT * shape.longest
+            })
+            .collect();
+        let corners = kept.iter().flat_map(|&i| mesh.triangles[i as usize].corners);
+        let bounds: Bounds = corners.map(|v| mesh.position[v as usize]).collect();
+        Self { mesh, origin: bounds.centre(), size: bounds.size(), kept }
+    }
+
+    pub(super) fn shape(&self, triangle: u32) -> Shape {
+        Shape::new(self.mesh.triangles[triangle as usize].corners.map(|v| self.mesh.position[v as usize] - self.origin))
+    }
+
+    /// For each vertex the first one at the same place: seams of textures and normals do not part a surface.
+    pub(super) fn welded(&self) -> Vec<u32> {
+        // Adding 0 makes one zero of two.
+        let key = |&v: &u32| (self.mesh.position[v as usize] + 0.0).to_array().map(f64::to_bits);
+        let mut order: Vec<u32> = (0..self.mesh.position.len() as u32).collect();
+        order.par_sort_unstable_by_key(|v| (key(v), *v));
+        let mut first = vec![0; order.len()];
+        for run in order.chunk_by(|a, b| key(a) == key(b)) {
+            for &v in run {
+                first[v as usize] = run[0];
+            }
+        }
+        first
+    }
+
+    /// True if an edge belongs to one triangle alone.
+    pub(super) fn is_open(&self, welded: &[u32]) -> bool {
+        let mut edges: Vec<(u32, u32)> = self
+            .mesh
+            .triangles
+            .par_iter()
+            .flat_map_iter(|triangle| {
+                let [a, b, c] = triangle.corners.map(|v| welded[v as usize]);
+                let flat = a == b || b == c || c == a;
+                let edges = [(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b)));
+                edges.into_iter().take(if flat { 0 } else { 3 })
+            })
+            .collect();
+        edges.par_sort_unstable();
+        edges.chunk_by(|a, b| a == b).any(|run| run.len() == 1)
+    }
+
+    /// The connected parts of the mesh that none of `hit` belongs to: for each of them its triangles. `hit` says which
+    /// of [`Self::kept`] have a surfel.
+    pub(super) fn missed(&self, welded: &[u32], hit: &[bool]) -> Vec<Vec<u32>> {
+        let mut parent: Vec<u32> = (0..welded.len() as u32).collect();
+        let corners = |i: u32| self.mesh.triangles[i as usize].corners.map(|v| welded[v as usize]);
+        for &i in &self.kept {
+            let [a, b, c] = corners(i);
+            join(&mut parent, a, b);
+            join(&mut parent, a, c);
+        }
+        let mut seen = vec![false; welded.len()];
+        for (&i, _) in self.kept.iter().zip(hit).filter(|(_, hit)| **hit) {
+            seen[root(&mut parent, corners(i)[0]) as usize] = true;
+        }
+        let mut parts: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for (&i, _) in self.kept.iter().zip(hit).filter(|(_, hit)| !**hit) {
+            let root = root(&mut parent, corners(i)[0]);
+            if !seen[root as usize] {
+                parts.entry(root).or_default().push(i);
+            }
+        }
+        parts.into_values().collect()
+    }
+}
+
+/// The vertex that stands for all that `v` is joined with: the one of the lowest index.
+fn root(parent: &mut [u32], mut v: u32) -> u32 {
+    while parent[v as usize] != v {
+        parent[v as usize] = parent[parent[v as usize] as usize];
+        v = parent[v as usize];
+    }
+    v
+}
+
+fn join(parent: &mut [u32], a: u32, b: u32) {
+    let (a, b) = (root(parent, a), root(parent, b));
+    parent[a.max(b) as usize] = a.min(b);
+}

@@ -1,0 +1,163 @@
+//! What a point of a mesh looks like: its normal, and its colour under filters of several widths.
+
+use std::collections::BTreeMap;
+
+use glam::{DVec2, DVec3, Vec3, Vec4};
+
+use super::facets::Facets;
+use super::pyramid::{Footprint, Pyramid};
+use super::raster::Hit;
+use super::{AlphaMode, Mesh};
+use crate::model::surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA};
+
+/// Levels of colour, with that of the surfel itself.
+pub(super) const LEVELS: usize = MIPMAP_LEVELS + 1;
+
+/// Greatest factor on a colour. Products of two are finite.
+const BRIGHTEST: f32 = 65_504.0;
+
+/// The textures of a mesh, ready to be filtered.
+pub(super) struct Palette<'a> {
+    facets: &'a Facets<'a>,
+    pyramids: Vec<Pyramid<'a>>,
+    /// Which one each material uses.
+    of_material: Vec<Option<usize>>,
+    /// Cut-off radius of the surfels, model units.
+    radius: f64,
+}
+
+/// One triangle, ready to be painted.
+pub(super) struct Brush<'a> {
+    /// By the winding.
+    face: Vec3,
+    /// Two orthogonal tangents of unit length; their cross product is `face`.
+    tangents: [Vec3; 2],
+    normal: [Vec3; 3],
+    colour: [Vec4; 3],
+    alpha: AlphaMode,
+    texture: Option<Stencil<'a>>,
+}
+
+/// The texture of a triangle.
+struct Stencil<'a> {
+    pyramid: &'a Pyramid<'a>,
+    /// Texture coordinates of the corners, texels.
+    uv: [DVec2; 3],
+    footprint: [Footprint; LEVELS],
+}
+
+/// A painted point.
+pub(super) struct Dab {
+    pub(super) normal: Vec3,
+    pub(super) tangents: [Vec3; 2],
+    pub(super) colour: [Vec3; LEVELS],
+    /// `None`: cut out.
+    pub(super) opacity: Option<f32>,
+}
+
+impl<'a> Palette<'a> {
+    pub(super) fn new(facets: &'a Facets<'a>, radius: f64) -> Self {
+        let mesh: &'a Mesh = facets.mesh;
+        let mut used = vec![false; mesh.materials.len()];
+        facets.kept.iter().for_each(|&i| used[mesh.triangles[i as usize].material as usize] = true);
+        let (mut pyramids, mut known) = (Vec::new(), BTreeMap::new());
+        let mut of_material = Vec::with_capacity(used.len());
+        for (material, used) in mesh.materials.iter().zip(used) {
+            let texture = material.texture.filter(|_| used && !mesh.uv.is_empty());
+            let texture = texture.and_then(|index| mesh.textures.get(index as usize).map(|texture| (index, texture)));
+            of_material.push(texture.map(|(index, texture)| {
+                let opaque = material.alpha == AlphaMode::Opaque;
+                *known.entry((index, opaque)).or_insert_with(|| {
+                    pyramids.push(Pyramid::new(texture, opaque));
+                    pyramids.len() - 1
+                })
+            }));
+        }
+        Self { facets, pyramids, of_material, radius }
+    }
+
+    /// True if colours depend on the width of the filter.
+    pub(super) fn has_levels(&self) -> bool {
+        !self.pyramids.is_empty()
+    }
+
+    pub(super) fn brush(&self, triangle: u32) -> Brush<'_> {
+        let mesh = self.facets.mesh;
+        let shape = self.facets.shape(triangle);
+        let face = shape.across.normalize();
+        let of_file = mesh.triangles[triangle as usize];
+        let corners = of_file.corners.map(|v| v as usize);
+        let material = &mesh.materials[of_file.material as usize];
+        let (u, v) = face.any_orthonormal_pair();
+        let sane = |c: Vec4| if c.is_finite() { c.clamp(Vec4::ZERO, Vec4::splat(BRIGHTEST)) } else { Vec4::ONE };
+        Brush {
+            face: face.as_vec3(),
+            tangents: [u.as_vec3(), v.as_vec3()],
+            normal: corners.map(|v| {
+                let normal = mesh.normal.get(v).copied().unwrap_or_default().try_normalize();
+                normal.unwrap_or(face.as_vec3())
+            }),
+            colour: corners.map(|v| sane(material.colour) * sane(mesh.colour.get(v).copied().unwrap_or(Vec4::ONE))),
+            alpha: material.alpha,
+            texture: self.of_material[of_file.material as usize]
+                .map(|index| self.stencil(index, corners, &shape.corner)),
+        }
+    }
+
+    /// The affine map from the triangle to its texture makes an ellipse of a circle on the surface. With the edges
+    /// E = (e1, e2) and their texture coordinates F = (f1, f2), a Gaussian of variance s^2 gets the covariance
+    /// s^2 F (E^T E)^-1 F^T.
+    fn stencil(&self, index: usize, corners: [usize; 3], corner: &[DVec3; 3]) -> Stencil<'_> {
+        let pyramid = &self.pyramids[index];
+        let size = pyramid.texels();
+        let uv = corners.map(|v| {
+            let uv = self.facets.mesh.uv.get(v).copied().unwrap_or_default().as_dvec2() * size;
+            if uv.is_finite() { uv } else { DVec2::ZERO }
+        });
+        let (e, g) = (corner[1] - corner[0], corner[2] - corner[0]);
+        let (f, h) = (uv[1] - uv[0], uv[2] - uv[0]);
+        let determinant = e.cross(g).length_squared();
+        let (ee, eg, gg) = (g.dot(g) / determinant, -e.dot(g) / determinant, e.dot(e) / determinant);
+        let form = |a: f64, b: f64, c: f64, d: f64| ee * a * c + eg * (a * d + b * c) + gg * b * d;
+        let unit = [form(f.x, h.x, f.x, h.x), form(f.x, h.x, f.y, h.y), form(f.y, h.y, f.y, h.y)];
+        let footprint = std::array::from_fn(|level| {
+            let sigma = (1_u32 << level) as f64 * f64::from(MIPMAP_SIGMA) * self.radius;
+            pyramid.footprint(unit.map(|x| x * sigma * sigma))
+        });
+        Stencil { pyramid, uv, footprint }
+    }
+}
+
+impl Brush<'_> {
+    pub(super) fn dab(&self, hit: &Hit) -> Dab {
+        let [b, c] = hit.weight;
+        let a = 1.0 - b - c;
+        let normal = a * self.normal[0] + b * self.normal[1] + c * self.normal[2];
+        let normal = normal.try_normalize().unwrap_or(self.face);
+        let factor = a * self.colour[0] + b * self.colour[1] + c * self.colour[2];
+        let mut colour = [factor.truncate(); LEVELS];
+        let mut alpha = factor.w;
+        if let Some(Stencil { pyramid, uv, footprint }) = &self.texture {
+            let [b, c] = hit.weight.map(f64::from);
+            let at = uv[0] + b * (uv[1] - uv[0]) + c * (uv[2] - uv[0]);
+            let mut finer = Vec3::ONE;
+            for (level, colour) in colour.iter_mut().enumerate() {
+                let texel = pyramid.filter(&footprint[level], at);
+                // Where all is transparent there is no colour: the finer level's stands.
+                finer = if texel.w > 1e-6 { texel.truncate() / texel.w } else { finer };
+                *colour *= finer;
+                if level == 0 {
+                    alpha *= texel.w;
+                }
+            }
+        }
+        let opacity = match self.alpha {
+            AlphaMode::Opaque => Some(1.0),
+            AlphaMode::Mask(least) => (alpha >= least).then_some(1.0),
+            AlphaMode::Blend => Some(alpha.clamp(0.0, 1.0)),
+        };
+        let [u, v] = self.tangents;
+        let tangents = if u.cross(v).dot(normal) < 0.0 { [v, u] } else { [u, v] };
+        Dab { normal, tangents, colour, opacity }
+    }
+}

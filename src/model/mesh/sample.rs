@@ -1,0 +1,207 @@
+//! From a mesh to surfels: hits of a layered depth cube, painted (Pfister et al. 2000, section 5).
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::facets::Facets;
+use super::fill::{self, Extra};
+use super::paint::{LEVELS, Palette};
+use super::raster::{self, Hit};
+use super::{Mesh, spacing};
+use crate::model::options::{MeshOptions, Spacing};
+use crate::model::surfels::{MIPMAP_LEVELS, Normalisation, Surfels};
+
+/// Surfels of a mesh where nothing else decides.
+const USUAL: f64 = 200_000.0;
+
+/// Least radius, model units: its square does not underflow in `f32`.
+const SMALLEST: f64 = 1e-18;
+
+/// Surfels that one task paints. Nothing depends on it.
+const CHUNK: usize = 1024;
+
+/// What sampling gives.
+#[derive(Clone, Debug)]
+pub(crate) struct Sampled {
+    pub(crate) surfels: Surfels,
+    /// Distance of the rays, model units.
+    pub(crate) spacing: f64,
+    pub(crate) notes: Vec<String>,
+}
+
+/// Why a mesh cannot be sampled.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Unsampled {
+    /// It has no triangle with an area.
+    Flat {
+        /// Triangles without one.
+        triangles: usize,
+    },
+    /// The spacing is too small.
+    Fine {
+        /// What was given.
+        spacing: f64,
+        /// About the least one that is possible.
+        least: f64,
+    },
+}
+
+/// Samples a mesh. `radius_scale` is a factor on the radii, which are sqrt(3) spacings without it.
+///
+/// The result does not depend on the number of threads.
+pub(crate) fn sample(mesh: &Mesh, options: &MeshOptions, radius_scale: f64) -> Result<Sampled, Unsampled> {
+    let facets = Facets::new(mesh);
+    if facets.kept.is_empty() {
+        return Err(Unsampled::Flat { triangles: mesh.triangles.len() });
+    }
+    let spacing = match options.spacing {
+        Spacing::Of(given) => {
+            let least = spacing::least(&facets);
+            if !(given >= least && spacing::estimate(&facets, given, options.reduce) <= spacing::MOST) {
+                let least = least.max(spacing::of_count(&facets, spacing::MOST, options.reduce));
+                return Err(Unsampled::Fine { spacing: given, least });
+            }
+            given
+        }
+        Spacing::Surfels(count) => spacing::of_count(&facets, f64::from(count), options.reduce),
+        Spacing::Auto | Spacing::None => spacing::of_count(&facets, USUAL, options.reduce),
+    };
+    Ok(sampled(&facets, spacing, options.reduce, radius_scale))
+}
+
+/// The spacing for about as many surfels, at most `spacing` for `most` and at least that for `least` of them.
+pub(crate) fn limited(mesh: &Mesh, spacing: f64, [least, most]: [f64; 2], reduce: bool) -> f64 {
+    let facets = Facets::new(mesh);
+    if facets.kept.is_empty() {
+        return spacing;
+    }
+    let [coarse, fine] = [least, most].map(|count| spacing::of_count(&facets, count, reduce));
+    spacing.min(coarse).max(fine)
+}
+
+fn sampled(facets: &Facets<'_>, spacing: f64, reduce: bool, radius_scale: f64) -> Sampled {
+    let mut notes = Vec::new();
+    let mesh = facets.mesh;
+    let dropped = mesh.triangles.len() - facets.kept.len();
+    if dropped > 0 {
+        notes.push(format!("{dropped} of {} triangles dropped: without an area", mesh.triangles.len()));
+    }
+    let welded = facets.welded();
+    let radius = 3_f64.sqrt() * spacing;
+    let mut hits = raster::hits(facets, spacing, reduce);
+    let mut position: Vec<Vec3> = positions(facets, &hits);
+    let extras = fill::extras(facets, &welded, &hits, &position, spacing, radius);
+    let two_sided = mesh.materials.iter().any(|material| material.two_sided) || facets.is_open(&welded);
+    drop(welded);
+    let rays = hits.len();
+    hits.extend(extras.iter().map(|extra| extra.hit));
+    position.extend(extras.iter().map(|extra| extra.position.as_vec3()));
+    let palette = Palette::new(facets, radius * radius_scale);
+    let surfels = painted(&palette, &hits, position, radius * radius_scale);
+    let mut surfels = Surfels { origin: facets.origin, two_sided, ..surfels };
+    for (i, Extra { radius: own, .. }) in (rays..).zip(&extras) {
+        let ratio = (own / radius).max(SMALLEST / radius).min(1.0) as f32;
+        surfels.axis_u[i] *= ratio;
+        surfels.axis_v[i] *= ratio;
+    }
+    drop_cut_out(&mut surfels);
+    notes.push(format!(
+        "{} triangles sampled with spacing {spacing:.4e}: {} surfels, {}",
+        facets.kept.len(),
+        surfels.len(),
+        if two_sided { "both sides show (open, or two-sided materials)" } else { "one-sided (closed)" }
+    ));
+    Sampled { surfels, spacing, notes }
+}
+
+fn positions(facets: &Facets<'_>, hits: &[Hit]) -> Vec<Vec3> {
+    let mut position = vec![Vec3::ZERO; hits.len()];
+    position.par_chunks_mut(CHUNK).zip(hits.par_chunks(CHUNK)).for_each(|(position, hits)| {
+        let mut at = 0;
+        for run in hits.chunk_by(|a, b| a.triangle == b.triangle) {
+            let shape = facets.shape(run[0].triangle);
+            for hit in run {
+                position[at] = hit.position(&shape.corner).as_vec3();
+                at += 1;
+            }
+        }
+    });
+    position
+}
+
+/// Columns of the painted hits. A surfel that is cut out has the opacity -1.
+fn painted(palette: &Palette<'_>, hits: &[Hit], position: Vec<Vec3>, radius: f64) -> Surfels {
+    let count = hits.len();
+    let [mut axis_u, mut axis_v, mut normal, mut colour] = [(); 4].map(|()| vec![Vec3::ZERO; count]);
+    let mut mipmap = vec![[Vec3::ZERO; MIPMAP_LEVELS]; if palette.has_levels() { count } else { 0 }];
+    // Levels are written by chunks, of which an empty column has none.
+    let mut of_levels: Vec<&mut [[Vec3; MIPMAP_LEVELS]]> = if mipmap.is_empty() {
+        hits.chunks(CHUNK).map(|_| [].as_mut_slice()).collect()
+    } else {
+        mipmap.chunks_mut(CHUNK).collect()
+    };
+    let mut opacity = vec![1.0_f32; count];
+    (
+        hits.par_chunks(CHUNK),
+        axis_u.par_chunks_mut(CHUNK),
+        axis_v.par_chunks_mut(CHUNK),
+        normal.par_chunks_mut(CHUNK),
+        colour.par_chunks_mut(CHUNK),
+        opacity.par_chunks_mut(CHUNK),
+        of_levels.par_iter_mut(),
+    )
+        .into_par_iter()
+        .for_each(|(hits, axis_u, axis_v, normal, colour, opacity, levels)| {
+            let mut at = 0;
+            for run in hits.chunk_by(|a, b| a.triangle == b.triangle) {
+                let brush = palette.brush(run[0].triangle);
+                for hit in run {
+                    let dab = brush.dab(hit);
+                    [axis_u[at], axis_v[at]] = dab.tangents.map(|t| t * radius.max(SMALLEST) as f32);
+                    normal[at] = dab.normal;
+                    colour[at] = dab.colour[0];
+                    opacity[at] = dab.opacity.unwrap_or(-1.0);
+                    if let Some(row) = levels.get_mut(at) {
+                        *row = std::array::from_fn(|k| dab.colour[(k + 1).min(LEVELS - 1)]);
+                    }
+                    at += 1;
+                }
+            }
+        });
+    Surfels {
+        origin: DVec3::ZERO,
+        position,
+        axis_u,
+        axis_v,
+        normal,
+        colour,
+        mipmap,
+        opacity,
+        material: Vec::new(),
+        velocity: Vec::new(),
+        normalisation: Normalisation::default(),
+        two_sided: false,
+        signs_estimated: false,
+    }
+}
+
+/// Drops surfels that are cut out, and a column of opacities that are all as good as 1.
+fn drop_cut_out(surfels: &mut Surfels) {
+    let kept: Vec<bool> = surfels.opacity.iter().map(|opacity| *opacity >= 0.0).collect();
+    if kept.contains(&false) {
+        let s = &mut *surfels;
+        for column in [&mut s.position, &mut s.axis_u, &mut s.axis_v, &mut s.normal, &mut s.colour] {
+            keep(column, &kept);
+        }
+        keep(&mut s.mipmap, &kept);
+        keep(&mut s.opacity, &kept);
+    }
+    if surfels.opacity.iter().all(|opacity| *opacity >= 254.0 / 255.0) {
+        surfels.opacity = Vec::new();
+    }
+}
+
+fn keep<T>(column: &mut Vec<T>, kept: &[bool]) {
+    let mut kept = kept.iter();
+    column.retain(|_| kept.next() == Some(&true));
+}
