@@ -253,9 +253,8 @@ fn refuse_by_name(path: &Path) -> Result<(), ModelError> {
 /// What is drawn as surfels, without points that cannot be drawn.
 fn tidied(content: Content) -> Parsed {
     match content {
-        Content::Cloud(cloud) => Parsed::Cloud(tidy::tidy(cloud)),
         // A mesh that is not sampled was read as its vertices.
-        Content::Mesh(cloud, _) => Parsed::Cloud(tidy::tidy(cloud)),
+        Content::Cloud(cloud) | Content::Mesh(cloud, _) => Parsed::Cloud(tidy::tidy(cloud)),
         Content::Capture(gaussians) => Parsed::Cloud(tidy::tidy(gaussians.into_cloud())),
         Content::Surfels(surfels) => Parsed::Surfels(surfels),
         Content::Grid(grid) => Parsed::Grid(grid),
