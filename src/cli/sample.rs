@@ -39,12 +39,8 @@ pub(super) struct Sample {
     /// About how many surfels to make [default: 200000].
     #[arg(long, value_name = "N", conflicts_with = "spacing", value_parser = clap::value_parser!(u32).range(1..=60_000_000))]
     surfels: Option<u32>,
-    /// Sample each triangle along the axis that it faces most (the default; 3-to-1 reduction).
-    #[arg(long, conflicts_with = "all_rays")]
-    reduce: bool,
-    /// Sample each triangle along all three axes: up to twice the surfels, and some lie close together.
-    #[arg(long)]
-    all_rays: bool,
+    #[command(flatten)]
+    rays: Rays,
     /// Factor on all splat radii.
     #[arg(long, value_name = "F", default_value = "1", allow_hyphen_values = true, value_parser = values::radius_scale)]
     radius_scale: f64,
@@ -57,6 +53,17 @@ pub(super) struct Sample {
     /// Say nothing but errors.
     #[arg(long)]
     quiet: bool,
+}
+
+/// Which rays sample a triangle.
+#[derive(Debug, Args)]
+struct Rays {
+    /// Sample each triangle along the axis that it faces most (the default; 3-to-1 reduction).
+    #[arg(long, conflicts_with = "all_rays")]
+    reduce: bool,
+    /// Sample each triangle along all three axes: up to twice the surfels, and some lie close together.
+    #[arg(long = "all-rays", id = "all_rays")]
+    all: bool,
 }
 
 impl Sample {
@@ -73,7 +80,7 @@ impl Sample {
             (None, Some(surfels)) => Spacing::Surfels(surfels),
             (None, None) => Spacing::Auto,
         };
-        let mesh = MeshOptions { spacing, reduce: !self.all_rays };
+        let mesh = MeshOptions { spacing, reduce: !self.rays.all };
         let options = model::LoadOptions { mesh, radius_scale: self.radius_scale, ..model::LoadOptions::default() };
         let progress = Loading::new(self.quiet);
         let begin = Instant::now();
@@ -97,7 +104,7 @@ impl Sample {
         if self.json {
             let out = self.output.to_string_lossy();
             return print_json(&json!({
-                "triangles": triangles, "surfels": surfels, "spacing": spacing, "reduced": !self.all_rays,
+                "triangles": triangles, "surfels": surfels, "spacing": spacing, "reduced": !self.rays.all,
                 "two_sided": loaded.surfels.two_sided, "levels": !loaded.surfels.mipmap.is_empty(), "out": out,
             }));
         }

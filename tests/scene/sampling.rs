@@ -98,7 +98,8 @@ fn sphere(n: u32, bump: impl Fn(DVec3) -> f64) -> Mesh {
 
 fn sampled(mesh: &Mesh, spacing: Spacing, reduce: bool) -> Loaded {
     let options = LoadOptions { mesh: MeshOptions { spacing, reduce }, ..LoadOptions::default() };
-    model::sample_mesh(mesh.clone(), &options, Path::new("made in code"), &|_, _| {}).unwrap()
+    model::sample_mesh(mesh.clone(), &options, Path::new("made in code"), &|_, _| {})
+        .unwrap_or_else(|error| unreachable!("{error}"))
 }
 
 /// Points spread evenly over a mesh.
@@ -287,7 +288,7 @@ fn textured(size: [u32; 2], wrap: Wrap, map: DMat2, seed: u64) -> (Mesh, Vec<DVe
     let mut random = Random(seed);
     let texels: Vec<[u8; 4]> = (0..size[0] * size[1])
         .map(|i| {
-            let stripe = if (i % size[0]) / 7 % 2 == 0 { 255 } else { 0 };
+            let stripe = if ((i % size[0]) / 7).is_multiple_of(2) { 255 } else { 0 };
             [stripe, (255.0 * random.next()) as u8, if random.next() < 0.1 { 255 } else { 0 }, 255]
         })
         .collect();
@@ -396,8 +397,8 @@ fn closed_meshes_have_no_holes_from_26_sides() {
         scene.image.transparent = true;
         let up = if direction.truncate() == DVec2::ZERO { DVec3::Y } else { DVec3::Z };
         scene.camera = Camera { up, fovy: scene.camera.fovy, ..Camera::new(eye, DVec3::ZERO) };
-        let mut options = RenderOptions::default();
-        options.quality = BlurMode::Still { pixel_samples: 1 }.into();
+        let quality = BlurMode::Still { pixel_samples: 1 }.into();
+        let options = RenderOptions { quality, ..RenderOptions::default() };
         let picture = support::render(&scene, &options);
         // The sphere's outline is seen under asin(1/4).
         let focal = 0.5 * f64::from(size) / (20_f64.to_radians()).tan();

@@ -58,7 +58,7 @@ impl Shape {
     pub(super) fn axis(&self) -> usize {
         const SAME: f64 = 1.0 + 1e-9;
         let size = self.across.abs();
-        let first = if size.y > size.x * SAME { 1 } else { 0 };
+        let first = usize::from(size.y > size.x * SAME);
         if size.z > size[first] * SAME { 2 } else { first }
     }
 

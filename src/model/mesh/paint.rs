@@ -121,7 +121,7 @@ impl<'a> Palette<'a> {
         let form = |a: f64, b: f64, c: f64, d: f64| ee * a * c + eg * (a * d + b * c) + gg * b * d;
         let unit = [form(f.x, h.x, f.x, h.x), form(f.x, h.x, f.y, h.y), form(f.y, h.y, f.y, h.y)];
         let footprint = std::array::from_fn(|level| {
-            let sigma = (1_u32 << level) as f64 * f64::from(MIPMAP_SIGMA) * self.radius;
+            let sigma = f64::from(1_u32 << level) * f64::from(MIPMAP_SIGMA) * self.radius;
             pyramid.footprint(unit.map(|x| x * sigma * sigma))
         });
         Stencil { pyramid, uv, footprint }

@@ -132,31 +132,22 @@ impl<'a> Pyramid<'a> {
     /// A cell within [`Self::edges`].
     #[inline]
     fn cell(&self, level: usize, x: i64, y: i64) -> Vec4 {
-        match level.checked_sub(1) {
-            Some(above) => {
-                let Level { size, pad, cells } = &self.levels[above];
-                let [x, y] = [x + pad[0] as i64, y + pad[1] as i64];
-                cells[y as usize * (size[0] + 2 * pad[0]) + x as usize]
-            }
-            None => {
-                let [r, g, b, a] = self.texture.texels[y as usize * self.texture.size[0] as usize + x as usize];
-                let colour = Vec4::new(
-                    self.linear[usize::from(r)],
-                    self.linear[usize::from(g)],
-                    self.linear[usize::from(b)],
-                    1.0,
-                );
-                if self.opaque { colour } else { colour * (f32::from(a) / 255.0) }
-            }
+        if let Some(above) = level.checked_sub(1) {
+            let Level { size, pad, cells } = &self.levels[above];
+            let [x, y] = [x + pad[0] as i64, y + pad[1] as i64];
+            return cells[y as usize * (size[0] + 2 * pad[0]) + x as usize];
         }
+        let [r, g, b, a] = self.texture.texels[y as usize * self.texture.size[0] as usize + x as usize];
+        let [r, g, b] = [r, g, b].map(|byte| self.linear[usize::from(byte)]);
+        let colour = Vec4::new(r, g, b, 1.0);
+        if self.opaque { colour } else { colour * (f32::from(a) / 255.0) }
     }
 
     /// The footprint of a Gaussian with the covariance [uu, uv, vv], texels^2.
     pub(super) fn footprint(&self, covariance: [f64; 3]) -> Footprint {
         let top = self.levels.len();
         let [mut uu, mut uv, mut vv] = covariance;
-        // NaN fails the comparison.
-        if !(uu + vv < WIDEST) {
+        if uu + vv >= WIDEST || (uu + vv).is_nan() {
             [uu, uv, vv] = [0.5 * WIDEST, 0.0, 0.5 * WIDEST];
         }
         (uu, vv) = (uu + TENT, vv + TENT);
