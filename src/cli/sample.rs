@@ -19,7 +19,8 @@ use super::values;
 /// Parallel rays along x, y and z stand on a grid; each point where a ray meets a triangle becomes a surfel (a layered
 /// depth cube; Pfister et al. 2000). Radii are sqrt(3) spacings, so that discs cover the surface whatever its slope. A
 /// texture is filtered to each surfel, at four widths; .bin keeps all of them, .ply the finest. A scene may name a mesh
-/// as it is: it is then sampled by itself, as finely as its pixels need. OUT.bin saves that time, and fixes the spacing.
+/// as it is: it is then sampled by itself, as finely as its pixels need. OUT.bin saves that time, and fixes the
+/// spacing.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -37,7 +38,8 @@ pub(super) struct Sample {
     #[arg(long, value_name = "H", allow_hyphen_values = true, value_parser = values::positive)]
     spacing: Option<f64>,
     /// About how many surfels to make [default: 200000].
-    #[arg(long, value_name = "N", conflicts_with = "spacing", value_parser = clap::value_parser!(u32).range(1..=60_000_000))]
+    #[arg(long, value_name = "N", conflicts_with = "spacing")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=60_000_000))]
     surfels: Option<u32>,
     #[command(flatten)]
     rays: Rays,

@@ -91,7 +91,10 @@ pub enum ModelError {
         path: PathBuf,
     },
     /// The mesh has no triangle that could be sampled.
-    #[error("model {} has {triangles} triangles and none has an area (spacing `none` takes its vertices as points)", path.display())]
+    #[error(
+        "model {} has {triangles} triangles and none has an area (spacing `none` takes its vertices as points)",
+        path.display()
+    )]
     FlatMesh {
         /// The file.
         path: PathBuf,

@@ -2,8 +2,8 @@
 //!
 //! Data flow: `format` (which format a file has) → `ply`, `sfl`, `obj`, `xyz`, `bin` (bytes to a cloud) → `tidy`
 //! (points and attributes that cannot be drawn) → `complete` (normals and radii that are missing; `sides`: do the
-//! signs of normals mean something?) → `surfels`. A mesh (`mesh`) is sampled to surfels. Captures (`capture`) and volumes (`volume`) become [`Gaussians`].
-//! `load` does all this. `normalisation` is computed when it is asked for.
+//! signs of normals mean something?) → `surfels`. A mesh (`mesh`) is sampled to surfels. Captures (`capture`) and
+//! volumes (`volume`) become [`Gaussians`]. `load` does all this. `normalisation` is computed when it is asked for.
 
 mod area_normals;
 mod bin;

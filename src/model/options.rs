@@ -42,8 +42,8 @@ pub enum Spacing {
 pub struct MeshOptions {
     /// How far apart surfels are.
     pub spacing: Spacing,
-    /// Each triangle is sampled along the axis that it faces most, and not along all three (3-to-1 reduction; Pfister et
-    /// al. 2000, section 6.2).
+    /// Each triangle is sampled along the axis that it faces most, and not along all three (3-to-1 reduction; Pfister
+    /// et al. 2000, section 6.2).
     pub reduce: bool,
 }
 

@@ -73,8 +73,8 @@ impl Content {
     }
 }
 
-/// Reads a PLY file. `progress` now and then gets the share of vertices read. `faces`: a file with faces is a mesh; else
-/// its vertices are points, with normals from the faces. Surfels and samples of volumes stay points in any case.
+/// Reads a PLY file. `progress` now and then gets the share of vertices read. `faces`: a file with faces is a mesh;
+/// else its vertices are points, with normals from the faces. Surfels and samples of volumes stay points in any case.
 ///
 /// # Errors
 /// The error names the line or the byte. Something is outside the grammar, the body is cut short, vertices have no

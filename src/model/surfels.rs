@@ -81,8 +81,8 @@ pub const MIPMAP_SIGMA: f32 = 0.288_675;
 
 /// A model that can be rendered: every surfel has axes, a normal and a colour.
 ///
-/// It is a structure of arrays of one length. Only `mipmap`, `opacity`, `material` and `velocity` may be empty, where the file
-/// has none, and `normalisation` until somebody asks for it.
+/// It is a structure of arrays of one length. Only `mipmap`, `opacity`, `material` and `velocity` may be empty, where
+/// the file has none, and `normalisation` until somebody asks for it.
 #[derive(Clone, Debug, Default)]
 pub struct Surfels {
     /// Point of model space that the positions are relative to (models are recentred in `f64`).
@@ -98,8 +98,8 @@ pub struct Surfels {
     /// Colours, linear Rec.709.
     pub colour: Vec<Vec3>,
     /// Coarser levels of the texture, linear Rec.709, or empty. Level k = 1, 2, 3 is the texture under a Gaussian of
-    /// standard deviation 2^k [`MIPMAP_SIGMA`] times the cut-off radius, on the surface; `colour` is level 0 (Pfister et
-    /// al. 2000, section 5.2).
+    /// standard deviation 2^k [`MIPMAP_SIGMA`] times the cut-off radius, on the surface; `colour` is level 0 (Pfister
+    /// et al. 2000, section 5.2).
     pub mipmap: Vec<[Vec3; MIPMAP_LEVELS]>,
     /// Opacities, in [0, 1]; empty where all are 1.
     pub opacity: Vec<f32>,

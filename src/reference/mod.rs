@@ -6,10 +6,10 @@
 //! (eq. 4) are evaluated in `f64`. The reference shares nothing with the passes that it judges. It has no screen-space
 //! prefilter, as rays have no footprint: it is what a splatter without prefilter converges to. See docs/reference.md.
 //!
-//! Data flow: `sampler` and `warp` (where and when a sample lies) → `cull` (objects that it may hit) → `trace` (what
-//! it sees), through `bvh`, `boxes` and `traverse` → `layers` (see-through surfels before that) → `gaussians`
-//! (captures among them) with `volumes` → `composite` → `sums` (means and standard errors). `integrator` does this for
-//! the pixels of an image, `render` for a frame, `probe` for one pixel.
+//! Data flow: `sampler` and `warp` (where and when a sample lies) → `cull` (objects that it may hit) → `trace`
+//! (what it sees), through `bvh`, `boxes` and `traverse` → `layers` (see-through surfels before that) → `gaussians`
+//! (captures among them) with `volumes` → `composite` → `sums` (means and standard errors). `integrator` does this
+//! for the pixels of an image, `render` for a frame, `probe` for one pixel.
 
 mod boxes;
 mod bvh;

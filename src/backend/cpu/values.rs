@@ -198,8 +198,8 @@ fn of_texture(surfels: &Surfels, i: usize, level: f32) -> Vec3 {
     from + (levels[finer] - from) * (level - finer as f32)
 }
 
-/// The level of a surfel's texture that is as wide as the pixel, in [0, 3] (docs/math.md, section 13). It is 0 where the
-/// surfel's centre has no image, being nearer than `near`.
+/// The level of a surfel's texture that is as wide as the pixel, in [0, 3] (docs/math.md, section 13). It is 0 where
+/// the surfel's centre has no image, being nearer than `near`.
 #[inline(always)]
 fn level(surfels: &Surfels, i: usize, shown: &Shown<'_>) -> f32 {
     let posed = shown.posed;

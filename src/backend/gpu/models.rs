@@ -45,8 +45,8 @@ pub(in crate::backend) struct ModelBuffer {
     /// Columns: positions, axes u, axes v; then the normalisation of kernels and its mean, where a frame needed them.
     /// Of Gaussians: positions, standard deviations, rotations, opacities.
     pub geometry: Buffer,
-    /// Columns: normals, colours, then materials, opacities and mipmaps where the model has them. Of Gaussians: colours,
-    /// harmonics, then normals where they have them.
+    /// Columns: normals, colours, then materials, opacities and mipmaps where the model has them. Of Gaussians:
+    /// colours, harmonics, then normals where they have them.
     pub looks: Buffer,
 }
 

@@ -264,7 +264,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 43] = [
     ([("let factor = geometry[9u", "let factor = geometry[6u")], "supersample"),
     ([("surfel.splat.centre_depth > 0.0 &&", "true &&")], "hard"),
     // Pass `visibility`.
-    ([("i / row_quads() - view.apron)", "i / row_quads())")], "supersample"),
+    ([("i / row_quads() - apron())", "i / row_quads())")], "supersample"),
     ([("met.depth + met.tolerance, met.covers", "met.depth, met.covers")], "supersample"),
     ([("select(depths.epsilon, met.tolerance, lower)", "met.tolerance")], "supersample"),
     ([("before += INVOCATIONS", "before += 2u * INVOCATIONS")], "wide"),

@@ -53,8 +53,8 @@ impl Shape {
         (self.corner[0] + self.corner[1] + self.corner[2]) / 3.0
     }
 
-    /// The axis along which the triangle is largest. Of equals it is the first, also where rounding tells them apart, so
-    /// that triangles of one plane agree.
+    /// The axis along which the triangle is largest. Of equals it is the first, also where rounding tells them apart,
+    /// so that triangles of one plane agree.
     pub(super) fn axis(&self) -> usize {
         const SAME: f64 = 1.0 + 1e-9;
         let size = self.across.abs();

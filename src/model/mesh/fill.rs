@@ -21,7 +21,8 @@ pub(super) struct Extra {
 }
 
 /// Surfels that are missing after `hits`, whose positions are `position`. Every vertex is then within 0.8 `radius`
-/// of a surfel, and so is the middle line of every thin triangle; a connected part without any hit has a surfel at its centre.
+/// of a surfel, and so is the middle line of every thin triangle; a connected part without any hit has a surfel at its
+/// centre.
 pub(super) fn extras(
     facets: &Facets<'_>,
     welded: &[u32],

@@ -13,7 +13,8 @@ use rayon::prelude::*;
 use super::{Texture, Wrap};
 use crate::math::{fast, srgb};
 
-/// Least standard deviation of a filter across its ellipse, in cells of the level that it sums over, for levels above 0.
+/// Least standard deviation of a filter across its ellipse, in cells of the level that it sums over, for levels above
+/// 0.
 const FINE: f64 = 2.0;
 /// Standard deviations at which the Gaussian is cut. What is cut off weighs exp(-4.5) = 1.1 %.
 const REACH: f64 = 3.0;

@@ -1,9 +1,9 @@
-//! The hits of a layered depth cube: three families of parallel rays, and every triangle that each ray meets (Pfister et
-//! al. 2000, sections 5.1 and 6.2).
+//! The hits of a layered depth cube: three families of parallel rays, and every triangle that each ray meets (Pfister
+//! et al. 2000, sections 5.1 and 6.2).
 //!
-//! The rays of a family stand on a grid. So a triangle's hits are the grid points within its projection, row by row, and
-//! no tree of boxes is needed. The ends of a row are where it crosses two edges. Two triangles compute the crossing with
-//! a shared edge from the same numbers in the same order, so no point falls between them, whatever is rounded.
+//! The rays of a family stand on a grid. So a triangle's hits are the grid points within its projection, row by row,
+//! and no tree of boxes is needed. The ends of a row are where it crosses two edges. Two triangles compute the crossing
+//! with a shared edge from the same numbers in the same order, so no point falls between them, whatever is rounded.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -44,8 +44,8 @@ struct OnEdge {
 /// Triangles of one task. Nothing depends on it.
 const CHUNK: usize = 256;
 
-/// All hits of rays with `spacing`, in the order of the triangles. Grid lines are half a spacing away from the middle of
-/// the box, so that none lies in a plane of symmetry.
+/// All hits of rays with `spacing`, in the order of the triangles. Grid lines are half a spacing away from the middle
+/// of the box, so that none lies in a plane of symmetry.
 ///
 /// `reduce`: each triangle is hit only along the axis that it faces most. Two hits of one axis are at least a spacing
 /// apart, unless one ray made both.

@@ -1,7 +1,6 @@
 //! Images of textures: PNG, JPEG and WebP to texels.
 //!
-//! The JPEG decoder is the crate `zune-jpeg`: it is the one that the crate `image` moved to, it needs no other crate
-//! but its own core, and it holds no unsafe code without the vector features, which stay off.
+//! The JPEG decoder is the crate `zune-jpeg`, without its vector features: it needs no other crate but its own core.
 
 use std::io::Cursor;
 
