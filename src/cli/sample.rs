@@ -24,11 +24,11 @@ use super::values;
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
-  splatblur sample cube.ply cube.bin
+  splatblur sample cube.obj cube.bin
   splatblur sample statue.ply statue.bin --surfels 1000000
   splatblur sample part.ply part.ply.bin --spacing 0.01 --all-rays")]
 pub(super) struct Sample {
-    /// Mesh: a .ply with faces.
+    /// Mesh: a .ply with faces, an .obj, a .glb or a .gltf.
     #[arg(value_name = "MESH")]
     input: PathBuf,
     /// File to write, ending in .bin or .ply.
