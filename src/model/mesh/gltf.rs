@@ -314,16 +314,7 @@ impl<'a> Reader<'a> {
         let animations = self.file.document.animations.len();
         self.note(super::NOT_PLAYED, animations);
         let Self { mut mesh, materials, notes, columns, .. } = self;
-        let [normals, uvs, colours] = columns;
-        if !normals {
-            mesh.normal = Vec::new();
-        }
-        if !uvs {
-            mesh.uv = Vec::new();
-        }
-        if !colours {
-            mesh.colour = Vec::new();
-        }
+        mesh.keep(columns);
         materials.finish(&mut mesh);
         mesh.notes.extend(notes.into_iter().map(|(what, count)| format!("ignored: {what} ({count})")));
         mesh

@@ -56,6 +56,21 @@ pub struct Mesh {
     pub notes: Vec<String>,
 }
 
+impl Mesh {
+    /// Drops normals, texture coordinates or colours that no vertex has.
+    fn keep(&mut self, [normals, uvs, colours]: [bool; 3]) {
+        if !normals {
+            self.normal = Vec::new();
+        }
+        if !uvs {
+            self.uv = Vec::new();
+        }
+        if !colours {
+            self.colour = Vec::new();
+        }
+    }
+}
+
 /// Three vertices, counter-clockwise seen from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Triangle {

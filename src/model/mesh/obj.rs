@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use glam::{DVec3, Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3};
 
 use super::mtl::Library;
 use super::polygon::triangulate;
@@ -195,16 +195,7 @@ impl Reader<'_> {
 
     fn finish(self) -> Mesh {
         let Self { mut mesh, library, columns, ignored, concave, .. } = self;
-        let [normals, uvs, colours] = columns;
-        if !normals {
-            mesh.normal = Vec::new();
-        }
-        if !uvs {
-            mesh.uv = Vec::new();
-        }
-        if !colours {
-            mesh.colour = Vec::<Vec4>::new();
-        }
+        mesh.keep(columns);
         library.finish(&mut mesh);
         if ignored > 0 {
             mesh.notes.push(format!("ignored: lines, points and curves ({ignored})"));
