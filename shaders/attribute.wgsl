@@ -2,8 +2,8 @@
 // Twin: src/backend/cpu/attribute.rs.  Math: docs/math.md, eq. 6 and 10.
 //
 // `splat_values`, one invocation per surfel of a segment:
-//   in   segment, geometry, looks, lights
-//   out  values    for each slot: colour, then normal, velocity, material and opacity where they are wanted
+//   in   segment, geometry, looks, lights, environment
+//   out  values    for each slot: colour, then normal, velocity, material, reflection and opacity where wanted
 // `sum_attributes`, one workgroup per tile, one invocation per quad of pixels; sums are in registers, in list order:
 //   in   splats, list, starts, wide, thresholds, values; segments: sample of a splat, its weight and share
 //   out  sums      for each tile, for each channel, its quads: weight, colour, then normal, depth, velocity and
@@ -34,6 +34,8 @@ override MATERIAL: u32 = 0u;
 // First of three channels for the coverage in groups of several samples; 0 in other groups. They are the sample
 // coverage of the current sample, the coverage by the samples before it, and the sample coverage of static objects.
 override SAMPLE_COVERAGE: u32 = 0u;
+// Channel of the reflection coefficient; 0 without it.
+override REFLECTION: u32 = 0u;
 // Channel of the opacity; 0 without it.
 override OPACITY: u32 = 0u;
 // Channel of the least depth of the splats that are added (NONE where there are none); 0 if it is not wanted.
@@ -75,7 +77,12 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
     let position = vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]);
     if GOURAUD {
         let world = apply(segment.world, position);
-        colour = shade(segment.first_light, view.lights, material, colour, normal, world, unit(-world));
+        let eye = unit(-world);
+        colour = shade(segment.first_light, view.lights, material, colour, normal, world, eye);
+        if FACE != 0u && segment.normal[1].w > 0.0 {
+            let pixel = deviation() / view.focal;
+            colour += surroundings(mirrored(normal, eye), pixel * pixel) * segment.normal[1].w;
+        }
     }
     var next = slot * VALUES;
     written_values[next] = colour.x;
@@ -108,10 +115,14 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
         written_values[next + 3u] = material.w;
         next += 4u;
     }
+    if REFLECTION != 0u {
+        written_values[next] = segment.normal[1].w;
+        next += 1u;
+    }
     if OPACITY != 0u {
-        let before = u32(segment.normal[1].w) * segment.buffer_surfels;
+        let before = select(6u, 10u, (segment.flags & 2u) != 0u) * segment.buffer_surfels;
         var own = 1.0;
-        if before > 0u { own = looks[before + surfel]; }
+        if (segment.flags & 4u) != 0u { own = looks[before + surfel]; }
         written_values[next] = segment.normal[0].w * own;
     }
 }
@@ -172,6 +183,7 @@ struct Sums {
     diffuse: vec4<f32>,
     specular: vec4<f32>,
     shininess: vec4<f32>,
+    reflection: vec4<f32>,
     opacity: vec4<f32>,
     sample_coverage: vec4<f32>,
     coverage: vec4<f32>,
@@ -233,7 +245,7 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
     if SAMPLE_COVERAGE != 0u {
         let segment_index = splat.flags >> 1u;
         share = segments[segment_index].share;
-        let its_turn = segments[segment_index].flags >> 2u;
+        let its_turn = segments[segment_index].flags >> 3u;
         if its_turn != (*sum).turn {
             turn(sum, its_turn);
         }
@@ -294,6 +306,10 @@ fn add_values(sum: ptr<function, Sums>, slot: u32, weight: vec4<f32>, depth: vec
         (*sum).shininess += weight * values[next + 3u];
         next += 4u;
     }
+    if REFLECTION != 0u {
+        (*sum).reflection += weight * values[next];
+        next += 1u;
+    }
     if OPACITY != 0u { (*sum).opacity += weight * values[next]; }
 }
 
@@ -322,6 +338,7 @@ fn load_sums(sum: ptr<function, Sums>, at: u32) {
         (*sum).specular = sums[at + (MATERIAL + 2u) * TILE_QUADS];
         (*sum).shininess = sums[at + (MATERIAL + 3u) * TILE_QUADS];
     }
+    if REFLECTION != 0u { (*sum).reflection = sums[at + REFLECTION * TILE_QUADS]; }
     if OPACITY != 0u { (*sum).opacity = sums[at + OPACITY * TILE_QUADS]; }
     if SAMPLE_COVERAGE != 0u {
         (*sum).sample_coverage = sums[at + SAMPLE_COVERAGE * TILE_QUADS];
@@ -363,6 +380,7 @@ fn store_sums(sum: ptr<function, Sums>, at: u32) {
         sums[at + (MATERIAL + 2u) * TILE_QUADS] = (*sum).specular;
         sums[at + (MATERIAL + 3u) * TILE_QUADS] = (*sum).shininess;
     }
+    if REFLECTION != 0u { sums[at + REFLECTION * TILE_QUADS] = (*sum).reflection; }
     if OPACITY != 0u { sums[at + OPACITY * TILE_QUADS] = (*sum).opacity; }
     if SAMPLE_COVERAGE != 0u {
         sums[at + SAMPLE_COVERAGE * TILE_QUADS] = (*sum).sample_coverage;

@@ -1,6 +1,6 @@
 // Pass `resolve`: normalises the sums, shades the pixel and adds it to the film with the time weight.
 // Twin: src/backend/cpu/resolve.rs.  Math: docs/math.md, eq. 6 to 8 and 10.
-//   in   thresholds, sums, lights
+//   in   thresholds, sums, lights, environment
 //   out  film      for each tile, for each plane, its pixels: premultiplied colour and alpha; then depth, normal and
 //                  velocity where they are wanted
 // One invocation per pixel. The order of pixels does not matter. Groups are added in their order, one dispatch
@@ -16,6 +16,7 @@ override NORMAL: u32 = 0u;
 override DEPTH: u32 = 0u;
 override VELOCITY: u32 = 0u;
 override MATERIAL: u32 = 0u;
+override REFLECTION: u32 = 0u;
 override SAMPLE_COVERAGE: u32 = 0u;
 override CHANNELS: u32 = 4u;
 override PHONG: bool = false;
@@ -41,13 +42,15 @@ fn resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id)
         share = sums[sum_at + (SAMPLE_COVERAGE + 1u) * TILE_PIXELS];
         weight = 1.0;
     }
-    add_pixel(index, tile.xy, pixel.xy, sum_at, Share(share, weight));
+    add_pixel(index, tile.xy, pixel.xy, sum_at, Share(share, weight, true));
 }
 
-// The weight of a pixel's mean: the covered share of the pixel, times a weight.
+// The weight of a pixel's mean: the covered share of the pixel, times a weight. And whether the sums of the pixels
+// around it are there, too.
 struct Share {
     covered: f32,
     weight: f32,
+    has_neighbours: bool,
 }
 
 // Adds one pixel of tile `index` to the film. `sum_at`: its sum of weights, which must be > 0; other channels follow.
@@ -70,17 +73,23 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, share: 
             let shininess = sums[sum_at + (MATERIAL + 3u) * TILE_PIXELS] * inverse;
             material = vec4<f32>(mean(sum_at, MATERIAL, inverse), shininess);
         }
-        // The ray through the sample position, in world axes, with depth 1.
-        let over = 1.0 / view.focal;
-        let column = f32(tile.x * TILE + pixel.x);
-        let row = f32((view.first_tile_row + tile.y) * TILE + pixel.y);
-        let ray_y = (view.axis.y - (row + 0.5 + view.offset.y)) * over;
-        let ray_x = (column + 0.5 + view.offset.x - view.axis.x) * over;
-        let ray = (view.camera[1].xyz * ray_y - view.camera[2].xyz) + view.camera[0].xyz * ray_x;
-        let eye = ray * (-1.0 / sqrt(ray.x * ray.x + ray.y * ray.y + ray.z * ray.z));
+        let ray = ray_of(tile, pixel);
+        let eye = towards_eye(ray);
         let m = mean_normal;
         let shaded = normal * agreement(m.x * m.x + m.y * m.y + m.z * m.z);
         colour = shade(view.first_light, view.lights, material, colour, shaded, ray * depth, eye);
+        if FACE != 0u {
+            var reflection = view.environment.w;
+            if REFLECTION != 0u { reflection = sums[sum_at + REFLECTION * TILE_PIXELS] * inverse; }
+            let towards = mirrored(normal, eye);
+            let beside = mirrored_at(tile, pixel ^ vec2<u32>(1u, 0u), sum_at - in_tile, normal, share.has_neighbours);
+            let below = mirrored_at(tile, pixel ^ vec2<u32>(0u, 1u), sum_at - in_tile, normal, share.has_neighbours);
+            let x = beside - towards;
+            let y = below - towards;
+            let steps = (x.x * x.x + x.y * x.y + x.z * x.z) + (y.x * y.x + y.y * y.y + y.z * y.z);
+            let pixel_deviation = deviation();
+            colour += surroundings(towards, 0.5 * (pixel_deviation * pixel_deviation) * steps) * reflection;
+        }
     }
     let at = index * PLANES * TILE_PIXELS + in_tile;
     add(at, colour, share);
@@ -98,6 +107,30 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, share: 
         film[x] += share.weight * (share.covered * velocity_x);
         film[x + TILE_PIXELS] += share.weight * (share.covered * velocity_y);
     }
+}
+
+// The ray through the sample position of a pixel, in world axes, with depth 1.
+fn ray_of(tile: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
+    let over = 1.0 / view.focal;
+    let column = f32(tile.x * TILE + pixel.x);
+    let row = f32((view.first_tile_row + tile.y) * TILE + pixel.y);
+    let ray_y = (view.axis.y - (row + 0.5 + view.offset.y)) * over;
+    let ray_x = (column + 0.5 + view.offset.x - view.axis.x) * over;
+    return (view.camera[1].xyz * ray_y - view.camera[2].xyz) + view.camera[0].xyz * ray_x;
+}
+
+// The unit direction to the eye on a ray.
+fn towards_eye(ray: vec3<f32>) -> vec3<f32> {
+    return ray * (-1.0 / sqrt(ray.x * ray.x + ray.y * ray.y + ray.z * ray.z));
+}
+
+// What pixel `pixel` of the tile mirrors, whose sums begin at `sum_at`: with its own normal where it has one, else with
+// `normal`.
+fn mirrored_at(tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, normal: vec3<f32>, has_sums: bool) -> vec3<f32> {
+    let at = sum_at + pixel.y * TILE + pixel.x;
+    var its_normal = normal;
+    if has_sums && sums[at] > 0.0 { its_normal = unit(mean(at, NORMAL, 1.0 / sums[at])); }
+    return mirrored(its_normal, towards_eye(ray_of(tile, pixel)));
 }
 
 // The mean of three neighbouring channels.

@@ -202,19 +202,33 @@ pub struct Channels {
     pub velocity: Option<usize>,
     /// First of four: ambient, diffuse, specular, shininess; only where materials differ.
     pub material: Option<usize>,
+    /// Reflection coefficient; only where objects differ in it.
+    pub reflection: Option<usize>,
     /// Opacity; only for what light passes through.
     pub opacity: Option<usize>,
     /// The material of all objects, where they have the same.
     pub uniform: Option<Material>,
+    /// The reflection coefficient of all objects, where they have the same; else 0.
+    pub mirror: f32,
 }
 
 impl Channels {
     /// Largest number of channels.
-    pub const MOST: usize = 15;
+    pub const MOST: usize = 16;
 
     /// The sum of weights alone.
     pub const fn weights() -> Self {
-        Self { count: 1, normal: None, depth: None, velocity: None, material: None, opacity: None, uniform: None }
+        Self {
+            count: 1,
+            normal: None,
+            depth: None,
+            velocity: None,
+            material: None,
+            reflection: None,
+            opacity: None,
+            uniform: None,
+            mirror: 0.0,
+        }
     }
 
     /// The channels that `frame` needs.
@@ -224,6 +238,8 @@ impl Channels {
         let lit_by_points = frame.all_samples().any(|sample| sample.lights.iter().any(is_point));
         let first = frame.objects.first().and_then(|object| object.material);
         let uniform = first.filter(|_| frame.objects.iter().all(|object| object.material == first));
+        let mirror = frame.objects.first().map(|object| object.reflection);
+        let mirror = mirror.filter(|&first| frame.objects.iter().all(|object| object.reflection == first));
         let mut count = 4;
         let mut take = |wanted: bool, n: usize| {
             wanted.then(|| {
@@ -235,7 +251,9 @@ impl Channels {
         let depth = take(deferred && lit_by_points || frame.aovs.contains(&Aov::Depth), 1);
         let velocity = take(frame.aovs.contains(&Aov::Velocity), 2);
         let material = take(deferred && uniform.is_none(), 4);
-        Self { count, normal, depth, velocity, material, opacity: None, uniform }
+        let reflection = take(deferred && frame.surroundings.is_some() && mirror.is_none(), 1);
+        let mirror = mirror.unwrap_or_default();
+        Self { count, normal, depth, velocity, material, reflection, opacity: None, uniform, mirror }
     }
 
     /// The same and the opacity.

@@ -74,10 +74,16 @@ pub mod anim;
 pub mod model;
 
 #[doc(hidden)]
+pub mod environment;
+
+#[doc(hidden)]
 pub mod scene;
 
 #[doc(hidden)]
 pub mod film;
+
+#[doc(hidden)]
+pub mod image;
 
 #[doc(hidden)]
 pub mod scene_file;
@@ -110,9 +116,6 @@ pub mod reconstruct;
 pub mod objects;
 
 #[doc(hidden)]
-pub mod image;
-
-#[doc(hidden)]
 pub mod renderer;
 
 #[doc(hidden)]
@@ -129,6 +132,7 @@ pub mod study;
 pub use glam;
 
 // What is rendered.
+pub use environment::{Environment, LatLong};
 pub use math::Trs as Transform;
 pub use model::{Cloud, Material, Surfels};
 pub use scene::{Camera, FrameRange, ImageSettings, Light, Model, Motion, Object, Scene};

@@ -44,6 +44,14 @@ pub fn lobes(n: [f32; 3], towards: [f32; 3], view: [f32; 3], shininess: f32) -> 
     (if nl > 0.0 { nl } else { 0.0 }, fast::pow(if rv > 0.0 { rv } else { 0.0 }, shininess))
 }
 
+/// The direction that a mirror with unit normal `n` shows to the unit direction `view` (from the surface to the eye):
+/// 2 (n.v) n - v.
+#[inline(always)]
+pub fn mirrored(n: [f32; 3], view: [f32; 3]) -> [f32; 3] {
+    let twice = 2.0 * (n[0] * view[0] + n[1] * view[1] + n[2] * view[2]);
+    [twice * n[0] - view[0], twice * n[1] - view[1], twice * n[2] - view[2]]
+}
+
 /// Length of the normal that shades where the mean of unit normals has the squared length `length2`: 1 from .86 on,
 /// where one surface curves or its normals are noisy, and that of the mean up to .72, where surfaces meet at a right
 /// angle or sharper; linear between them. A higher range makes smooth models darker than the reference.

@@ -76,6 +76,9 @@ struct View {
     surfels: u32,
     opaque_scale: f32,
     ends: u32,
+    // Cosine and sine of the environment's rotation, factor on its radiance, and the reflection coefficient of all
+    // objects where they have the same.
+    environment: vec4<f32>,
 }
 
 // Bits of `View.surfels`: thresholds hold opaque surfels; there are layers of see-through surfels.
@@ -84,8 +87,8 @@ const SEE_THROUGH_SURFELS: u32 = 2u;
 
 // Some surfels of one surfel buffer, posed at one time sample. The array of segments begins with one entry for each
 // sample, which holds only the sample's weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i). The normal's rows
-// have no origin: the first one ends with the object's factor on opacities, the others with the floats of a surfel in
-// `looks` before its opacity and before its mipmap, 0 where surfels have none.
+// have no origin: they end with the object's factor on opacities, its reflection coefficient, and the floats of a surfel
+// in `looks` before its mipmap, 0 where surfels have none.
 struct Segment {
     screen: array<vec4<f32>, 3>,
     rate: array<vec4<f32>, 3>,
@@ -106,8 +109,8 @@ struct Segment {
     // Index in the array of segments.
     index: u32,
     first_light: u32,
-    // Bit 0: two-sided. Bit 1: each surfel has a material. Above: its turn, 0 for static objects, else 1 + the sample
-    // in its group.
+    // Bit 0: two-sided. Bit 1: each surfel has a material. Bit 2: each has an opacity. Above: its turn, 0 for static
+    // objects, else 1 + the sample in its group.
     flags: u32,
 }
 

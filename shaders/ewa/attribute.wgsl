@@ -158,7 +158,7 @@ fn add_to_band(band: ptr<function, Sums>, slot: u32, quad: Quad) -> bool {
     let seen = see(splat, quad);
     let zero = vec4<f32>(0.0);
     if SAMPLE_COVERAGE != 0u {
-        let its_turn = segments[segment_index].flags >> 2u;
+        let its_turn = segments[segment_index].flags >> 3u;
         if its_turn != (*band).turn { turn(band, its_turn); }
         // A hidden splat covers the pixel, too: what hides it covers it.
         (*band).sample_coverage += select(seen.weight, vec4<f32>(1.0), seen.disc);

@@ -3,7 +3,7 @@
 // Twin: src/backend/cpu/ewa/resolve.rs.  Math: docs/math.md, section 3.
 //   in   thresholds   depths of each tile, as common/ewa.wgsl has them
 //        sums         of each layer
-//        lights
+//        lights, environment
 //   out  film
 // One invocation per pixel.
 
@@ -27,7 +27,7 @@ fn ewa_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation
         let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
         if !(sums[sum_at] > 0.0) { return; }
         let covered = sums[sum_at + (SAMPLE_COVERAGE + 1u) * TILE_PIXELS];
-        add_pixel(index, tile.xy, pixel.xy, sum_at, Share(covered, 1.0));
+        add_pixel(index, tile.xy, pixel.xy, sum_at, Share(covered, 1.0, true));
         return;
     }
     let second = thresholds[4u * (depths_at + second_place()) + in_tile];
@@ -60,6 +60,6 @@ fn ewa_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation
         if solid || layer == closing { coverage = 1.0; }
         let share = min(coverage, left);
         left -= share;
-        add_pixel(index, tile.xy, pixel.xy, sum_at, Share(share, view.weight));
+        add_pixel(index, tile.xy, pixel.xy, sum_at, Share(share, view.weight, layer == BAND));
     }
 }

@@ -79,7 +79,7 @@ fn swept_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocati
     let covered = coverage(index, in_tile);
     let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
     if sums[sum_at] > 0.0 {
-        add_pixel(index, tile.xy, pixel.xy, sum_at, Share(covered, 1.0));
+        add_pixel(index, tile.xy, pixel.xy, sum_at, Share(covered, 1.0, false));
     }
     show_static(index * PLANES * TILE_PIXELS + in_tile, covered);
 }
@@ -106,14 +106,14 @@ fn pool(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pi
     let at = index * PLANES * TILE_PIXELS + in_tile;
     let weight = view.weight;
     film[at + WEIGHT_PLANE * TILE_PIXELS] += weight * sums[sum_at];
-    add(at, mean(sum_at, 1u, 1.0), Share(1.0, weight));
+    add(at, mean(sum_at, 1u, 1.0), Share(1.0, weight, false));
     let covered = coverage(index, in_tile);
     film[at + 3u * TILE_PIXELS] += covered;
     if DEPTH_PLANE != 0u {
         film[at + DEPTH_PLANE * TILE_PIXELS] += weight * sums[sum_at + DEPTH * TILE_PIXELS];
     }
     if NORMAL_PLANE != 0u {
-        add(at + NORMAL_PLANE * TILE_PIXELS, mean(sum_at, NORMAL, 1.0), Share(1.0, weight));
+        add(at + NORMAL_PLANE * TILE_PIXELS, mean(sum_at, NORMAL, 1.0), Share(1.0, weight, false));
     }
     if VELOCITY_PLANE != 0u {
         let x = at + VELOCITY_PLANE * TILE_PIXELS;

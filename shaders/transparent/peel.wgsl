@@ -120,7 +120,7 @@ fn peel_resolve(
         }
         let opacity = sums[sum_at + OPACITY * TILE_PIXELS] * inverse;
         let share = opacity * put(&cover, coverage, opacity) / before;
-        if share > 0.0 { add_pixel(layer, tile.xy, pixel.xy, sum_at, Share(share, 1.0)); }
+        if share > 0.0 { add_pixel(layer, tile.xy, pixel.xy, sum_at, Share(share, 1.0, is_band)); }
     }
     put_cover(depths_at, lane, cover);
     if shows_at(depths_at, lane, depth, cover) { atomicAdd(&counted, 1u); }

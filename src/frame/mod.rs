@@ -11,6 +11,7 @@ mod static_objects;
 
 use std::sync::Arc;
 
+use crate::environment::{Environment, Surroundings};
 use crate::film::{Aov, Background, Blending, FilmPlanes};
 use crate::math::focal_length;
 use crate::model::{Gaussians, Material, Optics, Surfels};
@@ -46,6 +47,8 @@ pub struct Frame {
     pub shading: Shading,
     /// Extra channels.
     pub aovs: Vec<Aov>,
+    /// What surfaces mirror; `None` where no surface does.
+    pub surroundings: Option<Surroundings>,
     /// The background behind the film. What is transparent is composited over it, instant by instant.
     pub background: Background,
     /// The picture is the film as it is, for a caller that lays several over the background.
@@ -108,6 +111,8 @@ pub struct FrameObject {
     pub see_through: bool,
     /// Factor on the opacities of its surfels.
     pub opacity: f32,
+    /// Share of the surroundings that its surfels mirror.
+    pub reflection: f32,
     /// Material of the whole object; `None`: one per surfel, `surfels.material`.
     pub material: Option<Material>,
     /// Show back faces, with normals turned to the viewer.
@@ -195,6 +200,7 @@ impl Frame {
         let is_static = find_static(scene, &times, &mut rasters, exposure.stride, near);
         let objects: Vec<FrameObject> =
             scene.objects.iter().zip(is_static).map(|(object, fixed)| frame_object(object, options, fixed)).collect();
+        let mirrors = objects.iter().any(|object| object.reflection > 0.0 && !object.surfels.is_empty());
         let mut frame = Self {
             size,
             stride: exposure.stride,
@@ -204,6 +210,7 @@ impl Frame {
             // Normals are not averaged over time (Wolf 2008, fig. 4.4).
             shading: if swept.is_some() { Shading::Gouraud } else { options.shading },
             aovs: options.aovs.clone(),
+            surroundings: scene.environment.as_ref().filter(|_| mirrors).map(Environment::surroundings),
             background: Background { colour: scene.image.background, transparent: scene.image.transparent },
             leaves_background: false,
             memory: options.memory,
@@ -397,7 +404,9 @@ fn model_bytes(scene: &Scene) -> u64 {
     let mut captures: Vec<_> = scene.objects.iter().filter_map(|object| object.model.gaussians()).collect();
     captures.sort_by_key(|capture| Arc::as_ptr(capture));
     captures.dedup_by_key(|capture| Arc::as_ptr(capture));
-    models.iter().map(|model| model.bytes()).sum::<u64>() + captures.iter().map(|capture| capture.bytes()).sum::<u64>()
+    let surroundings = scene.environment.as_ref().map_or(0, Environment::bytes);
+    let captures = captures.iter().map(|capture| capture.bytes()).sum::<u64>();
+    models.iter().map(|model| model.bytes()).sum::<u64>() + captures + surroundings
 }
 
 /// The numbers in which the image is composited: coded values as soon as one capture has them. Flat colours are linear,
@@ -427,6 +436,7 @@ fn frame_object(object: &Object, options: &RenderOptions, is_static: bool) -> Fr
         capture: object.capture,
         see_through: object.is_see_through(),
         opacity: object.opacity as f32,
+        reflection: object.reflection as f32,
         material,
         two_sided,
         is_static,

@@ -52,6 +52,11 @@ impl Raster {
         }
     }
 
+    /// Standard deviation of what a pixel sees, raster pixels: that of its filter, else of its square.
+    pub fn deviation(&self) -> f32 {
+        if self.sigma > 0.0 { self.sigma } else { self.footprint }
+    }
+
     /// Pixels within which the filter of full EWA reaches from one pixel to another.
     pub fn apron(&self) -> usize {
         (2.0 * self.sigma).ceil() as usize

@@ -176,7 +176,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
             self.world.lights(camera.eye, &mut self.lights);
         }
         let (mut weight, mut colour, mut normal, mut depth) = (0.0, DVec3::ZERO, DVec3::ZERO, 0.0);
-        let (mut material, mut velocity) = ([0.0; 4], DVec2::ZERO);
+        let (mut material, mut velocity, mut reflection) = ([0.0; 4], DVec2::ZERO, 0.0);
         for hit in &*hits {
             let body = &self.world.bodies[hit.object as usize];
             let Some(target) = self.target(lane, hit) else { continue };
@@ -186,13 +186,17 @@ impl<'w, 'a> Tracer<'w, 'a> {
                 Shading::Phong => surface.colour,
                 Shading::Gouraud => {
                     let position = (surface.centre(target) - target.eye).as_vec3();
-                    shade(&self.lights, &surface.material, surface.colour, surface.normal.as_vec3(), position)
+                    let lit =
+                        shade(&self.lights, &surface.material, surface.colour, surface.normal.as_vec3(), position);
+                    let mirrors = self.mirrored(body.object.reflection, surface.normal, position.as_dvec3());
+                    lit + mirrors.as_vec3()
                 }
             };
             weight += w;
             colour += w * c.as_dvec3();
             normal += w * surface.normal;
             depth += w * hit.depth;
+            reflection += w * body.object.reflection;
             let Material { ambient, diffuse, specular, shininess } = surface.material;
             for (sum, value) in material.iter_mut().zip([ambient, diffuse, specular, shininess]) {
                 *sum += w * f64::from(value);
@@ -207,9 +211,20 @@ impl<'w, 'a> Tracer<'w, 'a> {
             let [ambient, diffuse, specular, shininess] = material.map(|sum| (sum * over) as f32);
             let material = Material { ambient, diffuse, specular, shininess };
             let position = (direction * depth).as_vec3();
-            colour = shade(&self.lights, &material, colour.as_vec3(), normal.as_vec3(), position).as_dvec3();
+            colour = shade(&self.lights, &material, colour.as_vec3(), normal.as_vec3(), position).as_dvec3()
+                + self.mirrored(reflection * over, normal, direction);
         }
         Some(Seen { colour, coverage: 1.0, depth, normal, velocity: velocity * over })
+    }
+
+    /// What a surface with the coefficient `reflection` and unit normal `normal` mirrors on a ray along `direction`, of
+    /// any length: the environment's own pixels, without any filter.
+    fn mirrored(&self, reflection: f64, normal: DVec3, direction: DVec3) -> DVec3 {
+        let Some(environment) = self.world.scene.environment.as_ref().filter(|_| reflection > 0.0) else {
+            return DVec3::ZERO;
+        };
+        let along = direction.normalize_or_zero();
+        environment.radiance(along - normal * (2.0 * normal.dot(along))) * reflection
     }
 
     /// Mean opacity of see-through hits, weighted as their colours.

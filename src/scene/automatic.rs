@@ -38,6 +38,7 @@ impl Scene {
             shutter: Shutter::default(),
             camera: Camera::new(DVec3::ZERO, DVec3::NEG_Z),
             lights: lights(),
+            environment: None,
             objects,
         };
         scene.camera = Camera::automatic(&scene);

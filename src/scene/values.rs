@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 
 use super::model::Model;
 use crate::anim::{Interpolation, NodeMotion};
+use crate::environment::Environment;
 use crate::math::{Bounds, Trs};
 use crate::model::{self, Cloud, ColourSpace, Kind, Material, MeshOptions, ModelError, VolumeOptions};
 use crate::time::Shutter;
@@ -28,6 +29,8 @@ pub struct Scene {
     pub camera: Camera,
     /// Lights.
     pub lights: Vec<Light>,
+    /// What surrounds the scene.
+    pub environment: Option<Environment>,
     /// Objects. Their order is that of all sums of floats: a scene with its objects in another order gives the same
     /// picture up to rounding.
     pub objects: Vec<Object>,
@@ -205,6 +208,8 @@ pub struct Object {
     pub material: Option<Material>,
     /// Factor on the opacities of surfels, in [0, 1].
     pub opacity: f64,
+    /// Share of the environment's radiance that its surfels mirror, in [0, 1].
+    pub reflection: f64,
     /// Depth tolerance of the visibility rule, world units; `None`: the median cut-off radius times the object's scale.
     pub epsilon: Option<f64>,
     /// False: object and camera are posed at the frame number.
@@ -241,6 +246,7 @@ impl Object {
             place: Trs::default(),
             material: None,
             opacity: 1.0,
+            reflection: 0.0,
             epsilon: None,
             blur: true,
             two_sided: model.two_sided,

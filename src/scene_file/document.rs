@@ -23,7 +23,17 @@ pub(super) struct Document {
     /// `None`: the scene has no `<camera>`.
     pub(super) camera: Option<CameraSpec>,
     pub(super) lights: Vec<Light>,
+    pub(super) environment: Option<EnvironmentSpec>,
     pub(super) objects: Vec<ObjectSpec>,
+}
+
+#[derive(Debug)]
+pub(super) struct EnvironmentSpec {
+    pub(super) file: FileRef,
+    pub(super) intensity: f64,
+    /// Radians.
+    pub(super) rotation: f64,
+    pub(super) background: bool,
 }
 
 #[derive(Debug)]
@@ -69,6 +79,8 @@ pub(super) struct ObjectSpec {
     pub(super) material: Option<Material>,
     /// Factor on the opacities of surfels.
     pub(super) opacity: f64,
+    /// Share of the environment that surfels mirror.
+    pub(super) reflection: f64,
     pub(super) capture: Capture,
 }
 
@@ -99,7 +111,20 @@ pub(super) fn read(source: &Source, root: &Element) -> Result<Document, SceneErr
         shutter: shutter(&part("shutter"))?,
         camera: root.child("camera").map(|e| camera(&Part::new(source, e, "camera"))).transpose()?,
         lights,
+        environment: root
+            .child("environment")
+            .map(|e| environment(&Part::new(source, e, "environment")))
+            .transpose()?,
         objects: objects(source, root)?,
+    })
+}
+
+fn environment(part: &Part<'_>) -> Result<EnvironmentSpec, SceneError> {
+    Ok(EnvironmentSpec {
+        file: part.file(),
+        intensity: part.number("intensity")?,
+        rotation: part.number("rotation")?.to_radians(),
+        background: part.boolean("background")?,
     })
 }
 
@@ -249,6 +274,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         place: placement(&inside("place"))?,
         material: material(&surface, part.element.child("material").is_some())?,
         opacity: surface.number("opacity")?,
+        reflection: surface.number("reflection")?,
     })
 }
 
@@ -331,7 +357,8 @@ fn placement(part: &Part<'_>) -> Result<Trs, SceneError> {
     Ok(Trs { translate, rotate, scale, order: RotateOrder::Xyz })
 }
 
-/// The coefficients of a `<material>`. One that says nothing but an opacity leaves those of the model's file.
+/// The coefficients of a `<material>`. One that says nothing but an opacity or a reflection leaves those of the model's
+/// file.
 fn material(part: &Part<'_>, is_there: bool) -> Result<Option<Material>, SceneError> {
     let number = |name| part.number(name).map(|x| x as f32);
     let material = Material {
@@ -341,7 +368,7 @@ fn material(part: &Part<'_>, is_there: bool) -> Result<Option<Material>, SceneEr
         shininess: number("shininess")?,
     };
     let given = ["ambient", "diffuse", "specular", "shininess"].into_iter().any(|name| part.given(name));
-    Ok((is_there && (given || !part.given("opacity"))).then_some(material))
+    Ok((is_there && (given || !(part.given("opacity") || part.given("reflection")))).then_some(material))
 }
 
 /// `v` at length 1. A vector whose length is 1 up to rounding stays as it is, so that a written scene loads back.

@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::anim::AnimError;
+use crate::environment::NotLatLong;
+use crate::image::ImageError;
 use crate::model::ModelError;
 
 /// A place in a scene file.
@@ -212,6 +214,14 @@ pub enum SceneError {
         /// Why.
         source: Box<ModelError>,
     },
+    /// The picture of the environment was refused.
+    #[error("{at}: <environment> was refused")]
+    Environment {
+        /// Where the scene names it.
+        at: Location,
+        /// Why.
+        source: Box<EnvironmentError>,
+    },
     /// An animation, or the choice of its node, was refused.
     #[error("{at}: <animation> was refused")]
     Animation {
@@ -219,6 +229,23 @@ pub enum SceneError {
         at: Location,
         /// Why.
         source: Box<AnimError>,
+    },
+}
+
+/// Why a file cannot be an environment.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EnvironmentError {
+    /// It is no picture that can be read.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// It is a picture of something else.
+    #[error("{}: {source}", path.display())]
+    Map {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: NotLatLong,
     },
 }
 

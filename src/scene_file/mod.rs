@@ -21,7 +21,7 @@ use std::path::Path;
 use crate::model::{self, ModelError, Progress};
 use crate::scene::{Object, Scene};
 
-pub use self::error::{Location, SceneError};
+pub use self::error::{EnvironmentError, Location, SceneError};
 pub use self::play::{NoPlay, Play, play};
 pub use self::write::{camera_line, to_xml};
 

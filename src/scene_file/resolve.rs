@@ -6,12 +6,14 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::document::{AnimationSpec, CameraSpec, Document, ObjectSpec, ShapeSpec};
+use super::document::{AnimationSpec, CameraSpec, Document, EnvironmentSpec, ObjectSpec, ShapeSpec};
 use super::dom::{FileRef, Source};
-use super::error::{SceneError, quoted};
+use super::error::{EnvironmentError, SceneError, quoted};
 use super::paths::Finder;
 use super::{LoadOptions, Loaded, write};
 use crate::anim::{self, NodeMotion};
+use crate::environment::{Environment, LatLong};
+use crate::image;
 use crate::model::{self, MeshOptions, MeshSource, Spacing};
 use crate::scene::{self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Model, Object, Scene};
 
@@ -41,6 +43,10 @@ pub(super) fn resolve(
         Some(spec) => Some(files.bind(spec)?),
         None => None,
     };
+    let environment = document.environment.map(|spec| files.environment(&spec)).transpose()?;
+    if environment.is_none() && objects.iter().any(|object| object.reflection > 0.0) {
+        files.notes.push("`reflection` of <material> mirrors the <environment>, and means nothing without".to_owned());
+    }
     let camera_moves = document.camera.as_ref().is_some_and(|c| !c.motions.is_empty());
     let file_rate = files.rate.map(|(_, rate)| rate);
     let frames = scene::frames(&document.frames, &objects, camera_binding.as_ref(), camera_moves, file_rate);
@@ -53,6 +59,7 @@ pub(super) fn resolve(
         shutter: document.shutter,
         camera: Camera::new(DVec3::ZERO, DVec3::NEG_Z),
         lights,
+        environment,
         objects,
     };
     scene.camera = camera(source, &scene, document.camera.as_ref(), camera_binding)?;
@@ -199,10 +206,25 @@ impl Files<'_> {
             place: spec.place,
             material: spec.material,
             opacity: spec.opacity,
+            reflection: spec.reflection,
             epsilon: spec.epsilon,
             blur: spec.blur,
             sphere,
         })
+    }
+
+    fn environment(&mut self, spec: &EnvironmentSpec) -> Result<Environment, SceneError> {
+        let (path, _) = self.find(&spec.file)?;
+        let refuse =
+            |source| SceneError::Environment { at: self.source.locate(spec.file.at), source: Box::new(source) };
+        let picture = image::read(&path).map_err(|e| refuse(e.into()))?;
+        let pixels = picture.rgba.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+        let map = LatLong::new(picture.width as usize, pixels)
+            .map_err(|source| refuse(EnvironmentError::Map { path: path.clone(), source }))?;
+        let mut environment = Environment::new(map);
+        (environment.path, environment.background) = (path, spec.background);
+        (environment.intensity, environment.rotation) = (spec.intensity, spec.rotation);
+        Ok(environment)
     }
 
     /// Notes what is said about an object and means nothing for its model.
@@ -225,8 +247,8 @@ impl Files<'_> {
         if !is_volume && spec.options.volume != model::VolumeOptions::default() {
             note("`kernel`, `flatten`, `lit` and <transferFunction> are for volumes, and mean");
         }
-        if (is_capture || is_volume) && spec.opacity != 1.0 {
-            note("`opacity` of <material> is for surfels, and means");
+        if (is_capture || is_volume) && (spec.opacity != 1.0 || spec.reflection != 0.0) {
+            note("`opacity` and `reflection` of <material> are for surfels, and mean");
         }
     }
 

@@ -40,6 +40,14 @@ pub fn to_xml(scene: &Scene, relative_to: &Path) -> String {
     out.shutter(&scene.shutter);
     out.camera(&scene.camera, relative_to);
     scene.lights.iter().for_each(|light| out.light(light));
+    if let Some(environment) = &scene.environment {
+        let attributes = [
+            ("intensity", number(environment.intensity)),
+            ("rotation", degrees(environment.rotation)),
+            ("background", environment.background.to_string()),
+        ];
+        out.file(1, "environment", &attributes, &relative(&environment.path, relative_to));
+    }
     scene.objects.iter().for_each(|object| out.object(object, relative_to));
     out.0.push_str("</scene>\n");
     out.0
@@ -161,10 +169,10 @@ impl Xml {
                 ("shininess", m.shininess.to_string()),
             ]
         });
-        // With its opacity alone it leaves the coefficients of the model's file.
-        if coefficients.is_some() || object.opacity != 1.0 {
+        // With its opacity and reflection alone it leaves the coefficients of the model's file.
+        if coefficients.is_some() || object.opacity != 1.0 || object.reflection != 0.0 {
             let mut attributes: Vec<_> = coefficients.into_iter().flatten().collect();
-            attributes.push(("opacity", number(object.opacity)));
+            attributes.extend([("opacity", number(object.opacity)), ("reflection", number(object.reflection))]);
             self.line(2, "material", &attributes);
         }
         if let Some(transfer) = &object.volume.transfer {

@@ -81,6 +81,7 @@ pub fn scene(objects: Vec<Object>, size: [u32; 2], eye: DVec3, fovy_degrees: f64
         shutter: Shutter { open: 0.0, close: 1.0, weight: Weight::Box },
         camera: Camera { fovy: fovy_degrees.to_radians(), ..Camera::new(eye, eye - DVec3::Z) },
         lights: vec![Light::Ambient { colour: DVec3::ONE }],
+        environment: None,
         objects,
     }
 }

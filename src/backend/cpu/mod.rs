@@ -13,6 +13,7 @@ pub(super) mod clocks;
 pub(super) mod ewa;
 pub(super) mod job;
 mod memory;
+mod mirror;
 mod patch;
 pub(super) mod project;
 pub(super) mod resolve;

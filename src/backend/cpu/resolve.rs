@@ -2,8 +2,10 @@
 //!
 //! In: a tile's sums and thresholds. Out: the tile's film. One sample position at a time, order-free.
 
+use super::mirror::{Mirror, Rows, rays};
 use super::tiles::{LANES, ROWS, STRIDE, TILE, TileRect};
 use super::values::{add_lobes, unit};
+use crate::environment::Surroundings;
 use crate::film::{Film, FilmPlanes};
 use crate::frame::{PosedSample, Raster};
 use crate::layout::Channels;
@@ -104,6 +106,8 @@ pub(in crate::backend) struct Resolve<'a> {
     pub channels: &'a Channels,
     pub planes: &'a FilmPlanes,
     pub shading: Shading,
+    /// What surfaces mirror.
+    pub surroundings: Option<&'a Surroundings>,
     /// What turns a pixel into a ray.
     pub raster: &'a Raster,
 }
@@ -158,43 +162,46 @@ fn resolve_body(
                 share = *coverage;
                 weight = 1.0;
             }
-            add_lanes(resolve, tile, [x, y], row, &inverse, &share, weight, film);
+            let rows = Rows::new(sums, channels.count * STRIDE, y, tile);
+            add_lanes(resolve, tile, [x, y], rows, &inverse, &share, weight, film);
         }
     }
 }
 
-/// Adds what `LANES` pixels from pixel `[x, y]` of the tile on show, with `share` of each covered. `row`: the sums of
-/// the pixels' row, channel by channel. `inverse`: 1 / sum of weights.
+/// Adds what `LANES` pixels from pixel `[x, y]` of the tile on show, with `share` of each covered. `inverse`: 1 / sum
+/// of weights.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "an inner loop, called in two places")]
 pub(in crate::backend::cpu) fn add_lanes(
     resolve: &Resolve<'_>,
     tile: &TileRect,
     [x, y]: [usize; 2],
-    row: &[f32],
+    rows: Rows<'_>,
     inverse: &Lanes,
     share: &Lanes,
     weight: f32,
     film: &mut TileFilm,
 ) {
     let channels = resolve.channels;
-    let mean = |channel: usize| -> Lanes {
-        let mut out = [0.0; LANES];
-        out.copy_from_slice(&row[channel * STRIDE + x..][..LANES]);
-        for l in 0..LANES {
-            out[l] *= inverse[l];
-        }
-        out
-    };
+    let mean = |channel: usize| rows.mean(channel, x, inverse);
     let mut colour = [mean(1), mean(2), mean(3)];
     let mean_normal = channels.normal.map(|at| [mean(at), mean(at + 1), mean(at + 2)]);
     let normal = mean_normal.map(unit);
-    if let (Shading::Phong, Some(mean_normal), Some(normal)) = (resolve.shading, &mean_normal, &normal) {
-        let normal = &shortened(mean_normal, normal);
+    if let (Shading::Phong, Some(first), Some(mean_normal), Some(normal)) =
+        (resolve.shading, channels.normal, &mean_normal, &normal)
+    {
+        let shading = &shortened(mean_normal, normal);
         let depth = channels.depth.map(&mean);
         let material = channels.material.map(|at| [mean(at), mean(at + 1), mean(at + 2), mean(at + 3)]);
         let pixel = [(tile.origin[0] + x) as f32, (tile.origin[1] + y) as f32];
-        colour = shade_lanes(resolve, pixel, &colour, normal, depth.as_ref(), material.as_ref());
+        colour = shade_lanes(resolve, pixel, &colour, shading, depth.as_ref(), material.as_ref());
+        if let Some(surroundings) = resolve.surroundings {
+            let reflection = channels.reflection.map_or([channels.mirror; LANES], &mean);
+            let (camera, raster) = (&resolve.sample.world_from_camera, resolve.raster);
+            let at = [x, y];
+            let mirror = Mirror { surroundings, camera, raster, tile, rows, channel: first, at, inverse, normal };
+            mirror.add(&reflection, &mut colour);
+        }
     }
     let mut add = |plane: usize, value: Option<&Lanes>| {
         let out = &mut film.values[(plane * TILE + y) * TILE + x..][..LANES];
@@ -244,23 +251,7 @@ fn shade_lanes(
     let uniform = resolve.channels.uniform.unwrap_or_default();
     let flat = [uniform.ambient, uniform.diffuse, uniform.specular, uniform.shininess];
     let material = material.copied().unwrap_or(flat.map(|v| [v; LANES]));
-    // The ray through the sample position, world axes, with depth 1.
-    let camera = resolve.sample.world_from_camera;
-    let over = 1.0 / resolve.raster.focal;
-    let ray_y = (resolve.raster.axis[1] - (pixel[1] + 0.5 + resolve.raster.offset[1])) * over;
-    let first = camera.y_axis * ray_y - camera.z_axis;
-    let mut ray = [[0.0; LANES]; 3];
-    let mut view = [[0.0; LANES]; 3];
-    for l in 0..LANES {
-        let ray_x = (pixel[0] + l as f32 + 0.5 + resolve.raster.offset[0] - resolve.raster.axis[0]) * over;
-        let r =
-            [first.x + camera.x_axis.x * ray_x, first.y + camera.x_axis.y * ray_x, first.z + camera.x_axis.z * ray_x];
-        let s = -1.0 / (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]).sqrt();
-        for c in 0..3 {
-            ray[c][l] = r[c];
-            view[c][l] = r[c] * s;
-        }
-    }
+    let [ray, view] = rays(&resolve.sample.world_from_camera, resolve.raster, pixel);
     let mut out = [[0.0; LANES]; 3];
     for light in &resolve.sample.lights {
         match *light {

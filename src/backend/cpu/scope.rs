@@ -65,6 +65,8 @@ impl Scope<'_> {
             near: self.frame.near,
             stride: self.frame.stride as f32,
             footprint: self.raster.footprint,
+            surroundings: self.frame.surroundings.as_ref(),
+            pixel: self.raster.deviation() / self.raster.focal,
         }
     }
 
@@ -100,6 +102,7 @@ impl Scope<'_> {
             channels: self.channels,
             planes: self.planes,
             shading: self.frame.shading,
+            surroundings: self.frame.surroundings.as_ref(),
             raster: self.raster,
         }
     }

@@ -8,13 +8,14 @@ use glam::Vec3;
 
 use super::project::transform;
 use super::tiles::LANES;
+use crate::environment::Surroundings;
 use crate::frame::{FrameObject, PosedObject, PosedSample};
 use crate::layout::{Channels, EwaSplat, FLAG_BACK, Splat, SweptSplat};
 use crate::math::fast;
 use crate::math::simd::dispatch;
 use crate::model::{MIPMAP_LEVELS, MIPMAP_SIGMA, Surfels};
 use crate::options::Shading;
-use crate::shading::{ShadingLight, lobes, towards_point};
+use crate::shading::{ShadingLight, lobes, mirrored, towards_point};
 
 /// Variance of a surfel's kernel, squares of its cut-off radius: what splatting itself filters of a texture.
 const KERNEL_VARIANCE: f32 = 0.171_741;
@@ -32,6 +33,10 @@ pub(in crate::backend) struct Shown<'a> {
     pub stride: f32,
     /// Standard deviation of a pixel's square, raster pixels.
     pub footprint: f32,
+    /// What surfels mirror.
+    pub surroundings: Option<&'a Surroundings>,
+    /// Standard deviation of what a pixel sees, radians in the middle of the image.
+    pub pixel: f32,
 }
 
 /// What it shows the side of.
@@ -122,12 +127,16 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mu
         }
         let position = transform(&posed.world_from_model, posed.world_origin, &position);
         colour = lit(&shown.sample.lights, &colour, &normal, &position, &of_material);
+        mirror(shown, &mut colour, &normal, &position);
     }
     for (l, out) in out.chunks_exact_mut(channels.count).enumerate() {
         out[0] = 1.0;
         out[1..4].copy_from_slice(&[colour[0][l], colour[1][l], colour[2][l]]);
         if let Some(at) = channels.normal {
             out[at..at + 3].copy_from_slice(&[normal[0][l], normal[1][l], normal[2][l]]);
+        }
+        if let Some(at) = channels.reflection {
+            out[at] = shown.object.reflection;
         }
         if let Some(at) = channels.opacity {
             let own = surfels.opacity.get(faces[l].0 as usize).copied().unwrap_or(1.0);
@@ -187,6 +196,28 @@ fn lit(
         }
     }
     out
+}
+
+/// Adds what surfels mirror. The width of the image in a curved surface is not known: it shows the direction of each
+/// surfel's centre.
+#[inline(always)]
+fn mirror(shown: &Shown<'_>, colour: &mut [Lanes; 3], normal: &[Lanes; 3], position: &[Lanes; 3]) {
+    let reflection = shown.object.reflection;
+    let Some(surroundings) = shown.surroundings.filter(|_| reflection > 0.0) else { return };
+    let mut view = *position;
+    for c in 0..3 {
+        for l in 0..LANES {
+            view[c][l] = -view[c][l];
+        }
+    }
+    let view = unit(view);
+    for l in 0..LANES {
+        let towards = mirrored([normal[0][l], normal[1][l], normal[2][l]], [view[0][l], view[1][l], view[2][l]]);
+        let seen = surroundings.radiance(towards, shown.pixel * shown.pixel);
+        for c in 0..3 {
+            colour[c][l] += seen[c] * reflection;
+        }
+    }
 }
 
 /// The colour of level `level` of a surfel's texture, linear between two levels.

@@ -191,6 +191,7 @@ impl Gpu {
         let bands: usize = (0..schedule.rasters.len()).map(|raster| schedule.bands(raster).count()).max().unwrap_or(0);
         let DeviceState { device, buffers, pipelines, .. } = &mut self.state;
         buffers.fit_group(device, most[0], most[1], most[2])?;
+        buffers.fit_environment(device, frame.surroundings.as_ref())?;
         marks.begin(device, passes * bands)?;
         Binder { device, pipelines, buffers }.bind(prepared)
     }
@@ -210,6 +211,7 @@ impl Binder<'_> {
         match slot {
             Slot::Segments => &b.segments,
             Slot::Lights => &b.lights,
+            Slot::Environment => &b.environment,
             Slot::Travels => &b.travels,
             Slot::Map => &b.map,
             Slot::CoverageMask => &b.coverage_mask,

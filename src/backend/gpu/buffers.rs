@@ -1,11 +1,14 @@
 //! Buffers that passes exchange. They grow when a frame needs more, and stay between frames.
 
+use std::sync::{Arc, Weak};
+
 use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
 use super::layout::{DIGIT_BITS, DeviceGaussian, Light, Segment, Status, Travel, UNIFORM_STRIDE, WORKGROUP_ITEMS};
 use super::memory::{DeviceChannels, MAP_BYTES, Schedule};
 use crate::backend::BackendError;
+use crate::environment::{Cube, Surroundings};
 use crate::layout::FilteredSplat;
 
 /// The buffers that the passes of one group and batch exchange, and the film.
@@ -15,6 +18,9 @@ pub(in crate::backend) struct Buffers {
     pub segments: Buffer,
     pub travels: Buffer,
     pub lights: Buffer,
+    /// What surfaces mirror, and the map that it was made of.
+    pub environment: Buffer,
+    environment_of: Weak<Cube>,
     pub splats: Buffer,
     pub touched: Buffer,
     pub partials: Buffer,
@@ -80,6 +86,8 @@ impl Buffers {
             segments: device.buffer("segments", UNIFORM_STRIDE, BufferUsages::UNIFORM | SHARED)?,
             travels: device.buffer("segments", size_of::<Travel>() as u64, SHARED)?,
             lights: device.buffer("lights", size_of::<Light>() as u64, SHARED)?,
+            environment: empty()?,
+            environment_of: Weak::new(),
             // A buffer must hold at least one element of the largest type that it is bound as.
             splats: device.buffer("splats", size_of::<FilteredSplat>() as u64, SHARED)?,
             touched: empty()?,
@@ -148,6 +156,22 @@ impl Buffers {
             grow(device, &mut self.limits, "thresholds", tile * band)?;
         }
         grow(device, &mut self.film, "the film's planes", schedule.film_bytes)
+    }
+
+    /// Uploads what surfaces mirror, unless it is there.
+    pub(in crate::backend) fn fit_environment(
+        &mut self,
+        device: &Device,
+        surroundings: Option<&Surroundings>,
+    ) -> Result<(), BackendError> {
+        let Some(Surroundings { cube, .. }) = surroundings else { return Ok(()) };
+        if self.environment_of.as_ptr() != Arc::as_ptr(cube) || self.environment_of.strong_count() == 0 {
+            let bytes: &[u8] = bytemuck::cast_slice(cube.texels());
+            grow(device, &mut self.environment, "the environment", bytes.len() as u64)?;
+            device.queue.write_buffer(&self.environment, 0, bytes);
+            self.environment_of = Arc::downgrade(cube);
+        }
+        Ok(())
     }
 
     /// Makes room for the batches of static objects. Call it after `fit_entries`, which decides the size of lists.

@@ -16,6 +16,7 @@ pub(super) fn sum_constants(channels: &DeviceChannels) -> Constants {
         ("DEPTH", at(shared.depth)),
         ("VELOCITY", at(shared.velocity)),
         ("MATERIAL", at(shared.material)),
+        ("REFLECTION", at(shared.reflection)),
         ("SAMPLE_COVERAGE", at(channels.sample_coverage)),
         ("CHANNELS", channels.count as u32),
         ("VALUES", channels.values),
@@ -26,7 +27,13 @@ pub(super) fn sum_constants(channels: &DeviceChannels) -> Constants {
 pub(super) fn value_constants(frame: &Frame, channels: &DeviceChannels) -> Constants {
     let mut constants = sum_constants(channels);
     constants.push(("GOURAUD", u32::from(frame.shading == Shading::Gouraud)));
+    constants.push(face(frame));
     constants
+}
+
+/// Pixels along an edge of the environment; 0 where nothing mirrors it.
+fn face(frame: &Frame) -> (&'static str, u32) {
+    ("FACE", frame.surroundings.as_ref().map_or(0, |surroundings| surroundings.cube.face() as u32))
 }
 
 /// For `restore`, whose sums lack the channel of the least depth.
@@ -85,7 +92,7 @@ pub(super) fn ewa_resolve_constants(frame: &Frame, channels: &DeviceChannels, pl
 /// For pass `attribute` of kernels in motion.
 pub(super) fn swept_constants(frame: &Frame, swept: SweptKernel, channels: &DeviceChannels) -> Constants {
     let mut constants = sum_constants(channels);
-    constants.retain(|(name, _)| !["MATERIAL", "SAMPLE_COVERAGE"].contains(name));
+    constants.retain(|(name, _)| !["MATERIAL", "REFLECTION", "SAMPLE_COVERAGE"].contains(name));
     let footprint = match (swept.weight, swept.shape) {
         (KernelWeight::Integral, KernelShape::Tube) => 0,
         (KernelWeight::Integral, KernelShape::Ellipsoid) => 1,
@@ -117,6 +124,7 @@ pub(super) fn resolve_constants(frame: &Frame, channels: &DeviceChannels, planes
         ("NORMAL_PLANE", at(planes.normal)),
         ("VELOCITY_PLANE", at(planes.velocity)),
         ("PLANES", planes.count as u32),
+        face(frame),
     ]);
     constants
 }

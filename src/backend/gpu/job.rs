@@ -176,7 +176,7 @@ impl DeviceState {
         let (prepared, raster) = (place.prepared, place.raster(job.objects));
         let batches = place.batches(job);
         let see_through = job.objects == Objects::SeeThrough;
-        let of_all = View::of(prepared.frame, &raster, group, prepared.channels.shared.uniform);
+        let of_all = View::of(prepared.frame, &raster, group, &prepared.channels.shared);
         let shared = View {
             pixels: area.pixels.to_array(),
             corner: area.corner,

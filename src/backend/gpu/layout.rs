@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 
 use crate::frame::{Blocks, Frame, FrameObject, PosedGroup, PosedObject, PosedSample, Raster};
+use crate::layout::Channels;
 use crate::model::Material;
 use crate::options::Prefilter;
 use crate::shading::ShadingLight;
@@ -57,6 +58,7 @@ pub(in crate::backend) struct View {
     pub surfels: u32,
     pub opaque_scale: f32,
     pub ends: u32,
+    pub environment: [f32; 4],
 }
 
 /// Bits of [`View::surfels`].
@@ -179,11 +181,10 @@ impl Segment {
     pub(in crate::backend) fn posed(posed: &PosedObject, object: &FrameObject, turn: u32, share: f32) -> Self {
         let has_materials = !object.surfels.material.is_empty();
         let materials = object.material.is_none() && has_materials;
-        let before_opacity = if has_materials { 10.0 } else { 6.0 };
-        let has_opacity = if object.surfels.opacity.is_empty() { 0.0 } else { 1.0 };
-        let has_mipmap = if object.surfels.mipmap.is_empty() { 0.0 } else { 1.0 };
-        let columns =
-            Vec3::new(object.opacity, has_opacity * before_opacity, has_mipmap * (before_opacity + has_opacity));
+        let has_opacity = !object.surfels.opacity.is_empty();
+        let before_mipmap = 6 + 4 * u8::from(has_materials) + u8::from(has_opacity);
+        let before_mipmap = if object.surfels.mipmap.is_empty() { 0 } else { before_mipmap };
+        let columns = Vec3::new(object.opacity, object.reflection, f32::from(before_mipmap));
         Self {
             screen: rows(&posed.screen_from_model, posed.screen_origin),
             rate: rows(&posed.screen_rate, posed.screen_origin_rate),
@@ -193,7 +194,7 @@ impl Segment {
             epsilon: posed.epsilon,
             handedness: posed.handedness,
             share,
-            flags: u32::from(object.two_sided) | u32::from(materials) << 1 | turn << 2,
+            flags: u32::from(object.two_sided) | u32::from(materials) << 1 | u32::from(has_opacity) << 2 | turn << 3,
             ..Self::zeroed()
         }
     }
@@ -210,12 +211,7 @@ impl Travel {
 
 impl View {
     /// The fields that all bands and batches of a group share.
-    pub(in crate::backend) fn of(
-        frame: &Frame,
-        raster: &Raster,
-        group: &PosedGroup,
-        uniform: Option<Material>,
-    ) -> Self {
+    pub(in crate::backend) fn of(frame: &Frame, raster: &Raster, group: &PosedGroup, channels: &Channels) -> Self {
         let low_pass = if frame.prefilter == Prefilter::Approx { raster.low_pass } else { 0.0 };
         let middle = &group.samples[group.samples.len() / 2];
         let column = |v: Vec3| v.extend(0.0).to_array();
@@ -232,12 +228,16 @@ impl View {
             // The picture of a group that something transparent is laid over is not yet added to the film.
             weight: if frame.blending.is_some() { 1.0 } else { middle.weight },
             camera: [column(camera.x_axis), column(camera.y_axis), column(camera.z_axis)],
-            material: coefficients(uniform.unwrap_or_default()),
+            material: coefficients(channels.uniform.unwrap_or_default()),
             first_light: (group.samples.len() / 2 * middle.lights.len()) as u32,
             lights: middle.lights.len() as u32,
             blocks: blocks(frame),
             sigma: raster.sigma,
             footprint: raster.footprint,
+            environment: frame.surroundings.as_ref().map_or([0.0; 4], |surroundings| {
+                let [cos, sin] = surroundings.turn;
+                [cos, sin, surroundings.intensity, channels.mirror]
+            }),
             ..Self::zeroed()
         }
     }

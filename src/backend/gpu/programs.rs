@@ -47,6 +47,7 @@ pub(in crate::backend) enum Slot {
     Opaque = 34,
     Peeled = 35,
     Layers = 36,
+    Environment = 37,
 }
 
 /// A compute program.
@@ -103,11 +104,13 @@ const ATTRIBUTE: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
     "common/shading.wgsl",
+    "common/environment.wgsl",
     "common/hit.wgsl",
     "common/list.wgsl",
     "attribute.wgsl",
 );
-const RESOLVE: &str = wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "resolve.wgsl");
+const RESOLVE: &str =
+    wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "common/environment.wgsl", "resolve.wgsl");
 const SWEEP: &str = wgsl!(
     "common/types.wgsl",
     "common/wanted.wgsl",
@@ -168,8 +171,14 @@ const SWEPT_ATTRIBUTE: &str = wgsl!(
     "common/list.wgsl",
     "swept/attribute.wgsl",
 );
-const SWEPT_RESOLVE: &str =
-    wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "resolve.wgsl", "swept/resolve.wgsl");
+const SWEPT_RESOLVE: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/shading.wgsl",
+    "common/environment.wgsl",
+    "resolve.wgsl",
+    "swept/resolve.wgsl"
+);
 const EWA_PROJECT: &str = wgsl!(
     "common/types.wgsl",
     "common/wanted.wgsl",
@@ -190,6 +199,7 @@ const EWA_ATTRIBUTE: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
     "common/shading.wgsl",
+    "common/environment.wgsl",
     "common/hit.wgsl",
     "common/list.wgsl",
     "common/ewa.wgsl",
@@ -200,6 +210,7 @@ const EWA_RESOLVE: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
     "common/shading.wgsl",
+    "common/environment.wgsl",
     "common/ewa.wgsl",
     "resolve.wgsl",
     "ewa/resolve.wgsl",
@@ -245,6 +256,7 @@ const PEEL: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
     "common/shading.wgsl",
+    "common/environment.wgsl",
     "common/ewa.wgsl",
     "common/wanted.wgsl",
     "resolve.wgsl",
@@ -369,10 +381,10 @@ impl Program {
 
     pub(in crate::backend) const fn buffers(self) -> Buffers {
         use Slot::{
-            CoverageMask, DigitTotals, Film, Gaussians, Geometry, Histogram, Keys, LayerSums, LayerThresholds, Layers,
-            Lights, Limits, List, Looks, Map, Moments, Opaque, Order, Partials, Peeled, Segments, SortedKeys,
-            SortedList, Splats, Starts, StaticFilm, Status, Sums, Thresholds, Totals, Touched, Travels, Values, Wanted,
-            Wide, WrittenTotals, WrittenValues,
+            CoverageMask, DigitTotals, Environment, Film, Gaussians, Geometry, Histogram, Keys, LayerSums,
+            LayerThresholds, Layers, Lights, Limits, List, Looks, Map, Moments, Opaque, Order, Partials, Peeled,
+            Segments, SortedKeys, SortedList, Splats, Starts, StaticFilm, Status, Sums, Thresholds, Totals, Touched,
+            Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
         };
         match self {
             Self::Project | Self::Sweep | Self::EwaProject | Self::FilteredSweep => {
@@ -389,17 +401,17 @@ impl Program {
                 (&[Segments, Splats, List, Wide, Starts, Wanted], &[Thresholds])
             }
             Self::Restore => (&[Thresholds, LayerThresholds, LayerSums], &[Sums, Limits]),
-            Self::SplatValues => (&[Geometry, Looks, Lights, Splats, Touched], &[WrittenValues]),
+            Self::SplatValues => (&[Geometry, Looks, Lights, Splats, Touched, Environment], &[WrittenValues]),
             Self::SumAttributes | Self::EwaAttribute => {
                 (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums])
             }
-            Self::Resolve | Self::EwaResolve => (&[Lights, Thresholds, Sums], &[Film]),
+            Self::Resolve | Self::EwaResolve => (&[Lights, Thresholds, Sums, Environment], &[Film]),
             Self::StoreMap => (&[Thresholds, Sums], &[Map]),
             Self::SweptVisibility | Self::FilteredVisibility => (&[Segments, Splats, List, Wide, Starts], &[Map]),
             Self::SweptAttribute | Self::FilteredAttribute => {
                 (&[Splats, List, Wide, Starts, Values, Map], &[Sums, CoverageMask])
             }
-            Self::SweptResolve => (&[Lights, Sums, CoverageMask, Moments, StaticFilm], &[Film]),
+            Self::SweptResolve => (&[Lights, Sums, CoverageMask, Moments, StaticFilm, Environment], &[Film]),
             Self::Pool => (&[Sums, CoverageMask, Moments, StaticFilm], &[Film]),
             Self::Finish => (&[], &[Film]),
             Self::GaussianProject => (&[Geometry, Looks, Lights], &[Keys, List, Gaussians]),
@@ -407,7 +419,7 @@ impl Program {
             Self::Composite => (&[Splats, List, Wide, Starts, Thresholds, Wanted, Layers], &[Sums]),
             Self::TransparentResolve => (&[Sums, Opaque, Wanted], &[Film]),
             Self::PeelStart => (&[Thresholds, Wanted], &[Film, Peeled]),
-            Self::PeelResolve => (&[Lights, Sums], &[Film, Peeled]),
+            Self::PeelResolve => (&[Lights, Sums, Environment], &[Film, Peeled]),
             Self::PeelLeftOut => (&[], &[Status, Peeled]),
         }
     }

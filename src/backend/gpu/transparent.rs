@@ -27,6 +27,7 @@ use super::timestamps::{Marks, Stage};
 use crate::backend::BackendError;
 use crate::film::{Aov, Blending};
 use crate::frame::{Frame, PosedGroup};
+use crate::layout::Channels;
 use crate::math::srgb;
 use crate::plan::TransparentPass;
 
@@ -201,7 +202,7 @@ impl<'a> TransparentStep<'a> {
             weight: self.group.samples[sample].weight,
             surfels: self.surfels,
             opaque_scale: group_scale(self.group),
-            ..View::of(frame, raster, self.group, None)
+            ..View::of(frame, raster, self.group, &Channels::weights())
         };
         let most = prepared.schedule.slots.min(u64::from(u32::MAX)) as u32;
         let slab = |first: u32| View {

@@ -114,6 +114,7 @@ pub(super) fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
             Light::Ambient { colour: DVec3::new(0.3, 0.2, 0.4) },
             Light::Point { position: DVec3::new(1.0, 0.5, 2.0), colour: DVec3::new(0.1, 0.4, 0.2) },
         ],
+        environment: None,
         objects,
     }
 }

@@ -178,7 +178,7 @@ fn check(gpu: &mut Gpu, case: &Case, sigma: Option<f32>, counts: &mut [usize; 7]
     let host = tiles.iter().map(|&tile| harness.wants(tile).then(|| twins.run(&posed, tile))).collect();
     let mut both = Both { harness, twins, tiles, host, apron: position.raster.apron() };
     let splats_of = |segment: &Segment, object: usize| {
-        let sample = (segment.flags >> 2).saturating_sub(1) as usize;
+        let sample = (segment.flags >> 3).saturating_sub(1) as usize;
         &posed.iter().find(|p| p.chunk.sample == sample && p.chunk.object == object).unwrap().splats[..]
     };
     let with_segment = |splat: &EwaSplat, segment| {

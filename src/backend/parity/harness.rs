@@ -122,7 +122,7 @@ impl<'a> Harness<'a> {
         let posed = twins.project();
         let tiles = self.tiles();
         let splats_of = |segment: &Segment, object: usize| {
-            let sample = (segment.flags >> 2).saturating_sub(1) as usize;
+            let sample = (segment.flags >> 3).saturating_sub(1) as usize;
             &posed.iter().find(|p| p.chunk.sample == sample && p.chunk.object == object).unwrap().splats[..]
         };
         let with_segment = |splat: &Splat, segment| Splat { flags: splat.flags | segment << 1, ..*splat };

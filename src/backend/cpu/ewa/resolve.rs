@@ -4,6 +4,7 @@
 //! In: a tile's sums and depths. Out: the tile's film.
 
 use super::buffers::{APRON_STRIDE, DISC, EXTRA, EwaBuffers, Layer, PEAK, SIDE};
+use crate::backend::cpu::mirror::Rows;
 use crate::backend::cpu::resolve::{Resolve, TileFilm, add_lanes};
 use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect, lanes};
 use crate::math::simd::dispatch;
@@ -39,7 +40,10 @@ fn resolve_body(
                 if open == 0 && layer != Layer::Band {
                     continue;
                 }
-                let sums = &buffers.sums[layer as usize][y * row..][..row];
+                let rows = Rows::new(&buffers.sums[layer as usize], row, y, tile);
+                // Of the other layers neighbours have no sums where they are solid.
+                let rows = Rows { has_neighbours: layer == Layer::Band, ..rows };
+                let sums = rows.own;
                 let plane = |channel: usize| lanes(&sums[channel * STRIDE + x..]);
                 let weights = plane(0);
                 if weights.iter().all(|&weight| weight == 0.0) {
@@ -75,7 +79,7 @@ fn resolve_body(
                     share = lanes(coverage);
                     weight = 1.0;
                 }
-                add_lanes(resolve, tile, [x, y], sums, &inverse, &share, weight, film);
+                add_lanes(resolve, tile, [x, y], rows, &inverse, &share, weight, film);
             }
         }
     }

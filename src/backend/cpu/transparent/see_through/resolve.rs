@@ -6,6 +6,7 @@
 use super::super::accumulators::OPAQUE;
 use super::cover::Cover;
 use crate::backend::cpu::ewa::{self, APRON_STRIDE, EXTRA, EwaBuffers, Layer, PEAK, SIDE};
+use crate::backend::cpu::mirror::Rows;
 use crate::backend::cpu::resolve::{Resolve, TileFilm, add_lanes};
 use crate::backend::cpu::tiles::{LANES, ROWS, STRIDE, TILE, TileRect, lanes};
 use crate::math::simd::dispatch;
@@ -67,7 +68,10 @@ fn resolve_body(
                 if open == 0 && layer == Layer::Front {
                     continue;
                 }
-                let sums = &buffers.sums[layer as usize][y * row..][..row];
+                let rows = Rows::new(&buffers.sums[layer as usize], row, y, tile);
+                // Of the other layers neighbours have no sums where they are solid.
+                let rows = Rows { has_neighbours: layer == Layer::Band, ..rows };
+                let sums = rows.own;
                 let plane = |channel: usize| lanes(&sums[channel * STRIDE + x..]);
                 let weights = plane(0);
                 if weights.iter().all(|&weight| weight == 0.0) {
@@ -88,7 +92,7 @@ fn resolve_body(
                         found.shown |= share[l] > 0.0;
                     }
                 }
-                add_lanes(resolve, tile, [x, y], sums, &inverse, &share, 1.0, film);
+                add_lanes(resolve, tile, [x, y], rows, &inverse, &share, 1.0, film);
             }
             cover.store(at, &covers);
             for l in 0..LANES.min(tile.width - x) {

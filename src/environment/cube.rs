@@ -1,0 +1,213 @@
+//! An environment as six pictures, filtered to several widths (docs/math.md, section 14).
+//!
+//! Twin of the look-up: shaders/common/environment.wgsl.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::lat_long::LatLong;
+use crate::math::fast;
+
+/// A map on the faces of a cube, in levels. Level 0 is the map itself. Level k has 2^k times fewer pixels along an edge,
+/// and is the map under a kernel whose standard deviation, that of interpolation included, is 1.6 * 2^k / face radians.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cube {
+    face: usize,
+    texels: Vec<f32>,
+}
+
+/// Total standard deviation of level 1 and of all after it, in edges of a pixel in the middle of a face: `2 / face`
+/// radians, doubled from level to level.
+const DEVIATION: f32 = 0.8;
+/// Variance of the interpolation between pixels, squares of an edge of a pixel.
+const OF_INTERPOLATION: f64 = 1.0 / 6.0;
+/// Least and greatest number of pixels along an edge of level 0, and along that of the last level.
+const LEAST: usize = 16;
+const MOST: usize = 1024;
+const LAST: usize = 4;
+/// Reach of the kernel, standard deviations.
+const REACH: f64 = 3.0;
+
+impl Cube {
+    /// Pixels along an edge of level 0, a power of two.
+    pub const fn face(&self) -> usize {
+        self.face
+    }
+
+    /// For each level, for each face (+x, -x, +y, -y, +z, -z), its rows: red, green and blue. A border of one pixel
+    /// around a face continues it.
+    pub fn texels(&self) -> &[f32] {
+        &self.texels
+    }
+
+    /// Number of levels of a cube whose faces have `face` pixels along an edge.
+    const fn levels(face: usize) -> usize {
+        (face / LAST).trailing_zeros() as usize + 1
+    }
+
+    fn face_of(map: &LatLong) -> usize {
+        (map.width() / 4).next_power_of_two().clamp(LEAST, MOST)
+    }
+
+    /// Memory of the cube of `map`.
+    pub(super) fn bytes_of(map: &LatLong) -> u64 {
+        let face = Self::face_of(map);
+        (0..Self::levels(face)).map(|level| 72 * ((face >> level) as u64 + 2).pow(2)).sum()
+    }
+
+    pub(super) fn new(map: &LatLong) -> Self {
+        let face = Self::face_of(map);
+        let mut pyramid = vec![map.clone()];
+        while let Some(half) = pyramid.last().and_then(LatLong::halved) {
+            pyramid.push(half);
+        }
+        // Pixels of the map that are smaller than those of the cube are averaged.
+        let finest = pyramid.iter().position(|map| map.width() <= 4 * face).unwrap_or(0);
+        let mut texels = Vec::new();
+        for level in 0..Self::levels(face) {
+            let edge = face >> level;
+            let texel = 2.0 / edge as f64;
+            let total = f64::from(DEVIATION * DEVIATION);
+            let deviation = texel * (total - OF_INTERPOLATION).sqrt();
+            let fits = |map: &LatLong| TAU / map.width() as f64 > deviation / 1.5;
+            let coarse = pyramid.iter().position(fits).unwrap_or(pyramid.len()).saturating_sub(1);
+            let filter = Filter::new(&pyramid[coarse.max(finest)], deviation);
+            let side = edge + 2;
+            let rows: Vec<Vec<f32>> = (0..6 * side)
+                .into_par_iter()
+                .map(|row| {
+                    let (face, y) = (row / side, row % side);
+                    (0..side)
+                        .flat_map(|x| {
+                            let [u, v] = [x, y].map(|i| (i as f64 - 0.5) * texel - 1.0);
+                            let towards = direction(face, u, v);
+                            let seen = if level == 0 { pyramid[finest].radiance(towards) } else { filter.at(towards) };
+                            seen.as_vec3().to_array()
+                        })
+                        .collect()
+                })
+                .collect();
+            texels.extend(rows.into_iter().flatten());
+        }
+        Self { face, texels }
+    }
+
+    /// The mean radiance around the direction `towards`, of any length, under a kernel with `variance` radians^2.
+    #[inline]
+    pub fn radiance(&self, towards: Vec3, variance: f32) -> Vec3 {
+        let edge = 2.0 * DEVIATION * 2.0 / self.face as f32;
+        let ratio = variance * (1.0 / (edge * edge));
+        let last = Self::levels(self.face) - 1;
+        let mut level = 0;
+        let mut share = ratio;
+        if ratio >= 1.0 {
+            let doublings = 0.5 * fast::log2(ratio);
+            let doublings = if doublings < last as f32 { doublings as usize } else { last };
+            level = 1 + doublings;
+            share = (ratio * (1.0 / (1_u32 << (2 * doublings)) as f32) - 1.0) * (1.0 / 3.0);
+        }
+        if level >= last {
+            level = last;
+            share = 0.0;
+        }
+        let sharp = self.of_level(level, towards);
+        if share == 0.0 {
+            return sharp;
+        }
+        let wide = self.of_level(level + 1, towards);
+        sharp + (wide - sharp) * share
+    }
+
+    fn of_level(&self, level: usize, towards: Vec3) -> Vec3 {
+        let edge = self.face >> level;
+        let side = edge + 2;
+        let size = towards.abs();
+        let [axis, first, second] = if size.x >= size.y && size.x >= size.z {
+            [0, 1, 2]
+        } else if size.y >= size.z {
+            [1, 2, 0]
+        } else {
+            [2, 0, 1]
+        };
+        let over = 1.0 / size[axis];
+        let half = 0.5 * edge as f32;
+        let x = (towards[first] * over + 1.0) * half + 0.5;
+        let y = (towards[second] * over + 1.0) * half + 0.5;
+        // A direction without length has no place: it gets the first pixel.
+        let place = |v: f32| if v >= 0.0 { (v as usize).min(edge) } else { 0 };
+        let (column, row) = (place(x), place(y));
+        let (right, lower) = (x - column as f32, y - row as f32);
+        let face = 2 * axis + usize::from(towards[axis] < 0.0);
+        let before: usize = (0..level).map(|level| 6 * ((self.face >> level) + 2).pow(2)).sum();
+        let at = 3 * (before + (face * side + row) * side + column);
+        let texel = |at: usize| Vec3::from_slice(&self.texels[at..]);
+        let upper = texel(at) + (texel(at + 3) - texel(at)) * right;
+        let below = at + 3 * side;
+        let under = texel(below) + (texel(below + 3) - texel(below)) * right;
+        upper + (under - upper) * lower
+    }
+}
+
+/// The direction of a point of face `face`, with coordinates in [-1, 1] along the next two axes; of length 1.
+fn direction(face: usize, u: f64, v: f64) -> DVec3 {
+    let mut out = DVec3::ZERO;
+    let axis = face / 2;
+    out[axis] = if face % 2 == 0 { 1.0 } else { -1.0 };
+    out[(axis + 1) % 3] = u;
+    out[(axis + 2) % 3] = v;
+    out.normalize()
+}
+
+/// The kernel exp((cos(angle) - 1) / deviation^2) on the sphere, over the pixels of a map.
+struct Filter<'a> {
+    map: &'a LatLong,
+    deviation: f64,
+    /// Sine and cosine of the longitude of each column.
+    columns: Vec<(f64, f64)>,
+    /// Sine and cosine of the polar angle of each row.
+    rows: Vec<(f64, f64)>,
+}
+
+impl<'a> Filter<'a> {
+    fn new(map: &'a LatLong, deviation: f64) -> Self {
+        let (w, h) = (map.width(), map.height());
+        let longitude = |x: usize| libm::sincos(((x as f64 + 0.5) / w as f64 - 0.5) * TAU);
+        let polar = |y: usize| libm::sincos((y as f64 + 0.5) / h as f64 * PI);
+        Self { map, deviation, columns: (0..w).map(longitude).collect(), rows: (0..h).map(polar).collect() }
+    }
+
+    /// The mean of the map around the unit direction `towards`.
+    fn at(&self, towards: DVec3) -> DVec3 {
+        let (w, h) = (self.map.width(), self.map.height());
+        let reach = (REACH * self.deviation).min(PI);
+        let least = libm::cos(reach);
+        let polar = libm::acos(towards.y.clamp(-1.0, 1.0));
+        let middle = (0.5 + libm::atan2(towards.x, -towards.z) / TAU) * w as f64;
+        let sine = libm::sin(polar);
+        let row_of = |angle: f64| (angle / PI * h as f64).floor().clamp(0.0, (h - 1) as f64) as usize;
+        let over = 1.0 / (self.deviation * self.deviation);
+        let (mut sum, mut weight) = (DVec3::ZERO, 0.0);
+        for y in row_of(polar - reach)..=row_of(polar + reach) {
+            let (of_row, height) = self.rows[y];
+            // Longitudes within reach: cos(reach) <= cos(difference) sin sin + cos cos.
+            let limit = (least - height * towards.y) / (of_row * sine);
+            let half = if limit > -1.0 { libm::acos(limit.min(1.0)) } else { PI };
+            let half = (half / TAU * w as f64).ceil() + 1.0;
+            let (first, count) =
+                if 2.0 * half >= w as f64 { (0.0, w) } else { ((middle - half).floor(), 2 * half as usize + 1) };
+            for i in 0..count {
+                let x = (first + i as f64).rem_euclid(w as f64) as usize % w;
+                let (sin, cos) = self.columns[x];
+                let cosine = of_row * (sin * towards.x - cos * towards.z) + height * towards.y;
+                if cosine >= least {
+                    let share = of_row * libm::exp((cosine - 1.0) * over);
+                    sum += Vec3::from(self.map.pixels()[y * w + x]).as_dvec3() * share;
+                    weight += share;
+                }
+            }
+        }
+        if weight > 0.0 { sum / weight } else { self.map.radiance(towards) }
+    }
+}
