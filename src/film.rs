@@ -125,6 +125,31 @@ pub struct Background {
     pub transparent: bool,
 }
 
+/// What shows where the film is not covered, pixel by pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Backdrop {
+    /// Its colour is that of all pixels, unless there is a picture.
+    pub background: Background,
+    /// A picture in place of the colour: linear Rec.709, row-major.
+    pub picture: Option<Vec<[f32; 3]>>,
+}
+
+impl Backdrop {
+    /// The colour alone.
+    pub const fn plain(background: Background) -> Self {
+        Self { background, picture: None }
+    }
+
+    /// What is added where pixel `pixel` is not covered: nothing where the background is left out.
+    pub fn at(&self, pixel: usize) -> DVec3 {
+        if self.background.transparent {
+            return DVec3::ZERO;
+        }
+        let of_picture = self.picture.as_ref().and_then(|picture| picture.get(pixel));
+        of_picture.map_or(self.background.colour, |&colour| glam::Vec3::from(colour).as_dvec3())
+    }
+}
+
 /// In which numbers transparent things are composited: that of the whole image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Blending {
@@ -204,13 +229,14 @@ pub fn develop(
     film: &impl Film,
     size: [u32; 2],
     aovs: &[Aov],
-    background: Background,
+    backdrop: &Backdrop,
     wanted: impl Fn(usize) -> Vec<Range<usize>> + Sync,
     memory: Option<Vec<[f32; 4]>>,
 ) -> Picture {
     let [width, height] = size;
     let columns = width as usize;
     let planes = FilmPlanes::of(aovs);
+    let background = backdrop.background;
     let behind = background.colour.as_vec3().to_array();
     let pixels = columns * height as usize;
     let memory = memory.filter(|memory| memory.len() == pixels);
@@ -232,9 +258,13 @@ pub fn develop(
             let (green, blue) = rest.split_at(columns);
             for span in wanted {
                 let colours = red[span.clone()].iter().zip(&green[span.clone()]).zip(&blue[span.clone()]);
-                for ((out, ((r, g), b)), alpha) in out[span.clone()].iter_mut().zip(colours).zip(&alpha[span]) {
+                let first = y as usize * columns + span.start;
+                let picture = backdrop.picture.as_deref().map(|picture| &picture[first..]);
+                let pixels = out[span.clone()].iter_mut().zip(colours).zip(&alpha[span]).enumerate();
+                for (x, ((out, ((r, g), b)), alpha)) in pixels {
                     let through = if background.transparent { 0.0 } else { 1.0 - alpha };
                     let cover = if background.transparent { *alpha } else { 1.0 };
+                    let behind = picture.map_or(behind, |picture| picture[x]);
                     let [r, g, b] = over([*r, *g, *b], through, behind);
                     *out = [r, g, b, cover];
                 }

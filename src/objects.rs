@@ -90,6 +90,7 @@ fn units(share: f32) -> u32 {
 fn matte(scene: &Scene, index: usize) -> Scene {
     let mut scene = scene.clone();
     scene.image.transparent = true;
+    scene.environment = None;
     scene.lights = vec![Light::Directional { direction: DVec3::NEG_Z, colour: DVec3::ONE }];
     for (i, object) in scene.objects.iter_mut().enumerate() {
         let specular = if i == index { 1.0 } else { 0.0 };

@@ -8,7 +8,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::half_buffers::HalfBuffers;
-use crate::film::{Picture, over};
+use crate::film::{Backdrop, Picture, over};
 use crate::math::{fast, srgb};
 use crate::options::Interleave;
 
@@ -66,23 +66,23 @@ impl BlockError {
 }
 
 /// Errors of an image, by blocks.
-pub(super) struct Errors {
+pub(super) struct Errors<'a> {
     /// Blocks in a row.
     pub width: usize,
     /// Row by row.
     pub blocks: Vec<BlockError>,
     edge: usize,
-    background: Vec3,
+    backdrop: &'a Backdrop,
     seen_gain: f64,
 }
 
-impl Errors {
+impl<'a> Errors<'a> {
     /// Nothing measured yet. `edge`: pixels along the edge of a block. `step`: longest path of a surfel between two
     /// time samples, pixels.
     pub(super) fn new(
         [width, height]: [u32; 2],
         edge: usize,
-        background: Vec3,
+        backdrop: &'a Backdrop,
         interleave: Interleave,
         step: f64,
     ) -> Self {
@@ -90,7 +90,7 @@ impl Errors {
         let seen_gain = if is_fine { SEEN_GAIN_OF_FINE_STRATA } else { SEEN_GAIN };
         let [width, height] = [width, height].map(|pixels| (pixels as usize).div_ceil(edge));
         let blocks = vec![BlockError::default(); width * height];
-        Self { width, blocks, edge, background, seen_gain }
+        Self { width, blocks, edge, backdrop, seen_gain }
     }
 
     /// The blocks that touch block `i`, and itself.
@@ -111,7 +111,7 @@ impl Errors {
     /// that, what is seen decides nothing more, and is not measured.
     pub(super) fn measure(&mut self, buffers: &HalfBuffers, factors: Option<&[u32]>) {
         let [even, odd] = buffers.pictures();
-        let (width, difference) = (even.width as usize, differences(even, odd, self.background));
+        let (width, difference) = (even.width as usize, differences(even, odd, self.backdrop));
         let halves = block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()));
         let seen = if factors.is_none() { self.seen(&difference, width) } else { vec![0.0; halves.len()] };
         for (i, ((half, pixels), seen)) in halves.into_iter().zip(seen).enumerate() {
@@ -178,10 +178,14 @@ fn block_sums(width: usize, edge: usize, of: &[Vec3], value: impl Fn(Vec3) -> f6
 }
 
 /// Difference of the display values of each pixel.
-fn differences(a: &Picture, b: &Picture, background: Vec3) -> Vec<Vec3> {
-    let pixels = a.rgba.par_iter().zip(&b.rgba);
+fn differences(a: &Picture, b: &Picture, backdrop: &Backdrop) -> Vec<Vec3> {
+    let pixels = a.rgba.par_iter().zip(&b.rgba).enumerate();
+    let difference = |(i, (a, b))| {
+        let behind = backdrop.at(i).as_vec3();
+        shown(a, behind) - shown(b, behind)
+    };
     // Most pixels of a static background are equal.
-    pixels.map(|(a, b)| if a == b { Vec3::ZERO } else { shown(a, background) - shown(b, background) }).collect()
+    pixels.map(|(i, (a, b))| if a == b { Vec3::ZERO } else { difference((i, (a, b))) }).collect()
 }
 
 /// What the eye blurs: a binomial of five taps, near the contrast sensitivity of luminance at 67 pixels a degree.

@@ -3,12 +3,11 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use glam::Vec3;
 use rayon::prelude::*;
 
 use super::strata::Strata;
 use crate::backend::{Backend, BackendError, Stats};
-use crate::film::{Aov, Picture, over};
+use crate::film::{Aov, Backdrop, Picture, over};
 use crate::frame::{Blocks, Frame};
 use crate::options::{Interleave, RenderOptions};
 use crate::plan::{Exposure, Group, PositionExposure, RasterExposure, TimeSample};
@@ -144,8 +143,8 @@ impl HalfBuffers {
         self.0.into_iter().for_each(|picture| backend.recycle(picture));
     }
 
-    /// The mean of both half buffers, over the colour `behind` if there is one.
-    pub(super) fn mean(self, behind: Option<Vec3>, backend: &mut dyn Backend) -> Picture {
+    /// The mean of both half buffers, over what is `behind` if there is anything.
+    pub(super) fn mean(self, behind: Option<&Backdrop>, backend: &mut dyn Backend) -> Picture {
         let [mut mean, odd] = self.0;
         let width = mean.width as usize;
         let columns = |y: usize| Blocks::columns(None, y, width, 1);
@@ -199,8 +198,8 @@ struct Mixed<'a> {
     columns: Columns<'a>,
     /// Share of the first picture.
     share: f32,
-    /// Colour of the background; `None`: the result stays transparent.
-    behind: Option<Vec3>,
+    /// What is behind; `None`: the result stays transparent.
+    behind: Option<&'a Backdrop>,
 }
 
 impl Mixed<'_> {
@@ -230,17 +229,18 @@ impl Mixed<'_> {
         let rows = a.rgba.par_chunks_mut(width).zip(b.rgba.par_chunks(width)).enumerate();
         rows.for_each(|(y, (a, b))| {
             for span in (self.columns)(y) {
-                let pixels = a[span.clone()].iter_mut().zip(&b[span]);
-                pixels.for_each(|(a, b)| *a = self.pixel(a, b));
+                let first = y * width + span.start;
+                let pixels = a[span.clone()].iter_mut().zip(&b[span]).enumerate();
+                pixels.for_each(|(x, (a, b))| *a = self.pixel(first + x, a, b));
             }
         });
     }
 
-    fn pixel(&self, a: &[f32; 4], b: &[f32; 4]) -> [f32; 4] {
+    fn pixel(&self, at: usize, a: &[f32; 4], b: &[f32; 4]) -> [f32; 4] {
         let share = self.share;
         let mixed @ [r, g, b, alpha] = [0, 1, 2, 3].map(|c| share * a[c] + (1.0 - share) * b[c]);
         let Some(behind) = self.behind else { return mixed };
-        let [r, g, b] = over([r, g, b], 1.0 - alpha, behind.to_array());
+        let [r, g, b] = over([r, g, b], 1.0 - alpha, behind.at(at).as_vec3().to_array());
         [r, g, b, 1.0]
     }
 }

@@ -9,14 +9,12 @@ mod half_buffers;
 mod path;
 mod strata;
 
-use glam::DVec3;
-
 use self::estimate::{BlockError, Errors};
 use self::half_buffers::{HalfBuffers, Round};
 use self::strata::Strata;
 use crate::backend::{Achieved, Backend, BackendError, Rendered, Stats};
-use crate::film::{Aov, Layer};
-use crate::frame::{Blocks, STATIC_PATH};
+use crate::film::{Aov, Backdrop, Background, Layer};
+use crate::frame::{Blocks, Panorama, STATIC_PATH};
 use crate::options::{ErrorTarget, Interleave, PixelFilter, RenderOptions};
 use crate::scene::Scene;
 use crate::time::FrameNumber;
@@ -68,11 +66,13 @@ pub fn render(
     let positions = if positions > 1 && strata.has_jumps() { samples } else { positions.min(samples) };
     let first = Round { scene, number, options, interleave, strata: &strata, factor: 1, positions };
     let edge = Blocks::EDGE * interleave.stride() as usize;
-    let background = if scene.image.transparent { DVec3::ZERO } else { scene.image.background };
+    let background = Background { colour: scene.image.background, transparent: scene.image.transparent };
+    let picture = Panorama::of(scene, number, None, options.filter).map(|panorama| panorama.picture());
+    let backdrop = Backdrop { background, picture };
     let mut stats = Stats::default();
     let mut half_buffers = HalfBuffers::render(backend, &first, None, &mut stats)?;
     let size = [scene.image.width, scene.image.height];
-    let mut errors = Errors::new(size, edge, background.as_vec3(), interleave, step);
+    let mut errors = Errors::new(size, edge, &backdrop, interleave, step);
     // A tighter target asks for less error, not for more than the eye sees.
     let flip = FLIP * (target.error / ErrorTarget::GOOD).max(1.0).powi(2);
     errors.measure(&half_buffers, None);
@@ -106,7 +106,7 @@ pub fn render(
         refined,
         capped,
     });
-    let behind = (!scene.image.transparent).then_some(background.as_vec3());
+    let behind = (!scene.image.transparent).then_some(&backdrop);
     let mut picture = half_buffers.mean(behind, backend);
     let per_block = |value: &dyn Fn(usize) -> f32| spread(&errors, edge, [picture.width, picture.height], value);
     let mut layers = Vec::new();

@@ -32,6 +32,15 @@ pub enum BackendError {
         /// Name of the object.
         object: String,
     },
+    /// Captures are composited over a background that is known at each instant.
+    #[error(
+        "object `{object}` is a capture with colours for the display, which cannot be composited over an environment: \
+         take `background=\"false\"` in <environment>, or `kind=\"surfels\"` in its <pointModel>"
+    )]
+    Panorama {
+        /// Name of the object.
+        object: String,
+    },
     /// The number of the frame is infinite or NaN.
     #[error("there is no frame {frame}; a finite number is needed")]
     Frame {

@@ -47,8 +47,9 @@ impl Cube {
         (face / LAST).trailing_zeros() as usize + 1
     }
 
+    /// Pixels of the map are 2 pi / width wide, those in the middle of a face 2 / face.
     fn face_of(map: &LatLong) -> usize {
-        (map.width() / 4).next_power_of_two().clamp(LEAST, MOST)
+        (map.width() * 5 / 16).next_power_of_two().clamp(LEAST, MOST)
     }
 
     /// Memory of the cube of `map`.
@@ -209,5 +210,79 @@ impl<'a> Filter<'a> {
             }
         }
         if weight > 0.0 { sum / weight } else { self.map.radiance(towards) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(width: usize, of: impl Fn(DVec3) -> DVec3) -> LatLong {
+        let pixel = |i: usize| {
+            let longitude = ((i % width) as f64 + 0.5 - 0.5 * width as f64) / width as f64 * TAU;
+            let polar = ((i / width) as f64 + 0.5) / (width / 2) as f64 * PI;
+            let flat = polar.sin();
+            of(DVec3::new(flat * longitude.sin(), polar.cos(), -flat * longitude.cos())).as_vec3().to_array()
+        };
+        LatLong::new(width, (0..width * width / 2).map(pixel).collect()).unwrap()
+    }
+
+    /// Directions that lie evenly.
+    fn directions() -> impl Iterator<Item = DVec3> {
+        (0..400).map(|i| {
+            let y = 1.0 - (2.0 * f64::from(i) + 1.0) / 400.0;
+            let turn = f64::from(i) * 2.399_963;
+            DVec3::new((1.0 - y * y).sqrt() * turn.cos(), y, (1.0 - y * y).sqrt() * turn.sin())
+        })
+    }
+
+    /// On the sphere a kernel of variance v shrinks the harmonics of degree n by exp(-n (n + 1) v / 2) if it is narrow.
+    #[test]
+    fn levels_are_as_wide_as_asked_for() {
+        let linear = |d: DVec3| DVec3::ONE + d;
+        let second = |d: DVec3| DVec3::splat(1.0) + DVec3::new(d.x * d.y, d.y * d.z, 1.5 * d.z * d.z - 0.5);
+        let cubes = [Cube::new(&map(128, linear)), Cube::new(&map(128, second))];
+        assert_eq!(cubes[0].face(), 64);
+        for deviation in [0.0_f64, 0.02, 0.05, 0.07, 0.1, 0.16, 0.25] {
+            let variance = deviation * deviation;
+            let kept = [(-variance).exp(), (-3.0 * variance).exp()];
+            for d in directions() {
+                let want = [DVec3::ONE + d * kept[0], DVec3::ONE + (second(d) - 1.0) * kept[1]];
+                for (cube, want) in cubes.iter().zip(want) {
+                    let got = cube.radiance(2.5 * d.as_vec3(), variance as f32).as_dvec3();
+                    assert!((got - want).abs().max_element() < 0.012, "{deviation} at {d}: {got}, not {want}");
+                }
+            }
+        }
+    }
+
+    /// What is farther than the last level is the last level, and no direction is outside.
+    #[test]
+    fn there_is_radiance_in_every_direction() {
+        let cube = Cube::new(&map(64, |d| DVec3::new(1.0, 2.0, 3.0) + 0.0 * d));
+        for d in directions().chain([DVec3::X, DVec3::NEG_Y, DVec3::Z, DVec3::ONE, DVec3::new(1.0, -1.0, 0.0)]) {
+            for variance in [0.0, 0.3, 1e6, f32::INFINITY] {
+                let got = cube.radiance(d.as_vec3(), variance);
+                assert!(got.abs_diff_eq(Vec3::new(1.0, 2.0, 3.0), 1e-5), "{d}, {variance}: {got}");
+            }
+        }
+        assert!(cube.radiance(Vec3::ZERO, 0.0).is_nan() || cube.radiance(Vec3::ZERO, 0.0).x >= 0.0);
+        assert_eq!(4 * cube.texels().len() as u64, Cube::bytes_of(&map(64, |d| d.abs())));
+    }
+
+    /// The filter does not see the edges of faces or the poles.
+    #[test]
+    fn neighbouring_directions_show_the_same() {
+        let waves = |d: DVec3| DVec3::splat(0.5 + 0.5 * (9.0 * d.x).sin() * (7.0 * d.y + 2.0 * d.z).cos());
+        let cube = Cube::new(&map(256, waves));
+        let edges = [DVec3::new(1.0, 1.0, 0.3), DVec3::new(-0.2, 1.0, -1.0), DVec3::new(1.0, -1.0, 1.0), DVec3::Y];
+        for edge in edges {
+            for step in [DVec3::new(1e-4, 0.0, 0.0), DVec3::new(0.0, -1e-4, 0.0), DVec3::new(0.0, 0.0, 1e-4)] {
+                for variance in [0.0, 1e-4, 1e-2] {
+                    let [a, b] = [edge - step, edge + step].map(|d| cube.radiance(d.as_vec3(), variance).x);
+                    assert!((a - b).abs() < 0.01, "{edge} along {step}, variance {variance}: {a} and {b}");
+                }
+            }
+        }
     }
 }

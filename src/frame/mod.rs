@@ -4,6 +4,7 @@
 //! frame owns all that it names: a backend may render it later, or a second time.
 
 mod blocks;
+mod panorama;
 mod pixel_rect;
 mod poser;
 mod raster;
@@ -12,7 +13,7 @@ mod static_objects;
 use std::sync::Arc;
 
 use crate::environment::{Environment, Surroundings};
-use crate::film::{Aov, Background, Blending, FilmPlanes};
+use crate::film::{Aov, Backdrop, Background, Blending, FilmPlanes};
 use crate::math::focal_length;
 use crate::model::{Gaussians, Material, Optics, Surfels};
 use crate::options::{BlurMode, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel};
@@ -22,6 +23,7 @@ use crate::scene::{Capture, Object, Scene};
 use crate::time::FrameNumber;
 
 pub use self::blocks::Blocks;
+pub use self::panorama::Panorama;
 pub(crate) use self::pixel_rect::PixelRect;
 use self::poser::Poser;
 pub use self::poser::{PosedObject, PosedSample};
@@ -51,6 +53,8 @@ pub struct Frame {
     pub surroundings: Option<Surroundings>,
     /// The background behind the film. What is transparent is composited over it, instant by instant.
     pub background: Background,
+    /// What replaces the background's colour.
+    pub panorama: Option<Panorama>,
     /// The picture is the film as it is, for a caller that lays several over the background.
     pub leaves_background: bool,
     /// How transparent things are composited; `None` where there are none.
@@ -197,6 +201,7 @@ impl Frame {
         sweeps.iter_mut().flatten().for_each(|(interval, _)| (interval.guard, interval.slices) = (guard, slices));
         let near = scene.camera.near as f32;
         let times: Vec<f64> = exposure.groups().flat_map(|group| &group.samples).map(|sample| sample.time).collect();
+        let instant = times.first().copied().filter(|first| times.iter().all(|time| time == first));
         let is_static = find_static(scene, &times, &mut rasters, exposure.stride, near);
         let objects: Vec<FrameObject> =
             scene.objects.iter().zip(is_static).map(|(object, fixed)| frame_object(object, options, fixed)).collect();
@@ -212,6 +217,7 @@ impl Frame {
             aovs: options.aovs.clone(),
             surroundings: scene.environment.as_ref().filter(|_| mirrors).map(Environment::surroundings),
             background: Background { colour: scene.image.background, transparent: scene.image.transparent },
+            panorama: Panorama::of(scene, number, instant, options.filter),
             leaves_background: false,
             memory: options.memory,
             model_bytes: model_bytes(scene),
@@ -254,8 +260,10 @@ impl Frame {
     }
 
     /// What the film is developed over.
-    pub fn behind_film(&self) -> Background {
-        Background { transparent: self.background.transparent || self.leaves_background, ..self.background }
+    pub fn behind_film(&self) -> Backdrop {
+        let transparent = self.background.transparent || self.leaves_background;
+        let picture = self.panorama.as_ref().filter(|_| !transparent).map(Panorama::picture);
+        Backdrop { background: Background { transparent, ..self.background }, picture }
     }
 
     /// The planes of the frame's film.

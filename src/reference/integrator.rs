@@ -14,7 +14,7 @@ use super::sampler::{Points, SCRAMBLINGS};
 use super::sums::{NO_RANGE, PixelSums, Range, Sums, widen};
 use super::trace::{SamplePoint, Seen, Tracer};
 use super::warp::TimeWarp;
-use crate::film::{Background, FilmPlanes};
+use crate::film::{Backdrop, FilmPlanes};
 use crate::options::PixelFilter;
 use crate::sampling::gaussian_offset;
 use crate::time::FrameNumber;
@@ -49,12 +49,14 @@ pub(super) struct Integrator<'w, 'a> {
     frame: f64,
     /// First pixel of the window.
     origin: [u32; 2],
+    /// What is behind the window.
+    backdrop: &'w Backdrop,
     /// Samples so far with more layers of see-through surfels than are taken.
     pub cut: AtomicU64,
 }
 
 impl<'w, 'a> Integrator<'w, 'a> {
-    pub(super) fn new(world: &'w World<'a>, frame: FrameNumber, origin: [u32; 2]) -> Self {
+    pub(super) fn new(world: &'w World<'a>, frame: FrameNumber, origin: [u32; 2], backdrop: &'w Backdrop) -> Self {
         let frame = frame.get();
         Self {
             world,
@@ -62,6 +64,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
             cones: ObjectCones::new(world, frame),
             frame,
             origin,
+            backdrop,
             cut: AtomicU64::new(0),
         }
     }
@@ -86,7 +89,8 @@ impl<'w, 'a> Integrator<'w, 'a> {
         strips_of_sums.enumerate().for_each_init(
             || (Tracer::new(self.world), self.veil(), TileSamples::default()),
             |(tracer, veil, tile), (number, ((colour, range), extra))| {
-                let mut strip = Strip { planes: &planes, background: self.world.background(), colour, range, extra };
+                let before = number * strip;
+                let mut strip = Strip { planes: &planes, backdrop: self.backdrop, first: before, colour, range, extra };
                 if samples > 0 && veil.is_some() {
                     strip.restore_misses();
                 }
@@ -103,7 +107,8 @@ impl<'w, 'a> Integrator<'w, 'a> {
                         tile.trace(tracer, &self.cones, veil.as_mut());
                         tile.samples.iter().zip(&tile.seen).for_each(|(sample, seen)| {
                             if let Some(seen) = seen {
-                                strip.add(sample.pixel as usize, sample.scrambling as usize, seen);
+                                let own = self.own_background(seen, &sample.point, before + sample.pixel as usize);
+                                strip.add(sample.pixel as usize, sample.scrambling as usize, seen, own);
                             }
                         });
                     }
@@ -114,6 +119,13 @@ impl<'w, 'a> Integrator<'w, 'a> {
             },
         );
         sums.samples = end;
+    }
+
+    /// What a sample that is covered takes off a mean background, and a sample of its own does not: the difference, times
+    /// the coverage. Without it a camera that turns would show the mean beside what covers only a part of the exposure.
+    fn own_background(&self, seen: &Seen, &(film, time): &SamplePoint, pixel: usize) -> DVec3 {
+        let Some(environment) = self.world.panorama() else { return DVec3::ZERO };
+        (self.backdrop.at(pixel) - self.world.behind(environment, film, time)) * seen.coverage
     }
 
     /// What composites all that is see-through; `None` where nothing is.
@@ -252,7 +264,9 @@ impl TileSamples {
 /// The sums of a strip of pixels.
 struct Strip<'a> {
     planes: &'a FilmPlanes,
-    background: Background,
+    backdrop: &'a Backdrop,
+    /// Number of its first pixel.
+    first: usize,
     colour: &'a mut [PixelSums],
     range: &'a mut [Range],
     extra: &'a mut [f64],
@@ -262,20 +276,20 @@ impl Strip<'_> {
     /// Where anything see-through is in the scene every sample has a place in the range of its pixel, but the range of
     /// a pixel whose samples all saw nothing is not kept in files. It is that of one such sample.
     fn restore_misses(&mut self) {
-        let behind = if self.background.transparent { DVec3::ZERO } else { self.background.colour };
-        for range in self.range.iter_mut().filter(|range| **range == NO_RANGE) {
-            widen(range, behind.extend(0.0).as_vec4().to_array());
+        let missed = self.range.iter_mut().enumerate().filter(|(_, range)| **range == NO_RANGE);
+        for (pixel, range) in missed {
+            widen(range, self.backdrop.at(self.first + pixel).extend(0.0).as_vec4().to_array());
         }
     }
 
-    fn add(&mut self, pixel: usize, scrambling: usize, seen: &Seen) {
+    fn add(&mut self, pixel: usize, scrambling: usize, seen: &Seen, own_background: DVec3) {
+        let seen_colour = seen.colour + own_background;
         let sums = &mut self.colour[pixel][scrambling];
-        sums[0] += seen.colour.x;
-        sums[1] += seen.colour.y;
-        sums[2] += seen.colour.z;
+        sums[0] += seen_colour.x;
+        sums[1] += seen_colour.y;
+        sums[2] += seen_colour.z;
         sums[3] += seen.coverage;
-        let behind = if self.background.transparent { DVec3::ZERO } else { self.background.colour };
-        let colour = seen.colour + (1.0 - seen.coverage) * behind;
+        let colour = seen_colour + (1.0 - seen.coverage) * self.backdrop.at(self.first + pixel);
         widen(&mut self.range[pixel], colour.extend(seen.coverage).as_vec4().to_array());
         let planes = self.planes.count - 4;
         let extra = &mut self.extra[pixel * planes..][..planes];

@@ -10,9 +10,12 @@ use super::gaussians::blend::Blend;
 use super::gaussians::tree::{Kernel, Tree};
 use super::options::ReferenceOptions;
 use super::volumes::kernel::Kernel as VolumeKernel;
-use crate::film::Background;
+use crate::environment::Environment;
+use crate::film::{Backdrop, Background};
 use crate::math::{focal_length, norm};
 use crate::model::{Gaussians, Material, Optics, Surfels};
+use crate::options::PixelFilter;
+use crate::sampling::gaussian_offset;
 use crate::scene::pose::{ObjectPoser, camera_from_world};
 use crate::scene::{Capture, Light, Object, Scene, Sphere};
 use crate::shading::ShadingLight;
@@ -185,9 +188,49 @@ impl<'a> World<'a> {
         })
     }
 
-    /// What the picture is composited over.
-    pub(super) const fn background(&self) -> Background {
-        Background { colour: self.scene.image.background, transparent: self.scene.image.transparent }
+    /// The environment behind everything; `None` where it is not the background.
+    pub(super) fn panorama(&self) -> Option<&Environment> {
+        self.scene.environment.as_ref().filter(|environment| environment.background && !self.scene.image.transparent)
+    }
+
+    /// What the pixels of a window are composited over: its first pixel and its size.
+    pub(super) fn backdrop(&self, frame: f64, origin: [u32; 2], [width, height]: [u32; 2]) -> Backdrop {
+        let background = Background { colour: self.scene.image.background, transparent: self.scene.image.transparent };
+        let Some(environment) = self.panorama() else { return Backdrop::plain(background) };
+        let row =
+            |y: u32| (0..width).map(move |x| self.mean_behind(environment, frame, [origin[0] + x, origin[1] + y]));
+        let picture =
+            (0..height).into_par_iter().flat_map_iter(row).map(|colour| colour.as_vec3().to_array()).collect();
+        Backdrop { background, picture: Some(picture) }
+    }
+
+    /// The environment in a pixel, averaged over the pixel and the exposure: a lattice of places and times.
+    fn mean_behind(&self, environment: &Environment, frame: f64, pixel: [u32; 2]) -> DVec3 {
+        /// Places along an axis, and times where the camera moves. Each place has times of its own.
+        const PLACES: u32 = 4;
+        const TIMES: u32 = 4;
+        let times = if self.fixed_camera.is_some() { 1 } else { TIMES };
+        let count = PLACES * PLACES * times;
+        let mut sum = DVec3::ZERO;
+        for i in 0..count {
+            let place = [i % PLACES, i / PLACES % PLACES];
+            let offset = place.map(|place| (f64::from(place) + 0.5) / f64::from(PLACES));
+            // The golden ratio spreads the times of neighbouring places evenly.
+            let share = (0.5 + f64::from(i) * 0.618_033_988_749_894_9).fract();
+            let time = self.scene.shutter.frame_time(frame, self.scene.shutter.weight.time_of(share));
+            let film = match self.options.filter {
+                PixelFilter::Box => offset,
+                PixelFilter::Point => [0.5; 2],
+                PixelFilter::Gaussian { sigma } => gaussian_offset(offset).map(|offset| 0.5 + sigma * offset),
+            };
+            sum += self.behind(environment, [0, 1].map(|axis| f64::from(pixel[axis]) + film[axis]), time);
+        }
+        sum / f64::from(count)
+    }
+
+    /// The environment on the ray through a film point (pixels) at scene time `time` (frames).
+    pub(super) fn behind(&self, environment: &Environment, film: [f64; 2], time: f64) -> DVec3 {
+        environment.radiance((self.camera(time).world_from_camera * self.direction(film)).normalize())
     }
 
     /// The camera at scene time `time` (frames).

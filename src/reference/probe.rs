@@ -134,14 +134,14 @@ pub fn probe(
     // The neighbours are sampled too, because the error depends on what they saw.
     let origin = pixel.map(|c| c.saturating_sub(1));
     let [w, h] = [0, 1].map(|axis| (pixel[axis] + 2).min([width, height][axis]) - origin[axis]);
-    let integrator = Integrator::new(&world, frame, origin);
+    let backdrop = world.backdrop(frame.get(), origin, [w, h]);
+    let integrator = Integrator::new(&world, frame, origin, &backdrop);
     let mut sums = Sums::new([w, h], &[])?;
     integrator.add(&mut sums, samples, None, &|_| ());
     let at = ((pixel[1] - origin[1]) * w + pixel[0] - origin[0]) as usize;
-    let background = world.background();
-    let scramblings = sums.seen(at, background);
+    let scramblings = sums.seen(at, &backdrop);
     let mean = mean(&scramblings);
-    let error = sums.error(at, background);
+    let error = sums.error(at, &backdrop);
     let hits = sums.hits(at);
     let sample = sample.map(|number| {
         let (k, each) = (number / SCRAMBLINGS as u64, samples / SCRAMBLINGS as u64);

@@ -76,13 +76,13 @@ pub fn render(
     let build = start.elapsed();
     let start = Instant::now();
     let before = sums.samples;
-    let background = world.background();
-    let integrator = Integrator::new(&world, frame, [0, 0]);
+    let backdrop = world.backdrop(frame.get(), [0, 0], size);
+    let integrator = Integrator::new(&world, frame, [0, 0], &backdrop);
     if let Some(limit) = options.error {
         let mut error = None;
         while sums.samples < samples {
             if sums.samples > 0 {
-                let now = sums.mean_error_of_even(background);
+                let now = sums.mean_error_of_even(&backdrop);
                 error = Some(now);
                 if now < limit {
                     break;
@@ -97,7 +97,7 @@ pub fn render(
     let stats = Stats {
         samples: sums.samples,
         traced: (sums.samples - before) * u64::from(size[0]) * u64::from(size[1]),
-        mean_error: sums.mean_error(background),
+        mean_error: sums.mean_error(&backdrop),
         cut: integrator.cut.load(Ordering::Relaxed),
         surfels: world.surfels(),
         gaussians: world.gaussians(),
@@ -106,5 +106,5 @@ pub fn render(
         build,
         trace: start.elapsed(),
     };
-    Ok(Reference { picture: sums.develop(&options.aovs, background), sums, stats })
+    Ok(Reference { picture: sums.develop(&options.aovs, &backdrop), sums, stats })
 }

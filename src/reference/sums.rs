@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::error::ReferenceError;
 use super::sampler::SCRAMBLINGS;
-use crate::film::{Aov, Background, Film, FilmPlanes, Layer, Picture, develop};
+use crate::film::{Aov, Backdrop, Film, FilmPlanes, Layer, Picture, develop};
 
 /// Sums of r, g, b and coverage, one for each scrambling.
 pub(super) type PixelSums = [[f64; 4]; SCRAMBLINGS];
@@ -143,9 +143,9 @@ impl Sums {
     }
 
     /// Means of r, g, b (over the background) and coverage of pixel `i`, one for each scrambling.
-    pub(super) fn seen(&self, i: usize, background: Background) -> PixelSums {
+    pub(super) fn seen(&self, i: usize, backdrop: &Backdrop) -> PixelSums {
         let each = self.samples as f64 / SCRAMBLINGS as f64;
-        let behind = behind(background);
+        let behind = backdrop.at(i);
         self.colour[i].map(|sums| {
             let [r, g, b, a] = sums.map(|s| s / each);
             let through = 1.0 - a;
@@ -154,18 +154,18 @@ impl Sums {
     }
 
     /// Standard error of the picture's r, g, b (over the background) and of the coverage of pixel `i`.
-    pub(super) fn error(&self, i: usize, background: Background) -> [f64; 4] {
-        self.error_of(i, background, Half::All)
+    pub(super) fn error(&self, i: usize, backdrop: &Backdrop) -> [f64; 4] {
+        self.error_of(i, backdrop, Half::All)
     }
 
     /// Standard error of the mean over all samples, from the spread of the means of the scramblings in `half`.
     ///
     /// Its square is at least [`RARE`] times the square of (greatest - least sample value in the pixel and its
     /// neighbours) / samples, which is the change that one sample more or less makes. See docs/reference.md.
-    fn error_of(&self, i: usize, background: Background, half: Half) -> [f64; 4] {
-        let means: Vec<[f64; 4]> = self.seen(i, background).into_iter().step_by(half.step()).collect();
+    fn error_of(&self, i: usize, backdrop: &Backdrop, half: Half) -> [f64; 4] {
+        let means: Vec<[f64; 4]> = self.seen(i, backdrop).into_iter().step_by(half.step()).collect();
         let (n, mean) = (means.len() as f64, mean(&means));
-        let quantum = self.spread(i, behind(background)).map(|d| d / self.samples as f64);
+        let quantum = self.spread(i, backdrop.at(i).to_array()).map(|d| d / self.samples as f64);
         std::array::from_fn(|c| {
             let squares: f64 = means.iter().map(|m| (m[c] - mean[c]) * (m[c] - mean[c])).sum();
             // The variance of one scrambling's mean, divided by the number of scramblings.
@@ -206,32 +206,32 @@ impl Sums {
     }
 
     /// Mean standard error over all pixels and over r, g, b and coverage.
-    pub fn mean_error(&self, background: Background) -> f64 {
-        self.mean_error_of(background, Half::All)
+    pub fn mean_error(&self, backdrop: &Backdrop) -> f64 {
+        self.mean_error_of(backdrop, Half::All)
     }
 
     /// [`Self::mean_error`] of the even scramblings alone, to decide when to stop. The odd scramblings then know
     /// nothing of the decision.
-    pub fn mean_error_of_even(&self, background: Background) -> f64 {
-        self.mean_error_of(background, Half::Even)
+    pub fn mean_error_of_even(&self, backdrop: &Backdrop) -> f64 {
+        self.mean_error_of(backdrop, Half::Even)
     }
 
-    fn mean_error_of(&self, background: Background, half: Half) -> f64 {
+    fn mean_error_of(&self, backdrop: &Backdrop, half: Half) -> f64 {
         let width = self.width.max(1) as usize;
         // The sum is taken row by row, so that it does not depend on the number of threads.
         let rows: Vec<f64> = (0..self.height as usize)
             .into_par_iter()
-            .map(|y| (y * width..(y + 1) * width).map(|i| self.error_of(i, background, half).iter().sum::<f64>()).sum())
+            .map(|y| (y * width..(y + 1) * width).map(|i| self.error_of(i, backdrop, half).iter().sum::<f64>()).sum())
             .collect();
         rows.iter().sum::<f64>() / (4.0 * self.colour.len() as f64)
     }
 
     /// The picture, with a layer of standard errors.
-    pub(super) fn develop(&self, aovs: &[Aov], background: Background) -> Picture {
+    pub(super) fn develop(&self, aovs: &[Aov], backdrop: &Backdrop) -> Picture {
         let whole = |_| std::iter::once(0..self.width as usize).collect();
-        let mut picture = develop(self, [self.width, self.height], aovs, background, whole, None);
+        let mut picture = develop(self, [self.width, self.height], aovs, backdrop, whole, None);
         let errors: Vec<[f32; 4]> =
-            (0..self.colour.len()).into_par_iter().map(|i| self.error(i, background).map(|e| e as f32)).collect();
+            (0..self.colour.len()).into_par_iter().map(|i| self.error(i, backdrop).map(|e| e as f32)).collect();
         let planes = (0..4).map(|c| errors.iter().map(|e| e[c]).collect()).collect();
         picture.layers.push(Layer { aov: Aov::Error, planes, names: Vec::new() });
         picture
@@ -241,11 +241,6 @@ impl Sums {
 /// The mean of each channel.
 pub(super) fn mean(values: &[[f64; 4]]) -> [f64; 4] {
     std::array::from_fn(|c| values.iter().map(|v| v[c]).sum::<f64>() / values.len() as f64)
-}
-
-/// The colour that shows through the film's gaps.
-fn behind(background: Background) -> [f64; 3] {
-    if background.transparent { [0.0; 3] } else { background.colour.to_array() }
 }
 
 impl Film for Sums {
@@ -272,7 +267,7 @@ mod tests {
 
     use super::*;
 
-    const BLACK: Background = Background { colour: DVec3::ZERO, transparent: false };
+    const BLACK: Backdrop = Backdrop::plain(Background { colour: DVec3::ZERO, transparent: false });
 
     /// An image of three columns and rows. Pixel 4, in the middle, has `hits` of 10 samples in each scrambling, all
     /// white.
@@ -291,16 +286,16 @@ mod tests {
     fn the_error_is_that_of_the_mean_of_sixteen() {
         let hits = std::array::from_fn(|r| if r % 4 < 2 { 2.0 } else { 6.0 });
         let want = (16.0_f64 * 0.2 * 0.2 / 15.0 / 16.0).sqrt();
-        for error in sums(hits).error(4, BLACK) {
+        for error in sums(hits).error(4, &BLACK) {
             assert!((error - want).abs() < 1e-12, "{error}, not {want}");
         }
         // The even scramblings alone: the variance of eight, divided by sixteen.
         let want = (8.0_f64 * 0.2 * 0.2 / 7.0 / 16.0).sqrt();
-        let got = sums(hits).error_of(4, BLACK, Half::Even);
+        let got = sums(hits).error_of(4, &BLACK, Half::Even);
         assert!(got.iter().all(|error| (error - want).abs() < 1e-12), "{got:?}, not {want}");
         // The background counts in colours, not in coverage. White before white has no error.
-        let white = Background { colour: DVec3::ONE, transparent: false };
-        let [r, _, _, a] = sums(hits).error(4, white);
+        let white = Backdrop::plain(Background { colour: DVec3::ONE, transparent: false });
+        let [r, _, _, a] = sums(hits).error(4, &white);
         assert!(r < 1e-12 && a > 0.04, "{r} {a}");
     }
 
@@ -311,7 +306,7 @@ mod tests {
         let want = (256.0_f64 * 2.0 / (18.0 * 19.0)).sqrt() / 160.0;
         let agreed = sums([3.0; SCRAMBLINGS]);
         for i in 0..9 {
-            let errors = agreed.error(i, BLACK);
+            let errors = agreed.error(i, &BLACK);
             assert!(errors.iter().all(|error| (error - want).abs() < 1e-12), "pixel {i}: {errors:?}, not {want}");
         }
         for full in [0.0, 10.0] {
@@ -319,7 +314,7 @@ mod tests {
             let (colour, range) = (sums.colour[4], sums.range[4]);
             sums.colour.fill(colour);
             sums.range.fill(range);
-            assert!(sums.error(4, BLACK).iter().all(|error| *error < 1e-12), "one value only");
+            assert!(sums.error(4, &BLACK).iter().all(|error| *error < 1e-12), "one value only");
         }
     }
 }

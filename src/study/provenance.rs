@@ -244,6 +244,7 @@ fn inputs(scene: &Scene) -> Result<Vec<Input>, ProvenanceError> {
     let mut paths: BTreeSet<&PathBuf> =
         scene.objects.iter().filter(|object| object.sphere.is_none()).map(|object| &object.model_path).collect();
     paths.extend(scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path));
+    paths.extend(scene.environment.as_ref().map(|environment| &environment.path));
     paths.extend(scene.camera.animation.as_ref().map(|a| &a.path));
     let mut inputs = paths.into_iter().map(|path| input(path)).collect::<Result<Vec<_>, _>>()?;
     // By name: the order of the paths would depend on the scene's folder.

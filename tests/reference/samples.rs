@@ -272,12 +272,13 @@ fn the_even_scramblings_decide_after_whole_rounds() {
     scene.objects[0].material = Some(UNLIT);
     let background =
         splatblur::film::Background { colour: scene.image.background, transparent: scene.image.transparent };
+    let backdrop = splatblur::film::Backdrop::plain(background);
     let run = |samples: u64, error: Option<f64>, earlier: Option<Sums>| {
         let options = ReferenceOptions { samples, error, ..ReferenceOptions::default() };
         render(&scene, 0, &options, earlier, &|_| ()).expect("valid options")
     };
     let first = run(256, None, None);
-    let (even, all) = (first.sums.mean_error_of_even(background), first.sums.mean_error(background));
+    let (even, all) = (first.sums.mean_error_of_even(&backdrop), first.sums.mean_error(&backdrop));
     assert!((even / all - 1.0).abs() > 1e-3 && (even / all - 1.0).abs() < 0.3, "{even} and {all}");
     // Between the two: half of them say one thing, all of them the other.
     let stops = run(4096, Some(0.5 * (even + all)), None).stats.samples == 256;

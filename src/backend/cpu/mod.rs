@@ -158,7 +158,7 @@ impl Cpu {
             films.films.push(film);
         }
         let wanted = |y| Blocks::columns(frame.wanted.as_ref(), y, frame.size[0] as usize, stride);
-        let picture = develop(&films, frame.size, &frame.aovs, frame.behind_film(), wanted, self.pixels.pop());
+        let picture = develop(&films, frame.size, &frame.aovs, &frame.behind_film(), wanted, self.pixels.pop());
         self.films = films.films;
         Ok(Rendered { picture, stats: clocks.stats(frame) })
     }

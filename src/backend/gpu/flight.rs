@@ -115,7 +115,7 @@ impl Gpu {
             };
             let (width, stride) = (frame.size[0] as usize, frame.stride as usize);
             let wanted = |y| Blocks::columns(frame.wanted.as_ref(), y, width, stride);
-            develop(&film, frame.size, &frame.aovs, frame.behind_film(), wanted, None)
+            develop(&film, frame.size, &frame.aovs, &frame.behind_film(), wanted, None)
         });
         drop(view);
         staging.unmap();

@@ -155,7 +155,7 @@ pub(in crate::backend) struct DeviceGaussian {
 /// The background behind what is transparent (`shaders/transparent/resolve.wgsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub(in crate::backend) struct Backdrop {
+pub(in crate::backend) struct DeviceBackground {
     pub colour: [f32; 4],
     pub shown: [f32; 4],
 }

@@ -18,8 +18,8 @@ use super::captures::{Run, runs, segment_at};
 use super::constants::{composite_constants, transparent_resolve_constants};
 use super::job::{Place, dispatch, group_scale, view_offset};
 use super::layout::{
-    Backdrop, CaptureSegment, DIGIT_BITS, DeviceGaussian, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, coefficients, lights,
-    rows,
+    CaptureSegment, DIGIT_BITS, DeviceBackground, DeviceGaussian, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, coefficients,
+    lights, rows,
 };
 use super::prepared::Prepared;
 use super::programs::{Constants, Program, Slot};
@@ -124,12 +124,15 @@ fn layer(frame: &Frame, group: &PosedGroup) -> f32 {
     volumes.fold(f32::MAX, f32::min).max(f32::MIN_POSITIVE)
 }
 
-fn backdrop(frame: &Frame) -> Backdrop {
+fn backdrop(frame: &Frame) -> DeviceBackground {
     let colour = frame.background.colour.as_vec3().to_array();
     let coded = frame.blending == Some(Blending::Coded);
     let shown = if coded { colour.map(srgb::from_linear) } else { colour };
     let with = |[r, g, b]: [f32; 3], w| [r, g, b, w];
-    Backdrop { colour: with(colour, f32::from(u8::from(frame.background.transparent))), shown: with(shown, 0.0) }
+    DeviceBackground {
+        colour: with(colour, f32::from(u8::from(frame.background.transparent))),
+        shown: with(shown, 0.0),
+    }
 }
 
 /// Step `Transparent` of one group.

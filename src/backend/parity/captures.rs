@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Quat, Vec3};
 
-use super::cases::{Case, ball, object, scene};
+use super::cases::{Case, ball, object, scene, surroundings};
 use crate::film::Aov;
 use crate::math::random::Random;
 use crate::model::{Gaussians, Material, Optics};
@@ -74,6 +74,8 @@ fn with_glass(scene: &Scene) -> Scene {
     let mut aside = glass(300, 22, false);
     aside.transform.scale = DVec3::new(0.5, 0.4, -0.5);
     aside.transform.translate = DVec3::new(-0.6, 0.3, 0.4);
+    around.reflection = 0.5;
+    scene.environment = Some(surroundings());
     scene.objects.insert(1, around);
     scene.objects.push(aside);
     scene

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
+use crate::environment::{Environment, LatLong};
 use crate::film::Aov;
 use crate::frame::{Blocks, Frame};
 use crate::math::random::Random;
@@ -130,7 +131,19 @@ fn two_balls(size: [u32; 2]) -> Scene {
     second.transform.scale = DVec3::new(-0.5, 0.7, 0.4);
     second.two_sided = true;
     second.epsilon = Some(0.0);
-    scene(vec![first, second], size)
+    (first.reflection, second.reflection) = (0.6, 0.2);
+    let mut scene = scene(vec![first, second], size);
+    scene.environment = Some(surroundings());
+    scene
+}
+
+/// A noisy environment.
+pub(super) fn surroundings() -> Environment {
+    let mut random = Random(40);
+    let pixels = (0..64 * 32).map(|_| [random.next(), random.next(), 2.0 * random.next()]).collect();
+    let mut environment = Environment::new(LatLong::new(64, pixels).unwrap());
+    (environment.rotation, environment.intensity) = (0.7, 0.8);
+    environment
 }
 
 /// All cases.
@@ -150,6 +163,10 @@ pub(super) fn all() -> Vec<Case> {
     };
     let mut mirrored = two_balls([70, 45]);
     mirrored.objects[1].two_sided = false;
+    // All objects have one coefficient.
+    mirrored.objects.iter_mut().for_each(|object| object.reflection = 0.4);
+    let mut matt = two_balls([70, 45]);
+    matt.environment = None;
     let mut seen_twice = scene(vec![object(hard(), DVec3::ZERO)], [150, 140]);
     seen_twice.objects[0].two_sided = true;
     // With a tolerance that lets splats hide some static splats of a pixel, and not all.
@@ -172,7 +189,7 @@ pub(super) fn all() -> Vec<Case> {
         ),
         case("hard", scene(vec![object(hard(), DVec3::ZERO)], [150, 140]), options(BlurMode::supersample(2))),
         case("hard, two-sided", seen_twice.clone(), options(bucket(Interleave::None))),
-        case("layer", two_balls([70, 45]), point(BlurMode::supersample(3))),
+        case("layer", matt, point(BlurMode::supersample(3))),
         case("layer, bucket", two_balls([70, 45]), point(bucket(Interleave::None))),
         in_part("in part", two_balls([70, 45]), point(BlurMode::supersample(2))),
         in_part("in part, hard", seen_twice, options(bucket(Interleave::None))),

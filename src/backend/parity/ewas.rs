@@ -244,7 +244,7 @@ fn ewa_passes_agree() {
 }
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 43] = [
+static MUTANTS: [([(&str, &str); 1], &str); 44] = [
     // Pass `project`.
     (
         [("let wider = vec2<f32>(-margin, margin);\n    let columns", "let wider = vec2<f32>(0.0);\n    let columns")],
@@ -299,6 +299,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 43] = [
     ([("1.0 - lost * lost", "1.0 - lost")], "supersample"),
     ([("rim[i] = select(0.0, 1.0, uncovered)", "rim[i] = 0.0")], "supersample"),
     ([("covered = second < NONE", "covered = true")], "supersample"),
+    ([("Share(share, view.weight, layer == BAND)", "Share(share, view.weight, true)")], "supersample"),
 ];
 
 #[test]

@@ -6,7 +6,7 @@ use super::splats;
 use crate::backend::gpu::programs::{Pipelines, Program};
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 39] = [
+static MUTANTS: [([(&str, &str); 1], &str); 49] = [
     ([("0.5 * log_of_two(min(ratio", "0.45 * log_of_two(min(ratio")], "supersample"),
     ([("looks[to - 2u], looks[to - 1u]", "looks[to - 1u], looks[to - 1u]")], "supersample"),
     ([("* (level - f32(finer))", "* level")], "supersample"),
@@ -44,6 +44,17 @@ static MUTANTS: [([(&str, &str); 1], &str); 39] = [
         [("(*sum).sample_coverage = (*sum).static_coverage", "(*sum).sample_coverage = 0.0 * (*sum).static_coverage")],
         "bucket",
     ),
+    // Of what surfaces mirror.
+    ([("twice * n - eye", "twice * n + eye")], "supersample"),
+    ([("0.5 * (pixel_deviation * pixel_deviation)", "0.05 * (pixel_deviation * pixel_deviation)")], "supersample"),
+    ([("f32(1u << (2u * doublings))", "f32(1u << doublings)")], "supersample"),
+    ([("before += 6u * its_side", "before += 5u * its_side")], "supersample"),
+    ([("select(0u, 1u, towards[axis] < 0.0)", "0u")], "supersample"),
+    ([("towards.x * turn.x - towards.z * turn.y", "towards.x * turn.x + towards.z * turn.y")], "supersample"),
+    ([("pixel ^ vec2<u32>(0u, 1u)", "pixel")], "supersample"),
+    ([("has_sums && sums[at] > 0.0", "has_sums")], "supersample"),
+    ([("var reflection = view.environment.w", "var reflection = 0.0")], "plain"),
+    ([("pixel * pixel) * segment.normal[1].w", "pixel * pixel)")], "gouraud"),
     ([("threshold < layer_threshold;", "threshold <= layer_threshold;")], "layer"),
     ([("(threshold >= nearest)", "(threshold < nearest)")], "layer"),
     ([("select(vec4<f32>(NONE), depth, passes)", "depth")], "layer"),

@@ -313,8 +313,8 @@ static MUTANTS: [([(&str, &str); 1], &str); 139] = [
     ([("min(quad.first, thresholds[depths_of(index) + ceiling_place() + in_tile])", "quad.first")], "glass"),
     ([("seen.disc = seen.disc & in_layer;", "")], "glass, bucket"),
     ([("segment.normal[0].w * own", "own")], "glass"),
-    ([("if before > 0u { own = looks[before + surfel]; }", "")], "glass"),
-    ([("let before = u32(segment.normal[1].w)", "let before = 6u * u32(segment.normal[1].w > 0.0)")], "glass"),
+    ([("if (segment.flags & 4u) != 0u { own = looks[before + surfel]; }", "")], "glass"),
+    ([("select(6u, 10u, (segment", "select(6u, 6u, (segment")], "glass"),
     (
         [(
             "if all(quad.first == vec4<f32>(UNWANTED)) { return; }\n    quad.second",

@@ -1,0 +1,85 @@
+//! The environment as background: a picture of its own, behind the film.
+
+use glam::{DMat3, Mat3, Vec3};
+use rayon::prelude::*;
+
+use crate::environment::{Environment, Surroundings};
+use crate::math::focal_length;
+use crate::options::PixelFilter;
+use crate::scene::Scene;
+use crate::scene::pose::camera_from_world;
+use crate::time::FrameNumber;
+
+/// Times of the exposure at which a camera in motion sees the environment.
+const TIMES: u32 = 32;
+
+/// The environment behind a frame. It is averaged over the exposure on its own: where a camera turns while objects
+/// cover it in part, what shows beside them is that mean.
+#[derive(Clone, Debug)]
+pub struct Panorama {
+    surroundings: Surroundings,
+    /// Camera axes in world space, and shares of the exposure.
+    cameras: Vec<(Mat3, f32)>,
+    size: [u32; 2],
+    focal: f32,
+    /// Variance of the pixel filter along an axis, pixels^2.
+    variance: f32,
+}
+
+impl Panorama {
+    /// That of frame `number`, or of one instant of it, `at` (scene time, frames). `None` where the environment is not
+    /// the background.
+    pub fn of(scene: &Scene, number: FrameNumber, at: Option<f64>, filter: PixelFilter) -> Option<Self> {
+        let environment = scene.environment.as_ref().filter(|environment| environment.background)?;
+        if scene.image.transparent {
+            return None;
+        }
+        let strata = || {
+            let strata = scene.shutter.strata(if scene.camera.rests() { 1 } else { TIMES }, 0.5);
+            strata.into_iter().map(|(t, weight)| (scene.shutter.frame_time(number.get(), t), weight)).collect()
+        };
+        let times: Vec<(f64, f64)> = at.map_or_else(strata, |time| vec![(time, 1.0)]);
+        let camera = |(time, weight): (f64, f64)| {
+            let camera = camera_from_world(scene, time);
+            (DMat3::from_mat4(camera).transpose().as_mat3(), weight as f32)
+        };
+        let height = scene.image.height;
+        let variance = match filter {
+            PixelFilter::Box | PixelFilter::Point => 1.0 / 12.0,
+            PixelFilter::Gaussian { sigma } => (sigma * sigma) as f32,
+        };
+        Some(Self {
+            surroundings: Environment::surroundings(environment),
+            cameras: times.into_iter().map(camera).collect(),
+            size: [scene.image.width, height],
+            focal: focal_length(f64::from(height), scene.camera.fovy) as f32,
+            variance,
+        })
+    }
+
+    /// Linear Rec.709, row by row.
+    pub fn picture(&self) -> Vec<[f32; 3]> {
+        let [width, height] = self.size;
+        let rows = (0..height).into_par_iter();
+        rows.flat_map_iter(|y| (0..width).map(move |x| self.pixel([x as f32, y as f32]).to_array())).collect()
+    }
+
+    fn pixel(&self, pixel: [f32; 2]) -> Vec3 {
+        let towards = |camera: &Mat3, dx: f32, dy: f32| {
+            let [x, y] = [0, 1].map(|axis| pixel[axis] + 0.5 - 0.5 * self.size[axis] as f32);
+            (*camera * Vec3::new(x + dx, -(y + dy), -self.focal)).normalize()
+        };
+        let mut sum = Vec3::ZERO;
+        for (i, (camera, share)) in self.cameras.iter().enumerate() {
+            let middle = towards(camera, 0.0, 0.0);
+            let beside = towards(camera, 1.0, 0.0).distance_squared(middle);
+            let below = towards(camera, 0.0, 1.0).distance_squared(middle);
+            // What passes by between two times is a part of the exposure, too.
+            let next = self.cameras.get(i + 1).or_else(|| self.cameras.get(i.wrapping_sub(1)));
+            let travelled = next.map_or(0.0, |(next, _)| towards(next, 0.0, 0.0).distance_squared(middle));
+            let variance = 0.5 * self.variance * (beside + below) + travelled / 24.0;
+            sum += self.surroundings.radiance(middle.to_array(), variance) * *share;
+        }
+        sum
+    }
+}
