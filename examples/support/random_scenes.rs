@@ -41,7 +41,7 @@ impl Models {
             wall: chequers().spatially_ordered().into(),
             cow: shipped("spot.sfl"),
             statue: shipped("guanyin.sfl"),
-            guitar: thinned(&shipped("guitar_3dgs.ply")),
+            guitar: thinned(&shipped("guitar.compressed.ply")),
         }
     }
 }

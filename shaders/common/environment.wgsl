@@ -23,7 +23,8 @@ fn surroundings(towards: vec3<f32>, variance: f32) -> vec3<f32> {
     let x = towards.x * turn.x - towards.z * turn.y;
     let z = towards.x * turn.y + towards.z * turn.x;
     let turned = vec3<f32>(x, towards.y, z);
-    let edge = 2.0 * DEVIATION * 2.0 / f32(FACE);
+    // Without an environment nothing calls this, and the constant must be a number all the same.
+    let edge = 2.0 * DEVIATION * 2.0 / f32(max(FACE, LAST_FACE));
     let ratio = variance * (1.0 / (edge * edge));
     let last = firstTrailingBit(FACE / LAST_FACE);
     var level = 0u;

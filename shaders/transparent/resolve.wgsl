@@ -8,7 +8,7 @@
 // One invocation per pixel. The film holds what the picture has more than the background that shows through:
 // developing adds that.
 
-@group(0) @binding(1) var<uniform> backdrop: Backdrop;
+@group(0) @binding(1) var<uniform> backdrop: DeviceBackground;
 @group(1) @binding(20) var<storage, read> sums: array<f32>;
 @group(1) @binding(21) var<storage, read_write> film: array<f32>;
 @group(1) @binding(34) var<storage, read> opaque_film: array<f32>;
@@ -26,7 +26,7 @@ override CODED: bool = false;
 
 // The background: its linear colour, and the same in the numbers that the image is composited in. The first w is 1
 // where the picture has no background.
-struct Backdrop {
+struct DeviceBackground {
     colour: vec4<f32>,
     shown: vec4<f32>,
 }

@@ -6,14 +6,18 @@ use std::path::PathBuf;
 
 use anyhow::{Context as _, bail};
 use clap::{Args, ValueEnum};
+use splatblur::environment::studio;
 use splatblur::files;
+use splatblur::film::Picture;
+use splatblur::image::{self, Exr, Format, Precision};
 use splatblur::model::generate_volume::{self, Shape, Storage};
 use splatblur::model::{Cloud, generate};
 
 use super::memory;
 use super::output::print;
 
-/// Generate one of the demo scenes' models, or a sphere of any number of surfels, as binary .ply; or a volume as .nrrd.
+/// Generate one of the demo scenes' models, or a sphere of any number of surfels, as binary .ply; a volume as .nrrd; or
+/// an environment as .exr.
 ///
 /// The same model is the same file, byte for byte, on every computer.
 #[derive(Debug, Args)]
@@ -26,7 +30,7 @@ pub(super) struct Generate {
     /// What to generate.
     #[arg(value_enum)]
     model: Model,
-    /// File to write, ending in .ply, or in .nrrd for a volume.
+    /// File to write, ending in .ply; .nrrd for a volume, .exr for the studio.
     #[arg(value_name = "OUT")]
     output: PathBuf,
     /// Number of surfels of a sphere [default: 100000].
@@ -63,6 +67,8 @@ enum Model {
     Fence,
     /// Unit sphere of --surfels surfels
     Sphere,
+    /// Environment to mirror: sky, windows, a floor of squares
+    Studio,
     /// Cube from -1 to 1 of --size cells along each axis
     Volume,
 }
@@ -90,7 +96,11 @@ enum StorageWord {
 impl Generate {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let is_volume = self.model == Model::Volume;
-        let needed = if is_volume { "nrrd" } else { "ply" };
+        let needed = match self.model {
+            Model::Volume => "nrrd",
+            Model::Studio => "exr",
+            _ => "ply",
+        };
         if !self.output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(needed)) {
             bail!("{} must end in .{needed}", self.output.display());
         }
@@ -105,6 +115,9 @@ impl Generate {
         }
         if is_volume {
             return self.volume();
+        }
+        if self.model == Model::Studio {
+            return self.studio();
         }
         let needed = BYTES * u64::from(self.surfels.unwrap_or_default());
         if let Some(available) = memory::available().filter(|&available| needed > available) {
@@ -132,6 +145,16 @@ impl Generate {
         print(&format!("{size} x {size} x {size} samples: {}\n", self.output.display()))
     }
 
+    fn studio(&self) -> anyhow::Result<()> {
+        let map = studio();
+        let (width, height) = (map.width(), map.height());
+        let rgba = map.pixels().iter().map(|&[r, g, b]| [r, g, b, 1.0]).collect();
+        let picture = Picture { width: width as u32, height: height as u32, rgba, layers: Vec::new() };
+        let exr = Exr { precision: Precision::Half, ..Exr::default() };
+        image::write(&self.output, &picture, Format::Exr(exr), "")?;
+        print(&format!("{width} x {height} pixels: {}\n", self.output.display()))
+    }
+
     fn write(&self, content: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> anyhow::Result<()> {
         files::replace_with(&self.output, |temporary| {
             let mut out = BufWriter::new(File::create(temporary)?);
@@ -147,8 +170,8 @@ impl Generate {
             Model::CheckerPlane => generate::checker_plane(),
             Model::Floor => generate::floor(),
             Model::Fence => generate::fence(),
-            // A volume is not a cloud, and was written before.
-            Model::Volume => Cloud::default(),
+            // These are no clouds, and were written before.
+            Model::Volume | Model::Studio => Cloud::default(),
             Model::Sphere => generate::sphere(self.surfels.unwrap_or(100_000)),
         }
     }

@@ -28,7 +28,7 @@ const LEAST: usize = 16;
 const MOST: usize = 1024;
 const LAST: usize = 4;
 /// Reach of the kernel, standard deviations.
-const REACH: f64 = 3.0;
+const REACH: f64 = 3.5;
 
 impl Cube {
     /// Pixels along an edge of level 0, a power of two.

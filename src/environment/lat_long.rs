@@ -65,6 +65,11 @@ impl LatLong {
         Ok(Self { width, height, pixels })
     }
 
+    /// A picture that a formula made: twice as wide as high, and without wrong values.
+    pub(super) const fn of_formula(width: usize, pixels: Vec<[f32; 3]>) -> Self {
+        Self { width, height: width / 2, pixels }
+    }
+
     /// Columns.
     pub const fn width(&self) -> usize {
         self.width

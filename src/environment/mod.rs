@@ -1,9 +1,11 @@
 //! Environments: light from all around, as a picture of the whole sphere of directions.
 //!
-//! `lat_long` is the picture; `cube` is what backends look it up in, filtered to several widths.
+//! `lat_long` is the picture; `cube` is what backends look it up in, filtered to several widths;
+//! `studio` is one made by formula.
 
 mod cube;
 mod lat_long;
+mod studio;
 
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
@@ -12,6 +14,7 @@ use glam::{DVec3, Vec3};
 
 pub use self::cube::Cube;
 pub use self::lat_long::{LatLong, NotLatLong};
+pub use self::studio::studio;
 
 /// What surrounds the scene, infinitely far: surfaces with a reflection coefficient mirror it (Pfister et al. 2000,
 /// section 7.5), and it may be the background.

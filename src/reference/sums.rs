@@ -266,6 +266,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
+    use crate::film::Background;
 
     const BLACK: Backdrop = Backdrop::plain(Background { colour: DVec3::ZERO, transparent: false });
 

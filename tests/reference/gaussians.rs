@@ -36,7 +36,7 @@ fn decoded(c: f64) -> f64 {
 #[test]
 fn the_guitar_is_the_exact_picture() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let bytes = fs::read(root.join("scenes/models/guitar_3dgs.ply")).unwrap();
+    let bytes = fs::read(root.join("tests/data/models/guitar_3dgs.ply")).unwrap();
     let guitar = parse_capture(&bytes, Format::Ply).unwrap().unwrap();
     let truth = image::read(&root.join("tests/data/truth/captures/guitar_0.exr")).unwrap();
     let want: Vec<[f64; 4]> = truth.rgba.iter().map(|pixel| pixel.map(f64::from)).collect();

@@ -47,7 +47,7 @@ fn coded(picture: &Picture) -> Vec<[f64; 4]> {
 }
 
 fn guitar() -> Object {
-    Object::load(root().join("scenes/models/guitar_3dgs.ply")).unwrap()
+    Object::load(root().join("tests/data/models/guitar_3dgs.ply")).unwrap()
 }
 
 fn truth(name: &str) -> Picture {

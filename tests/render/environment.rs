@@ -228,12 +228,17 @@ fn the_background_shows_beside_what_moves() {
         scene.image.transparent = true;
         scene
     };
+    let fine = options(BlurMode::supersample(128), Prefilter::Ewa);
     for quality in [BlurMode::supersample(8).into(), volumetric(4).into(), target] {
         let options = options(quality, Prefilter::Ewa);
         // Mode auto refines what is seen, and a black ball before black is not.
-        let want = over(picture(&transparent(&scene), &options));
+        let front = if quality == target { &fine } else { &options };
+        let want = over(picture(&transparent(&scene), front));
         let difference = mean_difference(&picture(&scene, &options), &want);
-        assert!(difference < 0.003, "{quality}: {difference}");
+        println!("{quality}: {difference:.5}");
+        // Within the error that mode auto allows, else as good as equal.
+        let most = if quality == target { 0.025 } else { 1e-4 };
+        assert!(difference < most, "{quality}: {difference}");
     }
     let options = ReferenceOptions { samples: 64, ..ReferenceOptions::default() };
     let reference = |scene: &Scene| reference::render(scene, 0, &options, None, &|_| ()).unwrap().picture;
@@ -267,7 +272,7 @@ fn the_reference_knows_what_is_behind_at_each_instant() {
     });
     let difference = mean_difference(&got, &want);
     println!("reference {difference:.5}");
-    assert!(difference < 0.006, "reference: {difference}");
+    assert!(difference < 0.008, "reference: {difference}");
     // The backends have the mean of the background beside the mean of the ball: near, and not exact.
     let modes = picture(&scene, &self::options(BlurMode::supersample(64), Prefilter::Ewa));
     println!("supersample:64 {:.5}", mean_difference(&modes, &want));
@@ -286,7 +291,7 @@ fn a_capture_before_an_environment_is_refused() {
         ..Gaussians::default()
     };
     let mut scene = before(vec![Object::new(one)], environment);
-    let mut renderer = Renderer::new(Device::Cpu).unwrap();
+    let mut renderer = Renderer::open(Device::Cpu).unwrap();
     let refused = renderer.render(&scene, 0, &RenderOptions::default()).unwrap_err();
     assert!(matches!(refused, BackendError::Panorama { .. }), "{refused}");
     scene.environment.as_mut().unwrap().background = false;

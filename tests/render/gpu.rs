@@ -146,7 +146,7 @@ fn a_tile_holds_more_splats_than_a_loop_has_turns() {
 fn the_guitar_is_the_exact_picture() {
     let Some(mut gpu) = gpu_or_skip("the_guitar_is_the_exact_picture") else { return };
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let bytes = std::fs::read(root.join("scenes/models/guitar_3dgs.ply")).unwrap();
+    let bytes = std::fs::read(root.join("tests/data/models/guitar_3dgs.ply")).unwrap();
     let guitar = parse_capture(&bytes, Format::Ply).unwrap().unwrap();
     let mut scene = sphere_scene(1, 100, false);
     scene.objects = vec![Object::new(guitar)];

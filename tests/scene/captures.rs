@@ -16,7 +16,7 @@ use crate::support::gaussians::{View, picture, psnr};
 #[test]
 fn the_guitar_makes_the_exact_picture() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let bytes = fs::read(root.join("scenes/models/guitar_3dgs.ply")).unwrap();
+    let bytes = fs::read(root.join("tests/data/models/guitar_3dgs.ply")).unwrap();
     let guitar = parse_capture(&bytes, Format::Ply).unwrap().unwrap();
     assert_eq!((guitar.len(), guitar.degree, guitar.dropped), (90_854, 0, 0));
 
@@ -32,7 +32,8 @@ fn the_guitar_makes_the_exact_picture() {
 /// A capture alone is looked at upright, from the front, whole but for its strays.
 #[test]
 fn a_capture_alone_is_seen_upright() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/models/guitar_3dgs.ply");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let path = root.join("tests/data/models/guitar_3dgs.ply");
     let scene = scene_file::load_model(&path, &|_, _| {}).unwrap().scene;
     assert!(scene.objects[0].model.gaussians().is_some() && scene.objects[0].model.surfels().is_empty());
     assert_eq!(scene.camera.up, DVec3::NEG_Y);
@@ -45,14 +46,14 @@ fn a_capture_alone_is_seen_upright() {
     let mut turned = scene.objects[0].clone();
     turned.transform.rotate = DVec3::new(std::f64::consts::PI, 0.0, 0.0);
     assert_eq!(Scene::new([turned]).camera.up, DVec3::Y);
-    let ball = Object::load(path.with_file_name("ball.ply")).unwrap();
+    let ball = Object::load(root.join("scenes/models/ball.ply")).unwrap();
     assert_eq!(Scene::new([scene.objects[0].clone(), ball]).camera.up, DVec3::Y);
 }
 
 /// What a scene says about a capture is loaded, written and loaded again.
 #[test]
 fn a_scene_says_how_a_capture_is_drawn() {
-    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/models/guitar_3dgs.ply");
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/models/guitar_3dgs.ply");
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("scene.xml");
     let load = |attributes: &str| {

@@ -6,6 +6,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use splatblur::environment;
+use splatblur::image;
 use splatblur::model::generate_volume::{self, Shape, Storage};
 use splatblur::model::{Cloud, generate};
 use splatblur::scene_file;
@@ -42,6 +44,14 @@ fn generated_models_are_what_the_generator_writes() {
     let mut smoke = Vec::new();
     generate_volume::write(Shape::Torus, 64, Storage::Uint8, &mut smoke).unwrap();
     assert!(fs::read(scenes().join("models/smoke.nrrd")).unwrap() == smoke, "smoke.nrrd is not what is generated");
+    // Half floats, with their rounding.
+    let studio = image::read(&scenes().join("models/studio.exr")).unwrap();
+    let close = |(&[r, g, b, _], want): (&[f32; 4], &[f32; 3])| {
+        [r, g, b].iter().zip(want).all(|(a, b)| (a - b).abs() <= 5e-4 * b.abs())
+    };
+    let want = environment::studio();
+    assert_eq!([studio.width as usize, studio.height as usize], [want.width(), want.height()]);
+    assert!(studio.rgba.iter().zip(want.pixels()).all(close), "studio.exr is not what is generated");
 }
 
 #[test]

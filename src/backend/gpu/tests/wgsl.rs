@@ -10,7 +10,7 @@ use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
 use crate::backend::cpu::transparent::project::{FAINTEST_DEPTH, LEAST_REACH, MOST_DEPTH};
 use crate::backend::gpu::layout::{
-    Backdrop, CaptureSegment, DIGIT_BITS, DeviceGaussian, Light, Segment, Status, TILE, Travel, View, WIDEST,
+    CaptureSegment, DIGIT_BITS, DeviceBackground, DeviceGaussian, Light, Segment, Status, TILE, Travel, View, WIDEST,
     WORKGROUP_ITEMS,
 };
 use crate::backend::gpu::programs::Program;
@@ -195,7 +195,7 @@ fn structs_of_captures_lie_where_the_host_puts_them() {
     // Pass `bin` takes it for a splat.
     assert_eq!(offset_of!(DeviceGaussian, bounds), offset_of!(Splat, bounds));
     let module = self::module(Program::TransparentResolve);
-    assert_same_layout!(module, Backdrop { colour, shown });
+    assert_same_layout!(module, DeviceBackground { colour, shown });
 }
 
 #[test]
