@@ -101,7 +101,8 @@ fn structs_lie_where_the_host_puts_them() {
             first_place,
             surfels,
             opaque_scale,
-            ends
+            ends,
+            environment
         }
     );
     assert_same_layout!(
