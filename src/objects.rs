@@ -118,6 +118,7 @@ mod tests {
             let none = Achieved {
                 error: 0.0,
                 path_length: 0.0,
+                turn: 0.0,
                 samples,
                 most_samples: 9 * samples,
                 interleave,

@@ -8,6 +8,7 @@ mod estimate;
 mod half_buffers;
 mod path;
 mod strata;
+mod turn;
 
 use self::estimate::{BlockError, Errors};
 use self::half_buffers::{HalfBuffers, Round};
@@ -99,6 +100,7 @@ pub fn render(
     stats.achieved = Some(Achieved {
         error,
         path_length,
+        turn: turn::largest(scene, number).to_degrees() / f64::from(samples),
         samples,
         most_samples: samples * factors.iter().copied().max().unwrap_or(1),
         interleave: interleave.stride(),

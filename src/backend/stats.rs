@@ -56,6 +56,9 @@ pub struct Achieved {
     /// Longest path of a surfel over the screen during the exposure, pixels.
     #[serde(rename = "way")]
     pub path_length: f64,
+    /// Largest angle by which an object turns from one of the first time samples to the next, degrees. What repeats at
+    /// that angle, as the spokes of a wheel do, seems to stand still, and the estimate does not see that.
+    pub turn: f64,
     /// Time samples that each pixel began with.
     pub samples: u32,
     /// Time samples of the pixel that has most.
@@ -72,7 +75,7 @@ pub struct Achieved {
 
 impl fmt::Display for Achieved {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { error, samples, most_samples, refined, blocks, capped, .. } = self;
+        let Self { error, turn, samples, most_samples, refined, blocks, capped, .. } = self;
         write!(f, "error {error:.4} with {samples} samples of a pixel")?;
         if most_samples > samples {
             write!(f, ", up to {most_samples} in {refined} of {blocks} blocks")?;
@@ -80,8 +83,20 @@ impl fmt::Display for Achieved {
         if *capped > 0 {
             write!(f, "; {capped} blocks needed more than are allowed (ErrorTarget::samples_max)")?;
         }
+        if *turn >= Self::WIDE_TURN {
+            write!(
+                f,
+                "; something turns by {turn:.0} degrees from sample to sample: what repeats at that angle (spokes) seems to \
+                 stand, and the estimate does not see it"
+            )?;
+        }
         Ok(())
     }
+}
+
+impl Achieved {
+    /// From this turn on, degrees, spokes of wheels may stand: few wheels have more than 30.
+    const WIDE_TURN: f64 = 12.0;
 }
 
 impl Stats {

@@ -155,7 +155,7 @@ impl Cube {
 fn direction(face: usize, u: f64, v: f64) -> DVec3 {
     let mut out = DVec3::ZERO;
     let axis = face / 2;
-    out[axis] = if face % 2 == 0 { 1.0 } else { -1.0 };
+    out[axis] = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
     out[(axis + 1) % 3] = u;
     out[(axis + 2) % 3] = v;
     out.normalize()
@@ -267,7 +267,7 @@ mod tests {
             }
         }
         assert!(cube.radiance(Vec3::ZERO, 0.0).is_nan() || cube.radiance(Vec3::ZERO, 0.0).x >= 0.0);
-        assert_eq!(4 * cube.texels().len() as u64, Cube::bytes_of(&map(64, |d| d.abs())));
+        assert_eq!(4 * cube.texels().len() as u64, Cube::bytes_of(&map(64, DVec3::abs)));
     }
 
     /// The filter does not see the edges of faces or the poles.

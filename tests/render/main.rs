@@ -24,3 +24,4 @@ mod see_through;
 mod static_objects;
 mod symmetries;
 mod volumes;
+mod wheels;

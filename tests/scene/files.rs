@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 use proptest::prelude::*;
 use splatblur::anim::Interpolation;
+use splatblur::film::Picture;
 use splatblur::scene::{Light, Motion, Scene};
 use splatblur::scene_file::{LoadOptions, Loaded, SceneError, load, to_xml, validate};
 use splatblur::time::Weight;
@@ -17,9 +18,10 @@ use splatblur::time::Weight;
 const MODEL: &str = include_str!("../data/scenes/m.ply");
 const ANIM: &str = include_str!("../data/scenes/a.anim");
 const EVERYTHING: &str = include_str!("../data/scenes/everything.xml");
+const ENVIRONMENT: &[u8] = include_bytes!("../data/scenes/e.png");
 const FIGURE: &str = include_str!("../data/scenes/figure_4_11.xml");
 
-/// A directory with `scene.xml`, a model `m.ply` and an animation `a.anim`.
+/// A directory with `scene.xml`, a model `m.ply`, an animation `a.anim` and an environment `e.png`.
 struct Dir(tempfile::TempDir);
 
 impl Dir {
@@ -28,6 +30,7 @@ impl Dir {
         dir.add("scene.xml", scene);
         dir.add("m.ply", MODEL);
         dir.add("a.anim", ANIM);
+        dir.add("e.png", ENVIRONMENT);
         dir
     }
 
@@ -74,6 +77,42 @@ fn refused(scene: impl AsRef<[u8]>, words: &str) {
     let error = dir.load().map(|l| l.scene.name).expect_err("refused");
     assert!(start.elapsed() < Duration::from_secs(2), "{:?}", start.elapsed());
     assert_eq!(dir.words(error), words);
+}
+
+/// An environment is a picture of all directions with sound values, and what mirrors it needs one.
+#[test]
+fn environments_are_checked() {
+    let environment = |name: &str| scene(&format!("<environment>{name}</environment>"), "");
+    let dir = |name: &str, width: u32, height: u32, value: f32| {
+        let dir = Dir::new(environment(name));
+        let rgba = vec![[value, 0.5, 0.5, 1.0]; (width * height) as usize];
+        Picture { width, height, rgba, layers: Vec::new() }.write(dir.path(name)).unwrap();
+        dir
+    };
+    let words = |dir: &Dir| dir.words(dir.load().map(|l| l.scene.name).expect_err("refused"));
+    assert_eq!(
+        words(&dir("square.png", 4, 4, 0.5)),
+        "scene.xml:2:14: <environment> was refused: square.png: 4 x 4 pixels, expected a picture of all directions: \
+         twice as wide as high, at most 8192 x 4096"
+    );
+    assert_eq!(
+        words(&dir("dark.exr", 4, 2, -0.5)),
+        "scene.xml:2:14: <environment> was refused: dark.exr: -0.5 at pixel (0, 0), expected a radiance from 0 to 1e30"
+    );
+    let text = Dir::new(environment("m.ply"));
+    assert_eq!(words(&text), "scene.xml:2:14: <environment> was refused: m.ply: neither a PNG nor an EXR file");
+    let missing = Dir::new(environment("none.exr"));
+    assert!(words(&missing).starts_with("scene.xml:2:14: no file `none.exr`, expected"));
+    let cut = dir("cut.png", 64, 32, 0.5);
+    let bytes = fs::read(cut.path("cut.png")).unwrap();
+    cut.add("cut.png", &bytes[..bytes.len() / 2]);
+    assert!(words(&cut).starts_with("scene.xml:2:14: <environment> was refused: cut.png: "), "{}", words(&cut));
+    let notes = loaded(scene("", "<material reflection='0.5'/>")).notes;
+    let wanted = "`reflection` of <material> mirrors the <environment>, and means nothing without";
+    assert!(notes.iter().any(|note| note == wanted), "{notes:?}");
+    let with = loaded(scene("<environment>e.png</environment>", "<material reflection='0.5'/>"));
+    assert!(with.scene.objects[0].material.is_none() && with.scene.objects[0].reflection == 0.5);
+    assert!(!with.notes.iter().any(|note| note.contains("reflection")), "{:?}", with.notes);
 }
 
 // What loads.
@@ -166,6 +205,11 @@ fn every_value_arrives() {
     assert!((axis.length() - 1.0).abs() < 1e-15 && (per_frame.to_degrees() + 12.345).abs() < 1e-12);
     assert_eq!(centre, DVec3::new(0.1, 0.2, 0.3));
     assert_eq!(o.place.scale, DVec3::new(-1.0, 2.0, 0.3));
+    let e = s.environment.as_ref().unwrap();
+    assert_eq!((e.map.width(), e.map.height(), e.intensity, e.background), (8, 4, 1.5, true));
+    assert!((e.rotation.to_degrees() + 33.3).abs() < 1e-12 && o.reflection == 0.3);
+    // PNG holds coded values.
+    assert!((e.map.pixels()[1][0] - 0.002_428).abs() < 1e-5, "{:?}", e.map.pixels()[1]);
     assert_eq!((o.opacity, o.volume.kernel, o.volume.flatten, o.volume.lit), (0.75, 0.7, 2.5, true));
     let stops = o.volume.transfer.as_ref().unwrap().stops().to_vec();
     assert_eq!(stops.len(), 2);

@@ -87,9 +87,12 @@ fn every_scene_loads_without_a_word_of_doubt() {
         assert_eq!((scene.image.width, scene.image.height), (960, 540), "{name}");
         assert_eq!((scene.shutter.open, scene.shutter.close), (-0.5, 0.5), "{name}");
         assert!(!scene.camera.automatic, "{name}");
-        // Only the captured guitar has something to report: splats that were too faint.
+        // Only the captured guitar has something to report: splats that were too faint. And meshes say how they were
+        // sampled.
         if name != "static.xml" {
-            assert_eq!(loaded.notes, Vec::<String>::new(), "{name}");
+            let doubts = loaded.notes.iter().filter(|note| !note.contains(" triangles sampled with spacing "));
+            let doubts: Vec<_> = doubts.filter(|note| !note.contains("which an `<animation node>` plays")).collect();
+            assert_eq!(doubts, Vec::<&String>::new(), "{name}");
         }
     }
 }
