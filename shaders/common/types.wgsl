@@ -87,8 +87,8 @@ const SEE_THROUGH_SURFELS: u32 = 2u;
 
 // Some surfels of one surfel buffer, posed at one time sample. The array of segments begins with one entry for each
 // sample, which holds only the sample's weight. Row i of a transform is (m_i0, m_i1, m_i2, origin_i). The normal's rows
-// have no origin: they end with the object's factor on opacities, its reflection coefficient, and the floats of a surfel
-// in `looks` before its mipmap, 0 where surfels have none.
+// have no origin: they end with the object's factor on opacities, its reflection coefficient, and the floats of a
+// surfel in `looks` before its mipmap, 0 where surfels have none.
 struct Segment {
     screen: array<vec4<f32>, 3>,
     rate: array<vec4<f32>, 3>,

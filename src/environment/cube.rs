@@ -10,8 +10,8 @@ use rayon::prelude::*;
 use super::lat_long::LatLong;
 use crate::math::fast;
 
-/// A map on the faces of a cube, in levels. Level 0 is the map itself. Level k has 2^k times fewer pixels along an edge,
-/// and is the map under a kernel whose standard deviation, that of interpolation included, is 1.6 * 2^k / face radians.
+/// A map on the faces of a cube, in levels. Level 0 is the map itself. Level k has 2^k times fewer pixels along an
+/// edge, and is the map under a kernel whose standard deviation, with that of interpolation, is 1.6 * 2^k / face radians.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cube {
     face: usize,

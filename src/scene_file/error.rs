@@ -240,12 +240,12 @@ pub enum EnvironmentError {
     #[error(transparent)]
     Image(#[from] ImageError),
     /// It is a picture of something else.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {why}", path.display())]
     Map {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: NotLatLong,
+        why: NotLatLong,
     },
 }
 

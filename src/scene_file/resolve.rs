@@ -220,7 +220,7 @@ impl Files<'_> {
         let picture = image::read(&path).map_err(|e| refuse(e.into()))?;
         let pixels = picture.rgba.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
         let map = LatLong::new(picture.width as usize, pixels)
-            .map_err(|source| refuse(EnvironmentError::Map { path: path.clone(), source }))?;
+            .map_err(|why| refuse(EnvironmentError::Map { path: path.clone(), why }))?;
         let mut environment = Environment::new(map);
         (environment.path, environment.background) = (path, spec.background);
         (environment.intensity, environment.rotation) = (spec.intensity, spec.rotation);

@@ -37,6 +37,8 @@ const NAMES: [&str; 36] = [
     "Renderer",
     "Shading",
     "SweptKernel",
+    "Environment",
+    "LatLong",
     // What comes out.
     "Layer",
     "Picture",
