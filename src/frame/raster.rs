@@ -21,8 +21,7 @@ pub struct Raster {
     pub low_pass: f32,
     /// Standard deviation of the low-pass filter of full EWA, raster pixels; 0 without it.
     pub sigma: f32,
-    /// Standard deviation of a pixel's square, raster pixels: as much of it as this sample position stands for.
-    /// Textures are filtered by it.
+    /// Standard deviation of the filter of textures, raster pixels.
     pub footprint: f32,
     /// Offset of the sample position from the raster pixel's centre, raster pixels.
     pub offset: [f32; 2],

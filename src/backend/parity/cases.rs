@@ -57,7 +57,8 @@ pub(super) fn ball(n: usize, seed: u64, materials: bool) -> Surfels {
         }
     }
     if materials {
-        let levels = surfels.colour.iter().map(|c| [Vec3::ONE - *c, Vec3::new(c.y, c.z, c.x), Vec3::splat(0.5)]);
+        let of = |c: &Vec3| [Vec3::ONE - *c, Vec3::new(c.y, c.z, c.x), Vec3::splat(0.5), 1.5 * *c];
+        let levels = surfels.colour.iter().map(of);
         surfels.mipmap = levels.collect();
     }
     surfels
