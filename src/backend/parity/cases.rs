@@ -177,6 +177,12 @@ pub(super) fn all() -> Vec<Case> {
         in_part("in part", two_balls([70, 45]), point(BlurMode::supersample(2))),
         in_part("in part, hard", seen_twice, options(bucket(Interleave::None))),
         case("one pixel", two_balls([1, 1]), options(BlurMode::supersample(1))),
+        // Surfels are much smaller than pixels: all levels of their texture.
+        case(
+            "far",
+            two_balls([18, 12]),
+            RenderOptions { prefilter: Prefilter::None, ..options(BlurMode::supersample(1)) },
+        ),
     ]
 }
 

@@ -8,8 +8,8 @@ use crate::backend::gpu::programs::{Pipelines, Program};
 /// Text of a program, what replaces it, and a case that must notice.
 static MUTANTS: [([(&str, &str); 1], &str); 39] = [
     ([("(1.0 - OF_LONGER) / longer", "OF_LONGER / longer")], "supersample"),
-    ([("looks[to - 2u], looks[to - 1u]", "looks[to - 1u], looks[to - 1u]")], "supersample"),
-    ([("of_finer *= 0.25", "of_finer *= 0.26")], "supersample"),
+    ([("looks[to - 2u], looks[to - 1u]", "looks[to - 1u], looks[to - 1u]")], "far"),
+    ([("of_finer *= 0.25", "of_finer *= 0.26")], "far"),
     ([("vec2<f32>(x, y) - view.offset", "vec2<f32>(x, y) + view.offset")], "supersample"),
     ([("uy * v.z - u.z * vy", "uy * v.z + u.z * vy")], "supersample"),
     ([("area * depth * segment.handedness", "area * depth")], "plain"),
