@@ -87,8 +87,7 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, share: 
             let x = beside - towards;
             let y = below - towards;
             let steps = (x.x * x.x + x.y * x.y + x.z * x.z) + (y.x * y.x + y.y * y.y + y.z * y.z);
-            let pixel_deviation = deviation();
-            colour += surroundings(towards, 0.5 * (pixel_deviation * pixel_deviation) * steps) * reflection;
+            colour += surroundings(towards, 0.5 * (view.pixel * view.pixel) * steps) * reflection;
         }
     }
     let at = index * PLANES * TILE_PIXELS + in_tile;

@@ -79,8 +79,3 @@ fn place(v: f32, edge: u32) -> u32 {
 fn texel(at: u32) -> vec3<f32> {
     return vec3<f32>(environment[at], environment[at + 1u], environment[at + 2u]);
 }
-
-// Standard deviation of what a pixel sees, raster pixels. Twin: Raster::deviation.
-fn deviation() -> f32 {
-    return select(view.footprint, view.sigma, view.sigma > 0.0);
-}

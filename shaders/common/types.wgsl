@@ -66,8 +66,7 @@ struct View {
     // First pixel of the map. Number of tiles in a row of the map, and of rows of tiles.
     map_corner: vec2<i32>,
     map_tiles: vec2<u32>,
-    // Standard deviation of the low-pass filter of full EWA; 0 without it. That of a pixel's square, by which textures
-    // are filtered.
+    // Standard deviation of the low-pass filter of full EWA; 0 without it. That of the filter of textures.
     sigma: f32,
     footprint: f32,
     // Of what is transparent. Place of the first slot in the order of depth. Which surfels there are: bits as below.
@@ -79,6 +78,8 @@ struct View {
     // Cosine and sine of the environment's rotation, factor on its radiance, and the reflection coefficient of all
     // objects where they have the same.
     environment: vec4<f32>,
+    // Standard deviation of what the sample position sees of the scene, raster pixels.
+    pixel: f32,
 }
 
 // Bits of `View.surfels`: thresholds hold opaque surfels; there are layers of see-through surfels.

@@ -250,7 +250,9 @@ mod tests {
                 let want = [DVec3::ONE + d * kept[0], DVec3::ONE + (second(d) - 1.0) * kept[1]];
                 for (cube, want) in cubes.iter().zip(want) {
                     let got = cube.radiance(2.5 * d.as_vec3(), variance as f32).as_dvec3();
-                    assert!((got - want).abs().max_element() < 0.012, "{deviation} at {d}: {got}, not {want}");
+                    // A mixture of two kernels is linear in the variance where one kernel is exponential.
+                    let most = 0.01 + 0.2 * variance;
+                    assert!((got - want).abs().max_element() < most, "{deviation} at {d}: {got}, not {want}");
                 }
             }
         }

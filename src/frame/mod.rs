@@ -176,6 +176,9 @@ impl Frame {
                 let raster = |offset| Raster::new(size, focal, exposure.stride, of_raster.phase, offset);
                 let (sigma, spread) = filter_of(options, of_raster.positions_of_picture, exposure.stride);
                 let footprint = footprint(options, of_raster.positions_of_picture, exposure.stride);
+                let square = 1.0 / 12.0 / of_raster.positions_of_picture as f64;
+                let of_square = (square.sqrt() / f64::from(exposure.stride)) as f32;
+                let pixel = if sigma > 0.0 { sigma } else { of_square };
                 let positions = of_raster.positions.iter().map(|position| {
                     let raster = raster(position.offset.map(|v| v * spread));
                     let groups = position.groups.iter().map(|group| {
@@ -187,7 +190,7 @@ impl Frame {
                         PosedGroup { samples }
                     });
                     Position {
-                        raster: Raster { sigma, footprint, ..raster },
+                        raster: Raster { sigma, footprint, pixel, ..raster },
                         groups: groups.collect(),
                         steps: Vec::new(),
                     }
@@ -389,14 +392,18 @@ fn filter_of(options: &RenderOptions, positions: usize, stride: u32) -> (f32, f3
     ((variance.sqrt() / f64::from(stride)) as f32, spread as f32)
 }
 
-/// Standard deviation of what one of `positions` sub-pixel positions has of a pixel's square, pixels of a raster with
-/// this stride; 0 with full EWA, which filters textures together with kernels.
+/// Standard deviation of the filter of textures of one of `positions` sub-pixel positions, pixels of a raster with this
+/// stride. At one position it is that of a pixel's square. The error of more positions falls faster than the part of
+/// the square that each has, and so does this: its variance by `positions`^-1.5. The disc of the approximate filter
+/// leaves a third of it. Full EWA filters textures together with kernels (docs/measurements/meshes.md).
 fn footprint(options: &RenderOptions, positions: usize, stride: u32) -> f32 {
-    const OF_SQUARE: f64 = 1.0 / 12.0;
-    if options.prefilter == Prefilter::Ewa {
-        return 0.0;
-    }
-    ((OF_SQUARE / positions as f64).sqrt() / f64::from(stride)) as f32
+    let variance = match options.prefilter {
+        Prefilter::None => 1.0 / 12.0,
+        Prefilter::Approx => 1.0 / 36.0,
+        Prefilter::Ewa => 0.0,
+    };
+    let positions = positions as f64;
+    ((variance / (positions * positions.sqrt())).sqrt() / f64::from(stride)) as f32
 }
 
 /// Slices of an interval in which nothing moves farther than `guard` raster pixels from its middle. In a slice nothing

@@ -21,9 +21,11 @@ pub struct Raster {
     pub low_pass: f32,
     /// Standard deviation of the low-pass filter of full EWA, raster pixels; 0 without it.
     pub sigma: f32,
-    /// Standard deviation of a pixel's square, raster pixels: as much of it as this sample position stands for.
-    /// Textures are filtered by it.
+    /// Standard deviation of the filter of textures, raster pixels.
     pub footprint: f32,
+    /// Standard deviation of what this sample position sees of the scene, raster pixels: with full EWA that of its
+    /// filter, else its share of the pixel's square. What surfaces mirror is filtered by it.
+    pub pixel: f32,
     /// Offset of the sample position from the raster pixel's centre, raster pixels.
     pub offset: [f32; 2],
 }
@@ -52,11 +54,6 @@ impl Raster {
         }
     }
 
-    /// Standard deviation of what a pixel sees, raster pixels: that of its filter, else of its square.
-    pub fn deviation(&self) -> f32 {
-        if self.sigma > 0.0 { self.sigma } else { self.footprint }
-    }
-
     /// Pixels within which the filter of full EWA reaches from one pixel to another.
     pub fn apron(&self) -> usize {
         (2.0 * self.sigma).ceil() as usize
@@ -74,6 +71,7 @@ impl Raster {
             low_pass: (std::f64::consts::SQRT_2 / s) as f32,
             sigma: 0.0,
             footprint: 0.0,
+            pixel: 0.0,
             offset: offset.map(|o| (f64::from(o) / s) as f32),
         }
     }

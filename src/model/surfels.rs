@@ -73,7 +73,7 @@ impl From<Vec<f32>> for Normalisation {
 }
 
 /// Levels of [`Surfels::mipmap`].
-pub const MIPMAP_LEVELS: usize = 3;
+pub const MIPMAP_LEVELS: usize = 4;
 
 /// Standard deviation of the filter of level 0 of a texture, in cut-off radii. A sampled mesh has radii of sqrt(3)
 /// spacings, so it is half a spacing.
@@ -97,7 +97,7 @@ pub struct Surfels {
     pub normal: Vec<Vec3>,
     /// Colours, linear Rec.709.
     pub colour: Vec<Vec3>,
-    /// Coarser levels of the texture, linear Rec.709, or empty. Level k = 1, 2, 3 is the texture under a Gaussian of
+    /// Coarser levels of the texture, linear Rec.709, or empty. Level k = 1 to 4 is the texture under a Gaussian of
     /// standard deviation 2^k [`MIPMAP_SIGMA`] times the cut-off radius, on the surface; `colour` is level 0 (Pfister
     /// et al. 2000, section 5.2).
     pub mipmap: Vec<[Vec3; MIPMAP_LEVELS]>,

@@ -2,6 +2,7 @@
 //! Shapes are made here, and truths are sums in `f64` that share nothing with the sampler.
 
 use std::f64::consts::PI;
+use std::iter;
 use std::path::Path;
 
 use glam::{DMat2, DMat3, DQuat, DVec2, DVec3, Vec2, Vec3};
@@ -354,8 +355,7 @@ fn textures_are_filtered_as_by_the_sum_over_all_texels() {
             for i in (0..s.len()).step_by(11) {
                 let at = (s.origin + s.position[i].as_dvec3()).truncate();
                 let at = map * at + 0.013;
-                let colours = [s.colour[i], s.mipmap[i][0], s.mipmap[i][1], s.mipmap[i][2]];
-                for (level, colour) in colours.into_iter().enumerate() {
+                for (level, colour) in iter::once(s.colour[i]).chain(s.mipmap[i]).enumerate() {
                     let sigma = 0.5 * spacing * f64::from(1 << level);
                     let truth = brute(&linear, size, wrap, at, map, sigma);
                     let error = (colour.as_dvec3() - truth).abs().max_element();

@@ -96,8 +96,8 @@ impl Mirror<'_> {
         }
         let towards = self.towards(self.at[1], self.normal);
         let (beside, below) = (self.beside(), self.below());
-        let deviation = self.raster.deviation();
-        let half = 0.5 * (deviation * deviation);
+        let pixel = self.raster.pixel;
+        let half = 0.5 * (pixel * pixel);
         for l in 0..LANES {
             let x = [0, 1, 2].map(|c| beside[c][l] - towards[c][l]);
             let y = [0, 1, 2].map(|c| below[c][l] - towards[c][l]);

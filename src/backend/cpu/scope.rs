@@ -66,7 +66,7 @@ impl Scope<'_> {
             stride: self.frame.stride as f32,
             footprint: self.raster.footprint,
             surroundings: self.frame.surroundings.as_ref(),
-            pixel: self.raster.deviation() / self.raster.focal,
+            pixel: self.raster.pixel / self.raster.focal,
         }
     }
 

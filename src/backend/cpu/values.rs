@@ -11,14 +11,15 @@ use super::tiles::LANES;
 use crate::environment::Surroundings;
 use crate::frame::{FrameObject, PosedObject, PosedSample};
 use crate::layout::{Channels, EwaSplat, FLAG_BACK, Splat, SweptSplat};
-use crate::math::fast;
 use crate::math::simd::dispatch;
 use crate::model::{MIPMAP_LEVELS, MIPMAP_SIGMA, Surfels};
 use crate::options::Shading;
 use crate::shading::{ShadingLight, lobes, mirrored, towards_point};
 
-/// Variance of a surfel's kernel, squares of its cut-off radius: what splatting itself filters of a texture.
-const KERNEL_VARIANCE: f32 = 0.171_741;
+/// What the longer axis of a pixel's image on the surface counts in the variance of the filter of its texture; the
+/// shorter axis has the rest. With 1 lines that run to the horizon vanish, with less the rows near it alias
+/// (docs/measurements/meshes.md).
+const OF_LONGER: f32 = 0.7;
 
 /// Where values come from: an object at a time sample.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +32,7 @@ pub(in crate::backend) struct Shown<'a> {
     pub near: f32,
     /// Pixels of the image to one of the raster.
     pub stride: f32,
-    /// Standard deviation of a pixel's square, raster pixels.
+    /// Standard deviation of the filter of textures, raster pixels.
     pub footprint: f32,
     /// What surfels mirror.
     pub surroundings: Option<&'a Surroundings>,
@@ -100,7 +101,7 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mu
     if !surfels.mipmap.is_empty() {
         for l in 0..LANES {
             let i = faces[l].0 as usize;
-            let [red, green, blue] = of_texture(surfels, i, level(surfels, i, shown)).to_array();
+            let [red, green, blue] = of_texture(surfels, i, texture_variance(surfels, i, shown)).to_array();
             (colour[0][l], colour[1][l], colour[2][l]) = (red, green, blue);
         }
     }
@@ -220,19 +221,28 @@ fn mirror(shown: &Shown<'_>, colour: &mut [Lanes; 3], normal: &[Lanes; 3], posit
     }
 }
 
-/// The colour of level `level` of a surfel's texture, linear between two levels.
+/// The colour of a surfel's texture under a Gaussian of `variance`, in those of level 0: from 1 to that of the last
+/// level, which is 4^`MIPMAP_LEVELS`. A texture changes about linearly with the variance of its filter, so the colour
+/// between two levels does.
 #[inline(always)]
-fn of_texture(surfels: &Surfels, i: usize, level: f32) -> Vec3 {
+fn of_texture(surfels: &Surfels, i: usize, variance: f32) -> Vec3 {
     let levels = &surfels.mipmap[i];
-    let finer = (level as usize).min(MIPMAP_LEVELS - 1);
+    let mut finer = 0;
+    let mut of_finer = variance;
+    while finer + 1 < MIPMAP_LEVELS && of_finer >= 4.0 {
+        of_finer *= 0.25;
+        finer += 1;
+    }
     let from = if finer == 0 { surfels.colour[i] } else { levels[finer - 1] };
-    from + (levels[finer] - from) * (level - finer as f32)
+    from + (levels[finer] - from) * ((of_finer - 1.0) * (1.0 / 3.0))
 }
 
-/// The level of a surfel's texture that is as wide as the pixel, in [0, 3] (docs/math.md, section 13). It is 0 where
-/// the surfel's centre has no image, being nearer than `near`.
+/// The variance of the filter of a surfel's texture, in those of level 0 (docs/math.md, section 13). It is 1 where the
+/// surfel's centre has no image, being nearer than `near`.
 #[inline(always)]
-fn level(surfels: &Surfels, i: usize, shown: &Shown<'_>) -> f32 {
+fn texture_variance(surfels: &Surfels, i: usize, shown: &Shown<'_>) -> f32 {
+    /// Variance of the last level.
+    const MOST: f32 = (1 << (2 * MIPMAP_LEVELS)) as f32;
     let posed = shown.posed;
     let c = posed.screen_from_model * surfels.position[i] + posed.screen_origin;
     let (u, v) = (posed.screen_from_model * surfels.axis_u[i], posed.screen_from_model * surfels.axis_v[i]);
@@ -246,11 +256,11 @@ fn level(surfels: &Surfels, i: usize, shown: &Shown<'_>) -> f32 {
     let product = area * area;
     let root = half * half - product;
     let longer = half + (if root > 0.0 { root } else { 0.0 }).sqrt();
-    // Of the pixel on the surface, in cut-off radii.
-    let variance = shown.footprint * shown.footprint * (longer / product);
-    let ratio = (variance - KERNEL_VARIANCE) * (1.0 / (MIPMAP_SIGMA * MIPMAP_SIGMA));
-    let ratio = if ratio > 1.0 && c.z >= shown.near { ratio } else { 1.0 };
-    0.5 * fast::log2(if ratio < 64.0 { ratio } else { 64.0 })
+    // On the surface the pixel is longest along the shorter axis of the image.
+    let of_pixel = OF_LONGER * (longer / product) + (1.0 - OF_LONGER) / longer;
+    let variance = shown.footprint * shown.footprint * of_pixel * (1.0 / (MIPMAP_SIGMA * MIPMAP_SIGMA));
+    let variance = if variance > 1.0 && c.z >= shown.near { variance } else { 1.0 };
+    if variance < MOST { variance } else { MOST }
 }
 
 /// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth. 0 where

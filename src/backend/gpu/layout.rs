@@ -59,6 +59,8 @@ pub(in crate::backend) struct View {
     pub opaque_scale: f32,
     pub ends: u32,
     pub environment: [f32; 4],
+    pub pixel: f32,
+    pub unused: [u32; 3],
 }
 
 /// Bits of [`View::surfels`].
@@ -234,6 +236,7 @@ impl View {
             blocks: blocks(frame),
             sigma: raster.sigma,
             footprint: raster.footprint,
+            pixel: raster.pixel,
             environment: frame.surroundings.as_ref().map_or([0.0; 4], |surroundings| {
                 let [cos, sin] = surroundings.turn;
                 [cos, sin, surroundings.intensity, channels.mirror]

@@ -89,8 +89,8 @@ impl Models {
 fn upload(device: &Device, surfels: &Surfels, normalised: bool) -> Result<Vec<ModelBuffer>, BackendError> {
     let factors = if normalised { surfels.normalisation() } else { &[] };
     let mean: Vec<f32> = normalised.then(|| surfels.mean_normalisation()).into_iter().collect();
-    // At most 40 bytes of geometry, at most 80 of looks.
-    let most = (device.most_bytes() / 80).clamp(1, MOST_SURFELS) as usize;
+    // At most 40 bytes of geometry, at most 92 of looks.
+    let most = (device.most_bytes() / 92).clamp(1, MOST_SURFELS) as usize;
     let mut buffers = Vec::new();
     for start in (0..surfels.len()).step_by(most) {
         let range = start..(start + most).min(surfels.len());

@@ -58,7 +58,8 @@ pub(super) fn ball(n: usize, seed: u64, materials: bool) -> Surfels {
         }
     }
     if materials {
-        let levels = surfels.colour.iter().map(|c| [Vec3::ONE - *c, Vec3::new(c.y, c.z, c.x), Vec3::splat(0.5)]);
+        let of = |c: &Vec3| [Vec3::ONE - *c, Vec3::new(c.y, c.z, c.x), Vec3::splat(0.5), 1.5 * *c];
+        let levels = surfels.colour.iter().map(of);
         surfels.mipmap = levels.collect();
     }
     surfels
@@ -194,6 +195,12 @@ pub(super) fn all() -> Vec<Case> {
         in_part("in part", two_balls([70, 45]), point(BlurMode::supersample(2))),
         in_part("in part, hard", seen_twice, options(bucket(Interleave::None))),
         case("one pixel", two_balls([1, 1]), options(BlurMode::supersample(1))),
+        // Surfels are much smaller than pixels: all levels of their texture.
+        case(
+            "far",
+            two_balls([18, 12]),
+            RenderOptions { prefilter: Prefilter::None, ..options(BlurMode::supersample(1)) },
+        ),
     ]
 }
 

@@ -7,9 +7,9 @@ use crate::backend::gpu::programs::{Pipelines, Program};
 
 /// Text of a program, what replaces it, and a case that must notice.
 static MUTANTS: [([(&str, &str); 1], &str); 49] = [
-    ([("0.5 * log_of_two(min(ratio", "0.45 * log_of_two(min(ratio")], "supersample"),
-    ([("looks[to - 2u], looks[to - 1u]", "looks[to - 1u], looks[to - 1u]")], "supersample"),
-    ([("* (level - f32(finer))", "* level")], "supersample"),
+    ([("(1.0 - OF_LONGER) / longer", "OF_LONGER / longer")], "supersample"),
+    ([("looks[to - 2u], looks[to - 1u]", "looks[to - 1u], looks[to - 1u]")], "far"),
+    ([("of_finer *= 0.25", "of_finer *= 0.26")], "far"),
     ([("vec2<f32>(x, y) - view.offset", "vec2<f32>(x, y) + view.offset")], "supersample"),
     ([("uy * v.z - u.z * vy", "uy * v.z + u.z * vy")], "supersample"),
     ([("area * depth * segment.handedness", "area * depth")], "plain"),
@@ -46,7 +46,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 49] = [
     ),
     // Of what surfaces mirror.
     ([("twice * n - eye", "twice * n + eye")], "supersample"),
-    ([("0.5 * (pixel_deviation * pixel_deviation)", "0.05 * (pixel_deviation * pixel_deviation)")], "supersample"),
+    ([("0.5 * (view.pixel * view.pixel)", "0.05 * (view.pixel * view.pixel)")], "supersample"),
     ([("f32(1u << (2u * doublings))", "f32(1u << doublings)")], "supersample"),
     ([("before += 6u * its_side", "before += 5u * its_side")], "supersample"),
     ([("select(0u, 1u, towards[axis] < 0.0)", "0u")], "supersample"),

@@ -55,6 +55,7 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
         low_pass: 0.0,
         sigma: sigma as f32,
         footprint: 0.0,
+        pixel: 0.0,
         offset: [0.0; 2],
     };
     let pixels = PixelRect::of_image([SIZE; 2]);

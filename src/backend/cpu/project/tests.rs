@@ -74,6 +74,7 @@ fn clusters_that_are_left_out_hold_nothing() {
             low_pass: std::f32::consts::SQRT_2,
             sigma: 0.0,
             footprint: 0.0,
+            pixel: 0.0,
             offset: [0.3, -0.4],
         };
         let whole = View {

@@ -65,6 +65,7 @@ impl Disc {
             low_pass: 0.0,
             sigma: 0.0,
             footprint: 0.0,
+            pixel: 0.0,
             offset: [0.0; 2],
         };
         let view = View {

@@ -102,7 +102,8 @@ fn structs_lie_where_the_host_puts_them() {
             surfels,
             opaque_scale,
             ends,
-            environment
+            environment,
+            pixel
         }
     );
     assert_same_layout!(
