@@ -332,8 +332,9 @@ pub fn cube_sphere(n: u32, reach: impl Fn(DVec3) -> f64) -> Vec<[(DVec3, DVec2);
         let sign = if side < 3 { 1.0 } else { -1.0 };
         let at = |i: u32, j: u32| {
             let uv = DVec2::new(f64::from(i), f64::from(j)) / f64::from(n);
+            let [x, y] = [i, j].map(|k| (f64::from(2 * k) - f64::from(n)) / f64::from(n));
             let mut p = DVec3::ZERO;
-            (p[side % 3], p[(side + 1) % 3], p[(side + 2) % 3]) = (sign, (2.0 * uv.x - 1.0) * sign, 2.0 * uv.y - 1.0);
+            (p[side % 3], p[(side + 1) % 3], p[(side + 2) % 3]) = (sign, x * sign, y);
             // Equal to the last digit on the sides that share it: the squares in the order of their size.
             let mut squares = (p * p).to_array();
             squares.sort_by(f64::total_cmp);

@@ -14,7 +14,7 @@ mod mtl;
 mod obj;
 mod of_cloud;
 mod paint;
-mod polygon;
+pub(super) mod polygon;
 mod pyramid;
 mod raster;
 mod sample;
