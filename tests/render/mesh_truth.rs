@@ -50,6 +50,9 @@ fn scene_of(folder: &Path, file: &str, view: &View) -> Scene {
 fn errors(name: &str, folder: &Path, file: &str, truth: &Triangles, views: [(&str, DVec3, DVec3); 3]) {
     let mut worst = 0.0_f64;
     for (label, eye, at) in views {
+        if std::env::var("ONLY").is_ok_and(|o| !o.contains(label)) {
+            continue;
+        }
         let view = View { eye, at, up: DVec3::Y, fovy: FOVY, size: SIZE };
         // Few pixels show a far model, and each of them many texels.
         let traced = truth.picture(&view, if label == "far" { 16 } else { 8 }, BACKGROUND);
@@ -60,7 +63,15 @@ fn errors(name: &str, folder: &Path, file: &str, truth: &Triangles, views: [(&st
                 continue;
             }
             let quality = BlurMode::supersample(64).into();
-            let options = RenderOptions { quality, filter: PixelFilter::Box, prefilter, ..RenderOptions::default() };
+            let options = RenderOptions {
+                quality,
+                filter: PixelFilter::Box,
+                prefilter,
+                epsilon: std::env::var("EPS")
+                    .ok()
+                    .map(|x| x.parse::<f64>().unwrap() * f64::from(scene.objects[0].model.median_radius())),
+                ..RenderOptions::default()
+            };
             let shown = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap().picture;
             let error = flip::mean(&shown, &traced).unwrap();
             println!("{name}, {label}, prefilter {word}: {} surfels, FLIP {error:.4}", scene.objects[0].model.len());

@@ -69,6 +69,10 @@ fn clipped(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     let before: Vec<usize> = (0..count).map(|i| (i + count - 1) % count).collect();
     let mut ring = Ring { flat, next, before, inward: Vec::new() };
     ring.inward = (0..count).filter(|&i| ring.area(i) <= 0.0).collect();
+    if ring.inward.is_empty() {
+        // It turns left everywhere, and more than once.
+        return None;
+    }
     let mut ears: Vec<bool> = (0..count).map(|i| ring.is_ear(i)).collect();
     let mut triangles = Vec::with_capacity(count - 2);
     let mut at = 0;
@@ -203,6 +207,9 @@ mod tests {
     fn what_has_no_area_or_crosses_itself_is_none() {
         assert_eq!(triangulate(&polygon(&[(0.0, 0.0), (1.0, 1.0), (2.0, 2.0), (3.0, 3.0)])), None);
         assert_eq!(triangulate(&polygon(&[(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)])), None);
+        let angle = |i: u32| 0.8 * std::f64::consts::PI * f64::from(i);
+        let pentagram: Vec<DVec3> = (0..5).map(|i| DVec3::new(angle(i).cos(), angle(i).sin(), 0.0)).collect();
+        assert_eq!(triangulate(&pentagram), None);
         assert_eq!(triangulate(&[DVec3::ZERO; 9]), None);
         assert_eq!(triangulate(&[DVec3::NAN; 5]), None);
         assert_eq!(triangulate(&[]), Some(Vec::new()));
