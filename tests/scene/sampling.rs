@@ -453,6 +453,8 @@ fn closed_meshes_have_no_holes_from_26_sides() {
             }
         }
         println!("{name}: {seen} pixels, {off} off in depth, at most {:.3} spacings", deepest / spacing);
+        // One pixel of 48,427 where one sphere hides the other is 5 spacings off, and no other one is.
+        assert!(off <= usize::from(name == "two spheres that cross"), "{name}: {off} pixels, {deepest}");
         assert!(seen > 26 * 100, "{name}: {seen}");
     }
 }

@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::facets::{Facets, Shape};
+use super::inset::Inset;
 use super::raster::Hit;
 
 /// Part of a disc within which a tested point must lie. The rest is for the points between tested ones.
@@ -55,7 +56,14 @@ impl Disc {
 /// Surfels that are missing after `hits`, whose positions are `position`. Every vertex is then covered, and so are the
 /// edges of every triangle and the middle line of a thin one; a connected part without any hit has a surfel at its
 /// centre.
-pub(super) fn extras(facets: &Facets<'_>, welded: &[u32], hits: &[Hit], position: &[Vec3], spacing: f64) -> Vec<Extra> {
+pub(super) fn extras(
+    facets: &Facets<'_>,
+    welded: &[u32],
+    inset: &Inset,
+    hits: &[Hit],
+    position: &[Vec3],
+    spacing: f64,
+) -> Vec<Extra> {
     let mut hit = vec![false; facets.kept.len()];
     let mut at = 0;
     for run in hits.chunk_by(|a, b| a.triangle == b.triangle) {
@@ -85,6 +93,11 @@ pub(super) fn extras(facets: &Facets<'_>, welded: &[u32], hits: &[Hit], position
     }
     for (hit, disc, faces) in bare {
         if !added.any_covers(&disc, faces) {
+            let shape = facets.shape(hit.triangle);
+            let inside = inset.moved(hit, &shape, spacing);
+            let moved = Disc { at: inside.position(&shape.corner), ..disc };
+            // Away from the tip of a corner it would not cover it.
+            let (hit, disc) = if moved.covers(&disc, spacing, false) { (inside, moved) } else { (hit, disc) };
             added.add(disc);
             extras.push(Extra { hit, position: disc.at, radius: spacing });
         }

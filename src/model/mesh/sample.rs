@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::facets::Facets;
 use super::fill::{self, Extra};
+use super::inset::Inset;
 use super::paint::{LEVELS, Palette};
 use super::raster::{self, Hit};
 use super::{Mesh, spacing};
@@ -89,8 +90,15 @@ fn sampled(facets: &Facets<'_>, spacing: f64, reduce: bool, radius_scale: f64) -
     }
     let welded = facets.welded();
     let mut hits = raster::hits(facets, spacing, reduce);
+    let inset = Inset::new(facets, &welded);
+    hits.par_chunks_mut(CHUNK).for_each(|hits| {
+        for run in hits.chunk_by_mut(|a, b| a.triangle == b.triangle) {
+            let shape = facets.shape(run[0].triangle);
+            run.iter_mut().for_each(|hit| *hit = inset.moved(*hit, &shape, spacing));
+        }
+    });
     let mut position: Vec<Vec3> = positions(facets, &hits);
-    let extras = fill::extras(facets, &welded, &hits, &position, spacing);
+    let extras = fill::extras(facets, &welded, &inset, &hits, &position, spacing);
     let two_sided = mesh.materials.iter().any(|material| material.two_sided) || facets.is_open(&welded);
     drop(welded);
     let rays = hits.len();
