@@ -24,8 +24,8 @@ impl Scene {
     /// The image has 1024 x 768 pixels and a black background. The frames are those of the animations' keys; else 0 to
     /// 24 if an object moves, else 0 alone. The shutter is open from a quarter of a frame before the frame number to a
     /// quarter after it. There is a directional light from the upper right front, and some ambient light. The camera
-    /// looks along -z, at meshes alone from above right, and sees all objects in all frames ([`Camera::automatic`]). Objects without a name are called
-    /// `object1`, `object2`, ...
+    /// looks along -z, or at meshes alone from above right, and sees all objects in all frames ([`Camera::automatic`]).
+    /// Objects without a name are called `object1`, `object2`, ...
     pub fn new(objects: impl IntoIterator<Item = Object>) -> Self {
         let mut objects: Vec<Object> = objects.into_iter().collect();
         for (object, number) in objects.iter_mut().zip(1..) {

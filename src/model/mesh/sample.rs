@@ -47,8 +47,8 @@ pub(crate) enum Unsampled {
     },
 }
 
-/// Samples a mesh. `radius_scale` is a factor on the radii. Without it the shadow of a surfel
-/// along its ray is a circle of one spacing: the rays stand on a square grid, so shadows of .71 spacings would close it.
+/// Samples a mesh. `radius_scale` is a factor on the radii. Without it the shadow of a surfel along its ray is a circle
+/// of one spacing: the rays stand on a square grid, so shadows of .71 spacings would close it.
 ///
 /// The result does not depend on the number of threads.
 pub(crate) fn sample(mesh: &Mesh, options: &MeshOptions, radius_scale: f64) -> Result<Sampled, Unsampled> {
