@@ -25,6 +25,7 @@ use super::capture::compressed_ply;
 use super::capture::{Gaussian, Gaussians, MOST_HARMONICS, harmonics_of, logistic};
 use super::cloud::{Cloud, ColourStorage};
 use super::error::ParseError;
+use super::mesh::polygon::fans;
 use super::ply_body::{Body, within};
 use super::ply_faces::{self, Triangles};
 use super::ply_header::{self, Element, Encoding, Header, Kind, Scalar};
@@ -115,9 +116,12 @@ pub(super) fn parse(bytes: &[u8], faces: bool, progress: &dyn Fn(f32)) -> Result
         && is_vertices(cloud)
         && damage.is_none()
     {
-        match triangles(&mut body, &faces, cloud.position.len()) {
-            Ok(corners) if corners.is_empty() => {}
-            Ok(corners) => return Ok(Content::Mesh(std::mem::take(cloud), corners)),
+        match triangles(&mut body, &faces, &cloud.position) {
+            Ok((corners, _)) if corners.is_empty() => {}
+            Ok((corners, note)) => {
+                cloud.notes.extend(note);
+                return Ok(Content::Mesh(std::mem::take(cloud), corners));
+            }
             Err(fault) => damage = Some(spare_points(fault, &header, Some(&content))?),
         }
     }
@@ -155,8 +159,12 @@ fn is_vertices(cloud: &Cloud) -> bool {
     cloud.radius.is_empty() && cloud.axes.is_empty() && cloud.density.is_empty()
 }
 
-/// The triangles of all faces.
-fn triangles(body: &mut Body<'_>, faces: &[(&Element, usize)], vertices: usize) -> Result<Vec<[u32; 3]>, ParseError> {
+/// The triangles of all faces, and what a user should know of them.
+fn triangles(
+    body: &mut Body<'_>,
+    faces: &[(&Element, usize)],
+    vertices: &[DVec3],
+) -> Result<(Vec<[u32; 3]>, Option<String>), ParseError> {
     let mut triangles = Triangles::new(vertices);
     for &(element, at) in faces {
         body.at = at;
@@ -165,7 +173,8 @@ fn triangles(body: &mut Body<'_>, faces: &[(&Element, usize)], vertices: usize) 
             if strips { triangles.add_strips(indices) } else { triangles.add(indices) }
         })?;
     }
-    Ok(triangles.corners)
+    let note = (triangles.fans > 0).then(|| fans(triangles.fans));
+    Ok((triangles.corners, note))
 }
 
 /// Normals of the vertices, and the number of polygons.

@@ -1,6 +1,9 @@
 //! The faces of a PLY file: polygons and triangle strips, by indices of vertices.
 
+use glam::DVec3;
+
 use super::error::ParseError;
+use super::mesh::polygon::{fan, triangulate};
 use super::ply_body::{Body, within};
 use super::ply_header::{Element, Kind};
 
@@ -39,15 +42,17 @@ pub(super) fn are_strips(element: &Element) -> bool {
     element.name == "tristrips"
 }
 
-/// Collects triangles. Polygons are cut into fans, which is right where they are convex.
-pub(super) struct Triangles {
+/// Collects triangles.
+pub(super) struct Triangles<'a> {
     pub(super) corners: Vec<[u32; 3]>,
-    vertices: usize,
+    /// Polygons that are cut into fans although they are not convex.
+    pub(super) fans: usize,
+    vertices: &'a [DVec3],
 }
 
-impl Triangles {
-    pub(super) fn new(vertices: usize) -> Self {
-        Self { corners: Vec::new(), vertices }
+impl<'a> Triangles<'a> {
+    pub(super) fn new(vertices: &'a [DVec3]) -> Self {
+        Self { corners: Vec::new(), fans: 0, vertices }
     }
 
     /// Adds a polygon. One of fewer than three corners adds nothing.
@@ -55,14 +60,15 @@ impl Triangles {
     /// # Errors
     /// The first index that names no vertex.
     pub(super) fn add(&mut self, polygon: &[i64]) -> Result<(), i64> {
-        for &index in polygon {
-            self.vertex(index)?;
+        if let &[a, b, c] = polygon {
+            return self.push([a, b, c]);
         }
-        if let [first, rest @ ..] = polygon {
-            for pair in rest.windows(2) {
-                self.push([*first, pair[0], pair[1]])?;
-            }
-        }
+        let corners: Vec<u32> = polygon.iter().map(|&index| self.vertex(index)).collect::<Result<_, _>>()?;
+        let positions: Vec<DVec3> = corners.iter().map(|&i| self.vertices[i as usize]).collect();
+        let triangles = triangulate(&positions);
+        self.fans += usize::from(triangles.is_none());
+        let triangles = triangles.unwrap_or_else(|| fan(corners.len()));
+        self.corners.extend(triangles.into_iter().map(|triangle| triangle.map(|k| corners[k])));
         Ok(())
     }
 
@@ -87,6 +93,6 @@ impl Triangles {
     }
 
     fn vertex(&self, index: i64) -> Result<u32, i64> {
-        u32::try_from(index).ok().filter(|&i| (i as usize) < self.vertices).ok_or(index)
+        u32::try_from(index).ok().filter(|&i| (i as usize) < self.vertices.len()).ok_or(index)
     }
 }

@@ -75,8 +75,8 @@ impl From<Vec<f32>> for Normalisation {
 /// Levels of [`Surfels::mipmap`].
 pub const MIPMAP_LEVELS: usize = 4;
 
-/// Standard deviation of the filter of level 0 of a texture, in cut-off radii. A sampled mesh has radii of sqrt(3)
-/// spacings, so it is half a spacing.
+/// Standard deviation of the filter of level 0 of a texture, in cut-off radii: that of a box of one radius,
+/// which is the spacing of a sampled mesh.
 pub const MIPMAP_SIGMA: f32 = 0.288_675;
 
 /// A model that can be rendered: every surfel has axes, a normal and a colour.

@@ -15,6 +15,8 @@ const RATE: f64 = 24.0;
 const LAST: i64 = 24;
 /// Room around the objects, as a factor on the distance from their front.
 const MARGIN: f64 = 1.05;
+/// Where the eye is from the middle of meshes: in front, above and to the right. So three sides of a box show.
+const ABOVE_RIGHT: DVec3 = DVec3::new(0.6, 0.5, 1.0);
 
 impl Scene {
     /// A scene of these objects; what a scene file may leave out is as there.
@@ -22,8 +24,8 @@ impl Scene {
     /// The image has 1024 x 768 pixels and a black background. The frames are those of the animations' keys; else 0 to
     /// 24 if an object moves, else 0 alone. The shutter is open from a quarter of a frame before the frame number to a
     /// quarter after it. There is a directional light from the upper right front, and some ambient light. The camera
-    /// looks along -z and sees all objects in all frames ([`Camera::automatic`]). Objects without a name are called
-    /// `object1`, `object2`, ...
+    /// looks along -z, or at meshes alone from above right, and sees all objects in all frames ([`Camera::automatic`]).
+    /// Objects without a name are called `object1`, `object2`, ...
     pub fn new(objects: impl IntoIterator<Item = Object>) -> Self {
         let mut objects: Vec<Object> = objects.into_iter().collect();
         for (object, number) in objects.iter_mut().zip(1..) {
@@ -48,7 +50,8 @@ impl Scene {
 
 impl Camera {
     /// A camera that looks along -z, with +y up and a field of view of 40 degrees, and sees all objects of `scene` in
-    /// all its frames, on an image of its size. The scene's own camera plays no part.
+    /// all its frames, on an image of its size. The scene's own camera plays no part. Where all objects are meshes, it
+    /// looks from above right.
     pub fn automatic(scene: &Scene) -> Self {
         camera(scene, &GivenCamera::default())
     }
@@ -148,8 +151,17 @@ fn upwards(scene: &Scene) -> DVec3 {
     if all { DVec3::NEG_Y } else { DVec3::Y }
 }
 
+/// From what it looks at to the eye, and to the right and upwards in its image: unit vectors.
+fn direction(scene: &Scene, up: DVec3) -> [DVec3; 3] {
+    let all = !scene.objects.is_empty() && scene.objects.iter().all(|object| object.model.is_mesh());
+    let out = if all { ABOVE_RIGHT.normalize() } else { DVec3::Z };
+    // Where the camera looks along `up` it is refused anyway.
+    let right = up.cross(out).normalize_or(DVec3::X);
+    [out, right, out.cross(right)]
+}
+
 /// Completes a camera. Where its eye or the point that it looks at is missing, it sees all objects at all times,
-/// looking along -z.
+/// looking along -z, or at meshes alone from above right.
 pub(crate) fn camera(scene: &Scene, given: &GivenCamera) -> Camera {
     let GivenCamera { eye, at: target, up, fovy, near } = *given;
     let up = up.unwrap_or_else(|| upwards(scene));
@@ -157,14 +169,20 @@ pub(crate) fn camera(scene: &Scene, given: &GivenCamera) -> Camera {
         return Camera { up, fovy, near: near.unwrap_or(Camera::NEAR), ..Camera::new(eye, at) };
     }
     let bounds = swept_bounds(scene);
-    let half = 0.5 * bounds.size();
     let tan = (0.5 * fovy).tan();
     let aspect = f64::from(scene.image.width) / f64::from(scene.image.height);
-    let distance = half.z + MARGIN * (half.y / tan).max(half.x / (tan * aspect));
+    let [out, right, above] = direction(scene, up);
+    let needed = |corner: DVec3| {
+        let p = corner - bounds.centre();
+        p.dot(out) + MARGIN * (p.dot(above).abs() / tan).max(p.dot(right).abs() / (tan * aspect))
+    };
+    let distance = bounds.corners().map(needed).into_iter().fold(0.0, f64::max);
     let distance = if distance > 0.0 && distance.is_finite() { distance } else { 1.0 };
     let grid = Grid::new(distance);
     let at = target.unwrap_or_else(|| grid.vector(bounds.centre()));
-    let eye = eye.unwrap_or_else(|| at + DVec3::new(0.0, 0.0, grid.above(distance + (at - bounds.centre()).length())));
+    let away = grid.above(distance + (at - bounds.centre()).length());
+    // Along an axis the distance is a short number already.
+    let eye = eye.unwrap_or_else(|| if out == DVec3::Z { at + out * away } else { grid.vector(at + out * away) });
     let eye = grid.exact(eye);
     // A near plane that cuts no small scene away.
     let near = near.unwrap_or_else(|| Camera::NEAR.min(grid.number((eye - at).length() * 1e-3)).max(1e-9));

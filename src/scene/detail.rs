@@ -1,4 +1,4 @@
-//! How fine a mesh has to be sampled for a scene: about one spacing a pixel where the object is nearest.
+//! How fine a mesh has to be sampled for a scene: about two spacings a pixel where the object is nearest.
 
 use glam::{DMat3, DVec3};
 
@@ -9,10 +9,15 @@ use crate::math::norm;
 /// Least and greatest number of surfels of a mesh that a scene asks for.
 pub(crate) const SURFELS: [f64; 2] = [20_000.0, 2_000_000.0];
 
+/// Spacings of a mesh along a pixel. With one of them discs that reach over an outline make it a pixel wider, and
+/// textures are blurred by as much.
+const FINENESS: f64 = 2.0;
+
 /// Most poses that are looked at.
 const POSES: i64 = 16;
 
-/// Size of a pixel on the object where it is nearest to the camera, model units; `None` if it is never visible.
+/// Half the size of a pixel on the object where it is nearest to the camera, model units; `None` if it is never
+/// visible.
 ///
 /// The poses are those of up to 16 frames spread evenly over the scene's frames, the first and the last among them, at
 /// mid-exposure. The nearest place is that of the object's box. A camera within the box looks from `near`.
@@ -32,7 +37,7 @@ pub(crate) fn wanted_spacing(scene: &Scene, object: &Object) -> Option<f64> {
         let camera_from_model = camera_from_world(scene, frame + mid) * pose.world_from_model;
         let eye = camera_from_model.inverse().transform_point3(DVec3::ZERO);
         let nearest = camera_from_model.transform_point3(eye.clamp(bounds.min, bounds.max)).length();
-        let spacing = pixel * nearest.max(scene.camera.near) / norm(&DMat3::from_mat4(camera_from_model));
+        let spacing = pixel / FINENESS * nearest.max(scene.camera.near) / norm(&DMat3::from_mat4(camera_from_model));
         (pose.visible && spacing.is_finite() && spacing > 0.0).then_some(spacing)
     };
     (0..poses).filter_map(at).reduce(f64::min)

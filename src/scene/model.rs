@@ -21,6 +21,7 @@ pub struct Model {
     least_opacity: f32,
     bounds: Bounds,
     core: Bounds,
+    mesh: bool,
 }
 
 impl Model {
@@ -37,6 +38,11 @@ impl Model {
     /// True for the kernels of a volume.
     pub fn is_volume(&self) -> bool {
         self.gaussians.as_ref().is_some_and(|gaussians| gaussians.optics != Optics::Alpha)
+    }
+
+    /// True for surfels that were sampled from a mesh when it was loaded.
+    pub fn is_mesh(&self) -> bool {
+        self.mesh
     }
 
     /// Number of surfels or Gaussians.
@@ -77,7 +83,7 @@ impl From<Arc<Surfels>> for Model {
     fn from(surfels: Arc<Surfels>) -> Self {
         let (median_radius, bounds) = (surfels.median_radius(), surfels.bounds());
         let least_opacity = surfels.least_opacity();
-        Self { surfels, gaussians: None, median_radius, least_opacity, bounds, core: bounds }
+        Self { surfels, gaussians: None, median_radius, least_opacity, bounds, core: bounds, mesh: false }
     }
 }
 
@@ -96,7 +102,7 @@ impl From<Arc<Gaussians>> for Model {
             if radii.is_empty() { 0.0 } else { *radii.select_nth_unstable_by(middle, f32::total_cmp).1 };
         let core = core(&gaussians, bounds);
         let surfels = Arc::default();
-        Self { surfels, gaussians: Some(gaussians), median_radius, least_opacity: 1.0, bounds, core }
+        Self { surfels, gaussians: Some(gaussians), median_radius, least_opacity: 1.0, bounds, core, mesh: false }
     }
 }
 
@@ -105,7 +111,7 @@ impl From<Loaded> for Model {
     fn from(loaded: Loaded) -> Self {
         match loaded.gaussians {
             Some(gaussians) => gaussians.into(),
-            None => loaded.surfels.spatially_ordered().into(),
+            None => Self { mesh: loaded.mesh.is_some(), ..loaded.surfels.spatially_ordered().into() },
         }
     }
 }

@@ -252,7 +252,12 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: None,
         selector: None,
         attributes: &[
-            row("eye", Kind::Vector(COORDINATE), Auto("in front (+z) of `at`, all objects in view"), "eye point"),
+            row(
+                "eye",
+                Kind::Vector(COORDINATE),
+                Auto("in front (+z) of `at`, of meshes alone above right; all objects in view"),
+                "eye point",
+            ),
             row("at", Kind::Vector(COORDINATE), Auto("middle of the box round all motion"), "point looked at"),
             row(
                 "up",

@@ -95,3 +95,33 @@ fn a_text_brings_its_files_along() {
     assert!(scene.contains("<object name=\"A &amp; &quot;B&quot;\">"), "{scene}");
     assert_eq!(run(dir.path(), "info out/t.gltf").0, Some(0));
 }
+
+#[test]
+fn a_mesh_becomes_a_file_of_surfels() {
+    let dir = folder();
+    let (status, said, errors) = run(dir.path(), "sample truck.glb truck.ply --surfels 5000 --json");
+    assert_eq!(status, Some(0), "{errors}");
+    let report: serde_json::Value = serde_json::from_str(&said).unwrap();
+    let surfels = report["surfels"].as_u64().unwrap();
+    // Parts that rays miss have surfels beyond the wanted number.
+    assert!((4000..10_000).contains(&surfels), "{report}");
+    assert_eq!((&report["triangles"], &report["out"]), (&3624.into(), &"truck.ply".into()));
+    assert_eq!((&report["levels"], &report["reduced"]), (&true.into(), &true.into()));
+    let text = fs::read(dir.path().join("truck.ply")).unwrap();
+    let header = String::from_utf8_lossy(&text[..1000]);
+    assert!(header.contains(&format!("element vertex {surfels}\n")), "{header}");
+    // Surfels, and no mesh any more.
+    let (_, said, _) = run(dir.path(), "info truck.ply --json");
+    let info: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!((&info["model"]["surfels"], &info["model"]["triangles"]), (&surfels.into(), &serde_json::Value::Null));
+    for (line, part) in [
+        ("sample truck.glb truck.ply", "truck.ply exists already (--force replaces it)"),
+        ("sample truck.glb truck.xyz", "truck.xyz must end in .bin or .ply"),
+        ("sample truck.ply again.bin", "truck.ply is no mesh"),
+        ("sample truck.glb truck.glb", "truck.glb must end in .bin or .ply"),
+    ] {
+        let (status, said, errors) = run(dir.path(), line);
+        assert_eq!((status, said.as_str(), errors.lines().count()), (Some(2), "", 1), "{line}: {errors}");
+        assert!(errors.contains(part), "{line}: {errors}");
+    }
+}

@@ -14,6 +14,7 @@ mod exposure;
 mod gpu;
 mod image_files;
 mod kernels_in_motion;
+mod mesh_truth;
 mod mipmaps;
 mod modes;
 mod objects;

@@ -17,11 +17,13 @@ use splatblur::time::Weight;
 
 const MODEL: &str = include_str!("../data/scenes/m.ply");
 const ANIM: &str = include_str!("../data/scenes/a.anim");
+const TRIANGLE: &str = include_str!("../data/scenes/t.gltf");
 const EVERYTHING: &str = include_str!("../data/scenes/everything.xml");
 const ENVIRONMENT: &[u8] = include_bytes!("../data/scenes/e.png");
 const FIGURE: &str = include_str!("../data/scenes/figure_4_11.xml");
 
-/// A directory with `scene.xml`, a model `m.ply`, an animation `a.anim` and an environment `e.png`.
+/// A directory with `scene.xml`, a model `m.ply`, an animation `a.anim`, an environment `e.png`, and a triangle that
+/// moves, `t.gltf`.
 struct Dir(tempfile::TempDir);
 
 impl Dir {
@@ -31,6 +33,7 @@ impl Dir {
         dir.add("m.ply", MODEL);
         dir.add("a.anim", ANIM);
         dir.add("e.png", ENVIRONMENT);
+        dir.add("t.gltf", TRIANGLE);
         dir
     }
 
@@ -195,6 +198,13 @@ fn every_value_arrives() {
         s.lights[1],
         Light::Point { position: DVec3::new(1.0, 2.0, 3.0), colour: DVec3::new(1e6, 0.3, 0.0) * 1_048_576.0 }
     );
+    let [_, _, triangle] = s.objects.as_slice() else { panic!("{} objects", s.objects.len()) };
+    assert_eq!(triangle.node.as_deref(), Some("a \"b\" & c"));
+    // A quarter of a unit in half a second, over and over. The scene's own frame rate goes before `fps`.
+    let moved = splatblur::scene::pose::object_pose(&s, triangle, 20.0).world_from_model.w_axis.x;
+    assert!((moved - 0.5 * (20.0 / 29.97 - 0.5)).abs() < 1e-6, "{moved}");
+    let chain = format!("{:?}", triangle.animation);
+    assert!(chain.contains("fps: 12.5") && chain.contains("looped: true"), "{chain}");
     let o = &s.objects[0];
     assert_eq!(o.name, "a <b> & \"c\" é");
     assert_eq!((o.blur, o.two_sided, o.epsilon, o.radius_scale), (false, true, Some(0.0125), 2.25));

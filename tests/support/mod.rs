@@ -8,6 +8,7 @@ pub mod gaussians;
 pub mod gpu;
 pub mod ideal_sphere;
 pub mod pairs;
+pub mod triangles;
 pub mod volumes;
 
 use std::f64::consts::PI;

@@ -1,13 +1,23 @@
 //! Points of a mesh that no ray finds: parts smaller than the spacing, tips of corners, thin strips.
 
+use std::collections::HashMap;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::facets::{Facets, Shape};
+use super::inset::Inset;
 use super::raster::Hit;
 
-/// Part of the radius within which a tested point must have a surfel. The rest is for the points between tested ones.
+/// Part of a disc within which a tested point must lie. The rest is for the points between tested ones.
 const NEAR: f64 = 0.8;
+
+/// Greatest distance of a tested point from the plane of the disc that covers it, spacings.
+const DEPTH: f64 = 0.5;
+
+/// Cosine of the greatest angle between a disc and a large triangle that it covers: no face covers the one beyond an
+/// edge.
+const AGREE: f32 = 0.8;
 
 /// A surfel that no ray made.
 #[derive(Clone, Copy, Debug)]
@@ -16,20 +26,43 @@ pub(super) struct Extra {
     pub(super) hit: Hit,
     /// Relative to the origin of the facets.
     pub(super) position: DVec3,
-    /// Cut-off radius.
+    /// Cut-off radius of its shadow.
     pub(super) radius: f64,
 }
 
-/// Surfels that are missing after `hits`, whose positions are `position`. Every vertex is then within 0.8 `radius`
-/// of a surfel, and so is the middle line of every thin triangle; a connected part without any hit has a surfel at its
+/// A disc, whose shadow along the axis that it faces most is a circle of one spacing.
+#[derive(Clone, Copy)]
+struct Disc {
+    at: DVec3,
+    face: Vec3,
+    axis: usize,
+}
+
+impl Disc {
+    fn new(at: DVec3, shape: &Shape) -> Self {
+        Self { at, face: shape.across.normalize().as_vec3(), axis: shape.axis() }
+    }
+
+    /// True if it covers the place of `other`. `faces`: only if both face nearly the same way.
+    fn covers(&self, other: &Self, spacing: f64, faces: bool) -> bool {
+        let away = other.at - self.at;
+        let shadow = away.length_squared() - away[self.axis] * away[self.axis];
+        shadow <= (NEAR * spacing).powi(2)
+            && away.dot(self.face.as_dvec3()).abs() <= DEPTH * spacing
+            && (!faces || self.face.dot(other.face) >= AGREE)
+    }
+}
+
+/// Surfels that are missing after `hits`, whose positions are `position`. Every vertex is then covered, and so are the
+/// edges of every triangle and the middle line of a thin one; a connected part without any hit has a surfel at its
 /// centre.
 pub(super) fn extras(
     facets: &Facets<'_>,
     welded: &[u32],
+    inset: &Inset,
     hits: &[Hit],
     position: &[Vec3],
     spacing: f64,
-    radius: f64,
 ) -> Vec<Extra> {
     let mut hit = vec![false; facets.kept.len()];
     let mut at = 0;
@@ -40,35 +73,51 @@ pub(super) fn extras(
         }
         hit[at] = true;
     }
-    let mut extras: Vec<Extra> = facets.missed(welded, &hit).iter().map(|part| middle(facets, part, radius)).collect();
-    let cells = Cells::new(position, 2.0 * radius);
-    let bare: Vec<(Hit, DVec3)> = facets
+    let mut extras: Vec<Extra> = facets.missed(welded, &hit).iter().map(|part| middle(facets, part, spacing)).collect();
+    let cells = Cells::new(discs(facets, hits, position), spacing);
+    let bare: Vec<(Hit, Disc, bool)> = facets
         .kept
         .par_iter()
         .flat_map_iter(|&i| {
             let shape = facets.shape(i);
-            candidates(i, &shape, spacing).map(move |hit| (hit, hit.position(&shape.corner)))
+            // What is smaller than the spacing may be crumpled: then any disc will do.
+            let faces = shape.height() > spacing;
+            candidates(i, &shape, spacing).map(move |hit| (hit, Disc::new(hit.position(&shape.corner), &shape), faces))
         })
-        .filter(|&(_, p)| !cells.any_within(p, NEAR * radius))
+        .filter(|(_, disc, faces)| !cells.any_covers(disc, *faces))
         .collect();
     // Few are left, and each covers its neighbours.
-    let mut added = Sparse::new(2.0 * radius);
+    let mut added = Sparse { spacing, discs: HashMap::new() };
     for extra in &extras {
-        if !added.any_within(extra.position, radius) {
-            added.add(extra.position);
-        }
+        added.add(Disc::new(extra.position, &facets.shape(extra.hit.triangle)));
     }
-    for (hit, position) in bare {
-        if !added.any_within(position, NEAR * radius) {
-            added.add(position);
-            extras.push(Extra { hit, position, radius });
+    for (hit, disc, faces) in bare {
+        if !added.any_covers(&disc, faces) {
+            let shape = facets.shape(hit.triangle);
+            let inside = inset.moved(hit, &shape, spacing);
+            let moved = Disc { at: inside.position(&shape.corner), ..disc };
+            // Away from the tip of a corner it would not cover it.
+            let (hit, disc) = if moved.covers(&disc, spacing, false) { (inside, moved) } else { (hit, disc) };
+            added.add(disc);
+            extras.push(Extra { hit, position: disc.at, radius: spacing });
         }
     }
     extras
 }
 
+/// The discs of hits at their positions.
+fn discs(facets: &Facets<'_>, hits: &[Hit], position: &[Vec3]) -> Vec<Disc> {
+    let runs: Vec<&[Hit]> = hits.chunk_by(|a, b| a.triangle == b.triangle).collect();
+    let of_run = |run: &&[Hit]| {
+        let disc = Disc::new(DVec3::ZERO, &facets.shape(run[0].triangle));
+        std::iter::repeat_n(disc, run.len())
+    };
+    let discs = runs.par_iter().flat_map_iter(of_run).collect::<Vec<_>>();
+    discs.into_iter().zip(position).map(|(disc, at)| Disc { at: at.as_dvec3(), ..disc }).collect()
+}
+
 /// The surfel of a part of a mesh: at its centre of area, as large as the part, like its largest triangle.
-fn middle(facets: &Facets<'_>, part: &[u32], radius: f64) -> Extra {
+fn middle(facets: &Facets<'_>, part: &[u32], spacing: f64) -> Extra {
     let shapes = || part.iter().map(|&i| (i, facets.shape(i)));
     let (mut sum, mut area) = (DVec3::ZERO, 0.0);
     let mut largest = (0.0, 0);
@@ -82,12 +131,22 @@ fn middle(facets: &Facets<'_>, part: &[u32], radius: f64) -> Extra {
     let position = sum / area;
     let reach = shapes().flat_map(|(_, shape)| shape.corner).map(|p| p.distance(position)).fold(0.0, f64::max);
     let third = 1.0 / 3.0;
-    Extra { hit: Hit::of(largest.1, [third, third]), position, radius: reach.min(radius) }
+    Extra { hit: Hit::of(largest.1, [third, third]), position, radius: reach.min(spacing) }
 }
 
-/// Points of a triangle that rays may miss: its corners, and steps along the middle of a thin one.
+/// Points of a triangle that rays may miss: its corners, steps along its edges, and steps along the middle of a thin
+/// one.
 fn candidates(triangle: u32, shape: &Shape, spacing: f64) -> impl Iterator<Item = Hit> + use<> {
     let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+    let lengths = [0, 1, 2].map(|k| shape.corner[k].distance(shape.corner[(k + 1) % 3]));
+    let on_edges = (0..3).flat_map(move |k| {
+        let (from, to) = (corners[k], corners[(k + 1) % 3]);
+        let steps = (2.0 * lengths[k] / spacing).ceil() as u64;
+        (1..steps).map(move |step| {
+            let t = step as f64 / steps as f64;
+            [0, 1].map(|i| from[i] + t * (to[i] - from[i]))
+        })
+    });
     let thin = shape.height() < 2.0 * spacing && shape.longest > spacing;
     let steps = if thin { (2.0 * shape.longest / spacing).ceil() as u64 } else { 0 };
     // From the tip opposite the shortest edge to the middle of that edge.
@@ -99,14 +158,17 @@ fn candidates(triangle: u32, shape: &Shape, spacing: f64) -> impl Iterator<Item 
         let t = (step as f64 + 0.5) / steps as f64;
         [0, 1].map(|k| from[k] + t * (0.5 * (left[k] + right[k]) - from[k]))
     });
-    corners.into_iter().chain(along).map(move |weight| Hit::of(triangle, weight))
+    corners.into_iter().chain(on_edges).chain(along).map(move |weight| Hit::of(triangle, weight))
 }
 
-/// Points sorted by cells of a grid, one for each of 4 x 4 x 4 parts of a cell: a pile of points costs no more than a
+/// Width of a cell, spacings. Half of it is more than a disc reaches, sqrt(3) spacings.
+const CELL: f64 = 3.5;
+
+/// Discs sorted by cells of a grid, one for each of 16 x 16 x 16 parts of a cell: a pile of discs costs no more than a
 /// sheet of them.
 struct Cells {
-    width: f64,
-    sorted: Vec<([i32; 3], Vec3)>,
+    spacing: f64,
+    sorted: Vec<([i32; 3], Disc)>,
 }
 
 fn cell(p: DVec3, width: f64) -> [i32; 3] {
@@ -121,47 +183,41 @@ fn near(p: DVec3, width: f64) -> impl Iterator<Item = [i32; 3]> {
 }
 
 impl Cells {
-    fn new(position: &[Vec3], width: f64) -> Self {
-        let part = |p: &Vec3| cell(p.as_dvec3(), 0.25 * width);
-        let mut order: Vec<([i32; 3], u32)> = position.par_iter().map(part).zip(0..position.len() as u32).collect();
+    fn new(discs: Vec<Disc>, spacing: f64) -> Self {
+        let part = |disc: &Disc| cell(disc.at, CELL * spacing / 16.0);
+        let mut order: Vec<([i32; 3], u32)> = discs.par_iter().map(part).zip(0..discs.len() as u32).collect();
         order.par_sort_unstable();
         order.dedup_by_key(|(part, _)| *part);
         // A right shift rounds down, as the parts do.
-        let mut sorted: Vec<_> =
-            order.into_iter().map(|(part, i)| (part.map(|x| x >> 2), position[i as usize])).collect();
+        let mut sorted: Vec<_> = order.into_iter().map(|(part, i)| (part.map(|x| x >> 4), discs[i as usize])).collect();
         sorted.par_sort_by_key(|(cell, _)| *cell);
-        Self { width, sorted }
+        Self { spacing, sorted }
     }
 
-    /// True if a point is at most `radius` away, which is at most half the width of a cell.
-    fn any_within(&self, p: DVec3, radius: f64) -> bool {
-        near(p, self.width).any(|cell| {
+    fn any_covers(&self, disc: &Disc, faces: bool) -> bool {
+        near(disc.at, CELL * self.spacing).any(|cell| {
             let start = self.sorted.partition_point(|(other, _)| *other < cell);
             let run = self.sorted[start..].iter().take_while(|(other, _)| *other == cell);
-            run.into_iter().any(|(_, q)| q.as_dvec3().distance_squared(p) <= radius * radius)
+            run.into_iter().any(|(_, other)| other.covers(disc, self.spacing, faces))
         })
     }
 }
 
-/// Points that are added one by one.
+/// Discs that are added one by one.
 struct Sparse {
-    width: f64,
-    points: std::collections::HashMap<[i32; 3], Vec<DVec3>>,
+    spacing: f64,
+    discs: HashMap<[i32; 3], Vec<Disc>>,
 }
 
 impl Sparse {
-    fn new(width: f64) -> Self {
-        Self { width, points: std::collections::HashMap::new() }
+    fn add(&mut self, disc: Disc) {
+        self.discs.entry(cell(disc.at, CELL * self.spacing)).or_default().push(disc);
     }
 
-    fn add(&mut self, p: DVec3) {
-        self.points.entry(cell(p, self.width)).or_default().push(p);
-    }
-
-    fn any_within(&self, p: DVec3, radius: f64) -> bool {
-        near(p, self.width)
-            .filter_map(|cell| self.points.get(&cell))
+    fn any_covers(&self, disc: &Disc, faces: bool) -> bool {
+        near(disc.at, CELL * self.spacing)
+            .filter_map(|cell| self.discs.get(&cell))
             .flatten()
-            .any(|q| q.distance_squared(p) <= radius * radius)
+            .any(|other| other.covers(disc, self.spacing, faces))
     }
 }

@@ -10,7 +10,7 @@ use std::path::Path;
 use glam::{DVec3, Vec2, Vec3};
 
 use super::mtl::Library;
-use super::polygon::triangulate;
+use super::polygon::{fan, fans, triangulate};
 use super::{Mesh, MeshMaterial, Triangle};
 use crate::math::srgb;
 use crate::model::error::{ParseError, quote};
@@ -139,8 +139,7 @@ impl Reader<'_> {
         let positions: Vec<DVec3> = corners.iter().map(|corner| self.position[corner.0]).collect();
         let triangles = triangulate(&positions);
         self.concave += usize::from(triangles.is_none());
-        let fan = || (1..corners.len() - 1).map(|i| [0, i, i + 1]).collect();
-        for triangle in triangles.unwrap_or_else(fan) {
+        for triangle in triangles.unwrap_or_else(|| fan(corners.len())) {
             let mut indices = [0; 3];
             for (index, at) in indices.iter_mut().zip(triangle) {
                 *index = self.vertex(corners[at], line)?;
@@ -201,8 +200,7 @@ impl Reader<'_> {
             mesh.notes.push(format!("ignored: lines, points and curves ({ignored})"));
         }
         if concave > 0 {
-            mesh.notes
-                .push(format!("faces that cross themselves or have too many corners are drawn as fans ({concave})"));
+            mesh.notes.push(fans(concave));
         }
         mesh
     }

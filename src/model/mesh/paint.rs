@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3, Vec3, Vec4};
 
-use super::facets::Facets;
+use super::facets::{Facets, Shape};
 use super::pyramid::{Footprint, Pyramid};
 use super::raster::Hit;
 use super::{AlphaMode, Mesh};
@@ -22,7 +22,7 @@ pub(super) struct Palette<'a> {
     pyramids: Vec<Pyramid<'a>>,
     /// Which one each material uses.
     of_material: Vec<Option<usize>>,
-    /// Cut-off radius of the surfels, model units.
+    /// Cut-off radius of the surfels' shadows along the rays, model units.
     radius: f64,
 }
 
@@ -30,8 +30,8 @@ pub(super) struct Palette<'a> {
 pub(super) struct Brush<'a> {
     /// By the winding.
     face: Vec3,
-    /// Two orthogonal tangents of unit length; their cross product is `face`.
-    tangents: [Vec3; 2],
+    /// Semi-axes of the surfels, in radii of their shadows; their cross product points as `face` does.
+    axes: [Vec3; 2],
     normal: [Vec3; 3],
     colour: [Vec4; 3],
     alpha: AlphaMode,
@@ -49,7 +49,7 @@ struct Stencil<'a> {
 /// A painted point.
 pub(super) struct Dab {
     pub(super) normal: Vec3,
-    pub(super) tangents: [Vec3; 2],
+    pub(super) axes: [Vec3; 2],
     pub(super) colour: [Vec3; LEVELS],
     /// `None`: cut out.
     pub(super) opacity: Option<f32>,
@@ -88,32 +88,31 @@ impl<'a> Palette<'a> {
         let of_file = mesh.triangles[triangle as usize];
         let corners = of_file.corners.map(|v| v as usize);
         let material = &mesh.materials[of_file.material as usize];
-        let (u, v) = face.any_orthonormal_pair();
         let sane = |c: Vec4| if c.is_finite() { c.clamp(Vec4::ZERO, Vec4::splat(BRIGHTEST)) } else { Vec4::ONE };
         Brush {
             face: face.as_vec3(),
-            tangents: [u.as_vec3(), v.as_vec3()],
+            axes: shadow_axes(face, shape.axis()).map(|axis| axis.as_vec3()),
             normal: corners.map(|v| {
                 let normal = mesh.normal.get(v).copied().unwrap_or_default().try_normalize();
                 normal.unwrap_or(face.as_vec3())
             }),
             colour: corners.map(|v| sane(material.colour) * sane(mesh.colour.get(v).copied().unwrap_or(Vec4::ONE))),
             alpha: material.alpha,
-            texture: self.of_material[of_file.material as usize]
-                .map(|index| self.stencil(index, corners, &shape.corner)),
+            texture: self.of_material[of_file.material as usize].map(|index| self.stencil(index, corners, &shape)),
         }
     }
 
-    /// The affine map from the triangle to its texture makes an ellipse of a circle on the surface. With the edges
-    /// E = (e1, e2) and their texture coordinates F = (f1, f2), a Gaussian of variance s^2 gets the covariance
-    /// s^2 F (E^T E)^-1 F^T.
-    fn stencil(&self, index: usize, corners: [usize; 3], corner: &[DVec3; 3]) -> Stencil<'_> {
+    /// The affine map from the triangle's shadow to its texture makes an ellipse of a circle. With the edges
+    /// E = (e1, e2) of the shadow and their texture coordinates F = (f1, f2), a Gaussian of variance s^2 gets the
+    /// covariance s^2 F (E^T E)^-1 F^T.
+    fn stencil(&self, index: usize, corners: [usize; 3], shape: &Shape) -> Stencil<'_> {
         let pyramid = &self.pyramids[index];
         let size = pyramid.texels();
         let uv = corners.map(|v| {
             let uv = self.facets.mesh.uv.get(v).copied().unwrap_or_default().as_dvec2() * size;
             if uv.is_finite() { uv } else { DVec2::ZERO }
         });
+        let corner = shape.corner.map(|p| p - DVec3::AXES[shape.axis()] * p[shape.axis()]);
         let (e, g) = (corner[1] - corner[0], corner[2] - corner[0]);
         let (f, h) = (uv[1] - uv[0], uv[2] - uv[0]);
         let determinant = e.cross(g).length_squared();
@@ -156,8 +155,17 @@ impl Brush<'_> {
             AlphaMode::Mask(least) => (alpha >= least).then_some(1.0),
             AlphaMode::Blend => Some(alpha.clamp(0.0, 1.0)),
         };
-        let [u, v] = self.tangents;
-        let tangents = if u.cross(v).dot(normal) < 0.0 { [v, u] } else { [u, v] };
-        Dab { normal, tangents, colour, opacity }
+        let [u, v] = self.axes;
+        let axes = if u.cross(v).dot(normal) < 0.0 { [v, u] } else { [u, v] };
+        Dab { normal, axes, colour, opacity }
     }
+}
+
+/// The semi-axes of the ellipse in the plane with the unit normal `face` whose shadow along `axis` is a unit circle:
+/// 1 across the slope, and 1 / cos of the slope down it.
+fn shadow_axes(face: DVec3, axis: usize) -> [DVec3; 2] {
+    let (level, slope) = (face.cross(DVec3::AXES[axis]), face[axis].abs());
+    let u = level.try_normalize().filter(|_| slope < 1.0).unwrap_or(DVec3::AXES[(axis + 1) % 3]);
+    let v = face.cross(u).normalize_or(DVec3::AXES[(axis + 2) % 3]);
+    [u, v / slope]
 }

@@ -2,60 +2,98 @@
 
 use glam::{DVec2, DVec3};
 
-/// Most corners of a polygon whose ears are clipped: the time grows with their cube at worst.
-const MOST_CORNERS: usize = 512;
+/// Most corners of a concave polygon whose ears are clipped: the time grows with their square.
+const MOST_CORNERS: usize = 256;
 
 /// The triangles of a polygon, as indices of its corners, in its winding; `None` where it crosses itself, has no area,
-/// or too many corners that turn inwards.
+/// or is concave with too many corners.
 ///
-/// Convex polygons become fans, others lose their ears one by one (Meisters 1975).
-pub(super) fn triangulate(corners: &[DVec3]) -> Option<Vec<[usize; 3]>> {
+/// Convex polygons become fans. Others lose their ears one by one (Meisters 1975).
+pub(in crate::model) fn triangulate(corners: &[DVec3]) -> Option<Vec<[usize; 3]>> {
     let count = corners.len();
-    let fan = || (1..count - 1).map(|i| [0, i, i + 1]).collect();
-    if count <= 3 {
-        return Some(fan());
+    if count < 3 {
+        return Some(Vec::new());
+    }
+    if count == 3 {
+        return Some(fan(count));
     }
     let flat = flattened(corners)?;
     let next = |i: usize| (i + 1) % count;
     let before = |i: usize| (i + count - 1) % count;
     if (0..count).all(|i| area(flat[before(i)], flat[i], flat[next(i)]) >= 0.0) && turns_once(&flat) {
-        return Some(fan());
+        return Some(fan(count));
     }
-    if count > MOST_CORNERS {
+    if count > MOST_CORNERS { None } else { clipped(&flat) }
+}
+
+/// The triangles from the first corner to all edges.
+pub(in crate::model) fn fan(count: usize) -> Vec<[usize; 3]> {
+    (1..count.saturating_sub(1)).map(|i| [0, i, i + 1]).collect()
+}
+
+/// The note on `count` polygons that [`triangulate`] does not cut.
+pub(in crate::model) fn fans(count: usize) -> String {
+    format!("faces that cross themselves or have too many corners are drawn as fans ({count})")
+}
+
+/// The corners that are left, as a ring.
+struct Ring<'a> {
+    flat: &'a [DVec2],
+    next: Vec<usize>,
+    before: Vec<usize>,
+    /// Corners that may lie in an ear: those that did not turn left at first. Cutting makes no others.
+    inward: Vec<usize>,
+}
+
+impl Ring<'_> {
+    /// Twice the area that a corner cuts off.
+    fn area(&self, i: usize) -> f64 {
+        area(self.flat[self.before[i]], self.flat[i], self.flat[self.next[i]])
+    }
+
+    fn is_ear(&self, i: usize) -> bool {
+        let [p, q, r] = [self.before[i], i, self.next[i]].map(|k| self.flat[k]);
+        let within = |&k: &usize| {
+            let x = self.flat[k];
+            let other = x != p && x != q && x != r;
+            other && area(p, q, x) >= 0.0 && area(q, r, x) >= 0.0 && area(r, p, x) >= 0.0
+        };
+        self.area(i) > 0.0 && !self.inward.iter().any(within)
+    }
+}
+
+/// Ears of a counter-clockwise polygon: after each cut its two neighbours alone can have become ears.
+fn clipped(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
+    let count = flat.len();
+    let next: Vec<usize> = (0..count).map(|i| (i + 1) % count).collect();
+    let before: Vec<usize> = (0..count).map(|i| (i + count - 1) % count).collect();
+    let mut ring = Ring { flat, next, before, inward: Vec::new() };
+    ring.inward = (0..count).filter(|&i| ring.area(i) <= 0.0).collect();
+    if ring.inward.is_empty() {
+        // It turns left everywhere, and more than once.
         return None;
     }
-    let mut left: Vec<usize> = (0..count).collect();
+    let mut ears: Vec<bool> = (0..count).map(|i| ring.is_ear(i)).collect();
     let mut triangles = Vec::with_capacity(count - 2);
-    while left.len() > 3 {
-        let n = left.len();
-        let is_ear = |at: usize| {
-            let [a, b, c] = [left[(at + n - 1) % n], left[at], left[(at + 1) % n]];
-            let [p, q, r] = [flat[a], flat[b], flat[c]];
-            let inside = |&&i: &&usize| {
-                let x = flat[i];
-                i != a
-                    && i != b
-                    && i != c
-                    && x != p
-                    && x != q
-                    && x != r
-                    && area(p, q, x) >= 0.0
-                    && area(q, r, x) >= 0.0
-                    && area(r, p, x) >= 0.0
-            };
-            area(p, q, r) > 0.0 && left.iter().find(inside).is_none()
-        };
-        // A corner on a straight line has no area: it goes when no ear is left.
-        let flat_corner = |at: usize| {
-            let [a, b, c] = [left[(at + n - 1) % n], left[at], left[(at + 1) % n]];
-            area(flat[a], flat[b], flat[c]) == 0.0
-        };
-        let at = (0..n).find(|&at| is_ear(at)).or_else(|| (0..n).find(|&at| flat_corner(at)))?;
-        triangles.push([left[(at + n - 1) % n], left[at], left[(at + 1) % n]]);
-        left.remove(at);
+    let mut at = 0;
+    for left in (4..=count).rev() {
+        // Once round. A corner on a straight line has no area: it goes when no ear is left.
+        let mut round = std::iter::successors(Some(at), |&i| Some(ring.next[i])).take(left);
+        let ear = round.find(|&i| ears[i]).or_else(|| {
+            std::iter::successors(Some(at), |&i| Some(ring.next[i])).take(left).find(|&i| ring.area(i) == 0.0)
+        })?;
+        let (a, c) = (ring.before[ear], ring.next[ear]);
+        triangles.push([a, ear, c]);
+        (ring.next[a], ring.before[c]) = (c, a);
+        ring.inward.retain(|&k| k != ear);
+        ears[a] = ring.is_ear(a);
+        ears[c] = ring.is_ear(c);
+        at = c;
     }
-    triangles.push([left[0], left[1], left[2]]);
-    Some(triangles)
+    triangles.push([ring.before[at], at, ring.next[at]]);
+    // What crosses itself covers more than its area, or turns over.
+    let of_triangle = |t: &[usize; 3]| area(flat[t[0]], flat[t[1]], flat[t[2]]);
+    triangles.iter().all(|t| of_triangle(t) >= 0.0).then_some(triangles)
 }
 
 /// Twice the signed area of a triangle.
@@ -112,6 +150,15 @@ mod tests {
         points.iter().map(|&(x, y)| DVec3::new(x, y, 3.0)).collect()
     }
 
+    /// A star of `points` points whose inner corners are at `inner`.
+    fn star(points: u32, inner: f64) -> Vec<DVec3> {
+        let corner = |i: u32| {
+            let angle = std::f64::consts::PI * f64::from(i) / f64::from(points);
+            DVec3::new(angle.cos(), angle.sin(), 0.0) * if i % 2 == 0 { 1.0 } else { inner }
+        };
+        (0..2 * points).map(corner).collect()
+    }
+
     #[test]
     fn concave_polygons_keep_their_area_and_side() {
         // An L, whose area a fan from its first corner would miss.
@@ -128,10 +175,59 @@ mod tests {
     }
 
     #[test]
+    fn stars_and_combs_keep_their_area() {
+        for (points, inner) in [(5, 0.4), (7, 0.1), (64, 0.5), (128, 0.9)] {
+            let corners = star(points, inner);
+            let triangles = triangulate(&corners).unwrap();
+            assert_eq!(triangles.len(), corners.len() - 2);
+            // Two triangles a point, each between the middle, a tip and an inner corner.
+            let area = f64::from(points) * inner * (std::f64::consts::PI / f64::from(points)).sin();
+            assert!((total(&corners, &triangles) - area).abs() < 1e-12, "{points}");
+        }
+        // Teeth of width 1 and height 4 on a bar of height 1, with corners on straight lines.
+        let mut comb = vec![(20.0, 0.0), (20.0, 1.0)];
+        for i in (0..10).rev() {
+            let x = 2.0 * f64::from(i);
+            comb.extend([(x + 1.0, 1.0), (x + 1.0, 5.0), (x, 5.0), (x, 1.0)]);
+        }
+        comb.extend([(0.0, 0.0), (7.0, 0.0)]);
+        let corners = polygon(&comb);
+        assert_eq!(total(&corners, &triangulate(&corners).unwrap()), 60.0);
+    }
+
+    #[test]
+    fn a_polygon_may_touch_itself() {
+        // Two squares that share a corner.
+        let bow =
+            polygon(&[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0), (1.0, 1.0), (0.0, 1.0)]);
+        assert_eq!(total(&bow, &triangulate(&bow).unwrap()), 2.0);
+    }
+
+    #[test]
     fn what_has_no_area_or_crosses_itself_is_none() {
         assert_eq!(triangulate(&polygon(&[(0.0, 0.0), (1.0, 1.0), (2.0, 2.0), (3.0, 3.0)])), None);
         assert_eq!(triangulate(&polygon(&[(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)])), None);
-        let many: Vec<DVec3> = (0..2000).map(|i| DVec3::new(f64::from(i), f64::from(i % 2), 0.0)).collect();
+        let angle = |i: u32| 0.8 * std::f64::consts::PI * f64::from(i);
+        let pentagram: Vec<DVec3> = (0..5).map(|i| DVec3::new(angle(i).cos(), angle(i).sin(), 0.0)).collect();
+        assert_eq!(triangulate(&pentagram), None);
+        assert_eq!(triangulate(&[DVec3::ZERO; 9]), None);
+        assert_eq!(triangulate(&[DVec3::NAN; 5]), None);
+        assert_eq!(triangulate(&[]), Some(Vec::new()));
+    }
+
+    /// A comb of 2^20 corners would take a day.
+    #[test]
+    fn many_corners_take_no_time() {
+        let start = std::time::Instant::now();
+        let many: Vec<DVec3> = (0..1 << 20).map(|i| DVec3::new(f64::from(i), f64::from(i % 2), 0.0)).collect();
         assert_eq!(triangulate(&many), None);
+        // Convex ones are fans however many corners they have.
+        let round = star(1 << 19, 1.0);
+        assert_eq!(triangulate(&round).map(|triangles| triangles.len()), Some((1 << 20) - 2));
+        let spiky = star(MOST_CORNERS as u32 / 2, 0.01);
+        for _ in 0..100 {
+            assert!(triangulate(&spiky).is_some());
+        }
+        assert!(start.elapsed().as_secs() < 10, "{:?}", start.elapsed());
     }
 }

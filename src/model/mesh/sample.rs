@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::facets::Facets;
 use super::fill::{self, Extra};
+use super::inset::Inset;
 use super::paint::{LEVELS, Palette};
 use super::raster::{self, Hit};
 use super::{Mesh, spacing};
@@ -46,7 +47,8 @@ pub(crate) enum Unsampled {
     },
 }
 
-/// Samples a mesh. `radius_scale` is a factor on the radii, which are sqrt(3) spacings without it.
+/// Samples a mesh. `radius_scale` is a factor on the radii. Without it the shadow of a surfel along its ray is a circle
+/// of one spacing: the rays stand on a square grid, so shadows of .71 spacings would close it.
 ///
 /// The result does not depend on the number of threads.
 pub(crate) fn sample(mesh: &Mesh, options: &MeshOptions, radius_scale: f64) -> Result<Sampled, Unsampled> {
@@ -87,20 +89,26 @@ fn sampled(facets: &Facets<'_>, spacing: f64, reduce: bool, radius_scale: f64) -
         notes.push(format!("{dropped} of {} triangles dropped: without an area", mesh.triangles.len()));
     }
     let welded = facets.welded();
-    let radius = 3_f64.sqrt() * spacing;
     let mut hits = raster::hits(facets, spacing, reduce);
+    let inset = Inset::new(facets, &welded);
+    hits.par_chunks_mut(CHUNK).for_each(|hits| {
+        for run in hits.chunk_by_mut(|a, b| a.triangle == b.triangle) {
+            let shape = facets.shape(run[0].triangle);
+            run.iter_mut().for_each(|hit| *hit = inset.moved(*hit, &shape, spacing));
+        }
+    });
     let mut position: Vec<Vec3> = positions(facets, &hits);
-    let extras = fill::extras(facets, &welded, &hits, &position, spacing, radius);
+    let extras = fill::extras(facets, &welded, &inset, &hits, &position, spacing);
     let two_sided = mesh.materials.iter().any(|material| material.two_sided) || facets.is_open(&welded);
     drop(welded);
     let rays = hits.len();
     hits.extend(extras.iter().map(|extra| extra.hit));
     position.extend(extras.iter().map(|extra| extra.position.as_vec3()));
-    let palette = Palette::new(facets, radius * radius_scale);
-    let surfels = painted(&palette, &hits, position, radius * radius_scale);
+    let palette = Palette::new(facets, spacing * radius_scale);
+    let surfels = painted(&palette, &hits, position, spacing * radius_scale);
     let mut surfels = Surfels { origin: facets.origin, two_sided, ..surfels };
     for (i, Extra { radius: own, .. }) in (rays..).zip(&extras) {
-        let ratio = (own / radius).max(SMALLEST / radius).min(1.0) as f32;
+        let ratio = (own / spacing).max(SMALLEST / spacing).min(1.0) as f32;
         surfels.axis_u[i] *= ratio;
         surfels.axis_v[i] *= ratio;
     }
@@ -157,7 +165,7 @@ fn painted(palette: &Palette<'_>, hits: &[Hit], position: Vec<Vec3>, radius: f64
                 let brush = palette.brush(run[0].triangle);
                 for hit in run {
                     let dab = brush.dab(hit);
-                    [axis_u[at], axis_v[at]] = dab.tangents.map(|t| t * radius.max(SMALLEST) as f32);
+                    [axis_u[at], axis_v[at]] = dab.axes.map(|axis| axis * radius.max(SMALLEST) as f32);
                     normal[at] = dab.normal;
                     colour[at] = dab.colour[0];
                     opacity[at] = dab.opacity.unwrap_or(-1.0);

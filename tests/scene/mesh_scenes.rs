@@ -1,0 +1,229 @@
+//! Meshes in scenes: opacities and normals of files, how finely they are sampled, what is kept in files, and the camera
+//! that they get.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests may stop and report")]
+
+use std::fs;
+use std::io::Cursor;
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+use serde_json::{Value, json};
+use splatblur::model::{self, LoadOptions, MeshOptions, Spacing, Surfels};
+use splatblur::options::{BlurMode, RenderOptions};
+use splatblur::scene::Light;
+use splatblur::{Scene, scene_file};
+
+use crate::meshes::{data, floats, glb};
+use crate::support;
+
+/// A square from (0, 0, 0) to (1, 1, 0) with normals that are not its own. Its texture is opaque on the left and
+/// `opacity` on the right.
+fn square(material: &Value, opacity: u8) -> Vec<u8> {
+    let mut bytes = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0]);
+    bytes.extend(floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0]));
+    bytes.extend(floats(&[0.6, 0.0, 0.8].repeat(4)));
+    let pixel = |x: u32, _: u32| image::Rgba([200, 100, 50, if x < 32 { 255 } else { opacity }]);
+    let mut png = Cursor::new(Vec::new());
+    image::RgbaImage::from_fn(64, 4, pixel).write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let (at, length) = (bytes.len(), png.get_ref().len());
+    bytes.extend(png.into_inner());
+    let mut material = material.clone();
+    material["pbrMetallicRoughness"]["baseColorTexture"] = json!({"index": 0});
+    let text = json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1, "NORMAL": 2}, "mode": 5,
+            "material": 0}]}],
+        "materials": [material], "textures": [{"source": 0}], "images": [{"bufferView": 1, "mimeType": "image/png"}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+            {"bufferView": 0, "byteOffset": 48, "componentType": 5126, "count": 4, "type": "VEC2"},
+            {"bufferView": 0, "byteOffset": 80, "componentType": 5126, "count": 4, "type": "VEC3"},
+        ],
+        "bufferViews": [{"buffer": 0, "byteLength": at}, {"buffer": 0, "byteOffset": at, "byteLength": length}],
+        "buffers": [{"byteLength": at + length}],
+    });
+    glb(&text, &bytes)
+}
+
+fn sampled(path: &Path, spacing: Spacing) -> Surfels {
+    let options = LoadOptions { mesh: MeshOptions { spacing, reduce: true }, ..LoadOptions::default() };
+    model::load(path, &options, &|_, _| {}).unwrap().surfels
+}
+
+fn of_square(material: &Value, opacity: u8) -> Surfels {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("square.glb");
+    fs::write(&path, square(material, opacity)).unwrap();
+    sampled(&path, Spacing::Of(0.02))
+}
+
+/// Opacities of the surfels, and of none where there is none, in a strip from `x` to `x + .1`.
+fn opacities(surfels: &Surfels, x: f64) -> Vec<f32> {
+    let at = |i: usize| surfels.origin.x + f64::from(surfels.position[i].x);
+    let inside = (0..surfels.len()).filter(|&i| at(i) > x && at(i) < x + 0.1);
+    inside.map(|i| surfels.opacity.get(i).copied().unwrap_or(1.0)).collect()
+}
+
+#[test]
+fn a_mask_cuts_out_what_is_below_its_bound() {
+    let mask = |cutoff: f64| json!({"alphaMode": "MASK", "alphaCutoff": cutoff});
+    let cut = of_square(&mask(0.5), 100);
+    assert!(cut.opacity.is_empty());
+    assert!(opacities(&cut, 0.2).len() > 200);
+    assert!(opacities(&cut, 0.7).is_empty());
+    // 100 of 255 is more than 0.3.
+    assert!(opacities(&of_square(&mask(0.3), 100), 0.7).len() > 200);
+    // The factor counts, too.
+    let mut faint = mask(0.3);
+    faint["pbrMetallicRoughness"] = json!({"baseColorFactor": [1.0, 1.0, 1.0, 0.5]});
+    assert!(opacities(&of_square(&faint, 100), 0.7).is_empty());
+}
+
+#[test]
+fn blending_takes_the_opacity_and_opaque_materials_do_not() {
+    let mut material = json!({"alphaMode": "BLEND"});
+    material["pbrMetallicRoughness"] = json!({"baseColorFactor": [1.0, 1.0, 1.0, 0.5]});
+    let blended = of_square(&material, 102);
+    for (x, opacity) in [(0.2, 0.5), (0.7, 0.2)] {
+        let found = opacities(&blended, x);
+        assert!(found.len() > 200 && found.iter().all(|o| (o - opacity).abs() < 0.005), "{x}: {found:?}");
+    }
+    // Half transparent texels do not darken a colour.
+    assert!(blended.colour.windows(2).all(|pair| (pair[0] - pair[1]).abs().max_element() < 0.01));
+    material["alphaMode"] = json!("OPAQUE");
+    assert!(of_square(&material, 102).opacity.is_empty());
+}
+
+#[test]
+fn normals_of_the_file_are_those_of_the_surfels() {
+    let s = of_square(&json!({}), 255);
+    assert!(s.len() > 2000);
+    for i in 0..s.len() {
+        assert!((s.normal[i] - Vec3::new(0.6, 0.0, 0.8)).length() < 1e-6, "{}", s.normal[i]);
+        let across = s.axis_u[i].cross(s.axis_v[i]).normalize();
+        assert!((across - Vec3::Z).length() < 1e-6, "discs stay in their triangle: {across}");
+    }
+}
+
+/// Surfels of the box with a texture before a camera at this distance.
+fn at_distance(distance: f64, size: [u32; 2]) -> usize {
+    let folder = tempfile::tempdir().unwrap();
+    fs::copy(data("BoxTextured.glb"), folder.path().join("box.glb")).unwrap();
+    let [width, height] = size;
+    let text = format!(
+        "<scene><image width='{width}' height='{height}'/><camera eye='0 0 {distance}' at='0 0 0'/>
+         <object><pointModel>box.glb</pointModel></object></scene>"
+    );
+    fs::write(folder.path().join("scene.xml"), text).unwrap();
+    Scene::load(folder.path().join("scene.xml")).unwrap().objects[0].model.len()
+}
+
+#[test]
+fn a_close_camera_makes_more_surfels() {
+    let counts = [100.0, 6.0, 4.0, 2.0, 0.51].map(|distance| at_distance(distance, [200, 150]) as f64);
+    println!("{counts:?}");
+    assert!(counts.is_sorted_by(|a, b| a < b), "{counts:?}");
+    // Least and most.
+    assert!((counts[0] / 2e4 - 1.0).abs() < 0.03, "{counts:?}");
+    assert!((counts[4] / 2e6 - 1.0).abs() < 0.03, "{counts:?}");
+    // The front is 3.5 away: a pixel is 2 tan(20 degrees) / 150 times as wide, and six sides have 4 surfels for each
+    // square of it.
+    let pixel = 3.5 * 2.0 * 20_f64.to_radians().tan() / 150.0;
+    assert!((counts[2] / (24.0 / pixel / pixel) - 1.0).abs() < 0.03, "{counts:?}");
+    // Twice as many rows, four times as many surfels.
+    assert!((at_distance(4.0, [400, 300]) as f64 / counts[2] - 4.0).abs() < 0.1);
+}
+
+#[test]
+fn levels_of_texture_come_back_from_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = sampled(&data("BoxTextured.glb"), Spacing::Of(0.03));
+    assert!(first.mipmap.len() == first.len() && first.mipmap.iter().any(|levels| levels[0] != levels[2]));
+    let path = folder.path().join("box.bin");
+    model::write_bin(&path, &first).unwrap();
+    let second = model::load(&path, &LoadOptions::default(), &|_, _| {}).unwrap().surfels;
+    assert!(second.mipmap == first.mipmap && second.colour == first.colour && second.axis_v == first.axis_v);
+}
+
+/// A cube with a colour for each side, of half the light of a channel or of all.
+fn coloured_cube(folder: &Path) -> std::path::PathBuf {
+    let (mut text, mut library) = (String::from("mtllib cube.mtl\n"), String::new());
+    for i in 0..8 {
+        text += &format!("v {} {} {}\n", i & 1, i >> 1 & 1, i >> 2);
+    }
+    let sides = [("left", [1, 5, 7, 3]), ("right", [2, 4, 8, 6]), ("bottom", [1, 2, 6, 5]), ("top", [3, 7, 8, 4])];
+    let ends = [("back", [1, 3, 4, 2]), ("front", [5, 6, 8, 7])];
+    for (i, (name, [a, b, c, d])) in sides.into_iter().chain(ends).enumerate() {
+        let bits = i + 1;
+        library += &format!("newmtl {name}\nKd {} {} {}\n", bits & 1, bits >> 1 & 1, bits >> 2);
+        text += &format!("usemtl {name}\nf {a} {b} {c} {d}\n");
+    }
+    fs::write(folder.join("cube.mtl"), library).unwrap();
+    fs::write(folder.join("cube.obj"), text).unwrap();
+    folder.join("cube.obj")
+}
+
+/// Pixels of each of the eight colours of full channels.
+fn pixels_by_colour(scene: &Scene) -> [usize; 8] {
+    let quality = BlurMode::Still { pixel_samples: 1 }.into();
+    let picture = support::render(scene, &RenderOptions { quality, ..RenderOptions::default() });
+    let mut counts = [0; 8];
+    for [r, g, b, _] in picture.rgba {
+        if [r, g, b].iter().all(|c| *c < 0.01 || *c > 0.99) {
+            counts[usize::from(r > 0.5) + 2 * usize::from(g > 0.5) + 4 * usize::from(b > 0.5)] += 1;
+        }
+    }
+    counts
+}
+
+#[test]
+fn three_sides_of_a_mesh_show_and_of_a_cloud_the_front() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = coloured_cube(folder.path());
+    let mut scene = scene_file::load_model(&mesh, &|_, _| {}).unwrap().scene;
+    assert!(scene.camera.automatic);
+    (scene.image.width, scene.image.height) = (160, 120);
+    scene.objects[0].material = Some(support::UNLIT);
+    scene.lights = vec![Light::Ambient { colour: DVec3::ONE }];
+    // Nothing, left, right, bottom, top, back, front.
+    let counts = pixels_by_colour(&scene);
+    println!("{counts:?}");
+    assert!([2, 4, 6].iter().all(|&side| counts[side] > 700), "{counts:?}");
+    assert_eq!((counts[1], counts[3], counts[5]), (0, 0, 0));
+    // All of it shows.
+    let picture = support::render(&scene, &RenderOptions::default());
+    let edge = |i: usize| i % 160 == 0 || i % 160 == 159 || i < 160 || i >= 160 * 119;
+    assert!((0..picture.rgba.len()).filter(|&i| edge(i)).all(|i| picture.rgba[i][..3] == [0.0; 3]));
+    // The same surfels as a cloud.
+    let path = folder.path().join("cube.bin");
+    model::write_bin(&path, &sampled(&mesh, Spacing::Of(0.02))).unwrap();
+    let cloud = scene_file::load_model(&path, &|_, _| {}).unwrap().scene.camera;
+    assert_eq!((cloud.eye.x, cloud.eye.y), (cloud.at.x, cloud.at.y));
+}
+
+#[test]
+fn concave_faces_are_cut_alike_in_both_formats() {
+    // An L on a slope; a fan from its first corner would cover the notch.
+    let corners = [(2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0), (0.0, 0.0), (2.0, 0.0)];
+    let rows: Vec<String> = corners.iter().map(|(x, y)| format!("{x} {y} {}", 0.5 * x + 0.25 * y)).collect();
+    let folder = tempfile::tempdir().unwrap();
+    let obj: String = rows.iter().map(|row| format!("v {row}\n")).collect();
+    fs::write(folder.path().join("l.obj"), format!("{obj}f 1 2 3 4 5 6\n")).unwrap();
+    let header = "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n\
+                  element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    fs::write(folder.path().join("l.ply"), format!("{header}{}\n6 0 1 2 3 4 5\n", rows.join("\n"))).unwrap();
+    for name in ["l.obj", "l.ply"] {
+        let s = sampled(&folder.path().join(name), Spacing::Of(0.05));
+        let places = || s.position.iter().map(|p| (s.origin + p.as_dvec3()).truncate());
+        let inside = |x: f64, y: f64| x < 1.01 || y < 1.01;
+        assert!(places().all(|p| inside(p.x, p.y)), "{name}: surfels in the notch");
+        // Three units of area: 400 a unit.
+        assert!((1150..1400).contains(&s.len()), "{name}: {}", s.len());
+    }
+    // A face that crosses itself is a fan, and a note.
+    let bow = format!("{header}0 0 0\n1 1 0\n1 0 0\n0 1 0\n5 5 0\n6 6 0\n4 0 1 2 3\n");
+    fs::write(folder.path().join("bow.ply"), bow).unwrap();
+    let loaded = model::load(&folder.path().join("bow.ply"), &LoadOptions::default(), &|_, _| {}).unwrap();
+    assert!(loaded.notes.iter().any(|note| note.contains("drawn as fans (1)")), "{:?}", loaded.notes);
+}
