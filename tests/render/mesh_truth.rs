@@ -181,7 +181,7 @@ fn a_random_blob_is_that_of_its_triangles() {
 /// The tracer against what is known: a square of four texels that fills half of the picture.
 #[test]
 fn the_tracer_knows_a_square() {
-    let corner = |x: f64, y: f64| (DVec3::new(x, y, 0.0), DVec2::new((x + 1.0) / 2.0, (1.0 - y) / 2.0));
+    let corner = |x: f64, y: f64| (DVec3::new(x, y, 0.0), DVec2::new(0.5 + 0.5 * x, 0.5 - 0.5 * y));
     let [a, b, c, d] = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
     let image = Image::new([2, 2], [[255, 0, 0], [0, 255, 0], [0, 0, 255], [188, 188, 188]].into_iter());
     let triangles = [[a, b, c], [a, c, d]];

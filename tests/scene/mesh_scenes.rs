@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests may stop and report")]
 
+use std::fmt::Write as _;
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
@@ -150,14 +151,14 @@ fn levels_of_texture_come_back_from_a_file() {
 fn coloured_cube(folder: &Path) -> std::path::PathBuf {
     let (mut text, mut library) = (String::from("mtllib cube.mtl\n"), String::new());
     for i in 0..8 {
-        text += &format!("v {} {} {}\n", i & 1, i >> 1 & 1, i >> 2);
+        writeln!(text, "v {} {} {}", i & 1, i >> 1 & 1, i >> 2).unwrap();
     }
     let sides = [("left", [1, 5, 7, 3]), ("right", [2, 4, 8, 6]), ("bottom", [1, 2, 6, 5]), ("top", [3, 7, 8, 4])];
     let ends = [("back", [1, 3, 4, 2]), ("front", [5, 6, 8, 7])];
     for (i, (name, [a, b, c, d])) in sides.into_iter().chain(ends).enumerate() {
         let bits = i + 1;
-        library += &format!("newmtl {name}\nKd {} {} {}\n", bits & 1, bits >> 1 & 1, bits >> 2);
-        text += &format!("usemtl {name}\nf {a} {b} {c} {d}\n");
+        writeln!(library, "newmtl {name}\nKd {} {} {}", bits & 1, bits >> 1 & 1, bits >> 2).unwrap();
+        writeln!(text, "usemtl {name}\nf {a} {b} {c} {d}").unwrap();
     }
     fs::write(folder.join("cube.mtl"), library).unwrap();
     fs::write(folder.join("cube.obj"), text).unwrap();
@@ -193,7 +194,7 @@ fn three_sides_of_a_mesh_show_and_of_a_cloud_the_front() {
     assert_eq!((counts[1], counts[3], counts[5]), (0, 0, 0));
     // All of it shows.
     let picture = support::render(&scene, &RenderOptions::default());
-    let edge = |i: usize| i % 160 == 0 || i % 160 == 159 || i < 160 || i >= 160 * 119;
+    let edge = |i: usize| [0, 159].contains(&(i % 160)) || [0, 119].contains(&(i / 160));
     assert!((0..picture.rgba.len()).filter(|&i| edge(i)).all(|i| picture.rgba[i][..3] == [0.0; 3]));
     // The same surfels as a cloud.
     let path = folder.path().join("cube.bin");
@@ -208,8 +209,8 @@ fn concave_faces_are_cut_alike_in_both_formats() {
     let corners = [(2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0), (0.0, 0.0), (2.0, 0.0)];
     let rows: Vec<String> = corners.iter().map(|(x, y)| format!("{x} {y} {}", 0.5 * x + 0.25 * y)).collect();
     let folder = tempfile::tempdir().unwrap();
-    let obj: String = rows.iter().map(|row| format!("v {row}\n")).collect();
-    fs::write(folder.path().join("l.obj"), format!("{obj}f 1 2 3 4 5 6\n")).unwrap();
+    let obj = format!("v {}\nf 1 2 3 4 5 6\n", rows.join("\nv "));
+    fs::write(folder.path().join("l.obj"), obj).unwrap();
     let header = "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\n\
                   element face 1\nproperty list uchar int vertex_indices\nend_header\n";
     fs::write(folder.path().join("l.ply"), format!("{header}{}\n6 0 1 2 3 4 5\n", rows.join("\n"))).unwrap();

@@ -129,7 +129,7 @@ fn worst(surfels: &Surfels, points: &[DVec3]) -> f64 {
     let at = |i: usize| surfels.origin + surfels.position[i].as_dvec3();
     (0..surfels.len()).for_each(|i| cells.entry(cell(at(i))).or_default().push(i));
     let of = |i: usize, p: &DVec3| {
-        let [u, v] = [surfels.axis_u[i], surfels.axis_v[i]].map(|axis| axis.as_dvec3());
+        let [u, v] = [surfels.axis_u[i], surfels.axis_v[i]].map(Vec3::as_dvec3);
         let across = u.cross(v).normalize() * u.length().min(v.length());
         let away = *p - at(i);
         [u, v, across].map(|axis| away.dot(axis) / axis.length_squared()).iter().map(|x| x * x).sum::<f64>().sqrt()
@@ -306,7 +306,7 @@ fn textured(size: [u32; 2], wrap: Wrap, map: DMat2, tilt: DVec2, seed: u64) -> (
         })
         .collect();
     let linear = texels.iter().map(|t| DVec3::from([0, 1, 2].map(|k| srgb::linear(f64::from(t[k]) / 255.0)))).collect();
-    let position = vec![DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y];
+    let position = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y];
     let position: Vec<DVec3> = position.iter().map(|p| *p + DVec3::Z * tilt.dot(p.truncate())).collect();
     let uv: Vec<Vec2> = position.iter().map(|p| (map * p.truncate() + 0.013).as_vec2()).collect();
     let texture = Texture { size, texels, wrap: [wrap; 2] };

@@ -74,7 +74,7 @@ pub(super) fn extras(
         hit[at] = true;
     }
     let mut extras: Vec<Extra> = facets.missed(welded, &hit).iter().map(|part| middle(facets, part, spacing)).collect();
-    let cells = Cells::new(discs(facets, hits, position), spacing);
+    let cells = Cells::new(&discs(facets, hits, position), spacing);
     let bare: Vec<(Hit, Disc, bool)> = facets
         .kept
         .par_iter()
@@ -183,7 +183,7 @@ fn near(p: DVec3, width: f64) -> impl Iterator<Item = [i32; 3]> {
 }
 
 impl Cells {
-    fn new(discs: Vec<Disc>, spacing: f64) -> Self {
+    fn new(discs: &[Disc], spacing: f64) -> Self {
         let part = |disc: &Disc| cell(disc.at, CELL * spacing / 16.0);
         let mut order: Vec<([i32; 3], u32)> = discs.par_iter().map(part).zip(0..discs.len() as u32).collect();
         order.par_sort_unstable();

@@ -38,7 +38,9 @@ impl Inset {
         for run in edges.chunk_by(|a, b| a.0 == b.0) {
             let smooth = matches!(run, [a, b] if normal(a.1).dot(normal(b.1)) >= SHARP);
             if !smooth {
-                run.iter().for_each(|&(_, i, bit)| sharp[i as usize] |= bit);
+                for &(_, i, bit) in run {
+                    sharp[i as usize] |= bit;
+                }
             }
         }
         Self { sharp }

@@ -91,7 +91,7 @@ impl<'a> Palette<'a> {
         let sane = |c: Vec4| if c.is_finite() { c.clamp(Vec4::ZERO, Vec4::splat(BRIGHTEST)) } else { Vec4::ONE };
         Brush {
             face: face.as_vec3(),
-            axes: shadow_axes(face, shape.axis()).map(|axis| axis.as_vec3()),
+            axes: shadow_axes(face, shape.axis()).map(DVec3::as_vec3),
             normal: corners.map(|v| {
                 let normal = mesh.normal.get(v).copied().unwrap_or_default().try_normalize();
                 normal.unwrap_or(face.as_vec3())

@@ -154,7 +154,7 @@ mod tests {
     fn star(points: u32, inner: f64) -> Vec<DVec3> {
         let corner = |i: u32| {
             let angle = std::f64::consts::PI * f64::from(i) / f64::from(points);
-            DVec3::new(angle.cos(), angle.sin(), 0.0) * if i % 2 == 0 { 1.0 } else { inner }
+            DVec3::new(angle.cos(), angle.sin(), 0.0) * if i.is_multiple_of(2) { 1.0 } else { inner }
         };
         (0..2 * points).map(corner).collect()
     }

@@ -94,7 +94,9 @@ fn sampled(facets: &Facets<'_>, spacing: f64, reduce: bool, radius_scale: f64) -
     hits.par_chunks_mut(CHUNK).for_each(|hits| {
         for run in hits.chunk_by_mut(|a, b| a.triangle == b.triangle) {
             let shape = facets.shape(run[0].triangle);
-            run.iter_mut().for_each(|hit| *hit = inset.moved(*hit, &shape, spacing));
+            for hit in run {
+                *hit = inset.moved(*hit, &shape, spacing);
+            }
         }
     });
     let mut position: Vec<Vec3> = positions(facets, &hits);
