@@ -16,7 +16,7 @@ fn run(dir: &Path, line: &str) -> (Option<i32>, String, String) {
 
 fn folder() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();
-    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/models");
+    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/models");
     fs::copy(models.join("CesiumMilkTruck.glb"), dir.path().join("truck.glb")).unwrap();
     dir
 }

@@ -24,8 +24,11 @@ const BACKGROUND: DVec3 = DVec3::new(0.05, 0.12, 0.25);
 /// Greatest FLIP.
 const MOST: f64 = 0.01;
 
+/// A model: one that ships, or one for tests alone.
 fn model(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/models").join(name)
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let shipped = root.join("scenes/models").join(name);
+    if shipped.exists() { shipped } else { root.join("tests/data/models").join(name) }
 }
 
 /// A scene file for a view of a model in the same folder, without light and shade.

@@ -10,8 +10,11 @@ use serde_json::{Value, json};
 use splatblur::model::Format;
 use splatblur::model::mesh::{self, AlphaMode, Mesh, Wrap};
 
+/// A model: one that ships, or one for tests alone.
 pub(crate) fn data(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/models").join(name)
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let shipped = root.join("scenes/models").join(name);
+    if shipped.exists() { shipped } else { root.join("tests/data/models").join(name) }
 }
 
 /// Texels of the truck's image, as Pillow decodes it.
