@@ -86,9 +86,11 @@ fn clipped(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
         triangles.push([a, ear, c]);
         (ring.next[a], ring.before[c]) = (c, a);
         ring.inward.retain(|&k| k != ear);
-        ears[a] = ring.is_ear(a);
-        ears[c] = ring.is_ear(c);
-        at = c;
+        let spike = |k: usize| flat[ring.before[k]] == flat[ring.next[k]];
+        ears[a] = spike(a) || ring.is_ear(a);
+        ears[c] = spike(c) || ring.is_ear(c);
+        // Where a part that touches the rest is used up, what leads to it goes first.
+        at = if spike(a) { a } else { c };
     }
     triangles.push([ring.before[at], at, ring.next[at]]);
     // What crosses itself covers more than its area, or turns over.
