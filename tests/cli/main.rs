@@ -4,6 +4,7 @@
 mod support;
 
 mod compare;
+mod environments;
 mod gpu;
 mod hostile_input;
 mod input;
@@ -14,3 +15,15 @@ mod render;
 mod report;
 mod shell;
 mod volumes;
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// Runs the program in a folder with the words of a line. Exit status, stdout and stderr.
+#[allow(clippy::expect_used, reason = "tests may stop")]
+fn run(dir: &Path, line: &str) -> (Option<i32>, String, String) {
+    let mut program = Command::new(env!("CARGO_BIN_EXE_splatblur"));
+    let output = program.current_dir(dir).stdin(Stdio::null()).args(line.split(' ')).output().expect("the program");
+    let [stdout, stderr] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).expect("text"));
+    (output.status.code(), stdout, stderr)
+}

@@ -4,15 +4,8 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
 
-/// Exit status, stdout and stderr.
-fn run(dir: &Path, line: &str) -> (Option<i32>, String, String) {
-    let mut program = Command::new(env!("CARGO_BIN_EXE_splatblur"));
-    let output = program.current_dir(dir).stdin(Stdio::null()).args(line.split(' ')).output().unwrap();
-    let [stdout, stderr] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
-    (output.status.code(), stdout, stderr)
-}
+use crate::run;
 
 fn folder() -> tempfile::TempDir {
     let dir = tempfile::tempdir().unwrap();

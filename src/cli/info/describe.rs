@@ -5,6 +5,7 @@
 use glam::DVec3;
 use serde_json::{Map, Value, json};
 use splatblur::anim::{Animation, NodeAnimation, NodeMotion};
+use splatblur::environment::Environment;
 use splatblur::film::Picture;
 use splatblur::gltf::{AnimationEntry, NodeEntry, Nodes};
 use splatblur::math::{Bounds, Trs};
@@ -34,7 +35,7 @@ fn single(value: f32) -> Value {
 /// A scene with all that it names.
 pub(super) fn scene(loaded: &scene_file::Loaded) -> Value {
     let s = &loaded.scene;
-    object(vec![
+    let mut pairs = vec![
         ("kind", json!("scene")),
         ("name", json!(s.name)),
         ("width", json!(s.image.width)),
@@ -51,6 +52,19 @@ pub(super) fn scene(loaded: &scene_file::Loaded) -> Value {
         ("lights", Value::Array(s.lights.iter().map(light).collect())),
         ("objects", Value::Array(s.objects.iter().map(scene_object).collect())),
         ("notes", json!(loaded.notes)),
+    ];
+    pairs.extend(s.environment.as_ref().map(|environment| ("environment", surroundings(environment))));
+    object(pairs)
+}
+
+fn surroundings(e: &Environment) -> Value {
+    object(vec![
+        ("path", json!(e.path.to_string_lossy())),
+        ("width", json!(e.map.width())),
+        ("height", json!(e.map.height())),
+        ("intensity", json!(e.intensity)),
+        ("rotation_degrees", json!(tidy(e.rotation.to_degrees()))),
+        ("background", json!(e.background)),
     ])
 }
 
@@ -106,6 +120,9 @@ fn scene_object(o: &Object) -> Value {
     }
     if o.opacity != 1.0 {
         pairs.push(("opacity", json!(o.opacity)));
+    }
+    if o.reflection != 0.0 {
+        pairs.push(("reflection", json!(o.reflection)));
     }
     if let Some(m) = &o.material {
         pairs.push(("material", material(m)));
@@ -344,7 +361,7 @@ pub(super) fn text(report: &Value) -> String {
 }
 
 /// Keys that come first in text, in this order; all others follow by name.
-const ORDER: [&str; 34] = [
+const ORDER: [&str; 35] = [
     "kind",
     "name",
     "index",
@@ -363,6 +380,7 @@ const ORDER: [&str; 34] = [
     "shutter",
     "camera",
     "lights",
+    "environment",
     "objects",
     "path",
     "node",
