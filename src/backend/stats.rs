@@ -86,8 +86,8 @@ impl fmt::Display for Achieved {
         if *turn >= Self::WIDE_TURN {
             write!(
                 f,
-                "; something turns by {turn:.0} degrees from sample to sample: what repeats at that angle (spokes) seems \
-                 to stand, and the estimate does not see it"
+                "; something turns by {turn:.0} degrees from sample to sample: what repeats at that angle (spokes) \
+                 seems to stand, and the estimate does not see it"
             )?;
         }
         Ok(())

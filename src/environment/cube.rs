@@ -11,7 +11,7 @@ use super::lat_long::LatLong;
 use crate::math::fast;
 
 /// A map on the faces of a cube, in levels. Level 0 is the map itself. Level k has 2^k times fewer pixels along an
-/// edge, and is the map under a kernel whose standard deviation, with that of interpolation, is 1.6 * 2^k / face radians.
+/// edge, and is the map under a kernel whose standard deviation is 1.6 * 2^k / face radians, interpolation included.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cube {
     face: usize,

@@ -1,4 +1,4 @@
-//! Wheels whose spokes come to stand where others stood: what repeats within the exposure may look as if it stood still.
+//! Wheels whose spokes come to stand where others stood: what repeats within the exposure may seem to stand.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests may stop and report")]
 
