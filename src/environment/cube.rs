@@ -188,7 +188,7 @@ impl<'a> Filter<'a> {
         let middle = (0.5 + libm::atan2(towards.x, -towards.z) / TAU) * w as f64;
         let sine = libm::sin(polar);
         let row_of = |angle: f64| (angle / PI * h as f64).floor().clamp(0.0, (h - 1) as f64) as usize;
-        let over = 1.0 / (self.deviation * self.deviation);
+        let over = std::f64::consts::LOG2_E / (self.deviation * self.deviation);
         let (mut sum, mut weight) = (DVec3::ZERO, 0.0);
         for y in row_of(polar - reach)..=row_of(polar + reach) {
             let (of_row, height) = self.rows[y];
@@ -196,15 +196,20 @@ impl<'a> Filter<'a> {
             let limit = (least - height * towards.y) / (of_row * sine);
             let half = if limit > -1.0 { libm::acos(limit.min(1.0)) } else { PI };
             let half = (half / TAU * w as f64).ceil() + 1.0;
-            let (first, count) =
-                if 2.0 * half >= w as f64 { (0.0, w) } else { ((middle - half).floor(), 2 * half as usize + 1) };
-            for i in 0..count {
-                let x = (first + i as f64).rem_euclid(w as f64) as usize % w;
+            let (first, count) = if 2.0 * half >= w as f64 {
+                (0, w)
+            } else {
+                ((middle - half).floor().rem_euclid(w as f64) as usize % w, 2 * half as usize + 1)
+            };
+            let row = &self.map.pixels()[y * w..][..w];
+            // Around the seam the columns begin again.
+            let columns = (first..w.min(first + count)).chain(0..(first + count).saturating_sub(w));
+            for x in columns {
                 let (sin, cos) = self.columns[x];
                 let cosine = of_row * (sin * towards.x - cos * towards.z) + height * towards.y;
                 if cosine >= least {
-                    let share = of_row * libm::exp((cosine - 1.0) * over);
-                    sum += Vec3::from(self.map.pixels()[y * w + x]).as_dvec3() * share;
+                    let share = of_row * f64::from(fast::exp2(((cosine - 1.0) * over) as f32));
+                    sum += Vec3::from(row[x]).as_dvec3() * share;
                     weight += share;
                 }
             }

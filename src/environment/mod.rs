@@ -22,8 +22,8 @@ pub use self::studio::studio;
 /// It lights nothing: diffuse and specular terms are those of lights.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    /// The picture; shared by copies of the environment.
-    pub map: Arc<LatLong>,
+    /// Shared by copies of the environment, as its levels are.
+    map: Arc<LatLong>,
     /// The file that it came from; empty for one made in code.
     pub path: PathBuf,
     /// Turns it about +y, radians, right-handed.
@@ -46,6 +46,11 @@ impl Environment {
             background: false,
             cube: Arc::default(),
         }
+    }
+
+    /// The picture.
+    pub fn map(&self) -> &LatLong {
+        &self.map
     }
 
     /// The filtered map, not turned and with intensity 1. It is made once for all copies of the environment.

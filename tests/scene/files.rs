@@ -216,10 +216,10 @@ fn every_value_arrives() {
     assert_eq!(centre, DVec3::new(0.1, 0.2, 0.3));
     assert_eq!(o.place.scale, DVec3::new(-1.0, 2.0, 0.3));
     let e = s.environment.as_ref().unwrap();
-    assert_eq!((e.map.width(), e.map.height(), e.intensity, e.background), (8, 4, 1.5, true));
+    assert_eq!((e.map().width(), e.map().height(), e.intensity, e.background), (8, 4, 1.5, true));
     assert!((e.rotation.to_degrees() + 33.3).abs() < 1e-12 && o.reflection == 0.3);
     // PNG holds coded values.
-    assert!((e.map.pixels()[1][0] - 0.002_428).abs() < 1e-5, "{:?}", e.map.pixels()[1]);
+    assert!((e.map().pixels()[1][0] - 0.002_428).abs() < 1e-5, "{:?}", e.map().pixels()[1]);
     assert_eq!((o.opacity, o.volume.kernel, o.volume.flatten, o.volume.lit), (0.75, 0.7, 2.5, true));
     let stops = o.volume.transfer.as_ref().unwrap().stops().to_vec();
     assert_eq!(stops.len(), 2);

@@ -60,8 +60,8 @@ pub(super) fn scene(loaded: &scene_file::Loaded) -> Value {
 fn surroundings(e: &Environment) -> Value {
     object(vec![
         ("path", json!(e.path.to_string_lossy())),
-        ("width", json!(e.map.width())),
-        ("height", json!(e.map.height())),
+        ("width", json!(e.map().width())),
+        ("height", json!(e.map().height())),
         ("intensity", json!(e.intensity)),
         ("rotation_degrees", json!(tidy(e.rotation.to_degrees()))),
         ("background", json!(e.background)),
