@@ -162,7 +162,7 @@ fn what_means_nothing_is_noted() {
         assert!(notes.iter().any(|n| n.contains(part) && n.ends_with(" nothing here")), "{part}: {notes:?}");
     };
     noted(dir.object("shDegree='1'", ""), "`shDegree` and `antialias`");
-    noted(dir.object("", "<material opacity='0.5'/>"), "`opacity` of <material> is for surfels");
+    noted(dir.object("", "<material opacity='0.5'/>"), "`opacity` and `reflection` of <material> are for surfels");
     fs::write(dir.path("grid.nrrd"), SAMPLES).unwrap();
     noted(dir.object("kind='surfels' lit='true'", ""), "`kernel`, `flatten`, `lit` and <transferFunction>");
     noted(dir.object("kind='surfels'", RAMP), "`kernel`, `flatten`, `lit` and <transferFunction>");
