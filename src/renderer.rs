@@ -277,9 +277,7 @@ fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
     if let (Some(object), Quality::Mode(BlurMode::Volumetric { .. })) = (transparent, options.quality) {
         return Err(BackendError::Volumetric { object: object.name.clone() });
     }
-    let coded = |object: &&Object| object.model.gaussians().is_some_and(|gaussians| !gaussians.linear);
-    let has_panorama = scene.environment.as_ref().is_some_and(|environment| environment.background);
-    if let (Some(object), true) = (scene.objects.iter().find(coded), has_panorama) {
+    if let Some(object) = scene.capture_before_panorama() {
         return Err(BackendError::Panorama { object: object.name.clone() });
     }
     match scene.objects.iter().find(|object| object.sphere.is_some()) {

@@ -179,13 +179,15 @@ fn block_sums(width: usize, edge: usize, of: &[Vec3], value: impl Fn(Vec3) -> f6
 
 /// Difference of the display values of each pixel.
 fn differences(a: &Picture, b: &Picture, backdrop: &Backdrop) -> Vec<Vec3> {
-    let pixels = a.rgba.par_iter().zip(&b.rgba).enumerate();
     let difference = |(i, (a, b))| {
+        // Most pixels of a static background are equal.
+        if a == b {
+            return Vec3::ZERO;
+        }
         let behind = backdrop.at(i).as_vec3();
         shown(a, behind) - shown(b, behind)
     };
-    // Most pixels of a static background are equal.
-    pixels.map(|(i, (a, b))| if a == b { Vec3::ZERO } else { difference((i, (a, b))) }).collect()
+    a.rgba.par_iter().zip(&b.rgba).enumerate().map(difference).collect()
 }
 
 /// What the eye blurs: a binomial of five taps, near the contrast sensitivity of luminance at 67 pixels a degree.

@@ -25,6 +25,6 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber) -> f64 {
         pose.to_scale_rotation_translation().1
     };
     let turns: Vec<DQuat> = (0..=INTERVALS).map(turn).collect();
-    let angles = turns.windows(2).map(|pair| 2.0 * pair[0].dot(pair[1]).abs().min(1.0).acos());
+    let angles = turns.windows(2).map(|pair| 2.0 * libm::acos(pair[0].dot(pair[1]).abs().min(1.0)));
     angles.filter(|angle| angle.is_finite()).sum()
 }

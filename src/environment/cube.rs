@@ -273,7 +273,8 @@ mod tests {
                 assert!(got.abs_diff_eq(Vec3::new(1.0, 2.0, 3.0), 1e-5), "{d}, {variance}: {got}");
             }
         }
-        assert!(cube.radiance(Vec3::ZERO, 0.0).is_nan() || cube.radiance(Vec3::ZERO, 0.0).x >= 0.0);
+        // No direction has no value, and no panic.
+        let _ = [cube.radiance(Vec3::ZERO, 0.0), cube.radiance(Vec3::NAN, f32::NAN)];
         assert_eq!(4 * cube.texels().len() as u64, Cube::bytes_of(&map(64, DVec3::abs)));
     }
 

@@ -61,7 +61,7 @@ pub struct Frame {
     pub blending: Option<Blending>,
     /// Bytes that the frame and its models may take.
     pub memory: u64,
-    /// Bytes that the models take; a model shared by several objects counts once.
+    /// Bytes that the models and what surrounds them take; a model shared by several objects counts once.
     pub model_bytes: u64,
     /// Bytes of pictures that the caller holds beside the frame's own.
     pub picture_bytes: u64,
@@ -420,8 +420,11 @@ fn model_bytes(scene: &Scene) -> u64 {
     captures.sort_by_key(|capture| Arc::as_ptr(capture));
     captures.dedup_by_key(|capture| Arc::as_ptr(capture));
     let surroundings = scene.environment.as_ref().map_or(0, Environment::bytes);
+    // The picture of what is behind.
+    let pixels = u64::from(scene.image.width) * u64::from(scene.image.height);
+    let behind = scene.panorama().map_or(0, |_| pixels * size_of::<[f32; 3]>() as u64);
     let captures = captures.iter().map(|capture| capture.bytes()).sum::<u64>();
-    models.iter().map(|model| model.bytes()).sum::<u64>() + captures + surroundings
+    models.iter().map(|model| model.bytes()).sum::<u64>() + captures + surroundings + behind
 }
 
 /// The numbers in which the image is composited: coded values as soon as one capture has them. Flat colours are linear,

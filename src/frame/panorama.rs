@@ -3,7 +3,7 @@
 use glam::{DMat3, Mat3, Vec3};
 use rayon::prelude::*;
 
-use crate::environment::{Environment, Surroundings};
+use crate::environment::Surroundings;
 use crate::math::focal_length;
 use crate::options::PixelFilter;
 use crate::scene::Scene;
@@ -30,10 +30,7 @@ impl Panorama {
     /// That of frame `number`, or of one instant of it, `at` (scene time, frames). `None` where the environment is not
     /// the background.
     pub fn of(scene: &Scene, number: FrameNumber, at: Option<f64>, filter: PixelFilter) -> Option<Self> {
-        let environment = scene.environment.as_ref().filter(|environment| environment.background)?;
-        if scene.image.transparent {
-            return None;
-        }
+        let environment = scene.panorama()?;
         let strata = || {
             let strata = scene.shutter.strata(if scene.camera.rests() { 1 } else { TIMES }, 0.5);
             strata.into_iter().map(|(t, weight)| (scene.shutter.frame_time(number.get(), t), weight)).collect()
@@ -49,7 +46,7 @@ impl Panorama {
             PixelFilter::Gaussian { sigma } => (sigma * sigma) as f32,
         };
         Some(Self {
-            surroundings: Environment::surroundings(environment),
+            surroundings: environment.surroundings(),
             cameras: times.into_iter().map(camera).collect(),
             size: [scene.image.width, height],
             focal: focal_length(f64::from(height), scene.camera.fovy) as f32,

@@ -49,6 +49,15 @@ pub enum ReferenceError {
         /// Gaussians of the capture.
         count: usize,
     },
+    /// A capture is composited over a background that is known at each instant.
+    #[error(
+        "object `{object}` is a capture with colours for the display, which cannot be composited over an environment: \
+         take `background=\"false\"` in <environment>, or `kind=\"surfels\"` in its <pointModel>"
+    )]
+    Panorama {
+        /// Name of the object.
+        object: String,
+    },
     /// The bytes are no partial sums, or they are damaged.
     #[error("these are no partial sums of a reference, or they are damaged")]
     Damaged,

@@ -124,7 +124,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
     /// What a covered sample takes off the mean background, and would not take off its own: the difference, times the
     /// coverage. Without it a camera that turns would show the mean beside what covers only a part of the exposure.
     fn own_background(&self, seen: &Seen, &(film, time): &SamplePoint, pixel: usize) -> DVec3 {
-        let Some(environment) = self.world.panorama() else { return DVec3::ZERO };
+        let Some(environment) = self.world.scene.panorama() else { return DVec3::ZERO };
         (self.backdrop.at(pixel) - self.world.behind(environment, film, time)) * seen.coverage
     }
 

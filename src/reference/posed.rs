@@ -131,12 +131,15 @@ impl<'a> World<'a> {
     /// Builds the hierarchies and poses static objects.
     ///
     /// # Errors
-    /// A capture does not fit into memory.
+    /// A capture does not fit into memory, or stands before an environment as background.
     pub(super) fn new(
         scene: &'a Scene,
         frame: FrameNumber,
         options: &'a ReferenceOptions,
     ) -> Result<Self, ReferenceError> {
+        if let Some(object) = scene.capture_before_panorama() {
+            return Err(ReferenceError::Panorama { object: object.name.clone() });
+        }
         let number = frame.get();
         let mut distinct: Vec<&Surfels> = Vec::new();
         let (mut shown, mut volumes): (Vec<Shown<'_>>, Vec<Shown<'_>>) = Default::default();
@@ -188,15 +191,10 @@ impl<'a> World<'a> {
         })
     }
 
-    /// The environment behind everything; `None` where it is not the background.
-    pub(super) fn panorama(&self) -> Option<&Environment> {
-        self.scene.environment.as_ref().filter(|environment| environment.background && !self.scene.image.transparent)
-    }
-
     /// What the pixels of a window are composited over: its first pixel and its size.
     pub(super) fn backdrop(&self, frame: f64, origin: [u32; 2], [width, height]: [u32; 2]) -> Backdrop {
         let background = Background { colour: self.scene.image.background, transparent: self.scene.image.transparent };
-        let Some(environment) = self.panorama() else { return Backdrop::plain(background) };
+        let Some(environment) = self.scene.panorama() else { return Backdrop::plain(background) };
         let row =
             |y: u32| (0..width).map(move |x| self.mean_behind(environment, frame, [origin[0] + x, origin[1] + y]));
         let picture =

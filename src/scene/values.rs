@@ -36,6 +36,20 @@ pub struct Scene {
     pub objects: Vec<Object>,
 }
 
+impl Scene {
+    /// The environment, where it is the background.
+    pub(crate) fn panorama(&self) -> Option<&Environment> {
+        self.environment.as_ref().filter(|environment| environment.background && !self.image.transparent)
+    }
+
+    /// A capture that is composited in coded values, before an environment as background. It needs what is behind it at
+    /// each instant; nothing has that.
+    pub(crate) fn capture_before_panorama(&self) -> Option<&Object> {
+        self.panorama()?;
+        self.objects.iter().find(|object| object.model.gaussians().is_some_and(|gaussians| !gaussians.linear))
+    }
+}
+
 /// Size and background of the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImageSettings {

@@ -15,7 +15,7 @@ use splatblur::options::{BlurMode, ErrorTarget, Interleave, PixelFilter, Quality
 use splatblur::scene::{Camera, Capture, Motion, Object, Scene};
 
 use crate::support::gaussians::{View, picture, psnr};
-use crate::support::{UNLIT, object, render, round_surfels, scene};
+use crate::support::{Random, UNLIT, object, render, round_surfels, scene};
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -86,23 +86,9 @@ fn a_blurred_guitar_is_the_mean_of_decoded_instants() {
     assert!(found >= 95.0, "{found:.1} dB");
 }
 
-/// Numbers in [0, 1) from a seed, the same everywhere.
-struct Numbers(u64);
-
-impl Numbers {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn within(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.next()
-    }
-}
-
 /// Gaussians of all shapes in a box about the origin.
 fn random_capture(seed: u64, count: usize, degree: u8) -> Gaussians {
-    let mut n = Numbers(seed);
+    let mut n = Random(seed);
     let mut capture = Gaussians { degree, ..Gaussians::default() };
     for _ in 0..count {
         let mut three = |low: f64, high: f64| Vec3::from_array([0, 1, 2].map(|_| n.within(low, high) as f32));

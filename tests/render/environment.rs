@@ -12,7 +12,7 @@ use splatblur::environment::{Environment, LatLong};
 use splatblur::film::Picture;
 use splatblur::model::{Gaussians, Material};
 use splatblur::options::{BlurMode, ErrorTarget, PixelFilter, Prefilter, Quality, RenderOptions, Shading, SweptKernel};
-use splatblur::reference::{self, ReferenceOptions};
+use splatblur::reference::{self, ReferenceError, ReferenceOptions};
 use splatblur::renderer::{Device, Renderer, render_frame};
 use splatblur::scene::{Motion, Object, Scene, Sphere};
 
@@ -294,6 +294,13 @@ fn a_capture_before_an_environment_is_refused() {
     let mut renderer = Renderer::open(Device::Cpu).unwrap();
     let refused = renderer.render(&scene, 0, &RenderOptions::default()).unwrap_err();
     assert!(matches!(refused, BackendError::Panorama { .. }), "{refused}");
+    let options = ReferenceOptions { samples: 16, ..ReferenceOptions::default() };
+    let refused = reference::render(&scene, 0, &options, None, &|_| ()).unwrap_err();
+    assert!(matches!(refused, ReferenceError::Panorama { .. }), "{refused}");
+    // Without a background nothing is behind it.
+    scene.image.transparent = true;
+    assert!(renderer.render(&scene, 0, &RenderOptions::default()).is_ok());
+    scene.image.transparent = false;
     scene.environment.as_mut().unwrap().background = false;
     assert!(renderer.render(&scene, 0, &RenderOptions::default()).is_ok());
 }

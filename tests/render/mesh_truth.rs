@@ -14,7 +14,8 @@ use splatblur::compare::flip;
 use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
 use splatblur::renderer::render_frame;
 
-use crate::support::triangles::{Image, Paint, Random, Triangles, View, blob, cube_sphere, png};
+use crate::support::Random;
+use crate::support::triangles::{Image, Paint, Triangles, View, blob, cube_sphere, png};
 
 const SIZE: [u32; 2] = [200, 150];
 const FOVY: f64 = 40.0;

@@ -15,7 +15,7 @@ use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Camera, Object, Scene};
 
-use crate::support::{UNLIT, object, round_surfels, scene};
+use crate::support::{Random, UNLIT, object, round_surfels, scene};
 
 const SIZE: [u32; 2] = [200, 100];
 const FOVY: f64 = 40.0;
@@ -26,20 +26,6 @@ const HALF: f64 = 12.0;
 const COLOURS: [Vec3; 2] = [Vec3::new(0.9, 0.8, 0.7), Vec3::new(0.05, 0.1, 0.2)];
 /// Variance of a surfel's kernel, squares of its cut-off radius: what splatting filters of a texture.
 const OF_KERNEL: f64 = 0.171_741;
-
-/// Numbers in [0, 1) that repeat on every run.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn within(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.next()
-    }
-}
 
 /// A wave of period `2 cell` that is 1 and -1 in turn, under a Gaussian of standard deviation `sigma`: its Fourier
 /// series. The sines of odd multiples follow from the two before.

@@ -14,7 +14,8 @@ use splatblur::options::{BlurMode, RenderOptions};
 use splatblur::scene::Camera;
 
 use crate::support;
-use crate::support::triangles::{Random, Triangles, View, blob, cube_sphere};
+use crate::support::Random;
+use crate::support::triangles::{Triangles, View, blob, cube_sphere};
 
 fn mesh(position: Vec<DVec3>, corners: &[[u32; 3]]) -> Mesh {
     Mesh {

@@ -34,6 +34,31 @@ pub fn posed<'a>(scene: &'a Scene, number: i64, options: &'a RenderOptions) -> F
     Frame::new(scene, number, mode, options)
 }
 
+/// Numbers in [0, 1) that repeat on every run.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// From `low` to `high`.
+    pub fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.next()
+    }
+
+    /// Evenly over all directions.
+    pub fn direction(&mut self) -> DVec3 {
+        loop {
+            let p = DVec3::new(self.next(), self.next(), self.next()) * 2.0 - 1.0;
+            if p.length_squared() <= 1.0 && p.length_squared() > 1e-3 {
+                return p.normalize();
+            }
+        }
+    }
+}
+
 /// Surfels facing `normal` with circular kernels.
 pub fn round_surfels(points: impl IntoIterator<Item = (DVec3, DVec3, f64, Vec3)>) -> Surfels {
     let mut surfels = Surfels::default();

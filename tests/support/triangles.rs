@@ -8,6 +8,8 @@ use std::path::Path;
 use glam::{DMat4, DVec2, DVec3};
 use splatblur::film::Picture;
 
+use super::Random;
+
 /// A pinhole camera.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
@@ -294,26 +296,6 @@ impl Triangles {
 pub fn png(bytes: &[u8]) -> Image {
     let image = image::load_from_memory(bytes).expect("a PNG").to_rgb8();
     Image::new([image.width(), image.height()], image.pixels().map(|pixel| pixel.0))
-}
-
-/// Numbers in [0, 1) that repeat on every run.
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Evenly over all directions.
-    pub fn direction(&mut self) -> DVec3 {
-        loop {
-            let p = DVec3::new(self.next(), self.next(), self.next()) * 2.0 - 1.0;
-            if p.length_squared() <= 1.0 && p.length_squared() > 1e-3 {
-                return p.normalize();
-            }
-        }
-    }
 }
 
 /// Distances from the middle to a closed surface without corners: waves in a few random directions.

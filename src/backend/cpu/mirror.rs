@@ -17,9 +17,9 @@ type Lanes = [f32; LANES];
 pub(in crate::backend::cpu) struct Rows<'a> {
     pub own: &'a [f32],
     /// Empty where the tile has no such row.
-    pub beside: &'a [f32],
+    beside: &'a [f32],
     /// False where the sums of other pixels are not of the same layer.
-    pub has_neighbours: bool,
+    has_neighbours: bool,
 }
 
 impl<'a> Rows<'a> {
@@ -29,6 +29,12 @@ impl<'a> Rows<'a> {
         let row = |y: usize| &sums[y * length..][..length];
         let beside = if y ^ 1 < tile.height { row(y ^ 1) } else { &[] };
         Self { own: row(y), beside, has_neighbours: true }
+    }
+
+    /// The same for a layer of full EWA. In other layers than the band, pixels that are solid have no sums.
+    #[inline(always)]
+    pub(in crate::backend::cpu) fn of_layer(self, is_band: bool) -> Self {
+        Self { has_neighbours: is_band, ..self }
     }
 
     /// The mean of one channel from pixel `x` of the row on.

@@ -127,8 +127,9 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mu
             (position[0][l], position[1][l], position[2][l]) = surfels.position[faces[l].0 as usize].into();
         }
         let position = transform(&posed.world_from_model, posed.world_origin, &position);
-        colour = lit(&shown.sample.lights, &colour, &normal, &position, &of_material);
-        mirror(shown, &mut colour, &normal, &position);
+        let view = unit(position.map(|axis| axis.map(|v| -v)));
+        colour = lit(&shown.sample.lights, &colour, &normal, &position, &view, &of_material);
+        mirror(shown, &mut colour, &normal, &view);
     }
     for (l, out) in out.chunks_exact_mut(channels.count).enumerate() {
         out[0] = 1.0;
@@ -162,15 +163,9 @@ fn lit(
     colour: &[Lanes; 3],
     normal: &[Lanes; 3],
     position: &[Lanes; 3],
+    view: &[Lanes; 3],
     material: &[Lanes; 4],
 ) -> [Lanes; 3] {
-    let mut view = *position;
-    for c in 0..3 {
-        for l in 0..LANES {
-            view[c][l] = -view[c][l];
-        }
-    }
-    let view = unit(view);
     let mut out = [[0.0; LANES]; 3];
     for light in lights {
         match *light {
@@ -184,14 +179,14 @@ fn lit(
             ShadingLight::Directional { towards, colour: of_light } => {
                 let towards = towards.to_array();
                 for l in 0..LANES {
-                    add_lobes(&mut out, l, material, colour, normal, &view, towards, of_light, 1.0);
+                    add_lobes(&mut out, l, material, colour, normal, view, towards, of_light, 1.0);
                 }
             }
             ShadingLight::Point { position: of_light, colour: radiance } => {
                 for l in 0..LANES {
                     let at = [position[0][l], position[1][l], position[2][l]];
                     let (towards, falloff) = towards_point(of_light.to_array(), at);
-                    add_lobes(&mut out, l, material, colour, normal, &view, towards, radiance, falloff);
+                    add_lobes(&mut out, l, material, colour, normal, view, towards, radiance, falloff);
                 }
             }
         }
@@ -202,16 +197,9 @@ fn lit(
 /// Adds what surfels mirror. The width of the image in a curved surface is not known: it shows the direction of each
 /// surfel's centre.
 #[inline(always)]
-fn mirror(shown: &Shown<'_>, colour: &mut [Lanes; 3], normal: &[Lanes; 3], position: &[Lanes; 3]) {
+fn mirror(shown: &Shown<'_>, colour: &mut [Lanes; 3], normal: &[Lanes; 3], view: &[Lanes; 3]) {
     let reflection = shown.object.reflection;
     let Some(surroundings) = shown.surroundings.filter(|_| reflection > 0.0) else { return };
-    let mut view = *position;
-    for c in 0..3 {
-        for l in 0..LANES {
-            view[c][l] = -view[c][l];
-        }
-    }
-    let view = unit(view);
     for l in 0..LANES {
         let towards = mirrored([normal[0][l], normal[1][l], normal[2][l]], [view[0][l], view[1][l], view[2][l]]);
         let seen = surroundings.radiance(towards, shown.pixel * shown.pixel);

@@ -165,7 +165,8 @@ impl Buffers {
         surroundings: Option<&Surroundings>,
     ) -> Result<(), BackendError> {
         let Some(Surroundings { cube, .. }) = surroundings else { return Ok(()) };
-        if self.environment_of.as_ptr() != Arc::as_ptr(cube) || self.environment_of.strong_count() == 0 {
+        // The weak pointer keeps the address from being used again.
+        if self.environment_of.as_ptr() != Arc::as_ptr(cube) {
             let bytes: &[u8] = bytemuck::cast_slice(cube.texels());
             grow(device, &mut self.environment, "the environment", bytes.len() as u64)?;
             device.queue.write_buffer(&self.environment, 0, bytes);

@@ -68,9 +68,7 @@ fn resolve_body(
                 if open == 0 && layer == Layer::Front {
                     continue;
                 }
-                let rows = Rows::new(&buffers.sums[layer as usize], row, y, tile);
-                // Of the other layers neighbours have no sums where they are solid.
-                let rows = Rows { has_neighbours: layer == Layer::Band, ..rows };
+                let rows = Rows::new(&buffers.sums[layer as usize], row, y, tile).of_layer(layer == Layer::Band);
                 let sums = rows.own;
                 let plane = |channel: usize| lanes(&sums[channel * STRIDE + x..]);
                 let weights = plane(0);
