@@ -364,6 +364,10 @@ fn textures_are_filtered_as_by_the_sum_over_all_texels() {
         ([256, 256], turn, level, 0.17),
         ([16, 16], turn, level, 0.035),
         ([1, 9], turn, level, 0.17),
+        // Filters of half to a whole texture.
+        ([16, 16], turn, level, 0.25),
+        ([33, 100], turn, level, 0.25),
+        ([64, 1], DMat2::IDENTITY, level, 0.25),
     ] {
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
             let (mesh, linear) = textured(size, wrap, map, tilt, 3);
@@ -383,6 +387,22 @@ fn textures_are_filtered_as_by_the_sum_over_all_texels() {
         }
     }
     println!("greatest error {greatest:.5?}");
+}
+
+/// So far off, a place in the texture is lost to rounding. It is one of the texture all the same.
+#[test]
+fn far_off_places_of_a_texture_are_found() {
+    let mut random = Random(5);
+    for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+        for _ in 0..40 {
+            let far = f32::MAX * (2.0 * random.next() as f32 - 1.0);
+            let (mut mesh, _) = textured([61, 43], wrap, DMat2::IDENTITY, DVec2::ZERO, 9);
+            mesh.uv = vec![Vec2::new(far, 0.3); 4];
+            let s = sampled(&mesh, Spacing::Of(0.2), true).surfels;
+            let sound = |c: &Vec3| c.min_element() >= 0.0 && c.max_element() <= 1.0001;
+            assert!(s.colour.iter().chain(s.mipmap.iter().flatten()).all(sound), "{wrap:?} {far}");
+        }
+    }
 }
 
 #[test]

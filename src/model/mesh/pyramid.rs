@@ -1,11 +1,11 @@
 //! A texture under a Gaussian: the EWA filter in texture space (Heckbert 1989, chapter 3; Pfister et al. 2000, section
 //! 5.3), in linear light with premultiplied opacity.
 //!
-//! Small ellipses sum over texels. Large ones sum over means of 2^l x 2^l texels, so that the standard deviation across
-//! the ellipse is 2 to 4 of these cells. The variance that means have of their own is taken from that of the Gaussian.
-//! Means across a clamped edge are those of the texels at the edge, repeated without end. An ellipse more than 16 times
-//! as long as wide is widened. The error against the sum over all texels under the whole Gaussian is below 0.02 of the
-//! texture's contrast where no ellipse is widened (tests/scene/sampling.rs).
+//! Small ellipses sum over texels. Large ones sum over the cells of a coarser level, which is the texture under a
+//! quadratic B-spline three cells wide. Its variance, 1/4 of a cell's width squared, is taken from the Gaussian's.
+//! A level has a power of two of cells along each side of the texture, so that a texture that repeats does so in whole
+//! cells. An ellipse more than 16 times as long as wide is widened. The error against the sum over all texels under the
+//! whole Gaussian is below 0.02 of the texture's contrast where no ellipse is widened (tests/scene/sampling.rs).
 
 use glam::{DVec2, Vec4};
 use rayon::prelude::*;
@@ -13,48 +13,53 @@ use rayon::prelude::*;
 use super::{Texture, Wrap};
 use crate::math::{fast, srgb};
 
-/// Least standard deviation of a filter across its ellipse, in cells of the level that it sums over, for levels above
-/// 0.
-const FINE: f64 = 2.0;
+/// Least standard deviation of a filter across its ellipse, cells. Level 0 takes all that no other level may have.
+const FINE: f64 = 1.0;
 /// Standard deviations at which the Gaussian is cut. What is cut off weighs exp(-4.5) = 1.1 %.
 const REACH: f64 = 3.0;
 /// Greatest ratio of the standard deviations along and across an ellipse. A longer one is widened.
 const LONGEST: f64 = 16.0;
 /// Variance of the tent between texels, texels^2: a texture is what lies between its texels too.
 const TENT: f64 = 1.0 / 6.0;
+/// Variance of a quadratic B-spline, cells^2.
+const SPLINE: f64 = 0.25;
 /// Greatest variance of a filter, texels^2.
 const WIDEST: f64 = 1e15;
 /// Levels of a texture with a clamped edge, which does not end: enough for the widest filter.
-const LEVELS_CLAMPED: usize = 24;
+const LEVELS_CLAMPED: usize = 25;
+/// Cells beyond a clamped edge that a level holds. The splines of the outermost touch nothing but the edge's texel.
+const PAD: usize = 2;
 
-/// A texture, and its means over squares of 2, 4, 8... texels.
+/// A texture, and coarser levels of it.
 pub(super) struct Pyramid<'a> {
     texture: &'a Texture,
     /// The opacity of the texture means nothing.
     opaque: bool,
     /// Linear light of the 256 values of a byte.
     linear: [f32; 256],
-    /// Level 1 and up; the texture is a single cell of the last one.
-    levels: Vec<Level>,
+    /// Sides of all levels. Level 0 is the texture.
+    sides: Vec<[Side; 2]>,
+    /// The cells of level 1 and up.
+    cells: Vec<Vec<Vec4>>,
 }
 
-/// Means over the cells of a level. Along an axis with clamped edges, one more cell at each end stands for all that lie
-/// wholly beyond the edge.
-struct Level {
-    /// Cells that lie at least in part within the texture.
-    size: [usize; 2],
-    /// Cells at each end beyond the edge, 0 or 1.
-    pad: [usize; 2],
-    cells: Vec<Vec4>,
+/// One axis of a level.
+#[derive(Clone, Copy, Debug)]
+struct Side {
+    /// Cells along the texture. They may reach beyond a clamped edge.
+    count: usize,
+    /// Cells held at each end beyond them. All beyond those are like the outermost.
+    pad: usize,
+    /// Texels that a cell is wide.
+    width: f64,
+    wrap: Wrap,
 }
 
 /// The shape of a filter, ready to be moved over a texture.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Footprint {
     level: usize,
-    /// True along u or v where a cell of the level is as wide as the texture.
-    flat: [bool; 2],
-    /// Of the exponent 1/2 (A dx^2 + 2 B dx dy + C dy^2), in cells.
+    /// Of the exponent 1/2 (A dx^2 + 2 B dx dy + C dy^2), in cells. It is 0 along a side of one cell that repeats.
     conic: [f64; 3],
     /// Half the sides of the ellipse's box, cells.
     reach: DVec2,
@@ -63,19 +68,27 @@ pub(super) struct Footprint {
 impl<'a> Pyramid<'a> {
     pub(super) fn new(texture: &'a Texture, opaque: bool) -> Self {
         let linear = std::array::from_fn(|byte| srgb::to_linear(byte as f32 / 255.0));
-        let mut pyramid = Self { texture, opaque, linear, levels: Vec::new() };
-        let mut size = pyramid.size(0);
-        let pad = texture.wrap.map(|wrap| usize::from(wrap == Wrap::Clamp));
-        let least = if pad == [0, 0] { 0 } else { LEVELS_CLAMPED };
-        while size != [1, 1] || pyramid.levels.len() < least {
-            let below = pyramid.levels.len();
-            size = size.map(|n| n.div_ceil(2));
-            let [width, height] = [0, 1].map(|axis| size[axis] + 2 * pad[axis]);
-            let at = |i: usize| [(i % width) as i64 - pad[0] as i64, (i / width) as i64 - pad[1] as i64];
-            let cells = (0..width * height).into_par_iter().map(|i| pyramid.mean(below, at(i))).collect();
-            pyramid.levels.push(Level { size, pad, cells });
+        let side =
+            |axis: usize| Side { count: texture.size[axis] as usize, pad: 0, width: 1.0, wrap: texture.wrap[axis] };
+        let sides = vec![[0, 1].map(side)];
+        let mut pyramid = Self { texture, opaque, linear, sides, cells: Vec::new() };
+        let least = if texture.wrap.contains(&Wrap::Clamp) { LEVELS_CLAMPED } else { 0 };
+        loop {
+            let below = pyramid.sides.len() - 1;
+            if pyramid.sides[below].map(|side| side.count) == [1, 1] && below >= least {
+                return pyramid;
+            }
+            let sides = pyramid.sides[below].map(|side| side.above());
+            let taps = [0, 1].map(|axis| sides[axis].taps(&pyramid.sides[below][axis], below == 0));
+            let cell = |row: &[(i64, f32)], column: &[(i64, f32)]| -> Vec4 {
+                let of_row = |y| row.iter().map(|&(x, weight)| weight * pyramid.cell(below, x, y)).sum::<Vec4>();
+                column.iter().map(|&(y, weight)| weight * of_row(y)).sum()
+            };
+            let cells = taps[1].par_iter().flat_map_iter(|column| taps[0].iter().map(|row| cell(row, column)));
+            let cells = cells.collect();
+            pyramid.cells.push(cells);
+            pyramid.sides.push(sides);
         }
-        pyramid
     }
 
     /// Width and height, texels.
@@ -84,61 +97,25 @@ impl<'a> Pyramid<'a> {
         DVec2::new(width.into(), height.into())
     }
 
-    /// Mean of the 2 x 2 cells of `level` below a cell, by their areas.
-    fn mean(&self, level: usize, at: [i64; 2]) -> Vec4 {
-        let parts = [0, 1].map(|axis| {
-            let edges = self.edges(level, axis);
-            [0, 1].map(|side| {
-                let index = 2 * at[axis] + side;
-                let inside = index.clamp(edges[0], edges[1]);
-                let there = index == inside || self.texture.wrap[axis] == Wrap::Clamp;
-                (inside, if there { self.share(level, axis, inside) } else { 0.0 })
-            })
-        });
-        let (mut sum, mut weight) = (Vec4::ZERO, 0.0);
-        for (y, height) in parts[1] {
-            for (x, width) in parts[0] {
-                let area = (width * height) as f32;
-                sum += area * self.cell(level, x, y);
-                weight += area;
-            }
-        }
-        sum / weight
-    }
-
-    /// The first and the last cell along an axis. Beyond a clamped edge, all are like these.
-    fn edges(&self, level: usize, axis: usize) -> [i64; 2] {
-        let pad =
-            level.checked_sub(1).and_then(|above| self.levels.get(above)).map_or(0, |level| level.pad[axis] as i64);
-        [-pad, self.size(level)[axis] as i64 - 1 + pad]
-    }
-
-    fn size(&self, level: usize) -> [usize; 2] {
-        match level.checked_sub(1).and_then(|above| self.levels.get(above)) {
-            Some(level) => level.size,
-            None => self.texture.size.map(|n| n as usize),
-        }
-    }
-
-    /// The part of a cell along an axis that lies within the texture. A clamped one has no end.
-    fn share(&self, level: usize, axis: usize, index: i64) -> f64 {
-        if self.texture.wrap[axis] == Wrap::Clamp {
-            return 1.0;
-        }
-        let width = 1_u64 << level;
-        let left = u64::from(self.texture.size[axis]) - (index as u64 * width);
-        left.min(width) as f64 / width as f64
-    }
-
-    /// A cell within [`Self::edges`].
+    /// A cell that the level holds.
     #[inline]
     fn cell(&self, level: usize, x: i64, y: i64) -> Vec4 {
-        if let Some(above) = level.checked_sub(1) {
-            let Level { size, pad, cells } = &self.levels[above];
-            let [x, y] = [x + pad[0] as i64, y + pad[1] as i64];
-            return cells[y as usize * (size[0] + 2 * pad[0]) + x as usize];
+        let row = self.row(level, y);
+        let x = (x + self.sides[level][0].pad as i64) as usize;
+        match level.checked_sub(1) {
+            Some(above) => self.cells[above][row + x],
+            None => self.decoded(self.texture.texels[row + x]),
         }
-        let [r, g, b, a] = self.texture.texels[y as usize * self.texture.size[0] as usize + x as usize];
+    }
+
+    /// Where row `y` of a level begins.
+    fn row(&self, level: usize, y: i64) -> usize {
+        let [u, v] = &self.sides[level];
+        (y + v.pad as i64) as usize * (u.count + 2 * u.pad)
+    }
+
+    #[inline]
+    fn decoded(&self, [r, g, b, a]: [u8; 4]) -> Vec4 {
         let [r, g, b] = [r, g, b].map(|byte| self.linear[usize::from(byte)]);
         let colour = Vec4::new(r, g, b, 1.0);
         if self.opaque { colour } else { colour * (f32::from(a) / 255.0) }
@@ -146,7 +123,6 @@ impl<'a> Pyramid<'a> {
 
     /// The footprint of a Gaussian with the covariance [uu, uv, vv], texels^2.
     pub(super) fn footprint(&self, covariance: [f64; 3]) -> Footprint {
-        let top = self.levels.len();
         let [mut uu, mut uv, mut vv] = covariance;
         if uu + vv >= WIDEST || (uu + vv).is_nan() {
             [uu, uv, vv] = [0.5 * WIDEST, 0.0, 0.5 * WIDEST];
@@ -161,110 +137,113 @@ impl<'a> Pyramid<'a> {
             (uu, uv, vv) = (long + keep * (uu - long), keep * uv, long + keep * (vv - long));
         }
         let short = short.max(wide).sqrt();
-        let mut level = 0;
-        while level < top && short >= FINE * (2_u64 << level) as f64 {
-            level += 1;
-        }
-        let cell = (1_u64 << level) as f64;
-        let of_means = (cell * cell - 1.0) / 12.0;
-        let [uu, uv, vv] = [uu - of_means, uv, vv - of_means].map(|x| x / cell / cell);
-        let flat =
-            [0, 1].map(|axis| f64::from(self.texture.size[axis]) <= cell && self.texture.wrap[axis] != Wrap::Clamp);
-        let conic = match flat {
+        let fits = |level: &usize| {
+            let wide_enough = |axis: usize| short >= FINE * self.sides[*level][axis].width;
+            // A texture of one texel is the same under every filter.
+            [0, 1].iter().all(|axis| self.sides[0][*axis].is_flat() || wide_enough(*axis))
+        };
+        let level = (1..self.sides.len()).take_while(fits).count();
+        let [u, v] = &self.sides[level];
+        let spline = if level > 0 { SPLINE } else { 0.0 };
+        (uu, uv, vv) = (uu / u.width / u.width - spline, uv / u.width / v.width, vv / v.width / v.width - spline);
+        let conic = match [u.is_flat(), v.is_flat()] {
             [false, false] => {
                 let determinant = uu * vv - uv * uv;
                 [vv / determinant, -uv / determinant, uu / determinant]
             }
-            [true, _] => [0.0, 0.0, 1.0 / vv],
-            [_, true] => [1.0 / uu, 0.0, 0.0],
+            [true, true] => [0.0; 3],
+            [true, false] => [0.0, 0.0, 1.0 / vv],
+            [false, true] => [1.0 / uu, 0.0, 0.0],
         };
-        Footprint { level, flat, conic, reach: DVec2::new(uu.sqrt(), vv.sqrt()) * REACH }
+        Footprint { level, conic, reach: DVec2::new(uu.sqrt(), vv.sqrt()) * REACH }
     }
 
     /// The premultiplied colour of the texture under a footprint about `centre`, texels from the upper left corner.
     pub(super) fn filter(&self, footprint: &Footprint, centre: DVec2) -> Vec4 {
         let level = footprint.level;
-        if footprint.flat == [true, true] || !centre.is_finite() {
-            return self.cell(self.levels.len(), 0, 0);
+        let [u, v] = &self.sides[level];
+        if !centre.is_finite() {
+            return self.cell(self.sides.len() - 1, 0, 0);
         }
-        let width = (1_u64 << level) as f64;
-        let lines = [0, 1].map(|axis| self.line(footprint, axis));
-        let at = [0, 1].map(|axis| lines[axis].folded(centre[axis] / width, footprint.reach[axis]));
+        let reach = footprint.reach;
+        let at = [u.folded(centre.x / u.width, reach.x), v.folded(centre.y / v.width, reach.y)];
         let [a, b, c] = footprint.conic;
-        let determinant = (a * c - b * b).max(0.0);
+        // The row through dy spans REACH^2 = a dx^2 + 2 b dx dy + c dy^2: from its middle, -slope dy, to either side.
+        let slope = if a > 0.0 { b / a } else { 0.0 };
+        let [of_a, across] = if a > 0.0 { [1.0 / a, (c - b * slope).max(0.0)] } else { [0.0; 2] };
+        let shrink = exp(-a);
         let (mut sum, mut weights) = (Vec4::ZERO, 0.0);
-        let reach = footprint.reach.y;
-        lines[1].runs(at[1] - reach, at[1] + reach, |rows| {
+        v.runs(at[1] - reach.y, at[1] + reach.y, |rows| {
             for row in 0..rows.count {
-                let y = rows.index + row * rows.step;
-                let dy = if footprint.flat[1] { 0.0 } else { rows.at + row as f64 - at[1] };
-                let share = lines[1].share(y);
-                let (middle, half) = if a > 0.0 {
-                    (-b * dy / a, ((REACH * REACH - dy * dy * determinant / a) / a).max(0.0).sqrt())
-                } else {
-                    (0.0, 0.0)
-                };
-                lines[0].runs(at[0] + middle - half, at[0] + middle + half, |run| {
-                    let dx = if footprint.flat[0] { 0.0 } else { run.at - at[0] };
-                    let (of_run, weight) = self.run(footprint, &run, &lines[0], y, dx, dy);
-                    sum += share * of_run;
-                    weights += share * weight;
+                let y = self.row(level, rows.index + row * rows.step);
+                let dy = if v.is_flat() { 0.0 } else { rows.at + row as f64 - at[1] };
+                let half = ((REACH * REACH - across * dy * dy) * of_a).max(0.0).sqrt();
+                let middle = at[0] - slope * dy;
+                u.runs(middle - half, middle + half, |run| {
+                    // The weight exp(-q) is a product: that of the next cell is the last one times a ratio, which
+                    // shrinks by a constant factor.
+                    let dx = if u.is_flat() { 0.0 } else { run.at - at[0] };
+                    let weight = exp(-(0.5 * a * dx * dx + b * dx * dy + 0.5 * c * dy * dy));
+                    let ratio = exp(-(a * (dx + 0.5) + b * dy));
+                    let mut gauss = Gauss { sum: Vec4::ZERO, weights: 0.0, weight, ratio, shrink };
+                    self.add(&mut gauss, level, y, &run);
+                    sum += gauss.sum;
+                    weights += gauss.weights;
                 });
             }
         });
         // A slim ellipse may pass between all cells; a cell at its middle is its value then.
-        if weights > 0.0 { sum / weights } else { self.cell(level, lines[0].nearest(at[0]), lines[1].nearest(at[1])) }
+        if weights > 0.0 { sum / weights } else { self.cell(level, u.nearest(at[0]), v.nearest(at[1])) }
     }
 
-    /// Sum of the cells of a run in row `y`, weighted, and of their weights. The weight exp(-q) is a product: that of
-    /// the next cell is the last one times a ratio, which shrinks by a constant factor.
-    fn run(&self, footprint: &Footprint, run: &Run, line: &Line, y: i64, dx: f64, dy: f64) -> (Vec4, f32) {
-        let [a, b, c] = footprint.conic;
-        let mut weight = exp(-(0.5 * a * dx * dx + b * dx * dy + 0.5 * c * dy * dy));
-        let mut ratio = exp(-(a * (dx + 0.5) + b * dy));
-        let shrink = exp(-a);
-        let (mut sum, mut weights) = (Vec4::ZERO, 0.0);
-        let mut x = run.index;
-        for _ in 0..run.count {
-            let here = weight * line.share(x);
-            sum += here * self.cell(footprint.level, x, y);
-            weights += here;
-            weight *= ratio;
-            ratio *= shrink;
-            x += run.step;
+    /// Adds the cells of a run in the row that begins at `row`.
+    #[inline]
+    fn add(&self, gauss: &mut Gauss, level: usize, row: usize, run: &Run) {
+        let first = row + (run.index + self.sides[level][0].pad as i64) as usize;
+        let count = run.count as usize;
+        if let Some(above) = level.checked_sub(1) {
+            let cells = &self.cells[above];
+            match run.step {
+                1 => cells[first..first + count].iter().for_each(|cell| gauss.add(*cell)),
+                0 => (0..count).for_each(|_| gauss.add(cells[first])),
+                _ => cells[first + 1 - count..=first].iter().rev().for_each(|cell| gauss.add(*cell)),
+            }
+        } else {
+            let texels = &self.texture.texels;
+            match run.step {
+                1 => texels[first..first + count].iter().for_each(|texel| gauss.add(self.decoded(*texel))),
+                0 => (0..count).for_each(|_| gauss.add(self.decoded(texels[first]))),
+                _ => texels[first + 1 - count..=first].iter().rev().for_each(|t| gauss.add(self.decoded(*t))),
+            }
         }
-        (sum, weights)
     }
+}
 
-    fn line(&self, footprint: &Footprint, axis: usize) -> Line {
-        let cells = self.size(footprint.level)[axis] as i64;
-        Line {
-            cells,
-            period: f64::from(self.texture.size[axis]) / (1_u64 << footprint.level) as f64,
-            edges: self.edges(footprint.level, axis),
-            last: self.share(footprint.level, axis, cells - 1) as f32,
-            wrap: self.texture.wrap[axis],
-            flat: footprint.flat[axis],
-        }
+/// A sum over neighbours in a row under a Gaussian.
+struct Gauss {
+    sum: Vec4,
+    weights: f32,
+    /// Of the next cell.
+    weight: f32,
+    /// Of its weight to that of the one after it.
+    ratio: f32,
+    /// Of the next ratio to this one.
+    shrink: f32,
+}
+
+impl Gauss {
+    #[inline]
+    fn add(&mut self, cell: Vec4) {
+        self.sum += self.weight * cell;
+        self.weights += self.weight;
+        self.weight *= self.ratio;
+        self.ratio *= self.shrink;
     }
 }
 
 /// e^x by the polynomial of all renderers.
 fn exp(x: f64) -> f32 {
     fast::exp2((x * std::f64::consts::LOG2_E) as f32)
-}
-
-/// The cells of a level along one axis.
-struct Line {
-    cells: i64,
-    /// The first and the last cell there is.
-    edges: [i64; 2],
-    /// Width of the texture, cells.
-    period: f64,
-    /// The part of the last cell that lies within the texture.
-    last: f32,
-    wrap: Wrap,
-    flat: bool,
 }
 
 /// Cells at `at`, `at` + 1, ...
@@ -276,53 +255,102 @@ struct Run {
     count: i64,
 }
 
-impl Line {
-    fn share(&self, index: i64) -> f32 {
-        if index + 1 == self.cells { self.last } else { 1.0 }
+impl Side {
+    /// True where one cell repeats without end.
+    fn is_flat(&self) -> bool {
+        self.count == 1 && self.wrap != Wrap::Clamp
+    }
+
+    /// The side of the next coarser level: half as many cells, or the greatest power of two below the texels.
+    fn above(&self) -> Self {
+        let count = (self.count.next_power_of_two() / 2).max(1);
+        let grown = if self.count > 1 { self.count as f64 / count as f64 } else { 2.0 };
+        let width = if self.is_flat() { self.width } else { self.width * grown };
+        Self { count, pad: if self.wrap == Wrap::Clamp { PAD } else { 0 }, width, wrap: self.wrap }
+    }
+
+    /// For each cell held, those of the side below that its spline weighs, and the weights.
+    ///
+    /// Texels are weighed by the spline at their centres. Cells are splines, of which four with the weights 1, 3, 3 and
+    /// 1 make one of twice their width.
+    fn taps(&self, below: &Self, texels: bool) -> Vec<Vec<(i64, f32)>> {
+        let ratio = self.width / below.width;
+        let pad = self.pad as i64;
+        (-pad..self.count as i64 + pad)
+            .map(|index| {
+                let centre = (index as f64 + 0.5) * ratio;
+                let (low, high) = ((centre - 1.5 * ratio - 0.5).ceil(), (centre + 1.5 * ratio - 0.5).floor());
+                let weigh = |i: i64| {
+                    let x = (i as f64 + 0.5 - centre).abs() / ratio;
+                    match (texels, x < 0.5) {
+                        (true, true) => 0.75 - x * x,
+                        (true, false) => 0.5 * (1.5 - x) * (1.5 - x),
+                        (false, true) => 3.0,
+                        (false, false) => f64::from(u8::from(x < 1.0)),
+                    }
+                };
+                let taps: Vec<(i64, f64)> = (low as i64..=high as i64).map(|i| (below.wrapped(i), weigh(i))).collect();
+                let sum: f64 = taps.iter().map(|tap| tap.1).sum();
+                taps.into_iter().map(|(i, weight)| (i, (weight / sum) as f32)).collect()
+            })
+            .collect()
+    }
+
+    /// The cell held that is like this one.
+    fn wrapped(&self, index: i64) -> i64 {
+        let (count, pad) = (self.count as i64, self.pad as i64);
+        match self.wrap {
+            Wrap::Repeat => index.rem_euclid(count),
+            Wrap::Mirror => index.rem_euclid(2 * count).min(2 * count - 1 - index.rem_euclid(2 * count)),
+            Wrap::Clamp => index.clamp(-pad, count - 1 + pad),
+        }
     }
 
     fn nearest(&self, at: f64) -> i64 {
-        (at.floor() as i64).clamp(self.edges[0], self.edges[1])
+        self.wrapped(at.floor() as i64)
     }
 
     /// A place near the origin at which the line looks the same.
     fn folded(&self, at: f64, reach: f64) -> f64 {
+        let period = self.count as f64;
         match self.wrap {
-            Wrap::Repeat => at - (at / self.period).floor() * self.period,
-            Wrap::Mirror => at - (0.5 * at / self.period).floor() * (2.0 * self.period),
-            // Beyond this all cells are like that of the edge.
-            Wrap::Clamp => at.clamp(-2.0 * reach - 1.0, self.period + 2.0 * reach + 1.0),
+            Wrap::Repeat => at.rem_euclid(period),
+            Wrap::Mirror => at.rem_euclid(2.0 * period),
+            // Beyond this all cells are like those at the end.
+            Wrap::Clamp => {
+                let beyond = 2.0 * reach + (PAD + 1) as f64;
+                at.clamp(-beyond, period + beyond)
+            }
         }
     }
 
     /// The cells whose middles lie from `low` to `high`.
+    #[inline]
     fn runs(&self, low: f64, high: f64, mut each: impl FnMut(Run)) {
-        if self.flat {
+        if self.is_flat() {
             return each(Run { at: 0.0, index: 0, step: 1, count: 1 });
         }
-        // Middles are at offset + i + 1/2 for i in the range.
-        let mut part = |offset: f64, from: i64, to: i64, index: &dyn Fn(i64) -> i64, step: i64| {
-            let first = ((low - offset - 0.5).ceil() as i64).max(from);
-            let last = ((high - offset - 0.5).floor() as i64).min(to);
-            if first <= last {
-                each(Run { at: offset + first as f64 + 0.5, index: index(first), step, count: last - first + 1 });
+        // Indices without wrapping.
+        let (first, last) = ((low - 0.5).ceil() as i64, (high - 0.5).floor() as i64);
+        let (count, pad) = (self.count as i64, self.pad as i64);
+        let mut part = |from: i64, to: i64, index: i64, step: i64| {
+            let (from, to) = (from.max(first), to.min(last));
+            if from <= to {
+                each(Run { at: from as f64 + 0.5, index: index + step * from, step, count: to - from + 1 });
             }
         };
-        let end = self.cells - 1;
         if self.wrap == Wrap::Clamp {
-            part(0.0, i64::MIN, -1, &|_| self.edges[0], 0);
-            part(0.0, 0, end, &|i| i, 1);
-            part(0.0, self.cells, i64::MAX, &|_| self.edges[1], 0);
+            part(i64::MIN, -pad - 1, -pad, 0);
+            part(-pad, count - 1 + pad, 0, 1);
+            part(count + pad, i64::MAX, count - 1 + pad, 0);
             return;
         }
-        // The last cell may reach into the next image.
-        let (first, last) = (((low - 1.0) / self.period).floor() as i64, (high / self.period).floor() as i64);
-        for image in first..=last {
-            let offset = image as f64 * self.period;
+        for image in first.div_euclid(count)..=last.div_euclid(count) {
+            let start = image * count;
             if self.wrap == Wrap::Mirror && image % 2 != 0 {
-                part(offset + self.period - self.cells as f64, 0, end, &|i| end - i, -1);
+                part(start, start + count - 1, start + count - 1, -1);
             } else {
-                part(offset, 0, end, &|i| i, 1);
+                part(start, start + count - 1, -start, 1);
             }
         }
     }
