@@ -531,6 +531,8 @@ fn faces_of_obj_files() {
         ("v 0 0\nf 1 1 1\n", "line 1: found 2 numbers"),
         ("v 0 nan 0\nf 1 1 1\n", "line 1: found the position"),
         ("v 0 1e99 0\nf 1 1 1\n", "line 1: found the position"),
+        ("vt nan 0\nv 0 0 0\nf 1/1 1 1\n", "line 1: found the texture coordinates"),
+        ("vt 0 1e39\nv 0 0 0\nf 1/1 1 1\n", "line 1: found the texture coordinates"),
         ("v 0 0 0\nvt x\nf 1 1 1\n", "line 2: found `x`"),
     ] {
         let error = obj(text).unwrap_err();

@@ -73,12 +73,20 @@ impl Reader<'_> {
     fn statement(&mut self, key: &[u8], rest: &[&[u8]], line: u64) -> Result<(), ParseError> {
         match key {
             b"v" => return self.vertex_line(rest, line),
-            b"vt" => match *numbers(rest, line)?.as_slice() {
+            b"vt" => {
+                let (u, v) = match *numbers(rest, line)?.as_slice() {
+                    [u, v, ..] => (u, v),
+                    [u] => (u, 0.0),
+                    ref other => return Err(bad(line, other, "`vt u [v [w]]`")),
+                };
                 // The image's lower left corner is (0, 0) here, and its upper left corner in a mesh.
-                [u, v, ..] if u.is_finite() && v.is_finite() => self.uv.push(Vec2::new(u as f32, 1.0 - v as f32)),
-                [u] if u.is_finite() => self.uv.push(Vec2::new(u as f32, 1.0)),
-                ref other => return Err(bad(line, other, "`vt u [v [w]]`")),
-            },
+                let at = Vec2::new(u as f32, 1.0 - v as f32);
+                if !at.is_finite() {
+                    let found = format!("the texture coordinates {u} {v}");
+                    return Err(ParseError::line(line, found, "numbers from -3e38 to 3e38"));
+                }
+                self.uv.push(at);
+            }
             b"vn" => match *numbers(rest, line)?.as_slice() {
                 [x, y, z] => {
                     self.normal.push(DVec3::new(x, y, z).try_normalize().unwrap_or(DVec3::ZERO).as_vec3());
