@@ -85,7 +85,7 @@ pub fn load_model(path: &Path, progress: Progress<'_>) -> Result<Loaded, ModelEr
     let mut scene = Scene::new([object]);
     if let Some(source) = mesh {
         notes.clear();
-        resolve::refine(&mut scene, &resolve::CoarseMesh { path: path.to_owned(), source, model }, &mut notes);
+        resolve::refine(&mut scene, &resolve::CoarseMesh { path: path.to_owned(), source, model }, 1, &mut notes);
     }
     scene.name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     Ok(Loaded { scene, notes })

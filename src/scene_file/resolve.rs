@@ -34,6 +34,7 @@ pub(super) fn resolve(
         models: HashMap::new(),
         variants: HashMap::new(),
         meshes: Vec::new(),
+        sampled: 0,
         animations: HashMap::new(),
         rate: None,
     };
@@ -65,8 +66,9 @@ pub(super) fn resolve(
     scene.camera = camera(source, &scene, document.camera.as_ref(), camera_binding)?;
     scene.camera.motions = document.camera.map_or_else(Vec::new, |c| c.motions);
     let mut notes = files.notes;
+    let meshes = files.meshes.len();
     for mesh in files.meshes {
-        refine(&mut scene, &mesh, &mut notes);
+        refine(&mut scene, &mesh, meshes, &mut notes);
     }
     show_insides(&mut scene, &sides_given, &mut notes);
     if scene.camera.automatic {
@@ -87,14 +89,16 @@ pub(super) struct CoarseMesh {
     pub(super) model: Model,
 }
 
-/// Samples a mesh again, as finely as the objects that show it need.
-pub(super) fn refine(scene: &mut Scene, coarse: &CoarseMesh, notes: &mut Vec<String>) {
+/// Samples one of `meshes` meshes again, as finely as the objects that show it need. Many meshes share what a scene may
+/// hold.
+pub(super) fn refine(scene: &mut Scene, coarse: &CoarseMesh, meshes: usize, notes: &mut Vec<String>) {
     let shows = |object: &Object| Arc::ptr_eq(object.model.surfels(), coarse.model.surfels());
     let wanted = scene.objects.iter().filter(|object| shows(object));
     let wanted = wanted.filter_map(|object| scene::wanted_spacing(scene, object)).reduce(f64::min);
     // An object that is never seen stays coarse.
     let wanted = wanted.unwrap_or_else(|| coarse.source.spacing());
-    let Some(loaded) = coarse.source.resampled(wanted, scene::SURFELS) else { return };
+    let surfels = scene::SURFELS.map(|count| count.min(SHARED_SURFELS / meshes as f64));
+    let Some(loaded) = coarse.source.resampled(wanted, surfels) else { return };
     notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", coarse.path.display())));
     let model = Model::from(loaded);
     scene.objects.iter_mut().filter(|object| shows(object)).for_each(|object| object.model = model.clone());
@@ -156,6 +160,12 @@ fn camera(
 /// memory.
 const MOST_VARIANTS: usize = 32;
 
+/// Surfels that all meshes of a scene share where their spacing follows from the scene.
+const SHARED_SURFELS: f64 = (1_u64 << 25) as f64;
+
+/// Most surfels of all meshes of one scene, as for one mesh.
+const MOST_SAMPLED: u64 = 1 << 26;
+
 /// What two objects share if they name it alike: the file, and the options as text, which tells all numbers apart.
 type ModelKey = (PathBuf, String);
 
@@ -171,6 +181,8 @@ struct Files<'a> {
     /// How often each file, or a node of it, was read as a model.
     variants: HashMap<(PathBuf, Option<String>), usize>,
     meshes: Vec<CoarseMesh>,
+    /// Surfels of all meshes so far.
+    sampled: u64,
     animations: HashMap<PathBuf, Arc<anim::Loaded>>,
     /// Where the first animation is named, and its file's rate.
     rate: Option<(usize, f64)>,
@@ -294,6 +306,17 @@ impl Files<'_> {
         let options = if is_auto { coarse(options.clone()) } else { options.clone() };
         let loaded = model::load(path, &options, progress)
             .map_err(|e| SceneError::Model { at: self.source.locate(file.at), source: Box::new(e) })?;
+        if loaded.mesh.is_some() {
+            self.sampled += loaded.surfels.len() as u64;
+        }
+        if self.sampled > MOST_SAMPLED {
+            return Err(SceneError::BadValue {
+                at: self.source.locate(file.at),
+                what: "<pointModel>".to_owned(),
+                found: format!("the mesh with which the scene's meshes have {} surfels", self.sampled),
+                expected: format!("at most {MOST_SAMPLED} in all, by wider `spacing` or fewer meshes"),
+            });
+        }
         let mesh = loaded.mesh.clone().filter(|_| is_auto);
         if mesh.is_none() {
             self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
