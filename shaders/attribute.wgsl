@@ -2,7 +2,7 @@
 // Twin: src/backend/cpu/attribute.rs.  Math: docs/math.md, eq. 6 and 10.
 //
 // `splat_values`, one invocation per surfel of a segment:
-//   in   segment, geometry, looks, lights, environment
+//   in   segment, travels, geometry, looks, lights, environment
 //   out  values    for each slot: colour, then normal, velocity, material, reflection and opacity where wanted
 // `sum_attributes`, one workgroup per tile, one invocation per quad of pixels; sums are in registers, in list order:
 //   in   splats, list, starts, wide, thresholds, values; segments: sample of a splat, its weight and share
@@ -24,6 +24,7 @@
 @group(1) @binding(17) var<storage, read> thresholds: array<vec4<f32>>;
 @group(1) @binding(18) var<storage, read_write> written_values: array<f32>;
 @group(1) @binding(19) var<storage, read> values: array<f32>;
+@group(1) @binding(23) var<storage, read> travels: array<Travel>;
 @group(1) @binding(20) var<storage, read_write> sums: array<vec4<f32>>;
 
 // First channel of each quantity; 0 if it is not wanted. They are those of `Channels` in src/layout.rs.
@@ -74,7 +75,7 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
         let m = 2u * column + 4u * surfel;
         material = vec4<f32>(looks[m], looks[m + 1u], looks[m + 2u], looks[m + 3u]);
     }
-    let position = vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]);
+    let position = placed(at);
     if GOURAUD {
         let world = apply(segment.world, position);
         let eye = unit(-world);
@@ -98,7 +99,8 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
     if VELOCITY != 0u {
         // The derivative of (x, y) = (X, Y) / depth, in pixels of the image. It is 0 where the centre has no image.
         let p = apply(segment.screen, position);
-        let rate = apply(segment.rate, position);
+        let own = apply_linear(segment.screen, own_velocity(at) * travels[segment.index].pace);
+        let rate = apply(segment.rate, position) + own;
         var velocity = vec2<f32>(0.0);
         if p.z >= view.near {
             let over = 1.0 / p.z;
@@ -154,7 +156,7 @@ fn of_texture(finest: vec3<f32>, levels: u32, variance: f32) -> vec3<f32> {
 // The variance of the filter of a surfel's texture, in those of level 0. `at`: where the surfel's position is.
 // Twin: texture_variance of src/backend/cpu/values.rs.
 fn texture_variance(at: u32, column: u32) -> f32 {
-    let c = apply(segment.screen, vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]));
+    let c = apply(segment.screen, placed(at));
     let at_u = at + column;
     let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
     let at_v = at_u + column;

@@ -134,8 +134,8 @@ pub use glam;
 // What is rendered.
 pub use environment::{Environment, LatLong};
 pub use math::Trs as Transform;
-pub use model::{Cloud, Material, Surfels};
-pub use scene::{Camera, FrameRange, ImageSettings, Light, Model, Motion, Object, Scene};
+pub use model::{Cloud, Material, Surfels, VelocityUnit};
+pub use scene::{Camera, FrameRange, ImageSettings, Light, Model, Motion, Object, PointMotion, Scene};
 pub use time::{FrameNumber, Shutter, Weight};
 
 // How, and on what.

@@ -36,9 +36,10 @@ fn moving(id: u32) -> Moving {
     out.kind = CULLED;
     let at = 3u * (segment.first_surfel + id);
     let column = 3u * segment.buffer_surfels;
-    let position = vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]);
+    let position = placed(at);
     let centre = apply(travels[segment.index].centre, position);
-    let motion = apply(travels[segment.index].motion, position);
+    let advance = rates(at, travels[segment.index].advance);
+    let motion = apply(travels[segment.index].motion, position) + apply_linear(travels[segment.index].centre, advance);
     let at_u = at + column;
     let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
     let at_v = at_u + column;

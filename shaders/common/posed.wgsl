@@ -27,7 +27,7 @@ fn posed(index: u32, margin: f32) -> Posed {
     var out: Posed;
     let at = 3u * (segment.first_surfel + index);
     let column = 3u * segment.buffer_surfels;
-    let c = apply(travels[segment.index].centre, vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]));
+    let c = apply(travels[segment.index].centre, placed(at));
     let at_u = at + column;
     let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
     let at_v = at_u + column;

@@ -120,6 +120,13 @@ struct Segment {
 struct Travel {
     centre: array<vec4<f32>, 3>,
     motion: array<vec4<f32>, 3>,
+    // Factors on the columns of the surfels' paths: what the centres travelled by themselves, and what they move.
+    elapsed: vec4<f32>,
+    advance: vec4<f32>,
+    // Units of time of the paths in a shutter.
+    pace: f32,
+    // Columns of floats in `geometry` before the normalisation: 9, and 3 for each column of the paths.
+    columns: u32,
 }
 
 // `vector` points towards a directional light, or is a point light's position relative to the eye. Its w tells the

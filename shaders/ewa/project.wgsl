@@ -22,8 +22,9 @@ fn ewa_project(@builtin(global_invocation_id) id: vec3<u32>) {
     let rows = vec2<i32>(bounds.zw);
     if rows.x > band.y || rows.y < band.x { return; }
     let listed = vec4<u32>(bounds.xy, vec2<u32>(clamp(rows, band.xx, band.yy)));
-    let factor = geometry[9u * segment.buffer_surfels + segment.first_surfel + id.x];
-    let mean = geometry[10u * segment.buffer_surfels];
+    let columns = travels[segment.index].columns;
+    let factor = geometry[columns * segment.buffer_surfels + segment.first_surfel + id.x];
+    let mean = geometry[(columns + 1u) * segment.buffer_surfels];
     var splat: EwaSplat;
     splat.disc = surfel.splat;
     splat.disc.bounds = pack(bounds);

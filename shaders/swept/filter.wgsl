@@ -19,8 +19,9 @@ fn filtered_sweep(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = segment.first_slot + id.x;
     touched[slot] = 0u;
     var kernel = moving(id.x);
-    let factor = geometry[9u * segment.buffer_surfels + segment.first_surfel + id.x];
-    let mean = geometry[10u * segment.buffer_surfels];
+    let columns = travels[segment.index].columns;
+    let factor = geometry[columns * segment.buffer_surfels + segment.first_surfel + id.x];
+    let mean = geometry[(columns + 1u) * segment.buffer_surfels];
     if kernel.kind == CROSSING {
         kernel.splat.filtered.peak = 1.0;
         kernel.splat.filtered.weight = mean;

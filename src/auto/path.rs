@@ -1,9 +1,10 @@
 //! Path lengths of surfels and Gaussians on the screen.
 
-use glam::{DMat4, DVec2, DVec3};
+use glam::{DMat4, DVec2, Vec3};
 use rayon::prelude::*;
 
 use crate::math::focal_length;
+use crate::model::paths::{Elapsed, elapsed};
 use crate::scene::pose::{camera_from_world, object_pose};
 use crate::scene::{Object, Scene};
 use crate::time::FrameNumber;
@@ -31,22 +32,27 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber, most: usize) -
     }
     let [width, height] = [scene.image.width, scene.image.height].map(f64::from);
     let focal = focal_length(height, scene.camera.fovy);
+    let paths = object.model.paths();
     let poses = (0..=INTERVALS).map(|i| {
         let time = scene.shutter.frame_time(number.get(), f64::from(i) / f64::from(INTERVALS));
         let pose = object_pose(scene, object, time);
-        pose.visible.then(|| camera_from_world(scene, time) * pose.world_from_model)
+        let travelled = if paths.is_empty() { 0.0 } else { object.travelled(scene.frames.rate, number.get(), time) };
+        let elapsed = elapsed(travelled).map(|factor| factor as f32);
+        pose.visible.then(|| (camera_from_world(scene, time) * pose.world_from_model, elapsed))
     });
-    let poses: Vec<Option<DMat4>> = poses.collect();
+    let poses: Vec<Option<(DMat4, Elapsed<f32>)>> = poses.collect();
     if poses.iter().all(|pose| *pose == poses[0]) {
         return 0.0;
     }
     let step = object.model.elements().div_ceil(most).max(1);
     let on_image = |p: DVec2| p.x.abs() <= 0.5 * width && p.y.abs() <= 0.5 * height;
-    let length_of = |position: DVec3| {
+    let length_of = |index: usize, position: Vec3| {
         let mut length = 0.0;
         let mut last: Option<DVec2> = None;
         for pose in &poses {
-            let p = pose.map(|pose| pose.transform_point3(position));
+            let p = pose.map(|(pose, elapsed)| {
+                pose.transform_point3(paths.place(position, index, elapsed).as_dvec3() + object.model.origin)
+            });
             let here = p.filter(|p| -p.z >= scene.camera.near).map(|p| p.truncate() * (focal / -p.z));
             if let (Some(from), Some(to)) = (last, here)
                 && (on_image(from) || on_image(to))
@@ -58,6 +64,6 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber, most: usize) -
         length
     };
     let positions = object.model.gaussians().map_or(&object.model.position, |gaussians| &gaussians.position);
-    let positions = positions.iter().step_by(step);
-    positions.map(|p| length_of(p.as_dvec3() + object.model.origin)).fold(0.0, f64::max)
+    let positions = positions.iter().enumerate().step_by(step);
+    positions.map(|(index, &position)| length_of(index, position)).fold(0.0, f64::max)
 }

@@ -15,6 +15,7 @@ use std::sync::Arc;
 use crate::environment::{Environment, Surroundings};
 use crate::film::{Aov, Backdrop, Background, Blending, FilmPlanes};
 use crate::math::focal_length;
+use crate::model::paths::{OwnPaths, Paths};
 use crate::model::{Gaussians, Material, Optics, Surfels};
 use crate::options::{BlurMode, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel};
 use crate::plan::{Exposure, PosedInterval, Scenery, Step, TimeSample};
@@ -107,6 +108,8 @@ pub struct PosedGroup {
 pub struct FrameObject {
     /// The surfels. They are shared, so that a backend can recognise a model that it has already uploaded.
     pub surfels: Arc<Surfels>,
+    /// Paths of the surfels that are not their own.
+    pub own_paths: Option<Arc<OwnPaths>>,
     /// The Gaussians of a capture; such an object has no surfels.
     pub gaussians: Option<Arc<Gaussians>>,
     /// How they are drawn, as the scene says.
@@ -129,6 +132,11 @@ impl FrameObject {
     /// Is it a volume?
     pub fn is_volume(&self) -> bool {
         self.gaussians.as_ref().is_some_and(|gaussians| gaussians.optics != Optics::Alpha)
+    }
+
+    /// How its surfels move by themselves.
+    pub fn paths(&self) -> Paths<'_> {
+        self.own_paths.as_ref().map_or_else(|| self.surfels.paths(), |own| own.paths())
     }
 
     /// Number of surfels or Gaussians.
@@ -424,7 +432,8 @@ fn model_bytes(scene: &Scene) -> u64 {
     let pixels = u64::from(scene.image.width) * u64::from(scene.image.height);
     let behind = scene.panorama().map_or(0, |_| pixels * size_of::<[f32; 3]>() as u64);
     let captures = captures.iter().map(|capture| capture.bytes()).sum::<u64>();
-    models.iter().map(|model| model.bytes()).sum::<u64>() + captures + surroundings + behind
+    let paths: u64 = scene.objects.iter().filter_map(|object| object.model.own_paths()).map(|own| own.bytes()).sum();
+    models.iter().map(|model| model.bytes()).sum::<u64>() + paths + captures + surroundings + behind
 }
 
 /// The numbers in which the image is composited: coded values as soon as one capture has them. Flat colours are linear,
@@ -450,6 +459,7 @@ fn frame_object(object: &Object, options: &RenderOptions, is_static: bool) -> Fr
     let two_sided = options.two_sided || object.two_sided;
     FrameObject {
         surfels: Arc::clone(object.model.surfels()),
+        own_paths: object.model.own_paths().cloned(),
         gaussians: object.model.gaussians().cloned(),
         capture: object.capture,
         see_through: object.is_see_through(),

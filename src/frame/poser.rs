@@ -4,6 +4,7 @@ use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
 
 use crate::film::Aov;
 use crate::model::Optics;
+use crate::model::paths::{Elapsed, elapsed};
 use crate::options::RenderOptions;
 use crate::plan::{Interval, PosedInterval};
 use crate::scene::pose::{ObjectPose, camera_from_world, object_pose, object_velocity};
@@ -47,6 +48,13 @@ pub struct PosedObject {
     pub motion_from_model: Mat3,
     /// Motion of the model's origin, likewise.
     pub motion_origin: Vec3,
+    /// Factors on the columns of the surfels' paths: what the centres travelled by themselves; over an interval, the mean
+    /// by Simpson's rule. 0 where they do not move by themselves.
+    pub elapsed: Elapsed<f32>,
+    /// The same for what the centres move by themselves in half an interval, times the kernels' stretch; else 0.
+    pub advance: Elapsed<f32>,
+    /// Units of time of the paths in a shutter; 0 unless the velocity AOV is wanted.
+    pub pace: f32,
     /// True where the pose of the centres differs from that of the axes.
     pub moves: bool,
     /// The eye in model space, relative to the model's origin.
@@ -112,10 +120,17 @@ impl Poser<'_> {
         let drifts = posed
             .filter(|(object, posed)| posed.visible && posed.moves && !object.bounds().is_empty())
             .flat_map(|(object, posed)| {
-                object.bounds().corners().map(|corner| {
-                    let p = (corner - object.model.origin).as_vec3();
+                let own = move |corner: DVec3| ((corner - object.model.origin).as_vec3(), Vec3::ZERO);
+                let of_corners = object.bounds().corners().map(own);
+                let paths = object.model.paths();
+                let of_points = object.model.position.iter().enumerate().map(move |(i, &position)| {
+                    let advance = posed.centre_from_model * paths.sum(i, posed.advance);
+                    (paths.place(position, i, posed.elapsed), advance)
+                });
+                let (corners, points) = if paths.is_empty() { (8, 0) } else { (0, usize::MAX) };
+                of_corners.into_iter().take(corners).chain(of_points.take(points)).map(|(p, advance)| {
                     let centre = (posed.centre_from_model * p + posed.centre_origin).as_dvec3();
-                    let motion = (posed.motion_from_model * p + posed.motion_origin).as_dvec3();
+                    let motion = (posed.motion_from_model * p + posed.motion_origin + advance).as_dvec3();
                     let (from, to) = (centre - motion, centre + motion);
                     if from.z.min(to.z) < near {
                         return most;
@@ -149,13 +164,27 @@ impl Poser<'_> {
                     self.screen(&((to - from) * (0.5 * interval.stretch))),
                 )
             });
+        let after = |time: f64| match object.model.paths().is_empty() {
+            true => [0.0; 3],
+            false => elapsed(object.travelled(self.scene.frames.rate, self.number, time)),
+        };
+        let mut travelled = after(time);
+        let mut advance = [0.0; 3];
+        if let Some(interval) = interval.filter(|_| object.blur) {
+            let [from, to] = interval.ends.map(after);
+            for i in 0..3 {
+                travelled[i] = (from[i] + 4.0 * travelled[i] + to[i]) / 6.0;
+                advance[i] = (to[i] - from[i]) * (0.5 * interval.stretch);
+            }
+        }
         let linear = DMat3::from_mat4(world_from_model);
         let det = linear.determinant();
-        let (rate, origin_rate) = if self.options.aovs.contains(&Aov::Velocity) && object.blur {
+        let ((rate, origin_rate), pace) = if self.options.aovs.contains(&Aov::Velocity) && object.blur {
             let velocity = object_velocity(self.scene, object, time) * to_origin;
-            self.screen(&velocity)
+            let span = self.scene.shutter.close - self.scene.shutter.open;
+            (self.screen(&velocity), span * object.time_units(self.scene.frames.rate))
         } else {
-            (DMat3::ZERO, DVec3::ZERO)
+            ((DMat3::ZERO, DVec3::ZERO), 0.0)
         };
         // Rotation of the camera that posed the object: normals and positions stay in world axes.
         let world_from_camera = DMat3::from_mat4(camera).transpose();
@@ -174,7 +203,10 @@ impl Poser<'_> {
             centre_origin: centre.1.as_vec3(),
             motion_from_model: motion.0.as_mat3(),
             motion_origin: motion.1.as_vec3(),
-            moves: motion != (DMat3::ZERO, DVec3::ZERO),
+            elapsed: travelled.map(|factor| factor as f32),
+            advance: advance.map(|factor| factor as f32),
+            pace: pace as f32,
+            moves: motion != (DMat3::ZERO, DVec3::ZERO) || advance != [0.0; 3],
             eye: -(screen.0.inverse() * screen.1).as_vec3(),
             screen_rate: rate.as_mat3(),
             screen_origin_rate: origin_rate.as_vec3(),

@@ -25,7 +25,8 @@ pub(super) fn find_static(
         .map(|object| {
             let poses: Vec<&PosedObject> = samples(rasters).map(|sample| &sample.objects[object]).collect();
             let Some(first) = poses.first() else { return true };
-            if poses.iter().any(|pose| pose.moves || pose.visible != first.visible) {
+            let differs = |pose: &PosedObject| pose.visible != first.visible || pose.elapsed != first.elapsed;
+            if poses.iter().any(|pose| pose.moves || differs(pose)) {
                 return false;
             }
             if !first.visible || poses.iter().all(|pose| pose == first) {

@@ -12,7 +12,7 @@ use super::error::{ModelError, ParseError, quote};
 use super::format::BIN_MAGIC;
 use super::normalisation::LARGEST;
 use super::store;
-use super::surfels::{MIPMAP_LEVELS, Material, Normalisation, Surfels};
+use super::surfels::{MIPMAP_LEVELS, Material, Normalisation, Surfels, VelocityUnit};
 use super::tidy::{MAX_COORDINATE, usable};
 
 /// The version that is written. The first one is read too.
@@ -24,28 +24,32 @@ const COLUMNS_AT: usize = 52;
 /// Bytes of a column's entry in the directory: name, type, components, offset, length.
 const ENTRY: usize = 48;
 const NAME: usize = 24;
-/// The type of 32-bit floats, the only one so far.
+/// The types of 32-bit floats, and of 64-bit whole numbers with a sign.
 const F32: u32 = 1;
+const I64: u32 = 2;
 // The first version has bits for columns, where the second one has a directory.
 const HAS_MATERIAL: u32 = 1;
 const HAS_VELOCITY: u32 = 2;
 const TWO_SIDED: u32 = 4;
 const SIGNS_ESTIMATED: u32 = 8;
+/// Of version 2: velocities are per second and not per frame.
+const PER_SECOND: u32 = 16;
 
 /// A column that this version knows.
 struct Known {
     name: &'static str,
-    /// Floats of a row.
+    kind: u32,
+    /// Numbers of a row.
     components: usize,
     required: bool,
 }
 
 const fn known(name: &'static str, components: usize, required: bool) -> Known {
-    Known { name, components, required }
+    Known { name, kind: F32, components, required }
 }
 
 /// The columns in the order in which they are written. The first version has the first seven.
-const COLUMNS: [Known; 10] = [
+const COLUMNS: [Known; 12] = [
     known("position", 3, true),
     known("axis_u", 3, true),
     known("axis_v", 3, true),
@@ -56,6 +60,8 @@ const COLUMNS: [Known; 10] = [
     known("normalisation", 1, false),
     known("opacity", 1, false),
     known("mipmap", 3 * MIPMAP_LEVELS, false),
+    known("acceleration", 3, false),
+    Known { name: "id", kind: I64, components: 1, required: false },
 ];
 
 /// Where each column of [`COLUMNS`] lies in the file.
@@ -83,7 +89,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
             "bits 0 (material), 1 (velocity), 2 (two-sided) and 3 (signs estimated) only",
         )
     } else {
-        (TWO_SIDED | SIGNS_ESTIMATED, "bits 2 (two-sided) and 3 (signs estimated) only")
+        let known = "bits 2 (two-sided), 3 (signs estimated) and 4 (velocities per second) only";
+        (TWO_SIDED | SIGNS_ESTIMATED | PER_SECOND, known)
     };
     if mask & !bits != 0 {
         return Err(ParseError::byte(12, format!("column mask {mask:#x}"), known));
@@ -102,10 +109,23 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
         let expected = format!("{computed:08x}: the file is damaged");
         return Err(ParseError::byte(CRC_AT, format!("checksum {found:08x}"), expected));
     }
-    let [position, axis_u, axis_v, normal, colour, material, velocity, normalisation, opacity, mipmap] =
-        places.each_ref().map(|place| place.as_ref().and_then(|place| bytes.get(place.clone())).unwrap_or_default());
+    let [
+        position,
+        axis_u,
+        axis_v,
+        normal,
+        colour,
+        material,
+        velocity,
+        normalisation,
+        opacity,
+        mipmap,
+        acceleration,
+        id,
+    ] = places.each_ref().map(|place| place.as_ref().and_then(|place| bytes.get(place.clone())).unwrap_or_default());
     let factors: Vec<f32> = rows(normalisation).map(|[factor]: [f32; 1]| factor).collect();
     check_factors(&factors, &places)?;
+    let moves = !(velocity.is_empty() && acceleration.is_empty());
     let surfels = Surfels {
         origin,
         position: vectors(position),
@@ -118,6 +138,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
             .collect(),
         mipmap: rows(mipmap).map(levels).collect(),
         velocity: vectors(velocity),
+        acceleration: vectors(acceleration),
+        id: id.as_chunks::<8>().0.iter().map(|row| i64::from_le_bytes(*row)).collect(),
+        velocity_unit: if moves && mask & PER_SECOND == 0 { VelocityUnit::Frame } else { VelocityUnit::Second },
         opacity: rows(opacity).map(|[opacity]: [f32; 1]| opacity).collect(),
         normalisation: if factors.is_empty() { Normalisation::default() } else { factors.into() },
         two_sided: mask & TWO_SIDED != 0,
@@ -200,14 +223,14 @@ fn directory(bytes: &[u8], count: u64) -> Result<Places, ParseError> {
         let Some((place, column)) = places.iter_mut().zip(&COLUMNS).find(|(_, known)| known.name == name) else {
             continue;
         };
-        if (kind, components as usize) != (F32, column.components) {
+        if (kind, components as usize) != (column.kind, column.components) {
             let found = format!("column `{name}` of type {kind} with {components} components");
-            let expected = format!("type {F32} with {}", column.components);
+            let expected = format!("type {} with {}", column.kind, column.components);
             return Err(ParseError::byte(at + NAME, found, expected));
         }
         if column.length(count) != Some(length) {
             let found = format!("column `{name}` of {length} bytes for {count} surfels");
-            let expected = format!("{} bytes for each surfel", 4 * column.components);
+            let expected = format!("{} bytes for each surfel", column.row());
             return Err(ParseError::byte(at + NAME + 16, found, expected));
         }
         *place = Some(start as usize..(start + length) as usize);
@@ -233,9 +256,15 @@ fn name(raw: &[u8; NAME]) -> Option<&str> {
 }
 
 impl Known {
+    /// Bytes of a row.
+    const fn row(&self) -> usize {
+        let each = if self.kind == I64 { 8 } else { 4 };
+        each * self.components
+    }
+
     /// Bytes of a column; `None` if they need more than 64 bits.
     fn length(&self, count: u64) -> Option<u64> {
-        count.checked_mul(4 * self.components as u64)
+        count.checked_mul(self.row() as u64)
     }
 }
 
@@ -253,6 +282,10 @@ pub fn write_bin(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
     }
     if surfels.signs_estimated {
         mask |= SIGNS_ESTIMATED;
+    }
+    let moves = !(surfels.velocity.is_empty() && surfels.acceleration.is_empty());
+    if moves && surfels.velocity_unit == VelocityUnit::Second {
+        mask |= PER_SECOND;
     }
     let mut header = [0; HEADER];
     let origin = surfels.origin.to_array().map(f64::to_le_bytes);
@@ -293,6 +326,7 @@ enum Values<'a> {
     Materials(&'a [Material]),
     Numbers(&'a [f32]),
     Levels(&'a [[Vec3; MIPMAP_LEVELS]]),
+    Whole(&'a [i64]),
 }
 
 impl<'a> Column<'a> {
@@ -309,6 +343,8 @@ impl<'a> Column<'a> {
             Values::Numbers(s.normalisation()),
             Values::Numbers(&s.opacity),
             Values::Levels(&s.mipmap),
+            Values::Vectors(&s.acceleration),
+            Values::Whole(&s.id),
         ];
         let columns = COLUMNS.iter().zip(values).map(|(known, values)| Self { known, values });
         columns.filter(|column| column.known.required || column.bytes() > 0).collect()
@@ -320,6 +356,7 @@ impl<'a> Column<'a> {
             Values::Materials(values) => size_of_val(values),
             Values::Numbers(values) => size_of_val(values),
             Values::Levels(values) => size_of_val(values),
+            Values::Whole(values) => size_of_val(values),
         };
         bytes as u64
     }
@@ -334,6 +371,7 @@ impl<'a> Column<'a> {
             Values::Levels(values) => {
                 values.iter().flatten().try_for_each(|colour| write_floats(out, &colour.to_array()))
             }
+            Values::Whole(values) => values.iter().try_for_each(|value| out.write_all(&value.to_le_bytes())),
         }
     }
 }
@@ -347,7 +385,7 @@ fn write_columns(out: &mut impl Write, columns: &[Column<'_>]) -> io::Result<()>
             *to = from;
         }
         out.write_all(&name)?;
-        out.write_all(&F32.to_le_bytes())?;
+        out.write_all(&column.known.kind.to_le_bytes())?;
         out.write_all(&(column.known.components as u32).to_le_bytes())?;
         out.write_all(&start.to_le_bytes())?;
         out.write_all(&column.bytes().to_le_bytes())?;
@@ -423,6 +461,7 @@ fn check(s: &Surfels, places: &Places) -> Result<(), ParseError> {
         (5, "material", s.material.iter().position(|m| !sane(m))),
         (6, "velocity", s.velocity.iter().position(|v| !finite(v))),
         (8, "opacity", s.opacity.iter().position(|opacity| !(0.0..=1.0).contains(opacity))),
+        (10, "acceleration", s.acceleration.iter().position(|v| !finite(v))),
         (9, "row of colours", s.mipmap.iter().position(|row| !row.iter().all(|c| c.is_finite()))),
     ];
     match faults.into_iter().find_map(|(column, what, fault)| fault.map(|i| (column, what, i))) {
@@ -449,5 +488,5 @@ fn check_factors(factors: &[f32], places: &Places) -> Result<(), ParseError> {
 /// The byte at which row `i` of a column begins.
 fn byte_of(places: &Places, column: usize, i: usize) -> usize {
     let start = places[column].as_ref().map_or(HEADER, |place| place.start);
-    start + 4 * COLUMNS[column].components * i
+    start + COLUMNS[column].row() * i
 }

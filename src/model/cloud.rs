@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::surfels::Material;
+use super::surfels::{Material, VelocityUnit};
 
 /// How a file stored its colours. This decides the default colour space.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -41,8 +41,14 @@ pub struct Cloud {
     pub volume: Vec<f32>,
     /// Reflection coefficients of each point.
     pub material: Vec<Material>,
-    /// Velocities, model units per frame (kept for later use).
+    /// Velocities, model units per `velocity_unit`.
     pub velocity: Vec<Vec3>,
+    /// Accelerations, model units per `velocity_unit` squared.
+    pub acceleration: Vec<Vec3>,
+    /// The unit of time of both. A scene may say another one.
+    pub velocity_unit: VelocityUnit,
+    /// Identities: a point of another file of a sequence with the same one is the same point.
+    pub id: Vec<i64>,
     /// True if the signs of the normals mean nothing (Gaussian splats), so both sides are to be shown.
     pub two_sided: bool,
     /// True if the signs of the normals were estimated: outward on a closed surface. Completion sets it; see

@@ -49,6 +49,7 @@ pub fn complete(
     let colour = linear_colours(&cloud, position.len(), options.colour_space, &mut notes);
     repair(&mut cloud.material, is_valid_material, Material::default(), "reflection coefficients", &mut notes);
     repair(&mut cloud.velocity, Vec3::is_finite, Vec3::ZERO, "velocities", &mut notes);
+    repair(&mut cloud.acceleration, Vec3::is_finite, Vec3::ZERO, "accelerations", &mut notes);
     repair(&mut cloud.opacity, |opacity| (0.0..=1.0).contains(&opacity), 1.0, "opacities", &mut notes);
     let surfels = Surfels {
         origin,
@@ -60,6 +61,9 @@ pub fn complete(
         material: cloud.material,
         mipmap: Vec::new(),
         velocity: cloud.velocity,
+        id: cloud.id,
+        acceleration: cloud.acceleration,
+        velocity_unit: cloud.velocity_unit,
         opacity: cloud.opacity,
         normalisation: Normalisation::default(),
         two_sided: cloud.two_sided,
@@ -77,6 +81,8 @@ macro_rules! for_each_column {
         $with(&mut $cloud.colour, "colours");
         $with(&mut $cloud.material, "reflection coefficients");
         $with(&mut $cloud.velocity, "velocities");
+        $with(&mut $cloud.acceleration, "accelerations");
+        $with(&mut $cloud.id, "identities");
         $with(&mut $cloud.opacity, "opacities");
         $with(&mut $cloud.density, "densities");
         $with(&mut $cloud.volume, "volumes");

@@ -148,11 +148,16 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
         }
         (Content::Cloud(cloud), kind) if kind == Some(Kind::Volume) || kind.is_none() && is_volume(&cloud) => {
             let linear = options.colour_space.map(|space| space == ColourSpace::Linear);
+            let moves = !(cloud.velocity.is_empty() && cloud.acceleration.is_empty());
             let samples = Samples::from_cloud(tidy::tidy(cloud), linear);
             let samples = samples.ok_or_else(|| ModelError::NoVolume { path: owned() })?;
             let made =
                 volume::of_samples(&samples, &options.volume, options.radius_scale, most_kernels(size), progress);
-            return of_volume(made, path);
+            let mut loaded = of_volume(made, path)?;
+            if moves {
+                loaded.notes.push("velocities ignored: they move surfels, not volumes".to_owned());
+            }
+            return Ok(loaded);
         }
         (_, Some(Kind::Volume)) => return Err(ModelError::NoVolume { path: owned() }),
         (Content::Mesh(cloud, triangles), _) => {

@@ -25,6 +25,7 @@ mod obj;
 mod options;
 mod order;
 mod orient;
+pub mod paths;
 mod ply;
 mod ply_body;
 mod ply_faces;
@@ -49,7 +50,7 @@ pub use error::{ModelError, ParseError, Place};
 pub use format::Format;
 pub use load::{Loaded, MeshSource, Parsed, load, parse, parse_capture, parse_mesh, sample_mesh};
 pub use options::{ColourSpace, Kind, LoadOptions, MeshOptions, Progress, Spacing};
-pub use surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA, Material, Normalisation, Surfels};
+pub use surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA, Material, Normalisation, Surfels, VelocityUnit};
 pub use volume::{
     Grid, KERNEL, MOST_EXTINCTION, Samples, Stop, TransferFunction, TransferFunctionError, VolumeFacts, VolumeOptions,
 };

@@ -30,6 +30,8 @@ impl Surfels {
         permute(&mut self.opacity, &order);
         permute(&mut self.material, &order);
         permute(&mut self.velocity, &order);
+        permute(&mut self.acceleration, &order);
+        permute(&mut self.id, &order);
         if let Some(factors) = self.normalisation.known() {
             let mut factors = factors.to_vec();
             permute(&mut factors, &order);

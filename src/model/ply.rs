@@ -10,7 +10,9 @@
 //! | normal | nx ny nz, normal_x.. ; else from faces (vertex_indices, vertex_index; tristrips) |
 //! | colour | red green blue, r g b, diffuse_red.. ; else grey: intensity, quality, grey, gray, scalar_* |
 //! | cut-off radius | radius, psz, point_size, size, value, scale (a float) |
-//! | axes, velocity | tux tuy tuz tvx tvy tvz; vx vy vz, velocity_x.. |
+//! | axes | tux tuy tuz tvx tvy tvz |
+//! | velocity, acceleration | vx vy vz, velocity_x.. ; ax ay az, acceleration_x.. |
+//! | identity in a sequence | id, particle_id, point_id |
 //! | material (ours) | ambient diffuse specular shininess |
 //! | opacity | alpha, opacity (not beside f_dc_0 and scale_0) |
 //! | sample of a volume | density; volume |
@@ -29,7 +31,8 @@ use super::mesh::polygon::fans;
 use super::ply_body::{Body, within};
 use super::ply_faces::{self, Triangles};
 use super::ply_header::{self, Element, Encoding, Header, Kind, Scalar};
-use super::surfels::Material;
+use super::surfels::{Material, VelocityUnit};
+use super::tidy::MAX_COORDINATE;
 
 /// Comment with which [`super::write_ply`] says that float colours are linear light and may exceed 1.
 pub(super) const LINEAR_COLOURS: &str = "splatblur colours are linear light";
@@ -37,6 +40,12 @@ pub(super) const LINEAR_COLOURS: &str = "splatblur colours are linear light";
 pub(super) const TWO_SIDED: &str = "splatblur shows both sides";
 /// Comment of our own files whose normals were estimated.
 pub(super) const SIGNS_ESTIMATED: &str = "splatblur estimated the signs of the normals";
+
+/// Comment of our own files with velocities per frame.
+pub(super) const PER_FRAME: &str = "splatblur velocities are per frame";
+
+/// Numbers of a PLY file are read as `f64`, which has all whole numbers up to this.
+const MOST_ID: f64 = (1_u64 << 53) as f64;
 
 /// Names of the material properties, in the order of [`Material`]'s fields.
 pub(super) const MATERIAL: [&str; 4] = ["ambient", "diffuse", "specular", "shininess"];
@@ -204,6 +213,8 @@ struct Columns {
     radius: Option<usize>,
     axes: Option<[usize; 6]>,
     velocity: Option<[usize; 3]>,
+    acceleration: Option<[usize; 3]>,
+    id: Option<usize>,
     material: [Option<usize>; 4],
     /// The number, and what stands for 1.
     opacity: Option<(usize, f64)>,
@@ -298,7 +309,15 @@ fn read_vertices(
         }
         for (step, property) in steps.iter().zip(&element.properties) {
             match *step {
-                Step::Take { scalar, index } => body.scalar(scalar).map(|value| values[index] = value),
+                Step::Take { scalar, index } => {
+                    let at = body.at;
+                    body.scalar(scalar).and_then(|value| {
+                        values[index] = value;
+                        columns
+                            .fault(index, value)
+                            .map_or(Ok(()), |expected| Err(body.fault(at, value.to_string(), expected)))
+                    })
+                }
                 Step::Skip(kind) => body.skip(kind),
             }
             .map_err(|e| within(e, element, row, &property.name))?;
@@ -310,6 +329,7 @@ fn read_vertices(
     }
     let says = |comment: &str| header.comments.iter().any(|c| c == comment);
     (cloud.two_sided, cloud.signs_estimated) = (says(TWO_SIDED), says(SIGNS_ESTIMATED));
+    cloud.velocity_unit = if says(PER_FRAME) { VelocityUnit::Frame } else { VelocityUnit::Second };
     if columns.colour.is_some() || columns.grey.is_some() {
         let declared_linear = says(LINEAR_COLOURS);
         scale_colours(&mut cloud, columns.colour_type, columns.grey.is_some(), declared_linear);
@@ -318,6 +338,17 @@ fn read_vertices(
 }
 
 impl Columns {
+    /// What was expected in place of a number of a record that would put a point in a wrong place later on.
+    fn fault(&self, index: usize, value: f64) -> Option<&'static str> {
+        let is_of = |column: Option<[usize; 3]>| column.is_some_and(|column| column.contains(&index));
+        if is_of(self.velocity) || is_of(self.acceleration) {
+            let usable = value.abs() <= MAX_COORDINATE;
+            return (!usable).then_some("a finite number up to 1e18");
+        }
+        let usable = self.id != Some(index) || value.fract() == 0.0 && value.abs() <= MOST_ID;
+        (!usable).then_some("a whole number up to 2^53")
+    }
+
     fn push(&self, values: &[f64], cloud: &mut Cloud, gaussians: &mut Gaussians) {
         let vector = |s: [usize; 3]| Vec3::new(values[s[0]] as f32, values[s[1]] as f32, values[s[2]] as f32);
         let position = self.position.map(|s| values[s]);
@@ -347,6 +378,8 @@ impl Columns {
         if let Some(v) = self.velocity {
             cloud.velocity.push(vector(v));
         }
+        cloud.acceleration.extend(self.acceleration.map(vector));
+        cloud.id.extend(self.id.map(|id| values[id] as i64));
         if let Some((opacity, one)) = self.opacity {
             // The sign of a signed byte is an accident, as in colours.
             let value = values[opacity] / one;
@@ -386,6 +419,8 @@ fn columns(finder: &mut Finder<'_>, element: &Element, notes: &mut Vec<String>) 
             radius: None,
             axes: None,
             velocity: None,
+            acceleration: None,
+            id: None,
             material: [None; 4],
             opacity: None,
             density: None,
@@ -408,6 +443,9 @@ fn columns(finder: &mut Finder<'_>, element: &Element, notes: &mut Vec<String>) 
         radius = finder.take(["scale"]).filter(|s| finder.scalar(s[0]).is_float());
     }
     let velocity = finder.take_first(&[["vx", "vy", "vz"], ["velocity_x", "velocity_y", "velocity_z"]]);
+    let acceleration = [["ax", "ay", "az"], ["acceleration_x", "acceleration_y", "acceleration_z"]];
+    let acceleration = finder.take_first(&acceleration);
+    let id = finder.take_first(&[["id"], ["particle_id"], ["point_id"]]).map(|s| s[0]);
     let material = MATERIAL.map(|name| finder.take([name]).map(|s| s[0]));
     // What stands beside the columns of a capture is the logit of one, even where others of them are missing.
     let logit = finder.has("f_dc_0") && finder.has("scale_0");
@@ -434,6 +472,8 @@ fn columns(finder: &mut Finder<'_>, element: &Element, notes: &mut Vec<String>) 
         radius: radius.map(|s| s[0]),
         axes,
         velocity,
+        acceleration,
+        id,
         material,
         opacity,
         density,

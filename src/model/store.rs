@@ -33,6 +33,8 @@ pub(super) fn check_columns(surfels: &Surfels) -> Result<(), ModelError> {
         ("mipmap", surfels.mipmap.len(), true),
         ("material", surfels.material.len(), true),
         ("velocity", surfels.velocity.len(), true),
+        ("acceleration", surfels.acceleration.len(), true),
+        ("id", surfels.id.len(), true),
         ("opacity", surfels.opacity.len(), true),
         ("normalisation", known.map_or(expected, <[f32]>::len), false),
     ];

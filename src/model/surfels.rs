@@ -72,6 +72,16 @@ impl From<Vec<f32>> for Normalisation {
     }
 }
 
+/// The unit of time of velocities and accelerations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum VelocityUnit {
+    /// Model units per second, and per second squared.
+    #[default]
+    Second,
+    /// Model units per frame, and per frame squared.
+    Frame,
+}
+
 /// Levels of [`Surfels::mipmap`].
 pub const MIPMAP_LEVELS: usize = 4;
 
@@ -81,8 +91,8 @@ pub const MIPMAP_SIGMA: f32 = 0.288_675;
 
 /// A model that can be rendered: every surfel has axes, a normal and a colour.
 ///
-/// It is a structure of arrays of one length. Only `mipmap`, `opacity`, `material` and `velocity` may be empty, where
-/// the file has none, and `normalisation` until somebody asks for it.
+/// It is a structure of arrays of one length. Only `mipmap`, `opacity`, `material`, `velocity`, `acceleration` and `id`
+/// may be empty, where the file has none, and `normalisation` until somebody asks for it.
 #[derive(Clone, Debug, Default)]
 pub struct Surfels {
     /// Point of model space that the positions are relative to (models are recentred in `f64`).
@@ -105,8 +115,14 @@ pub struct Surfels {
     pub opacity: Vec<f32>,
     /// Reflection coefficients, or empty.
     pub material: Vec<Material>,
-    /// Velocities, model units per frame, or empty.
+    /// Velocities, model units per [`velocity_unit`](Self::velocity_unit), or empty.
     pub velocity: Vec<Vec3>,
+    /// Accelerations, model units per [`velocity_unit`](Self::velocity_unit) squared, or empty.
+    pub acceleration: Vec<Vec3>,
+    /// The unit of time of both.
+    pub velocity_unit: VelocityUnit,
+    /// Identities, or empty: a point of another file of a sequence with the same one is the same point.
+    pub id: Vec<i64>,
     /// Factors of the kernels, if they are known; [`Surfels::normalisation`] gives them in any case.
     pub normalisation: Normalisation,
     /// True if the signs of the normals mean nothing. Both sides are then shown unless the scene says otherwise.
@@ -129,12 +145,14 @@ impl Surfels {
 
     /// Memory of the columns, bytes.
     pub fn bytes(&self) -> u64 {
-        let vectors = [&self.position, &self.axis_u, &self.axis_v, &self.normal, &self.colour, &self.velocity];
-        let vectors: usize = vectors.iter().map(|column| size_of_val(column.as_slice())).sum();
+        let vectors = [&self.position, &self.axis_u, &self.axis_v, &self.normal, &self.colour];
+        let vectors = vectors.into_iter().chain([&self.velocity, &self.acceleration]);
+        let vectors: usize = vectors.map(|column| size_of_val(column.as_slice())).sum();
         let factors = self.normalisation.known().unwrap_or_default();
         let of_opacity = size_of_val(self.opacity.as_slice());
         let of_mipmap = size_of_val(self.mipmap.as_slice());
-        (vectors + of_mipmap + of_opacity + size_of_val(self.material.as_slice()) + size_of_val(factors)) as u64
+        let of_id = size_of_val(self.id.as_slice());
+        (vectors + of_id + of_mipmap + of_opacity + size_of_val(self.material.as_slice()) + size_of_val(factors)) as u64
     }
 
     /// Cut-off radius of surfel `i`: the length of the longer axis.

@@ -31,11 +31,15 @@ pub(super) fn tidy(mut cloud: Cloud) -> Cloud {
     each(&mut cloud.axes, |[u, v]| !usable(*u, *v), [Vec3::ZERO; 2]);
     let odd = each(&mut cloud.colour, |c| !c.is_finite(), Vec3::ONE);
     note(&mut cloud.notes, odd, "a colour that is not finite (drawn white)");
-    let odd = each(&mut cloud.velocity, |v| !v.is_finite(), Vec3::ZERO);
-    note(&mut cloud.notes, odd, "a velocity that is not finite (taken as 0)");
     let odd = each(&mut cloud.opacity, |o| !(0.0..=1.0).contains(o), 1.0);
     note(&mut cloud.notes, odd, "an opacity outside 0 to 1 (taken as 1)");
     drop_idle_opacities(&mut cloud);
+    // Points that rest cost nothing.
+    for rates in [&mut cloud.velocity, &mut cloud.acceleration] {
+        if rates.iter().all(|rate| *rate == Vec3::ZERO) {
+            *rates = Vec::new();
+        }
+    }
     cloud
 }
 
@@ -65,6 +69,8 @@ pub(super) fn retain(cloud: &mut Cloud, keep: &[bool]) {
     filter(&mut cloud.colour, keep);
     filter(&mut cloud.material, keep);
     filter(&mut cloud.velocity, keep);
+    filter(&mut cloud.acceleration, keep);
+    filter(&mut cloud.id, keep);
     filter(&mut cloud.opacity, keep);
     filter(&mut cloud.density, keep);
     filter(&mut cloud.volume, keep);

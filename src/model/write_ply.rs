@@ -7,16 +7,17 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::error::ModelError;
-use super::ply::{LINEAR_COLOURS, MATERIAL, SIGNS_ESTIMATED, TWO_SIDED};
+use super::ply::{LINEAR_COLOURS, MATERIAL, PER_FRAME, SIGNS_ESTIMATED, TWO_SIDED};
 use super::store;
-use super::surfels::Surfels;
+use super::surfels::{Surfels, VelocityUnit};
 use crate::math::srgb;
 
 /// Writes surfels as little-endian PLY: position, normal, axes (tux..tvz), radius and colour, and where there are any,
-/// opacity (alpha), material (ambient, diffuse, specular, shininess) and velocity (vx, vy, vz).
+/// opacity (alpha), material (ambient, diffuse, specular, shininess), velocity (vx, vy, vz), acceleration (ax, ay,
+/// az) and id.
 ///
-/// [`super::load()`] gives back the same normals, axes, colours, materials and velocities, and opacities unless they
-/// are all 0 or all as good as 1. Positions are floats, exact where the origin is zero. Otherwise they are doubles,
+/// [`super::load()`] gives back the same normals, axes, colours, materials, velocities, accelerations and ids up to 2^53,
+/// and opacities unless they are all 0 or all as good as 1. A comment says where velocities are per frame; else they are per second. Positions are floats, exact where the origin is zero. Otherwise they are doubles,
 /// which are exact in model space to 2^-53 of their size; the reader chooses an origin of its own. Colours are bytes
 /// (sRGB) where that is exact for every surfel. Otherwise they are linear floats, which other programs may show too
 /// dark; a comment in the file says so.
@@ -53,8 +54,11 @@ pub fn write_ply(path: &Path, surfels: &Surfels) -> Result<(), ModelError> {
                 let values = [m.ambient, m.diffuse, m.specular, m.shininess];
                 out.write_all(values.map(f32::to_le_bytes).as_flattened())?;
             }
-            if let Some(v) = s.velocity.get(i) {
+            for v in [s.velocity.get(i), s.acceleration.get(i)].into_iter().flatten() {
                 out.write_all(v.to_array().map(f32::to_le_bytes).as_flattened())?;
+            }
+            if let Some(&id) = s.id.get(i) {
+                out.write_all(&(id as f64).to_le_bytes())?;
             }
         }
         Ok(())
@@ -73,6 +77,9 @@ fn header(s: &Surfels, wide: bool, byte_colours: bool) -> String {
     if s.signs_estimated {
         let _ = writeln!(text, "comment {SIGNS_ESTIMATED}");
     }
+    if !(s.velocity.is_empty() && s.acceleration.is_empty()) && s.velocity_unit == VelocityUnit::Frame {
+        let _ = writeln!(text, "comment {PER_FRAME}");
+    }
     let _ = writeln!(text, "element vertex {}", s.len());
     let mut properties = |kind: &str, names: &[&str]| {
         for name in names {
@@ -90,6 +97,12 @@ fn header(s: &Surfels, wide: bool, byte_colours: bool) -> String {
     }
     if !s.velocity.is_empty() {
         properties("float", &["vx", "vy", "vz"]);
+    }
+    if !s.acceleration.is_empty() {
+        properties("float", &["ax", "ay", "az"]);
+    }
+    if !s.id.is_empty() {
+        properties("double", &["id"]);
     }
     text + "end_header\n"
 }

@@ -13,6 +13,7 @@ use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use rayon::prelude::*;
 
 use crate::model::Surfels;
+use crate::model::paths::Paths;
 
 /// Children of a node.
 pub(super) const WIDTH: usize = 8;
@@ -55,12 +56,32 @@ pub(super) struct Leaf {
     pub surfel: [u32; LANES],
 }
 
+/// The columns of the paths of a leaf's surfels: x, y, z of each.
+#[derive(Clone, Debug, Default)]
+#[repr(C, align(32))]
+pub(super) struct Rates(pub [[[f32; LANES]; 3]; 3]);
+
+impl Rates {
+    fn of(leaf: &Leaf, paths: &Paths<'_>) -> Self {
+        let mut rates = Self::default();
+        for (slot, &surfel) in leaf.surfel.iter().enumerate() {
+            for (column, out) in paths.columns.iter().zip(&mut rates.0) {
+                let Some(rate) = column.get(surfel as usize) else { continue };
+                (0..3).for_each(|axis| out[axis][slot] = rate[axis]);
+            }
+        }
+        rates
+    }
+}
+
 /// The hierarchy of one model.
 #[derive(Clone, Debug)]
 pub(super) struct Bvh {
     /// Nodes; the first one is the root.
     pub nodes: Vec<Node>,
     pub leaves: Vec<Leaf>,
+    /// How the surfels of each leaf move by themselves; empty where none does.
+    pub rates: Vec<Rates>,
     /// Centre of a sphere around all surfels.
     pub centre: DVec3,
     pub radius: f64,
@@ -78,16 +99,20 @@ impl Boundable for Ellipse {
 }
 
 impl Bvh {
-    /// Builds the hierarchy. Surfels that are not finite are left out.
-    pub(super) fn new(surfels: &Surfels) -> Self {
-        let exact: Vec<(Vec3, Vec3)> = (0..surfels.len()).into_par_iter().map(|i| bounds(surfels, i)).collect();
+    /// Builds the hierarchy of surfels that move along `paths` from the time `from` to the time `to`. Surfels that are
+    /// not finite are left out.
+    pub(super) fn new(surfels: &Surfels, paths: &Paths<'_>, range: [f64; 2]) -> Self {
+        let exact: Vec<(Vec3, Vec3)> = (0..surfels.len())
+            .into_par_iter()
+            .map(|i| if paths.is_empty() { bounds(surfels, i) } else { swept(surfels, paths, i, range) })
+            .collect();
         let whole = exact
             .par_iter()
             .filter(|(low, high)| low.is_finite() && high.is_finite())
             .fold(|| NOTHING, |a, b| (a.0.min(b.0), a.1.max(b.1)))
             .reduce(|| NOTHING, |a, b| (a.0.min(b.0), a.1.max(b.1)));
         if !(whole.0.cmple(whole.1).all()) {
-            return Self { nodes: Vec::new(), leaves: Vec::new(), centre: DVec3::ZERO, radius: 0.0 };
+            return Self { nodes: Vec::new(), leaves: Vec::new(), rates: Vec::new(), centre: DVec3::ZERO, radius: 0.0 };
         }
         let (low, high) = (whole.0.as_dvec3(), whole.1.as_dvec3());
         let centre = 0.5 * (low + high);
@@ -121,12 +146,15 @@ impl Bvh {
             Collapse { tree: &tree, index: &index, surfels, counts: counts(&tree), out: (Vec::new(), Vec::new()) };
         collapse.run();
         let (nodes, leaves) = collapse.out;
-        Self { nodes, leaves, centre, radius }
+        let moving = if paths.is_empty() { &[] } else { leaves.as_slice() };
+        let rates = moving.iter().map(|leaf| Rates::of(leaf, paths)).collect();
+        Self { nodes, leaves, rates, centre, radius }
     }
 
     /// Memory of nodes and leaves, bytes.
     pub(super) fn bytes(&self) -> u64 {
-        (size_of_val(self.nodes.as_slice()) + size_of_val(self.leaves.as_slice())) as u64
+        let rates = size_of_val(self.rates.as_slice());
+        (size_of_val(self.nodes.as_slice()) + size_of_val(self.leaves.as_slice()) + rates) as u64
     }
 }
 
@@ -138,6 +166,16 @@ fn bounds(surfels: &Surfels, i: usize) -> (Vec3, Vec3) {
     let (c, u, v) = (surfels.position[i], surfels.axis_u[i], surfels.axis_v[i]);
     let half_size = (u * u + v * v).map(f32::sqrt);
     (c - half_size, c + half_size)
+}
+
+/// Box of a disc on its path. It is rounded outwards.
+fn swept(surfels: &Surfels, paths: &Paths<'_>, i: usize, range: [f64; 2]) -> (Vec3, Vec3) {
+    let (low, high) = bounds(surfels, i);
+    let around = paths.swept(surfels.position[i], i, range);
+    let half_size = 0.5 * (high - low);
+    let slack = 1.0 + f32::EPSILON;
+    let (middle, reach) = (around.centre().as_vec3(), (0.5 * around.size()).as_vec3() * slack + half_size * slack);
+    (middle - reach, middle + reach)
 }
 
 /// Number of surfels below each node of the binary tree.
@@ -280,7 +318,7 @@ mod tests {
                 surfels.position[10..200].fill(Vec3::ONE);
                 surfels.position[500].x = f32::NAN;
             }
-            let bvh = Bvh::new(&surfels);
+            let bvh = Bvh::new(&surfels, &surfels.paths(), [0.0; 2]);
             let mut seen = vec![0; n as usize];
             let mut work = vec![(0_u32, [Vec3::NEG_INFINITY, Vec3::INFINITY])];
             if bvh.nodes.is_empty() {

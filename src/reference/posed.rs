@@ -1,6 +1,8 @@
 //! The scene at the time of one sample. Each pose is exact, none is interpolated. What does not change over the frame
 //! is computed once.
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 use rayon::prelude::*;
 
@@ -13,6 +15,7 @@ use super::volumes::kernel::Kernel as VolumeKernel;
 use crate::environment::Environment;
 use crate::film::{Backdrop, Background};
 use crate::math::{focal_length, norm};
+use crate::model::paths::{Elapsed, elapsed};
 use crate::model::{Gaussians, Material, Optics, Surfels};
 use crate::options::PixelFilter;
 use crate::sampling::gaussian_offset;
@@ -102,6 +105,11 @@ pub(super) struct Body<'a> {
     pub shape: Shape,
     /// Light passes through its surfels.
     pub see_through: bool,
+    /// Units of time of its paths in a shutter.
+    pub pace: f64,
+    /// The frame number, and the frames per second.
+    number: f64,
+    rate: f64,
     poser: ObjectPoser<'a>,
     /// The pose if it does not change.
     fixed: Option<BodyPose>,
@@ -141,7 +149,15 @@ impl<'a> World<'a> {
             return Err(ReferenceError::Panorama { object: object.name.clone() });
         }
         let number = frame.get();
-        let mut distinct: Vec<&Surfels> = Vec::new();
+        let mut distinct: Vec<&Object> = Vec::new();
+        let exposure = [0.0, 1.0].map(|t| scene.shutter.frame_time(number, t));
+        let travelled = |object: &Object| exposure.map(|time| object.travelled(scene.frames.rate, number, time));
+        let alike = |a: &Object, b: &Object| {
+            let (paths, others) = (a.model.own_paths(), b.model.own_paths());
+            Arc::ptr_eq(a.model.surfels(), b.model.surfels())
+                && paths.map(Arc::as_ptr) == others.map(Arc::as_ptr)
+                && (a.model.paths().is_empty() || travelled(a) == travelled(b))
+        };
         let (mut shown, mut volumes): (Vec<Shown<'_>>, Vec<Shown<'_>>) = Default::default();
         let bodies: Vec<Body<'a>> = scene
             .objects
@@ -155,17 +171,16 @@ impl<'a> World<'a> {
                         Optics::Extinction { .. } => Shape::Volume(tree_of(&mut volumes, gaussians, &object.capture)),
                     },
                     None if surfels.is_empty() => Shape::Nothing,
-                    None => {
-                        Shape::Model(distinct.iter().position(|m| std::ptr::eq(*m, surfels)).unwrap_or_else(|| {
-                            distinct.push(surfels);
-                            distinct.len() - 1
-                        }))
-                    }
+                    None => Shape::Model(distinct.iter().position(|other| alike(other, object)).unwrap_or_else(|| {
+                        distinct.push(object);
+                        distinct.len() - 1
+                    })),
                 };
                 Body::new(scene, object, shape, number, options)
             })
             .collect();
-        let models = distinct.into_par_iter().map(Bvh::new).collect();
+        let build = |object: &Object| Bvh::new(&object.model, &object.model.paths(), travelled(object));
+        let models = distinct.into_par_iter().map(build).collect();
         let trees = shown.into_iter().map(|(g, capture)| Tree::new(g, capture, |i| Kernel::of(g, capture, i)));
         let trees = trees.collect::<Result<Vec<_>, _>>()?;
         let captures = bodies.iter().enumerate().filter_map(|(body, of)| Transparent::of(body, of, &trees)).collect();
@@ -337,6 +352,13 @@ impl<'a> Body<'a> {
             surfels: &object.model,
             shape,
             see_through: matches!(shape, Shape::Model(_)) && object.is_see_through(),
+            pace: if object.blur {
+                (scene.shutter.close - scene.shutter.open) * object.time_units(scene.frames.rate)
+            } else {
+                0.0
+            },
+            number,
+            rate: scene.frames.rate,
             poser: ObjectPoser::new(scene, object),
             fixed: None,
             epsilon: options.epsilon.or(object.epsilon),
@@ -359,6 +381,12 @@ impl<'a> Body<'a> {
     /// or has no extent.
     pub(super) fn pose_at(&self, time: f64) -> Option<BodyPose> {
         self.fixed.or_else(|| self.pose(time))
+    }
+
+    /// Factors on the columns of the paths of its surfels at scene time `time` (frames).
+    pub(super) fn elapsed(&self, time: f64) -> Elapsed<f64> {
+        let moves = !self.object.model.paths().is_empty();
+        if moves { elapsed(self.object.travelled(self.rate, self.number, time)) } else { [0.0; 3] }
     }
 
     /// True if the pose does not change over the frame.

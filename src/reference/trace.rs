@@ -12,6 +12,7 @@ use super::posed::{Body, BodyPose, CameraPose, Shape, World};
 use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, Waiting, traverse};
 use crate::film::Aov;
 use crate::model::Material;
+use crate::model::paths::Elapsed;
 use crate::options::Shading;
 use crate::scene::Sphere;
 use crate::scene::pose::object_velocity;
@@ -46,6 +47,8 @@ pub(super) struct Target {
     pub eye: DVec3,
     /// Direction of depth 1 in world space.
     pub direction: DVec3,
+    /// Factors on the columns of the paths of surfels that move by themselves.
+    pub elapsed: Elapsed<f64>,
 }
 
 /// A film point (pixels) and a scene time (frames).
@@ -126,6 +129,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
                 }
                 let Some(pose) = body.pose_at(view.time) else { continue };
                 let camera = if body.object.blur { &view.camera } else { &world.frame_camera };
+                let elapsed = body.elapsed(view.time);
                 let (eye, direction) = (camera.eye, camera.world_from_camera * view.direction);
                 self.rays.push(ModelRay {
                     origin: pose.model_from_world * (eye - pose.world_from_model.translation),
@@ -136,8 +140,9 @@ impl<'w, 'a> Tracer<'w, 'a> {
                     two_sided: world.options.two_sided || body.object.two_sided,
                     object: number as u32,
                     lane,
+                    elapsed,
                 });
-                self.targets[lane * world.bodies.len() + number] = Some(Target { pose, eye, direction });
+                self.targets[lane * world.bodies.len() + number] = Some(Target { pose, eye, direction, elapsed });
             }
             match body.shape {
                 Shape::Model(model) => traverse(&world.models[model], &self.rays, &mut self.found, &mut self.stack),
@@ -249,7 +254,8 @@ impl<'w, 'a> Tracer<'w, 'a> {
         let p = camera * (surface.centre(target) - target.eye);
         // The rate is that of camera space relative to model space about the model's own origin.
         let rate = object_velocity(world.scene, body.object, time);
-        let v = rate.transform_vector3(surface.model + body.surfels.origin) + rate.w_axis.truncate();
+        let own = camera * (target.pose.world_from_model.matrix3 * surface.own_velocity);
+        let v = rate.transform_vector3(surface.model + body.surfels.origin) + rate.w_axis.truncate() + own;
         let (x, y, d) = (world.focal * p.x, -world.focal * p.y, -p.z);
         let (dx, dy, dd) = (world.focal * v.x, -world.focal * v.y, -v.z);
         DVec2::new((dx - x / d * dd) / d, (dy - y / d * dd) / d)
@@ -270,6 +276,8 @@ pub(super) struct Surface {
     pub normal: DVec3,
     /// Centre of the surfel (for a sphere, the point hit) relative to the model's origin, in model axes.
     pub model: DVec3,
+    /// Its velocity by itself, model units per shutter.
+    own_velocity: DVec3,
     pub material: Material,
 }
 
@@ -281,19 +289,24 @@ impl Surface {
 
     pub(super) fn of(body: &Body<'_>, target: &Target, hit: &Hit) -> Self {
         let pose = &target.pose;
+        let mut own_velocity = DVec3::ZERO;
         let (colour, normal, model) = if let Shape::Sphere(sphere) = body.shape {
             let point = target.eye + target.direction * hit.depth - pose.world_from_model.translation;
             let point = pose.model_from_world * point;
             (sphere.colour, point, point)
         } else {
             let i = hit.surfel as usize;
-            (body.surfels.colour[i], body.surfels.normal[i].as_dvec3(), body.surfels.position[i].as_dvec3())
+            let paths = body.object.model.paths();
+            own_velocity = paths.velocity(i, target.elapsed.map(|factor| factor as f32)).as_dvec3() * body.pace;
+            let place = paths.exact_place(body.surfels.position[i], i, target.elapsed);
+            (body.surfels.colour[i], body.surfels.normal[i].as_dvec3(), place)
         };
         let normal = pose.normal(normal);
         Self {
             colour,
             normal: if hit.back { -normal } else { normal },
             model,
+            own_velocity,
             material: body.material(hit.surfel as usize),
         }
     }

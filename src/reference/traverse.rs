@@ -12,7 +12,8 @@ use glam::DVec3;
 #[cfg(target_arch = "x86_64")]
 use super::boxes::avx;
 use super::boxes::{Beam, BoxRays, PACKET, above, below, enter_beam, enter_rays};
-use super::bvh::{Bvh, LANES, LEAF, Leaf, Node, WIDTH};
+use super::bvh::{Bvh, LANES, LEAF, Leaf, Node, Rates, WIDTH};
+use crate::model::paths::Elapsed;
 
 /// Smallest depth tolerance as a share of the depth: 4 units in the last place of f32, as in the splatter
 /// (docs/math.md, eq. 5).
@@ -32,6 +33,8 @@ pub(super) struct ModelRay {
     pub object: u32,
     /// Lane of the sample that it belongs to.
     pub lane: usize,
+    /// Factors on the columns of the paths of surfels that move by themselves.
+    pub elapsed: Elapsed<f64>,
 }
 
 /// A surfel that a ray hits.
@@ -138,7 +141,9 @@ fn traverse_body(
             }
         } else {
             let lanes = enter_rays(&bvh.nodes[at.node as usize], at.slot as usize, &boxes);
-            if lanes != 0 && leaf(&bvh.leaves[(number & !LEAF) as usize], rays, lanes, found, &mut boxes, &starts) {
+            let number = (number & !LEAF) as usize;
+            let surfels = (&bvh.leaves[number], bvh.rates.get(number));
+            if lanes != 0 && leaf(surfels, rays, lanes, found, &mut boxes, &starts) {
                 beam.limit = boxes.limit.into_iter().fold(f32::NEG_INFINITY, |a, b| if a > b { a } else { b });
             }
         }
@@ -230,7 +235,7 @@ fn approach(bvh: &Bvh, rays: &[ModelRay], found: &[Found], starts: &mut [f64; PA
 /// Intersects the rays `lanes` (bit mask) with the surfels of a leaf. Returns true if a limit fell.
 #[inline(always)]
 fn leaf(
-    leaf: &Leaf,
+    (leaf, rates): (&Leaf, Option<&Rates>),
     rays: &[ModelRay],
     mut lanes: u32,
     found: &mut [Found],
@@ -243,7 +248,15 @@ fn leaf(
         lanes &= lanes - 1;
         let ray = &rays[l];
         let found = &mut found[ray.lane];
-        if intersect(leaf, ray, found) {
+        let fell_now = match rates {
+            None => intersect(leaf, ray, found, |_| [0.0; 3]),
+            Some(Rates(columns)) => intersect(leaf, ray, found, |l| {
+                [0, 1, 2].map(|axis| {
+                    (0..3).map(|column| f64::from(columns[column][axis][l]) * ray.elapsed[column]).sum::<f64>()
+                })
+            }),
+        };
+        if fell_now {
             boxes.limit[l] = above(found.limit - starts[l]);
             fell = true;
         }
@@ -251,12 +264,12 @@ fn leaf(
     fell
 }
 
-/// Intersects a ray with the surfels of a leaf. Returns true if the limit fell.
+/// Intersects a ray with the surfels of a leaf, each shifted. Returns true if the limit fell.
 ///
 /// The ray meets the plane of a surfel at c + a u + b v, where s d - a u - b v = c - o. By Cramer's rule, with n = u x
 /// v and w = (c - o) x d: s = n.(c - o) / n.d, a = v.w / n.d and b = -u.w / n.d, also where u and v are not orthogonal.
 #[inline(always)]
-fn intersect(leaf: &Leaf, ray: &ModelRay, found: &mut Found) -> bool {
+fn intersect(leaf: &Leaf, ray: &ModelRay, found: &mut Found, shift: impl Fn(usize) -> [f64; 3]) -> bool {
     let before = found.limit;
     let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin.to_array(), ray.direction.to_array());
     let (near, limit) = (ray.near, found.limit);
@@ -269,7 +282,8 @@ fn intersect(leaf: &Leaf, ray: &ModelRay, found: &mut Found) -> bool {
     for l in 0..LANES {
         let at = |v: &[[f32; LANES]; 3]| (f64::from(v[0][l]), f64::from(v[1][l]), f64::from(v[2][l]));
         let ((cx, cy, cz), (ux, uy, uz), (vx, vy, vz)) = (at(&leaf.centre), at(&leaf.u), at(&leaf.v));
-        let (cx, cy, cz) = (cx - ox, cy - oy, cz - oz);
+        let [sx, sy, sz] = shift(l);
+        let (cx, cy, cz) = (cx - ox + sx, cy - oy + sy, cz - oz + sz);
         let (nx, ny, nz) = (uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx);
         let (wx, wy, wz) = (cy * dz - cz * dy, cz * dx - cx * dz, cx * dy - cy * dx);
         let nd = nx * dx + ny * dy + nz * dz;

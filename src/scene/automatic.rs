@@ -200,12 +200,13 @@ fn swept_bounds(scene: &Scene) -> Bounds {
     let mut all = Bounds::default();
     for only_visible in [true, false] {
         for object in &scene.objects {
-            let bounds = object.core();
-            if bounds.is_empty() {
+            if object.core().is_empty() {
                 continue;
             }
             for i in 0..=if object.is_fixed() { 0 } else { steps } {
-                let pose = object_pose(scene, object, from + (to - from) * i as f64 / steps as f64);
+                let time = from + (to - from) * i as f64 / steps as f64;
+                let bounds = object.core_at(scene.frames.rate, time);
+                let pose = object_pose(scene, object, time);
                 if only_visible && !pose.visible {
                     continue;
                 }

@@ -13,5 +13,5 @@ pub use self::model::Model;
 pub(crate) use self::sight::camera_enters;
 pub use self::sight::{Unseen, why_unseen};
 pub use self::values::{
-    AnimationBinding, Camera, Capture, FrameRange, ImageSettings, Light, Motion, Object, Scene, Sphere,
+    AnimationBinding, Camera, Capture, FrameRange, ImageSettings, Light, Motion, Object, PointMotion, Scene, Sphere,
 };

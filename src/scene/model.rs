@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use crate::math::Bounds;
+use crate::model::paths::{Elapsed, OwnPaths, Paths};
 use crate::model::{Gaussians, Loaded, Optics, Surfels};
 
 /// The surfels that an object shows, or the Gaussians of a capture or a volume. Copies share them: a clone costs
@@ -16,11 +17,14 @@ use crate::model::{Gaussians, Loaded, Optics, Surfels};
 #[derive(Clone, Debug, Default)]
 pub struct Model {
     surfels: Arc<Surfels>,
+    own_paths: Option<Arc<OwnPaths>>,
     gaussians: Option<Arc<Gaussians>>,
     median_radius: f32,
     least_opacity: f32,
     bounds: Bounds,
     core: Bounds,
+    /// Boxes around the columns of the paths.
+    rates: [Bounds; 3],
     mesh: bool,
 }
 
@@ -33,6 +37,25 @@ impl Model {
     /// The shared Gaussians of a capture or a volume; `None` for surfels.
     pub fn gaussians(&self) -> Option<&Arc<Gaussians>> {
         self.gaussians.as_ref()
+    }
+
+    /// How its surfels move by themselves.
+    pub fn paths(&self) -> Paths<'_> {
+        self.own_paths.as_ref().map_or_else(|| self.surfels.paths(), |own| own.paths())
+    }
+
+    /// Paths that are not the surfels' own.
+    pub(crate) fn own_paths(&self) -> Option<&Arc<OwnPaths>> {
+        self.own_paths.as_ref()
+    }
+
+    /// Box around the centres after the points moved by themselves; it may be larger than needed. Model space.
+    pub(crate) fn bounds_after(&self, elapsed: Elapsed<f64>) -> Bounds {
+        let rates = self.rates.iter().zip(elapsed).filter(|(rate, _)| !rate.is_empty());
+        rates.fold(self.bounds, |Bounds { min, max }, (rate, factor)| {
+            let (a, b) = (rate.min * factor, rate.max * factor);
+            Bounds { min: min + a.min(b), max: max + a.max(b) }
+        })
     }
 
     /// True for the kernels of a volume.
@@ -82,8 +105,18 @@ impl From<Surfels> for Model {
 impl From<Arc<Surfels>> for Model {
     fn from(surfels: Arc<Surfels>) -> Self {
         let (median_radius, bounds) = (surfels.median_radius(), surfels.bounds());
-        let least_opacity = surfels.least_opacity();
-        Self { surfels, gaussians: None, median_radius, least_opacity, bounds, core: bounds, mesh: false }
+        let (least_opacity, rates) = (surfels.least_opacity(), surfels.paths().bounds());
+        Self {
+            surfels,
+            own_paths: None,
+            gaussians: None,
+            median_radius,
+            least_opacity,
+            bounds,
+            core: bounds,
+            rates,
+            mesh: false,
+        }
     }
 }
 
@@ -101,8 +134,7 @@ impl From<Arc<Gaussians>> for Model {
         let median_radius =
             if radii.is_empty() { 0.0 } else { *radii.select_nth_unstable_by(middle, f32::total_cmp).1 };
         let core = core(&gaussians, bounds);
-        let surfels = Arc::default();
-        Self { surfels, gaussians: Some(gaussians), median_radius, least_opacity: 1.0, bounds, core, mesh: false }
+        Self { gaussians: Some(gaussians), median_radius, least_opacity: 1.0, bounds, core, ..Self::default() }
     }
 }
 

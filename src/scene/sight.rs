@@ -17,12 +17,10 @@ const MOST_POSES: usize = 200_000;
 /// The box is that of the surfels' centres, grown by the median radius. Times are four a frame, within a total for all
 /// objects of the scene that stays under a second.
 pub(crate) fn camera_enters(scene: &Scene, object: &Object) -> bool {
-    let bounds = object.bounds();
-    if bounds.is_empty() {
+    if object.bounds().is_empty() {
         return false;
     }
     let margin = DVec3::splat(f64::from(object.model.median_radius()));
-    let (low, high) = (bounds.min - margin, bounds.max + margin);
     let from = scene.frames.first as f64 + scene.shutter.open;
     let to = scene.frames.last as f64 + scene.shutter.close;
     let most = (MOST_POSES / scene.objects.len().max(1)).clamp(8, 2000);
@@ -31,6 +29,8 @@ pub(crate) fn camera_enters(scene: &Scene, object: &Object) -> bool {
     (0..=steps).any(|i| {
         let time = from + (to - from) * i as f64 / steps as f64;
         let pose = object_pose(scene, object, time).world_from_model;
+        let bounds = object.bounds_at(scene.frames.rate, time);
+        let (low, high) = (bounds.min - margin, bounds.max + margin);
         let eye = (camera_from_world(scene, time) * pose).inverse().transform_point3(DVec3::ZERO);
         eye.cmpge(low).all() && eye.cmple(high).all()
     })
@@ -77,6 +77,7 @@ pub fn why_unseen(scene: &Scene, object: &Object, frame: FrameNumber, drawn: boo
         return Unseen::Empty;
     }
     let time = frame.get() + 0.5 * (scene.shutter.open + scene.shutter.close);
+    let bounds = object.bounds_at(scene.frames.rate, time);
     let pose = object_pose(scene, object, time);
     if !pose.visible {
         return Unseen::Hidden;

@@ -8,7 +8,8 @@ use super::model::Model;
 use crate::anim::{Interpolation, NodeMotion};
 use crate::environment::Environment;
 use crate::math::{Bounds, Trs};
-use crate::model::{self, Cloud, ColourSpace, Kind, Material, MeshOptions, ModelError, VolumeOptions};
+use crate::model::paths::elapsed;
+use crate::model::{self, Cloud, ColourSpace, Kind, Material, MeshOptions, ModelError, VelocityUnit, VolumeOptions};
 use crate::time::Shutter;
 
 /// What is rendered: objects, lights and a camera, with the image, the frames and the shutter.
@@ -184,10 +185,20 @@ pub enum Motion {
     },
 }
 
+/// How the points of a model move by themselves: p(t) = p + v t + a t^2/2, with the model's velocities v and
+/// accelerations a.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PointMotion {
+    /// Unit of time of velocities and accelerations; `None`: that of the model.
+    pub unit: Option<VelocityUnit>,
+    /// Frame at which the points are where the model has them. `None`: each frame is, so t is 0 at the frame's number.
+    pub at: Option<f64>,
+}
+
 /// A model in the scene, with its place and motion.
 ///
-/// A point of the model goes through `transform`, the animation, the motions in their order, and `place`:
-/// `world_from_model` = place * motions (the last one leftmost) * animation * transform.
+/// A point of the model moves by itself (`points`). Then it goes through `transform`, the animation, the motions in
+/// their order, and `place`: `world_from_model` = place * motions (the last one leftmost) * animation * transform.
 #[derive(Clone, Debug)]
 pub struct Object {
     /// Name, unique in the scene.
@@ -210,6 +221,8 @@ pub struct Object {
     pub radius_scale: f64,
     /// Colour space forced by the scene (already applied to `model`).
     pub colour_space: Option<ColourSpace>,
+    /// How its points move by themselves.
+    pub points: PointMotion,
     /// Before motion.
     pub transform: Trs,
     /// Keyframed motion.
@@ -254,6 +267,7 @@ impl Object {
             mesh: MeshOptions::default(),
             radius_scale: 1.0,
             colour_space: None,
+            points: PointMotion::default(),
             transform: Trs::default(),
             animation: None,
             motions: Vec::new(),
@@ -305,12 +319,42 @@ impl Object {
         if self.sphere.is_some() { self.bounds() } else { self.cropped(self.model.core()) }
     }
 
+    /// [`Self::bounds`] after its points moved by themselves to their places at scene time `time` (frames).
+    pub(crate) fn bounds_at(&self, rate: f64, time: f64) -> Bounds {
+        if self.points.at.is_none() || self.model.paths().is_empty() {
+            // They are near the model's places in each frame.
+            return self.bounds();
+        }
+        self.model.bounds_after(elapsed(self.travelled(rate, time, time)))
+    }
+
+    /// [`Self::core`] after its points moved, as [`Self::bounds_at`] has them.
+    pub(crate) fn core_at(&self, rate: f64, time: f64) -> Bounds {
+        let moved = self.points.at.is_some() && !self.model.paths().is_empty();
+        if moved { self.bounds_at(rate, time) } else { self.core() }
+    }
+
     fn cropped(&self, bounds: Bounds) -> Bounds {
         match self.capture.crop {
             Some([min, max]) if self.model.gaussians().is_some() => {
                 Bounds { min: bounds.min.max(min), max: bounds.max.min(max) }
             }
             _ => bounds,
+        }
+    }
+
+    /// The time that its points travelled at scene time `time` of frame `number` (both in frames), in the unit of their
+    /// velocities.
+    pub(crate) fn travelled(&self, rate: f64, number: f64, time: f64) -> f64 {
+        let frames = if self.blur { time } else { number } - self.points.at.unwrap_or(number);
+        frames * self.time_units(rate)
+    }
+
+    /// Units of time of its velocities in a frame, at `rate` frames per second.
+    pub(crate) fn time_units(&self, rate: f64) -> f64 {
+        match self.points.unit.unwrap_or(self.model.velocity_unit) {
+            VelocityUnit::Second => 1.0 / rate,
+            VelocityUnit::Frame => 1.0,
         }
     }
 
@@ -322,9 +366,10 @@ impl Object {
         !self.model.is_empty() && self.opacity * f64::from(self.model.least_opacity()) < OPAQUE
     }
 
-    /// True if no animation and no motion moves the object.
+    /// True if no animation and no motion moves the object, and its points do not travel from frame to frame.
     pub fn is_fixed(&self) -> bool {
-        self.animation.is_none() && self.motions.is_empty()
+        let travels = self.points.at.is_some() && !self.model.paths().is_empty();
+        self.animation.is_none() && self.motions.is_empty() && !travels
     }
 }
 

@@ -10,8 +10,10 @@ use super::error::{SceneError, quoted};
 use super::schema::FAR;
 use crate::anim::Interpolation;
 use crate::math::{RotateOrder, Trs};
-use crate::model::{self, ColourSpace, Kind, Material, MeshOptions, Stop, TransferFunction, VolumeOptions};
-use crate::scene::{Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, Sphere};
+use crate::model::{
+    self, ColourSpace, Kind, Material, MeshOptions, Stop, TransferFunction, VelocityUnit, VolumeOptions,
+};
+use crate::scene::{Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, PointMotion, Sphere};
 use crate::time::{Shutter, Weight};
 
 /// A scene before its files are read.
@@ -69,6 +71,7 @@ pub(super) struct ObjectSpec {
     pub(super) name: String,
     pub(super) blur: bool,
     pub(super) two_sided: Option<bool>,
+    pub(super) points: PointMotion,
     pub(super) epsilon: Option<f64>,
     pub(super) shape: ShapeSpec,
     pub(super) options: model::LoadOptions,
@@ -254,6 +257,13 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         name,
         blur: part.boolean("blur")?,
         two_sided: part.optional_boolean("twoSided")?,
+        points: PointMotion {
+            unit: part.choice("velocityUnit")?.map(|word| match word.as_str() {
+                "frame" => VelocityUnit::Frame,
+                _ => VelocityUnit::Second,
+            }),
+            at: part.optional_number("at")?,
+        },
         epsilon: part.optional_number("epsilon")?,
         shape: match part.element.child("sphere") {
             Some(element) => ShapeSpec::Sphere(sphere(&Part::new(part.source, element, "sphere"))?),

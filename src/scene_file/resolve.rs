@@ -15,7 +15,9 @@ use crate::anim::{self, NodeMotion};
 use crate::environment::{Environment, LatLong};
 use crate::image;
 use crate::model::{self, MeshOptions, MeshSource, Spacing};
-use crate::scene::{self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Model, Object, Scene};
+use crate::scene::{
+    self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Model, Object, PointMotion, Scene,
+};
 
 /// Reads all files of a document and fills in what it leaves out.
 pub(super) fn resolve(
@@ -207,6 +209,7 @@ impl Files<'_> {
             capture: spec.capture,
             volume: spec.options.volume,
             node: spec.options.node,
+            points: spec.points,
             mesh: spec.options.mesh,
             two_sided: spec.two_sided.unwrap_or(model.two_sided),
             model,
@@ -255,6 +258,9 @@ impl Files<'_> {
         }
         if is_volume && volume_only {
             note("`shDegree` and `antialias` are for captures drawn as Gaussians, and mean");
+        }
+        if spec.points != PointMotion::default() && model.paths().is_empty() {
+            note("`velocityUnit` and `at` are for surfels with velocities, and mean");
         }
         if !is_volume && spec.options.volume != model::VolumeOptions::default() {
             note("`kernel`, `flatten`, `lit` and <transferFunction> are for volumes, and mean");

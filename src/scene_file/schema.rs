@@ -316,6 +316,18 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 Auto("median radius times the object's scale"),
                 "depth tolerance of visibility, scene units",
             ),
+            row(
+                "velocityUnit",
+                Kind::Choice(&["second", "frame"]),
+                Auto("by the file"),
+                "unit of time of the velocities and accelerations of points",
+            ),
+            row(
+                "at",
+                Kind::Number(Range(-1e9, 1e9)),
+                Auto("each frame's own number"),
+                "frame at which points with velocities are where the file has them",
+            ),
         ],
         children: &[
             child("pointModel", OneShape),

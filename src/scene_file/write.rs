@@ -13,7 +13,7 @@ use super::schema::MOST_INTENSITY;
 use super::xml::is_xml;
 use crate::anim::{Interpolation, NodeMotion};
 use crate::math::Trs;
-use crate::model::{ColourSpace, Kind, MeshOptions, Spacing, TransferFunction, VolumeOptions};
+use crate::model::{ColourSpace, Kind, MeshOptions, Spacing, TransferFunction, VelocityUnit, VolumeOptions};
 use crate::scene::{AnimationBinding, Camera, Capture, Light, Motion, Object, Scene};
 use crate::time::{Shutter, Weight};
 
@@ -152,6 +152,14 @@ impl Xml {
         let mut attributes = vec![("name", object.name.clone()), ("blur", object.blur.to_string())];
         attributes.push(("twoSided", object.two_sided.to_string()));
         attributes.extend(object.epsilon.map(|e| ("epsilon", number(e))));
+        attributes.extend(object.points.unit.map(|unit| {
+            let word = match unit {
+                VelocityUnit::Second => "second",
+                VelocityUnit::Frame => "frame",
+            };
+            ("velocityUnit", word.to_owned())
+        }));
+        attributes.extend(object.points.at.map(|at| ("at", number(at))));
         self.open(1, "object", &attributes);
         self.0.push_str(">\n");
         self.shape(object, base);

@@ -24,5 +24,6 @@ mod rendering;
 mod see_through;
 mod static_objects;
 mod symmetries;
+mod velocities;
 mod volumes;
 mod wheels;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// The names that `src/lib.rs` re-exports at the root. A new name here is a promise to users of the library: add one
 /// only on purpose.
-const NAMES: [&str; 38] = [
+const NAMES: [&str; 40] = [
     // What is rendered.
     "Camera",
     "Cloud",
@@ -20,10 +20,12 @@ const NAMES: [&str; 38] = [
     "Model",
     "Motion",
     "Object",
+    "PointMotion",
     "Scene",
     "Shutter",
     "Surfels",
     "Transform",
+    "VelocityUnit",
     "Weight",
     "glam",
     // How, and on what.

@@ -7,11 +7,12 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use splatblur::anim::Interpolation;
 use splatblur::film::Picture;
-use splatblur::scene::{Light, Motion, Scene};
+use splatblur::model::VelocityUnit;
+use splatblur::scene::{Light, Motion, PointMotion, Scene};
 use splatblur::scene_file::{LoadOptions, Loaded, SceneError, load, to_xml, validate};
 use splatblur::time::Weight;
 
@@ -80,6 +81,35 @@ fn refused(scene: impl AsRef<[u8]>, words: &str) {
     let error = dir.load().map(|l| l.scene.name).expect_err("refused");
     assert!(start.elapsed() < Duration::from_secs(2), "{:?}", start.elapsed());
     assert_eq!(dir.words(error), words);
+}
+
+/// The unit and the frame of points that move by themselves are kept, and said to mean nothing for others.
+#[test]
+fn the_motion_of_points_is_read_and_written() {
+    let of = |attributes: &str| {
+        let dir = Dir::new(format!("<scene><object {attributes}><pointModel>v.ply</pointModel></object></scene>"));
+        let header = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n";
+        let rates = "property float vx\nproperty float vy\nproperty float vz\nend_header\n";
+        dir.add("v.ply", format!("{header}{rates}0 0 0 1 0 0\n1 1 0 0 1 0\n"));
+        dir
+    };
+    let dir = of("velocityUnit='frame' at='-2.5'");
+    let scene = dir.load().unwrap().scene;
+    let points = PointMotion { unit: Some(VelocityUnit::Frame), at: Some(-2.5) };
+    assert_eq!(scene.objects[0].points, points);
+    assert_eq!(scene.objects[0].model.velocity, [Vec3::X, Vec3::Y]);
+    dir.add("scene.xml", to_xml(&scene, dir.0.path()));
+    assert_eq!(dir.load().unwrap().scene.objects[0].points, points);
+    let default = of("").load().unwrap();
+    assert_eq!(default.scene.objects[0].points, PointMotion::default());
+    assert!(default.notes.iter().all(|note| !note.contains("velocit")), "{:?}", default.notes);
+    let idle = loaded("<scene><object at='1'><pointModel>m.ply</pointModel></object></scene>").notes;
+    let note = "object `object1`: `velocityUnit` and `at` are for surfels with velocities, and mean nothing here";
+    assert!(idle.iter().any(|found| found == note), "{idle:?}");
+    refused(
+        "<scene><object velocityUnit='hour'><pointModel>m.ply</pointModel></object></scene>",
+        "scene.xml:1:16: attribute `velocityUnit` of <object> is \"hour\", expected second or frame",
+    );
 }
 
 /// An environment is a picture of all directions with sound values, and what mirrors it needs one.
@@ -433,7 +463,7 @@ fn a_namespace_is_accepted_on_the_root_alone() {
     assert_eq!(loaded(text(names, "")).scene.objects.len(), 1);
     refused(
         text("", "xmlns='a'"),
-        "scene.xml:1:17: <object> has no attribute `xmlns` (it takes: name, blur, twoSided, epsilon)",
+        "scene.xml:1:17: <object> has no attribute `xmlns` (it takes: name, blur, twoSided, epsilon, velocityUnit, at)",
     );
     refused(text("xmln='a'", ""), "scene.xml:1:8: <scene> has no attribute `xmln` (it takes: none)");
 }

@@ -13,6 +13,7 @@ use crate::frame::{Blocks, PixelRect, PosedObject, Raster};
 use crate::layout::{FLAG_BACK, Splat};
 use crate::math::simd::dispatch;
 use crate::model::Surfels;
+use crate::model::paths::Paths;
 
 /// Surfels worked on at once.
 pub(in crate::backend) const LANES: usize = 16;
@@ -39,15 +40,18 @@ pub(in crate::backend) struct View<'a> {
     /// Pixels by which bounds are wider than what a splat touches.
     pub margin: f32,
     pub two_sided: bool,
+    /// How the surfels move by themselves.
+    pub paths: Paths<'a>,
     /// Clusters of the object's model, where they are known.
     pub clusters: Option<&'a Clusters>,
 }
 
 impl View<'_> {
-    /// May a cluster of the model show anything? Always true over an interval, for which `Window` knows no motion.
+    /// May a cluster of the model show anything? Always true over an interval, and where surfels move by themselves:
+    /// `Window` knows no motion.
     #[inline(never)]
     fn may_show(&self, cluster: usize) -> bool {
-        let Some(clusters) = self.clusters.filter(|_| !self.object.moves) else { return true };
+        let Some(clusters) = self.clusters.filter(|_| !self.object.moves && self.paths.is_empty()) else { return true };
         let (object, raster, blocks) = (self.object, &self.raster, self.wanted);
         let window = Window { object, raster, pixels: self.pixels, near: self.near, blocks };
         clusters.may_show(cluster, &window, !self.two_sided)
@@ -127,6 +131,7 @@ pub(in crate::backend) fn project_body(view: &View<'_>, surfels: &Surfels, range
             continue;
         }
         run.load(surfels, at.clone());
+        run.travel(view, at.clone());
         for lane in (0..at.len()).step_by(LANES) {
             let n = (at.len() - lane).min(LANES);
             project_lanes(view, &run, lane, n, (first + lane) as u32, out);
@@ -155,6 +160,20 @@ impl Run {
         split(&surfels.position[range.clone()], &mut self.position);
         split(&surfels.axis_u[range.clone()], &mut self.axis_u);
         split(&surfels.axis_v[range], &mut self.axis_v);
+    }
+
+    /// Moves the positions along the paths of the surfels.
+    #[inline(always)]
+    fn travel(&mut self, view: &View<'_>, range: Range<usize>) {
+        for (column, factor) in view.paths.columns.iter().zip(view.object.elapsed) {
+            let Some(rates) = column.get(range.clone()) else { continue };
+            for (l, rate) in rates.iter().enumerate() {
+                let shift = *rate * factor;
+                self.position[0][l] += shift.x;
+                self.position[1][l] += shift.y;
+                self.position[2][l] += shift.z;
+            }
+        }
     }
 }
 

@@ -49,6 +49,7 @@ impl Scope<'_> {
             low_pass: self.frame.prefilter == Prefilter::Approx,
             margin: 0.0,
             two_sided: self.frame.objects[chunk.object].two_sided,
+            paths: self.frame.objects[chunk.object].paths(),
             clusters: self.clusters.get(chunk.object).map(Arc::as_ref),
         }
     }

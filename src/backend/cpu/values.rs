@@ -12,6 +12,7 @@ use crate::environment::Surroundings;
 use crate::frame::{FrameObject, PosedObject, PosedSample};
 use crate::layout::{Channels, EwaSplat, FLAG_BACK, Splat, SweptSplat};
 use crate::math::simd::dispatch;
+use crate::model::paths::Paths;
 use crate::model::{MIPMAP_LEVELS, MIPMAP_SIGMA, Surfels};
 use crate::options::Shading;
 use crate::shading::{ShadingLight, lobes, mirrored, towards_point};
@@ -89,6 +90,7 @@ dispatch! {
 fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mut [f32]) {
     let Shown { posed, channels, .. } = *shown;
     let surfels = &*shown.object.surfels;
+    let paths = shown.object.paths();
     let gouraud = shown.shading == Shading::Gouraud;
     let mut normal = [[0.0; LANES]; 3];
     let mut position = [[0.0; LANES]; 3];
@@ -101,7 +103,7 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mu
     if !surfels.mipmap.is_empty() {
         for l in 0..LANES {
             let i = faces[l].0 as usize;
-            let [red, green, blue] = of_texture(surfels, i, texture_variance(surfels, i, shown)).to_array();
+            let [red, green, blue] = of_texture(surfels, i, texture_variance(surfels, &paths, i, shown)).to_array();
             (colour[0][l], colour[1][l], colour[2][l]) = (red, green, blue);
         }
     }
@@ -124,7 +126,9 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mu
     }
     if gouraud {
         for l in 0..LANES {
-            (position[0][l], position[1][l], position[2][l]) = surfels.position[faces[l].0 as usize].into();
+            let i = faces[l].0 as usize;
+            (position[0][l], position[1][l], position[2][l]) =
+                paths.place(surfels.position[i], i, posed.elapsed).into();
         }
         let position = transform(&posed.world_from_model, posed.world_origin, &position);
         let view = unit(position.map(|axis| axis.map(|v| -v)));
@@ -145,7 +149,7 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mu
             out[at] = shown.object.opacity * own;
         }
         if let Some(at) = channels.velocity {
-            let velocity = velocity(surfels.position[faces[l].0 as usize], shown);
+            let velocity = velocity(surfels, &paths, faces[l].0 as usize, shown);
             out[at..at + 2].copy_from_slice(&velocity.map(|v| v * shown.stride));
         }
         if let Some(at) = channels.material {
@@ -228,11 +232,11 @@ fn of_texture(surfels: &Surfels, i: usize, variance: f32) -> Vec3 {
 /// The variance of the filter of a surfel's texture, in those of level 0 (docs/math.md, section 13). It is 1 where the
 /// surfel's centre has no image, being nearer than `near`.
 #[inline(always)]
-fn texture_variance(surfels: &Surfels, i: usize, shown: &Shown<'_>) -> f32 {
+fn texture_variance(surfels: &Surfels, paths: &Paths<'_>, i: usize, shown: &Shown<'_>) -> f32 {
     /// Variance of the last level.
     const MOST: f32 = (1 << (2 * MIPMAP_LEVELS)) as f32;
     let posed = shown.posed;
-    let c = posed.screen_from_model * surfels.position[i] + posed.screen_origin;
+    let c = posed.screen_from_model * paths.place(surfels.position[i], i, posed.elapsed) + posed.screen_origin;
     let (u, v) = (posed.screen_from_model * surfels.axis_u[i], posed.screen_from_model * surfels.axis_v[i]);
     let over = 1.0 / c.z;
     let (x, y) = (c.x * over, c.y * over);
@@ -253,10 +257,12 @@ fn texture_variance(surfels: &Surfels, i: usize, shown: &Shown<'_>) -> f32 {
 
 /// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth. 0 where
 /// the centre has no image, being nearer than `near`.
-fn velocity(position: Vec3, shown: &Shown<'_>) -> [f32; 2] {
+fn velocity(surfels: &Surfels, paths: &Paths<'_>, i: usize, shown: &Shown<'_>) -> [f32; 2] {
     let posed = shown.posed;
-    let p = posed.screen_from_model * position + posed.screen_origin;
-    let rate = posed.screen_rate * position + posed.screen_origin_rate;
+    let place = paths.place(surfels.position[i], i, posed.elapsed);
+    let p = posed.screen_from_model * place + posed.screen_origin;
+    let own = posed.screen_from_model * (paths.velocity(i, posed.elapsed) * posed.pace);
+    let rate = posed.screen_rate * place + posed.screen_origin_rate + own;
     if p.z < shown.near {
         return [0.0; 2];
     }

@@ -95,7 +95,9 @@ impl Cutter<'_> {
     /// The runs of a surfel buffer that are wanted.
     fn parts(&self, sample: usize, object: usize, buffer: &ModelBuffer) -> Vec<Range<usize>> {
         let frame = self.prepared.frame;
-        let Some((clusters, blocks)) = self.prepared.clusters.get(object).zip(frame.wanted.as_ref()) else {
+        // The window knows no motion of points.
+        let still = self.prepared.clusters.get(object).filter(|_| frame.objects[object].paths().is_empty());
+        let Some((clusters, blocks)) = still.zip(frame.wanted.as_ref()) else {
             return vec![buffer.surfels.clone()];
         };
         let raster = self.raster;
@@ -152,7 +154,7 @@ impl Cutter<'_> {
                             ..template
                         };
                         batch.segments.push((segment, object, number));
-                        batch.travels.push(Travel::of(pose));
+                        batch.travels.push(Travel::of(pose, of_frame));
                         batch.slots += surfels as u32;
                         batch.last_turn = turn;
                         first += surfels;

@@ -97,6 +97,11 @@ pub(in crate::backend) struct Segment {
 pub(in crate::backend) struct Travel {
     pub centre: [[f32; 4]; 3],
     pub motion: [[f32; 4]; 3],
+    pub elapsed: [f32; 4],
+    pub advance: [f32; 4],
+    pub pace: f32,
+    pub columns: u32,
+    pub unused: [u32; 2],
 }
 
 /// A light of one sample.
@@ -203,10 +208,16 @@ impl Segment {
 }
 
 impl Travel {
-    pub(in crate::backend) fn of(posed: &PosedObject) -> Self {
+    pub(in crate::backend) fn of(posed: &PosedObject, object: &FrameObject) -> Self {
+        let factors = |[a, b, c]: [f32; 3]| [a, b, c, 0.0];
         Self {
             centre: rows(&posed.centre_from_model, posed.centre_origin),
             motion: rows(&posed.motion_from_model, posed.motion_origin),
+            elapsed: factors(posed.elapsed),
+            advance: factors(posed.advance),
+            pace: posed.pace,
+            columns: 9 + 3 * object.paths().order() as u32,
+            unused: [0; 2],
         }
     }
 }

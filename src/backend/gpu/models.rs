@@ -4,11 +4,13 @@
 use std::ops::Range;
 use std::sync::{Arc, Weak};
 
-use glam::Quat;
+use glam::{Quat, Vec3};
 use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
 use crate::backend::BackendError;
+use crate::frame::FrameObject;
+use crate::model::paths::{OwnPaths, Paths};
 use crate::model::{Gaussians, Surfels};
 
 /// Most surfels of a surfel buffer. One dispatch covers them along one axis.
@@ -32,6 +34,8 @@ struct Capture {
 struct Model {
     /// Holds the address, so that no other model can get it, but not the surfels.
     surfels: Weak<Surfels>,
+    /// The same of paths that are not the surfels' own.
+    own_paths: Option<Weak<OwnPaths>>,
     /// Whether the buffers have the normalisation of kernels.
     normalised: bool,
     buffers: Vec<ModelBuffer>,
@@ -42,7 +46,8 @@ struct Model {
 pub(in crate::backend) struct ModelBuffer {
     /// Which of the model.
     pub surfels: Range<usize>,
-    /// Columns: positions, axes u, axes v; then the normalisation of kernels and its mean, where a frame needed them.
+    /// Columns: positions, axes u, axes v, those of the paths; then the normalisation of kernels and its mean, where a
+    /// frame needed them.
     /// Of Gaussians: positions, standard deviations, rotations, opacities.
     pub geometry: Buffer,
     /// Columns: normals, colours, then materials, opacities and mipmaps where the model has them. Of Gaussians:
@@ -51,21 +56,33 @@ pub(in crate::backend) struct ModelBuffer {
 }
 
 impl Models {
-    /// The buffers of `surfels`, with the normalisation of kernels if `normalised`. They are uploaded if they are not
-    /// on the device yet.
+    /// The buffers of an object's surfels and their paths, with the normalisation of kernels if `normalised`. They are
+    /// uploaded if they are not on the device yet.
     pub(in crate::backend) fn surfel_buffers(
         &mut self,
         device: &Device,
-        surfels: &Arc<Surfels>,
+        object: &FrameObject,
         normalised: bool,
     ) -> Result<Vec<ModelBuffer>, BackendError> {
-        let lacks = |model: &Model| normalised && !model.normalised && model.surfels.as_ptr() == Arc::as_ptr(surfels);
-        self.models.retain(|model| model.surfels.strong_count() > 0 && !lacks(model));
-        if let Some(model) = self.models.iter().find(|model| model.surfels.as_ptr() == Arc::as_ptr(surfels)) {
+        let is_of = |model: &Model| {
+            let own = model.own_paths.as_ref().map(Weak::as_ptr);
+            model.surfels.as_ptr() == Arc::as_ptr(&object.surfels) && own == object.own_paths.as_ref().map(Arc::as_ptr)
+        };
+        let lives = |model: &Model| {
+            let own_paths = model.own_paths.as_ref().is_none_or(|own| own.strong_count() > 0);
+            own_paths && model.surfels.strong_count() > 0
+        };
+        self.models.retain(|model| lives(model) && !(normalised && !model.normalised && is_of(model)));
+        if let Some(model) = self.models.iter().find(|model| is_of(model)) {
             return Ok(model.buffers.clone());
         }
-        let buffers = upload(device, surfels, normalised)?;
-        self.models.push(Model { surfels: Arc::downgrade(surfels), normalised, buffers: buffers.clone() });
+        let buffers = upload(device, &object.surfels, object.paths(), normalised)?;
+        self.models.push(Model {
+            surfels: Arc::downgrade(&object.surfels),
+            own_paths: object.own_paths.as_ref().map(Arc::downgrade),
+            normalised,
+            buffers: buffers.clone(),
+        });
         Ok(buffers)
     }
 
@@ -86,21 +103,28 @@ impl Models {
     }
 }
 
-fn upload(device: &Device, surfels: &Surfels, normalised: bool) -> Result<Vec<ModelBuffer>, BackendError> {
+fn upload(
+    device: &Device,
+    surfels: &Surfels,
+    paths: Paths<'_>,
+    normalised: bool,
+) -> Result<Vec<ModelBuffer>, BackendError> {
     let factors = if normalised { surfels.normalisation() } else { &[] };
     let mean: Vec<f32> = normalised.then(|| surfels.mean_normalisation()).into_iter().collect();
-    // At most 40 bytes of geometry, at most 92 of looks.
+    // At most 76 bytes of geometry, at most 92 of looks.
     let most = (device.most_bytes() / 92).clamp(1, MOST_SURFELS) as usize;
     let mut buffers = Vec::new();
     for start in (0..surfels.len()).step_by(most) {
         let range = start..(start + most).min(surfels.len());
-        let geometry = [
-            bytemuck::cast_slice(&surfels.position[range.clone()]),
-            bytemuck::cast_slice(&surfels.axis_u[range.clone()]),
-            bytemuck::cast_slice(&surfels.axis_v[range.clone()]),
-            bytemuck::cast_slice(factors.get(range.clone()).unwrap_or_default()),
-            bytemuck::cast_slice(&mean),
-        ];
+        let zeros = vec![Vec3::ZERO; if paths.is_empty() { 0 } else { range.len() }];
+        let rates = paths.columns[..paths.order()].iter().map(|column| column.get(range.clone()).unwrap_or(&zeros));
+        let columns_of_geometry: Vec<&[u8]> =
+            [&surfels.position[range.clone()], &surfels.axis_u[range.clone()], &surfels.axis_v[range.clone()]]
+                .into_iter()
+                .chain(rates)
+                .map(bytemuck::cast_slice)
+                .chain([factors.get(range.clone()).unwrap_or_default(), &mean].map(bytemuck::cast_slice))
+                .collect();
         let materials: Vec<[f32; 4]> = surfels
             .material
             .get(range.clone())
@@ -118,7 +142,7 @@ fn upload(device: &Device, surfels: &Surfels, normalised: bool) -> Result<Vec<Mo
         ];
         buffers.push(ModelBuffer {
             surfels: range,
-            geometry: columns(device, "surfels", &geometry)?,
+            geometry: columns(device, "surfels", &columns_of_geometry)?,
             looks: columns(device, "surfels", &looks)?,
         });
         // Uploads under way take memory too, so surfel buffers go one at a time.

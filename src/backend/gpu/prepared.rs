@@ -62,7 +62,7 @@ impl Gpu {
             let mut see_through = frame.objects.iter().filter(|object| object.see_through);
             filters_all || see_through.any(|object| Arc::ptr_eq(&object.surfels, surfels))
         };
-        let upload = |object: &FrameObject| models.surfel_buffers(device, &object.surfels, filters(&object.surfels));
+        let upload = |object: &FrameObject| models.surfel_buffers(device, object, filters(&object.surfels));
         let surfel_buffers = frame.objects.iter().map(upload).collect::<Result<Vec<_>, _>>()?;
         let upload = |object: &FrameObject| match &object.gaussians {
             Some(gaussians) => models.gaussian_buffers(device, gaussians),

@@ -95,8 +95,14 @@ macro_rules! wgsl {
     ($($file:literal),+ $(,)?) => { concat!($(include_str!(concat!("../../../shaders/", $file)), "\n"),+) };
 }
 
-const PROJECT: &str =
-    wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/bounds.wgsl", "common/posed.wgsl", "project.wgsl",);
+const PROJECT: &str = wgsl!(
+    "common/types.wgsl",
+    "common/wanted.wgsl",
+    "common/bounds.wgsl",
+    "common/paths.wgsl",
+    "common/posed.wgsl",
+    "project.wgsl",
+);
 const BIN: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/scan.wgsl", "bin.wgsl");
 const VISIBILITY: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/hit.wgsl", "visibility.wgsl");
 const RESTORE: &str = wgsl!("common/types.wgsl", "restore.wgsl");
@@ -107,6 +113,7 @@ const ATTRIBUTE: &str = wgsl!(
     "common/environment.wgsl",
     "common/hit.wgsl",
     "common/list.wgsl",
+    "common/paths.wgsl",
     "attribute.wgsl",
 );
 const RESOLVE: &str =
@@ -117,6 +124,7 @@ const SWEEP: &str = wgsl!(
     "common/bounds.wgsl",
     "common/swept.wgsl",
     "common/swept_splat.wgsl",
+    "common/paths.wgsl",
     "common/moving.wgsl",
     "swept/project.wgsl",
 );
@@ -126,6 +134,7 @@ const FILTERED_SWEEP: &str = wgsl!(
     "common/bounds.wgsl",
     "common/swept.wgsl",
     "common/swept_filter.wgsl",
+    "common/paths.wgsl",
     "common/moving.wgsl",
     "swept/filter.wgsl",
 );
@@ -183,6 +192,7 @@ const EWA_PROJECT: &str = wgsl!(
     "common/types.wgsl",
     "common/wanted.wgsl",
     "common/bounds.wgsl",
+    "common/paths.wgsl",
     "common/posed.wgsl",
     "common/ewa.wgsl",
     "ewa/project.wgsl",
@@ -203,6 +213,7 @@ const EWA_ATTRIBUTE: &str = wgsl!(
     "common/hit.wgsl",
     "common/list.wgsl",
     "common/ewa.wgsl",
+    "common/paths.wgsl",
     "attribute.wgsl",
     "ewa/attribute.wgsl",
 );
@@ -401,7 +412,7 @@ impl Program {
                 (&[Segments, Splats, List, Wide, Starts, Wanted], &[Thresholds])
             }
             Self::Restore => (&[Thresholds, LayerThresholds, LayerSums], &[Sums, Limits]),
-            Self::SplatValues => (&[Geometry, Looks, Lights, Splats, Touched, Environment], &[WrittenValues]),
+            Self::SplatValues => (&[Geometry, Looks, Travels, Lights, Splats, Touched, Environment], &[WrittenValues]),
             Self::SumAttributes | Self::EwaAttribute => {
                 (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums])
             }

@@ -10,7 +10,7 @@ use splatblur::film::Picture;
 use splatblur::gltf::{AnimationEntry, NodeEntry, Nodes};
 use splatblur::math::{Bounds, Trs};
 use splatblur::model::mesh::{Mesh, Texture};
-use splatblur::model::{self, Gaussians, Material, Optics, Surfels, VolumeFacts};
+use splatblur::model::{self, Gaussians, Material, Optics, Surfels, VelocityUnit, VolumeFacts};
 use splatblur::scene::{AnimationBinding, Camera, Light, Model, Motion, Object};
 use splatblur::scene_file;
 
@@ -103,6 +103,7 @@ fn scene_object(o: &Object) -> Value {
         ("blur", json!(o.blur)),
         ("two_sided", json!(o.two_sided)),
         ("epsilon", o.epsilon.map_or_else(|| json!("median radius"), |e| json!(e))),
+        ("points_at", o.points.at.map_or_else(|| json!("each frame"), |at| json!(at))),
         ("transform", trs(&o.transform)),
         ("place", trs(&o.place)),
     ];
@@ -289,6 +290,7 @@ fn model(s: &Surfels) -> Value {
     properties.extend((!s.opacity.is_empty()).then_some("opacity"));
     properties.extend((!s.material.is_empty()).then_some("material"));
     properties.extend((!s.velocity.is_empty()).then_some("velocity"));
+    properties.extend((!s.acceleration.is_empty()).then_some("acceleration"));
     let sides = match (s.two_sided, s.signs_estimated) {
         (false, false) => "fronts show",
         (false, true) => "fronts show (normals estimated, closed)",
@@ -296,6 +298,14 @@ fn model(s: &Surfels) -> Value {
         (true, false) => "both show",
     };
     let mut pairs = vec![("surfels", json!(s.len())), ("properties", json!(properties)), ("sides", json!(sides))];
+    if !s.paths().is_empty() {
+        let unit = match s.velocity_unit {
+            VelocityUnit::Second => "second",
+            VelocityUnit::Frame => "frame",
+        };
+        let fastest = s.velocity.iter().map(|v| v.length()).fold(0.0, f32::max);
+        pairs.push(("velocity", json!({ "unit": unit, "max": single(fastest) })));
+    }
     if !s.is_empty() {
         let least = radii.iter().copied().fold(f32::INFINITY, f32::min);
         let greatest = radii.iter().copied().fold(0.0, f32::max);

@@ -10,7 +10,7 @@ use super::paint::{LEVELS, Palette};
 use super::raster::{self, Hit};
 use super::{Mesh, spacing};
 use crate::model::options::{MeshOptions, Spacing};
-use crate::model::surfels::{MIPMAP_LEVELS, Normalisation, Surfels};
+use crate::model::surfels::{MIPMAP_LEVELS, Normalisation, Surfels, VelocityUnit};
 
 /// Surfels of a mesh where nothing else decides.
 const USUAL: f64 = 200_000.0;
@@ -189,6 +189,9 @@ fn painted(palette: &Palette<'_>, hits: &[Hit], position: Vec<Vec3>, radius: f64
         opacity,
         material: Vec::new(),
         velocity: Vec::new(),
+        id: Vec::new(),
+        acceleration: Vec::new(),
+        velocity_unit: VelocityUnit::Second,
         normalisation: Normalisation::default(),
         two_sided: false,
         signs_estimated: false,

@@ -1,7 +1,7 @@
 //! Our own format.
 
 use glam::Vec3;
-use splatblur::model::{ColourSpace, LoadOptions, Surfels, load, write_bin};
+use splatblur::model::{ColourSpace, LoadOptions, Surfels, VelocityUnit, load, write_bin};
 
 use super::support::surfels;
 use super::write::sample;
@@ -58,6 +58,28 @@ fn round_trip_is_exact() {
         assert_eq!(back.normalisation.known(), Some(s.normalisation()));
         assert_eq!(format!("{s:?}"), format!("{back:?}"));
     }
+}
+
+/// Velocities and accelerations come back with their unit, which is a bit of the header.
+#[test]
+fn the_unit_of_velocities_is_in_the_file() {
+    let mut s = sample(5, true);
+    for (velocity, acceleration) in [(true, false), (false, true), (true, true), (false, false)] {
+        for unit in [VelocityUnit::Frame, VelocityUnit::Second] {
+            let column = |wanted: bool, x: f32| vec![Vec3::new(x, 2.0, 3.0); if wanted { 5 } else { 0 }];
+            (s.velocity, s.acceleration, s.velocity_unit) = (column(velocity, 1.0), column(acceleration, -1.0), unit);
+            s.id = if velocity { vec![1, -2, i64::MAX, i64::MIN, 0] } else { Vec::new() };
+            let bytes = encode(&s);
+            let moves = velocity || acceleration;
+            assert_eq!(bytes[12], 4 + if moves && unit == VelocityUnit::Second { 16 } else { 0 });
+            let back = surfels(&bytes).unwrap();
+            assert_eq!((&back.velocity, &back.acceleration, &back.id), (&s.velocity, &s.acceleration, &s.id));
+            assert_eq!(back.velocity_unit, if moves { unit } else { VelocityUnit::Second });
+        }
+    }
+    (s.velocity_unit, s.acceleration) = (VelocityUnit::Second, vec![Vec3::new(0.0, f32::NAN, 0.0); 5]);
+    let e = surfels(&encode(&s)).unwrap_err().to_string();
+    assert!(e.contains("an unusable acceleration at surfel 0"), "{e}");
 }
 
 #[test]

@@ -121,6 +121,13 @@ fn names_of_attributes() {
         let c = points(&with_xyz(&[("float", x), ("float", y), ("float", z)]), &[&[0.0, 0.0, 0.0, 1.0, 2.0, 3.0]]);
         assert_eq!(c.velocity, [Vec3::new(1.0, 2.0, 3.0)]);
     }
+    for [x, y, z] in [["ax", "ay", "az"], ["acceleration_x", "acceleration_y", "acceleration_z"]] {
+        let c = points(&with_xyz(&[("float", x), ("float", y), ("float", z)]), &[&[0.0, 0.0, 0.0, 1.0, 2.0, 3.0]]);
+        assert_eq!(c.acceleration, [Vec3::new(1.0, 2.0, 3.0)]);
+    }
+    for name in ["id", "particle_id", "point_id"] {
+        assert_eq!(points(&with_xyz(&[("int", name)]), &[&[0.0, 0.0, 0.0, -7.0]]).id, [-7]);
+    }
     let axes = ["tux", "tuy", "tuz", "tvx", "tvy", "tvz"].map(|n| ("float", n));
     let c = points(&with_xyz(&axes), &[&[0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.5, 0.0]]);
     assert_eq!(c.axes, [[Vec3::X * 2.0, Vec3::Y * 0.5]]);
@@ -202,6 +209,27 @@ fn opacities_by_their_type() {
 fn unused_properties_are_named() {
     let c = points(&with_xyz(&[("float", "curvature"), ("float", "confidence"), ("uchar", "alpha")]), &[&[255.0; 6]]);
     assert_eq!(c.notes, ["vertex properties ignored: curvature"]);
+}
+
+/// A rate that is no number would put a point anywhere, and an identity must be a whole number.
+#[test]
+fn odd_rates_and_identities_are_refused_with_their_place() {
+    let error = |names: &[&str], row: &[f64]| {
+        let properties: Vec<(&str, &str)> = names.iter().map(|&name| ("double", name)).collect();
+        let rows = [vec![0.0; 3 + row.len()], [&[0.0; 3], row].concat()];
+        let file = Ply::new(ENCODINGS[0]).element("vertex", &with_xyz(&properties), &rows).bytes();
+        refused(&file, Format::Ply).to_string()
+    };
+    let expected = "expected a finite number up to 1e18 (`vy` of vertex 1 of 2)";
+    for value in [f64::NAN, f64::NEG_INFINITY, 2e18] {
+        let e = error(&["vx", "vy", "vz"], &[0.0, value, 0.0]);
+        assert!(e.ends_with(expected) && e.contains(&format!("found {value}")), "{e}");
+    }
+    assert!(error(&["ax", "ay", "az"], &[0.0, 0.0, f64::NAN]).contains("`az` of vertex 1 of 2"));
+    for value in [0.5, 1e17, f64::NAN] {
+        let e = error(&["id"], &[value]);
+        assert!(e.contains("expected a whole number up to 2^53"), "{e}");
+    }
 }
 
 #[test]

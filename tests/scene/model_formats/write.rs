@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use splatblur::math::srgb;
-use splatblur::model::{LoadOptions, Material, Surfels, load, write_ply};
+use splatblur::model::{LoadOptions, Material, Surfels, VelocityUnit, load, write_ply};
 
 /// `n` surfels that differ in everything; `far`: with an origin, materials, velocities and colours above 1.
 pub(crate) fn sample(n: usize, far: bool) -> Surfels {
@@ -27,6 +27,7 @@ pub(crate) fn sample(n: usize, far: bool) -> Surfels {
     if far {
         s.origin = DVec3::new(4.5e6, -1e7, 0.25);
         s.two_sided = true;
+        s.velocity_unit = VelocityUnit::Frame;
     }
     s
 }
@@ -51,6 +52,8 @@ fn ply_round_trip() {
         assert_eq!((&back.axis_u, &back.axis_v), (&s.axis_u, &s.axis_v));
         assert_eq!(back.two_sided, s.two_sided);
         assert_eq!((&back.material, &back.velocity), (&s.material, &s.velocity));
+        assert_eq!((&back.acceleration, back.velocity_unit), (&s.acceleration, s.velocity_unit));
+        assert_eq!(header.contains("comment splatblur velocities are per frame"), far);
         for i in 0..s.len() {
             let position = |s: &Surfels| s.origin + s.position[i].as_dvec3();
             // Recentred on the middle of the box: half a unit in the last place of the largest coordinate.
@@ -74,6 +77,24 @@ fn ply_keeps_opacities() {
     s.opacity.pop();
     let e = write_ply(std::path::Path::new("a.ply"), &s).unwrap_err().to_string();
     assert_eq!(e, "surfels to be written have 3 of `opacity`, expected 4");
+}
+
+#[test]
+fn ply_keeps_accelerations() {
+    let mut s = sample(4, false);
+    s.acceleration = (0..4).map(|i| Vec3::new(0.5, -1.0, i as f32)).collect();
+    s.id = vec![5, -3, 1 << 53, 0];
+    for velocity in [Vec::new(), vec![Vec3::X; 4]] {
+        s.velocity = velocity;
+        let (back, header) = round_trip(&s);
+        assert!(header.contains("property float ax\n") && !header.contains("per frame"), "{header}");
+        assert_eq!((&back.velocity, &back.acceleration, &back.id), (&s.velocity, &s.acceleration, &s.id));
+        assert_eq!(back.velocity_unit, VelocityUnit::Second);
+    }
+    // Points that all rest need no column.
+    s.velocity = vec![Vec3::ZERO; 4];
+    s.acceleration.fill(Vec3::ZERO);
+    assert!(round_trip(&s).0.paths().is_empty());
 }
 
 #[test]

@@ -62,9 +62,11 @@ fn project_filtered_body(
 fn all_posed(view: &View<'_>, surfels: &Surfels, range: Range<usize>) -> impl Iterator<Item = (usize, Posed)> {
     let object = view.object;
     range.map(move |i| {
+        let place = view.paths.place(surfels.position[i], i, object.elapsed);
+        let advance = object.centre_from_model * view.paths.sum(i, object.advance);
         let posed = Posed {
-            centre: object.centre_from_model * surfels.position[i] + object.centre_origin,
-            motion: object.motion_from_model * surfels.position[i] + object.motion_origin,
+            centre: object.centre_from_model * place + object.centre_origin,
+            motion: object.motion_from_model * place + object.motion_origin + advance,
             u: object.screen_from_model * surfels.axis_u[i],
             v: object.screen_from_model * surfels.axis_v[i],
         };

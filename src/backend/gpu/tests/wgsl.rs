@@ -128,7 +128,7 @@ fn structs_lie_where_the_host_puts_them() {
             flags
         }
     );
-    assert_same_layout!(module, Travel { centre, motion });
+    assert_same_layout!(module, Travel { centre, motion, elapsed, advance, pace, columns });
     assert_same_layout!(module, Light { vector, colour });
     let module = self::module(Program::BinScan);
     assert_same_layout!(module, Status { most_entries, splats_low, splats_high, left_out_low, left_out_high });
