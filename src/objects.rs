@@ -5,6 +5,8 @@
 //! which this object is white and all others are black. So it has the visibility of the picture in every mode on every
 //! backend, and costs one more rendering of the frame for each object.
 
+use std::ops::Range;
+
 use glam::{DVec3, Vec3};
 
 use crate::backend::{Achieved, Backend, BackendError, Rendered};
@@ -44,11 +46,14 @@ pub fn add_layer(
     let mut largest = vec![0_u32; pixels];
     let mut indices = vec![0.0_f32; pixels];
     let samples = rendered.stats.samples;
-    for (i, object) in scene.objects.iter().enumerate() {
-        if object.model.elements() == 0 {
+    let mut first = 0;
+    for (i, parts) in scene.objects.chunk_by(|_, next| next.is_part).enumerate() {
+        let range = first..first + parts.len();
+        first = range.end;
+        if parts.iter().all(|object| object.model.elements() == 0) {
             continue;
         }
-        let matte = matte(scene, i);
+        let matte = matte(scene, &range);
         let mut frame = Frame::new(&matte, number, mode, &of_mattes);
         frame.picture_bytes = held;
         let shares = backend.render(frame)?;
@@ -64,7 +69,7 @@ pub fn add_layer(
     }
     // Those of the picture alone.
     rendered.stats.samples = samples;
-    let names = scene.objects.iter().map(|object| object.name.clone()).collect();
+    let names = scene.objects.iter().filter(|object| !object.is_part).map(|object| object.name.clone()).collect();
     rendered.picture.layers.push(Layer { aov: Aov::Object, planes: vec![indices], names });
     Ok(rendered)
 }
@@ -83,17 +88,17 @@ fn units(share: f32) -> u32 {
     if share > 0.0 { ((share * UNITS).round() as u32).max(1) } else { 0 }
 }
 
-/// The scene before black, with object `index` in white and all others in black, whatever their colours.
+/// The scene before black, with the objects `shown` in white and all others in black, whatever their colours.
 ///
 /// The specular term does not know colours, and with the exponent 0 it is the same from everywhere: ks L (docs/math.md,
 /// eq. 7). No model is copied for that.
-fn matte(scene: &Scene, index: usize) -> Scene {
+fn matte(scene: &Scene, shown: &Range<usize>) -> Scene {
     let mut scene = scene.clone();
     scene.image.transparent = true;
     scene.environment = None;
     scene.lights = vec![Light::Directional { direction: DVec3::NEG_Z, colour: DVec3::ONE }];
     for (i, object) in scene.objects.iter_mut().enumerate() {
-        let specular = if i == index { 1.0 } else { 0.0 };
+        let specular = if shown.contains(&i) { 1.0 } else { 0.0 };
         object.material = Some(Material { ambient: 0.0, diffuse: 0.0, specular, shininess: 0.0 });
         object.capture.flat = Some(Vec3::splat(specular));
     }

@@ -223,8 +223,9 @@ pub fn render_frame(
     frame: impl Into<FrameNumber>,
     options: &RenderOptions,
 ) -> Result<Rendered, BackendError> {
-    check(scene, options)?;
     let frame = finite(frame.into())?;
+    let scene = &*scene.at_frame(frame.get())?;
+    check(scene, options)?;
     if options.aovs.contains(&Aov::Object) {
         let rendered = render_frame(backend, scene, frame, &without_objects(options))?;
         return objects::add_layer(backend, scene, frame, options, rendered);
@@ -319,7 +320,9 @@ impl<'a> Frames<'a> {
         if self.options.reconstruct || self.options.aovs.contains(&Aov::Object) {
             return self.whole(number);
         }
-        self.backend.begin(Frame::new(self.scene, finite(number)?, mode, self.options))?;
+        let scene = self.scene.at_frame(finite(number)?.get())?;
+        check(&scene, self.options)?;
+        self.backend.begin(Frame::new(&scene, number, mode, self.options))?;
         self.under_way.push_back(number);
         if self.under_way.len() < self.backend.in_flight() {
             return Ok(None);

@@ -22,7 +22,10 @@ const INTERVALS: u32 = 16;
 /// outside the image do not count, nor do those on which its object is hidden.
 pub(super) fn longest(scene: &Scene, number: FrameNumber) -> f64 {
     let most = (MEASURED_TOGETHER / scene.objects.len().max(1)).clamp(LEAST, MEASURED);
-    scene.objects.par_iter().map(|object| of_object(scene, object, number, most)).reduce(|| 0.0, f64::max)
+    let of_parts = |parts: &[Object]| parts.iter().map(|part| of_object(scene, part, number, most)).sum::<f64>();
+    // Parts of an object follow one another in time.
+    let objects: Vec<&[Object]> = scene.objects.chunk_by(|_, next| next.is_part).collect();
+    objects.into_par_iter().map(of_parts).reduce(|| 0.0, f64::max)
 }
 
 /// The same for `object`, by the paths of about `most` surfels.

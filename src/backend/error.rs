@@ -1,6 +1,7 @@
 //! Why a backend could not render.
 
 use crate::frame::Frame;
+use crate::model::ModelError;
 use crate::options::KernelWeight;
 use crate::time::FrameNumber;
 
@@ -14,6 +15,9 @@ pub enum BackendError {
         /// Name of the object.
         object: String,
     },
+    /// A file of a sequence cannot be read, or does not go with the one beside it.
+    #[error(transparent)]
+    Model(#[from] ModelError),
     /// Full EWA and kernels in motion whose weights add up to nothing.
     #[error(
         "prefilter `ewa` is not for kernels in motion with the weight `{weight}`: take `--kernel-weight integral`, or \

@@ -19,7 +19,7 @@ use crate::model::paths::{OwnPaths, Paths};
 use crate::model::{Gaussians, Material, Optics, Surfels};
 use crate::options::{BlurMode, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel};
 use crate::plan::{Exposure, PosedInterval, Scenery, Step, TimeSample};
-use crate::scene::pose::jumps;
+use crate::scene::pose::{jumps, seams};
 use crate::scene::{Capture, Object, Scene};
 use crate::time::FrameNumber;
 
@@ -164,7 +164,11 @@ impl Frame {
         let number = number.into();
         let jumps = mode.swept().map_or_else(Vec::new, |_| {
             let at = |t: f64| scene.shutter.frame_time(number.get(), t);
-            jumps(scene, at(0.0), at(1.0))
+            let mut times = jumps(scene, at(0.0), at(1.0));
+            times.extend(seams(scene, at(0.0), at(1.0)));
+            times.sort_by(f64::total_cmp);
+            times.dedup();
+            times
         });
         let exposure = Exposure::new(mode, options.filter, options.seed, &scene.shutter, number.get(), &jumps);
         Self::exposed(scene, number, &exposure, options)

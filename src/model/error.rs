@@ -69,6 +69,49 @@ pub enum ModelError {
         /// Either empty, or `: ` and why points were dropped.
         dropped: String,
     },
+    /// A sequence of files has a gap.
+    #[error("no file {}, expected the numbers {first} to {last} of the sequence without a gap", path.display())]
+    Gap {
+        /// The file.
+        path: PathBuf,
+        /// Its number.
+        number: i64,
+        /// The first number.
+        first: i64,
+        /// The last number.
+        last: i64,
+    },
+    /// A shutter touches too many files of a sequence.
+    #[error("the shutter touches {files} files of the sequence {}, expected at most {most}", path.display())]
+    ManyFiles {
+        /// The pattern of the files.
+        path: PathBuf,
+        /// Files that the shutter touches.
+        files: i64,
+        /// Most files.
+        most: i64,
+    },
+    /// Two points of a file of a sequence have the same identity.
+    #[error("model {} has two points with the `id` {id}, expected each once", path.display())]
+    Twice {
+        /// The file.
+        path: PathBuf,
+        /// The identity.
+        id: i64,
+    },
+    /// Two files of a sequence have different points.
+    #[error(
+        "model {} has {} points and {} beside it {}, expected as many, or velocities, or an `id` for each point",
+        path.display(), points[0], beside.display(), points[1]
+    )]
+    Unmatched {
+        /// The file.
+        path: PathBuf,
+        /// The file beside it.
+        beside: PathBuf,
+        /// Points of both.
+        points: [usize; 2],
+    },
     /// The file was to be drawn as Gaussians and is no capture.
     #[error("model {} holds no 3D Gaussians, which kind `gaussians` needs", path.display())]
     NoGaussians {

@@ -1,12 +1,16 @@
 //! Why a reference cannot be made.
 
 use super::sampler::{MOST_SAMPLES, SCRAMBLINGS};
+use crate::model::ModelError;
 use crate::time::FrameNumber;
 
 /// Why there is no reference.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReferenceError {
+    /// A file of a sequence cannot be read, or does not go with the one beside it.
+    #[error(transparent)]
+    Model(#[from] ModelError),
     /// The scramblings cannot share the samples equally.
     #[error(
         "{samples} samples of a pixel cannot be shared by {SCRAMBLINGS} scramblings: a multiple of {SCRAMBLINGS} is \

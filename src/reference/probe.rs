@@ -122,6 +122,7 @@ pub fn probe(
 ) -> Result<Probe, ReferenceError> {
     options.check()?;
     let frame = finite(frame.into())?;
+    let scene = &*scene.at_frame(frame.get())?;
     let samples = options.samples;
     let [width, height] = [scene.image.width, scene.image.height];
     if pixel[0] >= width || pixel[1] >= height {

@@ -62,6 +62,7 @@ pub fn render(
 ) -> Result<Reference, ReferenceError> {
     options.check()?;
     let frame = finite(frame.into())?;
+    let scene = &*scene.at_frame(frame.get())?;
     if !options.sampler.is_progressive() && earlier.is_some() {
         return Err(ReferenceError::Fixed);
     }

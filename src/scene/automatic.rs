@@ -76,9 +76,27 @@ pub(crate) fn frames(
     camera_moves: bool,
     file_rate: Option<f64>,
 ) -> FrameRange {
+    if let Some([first, last]) = of_sequences(objects)
+        && given.first.is_none()
+        && given.last.is_none()
+    {
+        let rate = range(given, std::iter::empty(), file_rate, false).rate;
+        return FrameRange { first, last, rate };
+    }
     let bindings = objects.iter().filter_map(|object| object.animation.as_ref()).chain(camera);
     let moving = camera_moves || objects.iter().any(|object| !object.motions.is_empty());
     range(given, bindings.map(|binding| binding.node.range()), file_rate, moving)
+}
+
+/// The frames at which the files of all sequences are shown.
+fn of_sequences(objects: &[Object]) -> Option<[i64; 2]> {
+    let frames = objects.iter().filter_map(|object| object.sequence.as_ref()).map(|sequence| {
+        let spec = sequence.spec();
+        let [first, last] = [spec.first, spec.last].map(|number| spec.frame_of(number).clamp(-1e9, 1e9));
+        [first.ceil() as i64, last.floor() as i64]
+    });
+    let [first, last] = frames.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])?;
+    Some([first, last.max(first)])
 }
 
 /// As [`frames`]; `keys` are the ranges of the keys, seconds.

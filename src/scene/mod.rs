@@ -1,15 +1,19 @@
 //! Scenes as plain values, and where things are at a time. `scene_file` reads and writes them.
 
+mod at_frame;
 mod automatic;
 mod detail;
 mod model;
 pub mod pose;
+mod sequence;
 mod sight;
 mod values;
 
 pub(crate) use self::automatic::{GivenCamera, GivenFrames, camera, frames, lights};
 pub(crate) use self::detail::{SURFELS, wanted_spacing};
 pub use self::model::Model;
+pub(crate) use self::sequence::Opened;
+pub use self::sequence::{Pattern, Sequence, SequenceSpec};
 pub(crate) use self::sight::camera_enters;
 pub use self::sight::{Unseen, why_unseen};
 pub use self::values::{

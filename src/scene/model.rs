@@ -44,6 +44,11 @@ impl Model {
         self.own_paths.as_ref().map_or_else(|| self.surfels.paths(), |own| own.paths())
     }
 
+    /// The same surfels on other paths.
+    pub(crate) fn with_paths(&self, paths: Arc<OwnPaths>) -> Self {
+        Self { rates: paths.paths().bounds(), own_paths: Some(paths), ..self.clone() }
+    }
+
     /// Paths that are not the surfels' own.
     pub(crate) fn own_paths(&self) -> Option<&Arc<OwnPaths>> {
         self.own_paths.as_ref()

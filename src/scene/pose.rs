@@ -26,7 +26,7 @@ pub fn object_pose(scene: &Scene, object: &Object, frame_time: f64) -> ObjectPos
     for motion in &object.motions {
         m = motion_matrix(motion, frame_time) * m;
     }
-    ObjectPose { world_from_model: object.place.matrix() * m, visible }
+    ObjectPose { world_from_model: object.place.matrix() * m, visible: visible && object.exists(frame_time) }
 }
 
 /// [`object_pose`] for many times: the constant parts are computed once.
@@ -50,6 +50,9 @@ impl<'a> ObjectPoser<'a> {
     /// `world_from_model` at scene time `frame_time` (frames), as far as rounding the same as [`object_pose`]'s; `None`
     /// where the animation hides the object.
     pub fn at(&self, frame_time: f64) -> Option<DAffine3> {
+        if !self.object.exists(frame_time) {
+            return None;
+        }
         let mut m = self.transform;
         if let Some(binding) = &self.object.animation {
             let pose = binding.node.at(seconds(self.scene, frame_time), binding.interpolation);
@@ -180,6 +183,15 @@ pub fn jumps(scene: &Scene, from: f64, to: f64) -> Vec<f64> {
     times.sort_by(f64::total_cmp);
     times.dedup();
     times.truncate(MOST_JUMPS);
+    times
+}
+
+/// Scene times within (`from`, `to`), frames, at which objects that blur begin or cease to be there, rising.
+pub fn seams(scene: &Scene, from: f64, to: f64) -> Vec<f64> {
+    let windows = scene.objects.iter().filter(|object| object.blur).filter_map(|object| object.window).flatten();
+    let mut times: Vec<f64> = windows.filter(|&time| from < time && time < to).collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
     times
 }
 

@@ -1,10 +1,12 @@
 //! A scene as plain values: what the renderer sees.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
 use super::model::Model;
+use super::sequence::Sequence;
 use crate::anim::{Interpolation, NodeMotion};
 use crate::environment::Environment;
 use crate::math::{Bounds, Trs};
@@ -223,6 +225,12 @@ pub struct Object {
     pub colour_space: Option<ColourSpace>,
     /// How its points move by themselves.
     pub points: PointMotion,
+    /// Point files of many frames, in place of `model`.
+    pub sequence: Option<Arc<Sequence>>,
+    /// Frames from the first of which on, and before the second of which, it is there; `None`: always.
+    pub(crate) window: Option<[f64; 2]>,
+    /// It shows another part of the object before it.
+    pub(crate) is_part: bool,
     /// Before motion.
     pub transform: Trs,
     /// Keyframed motion.
@@ -268,6 +276,9 @@ impl Object {
             radius_scale: 1.0,
             colour_space: None,
             points: PointMotion::default(),
+            sequence: None,
+            window: None,
+            is_part: false,
             transform: Trs::default(),
             animation: None,
             motions: Vec::new(),
@@ -310,13 +321,14 @@ impl Object {
     pub fn bounds(&self) -> Bounds {
         match self.sphere {
             Some(Sphere { radius, .. }) => [DVec3::splat(-radius), DVec3::splat(radius)].into_iter().collect(),
+            None if let Some(sequence) = &self.sequence => sequence.bounds(),
             None => self.cropped(self.model.bounds()),
         }
     }
 
     /// Box around what a viewer looks at, in model space: that of [`Self::bounds`] without the strays of a capture.
     pub fn core(&self) -> Bounds {
-        if self.sphere.is_some() { self.bounds() } else { self.cropped(self.model.core()) }
+        if self.sphere.is_some() || self.sequence.is_some() { self.bounds() } else { self.cropped(self.model.core()) }
     }
 
     /// [`Self::bounds`] after its points moved by themselves to their places at scene time `time` (frames).
@@ -366,9 +378,15 @@ impl Object {
         !self.model.is_empty() && self.opacity * f64::from(self.model.least_opacity()) < OPAQUE
     }
 
+    /// Is it there at scene time `time` (frames)?
+    pub(crate) fn exists(&self, time: f64) -> bool {
+        self.window.is_none_or(|[from, to]| from <= time && time < to)
+    }
+
     /// True if no animation and no motion moves the object, and its points do not travel from frame to frame.
     pub fn is_fixed(&self) -> bool {
-        let travels = self.points.at.is_some() && !self.model.paths().is_empty();
+        let travels = self.points.at.is_some() && !self.model.paths().is_empty() || self.sequence.is_some();
+        let travels = travels || self.window.is_some();
         self.animation.is_none() && self.motions.is_empty() && !travels
     }
 }

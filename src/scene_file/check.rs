@@ -80,8 +80,20 @@ impl Checker<'_> {
                 expected,
             });
         }
+        let instead = super::schema::instead_of_text(schema).and_then(|name| element.attribute(name));
+        if let Some(given) = instead
+            && !element.text.is_empty()
+        {
+            return Err(SceneError::BadValue {
+                at: self.source.locate(element.text_at),
+                what: format!("<{}>", schema.name),
+                found: format!("{} beside `{}`", quoted(&element.text), given.name),
+                expected: "one of the two".to_owned(),
+            });
+        }
         if let Some(what) = schema.text
             && element.text.is_empty()
+            && instead.is_none()
         {
             return Err(SceneError::BadValue {
                 at: self.source.locate(element.at),

@@ -13,7 +13,9 @@ use crate::math::{RotateOrder, Trs};
 use crate::model::{
     self, ColourSpace, Kind, Material, MeshOptions, Stop, TransferFunction, VelocityUnit, VolumeOptions,
 };
-use crate::scene::{Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, PointMotion, Sphere};
+use crate::scene::{
+    Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, Pattern, PointMotion, SequenceSpec, Sphere,
+};
 use crate::time::{Shutter, Weight};
 
 /// A scene before its files are read.
@@ -63,6 +65,8 @@ pub(super) struct AnimationSpec {
 #[derive(Debug)]
 pub(super) enum ShapeSpec {
     Model(FileRef),
+    /// The pattern, and the first file with it.
+    Sequence(SequenceSpec, FileRef),
     Sphere(Sphere),
 }
 
@@ -267,7 +271,7 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         epsilon: part.optional_number("epsilon")?,
         shape: match part.element.child("sphere") {
             Some(element) => ShapeSpec::Sphere(sphere(&Part::new(part.source, element, "sphere"))?),
-            None => ShapeSpec::Model(model.file()),
+            None => shape(&model)?,
         },
         options: model::LoadOptions {
             kind,
@@ -286,6 +290,33 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         opacity: surface.number("opacity")?,
         reflection: surface.number("reflection")?,
     })
+}
+
+/// A model file, or a sequence of them.
+fn shape(model: &Part<'_>) -> Result<ShapeSpec, SceneError> {
+    /// Most files of a sequence: looking for each takes time.
+    const MOST_FILES: i64 = 100_000;
+    let Some(text) = model.text("sequence")? else {
+        let idle = ["first", "last", "offset", "rate"].into_iter().find(|name| model.given(name));
+        return match idle {
+            Some(name) => Err(model.bad(name, &"without `sequence`", "`sequence` and no text, or neither".to_owned())),
+            None => Ok(ShapeSpec::Model(model.file())),
+        };
+    };
+    let expected = "one number such as %d or %04d in the names of files";
+    let pattern = Pattern::parse(&text.replace('\\', "/"))
+        .ok_or_else(|| model.bad("sequence", &format!("\"{text}\""), expected.to_owned()))?;
+    let needed = |name: &'static str| {
+        let number = model.integer(name)?;
+        number.ok_or_else(|| model.bad("sequence", &format!("without `{name}`"), "`first` and `last`".to_owned()))
+    };
+    let (first, last) = (needed("first")?, needed("last")?);
+    if !(first..first + MOST_FILES).contains(&last) {
+        return Err(model.bad("last", &last, format!("from `first`, {first}, to {}", first + MOST_FILES - 1)));
+    }
+    let file = FileRef { text: pattern.path(first).to_string_lossy().into_owned(), ..model.file() };
+    let (offset, rate) = (model.number("offset")?, model.optional_number("rate")?.unwrap_or(1.0));
+    Ok(ShapeSpec::Sequence(SequenceSpec { pattern, first, last, offset, rate }, file))
 }
 
 fn transfer(source: &Source, element: &Element) -> Result<TransferFunction, SceneError> {

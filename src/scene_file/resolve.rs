@@ -16,7 +16,8 @@ use crate::environment::{Environment, LatLong};
 use crate::image;
 use crate::model::{self, MeshOptions, MeshSource, Spacing};
 use crate::scene::{
-    self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Model, Object, PointMotion, Scene,
+    self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Model, Object, Opened, PointMotion, Scene,
+    Sequence, SequenceSpec,
 };
 
 /// Reads all files of a document and fills in what it leaves out.
@@ -38,6 +39,7 @@ pub(super) fn resolve(
         meshes: Vec::new(),
         sampled: 0,
         animations: HashMap::new(),
+        automatic: document.camera.as_ref().is_none_or(|camera| camera.given.eye.is_none()),
         rate: None,
     };
     let sides_given: Vec<bool> = document.objects.iter().map(|object| object.two_sided.is_some()).collect();
@@ -186,6 +188,8 @@ struct Files<'a> {
     /// Surfels of all meshes so far.
     sampled: u64,
     animations: HashMap<PathBuf, Arc<anim::Loaded>>,
+    /// The camera is to be found: boxes around all objects are needed.
+    automatic: bool,
     /// Where the first animation is named, and its file's rate.
     rate: Option<(usize, f64)>,
 }
@@ -193,15 +197,26 @@ struct Files<'a> {
 impl Files<'_> {
     fn object(&mut self, spec: ObjectSpec) -> Result<Object, SceneError> {
         let animation = spec.animation.as_ref().map(|a| self.bind(a)).transpose()?;
-        let (model_path, model, sphere) = match &spec.shape {
+        let (mut sphere, mut sequence, mut two_sided) = (None, None, false);
+        let (model_path, model) = match &spec.shape {
             ShapeSpec::Model(file) => {
                 let (path, canonical) = self.find(file)?;
                 let model = self.model(file, &spec.options, &path, canonical)?;
-                (path, model, None)
+                self.note_idle(&spec, &model);
+                (path, model)
             }
-            ShapeSpec::Sphere(sphere) => (PathBuf::new(), Model::default(), Some(*sphere)),
+            ShapeSpec::Sequence(files, first) => {
+                let opened = self.sequence(files, first, &spec)?;
+                let path = opened.sequence.spec().pattern.to_string();
+                (sequence, two_sided) = (Some(opened.sequence), opened.two_sided);
+                (PathBuf::from(path), Model::default())
+            }
+            ShapeSpec::Sphere(given) => {
+                sphere = Some(*given);
+                self.note_idle(&spec, &Model::default());
+                (PathBuf::new(), Model::default())
+            }
         };
-        self.note_idle(&spec, &model);
         Ok(Object {
             name: spec.name,
             model_path,
@@ -210,8 +225,11 @@ impl Files<'_> {
             volume: spec.options.volume,
             node: spec.options.node,
             points: spec.points,
+            sequence,
+            window: None,
+            is_part: false,
             mesh: spec.options.mesh,
-            two_sided: spec.two_sided.unwrap_or(model.two_sided),
+            two_sided: spec.two_sided.unwrap_or(model.two_sided || two_sided),
             model,
             radius_scale: spec.options.radius_scale,
             colour_space: spec.options.colour_space,
@@ -226,6 +244,28 @@ impl Files<'_> {
             blur: spec.blur,
             sphere,
         })
+    }
+
+    /// The files of a sequence, of which `first` is the first one.
+    fn sequence(&mut self, spec: &SequenceSpec, first: &FileRef, object: &ObjectSpec) -> Result<Opened, SceneError> {
+        let at = first.at;
+        let (path, _) = self.find(first)?;
+        if self.options.restrict.is_some() {
+            for number in spec.first..=spec.last {
+                let text = spec.pattern.path(number).to_string_lossy().into_owned();
+                self.finder.find(&FileRef { text, at })?;
+            }
+        }
+        let pattern = spec.pattern.at(spec.first, &path).unwrap_or_else(|| spec.pattern.clone());
+        if object.points.at.is_some() {
+            let name = quoted(&object.name);
+            self.notes.push(format!("object {name}: `at` means nothing for a sequence: each file has its own frame"));
+        }
+        let spec = SequenceSpec { pattern, ..spec.clone() };
+        let opened = Sequence::open(spec, &object.options, self.automatic)
+            .map_err(|e| SceneError::Model { at: self.source.locate(at), source: Box::new(e) })?;
+        self.notes.extend(opened.notes.iter().map(|note| format!("{}: {note}", path.display())));
+        Ok(opened)
     }
 
     fn environment(&mut self, spec: &EnvironmentSpec) -> Result<Environment, SceneError> {

@@ -95,6 +95,7 @@ const COORDINATE: Range = Range(-FAR, FAR);
 const LIGHT: Range = Range(0.0, 1e6);
 /// A power of two, so that `write.rs` can split any allowed radiance into colour and intensity without rounding.
 pub(super) const MOST_INTENSITY: f64 = 1_048_576.0;
+const MOST_NUMBER: i64 = 1_000_000_000;
 const FRAME: Kind = Kind::Integer(-1_000_000_000, 1_000_000_000);
 const PIXELS: Kind = Kind::Integer(1, crate::film::Picture::MAX_SIZE as i64);
 const UNIT: Range = Range(0.0, 1.0);
@@ -342,7 +343,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
     },
     ElementSchema {
         name: "pointModel",
-        text: Some("the path of a model file"),
+        text: Some("the path of a model file; none with `sequence`"),
         selector: None,
         attributes: &[
             row("radiusScale", Kind::Number(Range(1e-6, 1e6)), Value("1"), "factor on all radii"),
@@ -364,6 +365,21 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 Auto("by the size of a pixel, see above"),
                 "distance of the rays that sample a mesh, model units; none: its vertices are points",
             ),
+            row("sequence", Kind::Text, Auto("none"), "names of point files, as cache.%04d.ply, in place of the text"),
+            row(
+                "first",
+                Kind::Integer(-MOST_NUMBER, MOST_NUMBER),
+                Auto("needed by a sequence"),
+                "number of its first file",
+            ),
+            row(
+                "last",
+                Kind::Integer(-MOST_NUMBER, MOST_NUMBER),
+                Auto("needed by a sequence"),
+                "number of its last file",
+            ),
+            row("offset", Kind::Number(Range(-1e9, 1e9)), Auto("0"), "frame at which file 0 of a sequence is shown"),
+            row("rate", Kind::Number(Range(1e-6, 1e6)), Auto("1"), "files of a sequence per frame"),
             row("reduce", Kind::Boolean, Value("true"), "false: a mesh is sampled along three axes and not along one"),
             row(
                 "kernel",
@@ -491,6 +507,11 @@ pub(super) fn root() -> &'static ElementSchema {
 /// The schema of an element by name.
 pub(super) fn element(name: &str) -> Option<&'static ElementSchema> {
     ELEMENTS.iter().find(|e| e.name == name)
+}
+
+/// The attribute that may stand in place of an element's text.
+pub(super) fn instead_of_text(schema: &ElementSchema) -> Option<&'static str> {
+    (schema.name == "pointModel").then_some("sequence")
 }
 
 impl ElementSchema {

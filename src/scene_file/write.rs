@@ -235,7 +235,19 @@ impl Xml {
             }
             attributes.extend(antialias.map(|on| ("antialias", on.to_string())));
         }
-        self.file(2, "pointModel", &attributes, &relative(&object.model_path, base));
+        let Some(sequence) = &object.sequence else {
+            return self.file(2, "pointModel", &attributes, &relative(&object.model_path, base));
+        };
+        let spec = sequence.spec();
+        let first = relative(&spec.pattern.path(spec.first), base);
+        let pattern = spec.pattern.at(spec.first, Path::new(&first)).unwrap_or_else(|| spec.pattern.clone());
+        attributes.extend([("sequence", pattern.to_string()), ("first", spec.first.to_string())]);
+        attributes.extend([
+            ("last", spec.last.to_string()),
+            ("offset", number(spec.offset)),
+            ("rate", number(spec.rate)),
+        ]);
+        self.line(2, "pointModel", &attributes);
     }
 
     fn transfer(&mut self, transfer: &TransferFunction) {

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::image::Format;
 use crate::options::{Prefilter, RenderOptions};
 use crate::reference::{ReferenceOptions, Sampler};
-use crate::scene::Scene;
+use crate::scene::{Scene, SequenceSpec};
 use crate::scene_file;
 use crate::time::FrameNumber;
 
@@ -241,15 +241,44 @@ impl Settings {
 
 /// All model and animation files of a scene, each once, in a fixed order.
 fn inputs(scene: &Scene) -> Result<Vec<Input>, ProvenanceError> {
-    let mut paths: BTreeSet<&PathBuf> =
-        scene.objects.iter().filter(|object| object.sphere.is_none()).map(|object| &object.model_path).collect();
+    let models = scene.objects.iter().filter(|object| object.sphere.is_none() && object.sequence.is_none());
+    let mut paths: BTreeSet<&PathBuf> = models.map(|object| &object.model_path).collect();
     paths.extend(scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path));
     paths.extend(scene.environment.as_ref().map(|environment| &environment.path));
     paths.extend(scene.camera.animation.as_ref().map(|a| &a.path));
     let mut inputs = paths.into_iter().map(|path| input(path)).collect::<Result<Vec<_>, _>>()?;
+    for sequence in scene.objects.iter().filter_map(|object| object.sequence.as_ref()) {
+        inputs.push(of_sequence(sequence.spec())?);
+    }
     // By name: the order of the paths would depend on the scene's folder.
     inputs.sort_by(|a, b| (&a.file, &a.crc32).cmp(&(&b.file, &b.crc32)));
     Ok(inputs)
+}
+
+/// The files of a sequence as one input. They may be far larger than what is rendered of them, so each counts by its
+/// size, its beginning and its end.
+fn of_sequence(spec: &SequenceSpec) -> Result<Input, ProvenanceError> {
+    /// Bytes that are read at each end of a file.
+    const ENDS: u64 = 1 << 16;
+    let mut crc = crc32fast::Hasher::new();
+    let mut bytes = 0;
+    for number in spec.first..=spec.last {
+        let path = spec.pattern.path(number);
+        let failed = |source| ProvenanceError::Read { path: path.clone(), source };
+        let mut file = File::open(&path).map_err(failed)?;
+        let size = file.metadata().map_err(failed)?.len();
+        crc.update(&size.to_le_bytes());
+        let mut ends = Vec::new();
+        for start in [0, size.saturating_sub(ENDS)] {
+            file.seek(SeekFrom::Start(start)).map_err(failed)?;
+            file.by_ref().take(ENDS).read_to_end(&mut ends).map_err(failed)?;
+        }
+        crc.update(&ends);
+        bytes += size;
+    }
+    let pattern = PathBuf::from(spec.pattern.to_string());
+    let file = format!("{} {}..{}", pattern.file_name().unwrap_or_default().display(), spec.first, spec.last);
+    Ok(Input { file, bytes, crc32: format!("{:08x}", crc.finalize()) })
 }
 
 fn input(path: &Path) -> Result<Input, ProvenanceError> {

@@ -22,6 +22,7 @@ mod oracle;
 mod pictures;
 mod rendering;
 mod see_through;
+mod sequences;
 mod static_objects;
 mod symmetries;
 mod velocities;

@@ -257,11 +257,11 @@ static MUTANTS: [([(&str, &str); 1], &str); 44] = [
     ([("sqrt(area * area * over)", "sqrt(area * over)")], "supersample"),
     ([("(*splat).weight = peak * (factor", "(*splat).weight = (factor")], "supersample"),
     ([("factor + peak * (mean - factor)", "factor")], "supersample"),
-    ([("let mean = geometry[10u", "let mean = geometry[9u")], "supersample"),
+    ([("let mean = geometry[(columns + 1u)", "let mean = geometry[columns")], "supersample"),
     ([("let reach = 2.0 * view.sigma", "let reach = view.sigma")], "supersample"),
     ([("(max(disc * disc + reach * reach, vec2<f32>(affine)))", "(disc * disc + reach * reach)")], "supersample"),
     ([("4.0 * yy)", "4.0 * xx)")], "supersample"),
-    ([("let factor = geometry[9u", "let factor = geometry[6u")], "supersample"),
+    ([("let factor = geometry[columns", "let factor = geometry[6u")], "supersample"),
     ([("surfel.splat.centre_depth > 0.0 &&", "true &&")], "hard"),
     // Pass `visibility`.
     ([("i / row_quads() - apron())", "i / row_quads())")], "supersample"),

@@ -115,7 +115,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 24] = [
     ([("let xy = 0.25 * (jux * juy + jvx * jvy)", "let xy = 0.25 * (jux * juy)")], "tube"),
     ([("variance * (xx + yy - variance)", "variance * (xx + yy)")], "tube"),
     ([("(sy - l1 * uz) / l2", "sy / l2")], "tube"),
-    ([("geometry[9u * segment.buffer_surfels", "geometry[0u * segment.buffer_surfels")], "tube"),
+    ([("geometry[columns * segment.buffer_surfels", "geometry[0u * segment.buffer_surfels")], "tube"),
     ([("wide.peak * (factor", "(factor")], "tube"),
     ([("about(own.begin, filtered.begin)", "own.begin")], "fast"),
     ([("max(own.across.y, filtered.across.y)", "own.across.y")], "fast"),

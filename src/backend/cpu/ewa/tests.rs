@@ -9,6 +9,7 @@ use crate::frame::{PixelRect, PosedObject, Raster};
 use crate::layout::EwaSplat;
 use crate::math::random::Random;
 use crate::model::Surfels;
+use crate::model::paths::Paths;
 
 const SIZE: u32 = 64;
 /// Focal lengths, pixels: without perspective, and with an angle of view of 56 degrees.
@@ -31,6 +32,9 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
     let object = PosedObject {
         visible: true,
         near: 0.01,
+        elapsed: [0.0; 3],
+        advance: [0.0; 3],
+        pace: 0.0,
         moves: false,
         eye: Vec3::ZERO,
         centre_from_model: screen,
@@ -69,6 +73,7 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
         low_pass: false,
         margin: raster.apron() as f32,
         two_sided: true,
+        paths: Paths::default(),
         clusters: None,
     };
     let mut out = Vec::new();

@@ -56,6 +56,9 @@ fn clusters_that_are_left_out_hold_nothing() {
             centre_origin: screen_origin,
             motion_from_model: Mat3::ZERO,
             motion_origin: Vec3::ZERO,
+            elapsed: [0.0; 3],
+            advance: [0.0; 3],
+            pace: 0.0,
             moves: false,
             eye: -(screen_from_model.inverse() * screen_origin),
             screen_rate: Mat3::ZERO,
@@ -87,6 +90,7 @@ fn clusters_that_are_left_out_hold_nothing() {
             low_pass: case % 2 == 0,
             margin: 0.0,
             two_sided: case % 5 == 0,
+            paths: Paths::default(),
             clusters: None,
         };
         let view = View { clusters: Some(&clusters), ..whole };

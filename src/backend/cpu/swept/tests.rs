@@ -12,6 +12,7 @@ use crate::backend::cpu::project::View;
 use crate::frame::{PixelRect, PosedObject, Raster};
 use crate::layout::{SweptFilter, SweptSplat};
 use crate::math::sweep::{Path, Sweep, tube_weight};
+use crate::model::paths::Paths;
 
 const SIZE: u32 = 64;
 const FOCAL: f64 = 60.0;
@@ -47,6 +48,9 @@ impl Disc {
             centre_origin: Vec3::ZERO,
             motion_from_model: Mat3::ZERO,
             motion_origin: Vec3::ZERO,
+            elapsed: [0.0; 3],
+            advance: [0.0; 3],
+            pace: 0.0,
             moves: true,
             eye: Vec3::ZERO,
             screen_rate: Mat3::ZERO,
@@ -78,6 +82,7 @@ impl Disc {
             low_pass: false,
             margin: 0.0,
             two_sided: true,
+            paths: Paths::default(),
             clusters: None,
         };
         sweep(&view, ellipsoid, &posed, 0, sigma.map(|sigma| Filter { sigma, share: Share::ONE }))

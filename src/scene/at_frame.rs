@@ -1,0 +1,43 @@
+//! The scene of one frame: sequences of point files become ordinary objects.
+
+use std::borrow::Cow;
+
+use super::model::Model;
+use super::values::{Object, PointMotion, Scene};
+use crate::model::{ModelError, VelocityUnit};
+
+impl Scene {
+    /// The scene as ordinary objects show it in frame `number`: sequences become the points of their files that the
+    /// shutter touches.
+    ///
+    /// # Errors
+    /// A file cannot be read, or does not go with the one beside it.
+    pub(crate) fn at_frame(&self, number: f64) -> Result<Cow<'_, Self>, ModelError> {
+        if self.objects.iter().all(|object| object.sequence.is_none()) {
+            return Ok(Cow::Borrowed(self));
+        }
+        // The picture of mode `still` is that of the frame's number.
+        let ends = [0.0, 1.0].map(|t| self.shutter.frame_time(number, t));
+        let exposure = [ends[0].min(number), ends[1].max(number)];
+        let mut objects = Vec::new();
+        for object in &self.objects {
+            let Some(sequence) = &object.sequence else {
+                objects.push(object.clone());
+                continue;
+            };
+            let range = if object.blur { exposure } else { [number; 2] };
+            let mut pieces =
+                sequence.pieces(object.points.unit, self.frames.rate, range)?.into_iter().map(|piece| Object {
+                    model: piece.model,
+                    points: PointMotion { unit: Some(VelocityUnit::Frame), at: Some(piece.at) },
+                    window: Some(piece.window),
+                    sequence: None,
+                    ..object.clone()
+                });
+            let nothing = || Object { model: Model::default(), sequence: None, ..object.clone() };
+            objects.push(pieces.next().unwrap_or_else(nothing));
+            objects.extend(pieces.map(|piece| Object { is_part: true, ..piece }));
+        }
+        Ok(Cow::Owned(Self { objects, ..self.clone() }))
+    }
+}

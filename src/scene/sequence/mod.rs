@@ -1,0 +1,189 @@
+//! Sequences of point files: what an object shows of them in one frame.
+//!
+//! `files` finds and reads files, the next one ahead; `pieces` matches the points of two files. For one frame a
+//! sequence becomes ordinary objects (`at_frame.rs`): each shows the points of one file from the middle between it
+//! and the file before to its own time, or from there to the middle between it and the file after. So points that only
+//! one of two files has are born and die in the middle between them.
+
+mod files;
+mod pieces;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use self::files::Files;
+pub use self::files::Pattern;
+use super::model::Model;
+use crate::math::Bounds;
+use crate::model::{self, ModelError, VelocityUnit};
+
+/// Most files that a shutter may touch: more are a mistake, and fill the memory.
+const MOST_FILES: i64 = 256;
+
+/// Which files a sequence has, and when each is shown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SequenceSpec {
+    /// Names of the files.
+    pub pattern: Pattern,
+    /// Number of the first file.
+    pub first: i64,
+    /// Number of the last file, at least `first`.
+    pub last: i64,
+    /// Frame at which file 0 is shown, or would be.
+    pub offset: f64,
+    /// Files per frame, > 0.
+    pub rate: f64,
+}
+
+impl SequenceSpec {
+    /// The frame at which file `number` is shown.
+    pub fn frame_of(&self, number: i64) -> f64 {
+        self.offset + number as f64 / self.rate
+    }
+
+    /// The frame in the middle between file `number` and the next.
+    fn middle_after(&self, number: i64) -> f64 {
+        self.offset + (number as f64 + 0.5) / self.rate
+    }
+
+    /// The frames between which a file is shown before its own frame (`side` -1), or after it (1).
+    fn half(&self, number: i64, side: i64) -> [f64; 2] {
+        let at = self.frame_of(number);
+        if side < 0 { [self.middle_after(number - 1), at] } else { [at, self.middle_after(number)] }
+    }
+
+    /// Numbers of the files that may be shown at some time from `from` to `to` (frames).
+    fn shown(&self, from: f64, to: f64) -> std::ops::RangeInclusive<i64> {
+        let nearest = |time: f64| ((time - self.offset) * self.rate).clamp(-1e15, 1e15);
+        // One more on each side, against rounding.
+        let first = nearest(from).round() as i64 - 1;
+        let last = nearest(to).round() as i64 + 1;
+        first.max(self.first)..=last.min(self.last)
+    }
+}
+
+/// A sequence of point files, of which those are in memory that the last frame needed, and the next one.
+#[derive(Debug)]
+pub struct Sequence {
+    spec: SequenceSpec,
+    files: Files,
+    /// Box around the points of some files.
+    bounds: Bounds,
+}
+
+/// The points of one file over a part of the time.
+#[derive(Clone, Debug)]
+pub(crate) struct Piece {
+    /// The points, with their paths per frame.
+    pub(crate) model: Model,
+    /// The frame at which they are where the file has them.
+    pub(crate) at: f64,
+    /// The frames from the first of which on, and before the second of which, they are shown.
+    pub(crate) window: [f64; 2],
+}
+
+/// What is known of a sequence before any frame is rendered.
+#[derive(Debug)]
+pub(crate) struct Opened {
+    pub(crate) sequence: Arc<Sequence>,
+    /// Both sides of its points show.
+    pub(crate) two_sided: bool,
+    pub(crate) notes: Vec<String>,
+}
+
+impl Sequence {
+    /// Reads the first file that has points, and if `all_bounds` files in the middle and at the end, for the size of
+    /// the whole.
+    ///
+    /// # Errors
+    /// A file is missing, or one of these cannot be read, or holds no points.
+    pub(crate) fn open(
+        spec: SequenceSpec,
+        options: &model::LoadOptions,
+        all_bounds: bool,
+    ) -> Result<Opened, ModelError> {
+        let files = Files::new(spec.pattern.clone(), options.clone());
+        for number in spec.first..=spec.last {
+            files.check(number, [spec.first, spec.last])?;
+        }
+        let mut opened = Opened {
+            sequence: Arc::new(Self { spec, files, bounds: Bounds::default() }),
+            two_sided: false,
+            notes: Vec::new(),
+        };
+        let Some(sequence) = Arc::get_mut(&mut opened.sequence) else { return Ok(opened) };
+        let SequenceSpec { first, last, .. } = sequence.spec;
+        let middle = first + (last - first) / 2;
+        for number in [first, middle, last] {
+            if number != first && !all_bounds {
+                break;
+            }
+            let (model, notes) = sequence.files.read(number)?;
+            if sequence.bounds.is_empty() {
+                opened.two_sided = model.two_sided;
+                opened.notes = notes;
+            }
+            sequence.bounds.merge(&model.bounds());
+        }
+        Ok(opened)
+    }
+
+    /// Which files it has.
+    pub fn spec(&self) -> &SequenceSpec {
+        &self.spec
+    }
+
+    /// Box around the points of some files, model space.
+    pub(crate) fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// What is shown from `from` to `to` (frames) by a scene of `rate` frames per second. `unit`: of velocities, in place
+    /// of the files' own.
+    ///
+    /// # Errors
+    /// A file cannot be read, or says nothing of how its points become those beside it.
+    pub(crate) fn pieces(
+        &self,
+        unit: Option<VelocityUnit>,
+        rate: f64,
+        [from, to]: [f64; 2],
+    ) -> Result<Vec<Piece>, ModelError> {
+        let spec = &self.spec;
+        let shown = spec.shown(from, to);
+        let count = shown.end().saturating_sub(*shown.start()).saturating_add(1);
+        if count > MOST_FILES {
+            let path = PathBuf::from(spec.pattern.to_string());
+            return Err(ModelError::ManyFiles { path, files: count, most: MOST_FILES });
+        }
+        // Where a half is shown, the file beside it says how points move there.
+        let halves = shown.flat_map(|number| [(number, -1), (number, 1)]);
+        let halves: Vec<(i64, i64, [f64; 2])> = halves
+            .map(|(number, side)| (number, side, spec.half(number, side)))
+            .filter(|(.., window)| window[0] <= to && from < window[1])
+            .collect();
+        // Before the first file and after the last one, points go on as between it and the one on its other side.
+        let has = |number: i64| (spec.first..=spec.last).contains(&number);
+        let side_of = |number: i64, side: i64| if has(number + side) { side } else { -side };
+        let mut numbers: Vec<i64> =
+            halves.iter().flat_map(|&(number, side, _)| [number, number + side_of(number, side)]).collect();
+        numbers.retain(|&number| has(number));
+        numbers.sort_unstable();
+        numbers.dedup();
+        let files = self.files.hold(&numbers, [spec.first, spec.last])?;
+        let mut out = Vec::new();
+        for (number, side, window) in halves {
+            let Some(file) = files.get(&number).filter(|file| file.points > 0) else { continue };
+            let side = side_of(number, side);
+            let beside = files.get(&(number + side)).map(Arc::as_ref);
+            let unit = unit.unwrap_or(file.model.velocity_unit);
+            let per_frame = if unit == VelocityUnit::Second { 1.0 / rate } else { 1.0 };
+            let paths = pieces::paths(file, beside, side as f64 / spec.rate, per_frame).map_err(|points| {
+                let path = |number| spec.pattern.path(number);
+                ModelError::Unmatched { path: path(number), beside: path(number + side), points }
+            })?;
+            out.push(Piece { model: file.model.with_paths(paths), at: spec.frame_of(number), window });
+        }
+        Ok(out)
+    }
+}

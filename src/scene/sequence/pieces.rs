@@ -1,0 +1,96 @@
+//! How the points of a file move towards the file beside it.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::files::File;
+use crate::model::paths::OwnPaths;
+
+/// The paths of the points of `file` towards the file `beside` it, which is `step` frames later (negative: earlier), per
+/// frame. `per_frame`: units of time of the files' velocities in a frame.
+///
+/// Points that both files have go along the cubic curve that has the places and velocities of both (Hermite), or along a
+/// straight line where the files have no velocities. They are matched by identity, or by row where the files have as
+/// many points and no identities. All other points follow their own velocity and acceleration.
+///
+/// # Errors
+/// The points cannot be matched, and say nothing of how they move: the numbers of points.
+pub(super) fn paths(
+    file: &File,
+    beside: Option<&File>,
+    step: f64,
+    per_frame: f64,
+) -> Result<Arc<OwnPaths>, [usize; 2]> {
+    let model = &file.model;
+    let own = model.paths();
+    let rates = [per_frame, per_frame * per_frame];
+    let of_file = |i: usize| [0, 1].map(|c| own.columns[c].get(i).map_or(DVec3::ZERO, |r| r.as_dvec3() * rates[c]));
+    let partners = beside.map_or_else(Vec::new, |beside| partners(file, beside));
+    let moves = !own.is_empty();
+    if let Some(beside) = beside.filter(|beside| partners.is_empty() && beside.points > 0 && !moves) {
+        return Err([file.points, beside.points]);
+    }
+    let curves = |partner_of: &dyn Fn(usize) -> Option<usize>, i: usize, beside: &File| -> [DVec3; 3] {
+        let [velocity, acceleration] = of_file(i);
+        let Some(partner) = partner_of(i) else { return [velocity, acceleration, DVec3::ZERO] };
+        let other = &beside.model;
+        let way = (other.origin - model.origin) + (other.position[partner] - model.position[i]).as_dvec3();
+        if !moves || other.paths().is_empty() {
+            return [way / step, DVec3::ZERO, DVec3::ZERO];
+        }
+        let theirs = other.velocity.get(partner).map_or(DVec3::ZERO, |v| v.as_dvec3() * per_frame);
+        let (m0, m1) = (velocity * step, theirs * step);
+        [velocity, (way * 3.0 - m0 * 2.0 - m1) * (2.0 / (step * step)), (m0 + m1 - way * 2.0) * (6.0 / step.powi(3))]
+    };
+    let rows: Vec<[DVec3; 3]> = (0..model.len())
+        .into_par_iter()
+        .map(|i| match beside {
+            Some(beside) => curves(&|i| partners.get(i).copied().flatten().map(|p| p as usize), i, beside),
+            None => {
+                let [velocity, acceleration] = of_file(i);
+                [velocity, acceleration, DVec3::ZERO]
+            }
+        })
+        .collect();
+    let columns = [0, 1, 2].map(|column| {
+        let rests = rows.par_iter().all(|row| row[column] == DVec3::ZERO);
+        if rests { Vec::new() } else { rows.par_iter().map(|row| row[column].as_vec3()).collect() }
+    });
+    Ok(Arc::new(OwnPaths { columns }))
+}
+
+/// For each point of `file` the same one in `beside`, where there is one; empty if points cannot be matched.
+fn partners(file: &File, beside: &File) -> Vec<Option<u32>> {
+    if file.rows != beside.rows || file.rows && file.points != beside.points {
+        return Vec::new();
+    }
+    let mut partners = vec![None; file.points];
+    let mut others = beside.by_id.iter().peekable();
+    for &i in &file.by_id {
+        let id = file.model.id[i as usize];
+        while others.next_if(|&&other| beside.model.id[other as usize] < id).is_some() {}
+        let same = others.next_if(|&&other| beside.model.id[other as usize] == id);
+        partners[i as usize] = same.copied();
+    }
+    if file.rows && !rows_agree(file, beside, &partners) { Vec::new() } else { partners }
+}
+
+/// Do rows stand for the same points? Where there are velocities, most points must lie about where these lead.
+fn rows_agree(file: &File, beside: &File, partners: &[Option<u32>]) -> bool {
+    let (model, other) = (&file.model, &beside.model);
+    if model.velocity.is_empty() || other.velocity.is_empty() {
+        return true;
+    }
+    // The way of a point has the direction of its velocities, or the other one where `beside` is the earlier file.
+    let along = |(i, partner): (usize, &Option<u32>)| {
+        let partner = (*partner)? as usize;
+        let way = (other.origin - model.origin) + (other.position[partner] - model.position[i]).as_dvec3();
+        let mean = (model.velocity[i] + other.velocity[partner]).as_dvec3();
+        Some(way.dot(mean) / (way.length() * mean.length()))
+    };
+    let cosines: Vec<f64> = partners.iter().enumerate().filter_map(along).filter(|cosine| cosine.is_finite()).collect();
+    let sum: f64 = cosines.iter().sum();
+    cosines.is_empty() || (sum / cosines.len() as f64).abs() > 0.5
+}
