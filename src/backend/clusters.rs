@@ -7,7 +7,7 @@ use std::sync::{Arc, Weak};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::frame::{Blocks, Frame, PixelRect, PosedObject, Raster};
+use crate::frame::{Blocks, Frame, FrameObject, PixelRect, PosedObject, Raster};
 use crate::model::Surfels;
 
 /// Surfels of a cluster; neighbours in memory are neighbours in space.
@@ -30,7 +30,12 @@ impl ClusterStore {
     /// The clusters of each object of `frame`.
     pub(super) fn of_frame(&mut self, frame: &Frame) -> Vec<Arc<Clusters>> {
         self.models.retain(|(model, _)| model.strong_count() > 0);
-        frame.objects.iter().map(|object| self.of(&object.surfels)).collect()
+        // Surfels that move by themselves leave their clusters.
+        let of = |object: &FrameObject| match object.paths().is_empty() {
+            true => self.of(&object.surfels),
+            false => Arc::default(),
+        };
+        frame.objects.iter().map(of).collect()
     }
 
     /// The clusters of a model, made when it is first seen.
@@ -45,7 +50,7 @@ impl ClusterStore {
 }
 
 /// The clusters of a model.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Clusters(Vec<Cluster>);
 
 /// Neighbouring surfels, in model space.

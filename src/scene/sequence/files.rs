@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
+use rayon::prelude::*;
+
 use crate::model::{self, Kind, ModelError, Spacing};
 use crate::scene::Model;
 
@@ -168,7 +170,12 @@ fn read(path: &Path, options: &model::LoadOptions) -> Result<(File, Vec<String>)
     }
     let surfels = surfels.spatially_ordered();
     let mut by_id: Vec<u32> = (0..points as u32).collect();
-    by_id.sort_unstable_by_key(|&i| surfels.id[i as usize]);
+    if rows {
+        // Each row is there once.
+        surfels.id.iter().zip(0..).for_each(|(&row, i)| by_id[row as usize] = i);
+    } else {
+        by_id.par_sort_unstable_by_key(|&i| surfels.id[i as usize]);
+    }
     let twice = by_id.windows(2).find(|pair| surfels.id[pair[0] as usize] == surfels.id[pair[1] as usize]);
     if let Some(pair) = twice {
         return Err(ModelError::Twice { path: path.to_owned(), id: surfels.id[pair[0] as usize] });

@@ -2,11 +2,14 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::files::File;
-use crate::model::paths::OwnPaths;
+use crate::model::paths::{OwnPaths, elapsed};
+
+/// Points that one task moves. Nothing depends on it.
+const CHUNK: usize = 4096;
 
 /// The paths of the points of `file` towards the file `beside` it, which is `step` frames later (negative: earlier), per
 /// frame. `per_frame`: units of time of the files' velocities in a frame.
@@ -32,11 +35,14 @@ pub(super) fn paths(
     if let Some(beside) = beside.filter(|beside| partners.is_empty() && beside.points > 0 && !moves) {
         return Err([file.points, beside.points]);
     }
-    let curves = |partner_of: &dyn Fn(usize) -> Option<usize>, i: usize, beside: &File| -> [DVec3; 3] {
+    let beside = beside.filter(|_| !partners.is_empty());
+    let path = |i: usize| -> [DVec3; 3] {
         let [velocity, acceleration] = of_file(i);
-        let Some(partner) = partner_of(i) else { return [velocity, acceleration, DVec3::ZERO] };
-        let other = &beside.model;
-        let way = (other.origin - model.origin) + (other.position[partner] - model.position[i]).as_dvec3();
+        let Some((beside, partner)) = beside.zip(partners.get(i).copied().flatten()) else {
+            return [velocity, acceleration, DVec3::ZERO];
+        };
+        let (other, partner) = (&beside.model, partner as usize);
+        let way = (other.origin - model.origin) + (other.position[partner].as_dvec3() - model.position[i].as_dvec3());
         if !moves || other.paths().is_empty() {
             return [way / step, DVec3::ZERO, DVec3::ZERO];
         }
@@ -44,20 +50,23 @@ pub(super) fn paths(
         let (m0, m1) = (velocity * step, theirs * step);
         [velocity, (way * 3.0 - m0 * 2.0 - m1) * (2.0 / (step * step)), (m0 + m1 - way * 2.0) * (6.0 / step.powi(3))]
     };
-    let rows: Vec<[DVec3; 3]> = (0..model.len())
-        .into_par_iter()
-        .map(|i| match beside {
-            Some(beside) => curves(&|i| partners.get(i).copied().flatten().map(|p| p as usize), i, beside),
-            None => {
-                let [velocity, acceleration] = of_file(i);
-                [velocity, acceleration, DVec3::ZERO]
-            }
-        })
-        .collect();
-    let columns = [0, 1, 2].map(|column| {
-        let rests = rows.par_iter().all(|row| row[column] == DVec3::ZERO);
-        if rests { Vec::new() } else { rows.par_iter().map(|row| row[column].as_vec3()).collect() }
+    let mut columns = [0; 3].map(|_| vec![Vec3::ZERO; model.len()]);
+    let [first, second, third] = &mut columns;
+    let chunks = first.par_chunks_mut(CHUNK).zip(second.par_chunks_mut(CHUNK)).zip(third.par_chunks_mut(CHUNK));
+    chunks.enumerate().for_each(|(chunk, ((first, second), third))| {
+        for l in 0..first.len() {
+            [first[l], second[l], third[l]] = path(chunk * CHUNK + l).map(|rate| rate.as_vec3());
+        }
     });
+    // What moves no point by more than half the rounding of its place costs time for nothing.
+    let size = model.bounds().size().max_element().max(f64::from(model.median_radius()));
+    let least = (size * f64::from(f32::EPSILON) / 4.0) as f32;
+    for (column, factor) in columns.iter_mut().zip(elapsed(0.5 * step.abs())) {
+        let rests = |rate: &Vec3| rate.abs().max_element() * (factor as f32) <= least;
+        if column.par_iter().all(rests) {
+            *column = Vec::new();
+        }
+    }
     Ok(Arc::new(OwnPaths { columns }))
 }
 
