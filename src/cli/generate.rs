@@ -36,6 +36,9 @@ pub(super) struct Generate {
     /// Number of surfels of a sphere [default: 100000].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
     surfels: Option<u32>,
+    /// Number of the swarm's file, 1 to 5 [default: 1].
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..=5))]
+    number: Option<u32>,
     /// Cells of a volume along each axis [default: 128].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     size: Option<u32>,
@@ -67,6 +70,10 @@ enum Model {
     Fence,
     /// Unit sphere of --surfels surfels
     Sphere,
+    /// Splash of 20,000 drops with velocities and accelerations
+    Splash,
+    /// File --number of a swarm, a sequence of five with ids and velocities
+    Swarm,
     /// Environment to mirror: sky, windows, a floor of squares
     Studio,
     /// Cube from -1 to 1 of --size cells along each axis
@@ -109,6 +116,9 @@ impl Generate {
         }
         if self.surfels.is_some() && self.model != Model::Sphere {
             bail!("--surfels is for `sphere` only: the other models have fixed numbers");
+        }
+        if self.number.is_some() && self.model != Model::Swarm {
+            bail!("--number is for `swarm` only: the other models have one file");
         }
         if !self.force && self.output.symlink_metadata().is_ok() {
             bail!("{} exists already (--force replaces it)", self.output.display());
@@ -170,6 +180,8 @@ impl Generate {
             Model::CheckerPlane => generate::checker_plane(),
             Model::Floor => generate::floor(),
             Model::Fence => generate::fence(),
+            Model::Splash => generate::splash(),
+            Model::Swarm => generate::swarm(self.number.unwrap_or(generate::SWARM[0])),
             // These are no clouds, and were written before.
             Model::Volume | Model::Studio => Cloud::default(),
             Model::Sphere => generate::sphere(self.surfels.unwrap_or(100_000)),

@@ -9,6 +9,7 @@ use std::io::{self, Write};
 use glam::{DVec3, Vec3};
 
 use super::cloud::Cloud;
+use crate::sampling::hash;
 
 /// A colour as the file stores it: sRGB bytes.
 type Rgb = [u8; 3];
@@ -65,8 +66,82 @@ pub fn fence() -> Cloud {
     cloud
 }
 
-/// Writes a generated cloud as binary little-endian PLY: position, normal and radius as floats, colour as sRGB bytes. A
-/// surfel takes 31 bytes.
+/// A splash of 20,000 drops, a fifth of a second after something fell into y = 0 (metres and seconds, +y up): a crown of
+/// twelve tines, a jet in its middle, and drops that were thrown farther. Each flies under gravity alone: velocities are
+/// metres per second, accelerations metres per second squared.
+///
+/// With the random numbers r of a drop, v its velocity at the start and g = -9.81 y: p(t) = p0 + v t + g t^2/2.
+pub fn splash() -> Cloud {
+    const DROPS: u32 = 20_000;
+    const GRAVITY: DVec3 = DVec3::new(0.0, -9.81, 0.0);
+    let mut cloud = Cloud::default();
+    for drop in 0..DROPS {
+        let random = |k: u64| f64::from(hash(u64::from(drop), k)) / 4_294_967_296.0;
+        let (sin, cos) = libm::sincos(2.0 * PI * random(0));
+        let out = DVec3::new(cos, 0.0, sin);
+        // Tines: where the crown is thrown highest.
+        let tine = 0.5 + 0.5 * libm::cos(12.0 * libm::atan2(sin, cos));
+        let (start, velocity, age) = match drop % 20 {
+            0..14 => {
+                let height = random(1);
+                let speed = 1.5 + 1.3 * height * (0.55 + 0.45 * tine);
+                (out * 0.3, out * (0.9 + 0.5 * random(2) * height) + DVec3::Y * speed, 0.2)
+            }
+            14..17 => (out * (0.06 * random(1)), out * 0.15 * random(2) + DVec3::Y * (1.2 + 2.8 * random(3)), 0.2),
+            _ => (out * 0.3, out * (0.6 + 2.2 * random(1)) + DVec3::Y * (0.8 + 3.0 * random(2)), 0.2),
+        };
+        // Drops left the water one after the other.
+        let t = age * (0.7 + 0.3 * random(4));
+        let position = start + velocity * t + GRAVITY * (0.5 * t * t);
+        let normal = DVec3::new(random(5) - 0.5, random(6) - 0.2, random(7) - 0.5).normalize_or(DVec3::Y);
+        let foam = random(8);
+        let radius = (0.006 + 0.012 * foam * foam) as f32;
+        push(&mut cloud, position, normal, radius, if foam > 0.6 { [235, 244, 250] } else { [96, 160, 200] });
+        cloud.velocity.push((velocity + GRAVITY * t).as_vec3());
+        cloud.acceleration.push(GRAVITY.as_vec3());
+    }
+    cloud
+}
+
+/// Numbers of the files of [`swarm`].
+pub const SWARM: [u32; 2] = [1, 5];
+
+/// A swarm of 1,200 points along a knotted path, as file `number` of a sequence, one for each frame: at the path's
+/// front points join, at its end they leave. Points have an `id`, and velocities per second at 24 frames per second.
+///
+/// The path is the trefoil C(s) = (sin s + 2 sin 2s, cos s - 2 cos 2s, -sin 3s)/3.
+pub fn swarm(number: u32) -> Cloud {
+    const POINTS: u32 = 1200;
+    const JOIN: u32 = 40;
+    const APART: f64 = 0.004;
+    /// Along the path in a frame.
+    const SPEED: f64 = 0.09;
+    const RATE: f64 = 24.0;
+    let mut cloud = Cloud::default();
+    for row in 0..POINTS {
+        // The order of a file says nothing: 7 and 1200 have no common divisor.
+        let id = JOIN * number + row * 7 % POINTS;
+        let random = |k: u64| f64::from(hash(u64::from(id), k)) / 4_294_967_296.0;
+        let s = f64::from(number) * SPEED - f64::from(id) * APART;
+        let ([sin, cos], [sin2, cos2], [sin3, cos3]) = (sin_cos(s), sin_cos(2.0 * s), sin_cos(3.0 * s));
+        let place = DVec3::new(sin + 2.0 * sin2, cos - 2.0 * cos2, -sin3) / 3.0;
+        let along = DVec3::new(cos + 4.0 * cos2, -sin + 4.0 * sin2, -3.0 * cos3) / 3.0;
+        let beside = DVec3::new(random(0) - 0.5, random(1) - 0.5, random(2) - 0.5);
+        let normal = beside.normalize_or(DVec3::Z);
+        push(&mut cloud, place + beside * 0.2, normal, 0.03, if id % 3 == 0 { [244, 190, 72] } else { [64, 132, 150] });
+        cloud.velocity.push((along * (SPEED * RATE)).as_vec3());
+        cloud.id.push(i64::from(id));
+    }
+    cloud
+}
+
+fn sin_cos(x: f64) -> [f64; 2] {
+    let (sin, cos) = libm::sincos(x);
+    [sin, cos]
+}
+
+/// Writes a generated cloud as binary little-endian PLY: position, normal and radius as floats, colour as sRGB bytes,
+/// then velocity, acceleration and id where there are any. A surfel without these takes 31 bytes.
 ///
 /// # Errors
 /// The writer fails, or an array is missing because the cloud is not a generated one.
@@ -82,12 +157,25 @@ pub fn write(cloud: &Cloud, out: &mut impl Write) -> io::Result<()> {
     for name in ["red", "green", "blue"] {
         writeln!(out, "property uchar {name}")?;
     }
+    let rates = [(&cloud.velocity, ["vx", "vy", "vz"]), (&cloud.acceleration, ["ax", "ay", "az"])];
+    for (_, names) in rates.iter().filter(|(column, _)| !column.is_empty()) {
+        names.iter().try_for_each(|name| writeln!(out, "property float {name}"))?;
+    }
+    if !cloud.id.is_empty() {
+        writeln!(out, "property int id")?;
+    }
     out.write_all(b"end_header\n")?;
     for i in 0..n {
         out.write_all(cloud.position[i].as_vec3().to_array().map(f32::to_le_bytes).as_flattened())?;
         out.write_all(cloud.normal[i].to_array().map(f32::to_le_bytes).as_flattened())?;
         out.write_all(&cloud.radius[i].to_le_bytes())?;
         out.write_all(&cloud.colour[i].to_array().map(|c| (c * 255.0).round() as u8))?;
+        for rate in rates.iter().filter_map(|(column, _)| column.get(i)) {
+            out.write_all(rate.to_array().map(f32::to_le_bytes).as_flattened())?;
+        }
+        if let Some(&id) = cloud.id.get(i) {
+            out.write_all(&(id as i32).to_le_bytes())?;
+        }
     }
     Ok(())
 }

@@ -41,6 +41,10 @@ fn generated_models_are_what_the_generator_writes() {
     assert_shipped("checker_plane.ply", &generate::checker_plane());
     assert_shipped("floor.ply", &generate::floor());
     assert_shipped("fence.ply", &generate::fence());
+    assert_shipped("splash.ply", &generate::splash());
+    for number in generate::SWARM[0]..=generate::SWARM[1] {
+        assert_shipped(&format!("swarm.{number}.ply"), &generate::swarm(number));
+    }
     let mut smoke = Vec::new();
     generate_volume::write(Shape::Torus, 64, Storage::Uint8, &mut smoke).unwrap();
     assert!(fs::read(scenes().join("models/smoke.nrrd")).unwrap() == smoke, "smoke.nrrd is not what is generated");
