@@ -31,9 +31,8 @@ impl ClusterStore {
     pub(super) fn of_frame(&mut self, frame: &Frame) -> Vec<Arc<Clusters>> {
         self.models.retain(|(model, _)| model.strong_count() > 0);
         // Surfels that move by themselves leave their clusters.
-        let of = |object: &FrameObject| match object.paths().is_empty() {
-            true => self.of(&object.surfels),
-            false => Arc::default(),
+        let of = |object: &FrameObject| {
+            if object.paths().is_empty() { self.of(&object.surfels) } else { Arc::default() }
         };
         frame.objects.iter().map(of).collect()
     }

@@ -48,8 +48,8 @@ pub struct PosedObject {
     pub motion_from_model: Mat3,
     /// Motion of the model's origin, likewise.
     pub motion_origin: Vec3,
-    /// Factors on the columns of the surfels' paths: what the centres travelled by themselves; over an interval, the mean
-    /// by Simpson's rule. 0 where they do not move by themselves.
+    /// Factors on the columns of the surfels' paths: what the centres travelled by themselves; over an interval, the
+    /// mean by Simpson's rule. 0 where they do not move by themselves.
     pub elapsed: Elapsed<f32>,
     /// The same for what the centres move by themselves in half an interval, times the kernels' stretch; else 0.
     pub advance: Elapsed<f32>,
@@ -164,10 +164,9 @@ impl Poser<'_> {
                     self.screen(&((to - from) * (0.5 * interval.stretch))),
                 )
             });
-        let after = |time: f64| match object.model.paths().is_empty() {
-            true => [0.0; 3],
-            false => elapsed(object.travelled(self.scene.frames.rate, self.number, time)),
-        };
+        let moves = !object.model.paths().is_empty();
+        let travelled = |time: f64| elapsed(object.travelled(self.scene.frames.rate, self.number, time));
+        let after = |time: f64| if moves { travelled(time) } else { [0.0; 3] };
         let mut travelled = after(time);
         let mut advance = [0.0; 3];
         if let Some(interval) = interval.filter(|_| object.blur) {

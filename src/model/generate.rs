@@ -66,9 +66,9 @@ pub fn fence() -> Cloud {
     cloud
 }
 
-/// A splash of 20,000 drops, a fifth of a second after something fell into y = 0 (metres and seconds, +y up): a crown of
-/// twelve tines, a jet in its middle, and drops that were thrown farther. Each flies under gravity alone: velocities are
-/// metres per second, accelerations metres per second squared.
+/// A splash of 20,000 drops, a fifth of a second after something fell into y = 0 (metres and seconds, +y up): a crown
+/// of twelve tines, a jet in its middle, and drops that were thrown farther. Each flies under gravity alone:
+/// velocities are metres per second, accelerations metres per second squared.
 ///
 /// With the random numbers r of a drop, v its velocity at the start and g = -9.81 y: p(t) = p0 + v t + g t^2/2.
 pub fn splash() -> Cloud {
@@ -128,7 +128,13 @@ pub fn swarm(number: u32) -> Cloud {
         let along = DVec3::new(cos + 4.0 * cos2, -sin + 4.0 * sin2, -3.0 * cos3) / 3.0;
         let beside = DVec3::new(random(0) - 0.5, random(1) - 0.5, random(2) - 0.5);
         let normal = beside.normalize_or(DVec3::Z);
-        push(&mut cloud, place + beside * 0.2, normal, 0.03, if id % 3 == 0 { [244, 190, 72] } else { [64, 132, 150] });
+        push(
+            &mut cloud,
+            place + beside * 0.2,
+            normal,
+            0.03,
+            if id.is_multiple_of(3) { [244, 190, 72] } else { [64, 132, 150] },
+        );
         cloud.velocity.push((along * (SPEED * RATE)).as_vec3());
         cloud.id.push(i64::from(id));
     }

@@ -5,8 +5,8 @@ use glam::{DVec3, Vec3};
 use super::surfels::Surfels;
 use crate::math::Bounds;
 
-/// The paths of points around the places that a model gives them: p(t) = p + v t + a t^2/2 + j t^3/6. Each column has an
-/// entry for each point, or none.
+/// The paths of points around the places that a model gives them: p(t) = p + v t + a t^2/2 + j t^3/6. Each column has
+/// an entry for each point, or none.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Paths<'a> {
     /// Velocities v, accelerations a, and their rates of change j.
@@ -21,7 +21,7 @@ pub fn elapsed(t: f64) -> Elapsed<f64> {
     [t, t * t / 2.0, t * t * t / 6.0]
 }
 
-impl<'a> Paths<'a> {
+impl Paths<'_> {
     /// True if no point moves by itself.
     pub fn is_empty(&self) -> bool {
         self.columns.iter().all(|column| column.is_empty())

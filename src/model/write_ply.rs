@@ -16,11 +16,12 @@ use crate::math::srgb;
 /// opacity (alpha), material (ambient, diffuse, specular, shininess), velocity (vx, vy, vz), acceleration (ax, ay,
 /// az) and id.
 ///
-/// [`super::load()`] gives back the same normals, axes, colours, materials, velocities, accelerations and ids up to 2^53,
-/// and opacities unless they are all 0 or all as good as 1. A comment says where velocities are per frame; else they are per second. Positions are floats, exact where the origin is zero. Otherwise they are doubles,
-/// which are exact in model space to 2^-53 of their size; the reader chooses an origin of its own. Colours are bytes
-/// (sRGB) where that is exact for every surfel. Otherwise they are linear floats, which other programs may show too
-/// dark; a comment in the file says so.
+/// [`super::load()`] gives back the same normals, axes, colours, materials, velocities, accelerations and ids up to
+/// 2^53, and opacities unless they are all 0 or all as good as 1. A comment says where velocities are per frame; else
+/// they are per second. Positions are floats, exact where the origin is zero. Otherwise they are doubles, which are
+/// exact in model space to 2^-53 of their size; the reader chooses an origin of its own. Colours are bytes (sRGB)
+/// where that is exact for every surfel. Otherwise they are linear floats, which other programs may show too dark; a
+/// comment in the file says so.
 ///
 /// # Errors
 /// The file cannot be written (then nothing is left behind), or the arrays differ in length.

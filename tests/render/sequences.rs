@@ -96,7 +96,7 @@ fn render(scene: &Scene, frame: i64, options: &RenderOptions) -> Picture {
 #[test]
 fn one_motion_in_three_ways_is_one_picture() {
     let model = ball();
-    let mut truth = scene_of(&[model.clone()], "").1;
+    let mut truth = scene_of(std::slice::from_ref(&model), "").1;
     truth.objects[0] = object(model.clone());
     truth.objects[0].points.at = Some(0.0);
     let with_ids = Surfels { id: (0..model.len() as i64).map(|i| 3 * i - 100).collect(), ..model.clone() };
@@ -149,7 +149,8 @@ fn middle(picture: &Picture) -> [f32; 4] {
     picture.rgba[(picture.height / 2 * picture.width + picture.width / 2) as usize]
 }
 
-/// A point that only one of two files has is born or dies in the middle between them, so alpha is its share of the time.
+/// A point that only one of two files has is born or dies in the middle between them, so alpha is its share of the
+/// time.
 #[test]
 fn births_and_deaths_are_in_the_middle_between_files() {
     let empty = Surfels::default();

@@ -46,7 +46,10 @@ fn values(picture: &Picture) -> impl Iterator<Item = f32> {
 fn differing(a: &Picture, b: &Picture, limit: f32) -> (usize, f64) {
     let differences = || values(a).zip(values(b)).map(|(a, b)| if a == b { 0.0 } else { (a - b).abs() });
     let count = differences().count();
-    (differences().filter(|d| !(*d <= limit)).count(), differences().map(f64::from).sum::<f64>() / count as f64)
+    (
+        differences().filter(|d| d.is_nan() || *d > limit).count(),
+        differences().map(f64::from).sum::<f64>() / count as f64,
+    )
 }
 
 /// Velocities of all points are the motion of the object: `<motion>` says the same.

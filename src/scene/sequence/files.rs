@@ -1,6 +1,7 @@
 //! The files of a sequence: their names, and those that are in memory.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -131,9 +132,9 @@ impl Files {
             files.insert(number, Arc::new(file?));
         }
         for &number in numbers {
-            if !files.contains_key(&number) {
+            if let Entry::Vacant(place) = files.entry(number) {
                 let (file, _) = read(&self.pattern.path(number), &self.options)?;
-                files.insert(number, Arc::new(file));
+                place.insert(Arc::new(file));
             }
         }
         let next = match (before.first(), numbers.first(), numbers.last()) {

@@ -138,8 +138,8 @@ impl Sequence {
         self.bounds
     }
 
-    /// What is shown from `from` to `to` (frames) by a scene of `rate` frames per second. `unit`: of velocities, in place
-    /// of the files' own.
+    /// What is shown from `from` to `to` (frames) by a scene of `rate` frames per second. `unit`: of velocities, in
+    /// place of the files' own.
     ///
     /// # Errors
     /// A file cannot be read, or says nothing of how its points become those beside it.

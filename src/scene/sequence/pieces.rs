@@ -11,11 +11,11 @@ use crate::model::paths::{OwnPaths, elapsed};
 /// Points that one task moves. Nothing depends on it.
 const CHUNK: usize = 4096;
 
-/// The paths of the points of `file` towards the file `beside` it, which is `step` frames later (negative: earlier), per
-/// frame. `per_frame`: units of time of the files' velocities in a frame.
+/// The paths of the points of `file` towards the file `beside` it, which is `step` frames later (negative: earlier),
+/// per frame. `per_frame`: units of time of the files' velocities in a frame.
 ///
-/// Points that both files have go along the cubic curve that has the places and velocities of both (Hermite), or along a
-/// straight line where the files have no velocities. They are matched by identity, or by row where the files have as
+/// Points that both files have go along the cubic curve that has the places and velocities of both (Hermite), or along
+/// a straight line where the files have no velocities. They are matched by identity, or by row where the files have as
 /// many points and no identities. All other points follow their own velocity and acceleration.
 ///
 /// # Errors
@@ -55,7 +55,8 @@ pub(super) fn paths(
     let chunks = first.par_chunks_mut(CHUNK).zip(second.par_chunks_mut(CHUNK)).zip(third.par_chunks_mut(CHUNK));
     chunks.enumerate().for_each(|(chunk, ((first, second), third))| {
         for l in 0..first.len() {
-            [first[l], second[l], third[l]] = path(chunk * CHUNK + l).map(|rate| rate.as_vec3());
+            let [velocity, acceleration, jerk] = path(chunk * CHUNK + l);
+            (first[l], second[l], third[l]) = (velocity.as_vec3(), acceleration.as_vec3(), jerk.as_vec3());
         }
     });
     // What moves no point by more than half the rounding of its place costs time for nothing.
