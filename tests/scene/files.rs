@@ -108,7 +108,7 @@ fn the_motion_of_points_is_read_and_written() {
     assert!(idle.iter().any(|found| found == note), "{idle:?}");
     refused(
         "<scene><object velocityUnit='hour'><pointModel>m.ply</pointModel></object></scene>",
-        "scene.xml:1:16: attribute `velocityUnit` of <object> is \"hour\", expected second or frame",
+        "scene.xml:1:16: `velocityUnit` is `hour`, expected second, frame",
     );
 }
 
