@@ -116,6 +116,18 @@ pub enum AnimError {
         /// Notes on what was skipped.
         notes: Vec<String>,
     },
+    /// A file of camera poses is not valid, or its lens cannot be had.
+    #[error("{}: {place}found {found}, expected {expected}", path.display())]
+    Track {
+        /// The file.
+        path: PathBuf,
+        /// Empty, or where, with a colon and a blank behind it.
+        place: String,
+        /// What is there.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
     /// A glTF file is not valid, or has no such node.
     #[error("{}: {why}", path.display())]
     Gltf {

@@ -42,7 +42,8 @@ pub fn load(path: &Path) -> Result<Animation, AnimError> {
     parse(&bytes(path)?, path)
 }
 
-fn bytes(path: &Path) -> Result<Vec<u8>, AnimError> {
+/// The bytes of a file.
+pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, AnimError> {
     // This comes before opening the file: opening a pipe may wait for ever.
     let about = fs::metadata(path).map_err(|e| AnimError::read(path, e))?;
     if !about.is_file() {

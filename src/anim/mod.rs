@@ -6,10 +6,11 @@
 //! Data flow: `load` (file to text) → `maya` (text to raw keys) → `tangent` (types to vectors) → `curve` and
 //! `segment` (value at a time), `breaks` (jumps) → `node` (curves to a transform) → `animation` (all nodes of a
 //! file). A glTF file goes through `gltf` (its nodes and clips) and `track` (value at a time) to a `chain` (a node and
-//! those above it). `motion` is a node of either.
+//! those above it). `camera_track` reads poses of other programs. `motion` is a node of either, or a track.
 
 mod animation;
 mod breaks;
+mod camera_track;
 mod chain;
 mod curve;
 mod error;
@@ -23,6 +24,7 @@ mod tangent;
 mod track;
 
 pub use animation::Animation;
+pub use camera_track::{CameraTrack, Intrinsics, TrackFormat, TrackOptions};
 pub use chain::Chain;
 pub use curve::Interpolation;
 pub use error::{AnimError, Location};

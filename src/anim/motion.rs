@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{DMat4, DVec3};
 
 use super::chain::Chain;
+use super::camera_track::CameraTrack;
 use super::curve::Interpolation;
 use super::node::NodeAnimation;
 
@@ -15,6 +16,8 @@ pub enum NodeMotion {
     Curves(Arc<NodeAnimation>),
     /// A node of a glTF file, with those that it hangs below.
     Chain(Arc<Chain>),
+    /// Poses of a camera.
+    Track(Arc<CameraTrack>),
 }
 
 /// Where a node is at a time.
@@ -35,6 +38,7 @@ impl NodeMotion {
                 NodePose { matrix: state.transform.matrix(), visible: state.visible }
             }
             Self::Chain(chain) => NodePose { matrix: chain.at(seconds), visible: true },
+            Self::Track(track) => NodePose { matrix: track.at(seconds), visible: true },
         }
     }
 
@@ -47,6 +51,7 @@ impl NodeMotion {
                 rigid.matrix()
             }
             Self::Chain(chain) => chain.rigid_at(seconds),
+            Self::Track(track) => track.at(seconds),
         }
     }
 
@@ -55,6 +60,7 @@ impl NodeMotion {
         match self {
             Self::Curves(node) => node.range(),
             Self::Chain(chain) => chain.range(),
+            Self::Track(track) => track.range(),
         }
     }
 
@@ -63,6 +69,7 @@ impl NodeMotion {
         match self {
             Self::Curves(node) => node.has_scale(),
             Self::Chain(chain) => chain.has_scale(),
+            Self::Track(_) => false,
         }
     }
 
@@ -72,6 +79,7 @@ impl NodeMotion {
         match self {
             Self::Curves(node) => node.breaks(from, to, interpolation),
             Self::Chain(chain) => chain.breaks(from, to),
+            Self::Track(_) => Vec::new(),
         }
     }
 
@@ -94,6 +102,7 @@ impl NodeMotion {
                 Some((transform.matrix().transform_point3(x), radius * scale, drift))
             }
             Self::Chain(chain) => chain.sweep(x, radius, from, to),
+            Self::Track(_) => None,
         }
     }
 }
@@ -101,6 +110,12 @@ impl NodeMotion {
 impl From<Arc<NodeAnimation>> for NodeMotion {
     fn from(node: Arc<NodeAnimation>) -> Self {
         Self::Curves(node)
+    }
+}
+
+impl From<CameraTrack> for NodeMotion {
+    fn from(track: CameraTrack) -> Self {
+        Self::Track(Arc::new(track))
     }
 }
 

@@ -48,7 +48,9 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber, most: usize) -
         return 0.0;
     }
     let step = object.model.elements().div_ceil(most).max(1);
-    let on_image = |p: DVec2| p.x.abs() <= 0.5 * width && p.y.abs() <= 0.5 * height;
+    let axis = scene.camera.shift * DVec2::new(width, height);
+    // y is up here, and down in the image.
+    let on_image = |p: DVec2| (p.x + axis.x).abs() <= 0.5 * width && (axis.y - p.y).abs() <= 0.5 * height;
     let length_of = |index: usize, position: Vec3| {
         let mut length = 0.0;
         let mut last: Option<DVec2> = None;

@@ -22,6 +22,8 @@ pub struct Panorama {
     cameras: Vec<(Mat3, f32)>,
     size: [u32; 2],
     focal: f32,
+    /// Pixel at which the camera's axis meets the image.
+    axis: [f32; 2],
     /// Variance of the pixel filter along an axis, pixels^2.
     variance: f32,
 }
@@ -49,6 +51,7 @@ impl Panorama {
             surroundings: environment.surroundings(),
             cameras: times.into_iter().map(camera).collect(),
             size: [scene.image.width, height],
+            axis: [0, 1].map(|i| ((0.5 + scene.camera.shift[i]) * f64::from([scene.image.width, height][i])) as f32),
             focal: focal_length(f64::from(height), scene.camera.fovy) as f32,
             variance,
         })
@@ -63,7 +66,7 @@ impl Panorama {
 
     fn pixel(&self, pixel: [f32; 2]) -> Vec3 {
         let towards = |camera: &Mat3, dx: f32, dy: f32| {
-            let [x, y] = [0, 1].map(|axis| pixel[axis] + 0.5 - 0.5 * self.size[axis] as f32);
+            let [x, y] = [0, 1].map(|axis| pixel[axis] + 0.5 - self.axis[axis]);
             (*camera * Vec3::new(x + dx, -(y + dy), -self.focal)).normalize()
         };
         let mut sum = Vec3::ZERO;

@@ -1,5 +1,7 @@
 //! The pixels that a sample position is rendered for.
 
+use glam::DVec2;
+
 use crate::options::Prefilter;
 
 /// The pixels that a group is rendered for, as an image of their own: every `Frame::stride`-th pixel of the frame's
@@ -60,9 +62,16 @@ impl Raster {
     }
 
     /// For an image of `size` pixels with focal length `focal`.
-    pub(super) fn new(size: [u32; 2], focal: f64, stride: u32, phase: [u32; 2], offset: [f32; 2]) -> Self {
+    /// `shift` is the camera's.
+    pub(super) fn new(
+        size: [u32; 2],
+        (focal, shift): (f64, DVec2),
+        stride: u32,
+        phase: [u32; 2],
+        offset: [f32; 2],
+    ) -> Self {
         let s = f64::from(stride);
-        let axis = |i: usize| ((0.5 * f64::from(size[i]) - f64::from(phase[i]) - 0.5) / s + 0.5) as f32;
+        let axis = |i: usize| (((0.5 + shift[i]) * f64::from(size[i]) - f64::from(phase[i]) - 0.5) / s + 0.5) as f32;
         Self {
             size: [0, 1].map(|i| size[i].saturating_sub(phase[i]).div_ceil(stride)),
             phase,

@@ -254,7 +254,8 @@ impl<'a> World<'a> {
     /// Camera-space direction of depth 1 through a film point (pixels).
     pub(super) fn direction(&self, film: [f64; 2]) -> DVec3 {
         let [w, h] = self.size.map(f64::from);
-        DVec3::new((film[0] - 0.5 * w) / self.focal, (0.5 * h - film[1]) / self.focal, -1.0)
+        let shift = self.scene.camera.shift;
+        DVec3::new((film[0] - (0.5 + shift.x) * w) / self.focal, ((0.5 + shift.y) * h - film[1]) / self.focal, -1.0)
     }
 
     /// The lights relative to `eye`.

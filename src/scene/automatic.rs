@@ -10,7 +10,7 @@ use crate::model::Optics;
 use crate::time::Shutter;
 
 /// Frames a second where neither the scene nor an animation says it: film.
-const RATE: f64 = 24.0;
+pub(crate) const RATE: f64 = 24.0;
 /// Last frame of a scene that moves by formula alone: one second of film.
 const LAST: i64 = 24;
 /// Room around the objects, as a factor on the distance from their front.

@@ -9,7 +9,7 @@ mod sequence;
 mod sight;
 mod values;
 
-pub(crate) use self::automatic::{GivenCamera, GivenFrames, camera, frames, lights};
+pub(crate) use self::automatic::{GivenCamera, GivenFrames, RATE, camera, frames, lights};
 pub(crate) use self::detail::{SURFELS, wanted_spacing};
 pub use self::model::Model;
 pub(crate) use self::sequence::Opened;

@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DVec2, DVec3};
 
 use super::pose::{camera_from_world, object_pose};
 use super::values::{Object, Scene};
@@ -94,10 +94,11 @@ pub fn why_unseen(scene: &Scene, object: &Object, frame: FrameNumber, drawn: boo
     let up = (0.5 * camera.fovy).tan();
     let right = up * f64::from(scene.image.width) / f64::from(scene.image.height);
     let beyond = |out: &dyn Fn(&DVec3) -> f64| corners.iter().all(|p| out(p) > radius);
-    let is_outside = beyond(&|p| p.x - right * p.z)
-        || beyond(&|p| -p.x - right * p.z)
-        || beyond(&|p| p.y - up * p.z)
-        || beyond(&|p| -p.y - up * p.z);
+    let DVec2 { x, y } = camera.shift * 2.0;
+    let is_outside = beyond(&|p| p.x - (1.0 - x) * right * p.z)
+        || beyond(&|p| -p.x - (1.0 + x) * right * p.z)
+        || beyond(&|p| p.y - (1.0 + y) * up * p.z)
+        || beyond(&|p| -p.y - (1.0 - y) * up * p.z);
     if is_outside {
         return Unseen::Outside;
     }

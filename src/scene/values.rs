@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use super::model::Model;
 use super::sequence::Sequence;
@@ -96,6 +96,8 @@ pub struct Camera {
     pub fovy: f64,
     /// Nearest visible depth, > 0.
     pub near: f64,
+    /// Where the camera's axis meets the image, from its middle: shares of the width (right) and of the height (down).
+    pub shift: DVec2,
     /// Replaces eye, at and up: the camera sits at the node and looks along its -z.
     pub animation: Option<AnimationBinding>,
     /// Motion of the camera by formula, after eye, at and up or the animation.
@@ -121,6 +123,7 @@ impl Camera {
             up: DVec3::Y,
             fovy: Self::FOVY_DEGREES.to_radians(),
             near: Self::NEAR,
+            shift: DVec2::ZERO,
             animation: None,
             motions: Vec::new(),
             automatic: false,

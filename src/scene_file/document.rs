@@ -8,7 +8,7 @@ use super::attributes::Part;
 use super::dom::{Element, FileRef, Source};
 use super::error::{SceneError, quoted};
 use super::schema::FAR;
-use crate::anim::Interpolation;
+use crate::anim::{Interpolation, TrackFormat, TrackOptions};
 use crate::math::{RotateOrder, Trs};
 use crate::model::{
     self, ColourSpace, Kind, Material, MeshOptions, Stop, TransferFunction, VelocityUnit, VolumeOptions,
@@ -22,6 +22,8 @@ use crate::time::{Shutter, Weight};
 #[derive(Debug)]
 pub(super) struct Document {
     pub(super) image: ImageSettings,
+    /// True if the scene says how large the image is.
+    pub(super) size_given: bool,
     pub(super) frames: GivenFrames,
     pub(super) shutter: Shutter,
     /// `None`: the scene has no `<camera>`.
@@ -46,6 +48,9 @@ pub(super) struct CameraSpec {
     pub(super) at: usize,
     pub(super) given: GivenCamera,
     pub(super) animation: Option<AnimationSpec>,
+    pub(super) track: Option<(FileRef, TrackOptions)>,
+    /// True if the scene says the field of view.
+    pub(super) says_fovy: bool,
     pub(super) motions: Vec<Motion>,
 }
 
@@ -114,6 +119,7 @@ pub(super) fn read(source: &Source, root: &Element) -> Result<Document, SceneErr
             background: image.vector("background")?,
             transparent: image.boolean("transparent")?,
         },
+        size_given: image.given("width") || image.given("height"),
         frames: given,
         shutter: shutter(&part("shutter"))?,
         camera: root.child("camera").map(|e| camera(&Part::new(source, e, "camera"))).transpose()?,
@@ -191,8 +197,31 @@ fn camera(part: &Part<'_>) -> Result<CameraSpec, SceneError> {
             near: part.given("near").then(|| part.number("near")).transpose()?,
         },
         animation: animation(part)?,
+        track: track(part)?,
+        says_fovy: part.given("fovy"),
         motions: motions(part)?,
     })
+}
+
+fn track(camera: &Part<'_>) -> Result<Option<(FileRef, TrackOptions)>, SceneError> {
+    let Some(element) = camera.element.child("track") else { return Ok(None) };
+    let part = Part::new(camera.source, element, "track");
+    if camera.element.child("animation").is_some() {
+        return Err(SceneError::BadValue {
+            at: camera.source.locate(element.at),
+            what: "<track>".to_owned(),
+            found: "beside <animation>".to_owned(),
+            expected: "one of the two".to_owned(),
+        });
+    }
+    let word = part.choice("format")?.unwrap_or_default();
+    let options = TrackOptions {
+        format: TrackFormat::of(&word).unwrap_or(TrackFormat::Nerfstudio),
+        ignore_distortion: part.choice("distortion")?.as_deref() == Some("ignore"),
+        linear: part.choice("positions")?.as_deref() == Some("linear"),
+        start: part.number("start")?,
+    };
+    Ok(Some((part.file(), options)))
 }
 
 fn light(part: &Part<'_>) -> Result<Light, SceneError> {

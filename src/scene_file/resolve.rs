@@ -4,14 +4,14 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::document::{AnimationSpec, CameraSpec, Document, EnvironmentSpec, ObjectSpec, ShapeSpec};
 use super::dom::{FileRef, Source};
 use super::error::{EnvironmentError, SceneError, quoted};
 use super::paths::Finder;
 use super::{LoadOptions, Loaded, write};
-use crate::anim::{self, NodeMotion};
+use crate::anim::{self, CameraTrack, Interpolation, Intrinsics, NodeMotion, TrackOptions};
 use crate::environment::{Environment, LatLong};
 use crate::image;
 use crate::model::{self, MeshOptions, MeshSource, Spacing};
@@ -48,6 +48,12 @@ pub(super) fn resolve(
         Some(spec) => Some(files.bind(spec)?),
         None => None,
     };
+    let track = match document.camera.as_ref().and_then(|camera| camera.track.as_ref()) {
+        Some((file, given)) => Some(files.track(file, *given, document.frames.rate)?),
+        None => None,
+    };
+    let intrinsics = track.as_ref().and_then(|(_, intrinsics)| *intrinsics);
+    let camera_binding = camera_binding.or(track.map(|(binding, _)| binding));
     let environment = document.environment.map(|spec| files.environment(&spec)).transpose()?;
     if environment.is_none() && objects.iter().any(|object| object.reflection > 0.0) {
         files.notes.push("`reflection` of <material> mirrors the <environment>, and means nothing without".to_owned());
@@ -68,6 +74,10 @@ pub(super) fn resolve(
         objects,
     };
     scene.camera = camera(source, &scene, document.camera.as_ref(), camera_binding)?;
+    let says_fovy = document.camera.as_ref().is_some_and(|camera| camera.says_fovy);
+    if let Some(intrinsics) = intrinsics {
+        files.notes.extend(look_through(&mut scene, &intrinsics, document.size_given, says_fovy));
+    }
     scene.camera.motions = document.camera.map_or_else(Vec::new, |c| c.motions);
     let mut notes = files.notes;
     let meshes = files.meshes.len();
@@ -84,6 +94,28 @@ pub(super) fn resolve(
         ));
     }
     Ok(Loaded { scene, notes })
+}
+
+/// Gives the scene's camera the lens of its track, and the image its size where the scene does not say one.
+fn look_through(scene: &mut Scene, lens: &Intrinsics, size_given: bool, says_fovy: bool) -> Option<String> {
+    let [width, height] = lens.size;
+    if !size_given {
+        (scene.image.width, scene.image.height) = (width, height);
+    }
+    if !says_fovy {
+        scene.camera.fovy = 2.0 * libm::atan(0.5 * f64::from(height) / lens.focal);
+    }
+    let share = |i: usize| lens.principal[i] / f64::from(lens.size[i]) - 0.5;
+    scene.camera.shift = DVec2::new(share(0), share(1));
+    let aspect = f64::from(scene.image.width) / f64::from(scene.image.height);
+    let of_lens = f64::from(width) / f64::from(height);
+    let alike = (aspect / of_lens - 1.0).abs() < 0.01;
+    (!alike).then(|| {
+        format!(
+            "camera: the track's images have {width} x {height} pixels, this one has {} x {}: the height is kept",
+            scene.image.width, scene.image.height
+        )
+    })
 }
 
 /// A mesh whose spacing the scene decides, sampled coarsely so that the scene has its size.
@@ -373,6 +405,22 @@ impl Files<'_> {
         }
         self.models.insert(key, model.clone());
         Ok(model)
+    }
+
+    /// The poses of a tracked camera, and its lens. `rate`: the scene's, frames per second, where it says one.
+    fn track(
+        &mut self,
+        file: &FileRef,
+        options: TrackOptions,
+        rate: Option<f64>,
+    ) -> Result<(AnimationBinding, Option<Intrinsics>), SceneError> {
+        let (path, _) = self.find(file)?;
+        let rate = rate.or(self.rate.map(|(_, rate)| rate)).unwrap_or(scene::RATE);
+        let track = CameraTrack::load(&path, options, rate)
+            .map_err(|e| SceneError::Animation { at: self.source.locate(file.at), source: Box::new(e) })?;
+        self.notes.extend(track.notes.iter().map(|note| format!("{}: {note}", path.display())));
+        let intrinsics = track.intrinsics;
+        Ok((AnimationBinding { path, node: NodeMotion::from(track), interpolation: Interpolation::Maya }, intrinsics))
     }
 
     fn bind(&mut self, spec: &AnimationSpec) -> Result<AnimationBinding, SceneError> {

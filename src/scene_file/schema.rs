@@ -3,6 +3,8 @@
 //! The same table writes the `it takes: ...` of errors, supplies the defaults and is held against docs/scene-format.md.
 //! A long file, because a table that is split is no longer one table.
 
+use crate::anim::TrackFormat;
+
 /// An element.
 #[derive(Debug)]
 pub(super) struct ElementSchema {
@@ -269,7 +271,19 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("fovy", Kind::Number(Range(1e-6, 179.999)), Value("40"), "vertical field of view, degrees"),
             row("near", Kind::Number(Range(1e-9, FAR)), Value("0.01"), "nearest visible depth, scene units"),
         ],
-        children: &[child("animation", AtMostOne), child("motion", Any)],
+        children: &[child("animation", AtMostOne), child("track", AtMostOne), child("motion", Any)],
+    },
+    ElementSchema {
+        name: "track",
+        text: Some("the path of a file of camera poses"),
+        selector: None,
+        attributes: &[
+            row("format", Kind::Choice(&TrackFormat::WORDS), Required, "program that wrote it"),
+            row("start", Kind::Number(Range(-1e9, 1e9)), Value("0"), "frame of the first pose"),
+            row("positions", Kind::Choice(&["catmull-rom", "linear"]), Value("catmull-rom"), "between poses"),
+            row("distortion", Kind::Choice(&["refuse", "ignore"]), Value("refuse"), "what to do with a lens that has it"),
+        ],
+        children: &[],
     },
     ElementSchema {
         name: "light",

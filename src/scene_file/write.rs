@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 
 use super::schema::MOST_INTENSITY;
 use super::xml::is_xml;
-use crate::anim::{Interpolation, NodeMotion};
+use crate::anim::{Interpolation, NodeMotion, TrackOptions};
 use crate::math::Trs;
 use crate::model::{ColourSpace, Kind, MeshOptions, Spacing, TransferFunction, VelocityUnit, VolumeOptions};
 use crate::scene::{AnimationBinding, Camera, Capture, Light, Motion, Object, Scene};
@@ -281,6 +281,16 @@ impl Xml {
                 let attributes =
                     [("node", chain.label.clone()), ("fps", number(chain.fps)), ("loop", chain.looped.to_string())];
                 return self.file(2, "animation", &attributes, &relative(&binding.path, base));
+            }
+            NodeMotion::Track(track) => {
+                let TrackOptions { format, ignore_distortion, linear, start } = track.options;
+                let attributes = [
+                    ("format", format.word().to_owned()),
+                    ("start", number(start)),
+                    ("positions", if linear { "linear" } else { "catmull-rom" }.to_owned()),
+                    ("distortion", if ignore_distortion { "ignore" } else { "refuse" }.to_owned()),
+                ];
+                return self.file(2, "track", &attributes, &relative(&binding.path, base));
             }
         };
         let interpolation = match binding.interpolation {

@@ -15,4 +15,5 @@ mod model_formats;
 mod moving_bounds;
 mod sampling;
 mod shipped;
+mod tracks;
 mod volumes;

@@ -2,7 +2,7 @@
 //!
 //! Text is `key: value` with two spaces of indent a level; short lists of numbers stay on one line.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use serde_json::{Map, Value, json};
 use splatblur::anim::{Animation, NodeAnimation, NodeMotion};
 use splatblur::environment::Environment;
@@ -74,6 +74,9 @@ fn camera(c: &Camera) -> Value {
         pairs.push(("animation", binding(animation)));
     } else {
         pairs.extend([("eye", vector(c.eye)), ("at", vector(c.at)), ("up", vector(c.up))]);
+    }
+    if c.shift != DVec2::ZERO {
+        pairs.push(("principal_shift", json!([tidy(c.shift.x), tidy(c.shift.y)])));
     }
     if !c.motions.is_empty() {
         pairs.push(("motions", Value::Array(c.motions.iter().map(motion).collect())));
@@ -166,6 +169,9 @@ fn binding(b: &AnimationBinding) -> Value {
                 ("fps", json!(tidy(chain.fps))),
                 ("loop", json!(chain.looped)),
             ]);
+        }
+        NodeMotion::Track(track) => {
+            pairs.extend([("format", json!(track.options.format.word())), ("poses", json!(track.poses()))]);
         }
     }
     object(pairs)
