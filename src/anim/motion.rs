@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
 
-use super::chain::Chain;
 use super::camera_track::CameraTrack;
+use super::chain::Chain;
 use super::curve::Interpolation;
 use super::node::NodeAnimation;
 

@@ -185,7 +185,8 @@ impl Frame {
             .rasters
             .iter()
             .map(|of_raster| {
-                let raster = |offset| Raster::new(size, (focal, scene.camera.shift), exposure.stride, of_raster.phase, offset);
+                let raster =
+                    |offset| Raster::new(size, (focal, scene.camera.shift), exposure.stride, of_raster.phase, offset);
                 let (sigma, spread) = filter_of(options, of_raster.positions_of_picture, exposure.stride);
                 let footprint = footprint(options, of_raster.positions_of_picture, exposure.stride);
                 let square = 1.0 / 12.0 / of_raster.positions_of_picture as f64;

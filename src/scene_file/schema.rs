@@ -281,7 +281,12 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("format", Kind::Choice(&TrackFormat::WORDS), Required, "program that wrote it"),
             row("start", Kind::Number(Range(-1e9, 1e9)), Value("0"), "frame of the first pose"),
             row("positions", Kind::Choice(&["catmull-rom", "linear"]), Value("catmull-rom"), "between poses"),
-            row("distortion", Kind::Choice(&["refuse", "ignore"]), Value("refuse"), "what to do with a lens that has it"),
+            row(
+                "distortion",
+                Kind::Choice(&["refuse", "ignore"]),
+                Value("refuse"),
+                "what to do with a lens that has it",
+            ),
         ],
         children: &[],
     },

@@ -20,6 +20,7 @@ mod modes;
 mod objects;
 mod oracle;
 mod pictures;
+mod principal;
 mod rendering;
 mod see_through;
 mod sequences;

@@ -183,7 +183,10 @@ fn poses_between_keys_follow_the_formulas() {
         };
         let k = i as i64;
         let (a, b, c, d) = (p(k - 1), p(k), p(k + 1), p(k + 2));
-        0.5 * (b * 2.0 + (c - a) * t + (a * 2.0 - b * 5.0 + c * 4.0 - d) * t * t + (b * 3.0 - a - c * 3.0 + d) * t * t * t)
+        0.5 * (b * 2.0
+            + (c - a) * t
+            + (a * 2.0 - b * 5.0 + c * 4.0 - d) * t * t
+            + (b * 3.0 - a - c * 3.0 + d) * t * t * t)
     };
     for format in ["nerfstudio", "colmap binary"] {
         for linear in [false, true] {
@@ -257,7 +260,12 @@ fn spoilt(format: &str, from: &str, to: &str) -> String {
 #[test]
 fn what_is_wrong_with_a_track_is_said() {
     for (format, from, to, want) in [
-        ("nerfstudio", "\"k1\":0.0", "\"k1\":0.1", "a lens with distortion (k1 0.1), expected none, or `distortion=\"ignore\"`"),
+        (
+            "nerfstudio",
+            "\"k1\":0.0",
+            "\"k1\":0.1",
+            "a lens with distortion (k1 0.1), expected none, or `distortion=\"ignore\"`",
+        ),
         ("nerfstudio", "\"fl_y\":300", "\"fl_y\":310", "a lens with distortion (fl_x 300 beside fl_y 310)"),
         ("nerfstudio", "\"w\":320", "\"w\":0", "an image of 0 x 240 pixels, expected whole numbers up to 65535"),
         ("nerfstudio", "\"w\":320", "\"w\":1e300", "pixels, expected whole numbers up to 65535"),
@@ -270,13 +278,27 @@ fn what_is_wrong_with_a_track_is_said() {
         ("3dgs", "\"position\":[", "\"position\":[1e31,", "expected a cameras.json"),
         ("tum", " ", "x ", "line 1: found `"),
         ("colmap text", "PINHOLE", "OPENCV", "line 2: found 8 words, expected at least 9"),
-        ("colmap text", "PINHOLE 320 240 300 300 150 130", "SIMPLE_RADIAL 320 240 300 150 130 0.02", "distortion (k1 0.02)"),
-        ("colmap text", "PINHOLE 320 240 300 300 150 130", "FOV 320 240 300 300 150 130 0", "a lens with distortion (fisheye 1)"),
+        (
+            "colmap text",
+            "PINHOLE 320 240 300 300 150 130",
+            "SIMPLE_RADIAL 320 240 300 150 130 0.02",
+            "distortion (k1 0.02)",
+        ),
+        (
+            "colmap text",
+            "PINHOLE 320 240 300 300 150 130",
+            "FOV 320 240 300 300 150 130 0",
+            "a lens with distortion (fisheye 1)",
+        ),
         ("colmap text", "PINHOLE", "MAGIC", "the camera model `MAGIC`, expected one of SIMPLE_PINHOLE"),
         ("colmap text", "7 PINHOLE", "8 PINHOLE", "found camera 7, expected a camera of the file of cameras"),
     ] {
         // The first blank of a TUM file is in its comment.
-        let e = if format == "tum" { spoilt(format, "timestamp tx", "timestamp tx ty\nx 1 2 3 4 5 6 7\n#") } else { spoilt(format, from, to) };
+        let e = if format == "tum" {
+            spoilt(format, "timestamp tx", "timestamp tx ty\nx 1 2 3 4 5 6 7\n#")
+        } else {
+            spoilt(format, from, to)
+        };
         let want = if format == "tum" { "line 2: found `x`, expected a finite number" } else { want };
         assert!(e.contains(want), "{format} {to}: {e}");
     }

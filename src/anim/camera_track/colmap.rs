@@ -92,9 +92,8 @@ fn lens(model: &str, parameters: &[&'static str], size: [f64; 2], values: &[f64]
     let single = of("f");
     let focal = ["fx", "fy"].map(|name| of(name).or(single).unwrap_or_default());
     let principal = ["cx", "cy"].map(|name| of(name).unwrap_or_default());
-    let others = parameters.iter().zip(values).filter(|(name, k)| {
-        !["f", "fx", "fy", "cx", "cy"].contains(name) && **k != 0.0
-    });
+    let others =
+        parameters.iter().zip(values).filter(|(name, k)| !["f", "fx", "fy", "cx", "cy"].contains(name) && **k != 0.0);
     let mut distortion: Vec<(&'static str, f64)> = others.map(|(name, k)| (*name, *k)).collect();
     // Its projection is another one, whatever the coefficients.
     if model.contains("FISHEYE") || model == "FOV" {
@@ -111,7 +110,8 @@ fn pose(
     lens: Option<&Lens>,
     camera: i64,
 ) -> Result<Pose, Fault> {
-    let camera_from_world = quaternion(x, y, z, w).ok_or_else(|| fault(place, "a quaternion of length 0", "a rotation"))?;
+    let camera_from_world =
+        quaternion(x, y, z, w).ok_or_else(|| fault(place, "a quaternion of length 0", "a rotation"))?;
     let lens = lens.ok_or_else(|| fault(place, format!("camera {camera}"), "a camera of the file of cameras"))?;
     let rotation = camera_from_world.conjugate();
     let position = -(rotation * DVec3::from_array(t));
@@ -181,7 +181,8 @@ fn binary_images(bytes: &[u8], lenses: &BTreeMap<i64, Lens>) -> Result<Vec<Pose>
         let [w, x, y, z, tx, ty, tz] = numbers;
         let camera = i64::from(i32::from_le_bytes(cursor.take()?));
         let rest = bytes.get(cursor.at..).unwrap_or_default();
-        let end = rest.iter().position(|&b| b == 0).ok_or_else(|| fault(&place, "a name without end", "a 0 behind it"))?;
+        let end =
+            rest.iter().position(|&b| b == 0).ok_or_else(|| fault(&place, "a name without end", "a 0 behind it"))?;
         let name = String::from_utf8_lossy(&rest[..end]).into_owned();
         cursor.at += end + 1;
         let points = cursor.count(POINT)? as usize;

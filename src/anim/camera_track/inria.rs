@@ -22,7 +22,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Pose>, Fault> {
     let cameras: Vec<Camera> = serde_json::from_slice(bytes).map_err(|e| fault("", e.to_string(), "a cameras.json"))?;
     let pose = |(i, camera): (usize, Camera)| {
         let name = if camera.img_name.is_empty() { format!("camera {i}") } else { camera.img_name };
-        let turn = rotation(camera.rotation).ok_or_else(|| fault(&name, "a `rotation` that scales or mirrors", "a rotation"))?;
+        let turn = rotation(camera.rotation)
+            .ok_or_else(|| fault(&name, "a `rotation` that scales or mirrors", "a rotation"))?;
         let size = [camera.width, camera.height];
         let principal = size.map(|x| 0.5 * x);
         let lens = Lens { size, focal: [camera.fx, camera.fy], principal, distortion: Vec::new() };

@@ -156,9 +156,15 @@ impl CameraTrack {
         let timed = poses.iter().all(|pose| pose.time.is_some());
         if timed {
             let time = |pose: &Pose| pose.time.unwrap_or_default();
-            if let Some(pair) = poses.windows(2).find(|pair| time(&pair[1]).partial_cmp(&time(&pair[0])) != Some(Ordering::Greater)) {
+            if let Some(pair) =
+                poses.windows(2).find(|pair| time(&pair[1]).partial_cmp(&time(&pair[0])) != Some(Ordering::Greater))
+            {
                 let found = format!("the time {}", time(&pair[1]));
-                return Err(fault(&pair[1].name, found, format!("more than {}, that of the pose before", time(&pair[0]))));
+                return Err(fault(
+                    &pair[1].name,
+                    found,
+                    format!("more than {}, that of the pose before", time(&pair[0])),
+                ));
             }
         } else {
             poses.sort_by(|a, b| natural(&a.name, &b.name));
@@ -208,7 +214,7 @@ impl CameraTrack {
         let y = self.keys.get(next + 1).copied().unwrap_or_else(|| beyond(b, a));
         DVec3::from_array([0, 1, 2].map(|axis| {
             let [x, a, b, y] = [x, a, b, y].map(|key| (key.seconds, key.position[axis]));
-            Interpolate::cubic_hermite(t, (x.1, x.0), (a.1, a.0), (b.1, b.0), (y.1, y.0))
+            Interpolate::cubic_hermite(t, x, a, b, y)
         }))
     }
 

@@ -50,7 +50,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Pose>, Fault> {
             return Err(fault(&place, "another `transform_matrix`", "4 rows of 4 numbers"));
         }
         let rows = [0, 1, 2].map(|row| [m[row][0], m[row][1], m[row][2]]);
-        let turn = rotation(rows).ok_or_else(|| fault(&place, "a `transform_matrix` that scales or mirrors", "a rotation and a place"))?;
+        let turn = rotation(rows)
+            .ok_or_else(|| fault(&place, "a `transform_matrix` that scales or mirrors", "a rotation and a place"))?;
         let position = DVec3::new(m[0][3], m[1][3], m[2][3]);
         let lens = frame.lens.over(&file.lens);
         Ok(Pose { name: place, time: None, position, rotation: turn, lens })

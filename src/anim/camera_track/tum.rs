@@ -14,7 +14,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Pose>, Fault> {
         }
         let [time, tx, ty, tz, qx, qy, qz, qw] = numbers(line, &words, 0)?;
         let name = format!("line {line}");
-        let rotation = quaternion(qx, qy, qz, qw).ok_or_else(|| fault(&name, "a quaternion of length 0", "a rotation"))?;
+        let rotation =
+            quaternion(qx, qy, qz, qw).ok_or_else(|| fault(&name, "a quaternion of length 0", "a rotation"))?;
         let position = DVec3::new(tx, ty, tz);
         poses.push(Pose { name, time: Some(time), position, rotation: of_open_cv(rotation), lens: None });
     }

@@ -106,10 +106,17 @@ fn scene_object(o: &Object) -> Value {
         ("blur", json!(o.blur)),
         ("two_sided", json!(o.two_sided)),
         ("epsilon", o.epsilon.map_or_else(|| json!("median radius"), |e| json!(e))),
-        ("points_at", o.points.at.map_or_else(|| json!("each frame"), |at| json!(at))),
         ("transform", trs(&o.transform)),
         ("place", trs(&o.place)),
     ];
+    if !o.model.paths().is_empty() {
+        pairs.push(("points_at", o.points.at.map_or_else(|| json!("each frame"), |at| json!(at))));
+    }
+    if let Some(sequence) = &o.sequence {
+        let spec = sequence.spec();
+        let frames = [spec.first, spec.last].map(|number| tidy(spec.frame_of(number)));
+        pairs.push(("files", json!({ "first": spec.first, "last": spec.last, "frames": frames })));
+    }
     if let Some(space) = o.colour_space {
         pairs.push(("colour_space", json!(format!("{space:?}").to_lowercase())));
     }
