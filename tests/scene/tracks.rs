@@ -61,8 +61,8 @@ fn written(format: &str) -> Vec<(&'static str, Vec<u8>)> {
             let camera = |&i: &usize| {
                 let (turn, place) = poses[i];
                 format!(
-                    "{{\"id\":{i},\"img_name\":\"f{}\",\"width\":320,\"height\":240,\"position\":[{}],\"rotation\":[{}],\
-                     \"fx\":300.0,\"fy\":300.0}}",
+                    "{{\"id\":{i},\"img_name\":\"f{}\",\"width\":320,\"height\":240,\"position\":[{}],\
+                     \"rotation\":[{}],\"fx\":300.0,\"fy\":300.0}}",
                     8 + i,
                     numbers(place.to_array(), ","),
                     rows(open_cv(turn), None)
@@ -124,7 +124,9 @@ const FORMATS: [&str; 5] = ["nerfstudio", "3dgs", "tum", "colmap text", "colmap 
 fn scene_file(format: &str, attributes: &str, image: &str) -> TempDir {
     let dir = tempfile::tempdir().unwrap();
     let files = written(format);
-    files.iter().for_each(|(name, bytes)| fs::write(dir.path().join(name), bytes).unwrap());
+    for (name, bytes) in &files {
+        fs::write(dir.path().join(name), bytes).unwrap();
+    }
     fs::write(dir.path().join("m.ply"), MODEL).unwrap();
     let (word, name) = (format.split(' ').next().unwrap(), files[0].0);
     let camera = format!("<camera><track format='{word}' {attributes}>{name}</track></camera>");

@@ -1,8 +1,8 @@
 //! Poses of a camera as trackers and captures write them.
 //!
-//! `nerfstudio` (`transforms.json`), `colmap` (`images.txt`, `images.bin`), `tum` and `inria` (`cameras.json`) each make
-//! [`Poses`] of a file. All become camera-to-world transforms of a camera that looks along -z with +y up. World axes are
-//! left alone.
+//! `nerfstudio` (`transforms.json`), `colmap` (`images.txt`, `images.bin`), `tum` and `inria` (`cameras.json`) each
+//! make [`Poses`] of a file. All become camera-to-world transforms of a camera that looks along -z with +y up. World
+//! axes are left alone.
 
 mod colmap;
 mod inria;
@@ -120,8 +120,8 @@ const FAR: f64 = 1e30;
 impl CameraTrack {
     /// Reads a file, for a scene of `rate` frames per second.
     ///
-    /// Poses with times (TUM) keep their distances; the first one is at frame `start`. All others are sorted by the name
-    /// of their image, digits as numbers, and stand one frame apart.
+    /// Poses with times (TUM) keep their distances; the first one is at frame `start`. All others are sorted by the
+    /// name of their image, digits as numbers, and stand one frame apart.
     ///
     /// # Errors
     /// The file cannot be read or is not valid, or the lens is distorted or its pixels are not square.

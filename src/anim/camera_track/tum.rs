@@ -1,5 +1,5 @@
-//! Trajectories of the RGB-D benchmark of TUM: `timestamp tx ty tz qx qy qz qw` a line, camera to world, w last, axes of
-//! `OpenCV`, seconds.
+//! Trajectories of the RGB-D benchmark of TUM: `timestamp tx ty tz qx qy qz qw` a line, camera to world, w last, axes
+//! of `OpenCV`, seconds.
 
 use glam::DVec3;
 
