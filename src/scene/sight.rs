@@ -6,6 +6,7 @@ use std::fmt;
 use glam::{DMat4, DVec2, DVec3};
 
 use super::pose::{camera_from_world, object_pose};
+use super::sequence::Sequence;
 use super::values::{Object, Scene};
 use crate::time::FrameNumber;
 
@@ -43,6 +44,8 @@ pub enum Unseen {
     Empty,
     /// Its animation hides it.
     Hidden,
+    /// No file of its sequence belongs to the frame.
+    NoFile,
     /// All of it is behind the camera, or nearer than `near`.
     Behind,
     /// It is beside, above or below the image.
@@ -60,6 +63,7 @@ impl fmt::Display for Unseen {
         f.write_str(match self {
             Self::Empty => "without surfels",
             Self::Hidden => "hidden by an animation",
+            Self::NoFile => "without a file of its sequence",
             Self::Behind => "behind the camera",
             Self::Outside => "outside the image",
             Self::Small => "too small",
@@ -81,6 +85,10 @@ pub fn why_unseen(scene: &Scene, object: &Object, frame: FrameNumber, drawn: boo
     let pose = object_pose(scene, object, time);
     if !pose.visible {
         return Unseen::Hidden;
+    }
+    let files = |sequence: &Sequence| sequence.spec().has_files(time, time);
+    if object.sequence.as_ref().is_some_and(|sequence| !files(sequence)) {
+        return Unseen::NoFile;
     }
     let camera_from_model: DMat4 = camera_from_world(scene, time) * pose.world_from_model;
     // Right, up and depth in front of the camera.

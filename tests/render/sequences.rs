@@ -12,7 +12,7 @@ use splatblur::model::{Surfels, VelocityUnit, write_bin, write_ply};
 use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions, Shading};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::{Device, Renderer, render_frame};
-use splatblur::scene::Scene;
+use splatblur::scene::{Scene, Unseen, why_unseen};
 use tempfile::TempDir;
 
 use crate::support::{Random, object, rms, round_surfels, sphere};
@@ -190,6 +190,9 @@ fn files_are_shown_at_their_frames() {
     {
         let scene = scene_of(&files, attributes).1;
         assert_eq!([scene.frames.first, scene.frames.last], frames, "{attributes}");
+        let unseen = why_unseen(&scene, &scene.objects[0], (frames[1] + 9).into(), false);
+        assert_eq!(unseen, Unseen::NoFile, "{attributes}");
+        assert_ne!(why_unseen(&scene, &scene.objects[0], frames[1].into(), false), Unseen::NoFile, "{attributes}");
     }
     for (attributes, frame, want) in [
         ("", 3, 0.5),

@@ -101,7 +101,6 @@ fn scene_object(o: &Object) -> Value {
     let mut pairs = vec![
         ("name", json!(o.name)),
         ("path", json!(o.model_path.to_string_lossy())),
-        ("model", o.model.gaussians().map_or_else(|| model(&o.model), |gaussians| capture(gaussians))),
         ("radius_scale", json!(o.radius_scale)),
         ("blur", json!(o.blur)),
         ("two_sided", json!(o.two_sided)),
@@ -111,6 +110,9 @@ fn scene_object(o: &Object) -> Value {
     ];
     if !o.model.paths().is_empty() {
         pairs.push(("points_at", o.points.at.map_or_else(|| json!("each frame"), |at| json!(at))));
+    }
+    if o.sequence.is_none() {
+        pairs.push(("model", o.model.gaussians().map_or_else(|| model(&o.model), |gaussians| capture(gaussians))));
     }
     if let Some(sequence) = &o.sequence {
         let spec = sequence.spec();

@@ -52,6 +52,11 @@ impl SequenceSpec {
         if side < 0 { [self.middle_after(number - 1), at] } else { [at, self.middle_after(number)] }
     }
 
+    /// Is any file shown at some time from `from` to `to` (frames)?
+    pub(crate) fn has_files(&self, from: f64, to: f64) -> bool {
+        self.middle_after(self.first - 1) <= to && from < self.middle_after(self.last)
+    }
+
     /// Numbers of the files that may be shown at some time from `from` to `to` (frames).
     fn shown(&self, from: f64, to: f64) -> std::ops::RangeInclusive<i64> {
         let nearest = |time: f64| ((time - self.offset) * self.rate).clamp(-1e15, 1e15);
