@@ -3,8 +3,10 @@
 //! Times inside the shutter are t in [0, 1]; frames are `f64`.
 
 mod frame_number;
+mod readout;
 
 pub use self::frame_number::FrameNumber;
+pub use self::readout::{Anchor, Direction, Readout};
 
 /// Time weight a(t) over the shutter, each normalised to integral 1 (thesis 3.1; formulas in docs/math.md).
 #[derive(Clone, Debug, PartialEq)]
@@ -123,11 +125,13 @@ pub struct Shutter {
     pub close: f64,
     /// Time weight.
     pub weight: Weight,
+    /// When each row or column of the image is exposed, beside the others.
+    pub readout: Readout,
 }
 
 impl Default for Shutter {
     fn default() -> Self {
-        Self { open: -0.25, close: 0.25, weight: Weight::Box }
+        Self { open: -0.25, close: 0.25, weight: Weight::Box, readout: Readout::default() }
     }
 }
 
@@ -135,6 +139,12 @@ impl Shutter {
     /// Scene time, in frames, of shutter time `t` in [0, 1] at frame `frame`.
     pub fn frame_time(&self, frame: f64, t: f64) -> f64 {
         frame + self.open + (self.close - self.open) * t
+    }
+
+    /// First and last scene time, in frames, at which any pixel is exposed at frame `frame`.
+    pub fn whole_exposure(&self, frame: f64) -> [f64; 2] {
+        let [first, last] = self.readout.delays();
+        [self.frame_time(frame, 0.0) + first, self.frame_time(frame, 1.0) + last]
     }
 
     /// The times before which `shares` of the exposure lie, each with the same weight; weights sum to 1.
@@ -227,7 +237,7 @@ mod tests {
 
     #[test]
     fn times_are_relative_to_the_frame() {
-        let shutter = Shutter { open: -0.5, close: 1.0, weight: Weight::Box };
+        let shutter = Shutter { open: -0.5, close: 1.0, ..Shutter::default() };
         assert_eq!(shutter.frame_time(10.0, 0.0), 9.5);
         assert_eq!(shutter.frame_time(10.0, 1.0), 11.0);
     }

@@ -253,7 +253,7 @@ mod tests {
 
     fn scene(weight: Weight) -> Scene {
         let mut scene = Scene::new([]);
-        scene.shutter = Shutter { open: 0.0, close: 1.0, weight };
+        scene.shutter = Shutter { open: 0.0, close: 1.0, weight, ..Shutter::default() };
         scene
     }
 

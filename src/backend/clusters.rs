@@ -16,6 +16,10 @@ pub(super) const CLUSTER_SURFELS: usize = 256;
 /// Slack of a box on the screen, pixels, against rounding.
 const SLACK: f32 = 1.0;
 
+/// Motion of a box while a strip is read out, as a multiple of that from its middle to its last row: kernels that land
+/// beside the strip reach into it.
+const BEYOND: f32 = 1.5;
+
 /// Angle by which normals must at least be turned away, against rounding.
 const TURN: f32 = 2e-3;
 
@@ -107,7 +111,9 @@ impl Clusters {
     /// May cluster `index` show anything? `one_sided`: only what faces the eye does.
     pub(super) fn may_show(&self, index: usize, window: &Window<'_>, one_sided: bool) -> bool {
         self.0.get(index).is_none_or(|cluster| {
-            !(one_sided && cluster.faces_away(window.object.eye)) && window.touches(&cluster.corners)
+            let away = |eye: &Vec3| cluster.faces_away(*eye);
+            let hidden = one_sided && away(&window.object.eye) && window.eyes.iter().all(away);
+            !hidden && window.touches(&cluster.corners)
         })
     }
 }
@@ -115,6 +121,8 @@ impl Clusters {
 /// An object before the pixels that are wanted.
 pub(super) struct Window<'a> {
     pub object: &'a PosedObject,
+    /// As [`PosedObject::eyes`].
+    pub eyes: [Vec3; 2],
     pub raster: &'a Raster,
     pub pixels: PixelRect,
     pub near: f32,
@@ -126,26 +134,33 @@ impl Window<'_> {
     /// May anything in the box touch a wanted pixel? True for a box near the camera plane.
     fn touches(&self, [low, high]: &[Vec3; 2]) -> bool {
         let mut bounds = [f32::INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::NEG_INFINITY];
+        let object = self.object;
         for corner in 0..8 {
             let pick = |c: usize| if corner >> c & 1 == 0 { low[c] } else { high[c] };
             let point = Vec3::new(pick(0), pick(1), pick(2));
-            let p = self.object.screen_from_model * point + self.object.screen_origin;
-            if p.z.is_nan() || p.z <= self.near {
-                return true;
+            let middle = object.screen_from_model * point + object.screen_origin;
+            let mut places = [middle; 3];
+            if object.moves {
+                let motion = (object.motion_from_model * point + object.motion_origin) * BEYOND;
+                places = [middle - motion, middle, middle + motion];
             }
-            for c in 0..2 {
-                let pixel = self.raster.axis[c] + p[c] / p.z - self.raster.offset[c];
-                bounds[2 * c] = bounds[2 * c].min(pixel);
-                bounds[2 * c + 1] = bounds[2 * c + 1].max(pixel);
+            for p in places {
+                if p.z.is_nan() || p.z <= self.near {
+                    return true;
+                }
+                for c in 0..2 {
+                    let pixel = self.raster.axis[c] + p[c] / p.z - self.raster.offset[c];
+                    bounds[2 * c] = bounds[2 * c].min(pixel);
+                    bounds[2 * c + 1] = bounds[2 * c + 1].max(pixel);
+                }
             }
         }
         let margin = SLACK + self.raster.low_pass.max(self.raster.apron() as f32);
         let [x0, x1, y0, y1] = self.pixels.to_array().map(|pixel| pixel as f32);
         let [left, right] = [(bounds[0] - margin).max(x0), (bounds[1] + margin).min(x1)];
         let [top, bottom] = [(bounds[2] - margin).max(y0), (bounds[3] + margin).min(y1)];
-        let of = |first: f32, last: f32| first as usize / Blocks::EDGE..=last as usize / Blocks::EDGE;
-        let wanted =
-            || self.blocks.is_none_or(|blocks| of(top, bottom).any(|y| of(left, right).any(|x| blocks.at(x, y))));
+        let bounds = [left, right, top, bottom].map(|pixel| pixel as usize);
+        let wanted = || self.blocks.is_none_or(|blocks| blocks.touch(self.raster.first, bounds));
         left <= right && top <= bottom && wanted()
     }
 }

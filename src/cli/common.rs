@@ -15,7 +15,7 @@ use splatblur::model::{self, ModelError};
 use splatblur::options::{self, PixelFilter, Prefilter, Shading};
 use splatblur::scene::{Camera, Scene};
 use splatblur::scene_file::{self, Loaded};
-use splatblur::time::Weight;
+use splatblur::time::{Readout, Weight};
 
 use super::frames::{self, Frames};
 use super::info::{self, Kind};
@@ -69,6 +69,11 @@ pub(super) struct Overrides {
     /// (parameters optional) [default: the scene's, else box].
     #[arg(long, value_name = "WEIGHT", help_heading = "Scene")]
     weight: Option<Weight>,
+    /// Rolling shutter: frames from the exposure of the first edge of the image to that of the last one, then where the
+    /// read-out goes (down, up, right, left) and what is exposed at the shutter's own times (middle, first), as in
+    /// 0.4,down,middle [default: the scene's, else 0].
+    #[arg(long, value_name = "FRAMES[,DIRECTION][,ANCHOR]", allow_hyphen_values = true, help_heading = "Scene")]
+    readout: Option<Readout>,
 }
 
 impl Overrides {
@@ -84,6 +89,9 @@ impl Overrides {
         }
         if let Some(weight) = &self.weight {
             scene.shutter.weight = weight.clone();
+        }
+        if let Some(readout) = self.readout {
+            scene.shutter.readout = readout;
         }
     }
 }

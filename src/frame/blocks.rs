@@ -29,6 +29,15 @@ impl Blocks {
         (0..blocks.width).filter(|&x| blocks.at(x, y / edge)).map(columns).collect()
     }
 
+    /// Is any pixel wanted of those with these bounds (first and last column, first and last row), counted from pixel
+    /// `first` of a raster? Whole blocks are.
+    pub fn touch(&self, first: [u32; 2], bounds: [usize; 4]) -> bool {
+        let [left, top] = first.map(|pixel| pixel as usize);
+        let [x0, x1, y0, y1] = bounds;
+        let of = |from: usize, to: usize| from / Self::EDGE..=to / Self::EDGE;
+        of(y0 + top, y1 + top).any(|y| of(x0 + left, x1 + left).any(|x| self.at(x, y)))
+    }
+
     /// Is the block in column `x` and row `y` wanted? Those beyond the image are not.
     pub fn at(&self, x: usize, y: usize) -> bool {
         x < self.width && self.wanted.get(y * self.width + x).is_some_and(|&wanted| wanted)

@@ -9,7 +9,9 @@ mod pixel_rect;
 mod poser;
 mod raster;
 mod static_objects;
+mod strips;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::environment::{Environment, Surroundings};
@@ -26,11 +28,12 @@ use crate::time::FrameNumber;
 pub use self::blocks::Blocks;
 pub use self::panorama::Panorama;
 pub(crate) use self::pixel_rect::PixelRect;
-use self::poser::Poser;
+use self::poser::{Poser, Span};
 pub use self::poser::{PosedObject, PosedSample};
-pub use self::raster::Raster;
+pub use self::raster::{Raster, RasterArea};
 pub use self::static_objects::STATIC_PATH;
 use self::static_objects::find_static;
+use self::strips::Strips;
 
 /// Longest path over the raster within a slice of an interval, pixels.
 const SLICE_PATH: u32 = 4;
@@ -70,7 +73,7 @@ pub struct Frame {
     pub swept: Option<SweptKernel>,
     /// Objects that can be seen at some sample, in document order.
     pub objects: Vec<FrameObject>,
-    /// One for each class of pixels; the largest first.
+    /// One for each class of pixels of each strip that is read out by itself: those of the first strip first.
     pub rasters: Vec<PosedRaster>,
     /// The blocks of the image that are rendered; the others stay empty. `None`: all.
     pub wanted: Option<Blocks>,
@@ -79,8 +82,8 @@ pub struct Frame {
 /// A raster and its sample positions.
 #[derive(Clone, Debug)]
 pub struct PosedRaster {
-    /// Raster pixels, width and height; 0 where the image is smaller than the phase.
-    pub size: [u32; 2],
+    /// Its pixels; none where the image is smaller than the phase.
+    pub area: RasterArea,
     /// In the order in which they are rendered.
     pub positions: Vec<Position>,
 }
@@ -181,12 +184,19 @@ impl Frame {
         let focal = focal_length(f64::from(size[1]), scene.camera.fovy);
         let poser = Poser { scene, number: number.get(), focal: focal / f64::from(exposure.stride), options };
         let mut sweeps: Vec<Option<(PosedInterval, SweptKernel)>> = Vec::new();
-        let mut rasters: Vec<PosedRaster> = exposure
-            .rasters
+        let mut times: Vec<f64> = Vec::new();
+        let strips = Strips::of(scene, number, ends_of(exposure), exposure.stride);
+        let ranges: Vec<Option<Range<u32>>> =
+            strips.as_ref().map_or_else(|| vec![None], |strips| strips.ranges().map(Some).collect());
+        let mut rasters: Vec<PosedRaster> = ranges
             .iter()
-            .map(|of_raster| {
-                let raster =
-                    |offset| Raster::new(size, (focal, scene.camera.shift), exposure.stride, of_raster.phase, offset);
+            .flat_map(|range| exposure.rasters.iter().map(move |of_raster| (range.as_ref(), of_raster)))
+            .map(|(range, of_raster)| {
+                let strip = strips.as_ref().zip(range);
+                let delay = strip.map(|(strips, range)| strips.delay(range, of_raster.phase));
+                let strip = strip.map(|(strips, range)| (strips.axis(), range));
+                let lens = (focal, scene.camera.shift);
+                let raster = |offset| Raster::new(size, lens, exposure.stride, of_raster.phase, offset, strip);
                 let (sigma, spread) = filter_of(options, of_raster.positions_of_picture, exposure.stride);
                 let footprint = footprint(options, of_raster.positions_of_picture, exposure.stride);
                 let square = 1.0 / 12.0 / of_raster.positions_of_picture as f64;
@@ -196,7 +206,13 @@ impl Frame {
                     let raster = raster(position.offset.map(|v| v * spread));
                     let groups = position.groups.iter().map(|group| {
                         let interval = group.sweep.map(|(interval, _)| interval);
-                        let pose = |sample: &TimeSample| poser.sample(sample.time, sample.weight, interval.as_ref());
+                        let pose = |sample: &TimeSample| {
+                            let time = sample.time + delay.map_or(0.0, |delay| delay.middle);
+                            times.push(time);
+                            let span = interval.as_ref().map(Span::swept);
+                            let span = span.or_else(|| delay.and_then(|delay| Span::read_out(time, delay)));
+                            poser.sample(time, sample.weight, span.as_ref())
+                        };
                         let samples: Vec<PosedSample> = group.samples.iter().map(pose).collect();
                         let posed = |(interval, kernel)| (poser.interval(&interval, &samples, raster.size), kernel);
                         sweeps.push(group.sweep.map(posed));
@@ -208,7 +224,7 @@ impl Frame {
                         steps: Vec::new(),
                     }
                 });
-                PosedRaster { positions: positions.collect(), size: raster([0.0; 2]).size }
+                PosedRaster { positions: positions.collect(), area: raster([0.0; 2]).area() }
             })
             .collect();
         // One size of map for all intervals: on the GPU the thresholds of static objects are stored behind it.
@@ -216,8 +232,8 @@ impl Frame {
         let slices = slices_of(guard);
         sweeps.iter_mut().flatten().for_each(|(interval, _)| (interval.guard, interval.slices) = (guard, slices));
         let near = scene.camera.near as f32;
-        let times: Vec<f64> = exposure.groups().flat_map(|group| &group.samples).map(|sample| sample.time).collect();
-        let instant = times.first().copied().filter(|first| times.iter().all(|time| time == first));
+        let [first, last] = ends_of(exposure);
+        let instant = (first == last).then_some(first);
         let is_static = find_static(scene, &times, &mut rasters, exposure.stride, near);
         let objects: Vec<FrameObject> =
             scene.objects.iter().zip(is_static).map(|(object, fixed)| frame_object(object, options, fixed)).collect();
@@ -381,6 +397,12 @@ impl Frame {
     pub fn most_samples_of_a_group(&self) -> usize {
         self.groups().map(|group| group.samples.len()).max().unwrap_or(1)
     }
+}
+
+/// First and last time of the samples of `exposure`, frames.
+fn ends_of(exposure: &Exposure) -> [f64; 2] {
+    let times = || exposure.groups().flat_map(|group| &group.samples).map(|sample| sample.time);
+    [times().fold(f64::INFINITY, f64::min), times().fold(f64::NEG_INFINITY, f64::max)]
 }
 
 /// What full EWA has of the pixel filter, and what is left to `positions` sub-pixel positions. First the standard

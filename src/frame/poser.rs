@@ -6,6 +6,7 @@ use crate::film::Aov;
 use crate::model::Optics;
 use crate::model::paths::{Elapsed, elapsed};
 use crate::options::RenderOptions;
+use super::strips::Delay;
 use crate::plan::{Interval, PosedInterval};
 use crate::scene::pose::{ObjectPose, camera_from_world, object_pose, object_velocity};
 use crate::scene::{Light, Object, Scene};
@@ -44,7 +45,8 @@ pub struct PosedObject {
     pub centre_from_model: Mat3,
     /// Screen-space position of the model's origin, likewise.
     pub centre_origin: Vec3,
-    /// Half the difference of the poses at the interval's ends, times the kernels' stretch, linear part; else 0.
+    /// Half the difference of the poses at the interval's ends, times the kernels' stretch, linear part; of a strip that
+    /// is read out, half the difference between its last and its first row; else 0.
     pub motion_from_model: Mat3,
     /// Motion of the model's origin, likewise.
     pub motion_origin: Vec3,
@@ -65,6 +67,8 @@ pub struct PosedObject {
     pub screen_origin_rate: Vec3,
     /// Model normals to world normals, up to length: the inverse transpose.
     pub normal_matrix: Mat3,
+    /// Half the difference of the same between the last and the first row of a strip that is read out; else 0.
+    pub normal_motion: Mat3,
     /// World-space linear part, for surfel positions relative to the eye.
     pub world_from_model: Mat3,
     /// The model's origin relative to the eye, world axes.
@@ -75,6 +79,50 @@ pub struct PosedObject {
     pub epsilon: f32,
     /// Least depth at which its Gaussians are drawn, world units.
     pub near: f32,
+}
+
+impl PosedObject {
+    /// Do its normals turn while a strip is read out?
+    pub fn turns(&self) -> bool {
+        self.normal_motion != Mat3::ZERO
+    }
+
+    /// The eye in model space when the first and the last row of a strip are read out; else where it is.
+    pub fn eyes(&self) -> [Vec3; 2] {
+        if !self.moves {
+            return [self.eye; 2];
+        }
+        [-1.0, 1.0].map(|time| {
+            let linear = self.centre_from_model + self.motion_from_model * time;
+            -(linear.inverse() * (self.centre_origin + self.motion_origin * time))
+        })
+    }
+}
+
+/// A span of time in which all motion is steady.
+#[derive(Clone, Copy)]
+pub(super) struct Span {
+    /// Scene times, frames.
+    ends: [f64; 2],
+    /// Factor on the motion.
+    stretch: f64,
+    /// The mean place lies on the way from that of the middle to the mean of both ends, at 1 over this of the way.
+    parts: f64,
+    /// Do normals turn?
+    turns: bool,
+}
+
+impl Span {
+    /// An interval that kernels sweep. Their mean place is that by Simpson's rule.
+    pub(super) fn swept(interval: &Interval) -> Self {
+        Self { ends: interval.ends, stretch: interval.stretch, parts: 3.0, turns: false }
+    }
+
+    /// A strip that is read out around `time`. Halfway to the mean of both ends, no place is far from its own.
+    pub(super) fn read_out(time: f64, delay: Delay) -> Option<Self> {
+        let ends = [time - delay.half, time + delay.half];
+        (delay.half != 0.0).then_some(Self { ends, stretch: 1.0, parts: 2.0, turns: true })
+    }
 }
 
 /// Poses the scene at the times of one frame.
@@ -88,8 +136,8 @@ pub(super) struct Poser<'a> {
 }
 
 impl Poser<'_> {
-    /// The scene at `time`, which has share `weight` of the exposure; over `interval`, if it stands for one.
-    pub(super) fn sample(&self, time: f64, weight: f64, interval: Option<&Interval>) -> PosedSample {
+    /// The scene at `time`, which has share `weight` of the exposure; over `span`, if it stands for one.
+    pub(super) fn sample(&self, time: f64, weight: f64, span: Option<&Span>) -> PosedSample {
         let camera = camera_from_world(self.scene, time);
         let world_from_camera = DMat3::from_mat4(camera).transpose();
         let eye = -(world_from_camera * camera.w_axis.truncate());
@@ -97,7 +145,7 @@ impl Poser<'_> {
             weight: weight as f32,
             world_from_camera: world_from_camera.as_mat3(),
             lights: self.scene.lights.iter().map(|light| shading_light(light, eye)).collect(),
-            objects: self.scene.objects.iter().map(|object| self.object(object, time, &camera, interval)).collect(),
+            objects: self.scene.objects.iter().map(|object| self.object(object, time, &camera, span)).collect(),
         }
     }
 
@@ -145,7 +193,7 @@ impl Poser<'_> {
         PosedInterval { moments: interval.moments.map(|share| share as f32), slope: slope as f32, guard, slices: 1 }
     }
 
-    fn object(&self, object: &Object, time: f64, camera: &DMat4, interval: Option<&Interval>) -> PosedObject {
+    fn object(&self, object: &Object, time: f64, camera: &DMat4, span: Option<&Span>) -> PosedObject {
         // blur="false": object and camera are posed at the frame number.
         let (time, camera) =
             if object.blur { (time, *camera) } else { (self.number, camera_from_world(self.scene, self.number)) };
@@ -153,27 +201,27 @@ impl Poser<'_> {
         let to_origin = DMat4::from_translation(object.model.origin);
         let camera_from_model = camera * world_from_model * to_origin;
         let screen = self.screen(&camera_from_model);
-        // The line along which surfels travel during an interval: their mean position, by Simpson's rule, and half the
+        // The line along which surfels travel during an interval or a strip: their mean position, and half the
         // difference of its ends, times what kernels are longer.
-        let (centre, motion) =
-            interval.filter(|_| object.blur).map_or((screen, (DMat3::ZERO, DVec3::ZERO)), |interval| {
-                let [from, to] = interval.ends.map(|time| self.camera_from_model(object, time));
-                let middle = camera_from_model;
-                (
-                    self.screen(&(middle + ((from + to) * 0.5 - middle) / 3.0)),
-                    self.screen(&((to - from) * (0.5 * interval.stretch))),
-                )
-            });
+        let span = span.filter(|_| object.blur);
+        let (centre, motion) = span.map_or((screen, (DMat3::ZERO, DVec3::ZERO)), |span| {
+            let [from, to] = span.ends.map(|time| self.camera_from_model(object, time));
+            let middle = camera_from_model;
+            (
+                self.screen(&(middle + ((from + to) * 0.5 - middle) / span.parts)),
+                self.screen(&((to - from) * (0.5 * span.stretch))),
+            )
+        });
         let moves = !object.model.paths().is_empty();
         let travelled = |time: f64| elapsed(object.travelled(self.scene.frames.rate, self.number, time));
         let after = |time: f64| if moves { travelled(time) } else { [0.0; 3] };
         let mut travelled = after(time);
         let mut advance = [0.0; 3];
-        if let Some(interval) = interval.filter(|_| object.blur) {
-            let [from, to] = interval.ends.map(after);
+        if let Some(span) = span {
+            let [from, to] = span.ends.map(after);
             for i in 0..3 {
-                travelled[i] = (from[i] + 4.0 * travelled[i] + to[i]) / 6.0;
-                advance[i] = (to[i] - from[i]) * (0.5 * interval.stretch);
+                travelled[i] = (from[i] + (2.0 * span.parts - 2.0) * travelled[i] + to[i]) / (2.0 * span.parts);
+                advance[i] = (to[i] - from[i]) * (0.5 * span.stretch);
             }
         }
         let linear = DMat3::from_mat4(world_from_model);
@@ -185,6 +233,12 @@ impl Poser<'_> {
         } else {
             ((DMat3::ZERO, DVec3::ZERO), 0.0)
         };
+        let turns = span.filter(|span| span.turns && !object.is_fixed());
+        let normal_motion = turns.map_or(DMat3::ZERO, |span| {
+            let of = |time: f64| DMat3::from_mat4(object_pose(self.scene, object, time).world_from_model);
+            let [from, to] = span.ends.map(|time| normal_matrix(&of(time), &linear));
+            (to - from) * 0.5
+        });
         // Rotation of the camera that posed the object: normals and positions stay in world axes.
         let world_from_camera = DMat3::from_mat4(camera).transpose();
         let scale = libm::cbrt(det.abs());
@@ -209,7 +263,8 @@ impl Poser<'_> {
             eye: -(screen.0.inverse() * screen.1).as_vec3(),
             screen_rate: rate.as_mat3(),
             screen_origin_rate: origin_rate.as_vec3(),
-            normal_matrix: normal_matrix(&linear).as_mat3(),
+            normal_matrix: normal_matrix(&linear, &linear).as_mat3(),
+            normal_motion: normal_motion.as_mat3(),
             world_from_model: linear.as_mat3(),
             world_origin: (world_from_camera * camera_from_model.w_axis.truncate()).as_vec3(),
             handedness: if det < 0.0 { -1.0 } else { 1.0 },
@@ -226,12 +281,16 @@ impl Poser<'_> {
 }
 
 /// Inverse transpose up to a positive factor, finite for singular matrices: the cofactors, with the determinant's sign.
-fn normal_matrix(m: &DMat3) -> DMat3 {
-    let (a, b, c) = (m.x_axis, m.y_axis, m.z_axis);
-    let cofactors = DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b));
-    let size = cofactors.x_axis.length().max(cofactors.y_axis.length()).max(cofactors.z_axis.length());
+/// The factor is that which makes the longest column of `unit`'s have length 1.
+fn normal_matrix(m: &DMat3, unit: &DMat3) -> DMat3 {
+    let cofactors = |m: &DMat3| {
+        let (a, b, c) = (m.x_axis, m.y_axis, m.z_axis);
+        DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b))
+    };
+    let of_unit = cofactors(unit);
+    let size = of_unit.x_axis.length().max(of_unit.y_axis.length()).max(of_unit.z_axis.length());
     let sign = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
-    if size > 0.0 { cofactors * (sign / size) } else { cofactors }
+    if size > 0.0 { cofactors(m) * (sign / size) } else { cofactors(m) }
 }
 
 fn shading_light(light: &Light, eye: DVec3) -> ShadingLight {

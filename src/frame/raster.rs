@@ -1,5 +1,7 @@
 //! The pixels that a sample position is rendered for.
 
+use std::ops::Range;
+
 use glam::DVec2;
 
 use crate::options::Prefilter;
@@ -7,14 +9,19 @@ use crate::options::Prefilter;
 /// The pixels that a group is rendered for, as an image of their own: every `Frame::stride`-th pixel of the frame's
 /// image.
 ///
-/// Raster pixel (i, j) is pixel (`phase.x` + i stride, `phase.y` + j stride) of the image. With stride 1 it is the
-/// image.
+/// Raster pixel (i, j) is pixel (`origin.x` + i stride, `origin.y` + j stride) of the image. With stride 1 it is the
+/// image, or a strip of it that a rolling shutter reads out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Raster {
     /// Raster pixels; an axis is 0 where the image is smaller than the phase.
     pub size: [u32; 2],
     /// Pixel of the image that the first raster pixel is.
-    pub phase: [u32; 2],
+    pub origin: [u32; 2],
+    /// Pixels from the first one of the phase to the first one of a strip, raster pixels; else 0.
+    pub first: [u32; 2],
+    /// The axis along which the pixels of a strip are read out one after the other: 0 for columns, 1 for rows. `None`:
+    /// all at once.
+    pub readout: Option<usize>,
     /// Where the camera's axis meets the raster, raster pixels.
     pub axis: [f32; 2],
     /// Focal length, raster pixels: (height / 2) / tan(fovy / 2) / stride.
@@ -32,7 +39,33 @@ pub struct Raster {
     pub offset: [f32; 2],
 }
 
+/// The pixels of the image that a raster has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RasterArea {
+    /// As [`Raster::origin`].
+    pub origin: [u32; 2],
+    /// As [`Raster::size`].
+    pub size: [u32; 2],
+}
+
+impl RasterArea {
+    /// The row of the raster that lies in row `y` of the image, and the columns from its first pixel to its last one,
+    /// where each `stride`-th is the raster's. `None` where it has no pixel in that row.
+    pub fn row(&self, y: usize, stride: usize) -> Option<(usize, Range<usize>)> {
+        let [left, top] = self.origin.map(|pixel| pixel as usize);
+        let [width, height] = self.size.map(|pixels| pixels as usize);
+        let below = y.checked_sub(top).filter(|below| below.is_multiple_of(stride))?;
+        let row = below / stride;
+        (row < height && width > 0).then(|| (row, left..left + (width - 1) * stride + 1))
+    }
+}
+
 impl Raster {
+    /// The pixels of the image that it has.
+    pub fn area(&self) -> RasterArea {
+        RasterArea { origin: self.origin, size: self.size }
+    }
+
     /// The raster with the standard deviation that the filter of see-through surfels has: they are always filtered as
     /// full EWA does, with the approximate filter by a Gaussian as wide as its disc.
     #[must_use]
@@ -62,19 +95,29 @@ impl Raster {
     }
 
     /// For an image of `size` pixels with focal length `focal`.
-    /// `shift` is the camera's.
+    /// `shift` is the camera's. `strip`: the axis of a rolling shutter, and which pixels of the raster the strip holds.
     pub(super) fn new(
         size: [u32; 2],
         (focal, shift): (f64, DVec2),
         stride: u32,
         phase: [u32; 2],
         offset: [f32; 2],
+        strip: Option<(usize, &Range<u32>)>,
     ) -> Self {
         let s = f64::from(stride);
-        let axis = |i: usize| (((0.5 + shift[i]) * f64::from(size[i]) - f64::from(phase[i]) - 0.5) / s + 0.5) as f32;
+        let mut first = [0; 2];
+        let mut pixels = [0, 1].map(|i| size[i].saturating_sub(phase[i]).div_ceil(stride));
+        if let Some((axis, range)) = strip {
+            first[axis] = range.start;
+            pixels[axis] = range.end.min(pixels[axis]).saturating_sub(range.start);
+        }
+        let origin = [0, 1].map(|i| phase[i] + stride * first[i]);
+        let axis = |i: usize| (((0.5 + shift[i]) * f64::from(size[i]) - f64::from(origin[i]) - 0.5) / s + 0.5) as f32;
         Self {
-            size: [0, 1].map(|i| size[i].saturating_sub(phase[i]).div_ceil(stride)),
-            phase,
+            size: pixels,
+            origin,
+            first,
+            readout: strip.map(|(axis, _)| axis),
             axis: [axis(0), axis(1)],
             focal: (focal / s) as f32,
             low_pass: (std::f64::consts::SQRT_2 / s) as f32,

@@ -62,7 +62,7 @@ fn intervals_share_a_static_picture() {
 
 #[test]
 fn supersample_takes_mid_strata() {
-    let shutter = Shutter { open: -0.5, close: 0.5, weight: Weight::Ramp { centre: 1.0 } };
+    let shutter = Shutter { open: -0.5, close: 0.5, weight: Weight::Ramp { centre: 1.0 }, ..Shutter::default() };
     let plan = Exposure::new(BlurMode::supersample(2), PixelFilter::Point, 1, &shutter, 10.0, &[]);
     assert_eq!(times(&plan), [(9.75, 0.25), (10.25, 0.75)]);
     assert!(offsets(&plan).iter().all(|&offset| offset == [0.0; 2]));
@@ -70,7 +70,7 @@ fn supersample_takes_mid_strata() {
 
 #[test]
 fn still_stays_at_the_frame_number() {
-    let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Box };
+    let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Box, ..Shutter::default() };
     let plan = Exposure::new(BlurMode::Still { pixel_samples: 4 }, PixelFilter::Box, 1, &shutter, 3.0, &[]);
     assert_eq!(times(&plan), [(3.0, 0.25); 4]);
     assert!(offsets(&plan).iter().any(|&offset| offset != [0.0; 2]));
@@ -107,7 +107,7 @@ fn classes_have_offsets_of_their_own() {
 /// Samples take turns at the positions, so that each sees the whole exposure, and stand together by position.
 #[test]
 fn samples_share_out_sub_pixel_positions() {
-    let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 } };
+    let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 }, ..Shutter::default() };
     let plan = |samples, pixel_samples, interleave, filter| {
         let mode =
             BlurMode::Supersample { samples, pixel_samples: Some(pixel_samples), interleave, times: Times::Even };
@@ -136,7 +136,7 @@ fn samples_share_out_sub_pixel_positions() {
 /// Intervals stay with their samples.
 #[test]
 fn intervals_share_out_sub_pixel_positions() {
-    let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Box };
+    let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Box, ..Shutter::default() };
     let mode = BlurMode::Volumetric { intervals: 5, pixel_samples: Some(2), swept: SweptKernel::default() };
     let plan = Exposure::new(mode, PixelFilter::Box, 1, &shutter, 0.0, &[]);
     let starts = plan.groups().map(|group| (interval(group).ends[0] * 5.0).round());
@@ -151,7 +151,7 @@ fn intervals_share_out_sub_pixel_positions() {
 /// The classes together have the times of S^2 N strata, and each class has the whole exposure.
 #[test]
 fn interleaved_classes_share_the_strata() {
-    let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 } };
+    let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 }, ..Shutter::default() };
     for interleave in [Interleave::Two, Interleave::Four] {
         let plan = Exposure::new(BlurMode::interleaved(3, interleave), PixelFilter::Box, 1, &shutter, 0.0, &[]);
         let s = interleave.stride();
@@ -204,7 +204,7 @@ fn few_buckets_repeat_for_their_sub_pixel_positions() {
 
 #[test]
 fn intervals_tile_the_shutter_and_end_at_jumps() {
-    let shutter = Shutter { open: -0.5, close: 0.5, weight: Weight::Ramp { centre: 1.0 } };
+    let shutter = Shutter { open: -0.5, close: 0.5, weight: Weight::Ramp { centre: 1.0 }, ..Shutter::default() };
     let mode = BlurMode::Volumetric { intervals: 4, pixel_samples: None, swept: SweptKernel::default() };
     let plan = |jumps: &[f64]| Exposure::new(mode, PixelFilter::Point, 1, &shutter, 10.0, jumps);
     let ends = |plan: &Exposure| plan.groups().map(|g| interval(g).ends).collect::<Vec<_>>();

@@ -55,8 +55,7 @@ pub(super) struct Candidates {
 
 impl ObjectCones {
     pub(super) fn new(world: &World<'_>, frame: f64) -> Self {
-        let shutter = &world.scene.shutter;
-        let (open, close) = (shutter.frame_time(frame, 0.0), shutter.frame_time(frame, 1.0));
+        let [open, close] = world.scene.shutter.whole_exposure(frame);
         let cones = Self { open, subintervals_per_frame: SUBINTERVALS as f64 / (close - open), extents: Vec::new() };
         let extents = world.bodies.iter().map(|body| cones.extent(world, body, close)).collect();
         Self { extents, ..cones }

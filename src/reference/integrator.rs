@@ -181,7 +181,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
             PixelFilter::Point => [0.5, 0.5],
             PixelFilter::Gaussian { sigma } => gaussian_offset([u, v]).map(|offset| 0.5 + sigma * offset),
         };
-        let time = self.world.scene.shutter.frame_time(self.frame, self.warp.time(share));
+        let time = self.world.time(self.frame, pixel, self.warp.time(share));
         ([f64::from(pixel[0]) + u, f64::from(pixel[1]) + v], time)
     }
 }

@@ -150,7 +150,7 @@ impl<'a> World<'a> {
         }
         let number = frame.get();
         let mut distinct: Vec<&Object> = Vec::new();
-        let exposure = [0.0, 1.0].map(|t| scene.shutter.frame_time(number, t));
+        let exposure = scene.shutter.whole_exposure(number);
         let travelled = |object: &Object| exposure.map(|time| object.travelled(scene.frames.rate, number, time));
         let alike = |a: &Object, b: &Object| {
             let (paths, others) = (a.model.own_paths(), b.model.own_paths());
@@ -230,7 +230,7 @@ impl<'a> World<'a> {
             let offset = place.map(|place| (f64::from(place) + 0.5) / f64::from(PLACES));
             // The golden ratio spreads the times of neighbouring places evenly.
             let share = (0.5 + f64::from(i) * 0.618_033_988_749_894_9).fract();
-            let time = self.scene.shutter.frame_time(frame, self.scene.shutter.weight.time_of(share));
+            let time = self.time(frame, pixel, self.scene.shutter.weight.time_of(share));
             let film = match self.options.filter {
                 PixelFilter::Box => offset,
                 PixelFilter::Point => [0.5; 2],
@@ -239,6 +239,15 @@ impl<'a> World<'a> {
             sum += self.behind(environment, [0, 1].map(|axis| f64::from(pixel[axis]) + film[axis]), time);
         }
         sum / f64::from(count)
+    }
+
+    /// Scene time (frames) at which the shutter of a pixel has the time `t`, in [0, 1].
+    pub(super) fn time(&self, frame: f64, pixel: [u32; 2], t: f64) -> f64 {
+        let shutter = &self.scene.shutter;
+        let axis = shutter.readout.direction.axis();
+        let place = (f64::from(pixel[axis]) + 0.5) / f64::from(self.size[axis]);
+        let delay = if shutter.readout.rolls() { shutter.readout.delay(place) } else { 0.0 };
+        shutter.frame_time(frame, t) + delay
     }
 
     /// The environment on the ray through a film point (pixels) at scene time `time` (frames).

@@ -17,8 +17,9 @@ impl Scene {
             return Ok(Cow::Borrowed(self));
         }
         // The picture of mode `still` is that of the frame's number.
-        let ends = [0.0, 1.0].map(|t| self.shutter.frame_time(number, t));
-        let exposure = [ends[0].min(number), ends[1].max(number)];
+        let [first, last] = self.shutter.whole_exposure(number);
+        let [early, late] = self.shutter.readout.delays().map(|delay| number + delay);
+        let exposure = [first.min(early).min(number), last.max(late).max(number)];
         let mut objects = Vec::new();
         for object in &self.objects {
             let Some(sequence) = &object.sequence else {

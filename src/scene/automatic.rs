@@ -211,8 +211,8 @@ pub(crate) fn camera(scene: &Scene, given: &GivenCamera) -> Camera {
 fn swept_bounds(scene: &Scene) -> Bounds {
     // Four poses a frame, within a total that stays well under a second.
     const MOST_POSES: usize = 200_000;
-    let from = scene.frames.first as f64 + scene.shutter.open;
-    let to = scene.frames.last as f64 + scene.shutter.close;
+    let [from, _] = scene.shutter.whole_exposure(scene.frames.first as f64);
+    let [_, to] = scene.shutter.whole_exposure(scene.frames.last as f64);
     let most = (MOST_POSES / scene.objects.len().max(1)).clamp(8, 2000);
     let steps = ((4.0 * (to - from)).ceil() as usize).clamp(2, most);
     let mut all = Bounds::default();

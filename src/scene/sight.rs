@@ -22,8 +22,8 @@ pub(crate) fn camera_enters(scene: &Scene, object: &Object) -> bool {
         return false;
     }
     let margin = DVec3::splat(f64::from(object.model.median_radius()));
-    let from = scene.frames.first as f64 + scene.shutter.open;
-    let to = scene.frames.last as f64 + scene.shutter.close;
+    let [from, _] = scene.shutter.whole_exposure(scene.frames.first as f64);
+    let [_, to] = scene.shutter.whole_exposure(scene.frames.last as f64);
     let most = (MOST_POSES / scene.objects.len().max(1)).clamp(8, 2000);
     let rests = scene.camera.rests() && object.is_fixed();
     let steps = if rests { 1 } else { ((4.0 * (to - from)).ceil() as usize).clamp(2, most) };

@@ -16,7 +16,7 @@ use crate::model::{
 use crate::scene::{
     Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, Pattern, PointMotion, SequenceSpec, Sphere,
 };
-use crate::time::{Shutter, Weight};
+use crate::time::{Anchor, Direction, Readout, Shutter, Weight};
 
 /// A scene before its files are read.
 #[derive(Debug)]
@@ -158,7 +158,15 @@ fn shutter(part: &Part<'_>) -> Result<Shutter, SceneError> {
             _ => Weight::Box,
         }
     };
-    Ok(Shutter { open, close, weight })
+    let named = |name: &str| part.choice(name);
+    let direction = named("direction")?;
+    let anchor = named("anchor")?;
+    let readout = Readout {
+        duration: part.number("readout")?,
+        direction: Direction::ALL.into_iter().find(|d| Some(d.name()) == direction.as_deref()).unwrap_or_default(),
+        anchor: Anchor::ALL.into_iter().find(|a| Some(a.name()) == anchor.as_deref()).unwrap_or_default(),
+    };
+    Ok(Shutter { open, close, weight, readout })
 }
 
 fn drawn(source: &Source, curve: &Element) -> Result<Weight, SceneError> {

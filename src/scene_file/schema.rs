@@ -4,6 +4,7 @@
 //! A long file, because a table that is split is no longer one table.
 
 use crate::anim::TrackFormat;
+use crate::time::Readout;
 
 /// An element.
 #[derive(Debug)]
@@ -229,6 +230,24 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             only(
                 &["gaussian"],
                 row("width", Kind::Number(Range(0.001, 1000.0)), Value("0.2"), "standard deviation, shutters"),
+            ),
+            row(
+                "readout",
+                Kind::Number(Range(0.0, Readout::MOST)),
+                Value("0"),
+                "rolling shutter: frames from the exposure of the first edge of the image to that of the last one",
+            ),
+            row(
+                "direction",
+                Kind::Choice(&["down", "up", "right", "left"]),
+                Value("down"),
+                "where the read-out goes; down: the top row is exposed first",
+            ),
+            row(
+                "anchor",
+                Kind::Choice(&["middle", "first"]),
+                Value("middle"),
+                "what is exposed from `open` to `close`: the middle of the image, or the first edge",
             ),
         ],
         children: &[child("curve", AtMostOne)],

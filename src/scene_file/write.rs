@@ -95,6 +95,12 @@ impl Xml {
 
     fn shutter(&mut self, shutter: &Shutter) {
         let mut attributes = vec![("open", number(shutter.open)), ("close", number(shutter.close))];
+        let readout = shutter.readout;
+        if readout.rolls() {
+            attributes.push(("readout", number(readout.duration)));
+            attributes.push(("direction", readout.direction.name().to_owned()));
+            attributes.push(("anchor", readout.anchor.name().to_owned()));
+        }
         let mut shape = |weight: &str, values: &[(&'static str, f64)]| {
             attributes.push(("weight", weight.to_owned()));
             attributes.extend(values.iter().map(|&(name, x)| (name, number(x))));

@@ -197,7 +197,7 @@ impl<'a> Trial<'a> {
         (0..STRATA)
             .map(|k| {
                 let open = open + part * f64::from(k);
-                scene.shutter = Shutter { open, close: open + part, weight: Weight::Box };
+                scene.shutter = Shutter { open, close: open + part, weight: Weight::Box, ..self.scene.shutter.clone() };
                 self.splat(Some(&scene), BackendKind::Cpu, frame, &options)
             })
             .collect()

@@ -201,7 +201,7 @@ fn intervals_of_static_objects_cost_one_sample() {
 fn intervals_have_one_guard_band() {
     let mut scene = through();
     scene.objects[0].motions = vec![Motion::Linear { velocity: DVec3::new(0.9, 0.0, 3.0) }];
-    scene.shutter = Shutter { open: 0.0, close: 0.9, weight: Weight::Box };
+    scene.shutter = Shutter { open: 0.0, close: 0.9, weight: Weight::Box, ..Shutter::default() };
     let guards = |intervals: u32| {
         let mode = BlurMode::Volumetric { intervals, pixel_samples: None, swept: SweptKernel::default() };
         let options = options(mode);

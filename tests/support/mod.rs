@@ -104,7 +104,7 @@ pub fn scene(objects: Vec<Object>, size: [u32; 2], eye: DVec3, fovy_degrees: f64
         name: "test".into(),
         image: ImageSettings { width: size[0], height: size[1], ..Default::default() },
         frames: FrameRange { first: 0, last: 0, rate: 24.0 },
-        shutter: Shutter { open: 0.0, close: 1.0, weight: Weight::Box },
+        shutter: Shutter { open: 0.0, close: 1.0, weight: Weight::Box, ..Shutter::default() },
         camera: Camera { fovy: fovy_degrees.to_radians(), ..Camera::new(eye, eye - DVec3::Z) },
         lights: vec![Light::Ambient { colour: DVec3::ONE }],
         environment: None,

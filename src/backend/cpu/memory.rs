@@ -33,15 +33,16 @@ impl Budget {
         planes: &FilmPlanes,
         channels: &Channels,
     ) -> Result<Self, BackendError> {
-        // The largest raster is the first one.
-        let raster = frame.rasters.first().map_or(frame.size, |raster| raster.size);
-        let rasters = u64::from(frame.stride * frame.stride);
+        let sizes = || frame.rasters.iter().map(|raster| raster.area.size);
+        let raster = sizes().reduce(|a, b| [a[0].max(b[0]), a[1].max(b[1])]).unwrap_or(frame.size);
         let samples = frame.most_samples_of_a_group();
-        let [tiles_x, tiles_y] = raster.map(|pixels| u64::from(pixels).div_ceil(TILE as u64));
+        let tiles = |size: [u32; 2]| size.map(|pixels| u64::from(pixels).div_ceil(TILE as u64));
+        let [_, tiles_y] = tiles(raster);
+        let all_tiles: u64 = sizes().map(tiles).map(|[x, y]| x * y).sum();
         let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
         // Other pictures, the film, the picture that it becomes, and its copy in the file's form.
         let film = frame.picture_bytes
-            + rasters * tiles_x * tiles_y * TileFilm::bytes(planes.count)
+            + all_tiles * TileFilm::bytes(planes.count)
             + 2 * pixels * 4 * planes.count as u64;
         // What the tiles of some rows need together, for as many rows as the bands shall have.
         let swept = frame.swept.is_some();

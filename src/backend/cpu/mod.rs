@@ -12,6 +12,7 @@ pub(super) mod chunk;
 pub(super) mod clocks;
 pub(super) mod ewa;
 pub(super) mod job;
+mod land;
 mod memory;
 mod mirror;
 mod patch;
@@ -133,17 +134,19 @@ impl Cpu {
         let clocks = Clocks::default();
         let clusters = self.clusters.of_frame(frame);
         let stride = frame.stride as usize;
-        let mut films = RasterFilms { films: Vec::new(), stride, samples: frame.samples() };
+        let areas = frame.rasters.iter().map(|raster| raster.area).collect();
+        let mut films = RasterFilms { films: Vec::new(), areas, stride, samples: frame.samples() };
         let bands = |size: [u32; 2]| (size[1] as usize).div_ceil(TILE).div_ceil(budget.band_rows) as u64;
         let steps = |raster: &PosedRaster| raster.positions.iter().map(|p| p.steps.len() as u64).sum::<u64>();
-        self.meter.begin(frame.rasters.iter().map(|raster| bands(raster.size) * steps(raster)).sum());
+        self.meter.begin(frame.rasters.iter().map(|raster| bands(raster.area.size) * steps(raster)).sum());
         for raster in &frame.rasters {
             let mut film = self.films.pop().unwrap_or_default();
-            film.empty(raster.size);
-            let tiles_y = (raster.size[1] as usize).div_ceil(TILE);
+            let size = raster.area.size;
+            film.empty(size);
+            let tiles_y = (size[1] as usize).div_ceil(TILE);
             for first in (0..tiles_y).step_by(budget.band_rows) {
                 let rows = [first, (first + budget.band_rows).min(tiles_y)];
-                let band = Band::new(raster.size, rows);
+                let band = Band::new(size, rows);
                 let film = &mut film.tiles[rows[0] * film.tiles_x..rows[1] * film.tiles_x];
                 let offsets = transparent::offsets(raster);
                 let mut fixed = Fixed::default();

@@ -8,12 +8,13 @@ use std::ops::Range;
 use glam::{Mat3, Vec3};
 
 use super::bounds::{extent, pixel_range, whole};
+use super::land::{Landing, Strip};
 use crate::backend::clusters::{CLUSTER_SURFELS, Clusters, Window};
 use crate::frame::{Blocks, PixelRect, PosedObject, Raster};
 use crate::layout::{FLAG_BACK, Splat};
 use crate::math::simd::dispatch;
 use crate::model::Surfels;
-use crate::model::paths::Paths;
+use crate::model::paths::{Elapsed, Paths};
 
 /// Surfels worked on at once.
 pub(in crate::backend) const LANES: usize = 16;
@@ -26,6 +27,8 @@ const _: () = assert!(RUN.is_multiple_of(LANES));
 #[derive(Clone, Copy, Debug)]
 pub(in crate::backend) struct View<'a> {
     pub object: &'a PosedObject,
+    /// As [`PosedObject::eyes`].
+    pub eyes: [Vec3; 2],
     /// By value. Behind a reference its fields are loaded again for every lane, and the pass takes 1.5 times as long.
     pub raster: Raster,
     /// The pixels that are wanted.
@@ -47,13 +50,21 @@ pub(in crate::backend) struct View<'a> {
 }
 
 impl View<'_> {
+    /// The strip that is read out while the object moves; `None` where it rests, or all pixels are exposed at once.
+    pub(in crate::backend) fn strip(&self) -> Option<Strip> {
+        Strip::of(&self.raster).filter(|_| self.object.moves)
+    }
+
     /// May a cluster of the model show anything? Always true over an interval, and where surfels move by themselves:
-    /// `Window` knows no motion.
+    /// `Window` knows no motion of either.
     #[inline(never)]
     fn may_show(&self, cluster: usize) -> bool {
-        let Some(clusters) = self.clusters.filter(|_| !self.object.moves && self.paths.is_empty()) else { return true };
+        let Some(clusters) = self.clusters.filter(|_| self.paths.is_empty()) else { return true };
+        if self.object.moves && self.raster.readout.is_none() {
+            return true;
+        }
         let (object, raster, blocks) = (self.object, &self.raster, self.wanted);
-        let window = Window { object, raster, pixels: self.pixels, near: self.near, blocks };
+        let window = Window { object, eyes: self.eyes, raster, pixels: self.pixels, near: self.near, blocks };
         clusters.may_show(cluster, &window, !self.two_sided)
     }
 
@@ -61,9 +72,7 @@ impl View<'_> {
     #[inline(always)]
     pub(in crate::backend) fn wants(&self, bounds: [u16; 4]) -> bool {
         let Some(blocks) = self.wanted else { return true };
-        let [x0, x1, y0, y1] = bounds.map(usize::from);
-        let of = |first: usize, last: usize| first / Blocks::EDGE..=last / Blocks::EDGE;
-        of(y0, y1).any(|y| of(x0, x1).any(|x| blocks.at(x, y)))
+        blocks.touch(self.raster.first, bounds.map(usize::from))
     }
 }
 
@@ -122,6 +131,7 @@ dispatch! {
 
 #[inline(always)]
 pub(in crate::backend) fn project_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut impl Sink) {
+    let strip = view.strip();
     let mut run = Run::default();
     let mut first = range.start;
     while first < range.end {
@@ -134,7 +144,10 @@ pub(in crate::backend) fn project_body(view: &View<'_>, surfels: &Surfels, range
         run.travel(view, at.clone());
         for lane in (0..at.len()).step_by(LANES) {
             let n = (at.len() - lane).min(LANES);
-            project_lanes(view, &run, lane, n, (first + lane) as u32, out);
+            match strip {
+                None => project_lanes(view, &run, lane, n, (first + lane) as u32, out),
+                Some(strip) => project_landing(view, &strip, &run, lane, n, (first + lane) as u32, out),
+            }
         }
         first = at.end;
     }
@@ -145,11 +158,14 @@ struct Run {
     position: [[f32; RUN]; 3],
     axis_u: [[f32; RUN]; 3],
     axis_v: [[f32; RUN]; 3],
+    /// How far they travel by themselves from the middle of a strip to its last row.
+    advance: [[f32; RUN]; 3],
 }
 
 impl Default for Run {
     fn default() -> Self {
-        Self { position: [[0.0; RUN]; 3], axis_u: [[0.0; RUN]; 3], axis_v: [[0.0; RUN]; 3] }
+        let zero = [[0.0; RUN]; 3];
+        Self { position: zero, axis_u: zero, axis_v: zero, advance: zero }
     }
 }
 
@@ -165,14 +181,24 @@ impl Run {
     /// Moves the positions along the paths of the surfels.
     #[inline(always)]
     fn travel(&mut self, view: &View<'_>, range: Range<usize>) {
-        for (column, factor) in view.paths.columns.iter().zip(view.object.elapsed) {
-            let Some(rates) = column.get(range.clone()) else { continue };
-            for (l, rate) in rates.iter().enumerate() {
-                let shift = *rate * factor;
-                self.position[0][l] += shift.x;
-                self.position[1][l] += shift.y;
-                self.position[2][l] += shift.z;
-            }
+        add_rates(&mut self.position, view, range.clone(), view.object.elapsed);
+        if view.raster.readout.is_some() && !view.paths.is_empty() {
+            self.advance = [[0.0; RUN]; 3];
+            add_rates(&mut self.advance, view, range, view.object.advance);
+        }
+    }
+}
+
+/// Adds to points what surfels travel by themselves: the columns of their paths times `factors`.
+#[inline(always)]
+fn add_rates(points: &mut [[f32; RUN]; 3], view: &View<'_>, range: Range<usize>, factors: Elapsed<f32>) {
+    for (column, factor) in view.paths.columns.iter().zip(factors) {
+        let Some(rates) = column.get(range.clone()) else { continue };
+        for (l, rate) in rates.iter().enumerate() {
+            let shift = *rate * factor;
+            points[0][l] += shift.x;
+            points[1][l] += shift.y;
+            points[2][l] += shift.z;
         }
     }
 }
@@ -202,9 +228,67 @@ fn project_lanes<S: Sink>(view: &View<'_>, run: &Run, first: usize, n: usize, su
     let mut shape = Shape::default();
     let mut of_sink = S::Lanes::default();
     for l in 0..LANES {
-        let projected = project_lane(view, &posed, l, &mut shape);
+        let projected = project_lane(view, &posed, l, None, &mut shape);
         out.lane(&projected, l, &mut of_sink);
     }
+    push_lanes(view, &posed, &shape, &of_sink, n, surfel, out);
+}
+
+/// The same on a strip that is read out while the object moves: each surfel is posed when the row is read out on which
+/// it lands.
+#[inline(always)]
+fn project_landing<S: Sink>(
+    view: &View<'_>,
+    strip: &Strip,
+    run: &Run,
+    first: usize,
+    n: usize,
+    surfel: u32,
+    out: &mut S,
+) {
+    let object = view.object;
+    let (position, axis_u, axis_v) =
+        (lanes(&run.position, first), lanes(&run.axis_u, first), lanes(&run.axis_v, first));
+    let mut posed = PosedLanes {
+        centre: transform(&object.centre_from_model, object.centre_origin, &position),
+        u: transform(&object.screen_from_model, Vec3::ZERO, &axis_u),
+        v: transform(&object.screen_from_model, Vec3::ZERO, &axis_v),
+    };
+    let motion = [
+        transform(&object.motion_from_model, object.motion_origin, &position),
+        transform(&object.motion_from_model, Vec3::ZERO, &axis_u),
+        transform(&object.motion_from_model, Vec3::ZERO, &axis_v),
+    ];
+    let advance = transform(&object.centre_from_model, Vec3::ZERO, &lanes(&run.advance, first));
+    let mut shape = Shape::default();
+    let mut of_sink = S::Lanes::default();
+    for l in 0..LANES {
+        let of = |m: &[Lanes; 3]| [m[0][l], m[1][l], m[2][l]];
+        let [moved, by_itself] = [of(&motion[0]), of(&advance)];
+        let travel = [moved[0] + by_itself[0], moved[1] + by_itself[1], moved[2] + by_itself[2]];
+        let landing = Landing::new(strip, of(&posed.centre), travel);
+        for i in 0..3 {
+            posed.centre[i][l] += landing.time * travel[i];
+            posed.u[i][l] += landing.time * motion[1][i][l];
+            posed.v[i][l] += landing.time * motion[2][i][l];
+        }
+        let projected = project_lane(view, &posed, l, Some((strip.axis, &landing)), &mut shape);
+        out.lane(&projected, l, &mut of_sink);
+    }
+    push_lanes(view, &posed, &shape, &of_sink, n, surfel, out);
+}
+
+/// Hands those of `n` lanes on that show anything.
+#[inline(always)]
+fn push_lanes<S: Sink>(
+    view: &View<'_>,
+    posed: &PosedLanes,
+    shape: &Shape,
+    of_sink: &S::Lanes,
+    n: usize,
+    surfel: u32,
+    out: &mut S,
+) {
     // Bits instead of a test for each lane, which would often be predicted wrong.
     let mut shown = 0_u32;
     for l in 0..LANES {
@@ -215,13 +299,13 @@ fn project_lanes<S: Sink>(view: &View<'_>, run: &Run, first: usize, n: usize, su
         let l = shown.trailing_zeros() as usize & (LANES - 1);
         shown &= shown - 1;
         if shape.kind[l] == CROSSING {
-            push_crossing(view, &posed, l, surfel + l as u32, out);
+            push_crossing(view, posed, l, surfel + l as u32, out);
             continue;
         }
         let bounds = [shape.bounds[0][l], shape.bounds[1][l], shape.bounds[2][l], shape.bounds[3][l]];
         if view.wants(bounds) {
-            let splat = ordinary(&shape, l, bounds, surfel + l as u32);
-            out.push(splat, &of_sink, l);
+            let splat = ordinary(shape, l, bounds, surfel + l as u32);
+            out.push(splat, of_sink, l);
         }
     }
 }
@@ -301,7 +385,13 @@ struct Shape {
 /// Culls by facing, depth and pixels wanted; bounds the ellipse by its dual conic, D = T diag(1, 1, -1) T^t with
 /// T = [u v centre] (Sigg et al. 2006; docs/math.md): exact in perspective.
 #[inline(always)]
-fn project_lane(view: &View<'_>, posed: &PosedLanes, l: usize, shape: &mut Shape) -> Projected {
+fn project_lane(
+    view: &View<'_>,
+    posed: &PosedLanes,
+    l: usize,
+    landing: Option<(usize, &Landing)>,
+    shape: &mut Shape,
+) -> Projected {
     let depth = posed.centre[2][l];
     let inverse = 1.0 / depth;
     let x = posed.centre[0][l] * inverse;
@@ -314,6 +404,17 @@ fn project_lane(view: &View<'_>, posed: &PosedLanes, l: usize, shape: &mut Shape
     let area = ux * vy - uy * vx;
     let det = area * depth * view.object.handedness;
     let facing = if view.two_sided { det.abs() > 0.0 } else { det < 0.0 };
+    let shows_back = area * view.object.handedness >= 0.0;
+    // What rows beside the centre's see, they see earlier or later.
+    let mut recede = [0.0; 2];
+    let ([ux, uy], [vx, vy], area) = match landing {
+        None => ([ux, uy], [vx, vy], area),
+        Some((axis, landing)) => {
+            recede[axis] = landing.recede;
+            let (u, v) = (landing.displaced(axis, [ux, uy]), landing.displaced(axis, [vx, vy]));
+            (u, v, landing.along * area)
+        }
+    };
 
     let depth_extent2 = ud * ud + vd * vd;
     let d22 = depth_extent2 - depth * depth;
@@ -337,6 +438,10 @@ fn project_lane(view: &View<'_>, posed: &PosedLanes, l: usize, shape: &mut Shape
     shape.reference[1][l] = reference_y;
     shape.inverse_depth[0][l] = (uy * vd - ud * vy) * over_both;
     shape.inverse_depth[1][l] = (ud * vx - ux * vd) * over_both;
+    if landing.is_some() {
+        shape.inverse_depth[0][l] -= recede[0] * inverse * inverse;
+        shape.inverse_depth[1][l] -= recede[1] * inverse * inverse;
+    }
     shape.inverse_depth[2][l] = inverse;
     shape.u[0][l] = vy * over_area;
     shape.u[1][l] = -vx * over_area;
@@ -348,7 +453,7 @@ fn project_lane(view: &View<'_>, posed: &PosedLanes, l: usize, shape: &mut Shape
     shape.bounds[1][l] = whole(columns.1 - corner[0]);
     shape.bounds[2][l] = whole(rows.0 - corner[1]);
     shape.bounds[3][l] = whole(rows.1 - corner[1]);
-    shape.flags[l] = if area * view.object.handedness < 0.0 { 0 } else { FLAG_BACK };
+    shape.flags[l] = if shows_back { FLAG_BACK } else { 0 };
     let ordinary = if seen { ORDINARY } else { CULLED };
     let kind = if crossing { CROSSING } else { ordinary };
     shape.kind[l] = if facing & !behind { kind } else { CULLED };

@@ -7,7 +7,7 @@ use super::tiles::{LANES, ROWS, STRIDE, TILE, TileRect};
 use super::values::{add_lobes, unit};
 use crate::environment::Surroundings;
 use crate::film::{Film, FilmPlanes};
-use crate::frame::{PosedSample, Raster};
+use crate::frame::{RasterArea, PosedSample, Raster};
 use crate::layout::Channels;
 use crate::math::simd::dispatch;
 use crate::options::Shading;
@@ -72,10 +72,12 @@ impl TiledFilm {
     }
 }
 
-/// The films of all rasters of a frame: that of phase (x, y) at y stride + x.
+/// The films of all rasters of a frame.
 #[derive(Debug)]
 pub(in crate::backend) struct RasterFilms {
     pub films: Vec<TiledFilm>,
+    /// The pixels of each.
+    pub areas: Vec<RasterArea>,
     pub stride: usize,
     /// Time samples of a pixel.
     pub samples: u32,
@@ -83,10 +85,9 @@ pub(in crate::backend) struct RasterFilms {
 
 impl Film for RasterFilms {
     fn row(&self, plane: usize, y: u32, out: &mut [f32]) {
-        let (y, stride) = (y as usize, self.stride);
-        for (x, film) in self.films[y % stride * stride..][..stride].iter().enumerate() {
-            if let Some(out) = out.get_mut(x..) {
-                film.row(plane, y / stride, stride, out);
+        for (area, film) in self.areas.iter().zip(&self.films) {
+            if let Some((row, columns)) = area.row(y as usize, self.stride) {
+                film.row(plane, row, self.stride, &mut out[columns]);
             }
         }
     }

@@ -9,6 +9,7 @@ use super::bin::Binned;
 use super::chunk::Chunk;
 use super::clocks::Clocks;
 use super::job::Job;
+use super::land::Strip;
 use super::project::{self, View};
 use super::resolve::Resolve;
 use super::tile_buffers::TileBuffers;
@@ -41,6 +42,7 @@ impl Scope<'_> {
     pub(in crate::backend) fn view(&self, chunk: &Chunk) -> View<'_> {
         View {
             object: &self.group.samples[chunk.sample].objects[chunk.object],
+            eyes: self.group.samples[chunk.sample].objects[chunk.object].eyes(),
             raster: *self.raster,
             pixels: self.band.pixels,
             corner: self.band.corner,
@@ -68,6 +70,7 @@ impl Scope<'_> {
             footprint: self.raster.footprint,
             surroundings: self.frame.surroundings.as_ref(),
             pixel: self.raster.pixel / self.raster.focal,
+            strip: Strip::of(self.raster).filter(|_| sample.objects[chunk.object].turns()),
         }
     }
 

@@ -133,8 +133,8 @@ impl<W: TileWork> TileRunner<'_, W> {
 
     /// Is the tile rendered? All tiles of a map are.
     fn wants(&self, tile: &TileRect) -> bool {
-        let ([x, y], frame) = (tile.tile, self.work.scope().frame);
-        frame.swept.is_some() || frame.wanted.as_ref().is_none_or(|blocks| blocks.at(x, y))
+        let &Scope { frame, raster, .. } = self.work.scope();
+        frame.swept.is_some() || frame.wanted.as_ref().is_none_or(|blocks| blocks.touch(raster.first, tile.bounds()))
     }
 
     /// Projects and bins as many of `chunks` as fit into the memory for splats, at least one; returns how many.

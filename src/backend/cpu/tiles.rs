@@ -86,3 +86,11 @@ pub(in crate::backend) struct TileRect {
     /// Pixel rows of the image in the tile.
     pub height: usize,
 }
+
+impl TileRect {
+    /// First and last column, first and last row, counted from the band's corner.
+    pub(in crate::backend) const fn bounds(&self) -> [usize; 4] {
+        let [x, y] = self.origin;
+        [x, x + self.width - 1, y, y + self.height - 1]
+    }
+}

@@ -6,6 +6,7 @@
 
 use glam::Vec3;
 
+use super::land::Strip;
 use super::project::transform;
 use super::tiles::LANES;
 use crate::environment::Surroundings;
@@ -39,23 +40,38 @@ pub(in crate::backend) struct Shown<'a> {
     pub surroundings: Option<&'a Surroundings>,
     /// Standard deviation of what a pixel sees, radians in the middle of the image.
     pub pixel: f32,
+    /// The strip that is read out while the object turns; else `None`.
+    pub strip: Option<Strip>,
 }
 
 /// What it shows the side of.
 pub(in crate::backend) trait Faced {
     /// Surfel and flags.
     fn face(&self) -> (u32, u32);
+
+    /// Where its centre lands; `None` where the centre is not before the camera.
+    fn place(&self) -> Option<[f32; 2]> {
+        None
+    }
 }
 
 impl Faced for Splat {
     fn face(&self) -> (u32, u32) {
         (self.surfel, self.flags)
     }
+
+    fn place(&self) -> Option<[f32; 2]> {
+        (self.centre_depth > 0.0).then_some(self.reference)
+    }
 }
 
 impl Faced for EwaSplat {
     fn face(&self) -> (u32, u32) {
         self.disc.face()
+    }
+
+    fn place(&self) -> Option<[f32; 2]> {
+        self.disc.place()
     }
 }
 
@@ -76,18 +92,23 @@ pub(in crate::backend) fn values<S: Faced>(splats: &[S], shown: &Shown<'_>, out:
         // The last ones repeat a surfel that there is.
         let first = faces[0];
         faces[splats.len()..].fill(first);
-        values_of_lanes(&faces, shown, out);
+        let mut times = [0.0; LANES];
+        if let Some(strip) = shown.strip {
+            times.iter_mut().zip(splats).for_each(|(time, splat)| *time = splat.place().map_or(0.0, |p| strip.time(p)));
+        }
+        values_of_lanes(&faces, &times, shown, out);
     }
 }
 
 type Lanes = [f32; LANES];
 
 dispatch! {
-    fn values_of_lanes(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mut [f32]) = values_of_lanes_body
+    fn values_of_lanes(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Shown<'_>, out: &mut [f32]) =
+        values_of_lanes_body
 }
 
 #[inline(always)]
-fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mut [f32]) {
+fn values_of_lanes_body(faces: &[(u32, u32); LANES], times: &Lanes, shown: &Shown<'_>, out: &mut [f32]) {
     let Shown { posed, channels, .. } = *shown;
     let surfels = &*shown.object.surfels;
     let paths = shown.object.paths();
@@ -113,7 +134,16 @@ fn values_of_lanes_body(faces: &[(u32, u32); LANES], shown: &Shown<'_>, out: &mu
             let side = if flags & FLAG_BACK == 0 { 1.0 } else { -1.0 };
             (normal[0][l], normal[1][l], normal[2][l]) = (side * surfels.normal[surfel as usize]).into();
         }
-        normal = unit(transform(&posed.normal_matrix, Vec3::ZERO, &normal));
+        let mut turned = transform(&posed.normal_matrix, Vec3::ZERO, &normal);
+        if shown.strip.is_some() {
+            let motion = transform(&posed.normal_motion, Vec3::ZERO, &normal);
+            for c in 0..3 {
+                for l in 0..LANES {
+                    turned[c][l] += times[l] * motion[c][l];
+                }
+            }
+        }
+        normal = unit(turned);
     }
     if let Some(m) = shown.object.material {
         of_material = [[m.ambient; LANES], [m.diffuse; LANES], [m.specular; LANES], [m.shininess; LANES]];

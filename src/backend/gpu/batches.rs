@@ -104,7 +104,8 @@ impl Cutter<'_> {
         let one_sided = !frame.objects[object].two_sided;
         let object = &self.group.samples[sample].objects[object];
         let blocks = Some(blocks);
-        let window = Window { object, raster, pixels: PixelRect::of_image(raster.size), near: frame.near, blocks };
+        let eyes = object.eyes();
+        let window = Window { object, eyes, raster, pixels: PixelRect::of_image(raster.size), near: frame.near, blocks };
         let mut parts: Vec<Range<usize>> = Vec::new();
         for cluster in buffer.surfels.start / CLUSTER_SURFELS..buffer.surfels.end.div_ceil(CLUSTER_SURFELS) {
             if !clusters.may_show(cluster, &window, one_sided) {

@@ -4,8 +4,8 @@ use super::layout::TILE;
 use super::memory::RasterFilm;
 use crate::film::Film;
 
-/// The films of all rasters of a frame. The film of phase (x, y) is at y stride + x. Each has its tiles one after the
-/// other; a tile has its planes one after the other, `TILE` x `TILE` pixels each.
+/// The films of all rasters of a frame. Each has its tiles one after the other; a tile has its planes one after the
+/// other, `TILE` x `TILE` pixels each.
 #[derive(Debug)]
 pub(in crate::backend) struct DeviceFilm<'a> {
     pub rasters: &'a [RasterFilm],
@@ -18,12 +18,13 @@ pub(in crate::backend) struct DeviceFilm<'a> {
 
 impl Film for DeviceFilm<'_> {
     fn row(&self, plane: usize, y: u32, out: &mut [f32]) {
-        let (y, stride, tile) = (y as usize, self.stride, TILE as usize);
-        for (x, raster) in self.rasters[y % stride * stride..][..stride].iter().enumerate() {
-            let (y, tiles_x) = (y / stride, raster.tiles[0] as usize);
+        let (stride, tile) = (self.stride, TILE as usize);
+        for raster in self.rasters {
+            let Some((y, columns)) = raster.place.row(y as usize, stride) else { continue };
+            let tiles_x = raster.tiles[0] as usize;
             let tile_floats = self.planes * tile * tile;
             let tiles = &self.values[raster.start as usize + y / tile * tiles_x * tile_floats..];
-            let Some(out) = out.get_mut(x..) else { continue };
+            let out = &mut out[columns];
             for (out, values) in out.chunks_mut(tile * stride).zip(tiles.chunks_exact(tile_floats)) {
                 let row = &values[(plane * tile + y % tile) * tile..][..tile];
                 out.iter_mut().step_by(stride).zip(row).for_each(|(out, value)| *out = *value);

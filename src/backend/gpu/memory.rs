@@ -3,7 +3,7 @@
 use super::layout::{DeviceGaussian, TILE, WIDEST, WORKGROUP_ITEMS};
 use crate::backend::BackendError;
 use crate::film::{Aov, FilmPlanes};
-use crate::frame::{Frame, PixelRect, Position};
+use crate::frame::{Frame, PixelRect, Position, RasterArea};
 use crate::layout::{Channels, EwaSplat, FilteredSplat, Splat, SweptSplat};
 use crate::plan::LAYERS;
 
@@ -145,7 +145,7 @@ impl DeviceChannels {
 /// One raster of the frame and its place in the film.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::backend) struct RasterFilm {
-    pub size: [u32; 2],
+    pub place: RasterArea,
     pub tiles: [u32; 2],
     /// First float in the film.
     pub start: u64,
@@ -174,9 +174,9 @@ impl RasterFilm {
     /// The pixels of a band.
     pub(in crate::backend) fn area(&self, band: Band) -> Area {
         let first_row = (band.first_row * TILE) as i32;
-        let last_row = ((band.first_row + band.rows) * TILE).min(self.size[1]) as i32 - 1;
+        let last_row = ((band.first_row + band.rows) * TILE).min(self.place.size[1]) as i32 - 1;
         Area {
-            pixels: PixelRect { first_row, last_row, ..PixelRect::of_image(self.size) },
+            pixels: PixelRect { first_row, last_row, ..PixelRect::of_image(self.place.size) },
             corner: [0; 2],
             tiles: [self.tiles[0], band.rows],
             first_tile_row: band.first_row,
@@ -420,9 +420,8 @@ pub(in crate::backend) fn planes_of_layers(planes: &FilmPlanes) -> u64 {
 fn films(frame: &Frame, planes: &FilmPlanes) -> (Vec<RasterFilm>, u64) {
     let (mut rasters, mut film_floats) = (Vec::new(), 0);
     for raster in &frame.rasters {
-        let size = raster.size;
-        let tiles = size.map(|pixels| pixels.div_ceil(TILE));
-        rasters.push(RasterFilm { size, tiles, start: film_floats });
+        let tiles = raster.area.size.map(|pixels| pixels.div_ceil(TILE));
+        rasters.push(RasterFilm { place: raster.area, tiles, start: film_floats });
         film_floats += u64::from(tiles[0]) * u64::from(tiles[1]) * TILE_PIXELS * planes.count as u64;
     }
     (rasters, 4 * film_floats)

@@ -109,7 +109,7 @@ pub(super) fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
         name: "test".into(),
         image: ImageSettings { width: size[0], height: size[1], ..Default::default() },
         frames: FrameRange { first: 0, last: 0, rate: 24.0 },
-        shutter: Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 } },
+        shutter: Shutter { open: 0.0, close: 1.0, weight: Weight::Ramp { centre: 1.0 }, ..Shutter::default() },
         camera: Camera::new(eye, eye - DVec3::Z),
         lights: vec![
             Light::Directional { direction: DVec3::new(-0.5, -1.0, -0.8).normalize(), colour: DVec3::splat(0.9) },

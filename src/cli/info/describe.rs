@@ -46,6 +46,8 @@ pub(super) fn scene(loaded: &scene_file::Loaded) -> Value {
             "shutter",
             json!({
                 "open": s.shutter.open, "close": s.shutter.close, "weight": s.shutter.weight.to_string(),
+                "readout": s.shutter.readout.duration, "direction": s.shutter.readout.direction.name(),
+                "anchor": s.shutter.readout.anchor.name(),
             }),
         ),
         ("camera", camera(&s.camera)),

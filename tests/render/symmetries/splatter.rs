@@ -164,7 +164,7 @@ fn of_halves(backend: &mut dyn Backend, scene: &Scene, halves: &[(f64, Weight); 
     let mut sum = vec![[0.0; 10]; PIXELS];
     for ((share, weight), [open, close]) in halves.iter().zip([[open, middle], [middle, close]]) {
         let mut half = scene.clone();
-        half.shutter = Shutter { open, close, weight: weight.clone() };
+        half.shutter = Shutter { open, close, weight: weight.clone(), ..Shutter::default() };
         for (sum, value) in sum.iter_mut().zip(values_of(backend, &half, mode)) {
             sum.iter_mut().zip(value).for_each(|(sum, value)| *sum += *share as f32 * value);
         }

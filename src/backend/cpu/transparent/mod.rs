@@ -312,7 +312,7 @@ impl TransparentGroup<'_> {
         let scope = &self.scope;
         let tile = scope.band.tile(index);
         let frame = scope.frame;
-        if frame.wanted.as_ref().is_some_and(|blocks| !blocks.at(tile.tile[0], tile.tile[1])) {
+        if frame.wanted.as_ref().is_some_and(|blocks| !blocks.touch(scope.raster.first, tile.bounds())) {
             return;
         }
         let start = Instant::now();

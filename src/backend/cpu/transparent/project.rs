@@ -10,8 +10,9 @@ use glam::{DVec3, Vec3};
 use super::emission;
 use super::view::View;
 use crate::backend::cpu::bounds::{pixel_range, whole};
+use crate::backend::cpu::land::{Landing, Strip};
 use crate::backend::cpu::project::transform;
-use crate::frame::{Blocks, PixelRect};
+use crate::frame::PixelRect;
 use crate::layout::GaussianSplat;
 use crate::math::fast;
 use crate::math::simd::dispatch;
@@ -135,8 +136,7 @@ fn push(view: &View<'_>, gaussians: &Gaussians, index: usize, l: usize, shape: &
 /// Does what has these bounds touch a block that is wanted?
 fn wants(view: &View<'_>, bounds: [u16; 4]) -> bool {
     let Some(blocks) = view.wanted else { return true };
-    let [x0, x1, y0, y1] = bounds.map(|pixel| usize::from(pixel) / Blocks::EDGE);
-    (y0..=y1).any(|y| (x0..=x1).any(|x| blocks.at(x, y)))
+    blocks.touch(view.raster.first, bounds.map(usize::from))
 }
 
 /// Screen velocity of a centre, pixels of the image per shutter: the derivative of (x, y) = (X, Y) / depth.
@@ -176,8 +176,17 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
     let factor = capture.opacity as f32;
     let antialias = capture.antialias.unwrap_or(gaussians.antialiased);
     let [low, high] = capture.crop.map_or([Vec3::NEG_INFINITY, Vec3::INFINITY], |crop| crop.map(DVec3::as_vec3));
-    let centre = transform(&view.posed.screen_from_model, view.posed.screen_origin, &position);
+    let strip = Strip::of(&view.raster).filter(|_| view.posed.moves);
+    let (mut centre, mut motion) = (
+        transform(&view.posed.screen_from_model, view.posed.screen_origin, &position),
+        [[0.0; LANES]; 3],
+    );
     let m = view.posed.screen_from_model.to_cols_array_2d();
+    let turn_of_m = view.posed.motion_from_model.to_cols_array_2d();
+    if strip.is_some() {
+        centre = transform(&view.posed.centre_from_model, view.posed.centre_origin, &position);
+        motion = transform(&view.posed.motion_from_model, view.posed.motion_origin, &position);
+    }
     let half = [0, 1].map(|i| FIELD * 0.5 * view.size[i] as f32 / view.stride);
     let volume = gaussians.optics != Optics::Alpha;
     let dilation = if volume { view.variance } else { DILATION / (view.stride * view.stride) };
@@ -190,6 +199,14 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
     let faintest = FAINTEST.log2();
     let mut seen = [0_u32; LANES];
     for l in 0..LANES {
+        let of = |v: &[Lanes; 3]| [v[0][l], v[1][l], v[2][l]];
+        let landing = strip.as_ref().map(|strip| (strip.axis, Landing::new(strip, of(&centre), of(&motion))));
+        let time = landing.map_or(0.0, |(_, landing)| landing.time);
+        if landing.is_some() {
+            for c in 0..3 {
+                centre[c][l] += time * motion[c][l];
+            }
+        }
         let depth = centre[2][l];
         let over = 1.0 / depth;
         let (x, y) = (centre[0][l] * over, centre[1][l] * over);
@@ -207,7 +224,13 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
         let mut v = [0.0; 3];
         let mut e = [0.0; 3];
         for k in 0..3 {
-            let on_screen = |row: usize| m[0][row] * axes[k][0] + m[1][row] * axes[k][1] + m[2][row] * axes[k][2];
+            let apply = |m: &[[f32; 3]; 3], row: usize| {
+                m[0][row] * axes[k][0] + m[1][row] * axes[k][1] + m[2][row] * axes[k][2]
+            };
+            let on_screen = |row: usize| match landing {
+                None => apply(&m, row),
+                Some(_) => apply(&m, row) + time * apply(&turn_of_m, row),
+            };
             let scale = s[k] * over;
             let away = on_screen(2);
             u[k] = (on_screen(0) - jx * away) * scale;
@@ -237,6 +260,14 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
         // Nothing gets through more.
         let peak = if volume & (peak > MOST_DEPTH) { MOST_DEPTH } else { peak };
         let faintest = if volume { -least_power(peak) } else { faintest };
+        // Rows beside the centre's see it displaced, as the filter has widened it.
+        let (wide_xx, xy, wide_yy, determinant) = match landing {
+            None => (wide_xx, xy, wide_yy, determinant),
+            Some((axis, landing)) => {
+                let [xx, xy, yy] = landing.spread(axis, [wide_xx, xy, wide_yy]);
+                (xx, xy, yy, determinant * landing.along * landing.along)
+            }
+        };
         let over_xx = 1.0 / wide_xx;
         shape.along[l] = HALF_LOG2_E * over_xx;
         shape.slope[l] = xy * over_xx;

@@ -1,0 +1,167 @@
+//! A rolling shutter: the strips of a raster that are posed together.
+//!
+//! Each row (or column) of the image has times of its own. A strip holds so many neighbouring ones that everything
+//! moves almost steadily while it is read out. It is a raster of its own, posed at the time of its middle; `project`
+//! finds for each splat when the row on which it lands is read out (docs/math.md, section 15).
+
+use std::ops::Range;
+
+use glam::{DMat3, DMat4, DVec2, DVec3};
+
+use crate::math::focal_length;
+use crate::model::paths::elapsed;
+use crate::scene::pose::{camera_from_world, jumps, object_pose};
+use crate::scene::{Object, Scene};
+use crate::time::{FrameNumber, Readout};
+
+/// Farthest that anything may be from steady motion while a strip is read out, pixels.
+const BEND: f64 = 0.05;
+/// Farthest that a camera may turn while a strip is read out, radians: highlights and what is mirrored are those of the
+/// middle of a strip.
+const TURN: f64 = 0.0175;
+/// Most poses that are looked at.
+const MOST_POSES: usize = 50_000;
+/// Times at which the motion of an object is looked at.
+const WINDOWS: usize = 48;
+/// Most points of an object whose motion is looked at.
+const MOST_POINTS: usize = 256;
+
+/// The strips of all rasters of a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Strips {
+    readout: Readout,
+    /// Pixels of the image along the read-out.
+    pixels: u32,
+    /// Pixels of the image from one pixel of a raster to the next.
+    stride: u32,
+    /// Raster pixels along the read-out at which strips begin, and where the last one ends.
+    edges: Vec<u32>,
+}
+
+/// When a strip is read out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Delay {
+    /// Of its middle, frames.
+    pub middle: f64,
+    /// From its middle to its later edge in the image (bottom or right), frames; negative where that is read out first.
+    pub half: f64,
+}
+
+impl Strips {
+    /// The strips of frame `number`, whose samples lie between `times` (scene times, frames, without delays). `None`
+    /// where all pixels are exposed at once.
+    pub(super) fn of(scene: &Scene, number: FrameNumber, times: [f64; 2], stride: u32) -> Option<Self> {
+        let readout = scene.shutter.readout;
+        if !readout.rolls() {
+            return None;
+        }
+        let pixels = [scene.image.width, scene.image.height][readout.direction.axis()];
+        let rows = pixels.div_ceil(stride);
+        let count = count(scene, number.get(), times, rows).clamp(1, rows);
+        let edges = (0..=count).map(|i| (u64::from(i) * u64::from(rows) / u64::from(count)) as u32).collect();
+        Some(Self { readout, pixels, stride, edges })
+    }
+
+    /// The axis of the image along which times change: 0 for columns, 1 for rows.
+    pub(super) fn axis(&self) -> usize {
+        self.readout.direction.axis()
+    }
+
+    /// Pixels of a raster, from its top or left edge on.
+    pub(super) fn ranges(&self) -> impl Iterator<Item = Range<u32>> {
+        self.edges.windows(2).map(|edges| edges[0]..edges[1])
+    }
+
+    /// When the pixels `range` of the raster with this phase are read out.
+    pub(super) fn delay(&self, range: &Range<u32>, phase: [u32; 2]) -> Delay {
+        let (pixels, stride) = (f64::from(self.pixels), f64::from(self.stride));
+        let middle = 0.5 * (f64::from(range.start) + f64::from(range.end));
+        let place = ((middle - 0.5) * stride + f64::from(phase[self.axis()]) + 0.5) / pixels;
+        let half = 0.5 * f64::from(range.end - range.start) * stride / pixels;
+        let sign = if self.readout.direction.rises() { 1.0 } else { -1.0 };
+        // Within one row nothing is read out later.
+        let half = if range.len() > 1 { half * sign * self.readout.duration } else { 0.0 };
+        Delay { middle: self.readout.delay(place), half }
+    }
+}
+
+/// How many strips there are, of at most `rows`.
+fn count(scene: &Scene, number: f64, times: [f64; 2], rows: u32) -> u32 {
+    let readout = scene.shutter.readout;
+    let [first, last] = readout.delays();
+    let range = [times[0] + first, times[1] + last];
+    let rests = |object: &Object| object.is_fixed() && object.model.paths().is_empty() && scene.camera.rests();
+    let moving: Vec<&Object> = scene.objects.iter().filter(|object| object.blur && !rests(object)).collect();
+    if moving.is_empty() && scene.camera.rests() {
+        return 1;
+    }
+    // A jump lies between two rows, which are others at each sample.
+    if !jumps(scene, range[0], range[1]).is_empty() {
+        return rows;
+    }
+    let windows = (MOST_POSES / 5 / moving.len().max(1)).clamp(4, WINDOWS);
+    let mut count = 1;
+    while count < rows {
+        let length = readout.duration / f64::from(count);
+        let starts = (0..windows).map(|i| {
+            let share = i as f64 / (windows - 1) as f64;
+            range[0] + (range[1] - range[0] - length).max(0.0) * share
+        });
+        let steady = |start: f64| {
+            turn(scene, start, length) <= TURN
+                && moving.iter().all(|object| bend(scene, object, number, start, length) <= BEND)
+        };
+        if starts.into_iter().all(steady) {
+            return count;
+        }
+        count *= 2;
+    }
+    rows
+}
+
+/// Angle by which the camera turns from `start` on in `length` frames, radians.
+fn turn(scene: &Scene, start: f64, length: f64) -> f64 {
+    if scene.camera.rests() {
+        return 0.0;
+    }
+    let [a, b] = [start, start + length].map(|time| DMat3::from_mat4(camera_from_world(scene, time)));
+    // The chord between the axes that turn farthest.
+    let chords = [(a.x_axis, b.x_axis), (a.y_axis, b.y_axis), (a.z_axis, b.z_axis)];
+    chords.into_iter().map(|(a, b)| a.distance(b)).fold(0.0, f64::max)
+}
+
+/// Farthest that a point of an object is from steady motion between `start` and `start + length`, pixels: the motion
+/// that its poses at the middle and at both ends make (`Poser`). Points outside the image do not count.
+fn bend(scene: &Scene, object: &Object, number: f64, start: f64, length: f64) -> f64 {
+    let [width, height] = [scene.image.width, scene.image.height].map(f64::from);
+    let focal = focal_length(height, scene.camera.fovy);
+    let axis = scene.camera.shift * DVec2::new(width, height);
+    let paths = object.model.paths();
+    let at = |share: f64| {
+        let time = start + share * length;
+        let pose: DMat4 = camera_from_world(scene, time) * object_pose(scene, object, time).world_from_model;
+        let travelled = if paths.is_empty() { 0.0 } else { object.travelled(scene.frames.rate, number, time) };
+        (pose, elapsed(travelled).map(|factor| factor as f32))
+    };
+    let poses = [0.0, 0.25, 0.5, 0.75, 1.0].map(at);
+    // y is up here.
+    let on_image = |p: DVec3| DVec2::new(p.x, p.y) * (focal / -p.z);
+    let inside = |p: DVec2| (p.x + axis.x).abs() <= 0.5 * width && (axis.y - p.y).abs() <= 0.5 * height;
+    let positions = object.model.gaussians().map_or(&object.model.position, |gaussians| &gaussians.position);
+    let of_point = |index: usize| {
+        let places = poses.map(|(pose, elapsed)| {
+            pose.transform_point3(paths.place(positions[index], index, elapsed).as_dvec3() + object.model.origin)
+        });
+        if places.iter().any(|p| p.is_nan() || -p.z < scene.camera.near) || !places.map(on_image).map(inside).contains(&true)
+        {
+            return 0.0;
+        }
+        let [from, early, middle, late, to] = places;
+        let centre = middle + (0.5 * (from + to) - middle) * 0.5;
+        let half = 0.5 * (to - from);
+        let steady = [(-1.0, from), (-0.5, early), (0.0, middle), (0.5, late), (1.0, to)];
+        steady.into_iter().map(|(t, p)| on_image(centre + half * t).distance(on_image(p))).fold(0.0, f64::max)
+    };
+    let step = positions.len().div_ceil(MOST_POINTS).max(1);
+    (0..positions.len()).step_by(step).map(of_point).fold(0.0, f64::max)
+}
