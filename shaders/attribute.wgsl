@@ -63,7 +63,15 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = 3u * surfel;
     let column = 3u * segment.buffer_surfels;
     var normal = vec3<f32>(looks[at], looks[at + 1u], looks[at + 2u]);
-    normal = unit(apply_linear(segment.normal, normal));
+    var turned_normal = apply_linear(segment.normal, normal);
+    let place = splats[SPLATS * slot + PART].reference;
+    if view.strip != 0.0 && splats[SPLATS * slot + PART].centre_depth > 0.0 {
+        // When the row is read out on which the centre lands.
+        let half = abs(view.strip);
+        let time = (select(place.x, place.y, view.strip > 0.0) - half) / half;
+        turned_normal += time * apply_linear(travels[segment.index].turn, normal);
+    }
+    normal = unit(turned_normal);
     if (splats[SPLATS * slot + PART].flags & FLAG_BACK) != 0u {
         normal = -normal;
     }

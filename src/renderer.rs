@@ -273,6 +273,9 @@ fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
     {
         return Err(BackendError::Filter { weight: swept.weight });
     }
+    if let (true, Quality::Mode(BlurMode::Volumetric { .. })) = (scene.shutter.readout.rolls(), options.quality) {
+        return Err(BackendError::RollingShutter);
+    }
     let transparent = |object: &&Object| object.model.gaussians().is_some() || object.is_see_through();
     let transparent = scene.objects.iter().find(transparent);
     if let (Some(object), Quality::Mode(BlurMode::Volumetric { .. })) = (transparent, options.quality) {

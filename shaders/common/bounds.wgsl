@@ -43,7 +43,7 @@ fn tiles_in(bounds: vec4<u32>) -> u32 {
         return select(count, WIDE, is_wide);
     }
     var found = 0u;
-    let ends = select(tiles, tiles / BLOCK_TILES, is_wide);
+    let ends = select(tiles, (bounds + view.first.xxyy) / BLOCK, is_wide);
     for (var y = ends.z; y <= ends.w; y += 1u) {
         for (var x = ends.x; x <= ends.y; x += 1u) {
             if is_wide && is_wanted_block(vec2<u32>(x, y)) { return WIDE; }

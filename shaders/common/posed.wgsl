@@ -20,6 +20,9 @@ struct Posed {
     c: vec3<f32>,
     u: vec3<f32>,
     v: vec3<f32>,
+    // The axes as the pixels around the centre see them: x and y times depth.
+    seen_u: vec2<f32>,
+    seen_v: vec2<f32>,
 }
 
 // Surfel `index` of the segment. `margin`: pixels by which bounds are wider than what it touches.
@@ -27,24 +30,37 @@ fn posed(index: u32, margin: f32) -> Posed {
     var out: Posed;
     let at = 3u * (segment.first_surfel + index);
     let column = 3u * segment.buffer_surfels;
-    let c = apply(travels[segment.index].centre, placed(at));
+    let position = placed(at);
+    var c = apply(travels[segment.index].centre, position);
     let at_u = at + column;
-    let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
+    let axis_u = vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]);
+    var u = apply_linear(segment.screen, axis_u);
     let at_v = at_u + column;
-    let v = apply_linear(segment.screen, vec3<f32>(geometry[at_v], geometry[at_v + 1u], geometry[at_v + 2u]));
+    let axis_v = vec3<f32>(geometry[at_v], geometry[at_v + 1u], geometry[at_v + 2u]);
+    var v = apply_linear(segment.screen, axis_v);
+    var lands = Landing(0.0, 1.0, 0.0, 0.0);
+    if reads_out() {
+        let advance = rates(at, travels[segment.index].advance);
+        let motion =
+            apply(travels[segment.index].motion, position) + apply_linear(travels[segment.index].centre, advance);
+        lands = landing(c, motion);
+        c += lands.time * motion;
+        u += lands.time * apply_linear(travels[segment.index].motion, axis_u);
+        v += lands.time * apply_linear(travels[segment.index].motion, axis_v);
+    }
     if !(all_finite(c) && all_finite(u) && all_finite(v)) { return out; }
 
     let depth = c.z;
     let inverse = 1.0 / depth;
     let x = c.x * inverse;
     let y = c.y * inverse;
-    let ux = u.x - x * u.z;
-    let uy = u.y - y * u.z;
-    let vx = v.x - x * v.z;
-    let vy = v.y - y * v.z;
+    var ux = u.x - x * u.z;
+    var uy = u.y - y * u.z;
+    var vx = v.x - x * v.z;
+    var vy = v.y - y * v.z;
     // Signed area of the projected axes. The splat faces the viewer if det [u v centre] < 0. One that is seen edge-on
     // covers nothing.
-    let area = ux * vy - uy * vx;
+    var area = ux * vy - uy * vx;
     let det = area * depth * segment.handedness;
     let two_sided = (segment.flags & 1u) != 0u;
     let reach2 = u.z * u.z + v.z * v.z;
@@ -54,6 +70,21 @@ fn posed(index: u32, margin: f32) -> Posed {
     out.c = c;
     out.u = u;
     out.v = v;
+    let shows_back = !(area * segment.handedness < 0.0);
+    var recede = vec2<f32>(0.0);
+    if reads_out() {
+        // What rows beside the centre's see, they see earlier or later.
+        let seen_u = displaced(lands, vec2<f32>(ux, uy));
+        let seen_v = displaced(lands, vec2<f32>(vx, vy));
+        ux = seen_u.x;
+        uy = seen_u.y;
+        vx = seen_v.x;
+        vy = seen_v.y;
+        area *= lands.along;
+        recede = turned(vec2<f32>(lands.recede * inverse * inverse, 0.0));
+    }
+    out.seen_u = vec2<f32>(ux, uy);
+    out.seen_v = vec2<f32>(vx, vy);
     out.splat.surfel = segment.buffer_start + segment.first_surfel + index;
     out.splat.flags = segment.index << 1u;
     if depth <= 0.0 || d22 > -1e-3 * depth * depth {
@@ -76,15 +107,15 @@ fn posed(index: u32, margin: f32) -> Posed {
     out.kind = ORDINARY;
     out.bounds = bounds_of(across, down);
     out.splat.reference = reference;
-    out.splat.inverse_depth[0] = (uy * v.z - u.z * vy) * over_both;
-    out.splat.inverse_depth[1] = (u.z * vx - ux * v.z) * over_both;
+    out.splat.inverse_depth[0] = (uy * v.z - u.z * vy) * over_both - recede.x;
+    out.splat.inverse_depth[1] = (u.z * vx - ux * v.z) * over_both - recede.y;
     out.splat.inverse_depth[2] = inverse;
     out.splat.u[0] = vy * over_area;
     out.splat.u[1] = -vx * over_area;
     out.splat.v[0] = -uy * over_area;
     out.splat.v[1] = ux * over_area;
     out.splat.centre_depth = select(0.0, depth, depth >= view.near);
-    out.splat.flags |= select(FLAG_BACK, 0u, area * segment.handedness < 0.0);
+    out.splat.flags |= select(0u, FLAG_BACK, shows_back);
     return out;
 }
 

@@ -80,6 +80,10 @@ struct View {
     environment: vec4<f32>,
     // Standard deviation of what the sample position sees of the scene, raster pixels.
     pixel: f32,
+    // Half the rows of a strip that is read out row by row, raster pixels; minus half its columns where columns are read
+    // out; 0 where all pixels are exposed at once. First pixel of the strip in the raster.
+    strip: f32,
+    first: vec2<u32>,
 }
 
 // Bits of `View.surfels`: thresholds hold opaque surfels; there are layers of see-through surfels.
@@ -123,6 +127,8 @@ struct Travel {
     // Factors on the columns of the surfels' paths: what the centres travelled by themselves, and what they move.
     elapsed: vec4<f32>,
     advance: vec4<f32>,
+    // Change of the normal's transform from the middle to the last row of a strip that is read out.
+    turn: array<vec4<f32>, 3>,
     // Units of time of the paths in a shutter.
     pace: f32,
     // Columns of floats in `geometry` before the normalisation: 9, and 3 for each column of the paths.

@@ -52,12 +52,10 @@ fn filter_kernel(
     let v = surfel.v;
     let depth = surfel.c.z;
     let inverse = 1.0 / depth;
-    let x = surfel.c.x * inverse;
-    let y = surfel.c.y * inverse;
-    let ux = u.x - x * u.z;
-    let uy = u.y - y * u.z;
-    let vx = v.x - x * v.z;
-    let vy = v.y - y * v.z;
+    let ux = surfel.seen_u.x;
+    let uy = surfel.seen_u.y;
+    let vx = surfel.seen_v.x;
+    let vy = surfel.seen_v.y;
     // J, pixels a unit of u and of v.
     let jux = ux * inverse;
     let juy = uy * inverse;

@@ -24,6 +24,9 @@ override VELOCITY: bool = false;
 struct CaptureSegment {
     screen: array<vec4<f32>, 3>,
     rate: array<vec4<f32>, 3>,
+    // Transform of centres, and its change from the middle to the last row of a strip that is read out.
+    centre: array<vec4<f32>, 3>,
+    motion: array<vec4<f32>, 3>,
     // The eye in model space. Least depth that is drawn.
     eye: vec3<f32>,
     near: f32,
@@ -80,8 +83,15 @@ fn gaussian_project(@builtin(global_invocation_id) id: vec3<u32>) {
     let slot = segment.first_slot + id.x;
     let at = 3u * id.x;
     let position = vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]);
-    let centre = apply(segment.screen, position);
-    var splat = projected(id.x, position, centre);
+    var centre = apply(segment.screen, position);
+    var lands = Landing(0.0, 1.0, 0.0, 0.0);
+    if reads_out() {
+        centre = apply(segment.centre, position);
+        let motion = apply(segment.motion, position);
+        lands = landing(centre, motion);
+        centre += lands.time * motion;
+    }
+    var splat = projected(id.x, position, centre, lands);
     if unpack(splat.bounds).x <= unpack(splat.bounds).y {
         let colour = colour_of(id.x, position);
         splat.colour = array<f32, 3>(colour.x, colour.y, colour.z);
@@ -103,7 +113,7 @@ fn key_of(depth: f32) -> u32 {
 }
 
 // All but colour and velocity.
-fn projected(i: u32, position: vec3<f32>, centre: vec3<f32>) -> DeviceGaussian {
+fn projected(i: u32, position: vec3<f32>, centre: vec3<f32>, lands: Landing) -> DeviceGaussian {
     let n = segment.count;
     let sigma_at = 3u * (n + i);
     let turn_at = 6u * n + 4u * i;
@@ -125,22 +135,22 @@ fn projected(i: u32, position: vec3<f32>, centre: vec3<f32>) -> DeviceGaussian {
     let axis_z =
         vec3<f32>(2.0 * (qx * qz + qw * qy), 2.0 * (qy * qz - qw * qx), 1.0 - 2.0 * (qx * qx + qy * qy));
     // The same on the screen, pixels.
-    let first = on_screen(axis_x, jx, jy, geometry[sigma_at] * over);
-    let second = on_screen(axis_y, jx, jy, geometry[sigma_at + 1u] * over);
-    let third = on_screen(axis_z, jx, jy, geometry[sigma_at + 2u] * over);
+    let first = on_screen(axis_x, lands.time, jx, jy, geometry[sigma_at] * over);
+    let second = on_screen(axis_y, lands.time, jx, jy, geometry[sigma_at + 1u] * over);
+    let third = on_screen(axis_z, lands.time, jx, jy, geometry[sigma_at + 2u] * over);
     let u = vec3<f32>(first.x, second.x, third.x);
     let v = vec3<f32>(first.y, second.y, third.y);
     let e = vec3<f32>(first.z, second.z, third.z);
     let xx = u.x * u.x + u.y * u.y + u.z * u.z;
     let yy = v.x * v.x + v.y * v.y + v.z * v.z;
-    let xy = u.x * v.x + u.y * v.y + u.z * v.z;
+    var xy = u.x * v.x + u.y * v.y + u.z * v.z;
     // |V| as the square of a vector product: the difference of products would cancel for long thin splats.
     let c = vec3<f32>(u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x);
     let unfiltered = c.x * c.x + c.y * c.y + c.z * c.z;
     let dilation = segment.dilation;
     let determinant = unfiltered + dilation * (xx + yy) + dilation * dilation;
-    let wide_xx = xx + dilation;
-    let wide_yy = yy + dilation;
+    var wide_xx = xx + dilation;
+    var wide_yy = yy + dilation;
     var lost = 1.0;
     if (segment.flags & FLAG_ANTIALIAS) != 0u { lost = sqrt(unfiltered / determinant); }
     let is_volume = (segment.flags & FLAG_VOLUME) != 0u;
@@ -162,6 +172,15 @@ fn projected(i: u32, position: vec3<f32>, centre: vec3<f32>) -> DeviceGaussian {
         faintest = -least_power(peak);
         shift = bend.shift;
     }
+    var area = determinant;
+    if reads_out() {
+        // Rows beside the centre's see it displaced, as the filter has widened it.
+        let seen = spread(lands, vec3<f32>(wide_xx, xy, wide_yy));
+        wide_xx = seen.x;
+        xy = seen.y;
+        wide_yy = seen.z;
+        area *= lands.along * lands.along;
+    }
     let over_xx = 1.0 / wide_xx;
     let reach = (peak + faintest) * (1.0 / HALF_LOG2_E);
     let reach_x = sqrt(reach * wide_xx);
@@ -171,7 +190,7 @@ fn projected(i: u32, position: vec3<f32>, centre: vec3<f32>) -> DeviceGaussian {
     out.reference = view.axis + vec2<f32>(x, y) + shift;
     out.along = HALF_LOG2_E * over_xx;
     out.slope = xy * over_xx;
-    out.across = HALF_LOG2_E * wide_xx / determinant;
+    out.across = HALF_LOG2_E * wide_xx / area;
     out.peak = peak;
     out.depth = depth;
     out.index = segment.first_index + i;
@@ -188,10 +207,11 @@ fn projected(i: u32, position: vec3<f32>, centre: vec3<f32>) -> DeviceGaussian {
 }
 
 // An axis of a Gaussian on the screen, by the derivative of the projection at (jx, jy), and its depth over that of the
-// centre; `scale`: its length over the depth.
-fn on_screen(axis: vec3<f32>, jx: f32, jy: f32, scale: f32) -> vec3<f32> {
-    let turned = apply_linear(segment.screen, axis);
-    return vec3<f32>((turned.x - jx * turned.z) * scale, (turned.y - jy * turned.z) * scale, turned.z * scale);
+// centre; `scale`: its length over the depth. `time`: when it lands on a strip.
+fn on_screen(axis: vec3<f32>, time: f32, jx: f32, jy: f32, scale: f32) -> vec3<f32> {
+    var posed = apply_linear(segment.screen, axis);
+    if reads_out() { posed += time * apply_linear(segment.motion, axis); }
+    return vec3<f32>((posed.x - jx * posed.z) * scale, (posed.y - jy * posed.z) * scale, posed.z * scale);
 }
 
 // The least positive float that every device holds.

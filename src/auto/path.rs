@@ -22,14 +22,19 @@ const INTERVALS: u32 = 16;
 /// outside the image do not count, nor do those on which its object is hidden.
 pub(super) fn longest(scene: &Scene, number: FrameNumber) -> f64 {
     let most = (MEASURED_TOGETHER / scene.objects.len().max(1)).clamp(LEAST, MEASURED);
-    let of_parts = |parts: &[Object]| parts.iter().map(|part| of_object(scene, part, number, most)).sum::<f64>();
+    let delays = scene.shutter.readout.some_delays();
+    let of_parts = |parts: &[Object]| {
+        let at = |delay: &f64| parts.iter().map(|part| of_object(scene, part, number, *delay, most)).sum::<f64>();
+        delays.iter().map(at).fold(0.0, f64::max)
+    };
     // Parts of an object follow one another in time.
     let objects: Vec<&[Object]> = scene.objects.chunk_by(|_, next| next.is_part).collect();
     objects.into_par_iter().map(of_parts).reduce(|| 0.0, f64::max)
 }
 
-/// The same for `object`, by the paths of about `most` surfels.
-fn of_object(scene: &Scene, object: &Object, number: FrameNumber, most: usize) -> f64 {
+/// The same for `object`, by the paths of about `most` surfels, while the pixels are exposed that are read out with this
+/// delay (frames).
+fn of_object(scene: &Scene, object: &Object, number: FrameNumber, delay: f64, most: usize) -> f64 {
     if !object.blur {
         return 0.0;
     }
@@ -37,7 +42,7 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber, most: usize) -
     let focal = focal_length(height, scene.camera.fovy);
     let paths = object.model.paths();
     let poses = (0..=INTERVALS).map(|i| {
-        let time = scene.shutter.frame_time(number.get(), f64::from(i) / f64::from(INTERVALS));
+        let time = scene.shutter.frame_time(number.get(), f64::from(i) / f64::from(INTERVALS)) + delay;
         let pose = object_pose(scene, object, time);
         let travelled = if paths.is_empty() { 0.0 } else { object.travelled(scene.frames.rate, number.get(), time) };
         let elapsed = elapsed(travelled).map(|factor| factor as f32);

@@ -33,7 +33,9 @@ impl Strata {
         let at = |t: f64| shutter.frame_time(number.get(), t);
         let [open, close] = [at(0.0), at(1.0)];
         let share = |time: f64| shutter.weight.integral(0.0, ((time - open) / (close - open)).clamp(0.0, 1.0));
-        let mut cuts: Vec<f64> = jumps(scene, open, close).into_iter().map(share).collect();
+        // Rows that are read out one after the other see a jump at other times of their exposures.
+        let jumps = if shutter.readout.rolls() { Vec::new() } else { jumps(scene, open, close) };
+        let mut cuts: Vec<f64> = jumps.into_iter().map(share).collect();
         cuts.insert(0, 0.0);
         cuts.push(1.0);
         Self::of_parts(&mut cuts, samples, most)

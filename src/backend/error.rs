@@ -36,6 +36,12 @@ pub enum BackendError {
         /// Name of the object.
         object: String,
     },
+    /// Kernels in motion are not read out row by row.
+    #[error(
+        "mode `volumetric` has no rolling shutter: its kernels would be swept anew for every few rows; take \
+         `supersample`, `bucket` or `auto`, or `readout=\"0\"` in <shutter> (`--readout 0`)"
+    )]
+    RollingShutter,
     /// Captures are composited over a background that is known at each instant.
     #[error(
         "object `{object}` is a capture with colours for the display, which cannot be composited over an environment: \

@@ -18,8 +18,11 @@ const TIMES: u32 = 32;
 #[derive(Clone, Debug)]
 pub struct Panorama {
     surroundings: Surroundings,
-    /// Camera axes in world space, and shares of the exposure.
-    cameras: Vec<(Mat3, f32)>,
+    /// Camera axes in world space, and shares of the exposure: of all pixels, or of each row or column that is read out
+    /// by itself.
+    cameras: Vec<Vec<(Mat3, f32)>>,
+    /// The axis along which pixels are read out: 0 for columns, 1 for rows.
+    readout: usize,
     size: [u32; 2],
     focal: f32,
     /// Pixel at which the camera's axis meets the image.
@@ -38,18 +41,28 @@ impl Panorama {
             strata.into_iter().map(|(t, weight)| (scene.shutter.frame_time(number.get(), t), weight)).collect()
         };
         let times: Vec<(f64, f64)> = at.map_or_else(strata, |time| vec![(time, 1.0)]);
-        let camera = |(time, weight): (f64, f64)| {
+        let camera = |time: f64, weight: f64| {
             let camera = camera_from_world(scene, time);
             (DMat3::from_mat4(camera).transpose().as_mat3(), weight as f32)
         };
         let height = scene.image.height;
+        let readout = &scene.shutter.readout;
+        let axis = readout.direction.axis();
+        let pixels = [scene.image.width, height][axis];
+        let delays: Vec<f64> = if readout.rolls() && !scene.camera.rests() {
+            (0..pixels).map(|pixel| readout.delay((f64::from(pixel) + 0.5) / f64::from(pixels))).collect()
+        } else {
+            vec![0.0]
+        };
+        let of_delay = |delay: f64| times.iter().map(|&(time, weight)| camera(time + delay, weight)).collect();
         let variance = match filter {
             PixelFilter::Box | PixelFilter::Point => 1.0 / 12.0,
             PixelFilter::Gaussian { sigma } => (sigma * sigma) as f32,
         };
         Some(Self {
             surroundings: environment.surroundings(),
-            cameras: times.into_iter().map(camera).collect(),
+            cameras: delays.into_iter().map(of_delay).collect(),
+            readout: axis,
             size: [scene.image.width, height],
             axis: [0, 1].map(|i| ((0.5 + scene.camera.shift[i]) * f64::from([scene.image.width, height][i])) as f32),
             focal: focal_length(f64::from(height), scene.camera.fovy) as f32,
@@ -70,12 +83,14 @@ impl Panorama {
             (*camera * Vec3::new(x + dx, -(y + dy), -self.focal)).normalize()
         };
         let mut sum = Vec3::ZERO;
-        for (i, (camera, share)) in self.cameras.iter().enumerate() {
+        let read = (pixel[self.readout] as usize).min(self.cameras.len().saturating_sub(1));
+        let Some(cameras) = self.cameras.get(read) else { return sum };
+        for (i, (camera, share)) in cameras.iter().enumerate() {
             let middle = towards(camera, 0.0, 0.0);
             let beside = towards(camera, 1.0, 0.0).distance_squared(middle);
             let below = towards(camera, 0.0, 1.0).distance_squared(middle);
             // What passes by between two times is a part of the exposure, too.
-            let next = self.cameras.get(i + 1).or_else(|| self.cameras.get(i.wrapping_sub(1)));
+            let next = cameras.get(i + 1).or_else(|| cameras.get(i.wrapping_sub(1)));
             let travelled = next.map_or(0.0, |(next, _)| towards(next, 0.0, 0.0).distance_squared(middle));
             let variance = 0.5 * self.variance * (beside + below) + travelled / 24.0;
             sum += self.surroundings.radiance(middle.to_array(), variance) * *share;

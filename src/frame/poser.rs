@@ -2,11 +2,11 @@
 
 use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
 
+use super::strips::Delay;
 use crate::film::Aov;
 use crate::model::Optics;
 use crate::model::paths::{Elapsed, elapsed};
 use crate::options::RenderOptions;
-use super::strips::Delay;
 use crate::plan::{Interval, PosedInterval};
 use crate::scene::pose::{ObjectPose, camera_from_world, object_pose, object_velocity};
 use crate::scene::{Light, Object, Scene};

@@ -152,7 +152,8 @@ fn bend(scene: &Scene, object: &Object, number: f64, start: f64, length: f64) ->
         let places = poses.map(|(pose, elapsed)| {
             pose.transform_point3(paths.place(positions[index], index, elapsed).as_dvec3() + object.model.origin)
         });
-        if places.iter().any(|p| p.is_nan() || -p.z < scene.camera.near) || !places.map(on_image).map(inside).contains(&true)
+        if places.iter().any(|p| p.is_nan() || -p.z < scene.camera.near)
+            || !places.map(on_image).map(inside).contains(&true)
         {
             return 0.0;
         }

@@ -100,6 +100,12 @@ impl Readout {
         self.duration * (passed - origin)
     }
 
+    /// Delays from one edge of the image to the other, for those who look at a few of them, frames; 0 alone where all
+    /// pixels are exposed at once.
+    pub fn some_delays(&self) -> Vec<f64> {
+        if self.rolls() { [0.0, 0.25, 0.5, 0.75, 1.0].map(|place| self.delay(place)).into() } else { vec![0.0] }
+    }
+
     /// Least and greatest delay of the image, frames.
     pub fn delays(&self) -> [f64; 2] {
         let [a, b] = [0.0, 1.0].map(|place| self.delay(place));

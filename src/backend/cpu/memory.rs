@@ -41,9 +41,8 @@ impl Budget {
         let all_tiles: u64 = sizes().map(tiles).map(|[x, y]| x * y).sum();
         let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
         // Other pictures, the film, the picture that it becomes, and its copy in the file's form.
-        let film = frame.picture_bytes
-            + all_tiles * TileFilm::bytes(planes.count)
-            + 2 * pixels * 4 * planes.count as u64;
+        let film =
+            frame.picture_bytes + all_tiles * TileFilm::bytes(planes.count) + 2 * pixels * 4 * planes.count as u64;
         // What the tiles of some rows need together, for as many rows as the bands shall have.
         let swept = frame.swept.is_some();
         let slices = swept.then(|| frame.slices() as usize);

@@ -7,7 +7,7 @@ use super::tiles::{LANES, ROWS, STRIDE, TILE, TileRect};
 use super::values::{add_lobes, unit};
 use crate::environment::Surroundings;
 use crate::film::{Film, FilmPlanes};
-use crate::frame::{RasterArea, PosedSample, Raster};
+use crate::frame::{PosedSample, Raster, RasterArea};
 use crate::layout::Channels;
 use crate::math::simd::dispatch;
 use crate::options::Shading;

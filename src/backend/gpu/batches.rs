@@ -97,15 +97,14 @@ impl Cutter<'_> {
         let frame = self.prepared.frame;
         // The window knows no motion of points.
         let still = self.prepared.clusters.get(object).filter(|_| frame.objects[object].paths().is_empty());
-        let Some((clusters, blocks)) = still.zip(frame.wanted.as_ref()) else {
-            return vec![buffer.surfels.clone()];
-        };
+        let Some(clusters) = still else { return vec![buffer.surfels.clone()] };
         let raster = self.raster;
         let one_sided = !frame.objects[object].two_sided;
         let object = &self.group.samples[sample].objects[object];
-        let blocks = Some(blocks);
+        let blocks = frame.wanted.as_ref();
         let eyes = object.eyes();
-        let window = Window { object, eyes, raster, pixels: PixelRect::of_image(raster.size), near: frame.near, blocks };
+        let window =
+            Window { object, eyes, raster, pixels: PixelRect::of_image(raster.size), near: frame.near, blocks };
         let mut parts: Vec<Range<usize>> = Vec::new();
         for cluster in buffer.surfels.start / CLUSTER_SURFELS..buffer.surfels.end.div_ceil(CLUSTER_SURFELS) {
             if !clusters.may_show(cluster, &window, one_sided) {

@@ -60,7 +60,8 @@ pub(in crate::backend) struct View {
     pub ends: u32,
     pub environment: [f32; 4],
     pub pixel: f32,
-    pub unused: [u32; 3],
+    pub strip: f32,
+    pub first: [u32; 2],
 }
 
 /// Bits of [`View::surfels`].
@@ -99,6 +100,7 @@ pub(in crate::backend) struct Travel {
     pub motion: [[f32; 4]; 3],
     pub elapsed: [f32; 4],
     pub advance: [f32; 4],
+    pub turn: [[f32; 4]; 3],
     pub pace: f32,
     pub columns: u32,
     pub unused: [u32; 2],
@@ -118,6 +120,8 @@ pub(in crate::backend) struct Light {
 pub(in crate::backend) struct CaptureSegment {
     pub screen: [[f32; 4]; 3],
     pub rate: [[f32; 4]; 3],
+    pub centre: [[f32; 4]; 3],
+    pub motion: [[f32; 4]; 3],
     pub eye: [f32; 3],
     pub near: f32,
     pub field: [f32; 2],
@@ -215,6 +219,7 @@ impl Travel {
             motion: rows(&posed.motion_from_model, posed.motion_origin),
             elapsed: factors(posed.elapsed),
             advance: factors(posed.advance),
+            turn: rows(&posed.normal_motion, Vec3::ZERO),
             pace: posed.pace,
             columns: 9 + 3 * object.paths().order() as u32,
             unused: [0; 2],
@@ -248,6 +253,12 @@ impl View {
             sigma: raster.sigma,
             footprint: raster.footprint,
             pixel: raster.pixel,
+            strip: match raster.readout {
+                None => 0.0,
+                Some(0) => -0.5 * raster.size[0] as f32,
+                Some(axis) => 0.5 * raster.size[axis] as f32,
+            },
+            first: raster.first,
             environment: frame.surroundings.as_ref().map_or([0.0; 4], |surroundings| {
                 let [cos, sin] = surroundings.turn;
                 [cos, sin, surroundings.intensity, channels.mirror]

@@ -10,7 +10,7 @@ use super::{DeviceState, Gpu, SOFTWARE_SLOTS};
 use crate::backend::BackendError;
 use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
-use crate::frame::{Blocks, Frame, FrameObject};
+use crate::frame::{Frame, FrameObject, Raster};
 use crate::model::Surfels;
 
 /// What stays the same while a frame is rendered.
@@ -24,7 +24,7 @@ pub(in crate::backend) struct Prepared<'a> {
     pub surfel_buffers: Vec<Vec<ModelBuffer>>,
     /// The buffers of each object's Gaussians.
     pub gaussian_buffers: Vec<Vec<ModelBuffer>>,
-    /// The clusters of each object, where only some blocks of the image are wanted.
+    /// The clusters of each object, where rasters show only a part of the image.
     pub clusters: Vec<Arc<Clusters>>,
     pub schedule: Schedule,
 }
@@ -77,7 +77,8 @@ impl Gpu {
         let wanted = wanted(frame);
         grow(device, &mut buffers.wanted, "blocks", 4 * wanted.len() as u64)?;
         device.queue.write_buffer(&buffers.wanted, 0, bytemuck::cast_slice(&wanted));
-        let in_part = frame.wanted.is_some() && frame.swept.is_none();
+        let strips = frame.rasters.len() as u32 > frame.stride * frame.stride;
+        let in_part = (frame.wanted.is_some() || strips) && frame.swept.is_none();
         let clusters = if in_part { self.clusters.of_frame(frame) } else { Vec::new() };
         Ok(Prepared { frame, channels, see_through, planes, surfel_buffers, gaussian_buffers, clusters, schedule })
     }
@@ -103,11 +104,12 @@ impl Gpu {
 }
 
 impl Prepared<'_> {
-    /// True if any block of the band is wanted.
-    pub(in crate::backend) fn wants(&self, band: Band) -> bool {
+    /// True if any block of the band of this raster is wanted.
+    pub(in crate::backend) fn wants(&self, raster: &Raster, band: Band) -> bool {
         let wanted = self.frame.wanted.as_ref().filter(|_| self.frame.swept.is_none());
-        let rows = [band.first_row, band.first_row + band.rows - 1].map(|row| (row * TILE) as usize / Blocks::EDGE);
-        wanted.is_none_or(|blocks| (rows[0]..=rows[1]).any(|y| (0..blocks.width).any(|x| blocks.at(x, y))))
+        let rows = [band.first_row * TILE, (band.first_row + band.rows) * TILE - 1].map(|row| row as usize);
+        let columns = [0, raster.size[0].max(1) as usize - 1];
+        wanted.is_none_or(|blocks| blocks.touch(raster.first, [columns[0], columns[1], rows[0], rows[1]]))
     }
 
     /// First byte and length of each band's part of the film.

@@ -100,6 +100,7 @@ const PROJECT: &str = wgsl!(
     "common/wanted.wgsl",
     "common/bounds.wgsl",
     "common/paths.wgsl",
+    "common/land.wgsl",
     "common/posed.wgsl",
     "project.wgsl",
 );
@@ -193,6 +194,7 @@ const EWA_PROJECT: &str = wgsl!(
     "common/wanted.wgsl",
     "common/bounds.wgsl",
     "common/paths.wgsl",
+    "common/land.wgsl",
     "common/posed.wgsl",
     "common/ewa.wgsl",
     "ewa/project.wgsl",
@@ -235,6 +237,7 @@ const GAUSSIAN_PROJECT: &str = wgsl!(
     "common/wanted.wgsl",
     "common/bounds.wgsl",
     "common/gaussian.wgsl",
+    "common/land.wgsl",
     "transparent/project.wgsl",
 );
 const GATHER: &str = wgsl!(

@@ -30,7 +30,7 @@ impl Gpu {
         let mut films = programs.film.iter();
         for (raster, of_raster) in frame.rasters.iter().enumerate() {
             for (band, film) in schedule.bands(raster).zip(&mut films) {
-                if !prepared.wants(band) {
+                if !of_raster.positions.first().is_some_and(|position| prepared.wants(&position.raster, band)) {
                     continue;
                 }
                 for position in &of_raster.positions {

@@ -88,6 +88,8 @@ fn segment(place: &Place<'_>, group: &PosedGroup, sample: usize, run: &Run, keep
     CaptureSegment {
         screen: rows(&posed.screen_from_model, posed.screen_origin),
         rate: rows(&posed.screen_rate, posed.screen_origin_rate),
+        centre: rows(&posed.centre_from_model, posed.centre_origin),
+        motion: rows(&posed.motion_from_model, posed.motion_origin),
         eye: posed.eye.to_array(),
         // Its depths count in the order of a group even where it is hidden.
         near: if posed.visible { posed.near } else { f32::MAX },

@@ -46,6 +46,7 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
         screen_rate: Mat3::ZERO,
         screen_origin_rate: Vec3::ZERO,
         normal_matrix: Mat3::IDENTITY,
+        normal_motion: Mat3::ZERO,
         world_from_model: Mat3::IDENTITY,
         world_origin: Vec3::ZERO,
         handedness: 1.0,
@@ -53,7 +54,9 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
     };
     let raster = Raster {
         size: [SIZE; 2],
-        phase: [0; 2],
+        origin: [0; 2],
+        first: [0; 2],
+        readout: None,
         axis: [SIZE as f32 / 2.0; 2],
         focal: focal as f32,
         low_pass: 0.0,
@@ -65,6 +68,7 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
     let pixels = PixelRect::of_image([SIZE; 2]);
     let view = View {
         object: &object,
+        eyes: object.eyes(),
         raster,
         pixels,
         corner: [0; 2],

@@ -64,6 +64,7 @@ fn clusters_that_are_left_out_hold_nothing() {
             screen_rate: Mat3::ZERO,
             screen_origin_rate: Vec3::ZERO,
             normal_matrix: Mat3::IDENTITY,
+            normal_motion: Mat3::ZERO,
             world_from_model: linear,
             world_origin: origin,
             handedness,
@@ -71,7 +72,9 @@ fn clusters_that_are_left_out_hold_nothing() {
         };
         let raster = Raster {
             size: [64; 2],
-            phase: [0; 2],
+            origin: [0; 2],
+            first: [0; 2],
+            readout: None,
             axis: [32.0; 2],
             focal: 90.0,
             low_pass: std::f32::consts::SQRT_2,
@@ -82,6 +85,7 @@ fn clusters_that_are_left_out_hold_nothing() {
         };
         let whole = View {
             object: &object,
+            eyes: object.eyes(),
             raster,
             pixels: PixelRect::of_image([64; 2]),
             corner: [0; 2],

@@ -56,6 +56,7 @@ impl Disc {
             screen_rate: Mat3::ZERO,
             screen_origin_rate: Vec3::ZERO,
             normal_matrix: Mat3::IDENTITY,
+            normal_motion: Mat3::ZERO,
             world_from_model: Mat3::IDENTITY,
             world_origin: Vec3::ZERO,
             handedness: 1.0,
@@ -63,7 +64,9 @@ impl Disc {
         };
         let raster = Raster {
             size: [SIZE; 2],
-            phase: [0; 2],
+            origin: [0; 2],
+            first: [0; 2],
+            readout: None,
             axis: [SIZE as f32 / 2.0; 2],
             focal: FOCAL as f32,
             low_pass: 0.0,
@@ -74,6 +77,7 @@ impl Disc {
         };
         let view = View {
             object: &object,
+            eyes: object.eyes(),
             raster,
             pixels: PixelRect::of_image([SIZE; 2]),
             corner: [0; 2],

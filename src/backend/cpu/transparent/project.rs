@@ -177,10 +177,8 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
     let antialias = capture.antialias.unwrap_or(gaussians.antialiased);
     let [low, high] = capture.crop.map_or([Vec3::NEG_INFINITY, Vec3::INFINITY], |crop| crop.map(DVec3::as_vec3));
     let strip = Strip::of(&view.raster).filter(|_| view.posed.moves);
-    let (mut centre, mut motion) = (
-        transform(&view.posed.screen_from_model, view.posed.screen_origin, &position),
-        [[0.0; LANES]; 3],
-    );
+    let (mut centre, mut motion) =
+        (transform(&view.posed.screen_from_model, view.posed.screen_origin, &position), [[0.0; LANES]; 3]);
     let m = view.posed.screen_from_model.to_cols_array_2d();
     let turn_of_m = view.posed.motion_from_model.to_cols_array_2d();
     if strip.is_some() {

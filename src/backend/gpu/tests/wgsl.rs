@@ -103,7 +103,9 @@ fn structs_lie_where_the_host_puts_them() {
             opaque_scale,
             ends,
             environment,
-            pixel
+            pixel,
+            strip,
+            first
         }
     );
     assert_same_layout!(
@@ -128,7 +130,7 @@ fn structs_lie_where_the_host_puts_them() {
             flags
         }
     );
-    assert_same_layout!(module, Travel { centre, motion, elapsed, advance, pace, columns });
+    assert_same_layout!(module, Travel { centre, motion, elapsed, advance, turn, pace, columns });
     assert_same_layout!(module, Light { vector, colour });
     let module = self::module(Program::BinScan);
     assert_same_layout!(module, Status { most_entries, splats_low, splats_high, left_out_low, left_out_high });
@@ -166,6 +168,8 @@ fn structs_of_captures_lie_where_the_host_puts_them() {
         CaptureSegment {
             screen,
             rate,
+            centre,
+            motion,
             eye,
             near,
             field,
