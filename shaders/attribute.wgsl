@@ -68,7 +68,7 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
     if view.strip != 0.0 && splats[SPLATS * slot + PART].centre_depth > 0.0 {
         // When the row is read out on which the centre lands.
         let half = abs(view.strip);
-        let time = (select(place.x, place.y, view.strip > 0.0) - half) / half;
+        let time = clamp((select(place.x, place.y, view.strip > 0.0) - half) / half, -1.0, 1.0);
         turned_normal += time * apply_linear(travels[segment.index].turn, normal);
     }
     normal = unit(turned_normal);

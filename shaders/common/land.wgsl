@@ -7,8 +7,11 @@ const LEAST_SPEED: f32 = 1.0 / 256.0;
 
 // What rows beside the one on which a centre lands see of it.
 struct Landing {
-    // When it lands: -1 at the first row of the strip, 1 at its last one.
+    // When it lands: -1 at the first row of the strip, 1 at its last one; what lands beside the strip is posed at the
+    // nearer of both.
     time: f32,
+    // From its place at that time to where it lands, pixels, x and y.
+    shift: vec2<f32>,
     // Factor on distances along the read-out.
     along: f32,
     // Displacement across the read-out, over that along it.
@@ -16,6 +19,8 @@ struct Landing {
     // Motion away from the eye from one row to the next, scene units.
     recede: f32,
 }
+
+const NO_LANDING: Landing = Landing(0.0, vec2<f32>(0.0), 1.0, 0.0, 0.0);
 
 // Is the view a strip that is read out row by row, or column by column?
 fn reads_out() -> bool {
@@ -42,14 +47,19 @@ fn landing(centre: vec3<f32>, motion: vec3<f32>) -> Landing {
     let constant = c.x - middle * centre.z;
     let square = linear * linear - 4.0 * quadratic * constant;
     let root = sqrt(max(square, 0.0));
-    let time = -2.0 * constant / (linear + sign * root);
     // Before the camera plane nothing lands.
-    if !(centre.z > 0.0 && centre.z + time * motion.z > 0.0) { return Landing(0.0, 1.0, 0.0, 0.0); }
+    if !(centre.z - abs(motion.z) > 0.0) { return NO_LANDING; }
+    let time = clamp(-2.0 * constant / (linear + sign * root), -1.0, 1.0);
     let inverse = 1.0 / (centre.z + time * motion.z);
-    let velocity = (m - (c + time * m) * inverse * motion.z) * inverse / half;
+    let place = (c + time * m) * inverse;
+    let velocity = (m - place * motion.z) * inverse / half;
     var speed = 1.0 - velocity.x;
     if !(abs(speed) > LEAST_SPEED) { speed = select(LEAST_SPEED, -LEAST_SPEED, speed < 0.0); }
-    return Landing(time, 1.0 / speed, velocity.y, motion.z / half);
+    let along = 1.0 / speed;
+    let beside = place.x - (middle + time * half);
+    let to_row = beside * along;
+    let shift = turned(vec2<f32>(to_row - beside, velocity.y * to_row));
+    return Landing(time, shift, along, velocity.y, motion.z / half);
 }
 
 // Displaces a vector on the screen as the rows beside see it.

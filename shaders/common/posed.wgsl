@@ -38,7 +38,7 @@ fn posed(index: u32, margin: f32) -> Posed {
     let at_v = at_u + column;
     let axis_v = vec3<f32>(geometry[at_v], geometry[at_v + 1u], geometry[at_v + 2u]);
     var v = apply_linear(segment.screen, axis_v);
-    var lands = Landing(0.0, 1.0, 0.0, 0.0);
+    var lands = NO_LANDING;
     if reads_out() {
         let advance = rates(at, travels[segment.index].advance);
         let motion =
@@ -95,7 +95,8 @@ fn posed(index: u32, margin: f32) -> Posed {
     if !finite(over_area) { return out; }
     let low_pass = select(0.0, view.low_pass, depth >= view.near);
     let inverse22 = 1.0 / d22;
-    let reference = view.axis + vec2<f32>(x, y) - view.offset;
+    var reference = view.axis + vec2<f32>(x, y) - view.offset;
+    if reads_out() { reference += lands.shift; }
     let wider = vec2<f32>(-margin, margin);
     let columns = extent(ux * ux + vx * vx, ux * u.z + vx * v.z, d22, inverse22, low_pass) + wider;
     let rows = extent(uy * uy + vy * vy, uy * u.z + vy * v.z, d22, inverse22, low_pass) + wider;

@@ -84,7 +84,7 @@ fn gaussian_project(@builtin(global_invocation_id) id: vec3<u32>) {
     let at = 3u * id.x;
     let position = vec3<f32>(geometry[at], geometry[at + 1u], geometry[at + 2u]);
     var centre = apply(segment.screen, position);
-    var lands = Landing(0.0, 1.0, 0.0, 0.0);
+    var lands = NO_LANDING;
     if reads_out() {
         centre = apply(segment.centre, position);
         let motion = apply(segment.motion, position);
@@ -181,6 +181,7 @@ fn projected(i: u32, position: vec3<f32>, centre: vec3<f32>, lands: Landing) -> 
         wide_yy = seen.z;
         area *= lands.along * lands.along;
     }
+    if reads_out() { shift += lands.shift; }
     let over_xx = 1.0 / wide_xx;
     let reach = (peak + faintest) * (1.0 / HALF_LOG2_E);
     let reach_x = sqrt(reach * wide_xx);

@@ -74,6 +74,8 @@ enum Model {
     Splash,
     /// File --number of a swarm, a sequence of five with ids and velocities
     Swarm,
+    /// Propeller of three blades that faces +z
+    Propeller,
     /// Environment to mirror: sky, windows, a floor of squares
     Studio,
     /// Cube from -1 to 1 of --size cells along each axis
@@ -182,6 +184,7 @@ impl Generate {
             Model::Fence => generate::fence(),
             Model::Splash => generate::splash(),
             Model::Swarm => generate::swarm(self.number.unwrap_or(generate::SWARM[0])),
+            Model::Propeller => generate::propeller(),
             // These are no clouds, and were written before.
             Model::Volume | Model::Studio => Cloud::default(),
             Model::Sphere => generate::sphere(self.surfels.unwrap_or(100_000)),

@@ -141,6 +141,39 @@ pub fn swarm(number: u32) -> Cloud {
     cloud
 }
 
+/// A propeller of radius 1 about z, which faces +z: three twisted blades, dark with yellow tips, and a red spinner.
+///
+/// With a from 0 to 1 across a blade and s from 0.12 to 1 along it, the blade that lies on x has the point (s, c (a -
+/// 1/2) cos w, c (a - 1/2) sin w): the chord c = 0.16 + 0.12 s - 0.2 s^2 is turned by w = 0.9 - 0.65 s radians.
+pub fn propeller() -> Cloud {
+    const ALONG: u32 = 220;
+    const ACROSS: u32 = 32;
+    const SPINNER: u32 = 2400;
+    let mut cloud = Cloud::default();
+    for blade in 0..3 {
+        let [sin, cos] = sin_cos(2.0 * PI / 3.0 * f64::from(blade));
+        let turned = |v: DVec3| DVec3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z);
+        for i in 0..ALONG {
+            let s = 0.12 + 0.88 * (f64::from(i) + 0.5) / f64::from(ALONG);
+            let chord = 0.16 + 0.12 * s - 0.2 * s * s;
+            let [rise, run] = sin_cos(0.9 - 0.65 * s);
+            let colour = if s > 0.88 { [240, 196, 40] } else { [58, 60, 66] };
+            for j in 0..ACROSS {
+                let a = chord * ((f64::from(j) + 0.5) / f64::from(ACROSS) - 0.5);
+                let place = DVec3::new(s, a * run, a * rise);
+                push(&mut cloud, turned(place), turned(DVec3::new(0.0, -rise, run)), 0.0065, colour);
+            }
+        }
+    }
+    // A half ball, three quarters as wide as it is long.
+    let lattice = sphere(2 * SPINNER);
+    for (&place, &normal) in lattice.position.iter().zip(&lattice.normal).filter(|(place, _)| place.z > -0.1) {
+        let stretched = (normal.as_dvec3() / DVec3::new(0.15, 0.15, 0.2)).normalize_or(DVec3::Z);
+        push(&mut cloud, place * DVec3::new(0.15, 0.15, 0.2), stretched, 0.0115, [190, 44, 36]);
+    }
+    cloud
+}
+
 fn sin_cos(x: f64) -> [f64; 2] {
     let (sin, cos) = libm::sincos(x);
     [sin, cos]

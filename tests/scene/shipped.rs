@@ -42,6 +42,7 @@ fn generated_models_are_what_the_generator_writes() {
     assert_shipped("floor.ply", &generate::floor());
     assert_shipped("fence.ply", &generate::fence());
     assert_shipped("splash.ply", &generate::splash());
+    assert_shipped("propeller.ply", &generate::propeller());
     for number in generate::SWARM[0]..=generate::SWARM[1] {
         assert_shipped(&format!("swarm.{number}.ply"), &generate::swarm(number));
     }

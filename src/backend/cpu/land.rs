@@ -27,15 +27,20 @@ impl Strip {
     /// When what lands at this place of the raster does: -1 at the first row, 1 at the last one.
     #[inline(always)]
     pub(in crate::backend) fn time(&self, place: [f32; 2]) -> f32 {
-        (place[self.axis] - self.half) / self.half
+        let time = (place[self.axis] - self.half) / self.half;
+        let time = if time > -1.0 { time } else { -1.0 };
+        if time < 1.0 { time } else { 1.0 }
     }
 }
 
 /// What rows beside the one on which a centre lands see of it.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::backend) struct Landing {
-    /// When it lands: -1 at the first row of the strip, 1 at its last one.
+    /// When it lands: -1 at the first row of the strip, 1 at its last one; what lands beside the strip is posed at the
+    /// nearer of both.
     pub time: f32,
+    /// From its place at that time to where it lands, pixels, x and y.
+    pub shift: [f32; 2],
     /// Factor on distances along the read-out.
     pub along: f32,
     /// Displacement across the read-out, over that along it.
@@ -66,20 +71,27 @@ impl Landing {
         let square = linear * linear - 4.0 * quadratic * constant;
         let root = (if square > 0.0 { square } else { 0.0 }).sqrt();
         let time = -2.0 * constant / (linear + sign * root);
-        let at = depth + time * recede;
         // Before the camera plane nothing lands.
-        let lands = (depth > 0.0) & (at > 0.0);
+        let nearest = depth - if recede < 0.0 { -recede } else { recede };
+        let lands = nearest > 0.0;
         let time = if lands { time } else { 0.0 };
+        let time = if time > -1.0 { time } else { -1.0 };
+        let time = if time < 1.0 { time } else { 1.0 };
         let inverse = 1.0 / (depth + time * recede);
-        let velocity =
-            |i: usize| (motion[i] - (centre[i] + time * motion[i]) * inverse * recede) * inverse / strip.half;
+        let place = |i: usize| (centre[i] + time * motion[i]) * inverse;
+        let velocity = |i: usize| (motion[i] - place(i) * recede) * inverse / strip.half;
         let speed = 1.0 - velocity(k);
         let size = if speed < 0.0 { -speed } else { speed };
         let slowest = if speed < 0.0 { -LEAST_SPEED } else { LEAST_SPEED };
         let speed = if size > LEAST_SPEED { speed } else { slowest };
         let along = if lands { 1.0 / speed } else { 1.0 };
         let across = if lands { velocity(o) } else { 0.0 };
-        Self { time, along, across, recede: if lands { recede / strip.half } else { 0.0 } }
+        let beside = place(k) - (strip.middle + time * strip.half);
+        let to_row = if lands { beside * along } else { 0.0 };
+        let mut shift = [0.0; 2];
+        shift[k] = if lands { to_row - beside } else { 0.0 };
+        shift[o] = across * to_row;
+        Self { time, shift, along, across, recede: if lands { recede / strip.half } else { 0.0 } }
     }
 
     /// Displaces a vector on the screen as the rows beside see it.

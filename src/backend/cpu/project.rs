@@ -406,11 +406,12 @@ fn project_lane(
     let facing = if view.two_sided { det.abs() > 0.0 } else { det < 0.0 };
     let shows_back = area * view.object.handedness >= 0.0;
     // What rows beside the centre's see, they see earlier or later.
-    let mut recede = [0.0; 2];
+    let (mut recede, mut shift) = ([0.0; 2], [0.0; 2]);
     let ([ux, uy], [vx, vy], area) = match landing {
         None => ([ux, uy], [vx, vy], area),
         Some((axis, landing)) => {
             recede[axis] = landing.recede;
+            shift = landing.shift;
             let (u, v) = (landing.displaced(axis, [ux, uy]), landing.displaced(axis, [vx, vy]));
             (u, v, landing.along * area)
         }
@@ -422,8 +423,12 @@ fn project_lane(
     let crossing = (depth <= 0.0) | (d22 > -1e-3 * depth * depth);
     let low_pass = if view.low_pass & (depth >= view.near) { view.raster.low_pass } else { 0.0 };
     let inverse22 = 1.0 / d22;
-    let reference_x = view.raster.axis[0] + x - view.raster.offset[0];
-    let reference_y = view.raster.axis[1] + y - view.raster.offset[1];
+    let mut reference_x = view.raster.axis[0] + x - view.raster.offset[0];
+    let mut reference_y = view.raster.axis[1] + y - view.raster.offset[1];
+    if landing.is_some() {
+        reference_x += shift[0];
+        reference_y += shift[1];
+    }
     let PixelRect { first_column, last_column, first_row, last_row } = view.pixels;
     let (left, right) = extent(ux * ux + vx * vx, ux * ud + vx * vd, d22, inverse22, low_pass);
     let (top, bottom) = extent(uy * uy + vy * vy, uy * ud + vy * vd, d22, inverse22, low_pass);

@@ -274,7 +274,11 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
         shape.depth[l] = depth;
         let reach = (peak + faintest) * (1.0 / HALF_LOG2_E);
         let (reach_x, reach_y) = ((reach * wide_xx).sqrt(), (reach * wide_yy).sqrt());
-        let [shift_x, shift_y] = if volume { bend.shift } else { [0.0; 2] };
+        let [mut shift_x, mut shift_y] = if volume { bend.shift } else { [0.0; 2] };
+        if let Some((_, landing)) = landing {
+            shift_x += landing.shift[0];
+            shift_y += landing.shift[1];
+        }
         let (x, y) = (view.raster.axis[0] + x + shift_x, view.raster.axis[1] + y + shift_y);
         shape.x[l] = x;
         shape.y[l] = y;
