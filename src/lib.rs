@@ -136,7 +136,7 @@ pub use environment::{Environment, LatLong};
 pub use math::Trs as Transform;
 pub use model::{Cloud, Material, Surfels, VelocityUnit};
 pub use scene::{Camera, FrameRange, ImageSettings, Light, Model, Motion, Object, PointMotion, Scene};
-pub use time::{FrameNumber, Shutter, Weight};
+pub use time::{Anchor, Direction, FrameNumber, Readout, Shutter, Weight};
 
 // How, and on what.
 pub use film::Aov;

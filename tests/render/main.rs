@@ -22,6 +22,7 @@ mod oracle;
 mod pictures;
 mod principal;
 mod rendering;
+mod rolling_shutter;
 mod see_through;
 mod sequences;
 mod static_objects;
