@@ -186,22 +186,30 @@ impl Frame {
         let mut sweeps: Vec<Option<(PosedInterval, SweptKernel)>> = Vec::new();
         let mut times: Vec<f64> = Vec::new();
         let strips = Strips::of(scene, number, ends_of(exposure), exposure.stride);
+        let see_through = scene.objects.iter().any(Object::is_see_through);
         let ranges: Vec<Option<Range<u32>>> =
             strips.as_ref().map_or_else(|| vec![None], |strips| strips.ranges().map(Some).collect());
         let mut rasters: Vec<PosedRaster> = ranges
             .iter()
             .flat_map(|range| exposure.rasters.iter().map(move |of_raster| (range.as_ref(), of_raster)))
             .map(|(range, of_raster)| {
-                let strip = strips.as_ref().zip(range);
-                let delay = strip.map(|(strips, range)| strips.delay(range, of_raster.phase));
-                let strip = strip.map(|(strips, range)| (strips.axis(), range));
-                let lens = (focal, scene.camera.shift);
-                let raster = |offset| Raster::new(size, lens, exposure.stride, of_raster.phase, offset, strip);
                 let (sigma, spread) = filter_of(options, of_raster.positions_of_picture, exposure.stride);
                 let footprint = footprint(options, of_raster.positions_of_picture, exposure.stride);
                 let square = 1.0 / 12.0 / of_raster.positions_of_picture as f64;
                 let of_square = (square.sqrt() / f64::from(exposure.stride)) as f32;
                 let pixel = if sigma > 0.0 { sigma } else { of_square };
+                let lens = (focal, scene.camera.shift);
+                let whole = Raster::new(size, lens, exposure.stride, of_raster.phase, [0.0; 2], None);
+                let whole = Raster { sigma, ..whole };
+                let peeled = if see_through { whole.for_see_through(options.prefilter).apron() } else { 0 };
+                let strip = strips.as_ref().zip(range).map(|(strips, range)| {
+                    let apron = whole.apron().max(peeled) as u32;
+                    (strips, range, strips.with_apron(range, apron, whole.size[strips.axis()]))
+                });
+                let delay = strip.as_ref().map(|(strips, range, around)| strips.delay(range, around, of_raster.phase));
+                let strip = strip.map(|(strips, _, around)| (strips.axis(), around));
+                let strip = strip.as_ref().map(|(axis, around)| (*axis, around));
+                let raster = |offset| Raster::new(size, lens, exposure.stride, of_raster.phase, offset, strip);
                 let positions = of_raster.positions.iter().map(|position| {
                     let raster = raster(position.offset.map(|v| v * spread));
                     let groups = position.groups.iter().map(|group| {
@@ -224,7 +232,7 @@ impl Frame {
                         steps: Vec::new(),
                     }
                 });
-                PosedRaster { positions: positions.collect(), area: raster([0.0; 2]).area() }
+                PosedRaster { positions: positions.collect(), area: raster([0.0; 2]).area(range) }
             })
             .collect();
         // One size of map for all intervals: on the GPU the thresholds of static objects are stored behind it.

@@ -46,24 +46,43 @@ pub struct RasterArea {
     pub origin: [u32; 2],
     /// As [`Raster::size`].
     pub size: [u32; 2],
+    /// First and one past the last column of the raster, then rows, that the image takes. A strip has pixels around them
+    /// for filters that reach so far.
+    pub shown: [[u32; 2]; 2],
 }
 
 impl RasterArea {
-    /// The row of the raster that lies in row `y` of the image, and the columns from its first pixel to its last one,
-    /// where each `stride`-th is the raster's. `None` where it has no pixel in that row.
-    pub fn row(&self, y: usize, stride: usize) -> Option<(usize, Range<usize>)> {
+    /// Fills what row `y` of the image takes of the raster, each `stride`-th place of `out`. `write` writes a row of the
+    /// raster to every `stride`-th place from the first.
+    pub fn fill(&self, y: usize, stride: usize, out: &mut [f32], write: impl FnOnce(usize, &mut [f32])) {
         let [left, top] = self.origin.map(|pixel| pixel as usize);
-        let [width, height] = self.size.map(|pixels| pixels as usize);
-        let below = y.checked_sub(top).filter(|below| below.is_multiple_of(stride))?;
+        let [columns, rows] = self.shown.map(|ends| ends.map(|pixel| pixel as usize));
+        let Some(below) = y.checked_sub(top).filter(|below| below.is_multiple_of(stride)) else { return };
         let row = below / stride;
-        (row < height && width > 0).then(|| (row, left..left + (width - 1) * stride + 1))
+        if !(rows[0]..rows[1]).contains(&row) || columns[0] >= columns[1] {
+            return;
+        }
+        let place = |column: usize| left + column * stride;
+        if columns == [0, self.size[0] as usize] {
+            return write(row, &mut out[left..=place(columns[1] - 1)]);
+        }
+        let mut line = vec![0.0; (self.size[0] as usize - 1) * stride + 1];
+        write(row, &mut line);
+        for column in columns[0]..columns[1] {
+            out[place(column)] = line[column * stride];
+        }
     }
 }
 
 impl Raster {
-    /// The pixels of the image that it has.
-    pub fn area(&self) -> RasterArea {
-        RasterArea { origin: self.origin, size: self.size }
+    /// The pixels of the image that it has. The image takes those `shown` along the read-out of a strip, or all.
+    pub(super) fn area(&self, shown: Option<&Range<u32>>) -> RasterArea {
+        let mut all = self.size.map(|pixels| [0, pixels]);
+        if let Some((axis, shown)) = self.readout.zip(shown) {
+            let from = |pixel: u32| pixel.saturating_sub(self.first[axis]).min(self.size[axis]);
+            all[axis] = [from(shown.start), from(shown.end)];
+        }
+        RasterArea { origin: self.origin, size: self.size, shown: all }
     }
 
     /// The raster with the standard deviation that the filter of see-through surfels has: they are always filtered as

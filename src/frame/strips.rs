@@ -18,7 +18,7 @@ use crate::time::{FrameNumber, Readout};
 const BEND: f64 = 0.05;
 /// Farthest that a camera may turn while a strip is read out, radians: highlights and what is mirrored are those of the
 /// middle of a strip.
-const TURN: f64 = 0.0175;
+const TURN: f64 = 0.004;
 /// Most poses that are looked at.
 const MOST_POSES: usize = 50_000;
 /// Times at which the motion of an object is looked at.
@@ -36,6 +36,8 @@ pub(super) struct Strips {
     stride: u32,
     /// Raster pixels along the read-out at which strips begin, and where the last one ends.
     edges: Vec<u32>,
+    /// Something jumps while the frame is exposed: each row is posed by itself, and nothing moves while it is read out.
+    jumps: bool,
 }
 
 /// When a strip is read out.
@@ -57,9 +59,13 @@ impl Strips {
         }
         let pixels = [scene.image.width, scene.image.height][readout.direction.axis()];
         let rows = pixels.div_ceil(stride);
-        let count = count(scene, number.get(), times, rows).clamp(1, rows);
+        let [first, last] = readout.delays();
+        let range = [times[0] + first, times[1] + last];
+        // A jump lies between two rows, which are others at each sample.
+        let jumps = !jumps(scene, range[0], range[1]).is_empty();
+        let count = if jumps { rows } else { count(scene, number.get(), range, rows).clamp(1, rows) };
         let edges = (0..=count).map(|i| (u64::from(i) * u64::from(rows) / u64::from(count)) as u32).collect();
-        Some(Self { readout, pixels, stride, edges })
+        Some(Self { readout, pixels, stride, edges, jumps })
     }
 
     /// The axis of the image along which times change: 0 for columns, 1 for rows.
@@ -72,32 +78,33 @@ impl Strips {
         self.edges.windows(2).map(|edges| edges[0]..edges[1])
     }
 
-    /// When the pixels `range` of the raster with this phase are read out.
-    pub(super) fn delay(&self, range: &Range<u32>, phase: [u32; 2]) -> Delay {
+    /// The pixels of a strip and `apron` more on both sides, of a raster with `rows` pixels. They begin at an even pixel:
+    /// neighbours that are looked at together stay together.
+    pub(super) fn with_apron(&self, range: &Range<u32>, apron: u32, rows: u32) -> Range<u32> {
+        let start = range.start.saturating_sub(apron) & !1;
+        start..(range.end + apron).next_multiple_of(2).min(rows).max(start)
+    }
+
+    /// When the pixels `range` of the raster with this phase are read out, which is posed with those `around`.
+    pub(super) fn delay(&self, range: &Range<u32>, around: &Range<u32>, phase: [u32; 2]) -> Delay {
         let (pixels, stride) = (f64::from(self.pixels), f64::from(self.stride));
-        let middle = 0.5 * (f64::from(range.start) + f64::from(range.end));
+        let posed = if self.jumps { range } else { around };
+        let middle = 0.5 * (f64::from(posed.start) + f64::from(posed.end));
         let place = ((middle - 0.5) * stride + f64::from(phase[self.axis()]) + 0.5) / pixels;
-        let half = 0.5 * f64::from(range.end - range.start) * stride / pixels;
+        let half = 0.5 * f64::from(posed.end - posed.start) * stride / pixels;
         let sign = if self.readout.direction.rises() { 1.0 } else { -1.0 };
-        // Within one row nothing is read out later.
-        let half = if range.len() > 1 { half * sign * self.readout.duration } else { 0.0 };
+        let half = if self.jumps { 0.0 } else { half * sign * self.readout.duration };
         Delay { middle: self.readout.delay(place), half }
     }
 }
 
-/// How many strips there are, of at most `rows`.
-fn count(scene: &Scene, number: f64, times: [f64; 2], rows: u32) -> u32 {
+/// How many strips there are, of at most `rows`, of a frame that is exposed within `range` (scene times, frames).
+fn count(scene: &Scene, number: f64, range: [f64; 2], rows: u32) -> u32 {
     let readout = scene.shutter.readout;
-    let [first, last] = readout.delays();
-    let range = [times[0] + first, times[1] + last];
     let rests = |object: &Object| object.is_fixed() && object.model.paths().is_empty() && scene.camera.rests();
     let moving: Vec<&Object> = scene.objects.iter().filter(|object| object.blur && !rests(object)).collect();
     if moving.is_empty() && scene.camera.rests() {
         return 1;
-    }
-    // A jump lies between two rows, which are others at each sample.
-    if !jumps(scene, range[0], range[1]).is_empty() {
-        return rows;
     }
     let windows = (MOST_POSES / 5 / moving.len().max(1)).clamp(4, WINDOWS);
     let mut count = 1;

@@ -90,15 +90,16 @@ fn a_moving_edge_leans() {
         let rolling = readout(text);
         assert_eq!((rolling.direction, rolling.anchor), (direction, anchor));
         let axis = direction.axis();
-        let mut still = moving_edge(rolling);
-        still.shutter.readout.duration = 0.0;
         let scene = moving_edge(rolling);
-        let lean = |kind: &str, moved: &Picture, resting: &Picture, limit: f64| {
-            let pairs = places(moved, axis).into_iter().zip(places(resting, axis));
+        // Discs reach 3 spacings beyond the last centres; between them the edge is .02 pixels short.
+        let resting = 0.5 * f64::from(PIXELS[1 - axis]) + 0.75;
+        // 16 samples of a pixel see an edge within 1/16 of a pixel. Measured: at most .08, reference .04.
+        let lean = |kind: &str, moved: &Picture, limit: f64| {
             let n = f64::from(PIXELS[axis]);
-            let worst = pairs
+            let worst = places(moved, axis)
+                .into_iter()
                 .enumerate()
-                .map(|(i, (moved, resting))| {
+                .map(|(i, moved)| {
                     let passed = (i as f64 + 0.5) / n;
                     let passed =
                         if matches!(direction, Direction::Down | Direction::Right) { passed } else { 1.0 - passed };
@@ -111,9 +112,9 @@ fn a_moving_edge_leans() {
         };
         for prefilter in [Prefilter::None, Prefilter::Approx, Prefilter::Ewa] {
             let options = options(mode("supersample:16"), prefilter);
-            lean(&format!("{prefilter:?}"), &render(&scene, &options), &render(&still, &options), 0.1);
+            lean(&format!("{prefilter:?}"), &render(&scene, &options), 0.1);
         }
-        lean("reference", &traced(&scene, 1024), &traced(&still, 1024), 0.1);
+        lean("reference", &traced(&scene, 1024), 0.1);
     }
 }
 
@@ -188,16 +189,18 @@ fn all_modes_with_samples_roll() {
     // Differences: what the readout makes of the picture is .1.
     assert!(rms(&truth, &at_once) > 0.05);
     let target: Quality = Quality::Error(ErrorTarget::default());
-    for (quality, prefilter, limit) in [
-        (mode("supersample:16"), Prefilter::Ewa, 0.02),
-        (mode("supersample:16+interleave=2"), Prefilter::None, 0.02),
-        (mode("bucket:8x4"), Prefilter::Approx, 0.04),
-        (mode("bucket:8x4"), Prefilter::Ewa, 0.02),
-        (target, Prefilter::Ewa, 0.02),
+    for (quality, prefilter) in [
+        (mode("supersample:16"), Prefilter::Ewa),
+        (mode("supersample:16+interleave=2"), Prefilter::None),
+        (mode("bucket:8x4"), Prefilter::Approx),
+        (mode("bucket:8x4"), Prefilter::Ewa),
+        (target, Prefilter::Ewa),
     ] {
-        let error = rms(&render(&scene, &options(quality, prefilter)), &truth);
-        println!("{quality} {prefilter:?}: {error:.4}");
-        assert!(error < limit, "{quality} {prefilter:?}: {error}");
+        let options = options(quality, prefilter);
+        let error = rms(&render(&scene, &options), &truth);
+        let without = rms(&render(&lively(1, readout("0")), &options), &at_once);
+        println!("{quality} {prefilter:?}: {error:.4}, without a read-out {without:.4}");
+        assert!(error < 1.15 * without, "{quality} {prefilter:?}: {error} for {without}");
     }
     let mut sharp = scene.clone();
     (sharp.shutter.open, sharp.shutter.close) = (0.0, 1e-6);
@@ -214,8 +217,9 @@ fn what_rests_has_no_seams() {
     (wall.motions, wall.transform.translate) = (Vec::new(), DVec3::new(0.3, 0.2, -0.5));
     scene.objects.push(wall);
     // It spins so fast that each row is a strip, out of sight.
-    scene.objects[0].motions[0] = Motion::Rotation { axis: DVec3::Y, per_frame: 60.0, centre: DVec3::ZERO };
-    scene.objects[0].transform.translate = DVec3::new(9.0, 0.0, 0.0);
+    let away = DVec3::new(9.0, 0.0, 0.0);
+    scene.objects[0].motions = vec![Motion::Rotation { axis: DVec3::Y, per_frame: 60.0, centre: away }];
+    scene.objects[0].transform.translate = away;
     let mut small = scene.objects[0].clone();
     small.transform.scale = DVec3::splat(0.01);
     small.transform.translate = DVec3::new(-1.2, -1.2, 0.0);

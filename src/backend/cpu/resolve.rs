@@ -86,9 +86,8 @@ pub(in crate::backend) struct RasterFilms {
 impl Film for RasterFilms {
     fn row(&self, plane: usize, y: u32, out: &mut [f32]) {
         for (area, film) in self.areas.iter().zip(&self.films) {
-            if let Some((row, columns)) = area.row(y as usize, self.stride) {
-                film.row(plane, row, self.stride, &mut out[columns]);
-            }
+            let write = |row: usize, out: &mut [f32]| film.row(plane, row, self.stride, out);
+            area.fill(y as usize, self.stride, out, write);
         }
     }
 

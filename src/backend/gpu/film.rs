@@ -20,15 +20,16 @@ impl Film for DeviceFilm<'_> {
     fn row(&self, plane: usize, y: u32, out: &mut [f32]) {
         let (stride, tile) = (self.stride, TILE as usize);
         for raster in self.rasters {
-            let Some((y, columns)) = raster.place.row(y as usize, stride) else { continue };
-            let tiles_x = raster.tiles[0] as usize;
-            let tile_floats = self.planes * tile * tile;
-            let tiles = &self.values[raster.start as usize + y / tile * tiles_x * tile_floats..];
-            let out = &mut out[columns];
-            for (out, values) in out.chunks_mut(tile * stride).zip(tiles.chunks_exact(tile_floats)) {
-                let row = &values[(plane * tile + y % tile) * tile..][..tile];
-                out.iter_mut().step_by(stride).zip(row).for_each(|(out, value)| *out = *value);
-            }
+            let write = |y: usize, out: &mut [f32]| {
+                let tiles_x = raster.tiles[0] as usize;
+                let tile_floats = self.planes * tile * tile;
+                let tiles = &self.values[raster.start as usize + y / tile * tiles_x * tile_floats..];
+                for (out, values) in out.chunks_mut(tile * stride).zip(tiles.chunks_exact(tile_floats)) {
+                    let row = &values[(plane * tile + y % tile) * tile..][..tile];
+                    out.iter_mut().step_by(stride).zip(row).for_each(|(out, value)| *out = *value);
+                }
+            };
+            raster.place.fill(y as usize, stride, out, write);
         }
     }
 
