@@ -22,9 +22,9 @@ const TURN: f64 = 0.004;
 /// Most poses that are looked at.
 const MOST_POSES: usize = 50_000;
 /// Times at which the motion of an object is looked at.
-const WINDOWS: usize = 48;
+const WINDOWS: usize = 24;
 /// Most points of an object whose motion is looked at.
-const MOST_POINTS: usize = 256;
+const MOST_POINTS: usize = 96;
 
 /// The strips of all rasters of a frame.
 #[derive(Clone, Debug, PartialEq)]

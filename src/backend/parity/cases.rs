@@ -170,6 +170,15 @@ pub(super) fn all() -> Vec<Case> {
     matt.environment = None;
     let mut seen_twice = scene(vec![object(hard(), DVec3::ZERO)], [150, 140]);
     seen_twice.objects[0].two_sided = true;
+    let rolling = |text: &str| {
+        let mut scene = two_balls([70, 45]);
+        scene.objects[0].motions = vec![
+            Motion::Rotation { axis: DVec3::Y, per_frame: 0.3, centre: DVec3::ZERO },
+            Motion::Linear { velocity: DVec3::new(1.1, -0.7, 0.5) },
+        ];
+        scene.shutter.readout = text.parse().unwrap();
+        scene
+    };
     // With a tolerance that lets splats hide some static splats of a pixel, and not all.
     let point = |mode| RenderOptions { filter: PixelFilter::Point, epsilon: Some(0.4), ..options(mode) };
     let case = |name, scene, options| Case { name, scene, options, in_part: false };
@@ -195,6 +204,8 @@ pub(super) fn all() -> Vec<Case> {
         in_part("in part", two_balls([70, 45]), point(BlurMode::supersample(2))),
         in_part("in part, hard", seen_twice, options(bucket(Interleave::None))),
         case("one pixel", two_balls([1, 1]), options(BlurMode::supersample(1))),
+        case("rolling", rolling("0.8"), options(BlurMode::supersample(2))),
+        in_part("rolling, in part", rolling("0.8,left"), point(BlurMode::supersample(2))),
         // Surfels are much smaller than pixels: all levels of their texture.
         case(
             "far",

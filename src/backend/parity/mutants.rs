@@ -6,7 +6,7 @@ use super::splats;
 use crate::backend::gpu::programs::{Pipelines, Program};
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 49] = [
+static MUTANTS: [([(&str, &str); 1], &str); 56] = [
     ([("(1.0 - OF_LONGER) / longer", "OF_LONGER / longer")], "supersample"),
     ([("looks[to - 2u], looks[to - 1u]", "looks[to - 1u], looks[to - 1u]")], "far"),
     ([("of_finer *= 0.25", "of_finer *= 0.26")], "far"),
@@ -63,6 +63,14 @@ static MUTANTS: [([(&str, &str); 1], &str); 49] = [
     ([("thresholds[at] = vec4<f32>(UNWANTED)", "thresholds[at] = vec4<f32>(NONE)")], "in part"),
     ([("!is_wide && is_wanted(vec2<u32>(x, y))", "!is_wide")], "in part"),
     ([("if is_wide && is_wanted_block", "if !is_wide && is_wanted_block")], "in part, hard"),
+    // Of strips that are read out.
+    ([("c += lands.time * motion;", "c += 0.9 * lands.time * motion;")], "rolling"),
+    ([("u += lands.time *", "u -= lands.time *")], "rolling"),
+    ([("own.y + landing.across * along", "own.y")], "rolling"),
+    ([("- recede.y;", ";")], "rolling"),
+    ([("turned_normal += time *", "turned_normal -= time *")], "rolling"),
+    ([("1.0 - velocity.x", "1.0 + velocity.x")], "rolling"),
+    ([("reference += lands.shift", "reference -= lands.shift")], "rolling"),
 ];
 
 #[test]

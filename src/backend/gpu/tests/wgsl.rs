@@ -222,8 +222,8 @@ fn constants_are_the_hosts() {
     assert!([cut, most].iter().all(|text| Program::GaussianProject.wgsl().contains(text)));
     let gathered = format!("const GATHERED: u32 = {WORKGROUP_ITEMS}u;");
     assert!(Program::Gather.wgsl().contains(&gathered), "{gathered}");
-    let tiles = format!("const BLOCK_TILES: u32 = {}u;", Blocks::EDGE as u32 / TILE);
-    assert!(bin.contains(&tiles) && (Blocks::EDGE as u32).is_multiple_of(TILE), "{tiles}");
+    let block = format!("const BLOCK: u32 = {}u;", Blocks::EDGE);
+    assert!(bin.contains(&block), "{block}");
     for (name, flag) in [("BACK", FLAG_BACK), ("LOW_PASS", FLAG_LOW_PASS), ("CROSSING", FLAG_CROSSING)] {
         assert!(Program::Sweep.wgsl().contains(&format!("const FLAG_{name}: u32 = {flag}u;")), "{name}");
     }
