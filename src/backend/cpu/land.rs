@@ -55,10 +55,10 @@ const LEAST_SPEED: f32 = 1.0 / 256.0;
 
 impl Landing {
     /// That of a centre (x, y, depth, in homogeneous pixel coordinates) with this motion from the middle to the last
-    /// row.
+    /// row. `AXIS` is the strip's, which the compiler knows, so that loops over surfels become vectors.
     #[inline(always)]
-    pub(in crate::backend) fn new(strip: &Strip, centre: [f32; 3], motion: [f32; 3]) -> Self {
-        let (k, o) = (strip.axis, 1 - strip.axis);
+    pub(in crate::backend) fn new<const AXIS: usize>(strip: &Strip, centre: [f32; 3], motion: [f32; 3]) -> Self {
+        let (k, o) = (AXIS, 1 - AXIS);
         let (depth, recede) = (centre[2], motion[2]);
         // The row of time t is read out where the centre is then: a quadratic equation in t.
         let quadratic = -strip.half * recede;
@@ -96,8 +96,8 @@ impl Landing {
 
     /// Displaces a vector on the screen as the rows beside see it.
     #[inline(always)]
-    pub(in crate::backend) fn displaced(&self, axis: usize, [x, y]: [f32; 2]) -> [f32; 2] {
-        if axis == 1 {
+    pub(in crate::backend) fn displaced<const AXIS: usize>(&self, [x, y]: [f32; 2]) -> [f32; 2] {
+        if AXIS == 1 {
             let y = self.along * y;
             [x + self.across * y, y]
         } else {
@@ -108,9 +108,9 @@ impl Landing {
 
     /// The covariance (xx, xy, yy) of what is displaced so.
     #[inline(always)]
-    pub(in crate::backend) fn spread(&self, axis: usize, [xx, xy, yy]: [f32; 3]) -> [f32; 3] {
+    pub(in crate::backend) fn spread<const AXIS: usize>(&self, [xx, xy, yy]: [f32; 3]) -> [f32; 3] {
         let (along, across) = (self.along, self.across);
-        if axis == 1 {
+        if AXIS == 1 {
             let (xy, yy) = (along * xy, along * along * yy);
             [xx + across * (2.0 * xy + across * yy), xy + across * yy, yy]
         } else {

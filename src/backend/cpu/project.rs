@@ -146,7 +146,10 @@ pub(in crate::backend) fn project_body(view: &View<'_>, surfels: &Surfels, range
             let n = (at.len() - lane).min(LANES);
             match strip {
                 None => project_lanes(view, &run, lane, n, (first + lane) as u32, out),
-                Some(strip) => project_landing(view, &strip, &run, lane, n, (first + lane) as u32, out),
+                Some(strip) if strip.axis == 0 => {
+                    project_landing::<0, _>(view, &strip, &run, lane, n, (first + lane) as u32, out);
+                }
+                Some(strip) => project_landing::<1, _>(view, &strip, &run, lane, n, (first + lane) as u32, out),
             }
         }
         first = at.end;
@@ -217,7 +220,7 @@ fn split(points: &[Vec3], [x, y, z]: &mut [[f32; RUN]; 3]) {
 fn project_lanes<S: Sink>(view: &View<'_>, run: &Run, first: usize, n: usize, surfel: u32, out: &mut S) {
     let (position, axis_u, axis_v) =
         (lanes(&run.position, first), lanes(&run.axis_u, first), lanes(&run.axis_v, first));
-    if !view.two_sided && !view.object.moves && all_face_away(view.object, &position, &axis_u, &axis_v) {
+    if !view.two_sided && !view.object.moves && all_face_away(view.object.eye, &position, &axis_u, &axis_v) {
         return;
     }
     let posed = PosedLanes {
@@ -228,7 +231,7 @@ fn project_lanes<S: Sink>(view: &View<'_>, run: &Run, first: usize, n: usize, su
     let mut shape = Shape::default();
     let mut of_sink = S::Lanes::default();
     for l in 0..LANES {
-        let projected = project_lane(view, &posed, l, None, &mut shape);
+        let projected = project_lane::<1>(view, &posed, l, None, &mut shape);
         out.lane(&projected, l, &mut of_sink);
     }
     push_lanes(view, &posed, &shape, &of_sink, n, surfel, out);
@@ -237,7 +240,7 @@ fn project_lanes<S: Sink>(view: &View<'_>, run: &Run, first: usize, n: usize, su
 /// The same on a strip that is read out while the object moves: each surfel is posed when the row is read out on which
 /// it lands.
 #[inline(always)]
-fn project_landing<S: Sink>(
+fn project_landing<const AXIS: usize, S: Sink>(
     view: &View<'_>,
     strip: &Strip,
     run: &Run,
@@ -249,6 +252,10 @@ fn project_landing<S: Sink>(
     let object = view.object;
     let (position, axis_u, axis_v) =
         (lanes(&run.position, first), lanes(&run.axis_u, first), lanes(&run.axis_v, first));
+    let away = |eye: Vec3| all_face_away(eye, &position, &axis_u, &axis_v);
+    if !view.two_sided && view.paths.is_empty() && away(object.eye) && view.eyes.into_iter().all(away) {
+        return;
+    }
     let mut posed = PosedLanes {
         centre: transform(&object.centre_from_model, object.centre_origin, &position),
         u: transform(&object.screen_from_model, Vec3::ZERO, &axis_u),
@@ -266,13 +273,13 @@ fn project_landing<S: Sink>(
         let of = |m: &[Lanes; 3]| [m[0][l], m[1][l], m[2][l]];
         let [moved, by_itself] = [of(&motion[0]), of(&advance)];
         let travel = [moved[0] + by_itself[0], moved[1] + by_itself[1], moved[2] + by_itself[2]];
-        let landing = Landing::new(strip, of(&posed.centre), travel);
+        let landing = Landing::new::<AXIS>(strip, of(&posed.centre), travel);
         for i in 0..3 {
             posed.centre[i][l] += landing.time * travel[i];
             posed.u[i][l] += landing.time * motion[1][i][l];
             posed.v[i][l] += landing.time * motion[2][i][l];
         }
-        let projected = project_lane(view, &posed, l, Some((strip.axis, &landing)), &mut shape);
+        let projected = project_lane::<AXIS>(view, &posed, l, Some(&landing), &mut shape);
         out.lane(&projected, l, &mut of_sink);
     }
     push_lanes(view, &posed, &shape, &of_sink, n, surfel, out);
@@ -344,9 +351,9 @@ pub(in crate::backend) fn transform<const N: usize>(m: &Mat3, origin: Vec3, p: &
 ///
 /// A quick way out on the far side of a model: neighbours in memory are neighbours in space.
 #[inline(always)]
-fn all_face_away(object: &PosedObject, p: &[Lanes; 3], u: &[Lanes; 3], v: &[Lanes; 3]) -> bool {
+fn all_face_away(eye: Vec3, p: &[Lanes; 3], u: &[Lanes; 3], v: &[Lanes; 3]) -> bool {
     const MARGIN: f32 = 1e-3;
-    let eye = object.eye.to_array();
+    let eye = eye.to_array();
     let mut may_face = 0_u32;
     for l in 0..LANES {
         let n = [
@@ -385,11 +392,11 @@ struct Shape {
 /// Culls by facing, depth and pixels wanted; bounds the ellipse by its dual conic, D = T diag(1, 1, -1) T^t with
 /// T = [u v centre] (Sigg et al. 2006; docs/math.md): exact in perspective.
 #[inline(always)]
-fn project_lane(
+fn project_lane<const AXIS: usize>(
     view: &View<'_>,
     posed: &PosedLanes,
     l: usize,
-    landing: Option<(usize, &Landing)>,
+    landing: Option<&Landing>,
     shape: &mut Shape,
 ) -> Projected {
     let depth = posed.centre[2][l];
@@ -409,10 +416,10 @@ fn project_lane(
     let (mut recede, mut shift) = ([0.0; 2], [0.0; 2]);
     let ([ux, uy], [vx, vy], area) = match landing {
         None => ([ux, uy], [vx, vy], area),
-        Some((axis, landing)) => {
-            recede[axis] = landing.recede;
+        Some(landing) => {
+            recede[AXIS] = landing.recede;
             shift = landing.shift;
-            let (u, v) = (landing.displaced(axis, [ux, uy]), landing.displaced(axis, [vx, vy]));
+            let (u, v) = (landing.displaced::<AXIS>([ux, uy]), landing.displaced::<AXIS>([vx, vy]));
             (u, v, landing.along * area)
         }
     };

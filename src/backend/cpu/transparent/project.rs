@@ -198,7 +198,10 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
     let mut seen = [0_u32; LANES];
     for l in 0..LANES {
         let of = |v: &[Lanes; 3]| [v[0][l], v[1][l], v[2][l]];
-        let landing = strip.as_ref().map(|strip| (strip.axis, Landing::new(strip, of(&centre), of(&motion))));
+        let landing = strip.as_ref().map(|strip| match strip.axis {
+            0 => (0, Landing::new::<0>(strip, of(&centre), of(&motion))),
+            axis => (axis, Landing::new::<1>(strip, of(&centre), of(&motion))),
+        });
         let time = landing.map_or(0.0, |(_, landing)| landing.time);
         if landing.is_some() {
             for c in 0..3 {
@@ -262,7 +265,8 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
         let (wide_xx, xy, wide_yy, determinant) = match landing {
             None => (wide_xx, xy, wide_yy, determinant),
             Some((axis, landing)) => {
-                let [xx, xy, yy] = landing.spread(axis, [wide_xx, xy, wide_yy]);
+                let wide = [wide_xx, xy, wide_yy];
+                let [xx, xy, yy] = if axis == 0 { landing.spread::<0>(wide) } else { landing.spread::<1>(wide) };
                 (xx, xy, yy, determinant * landing.along * landing.along)
             }
         };
