@@ -118,7 +118,8 @@ mod tests {
         let path = dir.path().join("a.png");
         // More than the other tests of this process can use up meanwhile.
         let next = CALLS.load(Ordering::Relaxed);
-        let taken = |path: &Path| (next..next + 500).map(|call| temporary_name(path, call).unwrap()).collect::<Vec<_>>();
+        let taken =
+            |path: &Path| (next..next + 500).map(|call| temporary_name(path, call).unwrap()).collect::<Vec<_>>();
         let others = [taken(&path), taken(&dir.path().join("probe"))].concat();
         for other in &others {
             fs::write(other, b"half").unwrap();
