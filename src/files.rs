@@ -21,9 +21,7 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// # Errors
 /// As `write` says, or the file cannot be moved; then `path` is as it was, and nothing is left beside it.
 pub fn replace_with<E: From<io::Error>>(path: &Path, write: impl FnOnce(&Path) -> Result<(), E>) -> Result<(), E> {
-    let temporary = Temporary(temporary_name(path)?);
-    // Claimed here, so that two programs never write into one file.
-    File::create_new(&temporary.0)?;
+    let temporary = Temporary::claim(path)?;
     write(&temporary.0)?;
     // A rename must not reach the disk before the data: after a power cut the file would be there, but empty.
     File::open(&temporary.0)?.sync_all()?;
@@ -36,12 +34,27 @@ pub fn replace_with<E: From<io::Error>>(path: &Path, write: impl FnOnce(&Path) -
 /// # Errors
 /// They cannot.
 pub fn check_writable(directory: &Path) -> io::Result<()> {
-    let probe = Temporary(temporary_name(&directory.join("probe"))?);
-    File::create_new(&probe.0).map(drop)
+    Temporary::claim(&directory.join("probe")).map(drop)
 }
 
-/// Removed when dropped; after the rename there is nothing left to remove.
+/// Our own file; removed when dropped. After the rename there is nothing left to remove.
 struct Temporary(PathBuf);
+
+impl Temporary {
+    /// Makes an empty file beside `path`, under a name that no one else has: two programs never write into one file.
+    ///
+    /// Computers that share a directory may use the same process number, and a program that was killed leaves its file.
+    /// Names that are taken are passed over, and left alone.
+    fn claim(path: &Path) -> io::Result<Self> {
+        loop {
+            let name = temporary_name(path, CALLS.fetch_add(1, Ordering::Relaxed))?;
+            match File::create_new(&name) {
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                made => return made.map(|_| Self(name)),
+            }
+        }
+    }
+}
 
 impl Drop for Temporary {
     fn drop(&mut self) {
@@ -50,12 +63,13 @@ impl Drop for Temporary {
     }
 }
 
-/// A hidden name beside `path`, unlike that of any other running process or call. It keeps the extension, by which some
-/// writers choose their format.
-fn temporary_name(path: &Path) -> io::Result<PathBuf> {
-    static CALLS: AtomicU32 = AtomicU32::new(0);
+/// The next number of a temporary name.
+static CALLS: AtomicU32 = AtomicU32::new(0);
+
+/// A hidden name beside `path`, for call number `call` of this process. It keeps the extension, by which some writers
+/// choose their format.
+fn temporary_name(path: &Path, call: u32) -> io::Result<PathBuf> {
     let name = path.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "not a file name"))?;
-    let call = CALLS.fetch_add(1, Ordering::Relaxed);
     let mut hidden = std::ffi::OsString::from(format!(".splatblur-{}-{call}-", std::process::id()));
     hidden.push(name);
     Ok(path.with_file_name(hidden))
@@ -95,6 +109,26 @@ mod tests {
         assert_eq!(failed.unwrap_err().to_string(), "the disk is full");
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(names(dir.path()), ["a.png"]);
+    }
+
+    /// Another computer's process has the same number, or it had it and was killed.
+    #[test]
+    fn names_of_others_are_passed_over_and_left_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.png");
+        // More than the other tests of this process can use up meanwhile.
+        let next = CALLS.load(Ordering::Relaxed);
+        let taken =
+            |path: &Path| (next..next + 500).map(|call| temporary_name(path, call).unwrap()).collect::<Vec<_>>();
+        let others = [taken(&path), taken(&dir.path().join("probe"))].concat();
+        for other in &others {
+            fs::write(other, b"half").unwrap();
+        }
+        check_writable(dir.path()).unwrap();
+        replace(&path, b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert!(others.iter().all(|other| fs::read(other).unwrap() == b"half"));
+        assert_eq!(names(dir.path()).len(), others.len() + 1);
     }
 
     #[test]

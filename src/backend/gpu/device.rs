@@ -43,6 +43,7 @@ pub struct AdapterReport {
 const STORAGE_BUFFERS: u32 = 8;
 
 /// A device and its queue, as the passes use it.
+#[derive(Clone)]
 pub(in crate::backend) struct Device {
     pub adapter: AdapterInfo,
     pub limits: Limits,

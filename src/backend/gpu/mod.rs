@@ -78,14 +78,17 @@ impl Gpu {
     /// # Errors
     /// There is none, or it lacks what the passes need.
     pub fn open(choice: &Choice) -> Result<Self, BackendError> {
-        let device = Device::open(choice)?;
+        Self::on(Device::open(choice)?, Pipelines::default())
+    }
+
+    fn on(device: Device, pipelines: Pipelines) -> Result<Self, BackendError> {
         let buffers = Buffers::new(&device)?;
         device.check()?;
         let software = device.adapter.device_type == wgpu::DeviceType::Cpu;
         Ok(Self {
             most_bytes: device.most_bytes(),
             clusters: ClusterStore::default(),
-            state: DeviceState { device, pipelines: Pipelines::default(), models: Models::default(), buffers },
+            state: DeviceState { device, pipelines, models: Models::default(), buffers },
             flights: VecDeque::new(),
             landings: Vec::new(),
             most_slots: if software { SOFTWARE_SLOTS } else { u64::MAX },

@@ -457,7 +457,7 @@ impl Program {
 pub(in crate::backend) type Constants = Vec<(&'static str, u32)>;
 
 /// Pipelines. Each is made when it is needed for the first time.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(in crate::backend) struct Pipelines {
     modules: HashMap<String, wgpu::ShaderModule>,
     layouts: HashMap<Program, Layouts>,
@@ -475,10 +475,13 @@ pub(in crate::backend) struct Layouts {
 }
 
 impl Pipelines {
-    /// Pipelines of programs in which, once in each, the second text of a pair replaces the first.
+    /// Pipelines of programs in which, once in each, the second text of a pair replaces the first. Those of programs
+    /// that stay the same are kept.
     #[cfg(test)]
-    pub(in crate::backend) fn with(replaced: &'static [(&'static str, &'static str)]) -> Self {
-        Self { replaced, ..Self::default() }
+    pub(in crate::backend) fn with(&self, replaced: &'static [(&'static str, &'static str)]) -> Self {
+        let mut all = Self { replaced, ..self.clone() };
+        all.made.retain(|(program, _), _| replaced.iter().all(|(from, _)| !program.wgsl().contains(from)));
+        all
     }
 
     /// The layouts of a program's two bind groups.

@@ -6,15 +6,15 @@ use super::compare::{Tally, flat};
 use super::ewa_twins::{EwaTile, EwaTwins};
 use super::gpu_or_skip;
 use super::harness::{Harness, NONE, PIXELS, Pass, UNWANTED, tiles};
+use super::mutants::{Mutant, all_are_noticed, named};
 use super::slots::Slots;
 use super::splat_twins::{Context, whole};
-use super::sweeps::{spoil, values};
+use super::sweeps::{same_with_small_buffers, spoil, values};
 use crate::backend::cpu::Cpu;
 use crate::backend::cpu::ewa::EwaGroup;
 use crate::backend::cpu::ewa::buffers::Layer;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::{Segment, TILE};
-use crate::backend::gpu::programs::{Pipelines, Program};
 use crate::frame::Frame;
 use crate::layout::{EwaSplat, Splat};
 use crate::options::{PixelFilter, Prefilter};
@@ -243,8 +243,7 @@ fn ewa_passes_agree() {
     assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
 }
 
-/// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 44] = [
+static MUTANTS: [Mutant; 44] = [
     // Pass `project`.
     (
         [("let wider = vec2<f32>(-margin, margin);\n    let columns", "let wider = vec2<f32>(0.0);\n    let columns")],
@@ -306,35 +305,20 @@ static MUTANTS: [([(&str, &str); 1], &str); 44] = [
 fn broken_ewa_programs_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_ewa_programs_are_noticed") else { return };
     let cases = all();
-    let mut unnoticed = Vec::new();
-    for (pair, name) in &MUTANTS {
-        let [(from, to)] = pair;
-        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
-        let sigma = (*name == "wide").then_some(3.3);
-        let name = if sigma.is_some() { "supersample" } else { name };
-        let case = cases.iter().find(|case| case.name == name).unwrap();
-        gpu.state.pipelines = Pipelines::with(pair);
-        match check(&mut gpu, case, sigma, &mut [0; 7]) {
-            Ok(()) => unnoticed.push(format!("`{from}` became `{to}`")),
-            Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
-        }
-    }
-    assert!(unnoticed.is_empty(), "nothing was noticed: {unnoticed:#?}");
+    all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| {
+        let sigma = (name == "wide").then_some(3.3);
+        let case = named(&cases, if sigma.is_some() { "supersample" } else { name });
+        check(gpu, case, sigma, &mut [0; 7])
+    });
 }
 
 /// Whole images against the CPU's, and against those of buffers that are too small. On the software device pixels equal
 /// the CPU's.
 #[test]
 fn ewa_images_look_the_same() {
-    let open = || gpu_or_skip("ewa_images_look_the_same");
-    let (Some(mut roomy), Some(mut batches), Some(mut bands)) = (open(), open(), open()) else { return };
-    (batches.most_slots, bands.most_bytes) = (100, 256 << 10);
-    for case in all() {
-        let picture =
-            |gpu: &mut Gpu| render_frame(gpu, &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}")).picture;
-        let got = picture(&mut roomy);
-        assert_eq!(picture(&mut batches), got, "{}: batches of 100", case.name);
-        assert_eq!(picture(&mut bands), got, "{}: small bindings", case.name);
+    let Some(mut gpu) = gpu_or_skip("ewa_images_look_the_same") else { return };
+    let cases = all();
+    for (case, got) in cases.iter().zip(same_with_small_buffers(&mut gpu, &cases)) {
         let want = render_frame(&mut Cpu::default(), &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}"));
         let (got, want) = (values(&got), values(&want.picture));
         let difference = |(g, w): (&f32, &f32)| if g == w { 0.0 } else { (g - w).abs() / w.abs().max(1.0) };

@@ -5,16 +5,15 @@ use super::cases::{self, Case};
 use super::compare::{compare, flat};
 use super::gpu_or_skip;
 use super::harness::{Harness, NONE, PIXELS, Pass, tiles};
+use super::mutants::{Mutant, all_are_noticed, named};
 use super::slots::Slots;
 use super::splat_twins::{Context, Posed, whole};
 use super::sweep_twins::SweepTwins;
-use super::sweeps::{compare_sums, mask_planes, spoil, values};
+use super::sweeps::{compare_sums, mask_planes, same_with_small_buffers, spoil, values};
 use crate::backend::cpu::Cpu;
 use crate::backend::cpu::swept::{Map, SweepGroup};
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::TILE;
-use crate::backend::gpu::programs::{Pipelines, Program};
-use crate::film::Picture;
 use crate::layout::{FilteredSplat, SweptFilter, SweptSplat};
 use crate::options::{KernelWeight, Prefilter, Quality};
 use crate::plan::{Objects, Step, SweepPass};
@@ -108,8 +107,7 @@ fn filtered_sweeps_agree() {
     }
 }
 
-/// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 24] = [
+static MUTANTS: [Mutant; 24] = [
     ([("let area = 0.25 * (jux * jvy - juy * jvx)", "let area = 0.25 * (jux * jvy + juy * jvx)")], "tube"),
     ([("let l1 = 4.0 * xy * over0", "let l1 = 0.0")], "tube"),
     ([("let xy = 0.25 * (jux * juy + jvx * jvy)", "let xy = 0.25 * (jux * juy)")], "tube"),
@@ -140,33 +138,15 @@ static MUTANTS: [([(&str, &str); 1], &str); 24] = [
 fn broken_filtered_sweeps_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_filtered_sweeps_are_noticed") else { return };
     let cases = filtered();
-    let mut unnoticed = Vec::new();
-    for (pair, name) in &MUTANTS {
-        let [(from, to)] = pair;
-        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
-        let case = cases.iter().find(|case| case.name == *name).unwrap();
-        gpu.state.pipelines = Pipelines::with(pair);
-        match check(&mut gpu, case) {
-            Ok(()) => unnoticed.push(format!("`{from}` became `{to}`")),
-            Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
-        }
-    }
-    assert!(unnoticed.is_empty(), "nothing was noticed: {unnoticed:#?}");
+    all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| check(gpu, named(&cases, name)));
 }
 
 /// Whole images, and the same with small buffers.
 #[test]
 fn filtered_images_look_the_same() {
-    let open = || gpu_or_skip("filtered_images_look_the_same");
-    let (Some(mut gpu), Some(mut batches), Some(mut bands)) = (open(), open(), open()) else { return };
-    (batches.most_slots, bands.most_bytes) = (100, 256 << 10);
-    for case in filtered() {
-        let on_gpu = |gpu: &mut Gpu| -> Picture {
-            render_frame(gpu, &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}")).picture
-        };
-        let whole = on_gpu(&mut gpu);
-        assert_eq!(on_gpu(&mut batches), whole, "{}: batches of 100", case.name);
-        assert_eq!(on_gpu(&mut bands), whole, "{}: small bindings", case.name);
+    let Some(mut gpu) = gpu_or_skip("filtered_images_look_the_same") else { return };
+    let cases = filtered();
+    for (case, whole) in cases.iter().zip(same_with_small_buffers(&mut gpu, &cases)) {
         let want = render_frame(&mut Cpu::default(), &case.scene, 0, &case.options).unwrap().picture;
         let (got, want) = (values(&whole), values(&want));
         let scale = want.iter().copied().filter(|v| v.is_finite()).fold(1.0_f32, |a, b| a.max(b.abs()));

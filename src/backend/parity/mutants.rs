@@ -1,12 +1,47 @@
 //! A comparison is worth something only if it rejects a broken program.
 
-use super::cases;
+use std::collections::BTreeSet;
+use std::mem::take;
+
+use super::cases::{self, Case};
 use super::gpu_or_skip;
 use super::splats;
-use crate::backend::gpu::programs::{Pipelines, Program};
+use crate::backend::gpu::Gpu;
+use crate::backend::gpu::programs::Program;
 
 /// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 56] = [
+pub(super) type Mutant = ([(&'static str, &'static str); 1], &'static str);
+
+/// Fails unless `check` refuses each mutant, by the case of its name. It must pass with the programs as they are. Their
+/// pipelines are compiled once; a mutant compiles the programs that hold its text.
+pub(super) fn all_are_noticed(
+    gpu: &mut Gpu,
+    mutants: &'static [Mutant],
+    mut check: impl FnMut(&mut Gpu, &'static str) -> Result<(), String>,
+) {
+    for name in mutants.iter().map(|(_, name)| *name).collect::<BTreeSet<_>>() {
+        check(gpu, name).unwrap_or_else(|what| panic!("nothing is broken, but {what}"));
+    }
+    let intact = take(&mut gpu.state.pipelines);
+    let mut unnoticed = Vec::new();
+    for (pair, name) in mutants {
+        let [(from, to)] = pair;
+        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
+        gpu.state.pipelines = intact.with(pair);
+        match check(gpu, name) {
+            Ok(()) => unnoticed.push(format!("`{from}` became `{to}`")),
+            Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
+        }
+    }
+    assert!(unnoticed.is_empty(), "nothing was noticed: {unnoticed:#?}");
+}
+
+/// The case of a name.
+pub(super) fn named<'a>(cases: &'a [Case], name: &str) -> &'a Case {
+    cases.iter().find(|case| case.name == name).unwrap_or_else(|| panic!("there is no case {name}"))
+}
+
+static MUTANTS: [Mutant; 56] = [
     ([("(1.0 - OF_LONGER) / longer", "OF_LONGER / longer")], "supersample"),
     ([("looks[to - 2u], looks[to - 1u]", "looks[to - 1u], looks[to - 1u]")], "far"),
     ([("of_finer *= 0.25", "of_finer *= 0.26")], "far"),
@@ -77,16 +112,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 56] = [
 fn broken_programs_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_programs_are_noticed") else { return };
     let cases = cases::all();
-    for (pair, name) in &MUTANTS {
-        let [(from, to)] = pair;
-        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
-        let case = cases.iter().find(|case| case.name == *name).unwrap();
-        gpu.state.pipelines = Pipelines::with(pair);
-        match splats::check(&mut gpu, case) {
-            Ok(()) => panic!("`{from}` became `{to}`, and nothing was noticed"),
-            Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
-        }
-    }
+    all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| splats::check(gpu, named(&cases, name)));
 }
 
 /// Other roundings, such as a driver may choose: one unit in the last place more, where sums may cancel.
@@ -112,7 +138,7 @@ static ROUNDED: [(&str, &str); 15] = [
 #[test]
 fn programs_that_round_otherwise_pass() {
     let Some(mut gpu) = gpu_or_skip("programs_that_round_otherwise_pass") else { return };
-    gpu.state.pipelines = Pipelines::with(&ROUNDED);
+    gpu.state.pipelines = gpu.state.pipelines.with(&ROUNDED);
     for (from, _) in ROUNDED {
         assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
     }

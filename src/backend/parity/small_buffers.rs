@@ -14,25 +14,24 @@ fn picture(gpu: &mut Gpu, case: &cases::Case) -> Picture {
 
 #[test]
 fn small_buffers_change_nothing() {
-    let open = || gpu_or_skip("small_buffers_change_nothing");
-    let Some(mut roomy) = open() else { return };
-    let (Some(mut batches), Some(mut bands)) = (open(), open()) else { return };
-    for case in cases::all() {
-        let want = picture(&mut roomy, &case);
-
+    let Some(mut roomy) = gpu_or_skip("small_buffers_change_nothing") else { return };
+    let cases = cases::all();
+    let wanted: Vec<Picture> = cases.iter().map(|case| picture(&mut roomy, case)).collect();
+    let (mut batches, mut bands) = (roomy.beside(), roomy.beside());
+    for (case, want) in cases.iter().zip(wanted) {
         // Lists outgrow their buffers, which are grown.
-        let Some(mut small) = open() else { return };
+        let mut small = roomy.beside();
         small.first_entries = 1;
-        assert_eq!(picture(&mut small, &case), want, "{}: lists of one entry", case.name);
-        assert_eq!(picture(&mut small, &case), want, "{}: again", case.name);
+        assert_eq!(picture(&mut small, case), want, "{}: lists of one entry", case.name);
+        assert_eq!(picture(&mut small, case), want, "{}: again", case.name);
 
         // Surfels pass in many batches.
         batches.most_slots = 100;
-        assert_eq!(picture(&mut batches, &case), want, "{}: batches of 100", case.name);
+        assert_eq!(picture(&mut batches, case), want, "{}: batches of 100", case.name);
 
         // A binding holds a few tiles.
         bands.most_bytes = 160 << 10;
-        assert_eq!(picture(&mut bands, &case), want, "{}: bindings of 160 KiB", case.name);
+        assert_eq!(picture(&mut bands, case), want, "{}: bindings of 160 KiB", case.name);
     }
 }
 
@@ -73,10 +72,10 @@ fn sums_keep_to_the_limit_of_a_binding() {
 
 #[test]
 fn lists_that_cannot_grow_split_the_batches() {
-    let open = || gpu_or_skip("lists_that_cannot_grow_split_the_batches");
-    let (Some(mut roomy), Some(mut gpu)) = (open(), open()) else { return };
+    let Some(mut roomy) = gpu_or_skip("lists_that_cannot_grow_split_the_batches") else { return };
     let case = cases::large_splats();
     let want = picture(&mut roomy, &case);
+    let mut gpu = roomy.beside();
     let before = gpu.most_slots;
     gpu.most_entries = 300;
     assert_eq!(picture(&mut gpu, &case), want);

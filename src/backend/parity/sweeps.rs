@@ -5,6 +5,7 @@ use super::cases::{self, Case};
 use super::compare::{Tally, compare, flat};
 use super::gpu_or_skip;
 use super::harness::{Harness, NONE, PIXELS, Pass, tiles};
+use super::mutants::{Mutant, all_are_noticed, named};
 use super::slots::Slots;
 use super::splat_twins::{Context, Posed, SplatTwins, project, whole};
 use super::sweep_twins::{MapTwins, SweepTwins, SweptSums};
@@ -13,7 +14,6 @@ use crate::backend::cpu::swept::map::Map;
 use crate::backend::cpu::swept::{MapGroup, SweepGroup};
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::TILE;
-use crate::backend::gpu::programs::{Pipelines, Program};
 use crate::film::Picture;
 use crate::layout::{Splat, SweptSplat};
 use crate::plan::{MapPass, Objects, Step, SweepPass};
@@ -238,8 +238,7 @@ fn swept_passes_agree() {
     }
 }
 
-/// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 38] = [
+static MUTANTS: [Mutant; 38] = [
     ([("apply(travels[segment.index].motion, position)", "-apply(travels[segment.index].motion, position)")], "tube"),
     ([("(v.x * m.y - v.y * m.x) * over_both", "(v.x * m.y + v.y * m.x) * over_both")], "tube"),
     ([("max(begin.y, end.y)", "begin.y")], "fast"),
@@ -284,18 +283,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 38] = [
 fn broken_swept_programs_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_swept_programs_are_noticed") else { return };
     let cases = cases::swept();
-    let mut unnoticed = Vec::new();
-    for (pair, name) in &MUTANTS {
-        let [(from, to)] = pair;
-        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
-        let case = cases.iter().find(|case| case.name == *name).unwrap();
-        gpu.state.pipelines = Pipelines::with(pair);
-        match check(&mut gpu, case) {
-            Ok(()) => unnoticed.push(format!("`{from}` became `{to}`")),
-            Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
-        }
-    }
-    assert!(unnoticed.is_empty(), "nothing was noticed: {unnoticed:#?}");
+    all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| check(gpu, named(&cases, name)));
 }
 
 pub(super) fn values(picture: &Picture) -> Vec<f32> {
@@ -333,14 +321,21 @@ fn swept_images_look_the_same() {
 
 #[test]
 fn small_buffers_change_no_swept_image() {
-    let open = || gpu_or_skip("small_buffers_change_no_swept_image");
-    let (Some(mut roomy), Some(mut batches), Some(mut bands)) = (open(), open(), open()) else { return };
+    let Some(mut roomy) = gpu_or_skip("small_buffers_change_no_swept_image") else { return };
+    same_with_small_buffers(&mut roomy, &cases::swept());
+}
+
+/// The pictures of cases, which buffers that are too small do not change.
+pub(super) fn same_with_small_buffers(roomy: &mut Gpu, cases: &[Case]) -> Vec<Picture> {
+    let picture = |gpu: &mut Gpu, case: &Case| {
+        render_frame(gpu, &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}")).picture
+    };
+    let pictures: Vec<Picture> = cases.iter().map(|case| picture(roomy, case)).collect();
+    let (mut batches, mut bands) = (roomy.beside(), roomy.beside());
     (batches.most_slots, bands.most_bytes) = (100, 256 << 10);
-    for case in cases::swept() {
-        let picture =
-            |gpu: &mut Gpu| render_frame(gpu, &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}")).picture;
-        let want = picture(&mut roomy);
-        assert_eq!(picture(&mut batches), want, "{}: batches of 100", case.name);
-        assert_eq!(picture(&mut bands), want, "{}: small bindings", case.name);
+    for (case, want) in cases.iter().zip(&pictures) {
+        assert_eq!(&picture(&mut batches, case), want, "{}: batches of 100", case.name);
+        assert_eq!(&picture(&mut bands, case), want, "{}: small bindings", case.name);
     }
+    pictures
 }

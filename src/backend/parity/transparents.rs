@@ -5,13 +5,13 @@ use super::cases::Case;
 use super::compare::{Tally, largest};
 use super::gpu_or_skip;
 use super::harness::read;
+use super::mutants::{Mutant, all_are_noticed, named};
 use super::sweeps::values;
 use crate::backend::cpu::Cpu;
 use crate::backend::cpu::transparent::project::{Projected, project};
 use crate::backend::cpu::transparent::view::View;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::DeviceGaussian;
-use crate::backend::gpu::programs::{Pipelines, Program};
 use crate::backend::{Backend, BackendError};
 use crate::film::{Aov, Blending, Picture};
 use crate::frame::{Frame, PixelRect};
@@ -149,20 +149,22 @@ fn captures_look_the_same_in_mode_auto() {
 /// Slabs of depth, bands of the image, and lists that grow change nothing.
 #[test]
 fn small_buffers_change_no_capture() {
-    let open = || gpu_or_skip("small_buffers_change_no_capture");
-    let (Some(mut roomy), Some(mut slabs), Some(mut bands)) = (open(), open(), open()) else { return };
-    (slabs.most_slots, bands.most_bytes) = (100, 160 << 10);
+    let Some(mut roomy) = gpu_or_skip("small_buffers_change_no_capture") else { return };
     // See-through surfels go through all batches for each of their layers, which takes long.
     let glasses = ["glass, fog"];
-    for case in captures().into_iter().filter(|case| !case.name.starts_with("glass") || glasses.contains(&case.name)) {
-        let picture = |gpu: &mut Gpu| gpu.render(case.frame()).unwrap_or_else(|e| panic!("{e}")).picture;
-        let want = picture(&mut roomy);
-        assert_eq!(picture(&mut slabs), want, "{}: slabs of 100", case.name);
-        assert_eq!(picture(&mut bands), want, "{}: bindings of 160 KiB", case.name);
-        let Some(mut small) = open() else { return };
+    let mut cases = captures();
+    cases.retain(|case| !case.name.starts_with("glass") || glasses.contains(&case.name));
+    let picture = |gpu: &mut Gpu, case: &Case| gpu.render(case.frame()).unwrap_or_else(|e| panic!("{e}")).picture;
+    let wanted: Vec<Picture> = cases.iter().map(|case| picture(&mut roomy, case)).collect();
+    let (mut slabs, mut bands) = (roomy.beside(), roomy.beside());
+    (slabs.most_slots, bands.most_bytes) = (100, 160 << 10);
+    for (case, want) in cases.iter().zip(wanted) {
+        assert_eq!(picture(&mut slabs, case), want, "{}: slabs of 100", case.name);
+        assert_eq!(picture(&mut bands, case), want, "{}: bindings of 160 KiB", case.name);
+        let mut small = roomy.beside();
         (small.first_entries, small.most_entries) = (1, 900);
         let before = small.most_slots;
-        assert_eq!(picture(&mut small), want, "{}: lists of 900 entries", case.name);
+        assert_eq!(picture(&mut small, case), want, "{}: lists of 900 entries", case.name);
         let few = ["one pixel", "aside", "wide volume", "volume, in part"].contains(&case.name);
         assert!(small.most_slots < before || few, "{}: no slab was split", case.name);
     }
@@ -171,7 +173,7 @@ fn small_buffers_change_no_capture() {
 /// Slabs that forget those before them are noticed.
 #[test]
 fn broken_slabs_are_noticed() {
-    static SLABS: [([(&str, &str); 1], &str); 6] = [
+    static SLABS: [Mutant; 6] = [
         (
             [(
                 "if view.resumes != 0u {\n        if !has_next(walk) && !has_rest { return; }\n        load(&sum, at);",
@@ -191,17 +193,14 @@ fn broken_slabs_are_noticed() {
         ([("quad.layer = number_at(at);", "")], "volume"),
         ([("first = vec4<u32>(sums[at + NEXT * TILE_QUADS])", "first = vec4<u32>(0u)")], "glass, fog"),
     ];
-    let open = || gpu_or_skip("broken_slabs_are_noticed");
-    let (Some(mut roomy), Some(mut slabs)) = (open(), open()) else { return };
+    let Some(mut roomy) = gpu_or_skip("broken_slabs_are_noticed") else { return };
+    let mut slabs = roomy.beside();
     slabs.most_slots = 100;
     let cases = captures();
-    for (pair, name) in &SLABS {
-        let case = cases.iter().find(|case| case.name == *name).unwrap();
-        let want = roomy.render(case.frame()).unwrap().picture;
-        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(pair[0].0)), "no program has {pair:?}");
-        slabs.state.pipelines = Pipelines::with(pair);
-        assert!(slabs.render(case.frame()).unwrap().picture != want, "{pair:?}");
-    }
+    all_are_noticed(&mut slabs, &SLABS, |slabs, name| {
+        let picture = |gpu: &mut Gpu| gpu.render(named(&cases, name).frame()).unwrap().picture;
+        if picture(slabs) == picture(&mut roomy) { Ok(()) } else { Err(format!("{name}: another picture")) }
+    });
 }
 
 /// The least memory with which a frame can be rendered holds all that it takes. What does not fit is refused in words.
@@ -230,8 +229,7 @@ fn captures_keep_to_their_memory() {
     assert!(refused.contains("600 Gaussians") && refused.contains("`--backend cpu`"), "{refused}");
 }
 
-/// Text of a program, what replaces it, and a case that must notice.
-static MUTANTS: [([(&str, &str); 1], &str); 139] = [
+static MUTANTS: [Mutant; 139] = [
     // Pass `project`.
     ([("axis + vec2<f32>(x, y)", "axis + vec2<f32>(x, x)")], "supersample"),
     ([("jx = clamp(x, -segment.field.x, segment.field.x)", "jx = x")], "aside"),
@@ -401,18 +399,7 @@ static MUTANTS: [([(&str, &str); 1], &str); 139] = [
 fn broken_programs_of_captures_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_programs_of_captures_are_noticed") else { return };
     let cases = captures();
-    let mut unnoticed = Vec::new();
-    for (pair, name) in &MUTANTS {
-        let [(from, to)] = pair;
-        assert!(Program::ALL.iter().any(|program| program.wgsl().contains(from)), "no program holds `{from}`");
-        let case = cases.iter().find(|case| case.name == *name).unwrap();
-        gpu.state.pipelines = Pipelines::with(pair);
-        match check(&mut gpu, case) {
-            Ok(()) => unnoticed.push(format!("`{from}` became `{to}`")),
-            Err(what) => eprintln!("`{to}`: {}", what.chars().take(150).collect::<String>()),
-        }
-    }
-    assert!(unnoticed.is_empty(), "nothing was noticed: {unnoticed:#?}");
+    all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| check(gpu, named(&cases, name)));
 }
 
 impl Gpu {

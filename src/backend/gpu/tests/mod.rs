@@ -7,4 +7,12 @@ mod open;
 mod wgsl;
 
 pub(in crate::backend) use self::open::gpu_or_skip;
-use super::{Choice, Gpu};
+use super::{Choice, DeviceState, Gpu};
+
+impl Gpu {
+    /// Another backend on the same device, with the pipelines that are there by now, and nothing else.
+    pub(in crate::backend) fn beside(&self) -> Self {
+        let DeviceState { device, pipelines, .. } = &self.state;
+        Self::on(device.clone(), pipelines.clone()).unwrap_or_else(|why| panic!("{why}"))
+    }
+}
