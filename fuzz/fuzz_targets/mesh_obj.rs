@@ -1,11 +1,16 @@
 #![no_main]
-//! Any bytes as an OBJ with faces: read or refused, never a panic.
+//! Any bytes as an OBJ with faces: read and sampled, or refused, never a panic.
 
 use std::path::Path;
 
 use libfuzzer_sys::fuzz_target;
-use splatblur::model::{Format, mesh};
+use splatblur::model::{Format, LoadOptions, MeshOptions, Spacing, mesh, sample_mesh};
 
 fuzz_target!(|bytes: &[u8]| {
-    let _ = mesh::read(bytes, Format::Obj, Path::new("nowhere/file.obj"), None);
+    let path = Path::new("nowhere/file.obj");
+    let sampling = MeshOptions { spacing: Spacing::Surfels(100), reduce: true };
+    let options = LoadOptions { mesh: sampling, ..LoadOptions::default() };
+    if let Ok(Some(mesh)) = mesh::read(bytes, Format::Obj, path, None) {
+        let _ = sample_mesh(mesh, &options, path, &|_, _| {});
+    }
 });

@@ -13,7 +13,7 @@ use splatblur::film::Aov;
 use splatblur::image::{Bits, Compression, Exr, Format, Precision};
 use splatblur::model::{self, ModelError};
 use splatblur::options::{self, PixelFilter, Prefilter, Shading};
-use splatblur::scene::{Camera, Scene};
+use splatblur::scene::Scene;
 use splatblur::scene_file::{self, Loaded};
 use splatblur::time::{Readout, Weight};
 
@@ -77,10 +77,8 @@ pub(super) struct Overrides {
 }
 
 impl Overrides {
+    /// All but the size, with which a scene is read.
     fn apply(&self, scene: &mut Scene) {
-        if let Some((width, height)) = self.size {
-            (scene.image.width, scene.image.height) = (width, height);
-        }
         if let Some(colour) = self.background {
             (scene.image.background, scene.image.transparent) = (colour, false);
         }
@@ -204,12 +202,13 @@ impl Running {
         }
         let progress = Loading::new(self.quiet);
         let step = |what: &str, share: f32| progress.step(what, share);
-        let options = scene_file::LoadOptions { lenient: self.lenient, restrict, progress: Some(&step) };
+        let options =
+            scene_file::LoadOptions { lenient: self.lenient, restrict, size: overrides.size, progress: Some(&step) };
         let head = info::head(path).with_context(|| format!("cannot read {}", path.display()))?;
         let kind = info::kind(&head, path);
         let mut loaded = match kind {
             Kind::Scene => pool.install(|| scene_file::load(path, &options))?,
-            Kind::Model => pool.install(|| scene_file::load_model(path, &step)).map_err(explained)?,
+            Kind::Model => pool.install(|| scene_file::load_model(path, &options)).map_err(explained)?,
             Kind::Animation => {
                 bail!("{} is an animation: name it in the <animation> of a scene, and render that", path.display())
             }
@@ -223,8 +222,6 @@ impl Running {
         }
         overrides.apply(&mut loaded.scene);
         if kind == Kind::Model {
-            // It depends on the shape of the image.
-            loaded.scene.camera = Camera::automatic(&loaded.scene);
             let camera = scene_file::camera_line(&loaded.scene.camera);
             let note = format!("{} is a model: took a scene of it alone, seen by {camera}", path.display());
             if !self.quiet {

@@ -60,6 +60,11 @@ impl MeshSource {
         self.mesh.triangles.len()
     }
 
+    /// True if the same mesh was sampled in this way, from whatever file it came.
+    pub(crate) fn is_of(&self, mesh: &Mesh, options: &LoadOptions) -> bool {
+        self.options == options.mesh && self.radius_scale == options.radius_scale && self.mesh.looks_like(mesh)
+    }
+
     /// The mesh sampled again: with `spacing` (model units), but within a range of numbers of surfels. `None` if it
     /// cannot be sampled.
     pub(crate) fn resampled(&self, spacing: f64, surfels: [f64; 2]) -> Option<Loaded> {
@@ -117,6 +122,23 @@ pub fn parse_capture(bytes: &[u8], format: Format) -> Result<Option<Gaussians>, 
 /// # Errors
 /// The file cannot be read, is not a regular file, or is not a valid model of a known format with at least one point.
 pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<Loaded, ModelError> {
+    match open(path, options, progress)? {
+        ReadFile::Ready(loaded) => Ok(*loaded),
+        ReadFile::Mesh(mesh) => sample_mesh(mesh, options, path, progress),
+    }
+}
+
+/// A model file that was read.
+pub(crate) enum ReadFile {
+    /// With all that was to be made of it.
+    Ready(Box<Loaded>),
+    /// To be sampled.
+    Mesh(Mesh),
+}
+
+/// As [`load`], but a mesh is not sampled yet.
+pub(crate) fn open(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<ReadFile, ModelError> {
+    let ready = |loaded| ReadFile::Ready(Box::new(loaded));
     let (content, size) = {
         refuse_by_name(path)?;
         let bytes = map::map(path)?;
@@ -129,8 +151,8 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
         if matches!(options.kind, None | Some(Kind::Surfels)) && (sampled || format != Format::Obj) {
             let mesh = mesh::read(&bytes, format, path, options.node.as_deref()).map_err(invalid)?;
             match mesh {
-                Some(mesh) if sampled => return sample_mesh(mesh, options, path, progress),
-                Some(mesh) => return vertices(mesh, options, path, progress),
+                Some(mesh) if sampled => return Ok(ReadFile::Mesh(mesh)),
+                Some(mesh) => return vertices(mesh, options, path, progress).map(ready),
                 None => {}
             }
         }
@@ -139,12 +161,14 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
     };
     let owned = || path.to_owned();
     let parsed = match (content, options.kind) {
-        (Content::Capture(gaussians), None | Some(Kind::Gaussians)) => return capture(gaussians, options, path),
+        (Content::Capture(gaussians), None | Some(Kind::Gaussians)) => {
+            return capture(gaussians, options, path).map(ready);
+        }
         (_, Some(Kind::Gaussians)) => return Err(ModelError::NoGaussians { path: owned() }),
         (Content::Grid(_), Some(Kind::Surfels)) => return Err(ModelError::NoSurfels { path: owned() }),
         (Content::Grid(grid), None | Some(Kind::Volume)) => {
             let made = volume::of_grid(&grid, &options.volume, options.radius_scale, most_kernels(size), progress);
-            return of_volume(made, path);
+            return of_volume(made, path).map(ready);
         }
         (Content::Cloud(cloud), kind) if kind == Some(Kind::Volume) || kind.is_none() && is_volume(&cloud) => {
             let linear = options.colour_space.map(|space| space == ColourSpace::Linear);
@@ -157,12 +181,11 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
             if moves {
                 loaded.notes.push("velocities ignored: they move surfels, not volumes".to_owned());
             }
-            return Ok(loaded);
+            return Ok(ready(loaded));
         }
         (_, Some(Kind::Volume)) => return Err(ModelError::NoVolume { path: owned() }),
         (Content::Mesh(cloud, triangles), _) => {
-            let mesh = mesh::of_cloud(cloud, triangles, options.colour_space);
-            return sample_mesh(mesh, options, path, progress);
+            return Ok(ReadFile::Mesh(mesh::of_cloud(cloud, triangles, options.colour_space)));
         }
         (content, _) => tidied(content),
     };
@@ -171,14 +194,14 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
         Parsed::Surfels(surfels) if surfels.is_empty() => {
             Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: String::new() })
         }
-        Parsed::Surfels(surfels) => Ok(Loaded {
+        Parsed::Surfels(surfels) => Ok(ready(Loaded {
             surfels: adjust(surfels, options),
             gaussians: None,
             volume: None,
             mesh: None,
             notes: Vec::new(),
-        }),
-        Parsed::Cloud(cloud) => completed(cloud, options, path, progress),
+        })),
+        Parsed::Cloud(cloud) => completed(cloud, options, path, progress).map(ready),
     }
 }
 
@@ -226,13 +249,13 @@ fn parse_told(bytes: &[u8], format: Format, progress: &dyn Fn(f32)) -> Result<Pa
 /// # Errors
 /// No triangle has an area, the spacing is too small, or all is cut out.
 pub fn sample_mesh(
-    mesh: Mesh,
+    mesh: impl Into<Arc<Mesh>>,
     options: &LoadOptions,
     path: &Path,
     progress: Progress<'_>,
 ) -> Result<Loaded, ModelError> {
     progress("sampling", 0.0);
-    let loaded = sampled(Arc::new(mesh), options.mesh, options.radius_scale).map_err(|why| match why {
+    let loaded = sampled(mesh.into(), options.mesh, options.radius_scale).map_err(|why| match why {
         Unsampled::Flat { triangles } => ModelError::FlatMesh { path: path.to_owned(), triangles },
         Unsampled::Fine { spacing, least } => ModelError::FineSpacing { path: path.to_owned(), spacing, least },
     })?;

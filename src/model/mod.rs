@@ -49,6 +49,7 @@ pub use complete::complete;
 pub use error::{ModelError, ParseError, Place};
 pub use format::Format;
 pub use load::{Loaded, MeshSource, Parsed, load, parse, parse_capture, parse_mesh, sample_mesh};
+pub(crate) use load::{ReadFile, open};
 pub use options::{ColourSpace, Kind, LoadOptions, MeshOptions, Progress, Spacing};
 pub use surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA, Material, Normalisation, Surfels, VelocityUnit};
 pub use volume::{

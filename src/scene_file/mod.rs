@@ -19,7 +19,7 @@ mod xml;
 use std::path::Path;
 
 use crate::model::{self, ModelError, Progress};
-use crate::scene::{Object, Scene};
+use crate::scene::{Camera, Object, Scene};
 
 pub use self::error::{EnvironmentError, Location, SceneError};
 pub use self::play::{NoPlay, Play, play};
@@ -32,6 +32,9 @@ pub struct LoadOptions<'a> {
     pub lenient: bool,
     /// Paths that leave this directory are refused.
     pub restrict: Option<&'a Path>,
+    /// Width and height of the image, pixels, in place of the scene's. Meshes without a spacing depend on it, and so
+    /// does a camera that is found.
+    pub size: Option<(u32, u32)>,
     /// Told about slow steps.
     pub progress: Option<Progress<'a>>,
 }
@@ -65,17 +68,23 @@ pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, SceneError
     let source = xml::decode(path, &xml::read(path)?)?;
     let root = xml::parse(&source)?;
     let notes = check::check(&source, &root, options.lenient)?;
-    let document = document::read(&source, &root)?;
+    let mut document = document::read(&source, &root)?;
     drop(root);
+    if let Some((width, height)) = options.size {
+        (document.image.width, document.image.height, document.size_given) = (width, height, true);
+    }
     resolve::resolve(&source, document, options, notes)
 }
 
-/// A scene of one model file, as a scene file with this model alone would be: 1024 x 768 pixels, a black background, a
-/// light from the upper right front, ambient light, one frame, and a camera that looks along -z and sees all.
+/// A scene of one model file, as a scene file with this model alone would be: 1024 x 768 pixels if the options do not
+/// say more, a black background, a light from the upper right front, ambient light, one frame, and a camera that sees
+/// all.
 ///
 /// # Errors
 /// The file cannot be read, or is not a valid model with at least one point.
-pub fn load_model(path: &Path, progress: Progress<'_>) -> Result<Loaded, ModelError> {
+pub fn load_model(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, ModelError> {
+    let silent = |_: &str, _: f32| {};
+    let progress = options.progress.unwrap_or(&silent);
     let loaded = model::load(path, &resolve::coarse(model::LoadOptions::default()), progress)?;
     let mut notes: Vec<String> = loaded.notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
     let mesh = loaded.mesh.clone();
@@ -83,9 +92,14 @@ pub fn load_model(path: &Path, progress: Progress<'_>) -> Result<Loaded, ModelEr
     path.clone_into(&mut object.model_path);
     let model = object.model.clone();
     let mut scene = Scene::new([object]);
+    if let Some((width, height)) = options.size {
+        (scene.image.width, scene.image.height) = (width, height);
+        scene.camera = Camera::automatic(&scene);
+    }
     if let Some(source) = mesh {
         notes.clear();
-        resolve::refine(&mut scene, &resolve::CoarseMesh { path: path.to_owned(), source, model }, 1, &mut notes);
+        let mesh = resolve::SampledMesh { path: path.to_owned(), source, model, is_coarse: true };
+        resolve::refine(&mut scene, &mesh, 1, &mut notes);
     }
     scene.name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     Ok(Loaded { scene, notes })

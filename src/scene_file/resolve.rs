@@ -1,6 +1,6 @@
 //! Turns a document into a scene: reads each file once, and fills in the defaults that depend on files.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use super::{LoadOptions, Loaded, write};
 use crate::anim::{self, CameraTrack, Interpolation, Intrinsics, NodeMotion, TrackOptions};
 use crate::environment::{Environment, LatLong};
 use crate::image;
-use crate::model::{self, MeshOptions, MeshSource, Spacing};
+use crate::model::{self, MeshOptions, MeshSource, ReadFile, Spacing};
 use crate::scene::{
     self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Model, Object, Opened, PointMotion, Scene,
     Sequence, SequenceSpec,
@@ -80,10 +80,11 @@ pub(super) fn resolve(
     }
     scene.camera.motions = document.camera.map_or_else(Vec::new, |c| c.motions);
     let mut notes = files.notes;
-    let meshes = files.meshes.len();
-    for mesh in files.meshes {
-        refine(&mut scene, &mesh, meshes, &mut notes);
+    files.meshes.retain(|mesh| mesh.is_coarse);
+    for mesh in &files.meshes {
+        refine(&mut scene, mesh, files.meshes.len(), &mut notes);
     }
+    drop_answered(&scene, &mut notes);
     show_insides(&mut scene, &sides_given, &mut notes);
     if scene.camera.automatic {
         let FrameRange { first, last, .. } = scene.frames;
@@ -94,6 +95,13 @@ pub(super) fn resolve(
         ));
     }
     Ok(Loaded { scene, notes })
+}
+
+/// Drops the notes that a mesh's animations are ignored where the scene plays them.
+fn drop_answered(scene: &Scene, notes: &mut Vec<String>) {
+    let bindings = scene.objects.iter().filter_map(|object| object.animation.as_ref());
+    let played: HashSet<String> = bindings.map(|binding| format!("{}: ", binding.path.display())).collect();
+    notes.retain(|note| !(note.contains(model::mesh::NOT_PLAYED) && played.iter().any(|path| note.starts_with(path))));
 }
 
 /// Gives the scene's camera the lens of its track, and the image its size where the scene does not say one.
@@ -118,16 +126,18 @@ fn look_through(scene: &mut Scene, lens: &Intrinsics, size_given: bool, says_fov
     })
 }
 
-/// A mesh whose spacing the scene decides, sampled coarsely so that the scene has its size.
-pub(super) struct CoarseMesh {
+/// A mesh that was sampled, and the first file that it came from.
+pub(super) struct SampledMesh {
     pub(super) path: PathBuf,
     pub(super) source: MeshSource,
     pub(super) model: Model,
+    /// The scene decides its spacing. Until then it has few surfels, which show its size.
+    pub(super) is_coarse: bool,
 }
 
 /// Samples one of `meshes` meshes again, as finely as the objects that show it need. Many meshes share what a scene may
 /// hold.
-pub(super) fn refine(scene: &mut Scene, coarse: &CoarseMesh, meshes: usize, notes: &mut Vec<String>) {
+pub(super) fn refine(scene: &mut Scene, coarse: &SampledMesh, meshes: usize, notes: &mut Vec<String>) {
     let shows = |object: &Object| Arc::ptr_eq(object.model.surfels(), coarse.model.surfels());
     let wanted = scene.objects.iter().filter(|object| shows(object));
     let wanted = wanted.filter_map(|object| scene::wanted_spacing(scene, object)).reduce(f64::min);
@@ -216,7 +226,8 @@ struct Files<'a> {
     models: HashMap<ModelKey, Model>,
     /// How often each file, or a node of it, was read as a model.
     variants: HashMap<(PathBuf, Option<String>), usize>,
-    meshes: Vec<CoarseMesh>,
+    /// All that were sampled. Files with the same mesh share one.
+    meshes: Vec<SampledMesh>,
     /// Surfels of all meshes so far.
     sampled: u64,
     animations: HashMap<PathBuf, Arc<anim::Loaded>>,
@@ -382,8 +393,20 @@ impl Files<'_> {
         let progress = self.options.progress.unwrap_or(&silent);
         let is_auto = options.mesh.spacing == Spacing::Auto;
         let options = if is_auto { coarse(options.clone()) } else { options.clone() };
-        let loaded = model::load(path, &options, progress)
-            .map_err(|e| SceneError::Model { at: self.source.locate(file.at), source: Box::new(e) })?;
+        let refuse = |e| SceneError::Model { at: self.source.locate(file.at), source: Box::new(e) };
+        let loaded = match model::open(path, &options, progress).map_err(refuse)? {
+            ReadFile::Ready(loaded) => *loaded,
+            ReadFile::Mesh(mesh) => {
+                let same = |known: &&SampledMesh| known.is_coarse == is_auto && known.source.is_of(&mesh, &options);
+                if let Some(known) = self.meshes.iter().find(same) {
+                    let (path, first, model) = (path.display(), known.path.display(), known.model.clone());
+                    self.notes.push(format!("{path}: the same mesh as {first}, and sampled once for both"));
+                    self.models.insert(key, model.clone());
+                    return Ok(model);
+                }
+                model::sample_mesh(mesh, &options, path, progress).map_err(refuse)?
+            }
+        };
         if loaded.mesh.is_some() {
             self.sampled += loaded.surfels.len() as u64;
         }
@@ -395,13 +418,13 @@ impl Files<'_> {
                 expected: format!("at most {MOST_SAMPLED} in all, by wider `spacing` or fewer meshes"),
             });
         }
-        let mesh = loaded.mesh.clone().filter(|_| is_auto);
-        if mesh.is_none() {
+        let mesh = loaded.mesh.clone();
+        if mesh.is_none() || !is_auto {
             self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
         }
         let model = Model::from(loaded);
         if let Some(source) = mesh {
-            self.meshes.push(CoarseMesh { path: path.to_owned(), source, model: model.clone() });
+            self.meshes.push(SampledMesh { path: path.to_owned(), source, model: model.clone(), is_coarse: is_auto });
         }
         self.models.insert(key, model.clone());
         Ok(model)

@@ -34,7 +34,7 @@ fn the_guitar_makes_the_exact_picture() {
 fn a_capture_alone_is_seen_upright() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let path = root.join("tests/data/models/guitar_3dgs.ply");
-    let scene = scene_file::load_model(&path, &|_, _| {}).unwrap().scene;
+    let scene = scene_file::load_model(&path, &scene_file::LoadOptions::default()).unwrap().scene;
     assert!(scene.objects[0].model.gaussians().is_some() && scene.objects[0].model.surfels().is_empty());
     assert_eq!(scene.camera.up, DVec3::NEG_Y);
     let away = scene.camera.eye - scene.camera.at;

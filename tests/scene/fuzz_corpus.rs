@@ -20,13 +20,14 @@ const PATIENCE: Duration = Duration::from_secs(2);
 type Read = fn(&Path) -> anyhow::Result<()>;
 
 /// Target (a folder of the corpus), extension that the file is read under, reader.
-const TARGETS: [(&str, &str, Read); 16] = [
+const TARGETS: [(&str, &str, Read); 17] = [
     ("anim", "anim", |path| read_animation(path)),
     ("bin", "bin", |path| read_model(path)),
     ("glb", "glb", |path| read_model(path)),
     ("gltf", "glb", |path| read_mesh(path)),
     ("image", "img", |path| Ok(image::read(path).map(drop)?)),
     ("mesh_obj", "obj", |path| read_mesh(path)),
+    ("mtl", "mtl", |path| read_library(path)),
     ("nrrd", "nrrd", |path| read_volume(path)),
     ("obj", "obj", |path| read_model(path)),
     ("ply", "ply", |path| read_model(path)),
@@ -86,6 +87,16 @@ fn read_mesh(path: &Path) -> anyhow::Result<()> {
             assert!([-1e8, -1.0, 0.0, 0.51, 1e8].iter().all(|seconds| chain.at(*seconds).is_finite()));
         }
     }
+    Ok(())
+}
+
+/// Reads a material library through an OBJ beside it.
+fn read_library(path: &Path) -> anyhow::Result<()> {
+    let obj = path.with_extension("obj");
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b c\nf 1 2 3\n";
+    fs::write(&obj, format!("mtllib {}\n{corners}", path.file_name().unwrap().display()))?;
+    let mesh = model::MeshOptions { spacing: model::Spacing::Surfels(100), reduce: true };
+    model::load(&obj, &model::LoadOptions { mesh, ..model::LoadOptions::default() }, &|_, _| {})?;
     Ok(())
 }
 

@@ -9,6 +9,7 @@ mod captures;
 mod files;
 mod fuzz_corpus;
 mod gltf_motion;
+mod mesh_properties;
 mod mesh_scenes;
 mod meshes;
 mod model_formats;

@@ -137,6 +137,27 @@ fn a_close_camera_makes_more_surfels() {
 }
 
 #[test]
+fn the_size_that_is_asked_for_decides_the_spacing() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::copy(data("BoxTextured.glb"), folder.path().join("box.glb")).unwrap();
+    let text = "<scene><image width='400' height='300'/><camera eye='0 0 4' at='0 0 0'/>\
+                <object><pointModel>box.glb</pointModel></object></scene>";
+    fs::write(folder.path().join("scene.xml"), text).unwrap();
+    let small = scene_file::LoadOptions { size: Some((200, 150)), ..scene_file::LoadOptions::default() };
+    let scene = scene_file::load(&folder.path().join("scene.xml"), &small).unwrap().scene;
+    assert_eq!((scene.image.width, scene.image.height), (200, 150));
+    assert_eq!(scene.objects[0].model.len(), at_distance(4.0, [200, 150]));
+    // A model alone, too, whose camera then suits the shape of the image.
+    let path = folder.path().join("box.glb");
+    let counts = [(256, 192), (128, 96)].map(|size| {
+        let options = scene_file::LoadOptions { size: Some(size), ..scene_file::LoadOptions::default() };
+        scene_file::load_model(&path, &options).unwrap().scene.objects[0].model.len() as f64
+    });
+    // Twice the rows.
+    assert!((counts[0] / counts[1] - 4.0).abs() < 0.2, "{counts:?}");
+}
+
+#[test]
 fn levels_of_texture_come_back_from_a_file() {
     let folder = tempfile::tempdir().unwrap();
     let first = sampled(&data("BoxTextured.glb"), Spacing::Of(0.03));
@@ -182,7 +203,7 @@ fn pixels_by_colour(scene: &Scene) -> [usize; 8] {
 fn three_sides_of_a_mesh_show_and_of_a_cloud_the_front() {
     let folder = tempfile::tempdir().unwrap();
     let mesh = coloured_cube(folder.path());
-    let mut scene = scene_file::load_model(&mesh, &|_, _| {}).unwrap().scene;
+    let mut scene = scene_file::load_model(&mesh, &scene_file::LoadOptions::default()).unwrap().scene;
     assert!(scene.camera.automatic);
     (scene.image.width, scene.image.height) = (160, 120);
     scene.objects[0].material = Some(support::UNLIT);
@@ -199,7 +220,7 @@ fn three_sides_of_a_mesh_show_and_of_a_cloud_the_front() {
     // The same surfels as a cloud.
     let path = folder.path().join("cube.bin");
     model::write_bin(&path, &sampled(&mesh, Spacing::Of(0.02))).unwrap();
-    let cloud = scene_file::load_model(&path, &|_, _| {}).unwrap().scene.camera;
+    let cloud = scene_file::load_model(&path, &scene_file::LoadOptions::default()).unwrap().scene.camera;
     assert_eq!((cloud.eye.x, cloud.eye.y), (cloud.at.x, cloud.at.y));
 }
 
@@ -227,4 +248,62 @@ fn concave_faces_are_cut_alike_in_both_formats() {
     fs::write(folder.path().join("bow.ply"), bow).unwrap();
     let loaded = model::load(&folder.path().join("bow.ply"), &LoadOptions::default(), &|_, _| {}).unwrap();
     assert!(loaded.notes.iter().any(|note| note.contains("drawn as fans (1)")), "{:?}", loaded.notes);
+}
+
+/// An OBJ with a library and a texture of one colour, in a folder of its own.
+fn textured_square(folder: &Path, name: &str, red: u8) {
+    let folder = folder.join(name);
+    fs::create_dir(&folder).unwrap();
+    image::RgbImage::from_pixel(4, 4, image::Rgb([red, 100, 50])).save(folder.join("t.png")).unwrap();
+    fs::write(folder.join("m.mtl"), "newmtl a\nmap_Kd t.png\n").unwrap();
+    let corners = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
+    fs::write(folder.join("m.obj"), format!("mtllib m.mtl\nusemtl a\n{corners}f 1/1 2/2 3/3 4/4\n")).unwrap();
+}
+
+#[test]
+fn files_with_the_same_mesh_share_its_surfels() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, red) in [("first", 200), ("copy", 200), ("other", 201)] {
+        textured_square(folder.path(), name, red);
+    }
+    let objects = [
+        ("first", "", "0 0 0"),
+        ("copy", "", "0 0 3"),
+        // The same OBJ and library beside another texture.
+        ("other", "", "0 0 0"),
+        ("first", " spacing='0.1'", "0 0 0"),
+        ("copy", " spacing='0.1'", "0 0 0"),
+        ("copy", " spacing='0.1' radiusScale='2'", "0 0 0"),
+    ];
+    let object = |(name, how, at): &(&str, &str, &str)| {
+        format!("<object><pointModel{how}>{name}/m.obj</pointModel><transform translate='{at}'/></object>")
+    };
+    let body: String = objects.iter().map(object).collect();
+    let path = folder.path().join("scene.xml");
+    fs::write(&path, format!("<scene><camera eye='0.5 0.5 9' at='0.5 0.5 0'/>{body}</scene>")).unwrap();
+    let loaded = scene_file::load(&path, &scene_file::LoadOptions::default()).unwrap();
+    let shown = |i: usize| loaded.scene.objects[i].model.surfels();
+    let shares = |i: usize, j: usize| std::sync::Arc::ptr_eq(shown(i), shown(j));
+    let sharing: Vec<[usize; 2]> =
+        (0..6).flat_map(|i| (0..i).map(move |j| [j, i])).filter(|&[j, i]| shares(i, j)).collect();
+    assert_eq!(sharing, [[0, 1], [3, 4]]);
+    // The nearest of those that share decides: the third object is as far away as the first.
+    assert!(shown(1).len() > shown(2).len(), "{} {}", shown(1).len(), shown(2).len());
+    let said = loaded.notes.iter().filter(|note| note.contains("the same mesh as") && note.contains("sampled once"));
+    assert_eq!(said.count(), 2, "{:?}", loaded.notes);
+}
+
+#[test]
+fn animations_are_ignored_only_where_nothing_plays_them() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::copy(data("CesiumMilkTruck.glb"), folder.path().join("truck.glb")).unwrap();
+    let says = |animation: &str| {
+        let path = folder.path().join("scene.xml");
+        let object = format!("<object><pointModel node='#2' spacing='0.1'>truck.glb</pointModel>{animation}</object>");
+        fs::write(&path, format!("<scene>{object}</scene>")).unwrap();
+        let notes = scene_file::load(&path, &scene_file::LoadOptions::default()).unwrap().notes;
+        notes.iter().filter(|note| note.contains("ignored: animations")).count()
+    };
+    assert_eq!(says(""), 1);
+    assert_eq!(says("<animation node='#2'>truck.glb</animation>"), 0);
 }

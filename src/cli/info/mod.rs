@@ -114,7 +114,7 @@ impl Info {
         let restrict = self.restrict.as_deref();
         let loaded = scene_file::load(
             file,
-            &scene_file::LoadOptions { lenient: self.lenient, restrict, progress: Some(&step) },
+            &scene_file::LoadOptions { lenient: self.lenient, restrict, size: None, progress: Some(&step) },
         )?;
         drop(progress);
         if self.xml {

@@ -58,6 +58,17 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// True if the other one is the same in all that is drawn.
+    pub(super) fn looks_like(&self, other: &Self) -> bool {
+        self.triangles == other.triangles
+            && self.materials == other.materials
+            && self.position == other.position
+            && self.normal == other.normal
+            && self.uv == other.uv
+            && self.colour == other.colour
+            && self.textures == other.textures
+    }
+
     /// Drops normals, texture coordinates or colours that no vertex has.
     fn keep(&mut self, [normals, uvs, colours]: [bool; 3]) {
         if !normals {
@@ -115,7 +126,7 @@ impl Default for MeshMaterial {
 }
 
 /// A decoded image.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Texture {
     /// Width and height, texels, both > 0.
     pub size: [u32; 2],

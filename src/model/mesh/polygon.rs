@@ -172,6 +172,11 @@ mod tests {
             assert_eq!(triangles.len(), 4);
             assert_eq!(total(&corners, &triangles), 3.0);
         }
+        // The other way round each triangle has the other side.
+        let clockwise: Vec<DVec3> = l.iter().rev().copied().collect();
+        let triangles = triangulate(&clockwise).unwrap();
+        let turned: Vec<[usize; 3]> = triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
+        assert_eq!((triangles.len(), total(&clockwise, &turned)), (4, 3.0));
         let square = polygon(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]);
         assert_eq!(total(&square, &triangulate(&square).unwrap()), 4.0);
     }
@@ -209,6 +214,8 @@ mod tests {
     fn what_has_no_area_or_crosses_itself_is_none() {
         assert_eq!(triangulate(&polygon(&[(0.0, 0.0), (1.0, 1.0), (2.0, 2.0), (3.0, 3.0)])), None);
         assert_eq!(triangulate(&polygon(&[(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)])), None);
+        // Half of it turns over, and the rest has an area.
+        assert_eq!(triangulate(&polygon(&[(0.0, 0.0), (2.0, 2.0), (2.0, 0.0), (0.0, 1.0)])), None);
         let angle = |i: u32| 0.8 * std::f64::consts::PI * f64::from(i);
         let pentagram: Vec<DVec3> = (0..5).map(|i| DVec3::new(angle(i).cos(), angle(i).sin(), 0.0)).collect();
         assert_eq!(triangulate(&pentagram), None);
@@ -223,6 +230,8 @@ mod tests {
         let start = std::time::Instant::now();
         let many: Vec<DVec3> = (0..1 << 20).map(|i| DVec3::new(f64::from(i), f64::from(i % 2), 0.0)).collect();
         assert_eq!(triangulate(&many), None);
+        // Ears are not looked for where there are too many corners.
+        assert_eq!(triangulate(&star(MOST_CORNERS as u32 / 2 + 1, 0.5)), None);
         // Convex ones are fans however many corners they have.
         let round = star(1 << 19, 1.0);
         assert_eq!(triangulate(&round).map(|triangles| triangles.len()), Some((1 << 20) - 2));
