@@ -100,9 +100,8 @@ pub fn frame<E: From<DatasetError>>(
         None => Ok(()),
     };
     let width = scene.image.width;
-    let coloured = |picture: Picture| {
-        Content::Picture(Picture { layers: Vec::new(), ..picture }, recipe.format, recipe.response)
-    };
+    let coloured =
+        |picture: Picture| Content::Picture(Picture { layers: Vec::new(), ..picture }, recipe.format, recipe.response);
     let instants = recipe.instants();
     let has_middle = instants.contains(&MIDDLE);
     let own_middle = (!has_middle).then_some((usize::MAX, MIDDLE));

@@ -1,7 +1,7 @@
 //! `transforms.json`: cameras, files and settings of all frames, as nerfstudio reads it. Camera to world, axes of
 //! OpenGL, which are ours; keys that nerfstudio does not know are ours too (docs/dataset.md).
 
-use glam::DMat4;
+use glam::{DMat3, DMat4};
 use serde::{Deserialize, Serialize};
 
 use super::files::{Role, files};
@@ -152,7 +152,7 @@ fn entry(scene: &Scene, frame: FrameNumber, recipe: &Recipe) -> Entry {
     };
     let instant = |share: f64| {
         let time = scene.shutter.frame_time(frame.get(), share);
-        Instant { time, transform_matrix: rows(&camera_from_world(scene, time).inverse()) }
+        Instant { time, transform_matrix: world_from_camera(&camera_from_world(scene, time)) }
     };
     let weights = recipe.weights(&scene.shutter.weight);
     let sharp = recipe.instants().into_iter().zip(weights).enumerate().filter_map(|(i, (share, weight))| {
@@ -178,6 +178,10 @@ fn entry(scene: &Scene, frame: FrameNumber, recipe: &Recipe) -> Entry {
     }
 }
 
-fn rows(m: &DMat4) -> Rows {
-    m.transpose().to_cols_array_2d()
+/// The inverse of a rotation and a translation, by rows.
+fn world_from_camera(camera_from_world: &DMat4) -> Rows {
+    let turn = DMat3::from_mat4(*camera_from_world).transpose();
+    let eye = -(turn * camera_from_world.w_axis.truncate());
+    let row = |axis: usize| turn.row(axis).extend(eye[axis]).to_array();
+    [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
 }

@@ -87,11 +87,8 @@ fn file(
     let mut attributes = LayerAttributes { software_name, comments, ..LayerAttributes::default() };
     // The only entry of this map, as below: the library writes entries in an order that changes from run to run.
     attributes.other.insert(Text::from(SETTINGS), AttributeValue::Text(utf8(settings)));
-    let encoding = Encoding {
-        compression: method(compression),
-        blocks: Blocks::ScanLines,
-        line_order: LineOrder::Increasing,
-    };
+    let encoding =
+        Encoding { compression: method(compression), blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
     let mut image = Image::from_layer(Part::new(size, attributes, encoding, AnyChannels::sort(channels.into())));
     image.attributes.chromaticities = Some(Chromaticities {
         red: Vec2(0.64, 0.33),

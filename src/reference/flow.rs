@@ -266,9 +266,8 @@ impl<'w, 'a> Follower<'w, 'a> {
             }
             let i = hit.surfel as usize;
             normal += body.surfels.normal[i].as_dvec3() * w;
-            let place = |body: &Body<'_>, elapsed| {
-                body.object.model.paths().exact_place(body.surfels.position[i], i, elapsed)
-            };
+            let place =
+                |body: &Body<'_>, elapsed| body.object.model.paths().exact_place(body.surfels.position[i], i, elapsed);
             shift += (place(later, elapsed) - place(body, point.target?.elapsed)) * w;
         }
         let shift = if weight > 0.0 { shift / weight } else { shift };

@@ -33,7 +33,6 @@ use super::frames::{self, Frames};
 use super::output::{print, print_json, say};
 use super::progress::Rendering;
 use super::render::blur::Blur;
-use super::words::with_flags;
 
 /// Render blurred pictures with the truth about them: sharp pictures, flow, depth, cameras.
 ///
@@ -227,8 +226,7 @@ impl Dataset {
         let seed = choices.sampling.seed;
         let transforms = dataset::transforms(&scene, frames.all(), &recipe, seed, &origin)?;
 
-        let directory =
-            self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{}.dataset", scene.name)));
+        let directory = self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{}.dataset", scene.name)));
         open_directory(&directory)?;
         let list = directory.join(TRANSFORMS);
         if fs::read(&list).is_ok_and(|found| found != transforms.as_bytes()) {
@@ -265,8 +263,7 @@ impl Dataset {
         if self.json {
             let (scene, directory, transforms) = (&*scene.name, &*directory, &*list);
             let (program, notes) = (PROGRAM, &*notes);
-            let report =
-                Report { program, scene, directory, transforms, backend, frames: reports, seconds, notes };
+            let report = Report { program, scene, directory, transforms, backend, frames: reports, seconds, notes };
             return print_json(&report);
         }
         if self.running.quiet { Ok(()) } else { conclude(&reports, &list, seconds) }
@@ -358,7 +355,7 @@ struct FileSettings<'a> {
 /// Why a frame was not written.
 #[derive(Debug, thiserror::Error)]
 enum FrameError {
-    #[error("{}", with_flags(&.0.to_string()))]
+    #[error(transparent)]
     Made(#[from] DatasetError),
     #[error(transparent)]
     Written(#[from] ImageError),
@@ -373,13 +370,7 @@ impl Output<'_> {
     fn settings_of(&self, file: &str, frame: FrameNumber) -> Result<String, serde_json::Error> {
         let Recipe { sharp, response, noise, .. } = *self.recipe;
         let (response, noise) = (response.to_string(), noise.to_string());
-        serde_json::to_string(&FileSettings {
-            file,
-            sharp,
-            response,
-            noise,
-            settings: self.settings.with_frame(frame),
-        })
+        serde_json::to_string(&FileSettings { file, sharp, response, noise, settings: self.settings.with_frame(frame) })
     }
 
     /// Are all files of a frame there, whole and with these settings?

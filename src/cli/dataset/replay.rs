@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, bail};
 use clap::parser::ValueSource;
-use clap::{ArgAction, ArgMatches, CommandFactory as _, FromArgMatches as _};
+use clap::{Arg, ArgAction, ArgMatches, CommandFactory as _, FromArgMatches as _};
 use serde::Deserialize;
 use splatblur::dataset::{By, Origin, Recipe};
 use splatblur::study::provenance::{PROGRAM, Settings};
@@ -46,17 +46,12 @@ const NAME: &str = "dataset";
 
 /// Options that say what is made, each with its value in one word.
 fn choices(matches: &ArgMatches) -> Vec<String> {
-    let command = Cli::command();
-    let Some(dataset) = command.find_subcommand(NAME) else { return Vec::new() };
     let mut choices = Vec::new();
-    for argument in dataset.get_arguments() {
+    for argument in options() {
         let id = argument.get_id().as_str();
         let (Some(long), Some(ValueSource::CommandLine)) = (argument.get_long(), matches.value_source(id)) else {
             continue;
         };
-        if RUNNING.contains(&id) {
-            continue;
-        }
         if matches!(argument.get_action(), ArgAction::SetTrue) {
             choices.push(format!("--{long}"));
         } else {
@@ -65,6 +60,13 @@ fn choices(matches: &ArgMatches) -> Vec<String> {
         }
     }
     choices
+}
+
+/// The options of the command that say what is made.
+fn options() -> Vec<Arg> {
+    let command = Cli::command();
+    let all = command.find_subcommand(NAME).into_iter().flat_map(clap::Command::get_arguments);
+    all.filter(|argument| !RUNNING.contains(&argument.get_id().as_str())).cloned().collect()
 }
 
 /// Reads what a dataset recorded.
@@ -84,13 +86,20 @@ impl Recorded {
 
     /// The options of the run.
     pub(super) fn choices(&self) -> anyhow::Result<Dataset> {
-        let line = ["splatblur", NAME].into_iter().chain(self.arguments.iter().map(String::as_str)).chain(["--", "-"]);
-        let matches = Cli::command().try_get_matches_from(line.map(OsString::from));
-        let matches = matches.map_err(|error| anyhow::anyhow!(crate::cli::one_line(&error.render().to_string())))?;
-        let recorded = matches.subcommand_matches(NAME).map_or_else(Vec::new, choices);
-        if let Some(other) = self.arguments.iter().find(|argument| !recorded.contains(argument)) {
+        let known = options();
+        let is_known = |argument: &&String| {
+            let name = argument.split_once('=').map_or(&***argument, |(name, _)| name);
+            name.strip_prefix("--").is_some_and(|name| known.iter().any(|option| option.get_long() == Some(name)))
+        };
+        if let Some(other) = self.arguments.iter().find(|argument| !is_known(argument)) {
             bail!("`{other}` is no choice that a dataset records");
         }
+        let line = ["splatblur", NAME].into_iter().chain(self.arguments.iter().map(String::as_str)).chain(["--", "-"]);
+        let matches = Cli::command().try_get_matches_from(line.map(OsString::from));
+        let matches = matches.map_err(|error| {
+            let line = crate::cli::one_line(&error.render().to_string());
+            anyhow::anyhow!(line.trim_start_matches("error: ").to_owned())
+        })?;
         match Cli::from_arg_matches(&matches)?.command {
             Command::Dataset(dataset) => Ok(*dataset),
             _ => bail!("its arguments are those of another command"),
