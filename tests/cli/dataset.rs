@@ -170,9 +170,10 @@ fn numbers_are_those_of_the_scene() {
         planes
     };
     let at = 18 * SIZE[0] + 24;
-    // The ball's front is 1 before its centre, which has gone (0.4, 0.1, 0); the camera is at 4.9.
+    // The camera is at (0.5, 0.2, 4.9), the ball's centre at (0.4, 0.1, 0): this ray meets it (0.140, 0.060) beside its
+    // middle, at 4.9 - sqrt(1 - 0.0232). Seen: 3.9107, as its surfels are flat.
     let depth = &planes("depth/0001.exr", &["Y"])[0];
-    assert!((depth[at] - 3.9).abs() < 0.01 && depth[0] == f32::INFINITY, "{}", depth[at]);
+    assert!((depth[at] - 3.9117).abs() < 2e-3 && depth[0] == f32::INFINITY, "{}", depth[at]);
     let alpha = &planes("alpha/0001.exr", &["Y"])[0];
     assert_eq!((alpha[at], alpha[0]), (1.0, 0.0));
     // Over the whole shutter the front goes 0.4 to the right, and comes nearer: about 5 pixels.
