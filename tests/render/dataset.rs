@@ -10,7 +10,7 @@ use splatblur::image::{Format, Response};
 use splatblur::math::srgb;
 use splatblur::options::{ErrorTarget, Quality, RenderOptions};
 use splatblur::reference::ReferenceOptions;
-use splatblur::scene::{Motion, Scene};
+use splatblur::scene::Scene;
 use splatblur::time::Weight;
 
 use crate::support::sphere_scene;
@@ -69,7 +69,7 @@ fn mean(scene: &Scene, recipe: &Recipe, files: &[(Role, Content)]) -> Vec<[f64; 
 fn the_mean_of_sharp_pictures_is_the_blurred_one_of_the_reference() {
     for weight in [Weight::Box, Weight::Ramp { centre: 1.0 }] {
         let scene = scene(weight);
-        let recipe = recipe(By::Tracing(ReferenceOptions { samples: 256, ..ReferenceOptions::default() }), 65);
+        let recipe = recipe(By::Tracing(ReferenceOptions { samples: 64, ..ReferenceOptions::default() }), 33);
         let (of_frame, files) = made(&scene, &recipe);
         let mean = mean(&scene, &recipe, &files);
         let blurred = &picture(&files, Role::Blur).rgba;
@@ -93,7 +93,8 @@ fn the_mean_of_sharp_pictures_is_the_blurred_one_of_the_reference() {
     }
 }
 
-/// In standard errors. Seen: see the output.
+/// In standard errors. Seen, with 256 samples and 65 instants: 0.93 and 4.6 of 6,960 values (weight box), 0.93 and 4.4
+/// (ramp). Standard errors of 16 scramblings are rough themselves.
 const RMS: f64 = 1.5;
 const WORST: f64 = 8.0;
 
