@@ -49,7 +49,8 @@ impl Content {
                 image::write_with_response(path, picture, *format, *response, settings)
             }
             Self::Planes(width, planes, meaning) => {
-                let planes: Vec<(&str, &[f32])> = planes.iter().map(|(name, plane)| (*name, &**plane)).collect();
+                let planes: Vec<(&str, &[f32])> =
+                    planes.iter().map(|(name, plane)| (*name, plane.as_slice())).collect();
                 image::write_planes(path, *width, &planes, meaning, settings)
             }
         }

@@ -283,7 +283,7 @@ impl<'w, 'a> Follower<'w, 'a> {
         let place = pose.world_from_model.transform_point3(model) - camera.eye;
         let p = camera.world_from_camera.transpose() * place;
         let depth = -p.z;
-        if !(depth >= world.scene.camera.near) {
+        if depth.is_nan() || depth < world.scene.camera.near {
             return None;
         }
         let film = world.film(p);

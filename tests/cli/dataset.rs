@@ -291,7 +291,7 @@ fn what_makes_no_sense_is_one_line() {
         ("another program", text.replace("splatblur 0.", "splatblur 9."), ""),
         ("another hash", text.replace("\"hash\": \"", "\"hash\": \"1"), "the scene or its files have changed"),
     ] {
-        fs::write(&list, &changed).unwrap();
+        fs::write(&list, changed).unwrap();
         let (status, _, errors) = run(dir.path(), "dataset --replay truth/transforms.json --out a --quiet");
         if expected.is_empty() {
             // The hash has the program's version too: a name alone changes nothing.

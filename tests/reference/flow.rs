@@ -165,10 +165,10 @@ fn what_is_hidden_or_outside_is_valid_and_not_visible() {
     let velocity = DVec3::new(1.0, 0.0, 0.0);
     let mut scene = moving(plane(DEPTH), vec![Motion::Linear { velocity }]);
     // Its edge is a straight line at x = 40, as good as.
-    const RADIUS: f64 = 5e4;
+    let radius = 5e4;
     let edge = (40.0 - 32.0) * 2.0 / FOCAL;
-    let mut before = object(round_surfels([(DVec3::ZERO, DVec3::Z, RADIUS, Vec3::ONE)]));
-    before.transform.translate = DVec3::new(edge + RADIUS, 0.0, -2.0);
+    let mut before = object(round_surfels([(DVec3::ZERO, DVec3::Z, radius, Vec3::ONE)]));
+    before.transform.translate = DVec3::new(edge + radius, 0.0, -2.0);
     before.epsilon = Some(1e-3);
     scene.objects.push(before);
     scene.objects[1].name = "before".into();

@@ -38,8 +38,8 @@ use super::render::blur::Blur;
 ///
 /// Writes for each frame the blurred picture, N sharp ones at even times from where the shutter opens to where it
 /// closes, the flow from open to close and from the middle to close, depth and alpha of the middle, and the error of
-/// the blurred picture; and for all frames DIR/transforms.json, when they are done. Numbers are EXR files that OpenCV
-/// reads. docs/dataset.md says what each file holds.
+/// the blurred picture; and for all frames DIR/transforms.json, when they are done. Numbers are EXR files that every
+/// reader opens. docs/dataset.md says what each file holds.
 #[derive(Debug, Args)]
 #[command(after_long_help = format!("\
 {MODES}

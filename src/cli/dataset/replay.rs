@@ -87,11 +87,11 @@ impl Recorded {
     /// The options of the run.
     pub(super) fn choices(&self) -> anyhow::Result<Dataset> {
         let known = options();
-        let is_known = |argument: &&String| {
-            let name = argument.split_once('=').map_or(&***argument, |(name, _)| name);
+        let is_known = |argument: &str| {
+            let name = argument.split_once('=').map_or(argument, |(name, _)| name);
             name.strip_prefix("--").is_some_and(|name| known.iter().any(|option| option.get_long() == Some(name)))
         };
-        if let Some(other) = self.arguments.iter().find(|argument| !is_known(argument)) {
+        if let Some(other) = self.arguments.iter().find(|argument| !is_known(argument.as_str())) {
             bail!("`{other}` is no choice that a dataset records");
         }
         let line = ["splatblur", NAME].into_iter().chain(self.arguments.iter().map(String::as_str)).chain(["--", "-"]);
