@@ -195,8 +195,11 @@ pub(super) fn is_whole(bytes: &[u8]) -> bool {
     part(bytes).is_ok()
 }
 
+/// Planes of channels; `None` for one that is not there.
+type Planes = Vec<Option<Vec<f32>>>;
+
 /// The plane of each channel that is named, and the width; `None` for a channel that the file has not.
-pub(super) fn decode_planes(bytes: &[u8], channels: &[&str]) -> Result<(u32, Vec<Option<Vec<f32>>>), String> {
+pub(super) fn decode_planes(bytes: &[u8], channels: &[&str]) -> Result<(u32, Planes), String> {
     let part = part(bytes)?;
     let plane = |name: &&str| {
         let channel = part.channel_data.list.iter().find(|channel| channel.name.eq(name))?;
