@@ -122,6 +122,9 @@ pub mod renderer;
 pub mod reference;
 
 #[doc(hidden)]
+pub mod dataset;
+
+#[doc(hidden)]
 pub mod compare;
 
 #[doc(hidden)]

@@ -8,6 +8,7 @@ mod backend;
 mod common;
 mod compare;
 mod convert;
+mod dataset;
 mod frames;
 mod generate;
 mod info;
@@ -46,6 +47,7 @@ const INTERRUPTED: u8 = 130;
 Examples:
   splatblur render scenes/three_objects.xml           all frames, into out/three_objects/
   splatblur render scene.xml --frames 12 --size 640x480 --mode still
+  splatblur dataset scene.xml --out truth             blurred and sharp pictures, flow, depth, cameras
   splatblur compare a.png b.exr --limit flip=0.02     how far a picture is from another
   splatblur sheet scene.xml --frame 12 --modes supersample:8,bucket:8x4 --out sheet.png
   splatblur report scene.xml --frames 12 --modes supersample:8,bucket:8x4 --reference 1024 --out report
@@ -62,6 +64,7 @@ struct Cli {
 enum Command {
     Render(Box<render::Render>),
     Reference(Box<reference::Reference>),
+    Dataset(Box<dataset::Dataset>),
     Compare(compare::Compare),
     Sheet(Box<sheet::Sheet>),
     Report(Box<report::Report>),
@@ -83,13 +86,19 @@ pub(super) fn main() -> ExitCode {
     // These open devices.
     if matches!(
         cli.command,
-        Command::Render(_) | Command::Sheet(_) | Command::Report(_) | Command::Study(_) | Command::Info(_)
+        Command::Render(_)
+            | Command::Dataset(_)
+            | Command::Sheet(_)
+            | Command::Report(_)
+            | Command::Study(_)
+            | Command::Info(_)
     ) {
         selection::leave_out();
     }
     let done = match &cli.command {
         Command::Render(render) => render.run().map(|()| ExitCode::SUCCESS),
         Command::Reference(reference) => reference.run().map(|()| ExitCode::SUCCESS),
+        Command::Dataset(dataset) => dataset.run().map(|()| ExitCode::SUCCESS),
         Command::Compare(compare) => compare.run(),
         Command::Sheet(sheet) => sheet.run().map(|()| ExitCode::SUCCESS),
         Command::Report(report) => report.run(),

@@ -1,10 +1,11 @@
 //! Options of the library in the words of the command line.
 
 /// Names of options in messages of the library, and the flags that set them.
-const FLAGS: [(&str, &str); 3] = [
+const FLAGS: [(&str, &str); 4] = [
     ("RenderOptions::memory", "--memory"),
     ("ErrorTarget::samples_max", "--samples-max"),
     ("Device::Cpu", "--backend cpu"),
+    ("Recipe::flow = false", "--no-flow"),
 ];
 
 /// A message of the library, with flags in place of its options.

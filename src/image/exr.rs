@@ -55,17 +55,40 @@ pub(super) fn encode(
             channels.push(channel(&name, plane.clone(), half && !layer.aov.needs_float())?);
         }
     }
+    let meanings = (!picture.layers.is_empty()).then(|| meanings(picture));
+    let size = Vec2(columns, picture.height as usize);
+    file(size, channels, options.compression, meanings.as_deref(), settings, comment)
+}
+
+/// The bytes of a file with these channels of floats, each row-major, and nothing else.
+pub(super) fn encode_planes(
+    width: u32,
+    channels: &[(&str, &[f32])],
+    meanings: &str,
+    settings: &str,
+) -> Result<Vec<u8>, ImageError> {
+    let pixels = channels.first().map_or(0, |(_, plane)| plane.len());
+    let size = Vec2(width as usize, pixels / width.max(1) as usize);
+    let channels =
+        channels.iter().map(|(name, plane)| AnyChannel::new(*name, FlatSamples::F32(plane.to_vec()))).collect();
+    file(size, channels, Compression::default(), Some(meanings), settings, None)
+}
+
+fn file(
+    size: Vec2<usize>,
+    channels: Vec<AnyChannel<FlatSamples>>,
+    compression: Compression,
+    meanings: Option<&str>,
+    settings: &str,
+    comment: Option<&str>,
+) -> Result<Vec<u8>, ImageError> {
     let software_name = Text::new_or_none(concat!("splatblur ", env!("CARGO_PKG_VERSION")));
     let comments = comment.map(utf8);
     let mut attributes = LayerAttributes { software_name, comments, ..LayerAttributes::default() };
     // The only entry of this map, as below: the library writes entries in an order that changes from run to run.
     attributes.other.insert(Text::from(SETTINGS), AttributeValue::Text(utf8(settings)));
-    let size = Vec2(picture.width as usize, picture.height as usize);
-    let encoding = Encoding {
-        compression: method(options.compression),
-        blocks: Blocks::ScanLines,
-        line_order: LineOrder::Increasing,
-    };
+    let encoding =
+        Encoding { compression: method(compression), blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
     let mut image = Image::from_layer(Part::new(size, attributes, encoding, AnyChannels::sort(channels.into())));
     image.attributes.chromaticities = Some(Chromaticities {
         red: Vec2(0.64, 0.33),
@@ -73,8 +96,8 @@ pub(super) fn encode(
         blue: Vec2(0.15, 0.06),
         white: Vec2(0.3127, 0.3290),
     });
-    if !picture.layers.is_empty() {
-        image.attributes.other.insert(Text::from(LAYERS), AttributeValue::Text(utf8(&meanings(picture))));
+    if let Some(meanings) = meanings {
+        image.attributes.other.insert(Text::from(LAYERS), AttributeValue::Text(utf8(meanings)));
     }
     let mut bytes = Cursor::new(Vec::new());
     // One thread: a frame is written while the next one renders.
@@ -145,7 +168,8 @@ pub(super) fn settings(file: &mut (impl BufRead + Seek)) -> Option<String> {
     }
 }
 
-pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
+/// The first part of a file, whatever its channels.
+fn part(bytes: &[u8]) -> Result<Part<AnyChannels<FlatSamples>>, String> {
     let refused = |e: ::exr::error::Error| format!("not a readable EXR file: {e}");
     let meta = MetaData::read_from_buffered(bytes, false).map_err(refused)?;
     for header in &meta.headers {
@@ -163,7 +187,29 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
         .non_parallel()
         .from_buffered(Cursor::new(bytes))
         .map_err(refused)?;
-    let part = image.layer_data;
+    Ok(image.layer_data)
+}
+
+/// True if all blocks of a file can be read.
+pub(super) fn is_whole(bytes: &[u8]) -> bool {
+    part(bytes).is_ok()
+}
+
+/// Planes of channels; `None` for one that is not there.
+type Planes = Vec<Option<Vec<f32>>>;
+
+/// The plane of each channel that is named, and the width; `None` for a channel that the file has not.
+pub(super) fn decode_planes(bytes: &[u8], channels: &[&str]) -> Result<(u32, Planes), String> {
+    let part = part(bytes)?;
+    let plane = |name: &&str| {
+        let channel = part.channel_data.list.iter().find(|channel| channel.name.eq(name))?;
+        Some(channel.sample_data.values_as_f32().collect())
+    };
+    Ok((part.size.0 as u32, channels.iter().map(plane).collect()))
+}
+
+pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
+    let part = part(bytes)?;
     // The library gives all attributes that it does not know to the part.
     let names = names_of_objects(part.attributes.other.get(&Text::from(LAYERS)));
     let Vec2(w, h) = part.size;

@@ -7,12 +7,14 @@
 mod exr;
 mod format;
 mod png;
+mod response;
 
 use std::fs::File;
 use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 
 pub use self::format::{Bits, Compression, Exr, Format, Precision};
+pub use self::response::{Response, ResponseError};
 use crate::files;
 use crate::film::Picture;
 
@@ -164,7 +166,7 @@ impl Picture {
 pub fn encode(picture: &Picture, format: Format, settings: &str) -> Result<Vec<u8>, ImageError> {
     check(picture)?;
     match format {
-        Format::Png { bits, alpha } => png::encode(picture, bits, alpha, settings),
+        Format::Png { bits, alpha } => png::encode(picture, bits, alpha, Response::Srgb, settings),
         Format::Exr(options) => exr::encode(picture, options, settings, None),
     }
 }
@@ -193,6 +195,60 @@ pub fn write_with_comment(
     check(picture)?;
     let bytes = exr::encode(picture, options, settings, Some(comment))?;
     files::replace(path, &bytes).map_err(|source| ImageError::Write { path: path.to_owned(), source })
+}
+
+/// As [`write()`]; a PNG file has the codes of a camera with this `response` in place of sRGB. EXR stays linear.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_with_response(
+    path: &Path,
+    picture: &Picture,
+    format: Format,
+    response: Response,
+    settings: &str,
+) -> Result<(), ImageError> {
+    let Format::Png { bits, alpha } = format else { return write(path, picture, format, settings) };
+    check(picture)?;
+    let bytes = png::encode(picture, bits, alpha, response, settings)?;
+    files::replace(path, &bytes).map_err(|source| ImageError::Write { path: path.to_owned(), source })
+}
+
+/// Writes an EXR file of other numbers than colours: `channels` of floats by name, row by row, of a picture `width`
+/// wide, and `meaning`, which says what they hold.
+///
+/// # Errors
+/// A channel has not as many values as the first, or the file cannot be written.
+pub fn write_planes(
+    path: &Path,
+    width: u32,
+    channels: &[(&str, &[f32])],
+    meaning: &str,
+    settings: &str,
+) -> Result<(), ImageError> {
+    let expected = channels.first().map_or(0, |(_, plane)| plane.len());
+    if expected == 0 || width == 0 || !expected.is_multiple_of(width as usize) {
+        return Err(ImageError::Size { width, height: (expected / width.max(1) as usize) as u32 });
+    }
+    if let Some((name, plane)) = channels.iter().find(|(_, plane)| plane.len() != expected) {
+        return Err(ImageError::Length { channel: (*name).to_owned(), found: plane.len(), expected });
+    }
+    let bytes = exr::encode_planes(width, channels, meaning, settings)?;
+    files::replace(path, &bytes).map_err(|source| ImageError::Write { path: path.to_owned(), source })
+}
+
+/// Reads channels that [`write_planes`] wrote: the width of the picture, and for each name its values, row by row.
+///
+/// # Errors
+/// The file cannot be read, is no EXR file, or lacks a channel.
+pub fn read_planes(path: &Path, channels: &[&str]) -> Result<(u32, Vec<Vec<f32>>), ImageError> {
+    let bytes = read_regular(path).map_err(|source| ImageError::Read { path: path.to_owned(), source })?;
+    let refused = |what: String| ImageError::Decode { path: path.to_owned(), what };
+    let (width, planes) = exr::decode_planes(&bytes, channels).map_err(refused)?;
+    let missing = |(plane, name): (Option<Vec<f32>>, &&str)| {
+        plane.ok_or_else(|| refused(format!("there is no channel `{name}`")))
+    };
+    Ok((width, planes.into_iter().zip(channels).map(missing).collect::<Result<_, _>>()?))
 }
 
 /// Reads a PNG or EXR picture, as written by [`write()`], into linear premultiplied floats.
@@ -231,7 +287,7 @@ pub fn is_whole(path: &Path) -> bool {
     let Ok(bytes) = read_regular(path) else { return false };
     match kind(&bytes) {
         Some(Kind::Png) => png::is_whole(&bytes),
-        Some(Kind::Exr) => exr::decode(&bytes).is_ok(),
+        Some(Kind::Exr) => exr::is_whole(&bytes),
         None => false,
     }
 }

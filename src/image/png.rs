@@ -1,11 +1,11 @@
-//! PNG: 8 or 16 bits, sRGB-encoded, straight alpha. Colour is un-premultiplied in linear light, then encoded, then
+//! PNG: 8 or 16 bits, sRGB-encoded or by another response, straight alpha. Colour is un-premultiplied in linear light, then encoded, then
 //! rounded to the nearest code; there is no dither, values outside [0, 1] are clipped.
 
 use std::io::{Cursor, Read, Seek, SeekFrom};
 
 use ::png::{BitDepth, ColorType, Compression, Decoder, Encoder, EncodingError, Filter, Limits, Transformations};
 
-use super::{Bits, DEFLATE_LIMIT, ImageError, SETTINGS, plausible};
+use super::{Bits, DEFLATE_LIMIT, ImageError, Response, SETTINGS, plausible};
 use crate::film::Picture;
 use crate::math::srgb;
 
@@ -17,20 +17,26 @@ const HEADER_LENGTH: usize = 8 + 12 + 13;
 /// Longest settings that are read back, bytes.
 const LONGEST_SETTINGS: u32 = 1 << 24;
 
-pub(super) fn encode(picture: &Picture, bits: Bits, alpha: bool, settings: &str) -> Result<Vec<u8>, ImageError> {
+pub(super) fn encode(
+    picture: &Picture,
+    bits: Bits,
+    alpha: bool,
+    response: Response,
+    settings: &str,
+) -> Result<Vec<u8>, ImageError> {
     if let Some(layer) = picture.layers.first() {
         return Err(ImageError::PngLayer { layer: layer.aov.name() });
     }
     let (depth, data) = match bits {
-        Bits::Eight => (BitDepth::Eight, codes(picture, alpha, 255.0, |code| code as u8)),
+        Bits::Eight => (BitDepth::Eight, codes(picture, alpha, response, 255.0, |code| code as u8)),
         Bits::Sixteen => {
-            let codes = codes(picture, alpha, 65_535.0, |code| code as u16);
+            let codes = codes(picture, alpha, response, 65_535.0, |code| code as u16);
             (BitDepth::Sixteen, codes.into_iter().flat_map(u16::to_be_bytes).collect())
         }
     };
     let colour = if alpha { ColorType::Rgba } else { ColorType::Rgb };
     let png = compressed(picture, colour, depth, &data);
-    insert_chunks(png.map_err(|e| ImageError::Encode { what: e.to_string() })?, settings)
+    insert_chunks(png.map_err(|e| ImageError::Encode { what: e.to_string() })?, response, settings)
 }
 
 /// The bytes of a PNG file without further chunks.
@@ -49,7 +55,7 @@ fn compressed(picture: &Picture, colour: ColorType, depth: BitDepth, data: &[u8]
 }
 
 /// Codes 0..=`top` in file order: R G B, or R G B A.
-fn codes<T>(picture: &Picture, alpha: bool, top: f32, narrow: impl Fn(f32) -> T) -> Vec<T> {
+fn codes<T>(picture: &Picture, alpha: bool, response: Response, top: f32, narrow: impl Fn(f32) -> T) -> Vec<T> {
     let channels = if alpha { 4 } else { 3 };
     let mut codes = Vec::with_capacity(picture.rgba.len() * channels);
     let mut row = Vec::new();
@@ -60,7 +66,7 @@ fn codes<T>(picture: &Picture, alpha: bool, top: f32, narrow: impl Fn(f32) -> T)
             let divisor = if alpha && a > 0.0 { a } else { 1.0 };
             row.extend([r / divisor, g / divisor, b / divisor]);
         }
-        srgb::encode(&mut row, top);
+        response.encode(&mut row, top);
         for (colour, [_, _, _, a]) in row.chunks_exact(3).zip(pixels) {
             codes.extend(colour.iter().map(|&code| narrow(code)));
             if alpha {
@@ -72,12 +78,15 @@ fn codes<T>(picture: &Picture, alpha: bool, top: f32, narrow: impl Fn(f32) -> T)
 }
 
 /// Puts the colour space and the settings right after `IHDR`, where a reader finds them first.
-fn insert_chunks(mut png: Vec<u8>, settings: &str) -> Result<Vec<u8>, ImageError> {
+fn insert_chunks(mut png: Vec<u8>, response: Response, settings: &str) -> Result<Vec<u8>, ImageError> {
     if png.len() < HEADER_LENGTH {
         return Err(ImageError::Encode { what: "the PNG encoder wrote no header".to_owned() });
     }
     let rest = png.split_off(HEADER_LENGTH);
-    push_chunk(&mut png, *b"sRGB", &[0])?; // rendering intent: perceptual
+    match response.gamma() {
+        None => push_chunk(&mut png, *b"sRGB", &[0])?, // rendering intent: perceptual
+        Some(gamma) => push_chunk(&mut png, *b"gAMA", &((1e5 / gamma).round() as u32).to_be_bytes())?,
+    }
     let mut text = SETTINGS.as_bytes().to_vec();
     // End of keyword; not compressed; no language, no translated keyword.
     text.extend([0, 0, 0, 0, 0]);

@@ -62,6 +62,12 @@ pub enum ReferenceError {
         /// Name of the object.
         object: String,
     },
+    /// Light passes through a volume everywhere: it has no surface that moves.
+    #[error("object `{object}` is a volume, which has no surface and no flow: use Recipe::flow = false")]
+    Flow {
+        /// Name of the object.
+        object: String,
+    },
     /// The bytes are no partial sums, or they are damaged.
     #[error("these are no partial sums of a reference, or they are damaged")]
     Damaged,

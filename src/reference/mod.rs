@@ -9,13 +9,15 @@
 //! Data flow: `sampler` and `warp` (where and when a sample lies) → `cull` (objects that it may hit) → `trace`
 //! (what it sees), through `bvh`, `boxes` and `traverse` → `layers` (see-through surfels before that) → `gaussians`
 //! (captures among them) with `volumes` → `composite` → `sums` (means and standard errors). `integrator` does this
-//! for the pixels of an image, `render` for a frame, `probe` for one pixel.
+//! for the pixels of an image, `render` for a frame, `probe` for one pixel. `flow`
+//! follows what pixels show from one instant to another.
 
 mod boxes;
 mod bvh;
 mod composite;
 mod cull;
 mod error;
+mod flow;
 mod gaussians;
 mod integrator;
 mod layers;
@@ -32,6 +34,7 @@ mod volumes;
 mod warp;
 
 pub use self::error::ReferenceError;
+pub use self::flow::{Flow, flows};
 pub use self::integrator::{Progress, Step};
 pub use self::options::{ROUND, ReferenceOptions};
 pub use self::probe::{Probe, ProbedGaussian, ProbedHit, Sample, probe};

@@ -267,6 +267,13 @@ impl<'a> World<'a> {
         DVec3::new((film[0] - (0.5 + shift.x) * w) / self.focal, ((0.5 + shift.y) * h - film[1]) / self.focal, -1.0)
     }
 
+    /// The film point (pixels) of a point in camera space: [`direction`](Self::direction) backwards.
+    pub(super) fn film(&self, p: DVec3) -> [f64; 2] {
+        let [w, h] = self.size.map(f64::from);
+        let (shift, depth) = (self.scene.camera.shift, -p.z);
+        [(0.5 + shift.x) * w + self.focal * p.x / depth, (0.5 + shift.y) * h - self.focal * p.y / depth]
+    }
+
     /// The lights relative to `eye`.
     pub(super) fn lights(&self, eye: DVec3, out: &mut Vec<ShadingLight>) {
         out.clear();

@@ -209,12 +209,23 @@ impl Provenance {
 }
 
 impl Settings {
+    /// A hash of everything that decides pictures, but for the frame.
+    pub fn hash(&self) -> &str {
+        &self.hash
+    }
+
     /// The text that the file of a frame carries: equal texts, equal pictures.
     ///
     /// # Errors
     /// JSON cannot be made.
     pub fn of_frame(&self, frame: impl Into<FrameNumber>) -> Result<String, ProvenanceError> {
-        Ok(serde_json::to_string(&Self { frame: Some(frame.into()), ..self.clone() })?)
+        Ok(serde_json::to_string(&self.with_frame(frame))?)
+    }
+
+    /// The settings of one frame.
+    #[must_use]
+    pub fn with_frame(&self, frame: impl Into<FrameNumber>) -> Self {
+        Self { frame: Some(frame.into()), ..self.clone() }
     }
 
     /// Names and values for people, of all that the frames and modes of a study share.

@@ -4,6 +4,7 @@
 mod support;
 
 mod compare;
+mod dataset;
 mod environments;
 mod gpu;
 mod hostile_input;

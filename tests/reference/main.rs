@@ -4,6 +4,7 @@
 mod support;
 
 mod closed_forms;
+mod flow;
 mod gaussians;
 mod parts;
 mod promises;

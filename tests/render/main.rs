@@ -7,6 +7,7 @@ mod auto;
 mod captures;
 mod closed_forms;
 mod contact;
+mod dataset;
 mod environment;
 mod ewa;
 mod ewa_in_motion;

@@ -13,7 +13,7 @@ use crate::cli::values::one_of;
 
 /// A mode, whole or in parts.
 #[derive(Debug, Args)]
-pub(super) struct Blur {
+pub(in crate::cli) struct Blur {
     /// How motion becomes blur, as in still, supersample:32+interleave=2, auto:0.01+samples-max=64 or
     /// volumetric:3+published (`splatblur render --help` lists all). What it leaves open the options below may say
     /// [default: auto; supersample with
@@ -123,7 +123,7 @@ fn mode(text: &str) -> Result<Mode, String> {
 
 impl Blur {
     /// The mode that all options together say.
-    pub(super) fn quality(&self) -> anyhow::Result<Quality> {
+    pub(in crate::cli) fn quality(&self) -> anyhow::Result<Quality> {
         let counted = self.samples.is_some() || self.interleave.is_some() || self.times.is_some();
         let name = if counted { ModeName::Supersample } else { ModeName::Auto };
         let mut parts = self.mode.as_ref().map_or(ModeParts::new(name), |mode| mode.parts);

@@ -1,6 +1,6 @@
 //! `splatblur render`: a scene to an image sequence.
 
-mod blur;
+pub(super) mod blur;
 mod json;
 mod movie;
 mod nothing;

@@ -1,0 +1,429 @@
+//! `splatblur dataset`: blurred pictures with the truth about them.
+
+mod replay;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use anyhow::{Context as _, bail};
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser as _};
+use serde::Serialize;
+use splatblur::FrameNumber;
+use splatblur::backend::{Achieved, Meter};
+use splatblur::dataset::{self, By, DatasetError, Layout, MOST_SHARP, Made, Noise, Recipe, TRANSFORMS};
+use splatblur::files;
+use splatblur::image::{self, Bits, Exr, Format, ImageError, Precision, Response};
+use splatblur::options::{BlurMode, Prefilter, Quality, RenderOptions};
+use splatblur::reference::ReferenceOptions;
+use splatblur::renderer::Renderer;
+use splatblur::scene::Scene;
+use splatblur::scene_file::Loaded;
+use splatblur::study::provenance::{PROGRAM, Provenance, Settings};
+use splatblur::study::reference_samples;
+
+use self::replay::Recorded;
+use super::backend::Wanted;
+use super::common::{
+    MODES, Overrides, Running, Sampling, Splatting, Surfaces, frames_of, open_directory, stop_on_interrupt,
+};
+use super::frames::{self, Frames};
+use super::output::{print, print_json, say};
+use super::progress::Rendering;
+use super::render::blur::Blur;
+
+/// Render blurred pictures with the truth about them: sharp pictures, flow, depth, cameras.
+///
+/// Writes for each frame the blurred picture, N sharp ones at even times from where the shutter opens to where it
+/// closes, the flow from open to close and from the middle to close, depth and alpha of the middle, and the error of
+/// the blurred picture; and for all frames DIR/transforms.json, when they are done. Numbers are EXR files that every
+/// reader opens. docs/dataset.md says what each file holds.
+#[derive(Debug, Args)]
+#[command(after_long_help = format!("\
+{MODES}
+
+Examples:
+  All frames of the scene, three sharp pictures each:
+    splatblur dataset scenes/three_objects.xml --out out/truth
+  Seven sharp pictures, as linear EXR, each blurred picture with its standard error:
+    splatblur dataset scene.xml --out truth --sharp 7 --format exr --reference 256
+  A camera with noise and a response of its own:
+    splatblur dataset scene.xml --out truth --noise shot=4000,read=0.002 --response gamma:2.2
+  The folders of the GOPRO dataset:
+    splatblur dataset scene.xml --out train --layout gopro
+  The same bytes once more:
+    splatblur dataset --replay truth/transforms.json --out again
+
+Files (--layout nerfstudio): images/0012.png, sharp/0012-0.png and so on, flow/0012-open-close.exr and
+0012-middle-close.exr (R: pixels right, G: pixels down, B: valid, A: seen at the second instant too), depth/0012.exr,
+alpha/0012.exr, error/0012.exr, transforms.json. --layout gopro: <scene>/blur/000012.png, <scene>/sharp/000012.png (the
+middle), <scene>/instants/000012-0.png and so on, and all others in <scene>/ too.
+
+JSON (--json), one object: program, scene, directory, transforms, backend, frames: [{{frame, skipped, seconds, auto (as
+in `render`), mean_error (with --reference)}}], seconds, notes."))]
+pub(super) struct Dataset {
+    /// Scene file (XML), or a model file, as in `splatblur render`.
+    #[arg(required_unless_present = "replay")]
+    scene: Option<PathBuf>,
+
+    /// Directory of the dataset; made if missing [default: out/<scene>.dataset].
+    #[arg(long, value_name = "DIR", help_heading = "Output")]
+    out: Option<PathBuf>,
+    #[arg(
+        long,
+        value_name = "LIST",
+        allow_hyphen_values = true,
+        value_parser = frames::frames,
+        help = frames::HELP,
+        help_heading = "Output"
+    )]
+    frames: Option<Frames>,
+    /// Where files lie: as nerfstudio loads them, or in the folders of the GOPRO dataset.
+    #[arg(
+        long,
+        default_value = "nerfstudio",
+        value_parser = PossibleValuesParser::new(Layout::ALL.map(|(name, _)| name)).map(|word| {
+            Layout::ALL.into_iter().find(|(name, _)| *name == word).map_or_else(Layout::default, |(_, layout)| layout)
+        }),
+        help_heading = "Output"
+    )]
+    layout: Layout,
+    /// Sharp pictures of a frame: 3 are those of open, middle and close; 1 is that of the middle.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 3,
+        allow_hyphen_values = true,
+        value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_SHARP)),
+        help_heading = "Output"
+    )]
+    sharp: u32,
+    /// Leave the flow out. Volumes have none.
+    #[arg(long, help_heading = "Output")]
+    no_flow: bool,
+    /// Format of blurred and sharp pictures: PNG through --response, or linear EXR.
+    #[arg(long, value_parser = ["png", "exr"], default_value = "png", help_heading = "Output")]
+    format: String,
+    /// Bits of a channel: PNG 8 or 16; EXR 16 (half) or 32 (float) [default: PNG 8, EXR 32].
+    #[arg(long, value_name = "BITS", value_parser = ["8", "16", "32"], help_heading = "Output")]
+    bits: Option<String>,
+    /// Skip frames whose files were made with the same settings and are whole.
+    #[arg(long, help_heading = "Output")]
+    resume: bool,
+    /// Make the dataset of this transforms.json again, byte for byte. It says all choices; SCENE says where the scene
+    /// is, if it has moved.
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    replay: Option<PathBuf>,
+    /// Print one JSON object about the run on stdout instead of text.
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+
+    /// How light becomes the codes of PNG files: srgb, linear or gamma:G [default: srgb].
+    #[arg(long, value_name = "RESPONSE", help_heading = "Camera")]
+    response: Option<Response>,
+    /// Noise of blurred pictures, before the response: shot=E (electrons of white), read=S (standard deviation, share
+    /// of white), or both with a comma. --seed chooses it [default: none].
+    #[arg(long, value_name = "NOISE", default_value_t, help_heading = "Camera")]
+    noise: Noise,
+
+    /// Make all pictures by ray tracing, with so many samples of a pixel (a multiple of 16), in place of a mode.
+    #[arg(
+        long,
+        value_name = "SPP",
+        value_parser = reference_samples,
+        conflicts_with_all = ["mode", "error", "samples_max", "samples", "buckets", "interleave", "times",
+            "pixel_samples", "kernel", "kernel_weight", "source_samples", "overlap", "alpha", "normalise", "published",
+            "prefilter"],
+        help_heading = "Blur"
+    )]
+    reference: Option<u64>,
+    #[command(flatten)]
+    blur: Blur,
+    #[command(flatten)]
+    overrides: Overrides,
+    #[command(flatten)]
+    sampling: Sampling,
+    #[command(flatten)]
+    surfaces: Surfaces,
+    #[command(flatten)]
+    splatting: Splatting,
+
+    /// Backend to render on.
+    #[arg(long, value_enum, default_value_t, help_heading = "Running")]
+    backend: Wanted,
+    /// Part of the name of the adapter to render on (`splatblur info --adapters` lists them).
+    #[arg(long, value_name = "NAME", help_heading = "Running")]
+    adapter: Option<String>,
+    #[command(flatten)]
+    running: Running,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    program: &'static str,
+    scene: &'a str,
+    directory: &'a Path,
+    transforms: &'a Path,
+    backend: &'a str,
+    frames: Vec<FrameReport>,
+    seconds: f64,
+    notes: &'a [String],
+}
+
+#[derive(Clone, Copy, Serialize)]
+struct FrameReport {
+    frame: FrameNumber,
+    skipped: bool,
+    seconds: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    auto: Option<Achieved>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mean_error: Option<f64>,
+}
+
+impl Dataset {
+    pub(super) fn run(&self) -> anyhow::Result<()> {
+        let given = replay::given()?;
+        let Some(path) = &self.replay else {
+            let Some(scene) = &self.scene else { bail!("the scene is missing") };
+            return self.make(self, scene, &Recorded::new(scene, given));
+        };
+        if let Some(option) = given.first() {
+            bail!("--replay takes all choices from its file: leave {option} out");
+        }
+        let recorded = replay::read(path)?;
+        let choices = recorded.choices().with_context(|| format!("cannot replay {}", path.display()))?;
+        let scene = self.scene.clone().unwrap_or_else(|| PathBuf::from(&recorded.scene));
+        self.make(&choices, &scene, &recorded)
+    }
+
+    /// Makes what `choices` say; the rest is as `self` says.
+    fn make(&self, choices: &Self, path: &Path, recorded: &Recorded) -> anyhow::Result<()> {
+        let start = Instant::now();
+        let pool = self.running.pool()?;
+        let mut recipe = choices.recipe()?;
+        let wanted = match recipe.by {
+            By::Splatting(_) => recorded.backend(self.backend),
+            By::Tracing(_) => Wanted::Cpu,
+        };
+        let mut renderer = Renderer::open(wanted.device(self.adapter.as_deref())?)?;
+        let backend = renderer.backend_name();
+        if let By::Splatting(options) = &mut recipe.by {
+            options.memory = self.splatting.memory(backend, self.running.quiet);
+        }
+        let Loaded { scene, notes } = self.running.load(path, &choices.overrides, &pool)?;
+        if let Format::Png { alpha, .. } = &mut recipe.format {
+            *alpha = scene.image.transparent;
+        }
+        if recipe.noise.is_any() && scene.image.transparent {
+            bail!("--noise is that of a sensor, which sees no transparent background; take --background");
+        }
+        let frames = frames_of(choices.frames.as_ref(), &scene)?;
+        let settings = settings(&scene, path, &recipe, backend)?;
+        let origin = recorded.origin(&settings, backend, &recipe)?;
+        let seed = choices.sampling.seed;
+        let transforms = dataset::transforms(&scene, frames.all(), &recipe, seed, &origin)?;
+
+        let directory = self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{}.dataset", scene.name)));
+        open_directory(&directory)?;
+        let list = directory.join(TRANSFORMS);
+        if fs::read(&list).is_ok_and(|found| found != transforms.as_bytes()) {
+            // It says that all frames are there, as it has them.
+            fs::remove_file(&list).with_context(|| format!("cannot remove {}", list.display()))?;
+        }
+        if !self.running.quiet {
+            let place = renderer.describe_with(pool.current_num_threads());
+            say(&headline(&scene, &frames, &recipe, &place));
+        }
+        let gate = Arc::new(Mutex::new(()));
+        stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
+        let meter = Arc::new(Meter::default());
+        renderer.watch(Arc::clone(&meter));
+        let progress = Rendering::new(frames.count(), meter, true, self.running.quiet);
+        let output = Output { scene: &scene, recipe: &recipe, seed, settings: &settings, directory: &directory };
+        let mut reports = Vec::new();
+        for &frame in frames.all() {
+            let report = if self.resume && output.is_done(frame)? {
+                FrameReport { frame, skipped: true, seconds: 0.0, auto: None, mean_error: None }
+            } else {
+                let made = pool.install(|| output.frame(&mut renderer, &gate, frame));
+                made.with_context(|| format!("frame {frame}"))?
+            };
+            progress.finished(report.skipped);
+            reports.push(report);
+        }
+        drop(progress);
+        {
+            let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
+            files::replace(&list, transforms.as_bytes()).with_context(|| format!("cannot write {}", list.display()))?;
+        }
+        let seconds = start.elapsed().as_secs_f64();
+        if self.json {
+            let (scene, directory, transforms) = (&*scene.name, &*directory, &*list);
+            let (program, notes) = (PROGRAM, &*notes);
+            let report = Report { program, scene, directory, transforms, backend, frames: reports, seconds, notes };
+            return print_json(&report);
+        }
+        if self.running.quiet { Ok(()) } else { conclude(&reports, &list, seconds) }
+    }
+
+    fn recipe(&self) -> anyhow::Result<Recipe> {
+        let format = match (&*self.format, self.bits.as_deref()) {
+            ("exr", Some("8")) => bail!("--bits 8 is for --format png: EXR has 16 or 32 bits"),
+            ("exr", _) if self.response.is_some() => bail!("--response is for --format png: EXR is linear"),
+            ("exr", bits) => {
+                let precision = if bits == Some("16") { Precision::Half } else { Precision::Float };
+                Format::Exr(Exr { precision, ..Exr::default() })
+            }
+            (_, Some("32")) => bail!("--bits 32 is for --format exr: PNG has 8 or 16 bits"),
+            (_, bits) => {
+                let bits = if bits == Some("16") { Bits::Sixteen } else { Bits::Eight };
+                Format::Png { bits, alpha: false }
+            }
+        };
+        Ok(Recipe {
+            layout: self.layout,
+            sharp: self.sharp,
+            by: self.by()?,
+            format,
+            response: self.response.unwrap_or_default(),
+            noise: self.noise,
+            flow: !self.no_flow,
+        })
+    }
+
+    fn by(&self) -> anyhow::Result<By> {
+        if let Some(samples) = self.reference {
+            return Ok(By::Tracing(ReferenceOptions {
+                samples,
+                filter: self.sampling.filter,
+                shading: self.surfaces.shading,
+                two_sided: self.surfaces.two_sided,
+                epsilon: self.surfaces.epsilon,
+                seed: self.sampling.seed,
+                ..ReferenceOptions::default()
+            }));
+        }
+        let quality = self.blur.quality()?;
+        if let Quality::Mode(BlurMode::Still { .. }) = quality {
+            bail!("--mode still makes no blur");
+        }
+        Ok(By::Splatting(RenderOptions {
+            quality,
+            filter: self.sampling.filter,
+            prefilter: self.splatting.prefilter.unwrap_or(Prefilter::suited(quality)),
+            shading: self.surfaces.shading,
+            two_sided: self.surfaces.two_sided,
+            epsilon: self.surfaces.epsilon,
+            seed: self.sampling.seed,
+            ..RenderOptions::default()
+        }))
+    }
+}
+
+/// The settings of blurred pictures.
+fn settings(scene: &Scene, path: &Path, recipe: &Recipe, backend: &str) -> anyhow::Result<Settings> {
+    let provenance = Provenance::of(scene, path)?;
+    Ok(match &recipe.by {
+        By::Splatting(options) => provenance.splatted(options, recipe.format, backend)?,
+        By::Tracing(options) => provenance.traced(options, options.samples, recipe.format)?,
+    })
+}
+
+/// Where frames go, and what is made of them.
+struct Output<'a> {
+    scene: &'a Scene,
+    recipe: &'a Recipe,
+    seed: u64,
+    settings: &'a Settings,
+    directory: &'a Path,
+}
+
+/// What a file carries: the settings of its frame's blurred picture, and what a dataset adds.
+#[derive(Serialize)]
+struct FileSettings<'a> {
+    file: &'a str,
+    sharp: u32,
+    response: String,
+    noise: String,
+    #[serde(flatten)]
+    settings: Settings,
+}
+
+/// Why a frame was not written.
+#[derive(Debug, thiserror::Error)]
+enum FrameError {
+    #[error(transparent)]
+    Made(#[from] DatasetError),
+    #[error(transparent)]
+    Written(#[from] ImageError),
+    #[error("cannot make the directory {}", .0.display())]
+    Directory(PathBuf, #[source] std::io::Error),
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+}
+
+impl Output<'_> {
+    /// The text that a file carries: equal texts, equal files.
+    fn settings_of(&self, file: &str, frame: FrameNumber) -> Result<String, serde_json::Error> {
+        let Recipe { sharp, response, noise, .. } = *self.recipe;
+        let (response, noise) = (response.to_string(), noise.to_string());
+        serde_json::to_string(&FileSettings { file, sharp, response, noise, settings: self.settings.with_frame(frame) })
+    }
+
+    /// Are all files of a frame there, whole and with these settings?
+    fn is_done(&self, frame: FrameNumber) -> anyhow::Result<bool> {
+        for dataset::File { path, .. } in dataset::files(&self.scene.name, frame, self.recipe) {
+            let (settings, path) = (self.settings_of(&path, frame)?, self.directory.join(path));
+            if image::read_settings(&path).is_none_or(|found| found != settings) || !image::is_whole(&path) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Makes and writes a frame. `gate` is held while a file is being written.
+    fn frame(&self, renderer: &mut Renderer, gate: &Mutex<()>, frame: FrameNumber) -> Result<FrameReport, FrameError> {
+        let start = Instant::now();
+        let write = |file: &dataset::File, content: dataset::Content| {
+            let settings = self.settings_of(&file.path, frame)?;
+            let path = self.directory.join(&file.path);
+            let folder = path.parent().unwrap_or(self.directory);
+            let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
+            fs::create_dir_all(folder).map_err(|source| FrameError::Directory(folder.to_owned(), source))?;
+            Ok(content.write(&path, &settings)?)
+        };
+        let backend = renderer.backend();
+        let Made { achieved, mean_error } =
+            dataset::frame::<FrameError>(backend, self.scene, frame, self.recipe, self.seed, write)?;
+        let seconds = start.elapsed().as_secs_f64();
+        Ok(FrameReport { frame, skipped: false, seconds, auto: achieved, mean_error })
+    }
+}
+
+/// Frames, size, mode, pictures: one line.
+fn headline(scene: &Scene, frames: &Frames, recipe: &Recipe, place: &str) -> String {
+    let (by, place) = match &recipe.by {
+        By::Splatting(options) => (format!("mode {}", options.quality), place.to_owned()),
+        By::Tracing(options) => (format!("{} samples a pixel", options.samples), "the reference".to_owned()),
+    };
+    let pictures = if recipe.sharp == 1 { "picture" } else { "pictures" };
+    format!(
+        "{}: {}, {} x {} pixels, {} sharp {pictures} each, {by}, on {place}",
+        scene.name,
+        frames.in_words(),
+        scene.image.width,
+        scene.image.height,
+        recipe.sharp
+    )
+}
+
+/// Where the dataset is, and how many pictures a minute it took.
+fn conclude(reports: &[FrameReport], list: &Path, seconds: f64) -> anyhow::Result<()> {
+    let skipped = reports.iter().filter(|report| report.skipped).count();
+    let also = if skipped > 0 { format!(" ({skipped} were there already)") } else { String::new() };
+    let word = if reports.len() == 1 { "frame" } else { "frames" };
+    print(&format!("{} {word}{also} in {seconds:.1} s: {}\n", reports.len(), list.display()))
+}

@@ -1,0 +1,117 @@
+//! Paired truth: of each frame the blurred picture, and beside it sharp ones, flow, depth, alpha, the blur's error, and
+//! a `transforms.json` that names them all (docs/dataset.md).
+//!
+//! A [`Recipe`] says what is made. `files` lists the files of a frame, `frame` makes them, `noise` is that of the
+//! camera's sensor, and `transforms` writes the list of all frames.
+
+mod files;
+mod frame;
+mod noise;
+mod transforms;
+
+use crate::image::{Format, Response};
+use crate::options::RenderOptions;
+use crate::reference::ReferenceOptions;
+use crate::scene::Scene;
+use crate::time::{Shutter, Weight};
+
+pub use self::files::{File, Layout, Role, files};
+pub use self::frame::{Content, DatasetError, Made, frame};
+pub use self::noise::{Noise, NoiseError};
+pub use self::transforms::{Origin, TRANSFORMS, transforms};
+
+/// Most sharp pictures of a frame.
+pub const MOST_SHARP: u32 = 1024;
+
+/// The middle of the shutter.
+const MIDDLE: f64 = 0.5;
+
+/// What is made of each frame.
+#[derive(Clone, Debug)]
+pub struct Recipe {
+    /// Where the files lie.
+    pub layout: Layout,
+    /// Sharp pictures, 1 to [`MOST_SHARP`].
+    pub sharp: u32,
+    /// How pictures are made.
+    pub by: By,
+    /// Format of blurred and sharp pictures.
+    pub format: Format,
+    /// Response of the camera, for PNG files.
+    pub response: Response,
+    /// Noise of blurred pictures.
+    pub noise: Noise,
+    /// Whether the flow is written.
+    pub flow: bool,
+}
+
+/// What makes pictures.
+#[derive(Clone, Debug)]
+pub enum By {
+    /// The renderer, as these options say.
+    Splatting(RenderOptions),
+    /// The reference, which gives each pixel a standard error.
+    Tracing(ReferenceOptions),
+}
+
+impl Recipe {
+    /// The instants of the sharp pictures: shares of the shutter, evenly from where it opens to where it closes. One
+    /// picture is that of the middle.
+    pub fn instants(&self) -> Vec<f64> {
+        match self.sharp {
+            0 | 1 => vec![MIDDLE],
+            n => (0..n).map(|i| f64::from(i) / f64::from(n - 1)).collect(),
+        }
+    }
+
+    /// Shares of the exposure that the sharp pictures stand for: each takes what lies nearer to it than to its
+    /// neighbours. The sum of the pictures with these weights tends to the blurred one.
+    pub fn weights(&self, weight: &Weight) -> Vec<f64> {
+        let instants = self.instants();
+        let between = |pair: &[f64]| 0.5 * (pair[0] + pair[1]);
+        let edges: Vec<f64> =
+            std::iter::once(0.0).chain(instants.windows(2).map(between)).chain(std::iter::once(1.0)).collect();
+        edges.windows(2).map(|pair| weight.integral(pair[0], pair[1])).collect()
+    }
+}
+
+/// The scene with its shutter open for no longer than an instant: a share of its own.
+fn at_instant(scene: &Scene, share: f64) -> Scene {
+    let mut scene = scene.clone();
+    let Shutter { open, close, weight, .. } = &mut scene.shutter;
+    let instant = *open + (*close - *open) * share;
+    (*open, *close, *weight) = (instant, instant, Weight::Box);
+    scene
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recipe(sharp: u32) -> Recipe {
+        Recipe {
+            layout: Layout::Nerfstudio,
+            sharp,
+            by: By::Splatting(RenderOptions::default()),
+            format: Format::EXR,
+            response: Response::Srgb,
+            noise: Noise::default(),
+            flow: true,
+        }
+    }
+
+    #[test]
+    fn instants_are_even_and_their_weights_are_the_exposure() {
+        assert_eq!(recipe(1).instants(), [0.5]);
+        assert_eq!(recipe(3).instants(), [0.0, 0.5, 1.0]);
+        assert_eq!(recipe(5).instants(), [0.0, 0.25, 0.5, 0.75, 1.0]);
+        // The trapezoid rule.
+        assert_eq!(recipe(3).weights(&Weight::Box), [0.25, 0.5, 0.25]);
+        assert_eq!(recipe(1).weights(&Weight::Tent), [1.0]);
+        // 2 t: [0, 1/4], [1/4, 3/4], [3/4, 1].
+        let ramp = recipe(3).weights(&Weight::Ramp { centre: 1.0 });
+        for (seen, wanted) in ramp.iter().zip([0.0625, 0.5, 0.4375]) {
+            assert!((seen - wanted).abs() < 1e-15, "{ramp:?}");
+        }
+    }
+}
