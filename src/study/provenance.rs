@@ -68,6 +68,9 @@ pub struct Settings {
     width: u32,
     height: u32,
     shutter: [f64; 2],
+    /// Of rolling shutters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    readout: Option<String>,
     weight: String,
     filter: String,
     prefilter: String,
@@ -115,6 +118,7 @@ impl Provenance {
             width: scene.image.width,
             height: scene.image.height,
             shutter: [scene.shutter.open, scene.shutter.close],
+            readout: scene.shutter.readout.rolls().then(|| scene.shutter.readout.to_string()),
             weight: scene.shutter.weight.to_string(),
             filter: String::new(),
             prefilter: String::new(),
@@ -233,7 +237,8 @@ impl Settings {
         let [open, close] = self.shutter;
         let [r, g, b] = self.background;
         let file = |input: &Input| format!("{} ({} bytes, CRC-32 {})", input.file, input.bytes, input.crc32);
-        vec![
+        let readout = self.readout.iter().map(|readout| ("read-out", readout.clone()));
+        let mut words = vec![
             ("background", format!("{r:?}, {g:?}, {b:?}")),
             ("filter", self.filter.clone()),
             ("hash", self.hash.clone()),
@@ -246,7 +251,9 @@ impl Settings {
             ("transparent", self.transparent.to_string()),
             ("two sided", self.two_sided.to_string()),
             ("weight", self.weight.clone()),
-        ]
+        ];
+        words.extend(readout);
+        words
     }
 }
 

@@ -99,6 +99,26 @@ fn of_planes_that_move_and_turn() {
     });
 }
 
+/// With a read-out a point that moves by v pixels a frame is at y0 + v t, and the row y is read out R y / H later. It
+/// lands where both are the same: (y - y0) (1 - v R / H) = v.
+#[test]
+fn of_a_rolling_shutter() {
+    let velocity = DVec3::new(0.31, -0.4, 0.0);
+    let mut scene = moving(plane(DEPTH), vec![Motion::Linear { velocity }]);
+    let pixels = [velocity.x, -velocity.y].map(|v| v * FOCAL / DEPTH);
+    for (text, axis, sign) in [("0.6", 1, 1.0), ("0.6,up,first", 1, -1.0), ("0.5,right", 0, 1.0)] {
+        scene.shutter.readout = text.parse().unwrap();
+        let a_pixel = sign * scene.shutter.readout.duration / f64::from(SIZE[axis]);
+        let along = pixels[axis] / (1.0 - pixels[axis] * a_pixel);
+        let time = 1.0 + along * a_pixel;
+        let motion = if axis == 1 { [pixels[0] * time, along] } else { [along, pixels[1] * time] };
+        check(text, &scene, [0.0, 1.0], |x, y| {
+            let at = film(direction(x, y) * DEPTH);
+            Some([at[0] + motion[0], at[1] + motion[1]])
+        });
+    }
+}
+
 #[test]
 fn of_a_camera_that_moves() {
     let mut scene = moving(plane(DEPTH), Vec::new());
