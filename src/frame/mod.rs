@@ -204,7 +204,7 @@ impl Frame {
                 let peeled = if see_through { whole.for_see_through(options.prefilter).apron() } else { 0 };
                 let strip = strips.as_ref().zip(range).map(|(strips, range)| {
                     let apron = whole.apron().max(peeled) as u32;
-                    (strips, range, strips.with_apron(range, apron, whole.size[strips.axis()]))
+                    (strips, range, Strips::with_apron(range, apron, whole.size[strips.axis()]))
                 });
                 let delay = strip.as_ref().map(|(strips, range, around)| strips.delay(range, around, of_raster.phase));
                 let strip = strip.map(|(strips, _, around)| (strips.axis(), around));
