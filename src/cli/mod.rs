@@ -24,6 +24,8 @@ mod shell;
 mod study;
 mod thesis;
 mod values;
+#[cfg(feature = "viewer")]
+mod view;
 mod words;
 
 use std::io;
@@ -45,6 +47,7 @@ const INTERRUPTED: u8 = 130;
 #[command(after_help = "\
 Examples:
   splatblur render scenes/three_objects.xml           all frames, into out/three_objects/
+  splatblur view scenes/three_objects.xml             look at it in the browser
   splatblur render scene.xml --frames 12 --size 640x480 --mode still
   splatblur compare a.png b.exr --limit flip=0.02     how far a picture is from another
   splatblur sheet scene.xml --frame 12 --modes supersample:8,bucket:8x4 --out sheet.png
@@ -61,6 +64,8 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Render(Box<render::Render>),
+    #[cfg(feature = "viewer")]
+    View(view::View),
     Reference(Box<reference::Reference>),
     Compare(compare::Compare),
     Sheet(Box<sheet::Sheet>),
@@ -74,21 +79,30 @@ enum Command {
     Man(shell::Manual),
 }
 
+impl Command {
+    const fn opens_devices(&self) -> bool {
+        match self {
+            Self::Render(_) | Self::Sheet(_) | Self::Report(_) | Self::Study(_) | Self::Info(_) => true,
+            #[cfg(feature = "viewer")]
+            Self::View(_) => true,
+            _ => false,
+        }
+    }
+}
+
 /// Runs the program.
 pub(super) fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return refuse(&error),
     };
-    // These open devices.
-    if matches!(
-        cli.command,
-        Command::Render(_) | Command::Sheet(_) | Command::Report(_) | Command::Study(_) | Command::Info(_)
-    ) {
+    if cli.command.opens_devices() {
         selection::leave_out();
     }
     let done = match &cli.command {
         Command::Render(render) => render.run().map(|()| ExitCode::SUCCESS),
+        #[cfg(feature = "viewer")]
+        Command::View(view) => view.run(),
         Command::Reference(reference) => reference.run().map(|()| ExitCode::SUCCESS),
         Command::Compare(compare) => compare.run(),
         Command::Sheet(sheet) => sheet.run().map(|()| ExitCode::SUCCESS),

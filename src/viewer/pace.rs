@@ -1,0 +1,162 @@
+//! How large and how finely sampled pictures may be while something moves.
+
+use std::time::Duration;
+
+/// Time from the begin of a picture to its display that feels immediate: 25 pictures a second. A picture shows a
+/// movement after one and a half such times on average, since the movement waits for the picture before.
+const FLUENT: Duration = Duration::from_millis(40);
+/// The longest time that still is motion: 10 pictures a second.
+const LONGEST: Duration = Duration::from_millis(100);
+/// Shares of the width and height of the window.
+const SCALES: [f64; 5] = [1.0, 0.75, 0.5, 0.375, 0.25];
+/// Most time samples of a quick picture.
+const MOST_SAMPLES: u32 = 64;
+/// Share of the old estimate in the new one.
+const OLD: f64 = 0.5;
+/// How much of the time of a picture does not depend on its size, where nothing is known.
+const FIXED: f64 = 0.2;
+
+/// What a quick picture is like.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Level {
+    /// Number of the scale, 0 for the window's size.
+    scale: usize,
+    /// Time samples, a power of two.
+    pub samples: u32,
+}
+
+impl Level {
+    /// Share of the window's width and height, in (0, 1].
+    pub fn scale(self) -> f64 {
+        SCALES[self.scale]
+    }
+
+    /// Is it as large as the window?
+    pub const fn is_whole(self) -> bool {
+        self.scale == 0
+    }
+
+    /// Pixels of its picture for a window of `size`.
+    pub fn size(self, size: [u32; 2]) -> [u32; 2] {
+        size.map(|side| ((f64::from(side) * self.scale()).round() as u32).max(1))
+    }
+}
+
+/// Learns from the times of pictures which level is fluent.
+///
+/// It takes the largest picture that is shown within [`FLUENT`], with as many samples as fit. Where no size is so fast
+/// it takes the largest that is shown within [`LONGEST`], else the smallest. Small pictures of large scenes take no less
+/// time, and are not taken then.
+#[derive(Clone, Debug, Default)]
+pub struct Pace {
+    /// Seconds of a picture of one sample at each scale: apart from samples (transport), and of a sample.
+    known: [Option<[f64; 2]>; SCALES.len()],
+}
+
+impl Pace {
+    /// The level of the next picture.
+    pub fn level(&self) -> Level {
+        let fluent = FLUENT.as_secs_f64();
+        let within = |limit: f64| (0..SCALES.len()).find(|&scale| self.seconds(scale, 1) <= limit);
+        let Some(scale) = within(fluent) else {
+            let scale = within(LONGEST.as_secs_f64()).unwrap_or(SCALES.len() - 1);
+            return Level { scale, samples: 1 };
+        };
+        let mut samples = 1;
+        while scale == 0 && samples < MOST_SAMPLES && self.known[0].is_some() {
+            if self.seconds(0, 2 * samples) > fluent {
+                break;
+            }
+            samples *= 2;
+        }
+        Level { scale, samples }
+    }
+
+    /// A picture of `level` took `rendering`, and `rest` to be encoded, sent and shown.
+    pub fn learn(&mut self, level: Level, rendering: Duration, rest: Duration) {
+        let new = [rest.as_secs_f64(), rendering.as_secs_f64() / f64::from(level.samples)];
+        let known = &mut self.known[level.scale];
+        *known = Some(known.map_or(new, |old| [0, 1].map(|i| OLD * old[i] + (1.0 - OLD) * new[i])));
+        // What is slower than a larger picture was not measured lately.
+        let now = self.seconds(level.scale, 1);
+        for larger in 0..level.scale {
+            if self.known[larger].is_some_and(|[rest, sample]| rest + sample < now) {
+                self.known[larger] = None;
+            }
+        }
+    }
+
+    /// Forgets everything: another scene or another backend.
+    pub fn forget(&mut self) {
+        self.known = Default::default();
+    }
+
+    /// Expected time of a picture. From the next scale that is known, in proportion to pixels; nothing is known: fast.
+    fn seconds(&self, scale: usize, samples: u32) -> f64 {
+        let near = (0..SCALES.len()).filter(|&other| self.known[other].is_some());
+        let near = near.min_by_key(|&other| other.abs_diff(scale));
+        let Some((near, [rest, sample])) = near.and_then(|near| Some((near, self.known[near]?))) else { return 0.0 };
+        let area = (SCALES[scale] / SCALES[near]).powi(2);
+        // A smaller picture is tried before it is known that it is no faster.
+        let fixed = if area > 1.0 { FIXED } else { 0.0 };
+        (rest + sample * f64::from(samples)) * (fixed + (1.0 - fixed) * area)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Shows `count` pictures of a scene that takes `fixed` and `area` seconds a sample, the latter times the share of
+    /// pixels, and `link` seconds of transport at full size. Returns the last level and its time.
+    fn settle(fixed: f64, area: f64, link: f64, count: usize) -> (Level, f64) {
+        let mut pace = Pace::default();
+        let mut time = 0.0;
+        let mut level = pace.level();
+        for _ in 0..count {
+            level = pace.level();
+            let share = level.scale().powi(2);
+            let rendering = (fixed + area * share) * f64::from(level.samples);
+            let rest = link * share;
+            time = rendering + rest;
+            pace.learn(level, Duration::from_secs_f64(rendering), Duration::from_secs_f64(rest));
+        }
+        (level, time)
+    }
+
+    #[test]
+    fn a_fast_scene_gets_samples_at_full_size() {
+        let (level, time) = settle(0.001, 0.004, 0.01, 10);
+        assert_eq!((level.scale(), level.samples), (1.0, 4));
+        assert!(time <= FLUENT.as_secs_f64(), "{time}");
+    }
+
+    #[test]
+    fn a_slow_picture_gets_smaller() {
+        let (level, time) = settle(0.004, 0.16, 0.02, 10);
+        assert!(level.scale() < 0.5 && level.samples == 1, "{level:?}");
+        assert!(time <= FLUENT.as_secs_f64(), "{time}");
+    }
+
+    #[test]
+    fn a_slow_link_makes_pictures_smaller_too() {
+        let (level, time) = settle(0.001, 0.004, 0.3, 10);
+        assert!(level.scale() < 0.5, "{level:?}");
+        assert!(time <= FLUENT.as_secs_f64(), "{time}");
+    }
+
+    #[test]
+    fn where_size_does_not_help_the_largest_with_ten_pictures_a_second_is_taken() {
+        let (level, time) = settle(0.07, 0.02, 0.005, 12);
+        assert_eq!((level.scale(), level.samples), (1.0, 1), "{time}");
+        // Hopeless: the smallest.
+        assert_eq!(settle(0.5, 0.1, 0.01, 12).0.scale(), 0.25);
+    }
+
+    #[test]
+    fn sizes_are_whole_and_never_empty() {
+        let level = Level { scale: 4, samples: 1 };
+        assert_eq!(level.size([1280, 721]), [320, 180]);
+        assert_eq!(level.size([1, 2]), [1, 1]);
+    }
+}

@@ -1,0 +1,1 @@
+//! The viewer as a page, and as an enemy, meets it.
