@@ -16,8 +16,8 @@ use super::{info, memory, values};
 
 /// Look at a scene in the browser: orbit, play, change modes, look at buffers, save.
 ///
-/// Serves a page on this computer's loopback address, and prints its link. The link holds a secret: whoever knows it may
-/// look at the scene, and save pictures of it into DIR. The scene is read again whenever one of its files changes.
+/// Serves a page on this computer's loopback address, and prints its link. The link holds a secret: whoever knows it
+/// may look at the scene, and save pictures of it into DIR. The scene is read again whenever one of its files changes.
 /// Ctrl-C ends it.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\

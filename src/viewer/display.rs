@@ -43,12 +43,15 @@ fn encode(picture: &Picture, codes: &[u8]) -> Result<Vec<u8>, EncodingError> {
 fn colours(picture: &Picture) -> Vec<u8> {
     let columns = picture.width.max(1) as usize;
     let mut codes = vec![0; 3 * picture.rgba.len()];
-    codes.par_chunks_mut(3 * columns).zip(picture.rgba.par_chunks(columns)).for_each_init(Vec::new, |row, (out, pixels)| {
-        row.clear();
-        row.extend(pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b]));
-        srgb::encode(row, 255.0);
-        out.iter_mut().zip(row.iter()).for_each(|(out, &code)| *out = code as u8);
-    });
+    codes.par_chunks_mut(3 * columns).zip(picture.rgba.par_chunks(columns)).for_each_init(
+        Vec::new,
+        |row, (out, pixels)| {
+            row.clear();
+            row.extend(pixels.iter().flat_map(|&[r, g, b, _]| [r, g, b]));
+            srgb::encode(row, 255.0);
+            out.iter_mut().zip(row.iter()).for_each(|(out, &code)| *out = code as u8);
+        },
+    );
     codes
 }
 
@@ -121,7 +124,11 @@ mod tests {
     fn colours_are_those_of_files() {
         let picture = picture(Vec::new());
         let (shown, _) = codes(&picture, None);
-        let file = crate::image::encode(&picture, crate::image::Format::Png { bits: crate::image::Bits::Eight, alpha: false }, "");
+        let file = crate::image::encode(
+            &picture,
+            crate::image::Format::Png { bits: crate::image::Bits::Eight, alpha: false },
+            "",
+        );
         let mut reader = png::Decoder::new(std::io::Cursor::new(file.unwrap())).read_info().unwrap();
         let mut data = vec![0; reader.output_buffer_size().unwrap()];
         reader.next_frame(&mut data).unwrap();

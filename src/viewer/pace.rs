@@ -11,6 +11,10 @@ const LONGEST: Duration = Duration::from_millis(100);
 const SCALES: [f64; 5] = [1.0, 0.75, 0.5, 0.375, 0.25];
 /// Most time samples of a quick picture.
 const MOST_SAMPLES: u32 = 64;
+/// Where no size is fast enough, a smaller one must save at least this share of the time.
+const SAVES: f64 = 0.25;
+/// Pictures after which a time is too old to be believed.
+const BELIEVED: u32 = 40;
 /// Share of the old estimate in the new one.
 const OLD: f64 = 0.5;
 /// How much of the time of a picture does not depend on its size, where nothing is known.
@@ -44,13 +48,24 @@ impl Level {
 
 /// Learns from the times of pictures which level is fluent.
 ///
-/// It takes the largest picture that is shown within [`FLUENT`], with as many samples as fit. Where no size is so fast
-/// it takes the largest that is shown within [`LONGEST`], else the smallest. Small pictures of large scenes take no less
-/// time, and are not taken then.
+/// It takes the largest picture that is shown within 40 ms, with as many samples as fit. Where no size is so fast it
+/// takes the largest that is shown within 100 ms, else the largest than which no smaller one is much faster. Small
+/// pictures of scenes with many surfels take hardly less time.
 #[derive(Clone, Debug, Default)]
 pub struct Pace {
-    /// Seconds of a picture of one sample at each scale: apart from samples (transport), and of a sample.
-    known: [Option<[f64; 2]>; SCALES.len()],
+    known: [Option<Known>; SCALES.len()],
+    pictures: u32,
+}
+
+/// What is known of a scale.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    /// Seconds to encode, send and show a picture.
+    rest: f64,
+    /// Seconds to render a sample.
+    sample: f64,
+    /// Number of the last picture that it was learnt from.
+    at: u32,
 }
 
 impl Pace {
@@ -59,8 +74,9 @@ impl Pace {
         let fluent = FLUENT.as_secs_f64();
         let within = |limit: f64| (0..SCALES.len()).find(|&scale| self.seconds(scale, 1) <= limit);
         let Some(scale) = within(fluent) else {
-            let scale = within(LONGEST.as_secs_f64()).unwrap_or(SCALES.len() - 1);
-            return Level { scale, samples: 1 };
+            let fastest = (0..SCALES.len()).map(|scale| self.seconds(scale, 1)).fold(f64::INFINITY, f64::min);
+            let limit = LONGEST.as_secs_f64().max(fastest / (1.0 - SAVES));
+            return Level { scale: within(limit).unwrap_or(SCALES.len() - 1), samples: 1 };
         };
         let mut samples = 1;
         while scale == 0 && samples < MOST_SAMPLES && self.known[0].is_some() {
@@ -74,32 +90,31 @@ impl Pace {
 
     /// A picture of `level` took `rendering`, and `rest` to be encoded, sent and shown.
     pub fn learn(&mut self, level: Level, rendering: Duration, rest: Duration) {
-        let new = [rest.as_secs_f64(), rendering.as_secs_f64() / f64::from(level.samples)];
+        self.pictures += 1;
+        let [rest, sample] = [rest.as_secs_f64(), rendering.as_secs_f64() / f64::from(level.samples)];
         let known = &mut self.known[level.scale];
-        *known = Some(known.map_or(new, |old| [0, 1].map(|i| OLD * old[i] + (1.0 - OLD) * new[i])));
-        // What is slower than a larger picture was not measured lately.
-        let now = self.seconds(level.scale, 1);
-        for larger in 0..level.scale {
-            if self.known[larger].is_some_and(|[rest, sample]| rest + sample < now) {
-                self.known[larger] = None;
-            }
+        let old = known.map_or([rest, sample], |old| [old.rest, old.sample]);
+        let [rest, sample] = [(old[0], rest), (old[1], sample)].map(|(old, new)| OLD * old + (1.0 - OLD) * new);
+        *known = Some(Known { rest, sample, at: self.pictures });
+        // The machine or the link may be another by now.
+        for known in &mut self.known {
+            *known = known.filter(|known| self.pictures - known.at < BELIEVED);
         }
     }
 
     /// Forgets everything: another scene or another backend.
     pub fn forget(&mut self) {
-        self.known = Default::default();
+        *self = Self::default();
     }
 
     /// Expected time of a picture. From the next scale that is known, in proportion to pixels; nothing is known: fast.
     fn seconds(&self, scale: usize, samples: u32) -> f64 {
-        let near = (0..SCALES.len()).filter(|&other| self.known[other].is_some());
-        let near = near.min_by_key(|&other| other.abs_diff(scale));
-        let Some((near, [rest, sample])) = near.and_then(|near| Some((near, self.known[near]?))) else { return 0.0 };
+        let known = self.known.iter().enumerate().filter_map(|(other, known)| Some((other, (*known)?)));
+        let Some((near, known)) = known.min_by_key(|(other, _)| other.abs_diff(scale)) else { return 0.0 };
         let area = (SCALES[scale] / SCALES[near]).powi(2);
         // A smaller picture is tried before it is known that it is no faster.
         let fixed = if area > 1.0 { FIXED } else { 0.0 };
-        (rest + sample * f64::from(samples)) * (fixed + (1.0 - fixed) * area)
+        (known.rest + known.sample * f64::from(samples)) * (fixed + (1.0 - fixed) * area)
     }
 }
 
@@ -149,8 +164,23 @@ mod tests {
     fn where_size_does_not_help_the_largest_with_ten_pictures_a_second_is_taken() {
         let (level, time) = settle(0.07, 0.02, 0.005, 12);
         assert_eq!((level.scale(), level.samples), (1.0, 1), "{time}");
-        // Hopeless: the smallest.
-        assert_eq!(settle(0.5, 0.1, 0.01, 12).0.scale(), 0.25);
+        // Hopeless: small only where that helps.
+        assert_eq!(settle(0.5, 0.1, 0.01, 12).0.scale(), 1.0);
+        assert_eq!(settle(0.2, 2.0, 0.01, 12).0.scale(), 0.25);
+    }
+
+    #[test]
+    fn pictures_grow_again_when_the_machine_is_free() {
+        let mut pace = Pace::default();
+        let mut scales = Vec::new();
+        for picture in 0..200 {
+            let level = pace.level();
+            let busy = if picture < 100 { 8.0 } else { 1.0 };
+            let time = busy * 0.012 * level.scale().powi(2) * f64::from(level.samples);
+            pace.learn(level, Duration::from_secs_f64(time), Duration::ZERO);
+            scales.push(level.scale());
+        }
+        assert!(scales[90] < 1.0 && scales[199] == 1.0, "{scales:?}");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Files that a page saves: pictures as `splatblur render` writes them, and scenes. No file is ever replaced.
 
 use std::path::{Path, PathBuf};
-use std::sync::PoisonError;
+use std::sync::{Arc, PoisonError};
 
 use super::message::Kind;
 use super::view::Look;
@@ -15,7 +15,7 @@ use crate::study::provenance::Provenance;
 
 /// A finished picture, with what made it.
 pub(super) struct Finished {
-    pub(super) picture: Picture,
+    pub(super) picture: Arc<Picture>,
     pub(super) scene: Scene,
     pub(super) options: RenderOptions,
     /// `cpu` or `gpu`.

@@ -5,6 +5,7 @@
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use super::camera::CameraAt;
@@ -51,11 +52,21 @@ struct Held {
     refusals: VecDeque<String>,
     /// The last picture that was shown, and when that was heard.
     shown: (u64, Option<Instant>),
+    /// A comparison that is done, by its number.
+    compared: Option<(u64, Result<Errors, String>)>,
     /// The scene is another, or cannot be read.
     has_news: bool,
     /// What is under way may be stopped by a newer view.
     may_stop: bool,
     closed: bool,
+}
+
+/// Errors of the first side against the second.
+struct Errors {
+    flip: f64,
+    rmse: f64,
+    /// Of the reference.
+    samples: Option<u64>,
 }
 
 impl Page {
@@ -117,8 +128,8 @@ impl Page {
 
 /// Renders what a page asks for.
 pub(super) struct Worker<'a> {
-    shared: &'a Shared,
-    page: &'a Page,
+    shared: &'a Arc<Shared>,
+    page: &'a Arc<Page>,
     /// Takes what is sent; false where the page has gone.
     send: &'a dyn Fn(Sent) -> bool,
     known: Option<Arc<Known>>,
@@ -134,8 +145,12 @@ pub(super) struct Worker<'a> {
     other: Option<Other>,
     done: Done,
     first: Option<Finished>,
-    second: Option<Picture>,
+    second: Option<Arc<Picture>>,
     sums: Option<Sums>,
+    /// Number of the comparison that is of use, and whether one is under way. It has a thread of its own, since it cannot
+    /// be stopped.
+    comparisons: u64,
+    is_comparing: bool,
     /// The view that was told to rest.
     rests: Option<u64>,
 }
@@ -145,6 +160,7 @@ enum Job {
     News,
     Refuse(String),
     Save(Kind),
+    Compared(u64, Errors),
     Render(Task, Box<View>),
     Rest(u64),
 }
@@ -169,7 +185,7 @@ impl From<ReferenceError> for Ended {
 }
 
 impl<'a> Worker<'a> {
-    pub(super) fn new(shared: &'a Shared, page: &'a Page, send: &'a dyn Fn(Sent) -> bool) -> Self {
+    pub(super) fn new(shared: &'a Arc<Shared>, page: &'a Arc<Page>, send: &'a dyn Fn(Sent) -> bool) -> Self {
         page.hold().has_news = true;
         Self {
             shared,
@@ -187,6 +203,8 @@ impl<'a> Worker<'a> {
             first: None,
             second: None,
             sums: None,
+            comparisons: 0,
+            is_comparing: false,
             rests: None,
         }
     }
@@ -202,6 +220,9 @@ impl<'a> Worker<'a> {
                     (self.send)(Told::Rests { serial }.sent())
                 }
                 Job::Save(kind) => self.save(kind),
+                Job::Compared(serial, Errors { flip, rmse, samples }) => {
+                    (self.send)(Told::Compared { serial, flip, rmse, samples }.sent())
+                }
                 Job::Render(task, view) => self.render(task, &view),
             };
             if !told {
@@ -255,11 +276,22 @@ impl<'a> Worker<'a> {
         {
             return Some(Job::Save(kind));
         }
-        if let Some(task) = next(view.moving, view.other.is_some(), self.done) {
-            return Some(Job::Render(task, Box::new(view.clone())));
+        if let Some((number, compared)) = held.compared.take() {
+            self.is_comparing = false;
+            // That of sides that are gone is of no use.
+            if number == self.comparisons {
+                return Some(match compared {
+                    Ok(errors) => Job::Compared(view.serial, errors),
+                    Err(why) => Job::Refuse(why),
+                });
+            }
         }
-        let is_new = !view.moving && self.rests != Some(view.serial);
-        is_new.then_some(Job::Rest(view.serial))
+        match next(view.moving, view.other.is_some(), self.done) {
+            Some(Task::Compare) if self.is_comparing => None,
+            Some(task) => Some(Job::Render(task, Box::new(view.clone()))),
+            None if view.moving || self.is_comparing || self.rests == Some(view.serial) => None,
+            None => Some(Job::Rest(view.serial)),
+        }
     }
 
     /// Keeps of what was made only what is part of `view`.
@@ -273,6 +305,7 @@ impl<'a> Worker<'a> {
         if self.quality != Some(view.quality) {
             self.done.first = Outcome::Missing;
             self.done.compared = false;
+            self.comparisons += 1;
             self.first = None;
             self.quality = Some(view.quality);
         }
@@ -285,6 +318,7 @@ impl<'a> Worker<'a> {
     fn forget_second(&mut self) {
         self.done.second = Outcome::Missing;
         self.done.compared = false;
+        self.comparisons += 1;
         self.second = None;
         self.sums = None;
     }
@@ -349,7 +383,7 @@ impl<'a> Worker<'a> {
                 Some(Other::Mode(quality)) => self.second(view, quality, &known),
                 None => Ok(true),
             },
-            Task::Compare => self.compare(view),
+            Task::Compare => Ok(self.compare()),
         };
         match made {
             Ok(told) => told,
@@ -430,7 +464,7 @@ impl<'a> Worker<'a> {
         }
         let told = self.picture(header, &rendered.picture, view.look.buffer)?;
         let backend = self.renderer.as_ref().map_or("cpu", |(_, renderer)| renderer.backend_name());
-        self.first = Some(Finished { picture: rendered.picture, scene, options, backend, comment });
+        self.first = Some(Finished { picture: Arc::new(rendered.picture), scene, options, backend, comment });
         self.done.first = Outcome::Finished;
         self.done.compared = false;
         Ok(told)
@@ -445,7 +479,7 @@ impl<'a> Worker<'a> {
         header.mode = quality.to_string();
         header.error = rendered.stats.achieved.map(|achieved| achieved.error);
         let told = self.picture(header, &rendered.picture, view.look.buffer)?;
-        self.second = Some(rendered.picture);
+        self.second = Some(Arc::new(rendered.picture));
         self.done.second = Outcome::Finished;
         self.done.compared = false;
         Ok(told)
@@ -466,9 +500,11 @@ impl<'a> Worker<'a> {
         let earlier = self.sums.take();
         let begin = Instant::now();
         let stop = Some(&*self.page.stop);
-        let made = self.shared.setup.pool.install(|| {
-            reference::render_until(&scene, view.look.frame, &options, earlier, (&|_| (), stop))
-        })?;
+        let made = self
+            .shared
+            .setup
+            .pool
+            .install(|| reference::render_until(&scene, view.look.frame, &options, earlier, (&|_| (), stop)))?;
         let mut header = self.header(view, &scene, "second", begin.elapsed());
         header.finished = made.stats.samples >= MOST_SAMPLES;
         header.mode = format!("reference:{}", made.stats.samples);
@@ -477,19 +513,30 @@ impl<'a> Worker<'a> {
         let told = self.picture(header, &made.picture, view.look.buffer)?;
         self.done.second = if made.stats.samples >= MOST_SAMPLES { Outcome::Finished } else { Outcome::Part };
         self.done.compared = false;
-        self.second = Some(made.picture);
+        self.second = Some(Arc::new(made.picture));
         self.sums = Some(made.sums);
         Ok(told)
     }
 
-    fn compare(&mut self, view: &View) -> Result<bool, Ended> {
-        let (Some(first), Some(second)) = (&self.first, &self.second) else { return Ok(true) };
-        let compared = self.shared.setup.pool.install(|| Comparison::new(&first.picture, second, &[Metric::Flip]));
-        let compared = compared.map_err(|why| Ended::Failed(why.to_string()))?;
-        self.done.compared = true;
-        let [flip, rmse] = [Metric::Flip, Metric::Rmse].map(|metric| compared.value(metric).unwrap_or(f64::NAN));
+    /// Begins to compare both sides.
+    fn compare(&mut self) -> bool {
+        let (Some(first), Some(second)) = (&self.first, &self.second) else { return true };
+        let (first, second) = (Arc::clone(&first.picture), Arc::clone(second));
+        let (shared, page) = (Arc::clone(self.shared), Arc::clone(self.page));
         let samples = self.sums.as_ref().map(Sums::samples);
-        Ok((self.send)(Told::Compared { serial: view.serial, flip, rmse, samples }.sent()))
+        self.comparisons += 1;
+        let number = self.comparisons;
+        let work = move || {
+            let compared = shared.setup.pool.install(|| Comparison::new(&first, &second, &[Metric::Flip]));
+            let errors = compared.map(|compared| {
+                let [flip, rmse] = [Metric::Flip, Metric::Rmse].map(|m| compared.value(m).unwrap_or(f64::NAN));
+                Errors { flip, rmse, samples }
+            });
+            page.put(false, |held| held.compared = Some((number, errors.map_err(|why| why.to_string()))));
+        };
+        self.is_comparing = thread::Builder::new().spawn(work).is_ok();
+        self.done.compared = true;
+        true
     }
 
     fn header(&self, view: &View, scene: &Scene, side: &'static str, time: Duration) -> Header {

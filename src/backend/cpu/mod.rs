@@ -54,8 +54,8 @@ use crate::film::{FilmPlanes, Picture, develop};
 use crate::frame::{Blocks, Frame, PosedRaster, Position};
 use crate::layout::{Channels, EwaSplat, SweptSplat};
 use crate::options::{Prefilter, SweptKernel};
-use crate::stop::Stop;
 use crate::plan::{EwaPass, LayerPass, MapPass, Objects, PosedInterval, SplatPass, StaticPass, Step, SweepPass};
+use crate::stop::Stop;
 
 /// Pictures whose memory is stored for later ones: as many as mode auto gives back.
 const SPARE_PICTURES: usize = 3;

@@ -74,7 +74,7 @@ function told(message) {
     loading: () => say("loading"),
     scene: () => begin(message),
     broken: () => alert(message.message, Infinity),
-    refused: () => alert(message.message, serial),
+    refused: () => { shown = serial; alert(message.message, serial); },
     saved: () => { $("saved").textContent = message.path; },
     rests: () => { say(`rests${rateText()}`); window.viewer.rests = message.serial; },
     compared: () => {
@@ -171,18 +171,20 @@ function step(frame) {
 }
 
 function play() {
-  playing = playing ? null : { begin: performance.now(), frame: state.frame };
+  playing = playing ? null : { begin: performance.now(), frame: state.frame, waits: -1 };
   $("play").textContent = playing ? "stop" : "play";
   change({});
 }
 
 function advance() {
   // The picture before is still on its way.
-  if (!scene || shown < serial) return;
+  if (!scene || shown < playing.waits) return;
   const count = scene.last - scene.first + 1;
   const passed = Math.floor((performance.now() - playing.begin) / 1000 * (Number($("rate").value) || scene.rate));
   const frame = scene.first + ((Math.floor(playing.frame) - scene.first + passed) % count + count) % count;
-  if (frame !== state.frame) change({ frame }, false);
+  if (frame === state.frame) return;
+  change({ frame });
+  playing.waits = serial + 1;
 }
 
 // ---- camera
@@ -305,6 +307,8 @@ addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
+// Another screen may have other pixels with the same size.
+addEventListener("resize", () => change({}));
 new ResizeObserver(() => change({})).observe($("stage"));
 connect();
 requestAnimationFrame(flush);

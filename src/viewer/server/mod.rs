@@ -64,7 +64,12 @@ impl Viewer {
     /// Serves pages, and reads the scene with `load` now and whenever one of its files changes. Does not return.
     pub fn run(self, mut load: impl FnMut() -> Result<Loaded, String>) -> ! {
         let Self { shared, listener, token, .. } = self;
-        let server = Arc::new(Server { shared: Arc::clone(&shared), token, pages: AtomicUsize::new(0), waiting: Mutex::default() });
+        let server = Arc::new(Server {
+            shared: Arc::clone(&shared),
+            token,
+            pages: AtomicUsize::new(0),
+            waiting: Mutex::default(),
+        });
         thread::spawn(move || server.accept(&listener));
         shared.watch(&mut load)
     }
@@ -139,8 +144,10 @@ fn send(mut stream: &TcpStream, status: &str, kind: &str, text: &str) {
          connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\r\n",
         text.len()
     );
-    let sent: io::Result<()> =
-        stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(text.as_bytes())).and_then(|()| stream.flush());
+    let sent: io::Result<()> = stream
+        .write_all(head.as_bytes())
+        .and_then(|()| stream.write_all(text.as_bytes()))
+        .and_then(|()| stream.flush());
     // Nobody waits for it where it failed.
     if sent.is_ok() {
         let _ = stream.shutdown(Shutdown::Write);

@@ -201,7 +201,9 @@ mod tests {
             let fields = format!("Host: {host}\r\nOrigin: http://{host}\r\n");
             assert!(answer(&token, &page, &fields).is_ok(), "{host}");
         }
-        for host in ["evil.example", "localhost.evil.example", "127.0.0.1.evil.example", "localhost:x", "::1", "0.0.0.0"] {
+        for host in
+            ["evil.example", "localhost.evil.example", "127.0.0.1.evil.example", "localhost:x", "::1", "0.0.0.0"]
+        {
             assert_eq!(answer(&token, &page, &format!("Host: {host}\r\n")), Err(Refused::Host), "{host}");
         }
         assert_eq!(answer(&token, &page, ""), Err(Refused::Host));
@@ -225,8 +227,14 @@ mod tests {
     fn a_socket_needs_all_its_fields() {
         let token = Token::new().ok().unwrap();
         let path = format!("/{token}/socket");
-        let fields = ["Host: localhost:5", "Origin: http://localhost:5", "Upgrade: websocket",
-            "Connection: keep-alive, Upgrade", "Sec-WebSocket-Version: 13", "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ=="];
+        let fields = [
+            "Host: localhost:5",
+            "Origin: http://localhost:5",
+            "Upgrade: websocket",
+            "Connection: keep-alive, Upgrade",
+            "Sec-WebSocket-Version: 13",
+            "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
+        ];
         let join = |fields: &[&str]| fields.iter().map(|field| format!("{field}\r\n")).collect::<String>();
         // The example of RFC 6455.
         let accept = "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=".to_owned();

@@ -38,7 +38,7 @@ enum Out {
 }
 
 /// Serves a page until it has gone.
-pub(super) fn serve(shared: &Shared, stream: TcpStream, accept: &str, rest: Vec<u8>) {
+pub(super) fn serve(shared: &Arc<Shared>, stream: TcpStream, accept: &str, rest: Vec<u8>) {
     let head = format!(
         "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
          Sec-WebSocket-Accept: {accept}\r\n\r\n"
@@ -49,7 +49,7 @@ pub(super) fn serve(shared: &Shared, stream: TcpStream, accept: &str, rest: Vec<
     shared.tell(&page);
     let (out, queue) = sync_channel(QUEUE);
     thread::scope(|scope| {
-        let page = &*page;
+        let page = &page;
         scope.spawn(move || {
             write(writing, &queue);
             page.close();
