@@ -19,7 +19,5 @@ mod view;
 mod watch;
 
 pub use self::error::ViewerError;
-pub use self::pace::{Level, Pace};
 pub use self::server::Viewer;
-pub use self::stage::{Done, Outcome, Task, next};
 pub use self::watch::Setup;

@@ -22,26 +22,26 @@ const FIXED: f64 = 0.2;
 
 /// What a quick picture is like.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Level {
+pub(super) struct Level {
     /// Number of the scale, 0 for the window's size.
     scale: usize,
     /// Time samples, a power of two.
-    pub samples: u32,
+    pub(super) samples: u32,
 }
 
 impl Level {
     /// Share of the window's width and height, in (0, 1].
-    pub fn scale(self) -> f64 {
+    pub(super) fn scale(self) -> f64 {
         SCALES[self.scale]
     }
 
     /// Is it as large as the window?
-    pub const fn is_whole(self) -> bool {
+    pub(super) const fn is_whole(self) -> bool {
         self.scale == 0
     }
 
     /// Pixels of its picture for a window of `size`.
-    pub fn size(self, size: [u32; 2]) -> [u32; 2] {
+    pub(super) fn size(self, size: [u32; 2]) -> [u32; 2] {
         size.map(|side| ((f64::from(side) * self.scale()).round() as u32).max(1))
     }
 }
@@ -52,7 +52,7 @@ impl Level {
 /// takes the largest that is shown within 100 ms, else the largest than which no smaller one is much faster. Small
 /// pictures of scenes with many surfels take hardly less time.
 #[derive(Clone, Debug, Default)]
-pub struct Pace {
+pub(super) struct Pace {
     known: [Option<Known>; SCALES.len()],
     pictures: u32,
 }
@@ -70,7 +70,7 @@ struct Known {
 
 impl Pace {
     /// The level of the next picture.
-    pub fn level(&self) -> Level {
+    pub(super) fn level(&self) -> Level {
         let fluent = FLUENT.as_secs_f64();
         let within = |limit: f64| (0..SCALES.len()).find(|&scale| self.seconds(scale, 1) <= limit);
         let Some(scale) = within(fluent) else {
@@ -89,7 +89,7 @@ impl Pace {
     }
 
     /// A picture of `level` took `rendering`, and `rest` to be encoded, sent and shown.
-    pub fn learn(&mut self, level: Level, rendering: Duration, rest: Duration) {
+    pub(super) fn learn(&mut self, level: Level, rendering: Duration, rest: Duration) {
         self.pictures += 1;
         let [rest, sample] = [rest.as_secs_f64(), rendering.as_secs_f64() / f64::from(level.samples)];
         let known = &mut self.known[level.scale];
@@ -103,7 +103,7 @@ impl Pace {
     }
 
     /// Forgets everything: another scene or another backend.
-    pub fn forget(&mut self) {
+    pub(super) fn forget(&mut self) {
         *self = Self::default();
     }
 

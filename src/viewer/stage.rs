@@ -2,7 +2,7 @@
 
 /// How far one side of the slider is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Outcome {
+pub(super) enum Outcome {
     /// Not begun.
     #[default]
     Missing,
@@ -16,20 +16,20 @@ pub enum Outcome {
 
 /// What a page has seen of its view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Done {
+pub(super) struct Done {
     /// A quick picture: was it as large as the window?
-    pub quick: Option<bool>,
+    pub(super) quick: Option<bool>,
     /// The mode that was asked for.
-    pub first: Outcome,
+    pub(super) first: Outcome,
     /// The other side of the slider.
-    pub second: Outcome,
+    pub(super) second: Outcome,
     /// Both sides as they are now, held against each other.
-    pub compared: bool,
+    pub(super) compared: bool,
 }
 
 /// What is made next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Task {
+pub(super) enum Task {
     /// A quick picture, smaller than the window where it must be.
     Quick,
     /// A quick picture as large as the window.
@@ -43,7 +43,7 @@ pub enum Task {
 }
 
 /// What is made next; `None`: nothing. `moving`: the view changes all the time. `split`: there is another side.
-pub fn next(moving: bool, split: bool, done: Done) -> Option<Task> {
+pub(super) fn next(moving: bool, split: bool, done: Done) -> Option<Task> {
     let Some(whole) = done.quick else { return Some(Task::Quick) };
     let both = done.first == Outcome::Finished && matches!(done.second, Outcome::Part | Outcome::Finished);
     if moving {

@@ -28,6 +28,7 @@ impl Browser {
     }
 }
 
+#[allow(clippy::too_many_lines, reason = "a session in its order")]
 #[test]
 fn a_session() {
     let Some(mut browser) = browser_or_skip("a_session") else { return };

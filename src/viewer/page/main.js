@@ -284,7 +284,9 @@ for (const [id, action] of Object.entries(ACTIONS)) $(id).addEventListener("clic
 const KEYS = {
   " ": play, ",": ACTIONS.back, ".": ACTIONS.forward, Home: ACTIONS["to-first"], End: ACTIONS["to-last"],
   "+": () => turn((c) => zoom(c, 0.9)), "=": () => turn((c) => zoom(c, 0.9)), "-": () => turn((c) => zoom(c, 1 / 0.9)),
-  0: ACTIONS.reset, m: () => $("mode").select(), t: () => $("open").select(), w: () => $("weight").select(),
+  0: ACTIONS.reset, m: () => $("mode").select(), S: () => $("split").select(),
+  t: () => $("open").select(), w: () => $("weight").select(), i: () => $("frame").select(), r: () => $("rate").select(),
+  o: ACTIONS["shutter-reset"],
   b: () => next("buffer"), B: () => next("buffer", -1), s: () => splitWith(state.split === null ? "reference" : null),
   "[": () => view.move(view.split - 0.05), "]": () => view.move(view.split + 0.05),
   k: () => next("backend"), f: () => next("prefilter"), g: () => next("shading"), z: () => next("size"),
