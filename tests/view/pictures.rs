@@ -63,7 +63,7 @@ fn a_newer_view_stops_the_refinement_of_an_older_one() {
     page.text("scene");
     for split in [json!(null), json!("reference")] {
         // Half a minute's work on any machine.
-        let mode = if split.is_null() { "supersample:65536" } else { "still:1" };
+        let mode = if split.is_null() { "supersample:8192" } else { "still:1" };
         page.see(json!({ "mode": mode, "split": split, "width": 640, "height": 480 }));
         page.picture();
         std::thread::sleep(Duration::from_millis(300));

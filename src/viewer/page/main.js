@@ -22,6 +22,7 @@ let moving = false;
 let rest = 0;
 let dirty = false;
 let tries = 0;
+let ratio = devicePixelRatio;
 const sentAt = new Map();
 const log = [];
 window.viewer = { state, log, view, get scene() { return scene; }, get last() { return last; }, get serial() { return serial; } };
@@ -39,6 +40,11 @@ function change(keys, isMoving = false) {
 
 function flush() {
   requestAnimationFrame(flush);
+  // Another screen may have other pixels for the same window.
+  if (ratio !== devicePixelRatio) {
+    ratio = devicePixelRatio;
+    change({});
+  }
   if (playing) advance();
   if (!dirty || !scene || socket?.readyState !== WebSocket.OPEN) return;
   dirty = false;
@@ -309,8 +315,6 @@ addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-// Another screen may have other pixels with the same size.
-addEventListener("resize", () => change({}));
 new ResizeObserver(() => change({})).observe($("stage"));
 connect();
 requestAnimationFrame(flush);
