@@ -103,7 +103,7 @@ impl Browser {
 
     pub(crate) fn open(&mut self, link: &str) {
         self.call("Page.navigate", json!({ "url": link }));
-        self.wait("document.readyState === 'complete' && !!window.viewer");
+        self.wait("document.readyState === 'complete' && !!window.viewer?.scene");
     }
 
     /// The value of an expression of the page.

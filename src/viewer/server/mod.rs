@@ -104,31 +104,31 @@ impl Server {
             }
             let server = Arc::clone(self);
             // Without a thread the connection is closed.
-            let _ = thread::Builder::new().spawn(move || server.answer(number, stream));
+            let _ = thread::Builder::new().spawn(move || server.answer(number, &stream));
         }
     }
 
     /// Reads a request and answers it.
-    fn answer(&self, number: u64, stream: TcpStream) {
-        let request = Request::read(&stream);
+    fn answer(&self, number: u64, stream: &TcpStream) {
+        let request = Request::read(stream);
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner).retain(|(other, _)| *other != number);
         let set_up = stream.set_write_timeout(Some(WRITE)).and_then(|()| stream.set_nodelay(true));
         let Ok(request) = request.and_then(|request| set_up.map(|()| request)) else { return };
         let resource = request.as_ref().map_err(|refused| *refused).and_then(|request| request.resource(&self.token));
         match resource {
             Ok(Resource::Socket { accept, rest }) => self.page(stream, &accept, rest),
-            Ok(Resource::File { kind, text }) => send(&stream, "200 OK", kind, text),
-            Err(refused) => send(&stream, refused.status(), "text/plain; charset=utf-8", refused.why()),
+            Ok(Resource::File { kind, text }) => send(stream, "200 OK", kind, text),
+            Err(refused) => send(stream, refused.status(), "text/plain; charset=utf-8", refused.why()),
         }
     }
 
     /// Serves a page until it has gone.
-    fn page(&self, stream: TcpStream, accept: &str, rest: Vec<u8>) {
+    fn page(&self, stream: &TcpStream, accept: &str, rest: Vec<u8>) {
         if self.pages.fetch_add(1, Ordering::Relaxed) < MOST_PAGES {
             socket::serve(&self.shared, stream, accept, rest);
         } else {
             let refused = Refused::TooMany;
-            send(&stream, refused.status(), "text/plain; charset=utf-8", refused.why());
+            send(stream, refused.status(), "text/plain; charset=utf-8", refused.why());
         }
         self.pages.fetch_sub(1, Ordering::Relaxed);
     }

@@ -25,7 +25,7 @@ const MOST_MESSAGES: u32 = 500;
 /// Time between two signs of life that are asked for.
 const PING: Duration = Duration::from_secs(20);
 /// Time without a sign of life after which a page has gone.
-const SILENCE: Duration = Duration::from_secs(60);
+const SILENCE: Duration = Duration::from_mins(1);
 /// What may wait to be written: pictures come one by one, text is short.
 const QUEUE: usize = 64;
 
@@ -38,12 +38,13 @@ enum Out {
 }
 
 /// Serves a page until it has gone.
-pub(super) fn serve(shared: &Arc<Shared>, stream: TcpStream, accept: &str, rest: Vec<u8>) {
+pub(super) fn serve(shared: &Arc<Shared>, stream: &TcpStream, accept: &str, rest: Vec<u8>) {
     let head = format!(
         "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
          Sec-WebSocket-Accept: {accept}\r\n\r\n"
     );
-    let begun = (&stream).write_all(head.as_bytes()).and_then(|()| stream.set_read_timeout(Some(SILENCE)));
+    let mut answer = stream;
+    let begun = answer.write_all(head.as_bytes()).and_then(|()| stream.set_read_timeout(Some(SILENCE)));
     let (Ok(()), Ok(reading), Ok(writing)) = (begun, stream.try_clone(), stream.try_clone()) else { return };
     let page = Arc::new(Page::default());
     shared.tell(&page);

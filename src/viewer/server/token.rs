@@ -19,7 +19,7 @@ impl Token {
     pub(super) fn new() -> Result<Self, ViewerError> {
         let mut bytes = [0; BYTES];
         getrandom::fill(&mut bytes).map_err(|why| ViewerError::Random { what: why.to_string() })?;
-        Ok(Self(bytes.iter().map(|byte| format!("{byte:02x}")).collect()))
+        Ok(Self(format!("{:032x}", u128::from_be_bytes(bytes))))
     }
 
     /// That of a file. Where the file is missing it is made, for this user alone.
