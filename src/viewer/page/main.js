@@ -85,7 +85,6 @@ function told(message) {
     rests: () => { say(`rests${rateText()}`); window.viewer.rests = message.serial; },
     compared: () => {
       window.viewer.compared = message;
-      $("compared").hidden = false;
       const samples = message.samples ? ` of ${message.samples} samples` : "";
       $("compared").textContent = `left against right${samples}: FLIP ${message.flip.toFixed(4)}, RMSE ${message.rmse.toFixed(5)}`;
     },
@@ -140,8 +139,7 @@ function report(header) {
   const place = header.side === "second" ? $("second") : $("first");
   place.textContent = parts.join(" · ");
   place.title = header.note ?? "";
-  $("second").hidden = state.split === null;
-  if (state.split === null || header.side === "both") $("compared").hidden = true;
+  if (header.side === "both") $("compared").textContent = "left against right";
   $("line").value = header.line;
   const top = Math.max(...header.curve, 1e-9);
   const step = 100 / header.curve.length;
@@ -241,6 +239,9 @@ $("mode").addEventListener("change", () => change({ mode: $("mode").value.trim()
 $("split").addEventListener("change", () => splitWith($("split").value.trim() || null));
 function splitWith(split) {
   view.isSplit = split !== null;
+  // Only here: other lines are another size of the picture.
+  $("second").hidden = $("compared").hidden = !view.isSplit;
+  $("second").textContent = "";
   view.draw();
   change({ split });
 }
