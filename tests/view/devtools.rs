@@ -1,4 +1,4 @@
-//! Headless Chromium, driven through its DevTools protocol: <https://chromedevtools.github.io/devtools-protocol>.
+//! Headless Chromium, driven through its `DevTools` protocol: <https://chromedevtools.github.io/devtools-protocol>.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::net::TcpStream;
@@ -76,6 +76,7 @@ impl Browser {
     }
 
     /// Calls a method, and returns its result.
+    #[allow(clippy::needless_pass_by_value, reason = "callers make it on the spot")]
     pub(crate) fn call(&mut self, method: &str, parameters: Value) -> Value {
         self.calls += 1;
         let mut call = json!({ "id": self.calls, "method": method, "params": parameters });

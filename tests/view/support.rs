@@ -1,5 +1,6 @@
 //! The program, and a page without a browser.
 
+use std::fmt::Write as _;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
@@ -11,7 +12,7 @@ use tungstenite::client::IntoClientRequest as _;
 use tungstenite::{Message, WebSocket};
 
 /// Whatever is waited for is there by then, also on a busy machine.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
+pub(crate) const PATIENCE: Duration = Duration::from_mins(1);
 
 /// `splatblur view`, until it is dropped.
 pub(crate) struct Program {
@@ -206,7 +207,7 @@ pub(crate) fn scene(dir: &Path) -> PathBuf {
         for j in 0..20 {
             let (a, b) = (f64::from(i) * 0.157, f64::from(j) * 0.157 + 0.08);
             let (x, y, z) = (a.cos() * b.sin(), b.cos(), a.sin() * b.sin());
-            ball += &format!("{x:.4} {y:.4} {z:.4} {} {} 90\n", 80 + 4 * i, 200 - 5 * j);
+            writeln!(ball, "{x:.4} {y:.4} {z:.4} {} {} 90", 80 + 4 * i, 200 - 5 * j).unwrap();
         }
     }
     std::fs::write(dir.join("ball.xyz"), ball).unwrap();
