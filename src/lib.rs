@@ -47,8 +47,8 @@
 //! Names of transforms read right to left: `camera_from_world` takes world space to camera space.
 //!
 //! # Features
-//! `gpu` (default): the GPU backend, on wgpu and Vulkan. `cli` (default): the program `splatblur`. Without both, the
-//! library alone is built.
+//! `gpu` (default): the GPU backend, on wgpu and Vulkan. `cli` (default): the program `splatblur`. `viewer`
+//! (default): its command `view`. Without them, the library alone is built.
 
 // In the order of data flow: a module imports only modules that stand above it. They are public for the program, the
 // tests, the benches and the fuzz targets; what a library user needs is re-exported below.
@@ -57,6 +57,9 @@ pub mod math;
 
 #[doc(hidden)]
 pub mod files;
+
+#[doc(hidden)]
+pub mod stop;
 
 #[doc(hidden)]
 pub mod time;
@@ -129,6 +132,10 @@ pub mod compare;
 
 #[doc(hidden)]
 pub mod study;
+
+#[cfg(feature = "viewer")]
+#[doc(hidden)]
+pub mod viewer;
 
 /// The vectors and matrices of scenes, in the version that this crate uses.
 #[doc(no_inline)]

@@ -12,6 +12,7 @@ use crate::objects;
 use crate::options::{BlurMode, KernelWeight, Prefilter, Quality, RenderOptions};
 use crate::reconstruct;
 use crate::scene::{Object, Scene};
+use crate::stop::Stop;
 use crate::time::FrameNumber;
 
 #[cfg(feature = "gpu")]
@@ -119,6 +120,13 @@ impl Renderer {
     #[doc(hidden)]
     pub fn watch(&mut self, meter: Arc<Meter>) {
         self.backend.watch(meter);
+    }
+
+    /// Ends frames with [`BackendError::Stopped`] from now on, soon after `stop` is set. The CPU ends between two steps
+    /// of a frame, a GPU between two renderings of mode auto.
+    #[doc(hidden)]
+    pub fn heed(&mut self, stop: Arc<Stop>) {
+        self.backend.heed(stop);
     }
 
     /// `cpu` or `gpu`.

@@ -74,6 +74,9 @@ pub enum BackendError {
         /// Budget, bytes.
         allowed: u64,
     },
+    /// Nobody waits for the frame any more ([`crate::stop::Stop`]).
+    #[error("stopped before the frame was finished")]
+    Stopped,
     /// A GPU is wanted, but the crate was built without its feature `gpu`.
     #[error("built without the GPU backend (cargo feature `gpu`); use Device::Cpu")]
     NotBuilt,

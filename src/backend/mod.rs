@@ -14,6 +14,7 @@ use std::sync::Arc;
 
 use crate::film::Picture;
 use crate::frame::Frame;
+use crate::stop::Stop;
 
 pub use self::error::BackendError;
 pub use self::meter::{Meter, Reading};
@@ -46,6 +47,9 @@ pub trait Backend: Send {
 
     /// Counts its steps on `meter` from now on, where it can tell them apart.
     fn watch(&mut self, _meter: Arc<Meter>) {}
+
+    /// Ends a frame with [`BackendError::Stopped`] soon after `stop` is set, where it can end before the frame does.
+    fn heed(&mut self, _stop: Arc<Stop>) {}
 
     /// Executes a frame's plan, with no other under way.
     ///

@@ -25,6 +25,8 @@ mod shell;
 mod study;
 mod thesis;
 mod values;
+#[cfg(feature = "viewer")]
+mod view;
 mod words;
 
 use std::io;
@@ -46,6 +48,7 @@ const INTERRUPTED: u8 = 130;
 #[command(after_help = "\
 Examples:
   splatblur render scenes/three_objects.xml           all frames, into out/three_objects/
+  splatblur view scenes/three_objects.xml             look at it in the browser
   splatblur render scene.xml --frames 12 --size 640x480 --mode still
   splatblur dataset scene.xml --out truth             blurred and sharp pictures, flow, depth, cameras
   splatblur compare a.png b.exr --limit flip=0.02     how far a picture is from another
@@ -63,6 +66,8 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Render(Box<render::Render>),
+    #[cfg(feature = "viewer")]
+    View(view::View),
     Reference(Box<reference::Reference>),
     Dataset(Box<dataset::Dataset>),
     Compare(compare::Compare),
@@ -77,26 +82,32 @@ enum Command {
     Man(shell::Manual),
 }
 
+impl Command {
+    const fn opens_devices(&self) -> bool {
+        match self {
+            Self::Render(_) | Self::Dataset(_) | Self::Sheet(_) | Self::Report(_) | Self::Study(_) | Self::Info(_) => {
+                true
+            }
+            #[cfg(feature = "viewer")]
+            Self::View(_) => true,
+            _ => false,
+        }
+    }
+}
+
 /// Runs the program.
 pub(super) fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return refuse(&error),
     };
-    // These open devices.
-    if matches!(
-        cli.command,
-        Command::Render(_)
-            | Command::Dataset(_)
-            | Command::Sheet(_)
-            | Command::Report(_)
-            | Command::Study(_)
-            | Command::Info(_)
-    ) {
+    if cli.command.opens_devices() {
         selection::leave_out();
     }
     let done = match &cli.command {
         Command::Render(render) => render.run().map(|()| ExitCode::SUCCESS),
+        #[cfg(feature = "viewer")]
+        Command::View(view) => view.run(),
         Command::Reference(reference) => reference.run().map(|()| ExitCode::SUCCESS),
         Command::Dataset(dataset) => dataset.run().map(|()| ExitCode::SUCCESS),
         Command::Compare(compare) => compare.run(),

@@ -68,6 +68,9 @@ pub enum ReferenceError {
         /// Name of the object.
         object: String,
     },
+    /// Nobody waits for the reference any more ([`crate::stop::Stop`]).
+    #[error("stopped before the reference was finished")]
+    Stopped,
     /// The bytes are no partial sums, or they are damaged.
     #[error("these are no partial sums of a reference, or they are damaged")]
     Damaged,

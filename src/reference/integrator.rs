@@ -17,6 +17,7 @@ use super::warp::TimeWarp;
 use crate::film::{Backdrop, FilmPlanes};
 use crate::options::PixelFilter;
 use crate::sampling::gaussian_offset;
+use crate::stop::Stop;
 use crate::time::FrameNumber;
 
 /// Progress of a run.
@@ -51,6 +52,8 @@ pub(super) struct Integrator<'w, 'a> {
     origin: [u32; 2],
     /// What is behind the window.
     backdrop: &'w Backdrop,
+    /// Ends the sampling without a result.
+    pub stop: Option<&'w Stop>,
     /// Samples so far with more layers of see-through surfels than are taken.
     pub cut: AtomicU64,
 }
@@ -65,6 +68,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
             frame,
             origin,
             backdrop,
+            stop: None,
             cut: AtomicU64::new(0),
         }
     }
@@ -89,6 +93,9 @@ impl<'w, 'a> Integrator<'w, 'a> {
         strips_of_sums.enumerate().for_each_init(
             || (Tracer::new(self.world), self.veil(), TileSamples::default()),
             |(tracer, veil, tile), (number, ((colour, range), extra))| {
+                if self.stop.is_some_and(Stop::is_set) {
+                    return;
+                }
                 let before = number * strip;
                 let mut strip = Strip { planes: &planes, backdrop: self.backdrop, first: before, colour, range, extra };
                 if samples > 0 && veil.is_some() {

@@ -38,6 +38,6 @@ pub use self::flow::{Flow, flows};
 pub use self::integrator::{Progress, Step};
 pub use self::options::{ROUND, ReferenceOptions};
 pub use self::probe::{Probe, ProbedGaussian, ProbedHit, Sample, probe};
-pub use self::render::{Reference, Stats, render};
+pub use self::render::{Reference, Stats, render, render_until};
 pub use self::sampler::{MOST_SAMPLES, SCRAMBLINGS, Sampler};
 pub use self::sums::Sums;

@@ -10,6 +10,7 @@ use super::posed::World;
 use super::sums::Sums;
 use crate::film::Picture;
 use crate::scene::Scene;
+use crate::stop::Stop;
 use crate::time::FrameNumber;
 
 /// A finished reference.
@@ -60,6 +61,20 @@ pub fn render(
     earlier: Option<Sums>,
     progress: Progress<'_>,
 ) -> Result<Reference, ReferenceError> {
+    render_until(scene, frame, options, earlier, (progress, None))
+}
+
+/// As [`render`], but ends with [`ReferenceError::Stopped`] soon after `stop` is set.
+///
+/// # Errors
+/// As [`render`], or it was stopped.
+pub fn render_until(
+    scene: &Scene,
+    frame: impl Into<FrameNumber>,
+    options: &ReferenceOptions,
+    earlier: Option<Sums>,
+    (progress, stop): (Progress<'_>, Option<&Stop>),
+) -> Result<Reference, ReferenceError> {
     options.check()?;
     let frame = finite(frame.into())?;
     let scene = &*scene.at_frame(frame.get())?;
@@ -78,7 +93,9 @@ pub fn render(
     let start = Instant::now();
     let before = sums.samples;
     let backdrop = world.backdrop(frame.get(), [0, 0], size);
-    let integrator = Integrator::new(&world, frame, [0, 0], &backdrop);
+    let mut integrator = Integrator::new(&world, frame, [0, 0], &backdrop);
+    integrator.stop = stop;
+    let stopped = || if stop.is_some_and(Stop::is_set) { Err(ReferenceError::Stopped) } else { Ok(()) };
     if let Some(limit) = options.error {
         let mut error = None;
         while sums.samples < samples {
@@ -91,9 +108,11 @@ pub fn render(
             }
             let end = (sums.samples / ROUND * ROUND + ROUND).min(samples);
             integrator.add(&mut sums, end, error, progress);
+            stopped()?;
         }
     } else if sums.samples < samples {
         integrator.add(&mut sums, samples, None, progress);
+        stopped()?;
     }
     let stats = Stats {
         samples: sums.samples,

@@ -257,14 +257,19 @@ impl Settings {
     }
 }
 
-/// All model and animation files of a scene, each once, in a fixed order.
-fn inputs(scene: &Scene) -> Result<Vec<Input>, ProvenanceError> {
+/// The files that a scene names, each once, without those of sequences.
+pub fn files(scene: &Scene) -> BTreeSet<&PathBuf> {
     let models = scene.objects.iter().filter(|object| object.sphere.is_none() && object.sequence.is_none());
     let mut paths: BTreeSet<&PathBuf> = models.map(|object| &object.model_path).collect();
     paths.extend(scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path));
     paths.extend(scene.environment.as_ref().map(|environment| &environment.path));
     paths.extend(scene.camera.animation.as_ref().map(|a| &a.path));
-    let mut inputs = paths.into_iter().map(|path| input(path)).collect::<Result<Vec<_>, _>>()?;
+    paths
+}
+
+/// All model and animation files of a scene, each once, in a fixed order.
+fn inputs(scene: &Scene) -> Result<Vec<Input>, ProvenanceError> {
+    let mut inputs = files(scene).into_iter().map(|path| input(path)).collect::<Result<Vec<_>, _>>()?;
     for sequence in scene.objects.iter().filter_map(|object| object.sequence.as_ref()) {
         inputs.push(of_sequence(sequence.spec())?);
     }

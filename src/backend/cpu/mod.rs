@@ -56,6 +56,7 @@ use crate::frame::{Blocks, Frame, PosedRaster, Position};
 use crate::layout::{Channels, EwaSplat, SweptSplat};
 use crate::options::{Prefilter, SweptKernel};
 use crate::plan::{EwaPass, LayerPass, MapPass, Objects, PosedInterval, SplatPass, StaticPass, Step, SweepPass};
+use crate::stop::Stop;
 
 /// Pictures whose memory is stored for later ones: as many as mode auto gives back.
 const SPARE_PICTURES: usize = 3;
@@ -76,6 +77,8 @@ pub struct Cpu {
     done: Option<Rendered>,
     /// Counts steps, each once in each band.
     meter: Arc<Meter>,
+    /// Ends a frame between two steps.
+    stop: Arc<Stop>,
 }
 
 /// What steps write, of which later steps and later frames use the memory again.
@@ -119,6 +122,10 @@ impl Backend for Cpu {
         self.meter = meter;
     }
 
+    fn heed(&mut self, stop: Arc<Stop>) {
+        self.stop = stop;
+    }
+
     fn recycle(&mut self, picture: Picture) {
         if self.pixels.len() < SPARE_PICTURES {
             self.pixels.push(picture.rgba);
@@ -153,9 +160,12 @@ impl Cpu {
                 for position in &raster.positions {
                     let (planes, channels, clusters, clocks) = (&planes, &channels, &clusters[..], &clocks);
                     let place = Place { frame, position, band, planes, channels, clusters, clocks };
-                    let (memory, meter) = (&mut self.memory, &*self.meter);
+                    let (memory, meter, stop) = (&mut self.memory, &*self.meter, &*self.stop);
                     let fixed = &mut fixed;
-                    Executor { place, budget: &budget, memory, film, meter, offsets, fixed }.run();
+                    Executor { place, budget: &budget, memory, film, meter, stop, offsets, fixed }.run();
+                    if stop.is_set() {
+                        return Err(BackendError::Stopped);
+                    }
                 }
             }
             films.films.push(film);
@@ -175,6 +185,7 @@ struct Executor<'a> {
     /// The band's part of the raster's film.
     film: &'a mut [TileFilm],
     meter: &'a Meter,
+    stop: &'a Stop,
     /// Least and greatest offset of the raster's sample positions, raster pixels.
     offsets: [[f32; 2]; 2],
     /// What is transparent and static in the band.
@@ -217,6 +228,9 @@ impl Executor<'_> {
         let mut layer = StaticLayer::default();
         let mut picture = Vec::new();
         for step in &self.place.position.steps {
+            if self.stop.is_set() {
+                return;
+            }
             match *step {
                 Step::StaticLayer { group } => layer = self.static_layer(group),
                 Step::Splat { group } => self.splat(group, &layer),

@@ -28,6 +28,7 @@ pub(super) mod timestamps;
 pub(super) mod transparent;
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use self::buffers::Buffers;
 use self::device::Device;
@@ -38,6 +39,7 @@ use self::programs::Pipelines;
 use super::clusters::ClusterStore;
 use super::{Backend, BackendError, Rendered};
 use crate::frame::Frame;
+use crate::stop::Stop;
 
 /// Executes plans on a GPU, or on a software device.
 #[derive(Debug)]
@@ -57,6 +59,8 @@ pub struct Gpu {
     pub(super) first_entries: u64,
     /// Entries that earlier frames needed.
     wanted_entries: u64,
+    /// Ends mode auto between two of its renderings.
+    stop: Arc<Stop>,
 }
 
 /// The device and everything that stays on it between frames.
@@ -95,6 +99,7 @@ impl Gpu {
             most_entries: u64::MAX,
             first_entries: u64::MAX,
             wanted_entries: 0,
+            stop: Arc::default(),
         })
     }
 
@@ -123,7 +128,14 @@ impl Backend for Gpu {
         self.flights.pop_front().map(|flight| self.land(flight)).transpose()
     }
 
+    fn heed(&mut self, stop: Arc<Stop>) {
+        self.stop = stop;
+    }
+
     fn render(&mut self, frame: Frame) -> Result<Rendered, BackendError> {
+        if self.stop.is_set() {
+            return Err(BackendError::Stopped);
+        }
         let flight = self.depart(frame)?;
         self.land(flight)
     }

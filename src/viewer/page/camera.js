@@ -1,0 +1,45 @@
+// The camera: orbit, pan and zoom. A camera is {eye, at, up, fovy}, as in a scene file; vectors are arrays of three.
+
+const add = (a, b, k = 1) => a.map((v, i) => v + k * b[i]);
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const scaled = (a, k) => a.map((v) => v * k);
+const unit = (a) => scaled(a, 1 / (Math.hypot(...a) || 1));
+
+// Nearest angle between the view and up, radians: at 0 there is no horizon.
+const POLE = 0.02;
+
+function axes(camera) {
+  const back = add(camera.eye, camera.at, -1);
+  const right = unit(cross(camera.up, back));
+  return { back, right, up: unit(cross(back, right)) };
+}
+
+// v turned by `angle` about the unit vector `axis` (Rodrigues).
+function turned(v, axis, angle) {
+  const [c, s] = [Math.cos(angle), Math.sin(angle)];
+  return add(add(scaled(v, c), cross(axis, v), s), axis, dot(axis, v) * (1 - c));
+}
+
+// Turns the eye about the point that is looked at: by `right` about up, by `down` about the horizon; radians.
+export function orbit(camera, right, down) {
+  const { back, right: horizon } = axes(camera);
+  const up = unit(camera.up);
+  const angle = Math.acos(Math.min(1, Math.max(-1, dot(up, unit(back)))));
+  const tilt = Math.min(Math.max(angle - down, POLE), Math.PI - POLE) - angle;
+  const eye = turned(turned(back, horizon, tilt), up, -right);
+  return { ...camera, eye: add(camera.at, eye) };
+}
+
+// Moves the camera by shares of the image's height, so that what is at the point looked at follows the hand.
+export function pan(camera, right, down) {
+  const axis = axes(camera);
+  const height = 2 * Math.hypot(...axis.back) * Math.tan(camera.fovy * Math.PI / 360);
+  const move = add(scaled(axis.right, -right * height), axis.up, down * height);
+  return { ...camera, eye: add(camera.eye, move), at: add(camera.at, move) };
+}
+
+// Brings the eye nearer (`by` < 1) or farther.
+export function zoom(camera, by) {
+  return { ...camera, eye: add(camera.at, add(camera.eye, camera.at, -1), by) };
+}

@@ -1,0 +1,321 @@
+// The page holds the whole view, and sends it whenever something changes. So it can go on with a program that was
+// started again. `viewer` is there for tests, and for the curious: it holds the view and a log of pictures.
+
+import { orbit, pan, zoom } from "./camera.js";
+import { View } from "./canvas.js";
+
+const $ = (id) => document.getElementById(id);
+const view = new View($("stage"), $("picture"), $("slider"));
+
+// What is seen. `null`: the scene's own.
+const state = {
+  frame: 0, camera: null, shutter: null, mode: "auto:good", split: null, buffer: "colour",
+  backend: "auto", prefilter: null, shading: "phong", size: "window",
+};
+let scene = null;
+let socket = null;
+let serial = 0;
+let shown = -1; // serial of the last picture
+let last = null; // header of the last picture
+let playing = null;
+let moving = false;
+let rest = 0;
+let dirty = false;
+let tries = 0;
+let ratio = devicePixelRatio;
+const sentAt = new Map();
+const log = [];
+window.viewer = { state, log, view, get scene() { return scene; }, get last() { return last; }, get serial() { return serial; } };
+
+// ---- to the program
+
+function change(keys, isMoving = false) {
+  Object.assign(state, keys);
+  moving = isMoving || playing !== null;
+  dirty = true;
+  clearTimeout(rest);
+  // What moved and stops without a word, as a wheel does, rests a little later.
+  if (isMoving) rest = setTimeout(() => change({}), 200);
+}
+
+function flush() {
+  requestAnimationFrame(flush);
+  // Another screen may have other pixels for the same window.
+  if (ratio !== devicePixelRatio) {
+    ratio = devicePixelRatio;
+    change({});
+  }
+  if (playing) advance();
+  if (!dirty || !scene || socket?.readyState !== WebSocket.OPEN) return;
+  dirty = false;
+  const fitted = view.fit(scene.width, scene.height, devicePixelRatio);
+  const [width, height] = state.size === "scene" ? [scene.width, scene.height] : fitted;
+  const { size: _, ...asked } = state;
+  serial += 1;
+  sentAt.set(serial, performance.now());
+  if (sentAt.size > 256) sentAt.delete(sentAt.keys().next().value);
+  socket.send(JSON.stringify({ type: "view", serial, width, height, moving, ...asked }));
+  fill();
+}
+
+const save = (what) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify({ type: "save", what }));
+
+// ---- from the program
+
+function connect() {
+  socket = new WebSocket(`ws://${location.host}${location.pathname}socket`);
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => { tries = 0; shown = -1; say("connected"); change({}); };
+  socket.onmessage = ({ data }) => (typeof data === "string" ? told(JSON.parse(data)) : picture(data));
+  socket.onclose = ({ reason }) => {
+    tries += 1;
+    const hint = tries > 3 ? "; if the program was started again, open the link that it prints now" : "";
+    say(`not connected${reason ? `: ${reason}` : ""}${hint}`);
+    setTimeout(connect, Math.min(250 * tries, 2000));
+  };
+}
+
+function told(message) {
+  const kinds = {
+    loading: () => say("loading"),
+    scene: () => begin(message),
+    broken: () => alert(message.message, Infinity),
+    refused: () => { shown = serial; alert(message.message, serial); },
+    saved: () => { $("saved").textContent = message.path; },
+    rests: () => { say(`rests${rateText()}`); window.viewer.rests = message.serial; },
+    compared: () => {
+      window.viewer.compared = message;
+      const samples = message.samples ? ` of ${message.samples} samples` : "";
+      $("compared").textContent = `left against right${samples}: FLIP ${message.flip.toFixed(4)}, RMSE ${message.rmse.toFixed(5)}`;
+    },
+  };
+  kinds[message.type]?.();
+}
+
+function begin(fresh) {
+  const isFirst = scene === null || scene.name !== fresh.name;
+  scene = fresh;
+  alert("");
+  document.title = `${scene.name} - splatblur view`;
+  $("name").textContent = scene.name;
+  const count = scene.surfels.toLocaleString("en");
+  $("about").textContent = `${scene.objects} objects, ${count} surfels, ${scene.width} x ${scene.height}, ${scene.program}`;
+  $("about").title = scene.notes.join("\n");
+  $("grammar").textContent = scene.modes;
+  [$("time").min, $("time").max] = [scene.first, scene.last];
+  const inside = state.frame >= scene.first && state.frame <= scene.last;
+  if (isFirst) $("rate").value = scene.rate;
+  change({ frame: isFirst || !inside ? scene.first : state.frame });
+}
+
+async function picture(data) {
+  const from = socket;
+  const length = new DataView(data).getUint32(0);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+  const bitmap = await createImageBitmap(new Blob([new Uint8Array(data, 4 + length)], { type: "image/png" }));
+  view.isSplit = state.split !== null;
+  view.put(header.side, bitmap);
+  if (from === socket && socket.readyState === WebSocket.OPEN) {
+    socket.send(JSON.stringify({ type: "shown", picture: header.picture }));
+  }
+  last = header;
+  shown = header.serial;
+  const now = performance.now();
+  log.push({ ...header, line: undefined, curve: undefined, bytes: data.byteLength, frame: state.frame, sent: sentAt.get(header.serial), shown: now });
+  if (log.length > 2000) log.splice(0, 1000);
+  if (header.serial > alertEnds) alert("");
+  report(header);
+}
+
+function report(header) {
+  const parts = [header.mode];
+  if (header.error !== null) parts.push(`error ${header.error.toFixed(4)}`);
+  parts.push(`${header.seconds.toFixed(header.seconds < 1 ? 3 : 1)} s`, `${header.width} x ${header.height}`, `on ${header.backend}`);
+  if (header.buffer !== "colour") {
+    const range = header.range ? ` ${header.range.map((v) => Number(v.toPrecision(4))).join(" to ")}` : "";
+    parts.push(`${header.buffer}${range}`);
+  }
+  if (!header.finished && header.side !== "second") parts.push("quick");
+  const place = header.side === "second" ? $("second") : $("first");
+  place.textContent = parts.join(" · ");
+  place.title = header.note ?? "";
+  if (header.side === "both") $("compared").textContent = "left against right";
+  $("line").value = header.line;
+  const top = Math.max(...header.curve, 1e-9);
+  const step = 100 / header.curve.length;
+  const points = header.curve.map((v, i) => `${((i + 0.5) * step).toFixed(2)} ${(31 - 29 * v / top).toFixed(2)}`);
+  $("curve").firstElementChild.setAttribute("d", `M0 31L${points.join("L")}L100 31`);
+  say((header.finished ? "refined" : moving ? "moving" : "refining") + rateText());
+}
+
+// Pictures a second and the time from a change to its picture, over the last second.
+function rateText() {
+  const now = performance.now();
+  const recent = log.filter((entry) => now - entry.shown < 1000 && entry.sent);
+  if (recent.length < 2) return "";
+  const delay = recent.map((entry) => entry.shown - entry.sent).sort((a, b) => a - b)[recent.length >> 1];
+  return `, ${recent.length} pictures/s, ${delay.toFixed(0)} ms`;
+}
+
+const say = (text) => { $("state").textContent = text; };
+// Serial of the view after which a picture shows that what was wrong is over; what is broken stays until it is mended.
+let alertEnds = -1;
+function alert(text, ends = -1) {
+  alertEnds = text === "" ? Infinity : ends;
+  $("alert").hidden = text === "";
+  $("alert").textContent = text;
+}
+
+// ---- time
+
+function step(frame) {
+  if (!scene) return;
+  const bounded = Math.min(scene.last, Math.max(scene.first, frame));
+  change({ frame: bounded });
+}
+
+function play() {
+  playing = playing ? null : { begin: performance.now(), frame: state.frame, waits: -1 };
+  $("play").textContent = playing ? "stop" : "play";
+  change({});
+}
+
+function advance() {
+  // The picture before is still on its way.
+  if (!scene || shown < playing.waits) return;
+  const count = scene.last - scene.first + 1;
+  const passed = Math.floor((performance.now() - playing.begin) / 1000 * (Number($("rate").value) || scene.rate));
+  const frame = scene.first + ((Math.floor(playing.frame) - scene.first + passed) % count + count) % count;
+  if (frame === state.frame) return;
+  change({ frame });
+  playing.waits = serial + 1;
+}
+
+// ---- camera
+
+const camera = () => state.camera ?? last?.camera;
+function turn(by, isMoving = true) {
+  const from = camera();
+  if (from) change({ camera: by(from) }, isMoving);
+}
+
+const canvas = $("picture");
+let drag = null;
+canvas.addEventListener("pointerdown", (event) => {
+  canvas.setPointerCapture(event.pointerId);
+  canvas.focus();
+  drag = { x: event.clientX, y: event.clientY, pans: event.shiftKey || event.button !== 0 };
+  event.preventDefault();
+});
+canvas.addEventListener("pointermove", (event) => {
+  if (!drag) return;
+  const [dx, dy] = [event.clientX - drag.x, event.clientY - drag.y];
+  [drag.x, drag.y] = [event.clientX, event.clientY];
+  const height = canvas.clientHeight;
+  turn((c) => (drag.pans ? pan(c, dx / height, dy / height) : orbit(c, dx / height * Math.PI, dy / height * Math.PI)));
+});
+for (const name of ["pointerup", "pointercancel"]) {
+  canvas.addEventListener(name, () => { if (drag) { drag = null; change({}); } });
+}
+canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+canvas.addEventListener("wheel", (event) => {
+  event.preventDefault();
+  turn((c) => zoom(c, Math.exp(event.deltaY * 0.001)));
+}, { passive: false });
+
+const slider = $("slider");
+slider.addEventListener("pointerdown", (event) => slider.setPointerCapture(event.pointerId));
+slider.addEventListener("pointermove", (event) => {
+  if (!slider.hasPointerCapture(event.pointerId)) return;
+  const box = canvas.getBoundingClientRect();
+  view.move((event.clientX - box.left) / box.width);
+});
+
+// ---- controls
+
+const SELECTS = ["buffer", "backend", "prefilter", "shading", "size"];
+for (const id of SELECTS) $(id).addEventListener("change", () => change({ [id]: $(id).value || null }));
+$("mode").addEventListener("change", () => change({ mode: $("mode").value.trim() || "auto:good" }));
+$("split").addEventListener("change", () => splitWith($("split").value.trim() || null));
+function splitWith(split) {
+  view.isSplit = split !== null;
+  // Only here: other lines are another size of the picture.
+  $("second").hidden = $("compared").hidden = !view.isSplit;
+  $("second").textContent = "";
+  view.draw();
+  change({ split });
+}
+for (const id of ["open", "close", "weight"]) $(id).addEventListener("change", () => {
+  const weight = $("weight").value.trim();
+  change({ shutter: {
+    open: Number($("open").value), close: Number($("close").value), weight: weight && weight !== scene?.weight ? weight : null,
+  } });
+});
+$("frame").addEventListener("change", () => { const frame = Number($("frame").value); if (Number.isFinite(frame)) change({ frame }); });
+$("time").addEventListener("input", () => change({ frame: Number($("time").value) }, true));
+$("time").addEventListener("change", () => change({}));
+
+// The values of the controls, except where someone writes.
+function fill() {
+  const put = (id, value) => { if (document.activeElement !== $(id)) $(id).value = value; };
+  SELECTS.forEach((id) => { $(id).value = state[id] ?? ""; });
+  put("mode", state.mode);
+  put("split", state.split ?? "");
+  put("open", state.shutter?.open ?? scene.open);
+  put("close", state.shutter?.close ?? scene.close);
+  put("weight", state.shutter?.weight ?? scene.weight);
+  put("frame", state.frame);
+  $("time").value = state.frame;
+}
+
+async function copy() {
+  // Without a permission the text is selected, for Ctrl-C.
+  $("line").select();
+  await navigator.clipboard?.writeText($("line").value).catch(() => {});
+  say("camera copied");
+}
+
+const next = (id, by = 1) => {
+  const { options, selectedIndex: at } = $(id);
+  change({ [id]: options[(at + by + options.length) % options.length].value || null });
+};
+const ACTIONS = {
+  "to-first": () => step(scene?.first), back: () => step(state.frame - 1), play, forward: () => step(state.frame + 1),
+  "to-last": () => step(scene?.last), copy, reset: () => change({ camera: null }),
+  "shutter-reset": () => change({ shutter: null }),
+  "save-png": () => save("png"), "save-exr": () => save("exr"), "save-scene": () => save("scene"),
+  "help-open": () => $("help").showModal(),
+};
+for (const [id, action] of Object.entries(ACTIONS)) $(id).addEventListener("click", action);
+
+const KEYS = {
+  " ": play, ",": ACTIONS.back, ".": ACTIONS.forward, Home: ACTIONS["to-first"], End: ACTIONS["to-last"],
+  "+": () => turn((c) => zoom(c, 0.9)), "=": () => turn((c) => zoom(c, 0.9)), "-": () => turn((c) => zoom(c, 1 / 0.9)),
+  0: ACTIONS.reset, m: () => $("mode").select(), S: () => $("split").select(),
+  t: () => $("open").select(), w: () => $("weight").select(), i: () => $("frame").select(), r: () => $("rate").select(),
+  o: ACTIONS["shutter-reset"],
+  b: () => next("buffer"), B: () => next("buffer", -1), s: () => splitWith(state.split === null ? "reference" : null),
+  "[": () => view.move(view.split - 0.05), "]": () => view.move(view.split + 0.05),
+  k: () => next("backend"), f: () => next("prefilter"), g: () => next("shading"), z: () => next("size"),
+  c: copy, p: ACTIONS["save-png"], e: ACTIONS["save-exr"], x: ACTIONS["save-scene"], "?": ACTIONS["help-open"],
+};
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || $("help").open) return;
+  const { target, key } = event;
+  if (target.matches("input, select, textarea")) {
+    if (key === "Escape") target.blur();
+    return;
+  }
+  if (key === " " && target.matches("button")) return;
+  const arrow = ARROWS[key];
+  if (arrow && target === slider) view.move(view.split + 0.02 * arrow[0]);
+  else if (arrow) turn((c) => (event.shiftKey ? pan(c, 0.03 * arrow[0], 0.03 * arrow[1]) : orbit(c, 0.06 * arrow[0], 0.06 * arrow[1])));
+  else if (KEYS[key]) KEYS[key]();
+  else return;
+  event.preventDefault();
+});
+
+new ResizeObserver(() => change({})).observe($("stage"));
+connect();
+requestAnimationFrame(flush);

@@ -1,0 +1,73 @@
+//! Files that a page saves: pictures as `splatblur render` writes them, and scenes. No file is ever replaced.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, PoisonError};
+
+use super::message::Kind;
+use super::view::Look;
+use super::watch::{Known, Shared};
+use crate::film::Picture;
+use crate::image::{self, Bits, Format};
+use crate::options::RenderOptions;
+use crate::scene::Scene;
+use crate::scene_file;
+use crate::study::provenance::Provenance;
+
+/// A finished picture, with what made it.
+pub(super) struct Finished {
+    pub(super) picture: Arc<Picture>,
+    pub(super) scene: Scene,
+    pub(super) options: RenderOptions,
+    /// `cpu` or `gpu`.
+    pub(super) backend: &'static str,
+    /// What mode auto reached.
+    pub(super) comment: Option<String>,
+}
+
+/// Names with these numbers are tried.
+const NUMBERS: std::ops::RangeInclusive<u32> = 1..=9999;
+
+/// Writes a picture or the scene; returns the path. The error is one line.
+pub(super) fn save(
+    shared: &Shared,
+    known: &Known,
+    look: &Look,
+    finished: &Finished,
+    what: Kind,
+) -> Result<PathBuf, String> {
+    let scene = known.scene();
+    let out = shared.setup.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
+    let cannot = |why: &dyn std::fmt::Display| format!("cannot save into {}: {why}", out.display());
+    std::fs::create_dir_all(&out).map_err(|why| cannot(&why))?;
+    // The name is free until the file is there.
+    let _held = shared.saving.lock().unwrap_or_else(PoisonError::into_inner);
+    let free = |stem: &str, extension: &str| {
+        let path = |number| out.join(format!("{stem}.view-{number}.{extension}"));
+        NUMBERS.map(path).find(|path| !path.exists()).ok_or_else(|| cannot(&"9999 files are there already"))
+    };
+    let format = match what {
+        Kind::Scene => {
+            let path = free(&scene.name, "xml")?;
+            let text = scene_file::to_xml(&look.changed(scene), &out);
+            crate::files::replace(&path, text.as_bytes()).map_err(|why| cannot(&why))?;
+            return Ok(path);
+        }
+        Kind::Png if look.buffer.is_some() => {
+            return Err("PNG holds colour and alpha only: save layers as EXR".to_owned());
+        }
+        Kind::Png => Format::Png { bits: Bits::Eight, alpha: finished.scene.image.transparent },
+        Kind::Exr => Format::EXR,
+    };
+    let Finished { picture, scene, options, backend, comment } = finished;
+    let settings = Provenance::of(scene, &shared.setup.path).and_then(|provenance| {
+        provenance.splatted(options, format, backend).and_then(|settings| settings.of_frame(look.frame))
+    });
+    let settings = settings.map_err(|why| cannot(&why))?;
+    let path = free(&format!("{}.{}", scene.name, look.frame.padded()), format.extension())?;
+    match comment {
+        Some(comment) => image::write_with_comment(&path, picture, format, &settings, comment),
+        None => image::write(&path, picture, format, &settings),
+    }
+    .map_err(|why| cannot(&why))?;
+    Ok(path)
+}

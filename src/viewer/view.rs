@@ -1,0 +1,221 @@
+//! What a page wants to see: the text that it sends, and the values that come of it.
+
+use serde::Deserialize;
+
+use super::camera::CameraAt;
+use crate::film::Aov;
+use crate::options::{BlurMode, ErrorTarget, Prefilter, Quality, RenderOptions, Shading};
+use crate::renderer::Device;
+use crate::scene::{Camera, Scene};
+use crate::time::{FrameNumber, Shutter, Weight};
+
+/// Longest side of a picture, pixels.
+const LONGEST: u32 = 8192;
+/// Most pixels of a picture: an 8K screen.
+const MOST_PIXELS: u64 = 7680 * 4320;
+/// Frames and shutters end here, as on the command line.
+const LAST_FRAME: f64 = 1e6;
+
+/// A page's view in the words of the command line.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Asked {
+    /// The page's number of this view; pictures carry it.
+    serial: u64,
+    width: u32,
+    height: u32,
+    frame: f64,
+    /// Does it change all the time, as in a drag?
+    moving: bool,
+    /// `None`: the scene's.
+    camera: Option<CameraAt>,
+    /// `None`: the scene's.
+    shutter: Option<AskedShutter>,
+    mode: String,
+    /// The other side of the slider: a mode, or `reference`.
+    split: Option<String>,
+    /// `colour`, or the name of a layer.
+    buffer: String,
+    backend: String,
+    /// `None`: the one that suits the mode.
+    prefilter: Option<String>,
+    shading: String,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AskedShutter {
+    open: f64,
+    close: f64,
+    /// `None`: the scene's, which may be a drawn curve.
+    weight: Option<String>,
+}
+
+/// All that both sides of a picture share. Equal looks have equal pictures.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Look {
+    pub(super) size: [u32; 2],
+    pub(super) frame: FrameNumber,
+    camera: Option<CameraAt>,
+    shutter: Option<ShutterAt>,
+    pub(super) device: Device,
+    prefilter: Option<Prefilter>,
+    shading: Shading,
+    /// `None`: colour.
+    pub(super) buffer: Option<Aov>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct ShutterAt {
+    open: f64,
+    close: f64,
+    weight: Option<Weight>,
+}
+
+/// The other side of the slider.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Other {
+    Mode(Quality),
+    Reference,
+}
+
+/// A view that was checked.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct View {
+    pub(super) serial: u64,
+    pub(super) moving: bool,
+    pub(super) look: Look,
+    pub(super) quality: Quality,
+    pub(super) other: Option<Other>,
+}
+
+impl Asked {
+    /// The view, or what is wrong with it in one line.
+    pub(super) fn check(self) -> Result<View, String> {
+        let Self { width, height, frame, .. } = self;
+        let pixels = u64::from(width) * u64::from(height);
+        if width == 0 || height == 0 || width.max(height) > LONGEST || pixels > MOST_PIXELS {
+            return Err(format!("a picture of {width} x {height} pixels cannot be shown"));
+        }
+        if !(-LAST_FRAME..=LAST_FRAME).contains(&frame) {
+            return Err(format!("there is no frame {frame}; frames end at {LAST_FRAME}"));
+        }
+        if let Some(fault) = self.camera.as_ref().and_then(CameraAt::fault) {
+            return Err(fault);
+        }
+        let look = Look {
+            size: [width, height],
+            frame: FrameNumber::from(frame),
+            camera: self.camera,
+            shutter: self.shutter.map(AskedShutter::check).transpose()?,
+            device: device(&self.backend)?,
+            prefilter: self.prefilter.map(|word| word.parse()).transpose().map_err(in_words("prefilter"))?,
+            shading: self.shading.parse().map_err(in_words("shading"))?,
+            buffer: buffer(&self.buffer)?,
+        };
+        let other = match self.split.as_deref() {
+            None => None,
+            Some("reference") => Some(Other::Reference),
+            Some(mode) => Some(Other::Mode(mode.parse().map_err(in_words("split"))?)),
+        };
+        let quality = self.mode.parse().map_err(in_words("mode"))?;
+        Ok(View { serial: self.serial, moving: self.moving, look, quality, other })
+    }
+}
+
+fn in_words<E: std::fmt::Display>(what: &str) -> impl Fn(E) -> String {
+    move |why| format!("{what}: {why}")
+}
+
+fn device(word: &str) -> Result<Device, String> {
+    match word {
+        "auto" => Ok(Device::Auto),
+        "cpu" => Ok(Device::Cpu),
+        "gpu" => Ok(Device::Gpu { adapter: None }),
+        _ => Err(format!("backend: expected auto, cpu or gpu, found `{word}`")),
+    }
+}
+
+fn buffer(word: &str) -> Result<Option<Aov>, String> {
+    if word == "colour" {
+        return Ok(None);
+    }
+    match word.parse().map_err(in_words("buffer"))? {
+        // It would take a rendering for each object.
+        Aov::Object => Err("buffer: the layer `object` is for `splatblur render`".to_owned()),
+        aov => Ok(Some(aov)),
+    }
+}
+
+impl AskedShutter {
+    fn check(self) -> Result<ShutterAt, String> {
+        let Self { open, close, weight } = self;
+        let known = -LAST_FRAME..=LAST_FRAME;
+        if !known.contains(&open) || !known.contains(&close) {
+            return Err("the shutter must stay within a million frames".to_owned());
+        }
+        if open >= close {
+            return Err(format!("the shutter closes at {close}, not after it opens at {open}"));
+        }
+        let weight = weight.map(|text| text.parse()).transpose().map_err(in_words("weight"))?;
+        Ok(ShutterAt { open, close, weight })
+    }
+}
+
+impl Look {
+    /// The scene as it is looked at, at `size` pixels. `of_model`: the scene is a model file, and its camera is chosen
+    /// for the size of the image.
+    pub(super) fn scene(&self, scene: &Scene, of_model: bool, [width, height]: [u32; 2]) -> Scene {
+        let mut scene = self.changed(scene);
+        (scene.image.width, scene.image.height) = (width, height);
+        if of_model && self.camera.is_none() {
+            scene.camera = Camera::automatic(&scene);
+        }
+        scene
+    }
+
+    /// The scene with the changes of the page, for a file.
+    pub(super) fn changed(&self, scene: &Scene) -> Scene {
+        let mut scene = scene.clone();
+        if let Some(camera) = &self.camera {
+            camera.place(&mut scene.camera);
+        }
+        if let Some(ShutterAt { open, close, weight }) = &self.shutter {
+            let weight = weight.clone().unwrap_or_else(|| scene.shutter.weight.clone());
+            #[allow(clippy::needless_update, reason = "what else a shutter has stays the scene's")]
+            let shutter = Shutter { open: *open, close: *close, weight, ..scene.shutter };
+            scene.shutter = shutter;
+        }
+        scene
+    }
+
+    /// The options of a finished picture, as `splatblur render` has them.
+    pub(super) fn options(&self, quality: Quality, memory: u64) -> RenderOptions {
+        RenderOptions {
+            quality,
+            prefilter: self.prefilter.unwrap_or(Prefilter::suited(quality)),
+            shading: self.shading,
+            memory,
+            // Only mode auto estimates an error.
+            aovs: self.buffer.into_iter().filter(|&aov| aov != Aov::Error || is_auto(quality)).collect(),
+            ..RenderOptions::default()
+        }
+    }
+
+    /// The options of a quick picture with `samples` time samples. Approximate filters take half the time of full EWA.
+    pub(super) fn quick(&self, quality: Quality, samples: u32, memory: u64) -> RenderOptions {
+        let mode = match quality {
+            Quality::Mode(BlurMode::Still { .. }) => BlurMode::Still { pixel_samples: samples },
+            _ => BlurMode::supersample(samples),
+        };
+        let prefilter = match self.prefilter {
+            Some(Prefilter::None) => Prefilter::None,
+            _ => Prefilter::Approx,
+        };
+        RenderOptions { prefilter, ..self.options(mode.into(), memory) }
+    }
+}
+
+fn is_auto(quality: Quality) -> bool {
+    matches!(quality, Quality::Error(ErrorTarget { .. }))
+}

@@ -1,0 +1,10 @@
+//! The viewer as a page, a browser and an enemy meet it.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests may stop")]
+
+mod browser;
+mod devtools;
+mod hostile;
+mod measure;
+mod pictures;
+mod support;
