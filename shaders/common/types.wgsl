@@ -80,8 +80,8 @@ struct View {
     environment: vec4<f32>,
     // Standard deviation of what the sample position sees of the scene, raster pixels.
     pixel: f32,
-    // Half the rows of a strip that is read out row by row, raster pixels; minus half its columns where columns are read
-    // out; 0 where all pixels are exposed at once. First pixel of the strip in the raster.
+    // Half the rows of a strip that is read out row by row, raster pixels; minus half its columns where columns are
+    // read out; 0 where all pixels are exposed at once. First pixel of the strip in the raster.
     strip: f32,
     first: vec2<u32>,
 }

@@ -32,8 +32,8 @@ pub(super) fn longest(scene: &Scene, number: FrameNumber) -> f64 {
     objects.into_par_iter().map(of_parts).reduce(|| 0.0, f64::max)
 }
 
-/// The same for `object`, by the paths of about `most` surfels, while the pixels are exposed that are read out with this
-/// delay (frames).
+/// The same for `object`, by the paths of about `most` surfels, while the pixels are exposed that are read out with
+/// this delay (frames).
 fn of_object(scene: &Scene, object: &Object, number: FrameNumber, delay: f64, most: usize) -> f64 {
     if !object.blur {
         return 0.0;

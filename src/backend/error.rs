@@ -38,8 +38,9 @@ pub enum BackendError {
     },
     /// Kernels in motion are not read out row by row.
     #[error(
-        "mode `volumetric` has no rolling shutter: swept anew for every few rows, it took three times as long as samples \
-         for more error; take `supersample`, `bucket` or `auto`, or `readout=\"0\"` in <shutter> (`--readout 0`)"
+        "mode `volumetric` has no rolling shutter: swept anew for every few rows, it took three times as long as \
+         samples for more error; take `supersample`, `bucket` or `auto`, or `readout=\"0\"` in <shutter> \
+         (`--readout 0`)"
     )]
     RollingShutter,
     /// Captures are composited over a background that is known at each instant.

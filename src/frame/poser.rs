@@ -45,8 +45,8 @@ pub struct PosedObject {
     pub centre_from_model: Mat3,
     /// Screen-space position of the model's origin, likewise.
     pub centre_origin: Vec3,
-    /// Half the difference of the poses at the interval's ends, times the kernels' stretch, linear part; of a strip that
-    /// is read out, half the difference between its last and its first row; else 0.
+    /// Half the difference of the poses at the interval's ends, times the kernels' stretch, linear part; of a strip
+    /// that is read out, half the difference between its last and its first row; else 0.
     pub motion_from_model: Mat3,
     /// Motion of the model's origin, likewise.
     pub motion_origin: Vec3,

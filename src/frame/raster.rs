@@ -46,14 +46,14 @@ pub struct RasterArea {
     pub origin: [u32; 2],
     /// As [`Raster::size`].
     pub size: [u32; 2],
-    /// First and one past the last column of the raster, then rows, that the image takes. A strip has pixels around them
-    /// for filters that reach so far.
+    /// First and one past the last column of the raster, then rows, that the image takes. A strip has pixels around
+    /// them for filters that reach so far.
     pub shown: [[u32; 2]; 2],
 }
 
 impl RasterArea {
-    /// Fills what row `y` of the image takes of the raster, each `stride`-th place of `out`. `write` writes a row of the
-    /// raster to every `stride`-th place from the first.
+    /// Fills what row `y` of the image takes of the raster, each `stride`-th place of `out`. `write` writes a row of
+    /// the raster to every `stride`-th place from the first.
     pub fn fill(&self, y: usize, stride: usize, out: &mut [f32], write: impl FnOnce(usize, &mut [f32])) {
         let [left, top] = self.origin.map(|pixel| pixel as usize);
         let [columns, rows] = self.shown.map(|ends| ends.map(|pixel| pixel as usize));

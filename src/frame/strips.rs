@@ -78,8 +78,8 @@ impl Strips {
         self.edges.windows(2).map(|edges| edges[0]..edges[1])
     }
 
-    /// The pixels of a strip and `apron` more on both sides, of a raster with `rows` pixels. They begin at an even pixel:
-    /// neighbours that are looked at together stay together.
+    /// The pixels of a strip and `apron` more on both sides, of a raster with `rows` pixels. They begin at an even
+    /// pixel: neighbours that are looked at together stay together.
     pub(super) fn with_apron(range: &Range<u32>, apron: u32, rows: u32) -> Range<u32> {
         let start = range.start.saturating_sub(apron) & !1;
         start..(range.end + apron).next_multiple_of(2).min(rows).max(start)

@@ -1,5 +1,5 @@
-//! PNG: 8 or 16 bits, sRGB-encoded or by another response, straight alpha. Colour is un-premultiplied in linear light, then encoded, then
-//! rounded to the nearest code; there is no dither, values outside [0, 1] are clipped.
+//! PNG: 8 or 16 bits, sRGB-encoded or by another response, straight alpha. Colour is un-premultiplied in linear light,
+//! then encoded, then rounded to the nearest code; there is no dither, values outside [0, 1] are clipped.
 
 use std::io::{Cursor, Read, Seek, SeekFrom};
 

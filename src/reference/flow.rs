@@ -153,8 +153,8 @@ impl<'w, 'a> Follower<'w, 'a> {
         (film, shutter.frame_time(self.frame, share) + delay)
     }
 
-    /// As [`Self::land`], at a share of the shutter. The time is that of the row on which the point lands, which is found
-    /// by trying: `None` where the point keeps pace with the read-out, and lands on no row or on many.
+    /// As [`Self::land`], at a share of the shutter. The time is that of the row on which the point lands, which is
+    /// found by trying: `None` where the point keeps pace with the read-out, and lands on no row or on many.
     fn land_at(&self, point: &Point<'_>, from: SamplePoint, share: f64) -> Option<([f64; 2], f64, bool, bool)> {
         /// Tries, and how near two of them must be, pixels.
         const TRIES: u32 = 64;

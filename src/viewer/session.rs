@@ -15,7 +15,7 @@ use super::pace::{Level, Pace};
 use super::save::{Finished, save};
 use super::stage::{Done, Outcome, Task, next};
 use super::view::{Look, Other, View};
-use super::watch::{Known, Shared};
+use super::watch::{Known, Listener, Shared};
 use crate::backend::BackendError;
 use crate::compare::{Comparison, Metric};
 use crate::film::{Aov, Picture};
@@ -69,6 +69,12 @@ struct Errors {
     samples: Option<u64>,
 }
 
+impl Listener for Page {
+    fn scene_changed(&self) {
+        self.put(true, |held| held.has_news = true);
+    }
+}
+
 impl Page {
     fn hold(&self) -> MutexGuard<'_, Held> {
         self.held.lock().unwrap_or_else(PoisonError::into_inner)
@@ -113,11 +119,6 @@ impl Page {
                 held.refusals.push_back(why);
             }
         });
-    }
-
-    /// The scene is another, or cannot be read.
-    pub(super) fn scene_changed(&self) {
-        self.put(true, |held| held.has_news = true);
     }
 
     /// The page has gone.

@@ -5,7 +5,6 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime};
 
-use super::session::Page;
 use crate::renderer::Device;
 use crate::scene::{Object, Scene};
 use crate::scene_file::Loaded;
@@ -59,11 +58,16 @@ pub(super) struct State {
     pub(super) loading: bool,
 }
 
+/// A page that is told when the scene is another, or cannot be read.
+pub(super) trait Listener: Send + Sync {
+    fn scene_changed(&self);
+}
+
 /// What all pages share.
 pub(super) struct Shared {
     pub(super) setup: Setup,
     state: Mutex<State>,
-    pages: Mutex<Vec<Weak<Page>>>,
+    pages: Mutex<Vec<Weak<dyn Listener>>>,
     /// Held while a file is written.
     pub(super) saving: Arc<Mutex<()>>,
 }
@@ -79,10 +83,11 @@ impl Shared {
     }
 
     /// Tells a page of changes from now on.
-    pub(super) fn tell(&self, page: &Arc<Page>) {
+    pub(super) fn tell(&self, page: &Arc<impl Listener + 'static>) {
         let mut pages = self.pages.lock().unwrap_or_else(PoisonError::into_inner);
         pages.retain(|page| page.strong_count() > 0);
-        pages.push(Arc::downgrade(page));
+        let page = Arc::clone(page) as Arc<dyn Listener>;
+        pages.push(Arc::downgrade(&page));
     }
 
     fn change(&self, change: impl FnOnce(&mut State)) {

@@ -6,10 +6,12 @@ use std::path::Path;
 
 /// The names that `src/lib.rs` re-exports at the root. A new name here is a promise to users of the library: add one
 /// only on purpose.
-const NAMES: [&str; 40] = [
+const NAMES: [&str; 43] = [
     // What is rendered.
+    "Anchor",
     "Camera",
     "Cloud",
+    "Direction",
     "Environment",
     "FrameNumber",
     "FrameRange",
@@ -21,6 +23,7 @@ const NAMES: [&str; 40] = [
     "Motion",
     "Object",
     "PointMotion",
+    "Readout",
     "Scene",
     "Shutter",
     "Surfels",

@@ -560,11 +560,13 @@ fn what_does_not_apply_is_refused() {
     );
     refused(
         scene("<shutter centre='0.5'/>", ""),
-        "scene.xml:2:10: `centre` does not apply to <shutter> with weight=\"box\" (it takes: open, close, weight)",
+        "scene.xml:2:10: `centre` does not apply to <shutter> with weight=\"box\" (it takes: open, close, weight, \
+         readout, direction, anchor)",
     );
     refused(
         scene("<shutter weight='box'><curve><point time='0' weight='1'/></curve></shutter>", ""),
-        "scene.xml:2:10: `weight` does not apply to <shutter> with a <curve> (it takes: open, close)",
+        "scene.xml:2:10: `weight` does not apply to <shutter> with a <curve> (it takes: open, close, \
+         readout, direction, anchor)",
     );
     refused(
         scene("<light type='ambient' direction='0 0 1'/>", ""),

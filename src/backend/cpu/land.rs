@@ -1,7 +1,7 @@
 //! Where surfels land on a strip that a rolling shutter reads out row by row (docs/math.md, section 15).
 //!
-//! In: centres and axes in screen space at the middle of the strip, and their motion to its last row. Out: the same when
-//! the row on which the centre lands is read out, and how the rows beside it see it displaced. Order-free.
+//! In: centres and axes in screen space at the middle of the strip, and their motion to its last row. Out: the same
+//! when the row on which the centre lands is read out, and how the rows beside it see it displaced. Order-free.
 
 use crate::frame::Raster;
 
