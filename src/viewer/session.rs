@@ -148,8 +148,8 @@ pub(super) struct Worker<'a> {
     first: Option<Finished>,
     second: Option<Arc<Picture>>,
     sums: Option<Sums>,
-    /// Number of the comparison that is of use, and whether one is under way. It has a thread of its own, since it cannot
-    /// be stopped.
+    /// Number of the comparison that is of use, and whether one is under way. It has a thread of its own, since it
+    /// cannot be stopped.
     comparisons: u64,
     is_comparing: bool,
     /// The view that was told to rest.

@@ -77,7 +77,8 @@ fn measure_drag() {
     let pictures = browser.number("viewer.log.length");
     let last = browser.text("JSON.stringify([viewer.last.width, viewer.last.mode, viewer.log.at(-1).bytes])");
     let levels = browser.text(
-        "(() => { const c = {}; viewer.log.forEach((e) => { const k = `${e.width} ${e.mode}`; c[k] = (c[k] ?? 0) + 1; }); \
+        "(() => { const c = {}; viewer.log.forEach((e) => { const k = `${e.width} ${e.mode}`; \
+         c[k] = (c[k] ?? 0) + 1; }); \
          return JSON.stringify(c); })()",
     );
     browser.mouse("mouseReleased", center);
