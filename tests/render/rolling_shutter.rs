@@ -94,7 +94,7 @@ fn a_moving_edge_leans() {
         // Discs reach 3 spacings beyond the last centres; between them the edge is .02 pixels short.
         let resting = 0.5 * f64::from(PIXELS[1 - axis]) + 0.75;
         // Measured: reference .03. 16 places in a pixel see an edge by eighths of a pixel, rolling or not (the test
-        // below finds the same rows): .163; 64 see it to .063. The approximate filter widens outlines: by .52 pixels here.
+        // below finds the same rows): .163; 64 see it to .063. The approximate filter widens outlines: by .52 pixels.
         let lean = |kind: &str, moved: &Picture, wider: f64, limit: f64| {
             let n = f64::from(PIXELS[axis]);
             let beside = places(moved, axis).into_iter().enumerate().map(|(i, place)| {
