@@ -238,7 +238,9 @@ fn a_run_goes_on_where_it_stopped() {
     fs::remove_file(path("depth/0001.exr")).unwrap();
     fs::remove_file(path("transforms.json")).unwrap();
     assert_eq!(skipped(&resume), [false, true]);
-    fs::write(path("flow/0002-open-close.exr"), &made["flow/0002-open-close.exr"][..900]).unwrap();
+    // Its header is whole.
+    let flow = &made["flow/0002-open-close.exr"];
+    fs::write(path("flow/0002-open-close.exr"), &flow[..flow.len() - 20]).unwrap();
     assert_eq!(skipped(&resume), [true, false]);
     assert!(files(&dir.path().join("truth")) == made);
     // Other choices make all anew.
