@@ -185,7 +185,8 @@ impl Frame {
         let poser = Poser { scene, number: number.get(), focal: focal / f64::from(exposure.stride), options };
         let mut sweeps: Vec<Option<(PosedInterval, SweptKernel)>> = Vec::new();
         let mut times: Vec<f64> = Vec::new();
-        let strips = Strips::of(scene, number, ends_of(exposure), exposure.stride);
+        let samples = exposure.groups().map(|group| group.samples.len()).sum();
+        let strips = Strips::of(scene, number, ends_of(exposure), samples, exposure.stride);
         let see_through = scene.objects.iter().any(Object::is_see_through);
         let ranges: Vec<Option<Range<u32>>> =
             strips.as_ref().map_or_else(|| vec![None], |strips| strips.ranges().map(Some).collect());

@@ -21,6 +21,8 @@ const BEND: f64 = 0.05;
 const TURN: f64 = 0.004;
 /// Most poses that are looked at.
 const MOST_POSES: usize = 50_000;
+/// Most poses of objects of all strips and samples together: half a gigabyte. Where that is too few, strips are longer.
+const MOST_POSED: usize = 1 << 19;
 /// Times at which the motion of an object is looked at.
 const WINDOWS: usize = 24;
 /// Most points of an object whose motion is looked at.
@@ -50,9 +52,9 @@ pub(super) struct Delay {
 }
 
 impl Strips {
-    /// The strips of frame `number`, whose samples lie between `times` (scene times, frames, without delays). `None`
+    /// The strips of frame `number`, whose `samples` lie between `times` (scene times, frames, without delays). `None`
     /// where all pixels are exposed at once.
-    pub(super) fn of(scene: &Scene, number: FrameNumber, times: [f64; 2], stride: u32) -> Option<Self> {
+    pub(super) fn of(scene: &Scene, number: FrameNumber, times: [f64; 2], samples: usize, stride: u32) -> Option<Self> {
         let readout = scene.shutter.readout;
         if !readout.rolls() {
             return None;
@@ -63,7 +65,9 @@ impl Strips {
         let range = [times[0] + first, times[1] + last];
         // A jump lies between two rows, which are others at each sample.
         let jumps = !jumps(scene, range[0], range[1]).is_empty();
-        let count = if jumps { rows } else { count(scene, number.get(), range, rows).clamp(1, rows) };
+        let most = MOST_POSED / samples.saturating_mul(scene.objects.len()).max(1);
+        let most = rows.min(u32::try_from(most).unwrap_or(u32::MAX)).max(1);
+        let count = if jumps { most } else { count(scene, number.get(), range, rows).clamp(1, most) };
         let edges = (0..=count).map(|i| (u64::from(i) * u64::from(rows) / u64::from(count)) as u32).collect();
         Some(Self { readout, pixels, stride, edges, jumps })
     }
