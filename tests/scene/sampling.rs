@@ -149,6 +149,17 @@ fn worst(surfels: &Surfels, points: &[DVec3]) -> f64 {
     points.iter().map(distance).fold(0.0, f64::max)
 }
 
+/// Triangles around one point, with gaps between them: each takes this share of its place.
+fn fan(n: u32, share: f64) -> Mesh {
+    let rim = |i: u32, part: f64| {
+        let angle = 2.0 * PI * (f64::from(i) + part) / f64::from(n);
+        DVec3::new(angle.cos(), angle.sin(), 0.0)
+    };
+    let position = iter::once(DVec3::ZERO).chain((0..n).flat_map(|i| [rim(i, 0.0), rim(i, share)])).collect();
+    let corners: Vec<[u32; 3]> = (0..n).map(|i| [0, 2 * i + 1, 2 * i + 2]).collect();
+    mesh(position, &corners)
+}
+
 fn shapes() -> Vec<(&'static str, Mesh)> {
     let plane = || mesh(vec![DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y], &[[0, 1, 2], [0, 2, 3]]);
     vec![
@@ -160,6 +171,8 @@ fn shapes() -> Vec<(&'static str, Mesh)> {
         ("plane, on its tip", turned(plane(), DVec3::new(-1.0, 1.0, 0.2), 0.955)),
         ("thin plate", turned(cuboid(DVec3::new(2.0, 1.0, 0.003)), DVec3::new(0.3, 1.0, 0.1), 1.1)),
         ("wire", turned(cuboid(DVec3::new(2.0, 0.004, 0.003)), DVec3::new(0.3, 1.0, 0.7), 0.6)),
+        // Here the edges are near the coarse grid on two sides.
+        ("spikes", turned(fan(25, 0.9), DVec3::new(0.5, 1.0, 0.3), 0.4)),
         ("cube", cuboid(DVec3::ONE)),
         ("cube, turned", turned(cuboid(DVec3::ONE), DVec3::new(1.0, 0.4, 0.2), 0.5)),
     ]
@@ -181,8 +194,10 @@ fn discs_reach_every_point_of_the_surface() {
                     let [u, v] = [surfels.axis_u[i], surfels.axis_v[i]].map(|axis| f64::from(axis.length()) / spacing);
                     let across = surfels.axis_u[i].cross(surfels.axis_v[i]).normalize();
                     let slope = 1.0 / f64::from(across.abs().max_element());
-                    assert!((u.min(v) - 1.0).abs() < 1e-5, "{name}: {u} {v}");
-                    assert!((u.max(v) - slope).abs() < 1e-4, "{name}: {u} {v} {slope}");
+                    // Smaller at sharp edges.
+                    let size = u.min(v);
+                    assert!((0.3333..1.00001).contains(&size), "{name}: {u} {v}");
+                    assert!((u.max(v) / size - slope).abs() < 1e-4, "{name}: {u} {v} {slope}");
                 }
             }
         }
@@ -202,8 +217,37 @@ fn discs_keep_off_sharp_edges() {
     };
     let far = (0..s.len()).filter(|&i| beyond(i) > 0.41).count();
     println!("{far} of {} discs reach more than .41 spacings beyond an edge", s.len());
-    // Those at the tips of corners: 24 of 15024. Without the rule there are 1,176.
-    assert!(far < 300, "{far} of {}", s.len());
+    // Those at the tips of corners. Without the rule there are 1,176.
+    assert!(far <= 24, "{far} of {}", s.len());
+}
+
+/// The diagonal of a square is sharp where the texture or the material jumps there, and only then.
+#[test]
+fn surfels_are_finer_where_looks_jump() {
+    let square = || {
+        // The triangles share no vertex.
+        let corner = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let flat = mesh(corner.map(|[x, y]| DVec3::new(x, y, 0.0)).to_vec(), &[[0, 1, 2], [3, 4, 5]]);
+        let uv: Vec<Vec2> = corner.iter().map(|[x, y]| DVec2::new(*x, *y).as_vec2()).collect();
+        let texture = Texture { size: [1, 1], texels: vec![[255; 4]], wrap: [Wrap::Repeat; 2] };
+        let material = MeshMaterial { texture: Some(0), ..MeshMaterial::default() };
+        Mesh { uv, textures: vec![texture], materials: vec![material.clone(), material], ..flat }
+    };
+    let fine = |mesh: &Mesh| {
+        let s = sampled(mesh, Spacing::Of(0.01), true).surfels;
+        let in_middle = |p: &Vec3| (*p + s.origin.as_vec3() - Vec3::new(0.5, 0.5, 0.0)).length() < 0.2;
+        (0..s.len()).filter(|&i| in_middle(&s.position[i]) && s.radius(i) < 0.0099).count()
+    };
+    let smooth = square();
+    assert_eq!(fine(&smooth), 0);
+    let mut jump = square();
+    jump.uv[3] += 0.5;
+    let mut other = square();
+    other.triangles[1].material = 1;
+    for found in [fine(&jump), fine(&other)] {
+        // A band of 3.6 spacings, 40 long, with 6.5 surfels in a square of one spacing.
+        assert!((850..1000).contains(&found), "{found}");
+    }
 }
 
 /// After reduction, surfels whose triangles face one axis most are at least a spacing apart unless one ray made them
@@ -218,15 +262,21 @@ fn reduced_surfels_of_one_axis_keep_their_distance() {
             let across = s.axis_u[i].cross(s.axis_v[i]).abs();
             (0..3).max_by(|&a, &b| across[a].total_cmp(&across[b])).unwrap()
         };
+        // At sharp edges rays are closer.
+        let own = |i: usize| f64::from(s.axis_u[i].length().min(s.axis_v[i].length()));
+        let least = (0..s.len()).map(own).fold(spacing, f64::min);
+        let is_fine = |i: usize| own(i) < 0.99 * spacing;
+        assert!(least > 0.333 * spacing && (0..s.len()).all(|i| !is_fine(i) || own(i) < 1.0001 * least), "{name}");
         let clear = |i: usize| {
             let mut across = s.axis_u[i].cross(s.axis_v[i]).abs().to_array();
             across.sort_by(f32::total_cmp);
-            let of_ray = |k: usize| ((f64::from(s.position[i][k]) / spacing).rem_euclid(1.0) - 0.5).abs() < 1e-4;
+            let of_ray = |k: usize| ((f64::from(s.position[i][k]) / own(i)).rem_euclid(1.0) - 0.5).abs() < 1e-4;
             across[2] > 1.001 * across[1] && of_ray((axis(i) + 1) % 3) && of_ray((axis(i) + 2) % 3)
         };
         let mut pairs = 0;
         for i in (0..s.len()).filter(|&i| clear(i)) {
-            for j in (0..i).filter(|&j| clear(j) && axis(i) == axis(j)) {
+            for j in (0..i).filter(|&j| clear(j) && axis(i) == axis(j) && is_fine(i) == is_fine(j)) {
+                let spacing = own(i);
                 let mut apart = s.position[i].as_dvec3() - s.position[j].as_dvec3();
                 let distance = apart.length();
                 if distance < 2.0 * spacing {
@@ -247,8 +297,8 @@ fn a_number_of_surfels_is_nearly_met() {
         for reduce in [false, true] {
             let found = sampled(&mesh, Spacing::Surfels(50_000), reduce).surfels.len() as f64;
             // Surfels that no ray made are not foreseen: on the bumpy sphere, whose bumps are as large as four
-            // spacings, they are 8 % of all.
-            assert!((found / 5e4 - 1.0).abs() < 0.1, "{name}, reduce {reduce}: {found}");
+            // spacings, they are 8 % of all, on the spikes 10 %.
+            assert!((found / 5e4 - 1.0).abs() < 0.105, "{name}, reduce {reduce}: {found}");
         }
     }
 }
@@ -393,8 +443,10 @@ fn textures_are_filtered_as_by_the_sum_over_all_texels() {
             for i in (0..s.len()).step_by(11) {
                 let at = (s.origin + s.position[i].as_dvec3()).truncate();
                 let at = map * at + 0.013;
+                // At sharp edges it is less than the spacing.
+                let own = f64::from(s.axis_u[i].length().min(s.axis_v[i].length()));
                 for (level, colour) in iter::once(s.colour[i]).chain(s.mipmap[i]).enumerate() {
-                    let sigma = spacing / 12_f64.sqrt() * f64::from(1 << level);
+                    let sigma = own / 12_f64.sqrt() * f64::from(1 << level);
                     let truth = brute(&linear, size, wrap, at, map, sigma);
                     let error = (colour.as_dvec3() - truth).abs().max_element();
                     greatest = greatest.max(error);

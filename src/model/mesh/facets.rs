@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::Mesh;
@@ -62,10 +62,45 @@ impl Shape {
         if size.z > size[first] * SAME { 2 } else { first }
     }
 
+    /// The corners as rays along the axis see them.
+    pub(super) fn shadow(&self) -> [DVec2; 3] {
+        let axis = self.axis();
+        self.corner.map(|p| DVec2::new(p[(axis + 1) % 3], p[(axis + 2) % 3]))
+    }
+
     /// Axes of the rays that sample the triangle.
     pub(super) fn axes(&self, reduce: bool) -> std::ops::Range<usize> {
         let axis = self.axis();
         if reduce { axis..axis + 1 } else { 0..3 }
+    }
+}
+
+/// A point of a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Hit {
+    pub(super) triangle: u32,
+    /// It is of the finer grid, which stands at sharp edges.
+    pub(super) fine: bool,
+    /// Weights of its second and third corner, >= 0, in sum at most 1.
+    pub(super) weight: [f32; 2],
+}
+
+impl Hit {
+    pub(super) fn of(triangle: u32, fine: bool, [b, c]: [f64; 2]) -> Self {
+        let (b, c) = (b.clamp(0.0, 1.0), c.clamp(0.0, 1.0));
+        let sum = (b + c).max(1.0);
+        Self { triangle, fine, weight: [(b / sum) as f32, (c / sum) as f32] }
+    }
+
+    /// True if the other one is of the same triangle and grid.
+    pub(super) fn is_beside(&self, other: &Self) -> bool {
+        self.triangle == other.triangle && self.fine == other.fine
+    }
+
+    /// The mean of three values at the corners.
+    pub(super) fn position(&self, corner: &[DVec3; 3]) -> DVec3 {
+        let [b, c] = self.weight.map(f64::from);
+        corner[0] + b * (corner[1] - corner[0]) + c * (corner[2] - corner[0])
     }
 }
 

@@ -5,9 +5,9 @@ use std::collections::HashMap;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::facets::{Facets, Shape};
-use super::inset::Inset;
-use super::raster::Hit;
+use super::band::Band;
+use super::edges::Edges;
+use super::facets::{Facets, Hit, Shape};
 
 /// Part of a disc within which a tested point must lie. The rest is for the points between tested ones.
 const NEAR: f64 = 0.8;
@@ -30,39 +30,40 @@ pub(super) struct Extra {
     pub(super) radius: f64,
 }
 
-/// A disc, whose shadow along the axis that it faces most is a circle of one spacing.
+/// A disc, whose shadow along the axis that it faces most is a circle of one spacing of its grid.
 #[derive(Clone, Copy)]
 struct Disc {
     at: DVec3,
+    spacing: f64,
     face: Vec3,
     axis: usize,
 }
 
 impl Disc {
-    fn new(at: DVec3, shape: &Shape) -> Self {
-        Self { at, face: shape.across.normalize().as_vec3(), axis: shape.axis() }
+    fn new(at: DVec3, shape: &Shape, spacing: f64) -> Self {
+        Self { at, spacing, face: shape.across.normalize().as_vec3(), axis: shape.axis() }
     }
 
     /// True if it covers the place of `other`. `faces`: only if both face nearly the same way.
-    fn covers(&self, other: &Self, spacing: f64, faces: bool) -> bool {
+    fn covers(&self, other: &Self, faces: bool) -> bool {
         let away = other.at - self.at;
         let shadow = away.length_squared() - away[self.axis] * away[self.axis];
-        shadow <= (NEAR * spacing).powi(2)
-            && away.dot(self.face.as_dvec3()).abs() <= DEPTH * spacing
+        shadow <= (NEAR * self.spacing).powi(2)
+            && away.dot(self.face.as_dvec3()).abs() <= DEPTH * self.spacing
             && (!faces || self.face.dot(other.face) >= AGREE)
     }
 }
 
 /// Surfels that are missing after `hits`, whose positions are `position`. Every vertex is then covered, and so are the
-/// edges of every triangle and the middle line of a thin one; a connected part without any hit has a surfel at its
+/// edges of every triangle and its middle where it is thin; a connected part without any hit has a surfel at its
 /// centre.
 pub(super) fn extras(
     facets: &Facets<'_>,
     welded: &[u32],
-    inset: &Inset,
+    edges: &Edges,
+    band: &Band,
     hits: &[Hit],
     position: &[Vec3],
-    spacing: f64,
 ) -> Vec<Extra> {
     let mut hit = vec![false; facets.kept.len()];
     let mut at = 0;
@@ -73,47 +74,55 @@ pub(super) fn extras(
         }
         hit[at] = true;
     }
+    let spacing = band.spacing(false);
     let mut extras: Vec<Extra> = facets.missed(welded, &hit).iter().map(|part| middle(facets, part, spacing)).collect();
-    let cells = Cells::new(&discs(facets, hits, position), spacing);
+    let cells = [false, true].map(|fine| Cells::new(&discs(facets, band, fine, hits, position), band.spacing(fine)));
     let bare: Vec<(Hit, Disc, bool)> = facets
         .kept
         .par_iter()
         .flat_map_iter(|&i| {
             let shape = facets.shape(i);
+            let near = band.near(&shape);
+            let step = band.spacing(!near.is_empty());
             // What is smaller than the spacing may be crumpled: then any disc will do.
             let faces = shape.height() > spacing;
-            candidates(i, &shape, spacing).map(move |hit| (hit, Disc::new(hit.position(&shape.corner), &shape), faces))
+            candidates(i, &shape, step).map(move |hit| {
+                let at = hit.position(&shape.corner);
+                let fine = band.is_fine(&near, at, shape.axis());
+                (Hit { fine, ..hit }, Disc::new(at, &shape, band.spacing(fine)), faces)
+            })
         })
-        .filter(|(_, disc, faces)| !cells.any_covers(disc, *faces))
+        .filter(|(_, disc, faces)| !cells.iter().any(|cells| cells.any_covers(disc, *faces)))
         .collect();
     // Few are left, and each covers its neighbours.
     let mut added = Sparse { spacing, discs: HashMap::new() };
     for extra in &extras {
-        added.add(Disc::new(extra.position, &facets.shape(extra.hit.triangle)));
+        added.add(Disc::new(extra.position, &facets.shape(extra.hit.triangle), spacing));
     }
     for (hit, disc, faces) in bare {
         if !added.any_covers(&disc, faces) {
             let shape = facets.shape(hit.triangle);
-            let inside = inset.moved(hit, &shape, spacing);
+            let inside = edges.moved(hit, &shape, disc.spacing);
             let moved = Disc { at: inside.position(&shape.corner), ..disc };
             // Away from the tip of a corner it would not cover it.
-            let (hit, disc) = if moved.covers(&disc, spacing, false) { (inside, moved) } else { (hit, disc) };
+            let (hit, disc) = if moved.covers(&disc, false) { (inside, moved) } else { (hit, disc) };
             added.add(disc);
-            extras.push(Extra { hit, position: disc.at, radius: spacing });
+            extras.push(Extra { hit, position: disc.at, radius: disc.spacing });
         }
     }
     extras
 }
 
-/// The discs of hits at their positions.
-fn discs(facets: &Facets<'_>, hits: &[Hit], position: &[Vec3]) -> Vec<Disc> {
+/// The discs of the hits of a grid at their positions.
+fn discs(facets: &Facets<'_>, band: &Band, fine: bool, hits: &[Hit], position: &[Vec3]) -> Vec<Disc> {
     let runs: Vec<&[Hit]> = hits.chunk_by(|a, b| a.triangle == b.triangle).collect();
     let of_run = |run: &&[Hit]| {
-        let disc = Disc::new(DVec3::ZERO, &facets.shape(run[0].triangle));
+        let disc = Disc::new(DVec3::ZERO, &facets.shape(run[0].triangle), band.spacing(fine));
         std::iter::repeat_n(disc, run.len())
     };
     let discs = runs.par_iter().flat_map_iter(of_run).collect::<Vec<_>>();
-    discs.into_iter().zip(position).map(|(disc, at)| Disc { at: at.as_dvec3(), ..disc }).collect()
+    let placed = discs.into_iter().zip(position).zip(hits);
+    placed.filter(|(_, hit)| hit.fine == fine).map(|((disc, at), _)| Disc { at: at.as_dvec3(), ..disc }).collect()
 }
 
 /// The surfel of a part of a mesh: at its centre of area, as large as the part, like its largest triangle.
@@ -131,11 +140,11 @@ fn middle(facets: &Facets<'_>, part: &[u32], spacing: f64) -> Extra {
     let position = sum / area;
     let reach = shapes().flat_map(|(_, shape)| shape.corner).map(|p| p.distance(position)).fold(0.0, f64::max);
     let third = 1.0 / 3.0;
-    Extra { hit: Hit::of(largest.1, [third, third]), position, radius: reach.min(spacing) }
+    Extra { hit: Hit::of(largest.1, false, [third, third]), position, radius: reach.min(spacing) }
 }
 
-/// Points of a triangle that rays may miss: its corners, steps along its edges, and steps along the middle of a thin
-/// one.
+/// Points of a triangle that rays may miss: its corners, steps along its edges, and steps along the middle where it is
+/// thin.
 fn candidates(triangle: u32, shape: &Shape, spacing: f64) -> impl Iterator<Item = Hit> + use<> {
     let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
     let lengths = [0, 1, 2].map(|k| shape.corner[k].distance(shape.corner[(k + 1) % 3]));
@@ -147,18 +156,18 @@ fn candidates(triangle: u32, shape: &Shape, spacing: f64) -> impl Iterator<Item 
             [0, 1].map(|i| from[i] + t * (to[i] - from[i]))
         })
     });
-    let thin = shape.height() < 2.0 * spacing && shape.longest > spacing;
-    let steps = if thin { (2.0 * shape.longest / spacing).ceil() as u64 } else { 0 };
-    // From the tip opposite the shortest edge to the middle of that edge.
+    // From the tip opposite the shortest edge towards the middle of that edge.
     let [a, b, c] = shape.corner;
     let edges = [b.distance(c), c.distance(a), a.distance(b)];
     let tip = (0..3).min_by(|&i, &j| edges[i].total_cmp(&edges[j])).unwrap_or(0);
+    let thin = if shape.longest > spacing { (2.0 * spacing / edges[tip]).min(1.0) } else { 0.0 };
+    let steps = (2.0 * shape.longest * thin / spacing).ceil() as u64;
     let [from, left, right] = [0, 1, 2].map(|k| corners[(tip + k) % 3]);
     let along = (0..steps).map(move |step| {
-        let t = (step as f64 + 0.5) / steps as f64;
+        let t = thin * (step as f64 + 0.5) / steps as f64;
         [0, 1].map(|k| from[k] + t * (0.5 * (left[k] + right[k]) - from[k]))
     });
-    corners.into_iter().chain(on_edges).chain(along).map(move |weight| Hit::of(triangle, weight))
+    corners.into_iter().chain(on_edges).chain(along).map(move |weight| Hit::of(triangle, false, weight))
 }
 
 /// Width of a cell, spacings. Half of it is more than a disc reaches, sqrt(3) spacings.
@@ -198,7 +207,7 @@ impl Cells {
         near(disc.at, CELL * self.spacing).any(|cell| {
             let start = self.sorted.partition_point(|(other, _)| *other < cell);
             let run = self.sorted[start..].iter().take_while(|(other, _)| *other == cell);
-            run.into_iter().any(|(_, other)| other.covers(disc, self.spacing, faces))
+            run.into_iter().any(|(_, other)| other.covers(disc, faces))
         })
     }
 }
@@ -218,6 +227,6 @@ impl Sparse {
         near(disc.at, CELL * self.spacing)
             .filter_map(|cell| self.discs.get(&cell))
             .flatten()
-            .any(|other| other.covers(disc, self.spacing, faces))
+            .any(|other| other.covers(disc, faces))
     }
 }

@@ -4,9 +4,8 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3, Vec3, Vec4};
 
-use super::facets::{Facets, Shape};
+use super::facets::{Facets, Hit, Shape};
 use super::pyramid::{Footprint, Pyramid};
-use super::raster::Hit;
 use super::{AlphaMode, Mesh};
 use crate::model::surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA};
 
@@ -22,8 +21,8 @@ pub(super) struct Palette<'a> {
     pyramids: Vec<Pyramid<'a>>,
     /// Which one each material uses.
     of_material: Vec<Option<usize>>,
-    /// Cut-off radius of the surfels' shadows along the rays, model units.
-    radius: f64,
+    /// Cut-off radius of the surfels' shadows along the rays, model units: of coarse ones, and of fine ones.
+    radius: [f64; 2],
 }
 
 /// One triangle, ready to be painted.
@@ -56,7 +55,7 @@ pub(super) struct Dab {
 }
 
 impl<'a> Palette<'a> {
-    pub(super) fn new(facets: &'a Facets<'a>, radius: f64) -> Self {
+    pub(super) fn new(facets: &'a Facets<'a>, radius: [f64; 2]) -> Self {
         let mesh: &'a Mesh = facets.mesh;
         let mut used = vec![false; mesh.materials.len()];
         facets.kept.iter().for_each(|&i| used[mesh.triangles[i as usize].material as usize] = true);
@@ -81,7 +80,12 @@ impl<'a> Palette<'a> {
         !self.pyramids.is_empty()
     }
 
-    pub(super) fn brush(&self, triangle: u32) -> Brush<'_> {
+    /// Cut-off radius of the shadow of a surfel, model units.
+    pub(super) fn radius(&self, fine: bool) -> f64 {
+        self.radius[usize::from(fine)]
+    }
+
+    pub(super) fn brush(&self, triangle: u32, fine: bool) -> Brush<'_> {
         let mesh = self.facets.mesh;
         let shape = self.facets.shape(triangle);
         let face = shape.across.normalize();
@@ -98,14 +102,15 @@ impl<'a> Palette<'a> {
             }),
             colour: corners.map(|v| sane(material.colour) * sane(mesh.colour.get(v).copied().unwrap_or(Vec4::ONE))),
             alpha: material.alpha,
-            texture: self.of_material[of_file.material as usize].map(|index| self.stencil(index, corners, &shape)),
+            texture: self.of_material[of_file.material as usize]
+                .map(|index| self.stencil(index, corners, &shape, self.radius(fine))),
         }
     }
 
     /// The affine map from the triangle's shadow to its texture makes an ellipse of a circle. With the edges
     /// E = (e1, e2) of the shadow and their texture coordinates F = (f1, f2), a Gaussian of variance s^2 gets the
     /// covariance s^2 F (E^T E)^-1 F^T.
-    fn stencil(&self, index: usize, corners: [usize; 3], shape: &Shape) -> Stencil<'_> {
+    fn stencil(&self, index: usize, corners: [usize; 3], shape: &Shape, radius: f64) -> Stencil<'_> {
         let pyramid = &self.pyramids[index];
         let size = pyramid.texels();
         let uv = corners.map(|v| {
@@ -120,7 +125,7 @@ impl<'a> Palette<'a> {
         let form = |a: f64, b: f64, c: f64, d: f64| ee * a * c + eg * (a * d + b * c) + gg * b * d;
         let unit = [form(f.x, h.x, f.x, h.x), form(f.x, h.x, f.y, h.y), form(f.y, h.y, f.y, h.y)];
         let footprint = std::array::from_fn(|level| {
-            let sigma = f64::from(1_u32 << level) * f64::from(MIPMAP_SIGMA) * self.radius;
+            let sigma = f64::from(1_u32 << level) * f64::from(MIPMAP_SIGMA) * radius;
             pyramid.footprint(unit.map(|x| x * sigma * sigma))
         });
         Stencil { pyramid, uv, footprint }

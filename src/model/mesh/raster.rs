@@ -5,38 +5,17 @@
 //! and no tree of boxes is needed. The ends of a row are where it crosses two edges. Two triangles compute the crossing
 //! with a shared edge from the same numbers in the same order, so no point falls between them, whatever is rounded.
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use rayon::prelude::*;
 
-use super::facets::{Facets, Shape};
-
-/// A point of a triangle.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Hit {
-    pub(super) triangle: u32,
-    /// Weights of its second and third corner, >= 0, in sum at most 1.
-    pub(super) weight: [f32; 2],
-}
-
-impl Hit {
-    pub(super) fn of(triangle: u32, [b, c]: [f64; 2]) -> Self {
-        let (b, c) = (b.clamp(0.0, 1.0), c.clamp(0.0, 1.0));
-        let sum = (b + c).max(1.0);
-        Self { triangle, weight: [(b / sum) as f32, (c / sum) as f32] }
-    }
-
-    /// The mean of three values at the corners.
-    pub(super) fn position(&self, corner: &[DVec3; 3]) -> DVec3 {
-        let [b, c] = self.weight.map(f64::from);
-        corner[0] + b * (corner[1] - corner[0]) + c * (corner[2] - corner[0])
-    }
-}
+use super::band::{Band, Spans};
+use super::facets::{Facets, Hit, Shape};
 
 /// A hit on an edge, which the triangle beyond it may have found too.
 #[derive(Clone, Copy)]
 struct OnEdge {
-    /// The axis and the grid point of the ray, and the side that it sees.
-    ray: (usize, i64, i64, bool),
+    /// The axis, the grid and the grid point of the ray, and the side that it sees.
+    ray: (usize, bool, i64, i64, bool),
     depth: f64,
     hit: usize,
 }
@@ -44,12 +23,12 @@ struct OnEdge {
 /// Triangles of one task. Nothing depends on it.
 const CHUNK: usize = 256;
 
-/// All hits of rays with `spacing`, in the order of the triangles. Grid lines are half a spacing away from the middle
-/// of the box, so that none lies in a plane of symmetry.
+/// All hits of rays, in the order of the triangles. Grid lines are half a spacing away from the middle of the box, so
+/// that none lies in a plane of symmetry.
 ///
-/// `reduce`: each triangle is hit only along the axis that it faces most. Two hits of one axis are at least a spacing
-/// apart, unless one ray made both.
-pub(super) fn hits(facets: &Facets<'_>, spacing: f64, reduce: bool) -> Vec<Hit> {
+/// `reduce`: each triangle is hit only along the axis that it faces most. Two hits of one axis and grid are at least a
+/// spacing apart, unless one ray made both.
+pub(super) fn hits(facets: &Facets<'_>, band: &Band, reduce: bool) -> Vec<Hit> {
     let chunks: Vec<(Vec<Hit>, Vec<OnEdge>)> = facets
         .kept
         .par_chunks(CHUNK)
@@ -57,8 +36,13 @@ pub(super) fn hits(facets: &Facets<'_>, spacing: f64, reduce: bool) -> Vec<Hit> 
             let mut out = (Vec::new(), Vec::new());
             for &triangle in chunk {
                 let shape = facets.shape(triangle);
+                let near = band.near(&shape);
                 for axis in shape.axes(reduce) {
-                    scan(triangle, &shape, axis, spacing, &mut out);
+                    let grids: &[bool] = if near.is_empty() { &[false] } else { &[false, true] };
+                    for &fine in grids {
+                        let spans = (!near.is_empty()).then(|| Spans::new(&near, fine, band, axis));
+                        scan(triangle, &shape, Grid { axis, fine, spacing: band.spacing(fine) }, spans, &mut out);
+                    }
                 }
             }
             out
@@ -70,7 +54,7 @@ pub(super) fn hits(facets: &Facets<'_>, spacing: f64, reduce: bool) -> Vec<Hit> 
         on_edges.extend(edges.into_iter().map(|edge| OnEdge { hit: edge.hit + hits.len(), ..edge }));
         hits.extend(of_chunk);
     }
-    drop_twins(&mut hits, on_edges, spacing);
+    drop_twins(&mut hits, on_edges, band.spacing(true));
     hits
 }
 
@@ -97,14 +81,91 @@ fn drop_twins(hits: &mut Vec<Hit>, mut on_edges: Vec<OnEdge>, spacing: f64) {
     });
 }
 
-/// Adds the hits of one triangle along one axis.
-fn scan(triangle: u32, shape: &Shape, axis: usize, spacing: f64, (hits, on_edges): &mut (Vec<Hit>, Vec<OnEdge>)) {
-    let (right, up) = ((axis + 1) % 3, (axis + 2) % 3);
-    // Rays are at whole numbers.
-    let p = shape.corner.map(|corner| DVec2::new(corner[right], corner[up]) / spacing - 0.5);
+/// A family of rays.
+#[derive(Clone, Copy)]
+struct Grid {
+    axis: usize,
+    fine: bool,
+    spacing: f64,
+}
+
+impl Grid {
+    /// The corners of a triangle as the rays see them, which are at whole numbers.
+    fn places(self, shape: &Shape) -> [DVec2; 3] {
+        let (right, up) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
+        shape.corner.map(|corner| DVec2::new(corner[right], corner[up]) / self.spacing - 0.5)
+    }
+}
+
+/// How many hits of the coarse rays are within `reach` of sharp edges, coarse spacings.
+pub(super) fn count(facets: &Facets<'_>, band: &Band, reach: f64, reduce: bool) -> u64 {
+    let of_triangle = |&triangle: &u32| {
+        let shape = facets.shape(triangle);
+        let near = band.near(&shape);
+        if near.is_empty() {
+            return 0;
+        }
+        let (mut count, spacing) = (0, band.spacing(false));
+        for axis in shape.axes(reduce) {
+            let spans = Spans::around(&near, spacing, axis, reach, true);
+            rows(&shape, Grid { axis, fine: false, spacing }, Some(spans), |row| count += row.hits().count() as u64);
+        }
+        count
+    };
+    facets.kept.par_iter().map(of_triangle).sum()
+}
+
+/// Adds the hits of one triangle: those within the spans, if there are any.
+fn scan(
+    triangle: u32,
+    shape: &Shape,
+    grid: Grid,
+    spans: Option<Spans>,
+    (hits, on_edges): &mut (Vec<Hit>, Vec<OnEdge>),
+) {
+    let Grid { axis, fine, .. } = grid;
+    let p = grid.places(shape);
     let (e, f) = (p[1] - p[0], p[2] - p[0]);
     let area = e.perp_dot(f);
-    if area == 0.0 {
+    rows(shape, grid, spans, |row| {
+        for x in row.hits() {
+            let q = DVec2::new(x, row.y) - p[0];
+            let hit = Hit::of(triangle, fine, [q.perp_dot(f) / area, e.perp_dot(q) / area]);
+            if row.along || x == row.from || x == row.to {
+                let depth = hit.position(&shape.corner)[axis];
+                let ray = (axis, fine, row.y as i64, x as i64, shape.across[axis] > 0.0);
+                on_edges.push(OnEdge { ray, depth, hit: hits.len() });
+            }
+            hits.push(hit);
+        }
+    });
+}
+
+/// A part of a row of rays.
+struct Row {
+    y: f64,
+    /// Where the row meets the edges of the triangle.
+    from: f64,
+    to: f64,
+    /// An edge lies in the row.
+    along: bool,
+    /// What is wanted of it.
+    span: [f64; 2],
+}
+
+impl Row {
+    /// The rays that meet the triangle.
+    fn hits(&self) -> impl Iterator<Item = f64> + use<> {
+        let end = self.span[1].min(self.to);
+        std::iter::successors(Some(self.span[0].max(self.from).ceil()), |x| Some(x + 1.0))
+            .take_while(move |x| *x <= end)
+    }
+}
+
+/// Visits the rows of a triangle within the spans.
+fn rows(shape: &Shape, grid: Grid, mut spans: Option<Spans>, mut visit: impl FnMut(&Row)) {
+    let p = grid.places(shape);
+    if (p[1] - p[0]).perp_dot(p[2] - p[0]) == 0.0 {
         return;
     }
     let low = p[0].y.min(p[1].y).min(p[2].y).ceil();
@@ -119,18 +180,9 @@ fn scan(triangle: u32, shape: &Shape, axis: usize, spacing: f64, (hits, on_edges
                 to = to.max(last);
             }
         }
-        let mut x = from.ceil();
-        while x <= to {
-            let q = DVec2::new(x, y) - p[0];
-            let weight = [q.perp_dot(f) / area, e.perp_dot(q) / area];
-            if along || x == from || x == to {
-                let hit = Hit::of(triangle, weight);
-                let depth = hit.position(&shape.corner)[axis];
-                let ray = (axis, y as i64, x as i64, shape.across[axis] > 0.0);
-                on_edges.push(OnEdge { ray, depth, hit: hits.len() });
-            }
-            hits.push(Hit::of(triangle, weight));
-            x += 1.0;
+        let whole = [[from, to]];
+        for &span in spans.as_mut().map_or(whole.as_slice(), |spans| spans.of_row(y)) {
+            visit(&Row { y, from, to, along, span });
         }
         y += 1.0;
     }

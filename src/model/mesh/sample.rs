@@ -3,12 +3,14 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::facets::Facets;
+use super::Mesh;
+use super::band::Band;
+use super::edges::Edges;
+use super::facets::{Facets, Hit};
 use super::fill::{self, Extra};
-use super::inset::Inset;
 use super::paint::{LEVELS, Palette};
-use super::raster::{self, Hit};
-use super::{Mesh, spacing};
+use super::raster;
+use super::spacing::Counted;
 use crate::model::options::{MeshOptions, Spacing};
 use crate::model::surfels::{MIPMAP_LEVELS, Normalisation, Surfels, VelocityUnit};
 
@@ -56,69 +58,69 @@ pub(crate) fn sample(mesh: &Mesh, options: &MeshOptions, radius_scale: f64) -> R
     if facets.kept.is_empty() {
         return Err(Unsampled::Flat { triangles: mesh.triangles.len() });
     }
-    let spacing = match options.spacing {
-        Spacing::Of(given) => {
-            let least = spacing::least(&facets);
-            if !(given >= least && spacing::estimate(&facets, given, options.reduce) <= spacing::MOST) {
-                let least = least.max(spacing::of_count(&facets, spacing::MOST, options.reduce));
-                return Err(Unsampled::Fine { spacing: given, least });
-            }
-            given
-        }
-        Spacing::Surfels(count) => spacing::of_count(&facets, f64::from(count), options.reduce),
-        Spacing::Auto | Spacing::None => spacing::of_count(&facets, USUAL, options.reduce),
+    let welded = facets.welded();
+    let edges = Edges::new(&facets, &welded);
+    let counted = Counted { facets: &facets, edges: &edges, reduce: options.reduce };
+    let band = match options.spacing {
+        Spacing::Of(given) if counted.allows(given) => counted.band(given).0,
+        Spacing::Of(given) => return Err(Unsampled::Fine { spacing: given, least: counted.finest() }),
+        Spacing::Surfels(count) => counted.of_count(f64::from(count)),
+        Spacing::Auto | Spacing::None => counted.of_count(USUAL),
     };
-    Ok(sampled(&facets, spacing, options.reduce, radius_scale))
+    Ok(sampled(&counted, &welded, &band, radius_scale))
 }
 
 /// The spacing for about as many surfels, at most `spacing` for `most` and at least that for `least` of them.
-pub(crate) fn limited(mesh: &Mesh, spacing: f64, [least, most]: [f64; 2], reduce: bool) -> f64 {
+pub(crate) fn limited(mesh: &Mesh, spacing: f64, surfels: [f64; 2], reduce: bool) -> f64 {
     let facets = Facets::new(mesh);
     if facets.kept.is_empty() {
         return spacing;
     }
-    let [coarse, fine] = [least, most].map(|count| spacing::of_count(&facets, count, reduce));
-    spacing.min(coarse).max(fine)
+    let edges = Edges::new(&facets, &facets.welded());
+    Counted { facets: &facets, edges: &edges, reduce }.within(spacing, surfels)
 }
 
-fn sampled(facets: &Facets<'_>, spacing: f64, reduce: bool, radius_scale: f64) -> Sampled {
+fn sampled(counted: &Counted<'_>, welded: &[u32], band: &Band, radius_scale: f64) -> Sampled {
     let mut notes = Vec::new();
+    let spacing = band.spacing(false);
+    let Counted { facets, edges, reduce } = *counted;
     let mesh = facets.mesh;
     let dropped = mesh.triangles.len() - facets.kept.len();
     if dropped > 0 {
         notes.push(format!("{dropped} of {} triangles dropped: without an area", mesh.triangles.len()));
     }
-    let welded = facets.welded();
-    let mut hits = raster::hits(facets, spacing, reduce);
-    let inset = Inset::new(facets, &welded);
+    let mut hits = raster::hits(facets, band, reduce);
     hits.par_chunks_mut(CHUNK).for_each(|hits| {
         for run in hits.chunk_by_mut(|a, b| a.triangle == b.triangle) {
             let shape = facets.shape(run[0].triangle);
             for hit in run {
-                *hit = inset.moved(*hit, &shape, spacing);
+                *hit = edges.moved(*hit, &shape, band.spacing(hit.fine));
             }
         }
     });
     let mut position: Vec<Vec3> = positions(facets, &hits);
-    let extras = fill::extras(facets, &welded, &inset, &hits, &position, spacing);
-    let two_sided = mesh.materials.iter().any(|material| material.two_sided) || facets.is_open(&welded);
-    drop(welded);
+    let extras = fill::extras(facets, welded, edges, band, &hits, &position);
+    let two_sided = mesh.materials.iter().any(|material| material.two_sided) || facets.is_open(welded);
     let rays = hits.len();
     hits.extend(extras.iter().map(|extra| extra.hit));
     position.extend(extras.iter().map(|extra| extra.position.as_vec3()));
-    let palette = Palette::new(facets, spacing * radius_scale);
-    let surfels = painted(&palette, &hits, position, spacing * radius_scale);
+    let palette = Palette::new(facets, [false, true].map(|fine| band.spacing(fine) * radius_scale));
+    let surfels = painted(&palette, &hits, position);
     let mut surfels = Surfels { origin: facets.origin, two_sided, ..surfels };
-    for (i, Extra { radius: own, .. }) in (rays..).zip(&extras) {
+    for (i, Extra { hit, radius: own, .. }) in (rays..).zip(&extras) {
+        let spacing = band.spacing(hit.fine);
         let ratio = (own / spacing).max(SMALLEST / spacing).min(1.0) as f32;
         surfels.axis_u[i] *= ratio;
         surfels.axis_v[i] *= ratio;
     }
     drop_cut_out(&mut surfels);
+    let at_edges = hits.iter().filter(|hit| hit.fine).count();
+    let finer = format!(", {at_edges} of them {:.2} times finer at sharp edges", spacing / band.spacing(true));
     notes.push(format!(
-        "{} triangles sampled with spacing {spacing:.4e}: {} surfels, {}",
+        "{} triangles sampled with spacing {spacing:.4e}: {} surfels{}, {}",
         facets.kept.len(),
         surfels.len(),
+        if at_edges > 0 { finer.as_str() } else { "" },
         if two_sided { "both sides show (open, or two-sided materials)" } else { "one-sided (closed)" }
     ));
     Sampled { surfels, spacing, notes }
@@ -140,7 +142,7 @@ fn positions(facets: &Facets<'_>, hits: &[Hit]) -> Vec<Vec3> {
 }
 
 /// Columns of the painted hits. A surfel that is cut out has the opacity -1.
-fn painted(palette: &Palette<'_>, hits: &[Hit], position: Vec<Vec3>, radius: f64) -> Surfels {
+fn painted(palette: &Palette<'_>, hits: &[Hit], position: Vec<Vec3>) -> Surfels {
     let count = hits.len();
     let [mut axis_u, mut axis_v, mut normal, mut colour] = [(); 4].map(|()| vec![Vec3::ZERO; count]);
     let mut mipmap = vec![[Vec3::ZERO; MIPMAP_LEVELS]; if palette.has_levels() { count } else { 0 }];
@@ -163,11 +165,12 @@ fn painted(palette: &Palette<'_>, hits: &[Hit], position: Vec<Vec3>, radius: f64
         .into_par_iter()
         .for_each(|(hits, axis_u, axis_v, normal, colour, opacity, levels)| {
             let mut at = 0;
-            for run in hits.chunk_by(|a, b| a.triangle == b.triangle) {
-                let brush = palette.brush(run[0].triangle);
+            for run in hits.chunk_by(Hit::is_beside) {
+                let brush = palette.brush(run[0].triangle, run[0].fine);
+                let radius = palette.radius(run[0].fine).max(SMALLEST) as f32;
                 for hit in run {
                     let dab = brush.dab(hit);
-                    [axis_u[at], axis_v[at]] = dab.axes.map(|axis| axis * radius.max(SMALLEST) as f32);
+                    [axis_u[at], axis_v[at]] = dab.axes.map(|axis| axis * radius);
                     normal[at] = dab.normal;
                     colour[at] = dab.colour[0];
                     opacity[at] = dab.opacity.unwrap_or(-1.0);

@@ -1,41 +1,132 @@
-//! How many surfels a spacing makes, and the spacing for a number of them.
+//! How many surfels a spacing makes, the spacing for a number of them, and how much finer they are at sharp edges.
 
 use rayon::prelude::*;
 
+use super::band::{self, Band};
+use super::edges::Edges;
 use super::facets::Facets;
+use super::raster;
 
 /// Most surfels of a mesh.
 pub(super) const MOST: f64 = (1_u64 << 26) as f64;
 /// Most spacings along the diagonal of the box: whole numbers of cells stay small.
 const MOST_CELLS: f64 = (1_u64 << 21) as f64;
 
-/// About as many surfels as rays with `spacing` make. A family of rays makes one for each spacing^2 of a triangle's
-/// projection. A thin triangle counts by its length, and each triangle takes some work.
-pub(super) fn estimate(facets: &Facets<'_>, spacing: f64, reduce: bool) -> f64 {
-    let count = |&i: &u32| {
-        let shape = facets.shape(i);
-        let size = shape.across.abs();
-        let projected = 0.5 * if reduce { size.max_element() } else { size.element_sum() };
-        let of_area = projected / spacing / spacing;
-        if shape.height() < 0.5 * spacing { of_area.max(0.25 * shape.longest / spacing) } else { of_area }
-    };
-    // Sums of whole chunks in their order do not depend on threads.
-    let sums: Vec<f64> = facets.kept.par_chunks(4096).map(|chunk| chunk.iter().map(count).sum()).collect();
-    sums.into_iter().sum()
+/// Least spacing at sharp edges, coarse spacings.
+const FINEST: f64 = 1.0 / 3.0;
+/// Greatest spacing at sharp edges that is worth a grid of its own, coarse spacings.
+const COARSEST: f64 = 0.7;
+/// Most surfels that sharp edges add, as a share of those of the whole surface.
+const MOST_AT_EDGES: f64 = 0.75;
+
+/// Spacings that are tried for a number of surfels.
+const TRIES: usize = 8;
+/// Logarithm of the ratio of two counts that are as good as the same.
+const NEARLY: f64 = 0.02;
+
+/// A mesh whose surfels are counted.
+pub(super) struct Counted<'a> {
+    pub(super) facets: &'a Facets<'a>,
+    pub(super) edges: &'a Edges,
+    /// See [`raster::hits`].
+    pub(super) reduce: bool,
 }
 
-/// The least spacing that a mesh can be sampled with.
-pub(super) fn least(facets: &Facets<'_>) -> f64 {
-    facets.size.length() / MOST_CELLS
-}
-
-/// The spacing that makes about `surfels` of them.
-pub(super) fn of_count(facets: &Facets<'_>, surfels: f64, reduce: bool) -> f64 {
-    // At the diagonal of the box a handful of surfels is left.
-    let (mut low, mut high) = (least(facets), facets.size.length());
-    for _ in 0..40 {
-        let middle = (low * high).sqrt();
-        if estimate(facets, middle, reduce) > surfels { low = middle } else { high = middle }
+impl Counted<'_> {
+    /// About as many surfels as rays with `spacing` make where no edge is sharp. A family of rays makes one for each
+    /// spacing^2 of a triangle's projection. A thin triangle counts by its length, and each triangle takes some work.
+    fn estimate(&self, spacing: f64) -> f64 {
+        let count = |&i: &u32| {
+            let shape = self.facets.shape(i);
+            let size = shape.across.abs();
+            let projected = 0.5 * if self.reduce { size.max_element() } else { size.element_sum() };
+            let of_area = projected / spacing / spacing;
+            if shape.height() < 0.5 * spacing { of_area.max(0.25 * shape.longest / spacing) } else { of_area }
+        };
+        // Sums of whole chunks in their order do not depend on threads.
+        let sums: Vec<f64> = self.facets.kept.par_chunks(4096).map(|chunk| chunk.iter().map(count).sum()).collect();
+        sums.into_iter().sum()
     }
-    high
+
+    /// The band at sharp edges where the coarse spacing is given, and about as many surfels as there are in all.
+    ///
+    /// The fine spacing is such that the band adds no more than a share of what there is without it. Where nearly all
+    /// is band there is none: the surface is rough, and not a thing with outlines. Nor is there where edges are so many
+    /// that they take longer than the sampling.
+    pub(super) fn band(&self, coarse: f64) -> (Band, f64) {
+        let all = self.estimate(coarse);
+        let Some(mut band) = Band::new(self.edges, coarse, all + self.facets.kept.len() as f64) else {
+            return (Band::none(coarse), all);
+        };
+        let within = raster::count(self.facets, &band, band::reach(FINEST), self.reduce) as f64;
+        // The fine grid takes the place of the coarse one within a part of the band.
+        let replaced = band::coarse_from(FINEST) / band::reach(FINEST);
+        let density = (replaced + MOST_AT_EDGES * all / within.max(1.0)).min(FINEST.powi(-2));
+        if density.sqrt() * COARSEST < 1.0 {
+            return (Band::none(coarse), all);
+        }
+        band.refine(density.sqrt().recip());
+        (band, all + within * (density - replaced))
+    }
+
+    /// True if the spacing can be worked with.
+    pub(super) fn allows(&self, spacing: f64) -> bool {
+        spacing >= self.least() && self.estimate(spacing) <= MOST
+    }
+
+    /// The least spacing that a mesh can be sampled with.
+    fn least(&self) -> f64 {
+        self.facets.size.length() / MOST_CELLS
+    }
+
+    /// About the least spacing that is allowed.
+    pub(super) fn finest(&self) -> f64 {
+        self.without_band(MOST)
+    }
+
+    /// The spacing that makes about as many surfels where no edge is sharp.
+    fn without_band(&self, surfels: f64) -> f64 {
+        // At the diagonal of the box a handful of surfels is left.
+        let (mut low, mut high) = (self.least(), self.facets.size.length());
+        for _ in 0..40 {
+            let middle = (low * high).sqrt();
+            if self.estimate(middle) > surfels { low = middle } else { high = middle }
+        }
+        high
+    }
+
+    /// The band at sharp edges with which there are about `surfels` of them.
+    pub(super) fn of_count(&self, surfels: f64) -> Band {
+        let first = self.without_band(surfels);
+        let (mut spacing, mut last) = (first, f64::INFINITY);
+        for _ in 0..TRIES {
+            let (band, count) = self.band(spacing);
+            let ratio = count / surfels;
+            let off = ratio.ln().abs();
+            if off < NEARLY {
+                return band;
+            }
+            if off > 0.9 * last {
+                break;
+            }
+            last = off;
+            // Counts fall with the square of the spacing or more slowly.
+            spacing = (spacing * ratio.sqrt()).clamp(self.least(), self.facets.size.length());
+        }
+        // The count leaps where the band comes and goes.
+        Band::none(first)
+    }
+
+    /// The coarse spacing, or one that makes at least and at most so many surfels.
+    pub(super) fn within(&self, spacing: f64, [least, most]: [f64; 2]) -> f64 {
+        let without = self.estimate(spacing);
+        if without >= least && without * (1.0 + MOST_AT_EDGES) <= most {
+            return spacing;
+        }
+        let coarse = |count: f64| self.of_count(count).spacing(false);
+        let finest = coarse(most);
+        // What was counted without a band may have one.
+        let excess = (self.band(finest).1 / most).max(1.0);
+        spacing.min(coarse(least)).max(finest * excess.sqrt())
+    }
 }
