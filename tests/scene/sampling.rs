@@ -354,6 +354,11 @@ fn bad_meshes_are_refused_in_words() {
     let nan = mesh(vec![DVec3::NAN, DVec3::X, DVec3::Y], &[[0, 1, 2]]);
     assert!(matches!(sample(nan, Spacing::Auto), Err(ModelError::FlatMesh { .. })));
     assert!(matches!(sample(cuboid(DVec3::ONE), Spacing::Of(1e-6)), Err(ModelError::FineSpacing { .. })));
+    // A good triangle among them is sampled, and a note counts the others.
+    let mixed = mesh(vec![DVec3::ZERO, DVec3::X, DVec3::X * 2.0, DVec3::Y], &[[0, 1, 2], [0, 1, 3]]);
+    let loaded = sampled(&mixed, Spacing::Of(0.1), true);
+    assert!(loaded.surfels.len() > 40);
+    assert_eq!(loaded.notes[0], "1 of 2 triangles dropped: without an area");
     // Needles and huge or tiny boxes take no longer than others.
     for size in [1e-16, 1e17] {
         assert!(sample(cuboid(DVec3::splat(size)), Spacing::Auto).unwrap() > 100_000);
