@@ -20,7 +20,13 @@ pub(in crate::model) fn triangulate(corners: &[DVec3]) -> Option<Vec<[usize; 3]>
     let flat = flattened(corners)?;
     let next = |i: usize| (i + 1) % count;
     let before = |i: usize| (i + count - 1) % count;
-    if (0..count).all(|i| area(flat[before(i)], flat[i], flat[next(i)]) >= 0.0) && turns_once(&flat) {
+    let turns_left = |i: usize| {
+        let [p, q, r] = [before(i), i, next(i)].map(|k| flat[k]);
+        let turn = area(p, q, r);
+        // A way back has no area either.
+        turn > 0.0 || turn == 0.0 && (q - p).dot(r - q) >= 0.0
+    };
+    if (0..count).all(turns_left) && turns_once(&flat) {
         return Some(fan(count));
     }
     if count > MOST_CORNERS { None } else { clipped(&flat) }
@@ -77,11 +83,8 @@ fn clipped(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     let mut triangles = Vec::with_capacity(count - 2);
     let mut at = 0;
     for left in (4..=count).rev() {
-        // Once round. A corner on a straight line has no area: it goes when no ear is left.
-        let mut round = std::iter::successors(Some(at), |&i| Some(ring.next[i])).take(left);
-        let ear = round.find(|&i| ears[i]).or_else(|| {
-            std::iter::successors(Some(at), |&i| Some(ring.next[i])).take(left).find(|&i| ring.area(i) == 0.0)
-        })?;
+        // Once round.
+        let ear = std::iter::successors(Some(at), |&i| Some(ring.next[i])).take(left).find(|&i| ears[i])?;
         let (a, c) = (ring.before[ear], ring.next[ear]);
         triangles.push([a, ear, c]);
         (ring.next[a], ring.before[c]) = (c, a);
@@ -89,8 +92,7 @@ fn clipped(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
         let spike = |k: usize| flat[ring.before[k]] == flat[ring.next[k]];
         ears[a] = spike(a) || ring.is_ear(a);
         ears[c] = spike(c) || ring.is_ear(c);
-        // Where a part that touches the rest is used up, what leads to it goes first.
-        at = if spike(a) { a } else { c };
+        at = c;
     }
     triangles.push([ring.before[at], at, ring.next[at]]);
     // What crosses itself covers more than its area, or turns over.
@@ -140,6 +142,9 @@ fn flattened(corners: &[DVec3]) -> Option<Vec<DVec2>> {
 
 #[cfg(test)]
 mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
     use super::*;
 
     fn total(corners: &[DVec3], triangles: &[[usize; 3]]) -> f64 {
@@ -208,6 +213,32 @@ mod tests {
         let bow =
             polygon(&[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0), (1.0, 1.0), (0.0, 1.0)]);
         assert_eq!(total(&bow, &triangulate(&bow).unwrap()), 2.0);
+    }
+
+    /// Outlines of random trees of squares: with corners on straight lines, slits, and places that they touch twice.
+    #[test]
+    fn outlines_of_trees_of_squares_keep_their_area() {
+        let mut random = Pcg64Mcg::seed_from_u64(7);
+        for round in 0..60000 {
+            let mut ring = vec![[0, 0], [1, 0], [1, 1], [0, 1]];
+            let mut cells = vec![[0, 0]];
+            let most = 2 + round % 120;
+            for _ in 0..20 * most {
+                // The cell beyond an edge, to the right of it.
+                let at = random.random_range(0..ring.len());
+                let [a, b] = [ring[at], ring[(at + 1) % ring.len()]];
+                let right = [b[1] - a[1], a[0] - b[0]];
+                let cell = [0, 1].map(|k| a[k].min(b[k]) + right[k].min(0));
+                if cells.len() < most && !cells.contains(&cell) {
+                    cells.push(cell);
+                    let beyond = [a, b].map(|p| [p[0] + right[0], p[1] + right[1]]);
+                    ring.splice(at + 1..at + 1, beyond);
+                }
+            }
+            let corners: Vec<DVec3> = ring.iter().map(|p| DVec3::new(f64::from(p[0]), f64::from(p[1]), 0.0)).collect();
+            let triangles = triangulate(&corners).unwrap_or_else(|| unreachable!("{ring:?}"));
+            assert_eq!(total(&corners, &triangles), cells.len() as f64, "{ring:?}");
+        }
     }
 
     #[test]
