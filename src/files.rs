@@ -1,5 +1,7 @@
-//! Files that appear whole or not at all.
+//! Files that appear whole or not at all, and lists of files that were read.
 
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -75,6 +77,29 @@ fn temporary_name(path: &Path, call: u32) -> io::Result<PathBuf> {
     Ok(path.with_file_name(hidden))
 }
 
+thread_local! {
+    /// What the work of this thread has read, a list for each [`listed`] that is under way.
+    static LISTS: RefCell<Vec<BTreeSet<PathBuf>>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Does `work`, and lists the files that this thread has read for it or tried to read.
+///
+/// Readers of many formats open files that other files name. They tell it here ([`reads`]), so that none of them hands
+/// a list through, and none is forgotten. Work that reads on other threads is not seen.
+pub(crate) fn listed<T>(work: impl FnOnce() -> T) -> (T, BTreeSet<PathBuf>) {
+    LISTS.with_borrow_mut(|lists| lists.push(BTreeSet::new()));
+    let done = work();
+    let list = LISTS.with_borrow_mut(Vec::pop).unwrap_or_default();
+    // Work within other work is part of it.
+    LISTS.with_borrow_mut(|lists| lists.last_mut().map(|outer| outer.extend(list.iter().cloned())));
+    (done, list)
+}
+
+/// Tells that a file is about to be read.
+pub(crate) fn reads(path: &Path) {
+    LISTS.with_borrow_mut(|lists| lists.last_mut().map(|list| list.insert(path.to_owned())));
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -129,6 +154,19 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert!(others.iter().all(|other| fs::read(other).unwrap() == b"half"));
         assert_eq!(names(dir.path()).len(), others.len() + 1);
+    }
+
+    #[test]
+    fn what_is_read_is_listed() {
+        let names = |list: BTreeSet<PathBuf>| list.iter().map(|path| path.display().to_string()).collect::<Vec<_>>();
+        reads(Path::new("before"));
+        let (inner, outer) = listed(|| {
+            reads(Path::new("b"));
+            let ((), inner) = listed(|| reads(Path::new("a")));
+            reads(Path::new("b"));
+            inner
+        });
+        assert_eq!((names(inner), names(outer)), (vec!["a".to_owned()], vec!["a".to_owned(), "b".to_owned()]));
     }
 
     #[test]

@@ -244,7 +244,11 @@ pub fn render_frame(
     }
     match options.quality {
         Quality::Error(target) => auto::render(backend, scene, frame, options, target),
-        Quality::Mode(mode) => backend.render(Frame::new(scene, frame, mode, options)),
+        Quality::Mode(mode) => {
+            let stop = backend.stop();
+            let frame = Frame::until(scene, frame, mode, options, &stop);
+            if stop.is_set() { Err(BackendError::Stopped) } else { backend.render(frame) }
+        }
     }
 }
 

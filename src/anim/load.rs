@@ -8,6 +8,7 @@ use super::animation::Animation;
 use super::error::AnimError;
 use super::gltf::GltfAnimation;
 use super::maya::parse;
+use crate::files;
 use crate::gltf::is_text;
 
 /// Largest file that is read, bytes. A hundred curves of 60,000 keys fit.
@@ -44,6 +45,7 @@ pub fn load(path: &Path) -> Result<Animation, AnimError> {
 
 /// The bytes of a file.
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, AnimError> {
+    files::reads(path);
     // This comes before opening the file: opening a pipe may wait for ever.
     let about = fs::metadata(path).map_err(|e| AnimError::read(path, e))?;
     if !about.is_file() {

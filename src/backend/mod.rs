@@ -49,7 +49,10 @@ pub trait Backend: Send {
     fn watch(&mut self, _meter: Arc<Meter>) {}
 
     /// Ends a frame with [`BackendError::Stopped`] soon after `stop` is set, where it can end before the frame does.
-    fn heed(&mut self, _stop: Arc<Stop>) {}
+    fn heed(&mut self, stop: Arc<Stop>);
+
+    /// What it heeds.
+    fn stop(&self) -> Arc<Stop>;
 
     /// Executes a frame's plan, with no other under way.
     ///

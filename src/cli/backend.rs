@@ -1,7 +1,35 @@
 //! `--backend` and `--adapter`: the device that renders.
 
-use clap::ValueEnum;
+use clap::{Args, ValueEnum};
 use splatblur::renderer::{Device, Renderer};
+
+/// Where pictures are rendered.
+#[derive(Debug, Args)]
+pub(super) struct Place {
+    /// Backend to render on.
+    #[arg(long, value_enum, default_value_t, help_heading = "Running")]
+    pub(super) backend: Wanted,
+    /// Part of the name of the adapter to render on (`splatblur info --adapters` lists them).
+    #[arg(long, value_name = "NAME", help_heading = "Running")]
+    adapter: Option<String>,
+}
+
+impl Place {
+    /// The library's device.
+    pub(super) fn device(&self) -> anyhow::Result<Device> {
+        self.device_of(self.backend)
+    }
+
+    /// The same with another backend.
+    pub(super) fn device_of(&self, backend: Wanted) -> anyhow::Result<Device> {
+        match (backend, &self.adapter) {
+            (Wanted::Cpu, Some(_)) => anyhow::bail!("--adapter is for --backend gpu"),
+            (Wanted::Cpu, None) => Ok(Device::Cpu),
+            (Wanted::Auto, None) => Ok(Device::Auto),
+            (Wanted::Gpu, adapter) | (Wanted::Auto, adapter @ Some(_)) => Ok(Device::Gpu { adapter: adapter.clone() }),
+        }
+    }
+}
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum Wanted {
@@ -12,18 +40,6 @@ pub(super) enum Wanted {
     Gpu,
     /// The processor, all cores.
     Cpu,
-}
-
-impl Wanted {
-    /// The library's device. `adapter`: part of the name of the one that is wanted.
-    pub(super) fn device(self, adapter: Option<&str>) -> anyhow::Result<Device> {
-        match (self, adapter) {
-            (Self::Cpu, Some(_)) => anyhow::bail!("--adapter is for --backend gpu"),
-            (Self::Cpu, None) => Ok(Device::Cpu),
-            (Self::Auto, None) => Ok(Device::Auto),
-            (Self::Gpu, _) | (Self::Auto, Some(_)) => Ok(Device::Gpu { adapter: adapter.map(str::to_owned) }),
-        }
-    }
 }
 
 /// What a renderer renders on, with the processor's name or the adapter's kind and driver, where the system tells.

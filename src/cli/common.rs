@@ -143,6 +143,13 @@ pub(super) struct Splatting {
         help_heading = "Surfaces"
     )]
     pub(super) prefilter: Option<Prefilter>,
+    #[command(flatten)]
+    pub(super) limit: Limit,
+}
+
+/// What rendering may take.
+#[derive(Debug, Args)]
+pub(super) struct Limit {
     /// Memory that a frame and the models may take together, as in 64M, 1G [default: half of the computer's or
     /// container's, at least 1G, on a GPU at most 8G]. The images do not depend on it.
     #[arg(
@@ -155,7 +162,7 @@ pub(super) struct Splatting {
     memory: Option<u64>,
 }
 
-impl Splatting {
+impl Limit {
     /// Bytes that a frame and the models may take together; `backend` is the renderer's name.
     pub(super) fn memory(&self, backend: &str, quiet: bool) -> u64 {
         memory::budget(self.memory, backend == "gpu", quiet)
@@ -355,7 +362,7 @@ impl Ready {
         pool: &rayon::ThreadPool,
     ) -> anyhow::Result<Self> {
         let format = images.format()?;
-        let Loaded { mut scene, notes } = running.load(&images.scene, overrides, pool)?;
+        let Loaded { mut scene, notes, .. } = running.load(&images.scene, overrides, pool)?;
         scene.image.transparent |= images.transparent;
         let format = match format {
             Format::Png { bits, .. } => Format::Png { bits, alpha: scene.image.transparent },

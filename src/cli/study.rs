@@ -58,7 +58,7 @@ impl Common {
     /// Reads the scene, and puts the options into it.
     pub(super) fn load(&self, path: &Path) -> anyhow::Result<Loaded> {
         let pool = self.running.pool()?;
-        let scene_file::Loaded { scene, notes } = self.running.load(path, &self.overrides, &pool)?;
+        let scene_file::Loaded { scene, notes, .. } = self.running.load(path, &self.overrides, &pool)?;
         let threads = pool.current_num_threads();
         let open = move |kind| {
             let device = match kind {
@@ -76,7 +76,7 @@ impl Common {
             epsilon: self.surfaces.epsilon,
             seed: self.sampling.seed,
             // A study may render on both.
-            memory: self.splatting.memory("gpu", self.running.quiet),
+            memory: self.splatting.limit.memory("gpu", self.running.quiet),
             ..RenderOptions::default()
         };
         Ok(Loaded { trial: Trial::new(scene, path, options, self.splatting.prefilter, Box::new(open)), notes, pool })

@@ -8,7 +8,7 @@ use splatblur::files;
 use splatblur::renderer::Renderer;
 use splatblur::study;
 
-use super::backend::{Wanted, in_full};
+use super::backend::{Place, in_full};
 use super::common::open_directory;
 use super::memory;
 use super::output::{print, say};
@@ -52,12 +52,8 @@ struct Thesis {
     /// Models with one of so many of the thesis' surfels, for a quick look.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     fewer: u32,
-    /// Device to render on.
-    #[arg(long, value_enum, default_value_t)]
-    backend: Wanted,
-    /// Part of the name of the adapter to render on (`splatblur info --adapters` lists them).
-    #[arg(long, value_name = "NAME")]
-    adapter: Option<String>,
+    #[command(flatten)]
+    place: Place,
     /// Say nothing but errors.
     #[arg(long, short)]
     quiet: bool,
@@ -79,7 +75,7 @@ impl Study {
 
 impl Thesis {
     fn run(&self) -> anyhow::Result<()> {
-        let mut renderer = Renderer::open(self.backend.device(self.adapter.as_deref())?)?;
+        let mut renderer = Renderer::open(self.place.device()?)?;
         open_directory(&self.out)?;
         let place = in_full(&renderer, rayon::current_num_threads());
         let tell = |what: &str| {

@@ -1,5 +1,6 @@
 //! `splatblur view`: a scene in the browser.
 
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::PoisonError;
@@ -8,11 +9,11 @@ use anyhow::Context as _;
 use clap::Args;
 use splatblur::viewer::{Setup, Viewer};
 
-use super::backend::Wanted;
-use super::common::{MODES, Overrides, Running};
+use super::backend::Place;
+use super::common::{Limit, MODES, Overrides, Running};
+use super::info;
 use super::output::{print, say};
 use super::words::with_flags;
-use super::{info, memory, values};
 
 /// Look at a scene in the browser: orbit, play, change modes, look at buffers, save.
 ///
@@ -34,9 +35,24 @@ same settings.")]
 pub(super) struct View {
     /// Scene file (XML), or a model file, as for `render`.
     scene: PathBuf,
-    /// Port of the loopback address [default: any free one].
+    /// Port [default: any free one].
     #[arg(long, value_name = "PORT", default_value_t = 0, hide_default_value = true, help_heading = "Serving")]
     port: u16,
+    /// Address of this computer to listen on, as in 192.168.1.5; 0.0.0.0 is all of them [default: 127.0.0.1, which this
+    /// computer alone reaches].
+    ///
+    /// Beyond the loopback address, everyone on the network reaches the program, and the secret of the link alone keeps
+    /// them out. Nothing is encrypted: who can listen to the network reads the secret and the pictures, and can then
+    /// look, save files into DIR, and keep this computer busy. An SSH tunnel (see the examples) has none of these
+    /// risks.
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        default_value_t = Ipv4Addr::LOCALHOST.into(),
+        hide_default_value = true,
+        help_heading = "Serving"
+    )]
+    listen: IpAddr,
     /// File of the secret in the link: read, or made for this user alone where it is missing [default: a new secret].
     #[arg(long, value_name = "FILE", help_heading = "Serving")]
     token_file: Option<PathBuf>,
@@ -45,21 +61,10 @@ pub(super) struct View {
     out: Option<PathBuf>,
     #[command(flatten)]
     overrides: Overrides,
-    /// Backend to render on, until the page chooses another.
-    #[arg(long, value_enum, default_value_t, help_heading = "Running")]
-    backend: Wanted,
-    /// Part of the name of the adapter to render on (`splatblur info --adapters` lists them).
-    #[arg(long, value_name = "NAME", help_heading = "Running")]
-    adapter: Option<String>,
-    /// Memory that a frame and the models may take together, as in 64M, 1G [default: as for `render`].
-    #[arg(
-        long,
-        value_name = "SIZE",
-        allow_hyphen_values = true,
-        value_parser = values::memory,
-        help_heading = "Running"
-    )]
-    memory: Option<u64>,
+    #[command(flatten)]
+    place: Place,
+    #[command(flatten)]
+    limit: Limit,
     #[command(flatten)]
     running: Running,
 }
@@ -72,13 +77,14 @@ impl View {
         let setup = Setup {
             path: self.scene.clone(),
             out: self.out.clone(),
-            device: self.backend.device(self.adapter.as_deref())?,
-            memory: [false, true].map(|on_device| memory::budget(self.memory, on_device, self.running.quiet)),
+            device: self.place.device()?,
+            // Said once.
+            memory: [("cpu", self.running.quiet), ("gpu", true)].map(|(name, quiet)| self.limit.memory(name, quiet)),
             pool: self.running.pool()?,
             words: with_flags,
             modes: MODES,
         };
-        let viewer = Viewer::open(setup, self.port, self.token_file.as_deref())?;
+        let viewer = Viewer::open(setup, SocketAddr::new(self.listen, self.port), self.token_file.as_deref())?;
         let gate = viewer.gate();
         let stop = move || {
             let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
@@ -89,6 +95,9 @@ impl View {
         print(&format!("{}\n", viewer.link()))?;
         if !self.running.quiet {
             say("open this link in a browser; Ctrl-C ends it");
+            if !self.listen.is_loopback() {
+                say("note: others on the network reach it too, and nothing is encrypted: see --listen in the help");
+            }
         }
         viewer.run(|| self.running.load(&self.scene, &self.overrides, &pool).map_err(|why| format!("{why:#}")))
     }

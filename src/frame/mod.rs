@@ -23,6 +23,7 @@ use crate::options::{BlurMode, Normalise, PixelFilter, Prefilter, RenderOptions,
 use crate::plan::{Exposure, PosedInterval, Scenery, Step, TimeSample};
 use crate::scene::pose::{jumps, seams};
 use crate::scene::{Capture, Object, Scene};
+use crate::stop::Stop;
 use crate::time::FrameNumber;
 
 pub use self::blocks::Blocks;
@@ -164,7 +165,11 @@ impl Position {
 impl Frame {
     /// Poses `scene` at every time sample that `mode` takes of frame `number`; `options` without their quality.
     pub fn new(scene: &Scene, number: impl Into<FrameNumber>, mode: BlurMode, options: &RenderOptions) -> Self {
-        let number = number.into();
+        Self::until(scene, number.into(), mode, options, &Stop::default())
+    }
+
+    /// As [`new`](Self::new), but it ends soon after `stop` is set: then the frame lacks samples, and is of no use.
+    pub fn until(scene: &Scene, number: FrameNumber, mode: BlurMode, options: &RenderOptions, stop: &Stop) -> Self {
         let jumps = mode.swept().map_or_else(Vec::new, |_| {
             let at = |t: f64| scene.shutter.frame_time(number.get(), t);
             let mut times = jumps(scene, at(0.0), at(1.0));
@@ -174,11 +179,15 @@ impl Frame {
             times
         });
         let exposure = Exposure::new(mode, options.filter, options.seed, &scene.shutter, number.get(), &jumps);
-        Self::exposed(scene, number, &exposure, options)
+        Self::posed(scene, number, &exposure, options, stop)
     }
 
     /// Poses `scene` at every time sample of `exposure`, which is one of frame `number`.
     pub fn exposed(scene: &Scene, number: FrameNumber, exposure: &Exposure, options: &RenderOptions) -> Self {
+        Self::posed(scene, number, exposure, options, &Stop::default())
+    }
+
+    fn posed(scene: &Scene, number: FrameNumber, exposure: &Exposure, options: &RenderOptions, stop: &Stop) -> Self {
         let swept = exposure.groups().find_map(|group| group.sweep).map(|(_, kernel)| kernel);
         let size = [scene.image.width, scene.image.height];
         let focal = focal_length(f64::from(size[1]), scene.camera.fovy);
@@ -211,7 +220,7 @@ impl Frame {
                 let strip = strip.map(|(strips, _, around)| (strips.axis(), around));
                 let strip = strip.as_ref().map(|(axis, around)| (*axis, around));
                 let raster = |offset| Raster::new(size, lens, exposure.stride, of_raster.phase, offset, strip);
-                let positions = of_raster.positions.iter().map(|position| {
+                let positions = of_raster.positions.iter().take_while(|_| !stop.is_set()).map(|position| {
                     let raster = raster(position.offset.map(|v| v * spread));
                     let groups = position.groups.iter().map(|group| {
                         let interval = group.sweep.map(|(interval, _)| interval);

@@ -8,6 +8,7 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use super::error::quote;
+use crate::files;
 
 /// Largest file that is read beside another, bytes.
 const MOST_BYTES: u64 = 1 << 30;
@@ -120,6 +121,7 @@ pub(crate) fn read_beside(path: &Path, uri: &str) -> Result<Vec<u8>, String> {
 
 /// The bytes of a regular file; else why not, as `is missing`.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, String> {
+    files::reads(path);
     // This comes before opening the file: opening a pipe may wait for ever.
     let about = fs::metadata(path).map_err(|_| "is missing")?;
     if !about.is_file() {

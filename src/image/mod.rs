@@ -309,6 +309,7 @@ fn kind(head: &[u8]) -> Option<Kind> {
 }
 
 fn open_regular(path: &Path) -> io::Result<File> {
+    files::reads(path);
     // Asked before opening: opening a pipe would wait for its writer.
     if !std::fs::metadata(path)?.is_file() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file"));

@@ -10,11 +10,13 @@ use std::path::Path;
 use memmap2::Mmap;
 
 use super::error::ModelError;
+use crate::files;
 
 /// The bytes of a regular file that is not empty. Directories, devices, pipes and sockets are refused without being
 /// opened: opening a pipe would wait for its writer.
 pub(super) fn map(path: &Path) -> Result<Mmap, ModelError> {
     let failed = |source| ModelError::Read { path: path.to_owned(), source };
+    files::reads(path);
     let before = std::fs::metadata(path).map_err(failed)?;
     if !before.is_file() {
         return Err(ModelError::NotAFile { path: path.to_owned(), found: kind(before.file_type()) });

@@ -16,8 +16,10 @@ mod schema;
 mod write;
 mod xml;
 
-use std::path::Path;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
+use crate::files;
 use crate::model::{self, ModelError, Progress};
 use crate::scene::{Camera, Object, Scene};
 
@@ -46,6 +48,8 @@ pub struct Loaded {
     pub scene: Scene,
     /// Normals or radii estimated, unknown words skipped, the automatic camera: one line each.
     pub notes: Vec<String>,
+    /// The files that were read: its own, those that it names, and those that these name. Of a sequence, the first.
+    pub files: BTreeSet<PathBuf>,
 }
 
 impl Scene {
@@ -65,6 +69,11 @@ impl Scene {
 /// # Errors
 /// The scene, or a file that it names, cannot be read or is not valid.
 pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, SceneError> {
+    let (loaded, files) = files::listed(|| load_scene(path, options));
+    loaded.map(|(scene, notes)| Loaded { scene, notes, files })
+}
+
+fn load_scene(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<String>), SceneError> {
     let source = xml::decode(path, &xml::read(path)?)?;
     let root = xml::parse(&source)?;
     let notes = check::check(&source, &root, options.lenient)?;
@@ -83,6 +92,11 @@ pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, SceneError
 /// # Errors
 /// The file cannot be read, or is not a valid model with at least one point.
 pub fn load_model(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, ModelError> {
+    let (loaded, files) = files::listed(|| load_alone(path, options));
+    loaded.map(|(scene, notes)| Loaded { scene, notes, files })
+}
+
+fn load_alone(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<String>), ModelError> {
     let silent = |_: &str, _: f32| {};
     let progress = options.progress.unwrap_or(&silent);
     let loaded = model::load(path, &resolve::coarse(model::LoadOptions::default()), progress)?;
@@ -102,7 +116,7 @@ pub fn load_model(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, Mode
         resolve::refine(&mut scene, &mesh, 1, &mut notes);
     }
     scene.name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    Ok(Loaded { scene, notes })
+    Ok((scene, notes))
 }
 
 /// Checks the bytes of a scene file without looking at the files that it names; gives the notes of `lenient`.

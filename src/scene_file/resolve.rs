@@ -10,7 +10,7 @@ use super::document::{AnimationSpec, CameraSpec, Document, EnvironmentSpec, Obje
 use super::dom::{FileRef, Source};
 use super::error::{EnvironmentError, SceneError, quoted};
 use super::paths::Finder;
-use super::{LoadOptions, Loaded, write};
+use super::{LoadOptions, write};
 use crate::anim::{self, CameraTrack, Interpolation, Intrinsics, NodeMotion, TrackOptions};
 use crate::environment::{Environment, LatLong};
 use crate::image;
@@ -20,13 +20,13 @@ use crate::scene::{
     Sequence, SequenceSpec,
 };
 
-/// Reads all files of a document and fills in what it leaves out.
+/// Reads all files of a document and fills in what it leaves out; the scene, and notes on it.
 pub(super) fn resolve(
     source: &Source,
     document: Document,
     options: &LoadOptions<'_>,
     notes: Vec<String>,
-) -> Result<Loaded, SceneError> {
+) -> Result<(Scene, Vec<String>), SceneError> {
     let finder = Finder::new(source, options.restrict)?;
     let mut files = Files {
         source,
@@ -94,7 +94,7 @@ pub(super) fn resolve(
             write::camera_line(&scene.camera)
         ));
     }
-    Ok(Loaded { scene, notes })
+    Ok((scene, notes))
 }
 
 /// Drops the notes that a mesh's animations are ignored where the scene plays them.

@@ -16,6 +16,7 @@ use quick_xml::{Error, Reader, XmlVersion};
 
 use super::dom::{Attribute, Element, Source};
 use super::error::{SceneError, quoted};
+use crate::files;
 
 /// Most bytes of a scene file.
 const MOST_BYTES: u64 = 64_000_000;
@@ -30,6 +31,7 @@ const MOST_PARTS: usize = 4_000_000;
 /// Reads a scene file.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, SceneError> {
     let fail = |source| SceneError::Read { path: path.to_owned(), source };
+    files::reads(path);
     // Looked at before it is opened, because opening a pipe waits for its writer.
     let kind = fs::metadata(path).map_err(fail)?.file_type();
     if !kind.is_file() {

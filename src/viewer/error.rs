@@ -1,17 +1,18 @@
 //! Why the viewer cannot start.
 
 use std::io;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 /// Why the viewer cannot start.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ViewerError {
-    /// The port is taken, or may not be used.
-    #[error("cannot listen on 127.0.0.1:{port}")]
+    /// The port is taken or may not be used, or the address is none of this computer.
+    #[error("cannot listen on {address}")]
     Listen {
-        /// The port that was asked for; 0: any.
-        port: u16,
+        /// The address that was asked for; port 0: any.
+        address: SocketAddr,
         /// Why.
         source: io::Error,
     },

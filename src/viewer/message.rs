@@ -65,6 +65,7 @@ pub(super) struct AboutScene {
     pub(super) close: f64,
     /// The weight's text, which need not read back: a drawn curve has none.
     pub(super) weight: String,
+    pub(super) readout: String,
     /// Surfels, Gaussians and kernels of volumes.
     pub(super) surfels: u64,
     pub(super) objects: usize,

@@ -184,6 +184,14 @@ mod tests {
     }
 
     #[test]
+    fn larger_pictures_are_tried_as_if_a_part_of_the_time_were_fixed() {
+        // In proportion to pixels the whole would take 46 ms.
+        let mut pace = Pace::default();
+        pace.learn(Level { scale: 2, samples: 1 }, Duration::from_micros(11_500), Duration::ZERO);
+        assert!(pace.level().is_whole(), "{:?}", pace.level());
+    }
+
+    #[test]
     fn sizes_are_whole_and_never_empty() {
         let level = Level { scale: 4, samples: 1 };
         assert_eq!(level.size([1280, 721]), [320, 180]);

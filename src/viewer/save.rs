@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 
 use super::message::Kind;
+use super::shared::{Known, Shared};
 use super::view::Look;
-use super::watch::{Known, Shared};
 use crate::film::Picture;
 use crate::image::{self, Bits, Format};
 use crate::options::RenderOptions;

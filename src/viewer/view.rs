@@ -7,7 +7,7 @@ use crate::film::Aov;
 use crate::options::{BlurMode, ErrorTarget, Prefilter, Quality, RenderOptions, Shading};
 use crate::renderer::Device;
 use crate::scene::{Camera, Scene};
-use crate::time::{FrameNumber, Shutter, Weight};
+use crate::time::{FrameNumber, Readout, Shutter, Weight};
 
 /// Longest side of a picture, pixels.
 const LONGEST: u32 = 8192;
@@ -49,6 +49,8 @@ struct AskedShutter {
     close: f64,
     /// `None`: the scene's, which may be a drawn curve.
     weight: Option<String>,
+    /// `None`: the scene's.
+    readout: Option<String>,
 }
 
 /// All that both sides of a picture share. Equal looks have equal pictures.
@@ -60,7 +62,7 @@ pub(super) struct Look {
     shutter: Option<ShutterAt>,
     pub(super) device: Device,
     prefilter: Option<Prefilter>,
-    shading: Shading,
+    pub(super) shading: Shading,
     /// `None`: colour.
     pub(super) buffer: Option<Aov>,
 }
@@ -70,6 +72,7 @@ struct ShutterAt {
     open: f64,
     close: f64,
     weight: Option<Weight>,
+    readout: Option<Readout>,
 }
 
 /// The other side of the slider.
@@ -87,6 +90,13 @@ pub(super) struct View {
     pub(super) look: Look,
     pub(super) quality: Quality,
     pub(super) other: Option<Other>,
+}
+
+impl View {
+    /// Does it ask for the same pictures?
+    pub(super) fn shows_as(&self, other: &Self) -> bool {
+        self.look == other.look && self.quality == other.quality && self.other == other.other
+    }
 }
 
 impl Asked {
@@ -149,7 +159,7 @@ fn buffer(word: &str) -> Result<Option<Aov>, String> {
 
 impl AskedShutter {
     fn check(self) -> Result<ShutterAt, String> {
-        let Self { open, close, weight } = self;
+        let Self { open, close, weight, readout } = self;
         let known = -LAST_FRAME..=LAST_FRAME;
         if !known.contains(&open) || !known.contains(&close) {
             return Err("the shutter must stay within a million frames".to_owned());
@@ -158,7 +168,8 @@ impl AskedShutter {
             return Err(format!("the shutter closes at {close}, not after it opens at {open}"));
         }
         let weight = weight.map(|text| text.parse()).transpose().map_err(in_words("weight"))?;
-        Ok(ShutterAt { open, close, weight })
+        let readout = readout.map(|text| text.parse()).transpose().map_err(in_words("readout"))?;
+        Ok(ShutterAt { open, close, weight, readout })
     }
 }
 
@@ -180,11 +191,10 @@ impl Look {
         if let Some(camera) = &self.camera {
             camera.place(&mut scene.camera);
         }
-        if let Some(ShutterAt { open, close, weight }) = &self.shutter {
-            let weight = weight.clone().unwrap_or_else(|| scene.shutter.weight.clone());
-            #[allow(clippy::needless_update, reason = "what else a shutter has stays the scene's")]
-            let shutter = Shutter { open: *open, close: *close, weight, ..scene.shutter };
-            scene.shutter = shutter;
+        if let Some(ShutterAt { open, close, weight, readout }) = self.shutter.clone() {
+            let weight = weight.unwrap_or_else(|| scene.shutter.weight.clone());
+            let readout = readout.unwrap_or(scene.shutter.readout);
+            scene.shutter = Shutter { open, close, weight, readout };
         }
         scene
     }

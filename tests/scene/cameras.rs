@@ -76,7 +76,7 @@ fn room() -> String {
 #[test]
 fn a_camera_within_a_closed_cloud_sees_both_sides() {
     let shown = |camera: &str, object: &str| {
-        let Loaded { scene, notes } = loaded(&room(), camera, object);
+        let Loaded { scene, notes, .. } = loaded(&room(), camera, object);
         (scene.objects[0].two_sided, notes.iter().any(|note| note.contains("the camera stands within its box")))
     };
     let inside = "<camera eye='0 0 1' at='0 0 0'/>";

@@ -198,7 +198,7 @@ fn byte_order_marks_win() {
 
 #[test]
 fn defaults_are_those_of_the_document() {
-    let Loaded { scene: s, notes } = loaded(scene("", ""));
+    let Loaded { scene: s, notes, .. } = loaded(scene("", ""));
     assert_eq!((s.image.width, s.image.height, s.image.transparent), (1024, 768, false));
     assert_eq!((s.frames.first, s.frames.last, s.frames.rate), (0, 0, 24.0));
     assert_eq!((s.shutter.open, s.shutter.close, &s.shutter.weight), (-0.25, 0.25, &Weight::Box));
@@ -351,7 +351,7 @@ fn paths_are_written_for_the_new_place() {
 #[test]
 fn the_automatic_camera_can_be_pasted() {
     let dir = Dir::new(scene("", "<motion type='linear' velocity='0.37 0 0'/>"));
-    let Loaded { scene: first, notes } = dir.load().unwrap();
+    let Loaded { scene: first, notes, .. } = dir.load().unwrap();
     let note = notes.iter().find(|n| n.contains("<camera")).unwrap();
     let line = &note[note.find("<camera").unwrap()..];
     dir.add("scene.xml", scene(line, "<motion type='linear' velocity='0.37 0 0'/>"));
@@ -391,7 +391,7 @@ fn the_automatic_camera_sees_everything() {
 fn paths_are_found_in_any_case_with_a_note() {
     let dir = Dir::new("<scene><object><pointModel>\n Models\\M.PLY </pointModel></object></scene>");
     dir.add("models/m.ply", MODEL);
-    let Loaded { scene, notes } = dir.load().unwrap();
+    let Loaded { scene, notes, .. } = dir.load().unwrap();
     assert_eq!(scene.objects[0].model_path, dir.path("models/m.ply"));
     assert!(notes[0].contains("scene.xml:2:2: no file `Models\\M.PLY`, took "), "{notes:?}");
 }
@@ -488,7 +488,7 @@ fn lenient_turns_exactly_the_unknown_into_notes() {
     let lenient = LoadOptions { lenient: true, ..LoadOptions::default() };
     let text = scene("<sky><cloud/>rain</sky>", "<place translat='1 2 3' scale='2'/>");
     let dir = Dir::new(&text);
-    let Loaded { scene: s, notes } = dir.load_with(&lenient).unwrap();
+    let Loaded { scene: s, notes, .. } = dir.load_with(&lenient).unwrap();
     assert_eq!(s.objects[0].place.scale, DVec3::splat(2.0));
     let notes: Vec<_> = notes.iter().filter(|n| n.ends_with("; ignored")).collect();
     assert_eq!(notes.len(), 2, "{notes:?}");
@@ -750,7 +750,7 @@ fn crowds_are_quick() {
     let object = "<object><pointModel>M.ply</pointModel><animation>a.anim</animation></object>";
     let dir = Dir::new(format!("<scene>{}</scene>", object.repeat(13_000)));
     let start = Instant::now();
-    let Loaded { scene, notes } = dir.load().unwrap();
+    let Loaded { scene, notes, .. } = dir.load().unwrap();
     assert!(start.elapsed() < Duration::from_secs(2), "{:?}", start.elapsed());
     assert_eq!(scene.objects.len(), 13_000);
     assert!(notes.len() < 10, "{}", notes.len());

@@ -14,6 +14,7 @@ mod mesh_scenes;
 mod meshes;
 mod model_formats;
 mod moving_bounds;
+mod read_files;
 mod sampling;
 mod shipped;
 mod tracks;

@@ -17,6 +17,12 @@ impl Browser {
         self.wait(RESTS);
     }
 
+    /// Waits until the page shows a message with this word.
+    fn alarmed(&mut self, word: &str) {
+        let alert = "document.getElementById('alert')";
+        self.wait(&format!("!{alert}.hidden && {alert}.textContent.includes('{word}')"));
+    }
+
     /// A sum over the picture on the canvas: another one where the picture is another.
     fn picture(&mut self) -> u64 {
         let sum = self.number(
@@ -96,10 +102,27 @@ fn a_session() {
         assert_eq!(browser.text("viewer.last.buffer"), buffer);
     }
     browser.write("mode", "supersmaple:4");
-    browser.wait("document.getElementById('alert').textContent.includes('supersmaple')");
+    browser.alarmed("supersmaple");
     browser.write("mode", "supersample:8");
     browser.rests();
     assert_eq!(browser.value("document.getElementById('alert').hidden"), true);
+
+    // A rolling shutter, and a mode that has none.
+    let at_once = browser.picture();
+    browser.write("readout", "1.5");
+    browser.rests();
+    let down = browser.picture();
+    browser.key("n");
+    browser.rests();
+    assert_eq!(browser.text("viewer.state.shutter.readout"), "1.5,up,middle");
+    assert!(down != at_once && browser.picture() != down);
+    browser.write("mode", "volumetric:2");
+    browser.alarmed("--readout 0");
+    browser.key("o");
+    browser.write("mode", "supersample:8");
+    browser.rests();
+    assert_eq!(browser.value("document.getElementById('alert').hidden"), true);
+    assert_eq!(browser.picture(), at_once);
 
     // The reference under the slider.
     browser.key("s");
@@ -130,7 +153,7 @@ fn a_session() {
     browser.rests();
     assert_ne!(browser.picture(), before);
     fs::write(&path, SCENE.replace("fovy", "fovvy")).unwrap();
-    browser.wait("document.getElementById('alert').textContent.includes('fovvy')");
+    browser.alarmed("fovvy");
     fs::write(&path, SCENE).unwrap();
     browser.wait("document.getElementById('alert').hidden && viewer.last.line.includes('fovy=\"40\"')");
     browser.rests();
@@ -148,6 +171,58 @@ fn a_session() {
     browser.wait(&format!("viewer.log.length > {count}"));
     browser.rests();
     assert_eq!((browser.number("viewer.state.frame"), browser.picture()), (1.0, before));
+    assert_eq!(browser.complaints, [""; 0]);
+}
+
+/// Everything that a mouse can do has a key, and the help names it.
+#[test]
+fn every_control_has_a_key() {
+    let Some(mut browser) = browser_or_skip("every_control_has_a_key") else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let program = Program::start(&scene(dir.path()), &[]);
+    browser.size(1280, 720, 1.0);
+    browser.open(&program.link);
+    browser.rests();
+    let mut reached = Vec::new();
+    let fields = ["m mode", "S split", "i frame", "r rate", "t open", "T close", "w weight", "d readout"];
+    for (key, id) in fields.map(|field| field.split_once(' ').unwrap()) {
+        browser.key(key);
+        assert_eq!(browser.text("document.activeElement.id"), id, "{key}");
+        browser.key("Escape");
+        assert_eq!(browser.text("document.activeElement.tagName"), "BODY", "{key}");
+        reached.push(id);
+    }
+    let lists = ["k backend", "f prefilter", "g shading", "z size", "n direction", "a anchor", "b buffer"];
+    for (key, id) in lists.map(|list| list.split_once(' ').unwrap()) {
+        let choices = browser.number(&format!("document.getElementById('{id}').options.length")) as usize;
+        let mut seen = std::collections::BTreeSet::new();
+        for _ in 0..choices {
+            browser.key(key);
+            browser.rests();
+            seen.insert(browser.text(&format!("document.getElementById('{id}').value")));
+            assert_eq!(browser.value("document.getElementById('alert').hidden"), true, "{id}");
+        }
+        assert_eq!(seen.len(), choices, "{id}: {seen:?}");
+        reached.push(id);
+    }
+    // Those that `a_session` presses, or that say their own key.
+    reached.extend(["shutter-reset", "copy", "reset", "save-png", "save-exr", "save-scene", "help-open"]);
+    reached.extend(["to-first", "back", "play", "forward", "to-last", "time"]);
+    reached.sort_unstable();
+    let controls = browser.text(
+        "[...document.querySelectorAll('header button, aside :is(input, select, button), footer :is(input, button)')]\
+         .map((control) => control.id).sort().join(' ')",
+    );
+    assert_eq!(controls, reached.join(" "));
+    let unnamed = browser.text(
+        "(() => { const names = [...document.querySelectorAll('#keys dt')].flatMap((name) => \
+         name.textContent.split(/, (?!and)| and | /)); \
+         return Object.keys(viewer.keys).filter((key) => !names.includes(key === ' ' ? 'Space' : key)).join(' '); })()",
+    );
+    // It is the key of `+` without Shift.
+    assert_eq!(unnamed, "=");
+    browser.key("c");
+    browser.wait("document.getElementById('state').textContent.includes('camera')");
     assert_eq!(browser.complaints, [""; 0]);
 }
 

@@ -4,6 +4,7 @@
 
 mod browser;
 mod devtools;
+mod files;
 mod hostile;
 mod measure;
 mod pictures;

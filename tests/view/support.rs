@@ -35,7 +35,7 @@ impl Program {
             .unwrap();
         let mut link = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut link).unwrap();
-        assert!(link.starts_with("http://127.0.0.1:"), "{link:?}");
+        assert!(link.starts_with("http://127.0.0."), "{link:?}");
         Self { child, link: link.trim().to_owned(), begin }
     }
 
@@ -46,14 +46,21 @@ impl Program {
     }
 
     pub(crate) fn connect(&self) -> TcpStream {
-        let stream = TcpStream::connect(self.parts().0).unwrap();
+        Self::connect_to(&self.parts().0)
+    }
+
+    pub(crate) fn connect_to(host: &str) -> TcpStream {
+        let stream = TcpStream::connect(host).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         stream
     }
 
     /// The whole answer to a request with these lines.
     pub(crate) fn ask(&self, lines: &[&str]) -> String {
-        let mut stream = self.connect();
+        Self::ask_at(self.connect(), lines)
+    }
+
+    pub(crate) fn ask_at(mut stream: TcpStream, lines: &[&str]) -> String {
         stream.write_all((lines.join("\r\n") + "\r\n\r\n").as_bytes()).unwrap();
         let mut answer = Vec::new();
         // A refused connection may end before its answer.
@@ -82,6 +89,45 @@ impl Program {
         let fields: Vec<&str> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
         // In hundredths of a second on every Linux of today.
         (fields[11].parse::<f64>().unwrap() + fields[12].parse::<f64>().unwrap()) / 100.0
+    }
+}
+
+/// The small scene in a folder of its own, a program that shows it, and a page that has heard of it.
+pub(crate) struct Visit {
+    /// The folder; removed at the end.
+    pub(crate) dir: tempfile::TempDir,
+    pub(crate) scene: PathBuf,
+    /// Where the program saves.
+    pub(crate) out: PathBuf,
+    pub(crate) program: Program,
+    pub(crate) page: Page,
+}
+
+impl Visit {
+    pub(crate) fn new() -> Self {
+        Self::to(scene)
+    }
+
+    /// To a scene that `make` puts into a folder.
+    pub(crate) fn to(make: impl FnOnce(&Path) -> PathBuf) -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let (scene, out) = (make(dir.path()), dir.path().join("saved"));
+        let program = Program::start(&scene, &["--out", out.to_str().unwrap()]);
+        let mut page = program.page();
+        page.text("scene");
+        Self { dir, scene, out, program, page }
+    }
+
+    /// Asks for a view, and waits for its finished picture.
+    pub(crate) fn shown(&mut self, changes: Value) -> (Value, Vec<u8>) {
+        let serial = self.page.see(changes);
+        self.page.finished(serial)
+    }
+
+    /// Saves what is shown; the path.
+    pub(crate) fn save(&mut self, what: &str) -> PathBuf {
+        self.page.say(&json!({ "type": "save", "what": what }));
+        PathBuf::from(self.page.text("saved")["path"].as_str().unwrap())
     }
 }
 

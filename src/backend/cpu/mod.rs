@@ -126,6 +126,10 @@ impl Backend for Cpu {
         self.stop = stop;
     }
 
+    fn stop(&self) -> Arc<Stop> {
+        Arc::clone(&self.stop)
+    }
+
     fn recycle(&mut self, picture: Picture) {
         if self.pixels.len() < SPARE_PICTURES {
             self.pixels.push(picture.rgba);

@@ -132,6 +132,10 @@ impl Backend for Gpu {
         self.stop = stop;
     }
 
+    fn stop(&self) -> Arc<Stop> {
+        Arc::clone(&self.stop)
+    }
+
     fn render(&mut self, frame: Frame) -> Result<Rendered, BackendError> {
         if self.stop.is_set() {
             return Err(BackendError::Stopped);

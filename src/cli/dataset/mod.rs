@@ -25,7 +25,7 @@ use splatblur::study::provenance::{PROGRAM, Provenance, Settings};
 use splatblur::study::reference_samples;
 
 use self::replay::Recorded;
-use super::backend::Wanted;
+use super::backend::{Place, Wanted};
 use super::common::{
     MODES, Overrides, Running, Sampling, Splatting, Surfaces, frames_of, open_directory, stop_on_interrupt,
 };
@@ -149,13 +149,8 @@ pub(super) struct Dataset {
     surfaces: Surfaces,
     #[command(flatten)]
     splatting: Splatting,
-
-    /// Backend to render on.
-    #[arg(long, value_enum, default_value_t, help_heading = "Running")]
-    backend: Wanted,
-    /// Part of the name of the adapter to render on (`splatblur info --adapters` lists them).
-    #[arg(long, value_name = "NAME", help_heading = "Running")]
-    adapter: Option<String>,
+    #[command(flatten)]
+    place: Place,
     #[command(flatten)]
     running: Running,
 }
@@ -205,15 +200,15 @@ impl Dataset {
         let pool = self.running.pool()?;
         let mut recipe = choices.recipe()?;
         let wanted = match recipe.by {
-            By::Splatting(_) => recorded.backend(self.backend),
+            By::Splatting(_) => recorded.backend(self.place.backend),
             By::Tracing(_) => Wanted::Cpu,
         };
-        let mut renderer = Renderer::open(wanted.device(self.adapter.as_deref())?)?;
+        let mut renderer = Renderer::open(self.place.device_of(wanted)?)?;
         let backend = renderer.backend_name();
         if let By::Splatting(options) = &mut recipe.by {
-            options.memory = self.splatting.memory(backend, self.running.quiet);
+            options.memory = self.splatting.limit.memory(backend, self.running.quiet);
         }
-        let Loaded { scene, notes } = self.running.load(path, &choices.overrides, &pool)?;
+        let Loaded { scene, notes, .. } = self.running.load(path, &choices.overrides, &pool)?;
         if let Format::Png { alpha, .. } = &mut recipe.format {
             *alpha = scene.image.transparent;
         }

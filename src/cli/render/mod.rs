@@ -29,7 +29,7 @@ use self::movie::Movie;
 use self::nothing::Nothing;
 pub(super) use self::sequence::file_name;
 use self::sequence::{Finished, Sequence};
-use super::backend::Wanted;
+use super::backend::Place;
 use super::common::{
     Images, MODES, Overrides, Ready, Running, Sampling, Splatting, Surfaces, open_directory, stop_on_interrupt,
 };
@@ -96,13 +96,8 @@ pub(super) struct Render {
     surfaces: Surfaces,
     #[command(flatten)]
     splatting: Splatting,
-
-    /// Backend to render on.
-    #[arg(long, value_enum, default_value_t, help_heading = "Running")]
-    backend: Wanted,
-    /// Part of the name of the adapter to render on (`splatblur info --adapters` lists them).
-    #[arg(long, value_name = "NAME", help_heading = "Running")]
-    adapter: Option<String>,
+    #[command(flatten)]
+    place: Place,
     #[command(flatten)]
     running: Running,
 }
@@ -113,9 +108,9 @@ impl Render {
         let mut options = self.options()?;
         let pool = self.running.pool()?;
         // Before the scene, which may take long to load.
-        let mut renderer = Renderer::open(self.backend.device(self.adapter.as_deref())?)?;
+        let mut renderer = Renderer::open(self.place.device()?)?;
         let backend_name = renderer.backend_name();
-        options.memory = self.splatting.memory(backend_name, self.running.quiet);
+        options.memory = self.splatting.limit.memory(backend_name, self.running.quiet);
         let Ready { scene, mut notes, frames, format } =
             Ready::new(&self.images, &self.overrides, &self.running, &pool)?;
         let load_seconds = start.elapsed().as_secs_f64();

@@ -3,6 +3,7 @@
 
 import { orbit, pan, zoom } from "./camera.js";
 import { View } from "./canvas.js";
+import { keys } from "./keys.js";
 
 const $ = (id) => document.getElementById(id);
 const view = new View($("stage"), $("picture"), $("slider"));
@@ -25,7 +26,7 @@ let tries = 0;
 let ratio = devicePixelRatio;
 const sentAt = new Map();
 const log = [];
-window.viewer = { state, log, view, get scene() { return scene; }, get last() { return last; }, get serial() { return serial; } };
+window.viewer = { state, log, view, get scene() { return scene; }, get last() { return last; }, get serial() { return serial; }, get keys() { return KEYS; } };
 
 // ---- to the program
 
@@ -245,12 +246,17 @@ function splitWith(split) {
   view.draw();
   change({ split });
 }
-for (const id of ["open", "close", "weight"]) $(id).addEventListener("change", () => {
-  const weight = $("weight").value.trim();
+const SHUTTER = ["open", "close", "weight", "readout", "direction", "anchor"];
+for (const id of SHUTTER) $(id).addEventListener("change", shutterChanged);
+function shutterChanged() {
+  // What is the scene's stays its own: a drawn weight has no text that reads back.
+  const own = (text, ofScene) => (text && text !== ofScene ? text : null);
+  const [open, close, weight, duration, direction, anchor] = SHUTTER.map((id) => $(id).value.trim());
   change({ shutter: {
-    open: Number($("open").value), close: Number($("close").value), weight: weight && weight !== scene?.weight ? weight : null,
+    open: Number(open), close: Number(close), weight: own(weight, scene?.weight),
+    readout: own([Number(duration), direction, anchor].join(), scene?.readout),
   } });
-});
+}
 $("frame").addEventListener("change", () => { const frame = Number($("frame").value); if (Number.isFinite(frame)) change({ frame }); });
 $("time").addEventListener("input", () => change({ frame: Number($("time").value) }, true));
 $("time").addEventListener("change", () => change({}));
@@ -264,20 +270,27 @@ function fill() {
   put("open", state.shutter?.open ?? scene.open);
   put("close", state.shutter?.close ?? scene.close);
   put("weight", state.shutter?.weight ?? scene.weight);
+  (state.shutter?.readout ?? scene.readout).split(",").forEach((value, i) => put(SHUTTER[3 + i], value));
   put("frame", state.frame);
   $("time").value = state.frame;
 }
 
 async function copy() {
-  // Without a permission the text is selected, for Ctrl-C.
   $("line").select();
-  await navigator.clipboard?.writeText($("line").value).catch(() => {});
-  say("camera copied");
+  // Pages beyond the loopback address have no clipboard.
+  const done = navigator.clipboard
+    ? await navigator.clipboard.writeText($("line").value).then(() => true, () => false)
+    : document.execCommand("copy");
+  $("line").blur();
+  say(done ? "camera copied" : "copy the line of the camera with Ctrl-C");
+  if (!done) $("line").select();
 }
 
-const next = (id, by = 1) => {
-  const { options, selectedIndex: at } = $(id);
-  change({ [id]: options[(at + by + options.length) % options.length].value || null });
+// Takes another choice of a list, as a person does.
+const next = (id, by = 1) => () => {
+  const list = $(id);
+  list.selectedIndex = (list.selectedIndex + by + list.options.length) % list.options.length;
+  list.dispatchEvent(new Event("change"));
 };
 const ACTIONS = {
   "to-first": () => step(scene?.first), back: () => step(state.frame - 1), play, forward: () => step(state.frame + 1),
@@ -288,25 +301,20 @@ const ACTIONS = {
 };
 for (const [id, action] of Object.entries(ACTIONS)) $(id).addEventListener("click", action);
 
-const KEYS = {
-  " ": play, ",": ACTIONS.back, ".": ACTIONS.forward, Home: ACTIONS["to-first"], End: ACTIONS["to-last"],
-  "+": () => turn((c) => zoom(c, 0.9)), "=": () => turn((c) => zoom(c, 0.9)), "-": () => turn((c) => zoom(c, 1 / 0.9)),
-  0: ACTIONS.reset, m: () => $("mode").select(), S: () => $("split").select(),
-  t: () => $("open").select(), w: () => $("weight").select(), i: () => $("frame").select(), r: () => $("rate").select(),
-  o: ACTIONS["shutter-reset"],
-  b: () => next("buffer"), B: () => next("buffer", -1), s: () => splitWith(state.split === null ? "reference" : null),
-  "[": () => view.move(view.split - 0.05), "]": () => view.move(view.split + 0.05),
-  k: () => next("backend"), f: () => next("prefilter"), g: () => next("shading"), z: () => next("size"),
-  c: copy, p: ACTIONS["save-png"], e: ACTIONS["save-exr"], x: ACTIONS["save-scene"], "?": ACTIONS["help-open"],
-};
+const edit = (id) => () => { $(id).focus(); $(id).select(); };
+const KEYS = keys($("keys"), {
+  act: ACTIONS, next, edit, zoom: (by) => turn((c) => zoom(c, by)),
+  split: (by) => view.move(view.split + by), toggleSplit: () => splitWith(state.split === null ? "reference" : null),
+});
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || $("help").open) return;
   const { target, key } = event;
-  if (target.matches("input, select, textarea")) {
+  if (target.matches("input:not([type=range]), select, textarea")) {
     if (key === "Escape") target.blur();
     return;
   }
+  if (target.type === "range" && /^(Arrow|Home|End|Page)/.test(key)) return;
   if (key === " " && target.matches("button")) return;
   const arrow = ARROWS[key];
   if (arrow && target === slider) view.move(view.split + 0.02 * arrow[0]);

@@ -1,4 +1,4 @@
-//! The viewer on the loopback address: HTTP for the page, and a WebSocket for each page.
+//! The viewer on an address of this computer: HTTP for the page, and a WebSocket for each page.
 //!
 //! The needs are small: four files that are in the program, and an upgrade. So requests are read here, with `httparse`,
 //! under a deadline and a bound on their length, and `tungstenite` speaks the WebSocket. An HTTP library of threads
@@ -9,9 +9,8 @@ mod socket;
 mod token;
 
 use std::io::Write as _;
-use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use std::{io, thread};
@@ -19,13 +18,12 @@ use std::{io, thread};
 use self::request::{Refused, Request, Resource};
 use self::token::Token;
 use super::error::ViewerError;
-use super::watch::{Setup, Shared};
+use super::session::Page;
+use super::shared::{Listener, Setup, Shared};
 use crate::scene_file::Loaded;
 
 /// Connections whose request is being read. The oldest goes when one more comes.
 const MOST_WAITING: usize = 32;
-/// Pages at a time.
-const MOST_PAGES: usize = 8;
 /// Time in which an answer must be taken.
 const WRITE: Duration = Duration::from_secs(10);
 
@@ -33,27 +31,34 @@ const WRITE: Duration = Duration::from_secs(10);
 pub struct Viewer {
     shared: Arc<Shared>,
     listener: TcpListener,
-    port: u16,
+    address: SocketAddr,
     token: Arc<Token>,
 }
 
 impl Viewer {
-    /// Listens on the loopback address. Port 0 is any free one. The token is a new one, or that of `token_file`, which
-    /// is made where it is missing.
+    /// Listens on an address of this computer; all who can reach it are kept out by the token alone, which travels
+    /// unencrypted. Port 0 is any free one. The token is a new one, or that of `token_file`, which is made where it is
+    /// missing.
     ///
     /// # Errors
-    /// The port is taken, there are no random bytes, or the file of the token cannot be used.
-    pub fn open(setup: Setup, port: u16, token_file: Option<&Path>) -> Result<Self, ViewerError> {
+    /// The port is taken, the address is none of this computer, there are no random bytes, or the file of the token
+    /// cannot be used.
+    pub fn open(setup: Setup, address: SocketAddr, token_file: Option<&Path>) -> Result<Self, ViewerError> {
         let token = Arc::new(token_file.map_or_else(Token::new, Token::of_file)?);
-        let refused = |source| ViewerError::Listen { port, source };
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(refused)?;
-        let port = listener.local_addr().as_ref().map_or(port, SocketAddr::port);
-        Ok(Self { shared: Arc::new(Shared::new(setup)), listener, port, token })
+        let refused = |source| ViewerError::Listen { address, source };
+        let listener = TcpListener::bind(address).map_err(refused)?;
+        let address = listener.local_addr().unwrap_or(address);
+        Ok(Self { shared: Arc::new(Shared::new(setup)), listener, address, token })
     }
 
     /// The address to open in a browser. Who knows it may use the viewer.
     pub fn link(&self) -> String {
-        format!("http://127.0.0.1:{}/{}/", self.port, self.token)
+        let ip = match self.address.ip() {
+            IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
+            IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
+            ip => ip,
+        };
+        format!("http://{}/{}/", SocketAddr::new(ip, self.address.port()), self.token)
     }
 
     /// Held while a file is written: whoever holds it may end the program.
@@ -64,12 +69,7 @@ impl Viewer {
     /// Serves pages, and reads the scene with `load` now and whenever one of its files changes. Does not return.
     pub fn run(self, mut load: impl FnMut() -> Result<Loaded, String>) -> ! {
         let Self { shared, listener, token, .. } = self;
-        let server = Arc::new(Server {
-            shared: Arc::clone(&shared),
-            token,
-            pages: AtomicUsize::new(0),
-            waiting: Mutex::default(),
-        });
+        let server = Arc::new(Server { shared: Arc::clone(&shared), token, waiting: Mutex::default() });
         thread::spawn(move || server.accept(&listener));
         shared.watch(&mut load)
     }
@@ -78,8 +78,6 @@ impl Viewer {
 struct Server {
     shared: Arc<Shared>,
     token: Arc<Token>,
-    /// Pages that are open.
-    pages: AtomicUsize,
     /// Connections whose request is being read, oldest first.
     waiting: Mutex<Vec<(u64, TcpStream)>>,
 }
@@ -113,8 +111,8 @@ impl Server {
         let request = Request::read(stream);
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner).retain(|(other, _)| *other != number);
         let set_up = stream.set_write_timeout(Some(WRITE)).and_then(|()| stream.set_nodelay(true));
-        let Ok(request) = request.and_then(|request| set_up.map(|()| request)) else { return };
-        let resource = request.as_ref().map_err(|refused| *refused).and_then(|request| request.resource(&self.token));
+        let (Ok(request), Ok(()), Ok(own)) = (request, set_up, stream.local_addr()) else { return };
+        let resource = request.and_then(|request| request.resource(&self.token, own.ip().to_canonical()));
         match resource {
             Ok(Resource::Socket { accept, rest }) => self.page(stream, &accept, rest),
             Ok(Resource::File { kind, text }) => send(stream, "200 OK", kind, text),
@@ -124,13 +122,13 @@ impl Server {
 
     /// Serves a page until it has gone.
     fn page(&self, stream: &TcpStream, accept: &str, rest: Vec<u8>) {
-        if self.pages.fetch_add(1, Ordering::Relaxed) < MOST_PAGES {
-            socket::serve(&self.shared, stream, accept, rest);
+        let page = Arc::new(Page::default());
+        if let Some(_seat) = self.shared.seat(Arc::clone(&page) as Arc<dyn Listener>) {
+            socket::serve(&self.shared, &page, stream, accept, rest);
         } else {
             let refused = Refused::TooMany;
             send(stream, refused.status(), "text/plain; charset=utf-8", refused.why());
         }
-        self.pages.fetch_sub(1, Ordering::Relaxed);
     }
 }
 

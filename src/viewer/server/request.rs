@@ -1,7 +1,7 @@
 //! Requests: read under a deadline, and refused unless they come from the viewer's own page.
 
 use std::io::{self, Read as _};
-use std::net::TcpStream;
+use std::net::{IpAddr, TcpStream};
 use std::time::{Duration, Instant};
 
 use super::token::Token;
@@ -14,11 +14,12 @@ const LONGEST: usize = 16 << 10;
 const MOST_FIELDS: usize = 64;
 
 /// The files of the page: name, type, content.
-const FILES: [(&str, &str, &str); 5] = [
+const FILES: [(&str, &str, &str); 6] = [
     ("", "text/html; charset=utf-8", include_str!("../page/index.html")),
     ("style.css", "text/css; charset=utf-8", include_str!("../page/style.css")),
     ("main.js", "text/javascript; charset=utf-8", include_str!("../page/main.js")),
     ("camera.js", "text/javascript; charset=utf-8", include_str!("../page/camera.js")),
+    ("keys.js", "text/javascript; charset=utf-8", include_str!("../page/keys.js")),
     ("canvas.js", "text/javascript; charset=utf-8", include_str!("../page/canvas.js")),
 ];
 
@@ -149,9 +150,9 @@ impl Request {
         Some(Ok(request))
     }
 
-    /// What is asked for, if it may be had.
-    pub(super) fn resource(&self, token: &Token) -> Result<Resource, Refused> {
-        let host = self.host.as_deref().filter(|host| is_local(host)).ok_or(Refused::Host)?;
+    /// What is asked for at the address `own` of this computer, if it may be had.
+    pub(super) fn resource(&self, token: &Token, own: IpAddr) -> Result<Resource, Refused> {
+        let host = self.host.as_deref().filter(|host| is_here(host, own)).ok_or(Refused::Host)?;
         let own = |origin: &String| origin.strip_prefix("http://") == Some(host);
         if self.origin.as_ref().is_some_and(|origin| !own(origin)) {
             return Err(Refused::Origin);
@@ -173,10 +174,11 @@ impl Request {
     }
 }
 
-/// This machine, with any port: a tunnel has another one than we. Names that others can choose are refused, though they
-/// may lead here.
-fn is_local(host: &str) -> bool {
-    ["localhost", "127.0.0.1", "[::1]"].iter().any(|known| {
+/// This computer by its local names or by the address `own` that was connected to, with any port: a tunnel has another
+/// one than we. Names that others can choose are refused, though they may lead here.
+fn is_here(host: &str, own: IpAddr) -> bool {
+    let own = if own.is_ipv6() { format!("[{own}]") } else { own.to_string() };
+    ["localhost", "127.0.0.1", "[::1]", &own].iter().any(|known| {
         let Some(rest) = host.strip_prefix(known) else { return false };
         rest.is_empty() || rest.strip_prefix(':').is_some_and(|port| port.parse::<u16>().is_ok())
     })
@@ -188,7 +190,27 @@ mod tests {
 
     fn answer(token: &Token, path: &str, fields: &str) -> Result<Resource, Refused> {
         let text = format!("GET {path} HTTP/1.1\r\n{fields}\r\n");
-        Request::parse(text.as_bytes()).unwrap().and_then(|request| request.resource(token))
+        Request::parse(text.as_bytes()).unwrap().and_then(|request| request.resource(token, LOOPBACK))
+    }
+
+    const LOOPBACK: IpAddr = IpAddr::V4(std::net::Ipv4Addr::LOCALHOST);
+
+    #[test]
+    fn the_address_that_was_connected_to_is_here() {
+        let [lan, other, six]: [IpAddr; 3] = ["192.168.1.5", "192.168.1.55", "fe80::1"].map(|ip| ip.parse().unwrap());
+        for (host, own, wanted) in [
+            ("192.168.1.5:8000", lan, true),
+            ("192.168.1.5", lan, true),
+            ("localhost:8000", lan, true),
+            ("[fe80::1]:8000", six, true),
+            ("192.168.1.55:8000", lan, false),
+            ("192.168.1.5:8000", other, false),
+            ("192.168.1.5:8000", LOOPBACK, false),
+            ("viewer.example:8000", lan, false),
+            ("fe80::1", six, false),
+        ] {
+            assert_eq!(is_here(host, own), wanted, "{host} at {own}");
+        }
     }
 
     #[test]

@@ -16,7 +16,7 @@ use tungstenite::{Error, Message, WebSocket};
 
 use super::super::message::Sent;
 use super::super::session::{Page, Worker};
-use super::super::watch::Shared;
+use super::super::shared::Shared;
 
 /// Longest message of a page, bytes: a view takes about 600.
 const LONGEST: usize = 1 << 16;
@@ -38,7 +38,7 @@ enum Out {
 }
 
 /// Serves a page until it has gone.
-pub(super) fn serve(shared: &Arc<Shared>, stream: &TcpStream, accept: &str, rest: Vec<u8>) {
+pub(super) fn serve(shared: &Arc<Shared>, page: &Arc<Page>, stream: &TcpStream, accept: &str, rest: Vec<u8>) {
     let head = format!(
         "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
          Sec-WebSocket-Accept: {accept}\r\n\r\n"
@@ -46,11 +46,8 @@ pub(super) fn serve(shared: &Arc<Shared>, stream: &TcpStream, accept: &str, rest
     let mut answer = stream;
     let begun = answer.write_all(head.as_bytes()).and_then(|()| stream.set_read_timeout(Some(SILENCE)));
     let (Ok(()), Ok(reading), Ok(writing)) = (begun, stream.try_clone(), stream.try_clone()) else { return };
-    let page = Arc::new(Page::default());
-    shared.tell(&page);
     let (out, queue) = sync_channel(QUEUE);
     thread::scope(|scope| {
-        let page = &page;
         scope.spawn(move || {
             write(writing, &queue);
             page.close();
