@@ -264,7 +264,7 @@ mod tests {
         let mut counts = [0; 2];
         for round in 0..200 {
             let mut place = || DVec3::new(random.random_range(-9.0..9.0), random.random_range(-9.0..9.0), 0.3);
-            let mut segments: Vec<[DVec3; 2]> = (0..round % 7 + 1).map(|_| [place(), place()]).collect();
+            let mut segments: Vec<[DVec3; 2]> = (0..=round % 7).map(|_| [place(), place()]).collect();
             // Level, upright, and a point.
             let ends = segments[0];
             segments.push([ends[0], ends[0] + DVec3::X * 3.0]);

@@ -232,7 +232,8 @@ mod tests {
                 if cells.len() < most && !cells.contains(&cell) {
                     cells.push(cell);
                     let beyond = [a, b].map(|p| [p[0] + right[0], p[1] + right[1]]);
-                    ring.splice(at + 1..at + 1, beyond);
+                    let after = at + 1;
+                    ring.splice(after..after, beyond);
                 }
             }
             let corners: Vec<DVec3> = ring.iter().map(|p| DVec3::new(f64::from(p[0]), f64::from(p[1]), 0.0)).collect();
