@@ -1,6 +1,8 @@
 //! What a scene leaves open and its objects decide: the frames, the lights and the camera. Scenes made in code and
 //! scene files have the same defaults.
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 
 use super::pose::object_pose;
@@ -42,6 +44,7 @@ impl Scene {
             lights: lights(),
             environment: None,
             objects,
+            files: BTreeSet::new(),
         };
         scene.camera = Camera::automatic(&scene);
         scene

@@ -1,5 +1,6 @@
 //! A scene as plain values: what the renderer sees.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -37,6 +38,9 @@ pub struct Scene {
     /// Objects. Their order is that of all sums of floats: a scene with its objects in another order gives the same
     /// picture up to rounding.
     pub objects: Vec<Object>,
+    /// The files that it was read from: its own, those that it names, and those that these name; of a sequence, the
+    /// first. Files that were looked for and not found are among them. None of a scene that was made in code.
+    pub files: BTreeSet<PathBuf>,
 }
 
 impl Scene {

@@ -16,8 +16,7 @@ mod schema;
 mod write;
 mod xml;
 
-use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::files;
 use crate::model::{self, ModelError, Progress};
@@ -48,8 +47,6 @@ pub struct Loaded {
     pub scene: Scene,
     /// Normals or radii estimated, unknown words skipped, the automatic camera: one line each.
     pub notes: Vec<String>,
-    /// The files that were read: its own, those that it names, and those that these name. Of a sequence, the first.
-    pub files: BTreeSet<PathBuf>,
 }
 
 impl Scene {
@@ -70,7 +67,7 @@ impl Scene {
 /// The scene, or a file that it names, cannot be read or is not valid.
 pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, SceneError> {
     let (loaded, files) = files::listed(|| load_scene(path, options));
-    loaded.map(|(scene, notes)| Loaded { scene, notes, files })
+    loaded.map(|(scene, notes)| Loaded { scene: Scene { files, ..scene }, notes })
 }
 
 fn load_scene(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<String>), SceneError> {
@@ -93,7 +90,7 @@ fn load_scene(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<Stri
 /// The file cannot be read, or is not a valid model with at least one point.
 pub fn load_model(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, ModelError> {
     let (loaded, files) = files::listed(|| load_alone(path, options));
-    loaded.map(|(scene, notes)| Loaded { scene, notes, files })
+    loaded.map(|(scene, notes)| Loaded { scene: Scene { files, ..scene }, notes })
 }
 
 fn load_alone(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<String>), ModelError> {

@@ -1,6 +1,6 @@
 //! Turns a document into a scene: reads each file once, and fills in the defaults that depend on files.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -72,6 +72,7 @@ pub(super) fn resolve(
         lights,
         environment,
         objects,
+        files: BTreeSet::new(),
     };
     scene.camera = camera(source, &scene, document.camera.as_ref(), camera_binding)?;
     let says_fovy = document.camera.as_ref().is_some_and(|camera| camera.says_fovy);

@@ -132,7 +132,7 @@ impl Provenance {
             format: "",
             bits: 0,
             compression: None,
-            inputs: inputs(scene)?,
+            inputs: inputs(scene, path)?,
             hash: String::new(),
         };
         let mut alone = scene.clone();
@@ -258,7 +258,7 @@ impl Settings {
 }
 
 /// The files that a scene names, each once, without those of sequences.
-pub fn files(scene: &Scene) -> BTreeSet<&PathBuf> {
+fn named(scene: &Scene) -> BTreeSet<&PathBuf> {
     let models = scene.objects.iter().filter(|object| object.sphere.is_none() && object.sequence.is_none());
     let mut paths: BTreeSet<&PathBuf> = models.map(|object| &object.model_path).collect();
     paths.extend(scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path));
@@ -267,11 +267,17 @@ pub fn files(scene: &Scene) -> BTreeSet<&PathBuf> {
     paths
 }
 
-/// All model and animation files of a scene, each once, in a fixed order.
-fn inputs(scene: &Scene) -> Result<Vec<Input>, ProvenanceError> {
-    let mut inputs = files(scene).into_iter().map(|path| input(path)).collect::<Result<Vec<_>, _>>()?;
-    for sequence in scene.objects.iter().filter_map(|object| object.sequence.as_ref()) {
-        inputs.push(of_sequence(sequence.spec())?);
+/// All files of a scene that was loaded from `path`, each once, in a fixed order: what it names, and what that names, as
+/// textures. The scene file counts by what it says.
+fn inputs(scene: &Scene, path: &Path) -> Result<Vec<Input>, ProvenanceError> {
+    let mut files = named(scene);
+    let sequences = || scene.objects.iter().filter_map(|object| object.sequence.as_ref()).map(|s| s.spec());
+    let firsts: Vec<PathBuf> = sequences().map(|spec| spec.pattern.path(spec.first)).collect();
+    let others = scene.files.iter().filter(|file| *file != path && !firsts.contains(file) && file.exists());
+    files.extend(others);
+    let mut inputs = files.into_iter().map(|path| input(path)).collect::<Result<Vec<_>, _>>()?;
+    for spec in sequences() {
+        inputs.push(of_sequence(spec)?);
     }
     // By name: the order of the paths would depend on the scene's folder.
     inputs.sort_by(|a, b| (&a.file, &a.crc32).cmp(&(&b.file, &b.crc32)));

@@ -75,7 +75,7 @@ fn marks(files: &[PathBuf]) -> Vec<Mark> {
 /// The files of a scene: those that were read, those of its sequences, and those of `before` that are missing now. An
 /// editor may put a file aside and write it anew.
 fn files_of(loaded: &Loaded, before: &[PathBuf]) -> Vec<PathBuf> {
-    let mut files = loaded.files.clone();
+    let mut files = loaded.scene.files.clone();
     for sequence in loaded.scene.objects.iter().filter_map(|object| object.sequence.as_ref()) {
         let spec = sequence.spec();
         files.extend((spec.first..=spec.last).map(|number| spec.pattern.path(number)));

@@ -46,6 +46,37 @@ fn nodes_and_animations_are_described() {
     assert!(errors.contains("cut.glb: byte 8: found a length of 542144 bytes"), "{errors}");
 }
 
+/// A picture that is there already is not made again, unless a file that the model names is another one.
+#[test]
+fn an_edited_texture_makes_a_new_picture() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = |name: &str| dir.path().join(name);
+    let texture = |level: u8| image::RgbImage::from_pixel(4, 4, image::Rgb([level, 90, 200])).save(path("t.png"));
+    fs::write(
+        path("m.obj"),
+        "mtllib m.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n",
+    )
+    .unwrap();
+    fs::write(path("m.mtl"), "newmtl a\nKd 1 1 1\n").unwrap();
+    texture(10).unwrap();
+    let is_skipped = || {
+        let (status, said, errors) = run(dir.path(), "render m.obj --size 16x12 --backend cpu --resume --json --quiet");
+        assert_eq!(status, Some(0), "{errors}");
+        let report: serde_json::Value = serde_json::from_str(&said).unwrap();
+        report["frames"][0]["skipped"].as_bool().unwrap()
+    };
+    assert_eq!([is_skipped(), is_skipped()], [false, true]);
+    fs::write(path("m.mtl"), "newmtl a\nKd 1 1 1\nmap_Kd t.png\n").unwrap();
+    assert_eq!([is_skipped(), is_skipped()], [false, true]);
+    texture(240).unwrap();
+    assert_eq!([is_skipped(), is_skipped()], [false, true]);
+    // The texture goes, and comes again.
+    fs::remove_file(path("t.png")).unwrap();
+    assert_eq!([is_skipped(), is_skipped()], [false, true]);
+    texture(240).unwrap();
+    assert_eq!([is_skipped(), is_skipped()], [false, true]);
+}
+
 #[test]
 fn a_file_becomes_a_folder_with_a_scene() {
     let dir = folder();

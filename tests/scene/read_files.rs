@@ -74,8 +74,11 @@ fn all_that_is_read_is_listed() {
     ]
     .map(place);
     names.sort();
-    assert_eq!(loaded.files.into_iter().collect::<Vec<_>>(), names);
+    assert_eq!(loaded.scene.files.into_iter().collect::<Vec<_>>(), names);
     // A model alone.
     let loaded = scene_file::load_model(&place("square.obj"), &LoadOptions::default()).unwrap();
-    assert_eq!(loaded.files.into_iter().collect::<Vec<_>>(), ["of obj.png", "square.mtl", "square.obj"].map(place));
+    assert_eq!(
+        loaded.scene.files.into_iter().collect::<Vec<_>>(),
+        ["of obj.png", "square.mtl", "square.obj"].map(place)
+    );
 }
