@@ -267,8 +267,8 @@ fn named(scene: &Scene) -> BTreeSet<&PathBuf> {
     paths
 }
 
-/// All files of a scene that was loaded from `path`, each once, in a fixed order: what it names, and what that names, as
-/// textures. The scene file counts by what it says.
+/// All files of a scene that was loaded from `path`, each once, in a fixed order: what it names, and what that names,
+/// as textures. The scene file counts by what it says.
 fn inputs(scene: &Scene, path: &Path) -> Result<Vec<Input>, ProvenanceError> {
     let mut files = named(scene);
     let sequences = || scene.objects.iter().filter_map(|object| object.sequence.as_ref()).map(|s| s.spec());
