@@ -258,6 +258,9 @@ fn the_page_fits_its_window() {
     }
     browser.size(1280, 720, 1.0);
     browser.write("split", "reference");
+    // Through the middle of the objects.
+    browser.key("[");
+    browser.key("[");
     browser.wait("viewer.compared && viewer.compared.samples >= 16");
     browser.screenshot("split");
     browser.key("?");
