@@ -19,6 +19,11 @@ const COARSEST: f64 = 0.7;
 /// Most surfels that sharp edges add, as a share of those of the whole surface.
 const MOST_AT_EDGES: f64 = 0.75;
 
+/// Most parts of edges, as a share of all surfels and triangles. A part takes 290 bytes or so.
+const MOST_PARTS: f64 = 0.25;
+/// So many parts are never too many.
+const FEW_PARTS: f64 = 1e5;
+
 /// Spacings that are tried for a number of surfels.
 const TRIES: usize = 8;
 /// Logarithm of the ratio of two counts that are as good as the same.
@@ -55,7 +60,8 @@ impl Counted<'_> {
     /// that they take longer than the sampling.
     pub(super) fn band(&self, coarse: f64) -> (Band, f64) {
         let all = self.estimate(coarse);
-        let Some(mut band) = Band::new(self.edges, coarse, all + self.facets.kept.len() as f64) else {
+        let most = (MOST_PARTS * (all + self.facets.kept.len() as f64)).max(FEW_PARTS);
+        let Some(mut band) = Band::new(self.edges, coarse, most) else {
             return (Band::none(coarse), all);
         };
         let within = raster::count(self.facets, &band, band::reach(FINEST), self.reduce) as f64;
