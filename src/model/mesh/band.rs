@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::edges::{Edges, INSET};
-use super::facets::Shape;
+use super::facets::{Shape, shadow};
 
 /// No point is farther from a grid, spacings.
 const GRID: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -149,10 +149,6 @@ fn cells(low: DVec3, high: DVec3, width: f64) -> impl Iterator<Item = [i32; 3]> 
         let zs = zs.clone();
         ys.clone().flat_map(move |y| zs.clone().map(move |z| [x, y, z]))
     })
-}
-
-fn shadow(p: DVec3, axis: usize) -> DVec2 {
-    DVec2::new(p[(axis + 1) % 3], p[(axis + 2) % 3])
 }
 
 /// Distance of a point from a line segment.

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::facets::{Facets, Hit, Shape};
+use super::facets::{Facets, Hit, Shape, shadow};
 use super::{Mesh, Triangle};
 
 /// Distance from a sharp edge that a surfel keeps, spacings, as its shadow shows it. The disc still covers the edge, .8
@@ -64,7 +64,7 @@ impl Edges {
         if sharp == 0 {
             return hit;
         }
-        let corner = shape.shadow();
+        let corner = shape.corner.map(|p| shadow(p, shape.axis()));
         let twice_area = (corner[1] - corner[0]).perp_dot(corner[2] - corner[0]);
         // Of the weight of each corner.
         let gradient = [0, 1, 2].map(|i| (corner[(i + 2) % 3] - corner[(i + 1) % 3]).perp() / twice_area);

@@ -23,6 +23,11 @@ pub(super) struct Facets<'a> {
     pub(super) kept: Vec<u32>,
 }
 
+/// A point as rays along an axis see it.
+pub(super) fn shadow(p: DVec3, axis: usize) -> DVec2 {
+    DVec2::new(p[(axis + 1) % 3], p[(axis + 2) % 3])
+}
+
 /// A triangle, relative to [`Facets::origin`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
@@ -60,12 +65,6 @@ impl Shape {
         let size = self.across.abs();
         let first = usize::from(size.y > size.x * SAME);
         if size.z > size[first] * SAME { 2 } else { first }
-    }
-
-    /// The corners as rays along the axis see them.
-    pub(super) fn shadow(&self) -> [DVec2; 3] {
-        let axis = self.axis();
-        self.corner.map(|p| DVec2::new(p[(axis + 1) % 3], p[(axis + 2) % 3]))
     }
 
     /// Axes of the rays that sample the triangle.

@@ -2,9 +2,9 @@
 //!
 //! Readers give a [`Mesh`] in the space of the model. Nothing of it is filtered or reduced yet. Data flow: `gltf` with
 //! `gltf_material`, `obj` with `mtl` and `polygon`, `of_cloud` (bytes to a mesh), and `texture` (images to texels).
-//! Sampling makes surfels of it: `facets` (triangles with an area, and how they hang together) → `edges` (which are
-//! sharp) → `spacing` (how many surfels) → `band` (where they are finer) → `raster` (hits of rays) → `fill` (what rays
-//! miss) → `paint` (normals, colours, and textures by `pyramid`) → `sample` (all of it).
+//! Sampling makes surfels of it: `facets` (triangles with an area, and how they hang together) -> `edges` (which are
+//! sharp) -> `spacing` (how many surfels) -> `band` (where they are finer) -> `raster` (hits of rays) -> `fill` (what
+//! rays miss) -> `paint` (normals, colours, and textures by `pyramid`) -> `sample` (all of it).
 
 mod band;
 mod edges;

@@ -9,7 +9,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::band::{Band, Spans};
-use super::facets::{Facets, Hit, Shape};
+use super::facets::{Facets, Hit, Shape, shadow};
 
 /// A hit on an edge, which the triangle beyond it may have found too.
 #[derive(Clone, Copy)]
@@ -92,8 +92,7 @@ struct Grid {
 impl Grid {
     /// The corners of a triangle as the rays see them, which are at whole numbers.
     fn places(self, shape: &Shape) -> [DVec2; 3] {
-        let (right, up) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
-        shape.corner.map(|corner| DVec2::new(corner[right], corner[up]) / self.spacing - 0.5)
+        shape.corner.map(|corner| shadow(corner, self.axis) / self.spacing - 0.5)
     }
 }
 

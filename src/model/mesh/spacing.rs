@@ -19,7 +19,7 @@ const COARSEST: f64 = 0.7;
 /// Most surfels that sharp edges add, as a share of those of the whole surface.
 const MOST_AT_EDGES: f64 = 0.75;
 
-/// Most parts of edges, as a share of all surfels and triangles. A part takes 290 bytes or so.
+/// Most parts of edges, as a share of all surfels and triangles. A part lies in up to 27 cells of 16 bytes.
 const MOST_PARTS: f64 = 0.25;
 /// So many parts are never too many.
 const FEW_PARTS: f64 = 1e5;
