@@ -61,3 +61,81 @@ fn finite(x: f32) -> bool {
 fn all_finite(v: vec3<f32>) -> bool {
     return finite(v.x) && finite(v.y) && finite(v.z);
 }
+
+// Rounding of a coordinate of a disc, as a share of the coordinates that it is made of: 8 EPSILON.
+const ROUNDING: f32 = 9.536743e-7;
+// Half the side of the regular octagon about a circle of radius 1, and its corners in order.
+const HALF_SIDE: f32 = 0.41421357;
+const OCTAGON: array<vec2<f32>, 8> = array<vec2<f32>, 8>(
+    vec2<f32>(1.0, -HALF_SIDE), vec2<f32>(1.0, HALF_SIDE), vec2<f32>(HALF_SIDE, 1.0), vec2<f32>(-HALF_SIDE, 1.0),
+    vec2<f32>(-1.0, HALF_SIDE), vec2<f32>(-1.0, -HALF_SIDE), vec2<f32>(-HALF_SIDE, -1.0), vec2<f32>(HALF_SIDE, -1.0),
+);
+
+// A disc in homogeneous pixel coordinates (x, y, depth), counted from the camera's axis.
+struct Disc {
+    centre: vec3<f32>,
+    u: vec3<f32>,
+    v: vec3<f32>,
+}
+
+// Does the disc lie on the outer side of the plane through the eye and through all places `slope` along an image axis?
+// `sides` has 1 on that axis where higher places are outside, -1 where lower ones are, 0 on the other axis.
+fn is_beyond(disc: Disc, slope: f32, sides: vec2<f32>) -> bool {
+    let axis = abs(sides);
+    let side = sides.x + sides.y;
+    let u = side * (slope * disc.u.z - dot(axis, disc.u.xy));
+    let v = side * (slope * disc.v.z - dot(axis, disc.v.xy));
+    let centre = side * (slope * disc.centre.z - dot(axis, disc.centre.xy));
+    let size = size_of(disc);
+    let slack = ROUNDING * (dot(axis, size.xy) + abs(slope) * size.z);
+    return centre + sqrt(u * u + v * v) < -slack;
+}
+
+// Least and greatest place along image axes x and y of the part at depths of at least `near`: (least x, greatest x,
+// least y, greatest y). A least place is above the greatest where nothing is left.
+fn beyond_near(disc: Disc, near: f32) -> vec4<f32> {
+    var corners = OCTAGON;
+    var out = vec4<f32>(NONE, -NONE, NONE, -NONE);
+    for (var k = 0u; k < 8u; k += 1u) {
+        let a = corners[k];
+        let b = corners[(k + 1u) % 8u];
+        let p = disc.centre + disc.u * a.x + disc.v * a.y;
+        let q = disc.centre + disc.u * b.x + disc.v * b.y;
+        if p.z >= near { out = widened(out, p.xy / p.z); }
+        if (p.z >= near) != (q.z >= near) {
+            let t = (near - p.z) / (q.z - p.z);
+            out = widened(out, (p.xy + (q.xy - p.xy) * t) / near);
+        }
+    }
+    if out.x > out.y { return out; }
+    let size = size_of(disc);
+    return out + vec4<f32>(-1.0, 1.0, -1.0, 1.0) * (size.xxyy + abs(out) * size.z) * (ROUNDING / near);
+}
+
+// Sums of the sizes of the coordinates.
+fn size_of(disc: Disc) -> vec3<f32> {
+    return abs(disc.centre) + abs(disc.u) + abs(disc.v);
+}
+
+fn widened(box: vec4<f32>, at: vec2<f32>) -> vec4<f32> {
+    return vec4<f32>(min(box.x, at.x), max(box.y, at.x), min(box.z, at.y), max(box.w, at.y));
+}
+
+// Does the disc lie outside the plane through the eye along the first or the last of the wanted pixels of an image axis,
+// of which `axis` has 1? Pixels are counted from `origin`.
+fn is_outside(disc: Disc, origin: f32, wanted: vec2<i32>, margin: f32, axis: vec2<f32>) -> bool {
+    let slopes = slopes_of(origin, wanted, margin);
+    return is_beyond(disc, slopes.x, -axis) || is_beyond(disc, slopes.y, axis);
+}
+
+// Do both discs, and so the tube between them, lie outside one of these planes?
+fn both_outside(begin: Disc, end: Disc, origin: f32, wanted: vec2<i32>, axis: vec2<f32>) -> bool {
+    let slopes = slopes_of(origin, wanted, 0.0);
+    return (is_beyond(begin, slopes.x, -axis) && is_beyond(end, slopes.x, -axis))
+        || (is_beyond(begin, slopes.y, axis) && is_beyond(end, slopes.y, axis));
+}
+
+fn slopes_of(origin: f32, wanted: vec2<i32>, margin: f32) -> vec2<f32> {
+    let wider = margin + SLACK + abs(origin) * EPSILON;
+    return vec2<f32>(wanted) + 0.5 - origin + vec2<f32>(-wider, wider);
+}

@@ -229,10 +229,6 @@ fn clipped(centre: vec3<f32>, motion: vec3<f32>, u: vec3<f32>, v: vec3<f32>, dis
     return out;
 }
 
-fn widened(box: vec4<f32>, at: vec2<f32>) -> vec4<f32> {
-    return vec4<f32>(min(box.x, at.x), max(box.y, at.x), min(box.z, at.y), max(box.w, at.y));
-}
-
 fn with_margin(origin: vec2<f32>, box: vec4<f32>) -> vec4<f32> {
     let low = box.xz - SLACK_SHARE * abs(box.xz);
     let high = box.yw + SLACK_SHARE * abs(box.yw);
@@ -257,8 +253,13 @@ fn write_crossing(slot: u32, posed: SweptSplat, centre: vec3<f32>, motion: vec3<
     let turned = det * segment.handedness;
     let over = 1.0 / det;
     if !(faces(turned) && finite(over)) { return; }
+    let origin = view.axis - view.offset;
+    let begin = Disc(centre - motion, u, v);
+    let end = Disc(centre + motion, u, v);
+    if both_outside(begin, end, origin.x, view.pixels.xy, vec2<f32>(1.0, 0.0)) { return; }
+    if both_outside(begin, end, origin.y, view.pixels.zw, vec2<f32>(0.0, 1.0)) { return; }
     var splat = posed;
-    splat.reference = view.axis - view.offset;
+    splat.reference = origin;
     splat.inverse_depth = form(normal * over);
     splat.u = form(cross(v, centre) * over);
     splat.v = form(cross(centre, u) * over);

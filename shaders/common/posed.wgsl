@@ -88,7 +88,7 @@ fn posed(index: u32, margin: f32) -> Posed {
     out.splat.surfel = segment.buffer_start + segment.first_surfel + index;
     out.splat.flags = segment.index << 1u;
     if depth <= 0.0 || d22 > -1e-3 * depth * depth {
-        cross_camera_plane(&out);
+        cross_camera_plane(&out, margin);
         return out;
     }
     let over_area = 1.0 / area;
@@ -120,8 +120,9 @@ fn posed(index: u32, margin: f32) -> Posed {
     return out;
 }
 
-// A splat that reaches the camera plane. Its bounds are the whole image, and pixels are counted from the camera's axis.
-fn cross_camera_plane(out: ptr<function, Posed>) {
+// A splat that reaches the camera plane. It is bounded by the part of its disc beyond `near`, and pixels are counted from
+// the camera's axis.
+fn cross_camera_plane(out: ptr<function, Posed>, margin: f32) {
     let c = (*out).c;
     let u = (*out).u;
     let v = (*out).v;
@@ -129,12 +130,27 @@ fn cross_camera_plane(out: ptr<function, Posed>) {
     let det = normal.x * c.x + normal.y * c.y + normal.z * c.z;
     let over = 1.0 / det;
     if !(finite(det) && finite(over)) { return; }
+    let origin = view.axis - view.offset;
+    let disc = Disc(c, u, v);
+    if is_outside(disc, origin.x, view.pixels.xy, margin, vec2<f32>(1.0, 0.0)) { return; }
+    if is_outside(disc, origin.y, view.pixels.zw, margin, vec2<f32>(0.0, 1.0)) { return; }
+    let ends = beyond_near(disc, view.near);
+    if ends.x > ends.y { return; }
+    var bounds = vec4<u32>(view.pixels - view.corner.xxyy);
+    // Numbers beyond the range of floats bound nothing.
+    if all_finite(ends.xyz) && finite(ends.w) {
+        let wider = vec2<f32>(-margin, margin);
+        let across = pixels_in(index_range(origin.x, ends.xy + wider), view.pixels.xy);
+        let down = pixels_in(index_range(origin.y, ends.zw + wider), view.pixels.zw);
+        if !(across.x <= across.y && down.x <= down.y) { return; }
+        bounds = bounds_of(across, down);
+    }
     let i = normal * over;
     let form_u = cross(v, c) * over;
     let form_v = cross(c, u) * over;
     (*out).kind = CROSSING;
-    (*out).bounds = vec4<u32>(view.pixels - view.corner.xxyy);
-    (*out).splat.reference = view.axis - view.offset;
+    (*out).bounds = bounds;
+    (*out).splat.reference = origin;
     (*out).splat.inverse_depth = array<f32, 3>(i.x, i.y, i.z);
     (*out).splat.u = array<f32, 3>(form_u.x, form_u.y, form_u.z);
     (*out).splat.v = array<f32, 3>(form_v.x, form_v.y, form_v.z);

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use glam::{Mat3, Vec3};
 
-use super::bounds::{extent, pixel_range, whole};
+use super::bounds::{Disc, extent, is_outside, pixel_range, whole};
 use super::land::{Landing, Strip};
 use crate::backend::clusters::{CLUSTER_SURFELS, Clusters, Window};
 use crate::frame::{Blocks, PixelRect, PosedObject, Raster};
@@ -493,8 +493,8 @@ fn ordinary(shape: &Shape, l: usize, bounds: [u16; 4], surfel: u32) -> Splat {
     }
 }
 
-/// A splat that crosses the camera plane. Its bounds are all wanted pixels, and pixels are counted from the camera's
-/// axis.
+/// A splat that crosses the camera plane. It is bounded by the part of its disc beyond `near`, and pixels are counted
+/// from the camera's axis.
 #[inline(never)]
 fn push_crossing(view: &View<'_>, posed: &PosedLanes, l: usize, surfel: u32, out: &mut impl Sink) {
     let column = |m: &[Lanes; 3]| Vec3::new(m[0][l], m[1][l], m[2][l]);
@@ -505,16 +505,43 @@ fn push_crossing(view: &View<'_>, posed: &PosedLanes, l: usize, surfel: u32, out
     if !over.is_finite() {
         return;
     }
+    let Some(bounds) = crossing_bounds(view, &Disc { centre: c, u, v }).filter(|&bounds| view.wants(bounds)) else {
+        return;
+    };
     out.push_crossing(Splat {
         reference: [0, 1].map(|i| view.raster.axis[i] - view.raster.offset[i]),
         inverse_depth: (normal * over).to_array(),
         u: (v.cross(c) * over).to_array(),
         v: (c.cross(u) * over).to_array(),
         centre_depth: 0.0,
-        bounds: view.pixels.bounds(view.corner),
+        bounds,
         surfel,
         flags: if det * view.object.handedness < 0.0 { 0 } else { FLAG_BACK },
     });
+}
+
+/// Bounds of a disc that crosses the camera plane; `None` where it shows on no wanted pixel.
+fn crossing_bounds(view: &View<'_>, disc: &Disc) -> Option<[u16; 4]> {
+    let [x0, x1, y0, y1] = view.pixels.to_array();
+    let origin = [0, 1].map(|i| view.raster.axis[i] - view.raster.offset[i]);
+    let wanted = [[x0, x1], [y0, y1]];
+    if (0..2).any(|i| is_outside(&[*disc], i, origin[i], wanted[i], view.margin)) {
+        return None;
+    }
+    let ends = disc.beyond_near(view.near)?;
+    if !ends.as_flattened().iter().all(|end| end.is_finite()) {
+        // Numbers beyond the range of floats bound nothing.
+        return Some(view.pixels.bounds(view.corner));
+    }
+    let [columns, rows] = [0, 1].map(|i| {
+        let [low, high] = ends[i];
+        let (first, last) = pixel_range(origin[i], low - view.margin, high + view.margin, wanted[i][0], wanted[i][1]);
+        [first, last]
+    });
+    let seen = columns[0] <= columns[1] && rows[0] <= rows[1];
+    let corner = view.corner.map(|c| c as f32);
+    let from_corner = [columns[0] - corner[0], columns[1] - corner[0], rows[0] - corner[1], rows[1] - corner[1]];
+    seen.then(|| from_corner.map(whole))
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::filter::{Filter, Filtered};
 use super::posed::{Posed, forms};
-use crate::backend::cpu::bounds::{extent, index_range};
+use crate::backend::cpu::bounds::{Disc, extent, index_range, is_outside};
 use crate::backend::cpu::ewa::share::Shares;
 use crate::backend::cpu::project::View;
 use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, SweptFilter, SweptSplat};
@@ -284,6 +284,15 @@ fn crossing(view: &View<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
     let facing = if view.two_sided { turned.abs() > 0.0 } else { turned < 0.0 };
     let over = 1.0 / det;
     if !(facing && over.is_finite()) {
+        return None;
+    }
+    // The tube is the hull of the discs at its ends.
+    let [x0, x1, y0, y1] = view.pixels.to_array();
+    let discs = [centre - motion, centre + motion].map(|centre| Disc { centre, u, v });
+    let outside = |i: usize, wanted: [i32; 2]| {
+        is_outside(&discs, i, view.raster.axis[i] - view.raster.offset[i], wanted, 0.0)
+    };
+    if outside(0, [x0, x1]) || outside(1, [y0, y1]) {
         return None;
     }
     let clipped = clipped(view, posed, 0.0);
