@@ -16,7 +16,7 @@ use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use splatblur::backend::cpu::Cpu;
 use splatblur::options::{BlurMode, Prefilter, RenderOptions};
 use splatblur::renderer::{Stats, render_frame};
-use support::sphere_scene;
+use support::{hall_scene, sphere_scene};
 
 fn options(mode: BlurMode) -> RenderOptions {
     RenderOptions { quality: mode.into(), prefilter: Prefilter::None, ..RenderOptions::default() }
@@ -54,6 +54,24 @@ fn frames(criterion: &mut Criterion) {
     }
 }
 
+/// A floor under the camera: surfels that reach the camera plane.
+fn halls(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("hall");
+    group.sample_size(10).measurement_time(Duration::from_secs(5));
+    for surfels in [100_000, 1_000_000] {
+        for prefilter in [Prefilter::None, Prefilter::Ewa] {
+            let mut scene = None;
+            let pool = pool(1);
+            group.bench_function(BenchmarkId::new(format!("still/{prefilter}"), surfels), |bencher| {
+                let scene = scene.get_or_insert_with(|| hall_scene(surfels, [960, 540]));
+                let options = RenderOptions { prefilter, ..options(STILL) };
+                let mut cpu = Cpu::default();
+                pool.install(|| bencher.iter(|| black_box(render_frame(&mut cpu, scene, 0, &options))));
+            });
+        }
+    }
+}
+
 type Split = fn(&Stats) -> Duration;
 
 fn passes(criterion: &mut Criterion) {
@@ -79,5 +97,5 @@ fn passes(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, frames, passes);
+criterion_group!(benches, frames, halls, passes);
 criterion_main!(benches);

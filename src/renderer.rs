@@ -122,6 +122,12 @@ impl Renderer {
         self.backend.watch(meter);
     }
 
+    /// Counts from now on what bounds of splats waste ([`Stats`]). The CPU does; it takes up to twice the time.
+    #[doc(hidden)]
+    pub fn count_waste(&mut self) {
+        self.backend.count_waste();
+    }
+
     /// Ends frames with [`BackendError::Stopped`] from now on, soon after `stop` is set. The CPU ends between two steps
     /// of a frame, a GPU between two renderings of mode auto.
     #[doc(hidden)]

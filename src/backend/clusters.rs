@@ -131,8 +131,16 @@ pub(super) struct Window<'a> {
 }
 
 impl Window<'_> {
-    /// May anything in the box touch a wanted pixel? True for a box near the camera plane.
+    /// May anything in the box touch a wanted pixel? A box that reaches `near` has no bounds on the screen: it may,
+    /// unless all of it is nearer, or outside one of the side planes of the view.
     fn touches(&self, [low, high]: &[Vec3; 2]) -> bool {
+        let margin = SLACK + self.raster.low_pass.max(self.raster.apron() as f32);
+        let [x0, x1, y0, y1] = self.pixels.to_array().map(|pixel| pixel as f32);
+        let origin = [0, 1].map(|c| self.raster.axis[c] - self.raster.offset[c]);
+        // Places along image axes x and y beyond which nothing is wanted, by at least a pixel.
+        let slopes = [[x0, x1], [y0, y1]];
+        let slopes = [0, 1].map(|c| [slopes[c][0] - margin - origin[c], slopes[c][1] + 1.0 + margin - origin[c]]);
+        let (mut nearer, mut reaches_near, mut outside) = (true, false, [[true; 2]; 2]);
         let mut bounds = [f32::INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::NEG_INFINITY];
         let object = self.object;
         for corner in 0..8 {
@@ -145,18 +153,23 @@ impl Window<'_> {
                 places = [middle - motion, middle, middle + motion];
             }
             for p in places {
-                if p.z.is_nan() || p.z <= self.near {
-                    return true;
-                }
+                nearer &= p.z < self.near;
+                reaches_near |= p.z.is_nan() || p.z <= self.near;
                 for c in 0..2 {
+                    outside[c][0] &= p[c] < slopes[c][0] * p.z;
+                    outside[c][1] &= p[c] > slopes[c][1] * p.z;
                     let pixel = self.raster.axis[c] + p[c] / p.z - self.raster.offset[c];
                     bounds[2 * c] = bounds[2 * c].min(pixel);
                     bounds[2 * c + 1] = bounds[2 * c + 1].max(pixel);
                 }
             }
         }
-        let margin = SLACK + self.raster.low_pass.max(self.raster.apron() as f32);
-        let [x0, x1, y0, y1] = self.pixels.to_array().map(|pixel| pixel as f32);
+        if nearer || outside.as_flattened().contains(&true) {
+            return false;
+        }
+        if reaches_near {
+            return true;
+        }
         let [left, right] = [(bounds[0] - margin).max(x0), (bounds[1] + margin).min(x1)];
         let [top, bottom] = [(bounds[2] - margin).max(y0), (bounds[3] + margin).min(y1)];
         let bounds = [left, right, top, bottom].map(|pixel| pixel as usize);

@@ -18,7 +18,7 @@ use crate::stop::Stop;
 
 pub use self::error::BackendError;
 pub use self::meter::{Meter, Reading};
-pub use self::stats::{Achieved, Rendered, Stats};
+pub use self::stats::{Achieved, Pixels, Rendered, Stats, Waste};
 
 /// What executes plans. It knows the steps of a frame, and nothing about blur modes, scenes or files.
 pub trait Backend: Send {
@@ -47,6 +47,9 @@ pub trait Backend: Send {
 
     /// Counts its steps on `meter` from now on, where it can tell them apart.
     fn watch(&mut self, _meter: Arc<Meter>) {}
+
+    /// Counts from now on what bounds of splats waste ([`Stats::waste`]), where it can.
+    fn count_waste(&mut self) {}
 
     /// Ends a frame with [`BackendError::Stopped`] soon after `stop` is set, where it can end before the frame does.
     fn heed(&mut self, stop: Arc<Stop>);

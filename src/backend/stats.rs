@@ -46,6 +46,43 @@ pub struct Stats {
     pub resolve: Duration,
     /// The result of mode auto; `None` for a blur mode with given samples.
     pub achieved: Option<Achieved>,
+    /// What bounds of splats waste, where it was counted: on the CPU, where someone asked for it.
+    pub waste: Waste,
+}
+
+/// The pixels that passes look at for each splat, and those that it covers. A splat that is tight in its bounds covers
+/// pi / 4 of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Waste {
+    /// Pass `visibility`: discs.
+    pub visibility: Pixels,
+    /// Pass `attribute`: kernels, with what a prefilter adds to them.
+    pub attribute: Pixels,
+    /// Pass `composite`: Gaussians of captures, and kernels of volumes.
+    pub composite: Pixels,
+}
+
+/// Pixels, summed over splats. Pixels and splats count as often as a pass looks at them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pixels {
+    /// Within the bounds of the splats, whole pixels.
+    pub bounded: u64,
+    /// Those of them that the splats cover, hidden or not.
+    pub covered: u64,
+}
+
+impl Pixels {
+    /// Bounded over covered; `None` where nothing was counted or covered.
+    pub fn waste(self) -> Option<f64> {
+        (self.covered > 0).then(|| self.bounded as f64 / self.covered as f64)
+    }
+}
+
+impl std::ops::AddAssign for Pixels {
+    fn add_assign(&mut self, other: Self) {
+        self.bounded += other.bounded;
+        self.covered += other.covered;
+    }
 }
 
 /// The result of mode auto: the error that it estimates, and the samples that it took.
@@ -113,6 +150,9 @@ impl Stats {
         self.attribute += other.attribute;
         self.composite += other.composite;
         self.resolve += other.resolve;
+        self.waste.visibility += other.waste.visibility;
+        self.waste.attribute += other.waste.attribute;
+        self.waste.composite += other.waste.composite;
     }
 
     /// Samples and surfels of a frame, before anything is measured.

@@ -16,7 +16,7 @@ use splatblur::model::{Cloud, generate};
 use super::memory;
 use super::output::print;
 
-/// Generate one of the demo scenes' models, or a sphere of any number of surfels, as binary .ply; a volume as .nrrd; or
+/// Generate one of the demo scenes' models, or a sphere or a hall of any number of surfels, as binary .ply; a volume as .nrrd; or
 /// an environment as .exr.
 ///
 /// The same model is the same file, byte for byte, on every computer.
@@ -33,7 +33,7 @@ pub(super) struct Generate {
     /// File to write, ending in .ply; .nrrd for a volume, .exr for the studio.
     #[arg(value_name = "OUT")]
     output: PathBuf,
-    /// Number of surfels of a sphere [default: 100000].
+    /// Number of surfels of a sphere, about that of a hall [default: 100000].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
     surfels: Option<u32>,
     /// Number of the swarm's file, 1 to 5 [default: 1].
@@ -70,6 +70,8 @@ enum Model {
     Fence,
     /// Unit sphere of --surfels surfels
     Sphere,
+    /// Hall of --surfels surfels, seen from within
+    Hall,
     /// Splash of 20,000 drops with velocities and accelerations
     Splash,
     /// File --number of a swarm, a sequence of five with ids and velocities
@@ -116,8 +118,8 @@ impl Generate {
         if !is_volume && (self.size.is_some() || self.shape.is_some() || self.storage.is_some()) {
             bail!("--size, --shape and --type are for `volume` only");
         }
-        if self.surfels.is_some() && self.model != Model::Sphere {
-            bail!("--surfels is for `sphere` only: the other models have fixed numbers");
+        if self.surfels.is_some() && !matches!(self.model, Model::Sphere | Model::Hall) {
+            bail!("--surfels is for `sphere` and `hall` only: the other models have fixed numbers");
         }
         if self.number.is_some() && self.model != Model::Swarm {
             bail!("--number is for `swarm` only: the other models have one file");
@@ -188,6 +190,7 @@ impl Generate {
             // These are no clouds, and were written before.
             Model::Volume | Model::Studio => Cloud::default(),
             Model::Sphere => generate::sphere(self.surfels.unwrap_or(100_000)),
+            Model::Hall => generate::hall(self.surfels.unwrap_or(100_000)),
         }
     }
 }

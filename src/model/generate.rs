@@ -48,6 +48,40 @@ pub fn floor() -> Cloud {
     square(224, 14.0, 0.075, 16, [[120, 116, 110], [70, 72, 78]])
 }
 
+/// Inner size of a [`hall`].
+const HALL: DVec3 = DVec3::new(20.0, 6.0, 30.0);
+
+/// The inside of a hall about the y axis, from y = 0 to 6: 20 wide along x, 30 long along z. Floor, ceiling and walls
+/// have about `n` surfels together, on square lattices, each of radius 1.2 spacings. Cells of 1 are in two greys, of the
+/// walls ochre.
+///
+/// A camera within looks along its floor: many surfels reach the camera plane, which no ball before a camera shows.
+pub fn hall(n: u32) -> Cloud {
+    let area = 2.0 * (HALL.x * HALL.z + HALL.x * HALL.y + HALL.y * HALL.z);
+    let spacing = (area / f64::from(n.max(1))).sqrt();
+    let mut cloud = Cloud::default();
+    for axis in 0..3 {
+        let (along, across) = ((axis + 1) % 3, (axis + 2) % 3);
+        let counts = [along, across].map(|i| (HALL[i] / spacing).round().max(1.0) as u32);
+        for (side, row) in (0..2).flat_map(|side| (0..counts[1]).map(move |row| (side, row))) {
+            for column in 0..counts[0] {
+                let mut at = DVec3::ZERO;
+                at[axis] = f64::from(side) * HALL[axis];
+                at[along] = HALL[along] * (f64::from(column) + 0.5) / f64::from(counts[0]);
+                at[across] = HALL[across] * (f64::from(row) + 0.5) / f64::from(counts[1]);
+                let even = (at[along].floor() + at[across].floor()).rem_euclid(2.0) < 1.0;
+                let colours =
+                    if axis == 1 { [[150, 148, 142], [84, 86, 92]] } else { [[190, 150, 90], [150, 112, 60]] };
+                let mut inwards = DVec3::ZERO;
+                inwards[axis] = 1.0 - 2.0 * f64::from(side);
+                let middle = DVec3::new(0.5 * HALL.x, 0.0, 0.5 * HALL.z);
+                push(&mut cloud, at - middle, inwards, (1.2 * spacing) as f32, colours[usize::from(!even)]);
+            }
+        }
+    }
+    cloud
+}
+
 /// Seven upright slats in z = 0 with the normal +z, centred at x = -2.1, -1.4 .. 2.1. Each is 0.2 wide and 3.2 high
 /// about y = 0, with 20 x 320 surfels 0.01 apart of radius 0.012, ochre. The gaps are 0.5 wide.
 pub fn fence() -> Cloud {
@@ -300,6 +334,18 @@ mod tests {
         assert_eq!(counts, [30_000, 65_536, 50_176, 44_800, 1000]);
         assert!((ball().radius[7] - 0.011_547).abs() < 1e-6);
         assert!((sphere(10_000).radius[7] - 0.04).abs() < 1e-7);
+    }
+
+    #[test]
+    fn a_hall_is_seen_from_within() {
+        let hall = hall(20_000);
+        assert!(hall.position.len().abs_diff(20_000) < 400, "{}", hall.position.len());
+        let (low, high) = extent(&hall);
+        near(low, DVec3::new(-10.0, 0.0, -15.0), 0.2);
+        near(high, DVec3::new(10.0, 6.0, 15.0), 0.2);
+        let eye = DVec3::new(0.0, 1.7, 0.0);
+        let towards = |(at, normal): (&DVec3, &Vec3)| normal.as_dvec3().dot(eye - *at) > 0.0;
+        assert!(hall.position.iter().zip(&hall.normal).all(towards));
     }
 
     #[test]

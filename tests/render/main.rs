@@ -30,4 +30,5 @@ mod static_objects;
 mod symmetries;
 mod velocities;
 mod volumes;
+mod waste;
 mod wheels;

@@ -23,7 +23,7 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::backend::gpu::{Choice, Gpu};
 use splatblur::film::Picture;
 use splatblur::frame::Frame;
-use splatblur::model::{Material, Surfels};
+use splatblur::model::{Cloud, Material, Surfels, generate};
 use splatblur::options::{Quality, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{AnimationBinding, Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
@@ -132,6 +132,18 @@ pub fn sphere_scene(n: usize, size: u32, moving: bool) -> Scene {
         ];
     }
     let mut scene = scene(vec![sphere], [size, size], DVec3::new(0.0, 0.0, 4.0), 40.0);
+    scene.lights = default_lights();
+    scene
+}
+
+/// A hall seen from within, by an eye 1.7 above its floor: surfels reach the camera plane on all sides.
+pub fn hall_scene(n: u32, size: [u32; 2]) -> Scene {
+    let Cloud { position, normal, radius, colour, .. } = generate::hall(n);
+    let points = position.into_iter().zip(normal).zip(radius.into_iter().zip(colour));
+    let points = points.map(|((at, n), (radius, colour))| (at, n.as_dvec3(), f64::from(radius), colour));
+    let mut scene =
+        scene(vec![object(round_surfels(points).spatially_ordered())], size, DVec3::new(0.0, 1.7, 0.0), 60.0);
+    scene.camera.at = DVec3::new(1.0, 1.5, -4.0);
     scene.lights = default_lights();
     scene
 }

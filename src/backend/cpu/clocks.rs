@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
+use super::waste::Wasted;
 use crate::backend::Stats;
 use crate::frame::Frame;
 
@@ -32,6 +33,8 @@ pub(in crate::backend) struct Clocks {
     pub splats: AtomicU64,
     /// Pixels with more layers of see-through surfels than are composited, over all groups.
     pub left_out: AtomicU64,
+    /// What bounds waste; `None` where nobody asks for it.
+    pub wasted: Option<Wasted>,
 }
 
 impl Clocks {
@@ -46,6 +49,7 @@ impl Clocks {
             visibility: self.visibility.total(),
             attribute: self.attribute.total(),
             resolve: self.resolve.total(),
+            waste: self.wasted.as_ref().map(Wasted::total).unwrap_or_default(),
             ..Stats::of(frame)
         }
     }

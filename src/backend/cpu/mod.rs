@@ -29,6 +29,7 @@ pub(super) mod tiles;
 pub(super) mod transparent;
 pub(super) mod values;
 pub(super) mod visibility;
+mod waste;
 
 use std::sync::Arc;
 
@@ -49,6 +50,7 @@ use self::tile_buffers::TileBuffers;
 use self::tile_runner::TileRunner;
 use self::tiles::{Band, TILE};
 use self::transparent::{Fixed, SeeThroughGroup, TransparentGroup, TransparentMemory};
+use self::waste::Wasted;
 use super::clusters::{ClusterStore, Clusters};
 use super::{Backend, BackendError, Meter, Rendered};
 use crate::film::{FilmPlanes, Picture, develop};
@@ -79,6 +81,8 @@ pub struct Cpu {
     meter: Arc<Meter>,
     /// Ends a frame between two steps.
     stop: Arc<Stop>,
+    /// Is it counted what bounds waste?
+    counts_waste: bool,
 }
 
 /// What steps write, of which later steps and later frames use the memory again.
@@ -122,6 +126,10 @@ impl Backend for Cpu {
         self.meter = meter;
     }
 
+    fn count_waste(&mut self) {
+        self.counts_waste = true;
+    }
+
     fn heed(&mut self, stop: Arc<Stop>) {
         self.stop = stop;
     }
@@ -142,7 +150,7 @@ impl Cpu {
         let planes = frame.film_planes();
         let channels = Channels::of(frame);
         let budget = Budget::of(frame, &planes, &channels)?;
-        let clocks = Clocks::default();
+        let clocks = Clocks { wasted: self.counts_waste.then(Wasted::default), ..Clocks::default() };
         let clusters = self.clusters.of_frame(frame);
         let stride = frame.stride as usize;
         let areas = frame.rasters.iter().map(|raster| raster.area).collect();

@@ -16,6 +16,7 @@ use super::tile_buffers::TileBuffers;
 use super::tiles::Band;
 use super::values::{self, Faced, Shown};
 use super::visibility::{self, Depths};
+use super::waste::Wasteful;
 use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup, Raster};
@@ -80,10 +81,15 @@ impl Scope<'_> {
         Attributes {
             channels: self.channels,
             near: self.frame.near,
-            low_pass: if self.frame.prefilter == Prefilter::Approx { self.raster.low_pass } else { 0.0 },
+            low_pass: self.low_pass(),
             share: if self.frame.objects[chunk.object].is_static { 1.0 } else { self.share(sample.weight) },
             values,
         }
+    }
+
+    /// Radius of low-pass discs, raster pixels; +0 without them.
+    pub(in crate::backend) fn low_pass(&self) -> f32 {
+        if self.frame.prefilter == Prefilter::Approx { self.raster.low_pass } else { 0.0 }
     }
 
     /// Share that a sample of weight `weight` has in its group: 1 where it is alone.
@@ -160,11 +166,14 @@ impl Scope<'_> {
     }
 
     /// Makes splats with `make`; counts them and the time.
-    pub(in crate::backend) fn timed<S>(&self, binned: &mut Binned<S>, make: impl FnOnce(&mut Binned<S>)) {
+    pub(in crate::backend) fn timed<S: Wasteful>(&self, binned: &mut Binned<S>, make: impl FnOnce(&mut Binned<S>)) {
         let start = Instant::now();
         make(binned);
         self.clocks.splats.fetch_add(binned.splats.len() as u64, Relaxed);
         self.clocks.project.add(start);
+        if let Some(wasted) = &self.clocks.wasted {
+            wasted.add(S::waste(binned, self));
+        }
     }
 
     /// Pass `visibility` of one tile.

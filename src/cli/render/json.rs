@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use splatblur::FrameNumber;
-use splatblur::backend::Achieved;
+use splatblur::backend::{Achieved, Pixels, Waste};
 use splatblur::renderer::Stats;
 use splatblur::study::provenance::Settings;
 
@@ -49,6 +49,34 @@ pub(super) struct FrameReport<'a> {
     /// On a GPU, as far as it measures them.
     #[serde(skip_serializing_if = "Option::is_none")]
     device_seconds: Option<PassSeconds>,
+    /// On the CPU: pixels that passes looked at in vain.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    waste: Option<PassWaste>,
+}
+
+/// Passes that ran, each with its counts.
+#[derive(Serialize)]
+struct PassWaste {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    visibility: Option<PixelCounts>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    attribute: Option<PixelCounts>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    composite: Option<PixelCounts>,
+}
+
+#[derive(Serialize)]
+struct PixelCounts {
+    bounded: u64,
+    covered: u64,
+    waste: Option<f64>,
+}
+
+impl PixelCounts {
+    fn of(pixels: Pixels) -> Option<Self> {
+        let Pixels { bounded, covered } = pixels;
+        (bounded > 0).then(|| Self { bounded, covered, waste: pixels.waste() })
+    }
 }
 
 #[derive(Serialize)]
@@ -82,6 +110,9 @@ impl<'a> FrameReport<'a> {
             total: seconds_of(project + sort + bin + visibility + attribute + composite + resolve),
         });
         let (cpu_seconds, device_seconds) = if backend == "cpu" { (passes, None) } else { (None, passes) };
+        let Waste { visibility, attribute, composite } = stats.waste;
+        let [visibility, attribute, composite] = [visibility, attribute, composite].map(PixelCounts::of);
+        let waste = (backend == "cpu").then_some(PassWaste { visibility, attribute, composite });
         Self {
             frame: finished.frame,
             path: &finished.path,
@@ -94,6 +125,7 @@ impl<'a> FrameReport<'a> {
             auto: stats.achieved,
             cpu_seconds,
             device_seconds,
+            waste,
         }
     }
 }

@@ -65,7 +65,8 @@ Examples:
 JSON (--json), one object: program, scene, directory, backend, frames: [{{frame, path, skipped, seconds (wall,
 rendering), samples, surfels, splats, left_out (pixels with too many layers of see-through surfels), auto (error, way,
 samples, most_samples, interleave, blocks, refined, capped), cpu_seconds or device_seconds: {{project, sort, bin,
-visibility, attribute, composite, resolve, total}}}}],
+visibility, attribute, composite, resolve, total}}, waste (CPU alone; pixels within the bounds of splats over those that
+the splats cover): {{visibility, attribute, composite}}, each {{bounded, covered, waste}}}}],
 load_seconds, seconds (whole run), notes, objects (with --aov object: index to name), ffmpeg (null where frames do not
 follow one another), settings (as each file carries them, with `frame`, in its header)."))]
 pub(super) struct Render {
@@ -110,6 +111,9 @@ impl Render {
         // Before the scene, which may take long to load.
         let mut renderer = Renderer::open(self.place.device()?)?;
         let backend_name = renderer.backend_name();
+        if self.images.json {
+            renderer.count_waste();
+        }
         options.memory = self.splatting.limit.memory(backend_name, self.running.quiet);
         let Ready { scene, mut notes, frames, format } =
             Ready::new(&self.images, &self.overrides, &self.running, &pool)?;

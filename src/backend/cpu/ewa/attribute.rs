@@ -89,18 +89,18 @@ fn attribute_body(
 type Lanes = [f32; LANES];
 
 /// A filtered splat on the ray through one sample position.
-struct Seen {
-    weight: f32,
+pub(super) struct Seen {
+    pub weight: f32,
     /// Of its plane; of its centre where the ray misses the plane.
-    depth: f32,
+    pub depth: f32,
     /// 1 where the disc covers the position, else 0.
-    disc: f32,
+    pub disc: f32,
 }
 
 impl<const W: usize> Patch<W> {
     /// Lane `l` of the patch.
     #[inline(always)]
-    fn filtered<const CROSSING: bool>(
+    pub(super) fn filtered<const CROSSING: bool>(
         &self,
         splat: &EwaSplat,
         l: usize,

@@ -10,6 +10,7 @@ pub(super) mod share;
 #[cfg(test)]
 mod tests;
 pub(in crate::backend) mod visibility;
+mod waste;
 
 pub(in crate::backend::cpu) use self::attribute::{Filter, attribute};
 pub(in crate::backend) use self::buffers::EwaBuffers;

@@ -93,7 +93,7 @@ fn add_all<const FOOTPRINT: u8>(
 }
 
 /// A disc and its filtered kernel: what is the same for all rays.
-struct Pair {
+pub(super) struct Pair {
     near: f32,
     /// Forms of the filtered kernel: inverse depth, u, v, and the rates of u and v.
     forms: [[f32; 3]; 5],
@@ -111,7 +111,7 @@ struct Pair {
 
 impl Pair {
     #[inline(always)]
-    fn of(splat: &SweptSplat, filter: &SweptFilter, near: f32) -> Self {
+    pub(super) fn of(splat: &SweptSplat, filter: &SweptFilter, near: f32) -> Self {
         let i = splat.inverse_depth;
         let m = splat.motion;
         let k = i[0] * m[0] + i[1] * m[1] + i[2] * m[2];
@@ -137,7 +137,7 @@ impl Pair {
 
     /// The kernel on the ray through the sample position of `pixel`; nothing beyond column `last`.
     #[inline(always)]
-    fn meet<const FOOTPRINT: u8>(
+    pub(super) fn meet<const FOOTPRINT: u8>(
         &self,
         splat: &SweptSplat,
         slope: f32,

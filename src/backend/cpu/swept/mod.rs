@@ -14,6 +14,7 @@ pub(in crate::backend) mod slices;
 mod sweep_group;
 #[cfg(test)]
 mod tests;
+mod waste;
 
 pub(in crate::backend) use self::hull::Hull;
 pub(in crate::backend) use self::map::Map;

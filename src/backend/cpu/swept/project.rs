@@ -289,9 +289,8 @@ fn crossing(view: &View<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
     // The tube is the hull of the discs at its ends.
     let [x0, x1, y0, y1] = view.pixels.to_array();
     let discs = [centre - motion, centre + motion].map(|centre| Disc { centre, u, v });
-    let outside = |i: usize, wanted: [i32; 2]| {
-        is_outside(&discs, i, view.raster.axis[i] - view.raster.offset[i], wanted, 0.0)
-    };
+    let outside =
+        |i: usize, wanted: [i32; 2]| is_outside(&discs, i, view.raster.axis[i] - view.raster.offset[i], wanted, 0.0);
     if outside(0, [x0, x1]) || outside(1, [y0, y1]) {
         return None;
     }

@@ -5,8 +5,9 @@
 //! premultiplied colour and transmittance of each pixel. The order of splats matters; pixels do not know one another.
 
 use super::accumulators::{COLOUR, Composite, DEPTH, OPAQUE, RUNS, Surfels, blocks, within};
-use super::project::{FAINTEST, least_power};
+use super::project::{FAINTEST, Projected, least_power};
 use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect, lanes};
+use crate::backend::{Pixels, Waste};
 use crate::layout::GaussianSplat;
 use crate::math::fast;
 use crate::math::simd::dispatch;
@@ -282,6 +283,21 @@ impl Ladder {
         }
         self.common *= self.change;
     }
+}
+
+/// What bounds of splats waste whose places of samples are `offset` from the middles of pixels.
+pub(super) fn waste(projected: &Projected, offset: [f32; 2]) -> Waste {
+    let mut composite = Pixels::default();
+    for (splat, bounds) in projected.splats.iter().zip(&projected.bounds) {
+        let form = Form::of(splat, offset);
+        let faintest = if splat.layer > 0 { least_power(splat.peak) } else { -FAINTEST.log2() };
+        let [x0, x1, y0, y1] = bounds.map(usize::from);
+        for (x, y) in (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| (x, y))) {
+            composite.bounded += 1;
+            composite.covered += u64::from(form.power(form.dx(x), form.dy(y)) >= faintest);
+        }
+    }
+    Waste { composite, ..Waste::default() }
 }
 
 #[inline(always)]

@@ -21,7 +21,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use self::accumulators::{Composite, Content, Surfels};
-use self::composite::{Batch, Place, composite};
+use self::composite::{Batch, Place, composite, waste};
 use self::project::{Projected, project};
 use self::resolve::{Over, resolve};
 pub(in crate::backend) use self::see_through::SeeThroughGroup;
@@ -206,6 +206,9 @@ impl TransparentGroup<'_> {
             }
             scope.clocks.splats.fetch_add(out.splats.len() as u64, std::sync::atomic::Ordering::Relaxed);
             scope.clocks.project.add(start);
+            if let Some(wasted) = &scope.clocks.wasted {
+                wasted.add(waste(out, scope.raster.offset));
+            }
         });
     }
 

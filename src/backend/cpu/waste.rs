@@ -1,0 +1,118 @@
+//! Counts the pixels within the bounds of splats, and those that splats cover: what passes look at in vain. It is done
+//! where someone asks for it, since it costs about as much as pass `visibility`.
+//!
+//! A pixel is covered where a pass would find the splat on it, whatever hides it. Both counts are sums over splats.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use super::bin::Binned;
+use super::patch::{Patch, Touched};
+use super::scope::Scope;
+use super::tiles::{Band, LANES, TileRect};
+use crate::backend::{Pixels, Waste};
+use crate::layout::Splat;
+use crate::math::simd::dispatch;
+
+/// The counts of a frame, from all threads.
+#[derive(Debug, Default)]
+pub(in crate::backend) struct Wasted {
+    visibility: Count,
+    attribute: Count,
+    composite: Count,
+}
+
+#[derive(Debug, Default)]
+struct Count {
+    bounded: AtomicU64,
+    covered: AtomicU64,
+}
+
+impl Count {
+    fn add(&self, pixels: Pixels) {
+        self.bounded.fetch_add(pixels.bounded, Relaxed);
+        self.covered.fetch_add(pixels.covered, Relaxed);
+    }
+
+    fn total(&self) -> Pixels {
+        Pixels { bounded: self.bounded.load(Relaxed), covered: self.covered.load(Relaxed) }
+    }
+}
+
+impl Wasted {
+    pub(in crate::backend) fn add(&self, waste: Waste) {
+        self.visibility.add(waste.visibility);
+        self.attribute.add(waste.attribute);
+        self.composite.add(waste.composite);
+    }
+
+    pub(in crate::backend) fn total(&self) -> Waste {
+        let Self { visibility, attribute, composite } = self;
+        Waste { visibility: visibility.total(), attribute: attribute.total(), composite: composite.total() }
+    }
+}
+
+/// Splats whose waste can be counted.
+pub(in crate::backend) trait Wasteful: Sized {
+    /// The counts of the splats of a chunk.
+    fn waste(binned: &Binned<Self>, scope: &Scope<'_>) -> Waste;
+}
+
+/// All pixels of a band as one tile, for patches that know no tiles.
+pub(in crate::backend) fn whole(band: &Band) -> TileRect {
+    let [left, top] = band.corner;
+    let (width, height) = (band.pixels.last_column + 1 - left, band.pixels.last_row + 1 - top);
+    TileRect { tile: [0; 2], origin: [0; 2], corner: band.corner, width: width as usize, height: height as usize }
+}
+
+/// Pixels within `bounds`, and of them those that `covers` counts in runs of `LANES` columns, from a patch on.
+#[inline(always)]
+pub(in crate::backend) fn count(
+    bounds: [u16; 4],
+    rect: &TileRect,
+    covers: impl Fn(&Patch<LANES>, usize) -> bool,
+) -> Pixels {
+    let Some(touched) = Touched::within(bounds, rect) else { return Pixels::default() };
+    let mut covered = [0_u32; LANES];
+    for y in touched.y0..=touched.y1 {
+        let mut x = touched.x0;
+        while x <= touched.x1 {
+            let patch = Patch::new(&touched, rect, x, y);
+            for l in 0..LANES {
+                covered[l] += u32::from(covers(&patch, l));
+            }
+            x += LANES;
+        }
+    }
+    let bounded = (touched.x1 + 1 - touched.x0) * (touched.y1 + 1 - touched.y0);
+    Pixels { bounded: bounded as u64, covered: covered.iter().map(|&lane| u64::from(lane)).sum() }
+}
+
+impl Wasteful for Splat {
+    fn waste(binned: &Binned<Self>, scope: &Scope<'_>) -> Waste {
+        of_splats(&binned.splats, &whole(&scope.band), scope.frame.near, scope.low_pass())
+    }
+}
+
+dispatch! {
+    fn of_splats(splats: &[Splat], rect: &TileRect, near: f32, low_pass: f32) -> Waste = of_splats_body
+}
+
+#[inline(always)]
+fn of_splats_body(splats: &[Splat], rect: &TileRect, near: f32, low_pass: f32) -> Waste {
+    let most_inverse_depth = 1.0 / near;
+    let mut waste = Waste::default();
+    for splat in splats {
+        // In pass `attribute` the low-pass disc covers, too.
+        let reach2 = if splat.centre_depth > 0.0 { low_pass * low_pass } else { 0.0 };
+        let inside = |patch: &Patch<LANES>, l: usize| {
+            let hit = patch.at(splat, l);
+            (hit.inside & (hit.inverse_depth <= most_inverse_depth) & hit.wanted, hit)
+        };
+        waste.visibility += count(splat.bounds, rect, |patch, l| inside(patch, l).0);
+        waste.attribute += count(splat.bounds, rect, |patch, l| {
+            let (inside, hit) = inside(patch, l);
+            inside | (hit.wanted & (hit.x * hit.x + hit.y * hit.y < reach2))
+        });
+    }
+    waste
+}
