@@ -28,8 +28,15 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// Lets `write` make a file under a temporary name in the directory of `path`, then moves it to `path` in one step.
 ///
 /// # Errors
-/// As `write` says, or the file cannot be moved; then `path` is as it was, and nothing is left beside it.
+/// As `write` says, or the file cannot be moved; then `path` is as it was, and nothing is left beside it. A pipe, a
+/// socket or a device is not replaced: whoever named it meant something else.
 pub fn replace_with<E: From<io::Error>>(path: &Path, write: impl FnOnce(&Path) -> Result<(), E>) -> Result<(), E> {
+    if let Ok(there) = fs::symlink_metadata(path)
+        && !(there.is_file() || there.is_symlink())
+    {
+        let what = format!("it is {}, expected a regular file or none", kind(there.file_type()));
+        return Err(io::Error::other(what).into());
+    }
     let temporary = Temporary::claim(path)?;
     write(&temporary.0)?;
     // A rename must not reach the disk before the data: after a power cut the file would be there, but empty.

@@ -13,6 +13,8 @@ mod paths;
 mod play;
 mod resolve;
 mod schema;
+#[cfg(test)]
+mod tests;
 mod write;
 mod xml;
 

@@ -138,8 +138,9 @@ impl Info {
     }
 
     fn image(&self, file: &Path) -> anyhow::Result<()> {
-        let picture = image::read(file)?;
-        self.show(&describe::image(&picture, image::read_settings(file)))
+        let (picture, settings) =
+            files::steady(|| Ok::<_, anyhow::Error>((image::read(file)?, image::read_settings(file))))?;
+        self.show(&describe::image(&picture, settings))
     }
 
     fn model(&self, file: &Path) -> anyhow::Result<()> {
