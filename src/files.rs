@@ -1,11 +1,18 @@
-//! Files that appear whole or not at all, and lists of files that were read.
+//! Files: how they are opened to be read (`input`), whether they stand still meanwhile (`seen`), and how they appear
+//! whole or not at all.
 
-use std::cell::RefCell;
-use std::collections::BTreeSet;
+mod input;
+mod seen;
+
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
+
+pub(crate) use self::input::kind;
+pub use self::input::{Input, InputError, of_system, open, read};
+pub(crate) use self::seen::listed;
+pub use self::seen::{Changed, Seen, Stamp, steady};
 
 /// Writes `bytes` to `path`, replacing what was there in one step.
 ///
@@ -21,8 +28,15 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// Lets `write` make a file under a temporary name in the directory of `path`, then moves it to `path` in one step.
 ///
 /// # Errors
-/// As `write` says, or the file cannot be moved; then `path` is as it was, and nothing is left beside it.
+/// As `write` says, or the file cannot be moved; then `path` is as it was, and nothing is left beside it. A pipe, a
+/// socket or a device is not replaced: whoever named it meant something else.
 pub fn replace_with<E: From<io::Error>>(path: &Path, write: impl FnOnce(&Path) -> Result<(), E>) -> Result<(), E> {
+    if let Ok(there) = fs::symlink_metadata(path)
+        && !(there.is_file() || there.is_symlink())
+    {
+        let what = format!("it is {}, expected a regular file or none", kind(there.file_type()));
+        return Err(io::Error::other(what).into());
+    }
     let temporary = Temporary::claim(path)?;
     write(&temporary.0)?;
     // A rename must not reach the disk before the data: after a power cut the file would be there, but empty.
@@ -75,29 +89,6 @@ fn temporary_name(path: &Path, call: u32) -> io::Result<PathBuf> {
     let mut hidden = std::ffi::OsString::from(format!(".splatblur-{}-{call}-", std::process::id()));
     hidden.push(name);
     Ok(path.with_file_name(hidden))
-}
-
-thread_local! {
-    /// What the work of this thread has read, a list for each [`listed`] that is under way.
-    static LISTS: RefCell<Vec<BTreeSet<PathBuf>>> = const { RefCell::new(Vec::new()) };
-}
-
-/// Does `work`, and lists the files that this thread has read for it or tried to read.
-///
-/// Readers of many formats open files that other files name. They tell it here ([`reads`]), so that none of them hands
-/// a list through, and none is forgotten. Work that reads on other threads is not seen.
-pub(crate) fn listed<T>(work: impl FnOnce() -> T) -> (T, BTreeSet<PathBuf>) {
-    LISTS.with_borrow_mut(|lists| lists.push(BTreeSet::new()));
-    let done = work();
-    let list = LISTS.with_borrow_mut(Vec::pop).unwrap_or_default();
-    // Work within other work is part of it.
-    LISTS.with_borrow_mut(|lists| lists.last_mut().map(|outer| outer.extend(list.iter().cloned())));
-    (done, list)
-}
-
-/// Tells that a file is about to be read.
-pub(crate) fn reads(path: &Path) {
-    LISTS.with_borrow_mut(|lists| lists.last_mut().map(|list| list.insert(path.to_owned())));
 }
 
 #[cfg(test)]
@@ -154,19 +145,6 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert!(others.iter().all(|other| fs::read(other).unwrap() == b"half"));
         assert_eq!(names(dir.path()).len(), others.len() + 1);
-    }
-
-    #[test]
-    fn what_is_read_is_listed() {
-        let names = |list: BTreeSet<PathBuf>| list.iter().map(|path| path.display().to_string()).collect::<Vec<_>>();
-        reads(Path::new("before"));
-        let (inner, outer) = listed(|| {
-            reads(Path::new("b"));
-            let ((), inner) = listed(|| reads(Path::new("a")));
-            reads(Path::new("b"));
-            inner
-        });
-        assert_eq!((names(inner), names(outer)), (vec!["a".to_owned()], vec!["a".to_owned(), "b".to_owned()]));
     }
 
     #[test]

@@ -1,11 +1,13 @@
 //! The renderer: opens a device, and renders frames and sequences of scenes on it.
 
 use std::collections::VecDeque;
+use std::path::Path;
 use std::sync::Arc;
 
 use crate::auto;
 use crate::backend::cpu::Cpu;
 use crate::backend::{Backend, BackendError, Meter};
+use crate::files;
 use crate::film::{Aov, Picture};
 use crate::frame::Frame;
 use crate::objects;
@@ -222,7 +224,7 @@ impl std::fmt::Debug for Renderer {
 
 /// The processor's name, where Linux tells.
 fn processor() -> Option<String> {
-    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    let text = files::of_system(Path::new("/proc/cpuinfo"))?;
     let line = text.lines().find(|line| line.starts_with("model name"))?;
     Some(line.split_once(':')?.1.trim().to_owned())
 }

@@ -1,7 +1,9 @@
 //! Reasons to refuse an animation.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+
+use crate::files::Changed;
 
 /// A line of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,6 +38,9 @@ pub enum AnimError {
         /// What was named.
         path: PathBuf,
     },
+    /// The file, or one that it names, changes while it is read.
+    #[error(transparent)]
+    Changed(#[from] Changed),
     /// The file is larger than any animation. It is refused before it is read.
     #[error("{} is too large for an animation: {bytes} bytes, the limit is {limit}", path.display())]
     TooLarge {
@@ -167,12 +172,6 @@ pub enum AnimError {
         /// The nodes there are.
         known: String,
     },
-}
-
-impl AnimError {
-    pub(super) fn read(path: &Path, source: std::io::Error) -> Self {
-        Self::Read { path: path.to_owned(), source }
-    }
 }
 
 fn hint(notes: &[String]) -> String {

@@ -95,20 +95,24 @@ impl Convert {
     /// Makes a folder with a scene that plays a glTF file.
     fn play(&self) -> anyhow::Result<()> {
         let folder = &self.output;
-        let mut play = scene_file::play(&self.input)?;
         let inside = |name: &Path| folder.join(name);
+        // The copies are those that the scene was made of.
+        let (play, copies) = files::steady(|| {
+            let play = scene_file::play(&self.input)?;
+            // A file that is its own copy stays where it is.
+            let others = play.files.iter().filter(|(from, to)| !same_file(from, &inside(to)));
+            let bytes =
+                |from: &Path| files::read(from, u64::MAX).with_context(|| format!("cannot read {}", from.display()));
+            let copies = others.map(|(from, to)| Ok((inside(to), bytes(from)?))).collect::<anyhow::Result<Vec<_>>>()?;
+            Ok::<_, anyhow::Error>((play, copies))
+        })?;
         let scene = inside(Path::new("scene.xml"));
         let others = play.files.iter().map(|(_, to)| inside(to)).chain([scene.clone()]);
         if let Some(there) = others.into_iter().find(|to| to.symlink_metadata().is_ok() && !self.force) {
             bail!("{} exists already (--force replaces it)", there.display());
         }
-        // A file that is its own copy stays where it is.
-        play.files.retain(|(from, to)| !same_file(from, &inside(to)));
-        for (from, to) in &play.files {
-            let to = inside(to);
-            let bytes = std::fs::read(from).with_context(|| format!("cannot read {}", from.display()))?;
-            let written =
-                to.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| files::replace(&to, &bytes));
+        for (to, bytes) in &copies {
+            let written = to.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| files::replace(to, bytes));
             written.with_context(|| format!("cannot write {}", to.display()))?;
         }
         let written = std::fs::create_dir_all(folder).and_then(|()| files::replace(&scene, play.xml.as_bytes()));

@@ -6,6 +6,8 @@
 
 use std::path::Path;
 
+use splatblur::files;
+
 use super::output::say;
 
 /// What rendering takes at least, and where the system tells nothing.
@@ -37,7 +39,7 @@ fn share(given: Option<u64>, available: Option<u64>, on_device: bool) -> u64 {
 
 /// Bytes that this process can have; `None` where the system does not tell.
 pub(super) fn available() -> Option<u64> {
-    limit(&|path| std::fs::read_to_string(path).ok())
+    limit(&files::of_system)
 }
 
 /// An amount of memory for people: `1.5G`, `640M`.

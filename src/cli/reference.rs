@@ -1,6 +1,5 @@
 //! `splatblur reference`: a scene to ray-traced reference images with a standard error for each pixel.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -238,7 +237,8 @@ impl Reference {
             return Ok(None);
         }
         let context = || format!("cannot go on from {}", path.display());
-        let (sums, settings) = Sums::from_bytes(&fs::read(path).with_context(context)?).with_context(context)?;
+        let (sums, settings) =
+            Sums::from_bytes(&files::read(path, u64::MAX).with_context(context)?).with_context(context)?;
         if settings != kind {
             if !self.running.quiet {
                 say(&format!("note: {} was made with other settings; starting from nothing", path.display()));

@@ -3,12 +3,11 @@
 //! A file may name only what lies in its own folder or below: names that lead out, by `..`, by a root, by a scheme or
 //! by a link, are refused. So a scene that keeps to one folder stays there.
 
-use std::fs::{self, File};
-use std::io::Read as _;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::error::quote;
-use crate::files;
+use crate::files::{self, InputError};
 
 /// Largest file that is read beside another, bytes.
 const MOST_BYTES: u64 = 1 << 30;
@@ -121,20 +120,12 @@ pub(crate) fn read_beside(path: &Path, uri: &str) -> Result<Vec<u8>, String> {
 
 /// The bytes of a regular file; else why not, as `is missing`.
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>, String> {
-    files::reads(path);
-    // This comes before opening the file: opening a pipe may wait for ever.
-    let about = fs::metadata(path).map_err(|_| "is missing")?;
-    if !about.is_file() {
-        return Err("is no regular file".to_owned());
-    }
-    if about.len() > MOST_BYTES {
-        return Err(format!("has {} bytes, more than {MOST_BYTES}", about.len()));
-    }
-    let mut bytes = Vec::with_capacity(about.len() as usize);
-    let file = File::open(path).map_err(|why| format!("cannot be read: {why}"))?;
-    // The file may have grown since.
-    file.take(MOST_BYTES).read_to_end(&mut bytes).map_err(|why| format!("cannot be read: {why}"))?;
-    Ok(bytes)
+    files::read(path, MOST_BYTES).map_err(|why| match why {
+        InputError::Io(why) if why.kind() == ErrorKind::NotFound => "is missing".to_owned(),
+        InputError::NotAFile { found } => format!("is {found}, expected a regular file"),
+        InputError::TooLarge { bytes, most } => format!("has {bytes} bytes, more than {most}"),
+        other => format!("cannot be read: {other}"),
+    })
 }
 
 #[cfg(test)]

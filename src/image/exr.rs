@@ -42,7 +42,7 @@ pub(super) fn encode(
     let columns = picture.width as usize;
     let channel = |name: &str, values: Vec<f32>, half: bool| {
         let samples = if half { halves(name, &values, columns)? } else { FlatSamples::F32(values) };
-        Ok(AnyChannel::new(name, samples))
+        Ok::<_, ImageError>(AnyChannel::new(name, samples))
     };
     let half = options.precision == Precision::Half;
     let mut channels = Vec::new();

@@ -9,13 +9,12 @@ mod format;
 mod png;
 mod response;
 
-use std::fs::File;
 use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 
 pub use self::format::{Bits, Compression, Exr, Format, Precision};
 pub use self::response::{Response, ResponseError};
-use crate::files;
+use crate::files::{self, Changed, InputError};
 use crate::film::Picture;
 
 /// Name of the PNG chunk and of the EXR attribute that hold the settings.
@@ -124,6 +123,9 @@ pub enum ImageError {
         /// Why.
         source: io::Error,
     },
+    /// The file changes while it is read.
+    #[error(transparent)]
+    Changed(#[from] Changed),
     /// The file is not a picture that can be read.
     #[error("{}: {what}", path.display())]
     Decode {
@@ -242,9 +244,8 @@ pub fn write_planes(
 /// # Errors
 /// The file cannot be read, is no EXR file, or lacks a channel.
 pub fn read_planes(path: &Path, channels: &[&str]) -> Result<(u32, Vec<Vec<f32>>), ImageError> {
-    let bytes = read_regular(path).map_err(|source| ImageError::Read { path: path.to_owned(), source })?;
     let refused = |what: String| ImageError::Decode { path: path.to_owned(), what };
-    let (width, planes) = exr::decode_planes(&bytes, channels).map_err(refused)?;
+    let (width, planes) = files::steady(|| exr::decode_planes(&bytes(path)?, channels).map_err(refused))?;
     let missing = |(plane, name): (Option<Vec<f32>>, &&str)| {
         plane.ok_or_else(|| refused(format!("there is no channel `{name}`")))
     };
@@ -256,20 +257,22 @@ pub fn read_planes(path: &Path, channels: &[&str]) -> Result<(u32, Vec<Vec<f32>>
 /// # Errors
 /// The file cannot be read, or is no such picture.
 pub fn read(path: &Path) -> Result<Picture, ImageError> {
-    let bytes = read_regular(path).map_err(|source| ImageError::Read { path: path.to_owned(), source })?;
-    let decoded = match kind(&bytes) {
-        Some(Kind::Png) => png::decode(&bytes),
-        Some(Kind::Exr) => exr::decode(&bytes),
-        None => Err("neither a PNG nor an EXR file".to_owned()),
-    };
-    decoded.map_err(|what| ImageError::Decode { path: path.to_owned(), what })
+    files::steady(|| {
+        let bytes = bytes(path)?;
+        let decoded = match kind(&bytes) {
+            Some(Kind::Png) => png::decode(&bytes),
+            Some(Kind::Exr) => exr::decode(&bytes),
+            None => Err("neither a PNG nor an EXR file".to_owned()),
+        };
+        decoded.map_err(|what| ImageError::Decode { path: path.to_owned(), what })
+    })
 }
 
 /// The settings that a picture file carries; `None` where there are none, or where the file is not readable.
 ///
 /// Reads the header only.
 pub fn read_settings(path: &Path) -> Option<String> {
-    let mut file = io::BufReader::new(open_regular(path).ok()?);
+    let mut file = io::BufReader::new(files::open(path).ok()?);
     let mut head = [0; 8];
     file.read_exact(&mut head).ok()?;
     file.rewind().ok()?;
@@ -284,7 +287,7 @@ pub fn read_settings(path: &Path) -> Option<String> {
 ///
 /// A file that was cut short while it was copied keeps its header, and so its settings.
 pub fn is_whole(path: &Path) -> bool {
-    let Ok(bytes) = read_regular(path) else { return false };
+    let Ok(bytes) = files::read(path, u64::MAX) else { return false };
     match kind(&bytes) {
         Some(Kind::Png) => png::is_whole(&bytes),
         Some(Kind::Exr) => exr::is_whole(&bytes),
@@ -308,19 +311,11 @@ fn kind(head: &[u8]) -> Option<Kind> {
     }
 }
 
-fn open_regular(path: &Path) -> io::Result<File> {
-    files::reads(path);
-    // Asked before opening: opening a pipe would wait for its writer.
-    if !std::fs::metadata(path)?.is_file() {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file"));
-    }
-    File::open(path)
-}
-
-fn read_regular(path: &Path) -> io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    open_regular(path)?.read_to_end(&mut bytes)?;
-    Ok(bytes)
+fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
+    files::read(path, u64::MAX).map_err(|why| match why {
+        InputError::Changed(changed) => changed.into(),
+        other => ImageError::Read { path: path.to_owned(), source: other.into() },
+    })
 }
 
 /// Refuses pictures whose planes do not fit their size, and values that would hide a fault.

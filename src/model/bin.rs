@@ -2,18 +2,20 @@
 //! byte. It has 400 lines because it reads two versions of the format.
 
 use std::collections::BTreeSet;
-use std::io::{self, Write};
+use std::io::{self, Read, Seek as _, Write};
 use std::ops::Range;
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
+use super::bin_stream::{Fault, Stream};
 use super::error::{ModelError, ParseError, quote};
 use super::format::BIN_MAGIC;
 use super::normalisation::LARGEST;
 use super::store;
-use super::surfels::{MIPMAP_LEVELS, Material, Normalisation, Surfels, VelocityUnit};
+use super::surfels::{MIPMAP_LEVELS, Material, Surfels, VelocityUnit};
 use super::tidy::{MAX_COORDINATE, usable};
+use crate::files::Input;
 
 /// The version that is written. The first one is read too.
 const VERSION: u32 = 2;
@@ -67,22 +69,42 @@ const COLUMNS: [Known; 12] = [
 /// Where each column of [`COLUMNS`] lies in the file.
 type Places = [Option<Range<usize>>; COLUMNS.len()];
 
-/// Reads a file into surfels.
+/// True if a file begins as ours does. The next byte to be read is its first one.
+pub(super) fn is_at(input: &mut Input) -> io::Result<bool> {
+    let mut magic = Vec::new();
+    input.take(BIN_MAGIC.len() as u64).read_to_end(&mut magic)?;
+    input.rewind()?;
+    Ok(magic == BIN_MAGIC)
+}
+
+/// Reads bytes in memory, as [`read`].
+pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
+    read(bytes, bytes.len() as u64).map_err(|why| match why {
+        Fault::Format(why) => why,
+        Fault::Io(why) => ParseError::byte(0, format!("bytes that cannot be read: {why}"), "bytes"),
+    })
+}
+
+/// Reads a file of `size` bytes into surfels, from its first byte to its last. Each column goes straight to its place:
+/// the file is never whole in memory.
 ///
 /// # Errors
 /// The error names the byte. The magic or the version is wrong, columns are missing or do not fit the count, the
 /// checksum is wrong, or there are surfels that no other reader would accept (not finite, without extent, normals not
 /// of unit length).
-pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
-    let magic: [u8; 8] = field(bytes, 0)?;
+pub(super) fn read(from: impl Read, size: u64) -> Result<Surfels, Fault> {
+    let mut bytes = Stream::new(from, size, CRC_AT as u64..CRC_AT as u64 + 4);
+    let mut header = vec![0; size.min(HEADER as u64) as usize];
+    bytes.fill(&mut header)?;
+    let magic: [u8; 8] = field(&header, 0)?;
     if magic != BIN_MAGIC {
-        return Err(ParseError::byte(0, quote(&magic), quote(&BIN_MAGIC)));
+        return Err(ParseError::byte(0, quote(&magic), quote(&BIN_MAGIC)).into());
     }
-    let version = u32::from_le_bytes(field(bytes, 8)?);
+    let version = u32::from_le_bytes(field(&header, 8)?);
     if version == 0 || version > VERSION {
-        return Err(ParseError::byte(8, format!("version {version}"), format!("1 to {VERSION}")));
+        return Err(ParseError::byte(8, format!("version {version}"), format!("1 to {VERSION}")).into());
     }
-    let mask = u32::from_le_bytes(field(bytes, 12)?);
+    let mask = u32::from_le_bytes(field(&header, 12)?);
     let (bits, known) = if version == 1 {
         (
             HAS_MATERIAL | HAS_VELOCITY | TWO_SIDED | SIGNS_ESTIMATED,
@@ -93,65 +115,73 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surfels, ParseError> {
         (TWO_SIDED | SIGNS_ESTIMATED | PER_SECOND, known)
     };
     if mask & !bits != 0 {
-        return Err(ParseError::byte(12, format!("column mask {mask:#x}"), known));
+        return Err(ParseError::byte(12, format!("column mask {mask:#x}"), known).into());
     }
-    let count = u64::from_le_bytes(field(bytes, 16)?);
-    let origin = [24, 32, 40].map(|at| field(bytes, at).map(f64::from_le_bytes));
+    let count = u64::from_le_bytes(field(&header, 16)?);
+    let origin = [24, 32, 40].map(|at| field(&header, at).map(f64::from_le_bytes));
     let [x, y, z] = origin;
     let origin = DVec3::new(x?, y?, z?);
     if !origin.is_finite() || origin.abs().max_element() > MAX_COORDINATE {
-        return Err(ParseError::byte(24, format!("origin {origin}"), "finite coordinates up to 1e18"));
+        return Err(ParseError::byte(24, format!("origin {origin}"), "finite coordinates up to 1e18").into());
     }
-    let places = if version == 1 { first_version(bytes, count, mask)? } else { directory(bytes, count)? };
-    let found = u32::from_le_bytes(field(bytes, CRC_AT)?);
-    let computed = checksum(bytes);
+    let places =
+        if version == 1 { first_version(&header, size, count, mask)? } else { directory(&header, &mut bytes, count)? };
+    let found = u32::from_le_bytes(field(&header, CRC_AT)?);
+    let mut surfels = columns(&mut bytes, &places)?;
+    let computed = bytes.checksum()?;
     if found != computed {
         let expected = format!("{computed:08x}: the file is damaged");
-        return Err(ParseError::byte(CRC_AT, format!("checksum {found:08x}"), expected));
+        return Err(ParseError::byte(CRC_AT, format!("checksum {found:08x}"), expected).into());
     }
-    let [
-        position,
-        axis_u,
-        axis_v,
-        normal,
-        colour,
-        material,
-        velocity,
-        normalisation,
-        opacity,
-        mipmap,
-        acceleration,
-        id,
-    ] = places.each_ref().map(|place| place.as_ref().and_then(|place| bytes.get(place.clone())).unwrap_or_default());
-    let factors: Vec<f32> = rows(normalisation).map(|[factor]: [f32; 1]| factor).collect();
-    check_factors(&factors, &places)?;
-    let moves = !(velocity.is_empty() && acceleration.is_empty());
-    let surfels = Surfels {
-        origin,
-        position: vectors(position),
-        axis_u: vectors(axis_u),
-        axis_v: vectors(axis_v),
-        normal: vectors(normal),
-        colour: vectors(colour),
-        material: rows(material)
-            .map(|[ambient, diffuse, specular, shininess]| Material { ambient, diffuse, specular, shininess })
-            .collect(),
-        mipmap: rows(mipmap).map(levels).collect(),
-        velocity: vectors(velocity),
-        acceleration: vectors(acceleration),
-        id: id.as_chunks::<8>().0.iter().map(|row| i64::from_le_bytes(*row)).collect(),
-        velocity_unit: if moves && mask & PER_SECOND == 0 { VelocityUnit::Frame } else { VelocityUnit::Second },
-        opacity: rows(opacity).map(|[opacity]: [f32; 1]| opacity).collect(),
-        normalisation: if factors.is_empty() { Normalisation::default() } else { factors.into() },
-        two_sided: mask & TWO_SIDED != 0,
-        signs_estimated: mask & SIGNS_ESTIMATED != 0,
-    };
+    let moves = !(surfels.velocity.is_empty() && surfels.acceleration.is_empty());
+    surfels.origin = origin;
+    surfels.velocity_unit = if moves && mask & PER_SECOND == 0 { VelocityUnit::Frame } else { VelocityUnit::Second };
+    surfels.two_sided = mask & TWO_SIDED != 0;
+    surfels.signs_estimated = mask & SIGNS_ESTIMATED != 0;
+    if let Some(factors) = surfels.normalisation.known() {
+        check_factors(factors, &places)?;
+    }
     check(&surfels, &places)?;
     Ok(surfels)
 }
 
+/// The columns of a file, whose next byte is the first behind its directory.
+fn columns<R: Read>(bytes: &mut Stream<R>, places: &Places) -> Result<Surfels, Fault> {
+    let mut surfels = Surfels::default();
+    let mut factors = Vec::new();
+    let there = places.iter().zip(&COLUMNS).filter_map(|(place, column)| Some((place.clone()?, column)));
+    let mut there: Vec<(Range<usize>, &Known)> = there.collect();
+    there.sort_by_key(|(place, _)| place.start);
+    for (place, column) in there {
+        bytes.skip_to(place.start as u64)?;
+        let s = &mut surfels;
+        match column.name {
+            "position" => bytes.vectors(&place, &mut s.position)?,
+            "axis_u" => bytes.vectors(&place, &mut s.axis_u)?,
+            "axis_v" => bytes.vectors(&place, &mut s.axis_v)?,
+            "normal" => bytes.vectors(&place, &mut s.normal)?,
+            "colour" => bytes.vectors(&place, &mut s.colour)?,
+            "material" => bytes.floats::<4, 16, _>(&place, &mut s.material, material)?,
+            "velocity" => bytes.vectors(&place, &mut s.velocity)?,
+            "normalisation" => bytes.floats::<1, 4, _>(&place, &mut factors, |[factor]| factor)?,
+            "opacity" => bytes.floats::<1, 4, _>(&place, &mut s.opacity, |[opacity]| opacity)?,
+            "mipmap" => {
+                bytes.floats::<{ 3 * MIPMAP_LEVELS }, { 12 * MIPMAP_LEVELS }, _>(&place, &mut s.mipmap, levels)?
+            }
+            "acceleration" => bytes.vectors(&place, &mut s.acceleration)?,
+            "id" => bytes.rows(&place, &mut s.id, |row: &[u8; 8]| i64::from_le_bytes(*row))?,
+            // A column that this version knows, and does not keep.
+            _ => bytes.skip_to(place.end as u64)?,
+        }
+    }
+    if !factors.is_empty() {
+        surfels.normalisation = factors.into();
+    }
+    Ok(surfels)
+}
+
 /// The columns of the first version: they follow the header in their order.
-fn first_version(bytes: &[u8], count: u64, mask: u32) -> Result<Places, ParseError> {
+fn first_version(header: &[u8], size: u64, count: u64, mask: u32) -> Result<Places, ParseError> {
     let mut places = Places::default();
     let mut end = Some(HEADER as u64);
     for (place, column) in places.iter_mut().zip(&COLUMNS) {
@@ -168,12 +198,12 @@ fn first_version(bytes: &[u8], count: u64, mask: u32) -> Result<Places, ParseErr
             *place = start.zip(stop).map(|(start, stop)| start as usize..stop as usize);
         }
     }
-    if end != Some(bytes.len() as u64) {
+    if end != Some(size) {
         let expected = end.map_or_else(|| "2^64 or more".to_owned(), |n| n.to_string());
-        let found = format!("{count} surfels in a file of {} bytes", bytes.len());
+        let found = format!("{count} surfels in a file of {size} bytes");
         return Err(ParseError::byte(16, found, format!("a file of {expected} bytes: is it cut short?")));
     }
-    let reserved: [u8; 12] = field(bytes, CRC_AT + 4)?;
+    let reserved: [u8; 12] = field(header, CRC_AT + 4)?;
     if reserved != [0; 12] {
         return Err(ParseError::byte(CRC_AT + 4, "reserved bytes that are not 0", "12 zeros"));
     }
@@ -182,42 +212,46 @@ fn first_version(bytes: &[u8], count: u64, mask: u32) -> Result<Places, ParseErr
 
 /// The columns of the second version: a directory follows the header, and the columns follow the directory in its
 /// order. Columns of other names are skipped.
-fn directory(bytes: &[u8], count: u64) -> Result<Places, ParseError> {
-    let columns = u32::from_le_bytes(field(bytes, COLUMNS_AT)?);
-    let reserved: [u8; 8] = field(bytes, COLUMNS_AT + 4)?;
+fn directory<R: Read>(header: &[u8], bytes: &mut Stream<R>, count: u64) -> Result<Places, Fault> {
+    let columns = u32::from_le_bytes(field(header, COLUMNS_AT)?);
+    let reserved: [u8; 8] = field(header, COLUMNS_AT + 4)?;
     if reserved != [0; 8] {
-        return Err(ParseError::byte(COLUMNS_AT + 4, "reserved bytes that are not 0", "8 zeros"));
+        return Err(ParseError::byte(COLUMNS_AT + 4, "reserved bytes that are not 0", "8 zeros").into());
     }
-    let left = bytes.len() - HEADER;
+    let left = bytes.size.saturating_sub(HEADER as u64);
     let entries = u64::from(columns) * ENTRY as u64;
-    if entries > left as u64 {
-        let expected = format!("at most {}: {left} bytes are left", left / ENTRY);
-        return Err(ParseError::byte(COLUMNS_AT, format!("{columns} columns"), expected));
+    if entries > left {
+        let expected = format!("at most {}: {left} bytes are left", left / ENTRY as u64);
+        return Err(ParseError::byte(COLUMNS_AT, format!("{columns} columns"), expected).into());
     }
     let mut places = Places::default();
     let mut names = BTreeSet::new();
     let mut end = HEADER as u64 + entries;
     for at in (HEADER..).step_by(ENTRY).take(columns as usize) {
-        let raw: [u8; NAME] = field(bytes, at)?;
+        let mut entry = [0; ENTRY];
+        bytes.fill(&mut entry)?;
+        let raw: [u8; NAME] = field(&entry, 0)?;
         let name = name(&raw).ok_or_else(|| {
             let expected = "a name of a to z, 0 to 9 and _, filled up with zeros";
             ParseError::byte(at, format!("column name {}", quote(&raw)), expected)
         })?;
         if !names.insert(raw) {
-            return Err(ParseError::byte(at, format!("a second column `{name}`"), "different names"));
+            return Err(ParseError::byte(at, format!("a second column `{name}`"), "different names").into());
         }
-        let kind = u32::from_le_bytes(field(bytes, at + NAME)?);
-        let components = u32::from_le_bytes(field(bytes, at + NAME + 4)?);
-        let start = u64::from_le_bytes(field(bytes, at + NAME + 8)?);
-        let length = u64::from_le_bytes(field(bytes, at + NAME + 16)?);
+        let kind = u32::from_le_bytes(field(&entry, NAME)?);
+        let components = u32::from_le_bytes(field(&entry, NAME + 4)?);
+        let start = u64::from_le_bytes(field(&entry, NAME + 8)?);
+        let length = u64::from_le_bytes(field(&entry, NAME + 16)?);
         if start != end {
             let found = format!("column `{name}` at byte {start}");
-            return Err(ParseError::byte(at + NAME + 8, found, format!("byte {end}, the next multiple of 8")));
+            return Err(ParseError::byte(at + NAME + 8, found, format!("byte {end}, the next multiple of 8")).into());
         }
-        let left = (bytes.len() as u64).saturating_sub(start);
+        let left = bytes.size.saturating_sub(start);
         if length > left {
             let found = format!("column `{name}` of {length} bytes");
-            return Err(ParseError::byte(at + NAME + 16, found, format!("at most {left}: is the file cut short?")));
+            return Err(
+                ParseError::byte(at + NAME + 16, found, format!("at most {left}: is the file cut short?")).into()
+            );
         }
         end = (start + length).next_multiple_of(8);
         let Some((place, column)) = places.iter_mut().zip(&COLUMNS).find(|(_, known)| known.name == name) else {
@@ -226,22 +260,22 @@ fn directory(bytes: &[u8], count: u64) -> Result<Places, ParseError> {
         if (kind, components as usize) != (column.kind, column.components) {
             let found = format!("column `{name}` of type {kind} with {components} components");
             let expected = format!("type {} with {}", column.kind, column.components);
-            return Err(ParseError::byte(at + NAME, found, expected));
+            return Err(ParseError::byte(at + NAME, found, expected).into());
         }
         if column.length(count) != Some(length) {
             let found = format!("column `{name}` of {length} bytes for {count} surfels");
             let expected = format!("{} bytes for each surfel", column.row());
-            return Err(ParseError::byte(at + NAME + 16, found, expected));
+            return Err(ParseError::byte(at + NAME + 16, found, expected).into());
         }
         *place = Some(start as usize..(start + length) as usize);
     }
-    if end != bytes.len() as u64 {
-        let found = format!("columns up to byte {end} in a file of {} bytes", bytes.len());
-        return Err(ParseError::byte(COLUMNS_AT, found, "a file that ends with its last column"));
+    if end != bytes.size {
+        let found = format!("columns up to byte {end} in a file of {} bytes", bytes.size);
+        return Err(ParseError::byte(COLUMNS_AT, found, "a file that ends with its last column").into());
     }
     let missing = places.iter().zip(&COLUMNS).find(|(place, column)| place.is_none() && column.required);
     match missing {
-        Some((_, column)) => Err(ParseError::byte(HEADER, format!("no column `{}`", column.name), "one")),
+        Some((_, column)) => Err(ParseError::byte(HEADER, format!("no column `{}`", column.name), "one").into()),
         None => Ok(places),
     }
 }
@@ -416,33 +450,18 @@ impl Write for Sum {
     }
 }
 
-/// CRC-32 (IEEE) of the whole file, with its own four bytes taken as 0.
-fn checksum(bytes: &[u8]) -> u32 {
-    let mut hasher = crc32fast::Hasher::new();
-    hasher.update(bytes.get(..CRC_AT).unwrap_or_default());
-    hasher.update(&[0; 4]);
-    hasher.update(bytes.get(CRC_AT + 4..).unwrap_or_default());
-    hasher.finalize()
-}
-
 fn field<const N: usize>(bytes: &[u8], at: usize) -> Result<[u8; N], ParseError> {
     let found = bytes.get(at..).and_then(<[u8]>::first_chunk::<N>);
     found.copied().ok_or_else(|| ParseError::byte(at, "the end of the file", format!("a header of {HEADER} bytes")))
 }
 
-fn vectors(column: &[u8]) -> Vec<Vec3> {
-    rows(column).map(Vec3::from_array).collect()
+fn material([ambient, diffuse, specular, shininess]: [f32; 4]) -> Material {
+    Material { ambient, diffuse, specular, shininess }
 }
 
 /// The colours of a row.
 fn levels(row: [f32; 3 * MIPMAP_LEVELS]) -> [Vec3; MIPMAP_LEVELS] {
     std::array::from_fn(|k| Vec3::from_slice(&row[3 * k..]))
-}
-
-/// The rows of a column of floats.
-fn rows<const N: usize>(column: &[u8]) -> impl Iterator<Item = [f32; N]> {
-    let floats = column.as_chunks::<4>().0;
-    floats.as_chunks::<N>().0.iter().map(|row| row.map(f32::from_le_bytes))
 }
 
 /// Checks what every other part relies on. A checksum guards against accidents, not against programs that write

@@ -1,8 +1,9 @@
 //! Reasons to refuse a model: the place in the file, what was found there and what was expected.
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use crate::files::{Changed, InputError};
 use crate::gltf::GltfError;
 
 /// The formats of models that are known, for messages. It stands here because `format` looks into files with readers
@@ -38,6 +39,9 @@ pub enum ModelError {
         /// What it is.
         found: &'static str,
     },
+    /// The file, or one that it names, changes while it is read.
+    #[error(transparent)]
+    Changed(#[from] Changed),
     /// The file has no bytes.
     #[error("model {} is empty (0 bytes)", path.display())]
     EmptyFile {
@@ -164,6 +168,18 @@ pub enum ModelError {
         /// The number of surfels.
         expected: usize,
     },
+}
+
+impl ModelError {
+    /// Of a model file that is no input.
+    pub(super) fn of_input(path: &Path, why: InputError) -> Self {
+        let path = path.to_owned();
+        match why {
+            InputError::NotAFile { found } => Self::NotAFile { path, found },
+            InputError::Changed(changed) => changed.into(),
+            other => Self::Read { path, source: other.into() },
+        }
+    }
 }
 
 /// A place in a model file.

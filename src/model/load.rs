@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::bin_stream::Fault;
 use super::capture::{self, Gaussians};
 use super::cloud::{Cloud, ColourStorage};
 use super::complete::complete;
@@ -14,7 +15,8 @@ use super::mesh::{self, Mesh, Sampled, Unsampled};
 use super::options::{ColourSpace, Kind, LoadOptions, MeshOptions, Progress, Spacing};
 use super::surfels::{Normalisation, Surfels};
 use super::volume::{self, Grid, Made, Samples, VolumeFacts};
-use super::{bin, map, obj, ply, sfl, tidy, xyz};
+use super::{bin, obj, ply, sfl, tidy, xyz};
+use crate::files;
 use crate::math::srgb;
 
 /// Kernels of a volume that every file may become, however small it is.
@@ -139,25 +141,10 @@ pub(crate) enum ReadFile {
 /// As [`load`], but a mesh is not sampled yet.
 pub(crate) fn open(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<ReadFile, ModelError> {
     let ready = |loaded| ReadFile::Ready(Box::new(loaded));
-    let (content, size) = {
-        refuse_by_name(path)?;
-        let bytes = map::map(path)?;
-        let format = Format::detect(&bytes, path).ok_or_else(|| ModelError::UnknownFormat { path: path.to_owned() })?;
-        let invalid = |why| ModelError::Invalid { path: path.to_owned(), why };
-        if options.node.is_some() && !matches!(format, Format::Glb | Format::Gltf) {
-            return Err(invalid(ParseError::byte(0, "a file without nodes", "glTF, as a `node` is named")));
-        }
-        let sampled = options.mesh.spacing != Spacing::None;
-        if matches!(options.kind, None | Some(Kind::Surfels)) && (sampled || format != Format::Obj) {
-            let mesh = mesh::read(&bytes, format, path, options.node.as_deref()).map_err(invalid)?;
-            match mesh {
-                Some(mesh) if sampled => return Ok(ReadFile::Mesh(mesh)),
-                Some(mesh) => return vertices(mesh, options, path, progress).map(ready),
-                None => {}
-            }
-        }
-        let content = read(&bytes, format, sampled, &|share| progress("reading", share)).map_err(invalid)?;
-        (content, bytes.len())
+    let (content, size) = match files::steady(|| contents(path, options, progress))? {
+        Contents::Mesh(mesh) if options.mesh.spacing != Spacing::None => return Ok(ReadFile::Mesh(mesh)),
+        Contents::Mesh(mesh) => return vertices(mesh, options, path, progress).map(ready),
+        Contents::Other(content, size) => (content, size),
     };
     let owned = || path.to_owned();
     let parsed = match (content, options.kind) {
@@ -203,6 +190,53 @@ pub(crate) fn open(path: &Path, options: &LoadOptions, progress: Progress<'_>) -
         })),
         Parsed::Cloud(cloud) => completed(cloud, options, path, progress).map(ready),
     }
+}
+
+/// What the bytes of a file say, and of the files that it names.
+enum Contents {
+    /// With its materials.
+    Mesh(Mesh),
+    /// And the size of the file, bytes.
+    Other(Content, u64),
+}
+
+/// Reads the bytes of a model file, and those of the files that it names, and nothing more: what comes after need not
+/// be done again where a file has changed meanwhile.
+fn contents(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<Contents, ModelError> {
+    let invalid = |why| ModelError::Invalid { path: path.to_owned(), why };
+    let of_input = |why| ModelError::of_input(path, why);
+    refuse_by_name(path)?;
+    let mut input = files::open(path).map_err(of_input)?;
+    let size = input.size();
+    if size == 0 {
+        return Err(ModelError::EmptyFile { path: path.to_owned() });
+    }
+    let no_nodes = || invalid(ParseError::byte(0, "a file without nodes", "glTF, as a `node` is named"));
+    // Our own format goes straight into its columns: the bytes beside them would double what it takes.
+    if bin::is_at(&mut input).map_err(|why| of_input(why.into()))? {
+        if options.node.is_some() {
+            return Err(no_nodes());
+        }
+        let surfels = bin::read(input, size).map_err(|why| match why {
+            Fault::Format(why) => invalid(why),
+            Fault::Io(why) => of_input(why.into()),
+        })?;
+        return Ok(Contents::Other(Content::Surfels(surfels), size));
+    }
+    let bytes = input.whole(u64::MAX).map_err(of_input)?;
+    let format = Format::detect(&bytes, path).ok_or_else(|| ModelError::UnknownFormat { path: path.to_owned() })?;
+    if options.node.is_some() && !matches!(format, Format::Glb | Format::Gltf) {
+        return Err(no_nodes());
+    }
+    let sampled = options.mesh.spacing != Spacing::None;
+    if matches!(options.kind, None | Some(Kind::Surfels))
+        && (sampled || format != Format::Obj)
+        && let Some(mesh) = mesh::read(&bytes, format, path, options.node.as_deref()).map_err(invalid)?
+    {
+        return Ok(Contents::Mesh(mesh));
+    }
+    let content = read(&bytes, format, sampled, &|share| progress("reading", share)).map_err(invalid)?;
+    Ok(Contents::Other(content, size))
 }
 
 /// The surfels of points, with what they lack.
@@ -276,8 +310,8 @@ fn sampled(mesh: Arc<Mesh>, options: MeshOptions, radius_scale: f64) -> Result<L
 }
 
 /// Most kernels of a volume whose file has `size` bytes: a small file that packs more is an attempt to fill memory.
-fn most_kernels(size: usize) -> u64 {
-    FREE_KERNELS.saturating_add(MOST_KERNELS_A_BYTE.saturating_mul(size as u64))
+fn most_kernels(size: u64) -> u64 {
+    FREE_KERNELS.saturating_add(MOST_KERNELS_A_BYTE.saturating_mul(size))
 }
 
 /// True for points that are samples of a volume by themselves: they have densities and radii, and no surface.

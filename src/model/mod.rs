@@ -7,6 +7,7 @@
 
 mod area_normals;
 mod bin;
+mod bin_stream;
 mod capture;
 mod cloud;
 mod complete;
@@ -16,7 +17,6 @@ mod format;
 pub mod generate;
 pub mod generate_volume;
 mod load;
-mod map;
 pub mod mesh;
 mod neighbours;
 mod normalisation;

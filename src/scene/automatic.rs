@@ -1,12 +1,11 @@
 //! What a scene leaves open and its objects decide: the frames, the lights and the camera. Scenes made in code and
 //! scene files have the same defaults.
 
-use std::collections::BTreeSet;
-
 use glam::DVec3;
 
 use super::pose::object_pose;
 use super::values::{AnimationBinding, Camera, FrameRange, ImageSettings, Light, Object, Scene};
+use crate::files::Seen;
 use crate::math::Bounds;
 use crate::model::Optics;
 use crate::time::Shutter;
@@ -44,7 +43,7 @@ impl Scene {
             lights: lights(),
             environment: None,
             objects,
-            files: BTreeSet::new(),
+            files: Seen::new(),
         };
         scene.camera = Camera::automatic(&scene);
         scene

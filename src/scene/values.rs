@@ -1,6 +1,5 @@
 //! A scene as plain values: what the renderer sees.
 
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -10,6 +9,7 @@ use super::model::Model;
 use super::sequence::Sequence;
 use crate::anim::{Interpolation, NodeMotion};
 use crate::environment::Environment;
+use crate::files::Seen;
 use crate::math::{Bounds, Trs};
 use crate::model::paths::elapsed;
 use crate::model::{self, Cloud, ColourSpace, Kind, Material, MeshOptions, ModelError, VelocityUnit, VolumeOptions};
@@ -39,8 +39,9 @@ pub struct Scene {
     /// picture up to rounding.
     pub objects: Vec<Object>,
     /// The files that it was read from: its own, those that it names, and those that these name; of a sequence, the
-    /// first. Files that were looked for and not found are among them. None of a scene that was made in code.
-    pub files: BTreeSet<PathBuf>,
+    /// first. Each with what it was then; files that were looked for and not found are among them. None of a scene that
+    /// was made in code.
+    pub files: Seen,
 }
 
 impl Scene {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use crate::anim::AnimError;
 use crate::environment::NotLatLong;
+use crate::files::Changed;
 use crate::image::ImageError;
 use crate::model::ModelError;
 
@@ -46,6 +47,9 @@ pub enum SceneError {
         /// What is there.
         found: &'static str,
     },
+    /// The file changes while it is read.
+    #[error(transparent)]
+    Changed(#[from] Changed),
     /// The file is larger than any scene.
     #[error("scene {} has more than {limit} bytes, the most that a scene may have", path.display())]
     TooLarge {

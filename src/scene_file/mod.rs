@@ -13,6 +13,8 @@ mod paths;
 mod play;
 mod resolve;
 mod schema;
+#[cfg(test)]
+mod tests;
 mod write;
 mod xml;
 
@@ -71,11 +73,13 @@ pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, SceneError
 }
 
 fn load_scene(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<String>), SceneError> {
-    let source = xml::decode(path, &xml::read(path)?)?;
-    let root = xml::parse(&source)?;
-    let notes = check::check(&source, &root, options.lenient)?;
-    let mut document = document::read(&source, &root)?;
-    drop(root);
+    let (source, mut document, notes) = files::steady(|| {
+        let source = xml::decode(path, &xml::read(path)?)?;
+        let root = xml::parse(&source)?;
+        let notes = check::check(&source, &root, options.lenient)?;
+        let document = document::read(&source, &root)?;
+        Ok::<_, SceneError>((source, document, notes))
+    })?;
     if let Some((width, height)) = options.size {
         (document.image.width, document.image.height, document.size_given) = (width, height, true);
     }

@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use super::dom::{FileRef, Source};
 use super::error::{SceneError, quoted};
-use super::xml::name_of;
+use crate::files;
 
 /// Finds the files that one scene names.
 pub(super) struct Finder<'a> {
@@ -37,7 +37,7 @@ impl<'a> Finder<'a> {
             let path = base.join(&wanted);
             match fs::metadata(&path) {
                 Ok(data) if data.is_file() => return Ok((self.permitted(file, path)?, None)),
-                Ok(data) => tried.push(format!("{} ({})", path.display(), name_of(data.file_type()))),
+                Ok(data) => tried.push(format!("{} ({})", path.display(), files::kind(data.file_type()))),
                 Err(_) => tried.push(path.display().to_string()),
             }
             if wanted.is_absolute() {

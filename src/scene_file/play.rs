@@ -8,6 +8,7 @@ use glam::DVec3;
 
 use super::write::{camera_line, escaped, number};
 use crate::anim::{AnimError, GltfAnimation, Loaded, open};
+use crate::files::{self, Changed};
 use crate::gltf::Nodes;
 use crate::math::Bounds;
 use crate::model::mesh::{self, Mesh};
@@ -45,6 +46,9 @@ pub enum NoPlay {
     /// As an animation.
     #[error(transparent)]
     Animation(#[from] AnimError),
+    /// The file, or one that it names, changes while it is read.
+    #[error(transparent)]
+    Changed(#[from] Changed),
     /// It is no glTF file, or has no triangles.
     #[error("{} is no glTF file with triangles", .0.display())]
     NoTriangles(PathBuf),
@@ -55,8 +59,13 @@ pub enum NoPlay {
 /// # Errors
 /// The file cannot be read, is no valid glTF file, or has no triangles.
 pub fn play(path: &Path) -> Result<Play, NoPlay> {
+    files::steady(|| play_once(path))
+}
+
+fn play_once(path: &Path) -> Result<Play, NoPlay> {
     let Loaded::Gltf(animation) = open(path)? else { return Err(NoPlay::NoTriangles(path.to_owned())) };
-    let bytes = std::fs::read(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
+    let bytes =
+        files::read(path, u64::MAX).map_err(|why| ModelError::Read { path: path.to_owned(), source: why.into() })?;
     let invalid = |why| ModelError::Invalid { path: path.to_owned(), why };
     let read = |node: Option<&str>| mesh::read(&bytes, Format::Glb, path, node).map_err(invalid);
     let whole = read(None)?.ok_or_else(|| NoPlay::NoTriangles(path.to_owned()))?;
@@ -86,7 +95,7 @@ pub fn play(path: &Path) -> Result<Play, NoPlay> {
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     Ok(Play {
         xml: xml(nodes, &drawn, &name, frames, &camera(seen)),
-        files: files(&bytes, path).map_err(invalid)?,
+        files: named(&bytes, path).map_err(invalid)?,
         objects: drawn.len(),
         notes: whole.notes.into_iter().filter(|note| !note.contains(mesh::NOT_PLAYED)).collect(),
     })
@@ -98,7 +107,7 @@ fn bounds(mesh: &Mesh) -> Bounds {
 }
 
 /// The files to copy, each with its path beside the scene.
-fn files(bytes: &[u8], path: &Path) -> Result<Vec<(PathBuf, PathBuf)>, crate::model::ParseError> {
+fn named(bytes: &[u8], path: &Path) -> Result<Vec<(PathBuf, PathBuf)>, crate::model::ParseError> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut files = vec![(path.to_owned(), path.file_name().map(PathBuf::from).unwrap_or_default())];
     for found in mesh::files(bytes, path)? {

@@ -1,6 +1,6 @@
 //! Turns a document into a scene: reads each file once, and fills in the defaults that depend on files.
 
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -13,6 +13,7 @@ use super::paths::Finder;
 use super::{LoadOptions, write};
 use crate::anim::{self, CameraTrack, Interpolation, Intrinsics, NodeMotion, TrackOptions};
 use crate::environment::{Environment, LatLong};
+use crate::files::Seen;
 use crate::image;
 use crate::model::{self, MeshOptions, MeshSource, ReadFile, Spacing};
 use crate::scene::{
@@ -72,7 +73,7 @@ pub(super) fn resolve(
         lights,
         environment,
         objects,
-        files: BTreeSet::new(),
+        files: Seen::new(),
     };
     scene.camera = camera(source, &scene, document.camera.as_ref(), camera_binding)?;
     let says_fovy = document.camera.as_ref().is_some_and(|camera| camera.says_fovy);

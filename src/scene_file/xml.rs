@@ -3,8 +3,6 @@
 //! Scenes come from strangers. Everything costs time and memory linear in the file, which is capped; there is no
 //! document type, nothing is fetched and no entity beyond the five of XML is expanded.
 
-use std::fs;
-use std::io::Read;
 use std::path::Path;
 
 use encoding_rs::{DecoderResult, Encoding, UTF_8};
@@ -16,7 +14,7 @@ use quick_xml::{Error, Reader, XmlVersion};
 
 use super::dom::{Attribute, Element, Source};
 use super::error::{SceneError, quoted};
-use crate::files;
+use crate::files::{self, InputError};
 
 /// Most bytes of a scene file.
 const MOST_BYTES: u64 = 64_000_000;
@@ -30,24 +28,13 @@ const MOST_PARTS: usize = 4_000_000;
 
 /// Reads a scene file.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, SceneError> {
-    let fail = |source| SceneError::Read { path: path.to_owned(), source };
-    files::reads(path);
-    // Looked at before it is opened, because opening a pipe waits for its writer.
-    let kind = fs::metadata(path).map_err(fail)?.file_type();
-    if !kind.is_file() {
-        return Err(SceneError::NotAFile { path: path.to_owned(), found: name_of(kind) });
-    }
-    let mut bytes = Vec::new();
-    fs::File::open(path).map_err(fail)?.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(fail)?;
-    if bytes.len() as u64 > MOST_BYTES {
-        return Err(SceneError::TooLarge { path: path.to_owned(), limit: MOST_BYTES });
-    }
-    Ok(bytes)
-}
-
-/// What is there instead of a regular file.
-pub(super) fn name_of(kind: fs::FileType) -> &'static str {
-    if kind.is_dir() { "a directory" } else { "a pipe or device" }
+    let path_of = || path.to_owned();
+    files::read(path, MOST_BYTES).map_err(|why| match why {
+        InputError::NotAFile { found } => SceneError::NotAFile { path: path_of(), found },
+        InputError::TooLarge { most, .. } => SceneError::TooLarge { path: path_of(), limit: most },
+        InputError::Changed(changed) => changed.into(),
+        other => SceneError::Read { path: path_of(), source: other.into() },
+    })
 }
 
 /// Bytes to text: a byte order mark wins, then the XML declaration, then UTF-8.

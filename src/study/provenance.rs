@@ -4,13 +4,13 @@
 //! Everything that changes pixels is here: the program's version, the resolved scene, the bytes of the files that it
 //! names, all options, the frame. Everything else is left out: threads, memory, directories, times, names of devices.
 
-use std::collections::BTreeSet;
-use std::fs::File;
+use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::files::{self, Changed, InputError, Stamp};
 use crate::image::Format;
 use crate::options::{Prefilter, RenderOptions};
 use crate::reference::{ReferenceOptions, Sampler};
@@ -33,9 +33,27 @@ pub enum ProvenanceError {
         /// Why.
         source: io::Error,
     },
+    /// A file of the scene changes while it is read again.
+    #[error(transparent)]
+    Changed(#[from] Changed),
+    /// A file of the scene is another than when the scene was loaded: pictures would not be of what they tell.
+    #[error("{} has changed since the scene was loaded", path.display())]
+    Other {
+        /// The file.
+        path: PathBuf,
+    },
     /// JSON cannot be made.
     #[error("cannot write the settings as JSON")]
     Json(#[from] serde_json::Error),
+}
+
+impl ProvenanceError {
+    fn of_input(path: &Path, why: InputError) -> Self {
+        match why {
+            InputError::Changed(changed) => changed.into(),
+            other => Self::Read { path: path.to_owned(), source: other.into() },
+        }
+    }
 }
 
 /// A scene as far as it decides pictures: its values, and the bytes of the files that it names.
@@ -257,14 +275,14 @@ impl Settings {
     }
 }
 
-/// The files that a scene names, each once, without those of sequences.
-fn named(scene: &Scene) -> BTreeSet<&PathBuf> {
+/// The files that a scene names, each once, without those of sequences. They have no stamp.
+fn named(scene: &Scene) -> BTreeMap<&PathBuf, Option<Stamp>> {
     let models = scene.objects.iter().filter(|object| object.sphere.is_none() && object.sequence.is_none());
-    let mut paths: BTreeSet<&PathBuf> = models.map(|object| &object.model_path).collect();
-    paths.extend(scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path));
-    paths.extend(scene.environment.as_ref().map(|environment| &environment.path));
-    paths.extend(scene.camera.animation.as_ref().map(|a| &a.path));
-    paths
+    let models = models.map(|object| &object.model_path);
+    let animations = scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path);
+    let environment = scene.environment.as_ref().map(|environment| &environment.path);
+    let camera = scene.camera.animation.as_ref().map(|a| &a.path);
+    models.chain(animations).chain(environment).chain(camera).map(|path| (path, None)).collect()
 }
 
 /// All files of a scene that was loaded from `path`, each once, in a fixed order: what it names, and what that names,
@@ -273,9 +291,10 @@ fn inputs(scene: &Scene, path: &Path) -> Result<Vec<Input>, ProvenanceError> {
     let mut files = named(scene);
     let sequences = || scene.objects.iter().filter_map(|object| object.sequence.as_ref()).map(|s| s.spec());
     let firsts: Vec<PathBuf> = sequences().map(|spec| spec.pattern.path(spec.first)).collect();
-    let others = scene.files.iter().filter(|file| *file != path && !firsts.contains(file) && file.exists());
-    files.extend(others);
-    let mut inputs = files.into_iter().map(|path| input(path)).collect::<Result<Vec<_>, _>>()?;
+    // What is missing, or is a pipe, had no say in the scene.
+    let others = scene.files.iter().filter(|(file, stamp)| *file != path && !firsts.contains(file) && stamp.is_some());
+    files.extend(others.map(|(file, stamp)| (file, *stamp)));
+    let mut inputs = files.into_iter().map(|(path, stamp)| input(path, stamp)).collect::<Result<Vec<_>, _>>()?;
     for spec in sequences() {
         inputs.push(of_sequence(spec)?);
     }
@@ -294,14 +313,17 @@ fn of_sequence(spec: &SequenceSpec) -> Result<Input, ProvenanceError> {
     for number in spec.first..=spec.last {
         let path = spec.pattern.path(number);
         let failed = |source| ProvenanceError::Read { path: path.clone(), source };
-        let mut file = File::open(&path).map_err(failed)?;
-        let size = file.metadata().map_err(failed)?.len();
+        let (size, ends) = files::steady(|| {
+            let mut file = files::open(&path).map_err(|why| ProvenanceError::of_input(&path, why))?;
+            let size = file.size();
+            let mut ends = Vec::new();
+            for start in [0, size.saturating_sub(ENDS)] {
+                file.seek(SeekFrom::Start(start)).map_err(failed)?;
+                file.by_ref().take(ENDS).read_to_end(&mut ends).map_err(failed)?;
+            }
+            Ok::<_, ProvenanceError>((size, ends))
+        })?;
         crc.update(&size.to_le_bytes());
-        let mut ends = Vec::new();
-        for start in [0, size.saturating_sub(ENDS)] {
-            file.seek(SeekFrom::Start(start)).map_err(failed)?;
-            file.by_ref().take(ENDS).read_to_end(&mut ends).map_err(failed)?;
-        }
         crc.update(&ends);
         bytes += size;
     }
@@ -310,22 +332,28 @@ fn of_sequence(spec: &SequenceSpec) -> Result<Input, ProvenanceError> {
     Ok(Input { file, bytes, crc32: format!("{:08x}", crc.finalize()) })
 }
 
-fn input(path: &Path) -> Result<Input, ProvenanceError> {
+/// A file that had this stamp when the scene was loaded, if the scene knows.
+fn input(path: &Path, loaded: Option<Stamp>) -> Result<Input, ProvenanceError> {
     let failed = |source| ProvenanceError::Read { path: path.to_owned(), source };
-    let mut file = File::open(path).map_err(failed)?;
-    let mut crc = crc32fast::Hasher::new();
-    let mut buffer = vec![0; 1 << 20];
-    let mut bytes = 0;
-    loop {
-        let n = file.read(&mut buffer).map_err(failed)?;
-        if n == 0 {
-            break;
+    let (bytes, crc32) = files::steady(|| {
+        let mut file = files::open(path).map_err(|why| ProvenanceError::of_input(path, why))?;
+        if loaded.is_some_and(|stamp| stamp != file.stamp()) {
+            return Err(ProvenanceError::Other { path: path.to_owned() });
         }
-        crc.update(&buffer[..n]);
-        bytes += n as u64;
-    }
+        let mut crc = crc32fast::Hasher::new();
+        let mut buffer = vec![0; 1 << 20];
+        let mut bytes = 0;
+        loop {
+            let n = file.read(&mut buffer).map_err(failed)?;
+            if n == 0 {
+                return Ok((bytes, crc.finalize()));
+            }
+            crc.update(&buffer[..n]);
+            bytes += n as u64;
+        }
+    })?;
     let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(Input { file, bytes, crc32: format!("{:08x}", crc.finalize()) })
+    Ok(Input { file, bytes, crc32: format!("{crc32:08x}") })
 }
 
 /// Fowler, Noll, Vo: FNV-1a with 128 bits.
@@ -351,9 +379,15 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.ply");
         std::fs::write(&path, "123456789").unwrap();
-        let a = input(&path).unwrap();
+        let a = input(&path, None).unwrap();
         // The check value of CRC-32.
         assert_eq!((a.file.as_str(), a.bytes, a.crc32.as_str()), ("a.ply", 9, "cbf43926"));
-        assert!(input(&dir.path().join("none")).is_err());
+        assert!(input(&dir.path().join("none"), None).is_err());
+        // Another file since then: its checksum would be that of bytes that the scene does not have.
+        let before = Stamp::of(&path);
+        assert_eq!(input(&path, before).unwrap().crc32, "cbf43926");
+        std::fs::write(&path, "987654321").unwrap();
+        let why = input(&path, before).unwrap_err().to_string();
+        assert!(why.ends_with("a.ply has changed since the scene was loaded"), "{why}");
     }
 }

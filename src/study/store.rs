@@ -111,7 +111,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), StudyError> {
     files::replace(path, bytes).map_err(|source| StudyError::Write { path: path.to_owned(), source })
 }
 
-/// The bytes of a file that can be read to its end.
+/// The bytes of a file that can be read.
 fn bytes(path: &Path) -> Option<Vec<u8>> {
-    std::fs::metadata(path).ok()?.is_file().then(|| std::fs::read(path).ok())?
+    files::read(path, u64::MAX).ok()
 }

@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use super::shared::{Known, Shared};
+use crate::files::{Seen, Stamp};
 use crate::scene::Object;
 use crate::scene_file::Loaded;
 
@@ -17,18 +18,14 @@ const AGAIN: Duration = Duration::from_secs(3);
 impl Shared {
     /// Reads the scene with `load`, and again whenever a file changes. Does not return.
     pub(super) fn watch(&self, load: &mut dyn FnMut() -> Result<Loaded, String>) -> ! {
-        let mut files = vec![self.setup.path.clone()];
+        let mut seen = now([&self.setup.path]);
         loop {
             // Before reading: what changes meanwhile is read again.
-            let mut seen = marks(&files);
+            seen = now(seen.keys());
             let tried = Instant::now();
             let end = match load() {
                 Ok(loaded) => {
-                    let read = files_of(&loaded, &files);
-                    if read != files {
-                        files = read;
-                        seen = marks(&files);
-                    }
+                    seen = files_of(&loaded, &seen);
                     let only = |object: &Object| object.model_path == self.setup.path;
                     let of_model = matches!(&loaded.scene.objects[..], [object] if only(object));
                     let known = Arc::new(Known { loaded, of_model });
@@ -43,43 +40,43 @@ impl Shared {
                     Some(tried + AGAIN)
                 }
             };
-            wait(&files, &seen, end);
+            wait(&seen, end);
         }
     }
 }
 
 /// Waits until the files are other than `seen` and have come to rest, or until `end`.
-fn wait(files: &[PathBuf], seen: &[Mark], end: Option<Instant>) {
-    let mut last = marks(files);
+fn wait(seen: &Seen, end: Option<Instant>) {
+    let mut last = now(seen.keys());
     loop {
         thread::sleep(LOOK);
-        let now = marks(files);
-        if now == last && now != seen || end.is_some_and(|end| Instant::now() >= end) {
+        let now = now(seen.keys());
+        if now == last && now != *seen || end.is_some_and(|end| Instant::now() >= end) {
             return;
         }
         last = now;
     }
 }
 
-/// By what a change of a file is seen; `None` where it is missing.
-type Mark = Option<(SystemTime, u64)>;
-
-fn marks(files: &[PathBuf]) -> Vec<Mark> {
-    let mark = |file: &PathBuf| {
-        let meta = std::fs::metadata(file).ok()?;
-        Some((meta.modified().ok()?, meta.len()))
-    };
-    files.iter().map(mark).collect()
+/// Files as they are now.
+fn now<'a>(files: impl IntoIterator<Item = &'a PathBuf>) -> Seen {
+    files.into_iter().map(|file| (file.clone(), Stamp::of(file))).collect()
 }
 
-/// The files of a scene: those that were read, those of its sequences, and those of `before` that are missing now. An
-/// editor may put a file aside and write it anew.
-fn files_of(loaded: &Loaded, before: &[PathBuf]) -> Vec<PathBuf> {
+/// The files of a scene: those that were read, as they were then, those of its sequences, and those of `before` that
+/// are missing now. An editor may put a file aside and write it anew.
+fn files_of(loaded: &Loaded, before: &Seen) -> Seen {
     let mut files = loaded.scene.files.clone();
     for sequence in loaded.scene.objects.iter().filter_map(|object| object.sequence.as_ref()) {
         let spec = sequence.spec();
-        files.extend((spec.first..=spec.last).map(|number| spec.pattern.path(number)));
+        for path in (spec.first..=spec.last).map(|number| spec.pattern.path(number)) {
+            // What was read counts as it was then.
+            let stamp = before.get(&path).copied().unwrap_or_else(|| Stamp::of(&path));
+            files.entry(path).or_insert(stamp);
+        }
     }
-    files.extend(before.iter().filter(|file| !file.exists()).cloned());
-    files.into_iter().collect()
+    for file in before.keys().filter(|file| !file.exists()) {
+        files.entry(file.clone()).or_insert(None);
+    }
+    files
 }

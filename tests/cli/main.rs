@@ -3,6 +3,10 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+#[path = "../support/saved.rs"]
+#[allow(clippy::unwrap_used, clippy::expect_used, clippy::cast_lossless, reason = "tests may stop")]
+mod saved;
+
 mod compare;
 mod dataset;
 mod environments;
@@ -11,9 +15,11 @@ mod hostile_input;
 mod input;
 mod meshes;
 mod messages;
+mod pipes;
 mod reference;
 mod render;
 mod report;
+mod saves;
 mod shell;
 mod volumes;
 

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests may stop")]
 
 mod face;
+mod inputs;
 mod modules;
 mod source;
 mod text;

@@ -313,7 +313,7 @@ fn data_lies_beside_the_text_or_in_it() {
         ("/etc/hostname", "which leads out of the folder"),
         ("https://example.org/x.bin", "which leads out of the folder"),
         ("none.bin", "`none.bin` which is missing"),
-        ("in", "`in` which is no regular file"),
+        ("in", "`in` which is a directory, expected a regular file"),
         ("short.bin", "a buffer of 80 bytes"),
         ("data:,abc", "that is not base64"),
         ("data:;base64,a", "with bad base64"),

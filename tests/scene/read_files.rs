@@ -74,11 +74,11 @@ fn all_that_is_read_is_listed() {
     ]
     .map(place);
     names.sort();
-    assert_eq!(loaded.scene.files.into_iter().collect::<Vec<_>>(), names);
+    assert_eq!(loaded.scene.files.into_keys().collect::<Vec<_>>(), names);
     // A model alone.
     let loaded = scene_file::load_model(&place("square.obj"), &LoadOptions::default()).unwrap();
     assert_eq!(
-        loaded.scene.files.into_iter().collect::<Vec<_>>(),
+        loaded.scene.files.into_keys().collect::<Vec<_>>(),
         ["of obj.png", "square.mtl", "square.obj"].map(place)
     );
 }

@@ -11,7 +11,6 @@ pub mod pairs;
 pub mod triangles;
 pub mod volumes;
 
-use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -110,7 +109,7 @@ pub fn scene(objects: Vec<Object>, size: [u32; 2], eye: DVec3, fovy_degrees: f64
         lights: vec![Light::Ambient { colour: DVec3::ONE }],
         environment: None,
         objects,
-        files: BTreeSet::new(),
+        files: splatblur::files::Seen::new(),
     }
 }
 

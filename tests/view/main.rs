@@ -8,4 +8,7 @@ mod files;
 mod hostile;
 mod measure;
 mod pictures;
+#[path = "../support/saved.rs"]
+mod saved;
+mod saves;
 mod support;

@@ -18,6 +18,7 @@ use splines::interpolate::Interpolate;
 
 use super::error::AnimError;
 use super::load;
+use crate::files;
 
 /// The program that wrote a track.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -126,6 +127,10 @@ impl CameraTrack {
     /// # Errors
     /// The file cannot be read or is not valid, or the lens is distorted or its pixels are not square.
     pub fn load(path: &Path, options: TrackOptions, rate: f64) -> Result<Self, AnimError> {
+        files::steady(|| Self::load_once(path, options, rate))
+    }
+
+    fn load_once(path: &Path, options: TrackOptions, rate: f64) -> Result<Self, AnimError> {
         let bytes = load::bytes(path)?;
         let wrong = |place: String, found: String, expected: &str| AnimError::Track {
             path: path.to_owned(),

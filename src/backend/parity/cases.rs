@@ -1,7 +1,5 @@
 //! Small scenes that take every branch of the passes.
 
-use std::collections::BTreeSet;
-
 use glam::{DVec3, Vec3};
 
 use crate::environment::{Environment, LatLong};
@@ -120,7 +118,7 @@ pub(super) fn scene(objects: Vec<Object>, size: [u32; 2]) -> Scene {
         ],
         environment: None,
         objects,
-        files: BTreeSet::new(),
+        files: crate::files::Seen::new(),
     }
 }
 

@@ -224,7 +224,7 @@ impl Dataset {
         let directory = self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{}.dataset", scene.name)));
         open_directory(&directory)?;
         let list = directory.join(TRANSFORMS);
-        if fs::read(&list).is_ok_and(|found| found != transforms.as_bytes()) {
+        if files::read(&list, u64::MAX).is_ok_and(|found| found != transforms.as_bytes()) {
             // It says that all frames are there, as it has them.
             fs::remove_file(&list).with_context(|| format!("cannot remove {}", list.display()))?;
         }

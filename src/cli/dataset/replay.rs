@@ -8,6 +8,7 @@ use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, CommandFactory as _, FromArgMatches as _};
 use serde::Deserialize;
 use splatblur::dataset::{By, Origin, Recipe};
+use splatblur::files;
 use splatblur::study::provenance::{PROGRAM, Settings};
 
 use super::Dataset;
@@ -72,7 +73,7 @@ fn options() -> Vec<Arg> {
 /// Reads what a dataset recorded.
 pub(super) fn read(path: &Path) -> anyhow::Result<Recorded> {
     let context = || format!("cannot replay {}", path.display());
-    let bytes = std::fs::read(path).with_context(context)?;
+    let bytes = files::read(path, u64::MAX).with_context(context)?;
     let Document { splatblur: Origin { program, scene, arguments, backend, hash } } =
         serde_json::from_slice(&bytes).with_context(context)?;
     Ok(Recorded { scene, arguments, earlier: Some((program, backend, hash)) })

@@ -2,14 +2,13 @@
 
 mod describe;
 
-use std::fs::File;
-use std::io::Read;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, bail};
 use clap::Args;
 use splatblur::model::{Format, ModelError, mesh};
-use splatblur::{anim, image, model, scene_file};
+use splatblur::{anim, files, image, model, scene_file};
 
 use super::output::{self, print, print_json};
 use super::progress::Loading;
@@ -139,8 +138,9 @@ impl Info {
     }
 
     fn image(&self, file: &Path) -> anyhow::Result<()> {
-        let picture = image::read(file)?;
-        self.show(&describe::image(&picture, image::read_settings(file)))
+        let (picture, settings) =
+            files::steady(|| Ok::<_, anyhow::Error>((image::read(file)?, image::read_settings(file))))?;
+        self.show(&describe::image(&picture, settings))
     }
 
     fn model(&self, file: &Path) -> anyhow::Result<()> {
@@ -162,27 +162,28 @@ impl Info {
 
 /// What a glTF file with triangles holds; `None` for all other files.
 fn meshes(file: &Path) -> anyhow::Result<Option<serde_json::Value>> {
-    let bytes = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
-    let Some(format @ (Format::Glb | Format::Gltf)) = Format::detect(&bytes, file) else { return Ok(None) };
-    let invalid = |why| ModelError::Invalid { path: file.to_owned(), why };
-    let Some(mesh) = mesh::read(&bytes, format, file, None).map_err(invalid)? else { return Ok(None) };
-    let nodes = mesh::nodes(&bytes, file).map_err(invalid)?;
-    Ok(Some(describe::mesh(&mesh, &nodes)))
+    // Files whose first bytes show another format are read once, by their loader: they may be large.
+    let start = head(file).with_context(|| format!("cannot read {}", file.display()))?;
+    if let Some(Format::Bin | Format::Ply | Format::Sfl | Format::Spz | Format::Sog) = Format::detect(&start, file) {
+        return Ok(None);
+    }
+    files::steady(|| {
+        let bytes = files::read(file, u64::MAX).with_context(|| format!("cannot read {}", file.display()))?;
+        let Some(format @ (Format::Glb | Format::Gltf)) = Format::detect(&bytes, file) else { return Ok(None) };
+        let invalid = |why| ModelError::Invalid { path: file.to_owned(), why };
+        let Some(mesh) = mesh::read(&bytes, format, file, None).map_err(invalid)? else { return Ok(None) };
+        let nodes = mesh::nodes(&bytes, file).map_err(invalid)?;
+        Ok(Some(describe::mesh(&mesh, &nodes)))
+    })
 }
 
 /// The first bytes of a regular file.
 pub(super) fn head(path: &Path) -> anyhow::Result<Vec<u8>> {
-    // Asked before opening: opening a pipe would wait for its writer.
-    let meta = std::fs::metadata(path)?;
-    if meta.is_dir() {
-        bail!("it is a directory");
-    }
-    if !meta.is_file() {
-        bail!("it is not a regular file");
-    }
-    let mut head = Vec::new();
-    File::open(path)?.take(512).read_to_end(&mut head)?;
-    Ok(head)
+    files::steady(|| {
+        let mut head = Vec::new();
+        files::open(path)?.take(512).read_to_end(&mut head)?;
+        Ok(head)
+    })
 }
 
 /// By content, then by the ending; whatever else is taken for a model, whose loader knows several formats.

@@ -1,14 +1,18 @@
 //! The secret in the address: who does not know it is refused.
 
 use std::fmt;
-use std::fs::{self, OpenOptions};
+use std::fs::OpenOptions;
 use std::io::{self, Write as _};
 use std::path::Path;
 
 use super::super::error::ViewerError;
+use crate::files::{self, InputError};
 
 /// Random bytes of a token.
 const BYTES: usize = 16;
+
+/// Most bytes of the file of a token, blanks around it included.
+const MOST_BYTES: u64 = 1 << 12;
 
 /// 32 hexadecimal digits.
 #[derive(Clone, PartialEq, Eq)]
@@ -25,13 +29,14 @@ impl Token {
     /// That of a file. Where the file is missing it is made, for this user alone.
     pub(super) fn of_file(path: &Path) -> Result<Self, ViewerError> {
         let failed = |source| ViewerError::TokenFile { path: path.to_owned(), source };
-        match fs::read_to_string(path) {
-            Ok(text) => {
+        match files::read(path, MOST_BYTES) {
+            Ok(bytes) => {
+                let text = String::from_utf8_lossy(&bytes);
                 let text = text.trim();
                 let is_token = text.len() == 2 * BYTES && text.bytes().all(|b| b.is_ascii_hexdigit());
                 is_token.then(|| Self(text.to_owned())).ok_or_else(|| ViewerError::Token { path: path.to_owned() })
             }
-            Err(why) if why.kind() == io::ErrorKind::NotFound => {
+            Err(InputError::Io(why)) if why.kind() == io::ErrorKind::NotFound => {
                 let token = Self::new()?;
                 let mut options = OpenOptions::new();
                 options.write(true).create_new(true);
@@ -41,7 +46,7 @@ impl Token {
                 written.map_err(failed)?;
                 Ok(token)
             }
-            Err(why) => Err(failed(why)),
+            Err(why) => Err(failed(why.into())),
         }
     }
 
@@ -60,6 +65,8 @@ impl fmt::Display for Token {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

@@ -21,13 +21,12 @@ fn only_regular_files_are_opened() {
 #[cfg(unix)]
 #[test]
 fn devices_and_pipes_are_refused_without_waiting() {
-    let expected = "is a device, pipe or socket, expected a regular file";
-    assert!(message(std::path::Path::new("/dev/zero")).ends_with(expected));
+    assert!(message(std::path::Path::new("/dev/zero")).ends_with("is a device, expected a regular file"));
     let dir = tempfile::tempdir().unwrap();
     let pipe = dir.path().join("pipe.ply");
     let made = std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();
     assert!(made.success());
-    assert!(message(&pipe).ends_with(expected));
+    assert!(message(&pipe).ends_with("is a pipe, expected a regular file"));
 }
 
 #[test]

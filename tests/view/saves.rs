@@ -1,0 +1,85 @@
+//! Models that are saved in place under the eyes of a viewer: it shows whole ones, and goes on.
+//!
+//! `SPLATBLUR_SAVES=200` is the long run.
+
+#![allow(clippy::print_stdout, reason = "figures of the long run")]
+
+use std::path::Path;
+
+use serde_json::json;
+
+use crate::saved::{Case, Saver, cases, saves, scene_of};
+use crate::support::{Heard, PATIENCE, Page, Program};
+
+/// Waits until the page shows one of the pictures, which is the last.
+fn shows(page: &mut Page, wanted: &[u8]) {
+    let begin = std::time::Instant::now();
+    loop {
+        let serial = page.see(json!({}));
+        if page.finished(serial).1 == wanted {
+            return;
+        }
+        assert!(begin.elapsed() < PATIENCE, "the last version never comes");
+        std::thread::sleep(std::time::Duration::from_millis(100));
+    }
+}
+
+/// The picture of a version that stands still.
+fn still(case: &Case, version: usize) -> Vec<u8> {
+    let dir = tempfile::tempdir().unwrap();
+    case.put(version, dir.path());
+    let program = start(dir.path(), case);
+    let mut page = program.page();
+    page.text("scene");
+    let serial = page.see(json!({}));
+    page.finished(serial).1
+}
+
+fn start(dir: &Path, case: &Case) -> Program {
+    let scene = dir.join("scene.xml");
+    std::fs::write(&scene, scene_of(&case.name)).unwrap();
+    Program::start(&scene, &[])
+}
+
+#[test]
+fn a_viewer_shows_whole_files_and_goes_on() {
+    let work = tempfile::tempdir().unwrap();
+    let count = saves(6);
+    let all = cases(work.path());
+    // The short run looks at three formats: of columns, of text, and of two files.
+    let short = |case: &&Case| count > 6 || ["m.bin", "m.xyz", "m.gltf"].contains(&case.name.as_str());
+    for case in all.iter().filter(short) {
+        let wanted = [0, 1].map(|version| still(case, version));
+        assert!(wanted[0] != wanted[1], "{}: both versions look the same", case.name);
+        for truncating in [false, true] {
+            let dir = tempfile::tempdir().unwrap();
+            case.put(0, dir.path());
+            let mut program = start(dir.path(), case);
+            let mut page = program.page();
+            page.text("scene");
+            let (mut shown, mut broken) = ([0; 2], 0);
+            let saver = Saver::start(dir.path(), case, truncating, count, 3);
+            while !saver.is_done() {
+                let serial = page.see(json!({}));
+                let png = loop {
+                    match page.hear() {
+                        Heard::Picture(header, png) if header["serial"] == serial && header["finished"] == true => {
+                            break png;
+                        }
+                        Heard::Text(text) if text["type"] == "broken" => broken += 1,
+                        Heard::End(why) => panic!("{}: the connection ended: {why}", case.name),
+                        _ => {}
+                    }
+                };
+                let which = wanted.iter().position(|wanted| *wanted == png);
+                shown[which.unwrap_or_else(|| panic!("{}: a picture of neither version", case.name))] += 1;
+                std::thread::sleep(std::time::Duration::from_millis(30));
+            }
+            drop(saver);
+            shows(&mut page, &wanted[count % 2]);
+            assert!(program.child.try_wait().unwrap().is_none(), "{}: the viewer ended", case.name);
+            let manner = if truncating { "truncating" } else { "over" };
+            println!("{} {manner}: {} of A, {} of B, told {broken} times", case.name, shown[0], shown[1]);
+        }
+    }
+}
