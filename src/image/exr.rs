@@ -190,9 +190,34 @@ fn part(bytes: &[u8]) -> Result<Part<AnyChannels<FlatSamples>>, String> {
     Ok(image.layer_data)
 }
 
-/// True if all blocks of a file can be read.
+/// True if all blocks of a file of one part can be read, and nothing follows the last of them.
 pub(super) fn is_whole(bytes: &[u8]) -> bool {
-    part(bytes).is_ok()
+    end(bytes) == Some(bytes.len()) && part(bytes).is_ok()
+}
+
+/// Where the last block of a file ends; `None` where there is none, and for tiles and several parts.
+fn end(bytes: &[u8]) -> Option<usize> {
+    // Bits of the version that say: tiles, deep data, several parts.
+    const OTHERS: u32 = 1 << 9 | 1 << 11 | 1 << 12;
+    let number = |at: usize| bytes.get(at..)?.first_chunk().map(|raw| u32::from_le_bytes(*raw));
+    if number(4)? & OTHERS != 0 {
+        return None;
+    }
+    let blocks = MetaData::read_from_buffered(bytes, false).ok()?.headers.first()?.chunk_count;
+    let word = |at: usize| bytes.get(at..)?.iter().position(|byte| *byte == 0).map(|length| at + length + 1);
+    // Attributes: name, type, length, value. An empty name ends them.
+    let mut at = 8;
+    while *bytes.get(at)? != 0 {
+        let length = word(word(at)?)?;
+        at = (length + 4).checked_add(number(length)? as usize)?;
+    }
+    let table = bytes.get(at + 1..)?.get(..blocks.checked_mul(8)?)?;
+    // A block: row, length, data.
+    let end_of = |offset: &[u8; 8]| {
+        let block = usize::try_from(u64::from_le_bytes(*offset)).ok()?;
+        block.checked_add(8)?.checked_add(number(block.checked_add(4)?)? as usize)
+    };
+    table.as_chunks::<8>().0.iter().map(end_of).try_fold(0, |last, end| Some(last.max(end?)))
 }
 
 /// Planes of channels; `None` for one that is not there.

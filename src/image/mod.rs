@@ -282,10 +282,10 @@ pub fn read_settings(path: &Path) -> Option<String> {
     }
 }
 
-/// True for a picture file that has all its pixels: a PNG whose chunks are undamaged up to its end, or an EXR whose
-/// blocks can all be read.
+/// True for a picture file that has all its pixels and nothing more: a PNG whose chunks are undamaged and end with
+/// `IEND`, or an EXR of one part whose blocks can all be read. The file ends where its format ends.
 ///
-/// A file that was cut short while it was copied keeps its header, and so its settings.
+/// A file that was cut short while it was copied keeps its header, and so its settings. One that goes on was spoilt.
 pub fn is_whole(path: &Path) -> bool {
     let Ok(bytes) = files::read(path, u64::MAX) else { return false };
     match kind(&bytes) {
@@ -405,6 +405,13 @@ mod tests {
             hollow[bytes.len() / 2..].fill(0);
             assert!(!is_whole(&hollow), "{format:?}, half of it zeros");
             assert_eq!(read_settings(&path).as_deref(), Some("the settings"));
+            for more in [&b"junk"[..], &[0], &bytes] {
+                assert!(!is_whole(&[&bytes, more].concat()), "{format:?} and {} bytes after its end", more.len());
+            }
+        }
+        for (_, compression) in Compression::ALL {
+            let exr = Format::Exr(Exr { compression, ..Exr::default() });
+            assert!(is_whole(&encode(&picture, exr, "").unwrap()), "{compression:?}");
         }
         assert!(!super::is_whole(directory.path()) && !is_whole(b""));
     }

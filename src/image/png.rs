@@ -134,7 +134,7 @@ pub(super) fn settings(file: &mut (impl Read + Seek)) -> Option<String> {
     }
 }
 
-/// True if all chunks up to `IEND` are there with their checksums, some pixels among them.
+/// True if all chunks up to `IEND` are there with their checksums, some pixels among them, and nothing follows.
 pub(super) fn is_whole(bytes: &[u8]) -> bool {
     let mut rest = bytes.get(SIGNATURE.len()..).unwrap_or_default();
     let mut has_pixels = false;
@@ -151,7 +151,7 @@ pub(super) fn is_whole(bytes: &[u8]) -> bool {
         }
         has_pixels |= kind == *b"IDAT";
         if kind == *b"IEND" {
-            return has_pixels;
+            return has_pixels && data.is_empty() && after.is_empty();
         }
         rest = after;
     }

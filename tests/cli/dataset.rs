@@ -243,6 +243,12 @@ fn a_run_goes_on_where_it_stopped() {
     fs::write(path("flow/0002-open-close.exr"), &flow[..flow.len() - 20]).unwrap();
     assert_eq!(skipped(&resume), [true, false]);
     assert!(files(&dir.path().join("truth")) == made);
+    // Every file ends where its format ends.
+    for (name, whole) in &made {
+        fs::write(path(name), [whole, &b"junk"[..]].concat()).unwrap();
+    }
+    assert_eq!(skipped(&resume), [false, false]);
+    assert!(files(&dir.path().join("truth")) == made);
     // Other choices make all anew.
     assert_eq!(skipped(&format!("{resume} --response linear")), [false, false]);
 

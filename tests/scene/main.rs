@@ -6,6 +6,7 @@ mod support;
 mod anim;
 mod cameras;
 mod captures;
+mod coincident;
 mod files;
 mod fuzz_corpus;
 mod gltf_motion;

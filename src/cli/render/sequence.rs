@@ -234,6 +234,9 @@ mod tests {
             std::fs::write(dir.path().join("a.0001.png"), &whole[..length]).unwrap();
             assert_eq!(run(dir.path(), true, "x").unwrap(), [1.0], "cut to {length} of {}", whole.len());
         }
+        // Something was written behind the end.
+        std::fs::write(dir.path().join("a.0001.png"), [&whole[..], b"junk"].concat()).unwrap();
+        assert_eq!(run(dir.path(), true, "x").unwrap(), [1.0]);
         // Other settings, or no --resume: all over again.
         assert_eq!(run(dir.path(), true, "y").unwrap(), [1.0, 2.0, 3.0]);
         assert_eq!(run(dir.path(), false, "y").unwrap(), [1.0, 2.0, 3.0]);

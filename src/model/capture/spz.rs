@@ -7,7 +7,7 @@
 //! planes = position, alpha, colour, scale, rotation, harmonics
 //! ```
 //! All numbers are little-endian. The frame is x right, y up, z back. The size of a plane follows from count and
-//! degree, so a size that lies is noticed before anything is inflated.
+//! degree, so a size that lies, and one that the length of the file cannot mean, is noticed before a plane is inflated.
 
 use std::io::Read;
 
@@ -15,7 +15,7 @@ use flate2::bufread::GzDecoder;
 use glam::Vec3;
 use ruzstd::decoding::StreamingDecoder;
 
-use super::{Gaussian, Gaussians, MOST_DEGREE, MOST_HARMONICS, allowance, harmonics_of};
+use super::{Gaussian, Gaussians, MOST_DEGREE, MOST_HARMONICS, harmonics_of};
 use crate::model::error::{ParseError, quote};
 
 /// The first bytes of version 4, and of what the older ones hold when inflated.
@@ -36,6 +36,10 @@ const EXTENDED: u8 = 2;
 const AXES: u32 = 0xADBE_0003;
 /// Names of axes, from 1: left or right, up or down, front or back.
 const AXES_NAMES: [&str; 8] = ["LDB", "RDB", "LUB", "RUB", "LDF", "RDF", "LUF", "RUF"];
+/// Bytes of planes that every file may have, however small it is.
+const FREE_BYTES: u64 = 4 << 20;
+/// Most bytes of planes above [`FREE_BYTES`] for each byte of a file. Captures have 1 to 3; a bomb has a thousand.
+const MOST_GROWTH: u64 = 50;
 /// Largest window of a Zstandard frame: what every decoder has to support. A plane may be its own window.
 const WINDOW: u64 = 8 << 20;
 /// Signs of the harmonics of degrees 1 to 3 in the common frame: a turn by 180 degrees about x.
@@ -94,7 +98,7 @@ impl Header {
     /// Bytes of each plane, if a file of `size` bytes may have that many.
     fn planes(&self, size: usize) -> Result<[usize; 6], ParseError> {
         let plain = self.widths().map(|width| width as u64 * self.count as u64);
-        let most = allowance(size);
+        let most = FREE_BYTES.saturating_add(MOST_GROWTH.saturating_mul(size as u64));
         if plain.iter().sum::<u64>() > most {
             let found = format!("{} Gaussians of degree {}", self.count, self.degree);
             return Err(ParseError::byte(8, found, format!("at most {most} bytes of them in a file of {size} bytes")));

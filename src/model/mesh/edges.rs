@@ -22,8 +22,8 @@ pub(super) struct Edges {
 }
 
 impl Edges {
-    /// `welded` is [`Facets::welded`].
-    pub(super) fn new(facets: &Facets<'_>, welded: &[u32]) -> Self {
+    pub(super) fn new(facets: &Facets<'_>) -> Self {
+        let welded = facets.welded.as_slice();
         let mut edges: Vec<([u32; 2], u32, u8)> = facets
             .kept
             .par_iter()

@@ -19,8 +19,12 @@ pub(super) struct Facets<'a> {
     pub(super) origin: DVec3,
     /// Edge lengths of that box.
     pub(super) size: DVec3,
-    /// Indices of the usable triangles, rising.
+    /// Indices of the usable triangles, rising. Of equal ones it has the first.
     pub(super) kept: Vec<u32>,
+    /// Indices of the usable triangles that are equal to an earlier one, rising.
+    pub(super) repeated: Vec<u32>,
+    /// For each vertex the first one at the same place: seams of textures and normals do not part a surface.
+    pub(super) welded: Vec<u32>,
 }
 
 /// A point as rays along an axis see it.
@@ -105,7 +109,7 @@ impl Hit {
 
 impl<'a> Facets<'a> {
     pub(super) fn new(mesh: &'a Mesh) -> Self {
-        let kept: Vec<u32> = (0..mesh.triangles.len() as u32)
+        let usable: Vec<u32> = (0..mesh.triangles.len() as u32)
             .into_par_iter()
             .filter(|&i| {
                 let corner = mesh.triangles[i as usize].corners.map(|v| mesh.position[v as usize]);
@@ -115,41 +119,34 @@ impl<'a> Facets<'a> {
                 near && shape.height() > FLAT * shape.longest
             })
             .collect();
+        let welded = welded(mesh);
+        let repeated = repeated(mesh, &welded, &usable);
+        let kept = if repeated.is_empty() {
+            usable
+        } else {
+            usable.into_iter().filter(|i| repeated.binary_search(i).is_err()).collect()
+        };
         let corners = kept.iter().flat_map(|&i| mesh.triangles[i as usize].corners);
         let bounds: Bounds = corners.map(|v| mesh.position[v as usize]).collect();
-        Self { mesh, origin: bounds.centre(), size: bounds.size(), kept }
+        Self { mesh, origin: bounds.centre(), size: bounds.size(), kept, repeated, welded }
     }
 
     pub(super) fn shape(&self, triangle: u32) -> Shape {
         Shape::new(self.mesh.triangles[triangle as usize].corners.map(|v| self.mesh.position[v as usize] - self.origin))
     }
 
-    /// For each vertex the first one at the same place: seams of textures and normals do not part a surface.
-    pub(super) fn welded(&self) -> Vec<u32> {
-        // Adding 0 makes one zero of two.
-        let key = |&v: &u32| (self.mesh.position[v as usize] + 0.0).to_array().map(f64::to_bits);
-        let mut order: Vec<u32> = (0..self.mesh.position.len() as u32).collect();
-        order.par_sort_unstable_by_key(|v| (key(v), *v));
-        let mut first = vec![0; order.len()];
-        for run in order.chunk_by(|a, b| key(a) == key(b)) {
-            for &v in run {
-                first[v as usize] = run[0];
-            }
-        }
-        first
-    }
-
     /// True if an edge belongs to one triangle alone.
-    pub(super) fn is_open(&self, welded: &[u32]) -> bool {
+    pub(super) fn is_open(&self) -> bool {
         let mut edges: Vec<(u32, u32)> = self
             .mesh
             .triangles
             .par_iter()
-            .flat_map_iter(|triangle| {
-                let [a, b, c] = triangle.corners.map(|v| welded[v as usize]);
-                let flat = a == b || b == c || c == a;
+            .zip(0_u32..self.mesh.triangles.len() as u32)
+            .flat_map_iter(|(triangle, i)| {
+                let [a, b, c] = triangle.corners.map(|v| self.welded[v as usize]);
+                let none = a == b || b == c || c == a || self.repeated.binary_search(&i).is_ok();
                 let edges = [(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b)));
-                edges.into_iter().take(if flat { 0 } else { 3 })
+                edges.into_iter().take(if none { 0 } else { 3 })
             })
             .collect();
         edges.par_sort_unstable();
@@ -158,15 +155,15 @@ impl<'a> Facets<'a> {
 
     /// The connected parts of the mesh that none of `hit` belongs to: for each of them its triangles. `hit` says which
     /// of [`Self::kept`] have a surfel.
-    pub(super) fn missed(&self, welded: &[u32], hit: &[bool]) -> Vec<Vec<u32>> {
-        let mut parent: Vec<u32> = (0..welded.len() as u32).collect();
-        let corners = |i: u32| self.mesh.triangles[i as usize].corners.map(|v| welded[v as usize]);
+    pub(super) fn missed(&self, hit: &[bool]) -> Vec<Vec<u32>> {
+        let mut parent: Vec<u32> = (0..self.welded.len() as u32).collect();
+        let corners = |i: u32| self.mesh.triangles[i as usize].corners.map(|v| self.welded[v as usize]);
         for &i in &self.kept {
             let [a, b, c] = corners(i);
             join(&mut parent, a, b);
             join(&mut parent, a, c);
         }
-        let mut seen = vec![false; welded.len()];
+        let mut seen = vec![false; self.welded.len()];
         for (&i, _) in self.kept.iter().zip(hit).filter(|(_, hit)| **hit) {
             seen[root(&mut parent, corners(i)[0]) as usize] = true;
         }
@@ -179,6 +176,63 @@ impl<'a> Facets<'a> {
         }
         parts.into_values().collect()
     }
+}
+
+/// See [`Facets::welded`].
+fn welded(mesh: &Mesh) -> Vec<u32> {
+    // Adding 0 makes one zero of two.
+    let key = |&v: &u32| (mesh.position[v as usize] + 0.0).to_array().map(f64::to_bits);
+    let mut order: Vec<u32> = (0..mesh.position.len() as u32).collect();
+    order.par_sort_unstable_by_key(|v| (key(v), *v));
+    let mut first = vec![0; order.len()];
+    for run in order.chunk_by(|a, b| key(a) == key(b)) {
+        for &v in run {
+            first[v as usize] = run[0];
+        }
+    }
+    first
+}
+
+/// The usable triangles that are equal to an earlier one: the same corners in the same winding, whichever is first, and
+/// the same material, normals, texture coordinates and colours. Rising.
+fn repeated(mesh: &Mesh, welded: &[u32], usable: &[u32]) -> Vec<u32> {
+    // Corners of a triangle with an area differ, so one of them is the least.
+    let turned = |i: u32| {
+        let triangle = mesh.triangles[i as usize];
+        let places = triangle.corners.map(|v| welded[v as usize]);
+        let first = (0..3).min_by_key(|&k| places[k]).unwrap_or(0);
+        (0..3).map(move |k| (places[(first + k) % 3], triangle.corners[(first + k) % 3]))
+    };
+    let mut order: Vec<([u32; 4], u32)> = usable
+        .par_iter()
+        .map(|&i| {
+            let mut places = turned(i).map(|(place, _)| place);
+            let mut next = || places.next().unwrap_or_default();
+            ([next(), next(), next(), mesh.triangles[i as usize].material], i)
+        })
+        .collect();
+    order.par_sort_unstable();
+    // The bits of all that vertices have beside their places.
+    let looks = |i: u32| -> Vec<u32> {
+        let of_vertex = |v: usize| {
+            let normal = mesh.normal.get(v).map(|n| n.to_array());
+            let uv = mesh.uv.get(v).map(|uv| uv.to_array());
+            let colour = mesh.colour.get(v).map(|c| c.to_array());
+            let numbers = normal.into_iter().flatten().chain(uv.into_iter().flatten());
+            numbers.chain(colour.into_iter().flatten()).map(|x| (x + 0.0).to_bits())
+        };
+        turned(i).flat_map(|(_, v)| of_vertex(v as usize)).collect()
+    };
+    let mut repeated = Vec::new();
+    for run in order.chunk_by(|a, b| a.0 == b.0).filter(|run| run.len() > 1) {
+        let mut run: Vec<(Vec<u32>, u32)> = run.par_iter().map(|&(_, i)| (looks(i), i)).collect();
+        run.par_sort_unstable();
+        for equal in run.chunk_by(|a, b| a.0 == b.0) {
+            repeated.extend(equal[1..].iter().map(|(_, i)| i));
+        }
+    }
+    repeated.par_sort_unstable();
+    repeated
 }
 
 /// The vertex that stands for all that `v` is joined with: the one of the lowest index.

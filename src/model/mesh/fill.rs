@@ -57,14 +57,7 @@ impl Disc {
 /// Surfels that are missing after `hits`, whose positions are `position`. Every vertex is then covered, and so are the
 /// edges of every triangle and its middle where it is thin; a connected part without any hit has a surfel at its
 /// centre.
-pub(super) fn extras(
-    facets: &Facets<'_>,
-    welded: &[u32],
-    edges: &Edges,
-    band: &Band,
-    hits: &[Hit],
-    position: &[Vec3],
-) -> Vec<Extra> {
+pub(super) fn extras(facets: &Facets<'_>, edges: &Edges, band: &Band, hits: &[Hit], position: &[Vec3]) -> Vec<Extra> {
     let mut hit = vec![false; facets.kept.len()];
     let mut at = 0;
     for run in hits.chunk_by(|a, b| a.triangle == b.triangle) {
@@ -75,7 +68,7 @@ pub(super) fn extras(
         hit[at] = true;
     }
     let spacing = band.spacing(false);
-    let mut extras: Vec<Extra> = facets.missed(welded, &hit).iter().map(|part| middle(facets, part, spacing)).collect();
+    let mut extras: Vec<Extra> = facets.missed(&hit).iter().map(|part| middle(facets, part, spacing)).collect();
     let cells = [false, true].map(|fine| Cells::new(&discs(facets, band, fine, hits, position), band.spacing(fine)));
     let bare: Vec<(Hit, Disc, bool)> = facets
         .kept

@@ -3,8 +3,8 @@
 //! Readers give a [`Mesh`] in the space of the model. Nothing of it is filtered or reduced yet. Data flow: `gltf` with
 //! `gltf_material`, `obj` with `mtl` and `polygon`, `of_cloud` (bytes to a mesh), and `texture` (images to texels).
 //! Sampling makes surfels of it: `facets` (triangles with an area, and how they hang together) -> `edges` (which are
-//! sharp) -> `spacing` (how many surfels) -> `band` (where they are finer) -> `raster` (hits of rays) -> `fill` (what
-//! rays miss) -> `paint` (normals, colours, and textures by `pyramid`) -> `sample` (all of it).
+//! sharp) -> `spacing` (how many surfels) -> `band` (where they are finer) -> `raster` (hits of rays) -> `piles` (those
+//! that coincide) -> `fill` (what rays miss) -> `paint` (normals, colours, and textures by `pyramid`) -> `sample` (all of it).
 
 mod band;
 mod edges;
@@ -16,6 +16,7 @@ mod mtl;
 mod obj;
 mod of_cloud;
 mod paint;
+mod piles;
 pub(super) mod polygon;
 mod pyramid;
 mod raster;

@@ -133,6 +133,11 @@ impl<'a> Palette<'a> {
 }
 
 impl Brush<'_> {
+    /// The unit normal of the triangle, by its winding.
+    pub(super) fn face(&self) -> Vec3 {
+        self.face
+    }
+
     pub(super) fn dab(&self, hit: &Hit) -> Dab {
         let [b, c] = hit.weight;
         let a = 1.0 - b - c;

@@ -23,17 +23,43 @@ struct OnEdge {
 /// Triangles of one task. Nothing depends on it.
 const CHUNK: usize = 256;
 
-/// All hits of rays, in the order of the triangles. Grid lines are half a spacing away from the middle of the box, so
+/// Difference of two depths that are the same, fine spacings.
+pub(super) const SAME_DEPTH: f64 = 1e-6;
+
+/// Bits of a place of a ray on its grid. A grid has fewer than 2^25 places on each side of its middle.
+const PLACE_BITS: u32 = 30;
+
+/// What hits are found.
+#[derive(Default)]
+struct Found {
+    hits: Vec<Hit>,
+    /// The ray of each hit.
+    rays: Vec<u64>,
+    on_edges: Vec<OnEdge>,
+}
+
+/// A ray as a number: its axis, its grid, and its place there.
+fn ray_of(axis: usize, fine: bool, y: i64, x: i64) -> u64 {
+    let place = |x: i64| x as u64 & ((1 << PLACE_BITS) - 1);
+    (axis as u64) << (2 * PLACE_BITS + 1) | u64::from(fine) << (2 * PLACE_BITS) | place(y) << PLACE_BITS | place(x)
+}
+
+/// The axis of a ray.
+pub(super) fn axis_of(ray: u64) -> usize {
+    (ray >> (2 * PLACE_BITS + 1)) as usize
+}
+
+/// All hits of rays, in the order of the triangles, and the ray of each as a number. Grid lines are half a spacing away from the middle of the box, so
 /// that none lies in a plane of symmetry.
 ///
 /// `reduce`: each triangle is hit only along the axis that it faces most. Two hits of one axis and grid are at least a
 /// spacing apart, unless one ray made both.
-pub(super) fn hits(facets: &Facets<'_>, band: &Band, reduce: bool) -> Vec<Hit> {
-    let chunks: Vec<(Vec<Hit>, Vec<OnEdge>)> = facets
+pub(super) fn hits(facets: &Facets<'_>, band: &Band, reduce: bool) -> (Vec<Hit>, Vec<u64>) {
+    let chunks: Vec<Found> = facets
         .kept
         .par_chunks(CHUNK)
         .map(|chunk| {
-            let mut out = (Vec::new(), Vec::new());
+            let mut out = Found::default();
             for &triangle in chunk {
                 let shape = facets.shape(triangle);
                 let near = band.near(&shape);
@@ -48,36 +74,45 @@ pub(super) fn hits(facets: &Facets<'_>, band: &Band, reduce: bool) -> Vec<Hit> {
             out
         })
         .collect();
-    let mut hits = Vec::with_capacity(chunks.iter().map(|(hits, _)| hits.len()).sum());
-    let mut on_edges = Vec::new();
-    for (of_chunk, edges) in chunks {
-        on_edges.extend(edges.into_iter().map(|edge| OnEdge { hit: edge.hit + hits.len(), ..edge }));
-        hits.extend(of_chunk);
+    let count = chunks.iter().map(|found| found.hits.len()).sum();
+    let mut all = Found { hits: Vec::with_capacity(count), rays: Vec::with_capacity(count), on_edges: Vec::new() };
+    for Found { hits, rays, on_edges } in chunks {
+        let before = all.hits.len();
+        all.on_edges.extend(on_edges.into_iter().map(|edge| OnEdge { hit: edge.hit + before, ..edge }));
+        all.hits.extend(hits);
+        all.rays.extend(rays);
     }
-    drop_twins(&mut hits, on_edges, band.spacing(true));
-    hits
+    let Found { mut hits, mut rays, on_edges } = all;
+    let twins = twins(on_edges, band.spacing(true));
+    drop_at(&twins, &mut hits);
+    drop_at(&twins, &mut rays);
+    (hits, rays)
 }
 
-/// Drops all but the first of several hits of one ray at one place: it met an edge, and both triangles at it.
-fn drop_twins(hits: &mut Vec<Hit>, mut on_edges: Vec<OnEdge>, spacing: f64) {
+/// All but the first of several hits of one ray at one place: it met an edge, and both triangles at it. Rising.
+fn twins(mut on_edges: Vec<OnEdge>, spacing: f64) -> Vec<usize> {
     on_edges.par_sort_unstable_by(|a, b| a.ray.cmp(&b.ray).then(a.depth.total_cmp(&b.depth)).then(a.hit.cmp(&b.hit)));
-    let same = |a: &OnEdge, b: &OnEdge| a.ray == b.ray && (b.depth - a.depth).abs() <= 1e-6 * spacing;
-    let mut drop: Vec<usize> = on_edges
+    let same = |a: &OnEdge, b: &OnEdge| a.ray == b.ray && (b.depth - a.depth).abs() <= SAME_DEPTH * spacing;
+    let mut twins: Vec<usize> = on_edges
         .chunk_by(same)
         .flat_map(|run| {
             let first = run.iter().map(|edge| edge.hit).min();
             run.iter().map(|edge| edge.hit).filter(move |hit| Some(*hit) != first)
         })
         .collect();
-    if drop.is_empty() {
+    twins.sort_unstable();
+    twins
+}
+
+/// Drops the items at some indices, which rise.
+pub(super) fn drop_at<T>(indices: &[usize], items: &mut Vec<T>) {
+    if indices.is_empty() {
         return;
     }
-    drop.sort_unstable();
-    let mut drop = drop.into_iter().peekable();
-    let mut index = 0;
-    hits.retain(|_| {
+    let (mut indices, mut index) = (indices.iter().peekable(), 0);
+    items.retain(|_| {
         index += 1;
-        drop.next_if_eq(&(index - 1)).is_none()
+        indices.next_if_eq(&&(index - 1)).is_none()
     });
 }
 
@@ -115,13 +150,7 @@ pub(super) fn count(facets: &Facets<'_>, band: &Band, reach: f64, reduce: bool) 
 }
 
 /// Adds the hits of one triangle: those within the spans, if there are any.
-fn scan(
-    triangle: u32,
-    shape: &Shape,
-    grid: Grid,
-    spans: Option<Spans>,
-    (hits, on_edges): &mut (Vec<Hit>, Vec<OnEdge>),
-) {
+fn scan(triangle: u32, shape: &Shape, grid: Grid, spans: Option<Spans>, out: &mut Found) {
     let Grid { axis, fine, .. } = grid;
     let p = grid.places(shape);
     let (e, f) = (p[1] - p[0], p[2] - p[0]);
@@ -133,9 +162,10 @@ fn scan(
             if row.along || x == row.from || x == row.to {
                 let depth = hit.position(&shape.corner)[axis];
                 let ray = (axis, fine, row.y as i64, x as i64, shape.across[axis] > 0.0);
-                on_edges.push(OnEdge { ray, depth, hit: hits.len() });
+                out.on_edges.push(OnEdge { ray, depth, hit: out.hits.len() });
             }
-            hits.push(hit);
+            out.rays.push(ray_of(axis, fine, row.y as i64, x as i64));
+            out.hits.push(hit);
         }
     });
 }

@@ -9,8 +9,8 @@ use super::edges::Edges;
 use super::facets::{Facets, Hit};
 use super::fill::{self, Extra};
 use super::paint::{LEVELS, Palette};
-use super::raster;
 use super::spacing::Counted;
+use super::{piles, raster};
 use crate::model::options::{MeshOptions, Spacing};
 use crate::model::surfels::{MIPMAP_LEVELS, Normalisation, Surfels, VelocityUnit};
 
@@ -58,16 +58,15 @@ pub(crate) fn sample(mesh: &Mesh, options: &MeshOptions, radius_scale: f64) -> R
     if facets.kept.is_empty() {
         return Err(Unsampled::Flat { triangles: mesh.triangles.len() });
     }
-    let welded = facets.welded();
-    let edges = Edges::new(&facets, &welded);
-    let counted = Counted { facets: &facets, edges: &edges, reduce: options.reduce };
+    let edges = Edges::new(&facets);
+    let counted = Counted::new(&facets, &edges, options.reduce);
     let band = match options.spacing {
         Spacing::Of(given) if counted.allows(given) => counted.band(given).0,
         Spacing::Of(given) => return Err(Unsampled::Fine { spacing: given, least: counted.finest() }),
         Spacing::Surfels(count) => counted.of_count(f64::from(count)),
         Spacing::Auto | Spacing::None => counted.of_count(USUAL),
     };
-    Ok(sampled(&counted, &welded, &band, radius_scale))
+    Ok(sampled(&counted, &band, radius_scale))
 }
 
 /// The spacing for about as many surfels, at most `spacing` for `most` and at least that for `least` of them.
@@ -76,20 +75,29 @@ pub(crate) fn limited(mesh: &Mesh, spacing: f64, surfels: [f64; 2], reduce: bool
     if facets.kept.is_empty() {
         return spacing;
     }
-    let edges = Edges::new(&facets, &facets.welded());
-    Counted { facets: &facets, edges: &edges, reduce }.within(spacing, surfels)
+    let edges = Edges::new(&facets);
+    Counted::new(&facets, &edges, reduce).within(spacing, surfels)
 }
 
-fn sampled(counted: &Counted<'_>, welded: &[u32], band: &Band, radius_scale: f64) -> Sampled {
+fn sampled(counted: &Counted<'_>, band: &Band, radius_scale: f64) -> Sampled {
     let mut notes = Vec::new();
     let spacing = band.spacing(false);
-    let Counted { facets, edges, reduce } = *counted;
+    let Counted { facets, edges, reduce, .. } = *counted;
     let mesh = facets.mesh;
-    let dropped = mesh.triangles.len() - facets.kept.len();
+    let dropped = mesh.triangles.len() - facets.kept.len() - facets.repeated.len();
     if dropped > 0 {
         notes.push(format!("{dropped} of {} triangles dropped: without an area", mesh.triangles.len()));
     }
-    let mut hits = raster::hits(facets, band, reduce);
+    let palette = Palette::new(facets, [false, true].map(|fine| band.spacing(fine) * radius_scale));
+    let (mut hits, rays) = raster::hits(facets, band, reduce);
+    let merged = piles::merge(facets, &palette, band, &mut hits, &rays);
+    drop(rays);
+    if merged + facets.repeated.len() > 0 {
+        notes.push(format!(
+            "merged what coincides: {} triangles that repeat another, {merged} surfels of one ray, plane and colour",
+            facets.repeated.len()
+        ));
+    }
     hits.par_chunks_mut(CHUNK).for_each(|hits| {
         for run in hits.chunk_by_mut(|a, b| a.triangle == b.triangle) {
             let shape = facets.shape(run[0].triangle);
@@ -99,12 +107,11 @@ fn sampled(counted: &Counted<'_>, welded: &[u32], band: &Band, radius_scale: f64
         }
     });
     let mut position: Vec<Vec3> = positions(facets, &hits);
-    let extras = fill::extras(facets, welded, edges, band, &hits, &position);
-    let two_sided = mesh.materials.iter().any(|material| material.two_sided) || facets.is_open(welded);
+    let extras = fill::extras(facets, edges, band, &hits, &position);
+    let two_sided = mesh.materials.iter().any(|material| material.two_sided) || facets.is_open();
     let rays = hits.len();
     hits.extend(extras.iter().map(|extra| extra.hit));
     position.extend(extras.iter().map(|extra| extra.position.as_vec3()));
-    let palette = Palette::new(facets, [false, true].map(|fine| band.spacing(fine) * radius_scale));
     let surfels = painted(&palette, &hits, position);
     let mut surfels = Surfels { origin: facets.origin, two_sided, ..surfels };
     for (i, Extra { hit, radius: own, .. }) in (rays..).zip(&extras) {

@@ -35,21 +35,38 @@ pub(super) struct Counted<'a> {
     pub(super) edges: &'a Edges,
     /// See [`raster::hits`].
     pub(super) reduce: bool,
+    /// Of each usable triangle: spacings are tried by the dozen.
+    sizes: Vec<Size>,
 }
 
-impl Counted<'_> {
+/// What [`Counted::estimate`] asks of a triangle.
+struct Size {
+    /// Area of its projections.
+    projected: f64,
+    height: f64,
+    longest: f64,
+}
+
+impl<'a> Counted<'a> {
+    pub(super) fn new(facets: &'a Facets<'a>, edges: &'a Edges, reduce: bool) -> Self {
+        let size = |&i: &u32| {
+            let shape = facets.shape(i);
+            let sides = shape.across.abs();
+            let projected = 0.5 * if reduce { sides.max_element() } else { sides.element_sum() };
+            Size { projected, height: shape.height(), longest: shape.longest }
+        };
+        Self { facets, edges, reduce, sizes: facets.kept.par_iter().map(size).collect() }
+    }
+
     /// About as many surfels as rays with `spacing` make where no edge is sharp. A family of rays makes one for each
     /// spacing^2 of a triangle's projection. A thin triangle counts by its length, and each triangle takes some work.
     fn estimate(&self, spacing: f64) -> f64 {
-        let count = |&i: &u32| {
-            let shape = self.facets.shape(i);
-            let size = shape.across.abs();
-            let projected = 0.5 * if self.reduce { size.max_element() } else { size.element_sum() };
-            let of_area = projected / spacing / spacing;
-            if shape.height() < 0.5 * spacing { of_area.max(0.25 * shape.longest / spacing) } else { of_area }
+        let count = |size: &Size| {
+            let of_area = size.projected / spacing / spacing;
+            if size.height < 0.5 * spacing { of_area.max(0.25 * size.longest / spacing) } else { of_area }
         };
         // Sums of whole chunks in their order do not depend on threads.
-        let sums: Vec<f64> = self.facets.kept.par_chunks(4096).map(|chunk| chunk.iter().map(count).sum()).collect();
+        let sums: Vec<f64> = self.sizes.par_chunks(4096).map(|chunk| chunk.iter().map(count).sum()).collect();
         sums.into_iter().sum()
     }
 

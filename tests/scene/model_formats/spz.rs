@@ -298,7 +298,11 @@ fn bombs_are_refused_at_once() {
     let header = |count: u32| Spz { version: 3, count, ..Spz::pair() }.header(0);
     let small = gzip(&[header(2), zeros.clone()].concat());
     assert_eq!(capture(&small).notes, ["bytes after the last plane ignored"]);
-    says(&gzip(&[header(8 << 20), zeros].concat()), "found 8388608 Gaussians of degree 0, expected at most");
+    says(&gzip(&[header(8 << 20), zeros.clone()].concat()), "found 8388608 Gaussians of degree 0, expected at most");
+    // 64 MB of planes in 64 kB, of which the header tells the truth.
+    let honest = gzip(&[header(3 << 20), zeros[..60 << 20].to_vec()].concat());
+    assert!(honest.len() < 70_000);
+    says(&honest, "byte 8: found 3145728 Gaussians of degree 0, expected at most 7");
     // Blocks of one repeated byte, 128 KiB in 4 bytes, in a frame without a size; the window is the largest.
     for window in [0x68, 0xf8] {
         let mut frame = vec![0x28, 0xb5, 0x2f, 0xfd, 0, window];
