@@ -6,6 +6,7 @@ use std::sync::{Arc, PoisonError};
 use super::message::Kind;
 use super::shared::{Known, Shared};
 use super::view::Look;
+use crate::files;
 use crate::film::Picture;
 use crate::image::{self, Bits, Format};
 use crate::options::RenderOptions;
@@ -39,18 +40,17 @@ pub(super) fn save(
     let out = shared.setup.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
     let cannot = |why: &dyn std::fmt::Display| format!("cannot save into {}: {why}", out.display());
     std::fs::create_dir_all(&out).map_err(|why| cannot(&why))?;
-    // The name is free until the file is there.
-    let _held = shared.saving.lock().unwrap_or_else(PoisonError::into_inner);
-    let free = |stem: &str, extension: &str| {
+    let create = |stem: &str, extension: &str, bytes: &[u8]| {
+        // Nobody ends the program meanwhile.
+        let _held = shared.saving.lock().unwrap_or_else(PoisonError::into_inner);
         let path = |number| out.join(format!("{stem}.view-{number}.{extension}"));
-        NUMBERS.map(path).find(|path| !path.exists()).ok_or_else(|| cannot(&"9999 files are there already"))
+        let made = files::create_with(NUMBERS.map(path), |temporary| std::fs::write(temporary, bytes));
+        made.map_err(|why| cannot(&why))?.ok_or_else(|| cannot(&"9999 files are there already"))
     };
     let format = match what {
         Kind::Scene => {
-            let path = free(&scene.name, "xml")?;
             let text = scene_file::to_xml(&look.changed(scene), &out);
-            crate::files::replace(&path, text.as_bytes()).map_err(|why| cannot(&why))?;
-            return Ok(path);
+            return create(&scene.name, "xml", text.as_bytes());
         }
         Kind::Png if look.buffer.is_some() => {
             return Err("PNG holds colour and alpha only: save layers as EXR".to_owned());
@@ -63,11 +63,7 @@ pub(super) fn save(
         provenance.splatted(options, format, backend).and_then(|settings| settings.of_frame(look.frame))
     });
     let settings = settings.map_err(|why| cannot(&why))?;
-    let path = free(&format!("{}.{}", scene.name, look.frame.padded()), format.extension())?;
-    match comment {
-        Some(comment) => image::write_with_comment(&path, picture, format, &settings, comment),
-        None => image::write(&path, picture, format, &settings),
-    }
-    .map_err(|why| cannot(&why))?;
-    Ok(path)
+    let bytes =
+        image::encode_with_comment(picture, format, &settings, comment.as_deref()).map_err(|why| cannot(&why))?;
+    create(&format!("{}.{}", scene.name, look.frame.padded()), format.extension(), &bytes)
 }
