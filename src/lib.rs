@@ -88,6 +88,10 @@ pub mod film;
 #[doc(hidden)]
 pub mod image;
 
+#[cfg(feature = "movie")]
+#[doc(hidden)]
+pub mod movie;
+
 #[doc(hidden)]
 pub mod scene_file;
 
