@@ -1,5 +1,6 @@
-//! Files that a page saves: pictures as `splatblur render` writes them, and scenes. No file is ever replaced.
+//! Files that a page saves: pictures as `splatblur render` writes them, scenes, and names for movies. No file is ever replaced.
 
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 
@@ -37,15 +38,11 @@ pub(super) fn save(
     what: Kind,
 ) -> Result<PathBuf, String> {
     let scene = known.scene();
-    let out = shared.setup.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
-    let cannot = |why: &dyn std::fmt::Display| format!("cannot save into {}: {why}", out.display());
-    std::fs::create_dir_all(&out).map_err(|why| cannot(&why))?;
+    let out = folder(shared, scene)?;
+    let cannot = |why: &dyn std::fmt::Display| cannot(&out, why);
     let create = |stem: &str, extension: &str, bytes: &[u8]| {
-        // Nobody ends the program meanwhile.
-        let _held = shared.saving.lock().unwrap_or_else(PoisonError::into_inner);
-        let path = |number| out.join(format!("{stem}.view-{number}.{extension}"));
-        let made = files::create_with(NUMBERS.map(path), |temporary| std::fs::write(temporary, bytes));
-        made.map_err(|why| cannot(&why))?.ok_or_else(|| cannot(&"9999 files are there already"))
+        let write = |temporary: &Path| std::fs::write(temporary, bytes);
+        told(&out, shared, || files::create_with(paths(&out, stem, extension), write))
     };
     let format = match what {
         Kind::Scene => {
@@ -66,4 +63,31 @@ pub(super) fn save(
     let bytes =
         image::encode_with_comment(picture, format, &settings, comment.as_deref()).map_err(|why| cannot(&why))?;
     create(&format!("{}.{}", scene.name, look.frame.padded()), format.extension(), &bytes)
+}
+
+fn cannot(out: &Path, why: &dyn std::fmt::Display) -> String {
+    format!("cannot save into {}: {why}", out.display())
+}
+
+/// The folder of saved files, made where it is missing.
+pub(super) fn folder(shared: &Shared, scene: &Scene) -> Result<PathBuf, String> {
+    let out = shared.setup.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
+    std::fs::create_dir_all(&out).map_err(|why| cannot(&out, &why))?;
+    Ok(out)
+}
+
+/// Names for a file, of which it gets the first that nothing has.
+pub(super) fn paths(out: &Path, stem: &str, extension: &str) -> impl Iterator<Item = PathBuf> {
+    NUMBERS.map(move |number| out.join(format!("{stem}.view-{number}.{extension}")))
+}
+
+/// Makes a file, which gets one of these names; returns its path, or why there is none in one line.
+pub(super) fn told(
+    out: &Path,
+    shared: &Shared,
+    make: impl FnOnce() -> io::Result<Option<PathBuf>>,
+) -> Result<PathBuf, String> {
+    // Nobody ends the program meanwhile.
+    let _held = shared.saving.lock().unwrap_or_else(PoisonError::into_inner);
+    make().map_err(|why| cannot(out, &why))?.ok_or_else(|| cannot(out, &"9999 files are there already"))
 }

@@ -11,6 +11,7 @@ mod hostile_input;
 mod input;
 mod meshes;
 mod messages;
+mod movie;
 mod reference;
 mod render;
 mod report;

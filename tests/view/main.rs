@@ -7,5 +7,6 @@ mod devtools;
 mod files;
 mod hostile;
 mod measure;
+mod movies;
 mod pictures;
 mod support;
