@@ -28,12 +28,13 @@ const fn encoder(kind: Kind) -> Option<&'static str> {
 /// the second players guess. The codes are tagged as BT.709 too, though their curve is that of sRGB: players show codes
 /// of that tag as they are, as browsers show those of a PNG file, and few know the tag of sRGB.
 pub fn encoding(kind: Kind, [width, height]: [u32; 2]) -> Vec<String> {
-    let is_odd = width % 2 + height % 2 > 0;
+    // Pixels that share their colour come in pairs; the last of an odd row or column is there twice.
+    let odd = [width % 2, height % 2];
+    let pad = format!("pad=ceil(iw/2)*2:ceil(ih/2)*2,fillborders=right={}:bottom={}:mode=smear,", odd[0], odd[1]);
     let scale = "scale=out_color_matrix=bt709:out_range=tv:flags=accurate_rnd+full_chroma_int";
     let tags = "setparams=range=tv:color_primaries=bt709:color_trc=bt709:colorspace=bt709";
     let (pad, layout) = match kind {
-        // Pixels that share their colour come in pairs.
-        Kind::Mp4 if is_odd => ("pad=ceil(iw/2)*2:ceil(ih/2)*2,", "yuv420p"),
+        Kind::Mp4 if odd != [0, 0] => (&*pad, "yuv420p"),
         Kind::Mp4 | Kind::Y4m | Kind::Gif => ("", "yuv420p"),
         Kind::Mov => ("", "yuva444p10le"),
     };

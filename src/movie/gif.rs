@@ -12,8 +12,9 @@ use super::{MovieError, Shape};
 use crate::film::Picture;
 use crate::image;
 
-/// Every so many pixels the palette learns from one; the crate's compromise of quality and time.
-const SPEED: i32 = 10;
+/// The palette learns from about so many pixels of a frame: a tenth of a picture as large as a page shows, and all of a
+/// small one, which else would be far off.
+const LEARNT: usize = 50_000;
 
 pub(super) struct Encoder {
     gif: ::gif::Encoder<BufWriter<File>>,
@@ -51,7 +52,9 @@ impl Encoder {
 
     pub(super) fn push(&mut self, picture: &Picture) -> Result<(), MovieError> {
         let codes = image::srgb_codes(picture, false)?;
-        let mut frame = Frame::from_rgb_speed(self.size[0], self.size[1], &codes, SPEED);
+        // The crate takes every so many pixels, 1 to 30.
+        let step = (picture.rgba.len() / LEARNT).clamp(1, 30);
+        let mut frame = Frame::from_rgb_speed(self.size[0], self.size[1], &codes, step as i32);
         // Times add up to those of the rate, though each is in hundredths of a second.
         let [begin, end] = [self.frames, self.frames + 1].map(|frame| self.shape.rate.begin(frame, 100));
         frame.delay = (end - begin) as u16;
