@@ -48,7 +48,7 @@
 //!
 //! # Features
 //! `gpu` (default): the GPU backend, on wgpu and Vulkan. `cli` (default): the program `splatblur`. `viewer`
-//! (default): its command `view`. Without them, the library alone is built.
+//! (default): its command `view`. `movie` (default): what both have for movies. Without them, the library alone is built.
 
 // In the order of data flow: a module imports only modules that stand above it. They are public for the program, the
 // tests, the benches and the fuzz targets; what a library user needs is re-exported below.
@@ -87,6 +87,10 @@ pub mod film;
 
 #[doc(hidden)]
 pub mod image;
+
+#[cfg(feature = "movie")]
+#[doc(hidden)]
+pub mod movie;
 
 #[doc(hidden)]
 pub mod scene_file;

@@ -12,6 +12,7 @@ use splatblur::files;
 use splatblur::film::Aov;
 use splatblur::image::{Bits, Compression, Exr, Format, Precision};
 use splatblur::model::{self, ModelError};
+use splatblur::movie;
 use splatblur::options::{self, PixelFilter, Prefilter, Shading};
 use splatblur::scene::Scene;
 use splatblur::scene_file::{self, Loaded};
@@ -22,7 +23,7 @@ use super::info::{self, Kind};
 use super::memory;
 use super::output::say;
 use super::progress::Loading;
-use super::values;
+use super::values::{self, ShutterTimes};
 
 /// The grammar of modes, for long helps.
 pub(super) const MODES: &str = "\
@@ -55,15 +56,17 @@ pub(super) struct Overrides {
         help_heading = "Scene"
     )]
     background: Option<DVec3>,
-    /// Shutter opening and closing, frames around the frame number [default: the scene's, else -0.25,0.25].
+    /// Shutter opening and closing, frames around the frame number; or how long it is open, half of that before the
+    /// frame number: an angle, as in 180deg (360deg is a frame), or a time at the scene's frame rate, as in 1/48s or
+    /// 0.02s [default: the scene's, else -0.25,0.25].
     #[arg(
         long,
-        value_name = "OPEN,CLOSE",
+        value_name = "OPEN,CLOSE|ANGLEdeg|TIMEs",
         allow_hyphen_values = true,
         value_parser = values::shutter,
         help_heading = "Scene"
     )]
-    shutter: Option<(f64, f64)>,
+    shutter: Option<ShutterTimes>,
     /// Time weight over the shutter: box, tent, ramp:centre=1, exponential:rate=3,centre=1,
     /// one-minus-exponential:centre=1, gaussian:centre=.5,width=.2
     /// (parameters optional) [default: the scene's, else box].
@@ -78,12 +81,14 @@ pub(super) struct Overrides {
 
 impl Overrides {
     /// All but the size, with which a scene is read.
-    fn apply(&self, scene: &mut Scene) {
+    fn apply(&self, scene: &mut Scene) -> anyhow::Result<()> {
         if let Some(colour) = self.background {
             (scene.image.background, scene.image.transparent) = (colour, false);
         }
-        if let Some((open, close)) = self.shutter {
-            (scene.shutter.open, scene.shutter.close) = (open, close);
+        if let Some(times) = self.shutter {
+            let at_rate = times.at(scene.frames.rate).map_err(anyhow::Error::msg);
+            (scene.shutter.open, scene.shutter.close) =
+                at_rate.with_context(|| format!("--shutter at {} frames a second", scene.frames.rate))?;
         }
         if let Some(weight) = &self.weight {
             scene.shutter.weight = weight.clone();
@@ -91,6 +96,7 @@ impl Overrides {
         if let Some(readout) = self.readout {
             scene.shutter.readout = readout;
         }
+        Ok(())
     }
 }
 
@@ -227,7 +233,13 @@ impl Running {
                 say(&format!("note: {note}"));
             }
         }
-        overrides.apply(&mut loaded.scene);
+        if kind == Kind::Model && matches!(overrides.shutter, Some(ShutterTimes::Seconds(_))) {
+            bail!(
+                "--shutter in seconds needs the frame rate of a scene, and {} is a model: name an angle, as in 180deg",
+                path.display()
+            );
+        }
+        overrides.apply(&mut loaded.scene)?;
         if kind == Kind::Model {
             let camera = scene_file::camera_line(&loaded.scene.camera);
             let note = format!("{} is a model: took a scene of it alone, seen by {camera}", path.display());
@@ -260,7 +272,7 @@ pub(super) struct Images {
     pub(super) scene: PathBuf,
 
     /// Directory of the images; made if missing [default: out/<scene>].
-    #[arg(long, value_name = "DIR", help_heading = "Output")]
+    #[arg(long, value_name = "DIR", value_parser = values::directory(), help_heading = "Output")]
     pub(super) out: Option<PathBuf>,
     #[arg(
         long,
@@ -400,13 +412,20 @@ pub(super) fn stop_on_interrupt(
     how: &'static str,
     quiet: bool,
 ) -> anyhow::Result<()> {
-    let (gate, directory) = (Arc::clone(gate), directory.to_owned());
+    let line = format!("interrupted; finished frames are in {} ({how} goes on)", directory.display());
+    stop_with_a_line(gate, line, quiet)
+}
+
+/// As [`stop_on_interrupt`], with another `line` to say.
+pub(super) fn stop_with_a_line(gate: &Arc<Mutex<()>>, line: String, quiet: bool) -> anyhow::Result<()> {
+    let gate = Arc::clone(gate);
     let stop = move || {
         let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
+        movie::abandon();
         if !quiet {
             // Below the ^C of the terminal.
             say("");
-            say(&format!("interrupted; finished frames are in {} ({how} goes on)", directory.display()));
+            say(&line);
         }
         // Without exit handlers: those of some graphics drivers crash while another thread uses the device
         // (https://github.com/gfx-rs/wgpu/issues/8365).

@@ -65,6 +65,11 @@ impl Frames {
         self.0.iter().all(|frame| frame.is_whole()) && self.0.windows(2).all(|p| p[1].get() - p[0].get() == 1.0)
     }
 
+    /// True where each is later than the one before.
+    pub(super) fn ascend(&self) -> bool {
+        self.0.is_sorted()
+    }
+
     /// As in `frame 3`, `frames 1..48`, `10 frames from 1 to 91`.
     pub(super) fn in_words(&self) -> String {
         match (self.first(), self.last()) {

@@ -4,12 +4,14 @@
 //! Every parser returns one sentence that says what was expected; clap puts the option's name before it.
 
 use std::error::Error;
+use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
 use splatblur::image::Compression;
 use splatblur::model::ColourSpace;
+use splatblur::movie::Kind;
 
 use super::frames::{self, MAX_FRAME};
 
@@ -84,11 +86,61 @@ pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
     Ok((side(w)?, side(h)?))
 }
 
-/// `OPEN,CLOSE` in frames relative to the frame number.
-pub(super) fn shutter(text: &str) -> Result<(f64, f64), String> {
-    let expected = || "expected OPEN,CLOSE in frames around the frame number, as in -0.25,0.25".to_owned();
-    let (open, close) = text.split_once(',').ok_or_else(expected)?;
-    let (open, close) = (real(open)?, real(close)?);
+/// `--shutter`: when it opens and closes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum ShutterTimes {
+    /// Frames around the frame number.
+    Frames(f64, f64),
+    /// Seconds that it is open, half of them before the frame number.
+    Seconds(f64),
+}
+
+impl ShutterTimes {
+    /// Opening and closing in frames around the frame number, at `rate` frames a second.
+    pub(super) fn at(self, rate: f64) -> Result<(f64, f64), String> {
+        match self {
+            Self::Frames(open, close) => Ok((open, close)),
+            Self::Seconds(time) => within_reason(-0.5 * time * rate, 0.5 * time * rate),
+        }
+    }
+}
+
+/// `OPEN,CLOSE` in frames relative to the frame number; `180deg`, of which 360 are a frame; `1/48s` or `0.02s`.
+pub(super) fn shutter(text: &str) -> Result<ShutterTimes, String> {
+    let duration = |value: f64| {
+        if value > 0.0 { Ok(value) } else { Err(format!("a shutter of {text} does not open; as in 180deg or 1/48s")) }
+    };
+    if let Some((open, close)) = text.split_once(',') {
+        let (open, close) = within_reason(real(open)?, real(close)?)?;
+        return Ok(ShutterTimes::Frames(open, close));
+    }
+    if let Some(angle) = text.strip_suffix("deg") {
+        // The scene's own shutter, of half a frame, lies about the frame number too.
+        let half = duration(real(angle)?)? / 720.0;
+        let (open, close) = within_reason(-half, half)?;
+        return Ok(ShutterTimes::Frames(open, close));
+    }
+    if let Some(time) = text.strip_suffix('s') {
+        let (over, under) = time.split_once('/').unwrap_or((time, "1"));
+        let seconds = real(over)? / duration(real(under)?)?;
+        return if seconds.is_finite() {
+            duration(seconds).map(ShutterTimes::Seconds)
+        } else {
+            Err(format!("`{text}` is not a finite time"))
+        };
+    }
+    Err(match real(text) {
+        Ok(_) => format!("`{text}` lacks a unit: {text}deg, {text}s, or OPEN,CLOSE in frames around the frame number"),
+        Err(_) => {
+            "expected OPEN,CLOSE in frames around the frame number, as in -0.25,0.25, an angle, as in 180deg, or \
+                   a time, as in 1/48s"
+                .to_owned()
+        }
+    })
+}
+
+/// A shutter in frames around the frame number.
+fn within_reason(open: f64, close: f64) -> Result<(f64, f64), String> {
     if open >= close {
         return Err(format!("the shutter closes at {close}, not after it opens at {open}"));
     }
@@ -96,6 +148,25 @@ pub(super) fn shutter(text: &str) -> Result<(f64, f64), String> {
         return Err("the shutter must stay within a million frames".to_owned());
     }
     Ok((open, close))
+}
+
+/// A file for a movie, in a format that its extension names.
+pub(super) fn movie() -> impl TypedValueParser<Value = (PathBuf, Kind)> {
+    PathBufValueParser::new().try_map(|path| {
+        let expected = "expected a file .mp4 or .mov (they need ffmpeg), .y4m or .gif";
+        Kind::of(&path).map(|kind| (path, kind)).ok_or(expected)
+    })
+}
+
+/// A directory for pictures, and no file for a movie.
+pub(super) fn directory() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| {
+        if Kind::of(&path).is_none() || path.is_dir() {
+            return Ok(path);
+        }
+        let name = path.display();
+        Err(format!("a directory is expected, and {name} names a movie: use `splatblur render --movie {name}`"))
+    })
 }
 
 /// `R,G,B`, linear, >= 0.
@@ -166,9 +237,42 @@ mod tests {
         for text in ["640", "0x5", "5x0", "65536x1", "-5x5", "5x5x5", "axb", "x"] {
             assert!(size(text).is_err(), "{text}");
         }
-        assert_eq!(shutter("-0.25,.25"), Ok((-0.25, 0.25)));
-        for text in ["0", "0,0", "1,0", "nan,1", "0,inf", "0,1,2", "0,1e9"] {
-            assert!(shutter(text).is_err(), "{text}");
+        let frames = |text| shutter(text).and_then(|times| times.at(25.0));
+        for (text, open, close) in [
+            ("-0.25,.25", -0.25, 0.25),
+            ("180deg", -0.25, 0.25),
+            ("360deg", -0.5, 0.5),
+            ("72.5deg", -72.5 / 720.0, 72.5 / 720.0),
+            ("1/50s", -0.25, 0.25),
+            ("0.04s", -0.5, 0.5),
+            ("2s", -25.0, 25.0),
+        ] {
+            assert_eq!(frames(text), Ok((open, close)), "{text}");
+        }
+        for (text, why) in [
+            ("0,0", "closes at 0, not after it opens at 0"),
+            ("1,0", "closes at 0, not after"),
+            ("nan,1", "not a finite number"),
+            ("0,inf", "not a finite number"),
+            ("0,1,2", "`1,2` is not a number"),
+            ("0,1e9", "within a million frames"),
+            ("180", "`180` lacks a unit: 180deg, 180s, or OPEN,CLOSE"),
+            ("half", "expected OPEN,CLOSE"),
+            ("0deg", "does not open"),
+            ("-180deg", "does not open"),
+            ("1e12deg", "within a million frames"),
+            ("deg", "`` is not a number"),
+            ("180,deg", "`deg` is not a number"),
+            ("0s", "does not open"),
+            ("1/0s", "does not open"),
+            ("1/-48s", "does not open"),
+            ("-1/48s", "does not open"),
+            ("1/48/2s", "`48/2` is not a number"),
+            ("1e300/1e-300s", "not a finite time"),
+            ("1e6s", "within a million frames"),
+        ] {
+            let found = frames(text).unwrap_err();
+            assert!(found.contains(why), "{text}: {found}");
         }
         assert_eq!(colour("0,0.5,2"), Ok(DVec3::new(0.0, 0.5, 2.0)));
         for text in ["0", "0,0", "0,0,-1", "0,0,nan", "0,0,0,0", "red"] {

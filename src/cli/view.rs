@@ -7,12 +7,14 @@ use std::sync::PoisonError;
 
 use anyhow::Context as _;
 use clap::Args;
+use splatblur::movie;
 use splatblur::viewer::{Setup, Viewer};
 
 use super::backend::Place;
 use super::common::{Limit, MODES, Overrides, Running};
 use super::info;
 use super::output::{print, say};
+use super::values;
 use super::words::with_flags;
 
 /// Look at a scene in the browser: orbit, play, change modes, look at buffers, save.
@@ -57,7 +59,7 @@ pub(super) struct View {
     #[arg(long, value_name = "FILE", help_heading = "Serving")]
     token_file: Option<PathBuf>,
     /// Directory of saved files; made if missing. No file is ever replaced [default: out/<scene>].
-    #[arg(long, value_name = "DIR", help_heading = "Output")]
+    #[arg(long, value_name = "DIR", value_parser = values::directory(), help_heading = "Output")]
     out: Option<PathBuf>,
     #[command(flatten)]
     overrides: Overrides,
@@ -88,6 +90,7 @@ impl View {
         let gate = viewer.gate();
         let stop = move || {
             let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
+            movie::abandon();
             // Without exit handlers, as in `render`.
             signal_hook::low_level::exit(i32::from(super::INTERRUPTED));
         };

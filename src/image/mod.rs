@@ -173,6 +173,40 @@ pub fn encode(picture: &Picture, format: Format, settings: &str) -> Result<Vec<u
     }
 }
 
+/// The codes of a picture that an 8-bit PNG file of it has, row by row: R G B or, with `alpha`, R G B A. Layers are left
+/// out.
+///
+/// # Errors
+/// The picture is not valid.
+pub fn srgb_codes(picture: &Picture, alpha: bool) -> Result<Vec<u8>, ImageError> {
+    check(picture)?;
+    Ok(png::codes_8(picture, alpha))
+}
+
+/// As [`srgb_codes`], of a 16-bit PNG file.
+///
+/// # Errors
+/// As [`srgb_codes`].
+pub fn srgb_codes_16(picture: &Picture, alpha: bool) -> Result<Vec<u16>, ImageError> {
+    check(picture)?;
+    Ok(png::codes_16(picture, alpha))
+}
+
+/// As [`encode`]; an EXR file carries `comment`, which is no part of the settings.
+///
+/// # Errors
+/// As [`encode`].
+pub fn encode_with_comment(
+    picture: &Picture,
+    format: Format,
+    settings: &str,
+    comment: Option<&str>,
+) -> Result<Vec<u8>, ImageError> {
+    let Format::Exr(options) = format else { return encode(picture, format, settings) };
+    check(picture)?;
+    exr::encode(picture, options, settings, comment)
+}
+
 /// Writes a picture file, which appears whole or not at all.
 ///
 /// # Errors
@@ -193,9 +227,7 @@ pub fn write_with_comment(
     settings: &str,
     comment: &str,
 ) -> Result<(), ImageError> {
-    let Format::Exr(options) = format else { return write(path, picture, format, settings) };
-    check(picture)?;
-    let bytes = exr::encode(picture, options, settings, Some(comment))?;
+    let bytes = encode_with_comment(picture, format, settings, Some(comment))?;
     files::replace(path, &bytes).map_err(|source| ImageError::Write { path: path.to_owned(), source })
 }
 

@@ -54,6 +54,16 @@ fn compressed(picture: &Picture, colour: ColorType, depth: BitDepth, data: &[u8]
     Ok(png)
 }
 
+/// sRGB codes of 8 bits in file order.
+pub(super) fn codes_8(picture: &Picture, alpha: bool) -> Vec<u8> {
+    codes(picture, alpha, Response::Srgb, 255.0, |code| code as u8)
+}
+
+/// sRGB codes of 16 bits in file order.
+pub(super) fn codes_16(picture: &Picture, alpha: bool) -> Vec<u16> {
+    codes(picture, alpha, Response::Srgb, 65_535.0, |code| code as u16)
+}
+
 /// Codes 0..=`top` in file order: R G B, or R G B A.
 fn codes<T>(picture: &Picture, alpha: bool, response: Response, top: f32, narrow: impl Fn(f32) -> T) -> Vec<T> {
     let channels = if alpha { 4 } else { 3 };

@@ -21,6 +21,11 @@ pub(super) enum Message {
         /// What is in it.
         what: Kind,
     },
+    /// Make a movie of the scene's frames as they are seen now, or stop the one under way.
+    Movie {
+        /// Extension of its file; `None`: stop.
+        format: Option<String>,
+    },
 }
 
 /// What a page can save.
@@ -46,6 +51,10 @@ pub(super) enum Told {
     Refused { message: String },
     /// A file was written.
     Saved { path: String },
+    /// A movie is under way.
+    Filming { done: u64, frames: u64 },
+    /// It is not any more: it was saved, or stopped, or it failed, which is told before.
+    Filmed,
     /// Errors of the first side against the second, and the samples of the reference.
     Compared { serial: u64, flip: f64, rmse: f64, samples: Option<u64> },
     /// All that was asked for is there.

@@ -1,11 +1,13 @@
-//! Files that a page saves: pictures as `splatblur render` writes them, and scenes. No file is ever replaced.
+//! Files that a page saves: pictures as `splatblur render` writes them, scenes, and names for movies. No file is ever replaced.
 
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 
 use super::message::Kind;
 use super::shared::{Known, Shared};
 use super::view::Look;
+use crate::files;
 use crate::film::Picture;
 use crate::image::{self, Bits, Format};
 use crate::options::RenderOptions;
@@ -36,21 +38,16 @@ pub(super) fn save(
     what: Kind,
 ) -> Result<PathBuf, String> {
     let scene = known.scene();
-    let out = shared.setup.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
-    let cannot = |why: &dyn std::fmt::Display| format!("cannot save into {}: {why}", out.display());
-    std::fs::create_dir_all(&out).map_err(|why| cannot(&why))?;
-    // The name is free until the file is there.
-    let _held = shared.saving.lock().unwrap_or_else(PoisonError::into_inner);
-    let free = |stem: &str, extension: &str| {
-        let path = |number| out.join(format!("{stem}.view-{number}.{extension}"));
-        NUMBERS.map(path).find(|path| !path.exists()).ok_or_else(|| cannot(&"9999 files are there already"))
+    let out = folder(shared, scene)?;
+    let cannot = |why: &dyn std::fmt::Display| cannot(&out, why);
+    let create = |stem: &str, extension: &str, bytes: &[u8]| {
+        let write = |temporary: &Path| std::fs::write(temporary, bytes);
+        told(&out, shared, || files::create_with(paths(&out, stem, extension), write))
     };
     let format = match what {
         Kind::Scene => {
-            let path = free(&scene.name, "xml")?;
             let text = scene_file::to_xml(&look.changed(scene), &out);
-            crate::files::replace(&path, text.as_bytes()).map_err(|why| cannot(&why))?;
-            return Ok(path);
+            return create(&scene.name, "xml", text.as_bytes());
         }
         Kind::Png if look.buffer.is_some() => {
             return Err("PNG holds colour and alpha only: save layers as EXR".to_owned());
@@ -63,11 +60,34 @@ pub(super) fn save(
         provenance.splatted(options, format, backend).and_then(|settings| settings.of_frame(look.frame))
     });
     let settings = settings.map_err(|why| cannot(&why))?;
-    let path = free(&format!("{}.{}", scene.name, look.frame.padded()), format.extension())?;
-    match comment {
-        Some(comment) => image::write_with_comment(&path, picture, format, &settings, comment),
-        None => image::write(&path, picture, format, &settings),
-    }
-    .map_err(|why| cannot(&why))?;
-    Ok(path)
+    let bytes =
+        image::encode_with_comment(picture, format, &settings, comment.as_deref()).map_err(|why| cannot(&why))?;
+    create(&format!("{}.{}", scene.name, look.frame.padded()), format.extension(), &bytes)
+}
+
+fn cannot(out: &Path, why: &dyn std::fmt::Display) -> String {
+    format!("cannot save into {}: {why}", out.display())
+}
+
+/// The folder of saved files, made where it is missing.
+pub(super) fn folder(shared: &Shared, scene: &Scene) -> Result<PathBuf, String> {
+    let out = shared.setup.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
+    std::fs::create_dir_all(&out).map_err(|why| cannot(&out, &why))?;
+    Ok(out)
+}
+
+/// Names for a file, of which it gets the first that nothing has.
+pub(super) fn paths(out: &Path, stem: &str, extension: &str) -> impl Iterator<Item = PathBuf> {
+    NUMBERS.map(move |number| out.join(format!("{stem}.view-{number}.{extension}")))
+}
+
+/// Makes a file, which gets one of these names; returns its path, or why there is none in one line.
+pub(super) fn told(
+    out: &Path,
+    shared: &Shared,
+    make: impl FnOnce() -> io::Result<Option<PathBuf>>,
+) -> Result<PathBuf, String> {
+    // Nobody ends the program meanwhile.
+    let _held = shared.saving.lock().unwrap_or_else(PoisonError::into_inner);
+    make().map_err(|why| cannot(out, &why))?.ok_or_else(|| cannot(out, &"9999 files are there already"))
 }

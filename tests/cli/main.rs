@@ -15,6 +15,7 @@ mod hostile_input;
 mod input;
 mod meshes;
 mod messages;
+mod movie;
 mod pipes;
 mod reference;
 mod render;

@@ -140,6 +140,12 @@ fn a_session() {
         assert!(out.join(name).is_file(), "{name}");
     }
 
+    // A movie.
+    browser.value("document.getElementById('movie-format').value = 'gif'");
+    browser.key("v");
+    browser.wait("document.getElementById('saved').textContent.endsWith('flight.view-1.gif')");
+    assert!(out.join("flight.view-1.gif").is_file());
+
     // Help, by the keyboard.
     browser.key("?");
     browser.wait("document.getElementById('help').open");
@@ -192,7 +198,8 @@ fn every_control_has_a_key() {
         assert_eq!(browser.text("document.activeElement.tagName"), "BODY", "{key}");
         reached.push(id);
     }
-    let lists = ["k backend", "f prefilter", "g shading", "z size", "n direction", "a anchor", "b buffer"];
+    let lists =
+        ["V movie-format", "k backend", "f prefilter", "g shading", "z size", "n direction", "a anchor", "b buffer"];
     for (key, id) in lists.map(|list| list.split_once(' ').unwrap()) {
         let choices = browser.number(&format!("document.getElementById('{id}').options.length")) as usize;
         let mut seen = std::collections::BTreeSet::new();
@@ -206,7 +213,7 @@ fn every_control_has_a_key() {
         reached.push(id);
     }
     // Those that `a_session` presses, or that say their own key.
-    reached.extend(["shutter-reset", "copy", "reset", "save-png", "save-exr", "save-scene", "help-open"]);
+    reached.extend(["shutter-reset", "copy", "reset", "save-png", "save-exr", "save-scene", "save-movie", "help-open"]);
     reached.extend(["to-first", "back", "play", "forward", "to-last", "time"]);
     reached.sort_unstable();
     let controls = browser.text(

@@ -81,6 +81,51 @@ fn a_saved_scene_shows_what_was_seen_and_leaves_the_original() {
     assert!(a == b);
 }
 
+/// Four programs save into one folder at the same time: each path is told once, and has its own file.
+#[test]
+fn viewers_that_share_a_folder_replace_nothing() {
+    const SAVES: usize = 8;
+    let dir = tempfile::tempdir().unwrap();
+    let (path, out) = (scene(dir.path()), dir.path().join("saved"));
+    fs::create_dir(&out).unwrap();
+    // A link that leads nowhere has its name.
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(dir.path().join("nowhere.png"), out.join("flight.0001.view-1.png")).unwrap();
+    let programs: Vec<Program> = (0..4).map(|_| Program::start(&path, &["--out", out.to_str().unwrap()])).collect();
+    let told = std::thread::scope(|scope| {
+        let pages: Vec<_> = programs
+            .iter()
+            .map(|program| {
+                let mut page = program.page();
+                page.text("scene");
+                let serial = page.see(json!({}));
+                page.finished(serial);
+                page
+            })
+            .collect();
+        // All are there before the first saves.
+        let savers: Vec<_> = pages
+            .into_iter()
+            .map(|mut page| {
+                scope.spawn(move || {
+                    for _ in 0..SAVES {
+                        page.say(&json!({ "type": "save", "what": "png" }));
+                    }
+                    (0..SAVES).map(|_| PathBuf::from(page.text("saved")["path"].as_str().unwrap())).collect::<Vec<_>>()
+                })
+            })
+            .collect();
+        savers.into_iter().flat_map(|saver| saver.join().unwrap()).collect::<Vec<_>>()
+    });
+    let paths: std::collections::BTreeSet<&PathBuf> = told.iter().collect();
+    assert_eq!((told.len(), paths.len()), (4 * SAVES, 4 * SAVES));
+    let first = fs::read(&told[0]).unwrap();
+    assert!(told.iter().all(|path| fs::read(path).unwrap() == first));
+    let link = usize::from(cfg!(unix));
+    assert_eq!(fs::read_dir(&out).unwrap().count(), 4 * SAVES + link);
+    assert!(!dir.path().join("nowhere.png").exists());
+}
+
 #[test]
 fn a_changed_scene_is_read_again_and_a_broken_one_is_told() {
     let mut visit = Visit::new();

@@ -7,6 +7,7 @@ mod devtools;
 mod files;
 mod hostile;
 mod measure;
+mod movies;
 mod pictures;
 #[path = "../support/saved.rs"]
 mod saved;

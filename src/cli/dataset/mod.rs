@@ -33,6 +33,7 @@ use super::frames::{self, Frames};
 use super::output::{print, print_json, say};
 use super::progress::Rendering;
 use super::render::blur::Blur;
+use super::values;
 
 /// Render blurred pictures with the truth about them: sharp pictures, flow, depth, cameras.
 ///
@@ -69,7 +70,7 @@ pub(super) struct Dataset {
     scene: Option<PathBuf>,
 
     /// Directory of the dataset; made if missing [default: out/<scene>.dataset].
-    #[arg(long, value_name = "DIR", help_heading = "Output")]
+    #[arg(long, value_name = "DIR", value_parser = values::directory(), help_heading = "Output")]
     out: Option<PathBuf>,
     #[arg(
         long,

@@ -25,6 +25,7 @@ pub(super) struct Report<'a> {
     /// Of the layer `object`: index to name.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) objects: Option<BTreeMap<usize, &'a str>>,
+    pub(super) movie: Option<&'a Path>,
     pub(super) ffmpeg: Option<String>,
     pub(super) settings: &'a Settings,
 }
@@ -32,7 +33,8 @@ pub(super) struct Report<'a> {
 #[derive(Serialize)]
 pub(super) struct FrameReport<'a> {
     frame: FrameNumber,
-    path: &'a Path,
+    /// `None`: in the movie alone.
+    path: Option<&'a Path>,
     skipped: bool,
     seconds: f64,
     samples: u64,
@@ -115,7 +117,7 @@ impl<'a> FrameReport<'a> {
         let waste = (backend == "cpu").then_some(PassWaste { visibility, attribute, composite });
         Self {
             frame: finished.frame,
-            path: &finished.path,
+            path: finished.path.as_deref(),
             skipped: finished.rendered.is_none(),
             seconds,
             samples: stats.samples,

@@ -7,8 +7,8 @@ mod nothing;
 mod sequence;
 
 use std::collections::BTreeMap;
-use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use anyhow::Context as _;
@@ -17,6 +17,8 @@ use clap::{ArgAction, Args};
 use splatblur::FrameNumber;
 use splatblur::backend::{Achieved, Meter};
 use splatblur::film::Aov;
+use splatblur::image::{Bits, Format};
+use splatblur::movie::{Kind, Movie, Rate, Shape};
 use splatblur::options::{Prefilter, Quality, RenderOptions};
 use splatblur::plan::LAYERS;
 use splatblur::renderer::{self, Rendered, Renderer};
@@ -25,17 +27,19 @@ use splatblur::study::provenance::{PROGRAM, Provenance};
 
 use self::blur::Blur;
 use self::json::{FrameReport, Report};
-use self::movie::Movie;
+use self::movie::Sources;
 use self::nothing::Nothing;
 pub(super) use self::sequence::file_name;
 use self::sequence::{Finished, Sequence};
 use super::backend::Place;
 use super::common::{
     Images, MODES, Overrides, Ready, Running, Sampling, Splatting, Surfaces, open_directory, stop_on_interrupt,
+    stop_with_a_line,
 };
 use super::frames::Frames;
 use super::output::{print, print_json, say};
 use super::progress::Rendering;
+use super::values;
 use super::words::with_flags;
 
 /// Render a scene to an image sequence.
@@ -59,6 +63,9 @@ Examples:
     splatblur render scene.xml --error draft
   Smooth long trails that fade, as PNG with alpha:
     splatblur render scene.xml --shutter -1,0 --weight ramp --samples 128 --transparent
+  A movie and its pictures; a movie alone, with the shutter of a film camera:
+    splatblur render scene.xml --movie out/scene.mp4
+    splatblur render scene.xml --movie out/scene.gif --no-frames --shutter 180deg
   For compositing: float, linear, premultiplied, with layers; go on after an interruption:
     splatblur render scene.xml --format exr --aov depth,normal,velocity --resume
 
@@ -67,14 +74,24 @@ rendering), samples, surfels, splats, left_out (pixels with too many layers of s
 samples, most_samples, interleave, blocks, refined, capped), cpu_seconds or device_seconds: {{project, sort, bin,
 visibility, attribute, composite, resolve, total}}, waste (CPU alone; pixels within the bounds of splats over those that
 the splats cover): {{visibility, attribute, composite}}, each {{bounded, covered, waste}}}}],
-load_seconds, seconds (whole run), notes, objects (with --aov object: index to name), ffmpeg (null where frames do not
-follow one another), settings (as each file carries them, with `frame`, in its header)."))]
+load_seconds, seconds (whole run), notes, objects (with --aov object: index to name), movie (its path), ffmpeg (a line
+that makes one; null where frames do not follow one another or are not written), settings (as each file carries them,
+with `frame`, in its header)."))]
 pub(super) struct Render {
     #[command(flatten)]
     images: Images,
     /// Skip frames whose file was made with the same settings and is whole.
     #[arg(long, help_heading = "Output")]
     resume: bool,
+    /// Make a movie of the frames, too, at the scene's frame rate: .mp4 (H.264) or .mov (ProRes 4444 with straight
+    /// alpha), for which ffmpeg must be installed, .y4m (uncompressed) or .gif, for which it need not. With --resume,
+    /// pictures that are there already are read back into it. A file of an earlier run is replaced when all frames are
+    /// there.
+    #[arg(long, value_name = "FILE", value_parser = values::movie(), help_heading = "Output")]
+    movie: Option<(PathBuf, Kind)>,
+    /// Make the movie alone, and write no pictures.
+    #[arg(long, requires = "movie", conflicts_with = "aov", help_heading = "Output")]
+    no_frames: bool,
 
     #[command(flatten)]
     blur: Blur,
@@ -106,6 +123,9 @@ pub(super) struct Render {
 impl Render {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let start = Instant::now();
+        if let Some((_, kind)) = &self.movie {
+            kind.check()?;
+        }
         let mut options = self.options()?;
         let pool = self.running.pool()?;
         // Before the scene, which may take long to load.
@@ -121,19 +141,35 @@ impl Render {
         let settings = Provenance::of(&scene, &self.images.scene)?.splatted(&options, format, backend_name)?;
 
         let directory = self.images.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
-        open_directory(&directory)?;
+        if !self.no_frames {
+            open_directory(&directory)?;
+        }
+        let film = self.movie.as_ref().map(|(path, kind)| begin(path, *kind, &frames, &scene, self.bits(format)));
+        let film = film.transpose()?;
+        if let Some((path, _)) = self.movie.as_ref().filter(|(_, kind)| scene.image.transparent && !kind.has_alpha()) {
+            let note = format!("{} has no alpha: what is transparent is black; .mov has", path.display());
+            if !self.running.quiet {
+                say(&format!("note: {note}"));
+            }
+            notes.push(note);
+        }
         if !self.running.quiet {
             let place = renderer.describe_with(pool.current_num_threads());
             say(&headline(&scene, &frames, &options, &place));
         }
         let gate = Arc::new(Mutex::new(()));
-        stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
+        if self.no_frames {
+            stop_with_a_line(&gate, "interrupted; there is no movie".to_owned(), self.running.quiet)?;
+        } else {
+            stop_on_interrupt(&gate, &directory, "--resume", self.running.quiet)?;
+        }
         let sequence = Sequence {
             frames: &frames,
             directory: &directory,
             stem: &scene.name,
             format,
             resume: self.resume,
+            writes: !self.no_frames,
             gate: &gate,
         };
         let meter = Arc::new(Meter::default());
@@ -142,7 +178,8 @@ impl Render {
         let progress = Rendering::new(frames.count(), meter, several_renderings, self.running.quiet);
         let mut under_way = renderer::Frames::new(renderer.backend(), &scene, &options)?;
         let mut nothing = Nothing::new(&scene);
-        let finished = sequence.run(
+        let (finished, film) = sequence.run(
+            film,
             |frame| Ok(settings.of_frame(frame)?),
             |frame| {
                 let rendered = pool.install(|| step(&mut under_way, frame))?;
@@ -152,6 +189,10 @@ impl Render {
             |done| progress.finished(done.rendered.is_none()),
         )?;
         drop(progress);
+        if let (Some(mut film), Some((path, _))) = (film, &self.movie) {
+            let _held = gate.lock().unwrap_or_else(PoisonError::into_inner);
+            film.replace(path).with_context(|| format!("cannot write {}", path.display()))?;
+        }
         if let Some(warning) = nothing.warning().filter(|_| finished.iter().all(|done| done.rendered.is_some())) {
             if !self.running.quiet {
                 say(&format!("warning: {warning}"));
@@ -165,7 +206,7 @@ impl Render {
             notes.push(note);
         }
 
-        let movie = Movie {
+        let movie = Sources {
             directory: &directory,
             stem: &scene.name,
             format,
@@ -186,11 +227,34 @@ impl Render {
                 seconds,
                 notes: &notes,
                 objects: options.aovs.contains(&Aov::Object).then(|| names_of_objects(&scene)),
-                ffmpeg: movie.ffmpeg(),
+                movie: self.movie.as_ref().map(|(path, _)| &**path),
+                ffmpeg: movie.ffmpeg().filter(|_| !self.no_frames),
                 settings: &settings,
             });
         }
-        if self.running.quiet { Ok(()) } else { conclude(&finished, &movie, seconds) }
+        if self.running.quiet { Ok(()) } else { print(&self.conclusion(&finished, &movie, seconds)) }
+    }
+
+    /// Bits of what a movie is made of: those of the pictures, so that one of pictures that were read back is the same.
+    fn bits(&self, format: Format) -> Bits {
+        let is_of_pictures = !self.no_frames || self.resume;
+        if is_of_pictures && format.bits() == 8 { Bits::Eight } else { Bits::Sixteen }
+    }
+
+    /// Where the images and the movie are, or how to make one.
+    fn conclusion(&self, finished: &[Finished], movie: &Sources<'_>, seconds: f64) -> String {
+        let skipped = finished.iter().filter(|f| f.rendered.is_none()).count();
+        let also = if skipped > 0 { format!(" ({skipped} were there already)") } else { String::new() };
+        let (count, reached) = (finished.len(), reached(finished));
+        let movie_line = match &self.movie {
+            Some((path, _)) => format!("movie: {}, {} frames a second\n", path.display(), Rate::of(movie.rate)),
+            None => movie.ffmpeg().map_or_else(String::new, |line| format!("as a movie: {line}\n")),
+        };
+        if self.no_frames {
+            return format!("{count} frames{also} in {seconds:.1} s\n{reached}{movie_line}");
+        }
+        let word = if count == 1 { "image" } else { "images" };
+        format!("{count} {word}{also} in {seconds:.1} s: {}\n{reached}{movie_line}", movie.files())
     }
 
     fn options(&self) -> anyhow::Result<RenderOptions> {
@@ -212,6 +276,22 @@ impl Render {
             ..RenderOptions::default()
         })
     }
+}
+
+/// Begins a movie of frames.
+fn begin(path: &Path, kind: Kind, frames: &Frames, scene: &Scene, bits: Bits) -> anyhow::Result<Movie> {
+    if !frames.ascend() {
+        anyhow::bail!(
+            "--movie needs --frames in ascending order: a movie shows them in the order in which they are made"
+        );
+    }
+    if path.is_dir() {
+        anyhow::bail!("--movie names a file, and {} is a directory", path.display());
+    }
+    let directory = path.parent().filter(|directory| !directory.as_os_str().is_empty());
+    open_directory(directory.unwrap_or(Path::new(".")))?;
+    let (width, height, rate) = (scene.image.width, scene.image.height, Rate::of(scene.frames.rate));
+    Ok(Movie::begin(path, kind, Shape { width, height, rate, bits })?)
 }
 
 /// Says where more layers of see-through surfels lie one behind the other than are drawn.
@@ -261,14 +341,4 @@ fn reached(finished: &[Finished]) -> String {
     let Some((frame, worst)) = all.iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error)) else { return String::new() };
     let place = if all.len() == 1 { String::new() } else { format!(", largest in frame {frame}") };
     with_flags(&format!("estimated{place}: {worst}\n"))
-}
-
-/// Where the images are, and how to make a movie.
-fn conclude(finished: &[Finished], movie: &Movie<'_>, seconds: f64) -> anyhow::Result<()> {
-    let skipped = finished.iter().filter(|f| f.rendered.is_none()).count();
-    let also = if skipped > 0 { format!(" ({skipped} were there already)") } else { String::new() };
-    let word = if finished.len() == 1 { "image" } else { "images" };
-    let movie_line = movie.ffmpeg().map_or_else(String::new, |line| format!("as a movie: {line}\n"));
-    let reached = reached(finished);
-    print(&format!("{} {word}{also} in {seconds:.1} s: {}\n{reached}{movie_line}", finished.len(), movie.files()))
 }

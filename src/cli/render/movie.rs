@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use splatblur::image::Format;
+use splatblur::movie::{Kind, Rate, encoding};
 
 use super::sequence::file_name;
 use crate::cli::frames::Frames;
 
-/// What the line depends on.
-pub(super) struct Movie<'a> {
+/// Pictures that a movie can be made of: what the line depends on.
+pub(super) struct Sources<'a> {
     pub(super) directory: &'a Path,
     pub(super) stem: &'a str,
     pub(super) format: Format,
@@ -18,7 +19,7 @@ pub(super) struct Movie<'a> {
     pub(super) transparent: bool,
 }
 
-impl Movie<'_> {
+impl Sources<'_> {
     /// The line; `None` for a single frame, and where frames do not follow one another, which ffmpeg cannot number.
     ///
     /// ffmpeg writes `%04d` of a negative number as a minus and four digits, as [`file_name`] does. `-frames:v` keeps
@@ -34,21 +35,16 @@ impl Movie<'_> {
         let count = self.frames.count();
         let input = format!(
             "ffmpeg -framerate {} -start_number {} {linear}-i {} -frames:v {count}",
-            self.rate,
+            Rate::of(self.rate),
             self.frames.first(),
             quoted(&Path::new(&pattern).join(name).to_string_lossy())
         );
         let movie =
             |extension: &str| quoted(&self.directory.join(format!("{}.{extension}", self.stem)).to_string_lossy());
-        Some(if self.transparent {
-            // H.264 has no alpha.
-            format!("{input} -c:v prores_ks -profile:v 4444 -pix_fmt yuva444p10le {}", movie("mov"))
-        } else {
-            // 4:2:0 needs even sides.
-            let odd = self.size.0 % 2 + self.size.1 % 2 > 0;
-            let pad = if odd { "-vf 'pad=ceil(iw/2)*2:ceil(ih/2)*2' " } else { "" };
-            format!("{input} {pad}-c:v libx264 -crf 16 -pix_fmt yuv420p {}", movie("mp4"))
-        })
+        // H.264 has no alpha.
+        let kind = if self.transparent { Kind::Mov } else { Kind::Mp4 };
+        let words: Vec<_> = encoding(kind, [self.size.0, self.size.1]).iter().map(|word| quoted(word)).collect();
+        Some(format!("{input} {} {}", words.join(" "), movie(kind.extension())))
     }
 
     /// The first and the last file, for a person.
@@ -86,20 +82,20 @@ mod tests {
         Frames::range(first, last).unwrap()
     }
 
-    fn movie<'a>(directory: &'a str, format: Format, frames: &'a Frames, size: (u32, u32)) -> Movie<'a> {
+    fn movie<'a>(directory: &'a str, format: Format, frames: &'a Frames, size: (u32, u32)) -> Sources<'a> {
         let directory = Path::new(directory);
-        Movie { directory, stem: "spin", format, frames, rate: 29.97, size, transparent: false }
+        Sources { directory, stem: "spin", format, frames, rate: 29.97, size, transparent: false }
     }
 
     const PNG: Format = Format::Png { bits: Bits::Eight, alpha: false };
 
     #[test]
     fn lines() {
-        assert_eq!(
-            movie("out/spin", PNG, &range(1, 48), (640, 480)).ffmpeg().unwrap(),
-            "ffmpeg -framerate 29.97 -start_number 1 -i out/spin/spin.%04d.png -frames:v 48 -c:v libx264 -crf 16 \
-             -pix_fmt yuv420p out/spin/spin.mp4"
-        );
+        let line = movie("out/spin", PNG, &range(1, 48), (640, 480)).ffmpeg().unwrap();
+        let input = "ffmpeg -framerate 30000/1001 -start_number 1 -i out/spin/spin.%04d.png -frames:v 48 -vf 'scale=";
+        assert!(line.starts_with(input), "{line}");
+        let output = "-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv out/spin/spin.mp4";
+        assert!(line.contains(" -c:v libx264 -crf 16 ") && line.ends_with(output), "{line}");
         let line = movie("my 100% 'out'", Format::EXR, &range(-5, -2), (641, 480)).ffmpeg().unwrap();
         assert!(
             line.contains(r"-start_number -5 -apply_trc iec61966_2_1 -i 'my 100%% '\''out'\''/spin.%04d.exr'"),
@@ -111,7 +107,8 @@ mod tests {
         let mut clear = movie("-o", PNG, &two, (2, 2));
         clear.transparent = true;
         let line = clear.ffmpeg().unwrap();
-        assert!(line.contains("-i ./-o/spin") && line.ends_with("-pix_fmt yuva444p10le ./-o/spin.mov"), "{line}");
+        assert!(line.contains("-i ./-o/spin") && line.contains("format=yuva444p10le"), "{line}");
+        assert!(line.ends_with(" tv ./-o/spin.mov"), "{line}");
         assert_eq!(movie("o", PNG, &range(3, 3), (2, 2)).ffmpeg(), None);
         for list in ["1..9x2", "1,3", "1..2x0.5", "2,1"] {
             assert_eq!(movie("o", PNG, &frames(list).unwrap(), (2, 2)).ffmpeg(), None, "{list}");

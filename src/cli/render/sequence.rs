@@ -1,13 +1,15 @@
 //! Frames to files: each is written while later ones render; finished ones may be skipped.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Instant;
 
 use splatblur::FrameNumber;
+use splatblur::files::Nameless;
 use splatblur::film::Picture;
-use splatblur::image::{self, Format, ImageError};
+use splatblur::image::{self, Format};
+use splatblur::movie::Movie;
 use splatblur::renderer::{Rendered, Stats};
 
 use crate::cli::frames::Frames;
@@ -27,6 +29,8 @@ pub(super) struct Sequence<'a> {
     pub(super) format: Format,
     /// Skip frames whose file carries the same settings and is whole.
     pub(super) resume: bool,
+    /// Write files of pictures; else a movie alone is made.
+    pub(super) writes: bool,
     /// Held while a file is being written: whoever holds it may end the program and leave nothing half done.
     pub(super) gate: &'a Mutex<()>,
 }
@@ -35,18 +39,24 @@ pub(super) struct Sequence<'a> {
 #[derive(Debug)]
 pub(super) struct Finished {
     pub(super) frame: FrameNumber,
-    pub(super) path: PathBuf,
+    /// `None`: it is in the movie alone.
+    pub(super) path: Option<PathBuf>,
     /// Wall time of rendering (with several frames under way, since the one before), and what it took; `None`: an
     /// earlier run made it.
     pub(super) rendered: Option<(f64, Stats)>,
 }
 
-struct Page {
-    path: PathBuf,
-    picture: Picture,
-    settings: String,
-    /// What mode auto reached.
-    comment: Option<String>,
+/// What the writer is given, in the order of the frames.
+enum Page {
+    Rendered {
+        path: PathBuf,
+        picture: Picture,
+        settings: String,
+        /// What mode auto reached.
+        comment: Option<String>,
+    },
+    /// A file that an earlier run made, for the movie.
+    There(PathBuf),
 }
 
 /// The writer ended before the last frame.
@@ -54,122 +64,152 @@ struct Page {
 #[error("the writer has stopped")]
 struct WriterStopped;
 
-/// Frames that were begun and not handed out, and the wall time since the last that was.
-struct Rendering {
-    waiting: VecDeque<(FrameNumber, PathBuf, String)>,
-    seconds: f64,
+/// A frame that was not handed out yet.
+struct Waiting {
+    frame: FrameNumber,
+    path: PathBuf,
+    /// `None`: an earlier run made it.
+    settings: Option<String>,
 }
 
-impl Rendering {
-    /// Begins `frame`, or finishes one that was begun. Returns the frame that is ready then, if there is one.
-    fn step(
-        &mut self,
-        render: &mut impl FnMut(Option<FrameNumber>) -> anyhow::Result<Option<(FrameNumber, Rendered)>>,
-        frame: Option<FrameNumber>,
-    ) -> anyhow::Result<Option<(Finished, Page)>> {
+/// Frames that were not handed out, and the wall time since the last that was rendered.
+struct Rendering<'a, R, F> {
+    render: R,
+    finished: F,
+    pages: &'a mpsc::SyncSender<Page>,
+    writes: bool,
+    waiting: VecDeque<Waiting>,
+    seconds: f64,
+    list: Vec<Finished>,
+}
+
+impl<R, F> Rendering<'_, R, F>
+where
+    R: FnMut(Option<FrameNumber>) -> anyhow::Result<Option<(FrameNumber, Rendered)>>,
+    F: Fn(&Finished),
+{
+    /// Begins `frame`, or finishes one that was begun; hands out what is ready then. False: nothing is under way.
+    fn step(&mut self, frame: Option<FrameNumber>) -> anyhow::Result<bool> {
         let start = Instant::now();
-        let rendered = render(frame);
+        let rendered = (self.render)(frame);
         self.seconds += start.elapsed().as_secs_f64();
-        let Some((number, Rendered { picture, stats })) = rendered? else { return Ok(None) };
-        while let Some((frame, path, settings)) = self.waiting.pop_front() {
-            if frame == number {
+        let Some((number, Rendered { picture, stats })) = rendered? else { return Ok(false) };
+        while let Some(Waiting { frame, path, settings }) = self.waiting.pop_front() {
+            if let Some(settings) = settings.filter(|_| frame == number) {
                 let rendered = Some((std::mem::take(&mut self.seconds), stats));
                 let comment = stats.achieved.map(|achieved| with_flags(&achieved.to_string()));
-                let page = Page { path: path.clone(), picture, settings, comment };
-                return Ok(Some((Finished { frame, path, rendered }, page)));
+                let done = Finished { frame, path: self.writes.then(|| path.clone()), rendered };
+                self.hand_out(done, Page::Rendered { path, picture, settings, comment })?;
+                break;
             }
         }
-        Ok(None)
+        self.pass_on()?;
+        Ok(true)
+    }
+
+    /// Hands out the frames of an earlier run that none under way comes before.
+    fn pass_on(&mut self) -> anyhow::Result<()> {
+        while let Some(there) = self.waiting.pop_front_if(|waiting| waiting.settings.is_none()) {
+            let done = Finished { frame: there.frame, path: Some(there.path.clone()), rendered: None };
+            self.hand_out(done, Page::There(there.path))?;
+        }
+        Ok(())
+    }
+
+    fn hand_out(&mut self, done: Finished, page: Page) -> anyhow::Result<()> {
+        self.pages.send(page).map_err(|_| WriterStopped)?;
+        (self.finished)(&done);
+        self.list.push(done);
+        Ok(())
     }
 }
 
 impl Sequence<'_> {
-    /// Renders and writes all frames in order; stops at the first error. `render` begins a frame and may hand one out
-    /// that was begun before; without a number it finishes the next of those. `finished` hears of each rendered or
-    /// skipped frame.
+    /// Renders and writes all frames in order, into the movie too; stops at the first error. `render` begins a frame and
+    /// may hand one out that was begun before; without a number it finishes the next of those. `finished` hears of each
+    /// rendered or skipped frame. Returns them, and the finished movie, which has no name yet.
     pub(super) fn run(
         &self,
+        movie: Option<Movie>,
         settings: impl Fn(FrameNumber) -> anyhow::Result<String>,
-        mut render: impl FnMut(Option<FrameNumber>) -> anyhow::Result<Option<(FrameNumber, Rendered)>>,
+        render: impl FnMut(Option<FrameNumber>) -> anyhow::Result<Option<(FrameNumber, Rendered)>>,
         finished: impl Fn(&Finished),
-    ) -> anyhow::Result<Vec<Finished>> {
+    ) -> anyhow::Result<(Vec<Finished>, Option<Nameless>)> {
         std::thread::scope(|scope| {
             // No buffer: at most one picture waits while one is written and one rendered.
             let (pages, received) = mpsc::sync_channel(0);
-            let writer = scope.spawn(move || self.write_all(&received));
-            let rendered = self.render_all(&pages, settings, &mut render, finished);
+            let writer = scope.spawn(move || self.write_all(&received, movie));
+            let (writes, waiting) = (self.writes, VecDeque::new());
+            let rendering =
+                Rendering { render, finished, pages: &pages, writes, waiting, seconds: 0.0, list: Vec::new() };
+            let rendered = self.render_all(rendering, settings);
             drop(pages);
-            match writer.join() {
+            let written = match writer.join() {
                 Ok(written) => written?,
                 Err(panic) => std::panic::resume_unwind(panic),
-            }
-            rendered
+            };
+            Ok((rendered?, written.map(Movie::finish).transpose()?))
         })
     }
 
-    fn render_all(
+    fn render_all<R, F>(
         &self,
-        pages: &mpsc::SyncSender<Page>,
+        mut rendering: Rendering<'_, R, F>,
         settings: impl Fn(FrameNumber) -> anyhow::Result<String>,
-        render: &mut impl FnMut(Option<FrameNumber>) -> anyhow::Result<Option<(FrameNumber, Rendered)>>,
-        finished: impl Fn(&Finished),
-    ) -> anyhow::Result<Vec<Finished>> {
-        let mut list = Vec::new();
-        let mut rendering = Rendering { waiting: VecDeque::new(), seconds: 0.0 };
+    ) -> anyhow::Result<Vec<Finished>>
+    where
+        R: FnMut(Option<FrameNumber>) -> anyhow::Result<Option<(FrameNumber, Rendered)>>,
+        F: Fn(&Finished),
+    {
         let all = self.frames.all().iter().try_for_each(|&frame| {
             let path = self.directory.join(file_name(self.stem, frame, self.format));
             let settings = settings(frame)?;
             let same = || image::read_settings(&path).is_some_and(|found| found == settings);
-            if self.resume && same() && image::is_whole(&path) {
-                let done = Finished { frame, path, rendered: None };
-                finished(&done);
-                list.push(done);
-                return Ok(());
-            }
-            rendering.waiting.push_back((frame, path, settings));
-            if let Some((done, page)) = rendering.step(render, Some(frame))? {
-                pages.send(page).map_err(|_| WriterStopped)?;
-                finished(&done);
-                list.push(done);
-            }
-            Ok(())
+            let is_there = self.resume && same() && image::is_whole(&path);
+            rendering.waiting.push_back(Waiting { frame, path, settings: (!is_there).then_some(settings) });
+            if is_there { rendering.pass_on() } else { rendering.step(Some(frame)).map(drop) }
         });
         // Frames that were begun before an error are finished all the same.
         let rest = loop {
-            match rendering.step(render, None) {
-                Ok(Some((done, page))) => {
-                    if pages.send(page).is_err() {
-                        break Ok(());
-                    }
-                    finished(&done);
-                    list.push(done);
-                }
-                Ok(None) => break Ok(()),
+            match rendering.step(None) {
+                Ok(true) => {}
+                Ok(false) => break Ok(()),
                 Err(error) => break Err(error),
             }
         };
         match all.and(rest) {
             // The writer says why it stopped.
             Err(error) if !error.is::<WriterStopped>() => Err(error),
-            _ => {
-                // Skipped frames are there before those that were under way.
-                let place: HashMap<_, _> = self.frames.all().iter().zip(0..).collect();
-                list.sort_by_key(|done| place.get(&done.frame).copied().unwrap_or(usize::MAX));
-                Ok(list)
-            }
+            _ => Ok(rendering.list),
         }
     }
 
-    fn write_all(&self, pages: &mpsc::Receiver<Page>) -> Result<(), ImageError> {
+    /// Writes pages until there are no more; returns the movie with all of them.
+    fn write_all(&self, pages: &mpsc::Receiver<Page>, mut movie: Option<Movie>) -> anyhow::Result<Option<Movie>> {
         for page in pages {
-            let _held = self.gate.lock().unwrap_or_else(PoisonError::into_inner);
-            let Page { path, picture, settings, comment } = &page;
-            match comment {
-                Some(comment) => image::write_with_comment(path, picture, self.format, settings, comment)?,
-                None => image::write(path, picture, self.format, settings)?,
+            let picture = match page {
+                Page::There(path) => match &movie {
+                    Some(_) => image::read(&path)?,
+                    None => continue,
+                },
+                Page::Rendered { path, picture, settings, comment } => {
+                    if self.writes {
+                        let _held = self.gate.lock().unwrap_or_else(PoisonError::into_inner);
+                        match &comment {
+                            Some(comment) => {
+                                image::write_with_comment(&path, &picture, self.format, &settings, comment)?;
+                            }
+                            None => image::write(&path, &picture, self.format, &settings)?,
+                        }
+                    }
+                    picture
+                }
+            };
+            if let Some(movie) = &mut movie {
+                movie.push(&picture)?;
             }
         }
-        Ok(())
+        Ok(movie)
     }
 }
 
@@ -178,6 +218,7 @@ mod tests {
     use std::cell::RefCell;
 
     use splatblur::image::Bits;
+    use splatblur::movie::{Kind, Rate, Shape};
 
     use super::*;
 
@@ -185,12 +226,23 @@ mod tests {
 
     /// Runs frames 1..3 with a fake renderer; returns the frames that it was asked for.
     fn run(directory: &Path, resume: bool, settings: &str) -> anyhow::Result<Vec<f64>> {
+        run_with(directory, resume, settings, None).map(|(asked, _)| asked)
+    }
+
+    fn run_with(
+        directory: &Path,
+        resume: bool,
+        settings: &str,
+        movie: Option<Movie>,
+    ) -> anyhow::Result<(Vec<f64>, Option<Nameless>)> {
         let gate = Mutex::new(());
         let frames = Frames::range(1, 3).unwrap();
-        let sequence = Sequence { frames: &frames, directory, stem: "a", format: PNG, resume, gate: &gate };
+        let sequence =
+            Sequence { frames: &frames, directory, stem: "a", format: PNG, resume, writes: true, gate: &gate };
         let asked = RefCell::new(Vec::new());
         let waiting = RefCell::new(VecDeque::new());
-        let list = sequence.run(
+        let (list, movie) = sequence.run(
+            movie,
             |frame| Ok(format!("{settings} {frame}")),
             |frame| {
                 // Two under way.
@@ -200,7 +252,8 @@ mod tests {
                     return Ok(None);
                 }
                 let Some(number) = waiting.borrow_mut().pop_front() else { return Ok(None) };
-                let picture = Picture { width: 1, height: 1, rgba: vec![[0.5; 4]], layers: Vec::new() };
+                let grey = number.get() as f32 / 4.0;
+                let picture = Picture { width: 1, height: 1, rgba: vec![[grey, grey, grey, 1.0]], layers: Vec::new() };
                 Ok(Some((number, Rendered { picture, stats: Stats::default() })))
             },
             |_| (),
@@ -208,7 +261,7 @@ mod tests {
         assert_eq!(list.iter().map(|f| f.frame.get()).collect::<Vec<_>>(), [1.0, 2.0, 3.0]);
         let rendered: Vec<_> = list.iter().filter(|f| f.rendered.is_some()).map(|f| f.frame).collect();
         assert_eq!(rendered, *asked.borrow());
-        Ok(rendered.into_iter().map(FrameNumber::get).collect())
+        Ok((rendered.into_iter().map(FrameNumber::get).collect(), movie))
     }
 
     #[test]
@@ -243,6 +296,33 @@ mod tests {
         // Another frame's file under this frame's name is not this frame.
         std::fs::copy(dir.path().join("a.0001.png"), dir.path().join("a.0002.png")).unwrap();
         assert_eq!(run(dir.path(), true, "y").unwrap(), [2.0]);
+    }
+
+    /// Frames of an earlier run are read back, and stand in the movie where they belong, though two frames are under way
+    /// at a time.
+    #[test]
+    fn a_movie_has_the_frames_in_their_order() {
+        let dir = tempfile::tempdir().unwrap();
+        let make = |resume| {
+            let shape = Shape { width: 1, height: 1, rate: Rate::of(24.0), bits: Bits::Eight };
+            let movie = Movie::begin(&dir.path().join("a.y4m"), Kind::Y4m, shape).unwrap();
+            let (asked, file) = run_with(dir.path(), resume, "x", Some(movie)).unwrap();
+            let path = dir.path().join("a.y4m");
+            file.unwrap().replace(&path).unwrap();
+            (asked, std::fs::read(path).unwrap())
+        };
+        let (asked, movie) = make(false);
+        assert_eq!(asked, [1.0, 2.0, 3.0]);
+        // Grey of 1/4, 1/2 and 3/4 of the light: codes 137, 188 and 225 of sRGB.
+        let luma: Vec<u8> = movie.windows(7).filter(|w| w.starts_with(b"FRAME\n")).map(|w| w[6]).collect();
+        assert_eq!(luma, [134, 177, 209]);
+        for missing in [&[1][..], &[2], &[3], &[1, 3], &[]] {
+            for number in missing {
+                std::fs::remove_file(dir.path().join(format!("a.000{number}.png"))).unwrap();
+            }
+            let missing: Vec<f64> = missing.iter().map(|&number| f64::from(number)).collect();
+            assert_eq!(make(true), (missing, movie.clone()));
+        }
     }
 
     #[test]

@@ -22,6 +22,7 @@ const rows = ({ act, edit, next, zoom, split, toggleSplit }) => [
     k: next("backend"), f: next("prefilter"), g: next("shading"), z: next("size"),
   }],
   ["p, e, x", "save PNG, EXR, scene", { p: act["save-png"], e: act["save-exr"], x: act["save-scene"] }],
+  ["v, V", "save a movie, or stop it; its next format", { v: act["save-movie"], V: next("movie-format") }],
   ["?, Esc", "this help; leave it, or a field", { "?": act["help-open"] }],
 ];
 

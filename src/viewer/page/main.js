@@ -61,6 +61,17 @@ function flush() {
 
 const save = (what) => socket?.readyState === WebSocket.OPEN && socket.send(JSON.stringify({ type: "save", what }));
 
+// A second press stops the movie under way.
+let filming = false;
+function film() {
+  if (socket?.readyState !== WebSocket.OPEN) return;
+  socket.send(JSON.stringify({ type: "movie", format: filming ? null : $("movie-format").value }));
+}
+function films(isUnderWay) {
+  filming = isUnderWay;
+  $("save-movie").textContent = filming ? "stop" : "movie";
+}
+
 // ---- from the program
 
 function connect() {
@@ -69,6 +80,7 @@ function connect() {
   socket.onopen = () => { tries = 0; shown = -1; say("connected"); change({}); };
   socket.onmessage = ({ data }) => (typeof data === "string" ? told(JSON.parse(data)) : picture(data));
   socket.onclose = ({ reason }) => {
+    films(false);
     tries += 1;
     const hint = tries > 3 ? "; if the program was started again, open the link that it prints now" : "";
     say(`not connected${reason ? `: ${reason}` : ""}${hint}`);
@@ -82,7 +94,9 @@ function told(message) {
     scene: () => begin(message),
     broken: () => alert(message.message, Infinity),
     refused: () => { shown = serial; alert(message.message, serial); },
-    saved: () => { $("saved").textContent = message.path; },
+    saved: () => { films(false); $("saved").textContent = message.path; },
+    filming: () => { films(true); $("saved").textContent = `movie: ${message.done} of ${message.frames} frames`; },
+    filmed: () => { if (filming) $("saved").textContent = "there is no movie"; films(false); },
     rests: () => { say(`rests${rateText()}`); window.viewer.rests = message.serial; },
     compared: () => {
       window.viewer.compared = message;
@@ -297,6 +311,7 @@ const ACTIONS = {
   "to-last": () => step(scene?.last), copy, reset: () => change({ camera: null }),
   "shutter-reset": () => change({ shutter: null }),
   "save-png": () => save("png"), "save-exr": () => save("exr"), "save-scene": () => save("scene"),
+  "save-movie": film,
   "help-open": () => $("help").showModal(),
 };
 for (const [id, action] of Object.entries(ACTIONS)) $(id).addEventListener("click", action);

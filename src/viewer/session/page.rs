@@ -7,6 +7,7 @@ use std::time::Instant;
 use super::super::message::{Kind, Message};
 use super::super::shared::Listener;
 use super::super::view::View;
+use crate::movie;
 use crate::stop::Stop;
 
 /// Files that wait to be saved.
@@ -28,6 +29,8 @@ pub(in super::super) struct Page {
 pub(super) struct Held {
     pub(super) view: Option<View>,
     pub(super) saves: VecDeque<Kind>,
+    /// A movie that is to be made, or the end of the one under way.
+    pub(super) movie: Option<Wish>,
     pub(super) refusals: VecDeque<String>,
     /// The last picture that was shown, and when that was heard.
     pub(super) shown: (u64, Option<Instant>),
@@ -38,6 +41,13 @@ pub(super) struct Held {
     /// What is under way may be stopped by a newer view.
     may_stop: bool,
     closed: bool,
+}
+
+/// What the page wants of a movie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wish {
+    Make(movie::Kind),
+    Stop,
 }
 
 /// Errors of the first side against the second.
@@ -103,6 +113,11 @@ impl Page {
                     held.saves.push_back(what);
                 }
             }),
+            Ok(Message::Movie { format }) => match format.as_deref().map(movie_kind) {
+                None => self.put(true, |held| held.movie = Some(Wish::Stop)),
+                Some(Ok(kind)) => self.put(false, |held| held.movie = Some(Wish::Make(kind))),
+                Some(Err(why)) => self.refuse(why),
+            },
             Err(why) => self.refuse(format!("the page said what it should not: {why}")),
         }
     }
@@ -119,4 +134,10 @@ impl Page {
     pub(in super::super) fn close(&self) {
         self.put(true, |held| held.closed = true);
     }
+}
+
+/// The format of movies with this extension.
+fn movie_kind(extension: &str) -> Result<movie::Kind, String> {
+    let known = movie::Kind::ALL.into_iter().find(|kind| kind.extension() == extension);
+    known.ok_or_else(|| format!("there are no movies as .{extension}: expected mp4, mov, y4m or gif"))
 }

@@ -10,13 +10,16 @@ use super::super::save::{Finished, save};
 use super::super::shared::{Known, Shared};
 use super::super::stage::{Done, Outcome, Task, next};
 use super::super::view::{Other, View};
-use super::page::{Errors, Held, Page};
+use super::filming::Filming;
+use super::page::{Errors, Held, Page, Wish};
 use super::sides::Sides;
 use super::studio::{Ended, Studio};
 use super::words::{about, header};
 use crate::film::{Aov, Picture};
+use crate::movie;
 use crate::options::Quality;
 use crate::reference::{ReferenceOptions, SCRAMBLINGS, Sums};
+use crate::renderer::Device;
 
 /// Samples of a pixel at which a reference is good enough to look at.
 const MOST_SAMPLES: u64 = 1024;
@@ -37,6 +40,8 @@ pub(in super::super) struct Worker<'a> {
     under_way: Option<(Level, Duration, Instant)>,
     /// The view that was told to rest.
     rests: Option<u64>,
+    /// A movie under way.
+    filming: Option<Filming>,
 }
 
 /// What the worker does next.
@@ -47,6 +52,10 @@ enum Job {
     Compared(u64, Errors),
     Render(Task, Box<View>),
     Rest(u64),
+    /// A movie is to be begun, of a view if there is one, or ended.
+    Movie(Wish, Option<Box<View>>),
+    /// The next frame of the movie.
+    Film,
 }
 
 impl<'a> Worker<'a> {
@@ -63,6 +72,7 @@ impl<'a> Worker<'a> {
             sent: 0,
             under_way: None,
             rests: None,
+            filming: None,
         }
     }
 
@@ -82,6 +92,9 @@ impl<'a> Worker<'a> {
                     (self.send)(Told::Compared { serial, flip, rmse, samples }.sent())
                 }
                 Job::Render(task, view) => self.render(task, &view),
+                Job::Movie(Wish::Make(kind), view) => self.begin_movie(kind, view.as_deref()),
+                Job::Movie(Wish::Stop, _) => self.filming.take().is_none() || (self.send)(Told::Filmed.sent()),
+                Job::Film => self.film(),
             };
             if !told {
                 return false;
@@ -97,7 +110,7 @@ impl<'a> Worker<'a> {
     /// What is to be done with what the box holds, and whether a newer view may stop it.
     fn job(&mut self, held: &mut Held) -> Option<(Job, bool)> {
         let job = Self::word(held).or_else(|| self.work(held))?;
-        let may_stop = matches!(job, Job::Render(task, _) if task != Task::Quick);
+        let may_stop = matches!(job, Job::Film) || matches!(job, Job::Render(task, _) if task != Task::Quick);
         Some((job, may_stop))
     }
 
@@ -105,6 +118,9 @@ impl<'a> Worker<'a> {
     fn word(held: &mut Held) -> Option<Job> {
         if std::mem::take(&mut held.has_news) {
             return Some(Job::News);
+        }
+        if let Some(wish) = held.movie.take() {
+            return Some(Job::Movie(wish, held.view.clone().map(Box::new)));
         }
         held.refusals.pop_front().map(Job::Refuse)
     }
@@ -136,11 +152,53 @@ impl<'a> Worker<'a> {
             }
         }
         let is_comparing = self.sides.is_comparing;
+        let film = self.filming.is_some().then_some(Job::Film);
         match next(view.moving, view.other.is_some(), self.sides.done) {
-            Some(Task::Compare) if is_comparing => None,
+            Some(Task::Compare) if is_comparing => film,
             Some(task) => Some(Job::Render(task, Box::new(view.clone()))),
-            None if view.moving || is_comparing || self.rests == Some(view.serial) => None,
+            None if view.moving => None,
+            None if is_comparing || self.rests == Some(view.serial) => film,
             None => Some(Job::Rest(view.serial)),
+        }
+    }
+
+    fn begin_movie(&mut self, kind: movie::Kind, view: Option<&View>) -> bool {
+        if self.filming.is_some() {
+            return self.refuse("a movie is under way already");
+        }
+        let (Some(known), Some(view)) = (&self.known, view) else { return self.refuse("there is nothing to film yet") };
+        match Filming::begin(self.shared, known, view, kind) {
+            Ok(filming) => {
+                let (done, frames) = filming.progress();
+                self.filming = Some(filming);
+                (self.send)(Told::Filming { done, frames }.sent())
+            }
+            Err(why) => self.refuse(&why),
+        }
+    }
+
+    /// Makes the next frame of the movie, and saves it after the last.
+    fn film(&mut self) -> bool {
+        let Some(mut filming) = self.filming.take() else { return true };
+        match self.open(filming.device()).and_then(|()| filming.step(&mut self.studio)) {
+            Ok(()) if filming.is_done() => {
+                let told = match filming.finish(self.shared) {
+                    Ok(path) => (self.send)(Told::Saved { path: path.display().to_string() }.sent()),
+                    Err(why) => self.refuse(&why),
+                };
+                told && (self.send)(Told::Filmed.sent())
+            }
+            Ok(()) => {
+                let (done, frames) = filming.progress();
+                self.filming = Some(filming);
+                (self.send)(Told::Filming { done, frames }.sent())
+            }
+            // Later again.
+            Err(Ended::Stopped) => {
+                self.filming = Some(filming);
+                true
+            }
+            Err(Ended::Failed(why)) => self.refuse(&why) && (self.send)(Told::Filmed.sent()),
         }
     }
 
@@ -209,8 +267,8 @@ impl<'a> Worker<'a> {
     }
 
     /// Opens the device that a view asks for.
-    fn open(&mut self, view: &View) -> Result<(), Ended> {
-        if self.studio.open(&view.look.device)? {
+    fn open(&mut self, device: &Device) -> Result<(), Ended> {
+        if self.studio.open(device)? {
             self.pace.forget();
         }
         Ok(())
@@ -218,7 +276,7 @@ impl<'a> Worker<'a> {
 
     fn quick(&mut self, task: Task, view: &View, known: &Known) -> Result<bool, Ended> {
         let begin = Instant::now();
-        self.open(view)?;
+        self.open(&view.look.device)?;
         let level = self.pace.level();
         let whole = task == Task::Whole;
         let size = if whole { view.look.size } else { level.size(view.look.size) };
@@ -235,7 +293,7 @@ impl<'a> Worker<'a> {
     }
 
     fn first(&mut self, view: &View, known: &Known) -> Result<bool, Ended> {
-        self.open(view)?;
+        self.open(&view.look.device)?;
         let scene = view.look.scene(known.scene(), known.of_model, view.look.size);
         let options = view.look.options(view.quality, self.studio.memory());
         let (rendered, time) = self.studio.render(&scene, &view.look, &options)?;
@@ -256,7 +314,7 @@ impl<'a> Worker<'a> {
     }
 
     fn second(&mut self, view: &View, quality: Quality, known: &Known) -> Result<bool, Ended> {
-        self.open(view)?;
+        self.open(&view.look.device)?;
         let scene = view.look.scene(known.scene(), known.of_model, view.look.size);
         let options = view.look.options(quality, self.studio.memory());
         let (rendered, time) = self.studio.render(&scene, &view.look, &options)?;
