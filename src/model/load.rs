@@ -14,7 +14,7 @@ use super::mesh::{self, Mesh, Sampled, Unsampled};
 use super::options::{ColourSpace, Kind, LoadOptions, MeshOptions, Progress, Spacing};
 use super::surfels::{Normalisation, Surfels};
 use super::volume::{self, Grid, Made, Samples, VolumeFacts};
-use super::{bin, map, obj, ply, sfl, tidy, xyz};
+use super::{bin, inward, map, obj, ply, sfl, tidy, xyz};
 use crate::math::srgb;
 
 /// Kernels of a volume that every file may become, however small it is.
@@ -224,6 +224,7 @@ fn completed(
         other => other,
     })?;
     notes.extend(completed);
+    notes.extend(inward::note(&surfels));
     Ok(Loaded { surfels, gaussians: None, volume: None, mesh: None, notes })
 }
 
@@ -271,6 +272,7 @@ fn sampled(mesh: Arc<Mesh>, options: MeshOptions, radius_scale: f64) -> Result<L
     let Sampled { surfels, spacing, notes: of_sampling } = mesh::sample(&mesh, &options, radius_scale)?;
     let mut notes = mesh.notes.clone();
     notes.extend(of_sampling);
+    notes.extend(inward::note(&surfels));
     let mesh = Some(MeshSource { mesh, options, radius_scale, spacing });
     Ok(Loaded { surfels, gaussians: None, volume: None, mesh, notes })
 }
