@@ -54,6 +54,11 @@ impl Column<'_> {
         number as usize
     }
 
+    /// True if its numbers are floats of 32 bits.
+    pub(crate) fn is_f32(&self) -> bool {
+        self.component == Component::F32
+    }
+
     /// True if its numbers are unsigned and not normalised, as those of indices are.
     pub(crate) fn counts(&self) -> bool {
         matches!(self.component, Component::U8 | Component::U16 | Component::U32) && !self.normalized

@@ -18,6 +18,7 @@ type Extensions = BTreeMap<String, Value>;
 #[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(crate) struct Document {
+    pub(crate) asset: Asset,
     pub(crate) scene: Option<usize>,
     pub(crate) scenes: Vec<Scene>,
     pub(crate) nodes: Vec<Node>,
@@ -32,6 +33,16 @@ pub(crate) struct Document {
     pub(crate) animations: Vec<Clip>,
     pub(crate) extensions_used: Vec<String>,
     pub(crate) extensions_required: Vec<String>,
+}
+
+/// What a text says about itself.
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(crate) struct Asset {
+    /// The version that it is written in, as `2.0`.
+    pub(crate) version: Option<Box<str>>,
+    /// The least version that a reader must know.
+    pub(crate) min_version: Option<Box<str>>,
 }
 
 #[derive(Default, Deserialize)]

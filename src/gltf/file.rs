@@ -11,7 +11,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use super::column::{Column, Component, Shape};
-use super::document::{BufferView, Document};
+use super::document::{Asset, BufferView, Document};
 use super::error::{GltfError, TEXT, named, quote, wrong};
 use super::uri;
 
@@ -67,6 +67,7 @@ impl<'a> GltfFile<'a> {
             let place = format!("line {} column {}", why.line(), why.column());
             wrong(format!("a text that fails at {place}: {}", quote(&why.to_string())), "glTF 2.0 in JSON")
         })?;
+        refuse_versions(&document)?;
         let mut buffers: Vec<Option<Cow<'a, [u8]>>> = Vec::new();
         buffers.resize_with(document.buffers.len(), || None);
         if let (Some(slot), Some(buffer), Some(data)) = (buffers.first_mut(), document.buffers.first(), data)
@@ -157,6 +158,28 @@ impl<'a> GltfFile<'a> {
             _ => 0,
         };
         self.buffers.iter().map(owned).sum()
+    }
+}
+
+/// Refuses a text of another version than 2.x, or one that needs more than 2.0 (glTF 2.0, section 3.2): its numbers may
+/// mean something else.
+fn refuse_versions(document: &Document) -> Result<(), GltfError> {
+    let parse = |text: &str| {
+        let (major, minor) = text.split_once('.')?;
+        Some((major.parse::<u32>().ok()?, minor.parse::<u32>().ok()?))
+    };
+    let Asset { version, min_version } = &document.asset;
+    if let Some(least) = min_version
+        && parse(least).is_none_or(|least| least > (2, 0))
+    {
+        return Err(wrong(format!("glTF that needs version {}", quote(least)), "2.0"));
+    }
+    match version {
+        None => Err(wrong("an `asset` without `version`", "`\"version\": \"2.0\"`")),
+        Some(version) if parse(version).is_none_or(|(major, _)| major != 2) => {
+            Err(wrong(format!("glTF version {}", quote(version)), "2.0"))
+        }
+        Some(_) => Ok(()),
     }
 }
 

@@ -15,7 +15,7 @@ use super::mesh::{self, Mesh, Sampled, Unsampled};
 use super::options::{ColourSpace, Kind, LoadOptions, MeshOptions, Progress, Spacing};
 use super::surfels::{Normalisation, Surfels};
 use super::volume::{self, Grid, Made, Samples, VolumeFacts};
-use super::{bin, obj, ply, sfl, tidy, xyz};
+use super::{bin, inward, obj, ply, sfl, tidy, xyz};
 use crate::files;
 use crate::math::srgb;
 
@@ -258,6 +258,7 @@ fn completed(
         other => other,
     })?;
     notes.extend(completed);
+    notes.extend(inward::note(&surfels));
     Ok(Loaded { surfels, gaussians: None, volume: None, mesh: None, notes })
 }
 
@@ -305,6 +306,7 @@ fn sampled(mesh: Arc<Mesh>, options: MeshOptions, radius_scale: f64) -> Result<L
     let Sampled { surfels, spacing, notes: of_sampling } = mesh::sample(&mesh, &options, radius_scale)?;
     let mut notes = mesh.notes.clone();
     notes.extend(of_sampling);
+    notes.extend(inward::note(&surfels));
     let mesh = Some(MeshSource { mesh, options, radius_scale, spacing });
     Ok(Loaded { surfels, gaussians: None, volume: None, mesh, notes })
 }

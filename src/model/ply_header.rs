@@ -56,6 +56,10 @@ impl Scalar {
         matches!(self, Self::F32 | Self::F64)
     }
 
+    pub(super) fn is_unsigned(self) -> bool {
+        matches!(self, Self::U8 | Self::U16 | Self::U32)
+    }
+
     /// What stands for 1 where a share is stored as a whole number; 1 for floats. A signed byte is taken as an unsigned
     /// one.
     pub(super) fn largest_of_whole(self) -> f64 {

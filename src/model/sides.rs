@@ -6,7 +6,7 @@ use rayon::prelude::*;
 /// Cells along an edge of the picture of one view.
 const CELLS: usize = 192;
 /// Fewest points that a shape can be told from: those that one normal is estimated from, and the point itself.
-const FEWEST: usize = 17;
+pub(super) const FEWEST: usize = 17;
 /// Least cosine between a disc and the view at which it is drawn: edge-on it covers nothing.
 const EDGE_ON: f64 = 0.05;
 /// Greatest share of a view that may show backs where the signs are relied on.
@@ -53,8 +53,17 @@ impl Discs<'_> {
         told && most_backs <= MOST
     }
 
+    /// About the most cells of the picture of one view that all discs fill.
+    pub(super) fn cells(&self) -> f64 {
+        let least = self.position.iter().copied().fold(Vec3::INFINITY, Vec3::min);
+        let greatest = self.position.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+        let cell = f64::from((greatest - least).max_element()) / CELLS as f64;
+        let across = |radius: &f32| (2.0 * f64::from(*radius) / cell + 1.0).min(CELLS as f64);
+        self.radius.iter().map(|radius| across(radius) * across(radius)).sum()
+    }
+
     /// Share of what is seen along -`to_viewer` that shows its back.
-    fn backs(&self, to_viewer: DVec3) -> f64 {
+    pub(super) fn backs(&self, to_viewer: DVec3) -> f64 {
         let (right, up) = to_viewer.any_orthonormal_pair();
         let across = |p: &Vec3| [p.as_dvec3().dot(right), p.as_dvec3().dot(up)];
         let (low, high) = self

@@ -4,6 +4,7 @@
 use glam::{DVec3, Vec3};
 
 use super::cloud::Cloud;
+use crate::math::Bounds;
 
 /// Largest coordinate and length that is drawn, model units: its square still fits a 32-bit float.
 pub(super) const MAX_COORDINATE: f64 = 1e18;
@@ -31,6 +32,7 @@ pub(super) fn tidy(mut cloud: Cloud) -> Cloud {
     each(&mut cloud.axes, |[u, v]| !usable(*u, *v), [Vec3::ZERO; 2]);
     let odd = each(&mut cloud.colour, |c| !c.is_finite(), Vec3::ONE);
     note(&mut cloud.notes, odd, "a colour that is not finite (drawn white)");
+    clamp_colours(&mut cloud);
     let odd = each(&mut cloud.opacity, |o| !(0.0..=1.0).contains(o), 1.0);
     note(&mut cloud.notes, odd, "an opacity outside 0 to 1 (taken as 1)");
     drop_idle_opacities(&mut cloud);
@@ -41,6 +43,41 @@ pub(super) fn tidy(mut cloud: Cloud) -> Cloud {
         }
     }
     cloud
+}
+
+/// Raises what is negative in colours to 0: no surface reflects less than nothing.
+pub(super) fn clamp_colours(cloud: &mut Cloud) {
+    let negative = |c: &Vec3| c.min_element() < 0.0;
+    let count = cloud.colour.iter().filter(|c| negative(c)).count();
+    cloud.colour.iter_mut().filter(|c| negative(c)).for_each(|c| *c = c.max(Vec3::ZERO));
+    note(&mut cloud.notes, count, "a negative colour (taken as 0)");
+}
+
+/// What to say of 32-bit coordinates of `points` points in a box: their steps are too coarse for its size, or for the
+/// distance of the points. `None` if they are fine enough.
+///
+/// The step is the distance of two floats at the largest coordinate. It is too coarse if it is above a thousandth of
+/// the box, which shows in a picture, or above the distance of points that cover a square as large as the box.
+pub(super) fn coarse(bounds: &Bounds, points: usize) -> Option<String> {
+    if bounds.is_empty() {
+        return None;
+    }
+    let largest = bounds.min.abs().max(bounds.max.abs()).max_element() as f32;
+    let extent = bounds.size().max_element();
+    let step = largest.next_up() - largest;
+    let fewest = 1000.0_f64.max((points as f64).sqrt());
+    (extent > 0.0 && f64::from(step) * fewest > extent).then(|| {
+        let extent = extent as f32;
+        format!(
+            "float coordinates up to {largest} have steps of {step}, for an extent of {extent}: write doubles, or take \
+                 an offset off"
+        )
+    })
+}
+
+/// Box around the points that can be drawn.
+pub(super) fn box_of(position: &[DVec3]) -> Bounds {
+    position.iter().filter(|p| drawable(**p)).copied().collect()
 }
 
 /// Empties a column of opacities that says nothing, so that the model stays opaque and needs no order: all are as good

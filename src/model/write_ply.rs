@@ -6,8 +6,9 @@ use std::path::Path;
 
 use glam::Vec3;
 
+use super::columns::MATERIAL;
 use super::error::ModelError;
-use super::ply::{LINEAR_COLOURS, MATERIAL, PER_FRAME, SIGNS_ESTIMATED, TWO_SIDED};
+use super::ply::{LINEAR_COLOURS, PER_FRAME, SIGNS_ESTIMATED, TWO_SIDED};
 use super::store;
 use super::surfels::{Surfels, VelocityUnit};
 use crate::math::srgb;

@@ -1,7 +1,8 @@
 //! Points as lines of numbers: `.xyz`, and `.pts` with a line that counts them.
 //!
 //! There is no standard. Words stand between blanks, commas or semicolons; `#` and `//` begin a comment; blank lines do
-//! not count, and neither does a first line that only names the columns. All points of a file have the same columns:
+//! not count. Where columns of an `.xyz` have names, these decide (`xyz_names`). Else all points of a file have the same
+//! columns:
 //!
 //! | numbers of a line | `.xyz` | `.pts` |
 //! |---|---|---|
@@ -18,15 +19,14 @@
 use glam::{DVec3, Vec3};
 
 use super::cloud::{Cloud, ColourStorage};
-use super::error::{ParseError, quote};
+use super::error::{ParseError, line_of, quote};
 use super::ply_body::number;
+use super::xyz_names::{self, Names, ONE, grey};
 
 /// Most numbers of a line.
 const WIDEST: usize = 9;
 /// Bytes that [`looks_like`] reads.
 const SNIFFED: usize = 4096;
-/// Greatest number that still counts as 1: rounding in text.
-const ONE: f64 = 1.001;
 /// Lines between two reports of progress.
 const REPORT: u64 = 1 << 16;
 
@@ -44,7 +44,12 @@ pub(super) fn looks_like(bytes: &[u8]) -> Option<Kind> {
     let head = bytes.get(..SNIFFED).unwrap_or(bytes);
     // A line that is cut off here may be cut in a word.
     let whole = if head.len() < bytes.len() { head.iter().rposition(|&b| b == b'\n').unwrap_or(0) } else { head.len() };
-    let mut lines = lines(&head[..whole]).map(|(_, words)| words);
+    let head = &head[..whole];
+    if let Some((names, rest)) = names(head).ok().flatten() {
+        let points = lines(head.get(rest..)?, 1, xyz_names::MOST).next();
+        return points.filter(|(_, words)| names.fit(words)).map(|_| Kind::Xyz);
+    }
+    let mut lines = lines(head, 1, WIDEST).map(|(_, words)| words);
     let is_point = |words: &[&[u8]]| (3..=WIDEST).contains(&words.len()) && words.iter().all(|w| number(w).is_some());
     let first = lines.next()?;
     if is_point(&first) {
@@ -60,21 +65,28 @@ pub(super) fn looks_like(bytes: &[u8]) -> Option<Kind> {
 /// The error names the line. A word is no number, lines differ in their columns, there are no such columns, a colour is
 /// outside 0..=255, or the points are not as many as counted.
 pub(super) fn parse(bytes: &[u8], kind: Kind, progress: &dyn Fn(f32)) -> Result<Cloud, ParseError> {
+    if kind == Kind::Xyz
+        && let Some((names, rest)) = names(bytes)?
+    {
+        let body = bytes.get(rest..).unwrap_or_default();
+        let first = line_of(bytes, rest);
+        let told = |line: u64, words: &[&[u8]]| {
+            if line % REPORT == 0 {
+                progress(words.first().map_or(0.0, |w| offset(bytes, w) as f32 / bytes.len() as f32));
+            }
+        };
+        return xyz_names::parse(&names, lines(body, first, xyz_names::MOST), &told);
+    }
     let mut table = Table::default();
     let mut cloud = Cloud::default();
     // Points that the count still announces, and the line of the count.
     let mut left: Option<(u64, u64)> = None;
-    for (line, words) in lines(bytes) {
+    for (line, words) in lines(bytes, 1, WIDEST) {
         if line % REPORT == 0 {
             progress(words.first().map_or(0.0, |w| offset(bytes, w) as f32 / bytes.len() as f32));
         }
         if kind == Kind::Pts && left.is_none_or(|(left, _)| left == 0) {
             left = Some((announced(&words, line)?, line));
-            continue;
-        }
-        let may_name = kind == Kind::Xyz && table.columns == 0 && cloud.notes.is_empty() && words.len() >= 3;
-        if may_name && words.iter().all(|w| number(w).is_none()) {
-            cloud.notes.push(format!("line {line} taken as the names of the columns"));
             continue;
         }
         table.push(kind, line, &words)?;
@@ -111,28 +123,88 @@ fn offset(bytes: &[u8], word: &[u8]) -> usize {
     (word.as_ptr() as usize).saturating_sub(bytes.as_ptr() as usize)
 }
 
-/// Lines with words, as (line number from 1, words). LF, CRLF and CR each end a line.
-fn lines(bytes: &[u8]) -> impl Iterator<Item = (u64, Vec<&[u8]>)> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let mut at = 0;
-    let mut line = 0;
-    std::iter::from_fn(move || {
-        while let Some(rest) = bytes.get(at..).filter(|rest| !rest.is_empty()) {
-            let length = rest.iter().position(|&b| b == b'\n' || b == b'\r').unwrap_or(rest.len());
-            let (text, after) = rest.split_at(length);
-            at += length + if after.starts_with(b"\r\n") { 2 } else { 1 };
-            line += 1;
-            let text = text.split(|&b| b == b'#').next().unwrap_or_default();
-            let text = text.windows(2).position(|pair| pair == b"//").map_or(text, |comment| &text[..comment]);
-            let apart = |b: &u8| b.is_ascii_whitespace() || *b == b',' || *b == b';';
-            // One word more than any line may have is enough to refuse it.
-            let words: Vec<&[u8]> = text.split(apart).filter(|w| !w.is_empty()).take(WIDEST + 1).collect();
-            if !words.is_empty() {
-                return Some((line, words));
-            }
+/// The names of the columns, and the byte at which the points below them begin; `None` for a text without names.
+///
+/// Names stand in the first line with words, if none of these is a number. Else they stand in the last comment before
+/// it that fits it, x, y and z among them.
+///
+/// # Errors
+/// The first line has three words or more, none is a number, and x, y or z is not among them.
+fn names(bytes: &[u8]) -> Result<Option<(Names, usize)>, ParseError> {
+    let mut in_comment = None;
+    for Line { number: line, begin, end, text, comment } in Lines::new(bytes, 1) {
+        let found = words(text, xyz_names::MOST);
+        if found.is_empty() {
+            in_comment = Names::of_comment(&words(comment, xyz_names::MOST), line).or(in_comment);
+            continue;
         }
-        None
-    })
+        if found.len() >= 3 && found.iter().all(|word| number(word).is_none()) {
+            return Ok(Some((Names::of_line(&found, line)?, end)));
+        }
+        return Ok(in_comment.filter(|names| names.fit(&found)).map(|names| (names, begin)));
+    }
+    Ok(None)
+}
+
+/// Lines with words, as (line number, words), from line `first` on. Of the words of a line one more than `most` is
+/// enough to refuse it.
+fn lines(bytes: &[u8], first: u64, most: usize) -> impl Iterator<Item = (u64, Vec<&[u8]>)> {
+    Lines::new(bytes, first)
+        .map(move |line| (line.number, words(line.text, most)))
+        .filter(|(_, words)| !words.is_empty())
+}
+
+/// Words of a line.
+fn words(text: &[u8], most: usize) -> Vec<&[u8]> {
+    let apart = |b: &u8| b.is_ascii_whitespace() || *b == b',' || *b == b';';
+    text.split(apart).filter(|word| !word.is_empty()).take(most + 1).collect()
+}
+
+/// A line of a text.
+struct Line<'a> {
+    number: u64,
+    /// Bytes from its first one, and to the first one of the next line.
+    begin: usize,
+    end: usize,
+    /// What is no comment.
+    text: &'a [u8],
+    /// What follows `#` or `//`.
+    comment: &'a [u8],
+}
+
+/// All lines. LF, CRLF and CR each end a line.
+struct Lines<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    number: u64,
+}
+
+impl<'a> Lines<'a> {
+    /// `first`: number of the first line.
+    fn new(bytes: &'a [u8], first: u64) -> Self {
+        let mark = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+        Self { bytes, at: mark, number: first }
+    }
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = Line<'a>;
+
+    fn next(&mut self) -> Option<Line<'a>> {
+        let (begin, number) = (self.at, self.number);
+        let rest = self.bytes.get(begin..).filter(|rest| !rest.is_empty())?;
+        let length = rest.iter().position(|&b| b == b'\n' || b == b'\r').unwrap_or(rest.len());
+        let (line, after) = rest.split_at(length);
+        self.at += length + if after.starts_with(b"\r\n") { 2 } else { 1 };
+        self.number += 1;
+        let hash = line.iter().position(|&b| b == b'#').map(|at| (at, at + 1));
+        let slashes = line.windows(2).position(|pair| pair == b"//").map(|at| (at, at + 2));
+        let (text, comment) = match hash.into_iter().chain(slashes).min() {
+            Some((at, after)) => (&line[..at], &line[after..]),
+            None => (line, &line[..0]),
+        };
+        Some(Line { number, begin, end: self.at.min(self.bytes.len()), text, comment })
+    }
 }
 
 /// The numbers of all points.
@@ -262,25 +334,11 @@ impl Table {
             cloud.notes.push(format!("columns {first} to {} are colours from 0 to {range}", first + 2));
         } else if intensity {
             cloud.colour = rest.iter().map(|&x| Vec3::splat(x)).collect();
-            grey(cloud);
+            let [low, high] = grey(cloud);
+            cloud.notes.push(format!("no colours: intensity from {low} to {high} is shown as grey"));
         }
         Ok(())
     }
-}
-
-/// Brings intensities to 0..=1: those of laser scanners are -2048..=2047.
-fn grey(cloud: &mut Cloud) {
-    let finite = || cloud.colour.iter().map(|c| c.x).filter(|x| x.is_finite());
-    let (least, greatest) = (finite().fold(0.0, f32::min), finite().fold(0.0, f32::max));
-    let (low, high) = if least < 0.0 {
-        (least.min(-2048.0), greatest.max(2047.0))
-    } else if f64::from(greatest) <= ONE {
-        (0.0, 1.0)
-    } else {
-        (0.0, greatest.max(255.0))
-    };
-    cloud.notes.push(format!("no colours: intensity from {low} to {high} is shown as grey"));
-    cloud.colour.iter_mut().for_each(|c| *c = (*c - low) / (high - low));
 }
 
 /// A line for a message.

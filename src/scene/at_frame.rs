@@ -16,29 +16,40 @@ impl Scene {
         if self.objects.iter().all(|object| object.sequence.is_none()) {
             return Ok(Cow::Borrowed(self));
         }
+        let mut objects = Vec::new();
+        for object in &self.objects {
+            objects.extend(self.parts(object, number)?);
+        }
+        Ok(Cow::Owned(Self { objects, ..self.clone() }))
+    }
+
+    /// The ordinary objects that show `object` in frame `number`: itself, or the parts of its sequence, one at least.
+    ///
+    /// # Errors
+    /// A file cannot be read, or does not go with the one beside it.
+    pub(super) fn parts(&self, object: &Object, number: f64) -> Result<Vec<Object>, ModelError> {
+        let Some(sequence) = &object.sequence else { return Ok(vec![object.clone()]) };
         // The picture of mode `still` is that of the frame's number.
         let [first, last] = self.shutter.whole_exposure(number);
         let [early, late] = self.shutter.readout.delays().map(|delay| number + delay);
         let exposure = [first.min(early).min(number), last.max(late).max(number)];
-        let mut objects = Vec::new();
-        for object in &self.objects {
-            let Some(sequence) = &object.sequence else {
-                objects.push(object.clone());
-                continue;
-            };
-            let range = if object.blur { exposure } else { [number; 2] };
-            let mut pieces =
-                sequence.pieces(object.points.unit, self.frames.rate, range)?.into_iter().map(|piece| Object {
-                    model: piece.model,
-                    points: PointMotion { unit: Some(VelocityUnit::Frame), at: Some(piece.at) },
-                    window: Some(piece.window),
-                    sequence: None,
-                    ..object.clone()
-                });
-            let nothing = || Object { model: Model::default(), sequence: None, ..object.clone() };
-            objects.push(pieces.next().unwrap_or_else(nothing));
-            objects.extend(pieces.map(|piece| Object { is_part: true, ..piece }));
+        let range = if object.blur { exposure } else { [number; 2] };
+        let pieces = sequence.pieces(object.points.unit, self.frames.rate, range)?;
+        let mut parts: Vec<Object> = pieces
+            .into_iter()
+            .map(|piece| Object {
+                model: piece.model,
+                points: PointMotion { unit: Some(VelocityUnit::Frame), at: Some(piece.at) },
+                window: Some(piece.window),
+                sequence: None,
+                is_part: true,
+                ..object.clone()
+            })
+            .collect();
+        match parts.first_mut() {
+            Some(first) => first.is_part = object.is_part,
+            None => parts.push(Object { model: Model::default(), sequence: None, ..object.clone() }),
         }
-        Ok(Cow::Owned(Self { objects, ..self.clone() }))
+        Ok(parts)
     }
 }

@@ -7,6 +7,7 @@ mod model;
 pub mod pose;
 mod sequence;
 mod sight;
+mod unseen;
 mod values;
 
 pub(crate) use self::automatic::{GivenCamera, GivenFrames, RATE, camera, frames, lights};
@@ -15,7 +16,7 @@ pub use self::model::Model;
 pub(crate) use self::sequence::Opened;
 pub use self::sequence::{Pattern, Sequence, SequenceSpec};
 pub(crate) use self::sight::camera_enters;
-pub use self::sight::{Unseen, why_unseen};
+pub use self::unseen::{Unseen, why_unseen};
 pub use self::values::{
     AnimationBinding, Camera, Capture, FrameRange, ImageSettings, Light, Motion, Object, PointMotion, Scene, Sphere,
 };

@@ -88,6 +88,7 @@ pub(super) fn resolve(
     }
     drop_answered(&scene, &mut notes);
     show_insides(&mut scene, &sides_given, &mut notes);
+    drop_rooms(&scene, &mut notes);
     if scene.camera.automatic {
         let FrameRange { first, last, .. } = scene.frames;
         notes.push(format!(
@@ -104,6 +105,17 @@ fn drop_answered(scene: &Scene, notes: &mut Vec<String>) {
     let bindings = scene.objects.iter().filter_map(|object| object.animation.as_ref());
     let played: HashSet<String> = bindings.map(|binding| format!("{}: ", binding.path.display())).collect();
     notes.retain(|note| !(note.contains(model::mesh::NOT_PLAYED) && played.iter().any(|path| note.starts_with(path))));
+}
+
+/// Drops the notes that normals point inward where both sides show, or where the camera stands inside.
+fn drop_rooms(scene: &Scene, notes: &mut Vec<String>) {
+    for object in &scene.objects {
+        let begin = format!("{}: {}", object.model_path.display(), model::INWARD);
+        let told = notes.iter().any(|note| note.starts_with(&begin));
+        if told && (object.two_sided || scene::camera_enters(scene, object)) {
+            notes.retain(|note| !note.starts_with(&begin));
+        }
+    }
 }
 
 /// Gives the scene's camera the lens of its track, and the image its size where the scene does not say one.

@@ -21,6 +21,12 @@ const RUNNING: [&str; 12] = [
     "quiet",
 ];
 
+/// What a dataset says that it was made by.
+const BACKENDS: [&str; 3] = ["cpu", "gpu", REFERENCE];
+
+/// In place of a backend where all pictures are ray-traced.
+const REFERENCE: &str = "reference";
+
 /// The part of a `transforms.json` that this program wrote for itself.
 #[derive(Deserialize)]
 struct Document {
@@ -76,7 +82,19 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Recorded> {
     let bytes = files::read(path, u64::MAX).with_context(context)?;
     let Document { splatblur: Origin { program, scene, arguments, backend, hash } } =
         serde_json::from_slice(&bytes).with_context(context)?;
+    if !BACKENDS.contains(&backend.as_str()) {
+        bail!(
+            "cannot replay {}: found the backend `{}`, expected `cpu`, `gpu` or `reference`",
+            path.display(),
+            shown(&backend)
+        );
+    }
     Ok(Recorded { scene, arguments, earlier: Some((program, backend, hash)) })
+}
+
+/// A word of a file for a message.
+fn shown(word: &str) -> String {
+    word.chars().take(60).flat_map(char::escape_debug).collect()
 }
 
 impl Recorded {
@@ -127,7 +145,7 @@ impl Recorded {
         }
         let backend = match recipe.by {
             By::Splatting(_) => backend,
-            By::Tracing(_) => "reference",
+            By::Tracing(_) => REFERENCE,
         };
         Ok(Origin {
             program: PROGRAM.to_owned(),

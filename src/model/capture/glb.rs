@@ -32,9 +32,16 @@ const ROUNDING: f64 = 1e-4;
 pub(in crate::model) fn parse(bytes: &[u8]) -> Result<Gaussians, ParseError> {
     let file = GltfFile::read_text(bytes)?;
     let mut notes = Vec::new();
-    let parts = Reader { file: &file }.parts(allowance(bytes.len()), &mut notes)?;
+    let (parts, others) = Reader { file: &file }.parts(allowance(bytes.len()), &mut notes)?;
     let Some(degree) = parts.iter().map(|part| part.degree).max() else {
-        return Err(wrong("a mesh without Gaussians", format!("primitives with `{EXTENSION}`")).into());
+        // Triangles were looked for before.
+        return Err(if others > 0 {
+            wrong("a mesh without Gaussians", format!("primitives with `{EXTENSION}`"))
+        } else {
+            let expected = format!("nodes with meshes of triangles, or of Gaussians (`{EXTENSION}`)");
+            wrong("a scene that shows no mesh", expected)
+        }
+        .into());
     };
     let linear = parts.iter().any(|part| part.linear);
     if linear && parts.iter().any(|part| !part.linear) {
@@ -79,8 +86,9 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// All primitives that are Gaussians, in each place where the scene has them: at most `most` bytes.
-    fn parts(&self, most: u64, notes: &mut Vec<String>) -> Result<Vec<Part<'a>>, GltfError> {
+    /// All primitives that are Gaussians, in each place where the scene has them: at most `most` bytes. With them the
+    /// number of those that are none.
+    fn parts(&self, most: u64, notes: &mut Vec<String>) -> Result<(Vec<Part<'a>>, usize), GltfError> {
         let mut parts = Vec::new();
         let mut total = 0_u64;
         let (mut other, mut unsaid) = (0_usize, 0_usize);
@@ -113,7 +121,7 @@ impl<'a> Reader<'a> {
         if unsaid > 0 {
             notes.push("Gaussian splats: the file does not say the colour space".to_owned());
         }
-        Ok(parts)
+        Ok((parts, other))
     }
 
     fn part(

@@ -3,6 +3,7 @@
 //! The default scene at rest, in world space, or the mesh of one node in its own space. Of a material the base colour
 //! is kept, with its texture, its opacity, and whether both sides show. What else a file has is a note.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -12,6 +13,8 @@ use serde_json::Value;
 use super::gltf_material::Materials;
 use super::{Mesh, Triangle};
 use crate::gltf::{Column, GltfError, GltfFile, Nodes, Primitive, Shape, Tree, find_beside, inline, named, wrong};
+use crate::math::Bounds;
+use crate::model::tidy;
 
 /// Bytes of a mesh that every file may have, however small it is.
 const FREE_BYTES: u64 = 64 << 20;
@@ -19,6 +22,9 @@ const FREE_BYTES: u64 = 64 << 20;
 /// Most bytes of a mesh for each byte of a file. A file that names one mesh in many places has more than one that does
 /// not.
 const MOST_GROWTH: u64 = 100;
+
+/// Most notes on what is ignored.
+const MOST_NOTES: usize = 50;
 
 /// Memory of a vertex, and of a triangle.
 const VERTEX_BYTES: u64 = 64;
@@ -80,6 +86,7 @@ pub(super) fn read(bytes: &[u8], path: &Path, node: Option<&str>) -> Result<Opti
         columns: [false; 3],
         left: FREE_BYTES + MOST_GROWTH * size as u64,
         slots: Slots::default(),
+        local: Bounds::default(),
     };
     for (index, affine) in placed {
         reader.node(index, &affine)?;
@@ -126,12 +133,14 @@ struct Reader<'a> {
     mesh: Mesh,
     materials: Materials<'a>,
     /// What is ignored, and how often.
-    notes: BTreeMap<&'static str, usize>,
+    notes: BTreeMap<Cow<'static, str>, usize>,
     /// Whether any vertex has a normal, texture coordinates, a colour.
     columns: [bool; 3],
     /// Bytes that the mesh may still take.
     left: u64,
     slots: Slots,
+    /// Box around the 32-bit coordinates of vertices, each in the space of its node.
+    local: Bounds,
 }
 
 /// The vertices of a primitive that are in the mesh already: several primitives may share one long column, of which
@@ -193,7 +202,12 @@ impl<'a> Reader<'a> {
         }
         self.note("morph targets (meshes are drawn without)", primitive.targets.len());
         let columns = self.columns(primitive, position)?;
-        let material = self.materials.index(primitive.material, &mut self.mesh)?;
+        let set = self.materials.uv_set(primitive.material);
+        let textured = columns.uv.is_some() || set.is_none();
+        if let Some(set) = set.filter(|_| !textured) {
+            self.note(format!("textures of primitives without their coordinates, TEXCOORD_{set}"), 1);
+        }
+        let material = self.materials.index(primitive.material, textured, &mut self.mesh)?;
         let indices = primitive.indices.map(|index| self.file.column(index, Shape::Scalar, "indices")).transpose()?;
         if indices.as_ref().is_some_and(|indices| !indices.counts()) {
             return Err(wrong("indices that are signed, normalised or floats", "whole numbers from 0"));
@@ -242,7 +256,7 @@ impl<'a> Reader<'a> {
         let attribute = |name: &str| primitive.attributes.get(name).copied();
         let column =
             |name: &str, shape: Shape| attribute(name).map(|index| file.column(index, shape, name)).transpose();
-        let uv = format!("TEXCOORD_{}", self.materials.uv_set(primitive.material));
+        let uv = format!("TEXCOORD_{}", self.materials.uv_set(primitive.material).unwrap_or(0));
         let colour = attribute("COLOR_0").map(|index| -> Result<_, GltfError> {
             let shape = if file.shape(index)? == Shape::Vec3 { Shape::Vec3 } else { Shape::Vec4 };
             Ok((file.column(index, shape, "COLOR_0")?, shape))
@@ -281,7 +295,11 @@ impl<'a> Reader<'a> {
         self.take(VERTEX_BYTES)?;
         let index = u32::try_from(self.mesh.position.len())
             .map_err(|_| wrong("more than 4294967295 vertices", "at most as many"))?;
-        self.mesh.position.push(affine.transform_point3(DVec3::from_array(columns.position.get(row))));
+        let place = DVec3::from_array(columns.position.get(row));
+        if columns.position.is_f32() {
+            self.local.add(place);
+        }
+        self.mesh.position.push(affine.transform_point3(place));
         let normal = columns.normal.as_ref().map(|normal| *turn * DVec3::from_array(normal.get(row)));
         self.mesh.normal.push(normal.and_then(DVec3::try_normalize).unwrap_or(DVec3::ZERO).as_vec3());
         let at = columns.uv.as_ref().map_or(DVec2::ZERO, |column| uv(DVec2::from_array(column.get(row)))).as_vec2();
@@ -304,8 +322,10 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn note(&mut self, what: &'static str, count: usize) {
-        if count > 0 {
+    fn note(&mut self, what: impl Into<Cow<'static, str>>, count: usize) {
+        let what = what.into();
+        // A hostile file has any number of names.
+        if count > 0 && (self.notes.len() < MOST_NOTES || self.notes.contains_key(&what)) {
             *self.notes.entry(what).or_default() += count;
         }
     }
@@ -313,8 +333,9 @@ impl<'a> Reader<'a> {
     fn finish(mut self) -> Mesh {
         let animations = self.file.document.animations.len();
         self.note(super::NOT_PLAYED, animations);
-        let Self { mut mesh, materials, notes, columns, .. } = self;
+        let Self { mut mesh, materials, notes, columns, local, .. } = self;
         mesh.keep(columns);
+        mesh.notes.extend(tidy::coarse(&local, mesh.position.len()));
         materials.finish(&mut mesh);
         mesh.notes.extend(notes.into_iter().map(|(what, count)| format!("ignored: {what} ({count})")));
         mesh

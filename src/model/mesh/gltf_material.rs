@@ -17,8 +17,9 @@ const TRANSFORM: &str = "KHR_texture_transform";
 pub(super) struct Materials<'a> {
     file: &'a GltfFile<'a>,
     path: &'a Path,
-    /// Index in the mesh, by index in the file; `None` stands for the default material.
-    known: HashMap<Option<usize>, u32>,
+    /// Index in the mesh, by index in the file, where `None` stands for the default material, and by whether the texture
+    /// can be drawn.
+    known: HashMap<(Option<usize>, bool), u32>,
     /// Index in the mesh, by what the image is and what lies beyond its edge.
     textures: HashMap<(Source<'a>, [Wrap; 2]), Option<u32>>,
     /// What is not drawn, and how many materials have it.
@@ -64,28 +65,34 @@ impl<'a> Materials<'a> {
         }
     }
 
-    /// Index in the mesh of a material of the file; it is added if it is new.
-    pub(super) fn index(&mut self, material: Option<usize>, mesh: &mut Mesh) -> Result<u32, GltfError> {
-        if let Some(&index) = self.known.get(&material) {
+    /// Index in the mesh of a material of the file; it is added if it is new. `textured`: what it is on has the
+    /// coordinates of its texture.
+    pub(super) fn index(&mut self, material: Option<usize>, textured: bool, mesh: &mut Mesh) -> Result<u32, GltfError> {
+        if let Some(&index) = self.known.get(&(material, textured)) {
             return Ok(index);
         }
-        let made = match material {
+        let mut made = match material {
             None => MeshMaterial::default(),
             Some(index) => {
                 let material = named(&self.file.document.materials, index, "material")?;
-                self.note(material);
+                if !self.known.contains_key(&(Some(index), !textured)) {
+                    self.note(material);
+                }
                 self.material(material, mesh).map_err(|why| why.of(&format!("material {index}")))?
             }
         };
+        if !textured {
+            made.texture = None;
+        }
         let index = mesh.materials.len() as u32;
         mesh.materials.push(made);
-        self.known.insert(material, index);
+        self.known.insert((material, textured), index);
         Ok(index)
     }
 
-    /// The set of texture coordinates that a material uses.
-    pub(super) fn uv_set(&self, material: Option<usize>) -> usize {
-        self.info(material).map_or(0, |info| transform_of(info).tex_coord.unwrap_or(info.tex_coord))
+    /// The set of texture coordinates that a material uses; `None` for one without a texture.
+    pub(super) fn uv_set(&self, material: Option<usize>) -> Option<usize> {
+        self.info(material).map(|info| transform_of(info).tex_coord.unwrap_or(info.tex_coord))
     }
 
     /// What a material makes of texture coordinates: scaled, then turned, then shifted. A positive rotation turns

@@ -39,6 +39,7 @@ pub(super) fn read(bytes: &[u8], path: &Path) -> Result<Option<Mesh>, ParseError
         columns: [false; 3],
         ignored: 0,
         concave: 0,
+        bare: 0,
     };
     for (line, words) in statements(bytes) {
         if let Some((&key, rest)) = words.split_first() {
@@ -67,6 +68,8 @@ struct Reader<'a> {
     /// Lines, points and curves.
     ignored: usize,
     concave: usize,
+    /// Faces whose material has a texture, but not their corners a place in it.
+    bare: usize,
 }
 
 impl Reader<'_> {
@@ -144,6 +147,9 @@ impl Reader<'_> {
             return Err(ParseError::line(line, format!("a face of {} corners", corners.len()), "3 or more"));
         }
         let corners: Vec<Corner> = corners.iter().map(|word| self.corner(word, line)).collect::<Result<_, _>>()?;
+        let material = self.mesh.materials.get(self.material as usize);
+        let textured = material.is_some_and(|material| material.texture.is_some());
+        self.bare += usize::from(textured && corners.iter().any(|(_, uv, _)| uv.is_none()));
         let positions: Vec<DVec3> = corners.iter().map(|corner| self.position[corner.0]).collect();
         let triangles = triangulate(&positions);
         self.concave += usize::from(triangles.is_none());
@@ -201,11 +207,14 @@ impl Reader<'_> {
     }
 
     fn finish(self) -> Mesh {
-        let Self { mut mesh, library, columns, ignored, concave, .. } = self;
+        let Self { mut mesh, library, columns, ignored, concave, bare, .. } = self;
         mesh.keep(columns);
         library.finish(&mut mesh);
         if ignored > 0 {
             mesh.notes.push(format!("ignored: lines, points and curves ({ignored})"));
+        }
+        if bare > 0 {
+            mesh.notes.push(format!("{bare} faces with a texture have corners without coordinates in it (vt)"));
         }
         if concave > 0 {
             mesh.notes.push(fans(concave));

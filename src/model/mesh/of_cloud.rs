@@ -6,10 +6,12 @@ use super::{AlphaMode, Mesh, MeshMaterial, Triangle};
 use crate::math::srgb;
 use crate::model::cloud::{Cloud, ColourStorage};
 use crate::model::options::ColourSpace;
+use crate::model::tidy::clamp_colours;
 
 /// A mesh of one material. Colours are taken in `space`, or else as the file stores them: integers are sRGB, floats are
 /// linear. Opacities that are all 0 say nothing.
-pub(crate) fn of_cloud(cloud: Cloud, triangles: Vec<[u32; 3]>, space: Option<ColourSpace>) -> Mesh {
+pub(crate) fn of_cloud(mut cloud: Cloud, triangles: Vec<[u32; 3]>, space: Option<ColourSpace>) -> Mesh {
+    clamp_colours(&mut cloud);
     let by_storage = match cloud.colour_storage {
         ColourStorage::Integer => ColourSpace::Srgb,
         ColourStorage::Float => ColourSpace::Linear,

@@ -52,6 +52,7 @@ pub(in crate::model) fn of_grid(
     let [least, greatest] = grid.range();
     let default;
     let transfer = if let Some(transfer) = options.transfer.as_deref() {
+        notes.extend(transfer.off([least, greatest]));
         transfer
     } else {
         let rises = least < greatest;
@@ -144,7 +145,9 @@ pub(in crate::model) fn of_samples(
         storage: "densities of points",
         range: samples.density.iter().fold([f32::INFINITY, f32::NEG_INFINITY], join),
     };
-    Ok(Made { gaussians, facts, notes: samples.notes.clone() })
+    let mut notes = samples.notes.clone();
+    notes.extend(options.transfer.as_deref().and_then(|transfer| transfer.off(facts.range)));
+    Ok(Made { gaussians, facts, notes })
 }
 
 impl VolumeOptions {

@@ -15,6 +15,13 @@ pub struct Stop {
     pub opacity: f64,
 }
 
+impl Stop {
+    /// Is nothing there?
+    fn clear(&self) -> bool {
+        self.opacity == 0.0
+    }
+}
+
 /// Colour and extinction as functions of a value: straight lines between stops, constant beyond the first and the last.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferFunction {
@@ -81,6 +88,30 @@ impl TransferFunction {
         &self.stops
     }
 
+    /// What to say where the values of a volume lie off the stops, so that nearly all of them look alike; `None` where
+    /// they do not.
+    ///
+    /// Stops are off if a twentieth of them, or less, is within the values, or the other way round: 0 to 1 for bytes, or
+    /// 0 to 255 for floats. But what is clear beyond the stops is a choice: a shell, or all that is above a threshold.
+    pub(super) fn off(&self, [least, greatest]: [f32; 2]) -> Option<String> {
+        const SHARE: f64 = 0.05;
+        let (first, last) = (self.stops.first()?, self.stops.last()?);
+        let (least, greatest) = (f64::from(least), f64::from(greatest));
+        if first.value >= last.value || least >= greatest {
+            return None;
+        }
+        let (stops, values) = (last.value - first.value, greatest - least);
+        // Values among the first stops alone, or beyond them; then the same for the last stops.
+        let below = greatest - first.value < SHARE * stops || greatest - first.value < SHARE * values && !first.clear();
+        let above = last.value - least < SHARE * stops || last.value - least < SHARE * values && !last.clear();
+        (below || above).then(|| {
+            format!(
+                "transfer function: its stops go from {} to {}, the values from {least} to {greatest}",
+                first.value, last.value
+            )
+        })
+    }
+
     /// Colour and extinction of a value, which is not NaN.
     pub fn at(&self, value: f64) -> (Vec3, f64) {
         let above = self.stops.partition_point(|stop| stop.value <= value);
@@ -129,6 +160,42 @@ mod tests {
         assert_eq!([one.at(0.0), one.at(7.0), one.at(9.0)], [(Vec3::new(0.25, 1.0, 0.0), 3.0); 3]);
         let wide = TransferFunction::new(vec![stop(-f64::MAX, 0.0, 0.0), stop(f64::MAX, 0.0, 1.0)]).unwrap();
         assert_eq!(wide.at(0.0).1, 0.5);
+    }
+
+    #[test]
+    fn values_off_the_stops() {
+        let off = |stops: Vec<Stop>, values: [f32; 2]| TransferFunction::new(stops).unwrap().off(values);
+        let ramp = |from: f64, to: f64| vec![stop(from, 1.0, 0.0), stop(to, 1.0, 8.0)];
+        for (stops, values) in [
+            // Made for other units.
+            (ramp(0.0, 1.0), [0.0, 200.0]),
+            (ramp(0.0, 255.0), [0.0, 1.0]),
+            // Beside each other.
+            (ramp(0.0, 1.0), [3.0, 4.0]),
+            (ramp(0.0, 1.0), [-4.0, -3.0]),
+            (ramp(1e300, f64::MAX), [0.0, 1.0]),
+            // All but the end of the values is solid.
+            (vec![stop(199.0, 1.0, 8.0), stop(200.0, 1.0, 0.0)], [0.0, 200.0]),
+        ] {
+            let said = off(stops.clone(), values).unwrap();
+            let expected = format!("stops go from {} to {}, the values from", stops[0].value, stops[1].value);
+            assert!(said.contains(&expected), "{said}");
+        }
+        for (stops, values) in [
+            (ramp(0.0, 255.0), [0.0, 255.0]),
+            (ramp(0.0, 255.0), [0.0, 200.0]),
+            (ramp(0.0, 1.0), [0.0, 10.0]),
+            // A threshold, and a shell.
+            (ramp(100.0, 101.0), [0.0, 200.0]),
+            (vec![stop(1.0, 1.0, 0.0), stop(1.5, 1.0, 8.0), stop(2.0, 1.0, 0.0)], [0.0, 200.0]),
+            (ramp(199.0, 200.0), [0.0, 200.0]),
+            // One stop, or one value, has no range.
+            (vec![stop(7.0, 1.0, 3.0)], [0.0, 200.0]),
+            (ramp(0.0, 1.0), [5.0, 5.0]),
+            (ramp(0.0, 1.0), [f32::INFINITY, f32::NEG_INFINITY]),
+        ] {
+            assert_eq!(off(stops.clone(), values), None, "{stops:?} {values:?}");
+        }
     }
 
     #[test]

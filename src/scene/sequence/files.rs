@@ -95,18 +95,25 @@ impl Files {
         Self { pattern, options, held: Mutex::default() }
     }
 
-    /// Is the file there?
+    /// Is the file there, and does it hold anything?
     pub(super) fn check(&self, number: i64, [first, last]: [i64; 2]) -> Result<(), ModelError> {
         let path = self.pattern.path(number);
         match path.metadata() {
+            Ok(data) if data.is_file() && data.len() == 0 => Err(ModelError::EmptyFile { path }),
             Ok(data) if data.is_file() => Ok(()),
             Ok(_) | Err(_) => Err(ModelError::Gap { path, number, first, last }),
         }
     }
 
     /// Reads a file without keeping it.
-    pub(super) fn read(&self, number: i64) -> Result<(Model, Vec<String>), ModelError> {
-        read(&self.pattern.path(number), &self.options).map(|(file, notes)| (file.model, notes))
+    pub(super) fn read(&self, number: i64) -> Result<(File, Vec<String>), ModelError> {
+        read(&self.pattern.path(number), &self.options)
+    }
+
+    /// Keeps files that were read, until other ones are held.
+    pub(super) fn keep(&self, files: impl IntoIterator<Item = (i64, File)>) {
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        held.files.extend(files.into_iter().map(|(number, file)| (number, Arc::new(file))));
     }
 
     /// The files with these numbers, rising. Others are forgotten, and one that the next frame will need is read ahead
@@ -156,10 +163,11 @@ impl Files {
 
 fn read(path: &Path, options: &model::LoadOptions) -> Result<(File, Vec<String>), ModelError> {
     let loaded = match model::load(path, options, &|_, _| {}) {
-        // Nothing is there in this frame.
-        Err(ModelError::NoPoints | ModelError::NoPointsIn { .. } | ModelError::EmptyFile { .. }) => {
+        // Nothing is there in this frame. A file without bytes is a failed write, and stays an error.
+        Err(ModelError::NoPointsIn { dropped, .. }) => {
             let file = File { model: Model::default(), by_id: Vec::new(), rows: false, points: 0 };
-            return Ok((file, Vec::new()));
+            let why = (!dropped.is_empty()).then(|| format!("an empty frame, without usable points{dropped}"));
+            return Ok((file, why.into_iter().collect()));
         }
         loaded => loaded?,
     };

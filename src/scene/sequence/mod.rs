@@ -7,6 +7,7 @@
 
 mod files;
 mod pieces;
+mod rows;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -97,11 +98,11 @@ pub(crate) struct Opened {
 }
 
 impl Sequence {
-    /// Reads the first file that has points, and if `all_bounds` files in the middle and at the end, for the size of
-    /// the whole.
+    /// Reads the first file, and the next one if points are to be matched by row; if `all_bounds`, also files in the
+    /// middle and at the end, for the size of the whole.
     ///
     /// # Errors
-    /// A file is missing, or one of these cannot be read, or holds no points.
+    /// A file is missing or empty, or one of these cannot be read.
     pub(crate) fn open(
         spec: SequenceSpec,
         options: &model::LoadOptions,
@@ -123,12 +124,17 @@ impl Sequence {
             if number != first && !all_bounds {
                 break;
             }
-            let (model, notes) = sequence.files.read(number)?;
+            let (file, notes) = sequence.files.read(number)?;
             if sequence.bounds.is_empty() {
-                opened.two_sided = model.two_sided;
+                opened.two_sided = file.model.two_sided;
                 opened.notes = notes;
             }
-            sequence.bounds.merge(&model.bounds());
+            sequence.bounds.merge(&file.model.bounds());
+            if number == first && first < last && file.rows && file.model.velocity.is_empty() {
+                let (next, _) = sequence.files.read(first + 1)?;
+                opened.notes.extend(rows::in_another_order(&file, &next));
+                sequence.files.keep([(first, file), (first + 1, next)]);
+            }
         }
         Ok(opened)
     }
