@@ -155,7 +155,7 @@ pub use time::{Anchor, Direction, FrameNumber, Readout, Shutter, Weight};
 // How, and on what.
 pub use film::Aov;
 pub use options::{
-    BlurMode, ErrorTarget, Interleave, PixelFilter, Prefilter, Quality, RenderOptions, Shading, SweptKernel,
+    BlurMode, ErrorTarget, Interleave, Lattice, PixelFilter, Prefilter, Quality, RenderOptions, Shading, SweptKernel,
 };
 pub use renderer::{Device, Renderer};
 

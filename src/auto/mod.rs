@@ -16,7 +16,7 @@ use self::strata::Strata;
 use crate::backend::{Achieved, Backend, BackendError, Rendered, Stats};
 use crate::film::{Aov, Backdrop, Background, Layer};
 use crate::frame::{Blocks, Panorama, STATIC_PATH};
-use crate::options::{ErrorTarget, Interleave, PixelFilter, RenderOptions};
+use crate::options::{ErrorTarget, Interleave, Lattice, PixelFilter, RenderOptions};
 use crate::scene::Scene;
 use crate::time::FrameNumber;
 
@@ -53,7 +53,11 @@ pub fn render(
     let moves = path_length >= f64::from(STATIC_PATH);
     let moving_samples = first_samples(path_length, &target);
     let step = path_length / f64::from(moving_samples);
-    let interleave = if target.error >= LOOSE && step >= WIDE_STEP { Interleave::Two } else { Interleave::None };
+    let interleave = match target.interleave {
+        Lattice::Fixed(interleave) => interleave,
+        Lattice::Auto if target.error >= LOOSE && step >= WIDE_STEP => Interleave::Two,
+        Lattice::Auto => Interleave::None,
+    };
     let positions = match options.filter {
         PixelFilter::Point => 1,
         // A lattice has four times as many positions: each class has its own.

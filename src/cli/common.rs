@@ -29,7 +29,7 @@ use super::values::{self, ShutterTimes};
 pub(super) const MODES: &str = "\
 Modes: NAME[:COUNTS][+OPTION=VALUE]...
   auto:0.025                  as many time samples as the error takes (or auto:draft, auto:good, auto:final);
-                              +samples-max=N, +pixel-samples=P
+                              +samples-max=N, +pixel-samples=P, +interleave=S: none, 2 or 4, or auto, where it finds S
   still:16                    no motion, P sub-pixel positions
   supersample:32              N time samples; +pixel-samples=P: at P sub-pixel positions (here and below; without it as
                               many as samples, buckets or intervals). Static objects are splatted once at each.

@@ -5,7 +5,7 @@
 
 use std::fmt;
 
-use super::{Interleave, OptionError, SweptKernel, Times};
+use super::{Interleave, Lattice, OptionError, SweptKernel, Times};
 
 /// How motion becomes blur.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,6 +116,8 @@ pub struct ErrorTarget {
     pub samples_max: u32,
     /// Sub-pixel positions of the first samples, >= 1; an even number is used.
     pub pixel_samples: u32,
+    /// Which pixels share their times.
+    pub interleave: Lattice,
 }
 
 impl ErrorTarget {
@@ -147,7 +149,7 @@ impl ErrorTarget {
 
 impl Default for ErrorTarget {
     fn default() -> Self {
-        Self { error: Self::GOOD, samples_max: 256, pixel_samples: 8 }
+        Self { error: Self::GOOD, samples_max: 256, pixel_samples: 8, interleave: Lattice::Auto }
     }
 }
 
@@ -161,6 +163,9 @@ impl fmt::Display for ErrorTarget {
         }
         if self.pixel_samples != default.pixel_samples {
             write!(f, "+pixel-samples={}", self.pixel_samples)?;
+        }
+        if self.interleave != default.interleave {
+            write!(f, "+interleave={}", self.interleave)?;
         }
         Ok(())
     }

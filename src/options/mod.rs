@@ -89,11 +89,54 @@ impl fmt::Display for Interleave {
     }
 }
 
+/// The stride, or `none` for 1.
 impl FromStr for Interleave {
     type Err = OptionError;
 
     fn from_str(text: &str) -> Result<Self, OptionError> {
-        text.parse().ok().and_then(Self::with_stride).ok_or_else(|| OptionError::value("1, 2 or 4", text))
+        if text == "none" {
+            return Ok(Self::None);
+        }
+        text.parse().ok().and_then(Self::with_stride).ok_or_else(|| OptionError::value("none, 1, 2 or 4", text))
+    }
+}
+
+/// The lattice of mode auto.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Lattice {
+    /// The one that suits the motion and the error: 2 x 2 where time samples are far apart and the error is loose.
+    #[default]
+    Auto,
+    /// This one, whatever the motion. Without one no pattern is woven into the picture, which costs more samples.
+    Fixed(Interleave),
+}
+
+impl Lattice {
+    /// The texts, in order, for helps and messages.
+    pub const WORDS: &'static str = "none, auto, 2 or 4";
+}
+
+/// `auto`, `none`, `2` or `4`.
+impl fmt::Display for Lattice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Fixed(Interleave::None) => f.write_str("none"),
+            Self::Fixed(interleave) => interleave.fmt(f),
+        }
+    }
+}
+
+/// As it is written, and `1` for `none`, as other modes have it.
+impl FromStr for Lattice {
+    type Err = OptionError;
+
+    fn from_str(text: &str) -> Result<Self, OptionError> {
+        match text {
+            "auto" => Ok(Self::Auto),
+            "none" => Ok(Self::Fixed(Interleave::None)),
+            _ => text.parse().map(Self::Fixed).map_err(|_| OptionError::value(Self::WORDS, text)),
+        }
     }
 }
 

@@ -10,8 +10,8 @@ use super::counts::{count, samples_max};
 use super::error::list;
 use super::words::words;
 use super::{
-    BlurMode, ErrorTarget, Interleave, KernelShape, KernelWeight, MAX_SAMPLES, Normalise, OptionError, Overlap,
-    Quality, SourceSamples, SweptKernel, TemporalAlpha, Times,
+    BlurMode, ErrorTarget, Interleave, KernelShape, KernelWeight, Lattice, MAX_SAMPLES, Normalise, OptionError,
+    Overlap, Quality, SourceSamples, SweptKernel, TemporalAlpha, Times,
 };
 
 /// The name of a mode.
@@ -39,7 +39,7 @@ impl ModeName {
     /// The parts that the mode has, by the names of their options. Those of COUNTS come first.
     pub const fn parts(self) -> &'static [&'static str] {
         match self {
-            Self::Auto => &["error", "samples-max", "pixel-samples"],
+            Self::Auto => &["error", "samples-max", "pixel-samples", "interleave"],
             Self::Still => &["pixel-samples"],
             Self::Supersample => &["samples", "interleave", "times", "pixel-samples"],
             Self::Bucket => &["buckets", "samples", "interleave", "times", "pixel-samples"],
@@ -77,8 +77,8 @@ pub struct ModeParts {
     pub buckets: Option<u32>,
     /// Time samples of supersample, or of each bucket; intervals of volumetric.
     pub samples: Option<u32>,
-    /// Of supersample and bucket: which pixels share their times.
-    pub interleave: Option<Interleave>,
+    /// Of auto, supersample and bucket: which pixels share their times. The last two choose none by themselves.
+    pub interleave: Option<Lattice>,
     /// Of supersample and bucket: where times lie within the shutter.
     pub times: Option<Times>,
     /// Sub-pixel positions.
@@ -151,7 +151,7 @@ impl ModeParts {
         if let Some(part) = self.said().into_iter().find(|part| !self.name.parts().contains(part)) {
             return Err(self.unknown(part, self.name.parts()));
         }
-        let (interleave, times) = (self.interleave.unwrap_or_default(), self.times.unwrap_or_default());
+        let times = self.times.unwrap_or_default();
         let mode = match self.name {
             ModeName::Auto => {
                 let default = ErrorTarget::default();
@@ -159,15 +159,17 @@ impl ModeParts {
                     error: self.error.unwrap_or(default.error),
                     samples_max: self.samples_max.unwrap_or(default.samples_max),
                     pixel_samples: self.pixel_samples.unwrap_or(default.pixel_samples),
+                    interleave: self.interleave.unwrap_or(default.interleave),
                 }));
             }
             ModeName::Still => BlurMode::Still { pixel_samples: self.pixel_samples.unwrap_or(16) },
             ModeName::Supersample => {
-                let samples = self.samples.unwrap_or(32);
+                let (samples, interleave) = (self.samples.unwrap_or(32), self.fixed_interleave()?);
                 BlurMode::Supersample { samples, pixel_samples: self.positions(samples), interleave, times }
             }
             ModeName::Bucket => {
                 let (buckets, samples) = (self.buckets.unwrap_or(8), self.samples.unwrap_or(4));
+                let interleave = self.fixed_interleave()?;
                 if u64::from(buckets) * u64::from(samples) > u64::from(MAX_SAMPLES) {
                     return Err(OptionError::Buckets { buckets, samples });
                 }
@@ -185,6 +187,16 @@ impl ModeParts {
     /// Sub-pixel positions. As many as there are groups of time samples is what there is without them.
     fn positions(&self, groups: u32) -> Option<u32> {
         self.pixel_samples.filter(|&positions| positions != groups)
+    }
+
+    /// The lattice of modes that choose none by themselves.
+    fn fixed_interleave(&self) -> Result<Interleave, OptionError> {
+        match self.interleave {
+            None => Ok(Interleave::None),
+            Some(Lattice::Fixed(interleave)) => Ok(interleave),
+            // In the words of the lattices that there are.
+            Some(Lattice::Auto) => Lattice::Auto.to_string().parse().map_err(|what| of_option("interleave", what)),
+        }
     }
 
     fn swept(&self) -> Result<SweptKernel, OptionError> {
@@ -249,15 +261,15 @@ impl ModeParts {
             };
         }
         let value = value.ok_or_else(|| OptionError::NoValue { option: option.to_owned() })?;
-        self.read_value(option, value)
-            .map_err(|what| OptionError::OfOption { option: option.to_owned(), what: Box::new(what) })
+        self.read_value(option, value).map_err(|what| of_option(option, what))
     }
 
     fn read_value(&mut self, option: &str, value: &str) -> Result<(), OptionError> {
         match option {
             "samples-max" => self.samples_max = Some(samples_max(value)?),
             "pixel-samples" => self.pixel_samples = Some(count(value)?),
-            "interleave" => self.interleave = Some(value.parse()?),
+            "interleave" if self.name == ModeName::Auto => self.interleave = Some(value.parse()?),
+            "interleave" => self.interleave = Some(Lattice::Fixed(value.parse()?)),
             "times" => self.times = Some(value.parse()?),
             "source-samples" => self.source_samples = Some(value.parse()?),
             "kernel" => self.kernel = Some(value.parse()?),
@@ -273,6 +285,10 @@ impl ModeParts {
     fn unknown(&self, option: &str, known: &[&str]) -> OptionError {
         OptionError::Unknown { mode: self.name.word(), option: option.to_owned(), known: list(known) }
     }
+}
+
+fn of_option(option: &str, what: OptionError) -> OptionError {
+    OptionError::OfOption { option: option.to_owned(), what: Box::new(what) }
 }
 
 impl FromStr for ModeParts {

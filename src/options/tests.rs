@@ -33,8 +33,18 @@ fn modes_are_read() {
     assert_eq!(quality("volumetric:3+ellipsoid+once+alpha=sum"), volumetric(kernel));
     assert_eq!(quality("volumetric:3+kernel=ellipsoid+normalise=once+sum"), volumetric(kernel));
     assert_eq!(quality("auto"), Quality::default());
-    let target = ErrorTarget { error: ErrorTarget::DRAFT, samples_max: 64, pixel_samples: 4 };
+    let target = ErrorTarget { error: ErrorTarget::DRAFT, samples_max: 64, pixel_samples: 4, ..ErrorTarget::default() };
     assert_eq!(quality("auto:draft+samples-max=64+pixel-samples=4"), target.into());
+    for (word, interleave) in [
+        ("auto", Lattice::Auto),
+        ("none", Lattice::Fixed(Interleave::None)),
+        ("1", Lattice::Fixed(Interleave::None)),
+        ("2", Lattice::Fixed(Interleave::Two)),
+        ("4", Lattice::Fixed(Interleave::Four)),
+    ] {
+        let target = ErrorTarget { interleave, ..ErrorTarget::default() };
+        assert_eq!(quality(&format!("auto+interleave={word}")), target.into());
+    }
     assert_eq!("0.05+samples-max=64+pixel-samples=4".parse(), Ok(target));
     assert_eq!(
         "bucket:8x4".parse(),
@@ -49,6 +59,9 @@ fn equal_modes_are_written_alike() {
     for (text, canonical) in [
         ("supersample", "supersample:32"),
         ("supersample:8+interleave=1", "supersample:8"),
+        ("supersample:8+interleave=none", "supersample:8"),
+        ("auto+interleave=auto", "auto:0.025"),
+        ("auto+interleave=1", "auto:0.025+interleave=none"),
         ("supersample:8+pixel-samples=8", "supersample:8"),
         ("volumetric:3+sum+pixel-samples=2", "volumetric:3+pixel-samples=2+alpha=sum"),
         ("volumetric:3+ellipsoid+chord+sum+once+overlap=1", "volumetric:3+published"),
@@ -77,7 +90,7 @@ fn mistakes_are_explained() {
         ("supersample:", "1 to 65536"),
         ("supersample:8x4", "1 to 65536"),
         ("supersample:8+interleave", "needs a value"),
-        ("supersample:8+interleave=3", "option `interleave`: expected 1, 2 or 4, found `3`"),
+        ("supersample:8+interleave=3", "option `interleave`: expected none, 1, 2 or 4, found `3`"),
         ("supersample:8+interleave=2+interleave=2", "twice"),
         ("supersample:8+once", "it takes: interleave, times, pixel-samples"),
         ("supersample:8+pixel-samples=0", "1 to 65536"),
@@ -106,8 +119,9 @@ fn mistakes_are_explained() {
         ("auto:0.1+samples-max=3", "4 to 65536"),
         ("supersample:8+times=halton", "`halton` is no choice of times (there are: even, stratified, random)"),
         ("volumetric:3+times=random", "has no option `times`"),
-        ("auto:0.1+times=random", "mode auto has no option `times` (it takes: samples-max, pixel-samples)"),
-        ("auto:0.1+interleave=2", "it takes: samples-max, pixel-samples"),
+        ("auto:0.1+times=random", "mode auto has no option `times` (it takes: samples-max, pixel-samples, interleave)"),
+        ("auto:0.1+interleave=3", "option `interleave`: expected none, auto, 2 or 4, found `3`"),
+        ("supersample:8+interleave=auto", "option `interleave`: expected none, 1, 2 or 4, found `auto`"),
     ] {
         let error = text.parse::<Quality>().unwrap_err().to_string();
         assert!(error.contains(hint), "{text}: {error}");
@@ -122,8 +136,12 @@ fn mistakes_are_explained() {
 fn parts_from_elsewhere_are_checked() {
     let mut parts: ModeParts = "supersample:8".parse().unwrap();
     assert_eq!(parts.said(), ["samples"]);
-    parts.interleave = Some(Interleave::Two);
+    parts.interleave = Some(Lattice::Fixed(Interleave::Two));
     assert_eq!(parts.quality(), Ok(BlurMode::interleaved(8, Interleave::Two).into()));
+    parts.interleave = Some(Lattice::Auto);
+    let error = parts.quality().unwrap_err().to_string();
+    assert_eq!(error, "option `interleave`: expected none, 1, 2 or 4, found `auto`");
+    parts.interleave = None;
     parts.buckets = Some(3);
     let error = parts.quality().unwrap_err().to_string();
     assert!(error.contains("supersample has no option `buckets` (it takes: samples, interleave"), "{error}");
@@ -159,6 +177,7 @@ fn words_read_back() {
     both::<Normalise>(Normalise::WORDS);
     both::<ModeName>(ModeName::WORDS);
     both::<Interleave>(&["1", "2", "4"]);
+    both::<Lattice>(&["auto", "none", "2", "4"]);
 }
 
 #[test]
@@ -206,6 +225,10 @@ fn interleave() -> impl Strategy<Value = Interleave> {
     prop::sample::select(vec![Interleave::None, Interleave::Two, Interleave::Four])
 }
 
+fn lattice() -> impl Strategy<Value = Lattice> {
+    prop_oneof![Just(Lattice::Auto), interleave().prop_map(Lattice::Fixed)]
+}
+
 fn times() -> impl Strategy<Value = Times> {
     prop::sample::select(vec![Times::Even, Times::Stratified, Times::Random])
 }
@@ -247,9 +270,11 @@ pub(crate) fn any_quality() -> impl Strategy<Value = Quality> {
         (count(), count(), swept()).prop_map(|(intervals, pixel, swept)| {
             BlurMode::Volumetric { intervals, pixel_samples: positions(intervals, pixel), swept }.into()
         }),
-        (1e-4..=1.0_f64, 4..=MAX_SAMPLES, count()).prop_map(|(error, samples_max, pixel_samples)| {
-            ErrorTarget { error, samples_max, pixel_samples }.into()
-        }),
+        (1e-4..=1.0_f64, 4..=MAX_SAMPLES, count(), lattice()).prop_map(
+            |(error, samples_max, pixel_samples, interleave)| {
+                ErrorTarget { error, samples_max, pixel_samples, interleave }.into()
+            }
+        ),
     ]
 }
 

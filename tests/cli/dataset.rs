@@ -124,7 +124,10 @@ fn transforms_say_what_a_reader_needs() {
         "open": -0.5, "close": 0.5, "weight": "box", "readout": 0.0, "direction": "down", "anchor": "middle"
     });
     assert_eq!(said["shutter"], shutter);
-    assert_eq!(said["splatblur"]["arguments"], serde_json::json!(["--frames=2,1.5", "--sharp=5", "--error=draft"]));
+    assert_eq!(
+        said["splatblur"]["arguments"],
+        serde_json::json!(["--frames=2,1.5", "--sharp=5", "--error=draft", "--interleave=none"])
+    );
     let frames = said["frames"].as_array().unwrap();
     assert_eq!(frames.len(), 2);
     let frame = &frames[1];

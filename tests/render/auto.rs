@@ -126,7 +126,7 @@ fn near_either(made: &Picture, fine: &Picture, coarse: &Picture) -> (usize, f32)
 fn refinement_keeps_earlier_samples() {
     let scene = balls();
     let options = |target, filter| RenderOptions { aovs: Aov::ALL.to_vec(), ..options(target, filter) };
-    let target = ErrorTarget { error: 1e-4, samples_max: 12, pixel_samples: 1 };
+    let target = ErrorTarget { error: 1e-4, samples_max: 12, pixel_samples: 1, ..ErrorTarget::default() };
     let made = render(&scene, &options(target, PixelFilter::Point));
     let achieved = made.stats.achieved.unwrap();
     assert_eq!((achieved.samples, achieved.most_samples, achieved.interleave), (12, 12, 1));
@@ -150,7 +150,7 @@ fn refinement_holds_for_other_weights() {
     const RATE: f64 = 6.0;
     let mut scene = balls();
     scene.shutter.weight = Weight::Exponential { rate: RATE, centre: 1.0 };
-    let target = ErrorTarget { error: 1e-4, samples_max: 75, pixel_samples: 1 };
+    let target = ErrorTarget { error: 1e-4, samples_max: 75, pixel_samples: 1, ..ErrorTarget::default() };
     let options = options(target, PixelFilter::Point);
     let made = render(&scene, &options).picture;
     // The share before t is (exp(6 t) - 1)/(exp(6) - 1).

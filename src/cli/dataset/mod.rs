@@ -40,7 +40,8 @@ use super::values;
 /// Writes for each frame the blurred picture, N sharp ones at even times from where the shutter opens to where it
 /// closes, the flow from open to close and from the middle to close, depth and alpha of the middle, and the error of
 /// the blurred picture; and for all frames DIR/transforms.json, when they are done. Numbers are EXR files that every
-/// reader opens. docs/dataset.md says what each file holds.
+/// reader opens. docs/dataset.md says what each file holds. Neighbouring pixels see the same times, so that no pattern
+/// is woven into the pictures; --interleave auto is what mode auto does in `splatblur render`.
 #[derive(Debug, Args)]
 #[command(after_long_help = format!("\
 {MODES}
@@ -184,7 +185,9 @@ impl Dataset {
         let given = replay::given()?;
         let Some(path) = &self.replay else {
             let Some(scene) = &self.scene else { bail!("the scene is missing") };
-            return self.make(self, scene, &Recorded::new(scene, given));
+            let unsaid = if self.reference.is_none() { self.blur.without_lattice() } else { Vec::new() };
+            let recorded = Recorded::new(scene, [given, unsaid].concat());
+            return self.make(&recorded.choices()?, scene, &recorded);
         };
         if let Some(option) = given.first() {
             bail!("--replay takes all choices from its file: leave {option} out");

@@ -5,8 +5,8 @@ use std::fmt;
 use anyhow::bail;
 use clap::Args;
 use splatblur::options::{
-    self, ErrorTarget, Interleave, KernelShape, KernelWeight, ModeName, ModeParts, Normalise, OptionError, Overlap,
-    Quality, SourceSamples, TemporalAlpha, Times,
+    self, ErrorTarget, Interleave, KernelShape, KernelWeight, Lattice, ModeName, ModeParts, Normalise, OptionError,
+    Overlap, Quality, SourceSamples, TemporalAlpha, Times,
 };
 
 use crate::cli::values::one_of;
@@ -17,7 +17,7 @@ pub(in crate::cli) struct Blur {
     /// How motion becomes blur, as in still, supersample:32+interleave=2, auto:0.01+samples-max=64 or
     /// volumetric:3+published (`splatblur render --help` lists all). What it leaves open the options below may say
     /// [default: auto; supersample with
-    /// --samples, --interleave or --times].
+    /// --samples, --times or, but in `dataset`, --interleave alone].
     #[arg(long, value_name = "MODE", value_parser = mode, help_heading = "Blur")]
     mode: Option<Mode>,
     /// Mode auto: the largest error of any part of the image, as root mean square of display values: draft (0.05), good
@@ -46,9 +46,10 @@ pub(in crate::cli) struct Blur {
     /// Buckets of mode bucket: intervals with one visibility test and one shading each [default: 8].
     #[arg(long, value_name = "B", allow_hyphen_values = true, value_parser = options::count, help_heading = "Blur")]
     buckets: Option<u32>,
-    /// Interleaved sampling: each pixel of a lattice of S x S (1, 2 or 4) has times of its own [default: 1].
+    /// Interleaved sampling: each pixel of a lattice of S x S (none, 2 or 4) has times of its own. auto: mode auto finds
+    /// the lattice [default: none; in mode auto of `render` auto].
     #[arg(long, value_name = "S", allow_hyphen_values = true, help_heading = "Blur")]
-    interleave: Option<Interleave>,
+    interleave: Option<Lattice>,
     /// Modes supersample and bucket: where times lie within the shutter. even: the middles of equal strata; stratified:
     /// a random time in each of as many equal shares of the exposure; random: independent random times. --seed chooses
     /// them [default: even].
@@ -124,8 +125,8 @@ fn mode(text: &str) -> Result<Mode, String> {
 impl Blur {
     /// The mode that all options together say.
     pub(in crate::cli) fn quality(&self) -> anyhow::Result<Quality> {
-        let counted = self.samples.is_some() || self.interleave.is_some() || self.times.is_some();
-        let name = if counted { ModeName::Supersample } else { ModeName::Auto };
+        let lone = self.interleave.is_some_and(|lattice| lattice != Lattice::Auto) && !self.says_auto();
+        let name = if lone { ModeName::Supersample } else { self.name() };
         let mut parts = self.mode.as_ref().map_or(ModeParts::new(name), |mode| mode.parts);
         self.check_parts(parts.name)?;
         self.put(&mut parts.error, self.error, "--error")?;
@@ -143,6 +144,35 @@ impl Blur {
         self.put(&mut parts.normalise, self.normalise, "--normalise")?;
         parts.published |= self.published;
         parts.quality().map_err(|error| anyhow::anyhow!(self.explain(&error)))
+    }
+
+    /// The mode, where `--interleave` alone says none.
+    fn name(&self) -> ModeName {
+        let counted = self.samples.is_some() || self.times.is_some();
+        let name = if counted { ModeName::Supersample } else { ModeName::Auto };
+        self.mode.as_ref().map_or(name, |mode| mode.parts.name)
+    }
+
+    /// Does an option say that the mode is auto?
+    fn says_auto(&self) -> bool {
+        self.mode.is_some() || self.error.is_some() || self.samples_max.is_some()
+    }
+
+    /// The options that [`Self::quality`] needs beside those that are given, so that mode auto weaves no lattice into
+    /// pictures unless one is asked for, and `--interleave` alone means mode auto.
+    pub(in crate::cli) fn without_lattice(&self) -> Vec<String> {
+        let mut needed = Vec::new();
+        if self.name() != ModeName::Auto {
+            return needed;
+        }
+        if !self.says_auto() {
+            needed.push(format!("--mode={}", ModeName::Auto));
+        }
+        let said = self.interleave.or(self.mode.as_ref().and_then(|mode| mode.parts.interleave));
+        if said.is_none() {
+            needed.push(format!("--interleave={}", Lattice::Fixed(Interleave::None)));
+        }
+        needed
     }
 
     /// Lets an option say what the mode leaves open.
@@ -186,7 +216,6 @@ impl Blur {
         };
         bail!(match (mode, part) {
             (ModeName::Auto, "samples") => "--mode auto chooses the samples; use --samples-max, or --mode supersample",
-            (ModeName::Auto, "interleave") => "--mode auto chooses the lattice; --interleave is for --mode supersample",
             (ModeName::Auto, "times") => "--mode auto chooses the times; --times is for --mode supersample and bucket",
             (_, "times") => "--times is for modes with time samples: supersample and bucket",
             (ModeName::Volumetric, "interleave") =>
@@ -252,10 +281,39 @@ mod tests {
             ("--mode bucket --buckets 3", "bucket:3x4"),
             ("--mode volumetric:3+published", "volumetric:3+published"),
             ("--mode volumetric:3 --published --source-samples 4", "volumetric:3+published+source-samples=4"),
+            ("--interleave none", "supersample:32"),
+            ("--interleave auto", "auto:0.025"),
+            ("--error draft --interleave none", "auto:0.05+interleave=none"),
+            ("--samples-max 64 --interleave 2", "auto:0.025+samples-max=64+interleave=2"),
+            ("--mode auto --interleave 4", "auto:0.025+interleave=4"),
+            ("--mode auto+interleave=none --interleave 1", "auto:0.025+interleave=none"),
+            ("--mode supersample:8 --interleave none", "supersample:8"),
             ("--mode volumetric --overlap 1", "volumetric:10+overlap=1"),
             ("--mode volumetric+chord --kernel ellipsoid", "volumetric:10+kernel=ellipsoid+kernel-weight=chord"),
         ] {
             assert_eq!(quality(arguments).unwrap().to_string(), mode, "{arguments}");
+        }
+    }
+
+    /// In pictures of a dataset, mode auto weaves a lattice only where one is asked for.
+    #[test]
+    fn no_lattice_but_one_that_is_asked_for() {
+        for (arguments, needed, mode) in [
+            ("", "--mode=auto --interleave=none", "auto:0.025+interleave=none"),
+            ("--error draft", "--interleave=none", "auto:0.05+interleave=none"),
+            ("--mode auto:0.01", "--interleave=none", "auto:0.01+interleave=none"),
+            ("--pixel-samples 4", "--mode=auto --interleave=none", "auto:0.025+pixel-samples=4+interleave=none"),
+            ("--interleave 2", "--mode=auto", "auto:0.025+interleave=2"),
+            ("--interleave auto", "--mode=auto", "auto:0.025"),
+            ("--error draft --interleave auto", "", "auto:0.05"),
+            ("--mode auto+interleave=4", "", "auto:0.025+interleave=4"),
+            ("--samples 8 --interleave 2", "", "supersample:8+interleave=2"),
+            ("--mode supersample:8", "", "supersample:8"),
+        ] {
+            let line: Vec<&str> = std::iter::once("program").chain(arguments.split_whitespace()).collect();
+            let found = Program::try_parse_from(&line).unwrap().blur.without_lattice();
+            assert_eq!(found.join(" "), needed, "{arguments}");
+            assert_eq!(quality(&format!("{arguments} {needed}")).unwrap().to_string(), mode, "{arguments}");
         }
     }
 
@@ -271,6 +329,11 @@ mod tests {
             ("--mode volumetric+ellipsoid --published", "--published contradicts --mode volumetric+ellipsoid"),
             ("--mode volumetric+published --overlap 1", "--overlap contradicts --mode volumetric+published"),
             ("--mode volumetric+overlap=2 --overlap 1", "--overlap 1 contradicts --mode volumetric+overlap=2"),
+            ("--mode auto+interleave=none --interleave 2", "--interleave 2 contradicts --mode auto+interleave=none"),
+            ("--samples 8 --interleave auto", "option `interleave`: expected none, 1, 2 or 4, found `auto`"),
+            ("--mode bucket --interleave auto", "option `interleave`: expected none, 1, 2 or 4, found `auto`"),
+            ("--mode still --interleave auto", "--interleave is for modes with time samples"),
+            ("--error draft --samples 8", "--error is for --mode auto"),
             ("--mode auto --times random", "--mode auto chooses the times"),
             ("--mode still --times random", "--times is for modes with time samples"),
             ("--mode volumetric --times random", "--times is for modes with time samples"),
