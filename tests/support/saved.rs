@@ -212,7 +212,7 @@ pub(crate) fn program() -> Command {
 /// A scene of this model alone, small, with one frame.
 pub(crate) fn scene_of(model: &str) -> String {
     format!(
-        "<scene><image width=\"32\" height=\"24\"/><frames first=\"1\" last=\"1\"/>\
+        "<scene><image width=\"16\" height=\"12\"/><frames first=\"1\" last=\"1\"/>\
          <camera eye=\"1 2 5\" at=\"0 0 0\"/><object><pointModel>{model}</pointModel></object></scene>"
     )
 }
