@@ -73,6 +73,7 @@ impl View {
     pub(super) fn run(&self) -> anyhow::Result<ExitCode> {
         // A file that is not there is a mistake of the line; what is wrong inside a file is shown in the page.
         info::head(&self.scene).with_context(|| format!("cannot read {}", self.scene.display()))?;
+        self.running.restrict()?;
         if let Some(out) = self.out.as_deref().filter(|out| out.exists() && !out.is_dir()) {
             bail!("cannot save into {}: it is a file; name a directory, which is made if missing", out.display());
         }
