@@ -206,13 +206,19 @@ impl Running {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("cannot start the threads")
     }
 
-    /// Reads a scene with the threads of `pool`, showing progress on a terminal; says its notes, and puts the overrides
-    /// into it.
-    pub(super) fn load(&self, path: &Path, overrides: &Overrides, pool: &rayon::ThreadPool) -> anyhow::Result<Loaded> {
+    /// The directory that no path may leave.
+    pub(super) fn restrict(&self) -> anyhow::Result<Option<&Path>> {
         let restrict = self.restrict.as_deref();
         if let Some(directory) = restrict.filter(|directory| !directory.is_dir()) {
             bail!("--restrict: {} is not a directory", directory.display());
         }
+        Ok(restrict)
+    }
+
+    /// Reads a scene with the threads of `pool`, showing progress on a terminal; says its notes, and puts the overrides
+    /// into it.
+    pub(super) fn load(&self, path: &Path, overrides: &Overrides, pool: &rayon::ThreadPool) -> anyhow::Result<Loaded> {
+        let restrict = self.restrict()?;
         let progress = Loading::new(self.quiet);
         let step = |what: &str, share: f32| progress.step(what, share);
         let options =

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::PoisonError;
 
-use anyhow::Context as _;
+use anyhow::{Context as _, bail};
 use clap::Args;
 use splatblur::movie;
 use splatblur::viewer::{Setup, Viewer};
@@ -75,6 +75,10 @@ impl View {
     pub(super) fn run(&self) -> anyhow::Result<ExitCode> {
         // A file that is not there is a mistake of the line; what is wrong inside a file is shown in the page.
         info::head(&self.scene).with_context(|| format!("cannot read {}", self.scene.display()))?;
+        self.running.restrict()?;
+        if let Some(out) = self.out.as_deref().filter(|out| out.exists() && !out.is_dir()) {
+            bail!("cannot save into {}: it is a file; name a directory, which is made if missing", out.display());
+        }
         let pool = self.running.pool()?;
         let setup = Setup {
             path: self.scene.clone(),

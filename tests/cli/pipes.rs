@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 const SOON: Duration = Duration::from_secs(20);
 
 const SCENE: &str = r#"<scene><image width="16" height="12"/><frames first="0" last="0"/>
-<object><sphere/></object></scene>"#;
+<camera eye="0 0 4" at="0 0 0"/><object><sphere/></object></scene>"#;
 
 fn pipe(dir: &Path, name: &str) {
     assert!(Command::new("mkfifo").arg(dir.join(name)).status().unwrap().success());
@@ -172,7 +172,9 @@ fn no_file_that_a_file_names_waits_for_a_pipe() {
     std::fs::write(dir.join("painted.gltf"), gltf("data")).unwrap();
     std::fs::write(dir.join("buffer.gltf"), gltf("pipe")).unwrap();
     let render = |model: &str| {
-        let words = format!("render {model} --size 16x12 --backend cpu --mode still --out out --quiet");
+        let model = format!("<pointModel spacing=\"0.2\">{model}</pointModel>");
+        std::fs::write(dir.join("model.xml"), SCENE.replace("<sphere/>", &model)).unwrap();
+        let words = "render model.xml --backend cpu --mode still --out out --quiet";
         let words: Vec<String> = words.split(' ').map(str::to_owned).collect();
         ended(dir, &words).unwrap_or_else(|| panic!("{model} waits"))
     };
@@ -183,7 +185,9 @@ fn no_file_that_a_file_names_waits_for_a_pipe() {
     assert!(code == 2 && said.contains("`pipe` which is a pipe, expected a regular file"), "{said}");
     assert_eq!(said.matches('\n').count(), 1, "{said}");
     // Files that are there already where a run writes.
-    std::fs::write(dir.join("scene.xml"), SCENE).unwrap();
+    std::fs::write(dir.join("three.xyz"), "0 0 0\n1 0 0\n0 1 0\n").unwrap();
+    let scene = SCENE.replace("<sphere/>", "<pointModel>three.xyz</pointModel>");
+    std::fs::write(dir.join("scene.xml"), scene).unwrap();
     std::fs::create_dir_all(dir.join("truth")).unwrap();
     pipe(dir, "truth/transforms.json");
     let words = "dataset scene.xml --out truth --backend cpu --mode supersample:1 --sharp 1 --quiet --resume";

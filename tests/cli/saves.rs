@@ -54,29 +54,32 @@ fn lines(model: &str) -> [String; 4] {
 /// How often each command gave version A, version B, or a refusal.
 type Figures = BTreeMap<String, [usize; 3]>;
 
-fn try_case(case: &Case, truncating: bool, figures: &mut Figures) {
-    let dirs = [(); 3].map(|()| tempfile::tempdir().unwrap());
-    for (dir, version) in dirs.iter().zip([0, 1, 0]) {
+/// Tries the lines while the model is saved, in both manners.
+fn try_case(case: &Case, lines: &[String], figures: &mut Figures) {
+    let dirs = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    for (version, dir) in dirs.iter().enumerate() {
         case.put(version, dir.path());
         std::fs::write(dir.path().join("scene.xml"), scene_of(&case.name)).unwrap();
     }
-    let lines = lines(&case.name);
-    let wanted = lines.each_ref().map(|line| [0, 1].map(|version| made(dirs[version].path(), line)));
-    let dir = dirs[2].path();
-    let saver = Saver::start(dir, case, truncating, saves(2), usize::MAX);
-    let mut round = 0;
-    while round < lines.len() || !saver.is_done() {
-        let (line, wanted) = (&lines[round % lines.len()], &wanted[round % lines.len()]);
-        round += 1;
-        // A grid has no surfels to be converted.
-        if wanted.iter().any(|(code, _)| *code != 0) {
-            continue;
+    let wanted: Vec<_> = lines.iter().map(|line| [0, 1].map(|version| made(dirs[version].path(), line))).collect();
+    // A grid has no surfels to be converted, and what two versions have in common tells nothing.
+    let tells = |wanted: &[(i32, Vec<u8>); 2]| wanted.iter().all(|(code, _)| *code == 0) && wanted[0] != wanted[1];
+    let told: Vec<_> = lines.iter().zip(&wanted).filter(|(_, wanted)| tells(wanted)).collect();
+    assert!(!told.is_empty(), "{}: no command tells the versions apart", case.name);
+    for truncating in [false, true] {
+        // The folder holds the first version.
+        case.put(0, dirs[0].path());
+        let saver = Saver::start(dirs[0].path(), case, truncating, saves(2), usize::MAX);
+        for round in 0.. {
+            let (line, wanted) = told[round % told.len()];
+            let found = made(dirs[0].path(), line);
+            let what = if found.0 == 0 { wanted.iter().position(|w| *w == found) } else { Some(2) };
+            let what = what.unwrap_or_else(|| panic!("{line}: neither version, {} bytes", found.1.len()));
+            figures.entry(format!("{} {}", case.name, line.split(' ').next().unwrap())).or_default()[what] += 1;
+            if round + 1 >= told.len() && saver.is_done() {
+                break;
+            }
         }
-        assert!(wanted[0] != wanted[1], "{line}: both versions give the same");
-        let found = made(dir, line);
-        let what = if found.0 == 0 { wanted.iter().position(|w| *w == found) } else { Some(2) };
-        let what = what.unwrap_or_else(|| panic!("{line}: neither version, {} bytes", found.1.len()));
-        figures.entry(format!("{} {}", case.name, line.split(' ').next().unwrap())).or_default()[what] += 1;
     }
 }
 
@@ -84,10 +87,12 @@ fn try_case(case: &Case, truncating: bool, figures: &mut Figures) {
 fn what_is_read_is_one_whole_file() {
     let work = tempfile::tempdir().unwrap();
     let mut figures = Figures::new();
-    for case in cases(work.path()) {
-        for truncating in [false, true] {
-            try_case(&case, truncating, &mut figures);
-        }
+    let is_long = saves(2) > 2;
+    for (number, case) in cases(work.path()).iter().enumerate() {
+        let all = lines(&case.name);
+        // The short run tries two commands a format, in turn.
+        let lines = if is_long { &all[..] } else { &all[number % 2 * 2..][..2] };
+        try_case(case, lines, &mut figures);
     }
     for (what, [a, b, refused]) in &figures {
         println!("{what}: {a} of A, {b} of B, {refused} refused");

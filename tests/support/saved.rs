@@ -102,13 +102,12 @@ pub(crate) fn cases(dir: &Path) -> Vec<Case> {
         let data: Vec<u8> = corners.iter().flat_map(|x| (x * f32::from(3 - scale)).to_le_bytes()).collect();
         let text = format!(
             "{{\"asset\":{{\"version\":\"2.0\"}},\"scene\":0,\"scenes\":[{{\"nodes\":[0]}}],\
-             \"nodes\":[{{\"mesh\":0,\"scale\":[{scale},{},1]}}],\
+             \"nodes\":[{{\"mesh\":0,\"scale\":[{scale},1,1]}}],\
              \"meshes\":[{{\"primitives\":[{{\"attributes\":{{\"POSITION\":0}}}}]}}],\
              \"accessors\":[{{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\",\
              \"min\":[0,0,0],\"max\":[2,2,0]}}],\
              \"bufferViews\":[{{\"buffer\":0,\"byteLength\":36}}],\
-             \"buffers\":[{{\"uri\":\"m.data\",\"byteLength\":36}}]}}",
-            3 * scale
+             \"buffers\":[{{\"uri\":\"m.data\",\"byteLength\":36}}]}}"
         );
         vec![("m.gltf".to_owned(), text.into_bytes()), ("m.data".to_owned(), data)]
     });
@@ -212,7 +211,7 @@ pub(crate) fn program() -> Command {
 /// A scene of this model alone, small, with one frame.
 pub(crate) fn scene_of(model: &str) -> String {
     format!(
-        "<scene><image width=\"32\" height=\"24\"/><frames first=\"1\" last=\"1\"/>\
+        "<scene><image width=\"16\" height=\"12\"/><frames first=\"1\" last=\"1\"/>\
          <camera eye=\"1 2 5\" at=\"0 0 0\"/><object><pointModel>{model}</pointModel></object></scene>"
     )
 }
