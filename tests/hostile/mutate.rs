@@ -99,10 +99,10 @@ const INTEGERS: [u64; 20] = [
 const FLOATS: [f32; 14] =
     [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -0.0, 0.0, 1.0, -1.0, 1e-45, 1e-38, 3.4e38, -3.4e38, 1e18, 1e9, -1e-9];
 
-/// Damages bytes, in one to four places. `others`: files to splice with.
+/// Damages bytes, in one to four places, most often in one. `others`: files to splice with.
 pub(crate) fn damage(bytes: Vec<u8>, others: &[&[u8]], dice: &mut Dice) -> Vec<u8> {
     let mut bytes = bytes;
-    for _ in 0..1 + dice.below(4).min(dice.below(4)) {
+    for _ in 0..1 + dice.below(4).min(dice.below(4)).min(dice.below(4)) {
         bytes = once(bytes, others, dice);
     }
     bytes
@@ -173,7 +173,8 @@ fn raw(mut bytes: Vec<u8>, others: &[&[u8]], dice: &mut Dice) -> Vec<u8> {
         return vec![dice.below(256) as u8];
     }
     let at = dice.place(bytes.len());
-    let to = (at + 1 + dice.below(1 << dice.below(10))).min(bytes.len());
+    let longest = 1 << dice.below(10);
+    let to = (at + 1 + dice.below(longest)).min(bytes.len());
     match dice.below(12) {
         0 => bytes[at] ^= 1 << dice.below(8),
         1 => bytes[at] = *dice.pick(&[0, 1, 0x7f, 0x80, 0xff]),
@@ -258,6 +259,9 @@ fn words(bytes: Vec<u8>, dice: &mut Dice) -> Vec<u8> {
 
 fn lines(bytes: &[u8], dice: &mut Dice) -> Vec<u8> {
     let mut lines: Vec<&[u8]> = bytes.split_inclusive(|b| matches!(b, b'\n' | b'>' | b',' | b';')).collect();
+    if lines.is_empty() {
+        return b"0".to_vec();
+    }
     let (at, to) = (dice.below(lines.len()), dice.below(lines.len()));
     match dice.below(4) {
         0 => drop(lines.remove(at)),
@@ -328,7 +332,7 @@ fn zip(bytes: &[u8], others: &[&[u8]], dice: &mut Dice) -> Option<Vec<u8>> {
     let mut packed = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
     for index in 0..archive.len() {
         let mut entry = archive.by_index(index).ok()?;
-        let (name, mut data) = (entry.name().to_owned(), Vec::new());
+        let (name, mut data) = (entry.name().ok()?.into_owned(), Vec::new());
         entry.read_to_end(&mut data).ok()?;
         if index == damaged {
             if dice.once_in(8) {

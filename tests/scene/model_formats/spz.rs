@@ -271,7 +271,7 @@ fn sizes_that_lie() {
     says(&Spz::pair().gzip(), "byte 4: found SPZ version 4 inside gzip, expected 1 to 3");
     says(&gzip(&[b'x'; 16]), "byte 0: found `xxxx`, expected `NGSP`");
     says(&with(8, &[3]), "byte 40: found 18 plain bytes, expected 27 (position)");
-    says(&with(8, &[0, 0, 16]), "byte 40: found 18 plain bytes, expected");
+    says(&with(8, &[0, 0, 1]), "byte 40: found 18 plain bytes, expected");
     says(&with(8, &[255; 4]), "byte 8: found 4294967295 Gaussians of degree 0, expected at most");
     says(&with(12, &[5]), "byte 12: found harmonics of degree 5, expected 0 to 4");
     says(&with(12, &[1]), "byte 15: found 5 streams, expected 6 for 2 Gaussians of degree 1");
