@@ -43,7 +43,9 @@ impl Sources<'_> {
             |extension: &str| quoted(&self.directory.join(format!("{}.{extension}", self.stem)).to_string_lossy());
         // H.264 has no alpha.
         let kind = if self.transparent { Kind::Mov } else { Kind::Mp4 };
-        let words: Vec<_> = encoding(kind, [self.size.0, self.size.1]).iter().map(|word| quoted(word)).collect();
+        // Options begin with a minus; paths must not.
+        let plain = |word: String| if word.starts_with('-') { word } else { quoted(&word) };
+        let words: Vec<_> = encoding(kind, [self.size.0, self.size.1]).into_iter().map(plain).collect();
         Some(format!("{input} {} {}", words.join(" "), movie(kind.extension())))
     }
 
