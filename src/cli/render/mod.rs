@@ -74,7 +74,8 @@ rendering), samples, surfels, splats, left_out (pixels with too many layers of s
 samples, most_samples, interleave, blocks, refined, capped), cpu_seconds or device_seconds: {{project, sort, bin,
 visibility, attribute, composite, resolve, total}}}}],
 load_seconds, seconds (whole run), notes, objects (with --aov object: index to name), movie (its path), ffmpeg (a line
-that makes one; null where frames do not follow one another or are not written), settings (as each file carries them, with `frame`, in its header)."))]
+that makes one; null where frames do not follow one another or are not written), settings (as each file carries them,
+with `frame`, in its header)."))]
 pub(super) struct Render {
     #[command(flatten)]
     images: Images,
@@ -136,11 +137,11 @@ impl Render {
         let settings = Provenance::of(&scene, &self.images.scene)?.splatted(&options, format, backend_name)?;
 
         let directory = self.images.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
+        let film = self.movie.as_ref().map(|(path, kind)| begin(path, *kind, &frames, &scene, self.bits(format)));
+        let film = film.transpose()?;
         if !self.no_frames {
             open_directory(&directory)?;
         }
-        let film = self.movie.as_ref().map(|(path, kind)| begin(path, *kind, &frames, &scene, self.bits(format)));
-        let film = film.transpose()?;
         if let Some((path, _)) = self.movie.as_ref().filter(|(_, kind)| scene.image.transparent && !kind.has_alpha()) {
             let note = format!("{} has no alpha: what is transparent is black; .mov has", path.display());
             if !self.running.quiet {
