@@ -45,9 +45,9 @@ pub fn replace_with<E: From<io::Error>>(path: &Path, write: impl FnOnce(&Path) -
     Ok(())
 }
 
-/// Lets `write` make a file under a temporary name, then gives it the first of `paths` that nothing has: nothing is ever
-/// replaced, whoever else makes files there at the same time. A link that leads nowhere has its name, too. All paths are
-/// in one directory. Returns the path; `None` where all are taken.
+/// Lets `write` make a file under a temporary name, then gives it the first of `paths` that nothing has: nothing is
+/// ever replaced, whoever else makes files there at the same time. A link that leads nowhere has its name, too. All
+/// paths are in one directory. Returns the path; `None` where all are taken.
 ///
 /// # Errors
 /// As `write` says, or the file cannot be made; then nothing is left.

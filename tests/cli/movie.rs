@@ -144,7 +144,8 @@ fn y4m_has_count_rate_and_pixels() {
 #[test]
 fn gif_has_count_rate_and_pixels() {
     let place = Place::new();
-    place.render("--movie a.gif");
+    // Larger: of few pixels the palette learns little.
+    place.render("--movie a.gif --size 93x51");
     let file = std::io::BufReader::new(std::fs::File::open(place.path("a.gif")).unwrap());
     let decoder = image::codecs::gif::GifDecoder::new(file).unwrap();
     let frames = decoder.into_frames().collect_frames().unwrap();
@@ -161,8 +162,8 @@ fn gif_has_count_rate_and_pixels() {
         if colours.len() <= 256 {
             assert_eq!(most, 0);
         } else {
-            // 256 colours for twice as many.
-            assert!(mean < 4.0, "{} colours, {mean}", colours.len());
+            // 256 colours for 3,900: at most 8 codes, 1.15 in the mean.
+            assert!(most <= 12 && mean < 1.5, "{} colours, {most}, {mean}", colours.len());
         }
     }
 }
@@ -402,9 +403,9 @@ fn mp4_is_what_players_expect() {
     let frames: Vec<&[u8]> = bytes.chunks(3 * SIZE.0 * SIZE.1).collect();
     assert_eq!(frames.len(), 24);
     for (frame, codes) in frames.iter().zip(place.codes()) {
-        // Colours are shared by four pixels: at most 10 codes, 1.3 in the mean; 3.5 by the matrix of BT.601.
+        // Colours are shared by four pixels: at most 10 codes, 1.3 in the mean; 2.3 by the matrix of BT.601.
         let (most, mean) = distance(frame, &codes);
-        assert!(most <= 16 && mean < 2.0, "{most}, {mean}");
+        assert!(most <= 14 && mean < 1.8, "{most}, {mean}");
     }
 }
 
@@ -456,9 +457,10 @@ fn ffmpeg_reads_y4m_and_gif() {
         return;
     }
     let place = Place::new();
-    place.render("--movie a.y4m");
-    place.render("--resume --movie a.gif");
-    for (name, key, value, most) in [("a.y4m", "r_frame_rate", "24/1", 1.0), ("a.gif", "duration", "1.000000", 4.0)] {
+    place.render("--movie a.y4m --size 93x51");
+    place.render("--resume --movie a.gif --size 93x51");
+    let codes = place.codes();
+    for (name, key, value, most) in [("a.y4m", "r_frame_rate", "24/1", 0.6), ("a.gif", "duration", "1.000000", 1.5)] {
         let stream = probe(&place.path(name));
         assert_eq!((&stream["nb_read_frames"], &stream[key]), (&"24".into(), &value.into()), "{stream}");
         if name == "a.y4m" {
@@ -472,10 +474,11 @@ fn ffmpeg_reads_y4m_and_gif() {
             .output()
             .unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let frames: Vec<&[u8]> = output.stdout.chunks(3 * SIZE.0 * SIZE.1).collect();
+        let frames: Vec<&[u8]> = output.stdout.chunks(codes[0].len()).collect();
         assert_eq!(frames.len(), 24, "{name}");
-        for (frame, codes) in frames.iter().zip(place.codes()) {
-            let (_, mean) = distance(frame, &codes);
+        for (frame, codes) in frames.iter().zip(&codes) {
+            // 0.41 and 1.15 in the mean.
+            let (_, mean) = distance(frame, codes);
             assert!(mean < most, "{name}: {mean}");
         }
     }

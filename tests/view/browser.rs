@@ -140,12 +140,6 @@ fn a_session() {
         assert!(out.join(name).is_file(), "{name}");
     }
 
-    // A movie.
-    browser.value("document.getElementById('movie-format').value = 'gif'");
-    browser.key("v");
-    browser.wait("document.getElementById('saved').textContent.endsWith('flight.view-1.gif')");
-    assert!(out.join("flight.view-1.gif").is_file());
-
     // Help, by the keyboard.
     browser.key("?");
     browser.wait("document.getElementById('help').open");
@@ -177,6 +171,33 @@ fn a_session() {
     browser.wait(&format!("viewer.log.length > {count}"));
     browser.rests();
     assert_eq!((browser.number("viewer.state.frame"), browser.picture()), (1.0, before));
+    assert_eq!(browser.complaints, [""; 0]);
+}
+
+#[test]
+fn a_movie_is_saved_and_stopped() {
+    let Some(mut browser) = browser_or_skip("a_movie_is_saved_and_stopped") else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("saved");
+    let program = Program::start(&scene(dir.path()), &["--out", out.to_str().unwrap()]);
+    browser.size(800, 600, 1.0);
+    browser.open(&program.link);
+    browser.write("mode", "supersample:2");
+    browser.write("size", "scene");
+    browser.rests();
+    browser.value("document.getElementById('movie-format').value = 'y4m'");
+    browser.key("V");
+    let (saved, button) = ("document.getElementById('saved')", "document.getElementById('save-movie')");
+    browser.key("v");
+    browser.wait(&format!("{saved}.textContent.endsWith('flight.view-1.gif')"));
+    assert!(out.join("flight.view-1.gif").is_file());
+    assert_eq!(browser.text(&format!("{button}.textContent")), "movie");
+    // Again, and stopped.
+    browser.key("v");
+    browser.wait(&format!("{button}.textContent === 'stop' && {saved}.textContent.includes('of 13 frames')"));
+    browser.key("v");
+    browser.wait(&format!("{button}.textContent === 'movie'"));
+    assert_eq!(browser.text(&format!("{saved}.textContent")), "there is no movie");
     assert_eq!(browser.complaints, [""; 0]);
 }
 

@@ -141,11 +141,11 @@ impl Render {
         let settings = Provenance::of(&scene, &self.images.scene)?.splatted(&options, format, backend_name)?;
 
         let directory = self.images.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
+        let film = self.movie.as_ref().map(|(path, kind)| begin(path, *kind, &frames, &scene, self.bits(format)));
+        let film = film.transpose()?;
         if !self.no_frames {
             open_directory(&directory)?;
         }
-        let film = self.movie.as_ref().map(|(path, kind)| begin(path, *kind, &frames, &scene, self.bits(format)));
-        let film = film.transpose()?;
         if let Some((path, _)) = self.movie.as_ref().filter(|(_, kind)| scene.image.transparent && !kind.has_alpha()) {
             let note = format!("{} has no alpha: what is transparent is black; .mov has", path.display());
             if !self.running.quiet {

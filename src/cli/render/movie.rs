@@ -43,7 +43,9 @@ impl Sources<'_> {
             |extension: &str| quoted(&self.directory.join(format!("{}.{extension}", self.stem)).to_string_lossy());
         // H.264 has no alpha.
         let kind = if self.transparent { Kind::Mov } else { Kind::Mp4 };
-        let words: Vec<_> = encoding(kind, [self.size.0, self.size.1]).iter().map(|word| quoted(word)).collect();
+        // Options begin with a minus; paths must not.
+        let plain = |word: String| if word.starts_with('-') { word } else { quoted(&word) };
+        let words: Vec<_> = encoding(kind, [self.size.0, self.size.1]).into_iter().map(plain).collect();
         Some(format!("{input} {} {}", words.join(" "), movie(kind.extension())))
     }
 
@@ -92,7 +94,7 @@ mod tests {
     #[test]
     fn lines() {
         let line = movie("out/spin", PNG, &range(1, 48), (640, 480)).ffmpeg().unwrap();
-        let input = "ffmpeg -framerate 30000/1001 -start_number 1 -i out/spin/spin.%04d.png -frames:v 48 -vf 'scale=";
+        let input = "ffmpeg -framerate 30000/1001 -start_number 1 -i out/spin/spin.%04d.png -frames:v 48 -vf scale=";
         assert!(line.starts_with(input), "{line}");
         let output = "-colorspace bt709 -color_primaries bt709 -color_trc bt709 -color_range tv out/spin/spin.mp4";
         assert!(line.contains(" -c:v libx264 -crf 16 ") && line.ends_with(output), "{line}");

@@ -125,8 +125,8 @@ where
 }
 
 impl Sequence<'_> {
-    /// Renders and writes all frames in order, into the movie too; stops at the first error. `render` begins a frame and
-    /// may hand one out that was begun before; without a number it finishes the next of those. `finished` hears of each
+    /// Renders and writes all frames in order, into the movie too; stops at the first error. `render` begins a frame,
+    /// and may hand one out that was begun before; without a number it finishes the next of those. `finished` hears of each
     /// rendered or skipped frame. Returns them, and the finished movie, which has no name yet.
     pub(super) fn run(
         &self,
@@ -298,8 +298,8 @@ mod tests {
         assert_eq!(run(dir.path(), true, "y").unwrap(), [2.0]);
     }
 
-    /// Frames of an earlier run are read back, and stand in the movie where they belong, though two frames are under way
-    /// at a time.
+    /// Frames of an earlier run are read back, and stand in the movie where they belong, though two frames are under
+    /// way at a time.
     #[test]
     fn a_movie_has_the_frames_in_their_order() {
         let dir = tempfile::tempdir().unwrap();
