@@ -16,6 +16,7 @@ mod render;
 mod report;
 mod shell;
 mod volumes;
+mod what_is_taken;
 
 use std::path::Path;
 use std::process::{Command, Stdio};
