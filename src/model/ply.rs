@@ -320,7 +320,10 @@ fn read_vertices(
     cloud.velocity_unit = if says(PER_FRAME) { VelocityUnit::Frame } else { VelocityUnit::Second };
     ply_scales::scale(&mut cloud, &columns, says(LINEAR_COLOURS));
     if finder.position_type() == Scalar::F32 {
-        cloud.notes.extend(tidy::coarse(&tidy::box_of(&cloud.position), cloud.position.len()));
+        let coarse = tidy::coarse(&tidy::box_of(&cloud.position), cloud.position.len());
+        // The numbers of a text may be finer than they say.
+        let narrow = |p: &DVec3| p.as_vec3().as_dvec3() == *p || !p.is_finite();
+        cloud.notes.extend(coarse.filter(|_| cloud.position.iter().all(narrow)));
     }
     Ok(Content::Cloud(cloud))
 }

@@ -23,6 +23,8 @@ const POINTS: usize = 256;
 const PLACES: usize = 2_000_000;
 /// Least share of the places in the picture, below which samples may have missed them all.
 const IN_VIEW: f64 = 0.01;
+/// Part of the places that are beside the image at least, one in so many, for it to be the cause.
+const OUTSIDE: usize = 10;
 
 /// The likely cause why a frame shows nothing of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,13 +129,11 @@ impl Places {
         let all = hidden + behind + nearer + outside + inside;
         let missed = inside == 0 || !drawn && (inside as f64) < IN_VIEW * all as f64;
         if missed {
-            // Of equal numbers the last counts: what is before the camera at all is outside.
-            let causes = [
-                (hidden, Unseen::Hidden),
-                (behind, Unseen::Behind),
-                (nearer, Unseen::Nearer),
-                (outside, Unseen::Outside),
-            ];
+            // What is before the camera in part can be turned to.
+            if outside * OUTSIDE >= all {
+                return Unseen::Outside;
+            }
+            let causes = [(hidden, Unseen::Hidden), (behind, Unseen::Behind), (nearer, Unseen::Nearer)];
             return causes.into_iter().max_by_key(|(count, _)| *count).map_or(Unseen::Outside, |(_, cause)| cause);
         }
         if drawn {

@@ -14,7 +14,9 @@ pub(super) fn check(source: &Source, root: &Element, lenient: bool) -> Result<Ve
     let schema = super::schema::root();
     if root.name != schema.name {
         let found = format!("the root element {}", quoted(&root.name));
-        let expected = format!("<{}>", schema.name);
+        // Simulations have these, and nobody means them as scenes.
+        let more = if root.name == "VTKFile" { "; VTK is not read: write PLY, or text with named columns" } else { "" };
+        let expected = format!("<{}>{more}", schema.name);
         return Err(SceneError::Syntax { at: source.locate(root.at), found, expected });
     }
     let mut checker = Checker { source, lenient, notes: Vec::new(), more: 0 };

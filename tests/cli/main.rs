@@ -23,6 +23,7 @@ mod report;
 mod saves;
 mod shell;
 mod volumes;
+mod what_is_taken;
 
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -481,6 +481,9 @@ fn the_unknown_is_refused_with_what_is_known() {
     );
     refused("<scene version='1'/>", "scene.xml:1:8: <scene> has no attribute `version` (it takes: none)");
     refused("<szene/>", "scene.xml:1:1: the root element `szene`, expected <scene>");
+    let vtk = "scene.xml:1:1: the root element `VTKFile`, expected <scene>; VTK is not read: write PLY, or text with \
+               named columns";
+    refused("<VTKFile/>", vtk);
 }
 
 #[test]

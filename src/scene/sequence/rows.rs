@@ -18,7 +18,7 @@ const FEWEST: usize = 100;
 /// Points that are neighbours move about alike, whatever moves them, and a turn by 180 degrees parts them by twice
 /// their distance. In another order each goes to a place of its own, while a point of the other file is much nearer.
 /// So it is another order if by row neighbours part by 3 times their distance and by a twentieth of the whole, and the
-/// nearest point is at a quarter of the way of a row; all are medians.
+/// nearest point is at half the way of a row; all are medians.
 pub(super) fn in_another_order(file: &File, beside: &File) -> Option<String> {
     if file.points != beside.points || file.points < FEWEST {
         return None;
@@ -45,7 +45,7 @@ pub(super) fn in_another_order(file: &File, beside: &File) -> Option<String> {
         if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
     };
     let [apart, parted, nearest, way] = [0, 1, 2, 3].map(median);
-    (parted > 3.0 * apart && parted > 0.05 * whole && nearest < 0.25 * way).then(|| {
+    (parted > 3.0 * apart && parted > 0.05 * whole && nearest < 0.5 * way).then(|| {
         format!(
             "rows of this file and the next may stand for different points: by row a point goes {way:.3}, and its \
              neighbour elsewhere, while the nearest point is at {nearest:.3}; an `id` for each point says which are the \

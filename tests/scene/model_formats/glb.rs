@@ -301,7 +301,7 @@ fn what_is_refused_by_name() {
         (|g| g.primitive()["mode"] = json!(1), "found Gaussians of mode 1, expected mode 0 (points)"),
         (|g| drop(g.primitive()["extensions"].take()), "found a text that fails"),
         (|g| g.primitive()["extensions"] = json!({}), "found a mesh without Gaussians, expected primitives with"),
-        (|g| g.text["nodes"] = json!([{}]), "found a mesh without Gaussians"),
+        (|g| g.text["nodes"] = json!([{}]), "found a scene that shows no mesh"),
         (
             |g| g.extension()["extensions"] = json!({"KHR_gaussian_splatting_compression_spz_2": {"bufferView": 0}}),
             "found `KHR_gaussian_splatting_compression_spz_2`, expected Gaussians that are not packed",

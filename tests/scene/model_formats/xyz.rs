@@ -33,7 +33,7 @@ fn separators_comments_and_line_ends() {
     ] {
         assert_eq!(xyz(text).position, plain, "{text:?}");
     }
-    assert_eq!(xyz("x y z\n1 2 3\n").notes, ["line 1 taken as the names of the columns"]);
+    assert_eq!(xyz("x y z\n1 2 3\n").notes, ["line 1 names the columns: x, y, z"]);
 }
 
 #[test]
@@ -99,7 +99,8 @@ fn lines_that_are_refused() {
         ("1\n", "line 1: found one number, expected x y z"),
         ("1 2 3\n\n1 2 3 4\n", "line 3: found 4 numbers, expected 3 numbers, as in line 1"),
         ("1 2 3\n1 2 three\n", "line 2: found `three`, expected a number"),
-        ("a b c\nd e f\n", "line 2: found `d`, expected a number"),
+        ("x y z\nd e f\n", "line 2: found `d`, expected a number"),
+        ("a b c\n1 2 3\n", "line 1: found names of columns without x (a, b, c), expected x, y and z among them"),
         ("1 2 3 4 5\n", "line 1: found 5 numbers"),
         ("0 0 0 10 20 30\n0 0 0 10 20 256\n", "line 2: found a colour from 10 to 256, expected numbers from 0 to 255"),
         ("0 0 0 10 20 -30\n", "line 1: found a colour from -30 to 20"),
@@ -120,6 +121,12 @@ fn content_shows_the_format_before_the_name() {
     assert_eq!(detect("1\n1 2 3\n", "a.xyz"), Some(Format::Pts));
     assert_eq!(detect("# no count\n1 2 3 4\n", "a.PTS"), Some(Format::Xyz));
     assert_eq!(detect("x y z\n1 2 3\n", "a.XYZ"), Some(Format::Xyz));
+    // Names of columns show it, too, where the next line is a point of as many words.
+    assert_eq!(detect("name,x,y,z\nfirst,1,2,3\n", "a.csv"), Some(Format::Xyz));
+    assert_eq!(detect("// X Y Z\n1 2 3\n", "a.csv"), Some(Format::Xyz));
+    assert_eq!(detect("x y z\none two three\n", "a.csv"), None);
+    assert_eq!(detect("x y z\n1 2 3 4\n", "a.csv"), None);
+    assert_eq!(detect("# the x y z\nv 1 2 3\n", "a.csv"), None);
     assert_eq!(detect("", "a.pts"), Some(Format::Pts));
     assert_eq!(detect("v 1 2 3\n", "a.obj"), Some(Format::Obj));
     assert_eq!(detect("ply\n", "a.xyz"), Some(Format::Ply));
