@@ -12,6 +12,7 @@ mod cloud;
 mod complete;
 mod disc_tree;
 mod error;
+mod flaw;
 mod format;
 pub mod generate;
 pub mod generate_volume;
