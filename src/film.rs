@@ -5,6 +5,8 @@ use std::ops::Range;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::limits;
+
 /// A set of channels beside colour (arbitrary output variable): its coverage-weighted mean over the exposure, divided
 /// by alpha, where it does not say otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -113,7 +115,7 @@ pub struct Picture {
 
 impl Picture {
     /// Greatest width and height, pixels.
-    pub const MAX_SIZE: u32 = 65_535;
+    pub const MAX_SIZE: u32 = *limits::SIDE.end();
 }
 
 /// What shows where the film is not covered.

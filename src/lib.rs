@@ -53,6 +53,9 @@
 // In the order of data flow: a module imports only modules that stand above it. They are public for the program, the
 // tests, the benches and the fuzz targets; what a library user needs is re-exported below.
 #[doc(hidden)]
+pub mod limits;
+
+#[doc(hidden)]
 pub mod math;
 
 #[doc(hidden)]
@@ -166,5 +169,6 @@ pub use film::{Layer, Picture};
 // What may go wrong.
 pub use backend::BackendError;
 pub use image::ImageError;
+pub use limits::Invalid;
 pub use model::ModelError;
 pub use scene_file::SceneError;

@@ -391,6 +391,23 @@ impl Exposure {
         }
     }
 
+    /// Time samples of all rasters in this mode, without those that intervals are split into at jumps.
+    pub fn samples_of(mode: BlurMode) -> u64 {
+        let of = |Strata { groups, samples, repeats, .. }: Strata| {
+            u64::from(groups) * u64::from(samples) * u64::from(repeats)
+        };
+        match mode {
+            BlurMode::Still { pixel_samples } => pixel_samples.into(),
+            BlurMode::Supersample { samples, pixel_samples, interleave, .. } => {
+                u64::from(interleave.stride().pow(2)) * of(Strata::new(samples, 1, pixel_samples))
+            }
+            BlurMode::Bucket { buckets, samples, pixel_samples, interleave, .. } => {
+                u64::from(interleave.stride().pow(2)) * of(Strata::new(buckets, samples, pixel_samples))
+            }
+            BlurMode::Volumetric { intervals, pixel_samples, .. } => of(Strata::new(intervals, 1, pixel_samples)),
+        }
+    }
+
     /// One raster: all pixels see the same times.
     fn uniform(positions: Vec<PositionExposure>) -> Self {
         Self { stride: 1, rasters: vec![RasterExposure::whole([0, 0], positions)] }

@@ -12,6 +12,7 @@ use crate::film::{Aov, Picture};
 use crate::frame::Frame;
 use crate::objects;
 use crate::options::{BlurMode, KernelWeight, Prefilter, Quality, RenderOptions};
+use crate::plan::Exposure;
 use crate::reconstruct;
 use crate::scene::{Object, Scene};
 use crate::stop::Stop;
@@ -240,6 +241,7 @@ pub fn render_frame(
     options: &RenderOptions,
 ) -> Result<Rendered, BackendError> {
     let frame = finite(frame.into())?;
+    check_values(scene, options)?;
     let scene = &*scene.at_frame(frame.get())?;
     check(scene, options)?;
     if options.aovs.contains(&Aov::Object) {
@@ -253,6 +255,7 @@ pub fn render_frame(
     match options.quality {
         Quality::Error(target) => auto::render(backend, scene, frame, options, target),
         Quality::Mode(mode) => {
+            BackendError::check_samples(scene, Exposure::samples_of(mode), options.memory)?;
             let stop = backend.stop();
             let frame = Frame::until(scene, frame, mode, options, &stop);
             if stop.is_set() { Err(BackendError::Stopped) } else { backend.render(frame) }
@@ -287,6 +290,14 @@ fn finite(frame: FrameNumber) -> Result<FrameNumber, BackendError> {
     if frame.get().is_finite() { Ok(frame) } else { Err(BackendError::Frame { frame }) }
 }
 
+/// Refuses values that are out of their bounds, before anything is made of them.
+fn check_values(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
+    scene.check()?;
+    options.check().map_err(|e| e.within("options"))?;
+    Ok(())
+}
+
+/// Refuses what does not go together.
 fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
     if let (Prefilter::Ewa, Quality::Mode(BlurMode::Volumetric { swept, .. })) = (options.prefilter, options.quality)
         && swept.weight != KernelWeight::Integral
@@ -329,6 +340,7 @@ impl<'a> Frames<'a> {
         scene: &'a Scene,
         options: &'a RenderOptions,
     ) -> Result<Self, BackendError> {
+        check_values(scene, options)?;
         check(scene, options)?;
         Ok(Self { backend, scene, options, under_way: VecDeque::new() })
     }
@@ -345,6 +357,7 @@ impl<'a> Frames<'a> {
         }
         let scene = self.scene.at_frame(finite(number)?.get())?;
         check(&scene, self.options)?;
+        BackendError::check_samples(&scene, Exposure::samples_of(mode), self.options.memory)?;
         self.backend.begin(Frame::new(&scene, number, mode, self.options))?;
         self.under_way.push_back(number);
         if self.under_way.len() < self.backend.in_flight() {

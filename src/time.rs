@@ -8,6 +8,8 @@ mod readout;
 pub use self::frame_number::FrameNumber;
 pub use self::readout::{Anchor, Direction, Readout};
 
+use crate::limits::{self, Invalid};
+
 /// Time weight a(t) over the shutter, each normalised to integral 1 (thesis 3.1; formulas in docs/math.md).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Weight {
@@ -75,6 +77,42 @@ impl Weight {
         }
     }
 
+    /// What is wanted of a drawn curve.
+    pub(crate) const AREA: &str = "some weight above 0";
+
+    /// False for weights that are all 0, or so nearly that their integral is: they cannot be normalised.
+    pub(crate) fn has_area(&self) -> bool {
+        (self.integral(0.0, 1.0) - 1.0).abs() < 1e-9
+    }
+
+    /// Checks the parameters.
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
+        let centre = |centre| limits::UNIT.check("centre", centre);
+        match self {
+            Self::Box | Self::Tent => Ok(()),
+            Self::Ramp { centre: c } | Self::OneMinusExponential { centre: c } => centre(*c),
+            Self::Exponential { rate, centre: c } => limits::STEEPNESS.check("rate", *rate).and_then(|()| centre(*c)),
+            Self::Gaussian { centre: c, width } => limits::STEEPNESS.check("width", *width).and_then(|()| centre(*c)),
+            Self::Curve(points) => self.check_curve(points),
+        }
+    }
+
+    fn check_curve(&self, points: &[(f64, f64)]) -> Result<(), Invalid> {
+        let mut before = None;
+        for (i, &(time, weight)) in points.iter().enumerate() {
+            limits::UNIT.check("time", time).map_err(|e| e.within(format_args!("curve[{i}]")))?;
+            limits::LIGHT.check("weight", weight).map_err(|e| e.within(format_args!("curve[{i}]")))?;
+            if let Some(before) = before.replace(time).filter(|&before| time <= before) {
+                let expected = format!("more than that of the point before, {before}");
+                return Err(Invalid::new("time", time, expected).within(format_args!("curve[{i}]")));
+            }
+        }
+        if points.is_empty() {
+            return Err(Invalid::new("curve", "empty", "at least one point"));
+        }
+        if self.has_area() { Ok(()) } else { Err(Invalid::new("the area under curve", "0", Self::AREA)) }
+    }
+
     /// Integral of a(t) over [from, to], a sub-interval of [0, 1]; 1 over the whole shutter.
     pub fn integral(&self, from: f64, to: f64) -> f64 {
         (self.primitive(to) - self.primitive(from)) / self.primitive(1.0)
@@ -121,7 +159,7 @@ fn curve_primitive(points: &[(f64, f64)], t: f64) -> f64 {
 pub struct Shutter {
     /// Opening time, frames relative to the frame number.
     pub open: f64,
-    /// Closing time, > `open`; the span may exceed a frame.
+    /// Closing time, > `open`; the span may exceed a frame. Renderers take `open` itself too: an instant, and no blur.
     pub close: f64,
     /// Time weight.
     pub weight: Weight,
@@ -139,6 +177,17 @@ impl Shutter {
     /// Scene time, in frames, of shutter time `t` in [0, 1] at frame `frame`.
     pub fn frame_time(&self, frame: f64, t: f64) -> f64 {
         frame + self.open + (self.close - self.open) * t
+    }
+
+    /// Checks the times, the weight and the read-out.
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
+        limits::SHUTTER.check("open", self.open)?;
+        limits::SHUTTER.check("close", self.close)?;
+        if self.close < self.open {
+            return Err(Invalid::new("close", self.close, format!("more than `open`, {}", self.open)));
+        }
+        limits::READOUT.check("readout.duration", self.readout.duration)?;
+        self.weight.check().map_err(|e| e.within("weight"))
     }
 
     /// First and last scene time, in frames, at which any pixel is exposed at frame `frame`.

@@ -91,7 +91,10 @@ impl Round<'_> {
         wanted: Option<&Blocks>,
         stats: &mut Stats,
     ) -> Result<Picture, BackendError> {
-        let mut frame = Frame::exposed(self.scene, self.number, &self.exposure(half), self.options);
+        let exposure = self.exposure(half);
+        let samples: usize = exposure.groups().map(|group| group.samples.len()).sum();
+        BackendError::check_samples(self.scene, samples as u64, self.options.memory)?;
+        let mut frame = Frame::exposed(self.scene, self.number, &exposure, self.options);
         frame.leaves_background = true;
         frame.wanted = wanted.cloned();
         // Room for the two older half buffers, and for the other one of this round.

@@ -1,14 +1,19 @@
 //! Why a backend could not render.
 
 use crate::frame::Frame;
+use crate::limits::Invalid;
 use crate::model::ModelError;
 use crate::options::KernelWeight;
+use crate::scene::{ImageSettings, Scene};
 use crate::time::FrameNumber;
 
 /// Why a backend could not render.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BackendError {
+    /// A value of the scene or of the options is out of its bounds.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
     /// An ideal sphere has no surfels to splat.
     #[error("object `{object}` is an ideal sphere, which only the reference can show")]
     Sphere {
@@ -103,6 +108,16 @@ pub enum BackendError {
 }
 
 impl BackendError {
+    /// Refuses a frame whose time samples alone need more bytes than it may take, before they are made.
+    pub(crate) fn check_samples(scene: &Scene, samples: u64, memory: u64) -> Result<(), Self> {
+        let needed = Frame::posed_bytes(scene, samples);
+        if needed <= memory {
+            return Ok(());
+        }
+        let ImageSettings { width, height, .. } = scene.image;
+        Err(Self::Memory { width, height, models: Frame::model_bytes(scene), needed, allowed: memory })
+    }
+
     /// Refuses a frame that needs more bytes than it may take. `needed` is the least with which its backend can
     /// work.
     pub(super) fn check_memory(frame: &Frame, needed: u64) -> Result<(), Self> {

@@ -10,6 +10,7 @@ use std::str::FromStr;
 use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use glam::DVec3;
 use splatblur::image::Compression;
+use splatblur::limits::{EPSILON, LIGHT, RADIUS_SCALE, SHUTTER};
 use splatblur::model::ColourSpace;
 use splatblur::movie::Kind;
 
@@ -62,13 +63,13 @@ fn real(text: &str) -> Result<f64, String> {
 /// A factor on splat radii, in the range of a scene's `radiusScale`.
 pub(super) fn radius_scale(text: &str) -> Result<f64, String> {
     let value = real(text)?;
-    if (1e-6..=1e6).contains(&value) { Ok(value) } else { Err(format!("{value} is not from 1e-6 to 1e6")) }
+    if RADIUS_SCALE.holds(value) { Ok(value) } else { Err(format!("{value} is not from 1e-6 to 1e6")) }
 }
 
 /// A depth tolerance, in the range of a scene's `epsilon`.
 pub(super) fn epsilon(text: &str) -> Result<f64, String> {
     let value = real(text)?;
-    if (0.0..=1e30).contains(&value) { Ok(value) } else { Err(format!("{value} is not from 0 to 1e30")) }
+    if EPSILON.holds(value) { Ok(value) } else { Err(format!("{value} is not from 0 to 1e30")) }
 }
 
 /// A finite number > 0.
@@ -144,7 +145,7 @@ fn within_reason(open: f64, close: f64) -> Result<(f64, f64), String> {
     if open >= close {
         return Err(format!("the shutter closes at {close}, not after it opens at {open}"));
     }
-    if open.abs().max(close.abs()) > 1e6 {
+    if !(SHUTTER.holds(open) && SHUTTER.holds(close)) {
         return Err("the shutter must stay within a million frames".to_owned());
     }
     Ok((open, close))
@@ -173,7 +174,7 @@ pub(super) fn directory() -> impl TypedValueParser<Value = PathBuf> {
 pub(super) fn colour(text: &str) -> Result<DVec3, String> {
     let parts: Vec<f64> = text.split(',').map(real).collect::<Result<_, _>>()?;
     match parts[..] {
-        [r, g, b] if parts.iter().all(|v| (0.0..=1e6).contains(v)) => Ok(DVec3::new(r, g, b)),
+        [r, g, b] if parts.iter().all(|&v| LIGHT.holds(v)) => Ok(DVec3::new(r, g, b)),
         [_, _, _] => Err("a colour's numbers must be 0 to 1e6 (linear light, 1 is white)".to_owned()),
         _ => Err("expected R,G,B in linear light, as in 0.2,0.2,0.25".to_owned()),
     }

@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use super::files::{File, Role, files};
-use super::{By, MIDDLE, Recipe, at_instant};
+use super::{By, MIDDLE, MOST_SHARP, Recipe, at_instant};
 use crate::backend::{Achieved, Backend, BackendError};
 use crate::film::{Aov, Picture};
 use crate::image::{self, Format, ImageError, Response};
+use crate::limits::{self, Invalid};
 use crate::options::{BlurMode, Quality, RenderOptions};
 use crate::reference::{self, Flow, ReferenceError, ReferenceOptions};
 use crate::renderer::render_frame;
@@ -17,6 +18,9 @@ use crate::time::FrameNumber;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DatasetError {
+    /// The recipe asks for what is out of its bounds.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
     /// The renderer cannot.
     #[error(transparent)]
     Render(#[from] BackendError),
@@ -95,6 +99,7 @@ pub fn frame<E: From<DatasetError>>(
     seed: u64,
     mut write: impl FnMut(&File, Content) -> Result<(), E>,
 ) -> Result<Made, E> {
+    limits::check_count("sharp", recipe.sharp, &(1..=MOST_SHARP)).map_err(DatasetError::from)?;
     let list = files(&scene.name, frame, recipe);
     let mut put = |role: Role, content: Content| match list.iter().find(|file| file.role == role) {
         Some(file) => write(file, content),

@@ -20,9 +20,9 @@ use crate::math::focal_length;
 use crate::model::paths::{OwnPaths, Paths};
 use crate::model::{Gaussians, Material, Optics, Surfels};
 use crate::options::{BlurMode, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel};
-use crate::plan::{Exposure, PosedInterval, Scenery, Step, TimeSample};
+use crate::plan::{Exposure, Group, PosedInterval, PositionExposure, Scenery, Step, TimeSample};
 use crate::scene::pose::{jumps, seams};
-use crate::scene::{Capture, Object, Scene};
+use crate::scene::{Capture, Light, Object, Scene};
 use crate::stop::Stop;
 use crate::time::FrameNumber;
 
@@ -279,6 +279,22 @@ impl Frame {
         };
         frame.plan_steps(&sweeps);
         frame
+    }
+
+    /// Bytes of a frame of `scene` with so many time samples before it is rendered, and of its models: what
+    /// [`Self::new`] makes, at the least.
+    pub fn posed_bytes(scene: &Scene, samples: u64) -> u64 {
+        let of_objects = size_of::<PosedObject>() * scene.objects.len();
+        let of_lights = size_of::<Light>() * scene.lights.len();
+        let of_sample =
+            size_of::<Group>() + size_of::<TimeSample>() + size_of::<PosedGroup>() + size_of::<PosedSample>();
+        let of_position = size_of::<PositionExposure>() + size_of::<Position>() + size_of::<Step>();
+        samples.saturating_mul((of_objects + of_lights + of_sample + of_position) as u64) + model_bytes(scene)
+    }
+
+    /// Bytes of the models of `scene`.
+    pub fn model_bytes(scene: &Scene) -> u64 {
+        model_bytes(scene)
     }
 
     /// Plans the steps a second time, after objects or samples were changed.

@@ -2,7 +2,9 @@
 
 use glam::{DVec3, Vec3};
 
+use super::flaw::Columns;
 use super::surfels::{Material, VelocityUnit};
+use crate::limits::Invalid;
 
 /// How a file stored its colours. This decides the default colour space.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,4 +58,30 @@ pub struct Cloud {
     pub signs_estimated: bool,
     /// What a user should know: points that were dropped, properties that were ignored, conventions that were assumed.
     pub notes: Vec<String>,
+}
+
+impl Cloud {
+    /// Checks whether the columns go together.
+    ///
+    /// # Errors
+    /// The first that is neither empty nor as long as `position`.
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
+        let columns = Columns(self.position.len());
+        for (name, length) in [
+            ("normal", self.normal.len()),
+            ("radius", self.radius.len()),
+            ("axes", self.axes.len()),
+            ("colour", self.colour.len()),
+            ("opacity", self.opacity.len()),
+            ("density", self.density.len()),
+            ("volume", self.volume.len()),
+            ("material", self.material.len()),
+            ("velocity", self.velocity.len()),
+            ("acceleration", self.acceleration.len()),
+            ("id", self.id.len()),
+        ] {
+            columns.check_optional(name, length)?;
+        }
+        Ok(())
+    }
 }

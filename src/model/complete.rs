@@ -47,7 +47,7 @@ pub fn complete(
     let (normal, axes) = surfaces(&mut cloud, &position, options.radius_scale, progress, &mut notes);
     let (axis_u, axis_v) = axes.into_par_iter().map(|[u, v]| (u, v)).unzip();
     let colour = linear_colours(&cloud, position.len(), options.colour_space, &mut notes);
-    repair(&mut cloud.material, is_valid_material, Material::default(), "reflection coefficients", &mut notes);
+    repair(&mut cloud.material, Material::is_valid, Material::default(), "reflection coefficients", &mut notes);
     repair(&mut cloud.velocity, Vec3::is_finite, Vec3::ZERO, "velocities", &mut notes);
     repair(&mut cloud.acceleration, Vec3::is_finite, Vec3::ZERO, "accelerations", &mut notes);
     repair(&mut cloud.opacity, |opacity| (0.0..=1.0).contains(&opacity), 1.0, "opacities", &mut notes);
@@ -306,10 +306,6 @@ fn linear_colours(cloud: &Cloud, points: usize, space: Option<ColourSpace>, note
     let clamped = |c: f32| channel(c).clamp(-BRIGHTEST, BRIGHTEST);
     let linear = |c: &Vec3| if c.is_finite() { Vec3::from(c.to_array().map(clamped)) } else { Vec3::ONE };
     cloud.colour.par_iter().map(linear).collect()
-}
-
-fn is_valid_material(m: Material) -> bool {
-    [m.ambient, m.diffuse, m.specular, m.shininess].iter().all(|c| c.is_finite() && *c >= 0.0)
 }
 
 /// Replaces the entries that are not valid, and notes their number.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::files::{Changed, InputError};
 use crate::gltf::GltfError;
+use crate::limits::Invalid;
 
 /// The formats of models that are known, for messages. It stands here because `format` looks into files with readers
 /// that report errors.
@@ -62,6 +63,9 @@ pub enum ModelError {
         /// Where and what.
         why: ParseError,
     },
+    /// The columns of a cloud do not go together.
+    #[error(transparent)]
+    Column(#[from] Invalid),
     /// The cloud has no point that could be drawn.
     #[error("the model has no usable points")]
     NoPoints,

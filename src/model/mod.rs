@@ -14,6 +14,7 @@ mod columns;
 mod complete;
 mod disc_tree;
 mod error;
+mod flaw;
 mod format;
 pub mod generate;
 pub mod generate_volume;

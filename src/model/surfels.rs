@@ -4,6 +4,8 @@ use std::sync::OnceLock;
 
 use glam::{DVec3, Vec3};
 
+use super::flaw::{self, Columns};
+use crate::limits::Invalid;
 use crate::math::Bounds;
 
 /// Reflection coefficients of the shading equation (docs/math.md, eq. 7; Wolf 2008, 4.1.1).
@@ -17,6 +19,13 @@ pub struct Material {
     pub specular: f32,
     /// Specular exponent, >= 0.
     pub shininess: f32,
+}
+
+impl Material {
+    /// Is each coefficient a number of at least 0?
+    pub(super) fn is_valid(self) -> bool {
+        [self.ambient, self.diffuse, self.specular, self.shininess].iter().all(|c| c.is_finite() && *c >= 0.0)
+    }
 }
 
 impl Default for Material {
@@ -141,6 +150,39 @@ impl Surfels {
     /// True for a model without surfels.
     pub fn is_empty(&self) -> bool {
         self.position.is_empty()
+    }
+
+    /// Checks whether the columns go together and hold what can be drawn. It looks at each entry once.
+    ///
+    /// # Errors
+    /// The first column that does not.
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
+        let columns = Columns(self.len());
+        for (name, column) in
+            [("axis_u", &self.axis_u), ("axis_v", &self.axis_v), ("normal", &self.normal), ("colour", &self.colour)]
+        {
+            columns.check(name, column.len())?;
+        }
+        columns.check_optional("mipmap", self.mipmap.len())?;
+        columns.check_optional("opacity", self.opacity.len())?;
+        columns.check_optional("material", self.material.len())?;
+        columns.check_optional("velocity", self.velocity.len())?;
+        columns.check_optional("acceleration", self.acceleration.len())?;
+        columns.check_optional("id", self.id.len())?;
+        columns.check_optional("normalisation", self.normalisation.known().map_or(0, <[f32]>::len))?;
+        if !self.origin.is_finite() {
+            return Err(Invalid::new("origin", self.origin, "finite numbers"));
+        }
+        flaw::each("position", &self.position, flaw::is_place, flaw::PLACE)?;
+        flaw::each("axis_u", &self.axis_u, flaw::is_place, flaw::PLACE)?;
+        flaw::each("axis_v", &self.axis_v, flaw::is_place, flaw::PLACE)?;
+        flaw::each("normal", &self.normal, flaw::is_normal, "a vector of length at most 1")?;
+        flaw::each("colour", &self.colour, flaw::is_colour, flaw::COLOUR)?;
+        flaw::each("mipmap", &self.mipmap, |levels| levels.into_iter().all(flaw::is_colour), flaw::COLOUR)?;
+        flaw::each("opacity", &self.opacity, |opacity| (0.0..=1.0).contains(&opacity), "a number from 0 to 1")?;
+        flaw::each("material", &self.material, Material::is_valid, "coefficients of at least 0")?;
+        flaw::each("velocity", &self.velocity, flaw::is_place, flaw::PLACE)?;
+        flaw::each("acceleration", &self.acceleration, flaw::is_place, flaw::PLACE)
     }
 
     /// Memory of the columns, bytes.

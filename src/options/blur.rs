@@ -6,6 +6,7 @@
 use std::fmt;
 
 use super::{Interleave, Lattice, OptionError, SweptKernel, Times};
+use crate::limits::ERROR;
 
 /// How motion becomes blur.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,8 +128,6 @@ impl ErrorTarget {
     pub const GOOD: f64 = 0.025;
     /// FLIP .002 to .003 there, with a third of the RMSE of `GOOD`.
     pub const FINAL: f64 = 0.0125;
-    /// The values of [`ErrorTarget::error`].
-    const RANGE: std::ops::RangeInclusive<f64> = 1e-4..=1.0;
 
     /// An error: `draft`, `good`, `final`, or a number from 0.0001 to 1.
     ///
@@ -140,7 +139,7 @@ impl ErrorTarget {
             "good" => Ok(Self::GOOD),
             "final" => Ok(Self::FINAL),
             _ => {
-                let number = text.parse().ok().filter(|error| Self::RANGE.contains(error));
+                let number = text.parse().ok().filter(|&error| ERROR.holds(error));
                 number.ok_or_else(|| OptionError::value("draft, good, final, or a number from 0.0001 to 1", text))
             }
         }

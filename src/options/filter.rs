@@ -1,10 +1,10 @@
 //! Pixel filters as text: `box`, `point`, `gaussian:1`.
 
 use std::fmt;
-use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use super::OptionError;
+use crate::limits::{Range, SIGMA};
 use crate::sampling::{gaussian_offsets, pixel_offsets};
 
 /// What part of the image plane a pixel is a mean of.
@@ -25,8 +25,6 @@ pub enum PixelFilter {
 impl PixelFilter {
     /// The texts, in order, for helps and messages.
     pub const WORDS: &'static [&'static str] = &["box", "point", "gaussian[:SIGMA]"];
-    /// Standard deviations of Gaussians, pixels. Wider ones would reach beyond what tiles know of their neighbours.
-    const SIGMAS: RangeInclusive<f64> = 0.25..=4.0;
     /// Where the Gaussian is cut, standard deviations: where kernels are cut too.
     const CUT: f64 = 2.0;
 
@@ -69,8 +67,9 @@ impl FromStr for PixelFilter {
             ("point", None) => Ok(Self::Point),
             ("gaussian", None) => Ok(Self::Gaussian { sigma: 1.0 }),
             ("gaussian", Some(sigma)) => {
-                let value = sigma.parse().ok().filter(|sigma| Self::SIGMAS.contains(sigma));
-                let expected = "gaussian:SIGMA with a standard deviation of 0.25 to 4 pixels";
+                let value = sigma.parse().ok().filter(|&sigma| SIGMA.holds(sigma));
+                let Range(least, most) = SIGMA;
+                let expected = format!("gaussian:SIGMA with a standard deviation of {least} to {most} pixels");
                 value.map(|sigma| Self::Gaussian { sigma }).ok_or_else(|| OptionError::value(expected, text))
             }
             _ => Err(OptionError::Word { what: "pixel filter", found: text.to_owned(), known: Self::WORDS.join(", ") }),

@@ -1,11 +1,12 @@
 //! What a person chooses: how frames are rendered.
 //!
 //! Every option has one text. `Display` writes it and `FromStr` reads it. The command line, studies, JSON and the
-//! headers of files all use it. `FromStr` refuses values that are out of range; values that are set in code are not
-//! checked here.
+//! headers of files all use it. `FromStr` refuses values that are out of range. So does [`RenderOptions::check`],
+//! for values that are set in code.
 
 mod aov;
 mod blur;
+mod check;
 mod counts;
 mod error;
 mod filter;
@@ -26,9 +27,7 @@ pub use self::parts::{ModeName, ModeParts};
 pub use self::swept::{KernelShape, KernelWeight, Normalise, Overlap, SourceSamples, SweptKernel, TemporalAlpha};
 pub(crate) use self::words::words;
 use crate::film::Aov;
-
-/// Most time samples, and most sub-pixel positions, of a pixel.
-pub const MAX_SAMPLES: u32 = 65_536;
+pub use crate::limits::MAX_SAMPLES;
 
 /// Interleaved time sampling: the pixels of an S x S lattice fall into S^2 classes, each with times of its own.
 /// Neighbouring pixels see different times (Keller and Heidrich 2001, for rays).

@@ -10,8 +10,8 @@ use super::counts::{count, samples_max};
 use super::error::list;
 use super::words::words;
 use super::{
-    BlurMode, ErrorTarget, Interleave, KernelShape, KernelWeight, Lattice, MAX_SAMPLES, Normalise, OptionError,
-    Overlap, Quality, SourceSamples, SweptKernel, TemporalAlpha, Times,
+    BlurMode, ErrorTarget, Interleave, KernelShape, KernelWeight, Lattice, Normalise, OptionError, Overlap, Quality,
+    SourceSamples, SweptKernel, TemporalAlpha, Times,
 };
 
 /// The name of a mode.
@@ -170,7 +170,7 @@ impl ModeParts {
             ModeName::Bucket => {
                 let (buckets, samples) = (self.buckets.unwrap_or(8), self.samples.unwrap_or(4));
                 let interleave = self.fixed_interleave()?;
-                if u64::from(buckets) * u64::from(samples) > u64::from(MAX_SAMPLES) {
+                if !BlurMode::fits(buckets, samples) {
                     return Err(OptionError::Buckets { buckets, samples });
                 }
                 BlurMode::Bucket { buckets, samples, pixel_samples: self.positions(buckets), interleave, times }
@@ -216,10 +216,11 @@ impl ModeParts {
             alpha: self.alpha.unwrap_or_default(),
             normalise: self.normalise.unwrap_or_default(),
         };
-        if swept.weight != KernelWeight::Integral && swept.shape == KernelShape::Tube {
-            return Err(OptionError::OfEllipsoids { weight: swept.weight.word() });
+        if swept.weighs_as_its_shape() {
+            Ok(swept)
+        } else {
+            Err(OptionError::OfEllipsoids { weight: swept.weight.word() })
         }
-        Ok(swept)
     }
 
     /// Reads what stands after the colon.

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use super::OptionError;
 use super::counts::number;
 use super::words::words;
+use crate::limits::{OVERLAP, SOURCE_SAMPLES};
 
 /// How volumetric kernels weigh and add up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -97,7 +98,7 @@ impl FromStr for SourceSamples {
     type Err = OptionError;
 
     fn from_str(text: &str) -> Result<Self, OptionError> {
-        number(text, 1..=64).map(Self)
+        number(text, SOURCE_SAMPLES).map(Self)
     }
 }
 
@@ -110,9 +111,6 @@ impl FromStr for SourceSamples {
 pub struct Overlap(pub f64);
 
 impl Overlap {
-    /// The values.
-    const RANGE: std::ops::RangeInclusive<f64> = 0.1..=4.0;
-
     /// Motion of a kernel divided by the motion of its surfel during the interval.
     pub(crate) fn stretch(self) -> f64 {
         2.0 * self.0
@@ -135,8 +133,8 @@ impl FromStr for Overlap {
     type Err = OptionError;
 
     fn from_str(text: &str) -> Result<Self, OptionError> {
-        let spacings = text.parse().ok().filter(|spacings| Self::RANGE.contains(spacings));
-        spacings.map(Self).ok_or_else(|| OptionError::value("a number from 0.1 to 4", text))
+        let spacings = text.parse().ok().filter(|&spacings| OVERLAP.holds(spacings));
+        spacings.map(Self).ok_or_else(|| OptionError::value(format!("a number {OVERLAP}"), text))
     }
 }
 

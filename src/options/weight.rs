@@ -6,6 +6,7 @@ use std::str::FromStr;
 
 use super::OptionError;
 use super::error::list;
+use crate::limits::{STEEPNESS, UNIT};
 use crate::time::Weight;
 
 /// The weight with all its parameters. A drawn curve has no text that reads back: it is named with its number of
@@ -67,13 +68,10 @@ impl FromStr for Weight {
 
 /// The value of parameter `key`, in its range.
 fn parameter(key: &str, text: &str) -> Result<f64, OptionError> {
-    let (range, expected) = match key {
-        "centre" => (0.0..=1.0, "a number from 0 to 1 (the shutter)"),
-        _ => (1e-3..=1e3, "a number from 0.001 to 1000"),
-    };
-    let value = text.trim().parse().ok().filter(|value| range.contains(value));
+    let (range, of) = if key == "centre" { (UNIT, " (the shutter)") } else { (STEEPNESS, "") };
+    let value = text.trim().parse().ok().filter(|&value| range.holds(value));
     value.ok_or_else(|| OptionError::OfOption {
         option: key.to_owned(),
-        what: Box::new(OptionError::value(expected, text)),
+        what: Box::new(OptionError::value(format!("a number {range}{of}"), text)),
     })
 }

@@ -1,6 +1,7 @@
 //! Why a reference cannot be made.
 
 use super::sampler::{MOST_SAMPLES, SCRAMBLINGS};
+use crate::limits::Invalid;
 use crate::model::ModelError;
 use crate::time::FrameNumber;
 
@@ -8,6 +9,9 @@ use crate::time::FrameNumber;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReferenceError {
+    /// A value of the scene or of the options is out of its bounds.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
     /// A file of a sequence cannot be read, or does not go with the one beside it.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -102,9 +106,4 @@ pub enum ReferenceError {
         /// What is needed.
         expected: String,
     },
-}
-
-/// Refuses the number of a frame that is infinite or NaN.
-pub(super) fn finite(frame: FrameNumber) -> Result<FrameNumber, ReferenceError> {
-    if frame.get().is_finite() { Ok(frame) } else { Err(ReferenceError::Frame { frame }) }
 }

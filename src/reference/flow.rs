@@ -13,7 +13,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::cull::{Candidates, ObjectCones};
-use super::error::{ReferenceError, finite};
+use super::error::ReferenceError;
 use super::gaussians::veil::{Taken, Veil};
 use super::layers::Surfaces;
 use super::options::ReferenceOptions;
@@ -55,9 +55,9 @@ pub fn flows(
     pairs: &[[f64; 2]],
     options: &ReferenceOptions,
 ) -> Result<Vec<Flow>, ReferenceError> {
-    let frame = finite(frame.into())?;
     let options = ReferenceOptions { filter: PixelFilter::Point, aovs: Vec::new(), ..options.clone() };
-    let scene = &*scene.at_frame(frame.get())?;
+    let (frame, scene) = options.enter(scene, frame.into())?;
+    let scene = &*scene;
     let world = World::new(scene, frame, &options)?;
     if let Some(volume) = world.volumes.first() {
         return Err(ReferenceError::Flow { object: world.bodies[volume.body].object.name.clone() });

@@ -1,9 +1,14 @@
 //! What a caller chooses about a reference.
 
+use std::borrow::Cow;
+
 use super::error::ReferenceError;
 use super::sampler::{MOST_SAMPLES, SCRAMBLINGS, Sampler};
 use crate::film::Aov;
+use crate::limits;
 use crate::options::{PixelFilter, Shading};
+use crate::scene::Scene;
+use crate::time::FrameNumber;
 
 /// Samples of a pixel in one round of a run that stops at an error.
 pub const ROUND: u64 = 256;
@@ -64,5 +69,22 @@ impl ReferenceOptions {
             return Err(ReferenceError::Fixed);
         }
         Ok(())
+    }
+
+    /// The number of a frame and the scene there, both checked with these options, but for the number of samples.
+    pub(super) fn enter<'a>(
+        &self,
+        scene: &'a Scene,
+        frame: FrameNumber,
+    ) -> Result<(FrameNumber, Cow<'a, Scene>), ReferenceError> {
+        scene.check()?;
+        self.filter.check()?;
+        if let Some(epsilon) = self.epsilon {
+            limits::EPSILON.check("epsilon", epsilon)?;
+        }
+        if !frame.get().is_finite() {
+            return Err(ReferenceError::Frame { frame });
+        }
+        Ok((frame, scene.at_frame(frame.get())?))
     }
 }

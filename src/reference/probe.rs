@@ -5,7 +5,7 @@ use std::fmt;
 use glam::DVec3;
 
 use super::cull::Candidates;
-use super::error::{ReferenceError, finite};
+use super::error::ReferenceError;
 use super::gaussians::veil::{Taken, Veil};
 use super::integrator::Integrator;
 use super::layers::Surfaces;
@@ -121,8 +121,8 @@ pub fn probe(
     sample: Option<u64>,
 ) -> Result<Probe, ReferenceError> {
     options.check()?;
-    let frame = finite(frame.into())?;
-    let scene = &*scene.at_frame(frame.get())?;
+    let (frame, scene) = options.enter(scene, frame.into())?;
+    let scene = &*scene;
     let samples = options.samples;
     let [width, height] = [scene.image.width, scene.image.height];
     if pixel[0] >= width || pixel[1] >= height {

@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use super::error::{ReferenceError, finite};
+use super::error::ReferenceError;
 use super::integrator::{Integrator, Progress};
 use super::options::{ROUND, ReferenceOptions};
 use super::posed::World;
@@ -76,8 +76,8 @@ pub fn render_until(
     (progress, stop): (Progress<'_>, Option<&Stop>),
 ) -> Result<Reference, ReferenceError> {
     options.check()?;
-    let frame = finite(frame.into())?;
-    let scene = &*scene.at_frame(frame.get())?;
+    let (frame, scene) = options.enter(scene, frame.into())?;
+    let scene = &*scene;
     if !options.sampler.is_progressive() && earlier.is_some() {
         return Err(ReferenceError::Fixed);
     }

@@ -2,10 +2,10 @@
 
 use super::*;
 use crate::options::{BlurMode, Prefilter};
-use crate::scene::{Object, Sphere};
+use crate::scene::{Model, Object, Sphere};
 
 fn scene() -> Scene {
-    let mut scene = Scene::new([]);
+    let mut scene = Scene::new([Object::new(Model::default())]);
     (scene.image.width, scene.image.height) = (8, 6);
     scene
 }

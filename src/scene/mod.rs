@@ -2,6 +2,7 @@
 
 mod at_frame;
 mod automatic;
+mod check;
 mod detail;
 mod model;
 pub mod pose;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use crate::limits::Invalid;
 use crate::math::Bounds;
 use crate::model::paths::{Elapsed, OwnPaths, Paths};
 use crate::model::{Gaussians, Loaded, Optics, Surfels};
@@ -26,6 +27,8 @@ pub struct Model {
     /// Boxes around the columns of the paths.
     rates: [Bounds; 3],
     mesh: bool,
+    /// What is wrong with the columns of a program, so that it cannot be rendered.
+    flaw: Option<Arc<Invalid>>,
 }
 
 impl Model {
@@ -61,6 +64,29 @@ impl Model {
             let (a, b) = (rate.min * factor, rate.max * factor);
             Bounds { min: min + a.min(b), max: max + a.max(b) }
         })
+    }
+
+    /// Why it cannot be rendered; `None` if it can.
+    pub(crate) fn flaw(&self) -> Option<&Invalid> {
+        self.flaw.as_deref()
+    }
+
+    /// A model of surfels that are known to be right.
+    fn of_surfels(surfels: Arc<Surfels>) -> Self {
+        let (median_radius, bounds) = (surfels.median_radius(), surfels.bounds());
+        let (least_opacity, rates) = (surfels.least_opacity(), surfels.paths().bounds());
+        Self { surfels, median_radius, least_opacity, bounds, core: bounds, rates, ..Self::default() }
+    }
+
+    /// A model of Gaussians that are known to be right.
+    fn of_gaussians(gaussians: Arc<Gaussians>) -> Self {
+        let bounds: Bounds = gaussians.position.iter().map(|p| p.as_dvec3()).collect();
+        let mut radii: Vec<f32> = gaussians.sigma.iter().map(|sigma| 2.0 * sigma.max_element()).collect();
+        let middle = radii.len() / 2;
+        let median_radius =
+            if radii.is_empty() { 0.0 } else { *radii.select_nth_unstable_by(middle, f32::total_cmp).1 };
+        let core = core(&gaussians, bounds);
+        Self { gaussians: Some(gaussians), median_radius, least_opacity: 1.0, bounds, core, ..Self::default() }
     }
 
     /// True for the kernels of a volume.
@@ -108,19 +134,12 @@ impl From<Surfels> for Model {
 }
 
 impl From<Arc<Surfels>> for Model {
+    /// Columns that do not go together, or hold what cannot be drawn, are an error when the model is rendered.
     fn from(surfels: Arc<Surfels>) -> Self {
-        let (median_radius, bounds) = (surfels.median_radius(), surfels.bounds());
-        let (least_opacity, rates) = (surfels.least_opacity(), surfels.paths().bounds());
-        Self {
-            surfels,
-            own_paths: None,
-            gaussians: None,
-            median_radius,
-            least_opacity,
-            bounds,
-            core: bounds,
-            rates,
-            mesh: false,
+        match surfels.check() {
+            Ok(()) => Self::of_surfels(surfels),
+            // Nothing can be derived from them.
+            Err(flaw) => Self { surfels, flaw: Some(Arc::new(flaw)), ..Self::default() },
         }
     }
 }
@@ -132,14 +151,12 @@ impl From<Gaussians> for Model {
 }
 
 impl From<Arc<Gaussians>> for Model {
+    /// As from surfels.
     fn from(gaussians: Arc<Gaussians>) -> Self {
-        let bounds: Bounds = gaussians.position.iter().map(|p| p.as_dvec3()).collect();
-        let mut radii: Vec<f32> = gaussians.sigma.iter().map(|sigma| 2.0 * sigma.max_element()).collect();
-        let middle = radii.len() / 2;
-        let median_radius =
-            if radii.is_empty() { 0.0 } else { *radii.select_nth_unstable_by(middle, f32::total_cmp).1 };
-        let core = core(&gaussians, bounds);
-        Self { gaussians: Some(gaussians), median_radius, least_opacity: 1.0, bounds, core, ..Self::default() }
+        match gaussians.check() {
+            Ok(()) => Self::of_gaussians(gaussians),
+            Err(flaw) => Self { gaussians: Some(gaussians), flaw: Some(Arc::new(flaw)), ..Self::default() },
+        }
     }
 }
 
@@ -147,8 +164,11 @@ impl From<Loaded> for Model {
     /// Surfels are sorted along a curve through space.
     fn from(loaded: Loaded) -> Self {
         match loaded.gaussians {
-            Some(gaussians) => gaussians.into(),
-            None => Self { mesh: loaded.mesh.is_some(), ..loaded.surfels.spatially_ordered().into() },
+            Some(gaussians) => Self::of_gaussians(Arc::new(gaussians)),
+            None => {
+                let mesh = loaded.mesh.is_some();
+                Self { mesh, ..Self::of_surfels(Arc::new(loaded.surfels.spatially_ordered())) }
+            }
         }
     }
 }

@@ -318,8 +318,9 @@ impl Object {
     /// An object of points: missing normals and radii are estimated, and the points sorted along a curve through space.
     ///
     /// # Errors
-    /// The cloud has no point that can be drawn.
+    /// The cloud has no point that can be drawn, or a column that is neither empty nor as long as `position`.
     pub fn from_cloud(cloud: Cloud) -> Result<Self, ModelError> {
+        cloud.check()?;
         let (surfels, _) = model::complete(cloud, &model::LoadOptions::default(), &|_, _| {})?;
         Ok(Self::new(surfels.spatially_ordered()))
     }

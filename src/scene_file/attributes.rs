@@ -5,7 +5,8 @@ use glam::DVec3;
 use super::check::selected;
 use super::dom::{Element, FileRef, Source};
 use super::error::{SceneError, quoted};
-use super::schema::{Absent, AttributeSchema, ElementSchema, FAR, Kind, Range, element as schema_of};
+use super::schema::{Absent, AttributeSchema, ElementSchema, Kind, element as schema_of};
+use crate::limits::{self, Range};
 use crate::model::Spacing;
 
 /// An element, present or not, with its schema. It gives values by name.
@@ -147,8 +148,8 @@ fn number(text: &str, range: Range) -> Option<f64> {
 fn vector(text: &str, kind: Kind) -> Option<DVec3> {
     let range = match kind {
         Kind::Vector(range) => range,
-        Kind::Direction => Range(-FAR, FAR),
-        Kind::Scale => Range(-1e9, 1e9),
+        Kind::Direction => limits::COORDINATE,
+        Kind::Scale => Range(-limits::SCALE.1, limits::SCALE.1),
         _ => return None,
     };
     let mut numbers = text.split_ascii_whitespace().map(|word| number(word, range));
@@ -159,8 +160,8 @@ fn vector(text: &str, kind: Kind) -> Option<DVec3> {
         _ => return None,
     };
     let right = match kind {
-        Kind::Direction => (1e-9..=FAR).contains(&v.length()),
-        Kind::Scale => v.abs().cmpge(DVec3::splat(1e-9)).all(),
+        Kind::Direction => limits::is_direction(v),
+        Kind::Scale => limits::is_scale(v),
         _ => true,
     };
     right.then_some(v)

@@ -7,8 +7,8 @@ use glam::DVec3;
 use super::attributes::Part;
 use super::dom::{Element, FileRef, Source};
 use super::error::{SceneError, quoted};
-use super::schema::FAR;
 use crate::anim::{Interpolation, TrackFormat, TrackOptions};
+use crate::limits::FAR;
 use crate::math::{RotateOrder, Trs};
 use crate::model::{
     self, ColourSpace, Kind, Material, MeshOptions, Stop, TransferFunction, VelocityUnit, VolumeOptions,
@@ -182,15 +182,14 @@ fn drawn(source: &Source, curve: &Element) -> Result<Weight, SceneError> {
         points.push((time, weight));
     }
     let weight = Weight::Curve(points);
-    // Weights that are all 0, or so nearly that their integral is, cannot be normalised.
-    if (weight.integral(0.0, 1.0) - 1.0).abs() < 1e-9 {
+    if weight.has_area() {
         return Ok(weight);
     }
     Err(SceneError::BadValue {
         at: source.locate(curve.at),
         what: "the area under <curve>".to_owned(),
         found: "0".to_owned(),
-        expected: "some weight above 0".to_owned(),
+        expected: Weight::AREA.to_owned(),
     })
 }
 

@@ -200,20 +200,15 @@ fn camera(
     if camera.animation.is_some() {
         return Ok(camera);
     }
-    let bad = |found: &str, expected: &str| SceneError::BadValue {
-        at: source.locate(spec.map_or(0, |s| s.at)),
-        what: "the view from `eye` to `at` of <camera>".to_owned(),
-        found: found.to_owned(),
-        expected: expected.to_owned(),
-    };
-    let view = camera.at - camera.eye;
-    if !(1e-12..=1e100).contains(&view.length()) {
-        return Err(bad("0 long", "two different points"));
+    match camera.bad_view() {
+        None => Ok(camera),
+        Some([found, expected]) => Err(SceneError::BadValue {
+            at: source.locate(spec.map_or(0, |s| s.at)),
+            what: "the view from `eye` to `at` of <camera>".to_owned(),
+            found: found.to_owned(),
+            expected: expected.to_owned(),
+        }),
     }
-    if view.normalize().cross(camera.up.normalize()).length() < 1e-9 {
-        return Err(bad("along `up`", "another direction than `up`"));
-    }
-    Ok(camera)
 }
 
 /// Most copies of one model file that differ in how they are loaded: a small scene must not fill the

@@ -4,7 +4,7 @@
 //! A long file, because a table that is split is no longer one table.
 
 use crate::anim::TrackFormat;
-use crate::time::Readout;
+use crate::limits::{self, COORDINATE, DEGREES, DIRECTION, INTENSITY, LIGHT, Range, SCALE, UNIT};
 
 /// An element.
 #[derive(Debug)]
@@ -79,10 +79,6 @@ pub(super) enum Kind {
     Spacing(Range),
 }
 
-/// Bounds of a number, both included.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Range(pub(super) f64, pub(super) f64);
-
 /// What an absent attribute means.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Absent {
@@ -92,31 +88,9 @@ pub(super) enum Absent {
     Auto(#[cfg_attr(not(test), expect(dead_code, reason = "for docs/scene-format.md alone"))] &'static str),
 }
 
-/// Largest coordinate: its square is far from the largest `f64`.
-pub(super) const FAR: f64 = 1e30;
-const COORDINATE: Range = Range(-FAR, FAR);
-const LIGHT: Range = Range(0.0, 1e6);
-/// A power of two, so that `write.rs` can split any allowed radiance into colour and intensity without rounding.
-pub(super) const MOST_INTENSITY: f64 = 1_048_576.0;
 const MOST_NUMBER: i64 = 1_000_000_000;
-const FRAME: Kind = Kind::Integer(-1_000_000_000, 1_000_000_000);
-const PIXELS: Kind = Kind::Integer(1, crate::film::Picture::MAX_SIZE as i64);
-const UNIT: Range = Range(0.0, 1.0);
-const DEGREES: Range = Range(-1e9, 1e9);
-
-impl Range {
-    pub(super) fn holds(self, x: f64) -> bool {
-        (self.0..=self.1).contains(&x)
-    }
-}
-
-impl std::fmt::Display for Range {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        // `Debug` writes large and small numbers as powers of ten.
-        let text = |x: f64| format!("{x:?}").trim_end_matches(".0").to_owned();
-        write!(f, "from {} to {}", text(self.0), text(self.1))
-    }
-}
+const FRAME: Kind = Kind::Integer(-limits::MOST_FRAME, limits::MOST_FRAME);
+const PIXELS: Kind = Kind::Integer(*limits::SIDE.start() as i64, *limits::SIDE.end() as i64);
 
 impl std::fmt::Display for Kind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -127,10 +101,13 @@ impl std::fmt::Display for Kind {
             Self::Integer(lo, hi) => write!(f, "a whole number from {lo} to {hi}"),
             Self::Number(range) => write!(f, "a number {range}"),
             Self::Vector(range) => write!(f, "three numbers {range}"),
-            Self::Direction => f.write_str("three numbers, length from 1e-9 to 1e30"),
+            Self::Direction => write!(f, "three numbers, length {DIRECTION}"),
             Self::Divisor(range) => write!(f, "a number {range}, or infinite"),
             Self::Spacing(range) => write!(f, "a number {range}, or none"),
-            Self::Scale => f.write_str("one number or three, each from 1e-9 to 1e9 or the negative of that"),
+            Self::Scale => {
+                let Range(least, most) = SCALE;
+                write!(f, "one number or three, each from {least:e} to {most:e} or the negative of that")
+            }
         }
     }
 }
@@ -194,7 +171,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("last", FRAME, Auto("the last key of the animations, see below"), "last frame, included"),
             row(
                 "rate",
-                Kind::Number(Range(0.001, 1e6)),
+                Kind::Number(limits::RATE),
                 Auto("that of the first animation file, else 24"),
                 "frames per second",
             ),
@@ -206,8 +183,8 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: None,
         selector: Some("weight"),
         attributes: &[
-            row("open", Kind::Number(Range(-1e6, 1e6)), Value("-0.25"), "opening, frames after the frame number"),
-            row("close", Kind::Number(Range(-1e6, 1e6)), Value("0.25"), "closing, likewise; after `open`"),
+            row("open", Kind::Number(limits::SHUTTER), Value("-0.25"), "opening, frames after the frame number"),
+            row("close", Kind::Number(limits::SHUTTER), Value("0.25"), "closing, likewise; after `open`"),
             row(
                 "weight",
                 Kind::Choice(&["box", "tent", "ramp", "exponential", "one-minus-exponential", "gaussian"]),
@@ -226,14 +203,14 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 &["one-minus-exponential"],
                 row("centre", Kind::Number(UNIT), Value("1"), "time at which it is 0, 0 at `open`, 1 at `close`"),
             ),
-            only(&["exponential"], row("rate", Kind::Number(Range(0.001, 1000.0)), Value("3"), "decay per shutter")),
+            only(&["exponential"], row("rate", Kind::Number(limits::STEEPNESS), Value("3"), "decay per shutter")),
             only(
                 &["gaussian"],
-                row("width", Kind::Number(Range(0.001, 1000.0)), Value("0.2"), "standard deviation, shutters"),
+                row("width", Kind::Number(limits::STEEPNESS), Value("0.2"), "standard deviation, shutters"),
             ),
             row(
                 "readout",
-                Kind::Number(Range(0.0, Readout::MOST)),
+                Kind::Number(limits::READOUT),
                 Value("0"),
                 "rolling shutter: frames from the exposure of the first edge of the image to that of the last one",
             ),
@@ -287,8 +264,8 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
                 Auto("0 1 0; 0 -1 0 where all objects are captures as they are"),
                 "up direction, not along the view",
             ),
-            row("fovy", Kind::Number(Range(1e-6, 179.999)), Value("40"), "vertical field of view, degrees"),
-            row("near", Kind::Number(Range(1e-9, FAR)), Value("0.01"), "nearest visible depth, scene units"),
+            row("fovy", Kind::Number(limits::FOVY), Value("40"), "vertical field of view, degrees"),
+            row("near", Kind::Number(limits::LENGTH), Value("0.01"), "nearest visible depth, scene units"),
         ],
         children: &[child("animation", AtMostOne), child("track", AtMostOne), child("motion", Any)],
     },
@@ -298,7 +275,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         selector: None,
         attributes: &[
             row("format", Kind::Choice(&TrackFormat::WORDS), Required, "program that wrote it"),
-            row("start", Kind::Number(Range(-1e9, 1e9)), Value("0"), "frame of the first pose"),
+            row("start", Kind::Number(limits::FRAME), Value("0"), "frame of the first pose"),
             row("positions", Kind::Choice(&["catmull-rom", "linear"]), Value("catmull-rom"), "between poses"),
             row(
                 "distortion",
@@ -321,7 +298,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             ),
             only(&["point"], row("position", Kind::Vector(COORDINATE), Required, "position, scene units")),
             row("colour", Kind::Vector(LIGHT), Value("1 1 1"), "linear red green blue"),
-            row("intensity", Kind::Number(Range(0.0, MOST_INTENSITY)), Value("1"), "factor on `colour`"),
+            row("intensity", Kind::Number(INTENSITY), Value("1"), "factor on `colour`"),
         ],
         children: &[],
     },
@@ -330,7 +307,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: Some("the path of an EXR or PNG picture of all directions"),
         selector: None,
         attributes: &[
-            row("intensity", Kind::Number(Range(0.0, MOST_INTENSITY)), Value("1"), "factor on its radiance"),
+            row("intensity", Kind::Number(INTENSITY), Value("1"), "factor on its radiance"),
             row("rotation", Kind::Number(DEGREES), Value("0"), "rotation about +y, degrees"),
             row("background", Kind::Boolean, Value("false"), "true: it shows where nothing else does"),
         ],
@@ -351,7 +328,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             ),
             row(
                 "epsilon",
-                Kind::Number(Range(0.0, FAR)),
+                Kind::Number(limits::EPSILON),
                 Auto("median radius times the object's scale"),
                 "depth tolerance of visibility, scene units",
             ),
@@ -363,7 +340,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             ),
             row(
                 "at",
-                Kind::Number(Range(-1e9, 1e9)),
+                Kind::Number(limits::FRAME),
                 Auto("each frame's own number"),
                 "frame at which points with velocities are where the file has them",
             ),
@@ -384,7 +361,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: Some("the path of a model file; none with `sequence`"),
         selector: None,
         attributes: &[
-            row("radiusScale", Kind::Number(Range(1e-6, 1e6)), Value("1"), "factor on all radii"),
+            row("radiusScale", Kind::Number(limits::RADIUS_SCALE), Value("1"), "factor on all radii"),
             row(
                 "colourSpace",
                 Kind::Choice(&["srgb", "linear"]),
@@ -461,7 +438,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: None,
         selector: None,
         attributes: &[
-            row("radius", Kind::Number(Range(1e-9, FAR)), Value("1"), "radius, scene units"),
+            row("radius", Kind::Number(limits::LENGTH), Value("1"), "radius, scene units"),
             row("colour", Kind::Vector(LIGHT), Value("1 1 1"), "linear red green blue"),
         ],
         children: &[],
@@ -473,12 +450,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         attributes: &[
             row("interpolation", Kind::Choice(&["maya", "linear", "spline"]), Value("maya"), "between the keys"),
             row("node", Kind::Text, Auto("the first that the file moves"), "node of the file, by name"),
-            row(
-                "fps",
-                Kind::Number(Range(0.001, 1e6)),
-                Auto("24"),
-                "frames per second of a glTF file, which has seconds",
-            ),
+            row("fps", Kind::Number(limits::RATE), Auto("24"), "frames per second of a glTF file, which has seconds"),
             row("loop", Kind::Boolean, Value("false"), "true: a glTF file's animation repeats for ever"),
         ],
         children: &[],
@@ -646,13 +618,5 @@ mod tests {
         let row = element("pointModel").and_then(|schema| schema.row("kernel", "")).unwrap();
         let Absent::Value(kernel) = row.default else { panic!("{:?}", row.default) };
         assert_eq!(kernel.parse::<f64>().unwrap(), crate::model::KERNEL);
-    }
-
-    #[test]
-    fn ranges_refuse_what_is_not_finite() {
-        assert!(COORDINATE.holds(1.0) && COORDINATE.holds(-FAR));
-        assert!(!COORDINATE.holds(f64::NAN) && !COORDINATE.holds(f64::INFINITY));
-        assert_eq!(COORDINATE.to_string(), "from -1e30 to 1e30");
-        assert_eq!(UNIT.to_string(), "from 0 to 1");
     }
 }

@@ -9,9 +9,9 @@ use std::path::{Component, Path, PathBuf};
 
 use glam::{DVec3, Vec3};
 
-use super::schema::MOST_INTENSITY;
 use super::xml::is_xml;
 use crate::anim::{Interpolation, NodeMotion, TrackOptions};
+use crate::limits::{LIGHT, MOST_INTENSITY};
 use crate::math::Trs;
 use crate::model::{ColourSpace, Kind, MeshOptions, Spacing, TransferFunction, VelocityUnit, VolumeOptions};
 use crate::scene::{AnimationBinding, Camera, Capture, Light, Motion, Object, Scene};
@@ -149,7 +149,7 @@ impl Xml {
         attributes.extend(place.map(|(name, v)| (name, vector(v))));
         // Colours are kept multiplied by the intensity, which may take them out of one attribute's range.
         let largest = colour.max_element();
-        let intensity = if largest > 1e6 { largest.log2().ceil().exp2().min(MOST_INTENSITY) } else { 1.0 };
+        let intensity = if largest > LIGHT.1 { largest.log2().ceil().exp2().min(MOST_INTENSITY) } else { 1.0 };
         attributes.extend([("colour", vector(colour / intensity)), ("intensity", number(intensity))]);
         self.line(1, "light", &attributes);
     }

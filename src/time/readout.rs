@@ -3,6 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::limits::READOUT;
+
 /// Where the read-out goes: from the edge that is exposed first to the one that is exposed last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Direction {
@@ -81,9 +83,6 @@ pub struct Readout {
 }
 
 impl Readout {
-    /// Longest duration, frames.
-    pub const MOST: f64 = 1e4;
-
     /// Is every row exposed at a time of its own?
     pub fn rolls(&self) -> bool {
         self.duration > 0.0
@@ -126,9 +125,9 @@ impl FromStr for Readout {
     fn from_str(text: &str) -> Result<Self, String> {
         let mut parts = text.split(',');
         let number = parts.next().unwrap_or_default();
-        let wrong = || format!("`{number}`, expected frames from 0 to {}", Self::MOST);
+        let wrong = || format!("`{number}`, expected frames {READOUT}");
         let duration = number.trim().parse::<f64>().map_err(|_| wrong())?;
-        if !(0.0..=Self::MOST).contains(&duration) {
+        if !READOUT.holds(duration) {
             return Err(wrong());
         }
         let mut readout = Self { duration, ..Self::default() };

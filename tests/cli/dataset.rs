@@ -11,6 +11,9 @@ use splatblur::scene::Scene;
 
 use crate::run;
 
+#[path = "../support/nyquist.rs"]
+mod nyquist;
+
 const SIZE: [usize; 2] = [48, 36];
 
 /// A ball that flies past, frames 1 and 2.
@@ -322,4 +325,50 @@ fn what_makes_no_sense_is_one_line() {
     let error = refused(dir.path(), line);
     assert!(error.contains("`smoke` is a volume, which has no surface and no flow: use --no-flow"), "{error}");
     done(dir.path(), &format!("{line} --no-flow"));
+}
+
+/// Mode auto weaves a lattice into pictures of wide steps, and a network would learn it: a dataset has none. The
+/// energy of its pictures at the Nyquist frequency is that of a plain mean.
+#[test]
+fn no_lattice_is_woven_into_a_dataset() {
+    let dir = folder();
+    let wide = scene("2.6 0 0").replace("width='48' height='36'", "width='320' height='40'");
+    fs::write(dir.path().join("ball.xml"), wide.replace("first='1' last='2'", "first='0' last='1'")).unwrap();
+    let common = "--sharp 1 --no-flow --bits 16 --json";
+    let energy = |name: &str, options: &str| -> (f64, u64) {
+        let said = done(dir.path(), &format!("dataset ball.xml --out {name} {common} {options}"));
+        let report: serde_json::Value = serde_json::from_str(&said).unwrap();
+        let lattice = report["frames"][0]["auto"]["interleave"].as_u64().unwrap_or(1);
+        let frames = ["0000", "0001"].map(|frame| {
+            let picture = image::read(&dir.path().join(name).join(format!("images/{frame}.png"))).unwrap();
+            let channel = |c: usize| picture.rgba.iter().map(|p| f64::from(p[c]).powf(1.0 / 2.2)).collect::<Vec<_>>();
+            (0..3).map(|c| nyquist::energy(&channel(c), picture.width as usize)).sum::<f64>()
+        });
+        (frames.iter().sum(), lattice)
+    };
+    let (plain, _) = energy("plain", "--mode supersample:256");
+    let (made, lattice) = energy("made", "");
+    let (woven, of_auto) = energy("woven", "--interleave auto");
+    println!("{made:e} and with a lattice {woven:e}, of a plain mean {plain:e}");
+    assert_eq!((lattice, of_auto), (1, 2));
+    assert!((made / plain - 1.0).abs() < 0.05, "{made} of {plain}");
+    assert!(woven > 2.0 * plain, "{woven} of {plain}");
+    assert_eq!(json(dir.path(), "made/transforms.json")["splatblur"]["arguments"][3], "--mode=auto");
+
+    // A file from before that knows no lattice is made again as it was; the switch is kept.
+    for (name, again) in [("made", "made"), ("woven", "woven")] {
+        done(dir.path(), &format!("dataset --replay {name}/transforms.json --out again-{name} --quiet"));
+        let again = files(&dir.path().join(format!("again-{again}")));
+        assert!(again == files(&dir.path().join(name)), "{name}");
+    }
+    let text = fs::read_to_string(dir.path().join("woven/transforms.json")).unwrap();
+    let before: String = text.lines().filter(|line| !line.contains("--mode=auto")).map(|l| format!("{l}\n")).collect();
+    let before = before.replace("\"--interleave=auto\",\n", "").replace(",\n      \"--interleave=auto\"", "");
+    assert!(before != text && !before.contains("interleave"), "{before}");
+    fs::write(dir.path().join("before.json"), &before).unwrap();
+    done(dir.path(), "dataset --replay before.json --out before --quiet");
+    for (name, bytes) in files(&dir.path().join("woven")) {
+        let again = fs::read(dir.path().join("before").join(&name)).unwrap();
+        assert!(if name == "transforms.json" { again == before.as_bytes() } else { again == bytes }, "{name}");
+    }
 }

@@ -12,7 +12,9 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::compare::encode;
 use splatblur::film::{Aov, Picture};
 use splatblur::frame::Frame;
-use splatblur::options::{BlurMode, ErrorTarget, PixelFilter, Prefilter, Quality, RenderOptions, Shading};
+use splatblur::options::{
+    BlurMode, ErrorTarget, Interleave, Lattice, PixelFilter, Prefilter, Quality, RenderOptions, Shading,
+};
 use splatblur::plan::{Exposure, Group, PositionExposure, RasterExposure, TimeSample};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::{Rendered, render_frame};
@@ -96,6 +98,31 @@ fn the_stated_error_is_the_true_one() {
             assert!((0.95..2.3).contains(&ratio), "{filter:?} {error}: {stated} is {ratio} of the true error");
             assert!(stated <= error && stated < last, "{filter:?} {error}: {stated} after {last}");
             last = stated;
+        }
+    }
+}
+
+/// Whatever the lattice, the stated error is not below the true one.
+#[test]
+fn the_stated_error_holds_with_every_lattice() {
+    let mut scene = balls();
+    scene.objects.iter_mut().for_each(|object| object.epsilon = Some(0.03));
+    let filter = PixelFilter::Box;
+    let truths = [1, 2].map(|seed| {
+        let options =
+            ReferenceOptions { samples: 128, seed, filter, shading: Shading::Gouraud, ..ReferenceOptions::default() };
+        reference::render(&scene, 0, &options, None, &|_| ()).unwrap().picture
+    });
+    for (interleave, stride) in [(Interleave::None, 1), (Interleave::Two, 2), (Interleave::Four, 4)] {
+        for error in [0.08, 0.025] {
+            let target = ErrorTarget { interleave: Lattice::Fixed(interleave), ..with_error(error) };
+            let made = render(&scene, &options(target, filter));
+            let achieved = made.stats.achieved.unwrap();
+            let ratio = achieved.error / true_error(&made.picture, &truths);
+            println!("{stride} {error}: {:.4} {ratio:.3}", achieved.error);
+            assert_eq!(achieved.interleave, stride);
+            assert!((0.95..2.3).contains(&ratio), "{stride} {error}: {} is {ratio} of the true error", achieved.error);
+            assert!(achieved.error <= error, "{stride} {error}: {}", achieved.error);
         }
     }
 }

@@ -13,6 +13,7 @@ mod ewa;
 mod ewa_in_motion;
 mod exposure;
 mod gpu;
+mod hostile_values;
 mod image_files;
 mod kernels_in_motion;
 mod mesh_truth;

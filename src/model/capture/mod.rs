@@ -24,7 +24,9 @@ pub(super) use spz::parse as parse_spz;
 
 #[cfg(not(feature = "formats"))]
 use super::error::ParseError;
+use super::flaw::{self, Columns};
 use super::tidy::MAX_COORDINATE;
+use crate::limits::{self, Invalid};
 
 /// The spherical harmonic of degree 0: 1 / (2 sqrt(pi)).
 const SH_C0: f32 = 0.282_094_8;
@@ -117,6 +119,33 @@ impl Gaussians {
     /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.position.len()
+    }
+
+    /// Checks whether the columns go together and hold what can be drawn. It looks at each entry once.
+    ///
+    /// # Errors
+    /// The first column that does not.
+    pub(crate) fn check(&self) -> Result<(), Invalid> {
+        let columns = Columns(self.len());
+        columns.check("sigma", self.sigma.len())?;
+        columns.check("rotation", self.rotation.len())?;
+        columns.check("opacity", self.opacity.len())?;
+        columns.check("base", self.base.len())?;
+        columns.check_optional("normal", self.normal.len())?;
+        limits::check_count("degree", self.degree.into(), &(0..=MOST_DEGREE.into()))?;
+        let coefficients = self.len() * self.harmonics_each();
+        if self.harmonics.len() != coefficients {
+            let found = format!("{} entries long", self.harmonics.len());
+            return Err(Invalid::new("harmonics", found, format!("{coefficients} entries")));
+        }
+        flaw::each("position", &self.position, flaw::is_place, flaw::PLACE)?;
+        let is_sigma = |sigma: Vec3| flaw::is_place(sigma) && sigma.min_element() >= 0.0;
+        flaw::each("sigma", &self.sigma, is_sigma, "numbers from 0 to 1e18")?;
+        flaw::each("rotation", &self.rotation, |q| (q.length_squared() - 1.0).abs() < 0.01, "a unit quaternion")?;
+        flaw::each("opacity", &self.opacity, |opacity| opacity.is_finite() && opacity >= 0.0, "at least 0")?;
+        flaw::each("normal", &self.normal, flaw::is_normal, "a vector of length at most 1")?;
+        flaw::each("base", &self.base, flaw::is_place, flaw::PLACE)?;
+        flaw::each("harmonics", &self.harmonics, flaw::is_place, flaw::PLACE)
     }
 
     /// True if there are none.
