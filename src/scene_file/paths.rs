@@ -1,6 +1,7 @@
 //! Where the files are that a scene names.
 
 use std::fs;
+use std::io;
 use std::path::{Component, Path, PathBuf};
 
 use super::dom::{FileRef, Source};
@@ -19,7 +20,7 @@ pub(super) struct Finder<'a> {
 impl<'a> Finder<'a> {
     pub(super) fn new(source: &'a Source, restrict: Option<&Path>) -> Result<Self, SceneError> {
         let restrict = restrict
-            .map(|dir| dir.canonicalize().map_err(|source| SceneError::RestrictTo { path: dir.to_owned(), source }))
+            .map(|dir| directory(dir).map_err(|source| SceneError::RestrictTo { path: dir.to_owned(), source }))
             .transpose()?;
         let beside = source.path().parent().unwrap_or(Path::new("")).to_owned();
         let mut bases = vec![beside];
@@ -77,6 +78,11 @@ impl<'a> Finder<'a> {
             }
         }
     }
+}
+
+fn directory(dir: &Path) -> io::Result<PathBuf> {
+    let real = dir.canonicalize()?;
+    if real.is_dir() { Ok(real) } else { Err(io::ErrorKind::NotADirectory.into()) }
 }
 
 /// A regular file at `wanted` below `base` if upper and lower case are the same; the first by name if there are
