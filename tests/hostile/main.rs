@@ -35,6 +35,9 @@ const USUAL: u64 = 300;
 /// Address space of the process that makes the runs, KiB: 4 GiB, of which the program and its threads take a part.
 const MOST_MEMORY: u64 = 4 << 20;
 
+/// A process that works is given so many times as long by the clock: other programs may have the processor.
+const WAITING: u32 = 4;
+
 /// After so many failures the rest is not run.
 const MOST_FAILURES: usize = 50;
 
@@ -96,6 +99,14 @@ fn start(log: &Path, seed: u64, numbers: &Range<u64>, plant: Option<(u64, &str)>
     command.spawn().unwrap()
 }
 
+/// Processor time of a process, as Linux tells it; elsewhere more than any run may take, so that the clock decides.
+fn processor_time(child: &Child) -> Duration {
+    let Ok(text) = fs::read_to_string(format!("/proc/{}/stat", child.id())) else { return Duration::MAX / 2 };
+    // The name, in brackets, may have blanks. The times are the 12th and the 13th word behind it, in hundredths.
+    let words = text.rsplit_once(')').map_or("", |(_, words)| words).split_whitespace().skip(11).take(2);
+    Duration::from_millis(10 * words.filter_map(|word| word.parse::<u64>().ok()).sum::<u64>())
+}
+
 /// Makes runs until all are made.
 fn make(seed: u64, numbers: Range<u64>, plant: Option<(u64, &str)>, patience: Duration) -> Found {
     let place = tempfile::tempdir().unwrap();
@@ -105,7 +116,7 @@ fn make(seed: u64, numbers: Range<u64>, plant: Option<(u64, &str)>, patience: Du
         let log = place.path().join(format!("log-{next}"));
         File::create(&log).unwrap();
         let mut child = start(&log, seed, &(next..numbers.end), plant, patience);
-        let (mut length, mut changed) = (0, Instant::now());
+        let (mut length, mut changed, mut spent) = (0, Instant::now(), Duration::ZERO);
         // Starting the process takes a while, too.
         let limit = patience + Duration::from_secs(2);
         let (why, ended) = loop {
@@ -114,8 +125,10 @@ fn make(seed: u64, numbers: Range<u64>, plant: Option<(u64, &str)>, patience: Du
             }
             let now = fs::metadata(&log).unwrap().len();
             if now != length {
-                (length, changed) = (now, Instant::now());
-            } else if changed.elapsed() > limit {
+                (length, changed, spent) = (now, Instant::now(), processor_time(&child));
+            } else if changed.elapsed() > limit
+                && (processor_time(&child).saturating_sub(spent) > patience || changed.elapsed() > WAITING * limit)
+            {
                 child.kill().unwrap();
                 child.wait().unwrap();
                 break (format!("it takes longer than {patience:?}"), false);
@@ -217,7 +230,7 @@ fn seeds_are_valid() {
     for input in runs.all() {
         let place = tempfile::tempdir().unwrap();
         let outcome = Runs::run(input, 1, 1, place.path()).unwrap();
-        let may_be_refused = input.name.contains("bad-") || input.name.starts_with("findings/");
+        let may_be_refused = input.name.contains("bad-");
         // Colours of a printer are no texture, a JPEG is no rendered picture, and no run has this hash.
         let is_foreign =
             ["cmyk", "environment", "transforms.json", ".jpg", ".webp"].iter().any(|word| input.name.contains(word));
@@ -225,6 +238,20 @@ fn seeds_are_valid() {
         rendered += usize::from(outcome == Outcome::Rendered);
     }
     assert!(rendered > 60, "{rendered}");
+}
+
+/// Found by run 1333 of seed 3: what the decoder says of a JPEG that ends early had two lines.
+#[test]
+fn a_texture_that_is_cut_short_is_refused_in_one_line() {
+    let runs = Runs::new();
+    let input = runs.all().find(|input| input.name == "mesh with grey.jpg").unwrap();
+    let length = input.files[2].1.len();
+    for length in (0..length).step_by(length / 40) {
+        let mut cut = input.clone();
+        cut.files[2].1.truncate(length);
+        let place = tempfile::tempdir().unwrap();
+        Runs::run(&cut, 1, 1, place.path()).unwrap();
+    }
 }
 
 /// Begins runs, and says so in a file before and after each.

@@ -159,7 +159,7 @@ fn replay(folder: &Path) -> Result<Outcome, String> {
     command.current_dir(folder).args(["dataset", "--replay", "transforms.json", "--out", "made", "--quiet"]);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().map_err(|error| error.to_string())?;
     let start = Instant::now();
-    while start.elapsed() < super::patience() {
+    while start.elapsed() < 2 * super::patience() {
         if child.try_wait().map_err(|error| error.to_string())?.is_some() {
             let output = child.wait_with_output().map_err(|error| error.to_string())?;
             let said = String::from_utf8_lossy(&output.stderr);

@@ -36,7 +36,7 @@ impl Seed {
 }
 
 /// Folders of the corpus whose files are models, and the name that each gets.
-const MODELS: [(&str, &str); 14] = [
+const MODELS: [(&str, &str); 13] = [
     ("bin", "input.bin"),
     ("glb", "input.glb"),
     ("gltf", "input.glb"),
@@ -50,7 +50,6 @@ const MODELS: [(&str, &str); 14] = [
     ("splat", "input.splat"),
     ("spz", "input.spz"),
     ("xyz", "input.xyz"),
-    ("findings", ""),
 ];
 
 /// Models of the tests. The PLY and the glTF files are meshes, too.
@@ -141,9 +140,7 @@ pub(crate) fn seeds() -> Vec<Vec<Seed>> {
     let mut groups: Vec<Vec<Seed>> = Vec::new();
     for (folder, name) in MODELS {
         let of_name = |(file, bytes): (String, Vec<u8>)| {
-            // A finding has its own extension.
-            let name = if name.is_empty() { format!("input.{}", extension(&file)) } else { name.to_owned() };
-            Seed::new(format!("{folder}/{file}"), Way::Model, vec![(&name, bytes)], 0)
+            Seed::new(format!("{folder}/{file}"), Way::Model, vec![(name, bytes)], 0)
         };
         groups.push(corpus(folder).into_iter().map(of_name).collect());
     }

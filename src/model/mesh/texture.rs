@@ -143,7 +143,9 @@ fn jpeg(bytes: &[u8], budget: &mut Budget) -> Result<Texels, NoTexture> {
     let most = MOST_SIZE as usize;
     let options = DecoderOptions::new_safe().set_max_width(most).set_max_height(most).set_strict_mode(true);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    let damaged = |e: zune_jpeg::errors::DecodeErrors| broken(format!("damage: {e:?}"));
+    // Its texts may have lines.
+    let one_line = |text: String| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let damaged = |e: zune_jpeg::errors::DecodeErrors| broken(one_line(format!("damage: {e:?}")));
     decoder.decode_headers().map_err(damaged)?;
     let (width, height) = decoder.dimensions().ok_or_else(|| broken("no size".to_owned()))?;
     let size = budget.take(width as u64, height as u64).map_err(broken)?;
