@@ -48,7 +48,8 @@
 //!
 //! # Features
 //! `gpu` (default): the GPU backend, on wgpu and Vulkan. `cli` (default): the program `splatblur`. `viewer`
-//! (default): its command `view`. `movie` (default): what both have for movies. Without them, the library alone is built.
+//! (default): its command `view`. `movie` (default): what both have for movies. Without them, the library
+//! alone is built.
 
 // In the order of data flow: a module imports only modules that stand above it. They are public for the program, the
 // tests, the benches and the fuzz targets; what a library user needs is re-exported below.

@@ -225,6 +225,12 @@ impl Running {
             scene_file::LoadOptions { lenient: self.lenient, restrict, size: overrides.size, progress: Some(&step) };
         let head = info::head(path).with_context(|| format!("cannot read {}", path.display()))?;
         let kind = info::kind(&head, path);
+        if kind == Kind::Model && matches!(overrides.shutter, Some(ShutterTimes::Seconds(_))) {
+            bail!(
+                "--shutter in seconds needs the frame rate of a scene, and {} is a model: name an angle, as in 180deg",
+                path.display()
+            );
+        }
         let mut loaded = match kind {
             Kind::Scene => pool.install(|| scene_file::load(path, &options))?,
             Kind::Model => pool.install(|| scene_file::load_model(path, &options)).map_err(explained)?,
@@ -238,12 +244,6 @@ impl Running {
             for note in &loaded.notes {
                 say(&format!("note: {note}"));
             }
-        }
-        if kind == Kind::Model && matches!(overrides.shutter, Some(ShutterTimes::Seconds(_))) {
-            bail!(
-                "--shutter in seconds needs the frame rate of a scene, and {} is a model: name an angle, as in 180deg",
-                path.display()
-            );
         }
         overrides.apply(&mut loaded.scene)?;
         if kind == Kind::Model {

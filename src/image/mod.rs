@@ -173,8 +173,8 @@ pub fn encode(picture: &Picture, format: Format, settings: &str) -> Result<Vec<u
     }
 }
 
-/// The codes of a picture that an 8-bit PNG file of it has, row by row: R G B or, with `alpha`, R G B A. Layers are left
-/// out.
+/// The codes of a picture that an 8-bit PNG file of it has, row by row: R G B or, with `alpha`, R G B A. Layers are
+/// left out.
 ///
 /// # Errors
 /// The picture is not valid.

@@ -84,7 +84,10 @@ pub struct Shape {
 #[non_exhaustive]
 pub enum MovieError {
     /// ffmpeg is not installed.
-    #[error("a movie as .{} needs the program ffmpeg, which is not installed; .y4m and .gif need none", kind.extension())]
+    #[error(
+        "a movie as .{} needs the program ffmpeg, which is not installed; .y4m and .gif need none",
+        kind.extension()
+    )]
     NoFfmpeg {
         /// The format.
         kind: Kind,

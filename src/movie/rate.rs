@@ -18,7 +18,8 @@ pub struct Rate {
 
 impl Rate {
     /// The fraction that a rate from 0.001 to 1e6 means. What television writes as 23.976, 29.97 or 59.94 is a multiple
-    /// of 1000/1001; others are the fraction with the least denominator that is the rate to nine digits, else thousandths.
+    /// of 1000/1001. Others are the fraction with the least denominator that is the rate to nine digits, else
+    /// thousandths.
     pub fn of(rate: f64) -> Self {
         let whole = rate.round().max(1.0);
         let ntsc = whole * 1000.0 / 1001.0;

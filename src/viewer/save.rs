@@ -1,4 +1,5 @@
-//! Files that a page saves: pictures as `splatblur render` writes them, scenes, and names for movies. No file is ever replaced.
+//! Files that a page saves: pictures as `splatblur render` writes them, scenes, and movies' names. No file is ever
+//! replaced.
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -44,7 +44,8 @@ fn names(directory: &Path) -> Vec<String> {
 fn help_lists_every_option() {
     let render = "--out --frames --mode --error --samples-max --samples --pixel-samples --size --shutter --weight \
                   --filter --prefilter --shading --two-sided --epsilon --background --transparent --backend --format \
-                  --bits --compression --aov --movie --no-frames --threads --seed --memory --resume --json --lenient --restrict --quiet";
+                  --bits --compression --aov --threads --seed --memory --resume --json --lenient --restrict --quiet \
+                  --movie --no-frames";
     for (command, options) in [
         ("render", render),
         ("info", "--json --xml --csv --frames --step --lenient --restrict"),

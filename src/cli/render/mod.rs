@@ -83,7 +83,7 @@ pub(super) struct Render {
     /// Skip frames whose file was made with the same settings and is whole.
     #[arg(long, help_heading = "Output")]
     resume: bool,
-    /// Make a movie of the frames, too, at the scene's frame rate: .mp4 (H.264) or .mov (ProRes 4444 with straight
+    /// Make a movie of the frames, too, at the scene's frame rate: .mp4 (H.264) or .mov (`ProRes` 4444 with straight
     /// alpha), for which ffmpeg must be installed, .y4m (uncompressed) or .gif, for which it need not. With --resume,
     /// pictures that are there already are read back into it. A file of an earlier run is replaced when all frames are
     /// there.
@@ -141,17 +141,9 @@ impl Render {
         let settings = Provenance::of(&scene, &self.images.scene)?.splatted(&options, format, backend_name)?;
 
         let directory = self.images.out.clone().unwrap_or_else(|| Path::new("out").join(&scene.name));
-        let film = self.movie.as_ref().map(|(path, kind)| begin(path, *kind, &frames, &scene, self.bits(format)));
-        let film = film.transpose()?;
+        let film = self.film(&scene, &frames, format, &mut notes)?;
         if !self.no_frames {
             open_directory(&directory)?;
-        }
-        if let Some((path, _)) = self.movie.as_ref().filter(|(_, kind)| scene.image.transparent && !kind.has_alpha()) {
-            let note = format!("{} has no alpha: what is transparent is black; .mov has", path.display());
-            if !self.running.quiet {
-                say(&format!("note: {note}"));
-            }
-            notes.push(note);
         }
         if !self.running.quiet {
             let place = renderer.describe_with(pool.current_num_threads());
@@ -233,6 +225,26 @@ impl Render {
             });
         }
         if self.running.quiet { Ok(()) } else { print(&self.conclusion(&finished, &movie, seconds)) }
+    }
+
+    /// Begins the movie, if there is to be one, and notes what it cannot hold.
+    fn film(
+        &self,
+        scene: &Scene,
+        frames: &Frames,
+        format: Format,
+        notes: &mut Vec<String>,
+    ) -> anyhow::Result<Option<Movie>> {
+        let Some((path, kind)) = &self.movie else { return Ok(None) };
+        let movie = begin(path, *kind, frames, scene, self.bits(format))?;
+        if scene.image.transparent && !kind.has_alpha() {
+            let note = format!("{} has no alpha: what is transparent is black; .mov has", path.display());
+            if !self.running.quiet {
+                say(&format!("note: {note}"));
+            }
+            notes.push(note);
+        }
+        Ok(Some(movie))
     }
 
     /// Bits of what a movie is made of: those of the pictures, so that one of pictures that were read back is the same.

@@ -126,8 +126,8 @@ where
 
 impl Sequence<'_> {
     /// Renders and writes all frames in order, into the movie too; stops at the first error. `render` begins a frame,
-    /// and may hand one out that was begun before; without a number it finishes the next of those. `finished` hears of each
-    /// rendered or skipped frame. Returns them, and the finished movie, which has no name yet.
+    /// and may hand one out that was begun before; without a number it finishes the next of those. `finished` hears of
+    /// each rendered or skipped frame. Returns them, and the finished movie, which has no name yet.
     pub(super) fn run(
         &self,
         movie: Option<Movie>,
