@@ -1,8 +1,8 @@
 //! Points as lines of numbers: `.xyz`, and `.pts` with a line that counts them.
 //!
 //! There is no standard. Words stand between blanks, commas or semicolons; `#` and `//` begin a comment; blank lines do
-//! not count. Where columns of an `.xyz` have names, these decide (`xyz_names`). Else all points of a file have the same
-//! columns:
+//! not count. Where columns of an `.xyz` have names, these decide (`xyz_names`). Else all points of a file have the
+//! same columns:
 //!
 //! | numbers of a line | `.xyz` | `.pts` |
 //! |---|---|---|

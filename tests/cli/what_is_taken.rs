@@ -221,7 +221,8 @@ fn normals_that_point_inward() {
     assert!(!info(dir.path(), "out.ply").contains("inward"));
     let scene = |camera: &str, object: &str| {
         let text = format!(
-            "<scene><camera eye='{camera}' at='0 0 0.5'/><object {object}><pointModel>a.ply</pointModel></object></scene>"
+            "<scene><camera eye='{camera}' at='0 0 0.5'/>\
+             <object {object}><pointModel>a.ply</pointModel></object></scene>"
         );
         fs::write(dir.path().join("s.xml"), text).unwrap();
         info(dir.path(), "s.xml")
