@@ -71,7 +71,7 @@ pub(super) fn parse(bytes: &[u8], kind: Kind, progress: &dyn Fn(f32)) -> Result<
         let body = bytes.get(rest..).unwrap_or_default();
         let first = line_of(bytes, rest);
         let told = |line: u64, words: &[&[u8]]| {
-            if line % REPORT == 0 {
+            if line.is_multiple_of(REPORT) {
                 progress(words.first().map_or(0.0, |w| offset(bytes, w) as f32 / bytes.len() as f32));
             }
         };
