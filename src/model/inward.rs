@@ -16,8 +16,8 @@ const LOOKED_AT: usize = 1 << 14;
 const MOST_CELLS: f64 = 2e6;
 /// Least share of backs in the view that shows fewest of them.
 ///
-/// Closed clouds show at most 0.032 of backs (docs/measurements/sides.md), so 0.968 and more inside out. An open scan, a
-/// sheet or a room without its ceiling shows its fronts in some view.
+/// Closed clouds show at most 0.032 of backs (docs/measurements/sides.md), so 0.968 and more inside out. An open scan,
+/// a sheet or a room without its ceiling shows its fronts in some view.
 const LEAST: f64 = 0.8;
 
 /// What to say of surfels whose normals point inward as the file gives them: backs fill the views from all sides.

@@ -252,7 +252,7 @@ enum Step {
 
 /// What the vertices of a file are.
 enum Vertices {
-    Points(Columns),
+    Points(Box<Columns>),
     /// Gaussians; the indices are those of their places.
     Gaussians([usize; 3], GaussianColumns),
 }
@@ -268,7 +268,7 @@ fn read_vertices(
     let mut finder = Finder::new(element);
     let vertices = match GaussianColumns::find(&mut finder) {
         Some(gaussians) => Vertices::Gaussians(finder.position()?, gaussians),
-        None => Vertices::Points(Columns::find(&mut finder, element, &mut cloud.notes)?),
+        None => Vertices::Points(Box::new(Columns::find(&mut finder, element, &mut cloud.notes)?)),
     };
     let mut gaussians = Gaussians::default();
     let count = body.count(element)?;

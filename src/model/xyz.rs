@@ -1,8 +1,8 @@
 //! Points as lines of numbers: `.xyz`, and `.pts` with a line that counts them.
 //!
 //! There is no standard. Words stand between blanks, commas or semicolons; `#` and `//` begin a comment; blank lines do
-//! not count. Where columns of an `.xyz` have names, these decide (`xyz_names`). Else all points of a file have the same
-//! columns:
+//! not count. Where columns of an `.xyz` have names, these decide (`xyz_names`). Else all points of a file have the
+//! same columns:
 //!
 //! | numbers of a line | `.xyz` | `.pts` |
 //! |---|---|---|
@@ -71,7 +71,7 @@ pub(super) fn parse(bytes: &[u8], kind: Kind, progress: &dyn Fn(f32)) -> Result<
         let body = bytes.get(rest..).unwrap_or_default();
         let first = line_of(bytes, rest);
         let told = |line: u64, words: &[&[u8]]| {
-            if line % REPORT == 0 {
+            if line.is_multiple_of(REPORT) {
                 progress(words.first().map_or(0.0, |w| offset(bytes, w) as f32 / bytes.len() as f32));
             }
         };

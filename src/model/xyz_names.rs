@@ -6,6 +6,8 @@
 
 use std::collections::HashSet;
 
+use glam::Vec3;
+
 use super::cloud::{Cloud, ColourStorage};
 use super::columns::{Columns, Finder, list};
 use super::error::{ParseError, quote};
@@ -116,7 +118,7 @@ pub(super) fn parse<'a>(
 
 /// Brings colours to 0..=1: they are in 0..=1, 0..=255, or whole numbers of 16 bits.
 fn colours(cloud: &mut Cloud, line: u64) -> Result<(), ParseError> {
-    let finite = || cloud.colour.iter().filter(|c| c.is_finite()).flat_map(|c| c.to_array());
+    let finite = || cloud.colour.iter().filter(|c| c.is_finite()).flat_map(Vec3::to_array);
     let largest = finite().fold(0.0_f32, f32::max);
     let (divisor, range) = if f64::from(largest) <= ONE {
         cloud.colour_storage = ColourStorage::Float;

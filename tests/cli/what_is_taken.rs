@@ -58,7 +58,9 @@ fn refused(dir: &Path, command: &str, line: &str) {
 /// A PLY text of these properties ("type name") and rows.
 fn ply(properties: &[&str], rows: &[&[f64]]) -> String {
     let mut text = format!("ply\nformat ascii 1.0\nelement vertex {}\n", rows.len());
-    properties.iter().for_each(|property| writeln!(text, "property {property}").unwrap());
+    for property in properties {
+        writeln!(text, "property {property}").unwrap();
+    }
     text += "end_header\n";
     for row in rows {
         let words: Vec<String> = row.iter().map(f64::to_string).collect();
@@ -221,7 +223,8 @@ fn normals_that_point_inward() {
     assert!(!info(dir.path(), "out.ply").contains("inward"));
     let scene = |camera: &str, object: &str| {
         let text = format!(
-            "<scene><camera eye='{camera}' at='0 0 0.5'/><object {object}><pointModel>a.ply</pointModel></object></scene>"
+            "<scene><camera eye='{camera}' at='0 0 0.5'/>\
+             <object {object}><pointModel>a.ply</pointModel></object></scene>"
         );
         fs::write(dir.path().join("s.xml"), text).unwrap();
         info(dir.path(), "s.xml")
@@ -323,7 +326,7 @@ fn sequence(files: &[String]) -> TempDir {
 }
 
 fn places(points: &[DVec3]) -> String {
-    let rows: Vec<[f64; 3]> = points.iter().map(|p| p.to_array()).collect();
+    let rows: Vec<[f64; 3]> = points.iter().map(DVec3::to_array).collect();
     ply(&["double x", "double y", "double z"], &rows.iter().map(|row| &row[..]).collect::<Vec<_>>())
 }
 

@@ -17,8 +17,8 @@ const TRANSFORM: &str = "KHR_texture_transform";
 pub(super) struct Materials<'a> {
     file: &'a GltfFile<'a>,
     path: &'a Path,
-    /// Index in the mesh, by index in the file, where `None` stands for the default material, and by whether the texture
-    /// can be drawn.
+    /// Index in the mesh, by index in the file, where `None` stands for the default material, and by whether the
+    /// texture can be drawn.
     known: HashMap<(Option<usize>, bool), u32>,
     /// Index in the mesh, by what the image is and what lies beyond its edge.
     textures: HashMap<(Source<'a>, [Wrap; 2]), Option<u32>>,

@@ -91,8 +91,9 @@ impl TransferFunction {
     /// What to say where the values of a volume lie off the stops, so that nearly all of them look alike; `None` where
     /// they do not.
     ///
-    /// Stops are off if a twentieth of them, or less, is within the values, or the other way round: 0 to 1 for bytes, or
-    /// 0 to 255 for floats. But what is clear beyond the stops is a choice: a shell, or all that is above a threshold.
+    /// Stops are off if a twentieth of them, or less, is within the values, or the other way round: 0 to 1 for bytes,
+    /// or 0 to 255 for floats. But what is clear beyond the stops is a choice: a shell, or all that is above a
+    /// threshold.
     pub(super) fn off(&self, [least, greatest]: [f32; 2]) -> Option<String> {
         const SHARE: f64 = 0.05;
         let (first, last) = (self.stops.first()?, self.stops.last()?);

@@ -48,8 +48,8 @@ pub(super) fn in_another_order(file: &File, beside: &File) -> Option<String> {
     (parted > 3.0 * apart && parted > 0.05 * whole && nearest < 0.5 * way).then(|| {
         format!(
             "rows of this file and the next may stand for different points: by row a point goes {way:.3}, and its \
-             neighbour elsewhere, while the nearest point is at {nearest:.3}; an `id` for each point says which are the \
-             same"
+             neighbour elsewhere, while the nearest point is at {nearest:.3}; an `id` for each point says which are \
+             the same"
         )
     })
 }

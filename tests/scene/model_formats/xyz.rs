@@ -126,7 +126,7 @@ fn content_shows_the_format_before_the_name() {
     assert_eq!(detect("// X Y Z\n1 2 3\n", "a.csv"), Some(Format::Xyz));
     assert_eq!(detect("x y z\none two three\n", "a.csv"), None);
     assert_eq!(detect("x y z\n1 2 3 4\n", "a.csv"), None);
-    assert_eq!(detect("# the x y z\nv 1 2 3\n", "a.csv"), None);
+    assert_eq!(detect("# x y z w\nv 1 2 3\n", "a.csv"), None);
     assert_eq!(detect("", "a.pts"), Some(Format::Pts));
     assert_eq!(detect("v 1 2 3\n", "a.obj"), Some(Format::Obj));
     assert_eq!(detect("ply\n", "a.xyz"), Some(Format::Ply));
