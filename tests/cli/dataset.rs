@@ -330,7 +330,7 @@ fn no_lattice_is_woven_into_a_dataset() {
     fs::write(dir.path().join("ball.xml"), wide.replace("first='1' last='2'", "first='0' last='1'")).unwrap();
     let common = "--sharp 1 --no-flow --bits 16 --json";
     let energy = |name: &str, options: &str| -> (f64, u64) {
-        let said = done(dir.path(), &format!("dataset ball.xml --out {name} {common} {options}"));
+        let said = done(dir.path(), format!("dataset ball.xml --out {name} {common} {options}").trim_end());
         let report: serde_json::Value = serde_json::from_str(&said).unwrap();
         let lattice = report["frames"][0]["auto"]["interleave"].as_u64().unwrap_or(1);
         let frames = ["0000", "0001"].map(|frame| {
