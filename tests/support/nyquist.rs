@@ -5,7 +5,7 @@ const BLOCK: usize = 8;
 
 /// Mean over blocks of 8 x 8 pixels of the squares of three bins of their discrete Fourier transform: (pi, 0), (0, pi)
 /// and (pi, pi), each a mean of the block's values with alternating signs. Values are those of one channel, row by row.
-pub fn energy(values: &[f64], width: usize) -> f64 {
+pub(crate) fn energy(values: &[f64], width: usize) -> f64 {
     let sign = |odd: usize| if odd.is_multiple_of(2) { 1.0 } else { -1.0 };
     let (columns, rows) = (width / BLOCK, values.len() / width / BLOCK);
     let bin = |left: usize, top: usize, [u, v]: [usize; 2]| {
