@@ -146,7 +146,9 @@ pub(super) fn saw(path: &Path, stamp: Option<Stamp>) {
 
 /// Work within other work is part of it.
 fn tell(seen: &Seen) {
-    seen.iter().for_each(|(path, stamp)| saw(path, *stamp));
+    for (path, stamp) in seen {
+        saw(path, *stamp);
+    }
 }
 
 #[cfg(test)]

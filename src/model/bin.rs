@@ -166,7 +166,7 @@ fn columns<R: Read>(bytes: &mut Stream<R>, places: &Places) -> Result<Surfels, F
             "normalisation" => bytes.floats::<1, 4, _>(&place, &mut factors, |[factor]| factor)?,
             "opacity" => bytes.floats::<1, 4, _>(&place, &mut s.opacity, |[opacity]| opacity)?,
             "mipmap" => {
-                bytes.floats::<{ 3 * MIPMAP_LEVELS }, { 12 * MIPMAP_LEVELS }, _>(&place, &mut s.mipmap, levels)?
+                bytes.floats::<{ 3 * MIPMAP_LEVELS }, { 12 * MIPMAP_LEVELS }, _>(&place, &mut s.mipmap, levels)?;
             }
             "acceleration" => bytes.vectors(&place, &mut s.acceleration)?,
             "id" => bytes.rows(&place, &mut s.id, |row: &[u8; 8]| i64::from_le_bytes(*row))?,
