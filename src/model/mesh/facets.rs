@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::Mesh;
@@ -215,9 +215,9 @@ fn repeated(mesh: &Mesh, welded: &[u32], usable: &[u32]) -> Vec<u32> {
     // The bits of all that vertices have beside their places.
     let looks = |i: u32| -> Vec<u32> {
         let of_vertex = |v: usize| {
-            let normal = mesh.normal.get(v).map(|n| n.to_array());
-            let uv = mesh.uv.get(v).map(|uv| uv.to_array());
-            let colour = mesh.colour.get(v).map(|c| c.to_array());
+            let normal = mesh.normal.get(v).map(Vec3::to_array);
+            let uv = mesh.uv.get(v).map(Vec2::to_array);
+            let colour = mesh.colour.get(v).map(Vec4::to_array);
             let numbers = normal.into_iter().flatten().chain(uv.into_iter().flatten());
             numbers.chain(colour.into_iter().flatten()).map(|x| (x + 0.0).to_bits())
         };
