@@ -102,7 +102,7 @@ const FLOATS: [f32; 14] =
 /// Damages bytes, in one to four places, most often in one. `others`: files to splice with.
 pub(crate) fn damage(bytes: Vec<u8>, others: &[&[u8]], dice: &mut Dice) -> Vec<u8> {
     let mut bytes = bytes;
-    for _ in 0..1 + dice.below(4).min(dice.below(4)).min(dice.below(4)) {
+    for _ in 0..=dice.below(4).min(dice.below(4)).min(dice.below(4)) {
         bytes = once(bytes, others, dice);
     }
     bytes
@@ -192,12 +192,10 @@ fn raw(mut bytes: Vec<u8>, others: &[&[u8]], dice: &mut Dice) -> Vec<u8> {
         }
         5 | 6 => {
             let value = *dice.pick(&FLOATS);
-            let raw = if dice.once_in(4) {
-                f64::from(value).to_le_bytes().to_vec()
-            } else if dice.once_in(4) {
-                value.to_be_bytes().to_vec()
-            } else {
-                value.to_le_bytes().to_vec()
+            let raw = match dice.below(8) {
+                0 | 1 => f64::from(value).to_le_bytes().to_vec(),
+                2 => value.to_be_bytes().to_vec(),
+                _ => value.to_le_bytes().to_vec(),
             };
             put(&mut bytes, at / 4 * 4, &raw);
         }

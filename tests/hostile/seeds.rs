@@ -156,7 +156,7 @@ pub(crate) fn seeds() -> Vec<Vec<Seed>> {
     groups.push(capture_in_a_scene());
     groups.push(vec![Seed::new("packed NRRD", Way::Model, vec![("input.nrrd", packed_nrrd())], 0)]);
     let pictures = pictures();
-    groups.push(pictures.iter().flat_map(|picture| textured(picture)).collect());
+    groups.push(pictures.iter().flat_map(textured).collect());
     groups.push(
         pictures
             .iter()
