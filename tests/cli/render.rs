@@ -518,7 +518,7 @@ fn modes_that_contradict_themselves_are_refused() {
     let table: &[(&[&str], &[&str])] = &[
         (&["--mode", "supersample:8", "--samples", "4"], &["--samples 4", "--mode supersample:8"]),
         (&["--mode", "supersample:8+colour=red"], &["colour", "interleave, times, pixel-samples"]),
-        (&["--mode", "auto:0.05+interleave=2"], &["interleave", "samples-max"]),
+        (&["--mode", "auto:0.05+times=random"], &["times", "samples-max, pixel-samples, interleave"]),
         (&["--mode", "supersample:8+interleave=2+interleave=4"], &["`interleave` is there twice"]),
     ];
     for (options, expected) in table {
