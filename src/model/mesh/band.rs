@@ -113,8 +113,16 @@ impl Band {
         found.into_iter().map(|index| self.segments[index as usize]).collect()
     }
 
-    /// Cuts a triangle until its box is no larger than a cell.
+    /// Cuts a triangle until its box is no larger than a cell. A needle of a million cells has few edges of its own:
+    /// once all are found, the rest of it has no other.
     fn search(&self, corner: [DVec3; 3], found: &mut Vec<u32>) {
+        if found.len() >= self.segments.len() {
+            found.sort_unstable();
+            found.dedup();
+            if found.len() == self.segments.len() {
+                return;
+            }
+        }
         let [a, b, c] = corner;
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         if (high - low).max_element() > self.width() {
