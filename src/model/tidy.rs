@@ -4,9 +4,7 @@
 use glam::{DVec3, Vec3};
 
 use super::cloud::Cloud;
-
-/// Largest coordinate and length that is drawn, model units: its square still fits a 32-bit float.
-pub(super) const MAX_COORDINATE: f64 = 1e18;
+pub(super) use crate::limits::MAX_COORDINATE;
 
 /// Drops points whose position is not finite or beyond [`MAX_COORDINATE`], and normalises normals.
 ///

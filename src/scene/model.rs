@@ -163,13 +163,11 @@ impl From<Arc<Gaussians>> for Model {
 impl From<Loaded> for Model {
     /// Surfels are sorted along a curve through space.
     fn from(loaded: Loaded) -> Self {
-        match loaded.gaussians {
-            Some(gaussians) => Self::of_gaussians(Arc::new(gaussians)),
-            None => {
-                let mesh = loaded.mesh.is_some();
-                Self { mesh, ..Self::of_surfels(Arc::new(loaded.surfels.spatially_ordered())) }
-            }
+        if let Some(gaussians) = loaded.gaussians {
+            return Self::of_gaussians(Arc::new(gaussians));
         }
+        let mesh = loaded.mesh.is_some();
+        Self { mesh, ..Self::of_surfels(Arc::new(loaded.surfels.spatially_ordered())) }
     }
 }
 

@@ -37,6 +37,7 @@ const NAMES: [&str; 43] = [
     "Device",
     "ErrorTarget",
     "Interleave",
+    "Lattice",
     "PixelFilter",
     "Prefilter",
     "Quality",
@@ -52,6 +53,7 @@ const NAMES: [&str; 43] = [
     // What may go wrong.
     "BackendError",
     "ImageError",
+    "Invalid",
     "ModelError",
     "SceneError",
 ];
