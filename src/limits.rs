@@ -99,6 +99,8 @@ pub const SIGMA: Range = Range(0.25, 4.0);
 
 /// Largest coordinate: its square is far from the largest `f64`.
 pub const FAR: f64 = 1e30;
+/// Largest coordinate and length of a model that is drawn, model units: its square still fits a 32-bit float.
+pub const MAX_COORDINATE: f64 = 1e18;
 /// A coordinate, scene units.
 pub const COORDINATE: Range = Range(-FAR, FAR);
 /// Length of a direction that is made a unit vector.

@@ -110,7 +110,7 @@ impl Weight {
         if points.is_empty() {
             return Err(Invalid::new("curve", "empty", "at least one point"));
         }
-        if self.has_area() { Ok(()) } else { Err(Invalid::new("the area under curve", "0", Self::AREA)) }
+        if self.has_area() { Ok(()) } else { Err(Invalid::new("curve", "0 everywhere", Self::AREA)) }
     }
 
     /// Integral of a(t) over [from, to], a sub-interval of [0, 1]; 1 over the whole shutter.

@@ -4,8 +4,7 @@ use std::fmt::Debug;
 
 use glam::Vec3;
 
-use super::tidy::MAX_COORDINATE;
-use crate::limits::Invalid;
+use crate::limits::{Invalid, MAX_COORDINATE};
 
 /// Columns beside one of so many entries.
 #[derive(Clone, Copy)]

@@ -4,10 +4,8 @@
 use glam::{DVec3, Vec3};
 
 use super::cloud::Cloud;
+pub(super) use crate::limits::MAX_COORDINATE;
 use crate::math::Bounds;
-
-/// Largest coordinate and length that is drawn, model units: its square still fits a 32-bit float.
-pub(super) const MAX_COORDINATE: f64 = 1e18;
 
 /// Drops points whose position is not finite or beyond [`MAX_COORDINATE`], and normalises normals.
 ///

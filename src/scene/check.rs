@@ -3,8 +3,6 @@
 //! This costs next to nothing beside a frame: what an array holds was looked at when its [`Model`](super::Model) was
 //! made.
 
-use glam::{DVec3, Vec3};
-
 use super::values::{Camera, Capture, FrameRange, ImageSettings, Light, Motion, Object, Scene, Sphere};
 use crate::environment::Environment;
 use crate::limits::{self, Invalid, Range};
@@ -186,7 +184,7 @@ impl Capture {
                 return Err(Invalid::new("crop[1]", max, format!("at least `crop[0]`, {min}")));
             }
         }
-        let flat = self.flat.map_or(DVec3::ZERO, Vec3::as_dvec3);
+        let flat = self.flat.unwrap_or_default().as_dvec3();
         limits::LIGHT.check_all("flat", flat)
     }
 }

@@ -1,5 +1,7 @@
 //! Absurd values of scenes and options, set in code: each is an error that names its field, or a finite picture.
 
+#![allow(clippy::unwrap_used, reason = "tests may stop")]
+
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use glam::{DVec2, DVec3, Vec3};
@@ -62,7 +64,7 @@ const REFUSED: &[(&str, Change)] = &[
     ("shutter.open", |s, _| s.shutter.open = f64::NEG_INFINITY),
     ("shutter.close", |s, _| s.shutter.close = -1.0),
     ("shutter.readout.duration", |s, _| s.shutter.readout.duration = f64::NAN),
-    ("shutter.weight.the area under curve", |s, _| s.shutter.weight = Weight::Curve(vec![(0.0, 0.0), (1.0, 0.0)])),
+    ("shutter.weight.curve", |s, _| s.shutter.weight = Weight::Curve(vec![(0.0, 0.0), (1.0, 0.0)])),
     ("shutter.weight.curve", |s, _| s.shutter.weight = Weight::Curve(Vec::new())),
     ("shutter.weight.curve[1].time", |s, _| s.shutter.weight = Weight::Curve(vec![(0.5, 1.0), (0.5, 1.0)])),
     ("shutter.weight.curve[0].weight", |s, _| s.shutter.weight = Weight::Curve(vec![(0.5, f64::NAN)])),
@@ -183,10 +185,13 @@ fn the_reference_refuses_the_same_scenes() {
     assert!(matches!(reference::render(&scene(), 1, &wide, None, &|_| ()), Err(ReferenceError::Invalid(_))));
 }
 
+/// Breaks a model.
+type Flaw<T> = fn(&mut T);
+
 /// A column that is too short, too long, or holds what cannot be drawn.
 #[test]
 fn columns_of_models_are_checked() {
-    let flaws: [(&str, fn(&mut Surfels)); 16] = [
+    let flaws: [(&str, Flaw<Surfels>); 16] = [
         ("axis_u", |s| s.axis_u.truncate(1)),
         ("axis_v", |s| s.axis_v.clear()),
         ("normal", |s| s.normal.push(Vec3::Z)),
@@ -211,7 +216,7 @@ fn columns_of_models_are_checked() {
         let error = rendered(&Scene { objects: made.objects, ..scene() }, &options()).unwrap_err().to_string();
         assert!(error.starts_with(&format!("`objects[0].model.{field}` is ")), "{field}: {error}");
     }
-    let clouds: [(&str, fn(&mut Cloud)); 9] = [
+    let clouds: [(&str, Flaw<Cloud>); 9] = [
         ("normal", |c| c.normal = vec![Vec3::Z]),
         ("radius", |c| c.radius = vec![1.0]),
         ("axes", |c| c.axes = vec![[Vec3::X, Vec3::Y]]),

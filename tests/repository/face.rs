@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// The names that `src/lib.rs` re-exports at the root. A new name here is a promise to users of the library: add one
 /// only on purpose.
-const NAMES: [&str; 43] = [
+const NAMES: [&str; 45] = [
     // What is rendered.
     "Anchor",
     "Camera",
@@ -37,6 +37,7 @@ const NAMES: [&str; 43] = [
     "Device",
     "ErrorTarget",
     "Interleave",
+    "Lattice",
     "PixelFilter",
     "Prefilter",
     "Quality",
@@ -52,6 +53,7 @@ const NAMES: [&str; 43] = [
     // What may go wrong.
     "BackendError",
     "ImageError",
+    "Invalid",
     "ModelError",
     "SceneError",
 ];

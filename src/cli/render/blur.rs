@@ -46,8 +46,8 @@ pub(in crate::cli) struct Blur {
     /// Buckets of mode bucket: intervals with one visibility test and one shading each [default: 8].
     #[arg(long, value_name = "B", allow_hyphen_values = true, value_parser = options::count, help_heading = "Blur")]
     buckets: Option<u32>,
-    /// Interleaved sampling: each pixel of a lattice of S x S (none, 2 or 4) has times of its own. auto: mode auto finds
-    /// the lattice [default: none; in mode auto of `render` auto].
+    /// Interleaved sampling: each pixel of a lattice of S x S (none, 2 or 4) has times of its own. auto: mode auto
+    /// finds the lattice [default: none; in mode auto of `render` auto].
     #[arg(long, value_name = "S", allow_hyphen_values = true, help_heading = "Blur")]
     interleave: Option<Lattice>,
     /// Modes supersample and bucket: where times lie within the shutter. even: the middles of equal strata; stratified:
