@@ -242,14 +242,24 @@ pub fn render_frame(
 ) -> Result<Rendered, BackendError> {
     let frame = finite(frame.into())?;
     check_values(scene, options)?;
+    render_checked(backend, scene, frame, options)
+}
+
+/// The same, of values that were checked. Tests of the passes have surfels that are not finite.
+pub(crate) fn render_checked(
+    backend: &mut dyn Backend,
+    scene: &Scene,
+    frame: FrameNumber,
+    options: &RenderOptions,
+) -> Result<Rendered, BackendError> {
     let scene = &*scene.at_frame(frame.get())?;
     check(scene, options)?;
     if options.aovs.contains(&Aov::Object) {
-        let rendered = render_frame(backend, scene, frame, &without_objects(options))?;
+        let rendered = render_checked(backend, scene, frame, &without_objects(options))?;
         return objects::add_layer(backend, scene, frame, options, rendered);
     }
     if options.reconstruct {
-        let rendered = render_frame(backend, scene, frame, &with_velocity(options))?;
+        let rendered = render_checked(backend, scene, frame, &with_velocity(options))?;
         return Ok(reconstructed(rendered, options));
     }
     match options.quality {

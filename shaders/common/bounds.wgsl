@@ -121,8 +121,8 @@ fn widened(box: vec4<f32>, at: vec2<f32>) -> vec4<f32> {
     return vec4<f32>(min(box.x, at.x), max(box.y, at.x), min(box.z, at.y), max(box.w, at.y));
 }
 
-// Does the disc lie outside the plane through the eye along the first or the last of the wanted pixels of an image axis,
-// of which `axis` has 1? Pixels are counted from `origin`.
+// Does the disc lie outside the plane through the eye along the first or the last of the wanted pixels of an image
+// axis, of which `axis` has 1? Pixels are counted from `origin`.
 fn is_outside(disc: Disc, origin: f32, wanted: vec2<i32>, margin: f32, axis: vec2<f32>) -> bool {
     let slopes = slopes_of(origin, wanted, margin);
     return is_beyond(disc, slopes.x, -axis) || is_beyond(disc, slopes.y, axis);

@@ -120,8 +120,8 @@ fn posed(index: u32, margin: f32) -> Posed {
     return out;
 }
 
-// A splat that reaches the camera plane. It is bounded by the part of its disc beyond `near`, and pixels are counted from
-// the camera's axis.
+// A splat that reaches the camera plane. It is bounded by the part of its disc beyond `near`, and pixels are counted
+// from the camera's axis.
 fn cross_camera_plane(out: ptr<function, Posed>, margin: f32) {
     let c = (*out).c;
     let u = (*out).u;

@@ -16,8 +16,8 @@ use splatblur::model::{Cloud, generate};
 use super::memory;
 use super::output::print;
 
-/// Generate one of the demo scenes' models, or a sphere or a hall of any number of surfels, as binary .ply; a volume as .nrrd; or
-/// an environment as .exr.
+/// Generate one of the demo scenes' models, or a sphere or a hall of any number of surfels, as binary .ply; a volume as
+/// .nrrd; or an environment as .exr.
 ///
 /// The same model is the same file, byte for byte, on every computer.
 #[derive(Debug, Args)]

@@ -52,8 +52,8 @@ pub fn floor() -> Cloud {
 const HALL: DVec3 = DVec3::new(20.0, 6.0, 30.0);
 
 /// The inside of a hall about the y axis, from y = 0 to 6: 20 wide along x, 30 long along z. Floor, ceiling and walls
-/// have about `n` surfels together, on square lattices, each of radius 1.2 spacings. Cells of 1 are in two greys, of the
-/// walls ochre.
+/// have about `n` surfels together, on square lattices, each of radius 1.2 spacings. Cells of 1 are in two greys, those
+/// of the walls ochre.
 ///
 /// A camera within looks along its floor: many surfels reach the camera plane, which no ball before a camera shows.
 pub fn hall(n: u32) -> Cloud {

@@ -72,7 +72,7 @@ impl Model {
     }
 
     /// A model of surfels that are known to be right.
-    fn of_surfels(surfels: Arc<Surfels>) -> Self {
+    pub(crate) fn of_surfels(surfels: Arc<Surfels>) -> Self {
         let (median_radius, bounds) = (surfels.median_radius(), surfels.bounds());
         let (least_opacity, rates) = (surfels.least_opacity(), surfels.paths().bounds());
         Self { surfels, median_radius, least_opacity, bounds, core: bounds, rates, ..Self::default() }

@@ -7,8 +7,8 @@ use splatblur::backend::{Stats, Waste};
 use splatblur::options::{BlurMode, RenderOptions};
 use splatblur::{Device, Renderer, Scene};
 
-/// Scene, frame, and the waste of passes `visibility`, `attribute` and `composite` as it was seen, rounded up; 0 where a
-/// pass has nothing. A splat that is tight in its bounds has 4 / pi, a needle across them far more.
+/// Scene, frame, and the waste of passes `visibility`, `attribute` and `composite` as it was seen, rounded up; 0 where
+/// a pass has nothing. A splat that is tight in its bounds has 4 / pi, a needle across them far more.
 ///
 /// `propeller` is above 4: it turns with the read-out of its shutter, so that rows see its kernels sheared to needles
 /// across their bounds. Without the read-out it has 1.36. `static` shows a capture as surfels, many of them needles.

@@ -16,7 +16,7 @@ use super::tile_buffers::TileBuffers;
 use super::tiles::Band;
 use super::values::{self, Faced, Shown};
 use super::visibility::{self, Depths};
-use super::waste::Wasteful;
+use super::waste::{Sight, Wasteful};
 use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup, Raster};
@@ -172,7 +172,14 @@ impl Scope<'_> {
         self.clocks.splats.fetch_add(binned.splats.len() as u64, Relaxed);
         self.clocks.project.add(start);
         if let Some(wasted) = &self.clocks.wasted {
-            wasted.add(S::waste(binned, self));
+            let sight = Sight {
+                band: self.band,
+                raster: self.raster,
+                near: self.frame.near,
+                low_pass: self.low_pass(),
+                swept: self.frame.swept,
+            };
+            wasted.add(S::waste(binned, &sight));
         }
     }
 

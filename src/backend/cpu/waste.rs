@@ -7,11 +7,12 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use super::bin::Binned;
 use super::patch::{Patch, Touched};
-use super::scope::Scope;
 use super::tiles::{Band, LANES, TileRect};
 use crate::backend::{Pixels, Waste};
+use crate::frame::Raster;
 use crate::layout::Splat;
 use crate::math::simd::dispatch;
+use crate::options::SweptKernel;
 
 /// The counts of a frame, from all threads.
 #[derive(Debug, Default)]
@@ -51,10 +52,22 @@ impl Wasted {
     }
 }
 
+/// How splats are seen.
+#[derive(Clone, Copy)]
+pub(in crate::backend) struct Sight<'a> {
+    pub band: Band,
+    pub raster: &'a Raster,
+    pub near: f32,
+    /// Radius of low-pass discs, raster pixels; +0 without them.
+    pub low_pass: f32,
+    /// Of kernels in motion.
+    pub swept: Option<SweptKernel>,
+}
+
 /// Splats whose waste can be counted.
 pub(in crate::backend) trait Wasteful: Sized {
     /// The counts of the splats of a chunk.
-    fn waste(binned: &Binned<Self>, scope: &Scope<'_>) -> Waste;
+    fn waste(binned: &Binned<Self>, sight: &Sight<'_>) -> Waste;
 }
 
 /// All pixels of a band as one tile, for patches that know no tiles.
@@ -88,8 +101,8 @@ pub(in crate::backend) fn count(
 }
 
 impl Wasteful for Splat {
-    fn waste(binned: &Binned<Self>, scope: &Scope<'_>) -> Waste {
-        of_splats(&binned.splats, &whole(&scope.band), scope.frame.near, scope.low_pass())
+    fn waste(binned: &Binned<Self>, sight: &Sight<'_>) -> Waste {
+        of_splats(&binned.splats, &whole(&sight.band), sight.near, sight.low_pass)
     }
 }
 

@@ -1,5 +1,7 @@
 //! Small scenes that take every branch of the passes.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3};
 
 use crate::environment::{Environment, LatLong};
@@ -66,7 +68,7 @@ pub(super) fn ball(n: usize, seed: u64, materials: bool) -> Surfels {
 }
 
 /// What is hard on a projection: edge-on, near and around the camera, huge, tiny, far away, not numbers.
-fn hard() -> Surfels {
+fn hard() -> Model {
     let mut surfels = Surfels::default();
     let mut add = |position: Vec3, u: Vec3, v: Vec3| {
         surfels.position.push(position);
@@ -94,7 +96,8 @@ fn hard() -> Surfels {
     add(Vec3::new(0.0, f32::INFINITY, 0.0), 0.1 * x, 0.1 * y);
     add(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
     add(Vec3::new(-0.4, 0.1, 0.0), 0.2 * x, -0.2 * y); // from behind
-    surfels
+    // Programs that make such a model are told so; passes must stand it.
+    Model::of_surfels(Arc::new(surfels))
 }
 
 pub(super) fn object(model: impl Into<Model>, at: DVec3) -> Object {

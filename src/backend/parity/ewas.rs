@@ -19,8 +19,9 @@ use crate::frame::Frame;
 use crate::layout::{EwaSplat, Splat};
 use crate::options::{PixelFilter, Prefilter};
 use crate::plan::EwaPass;
-use crate::renderer::render_frame;
+use crate::renderer::render_checked;
 use crate::scene::Object;
+use crate::time::FrameNumber;
 
 /// The cases of splats, with filtered kernels; and a surface of kernels below a pixel whose every pixel bends.
 fn all() -> Vec<Case> {
@@ -319,7 +320,8 @@ fn ewa_images_look_the_same() {
     let Some(mut gpu) = gpu_or_skip("ewa_images_look_the_same") else { return };
     let cases = all();
     for (case, got) in cases.iter().zip(same_with_small_buffers(&mut gpu, &cases)) {
-        let want = render_frame(&mut Cpu::default(), &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}"));
+        let want = render_checked(&mut Cpu::default(), &case.scene, FrameNumber::from(0), &case.options)
+            .unwrap_or_else(|e| panic!("{e}"));
         let (got, want) = (values(&got), values(&want.picture));
         let difference = |(g, w): (&f32, &f32)| if g == w { 0.0 } else { (g - w).abs() / w.abs().max(1.0) };
         let differences: Vec<f32> = got.iter().zip(&want).map(difference).collect();

@@ -17,7 +17,8 @@ use crate::backend::gpu::layout::TILE;
 use crate::layout::{FilteredSplat, SweptFilter, SweptSplat};
 use crate::options::{KernelWeight, Prefilter, Quality};
 use crate::plan::{Objects, Step, SweepPass};
-use crate::renderer::render_frame;
+use crate::renderer::render_checked;
+use crate::time::FrameNumber;
 
 /// The cases of kernels in motion that can be filtered.
 pub(super) fn filtered() -> Vec<Case> {
@@ -147,7 +148,8 @@ fn filtered_images_look_the_same() {
     let Some(mut gpu) = gpu_or_skip("filtered_images_look_the_same") else { return };
     let cases = filtered();
     for (case, whole) in cases.iter().zip(same_with_small_buffers(&mut gpu, &cases)) {
-        let want = render_frame(&mut Cpu::default(), &case.scene, 0, &case.options).unwrap().picture;
+        let want =
+            render_checked(&mut Cpu::default(), &case.scene, FrameNumber::from(0), &case.options).unwrap().picture;
         let (got, want) = (values(&whole), values(&want));
         let scale = want.iter().copied().filter(|v| v.is_finite()).fold(1.0_f32, |a, b| a.max(b.abs()));
         let difference = |(g, w): (&f32, &f32)| if g == w { 0.0 } else { (g - w).abs() / scale };

@@ -6,10 +6,11 @@ use super::gpu_or_skip;
 use crate::backend::BackendError;
 use crate::backend::gpu::Gpu;
 use crate::film::Picture;
-use crate::renderer::render_frame;
+use crate::renderer::render_checked;
+use crate::time::FrameNumber;
 
 fn picture(gpu: &mut Gpu, case: &cases::Case) -> Picture {
-    render_frame(gpu, &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}")).picture
+    render_checked(gpu, &case.scene, FrameNumber::from(0), &case.options).unwrap_or_else(|e| panic!("{e}")).picture
 }
 
 #[test]

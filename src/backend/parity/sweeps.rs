@@ -17,7 +17,8 @@ use crate::backend::gpu::layout::TILE;
 use crate::film::Picture;
 use crate::layout::{Splat, SweptSplat};
 use crate::plan::{MapPass, Objects, Step, SweepPass};
-use crate::renderer::render_frame;
+use crate::renderer::render_checked;
+use crate::time::FrameNumber;
 
 /// Spoils what passes write.
 pub(super) fn spoil(harness: &Harness<'_>) {
@@ -299,9 +300,9 @@ fn swept_images_look_the_same() {
         let render = |gpu: bool, device: &mut Gpu| {
             let mut cpu = Cpu::default();
             let rendered = if gpu {
-                render_frame(device, &case.scene, 0, &case.options)
+                render_checked(device, &case.scene, FrameNumber::from(0), &case.options)
             } else {
-                render_frame(&mut cpu, &case.scene, 0, &case.options)
+                render_checked(&mut cpu, &case.scene, FrameNumber::from(0), &case.options)
             };
             rendered.unwrap_or_else(|e| panic!("{e}")).picture
         };
@@ -328,7 +329,7 @@ fn small_buffers_change_no_swept_image() {
 /// The pictures of cases, which buffers that are too small do not change.
 pub(super) fn same_with_small_buffers(roomy: &mut Gpu, cases: &[Case]) -> Vec<Picture> {
     let picture = |gpu: &mut Gpu, case: &Case| {
-        render_frame(gpu, &case.scene, 0, &case.options).unwrap_or_else(|e| panic!("{e}")).picture
+        render_checked(gpu, &case.scene, FrameNumber::from(0), &case.options).unwrap_or_else(|e| panic!("{e}")).picture
     };
     let pictures: Vec<Picture> = cases.iter().map(|case| picture(roomy, case)).collect();
     let (mut batches, mut bands) = (roomy.beside(), roomy.beside());

@@ -16,7 +16,8 @@ use crate::backend::{Backend, BackendError};
 use crate::film::{Aov, Blending, Picture};
 use crate::frame::{Frame, PixelRect};
 use crate::options::{ErrorTarget, Quality};
-use crate::renderer::render_frame;
+use crate::renderer::render_checked;
+use crate::time::FrameNumber;
 
 /// Share of values that may differ. At a cut-off a splat may fall on the other side by rounding; on the software device
 /// that was seen at no value of any case.
@@ -137,7 +138,8 @@ fn captures_look_the_same_in_mode_auto() {
     for case in captures().iter().filter(|case| ["supersample", "linear", "large"].contains(&case.name)) {
         let mut options = case.options.clone();
         options.quality = Quality::Error(ErrorTarget { error: 0.01, samples_max: 48, ..ErrorTarget::default() });
-        let rendered = |backend: &mut dyn Backend| render_frame(backend, &case.scene, 0, &options).unwrap();
+        let rendered =
+            |backend: &mut dyn Backend| render_checked(backend, &case.scene, FrameNumber::from(0), &options).unwrap();
         let (got, want) = (rendered(&mut gpu), rendered(&mut Cpu::default()));
         assert_eq!(got.stats.achieved.map(|a| a.refined), want.stats.achieved.map(|a| a.refined));
         refined |= want.stats.achieved.is_some_and(|achieved| achieved.refined > 0);

@@ -4,7 +4,8 @@
 //! `gltf_material`, `obj` with `mtl` and `polygon`, `of_cloud` (bytes to a mesh), and `texture` (images to texels).
 //! Sampling makes surfels of it: `facets` (triangles with an area, and how they hang together) -> `edges` (which are
 //! sharp) -> `spacing` (how many surfels) -> `band` (where they are finer) -> `raster` (hits of rays) -> `piles` (those
-//! that coincide) -> `fill` (what rays miss) -> `paint` (normals, colours, and textures by `pyramid`) -> `sample` (all of it).
+//! that coincide) -> `fill` (what rays miss) -> `paint` (normals, colours, and textures by `pyramid`) -> `sample` (all
+//! of it).
 
 mod band;
 mod edges;

@@ -49,8 +49,8 @@ pub(super) fn axis_of(ray: u64) -> usize {
     (ray >> (2 * PLACE_BITS + 1)) as usize
 }
 
-/// All hits of rays, in the order of the triangles, and the ray of each as a number. Grid lines are half a spacing away from the middle of the box, so
-/// that none lies in a plane of symmetry.
+/// All hits of rays, in the order of the triangles, and the ray of each as a number. Grid lines are half a spacing away
+/// from the middle of the box, so that none lies in a plane of symmetry.
 ///
 /// `reduce`: each triangle is hit only along the axis that it faces most. Two hits of one axis and grid are at least a
 /// spacing apart, unless one ray made both.

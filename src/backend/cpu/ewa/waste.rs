@@ -2,18 +2,17 @@
 
 use crate::backend::Waste;
 use crate::backend::cpu::bin::Binned;
-use crate::backend::cpu::scope::Scope;
 use crate::backend::cpu::tiles::TileRect;
-use crate::backend::cpu::waste::{Wasteful, count, whole};
+use crate::backend::cpu::waste::{Sight, Wasteful, count, whole};
 use crate::layout::EwaSplat;
 use crate::math::simd::dispatch;
 
 impl Wasteful for EwaSplat {
-    fn waste(binned: &Binned<Self>, scope: &Scope<'_>) -> Waste {
-        let apron = scope.raster.apron() as i32;
-        let mut band = scope.band;
-        band.pixels = band.pixels.widened(apron, scope.raster.size);
-        of_splats(&binned.splats, &whole(&band), scope.frame.near, scope.raster.sigma)
+    fn waste(binned: &Binned<Self>, sight: &Sight<'_>) -> Waste {
+        let apron = sight.raster.apron() as i32;
+        let mut band = sight.band;
+        band.pixels = band.pixels.widened(apron, sight.raster.size);
+        of_splats(&binned.splats, &whole(&band), sight.near, sight.raster.sigma)
     }
 }
 

@@ -5,21 +5,20 @@ use super::filtered::Pair;
 use super::hull::Hull;
 use super::ray::{ELLIPSOID, Lanes, Ray, Sight, TUBE};
 use crate::backend::cpu::bin::Binned;
-use crate::backend::cpu::scope::Scope;
-use crate::backend::cpu::waste::Wasteful;
+use crate::backend::cpu::waste::{self, Wasteful};
 use crate::backend::{Pixels, Waste};
 use crate::layout::{SweptFilter, SweptSplat};
 use crate::math::simd::dispatch;
 
 impl Wasteful for SweptSplat {
-    fn waste(binned: &Binned<Self>, scope: &Scope<'_>) -> Waste {
-        let Some(kernel) = scope.frame.swept else { return Waste::default() };
+    fn waste(binned: &Binned<Self>, sight: &waste::Sight<'_>) -> Waste {
+        let Some(kernel) = sight.swept else { return Waste::default() };
         let kernels = (&binned.splats[..], &binned.filters[..]);
         match Footprint::of(kernel) {
-            Footprint::Tube => of_tubes(kernels, scope.frame.near, scope.low_pass()),
+            Footprint::Tube => of_tubes(kernels, sight.near, sight.low_pass),
             // The chord and the line are of the ellipsoid.
             Footprint::Ellipsoid | Footprint::Chord | Footprint::Line => {
-                of_ellipsoids(kernels, scope.frame.near, scope.low_pass())
+                of_ellipsoids(kernels, sight.near, sight.low_pass)
             }
         }
     }
