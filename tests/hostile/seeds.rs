@@ -211,7 +211,8 @@ fn capture_in_a_scene() -> Vec<Seed> {
             let name = format!("input.{folder}");
             let scene = format!(
                 "<scene><image width=\"24\" height=\"16\"/>\
-                 <object><pointModel kind=\"surfels\" radiusScale=\"2\">{name}</pointModel><motion type=\"linear\" velocity=\"0.3 0 0\"/></object></scene>"
+                 <object><pointModel kind=\"surfels\" radiusScale=\"2\">{name}</pointModel>\
+                 <motion type=\"linear\" velocity=\"0.3 0 0\"/></object></scene>"
             );
             Seed::new(format!("{file} as surfels"), Way::Scene, vec![("s.xml", scene.into()), (&name, bytes)], 1)
         })
