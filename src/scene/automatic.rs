@@ -302,6 +302,8 @@ mod tests {
             position: vec![-half, half],
             axis_u: vec![0.01 * Vec3::X; 2],
             axis_v: vec![0.01 * Vec3::Y; 2],
+            normal: vec![Vec3::Z; 2],
+            colour: vec![Vec3::ONE; 2],
             ..Surfels::default()
         };
         let mut object = Object::new(surfels);
