@@ -103,14 +103,15 @@ fn no_option_waits_for_a_pipe() {
         image::RgbImage::new(4, 4).save(dir.join(name)).unwrap();
     }
     // A name with the ending that an argument must have.
-    for name in ["pipe", "pipe.png", "pipe.ply"] {
+    for name in ["pipe", "pipe.png", "pipe.ply", "pipe.gif"] {
         pipe(dir, name);
     }
     let named = all_named(dir);
     assert!(named.len() > 30, "{}", named.len());
     for Named { command, option, name } in &named {
-        let wanted = match (name.as_str(), option) {
+        let wanted = match (name.as_str(), option.as_deref()) {
             ("output", _) => "pipe.ply",
+            (_, Some("--movie")) => "pipe.gif",
             ("FILE.png", _) => "pipe.png",
             _ => "pipe",
         };

@@ -58,7 +58,7 @@ fn what_makes_no_sense_is_one_line() {
         ("generate volume a.ply", "a.ply must end in .nrrd"),
         ("generate ball a.nrrd", "a.nrrd must end in .ply"),
         ("generate ball a.ply --size 3", "--size, --shape and --type are for `volume` only"),
-        ("generate volume b.nrrd --surfels 3", "--surfels is for `sphere` only"),
+        ("generate volume b.nrrd --surfels 3", "--surfels is for `sphere` and `hall` only"),
         ("generate volume a.nrrd", "a.nrrd exists already (--force replaces it)"),
         ("convert a.nrrd a.ply", "a.nrrd is a grid of a volume; convert writes surfels, and a volume has none"),
     ] {

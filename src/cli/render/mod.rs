@@ -13,7 +13,7 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
-use clap::{ArgAction, Args};
+use clap::{ArgAction, Args, ValueHint};
 use splatblur::FrameNumber;
 use splatblur::backend::{Achieved, Meter};
 use splatblur::film::Aov;
@@ -87,7 +87,13 @@ pub(super) struct Render {
     /// alpha), for which ffmpeg must be installed, .y4m (uncompressed) or .gif, for which it need not. With --resume,
     /// pictures that are there already are read back into it. A file of an earlier run is replaced when all frames are
     /// there.
-    #[arg(long, value_name = "FILE", value_parser = values::movie(), help_heading = "Output")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        value_hint = ValueHint::FilePath,
+        value_parser = values::movie(),
+        help_heading = "Output"
+    )]
     movie: Option<(PathBuf, Kind)>,
     /// Make the movie alone, and write no pictures.
     #[arg(long, requires = "movie", conflicts_with = "aov", help_heading = "Output")]
