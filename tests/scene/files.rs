@@ -315,7 +315,9 @@ fn default_names_avoid_given_ones() {
 fn fields(scene: &Scene) -> String {
     let mut scene = scene.clone();
     scene.camera.automatic = false;
-    scene.files.values_mut().for_each(|stamp| *stamp = None);
+    for stamp in scene.files.values_mut() {
+        *stamp = None;
+    }
     format!("{scene:?}")
 }
 
