@@ -31,18 +31,26 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// As `write` says, or the file cannot be moved; then `path` is as it was, and nothing is left beside it. A pipe, a
 /// socket or a device is not replaced: whoever named it meant something else.
 pub fn replace_with<E: From<io::Error>>(path: &Path, write: impl FnOnce(&Path) -> Result<(), E>) -> Result<(), E> {
-    if let Ok(there) = fs::symlink_metadata(path)
-        && !(there.is_file() || there.is_symlink())
-    {
-        let what = format!("it is {}, expected a regular file or none", kind(there.file_type()));
-        return Err(io::Error::other(what).into());
-    }
+    check_replaceable(path)?;
     let temporary = Temporary::claim(path)?;
     write(&temporary.0)?;
     // A rename must not reach the disk before the data: after a power cut the file would be there, but empty.
     File::open(&temporary.0)?.sync_all()?;
     fs::rename(&temporary.0, path)?;
     Ok(())
+}
+
+/// Finds out whether a file may take the place of what is at `path`: of a regular file, a link, or nothing.
+///
+/// # Errors
+/// It may not.
+pub fn check_replaceable(path: &Path) -> io::Result<()> {
+    match fs::symlink_metadata(path) {
+        Ok(there) if !(there.is_file() || there.is_symlink()) => {
+            Err(io::Error::other(format!("it is {}, expected a regular file or none", kind(there.file_type()))))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Lets `write` make a file under a temporary name, then gives it the first of `paths` that nothing has: nothing is

@@ -215,7 +215,7 @@ fn mistakes_are_told_in_one_line_before_rendering() {
     assert!(said.contains("needs the program ffmpeg, which is not installed; .y4m and .gif need none"), "{said}");
     std::fs::create_dir(place.path("b.gif")).unwrap();
     let said = refusal(&place.command("--movie b.gif --no-frames --quiet").output().unwrap());
-    assert!(said.contains("--movie names a file, and b.gif is a directory"), "{said}");
+    assert!(said.contains("cannot write b.gif: it is a directory, expected a regular file or none"), "{said}");
     assert_eq!(place.names("."), ["b.gif", "plate.xml", "plate.xyz"]);
     let fast = Place::with("<frames first=\"1\" last=\"24\" rate=\"60\"/>", "");
     let said = refusal(&fast.command("--movie a.gif --no-frames --quiet").output().unwrap());

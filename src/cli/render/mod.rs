@@ -16,6 +16,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use clap::{ArgAction, Args, ValueHint};
 use splatblur::FrameNumber;
 use splatblur::backend::{Achieved, Meter};
+use splatblur::files;
 use splatblur::film::Aov;
 use splatblur::image::{Bits, Format};
 use splatblur::movie::{Kind, Movie, Rate, Shape};
@@ -129,8 +130,9 @@ pub(super) struct Render {
 impl Render {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let start = Instant::now();
-        if let Some((_, kind)) = &self.movie {
+        if let Some((path, kind)) = &self.movie {
             kind.check()?;
+            files::check_replaceable(path).with_context(|| format!("cannot write {}", path.display()))?;
         }
         let mut options = self.options()?;
         let pool = self.running.pool()?;
@@ -303,6 +305,7 @@ fn begin(path: &Path, kind: Kind, frames: &Frames, scene: &Scene, bits: Bits) ->
             "--movie needs --frames in ascending order: a movie shows them in the order in which they are made"
         );
     }
+    // A link to one; all others were refused before.
     if path.is_dir() {
         anyhow::bail!("--movie names a file, and {} is a directory", path.display());
     }
