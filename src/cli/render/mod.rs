@@ -130,10 +130,7 @@ pub(super) struct Render {
 impl Render {
     pub(super) fn run(&self) -> anyhow::Result<()> {
         let start = Instant::now();
-        if let Some((path, kind)) = &self.movie {
-            kind.check()?;
-            files::check_replaceable(path).with_context(|| format!("cannot write {}", path.display()))?;
-        }
+        self.check_movie()?;
         let mut options = self.options()?;
         let pool = self.running.pool()?;
         // Before the scene, which may take long to load.
@@ -253,6 +250,13 @@ impl Render {
             notes.push(note);
         }
         Ok(Some(movie))
+    }
+
+    /// Whether there can be a movie, before anything is loaded.
+    fn check_movie(&self) -> anyhow::Result<()> {
+        let Some((path, kind)) = &self.movie else { return Ok(()) };
+        kind.check()?;
+        files::check_replaceable(path).with_context(|| format!("cannot write {}", path.display()))
     }
 
     /// Bits of what a movie is made of: those of the pictures, so that one of pictures that were read back is the same.
