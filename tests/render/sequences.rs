@@ -170,14 +170,10 @@ fn births_and_deaths_are_in_the_middle_between_files() {
             assert!((alpha - share).abs() < 0.01, "reference, frame {frame}: {alpha} for {share}");
         }
     }
-    // A file without any byte is an empty frame, too.
+    // A file without any byte is a failed write.
     fs::write(dir.path().join("f.3.ply"), "").unwrap();
-    let alpha = middle(&render(
-        &Scene { shutter: scene.shutter, ..Scene::load(dir.path().join("s.xml")).unwrap() },
-        3,
-        &options("still:1", Prefilter::None),
-    ));
-    assert_eq!(alpha[0], 0.0);
+    let e = anyhow::Error::from(Scene::load(dir.path().join("s.xml")).map(|_| ()).unwrap_err());
+    assert!(format!("{e:#}").contains("f.3.ply is empty (0 bytes)"), "{e:#}");
 }
 
 /// `offset` and `rate` say when a file is shown; the scene's frames are those of its files.
@@ -299,21 +295,21 @@ fn what_is_wrong_with_a_sequence_is_said() {
         "model f.2.ply has 5000 points and f.3.ply beside it 4999, expected as many, or velocities, or an `id` for \
          each point"
     );
-    // Identities.
+    // Identities. The first two files are read when the scene is loaded, the third when it is shown.
     let mut twice = files();
-    twice[1].id = (0..5000).map(|i| i / 2 * 2).collect();
+    twice[2].id = (0..5000).map(|i| i / 2 * 2).collect();
     let (dir, scene) = scene_of(&twice, "");
-    assert!(rendered(&dir, &scene, 1).starts_with("model f.2.ply has two points with the `id` "));
-    // A file that is cut short, and one with a velocity that is none; the scene loads, since they are in between.
+    assert!(rendered(&dir, &scene, 3).starts_with("model f.3.ply has two points with the `id` "));
+    // A file that is cut short, and one with a velocity that is none.
     let (dir, scene) = scene_of(&files(), "");
-    let bytes = fs::read(dir.path().join("f.2.ply")).unwrap();
-    fs::write(dir.path().join("f.2.ply"), &bytes[..bytes.len() / 2]).unwrap();
-    let e = rendered(&dir, &scene, 2);
-    assert!(e.starts_with("model f.2.ply: ") && e.contains("is the file cut short?"), "{e}");
+    let bytes = fs::read(dir.path().join("f.3.ply")).unwrap();
+    fs::write(dir.path().join("f.3.ply"), &bytes[..bytes.len() / 2]).unwrap();
+    let e = rendered(&dir, &scene, 3);
+    assert!(e.starts_with("model f.3.ply: ") && e.contains("is the file cut short?"), "{e}");
     let mut odd = ball();
     odd.velocity[17].y = f32::NAN;
-    write_ply(&dir.path().join("f.2.ply"), &odd).unwrap();
-    let e = rendered(&dir, &scene, 2);
+    write_ply(&dir.path().join("f.3.ply"), &odd).unwrap();
+    let e = rendered(&dir, &scene, 3);
     assert!(e.contains("found NaN, expected a finite number up to 1e18 (`vy` of vertex 17 of 5000)"), "{e}");
     // A shutter that would read everything.
     let (dir, mut scene) = scene_of(&files(), "rate='1000'");
