@@ -108,10 +108,12 @@ pub enum BackendError {
 }
 
 impl BackendError {
-    /// Refuses a frame whose time samples alone need more bytes than it may take, before they are made.
+    /// Refuses a frame whose time samples alone need more bytes than it may take, before they are made. Few samples are
+    /// made first: their backend knows what the whole frame needs, and says so.
     pub(crate) fn check_samples(scene: &Scene, samples: u64, memory: u64) -> Result<(), Self> {
+        const FEW: u64 = 16 << 20;
         let needed = Frame::posed_bytes(scene, samples);
-        if needed <= memory {
+        if needed <= memory || needed.saturating_sub(Frame::model_bytes(scene)) <= FEW {
             return Ok(());
         }
         let ImageSettings { width, height, .. } = scene.image;
