@@ -125,7 +125,7 @@ impl Renderer {
         self.backend.watch(meter);
     }
 
-    /// Counts from now on what bounds of splats waste ([`Stats`]). The CPU does; it takes up to twice the time.
+    /// Counts from now on what bounds of splats waste ([`Stats`]). The CPU does, and takes longer.
     #[doc(hidden)]
     pub fn count_waste(&mut self) {
         self.backend.count_waste();

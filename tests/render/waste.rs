@@ -17,7 +17,6 @@ const SEEN: [(&str, i64, [f64; 3]); 20] = [
     ("blinker",                    3,  [1.32, 1.31, 0.0]),
     ("blinker_fence",              0,  [1.32, 1.31, 0.0]),
     ("bottle",                     6,  [1.42, 1.30, 0.0]),
-    // 97 and 79 while what reaches the camera plane had the bounds of the image.
     ("checkerboard",               12, [1.34, 1.36, 0.0]),
     ("crossing",                   12, [1.44, 1.36, 0.0]),
     ("diagonal",                   13, [1.48, 1.36, 0.0]),

@@ -1,5 +1,5 @@
 //! Counts the pixels within the bounds of splats, and those that splats cover: what passes look at in vain. It is done
-//! where someone asks for it, since it costs about as much as pass `visibility`.
+//! where someone asks for it: it looks at all those pixels once more.
 //!
 //! A pixel is covered where a pass would find the splat on it, whatever hides it. Both counts are sums over splats.
 
