@@ -143,18 +143,6 @@ impl SweptFilter {
         Self { peak: 1.0, weight, ..Self::zeroed() }
     }
 
-    /// Can it be weighed? Not a kernel so small or so large that floats cannot hold its area, nor what became of it.
-    pub fn is_sound(&self) -> bool {
-        let Self { inverse_depth, u, v, u_rate, v_rate, k, peak, coverage, .. } = *self;
-        let forms = [inverse_depth, u, v];
-        let finite = |numbers: &[f32]| numbers.iter().all(|number| number.is_finite());
-        peak > 0.0
-            && coverage > 0.0
-            && finite(&[k, peak, coverage])
-            && finite(forms.as_flattened())
-            && finite([u_rate, v_rate].as_flattened())
-    }
-
     /// Does the kernel reach the camera plane?
     pub fn is_crossing(&self) -> bool {
         self.coverage == 0.0

@@ -43,7 +43,6 @@ fn filtered_sweep(@builtin(global_invocation_id) id: vec3<u32>) {
     // The narrower the filter is beside the kernel, the more all kernels of a model count alike.
     out.weight = wide.peak * (factor + wide.peak * (mean - factor));
     out.coverage = wide.peak * factor;
-    if !is_sound(out) { return; }
     kernel.splat.filtered = out;
     let own = boxes_of(kernel, kernel.u, kernel.v, 0.0);
     let filtered = boxes_of(kernel, wide.u, wide.v, 0.0);
@@ -54,15 +53,6 @@ fn filtered_sweep(@builtin(global_invocation_id) id: vec3<u32>) {
         vec2<f32>(min(own.down.x, filtered.down.x), max(own.down.y, filtered.down.y)),
     );
     write_bounded(slot, kernel.splat, boxes);
-}
-
-// Can the kernel be weighed? Twin: SweptFilter::is_sound.
-fn is_sound(f: SweptFilter) -> bool {
-    return f.peak > 0.0 && f.coverage > 0.0 && all_finite(vec3<f32>(f.k, f.peak, f.coverage))
-        && all_finite(vec3<f32>(f.inverse_depth[0], f.inverse_depth[1], f.u[0]))
-        && all_finite(vec3<f32>(f.u[1], f.v[0], f.v[1]))
-        && all_finite(vec3<f32>(f.u_rate[0], f.u_rate[1], f.u_rate[2]))
-        && all_finite(vec3<f32>(f.v_rate[0], f.v_rate[1], f.v_rate[2]));
 }
 
 // The box about two boxes.

@@ -75,6 +75,24 @@ fn raster() -> Raster {
     }
 }
 
+/// All of the raster.
+fn view_of(object: &PosedObject) -> View<'_> {
+    View {
+        object,
+        eyes: object.eyes(),
+        raster: raster(),
+        pixels: PixelRect::of_image([64; 2]),
+        corner: [0; 2],
+        wanted: None,
+        near: 0.1,
+        low_pass: false,
+        margin: 0.0,
+        two_sided: false,
+        paths: Paths::default(),
+        clusters: None,
+    }
+}
+
 /// Clusters that are left out hold no splat: near and far, partly off the image, mirrored, seen from within, and with
 /// surfels that are not finite.
 #[test]
@@ -98,21 +116,7 @@ fn clusters_that_are_left_out_hold_nothing() {
         let k = Mat3::from_diagonal(Vec3::new(90.0, -90.0, -1.0));
         let (screen_from_model, screen_origin) = (k * linear, k * origin);
         let object = posed(screen_from_model, screen_origin, linear, origin, handedness);
-        let raster = raster();
-        let whole = View {
-            object: &object,
-            eyes: object.eyes(),
-            raster,
-            pixels: PixelRect::of_image([64; 2]),
-            corner: [0; 2],
-            wanted: None,
-            near: 0.1,
-            low_pass: case % 2 == 0,
-            margin: 0.0,
-            two_sided: case % 5 == 0,
-            paths: Paths::default(),
-            clusters: None,
-        };
+        let whole = View { low_pass: case % 2 == 0, two_sided: case % 5 == 0, ..view_of(&object) };
         let view = View { clusters: Some(&clusters), ..whole };
         let (mut want, mut got) = (Vec::new(), Vec::new());
         project(&whole, &ball, 0..ball.len(), &mut want);
@@ -148,20 +152,7 @@ fn discs_at_the_camera_plane_are_bounded_by_what_they_show() {
     let object = posed(k, Vec3::ZERO, Mat3::IDENTITY, Vec3::ZERO, 1.0);
     let raster = raster();
     for margin in [0.0, 2.0] {
-        let view = View {
-            object: &object,
-            eyes: object.eyes(),
-            raster,
-            pixels: PixelRect::of_image([64; 2]),
-            corner: [0; 2],
-            wanted: None,
-            near: NEAR as f32,
-            low_pass: false,
-            margin,
-            two_sided: true,
-            paths: Paths::default(),
-            clusters: None,
-        };
+        let view = View { near: NEAR as f32, margin, two_sided: true, ..view_of(&object) };
         let mut splats = Vec::new();
         project(&view, &surfels, 0..DISCS, &mut splats);
         let mut bounds = vec![None; DISCS];

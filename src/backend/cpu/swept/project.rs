@@ -137,11 +137,7 @@ pub(super) fn sweep(
         surfel,
         flags: back | if low_pass > 0.0 { FLAG_LOW_PASS } else { 0 },
     };
-    let filtered = wide.map(|wide| wide.forms([mx, my, motion.z]));
-    if filtered.is_some_and(|filtered| !filtered.is_sound()) {
-        return None;
-    }
-    Some((splat, filtered.unwrap_or_else(SweptFilter::zeroed)))
+    Some((splat, wide.map_or_else(SweptFilter::zeroed, |wide| wide.forms([mx, my, motion.z]))))
 }
 
 /// Boxes at both ends, as [`end`] has them, and one box about the whole kernel. `low_pass`: radius of its low-pass
