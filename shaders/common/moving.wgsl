@@ -306,8 +306,8 @@ fn box(centre: vec3<f32>, u: vec3<f32>, v: vec3<f32>, low_pass: f32) -> vec4<f32
     let d00 = a * a + b * b;
     let d02 = a * u.z + b * v.z;
     let origin = view.axis + at - view.offset;
-    let columns = index_range(origin.x, extent(d00.x, d02.x, d22, inverse22, low_pass));
-    let rows = index_range(origin.y, extent(d00.y, d02.y, d22, inverse22, low_pass));
+    let columns = index_range(origin.x, extent(d00.x, d02.x, inverse22, low_pass));
+    let rows = index_range(origin.y, extent(d00.y, d02.y, inverse22, low_pass));
     return vec4<f32>(columns, rows);
 }
 
@@ -318,7 +318,7 @@ fn volume(along: vec3<f32>, z: vec3<f32>, disc: f32, depth: f32, reference: f32)
     let disc22 = z.z * z.z - depth * depth;
     let d00 = along.x * along.x + along.y * along.y + along.z * along.z;
     let d02 = along.x * z.x + along.y * z.y + along.z * z.z;
-    let body = extent(d00, d02, d22, 1.0 / d22, 0.0);
-    let wide = extent(disc * disc + along.z * along.z, along.z * z.z, disc22, 1.0 / disc22, 0.0);
+    let body = extent(d00, d02, 1.0 / d22, 0.0);
+    let wide = extent(disc * disc + along.z * along.z, along.z * z.z, 1.0 / disc22, 0.0);
     return index_range(reference, vec2<f32>(min(body.x, wide.x), max(body.y, wide.y)));
 }

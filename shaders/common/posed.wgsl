@@ -98,8 +98,8 @@ fn posed(index: u32, margin: f32) -> Posed {
     var reference = view.axis + vec2<f32>(x, y) - view.offset;
     if reads_out() { reference += lands.shift; }
     let wider = vec2<f32>(-margin, margin);
-    let columns = extent(ux * ux + vx * vx, ux * u.z + vx * v.z, d22, inverse22, low_pass) + wider;
-    let rows = extent(uy * uy + vy * vy, uy * u.z + vy * v.z, d22, inverse22, low_pass) + wider;
+    let columns = extent(ux * ux + vx * vx, ux * u.z + vx * v.z, inverse22, low_pass) + wider;
+    let rows = extent(uy * uy + vy * vy, uy * u.z + vy * v.z, inverse22, low_pass) + wider;
     let across = pixels_in(index_range(reference.x, columns), view.pixels.xy);
     let down = pixels_in(index_range(reference.y, rows), view.pixels.zw);
     if !(across.x <= across.y && down.x <= down.y) { return out; }

@@ -32,7 +32,15 @@ struct Sweep {
     unmoved: bool,
 }
 
-fn sweep_of(path: Path, e: f32) -> Sweep {
+// The path times the power of two that brings w into [1, 2): the fourth power of w is a number at any depth.
+fn in_range(path: Path) -> Path {
+    // The bits of the exponent, and those of 2^127.
+    let scale = bitcast<f32>(0x7f000000u - (bitcast<u32>(path.w) & 0x7f800000u));
+    return Path(path.at * scale, path.rate * scale, path.w * scale);
+}
+
+fn sweep_of(any: Path, e: f32) -> Sweep {
+    let path = in_range(any);
     var out: Sweep;
     out.w2 = path.w * path.w;
     out.r2 = path.at.x * path.at.x + path.at.y * path.at.y;

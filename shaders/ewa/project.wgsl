@@ -76,8 +76,8 @@ fn filter_kernel(
     let peak = sqrt(area * area * over);
     if !(finite(peak) && peak > 0.0) { return false; }
     let d22 = u.z * u.z + v.z * v.z - depth * depth;
-    let columns = extent(ux * ux + vx * vx, ux * u.z + vx * v.z, d22, 1.0 / d22, 0.0);
-    let rows = extent(uy * uy + vy * vy, uy * u.z + vy * v.z, d22, 1.0 / d22, 0.0);
+    let columns = extent(ux * ux + vx * vx, ux * u.z + vx * v.z, 1.0 / d22, 0.0);
+    let rows = extent(uy * uy + vy * vy, uy * u.z + vy * v.z, 1.0 / d22, 0.0);
     let reference = surfel.splat.reference;
     (*splat).disc.bounds = pixels_of(reference, columns, rows, view.pixels);
     (*splat).u = form_u;

@@ -32,6 +32,21 @@ pub struct Path {
     pub w: f32,
 }
 
+impl Path {
+    /// The path times the power of two that brings w into [1, 2). Coordinates keep their bits, and the fourth power of
+    /// w, which [`Sweep`] divides by, is a number at any depth.
+    #[inline(always)]
+    fn in_range(self) -> Self {
+        /// The bits of the exponent, and those of 2^127.
+        const EXPONENT: u32 = 0xff << 23;
+        const LARGEST: u32 = 0xfe << 23;
+        let scale = f32::from_bits(LARGEST.wrapping_sub(self.w.to_bits() & EXPONENT));
+        let [u, v] = self.at;
+        let [du, dv] = self.rate;
+        Self { at: [u * scale, v * scale], rate: [du * scale, dv * scale], w: self.w * scale }
+    }
+}
+
 /// The quadratic of a path, |at + tau rate|^2 + e (tau w)^2 = w^2 (docs/math.md, eq. 12). e is 0 for the tube that the
 /// kernel's rim sweeps, and 1 for the ellipsoid.
 #[derive(Clone, Copy, Debug)]
@@ -66,7 +81,8 @@ impl Sweep {
     }
 
     #[inline(always)]
-    fn new(Path { at: [u, v], rate: [du, dv], w }: Path, e: f32) -> Self {
+    fn new(path: Path, e: f32) -> Self {
+        let Path { at: [u, v], rate: [du, dv], w } = path.in_range();
         let w2 = w * w;
         let r2 = u * u + v * v;
         let cross = u * dv - v * du;
@@ -233,7 +249,7 @@ mod tests {
             let rate = [speed * angle.cos(), speed * angle.sin()];
             let span = 1.2 + random.next() * speed.min(20.0);
             let at = [random.within(-span, span), random.within(-span, span)];
-            let w = 10_f64.powf(random.within(-4.0, 4.0));
+            let w = 10_f64.powf(random.within(-14.0, 14.0));
             let (want, got) = (by_sampling(at, rate), by_formula(path(at, rate, w)));
             // Rounding decides at the rim of a slow kernel.
             if speed < 1e-3 && (at[0].hypot(at[1]) - 1.0).abs() < 2.0 * speed + 1e-6 {

@@ -66,7 +66,7 @@ impl Surfels {
     pub fn mean_normalisation(&self) -> f32 {
         let factors = self.normalisation();
         self.normalisation.mean_or(|| {
-            let area = |i: usize| f64::from(self.axis_u[i].cross(self.axis_v[i]).length());
+            let area = |i: usize| self.axis_u[i].as_dvec3().cross(self.axis_v[i].as_dvec3()).length();
             let (sum, total) = factors
                 .iter()
                 .enumerate()

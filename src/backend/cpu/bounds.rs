@@ -7,12 +7,13 @@ const SLACK: f32 = 1e-3;
 const SLACK_SHARE: f32 = 1e-5;
 
 /// Ends of the ellipse along one axis, relative to the projected centre and widened to the low-pass disc: the roots of
-/// d22 k^2 - 2 d02 k + d00 = 0 for d22 < 0.
+/// d22 k^2 - 2 d02 k + d00 = 0 for d22 < 0. `inverse22`: 1 / d22. It comes first, as products of lengths may be too
+/// large for a number.
 #[inline(always)]
-pub(super) fn extent(d00: f32, d02: f32, d22: f32, inverse22: f32, low_pass: f32) -> (f32, f32) {
-    let disc = d02 * d02 - d00 * d22;
-    let half = (if disc > 0.0 { disc } else { 0.0 }).sqrt() * -inverse22;
+pub(super) fn extent(d00: f32, d02: f32, inverse22: f32, low_pass: f32) -> (f32, f32) {
     let middle = d02 * inverse22;
+    let square = middle * middle - d00 * inverse22;
+    let half = (if square > 0.0 { square } else { 0.0 }).sqrt();
     let (low, high) = (middle - half, middle + half);
     (if low < -low_pass { low } else { -low_pass }, if high > low_pass { high } else { low_pass })
 }

@@ -437,8 +437,8 @@ fn project_lane<const AXIS: usize>(
         reference_y += shift[1];
     }
     let PixelRect { first_column, last_column, first_row, last_row } = view.pixels;
-    let (left, right) = extent(ux * ux + vx * vx, ux * ud + vx * vd, d22, inverse22, low_pass);
-    let (top, bottom) = extent(uy * uy + vy * vy, uy * ud + vy * vd, d22, inverse22, low_pass);
+    let (left, right) = extent(ux * ux + vx * vx, ux * ud + vx * vd, inverse22, low_pass);
+    let (top, bottom) = extent(uy * uy + vy * vy, uy * ud + vy * vd, inverse22, low_pass);
     let margin = view.margin;
     let columns = pixel_range(reference_x, left - margin, right + margin, first_column, last_column);
     let rows = pixel_range(reference_y, top - margin, bottom + margin, first_row, last_row);

@@ -1,4 +1,5 @@
-//! What must not change a picture: time played backwards, a mirror, objects in another order, an exposure in halves.
+//! What must not change a picture: time played backwards, a mirror, objects in another order, an exposure in halves, the
+//! unit of length.
 //!
 //! Each is a truth about cameras, and none of them needs another renderer to hold the picture against. Scenes are
 //! random: turning spheres that cross, one that stands, one that does not blur, a camera that moves. Both backends
@@ -145,6 +146,30 @@ fn mirrored_models(scene: &Scene, signs: DVec3) -> Scene {
         }
     }
     by_hand
+}
+
+/// The scene with every length times `unit`, but for lights.
+fn in_unit(scene: &Scene, unit: f64) -> Scene {
+    let mut scene = scene.clone();
+    for object in &mut scene.objects {
+        let mut model = Surfels::clone(&object.model);
+        model.origin *= unit;
+        for column in [&mut model.position, &mut model.axis_u, &mut model.axis_v] {
+            column.iter_mut().for_each(|length| *length *= unit as f32);
+        }
+        object.model = model.into();
+        object.transform.translate *= unit;
+        for motion in &mut object.motions {
+            match motion {
+                Motion::Linear { velocity } => *velocity *= unit,
+                Motion::Rotation { centre, .. } => *centre *= unit,
+            }
+        }
+    }
+    scene.camera.eye *= unit;
+    scene.camera.at *= unit;
+    scene.camera.near *= unit;
+    scene
 }
 
 /// What a pixel shows: premultiplied colour, alpha, depth, normal and velocity (pixels per frame, so that halves of an

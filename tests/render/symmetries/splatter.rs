@@ -157,6 +157,38 @@ fn the_order_of_objects_does_not_matter() {
     }
 }
 
+/// A unit of length has no part in a picture: in nanometres or in light years it is the same.
+#[test]
+fn the_unit_of_length_does_not_matter() {
+    for (name, mut backend) in backends("the_unit_of_length_does_not_matter") {
+        for (i, mode) in modes().into_iter().enumerate() {
+            let mut scene = random_scene(SEEDS[i % 2]);
+            // It would have to be brighter than a light may be.
+            scene.lights.retain(|light| !matches!(light, Light::Point { .. }));
+            // Kernels as published take no filter of full EWA.
+            let prefilters = if i == 5 { &[Prefilter::Approx][..] } else { &[Prefilter::Approx, Prefilter::Ewa] };
+            for &prefilter in prefilters {
+                let mut rendered = |unit: f64| {
+                    let aovs = vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity];
+                    let quality = mode.into();
+                    let options = RenderOptions { quality, aovs, prefilter, ..RenderOptions::default() };
+                    let mut picture = render_frame(&mut *backend, &in_unit(&scene, unit), 0, &options).unwrap().picture;
+                    let depth = picture.layers.iter_mut().find(|layer| layer.aov == Aov::Depth).unwrap();
+                    depth.planes[0].iter_mut().for_each(|depth| *depth /= unit as f32);
+                    values(&picture, scene.shutter.close - scene.shutter.open)
+                };
+                let before = rendered(1.0);
+                for exponent in [-20, 30, 40] {
+                    let after = rendered(2_f64.powi(exponent));
+                    // Powers of two keep all bits, but where a small number is added so that nothing is divided by 0.
+                    // Powers of two keep all bits, but for a constant here and there that keeps a divisor from 0.
+                    assert_same(&format!("{name} {mode} {prefilter:?} 2^{exponent}"), &before, &after, 1e-6);
+                }
+            }
+        }
+    }
+}
+
 /// The film of the first half of the exposure and that of the second, added up with their shares.
 fn of_halves(backend: &mut dyn Backend, scene: &Scene, halves: &[(f64, Weight); 2], mode: BlurMode) -> Vec<Values> {
     let Shutter { open, close, .. } = scene.shutter;

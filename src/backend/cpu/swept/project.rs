@@ -168,8 +168,8 @@ fn boxes(view: &View<'_>, ellipsoid: bool, posed: &Posed, low_pass: f32) -> ([[f
         let bound = |at: f32, [pu, pv, pm]: [f32; 3], reference: f32| {
             let (u_on, v_on, m_on) = (pu - at * u.z, pv - at * v.z, pm - at * motion.z);
             let across = u_on * u_on + v_on * v_on + m_on * m_on;
-            let kernel = extent(across, u_on * u.z + v_on * v.z + m_on * motion.z, d22, 1.0 / d22, 0.0);
-            let disc = extent(disc * disc + m_on * m_on, m_on * motion.z, disc22, 1.0 / disc22, 0.0);
+            let kernel = extent(across, u_on * u.z + v_on * v.z + m_on * motion.z, 1.0 / d22, 0.0);
+            let disc = extent(disc * disc + m_on * m_on, m_on * motion.z, 1.0 / disc22, 0.0);
             index_range(reference, low(kernel.0, disc.0), high(kernel.1, disc.1))
         };
         let columns = bound(x, [u.x, v.x, motion.x], reference[0]);
@@ -189,7 +189,7 @@ fn end(view: &View<'_>, centre: Vec3, u: Vec3, v: Vec3, low_pass: f32) -> [f32; 
     let range = |u: f32, v: f32, centre: f32, i: usize, [uz, vz]: [f32; 2]| {
         let x = centre * inverse;
         let (u, v) = (u - x * uz, v - x * vz);
-        let (first, last) = extent(u * u + v * v, u * uz + v * vz, d22, inverse22, low_pass);
+        let (first, last) = extent(u * u + v * v, u * uz + v * vz, inverse22, low_pass);
         index_range(view.raster.axis[i] + x - view.raster.offset[i], first, last)
     };
     let columns = range(u.x, v.x, centre.x, 0, [u.z, v.z]);
