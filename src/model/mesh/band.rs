@@ -107,38 +107,45 @@ impl Band {
             return Vec::new();
         }
         let mut found = Vec::new();
-        self.search(shape.corner, &mut found);
+        // A needle of a million cells has few edges of its own.
+        let mut wanted = if self.segments.len() <= CROWD { (0..self.segments.len()).collect() } else { Vec::new() };
+        self.search(shape.corner, &mut wanted, &mut found);
         found.sort_unstable();
         found.dedup();
         found.into_iter().map(|index| self.segments[index as usize]).collect()
     }
 
-    /// Cuts a triangle until its box is no larger than a cell. A needle of a million cells has few edges of its own:
-    /// once all are found, the rest of it has no other.
-    fn search(&self, corner: [DVec3; 3], found: &mut Vec<u32>) {
-        if found.len() >= self.segments.len() {
-            found.sort_unstable();
-            found.dedup();
-            if found.len() == self.segments.len() {
-                return;
-            }
-        }
+    /// Cuts a triangle until its box is no larger than a cell. Where there are few edges, `wanted` are those that are
+    /// not found yet: a part whose box has none of them near has nothing to find.
+    fn search(&self, corner: [DVec3; 3], wanted: &mut Vec<usize>, found: &mut Vec<u32>) {
         let [a, b, c] = corner;
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        // A cell lies within one width of what it has near, and of what is in it.
+        let near = |&index: &usize| {
+            let [p, q] = self.segments[index];
+            let margin = DVec3::splat(3.0 * self.width());
+            (p.min(q) - margin).cmple(high).all() && (p.max(q) + margin).cmpge(low).all()
+        };
+        if self.segments.len() <= CROWD && !wanted.iter().any(near) {
+            return;
+        }
         if (high - low).max_element() > self.width() {
             let lengths = [0, 1, 2].map(|k| corner[k].distance_squared(corner[(k + 1) % 3]));
             let k = (0..3).max_by(|&i, &j| lengths[i].total_cmp(&lengths[j])).unwrap_or(0);
             let [from, to, tip] = [0, 1, 2].map(|i| corner[(k + i) % 3]);
             let middle = 0.5 * (from + to);
-            self.search([from, middle, tip], found);
-            self.search([middle, to, tip], found);
+            self.search([from, middle, tip], wanted, found);
+            self.search([middle, to, tip], wanted, found);
             return;
         }
-        for cell in cells(low, high, self.width()) {
-            let start = self.cells.partition_point(|(other, _)| *other < cell);
-            let run = self.cells[start..].iter().take_while(|(other, _)| *other == cell);
+        let [low, high] = [low, high].map(|place| cell(place, self.width()));
+        for (x, y) in (low[0]..=high[0]).flat_map(|x| (low[1]..=high[1]).map(move |y| (x, y))) {
+            // Cells of one x and y lie one behind the other.
+            let start = self.cells.partition_point(|(other, _)| *other < [x, y, low[2]]);
+            let run = self.cells[start..].iter().take_while(|(other, _)| *other <= [x, y, high[2]]);
             found.extend(run.map(|(_, index)| index));
         }
+        wanted.retain(|&index| !found.contains(&(index as u32)));
     }
 
     /// True if a surfel at a place that no ray found is to be fine. `near` are the edges around its triangle.
@@ -149,9 +156,14 @@ impl Band {
     }
 }
 
+/// The cell of a place.
+fn cell(place: DVec3, width: f64) -> [i32; 3] {
+    (place / width).floor().to_array().map(|x| x as i32)
+}
+
 /// The cells that a box overlaps.
 fn cells(low: DVec3, high: DVec3, width: f64) -> impl Iterator<Item = [i32; 3]> {
-    let [low, high] = [low, high].map(|p| (p / width).floor().to_array().map(|x| x as i32));
+    let [low, high] = [low, high].map(|place| cell(place, width));
     let [xs, ys, zs] = [0, 1, 2].map(|k| low[k]..=high[k]);
     xs.flat_map(move |x| {
         let zs = zs.clone();
