@@ -208,10 +208,10 @@ pub(crate) fn program() -> Command {
     Command::new(std::env::var_os("SPLATBLUR_PROGRAM").map_or(own, PathBuf::from))
 }
 
-/// A scene of this model alone, small, with one frame.
+/// A small scene of this model alone, with one frame. The models of all cases are in its image.
 pub(crate) fn scene_of(model: &str) -> String {
     format!(
         "<scene><image width=\"16\" height=\"12\"/><frames first=\"1\" last=\"1\"/>\
-         <camera eye=\"1 2 5\" at=\"0 0 0\"/><object><pointModel>{model}</pointModel></object></scene>"
+         <camera eye=\"1 2 14\" at=\"0 0 0\"/><object><pointModel>{model}</pointModel></object></scene>"
     )
 }
