@@ -108,25 +108,25 @@ impl Band {
         }
         let mut found = Vec::new();
         // A needle of a million cells has few edges of its own.
-        let mut wanted = if self.segments.len() <= CROWD { (0..self.segments.len()).collect() } else { Vec::new() };
+        let mut wanted = (self.segments.len() <= CROWD).then(|| (0..self.segments.len() as u32).collect());
         self.search(shape.corner, &mut wanted, &mut found);
         found.sort_unstable();
         found.dedup();
         found.into_iter().map(|index| self.segments[index as usize]).collect()
     }
 
-    /// Cuts a triangle until its box is no larger than a cell. Where there are few edges, `wanted` are those that are
-    /// not found yet: a part whose box has none of them near has nothing to find.
-    fn search(&self, corner: [DVec3; 3], wanted: &mut Vec<usize>, found: &mut Vec<u32>) {
+    /// Cuts a triangle until its box is no larger than a cell. `wanted`, where there are few edges: those that are not
+    /// found yet. A part whose box has none of them near has nothing to find.
+    fn search(&self, corner: [DVec3; 3], wanted: &mut Option<Vec<u32>>, found: &mut Vec<u32>) {
         let [a, b, c] = corner;
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         // A cell lies within one width of what it has near, and of what is in it.
-        let near = |&index: &usize| {
-            let [p, q] = self.segments[index];
+        let near = |&index: &u32| {
+            let [p, q] = self.segments[index as usize];
             let margin = DVec3::splat(3.0 * self.width());
             (p.min(q) - margin).cmple(high).all() && (p.max(q) + margin).cmpge(low).all()
         };
-        if self.segments.len() <= CROWD && !wanted.iter().any(near) {
+        if wanted.as_ref().is_some_and(|wanted| !wanted.iter().any(near)) {
             return;
         }
         if (high - low).max_element() > self.width() {
@@ -143,9 +143,16 @@ impl Band {
             // Cells of one x and y lie one behind the other.
             let start = self.cells.partition_point(|(other, _)| *other < [x, y, low[2]]);
             let run = self.cells[start..].iter().take_while(|(other, _)| *other <= [x, y, high[2]]);
-            found.extend(run.map(|(_, index)| index));
+            let indices = run.map(|(_, index)| *index);
+            match wanted {
+                None => found.extend(indices),
+                Some(wanted) => indices.for_each(|index| {
+                    if let Some(at) = wanted.iter().position(|&other| other == index) {
+                        found.push(wanted.swap_remove(at));
+                    }
+                }),
+            }
         }
-        wanted.retain(|&index| !found.contains(&(index as u32)));
     }
 
     /// True if a surfel at a place that no ray found is to be fine. `near` are the edges around its triangle.
