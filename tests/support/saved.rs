@@ -210,8 +210,7 @@ pub(crate) fn program() -> Command {
 
 /// A small scene of this model alone, with one frame. The models of all cases are in its image.
 pub(crate) fn scene_of(model: &str) -> String {
-    let camera =
-        if model.ends_with(".sfl") { "eye=\"20 30 36\" at=\"14 22 26\"" } else { "eye=\"1 2 14\" at=\"0 0 0\"" };
+    let camera = if model == "m.sfl" { "eye=\"20 30 36\" at=\"14 22 26\"" } else { "eye=\"1 2 14\" at=\"0 0 0\"" };
     format!(
         "<scene><image width=\"16\" height=\"12\"/><frames first=\"1\" last=\"1\"/>\
          <camera {camera}/><object><pointModel>{model}</pointModel></object></scene>"
