@@ -155,7 +155,9 @@ fn in_unit(scene: &Scene, unit: f64) -> Scene {
         let mut model = Surfels::clone(&object.model);
         model.origin *= unit;
         for column in [&mut model.position, &mut model.axis_u, &mut model.axis_v] {
-            column.iter_mut().for_each(|length| *length *= unit as f32);
+            for length in column.iter_mut() {
+                *length *= unit as f32;
+            }
         }
         object.model = model.into();
         object.transform.translate *= unit;
