@@ -1,6 +1,9 @@
 //! Sequences of frames, and the meter.
 
+use std::path::Path;
+
 use super::*;
+use crate::model::{LoadOptions, load};
 use crate::options::{BlurMode, Prefilter};
 use crate::scene::{Model, Object, Sphere};
 
@@ -39,7 +42,7 @@ fn the_meter_counts_all_steps() {
     let mut renderer = Renderer::open(Device::Cpu).unwrap();
     let meter = Arc::new(Meter::default());
     renderer.watch(Arc::clone(&meter));
-    let mut scene = Scene::load("scenes/crossing.xml").unwrap();
+    let mut scene = Scene::load("scenes/swarm.xml").unwrap();
     (scene.image.width, scene.image.height) = (96, 64);
     let modes: [(Quality, u64); 4] = [
         (BlurMode::supersample(4).into(), 1),
@@ -51,7 +54,7 @@ fn the_meter_counts_all_steps() {
         meter.reset();
         assert_eq!(meter.read(), crate::backend::Reading::default());
         let options = RenderOptions { quality, prefilter: Prefilter::Approx, ..RenderOptions::default() };
-        renderer.render(&scene, 12, &options).unwrap();
+        renderer.render(&scene, 3, &options).unwrap();
         let read = meter.read();
         assert!(read.share == 1.0 && read.renderings >= least, "{quality}: {read:?}");
         assert!(least > 1 || read.renderings == 1, "{quality}: {read:?}");
@@ -60,7 +63,8 @@ fn the_meter_counts_all_steps() {
 
 #[test]
 fn a_model_takes_its_memory_once() {
-    let model = Scene::load("scenes/crossing.xml").unwrap().objects[0].model.clone();
+    let loaded = load(Path::new("scenes/models/swarm.1.ply"), &LoadOptions::default(), &|_, _| {}).unwrap();
+    let model = Model::from(loaded.surfels);
     let scene = Scene::new([Object::new(model.clone()), Object::new(model.clone())]);
     let frame = Frame::new(&scene, 0, BlurMode::supersample(1), &RenderOptions::default());
     // Position, two axes, normal and colour of each surfel.

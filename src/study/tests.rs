@@ -2,18 +2,21 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use glam::DVec3;
+
 use super::provenance::Provenance;
 use super::report::page::page;
 use super::*;
 use crate::compare::{Comparison, Metric};
 use crate::film::{Aov, Picture};
 use crate::image::Format;
+use crate::model::{LoadOptions, load};
 use crate::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
 use crate::reference::ReferenceOptions;
 use crate::renderer::{Device, Renderer};
-use crate::scene::Scene;
+use crate::scene::{Motion, Object, Scene};
 
-const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/spin.xml");
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/swarm.xml");
 
 /// A shipped scene as a small picture.
 fn scene() -> Scene {
@@ -24,6 +27,10 @@ fn scene() -> Scene {
 
 /// `opened` counts the backends that were opened.
 fn trial(opened: &AtomicU32) -> Trial<'_> {
+    trial_of(scene(), opened)
+}
+
+fn trial_of(scene: Scene, opened: &AtomicU32) -> Trial<'_> {
     let open = |kind| match kind {
         BackendKind::Cpu => {
             opened.fetch_add(1, Ordering::Relaxed);
@@ -31,7 +38,7 @@ fn trial(opened: &AtomicU32) -> Trial<'_> {
         }
         BackendKind::Gpu => Err("no GPU here".into()),
     };
-    Trial::new(scene(), Path::new(SCENE), RenderOptions::default(), None, Box::new(open))
+    Trial::new(scene, Path::new(SCENE), RenderOptions::default(), None, Box::new(open))
 }
 
 fn contestants(text: &str) -> Vec<Contestant> {
@@ -154,7 +161,12 @@ fn settings_tell_pictures_apart() {
 #[test]
 fn moments_divide_the_shutter() {
     let opened = AtomicU32::new(0);
-    let moments = trial(&opened).moments(3.into()).unwrap();
+    let mut scene = scene();
+    let points = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/models/swarm.1.ply");
+    let mut object = Object::new(load(Path::new(points), &LoadOptions::default(), &|_, _| {}).unwrap().surfels);
+    object.motions.push(Motion::Linear { velocity: DVec3::new(0.3, 0.1, 0.0) });
+    scene.objects = vec![object];
+    let moments = trial_of(scene.clone(), &opened).moments(3.into()).unwrap();
     let options = RenderOptions {
         quality: BlurMode::supersample(1).into(),
         filter: PixelFilter::Point,
@@ -162,7 +174,7 @@ fn moments_divide_the_shutter() {
         prefilter: Prefilter::Approx,
         ..RenderOptions::default()
     };
-    let whole = Renderer::open(Device::Cpu).unwrap().render(&scene(), 3, &options).unwrap().picture;
+    let whole = Renderer::open(Device::Cpu).unwrap().render(&scene, 3, &options).unwrap().picture;
     let fastest = |picture: &Picture| {
         let velocity = picture.layers.iter().find(|layer| layer.aov == Aov::Velocity).unwrap();
         velocity.planes.iter().flatten().fold(0.0_f32, |most, v| most.max(v.abs()))

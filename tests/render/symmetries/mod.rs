@@ -1,5 +1,5 @@
-//! What must not change a picture: time played backwards, a mirror, objects in another order, an exposure in halves, the
-//! unit of length.
+//! What must not change a picture: time played backwards, a mirror, objects in another order, an exposure in halves,
+//! the unit of length.
 //!
 //! Each is a truth about cameras, and none of them needs another renderer to hold the picture against. Scenes are
 //! random: turning spheres that cross, one that stands, one that does not blur, a camera that moves. Both backends
