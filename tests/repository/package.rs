@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::process::Command;
 
-/// Most bytes of the packed crate. crates.io takes 10 MB.
-const MOST: u64 = 2_000_000;
+/// Most bytes of its files: a third of that is packed, of which crates.io takes 10 MB.
+const MOST: u64 = 5_000_000;
 
 /// What someone who has the crate alone wants to find, and what the tests beside the code read.
 const WANTED: [&str; 9] = [
@@ -22,22 +22,13 @@ const WANTED: [&str; 9] = [
 /// What is for the repository alone, or large.
 const UNWANTED: [&str; 6] = [".ci/", ".github/", "docs/images/", "docs/measurements/", "fuzz/", "tests/render/"];
 
-fn package(target: &Path, arguments: &[&str]) -> String {
-    let output = Command::new(env!("CARGO"))
-        .args(["package", "--allow-dirty", "--no-verify", "--offline", "--quiet", "--target-dir"])
-        .arg(target)
-        .args(arguments)
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
 #[test]
 fn the_package_is_small_and_whole() {
-    let target = tempfile::tempdir().unwrap();
-    let listed = package(target.path(), &["--list"]);
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let list = ["package", "--list", "--allow-dirty", "--offline", "--quiet"];
+    let output = Command::new(env!("CARGO")).args(list).current_dir(root).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let listed = String::from_utf8(output.stdout).unwrap();
     // Windows has other separators.
     let files: Vec<String> = listed.lines().map(|line| line.replace('\\', "/")).collect();
     for wanted in WANTED {
@@ -46,8 +37,7 @@ fn the_package_is_small_and_whole() {
     for unwanted in UNWANTED {
         assert!(!files.iter().any(|file| file.starts_with(unwanted)), "{unwanted} is in the package");
     }
-    package(target.path(), &[]);
-    let packed = target.path().join(concat!("package/splatblur-", env!("CARGO_PKG_VERSION"), ".crate"));
-    let bytes = packed.metadata().unwrap().len();
-    assert!(bytes <= MOST, "the package has {bytes} bytes, expected at most {MOST}");
+    // What cargo adds by itself is in no folder of ours.
+    let bytes: u64 = files.iter().filter_map(|file| root.join(file).metadata().ok()).map(|about| about.len()).sum();
+    assert!(bytes <= MOST, "the files of the package have {bytes} bytes, expected at most {MOST}");
 }
