@@ -251,7 +251,7 @@ fn time_samples_keep_to_the_memory() {
         bucket(256, 256),
         Quality::Error(auto),
     ] {
-        // Posed before anything is asked, they would take 20 GB.
+        // Posed before anything is asked, they would take more than 12 GB.
         let mut still = Scene { objects: vec![scene.objects[0].clone(); 1000], ..scene.clone() };
         if matches!(quality, Quality::Error(_)) {
             still.objects.iter_mut().for_each(|object| object.motions.clear());

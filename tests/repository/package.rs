@@ -37,6 +37,11 @@ fn the_package_is_small_and_whole() {
     for unwanted in UNWANTED {
         assert!(!files.iter().any(|file| file.starts_with(unwanted)), "{unwanted} is in the package");
     }
+    let cited = std::fs::read_to_string(root.join("CITATION.cff")).unwrap();
+    assert!(
+        cited.contains(concat!("\nversion: ", env!("CARGO_PKG_VERSION"), "\n")),
+        "CITATION.cff has another version"
+    );
     // What cargo adds by itself is in no folder of ours.
     let bytes: u64 = files.iter().filter_map(|file| root.join(file).metadata().ok()).map(|about| about.len()).sum();
     assert!(bytes <= MOST, "the files of the package have {bytes} bytes, expected at most {MOST}");

@@ -3,6 +3,8 @@
 //! Distances are those of shadows along the axis of the rays. Discs of the coarse grid stand so far from every edge
 //! that they reach no farther beyond it than fine discs do. Fine discs cover what the coarse ones leave.
 
+use std::collections::BTreeSet;
+
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -106,27 +108,23 @@ impl Band {
         if self.cells.is_empty() {
             return Vec::new();
         }
-        let mut found = Vec::new();
-        // A needle of a million cells has few edges of its own.
-        let mut wanted = (self.segments.len() <= CROWD).then(|| (0..self.segments.len() as u32).collect());
-        self.search(shape.corner, &mut wanted, &mut found);
-        found.sort_unstable();
-        found.dedup();
+        let mut found = BTreeSet::new();
+        self.search(shape.corner, &mut found);
         found.into_iter().map(|index| self.segments[index as usize]).collect()
     }
 
-    /// Cuts a triangle until its box is no larger than a cell. `wanted`, where there are few edges: those that are not
-    /// found yet. A part whose box has none of them near has nothing to find.
-    fn search(&self, corner: [DVec3; 3], wanted: &mut Option<Vec<u32>>, found: &mut Vec<u32>) {
+    /// Cuts a triangle until its box is no larger than a cell. A needle of a million cells has few edges of its own: a
+    /// part with no edge near that is not found yet has nothing to find.
+    fn search(&self, corner: [DVec3; 3], found: &mut BTreeSet<u32>) {
         let [a, b, c] = corner;
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        // A cell lies within one width of what it has near, and of what is in it.
-        let near = |&index: &u32| {
-            let [p, q] = self.segments[index as usize];
-            let margin = DVec3::splat(3.0 * self.width());
-            (p.min(q) - margin).cmple(high).all() && (p.max(q) + margin).cmpge(low).all()
+        // An edge is in the cells that half a width around it meets. They reach one width farther; the rest is slack.
+        let margin = DVec3::splat(2.0 * self.width());
+        let is_new = |(index, [p, q]): (usize, &[DVec3; 2])| {
+            let is_near = (p.min(*q) - margin).cmple(high).all() && (p.max(*q) + margin).cmpge(low).all();
+            is_near && !found.contains(&(index as u32))
         };
-        if wanted.as_ref().is_some_and(|wanted| !wanted.iter().any(near)) {
+        if self.segments.len() <= CROWD && !self.segments.iter().enumerate().any(is_new) {
             return;
         }
         if (high - low).max_element() > self.width() {
@@ -134,8 +132,8 @@ impl Band {
             let k = (0..3).max_by(|&i, &j| lengths[i].total_cmp(&lengths[j])).unwrap_or(0);
             let [from, to, tip] = [0, 1, 2].map(|i| corner[(k + i) % 3]);
             let middle = 0.5 * (from + to);
-            self.search([from, middle, tip], wanted, found);
-            self.search([middle, to, tip], wanted, found);
+            self.search([from, middle, tip], found);
+            self.search([middle, to, tip], found);
             return;
         }
         let [low, high] = [low, high].map(|place| cell(place, self.width()));
@@ -143,15 +141,7 @@ impl Band {
             // Cells of one x and y lie one behind the other.
             let start = self.cells.partition_point(|(other, _)| *other < [x, y, low[2]]);
             let run = self.cells[start..].iter().take_while(|(other, _)| *other <= [x, y, high[2]]);
-            let indices = run.map(|(_, index)| *index);
-            match wanted {
-                None => found.extend(indices),
-                Some(wanted) => indices.for_each(|index| {
-                    if let Some(at) = wanted.iter().position(|&other| other == index) {
-                        found.push(wanted.swap_remove(at));
-                    }
-                }),
-            }
+            found.extend(run.map(|(_, index)| index));
         }
     }
 
