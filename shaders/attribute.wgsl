@@ -1,5 +1,5 @@
 // Pass `attribute`: sums the attributes of the splats that pass the depth test, with their weights.
-// Twin: src/backend/cpu/attribute.rs.  Math: docs/math.md, eq. 6 and 10.
+// Twins: src/backend/cpu/values.rs, paint/attribute.rs, published/low_pass.rs.  Math: docs/math.md, eq. 6 and 10.
 //
 // `splat_values`, one invocation per surfel of a segment:
 //   in   segment, travels, geometry, looks, lights, environment
@@ -9,7 +9,7 @@
 //   out  sums      for each tile, for each channel, its quads: weight, colour, then normal, depth, velocity and
 //                  material where they are wanted. In groups of several samples three channels follow: the sample
 //                  coverage of the current sample, the coverage by the samples before it, and the sample coverage of
-//                  static objects. The sums of static objects alone also have their least depth
+//                  static objects
 
 @group(0) @binding(1) var<uniform> segment: Segment;
 @group(1) @binding(0) var<storage, read> geometry: array<f32>;
@@ -39,14 +39,10 @@ override SAMPLE_COVERAGE: u32 = 0u;
 override REFLECTION: u32 = 0u;
 // Channel of the opacity; 0 without it.
 override OPACITY: u32 = 0u;
-// Channel of the least depth of the splats that are added (NONE where there are none); 0 if it is not wanted.
-override NEAREST: u32 = 0u;
 // Number of channels, and number of floats of a splat in `values`.
 override CHANNELS: u32 = 4u;
 override VALUES: u32 = 3u;
 override GOURAUD: bool = false;
-// If false, the weight is the only channel (pass `density`).
-override COLOUR: bool = true;
 // First of three channels of full EWA: weight times peak, weights that are negative for backs, and discs that cover; 0
 // without it.
 override PEAK: u32 = 0u;
@@ -207,7 +203,6 @@ struct Sums {
     sample_coverage: vec4<f32>,
     coverage: vec4<f32>,
     static_coverage: vec4<f32>,
-    nearest: vec4<f32>,
     peak: vec4<f32>,
     side: vec4<f32>,
     discs: vec4<f32>,
@@ -227,7 +222,6 @@ fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
     let at = index * CHANNELS * TILE_QUADS + in_tile;
     var sum: Sums;
     sum.turn = view.first_turn;
-    sum.nearest = vec4<f32>(NONE);
     if view.resumes != 0u {
         if SAMPLE_COVERAGE == 0u && !has_next(walk) { return; }
         load_sums(&sum, at);
@@ -279,18 +273,16 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
     let depth = select(vec4<f32>(splat.centre_depth), plane_depth, inside);
     let r2 = min(r2d, r3d);
     let within = in_columns(bounds, column);
-    let passes = (inside | (r2 <= vec4<f32>(1.0))) & (depth <= limit) & within;
+    let hits = (inside | (r2 <= vec4<f32>(1.0))) & within;
+    let passes = hits & (depth <= limit);
     let zero = vec4<f32>(0.0);
-    let unshared = select(zero, kernel(min(r2, vec4<f32>(1.0))), passes);
+    let unshared = select(zero, kernel(min(r2, vec4<f32>(1.0))), hits);
     if SAMPLE_COVERAGE != 0u {
-        // A hidden splat that covers the pixel is part of the coverage too: something before it covers the pixel.
+        // A hidden splat covers the pixel, too: what hides it covers it.
         (*sum).sample_coverage += select(unshared, vec4<f32>(1.0), inside & within);
     }
     if !any(passes) { return; }
-    let weight = unshared * share;
-    if NEAREST != 0u {
-        (*sum).nearest = min((*sum).nearest, select(vec4<f32>(NONE), depth, passes));
-    }
+    let weight = select(zero, unshared * share, passes);
     add_values(sum, slot, weight, select(zero, depth, passes));
 }
 
@@ -298,12 +290,10 @@ fn add_splat(sum: ptr<function, Sums>, slot: u32, limit: vec4<f32>, column: u32,
 fn add_values(sum: ptr<function, Sums>, slot: u32, weight: vec4<f32>, depth: vec4<f32>) {
     var next = slot * VALUES;
     (*sum).weight += weight;
-    if COLOUR {
-        (*sum).red += weight * values[next];
-        (*sum).green += weight * values[next + 1u];
-        (*sum).blue += weight * values[next + 2u];
-        next += 3u;
-    }
+    (*sum).red += weight * values[next];
+    (*sum).green += weight * values[next + 1u];
+    (*sum).blue += weight * values[next + 2u];
+    next += 3u;
     if NORMAL != 0u {
         (*sum).normal_x += weight * values[next];
         (*sum).normal_y += weight * values[next + 1u];
@@ -334,11 +324,9 @@ fn add_values(sum: ptr<function, Sums>, slot: u32, weight: vec4<f32>, depth: vec
 
 fn load_sums(sum: ptr<function, Sums>, at: u32) {
     (*sum).weight = sums[at];
-    if COLOUR {
-        (*sum).red = sums[at + TILE_QUADS];
-        (*sum).green = sums[at + 2u * TILE_QUADS];
-        (*sum).blue = sums[at + 3u * TILE_QUADS];
-    }
+    (*sum).red = sums[at + TILE_QUADS];
+    (*sum).green = sums[at + 2u * TILE_QUADS];
+    (*sum).blue = sums[at + 3u * TILE_QUADS];
     if NORMAL != 0u {
         (*sum).normal_x = sums[at + NORMAL * TILE_QUADS];
         (*sum).normal_y = sums[at + (NORMAL + 1u) * TILE_QUADS];
@@ -364,9 +352,6 @@ fn load_sums(sum: ptr<function, Sums>, at: u32) {
         (*sum).coverage = sums[at + (SAMPLE_COVERAGE + 1u) * TILE_QUADS];
         (*sum).static_coverage = sums[at + (SAMPLE_COVERAGE + 2u) * TILE_QUADS];
     }
-    if NEAREST != 0u {
-        (*sum).nearest = sums[at + NEAREST * TILE_QUADS];
-    }
     if PEAK != 0u {
         (*sum).peak = sums[at + PEAK * TILE_QUADS];
         (*sum).side = sums[at + (PEAK + 1u) * TILE_QUADS];
@@ -376,11 +361,9 @@ fn load_sums(sum: ptr<function, Sums>, at: u32) {
 
 fn store_sums(sum: ptr<function, Sums>, at: u32) {
     sums[at] = (*sum).weight;
-    if COLOUR {
-        sums[at + TILE_QUADS] = (*sum).red;
-        sums[at + 2u * TILE_QUADS] = (*sum).green;
-        sums[at + 3u * TILE_QUADS] = (*sum).blue;
-    }
+    sums[at + TILE_QUADS] = (*sum).red;
+    sums[at + 2u * TILE_QUADS] = (*sum).green;
+    sums[at + 3u * TILE_QUADS] = (*sum).blue;
     if NORMAL != 0u {
         sums[at + NORMAL * TILE_QUADS] = (*sum).normal_x;
         sums[at + (NORMAL + 1u) * TILE_QUADS] = (*sum).normal_y;
@@ -405,9 +388,6 @@ fn store_sums(sum: ptr<function, Sums>, at: u32) {
         sums[at + SAMPLE_COVERAGE * TILE_QUADS] = (*sum).sample_coverage;
         sums[at + (SAMPLE_COVERAGE + 1u) * TILE_QUADS] = (*sum).coverage;
         sums[at + (SAMPLE_COVERAGE + 2u) * TILE_QUADS] = (*sum).static_coverage;
-    }
-    if NEAREST != 0u {
-        sums[at + NEAREST * TILE_QUADS] = (*sum).nearest;
     }
     if PEAK != 0u {
         sums[at + PEAK * TILE_QUADS] = (*sum).peak;

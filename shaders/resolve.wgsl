@@ -1,5 +1,5 @@
 // Pass `resolve`: normalises the sums, shades the pixel and adds it to the film with the time weight.
-// Twin: src/backend/cpu/resolve.rs.  Math: docs/math.md, eq. 6 to 8 and 10.
+// Twins: src/backend/cpu/resolve.rs, paint/resolve.rs, published/resolve.rs.  Math: docs/math.md, eq. 6 to 8 and 10.
 //   in   thresholds, sums, lights, environment
 //   out  film      for each tile, for each plane, its pixels: premultiplied colour and alpha; then depth, normal and
 //                  velocity where they are wanted

@@ -1,5 +1,5 @@
 // Pass `visibility`: T(x, t) = min over splats covering x of (depth + epsilon), per pixel.
-// Twin: src/backend/cpu/visibility.rs.  Math: docs/math.md, eq. 5.
+// Twin: src/backend/cpu/paint/visibility.rs.  Math: docs/math.md, eq. 5.
 //   in   splats, list, starts, wide   output of `bin`
 //        segments                     epsilon of a splat's object
 //   out  thresholds                   tile after tile, four pixels of a row together; NONE where no splat covers the

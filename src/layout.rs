@@ -122,8 +122,8 @@ pub struct SweptFilter {
     pub peak: f32,
     /// Weight at the centre, of colours (docs/math.md, section 3).
     pub weight: f32,
-    /// Weight at the centre, of coverage: `peak` times the surfel's normalisation. 0 for a kernel that reaches the
-    /// camera plane, which is not filtered: its forms are those of the splat, and its coverage has its `weight`.
+    /// Weight at the centre, of coverage: `peak` times the surfel's normalisation. 0 for a kernel that is not
+    /// filtered: its forms are those of the splat, and its coverage has its `weight`.
     pub coverage: f32,
 }
 
@@ -138,13 +138,13 @@ pub struct FilteredSplat {
 }
 
 impl SweptFilter {
-    /// That of a kernel at the camera plane.
+    /// The kernel that is not filtered: it reaches the camera plane, or the filter is zero.
     pub fn unfiltered(weight: f32) -> Self {
         Self { peak: 1.0, weight, ..Self::zeroed() }
     }
 
-    /// Does the kernel reach the camera plane?
-    pub fn is_crossing(&self) -> bool {
+    /// Is the kernel its disc?
+    pub fn is_unfiltered(&self) -> bool {
         self.coverage == 0.0
     }
 }
@@ -215,21 +215,6 @@ pub struct Channels {
 impl Channels {
     /// Largest number of channels.
     pub const MOST: usize = 16;
-
-    /// The sum of weights alone.
-    pub const fn weights() -> Self {
-        Self {
-            count: 1,
-            normal: None,
-            depth: None,
-            velocity: None,
-            material: None,
-            reflection: None,
-            opacity: None,
-            uniform: None,
-            mirror: 0.0,
-        }
-    }
 
     /// The channels that `frame` needs.
     pub fn of(frame: &Frame) -> Self {

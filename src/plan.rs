@@ -3,14 +3,13 @@
 //! [`Exposure`] says at which times each pixel is sampled. Once the scene is posed there (`frame`),
 //! [`Step::of_position`] says what a backend does about it, and in which order. No other place knows that order: a
 //! backend walks over the rasters of a frame, their positions and their steps, and has one `match` over [`Step`].
-//! Within a step the passes run in the order of [`SplatPass::ORDER`], [`StaticPass::ORDER`], [`MapPass::order`] or
-//! [`SweepPass::order`]; the splats or the kernels in motion that they read are projected and listed by tile before the
-//! first pass that reads them.
+//! Within a step the passes run in the order that stands here, of both backends; the splats or the kernels in motion
+//! that they read are projected and listed by tile before the first pass that reads them.
 
 mod times;
 
 use self::times::moments;
-use crate::options::{BlurMode, Interleave, KernelWeight, PixelFilter, SweptKernel, Times};
+use crate::options::{BlurMode, Interleave, PixelFilter, SweptKernel, Times};
 use crate::time::Shutter;
 
 /// When a frame is sampled: rasters, their sample positions, and the times of each.
@@ -95,67 +94,28 @@ pub struct PosedInterval {
     pub slices: u32,
 }
 
-/// Which objects with surfels a step splats. Static objects come first in the order of sums.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Objects {
-    /// All visible objects that are opaque.
-    All,
-    /// Static opaque objects alone: their pose is the same in all samples of the frame.
-    Static,
-    /// All other opaque objects.
-    Moving,
-    /// All visible objects that light passes through.
-    SeeThrough,
-}
-
 /// What a backend does for one sample position of one raster. `group` is an index into the groups of the position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Step {
-    /// Splats static objects once for all groups of the position ([`StaticPass::ORDER`]). A backend without room for
-    /// the layer leaves it out; then each `Splat` splats them again, and every sum has the same bits.
-    StaticLayer {
-        /// The group whose light shades at surfels.
+    /// Splats opaque surfels and adds to the film what one group shows ([`PaintPass::order`]).
+    Paint {
+        /// The group.
         group: usize,
+        /// Is what is at rest the same for all groups of the position? A backend may paint it once for all.
+        shares_rest: bool,
     },
-    /// Splats and adds to the film what one group shows ([`SplatPass::ORDER`]). It starts from the static layer of the
-    /// position, if there is one.
-    Splat {
+    /// Peels off the layers of see-through surfels ([`LayerPass::ORDER`]). Opaque surfels hide them.
+    Peel {
         /// The group.
         group: usize,
     },
-    /// As `Splat`, of all objects, with kernels that full EWA filters ([`EwaPass::ORDER`]).
-    Ewa {
+    /// Composites captures, volumes and layers over the opaque picture of the group, front to back, and adds it to the
+    /// film ([`CompositePass::order`]). The step that painted that picture added nothing to the film.
+    Composite {
         /// The group.
         group: usize,
     },
-    /// Composites what is transparent over the picture of one group, front to back, and adds it to the film
-    /// ([`TransparentPass::ORDER`]). The step before it, which adds nothing to the film then, leaves that picture with
-    /// its depth thresholds.
-    Transparent {
-        /// The group.
-        group: usize,
-    },
-    /// Makes a picture of static objects for the sweeps that follow ([`StaticPass::ORDER`]). They show it behind
-    /// kernels in motion.
-    StaticPicture {
-        /// The group whose light and camera it has.
-        group: usize,
-    },
-    /// Makes a map of depth thresholds at the middle of an interval, over the raster and a guard band
-    /// ([`MapPass::order`]). Kernels in motion look up there how dense their surface is, and the chord whether its
-    /// source is visible. So it must be complete before they are added.
-    VisibilityMap {
-        /// The group.
-        group: usize,
-        /// Its interval.
-        interval: PosedInterval,
-        /// `Moving` where static objects have a picture of their own.
-        objects: Objects,
-        /// Whether the map holds densities too, which integral weights are divided by.
-        density: bool,
-    },
-    /// Sweeps kernels over an interval and adds them to the film ([`SweepPass::order`]). It reads the map and the
-    /// static picture.
+    /// Sweeps kernels over an interval and adds them to the film ([`SweepPass::ORDER`]).
     Sweep {
         /// The group.
         group: usize,
@@ -163,24 +123,52 @@ pub enum Step {
         interval: PosedInterval,
         /// What kernels sweep; the same in all sweeps of a frame.
         kernel: SweptKernel,
-        /// `Moving` where static objects have a picture of their own.
-        objects: Objects,
+    },
+    /// Does what Wolf (2008) prints, as printed.
+    Published {
+        /// The group.
+        group: usize,
+        /// What is done for it.
+        part: Published,
     },
     /// Completes the film of a raster: clamps coverage, and divides what was pooled over all intervals. The last step
     /// of the last position.
     Finish,
 }
 
+/// A part of [`Step::Published`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Published {
+    /// Splats opaque surfels with their low-pass discs and adds to the film what one group shows
+    /// ([`InstantPass::ORDER`]).
+    Instant,
+    /// Makes a map of depth thresholds at the middle of an interval, over the raster and a guard band
+    /// ([`MapPass::ORDER`]). Kernels in motion look up there whether their source is visible. So it must be complete
+    /// before they are added.
+    Map {
+        /// Width of the guard band, raster pixels.
+        guard: u32,
+    },
+    /// Sweeps kernels over an interval and adds them to the film ([`PublishedSweepPass::ORDER`]). It reads the map.
+    Sweep {
+        /// The interval.
+        interval: PosedInterval,
+        /// What kernels sweep; the same in all sweeps of a frame.
+        kernel: SweptKernel,
+    },
+}
+
 /// What the steps of a frame depend on, apart from its times.
 #[allow(clippy::struct_excessive_bools, reason = "independent facts, each with a name")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scenery {
-    /// Whether any visible object with surfels is static.
-    pub has_static: bool,
-    /// Whether the camera and the lights are the same in all samples.
-    pub one_view: bool,
-    /// Whether full EWA filters kernels.
-    pub ewa: bool,
+    /// Whether any visible opaque object with surfels is static, before a camera and under lights that are the same in
+    /// all samples.
+    pub has_rest: bool,
+    /// Whether kernels at instants have low-pass discs, as published.
+    pub low_pass: bool,
+    /// Whether light passes through the surfels of any object.
+    pub see_through: bool,
     /// Whether the scene holds what is transparent.
     pub transparent: bool,
 }
@@ -190,103 +178,98 @@ impl Step {
     /// interval and kernel, or `None` where samples are instants.
     pub fn of_position(sweeps: &[Option<(PosedInterval, SweptKernel)>], scenery: Scenery) -> Vec<Self> {
         let mut steps = Vec::new();
-        let several_splat = sweeps.iter().filter(|sweep| sweep.is_none()).count() > 1;
-        if scenery.has_static && several_splat && !scenery.ewa {
-            steps.push(Self::StaticLayer { group: 0 });
-        }
+        let shares_rest = scenery.has_rest && sweeps.iter().filter(|sweep| sweep.is_none()).count() > 1;
         for (group, sweep) in sweeps.iter().enumerate() {
-            let Some((interval, kernel)) = *sweep else {
-                steps.push(if scenery.ewa { Self::Ewa { group } } else { Self::Splat { group } });
-                if scenery.transparent {
-                    steps.push(Self::Transparent { group });
+            match *sweep {
+                None => {
+                    let published = Self::Published { group, part: Published::Instant };
+                    steps.push(if scenery.low_pass { published } else { Self::Paint { group, shares_rest } });
+                    if scenery.see_through {
+                        steps.push(Self::Peel { group });
+                    }
+                    if scenery.transparent {
+                        steps.push(Self::Composite { group });
+                    }
                 }
-                continue;
-            };
-            if scenery.ewa {
-                // Their weights add up to 1 without a map of densities, static objects' among them.
-                steps.push(Self::Sweep { group, interval, kernel, objects: Objects::All });
-                continue;
+                Some((interval, kernel)) if kernel.is_published() => {
+                    steps.push(Self::Published { group, part: Published::Map { guard: interval.guard } });
+                    steps.push(Self::Published { group, part: Published::Sweep { interval, kernel } });
+                }
+                Some((interval, kernel)) => steps.push(Self::Sweep { group, interval, kernel }),
             }
-            // The published kernels (Wolf 2008, eq. 4.12) have no densities: static objects are summed with all others.
-            let density = kernel.weight == KernelWeight::Integral;
-            let has_picture = scenery.has_static && density;
-            // Light at surfels may change from interval to interval.
-            if has_picture && (group == 0 || !scenery.one_view) {
-                steps.push(Self::StaticPicture { group });
-            }
-            let objects = if has_picture { Objects::Moving } else { Objects::All };
-            steps.push(Self::VisibilityMap { group, interval, objects, density });
-            steps.push(Self::Sweep { group, interval, kernel, objects });
         }
         steps
     }
 }
 
-/// A pass of [`Step::Splat`].
+/// A pass of [`Step::Paint`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SplatPass {
-    /// T(x, t) of each pixel: the least depth of the splats that cover it, plus their tolerance.
+pub enum PaintPass {
+    /// T(x, t) of each pixel: the least depth of the discs that cover it, plus their tolerance. With a filter also
+    /// around the pixels that are wanted.
     Visibility,
-    /// Weighted sums of the attributes of the splats that pass the depth test.
-    Attribute,
-    /// Normalises, shades, and adds to the film with the time weight.
-    Resolve,
-}
-
-impl SplatPass {
-    /// The passes in order.
-    pub const ORDER: [Self; 3] = [Self::Visibility, Self::Attribute, Self::Resolve];
-}
-
-/// A pass of [`Step::Ewa`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EwaPass {
-    /// As [`SplatPass::Visibility`], also around the pixels that are wanted.
-    Visibility,
-    /// The same least depth over the discs behind T.
+    /// The same least depth over the discs behind T; and which pixels are solid.
     Second,
-    /// Weighted sums of the attributes of four groups of splats, by depth.
+    /// Weighted sums of the attributes of the splats that pass the depth test: of one layer, or of four by depth.
     Attribute,
-    /// Composites the groups; then as [`SplatPass::Resolve`].
+    /// Normalises, shades, composites the layers, and adds to the film with the time weight.
     Resolve,
 }
 
-impl EwaPass {
-    /// The passes in order.
-    pub const ORDER: [Self; 4] = [Self::Visibility, Self::Second, Self::Attribute, Self::Resolve];
+impl PaintPass {
+    /// The passes in order. `layered`: pixels have several layers. They have where a filter widens kernels and the
+    /// group has one sample: several samples have one coverage, at all depths together.
+    pub const fn order(layered: bool) -> &'static [Self] {
+        if layered {
+            &[Self::Visibility, Self::Second, Self::Attribute, Self::Resolve]
+        } else {
+            &[Self::Visibility, Self::Attribute, Self::Resolve]
+        }
+    }
 }
 
-/// A pass of [`Step::Transparent`].
+/// A pass of [`Step::Composite`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TransparentPass {
-    /// Kernels to splats, and the depths of their centres.
-    Project,
-    /// The order of depths.
+pub enum CompositePass {
+    /// Kernels to splats at the middle sample of the group, and the depths of their centres.
+    ProjectMiddle,
+    /// The order of those depths, which all samples of the group have.
     Sort,
-    /// Lists by tile, in that order.
-    List,
-    /// Composites the splats of a tile, front to back.
+    /// Kernels to splats at one sample of several.
+    Project,
+    /// Slab of depth by slab, the nearest first: lists by tile, and composites of the splats of each tile, front to
+    /// back. The last slab's composite is laid over the opaque picture of the sample, and added to the film with its
+    /// weight.
     Composite,
-    /// Lays them over the opaque picture of the instant, and adds it to the film with the time weight.
-    Resolve,
 }
 
-impl TransparentPass {
-    /// The passes in order; what is between projecting and resolving is once for each time sample of the group.
-    pub const ORDER: [Self; 5] = [Self::Project, Self::Sort, Self::List, Self::Composite, Self::Resolve];
+impl CompositePass {
+    /// The passes of one sample, in order. `sorts`: no order of the group is at hand. `several`: the group has several
+    /// samples.
+    pub const fn order(sorts: bool, several: bool) -> &'static [Self] {
+        match (sorts, several) {
+            (true, false) => &[Self::ProjectMiddle, Self::Sort, Self::Composite],
+            (true, true) => &[Self::ProjectMiddle, Self::Sort, Self::Project, Self::Composite],
+            (false, true) => &[Self::Project, Self::Composite],
+            (false, false) => &[Self::Composite],
+        }
+    }
 }
 
 /// Most layers of see-through surfels at a pixel.
 pub const LAYERS: u8 = 8;
 
-/// A pass over see-through surfels, before those of [`TransparentPass`]. Each has the number of its layer, 0 for the
-/// nearest.
+/// A pass of [`Step::Peel`]. Those of a layer have its number, 0 for the nearest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LayerPass {
-    /// As [`EwaPass::Visibility`], of discs behind all layers before this one. That of number [`LAYERS`] finds what
+    /// Nothing is covered yet.
+    Start,
+    /// As [`PaintPass::Visibility`], of discs behind all layers before this one. That of number [`LAYERS`] finds what
     /// [`LayerPass::LeftOut`] counts.
     Visibility(u8),
-    /// As [`EwaPass::Attribute`], of what lies in the layer.
+    /// Finds the pixels that are solid.
+    Second(u8),
+    /// As [`PaintPass::Attribute`], of what lies in the layer.
     Attribute(u8),
     /// Normalises and shades the layer.
     Resolve(u8),
@@ -295,53 +278,16 @@ pub enum LayerPass {
 }
 
 impl LayerPass {
-    /// The passes in order, for all layers.
-    pub const ORDER: [Self; 3 * LAYERS as usize + 2] = {
-        let mut order = [Self::LeftOut; 3 * LAYERS as usize + 2];
-        order[3 * LAYERS as usize] = Self::Visibility(LAYERS);
-        let mut layer = 0;
-        while layer < LAYERS {
-            let first = 3 * layer as usize;
-            order[first] = Self::Visibility(layer);
-            order[first + 1] = Self::Attribute(layer);
-            order[first + 2] = Self::Resolve(layer);
-            layer += 1;
+    /// The passes in order, for all layers; `layered` as in [`PaintPass::order`].
+    pub fn order(layered: bool) -> Vec<Self> {
+        let mut order = vec![Self::Start];
+        for layer in 0..LAYERS {
+            order.push(Self::Visibility(layer));
+            order.extend(layered.then_some(Self::Second(layer)));
+            order.extend([Self::Attribute(layer), Self::Resolve(layer)]);
         }
+        order.extend([Self::Visibility(LAYERS), Self::LeftOut]);
         order
-    };
-}
-
-/// A pass of [`Step::StaticLayer`] and [`Step::StaticPicture`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StaticPass {
-    /// As [`SplatPass::Visibility`].
-    Visibility,
-    /// As [`SplatPass::Attribute`].
-    Attribute,
-    /// Stores what later steps start from: thresholds and sums of a layer, or thresholds and film of a picture.
-    Store,
-}
-
-impl StaticPass {
-    /// The passes in order.
-    pub const ORDER: [Self; 3] = [Self::Visibility, Self::Attribute, Self::Store];
-}
-
-/// A pass of [`Step::VisibilityMap`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MapPass {
-    /// As [`SplatPass::Visibility`], at the middle of the interval.
-    Visibility,
-    /// Sums of the weights of the splats that pass the depth test.
-    Density,
-    /// Writes thresholds and inverse densities to the map.
-    Store,
-}
-
-impl MapPass {
-    /// The passes in order, with densities or without.
-    pub const fn order(density: bool) -> &'static [Self] {
-        if density { &[Self::Visibility, Self::Density, Self::Store] } else { &[Self::Visibility, Self::Store] }
     }
 }
 
@@ -352,16 +298,58 @@ pub enum SweepPass {
     Visibility,
     /// Weighted sums of the attributes of the kernels that are visible, and the times at which they cover.
     Attribute,
-    /// Turns the times at which kernels cover into coverage; then as [`SplatPass::Resolve`], or pooled with the other
+    /// Turns the times at which kernels cover into coverage; then normalises and shades, or pools with the other
     /// intervals.
     Resolve,
 }
 
 impl SweepPass {
-    /// The passes in order, with slices or without.
-    pub const fn order(slices: bool) -> &'static [Self] {
-        if slices { &[Self::Visibility, Self::Attribute, Self::Resolve] } else { &[Self::Attribute, Self::Resolve] }
-    }
+    /// The passes in order.
+    pub const ORDER: [Self; 3] = [Self::Visibility, Self::Attribute, Self::Resolve];
+}
+
+/// A pass of [`Published::Instant`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InstantPass {
+    /// As [`PaintPass::Visibility`].
+    Visibility,
+    /// Weighted sums of the attributes of the splats that pass the depth test, or whose low-pass disc does.
+    Attribute,
+    /// Normalises, shades, and adds to the film with the time weight.
+    Resolve,
+}
+
+impl InstantPass {
+    /// The passes in order.
+    pub const ORDER: [Self; 3] = [Self::Visibility, Self::Attribute, Self::Resolve];
+}
+
+/// A pass of [`Published::Map`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MapPass {
+    /// As [`PaintPass::Visibility`], at the middle of the interval.
+    Visibility,
+    /// Writes thresholds to the map.
+    Store,
+}
+
+impl MapPass {
+    /// The passes in order.
+    pub const ORDER: [Self; 2] = [Self::Visibility, Self::Store];
+}
+
+/// A pass of [`Published::Sweep`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PublishedSweepPass {
+    /// Weighted sums of the attributes of the kernels whose source is visible, and the times at which they cover.
+    Attribute,
+    /// As [`SweepPass::Resolve`].
+    Resolve,
+}
+
+impl PublishedSweepPass {
+    /// The passes in order.
+    pub const ORDER: [Self; 2] = [Self::Attribute, Self::Resolve];
 }
 
 impl Exposure {

@@ -1,6 +1,6 @@
 // Kernels that full EWA filters, and what is known of the depths of a tile.
 // Twins: src/layout.rs (EwaSplat), which says what the forms mean; a test compares the layouts.
-// src/backend/cpu/ewa/buffers.rs.
+// src/backend/cpu/paint/buffers.rs.
 
 struct EwaSplat {
     disc: Splat,

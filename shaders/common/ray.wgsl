@@ -4,8 +4,6 @@
 
 // Number of slices of the interval; 1 where kernels have none.
 override SLICES: u32 = 1u;
-// If true, there are static objects with a picture of their own.
-override HAS_STATIC: bool = false;
 
 // Margin of hulls against rounding, pixels.
 const HULL_SLACK: f32 = 1e-2;
@@ -62,14 +60,7 @@ fn slice_times(slice: u32) -> vec3<f32> {
     return vec3<f32>(begin, begin + 0.5 * step, begin + step);
 }
 
-// Number of floats before those behind the map's tiles.
-fn behind_map() -> u32 {
-    return 2u * view.map_tiles.x * view.map_tiles.y * TILE_PIXELS;
-}
-
-// Place, in floats behind the map's tiles, of the first slice of pixel `at` of tile `index`. Slices are TILE_PIXELS
-// apart. The thresholds of static objects come before all slices.
+// Place in `map` of the first slice of pixel `at` of tile `index`. Slices are TILE_PIXELS apart.
 fn slices_of(index: u32, at: u32) -> u32 {
-    let before = select(0u, view.tiles.x * view.tiles.y * TILE_PIXELS, HAS_STATIC);
-    return before + index * SLICES * TILE_PIXELS + at;
+    return index * SLICES * TILE_PIXELS + at;
 }

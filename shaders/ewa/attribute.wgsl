@@ -1,7 +1,7 @@
 // Pass `attribute` of full EWA (program `ewa_attribute`): weighted sums of the attributes of splats, in four layers by
 // depth. Solid pixels, and groups of several samples, have the band alone. What is peeled off has the first two, and no
 // splats but those from the floor to T.
-// Twin: src/backend/cpu/ewa/attribute.rs.  Math: docs/math.md, section 3.
+// Twin: src/backend/cpu/paint/attribute.rs.  Math: docs/math.md, section 3.
 //   in   splats, list, starts, wide, thresholds, values
 //        segments  sample and tolerance of a splat, its weight and share
 //   out  sums      for each tile, for each layer, the channels of sum_attributes; then the sum of weight times peak,

@@ -1,6 +1,6 @@
 // Pass `project` of full EWA (program `ewa_project`): turns surfels into splats, each convolved with the low-pass
 // filter of the sample grid.
-// Twin: src/backend/cpu/ewa/project.rs.  Math: docs/math.md, section 3.
+// Twin: src/backend/cpu/paint/project.rs.  Math: docs/math.md, section 3.
 //   in   segment, travels   as in project.wgsl
 //        geometry  columns of the surfel buffer: positions, axes u, axes v, normalisation; then the mean of the last
 //   out  splats, touched    as in project.wgsl

@@ -1,6 +1,6 @@
 // Pass `resolve` of full EWA (program `ewa_resolve`): composites the layers of a pixel, front to back, and adds them to
 // the film with the time weight.
-// Twin: src/backend/cpu/ewa/resolve.rs.  Math: docs/math.md, section 3.
+// Twin: src/backend/cpu/paint/resolve.rs.  Math: docs/math.md, section 3.
 //   in   thresholds   depths of each tile, as common/ewa.wgsl has them
 //        sums         of each layer
 //        lights, environment

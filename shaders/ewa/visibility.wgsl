@@ -1,7 +1,7 @@
 // Pass `visibility` of full EWA (program `ewa_visibility`): T(x, t) of discs, for each tile and the apron around it.
 // Pass `second` (program `ewa_second`): the same minimum over the discs behind T; and which pixels are solid, or near a
 // rim.
-// Twin: src/backend/cpu/ewa/visibility.rs.  Math: docs/math.md, section 3.
+// Twin: src/backend/cpu/paint/visibility.rs.  Math: docs/math.md, section 3.
 //   in   splats, list, starts, wide   output of `ewa_project` and `bin`
 //        segments                     epsilon of a splat's object
 //   in and out  thresholds   depths of each tile, as common/ewa.wgsl has them

@@ -1,56 +1,20 @@
-// Pass `attribute` for kernels in motion: sums the attributes of the kernels that pass the depth test.
-// Twins: src/backend/cpu/swept/attribute.rs and hull.rs, ray.rs, slices.rs.  Math: docs/math.md, eq. 11 to 19.
-//   in   splats, list, starts, wide   output of `sweep` and `bin`
-//        map       the map of mid-interval; behind its tiles the depth thresholds of static objects, tile by tile,
-//                  where those have a picture of their own; then the thresholds of slices, where kernels have them
-//        values
-//   out  sums      for each tile, for each channel, its pixels: weight, colour, then normal, depth and velocity
-//                  where they are wanted
-//        coverage_mask   for each tile, its pixels: times at which kernels cover, and at which low-pass discs do (a bit
-//                  for each 32nd of the interval), and the weights of low-pass discs beyond those of their kernels, or
-//                  all weights where the sum of weights is the coverage
+// Pass `attribute` of kernels in motion: the filtered kernel weighs; the disc alone says where the surface is, and how
+// deep. Where the filter is zero, each filtered kernel is its disc.
+// Twins: src/backend/cpu/swept/attribute.rs and hull.rs, ray.rs, slices.rs.  Math: docs/math.md, section 7.
+//   in   splats, list, starts, wide, values   as in sums.wgsl
+//        map       the thresholds of slices
+//   out  sums             as in sums.wgsl
+//        coverage_mask    for each tile, its pixels: times at which discs cover, and at which filtered kernels do (a
+//                         bit for each 32nd of the interval); the sum of the weights of what covers, visible or hidden,
+//                         or of what is visible where the sum of weights is the coverage; then the same sum of weight
+//                         times peak, and of weights that are negative for kernels that show their backs
 // One workgroup per tile, one invocation per pixel. Sums are in registers, in list order.
 
-@group(1) @binding(4) var<storage, read> splats: array<SweptSplat>;
-@group(1) @binding(10) var<storage, read> list: array<u32>;
-@group(1) @binding(11) var<storage, read> wide: array<u32>;
-@group(1) @binding(12) var<storage, read> starts: array<u32>;
-@group(1) @binding(19) var<storage, read> values: array<f32>;
-@group(1) @binding(20) var<storage, read_write> sums: array<f32>;
-@group(1) @binding(24) var<storage, read> map: array<vec2<f32>>;
-@group(1) @binding(25) var<storage, read_write> coverage_mask: array<u32>;
+// If true, kernels sweep the ellipsoid instead of the tube.
+override BY_ELLIPSOID: bool = false;
 
-// As in attribute.wgsl.
-override NORMAL: u32 = 0u;
-override DEPTH: u32 = 0u;
-override VELOCITY: u32 = 0u;
-override CHANNELS: u32 = 4u;
-override VALUES: u32 = 3u;
-// The weight function of kernels.
-override FOOTPRINT: u32 = 0u;
-const TUBE: u32 = 0u;
-const ELLIPSOID: u32 = 1u;
-const CHORD: u32 = 2u;
-const LINE: u32 = 3u;
-// Number of places of a kernel on one ray whose sources are looked up.
-override SOURCE_SAMPLES: u32 = 1u;
-// If true, the sum of weights is recorded instead of the times at which kernels cover.
-override SUM: bool = false;
-
-// A pixel number that is as good as infinite.
-const FAR: f32 = 1e6;
-
-// The sums of one pixel.
-struct Sums {
-    weight: f32,
-    colour: vec3<f32>,
-    normal: vec3<f32>,
-    depth: f32,
-    velocity: vec2<f32>,
-    surface: u32,
-    low_pass: u32,
-    loose: f32,
-}
+// The planes of the coverage mask.
+const MASKS: u32 = 5u;
 
 @compute @workgroup_size(16, 16)
 fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) in_tile: vec3<u32>) {
@@ -58,328 +22,138 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
     let pixel = vec2<u32>(tile.x, view.first_tile_row + tile.y) * TILE + in_tile.xy;
     let at = in_tile.y * TILE + in_tile.x;
     let sum_at = index * CHANNELS * TILE_PIXELS + at;
-    let mask_at = 3u * index * TILE_PIXELS + at;
-    var before = NONE;
-    if HAS_STATIC {
-        before = behind(index * TILE_PIXELS + at);
-    }
+    let mask_at = MASKS * index * TILE_PIXELS + at;
     var sum: Sums;
+    var peak_and_side = vec2<f32>(0.0);
     if view.resumes != 0u {
         sum = load_sums(sum_at);
         sum.surface = coverage_mask[mask_at];
         sum.low_pass = coverage_mask[mask_at + TILE_PIXELS];
         sum.loose = bitcast<f32>(coverage_mask[mask_at + 2u * TILE_PIXELS]);
+        peak_and_side.x = bitcast<f32>(coverage_mask[mask_at + 3u * TILE_PIXELS]);
+        peak_and_side.y = bitcast<f32>(coverage_mask[mask_at + 4u * TILE_PIXELS]);
     }
 
     var walk = walk_of(index);
     let slices = slices_of(index, at);
     while has_next(walk) {
-        add_splat(&sum, next_slot(&walk), pixel, before, slices);
+        add_filtered(&sum, &peak_and_side, next_slot(&walk), pixel, slices);
     }
 
     store_sums(sum_at, sum);
     coverage_mask[mask_at] = sum.surface;
     coverage_mask[mask_at + TILE_PIXELS] = sum.low_pass;
     coverage_mask[mask_at + 2u * TILE_PIXELS] = bitcast<u32>(sum.loose);
+    coverage_mask[mask_at + 3u * TILE_PIXELS] = bitcast<u32>(peak_and_side.x);
+    coverage_mask[mask_at + 4u * TILE_PIXELS] = bitcast<u32>(peak_and_side.y);
 }
 
-// The sums of the pixel whose first is at `sum_at`, without when kernels cover.
-fn load_sums(sum_at: u32) -> Sums {
-    var sum: Sums;
-    sum.weight = sums[sum_at];
-    sum.colour = load(sum_at, 1u);
-    if NORMAL != 0u { sum.normal = load(sum_at, NORMAL); }
-    if DEPTH != 0u { sum.depth = sums[sum_at + DEPTH * TILE_PIXELS]; }
-    if VELOCITY != 0u {
-        sum.velocity.x = sums[sum_at + VELOCITY * TILE_PIXELS];
-        sum.velocity.y = sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS];
-    }
-    return sum;
-}
-
-fn store_sums(sum_at: u32, sum: Sums) {
-    sums[sum_at] = sum.weight;
-    store(sum_at, 1u, sum.colour);
-    if NORMAL != 0u { store(sum_at, NORMAL, sum.normal); }
-    if DEPTH != 0u { sums[sum_at + DEPTH * TILE_PIXELS] = sum.depth; }
-    if VELOCITY != 0u {
-        sums[sum_at + VELOCITY * TILE_PIXELS] = sum.velocity.x;
-        sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS] = sum.velocity.y;
-    }
-}
-
-// Float `at` of those behind the map's tiles.
-fn behind(at: u32) -> f32 {
-    let place = behind_map() + at;
-    return map[place / 2u][place % 2u];
-}
-
-fn load(sum_at: u32, channel: u32) -> vec3<f32> {
-    let x = sum_at + channel * TILE_PIXELS;
-    return vec3<f32>(sums[x], sums[x + TILE_PIXELS], sums[x + 2u * TILE_PIXELS]);
-}
-
-fn store(sum_at: u32, channel: u32, value: vec3<f32>) {
-    let x = sum_at + channel * TILE_PIXELS;
-    sums[x] = value.x;
-    sums[x + TILE_PIXELS] = value.y;
-    sums[x + 2u * TILE_PIXELS] = value.z;
-}
-
-// Factor on the weight of a hidden kernel. It is nothing beside any visible kernel, but gives a colour where the map
-// hides all kernels that cover.
-const HIDDEN: f32 = 5.9604645e-8;
-
-// Adds a kernel to the sums. `before` is the greatest depth at which static objects let kernels in motion be seen at
-// the pixel. `slices`: place of the pixel's first slice.
-fn add_splat(sum: ptr<function, Sums>, slot: u32, pixel: vec2<u32>, before: f32, slices: u32) {
+// Adds a kernel to the sums.
+fn add_filtered(
+    sum: ptr<function, Sums>, peak_and_side: ptr<function, vec2<f32>>, slot: u32, pixel: vec2<u32>, slices: u32,
+) {
     let bounds = unpack(splats[slot].bounds);
     if pixel.x < bounds.x || pixel.x > bounds.y || pixel.y < bounds.z || pixel.y > bounds.w { return; }
-    let at = vec2<f32>(pixel);
-    if !in_hull(slot, at) { return; }
+    let place = vec2<f32>(pixel);
+    if !in_hull(slot, place) { return; }
     let splat = splats[slot];
-    let ray = ray_of(splat);
-    for (var part = 0u; part < SOURCE_SAMPLES; part += 1u) {
-        let met = meet(splat, ray, part, at);
-        if !met.covers || met.depth > before { continue; }
-        // A hidden kernel loses its weight but covers all the same, as something before it does. Weights become shares
-        // of the surface at the source.
-        let known = source(met.source);
-        var weight = met.weight;
-        var shown = Shown(select(0.0, 1.0, met.source_depth <= known.x), 0xffffffffu);
-        if FOOTPRINT != CHORD && FOOTPRINT != LINE {
-            weight = min(weight * known.y, met.most);
-            shown = shown_in(met, slices);
-        }
-        if !SUM {
-            (*sum).surface |= met.surface;
-        }
-        if shown.part > 0.0 {
-            weight *= shown.part;
-            (*sum).loose += met.loose * shown.part;
-            if !SUM {
-                (*sum).low_pass |= met.low_pass & shown.slices;
-            }
-        } else {
-            weight *= HIDDEN;
-        }
-        add_values(sum, slot, weight, met.depth);
+    let x = place.x + 0.5 - splat.reference.x;
+    let y = place.y + 0.5 - splat.reference.y;
+    let m = splat.motion;
+    let i = splat.inverse_depth;
+    let k = i[0] * m[0] + i[1] * m[1] + i[2] * m[2];
+
+    // The disc: when it covers.
+    let w = form(i, x, y);
+    let path = Path(
+        vec2<f32>(form(splat.u, x, y), form(splat.v, x, y)),
+        vec2<f32>(form(splat.u_rate, x, y), form(splat.v_rate, x, y)),
+        w,
+    );
+    let disc_span = beyond_near(view.near * w - 1.0, k, reciprocal(k), covered(sweep_of(path, 0.0)));
+    let disc_met = w > 0.0 && disc_span.x < disc_span.y;
+
+    // The filtered kernel: what it weighs. At the camera plane it is the disc.
+    let f = splat.filtered;
+    var own_w = w;
+    var own_k = k;
+    var own = path;
+    var coverage = f.weight;
+    if f.coverage != 0.0 {
+        coverage = f.coverage;
+        own_w = form(array<f32, 3>(f.inverse_depth[0], f.inverse_depth[1], i[2]), x, y);
+        own_k = f.k;
+        let at_u = form(array<f32, 3>(f.u[0], f.u[1], 0.0), x, y);
+        let at_v = form(array<f32, 3>(f.v[0], f.v[1], 0.0), x, y);
+        own = Path(vec2<f32>(at_u, at_v), vec2<f32>(form(f.u_rate, x, y), form(f.v_rate, x, y)), own_w);
     }
+    let lacks = view.near * own_w - 1.0;
+    let tube = sweep_of(own, 0.0);
+    let tube_span = beyond_near(lacks, own_k, reciprocal(own_k), covered(tube));
+    let kernel_met = own_w > 0.0 && tube_span.x < tube_span.y;
+    if !kernel_met { return; }
+
+    let tau = 0.5 * (tube_span.x + tube_span.y);
+    let time = 1.0 + view.slope * tau;
+    let in_tube = tube_weight(mean_over(tube, tube_span), tube_span) * time;
+    var weight = f.weight * in_tube;
+    var most = tube_weight(1.0, tube_span) * time;
+    var met: Met;
+    met.span = tube_span;
+    if BY_ELLIPSOID {
+        let body = sweep_of(own, 1.0);
+        met.span = beyond_near(lacks, own_k, reciprocal(own_k), covered(body));
+        let body_time = 1.0 + view.slope * (0.5 * (met.span.x + met.span.y));
+        weight = f.weight * ellipsoid_weight(mean_over(body, met.span), met.span) * body_time;
+        most = ellipsoid_weight(1.0, met.span) * body_time;
+    }
+
+    // The depth is that of the disc's plane, also outside the disc; the centre's where the ray misses the plane.
+    let centre_depth = 1.0 / i[2];
+    let over = 1.0 / w;
+    let on_plane = w > 0.0 && view.near * w <= 1.0;
+    met.plane = select(vec2<f32>(centre_depth, centre_depth * (m[2] * i[2])), vec2<f32>(over, k * over), on_plane);
+    met.depth = met.plane.x + tau * met.plane.y;
+    var loose = coverage * in_tube;
+    if SUM { loose = 0.0; }
+    if met.span.x < met.span.y {
+        let part = shown_in(met, slices);
+        let share = min(weight, most) * select(HIDDEN, part, part > 0.0);
+        if SUM && part > 0.0 { loose = weight * part; }
+        add_values(sum, slot, share, met.depth);
+    } else {
+        // A tube that is met beside the ellipsoid covers, and gives a colour where there is no other.
+        add_values(sum, slot, coverage * in_tube * HIDDEN, met.depth);
+    }
+    if !SUM {
+        if disc_met { (*sum).surface |= moments_in(disc_span); }
+        (*sum).low_pass |= moments_in(tube_span);
+    }
+    (*sum).loose += loose;
+    let side = select(1.0, -1.0, (splat.flags & FLAG_BACK) != 0u);
+    *peak_and_side += loose * vec2<f32>(f.peak, side);
 }
 
-// Adds the values of a kernel, whose mean depth on the ray is `depth`.
-fn add_values(sum: ptr<function, Sums>, slot: u32, weight: f32, depth: f32) {
-    var next = slot * VALUES;
-    (*sum).weight += weight;
-    (*sum).colour += weight * vec3<f32>(values[next], values[next + 1u], values[next + 2u]);
-    next += 3u;
-    if NORMAL != 0u {
-        (*sum).normal += weight * vec3<f32>(values[next], values[next + 1u], values[next + 2u]);
-        next += 3u;
-    }
-    if DEPTH != 0u {
-        (*sum).depth += depth * weight;
-    }
-    if VELOCITY != 0u {
-        (*sum).velocity += weight * vec2<f32>(values[next], values[next + 1u]);
-    }
+// When a filtered kernel covers, and the depth of its disc's plane.
+struct Met {
+    // First and last time.
+    span: vec2<f32>,
+    // Mean depth on the ray.
+    depth: f32,
+    // Depth at tau = 0, and its change to tau = 1.
+    plane: vec2<f32>,
 }
 
-// The visible part of a kernel: the share of the time for which it covers, and the 32nds of the slices.
-struct Shown {
-    part: f32,
-    slices: u32,
-}
-
-// Tests a kernel in each slice that it touches.
-fn shown_in(met: Met, slices: u32) -> Shown {
-    let bits = 32u / SLICES;
-    let of_slice = 0xffffffffu >> (32u - bits);
+// The share of that time for which the kernel is visible: it is tested in each slice that it touches.
+fn shown_in(met: Met, slices: u32) -> f32 {
     var time = 0.0;
-    var shown = Shown(0.0, 0u);
     let ends = slices_in(met.span);
     for (var slice = ends.x; slice <= ends.y; slice += 1u) {
         let times = slice_times(slice);
         let first = max(met.span.x, times.x);
         let last = min(met.span.y, times.z);
         let depth = met.plane.x + times.y * met.plane.y;
-        if first < last && depth <= behind(slices + slice * TILE_PIXELS) {
-            time += last - first;
-            shown.slices |= of_slice << (slice * bits);
-        }
+        if first < last && depth <= map[slices + slice * TILE_PIXELS] { time += last - first; }
     }
-    shown.part = time / (met.span.y - met.span.x);
-    return shown;
-}
-
-// Threshold and inverse density at a pixel. Outside the map everything is visible.
-fn source(pixel: vec2<i32>) -> vec2<f32> {
-    let place = pixel - view.map_corner;
-    let tile = place >> vec2<u32>(4u);
-    let outside = (tile < vec2<i32>(0)) | (tile >= vec2<i32>(view.map_tiles));
-    if any(outside) { return vec2<f32>(NONE); }
-    let in_tile = vec2<u32>(place) % TILE;
-    return map[(u32(tile.y) * view.map_tiles.x + u32(tile.x)) * TILE_PIXELS + in_tile.y * TILE + in_tile.x];
-}
-
-// The quantities that are the same for all rays of a splat.
-struct Ray {
-    // The depth at tau is (1 + k tau) / w.
-    k: f32,
-    inverse_k: f32,
-    // The low-pass disc: its radius, its centre's motion divided by the centre's depth, and the times at which it is
-    // beyond `near`.
-    disc: f32,
-    drift: vec3<f32>,
-    disc_span: vec2<f32>,
-}
-
-fn ray_of(splat: SweptSplat) -> Ray {
-    let i = splat.inverse_depth;
-    let m = splat.motion;
-    var ray: Ray;
-    ray.k = i[0] * m[0] + i[1] * m[1] + i[2] * m[2];
-    ray.inverse_k = reciprocal(ray.k);
-    ray.drift = vec3<f32>(m[0], m[1], m[2]) * i[2];
-    ray.disc = select(0.0, view.low_pass, (splat.flags & FLAG_LOW_PASS) != 0u);
-    ray.disc_span = beyond_near(view.near * i[2] - 1.0, ray.drift.z, reciprocal(ray.drift.z), vec2<f32>(-1.0, 1.0));
-    return ray;
-}
-
-// A kernel on one ray.
-struct Met {
-    covers: bool,
-    // For the colour: the weight, and its upper limit, which holds however sparse the kernels are.
-    weight: f32,
-    most: f32,
-    // For the coverage: the weight that the low-pass disc adds, or the whole weight if the coverage is the sum of
-    // weights.
-    loose: f32,
-    // First and last time at which what weighs covers.
-    span: vec2<f32>,
-    // Mean depth on the ray.
-    depth: f32,
-    // Depth of the plane on the ray at tau = 0, and its change to tau = 1; of the low-pass disc where the kernel itself
-    // is not met.
-    plane: vec2<f32>,
-    // The pixel nearest the source point, and the depth there that is compared with the map.
-    source: vec2<i32>,
-    source_depth: f32,
-    // Times at which the kernel covers, and at which its low-pass disc does.
-    surface: u32,
-    low_pass: u32,
-}
-
-fn meet(splat: SweptSplat, ray: Ray, part: u32, pixel: vec2<f32>) -> Met {
-    var met: Met;
-    let x = pixel.x + 0.5 - splat.reference.x;
-    let y = pixel.y + 0.5 - splat.reference.y;
-    let w = form(splat.inverse_depth, x, y);
-    let path = Path(
-        vec2<f32>(form(splat.u, x, y), form(splat.v, x, y)),
-        vec2<f32>(form(splat.u_rate, x, y), form(splat.v_rate, x, y)),
-        w,
-    );
-    let lacks = view.near * w - 1.0;
-    let tube = sweep_of(path, 0.0);
-    var span = beyond_near(lacks, ray.k, ray.inverse_k, covered(tube));
-    var body = tube;
-    var weighed = span;
-    if FOOTPRINT != TUBE {
-        body = sweep_of(path, 1.0);
-        weighed = beyond_near(lacks, ray.k, ray.inverse_k, covered(body));
-    }
-    let body_met = w > 0.0 && weighed.x < weighed.y;
-
-    // The low-pass disc has a fixed size in space and faces the viewer, so it is a swept kernel too.
-    let d = ray.drift;
-    let disc = Path(vec2<f32>(x, y), vec2<f32>(x * d.z - d.x, y * d.z - d.y), ray.disc);
-    var e = 0.0;
-    if FOOTPRINT != TUBE { e = 1.0; }
-    let disc_sweep = sweep_of(disc, e);
-    var disc_span = covered(disc_sweep);
-    disc_span = vec2<f32>(max(disc_span.x, ray.disc_span.x), min(disc_span.y, ray.disc_span.y));
-    let disc_met = ray.disc > 0.0 && disc_span.x < disc_span.y;
-    met.covers = body_met || disc_met;
-    if !met.covers { return met; }
-
-    weighed = cut(weighed, part);
-    span = cut(span, part);
-    disc_span = cut(disc_span, part);
-    let tau = 0.5 * (weighed.x + weighed.y);
-    let disc_tau = 0.5 * (disc_span.x + disc_span.y);
-    let time = 1.0 + view.slope * tau;
-    let disc_time = 1.0 + view.slope * disc_tau;
-    var slant = 1.0;
-    if FOOTPRINT == LINE { slant = slant_of(splat, x, y, w); }
-    let own = weigh(body, weighed, slant);
-    let discs = weigh(disc_sweep, disc_span, 1.0);
-    let weight = select(0.0, own.x * time, body_met);
-    let disc_weight = select(0.0, discs.x * disc_time, disc_met);
-    let larger = disc_weight > weight;
-    met.weight = select(weight, disc_weight, larger);
-    met.most = select(own.y * time, discs.y * disc_time, larger);
-    met.span = select(weighed, disc_span, larger);
-    if SUM {
-        met.loose = select(weight * own.z, disc_weight * discs.z, larger);
-    } else {
-        met.loose = select(0.0, disc_weight - weight, larger);
-    }
-
-    // The source point lies on the splat at mid-interval. Where the ray does not meet the kernel itself, it is that of
-    // the low-pass disc.
-    let depth = (1.0 + ray.k * tau) / w;
-    let m = splat.motion;
-    let source_depth = depth - m[2] * tau;
-    let over = 1.0 / source_depth;
-    let near_x = select(x + disc_tau * disc.rate.x, (depth * x - m[0] * tau) * over, body_met);
-    let near_y = select(y + disc_tau * disc.rate.y, (depth * y - m[1] * tau) * over, body_met);
-    let column = nearest_pixel(near_x + splat.reference.x - 0.5);
-    let row = nearest_pixel(near_y + splat.reference.y - 0.5);
-    let there = form(splat.inverse_depth, column + 0.5 - splat.reference.x, row + 0.5 - splat.reference.y);
-    let plane_depth = select(source_depth, 1.0 / there, there > 0.0);
-    let centre_depth = 1.0 / splat.inverse_depth[2];
-    met.plane = select(vec2<f32>(centre_depth, centre_depth * d.z), vec2<f32>(1.0 / w, ray.k / w), body_met);
-    met.source = vec2<i32>(i32(column), i32(row));
-    met.source_depth = select(centre_depth, plane_depth, body_met);
-    met.depth = select(centre_depth * (1.0 + d.z * disc_tau), depth, body_met);
-    met.surface = select(0u, moments_in(span), body_met);
-    met.low_pass = select(0u, moments_in(disc_span), disc_met);
-    return met;
-}
-
-// Weight over the interval, its greatest value for kernels of peak 1, and the factor that makes it an intensity.
-fn weigh(s: Sweep, span: vec2<f32>, slant: f32) -> vec3<f32> {
-    if FOOTPRINT == TUBE { return vec3<f32>(tube_weight(mean_over(s, span), span), tube_weight(1.0, span), 1.0); }
-    if FOOTPRINT == ELLIPSOID {
-        return vec3<f32>(ellipsoid_weight(mean_over(s, span), span), ellipsoid_weight(1.0, span), 1.0);
-    }
-    if FOOTPRINT == LINE { return vec3<f32>(line_weight(mean_over(s, span), span, slant), 1.0, 1.0); }
-    return vec3<f32>(chord(s), 1.0, chord_intensity(s));
-}
-
-// 1 / |cos| of the angle between the kernel's normal and the ray at offset `x`, `y` from the splat's reference, where
-// the inverse depth is `w`.
-fn slant_of(splat: SweptSplat, x: f32, y: f32, w: f32) -> f32 {
-    let i = splat.inverse_depth;
-    let offset = splat.reference - (view.axis - view.offset);
-    let normal_x = i[0] * view.focal;
-    let normal_y = i[1] * view.focal;
-    let normal_z = i[2] - i[0] * offset.x - i[1] * offset.y;
-    let over = 1.0 / view.focal;
-    let ray_x = (x + offset.x) * over;
-    let ray_y = (y + offset.y) * over;
-    let normal = sqrt(normal_x * normal_x + normal_y * normal_y + normal_z * normal_z);
-    return normal * sqrt(ray_x * ray_x + ray_y * ray_y + 1.0) / w;
-}
-
-// Part `part` of `span`, which is cut into SOURCE_SAMPLES equal parts.
-fn cut(span: vec2<f32>, part: u32) -> vec2<f32> {
-    if SOURCE_SAMPLES == 1u { return span; }
-    let step = (span.y - span.x) / f32(SOURCE_SAMPLES);
-    return vec2<f32>(span.x + f32(part) * step, span.x + f32(part + 1u) * step);
-}
-
-fn nearest_pixel(index: f32) -> f32 {
-    return round(clamp(index, -FAR, FAR));
+    return time / (met.span.y - met.span.x);
 }

@@ -1,34 +1,30 @@
 // Pass `resolve` for kernels in motion: turns the times at which kernels cover into coverage, and pools colours that
 // are normalised once.
-// Twin: src/backend/cpu/swept/resolve.rs.  Math: docs/math.md, eq. 18 to 20.
+// Twins: src/backend/cpu/swept/resolve.rs, published/coverage.rs.  Math: docs/math.md, eq. 18 to 20.
 //   in   sums, lights
 //        coverage_mask   of each pixel
-//        static_film     film of static objects for one exposure, where they have a picture of their own
 //        moments         share of the exposure of each 32nd of the interval
 //   out  film
-// `swept_resolve` adds a group as `resolve` does; `pool` adds its sums without dividing them. Both also add static
-// objects for the time in which kernels in motion leave the pixel free. `finish` comes once, after all groups.
+// `swept_resolve` adds a group as `resolve` does; `pool` adds its sums without dividing them. `finish` comes once,
+// after all groups.
 // One invocation per pixel.
 
 @group(1) @binding(25) var<storage, read> coverage_mask: array<u32>;
 @group(1) @binding(26) var<storage, read> moments: array<f32>;
-@group(1) @binding(31) var<storage, read> static_film: array<f32>;
 
 // If true, the coverage is the sum of weights.
 override SUM: bool = false;
-// If true, there are static objects with a picture of their own.
-override HAS_STATIC: bool = false;
 // Plane of the sum of weights. It is the plane of alpha where there is none.
 override WEIGHT_PLANE: u32 = 3u;
 
-// If true, full EWA filters kernels.
-override FILTERED: bool = false;
+// If true, kernels weigh as published.
+override PUBLISHED: bool = false;
 
 // By how much sums of weights on a surface may be off from 1, over the square of the mean peak of the kernels.
 const NOISE: f32 = 2.0;
 
-// The same where full EWA filters kernels and coverage is no sum. `at`: the first of the pixel's masks.
-fn filtered_coverage(at: u32) -> f32 {
+// The share of the exposure in which a pixel is covered, where it is no sum. `at`: the first of the pixel's masks.
+fn coverage_of_masks(at: u32) -> f32 {
     let surface = coverage_mask[at];
     let either = surface | coverage_mask[at + TILE_PIXELS];
     let sum = bitcast<f32>(coverage_mask[at + 2u * TILE_PIXELS]);
@@ -54,8 +50,8 @@ fn filtered_coverage(at: u32) -> f32 {
 
 // The share of the exposure in which a pixel is covered.
 fn coverage(index: u32, in_tile: u32) -> f32 {
-    let at = select(3u, 5u, FILTERED) * index * TILE_PIXELS + in_tile;
-    if FILTERED && !SUM { return filtered_coverage(at); }
+    let at = select(5u, 3u, PUBLISHED) * index * TILE_PIXELS + in_tile;
+    if !PUBLISHED && !SUM { return coverage_of_masks(at); }
     var loose = view.weight * bitcast<f32>(coverage_mask[at + 2u * TILE_PIXELS]);
     if SUM { return loose; }
     let surface = coverage_mask[at];
@@ -81,21 +77,6 @@ fn swept_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocati
     if sums[sum_at] > 0.0 {
         add_pixel(index, tile.xy, pixel.xy, sum_at, Share(covered, 1.0, false));
     }
-    show_static(index * PLANES * TILE_PIXELS + in_tile, covered);
-}
-
-// Adds the visible part of static objects: they show in the time that kernels in motion leave free.
-fn show_static(at: u32, covered: f32) {
-    if !HAS_STATIC { return; }
-    // Sums of weights may exceed the weight of the interval.
-    let left = max(view.weight - covered, 0.0);
-    for (var plane = 0u; plane < PLANES; plane += 1u) {
-        film[at + plane * TILE_PIXELS] += left * static_film[at + plane * TILE_PIXELS];
-    }
-    if WEIGHT_PLANE != 3u {
-        // The weight of the visible part is its coverage.
-        film[at + WEIGHT_PLANE * TILE_PIXELS] += left * static_film[at + 3u * TILE_PIXELS];
-    }
 }
 
 @compute @workgroup_size(16, 16)
@@ -120,7 +101,6 @@ fn pool(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pi
         film[x] += weight * sums[sum_at + VELOCITY * TILE_PIXELS];
         film[x + TILE_PIXELS] += weight * sums[sum_at + (VELOCITY + 1u) * TILE_PIXELS];
     }
-    show_static(at, covered);
 }
 
 // Clamps the coverage, and divides the other planes by the sum of weights.

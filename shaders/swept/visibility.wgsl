@@ -2,9 +2,8 @@
 // Twin: src/backend/cpu/swept/slices.rs.  Math: docs/math.md, section 7.
 //   in   splats, list, starts, wide   output of `sweep` and `bin`
 //        segments  epsilon of a kernel's object
-//   in and out  map   behind the tiles of the map: the thresholds of static objects, tile by tile, where those have a
-//                  picture of their own; then, for each tile, for each slice, its pixels: thresholds, NONE where
-//                  nothing covers the middle of the slice
+//   in and out  map   for each tile, for each slice, its pixels: thresholds, NONE where nothing covers the middle of
+//                  the slice
 // One workgroup per tile, one invocation per pixel. The order of kernels does not change a minimum.
 
 @group(1) @binding(2) var<storage, read> segments: array<Segment>;
@@ -22,12 +21,10 @@ fn swept_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoc
     let index = tile.y * view.tiles.x + tile.x;
     let pixel = vec2<u32>(tile.x, view.first_tile_row + tile.y) * TILE + in_tile.xy;
     let at = in_tile.y * TILE + in_tile.x;
-    let slices = behind_map() + slices_of(index, at);
+    let slices = slices_of(index, at);
     if view.resumes == 0u {
-        var before = NONE;
-        if HAS_STATIC { before = map[behind_map() + index * TILE_PIXELS + at]; }
         for (var slice = 0u; slice < SLICES; slice += 1u) {
-            map[slices + slice * TILE_PIXELS] = before;
+            map[slices + slice * TILE_PIXELS] = NONE;
         }
     }
     var walk = walk_of(index);

@@ -20,7 +20,7 @@ use crate::math::focal_length;
 use crate::model::paths::{OwnPaths, Paths};
 use crate::model::{Gaussians, Material, Optics, Surfels};
 use crate::options::{BlurMode, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel};
-use crate::plan::{Exposure, Group, PosedInterval, PositionExposure, Scenery, Step, TimeSample};
+use crate::plan::{Exposure, Group, PosedInterval, PositionExposure, Published, Scenery, Step, TimeSample};
 use crate::scene::pose::{jumps, seams};
 use crate::scene::{Capture, Light, Object, Scene};
 use crate::stop::Stop;
@@ -31,6 +31,7 @@ pub use self::panorama::Panorama;
 pub(crate) use self::pixel_rect::PixelRect;
 pub use self::poser::{PosedObject, PosedSample};
 use self::poser::{Poser, Span};
+use self::raster::low_pass_radius;
 pub use self::raster::{Raster, RasterArea};
 pub use self::static_objects::STATIC_PATH;
 use self::static_objects::find_static;
@@ -154,7 +155,10 @@ impl Position {
     fn sweeps(&self) -> Vec<Option<(PosedInterval, SweptKernel)>> {
         let of_group = |wanted: usize| {
             self.steps.iter().find_map(|step| match *step {
-                Step::Sweep { group, interval, kernel, .. } if group == wanted => Some((interval, kernel)),
+                Step::Sweep { group, interval, kernel } if group == wanted => Some((interval, kernel)),
+                Step::Published { group, part: Published::Sweep { interval, kernel } } if group == wanted => {
+                    Some((interval, kernel))
+                }
                 _ => None,
             })
         };
@@ -203,8 +207,8 @@ impl Frame {
             .iter()
             .flat_map(|range| exposure.rasters.iter().map(move |of_raster| (range.as_ref(), of_raster)))
             .map(|(range, of_raster)| {
-                let (sigma, spread) = filter_of(options, of_raster.positions_of_picture, exposure.stride);
-                let footprint = footprint(options, of_raster.positions_of_picture, exposure.stride);
+                let (sigma, spread) = filter_of(options, swept, of_raster.positions_of_picture, exposure.stride);
+                let footprint = footprint(options, swept, of_raster.positions_of_picture, exposure.stride);
                 let square = 1.0 / 12.0 / of_raster.positions_of_picture as f64;
                 let of_square = (square.sqrt() / f64::from(exposure.stride)) as f32;
                 let pixel = if sigma > 0.0 { sigma } else { of_square };
@@ -306,9 +310,9 @@ impl Frame {
     /// Gives each position its steps; `sweeps` has an entry for each group of the frame.
     fn plan_steps(&mut self, sweeps: &[Option<(PosedInterval, SweptKernel)>]) {
         let scenery = Scenery {
-            has_static: self.has_static(),
-            one_view: self.has_one_view(),
-            ewa: self.prefilter == Prefilter::Ewa,
+            has_rest: self.has_static() && self.has_one_view(),
+            low_pass: self.prefilter == Prefilter::Approx,
+            see_through: self.has_see_through(),
             transparent: self.blending.is_some(),
         };
         let completes = self.swept.is_some_and(SweptKernel::needs_finish);
@@ -362,33 +366,33 @@ impl Frame {
     /// Width of the visibility maps' guard band, raster pixels; `None` where there is no map.
     pub fn guard(&self) -> Option<u32> {
         self.steps().find_map(|step| match step {
-            Step::VisibilityMap { interval, .. } => Some(interval.guard),
+            Step::Published { part: Published::Map { guard }, .. } => Some(*guard),
             _ => None,
         })
     }
 
-    /// Slices of an interval of kernels in motion; 0 where there are none, or kernels have no slices.
+    /// Slices of an interval of kernels in motion; 0 where there are none, or kernels are published.
     pub fn slices(&self) -> u32 {
         let swept = self.steps().find_map(|step| match step {
-            Step::Sweep { interval, kernel, .. } if kernel.has_slices() => Some(interval.slices),
+            Step::Sweep { interval, .. } => Some(interval.slices),
             _ => None,
         });
         swept.unwrap_or(0)
     }
 
-    /// Whether any step makes a static layer.
-    pub fn has_static_layer(&self) -> bool {
-        self.steps().any(|step| matches!(step, Step::StaticLayer { .. }))
+    /// Whether what is at rest is painted once for several groups.
+    pub fn shares_rest(&self) -> bool {
+        self.steps().any(|step| matches!(step, Step::Paint { shares_rest: true, .. }))
     }
 
-    /// Whether any step filters kernels by full EWA.
-    pub fn has_ewa(&self) -> bool {
-        self.steps().any(|step| matches!(step, Step::Ewa { .. }))
+    /// Whether any step paints kernels that a filter widens.
+    pub fn has_filtered_kernels(&self) -> bool {
+        self.prefilter == Prefilter::Ewa && self.steps().any(|step| matches!(step, Step::Paint { .. }))
     }
 
-    /// Whether full EWA filters kernels in motion.
-    pub fn has_filtered_sweeps(&self) -> bool {
-        self.swept.is_some() && self.prefilter == Prefilter::Ewa
+    /// Whether any step of opaque surfels needs the factors that normalise the kernels of a model.
+    pub fn normalises(&self) -> bool {
+        self.has_filtered_kernels() || self.steps().any(|step| matches!(step, Step::Sweep { .. }))
     }
 
     /// Whether light passes through the surfels of any object.
@@ -399,11 +403,6 @@ impl Frame {
     /// Whether any object is a volume.
     pub fn has_volumes(&self) -> bool {
         self.objects.iter().any(FrameObject::is_volume)
-    }
-
-    /// Whether any step makes a static picture.
-    pub fn has_static_picture(&self) -> bool {
-        self.steps().any(|step| matches!(step, Step::StaticPicture { .. }))
     }
 
     /// Whether any static object with surfels is visible. Static objects have the same pose in all samples.
@@ -439,6 +438,11 @@ fn ends_of(exposure: &Exposure) -> [f64; 2] {
     [times().fold(f64::INFINITY, f64::min), times().fold(f64::NEG_INFINITY, f64::max)]
 }
 
+/// Is the approximate filter a Gaussian as wide as its disc? Only instants and published kernels have the disc.
+fn widens_by_gaussian(options: &RenderOptions, swept: Option<SweptKernel>) -> bool {
+    options.prefilter == Prefilter::Approx && swept.is_some_and(|kernel| !kernel.is_published())
+}
+
 /// What full EWA has of the pixel filter, and what is left to `positions` sub-pixel positions. First the standard
 /// deviation of its low-pass filter, pixels of a raster with this stride (0 without full EWA); then a factor on the
 /// offsets.
@@ -447,8 +451,11 @@ fn ends_of(exposure: &Exposure) -> [f64; 2] {
 /// that is 1/12 a pixel^2, over what the cut at two standard deviations leaves of it. Of a Gaussian the splats have
 /// 1 / P, and the positions the rest: at one position all is the splats', as in classical EWA (Zwicker et al. 2002,
 /// section 6.2). At pixel centres the filter is that of `gaussian:1`.
-fn filter_of(options: &RenderOptions, positions: usize, stride: u32) -> (f32, f32) {
+fn filter_of(options: &RenderOptions, swept: Option<SweptKernel>, positions: usize, stride: u32) -> (f32, f32) {
     const OF_SQUARE: f64 = 0.121;
+    if widens_by_gaussian(options, swept) {
+        return (0.5 * low_pass_radius(stride), 1.0);
+    }
     if options.prefilter != Prefilter::Ewa {
         return (0.0, 1.0);
     }
@@ -465,8 +472,9 @@ fn filter_of(options: &RenderOptions, positions: usize, stride: u32) -> (f32, f3
 /// stride. At one position it is that of a pixel's square. The error of more positions falls faster than the part of
 /// the square that each has, and so does this: its variance by `positions`^-1.5. The disc of the approximate filter
 /// leaves a third of it. Full EWA filters textures together with kernels (docs/measurements/meshes.md).
-fn footprint(options: &RenderOptions, positions: usize, stride: u32) -> f32 {
+fn footprint(options: &RenderOptions, swept: Option<SweptKernel>, positions: usize, stride: u32) -> f32 {
     let variance = match options.prefilter {
+        _ if widens_by_gaussian(options, swept) => 0.0,
         Prefilter::None => 1.0 / 12.0,
         Prefilter::Approx => 1.0 / 36.0,
         Prefilter::Ewa => 0.0,

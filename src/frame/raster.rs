@@ -74,6 +74,11 @@ impl RasterArea {
     }
 }
 
+/// Radius of the low-pass disc of the approximate EWA filter, pixels of a raster with this stride (Botsch et al. 2005).
+pub(super) fn low_pass_radius(stride: u32) -> f32 {
+    (std::f64::consts::SQRT_2 / f64::from(stride)) as f32
+}
+
 impl Raster {
     /// The pixels of the image that it has. The image takes those `shown` along the read-out of a strip, or all.
     pub(super) fn area(&self, shown: Option<&Range<u32>>) -> RasterArea {
@@ -139,7 +144,7 @@ impl Raster {
             readout: strip.map(|(axis, _)| axis),
             axis: [axis(0), axis(1)],
             focal: (focal / s) as f32,
-            low_pass: (std::f64::consts::SQRT_2 / s) as f32,
+            low_pass: low_pass_radius(stride),
             sigma: 0.0,
             footprint: 0.0,
             pixel: 0.0,

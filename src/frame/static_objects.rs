@@ -1,4 +1,5 @@
-//! Which objects are static during the exposure, so that a backend can splat them once for all time samples.
+//! Which objects are static during the exposure, so that a backend can splat them once for the time samples of a
+//! position.
 
 use glam::Vec3;
 

@@ -41,9 +41,9 @@ impl SweptKernel {
         self.normalise == Normalise::Once || self.alpha == TemporalAlpha::Sum
     }
 
-    /// Whether visibility is that of slices of an interval. Others have that of mid-interval alone, as published.
-    pub(crate) fn has_slices(self) -> bool {
-        self.weight == KernelWeight::Integral
+    /// Whether kernels weigh as published, with visibility at mid-interval alone.
+    pub(crate) fn is_published(self) -> bool {
+        self.weight != KernelWeight::Integral
     }
 }
 

@@ -20,44 +20,52 @@ fn posed_interval(guard: u32) -> PosedInterval {
     PosedInterval { moments: [1.0 / 32.0; 32], slope: 0.0, guard, slices: 4 }
 }
 
-/// Static objects are splatted once where several groups share a position, and not where one is alone.
+const SCENERY: Scenery = Scenery { has_rest: true, low_pass: false, see_through: false, transparent: false };
+
+/// What is at rest is painted once where several groups share a position, and not where one is alone.
 #[test]
-fn groups_of_one_position_share_a_static_layer() {
-    let scenery = Scenery { has_static: true, one_view: true, ewa: false, transparent: false };
-    let (layer, splat) = (Step::StaticLayer { group: 0 }, |group| Step::Splat { group });
-    assert_eq!(Step::of_position(&[None, None], scenery), [layer, splat(0), splat(1)]);
-    assert_eq!(Step::of_position(&[None], scenery), [splat(0)]);
-    let moving = Scenery { has_static: false, ..scenery };
-    assert_eq!(Step::of_position(&[None, None], moving), [splat(0), splat(1)]);
-    // What is transparent comes after the opaque picture of the same group.
-    let over = |group| Step::Transparent { group };
-    let transparent = Scenery { transparent: true, ..scenery };
-    assert_eq!(Step::of_position(&[None, None], transparent), [layer, splat(0), over(0), splat(1), over(1)]);
+fn groups_of_one_position_share_what_is_at_rest() {
+    let paint = |group, shares_rest| Step::Paint { group, shares_rest };
+    assert_eq!(Step::of_position(&[None, None], SCENERY), [paint(0, true), paint(1, true)]);
+    assert_eq!(Step::of_position(&[None], SCENERY), [paint(0, false)]);
+    let moving = Scenery { has_rest: false, ..SCENERY };
+    assert_eq!(Step::of_position(&[None, None], moving), [paint(0, false), paint(1, false)]);
 }
 
-/// Intervals share the picture of static objects while camera and lights stay; published kernels sweep everything.
+/// What is transparent comes after the opaque picture of the same group.
 #[test]
-fn intervals_share_a_static_picture() {
+fn layers_and_composites_follow_the_opaque_picture() {
+    let (paint, peel) = (|group| Step::Paint { group, shares_rest: true }, |group| Step::Peel { group });
+    let over = |group| Step::Composite { group };
+    let foggy = Scenery { transparent: true, ..SCENERY };
+    assert_eq!(Step::of_position(&[None, None], foggy), [paint(0), over(0), paint(1), over(1)]);
+    let glass = Scenery { see_through: true, ..foggy };
+    assert_eq!(Step::of_position(&[None, None], glass), [paint(0), peel(0), over(0), paint(1), peel(1), over(1)]);
+}
+
+/// Kernels in motion are one step an interval; published ones are two, and instants with low-pass discs one.
+#[test]
+fn what_is_published_has_steps_of_its_own() {
     let interval = posed_interval(3);
-    let sweeps = |kernel| [Some((interval, kernel)), Some((interval, kernel))];
-    let names = |kernel, scenery| -> Vec<String> {
-        let steps = Step::of_position(&sweeps(kernel), scenery);
-        steps.iter().map(|step| format!("{step:?}").split(' ').next().unwrap().to_owned()).collect()
-    };
-    let scenery = Scenery { has_static: true, one_view: true, ewa: false, transparent: false };
+    let steps = |kernel| Step::of_position(&[Some((interval, kernel))], SCENERY);
     let kernel = SweptKernel::default();
-    assert_eq!(names(kernel, scenery), ["StaticPicture", "VisibilityMap", "Sweep", "VisibilityMap", "Sweep"]);
-    let turning = Scenery { one_view: false, ..scenery };
-    let each = ["StaticPicture", "VisibilityMap", "Sweep"];
-    assert_eq!(names(kernel, turning), [each, each].concat());
-    assert_eq!(names(SweptKernel::PUBLISHED, scenery), ["VisibilityMap", "Sweep", "VisibilityMap", "Sweep"]);
-    let filtered = Scenery { ewa: true, ..scenery };
-    assert_eq!(names(kernel, filtered), ["Sweep", "Sweep"], "static objects are swept with all others");
-    let objects = |kernel| match Step::of_position(&sweeps(kernel), scenery).pop() {
-        Some(Step::Sweep { objects, .. }) => objects,
-        other => panic!("{other:?}"),
-    };
-    assert_eq!((objects(kernel), objects(SweptKernel::PUBLISHED)), (Objects::Moving, Objects::All));
+    assert_eq!(steps(kernel), [Step::Sweep { group: 0, interval, kernel }]);
+    let kernel = SweptKernel::PUBLISHED;
+    let of = |part| Step::Published { group: 0, part };
+    assert_eq!(steps(kernel), [of(Published::Map { guard: 3 }), of(Published::Sweep { interval, kernel })]);
+    let low_pass = Scenery { low_pass: true, ..SCENERY };
+    assert_eq!(Step::of_position(&[None], low_pass), [of(Published::Instant)]);
+}
+
+/// Layers are peeled off one after the other; those of a group of several samples are not told apart by depth.
+#[test]
+fn a_layer_has_four_passes_or_three() {
+    for (layered, each) in [(true, 4), (false, 3)] {
+        let order = LayerPass::order(layered);
+        assert_eq!(order.len(), 1 + each * usize::from(LAYERS) + 2);
+        assert_eq!((order[0], order[order.len() - 1]), (LayerPass::Start, LayerPass::LeftOut));
+        assert_eq!(order.contains(&LayerPass::Second(0)), layered);
+    }
 }
 
 #[test]

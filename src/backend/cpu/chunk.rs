@@ -3,7 +3,6 @@
 use std::ops::Range;
 
 use crate::frame::{Frame, FrameObject, PosedGroup};
-use crate::plan::Objects;
 
 /// Surfels of a chunk.
 pub(in crate::backend) const CHUNK: usize = 4096;
@@ -17,13 +16,13 @@ pub(in crate::backend) struct Chunk {
     pub surfels: Range<usize>,
 }
 
-/// The chunks of some objects of a group, in the order of sums: static objects first, once for all samples.
-pub(in crate::backend) fn chunks(frame: &Frame, group: &PosedGroup, objects: Objects) -> Vec<Chunk> {
-    let of_static = (objects != Objects::Moving).then_some((0, true));
-    let of_moving = (0..group.samples.len()).filter(|_| objects != Objects::Static).map(|sample| (sample, false));
-    let kinds = of_static.into_iter().chain(of_moving);
-    let see_through = objects == Objects::SeeThrough;
-    kinds.flat_map(|(sample, fixed)| of_sample(frame, group, sample, fixed, see_through)).collect()
+/// The chunks of the surfels of a group, opaque or see-through, in the order of sums: static objects first, once for
+/// all samples. Also how many are of static objects.
+pub(in crate::backend) fn chunks(frame: &Frame, group: &PosedGroup, see_through: bool) -> (Vec<Chunk>, usize) {
+    let mut chunks: Vec<Chunk> = of_sample(frame, group, 0, true, see_through).collect();
+    let at_rest = chunks.len();
+    chunks.extend((0..group.samples.len()).flat_map(|sample| of_sample(frame, group, sample, false, see_through)));
+    (chunks, at_rest)
 }
 
 /// The chunks of the visible objects that are static, or are not, and see-through, or are not, at one sample.

@@ -16,4 +16,6 @@ pub(in crate::backend) struct Job<'a, S, O> {
     pub buffers: &'a mut TileBuffers,
     pub scratch: &'a mut Vec<u32>,
     pub out: &'a mut O,
+    /// Are these the first splats of the pass in the tile? It starts what it writes from nothing then.
+    pub first: bool,
 }

@@ -2,10 +2,9 @@
 
 use super::bin::Binned;
 use super::chunk::CHUNK;
-use super::ewa::EwaBuffers;
+use super::paint::PaintBuffers;
+use super::published::Map;
 use super::resolve::TileFilm;
-use super::static_tile::StaticTile;
-use super::swept::Map;
 use super::tile_buffers::TileBuffers;
 use super::tiles::{Band, TILE};
 use super::transparent;
@@ -23,8 +22,6 @@ pub(in crate::backend) struct Budget {
     pub splat_bytes: u64,
     /// Bytes for splats of captures and their lists.
     pub transparent_bytes: u64,
-    /// Is there room for static layers?
-    pub layers: bool,
 }
 
 impl Budget {
@@ -47,38 +44,30 @@ impl Budget {
         let swept = frame.swept.is_some();
         let slices = swept.then(|| frame.slices() as usize);
         let guard = frame.guard();
-        let picture_bytes = if frame.has_static_picture() { StaticTile::bytes(planes.count) } else { 0 };
         let see_through = frame.has_see_through();
         // See-through surfels have a channel more, their opacity.
         let most_channels = channels.count + usize::from(see_through);
-        let layer_bytes = if frame.has_static_layer() {
-            StaticTile::bytes_with_sums(channels.count, samples, planes.count)
-        } else {
-            0
-        };
-        let buffers_with = |rows: u64, layers: bool| {
+        let rest_bytes = if frame.shares_rest() { TileFilm::bytes_with_threshold(planes.count) } else { 0 };
+        let filtered = frame.has_filtered_kernels() || see_through;
+        let buffers = |rows: u64| {
             let band = Band::new(raster, [0, rows as usize]);
             let tiles = band.len() as u64;
             let guarded = guard.map_or(0, |guard| band.guarded(guard).len() as u64);
             // Tiles of the map have fewer buffers, but there are more of them.
-            let of_map = guarded * TileBuffers::bytes(1, 1, None);
-            let own = guarded * Map::bytes(1) + of_map.max(tiles * TileBuffers::bytes(most_channels, samples, slices));
+            let of_map = guarded * PaintBuffers::bytes(1, false);
+            let of_tile = TileBuffers::bytes(most_channels, samples, slices);
+            let own = of_tile + if swept { 0 } else { PaintBuffers::bytes(most_channels, filtered) };
+            let own = guarded * Map::bytes(1) + of_map.max(tiles * own);
             let own = own + if frame.blending.is_some() { tiles * transparent::bytes_of_tile(planes.count) } else { 0 };
-            let ewa = frame.has_ewa() || see_through;
-            let own = own + if ewa { tiles * EwaBuffers::bytes(most_channels) } else { 0 };
             let own = own + if see_through { tiles * transparent::bytes_of_layers(planes.count) } else { 0 };
-            own + tiles * (picture_bytes + if layers { layer_bytes } else { 0 })
+            own + tiles * rest_bytes
         };
         let threads = rayon::current_num_threads() as u64;
         let batch = |rows: u64| {
             let band = Band::new(raster, [0, rows as usize]);
             let guarded = guard.map_or(band, |guard| band.guarded(guard));
             let moving = if swept { Binned::<SweptSplat>::most_bytes(CHUNK, channels.count, &band) } else { 0 };
-            let ewa = if frame.has_ewa() || see_through {
-                Binned::<EwaSplat>::most_bytes(CHUNK, most_channels, &band)
-            } else {
-                0
-            };
+            let ewa = if filtered { Binned::<EwaSplat>::most_bytes(CHUNK, most_channels, &band) } else { 0 };
             let moving = moving + ewa;
             let gaussians = if frame.blending.is_some() { CHUNK as u64 * transparent::BYTES } else { 0 };
             let moving = moving + gaussians;
@@ -87,12 +76,10 @@ impl Budget {
         let gaussians = frame.objects.iter().filter_map(|object| object.gaussians.as_ref());
         let gaussians: u64 = gaussians.map(|gaussians| gaussians.len() as u64).sum();
         let film = film + gaussians * transparent::BYTES_OF_RANK;
-        let needed = frame.model_bytes + film + buffers_with(1, false) + batch(1);
+        let needed = frame.model_bytes + film + buffers(1) + batch(1);
         BackendError::check_memory(frame, needed)?;
         // Half of what is left for the tiles' buffers at the most; the rest for splats.
         let left = frame.memory - frame.model_bytes - film;
-        let layers = buffers_with(1, true) + batch(1) <= left / 2;
-        let buffers = |rows: u64| buffers_with(rows, layers);
         let rows = (1..=tiles_y).rev().find(|&rows| buffers(rows) <= left / 2).unwrap_or(1);
         let splat_bytes = left.saturating_sub(buffers(rows)).max(batch(rows));
         // Opaque and transparent splats take turns, but their memory stays.
@@ -102,6 +89,6 @@ impl Budget {
             (true, false) => (0, splat_bytes),
             (true, true) => (splat_bytes / 2, splat_bytes / 2),
         };
-        Ok(Self { band_rows: rows as usize, splat_bytes, transparent_bytes, layers })
+        Ok(Self { band_rows: rows as usize, splat_bytes, transparent_bytes })
     }
 }

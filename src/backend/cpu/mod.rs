@@ -10,25 +10,23 @@ pub(super) mod bin;
 mod bounds;
 pub(super) mod chunk;
 pub(super) mod clocks;
-pub(super) mod ewa;
+pub(super) mod depths;
 pub(super) mod job;
 mod land;
 mod memory;
 mod mirror;
+pub(super) mod paint;
 mod patch;
 pub(super) mod project;
+pub(super) mod published;
 pub(super) mod resolve;
 pub(super) mod scope;
-mod splat_group;
-mod static_group;
-pub(super) mod static_tile;
 pub(super) mod swept;
 pub(super) mod tile_buffers;
 pub(super) mod tile_runner;
 pub(super) mod tiles;
 pub(super) mod transparent;
 pub(super) mod values;
-pub(super) mod visibility;
 mod waste;
 
 use std::sync::Arc;
@@ -36,16 +34,14 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use self::bin::Binned;
-use self::chunk::{Chunk, chunks};
+use self::chunk::chunks;
 use self::clocks::Clocks;
-use self::ewa::EwaGroup;
 use self::memory::Budget;
+use self::paint::{Kernel, PaintGroup, Painted};
+use self::published::{InstantGroup, LowPassSplat, Map, MapGroup, PublishedSweepGroup};
 use self::resolve::{RasterFilms, TileFilm, TiledFilm};
 use self::scope::Scope;
-use self::splat_group::SplatGroup;
-use self::static_group::{StaticGroup, Stored};
-use self::static_tile::{StaticLayer, StaticTile};
-use self::swept::{Map, MapGroup, SweepGroup};
+use self::swept::SweepGroup;
 use self::tile_buffers::TileBuffers;
 use self::tile_runner::TileRunner;
 use self::tiles::{Band, TILE};
@@ -55,9 +51,11 @@ use super::clusters::{ClusterStore, Clusters};
 use super::{Backend, BackendError, Meter, Rendered};
 use crate::film::{FilmPlanes, Picture, develop};
 use crate::frame::{Blocks, Frame, PosedRaster, Position};
-use crate::layout::{Channels, EwaSplat, SweptSplat};
-use crate::options::{Prefilter, SweptKernel};
-use crate::plan::{EwaPass, LayerPass, MapPass, Objects, PosedInterval, SplatPass, StaticPass, Step, SweepPass};
+use crate::layout::{Channels, EwaSplat, Splat, SweptSplat};
+use crate::options::SweptKernel;
+use crate::plan::{
+    InstantPass, LayerPass, MapPass, PaintPass, PosedInterval, Published, PublishedSweepPass, Step, SweepPass,
+};
 use crate::stop::Stop;
 
 /// Pictures whose memory is stored for later ones: as many as mode auto gives back.
@@ -88,15 +86,32 @@ pub struct Cpu {
 /// What steps write, of which later steps and later frames use the memory again.
 #[derive(Debug, Default)]
 struct Memory {
-    splats: Vec<Binned>,
-    /// Splats of a static layer.
-    static_splats: Vec<Binned>,
+    discs: Splats<Splat>,
+    filtered: Splats<EwaSplat>,
+    low_pass: Vec<Binned<LowPassSplat>>,
+    /// Discs on the map.
+    of_map: Vec<Binned>,
     kernels: Vec<Binned<SweptSplat>>,
-    ewa: Vec<Binned<EwaSplat>>,
+    /// The films of what is at rest, tile by tile.
+    at_rest: Vec<TileFilm>,
     /// For bands whose splats come in batches.
     buffers: Vec<TileBuffers>,
     map: Map,
     transparent: TransparentMemory,
+}
+
+/// Splats of step `Paint`, chunk by chunk.
+#[derive(Debug)]
+struct Splats<K> {
+    binned: Vec<Binned<K>>,
+    /// Chunks of what is at rest whose splats are at hand, for the position: they come first.
+    at_rest: usize,
+}
+
+impl<K> Default for Splats<K> {
+    fn default() -> Self {
+        Self { binned: Vec::new(), at_rest: 0 }
+    }
 }
 
 impl Backend for Cpu {
@@ -237,84 +252,96 @@ impl<'a> Place<'a> {
 
 impl Executor<'_> {
     fn run(mut self) {
-        let mut layer = StaticLayer::default();
-        let mut picture = Vec::new();
+        self.memory.discs.at_rest = 0;
+        self.memory.filtered.at_rest = 0;
+        self.memory.at_rest.iter_mut().for_each(TileFilm::clear);
         for step in &self.place.position.steps {
             if self.stop.is_set() {
                 return;
             }
             match *step {
-                Step::StaticLayer { group } => layer = self.static_layer(group),
-                Step::Splat { group } => self.splat(group, &layer),
-                Step::Ewa { group } => self.ewa(group),
-                Step::Transparent { group } => self.transparent(group),
-                Step::StaticPicture { group } => picture = self.static_picture(group),
-                Step::VisibilityMap { group, interval, objects, density } => {
-                    self.visibility_map(group, interval.guard, objects, MapPass::order(density));
+                Step::Paint { group, shares_rest } if self.place.frame.has_filtered_kernels() => {
+                    normalise(self.place.frame, false);
+                    self.paint::<EwaSplat>(group, shares_rest, |memory| &mut memory.filtered);
                 }
-                Step::Sweep { group, ref interval, kernel, objects } => {
-                    self.sweep(group, interval, kernel, objects, &picture);
+                Step::Paint { group, shares_rest } => {
+                    self.paint::<Splat>(group, shares_rest, |memory| &mut memory.discs);
                 }
+                Step::Peel { group } => self.peel(group),
+                Step::Composite { group } => self.composite(group),
+                Step::Sweep { group, ref interval, kernel } => self.sweep(group, interval, kernel),
+                Step::Published { group, ref part } => self.published(group, part),
                 Step::Finish => {
                     self.film.par_iter_mut().for_each(|tile| swept::finish(self.place.planes, &mut tile.values));
                 }
             }
             self.meter.advance();
         }
-        if !layer.binned.is_empty() {
-            self.memory.static_splats = layer.binned;
-        }
     }
 
-    /// The static objects at the position, if there is room for them.
-    fn static_layer(&mut self, group: usize) -> StaticLayer {
-        if !self.budget.layers {
-            return StaticLayer::default();
-        }
+    /// One group of opaque surfels. With `shares_rest`, what is at rest is made once for all groups of the position.
+    fn paint<K: Kernel>(&mut self, group: usize, shares_rest: bool, splats: fn(&mut Memory) -> &mut Splats<K>) {
         let scope = self.place.scope(group, self.place.band);
-        let with_film = scope.group.samples.len() == 1 && self.place.frame.has_one_view();
-        let work = StaticGroup { scope, stored: Stored::Sums { with_film } };
-        let chunks = chunks(self.place.frame, scope.group, Objects::Static);
-        let splat_bytes = self.budget.splat_bytes / 2;
-        let runner = TileRunner { work: &work, chunks: &chunks, passes: &StaticPass::ORDER, splat_bytes };
-        let mut binned = std::mem::take(&mut self.memory.static_splats);
-        if runner.batch(&chunks, &mut binned) < chunks.len() {
-            self.memory.static_splats = binned;
-            return StaticLayer::default();
-        }
-        binned.truncate(chunks.len());
-        let mut tiles = vec![StaticTile::default(); self.place.band.len()];
-        runner.run_at_once(&binned, &mut tiles);
-        StaticLayer { chunks, binned, tiles }
-    }
-
-    /// One group, from the static layer on, if there is one.
-    fn splat(&mut self, group: usize, layer: &StaticLayer) {
-        let scope = self.place.scope(group, self.place.band);
-        let objects = if layer.tiles.is_empty() { Objects::All } else { Objects::Moving };
-        let chunks = chunks(self.place.frame, scope.group, objects);
-        let work = SplatGroup { scope, layer };
-        let splat_bytes = self.budget.splat_bytes;
-        let Memory { splats, buffers, transparent, .. } = &mut *self.memory;
+        let (chunks, at_rest) = chunks(self.place.frame, scope.group, false);
+        let mut own = std::mem::take(splats(self.memory));
+        let Memory { buffers, transparent, at_rest: films, .. } = &mut *self.memory;
         let film = of_group(self.place.frame, &mut transparent.opaque, self.film);
-        TileRunner { work: &work, chunks: &chunks, passes: &SplatPass::ORDER, splat_bytes }.run(splats, buffers, film);
+        // The weights of a group's samples are in its coverage, so its film is no other group's.
+        let shares_film = shares_rest && scope.group.samples.len() == 1;
+        if shares_film {
+            films.resize_with(film.len().max(films.len()), TileFilm::default);
+        }
+        let mut films = shares_film.then_some(films).into_iter().flatten();
+        let mut tiles: Vec<Painted<'_>> = film.iter_mut().map(|film| Painted { film, at_rest: films.next() }).collect();
+        let runner = TileRunner {
+            work: &PaintGroup::new(scope),
+            chunks: &chunks,
+            passes: PaintPass::order(K::FILTERED && scope.group.samples.len() == 1),
+            splat_bytes: self.budget.splat_bytes,
+            at_rest,
+            made: own.at_rest,
+        };
+        let at_hand = runner.run(&mut own.binned, buffers, &mut tiles);
+        own.at_rest = if shares_rest { at_rest.min(at_hand) } else { 0 };
+        *splats(self.memory) = own;
     }
 
-    /// One group, with filtered kernels.
-    fn ewa(&mut self, group: usize) {
-        let scope = self.place.scope(group, self.place.band);
-        let chunks = chunks(self.place.frame, scope.group, Objects::All);
-        normalise(self.place.frame, &chunks);
+    /// One group, or one interval, as published.
+    fn published(&mut self, group: usize, part: &Published) {
         let splat_bytes = self.budget.splat_bytes;
-        let Memory { ewa, buffers, transparent, .. } = &mut *self.memory;
-        let film = of_group(self.place.frame, &mut transparent.opaque, self.film);
-        TileRunner { work: &EwaGroup { scope }, chunks: &chunks, passes: &EwaPass::ORDER, splat_bytes }
-            .run(ewa, buffers, film);
+        let guard = match part {
+            Published::Map { guard } => Some(*guard),
+            Published::Instant | Published::Sweep { .. } => None,
+        };
+        let band = guard.map_or(self.place.band, |guard| self.place.band.guarded(guard));
+        let scope = self.place.scope(group, band);
+        let (chunks, at_rest) = chunks(self.place.frame, scope.group, false);
+        let Memory { buffers, transparent, map, low_pass, of_map, kernels, .. } = &mut *self.memory;
+        match *part {
+            Published::Instant => {
+                let film = of_group(self.place.frame, &mut transparent.opaque, self.film);
+                let work = InstantGroup { paint: PaintGroup::new(scope) };
+                let passes = &InstantPass::ORDER;
+                TileRunner { work: &work, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }
+                    .run(low_pass, buffers, film);
+            }
+            Published::Map { .. } => {
+                let (work, passes) = (MapGroup { scope }, &MapPass::ORDER);
+                let tiles = map.lay(&scope.band);
+                TileRunner { work: &work, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }
+                    .run(of_map, buffers, tiles);
+            }
+            Published::Sweep { ref interval, kernel } => {
+                let work = PublishedSweepGroup { scope, interval, kernel, map };
+                let passes = &PublishedSweepPass::ORDER;
+                TileRunner { work: &work, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }
+                    .run(kernels, buffers, self.film);
+            }
+        }
     }
 
-    /// What is transparent, over the picture of the same group.
-    fn transparent(&mut self, group: usize) {
-        self.see_through(group);
+    /// Captures, volumes and the layers of see-through surfels, over the picture of the same group.
+    fn composite(&mut self, group: usize) {
         let scope = self.place.scope(group, self.place.band);
         let splat_bytes = self.budget.transparent_bytes;
         let work = TransparentGroup { scope, offsets: self.offsets, splat_bytes };
@@ -322,79 +349,50 @@ impl Executor<'_> {
     }
 
     /// The layers of see-through surfels.
-    fn see_through(&mut self, group: usize) {
+    fn peel(&mut self, group: usize) {
         let frame = self.place.frame;
         let scope = self.place.scope(group, self.place.band);
-        let chunks = chunks(frame, scope.group, Objects::SeeThrough);
+        let (chunks, at_rest) = chunks(frame, scope.group, true);
         let tiles = if chunks.is_empty() { 0 } else { scope.band.len() };
-        let Memory { ewa, buffers, transparent, .. } = &mut *self.memory;
+        let Memory { filtered, buffers, transparent, .. } = &mut *self.memory;
         let TransparentMemory { opaque, layers, .. } = transparent;
         layers.iter_mut().for_each(Vec::clear);
         layers.resize_with(tiles, Vec::new);
         if chunks.is_empty() {
             return;
         }
-        normalise(frame, &chunks);
+        normalise(frame, true);
+        // The splats of opaque surfels lose their place.
+        filtered.at_rest = 0;
         let raster = scope.raster.for_see_through(frame.prefilter);
         let channels = scope.channels.with_opacity();
         let work = SeeThroughGroup { scope: Scope { raster: &raster, channels: &channels, ..scope }, opaque };
+        let passes = &LayerPass::order(scope.group.samples.len() == 1);
         let splat_bytes = self.budget.splat_bytes;
-        TileRunner { work: &work, chunks: &chunks, passes: &LayerPass::ORDER, splat_bytes }.run(ewa, buffers, layers);
-    }
-
-    /// The picture of static objects, at the position and in the light of a group.
-    fn static_picture(&mut self, group: usize) -> Vec<StaticTile> {
-        let scope = self.place.scope(group, self.place.band);
-        let chunks = chunks(self.place.frame, scope.group, Objects::Static);
-        let work = StaticGroup { scope, stored: Stored::Film };
-        let splat_bytes = self.budget.splat_bytes;
-        let mut picture = vec![StaticTile::default(); self.place.band.len()];
-        let Memory { splats, buffers, .. } = &mut *self.memory;
-        TileRunner { work: &work, chunks: &chunks, passes: &StaticPass::ORDER, splat_bytes }.run(
-            splats,
+        TileRunner { work: &work, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }.run(
+            &mut filtered.binned,
             buffers,
-            &mut picture,
+            layers,
         );
-        picture
     }
 
-    /// The map of a group, with `guard` pixels around the band.
-    fn visibility_map(&mut self, group: usize, guard: u32, objects: Objects, passes: &[MapPass]) {
-        let scope = self.place.scope(group, self.place.band.guarded(guard));
-        let chunks = chunks(self.place.frame, scope.group, objects);
-        let work = MapGroup { scope };
-        let splat_bytes = self.budget.splat_bytes;
-        let Memory { splats, buffers, map, .. } = &mut *self.memory;
-        let tiles = map.lay(&scope.band);
-        TileRunner { work: &work, chunks: &chunks, passes, splat_bytes }.run(splats, buffers, tiles);
-    }
-
-    /// The kernels in motion of a group, before and behind the picture of static objects.
-    fn sweep(
-        &mut self,
-        group: usize,
-        interval: &PosedInterval,
-        kernel: SweptKernel,
-        objects: Objects,
-        picture: &[StaticTile],
-    ) {
+    /// The kernels in motion of an interval.
+    fn sweep(&mut self, group: usize, interval: &PosedInterval, kernel: SweptKernel) {
         let scope = self.place.scope(group, self.place.band);
-        let chunks = chunks(self.place.frame, scope.group, objects);
-        let splat_bytes = self.budget.splat_bytes;
-        if self.place.frame.prefilter == Prefilter::Ewa {
-            normalise(self.place.frame, &chunks);
-        }
-        let Memory { kernels, buffers, map, .. } = &mut *self.memory;
-        let work = SweepGroup { scope, interval, kernel, map, picture };
-        TileRunner { work: &work, chunks: &chunks, passes: SweepPass::order(kernel.has_slices()), splat_bytes }
+        let (chunks, at_rest) = chunks(self.place.frame, scope.group, false);
+        normalise(self.place.frame, false);
+        let Memory { kernels, buffers, .. } = &mut *self.memory;
+        let work = SweepGroup { scope, interval, kernel };
+        let (passes, splat_bytes) = (&SweepPass::ORDER, self.budget.splat_bytes);
+        TileRunner { work: &work, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }
             .run(kernels, buffers, self.film);
     }
 }
 
-/// Computes the factors of all models before their chunks are worked on in parallel: each thread that found none would
-/// compute all.
-fn normalise(frame: &Frame, chunks: &[Chunk]) {
-    for chunk in chunks {
-        frame.objects[chunk.object].surfels.normalisation();
+/// Computes the factors of the models of opaque or see-through surfels before their chunks are worked on in parallel:
+/// each thread that found none would compute all.
+fn normalise(frame: &Frame, see_through: bool) {
+    for object in frame.objects.iter().filter(|object| object.see_through == see_through) {
+        object.surfels.normalisation();
     }
 }

@@ -16,18 +16,7 @@ pub(in crate::backend) struct Touched {
 }
 
 impl Touched {
-    #[inline(always)]
-    pub(in crate::backend) fn of(splat: &Splat, tile: &TileRect) -> Self {
-        let [x0, x1, y0, y1] = splat.bounds.map(usize::from);
-        Self {
-            x0: x0.max(tile.origin[0]) - tile.origin[0],
-            x1: x1.min(tile.origin[0] + tile.width - 1) - tile.origin[0],
-            y0: y0.max(tile.origin[1]) - tile.origin[1],
-            y1: y1.min(tile.origin[1] + tile.height - 1) - tile.origin[1],
-        }
-    }
-
-    /// The same for any bounds, which may miss the tile.
+    /// The pixels within `bounds`; `None` where those miss the tile.
     #[inline(always)]
     pub(in crate::backend) fn within(bounds: [u16; 4], tile: &TileRect) -> Option<Self> {
         let [x0, x1, y0, y1] = bounds.map(usize::from);

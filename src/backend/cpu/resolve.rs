@@ -1,9 +1,9 @@
 //! Pass `resolve`: normalise, shade, add to the film with the time weight (Wolf 2008, 4.1.1, eq. 4.14).
 //!
-//! In: a tile's sums and thresholds. Out: the tile's film. One sample position at a time, order-free.
+//! In: a tile's sums and coverage. Out: the tile's film. One sample position at a time, order-free.
 
 use super::mirror::{Mirror, Rows, rays};
-use super::tiles::{LANES, ROWS, STRIDE, TILE, TileRect};
+use super::tiles::{LANES, ROWS, STRIDE, TILE, TileRect, lanes};
 use super::values::{add_lobes, unit};
 use crate::environment::Surroundings;
 use crate::film::{Film, FilmPlanes};
@@ -96,7 +96,7 @@ impl Film for RasterFilms {
     }
 }
 
-/// What the pass needs beside sums and thresholds.
+/// What the pass needs beside sums.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::backend) struct Resolve<'a> {
     /// The sample whose camera and lights shade.
@@ -115,55 +115,26 @@ pub(in crate::backend) struct Resolve<'a> {
 type Lanes = [f32; LANES];
 
 dispatch! {
-    /// Adds one group's share of the exposure to `film`.
-    ///
-    /// `coverage` is that of the group's samples together, weights included; it is empty for a group of one sample.
+    /// Adds the sums of one group or interval to `film`, where they cover each pixel for the share `coverage` of the
+    /// exposure.
     pub(in crate::backend) fn resolve(
-        resolve: &Resolve<'_>, tile: &TileRect, threshold: &[f32], sums: &[f32], coverage: &[f32], film: &mut TileFilm,
+        resolve: &Resolve<'_>, tile: &TileRect, sums: &[f32], coverage: &[f32], film: &mut TileFilm,
     ) = resolve_body
 }
 
 #[inline(always)]
-fn resolve_body(
-    resolve: &Resolve<'_>,
-    tile: &TileRect,
-    threshold: &[f32],
-    sums: &[f32],
-    coverage: &[f32],
-    film: &mut TileFilm,
-) {
-    let channels = resolve.channels;
+fn resolve_body(resolve: &Resolve<'_>, tile: &TileRect, sums: &[f32], coverage: &[f32], film: &mut TileFilm) {
+    let row = resolve.channels.count * STRIDE;
     film.values.resize(resolve.planes.count * TILE * TILE, 0.0);
     for y in 0..tile.height {
-        let row = &sums[y * channels.count * STRIDE..][..channels.count * STRIDE];
         for x in (0..tile.width).step_by(LANES) {
-            let load = |channel: usize| -> Lanes {
-                let mut out = [0.0; LANES];
-                out.copy_from_slice(&row[channel * STRIDE + x..][..LANES]);
-                out
-            };
-            let weights = load(0);
-            if weights.iter().all(|&w| w == 0.0) {
+            let rows = Rows::new(sums, row, y, tile);
+            let weights: Lanes = lanes(&rows.own[x..]);
+            if weights.iter().all(|&weight| weight == 0.0) {
                 continue;
             }
-            let limit = &threshold[y * STRIDE + x..][..LANES];
-            let mut inverse = [0.0; LANES];
-            let mut share = [0.0; LANES];
-            for l in 0..LANES {
-                let w = weights[l];
-                inverse[l] = if w > 0.0 { 1.0 / w } else { 0.0 };
-                // Where no splat covers, only low-pass discs have weight: the sum of their weights is the coverage.
-                let partial = if w < 1.0 { w } else { 1.0 };
-                let covered = if limit[l] < f32::INFINITY { 1.0 } else { partial };
-                share[l] = if w > 0.0 { covered } else { 0.0 };
-            }
-            let mut weight = resolve.weight;
-            if let Some(coverage) = coverage.get(y * STRIDE + x..).and_then(<[f32]>::first_chunk::<LANES>) {
-                share = *coverage;
-                weight = 1.0;
-            }
-            let rows = Rows::new(sums, channels.count * STRIDE, y, tile);
-            add_lanes(resolve, tile, [x, y], rows, &inverse, &share, weight, film);
+            let inverse = weights.map(|weight| if weight > 0.0 { 1.0 / weight } else { 0.0 });
+            add_lanes(resolve, tile, [x, y], rows, &inverse, &lanes(&coverage[y * STRIDE + x..]), 1.0, film);
         }
     }
 }

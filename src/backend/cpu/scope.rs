@@ -4,23 +4,22 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
-use super::attribute::{self, Attributes, Tally};
+use super::attribute::Attributes;
 use super::bin::Binned;
 use super::chunk::Chunk;
 use super::clocks::Clocks;
-use super::job::Job;
+use super::depths::Depths;
 use super::land::Strip;
-use super::project::{self, View};
+use super::project::View;
 use super::resolve::Resolve;
 use super::tile_buffers::TileBuffers;
 use super::tiles::Band;
 use super::values::{self, Faced, Shown};
-use super::visibility::{self, Depths};
 use super::waste::{Sight, Wasteful};
 use crate::backend::clusters::Clusters;
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup, Raster};
-use crate::layout::{Channels, Splat};
+use crate::layout::Channels;
 use crate::options::Prefilter;
 
 /// One group in one band.
@@ -49,7 +48,7 @@ impl Scope<'_> {
             corner: self.band.corner,
             wanted: self.frame.wanted.as_ref().filter(|_| self.frame.swept.is_none()),
             near: self.frame.near,
-            low_pass: self.frame.prefilter == Prefilter::Approx,
+            low_pass: false,
             margin: 0.0,
             two_sided: self.frame.objects[chunk.object].two_sided,
             paths: self.frame.objects[chunk.object].paths(),
@@ -80,14 +79,12 @@ impl Scope<'_> {
         let sample = &self.group.samples[chunk.sample];
         Attributes {
             channels: self.channels,
-            near: self.frame.near,
-            low_pass: self.low_pass(),
             share: if self.frame.objects[chunk.object].is_static { 1.0 } else { self.share(sample.weight) },
             values,
         }
     }
 
-    /// Radius of low-pass discs, raster pixels; +0 without them.
+    /// Radius of the low-pass discs of published kernels, raster pixels; +0 without them.
     pub(in crate::backend) fn low_pass(&self) -> f32 {
         if self.frame.prefilter == Prefilter::Approx { self.raster.low_pass } else { 0.0 }
     }
@@ -144,22 +141,6 @@ impl Scope<'_> {
         }
     }
 
-    /// Passes `project` and `bin` of one chunk; without values.
-    pub(in crate::backend) fn project(&self, chunk: &Chunk, binned: &mut Binned) {
-        let surfels = &self.frame.objects[chunk.object].surfels;
-        binned.splats.clear();
-        project::project(&self.view(chunk), surfels, chunk.surfels.clone(), &mut binned.splats);
-        binned.bin();
-    }
-
-    /// Passes `project` and `bin` of one chunk, and the values of its splats.
-    pub(in crate::backend) fn project_with_values(&self, chunk: &Chunk, binned: &mut Binned) {
-        self.timed(binned, |binned| {
-            self.project(chunk, binned);
-            self.add_values(chunk, binned);
-        });
-    }
-
     /// The values of the splats of one chunk.
     pub(in crate::backend) fn add_values<S: Faced>(&self, chunk: &Chunk, binned: &mut Binned<S>) {
         values::values(&binned.splats, &self.shown(chunk), &mut binned.values);
@@ -180,35 +161,6 @@ impl Scope<'_> {
                 swept: self.frame.swept,
             };
             wasted.add(S::waste(binned, &sight));
-        }
-    }
-
-    /// Pass `visibility` of one tile.
-    pub(in crate::backend) fn visibility<O>(&self, job: &mut Job<'_, Splat, O>) {
-        let start = Instant::now();
-        for (chunk, binned) in job.chunks.iter().zip(job.binned) {
-            let list = binned.list(&job.tile, job.scratch);
-            if list.is_empty() {
-                continue;
-            }
-            let depths = self.depths(chunk);
-            visibility::visibility(&binned.splats, list, depths, &job.tile, &mut job.buffers.threshold);
-        }
-        self.clocks.visibility.add(start);
-    }
-
-    /// Adds the splats of one tile to its sums; `nearest` as in [`Tally`].
-    pub(in crate::backend) fn add_splats<O>(&self, job: &mut Job<'_, Splat, O>, nearest: &mut [f32]) {
-        for (chunk, binned) in job.chunks.iter().zip(job.binned) {
-            let list = binned.list(&job.tile, job.scratch);
-            if list.is_empty() {
-                continue;
-            }
-            self.turn(chunk, job.buffers);
-            let TileBuffers { threshold, sums, group_coverage, .. } = &mut *job.buffers;
-            let mut tally = Tally { sums, sample_coverage: &mut group_coverage.sample_coverage, nearest };
-            let attributes = self.attributes(chunk, &binned.values);
-            attribute::attribute(&binned.splats, list, &attributes, &job.tile, threshold, &mut tally);
         }
     }
 }

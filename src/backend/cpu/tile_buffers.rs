@@ -1,15 +1,13 @@
 //! What one group of time samples accumulates in one tile.
 
-use super::ewa::EwaBuffers;
+use super::paint::PaintBuffers;
 use super::tiles::{ROWS, STRIDE, TILE};
 use super::transparent::see_through::cover::PeelBuffers;
 
 /// What one group accumulates in one tile.
 #[derive(Clone, Debug, Default)]
 pub(in crate::backend) struct TileBuffers {
-    /// T(x, t) of the visibility rule, +inf where no splat covers: `ROWS` rows of `STRIDE`.
-    pub threshold: Vec<f32>,
-    /// Weighted sums: for each of `ROWS` rows, for each channel, `STRIDE` floats.
+    /// Weighted sums of kernels in motion: for each of `ROWS` rows, for each channel, `STRIDE` floats.
     pub sums: Vec<f32>,
     /// Coverage by the samples of a group that has several; empty for a group of one sample.
     pub group_coverage: GroupCoverage,
@@ -17,8 +15,8 @@ pub(in crate::backend) struct TileBuffers {
     pub coverage_mask: CoverageMask,
     /// What is visible of kernels in motion; empty where there are none.
     pub slices: Slices,
-    /// Depths and sums of full EWA; empty without it.
-    pub ewa: EwaBuffers,
+    /// Depths and sums of kernels at instants.
+    pub paint: PaintBuffers,
     /// What see-through surfels cover; empty where there are none.
     pub peel: PeelBuffers,
 }
@@ -38,13 +36,14 @@ pub(in crate::backend) struct Slices {
 pub(in crate::backend) struct CoverageMask {
     /// Object-space kernels.
     pub surface: Vec<u32>,
-    /// Low-pass discs; with full EWA filtered kernels.
+    /// Filtered kernels; of published kernels their low-pass discs.
     pub low_pass: Vec<u32>,
-    /// Sum of the weights of low-pass discs beyond those of their kernels. Where the sum of weights is the coverage:
-    /// sum of all weights. With full EWA: sum of the weights of what covers, visible or hidden.
+    /// Sum of the weights of what covers, visible or hidden; where the sum of weights is the coverage, sum of all
+    /// visible weights. Of published kernels: sum of the weights of low-pass discs beyond those of their kernels, or of
+    /// all weights.
     pub loose: Vec<f32>,
-    /// The same sum of weight times peak, and of weights that are negative for kernels that show their backs; empty
-    /// without full EWA.
+    /// The same sum of weight times peak, and of weights that are negative for kernels that show their backs; empty for
+    /// published kernels.
     pub peak: Vec<f32>,
     pub side: Vec<f32>,
 }
@@ -83,16 +82,10 @@ impl GroupCoverage {
 }
 
 impl TileBuffers {
-    pub(in crate::backend) fn clear_threshold(&mut self) {
-        self.threshold.clear();
-        self.threshold.resize(ROWS * STRIDE, f32::INFINITY);
-    }
-
-    /// For a group of `samples` samples.
-    pub(in crate::backend) fn clear_sums(&mut self, channels: usize, samples: usize) {
+    /// For an interval.
+    pub(in crate::backend) fn clear_sums(&mut self, channels: usize) {
         self.sums.clear();
         self.sums.resize(ROWS * channels * STRIDE, 0.0);
-        self.clear_coverage(samples);
     }
 
     /// For a group of `samples` samples.
@@ -106,14 +99,12 @@ impl TileBuffers {
         }
     }
 
-    /// For `count` slices of an interval. Thresholds start from those of static objects.
+    /// For `count` slices of an interval.
     pub(in crate::backend) fn start_slices(&mut self, count: usize) {
         let Slices { count: slices, threshold } = &mut self.slices;
         *slices = count;
         threshold.clear();
-        for row in self.threshold.chunks_exact(STRIDE).take(TILE) {
-            (0..count).for_each(|_| threshold.extend_from_slice(row));
-        }
+        threshold.resize(TILE * count * STRIDE, f32::INFINITY);
     }
 
     /// For kernels in motion.
@@ -137,6 +128,6 @@ impl TileBuffers {
             Some(slices) => 6 + slices,
             None => 0,
         };
-        ((1 + channels + group_coverage + swept) * ROWS * STRIDE * size_of::<f32>()) as u64
+        ((channels + group_coverage + swept) * ROWS * STRIDE * size_of::<f32>()) as u64
     }
 }

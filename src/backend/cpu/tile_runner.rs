@@ -30,15 +30,13 @@ pub(in crate::backend) trait TileWork: Sync {
     /// Whether `pass` reads the splats of a tile's list, and not only what was made of them.
     fn reads_splats(pass: Self::Pass) -> bool;
 
-    /// Brings what `pass` will write to where it starts, in tile `index`.
-    fn prepare(&self, pass: Self::Pass, index: usize, buffers: &mut TileBuffers, scratch: &mut Vec<u32>);
-
-    /// Runs a pass on a tile.
+    /// Runs a pass on a tile, with the splats of one batch.
     fn run(&self, pass: Self::Pass, job: Job<'_, Self::Splat, Self::Out>);
 
-    /// Deals with a tile that has no splats, if that can be done without its passes; says whether it was.
-    fn skip(&self, _index: usize, _out: &mut Self::Out) -> bool {
-        true
+    /// Deals with a tile that has no splats but those at rest, if that can be done without its passes; says whether it
+    /// was. `is_empty`: the tile has none at all.
+    fn skip(&self, is_empty: bool, _out: &mut Self::Out) -> bool {
+        is_empty
     }
 }
 
@@ -50,21 +48,27 @@ pub(in crate::backend) struct TileRunner<'a, W: TileWork> {
     pub passes: &'a [W::Pass],
     /// Bytes for splats and their lists.
     pub splat_bytes: u64,
+    /// Chunks of what is at rest: they come first.
+    pub at_rest: usize,
+    /// Chunks whose splats an earlier group made: they come first.
+    pub made: usize,
 }
 
 impl<W: TileWork> TileRunner<'_, W> {
-    /// Runs all passes; one output a tile.
+    /// Runs all passes; one output a tile. Says how many chunks have their splats at hand then.
     pub(in crate::backend) fn run(
         &self,
         binned: &mut Vec<Binned<W::Splat>>,
         buffers: &mut Vec<TileBuffers>,
         outputs: &mut [W::Out],
-    ) {
-        let taken = self.batch(self.chunks, binned);
+    ) -> usize {
+        let taken = self.batch(self.chunks, self.made, binned);
         if taken == self.chunks.len() {
             self.run_at_once(&binned[..taken], outputs);
+            taken
         } else {
             self.run_in_batches(taken, binned, buffers, outputs);
+            0
         }
     }
 
@@ -79,13 +83,16 @@ impl<W: TileWork> TileRunner<'_, W> {
                 if !self.wants(&tile) {
                     return;
                 }
-                let empty = binned.iter().all(|binned| binned.list(&tile, scratch).is_empty());
-                if empty && work.skip(index, out) {
-                    return;
+                let mut any =
+                    |binned: &[Binned<W::Splat>]| binned.iter().any(|binned| !binned.list(&tile, scratch).is_empty());
+                if !any(&binned[self.at_rest..]) {
+                    let is_empty = !any(&binned[..self.at_rest]);
+                    if work.skip(is_empty, out) {
+                        return;
+                    }
                 }
                 for &pass in passes {
-                    work.prepare(pass, index, buffers, scratch);
-                    work.run(pass, Job { chunks, binned, tile, index, buffers, scratch, out });
+                    work.run(pass, Job { chunks, binned, tile, index, buffers, scratch, out, first: true });
                 }
             },
         );
@@ -103,8 +110,7 @@ impl<W: TileWork> TileRunner<'_, W> {
         buffers.resize_with(outputs.len().max(buffers.len()), TileBuffers::default);
         let mut start = 0;
         for &pass in passes {
-            let prepare = |scratch: &mut _, (index, buffers)| work.prepare(pass, index, buffers, scratch);
-            buffers[..outputs.len()].par_iter_mut().enumerate().for_each_init(Vec::new, prepare);
+            let mut first = true;
             loop {
                 let batch = &chunks[start..done];
                 let splats = &binned[..batch.len()];
@@ -115,15 +121,19 @@ impl<W: TileWork> TileRunner<'_, W> {
                         if !self.wants(&tile) {
                             return;
                         }
-                        work.run(pass, Job { chunks: batch, binned: splats, tile, index, buffers, scratch, out });
+                        work.run(
+                            pass,
+                            Job { chunks: batch, binned: splats, tile, index, buffers, scratch, out, first },
+                        );
                     },
                 );
+                first = false;
                 if !W::reads_splats(pass) {
                     break;
                 }
                 // On to the next batch; after the last, back to the first for the next pass.
                 start = if done == chunks.len() { 0 } else { done };
-                done = start + self.batch(&chunks[start..], binned);
+                done = start + self.batch(&chunks[start..], 0, binned);
                 if start == 0 {
                     break;
                 }
@@ -137,13 +147,14 @@ impl<W: TileWork> TileRunner<'_, W> {
         frame.swept.is_some() || frame.wanted.as_ref().is_none_or(|blocks| blocks.touch(raster.first, tile.bounds()))
     }
 
-    /// Projects and bins as many of `chunks` as fit into the memory for splats, at least one; returns how many.
-    pub(in crate::backend) fn batch(&self, chunks: &[Chunk], binned: &mut Vec<Binned<W::Splat>>) -> usize {
+    /// Projects and bins as many of `chunks` as fit into the memory for splats, at least one; returns how many. The
+    /// first `made` were before.
+    pub(in crate::backend) fn batch(&self, chunks: &[Chunk], made: usize, binned: &mut Vec<Binned<W::Splat>>) -> usize {
         let scope = self.work.scope();
         let most = Binned::<W::Splat>::most_bytes(CHUNK, scope.channels.count, &scope.band);
         let least = rayon::current_num_threads();
-        let mut used = 0;
-        let mut done = 0;
+        let mut used = binned[..made].iter().map(Binned::bytes).sum::<u64>();
+        let mut done = made;
         while done < chunks.len() {
             let fit = (self.splat_bytes.saturating_sub(used) / most) as usize;
             if fit < least && done > 0 {

@@ -6,12 +6,11 @@
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use super::bin::Binned;
+use super::paint;
 use super::patch::{Patch, Touched};
 use super::tiles::{Band, LANES, TileRect};
 use crate::backend::{Pixels, Waste};
 use crate::frame::Raster;
-use crate::layout::Splat;
-use crate::math::simd::dispatch;
 use crate::options::SweptKernel;
 
 /// The counts of a frame, from all threads.
@@ -58,10 +57,17 @@ pub(in crate::backend) struct Sight<'a> {
     pub band: Band,
     pub raster: &'a Raster,
     pub near: f32,
-    /// Radius of low-pass discs, raster pixels; +0 without them.
-    pub low_pass: f32,
-    /// Of kernels in motion.
+    /// Kernels in motion.
     pub swept: Option<SweptKernel>,
+    /// Radius of the low-pass discs of published kernels in motion, raster pixels; +0 without them.
+    pub low_pass: f32,
+}
+
+impl Sight<'_> {
+    /// What kernels at instants are seen with.
+    pub(in crate::backend) fn rays(&self) -> paint::Sight {
+        paint::Sight::new(self.near, self.raster)
+    }
 }
 
 /// Splats whose waste can be counted.
@@ -98,34 +104,4 @@ pub(in crate::backend) fn count(
     }
     let bounded = (touched.x1 + 1 - touched.x0) * (touched.y1 + 1 - touched.y0);
     Pixels { bounded: bounded as u64, covered: covered.iter().map(|&lane| u64::from(lane)).sum() }
-}
-
-impl Wasteful for Splat {
-    fn waste(binned: &Binned<Self>, sight: &Sight<'_>) -> Waste {
-        of_splats(&binned.splats, &whole(&sight.band), sight.near, sight.low_pass)
-    }
-}
-
-dispatch! {
-    fn of_splats(splats: &[Splat], rect: &TileRect, near: f32, low_pass: f32) -> Waste = of_splats_body
-}
-
-#[inline(always)]
-fn of_splats_body(splats: &[Splat], rect: &TileRect, near: f32, low_pass: f32) -> Waste {
-    let most_inverse_depth = 1.0 / near;
-    let mut waste = Waste::default();
-    for splat in splats {
-        // In pass `attribute` the low-pass disc covers, too.
-        let reach2 = if splat.centre_depth > 0.0 { low_pass * low_pass } else { 0.0 };
-        let inside = |patch: &Patch<LANES>, l: usize| {
-            let hit = patch.at(splat, l);
-            (hit.inside & (hit.inverse_depth <= most_inverse_depth) & hit.wanted, hit)
-        };
-        waste.visibility += count(splat.bounds, rect, |patch, l| inside(patch, l).0);
-        waste.attribute += count(splat.bounds, rect, |patch, l| {
-            let (inside, hit) = inside(patch, l);
-            inside | (hit.wanted & (hit.x * hit.x + hit.y * hit.y < reach2))
-        });
-    }
-    waste
 }

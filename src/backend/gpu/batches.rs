@@ -8,7 +8,6 @@ use super::models::ModelBuffer;
 use super::prepared::Prepared;
 use crate::backend::clusters::{CLUSTER_SURFELS, Window};
 use crate::frame::{FrameObject, PixelRect, PosedGroup, Raster};
-use crate::plan::Objects;
 
 /// Gaps of unwanted surfels that are shorter than this are projected too, because a segment of its own costs more.
 const GAP: usize = 1 << 12;
@@ -25,58 +24,35 @@ pub(in crate::backend) struct Batch {
     pub last_turn: u32,
 }
 
-/// The batches of a group.
-#[derive(Clone, Debug)]
-pub(in crate::backend) struct Batches {
-    /// The batches of the static layer, which are cached.
-    pub cached: Vec<Batch>,
-    /// The batches that go through the passes.
-    pub run: Vec<Batch>,
-}
-
-impl Batches {
-    pub(in crate::backend) fn segments(&self) -> impl Iterator<Item = &Segment> {
-        self.cached.iter().chain(&self.run).flat_map(|batch| &batch.segments).map(|(segment, _, _)| segment)
-    }
+/// The segments of batches, in order.
+pub(in crate::backend) fn segments(batches: &[Batch]) -> impl Iterator<Item = &Segment> {
+    batches.iter().flat_map(|batch| &batch.segments).map(|(segment, _, _)| segment)
 }
 
 impl Schedule {
-    /// The surfels of some objects of `group` in batches. With `from_layer` they come after those of the static layer.
+    /// The surfels of a group in batches, opaque or see-through: static objects first, once for all samples.
     pub(in crate::backend) fn batches(
         &self,
         prepared: &Prepared<'_>,
         raster: &Raster,
         group: &PosedGroup,
-        objects: Objects,
-        from_layer: bool,
-    ) -> Batches {
-        let frame = prepared.frame;
-        let see_through = objects == Objects::SeeThrough;
+        see_through: bool,
+    ) -> Vec<Batch> {
         let visible = |sample: usize, fixed: bool| {
-            let posed = group.samples[sample].objects.iter().zip(&frame.objects).enumerate();
+            let posed = group.samples[sample].objects.iter().zip(&prepared.frame.objects).enumerate();
             let wanted = move |object: &FrameObject| object.is_static == fixed && object.see_through == see_through;
             let some = posed.filter(move |(_, (pose, object))| pose.visible && wanted(object));
             some.map(move |(index, _)| (sample, index))
         };
-        let fixed = || visible(0, true);
-        let moving = || (0..group.samples.len()).flat_map(|sample| visible(sample, false));
+        let moving = (0..group.samples.len()).flat_map(|sample| visible(sample, false));
         // The first entries hold the weights of samples.
         let index = group.samples.len() as u32;
-        let mut cutter = Cutter { prepared, raster, group, most: self.slots as usize, index };
-        let cached = if from_layer { cutter.cut(fixed()) } else { Vec::new() };
-        let mut run = match objects {
-            Objects::All | Objects::SeeThrough => cutter.cut(fixed().chain(moving())),
-            Objects::Static => cutter.cut(fixed()),
-            Objects::Moving => cutter.cut(moving()),
-        };
-        if objects == Objects::Moving && run.is_empty() {
-            // The turns of samples must end, and static objects must show, even if nothing moves.
-            run.push(Batch::default());
-        }
-        if let Some(last) = run.last_mut().filter(|_| objects != Objects::Static) {
+        let cutter = Cutter { prepared, raster, group, most: self.slots as usize, index };
+        let mut batches = cutter.cut(visible(0, true).chain(moving));
+        if let Some(last) = batches.last_mut() {
             last.last_turn = group.samples.len() as u32 + 1;
         }
-        Batches { cached, run }
+        batches
     }
 }
 
@@ -121,7 +97,7 @@ impl Cutter<'_> {
     }
 
     /// Cuts `objects`, each given by sample and object, into batches.
-    fn cut(&mut self, objects: impl Iterator<Item = (usize, usize)>) -> Vec<Batch> {
+    fn cut(mut self, objects: impl Iterator<Item = (usize, usize)>) -> Vec<Batch> {
         let total: f32 = self.group.samples.iter().map(|sample| sample.weight).sum();
         let mut batches: Vec<Batch> = Vec::new();
         for (sample, object) in objects {

@@ -2,24 +2,24 @@
 
 use wgpu::{BindGroup, BindGroupEntry, BindingResource, BufferBinding, BufferSize, ComputePass, ComputePipeline};
 
+use super::batches::segments;
 use super::buffers::Buffers;
 use super::captures;
 use super::constants::{
-    ewa_resolve_constants, resolve_constants, restore_constants, slice_constants, sum_constants, swept_constants,
-    swept_resolve_constants, value_constants,
+    ewa_resolve_constants, resolve_constants, slice_constants, swept_constants, swept_resolve_constants,
+    value_constants,
 };
 use super::device::Device;
 use super::layout::{CAPTURE_STRIDES, DIGIT_BITS, UNIFORM_STRIDE};
-use super::memory::{CompositeChannels, DeviceChannels};
 use super::models::ModelBuffer;
 use super::prepared::Prepared;
 use super::programs::{Constants, Pipelines, Program, Slot};
 use super::timestamps::Marks;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
-use crate::layout::{Channels, FilteredSplat, Splat, SweptSplat};
-use crate::options::{KernelShape, KernelWeight, Normalise, SweptKernel};
-use crate::plan::{LayerPass, Objects};
+use crate::layout::{FilteredSplat, Splat, SweptSplat};
+use crate::options::{KernelShape, Normalise, SweptKernel};
+use crate::plan::LAYERS;
 
 /// A pipeline and the buffers that it is bound to.
 #[derive(Clone, Debug)]
@@ -49,24 +49,26 @@ pub(in crate::backend) struct Round {
 /// The programs of a frame.
 #[derive(Debug)]
 pub(in crate::backend) struct BoundPrograms {
-    pub lists: ListPrograms,
     pub bin: BinPrograms,
-    pub visibility: BoundProgram,
-    /// For each object, for each of its surfel buffers.
-    pub splat_values: Vec<Vec<BoundProgram>>,
-    pub sum_attributes: BoundProgram,
     /// One for each band of each raster.
     pub film: Vec<FilmPart>,
-    /// `None` where there is no room for a static layer, or no need of one.
-    pub static_layer: Option<StaticLayerPrograms>,
-    /// `None` where no step sweeps kernels.
-    pub swept: Option<SweptPrograms>,
-    /// `None` without full EWA.
-    pub ewa: Option<EwaPrograms>,
+    /// What opaque surfels are drawn by.
+    pub surfels: SurfelPrograms,
     /// `None` without see-through surfels.
     pub see_through: Option<SeeThroughPrograms>,
     /// `None` where nothing is transparent.
     pub transparent: Option<TransparentPrograms>,
+}
+
+/// The programs of opaque surfels: a frame has one kind of step for them.
+#[derive(Debug)]
+pub(in crate::backend) enum SurfelPrograms {
+    /// Steps `Paint`, or instants of step `Published`.
+    Paint(PaintPrograms),
+    /// Steps `Sweep`.
+    Sweep(SweptPrograms),
+    /// Maps and intervals of step `Published`.
+    Published(MapPrograms, PublishedPrograms),
 }
 
 /// The programs that make splats, or kernels in motion, and their lists.
@@ -96,34 +98,36 @@ pub(in crate::backend) struct FilmPart {
     pub over: Option<BoundProgram>,
 }
 
-/// The programs of a static layer.
-#[derive(Debug)]
-pub(in crate::backend) struct StaticLayerPrograms {
-    /// Makes the sums of static objects.
-    pub sum: BoundProgram,
-    pub restore: BoundProgram,
-    /// Recomputes sums, for each batch of the layer.
-    pub recompute: Vec<BoundProgram>,
-}
-
 /// The programs of kernels in motion.
 #[derive(Debug)]
 pub(in crate::backend) struct SweptPrograms {
     pub lists: ListPrograms,
-    pub density: BoundProgram,
-    pub store_map: BoundProgram,
-    /// `None` where kernels have no slices.
-    pub visibility: Option<BoundProgram>,
+    pub visibility: BoundProgram,
     /// For each object, for each of its surfel buffers.
     pub splat_values: Vec<Vec<BoundProgram>>,
     pub attribute: BoundProgram,
-    /// Resolves the picture of static objects, where there is one.
-    pub static_picture: Option<BoundProgram>,
 }
 
-/// The programs of full EWA.
+/// The programs of the map of published kernels.
 #[derive(Debug)]
-pub(in crate::backend) struct EwaPrograms {
+pub(in crate::backend) struct MapPrograms {
+    pub lists: ListPrograms,
+    pub visibility: BoundProgram,
+    pub store: BoundProgram,
+}
+
+/// The programs of published kernels in motion.
+#[derive(Debug)]
+pub(in crate::backend) struct PublishedPrograms {
+    pub lists: ListPrograms,
+    /// For each object, for each of its surfel buffers.
+    pub splat_values: Vec<Vec<BoundProgram>>,
+    pub attribute: BoundProgram,
+}
+
+/// The programs of kernels at instants.
+#[derive(Debug)]
+pub(in crate::backend) struct PaintPrograms {
     pub lists: ListPrograms,
     pub visibility: BoundProgram,
     /// `None` where pixels have one layer.
@@ -138,7 +142,7 @@ pub(in crate::backend) struct EwaPrograms {
 pub(in crate::backend) struct SeeThroughPrograms {
     pub start: BoundProgram,
     /// Without what is behind T.
-    pub ewa: EwaPrograms,
+    pub paint: PaintPrograms,
     pub resolve: BoundProgram,
     pub left_out: BoundProgram,
 }
@@ -148,6 +152,8 @@ pub(in crate::backend) struct SeeThroughPrograms {
 pub(in crate::backend) struct TransparentPrograms {
     /// For each object, for each of its buffers.
     pub project: Vec<Vec<BoundProgram>>,
+    /// Emits the entries of lists.
+    pub emit: BoundProgram,
     /// By depth.
     pub sort: Vec<Round>,
     pub gather: BoundProgram,
@@ -155,7 +161,7 @@ pub(in crate::backend) struct TransparentPrograms {
 }
 
 /// Passes that are recorded of a batch of see-through surfels: lists are made again for each that reads them.
-const PASSES_OF_LAYERS: usize = 4 * LayerPass::ORDER.len();
+const PASSES_OF_LAYERS: usize = 4 * (4 * LAYERS as usize + 3);
 
 impl Gpu {
     /// Makes room for the uniforms of the largest group and for all marks; binds the programs.
@@ -169,15 +175,14 @@ impl Gpu {
         let mut passes = 0;
         for position in frame.positions() {
             for group in &position.groups {
-                // Static and moving objects in separate batches may take one view more.
                 let lights = group.samples.iter().map(|sample| sample.lights.len()).sum();
-                for (objects, passes_each) in [(Objects::All, 18), (Objects::SeeThrough, PASSES_OF_LAYERS)] {
-                    let batches = schedule.batches(prepared, &position.raster, group, objects, false);
-                    if objects == Objects::SeeThrough && batches.run.is_empty() {
+                for (see_through, passes_each) in [(false, 18), (true, PASSES_OF_LAYERS)] {
+                    let batches = schedule.batches(prepared, &position.raster, group, see_through);
+                    if see_through && batches.is_empty() {
                         continue;
                     }
-                    let views = batches.run.len() + 2;
-                    let segments = group.samples.len() + batches.segments().count() + views;
+                    let views = batches.len() + 1;
+                    let segments = group.samples.len() + segments(&batches).count() + views;
                     most = [most[0].max(views), most[1].max(segments), most[2].max(lights)];
                     passes += passes_each * views + 4;
                 }
@@ -234,11 +239,7 @@ impl Binder<'_> {
             Slot::Sums => &b.sums,
             // These are bound surfel buffer by surfel buffer and band by band.
             Slot::Film | Slot::Geometry | Slot::Looks => &b.film,
-            Slot::StaticFilm => &b.static_film,
             Slot::Wanted => &b.wanted,
-            Slot::LayerThresholds => &b.layer_thresholds,
-            Slot::LayerSums => &b.layer_sums,
-            Slot::Limits => &b.limits,
             Slot::Gaussians => &b.gaussians,
             Slot::Order => &b.order,
             Slot::Opaque => &b.opaque,
@@ -326,7 +327,7 @@ impl Binder<'_> {
 
     /// Binds all programs of a frame.
     pub(in crate::backend) fn bind(&mut self, prepared: &Prepared<'_>) -> Result<BoundPrograms, BackendError> {
-        let Prepared { frame, channels, surfel_buffers, schedule, .. } = prepared;
+        let Prepared { frame, schedule, .. } = prepared;
         let none = Constants::new();
         let rounds = schedule
             .band_tiles
@@ -335,44 +336,37 @@ impl Binder<'_> {
             .next_power_of_two()
             .trailing_zeros()
             .div_ceil(DIGIT_BITS) as usize;
-        let sums = sum_constants(channels);
-        let values = value_constants(frame, channels);
         // After an even number of rounds, entries are back where they began.
         let begin = rounds % 2;
         let mut sort = Vec::new();
         for round in 0..rounds {
             sort.push(self.round(round, (begin + round) % 2)?);
         }
-        let swept = match frame.swept {
-            Some(kernel) => Some(self.swept_programs(prepared, kernel, 1 - begin)?),
-            None => None,
+        let emitted = 1 - begin;
+        let surfels = match frame.swept {
+            Some(kernel) if kernel.is_published() => {
+                let map = self.map_programs(prepared, emitted)?;
+                SurfelPrograms::Published(map, self.published_programs(prepared, kernel, emitted)?)
+            }
+            Some(kernel) => SurfelPrograms::Sweep(self.swept_programs(prepared, kernel, emitted)?),
+            None if frame.has_filtered_kernels() => SurfelPrograms::Paint(self.filtered_programs(prepared, emitted)?),
+            None => SurfelPrograms::Paint(self.disc_programs(prepared, emitted)?),
         };
-        let ewa = if frame.has_ewa() { Some(self.ewa_programs(prepared, 1 - begin)?) } else { None };
         let see_through = match prepared.see_through {
-            Some(ref channels) => Some(self.see_through_programs(prepared, channels, 1 - begin)?),
+            Some(ref channels) => Some(self.see_through_programs(prepared, channels, emitted)?),
             None => None,
         };
         let captures = frame.blending.is_some();
-        let transparent = if captures { Some(self.transparent_programs(prepared)?) } else { None };
+        let transparent = if captures { Some(self.transparent_programs(prepared, emitted)?) } else { None };
         Ok(BoundPrograms {
-            lists: ListPrograms {
-                project: self.of_surfels(Program::Project, &none, surfel_buffers)?,
-                emit: self.program(Program::BinEmit, &none, 1 - begin, &[])?,
-            },
             bin: BinPrograms {
                 reduce: self.program(Program::BinReduce, &none, 0, &[])?,
                 scan: self.program(Program::BinScan, &none, 0, &[])?,
                 sort,
                 starts: self.program(Program::BinStarts, &none, 0, &[])?,
             },
-            // The sorted lists are in the first buffers.
-            visibility: self.program(Program::Visibility, &none, 1, &[])?,
-            splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
-            sum_attributes: self.program(Program::SumAttributes, &sums, 1, &[])?,
             film: self.film_parts(prepared, &prepared.film_parts())?,
-            static_layer: self.static_layer_programs(channels, schedule.cached_batches() as usize)?,
-            swept,
-            ewa,
+            surfels,
             see_through,
             transparent,
         })
@@ -383,11 +377,11 @@ impl Binder<'_> {
         let Prepared { frame, channels, planes, .. } = prepared;
         let constants = match frame.swept {
             Some(kernel) => swept_resolve_constants(frame, kernel, channels, planes),
-            None if frame.has_ewa() => ewa_resolve_constants(frame, channels, planes),
+            None if frame.has_filtered_kernels() => ewa_resolve_constants(frame, channels, planes),
             None => resolve_constants(frame, channels, planes),
         };
         let program = match frame.swept.map(|kernel| kernel.normalise) {
-            None if frame.has_ewa() => Program::EwaResolve,
+            None if frame.has_filtered_kernels() => Program::EwaResolve,
             None => Program::Resolve,
             Some(Normalise::Interval) => Program::SweptResolve,
             Some(Normalise::Once) => Program::Pool,
@@ -407,41 +401,6 @@ impl Binder<'_> {
         parts.iter().map(part).collect()
     }
 
-    /// Binds the programs of a static layer that has `cached_batches` batches; none where it has none.
-    fn static_layer_programs(
-        &mut self,
-        channels: &DeviceChannels,
-        cached_batches: usize,
-    ) -> Result<Option<StaticLayerPrograms>, BackendError> {
-        if cached_batches == 0 {
-            return Ok(None);
-        }
-        let buffers = self.buffers;
-        let least_depth = DeviceChannels { count: channels.count + 1, ..*channels };
-        let mut with_nearest = sum_constants(&least_depth);
-        with_nearest.push(("NEAREST", channels.count as u32));
-        let to_layer = [(Slot::Sums, buffers.layer_sums.as_entire_buffer_binding())];
-        let sums = sum_constants(channels);
-        let recompute = buffers.cached[..cached_batches].iter().map(|cached| {
-            let special = [
-                (Slot::Splats, &cached.splats),
-                (Slot::List, &cached.list),
-                (Slot::Wide, &cached.wide),
-                (Slot::Starts, &cached.starts),
-                (Slot::Values, &cached.values),
-                (Slot::Thresholds, &buffers.limits),
-            ];
-            let special = special.map(|(slot, buffer)| (slot, buffer.as_entire_buffer_binding()));
-            self.program(Program::SumAttributes, &sums, 1, &special)
-        });
-        let recompute = recompute.collect::<Result<_, _>>()?;
-        Ok(Some(StaticLayerPrograms {
-            sum: self.program(Program::SumAttributes, &with_nearest, 1, &to_layer)?,
-            restore: self.program(Program::Restore, &restore_constants(channels), 0, &[])?,
-            recompute,
-        }))
-    }
-
     /// Binds the programs of kernels in motion. New lists go to the sort's buffers other than `emitted`.
     fn swept_programs(
         &mut self,
@@ -449,55 +408,55 @@ impl Binder<'_> {
         swept: SweptKernel,
         emitted: usize,
     ) -> Result<SweptPrograms, BackendError> {
-        let Prepared { frame, channels, planes, surfel_buffers, .. } = prepared;
-        let filters = frame.has_filtered_sweeps();
-        // Bounds and flags are in the second part, with a filtered kernel behind them or without.
-        let bytes = if filters { size_of::<FilteredSplat>() } else { size_of::<SweptSplat>() };
-        let double = [("SPLATS", (bytes / size_of::<Splat>()) as u32), ("PART", 1)];
+        let Prepared { frame, channels, surfel_buffers, .. } = prepared;
+        // Bounds and flags are in the second part, with a filtered kernel behind them.
+        let parts = [("SPLATS", (size_of::<FilteredSplat>() / size_of::<Splat>()) as u32), ("PART", 1)];
         let mut values = value_constants(frame, channels);
-        values.extend(double);
-        let shared = Channels::weights();
-        let weights = DeviceChannels {
-            shared,
-            sample_coverage: None,
-            opacity: None,
-            peak: None,
-            count: 1,
-            layers: 1,
-            composite: CompositeChannels::default(),
-            ..*channels
-        };
-        let mut density = sum_constants(&weights);
-        density.push(("COLOUR", 0));
+        values.extend(parts);
         let volume = vec![("ELLIPSOID", u32::from(swept.shape == KernelShape::Ellipsoid))];
-        let static_picture = if frame.has_static_picture() {
-            let film = [(Slot::Film, self.buffers.static_film.as_entire_buffer_binding())];
-            Some(self.program(Program::Resolve, &resolve_constants(frame, channels, planes), 0, &film)?)
-        } else {
-            None
-        };
-        let has_density = swept.weight == KernelWeight::Integral;
-        let mut visibility = None;
-        if swept.has_slices() {
-            let program = if filters { Program::FilteredVisibility } else { Program::SweptVisibility };
-            visibility = Some(self.program(program, &slice_constants(frame), 1, &[])?);
-        }
-        let (project, attribute) = if filters {
-            (Program::FilteredSweep, Program::FilteredAttribute)
-        } else {
-            (Program::Sweep, Program::SweptAttribute)
-        };
         Ok(SweptPrograms {
             lists: ListPrograms {
-                project: self.of_surfels(project, &volume, surfel_buffers)?,
-                emit: self.program(Program::BinEmit, &double.to_vec(), emitted, &[])?,
+                project: self.of_surfels(Program::Sweep, &volume, surfel_buffers)?,
+                emit: self.program(Program::BinEmit, &parts.to_vec(), emitted, &[])?,
             },
-            density: self.program(Program::SumAttributes, &density, 1, &[])?,
-            store_map: self.program(Program::StoreMap, &vec![("DENSITY", u32::from(has_density))], 0, &[])?,
-            visibility,
+            visibility: self.program(Program::SweptVisibility, &slice_constants(frame), 1, &[])?,
             splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
-            attribute: self.program(attribute, &swept_constants(frame, swept, channels), 1, &[])?,
-            static_picture,
+            attribute: self.program(Program::SweptAttribute, &swept_constants(frame, swept, channels), 1, &[])?,
+        })
+    }
+
+    /// Binds the programs of the map of published kernels. New lists go to the sort's buffers other than `emitted`.
+    fn map_programs(&mut self, prepared: &Prepared<'_>, emitted: usize) -> Result<MapPrograms, BackendError> {
+        let none = Constants::new();
+        Ok(MapPrograms {
+            lists: ListPrograms {
+                project: self.of_surfels(Program::Project, &none, &prepared.surfel_buffers)?,
+                emit: self.program(Program::BinEmit, &none, emitted, &[])?,
+            },
+            visibility: self.program(Program::Visibility, &none, 1, &[])?,
+            store: self.program(Program::StoreMap, &none, 0, &[])?,
+        })
+    }
+
+    /// Binds the programs of published kernels in motion. New lists go to the sort's buffers other than `emitted`.
+    fn published_programs(
+        &mut self,
+        prepared: &Prepared<'_>,
+        swept: SweptKernel,
+        emitted: usize,
+    ) -> Result<PublishedPrograms, BackendError> {
+        let Prepared { frame, channels, surfel_buffers, .. } = prepared;
+        // Bounds and flags are in the second part.
+        let parts = [("SPLATS", (size_of::<SweptSplat>() / size_of::<Splat>()) as u32), ("PART", 1)];
+        let mut values = value_constants(frame, channels);
+        values.extend(parts);
+        Ok(PublishedPrograms {
+            lists: ListPrograms {
+                project: self.of_surfels(Program::PublishedSweep, &vec![("ELLIPSOID", 1)], surfel_buffers)?,
+                emit: self.program(Program::BinEmit, &parts.to_vec(), emitted, &[])?,
+            },
+            splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
+            attribute: self.program(Program::PublishedAttribute, &swept_constants(frame, swept, channels), 1, &[])?,
         })
     }
 }

@@ -6,7 +6,7 @@ use wgpu::{Buffer, BufferUsages};
 
 use super::device::Device;
 use super::layout::{DIGIT_BITS, DeviceGaussian, Light, Segment, Status, Travel, UNIFORM_STRIDE, WORKGROUP_ITEMS};
-use super::memory::{DeviceChannels, MAP_BYTES, Schedule};
+use super::memory::{MAP_BYTES, Schedule};
 use crate::backend::BackendError;
 use crate::environment::{Cube, Surroundings};
 use crate::layout::FilteredSplat;
@@ -50,29 +50,10 @@ pub(in crate::backend) struct Buffers {
     /// Depths and covers of see-through surfels, while layers are peeled off; the films of those layers.
     pub peeled: Buffer,
     pub layers: Buffer,
-    /// The picture of static objects, beside kernels in motion.
-    pub static_film: Buffer,
     /// The blocks of the image that are wanted.
     pub wanted: Buffer,
-    /// Thresholds and sums of static objects alone.
-    pub layer_thresholds: Buffer,
-    pub layer_sums: Buffer,
-    /// Thresholds of the pixels whose static sums are recomputed.
-    pub limits: Buffer,
-    /// The batches of static objects.
-    pub cached: Vec<CachedBatch>,
     /// Number of entries that there is room for.
     pub entries: u64,
-}
-
-/// The splats, lists and attributes of one batch of static objects.
-#[derive(Debug)]
-pub(in crate::backend) struct CachedBatch {
-    pub splats: Buffer,
-    pub list: Buffer,
-    pub wide: Buffer,
-    pub starts: Buffer,
-    pub values: Buffer,
 }
 
 const SHARED: BufferUsages = BufferUsages::STORAGE.union(BufferUsages::COPY_SRC).union(BufferUsages::COPY_DST);
@@ -112,24 +93,13 @@ impl Buffers {
             opaque: empty()?,
             peeled: empty()?,
             layers: empty()?,
-            // It is bound even where there is no static picture.
-            static_film: device.buffer("the static picture", 4, SHARED)?,
             wanted: empty()?,
-            layer_thresholds: empty()?,
-            layer_sums: empty()?,
-            limits: empty()?,
-            cached: Vec::new(),
             entries: 0,
         })
     }
 
     /// Makes room for a frame.
-    pub(in crate::backend) fn fit(
-        &mut self,
-        device: &Device,
-        schedule: &Schedule,
-        channels: &DeviceChannels,
-    ) -> Result<(), BackendError> {
+    pub(in crate::backend) fn fit(&mut self, device: &Device, schedule: &Schedule) -> Result<(), BackendError> {
         let slots = schedule.slots;
         grow(device, &mut self.splats, "splats", slots * schedule.splat_bytes)?;
         grow(device, &mut self.touched, "tile counts", 4 * slots)?;
@@ -140,21 +110,15 @@ impl Buffers {
         let (band, map) = (schedule.band_tiles, schedule.map_tiles);
         grow(device, &mut self.starts, "lists", 4 * (band.max(map) + 2))?;
         grow(device, &mut self.thresholds, "thresholds", (schedule.depth_bytes * band).max(tile * map))?;
-        grow(device, &mut self.sums, "sums", tile * map.max(schedule.sums * band))?;
-        grow(device, &mut self.map, "the map", MAP_BYTES * map + schedule.behind_map_bytes * band)?;
+        grow(device, &mut self.sums, "sums", tile * schedule.sums * band)?;
+        grow(device, &mut self.map, "the map", MAP_BYTES * map + schedule.slice_bytes * band)?;
         grow(device, &mut self.coverage_mask, "coverage masks", schedule.mask_bytes * band)?;
-        grow(device, &mut self.static_film, "the static picture", schedule.static_picture_bytes * band)?;
         let each = size_of::<DeviceGaussian>() as u64;
         grow(device, &mut self.gaussians, "splats of captures", schedule.gaussians * each)?;
         grow(device, &mut self.order, "splats of captures", 4 * schedule.gaussians)?;
         grow(device, &mut self.opaque, "the opaque picture", schedule.opaque_bytes * band)?;
         grow(device, &mut self.peeled, "see-through surfels", schedule.peeled_bytes * band)?;
         grow(device, &mut self.layers, "see-through surfels", schedule.layer_bytes * band)?;
-        if schedule.cached_slots > 0 {
-            grow(device, &mut self.layer_thresholds, "thresholds", tile * band)?;
-            grow(device, &mut self.layer_sums, "sums", tile * (channels.count as u64 + 1) * band)?;
-            grow(device, &mut self.limits, "thresholds", tile * band)?;
-        }
         grow(device, &mut self.film, "the film's planes", schedule.film_bytes)
     }
 
@@ -175,45 +139,14 @@ impl Buffers {
         Ok(())
     }
 
-    /// Makes room for the batches of static objects. Call it after `fit_entries`, which decides the size of lists.
-    pub(in crate::backend) fn fit_cached(
-        &mut self,
-        device: &Device,
-        schedule: &Schedule,
-        channels: &DeviceChannels,
-    ) -> Result<(), BackendError> {
-        let slots = schedule.slots.min(schedule.cached_slots);
-        for batch in 0..schedule.cached_batches() as usize {
-            if self.cached.len() <= batch {
-                let empty = || device.buffer("the static layer", 0, SHARED);
-                self.cached.push(CachedBatch {
-                    splats: device.buffer("the static layer", size_of::<FilteredSplat>() as u64, SHARED)?,
-                    list: empty()?,
-                    wide: empty()?,
-                    starts: empty()?,
-                    values: empty()?,
-                });
-            }
-            let cached = &mut self.cached[batch];
-            grow(device, &mut cached.splats, "the static layer", slots * schedule.splat_bytes)?;
-            grow(device, &mut cached.list, "the static layer", 4 * self.entries)?;
-            grow(device, &mut cached.wide, "the static layer", 4 * slots)?;
-            grow(device, &mut cached.starts, "the static layer", 4 * (schedule.band_tiles + 2))?;
-            grow(device, &mut cached.values, "the static layer", 4 * u64::from(channels.values) * slots)?;
-        }
-        Ok(())
-    }
-
     /// Bytes of all buffers that grow with a frame's pixels, slots and entries.
     #[cfg(test)]
     pub(in crate::backend) fn bytes(&self) -> u64 {
         let splats = [&self.splats, &self.touched, &self.partials, &self.wide, &self.values, &self.starts];
-        let tiles = [&self.thresholds, &self.sums, &self.map, &self.coverage_mask, &self.static_film, &self.film];
+        let tiles = [&self.thresholds, &self.sums, &self.map, &self.coverage_mask, &self.film, &self.histogram];
         let captures = [&self.gaussians, &self.order, &self.opaque, &self.peeled, &self.layers];
-        let layer = [&self.layer_thresholds, &self.layer_sums, &self.limits, &self.histogram];
         let lists = self.keys.iter().chain(&self.lists);
-        let cached = self.cached.iter().flat_map(|c| [&c.splats, &c.list, &c.wide, &c.starts, &c.values]);
-        splats.into_iter().chain(tiles).chain(captures).chain(layer).chain(lists).chain(cached).map(Buffer::size).sum()
+        splats.into_iter().chain(tiles).chain(captures).chain(lists).map(Buffer::size).sum()
     }
 
     /// Makes room for `entries` entries.

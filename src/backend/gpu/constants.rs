@@ -36,12 +36,6 @@ fn face(frame: &Frame) -> (&'static str, u32) {
     ("FACE", frame.surroundings.as_ref().map_or(0, |surroundings| surroundings.cube.face() as u32))
 }
 
-/// For `restore`, whose sums lack the channel of the least depth.
-pub(super) fn restore_constants(channels: &DeviceChannels) -> Constants {
-    let sample_coverage = channels.sample_coverage.unwrap_or(0) as u32;
-    vec![("CHANNELS", channels.count as u32), ("SAMPLE_COVERAGE", sample_coverage)]
-}
-
 /// The layers of full EWA.
 fn layers(channels: &DeviceChannels) -> [(&'static str, u32); 2] {
     [("LAYERS", channels.layers as u32), ("PEAK", channels.peak.unwrap_or(0) as u32)]
@@ -78,7 +72,7 @@ pub(super) fn peel_resolve_constants(frame: &Frame, channels: &DeviceChannels, p
     let mut constants = resolve_constants(frame, channels, &FilmPlanes { count: planes.count + 1, ..*planes });
     constants.extend(layers(channels));
     constants.extend(of_peel(channels));
-    constants.extend([("APRONS", u32::from(frame.has_ewa())), ("MOST_LAYERS", u32::from(LAYERS))]);
+    constants.extend([("APRONS", u32::from(frame.has_filtered_kernels())), ("MOST_LAYERS", u32::from(LAYERS))]);
     constants
 }
 
@@ -93,24 +87,20 @@ pub(super) fn ewa_resolve_constants(frame: &Frame, channels: &DeviceChannels, pl
 pub(super) fn swept_constants(frame: &Frame, swept: SweptKernel, channels: &DeviceChannels) -> Constants {
     let mut constants = sum_constants(channels);
     constants.retain(|(name, _)| !["MATERIAL", "REFLECTION", "SAMPLE_COVERAGE"].contains(name));
-    let footprint = match (swept.weight, swept.shape) {
-        (KernelWeight::Integral, KernelShape::Tube) => 0,
-        (KernelWeight::Integral, KernelShape::Ellipsoid) => 1,
-        (KernelWeight::Chord, _) => 2,
-        (KernelWeight::Line, _) => 3,
-    };
-    constants.extend([
-        ("FOOTPRINT", footprint),
-        ("SOURCE_SAMPLES", swept.source_samples.0),
-        ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
-    ]);
-    constants.extend(slice_constants(frame));
+    constants.push(("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)));
+    if swept.is_published() {
+        constants.push(("LINE", u32::from(swept.weight == KernelWeight::Line)));
+        constants.push(("SOURCE_SAMPLES", swept.source_samples.0));
+    } else {
+        constants.push(("BY_ELLIPSOID", u32::from(swept.shape == KernelShape::Ellipsoid)));
+        constants.extend(slice_constants(frame));
+    }
     constants
 }
 
 /// For pass `visibility` of kernels in motion.
 pub(super) fn slice_constants(frame: &Frame) -> Constants {
-    vec![("SLICES", frame.slices().max(1)), ("HAS_STATIC", u32::from(frame.has_static_picture()))]
+    vec![("SLICES", frame.slices().max(1))]
 }
 
 /// For pass `resolve`.
@@ -148,7 +138,7 @@ pub(super) fn composite_constants(frame: &Frame, channels: &DeviceChannels, plan
     let mut constants = channels_of_composite(frame, channels, planes);
     constants.extend([
         ("OWN", channels.composite.own as u32),
-        ("APRONS", u32::from(frame.has_ewa())),
+        ("APRONS", u32::from(frame.has_filtered_kernels())),
         ("OPEN", at(channels.composite.open)),
         ("NEXT", at(channels.composite.next)),
         ("MOST_LAYERS", u32::from(LAYERS)),
@@ -181,8 +171,7 @@ pub(super) fn swept_resolve_constants(
         ("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)),
         // The weights are the coverage, plane 3, where they have no plane of their own.
         ("WEIGHT_PLANE", planes.weight.unwrap_or(3) as u32),
-        ("HAS_STATIC", u32::from(frame.has_static_picture())),
-        ("FILTERED", u32::from(frame.has_filtered_sweeps())),
+        ("PUBLISHED", u32::from(swept.is_published())),
     ]);
     constants
 }

@@ -4,14 +4,14 @@ use bytemuck::Zeroable;
 use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
 
 use super::DeviceState;
-use super::batches::{Batch, Batches};
+use super::batches::{Batch, segments};
 use super::bind::{BinPrograms, BoundProgram, BoundPrograms, FilmPart, ListPrograms, Round};
 use super::layout::{DIGIT_BITS, OPAQUE_SURFELS, Segment, Travel, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, lights};
 use super::memory::{Area, Band};
 use super::prepared::Prepared;
 use super::timestamps::{Marks, Stage};
 use crate::frame::{PosedGroup, Position, Raster};
-use crate::plan::{Objects, PosedInterval};
+use crate::plan::PosedInterval;
 
 /// One sample position in one band.
 #[derive(Clone, Copy)]
@@ -31,9 +31,10 @@ pub(in crate::backend) struct Place<'a> {
 pub(in crate::backend) struct Job<'a> {
     pub place: Place<'a>,
     pub group: &'a PosedGroup,
-    pub objects: Objects,
-    /// True if the batches of the static layer come first.
-    pub from_layer: bool,
+    /// Is it of see-through surfels?
+    pub see_through: bool,
+    /// May splats have low-pass discs? Those of see-through surfels and of maps have none.
+    pub low_pass: bool,
     /// The pixels that are worked on.
     pub area: Area,
     /// The pixels of the visibility map.
@@ -51,38 +52,39 @@ impl<'a> Place<'a> {
     }
 
     /// The job of a group on the band, without an interval.
-    pub(in crate::backend) fn job(self, group: usize, objects: Objects) -> Job<'a> {
+    pub(in crate::backend) fn job(self, group: usize) -> Job<'a> {
         let area = self.area();
         let group = &self.position.groups[group];
         let map = area.guarded(0);
-        Job { place: self, group, objects, from_layer: false, area, map, has_opaque: false, slope: 0.0 }
+        Job { place: self, group, see_through: false, low_pass: true, area, map, has_opaque: false, slope: 0.0 }
     }
 
-    /// The same for full EWA. Its pixels are those of the band and of the apron around it; its tiles are the band's.
-    pub(in crate::backend) fn ewa_job(self, group: usize, objects: Objects) -> Job<'a> {
-        let (job, raster) = (self.job(group, objects), self.raster(objects));
+    /// The same for filtered kernels. Its pixels are those of the band and of the apron around it; its tiles are the
+    /// band's.
+    pub(in crate::backend) fn filtered_job(self, group: usize, see_through: bool) -> Job<'a> {
+        let (job, raster) = (self.job(group), self.raster(see_through));
         let pixels = job.area.pixels.widened(raster.apron() as i32, raster.size);
-        Job { area: Area { pixels, ..job.area }, ..job }
+        Job { area: Area { pixels, ..job.area }, see_through, low_pass: !see_through, ..job }
     }
 
-    /// The job of a group's interval. Full EWA has no map, and no tiles of one.
-    pub(in crate::backend) fn sweep_job(self, group: usize, interval: &PosedInterval, objects: Objects) -> Job<'a> {
+    /// The job of a group's interval. Only published kernels have a map, `guard` pixels wider than the band.
+    pub(in crate::backend) fn sweep_job(self, group: usize, interval: &PosedInterval) -> Job<'a> {
         let around = self.area().guarded(interval.guard);
         let has_map = self.prepared.frame.guard().is_some();
         let map = if has_map { around } else { Area { tiles: [0; 2], ..around } };
-        Job { map, slope: interval.slope, ..self.job(group, objects) }
+        Job { map, slope: interval.slope, ..self.job(group) }
     }
 
     /// The surfels of a group, cut into batches.
-    pub(in crate::backend) fn batches(&self, job: &Job<'_>) -> Batches {
-        let (prepared, raster) = (self.prepared, self.raster(job.objects));
-        prepared.schedule.batches(prepared, &raster, job.group, job.objects, job.from_layer)
+    pub(in crate::backend) fn batches(&self, job: &Job<'_>) -> Vec<Batch> {
+        let (prepared, raster) = (self.prepared, self.raster(job.see_through));
+        prepared.schedule.batches(prepared, &raster, job.group, job.see_through)
     }
 
-    /// The raster, with the filter that `objects` have.
-    pub(in crate::backend) fn raster(&self, objects: Objects) -> Raster {
+    /// The raster, with the filter of opaque or of see-through surfels.
+    pub(in crate::backend) fn raster(&self, see_through: bool) -> Raster {
         let raster = self.position.raster;
-        if objects == Objects::SeeThrough { raster.for_see_through(self.prepared.frame.prefilter) } else { raster }
+        if see_through { raster.for_see_through(self.prepared.frame.prefilter) } else { raster }
     }
 }
 
@@ -103,30 +105,8 @@ pub(in crate::backend) trait StepWork {
     /// The stage that the time of `pass` counts for.
     fn stage(pass: Self::Pass) -> Stage;
 
-    /// Records what comes before `pass`; the static layer has `cached` batches.
-    fn prepare(
-        &self,
-        _state: &DeviceState,
-        _encoder: &mut CommandEncoder,
-        _pass: Self::Pass,
-        _cached: usize,
-        _marks: &mut Marks,
-    ) {
-    }
-
     /// Records a pass of one batch, whose view is at `view`.
     fn record(&self, recorder: &mut ComputePass<'_>, pass: Self::Pass, batch: &Batch, view: u32);
-
-    /// Records what is cached of batch `number` after `pass`.
-    fn cache(
-        &self,
-        _state: &DeviceState,
-        _encoder: &mut CommandEncoder,
-        _pass: Self::Pass,
-        _batch: &Batch,
-        _number: usize,
-    ) {
-    }
 }
 
 impl DeviceState {
@@ -136,24 +116,21 @@ impl DeviceState {
 
     /// Records and submits the passes of a step. Passes that read lists run batch by batch. False if there is no batch.
     pub(in crate::backend) fn run<W: StepWork>(&self, work: &W, passes: &[W::Pass], marks: &mut Marks) -> bool {
-        let Batches { cached, run: batches } = self.upload(work.job());
-        let Some(last) = batches.len().checked_sub(1) else { return false };
+        let batches = self.upload(work.job());
+        let Some(first) = batches.first() else { return false };
         let mut encoder = self.encoder();
         let mut at_hand = None;
         for &pass in passes {
-            work.prepare(self, &mut encoder, pass, cached.len(), marks);
             if !W::reads_splats(pass) {
-                Self::record(&mut encoder, work, pass, &batches[last], cached.len() + last, marks);
+                Self::record(&mut encoder, work, pass, first, 0, marks);
                 continue;
             }
             for (number, batch) in batches.iter().enumerate() {
-                let view = cached.len() + number;
                 if at_hand != Some(number) {
-                    self.make_lists(&mut encoder, work, batch, view, marks);
+                    self.make_lists(&mut encoder, work, batch, number, marks);
                     at_hand = Some(number);
                 }
-                Self::record(&mut encoder, work, pass, batch, view, marks);
-                work.cache(self, &mut encoder, pass, batch, number);
+                Self::record(&mut encoder, work, pass, batch, number, marks);
                 if batches.len() > 1 {
                     self.flush(&mut encoder, marks);
                 }
@@ -171,11 +148,10 @@ impl DeviceState {
     }
 
     /// Uploads a group's views, segments and lights. Returns its batches.
-    pub(in crate::backend) fn upload(&self, job: &Job<'_>) -> Batches {
+    pub(in crate::backend) fn upload(&self, job: &Job<'_>) -> Vec<Batch> {
         let Job { place, group, area, map, .. } = *job;
-        let (prepared, raster) = (place.prepared, place.raster(job.objects));
+        let (prepared, raster) = (place.prepared, place.raster(job.see_through));
         let batches = place.batches(job);
-        let see_through = job.objects == Objects::SeeThrough;
         let of_all = View::of(prepared.frame, &raster, group, &prepared.channels.shared);
         let shared = View {
             pixels: area.pixels.to_array(),
@@ -188,18 +164,16 @@ impl DeviceState {
             slope: job.slope,
             surfels: u32::from(job.has_opaque) * OPAQUE_SURFELS,
             opaque_scale: group_scale(group),
-            low_pass: if see_through { 0.0 } else { of_all.low_pass },
+            low_pass: if job.low_pass { of_all.low_pass } else { 0.0 },
             ..of_all
         };
         let mut views = Vec::new();
         let mut before = 0;
         let mut travels = vec![Travel::zeroed(); group.samples.len()];
-        for (number, batch) in batches.cached.iter().chain(&batches.run).enumerate() {
+        for (number, batch) in batches.iter().enumerate() {
             let view = View {
                 slots: batch.slots,
-                resumes: u32::from(number > 0 || job.from_layer),
-                // Static objects are made once, and each interval takes its own share of them.
-                weight: if job.objects == Objects::Static { 1.0 } else { shared.weight },
+                resumes: u32::from(number > 0),
                 first_turn: before,
                 last_turn: batch.last_turn,
                 ..shared
@@ -210,11 +184,11 @@ impl DeviceState {
             travels.extend_from_slice(&batch.travels);
         }
         let weights = group.samples.iter().map(|sample| Segment::weighing(sample.weight));
-        let segments: Vec<_> = weights.chain(batches.segments().copied()).collect();
+        let all: Vec<_> = weights.chain(segments(&batches).copied()).collect();
         let queue = &self.device.queue;
         queue.write_buffer(&self.buffers.travels, 0, bytemuck::cast_slice(&travels));
         queue.write_buffer(&self.buffers.views, 0, &views);
-        queue.write_buffer(&self.buffers.segments, 0, bytemuck::cast_slice(&segments));
+        queue.write_buffer(&self.buffers.segments, 0, bytemuck::cast_slice(&all));
         queue.write_buffer(&self.buffers.lights, 0, bytemuck::cast_slice(&lights(&group.samples)));
         batches
     }

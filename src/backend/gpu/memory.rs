@@ -15,14 +15,14 @@ pub(in crate::backend) const LEAST_SLOTS: u64 = 1 << 16;
 pub(in crate::backend) const ENTRIES_PER_SLOT: u64 = 3;
 /// Bytes of an entry: tile and slot, twice, and its share of the histogram.
 const ENTRY_BYTES: u64 = 17;
-/// Bytes of a tile of the map beside its start: the map, thresholds and the sum of weights.
-const MAP_TILE_BYTES: u64 = 4 * 4 * TILE_PIXELS + 4;
+/// Bytes of a tile of the map beside its start: the map and thresholds.
+const MAP_TILE_BYTES: u64 = 2 * 4 * TILE_PIXELS + 4;
 /// Bytes of a plane of a tile's coverage mask.
 const MASK_BYTES: u64 = 4 * TILE_PIXELS;
 /// Bytes of a tile's thresholds.
 pub(in crate::backend) const THRESHOLD_BYTES: u64 = 4 * TILE_PIXELS;
 /// Bytes of the map of one tile.
-pub(in crate::backend) const MAP_BYTES: u64 = 8 * TILE_PIXELS;
+pub(in crate::backend) const MAP_BYTES: u64 = 4 * TILE_PIXELS;
 
 /// Bytes of a projected Gaussian and of its place in the order.
 const GAUSSIAN_BYTES: u64 = size_of::<DeviceGaussian>() as u64 + 4;
@@ -45,9 +45,6 @@ pub(in crate::backend) fn peeled_bytes(apron: usize) -> u64 {
 
 /// Layers of sums of see-through surfels of a pixel: before the nearest disc, and at it.
 const PEEL_LAYERS: usize = 2;
-
-/// Bytes of an entry of a cached list.
-const CACHED_ENTRY_BYTES: u64 = 4;
 
 /// Channels of sums on the device: those of the twin, then three for groups of several samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,7 +107,7 @@ impl CompositeChannels {
 
 impl DeviceChannels {
     pub(in crate::backend) fn of(frame: &Frame) -> Self {
-        Self::with(frame, Channels::of(frame), if frame.has_ewa() { EWA_LAYERS } else { 1 })
+        Self::with(frame, Channels::of(frame), if frame.has_filtered_kernels() { EWA_LAYERS } else { 1 })
     }
 
     /// Those of see-through surfels; `None` where there are none.
@@ -224,10 +221,8 @@ pub(in crate::backend) struct Schedule {
     pub most_entries: u64,
     /// Bytes of a tile's coverage mask; 0 without kernels in motion.
     pub mask_bytes: u64,
-    /// Bytes of a tile of the static picture; 0 where there is none.
-    pub static_picture_bytes: u64,
-    /// Bytes of a tile behind the map: thresholds of static objects and of slices, where there are any.
-    pub behind_map_bytes: u64,
+    /// Bytes of a tile's thresholds of slices; 0 where there are none.
+    pub slice_bytes: u64,
     /// Gaussians of all captures and volumes.
     pub gaussians: u64,
     /// Bytes of a tile of the opaque picture that what is transparent is laid over; 0 without.
@@ -235,9 +230,6 @@ pub(in crate::backend) struct Schedule {
     /// Bytes of a tile of what is peeled off see-through surfels, and of the films of all layers; 0 without them.
     pub peeled_bytes: u64,
     pub layer_bytes: u64,
-    /// Slots of static objects that are cached for groups that share a sample position. If 0, all groups splat
-    /// everything.
-    pub cached_slots: u64,
 }
 
 /// The limits of a device.
@@ -250,29 +242,13 @@ pub(in crate::backend) struct Limits {
 }
 
 impl Schedule {
+    /// Cuts the frame up.
+    #[allow(clippy::too_many_lines, reason = "one sum over all buffers")]
     pub(in crate::backend) fn new(
         frame: &Frame,
         channels: &DeviceChannels,
         planes: &FilmPlanes,
         limits: Limits,
-    ) -> Result<Self, BackendError> {
-        let surfels = static_surfels(frame);
-        let with_layer = (surfels > 0).then(|| Self::cut(frame, channels, planes, limits, surfels));
-        match with_layer {
-            Some(Ok(schedule)) => Ok(schedule),
-            // Without a cache there may be room to render.
-            _ => Self::cut(frame, channels, planes, limits, 0),
-        }
-    }
-
-    /// Cuts the frame up, with a cache for `cached_slots` slots of static objects.
-    #[allow(clippy::too_many_lines, reason = "one sum over all buffers")]
-    fn cut(
-        frame: &Frame,
-        channels: &DeviceChannels,
-        planes: &FilmPlanes,
-        limits: Limits,
-        cached_slots: u64,
     ) -> Result<Self, BackendError> {
         let most_bytes = limits.bytes;
         let (rasters, film_bytes) = films(frame, planes);
@@ -281,12 +257,11 @@ impl Schedule {
         let film = frame.picture_bytes + 2 * film_bytes + 4 * pixels * planes.count as u64;
         let swept = frame.swept.is_some();
         let mask_bytes = MASK_BYTES
-            * match (swept, frame.has_filtered_sweeps()) {
-                (true, true) => 5,
-                (true, false) => 3,
-                (false, _) => 0,
+            * match frame.swept {
+                Some(kernel) if kernel.is_published() => 3,
+                Some(_) => 5,
+                None => 0,
             };
-        let static_picture_bytes = if frame.has_static_picture() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
         let opaque_bytes = if frame.blending.is_some() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };
         let see_through = DeviceChannels::see_through(frame);
         let sums = see_through.map_or(0, |own| own.sums()).max(channels.sums());
@@ -296,29 +271,24 @@ impl Schedule {
             None => (0, 0),
         };
         let (gaussians, gaussian_bytes) = gaussians(frame);
-        let has_layer = cached_slots > 0;
-        let behind_map_bytes = THRESHOLD_BYTES * (u64::from(static_picture_bytes > 0) + u64::from(frame.slices()));
+        let slice_bytes = THRESHOLD_BYTES * u64::from(frame.slices());
         let apron = frame.positions().map(|position| position.raster.apron()).max().unwrap_or(0);
-        let depth_bytes = if frame.has_ewa() { ewa_depth_bytes(apron) } else { THRESHOLD_BYTES };
+        let filtered = frame.has_filtered_kernels();
+        let depth_bytes = if filtered { ewa_depth_bytes(apron) } else { THRESHOLD_BYTES };
         let tile_bytes = {
             let own = depth_bytes + 4 * TILE_PIXELS * sums as u64 + 4 + mask_bytes + peeled_bytes + layer_bytes;
-            // Thresholds, sums with the least depth, limits.
-            let layer = 4 * TILE_PIXELS * (3 + channels.count as u64) + 4;
-            own + static_picture_bytes + opaque_bytes + behind_map_bytes + if has_layer { layer } else { 0 }
+            own + opaque_bytes + slice_bytes
         };
         let widest = rasters.iter().map(|raster| u64::from(raster.tiles[0])).max().unwrap_or(0);
         let tallest = rasters.iter().map(|raster| u64::from(raster.tiles[1])).max().unwrap_or(0);
-        let splat_bytes = match (swept, frame.has_ewa() || see_through.is_some()) {
-            (true, _) if frame.has_filtered_sweeps() => size_of::<FilteredSplat>(),
-            (true, _) => size_of::<SweptSplat>(),
-            (false, true) => size_of::<EwaSplat>(),
-            (false, false) => size_of::<Splat>(),
+        let splat_bytes = match frame.swept {
+            Some(kernel) if kernel.is_published() => size_of::<SweptSplat>(),
+            Some(_) => size_of::<FilteredSplat>(),
+            None if filtered || see_through.is_some() => size_of::<EwaSplat>(),
+            None => size_of::<Splat>(),
         } as u64;
         let slot_bytes = splat_bytes + 8 + 4 * values + 8 / u64::from(WORKGROUP_ITEMS);
-        let cached_bytes = cached_slots * (splat_bytes + 4 + 4 * u64::from(channels.values));
-        // Each cached batch has room for as many entries as a batch has.
-        let entry_bytes = |slots: u64| ENTRY_BYTES + CACHED_ENTRY_BYTES * cached_slots.div_ceil(slots);
-        let least_batch = LEAST_SLOTS * (slot_bytes + u64::from(WIDEST) * entry_bytes(LEAST_SLOTS)) + cached_bytes;
+        let least_batch = LEAST_SLOTS * (slot_bytes + u64::from(WIDEST) * ENTRY_BYTES);
 
         // Tiles of the largest map around a band of so many rows of tiles.
         let guard = frame.guard();
@@ -335,7 +305,7 @@ impl Schedule {
         let needed = frame.model_bytes + film + widest * tile_bytes + least_map + least_batch + gaussian_bytes;
         BackendError::check_memory(frame, needed)?;
         let left = frame.memory - frame.model_bytes - film - gaussian_bytes;
-        let most_planes = (sums + usize::from(has_layer)).max(planes.count) as u64;
+        let most_planes = sums.max(planes.count) as u64;
         let bound = most_bytes / (4 * TILE_PIXELS * most_planes).max(layer_bytes).max(peeled_bytes);
         let band_tiles = bound.min((left - least_batch) / 2 / tile_bytes).max(widest).min(widest * tallest);
         let band_rows: Vec<u32> = rasters
@@ -348,7 +318,7 @@ impl Schedule {
             // The map takes its share: fewer rows, until both fit.
             let fits = |rows: u32| {
                 u64::from(rows) * widest * tile_bytes + map_of(rows) * MAP_TILE_BYTES <= (left - least_batch) / 2
-                    && map_of(rows) * MAP_BYTES + u64::from(rows) * widest * behind_map_bytes <= most_bytes
+                    && map_of(rows) * MAP_BYTES + u64::from(rows) * widest * slice_bytes <= most_bytes
             };
             let most: u32 = band_rows.iter().copied().max().unwrap_or(1);
             let rows = (1..=most).rev().find(|&rows| fits(rows)).unwrap_or(1);
@@ -357,14 +327,13 @@ impl Schedule {
             (band_tiles, band_rows)
         };
         let map_tiles = map_of(band_rows.iter().copied().max().unwrap_or(0));
-        let left = left - band_tiles * tile_bytes - map_tiles * MAP_TILE_BYTES - cached_bytes;
+        let left = left - band_tiles * tile_bytes - map_tiles * MAP_TILE_BYTES;
         let samples = frame.most_samples_of_a_group() as u64;
         let surfels: u64 = frame.objects.iter().map(|object| object.surfels.len() as u64).sum();
         let bound = most_bytes / splat_bytes.max(4 * values);
-        let cached_entry_bytes = if has_layer { CACHED_ENTRY_BYTES } else { 0 };
-        let fit = left / (slot_bytes + ENTRIES_PER_SLOT * (ENTRY_BYTES + cached_entry_bytes));
+        let fit = left / (slot_bytes + ENTRIES_PER_SLOT * ENTRY_BYTES);
         let slots = (samples * surfels).max(gaussians).min(fit).max(LEAST_SLOTS).min(bound).min(limits.slots);
-        let most_entries = ((left.saturating_sub(slots * slot_bytes)) / entry_bytes(slots))
+        let most_entries = ((left.saturating_sub(slots * slot_bytes)) / ENTRY_BYTES)
             .max(LEAST_SLOTS * u64::from(WIDEST))
             .max(gaussians)
             .min(most_bytes / 4)
@@ -382,13 +351,11 @@ impl Schedule {
             slots,
             most_entries,
             mask_bytes,
-            static_picture_bytes,
-            behind_map_bytes,
+            slice_bytes,
             gaussians,
             opaque_bytes,
             peeled_bytes,
             layer_bytes,
-            cached_slots,
         })
     }
 
@@ -397,11 +364,6 @@ impl Schedule {
         let (all, step) = (self.rasters[index].tiles[1], self.band_rows[index]);
         let some = if self.rasters[index].tiles[0] == 0 { 0 } else { all };
         (0..some).step_by(step as usize).map(move |first_row| Band { first_row, rows: step.min(all - first_row) })
-    }
-
-    /// Number of cached batches.
-    pub(in crate::backend) fn cached_batches(&self) -> u64 {
-        if self.cached_slots == 0 { 0 } else { self.cached_slots.div_ceil(self.slots) }
     }
 }
 
@@ -434,11 +396,4 @@ fn gaussians(frame: &Frame) -> (u64, u64) {
     let count = captures.map(|capture| capture.len() as u64).sum::<u64>();
     let more_entries = count.saturating_sub(LEAST_SLOTS * u64::from(WIDEST));
     (count, count * GAUSSIAN_BYTES + more_entries * ENTRY_BYTES)
-}
-
-/// Surfels of the static objects, where a static layer is made; else 0.
-fn static_surfels(frame: &Frame) -> u64 {
-    let poses = frame.all_samples().take(1).flat_map(|sample| &sample.objects);
-    let seen = frame.objects.iter().zip(poses).filter(|(object, pose)| object.is_static && pose.visible);
-    if frame.has_static_layer() { seen.map(|(object, _)| object.surfels.len() as u64).sum() } else { 0 }
 }

@@ -57,7 +57,7 @@ impl Gpu {
                 schedule.gaussians, self.most_bytes
             )));
         }
-        let filters_all = frame.has_ewa() || frame.has_filtered_sweeps();
+        let filters_all = frame.normalises();
         let filters = |surfels: &Arc<Surfels>| {
             let mut see_through = frame.objects.iter().filter(|object| object.see_through);
             filters_all || see_through.any(|object| Arc::ptr_eq(&object.surfels, surfels))
@@ -69,11 +69,10 @@ impl Gpu {
             None => Ok(Vec::new()),
         };
         let gaussian_buffers = frame.objects.iter().map(upload).collect::<Result<Vec<_>, _>>()?;
-        buffers.fit(device, &schedule, &channels)?;
+        buffers.fit(device, &schedule)?;
         let entries = (ENTRIES_PER_SLOT * schedule.slots).min(self.first_entries).max(self.wanted_entries);
         // The sort of Gaussians takes an entry for each.
         buffers.fit_entries(device, entries.min(schedule.most_entries).max(schedule.gaussians))?;
-        buffers.fit_cached(device, &schedule, &channels)?;
         let wanted = wanted(frame);
         grow(device, &mut buffers.wanted, "blocks", 4 * wanted.len() as u64)?;
         device.queue.write_buffer(&buffers.wanted, 0, bytemuck::cast_slice(&wanted));
@@ -88,10 +87,9 @@ impl Gpu {
 impl Gpu {
     /// Makes as much room for a frame as its lists may ever need, and returns all bytes that it then takes.
     pub(in crate::backend) fn fill(&mut self, frame: &Frame) -> Result<u64, BackendError> {
-        let Prepared { schedule, channels, planes, .. } = self.prepare(frame)?;
+        let Prepared { schedule, planes, .. } = self.prepare(frame)?;
         let DeviceState { device, buffers, .. } = &mut self.state;
         buffers.fit_entries(device, schedule.most_entries)?;
-        buffers.fit_cached(device, &schedule, &channels)?;
         // The host has a copy of the film, and the picture.
         let pixels = u64::from(frame.size[0]) * u64::from(frame.size[1]);
         let on_host = schedule.film_bytes + 4 * pixels * planes.count as u64;

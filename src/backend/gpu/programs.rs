@@ -38,10 +38,6 @@ pub(in crate::backend) enum Slot {
     CoverageMask = 25,
     Moments = 26,
     Wanted = 27,
-    LayerThresholds = 28,
-    LayerSums = 29,
-    Limits = 30,
-    StaticFilm = 31,
     Gaussians = 32,
     Order = 33,
     Opaque = 34,
@@ -62,25 +58,23 @@ pub(in crate::backend) enum Program {
     SortScatter,
     BinStarts,
     Visibility,
-    Restore,
     SplatValues,
     SumAttributes,
     Resolve,
     Sweep,
-    StoreMap,
     SweptVisibility,
     SweptAttribute,
     SweptResolve,
     Pool,
     Finish,
+    StoreMap,
+    PublishedSweep,
+    PublishedAttribute,
     EwaProject,
     EwaVisibility,
     EwaSecond,
     EwaAttribute,
     EwaResolve,
-    FilteredSweep,
-    FilteredVisibility,
-    FilteredAttribute,
     GaussianProject,
     Gather,
     Composite,
@@ -106,7 +100,6 @@ const PROJECT: &str = wgsl!(
 );
 const BIN: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/scan.wgsl", "bin.wgsl");
 const VISIBILITY: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/hit.wgsl", "visibility.wgsl");
-const RESTORE: &str = wgsl!("common/types.wgsl", "restore.wgsl");
 const ATTRIBUTE: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
@@ -124,48 +117,16 @@ const SWEEP: &str = wgsl!(
     "common/wanted.wgsl",
     "common/bounds.wgsl",
     "common/swept.wgsl",
-    "common/swept_splat.wgsl",
+    "common/swept_filter.wgsl",
     "common/paths.wgsl",
     "common/moving.wgsl",
     "swept/project.wgsl",
 );
-const FILTERED_SWEEP: &str = wgsl!(
-    "common/types.wgsl",
-    "common/wanted.wgsl",
-    "common/bounds.wgsl",
-    "common/swept.wgsl",
-    "common/swept_filter.wgsl",
-    "common/paths.wgsl",
-    "common/moving.wgsl",
-    "swept/filter.wgsl",
-);
-const FILTERED_VISIBILITY: &str = wgsl!(
-    "common/types.wgsl",
-    "common/fast.wgsl",
-    "common/swept.wgsl",
-    "common/swept_filter.wgsl",
-    "common/sweep.wgsl",
-    "common/ray.wgsl",
-    "common/list.wgsl",
-    "swept/visibility.wgsl",
-);
-const FILTERED_ATTRIBUTE: &str = wgsl!(
-    "common/types.wgsl",
-    "common/fast.wgsl",
-    "common/swept.wgsl",
-    "common/swept_filter.wgsl",
-    "common/sweep.wgsl",
-    "common/ray.wgsl",
-    "common/list.wgsl",
-    "swept/attribute.wgsl",
-    "swept/filtered.wgsl",
-);
-const MAP: &str = wgsl!("common/types.wgsl", "swept/map.wgsl");
 const SWEPT_VISIBILITY: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
     "common/swept.wgsl",
-    "common/swept_splat.wgsl",
+    "common/swept_filter.wgsl",
     "common/sweep.wgsl",
     "common/ray.wgsl",
     "common/list.wgsl",
@@ -175,11 +136,34 @@ const SWEPT_ATTRIBUTE: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
     "common/swept.wgsl",
+    "common/swept_filter.wgsl",
+    "common/sweep.wgsl",
+    "common/ray.wgsl",
+    "common/list.wgsl",
+    "swept/sums.wgsl",
+    "swept/attribute.wgsl",
+);
+const MAP: &str = wgsl!("common/types.wgsl", "published/map.wgsl");
+const PUBLISHED_SWEEP: &str = wgsl!(
+    "common/types.wgsl",
+    "common/wanted.wgsl",
+    "common/bounds.wgsl",
+    "common/swept.wgsl",
+    "common/swept_splat.wgsl",
+    "common/paths.wgsl",
+    "common/moving.wgsl",
+    "published/project.wgsl",
+);
+const PUBLISHED_ATTRIBUTE: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/swept.wgsl",
     "common/swept_splat.wgsl",
     "common/sweep.wgsl",
     "common/ray.wgsl",
     "common/list.wgsl",
-    "swept/attribute.wgsl",
+    "swept/sums.wgsl",
+    "published/attribute.wgsl",
 );
 const SWEPT_RESOLVE: &str = wgsl!(
     "common/types.wgsl",
@@ -282,7 +266,7 @@ type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(in crate::backend) const ALL: [Self; 35] = [
+    pub(in crate::backend) const ALL: [Self; 33] = [
         Self::Project,
         Self::BinReduce,
         Self::BinScan,
@@ -292,12 +276,13 @@ impl Program {
         Self::SortScatter,
         Self::BinStarts,
         Self::Visibility,
-        Self::Restore,
         Self::SplatValues,
         Self::SumAttributes,
         Self::Resolve,
         Self::Sweep,
         Self::StoreMap,
+        Self::PublishedSweep,
+        Self::PublishedAttribute,
         Self::SweptVisibility,
         Self::SweptAttribute,
         Self::SweptResolve,
@@ -308,9 +293,6 @@ impl Program {
         Self::EwaSecond,
         Self::EwaAttribute,
         Self::EwaResolve,
-        Self::FilteredSweep,
-        Self::FilteredVisibility,
-        Self::FilteredAttribute,
         Self::GaussianProject,
         Self::Gather,
         Self::Composite,
@@ -331,7 +313,6 @@ impl Program {
             | Self::SortScan
             | Self::SortScatter => BIN,
             Self::Visibility => VISIBILITY,
-            Self::Restore => RESTORE,
             Self::SplatValues | Self::SumAttributes => ATTRIBUTE,
             Self::Resolve => RESOLVE,
             Self::Sweep => SWEEP,
@@ -343,9 +324,8 @@ impl Program {
             Self::EwaVisibility | Self::EwaSecond => EWA_VISIBILITY,
             Self::EwaAttribute => EWA_ATTRIBUTE,
             Self::EwaResolve => EWA_RESOLVE,
-            Self::FilteredSweep => FILTERED_SWEEP,
-            Self::FilteredVisibility => FILTERED_VISIBILITY,
-            Self::FilteredAttribute => FILTERED_ATTRIBUTE,
+            Self::PublishedSweep => PUBLISHED_SWEEP,
+            Self::PublishedAttribute => PUBLISHED_ATTRIBUTE,
             Self::GaussianProject => GAUSSIAN_PROJECT,
             Self::Gather => GATHER,
             Self::Composite => COMPOSITE,
@@ -365,13 +345,12 @@ impl Program {
             Self::SortScatter => "sort_scatter",
             Self::BinStarts => "bin_starts",
             Self::Visibility => "visibility",
-            Self::Restore => "restore",
             Self::SplatValues => "splat_values",
             Self::SumAttributes => "sum_attributes",
             Self::Resolve => "resolve",
             Self::Sweep => "sweep",
             Self::StoreMap => "store_map",
-            Self::SweptVisibility | Self::FilteredVisibility => "swept_visibility",
+            Self::SweptVisibility => "swept_visibility",
             Self::SweptAttribute => "swept_attribute",
             Self::SweptResolve => "swept_resolve",
             Self::Pool => "pool",
@@ -381,8 +360,8 @@ impl Program {
             Self::EwaSecond => "ewa_second",
             Self::EwaAttribute => "ewa_attribute",
             Self::EwaResolve => "ewa_resolve",
-            Self::FilteredSweep => "filtered_sweep",
-            Self::FilteredAttribute => "filtered_attribute",
+            Self::PublishedSweep => "published_sweep",
+            Self::PublishedAttribute => "published_attribute",
             Self::GaussianProject => "gaussian_project",
             Self::Gather => "gather",
             Self::Composite => "composite",
@@ -395,13 +374,12 @@ impl Program {
 
     pub(in crate::backend) const fn buffers(self) -> Buffers {
         use Slot::{
-            CoverageMask, DigitTotals, Environment, Film, Gaussians, Geometry, Histogram, Keys, LayerSums,
-            LayerThresholds, Layers, Lights, Limits, List, Looks, Map, Moments, Opaque, Order, Partials, Peeled,
-            Segments, SortedKeys, SortedList, Splats, Starts, StaticFilm, Status, Sums, Thresholds, Totals, Touched,
-            Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
+            CoverageMask, DigitTotals, Environment, Film, Gaussians, Geometry, Histogram, Keys, Layers, Lights, List,
+            Looks, Map, Moments, Opaque, Order, Partials, Peeled, Segments, SortedKeys, SortedList, Splats, Starts,
+            Status, Sums, Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
         };
         match self {
-            Self::Project | Self::Sweep | Self::EwaProject | Self::FilteredSweep => {
+            Self::Project | Self::Sweep | Self::EwaProject | Self::PublishedSweep => {
                 (&[Geometry, Travels, Wanted], &[Splats, Touched])
             }
             Self::BinReduce => (&[Touched], &[Partials]),
@@ -414,19 +392,18 @@ impl Program {
             Self::Visibility | Self::EwaVisibility | Self::EwaSecond => {
                 (&[Segments, Splats, List, Wide, Starts, Wanted], &[Thresholds])
             }
-            Self::Restore => (&[Thresholds, LayerThresholds, LayerSums], &[Sums, Limits]),
             Self::SplatValues => (&[Geometry, Looks, Travels, Lights, Splats, Touched, Environment], &[WrittenValues]),
             Self::SumAttributes | Self::EwaAttribute => {
                 (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums])
             }
             Self::Resolve | Self::EwaResolve => (&[Lights, Thresholds, Sums, Environment], &[Film]),
-            Self::StoreMap => (&[Thresholds, Sums], &[Map]),
-            Self::SweptVisibility | Self::FilteredVisibility => (&[Segments, Splats, List, Wide, Starts], &[Map]),
-            Self::SweptAttribute | Self::FilteredAttribute => {
+            Self::StoreMap => (&[Thresholds], &[Map]),
+            Self::SweptVisibility => (&[Segments, Splats, List, Wide, Starts], &[Map]),
+            Self::SweptAttribute | Self::PublishedAttribute => {
                 (&[Splats, List, Wide, Starts, Values, Map], &[Sums, CoverageMask])
             }
-            Self::SweptResolve => (&[Lights, Sums, CoverageMask, Moments, StaticFilm, Environment], &[Film]),
-            Self::Pool => (&[Sums, CoverageMask, Moments, StaticFilm], &[Film]),
+            Self::SweptResolve => (&[Lights, Sums, CoverageMask, Moments, Environment], &[Film]),
+            Self::Pool => (&[Sums, CoverageMask, Moments], &[Film]),
             Self::Finish => (&[], &[Film]),
             Self::GaussianProject => (&[Geometry, Looks, Lights], &[Keys, List, Gaussians]),
             Self::Gather => (&[Gaussians, Order, Wanted], &[Splats, Touched]),
@@ -446,7 +423,7 @@ impl Program {
                 | Self::Sweep
                 | Self::SplatValues
                 | Self::EwaProject
-                | Self::FilteredSweep
+                | Self::PublishedSweep
                 | Self::GaussianProject
                 | Self::TransparentResolve
         )

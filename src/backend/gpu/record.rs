@@ -3,16 +3,17 @@
 
 use wgpu::ComputePassDescriptor;
 
-use super::ewa::EwaStep;
+use super::bind::SurfelPrograms;
 use super::job::{Job, Place, dispatch};
 use super::layout::{OPAQUE_SURFELS, SEE_THROUGH_SURFELS};
+use super::paint::{InstantStep, PaintStep};
 use super::prepared::Prepared;
-use super::steps::{MapStep, SplatStep, StaticLayerStep, StaticPictureStep, SweepStep};
+use super::steps::{MapStep, PublishedSweepStep, SweepStep};
 use super::timestamps::Marks;
 use super::transparent::TransparentStep;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
-use crate::plan::{EwaPass, MapPass, Objects, SplatPass, StaticPass, Step, SweepPass};
+use crate::plan::{InstantPass, MapPass, PaintPass, Published, PublishedSweepPass, Step, SweepPass};
 
 impl Gpu {
     /// Records and submits all steps of a frame.
@@ -46,47 +47,44 @@ impl Gpu {
 impl DeviceState {
     /// Records and submits the steps of one sample position in one band.
     fn execute(&self, place: Place<'_>, marks: &mut Marks) -> Result<(), BackendError> {
-        let (mut has_layer, mut has_opaque) = (false, false);
+        let (mut has_opaque, mut has_layers) = (false, false);
         for step in &place.position.steps {
             match *step {
-                Step::StaticLayer { group } => has_layer = self.static_layer(place, group, marks),
-                Step::Splat { group } => {
+                Step::Paint { group, .. } => {
                     self.clear_opaque(place);
-                    has_opaque = self.splat(place, group, has_layer, marks)?;
+                    let job = if place.prepared.frame.has_filtered_kernels() {
+                        place.filtered_job(group, false)
+                    } else {
+                        place.job(group)
+                    };
+                    let SurfelPrograms::Paint(programs) = &place.programs.surfels else { return Err(self.unbound()) };
+                    let passes = PaintPass::order(programs.second.is_some());
+                    has_opaque = self.run(&PaintStep { job, programs }, passes, marks);
                 }
-                Step::Ewa { group } => {
-                    self.clear_opaque(place);
-                    let programs = self.bound(place.programs.ewa.as_ref())?;
-                    has_opaque = self.run(
-                        &EwaStep { job: place.ewa_job(group, Objects::All), programs },
-                        &EwaPass::ORDER,
-                        marks,
-                    );
-                }
-                Step::Transparent { group } => {
-                    let has_layers = self.see_through(place, group, has_opaque, marks);
+                Step::Peel { group } => has_layers = self.see_through(place, group, has_opaque, marks),
+                Step::Composite { group } => {
                     let surfels =
                         (u32::from(has_opaque) * OPAQUE_SURFELS) | (u32::from(has_layers) * SEE_THROUGH_SURFELS);
-                    let programs = self.bound(place.programs.transparent.as_ref())?;
+                    let Some(programs) = &place.programs.transparent else { return Err(self.unbound()) };
                     TransparentStep::new(place, group, programs, surfels).run(self, marks);
                 }
-                Step::StaticPicture { group } => self.static_picture(place, group, marks)?,
-                Step::VisibilityMap { group, interval, objects, density } => {
-                    let map = place.area().guarded(interval.guard);
-                    let job = Job { area: map, map, ..place.job(group, objects) };
-                    let programs = self.bound(place.programs.swept.as_ref())?;
-                    self.run(&MapStep { job, programs }, MapPass::order(density), marks);
-                }
-                Step::Sweep { group, ref interval, kernel, objects } => {
+                Step::Sweep { group, ref interval, .. } => {
                     self.device.queue.write_buffer(&self.buffers.moments, 0, bytemuck::bytes_of(&interval.moments));
-                    let job = place.sweep_job(group, interval, objects);
-                    let programs = self.bound(place.programs.swept.as_ref())?;
-                    self.run(&SweepStep { job, programs }, SweepPass::order(kernel.has_slices()), marks);
+                    let job = place.sweep_job(group, interval);
+                    let SurfelPrograms::Sweep(programs) = &place.programs.surfels else { return Err(self.unbound()) };
+                    self.run(&SweepStep { job, programs }, &SweepPass::ORDER, marks);
                 }
+                Step::Published { group, part: Published::Instant } => {
+                    self.clear_opaque(place);
+                    let SurfelPrograms::Paint(programs) = &place.programs.surfels else { return Err(self.unbound()) };
+                    let job = place.job(group);
+                    has_opaque = self.run(&InstantStep { job, programs }, &InstantPass::ORDER, marks);
+                }
+                Step::Published { group, ref part } => self.published(place, group, part, marks)?,
                 Step::Finish => {
                     let mut encoder = self.encoder();
                     let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-                    let program = self.bound(place.film.finish.as_ref())?;
+                    let Some(program) = &place.film.finish else { return Err(self.unbound()) };
                     dispatch(&mut recorder, program, place.area().tiles, 0);
                     drop(recorder);
                     self.device.queue.submit([encoder.finish()]);
@@ -105,59 +103,33 @@ impl DeviceState {
         }
     }
 
-    /// The programs of a step. They are bound for every frame that has the step.
-    fn bound<'a, T>(&self, programs: Option<&'a T>) -> Result<&'a T, BackendError> {
-        programs.ok_or_else(|| self.device.error("a step's programs were not bound"))
-    }
-
-    /// Makes the static layer of a position. False where there is no room for it, or nothing of it is wanted.
-    pub(in crate::backend) fn static_layer(&self, place: Place<'_>, group: usize, marks: &mut Marks) -> bool {
-        let job = place.job(group, Objects::Static);
-        let Some(programs) = place.programs.static_layer.as_ref() else { return false };
-        let any = !place.batches(&job).run.is_empty();
-        if any {
-            self.run(&StaticLayerStep { job, programs }, &StaticPass::ORDER, marks);
-        }
-        any
-    }
-
-    /// Splats a group. It starts from the static layer if there is one. False if the group has nothing to splat.
-    pub(in crate::backend) fn splat(
+    /// Records and submits a map, or an interval, of published kernels.
+    fn published(
         &self,
         place: Place<'_>,
         group: usize,
-        has_layer: bool,
-        marks: &mut Marks,
-    ) -> Result<bool, BackendError> {
-        if has_layer {
-            let job = Job { from_layer: true, ..place.job(group, Objects::Moving) };
-            let layer = Some(self.bound(place.programs.static_layer.as_ref())?);
-            Ok(self.run(&SplatStep { job, layer }, &SplatPass::ORDER, marks))
-        } else {
-            let job = place.job(group, Objects::All);
-            Ok(self.run(&SplatStep { job, layer: None }, &SplatPass::ORDER, marks))
-        }
-    }
-
-    /// Makes the picture of static objects at a position, in the light of a group.
-    pub(in crate::backend) fn static_picture(
-        &self,
-        place: Place<'_>,
-        group: usize,
+        part: &Published,
         marks: &mut Marks,
     ) -> Result<(), BackendError> {
-        let programs = self.bound(place.programs.swept.as_ref())?;
-        let resolve = self.bound(programs.static_picture.as_ref())?;
-        let guard = place.prepared.frame.guard().unwrap_or(0);
-        let job = Job { map: place.area().guarded(guard), ..place.job(group, Objects::Static) };
-        let mut encoder = self.encoder();
-        encoder.clear_buffer(&self.buffers.static_film, 0, None);
-        self.flush(&mut encoder, marks);
-        let step = StaticPictureStep { job, resolve };
-        self.run(&step, &StaticPass::ORDER, marks);
-        let mut encoder = self.encoder();
-        step.cache_thresholds(self, &mut encoder);
-        self.flush(&mut encoder, marks);
+        let SurfelPrograms::Published(of_map, of_sweep) = &place.programs.surfels else { return Err(self.unbound()) };
+        match part {
+            Published::Map { guard } => {
+                let map = place.area().guarded(*guard);
+                let job = Job { area: map, map, low_pass: false, ..place.job(group) };
+                self.run(&MapStep { job, programs: of_map }, &MapPass::ORDER, marks);
+            }
+            Published::Sweep { interval, .. } => {
+                self.device.queue.write_buffer(&self.buffers.moments, 0, bytemuck::bytes_of(&interval.moments));
+                let job = place.sweep_job(group, interval);
+                self.run(&PublishedSweepStep { job, programs: of_sweep }, &PublishedSweepPass::ORDER, marks);
+            }
+            Published::Instant => return Err(self.unbound()),
+        }
         Ok(())
+    }
+
+    /// The error of a step whose programs are not bound. They are, for every frame that has the step.
+    fn unbound(&self) -> BackendError {
+        self.device.error("a step's programs were not bound")
     }
 }

@@ -3,20 +3,20 @@
 //!
 //! They are the passes of full EWA, with depths and films of their own. A tile of which nothing is left does nothing.
 
-use wgpu::{CommandEncoder, ComputePass, ComputePassDescriptor};
+use wgpu::ComputePass;
 
 use super::DeviceState;
 use super::batches::Batch;
-use super::bind::{Binder, BoundProgram, EwaPrograms, ListPrograms, SeeThroughPrograms};
+use super::bind::{Binder, ListPrograms, PaintPrograms, SeeThroughPrograms};
 use super::constants::{peel_constants, peel_resolve_constants, peel_value_constants};
-use super::ewa::PARTS;
-use super::job::{Job, Place, StepWork, dispatch, of_segments, view_offset};
+use super::job::{Job, Place, StepWork, dispatch, of_segments};
 use super::memory::DeviceChannels;
+use super::paint::PARTS;
 use super::prepared::Prepared;
 use super::programs::{Constants, Program, Slot};
 use super::timestamps::{Marks, Stage};
 use crate::backend::BackendError;
-use crate::plan::{LayerPass, Objects};
+use crate::plan::LayerPass;
 
 impl Binder<'_> {
     /// Binds the programs of see-through surfels, whose channels are `channels`. New lists go to the sort's buffers
@@ -36,11 +36,10 @@ impl Binder<'_> {
         values.push(PARTS);
         let of_layers = peel_resolve_constants(frame, channels, planes);
         // Without groups of splats before the band nobody asks which pixels are solid.
-        let second =
-            if channels.layers > 1 { Some(self.program(Program::EwaSecond, &peel, 1, &depths)?) } else { None };
+        let second = channels.is_layered().then(|| self.program(Program::EwaSecond, &peel, 1, &depths)).transpose()?;
         Ok(SeeThroughPrograms {
             start: self.program(Program::PeelStart, &of_layers, 1, &film)?,
-            ewa: EwaPrograms {
+            paint: PaintPrograms {
                 lists: ListPrograms {
                     project: self.of_surfels(Program::EwaProject, &Constants::new(), surfel_buffers)?,
                     emit: self.program(Program::BinEmit, &vec![PARTS, ("PART", 1)], emitted, &[])?,
@@ -66,10 +65,10 @@ impl DeviceState {
         marks: &mut Marks,
     ) -> bool {
         let Some(programs) = place.programs.see_through.as_ref() else { return false };
-        let job = Job { has_opaque, ..place.ewa_job(group, Objects::SeeThrough) };
-        let in_one_batch = place.batches(&job).run.len() == 1;
+        let job = Job { has_opaque, ..place.filtered_job(group, true) };
+        let in_one_batch = place.batches(&job).len() == 1;
         let step = SeeThroughStep { job, programs, in_one_batch };
-        self.run(&step, &LayerPass::ORDER, marks)
+        self.run(&step, &LayerPass::order(programs.paint.second.is_some()), marks)
     }
 }
 
@@ -81,15 +80,6 @@ struct SeeThroughStep<'a> {
     in_one_batch: bool,
 }
 
-impl SeeThroughStep<'_> {
-    /// Records a program that reads no splats.
-    fn record_alone(&self, encoder: &mut CommandEncoder, program: &BoundProgram, stage: Stage, marks: &mut Marks) {
-        let timestamp_writes = marks.mark(stage);
-        let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
-        dispatch(&mut recorder, program, self.job.area.tiles, view_offset(0));
-    }
-}
-
 impl StepWork for SeeThroughStep<'_> {
     type Pass = LayerPass;
 
@@ -98,52 +88,34 @@ impl StepWork for SeeThroughStep<'_> {
     }
 
     fn lists(&self) -> &ListPrograms {
-        &self.programs.ewa.lists
+        &self.programs.paint.lists
     }
 
     fn reads_splats(pass: LayerPass) -> bool {
-        match pass {
-            LayerPass::Visibility(_) | LayerPass::Attribute(_) => true,
-            LayerPass::Resolve(_) | LayerPass::LeftOut => false,
-        }
+        matches!(pass, LayerPass::Visibility(_) | LayerPass::Attribute(_))
     }
 
     fn stage(pass: LayerPass) -> Stage {
         match pass {
-            LayerPass::Visibility(_) | LayerPass::LeftOut => Stage::Visibility,
+            LayerPass::Start | LayerPass::Visibility(_) | LayerPass::Second(_) | LayerPass::LeftOut => {
+                Stage::Visibility
+            }
             LayerPass::Attribute(_) => Stage::Attribute,
             LayerPass::Resolve(_) => Stage::Resolve,
         }
     }
 
-    fn prepare(
-        &self,
-        _state: &DeviceState,
-        encoder: &mut CommandEncoder,
-        pass: LayerPass,
-        _cached: usize,
-        marks: &mut Marks,
-    ) {
-        match pass {
-            LayerPass::Visibility(0) => self.record_alone(encoder, &self.programs.start, Stage::Visibility, marks),
-            LayerPass::Attribute(_) => {
-                if let Some(second) = &self.programs.ewa.second {
-                    self.record_alone(encoder, second, Stage::Visibility, marks);
-                }
-            }
-            LayerPass::Visibility(_) | LayerPass::Resolve(_) | LayerPass::LeftOut => {}
-        }
-    }
-
     fn record(&self, recorder: &mut ComputePass<'_>, pass: LayerPass, batch: &Batch, view: u32) {
-        let (SeeThroughPrograms { ewa, resolve, left_out, .. }, tiles) = (self.programs, self.job.area.tiles);
+        let (SeeThroughPrograms { start, paint, resolve, left_out }, tiles) = (self.programs, self.job.area.tiles);
         match pass {
-            LayerPass::Visibility(_) => dispatch(recorder, &ewa.visibility, tiles, view),
+            LayerPass::Start => dispatch(recorder, start, tiles, view),
+            LayerPass::Visibility(_) => dispatch(recorder, &paint.visibility, tiles, view),
+            LayerPass::Second(_) => paint.second.iter().for_each(|program| dispatch(recorder, program, tiles, view)),
             LayerPass::Attribute(layer) => {
                 if layer == 0 || !self.in_one_batch {
-                    of_segments(recorder, &ewa.splat_values, batch, view);
+                    of_segments(recorder, &paint.splat_values, batch, view);
                 }
-                dispatch(recorder, &ewa.attribute, tiles, view);
+                dispatch(recorder, &paint.attribute, tiles, view);
             }
             LayerPass::Resolve(_) => dispatch(recorder, resolve, tiles, view),
             LayerPass::LeftOut => dispatch(recorder, left_out, tiles, view),

@@ -1,4 +1,4 @@
-//! Step `Transparent`: its programs, and the passes that it records. Twin: `src/backend/cpu/transparent/mod.rs`.
+//! Step `Composite`: its programs, and the passes that it records. Twin: `src/backend/cpu/transparent/mod.rs`.
 //!
 //! The Gaussians of all captures and volumes are projected and sorted together. Then slabs of depth go through
 //! `gather`, `bin` and `composite`, the nearest first; a slab has as many splats as a batch may have slots.
@@ -27,9 +27,8 @@ use super::timestamps::{Marks, Stage};
 use crate::backend::BackendError;
 use crate::film::{Aov, Blending};
 use crate::frame::{Frame, PosedGroup};
-use crate::layout::Channels;
 use crate::math::srgb;
-use crate::plan::TransparentPass;
+use crate::plan::CompositePass;
 
 /// Variance by which the filter widens a Gaussian, pixels^2 of the image (Kerbl et al. 2023, their program).
 const DILATION: f32 = 0.3;
@@ -42,16 +41,18 @@ const ROUNDS: usize = DEPTH_BITS.div_ceil(DIGIT_BITS) as usize;
 const _: () = assert!(ROUNDS.is_multiple_of(2));
 
 impl Binder<'_> {
-    /// Binds the programs of captures and volumes.
+    /// Binds the programs of captures and volumes. New lists go to the sort's buffers other than `emitted`.
     pub(super) fn transparent_programs(
         &mut self,
         prepared: &Prepared<'_>,
+        emitted: usize,
     ) -> Result<TransparentPrograms, BackendError> {
         let Prepared { frame, channels, planes, gaussian_buffers, .. } = prepared;
         let none = Constants::new();
         let velocity = vec![("VELOCITY", u32::from(frame.aovs.contains(&Aov::Velocity)))];
         Ok(TransparentPrograms {
             project: self.of_models(Program::GaussianProject, &velocity, 1, gaussian_buffers)?,
+            emit: self.program(Program::BinEmit, &none, emitted, &[])?,
             sort: (0..ROUNDS).map(|round| self.round(round, round % 2)).collect::<Result<_, _>>()?,
             gather: self.program(Program::Gather, &none, 0, &[])?,
             // Sorted lists are in the first buffers.
@@ -137,7 +138,7 @@ fn backdrop(frame: &Frame) -> DeviceBackground {
     }
 }
 
-/// Step `Transparent` of one group.
+/// Step `Composite` of one group.
 pub(in crate::backend) struct TransparentStep<'a> {
     place: Place<'a>,
     group: &'a PosedGroup,
@@ -168,25 +169,19 @@ impl<'a> TransparentStep<'a> {
         for sample in 0..samples {
             let slabs = self.upload(state, sample, middle);
             let mut encoder = state.encoder();
-            for pass in TransparentPass::ORDER {
+            for pass in CompositePass::order(sample == 0, samples > 1) {
                 match pass {
-                    TransparentPass::Project if sample == 0 => self.project(&mut encoder, 0, marks),
-                    TransparentPass::Sort if sample == 0 => {
-                        self.sort(state, &mut encoder, marks);
-                        if middle != sample {
-                            self.project(&mut encoder, 1, marks);
-                        }
-                    }
-                    TransparentPass::Project => self.project(&mut encoder, 1, marks),
-                    // Lists of a slab are composited before those of the next are made.
-                    TransparentPass::Sort | TransparentPass::Composite => {}
-                    TransparentPass::List => {
+                    CompositePass::ProjectMiddle => self.project(&mut encoder, 0, marks),
+                    CompositePass::Sort => self.sort(state, &mut encoder, marks),
+                    CompositePass::Project => self.project(&mut encoder, 1, marks),
+                    CompositePass::Composite => {
+                        // Lists of a slab are composited before those of the next are made.
                         for (number, slab) in slabs.iter().enumerate() {
                             self.list(state, &mut encoder, slab, number + 1, marks);
                             self.composite(&mut encoder, number + 1, marks);
                         }
+                        self.resolve(&mut encoder, marks);
                     }
-                    TransparentPass::Resolve => self.resolve(&mut encoder, marks),
                 }
             }
             state.flush(&mut encoder, marks);
@@ -207,7 +202,7 @@ impl<'a> TransparentStep<'a> {
             weight: self.group.samples[sample].weight,
             surfels: self.surfels,
             opaque_scale: group_scale(self.group),
-            ..View::of(frame, raster, self.group, &Channels::weights())
+            ..View::of(frame, raster, self.group, &prepared.channels.shared)
         };
         let most = prepared.schedule.slots.min(u64::from(u32::MAX)) as u32;
         let slab = |first: u32| View {
@@ -282,7 +277,7 @@ impl<'a> TransparentStep<'a> {
         let groups = [slab.slots.div_ceil(WORKGROUP_ITEMS), 1];
         dispatch(&mut recorder, &self.programs.gather, groups, view_offset(number));
         let programs = self.place.programs;
-        state.lists(&mut recorder, programs, &programs.lists.emit, slab.slots, slab.tiles, view_offset(number));
+        state.lists(&mut recorder, programs, &self.programs.emit, slab.slots, slab.tiles, view_offset(number));
     }
 
     /// Records pass `composite` of a slab, whose view is `number`.

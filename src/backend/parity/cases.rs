@@ -37,6 +37,14 @@ impl Case {
     }
 }
 
+impl Case {
+    /// What its kernels in motion are.
+    pub(super) fn kernel(&self) -> SweptKernel {
+        let Quality::Mode(mode) = self.options.quality else { unreachable!("cases have modes") };
+        mode.swept().unwrap_or_default()
+    }
+}
+
 /// Elliptical surfels scattered over a ball of radius 1, as dense as a surface of `n` surfels.
 pub(super) fn ball(n: usize, seed: u64, materials: bool) -> Surfels {
     let mut random = Random(seed);
@@ -241,17 +249,16 @@ pub(super) fn swept() -> Vec<Case> {
     // In the first of two intervals the first ball's front comes nearer than that.
     let mut near = fast.clone();
     near.camera.near = 2.7;
-    let options = |swept| RenderOptions {
+    let options = |swept: SweptKernel| RenderOptions {
         quality: BlurMode::Volumetric { intervals: 2, pixel_samples: None, swept }.into(),
         aovs: Aov::ALL.to_vec(),
-        prefilter: Prefilter::Approx,
+        prefilter: if swept.is_published() { Prefilter::Approx } else { Prefilter::None },
         ..RenderOptions::default()
     };
     let tube = SweptKernel::default();
     let ellipsoid = SweptKernel { shape: KernelShape::Ellipsoid, ..tube };
     let chord = SweptKernel { weight: KernelWeight::Chord, ..ellipsoid };
     let line = SweptKernel { weight: KernelWeight::Line, alpha: TemporalAlpha::Sum, ..ellipsoid };
-    let parts = SweptKernel { source_samples: SourceSamples(3), ..tube };
     let case = |name, scene: &Scene, options| Case { name, scene: scene.clone(), options, in_part: false };
     vec![
         case("tube", &two_balls([70, 45]), options(tube)),
@@ -259,13 +266,11 @@ pub(super) fn swept() -> Vec<Case> {
         case("hard", &moving, options(tube)),
         case("near", &near, options(tube)),
         case("near ellipsoid", &near, options(ellipsoid)),
-        case("plain", &fast, RenderOptions { prefilter: Prefilter::None, aovs: Vec::new(), ..options(tube) }),
+        case("plain", &fast, RenderOptions { aovs: Vec::new(), ..options(tube) }),
         case("sum", &fast, options(SweptKernel { alpha: TemporalAlpha::Sum, ..tube })),
         case("once", &fast, options(SweptKernel { normalise: Normalise::Once, ..tube })),
-        case("parts", &fast, options(parts)),
         case("ellipsoid", &fast, options(ellipsoid)),
         case("hard ellipsoid", &moving, options(ellipsoid)),
-        case("ellipsoid in parts", &fast, options(SweptKernel { source_samples: SourceSamples(2), ..ellipsoid })),
         case("chord", &fast, options(chord)),
         case("line", &fast, options(line)),
         case("hard line", &moving, options(line)),

@@ -1,25 +1,23 @@
 //! The CPU's passes of full EWA one at a time, for comparison with another backend's.
 //!
-//! What they read is made by the constructors that rendering uses ([`EwaGroup`]). Only tiles have another size.
+//! What they read is made by the constructors that rendering uses ([`PaintGroup`]). Only tiles have another size.
 
 use super::splat_twins::{Posed, whole_chunks};
 use super::tiles_of_edge::{rect, take_rows, touches};
 use crate::backend::cpu::bin::Binned;
-use crate::backend::cpu::ewa::attribute::{self, Filter};
-use crate::backend::cpu::ewa::buffers::{APRON_STRIDE, EXTRA, Layer, with_apron};
-use crate::backend::cpu::ewa::{EwaGroup, resolve, visibility};
+use crate::backend::cpu::paint::attribute::{self, Filter};
+use crate::backend::cpu::paint::buffers::{APRON_STRIDE, EXTRA, Layer, with_apron};
+use crate::backend::cpu::paint::{PaintGroup, Sight, resolve, visibility};
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
 use crate::backend::cpu::tile_buffers::TileBuffers;
-use crate::backend::cpu::tile_runner::TileWork;
 use crate::backend::cpu::tiles::{STRIDE, TILE};
 use crate::backend::cpu::values;
 use crate::layout::EwaSplat;
-use crate::plan::Objects;
 
 /// One group, in tiles of another size than the CPU's own.
 pub(super) struct EwaTwins<'a> {
-    pub group: EwaGroup<'a>,
+    pub group: PaintGroup<'a, EwaSplat>,
     /// Edge of a tile, at most 32 pixels.
     pub edge: usize,
 }
@@ -42,7 +40,7 @@ impl EwaTwins<'_> {
             self.group.project(&chunk, &mut binned);
             Posed { chunk, splats: binned.splats }
         };
-        whole_chunks(self.scope(), Objects::All).into_iter().map(splats_of).collect()
+        whole_chunks(self.scope()).into_iter().map(splats_of).collect()
     }
 
     /// All passes of a tile, one after the other.
@@ -57,31 +55,31 @@ impl EwaTwins<'_> {
             .map(|posed| touches(posed.splats.iter().map(|splat| splat.listed_bounds), tile.tile, self.edge))
             .collect();
         let mut buffers = TileBuffers::default();
-        buffers.ewa.clear_depths();
+        buffers.paint.clear_depths(true);
         for (Posed { chunk, splats }, list) in posed.iter().zip(&lists) {
-            visibility::visibility(splats, list, scope.depths(chunk), &guarded, true, &mut buffers.ewa);
+            visibility::visibility(splats, list, scope.depths(chunk), &guarded, true, &mut buffers.paint);
         }
         if !several {
-            visibility::find_open(&tile, apron, size, None, &mut buffers.ewa);
+            visibility::find_open(&tile, apron, size, None, &mut buffers.paint);
             for (Posed { chunk, splats }, list) in posed.iter().zip(&lists) {
-                visibility::second(splats, list, scope.depths(chunk), &tile, start, &mut buffers.ewa);
+                visibility::second(splats, list, scope.depths(chunk), &tile, start, &mut buffers.paint);
             }
         }
-        buffers.ewa.clear_sums(scope.channels.count);
+        buffers.paint.clear_sums(scope.channels.count, true);
         buffers.clear_coverage(scope.group.samples.len());
         for (Posed { chunk, splats }, list) in posed.iter().zip(&lists) {
             scope.turn(chunk, &mut buffers);
             let mut of_splats = Vec::new();
             values::values(splats, &scope.shown(chunk), &mut of_splats);
             let attributes = scope.attributes(chunk, &of_splats);
-            let filter =
-                Filter { attributes, depths: scope.depths(chunk), sigma: scope.raster.sigma, start, ceiling: &[] };
-            let TileBuffers { ewa, group_coverage, .. } = &mut buffers;
-            attribute::attribute(splats, list, &filter, &tile, ewa, &mut group_coverage.sample_coverage);
+            let sight = Sight::new(scope.frame.near, scope.raster);
+            let filter = Filter { attributes, depths: scope.depths(chunk), sight, start, ceiling: &[] };
+            let TileBuffers { paint, group_coverage, .. } = &mut buffers;
+            attribute::attribute(splats, list, &filter, &tile, paint, &mut group_coverage.sample_coverage);
         }
         scope.end_turns(&mut buffers);
         let mut film = TileFilm::default();
-        resolve::resolve(&scope.resolve(), &tile, start, &buffers.ewa, &buffers.group_coverage.coverage, &mut film);
+        resolve::resolve(&scope.resolve(), &tile, start, &buffers.paint, &buffers.group_coverage.coverage, &mut film);
         EwaTile { buffers, film }
     }
 
@@ -97,7 +95,7 @@ impl EwaTwins<'_> {
         let (guarded, [left, top]) = with_apron(&tile, self.scope().raster.apron(), self.scope().raster.size);
         let at = |x: usize, y: usize| {
             let (x, y) = ((x + left).checked_sub(before[0])?, (y + top).checked_sub(before[1])?);
-            (x < guarded.width && y < guarded.height).then(|| of.buffers.ewa.threshold[y * APRON_STRIDE + x])
+            (x < guarded.width && y < guarded.height).then(|| of.buffers.paint.threshold[y * APRON_STRIDE + x])
         };
         (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect()
     }
@@ -106,18 +104,18 @@ impl EwaTwins<'_> {
     pub(super) fn epsilon(&self, of: &EwaTile, tile: [usize; 2]) -> Vec<f32> {
         let tile = rect(&self.scope().band, tile, self.edge);
         let (_, [left, top]) = with_apron(&tile, self.scope().raster.apron(), self.scope().raster.size);
-        take_rows(&of.buffers.ewa.epsilon[top * APRON_STRIDE + left..], APRON_STRIDE, self.edge)
+        take_rows(&of.buffers.paint.epsilon[top * APRON_STRIDE + left..], APRON_STRIDE, self.edge)
     }
 
     /// The threshold behind T, `edge` x `edge`: `None` where a pixel is solid.
     pub(super) fn second(&self, of: &EwaTile) -> Vec<Option<f32>> {
-        let second = take_rows(&of.buffers.ewa.second, STRIDE, self.edge).into_iter();
-        second.zip(self.bits(&of.buffers.ewa.open)).map(|(second, open)| open.then_some(second)).collect()
+        let second = take_rows(&of.buffers.paint.second, STRIDE, self.edge).into_iter();
+        second.zip(self.bits(&of.buffers.paint.open)).map(|(second, open)| open.then_some(second)).collect()
     }
 
     /// Whether there is a pixel nearby that no disc covers, `edge` x `edge`.
     pub(super) fn rim(&self, of: &EwaTile) -> Vec<bool> {
-        self.bits(&of.buffers.ewa.rim)
+        self.bits(&of.buffers.paint.rim)
     }
 
     /// Whether a pixel lies in the image, `edge` x `edge`.
@@ -133,12 +131,12 @@ impl EwaTwins<'_> {
     /// Sums of a tile, layer by layer and channel by channel. Groups of several samples have one layer, and their
     /// coverage at its end.
     pub(super) fn sums(&self, of: &EwaTile) -> Vec<Vec<Vec<f32>>> {
-        let TileBuffers { ewa, group_coverage, .. } = &of.buffers;
+        let TileBuffers { paint, group_coverage, .. } = &of.buffers;
         let channels = self.scope().channels.count;
         let row = (channels + EXTRA) * STRIDE;
         let none = vec![0.0; self.edge * self.edge];
         let planes = |layer: Layer, count: usize| -> Vec<Vec<f32>> {
-            let sums = &ewa.sums[layer as usize];
+            let sums = &paint.sums[layer as usize];
             let plane = |c: usize| match sums[..] {
                 [] => none.clone(),
                 _ => take_rows(&sums[c * STRIDE..], row, self.edge),

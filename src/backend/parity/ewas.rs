@@ -11,14 +11,14 @@ use super::slots::Slots;
 use super::splat_twins::{Context, whole};
 use super::sweeps::{same_with_small_buffers, spoil, values};
 use crate::backend::cpu::Cpu;
-use crate::backend::cpu::ewa::EwaGroup;
-use crate::backend::cpu::ewa::buffers::Layer;
+use crate::backend::cpu::paint::PaintGroup;
+use crate::backend::cpu::paint::buffers::Layer;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::{Segment, TILE};
 use crate::frame::Frame;
 use crate::layout::{EwaSplat, Splat};
 use crate::options::{PixelFilter, Prefilter};
-use crate::plan::EwaPass;
+use crate::plan::PaintPass;
 use crate::renderer::render_checked;
 use crate::scene::Object;
 use crate::time::FrameNumber;
@@ -173,7 +173,7 @@ fn check(gpu: &mut Gpu, case: &Case, sigma: Option<f32>, counts: &mut [usize; 7]
     let Some(harness) = Harness::new(gpu, &frame, &context) else { return Ok(()) };
     let position = &frame.rasters[0].positions[0];
     let scope = context.scope(&frame, position, &position.groups[0], whole(position));
-    let twins = EwaTwins { group: EwaGroup { scope }, edge: TILE as usize };
+    let twins = EwaTwins { group: PaintGroup::new(scope), edge: TILE as usize };
     let tiles = tiles(harness.prepared.schedule.rasters[0].tiles);
     let posed = twins.project();
     let host = tiles.iter().map(|&tile| harness.wants(tile).then(|| twins.run(&posed, tile))).collect();
@@ -193,23 +193,23 @@ fn check(gpu: &mut Gpu, case: &Case, sigma: Option<f32>, counts: &mut [usize; 7]
     both.harness.run(Pass::Filter);
     slots.compare_splats(&both.harness).map_err(failed(Pass::Filter))?;
     slots.compare_lists(&both.harness).map_err(failed(Pass::Filter))?;
-    for pass in EwaPass::ORDER {
+    for &pass in PaintPass::order(true) {
         spoil(&both.harness);
         slots.feed_splats(&both.harness);
         slots.feed_lists(&both.harness);
-        if pass != EwaPass::Visibility {
+        if pass != PaintPass::Visibility {
             let depths: Vec<f32> = both.depths().iter().map(|t| if t.is_nan() { NONE } else { *t }).collect();
             both.harness.write(&both.harness.gpu.state.buffers.thresholds, &depths);
         }
-        if pass == EwaPass::Resolve {
+        if pass == PaintPass::Resolve {
             both.feed_sums();
         }
         both.harness.run(Pass::Ewa(pass));
         let compared = match pass {
-            EwaPass::Visibility => both.compare_depths(false),
-            EwaPass::Second => both.compare_depths(true),
-            EwaPass::Attribute => both.compare_sums(),
-            EwaPass::Resolve => both.compare_film(),
+            PaintPass::Visibility => both.compare_depths(false),
+            PaintPass::Second => both.compare_depths(true),
+            PaintPass::Attribute => both.compare_sums(),
+            PaintPass::Resolve => both.compare_film(),
         };
         compared.map_err(failed(Pass::Ewa(pass)))?;
     }

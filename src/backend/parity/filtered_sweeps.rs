@@ -1,4 +1,4 @@
-//! Kernels in motion that full EWA filters: parity with the CPU, pass by pass and slot by slot. Each pass is fed the
+//! Kernels in motion, filtered or not: parity with the CPU, pass by pass and slot by slot. Each pass is fed the
 //! CPU's results of the passes before it. Also: broken programs, small buffers and whole images.
 
 use super::cases::{self, Case};
@@ -11,26 +11,23 @@ use super::splat_twins::{Context, Posed, whole};
 use super::sweep_twins::SweepTwins;
 use super::sweeps::{compare_sums, mask_planes, same_with_small_buffers, spoil, values};
 use crate::backend::cpu::Cpu;
-use crate::backend::cpu::swept::{Map, SweepGroup};
+use crate::backend::cpu::swept::SweepGroup;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::TILE;
 use crate::layout::{FilteredSplat, SweptFilter, SweptSplat};
-use crate::options::{KernelWeight, Prefilter, Quality};
-use crate::plan::{Objects, Step, SweepPass};
+use crate::options::Prefilter;
+use crate::plan::{Step, SweepPass};
 use crate::renderer::render_checked;
 use crate::time::FrameNumber;
 
-/// The cases of kernels in motion that can be filtered.
+/// The cases of kernels in motion, with a filter and without one.
 pub(super) fn filtered() -> Vec<Case> {
-    let integral = |case: &Case| match case.options.quality {
-        Quality::Mode(mode) => mode.swept().is_some_and(|kernel| kernel.weight == KernelWeight::Integral),
-        Quality::Error(_) => false,
-    };
-    let mut cases: Vec<Case> = cases::swept().into_iter().filter(integral).collect();
-    for case in &mut cases {
+    let own = || cases::swept().into_iter().filter(|case| !case.kernel().is_published());
+    let with_filter = own().map(|mut case| {
         case.options.prefilter = Prefilter::Ewa;
-    }
-    cases
+        case
+    });
+    with_filter.chain(own().filter(|case| ["plain", "hard ellipsoid", "near"].contains(&case.name))).collect()
 }
 
 /// All passes of the first group of a case; the first that differs.
@@ -41,19 +38,18 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let (interval, kernel) = frame
         .steps()
         .find_map(|step| match *step {
-            Step::Sweep { interval, kernel, objects: Objects::All, .. } => Some((interval, kernel)),
+            Step::Sweep { interval, kernel, .. } => Some((interval, kernel)),
             _ => None,
         })
         .unwrap();
     let position = &frame.rasters[0].positions[0];
     let scope = context.scope(&frame, position, &position.groups[0], whole(position));
-    let map = Map::default();
-    let group = SweepGroup { scope, interval: &interval, kernel, map: &map, picture: &[] };
+    let group = SweepGroup { scope, interval: &interval, kernel };
     let twins = SweepTwins { group, edge: TILE as usize };
     let failed = |pass: Pass| move |what: String| format!("{}: {pass:?}: {what}", case.name);
     let on_band = tiles(harness.prepared.schedule.rasters[0].tiles);
 
-    let both = twins.filtered_sweep(Objects::All);
+    let both = twins.sweep();
     let of_object = |_: &_, object| &both.iter().find(|posed| posed.chunk.object == object).unwrap().splats[..];
     let with_segment = |kernel: &FilteredSplat, segment| {
         let flags = kernel.splat.flags | segment << 3;
@@ -71,8 +67,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
         .collect();
     let filters: Vec<Vec<SweptFilter>> =
         both.iter().map(|posed| posed.splats.iter().map(|both| both.filtered).collect()).collect();
-    let before = vec![f32::INFINITY; PIXELS];
-    let slices: Vec<_> = on_band.iter().map(|&tile| twins.visibility(&kernels, tile, &before)).collect();
+    let slices: Vec<_> = on_band.iter().map(|&tile| twins.visibility(&kernels, tile)).collect();
     let thresholds: Vec<f32> = slices.iter().flat_map(|slices| flat(slices)).collect();
     slots.feed_splats(&harness);
     slots.feed_lists(&harness);
@@ -82,7 +77,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let got: Vec<f32> = harness.read(&buffers.map, thresholds.len());
     compare("thresholds of slices", &got, &thresholds, |_| 1.0).map_err(failed(pass))?;
 
-    let of_tile = |(&tile, slices): (_, &Vec<Vec<f32>>)| twins.attribute(&kernels, &filters, tile, &before, slices);
+    let of_tile = |(&tile, slices): (_, &Vec<Vec<f32>>)| twins.attribute(&kernels, &filters, tile, slices);
     let sums: Vec<_> = on_band.iter().zip(&slices).map(of_tile).collect();
     harness.write(&buffers.map, &thresholds.iter().map(|v| v.min(NONE)).collect::<Vec<_>>());
     let pass = Pass::Sweep(SweepPass::Attribute);
@@ -94,7 +89,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     harness.write(&buffers.coverage_mask, &sums.iter().flat_map(mask_planes).flatten().collect::<Vec<u32>>());
     let pass = Pass::Sweep(SweepPass::Resolve);
     harness.run(pass);
-    let want: Vec<_> = on_band.iter().zip(&sums).flat_map(|(&tile, sums)| twins.resolve(tile, sums, &[])).collect();
+    let want: Vec<_> = on_band.iter().zip(&sums).flat_map(|(&tile, sums)| twins.resolve(tile, sums)).collect();
     let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.film, want.len() * PIXELS);
     compare("film", &got, &flat(&want), |_| 1.0).map_err(failed(pass))
 }
@@ -108,7 +103,7 @@ fn filtered_sweeps_agree() {
     }
 }
 
-static MUTANTS: [Mutant; 24] = [
+static MUTANTS: [Mutant; 30] = [
     ([("let area = 0.25 * (jux * jvy - juy * jvx)", "let area = 0.25 * (jux * jvy + juy * jvx)")], "tube"),
     ([("let l1 = 4.0 * xy * over0", "let l1 = 0.0")], "tube"),
     ([("let xy = 0.25 * (jux * juy + jvx * jvy)", "let xy = 0.25 * (jux * juy)")], "tube"),
@@ -132,6 +127,12 @@ static MUTANTS: [Mutant; 24] = [
     ([("loose * vec2<f32>(f.peak, side)", "loose * vec2<f32>(f.peak, 1.0)")], "tube"),
     ([("0.5 * (sum + abs(side))", "0.5 * (sum + side)")], "tube"),
     ([("weight / noise", "weight")], "fast"),
+    ([("if view.sigma == 0.0", "if view.sigma < 0.0")], "without filter"),
+    ([("depth + max(epsilon,", "depth + max(0.0,")], "tube"),
+    ([("span.x < middle && middle < span.y", "span.x < middle")], "fast"),
+    ([("begin + 0.5 * step", "begin")], "fast"),
+    ([("plane.x + middle * plane.y", "plane.x")], "fast"),
+    ([("depth <= map[slices + slice * TILE_PIXELS]", "depth <= map[slices]")], "fast"),
     ([("1.0 - (1.0 - large) * (1.0 - large)", "large")], "fast"),
 ];
 
@@ -139,7 +140,9 @@ static MUTANTS: [Mutant; 24] = [
 fn broken_filtered_sweeps_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_filtered_sweeps_are_noticed") else { return };
     let cases = filtered();
-    all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| check(gpu, named(&cases, name)));
+    let unfiltered = cases.iter().find(|case| case.options.prefilter == Prefilter::None).unwrap();
+    let case = |name| if name == "without filter" { unfiltered } else { named(&cases, name) };
+    all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| check(gpu, case(name)));
 }
 
 /// Whole images, and the same with small buffers.

@@ -4,33 +4,35 @@ use bytemuck::Pod;
 use wgpu::{Buffer, BufferUsages, MapMode};
 
 use super::slots::Slots;
-use super::splat_twins::{Context, Posed, Restored, SplatTwins, Sums, whole};
+use super::splat_twins::{Context, Posed, SplatTwins, Sums, whole};
 use crate::backend::gpu::batches::Batch;
-use crate::backend::gpu::bind::BoundPrograms;
-use crate::backend::gpu::ewa::EwaStep;
+use crate::backend::gpu::bind::{BoundPrograms, SurfelPrograms};
 use crate::backend::gpu::job::{Job, Place, StepWork};
 use crate::backend::gpu::layout::{Segment, TILE};
+use crate::backend::gpu::paint::{InstantStep, PaintStep};
 use crate::backend::gpu::prepared::Prepared;
-use crate::backend::gpu::steps::{MapStep, SplatStep, SweepStep};
+use crate::backend::gpu::steps::{MapStep, PublishedSweepStep, SweepStep};
 use crate::backend::gpu::timestamps::Marks;
 use crate::backend::gpu::{DeviceState, Gpu};
 use crate::frame::{Blocks, Frame};
 use crate::layout::Splat;
-use crate::plan::{EwaPass, MapPass, Objects, PosedInterval, SplatPass, Step, SweepPass};
+use crate::plan::{InstantPass, MapPass, PaintPass, PosedInterval, Published, PublishedSweepPass, Step, SweepPass};
 
 /// A pass of the device: of splats, of the map, of kernels in motion, or of filtered kernels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pass {
     Project,
     Bin,
-    Splat(SplatPass),
+    /// Without a filter, with low-pass discs or without.
+    Splat(InstantPass),
     Map(MapPass),
     /// `Project` and `Bin` of kernels in motion.
     MakeKernels,
     Sweep(SweepPass),
+    PublishedSweep(PublishedSweepPass),
     /// `Project` and `Bin` of filtered kernels.
     Filter,
-    Ewa(EwaPass),
+    Ewa(PaintPass),
 }
 
 /// Stands for +infinity on the device.
@@ -49,8 +51,8 @@ pub(super) struct Harness<'a> {
     pub prepared: Prepared<'a>,
     programs: BoundPrograms,
     band: crate::backend::gpu::memory::Band,
-    /// The interval of the group, if it has one, and what is swept.
-    swept: Option<(PosedInterval, Objects)>,
+    /// The interval of the group, if it has one.
+    swept: Option<PosedInterval>,
     pub batch: Batch,
 }
 
@@ -77,13 +79,15 @@ impl<'a> Harness<'a> {
         let position = &frame.rasters[0].positions[0];
         let group = &position.groups[0];
         let swept = frame.steps().find_map(|step| match *step {
-            Step::Sweep { interval, objects, .. } => Some((interval, objects)),
+            Step::Sweep { interval, .. } | Step::Published { part: Published::Sweep { interval, .. }, .. } => {
+                Some(interval)
+            }
             _ => None,
         });
         let scope = context.scope(frame, position, group, whole(position));
         let twins = SplatTwins { scope, edge: TILE as usize };
         let mut harness = Self { gpu, frame, twins, prepared, programs, band, swept, batch: Batch::default() };
-        let mut batches = harness.gpu.state.upload(&harness.job(false)).run;
+        let mut batches = harness.gpu.state.upload(&harness.job(false));
         assert!(batches.len() <= 1, "one batch");
         harness.batch = batches.pop()?;
         Some(harness)
@@ -98,12 +102,12 @@ impl<'a> Harness<'a> {
     /// The group, on the band or on the map around it.
     fn job(&self, on_map: bool) -> Job<'_> {
         let place = self.place();
-        if self.frame.has_ewa() {
-            return place.ewa_job(0, Objects::All);
+        if self.frame.has_filtered_kernels() {
+            return place.filtered_job(0, false);
         }
-        let Some((interval, objects)) = self.swept else { return place.job(0, Objects::All) };
-        let job = place.sweep_job(0, &interval, objects);
-        if on_map { Job { area: job.map, ..job } } else { job }
+        let Some(interval) = self.swept else { return place.job(0) };
+        let job = place.sweep_job(0, &interval);
+        if on_map { Job { area: job.map, low_pass: false, ..job } } else { job }
     }
 
     fn tiles(&self) -> Vec<[usize; 2]> {
@@ -141,19 +145,6 @@ impl<'a> Harness<'a> {
         Host { posed, slots, thresholds, sums, film }
     }
 
-    /// By tile: static objects, and what of them is restored.
-    pub(super) fn restored(&self, host: &Host) -> Vec<Restored> {
-        let one = |(tile, thresholds): ([usize; 2], &Vec<f32>)| {
-            let mut restored = self.twins.restore(&host.posed, tile, thresholds);
-            if !self.wants(tile) {
-                restored.layer_thresholds = vec![UNWANTED; PIXELS];
-                restored.limits = vec![UNWANTED; PIXELS];
-            }
-            restored
-        };
-        self.tiles().into_iter().zip(&host.thresholds).map(one).collect()
-    }
-
     /// Writes what the passes before `pass` make, and spoils what it will write.
     pub(super) fn feed(&mut self, host: &Host, pass: Pass) {
         let buffers = &self.gpu.state.buffers;
@@ -172,42 +163,16 @@ impl<'a> Harness<'a> {
             return;
         }
         host.slots.feed_lists(self);
-        if pass == Pass::Splat(SplatPass::Visibility) {
+        if pass == Pass::Splat(InstantPass::Visibility) {
             return;
         }
         let thresholds: Vec<f32> = host.thresholds.iter().flatten().map(|&t| t.min(NONE)).collect();
         self.write(&buffers.thresholds, &thresholds);
-        if pass == Pass::Splat(SplatPass::Attribute) {
+        if pass == Pass::Splat(InstantPass::Attribute) {
             return;
         }
         let sums: Vec<f32> = host.sums.iter().flat_map(planes_of).flatten().collect();
         self.write(&buffers.sums, &sums);
-    }
-
-    /// Makes the static layer.
-    pub(super) fn static_layer(&mut self) {
-        let mut marks = Marks::new(&self.gpu.state.device).unwrap();
-        assert!(self.gpu.state.static_layer(self.place(), 0, &mut marks), "there is no layer");
-        self.gpu.state.device.check().unwrap();
-    }
-
-    /// Starts pass `attribute` from the static layer, without what must be recomputed.
-    pub(super) fn restore(&mut self) {
-        let layer = self.programs.static_layer.as_ref().unwrap();
-        let job = Job { from_layer: true, objects: Objects::Moving, ..self.job(false) };
-        let mut encoder = self.gpu.state.encoder();
-        let mut marks = Marks::new(&self.gpu.state.device).unwrap();
-        self.gpu.state.upload(&job);
-        SplatStep { job, layer: Some(layer) }.restore(layer, &mut encoder, 0, &mut marks);
-        self.gpu.state.device.queue.submit([encoder.finish()]);
-        self.gpu.state.device.check().unwrap();
-    }
-
-    /// Makes the picture of static objects.
-    pub(super) fn static_picture(&mut self) {
-        let mut marks = Marks::new(&self.gpu.state.device).unwrap();
-        self.gpu.state.static_picture(self.place(), 0, &mut marks).unwrap();
-        self.gpu.state.device.check().unwrap();
     }
 
     /// Runs one pass; what belongs to the map, on the map around the band.
@@ -215,20 +180,36 @@ impl<'a> Harness<'a> {
         let on_map = self.swept.is_some() && matches!(pass, Pass::Project | Pass::Bin | Pass::Map(_));
         let job = self.job(on_map);
         self.gpu.state.upload(&job);
-        if let Some((interval, _)) = &self.swept {
+        if let Some(interval) = &self.swept {
             self.write(&self.gpu.state.buffers.moments, &interval.moments);
         }
-        let swept = || self.programs.swept.as_ref().unwrap();
-        let ewa = || self.programs.ewa.as_ref().unwrap();
-        match pass {
-            Pass::Project => self.lists(&SplatStep { job, layer: None }, true, false),
-            Pass::Bin => self.lists(&SplatStep { job, layer: None }, false, true),
-            Pass::Splat(pass) => self.record(&SplatStep { job, layer: None }, pass),
-            Pass::Map(pass) => self.record(&MapStep { job, programs: swept() }, pass),
-            Pass::MakeKernels => self.lists(&SweepStep { job, programs: swept() }, true, true),
-            Pass::Sweep(pass) => self.record(&SweepStep { job, programs: swept() }, pass),
-            Pass::Filter => self.lists(&EwaStep { job, programs: ewa() }, true, true),
-            Pass::Ewa(pass) => self.record(&EwaStep { job, programs: ewa() }, pass),
+        match (&self.programs.surfels, pass) {
+            (SurfelPrograms::Paint(programs), pass) => match pass {
+                Pass::Project => self.lists(&InstantStep { job, programs }, true, false),
+                Pass::Bin => self.lists(&InstantStep { job, programs }, false, true),
+                Pass::Splat(pass) => self.record(&InstantStep { job, programs }, pass),
+                Pass::Filter => self.lists(&PaintStep { job, programs }, true, true),
+                Pass::Ewa(pass) => self.record(&PaintStep { job, programs }, pass),
+                _ => unreachable!("not a pass of instants"),
+            },
+            (SurfelPrograms::Sweep(programs), Pass::MakeKernels) => {
+                self.lists(&SweepStep { job, programs }, true, true);
+            }
+            (SurfelPrograms::Sweep(programs), Pass::Sweep(pass)) => self.record(&SweepStep { job, programs }, pass),
+            (SurfelPrograms::Published(programs, _), Pass::Project) => {
+                self.lists(&MapStep { job, programs }, true, false);
+            }
+            (SurfelPrograms::Published(programs, _), Pass::Bin) => self.lists(&MapStep { job, programs }, false, true),
+            (SurfelPrograms::Published(programs, _), Pass::Map(pass)) => {
+                self.record(&MapStep { job, programs }, pass);
+            }
+            (SurfelPrograms::Published(_, programs), Pass::MakeKernels) => {
+                self.lists(&PublishedSweepStep { job, programs }, true, true);
+            }
+            (SurfelPrograms::Published(_, programs), Pass::PublishedSweep(pass)) => {
+                self.record(&PublishedSweepStep { job, programs }, pass);
+            }
+            _ => unreachable!("not a pass of the frame"),
         }
     }
 

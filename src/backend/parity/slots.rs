@@ -113,7 +113,7 @@ impl Slotted for FilteredSplat {
             (vec![k], k.abs().max(largest(&inverse_depth) * motion) * skew),
             (vec![peak, weight, coverage], weight.max(peak).max(coverage) * skew),
         ]);
-        ([surfel, flags << 1 | u32::from(self.filtered.is_crossing())], floats)
+        ([surfel, flags << 1 | u32::from(self.filtered.is_unfiltered())], floats)
     }
 }
 

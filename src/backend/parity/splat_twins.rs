@@ -3,21 +3,22 @@
 //! What they read is made by the constructors that rendering uses ([`Scope`]). Only tiles have another size.
 
 use super::tiles_of_edge::{put_rows, rect, take_rows, touches};
-use crate::backend::cpu::attribute::{self, Tally};
 use crate::backend::cpu::chunk::{Chunk, chunks};
 use crate::backend::cpu::clocks::Clocks;
-use crate::backend::cpu::project;
-use crate::backend::cpu::resolve::{self, TileFilm};
+use crate::backend::cpu::paint::attribute::{Filter, attribute};
+use crate::backend::cpu::paint::buffers::{APRON_STRIDE, Layer};
+use crate::backend::cpu::paint::visibility::visibility;
+use crate::backend::cpu::paint::{Kernel, Sight, resolve};
+use crate::backend::cpu::published::{LowPassSplat, resolve_instant};
+use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
-use crate::backend::cpu::static_tile::StaticTile;
 use crate::backend::cpu::tile_buffers::TileBuffers;
-use crate::backend::cpu::tiles::{Band, ROWS, STRIDE, TILE};
+use crate::backend::cpu::tiles::{Band, STRIDE, TILE};
 use crate::backend::cpu::values;
-use crate::backend::cpu::visibility;
 use crate::film::FilmPlanes;
 use crate::frame::{Frame, PosedGroup, Position};
 use crate::layout::{Channels, Splat};
-use crate::plan::Objects;
+use crate::options::Prefilter;
 
 /// Splats, or kernels in motion, of one object at one sample, in surfel order. A static object has those of the first
 /// sample.
@@ -35,17 +36,6 @@ pub(super) struct Sums {
     pub coverage: Vec<f32>,
     /// Coverage by static objects.
     pub of_static: Vec<f32>,
-}
-
-/// The static objects of a tile, `edge` x `edge`, and what a group that starts from them has before moving objects are
-/// added.
-pub(super) struct Restored {
-    pub layer_thresholds: Vec<f32>,
-    pub layer: Sums,
-    pub nearest: Vec<f32>,
-    pub sums: Sums,
-    /// Thresholds where sums must be recomputed, else negative.
-    pub limits: Vec<f32>,
 }
 
 /// What the CPU makes of a frame, whatever the group.
@@ -88,9 +78,9 @@ pub(super) fn whole(position: &Position) -> Band {
 }
 
 /// The chunks of rendering, those of one object and sample together.
-pub(super) fn whole_chunks(scope: &Scope<'_>, objects: Objects) -> Vec<Chunk> {
+pub(super) fn whole_chunks(scope: &Scope<'_>) -> Vec<Chunk> {
     let mut whole: Vec<Chunk> = Vec::new();
-    for chunk in chunks(scope.frame, scope.group, objects) {
+    for chunk in chunks(scope.frame, scope.group, false).0 {
         match whole.last_mut() {
             Some(last) if (last.sample, last.object) == (chunk.sample, chunk.object) => {
                 last.surfels.end = chunk.surfels.end;
@@ -101,20 +91,32 @@ pub(super) fn whole_chunks(scope: &Scope<'_>, objects: Objects) -> Vec<Chunk> {
     whole
 }
 
-/// The splats of some objects.
-pub(super) fn project(scope: &Scope<'_>, objects: Objects) -> Vec<Posed> {
+/// The splats of all opaque objects, as `K` projects them.
+pub(super) fn project<K: Kernel>(scope: &Scope<'_>) -> Vec<Posed<K>> {
     let splats_of = |chunk: Chunk| {
         let mut splats = Vec::new();
         let surfels = &scope.frame.objects[chunk.object].surfels;
-        project::project(&scope.view(&chunk), surfels, chunk.surfels.clone(), &mut splats);
+        K::project(&scope.view(&chunk), surfels, chunk.surfels.clone(), &mut splats);
         Posed { chunk, splats }
     };
-    whole_chunks(scope, objects).into_iter().map(splats_of).collect()
+    whole_chunks(scope).into_iter().map(splats_of).collect()
 }
 
 impl SplatTwins<'_> {
+    /// Do splats have low-pass discs?
+    fn low_pass(&self) -> bool {
+        self.scope.frame.prefilter == Prefilter::Approx
+    }
+
     pub(super) fn project(&self) -> Vec<Posed> {
-        project(&self.scope, Objects::All)
+        if !self.low_pass() {
+            return project(&self.scope);
+        }
+        let discs = |posed: Posed<LowPassSplat>| Posed {
+            chunk: posed.chunk,
+            splats: posed.splats.into_iter().map(|splat| splat.0).collect(),
+        };
+        project(&self.scope).into_iter().map(discs).collect()
     }
 
     /// Splats of `posed` that may touch the tile.
@@ -125,61 +127,38 @@ impl SplatTwins<'_> {
     /// Thresholds of a tile, `edge` x `edge`.
     pub(super) fn visibility(&self, posed: &[Posed], tile: [usize; 2]) -> Vec<f32> {
         let mut buffers = TileBuffers::default();
-        buffers.clear_threshold();
+        buffers.paint.clear_depths(false);
         let rect = rect(&self.scope.band, tile, self.edge);
         for posed in posed {
             let (list, depths) = (self.list(posed, tile), self.scope.depths(&posed.chunk));
-            visibility::visibility(&posed.splats, &list, depths, &rect, &mut buffers.threshold);
+            visibility(&posed.splats, &list, depths, &rect, false, &mut buffers.paint);
         }
-        take_rows(&buffers.threshold, STRIDE, self.edge)
+        take_rows(&buffers.paint.threshold, APRON_STRIDE, self.edge)
     }
 
     pub(super) fn attribute(&self, posed: &[Posed], tile: [usize; 2], thresholds: &[f32]) -> Sums {
         let mut buffers = self.with_thresholds(thresholds);
-        buffers.clear_sums(self.scope.channels.count, self.scope.group.samples.len());
-        self.add(posed, tile, &mut buffers, &mut []);
-        self.scope.end_turns(&mut buffers);
-        self.sums(&buffers)
-    }
-
-    /// Starts pass `attribute` from the static objects of a tile.
-    pub(super) fn restore(&self, posed: &[Posed], tile: [usize; 2], thresholds: &[f32]) -> Restored {
-        let Scope { frame, channels, group, .. } = self.scope;
-        let is_static = |posed: &&Posed| frame.objects[posed.chunk.object].is_static;
-        let fixed: Vec<Posed> = posed.iter().filter(is_static).cloned().collect();
-        let layer_thresholds = self.visibility(&fixed, tile);
-        let mut buffers = self.with_thresholds(&layer_thresholds);
-        buffers.clear_sums(channels.count, group.samples.len());
-        let mut nearest = vec![f32::INFINITY; ROWS * STRIDE];
-        self.add(&fixed, tile, &mut buffers, &mut nearest);
-        let layer = StaticTile::with_sums(&buffers, nearest);
-        let of_layer = self.sums(&buffers);
-        let mut buffers = self.with_thresholds(thresholds);
-        buffers.clear_sums(channels.count, group.samples.len());
-        let limits =
-            layer.restore(channels.count, &mut buffers).unwrap_or_else(|| vec![f32::NEG_INFINITY; ROWS * STRIDE]);
-        Restored {
-            layer_thresholds,
-            layer: of_layer,
-            nearest: take_rows(&layer.nearest, STRIDE, self.edge),
-            sums: self.sums(&buffers),
-            limits: take_rows(&limits, STRIDE, self.edge),
-        }
-    }
-
-    /// Adds the splats of `posed` to the buffers' sums.
-    fn add(&self, posed: &[Posed], tile: [usize; 2], buffers: &mut TileBuffers, nearest: &mut [f32]) {
         let rect = rect(&self.scope.band, tile, self.edge);
+        let sight = Sight::new(self.scope.frame.near, self.scope.raster);
         for posed in posed {
-            self.scope.turn(&posed.chunk, buffers);
+            self.scope.turn(&posed.chunk, &mut buffers);
             let mut values = Vec::new();
             values::values(&posed.splats, &self.scope.shown(&posed.chunk), &mut values);
             let attributes = self.scope.attributes(&posed.chunk, &values);
+            let depths = self.scope.depths(&posed.chunk);
+            let filter = Filter { attributes, depths, sight, start: 0, ceiling: &[] };
             let list = self.list(posed, tile);
-            let TileBuffers { threshold, sums, group_coverage, .. } = &mut *buffers;
-            let mut tally = Tally { sums, sample_coverage: &mut group_coverage.sample_coverage, nearest };
-            attribute::attribute(&posed.splats, &list, &attributes, &rect, threshold, &mut tally);
+            let TileBuffers { paint, group_coverage, .. } = &mut buffers;
+            let coverage = &mut group_coverage.sample_coverage;
+            if self.low_pass() {
+                let splats: &[LowPassSplat] = bytemuck::cast_slice(&posed.splats);
+                attribute(splats, &list, &filter, &rect, paint, coverage);
+            } else {
+                attribute(&posed.splats, &list, &filter, &rect, paint, coverage);
+            }
         }
+        self.scope.end_turns(&mut buffers);
+        self.sums(&buffers)
     }
 
     fn sums(&self, buffers: &TileBuffers) -> Sums {
@@ -188,7 +167,8 @@ impl SplatTwins<'_> {
             [] => Vec::new(),
             _ => take_rows(values, STRIDE, self.edge),
         };
-        let channel = |c: usize| take_rows(&buffers.sums[c * STRIDE..], channels * STRIDE, self.edge);
+        let sums = &buffers.paint.sums[Layer::Band as usize];
+        let channel = |c: usize| take_rows(&sums[c * STRIDE..], buffers.paint.row, self.edge);
         Sums {
             channels: (0..channels).map(channel).collect(),
             sample_coverage: plane(&buffers.group_coverage.sample_coverage),
@@ -199,24 +179,30 @@ impl SplatTwins<'_> {
 
     /// Film of a tile after the group alone: plane by plane, `edge` x `edge`.
     pub(super) fn resolve(&self, tile: [usize; 2], thresholds: &[f32], sums: &Sums) -> Vec<Vec<f32>> {
-        let Scope { channels, planes, group, .. } = self.scope;
         let mut buffers = self.with_thresholds(thresholds);
-        buffers.clear_sums(channels.count, group.samples.len());
+        let row = buffers.paint.row;
         for (c, channel) in sums.channels.iter().enumerate() {
-            put_rows(channel, &mut buffers.sums[c * STRIDE..], channels.count * STRIDE, self.edge);
+            put_rows(channel, &mut buffers.paint.sums[Layer::Band as usize][c * STRIDE..], row, self.edge);
         }
         put_rows(&sums.coverage, &mut buffers.group_coverage.coverage, STRIDE, self.edge);
         let mut film = TileFilm::default();
-        let TileBuffers { threshold, sums, group_coverage, .. } = &buffers;
-        let rect = rect(&self.scope.band, tile, self.edge);
-        resolve::resolve(&self.scope.resolve(), &rect, threshold, sums, &group_coverage.coverage, &mut film);
-        (0..planes.count).map(|p| take_rows(&film.values[p * TILE * TILE..], TILE, self.edge)).collect()
+        let TileBuffers { paint, group_coverage, .. } = &buffers;
+        let (scope, rect) = (&self.scope, rect(&self.scope.band, tile, self.edge));
+        if self.low_pass() {
+            resolve_instant(&scope.resolve(), &rect, paint, &group_coverage.coverage, &mut film);
+        } else {
+            resolve::resolve(&scope.resolve(), &rect, 0, paint, &group_coverage.coverage, &mut film);
+        }
+        (0..scope.planes.count).map(|p| take_rows(&film.values[p * TILE * TILE..], TILE, self.edge)).collect()
     }
 
+    /// Buffers with these thresholds and no sums.
     fn with_thresholds(&self, thresholds: &[f32]) -> TileBuffers {
         let mut buffers = TileBuffers::default();
-        buffers.clear_threshold();
-        put_rows(thresholds, &mut buffers.threshold, STRIDE, self.edge);
+        buffers.paint.clear_depths(false);
+        put_rows(thresholds, &mut buffers.paint.threshold, APRON_STRIDE, self.edge);
+        buffers.paint.clear_sums(self.scope.channels.count, false);
+        buffers.clear_coverage(self.scope.group.samples.len());
         buffers
     }
 }

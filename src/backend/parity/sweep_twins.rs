@@ -1,24 +1,25 @@
 //! The CPU's passes of an interval one at a time, for comparison with another backend's.
 //!
-//! What they read is made by the constructors that rendering uses ([`Scope`], [`MapGroup`], [`SweepGroup`]). Only tiles
-//! have another size.
+//! What they read is made by the constructors that rendering uses ([`Scope`], [`SweepGroup`], [`MapGroup`],
+//! [`PublishedSweepGroup`]). Only tiles have another size.
 
 use super::splat_twins::{self, Posed, whole_chunks};
 use super::tiles_of_edge::{put_rows, rect, take_rows, touches};
-use crate::backend::cpu::attribute::{self, Tally};
+use crate::backend::cpu::bin::Binned;
 use crate::backend::cpu::chunk::Chunk;
 use crate::backend::cpu::job::Job;
+use crate::backend::cpu::paint::buffers::APRON_STRIDE;
+use crate::backend::cpu::paint::visibility::visibility;
+use crate::backend::cpu::published::map::{self, Map, MapTile};
+use crate::backend::cpu::published::{self, MapGroup, PublishedSweepGroup};
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
-use crate::backend::cpu::static_tile::StaticTile;
-use crate::backend::cpu::swept::map::{self, Map, MapTile};
-use crate::backend::cpu::swept::{self, MapGroup, SweepGroup, slices};
+use crate::backend::cpu::swept::{self, SweepGroup, slices};
 use crate::backend::cpu::tile_buffers::TileBuffers;
+use crate::backend::cpu::tile_runner::TileWork;
 use crate::backend::cpu::tiles::{STRIDE, TILE};
 use crate::backend::cpu::values;
-use crate::backend::cpu::visibility;
-use crate::layout::{Channels, FilteredSplat, SweptFilter, SweptSplat};
-use crate::plan::Objects;
+use crate::layout::{FilteredSplat, SweptFilter, SweptSplat};
 
 /// Sums of a tile: channel by channel, `edge` x `edge`; and when kernels cover.
 #[derive(Clone, Debug, Default)]
@@ -27,7 +28,7 @@ pub(super) struct SweptSums {
     pub surface: Vec<u32>,
     pub low_pass: Vec<u32>,
     pub loose: Vec<f32>,
-    /// Empty without full EWA.
+    /// Empty for published kernels.
     pub peak: Vec<f32>,
     pub side: Vec<f32>,
 }
@@ -41,56 +42,34 @@ pub(super) struct MapTwins<'a> {
 
 impl MapTwins<'_> {
     /// Splats at mid-interval.
-    pub(super) fn project(&self, objects: Objects) -> Vec<Posed> {
-        splat_twins::project(&self.group.scope, objects)
+    pub(super) fn project(&self) -> Vec<Posed> {
+        splat_twins::project(&self.group.scope)
     }
 
     /// Thresholds of a tile of the map.
     pub(super) fn visibility(&self, splats: &[Posed], tile: [usize; 2]) -> Vec<f32> {
         let mut buffers = TileBuffers::default();
-        buffers.clear_threshold();
+        buffers.paint.clear_depths(false);
         let rect = rect(&self.group.scope.band, tile, self.edge);
         for Posed { chunk, splats } in splats {
             let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
-            let depths = self.group.scope.depths(chunk);
-            visibility::visibility(splats, &list, depths, &rect, &mut buffers.threshold);
+            visibility(splats, &list, self.group.scope.depths(chunk), &rect, false, &mut buffers.paint);
         }
-        take_rows(&buffers.threshold, STRIDE, self.edge)
+        take_rows(&buffers.paint.threshold, APRON_STRIDE, self.edge)
     }
 
-    /// Sums of weights of a tile of the map.
-    pub(super) fn density(&self, splats: &[Posed], tile: [usize; 2], thresholds: &[f32]) -> Vec<f32> {
+    /// A tile of the map.
+    pub(super) fn store(&self, tile: [usize; 2], thresholds: &[f32]) -> Vec<f32> {
         let mut buffers = TileBuffers::default();
-        buffers.clear_threshold();
-        buffers.clear_sums(1, 1);
-        put_rows(thresholds, &mut buffers.threshold, STRIDE, self.edge);
-        let (channels, rect) = (Channels::weights(), rect(&self.group.scope.band, tile, self.edge));
-        for Posed { chunk, splats } in splats {
-            let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
-            let TileBuffers { threshold, sums, .. } = &mut buffers;
-            let mut tally = Tally { sums, sample_coverage: &mut [], nearest: &mut [] };
-            attribute::attribute(splats, &list, &self.group.weights(chunk, &channels), &rect, threshold, &mut tally);
-        }
-        take_rows(&buffers.sums, STRIDE, self.edge)
-    }
-
-    /// A tile of the map; `density` is empty where weights were not summed.
-    pub(super) fn store(&self, tile: [usize; 2], thresholds: &[f32], density: &[f32]) -> Vec<[f32; 2]> {
-        let mut buffers = TileBuffers::default();
-        buffers.clear_threshold();
-        put_rows(thresholds, &mut buffers.threshold, STRIDE, self.edge);
-        if !density.is_empty() {
-            buffers.clear_sums(1, 1);
-            put_rows(density, &mut buffers.sums, STRIDE, self.edge);
-        }
-        let mut out: MapTile = [[f32::INFINITY; 2]; TILE * TILE];
-        let rect = rect(&self.group.scope.band, tile, self.edge);
-        map::store(&rect, &buffers.threshold, &buffers.sums, &mut out);
+        buffers.paint.clear_depths(false);
+        put_rows(thresholds, &mut buffers.paint.threshold, APRON_STRIDE, self.edge);
+        let mut out: MapTile = [f32::INFINITY; TILE * TILE];
+        map::store(&rect(&self.group.scope.band, tile, self.edge), &buffers.paint.threshold, &mut out);
         take_rows(&out, TILE, self.edge)
     }
 
     /// The map, from its tiles in rows of `tiles_x`.
-    pub(super) fn map(&self, tiles: &[Vec<[f32; 2]>], tiles_x: usize) -> Map {
+    pub(super) fn map(&self, tiles: &[Vec<f32>], tiles_x: usize) -> Map {
         let mut map = Map::default();
         let around = self.group.scope.band;
         let (edge, rows) = (self.edge, tiles.len() / tiles_x.max(1));
@@ -107,6 +86,58 @@ impl MapTwins<'_> {
     }
 }
 
+/// The planes of a tile that passes `attribute` write.
+fn sums_of(buffers: &TileBuffers, channels: usize, edge: usize) -> SweptSums {
+    let channel = |c: usize| take_rows(&buffers.sums[c * STRIDE..], channels * STRIDE, edge);
+    let mask = &buffers.coverage_mask;
+    let own = |plane: &[f32]| if plane.is_empty() { Vec::new() } else { take_rows(plane, STRIDE, edge) };
+    SweptSums {
+        channels: (0..channels).map(channel).collect(),
+        surface: take_rows(&mask.surface, STRIDE, edge),
+        low_pass: take_rows(&mask.low_pass, STRIDE, edge),
+        loose: take_rows(&mask.loose, STRIDE, edge),
+        peak: own(&mask.peak),
+        side: own(&mask.side),
+    }
+}
+
+/// The film that `resolve` makes of the sums of a tile: plane by plane, `edge` x `edge`.
+fn film_of(
+    scope: &Scope<'_>,
+    edge: usize,
+    tile: [usize; 2],
+    sums: &SweptSums,
+    resolve: impl FnOnce(&mut Job<'_, SweptSplat, TileFilm>),
+) -> Vec<Vec<f32>> {
+    let channels = scope.channels.count;
+    let mut buffers = TileBuffers::default();
+    buffers.clear_sums(channels);
+    buffers.clear_coverage_mask(!sums.peak.is_empty());
+    for (c, channel) in sums.channels.iter().enumerate() {
+        put_rows(channel, &mut buffers.sums[c * STRIDE..], channels * STRIDE, edge);
+    }
+    let mask = &mut buffers.coverage_mask;
+    put_rows(&sums.surface, &mut mask.surface, STRIDE, edge);
+    put_rows(&sums.low_pass, &mut mask.low_pass, STRIDE, edge);
+    put_rows(&sums.loose, &mut mask.loose, STRIDE, edge);
+    if !sums.peak.is_empty() {
+        put_rows(&sums.peak, &mut mask.peak, STRIDE, edge);
+        put_rows(&sums.side, &mut mask.side, STRIDE, edge);
+    }
+    let (mut film, mut scratch) = (TileFilm::default(), Vec::new());
+    resolve(&mut Job {
+        chunks: &[],
+        binned: &[],
+        tile: rect(&scope.band, tile, edge),
+        index: 0,
+        buffers: &mut buffers,
+        scratch: &mut scratch,
+        out: &mut film,
+        first: true,
+    });
+    (0..scope.planes.count).map(|p| take_rows(&film.values[p * TILE * TILE..], TILE, edge)).collect()
+}
+
 /// The kernels in motion of one group, in tiles of another size than the CPU's own.
 pub(super) struct SweepTwins<'a> {
     pub group: SweepGroup<'a>,
@@ -119,45 +150,24 @@ impl SweepTwins<'_> {
         &self.group.scope
     }
 
-    /// Kernels in motion.
-    pub(super) fn sweep(&self, objects: Objects) -> Vec<Posed<SweptSplat>> {
+    /// Kernels in motion, and their filtered kernels.
+    pub(super) fn sweep(&self) -> Vec<Posed<FilteredSplat>> {
         let kernels_of = |chunk: Chunk| {
-            let (mut splats, surfels) = (Vec::new(), &self.scope().frame.objects[chunk.object].surfels);
-            let view = self.scope().view(&chunk);
-            swept::project::project(&view, self.group.ellipsoid(), surfels, chunk.surfels.clone(), &mut splats);
-            Posed { chunk, splats }
+            let mut binned = Binned::default();
+            self.group.project(&chunk, &mut binned);
+            let both = binned.splats.into_iter().zip(binned.filters);
+            Posed { chunk, splats: both.map(|(splat, filtered)| FilteredSplat { splat, filtered }).collect() }
         };
-        whole_chunks(self.scope(), objects).into_iter().map(kernels_of).collect()
+        whole_chunks(self.scope()).into_iter().map(kernels_of).collect()
     }
 
-    /// Kernels in motion, and those that full EWA makes of them.
-    pub(super) fn filtered_sweep(&self, objects: Objects) -> Vec<Posed<FilteredSplat>> {
-        let kernels_of = |chunk: Chunk| {
-            let (mut splats, mut filters) = (Vec::new(), Vec::new());
-            let surfels = &self.scope().frame.objects[chunk.object].surfels;
-            let (view, range) = (self.scope().view(&chunk), chunk.surfels.clone());
-            let ellipsoid = self.group.ellipsoid();
-            swept::project::project_filtered(&view, ellipsoid, surfels, range, &mut splats, &mut filters);
-            let both = splats.into_iter().zip(filters).map(|(splat, filtered)| FilteredSplat { splat, filtered });
-            Posed { chunk, splats: both.collect() }
-        };
-        whole_chunks(self.scope(), objects).into_iter().map(kernels_of).collect()
-    }
-
-    /// Thresholds of a tile, slice by slice; none where kernels have no slices. `thresholds`: those of static objects.
-    pub(super) fn visibility(
-        &self,
-        kernels: &[Posed<SweptSplat>],
-        tile: [usize; 2],
-        thresholds: &[f32],
-    ) -> Vec<Vec<f32>> {
-        let count = self.slices();
+    /// Thresholds of a tile, slice by slice.
+    pub(super) fn visibility(&self, kernels: &[Posed<SweptSplat>], tile: [usize; 2]) -> Vec<Vec<f32>> {
+        let count = self.group.interval.slices as usize;
         let mut buffers = TileBuffers::default();
-        buffers.clear_threshold();
-        put_rows(thresholds, &mut buffers.threshold, STRIDE, self.edge);
         buffers.start_slices(count);
         let rect = rect(&self.scope().band, tile, self.edge);
-        for Posed { chunk, splats } in kernels.iter().filter(|_| count > 0) {
+        for Posed { chunk, splats } in kernels {
             let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
             slices::visibility(splats, &list, self.scope().depths(chunk), &rect, &mut buffers.slices);
         }
@@ -165,95 +175,80 @@ impl SweepTwins<'_> {
         (0..count).map(slice).collect()
     }
 
-    fn slices(&self) -> usize {
-        if self.group.kernel.has_slices() { self.group.interval.slices as usize } else { 0 }
-    }
-
-    /// Sums of a tile of the image, of which `thresholds` are those of static objects, and `slices` those of slices.
-    /// `filters`: the filtered kernels of each of `kernels`; none without full EWA.
+    /// Sums of a tile of the image, of which `slices` are the thresholds of slices. `filters`: the filtered kernels of
+    /// each of `kernels`.
     pub(super) fn attribute(
         &self,
         kernels: &[Posed<SweptSplat>],
         filters: &[Vec<SweptFilter>],
         tile: [usize; 2],
-        thresholds: &[f32],
         slices: &[Vec<f32>],
     ) -> SweptSums {
         let channels = self.scope().channels.count;
-        let mut buffers = self.clear();
-        put_rows(thresholds, &mut buffers.threshold, STRIDE, self.edge);
+        let mut buffers = TileBuffers::default();
+        buffers.clear_sums(channels);
+        buffers.clear_coverage_mask(true);
         buffers.start_slices(slices.len());
         for (i, slice) in slices.iter().enumerate() {
             put_rows(slice, &mut buffers.slices.threshold[i * STRIDE..], slices.len() * STRIDE, self.edge);
         }
         let rect = rect(&self.scope().band, tile, self.edge);
-        for (i, Posed { chunk, splats }) in kernels.iter().enumerate() {
+        for (Posed { chunk, splats }, filters) in kernels.iter().zip(filters) {
             let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
             let mut values = Vec::new();
             values::values(splats, &self.scope().shown(chunk), &mut values);
             let swept = self.group.swept(chunk, &values);
-            let TileBuffers { threshold, sums, coverage_mask, slices, .. } = &mut buffers;
-            if let Some(filters) = filters.get(i) {
-                swept::filtered::attribute((splats, filters), &list, &swept, &rect, slices, sums, coverage_mask);
-            } else {
-                swept::attribute::attribute(splats, &list, &swept, &rect, threshold, slices, sums, coverage_mask);
-            }
+            let TileBuffers { sums, coverage_mask, slices, .. } = &mut buffers;
+            swept::attribute::attribute((splats, filters), &list, &swept, &rect, slices, sums, coverage_mask);
         }
-        let channel = |c: usize| take_rows(&buffers.sums[c * STRIDE..], channels * STRIDE, self.edge);
-        SweptSums {
-            channels: (0..channels).map(channel).collect(),
-            surface: take_rows(&buffers.coverage_mask.surface, STRIDE, self.edge),
-            low_pass: take_rows(&buffers.coverage_mask.low_pass, STRIDE, self.edge),
-            loose: take_rows(&buffers.coverage_mask.loose, STRIDE, self.edge),
-            peak: self.plane_of_filters(&buffers.coverage_mask.peak),
-            side: self.plane_of_filters(&buffers.coverage_mask.side),
-        }
+        sums_of(&buffers, channels, self.edge)
     }
 
-    /// Film of a tile after the group alone, not finished: plane by plane, `edge` x `edge`. `picture`: that of static
-    /// objects, empty where there is none.
-    pub(super) fn resolve(&self, tile: [usize; 2], sums: &SweptSums, picture: &[Vec<f32>]) -> Vec<Vec<f32>> {
-        let (channels, planes) = (self.scope().channels.count, self.scope().planes.count);
-        let mut buffers = self.clear();
-        for (c, channel) in sums.channels.iter().enumerate() {
-            put_rows(channel, &mut buffers.sums[c * STRIDE..], channels * STRIDE, self.edge);
-        }
-        put_rows(&sums.surface, &mut buffers.coverage_mask.surface, STRIDE, self.edge);
-        put_rows(&sums.low_pass, &mut buffers.coverage_mask.low_pass, STRIDE, self.edge);
-        put_rows(&sums.loose, &mut buffers.coverage_mask.loose, STRIDE, self.edge);
-        if self.group.filters() {
-            put_rows(&sums.peak, &mut buffers.coverage_mask.peak, STRIDE, self.edge);
-            put_rows(&sums.side, &mut buffers.coverage_mask.side, STRIDE, self.edge);
-        }
-        let mut of_static = StaticTile::default();
-        of_static.film.values.resize(planes * TILE * TILE, 0.0);
-        for (p, plane) in picture.iter().enumerate() {
-            put_rows(plane, &mut of_static.film.values[p * TILE * TILE..], TILE, self.edge);
-        }
-        let (mut film, mut scratch) = (TileFilm::default(), Vec::new());
-        let mut job = Job {
-            chunks: &[],
-            binned: &[],
-            tile: rect(&self.scope().band, tile, self.edge),
-            index: 0,
-            buffers: &mut buffers,
-            scratch: &mut scratch,
-            out: &mut film,
+    /// Film of a tile after the group alone, not finished: plane by plane, `edge` x `edge`.
+    pub(super) fn resolve(&self, tile: [usize; 2], sums: &SweptSums) -> Vec<Vec<f32>> {
+        film_of(self.scope(), self.edge, tile, sums, |job| self.group.resolve(job))
+    }
+}
+
+/// The published kernels in motion of one group, in tiles of another size than the CPU's own.
+pub(super) struct PublishedTwins<'a> {
+    pub group: PublishedSweepGroup<'a>,
+    /// Edge of a tile, at most 32 pixels.
+    pub edge: usize,
+}
+
+impl PublishedTwins<'_> {
+    /// Kernels in motion.
+    pub(super) fn sweep(&self) -> Vec<Posed<SweptSplat>> {
+        let kernels_of = |chunk: Chunk| {
+            let mut binned = Binned::default();
+            self.group.project(&chunk, &mut binned);
+            Posed { chunk, splats: binned.splats }
         };
-        self.group.resolve(&mut job, Some(&of_static).filter(|_| !picture.is_empty()));
-        (0..planes).map(|p| take_rows(&film.values[p * TILE * TILE..], TILE, self.edge)).collect()
+        whole_chunks(&self.group.scope).into_iter().map(kernels_of).collect()
     }
 
-    /// A plane that only full EWA has.
-    fn plane_of_filters(&self, plane: &[f32]) -> Vec<f32> {
-        if plane.is_empty() { Vec::new() } else { take_rows(plane, STRIDE, self.edge) }
-    }
-
-    fn clear(&self) -> TileBuffers {
+    /// Sums of a tile of the image.
+    pub(super) fn attribute(&self, kernels: &[Posed<SweptSplat>], tile: [usize; 2]) -> SweptSums {
+        let scope = &self.group.scope;
+        let channels = scope.channels.count;
         let mut buffers = TileBuffers::default();
-        buffers.clear_threshold();
-        buffers.clear_sums(self.scope().channels.count, 1);
-        buffers.clear_coverage_mask(self.group.filters());
-        buffers
+        buffers.clear_sums(channels);
+        buffers.clear_coverage_mask(false);
+        let rect = rect(&scope.band, tile, self.edge);
+        for Posed { chunk, splats } in kernels {
+            let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
+            let mut values = Vec::new();
+            values::values(splats, &scope.shown(chunk), &mut values);
+            let TileBuffers { sums, coverage_mask, .. } = &mut buffers;
+            let swept = self.group.swept(chunk, &values);
+            published::attribute::attribute(splats, &list, &swept, &rect, sums, coverage_mask);
+        }
+        sums_of(&buffers, channels, self.edge)
+    }
+
+    /// Film of a tile after the group alone, not finished: plane by plane, `edge` x `edge`.
+    pub(super) fn resolve(&self, tile: [usize; 2], sums: &SweptSums) -> Vec<Vec<f32>> {
+        film_of(&self.group.scope, self.edge, tile, sums, |job| self.group.resolve(job))
     }
 }

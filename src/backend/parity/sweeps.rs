@@ -1,5 +1,5 @@
-//! Kernels in motion: parity with the CPU, pass by pass and slot by slot. Each pass is fed the CPU's results of the
-//! passes before it. Also: broken programs, small buffers and whole images.
+//! Published kernels in motion: parity with the CPU, pass by pass and slot by slot. Each pass is fed the CPU's results
+//! of the passes before it. Also: broken programs, small buffers and whole images.
 
 use super::cases::{self, Case};
 use super::compare::{Tally, compare, flat};
@@ -7,16 +7,15 @@ use super::gpu_or_skip;
 use super::harness::{Harness, NONE, PIXELS, Pass, tiles};
 use super::mutants::{Mutant, all_are_noticed, named};
 use super::slots::Slots;
-use super::splat_twins::{Context, Posed, SplatTwins, project, whole};
-use super::sweep_twins::{MapTwins, SweepTwins, SweptSums};
+use super::splat_twins::{Context, Posed, whole};
+use super::sweep_twins::{MapTwins, PublishedTwins, SweptSums};
 use crate::backend::cpu::Cpu;
-use crate::backend::cpu::swept::map::Map;
-use crate::backend::cpu::swept::{MapGroup, SweepGroup};
+use crate::backend::cpu::published::{Map, MapGroup, PublishedSweepGroup};
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::TILE;
 use crate::film::Picture;
 use crate::layout::{Splat, SweptSplat};
-use crate::plan::{MapPass, Objects, Step, SweepPass};
+use crate::plan::{MapPass, Published, PublishedSweepPass, Step};
 use crate::renderer::render_checked;
 use crate::time::FrameNumber;
 
@@ -31,46 +30,6 @@ pub(super) fn spoil(harness: &Harness<'_>) {
     harness.gpu.state.device.queue.submit([encoder.finish()]);
 }
 
-/// The static objects of a tile: their thresholds, and their film plane by plane.
-type StaticPicture = (Vec<f32>, Vec<Vec<f32>>);
-
-/// The picture of static objects, on both backends: tile by tile as the CPU has it.
-fn check_static(
-    harness: &mut Harness<'_>,
-    context: &Context,
-    tiles: &[[usize; 2]],
-    map_tiles: usize,
-) -> Result<Vec<StaticPicture>, String> {
-    let frame = harness.frame;
-    if !frame.has_static_picture() {
-        return Ok(vec![(vec![f32::INFINITY; PIXELS], Vec::new()); tiles.len()]);
-    }
-    let position = &frame.rasters[0].positions[0];
-    let mut group = position.groups[0].clone();
-    group.samples[0].weight = 1.0;
-    let scope = context.scope(frame, position, &group, whole(position));
-    let twins = SplatTwins { scope, ..harness.twins };
-    let posed = project(&scope, Objects::Static);
-    let of_tile = |&tile: &[usize; 2]| {
-        let thresholds = twins.visibility(&posed, tile);
-        let mut film = twins.resolve(tile, &thresholds, &twins.attribute(&posed, tile, &thresholds));
-        film.resize(harness.prepared.planes.count, vec![0.0; PIXELS]);
-        (thresholds, film)
-    };
-    let want: Vec<StaticPicture> = tiles.iter().map(of_tile).collect();
-    harness.static_picture();
-    let buffers = &harness.gpu.state.buffers;
-    let map: Vec<f32> = harness.read(&buffers.map, (2 * map_tiles + tiles.len()) * PIXELS);
-    let thresholds: Vec<f32> = want.iter().flat_map(|(thresholds, _)| thresholds.clone()).collect();
-    compare("thresholds of static objects", &map[2 * map_tiles * PIXELS..], &thresholds, |_| 1.0)?;
-    let planes: Vec<f32> = want.iter().flat_map(|(_, planes)| flat(planes)).collect();
-    let film: Vec<f32> = harness.read(&buffers.static_film, planes.len());
-    compare("picture of static objects", &film, &planes, |_| 1.0)?;
-    // Both backends go on from the same.
-    harness.write(&buffers.static_film, &planes);
-    Ok(want)
-}
-
 /// The splats of an object. An interval has one sample.
 fn splats_of_object<S>(all: &[Posed<S>], object: usize) -> &[S] {
     &all.iter().find(|posed| posed.chunk.object == object).unwrap().splats
@@ -82,14 +41,13 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let frame = case.frame();
     let context = Context::of(&frame);
     let Some(mut harness) = Harness::new(gpu, &frame, &context) else { return Ok(()) };
-    let (interval, kernel, objects) = frame
+    let (interval, kernel) = frame
         .steps()
         .find_map(|step| match *step {
-            Step::Sweep { interval, kernel, objects, .. } => Some((interval, kernel, objects)),
+            Step::Published { part: Published::Sweep { interval, kernel }, .. } => Some((interval, kernel)),
             _ => None,
         })
         .unwrap();
-    let density = frame.steps().any(|step| matches!(step, Step::VisibilityMap { density: true, .. }));
     let position = &frame.rasters[0].positions[0];
     let (edge, band) = (TILE as usize, whole(position));
     let scope = |band| context.scope(&frame, position, &position.groups[0], band);
@@ -99,7 +57,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let (on_map, on_band) = (tiles(around.tiles), tiles(raster.tiles));
     let failed = |pass: Pass| move |what: String| format!("{}: {pass:?}: {what}", case.name);
 
-    let splats = map_twins.project(objects);
+    let splats = map_twins.project();
     let splats_of = |_: &_, object| splats_of_object(&splats, object);
     let with_segment = |splat: &Splat, segment| Splat { flags: splat.flags | segment << 1, ..*splat };
     let slots = Slots::new(&harness.batch, &on_map, splats_of, with_segment, |_| true);
@@ -122,38 +80,25 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
 
     let finite: Vec<f32> = thresholds.iter().flatten().map(|t| t.min(NONE)).collect();
     harness.write(&harness.gpu.state.buffers.thresholds, &finite);
-    let mut densities = vec![Vec::new(); on_map.len()];
-    if density {
-        densities = on_map.iter().zip(&thresholds).map(|(&tile, t)| map_twins.density(&splats, tile, t)).collect();
-        let pass = Pass::Map(MapPass::Density);
-        harness.run(pass);
-        let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.sums, count);
-        compare("density", &got, &flat(&densities), |_| 1.0).map_err(failed(pass))?;
-        harness.write(&harness.gpu.state.buffers.sums, &flat(&densities));
-    }
-    let stored: Vec<_> = on_map
-        .iter()
-        .zip(thresholds.iter().zip(&densities))
-        .map(|(&tile, (t, d))| map_twins.store(tile, t, d))
-        .collect();
+    let stored: Vec<_> = on_map.iter().zip(&thresholds).map(|(&tile, t)| map_twins.store(tile, t)).collect();
     let pass = Pass::Map(MapPass::Store);
     harness.run(pass);
-    let got: Vec<[f32; 2]> = harness.read(&harness.gpu.state.buffers.map, count);
+    let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.map, count);
     // Beyond the guard band the CPU stores nothing; no sources are there.
     let [width, height] = around.pixels.size();
     let inside = |i: usize| {
         let (tile, pixel) = (on_map[i / PIXELS], i % PIXELS);
         tile[0] * edge + pixel % edge < width as usize && tile[1] * edge + pixel / edge < height as usize
     };
-    let some = |values: &[[f32; 2]]| -> Vec<f32> {
-        values.iter().enumerate().filter(|(i, _)| inside(*i)).flat_map(|(_, value)| *value).collect()
+    let some = |values: &[f32]| -> Vec<f32> {
+        values.iter().enumerate().filter(|(i, _)| inside(*i)).map(|(_, value)| *value).collect()
     };
     compare("map", &some(&got), &some(&flat(&stored)), |_| 1.0).map_err(failed(pass))?;
 
     let map: Map = map_twins.map(&stored, around.tiles[0] as usize);
-    let group = SweepGroup { scope: scope(band), interval: &interval, kernel, map: &map, picture: &[] };
-    let twins = SweepTwins { group, edge };
-    let kernels = twins.sweep(objects);
+    let group = PublishedSweepGroup { scope: scope(band), interval: &interval, kernel, map: &map };
+    let twins = PublishedTwins { group, edge };
+    let kernels = twins.sweep();
     let kernels_of = |_: &_, object| splats_of_object(&kernels, object);
     let with_segment = |kernel: &SweptSplat, segment| SweptSplat { flags: kernel.flags | segment << 3, ..*kernel };
     let slots = Slots::new(&harness.batch, &on_band, kernels_of, with_segment, |_| true);
@@ -161,39 +106,29 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     slots.compare_splats(&harness).map_err(failed(Pass::MakeKernels))?;
     slots.compare_lists(&harness).map_err(failed(Pass::MakeKernels))?;
 
-    let picture = check_static(&mut harness, &context, &on_band, on_map.len())
-        .map_err(|what| format!("{}: {what}", case.name))?;
     slots.feed_splats(&harness);
     slots.feed_lists(&harness);
-    let behind = picture.iter().filter(|(_, film)| !film.is_empty()).flat_map(|(before, _)| before);
-    let mut fed: Vec<f32> = flat(&stored).as_flattened().iter().chain(behind).map(|v| v.min(NONE)).collect();
+    let fed: Vec<f32> = stored.iter().flatten().map(|v| v.min(NONE)).collect();
     harness.write(&harness.gpu.state.buffers.map, &fed);
-    let of_tile = |(&tile, (before, _)): (_, &StaticPicture)| twins.visibility(&kernels, tile, before);
-    let slices: Vec<_> = on_band.iter().zip(&picture).map(of_tile).collect();
-    if kernel.has_slices() {
-        let pass = Pass::Sweep(SweepPass::Visibility);
-        harness.run(pass);
-        let want: Vec<f32> = slices.iter().flat_map(|slices| flat(slices)).collect();
-        let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.map, fed.len() + want.len());
-        compare("thresholds of slices", &got[fed.len()..], &want, |_| 1.0).map_err(failed(pass))?;
-        fed.extend(want.iter().map(|v| v.min(NONE)));
-    }
-    let of_tile = |((&tile, (before, _)), slices): ((_, &StaticPicture), &Vec<Vec<f32>>)| {
-        twins.attribute(&kernels, &[], tile, before, slices)
-    };
-    let sums: Vec<_> = on_band.iter().zip(&picture).zip(&slices).map(of_tile).collect();
-    harness.write(&harness.gpu.state.buffers.map, &fed);
-    harness.run(Pass::Sweep(SweepPass::Attribute));
-    compare_sums(&harness, &sums).map_err(failed(Pass::Sweep(SweepPass::Attribute)))?;
+    let sums: Vec<_> = on_band.iter().map(|&tile| twins.attribute(&kernels, tile)).collect();
+    let pass = Pass::PublishedSweep(PublishedSweepPass::Attribute);
+    harness.run(pass);
+    compare_sums(&harness, &sums).map_err(failed(pass))?;
 
     let buffers = &harness.gpu.state.buffers;
     harness.write(&buffers.sums, &sums.iter().flat_map(|sums| flat(&sums.channels)).collect::<Vec<_>>());
     harness.write(&buffers.coverage_mask, &sums.iter().flat_map(mask_planes).flatten().collect::<Vec<u32>>());
-    harness.run(Pass::Sweep(SweepPass::Resolve));
-    let of_tile = |((&tile, sums), (_, film)): ((_, _), &StaticPicture)| twins.resolve(tile, sums, film);
-    let want: Vec<_> = on_band.iter().zip(&sums).zip(&picture).flat_map(of_tile).collect();
+    let pass = Pass::PublishedSweep(PublishedSweepPass::Resolve);
+    harness.run(pass);
+    let want: Vec<_> = on_band.iter().zip(&sums).flat_map(|(&tile, sums)| twins.resolve(tile, sums)).collect();
     let got: Vec<f32> = harness.read(&harness.gpu.state.buffers.film, want.len() * PIXELS);
-    compare("film", &got, &flat(&want), |_| 1.0).map_err(failed(Pass::Sweep(SweepPass::Resolve)))
+    compare("film", &got, &flat(&want), |_| 1.0).map_err(failed(pass))
+}
+
+/// The cases of published kernels.
+fn published() -> Vec<Case> {
+    let is_published = |case: &Case| case.kernel().is_published();
+    cases::swept().into_iter().filter(is_published).collect()
 }
 
 /// The planes of a tile's coverage mask.
@@ -233,57 +168,44 @@ pub(super) fn compare_sums(harness: &Harness<'_>, want: &[SweptSums]) -> Result<
 #[test]
 fn swept_passes_agree() {
     let Some(mut gpu) = gpu_or_skip("swept_passes_agree") else { return };
-    for case in cases::swept() {
+    for case in published() {
         eprintln!("{}:", case.name);
         check(&mut gpu, &case).unwrap_or_else(|what| panic!("{what}"));
     }
 }
 
-static MUTANTS: [Mutant; 38] = [
-    ([("apply(travels[segment.index].motion, position)", "-apply(travels[segment.index].motion, position)")], "tube"),
-    ([("(v.x * m.y - v.y * m.x) * over_both", "(v.x * m.y + v.y * m.x) * over_both")], "tube"),
-    ([("max(begin.y, end.y)", "begin.y")], "fast"),
-    ([("min(across.y, columns.y)", "across.y")], "ellipsoid"),
-    ([("form(cross(motion, u) * over)", "form(cross(u, motion) * over)")], "hard"),
-    ([("SPLATS * slot + PART", "SPLATS * slot")], "tube"),
-    ([("vec2<u32>(column, row)) + view.corner", "vec2<u32>(column, row))")], "tube"),
-    ([("1.0 / sums[at], sums[at] > 0.0", "1.0, sums[at] > 0.0")], "tube"),
-    ([("pixel - view.map_corner", "pixel")], "fast"),
-    ([("let y = a * a - 1.0", "let y = a * b - 1.0")], "tube"),
-    ([("0.00005102865", "0.00006102865")], "fast"),
-    ([("cross * cross + e", "e")], "tube"),
-    ([("below(span.y) & ~below(span.x)", "below(span.y)")], "fast"),
+static MUTANTS: [Mutant; 25] = [
+    ([("apply(travels[segment.index].motion, position)", "-apply(travels[segment.index].motion, position)")], "chord"),
+    ([("(v.x * m.y - v.y * m.x) * over_both", "(v.x * m.y + v.y * m.x) * over_both")], "chord"),
+    ([("max(begin.y, end.y)", "begin.y")], "chord"),
+    ([("min(across.y, columns.y)", "across.y")], "chord"),
+    ([("form(cross(motion, u) * over)", "form(cross(u, motion) * over)")], "hard line"),
+    ([("SPLATS * slot + PART", "SPLATS * slot")], "chord"),
+    ([("vec2<u32>(column, row)) + view.corner", "vec2<u32>(column, row))")], "chord"),
+    ([("pixel - view.map_corner", "pixel")], "chord"),
+    ([("let y = a * a - 1.0", "let y = a * b - 1.0")], "line"),
+    ([("0.00005102865", "0.00006102865")], "line"),
+    ([("cross * cross + e", "e")], "chord"),
+    ([("below(span.y) & ~below(span.x)", "below(span.y)")], "chord"),
     ([("depth - m[2] * tau", "depth")], "chord"),
-    ([("1.0 + view.slope * tau", "1.0")], "fast"),
-    ([("min(weight * known.y, met.most)", "weight * known.y")], "fast"),
-    ([("f32(part + 1u) * step", "f32(part) * step")], "parts"),
-    ([("coverage_mask[at + TILE_PIXELS] & ~surface", "coverage_mask[at + TILE_PIXELS]")], "fast"),
-    ([("max(span.x, limits.x), min(span.y, limits.y)", "span.x, span.y")], "near"),
-    ([("covers + min(loose, reached)", "covers + reached")], "fast"),
-    ([("met.depth > before", "met.depth < before")], "tube"),
-    ([("return 2u * view.map_tiles.x", "return 2u * view.map_tiles.y")], "tube"),
-    ([("depth + max(epsilon,", "depth + max(0.0,")], "tube"),
-    ([("span.x < middle && middle < span.y", "span.x < middle")], "fast"),
-    ([("begin + 0.5 * step", "begin")], "fast"),
-    ([("plane.x + middle * plane.y", "plane.x")], "fast"),
-    ([("depth <= behind(slices + slice * TILE_PIXELS)", "depth <= behind(slices)")], "fast"),
-    ([("weight *= shown.part", "weight *= 1.0")], "fast"),
-    ([("of_slice << (slice * bits)", "of_slice")], "fast"),
-    ([("(view.near - p.z) / (q.z - p.z)", "(view.near - q.z) / (q.z - p.z)")], "hard"),
+    ([("1.0 + view.slope * tau", "1.0")], "chord"),
+    ([("f32(part + 1u) * step", "f32(part) * step")], "near line"),
+    ([("coverage_mask[at + TILE_PIXELS] & ~surface", "coverage_mask[at + TILE_PIXELS]")], "chord"),
+    ([("max(span.x, limits.x), min(span.y, limits.y)", "span.x, span.y")], "near line"),
+    ([("covers + min(loose, reached)", "covers + reached")], "chord"),
+    ([("select(HIDDEN, 1.0, shown)", "1.0")], "chord"),
+    ([("(view.near - p.z) / (q.z - p.z)", "(view.near - q.z) / (q.z - p.z)")], "hard line"),
     ([("let normal = sqrt(normal_x * normal_x", "let normal = sqrt(0.0 * normal_x")], "line"),
     ([("i[2] - i[0] * offset.x", "i[2] + i[0] * offset.x")], "line"),
     ([("let ray_x = (x + offset.x)", "let ray_x = (x - offset.x)")], "line"),
     ([("(LINE_PEAK * (span.y - span.x)) * slant", "(ELLIPSOID_PEAK * (span.y - span.x)) * slant")], "near line"),
     ([("slant = slant_of(splat, x, y, w)", "slant = 1.0")], "hard line"),
-    ([("&& FOOTPRINT != LINE", "")], "line"),
-    ([("view.weight - covered", "view.weight")], "tube"),
-    ([("left * static_film[at + 3u * TILE_PIXELS]", "left")], "once"),
 ];
 
 #[test]
 fn broken_swept_programs_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_swept_programs_are_noticed") else { return };
-    let cases = cases::swept();
+    let cases = published();
     all_are_noticed(&mut gpu, &MUTANTS, |gpu, name| check(gpu, named(&cases, name)));
 }
 

@@ -8,7 +8,7 @@
 use glam::Vec3;
 
 use super::posed::{Posed, forms};
-use crate::backend::cpu::ewa::share::Share;
+use crate::backend::cpu::paint::share::Share;
 use crate::layout::SweptFilter;
 
 /// How a kernel is filtered.
@@ -18,6 +18,14 @@ pub(super) struct Filter {
     pub sigma: f32,
     /// What the surfel counts.
     pub share: Share,
+}
+
+impl Filter {
+    /// The kernel without a filter: its disc.
+    #[inline(always)]
+    pub(super) fn none(self) -> SweptFilter {
+        SweptFilter::unfiltered(self.share.unfiltered())
+    }
 }
 
 /// A filtered kernel in screen space.

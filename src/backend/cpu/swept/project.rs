@@ -11,36 +11,36 @@ use glam::Vec3;
 use super::filter::{Filter, Filtered};
 use super::posed::{Posed, forms};
 use crate::backend::cpu::bounds::{Disc, extent, index_range, is_outside};
-use crate::backend::cpu::ewa::share::Shares;
+use crate::backend::cpu::paint::share::Shares;
 use crate::backend::cpu::project::View;
 use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, SweptFilter, SweptSplat};
 use crate::math::simd::dispatch;
 use crate::model::Surfels;
 
 dispatch! {
-    /// Appends the swept splats of `surfels[range]` that may touch the wanted pixels, in surfel order. `ellipsoid`:
-    /// kernels sweep the ellipsoid instead of the tube.
+    /// Appends the swept splats of `surfels[range]` that may touch the wanted pixels, in surfel order, and the filtered
+    /// kernel of each. `ellipsoid`: kernels sweep the ellipsoid instead of the tube.
     pub(in crate::backend) fn project(
         view: &View<'_>, ellipsoid: bool, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>,
+        filters: &mut Vec<SweptFilter>,
     ) = project_body
 }
 
 dispatch! {
-    /// As [`project`], with the filtered kernel of each splat.
-    pub(in crate::backend) fn project_filtered(
-        view: &View<'_>, ellipsoid: bool, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>,
-        filters: &mut Vec<SweptFilter>,
-    ) = project_filtered_body
+    /// As [`project`], of published kernels: ellipsoids without a filter.
+    pub(in crate::backend) fn project_published(
+        view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>,
+    ) = project_published_body
 }
 
 #[inline(always)]
-fn project_body(view: &View<'_>, ellipsoid: bool, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>) {
-    let sweep = |posed: &Posed, i: usize| sweep(view, ellipsoid, posed, i as u32, None);
+fn project_published_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>) {
+    let sweep = |posed: &Posed, i: usize| sweep(view, true, posed, i as u32, None);
     out.extend(all_posed(view, surfels, range).filter_map(|(i, posed)| sweep(&posed, i)).map(|(splat, _)| splat));
 }
 
 #[inline(always)]
-fn project_filtered_body(
+fn project_body(
     view: &View<'_>,
     ellipsoid: bool,
     surfels: &Surfels,
@@ -74,8 +74,8 @@ fn all_posed(view: &View<'_>, surfels: &Surfels, range: Range<usize>) -> impl It
     })
 }
 
-/// The splat of one kernel, and its filtered kernel, zeroed without `filter`; none if it shows the wrong face at
-/// mid-interval, or nowhere touches the wanted pixels.
+/// The splat of one kernel, and its filtered kernel, zeroed where nobody asks for one; none if it shows the wrong face
+/// at mid-interval, or nowhere touches the wanted pixels.
 #[inline(always)]
 pub(super) fn sweep(
     view: &View<'_>,
@@ -93,9 +93,8 @@ pub(super) fn sweep(
     // False with a NaN.
     let before = |depth: f32| depth > 0.0 && depth_extent2 - depth * depth <= -1e-3 * depth * depth;
     if !(before(depths[0]) && before(depths[1])) {
-        let weight = filter.map_or(1.0, |filter| filter.share.unfiltered());
         let splat = crossing(view, posed, surfel)?;
-        return Some((splat, SweptFilter::unfiltered(weight)));
+        return Some((splat, filter.map_or_else(SweptFilter::zeroed, Filter::none)));
     }
     let inverse = 1.0 / centre.z;
     let (x, y) = (centre.x * inverse, centre.y * inverse);
@@ -110,7 +109,7 @@ pub(super) fn sweep(
     }
     let low_pass = if view.low_pass && centre.z >= view.near { view.raster.low_pass } else { 0.0 };
     let (mut ends, mut hull) = boxes(view, ellipsoid, posed, low_pass);
-    let wide = filter.map(|filter| Filtered::of(posed, filter));
+    let wide = filter.filter(|filter| filter.sigma > 0.0).map(|filter| Filtered::of(posed, filter));
     if let Some(wide) = &wide {
         let of_filtered = boxes(view, ellipsoid, &wide.posed, 0.0);
         ends = [0, 1].map(|i| about(&ends[i], &of_filtered.0[i]));
@@ -137,7 +136,8 @@ pub(super) fn sweep(
         surfel,
         flags: back | if low_pass > 0.0 { FLAG_LOW_PASS } else { 0 },
     };
-    Some((splat, wide.map_or_else(SweptFilter::zeroed, |wide| wide.forms([mx, my, motion.z]))))
+    let unfiltered = || filter.map_or_else(SweptFilter::zeroed, Filter::none);
+    Some((splat, wide.map_or_else(unfiltered, |wide| wide.forms([mx, my, motion.z]))))
 }
 
 /// Boxes at both ends, as [`end`] has them, and one box about the whole kernel. `low_pass`: radius of its low-pass

@@ -1,49 +1,8 @@
-//! A kernel in motion on the rays through neighbouring pixels (docs/math.md, section 7, eq. 11 to 16).
+//! A kernel in motion on the rays through neighbouring pixels (docs/math.md, section 7, eq. 11 to 15).
 
 use crate::backend::cpu::tiles::LANES;
-use crate::layout::{FLAG_LOW_PASS, SweptSplat};
-use crate::math::sweep::{Path, Sweep, chord_intensity, ellipsoid_weight, line_weight, moments, tube_weight};
-
-/// Integral of the tube.
-pub(super) const TUBE: u8 = 0;
-/// Integral of the ellipsoid.
-pub(super) const ELLIPSOID: u8 = 1;
-/// The ellipsoid's chord (Wolf 2008, eq. 4.12).
-pub(super) const CHORD: u8 = 2;
-/// The line integral through the ellipsoid (Wolf 2008, eq. C.38).
-pub(super) const LINE: u8 = 3;
-
-/// How kernels are met.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Sight {
-    /// Places of a kernel on one ray whose sources are looked up.
-    pub source_samples: u32,
-    /// Change of the time weight from the middle of the interval to its end, over its mean.
-    pub slope: f32,
-    /// Write the sum of weights instead of the times at which kernels cover.
-    pub sum: bool,
-    /// Where the camera's axis meets the raster, counted as sample positions are: raster pixels.
-    pub axis: [f32; 2],
-    /// Focal length, raster pixels.
-    pub focal: f32,
-}
-
-impl Sight {
-    /// 1 / |cos| of the angle between the kernel's normal and the ray at offset `x`, `y` from the splat's reference,
-    /// where the inverse depth is `w` (docs/math.md, eq. 16b).
-    #[inline(always)]
-    fn slant(&self, splat: &SweptSplat, [x, y]: [f32; 2], w: f32) -> f32 {
-        let i = splat.inverse_depth;
-        let (from_x, from_y) = (splat.reference[0] - self.axis[0], splat.reference[1] - self.axis[1]);
-        let (normal_x, normal_y) = (i[0] * self.focal, i[1] * self.focal);
-        let normal_z = i[2] - i[0] * from_x - i[1] * from_y;
-        let over = 1.0 / self.focal;
-        let (ray_x, ray_y) = ((x + from_x) * over, (y + from_y) * over);
-        let normal = (normal_x * normal_x + normal_y * normal_y + normal_z * normal_z).sqrt();
-        let ray = (ray_x * ray_x + ray_y * ray_y + 1.0).sqrt();
-        normal * ray / w
-    }
-}
+use crate::layout::SweptSplat;
+use crate::math::sweep::{Path, Sweep};
 
 /// A kernel on the rays through neighbouring pixels. A lane whose ray does not meet it has weight 0 and covers nothing.
 #[derive(Default)]
@@ -55,17 +14,13 @@ pub(super) struct Lanes {
     /// First and last time at which what weighs covers.
     pub first: [f32; LANES],
     pub last: [f32; LANES],
-    /// Of the coverage: what the low-pass disc adds, or for sums the whole weight.
+    /// Weight of what covers.
     pub loose: [f32; LANES],
     /// Mean depth on the ray.
     pub depth: [f32; LANES],
-    /// Depth of the plane on the ray at tau = 0, and its change to tau = 1; of the low-pass disc where the kernel
-    /// itself is not met.
+    /// Depth of the plane on the ray at tau = 0, and its change to tau = 1.
     pub plane: [[f32; LANES]; 2],
-    /// The pixel nearest the source point, and the depth there that is compared.
-    pub source: [[i32; LANES]; 2],
-    pub source_depth: [f32; LANES],
-    /// When the kernel covers, and when its low-pass disc or its filtered kernel does.
+    /// When the disc covers, and when the filtered kernel does.
     pub surface: [u32; LANES],
     pub low_pass: [u32; LANES],
     /// 1 where anything is met.
@@ -79,11 +34,6 @@ pub(super) struct Ray {
     k: f32,
     /// 1 / k, or as good as infinite.
     inverse_k: f32,
-    /// The low-pass disc: its radius, the motion of its centre over the centre's depth (x, y, depth), and the times at
-    /// which it is beyond `near`.
-    disc: f32,
-    drift: [f32; 3],
-    disc_span: [f32; 2],
 }
 
 impl Ray {
@@ -101,123 +51,17 @@ impl Ray {
     }
 
     #[inline(always)]
-    pub(super) fn of(splat: &SweptSplat, near: f32, low_pass: f32) -> Self {
+    pub(super) fn of(splat: &SweptSplat, near: f32) -> Self {
         let i = splat.inverse_depth;
         let m = splat.motion;
         let k = i[0] * m[0] + i[1] * m[1] + i[2] * m[2];
-        let inverse_k = reciprocal(k);
-        let drift = [m[0] * i[2], m[1] * i[2], m[2] * i[2]];
-        let disc = if splat.flags & FLAG_LOW_PASS != 0 { low_pass } else { 0.0 };
-        let disc_span = beyond_near(near * i[2] - 1.0, drift[2], reciprocal(drift[2]), [-1.0, 1.0]);
-        Self { near, k, inverse_k, disc, drift, disc_span }
-    }
-
-    /// Part `part` of the kernel on the ray through the sample position of `pixel`; nothing beyond column `last`.
-    #[inline(always)]
-    #[allow(clippy::too_many_arguments, reason = "one loop body")]
-    pub(super) fn meet<const FOOTPRINT: u8, const LOW_PASS: bool>(
-        &self,
-        splat: &SweptSplat,
-        view: &Sight,
-        part: u32,
-        pixel: [f32; 2],
-        last: f32,
-        lanes: &mut Lanes,
-        l: usize,
-    ) {
-        let (x, y) = (pixel[0] + 0.5 - splat.reference[0], pixel[1] + 0.5 - splat.reference[1]);
-        let form = |c: [f32; 3]| c[0] * x + (c[1] * y + c[2]);
-        let w = form(splat.inverse_depth);
-        let path = Path { at: [form(splat.u), form(splat.v)], rate: [form(splat.u_rate), form(splat.v_rate)], w };
-        let tube = Sweep::tube(path);
-        let span = beyond_near(self.near * w - 1.0, self.k, self.inverse_k, tube.covered());
-        let (sweep, weighed) = if FOOTPRINT == TUBE {
-            (tube, span)
-        } else {
-            let ellipsoid = Sweep::ellipsoid(path);
-            (ellipsoid, beyond_near(self.near * w - 1.0, self.k, self.inverse_k, ellipsoid.covered()))
-        };
-        let wanted = pixel[0] <= last;
-        let met = wanted & (w > 0.0) & (weighed[0] < weighed[1]);
-        let weighed = cut(weighed, part, view.source_samples);
-        let span = if FOOTPRINT == TUBE { weighed } else { cut(span, part, view.source_samples) };
-        let slant = if FOOTPRINT == LINE { view.slant(splat, [x, y], w) } else { 1.0 };
-        let (weight, most, intensity) = weigh::<FOOTPRINT>(&sweep, weighed, slant);
-        let tau = 0.5 * (weighed[0] + weighed[1]);
-        let time = 1.0 + view.slope * tau;
-
-        // The low-pass disc: a disc of fixed size in space that faces the viewer, so that it, too, is a swept kernel.
-        let d = self.drift;
-        let disc = Path { at: [x, y], rate: [x * d[2] - d[0], y * d[2] - d[1]], w: self.disc };
-        let disc_sweep = if FOOTPRINT == TUBE { Sweep::tube(disc) } else { Sweep::ellipsoid(disc) };
-        let disc_span = disc_sweep.covered();
-        let disc_span = [
-            if disc_span[0] > self.disc_span[0] { disc_span[0] } else { self.disc_span[0] },
-            if disc_span[1] < self.disc_span[1] { disc_span[1] } else { self.disc_span[1] },
-        ];
-        let disc_met = LOW_PASS & wanted & (self.disc > 0.0) & (disc_span[0] < disc_span[1]);
-        let disc_span = cut(disc_span, part, view.source_samples);
-        let (disc_weight, disc_most, disc_intensity) = weigh::<FOOTPRINT>(&disc_sweep, disc_span, 1.0);
-        let disc_tau = 0.5 * (disc_span[0] + disc_span[1]);
-        let disc_time = 1.0 + view.slope * disc_tau;
-
-        let weight = if met { weight * time } else { 0.0 };
-        let disc_weight = if disc_met { disc_weight * disc_time } else { 0.0 };
-        let larger = disc_weight > weight;
-        lanes.weight[l] = if larger { disc_weight } else { weight };
-        lanes.most[l] = if larger { disc_most * disc_time } else { most * time };
-        let weighs = if larger { disc_span } else { weighed };
-        let any = met | disc_met;
-        lanes.first[l] = if any { weighs[0] } else { 1.0 };
-        lanes.last[l] = if any { weighs[1] } else { -1.0 };
-        lanes.loose[l] = if view.sum {
-            let (all, disc_all) = (weight * intensity, disc_weight * disc_intensity);
-            if larger { disc_all } else { all }
-        } else if larger {
-            disc_weight - weight
-        } else {
-            0.0
-        };
-
-        // The source point, on the splat at mid-interval; of the low-pass disc where the kernel itself is not met.
-        let depth = (1.0 + self.k * tau) / w;
-        let m = splat.motion;
-        let source_depth = depth - m[2] * tau;
-        let over = 1.0 / source_depth;
-        let near_x = if met { (depth * x - m[0] * tau) * over } else { x + disc_tau * disc.rate[0] };
-        let near_y = if met { (depth * y - m[1] * tau) * over } else { y + disc_tau * disc.rate[1] };
-        let (column, sample_x) = nearest_sample(near_x, splat.reference[0]);
-        let (row, sample_y) = nearest_sample(near_y, splat.reference[1]);
-        let i = splat.inverse_depth;
-        let there = i[0] * sample_x + (i[1] * sample_y + i[2]);
-        let plane_depth = if there > 0.0 { 1.0 / there } else { source_depth };
-        let centre_depth = 1.0 / i[2];
-        lanes.source[0][l] = column;
-        lanes.source[1][l] = row;
-        lanes.source_depth[l] = if met { plane_depth } else { centre_depth };
-        lanes.plane[0][l] = if met { 1.0 / w } else { centre_depth };
-        lanes.plane[1][l] = if met { self.k / w } else { centre_depth * d[2] };
-        lanes.depth[l] = if met { depth } else { centre_depth * (1.0 + d[2] * disc_tau) };
-        lanes.surface[l] = if met { moments(span) } else { 0 };
-        lanes.low_pass[l] = if disc_met { moments(disc_span) } else { 0 };
-        lanes.covers[l] = u32::from(met | disc_met);
-    }
-}
-
-/// Weight over the interval, its greatest value for kernels of peak 1, and what makes it an intensity.
-#[inline(always)]
-fn weigh<const FOOTPRINT: u8>(sweep: &Sweep, span: [f32; 2], slant: f32) -> (f32, f32, f32) {
-    match FOOTPRINT {
-        TUBE => (tube_weight(sweep.mean(span), span), tube_weight(1.0, span), 1.0),
-        ELLIPSOID => (ellipsoid_weight(sweep.mean(span), span), ellipsoid_weight(1.0, span), 1.0),
-        LINE => (line_weight(sweep.mean(span), span, slant), 1.0, 1.0),
-        _ => (sweep.chord(), 1.0, chord_intensity(sweep)),
+        Self { near, k, inverse_k: reciprocal(k) }
     }
 }
 
 /// `span` without the times at which (1 + k tau) / w is nearer than `near`, given near w - 1.
 #[inline(always)]
-pub(super) fn beyond_near(lacks: f32, k: f32, inverse_k: f32, [first, last]: [f32; 2]) -> [f32; 2] {
+pub(in crate::backend::cpu) fn beyond_near(lacks: f32, k: f32, inverse_k: f32, [first, last]: [f32; 2]) -> [f32; 2] {
     let at = lacks * inverse_k;
     let (lower, upper) = if k < 0.0 { (-1.0, at) } else { (at, 1.0) };
     [if first > lower { first } else { lower }, if last < upper { last } else { upper }]
@@ -225,30 +69,6 @@ pub(super) fn beyond_near(lacks: f32, k: f32, inverse_k: f32, [first, last]: [f3
 
 /// 1 / v, and large but finite where that is not.
 #[inline(always)]
-pub(super) fn reciprocal(v: f32) -> f32 {
+pub(in crate::backend::cpu) fn reciprocal(v: f32) -> f32 {
     if v.abs() > 1e-30 { 1.0 / v } else { 1e30 }
-}
-
-/// Part `part` of `parts` equal ones.
-#[inline(always)]
-fn cut([first, last]: [f32; 2], part: u32, parts: u32) -> [f32; 2] {
-    if parts == 1 {
-        return [first, last];
-    }
-    let step = (last - first) / parts as f32;
-    [first + part as f32 * step, first + (part + 1) as f32 * step]
-}
-
-/// Index of the pixel whose sample is nearest `offset` from `reference`, and that sample's own offset.
-#[inline(always)]
-fn nearest_sample(offset: f32, reference: f32) -> (i32, f32) {
-    /// Adding it leaves the nearest integer in the low mantissa bits (a saturating cast would block vector code).
-    const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
-    const FAR: f32 = 1e6;
-    let index = offset + reference - 0.5;
-    let index = if index > -FAR { index } else { -FAR };
-    let index = if index < FAR { index } else { FAR };
-    let shifted = index + ROUND;
-    let whole = shifted - ROUND;
-    (shifted.to_bits().wrapping_sub(ROUND.to_bits()) as i32, whole + 0.5 - reference)
 }

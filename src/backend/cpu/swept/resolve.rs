@@ -3,11 +3,14 @@
 //!
 //! In: a tile's sums and coverage mask. Out: its coverage, or its film. One sample position at a time, order-free.
 
+use crate::backend::cpu::resolve::{TileFilm, resolve};
+use crate::backend::cpu::scope::Scope;
 use crate::backend::cpu::tile_buffers::CoverageMask;
 use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect};
 use crate::film::FilmPlanes;
 use crate::layout::Channels;
 use crate::math::simd::dispatch;
+use crate::options::Normalise;
 use crate::plan::PosedInterval;
 
 /// What an interval contributes.
@@ -20,6 +23,10 @@ pub(in crate::backend) struct Exposure<'a> {
     pub sum: bool,
 }
 
+/// By how much sums of weights on a surface may be off from 1, over the square of the mean peak of the kernels. The
+/// filter evens out small kernels, which are many.
+const NOISE: f32 = 2.0;
+
 dispatch! {
     /// The share of the exposure that each pixel of a tile is covered for, `TILE` rows of `STRIDE`.
     pub(in crate::backend) fn coverage(
@@ -31,51 +38,11 @@ dispatch! {
 fn coverage_body(exposure: &Exposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>) {
     out.clear();
     out.resize(TILE * STRIDE, 0.0);
-    let lanes = coverage_mask.surface.chunks_exact(LANES).zip(coverage_mask.low_pass.chunks_exact(LANES));
-    let lanes = lanes.zip(coverage_mask.loose.chunks_exact(LANES)).zip(out.chunks_exact_mut(LANES));
-    for (((surface, low_pass), loose), out) in lanes {
-        if exposure.sum {
-            for l in 0..LANES {
-                out[l] = exposure.weight * loose[l];
-            }
-            continue;
-        }
-        let mut covered = [0.0_f32; LANES];
-        let mut by_discs = [0.0_f32; LANES];
-        for (i, &share) in exposure.interval.moments.iter().enumerate() {
-            for l in 0..LANES {
-                let bit = surface[l] >> i & 1;
-                let other = low_pass[l] >> i & !bit & 1;
-                covered[l] += if bit == 1 { share } else { 0.0 };
-                by_discs[l] += if other == 1 { share } else { 0.0 };
-            }
-        }
-        for l in 0..LANES {
-            // Where only low-pass discs cover, the sum of their weights is the coverage, but at most the time for which
-            // they cover.
-            let loose = exposure.weight * loose[l];
-            let loose = if loose < by_discs[l] { loose } else { by_discs[l] };
-            out[l] = if surface[l] == u32::MAX { exposure.weight } else { covered[l] + loose };
-        }
-    }
-}
-
-/// By how much sums of weights on a surface may be off from 1, over the square of the mean peak of the kernels. The
-/// filter evens out small kernels, which are many.
-const NOISE: f32 = 2.0;
-
-dispatch! {
-    /// As [`coverage`], where full EWA filters kernels and coverage is no sum.
-    pub(in crate::backend) fn filtered_coverage(
-        exposure: &Exposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>,
-    ) = filtered_coverage_body
-}
-
-#[inline(always)]
-fn filtered_coverage_body(exposure: &Exposure<'_>, coverage_mask: &CoverageMask, out: &mut Vec<f32>) {
-    out.clear();
-    out.resize(TILE * STRIDE, 0.0);
     let CoverageMask { surface, low_pass, loose, peak, side } = coverage_mask;
+    if exposure.sum {
+        out.iter_mut().zip(loose).for_each(|(out, loose)| *out = exposure.weight * loose);
+        return;
+    }
     let bits = surface.chunks_exact(LANES).zip(low_pass.chunks_exact(LANES));
     let weights = loose.chunks_exact(LANES).zip(peak.chunks_exact(LANES)).zip(side.chunks_exact(LANES));
     for (((surface, filtered), ((sum, peak), side)), out) in bits.zip(weights).zip(out.chunks_exact_mut(LANES)) {
@@ -107,8 +74,24 @@ fn filtered_coverage_body(exposure: &Exposure<'_>, coverage_mask: &CoverageMask,
     }
 }
 
+/// Adds one interval to the tile's film: normalised and shaded, or pooled with the other intervals where colours are
+/// divided once.
+pub(in crate::backend::cpu) fn add_to_film(
+    scope: &Scope<'_>,
+    normalise: Normalise,
+    tile: &TileRect,
+    sums: &[f32],
+    coverage: &[f32],
+    film: &mut TileFilm,
+) {
+    match normalise {
+        Normalise::Once => pool(scope.weight(), scope.channels, scope.planes, tile, sums, coverage, &mut film.values),
+        Normalise::Interval => resolve(&scope.resolve(), tile, sums, coverage, film),
+    }
+}
+
 /// Adds one interval's sums, as they are, to the tile's film.
-pub(in crate::backend) fn pool(
+fn pool(
     weight: f32,
     channels: &Channels,
     planes: &FilmPlanes,

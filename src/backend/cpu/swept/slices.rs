@@ -1,14 +1,14 @@
 //! Slices of an interval: what of the kernels in motion is visible at a pixel, slice by slice (docs/math.md, section
 //! 7).
 //!
-//! Pass `visibility`: the depth threshold of each slice at each pixel. In: swept splats of a tile's list, thresholds of
-//! static objects. Out: the tile's thresholds. Order-free (a minimum).
+//! Pass `visibility`: the depth threshold of each slice at each pixel. In: swept splats of a tile's list. Out: the
+//! tile's thresholds. Order-free (a minimum).
 
 use super::hull::Hull;
 use super::ray::{Lanes, Ray};
+use crate::backend::cpu::depths::Depths;
 use crate::backend::cpu::tile_buffers::Slices;
 use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect};
-use crate::backend::cpu::visibility::Depths;
 use crate::layout::SweptSplat;
 use crate::math::simd::dispatch;
 
@@ -48,7 +48,7 @@ fn visibility_body(splats: &[SweptSplat], list: &[u32], depths: Depths, tile: &T
     for &index in list {
         let splat = &splats[index as usize];
         let hull = Hull::of(splat);
-        let ray = Ray::of(splat, depths.near, 0.0);
+        let ray = Ray::of(splat, depths.near);
         let [_, _, y0, y1] = splat.bounds.map(i32::from);
         for row in y0.max(top)..=y1.min(top + tile.height as i32 - 1) {
             let [x0, x1] = hull.columns(row as f32, row as f32);

@@ -6,9 +6,9 @@ use super::filter::Filter;
 use super::hull::Hull;
 use super::posed::Posed;
 use super::project::sweep;
-use super::ray::{LINE, Lanes, Ray, Sight};
-use crate::backend::cpu::ewa::share::Share;
+use crate::backend::cpu::paint::share::Share;
 use crate::backend::cpu::project::View;
+use crate::backend::cpu::published::ray as published;
 use crate::frame::{PixelRect, PosedObject, Raster};
 use crate::layout::{SweptFilter, SweptSplat};
 use crate::math::sweep::{Path, Sweep, tube_weight};
@@ -240,7 +240,7 @@ fn filtered_kernels_are_those_of_instants() {
         let disc = Disc { motion: 0.2 * random.vector(), ..random_disc(&mut random) };
         let sigma = 0.1 + random.next();
         let Some((splat, filter)) = disc.filtered(false, Some(sigma as f32)) else { continue };
-        if filter.is_crossing() {
+        if filter.is_unfiltered() {
             continue;
         }
         let normal = disc.u.cross(disc.v).normalize();
@@ -324,15 +324,21 @@ impl Disc {
 fn line_weights_are_integrals_along_the_ray() {
     let mut random = Random(5);
     let (mut met, mut worst) = (0, 0.0_f64);
-    let sight = Sight { source_samples: 1, slope: 0.0, sum: true, axis: [SIZE as f32 / 2.0; 2], focal: FOCAL as f32 };
+    let sight = published::Sight {
+        source_samples: 1,
+        slope: 0.0,
+        sum: true,
+        axis: [SIZE as f32 / 2.0; 2],
+        focal: FOCAL as f32,
+    };
     for case in 0..600 {
         let disc = random_disc(&mut random);
         let Some(splat) = disc.splat(true) else { continue };
-        let ray = Ray::of(&splat, NEAR as f32, 0.0);
+        let ray = published::Ray::of(&splat, NEAR as f32, 0.0);
         let normal = disc.u.cross(disc.v);
         for (x, y) in (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (x, y))) {
-            let mut lanes = Lanes::default();
-            ray.meet::<LINE, false>(&splat, &sight, 0, [x as f32, y as f32], SIZE as f32, &mut lanes, 0);
+            let mut lanes = published::Lanes::default();
+            ray.meet::<true, false>(&splat, &sight, 0, [x as f32, y as f32], SIZE as f32, &mut lanes, 0);
             // Rays that meet the other side than that of mid-interval see no kernel; rays along the plane round.
             let there = disc.met(x, y, 0.0).z;
             let half = f64::from(SIZE) / 2.0;

@@ -1,73 +1,66 @@
 //! What bounds of kernels in motion waste: pixels within their hulls.
 
-use super::attribute::Footprint;
-use super::filtered::Pair;
+use super::attribute::Pair;
 use super::hull::Hull;
-use super::ray::{ELLIPSOID, Lanes, Ray, Sight, TUBE};
+use super::ray::{Lanes, Ray};
 use crate::backend::cpu::bin::Binned;
+use crate::backend::cpu::published;
 use crate::backend::cpu::waste::{self, Wasteful};
 use crate::backend::{Pixels, Waste};
 use crate::layout::{SweptFilter, SweptSplat};
 use crate::math::simd::dispatch;
+use crate::options::{KernelShape, KernelWeight};
 
 impl Wasteful for SweptSplat {
     fn waste(binned: &Binned<Self>, sight: &waste::Sight<'_>) -> Waste {
         let Some(kernel) = sight.swept else { return Waste::default() };
         let kernels = (&binned.splats[..], &binned.filters[..]);
-        match Footprint::of(kernel) {
-            Footprint::Tube => of_tubes(kernels, sight.near, sight.low_pass),
-            // The chord and the line are of the ellipsoid.
-            Footprint::Ellipsoid | Footprint::Chord | Footprint::Line => {
-                of_ellipsoids(kernels, sight.near, sight.low_pass)
+        match (kernel.weight, kernel.shape) {
+            (KernelWeight::Integral, KernelShape::Tube) => of_tubes(kernels, sight.near),
+            (KernelWeight::Integral, KernelShape::Ellipsoid) => of_ellipsoids(kernels, sight.near),
+            (KernelWeight::Chord | KernelWeight::Line, _) => {
+                published::waste_of(&binned.splats, sight.near, sight.low_pass)
             }
         }
     }
 }
 
 dispatch! {
-    fn of_tubes(kernels: (&[SweptSplat], &[SweptFilter]), near: f32, low_pass: f32) -> Waste = of_kernels::<TUBE>
+    fn of_tubes(kernels: (&[SweptSplat], &[SweptFilter]), near: f32) -> Waste = of_kernels::<false>
 }
 
 dispatch! {
-    fn of_ellipsoids(kernels: (&[SweptSplat], &[SweptFilter]), near: f32, low_pass: f32) -> Waste =
-        of_kernels::<ELLIPSOID>
+    fn of_ellipsoids(kernels: (&[SweptSplat], &[SweptFilter]), near: f32) -> Waste = of_kernels::<true>
 }
 
-/// `filters` is empty where kernels are not filtered.
 #[inline(always)]
-fn of_kernels<const FOOTPRINT: u8>(
-    (splats, filters): (&[SweptSplat], &[SweptFilter]),
-    near: f32,
-    low_pass: f32,
-) -> Waste {
-    let sight = Sight { source_samples: 1, slope: 0.0, sum: false, axis: [0.0; 2], focal: 1.0 };
+fn of_kernels<const ELLIPSOID: bool>((splats, filters): (&[SweptSplat], &[SweptFilter]), near: f32) -> Waste {
     let mut waste = Waste::default();
-    for (index, splat) in splats.iter().enumerate() {
-        let [disc, ray] = [0.0, low_pass].map(|low_pass| Ray::of(splat, near, low_pass));
-        waste.visibility += count(splat, |place, last| {
-            let ([first, end], _) = disc.cover(splat, place, last);
-            first < end
+    let mut lanes = Lanes::default();
+    for (splat, filter) in splats.iter().zip(filters) {
+        waste.visibility += covered(splat, near);
+        let pair = Pair::of(splat, filter, near);
+        waste.attribute += count(splat, |place, last| {
+            pair.meet::<ELLIPSOID>(splat, 0.0, place, last, &mut lanes, 0);
+            lanes.covers[0] != 0
         });
-        let mut lanes = Lanes::default();
-        waste.attribute += if let Some(filter) = filters.get(index) {
-            let pair = Pair::of(splat, filter, near);
-            count(splat, |place, last| {
-                pair.meet::<FOOTPRINT>(splat, 0.0, place, last, &mut lanes, 0);
-                lanes.covers[0] != 0
-            })
-        } else {
-            count(splat, |place, last| {
-                ray.meet::<FOOTPRINT, true>(splat, &sight, 0, place, last, &mut lanes, 0);
-                lanes.covers[0] != 0
-            })
-        };
     }
     waste
 }
 
+/// Pixels of a kernel's hull, and those of them that its disc covers at some time.
+#[inline(always)]
+pub(in crate::backend::cpu) fn covered(splat: &SweptSplat, near: f32) -> Pixels {
+    let disc = Ray::of(splat, near);
+    count(splat, |place, last| {
+        let ([first, end], _) = disc.cover(splat, place, last);
+        first < end
+    })
+}
+
 /// Pixels of a kernel's hull, and those of them that it covers at some time.
 #[inline(always)]
-fn count(splat: &SweptSplat, mut covers: impl FnMut([f32; 2], f32) -> bool) -> Pixels {
+pub(in crate::backend::cpu) fn count(splat: &SweptSplat, mut covers: impl FnMut([f32; 2], f32) -> bool) -> Pixels {
     let hull = Hull::of(splat);
     let [_, _, first, last] = splat.bounds.map(i32::from);
     let mut pixels = Pixels::default();

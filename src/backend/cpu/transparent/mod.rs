@@ -1,4 +1,4 @@
-//! Step `Transparent`: the Gaussians of captures, sorted by depth, composited front to back over the opaque picture of
+//! Step `Composite`: the Gaussians of captures, sorted by depth, composited front to back over the opaque picture of
 //! an instant, and added to the film (docs/math.md, section 11; docs/captures.md).
 //!
 //! What is static is projected, sorted and listed once for all sample positions of a band. A tile merges it with what
@@ -33,7 +33,7 @@ use super::resolve::TileFilm;
 use super::scope::Scope;
 use crate::film::{Aov, Blending};
 use crate::frame::PosedRaster;
-use crate::plan::LAYERS;
+use crate::plan::{CompositePass, LAYERS};
 
 /// What later steps and later frames use again.
 #[derive(Debug, Default)]
@@ -127,34 +127,53 @@ impl TransparentGroup<'_> {
         let middle = samples / 2;
         let (still, moves) = (runs(scope, true), runs(scope, false));
         let slabs = slabs(self, &still, &moves, middle);
-        // A bucket has the order of its middle.
-        let mut shared = None;
+        let several = self.several();
+        // Of the middle, for all samples.
+        let mut order = Order::default();
         for sample in 0..samples {
             for (number, slab) in slabs.iter().enumerate() {
                 self.fix(&still, slab, fixed);
-                if self.several() && (shared.is_none() || slabs.len() > 1) {
-                    self.project(&moves, middle, true, slab, &mut memory.of_middle);
-                    shared = Some(self.sort(&memory.of_middle));
-                }
-                // Nothing is left out where the order has all.
-                self.project(&moves, sample, self.several(), slab, &mut memory.moving);
-                if self.several() {
-                    memory.moving.iter_mut().zip(&memory.of_middle).for_each(|(own, middle)| own.layers_of(middle));
-                }
-                let own = if shared.is_none() { self.sort(&memory.moving) } else { Order::default() };
-                let order = shared.as_ref().unwrap_or(&own);
-                let lists = self.list(&memory.moving, order);
-                let moving = Listed { chunks: &memory.moving, order, lists: &lists };
-                let Fixed { chunks, order, lists, films, .. } = &mut *fixed;
-                let sets = [Listed { chunks, order, lists }, moving];
-                let pass = Pass { first: number == 0, last: number + 1 == slabs.len(), sample };
-                let surfels = OfSurfels { opaque: &memory.opaque, layers: &memory.layers };
-                if pass.first && pass.last {
-                    self.tiles_at_once(sets, pass, surfels, films, film);
-                } else {
-                    self.tiles_of_slab(sets, pass, surfels, &mut memory.composites, film);
+                let sorts = sample == 0 || slabs.len() > 1;
+                for pass in CompositePass::order(sorts, several) {
+                    let TransparentMemory { moving, of_middle, .. } = &mut *memory;
+                    let at_middle = if several { of_middle } else { &mut *moving };
+                    match pass {
+                        // Nothing is left out where the order has all.
+                        CompositePass::ProjectMiddle => self.project(&moves, middle, several, slab, at_middle),
+                        CompositePass::Sort => order = self.sort(at_middle),
+                        CompositePass::Project => {
+                            self.project(&moves, sample, several, slab, &mut memory.moving);
+                            let pairs = memory.moving.iter_mut().zip(&memory.of_middle);
+                            pairs.for_each(|(own, middle)| own.layers_of(middle));
+                        }
+                        CompositePass::Composite => {
+                            let pass = Pass { first: number == 0, last: number + 1 == slabs.len(), sample };
+                            self.composite(pass, &order, fixed, memory, film);
+                        }
+                    }
                 }
             }
+        }
+    }
+
+    /// Pass `composite` of one slab.
+    fn composite(
+        &self,
+        pass: Pass,
+        order_of_moving: &Order,
+        fixed: &mut Fixed,
+        memory: &mut TransparentMemory,
+        film: &mut [TileFilm],
+    ) {
+        let lists_of_moving = self.list(&memory.moving, order_of_moving);
+        let moving = Listed { chunks: &memory.moving, order: order_of_moving, lists: &lists_of_moving };
+        let Fixed { chunks, order, lists, films, .. } = fixed;
+        let sets = [Listed { chunks, order, lists }, moving];
+        let surfels = OfSurfels { opaque: &memory.opaque, layers: &memory.layers };
+        if pass.first && pass.last {
+            self.tiles_at_once(sets, pass, surfels, films, film);
+        } else {
+            self.tiles_of_slab(sets, pass, surfels, &mut memory.composites, film);
         }
     }
 

@@ -134,12 +134,12 @@ fn structs_lie_where_the_host_puts_them() {
     assert_same_layout!(module, Light { vector, colour });
     let module = self::module(Program::BinScan);
     assert_same_layout!(module, Status { most_entries, splats_low, splats_high, left_out_low, left_out_high });
-    let module = self::module(Program::Sweep);
+    let module = self::module(Program::PublishedSweep);
     assert_same_layout!(
         module,
         SweptSplat { reference, inverse_depth, u, v, u_rate, v_rate, motion, ends, bounds, surfel, flags }
     );
-    let module = self::module(Program::FilteredSweep);
+    let module = self::module(Program::Sweep);
     assert_same_layout!(module, SweptFilter { inverse_depth, u, v, u_rate, v_rate, k, peak, weight, coverage });
     assert_eq!(size_of::<FilteredSplat>(), 3 * size_of::<Splat>());
     assert_eq!(offset_of!(FilteredSplat, filtered), size_of::<SweptSplat>());

@@ -4,7 +4,7 @@
 //! outline. What does not fit lies behind what was there before (docs/math.md, section 12).
 
 use super::super::accumulators::OPAQUE;
-use crate::backend::cpu::ewa::buffers::APRON_STRIDE;
+use crate::backend::cpu::paint::buffers::APRON_STRIDE;
 use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect, lanes};
 
 /// What is peeled off one tile.

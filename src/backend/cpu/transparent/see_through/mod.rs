@@ -13,8 +13,10 @@ use std::time::Instant;
 use self::resolve::{Peeled, resolve};
 use crate::backend::cpu::bin::Binned;
 use crate::backend::cpu::chunk::Chunk;
-use crate::backend::cpu::ewa::{self, APRON_STRIDE, Filter, with_apron};
 use crate::backend::cpu::job::Job;
+use crate::backend::cpu::paint::{
+    APRON_STRIDE, Filter, PaintGroup, Sight, attribute, find_open, visibility, with_apron,
+};
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
 use crate::backend::cpu::tile_buffers::TileBuffers;
@@ -31,8 +33,8 @@ pub(in crate::backend) struct SeeThroughGroup<'a> {
 }
 
 impl SeeThroughGroup<'_> {
-    fn ewa(&self) -> ewa::EwaGroup<'_> {
-        ewa::EwaGroup { scope: self.scope }
+    fn paint(&self) -> PaintGroup<'_, EwaSplat> {
+        PaintGroup::new(self.scope)
     }
 
     /// T(x) of opaque surfels in tile `index`; empty where there are none.
@@ -51,92 +53,111 @@ impl TileWork for SeeThroughGroup<'_> {
     }
 
     fn project(&self, chunk: &Chunk, binned: &mut Binned<EwaSplat>) {
-        self.ewa().project(chunk, binned);
+        self.paint().project(chunk, binned);
     }
 
     fn reads_splats(pass: LayerPass) -> bool {
-        match pass {
-            LayerPass::Visibility(_) | LayerPass::Attribute(_) => true,
-            LayerPass::Resolve(_) | LayerPass::LeftOut => false,
-        }
+        matches!(pass, LayerPass::Visibility(_) | LayerPass::Attribute(_))
     }
 
-    fn prepare(&self, pass: LayerPass, index: usize, buffers: &mut TileBuffers, _scratch: &mut Vec<u32>) {
-        match pass {
-            LayerPass::Visibility(0) => {
-                buffers.ewa.clear_depths();
-                buffers.ewa.floor.clear();
-                buffers.ewa.floor.resize(buffers.ewa.threshold.len(), 0.0);
-                buffers.peel.cover.start();
-                buffers.peel.live = true;
-            }
-            LayerPass::Visibility(_) if buffers.peel.live => {
-                std::mem::swap(&mut buffers.ewa.threshold, &mut buffers.ewa.floor);
-                buffers.ewa.clear_depths();
-            }
-            LayerPass::Attribute(_) if buffers.peel.live => {
-                let scope = &self.scope;
-                if scope.group.samples.len() == 1 {
-                    let (tile, size) = (scope.band.tile(index), scope.raster.size);
-                    let of_all = self.ewa().tolerance_of_all();
-                    ewa::find_open(&tile, scope.raster.apron(), size, of_all, &mut buffers.ewa);
-                }
-                buffers.ewa.clear_sums(scope.channels.count);
-                buffers.clear_coverage(scope.group.samples.len());
-            }
-            _ => {}
-        }
-    }
-
-    fn run(&self, pass: LayerPass, job: Job<'_, EwaSplat, Vec<TileFilm>>) {
-        if !job.buffers.peel.live {
+    fn run(&self, pass: LayerPass, mut job: Job<'_, EwaSplat, Vec<TileFilm>>) {
+        if pass != LayerPass::Start && !job.buffers.peel.live {
             return;
         }
-        let scope = &self.scope;
         let start = Instant::now();
-        let (rect, [left, top]) = with_apron(&job.tile, scope.raster.apron(), scope.raster.size);
-        let first = top * APRON_STRIDE + left;
-        let ceiling = self.ceiling(job.index);
-        if let LayerPass::Resolve(_) = pass {
-            scope.end_turns(job.buffers);
-            let TileBuffers { ewa, group_coverage, peel, .. } = job.buffers;
-            let mut film = TileFilm::default();
-            let coverage = &group_coverage.coverage;
-            let peeled = Peeled { start: first, buffers: ewa, group_coverage: coverage, scale: scope.scale(), ceiling };
-            let any = resolve(&scope.resolve(), &job.tile, &peeled, &mut peel.cover, &mut film);
-            peel.live = any.more;
-            if any.shown {
-                job.out.push(film);
+        let clocks = self.scope.clocks;
+        match pass {
+            LayerPass::Start => {
+                job.buffers.peel.cover.start();
+                job.buffers.peel.live = true;
             }
-            return scope.clocks.resolve.add(start);
+            LayerPass::Visibility(layer) => {
+                self.lower(layer, &mut job);
+                clocks.visibility.add(start);
+            }
+            LayerPass::Second(_) => {
+                let (apron, size) = (self.scope.raster.apron(), self.scope.raster.size);
+                find_open(&job.tile, apron, size, self.paint().tolerance_of_all(), &mut job.buffers.paint);
+                clocks.visibility.add(start);
+            }
+            LayerPass::Attribute(_) => {
+                self.add(&mut job);
+                clocks.attribute.add(start);
+            }
+            LayerPass::Resolve(_) => {
+                self.resolve(&mut job);
+                clocks.resolve.add(start);
+            }
+            LayerPass::LeftOut => {
+                let first = self.first(&job);
+                let TileBuffers { paint, peel, .. } = job.buffers;
+                let left = peel.cover.left_out(&job.tile, &paint.threshold[first..], self.ceiling(job.index));
+                clocks.left_out.fetch_add(left, Ordering::Relaxed);
+            }
         }
-        if let LayerPass::LeftOut = pass {
-            let TileBuffers { ewa, peel, .. } = job.buffers;
-            let left = peel.cover.left_out(&job.tile, &ewa.threshold[first..], ceiling);
-            scope.clocks.left_out.fetch_add(left, Ordering::Relaxed);
-            return;
+    }
+}
+
+impl SeeThroughGroup<'_> {
+    /// Where the tile begins in planes with an apron.
+    fn first<O>(&self, job: &Job<'_, EwaSplat, O>) -> usize {
+        let (_, [left, top]) = with_apron(&job.tile, self.scope.raster.apron(), self.scope.raster.size);
+        top * APRON_STRIDE + left
+    }
+
+    /// Pass `visibility` of one tile: the discs behind all layers before.
+    fn lower(&self, layer: u8, job: &mut Job<'_, EwaSplat, Vec<TileFilm>>) {
+        let (scope, buffers) = (&self.scope, &mut job.buffers.paint);
+        if job.first && layer == 0 {
+            buffers.clear_depths(true);
+            buffers.floor.clear();
+            buffers.floor.resize(buffers.threshold.len(), 0.0);
+        } else if job.first {
+            std::mem::swap(&mut buffers.threshold, &mut buffers.floor);
+            buffers.clear_depths(true);
         }
-        let tolerances = scope.group.samples.len() == 1 && self.ewa().tolerance_of_all().is_none();
+        let tolerances = scope.group.samples.len() == 1 && self.paint().tolerance_of_all().is_none();
+        let (rect, _) = with_apron(&job.tile, scope.raster.apron(), scope.raster.size);
+        for (chunk, binned) in job.chunks.iter().zip(job.binned) {
+            let list = binned.list(&job.tile, job.scratch);
+            visibility(&binned.splats, list, scope.depths(chunk), &rect, tolerances, buffers);
+        }
+    }
+
+    /// Pass `attribute` of one tile.
+    fn add(&self, job: &mut Job<'_, EwaSplat, Vec<TileFilm>>) {
+        let scope = &self.scope;
+        if job.first {
+            job.buffers.paint.clear_sums(scope.channels.count, true);
+            job.buffers.clear_coverage(scope.group.samples.len());
+        }
+        let (start, ceiling) = (self.first(job), self.ceiling(job.index));
+        let sight = Sight::new(scope.frame.near, scope.raster);
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);
             if list.is_empty() {
                 continue;
             }
-            let depths = scope.depths(chunk);
-            if let LayerPass::Attribute(_) = pass {
-                scope.turn(chunk, job.buffers);
-                let TileBuffers { ewa: buffers, group_coverage, .. } = &mut *job.buffers;
-                let attributes = scope.attributes(chunk, &binned.values);
-                let filter = Filter { attributes, depths, sigma: scope.raster.sigma, start: first, ceiling };
-                let coverage = &mut group_coverage.sample_coverage;
-                ewa::attribute(&binned.splats, list, &filter, &job.tile, buffers, coverage);
-            } else {
-                ewa::visibility(&binned.splats, list, depths, &rect, tolerances, &mut job.buffers.ewa);
-            }
+            scope.turn(chunk, job.buffers);
+            let TileBuffers { paint, group_coverage, .. } = &mut *job.buffers;
+            let attributes = scope.attributes(chunk, &binned.values);
+            let filter = Filter { attributes, depths: scope.depths(chunk), sight, start, ceiling };
+            attribute(&binned.splats, list, &filter, &job.tile, paint, &mut group_coverage.sample_coverage);
         }
-        match pass {
-            LayerPass::Attribute(_) => scope.clocks.attribute.add(start),
-            _ => scope.clocks.visibility.add(start),
+    }
+
+    /// Pass `resolve` of one tile.
+    fn resolve(&self, job: &mut Job<'_, EwaSplat, Vec<TileFilm>>) {
+        let (scope, start, ceiling) = (&self.scope, self.first(job), self.ceiling(job.index));
+        scope.end_turns(job.buffers);
+        let TileBuffers { paint, group_coverage, peel, .. } = &mut *job.buffers;
+        let mut film = TileFilm::default();
+        let coverage = &group_coverage.coverage;
+        let peeled = Peeled { start, buffers: paint, group_coverage: coverage, scale: scope.scale(), ceiling };
+        let found = resolve(&scope.resolve(), &job.tile, &peeled, &mut peel.cover, &mut film);
+        peel.live = found.more;
+        if found.shown {
+            job.out.push(film);
         }
     }
 }

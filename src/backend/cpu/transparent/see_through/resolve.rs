@@ -5,8 +5,8 @@
 
 use super::super::accumulators::OPAQUE;
 use super::cover::Cover;
-use crate::backend::cpu::ewa::{self, APRON_STRIDE, EXTRA, EwaBuffers, Layer, PEAK, SIDE};
 use crate::backend::cpu::mirror::Rows;
+use crate::backend::cpu::paint::{self, APRON_STRIDE, Layer, PEAK, PaintBuffers, SIDE};
 use crate::backend::cpu::resolve::{Resolve, TileFilm, add_lanes};
 use crate::backend::cpu::tiles::{LANES, ROWS, STRIDE, TILE, TileRect, lanes};
 use crate::math::simd::dispatch;
@@ -16,7 +16,7 @@ use crate::math::simd::dispatch;
 pub(super) struct Peeled<'a> {
     /// Where the tile begins in planes with an apron.
     pub start: usize,
-    pub buffers: &'a EwaBuffers,
+    pub buffers: &'a PaintBuffers,
     /// Coverage by a group's samples together, weights included; empty for a group of one sample.
     pub group_coverage: &'a [f32],
     /// What makes that a mean.
@@ -52,7 +52,7 @@ fn resolve_body(
     let &Peeled { start, buffers, group_coverage, scale, ceiling } = peeled;
     let channels = resolve.channels.count;
     let opacity = resolve.channels.opacity.unwrap_or(0);
-    let row = (channels + EXTRA) * STRIDE;
+    let row = buffers.row;
     film.values.resize(resolve.planes.count * TILE * TILE, 0.0);
     film.threshold.resize(ROWS * STRIDE, f32::INFINITY);
     let mut found = Found::default();
@@ -81,7 +81,7 @@ fn resolve_body(
                 let mut share = [0.0; LANES];
                 for l in 0..LANES {
                     let covered = layer == Layer::Band && depth[l] < f32::INFINITY;
-                    let soft = ewa::resolve::coverage(weights[l], sides[l], peaks[l] * inverse[l], covered);
+                    let soft = paint::resolve::coverage(weights[l], sides[l], peaks[l] * inverse[l], covered);
                     let coverage = if open >> l & 1 == 0 { 1.0 } else { soft };
                     let coverage = group_coverage.get(at + l).map_or(coverage, |coverage| coverage * scale);
                     if weights[l] > 0.0 && before[l] >= OPAQUE {

@@ -1,15 +1,16 @@
-//! Pass `attribute` of full EWA: weighted sums of the attributes of splats, in four layers by depth (docs/math.md,
-//! section 3). Solid pixels have the band alone.
+//! Pass `attribute`: weighted sums of the attributes of the kernels that pass the depth test (Wolf 2008, 4.1.1;
+//! docs/math.md, section 5). Filtered kernels have four layers by depth (docs/math.md, section 3); solid pixels, and
+//! kernels without a filter, have the band alone.
 //!
 //! In: splats of a tile's list, the tile's depths, the surfels' attributes. Out: the tile's sums. In list order.
 
-use super::buffers::{APRON_STRIDE, DISC, EXTRA, EwaBuffers, Layer, PEAK, SIDE};
+use super::buffers::{APRON_STRIDE, DISC, Layer, PEAK, PaintBuffers, SIDE};
+use super::kernel::{Kernel, Sight};
 use crate::backend::cpu::attribute::{Attributes, add_patch};
+use crate::backend::cpu::depths::Depths;
 use crate::backend::cpu::patch::{self, NARROW, Patch, Touched};
 use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect};
-use crate::backend::cpu::visibility::Depths;
-use crate::layout::{EwaSplat, FLAG_BACK};
-use crate::math::fast;
+use crate::layout::FLAG_BACK;
 use crate::math::simd::dispatch;
 
 /// What the pass needs beside splats and depths.
@@ -17,8 +18,7 @@ use crate::math::simd::dispatch;
 pub(in crate::backend) struct Filter<'a> {
     pub attributes: Attributes<'a>,
     pub depths: Depths,
-    /// Standard deviation of the low-pass filter, pixels.
-    pub sigma: f32,
+    pub sight: Sight,
     /// Where the tile begins in planes with an apron.
     pub start: usize,
     /// T(x) of what hides the layer that is being peeled off; empty where nothing does.
@@ -48,34 +48,34 @@ impl Filter<'_> {
 dispatch! {
     /// Adds the splats that `list` names to the sums. `sample_coverage`: coverage by the current sample of a group that
     /// has several, else empty.
-    pub(in crate::backend) fn attribute(
-        splats: &[EwaSplat], list: &[u32], filter: &Filter<'_>, tile: &TileRect, buffers: &mut EwaBuffers,
+    pub(in crate::backend) fn attribute<K: Kernel>(
+        splats: &[K], list: &[u32], filter: &Filter<'_>, tile: &TileRect, buffers: &mut PaintBuffers,
         sample_coverage: &mut [f32],
     ) = attribute_body
 }
 
 #[inline(always)]
-fn attribute_body(
-    splats: &[EwaSplat],
+fn attribute_body<K: Kernel>(
+    splats: &[K],
     list: &[u32],
     filter: &Filter<'_>,
     tile: &TileRect,
-    buffers: &mut EwaBuffers,
+    buffers: &mut PaintBuffers,
     sample_coverage: &mut [f32],
 ) {
     let peels = !buffers.floor.is_empty();
     for &index in list {
         let splat = &splats[index as usize];
-        let Some(touched) = Touched::within(splat.filtered_bounds, tile) else { continue };
+        let Some(touched) = Touched::within(splat.weight_bounds(), tile) else { continue };
         let values = filter.attributes.of(index);
         let narrow = touched.is_narrow() && touched.is_high();
         // By constant, since a choice in the loop over lanes would keep it from becoming vectors.
         macro_rules! add {
             ($w:expr, $crossing:expr, $peels:expr) => {
-                add_splat::<$w, $crossing, $peels>(splat, &touched, values, filter, tile, buffers, sample_coverage)
+                add_splat::<K, $w, $crossing, $peels>(splat, &touched, values, filter, tile, buffers, sample_coverage)
             };
         }
-        match (narrow, splat.crossing != 0, peels) {
+        match (narrow, splat.is_crossing(), K::FILTERED && peels) {
             (true, false, false) => add!(NARROW, false, false),
             (false, false, false) => add!(LANES, false, false),
             (_, true, false) => add!(LANES, true, false),
@@ -88,63 +88,21 @@ fn attribute_body(
 
 type Lanes = [f32; LANES];
 
-/// A filtered splat on the ray through one sample position.
-pub(super) struct Seen {
-    pub weight: f32,
-    /// Of its plane; of its centre where the ray misses the plane.
-    pub depth: f32,
-    /// 1 where the disc covers the position, else 0.
-    pub disc: f32,
-}
-
-impl<const W: usize> Patch<W> {
-    /// Lane `l` of the patch.
-    #[inline(always)]
-    pub(super) fn filtered<const CROSSING: bool>(
-        &self,
-        splat: &EwaSplat,
-        l: usize,
-        most_inverse_depth: f32,
-        quarter_variance: f32,
-    ) -> Seen {
-        let hit = self.at(&splat.disc, l);
-        let in_view = (hit.inverse_depth > 0.0) & (hit.inverse_depth <= most_inverse_depth);
-        let plane_depth = 1.0 / hit.inverse_depth;
-        let form = |c: [f32; 2]| c[0] * hit.x + c[1] * hit.y;
-        let (u, v) = (form(splat.u), form(splat.v));
-        let (px, py) = (form([splat.p[0], splat.p[1]]), form([splat.p[1], splat.p[2]]));
-        let nearer = 1.0 - form(splat.shrink);
-        let over = 1.0 / nearer;
-        let filtered = (u * u + v * v) * (over * over) + quarter_variance * (px * px + py * py);
-        let r2 = if CROSSING { hit.scaled_r2 * (plane_depth * plane_depth) } else { filtered };
-        let shown = if CROSSING { hit.inside & in_view } else { nearer > 0.0 };
-        let hits = shown & (r2 <= 1.0) & hit.wanted;
-        let r2 = if r2 < 1.0 { r2 } else { 1.0 };
-        let weight = splat.weight * fast::kernel(r2);
-        Seen {
-            weight: if hits { weight } else { 0.0 },
-            depth: if in_view { plane_depth } else { splat.disc.centre_depth },
-            disc: if hit.inside & in_view & hit.wanted { 1.0 } else { 0.0 },
-        }
-    }
-}
-
 /// Adds one splat, a patch of `W` columns at a time. `PEELS`: one layer is peeled off, from the floor to T. What lies
 /// behind has other layers.
 #[inline(always)]
-fn add_splat<const W: usize, const CROSSING: bool, const PEELS: bool>(
-    splat: &EwaSplat,
+fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const PEELS: bool>(
+    splat: &K,
     touched: &Touched,
     values: &[f32],
     filter: &Filter<'_>,
     tile: &TileRect,
-    buffers: &mut EwaBuffers,
+    buffers: &mut PaintBuffers,
     sample_coverage: &mut [f32],
 ) {
-    let most_inverse_depth = 1.0 / filter.attributes.near;
-    let quarter_variance = 0.25 * filter.sigma * filter.sigma;
+    let sight = filter.sight;
     let channels = filter.attributes.channels.count;
-    let row = (channels + EXTRA) * STRIDE;
+    let row = buffers.row;
     let mut y = touched.y0;
     while y <= touched.y1 {
         let mut x = touched.x0;
@@ -153,7 +111,7 @@ fn add_splat<const W: usize, const CROSSING: bool, const PEELS: bool>(
             let limit = patch::load::<W>(&buffers.threshold[filter.start + y * APRON_STRIDE + x..], APRON_STRIDE);
             let at = y * row + x;
             let mut open = 0;
-            for line in 0..LANES / W {
+            for line in 0..if K::FILTERED { LANES / W } else { 0 } {
                 let bits = buffers.open.get(y + line).map_or(0, |bits| bits >> x) & ((1 << W) - 1);
                 open |= bits << (line * W);
             }
@@ -171,20 +129,20 @@ fn add_splat<const W: usize, const CROSSING: bool, const PEELS: bool>(
                 |depth: f32, l: usize| !PEELS || (depth > floor[l]) & (depth <= limit[l]) & (depth <= ceiling[l]);
             let has_coverage = !sample_coverage.is_empty();
             if open == 0 && !has_coverage {
-                // Most pixels are solid. Nobody asks for discs there.
+                // Most pixels are solid, and all without a filter. Nobody asks for discs there.
                 for l in 0..LANES {
-                    let seen = patch.filtered::<CROSSING>(splat, l, most_inverse_depth, quarter_variance);
+                    let seen = splat.see::<W, CROSSING>(&patch, l, &sight);
                     let shows = (seen.depth <= limit[l]) & in_layer(seen.depth, l);
                     weights[l] = if shows { seen.weight } else { 0.0 };
                     depths[l] = seen.depth;
                 }
                 let out = &mut buffers.sums[Layer::Band as usize][at..];
-                add_layer::<W>(out, row, splat, values, filter, (&weights, &depths), false);
+                add_layer::<K, W>(out, row, splat, values, filter, (&weights, &depths), false);
                 x += W;
                 continue;
             }
             for l in 0..LANES {
-                let seen = patch.filtered::<CROSSING>(splat, l, most_inverse_depth, quarter_variance);
+                let seen = splat.see::<W, CROSSING>(&patch, l, &sight);
                 (weights[l], depths[l], discs[l]) = (seen.weight, seen.depth, seen.disc);
                 if !in_layer(seen.depth, l) {
                     (weights[l], discs[l]) = (0.0, 0.0);
@@ -209,7 +167,7 @@ fn add_splat<const W: usize, const CROSSING: bool, const PEELS: bool>(
             if open == 0 {
                 (0..LANES).for_each(|l| weights[l] = if depths[l] <= limit[l] { weights[l] } else { 0.0 });
                 let out = &mut buffers.sums[Layer::Band as usize][at..];
-                add_layer::<W>(out, row, splat, values, filter, (&weights, &depths), false);
+                add_layer::<K, W>(out, row, splat, values, filter, (&weights, &depths), false);
             } else {
                 let next = patch::load::<W>(&buffers.second[y * STRIDE + x..], STRIDE);
                 let mut of_layer = [[0.0_f32; LANES]; 4];
@@ -225,7 +183,7 @@ fn add_splat<const W: usize, const CROSSING: bool, const PEELS: bool>(
                 for layer in Layer::ALL {
                     if any[layer as usize] {
                         let out = &mut buffers.sums[layer as usize][at..];
-                        add_layer::<W>(out, row, splat, values, filter, (&of_layer[layer as usize], &depths), true);
+                        add_layer::<K, W>(out, row, splat, values, filter, (&of_layer[layer as usize], &depths), true);
                     }
                 }
                 if discs.iter().any(|&disc| disc > 0.0) {
@@ -242,10 +200,10 @@ fn add_splat<const W: usize, const CROSSING: bool, const PEELS: bool>(
 /// Adds the values of one splat to the sums of a layer that start at `out`, in rows `row` apart. `shown`: weights and
 /// depths. `extra`: the extra channels, too.
 #[inline(always)]
-fn add_layer<const W: usize>(
+fn add_layer<K: Kernel, const W: usize>(
     out: &mut [f32],
     row: usize,
-    splat: &EwaSplat,
+    splat: &K,
     values: &[f32],
     filter: &Filter<'_>,
     shown: (&Lanes, &Lanes),
@@ -262,8 +220,8 @@ fn add_layer<const W: usize>(
     }
     if extra {
         let out = &mut out[filter.attributes.channels.count * STRIDE..];
-        let side = if splat.disc.flags & FLAG_BACK == 0 { 1.0 } else { -1.0 };
-        add_patch::<W>(&mut out[PEAK * STRIDE..], row, weights, splat.peak);
+        let side = if splat.disc().flags & FLAG_BACK == 0 { 1.0 } else { -1.0 };
+        add_patch::<W>(&mut out[PEAK * STRIDE..], row, weights, splat.peak());
         add_patch::<W>(&mut out[SIDE * STRIDE..], row, weights, side);
     }
 }

@@ -1,37 +1,40 @@
-//! Passes `visibility` and `second` of full EWA: T(x, t) of discs, as without a filter, then the same minimum over the
-//! discs behind T; and which pixels are solid (docs/math.md, section 3).
+//! Pass `visibility`: T(x, t) = min over discs covering x of (depth + epsilon), per pixel (Wolf 2008, 4.1.1;
+//! docs/math.md, section 4). Pass `second`, of filtered kernels: the same minimum over the discs behind T, and which
+//! pixels are solid (docs/math.md, section 3).
 //!
 //! In: splats of a tile's list. Out: the tile's depths. Order-free (minima).
 
-use super::buffers::{APRON_STRIDE, EwaBuffers, with_apron};
+use super::buffers::{APRON_STRIDE, PaintBuffers, with_apron};
+use super::kernel::Kernel;
+use crate::backend::cpu::depths::Depths;
 use crate::backend::cpu::patch::{self, NARROW, Patch, Touched};
 use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect};
-use crate::backend::cpu::visibility::Depths;
-use crate::layout::EwaSplat;
+use crate::layout::Splat;
 use crate::math::simd::dispatch;
 
 dispatch! {
     /// Lowers the thresholds of a tile and its apron by the splats that `list` names. `tolerances`: keep those of the
     /// nearest discs, too.
-    pub(in crate::backend) fn visibility(
-        splats: &[EwaSplat], list: &[u32], depths: Depths, rect: &TileRect, tolerances: bool, buffers: &mut EwaBuffers,
+    pub(in crate::backend) fn visibility<K: Kernel>(
+        splats: &[K], list: &[u32], depths: Depths, rect: &TileRect, tolerances: bool, buffers: &mut PaintBuffers,
     ) = visibility_body
 }
 
 #[inline(always)]
-fn visibility_body(
-    splats: &[EwaSplat],
+fn visibility_body<K: Kernel>(
+    splats: &[K],
     list: &[u32],
     depths: Depths,
     rect: &TileRect,
     tolerances: bool,
-    buffers: &mut EwaBuffers,
+    buffers: &mut PaintBuffers,
 ) {
     let behind = !buffers.floor.is_empty();
     for &index in list {
-        let splat = &splats[index as usize];
-        let Some(touched) = Touched::within(splat.disc.bounds, rect) else { continue };
-        match (touched.is_narrow(), tolerances, behind) {
+        let splat = splats[index as usize].disc();
+        let Some(touched) = Touched::within(splat.bounds, rect) else { continue };
+        // Only a filter asks for tolerances, and for what lies behind a floor.
+        match (touched.is_narrow(), K::FILTERED && tolerances, K::FILTERED && behind) {
             (true, false, false) => lower::<NARROW, false, false>(splat, &touched, depths, rect, buffers),
             (false, false, false) => lower::<LANES, false, false>(splat, &touched, depths, rect, buffers),
             (true, true, false) => lower::<NARROW, true, false>(splat, &touched, depths, rect, buffers),
@@ -45,11 +48,11 @@ fn visibility_body(
 /// `BEHIND`: only discs behind the floor count.
 #[inline(always)]
 fn lower<const W: usize, const TOLERANCES: bool, const BEHIND: bool>(
-    splat: &EwaSplat,
+    splat: &Splat,
     touched: &Touched,
     depths: Depths,
     rect: &TileRect,
-    buffers: &mut EwaBuffers,
+    buffers: &mut PaintBuffers,
 ) {
     let most_inverse_depth = 1.0 / depths.near;
     let mut y = touched.y0;
@@ -68,7 +71,7 @@ fn lower<const W: usize, const TOLERANCES: bool, const BEHIND: bool>(
                 floor = patch::load::<W>(&buffers.floor[at..], APRON_STRIDE);
             }
             for l in 0..LANES {
-                let hit = patch.at(&splat.disc, l);
+                let hit = patch.at(splat, l);
                 let depth = 1.0 / hit.inverse_depth;
                 let tolerance = depths.tolerance(depth);
                 let covers = hit.inside & (hit.inverse_depth <= most_inverse_depth) & hit.wanted;
@@ -91,23 +94,23 @@ fn lower<const W: usize, const TOLERANCES: bool, const BEHIND: bool>(
 
 dispatch! {
     /// Lowers the second thresholds of the pixels that are not solid.
-    pub(in crate::backend) fn second(
-        splats: &[EwaSplat], list: &[u32], depths: Depths, tile: &TileRect, start: usize, buffers: &mut EwaBuffers,
+    pub(in crate::backend) fn second<K: Kernel>(
+        splats: &[K], list: &[u32], depths: Depths, tile: &TileRect, start: usize, buffers: &mut PaintBuffers,
     ) = second_body
 }
 
 #[inline(always)]
-fn second_body(
-    splats: &[EwaSplat],
+fn second_body<K: Kernel>(
+    splats: &[K],
     list: &[u32],
     depths: Depths,
     tile: &TileRect,
     start: usize,
-    buffers: &mut EwaBuffers,
+    buffers: &mut PaintBuffers,
 ) {
     let most_inverse_depth = 1.0 / depths.near;
     for &index in list {
-        let splat = &splats[index as usize].disc;
+        let splat = splats[index as usize].disc();
         let Some(touched) = Touched::within(splat.bounds, tile) else { continue };
         let columns = ((2_u64 << touched.x1) - (1 << touched.x0)) as u32;
         for y in touched.y0..=touched.y1 {
@@ -146,12 +149,12 @@ dispatch! {
     /// `size` pixels do not count. `of_all`: the tolerance of all objects, where it is one; else those that
     /// `visibility` kept are taken.
     pub(in crate::backend) fn find_open(
-        tile: &TileRect, apron: usize, size: [u32; 2], of_all: Option<Depths>, buffers: &mut EwaBuffers,
+        tile: &TileRect, apron: usize, size: [u32; 2], of_all: Option<Depths>, buffers: &mut PaintBuffers,
     ) = find_open_body
 }
 
 #[inline(always)]
-fn find_open_body(tile: &TileRect, apron: usize, size: [u32; 2], of_all: Option<Depths>, buffers: &mut EwaBuffers) {
+fn find_open_body(tile: &TileRect, apron: usize, size: [u32; 2], of_all: Option<Depths>, buffers: &mut PaintBuffers) {
     const EDGE: usize = TILE + 2 * super::buffers::MOST_APRON;
     let (rect, [left, top]) = with_apron(tile, apron, size);
     // Inverse depths with the whole apron; NaN outside the image, 0 where nothing covers.

@@ -1,4 +1,4 @@
-//! Pass `project` of full EWA: surfels to splats, each convolved with the low-pass filter of the sample grid
+//! Pass `project` of filtered kernels: surfels to splats, each convolved with the low-pass filter of the sample grid
 //! (Ren et al. 2002, eq. 7 and 8; Zwicker et al. 2002, eq. 35; docs/math.md, section 3).
 //!
 //! A kernel exp(-2 (u^2 + v^2)) is a Gaussian of variance 1/4. J is the derivative of pixels by (u, v) at the centre,

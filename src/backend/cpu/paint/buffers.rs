@@ -1,4 +1,4 @@
-//! What full EWA stores of one tile.
+//! What step `Paint` stores of one tile.
 
 use crate::backend::cpu::tiles::{LANES, ROWS, STRIDE, TILE, TileRect};
 
@@ -35,9 +35,9 @@ pub(in crate::backend) const SIDE: usize = 1;
 /// Number of discs of the layer that cover the pixel.
 pub(in crate::backend) const DISC: usize = 2;
 
-/// Depths and sums of one tile.
+/// Depths and sums of one tile. Those that only a filter needs are empty without it.
 #[derive(Clone, Debug, Default)]
-pub(in crate::backend) struct EwaBuffers {
+pub(in crate::backend) struct PaintBuffers {
     /// T(x, t), +inf where no disc covers, and the tolerance of the disc that it is of: with an apron.
     pub threshold: Vec<f32>,
     pub epsilon: Vec<f32>,
@@ -50,36 +50,55 @@ pub(in crate::backend) struct EwaBuffers {
     /// For each row a bit for each pixel near which there is one that no disc covers.
     pub rim: Vec<u32>,
     /// Weighted sums of each layer: for each of `ROWS` rows, for each channel and then the extra ones, `STRIDE` floats.
+    /// Without a filter there is the band alone, and no channel is extra.
     pub sums: [Vec<f32>; 4],
+    /// Floats of a row of sums, all channels.
+    pub row: usize,
+    /// Does anything that moves touch the tile?
+    pub moves: bool,
 }
 
-impl EwaBuffers {
-    /// Bytes of one tile's buffers.
-    pub(in crate::backend) const fn bytes(channels: usize) -> u64 {
-        let planes = 4 * (channels + EXTRA) + 1;
-        ((planes * ROWS * STRIDE + 3 * APRON_ROWS * APRON_STRIDE + 2 * TILE) * size_of::<f32>()) as u64
+impl PaintBuffers {
+    /// Bytes of one tile's buffers, with a filter or without.
+    pub(in crate::backend) const fn bytes(channels: usize, filtered: bool) -> u64 {
+        let (planes, depths) = if filtered { (4 * (channels + EXTRA) + 1, 3) } else { (channels, 1) };
+        ((planes * ROWS * STRIDE + depths * APRON_ROWS * APRON_STRIDE + 2 * TILE) * size_of::<f32>()) as u64
     }
 
-    pub(in crate::backend) fn clear_depths(&mut self) {
-        for (plane, value) in [(&mut self.threshold, f32::INFINITY), (&mut self.epsilon, 0.0)] {
+    pub(in crate::backend) fn clear_depths(&mut self, filtered: bool) {
+        let with_apron = APRON_ROWS * APRON_STRIDE;
+        for (plane, floats, value) in [
+            (&mut self.threshold, with_apron, f32::INFINITY),
+            (&mut self.epsilon, if filtered { with_apron } else { 0 }, 0.0),
+            (&mut self.second, if filtered { ROWS * STRIDE } else { 0 }, f32::INFINITY),
+        ] {
             plane.clear();
-            plane.resize(APRON_ROWS * APRON_STRIDE, value);
+            plane.resize(floats, value);
         }
-        self.second.clear();
-        self.second.resize(ROWS * STRIDE, f32::INFINITY);
         for rows in [&mut self.open, &mut self.rim] {
             rows.clear();
             rows.resize(TILE, 0);
         }
     }
 
-    pub(in crate::backend) fn clear_sums(&mut self, channels: usize) {
+    pub(in crate::backend) fn clear_sums(&mut self, channels: usize, filtered: bool) {
         let open = self.any_open();
+        self.row = (channels + if filtered { EXTRA } else { 0 }) * STRIDE;
         for (layer, sums) in Layer::ALL.into_iter().zip(&mut self.sums) {
             sums.clear();
             if open || layer == Layer::Band {
-                sums.resize(ROWS * (channels + EXTRA) * STRIDE, 0.0);
+                sums.resize(ROWS * self.row, 0.0);
             }
+        }
+    }
+
+    /// Copies T(x, t) of a tile that begins at `first` in planes with an apron: `ROWS` rows of `STRIDE`.
+    pub(in crate::backend) fn copy_threshold(&self, first: usize, tile: &TileRect, out: &mut Vec<f32>) {
+        out.clear();
+        out.resize(ROWS * STRIDE, f32::INFINITY);
+        for y in 0..tile.height {
+            let row = &self.threshold[first + y * APRON_STRIDE..][..tile.width];
+            out[y * STRIDE..][..tile.width].copy_from_slice(row);
         }
     }
 

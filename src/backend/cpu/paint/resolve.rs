@@ -1,9 +1,9 @@
-//! Pass `resolve` of full EWA: composites the layers of a pixel, front to back, and adds them to the film with the time
-//! weight (docs/math.md, section 3).
+//! Pass `resolve` of step `Paint`: normalises and shades (Wolf 2008, 4.1.1, eq. 4.14), composites the layers of a
+//! pixel, front to back, and adds them to the film with the time weight (docs/math.md, section 3).
 //!
 //! In: a tile's sums and depths. Out: the tile's film.
 
-use super::buffers::{APRON_STRIDE, DISC, EXTRA, EwaBuffers, Layer, PEAK, SIDE};
+use super::buffers::{APRON_STRIDE, DISC, Layer, PEAK, PaintBuffers, SIDE};
 use crate::backend::cpu::mirror::Rows;
 use crate::backend::cpu::resolve::{Resolve, TileFilm, add_lanes};
 use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect, lanes};
@@ -13,7 +13,7 @@ dispatch! {
     /// Adds one group's share of the exposure to `film`. `start`: where the tile begins in planes with an apron.
     /// `coverage`: that of a group's samples together, weights included; empty for a group of one sample.
     pub(in crate::backend) fn resolve(
-        resolve: &Resolve<'_>, tile: &TileRect, start: usize, buffers: &EwaBuffers, coverage: &[f32],
+        resolve: &Resolve<'_>, tile: &TileRect, start: usize, buffers: &PaintBuffers, coverage: &[f32],
         film: &mut TileFilm,
     ) = resolve_body
 }
@@ -23,12 +23,12 @@ fn resolve_body(
     resolve: &Resolve<'_>,
     tile: &TileRect,
     start: usize,
-    buffers: &EwaBuffers,
+    buffers: &PaintBuffers,
     group_coverage: &[f32],
     film: &mut TileFilm,
 ) {
     let channels = resolve.channels.count;
-    let row = (channels + EXTRA) * STRIDE;
+    let row = buffers.row;
     film.values.resize(resolve.planes.count * TILE * TILE, 0.0);
     for y in 0..tile.height {
         for x in (0..tile.width).step_by(LANES) {
@@ -98,7 +98,7 @@ pub(in crate::backend) fn coverage(weight: f32, side: f32, peak: f32, covered: b
 
 /// For each of the pixels whose sums begin at `at` the last layer that has weight.
 #[inline(always)]
-fn last_layers(buffers: &EwaBuffers, at: usize) -> [u8; LANES] {
+fn last_layers(buffers: &PaintBuffers, at: usize) -> [u8; LANES] {
     let mut last = [0; LANES];
     for (layer, sums) in (0..).zip(&buffers.sums) {
         if let Some(weights) = sums.get(at..at + LANES) {

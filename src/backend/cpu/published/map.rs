@@ -1,24 +1,25 @@
 //! The map of a group at mid-interval, over the image and a guard band around it. Swept kernels look up in it whether
-//! their source is visible (Wolf 2008, fig. 4.5), and how dense kernels are there.
+//! their source is visible (Wolf 2008, fig. 4.5).
 
-use crate::backend::cpu::tiles::{Band, STRIDE, TILE, TileRect};
+use crate::backend::cpu::paint::APRON_STRIDE;
+use crate::backend::cpu::tiles::{Band, TILE, TileRect};
 
-/// Depth threshold and inverse density of each sample position, tile by tile.
+/// Depth threshold of each sample position, tile by tile.
 #[derive(Clone, Debug, Default)]
 pub(in crate::backend) struct Map {
     /// First pixel column and row.
     corner: [i32; 2],
     /// Tiles in a row, and rows of tiles.
     tiles: [i32; 2],
-    values: Vec<[f32; 2]>,
+    values: Vec<f32>,
 }
 
 /// Values of one tile: `TILE` rows of `TILE`.
-pub(in crate::backend) type MapTile = [[f32; 2]; TILE * TILE];
+pub(in crate::backend) type MapTile = [f32; TILE * TILE];
 
-/// Beyond the map everything is visible, however sparse. `store` makes the same of a pixel without kernels, so that it
+/// Beyond the map everything is visible. `store` makes the same of a pixel without kernels, so that it
 /// does not matter which tiles had kernels.
-const UNKNOWN: [f32; 2] = [f32::INFINITY; 2];
+const UNKNOWN: f32 = f32::INFINITY;
 
 impl Map {
     /// Bytes of a map of `tiles` tiles.
@@ -35,9 +36,9 @@ impl Map {
         self.values.as_chunks_mut().0
     }
 
-    /// Threshold and inverse density at pixel (`x`, `y`).
+    /// Threshold at pixel (`x`, `y`).
     #[inline(always)]
-    pub(super) fn at(&self, x: i32, y: i32) -> [f32; 2] {
+    pub(super) fn at(&self, x: i32, y: i32) -> f32 {
         const BITS: u32 = TILE.trailing_zeros();
         const MASK: i32 = TILE as i32 - 1;
         let (x, y) = (x.wrapping_sub(self.corner[0]), y.wrapping_sub(self.corner[1]));
@@ -52,15 +53,10 @@ impl Map {
     }
 }
 
-/// Pass `store`: a tile's thresholds and, where there are any, sums of weights into its part of the map.
-pub(in crate::backend) fn store(tile: &TileRect, threshold: &[f32], sums: &[f32], out: &mut MapTile) {
+/// Pass `store`: a tile's thresholds into its part of the map.
+pub(in crate::backend) fn store(tile: &TileRect, threshold: &[f32], out: &mut MapTile) {
     for y in 0..tile.height {
-        for x in 0..tile.width {
-            let at = y * STRIDE + x;
-            let density = sums.get(at).copied().unwrap_or(1.0);
-            // Where there is no kernel the inverse is infinite: a share is the most that it can be.
-            out[y * TILE + x] = [threshold[at], 1.0 / density];
-        }
+        out[y * TILE..][..tile.width].copy_from_slice(&threshold[y * APRON_STRIDE..][..tile.width]);
     }
 }
 
@@ -75,8 +71,8 @@ mod tests {
         let band = Band::new([TILE as u32; 2], [0, 1]);
         let mut map = Map::default();
         let laid = map.lay(&band)[0];
-        let mut stored = [[0.0; 2]; TILE * TILE];
-        store(&band.tile(0), &[f32::INFINITY; TILE * STRIDE], &[0.0; TILE * STRIDE], &mut stored);
+        let mut stored = [0.0; TILE * TILE];
+        store(&band.tile(0), &[f32::INFINITY; TILE * APRON_STRIDE], &mut stored);
         assert_eq!(laid, stored);
     }
 }

@@ -1,0 +1,19 @@
+// Pass `project` of published kernels in motion (program `published_sweep`): makes kernels of surfels over an
+// interval; projects, bounds and culls them. What it reads and writes: common/moving.wgsl.
+// Twin: src/backend/cpu/swept/project.rs.  Math: docs/math.md, section 7.
+// One invocation per surfel.
+
+@compute @workgroup_size(256)
+fn published_sweep(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= segment.surfels { return; }
+    let slot = segment.first_slot + id.x;
+    touched[slot] = 0u;
+    var kernel = moving(id.x);
+    if kernel.kind == CROSSING {
+        write_crossing(slot, kernel.splat, kernel.centre, kernel.motion, kernel.u, kernel.v);
+    }
+    if kernel.kind != ORDINARY { return; }
+    let low_pass = select(0.0, view.low_pass, kernel.centre.z >= view.near);
+    kernel.splat.flags |= select(0u, FLAG_LOW_PASS, low_pass > 0.0);
+    write_bounded(slot, kernel.splat, boxes_of(kernel, kernel.u, kernel.v, low_pass));
+}

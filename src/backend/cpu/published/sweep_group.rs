@@ -1,0 +1,114 @@
+//! Step `Published`, an interval: its kernels swept and added to the film.
+
+use std::time::Instant;
+
+use super::attribute::{self, Swept};
+use super::coverage::coverage;
+use super::map::Map;
+use crate::backend::cpu::bin::Binned;
+use crate::backend::cpu::chunk::Chunk;
+use crate::backend::cpu::job::Job;
+use crate::backend::cpu::project::View;
+use crate::backend::cpu::resolve::TileFilm;
+use crate::backend::cpu::scope::Scope;
+use crate::backend::cpu::swept::{Exposure, add_to_film, project};
+use crate::backend::cpu::tile_buffers::TileBuffers;
+use crate::backend::cpu::tile_runner::TileWork;
+use crate::layout::SweptSplat;
+use crate::options::{KernelWeight, SweptKernel, TemporalAlpha};
+use crate::plan::{PosedInterval, PublishedSweepPass};
+
+/// One interval in one band, and the map of its visibility.
+pub(in crate::backend) struct PublishedSweepGroup<'a> {
+    pub scope: Scope<'a>,
+    pub interval: &'a PosedInterval,
+    pub kernel: SweptKernel,
+    pub map: &'a Map,
+}
+
+impl PublishedSweepGroup<'_> {
+    /// What `attribute` needs for one chunk, whose kernels have `values`.
+    pub(in crate::backend) fn swept<'b>(&'b self, chunk: &Chunk, values: &'b [f32]) -> Swept<'b> {
+        Swept {
+            attributes: self.scope.attributes(chunk, values),
+            near: self.scope.frame.near,
+            low_pass: self.scope.low_pass(),
+            line: self.kernel.weight == KernelWeight::Line,
+            source_samples: self.kernel.source_samples.0,
+            slope: self.interval.slope,
+            sum: self.sums_weights(),
+            map: self.map,
+            raster: self.scope.raster,
+        }
+    }
+
+    fn sums_weights(&self) -> bool {
+        self.kernel.alpha == TemporalAlpha::Sum
+    }
+
+    /// Pass `attribute` of one tile.
+    fn add_kernels(&self, job: &mut Job<'_, SweptSplat, TileFilm>) {
+        if job.first {
+            job.buffers.clear_sums(self.scope.channels.count);
+            job.buffers.clear_coverage_mask(false);
+        }
+        for (chunk, binned) in job.chunks.iter().zip(job.binned) {
+            let list = binned.list(&job.tile, job.scratch);
+            if list.is_empty() {
+                continue;
+            }
+            let swept = self.swept(chunk, &binned.values);
+            let TileBuffers { sums, coverage_mask, .. } = &mut *job.buffers;
+            attribute::attribute(&binned.splats, list, &swept, &job.tile, sums, coverage_mask);
+        }
+    }
+
+    /// Pass `resolve` of one tile.
+    pub(in crate::backend) fn resolve(&self, job: &mut Job<'_, SweptSplat, TileFilm>) {
+        let TileBuffers { sums, group_coverage, coverage_mask, .. } = &mut *job.buffers;
+        let exposure = Exposure { interval: self.interval, weight: self.scope.weight(), sum: self.sums_weights() };
+        coverage(&exposure, coverage_mask, &mut group_coverage.coverage);
+        add_to_film(&self.scope, self.kernel.normalise, &job.tile, sums, &group_coverage.coverage, job.out);
+    }
+}
+
+impl TileWork for PublishedSweepGroup<'_> {
+    type Pass = PublishedSweepPass;
+    type Splat = SweptSplat;
+    type Out = TileFilm;
+
+    fn scope(&self) -> &Scope<'_> {
+        &self.scope
+    }
+
+    fn project(&self, chunk: &Chunk, binned: &mut Binned<SweptSplat>) {
+        self.scope.timed(binned, |binned| {
+            let surfels = &self.scope.frame.objects[chunk.object].surfels;
+            let Binned { splats, filters, .. } = &mut *binned;
+            splats.clear();
+            filters.clear();
+            let view = View { low_pass: self.scope.low_pass() > 0.0, ..self.scope.view(chunk) };
+            project::project_published(&view, surfels, chunk.surfels.clone(), splats);
+            binned.bin();
+            self.scope.add_values(chunk, binned);
+        });
+    }
+
+    fn reads_splats(pass: PublishedSweepPass) -> bool {
+        pass != PublishedSweepPass::Resolve
+    }
+
+    fn run(&self, pass: PublishedSweepPass, mut job: Job<'_, SweptSplat, TileFilm>) {
+        let start = Instant::now();
+        match pass {
+            PublishedSweepPass::Attribute => {
+                self.add_kernels(&mut job);
+                self.scope.clocks.attribute.add(start);
+            }
+            PublishedSweepPass::Resolve => {
+                self.resolve(&mut job);
+                self.scope.clocks.resolve.add(start);
+            }
+        }
+    }
+}
