@@ -5,10 +5,8 @@
 
 use crate::support;
 use crate::support::closed_forms::{SIZE, disc, edge, spin_of, truth};
-use crate::support::{UNLIT, object, posed, render, round_surfels, scene, sphere_scene};
+use crate::support::{UNLIT, object, render, round_surfels, scene, sphere_scene};
 use glam::{DVec3, Vec3};
-use splatblur::backend::Backend;
-use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::options::{
     BlurMode, Interleave, Normalise, Overlap, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel,
@@ -25,7 +23,7 @@ fn options(mode: BlurMode) -> RenderOptions {
     RenderOptions {
         quality: mode.into(),
         aovs: Aov::ALL[..4].to_vec(),
-        prefilter: Prefilter::Approx,
+        prefilter: Prefilter::None,
         ..RenderOptions::default()
     }
 }
@@ -42,22 +40,15 @@ fn difference(a: &Picture, b: &Picture) -> f32 {
 
 #[test]
 fn without_motion_a_tube_is_the_splat() {
-    for prefilter in [Prefilter::None, Prefilter::Approx] {
-        for (surfels, size) in [(3_000, 200), (100_000, 100)] {
-            let scene = sphere_scene(surfels, size, false);
-            let with = |mode| {
-                let point = RenderOptions { filter: PixelFilter::Point, prefilter, ..options(mode) };
-                let options = RenderOptions { shading: Shading::Gouraud, ..point };
-                let mut frame = posed(&scene, 0, &options);
-                // Static objects would have a picture of splats.
-                frame.objects.iter_mut().for_each(|object| object.is_static = false);
-                frame.plan_again();
-                Cpu::default().render(frame).expect("a picture").picture
-            };
-            let worst = difference(&with(BlurMode::Still { pixel_samples: 1 }), &with(volumetric(3)));
-            println!("{surfels} surfels, {prefilter:?}: {worst:.1e}");
-            assert!(worst < 1e-5, "{surfels} surfels, {prefilter:?}: {worst}");
-        }
+    for (surfels, size) in [(3_000, 200), (100_000, 100)] {
+        let scene = sphere_scene(surfels, size, false);
+        let with = |mode| {
+            let options = RenderOptions { filter: PixelFilter::Point, shading: Shading::Gouraud, ..options(mode) };
+            render(&scene, &options)
+        };
+        let worst = difference(&with(BlurMode::Still { pixel_samples: 1 }), &with(volumetric(3)));
+        println!("{surfels} surfels: {worst:.1e}");
+        assert!(worst < 1e-5, "{surfels} surfels: {worst}");
     }
 }
 
@@ -287,10 +278,11 @@ fn dense_and_sparse_count_by_time() {
             RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(volumetric(n)) };
         let [red, green, ..] = render(&scene, &options).rgba[32 * 65 + 32];
         // Discs reach from -.65 to .05 and from -.07 to .67, with 3 and 50 over each point; where they overlap both are
-        // seen.
+        // seen. Kernels weigh by the mean normalisation of their model, which its rims have a part in: of the sparse
+        // one within 3 %.
         let share = f64::from(red / (red + green));
         println!("N = {n}: red {red:.4}, green {green:.4}, share of red {share:.3}");
-        assert!((0.58 / 1.32..=0.70 / 1.32).contains(&share), "N = {n}: {share}");
+        assert!((0.97 * 0.58 / 1.32..=1.03 * 0.70 / 1.32).contains(&share), "N = {n}: {share}");
     }
 }
 

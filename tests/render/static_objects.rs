@@ -150,10 +150,11 @@ fn memory_for_static_objects_does_not_show() {
     // Each thread takes some memory. With many, what is left at least is enough for the static objects.
     let threads = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
     threads.install(|| {
-        memory_does_not_show(&mut Cpu::default(), Rest::Shared, &through(), &modes());
-        let mut scene = through();
-        scene.shutter.weight = Weight::Tent;
         // More than a batch of static objects.
+        let mut scene = through();
+        scene.objects[1] = object(sphere(100_000).spatially_ordered());
+        memory_does_not_show(&mut Cpu::default(), Rest::Shared, &scene, &modes());
+        scene.shutter.weight = Weight::Tent;
         scene.objects[1] = object(sphere(400_000).spatially_ordered());
         memory_does_not_show(&mut Cpu::default(), Rest::Shared, &scene, &swept_modes());
     });

@@ -120,14 +120,14 @@ impl TileBuffers {
         }
     }
 
-    /// Bytes of one tile's buffers, for groups of `samples` samples. `slices`: those of kernels in motion, if
-    /// there are any.
+    /// Bytes of a tile's buffers beside those of kernels at instants, for groups of `samples` samples. `slices`: those
+    /// of kernels in motion, if there are any.
     pub(in crate::backend) const fn bytes(channels: usize, samples: usize, slices: Option<usize>) -> u64 {
         let group_coverage = if samples > 1 { 3 } else { 0 };
         let swept = match slices {
-            Some(slices) => 6 + slices,
+            Some(slices) => channels + 6 + slices,
             None => 0,
         };
-        ((channels + group_coverage + swept) * ROWS * STRIDE * size_of::<f32>()) as u64
+        ((group_coverage + swept) * ROWS * STRIDE * size_of::<f32>()) as u64
     }
 }
