@@ -17,7 +17,7 @@ pub(in crate::backend) use self::instant_group::InstantGroup;
 pub(in crate::backend) use self::low_pass::LowPassSplat;
 pub(in crate::backend) use self::map::Map;
 pub(in crate::backend) use self::map_group::MapGroup;
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 pub(in crate::backend) use self::resolve::resolve as resolve_instant;
 pub(in crate::backend) use self::sweep_group::PublishedSweepGroup;
 pub(in crate::backend::cpu) use self::waste::waste_of;
