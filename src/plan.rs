@@ -104,7 +104,7 @@ pub enum Step {
         /// Is what is at rest the same for all groups of the position? A backend may paint it once for all.
         shares_rest: bool,
     },
-    /// Peels off the layers of see-through surfels ([`LayerPass::ORDER`]). Opaque surfels hide them.
+    /// Peels off the layers of see-through surfels ([`LayerPass::order`]). Opaque surfels hide them.
     Peel {
         /// The group.
         group: usize,
@@ -139,8 +139,7 @@ pub enum Step {
 /// A part of [`Step::Published`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Published {
-    /// Splats opaque surfels with their low-pass discs and adds to the film what one group shows
-    /// ([`InstantPass::ORDER`]).
+    /// As [`Step::Paint`], of surfels with their low-pass discs, which make no layers ([`PaintPass::order`]).
     Instant,
     /// Makes a map of depth thresholds at the middle of an interval, over the raster and a guard band
     /// ([`MapPass::ORDER`]). Kernels in motion look up there whether their source is visible. So it must be complete
@@ -304,22 +303,6 @@ pub enum SweepPass {
 }
 
 impl SweepPass {
-    /// The passes in order.
-    pub const ORDER: [Self; 3] = [Self::Visibility, Self::Attribute, Self::Resolve];
-}
-
-/// A pass of [`Published::Instant`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum InstantPass {
-    /// As [`PaintPass::Visibility`].
-    Visibility,
-    /// Weighted sums of the attributes of the splats that pass the depth test, or whose low-pass disc does.
-    Attribute,
-    /// Normalises, shades, and adds to the film with the time weight.
-    Resolve,
-}
-
-impl InstantPass {
     /// The passes in order.
     pub const ORDER: [Self; 3] = [Self::Visibility, Self::Attribute, Self::Resolve];
 }

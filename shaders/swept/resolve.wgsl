@@ -1,6 +1,6 @@
 // Pass `resolve` for kernels in motion: turns the times at which kernels cover into coverage, and pools colours that
 // are normalised once.
-// Twins: src/backend/cpu/swept/resolve.rs, published/coverage.rs.  Math: docs/math.md, eq. 18 to 20.
+// Twins: src/backend/cpu/swept/resolve.rs, published/coverage.rs.  Math: docs/math.md, eq. 18, 19 and 20b.
 //   in   sums, lights
 //        coverage_mask   of each pixel
 //        moments         share of the exposure of each 32nd of the interval

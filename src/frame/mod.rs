@@ -71,7 +71,7 @@ pub struct Frame {
     pub model_bytes: u64,
     /// Bytes of pictures that the caller holds beside the frame's own.
     pub picture_bytes: u64,
-    /// The kernel of the frame's [`Step::Sweep`]; `None` where it has no such step.
+    /// The kernel that the frame's steps sweep; `None` where its samples are instants.
     pub swept: Option<SweptKernel>,
     /// Objects that can be seen at some sample, in document order.
     pub objects: Vec<FrameObject>,

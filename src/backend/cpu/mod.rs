@@ -38,7 +38,7 @@ use self::chunk::chunks;
 use self::clocks::Clocks;
 use self::memory::Budget;
 use self::paint::{Kernel, PaintGroup, Painted};
-use self::published::{InstantGroup, LowPassSplat, Map, MapGroup, PublishedSweepGroup};
+use self::published::{LowPassSplat, Map, MapGroup, PublishedSweepGroup};
 use self::resolve::{RasterFilms, TileFilm, TiledFilm};
 use self::scope::Scope;
 use self::swept::SweepGroup;
@@ -53,9 +53,7 @@ use crate::film::{FilmPlanes, Picture, develop};
 use crate::frame::{Blocks, Frame, PosedRaster, Position};
 use crate::layout::{Channels, EwaSplat, Splat, SweptSplat};
 use crate::options::SweptKernel;
-use crate::plan::{
-    InstantPass, LayerPass, MapPass, PaintPass, PosedInterval, Published, PublishedSweepPass, Step, SweepPass,
-};
+use crate::plan::{LayerPass, MapPass, PaintPass, PosedInterval, Published, PublishedSweepPass, Step, SweepPass};
 use crate::stop::Stop;
 
 /// Pictures whose memory is stored for later ones: as many as mode auto gives back.
@@ -88,7 +86,7 @@ pub struct Cpu {
 struct Memory {
     discs: Splats<Splat>,
     filtered: Splats<EwaSplat>,
-    low_pass: Vec<Binned<LowPassSplat>>,
+    low_pass: Splats<LowPassSplat>,
     /// Discs on the map.
     of_map: Vec<Binned>,
     kernels: Vec<Binned<SweptSplat>>,
@@ -270,7 +268,13 @@ impl Executor<'_> {
                 Step::Peel { group } => self.peel(group),
                 Step::Composite { group } => self.composite(group),
                 Step::Sweep { group, ref interval, kernel } => self.sweep(group, interval, kernel),
-                Step::Published { group, ref part } => self.published(group, part),
+                Step::Published { group, part: Published::Instant } => {
+                    self.paint::<LowPassSplat>(group, false, |memory| &mut memory.low_pass);
+                }
+                Step::Published { group, part: Published::Map { guard } } => self.map(group, guard),
+                Step::Published { group, part: Published::Sweep { ref interval, kernel } } => {
+                    self.published_sweep(group, interval, kernel);
+                }
                 Step::Finish => {
                     self.film.par_iter_mut().for_each(|tile| swept::finish(self.place.planes, &mut tile.values));
                 }
@@ -306,38 +310,26 @@ impl Executor<'_> {
         *splats(self.memory) = own;
     }
 
-    /// One group, or one interval, as published.
-    fn published(&mut self, group: usize, part: &Published) {
-        let splat_bytes = self.budget.splat_bytes;
-        let guard = match part {
-            Published::Map { guard } => Some(*guard),
-            Published::Instant | Published::Sweep { .. } => None,
-        };
-        let band = guard.map_or(self.place.band, |guard| self.place.band.guarded(guard));
-        let scope = self.place.scope(group, band);
+    /// The map of a group, with `guard` pixels around the band.
+    fn map(&mut self, group: usize, guard: u32) {
+        let scope = self.place.scope(group, self.place.band.guarded(guard));
         let (chunks, at_rest) = chunks(self.place.frame, scope.group, false);
-        let Memory { buffers, transparent, map, low_pass, of_map, kernels, .. } = &mut *self.memory;
-        match *part {
-            Published::Instant => {
-                let film = of_group(self.place.frame, &mut transparent.opaque, self.film);
-                let work = InstantGroup { paint: PaintGroup::new(scope) };
-                let passes = &InstantPass::ORDER;
-                TileRunner { work: &work, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }
-                    .run(low_pass, buffers, film);
-            }
-            Published::Map { .. } => {
-                let (work, passes) = (MapGroup { scope }, &MapPass::ORDER);
-                let tiles = map.lay(&scope.band);
-                TileRunner { work: &work, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }
-                    .run(of_map, buffers, tiles);
-            }
-            Published::Sweep { ref interval, kernel } => {
-                let work = PublishedSweepGroup { scope, interval, kernel, map };
-                let passes = &PublishedSweepPass::ORDER;
-                TileRunner { work: &work, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }
-                    .run(kernels, buffers, self.film);
-            }
-        }
+        let Memory { buffers, map, of_map, .. } = &mut *self.memory;
+        let tiles = map.lay(&scope.band);
+        let (passes, splat_bytes) = (&MapPass::ORDER, self.budget.splat_bytes);
+        TileRunner { work: &MapGroup { scope }, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }
+            .run(of_map, buffers, tiles);
+    }
+
+    /// The published kernels in motion of an interval.
+    fn published_sweep(&mut self, group: usize, interval: &PosedInterval, kernel: SweptKernel) {
+        let scope = self.place.scope(group, self.place.band);
+        let (chunks, at_rest) = chunks(self.place.frame, scope.group, false);
+        let Memory { buffers, map, kernels, .. } = &mut *self.memory;
+        let work = PublishedSweepGroup { scope, interval, kernel, map };
+        let (passes, splat_bytes) = (&PublishedSweepPass::ORDER, self.budget.splat_bytes);
+        TileRunner { work: &work, chunks: &chunks, passes, splat_bytes, at_rest, made: 0 }
+            .run(kernels, buffers, self.film);
     }
 
     /// Captures, volumes and the layers of see-through surfels, over the picture of the same group.

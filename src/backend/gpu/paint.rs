@@ -1,5 +1,5 @@
-//! Step `Paint`, and instants of step `Published`: their programs, and the passes that they record. Twins:
-//! `paint/group.rs` and `published/instant_group.rs` of `src/backend/cpu/`.
+//! Step `Paint`, and instants of step `Published`: their programs, and the passes that they record. Twin:
+//! `src/backend/cpu/paint/group.rs`.
 
 use wgpu::ComputePass;
 
@@ -13,7 +13,7 @@ use super::programs::{Constants, Program};
 use super::timestamps::Stage;
 use crate::backend::BackendError;
 use crate::layout::{EwaSplat, Splat};
-use crate::plan::{InstantPass, PaintPass};
+use crate::plan::PaintPass;
 
 /// Size of a filtered splat in splats.
 pub(super) const PARTS: (&str, u32) = ("SPLATS", (size_of::<EwaSplat>() / size_of::<Splat>()) as u32);
@@ -74,7 +74,7 @@ impl DeviceChannels {
     }
 }
 
-/// Step `Paint`.
+/// Step `Paint`, and instants of step `Published`.
 pub(in crate::backend) struct PaintStep<'a> {
     pub job: Job<'a>,
     pub programs: &'a PaintPrograms,
@@ -108,55 +108,11 @@ impl StepWork for PaintStep<'_> {
         match pass {
             PaintPass::Visibility => dispatch(recorder, &programs.visibility, tiles, view),
             PaintPass::Second => programs.second.iter().for_each(|program| dispatch(recorder, program, tiles, view)),
-            PaintPass::Attribute => programs.add(recorder, batch, tiles, view),
+            PaintPass::Attribute => {
+                of_segments(recorder, &programs.splat_values, batch, view);
+                dispatch(recorder, &programs.attribute, tiles, view);
+            }
             PaintPass::Resolve => dispatch(recorder, &self.job.place.film.resolve, tiles, view),
-        }
-    }
-}
-
-impl PaintPrograms {
-    /// Records pass `attribute` of one batch.
-    pub(super) fn add(&self, recorder: &mut ComputePass<'_>, batch: &Batch, tiles: [u32; 2], view: u32) {
-        of_segments(recorder, &self.splat_values, batch, view);
-        dispatch(recorder, &self.attribute, tiles, view);
-    }
-}
-
-/// Instants of step `Published`.
-pub(in crate::backend) struct InstantStep<'a> {
-    pub job: Job<'a>,
-    pub programs: &'a PaintPrograms,
-}
-
-impl StepWork for InstantStep<'_> {
-    type Pass = InstantPass;
-
-    fn job(&self) -> &Job<'_> {
-        &self.job
-    }
-
-    fn lists(&self) -> &ListPrograms {
-        &self.programs.lists
-    }
-
-    fn reads_splats(pass: InstantPass) -> bool {
-        pass != InstantPass::Resolve
-    }
-
-    fn stage(pass: InstantPass) -> Stage {
-        match pass {
-            InstantPass::Visibility => Stage::Visibility,
-            InstantPass::Attribute => Stage::Attribute,
-            InstantPass::Resolve => Stage::Resolve,
-        }
-    }
-
-    fn record(&self, recorder: &mut ComputePass<'_>, pass: InstantPass, batch: &Batch, view: u32) {
-        let (programs, tiles) = (self.programs, self.job.area.tiles);
-        match pass {
-            InstantPass::Visibility => dispatch(recorder, &programs.visibility, tiles, view),
-            InstantPass::Attribute => programs.add(recorder, batch, tiles, view),
-            InstantPass::Resolve => dispatch(recorder, &self.job.place.film.resolve, tiles, view),
         }
     }
 }

@@ -6,14 +6,14 @@ use wgpu::ComputePassDescriptor;
 use super::bind::SurfelPrograms;
 use super::job::{Job, Place, dispatch};
 use super::layout::{OPAQUE_SURFELS, SEE_THROUGH_SURFELS};
-use super::paint::{InstantStep, PaintStep};
+use super::paint::PaintStep;
 use super::prepared::Prepared;
 use super::steps::{MapStep, PublishedSweepStep, SweepStep};
 use super::timestamps::Marks;
 use super::transparent::TransparentStep;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
-use crate::plan::{InstantPass, MapPass, PaintPass, Published, PublishedSweepPass, Step, SweepPass};
+use crate::plan::{MapPass, PaintPass, Published, PublishedSweepPass, Step, SweepPass};
 
 impl Gpu {
     /// Records and submits all steps of a frame.
@@ -50,7 +50,7 @@ impl DeviceState {
         let (mut has_opaque, mut has_layers) = (false, false);
         for step in &place.position.steps {
             match *step {
-                Step::Paint { group, .. } => {
+                Step::Paint { group, .. } | Step::Published { group, part: Published::Instant } => {
                     self.clear_opaque(place);
                     let job = if place.prepared.frame.has_filtered_kernels() {
                         place.filtered_job(group, false)
@@ -74,13 +74,22 @@ impl DeviceState {
                     let SurfelPrograms::Sweep(programs) = &place.programs.surfels else { return Err(self.unbound()) };
                     self.run(&SweepStep { job, programs }, &SweepPass::ORDER, marks);
                 }
-                Step::Published { group, part: Published::Instant } => {
-                    self.clear_opaque(place);
-                    let SurfelPrograms::Paint(programs) = &place.programs.surfels else { return Err(self.unbound()) };
-                    let job = place.job(group);
-                    has_opaque = self.run(&InstantStep { job, programs }, &InstantPass::ORDER, marks);
+                Step::Published { group, part: Published::Map { guard } } => {
+                    let map = place.area().guarded(guard);
+                    let job = Job { area: map, map, low_pass: false, ..place.job(group) };
+                    let SurfelPrograms::Published(programs, _) = &place.programs.surfels else {
+                        return Err(self.unbound());
+                    };
+                    self.run(&MapStep { job, programs }, &MapPass::ORDER, marks);
                 }
-                Step::Published { group, ref part } => self.published(place, group, part, marks)?,
+                Step::Published { group, part: Published::Sweep { ref interval, .. } } => {
+                    self.device.queue.write_buffer(&self.buffers.moments, 0, bytemuck::bytes_of(&interval.moments));
+                    let job = place.sweep_job(group, interval);
+                    let SurfelPrograms::Published(_, programs) = &place.programs.surfels else {
+                        return Err(self.unbound());
+                    };
+                    self.run(&PublishedSweepStep { job, programs }, &PublishedSweepPass::ORDER, marks);
+                }
                 Step::Finish => {
                     let mut encoder = self.encoder();
                     let mut recorder = encoder.begin_compute_pass(&ComputePassDescriptor::default());
@@ -101,31 +110,6 @@ impl DeviceState {
             encoder.clear_buffer(&self.buffers.opaque, 0, None);
             self.device.queue.submit([encoder.finish()]);
         }
-    }
-
-    /// Records and submits a map, or an interval, of published kernels.
-    fn published(
-        &self,
-        place: Place<'_>,
-        group: usize,
-        part: &Published,
-        marks: &mut Marks,
-    ) -> Result<(), BackendError> {
-        let SurfelPrograms::Published(of_map, of_sweep) = &place.programs.surfels else { return Err(self.unbound()) };
-        match part {
-            Published::Map { guard } => {
-                let map = place.area().guarded(*guard);
-                let job = Job { area: map, map, low_pass: false, ..place.job(group) };
-                self.run(&MapStep { job, programs: of_map }, &MapPass::ORDER, marks);
-            }
-            Published::Sweep { interval, .. } => {
-                self.device.queue.write_buffer(&self.buffers.moments, 0, bytemuck::bytes_of(&interval.moments));
-                let job = place.sweep_job(group, interval);
-                self.run(&PublishedSweepStep { job, programs: of_sweep }, &PublishedSweepPass::ORDER, marks);
-            }
-            Published::Instant => return Err(self.unbound()),
-        }
-        Ok(())
     }
 
     /// The error of a step whose programs are not bound. They are, for every frame that has the step.

@@ -9,14 +9,14 @@ use crate::backend::gpu::batches::Batch;
 use crate::backend::gpu::bind::{BoundPrograms, SurfelPrograms};
 use crate::backend::gpu::job::{Job, Place, StepWork};
 use crate::backend::gpu::layout::{Segment, TILE};
-use crate::backend::gpu::paint::{InstantStep, PaintStep};
+use crate::backend::gpu::paint::PaintStep;
 use crate::backend::gpu::prepared::Prepared;
 use crate::backend::gpu::steps::{MapStep, PublishedSweepStep, SweepStep};
 use crate::backend::gpu::timestamps::Marks;
 use crate::backend::gpu::{DeviceState, Gpu};
 use crate::frame::{Blocks, Frame};
 use crate::layout::Splat;
-use crate::plan::{InstantPass, MapPass, PaintPass, PosedInterval, Published, PublishedSweepPass, Step, SweepPass};
+use crate::plan::{MapPass, PaintPass, PosedInterval, Published, PublishedSweepPass, Step, SweepPass};
 
 /// A pass of the device: of splats, of the map, of kernels in motion, or of filtered kernels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub(super) enum Pass {
     Project,
     Bin,
     /// Without a filter, with low-pass discs or without.
-    Splat(InstantPass),
+    Splat(PaintPass),
     Map(MapPass),
     /// `Project` and `Bin` of kernels in motion.
     MakeKernels,
@@ -163,12 +163,12 @@ impl<'a> Harness<'a> {
             return;
         }
         host.slots.feed_lists(self);
-        if pass == Pass::Splat(InstantPass::Visibility) {
+        if pass == Pass::Splat(PaintPass::Visibility) {
             return;
         }
         let thresholds: Vec<f32> = host.thresholds.iter().flatten().map(|&t| t.min(NONE)).collect();
         self.write(&buffers.thresholds, &thresholds);
-        if pass == Pass::Splat(InstantPass::Attribute) {
+        if pass == Pass::Splat(PaintPass::Attribute) {
             return;
         }
         let sums: Vec<f32> = host.sums.iter().flat_map(planes_of).flatten().collect();
@@ -185,11 +185,10 @@ impl<'a> Harness<'a> {
         }
         match (&self.programs.surfels, pass) {
             (SurfelPrograms::Paint(programs), pass) => match pass {
-                Pass::Project => self.lists(&InstantStep { job, programs }, true, false),
-                Pass::Bin => self.lists(&InstantStep { job, programs }, false, true),
-                Pass::Splat(pass) => self.record(&InstantStep { job, programs }, pass),
+                Pass::Project => self.lists(&PaintStep { job, programs }, true, false),
+                Pass::Bin => self.lists(&PaintStep { job, programs }, false, true),
                 Pass::Filter => self.lists(&PaintStep { job, programs }, true, true),
-                Pass::Ewa(pass) => self.record(&PaintStep { job, programs }, pass),
+                Pass::Splat(pass) | Pass::Ewa(pass) => self.record(&PaintStep { job, programs }, pass),
                 _ => unreachable!("not a pass of instants"),
             },
             (SurfelPrograms::Sweep(programs), Pass::MakeKernels) => {

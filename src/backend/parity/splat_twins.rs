@@ -8,8 +8,8 @@ use crate::backend::cpu::clocks::Clocks;
 use crate::backend::cpu::paint::attribute::{Filter, attribute};
 use crate::backend::cpu::paint::buffers::{APRON_STRIDE, Layer};
 use crate::backend::cpu::paint::visibility::visibility;
-use crate::backend::cpu::paint::{Kernel, Sight, resolve};
-use crate::backend::cpu::published::{LowPassSplat, resolve_instant};
+use crate::backend::cpu::paint::{Kernel, Sight};
+use crate::backend::cpu::published::LowPassSplat;
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
 use crate::backend::cpu::tile_buffers::TileBuffers;
@@ -188,11 +188,8 @@ impl SplatTwins<'_> {
         let mut film = TileFilm::default();
         let TileBuffers { paint, group_coverage, .. } = &buffers;
         let (scope, rect) = (&self.scope, rect(&self.scope.band, tile, self.edge));
-        if self.low_pass() {
-            resolve_instant(&scope.resolve(), &rect, paint, &group_coverage.coverage, &mut film);
-        } else {
-            resolve::resolve(&scope.resolve(), &rect, 0, paint, &group_coverage.coverage, &mut film);
-        }
+        let resolve = if self.low_pass() { LowPassSplat::resolve } else { Splat::resolve };
+        resolve(&scope.resolve(), &rect, 0, paint, &group_coverage.coverage, &mut film);
         (0..scope.planes.count).map(|p| take_rows(&film.values[p * TILE * TILE..], TILE, self.edge)).collect()
     }
 

@@ -6,7 +6,7 @@ use super::gpu_or_skip;
 use super::harness::{Harness, Host, NONE, PIXELS, Pass, UNWANTED, planes_of};
 use super::splat_twins::Context;
 use crate::backend::gpu::Gpu;
-use crate::plan::InstantPass;
+use crate::plan::PaintPass;
 
 fn visibility(harness: &Harness<'_>, host: &Host) -> Result<(), String> {
     let thresholds: Vec<f32> = harness.read(&harness.gpu.state.buffers.thresholds, host.thresholds.len() * PIXELS);
@@ -57,15 +57,17 @@ pub(super) fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let context = Context::of(&frame);
     let Some(mut harness) = Harness::new(gpu, &frame, &context) else { return Ok(()) };
     let host = harness.host();
-    for pass in [Pass::Project, Pass::Bin].into_iter().chain(InstantPass::ORDER.map(Pass::Splat)) {
+    for pass in
+        [Pass::Project, Pass::Bin].into_iter().chain(PaintPass::order(false).iter().map(|&pass| Pass::Splat(pass)))
+    {
         harness.feed(&host, pass);
         harness.run(pass);
         let compared = match pass {
             Pass::Project => host.slots.compare_splats(&harness),
             Pass::Bin => host.slots.compare_lists(&harness),
-            Pass::Splat(InstantPass::Visibility) => visibility(&harness, &host),
-            Pass::Splat(InstantPass::Attribute) => attribute(&harness, &host),
-            Pass::Splat(InstantPass::Resolve) => resolve(&harness, &host),
+            Pass::Splat(PaintPass::Visibility) => visibility(&harness, &host),
+            Pass::Splat(PaintPass::Attribute) => attribute(&harness, &host),
+            Pass::Splat(PaintPass::Resolve) => resolve(&harness, &host),
             _ => unreachable!("not a pass of splats"),
         };
         compared.map_err(|what| format!("{}: {pass:?}: {what}", case.name))?;

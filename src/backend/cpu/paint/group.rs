@@ -1,4 +1,4 @@
-//! Step `Paint`: the passes of one group of time samples, added to the film.
+//! Step `Paint`, and instants of step `Published`: the passes of one group of time samples, added to the film.
 //!
 //! What is at rest is painted once a position: its splats stay from group to group, and so does the film of tiles into
 //! which nothing moves.
@@ -9,7 +9,6 @@ use std::time::Instant;
 use super::attribute::{Filter, attribute};
 use super::buffers::{APRON_STRIDE, with_apron};
 use super::kernel::{Kernel, Sight};
-use super::resolve::resolve;
 use super::visibility::{find_open, second, visibility};
 use crate::backend::cpu::bin::Binned;
 use crate::backend::cpu::chunk::Chunk;
@@ -80,7 +79,7 @@ impl<'a, K: Kernel> PaintGroup<'a, K> {
     }
 
     /// Pass `visibility` of one tile.
-    pub(in crate::backend::cpu) fn lower<O>(&self, job: &mut Job<'_, K, O>) {
+    fn lower(&self, job: &mut Job<'_, K, Painted<'_>>) {
         let start = Instant::now();
         if job.first {
             job.buffers.paint.clear_depths(K::FILTERED);
@@ -102,7 +101,7 @@ impl<'a, K: Kernel> PaintGroup<'a, K> {
     }
 
     /// Pass `second` of one tile.
-    fn find_second<O>(&self, job: &mut Job<'_, K, O>) {
+    fn find_second(&self, job: &mut Job<'_, K, Painted<'_>>) {
         let start = Instant::now();
         let size = self.scope.raster.size;
         if job.first {
@@ -119,7 +118,7 @@ impl<'a, K: Kernel> PaintGroup<'a, K> {
     }
 
     /// Pass `attribute` of one tile.
-    pub(in crate::backend::cpu) fn add<O>(&self, job: &mut Job<'_, K, O>) {
+    fn add(&self, job: &mut Job<'_, K, Painted<'_>>) {
         let scope = &self.scope;
         let start = Instant::now();
         if job.first {
@@ -143,7 +142,7 @@ impl<'a, K: Kernel> PaintGroup<'a, K> {
     }
 
     /// Where the tile begins in planes with an apron.
-    fn first<O>(&self, job: &Job<'_, K, O>) -> usize {
+    fn first(&self, job: &Job<'_, K, Painted<'_>>) -> usize {
         let (_, [left, top]) = with_apron(&job.tile, self.apron(), self.scope.raster.size);
         top * APRON_STRIDE + left
     }
@@ -158,7 +157,7 @@ impl<'a, K: Kernel> PaintGroup<'a, K> {
         let TileBuffers { paint, group_coverage, .. } = buffers;
         let add = |weight: f32, film: &mut TileFilm| {
             let whole = Resolve { weight, ..scope.resolve() };
-            resolve(&whole, &tile, first, paint, &group_coverage.coverage, film);
+            K::resolve(&whole, &tile, first, paint, &group_coverage.coverage, film);
             if scope.frame.blending.is_some() {
                 paint.copy_threshold(first, &tile, &mut film.threshold);
             }

@@ -4,11 +4,15 @@
 
 use std::ops::Range;
 
+use super::buffers::PaintBuffers;
 use super::project::{Filtered, project};
+use super::resolve;
 use super::share::Shares;
 use crate::backend::cpu::bin::Tiled;
 use crate::backend::cpu::patch::{Hit, Patch};
 use crate::backend::cpu::project::{self, View};
+use crate::backend::cpu::resolve::{Resolve, TileFilm};
+use crate::backend::cpu::tiles::TileRect;
 use crate::backend::cpu::values::Faced;
 use crate::backend::cpu::waste::Wasteful;
 use crate::frame::{PixelRect, Raster};
@@ -44,6 +48,18 @@ pub(in crate::backend) trait Kernel: Tiled + Faced + Wasteful + Copy + Send + Sy
 
     /// Lane `l` of a patch. `CROSSING`: as [`Self::is_crossing`] says.
     fn see<const W: usize, const CROSSING: bool>(&self, patch: &Patch<W>, l: usize, sight: &Sight) -> Seen;
+
+    /// Pass `resolve` of one tile, as [`resolve::resolve`].
+    fn resolve(
+        with: &Resolve<'_>,
+        tile: &TileRect,
+        start: usize,
+        buffers: &PaintBuffers,
+        coverage: &[f32],
+        film: &mut TileFilm,
+    ) {
+        resolve::resolve(with, tile, start, buffers, coverage, film);
+    }
 }
 
 /// What is the same for all rays of a raster.

@@ -5,11 +5,14 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 
+use super::resolve::resolve;
 use crate::backend::Waste;
 use crate::backend::cpu::bin::{Binned, Tiled};
-use crate::backend::cpu::paint::{Kernel, Seen, Sight};
+use crate::backend::cpu::paint::{self, Kernel, PaintBuffers, Seen, Sight};
 use crate::backend::cpu::patch::Patch;
 use crate::backend::cpu::project::{self, Projected, Sink, View};
+use crate::backend::cpu::resolve::{Resolve, TileFilm};
+use crate::backend::cpu::tiles::TileRect;
 use crate::backend::cpu::values::Faced;
 use crate::backend::cpu::waste::{self, Wasteful};
 use crate::layout::Splat;
@@ -96,10 +99,21 @@ impl Kernel for LowPassSplat {
             disc: if covers { 1.0 } else { 0.0 },
         }
     }
+
+    fn resolve(
+        with: &Resolve<'_>,
+        tile: &TileRect,
+        _start: usize,
+        buffers: &PaintBuffers,
+        coverage: &[f32],
+        film: &mut TileFilm,
+    ) {
+        resolve(with, tile, buffers, coverage, film);
+    }
 }
 
 impl Wasteful for LowPassSplat {
     fn waste(binned: &Binned<Self>, sight: &waste::Sight<'_>) -> Waste {
-        crate::backend::cpu::paint::waste_of(&binned.splats, &waste::whole(&sight.band), &sight.rays())
+        paint::waste_of(&binned.splats, &waste::whole(&sight.band), &sight.rays())
     }
 }

@@ -4,7 +4,6 @@
 
 pub(in crate::backend) mod attribute;
 mod coverage;
-mod instant_group;
 mod low_pass;
 pub(in crate::backend) mod map;
 mod map_group;
@@ -13,11 +12,8 @@ mod resolve;
 mod sweep_group;
 mod waste;
 
-pub(in crate::backend) use self::instant_group::InstantGroup;
 pub(in crate::backend) use self::low_pass::LowPassSplat;
 pub(in crate::backend) use self::map::Map;
 pub(in crate::backend) use self::map_group::MapGroup;
-#[cfg(all(test, feature = "gpu"))]
-pub(in crate::backend) use self::resolve::resolve as resolve_instant;
 pub(in crate::backend) use self::sweep_group::PublishedSweepGroup;
 pub(in crate::backend::cpu) use self::waste::waste_of;
