@@ -15,7 +15,8 @@ pub struct SweptKernel {
     pub shape: KernelShape,
     /// Its weight on a ray. All but [`KernelWeight::Integral`] are of [`KernelShape::Ellipsoid`] only.
     pub weight: KernelWeight,
-    /// Places on the ray within a kernel whose sources are tested for visibility (Wolf 2008, eq. C.41).
+    /// Places on the ray within a kernel whose sources are tested for visibility (Wolf 2008, eq. C.41). Kernels of
+    /// [`KernelWeight::Integral`] are tested slice by slice in its place.
     pub source_samples: SourceSamples,
     /// How far kernels of neighbouring intervals overlap.
     pub overlap: Overlap,

@@ -74,7 +74,8 @@ pub(in crate::cli) struct Blur {
         help_heading = "Blur"
     )]
     kernel_weight: Option<KernelWeight>,
-    /// Mode volumetric: places within a kernel, on a ray, whose visibility is tested, 1 to 64 [default: 1].
+    /// Mode volumetric, weights chord and line: places within a kernel, on a ray, whose visibility is tested, 1 to 64
+    /// [default: 1].
     #[arg(long, value_name = "N", allow_hyphen_values = true, help_heading = "Blur")]
     source_samples: Option<SourceSamples>,
     /// Mode volumetric: half-axis of a kernel along its motion, in spacings of the intervals, 0.1 to 4. At 0.5 kernels
