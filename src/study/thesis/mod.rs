@@ -85,8 +85,8 @@ impl Thesis {
              | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
         );
         let mut errors = String::from(
-            "\n## Errors\n\nFLIP and RMSE (display values) against the mean of 256 time samples; the corrected kernels, \
-             which have no low-pass disc, against samples without a prefilter:\n\n\
+            "\n## Errors\n\nFLIP and RMSE (display values) against the mean of 256 time samples; the corrected \
+             kernels, which have no low-pass disc, against samples without a prefilter:\n\n\
              | figure | (b) 10 | (c) 50 | (d) 1 | (e) 3 | line 1 | line 3 | corrected 1 | corrected 3 |\n\
              | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
         );

@@ -69,8 +69,8 @@ fn values_of(backend: &mut dyn Backend, scene: &Scene, mode: BlurMode) -> Vec<Va
 
 fn with(backend: &mut dyn Backend, scene: &Scene, mode: BlurMode, filter: PixelFilter) -> Vec<Values> {
     let aovs = vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity];
-    // Factors of filtered kernels are means over 16 points of a disc (`model/normalisation.rs`), and a mirrored model has
-    // those points elsewhere: measured, pictures differ by up to .0078, in motion or not.
+    // Factors of filtered kernels are means over 16 points of a disc (`model/normalisation.rs`), and a mirrored model
+    // has those points elsewhere: measured, pictures differ by up to .0078, in motion or not.
     let sweeps = mode.swept().is_some_and(|kernel| kernel.weight == KernelWeight::Integral);
     let prefilter = if sweeps { Prefilter::None } else { Prefilter::Approx };
     let options = RenderOptions { quality: mode.into(), filter, aovs, prefilter, ..RenderOptions::default() };
