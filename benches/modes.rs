@@ -13,7 +13,7 @@ mod support;
 use std::time::{Duration, Instant};
 
 use splatblur::backend::cpu::Cpu;
-use splatblur::options::{BlurMode, Interleave, Prefilter, RenderOptions, Shading, SweptKernel, Times};
+use splatblur::options::{BlurMode, Interleave, Look, Prefilter, RenderOptions, Shading, SweptKernel, Times};
 use splatblur::renderer::{Stats, render_frame};
 use support::sphere_scene;
 
@@ -70,8 +70,8 @@ fn main() {
                 for (&mode, best) in modes.iter().zip(&mut best) {
                     let options = RenderOptions {
                         quality: mode.into(),
-                        shading,
                         prefilter: Prefilter::None,
+                        look: Look { shading, ..Look::default() },
                         ..RenderOptions::default()
                     };
                     let start = Instant::now();

@@ -1,6 +1,6 @@
 //! Does mode auto keep its promises? Stated and true errors on random scenes.
 //!
-//! `cargo run --release --example auto_coverage [-- seed=N] [scenes=N] [prefilter=approx] [captures=yes]
+//! `cargo run --release --example auto_coverage [-- seed=N] [scenes=N] [prefilter=approx] [kind=plain|hard|captures]
 //! [list=yes]`
 //!
 //! For each target: the share of scenes whose stated error is at least the true one, the median of stated / true, the
@@ -13,13 +13,14 @@ mod support;
 
 use splatblur::backend::Achieved;
 use splatblur::backend::cpu::Cpu;
-use splatblur::compare::{encode, gamma_rmse};
+use splatblur::compare::gamma_rmse;
 use splatblur::film::{Aov, Picture};
-use splatblur::options::{ErrorTarget, Prefilter, Quality, RenderOptions};
+use splatblur::options::{ErrorTarget, Look, Prefilter, Quality, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use support::Arguments;
-use support::random_scenes::{Models, random, random_with_captures};
+use support::blocks::worst_block;
+use support::random_scenes::{Models, random, random_hard, random_with_captures};
 use support::scenes::converged;
 
 /// Targets: draft, good and final.
@@ -37,16 +38,20 @@ struct Seen {
 }
 
 fn main() {
-    let asked = Arguments::read(&[], &["seed", "scenes", "prefilter", "captures", "list"]);
+    let asked = Arguments::read(&[], &["seed", "scenes", "prefilter", "kind", "list"]);
     let number = |key: &str, default: u64| asked.value(key).map_or(default, |text| text.parse().unwrap());
     let (seed, scenes) = (number("seed", 1), number("scenes", 200));
     let prefilter: Prefilter = asked.value("prefilter").map_or_else(Prefilter::default, |text| text.parse().unwrap());
+    let of_kind = match asked.value("kind").unwrap_or("hard") {
+        "plain" => random,
+        "captures" => random_with_captures,
+        _ => random_hard,
+    };
     let models = Models::load();
     let mut cpu = Cpu::default();
     let mut seen: [Vec<Seen>; 3] = [Vec::new(), Vec::new(), Vec::new()];
     for index in 0..scenes {
-        let of_seed = if asked.value("captures").is_some() { random_with_captures } else { random };
-        let scene = of_seed(&models, seed, index);
+        let scene = of_kind(&models, seed, index);
         let options = RenderOptions { prefilter, ..RenderOptions::default() };
         let truth = converged(&scene, 0, &options, &prefilter.to_string());
         for (error, seen) in ERRORS.into_iter().zip(&mut seen) {
@@ -103,7 +108,8 @@ fn main() {
 
 fn look(cpu: &mut Cpu, scene: &Scene, options: &RenderOptions, error: f64, truth: &Picture) -> (Seen, Achieved) {
     let quality = Quality::Error(ErrorTarget { error, ..ErrorTarget::default() });
-    let options = RenderOptions { quality, aovs: vec![Aov::Samples], ..options.clone() };
+    let options =
+        RenderOptions { quality, look: Look { aovs: vec![Aov::Samples], ..options.look.clone() }, ..options.clone() };
     let rendered = render_frame(cpu, scene, 0, &options).unwrap();
     let achieved = rendered.stats.achieved.unwrap();
     let samples = &rendered.picture.layers[0].planes[0];
@@ -115,25 +121,4 @@ fn look(cpu: &mut Cpu, scene: &Scene, options: &RenderOptions, error: f64, truth
         splats: rendered.stats.splats,
     };
     (seen, achieved)
-}
-
-/// Root mean square of the differences of display values in the worst block of `edge` pixels.
-fn worst_block(a: &Picture, b: &Picture, edge: usize) -> f64 {
-    let (width, height) = (a.width as usize, a.height as usize);
-    let (a, b) = (encode(a), encode(b));
-    let mut worst = 0.0_f64;
-    for top in (0..height).step_by(edge) {
-        for left in (0..width).step_by(edge) {
-            let rows = top..(top + edge).min(height);
-            let (mut sum, mut n) = (0.0, 0_u32);
-            for at in rows.flat_map(|y| (left..(left + edge).min(width)).map(move |x| y * width + x)) {
-                for (a, b) in a.iter().zip(&b) {
-                    sum += f64::from(a[at] - b[at]).powi(2);
-                    n += 1;
-                }
-            }
-            worst = worst.max((sum / f64::from(n)).sqrt());
-        }
-    }
-    worst
 }

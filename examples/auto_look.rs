@@ -22,24 +22,13 @@ use splatblur::options::{ErrorTarget, Quality, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use support::Arguments;
+use support::blocks::{EDGE, means, worst_twentieth};
 use support::random_scenes::{Models, random};
-use support::scenes::{converged, shipped};
+use support::scenes::{converged, names_of_shipped, shipped, two_frames};
 
-/// Edge of a block, pixels.
-const EDGE: usize = 32;
-/// Scenes and frames that ship.
-const SHIPPED: [(&str, i64); 10] = [
-    ("blinker_fence", 0),
-    ("blinker", 3),
-    ("crossing", 12),
-    ("three_objects", 20),
-    ("three_objects", 5),
-    ("diagonal", 12),
-    ("checkerboard", 5),
-    ("spin", 5),
-    ("toward_camera_and_sideways", 5),
-    ("static", 0),
-];
+/// Frames of shipped scenes that are looked at beside two of each: motion that turns, and stripes.
+const MORE: [(&str, i64); 5] =
+    [("blinker_fence", 0), ("crossing", 9), ("three_objects", 20), ("three_objects", 25), ("three_objects", 31)];
 
 fn main() {
     let asked = Arguments::read(&["shipped", "random"], &["scene", "seed", "scenes", "error", "mode", "out"]);
@@ -53,9 +42,12 @@ fn main() {
     println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- |");
     let out = asked.value("out").map(Path::new);
     if asked.table("shipped") {
-        for (name, frame) in SHIPPED {
-            if asked.scene(name) {
-                row(&shipped(name), frame, quality, out);
+        let names = names_of_shipped().into_iter().chain(["four_meshes".to_owned()]);
+        for name in names.filter(|name| asked.scene(name)) {
+            let scene = shipped(&name);
+            let more = MORE.into_iter().filter(|(of, _)| *of == name).map(|(_, frame)| frame);
+            for frame in two_frames(&scene).into_iter().chain(more) {
+                row(&scene, frame, quality, out);
             }
         }
     }
@@ -91,7 +83,7 @@ fn row(scene: &Scene, frame: i64, quality: Quality, out: Option<&Path>) {
     println!(
         "| {} {frame} | {mean:.4} | {:.4} | {:.4} | {:.4} | {:.2} | {:.2} | {seconds:.2} | {by} |",
         scene.name,
-        worst_twentieth(&map, picture.width as usize),
+        worst_twentieth(means(&map, picture.width as usize)),
         gamma_rmse(picture, &truth).unwrap(),
         achieved.map_or(0.0, |achieved| achieved.error),
         steps_at_borders(picture),
@@ -107,22 +99,6 @@ fn row(scene: &Scene, frame: i64, quality: Quality, out: Option<&Path>) {
         };
         both.write(folder.join(format!("{}_{frame}.png", scene.name))).unwrap();
     }
-}
-
-/// Mean of a map over the worst twentieth of its blocks.
-fn worst_twentieth(map: &[f32], width: usize) -> f64 {
-    let rows: Vec<&[f32]> = map.chunks(width).collect();
-    let mut means: Vec<f64> = Vec::new();
-    for band in rows.chunks(EDGE) {
-        for left in (0..width).step_by(EDGE) {
-            let values = band.iter().flat_map(|row| &row[left..(left + EDGE).min(width)]);
-            let (sum, n) = values.fold((0.0, 0), |(sum, n), &value| (sum + f64::from(value), n + 1));
-            means.push(sum / f64::from(n));
-        }
-    }
-    means.sort_by(|a, b| b.total_cmp(a));
-    let worst = means.len().div_ceil(20);
-    means[..worst].iter().sum::<f64>() / worst as f64
 }
 
 /// Mean step of display values from a pixel to the next across borders of blocks, over that two pixels beside them.

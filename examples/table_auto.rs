@@ -25,7 +25,9 @@ use splatblur::backend::gpu::{Choice, Gpu};
 use splatblur::compare::{flip, gamma_rmse};
 use splatblur::film::{Aov, Picture};
 use splatblur::frame::STATIC_PATH;
-use splatblur::options::{BlurMode, ErrorTarget, Interleave, PixelFilter, Prefilter, Quality, RenderOptions, Shading};
+use splatblur::options::{
+    BlurMode, ErrorTarget, Interleave, Look, PixelFilter, Prefilter, Quality, RenderOptions, Shading,
+};
 use splatblur::renderer::{Rendered, render_frame};
 use splatblur::scene::Scene;
 use support::scenes::{cross, lin, reference, rot, shipped};
@@ -52,7 +54,12 @@ fn main() {
 /// The rendering, and the least wall time of five.
 fn rendered(scene: &Scene, frame: i64, filter: PixelFilter, mode: impl Into<Quality>) -> (Rendered, f64) {
     let (prefilter, shading) = (Prefilter::None, Shading::Gouraud);
-    let options = RenderOptions { quality: mode.into(), filter, prefilter, shading, ..RenderOptions::default() };
+    let options = RenderOptions {
+        quality: mode.into(),
+        prefilter,
+        look: Look { filter, shading, ..Look::default() },
+        ..RenderOptions::default()
+    };
     let mut cpu = Cpu::default();
     let runs = (0..5).map(|_| {
         let start = Instant::now();
@@ -140,7 +147,12 @@ fn at_equal_flip(asked: &Arguments, filter: PixelFilter) {
         let truth = reference(&scene, frame, filter);
         let options = |quality: Quality| {
             let (prefilter, shading) = (Prefilter::None, Shading::Gouraud);
-            RenderOptions { quality, filter, prefilter, shading, ..RenderOptions::default() }
+            RenderOptions {
+                quality,
+                prefilter,
+                look: Look { filter, shading, ..Look::default() },
+                ..RenderOptions::default()
+            }
         };
         let mut cpu = Cpu::default();
         let mut render = |mode: Quality| render_frame(&mut cpu, &scene, frame, &options(mode)).unwrap();
@@ -165,7 +177,8 @@ fn at_equal_flip(asked: &Arguments, filter: PixelFilter) {
             }
             for (mode, seconds) in found.into_iter().zip(least) {
                 let Rendered { picture, stats } = render(*mode);
-                let with_samples = RenderOptions { aovs: vec![Aov::Samples], ..options(*mode) };
+                let with_samples =
+                    RenderOptions { look: Look { aovs: vec![Aov::Samples], ..options(*mode).look }, ..options(*mode) };
                 let layer =
                     render_frame(&mut Cpu::default(), &scene, frame, &with_samples).unwrap().picture.layers.remove(0);
                 let samples = layer.planes[0].iter().sum::<f32>() / layer.planes[0].len() as f32;
@@ -186,7 +199,7 @@ fn at_equal_flip(asked: &Arguments, filter: PixelFilter) {
     }
 }
 
-/// Of the surfels of objects that move: how many are static themselves, and how many are in a cluster of 256 of which
+/// Counts the surfels of moving objects that are static themselves, and those in a cluster of 256 of which
 /// all are static. This is what a static layer by clusters would gain.
 fn static_clusters() {
     println!("| scene | frame | surfels of objects that move | of them static | in static clusters |");

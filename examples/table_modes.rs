@@ -16,7 +16,8 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::compare::{flip, gamma_rmse};
 use splatblur::film::{Aov, Picture};
 use splatblur::options::{
-    BlurMode, Interleave, KernelShape, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel, Times,
+    BlurMode, Interleave, KernelShape, Look, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel,
+    Times,
 };
 use splatblur::reference::ReferenceOptions;
 use splatblur::renderer::render_frame;
@@ -50,9 +51,8 @@ fn row(asked: &Arguments, scene: &Scene, frame: i64, truth: &Picture, mode: Blur
     }
     let options = RenderOptions {
         quality: mode.into(),
-        filter: PixelFilter::Point,
         prefilter: Prefilter::None,
-        shading: Shading::Gouraud,
+        look: Look { filter: PixelFilter::Point, shading: Shading::Gouraud, ..Look::default() },
         ..RenderOptions::default()
     };
     let rendered = render_frame(&mut Cpu::default(), scene, frame, &options).unwrap();
@@ -125,7 +125,11 @@ fn alpha_of_shipped_scenes(asked: &Arguments) {
     for (name, frame) in SHIPPED.into_iter().filter(|(name, _)| asked.scene(name)) {
         let mut scene = shipped(name);
         scene.image.transparent = true;
-        let traced = ReferenceOptions { samples: 4096, filter: PixelFilter::Point, ..ReferenceOptions::default() };
+        let traced = ReferenceOptions {
+            samples: 4096,
+            look: Look { filter: PixelFilter::Point, ..Look::default() },
+            ..ReferenceOptions::default()
+        };
         let truth = splatblur::reference::render(&scene, frame, &traced, None, &|_| ()).unwrap().picture;
         let errors = &truth.layers.last().unwrap().planes[3];
         for mode in [
@@ -141,10 +145,13 @@ fn alpha_of_shipped_scenes(asked: &Arguments) {
         ] {
             let options = RenderOptions {
                 quality: mode.into(),
-                filter: PixelFilter::Point,
                 prefilter: Prefilter::None,
-                shading: Shading::Gouraud,
-                aovs: vec![Aov::Alpha],
+                look: Look {
+                    filter: PixelFilter::Point,
+                    shading: Shading::Gouraud,
+                    aovs: vec![Aov::Alpha],
+                    ..Look::default()
+                },
                 ..RenderOptions::default()
             };
             let picture = render_frame(&mut Cpu::default(), &scene, frame, &options).unwrap().picture;

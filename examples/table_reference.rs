@@ -17,7 +17,7 @@ use std::path::Path;
 
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
-use splatblur::options::{BlurMode, Prefilter, RenderOptions};
+use splatblur::options::{BlurMode, Look, Prefilter, RenderOptions};
 use splatblur::reference::{ReferenceOptions, Sampler, render};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
@@ -46,7 +46,8 @@ fn main() {
 }
 
 fn picture(scene: &Scene, frame: i64, sampler: Sampler, samples: u64, seed: u64) -> Picture {
-    let options = ReferenceOptions { sampler, samples, seed, ..ReferenceOptions::default() };
+    let options =
+        ReferenceOptions { sampler, samples, look: Look { seed, ..Look::default() }, ..ReferenceOptions::default() };
     render(scene, frame, &options, None, &|_| ()).expect("valid options").picture
 }
 

@@ -1,49 +1,16 @@
-// Pass `resolve`: normalises the sums, shades the pixel and adds it to the film with the time weight.
-// Twins: src/backend/cpu/resolve.rs, paint/resolve.rs, published/resolve.rs.  Math: docs/math.md, eq. 6 to 8 and 10.
-//   in   thresholds, sums, lights, environment
-//   out  film      for each tile, for each plane, its pixels: premultiplied colour and alpha; then depth, normal and
-//                  velocity where they are wanted
-// One invocation per pixel. The order of pixels does not matter. Groups are added in their order, one dispatch
-// each.
+// What passes `resolve` share: a pixel is normalised, shaded and added to the film.
+// Twin: src/backend/cpu/resolve.rs.  Math: docs/math.md, eq. 6 to 8.
 
 @group(1) @binding(3) var<storage, read> lights: array<Light>;
-@group(1) @binding(17) var<storage, read> thresholds: array<f32>;
 @group(1) @binding(20) var<storage, read> sums: array<f32>;
 @group(1) @binding(21) var<storage, read_write> film: array<f32>;
 
-// As in attribute.wgsl.
-override NORMAL: u32 = 0u;
-override DEPTH: u32 = 0u;
-override VELOCITY: u32 = 0u;
-override MATERIAL: u32 = 0u;
-override REFLECTION: u32 = 0u;
-override SAMPLE_COVERAGE: u32 = 0u;
-override CHANNELS: u32 = 4u;
 override PHONG: bool = false;
 // First plane of each quantity; 0 if it is not wanted.
 override DEPTH_PLANE: u32 = 0u;
 override NORMAL_PLANE: u32 = 0u;
 override VELOCITY_PLANE: u32 = 0u;
 override PLANES: u32 = 4u;
-
-@compute @workgroup_size(16, 16)
-fn resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) pixel: vec3<u32>) {
-    let index = tile.y * view.tiles.x + tile.x;
-    let in_tile = pixel.y * TILE + pixel.x;
-    let sum_at = index * CHANNELS * TILE_PIXELS + in_tile;
-    let threshold = thresholds[index * TILE_PIXELS + in_tile];
-    if threshold == UNWANTED { return; }
-    let sum = sums[sum_at];
-    if !(sum > 0.0) { return; }
-    // Where no splat of the visibility pass covers the pixel, only low-pass discs do: their weights are the coverage.
-    var share = select(min(sum, 1.0), 1.0, threshold < NONE);
-    var weight = view.weight;
-    if SAMPLE_COVERAGE != 0u {
-        share = sums[sum_at + (SAMPLE_COVERAGE + 1u) * TILE_PIXELS];
-        weight = 1.0;
-    }
-    add_pixel(index, tile.xy, pixel.xy, sum_at, Share(share, weight, true));
-}
 
 // The weight of a pixel's mean: the covered share of the pixel, times a weight. And whether the sums of the pixels
 // around it are there, too.
@@ -106,6 +73,20 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, share: 
         film[x] += share.weight * (share.covered * velocity_x);
         film[x + TILE_PIXELS] += share.weight * (share.covered * velocity_y);
     }
+}
+
+// Share of a pixel that a layer covers whose sum of weights, > 0, is at `sum_at`. `covered`: whether a disc covers the
+// pixel.
+fn coverage_of_layer(sum_at: u32, covered: bool) -> f32 {
+    let weight = sums[sum_at];
+    let peak_at = sum_at + PEAK * TILE_PIXELS;
+    // Of a thin sheet both sides are there; they cover once.
+    let sum = 0.5 * (weight + abs(sums[peak_at + TILE_PIXELS]));
+    // What filtering leaves of the kernels' peaks, and a share of the rest: where half is left, discs tell outlines
+    // better than sums, which miss what kernels lose towards their rims.
+    let lost = 1.0 - sums[peak_at] * (1.0 / weight);
+    let hard = 1.0 - lost * lost;
+    return hard * select(0.0, 1.0, covered) + (1.0 - hard) * min(sum, 1.0);
 }
 
 // The ray through the sample position of a pixel, in world axes, with depth 1.

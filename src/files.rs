@@ -1,7 +1,8 @@
-//! Files: how they are opened to be read (`input`), whether they stand still meanwhile (`seen`), and how they appear
-//! whole or not at all.
+//! Files: how they are opened to be read (`input`), whether they stand still meanwhile (`seen`), how they appear whole
+//! or not at all, and what decoders of pictures say (`pictures`).
 
 mod input;
+mod pictures;
 mod seen;
 
 use std::fs::{self, File};
@@ -11,6 +12,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 pub(crate) use self::input::kind;
 pub use self::input::{Input, InputError, of_system, open, read};
+pub(crate) use self::pictures::cause;
 pub(crate) use self::seen::listed;
 pub use self::seen::{Changed, Seen, Stamp, steady};
 

@@ -96,7 +96,7 @@ pub struct Layer {
     pub aov: Aov,
     /// One row-major plane a channel, in the order of [`Aov::channels`].
     pub planes: Vec<Vec<f32>>,
-    /// Of [`Aov::Object`]: the names of the objects, that of index 1 first. Else empty.
+    /// For [`Aov::Object`] the names of the objects, index 1 first. Else empty.
     pub names: Vec<String>,
 }
 
@@ -142,7 +142,7 @@ impl Backdrop {
         Self { background, picture: None }
     }
 
-    /// What is added where pixel `pixel` is not covered: nothing where the background is left out.
+    /// The light that is added where pixel `pixel` is not covered: none where the background is left out.
     pub fn at(&self, pixel: usize) -> DVec3 {
         if self.background.transparent {
             return DVec3::ZERO;
@@ -217,7 +217,7 @@ pub trait Film: Sync {
     fn samples(&self, y: u32, out: &mut [f32]);
 }
 
-/// What is seen of premultiplied `colour` and of `behind`, of which the share `through` shows: 1 - alpha.
+/// Premultiplied `colour` over `behind`, of which the share `through` shows: 1 - alpha.
 #[inline(always)]
 pub(crate) fn over(colour: [f32; 3], through: f32, behind: [f32; 3]) -> [f32; 3] {
     [0, 1, 2].map(|c| colour[c] + through * behind[c])

@@ -176,7 +176,7 @@ pub struct GaussianSplat {
     pub bounds: [u16; 4],
     /// Index among all Gaussians of the frame: those of its first object first.
     pub index: u32,
-    /// Of a volume's: number of the layer that it is of, from 1 on, rising with depth. 0 for a capture's.
+    /// For a volume the number of its layer, from 1 on, rising with depth. 0 for a capture.
     pub layer: u32,
 }
 

@@ -4,8 +4,7 @@
 //! use splatblur::{Device, RenderOptions, Renderer, Scene};
 //!
 //! # std::fs::create_dir_all("out")?;
-//! let mut scene = Scene::load("scenes/blinker_fence.xml")?;
-//! (scene.image.width, scene.image.height) = (160, 120);
+//! let scene = Scene::open("scenes/blinker_fence.xml").size(160, 120).load()?;
 //! let mut renderer = Renderer::open(Device::Auto)?;
 //! let picture = renderer.render(&scene, 0, &RenderOptions::default())?.picture;
 //! picture.write("out/blinker_fence.0000.png")?;
@@ -13,9 +12,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`Scene::new`] makes a scene in code, [`Renderer::render_sequence`] renders many frames, and [`RenderOptions`] says
-//! how. The default is mode auto, which takes as many time samples as its error allows; [`BlurMode`] lists the other
-//! modes.
+//! [`Scene::new`] makes a scene in code, of points ([`Surfels::builder`]), captures ([`Object::from_gaussians`]) and
+//! motions ([`Motion`], [`AnimationBinding::from_poses`]). [`Renderer::render_sequence`] renders many frames, and
+//! [`RenderOptions`] says how. The default is mode auto, which takes as many time samples as its error allows;
+//! [`BlurMode`] lists the other modes. [`reference::picture`] makes the picture that a frame is judged by, and
+//! [`compare::compare`] says how far it is from there. The guide `docs/library.md` has an example of each.
 //!
 //! The method is that of J. Wolf, *Motion Blur with Point-Based Rendering* (2008), on top of EWA surface splatting
 //! (Zwicker et al. 2002) with deferred shading (Botsch et al. 2005). Pages in `docs/` say which mode is for what, and
@@ -47,9 +48,9 @@
 //! Names of transforms read right to left: `camera_from_world` takes world space to camera space.
 //!
 //! # Features
-//! `gpu` (default): the GPU backend, on wgpu and Vulkan. `cli` (default): the program `splatblur`. `viewer`
-//! (default): its command `view`. `movie` (default): what both have for movies. Without them, the library
-//! alone is built.
+//! All are on by default. `gpu`: the GPU backend, on wgpu and Vulkan. `formats`: captures as SOG and SPZ, textures of
+//! meshes as JPEG and WebP. `movie`: movies of frames. `cli`: the program `splatblur`. `viewer`: its command `view`.
+//! Without them, the library alone is built.
 
 // In the order of data flow: a module imports only modules that stand above it. They are public for the program, the
 // tests, the benches and the fuzz targets; what a library user needs is re-exported below.
@@ -129,21 +130,40 @@ pub mod objects;
 #[doc(hidden)]
 pub mod renderer;
 
-#[doc(hidden)]
 pub mod reference;
 
 #[doc(hidden)]
 pub mod dataset;
 
-#[doc(hidden)]
 pub mod compare;
 
-#[doc(hidden)]
 pub mod study;
 
 #[cfg(feature = "viewer")]
 #[doc(hidden)]
 pub mod viewer;
+
+/// Types of public fields, results and errors that few programs name.
+pub mod fields {
+    pub use crate::anim::{
+        AnimError, CameraTrack, Chain, Drift, Interpolation, Intrinsics, Location as AnimLocation, NodeAnimation,
+        NodeMotion, NodePose, NodeState, TrackFormat, TrackOptions,
+    };
+    pub use crate::backend::{Achieved, Pixels, Waste};
+    pub use crate::environment::NotLatLong;
+    pub use crate::files::{Changed, Seen, Stamp};
+    pub use crate::image::{Bits, Compression, Exr, Format, Precision};
+    pub use crate::math::RotateOrder;
+    pub use crate::model::{
+        ColourSpace, Kind, LoadOptions, MeshOptions, Normalisation, ParseError, Place, Spacing, Stop as TransferStop,
+        TransferFunction, TransferFunctionError, VolumeOptions,
+    };
+    pub use crate::options::{
+        KernelShape, KernelWeight, Normalise, OptionError, Overlap, SourceSamples, TemporalAlpha, Times,
+    };
+    pub use crate::scene::{Pattern, Sequence, SequenceSpec};
+    pub use crate::scene_file::{EnvironmentError, LoadedScene, Location};
+}
 
 /// The vectors and matrices of scenes, in the version that this crate uses.
 #[doc(no_inline)]
@@ -151,17 +171,23 @@ pub use glam;
 
 // What is rendered.
 pub use environment::{Environment, LatLong};
-pub use math::Trs as Transform;
-pub use model::{Cloud, Material, Surfels, VelocityUnit};
-pub use scene::{Camera, FrameRange, ImageSettings, Light, Model, Motion, Object, PointMotion, Scene};
+pub use math::{Bounds, Trs as Transform};
+pub use model::{Gaussians, Material, Optics, Surfels, SurfelsBuilder, VelocityUnit};
+pub use scene::{
+    AnimationBinding, Camera, Capture, FrameRange, GaussianModel, ImageSettings, Light, Motion, Object, PointMotion,
+    Scene, Shape, Source, Sphere, SurfelModel,
+};
+pub use scene_file::Opening;
 pub use time::{Anchor, Direction, FrameNumber, Readout, Shutter, Weight};
 
 // How, and on what.
 pub use film::Aov;
 pub use options::{
-    BlurMode, ErrorTarget, Interleave, Lattice, PixelFilter, Prefilter, Quality, RenderOptions, Shading, SweptKernel,
+    BlurMode, ErrorTarget, Interleave, Lattice, Look, PixelFilter, Prefilter, Quality, RenderOptions, Shading,
+    SweptKernel,
 };
 pub use renderer::{Device, Renderer};
+pub use stop::{Done, Progress, Stop};
 
 // What comes out.
 pub use backend::{Rendered, Stats};

@@ -13,7 +13,7 @@ use crate::backend::{Achieved, Backend, BackendError, Rendered};
 use crate::film::{Aov, Layer};
 use crate::frame::Frame;
 use crate::model::Material;
-use crate::options::{BlurMode, ErrorTarget, Interleave, Quality, RenderOptions, Shading, Times};
+use crate::options::{BlurMode, ErrorTarget, Interleave, Look, Quality, RenderOptions, Shading, Times};
 use crate::scene::{Light, Scene};
 use crate::time::FrameNumber;
 
@@ -37,8 +37,11 @@ pub fn add_layer(
         Quality::Mode(mode) => mode,
         Quality::Error(target) => mode_of_mattes(target, rendered.stats.achieved),
     };
-    let of_mattes =
-        RenderOptions { shading: Shading::Gouraud, reconstruct: false, aovs: Vec::new(), ..options.clone() };
+    let of_mattes = RenderOptions {
+        reconstruct: false,
+        look: Look { shading: Shading::Gouraud, aovs: Vec::new(), ..options.look.clone() },
+        ..options.clone()
+    };
     let pixels = rendered.picture.rgba.len();
     let planes: usize = rendered.picture.layers.iter().map(|layer| layer.planes.len()).sum();
     // The picture, and the two columns below.
@@ -47,10 +50,10 @@ pub fn add_layer(
     let mut indices = vec![0.0_f32; pixels];
     let samples = rendered.stats.samples;
     let mut first = 0;
-    for (i, parts) in scene.objects.chunk_by(|_, next| next.is_part).enumerate() {
+    for (i, parts) in scene.objects.chunk_by(|_, next| next.is_part()).enumerate() {
         let range = first..first + parts.len();
         first = range.end;
-        if parts.iter().all(|object| object.model.elements() == 0) {
+        if parts.iter().all(|object| object.shape.elements() == 0) {
             continue;
         }
         let matte = matte(scene, &range);
@@ -69,7 +72,7 @@ pub fn add_layer(
     }
     // Those of the picture alone.
     rendered.stats.samples = samples;
-    let names = scene.objects.iter().filter(|object| !object.is_part).map(|object| object.name.clone()).collect();
+    let names = scene.objects.iter().filter(|object| !object.is_part()).map(|object| object.name.clone()).collect();
     rendered.picture.layers.push(Layer { aov: Aov::Object, planes: vec![indices], names });
     Ok(rendered)
 }
@@ -100,7 +103,9 @@ fn matte(scene: &Scene, shown: &Range<usize>) -> Scene {
     for (i, object) in scene.objects.iter_mut().enumerate() {
         let specular = if shown.contains(&i) { 1.0 } else { 0.0 };
         object.material = Some(Material { ambient: 0.0, diffuse: 0.0, specular, shininess: 0.0 });
-        object.capture.flat = Some(Vec3::splat(specular));
+        if let Some(model) = object.shape.gaussians_mut() {
+            model.flat = Some(Vec3::splat(specular));
+        }
     }
     scene
 }

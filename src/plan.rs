@@ -28,13 +28,13 @@ pub struct RasterExposure {
     pub phase: [u32; 2],
     /// Positions within the pixel, in the order in which they are rendered.
     pub positions: Vec<PositionExposure>,
-    /// Positions of a pixel in the whole picture, which share its filter: as many, or more where this is one half of
-    /// it.
+    /// Number of positions that share the pixel's filter, >= 1. It is the number of [`Self::positions`], or more where
+    /// these are one half of a picture that is rendered in two.
     pub positions_of_picture: usize,
 }
 
 impl RasterExposure {
-    /// That of a whole picture.
+    /// The exposure of a whole picture.
     fn whole(phase: [u32; 2], positions: Vec<PositionExposure>) -> Self {
         Self { phase, positions_of_picture: positions.len(), positions }
     }
@@ -128,7 +128,7 @@ pub enum Step {
     Published {
         /// The group.
         group: usize,
-        /// What is done for it.
+        /// The part of the work.
         part: Published,
     },
     /// Completes the film of a raster: clamps coverage, and divides what was pooled over all intervals. The last step
@@ -417,6 +417,18 @@ impl Exposure {
     /// All groups, in the order in which they are added to the film.
     pub fn groups(&self) -> impl Iterator<Item = &Group> {
         self.rasters.iter().flat_map(|raster| &raster.positions).flat_map(|position| &position.groups)
+    }
+
+    /// First and last scene time of its samples, frames.
+    pub fn ends(&self) -> [f64; 2] {
+        let times = || self.groups().flat_map(|group| &group.samples).map(|sample| sample.time);
+        [times().fold(f64::INFINITY, f64::min), times().fold(f64::NEG_INFINITY, f64::max)]
+    }
+
+    /// The scene time of all samples, where it is the same.
+    pub fn instant(&self) -> Option<f64> {
+        let [first, last] = self.ends();
+        (first == last).then_some(first)
     }
 }
 

@@ -1,6 +1,7 @@
 //! The renderer: opens a device, and renders frames and sequences of scenes on it.
 
-use std::collections::VecDeque;
+mod queue;
+
 use std::path::Path;
 use std::sync::Arc;
 
@@ -14,10 +15,12 @@ use crate::objects;
 use crate::options::{BlurMode, KernelWeight, Prefilter, Quality, RenderOptions};
 use crate::plan::Exposure;
 use crate::reconstruct;
-use crate::scene::{Object, Scene};
-use crate::stop::Stop;
+use crate::scene::{Object, Scene, Shape};
+use crate::stop::{Done, Progress, Stop};
 use crate::time::FrameNumber;
 
+use self::queue::Sequence;
+pub use self::queue::{FinishedFrame, FrameError, FrameQueue};
 #[cfg(feature = "gpu")]
 pub use crate::backend::gpu::{AdapterReport, adapters};
 pub use crate::backend::{Rendered, Stats};
@@ -42,8 +45,7 @@ pub enum Device {
 /// ```
 /// use splatblur::{Device, RenderOptions, Renderer, Scene};
 ///
-/// let mut scene = Scene::load("scenes/blinker_fence.xml")?;
-/// (scene.image.width, scene.image.height) = (64, 48);
+/// let scene = Scene::open("scenes/blinker_fence.xml").size(64, 48).load()?;
 /// let mut renderer = Renderer::open(Device::Cpu)?;
 /// for rendered in renderer.render_sequence(&scene, 0..=1, &RenderOptions::default()) {
 ///     let (frame, rendered) = rendered?;
@@ -53,11 +55,13 @@ pub enum Device {
 /// ```
 pub struct Renderer {
     backend: Box<dyn Backend>,
-    kind: Kind,
+    kind: DeviceKind,
+    /// Whom it tells how far a frame is, and what counts it.
+    listener: Option<(Progress, Arc<Meter>)>,
 }
 
 /// What a renderer renders on.
-enum Kind {
+enum DeviceKind {
     Cpu {
         /// Why it is not a GPU, where one was looked for, with a semicolon in front.
         why: String,
@@ -93,7 +97,13 @@ impl Renderer {
         frame: impl Into<FrameNumber>,
         options: &RenderOptions,
     ) -> Result<Rendered, BackendError> {
-        render_frame(&mut *self.backend, scene, frame, options)
+        let Some((progress, meter)) = &self.listener else {
+            return render_frame(&mut *self.backend, scene, frame, options);
+        };
+        meter.reset();
+        let rendered = render_frame(&mut *self.backend, scene, frame, options)?;
+        progress.tell(Done { round: meter.read().renderings.max(1), share: 1.0 });
+        Ok(rendered)
     }
 
     /// Renders frames of a scene, each when it is asked for, and gives them with their numbers, in the order of
@@ -107,11 +117,7 @@ impl Renderer {
         frames: impl IntoIterator<Item: Into<FrameNumber>, IntoIter: 'a>,
         options: &'a RenderOptions,
     ) -> impl Iterator<Item = Result<(FrameNumber, Rendered), BackendError>> + 'a {
-        let numbers = frames.into_iter();
-        match Frames::new(&mut *self.backend, scene, options) {
-            Ok(frames) => Sequence { frames: Some(frames), numbers, failed: None },
-            Err(error) => Sequence { frames: None, numbers, failed: Some(error) },
-        }
+        Sequence::new(FrameQueue::new(&mut *self.backend, scene, options), frames.into_iter())
     }
 
     /// Takes a picture back that is no longer needed, so that a later one can have its memory.
@@ -131,9 +137,16 @@ impl Renderer {
         self.backend.count_waste();
     }
 
+    /// Tells `progress` from now on how far each frame is that [`Self::render`] makes. The CPU tells each step; a GPU
+    /// gives no sign before a frame is done. At the end of a frame, both tell a share of 1.
+    pub fn tell(&mut self, progress: Progress) {
+        let meter = Arc::new(Meter::telling(progress.clone()));
+        self.watch(Arc::clone(&meter));
+        self.listener = Some((progress, meter));
+    }
+
     /// Ends frames with [`BackendError::Stopped`] from now on, soon after `stop` is set. The CPU ends between two steps
     /// of a frame, a GPU between two renderings of mode auto.
-    #[doc(hidden)]
     pub fn heed(&mut self, stop: Arc<Stop>) {
         self.backend.heed(stop);
     }
@@ -141,9 +154,9 @@ impl Renderer {
     /// `cpu` or `gpu`.
     pub fn backend_name(&self) -> &'static str {
         match self.kind {
-            Kind::Cpu { .. } => "cpu",
+            DeviceKind::Cpu { .. } => "cpu",
             #[cfg(feature = "gpu")]
-            Kind::Gpu { .. } => "gpu",
+            DeviceKind::Gpu { .. } => "gpu",
         }
     }
 
@@ -156,9 +169,11 @@ impl Renderer {
     #[doc(hidden)]
     pub fn describe_with(&self, threads: usize) -> String {
         match &self.kind {
-            Kind::Cpu { why } => format!("the CPU ({threads} thread{}{why})", if threads == 1 { "" } else { "s" }),
+            DeviceKind::Cpu { why } => {
+                format!("the CPU ({threads} thread{}{why})", if threads == 1 { "" } else { "s" })
+            }
             #[cfg(feature = "gpu")]
-            Kind::Gpu { adapter } => format!("the GPU {adapter}"),
+            DeviceKind::Gpu { adapter } => format!("the GPU {adapter}"),
         }
     }
 
@@ -166,23 +181,23 @@ impl Renderer {
     #[doc(hidden)]
     pub fn details(&self) -> Option<String> {
         match &self.kind {
-            Kind::Cpu { .. } => processor(),
+            DeviceKind::Cpu { .. } => processor(),
             #[cfg(feature = "gpu")]
-            Kind::Gpu { adapter } => {
+            DeviceKind::Gpu { adapter } => {
                 let report = adapters().into_iter().find(|report| report.name == *adapter)?;
                 Some(format!("{}, {}, driver {}", report.kind, report.interface, report.driver))
             }
         }
     }
 
-    /// What renders, for [`Frames`] and [`render_frame`].
+    /// What renders, for [`FrameQueue`] and [`render_frame`].
     #[doc(hidden)]
     pub fn backend(&mut self) -> &mut dyn Backend {
         &mut *self.backend
     }
 
     fn cpu(why: String) -> Self {
-        Self { backend: Box::new(Cpu::default()), kind: Kind::Cpu { why } }
+        Self { backend: Box::new(Cpu::default()), kind: DeviceKind::Cpu { why }, listener: None }
     }
 
     #[cfg(feature = "gpu")]
@@ -202,8 +217,8 @@ impl Renderer {
     #[cfg(feature = "gpu")]
     fn chosen(choice: &crate::backend::gpu::Choice) -> Result<Self, BackendError> {
         let gpu = crate::backend::gpu::Gpu::open(choice)?;
-        let kind = Kind::Gpu { adapter: gpu.adapter().to_owned() };
-        Ok(Self { backend: Box::new(gpu), kind })
+        let kind = DeviceKind::Gpu { adapter: gpu.adapter().to_owned() };
+        Ok(Self { backend: Box::new(gpu), kind, listener: None })
     }
 
     #[cfg(not(feature = "gpu"))]
@@ -254,7 +269,7 @@ pub(crate) fn render_checked(
 ) -> Result<Rendered, BackendError> {
     let scene = &*scene.at_frame(frame.get())?;
     check(scene, options)?;
-    if options.aovs.contains(&Aov::Object) {
+    if options.look.aovs.contains(&Aov::Object) {
         let rendered = render_checked(backend, scene, frame, &without_objects(options))?;
         return objects::add_layer(backend, scene, frame, options, rendered);
     }
@@ -265,34 +280,46 @@ pub(crate) fn render_checked(
     match options.quality {
         Quality::Error(target) => auto::render(backend, scene, frame, options, target),
         Quality::Mode(mode) => {
-            BackendError::check_samples(scene, Exposure::samples_of(mode), options.memory)?;
-            let stop = backend.stop();
-            let frame = Frame::until(scene, frame, mode, options, &stop);
-            if stop.is_set() { Err(BackendError::Stopped) } else { backend.render(frame) }
+            let frame = posed(backend, scene, frame, mode, options)?;
+            backend.render(frame)
         }
     }
 }
 
-/// What is rendered before [`objects::add_layer`].
+/// A frame that `backend` can begin, unless it is stopped meanwhile.
+fn posed(
+    backend: &dyn Backend,
+    scene: &Scene,
+    number: FrameNumber,
+    mode: BlurMode,
+    options: &RenderOptions,
+) -> Result<Frame, BackendError> {
+    BackendError::check_samples(scene, Exposure::samples_of(mode), options.memory)?;
+    let stop = backend.stop();
+    let frame = Frame::until(scene, number, mode, options, &stop);
+    if stop.is_set() { Err(BackendError::Stopped) } else { Ok(frame) }
+}
+
+/// The options of the picture before [`objects::add_layer`].
 fn without_objects(options: &RenderOptions) -> RenderOptions {
     let mut options = options.clone();
-    options.aovs.retain(|&aov| aov != Aov::Object);
+    options.look.aovs.retain(|&aov| aov != Aov::Object);
     options
 }
 
 /// What [`reconstruct::along`] needs to be rendered.
 fn with_velocity(options: &RenderOptions) -> RenderOptions {
     let mut options = RenderOptions { reconstruct: false, ..options.clone() };
-    if !options.aovs.contains(&Aov::Velocity) {
-        options.aovs.push(Aov::Velocity);
-        options.aovs.sort_unstable();
+    if !options.look.aovs.contains(&Aov::Velocity) {
+        options.look.aovs.push(Aov::Velocity);
+        options.look.aovs.sort_unstable();
     }
     options
 }
 
 fn reconstructed(mut rendered: Rendered, options: &RenderOptions) -> Rendered {
     reconstruct::along(&mut rendered.picture);
-    rendered.picture.layers.retain(|layer| options.aovs.contains(&layer.aov));
+    rendered.picture.layers.retain(|layer| options.look.aovs.contains(&layer.aov));
     rendered
 }
 
@@ -317,7 +344,7 @@ fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
     if let (true, Quality::Mode(BlurMode::Volumetric { .. })) = (scene.shutter.readout.rolls(), options.quality) {
         return Err(BackendError::RollingShutter);
     }
-    let transparent = |object: &&Object| object.model.gaussians().is_some() || object.is_see_through();
+    let transparent = |object: &&Object| object.shape.gaussians().is_some() || object.is_see_through();
     let transparent = scene.objects.iter().find(transparent);
     if let (Some(object), Quality::Mode(BlurMode::Volumetric { .. })) = (transparent, options.quality) {
         return Err(BackendError::Volumetric { object: object.name.clone() });
@@ -325,119 +352,9 @@ fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
     if let Some(object) = scene.capture_before_panorama() {
         return Err(BackendError::Panorama { object: object.name.clone() });
     }
-    match scene.objects.iter().find(|object| object.sphere.is_some()) {
+    match scene.objects.iter().find(|object| matches!(object.shape, Shape::Sphere(_))) {
         Some(object) => Err(BackendError::Sphere { object: object.name.clone() }),
         None => Ok(()),
-    }
-}
-
-/// Renders frames of a scene one after the other, with as many under way as the backend allows.
-pub struct Frames<'a> {
-    backend: &'a mut dyn Backend,
-    scene: &'a Scene,
-    options: &'a RenderOptions,
-    /// Begun and not finished.
-    under_way: VecDeque<FrameNumber>,
-}
-
-impl<'a> Frames<'a> {
-    /// No frames yet. `backend` must have none under way.
-    ///
-    /// # Errors
-    /// The scene holds what only the reference can show.
-    pub fn new(
-        backend: &'a mut dyn Backend,
-        scene: &'a Scene,
-        options: &'a RenderOptions,
-    ) -> Result<Self, BackendError> {
-        check_values(scene, options)?;
-        check(scene, options)?;
-        Ok(Self { backend, scene, options, under_way: VecDeque::new() })
-    }
-
-    /// Begins frame `number`; hands out an earlier one, or this one, with its number, if the backend takes no more.
-    ///
-    /// # Errors
-    /// The number is not finite, or the backend cannot render the frame within its limits.
-    pub fn begin(&mut self, number: impl Into<FrameNumber>) -> Result<Option<(FrameNumber, Rendered)>, BackendError> {
-        let number = number.into();
-        let Quality::Mode(mode) = self.options.quality else { return self.whole(number) };
-        if self.options.reconstruct || self.options.aovs.contains(&Aov::Object) {
-            return self.whole(number);
-        }
-        let scene = self.scene.at_frame(finite(number)?.get())?;
-        check(&scene, self.options)?;
-        BackendError::check_samples(&scene, Exposure::samples_of(mode), self.options.memory)?;
-        self.backend.begin(Frame::new(&scene, number, mode, self.options))?;
-        self.under_way.push_back(number);
-        if self.under_way.len() < self.backend.in_flight() {
-            return Ok(None);
-        }
-        self.finish()
-    }
-
-    /// Renders frame `number`, whose steps wait for those before.
-    fn whole(&mut self, number: FrameNumber) -> Result<Option<(FrameNumber, Rendered)>, BackendError> {
-        Ok(Some((number, render_frame(self.backend, self.scene, number, self.options)?)))
-    }
-
-    /// Hands out the next frame, in the order in which they were begun; `None` after the last.
-    ///
-    /// # Errors
-    /// The backend cannot render the frame within its limits.
-    pub fn finish(&mut self) -> Result<Option<(FrameNumber, Rendered)>, BackendError> {
-        let Some(number) = self.under_way.pop_front() else { return Ok(None) };
-        Ok(self.backend.finish()?.map(|rendered| (number, rendered)))
-    }
-}
-
-/// [`Renderer::render_sequence`].
-struct Sequence<'a, N> {
-    /// `None` after the end.
-    frames: Option<Frames<'a>>,
-    /// Those that are not begun.
-    numbers: N,
-    /// What comes after the frames that are under way.
-    failed: Option<BackendError>,
-}
-
-impl<N: Iterator<Item: Into<FrameNumber>>> Iterator for Sequence<'_, N> {
-    type Item = Result<(FrameNumber, Rendered), BackendError>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        if let Some(frames) = &mut self.frames {
-            while self.failed.is_none()
-                && let Some(number) = self.numbers.next()
-            {
-                match frames.begin(number) {
-                    Ok(Some(finished)) => return Some(Ok(finished)),
-                    Ok(None) => {}
-                    Err(error) => self.failed = Some(error),
-                }
-            }
-            match frames.finish() {
-                Ok(Some(finished)) => return Some(Ok(finished)),
-                Ok(None) => {}
-                Err(error) => self.failed = self.failed.take().or(Some(error)),
-            }
-        }
-        self.stop();
-        self.failed.take().map(Err)
-    }
-}
-
-impl<N> Sequence<'_, N> {
-    /// Finishes what is under way, so that the backend can begin something else.
-    fn stop(&mut self) {
-        if let Some(mut frames) = self.frames.take() {
-            while !matches!(frames.finish(), Ok(None)) {}
-        }
-    }
-}
-
-impl<N> Drop for Sequence<'_, N> {
-    fn drop(&mut self) {
-        self.stop();
     }
 }
 

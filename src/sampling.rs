@@ -3,8 +3,8 @@
 //! Sobol' points in base 2 with Owen scrambling by hashing (Laine and Karras 2011; Burley 2020). Random numbers come
 //! from PCG64 (O'Neill 2014), whose bytes are the same on every computer.
 
+use rand::RngExt as _;
 use rand_pcg::Pcg64;
-use rand_pcg::rand_core::Rng;
 
 /// Point `index` of the first two Sobol' dimensions, as 32-bit fractions.
 ///
@@ -79,8 +79,7 @@ pub fn uniform(n: u32, seed: u64, frame: f64) -> Vec<f64> {
     // Offsets have the streams 0 and 1.
     let words = [hash(seed, 2), hash(seed, 3), hash(frame, 4), hash(frame, 5)];
     let state = words.into_iter().fold(0, |state, word| state << 32 | u128::from(word));
-    let mut random = Pcg64::new(state, STREAM);
-    (0..n).map(|_| (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64).collect()
+    Pcg64::new(state, STREAM).random_iter().take(n as usize).collect()
 }
 
 /// `n` sub-pixel offsets in [-1/2, 1/2)^2, in pixels, that go with the time samples 0..n in order.

@@ -77,7 +77,7 @@ impl Weight {
         }
     }
 
-    /// What is wanted of a drawn curve.
+    /// The area that a drawn curve must have, in words.
     pub(crate) const AREA: &str = "some weight above 0";
 
     /// False for weights that are all 0, or so nearly that their integral is: they cannot be normalised.

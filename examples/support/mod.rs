@@ -2,6 +2,8 @@
 #![allow(dead_code, unreachable_pub, unused_imports, reason = "each example uses its own part")]
 #![allow(clippy::expect_used, clippy::print_stderr, reason = "a generator may stop and say why")]
 
+pub mod blocks;
+pub mod four_meshes;
 pub mod plot;
 pub mod random_scenes;
 pub mod scenes;

@@ -10,21 +10,24 @@ use glam::{DVec3, Quat, Vec3};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 use splatblur::anim::{self, Interpolation};
+use splatblur::environment::{Environment, studio};
 use splatblur::math::Trs;
 use splatblur::model::{self, Gaussians, Material};
-use splatblur::scene::{AnimationBinding, Light, Model, Motion, Object, Scene};
+use splatblur::scene::{AnimationBinding, Light, Motion, Object, Scene, Shape};
 use splatblur::time::Weight;
 
 use super::{default_lights, object, round_surfels, scene, sphere};
 
 /// Models that random scenes share.
 pub struct Models {
-    ball: Model,
-    fence: Model,
-    wall: Model,
-    cow: Model,
-    statue: Model,
-    guitar: Model,
+    ball: Shape,
+    fence: Shape,
+    wall: Shape,
+    cow: Shape,
+    statue: Shape,
+    guitar: Shape,
+    stick: Shape,
+    studio: Environment,
 }
 
 impl Models {
@@ -33,7 +36,7 @@ impl Models {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/models");
         let shipped = |name: &str| {
             let loaded = model::load(&folder.join(name), &model::LoadOptions::default(), &|_, _| {});
-            Model::from(loaded.expect("a shipped model"))
+            Shape::from(loaded.expect("a shipped model"))
         };
         Self {
             ball: sphere(5000).spatially_ordered().into(),
@@ -41,14 +44,16 @@ impl Models {
             wall: chequers().spatially_ordered().into(),
             cow: shipped("spot.sfl"),
             statue: shipped("guanyin.sfl"),
+            studio: Environment::new(studio()),
+            stick: stick().spatially_ordered().into(),
             guitar: thinned(&shipped("guitar.compressed.ply")),
         }
     }
 }
 
 /// Every sixth Gaussian of the guitar, larger, upright, about 2 high about the origin.
-fn thinned(guitar: &Model) -> Model {
-    let whole = guitar.gaussians().expect("a capture");
+fn thinned(guitar: &Shape) -> Shape {
+    let whole = guitar.gaussians().expect("a capture").gaussians();
     let every = |i: &usize| i.is_multiple_of(6);
     let picked: Vec<usize> = (0..whole.len()).filter(every).collect();
     let upright = Quat::from_rotation_x(std::f32::consts::PI);
@@ -69,6 +74,15 @@ fn slats() -> splatblur::model::Surfels {
     round_surfels(places.map(|(slat, i, k)| {
         let x = (f64::from(slat) - 3.0) * 0.7 + (f64::from(i) - 3.5) * 0.025;
         (DVec3::new(x, (f64::from(k) - 47.5) * 0.025, 0.0), DVec3::Z, 0.03, Vec3::new(0.8, 0.45, 0.06))
+    }))
+}
+
+/// An upright stick, 2 high and 0.03 wide.
+fn stick() -> splatblur::model::Surfels {
+    let places = (0..3).flat_map(|i| (0..200).map(move |k| (i, k)));
+    round_surfels(places.map(|(i, k)| {
+        let place = DVec3::new((f64::from(i) - 1.0) * 0.01, (f64::from(k) - 99.5) * 0.01, 0.0);
+        (place, DVec3::Z, 0.01, Vec3::new(0.9, 0.85, 0.7))
     }))
 }
 
@@ -192,7 +206,7 @@ impl Dice {
             _ => (&models.fence, 0.7),
         };
         let mut made = object(splatblur::model::Surfels::default());
-        made.model = model.clone();
+        made.shape = model.clone();
         made.two_sided = true;
         made.material = Some(Material { ambient: 1.0, diffuse: 1.0, specular: 0.2, shininess: 20.0 });
         let place = DVec3::new(self.within(-1.4, 1.4), self.within(-0.8, 0.8), self.within(-1.5, 1.0));
@@ -249,13 +263,69 @@ pub fn random(models: &Models, seed: u64, index: u64) -> Scene {
     made
 }
 
+/// As [`random`], with what is hard for an estimate: motion that turns back, now and then in mid-exposure; highlights
+/// of up to 10; an environment that is seen and mirrored; slivers; objects that appear or vanish.
+pub fn random_hard(models: &Models, seed: u64, index: u64) -> Scene {
+    let mut made = random(models, seed, index);
+    let mut dice = Dice(Pcg64::seed_from_u64(seed.wrapping_mul(11_000_003).wrapping_add(index)));
+    if dice.chance(0.25) {
+        let mut sliver = dice.object(models);
+        sliver.shape = models.stick.clone();
+        sliver.transform.scale = DVec3::splat(dice.within(0.5, 1.5));
+        "sliver".clone_into(&mut sliver.name);
+        made.objects.push(sliver);
+    }
+    let count = made.objects.len() as u32;
+    if dice.chance(0.35) {
+        let object = &mut made.objects[dice.below(count) as usize];
+        let turn = if dice.chance(0.5) { 0.5 } else { dice.within(0.1, 0.9) };
+        let [x, y] = [0, 1].map(|_| dice.within(-1.0, 1.0));
+        let mut curves = String::new();
+        let ends = [dice.within(-1.2, 1.2), dice.within(-1.2, 1.2)];
+        for ((axis, at), away) in [("X", x), ("Y", y)].into_iter().zip(ends) {
+            let keys = [(0.0, at), (turn, at + away), (1.0, at)];
+            curve(&mut curves, &format!("translate.translate{axis}"), "linear", "linear", &keys);
+        }
+        object.motions = Vec::new();
+        object.transform.translate = DVec3::ZERO;
+        object.animation = Some(binding(&curves));
+    }
+    if dice.chance(0.2) {
+        let object = &mut made.objects[dice.below(count) as usize];
+        let (time, first) = (dice.within(0.05, 0.95), f64::from(dice.below(2)));
+        let mut curves = String::new();
+        let keys = [(-1.0, first), (time, 1.0 - first)];
+        curve(&mut curves, "visibility", "unitless", "step", &keys);
+        if object.animation.is_none() {
+            object.animation = Some(binding(&curves));
+            object.place = Trs { translate: object.transform.translate, ..Trs::default() };
+            object.transform.translate = DVec3::ZERO;
+            object.motions = dice.motions(DVec3::ZERO);
+        }
+    }
+    if dice.chance(0.25) {
+        let specular = dice.within(2.0, 10.0) as f32;
+        let object = &mut made.objects[dice.below(count) as usize];
+        object.material = Some(Material { ambient: 1.0, diffuse: 1.0, specular, shininess: 40.0 });
+    }
+    if dice.chance(0.25) {
+        let mut environment = models.studio.clone();
+        environment.rotation = dice.within(0.0, 6.0);
+        environment.background = dice.chance(0.7);
+        made.environment = Some(environment);
+        made.objects[dice.below(count) as usize].reflection = dice.within(0.1, 0.6);
+    }
+    made.name = format!("hard_{seed}_{index}");
+    made
+}
+
 /// As [`random`], with some of the objects captures, at least the first.
 pub fn random_with_captures(models: &Models, seed: u64, index: u64) -> Scene {
     let mut made = random(models, seed, index);
     let mut dice = Dice(Pcg64::seed_from_u64(seed.wrapping_mul(7_000_003).wrapping_add(index)));
     for (number, object) in made.objects.iter_mut().enumerate() {
         if number == 0 || dice.chance(0.4) {
-            object.model = models.guitar.clone();
+            object.shape = models.guitar.clone();
             object.transform.scale = DVec3::splat(dice.within(0.5, 1.3));
         }
     }

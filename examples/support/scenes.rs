@@ -10,12 +10,12 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
 use splatblur::image::{self, Format};
 use splatblur::model::{Material, Surfels};
-use splatblur::options::{BlurMode, PixelFilter, RenderOptions, Shading};
+use splatblur::options::{BlurMode, Interleave, Look, PixelFilter, RenderOptions, Shading, Times};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Motion, Object, Scene};
-use splatblur::scene_file::{LoadOptions, load};
 
+use super::four_meshes::four_meshes;
 use super::{default_lights, object, scene, sphere};
 
 /// Surfels of one sphere.
@@ -86,47 +86,79 @@ pub fn cross() -> Scene {
     pair(a, placed(blue(), from.into(), vec![linear(from, to)]), "cross")
 }
 
-/// A shipped scene, small.
+/// A shipped scene at 480 x 270, or `four_meshes`.
 pub fn shipped(name: &str) -> Scene {
+    if name == "four_meshes" {
+        return four_meshes();
+    }
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).with_extension("xml");
-    let mut scene = load(&path, &LoadOptions::default()).expect("a shipped scene").scene;
-    (scene.image.width, scene.image.height) = (480, 270);
-    scene
+    Scene::open(path).size(480, 270).load().expect("a shipped scene")
+}
+
+/// A quarter and three quarters into the frames of a scene.
+pub fn two_frames(scene: &Scene) -> Vec<i64> {
+    let [first, last] = [scene.frames.first, scene.frames.last];
+    let mut frames = vec![first + (last - first) / 4, first + 3 * (last - first) / 4];
+    frames.dedup();
+    frames
+}
+
+/// The names of all shipped scenes, in order.
+pub fn names_of_shipped() -> Vec<String> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let entries = std::fs::read_dir(folder).expect("the folder of scenes");
+    let paths = entries.map(|entry| entry.expect("an entry").path());
+    let scenes = paths.filter(|path| path.extension().is_some_and(|extension| extension == "xml"));
+    let mut names: Vec<String> =
+        scenes.filter_map(|path| Some(path.file_stem()?.to_string_lossy().into_owned())).collect();
+    names.sort();
+    names
 }
 
 /// Samples of [`converged`].
 pub const CONVERGED: u32 = 768;
 
-/// A frame by supersampling with many samples and another seed than `options` have by default, from an earlier run
-/// where there is one (`target/tables`, a file with `kind` in its name). Remove these files when the renderer's pixels
-/// change: nothing else notices.
-pub fn converged(scene: &Scene, frame: i64, options: &RenderOptions, kind: &str) -> Picture {
+/// A picture from an earlier run, from a file of this name in `target/tables`; else it is made, and kept there. Remove
+/// these files when the renderer's pixels change: nothing else notices.
+pub fn kept(name: &str, make: impl FnOnce() -> Picture) -> Picture {
     let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/tables");
     std::fs::create_dir_all(&directory).expect("a folder for pictures");
-    let path = directory.join(format!("{}_{frame}_{kind}_{CONVERGED}.exr", scene.name));
+    let path = directory.join(name).with_extension("exr");
     if let Ok(picture) = image::read(&path) {
         return picture;
     }
-    let quality = BlurMode::supersample(CONVERGED).into();
-    let options = RenderOptions { quality, seed: 77, ..options.clone() };
-    let picture = render_frame(&mut Cpu::default(), scene, frame, &options).expect("the frame fits").picture;
+    let picture = make();
     image::write(&path, &picture, Format::EXR, "").expect("room for a picture");
     picture
 }
 
-/// A scene's reference of 1024 samples a pixel, from an earlier run where there is one (`target/tables`).
+/// A frame by supersampling with many samples and another seed than `options` have by default, [`kept`] with `kind` in
+/// its name.
+pub fn converged(scene: &Scene, frame: i64, options: &RenderOptions, kind: &str) -> Picture {
+    kept(&format!("{}_{frame}_{kind}_{CONVERGED}", scene.name), || {
+        let quality = BlurMode::Supersample {
+            samples: CONVERGED,
+            // One for each sample, whatever is static.
+            pixel_samples: Some(CONVERGED),
+            interleave: Interleave::None,
+            times: Times::Even,
+        };
+        let quality = quality.into();
+        let options = RenderOptions { quality, look: Look { seed: 77, ..options.look.clone() }, ..options.clone() };
+        render_frame(&mut Cpu::default(), scene, frame, &options).expect("the frame fits").picture
+    })
+}
+
+/// A scene's reference of 1024 samples a pixel, [`kept`].
 pub fn reference(scene: &Scene, frame: i64, filter: PixelFilter) -> Picture {
     const SAMPLES: u64 = 1024;
-    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/tables");
-    std::fs::create_dir_all(&directory).expect("a folder for references");
     let kind = if filter == PixelFilter::Box { "box_" } else { "" };
-    let path = directory.join(format!("{}_{frame}_{kind}{SAMPLES}.exr", scene.name));
-    if let Ok(picture) = image::read(&path) {
-        return picture;
-    }
-    let options =
-        ReferenceOptions { samples: SAMPLES, filter, shading: Shading::Gouraud, ..ReferenceOptions::default() };
-    let made = reference::render(scene, frame, &options, None, &|_| ()).expect("a reference");
-    image::write(&path, &made.picture, Format::EXR, "").expect("room for a reference");
-    made.picture
+    kept(&format!("{}_{frame}_{kind}{SAMPLES}", scene.name), || {
+        let options = ReferenceOptions {
+            samples: SAMPLES,
+            look: Look { filter, shading: Shading::Gouraud, ..Look::default() },
+            ..ReferenceOptions::default()
+        };
+        reference::picture(scene, frame, &options).expect("a reference")
+    })
 }

@@ -21,7 +21,7 @@ struct DeviceGaussian {
 const LOG2_FAINTEST: f32 = 7.9943534;
 
 // log2 of the optical depth, in powers of 1/2, below which a volume's kernel is cut, and the powers of 1/2 below its
-// centre that it keeps at least. A test holds them against src/backend/cpu/transparent/project.rs.
+// centre that it keeps at least.
 const FAINTEST_DEPTH: f32 = -13.0;
 const LEAST_REACH: f32 = 2.88539;
 

@@ -11,7 +11,7 @@ const ELLIPSOID_PEAK: f32 = 0.83591896;
 // Integral of exp(-2 r^2) over the unit disc over its integral over the unit ball.
 const LINE_PEAK: f32 = 0.9341491;
 const HALF_SQRT_PI: f32 = 0.8862269;
-const SQRT_TWO: f32 = 1.4142135;
+const SQRT_2: f32 = 1.4142135;
 const SQRT_HALF_PI: f32 = 1.2533141;
 // Adding this leaves the nearest integer in the low mantissa bits: 1.5 * 2^23.
 const ROUND: f32 = 12582912.0;
@@ -83,7 +83,7 @@ fn chord(s: Sweep) -> f32 {
 fn mean_over(s: Sweep, span: vec2<f32>) -> f32 {
     var scale = 0.0;
     if !s.unmoved {
-        scale = SQRT_TWO / sqrt(s.w2 * s.a);
+        scale = SQRT_2 / sqrt(s.w2 * s.a);
     }
     let x = scale * (s.b + s.a * span);
     return chord(s) * (HALF_SQRT_PI * erf_slope(x.x, x.y));

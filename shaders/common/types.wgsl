@@ -54,7 +54,7 @@ struct View {
     lights: u32,
     // If 1, thresholds and sums continue from what the buffers hold.
     resumes: u32,
-    // The turn before and after the batch: 0 for static objects, then one for each sample. See attribute.wgsl.
+    // The turn before and after the batch: 0 for static objects, then one for each sample. See paint/sums.wgsl.
     first_turn: u32,
     last_turn: u32,
     // Change of the time weight from the middle of the interval to its end, divided by its mean.

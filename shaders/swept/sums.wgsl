@@ -14,12 +14,6 @@
 @group(1) @binding(24) var<storage, read> map: array<f32>;
 @group(1) @binding(25) var<storage, read_write> coverage_mask: array<u32>;
 
-// As in attribute.wgsl.
-override NORMAL: u32 = 0u;
-override DEPTH: u32 = 0u;
-override VELOCITY: u32 = 0u;
-override CHANNELS: u32 = 4u;
-override VALUES: u32 = 3u;
 // If true, the sum of weights is recorded instead of the times at which kernels cover.
 override SUM: bool = false;
 

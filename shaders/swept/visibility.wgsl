@@ -14,7 +14,7 @@
 @group(1) @binding(24) var<storage, read_write> map: array<f32>;
 
 // Smallest depth tolerance as a share of the depth: 4 units in the last place.
-const LEAST_TOLERANCE: f32 = 4.0 * EPSILON;
+const LEAST_EPSILON: f32 = 4.0 * EPSILON;
 
 @compute @workgroup_size(16, 16)
 fn swept_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) in_tile: vec3<u32>) {
@@ -60,7 +60,7 @@ fn lower(slot: u32, pixel: vec2<u32>, slices: u32) {
         if span.x < middle && middle < span.y {
             let depth = plane.x + middle * plane.y;
             let at = slices + slice * TILE_PIXELS;
-            map[at] = min(map[at], depth + max(epsilon, LEAST_TOLERANCE * depth));
+            map[at] = min(map[at], depth + max(epsilon, LEAST_EPSILON * depth));
         }
     }
 }

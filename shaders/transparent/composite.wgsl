@@ -36,8 +36,6 @@ override VELOCITY_PLANE: u32 = 0u;
 override PLANES: u32 = 4u;
 // Is the image composited in coded values?
 override CODED: bool = false;
-// Do thresholds lie as those of full EWA, with an apron around each tile?
-override APRONS: bool = false;
 
 // Largest alpha of a splat (Kerbl et al. 2023, their program).
 const MOST_ALPHA: f32 = 0.99;
@@ -115,11 +113,7 @@ fn composite(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_i
     let outside = (columns > vec4<u32>(u32(view.pixels.y))) | vec4<bool>(quad.row > u32(view.pixels.w));
     var limit = vec4<f32>(NONE);
     if (view.surfels & OPAQUE_SURFELS) != 0u {
-        if APRONS {
-            limit = thresholds[depths_of(index) + threshold_place(place.xy)];
-        } else {
-            limit = thresholds[index * TILE_QUADS + in_tile];
-        }
+        limit = thresholds[depths_of(index) + threshold_place(place.xy)];
     }
     quad.limit = select(limit, vec4<f32>(UNWANTED), outside);
     while has_next(walk) && any((sum.through >= vec4<f32>(OPAQUE)) & (quad.limit > vec4<f32>(UNWANTED))) {

@@ -12,12 +12,13 @@
 @group(1) @binding(32) var<storage, read> gaussians: array<DeviceGaussian>;
 @group(1) @binding(33) var<storage, read> order: array<u32>;
 
-const GATHERED: u32 = 1024u;
+// Entries of one workgroup.
+const WORKGROUP_ITEMS: u32 = 1024u;
 
 @compute @workgroup_size(256)
 fn gather(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let first = group.x * GATHERED;
-    let end = min(first + GATHERED, view.slots);
+    let first = group.x * WORKGROUP_ITEMS;
+    let end = min(first + WORKGROUP_ITEMS, view.slots);
     for (var i = first + lane; i < end; i += 256u) {
         let splat = gaussians[order[view.first_place + i]];
         let bounds = unpack(splat.bounds);

@@ -5,23 +5,17 @@
 //   peel_resolve    pass `resolve` of a layer: its groups of splats, normalised and shaded, become a film of their own
 //   peel_left_out   counts the pixels in which one more layer would show
 //   in   thresholds    T of opaque surfels, where the view has any
-//        sums, lights  as in ewa/resolve.wgsl, with two layers: before the nearest disc, and at it
-//   in and out  peeled   depths of each tile, as common/ewa.wgsl has them
+//        sums, lights  as in paint/resolve.wgsl, with two layers: before the nearest disc, and at it
+//   in and out  peeled   depths of each tile, as common/depths.wgsl has them
 //   out  film          for each tile, for each layer, its planes; the last is the depth up to which the layer reaches
 //        status
 // `peel_start` has an invocation for each quad of pixels, the others for each pixel.
 
 @group(1) @binding(8) var<storage, read_write> status: array<atomic<u32>>;
+@group(1) @binding(17) var<storage, read> thresholds: array<f32>;
 @group(1) @binding(35) var<storage, read_write> peeled: array<f32>;
 
-// Number of layers of sums; a group of several samples has one, the band.
-override LAYERS: u32 = 1u;
-const FRONT: u32 = 0u;
-const BAND: u32 = 1u;
-// First of three channels: weight times peak, weights that are negative for backs, and discs. Channel of the opacity.
-override PEAK: u32 = 0u;
-override OPACITY: u32 = 0u;
-// Do thresholds of opaque surfels lie as those of full EWA?
+// Have tiles of opaque surfels an apron?
 override APRONS: bool = false;
 // Most layers of a pixel.
 override MOST_LAYERS: u32 = 8u;
@@ -105,20 +99,13 @@ fn peel_resolve(
         let sum_at = (index * LAYERS + group) * CHANNELS * TILE_PIXELS + lane;
         let weight = sums[sum_at];
         if !(weight > 0.0 && before >= OPAQUE) { continue; }
-        let inverse = 1.0 / weight;
         var coverage = 1.0;
         if SAMPLE_COVERAGE != 0u {
             coverage = sums[sum_at + (SAMPLE_COVERAGE + 1u) * TILE_PIXELS] * view.opaque_scale;
         } else if !solid {
-            // As in ewa/resolve.wgsl.
-            let peak_at = sum_at + PEAK * TILE_PIXELS;
-            let covered = is_band && depth < NONE;
-            let sum = 0.5 * (weight + abs(sums[peak_at + TILE_PIXELS]));
-            let lost = 1.0 - sums[peak_at] * inverse;
-            let hard = 1.0 - lost * lost;
-            coverage = hard * select(0.0, 1.0, covered) + (1.0 - hard) * min(sum, 1.0);
+            coverage = coverage_of_layer(sum_at, is_band && depth < NONE);
         }
-        let opacity = sums[sum_at + OPACITY * TILE_PIXELS] * inverse;
+        let opacity = sums[sum_at + OPACITY * TILE_PIXELS] * (1.0 / weight);
         let share = opacity * put(&cover, coverage, opacity) / before;
         if share > 0.0 { add_pixel(layer, tile.xy, pixel.xy, sum_at, Share(share, 1.0, is_band)); }
     }

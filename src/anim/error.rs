@@ -128,7 +128,7 @@ pub enum AnimError {
         path: PathBuf,
         /// Empty, or where, with a colon and a blank behind it.
         place: String,
-        /// What is there.
+        /// The text that was found.
         found: String,
         /// What would be right.
         expected: String,

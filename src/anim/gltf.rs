@@ -9,7 +9,7 @@ use glam::{DAffine3, DQuat, DVec3, DVec4};
 use super::chain::{Chain, Joint};
 use super::error::AnimError;
 use super::track::{Between, Property, Track};
-use crate::gltf::{Clip, GltfError, GltfFile, Nodes, Shape, Tree, named, wrong};
+use crate::gltf::{Clip, GltfError, GltfFile, Nodes, Tree, ValueShape, named, wrong};
 
 /// Numbers that the keys of every file may be, however small it is.
 const FREE_NUMBERS: u64 = 1 << 22;
@@ -221,7 +221,7 @@ impl Reader<'_> {
         if let Some(known) = self.times.get(&accessor) {
             return Ok(Arc::clone(known));
         }
-        let column = self.file.column(accessor, Shape::Scalar, "times")?;
+        let column = self.file.column(accessor, ValueShape::Scalar, "times")?;
         self.take(column.count)?;
         let times: Arc<[f64]> = (0..column.count).map(|row| column.get::<1>(row)[0]).collect();
         if times.is_empty() {
@@ -242,7 +242,8 @@ impl Reader<'_> {
             return Ok(Arc::clone(known));
         }
         let turns = property == Property::Rotation;
-        let column = self.file.column(accessor, if turns { Shape::Vec4 } else { Shape::Vec3 }, "values of keys")?;
+        let column =
+            self.file.column(accessor, if turns { ValueShape::Vec4 } else { ValueShape::Vec3 }, "values of keys")?;
         self.take(column.count.saturating_mul(4))?;
         let mut values = Vec::with_capacity(column.count);
         for row in 0..column.count {

@@ -15,7 +15,7 @@ const MAX_BYTES: u64 = 256 << 20;
 
 /// An animation file of either kind.
 #[derive(Clone, Debug)]
-pub enum Loaded {
+pub enum AnimationFile {
     /// Maya's.
     Maya(Animation),
     /// glTF.
@@ -26,13 +26,13 @@ pub enum Loaded {
 ///
 /// # Errors
 /// As [`load`], or the file is not a valid glTF file.
-pub fn open(path: &Path) -> Result<Loaded, AnimError> {
+pub fn open(path: &Path) -> Result<AnimationFile, AnimError> {
     files::steady(|| {
         let bytes = bytes(path)?;
         if bytes.starts_with(b"glTF") || is_text(&bytes) {
-            return GltfAnimation::parse(&bytes, path).map(Loaded::Gltf);
+            return GltfAnimation::parse(&bytes, path).map(AnimationFile::Gltf);
         }
-        parse(&bytes, path).map(Loaded::Maya)
+        parse(&bytes, path).map(AnimationFile::Maya)
     })
 }
 

@@ -6,7 +6,8 @@
 //! Data flow: `load` (file to text) → `maya` (text to raw keys) → `tangent` (types to vectors) → `curve` and
 //! `segment` (value at a time), `breaks` (jumps) → `node` (curves to a transform) → `animation` (all nodes of a
 //! file). A glTF file goes through `gltf` (its nodes and clips) and `track` (value at a time) to a `chain` (a node and
-//! those above it). `camera_track` reads poses of other programs. `motion` is a node of either, or a track.
+//! those above it); `poses` makes such a chain of matrices at times. `camera_track` reads poses of other programs.
+//! `motion` is a node of either, or a track.
 
 mod animation;
 mod breaks;
@@ -19,6 +20,7 @@ mod load;
 mod maya;
 mod motion;
 mod node;
+mod poses;
 mod segment;
 mod tangent;
 mod track;
@@ -29,7 +31,7 @@ pub use chain::Chain;
 pub use curve::Interpolation;
 pub use error::{AnimError, Location};
 pub use gltf::GltfAnimation;
-pub use load::{Loaded, load, open};
+pub use load::{AnimationFile, load, open};
 pub use maya::parse;
 pub use motion::{NodeMotion, NodePose};
 pub use node::{Drift, NodeAnimation, NodeState};

@@ -1,8 +1,10 @@
 //! Error of an image, estimated from the difference of its half buffers (docs/math.md, section 9).
 //!
-//! E and O are the means of the even and of the odd samples, and g the slope of the display's curve. In a block, the
+//! E and O are the means of both halves of the samples, and g the slope of the display's curve. In a block, the
 //! *half difference* is the mean of |g (E - O) / 2|^2. Were the samples random, it would be the variance of the image.
 //! Strata make the image better than that, by a factor that was measured (docs/measurements/auto.md).
+
+use std::ops::Range;
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -10,12 +12,20 @@ use rayon::prelude::*;
 use super::half_buffers::HalfBuffers;
 use crate::film::{Backdrop, Picture, over};
 use crate::math::{fast, srgb};
-use crate::options::Interleave;
+use crate::options::{Interleave, PixelFilter};
 
 /// Error of the image over the root of the half difference, which no more than one scene in twenty exceeds.
 const GAIN: f64 = 0.92;
-/// The same where a block was refined: what made it need more samples makes its error fall more slowly too.
-const REFINED_GAIN: f64 = 1.0;
+/// The same with a lattice, whose classes sample their strata off the middles.
+const GAIN_OF_LATTICE: f64 = 1.08;
+/// The same where strata are so short that sub-pixel positions decide, whose error is more like that of random ones.
+const GAIN_OF_SHORT_STRATA: f64 = 1.1;
+/// The same at pixel centres, where there are no such positions.
+const GAIN_OF_CENTRES: f64 = 0.62;
+/// Longest path of a surfel within such a stratum, pixels.
+const SHORT_STRATA: f64 = 2.0;
+/// Factor on these where a block was refined: what made it need more samples makes its error fall more slowly too.
+const REFINED: f64 = 1.08;
 /// FLIP of the image over that of the half difference, in the median of scenes, where both were means over pixels.
 const SEEN_GAIN: f64 = 0.74;
 /// The same with a lattice, which the eye blurs, and where strata are so short that the mean is far better than either
@@ -23,7 +33,7 @@ const SEEN_GAIN: f64 = 0.74;
 const SEEN_GAIN_OF_FINE_STRATA: f64 = 0.42;
 /// Longest path of a surfel within a stratum, pixels, where the strata are so short. Where nothing moves by more than
 /// the smaller number, sub-pixel positions decide.
-const FINE_STRATA: std::ops::Range<f64> = 1.5..4.5;
+const FINE_STRATA: Range<f64> = 1.5..4.5;
 /// Exponent by which a person judges a difference of colours (`compare::flip`: Andersson et al. 2020).
 const SEEN: f32 = 0.7;
 /// FLIP of a grey difference d of display values is about this times d^0.7, where d is small: 0.95 (100 d)^0.7 over
@@ -31,10 +41,12 @@ const SEEN: f32 = 0.7;
 const SEEN_SCALE: f64 = 1.45;
 /// Weight of the worst part of a block beside the whole block, for what is seen.
 const WORST_PART: f64 = 0.25;
+/// Pixels from the border of a block within which what differs may go on beyond it.
+const BORDER: usize = 3;
 /// Parts of a block along each axis. The eye sees a small place.
 const PARTS: usize = 2;
 
-/// What is measured in one block of the image.
+/// The sums that are measured in one block of the image.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct BlockError {
     /// Half difference: mean over pixels and channels.
@@ -43,13 +55,16 @@ pub(super) struct BlockError {
     /// worst of them; times the gain.
     seen: f64,
     pixels: u32,
-    is_refined: bool,
+    /// Error of the image over the root of the half difference.
+    gain: f64,
+    /// Does anything differ near the left, right, upper, lower border?
+    reaches: [bool; 4],
 }
 
 impl BlockError {
     /// Estimated error: root mean square of display values.
     pub(super) fn error(&self) -> f64 {
-        if self.is_refined { REFINED_GAIN * self.half.sqrt() } else { GAIN * self.half.sqrt() }
+        self.gain * self.half.sqrt()
     }
 
     /// Estimated FLIP.
@@ -73,6 +88,8 @@ pub(super) struct Errors<'a> {
     pub blocks: Vec<BlockError>,
     edge: usize,
     backdrop: &'a Backdrop,
+    /// Gain of blocks that were not refined.
+    gain: f64,
     seen_gain: f64,
 }
 
@@ -85,12 +102,19 @@ impl<'a> Errors<'a> {
         backdrop: &'a Backdrop,
         interleave: Interleave,
         step: f64,
+        filter: PixelFilter,
     ) -> Self {
         let is_fine = interleave != Interleave::None || FINE_STRATA.contains(&step);
         let seen_gain = if is_fine { SEEN_GAIN_OF_FINE_STRATA } else { SEEN_GAIN };
         let [width, height] = [width, height].map(|pixels| (pixels as usize).div_ceil(edge));
+        let gain = match (interleave, step < SHORT_STRATA, filter) {
+            (Interleave::None, true, PixelFilter::Point) => GAIN_OF_CENTRES,
+            (Interleave::None, true, _) => GAIN_OF_SHORT_STRATA,
+            (Interleave::None, false, _) => GAIN,
+            _ => GAIN_OF_LATTICE,
+        };
         let blocks = vec![BlockError::default(); width * height];
-        Self { width, blocks, edge, backdrop, seen_gain }
+        Self { width, blocks, edge, backdrop, gain, seen_gain }
     }
 
     /// The blocks that touch block `i`, and itself.
@@ -98,6 +122,24 @@ impl<'a> Errors<'a> {
         let (x, y, width) = (i % self.width, i / self.width, self.width);
         let rows = y.saturating_sub(1)..(y + 2).min(self.blocks.len() / width);
         rows.flat_map(move |v| (x.saturating_sub(1)..(x + 2).min(width)).map(move |u| v * width + u))
+    }
+
+    /// The blocks beside block `i` in which something differs near their common border, where block `i` is all equal.
+    pub(super) fn reaching(&self, i: usize) -> impl Iterator<Item = usize> {
+        let (x, y, width) = (i % self.width, i / self.width, self.width);
+        let height = self.blocks.len() / width;
+        let beside = [
+            (x + 1 < width, i + 1),
+            (x > 0, i.wrapping_sub(1)),
+            (y + 1 < height, i + width),
+            (y > 0, i.wrapping_sub(width)),
+        ];
+        let is_equal = self.blocks[i].half == 0.0;
+        let reaching = beside
+            .into_iter()
+            .zip(0..)
+            .filter(move |((is_there, j), side)| is_equal && *is_there && self.blocks[*j].reaches[*side]);
+        reaching.map(|((_, j), _)| j)
     }
 
     /// Root of the estimated mean square error over the image.
@@ -116,8 +158,10 @@ impl<'a> Errors<'a> {
         let seen = if factors.is_none() { self.seen(&difference, width) } else { vec![0.0; halves.len()] };
         for (i, ((half, pixels), seen)) in halves.into_iter().zip(seen).enumerate() {
             let values = 3.0 * f64::from(pixels.max(1));
-            let is_refined = factors.is_some_and(|factors| factors[i] > 1);
-            self.blocks[i] = BlockError { half: half / (4.0 * values), seen, pixels, is_refined };
+            let gain = if factors.is_some_and(|factors| factors[i] > 1) { REFINED * self.gain } else { self.gain };
+            let reaches =
+                if factors.is_none() { reaches(&difference, width, self.edge, i, self.width) } else { [false; 4] };
+            self.blocks[i] = BlockError { half: half / (4.0 * values), seen, pixels, gain, reaches };
         }
     }
 
@@ -134,6 +178,22 @@ impl<'a> Errors<'a> {
         }
         means.iter().zip(&worst).map(|(mean, worst)| self.seen_gain * (mean + WORST_PART * worst)).collect()
     }
+}
+
+/// Does anything differ within [`BORDER`] pixels of the left, right, upper, lower border of block `i` of `edge` pixels?
+fn reaches(difference: &[Vec3], width: usize, edge: usize, i: usize, columns: usize) -> [bool; 4] {
+    let height = difference.len() / width.max(1);
+    let [left, top] = [i % columns * edge, i / columns * edge];
+    let [right, bottom] = [(left + edge).min(width), (top + edge).min(height)];
+    let any = |xs: Range<usize>, ys: Range<usize>| {
+        ys.into_iter().any(|y| difference[y * width..][xs.clone()].iter().any(|d| *d != Vec3::ZERO))
+    };
+    [
+        any(left..(left + BORDER).min(right), top..bottom),
+        any(right.saturating_sub(BORDER).max(left)..right, top..bottom),
+        any(left..right, top..(top + BORDER).min(bottom)),
+        any(left..right, bottom.saturating_sub(BORDER).max(top)..bottom),
+    ]
 }
 
 /// What shows of the half difference in each part of `edge` pixels, row by row: |d|^0.7, d the mean over a column of
@@ -234,6 +294,24 @@ mod tests {
         // A stripe through half the columns is worth half.
         let half = of(|x, _| if x < 8 { sign(x) } else { 0.0 });
         assert!((half / seen - 0.5).abs() < 1e-4, "{half}");
+    }
+
+    /// A block of 16 pixels is reached at the borders near which something differs.
+    #[test]
+    fn what_differs_near_a_border_reaches_it() {
+        let reached = |x: usize, y: usize, i: usize| {
+            let mut pixels = vec![Vec3::ZERO; 40 * 32];
+            pixels[y * 40 + x] = Vec3::splat(0.1);
+            reaches(&pixels, 40, 16, i, 3)
+        };
+        assert_eq!(reached(16, 8, 1), [true, false, false, false]);
+        assert_eq!(reached(29, 8, 1), [false, true, false, false]);
+        assert_eq!(reached(24, 2, 1), [false, false, true, false]);
+        assert_eq!(reached(31, 31, 4), [false, true, false, true]);
+        assert_eq!(reached(24, 8, 1), [false; 4]);
+        // The last block of a row is narrower.
+        assert_eq!(reached(38, 8, 2), [false, true, false, false]);
+        assert_eq!(reached(16, 8, 0), [false; 4]);
     }
 
     /// Parts are in rows, and a sliver at the border counts by its share of a part.

@@ -1,4 +1,4 @@
-//! Half buffers: the even and the odd time samples of a frame, as two pictures.
+//! Half buffers: the time samples of a frame in two halves, as two pictures.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -30,7 +30,7 @@ pub(super) struct Round<'a> {
 }
 
 /// Where the time samples of one class of pixels lie within their strata.
-struct Place {
+struct StratumPlace {
     /// Place within a fine stratum, in [0, 1).
     fine: f64,
     /// The sample of coarse stratum i lies in fine stratum i * factor + `shift`.
@@ -40,17 +40,24 @@ struct Place {
 impl Round<'_> {
     /// Class c of a lattice with stride S samples its strata at (2c + 1) / 2S^2. With an odd factor, each coarse sample
     /// lies at such a place of a fine stratum.
-    fn place(&self, phase: [u32; 2]) -> Place {
+    fn place(&self, phase: [u32; 2]) -> StratumPlace {
         let classes = f64::from(self.interleave.stride().pow(2));
         let coarse = (f64::from(self.interleave.order(phase)) + 0.5) / classes;
         let scaled = f64::from(self.factor) * coarse;
-        Place { fine: scaled.fract(), shift: scaled as u32 }
+        StratumPlace { fine: scaled.fract(), shift: scaled as u32 }
     }
 
     /// Does stratum `index` belong to half buffer `half`, and has no coarser round sampled it?
-    fn is_fresh(&self, place: &Place, index: u32, half: u32) -> bool {
+    fn is_fresh(&self, place: &StratumPlace, index: u32, half: u32) -> bool {
         let reused = self.factor > 1 && index % self.factor == place.shift;
-        index % 2 == half && !reused
+        self.half_of(index) == half && !reused
+    }
+
+    /// The half buffer of stratum `index`. Of four strata the outer two belong to one, so that each half buffer is its
+    /// own mirror image in time, and motion that turns at mid-exposure shows them different poses. The classes of a
+    /// lattice sample their strata off the middle: there the half buffers take turns.
+    fn half_of(&self, index: u32) -> u32 {
+        if self.interleave == Interleave::None { index.div_ceil(2) % 2 } else { index % 2 }
     }
 
     /// The new samples of half buffer `half`; their weights sum to 1.
@@ -62,7 +69,7 @@ impl Round<'_> {
         Exposure { stride: self.interleave.stride(), rasters: self.interleave.phases().map(raster).collect() }
     }
 
-    /// Those of half buffer `half`, and how many both have together.
+    /// The sample positions of half buffer `half`, and how many both halves have together.
     fn positions(&self, phase: [u32; 2], half: u32) -> (Vec<PositionExposure>, usize) {
         let Self { scene, number, options, interleave, .. } = *self;
         let place = self.place(phase);
@@ -70,11 +77,11 @@ impl Round<'_> {
         let fresh = (0..).zip(strata).filter(|(index, _)| self.is_fresh(&place, *index, half));
         let fresh: Vec<(u32, (f64, f64))> = fresh.collect();
         let total: f64 = fresh.iter().map(|(_, (_, weight))| weight).sum();
-        let seed = interleave.seed_of(phase, options.seed);
-        let offsets = options.filter.offsets(self.positions * self.factor, seed);
+        let seed = interleave.seed_of(phase, options.look.seed);
+        let offsets = options.look.filter.offsets(self.positions * self.factor, seed);
         let mut positions: BTreeMap<usize, PositionExposure> = BTreeMap::new();
         for (index, (t, weight)) in fresh {
-            let place = position_of(index as usize, offsets.len());
+            let place = position_of((index - index % 2 + half) as usize, offsets.len());
             let weight = if total > 0.0 { weight / total } else { 0.0 };
             let sample = TimeSample { time: scene.shutter.frame_time(number.get(), t), weight };
             let position = || PositionExposure { offset: offsets[place], groups: Vec::new() };
@@ -106,7 +113,7 @@ impl Round<'_> {
     }
 }
 
-/// Means over the even and over the odd samples, without a background.
+/// Means over each half of the samples, without a background.
 pub(super) struct HalfBuffers([Picture; 2]);
 
 impl HalfBuffers {
@@ -120,7 +127,7 @@ impl HalfBuffers {
         Ok(Self([round.render(backend, 0, wanted, stats)?, round.render(backend, 1, wanted, stats)?]))
     }
 
-    /// The even and the odd half buffer.
+    /// Both half buffers.
     pub(super) const fn pictures(&self) -> &[Picture; 2] {
         &self.0
     }
@@ -129,9 +136,9 @@ impl HalfBuffers {
     pub(super) fn refine(&mut self, fresh: &Self, round: &Round<'_>, blocks: &Blocks) {
         let stride = round.interleave.stride() as usize;
         let width = self.0[0].width as usize;
-        // Even strata that lie in odd finer strata move to the other half buffer.
+        // Strata move to the other half buffer where the finer ones that they lie in belong to it.
         let swaps: Vec<bool> = (0..stride * stride)
-            .map(|class| round.place([class % stride, class / stride].map(|p| p as u32)).shift % 2 == 1)
+            .map(|class| round.half_of(round.place([class % stride, class / stride].map(|p| p as u32)).shift) == 1)
             .collect();
         let columns = |y: usize| Blocks::columns(Some(blocks), y, width, stride);
         let [even, odd] = &mut self.0;
@@ -160,7 +167,7 @@ impl HalfBuffers {
 /// Which of `count` positions (an even number, or 1) sample `index` takes.
 ///
 /// Four consecutive positions lie in different quarters of the pixel, the first two and the last two on diagonals. Four
-/// consecutive samples take four such positions, the even ones one diagonal and the odd ones the other, in an order
+/// consecutive samples take four such positions, one half buffer one diagonal and one the other, in an order
 /// that changes from four to four. So both half buffers cover the pixel evenly, and so does every part of the exposure.
 const fn position_of(index: usize, count: usize) -> usize {
     const OF_SAMPLE: [usize; 4] = [0, 2, 1, 3];
@@ -201,7 +208,7 @@ struct Mixed<'a> {
     columns: Columns<'a>,
     /// Share of the first picture.
     share: f32,
-    /// What is behind; `None`: the result stays transparent.
+    /// The picture behind; `None`: the result stays transparent.
     behind: Option<&'a Backdrop>,
 }
 
@@ -299,6 +306,40 @@ mod tests {
                     assert!((time - wanted).abs() < 1e-12, "{interleave:?}, class {class}: {time} for {wanted}");
                 }
             }
+        }
+    }
+
+    /// Each half buffer is its own mirror image in time, and the other one's times are none of it: motion that turns at
+    /// mid-exposure shows them different poses.
+    #[test]
+    fn half_buffers_are_their_own_mirror_images() {
+        let options = RenderOptions::default();
+        let scene = scene(Weight::Box);
+        for (samples, factor) in [(4, 1), (8, 1), (20, 1), (12, 3), (8, 45)] {
+            let strata = Strata::new(&scene, 0.into(), samples, 1 << 12);
+            let (interleave, positions) = (Interleave::None, samples);
+            let of_factor = |factor| Round {
+                scene: &scene,
+                number: 0.into(),
+                options: &options,
+                interleave,
+                strata: &strata,
+                factor,
+                positions,
+            };
+            let times = |half: u32| -> Vec<f64> {
+                let exposure = of_factor(factor).exposure(half);
+                let mut times: Vec<f64> = exposure.groups().map(|group| group.samples[0].time).collect();
+                times.sort_by(f64::total_cmp);
+                times
+            };
+            let halves = [times(0), times(1)];
+            for half in &halves {
+                let mirrored = half.iter().rev().map(|time| 1.0 - time);
+                assert!(half.iter().zip(mirrored).all(|(a, b)| (a - b).abs() < 1e-9), "{samples} x {factor}: {half:?}");
+            }
+            assert_eq!(halves[0].len(), halves[1].len());
+            assert!(halves[0].iter().all(|a| halves[1].iter().all(|b| (a - b).abs() > 1e-9)));
         }
     }
 

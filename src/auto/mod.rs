@@ -1,6 +1,6 @@
 //! Mode auto: finds the cheapest image with a stated error (measurements: docs/measurements/auto.md).
 //!
-//! A frame is rendered into two half buffers: one has the even time samples, one the odd. Their mean is the image, and
+//! A frame is rendered into two half buffers: each has half of the time samples. Their mean is the image, and
 //! half their difference estimates its error. Blocks whose error is above the target, or whose FLIP would be seen, are
 //! rendered once more, with an odd multiple of the samples. The first samples are reused.
 
@@ -15,18 +15,25 @@ use self::half_buffers::{HalfBuffers, Round};
 use self::strata::Strata;
 use crate::backend::{Achieved, Backend, BackendError, Rendered, Stats};
 use crate::film::{Aov, Backdrop, Background, Layer};
-use crate::frame::{Blocks, Panorama, STATIC_PATH};
+use crate::frame::{Blocks, Panorama, STATIC_PATH, shows_much_rest};
 use crate::options::{ErrorTarget, Interleave, Lattice, PixelFilter, RenderOptions};
 use crate::scene::Scene;
 use crate::time::FrameNumber;
 
-/// Time samples of a pixel in the first round. They are even, so that both half buffers have equally many.
-const FIRST: [u32; 6] = [4, 6, 8, 12, 16, 24];
+/// Time samples of a pixel in the first round: multiples of four, so that each half buffer is its own mirror image.
+const FIRST: [u32; 13] = [4, 8, 12, 16, 20, 24, 28, 32, 40, 48, 64, 80, 96];
+/// Fewest of them at the target `good`.
+const LEAST: f64 = 8.0;
 /// Odd multiples of them for a finer round.
 const FACTORS: [u32; 5] = [3, 5, 9, 15, 45];
-/// Samples in the first round = `SAMPLES` / error * sqrt(path length in pixels). The error is an RMSE of display
-/// values. At error 0.05 that is 0.5 samples per square root of a pixel, at 0.025 it is 1.
-const SAMPLES: f64 = 0.025;
+/// Samples of the first round at the target `good`: this times the path length, pixels, to the power [`BY_PATH`].
+const SAMPLES: f64 = 1.0;
+/// See [`SAMPLES`].
+const BY_PATH: f64 = 0.7;
+/// Where nothing moves, samples of the first round for each sub-pixel position of a picture in motion.
+const STILL: u32 = 2;
+/// A target of 1 / k of the error takes k to this power as many.
+const BY_ERROR: f64 = 1.7;
 /// Smallest target for which samples are interleaved. There a lattice halves FLIP at the same cost. A tighter target
 /// has the smaller error without a lattice, because the classes of a lattice sample off the middles of their strata.
 const LOOSE: f64 = 0.02;
@@ -58,11 +65,12 @@ pub fn render(
         Lattice::Auto if target.error >= LOOSE && step >= WIDE_STEP => Interleave::Two,
         Lattice::Auto => Interleave::None,
     };
-    let positions = match options.filter {
+    let positions = match options.look.filter {
         PixelFilter::Point => 1,
-        // A lattice has four times as many positions: each class has its own.
-        _ if moves && interleave == Interleave::None => 2 * target.pixel_samples,
-        _ => target.pixel_samples,
+        // Each sample sees a position of its own.
+        _ if !moves => STILL * positions(&target),
+        _ if shows_much_rest(scene) => positions(&target),
+        _ => moving_samples,
     };
     let samples = if moves { moving_samples } else { positions.next_multiple_of(2) };
     let strata = Strata::new(scene, number, samples, target.samples_max);
@@ -72,14 +80,14 @@ pub fn render(
     let first = Round { scene, number, options, interleave, strata: &strata, factor: 1, positions };
     let edge = Blocks::EDGE * interleave.stride() as usize;
     let background = Background { colour: scene.image.background, transparent: scene.image.transparent };
-    let picture = Panorama::of(scene, number, None, options.filter).map(|panorama| panorama.picture());
+    let picture = Panorama::of(scene, number, None, options.look.filter).map(|panorama| panorama.picture());
     let backdrop = Backdrop { background, picture };
     let mut stats = Stats::default();
     let mut half_buffers = HalfBuffers::render(backend, &first, None, &mut stats)?;
     let size = [scene.image.width, scene.image.height];
-    let mut errors = Errors::new(size, edge, &backdrop, interleave, step);
-    // A tighter target asks for less error, not for more than the eye sees.
-    let flip = FLIP * (target.error / ErrorTarget::GOOD).max(1.0).powi(2);
+    let mut errors = Errors::new(size, edge, &backdrop, interleave, step, options.look.filter);
+    let looser = target.error / ErrorTarget::GOOD;
+    let flip = FLIP * if looser > 1.0 { looser.powi(2) } else { looser };
     errors.measure(&half_buffers, None);
     let factors = factors(&errors, &target, flip, samples);
     let mut finer: Vec<u32> = factors.iter().copied().filter(|&factor| factor > 1).collect();
@@ -116,14 +124,14 @@ pub fn render(
     let mut picture = half_buffers.mean(behind, backend);
     let per_block = |value: &dyn Fn(usize) -> f32| spread(&errors, edge, [picture.width, picture.height], value);
     let mut layers = Vec::new();
-    if options.aovs.contains(&Aov::Samples) {
+    if options.look.aovs.contains(&Aov::Samples) {
         layers.push(Layer {
             aov: Aov::Samples,
             planes: vec![per_block(&|i| (samples * factors[i]) as f32)],
             names: Vec::new(),
         });
     }
-    if options.aovs.contains(&Aov::Error) {
+    if options.look.aovs.contains(&Aov::Error) {
         let plane = per_block(&|i| errors.blocks[i].error() as f32);
         layers.push(Layer {
             aov: Aov::Error,
@@ -144,6 +152,12 @@ fn factors(errors: &Errors, target: &ErrorTarget, flip: f64, samples: u32) -> Ve
         enough.filter(allowed).or_else(|| FACTORS.into_iter().rfind(allowed)).unwrap_or(1)
     };
     let mut factors: Vec<u32> = needed.iter().map(|&needed| if needed > 1.0 { enough(needed) } else { 1 }).collect();
+    // What reaches a border may go on in a block that no sample touched.
+    let own = factors.clone();
+    for (i, factor) in factors.iter_mut().enumerate() {
+        let beside = errors.reaching(i).map(|j| own[j]).max();
+        *factor = beside.unwrap_or(1).max(*factor);
+    }
     // Regions grow over blocks that nearly need more samples, so that no border stands out.
     loop {
         let grown: Vec<u32> = (0..factors.len())
@@ -163,11 +177,20 @@ fn factors(errors: &Errors, target: &ErrorTarget, flip: f64, samples: u32) -> Ve
     }
 }
 
+/// Sub-pixel positions of the first round, a multiple of four. Static objects are splatted once at each.
+fn positions(target: &ErrorTarget) -> u32 {
+    let finer = (ErrorTarget::GOOD / target.error).clamp(0.5, 4.0);
+    ((f64::from(target.pixel_samples) * finer).round() as u32).next_multiple_of(4)
+}
+
 /// Samples of the first round for a longest path of `path_length` pixels.
 fn first_samples(path_length: f64, target: &ErrorTarget) -> u32 {
-    let needed = SAMPLES / target.error * path_length.sqrt();
+    let at_good = (SAMPLES * path_length.powf(BY_PATH)).max(LEAST);
+    let needed = at_good * (ErrorTarget::GOOD / target.error).powf(BY_ERROR);
     let enough = FIRST.into_iter().find(|&samples| f64::from(samples) >= needed);
-    let most = FIRST.into_iter().rfind(|&samples| samples <= target.samples_max).unwrap_or(FIRST[0]);
+    // Room for a finer round.
+    let fits = |samples: &u32| samples.saturating_mul(FACTORS[0]) <= target.samples_max;
+    let most = FIRST.into_iter().rfind(fits).unwrap_or(FIRST[0]);
     enough.unwrap_or(FIRST[FIRST.len() - 1]).min(most)
 }
 

@@ -28,7 +28,7 @@ pub(super) fn longest(scene: &Scene, number: FrameNumber) -> f64 {
         delays.iter().map(at).fold(0.0, f64::max)
     };
     // Parts of an object follow one another in time.
-    let objects: Vec<&[Object]> = scene.objects.chunk_by(|_, next| next.is_part).collect();
+    let objects: Vec<&[Object]> = scene.objects.chunk_by(|_, next| next.is_part()).collect();
     objects.into_par_iter().map(of_parts).reduce(|| 0.0, f64::max)
 }
 
@@ -40,7 +40,7 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber, delay: f64, mo
     }
     let [width, height] = [scene.image.width, scene.image.height].map(f64::from);
     let focal = focal_length(height, scene.camera.fovy);
-    let paths = object.model.paths();
+    let paths = object.shape.paths();
     let poses = (0..=INTERVALS).map(|i| {
         let time = scene.shutter.frame_time(number.get(), f64::from(i) / f64::from(INTERVALS)) + delay;
         let pose = object_pose(scene, object, time);
@@ -52,7 +52,8 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber, delay: f64, mo
     if poses.iter().all(|pose| *pose == poses[0]) {
         return 0.0;
     }
-    let step = object.model.elements().div_ceil(most).max(1);
+    let step = object.shape.elements().div_ceil(most).max(1);
+    let origin = object.shape.origin();
     let axis = scene.camera.shift * DVec2::new(width, height);
     // y is up here, and down in the image.
     let on_image = |p: DVec2| (p.x + axis.x).abs() <= 0.5 * width && (axis.y - p.y).abs() <= 0.5 * height;
@@ -61,7 +62,7 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber, delay: f64, mo
         let mut last: Option<DVec2> = None;
         for pose in &poses {
             let p = pose.map(|(pose, elapsed)| {
-                pose.transform_point3(paths.place(position, index, elapsed).as_dvec3() + object.model.origin)
+                pose.transform_point3(paths.place(position, index, elapsed).as_dvec3() + origin)
             });
             let here = p.filter(|p| -p.z >= scene.camera.near).map(|p| p.truncate() * (focal / -p.z));
             if let (Some(from), Some(to)) = (last, here)
@@ -73,7 +74,6 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber, delay: f64, mo
         }
         length
     };
-    let positions = object.model.gaussians().map_or(&object.model.position, |gaussians| &gaussians.position);
-    let positions = positions.iter().enumerate().step_by(step);
+    let positions = object.shape.positions().iter().enumerate().step_by(step);
     positions.map(|(index, &position)| length_of(index, position)).fold(0.0, f64::max)
 }

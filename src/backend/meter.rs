@@ -2,6 +2,8 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use crate::stop::{Done, Progress};
+
 /// Counts the steps of the rendering that a backend is at. Others may read it meanwhile; pictures do not depend on it.
 ///
 /// A frame of mode auto takes several renderings, one after the other; other frames take one.
@@ -10,6 +12,8 @@ pub struct Meter {
     renderings: AtomicU64,
     steps: AtomicU64,
     done: AtomicU64,
+    /// Whom it tells of each step.
+    listener: Option<Progress>,
 }
 
 /// What a [`Meter`] shows.
@@ -22,6 +26,11 @@ pub struct Reading {
 }
 
 impl Meter {
+    /// A meter that tells `listener` of each step.
+    pub fn telling(listener: Progress) -> Self {
+        Self { listener: Some(listener), ..Self::default() }
+    }
+
     /// A frame begins: no renderings yet.
     pub fn reset(&self) {
         for count in [&self.renderings, &self.steps, &self.done] {
@@ -43,10 +52,19 @@ impl Meter {
         self.done.store(0, Ordering::Relaxed);
         self.steps.store(steps, Ordering::Relaxed);
         self.renderings.fetch_add(1, Ordering::Relaxed);
+        self.tell();
     }
 
     /// A step is done.
     pub(super) fn advance(&self) {
         self.done.fetch_add(1, Ordering::Relaxed);
+        self.tell();
+    }
+
+    fn tell(&self) {
+        if let Some(listener) = &self.listener {
+            let Reading { renderings, share } = self.read();
+            listener.tell(Done { round: renderings, share });
+        }
     }
 }

@@ -67,7 +67,7 @@ pub struct Waste {
 pub struct Pixels {
     /// Within the bounds of the splats, whole pixels.
     pub bounded: u64,
-    /// Those of them that the splats cover, hidden or not.
+    /// Pixels among them that the splats cover, hidden or not.
     pub covered: u64,
 }
 

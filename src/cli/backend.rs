@@ -5,7 +5,7 @@ use splatblur::renderer::{Device, Renderer};
 
 /// Where pictures are rendered.
 #[derive(Debug, Args)]
-pub(super) struct Place {
+pub(super) struct BackendArgs {
     /// Backend to render on.
     #[arg(long, value_enum, default_value_t, help_heading = "Running")]
     pub(super) backend: Wanted,
@@ -14,7 +14,7 @@ pub(super) struct Place {
     adapter: Option<String>,
 }
 
-impl Place {
+impl BackendArgs {
     /// The library's device.
     pub(super) fn device(&self) -> anyhow::Result<Device> {
         self.device_of(self.backend)

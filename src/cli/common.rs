@@ -13,13 +13,13 @@ use splatblur::film::Aov;
 use splatblur::image::{Bits, Compression, Exr, Format, Precision};
 use splatblur::model::{self, ModelError};
 use splatblur::movie;
-use splatblur::options::{self, PixelFilter, Prefilter, Shading};
+use splatblur::options::{self, Look, PixelFilter, Prefilter, Shading};
 use splatblur::scene::Scene;
-use splatblur::scene_file::{self, Loaded};
+use splatblur::scene_file::{self, LoadedScene};
 use splatblur::time::{Readout, Weight};
 
-use super::frames::{self, Frames};
-use super::info::{self, Kind};
+use super::frames::{self, FrameList};
+use super::info::{self, InputKind};
 use super::memory;
 use super::output::say;
 use super::progress::Loading;
@@ -139,11 +139,25 @@ pub(super) struct Surfaces {
     pub(super) epsilon: Option<f64>,
 }
 
+impl Surfaces {
+    /// The look of a picture: surfaces, where its samples are, and its extra channels.
+    pub(super) fn look(&self, sampling: &Sampling, aovs: Vec<Aov>) -> Look {
+        Look {
+            filter: sampling.filter,
+            shading: self.shading,
+            two_sided: self.two_sided,
+            epsilon: self.epsilon,
+            seed: sampling.seed,
+            aovs,
+        }
+    }
+}
+
 /// What only splatting has.
 #[derive(Debug, Args)]
 pub(super) struct Splatting {
-    /// Screen-space prefilter against aliasing of small splats [default: ewa; approx for kernels in motion that weigh
-    /// by chord or line]. The reference has none.
+    /// Screen-space prefilter against aliasing of small splats [default: auto, which is ewa with few sub-pixel
+    /// positions and for minified splats, else none]. The reference has none.
     #[arg(
         long,
         value_parser = values::one_of::<Prefilter>(Prefilter::WORDS),
@@ -218,7 +232,12 @@ impl Running {
 
     /// Reads a scene with the threads of `pool`, showing progress on a terminal; says its notes, and puts the overrides
     /// into it.
-    pub(super) fn load(&self, path: &Path, overrides: &Overrides, pool: &rayon::ThreadPool) -> anyhow::Result<Loaded> {
+    pub(super) fn load(
+        &self,
+        path: &Path,
+        overrides: &Overrides,
+        pool: &rayon::ThreadPool,
+    ) -> anyhow::Result<LoadedScene> {
         let restrict = self.restrict()?;
         let progress = Loading::new(self.quiet);
         let step = |what: &str, share: f32| progress.step(what, share);
@@ -226,19 +245,19 @@ impl Running {
             scene_file::LoadOptions { lenient: self.lenient, restrict, size: overrides.size, progress: Some(&step) };
         let head = info::head(path).with_context(|| format!("cannot read {}", path.display()))?;
         let kind = info::kind(&head, path);
-        if kind == Kind::Model && matches!(overrides.shutter, Some(ShutterTimes::Seconds(_))) {
+        if kind == InputKind::Model && matches!(overrides.shutter, Some(ShutterTimes::Seconds(_))) {
             bail!(
                 "--shutter in seconds needs the frame rate of a scene, and {} is a model: name an angle, as in 180deg",
                 path.display()
             );
         }
         let mut loaded = match kind {
-            Kind::Scene => pool.install(|| scene_file::load(path, &options))?,
-            Kind::Model => pool.install(|| scene_file::load_model(path, &options)).map_err(explained)?,
-            Kind::Animation => {
+            InputKind::Scene => pool.install(|| scene_file::load(path, &options))?,
+            InputKind::Model => pool.install(|| scene_file::load_model(path, &options)).map_err(explained)?,
+            InputKind::Animation => {
                 bail!("{} is an animation: name it in the <animation> of a scene, and render that", path.display())
             }
-            Kind::Image => bail!("{} is a picture, neither a scene nor a model", path.display()),
+            InputKind::Image => bail!("{} is a picture, neither a scene nor a model", path.display()),
         };
         drop(progress);
         if !self.quiet {
@@ -247,7 +266,7 @@ impl Running {
             }
         }
         overrides.apply(&mut loaded.scene)?;
-        if kind == Kind::Model {
+        if kind == InputKind::Model {
             let camera = scene_file::camera_line(&loaded.scene.camera);
             let note = format!("{} is a model: took a scene of it alone, seen by {camera}", path.display());
             if !self.quiet {
@@ -289,7 +308,7 @@ pub(super) struct Images {
         help = frames::HELP,
         help_heading = "Output"
     )]
-    frames: Option<Frames>,
+    frames: Option<FrameList>,
     /// File format: PNG is sRGB with straight alpha; EXR is linear, premultiplied, float or half.
     #[arg(long, value_parser = ["png", "exr"], default_value = "png", help_heading = "Output")]
     format: String,
@@ -367,7 +386,7 @@ pub(super) struct Ready {
     /// As the options change it.
     pub(super) scene: Scene,
     pub(super) notes: Vec<String>,
-    pub(super) frames: Frames,
+    pub(super) frames: FrameList,
     pub(super) format: Format,
 }
 
@@ -381,7 +400,7 @@ impl Ready {
         pool: &rayon::ThreadPool,
     ) -> anyhow::Result<Self> {
         let format = images.format()?;
-        let Loaded { mut scene, notes, .. } = running.load(&images.scene, overrides, pool)?;
+        let LoadedScene { mut scene, notes, .. } = running.load(&images.scene, overrides, pool)?;
         scene.image.transparent |= images.transparent;
         let format = match format {
             Format::Png { bits, .. } => Format::Png { bits, alpha: scene.image.transparent },
@@ -393,8 +412,8 @@ impl Ready {
 }
 
 /// The frames that are asked for, else the scene's.
-pub(super) fn frames_of(asked: Option<&Frames>, scene: &Scene) -> anyhow::Result<Frames> {
-    let of_scene = || Frames::range(scene.frames.first, scene.frames.last);
+pub(super) fn frames_of(asked: Option<&FrameList>, scene: &Scene) -> anyhow::Result<FrameList> {
+    let of_scene = || FrameList::range(scene.frames.first, scene.frames.last);
     let frames = asked.map_or_else(of_scene, |asked| Ok(asked.clone()));
     frames.map_err(anyhow::Error::msg).context("frames of the scene")
 }

@@ -7,7 +7,7 @@ use clap::Args;
 use splatblur::model::{self, ModelError};
 use splatblur::{files, scene_file};
 
-use super::info::{self, Kind};
+use super::info::{self, InputKind};
 use super::output::{print, say};
 use super::progress::Loading;
 use super::values;
@@ -61,7 +61,7 @@ impl Convert {
         if !self.force && self.output.symlink_metadata().is_ok() {
             bail!("{} exists already (--force replaces it)", self.output.display());
         }
-        if info::head(&self.input).is_ok_and(|head| info::kind(&head, &self.input) == Kind::Scene) {
+        if info::head(&self.input).is_ok_and(|head| info::kind(&head, &self.input) == InputKind::Scene) {
             bail!("{} is a scene; convert takes a model, such as one that it names", self.input.display());
         }
         // What it writes holds surfels.

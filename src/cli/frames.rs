@@ -12,7 +12,7 @@ Negative frames with `..` only, as in -5..-2 [default: the scene's].";
 
 /// Frames of a run, each once, in the order in which they are made; at least one.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Frames(Vec<FrameNumber>);
+pub(super) struct FrameList(Vec<FrameNumber>);
 
 /// Parts of a frame that a number may name: the unit in which lists are counted, so that steps add up exactly.
 const TICKS: i64 = 10_i64.pow(FrameNumber::DECIMALS as u32);
@@ -23,7 +23,7 @@ pub(super) const MAX_FRAME: i64 = 1_000_000_000;
 /// Most frames of one run.
 const MAX_FRAMES: u64 = 1_000_000;
 
-impl Frames {
+impl FrameList {
     /// The whole frames from `first` to `last`.
     pub(super) fn range(first: i64, last: i64) -> Result<Self, String> {
         Self::of(&[Item::new(first.saturating_mul(TICKS), last.saturating_mul(TICKS), TICKS)?])
@@ -180,9 +180,9 @@ fn lead(text: &str) -> &str {
 }
 
 /// A list of frames: see [`HELP`].
-pub(super) fn frames(text: &str) -> Result<Frames, String> {
+pub(super) fn frames(text: &str) -> Result<FrameList, String> {
     let items: Vec<Item> = text.split(',').map(Item::parse).collect::<Result<_, _>>()?;
-    Frames::of(&items)
+    FrameList::of(&items)
 }
 
 /// One frame, also a negative one.
@@ -281,6 +281,6 @@ mod tests {
         }
         assert_eq!(frame("-5").unwrap(), FrameNumber::from(-5));
         assert!(frame("1..2").is_err());
-        assert!(Frames::range(7, 3).is_err() && Frames::range(i64::MIN, i64::MAX).is_err());
+        assert!(FrameList::range(7, 3).is_err() && FrameList::range(i64::MIN, i64::MAX).is_err());
     }
 }

@@ -10,7 +10,7 @@ use splatblur::environment::studio;
 use splatblur::files;
 use splatblur::film::Picture;
 use splatblur::image::{self, Exr, Format, Precision};
-use splatblur::model::generate_volume::{self, Shape, Storage};
+use splatblur::model::generate_volume::{self, FieldShape, Storage};
 use splatblur::model::{Cloud, generate};
 
 use super::memory;
@@ -147,9 +147,9 @@ impl Generate {
     fn volume(&self) -> anyhow::Result<()> {
         let size = self.size.unwrap_or(128);
         let shape = match self.shape {
-            None | Some(ShapeWord::Torus) => Shape::Torus,
-            Some(ShapeWord::Sphere) => Shape::Sphere,
-            Some(ShapeWord::Zebra) => Shape::Zebra,
+            None | Some(ShapeWord::Torus) => FieldShape::Torus,
+            Some(ShapeWord::Sphere) => FieldShape::Sphere,
+            Some(ShapeWord::Zebra) => FieldShape::Zebra,
         };
         let storage = match self.storage {
             None | Some(StorageWord::Uint8) => Storage::Uint8,

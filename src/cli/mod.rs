@@ -12,6 +12,7 @@ mod dataset;
 mod frames;
 mod generate;
 mod info;
+mod licences;
 mod memory;
 mod output;
 mod progress;
@@ -67,7 +68,7 @@ struct Cli {
 enum Command {
     Render(Box<render::Render>),
     #[cfg(feature = "viewer")]
-    View(view::View),
+    View(view::ViewCommand),
     Reference(Box<reference::Reference>),
     Dataset(Box<dataset::Dataset>),
     Compare(compare::Compare),
@@ -78,6 +79,7 @@ enum Command {
     Convert(convert::Convert),
     Sample(sample::Sample),
     Generate(generate::Generate),
+    Licences(licences::Licences),
     Completions(shell::Completions),
     Man(shell::Manual),
 }
@@ -118,6 +120,7 @@ pub(super) fn main() -> ExitCode {
         Command::Convert(convert) => convert.run().map(|()| ExitCode::SUCCESS),
         Command::Sample(sample) => sample.run().map(|()| ExitCode::SUCCESS),
         Command::Generate(generate) => generate.run().map(|()| ExitCode::SUCCESS),
+        Command::Licences(licences) => licences.run().map(|()| ExitCode::SUCCESS),
         Command::Completions(completions) => completions.run(Cli::command()).map(|()| ExitCode::SUCCESS),
         Command::Man(manual) => manual.run(Cli::command()).map(|()| ExitCode::SUCCESS),
     };

@@ -47,14 +47,14 @@ impl Drop for Loading {
 
 /// How far a run is. Counted in frames; a frame that is under way counts in part.
 #[derive(Clone, Copy, Debug, Default)]
-struct Frames {
+struct FrameCount {
     all: u64,
     rendered: u64,
     /// They take no time, so that they say nothing about the time left.
     skipped: u64,
 }
 
-impl Frames {
+impl FrameCount {
     /// The line below the bar, apart from the times. `reading`: of the frame under way.
     fn text(self, several_renderings: bool, reading: Reading) -> String {
         let finished = self.rendered + self.skipped;
@@ -83,7 +83,7 @@ const LOOK: Duration = Duration::from_millis(250);
 
 /// Frames finished, how far the one under way is, and the time left.
 pub(super) struct Rendering {
-    frames: Arc<Mutex<Frames>>,
+    frames: Arc<Mutex<FrameCount>>,
     meter: Arc<Meter>,
     /// Dropped, it ends the thread that draws; `None` where nothing is drawn.
     drawing: Option<(mpsc::Sender<()>, thread::JoinHandle<()>)>,
@@ -93,7 +93,7 @@ impl Rendering {
     /// `meter`: of the frame under way. `several_renderings`: a frame takes nobody knows how many, as in mode auto, so
     /// that its share says nothing about the time left.
     pub(super) fn new(all: u64, meter: Arc<Meter>, several_renderings: bool, quiet: bool) -> Self {
-        let frames = Arc::new(Mutex::new(Frames { all, ..Frames::default() }));
+        let frames = Arc::new(Mutex::new(FrameCount { all, ..FrameCount::default() }));
         let bar = bar(all * STEPS, "[{wide_bar}] {msg}", quiet);
         let drawing = (!bar.is_hidden()).then(|| {
             let (stop, stopped) = mpsc::channel();
@@ -177,10 +177,10 @@ mod tests {
 
     #[test]
     fn the_time_left_follows_frames_and_shares() {
-        let seconds = |frames: Frames, gone: u64, share: f64| {
+        let seconds = |frames: FrameCount, gone: u64, share: f64| {
             frames.left(Duration::from_secs(gone), share).map(|left| left.as_secs_f64())
         };
-        let frames = |all, rendered, skipped| Frames { all, rendered, skipped };
+        let frames = |all, rendered, skipped| FrameCount { all, rendered, skipped };
         // Nothing to go by.
         assert_eq!(seconds(frames(10, 0, 0), 100, 0.0), None);
         assert_eq!(seconds(frames(10, 0, 4), 100, 0.01), None);
@@ -194,11 +194,11 @@ mod tests {
 
     #[test]
     fn the_line_says_how_far_the_frame_is() {
-        let frames = Frames { all: 48, rendered: 2, skipped: 1 };
+        let frames = FrameCount { all: 48, rendered: 2, skipped: 1 };
         let reading = Reading { renderings: 2, share: 0.4 };
         assert_eq!(frames.text(false, reading), "3/48 frames, this 40%");
         assert_eq!(frames.text(true, reading), "3/48 frames, rendering 2 40%");
         assert_eq!(frames.text(false, Reading::default()), "3/48 frames");
-        assert_eq!(Frames { all: 3, rendered: 3, skipped: 0 }.text(false, reading), "3/3 frames");
+        assert_eq!(FrameCount { all: 3, rendered: 3, skipped: 0 }.text(false, reading), "3/3 frames");
     }
 }

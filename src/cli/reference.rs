@@ -259,17 +259,12 @@ impl Reference {
             samples: self.samples,
             error: self.error,
             sampler,
-            filter: self.sampling.filter,
-            shading: self.surfaces.shading,
-            two_sided: self.surfaces.two_sided,
-            epsilon: self.surfaces.epsilon,
-            seed: self.sampling.seed,
-            aovs: self.images.aovs()?,
+            look: self.surfaces.look(&self.sampling, self.images.aovs()?),
         };
-        if options.aovs.contains(&Aov::Object) {
+        if options.look.aovs.contains(&Aov::Object) {
             bail!("--aov object is for `splatblur render`");
         }
-        if options.aovs.contains(&Aov::Error) {
+        if options.look.aovs.contains(&Aov::Error) {
             bail!("--aov: a reference always has its error (others: alpha, depth, normal, velocity, samples)");
         }
         options.check()?;

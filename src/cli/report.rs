@@ -10,10 +10,10 @@ use splatblur::compare::Limit;
 use splatblur::study::{self, BackendKind, Contestant, Entry, Experiment, Store};
 
 use super::common::{frames_of, open_directory, stop_on_interrupt};
-use super::frames::{self, Frames};
+use super::frames::{self, FrameList};
 use super::output::{is_closed_pipe, print, say};
 use super::progress::Steps;
-use super::study::{Common, Loaded, MODES};
+use super::study::{Common, MODES, ReadyScene};
 
 /// Measure modes against the ray-traced reference: an HTML page, JSON and CSV.
 ///
@@ -47,7 +47,7 @@ pub(super) struct Report {
         help = frames::HELP,
         help_heading = "Report"
     )]
-    frames: Option<Frames>,
+    frames: Option<FrameList>,
     /// Modes, several with commas.
     #[arg(long, value_name = "MODES", value_parser = study::entries, help_heading = "Report")]
     modes: std::vec::Vec<Entry>,
@@ -96,7 +96,7 @@ impl Report {
     pub(super) fn run(&self) -> anyhow::Result<ExitCode> {
         let contestants = Contestant::of(&self.modes, &self.backends).context("--modes")?;
         Limit::check_unique(&self.limit).context("--limit")?;
-        let Loaded { mut trial, notes, pool } = self.common.load(&self.scene)?;
+        let ReadyScene { mut trial, notes, pool } = self.common.load(&self.scene)?;
         let frames = frames_of(self.frames.as_ref(), trial.scene())?.all().to_vec();
         let (reference, repeats, limits) = (self.reference, self.repeats, self.limit.clone());
         let experiment = Experiment { contestants, frames, reference, repeats, limits };

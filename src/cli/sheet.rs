@@ -13,7 +13,7 @@ use super::common::open_directory;
 use super::frames;
 use super::output::{print, say};
 use super::progress::Steps;
-use super::study::{Common, Loaded, MODES};
+use super::study::{Common, MODES, ReadyScene};
 use super::values;
 
 /// Show one frame in several modes, side by side in one labelled image.
@@ -110,7 +110,7 @@ impl Sheet {
         for path in [Some(&self.out), self.flip.as_ref()].into_iter().flatten() {
             open_directory(path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))?;
         }
-        let Loaded { mut trial, pool, .. } = self.common.load(&self.scene)?;
+        let ReadyScene { mut trial, pool, .. } = self.common.load(&self.scene)?;
         let part = self.crop.unwrap_or(Part::MostDifferent(60, 45));
         let line_up = LineUp { frame: self.frame, entries: self.modes.clone(), reference: self.reference, part };
         line_up.check(&trial).context("--crop")?;

@@ -41,7 +41,7 @@ pub(super) struct Common {
 }
 
 /// A scene that is ready for a study.
-pub(super) struct Loaded {
+pub(super) struct ReadyScene {
     pub(super) trial: Trial<'static>,
     /// What loading has noted.
     pub(super) notes: Vec<String>,
@@ -56,9 +56,9 @@ impl Common {
     }
 
     /// Reads the scene, and puts the options into it.
-    pub(super) fn load(&self, path: &Path) -> anyhow::Result<Loaded> {
+    pub(super) fn load(&self, path: &Path) -> anyhow::Result<ReadyScene> {
         let pool = self.running.pool()?;
-        let scene_file::Loaded { scene, notes, .. } = self.running.load(path, &self.overrides, &pool)?;
+        let scene_file::LoadedScene { scene, notes, .. } = self.running.load(path, &self.overrides, &pool)?;
         let threads = pool.current_num_threads();
         let open = move |kind| {
             let device = match kind {
@@ -70,15 +70,15 @@ impl Common {
             Ok(Opened { renderer, description })
         };
         let options = RenderOptions {
-            filter: self.sampling.filter,
-            shading: self.surfaces.shading,
-            two_sided: self.surfaces.two_sided,
-            epsilon: self.surfaces.epsilon,
-            seed: self.sampling.seed,
             // A study may render on both.
             memory: self.splatting.limit.memory("gpu", self.running.quiet),
+            look: self.surfaces.look(&self.sampling, Vec::new()),
             ..RenderOptions::default()
         };
-        Ok(Loaded { trial: Trial::new(scene, path, options, self.splatting.prefilter, Box::new(open)), notes, pool })
+        Ok(ReadyScene {
+            trial: Trial::new(scene, path, options, self.splatting.prefilter, Box::new(open)),
+            notes,
+            pool,
+        })
     }
 }

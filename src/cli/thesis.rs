@@ -8,7 +8,7 @@ use splatblur::files;
 use splatblur::renderer::Renderer;
 use splatblur::study;
 
-use super::backend::{Place, in_full};
+use super::backend::{BackendArgs, in_full};
 use super::common::open_directory;
 use super::memory;
 use super::output::{print, say};
@@ -53,7 +53,7 @@ struct Thesis {
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     fewer: u32,
     #[command(flatten)]
-    place: Place,
+    place: BackendArgs,
     /// Say nothing but errors.
     #[arg(long, short)]
     quiet: bool,

@@ -12,7 +12,7 @@ use glam::DVec3;
 use splatblur::image::Compression;
 use splatblur::limits::{EPSILON, LIGHT, RADIUS_SCALE, SHUTTER};
 use splatblur::model::ColourSpace;
-use splatblur::movie::Kind;
+use splatblur::movie::MovieKind;
 
 use super::frames::{self, MAX_FRAME};
 
@@ -152,17 +152,17 @@ fn within_reason(open: f64, close: f64) -> Result<(f64, f64), String> {
 }
 
 /// A file for a movie, in a format that its extension names.
-pub(super) fn movie() -> impl TypedValueParser<Value = (PathBuf, Kind)> {
+pub(super) fn movie() -> impl TypedValueParser<Value = (PathBuf, MovieKind)> {
     PathBufValueParser::new().try_map(|path| {
         let expected = "expected a file .mp4 or .mov (they need ffmpeg), .y4m or .gif";
-        Kind::of(&path).map(|kind| (path, kind)).ok_or(expected)
+        MovieKind::of(&path).map(|kind| (path, kind)).ok_or(expected)
     })
 }
 
 /// A directory for pictures, and no file for a movie.
 pub(super) fn directory() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| {
-        if Kind::of(&path).is_none() || path.is_dir() {
+        if MovieKind::of(&path).is_none() || path.is_dir() {
             return Ok(path);
         }
         let name = path.display();

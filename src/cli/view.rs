@@ -10,7 +10,7 @@ use clap::Args;
 use splatblur::movie;
 use splatblur::viewer::{Setup, Viewer};
 
-use super::backend::Place;
+use super::backend::BackendArgs;
 use super::common::{Limit, MODES, Overrides, Running};
 use super::info;
 use super::output::{print, say};
@@ -34,7 +34,7 @@ Examples:
 
 The page has its keys and the grammar of modes under `?`. Saved pictures have the bytes of `splatblur render` with the
 same settings.")]
-pub(super) struct View {
+pub(super) struct ViewCommand {
     /// Scene file (XML), or a model file, as for `render`.
     scene: PathBuf,
     /// Port [default: any free one].
@@ -64,14 +64,14 @@ pub(super) struct View {
     #[command(flatten)]
     overrides: Overrides,
     #[command(flatten)]
-    place: Place,
+    place: BackendArgs,
     #[command(flatten)]
     limit: Limit,
     #[command(flatten)]
     running: Running,
 }
 
-impl View {
+impl ViewCommand {
     pub(super) fn run(&self) -> anyhow::Result<ExitCode> {
         // A file that is not there is a mistake of the line; what is wrong inside a file is shown in the page.
         info::head(&self.scene).with_context(|| format!("cannot read {}", self.scene.display()))?;

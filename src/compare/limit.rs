@@ -81,7 +81,7 @@ impl Limit {
         twice.map_or(Ok(()), |i| Err(LimitError::Twice(metrics[i])))
     }
 
-    /// What is over the limit, if anything. `of` names the pictures. A metric that was not made cannot be within.
+    /// The value over the limit, if it is over. `of` names the pictures. A metric that was not made cannot be within.
     pub fn check(self, errors: &Comparison, of: String) -> Option<Over> {
         let value = errors.value(self.metric).unwrap_or(f64::NAN);
         (!self.metric.within(value, self.value)).then_some(Over { limit: self, value, of })

@@ -161,6 +161,27 @@ impl Comparison {
     }
 }
 
+/// The `metrics` of `a` against the reference `b`, in the order in which they are asked for. [`Comparison`] has all at
+/// once, with the worst pixel.
+///
+/// ```
+/// use splatblur::compare::{Metric, compare};
+///
+/// let a = splatblur::Picture { width: 2, height: 1, rgba: vec![[0.5, 0.5, 0.5, 1.0]; 2], layers: Vec::new() };
+/// let b = splatblur::Picture { rgba: vec![[0.25, 0.5, 0.5, 1.0]; 2], ..a.clone() };
+/// let [mae, worst] = compare(&a, &b, &[Metric::Mae, Metric::Worst])?;
+/// assert_eq!((mae, worst), (0.25 / 3.0, 0.25));
+/// # Ok::<(), splatblur::compare::CompareError>(())
+/// ```
+///
+/// # Errors
+/// The sizes differ, there are no pixels, or SSIM is asked for of pictures smaller than its window.
+pub fn compare<const N: usize>(a: &Picture, b: &Picture, metrics: &[Metric; N]) -> Result<[f64; N], CompareError> {
+    let comparison = Comparison::new(a, b, metrics)?;
+    // Each has a value, because it was asked for.
+    Ok(metrics.map(|metric| comparison.value(metric).unwrap_or(f64::NAN)))
+}
+
 /// The larger of two; NaN where one is, which `max` would drop.
 fn larger(a: f64, b: f64) -> f64 {
     if a.is_nan() || a > b { a } else { b }

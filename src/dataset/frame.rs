@@ -8,7 +8,7 @@ use crate::backend::{Achieved, Backend, BackendError};
 use crate::film::{Aov, Picture};
 use crate::image::{self, Format, ImageError, Response};
 use crate::limits::{self, Invalid};
-use crate::options::{BlurMode, Quality, RenderOptions};
+use crate::options::{BlurMode, Look, Quality, RenderOptions};
 use crate::reference::{self, Flow, ReferenceError, ReferenceOptions};
 use crate::renderer::render_frame;
 use crate::scene::Scene;
@@ -31,14 +31,14 @@ pub enum DatasetError {
 
 /// What goes into a file.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Content {
+pub enum FileContents {
     /// A picture.
     Picture(Picture, Format, Response),
     /// Planes of numbers by the names of their channels, of a picture so wide, with their meaning.
     Planes(u32, Vec<(&'static str, Vec<f32>)>, &'static str),
 }
 
-impl Content {
+impl FileContents {
     fn planes(width: u32, names: &[&'static str], planes: Vec<Vec<f32>>, meaning: &'static str) -> Self {
         Self::Planes(width, names.iter().copied().zip(planes).collect(), meaning)
     }
@@ -61,7 +61,7 @@ impl Content {
     }
 }
 
-/// What is known of a finished frame.
+/// Facts about a finished frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Made {
     /// What mode auto reached in the blurred picture.
@@ -97,17 +97,18 @@ pub fn frame<E: From<DatasetError>>(
     frame: FrameNumber,
     recipe: &Recipe,
     seed: u64,
-    mut write: impl FnMut(&File, Content) -> Result<(), E>,
+    mut write: impl FnMut(&File, FileContents) -> Result<(), E>,
 ) -> Result<Made, E> {
     limits::check_count("sharp", recipe.sharp, &(1..=MOST_SHARP)).map_err(DatasetError::from)?;
     let list = files(&scene.name, frame, recipe);
-    let mut put = |role: Role, content: Content| match list.iter().find(|file| file.role == role) {
+    let mut put = |role: Role, content: FileContents| match list.iter().find(|file| file.role == role) {
         Some(file) => write(file, content),
         None => Ok(()),
     };
     let width = scene.image.width;
-    let coloured =
-        |picture: Picture| Content::Picture(Picture { layers: Vec::new(), ..picture }, recipe.format, recipe.response);
+    let coloured = |picture: Picture| {
+        FileContents::Picture(Picture { layers: Vec::new(), ..picture }, recipe.format, recipe.response)
+    };
     let instants = recipe.instants();
     let has_middle = instants.contains(&MIDDLE);
     let own_middle = (!has_middle).then_some((usize::MAX, MIDDLE));
@@ -117,8 +118,8 @@ pub fn frame<E: From<DatasetError>>(
         let layers: &[Aov] = if is_middle { &[Aov::Alpha, Aov::Depth] } else { &[] };
         let made = picture(backend, &at_instant(scene, share), frame, &by, layers)?.picture;
         if is_middle {
-            put(Role::Depth, Content::planes(width, &["Y"], planes(&made, Aov::Depth), DEPTH))?;
-            put(Role::Alpha, Content::planes(width, &["Y"], planes(&made, Aov::Alpha), ALPHA))?;
+            put(Role::Depth, FileContents::planes(width, &["Y"], planes(&made, Aov::Depth), DEPTH))?;
+            put(Role::Alpha, FileContents::planes(width, &["Y"], planes(&made, Aov::Alpha), ALPHA))?;
             put(Role::Middle, coloured(made.clone()))?;
         }
         put(Role::Sharp(number), coloured(made))?;
@@ -127,12 +128,12 @@ pub fn frame<E: From<DatasetError>>(
         let pairs = [(Role::OpenClose, [0.0, 1.0]), (Role::MiddleClose, [MIDDLE, 1.0])];
         let flows = reference::flows(scene, frame, &pairs.map(|(_, pair)| pair), &recipe.by.of_flow());
         for ((role, _), Flow { x, y, valid, visible }) in pairs.into_iter().zip(flows.map_err(DatasetError::from)?) {
-            put(role, Content::planes(width, &COLOURS, vec![x, y, valid, visible], FLOW))?;
+            put(role, FileContents::planes(width, &COLOURS, vec![x, y, valid, visible], FLOW))?;
         }
     }
     let layers: &[Aov] = if recipe.has_error() { &[Aov::Error] } else { &[] };
     let Pictured { mut picture, made } = picture(backend, scene, frame, &recipe.by, layers)?;
-    put(Role::Error, Content::planes(width, &COLOURS, planes(&picture, Aov::Error), ERROR))?;
+    put(Role::Error, FileContents::planes(width, &COLOURS, planes(&picture, Aov::Error), ERROR))?;
     recipe.noise.add(&mut picture, seed, frame);
     put(Role::Blur, coloured(picture))?;
     Ok(made)
@@ -153,7 +154,8 @@ fn picture(
 ) -> Result<Pictured, DatasetError> {
     match by {
         By::Splatting(options) => {
-            let options = RenderOptions { aovs: layers.to_vec(), ..options.clone() };
+            let options =
+                RenderOptions { look: Look { aovs: layers.to_vec(), ..options.look.clone() }, ..options.clone() };
             let rendered = render_frame(backend, scene, frame, &options)?;
             let made = Made { achieved: rendered.stats.achieved, mean_error: None };
             Ok(Pictured { picture: rendered.picture, made })
@@ -161,7 +163,7 @@ fn picture(
         By::Tracing(options) => {
             // It always has its error.
             let aovs = layers.iter().copied().filter(|&aov| aov != Aov::Error).collect();
-            let options = ReferenceOptions { aovs, ..options.clone() };
+            let options = ReferenceOptions { look: Look { aovs, ..options.look.clone() }, ..options.clone() };
             let traced = reference::render(scene, frame, &options, None, &|_| ())?;
             let made = Made { achieved: None, mean_error: Some(traced.stats.mean_error) };
             Ok(Pictured { picture: traced.picture, made })
@@ -197,8 +199,9 @@ impl By {
     /// What the flow depends on.
     fn of_flow(&self) -> ReferenceOptions {
         match self {
-            Self::Splatting(RenderOptions { two_sided, epsilon, .. }) => {
-                ReferenceOptions { two_sided: *two_sided, epsilon: *epsilon, ..ReferenceOptions::default() }
+            Self::Splatting(RenderOptions { look, .. }) => {
+                let look = Look { two_sided: look.two_sided, epsilon: look.epsilon, ..Look::default() };
+                ReferenceOptions { look, ..ReferenceOptions::default() }
             }
             Self::Tracing(options) => options.clone(),
         }

@@ -16,7 +16,7 @@ use crate::scene::Scene;
 use crate::time::{Shutter, Weight};
 
 pub use self::files::{File, Layout, Role, files};
-pub use self::frame::{Content, DatasetError, Made, frame};
+pub use self::frame::{DatasetError, FileContents, Made, frame};
 pub use self::noise::{Noise, NoiseError};
 pub use self::transforms::{Origin, TRANSFORMS, transforms};
 
@@ -26,7 +26,7 @@ pub const MOST_SHARP: u32 = 1024;
 /// The middle of the shutter.
 const MIDDLE: f64 = 0.5;
 
-/// What is made of each frame.
+/// The pictures that are made of each frame.
 #[derive(Clone, Debug)]
 pub struct Recipe {
     /// Where the files lie.

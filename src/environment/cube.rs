@@ -20,13 +20,14 @@ pub struct Cube {
 
 /// Total standard deviation of level 1 and of all after it, in edges of a pixel in the middle of a face: `2 / face`
 /// radians, doubled from level to level.
-const DEVIATION: f32 = 0.8;
+pub(crate) const DEVIATION: f32 = 0.8;
 /// Variance of the interpolation between pixels, squares of an edge of a pixel.
 const OF_INTERPOLATION: f64 = 1.0 / 6.0;
-/// Least and greatest number of pixels along an edge of level 0, and along that of the last level.
+/// Least and greatest number of pixels along an edge of level 0.
 const LEAST: usize = 16;
 const MOST: usize = 1024;
-const LAST: usize = 4;
+/// Pixels along an edge of the last level.
+pub(crate) const LAST_FACE: usize = 4;
 /// Reach of the kernel, standard deviations.
 const REACH: f64 = 3.5;
 
@@ -44,7 +45,7 @@ impl Cube {
 
     /// Number of levels of a cube whose faces have `face` pixels along an edge.
     const fn levels(face: usize) -> usize {
-        (face / LAST).trailing_zeros() as usize + 1
+        (face / LAST_FACE).trailing_zeros() as usize + 1
     }
 
     /// Pixels of the map are 2 pi / width wide, those in the middle of a face 2 / face.
@@ -263,7 +264,7 @@ mod tests {
         }
     }
 
-    /// What is farther than the last level is the last level, and no direction is outside.
+    /// Anything farther than the last level is the last level, and no direction is outside.
     #[test]
     fn there_is_radiance_in_every_direction() {
         let cube = Cube::new(&map(64, |d| DVec3::new(1.0, 2.0, 3.0) + 0.0 * d));

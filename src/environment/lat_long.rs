@@ -39,7 +39,7 @@ pub enum NotLatLong {
         x: usize,
         /// Row.
         y: usize,
-        /// What is there.
+        /// The value that was found.
         value: f32,
     },
 }

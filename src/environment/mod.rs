@@ -3,7 +3,7 @@
 //! `lat_long` is the picture; `cube` is what backends look it up in, filtered to several widths;
 //! `studio` is one made by formula.
 
-mod cube;
+pub(crate) mod cube;
 mod lat_long;
 mod studio;
 
@@ -54,11 +54,13 @@ impl Environment {
     }
 
     /// The filtered map, not turned and with intensity 1. It is made once for all copies of the environment.
+    #[doc(hidden)]
     pub fn cube(&self) -> Arc<Cube> {
         Arc::clone(self.cube.get_or_init(|| Arc::new(Cube::new(&self.map))))
     }
 
     /// The environment as backends look it up.
+    #[doc(hidden)]
     pub fn surroundings(&self) -> Surroundings {
         let (sin, cos) = libm::sincos(self.rotation);
         Surroundings { cube: self.cube(), turn: [cos as f32, sin as f32], intensity: self.intensity as f32 }

@@ -95,7 +95,7 @@ pub fn of_system(path: &Path) -> Option<String> {
     fs::read_to_string(path).ok()
 }
 
-/// What is there instead of a regular file.
+/// Names the kind of a file that is not a regular one.
 pub(crate) fn kind(about: FileType) -> &'static str {
     if about.is_dir() {
         return "a directory";
@@ -236,7 +236,7 @@ mod tests {
         }
     }
 
-    /// What is added behind the end while a file is read is no part of it.
+    /// Bytes that are added behind the end while a file is read are no part of it.
     #[test]
     fn no_more_is_read_than_was_there() {
         let dir = tempfile::tempdir().unwrap();

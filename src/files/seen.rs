@@ -24,7 +24,7 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// That of what a path names now; `None` where no regular file is there.
+    /// The stamp of the file that a path names now; `None` where no regular file is there.
     pub(crate) fn of(path: &Path) -> Option<Self> {
         fs::metadata(path).ok().filter(Metadata::is_file).map(|about| Self::in_words_of(&about))
     }
@@ -70,7 +70,7 @@ pub struct Changed {
 /// What a piece of work has read.
 struct List {
     seen: Seen,
-    /// Of [`steady`] work.
+    /// True for [`steady`] work.
     steady: bool,
 }
 

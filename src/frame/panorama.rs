@@ -1,9 +1,11 @@
 //! The environment as background: a picture of its own, behind the film.
 
-use glam::{DMat3, Mat3, Vec3};
+use std::f64::consts::TAU;
+
+use glam::{DMat3, DVec3, Mat3, Vec3};
 use rayon::prelude::*;
 
-use crate::environment::Surroundings;
+use crate::environment::{Environment, Surroundings};
 use crate::math::focal_length;
 use crate::options::PixelFilter;
 use crate::scene::Scene;
@@ -13,10 +15,14 @@ use crate::time::FrameNumber;
 /// Times of the exposure at which a camera in motion sees the environment.
 const TIMES: u32 = 32;
 
+/// Most pixels of the map that a pixel of the image covers along an axis and that are looked up one by one.
+const FEW: f64 = 4.0;
+
 /// The environment behind a frame. It is averaged over the exposure on its own: where a camera turns while objects
 /// cover it in part, what shows beside them is that mean.
 #[derive(Clone, Debug)]
 pub struct Panorama {
+    environment: Environment,
     surroundings: Surroundings,
     /// Camera axes in world space, and shares of the exposure: of all pixels, or of each row or column that is read out
     /// by itself.
@@ -29,11 +35,14 @@ pub struct Panorama {
     axis: [f32; 2],
     /// Variance of the pixel filter along an axis, pixels^2.
     variance: f32,
+    /// Places within a pixel at which the map itself is looked up, pixels. None where the camera moves, or where a
+    /// pixel covers many of the map: there the filtered map serves, whose filter would soften fewer.
+    offsets: Vec<[f32; 2]>,
 }
 
 impl Panorama {
-    /// That of frame `number`, or of one instant of it, `at` (scene time, frames). `None` where the environment is not
-    /// the background.
+    /// The panorama of frame `number`, or of one instant of it, `at` (scene time, frames). `None` where the environment
+    /// is not the background.
     pub fn of(scene: &Scene, number: FrameNumber, at: Option<f64>, filter: PixelFilter) -> Option<Self> {
         let environment = scene.panorama()?;
         let strata = || {
@@ -59,14 +68,26 @@ impl Panorama {
             PixelFilter::Box | PixelFilter::Point => 1.0 / 12.0,
             PixelFilter::Gaussian { sigma } => (sigma * sigma) as f32,
         };
+        let focal = focal_length(f64::from(height), scene.camera.fovy);
+        // Pixels of the map along an axis of a pixel in the middle of the image.
+        let covered = environment.map().width() as f64 / (TAU * focal);
+        let cameras: Vec<Vec<(Mat3, f32)>> = delays.into_iter().map(of_delay).collect();
+        let rests = matches!(cameras.as_slice(), [times] if times.len() == 1);
+        let offsets = match filter {
+            _ if !rests || covered > FEW => Vec::new(),
+            PixelFilter::Box | PixelFilter::Point => PixelFilter::Box.offsets(if covered > 1.0 { 16 } else { 4 }, 0),
+            PixelFilter::Gaussian { .. } => filter.offsets(16, 0),
+        };
         Some(Self {
+            environment: environment.clone(),
             surroundings: environment.surroundings(),
-            cameras: delays.into_iter().map(of_delay).collect(),
+            cameras,
             readout: axis,
             size: [scene.image.width, height],
             axis: [0, 1].map(|i| ((0.5 + scene.camera.shift[i]) * f64::from([scene.image.width, height][i])) as f32),
-            focal: focal_length(f64::from(height), scene.camera.fovy) as f32,
+            focal: focal as f32,
             variance,
+            offsets,
         })
     }
 
@@ -85,6 +106,11 @@ impl Panorama {
         let mut sum = Vec3::ZERO;
         let read = (pixel[self.readout] as usize).min(self.cameras.len().saturating_sub(1));
         let Some(cameras) = self.cameras.get(read) else { return sum };
+        if let ([(camera, _)], false) = (cameras.as_slice(), self.offsets.is_empty()) {
+            let radiance = |&[dx, dy]: &[f32; 2]| self.environment.radiance(towards(camera, dx, dy).as_dvec3());
+            let all: DVec3 = self.offsets.iter().map(radiance).sum();
+            return (all / self.offsets.len() as f64).as_vec3();
+        }
         for (i, (camera, share)) in cameras.iter().enumerate() {
             let middle = towards(camera, 0.0, 0.0);
             let beside = towards(camera, 1.0, 0.0).distance_squared(middle);
@@ -96,5 +122,44 @@ impl Panorama {
             sum += self.surroundings.radiance(middle.to_array(), variance) * *share;
         }
         sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::environment::studio;
+    use crate::sampling::pixel_offsets;
+
+    /// Before a resting camera that magnifies the map, a pixel is the mean of the map over its square.
+    #[test]
+    fn a_magnified_map_stays_sharp() {
+        let mut scene = Scene::new([]);
+        let mut environment = Environment::new(studio());
+        environment.background = true;
+        scene.environment = Some(environment.clone());
+        (scene.image.width, scene.image.height) = (96, 64);
+        scene.camera.fovy = 15.0_f64.to_radians();
+        let sharp = Panorama::of(&scene, 0.into(), None, PixelFilter::Box);
+        let soft = sharp.clone().map(|panorama| Panorama { offsets: Vec::new(), ..panorama });
+        let world_from_camera = DMat3::from_mat4(camera_from_world(&scene, 0.0)).transpose();
+        let focal = focal_length(64.0, scene.camera.fovy);
+        let offsets = pixel_offsets(256, 7);
+        let wanted = |at: usize| {
+            let [x, y] = [(at % 96) as f64 + 0.5 - 48.0, (at / 96) as f64 + 0.5 - 32.0];
+            let towards = |[dx, dy]: [f32; 2]| DVec3::new(x + f64::from(dx), -(y + f64::from(dy)), -focal);
+            let radiance = |&offset: &[f32; 2]| environment.radiance(world_from_camera * towards(offset).normalize());
+            (offsets.iter().map(radiance).sum::<DVec3>() / 256.0).as_vec3()
+        };
+        let error = |panorama: &Option<Panorama>| {
+            let found = panorama.as_ref().map(Panorama::picture).unwrap_or_default();
+            assert_eq!(found.len(), 96 * 64);
+            let square =
+                |(at, found): (usize, &[f32; 3])| f64::from((wanted(at) - Vec3::from(*found)).length_squared());
+            (found.iter().enumerate().map(square).sum::<f64>() / (3 * found.len()) as f64).sqrt()
+        };
+        let (sharp, soft) = (error(&sharp), error(&soft));
+        println!("root mean square {sharp:.5}, with the filtered map {soft:.5}");
+        assert!(sharp < 0.25 * soft, "{sharp}, with the filtered map {soft}");
     }
 }

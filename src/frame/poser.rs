@@ -2,7 +2,6 @@
 
 use glam::{DMat3, DMat4, DVec3, Mat3, Vec3};
 
-use super::strips::Delay;
 use crate::film::Aov;
 use crate::model::Optics;
 use crate::model::paths::{Elapsed, elapsed};
@@ -19,6 +18,8 @@ const NEAR_OF_GAUSSIANS: f64 = 0.2;
 /// The scene at one time sample.
 #[derive(Clone, Debug)]
 pub struct PosedSample {
+    /// Scene time, frames; with the delay of the strip that a rolling shutter reads out.
+    pub time: f64,
     /// Share of the exposure.
     pub weight: f32,
     /// Camera axes in world space: columns right, up, back.
@@ -106,7 +107,7 @@ pub(super) struct Span {
     ends: [f64; 2],
     /// Factor on the motion.
     stretch: f64,
-    /// The mean place lies on the way from that of the middle to the mean of both ends, at 1 over this of the way.
+    /// The mean place is the place of the middle, moved by 1 / `parts` of the way to the mean of both ends.
     parts: f64,
     /// Do normals turn?
     turns: bool,
@@ -118,12 +119,16 @@ impl Span {
         Self { ends: interval.ends, stretch: interval.stretch, parts: 3.0, turns: false }
     }
 
-    /// A strip that is read out around `time`. Halfway to the mean of both ends, no place is far from its own.
-    pub(super) fn read_out(time: f64, delay: Delay) -> Option<Self> {
-        let ends = [time - delay.half, time + delay.half];
-        (delay.half != 0.0).then_some(Self { ends, stretch: 1.0, parts: 2.0, turns: true })
+    /// A strip that is read out around `time`, `half` frames to both sides; `None` where that is 0. Halfway to the mean
+    /// of both ends, no place is far from its own.
+    pub(super) fn read_out(time: f64, half: f64) -> Option<Self> {
+        let ends = [time - half, time + half];
+        (half != 0.0).then_some(Self { ends, stretch: 1.0, parts: 2.0, turns: true })
     }
 }
+
+/// A map from model space, as its linear part and where the model's origin lands.
+type Affine = (DMat3, DVec3);
 
 /// Poses the scene at the times of one frame.
 pub(super) struct Poser<'a> {
@@ -142,6 +147,7 @@ impl Poser<'_> {
         let world_from_camera = DMat3::from_mat4(camera).transpose();
         let eye = -(world_from_camera * camera.w_axis.truncate());
         PosedSample {
+            time,
             weight: weight as f32,
             world_from_camera: world_from_camera.as_mat3(),
             lights: self.scene.lights.iter().map(|light| shading_light(light, eye)).collect(),
@@ -153,7 +159,7 @@ impl Poser<'_> {
     fn camera_from_model(&self, object: &Object, time: f64) -> DMat4 {
         camera_from_world(self.scene, time)
             * object_pose(self.scene, object, time).world_from_model
-            * DMat4::from_translation(object.model.origin)
+            * DMat4::from_translation(object.shape.origin())
     }
 
     /// An interval whose one sample is `samples`, on a raster of `size`.
@@ -162,126 +168,180 @@ impl Poser<'_> {
         let (early, late) = (half(0..16), half(16..32));
         // The linear weight 1 + s tau has (1 + s/2)/2 of its integral in the later half.
         let slope = if early + late > 0.0 { (2.0 * (late - early) / (early + late)).clamp(-1.0, 1.0) } else { 0.0 };
-        let most = f64::from(size[0].max(size[1]) / 2);
-        let near = self.scene.camera.near;
         let posed = samples.iter().flat_map(|sample| self.scene.objects.iter().zip(&sample.objects));
-        let drifts = posed
-            .filter(|(object, posed)| posed.visible && posed.moves && !object.bounds().is_empty())
-            .flat_map(|(object, posed)| {
-                let own = move |corner: DVec3| ((corner - object.model.origin).as_vec3(), Vec3::ZERO);
-                let of_corners = object.bounds().corners().map(own);
-                let paths = object.model.paths();
-                let of_points = object.model.position.iter().enumerate().map(move |(i, &position)| {
-                    let advance = posed.centre_from_model * paths.sum(i, posed.advance);
-                    (paths.place(position, i, posed.elapsed), advance)
-                });
-                let (corners, points) = if paths.is_empty() { (8, 0) } else { (0, usize::MAX) };
-                of_corners.into_iter().take(corners).chain(of_points.take(points)).map(|(p, advance)| {
-                    let centre = (posed.centre_from_model * p + posed.centre_origin).as_dvec3();
-                    let motion = (posed.motion_from_model * p + posed.motion_origin + advance).as_dvec3();
-                    let (from, to) = (centre - motion, centre + motion);
-                    if from.z.min(to.z) < near {
-                        return most;
-                    }
-                    let on_raster = |p: DVec3| p.truncate() / p.z;
-                    let drift = |end: DVec3| (on_raster(end) - on_raster(centre)).abs().max_element();
-                    drift(from).max(drift(to))
-                })
-            });
-        let largest = drifts.fold(0.0, |a: f64, b| if b.is_nan() { most } else { a.max(b) });
-        let guard = if largest > 0.0 { (largest + 2.0).ceil().min(most) as u32 } else { 0 };
+        let moving = posed.filter(|(object, posed)| posed.visible && posed.moves && !object.shape.bounds().is_empty());
+        let near = self.scene.camera.near;
+        let farthest = moving.map(|(object, posed)| farthest(object, posed, near)).fold(0.0, f64::max);
+        let most = f64::from(size[0].max(size[1]) / 2);
+        let guard = if farthest > 0.0 { (farthest + 2.0).ceil().min(most) as u32 } else { 0 };
         PosedInterval { moments: interval.moments.map(|share| share as f32), slope: slope as f32, guard, slices: 1 }
     }
 
+    /// An object at `time`, for which `camera` is the camera; over `span`, if the sample stands for one.
     fn object(&self, object: &Object, time: f64, camera: &DMat4, span: Option<&Span>) -> PosedObject {
         // blur="false": object and camera are posed at the frame number.
         let (time, camera) =
             if object.blur { (time, *camera) } else { (self.number, camera_from_world(self.scene, self.number)) };
-        let ObjectPose { world_from_model, visible } = object_pose(self.scene, object, time);
-        let to_origin = DMat4::from_translation(object.model.origin);
-        let camera_from_model = camera * world_from_model * to_origin;
-        let screen = self.screen(&camera_from_model);
-        // The line along which surfels travel during an interval or a strip: their mean position, and half the
-        // difference of its ends, times what kernels are longer.
-        let span = span.filter(|_| object.blur);
-        let (centre, motion) = span.map_or((screen, (DMat3::ZERO, DVec3::ZERO)), |span| {
-            let [from, to] = span.ends.map(|time| self.camera_from_model(object, time));
-            let middle = camera_from_model;
-            (
-                self.screen(&(middle + ((from + to) * 0.5 - middle) / span.parts)),
-                self.screen(&((to - from) * (0.5 * span.stretch))),
-            )
-        });
-        let moves = !object.model.paths().is_empty();
-        let travelled = |time: f64| elapsed(object.travelled(self.scene.frames.rate, self.number, time));
-        let after = |time: f64| if moves { travelled(time) } else { [0.0; 3] };
-        let mut travelled = after(time);
-        let mut advance = [0.0; 3];
-        if let Some(span) = span {
-            let [from, to] = span.ends.map(after);
-            for i in 0..3 {
-                travelled[i] = (from[i] + (2.0 * span.parts - 2.0) * travelled[i] + to[i]) / (2.0 * span.parts);
-                advance[i] = (to[i] - from[i]) * (0.5 * span.stretch);
-            }
-        }
-        let linear = DMat3::from_mat4(world_from_model);
-        let det = linear.determinant();
-        let ((rate, origin_rate), pace) = if self.options.aovs.contains(&Aov::Velocity) && object.blur {
-            let velocity = object_velocity(self.scene, object, time) * to_origin;
-            let span = self.scene.shutter.close - self.scene.shutter.open;
-            (self.screen(&velocity), span * object.time_units(self.scene.frames.rate))
-        } else {
-            ((DMat3::ZERO, DVec3::ZERO), 0.0)
-        };
-        let turns = span.filter(|span| span.turns && !object.is_fixed());
-        let normal_motion = turns.map_or(DMat3::ZERO, |span| {
-            let of = |time: f64| DMat3::from_mat4(object_pose(self.scene, object, time).world_from_model);
-            let [from, to] = span.ends.map(|time| normal_matrix(&of(time), &linear));
-            (to - from) * 0.5
-        });
-        // Rotation of the camera that posed the object: normals and positions stay in world axes.
-        let world_from_camera = DMat3::from_mat4(camera).transpose();
-        let scale = libm::cbrt(det.abs());
-        let (tolerance, nearest) = match object.model.gaussians().map(|gaussians| gaussians.optics) {
-            None => (object.model.median_radius(), 0.0),
-            Some(Optics::Alpha) => (object.model.median_radius(), NEAR_OF_GAUSSIANS),
-            Some(Optics::Extinction { layer }) => (layer, 0.0),
-        };
-        let epsilon = self.options.epsilon.or(object.epsilon).unwrap_or_else(|| f64::from(tolerance) * scale);
+        let pose = object_pose(self.scene, object, time);
+        let camera_from_model = camera * pose.world_from_model * DMat4::from_translation(object.shape.origin());
+        let still = self.still(object, time, &pose, &camera, &camera_from_model);
+        let Some(span) = span.filter(|_| object.blur) else { return still };
+        let (centre, motion) = self.line(object, &camera_from_model, span);
+        let (travelled, advance) = self.own_line(object, time, span);
         PosedObject {
-            visible: visible && det != 0.0,
-            screen_from_model: screen.0.as_mat3(),
-            screen_origin: screen.1.as_vec3(),
             centre_from_model: centre.0.as_mat3(),
             centre_origin: centre.1.as_vec3(),
             motion_from_model: motion.0.as_mat3(),
             motion_origin: motion.1.as_vec3(),
             elapsed: travelled.map(|factor| factor as f32),
             advance: advance.map(|factor| factor as f32),
-            pace: pace as f32,
             moves: motion != (DMat3::ZERO, DVec3::ZERO) || advance != [0.0; 3],
+            normal_motion: self.normal_motion(object, &pose, span).as_mat3(),
+            ..still
+        }
+    }
+
+    /// An object with this pose at `time`, before `camera`, without motion.
+    fn still(
+        &self,
+        object: &Object,
+        time: f64,
+        pose: &ObjectPose,
+        camera: &DMat4,
+        camera_from_model: &DMat4,
+    ) -> PosedObject {
+        let linear = DMat3::from_mat4(pose.world_from_model);
+        let det = linear.determinant();
+        let screen = self.screen(camera_from_model);
+        let (screen_from_model, screen_origin) = (screen.0.as_mat3(), screen.1.as_vec3());
+        let (rate, pace) = self.velocity(object, time);
+        // Rotation of the camera that posed the object: normals and positions stay in world axes.
+        let world_from_camera = DMat3::from_mat4(*camera).transpose();
+        let (epsilon, near) = self.depths(object, libm::cbrt(det.abs()));
+        PosedObject {
+            visible: pose.visible && det != 0.0,
+            screen_from_model,
+            screen_origin,
+            centre_from_model: screen_from_model,
+            centre_origin: screen_origin,
+            motion_from_model: Mat3::ZERO,
+            motion_origin: Vec3::ZERO,
+            elapsed: self.travelled(object, time).map(|factor| factor as f32),
+            advance: [0.0; 3],
+            pace: pace as f32,
+            moves: false,
             eye: -(screen.0.inverse() * screen.1).as_vec3(),
-            screen_rate: rate.as_mat3(),
-            screen_origin_rate: origin_rate.as_vec3(),
+            screen_rate: rate.0.as_mat3(),
+            screen_origin_rate: rate.1.as_vec3(),
             normal_matrix: normal_matrix(&linear, &linear).as_mat3(),
-            normal_motion: normal_motion.as_mat3(),
+            normal_motion: Mat3::ZERO,
             world_from_model: linear.as_mat3(),
             world_origin: (world_from_camera * camera_from_model.w_axis.truncate()).as_vec3(),
             handedness: if det < 0.0 { -1.0 } else { 1.0 },
             epsilon: epsilon as f32,
-            near: self.scene.camera.near.max(nearest * scale) as f32,
+            near: near as f32,
         }
     }
 
-    /// Camera space to screen space, as linear part and origin.
-    fn screen(&self, m: &DMat4) -> (DMat3, DVec3) {
+    /// The line along which surfels travel during a span: their mean place, and half the difference of its ends, times
+    /// the kernels' stretch. `middle` is the camera-from-model transform at its middle.
+    fn line(&self, object: &Object, middle: &DMat4, span: &Span) -> (Affine, Affine) {
+        let [from, to] = span.ends.map(|time| self.camera_from_model(object, time));
+        let mean = *middle + ((from + to) * 0.5 - *middle) / span.parts;
+        (self.screen(&mean), self.screen(&((to - from) * (0.5 * span.stretch))))
+    }
+
+    /// The same for what surfels travel by themselves: factors on the columns of their paths.
+    fn own_line(&self, object: &Object, time: f64, span: &Span) -> (Elapsed<f64>, Elapsed<f64>) {
+        let middle = self.travelled(object, time);
+        let [from, to] = span.ends.map(|time| self.travelled(object, time));
+        let mean = |i: usize| (from[i] + (2.0 * span.parts - 2.0) * middle[i] + to[i]) / (2.0 * span.parts);
+        let advance = |i: usize| (to[i] - from[i]) * (0.5 * span.stretch);
+        (std::array::from_fn(mean), std::array::from_fn(advance))
+    }
+
+    /// Factors on the columns of the surfels' paths at `time`; 0 where they do not move by themselves.
+    fn travelled(&self, object: &Object, time: f64) -> Elapsed<f64> {
+        let moves = !object.shape.paths().is_empty();
+        if moves { elapsed(object.travelled(self.scene.frames.rate, self.number, time)) } else { [0.0; 3] }
+    }
+
+    /// Time derivative of the pose, per shutter, and units of time of the surfels' paths in a shutter; 0 unless the
+    /// velocity layer is wanted.
+    fn velocity(&self, object: &Object, time: f64) -> (Affine, f64) {
+        if !self.options.look.aovs.contains(&Aov::Velocity) || !object.blur {
+            return ((DMat3::ZERO, DVec3::ZERO), 0.0);
+        }
+        let velocity = object_velocity(self.scene, object, time) * DMat4::from_translation(object.shape.origin());
+        let shutter = self.scene.shutter.close - self.scene.shutter.open;
+        (self.screen(&velocity), shutter * object.time_units(self.scene.frames.rate))
+    }
+
+    /// Half the difference of the normal matrices at the ends of a span in which normals turn, with the factor that
+    /// `pose` has; else 0.
+    fn normal_motion(&self, object: &Object, pose: &ObjectPose, span: &Span) -> DMat3 {
+        if !span.turns || object.is_fixed() {
+            return DMat3::ZERO;
+        }
+        let linear = |pose: &ObjectPose| DMat3::from_mat4(pose.world_from_model);
+        let at = |time: f64| normal_matrix(&linear(&object_pose(self.scene, object, time)), &linear(pose));
+        let [from, to] = span.ends.map(at);
+        (to - from) * 0.5
+    }
+
+    /// Tolerance of the visibility rule and least depth of Gaussians, world units. `scale`: of the model.
+    fn depths(&self, object: &Object, scale: f64) -> (f64, f64) {
+        let (tolerance, nearest) = match object.shape.gaussians().map(|model| model.gaussians().optics) {
+            None => (object.shape.median_radius(), 0.0),
+            Some(Optics::Alpha) => (object.shape.median_radius(), NEAR_OF_GAUSSIANS),
+            Some(Optics::Extinction { layer }) => (layer, 0.0),
+        };
+        let epsilon = self.options.look.epsilon.or(object.epsilon).unwrap_or_else(|| f64::from(tolerance) * scale);
+        (epsilon, self.scene.camera.near.max(nearest * scale))
+    }
+
+    /// Camera space to screen space.
+    fn screen(&self, m: &DMat4) -> Affine {
         let k = DMat3::from_diagonal(DVec3::new(self.focal, -self.focal, -1.0));
         (k * DMat3::from_mat4(*m), k * m.w_axis.truncate())
     }
 }
 
+/// Farthest that the pose of an object moves a point of it from the middle of an interval, raster pixels; infinite
+/// where a point comes nearer than `near`.
+fn farthest(object: &Object, posed: &PosedObject, near: f64) -> f64 {
+    let farther = |most: f64, (p, advance): (Vec3, Vec3)| most.max(drift(posed, p, advance, near));
+    let paths = object.shape.paths();
+    if paths.is_empty() {
+        let corners =
+            object.shape.bounds().corners().map(|corner| ((corner - object.shape.origin()).as_vec3(), Vec3::ZERO));
+        return corners.into_iter().fold(0.0, farther);
+    }
+    let points = object.shape.positions().iter().enumerate().map(|(i, &position)| {
+        let advance = posed.centre_from_model * paths.sum(i, posed.advance);
+        (paths.place(position, i, posed.elapsed), advance)
+    });
+    points.fold(0.0, farther)
+}
+
+/// Distance from the middle of an interval to the farther end of the path of a point, raster pixels. `p`: the point, in
+/// model space relative to the model's origin. `advance`: half of what it travels by itself, in screen space. Infinite
+/// where it comes nearer than `near`, or is not finite.
+fn drift(posed: &PosedObject, p: Vec3, advance: Vec3, near: f64) -> f64 {
+    let centre = (posed.centre_from_model * p + posed.centre_origin).as_dvec3();
+    let motion = (posed.motion_from_model * p + posed.motion_origin + advance).as_dvec3();
+    let (from, to) = (centre - motion, centre + motion);
+    if from.z.min(to.z) < near {
+        return f64::INFINITY;
+    }
+    let on_raster = |p: DVec3| p.truncate() / p.z;
+    let drift = |end: DVec3| (on_raster(end) - on_raster(centre)).abs().max_element();
+    let farther = drift(from).max(drift(to));
+    if farther.is_nan() { f64::INFINITY } else { farther }
+}
+
 /// Inverse transpose up to a positive factor, finite for singular matrices: the cofactors, with the determinant's sign.
-/// The factor is that which makes the longest column of `unit`'s have length 1.
+/// The factor makes the longest column of `unit`'s have length 1.
 fn normal_matrix(m: &DMat3, unit: &DMat3) -> DMat3 {
     let cofactors = |m: &DMat3| {
         let (a, b, c) = (m.x_axis, m.y_axis, m.z_axis);

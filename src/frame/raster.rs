@@ -1,9 +1,8 @@
 //! The pixels that a sample position is rendered for.
 
-use std::ops::Range;
-
 use glam::DVec2;
 
+use super::strips::PosedStrip;
 use crate::options::Prefilter;
 
 /// The pixels that a group is rendered for, as an image of their own: every `Frame::stride`-th pixel of the frame's
@@ -80,24 +79,21 @@ pub(super) fn low_pass_radius(stride: u32) -> f32 {
 }
 
 impl Raster {
-    /// The pixels of the image that it has. The image takes those `shown` along the read-out of a strip, or all.
-    pub(super) fn area(&self, shown: Option<&Range<u32>>) -> RasterArea {
-        let mut all = self.size.map(|pixels| [0, pixels]);
-        if let Some((axis, shown)) = self.readout.zip(shown) {
-            let from = |pixel: u32| pixel.saturating_sub(self.first[axis]).min(self.size[axis]);
-            all[axis] = [from(shown.start), from(shown.end)];
+    /// The pixels of the image that it has. The image takes those that its strip shows, or all.
+    pub(super) fn area(&self, strip: Option<&PosedStrip>) -> RasterArea {
+        let mut shown = self.size.map(|pixels| [0, pixels]);
+        if let Some(strip) = strip {
+            let from = |pixel: u32| pixel.saturating_sub(self.first[strip.axis]).min(self.size[strip.axis]);
+            shown[strip.axis] = [from(strip.shown.start), from(strip.shown.end)];
         }
-        RasterArea { origin: self.origin, size: self.size, shown: all }
+        RasterArea { origin: self.origin, size: self.size, shown }
     }
 
     /// The raster with the standard deviation that the filter of see-through surfels has: they are always filtered as
     /// full EWA does, with the approximate filter by a Gaussian as wide as its disc.
     #[must_use]
     pub fn for_see_through(self, prefilter: Prefilter) -> Self {
-        match prefilter {
-            Prefilter::Approx => Self { sigma: 0.5 * self.low_pass, footprint: 0.0, ..self },
-            Prefilter::Ewa | Prefilter::None => self,
-        }
+        if prefilter == Prefilter::Approx { Self { sigma: 0.5 * self.low_pass, footprint: 0.0, ..self } } else { self }
     }
 
     /// Variance of the low-pass filter of `prefilter`, raster pixels^2, for kernels that are Gaussians. A disc of the
@@ -106,11 +102,8 @@ impl Raster {
         /// Share of the variance of a Gaussian that is left where it is cut at two standard deviations, as the kernels
         /// of surfels are: 1 - 2 / (e^2 - 1).
         const CUT: f32 = 0.686_965;
-        match prefilter {
-            Prefilter::None => 0.0,
-            Prefilter::Approx => CUT * 0.25 * self.low_pass * self.low_pass,
-            Prefilter::Ewa => CUT * self.sigma * self.sigma,
-        }
+        let sigma = if prefilter == Prefilter::Approx { 0.5 * self.low_pass } else { self.sigma };
+        CUT * sigma * sigma
     }
 
     /// Pixels within which the filter of full EWA reaches from one pixel to another.
@@ -118,22 +111,22 @@ impl Raster {
         (2.0 * self.sigma).ceil() as usize
     }
 
-    /// For an image of `size` pixels with focal length `focal`.
-    /// `shift` is the camera's. `strip`: the axis of a rolling shutter, and which pixels of the raster the strip holds.
+    /// The raster of an image of `size` pixels whose first pixel is `phase`, or a strip of it; without filters and
+    /// offset. `lens`: focal length, pixels of the image, and the camera's shift.
     pub(super) fn new(
         size: [u32; 2],
-        (focal, shift): (f64, DVec2),
+        lens: (f64, DVec2),
         stride: u32,
         phase: [u32; 2],
-        offset: [f32; 2],
-        strip: Option<(usize, &Range<u32>)>,
+        strip: Option<&PosedStrip>,
     ) -> Self {
+        let (focal, shift) = lens;
         let s = f64::from(stride);
         let mut first = [0; 2];
         let mut pixels = [0, 1].map(|i| size[i].saturating_sub(phase[i]).div_ceil(stride));
-        if let Some((axis, range)) = strip {
-            first[axis] = range.start;
-            pixels[axis] = range.end.min(pixels[axis]).saturating_sub(range.start);
+        if let Some(PosedStrip { axis, posed, .. }) = strip {
+            first[*axis] = posed.start;
+            pixels[*axis] = posed.end.min(pixels[*axis]).saturating_sub(posed.start);
         }
         let origin = [0, 1].map(|i| phase[i] + stride * first[i]);
         let axis = |i: usize| (((0.5 + shift[i]) * f64::from(size[i]) - f64::from(origin[i]) - 0.5) / s + 0.5) as f32;
@@ -141,14 +134,19 @@ impl Raster {
             size: pixels,
             origin,
             first,
-            readout: strip.map(|(axis, _)| axis),
+            readout: strip.map(|strip| strip.axis),
             axis: [axis(0), axis(1)],
             focal: (focal / s) as f32,
             low_pass: low_pass_radius(stride),
             sigma: 0.0,
             footprint: 0.0,
             pixel: 0.0,
-            offset: offset.map(|o| (f64::from(o) / s) as f32),
+            offset: [0.0; 2],
         }
+    }
+
+    /// The raster at a sample position `offset` from the pixels' centres, pixels of the image.
+    pub(super) fn at(self, offset: [f32; 2], stride: u32) -> Self {
+        Self { offset: offset.map(|o| (f64::from(o) / f64::from(stride)) as f32), ..self }
     }
 }

@@ -1,69 +1,135 @@
 //! Which objects are static during the exposure, so that a backend can splat them once for the time samples of a
 //! position.
 
-use glam::Vec3;
+use glam::{DVec2, DVec3, Vec3};
 
 use super::{PosedObject, PosedRaster, PosedSample};
-use crate::scene::Scene;
+use crate::math::focal_length;
+use crate::options::{BlurMode, KernelShape};
+use crate::scene::pose::{camera_from_world, object_pose};
+use crate::scene::{Object, Scene};
 
 /// Longest path over the screen during the exposure of an object that counts as static, pixels.
 pub const STATIC_PATH: f32 = 0.25;
 
-/// Whether each object is static. Surfels whose path is shorter than [`STATIC_PATH`] are held at their pose of
-/// mid-exposure; a capture is static where its pose never changes.
+/// Fewest sub-pixel positions that time samples share. What moves may want more (docs/measurements/prefilter.md).
+const SHARED_POSITIONS: u32 = 8;
+
+/// Most time samples that share a position.
+const MOST_SHARING: u32 = 4;
+
+/// The least share of the image with static objects that makes sharing worth while.
+const SHARED_PART: f64 = 1.0 / 3.0;
+
+/// The same mode with sub-pixel positions, where nobody chose them.
 ///
-/// `times` are those of the samples of `rasters`, one after the other; `stride` and `near` are the frame's.
-pub(super) fn find_static(
-    scene: &Scene,
-    times: &[f64],
-    rasters: &mut [PosedRaster],
-    stride: u32,
-    near: f32,
-) -> Vec<bool> {
-    let mut order: Vec<usize> = (0..times.len()).collect();
-    order.sort_by(|&a, &b| times[a].total_cmp(&times[b]));
-    (0..scene.objects.len())
-        .map(|object| {
-            let poses: Vec<&PosedObject> = samples(rasters).map(|sample| &sample.objects[object]).collect();
-            let Some(first) = poses.first() else { return true };
-            let differs = |pose: &PosedObject| pose.visible != first.visible || pose.elapsed != first.elapsed;
-            if poses.iter().any(|pose| pose.moves || differs(pose)) {
-                return false;
-            }
-            if !first.visible || poses.iter().all(|pose| pose == first) {
-                return true;
-            }
-            let object_of_scene = &scene.objects[object];
-            // Gaussians may be far larger than the box of their centres, and a short path may change their order.
-            if object_of_scene.model.gaussians().is_some() {
-                return false;
-            }
-            let origin = object_of_scene.model.origin;
-            let drifts = object_of_scene.bounds().corners().map(|corner| {
-                let corner = (corner - origin).as_vec3();
-                path(order.iter().map(|&i| poses[i]), corner, near) * stride as f32
-            });
-            let is_static = !object_of_scene.bounds().is_empty() && drifts.into_iter().all(|drift| drift < STATIC_PATH);
-            if is_static {
-                let middle = *poses[order[order.len() / 2]];
-                let positions = rasters.iter_mut().flat_map(|raster| &mut raster.positions);
-                for sample in positions.flat_map(|p| &mut p.groups).flat_map(|group| &mut group.samples) {
-                    sample.objects[object] = middle;
-                }
-            }
-            is_static
-        })
-        .collect()
+/// Where much of the image is static, time samples share positions, so that a backend may splat what is static once
+/// for each. All positions have equally many samples. Intervals of tubes see the pixel's middle, so that no part of a
+/// streak is shifted; many intervals before static objects have a position each, as edges at rest need several
+/// (docs/measurements/prefilter.md).
+pub(super) fn with_positions(scene: &Scene, mode: BlurMode) -> BlurMode {
+    match mode {
+        BlurMode::Volumetric { intervals, pixel_samples: None, swept } if swept.shape == KernelShape::Tube => {
+            let several = intervals >= SHARED_POSITIONS && shows_much_rest(scene);
+            BlurMode::Volumetric { intervals, pixel_samples: if several { None } else { Some(1) }, swept }
+        }
+        BlurMode::Supersample { samples, pixel_samples: None, interleave, times } if shows_much_rest(scene) => {
+            // As more samples are asked for, what is static converges, too.
+            let least = SHARED_POSITIONS.max(samples.div_ceil(MOST_SHARING));
+            let pixel_samples = (least..samples).find(|positions| samples.is_multiple_of(*positions));
+            BlurMode::Supersample { samples, pixel_samples, interleave, times }
+        }
+        _ => mode,
+    }
 }
 
-fn samples(rasters: &[PosedRaster]) -> impl Iterator<Item = &PosedSample> {
+/// Does something move while much of the image is static, so that time samples should share sub-pixel positions?
+/// Objects at rest count by the rectangles around them.
+pub fn shows_much_rest(scene: &Scene) -> bool {
+    let fixed = |object: &&Object| object.is_fixed() && !object.is_see_through() && object.shape.surfels().is_some();
+    let area: f64 = scene.objects.iter().filter(fixed).map(|object| area(scene, object)).sum();
+    scene.camera.rests() && area >= SHARED_PART && !scene.objects.iter().all(Object::is_fixed)
+}
+
+/// Share of the image within the rectangle around a fixed object's box; all of it where the box reaches the camera.
+fn area(scene: &Scene, object: &Object) -> f64 {
+    let time = scene.frames.first as f64;
+    let view_from_model = camera_from_world(scene, time) * object_pose(scene, object, time).world_from_model;
+    let size = DVec2::new(scene.image.width.into(), scene.image.height.into());
+    let focal = focal_length(size.y, scene.camera.fovy);
+    let shift = scene.camera.shift * DVec2::new(1.0, -1.0);
+    let mut ends = [DVec2::INFINITY, DVec2::NEG_INFINITY];
+    for corner in object.shape.bounds().corners() {
+        let place = view_from_model.transform_point3(corner);
+        if -place.z < scene.camera.near {
+            return 1.0;
+        }
+        let at = (place.truncate() * (focal / -place.z) / size + shift).clamp(DVec2::splat(-0.5), DVec2::splat(0.5));
+        ends = [ends[0].min(at), ends[1].max(at)];
+    }
+    let [width, height] = (ends[1] - ends[0]).max(DVec2::ZERO).to_array();
+    width * height
+}
+
+/// How far an object moves over the screen during the exposure.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Motion {
+    /// All its poses are the same, or it is never seen.
+    Rests,
+    /// Its path is shorter than [`STATIC_PATH`].
+    Short,
+    /// All else.
+    Moves,
+}
+
+/// Whether each object is static. Surfels whose path is shorter than [`STATIC_PATH`] are held at their pose of
+/// mid-exposure, in all samples of `rasters`; a capture is static where its pose never changes.
+///
+/// `stride` and `near` are the frame's.
+pub(super) fn hold_static(scene: &Scene, rasters: &mut [PosedRaster], stride: u32, near: f32) -> Vec<bool> {
     let positions = rasters.iter().flat_map(|raster| &raster.positions);
-    positions.flat_map(|position| &position.groups).flat_map(|group| &group.samples)
+    let mut samples: Vec<&PosedSample> =
+        positions.flat_map(|position| &position.groups).flat_map(|group| &group.samples).collect();
+    samples.sort_by(|a, b| a.time.total_cmp(&b.time));
+    let motion = |(index, object): (usize, &Object)| {
+        let poses: Vec<&PosedObject> = samples.iter().map(|sample| &sample.objects[index]).collect();
+        motion(object, &poses, stride, near)
+    };
+    let motions: Vec<Motion> = scene.objects.iter().enumerate().map(motion).collect();
+    let middle = samples.get(samples.len() / 2).map_or_else(Vec::new, |sample| sample.objects.clone());
+    let positions = rasters.iter_mut().flat_map(|raster| &mut raster.positions);
+    for sample in positions.flat_map(|position| &mut position.groups).flat_map(|group| &mut group.samples) {
+        for ((pose, held), motion) in sample.objects.iter_mut().zip(&middle).zip(&motions) {
+            if *motion == Motion::Short {
+                *pose = *held;
+            }
+        }
+    }
+    motions.into_iter().map(|motion| motion != Motion::Moves).collect()
+}
+
+/// How far `object` moves; `poses` are those of all samples, rising in time.
+fn motion(object: &Object, poses: &[&PosedObject], stride: u32, near: f32) -> Motion {
+    let Some(first) = poses.first() else { return Motion::Rests };
+    let differs = |pose: &PosedObject| pose.visible != first.visible || pose.elapsed != first.elapsed;
+    if poses.iter().any(|pose| pose.moves || differs(pose)) {
+        return Motion::Moves;
+    }
+    if !first.visible || poses.iter().all(|pose| pose == first) {
+        return Motion::Rests;
+    }
+    // Gaussians may be far larger than the box of their centres, and a short path may change their order.
+    if object.shape.gaussians().is_some() || object.shape.bounds().is_empty() {
+        return Motion::Moves;
+    }
+    let origin = object.shape.origin();
+    let is_short = |corner: DVec3| path(poses, (corner - origin).as_vec3(), near) * (stride as f32) < STATIC_PATH;
+    if object.shape.bounds().corners().into_iter().all(is_short) { Motion::Short } else { Motion::Moves }
 }
 
 /// Length of the path of a point of the model over the raster, raster pixels; infinite where it comes nearer than
 /// `near`.
-fn path<'a>(poses: impl Iterator<Item = &'a PosedObject>, point: Vec3, near: f32) -> f32 {
+fn path(poses: &[&PosedObject], point: Vec3, near: f32) -> f32 {
     let mut length = 0.0;
     let mut last = None;
     for pose in poses {
@@ -76,4 +142,44 @@ fn path<'a>(poses: impl Iterator<Item = &'a PosedObject>, point: Vec3, near: f32
         last = Some(here);
     }
     length
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may stop")]
+mod tests {
+    use crate::Scene;
+    use crate::frame::Frame;
+    use crate::options::{BlurMode, RenderOptions};
+
+    /// Sub-pixel positions that a mode has in a frame of a shipped scene.
+    fn positions(name: &str, frame: i64, mode: &str) -> usize {
+        let scene = Scene::open(format!("scenes/{name}.xml")).size(480, 270).load().unwrap();
+        let mode: BlurMode = mode.parse().unwrap();
+        Frame::new(&scene, frame, mode, &RenderOptions::default()).rasters[0].positions.len()
+    }
+
+    #[test]
+    fn positions_are_shared_where_much_rests_and_something_moves() {
+        for (name, frame, mode, wanted) in [
+            ("three_objects", 15, "supersample:24", 8),
+            ("three_objects", 15, "supersample:72", 18),
+            // No divisor, and what is asked for.
+            ("three_objects", 15, "supersample:11", 11),
+            ("three_objects", 15, "supersample:24+pixel-samples=24", 24),
+            ("three_objects", 15, "supersample:24+pixel-samples=6", 6),
+            // Nothing rests, little rests, all rests.
+            ("crossing", 9, "supersample:24", 24),
+            ("blinker_fence", 0, "supersample:24", 24),
+            ("static", 0, "supersample:24", 24),
+            ("crossing", 9, "volumetric:3", 1),
+            ("crossing", 9, "volumetric:10", 1),
+            ("crossing", 9, "volumetric:3+kernel=ellipsoid", 3),
+            ("crossing", 9, "volumetric:3+published", 3),
+            ("crossing", 9, "volumetric:3+pixel-samples=3", 3),
+        ] {
+            assert_eq!(positions(name, frame, mode), wanted, "{name}, {mode}");
+        }
+        // Split at its seams.
+        assert!(positions("three_objects", 15, "volumetric:10") >= 10);
+    }
 }

@@ -42,12 +42,19 @@ pub(super) struct Strips {
     jumps: bool,
 }
 
-/// When a strip is read out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Delay {
-    /// Of its middle, frames.
-    pub middle: f64,
-    /// From its middle to its later edge in the image (bottom or right), frames; negative where that is read out first.
+/// A strip of one raster: the pixels that are posed together, and when they are read out.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct PosedStrip {
+    /// The axis of the image along which times change: 0 for columns, 1 for rows.
+    pub axis: usize,
+    /// Pixels along that axis that the image takes.
+    pub shown: Range<u32>,
+    /// These, and the pixels around them that filters reach.
+    pub posed: Range<u32>,
+    /// Delay of the strip's middle, frames.
+    pub delay: f64,
+    /// Time from the strip's middle to its later edge in the image (bottom or right), frames; negative where that edge
+    /// is read out first.
     pub half: f64,
 }
 
@@ -72,40 +79,38 @@ impl Strips {
         Some(Self { readout, pixels, stride, edges, jumps })
     }
 
-    /// The axis of the image along which times change: 0 for columns, 1 for rows.
-    pub(super) fn axis(&self) -> usize {
-        self.readout.direction.axis()
-    }
-
     /// Pixels of a raster, from its top or left edge on.
     pub(super) fn ranges(&self) -> impl Iterator<Item = Range<u32>> {
         self.edges.windows(2).map(|edges| edges[0]..edges[1])
     }
 
-    /// The pixels of a strip and `apron` more on both sides, of a raster with `rows` pixels. They begin at an even
-    /// pixel: neighbours that are looked at together stay together.
-    pub(super) fn with_apron(range: &Range<u32>, apron: u32, rows: u32) -> Range<u32> {
-        let start = range.start.saturating_sub(apron) & !1;
-        start..(range.end + apron).next_multiple_of(2).min(rows).max(start)
-    }
-
-    /// When the pixels `range` of the raster with this phase are read out, which is posed with those `around`.
-    pub(super) fn delay(&self, range: &Range<u32>, around: &Range<u32>, phase: [u32; 2]) -> Delay {
+    /// The strip whose pixels `shown` the image takes, of a raster of `size` pixels with this phase. It is posed with
+    /// `apron` pixels more on both sides.
+    pub(super) fn strip(&self, shown: Range<u32>, apron: u32, size: [u32; 2], phase: [u32; 2]) -> PosedStrip {
+        let axis = self.readout.direction.axis();
+        let posed = with_apron(&shown, apron, size[axis]);
         let (pixels, stride) = (f64::from(self.pixels), f64::from(self.stride));
-        let posed = if self.jumps { range } else { around };
-        let middle = 0.5 * (f64::from(posed.start) + f64::from(posed.end));
-        let place = ((middle - 0.5) * stride + f64::from(phase[self.axis()]) + 0.5) / pixels;
-        let half = 0.5 * f64::from(posed.end - posed.start) * stride / pixels;
+        let timed = if self.jumps { &shown } else { &posed };
+        let middle = 0.5 * (f64::from(timed.start) + f64::from(timed.end));
+        let place = ((middle - 0.5) * stride + f64::from(phase[axis]) + 0.5) / pixels;
+        let half = 0.5 * f64::from(timed.end - timed.start) * stride / pixels;
         let sign = if self.readout.direction.rises() { 1.0 } else { -1.0 };
         let half = if self.jumps { 0.0 } else { half * sign * self.readout.duration };
-        Delay { middle: self.readout.delay(place), half }
+        PosedStrip { axis, delay: self.readout.delay(place), half, shown, posed }
     }
+}
+
+/// The pixels `shown` and `apron` more on both sides, of a raster with `rows` pixels. They begin at an even pixel:
+/// neighbours that are looked at together stay together.
+fn with_apron(shown: &Range<u32>, apron: u32, rows: u32) -> Range<u32> {
+    let start = shown.start.saturating_sub(apron) & !1;
+    start..(shown.end + apron).next_multiple_of(2).min(rows).max(start)
 }
 
 /// How many strips there are, of at most `rows`, of a frame that is exposed within `range` (scene times, frames).
 fn count(scene: &Scene, number: f64, range: [f64; 2], rows: u32) -> u32 {
     let readout = scene.shutter.readout;
-    let rests = |object: &Object| object.is_fixed() && object.model.paths().is_empty() && scene.camera.rests();
+    let rests = |object: &Object| object.is_fixed() && object.shape.paths().is_empty() && scene.camera.rests();
     let moving: Vec<&Object> = scene.objects.iter().filter(|object| object.blur && !rests(object)).collect();
     if moving.is_empty() && scene.camera.rests() {
         return 1;
@@ -144,10 +149,7 @@ fn turn(scene: &Scene, start: f64, length: f64) -> f64 {
 /// Farthest that a point of an object is from steady motion between `start` and `start + length`, pixels: the motion
 /// that its poses at the middle and at both ends make (`Poser`). Points outside the image do not count.
 fn bend(scene: &Scene, object: &Object, number: f64, start: f64, length: f64) -> f64 {
-    let [width, height] = [scene.image.width, scene.image.height].map(f64::from);
-    let focal = focal_length(height, scene.camera.fovy);
-    let axis = scene.camera.shift * DVec2::new(width, height);
-    let paths = object.model.paths();
+    let paths = object.shape.paths();
     let at = |share: f64| {
         let time = start + share * length;
         let pose: DMat4 = camera_from_world(scene, time) * object_pose(scene, object, time).world_from_model;
@@ -155,25 +157,59 @@ fn bend(scene: &Scene, object: &Object, number: f64, start: f64, length: f64) ->
         (pose, elapsed(travelled).map(|factor| factor as f32))
     };
     let poses = [0.0, 0.25, 0.5, 0.75, 1.0].map(at);
-    // y is up here.
-    let on_image = |p: DVec3| DVec2::new(p.x, p.y) * (focal / -p.z);
-    let inside = |p: DVec2| (p.x + axis.x).abs() <= 0.5 * width && (axis.y - p.y).abs() <= 0.5 * height;
-    let positions = object.model.gaussians().map_or(&object.model.position, |gaussians| &gaussians.position);
+    let image = Image::of(scene);
+    let (positions, origin) = (object.shape.positions(), object.shape.origin());
     let of_point = |index: usize| {
         let places = poses.map(|(pose, elapsed)| {
-            pose.transform_point3(paths.place(positions[index], index, elapsed).as_dvec3() + object.model.origin)
+            pose.transform_point3(paths.place(positions[index], index, elapsed).as_dvec3() + origin)
         });
-        if places.iter().any(|p| p.is_nan() || -p.z < scene.camera.near)
-            || !places.map(on_image).map(inside).contains(&true)
-        {
+        image.bend(places)
+    };
+    let step = positions.len().div_ceil(MOST_POINTS).max(1);
+    (0..positions.len()).step_by(step).map(of_point).fold(0.0, f64::max)
+}
+
+/// The image as points of camera space see it.
+struct Image {
+    /// Width and height, pixels.
+    size: DVec2,
+    /// Focal length, pixels.
+    focal: f64,
+    /// From the image's middle to the camera's axis, pixels, y down.
+    axis: DVec2,
+    /// Nearest visible depth, scene units.
+    near: f64,
+}
+
+impl Image {
+    fn of(scene: &Scene) -> Self {
+        let [width, height] = [scene.image.width, scene.image.height].map(f64::from);
+        let size = DVec2::new(width, height);
+        let focal = focal_length(height, scene.camera.fovy);
+        Self { size, focal, axis: scene.camera.shift * size, near: scene.camera.near }
+    }
+
+    /// Pixels from the camera's axis, y up, of a point in camera space.
+    fn project(&self, p: DVec3) -> DVec2 {
+        DVec2::new(p.x, p.y) * (self.focal / -p.z)
+    }
+
+    fn holds(&self, p: DVec2) -> bool {
+        (p.x + self.axis.x).abs() <= 0.5 * self.size.x && (self.axis.y - p.y).abs() <= 0.5 * self.size.y
+    }
+
+    /// Farthest that a point is from steady motion, pixels: at both ends, the quarters and the middle of its path
+    /// through camera space. 0 where it is never seen.
+    fn bend(&self, places: [DVec3; 5]) -> f64 {
+        let is_near = |p: &DVec3| p.is_nan() || -p.z < self.near;
+        if places.iter().any(is_near) || !places.iter().any(|&p| self.holds(self.project(p))) {
             return 0.0;
         }
         let [from, early, middle, late, to] = places;
         let centre = middle + (0.5 * (from + to) - middle) * 0.5;
         let half = 0.5 * (to - from);
         let steady = [(-1.0, from), (-0.5, early), (0.0, middle), (0.5, late), (1.0, to)];
-        steady.into_iter().map(|(t, p)| on_image(centre + half * t).distance(on_image(p))).fold(0.0, f64::max)
-    };
-    let step = positions.len().div_ceil(MOST_POINTS).max(1);
-    (0..positions.len()).step_by(step).map(of_point).fold(0.0, f64::max)
+        let miss = |(t, p): (f64, DVec3)| self.project(centre + half * t).distance(self.project(p));
+        steady.into_iter().map(miss).fold(0.0, f64::max)
+    }
 }

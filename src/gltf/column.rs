@@ -14,7 +14,7 @@ pub(crate) struct Column<'a> {
 /// How many numbers a value has.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
 #[serde(rename_all = "UPPERCASE")]
-pub(crate) enum Shape {
+pub(crate) enum ValueShape {
     Scalar,
     Vec2,
     Vec3,
@@ -108,7 +108,7 @@ impl Component {
     }
 }
 
-impl Shape {
+impl ValueShape {
     pub(super) fn width(self) -> usize {
         match self {
             Self::Scalar => 1,

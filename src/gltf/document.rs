@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use serde_json::Value;
 
-use super::column::Shape;
+use super::column::ValueShape;
 
 /// Extensions of an item, by name.
 type Extensions = BTreeMap<String, Value>;
@@ -96,7 +96,7 @@ pub(crate) struct Accessor {
     pub(crate) normalized: bool,
     pub(crate) count: usize,
     #[serde(rename = "type")]
-    pub(crate) shape: Shape,
+    pub(crate) shape: ValueShape,
     pub(crate) sparse: Option<IgnoredAny>,
 }
 

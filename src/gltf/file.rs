@@ -10,7 +10,7 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use super::column::{Column, Component, Shape};
+use super::column::{Column, Component, ValueShape};
 use super::document::{Asset, BufferView, Document};
 use super::error::{GltfError, TEXT, named, quote, wrong};
 use super::uri;
@@ -79,7 +79,7 @@ impl<'a> GltfFile<'a> {
     }
 
     /// The numbers of accessor `index`, which must have this shape; `name` is what they are, for messages.
-    pub(crate) fn column(&self, index: usize, shape: Shape, name: &str) -> Result<Column<'_>, GltfError> {
+    pub(crate) fn column(&self, index: usize, shape: ValueShape, name: &str) -> Result<Column<'_>, GltfError> {
         let accessor = named(&self.document.accessors, index, "accessor")?;
         let fault = |found: String, expected: String| wrong(format!("accessor {index}, {found}"), expected).of(name);
         if accessor.shape != shape {
@@ -116,7 +116,7 @@ impl<'a> GltfFile<'a> {
     }
 
     /// The shape of accessor `index`.
-    pub(crate) fn shape(&self, index: usize) -> Result<Shape, GltfError> {
+    pub(crate) fn shape(&self, index: usize) -> Result<ValueShape, GltfError> {
         Ok(named(&self.document.accessors, index, "accessor")?.shape)
     }
 

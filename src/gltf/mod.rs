@@ -15,7 +15,7 @@ mod names;
 mod nodes;
 mod uri;
 
-pub(crate) use column::{Column, Shape};
+pub(crate) use column::{Column, ValueShape};
 pub(crate) use document::{AlphaWord, Clip, Image, Material, Node, Primitive, TextureInfo};
 pub(crate) use error::{GltfError, named, wrong};
 pub(crate) use file::{GltfFile, is_text};

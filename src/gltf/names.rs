@@ -62,7 +62,7 @@ impl Nodes {
                     moved[node] = true;
                 }
                 let sampler = named(&clip.samplers, channel.sampler, "sampler")?;
-                let times = file.column(sampler.input, super::Shape::Scalar, "times")?;
+                let times = file.column(sampler.input, super::ValueShape::Scalar, "times")?;
                 if let Some(last) = times.count.checked_sub(1) {
                     let [last] = times.get(last);
                     seconds = seconds.max(last);

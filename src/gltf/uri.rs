@@ -3,8 +3,13 @@
 //! A file may name only what lies in its own folder or below: names that lead out, by `..`, by a root, by a scheme or
 //! by a link, are refused. So a scene that keeps to one folder stays there.
 
+use std::borrow::Cow;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+
+use base64::alphabet;
+use base64::engine::{DecodePaddingMode, Engine as _, GeneralPurpose, GeneralPurposeConfig};
+use percent_encoding::percent_decode_str;
 
 use super::error::quote;
 use crate::files::{self, InputError};
@@ -26,43 +31,18 @@ pub(crate) fn inline(uri: &str) -> Option<Result<Vec<u8>, String>> {
 
 /// Base64 of RFC 4648, section 4; padding may be left out.
 fn base64(text: &[u8]) -> Option<Vec<u8>> {
+    /// Some programs leave bits after the last byte.
+    const CONFIG: GeneralPurposeConfig = GeneralPurposeConfig::new()
+        .with_decode_padding_mode(DecodePaddingMode::RequireNone)
+        .with_decode_allow_trailing_bits(true);
     let text = text.trim_ascii();
     let text = text.strip_suffix(b"==").or_else(|| text.strip_suffix(b"=")).unwrap_or(text);
-    let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 2);
-    for group in text.chunks(4) {
-        let mut bits = 0_u32;
-        for &letter in group {
-            let value = match letter {
-                b'A'..=b'Z' => letter - b'A',
-                b'a'..=b'z' => letter - b'a' + 26,
-                b'0'..=b'9' => letter - b'0' + 52,
-                b'+' => 62,
-                b'/' => 63,
-                _ => return None,
-            };
-            bits = bits << 6 | u32::from(value);
-        }
-        match group.len() {
-            4 => bytes.extend_from_slice(&bits.to_be_bytes()[1..]),
-            3 => bytes.extend_from_slice(&(bits >> 2).to_be_bytes()[2..]),
-            2 => bytes.extend_from_slice(&(bits >> 4).to_be_bytes()[3..]),
-            _ => return None,
-        }
-    }
-    Some(bytes)
+    GeneralPurpose::new(&alphabet::STANDARD, CONFIG).decode(text).ok()
 }
 
 /// `%20` and the like as the bytes that they stand for; anything else as it is.
 fn unescaped(uri: &str) -> String {
-    let mut bytes = Vec::with_capacity(uri.len());
-    let mut rest = uri.as_bytes();
-    while let Some((&first, after)) = rest.split_first() {
-        let code = (first == b'%').then(|| after.get(..2)).flatten();
-        let code = code.and_then(|hex| u8::from_str_radix(std::str::from_utf8(hex).ok()?, 16).ok());
-        bytes.push(code.unwrap_or(first));
-        rest = if code.is_some() { after.get(2..).unwrap_or_default() } else { after };
-    }
-    String::from_utf8(bytes).unwrap_or_else(|_| uri.to_owned())
+    percent_decode_str(uri).decode_utf8().map_or_else(|_| uri.to_owned(), Cow::into_owned)
 }
 
 /// The file that a relative name means beside the file `path`; an error text where it leads out of that folder.
@@ -137,7 +117,9 @@ mod tests {
         for (text, bytes) in [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm8", "fo"), ("Zm9vYmE=", "fooba")] {
             assert_eq!(base64(text.as_bytes()).unwrap(), bytes.as_bytes(), "{text}");
         }
-        for text in ["Z", "Zg=g", "Z!", "Zm9v YmE="] {
+        // The last letter of the second has bits after the last byte.
+        assert_eq!(base64(b"Zh==").unwrap(), b"f");
+        for text in ["Z", "Zg=g", "Z!", "Zm9v YmE=", "Zg==="] {
             assert!(base64(text.as_bytes()).is_none(), "{text}");
         }
         assert_eq!(inline("data:application/octet-stream;base64,Zm8=").unwrap().unwrap(), b"fo");
@@ -154,7 +136,7 @@ mod tests {
         for out in ["../x.bin", "t/../../x.bin", "/x.bin", "http://x/y", "C:\\x", "", ".", "t/.."] {
             assert!(beside(out).is_err(), "{out}");
         }
-        assert_eq!(unescaped("a%20b%zz%"), "a b%zz%");
+        assert_eq!(unescaped("a%20b%zz%%+f"), "a b%zz%%+f");
         assert_eq!(unescaped("%ff"), "%ff");
     }
 }

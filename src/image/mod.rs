@@ -59,7 +59,7 @@ pub enum ImageError {
     Layer {
         /// The layer.
         layer: &'static str,
-        /// What is wrong.
+        /// The fault.
         what: String,
     },
     /// NaN, or infinite colour.
@@ -131,7 +131,7 @@ pub enum ImageError {
     Decode {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The fault in it.
         what: String,
     },
 }
@@ -150,6 +150,15 @@ impl Picture {
         let alpha = self.rgba.iter().any(|pixel| pixel[3] < 1.0);
         let format = Format::of(path, alpha).ok_or_else(|| ImageError::UnknownFormat { path: path.to_owned() })?;
         write(path, self, format, "")
+    }
+
+    /// The picture as 8-bit sRGB: R G B A, row by row from the top, 4 bytes a pixel, with straight alpha. They are the
+    /// values of the PNG file that [`Self::write`] makes; alpha is 255 where that file has none. Layers are left out.
+    ///
+    /// # Errors
+    /// A value is not finite, or the pixels do not fit the size.
+    pub fn to_srgb8(&self) -> Result<Vec<u8>, ImageError> {
+        srgb_codes(self, true)
     }
 
     /// Reads a picture from a PNG or EXR file, whatever its name, into linear premultiplied floats.
@@ -292,8 +301,8 @@ pub fn read(path: &Path) -> Result<Picture, ImageError> {
     files::steady(|| {
         let bytes = bytes(path)?;
         let decoded = match kind(&bytes) {
-            Some(Kind::Png) => png::decode(&bytes),
-            Some(Kind::Exr) => exr::decode(&bytes),
+            Some(FileKind::Png) => png::decode(&bytes),
+            Some(FileKind::Exr) => exr::decode(&bytes),
             None => Err("neither a PNG nor an EXR file".to_owned()),
         };
         decoded.map_err(|what| ImageError::Decode { path: path.to_owned(), what })
@@ -309,8 +318,8 @@ pub fn read_settings(path: &Path) -> Option<String> {
     file.read_exact(&mut head).ok()?;
     file.rewind().ok()?;
     match kind(&head)? {
-        Kind::Png => png::settings(&mut file),
-        Kind::Exr => exr::settings(&mut file),
+        FileKind::Png => png::settings(&mut file),
+        FileKind::Exr => exr::settings(&mut file),
     }
 }
 
@@ -321,23 +330,23 @@ pub fn read_settings(path: &Path) -> Option<String> {
 pub fn is_whole(path: &Path) -> bool {
     let Ok(bytes) = files::read(path, u64::MAX) else { return false };
     match kind(&bytes) {
-        Some(Kind::Png) => png::is_whole(&bytes),
-        Some(Kind::Exr) => exr::is_whole(&bytes),
+        Some(FileKind::Png) => png::is_whole(&bytes),
+        Some(FileKind::Exr) => exr::is_whole(&bytes),
         None => false,
     }
 }
 
 #[derive(Clone, Copy)]
-enum Kind {
+enum FileKind {
     Png,
     Exr,
 }
 
-fn kind(head: &[u8]) -> Option<Kind> {
+fn kind(head: &[u8]) -> Option<FileKind> {
     if head.starts_with(png::SIGNATURE) {
-        Some(Kind::Png)
+        Some(FileKind::Png)
     } else if head.starts_with(exr::SIGNATURE) {
-        Some(Kind::Exr)
+        Some(FileKind::Exr)
     } else {
         None
     }
@@ -429,7 +438,7 @@ mod tests {
         for format in [Format::Png { bits: Bits::Eight, alpha: false }, Format::EXR] {
             let bytes = encode(&picture, format, "the settings").unwrap();
             assert!(is_whole(&bytes), "{format:?}");
-            for length in (0..bytes.len()).step_by(7).chain([bytes.len() - 1]) {
+            for length in (0..bytes.len()).step_by(61).chain([bytes.len() - 1]) {
                 assert!(!is_whole(&bytes[..length]), "{format:?} cut to {length} of {}", bytes.len());
             }
             // As a download that was given its full length before its bytes came.

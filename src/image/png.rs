@@ -3,9 +3,11 @@
 
 use std::io::{Cursor, Read, Seek, SeekFrom};
 
-use ::png::{BitDepth, ColorType, Compression, Decoder, Encoder, EncodingError, Filter, Limits, Transformations};
+use ::image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
+use ::image::{DynamicImage, ExtendedColorType, ImageDecoder as _, ImageEncoder as _, ImageResult, Limits};
 
 use super::{Bits, DEFLATE_LIMIT, ImageError, Response, SETTINGS, plausible};
+use crate::files;
 use crate::film::Picture;
 use crate::math::srgb;
 
@@ -27,30 +29,26 @@ pub(super) fn encode(
     if let Some(layer) = picture.layers.first() {
         return Err(ImageError::PngLayer { layer: layer.aov.name() });
     }
-    let (depth, data) = match bits {
-        Bits::Eight => (BitDepth::Eight, codes(picture, alpha, response, 255.0, |code| code as u8)),
+    let png = match bits {
+        Bits::Eight => {
+            let colour = if alpha { ExtendedColorType::Rgba8 } else { ExtendedColorType::Rgb8 };
+            compressed(picture, colour, &codes(picture, alpha, response, 255.0, |code| code as u8))
+        }
         Bits::Sixteen => {
+            let colour = if alpha { ExtendedColorType::Rgba16 } else { ExtendedColorType::Rgb16 };
             let codes = codes(picture, alpha, response, 65_535.0, |code| code as u16);
-            (BitDepth::Sixteen, codes.into_iter().flat_map(u16::to_be_bytes).collect())
+            compressed(picture, colour, bytemuck::cast_slice(&codes))
         }
     };
-    let colour = if alpha { ColorType::Rgba } else { ColorType::Rgb };
-    let png = compressed(picture, colour, depth, &data);
-    insert_chunks(png.map_err(|e| ImageError::Encode { what: e.to_string() })?, response, settings)
+    insert_chunks(png.map_err(|e| ImageError::Encode { what: files::cause(&e) })?, response, settings)
 }
 
-/// The bytes of a PNG file without further chunks.
-fn compressed(picture: &Picture, colour: ColorType, depth: BitDepth, data: &[u8]) -> Result<Vec<u8>, EncodingError> {
+/// The bytes of a PNG file without further chunks. Codes of 16 bits are in the order of this computer.
+fn compressed(picture: &Picture, colour: ExtendedColorType, codes: &[u8]) -> ImageResult<Vec<u8>> {
     let mut png = Vec::new();
-    let mut encoder = Encoder::new(&mut png, picture.width, picture.height);
-    encoder.set_color(colour);
-    encoder.set_depth(depth);
     // Said in full: the encoder's defaults may change.
-    encoder.set_compression(Compression::Balanced);
-    encoder.set_filter(Filter::Adaptive);
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(data)?;
-    writer.finish()?;
+    let encoder = PngEncoder::new_with_quality(&mut png, CompressionType::Default, FilterType::Adaptive);
+    encoder.write_image(codes, picture.width, picture.height, colour)?;
     Ok(png)
 }
 
@@ -182,49 +180,32 @@ fn settings_of(body: &[u8]) -> Option<String> {
 }
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Picture, String> {
-    let refused = |e: ::png::DecodingError| format!("not a readable PNG file: {e}");
-    let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), Limits { bytes: u32::MAX as usize });
+    let refused = |e: ::image::ImageError| format!("not a readable PNG file: {}", files::cause(&e));
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(u32::MAX.into());
     // Palettes become colours, and fewer bits than 8 become 8.
-    decoder.set_transformations(Transformations::EXPAND);
-    let mut reader = decoder.read_info().map_err(refused)?;
-    let (width, height) = reader.info().size();
-    let (colour, depth) = reader.output_color_type();
-    let channels = colour.samples();
-    let bytes_a_pixel = channels * if depth == BitDepth::Sixteen { 2 } else { 1 };
-    plausible(u64::from(width), u64::from(height), bytes_a_pixel as u64, DEFLATE_LIMIT, bytes.len())?;
-    let length = reader.output_buffer_size().ok_or("too many pixels")?;
-    let mut data = vec![0; length];
-    reader.next_frame(&mut data).map_err(refused)?;
-    let rgba = match depth {
-        BitDepth::Eight => linear(&data, channels, 255.0),
-        BitDepth::Sixteen => {
-            let codes: Vec<u16> = data.chunks_exact(2).map(|v| u16::from_be_bytes([v[0], v[1]])).collect();
-            linear(&codes, channels, 65_535.0)
-        }
-        other => return Err(format!("{other:?} bits a channel, expected 8 or 16")),
+    let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(refused)?;
+    let (width, height) = decoder.dimensions();
+    let colour = decoder.color_type();
+    plausible(width.into(), height.into(), colour.bytes_per_pixel().into(), DEFLATE_LIMIT, bytes.len())?;
+    let codes = DynamicImage::from_decoder(decoder).map_err(refused)?;
+    let rgba = if colour.bytes_per_pixel() > colour.channel_count() {
+        linear(codes.into_rgba16().pixels().map(|pixel| pixel.0), 65_535.0)
+    } else {
+        linear(codes.into_rgba8().pixels().map(|pixel| pixel.0), 255.0)
     };
     Ok(Picture { width, height, rgba, layers: Vec::new() })
 }
 
-/// Codes 0..=`top` in file order to linear premultiplied pixels.
-fn linear<T: Copy + Into<u16>>(codes: &[T], channels: usize, top: f32) -> Vec<[f32; 4]> {
+/// Pixels of codes 0..=`top` to linear premultiplied ones.
+fn linear<T: Into<u16>>(pixels: impl Iterator<Item = [T; 4]>, top: f32) -> Vec<[f32; 4]> {
     // Each code is decoded once: there are far fewer codes than pixels.
     let table: Vec<f32> = (0..=top as u16).map(|code| srgb::to_linear(f32::from(code) / top)).collect();
-    let light = |code: T| table[usize::from(code.into())];
-    let share = |code: T| f32::from(code.into()) / top;
-    codes
-        .chunks_exact(channels)
-        .map(|v| {
-            let (colour, a) = match *v {
-                [l] => ([l; 3], 1.0),
-                [l, a] => ([l; 3], share(a)),
-                [r, g, b] => ([r, g, b], 1.0),
-                [r, g, b, a] => ([r, g, b], share(a)),
-                // No PNG has another number of channels.
-                _ => return [0.0; 4],
-            };
-            let [r, g, b] = colour.map(|c| light(c) * a);
-            [r, g, b, a]
-        })
-        .collect()
+    let premultiplied = |pixel: [T; 4]| {
+        let [r, g, b, a] = pixel.map(Into::into);
+        let alpha = f32::from(a) / top;
+        let [r, g, b] = [r, g, b].map(|code| table[usize::from(code)] * alpha);
+        [r, g, b, alpha]
+    };
+    pixels.map(premultiplied).collect()
 }

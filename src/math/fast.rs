@@ -71,13 +71,16 @@ pub fn exp2(x: f32) -> f32 {
     exp2_within(if x < 126.0 { x } else { 126.0 })
 }
 
+/// 1.5 * 2^23: adding it leaves the nearest integer in the low mantissa bits.
+///
+/// A saturating cast would block vector code.
+pub const ROUND: f32 = 12_582_912.0;
+
 /// 2^x for x in [-126, 126]; relative error below 3e-7. Beyond, it is any number.
 #[inline(always)]
 pub fn exp2_within(x: f32) -> f32 {
     const C: [f32; 7] =
         [1.0, std::f32::consts::LN_2, 0.240_226_5, 0.055_503_27, 0.009_618_026, 0.001_340_043_2, 0.000_154_697_32];
-    /// Adding this leaves the nearest integer in the low mantissa bits. (A saturating cast would block vector code.)
-    const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
     let shifted = x + ROUND;
     let whole = shifted - ROUND;
     let f = x - whole;

@@ -4,22 +4,25 @@
 //! Along a ray, the tangent-plane coordinates of the kernel are linear in the time tau in [-1, 1]:
 //! (u, v)(tau) = (`at` + tau `rate`) / w. All functions take the numerator and w, so they are regular without motion.
 
-use std::f32::consts::{FRAC_PI_4, SQRT_2};
+use std::f32::consts::SQRT_2;
 
 use super::fast;
 
 /// Squared motion in radii below which a kernel counts as unmoved. Its ends would differ by less than rounding.
-const UNMOVED: f32 = 1e-12;
+pub const UNMOVED: f32 = 1e-12;
 
 /// 1 / integral of exp(-2 tau^2) over [-1, 1], = sqrt(2/pi) / erf(sqrt 2).
-const ELLIPSOID: f32 = 0.835_918_96;
+pub const ELLIPSOID_PEAK: f32 = 0.835_918_96;
 
 /// Integral of exp(-2 r^2) over the unit disc over its integral over the unit ball: (1 - e^-2)/2 over
 /// sqrt(pi/8) erf(sqrt 2) - e^-2.
-const LINE: f32 = 0.934_149_1;
+pub const LINE_PEAK: f32 = 0.934_149_1;
 
 /// sqrt(pi)/2.
-const HALF_SQRT_PI: f32 = 0.886_226_9;
+pub const HALF_SQRT_PI: f32 = 0.886_226_9;
+
+/// sqrt(pi/2).
+pub const SQRT_HALF_PI: f32 = 1.253_314_1;
 
 /// Tangent-plane coordinates, times w, along one ray (docs/math.md, eq. 11).
 #[derive(Clone, Copy, Debug)]
@@ -152,7 +155,7 @@ pub fn tube_weight(mean: f32, [first, last]: [f32; 2]) -> f32 {
 /// integral of exp(-2 tau^2) over [-1, 1] (docs/math.md, eq. 15).
 #[inline(always)]
 pub fn ellipsoid_weight(mean: f32, [first, last]: [f32; 2]) -> f32 {
-    mean * (ELLIPSOID * (last - first))
+    mean * (ELLIPSOID_PEAK * (last - first))
 }
 
 /// Weight of an ellipsoid by its line integral: that of G = D exp(-2 (u^2 + v^2 + tau^2)) along the part of the ray
@@ -161,14 +164,14 @@ pub fn ellipsoid_weight(mean: f32, [first, last]: [f32; 2]) -> f32 {
 /// normal, which is what lengths along the ray are over the time (docs/math.md, eq. 16b).
 #[inline(always)]
 pub fn line_weight(mean: f32, [first, last]: [f32; 2], slant: f32) -> f32 {
-    mean * (LINE * (last - first)) * slant
+    mean * (LINE_PEAK * (last - first)) * slant
 }
 
 /// Factor on a chord's weight that keeps a kernel's integral over the screen the same whatever its motion (Wolf 2008,
 /// 4.1.2). The integral of the unbounded ellipsoid is its chord weight times sqrt(pi/2) / sqrt(a/w^2).
 #[inline(always)]
 pub fn chord_intensity(sweep: &Sweep) -> f32 {
-    (2.0 * FRAC_PI_4).sqrt() * ELLIPSOID / sweep.speed2().sqrt()
+    SQRT_HALF_PI * ELLIPSOID_PEAK / sweep.speed2().sqrt()
 }
 
 /// The middles of the 32nds of [-1, 1] that lie in [first, last], as bits; the earliest is the lowest bit.
@@ -180,9 +183,7 @@ pub fn moments([first, last]: [f32; 2]) -> u32 {
 /// Number of middles before `tau` in [-1, 1].
 #[inline(always)]
 fn below(tau: f32) -> u32 {
-    /// Adding this leaves the nearest integer in the low mantissa bits.
-    const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
-    let count = (16.0 * tau + (16.0 + ROUND)).to_bits() & 63;
+    let count = (16.0 * tau + (16.0 + fast::ROUND)).to_bits() & 63;
     let ones = (1_u32 << (count & 31)).wrapping_sub(1);
     if count < 32 { ones } else { u32::MAX }
 }

@@ -21,7 +21,7 @@ use crate::files::Input;
 const VERSION: u32 = 2;
 const HEADER: usize = 64;
 const CRC_AT: usize = 48;
-/// Of version 2: the number of columns.
+/// Offset of the number of columns in version 2.
 const COLUMNS_AT: usize = 52;
 /// Bytes of a column's entry in the directory: name, type, components, offset, length.
 const ENTRY: usize = 48;
@@ -34,7 +34,7 @@ const HAS_MATERIAL: u32 = 1;
 const HAS_VELOCITY: u32 = 2;
 const TWO_SIDED: u32 = 4;
 const SIGNS_ESTIMATED: u32 = 8;
-/// Of version 2: velocities are per second and not per frame.
+/// Flag of version 2: velocities are per second and not per frame.
 const PER_SECOND: u32 = 16;
 
 /// A column that this version knows.

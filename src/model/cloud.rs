@@ -6,6 +6,10 @@ use super::flaw::Columns;
 use super::surfels::{Material, VelocityUnit};
 use crate::limits::Invalid;
 
+/// Every channel of a surface whose file has no colours, linear: the grey .58 of a display. White would leave no room
+/// for light.
+pub(super) const PLAIN: f32 = 0.3;
+
 /// How a file stored its colours. This decides the default colour space.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColourStorage {

@@ -22,7 +22,7 @@ use glam::{DVec3, Vec3};
 
 use super::cloud::Cloud;
 use super::error::ParseError;
-use super::ply_header::{Element, Kind, Scalar};
+use super::ply_header::{Element, PropertyKind, Scalar};
 use super::surfels::Material;
 use super::tidy::MAX_COORDINATE;
 
@@ -200,8 +200,8 @@ pub(super) struct Finder<'a> {
 impl<'a> Finder<'a> {
     pub(super) fn new(element: &'a Element) -> Self {
         let plain = element.properties.iter().enumerate().filter_map(|(i, p)| match p.kind {
-            Kind::Scalar(scalar) => Some((p.name.as_str(), (i, scalar))),
-            Kind::List { .. } => None,
+            PropertyKind::Scalar(scalar) => Some((p.name.as_str(), (i, scalar))),
+            PropertyKind::List { .. } => None,
         });
         Self { element, by_name: plain.collect(), indices: vec![None; element.properties.len()], types: Vec::new() }
     }

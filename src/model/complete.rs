@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::cloud::{Cloud, ColourStorage};
+use super::cloud::{Cloud, ColourStorage, PLAIN};
 use super::error::ModelError;
 use super::neighbours::{Distinct, Neighbours};
 use super::options::{ColourSpace, LoadOptions, Progress};
@@ -276,11 +276,11 @@ fn scaled_axes(axes: [Vec3; 2], normal: Vec3, radius: f32, scale: f64) -> [Vec3;
     if u.cross(v).dot(normal) < 0.0 { [v, u] } else { [u, v] }
 }
 
-/// Colours in linear light; white where there is none.
+/// Colours in linear light; grey where there is none.
 fn linear_colours(cloud: &Cloud, points: usize, space: Option<ColourSpace>, notes: &mut Vec<String>) -> Vec<Vec3> {
     if cloud.colour.is_empty() {
-        notes.push("no colours: white".to_owned());
-        return vec![Vec3::ONE; points];
+        notes.push("no colours: grey".to_owned());
+        return vec![Vec3::splat(PLAIN); points];
     }
     let unusable = cloud.colour.par_iter().filter(|c| !c.is_finite()).count();
     if unusable > 0 {

@@ -175,7 +175,7 @@ pub enum ModelError {
 }
 
 impl ModelError {
-    /// Of a model file that is no input.
+    /// The error of a model file that is no input.
     pub(super) fn of_input(path: &Path, why: InputError) -> Self {
         let path = path.to_owned();
         match why {

@@ -1,4 +1,4 @@
-//! What is wrong with the columns of a model that a program made. Readers of files make none that are.
+//! Faults in the columns of a model that a program made. Readers of files make none.
 
 use std::fmt::Debug;
 

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 /// A scalar field in the cube from -1 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shape {
+pub enum FieldShape {
     /// A ring of smoke: exp(-(d/0.2)^2), with d the distance from the circle of radius 0.6 about the y axis.
     Torus,
     /// A ball of radius 0.7 with an edge of 0.1: (0.7 - |p|)/0.1 + 1/2, within 0 and 1.
@@ -20,7 +20,7 @@ pub enum Shape {
     Zebra,
 }
 
-impl Shape {
+impl FieldShape {
     /// The value at a place, from 0 to 1.
     pub fn at(self, p: DVec3) -> f64 {
         match self {
@@ -58,7 +58,7 @@ impl Storage {
 ///
 /// # Errors
 /// The writer fails.
-pub fn write(shape: Shape, size: u32, storage: Storage, out: &mut impl Write) -> io::Result<()> {
+pub fn write(shape: FieldShape, size: u32, storage: Storage, out: &mut impl Write) -> io::Result<()> {
     let spacing = 2.0 / f64::from(size);
     let first = 0.5 * spacing - 1.0;
     let kind = match storage {

@@ -27,7 +27,7 @@ const MOST_KERNELS_A_BYTE: u64 = 8;
 
 /// A model, and what a user should know about how it was read.
 #[derive(Clone, Debug)]
-pub struct Loaded {
+pub struct LoadedModel {
     /// The model, in file order; empty where it is `gaussians`.
     pub surfels: Surfels,
     /// The Gaussians of a capture or the kernels of a volume, in file order; `None` for all other models, and where
@@ -69,7 +69,7 @@ impl MeshSource {
 
     /// The mesh sampled again: with `spacing` (model units), but within a range of numbers of surfels. `None` if it
     /// cannot be sampled.
-    pub(crate) fn resampled(&self, spacing: f64, surfels: [f64; 2]) -> Option<Loaded> {
+    pub(crate) fn resampled(&self, spacing: f64, surfels: [f64; 2]) -> Option<LoadedModel> {
         let spacing = mesh::limited(&self.mesh, spacing, surfels, self.options.reduce);
         let options = MeshOptions { spacing: Spacing::Of(spacing), ..self.options };
         sampled(Arc::clone(&self.mesh), options, self.radius_scale).ok()
@@ -103,8 +103,8 @@ pub fn parse(bytes: &[u8], format: Format) -> Result<Parsed, ParseError> {
 /// The bytes are not a valid file of this format.
 pub fn parse_mesh(bytes: &[u8], format: Format) -> Result<Option<Mesh>, ParseError> {
     Ok(match read(bytes, format, true, &|_| {})? {
-        Content::Mesh(cloud, triangles) => Some(mesh::of_cloud(cloud, triangles, None)),
-        Content::Capture(_) | Content::Cloud(_) | Content::Surfels(_) | Content::Grid(_) => None,
+        ModelContent::Mesh(cloud, triangles) => Some(mesh::of_cloud(cloud, triangles, None)),
+        ModelContent::Capture(_) | ModelContent::Cloud(_) | ModelContent::Surfels(_) | ModelContent::Grid(_) => None,
     })
 }
 
@@ -114,8 +114,8 @@ pub fn parse_mesh(bytes: &[u8], format: Format) -> Result<Option<Mesh>, ParseErr
 /// The bytes are not a valid file of this format.
 pub fn parse_capture(bytes: &[u8], format: Format) -> Result<Option<Gaussians>, ParseError> {
     Ok(match read(bytes, format, false, &|_| {})? {
-        Content::Capture(gaussians) => Some(gaussians),
-        Content::Cloud(_) | Content::Mesh(..) | Content::Surfels(_) | Content::Grid(_) => None,
+        ModelContent::Capture(gaussians) => Some(gaussians),
+        ModelContent::Cloud(_) | ModelContent::Mesh(..) | ModelContent::Surfels(_) | ModelContent::Grid(_) => None,
     })
 }
 
@@ -123,7 +123,7 @@ pub fn parse_capture(bytes: &[u8], format: Format) -> Result<Option<Gaussians>, 
 ///
 /// # Errors
 /// The file cannot be read, is not a regular file, or is not a valid model of a known format with at least one point.
-pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<Loaded, ModelError> {
+pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Result<LoadedModel, ModelError> {
     match open(path, options, progress)? {
         ReadFile::Ready(loaded) => Ok(*loaded),
         ReadFile::Mesh(mesh) => sample_mesh(mesh, options, path, progress),
@@ -133,7 +133,7 @@ pub fn load(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
 /// A model file that was read.
 pub(crate) enum ReadFile {
     /// With all that was to be made of it.
-    Ready(Box<Loaded>),
+    Ready(Box<LoadedModel>),
     /// To be sampled.
     Mesh(Mesh),
 }
@@ -148,16 +148,16 @@ pub(crate) fn open(path: &Path, options: &LoadOptions, progress: Progress<'_>) -
     };
     let owned = || path.to_owned();
     let parsed = match (content, options.kind) {
-        (Content::Capture(gaussians), None | Some(Kind::Gaussians)) => {
+        (ModelContent::Capture(gaussians), None | Some(Kind::Gaussians)) => {
             return capture(gaussians, options, path).map(ready);
         }
         (_, Some(Kind::Gaussians)) => return Err(ModelError::NoGaussians { path: owned() }),
-        (Content::Grid(_), Some(Kind::Surfels)) => return Err(ModelError::NoSurfels { path: owned() }),
-        (Content::Grid(grid), None | Some(Kind::Volume)) => {
+        (ModelContent::Grid(_), Some(Kind::Surfels)) => return Err(ModelError::NoSurfels { path: owned() }),
+        (ModelContent::Grid(grid), None | Some(Kind::Volume)) => {
             let made = volume::of_grid(&grid, &options.volume, options.radius_scale, most_kernels(size), progress);
             return of_volume(made, path).map(ready);
         }
-        (Content::Cloud(cloud), kind) if kind == Some(Kind::Volume) || kind.is_none() && is_volume(&cloud) => {
+        (ModelContent::Cloud(cloud), kind) if kind == Some(Kind::Volume) || kind.is_none() && is_volume(&cloud) => {
             let linear = options.colour_space.map(|space| space == ColourSpace::Linear);
             let moves = !(cloud.velocity.is_empty() && cloud.acceleration.is_empty());
             let samples = Samples::from_cloud(tidy::tidy(cloud), linear);
@@ -171,7 +171,7 @@ pub(crate) fn open(path: &Path, options: &LoadOptions, progress: Progress<'_>) -
             return Ok(ready(loaded));
         }
         (_, Some(Kind::Volume)) => return Err(ModelError::NoVolume { path: owned() }),
-        (Content::Mesh(cloud, triangles), _) => {
+        (ModelContent::Mesh(cloud, triangles), _) => {
             return Ok(ReadFile::Mesh(mesh::of_cloud(cloud, triangles, options.colour_space)));
         }
         (content, _) => tidied(content),
@@ -181,7 +181,7 @@ pub(crate) fn open(path: &Path, options: &LoadOptions, progress: Progress<'_>) -
         Parsed::Surfels(surfels) if surfels.is_empty() => {
             Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: String::new() })
         }
-        Parsed::Surfels(surfels) => Ok(ready(Loaded {
+        Parsed::Surfels(surfels) => Ok(ready(LoadedModel {
             surfels: adjust(surfels, options),
             gaussians: None,
             volume: None,
@@ -197,7 +197,7 @@ enum Contents {
     /// With its materials.
     Mesh(Mesh),
     /// And the size of the file, bytes.
-    Other(Content, u64),
+    Other(ModelContent, u64),
 }
 
 /// Reads the bytes of a model file, and those of the files that it names, and nothing more: what comes after need not
@@ -221,7 +221,7 @@ fn contents(path: &Path, options: &LoadOptions, progress: Progress<'_>) -> Resul
             Fault::Format(why) => invalid(why),
             Fault::Io(why) => of_input(why.into()),
         })?;
-        return Ok(Contents::Other(Content::Surfels(surfels), size));
+        return Ok(Contents::Other(ModelContent::Surfels(surfels), size));
     }
     let bytes = input.whole(u64::MAX).map_err(of_input)?;
     let format = Format::detect(&bytes, path).ok_or_else(|| ModelError::UnknownFormat { path: path.to_owned() })?;
@@ -245,7 +245,7 @@ fn completed(
     options: &LoadOptions,
     path: &Path,
     progress: Progress<'_>,
-) -> Result<Loaded, ModelError> {
+) -> Result<LoadedModel, ModelError> {
     let mut notes = std::mem::take(&mut cloud.notes);
     if !cloud.density.is_empty() {
         notes.push("`density` ignored: the points are drawn as surfels (kind `volume` uses it)".to_owned());
@@ -259,11 +259,11 @@ fn completed(
     })?;
     notes.extend(completed);
     notes.extend(inward::note(&surfels));
-    Ok(Loaded { surfels, gaussians: None, volume: None, mesh: None, notes })
+    Ok(LoadedModel { surfels, gaussians: None, volume: None, mesh: None, notes })
 }
 
 /// The vertices of a mesh as points.
-fn vertices(mesh: Mesh, options: &LoadOptions, path: &Path, progress: Progress<'_>) -> Result<Loaded, ModelError> {
+fn vertices(mesh: Mesh, options: &LoadOptions, path: &Path, progress: Progress<'_>) -> Result<LoadedModel, ModelError> {
     let cloud = Cloud {
         position: mesh.position,
         normal: mesh.normal,
@@ -288,7 +288,7 @@ pub fn sample_mesh(
     options: &LoadOptions,
     path: &Path,
     progress: Progress<'_>,
-) -> Result<Loaded, ModelError> {
+) -> Result<LoadedModel, ModelError> {
     progress("sampling", 0.0);
     let loaded = sampled(mesh.into(), options.mesh, options.radius_scale).map_err(|why| match why {
         Unsampled::Flat { triangles } => ModelError::FlatMesh { path: path.to_owned(), triangles },
@@ -302,13 +302,13 @@ pub fn sample_mesh(
     Ok(loaded)
 }
 
-fn sampled(mesh: Arc<Mesh>, options: MeshOptions, radius_scale: f64) -> Result<Loaded, Unsampled> {
+fn sampled(mesh: Arc<Mesh>, options: MeshOptions, radius_scale: f64) -> Result<LoadedModel, Unsampled> {
     let Sampled { surfels, spacing, notes: of_sampling } = mesh::sample(&mesh, &options, radius_scale)?;
     let mut notes = mesh.notes.clone();
     notes.extend(of_sampling);
     notes.extend(inward::note(&surfels));
     let mesh = Some(MeshSource { mesh, options, radius_scale, spacing });
-    Ok(Loaded { surfels, gaussians: None, volume: None, mesh, notes })
+    Ok(LoadedModel { surfels, gaussians: None, volume: None, mesh, notes })
 }
 
 /// Most kernels of a volume whose file has `size` bytes: a small file that packs more is an attempt to fill memory.
@@ -322,14 +322,14 @@ fn is_volume(cloud: &Cloud) -> bool {
 }
 
 /// The kernels of a volume, of which there is one at least.
-fn of_volume(made: Result<Made, ParseError>, path: &Path) -> Result<Loaded, ModelError> {
+fn of_volume(made: Result<Made, ParseError>, path: &Path) -> Result<LoadedModel, ModelError> {
     let Made { gaussians, facts, notes } = made.map_err(|why| ModelError::Invalid { path: path.to_owned(), why })?;
     if gaussians.is_empty() {
         let mut why = notes;
         why.push("no sample has an extinction above 0".to_owned());
         return Err(ModelError::NoPointsIn { path: path.to_owned(), dropped: format!(": {}", why.join("; ")) });
     }
-    Ok(Loaded { surfels: Surfels::default(), gaussians: Some(gaussians), volume: Some(facts), mesh: None, notes })
+    Ok(LoadedModel { surfels: Surfels::default(), gaussians: Some(gaussians), volume: Some(facts), mesh: None, notes })
 }
 
 /// Refuses captures of programs that keep the meaning of their bytes to themselves, or spread them over many files.
@@ -346,19 +346,19 @@ fn refuse_by_name(path: &Path) -> Result<(), ModelError> {
     }
 }
 
-/// What is drawn as surfels, without points that cannot be drawn.
-fn tidied(content: Content) -> Parsed {
+/// Points that are drawn as surfels, without those that cannot be drawn.
+fn tidied(content: ModelContent) -> Parsed {
     match content {
         // A mesh that is not sampled was read as its vertices.
-        Content::Cloud(cloud) | Content::Mesh(cloud, _) => Parsed::Cloud(tidy::tidy(cloud)),
-        Content::Capture(gaussians) => Parsed::Cloud(tidy::tidy(gaussians.into_cloud())),
-        Content::Surfels(surfels) => Parsed::Surfels(surfels),
-        Content::Grid(grid) => Parsed::Grid(grid),
+        ModelContent::Cloud(cloud) | ModelContent::Mesh(cloud, _) => Parsed::Cloud(tidy::tidy(cloud)),
+        ModelContent::Capture(gaussians) => Parsed::Cloud(tidy::tidy(gaussians.into_cloud())),
+        ModelContent::Surfels(surfels) => Parsed::Surfels(surfels),
+        ModelContent::Grid(grid) => Parsed::Grid(grid),
     }
 }
 
 /// A capture that stays one.
-fn capture(mut gaussians: Gaussians, options: &LoadOptions, path: &Path) -> Result<Loaded, ModelError> {
+fn capture(mut gaussians: Gaussians, options: &LoadOptions, path: &Path) -> Result<LoadedModel, ModelError> {
     let mut notes = std::mem::take(&mut gaussians.notes);
     if gaussians.dropped > 0 {
         notes.push(format!(
@@ -377,11 +377,11 @@ fn capture(mut gaussians: Gaussians, options: &LoadOptions, path: &Path) -> Resu
     if let Some(space) = options.colour_space {
         gaussians.linear = space == ColourSpace::Linear;
     }
-    Ok(Loaded { surfels: Surfels::default(), gaussians: Some(gaussians), volume: None, mesh: None, notes })
+    Ok(LoadedModel { surfels: Surfels::default(), gaussians: Some(gaussians), volume: None, mesh: None, notes })
 }
 
 /// What the readers give.
-enum Content {
+enum ModelContent {
     Cloud(Cloud),
     /// Vertices, and the corners of triangles.
     Mesh(Cloud, Vec<[u32; 3]>),
@@ -391,25 +391,25 @@ enum Content {
 }
 
 /// `faces`: files with faces are meshes.
-fn read(bytes: &[u8], format: Format, faces: bool, progress: &dyn Fn(f32)) -> Result<Content, ParseError> {
+fn read(bytes: &[u8], format: Format, faces: bool, progress: &dyn Fn(f32)) -> Result<ModelContent, ParseError> {
     Ok(match format {
         Format::Ply => match ply::parse(bytes, faces, progress)? {
-            ply::Content::Cloud(cloud) => Content::Cloud(cloud),
-            ply::Content::Mesh(cloud, triangles) => Content::Mesh(cloud, triangles),
-            ply::Content::Capture(gaussians) => Content::Capture(gaussians),
+            ply::PlyContent::Cloud(cloud) => ModelContent::Cloud(cloud),
+            ply::PlyContent::Mesh(cloud, triangles) => ModelContent::Mesh(cloud, triangles),
+            ply::PlyContent::Capture(gaussians) => ModelContent::Capture(gaussians),
         },
-        Format::Sfl => Content::Cloud(sfl::parse(bytes, progress)?),
-        Format::Obj => Content::Cloud(obj::parse(bytes, progress)?),
-        Format::Xyz => Content::Cloud(xyz::parse(bytes, xyz::Kind::Xyz, progress)?),
-        Format::Pts => Content::Cloud(xyz::parse(bytes, xyz::Kind::Pts, progress)?),
-        Format::Splat => Content::Capture(capture::parse_splat(bytes, progress)?),
-        Format::Sog => Content::Capture(capture::parse_sog(bytes, progress)?),
-        Format::Spz => Content::Capture(capture::parse_spz(bytes)?),
-        Format::Glb => Content::Capture(capture::parse_glb(bytes)?),
+        Format::Sfl => ModelContent::Cloud(sfl::parse(bytes, progress)?),
+        Format::Obj => ModelContent::Cloud(obj::parse(bytes, progress)?),
+        Format::Xyz => ModelContent::Cloud(xyz::parse(bytes, xyz::TextKind::Xyz, progress)?),
+        Format::Pts => ModelContent::Cloud(xyz::parse(bytes, xyz::TextKind::Pts, progress)?),
+        Format::Splat => ModelContent::Capture(capture::parse_splat(bytes, progress)?),
+        Format::Sog => ModelContent::Capture(capture::parse_sog(bytes, progress)?),
+        Format::Spz => ModelContent::Capture(capture::parse_spz(bytes)?),
+        Format::Glb => ModelContent::Capture(capture::parse_glb(bytes)?),
         // Its triangles are read by `mesh::read`.
         Format::Gltf => return Err(ParseError::byte(0, "a glTF text without triangles", "triangles")),
-        Format::Bin => Content::Surfels(bin::parse(bytes)?),
-        Format::Nrrd => Content::Grid(volume::parse_nrrd(bytes, progress)?),
+        Format::Bin => ModelContent::Surfels(bin::parse(bytes)?),
+        Format::Nrrd => ModelContent::Grid(volume::parse_nrrd(bytes, progress)?),
     })
 }
 

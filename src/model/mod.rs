@@ -1,13 +1,15 @@
 //! Point models: reads files of several formats into a [`Cloud`], and completes a cloud into [`Surfels`].
 //!
 //! Data flow: `format` (which format a file has) → `ply`, `sfl`, `obj`, `xyz`, `bin` (bytes to a cloud) → `tidy`
-//! (points and attributes that cannot be drawn) → `complete` (normals and radii that are missing; `sides`: do the
-//! signs of normals mean something?) → `surfels`. A mesh (`mesh`) is sampled to surfels. Captures (`capture`) and
-//! volumes (`volume`) become [`Gaussians`]. `load` does all this. `normalisation` is computed when it is asked for.
+//! (points and attributes that cannot be drawn), or `builder` (points of a program) → `complete` (normals and radii
+//! that are missing; `sides`: do the signs of normals mean something?) → `surfels`. A mesh (`mesh`) is sampled to
+//! surfels. Captures (`capture`) and volumes (`volume`) become [`Gaussians`]. `load` does all this. `normalisation` is
+//! computed when it is asked for.
 
 mod area_normals;
 mod bin;
 mod bin_stream;
+mod builder;
 mod capture;
 mod cloud;
 mod columns;
@@ -48,13 +50,14 @@ mod xyz;
 mod xyz_names;
 
 pub use bin::write_bin;
+pub use builder::SurfelsBuilder;
 pub use capture::{Gaussians, Optics};
 pub use cloud::{Cloud, ColourStorage};
 pub use complete::complete;
 pub use error::{ModelError, ParseError, Place};
 pub use format::Format;
 pub(crate) use inward::INWARD;
-pub use load::{Loaded, MeshSource, Parsed, load, parse, parse_capture, parse_mesh, sample_mesh};
+pub use load::{LoadedModel, MeshSource, Parsed, load, parse, parse_capture, parse_mesh, sample_mesh};
 pub(crate) use load::{ReadFile, open};
 pub use options::{ColourSpace, Kind, LoadOptions, MeshOptions, Progress, Spacing};
 pub use surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA, Material, Normalisation, Surfels, VelocityUnit};

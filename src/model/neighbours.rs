@@ -1,20 +1,18 @@
 //! Nearest neighbours among the distinct points of a cloud.
 //!
-//! The kd-tree merges equal points first, so that many copies cost nothing and a neighbour is always another place.
+//! Equal points are merged first, so that many copies cost nothing and a neighbour is always another place.
 //! Ties in distance are broken by index, so the result depends neither on threads nor on the computer.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
+use rstar::primitives::GeomWithData;
+use rstar::{RStarInsertionStrategy, RTree, RTreeParams};
 
 use super::options::Progress;
 use super::order::morton_codes;
 
-/// Points below which a subtree is searched linearly; 4, 8 and 16 are about equally fast.
-const LEAF: usize = 8;
-/// Points above which a subtree is built by two threads.
-const FORK: usize = 4096;
 /// Points whose neighbours one task finds.
 const CHUNK: usize = 4096;
 
@@ -48,105 +46,48 @@ impl Distinct {
     }
 }
 
-#[derive(Clone, Copy)]
-struct Node {
-    position: Vec3,
-    index: u32,
+/// A point with its index. The library measures in the type of the coordinates, and squares of `f32` are too coarse.
+type Point = GeomWithData<[f64; 3], u32>;
+
+/// Nodes of up to 12 children. The 6 of the library take half as much memory again: 120 bytes a point.
+struct Wide;
+
+impl RTreeParams for Wide {
+    const MIN_SIZE: usize = 4;
+    const MAX_SIZE: usize = 12;
+    // Nothing is inserted later.
+    const REINSERTION_COUNT: usize = 1;
+    type DefaultInsertionStrategy = RStarInsertionStrategy;
 }
 
-/// A balanced kd-tree without pointers. The root of the range a..b is its middle, which splits along `axis[middle]`.
-pub(super) struct Tree {
-    nodes: Vec<Node>,
-    axis: Vec<u8>,
-}
+/// A tree of points (an R*-tree, crate `rstar`).
+pub(super) struct Tree(RTree<Point, Wide>);
 
 impl Tree {
-    /// Builds the tree of (position, index) pairs in O(n log n), in parallel. Positions must be finite.
+    /// Builds the tree of (position, index) pairs. Positions must be finite.
+    ///
+    /// Points that are near each other should be near in the order too, as along a Morton curve. If points of one line
+    /// or plane come in any order, searches take about twenty times as long.
     pub(super) fn new(points: impl Iterator<Item = (Vec3, u32)>) -> Self {
-        let mut nodes: Vec<Node> = points.map(|(position, index)| Node { position, index }).collect();
-        let mut axis = vec![0; nodes.len()];
-        build(&mut nodes, &mut axis);
-        Self { nodes, axis }
+        let points = points.map(|(p, index)| Point::new(p.as_dvec3().to_array(), index));
+        Self(RTree::bulk_load_with_params(points.collect()))
     }
 
     /// Fills `found` with the squared distances and indices of the (at most) `count` points nearest to `p`. The nearest
     /// is first; among equals the lower index is first. A point of index `except` does not count.
     pub(super) fn nearest(&self, p: Vec3, except: u32, count: usize, found: &mut Vec<(f64, u32)>) {
         found.clear();
-        if count > 0 {
-            let mut query = Query { p: p.as_dvec3(), except, count, found };
-            self.search(0, self.nodes.len(), DVec3::ZERO, &mut query);
+        for (point, square) in self.0.nearest_neighbor_iter_with_distance_2(p.as_dvec3().to_array()) {
+            // All that are as far as the last one are found, and then the lowest indices are kept.
+            if found.len() >= count && found.last().is_some_and(|last| square > last.0) {
+                break;
+            }
+            if point.data != except {
+                found.push((square, point.data));
+            }
         }
-    }
-
-    /// Searches a range. `offset` is the componentwise distance of the query from the box of the range. Every point in
-    /// the box is at least that far along each axis, and rounding is monotonic, so no point is missed.
-    fn search(&self, from: usize, to: usize, offset: DVec3, query: &mut Query<'_>) {
-        if to - from <= LEAF {
-            self.nodes[from..to].iter().for_each(|node| query.offer(node));
-            return;
-        }
-        let middle = from.midpoint(to);
-        let axis = usize::from(self.axis[middle]);
-        let node = &self.nodes[middle];
-        query.offer(node);
-        let across = query.p[axis] - f64::from(node.position[axis]);
-        let (near, far) =
-            if across < 0.0 { ((from, middle), (middle + 1, to)) } else { ((middle + 1, to), (from, middle)) };
-        self.search(near.0, near.1, offset, query);
-        let mut offset = offset;
-        offset[axis] = across;
-        if offset.length_squared() <= query.farthest() {
-            self.search(far.0, far.1, offset, query);
-        }
-    }
-}
-
-struct Query<'a> {
-    p: DVec3,
-    except: u32,
-    count: usize,
-    found: &'a mut Vec<(f64, u32)>,
-}
-
-impl Query<'_> {
-    fn farthest(&self) -> f64 {
-        if self.found.len() < self.count { f64::INFINITY } else { self.found[self.count - 1].0 }
-    }
-
-    fn offer(&mut self, node: &Node) {
-        let candidate = ((self.p - node.position.as_dvec3()).length_squared(), node.index);
-        if candidate.0 > self.farthest() || node.index == self.except {
-            return;
-        }
-        let nearer = self.found.iter().rev().position(|f| *f < candidate);
-        let place = nearer.map_or(0, |back| self.found.len() - back);
-        self.found.insert(place, candidate);
-        self.found.truncate(self.count);
-    }
-}
-
-fn build(nodes: &mut [Node], axis: &mut [u8]) {
-    if nodes.len() <= LEAF {
-        return;
-    }
-    let (min, max) =
-        nodes.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), n| (lo.min(n.position), hi.max(n.position)));
-    let along = (max - min).max_position();
-    let middle = nodes.len() / 2;
-    nodes.select_nth_unstable_by(middle, |a, b| {
-        a.position[along].total_cmp(&b.position[along]).then(a.index.cmp(&b.index))
-    });
-    axis[middle] = along as u8;
-    let parallel = nodes.len() > FORK;
-    let (left, right) = nodes.split_at_mut(middle);
-    let (left_axis, right_axis) = axis.split_at_mut(middle);
-    let (right, right_axis) = (&mut right[1..], &mut right_axis[1..]);
-    if parallel {
-        rayon::join(|| build(left, left_axis), || build(right, right_axis));
-    } else {
-        build(left, left_axis);
-        build(right, right_axis);
+        found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        found.truncate(count);
     }
 }
 
@@ -159,8 +100,7 @@ pub(super) struct Neighbours {
 impl Neighbours {
     /// Finds the `count` nearest other points of each of some distinct points, or all others where there are fewer.
     ///
-    /// The search is that of Arya and Mount 1993, which updates distances to boxes incrementally. It needs 4 bytes for
-    /// each neighbour.
+    /// It needs 4 bytes for each neighbour, and 80 for each point while it searches.
     pub(super) fn new(points: &[Vec3], count: usize, progress: Progress<'_>) -> Self {
         let row = count.min(points.len().saturating_sub(1));
         if row == 0 {

@@ -84,6 +84,7 @@ impl Paths<'_> {
 
 impl Surfels {
     /// How the surfels move by themselves.
+    #[doc(hidden)]
     pub fn paths(&self) -> Paths<'_> {
         Paths { columns: [&self.velocity, &self.acceleration, &[]] }
     }

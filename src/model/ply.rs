@@ -20,7 +20,7 @@ use super::error::ParseError;
 use super::mesh::polygon::fans;
 use super::ply_body::{Body, within};
 use super::ply_faces::{self, Triangles};
-use super::ply_header::{self, Element, Encoding, Header, Kind, Scalar};
+use super::ply_header::{self, Element, Encoding, Header, PropertyKind, Scalar};
 use super::ply_scales;
 use super::surfels::VelocityUnit;
 use super::tidy;
@@ -36,7 +36,7 @@ pub(super) const SIGNS_ESTIMATED: &str = "splatblur estimated the signs of the n
 pub(super) const PER_FRAME: &str = "splatblur velocities are per frame";
 
 /// What a PLY file holds.
-pub(super) enum Content {
+pub(super) enum PlyContent {
     /// Points, surfels, or the vertices of a mesh.
     Cloud(Cloud),
     /// Vertices, and the corners of triangles: at least one, all valid.
@@ -45,7 +45,7 @@ pub(super) enum Content {
     Capture(Gaussians),
 }
 
-impl Content {
+impl PlyContent {
     fn notes(&mut self) -> &mut Vec<String> {
         match self {
             Self::Cloud(cloud) | Self::Mesh(cloud, _) => &mut cloud.notes,
@@ -74,11 +74,11 @@ impl Content {
 /// # Errors
 /// The error names the line or the byte. Something is outside the grammar, the body is cut short, vertices have no
 /// positions, or face indices are bad. Where the faces of a text are at fault, its points are used, with a note.
-pub(super) fn parse(bytes: &[u8], faces: bool, progress: &dyn Fn(f32)) -> Result<Content, ParseError> {
+pub(super) fn parse(bytes: &[u8], faces: bool, progress: &dyn Fn(f32)) -> Result<PlyContent, ParseError> {
     let header = ply_header::parse(bytes)?;
     let mut body = Body::new(bytes, header.body, header.encoding);
     if compressed_ply::is_compressed(&header) {
-        let mut content = Content::Capture(compressed_ply::parse(&header, &mut body, progress)?);
+        let mut content = PlyContent::Capture(compressed_ply::parse(&header, &mut body, progress)?);
         content.note_surplus(&body);
         return Ok(content);
     }
@@ -106,7 +106,7 @@ pub(super) fn parse(bytes: &[u8], faces: bool, progress: &dyn Fn(f32)) -> Result
         content.note_surplus(&body);
     }
     if as_mesh
-        && let Content::Cloud(cloud) = &mut content
+        && let PlyContent::Cloud(cloud) = &mut content
         && is_vertices(cloud)
         && damage.is_none()
     {
@@ -114,12 +114,12 @@ pub(super) fn parse(bytes: &[u8], faces: bool, progress: &dyn Fn(f32)) -> Result
             Ok((corners, _)) if corners.is_empty() => {}
             Ok((corners, note)) => {
                 cloud.notes.extend(note);
-                return Ok(Content::Mesh(std::mem::take(cloud), corners));
+                return Ok(PlyContent::Mesh(std::mem::take(cloud), corners));
             }
             Err(fault) => damage = Some(spare_points(fault, &header, Some(&content))?),
         }
     }
-    if let Content::Cloud(cloud) = &mut content
+    if let PlyContent::Cloud(cloud) = &mut content
         && cloud.normal.is_empty()
         && !faces.is_empty()
         && damage.is_none()
@@ -140,8 +140,8 @@ pub(super) fn parse(bytes: &[u8], faces: bool, progress: &dyn Fn(f32)) -> Result
 
 /// What to say about faces that cannot be read where the points before them can be used; else the fault itself. A text
 /// whose faces were edited or cut still has its points. Bytes that are out of step may have shifted anything.
-fn spare_points(fault: ParseError, header: &Header, before: Option<&Content>) -> Result<String, ParseError> {
-    if header.encoding == Encoding::Ascii && before.is_some_and(Content::has_points) {
+fn spare_points(fault: ParseError, header: &Header, before: Option<&PlyContent>) -> Result<String, ParseError> {
+    if header.encoding == Encoding::Ascii && before.is_some_and(PlyContent::has_points) {
         Ok(format!("faces ignored, points used ({fault})"))
     } else {
         Err(fault)
@@ -197,7 +197,7 @@ struct GaussianColumns {
     rest: Vec<usize>,
     /// Their highest degree.
     degree: u8,
-    /// What is left out of the file's harmonics.
+    /// Note on harmonics of the file that are left out.
     note: Option<String>,
 }
 
@@ -247,7 +247,7 @@ impl GaussianColumns {
 /// What the reader does with the next property of a record.
 enum Step {
     Take { scalar: Scalar, index: usize },
-    Skip(Kind),
+    Skip(PropertyKind),
 }
 
 /// What the vertices of a file are.
@@ -262,7 +262,7 @@ fn read_vertices(
     element: &Element,
     header: &Header,
     progress: &dyn Fn(f32),
-) -> Result<Content, ParseError> {
+) -> Result<PlyContent, ParseError> {
     const CHUNK: usize = 1 << 16;
     let mut cloud = Cloud::default();
     let mut finder = Finder::new(element);
@@ -313,7 +313,7 @@ fn read_vertices(
         }
     }
     let Vertices::Points(columns) = vertices else {
-        return Ok(Content::Capture(Gaussians { notes: cloud.notes, ..gaussians }));
+        return Ok(PlyContent::Capture(Gaussians { notes: cloud.notes, ..gaussians }));
     };
     let says = |comment: &str| header.comments.iter().any(|c| c == comment);
     (cloud.two_sided, cloud.signs_estimated) = (says(TWO_SIDED), says(SIGNS_ESTIMATED));
@@ -325,13 +325,13 @@ fn read_vertices(
         let narrow = |p: &DVec3| p.as_vec3().as_dvec3() == *p || !p.is_finite();
         cloud.notes.extend(coarse.filter(|_| cloud.position.iter().all(narrow)));
     }
-    Ok(Content::Cloud(cloud))
+    Ok(PlyContent::Cloud(cloud))
 }
 
 fn steps(finder: &Finder<'_>, element: &Element) -> Vec<Step> {
     let steps =
         element.properties.iter().zip(finder.indices()).map(|(property, index)| match (property.kind, *index) {
-            (Kind::Scalar(scalar), Some(index)) => Step::Take { scalar, index },
+            (PropertyKind::Scalar(scalar), Some(index)) => Step::Take { scalar, index },
             (kind, _) => Step::Skip(kind),
         });
     steps.collect()

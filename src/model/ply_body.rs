@@ -1,7 +1,7 @@
 //! Reads the numbers of a PLY body in any of its three encodings.
 
 use super::error::{ParseError, line_of, quote};
-use super::ply_header::{Element, Encoding, Kind, Scalar};
+use super::ply_header::{Element, Encoding, PropertyKind, Scalar};
 
 /// A cursor over the body. Every read is checked against the end of the file.
 pub(super) struct Body<'a> {
@@ -62,10 +62,10 @@ impl<'a> Body<'a> {
     }
 
     /// Skips one number or list.
-    pub(super) fn skip(&mut self, kind: Kind) -> Result<(), ParseError> {
+    pub(super) fn skip(&mut self, kind: PropertyKind) -> Result<(), ParseError> {
         let (scalar, items) = match kind {
-            Kind::Scalar(scalar) => (scalar, 1),
-            Kind::List { count, item } => (item, self.list_length(count, item)?),
+            PropertyKind::Scalar(scalar) => (scalar, 1),
+            PropertyKind::List { count, item } => (item, self.list_length(count, item)?),
         };
         if self.encoding == Encoding::Ascii {
             for _ in 0..items {

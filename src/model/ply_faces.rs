@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::error::ParseError;
 use super::mesh::polygon::{fan, triangulate};
 use super::ply_body::{Body, within};
-use super::ply_header::{Element, Kind};
+use super::ply_header::{Element, PropertyKind};
 
 /// Reads the faces of an element, and returns their number. `add` gets the indices of each, and refuses an index by
 /// giving it back.
@@ -22,7 +22,7 @@ pub(super) fn read(
             let at = body.at;
             let located = |e: ParseError| within(e, element, row, &property.name);
             match property.kind {
-                Kind::List { count, item } if is_indices(&property.name) => {
+                PropertyKind::List { count, item } if is_indices(&property.name) => {
                     body.indices(count, item, &mut indices).map_err(located)?;
                     add(&indices).map_err(|index| {
                         let found = format!("vertex index {index}");

@@ -104,7 +104,7 @@ impl Scalar {
 
 /// A number, or a list of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum PropertyKind {
     Scalar(Scalar),
     List { count: Scalar, item: Scalar },
 }
@@ -113,7 +113,7 @@ pub(super) enum Kind {
 pub(super) struct Property {
     /// In lower case.
     pub(super) name: String,
-    pub(super) kind: Kind,
+    pub(super) kind: PropertyKind,
 }
 
 #[derive(Clone, Debug)]
@@ -136,7 +136,7 @@ impl Element {
             .iter()
             .map(|p| match (encoding, p.kind) {
                 (Encoding::Ascii, _) => 2,
-                (_, Kind::Scalar(s) | Kind::List { count: s, .. }) => s.size() as u64,
+                (_, PropertyKind::Scalar(s) | PropertyKind::List { count: s, .. }) => s.size() as u64,
             })
             .sum();
         let bytes = record.checked_mul(self.count)?;
@@ -260,9 +260,9 @@ fn parse_property(words: &[&str]) -> Result<Property, Fault> {
             if count.is_float() {
                 return Err((format!("list count type `{}`", count.name()), "a whole-number type".to_owned()));
             }
-            (Kind::List { count, item: scalar(item)? }, name)
+            (PropertyKind::List { count, item: scalar(item)? }, name)
         }
-        [kind, name] => (Kind::Scalar(scalar(kind)?), name),
+        [kind, name] => (PropertyKind::Scalar(scalar(kind)?), name),
         _ => {
             let found = format!("property {}", quote(words.join(" ").as_bytes()));
             return Err((found, "`property TYPE NAME` or `property list TYPE TYPE NAME`".to_owned()));

@@ -32,7 +32,7 @@ const REPORT: u64 = 1 << 16;
 
 /// What a text of points begins with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum TextKind {
     /// Points.
     Xyz,
     /// The number of points.
@@ -40,23 +40,23 @@ pub(super) enum Kind {
 }
 
 /// Tells by its first lines whether a file is a text of points, and which.
-pub(super) fn looks_like(bytes: &[u8]) -> Option<Kind> {
+pub(super) fn looks_like(bytes: &[u8]) -> Option<TextKind> {
     let head = bytes.get(..SNIFFED).unwrap_or(bytes);
     // A line that is cut off here may be cut in a word.
     let whole = if head.len() < bytes.len() { head.iter().rposition(|&b| b == b'\n').unwrap_or(0) } else { head.len() };
     let head = &head[..whole];
     if let Some((names, rest)) = names(head).ok().flatten() {
         let points = lines(head.get(rest..)?, 1, xyz_names::MOST).next();
-        return points.filter(|(_, words)| names.fit(words)).map(|_| Kind::Xyz);
+        return points.filter(|(_, words)| names.fit(words)).map(|_| TextKind::Xyz);
     }
     let mut lines = lines(head, 1, WIDEST).map(|(_, words)| words);
     let is_point = |words: &[&[u8]]| (3..=WIDEST).contains(&words.len()) && words.iter().all(|w| number(w).is_some());
     let first = lines.next()?;
     if is_point(&first) {
-        return Some(Kind::Xyz);
+        return Some(TextKind::Xyz);
     }
     let counts = matches!(*first, [word] if count(word).is_some());
-    (counts && lines.next().is_some_and(|words| is_point(&words))).then_some(Kind::Pts)
+    (counts && lines.next().is_some_and(|words| is_point(&words))).then_some(TextKind::Pts)
 }
 
 /// Reads a file of either kind. `progress` now and then gets the share of the bytes read.
@@ -64,8 +64,8 @@ pub(super) fn looks_like(bytes: &[u8]) -> Option<Kind> {
 /// # Errors
 /// The error names the line. A word is no number, lines differ in their columns, there are no such columns, a colour is
 /// outside 0..=255, or the points are not as many as counted.
-pub(super) fn parse(bytes: &[u8], kind: Kind, progress: &dyn Fn(f32)) -> Result<Cloud, ParseError> {
-    if kind == Kind::Xyz
+pub(super) fn parse(bytes: &[u8], kind: TextKind, progress: &dyn Fn(f32)) -> Result<Cloud, ParseError> {
+    if kind == TextKind::Xyz
         && let Some((names, rest)) = names(bytes)?
     {
         let body = bytes.get(rest..).unwrap_or_default();
@@ -85,7 +85,7 @@ pub(super) fn parse(bytes: &[u8], kind: Kind, progress: &dyn Fn(f32)) -> Result<
         if line % REPORT == 0 {
             progress(words.first().map_or(0.0, |w| offset(bytes, w) as f32 / bytes.len() as f32));
         }
-        if kind == Kind::Pts && left.is_none_or(|(left, _)| left == 0) {
+        if kind == TextKind::Pts && left.is_none_or(|(left, _)| left == 0) {
             left = Some((announced(&words, line)?, line));
             continue;
         }
@@ -166,7 +166,7 @@ struct Line<'a> {
     /// Bytes from its first one, and to the first one of the next line.
     begin: usize,
     end: usize,
-    /// What is no comment.
+    /// The text without comments.
     text: &'a [u8],
     /// What follows `#` or `//`.
     comment: &'a [u8],
@@ -217,11 +217,11 @@ struct Table {
     position: Vec<DVec3>,
     /// The numbers after the position, point by point.
     rest: Vec<f32>,
-    /// What is known of the triples after the position and the intensity.
+    /// The triples after the position and the intensity.
     triples: [Triple; 2],
 }
 
-/// What is known of three columns.
+/// Facts about three columns.
 #[derive(Clone, Copy)]
 struct Triple {
     least: f32,
@@ -262,20 +262,20 @@ impl Triple {
 }
 
 impl Table {
-    fn push(&mut self, kind: Kind, line: u64, words: &[&[u8]]) -> Result<(), ParseError> {
+    fn push(&mut self, kind: TextKind, line: u64, words: &[&[u8]]) -> Result<(), ParseError> {
         let mut values = [0.0; WIDEST];
         for (value, word) in values.iter_mut().zip(words) {
             *value = number(word).ok_or_else(|| ParseError::line(line, quote(word), "a number"))?;
         }
         if self.columns == 0 {
             let known = match kind {
-                Kind::Xyz => matches!(words.len(), 3 | 4 | 6 | 7 | 9),
-                Kind::Pts => matches!(words.len(), 3 | 4 | 6 | 7),
+                TextKind::Xyz => matches!(words.len(), 3 | 4 | 6 | 7 | 9),
+                TextKind::Pts => matches!(words.len(), 3 | 4 | 6 | 7),
             };
             if !known {
                 let expected = match kind {
-                    Kind::Xyz => "x y z and then an intensity, a normal, a colour (3, 4, 6, 7 or 9 numbers)",
-                    Kind::Pts => "x y z [intensity] [r g b] (3, 4, 6 or 7 numbers)",
+                    TextKind::Xyz => "x y z and then an intensity, a normal, a colour (3, 4, 6, 7 or 9 numbers)",
+                    TextKind::Pts => "x y z [intensity] [r g b] (3, 4, 6 or 7 numbers)",
                 };
                 return Err(ParseError::line(line, shown(words), expected));
             }
@@ -296,7 +296,7 @@ impl Table {
     }
 
     /// Gives the columns their meaning.
-    fn fill(self, kind: Kind, cloud: &mut Cloud) -> Result<(), ParseError> {
+    fn fill(self, kind: TextKind, cloud: &mut Cloud) -> Result<(), ParseError> {
         let Self { columns, position, rest, triples, .. } = self;
         cloud.position = position;
         let extra = columns - 3;
@@ -309,7 +309,7 @@ impl Table {
         let (mut normal, mut colour) = (None, None);
         match columns {
             7 => colour = Some(0),
-            6 if kind == Kind::Pts || triples[0].is_colour() => colour = Some(0),
+            6 if kind == TextKind::Pts || triples[0].is_colour() => colour = Some(0),
             6 => normal = Some(0),
             9 if triples[0].is_colour() && !triples[1].exceeds_one() => (colour, normal) = (Some(0), Some(1)),
             9 => (normal, colour) = (Some(0), Some(1)),

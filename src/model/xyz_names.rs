@@ -12,7 +12,7 @@ use super::cloud::{Cloud, ColourStorage};
 use super::columns::{Columns, Finder, list};
 use super::error::{ParseError, quote};
 use super::ply_body::number;
-use super::ply_header::{Element, Kind, Property, Scalar};
+use super::ply_header::{Element, Property, PropertyKind, Scalar};
 
 /// Greatest number that still counts as 1: rounding in text.
 pub(super) const ONE: f64 = 1.001;
@@ -44,7 +44,7 @@ impl Names {
         if let Some(name) = names.iter().find(|name| !known.insert(name.as_str())) {
             return fault(format!("two columns {}", quote(name.as_bytes())), "different names");
         }
-        let property = |name: String| Property { name, kind: Kind::Scalar(Scalar::F64) };
+        let property = |name: String| Property { name, kind: PropertyKind::Scalar(Scalar::F64) };
         let properties = names.into_iter().map(property).collect();
         Ok(Self { element: Element { name: "point".to_owned(), count: 0, properties, line } })
     }

@@ -9,16 +9,16 @@ use std::process::{Child, ChildStderr, ChildStdin, Command, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 
-use super::{Kind, MovieError, Shape};
+use super::{MovieError, MovieKind, MovieShape};
 use crate::film::Picture;
 use crate::image::{self, Bits};
 
 /// The encoder of a format, by its name in ffmpeg; `None`: none is needed.
-const fn encoder(kind: Kind) -> Option<&'static str> {
+const fn encoder(kind: MovieKind) -> Option<&'static str> {
     match kind {
-        Kind::Mp4 => Some("libx264"),
-        Kind::Mov => Some("prores_ks"),
-        Kind::Y4m | Kind::Gif => None,
+        MovieKind::Mp4 => Some("libx264"),
+        MovieKind::Mov => Some("prores_ks"),
+        MovieKind::Y4m | MovieKind::Gif => None,
     }
 }
 
@@ -27,22 +27,22 @@ const fn encoder(kind: Kind) -> Option<&'static str> {
 /// The matrix and the range of BT.709 are stated and used: without the first ffmpeg takes those of BT.601, and without
 /// the second players guess. The codes are tagged as BT.709 too, though their curve is that of sRGB: players show codes
 /// of that tag as they are, as browsers show those of a PNG file, and few know the tag of sRGB.
-pub fn encoding(kind: Kind, [width, height]: [u32; 2]) -> Vec<String> {
+pub fn encoding(kind: MovieKind, [width, height]: [u32; 2]) -> Vec<String> {
     // Pixels that share their colour come in pairs; the last of an odd row or column is there twice.
     let odd = [width % 2, height % 2];
     let pad = format!("pad=ceil(iw/2)*2:ceil(ih/2)*2,fillborders=right={}:bottom={}:mode=smear,", odd[0], odd[1]);
     let scale = "scale=out_color_matrix=bt709:out_range=tv:flags=accurate_rnd+full_chroma_int";
     let tags = "setparams=range=tv:color_primaries=bt709:color_trc=bt709:colorspace=bt709";
     let (pad, layout) = match kind {
-        Kind::Mp4 if odd != [0, 0] => (&*pad, "yuv420p"),
-        Kind::Mp4 | Kind::Y4m | Kind::Gif => ("", "yuv420p"),
-        Kind::Mov => ("", "yuva444p10le"),
+        MovieKind::Mp4 if odd != [0, 0] => (&*pad, "yuv420p"),
+        MovieKind::Mp4 | MovieKind::Y4m | MovieKind::Gif => ("", "yuv420p"),
+        MovieKind::Mov => ("", "yuva444p10le"),
     };
     let filters = format!("{pad}{scale},format={layout},{tags}");
     let mut words = vec!["-vf", &filters, "-c:v"];
     words.extend(encoder(kind));
     words.extend(match kind {
-        Kind::Mov => &["-profile:v", "4444"][..],
+        MovieKind::Mov => &["-profile:v", "4444"][..],
         _ => &["-crf", "16"],
     });
     for tag in ["-colorspace", "-color_primaries", "-color_trc"] {
@@ -53,7 +53,7 @@ pub fn encoding(kind: Kind, [width, height]: [u32; 2]) -> Vec<String> {
 }
 
 /// Finds out whether ffmpeg is there, and has the encoder.
-pub(super) fn check(kind: Kind) -> Result<(), MovieError> {
+pub(super) fn check(kind: MovieKind) -> Result<(), MovieError> {
     let Some(encoder) = encoder(kind) else { return Ok(()) };
     let listed = Command::new("ffmpeg").args(["-hide_banner", "-encoders"]).stdin(Stdio::null()).output();
     match listed {
@@ -95,16 +95,16 @@ pub(super) struct Encoder {
     frames: Option<ChildStdin>,
     /// Reads what ffmpeg says, so that its pipe never fills; the last line.
     complaints: Option<JoinHandle<String>>,
-    kind: Kind,
+    kind: MovieKind,
     bits: Bits,
 }
 
 impl Encoder {
-    pub(super) fn new(file: File, kind: Kind, shape: Shape) -> Result<Self, MovieError> {
-        let bits = if kind == Kind::Mov { shape.bits } else { Bits::Eight };
+    pub(super) fn new(file: File, kind: MovieKind, shape: MovieShape) -> Result<Self, MovieError> {
+        let bits = if kind == MovieKind::Mov { shape.bits } else { Bits::Eight };
         let layout = match (kind, bits) {
-            (Kind::Mov, Bits::Sixteen) => "rgba64le",
-            (Kind::Mov, Bits::Eight) => "rgba",
+            (MovieKind::Mov, Bits::Sixteen) => "rgba64le",
+            (MovieKind::Mov, Bits::Eight) => "rgba",
             _ => "rgb24",
         };
         let mut command = Command::new("ffmpeg");
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn odd_sizes_are_padded_where_pixels_share_colours() {
         let padded = |kind, size| encoding(kind, size)[1].starts_with("pad=");
-        assert!(padded(Kind::Mp4, [641, 480]) && padded(Kind::Mp4, [640, 481]));
-        assert!(!padded(Kind::Mp4, [640, 480]) && !padded(Kind::Mov, [641, 481]));
+        assert!(padded(MovieKind::Mp4, [641, 480]) && padded(MovieKind::Mp4, [640, 481]));
+        assert!(!padded(MovieKind::Mp4, [640, 480]) && !padded(MovieKind::Mov, [641, 481]));
     }
 }

@@ -8,7 +8,7 @@ use std::io::{self, BufWriter, Write as _};
 
 use ::gif::{EncodingError, Frame, Repeat};
 
-use super::{MovieError, Shape};
+use super::{MovieError, MovieShape};
 use crate::film::Picture;
 use crate::image;
 
@@ -19,7 +19,7 @@ const LEARNT: usize = 50_000;
 pub(super) struct Encoder {
     gif: ::gif::Encoder<BufWriter<File>>,
     size: [u16; 2],
-    shape: Shape,
+    shape: MovieShape,
     frames: u64,
 }
 
@@ -39,7 +39,7 @@ impl From<EncodingError> for MovieError {
 }
 
 impl Encoder {
-    pub(super) fn new(file: File, shape: Shape) -> Result<Self, MovieError> {
+    pub(super) fn new(file: File, shape: MovieShape) -> Result<Self, MovieError> {
         let rate = f64::from(shape.rate.frames) / f64::from(shape.rate.seconds);
         if !(0.01..=50.0).contains(&rate) {
             return Err(MovieError::GifRate { rate: shape.rate });

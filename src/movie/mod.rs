@@ -21,7 +21,7 @@ use crate::image::{Bits, ImageError};
 
 /// Formats of movies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum MovieKind {
     /// H.264, 4:2:0, 8 bits, by ffmpeg.
     Mp4,
     /// Apple `ProRes` 4444 with straight alpha, by ffmpeg.
@@ -32,7 +32,7 @@ pub enum Kind {
     Gif,
 }
 
-impl Kind {
+impl MovieKind {
     /// All.
     pub const ALL: [Self; 4] = [Self::Mp4, Self::Mov, Self::Y4m, Self::Gif];
 
@@ -68,7 +68,7 @@ impl Kind {
 
 /// What all frames of a movie share.
 #[derive(Clone, Copy, Debug)]
-pub struct Shape {
+pub struct MovieShape {
     /// Pixels.
     pub width: u32,
     /// Pixels.
@@ -90,7 +90,7 @@ pub enum MovieError {
     )]
     NoFfmpeg {
         /// The format.
-        kind: Kind,
+        kind: MovieKind,
     },
     /// ffmpeg was built without an encoder.
     #[error(
@@ -99,7 +99,7 @@ pub enum MovieError {
     )]
     NoEncoder {
         /// The format.
-        kind: Kind,
+        kind: MovieKind,
         /// Its name in ffmpeg.
         encoder: &'static str,
     },
@@ -134,7 +134,7 @@ pub enum MovieError {
 /// A movie that is being made. Dropped, it leaves nothing.
 #[derive(Debug)]
 pub struct Movie {
-    shape: Shape,
+    shape: MovieShape,
     file: Nameless,
     encoder: Encoder,
 }
@@ -151,14 +151,14 @@ impl Movie {
     ///
     /// # Errors
     /// The format cannot be made here, cannot have the rate, or no file can be made in the directory.
-    pub fn begin(path: &Path, kind: Kind, shape: Shape) -> Result<Self, MovieError> {
+    pub fn begin(path: &Path, kind: MovieKind, shape: MovieShape) -> Result<Self, MovieError> {
         kind.check()?;
         let file = Nameless::beside(path)?;
         let own = file.file().try_clone()?;
         let encoder = match kind {
-            Kind::Y4m => Encoder::Y4m(y4m::Encoder::new(own, shape)?),
-            Kind::Gif => Encoder::Gif(Box::new(gif::Encoder::new(own, shape)?)),
-            Kind::Mp4 | Kind::Mov => Encoder::Ffmpeg(ffmpeg::Encoder::new(own, kind, shape)?),
+            MovieKind::Y4m => Encoder::Y4m(y4m::Encoder::new(own, shape)?),
+            MovieKind::Gif => Encoder::Gif(Box::new(gif::Encoder::new(own, shape)?)),
+            MovieKind::Mp4 | MovieKind::Mov => Encoder::Ffmpeg(ffmpeg::Encoder::new(own, kind, shape)?),
         };
         Ok(Self { shape, file, encoder })
     }
@@ -200,23 +200,23 @@ mod tests {
     #[test]
     fn extensions_name_formats() {
         for (name, kind) in [
-            ("a.mp4", Some(Kind::Mp4)),
-            ("out.d/a.MOV", Some(Kind::Mov)),
-            ("a.y4m", Some(Kind::Y4m)),
-            ("a.b.Gif", Some(Kind::Gif)),
+            ("a.mp4", Some(MovieKind::Mp4)),
+            ("out.d/a.MOV", Some(MovieKind::Mov)),
+            ("a.y4m", Some(MovieKind::Y4m)),
+            ("a.b.Gif", Some(MovieKind::Gif)),
             ("a.avi", None),
             ("mp4", None),
             (".mp4", None),
         ] {
-            assert_eq!(Kind::of(Path::new(name)), kind, "{name}");
+            assert_eq!(MovieKind::of(Path::new(name)), kind, "{name}");
         }
     }
 
     #[test]
     fn frames_of_another_size_are_refused() {
         let dir = tempfile::tempdir().unwrap();
-        let shape = Shape { width: 2, height: 2, rate: Rate::of(24.0), bits: Bits::Eight };
-        let mut movie = Movie::begin(&dir.path().join("a.y4m"), Kind::Y4m, shape).unwrap();
+        let shape = MovieShape { width: 2, height: 2, rate: Rate::of(24.0), bits: Bits::Eight };
+        let mut movie = Movie::begin(&dir.path().join("a.y4m"), MovieKind::Y4m, shape).unwrap();
         let picture = Picture { width: 2, height: 1, rgba: vec![[0.0; 4]; 2], layers: Vec::new() };
         let why = movie.push(&picture).unwrap_err().to_string();
         assert_eq!(why, "a frame of 2 x 1 pixels in a movie of 2 x 2");

@@ -6,7 +6,7 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Write as _};
 
-use super::{MovieError, Shape};
+use super::{MovieError, MovieShape};
 use crate::film::Picture;
 use crate::image;
 
@@ -14,7 +14,7 @@ use crate::image;
 pub(super) struct Encoder(BufWriter<File>);
 
 impl Encoder {
-    pub(super) fn new(file: File, Shape { width, height, rate, .. }: Shape) -> io::Result<Self> {
+    pub(super) fn new(file: File, MovieShape { width, height, rate, .. }: MovieShape) -> io::Result<Self> {
         let mut file = BufWriter::new(file);
         let (frames, seconds) = (rate.frames, rate.seconds);
         // Progressive, square pixels. The last word is how ffmpeg writes and reads the range.

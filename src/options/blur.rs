@@ -80,22 +80,22 @@ impl BlurMode {
 /// As in `still:16`, `supersample:8+interleave=2`, `bucket:8x4`, `volumetric:3+published`.
 impl fmt::Display for BlurMode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (interleaved, times, groups, pixel_samples, swept) = match *self {
+        let (interleaved, times, pixel_samples, swept) = match *self {
             Self::Still { pixel_samples } => return write!(f, "still:{pixel_samples}"),
             Self::Supersample { samples, pixel_samples, interleave, times } => {
                 write!(f, "supersample:{samples}")?;
-                (interleave, times, samples, pixel_samples, None)
+                (interleave, times, pixel_samples, None)
             }
             Self::Bucket { buckets, samples, pixel_samples, interleave, times } => {
                 write!(f, "bucket:{buckets}x{samples}")?;
-                (interleave, times, buckets, pixel_samples, None)
+                (interleave, times, pixel_samples, None)
             }
             Self::Volumetric { intervals, pixel_samples, swept } => {
                 write!(f, "volumetric:{intervals}")?;
-                (Interleave::None, Times::Even, intervals, pixel_samples, Some(swept))
+                (Interleave::None, Times::Even, pixel_samples, Some(swept))
             }
         };
-        if let Some(positions) = pixel_samples.filter(|&positions| positions != groups) {
+        if let Some(positions) = pixel_samples {
             write!(f, "+pixel-samples={positions}")?;
         }
         if interleaved != Interleave::None {
@@ -115,7 +115,8 @@ pub struct ErrorTarget {
     pub error: f64,
     /// Most time samples of a pixel, 4 to [`super::MAX_SAMPLES`].
     pub samples_max: u32,
-    /// Sub-pixel positions of the first samples, >= 1; an even number is used.
+    /// Sub-pixel positions of static objects at the target [`Self::GOOD`], >= 1. Half as many at twice the error, up to
+    /// four times as many at a quarter; a multiple of four is used. Where nothing moves there are twice as many.
     pub pixel_samples: u32,
     /// Which pixels share their times.
     pub interleave: Lattice,

@@ -1,8 +1,6 @@
 //! Whether options can be rendered with: every number within the bounds that their texts have ([`crate::limits`]).
 
-use super::{
-    BlurMode, ErrorTarget, KernelShape, KernelWeight, PixelFilter, Quality, RenderOptions, SweptKernel, in_order,
-};
+use super::{BlurMode, ErrorTarget, KernelShape, KernelWeight, PixelFilter, Quality, RenderOptions, SweptKernel};
 use crate::limits::{self, Invalid, check_count};
 
 impl RenderOptions {
@@ -17,14 +15,7 @@ impl RenderOptions {
             Quality::Error(target) => target.check(),
         }
         .map_err(|e| e.within("quality"))?;
-        self.filter.check()?;
-        if let Some(epsilon) = self.epsilon {
-            limits::EPSILON.check("epsilon", epsilon)?;
-        }
-        match in_order(&self.aovs) {
-            Ok(_) => Ok(()),
-            Err(twice) => Err(Invalid::new("aovs", "a list", format!("each at most once: {twice}"))),
-        }
+        self.look.check().map_err(|e| e.within("look"))
     }
 }
 

@@ -27,7 +27,7 @@ pub enum OptionError {
     /// A value that cannot be read, or is out of its range.
     #[error("expected {expected}, found `{found}`")]
     Value {
-        /// What is right.
+        /// The text that would be right.
         expected: String,
         /// The text.
         found: String,
@@ -37,7 +37,7 @@ pub enum OptionError {
     OfOption {
         /// The option.
         option: String,
-        /// What is wrong with its value.
+        /// The fault of its value.
         what: Box<Self>,
     },
     /// An option that the mode does not have.

@@ -10,6 +10,7 @@ mod check;
 mod counts;
 mod error;
 mod filter;
+mod look;
 mod parts;
 mod swept;
 mod weight;
@@ -23,10 +24,10 @@ pub use self::blur::{BlurMode, ErrorTarget, Quality};
 pub use self::counts::{count, samples_max};
 pub use self::error::OptionError;
 pub use self::filter::PixelFilter;
+pub use self::look::Look;
 pub use self::parts::{ModeName, ModeParts};
 pub use self::swept::{KernelShape, KernelWeight, Normalise, Overlap, SourceSamples, SweptKernel, TemporalAlpha};
 pub(crate) use self::words::words;
-use crate::film::Aov;
 pub use crate::limits::MAX_SAMPLES;
 
 /// Interleaved time sampling: the pixels of an S x S lattice fall into S^2 classes, each with times of its own.
@@ -161,24 +162,17 @@ pub enum Prefilter {
     Approx,
     /// Object-space kernels, each convolved with a Gaussian as wide as the sample grid needs (Ren et al. 2002,
     /// section 4; Zwicker et al. 2002, section 6). Not for the kernel weights chord and line.
-    #[default]
     Ewa,
     /// Object-space kernels alone.
     None,
+    /// Full EWA where it is seen: with fewer than four sub-pixel positions, and where splats lie much closer than
+    /// positions. Elsewhere none, in half of the time. The approximation for the kernel weights chord and line, whose
+    /// weights add up to nothing.
+    #[default]
+    Auto,
 }
 
-words!(Prefilter, "prefilter", [Approx = "approx", Ewa = "ewa", None = "none"]);
-
-impl Prefilter {
-    /// The one that suits pictures of this quality: full EWA; the approximation for kernels in motion that weigh as
-    /// published, by chord or line, whose weights add up to nothing.
-    pub fn suited(quality: Quality) -> Self {
-        match quality {
-            Quality::Mode(BlurMode::Volumetric { swept, .. }) if swept.weight != KernelWeight::Integral => Self::Approx,
-            _ => Self::Ewa,
-        }
-    }
-}
+words!(Prefilter, "prefilter", [Approx = "approx", Ewa = "ewa", None = "none", Auto = "auto"]);
 
 /// Where shading happens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -197,40 +191,24 @@ words!(Shading, "shading", [Phong = "phong", Gouraud = "gouraud"]);
 pub struct RenderOptions {
     /// Blur mode, or the error that samples are found for. Default: [`ErrorTarget::default`].
     pub quality: Quality,
-    /// What a pixel is a mean of. Default: its square.
-    pub filter: PixelFilter,
-    /// Screen-space prefilter. Default: [`Prefilter::Ewa`]. Kernels in motion that weigh by chord or line need another:
-    /// [`Prefilter::suited`].
+    /// Screen-space prefilter. Default: [`Prefilter::Auto`].
     pub prefilter: Prefilter,
-    /// Where shading happens. Default: per pixel.
-    pub shading: Shading,
-    /// Show the back faces of all objects, with their normals turned to the viewer. Default: as each object says.
-    pub two_sided: bool,
-    /// Depth tolerance of visibility for all objects, scene units, 0 to 1e30. `None`: the scene's.
-    pub epsilon: Option<f64>,
-    /// Seed of the sub-pixel offsets, and of random times. Default: 1.
-    pub seed: u64,
+    /// What a reference has in common with it: filter, shading, sides, tolerance, seed and extra channels.
+    pub look: Look,
     /// Bytes that a frame and the models may take together. Default: 2^30. The picture does not depend on it.
     pub memory: u64,
     /// Smooth the finished picture along the motion ([`crate::reconstruct`])? Default: no.
     pub reconstruct: bool,
-    /// Extra channels, in the order of [`Aov::LAYERS`], each at most once. Default: none.
-    pub aovs: Vec<Aov>,
 }
 
 impl Default for RenderOptions {
     fn default() -> Self {
         Self {
             quality: Quality::default(),
-            filter: PixelFilter::Box,
-            prefilter: Prefilter::Ewa,
-            shading: Shading::Phong,
-            two_sided: false,
-            epsilon: None,
-            seed: 1,
+            prefilter: Prefilter::Auto,
+            look: Look::default(),
             memory: 1 << 30,
             reconstruct: false,
-            aovs: Vec::new(),
         }
     }
 }

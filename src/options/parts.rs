@@ -69,33 +69,33 @@ impl ModeName {
 pub struct ModeParts {
     /// The mode.
     pub name: ModeName,
-    /// Of auto: the error ([`ErrorTarget::error`]).
+    /// Mode auto: the error ([`ErrorTarget::error`]).
     pub error: Option<f64>,
-    /// Of auto: most time samples.
+    /// Mode auto: most time samples.
     pub samples_max: Option<u32>,
-    /// Of bucket: buckets.
+    /// Mode bucket: number of buckets.
     pub buckets: Option<u32>,
     /// Time samples of supersample, or of each bucket; intervals of volumetric.
     pub samples: Option<u32>,
-    /// Of auto, supersample and bucket: which pixels share their times. The last two choose none by themselves.
+    /// Modes auto, supersample, bucket: which pixels share their times. The last two choose none by themselves.
     pub interleave: Option<Lattice>,
-    /// Of supersample and bucket: where times lie within the shutter.
+    /// Modes supersample and bucket: where times lie within the shutter.
     pub times: Option<Times>,
     /// Sub-pixel positions.
     pub pixel_samples: Option<u32>,
-    /// Of volumetric: the volume that a kernel sweeps.
+    /// Mode volumetric: the volume that a kernel sweeps.
     pub kernel: Option<KernelShape>,
-    /// Of volumetric: its weight on a ray.
+    /// Mode volumetric: the kernel's weight on a ray.
     pub kernel_weight: Option<KernelWeight>,
-    /// Of volumetric: places within a kernel whose visibility is tested.
+    /// Mode volumetric: places within a kernel whose visibility is tested.
     pub source_samples: Option<SourceSamples>,
-    /// Of volumetric: how far kernels of neighbouring intervals overlap.
+    /// Mode volumetric: how far kernels of neighbouring intervals overlap.
     pub overlap: Option<Overlap>,
-    /// Of volumetric: where temporal alpha comes from.
+    /// Mode volumetric: where temporal alpha comes from.
     pub alpha: Option<TemporalAlpha>,
-    /// Of volumetric: when colours are divided by weights.
+    /// Mode volumetric: when colours are divided by weights.
     pub normalise: Option<Normalise>,
-    /// Of volumetric: all as published.
+    /// Mode volumetric: all as published.
     pub published: bool,
 }
 
@@ -165,7 +165,7 @@ impl ModeParts {
             ModeName::Still => BlurMode::Still { pixel_samples: self.pixel_samples.unwrap_or(16) },
             ModeName::Supersample => {
                 let (samples, interleave) = (self.samples.unwrap_or(32), self.fixed_interleave()?);
-                BlurMode::Supersample { samples, pixel_samples: self.positions(samples), interleave, times }
+                BlurMode::Supersample { samples, pixel_samples: self.pixel_samples, interleave, times }
             }
             ModeName::Bucket => {
                 let (buckets, samples) = (self.buckets.unwrap_or(8), self.samples.unwrap_or(4));
@@ -173,20 +173,15 @@ impl ModeParts {
                 if !BlurMode::fits(buckets, samples) {
                     return Err(OptionError::Buckets { buckets, samples });
                 }
-                BlurMode::Bucket { buckets, samples, pixel_samples: self.positions(buckets), interleave, times }
+                BlurMode::Bucket { buckets, samples, pixel_samples: self.pixel_samples, interleave, times }
             }
             ModeName::Volumetric => {
                 let intervals = self.samples.unwrap_or(10);
                 let swept = self.swept()?;
-                BlurMode::Volumetric { intervals, pixel_samples: self.positions(intervals), swept }
+                BlurMode::Volumetric { intervals, pixel_samples: self.pixel_samples, swept }
             }
         };
         Ok(Quality::Mode(mode))
-    }
-
-    /// Sub-pixel positions. As many as there are groups of time samples is what there is without them.
-    fn positions(&self, groups: u32) -> Option<u32> {
-        self.pixel_samples.filter(|&positions| positions != groups)
     }
 
     /// The lattice of modes that choose none by themselves.

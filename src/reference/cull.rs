@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 
-use super::posed::{Body, CameraPose, Shape, World};
+use super::posed::{Body, CameraPose, Form, World};
 
 /// Subintervals of the shutter: the bits of a mask.
 const SUBINTERVALS: usize = 64;
@@ -62,11 +62,11 @@ impl ObjectCones {
     }
 
     fn extent(&self, world: &World<'_>, body: &Body<'_>, close: f64) -> Extent {
-        let (centre, radius) = match body.shape {
-            Shape::Model(model) => (world.models[model].centre, world.models[model].radius),
-            Shape::Sphere(sphere) => (DVec3::ZERO, sphere.radius),
+        let (centre, radius) = match body.form {
+            Form::Model(model) => (world.models[model].centre, world.models[model].radius),
+            Form::Sphere(sphere) => (DVec3::ZERO, sphere.radius),
             // Captures and volumes have trees of their own.
-            Shape::Gaussians(_) | Shape::Volume(_) | Shape::Nothing => return Extent::Nowhere,
+            Form::Gaussians(_) | Form::Volume(_) | Form::Nothing => return Extent::Nowhere,
         };
         let Some(camera) = world.camera_of(body) else { return Extent::Everywhere };
         let cone = |from: f64, to: f64| {
@@ -98,7 +98,7 @@ impl ObjectCones {
         let at = |i: usize, j: usize| [i, j].map(|c| c as f64);
         let [[left, top], [right, bottom]] =
             [corner, [corner[0] + size[0], corner[1] + size[1]]].map(|[i, j]| at(i, j));
-        let beyond = (world.options.filter.reach() - 0.5).max(0.0);
+        let beyond = (world.options.look.filter.reach() - 0.5).max(0.0);
         let ([left, top], [right, bottom]) = ([left - beyond, top - beyond], [right + beyond, bottom + beyond]);
         let axis = world.direction([0.5 * (left + right), 0.5 * (top + bottom)]).normalize();
         // The point of a plane's rectangle that is farthest from the axis is a corner.

@@ -103,7 +103,7 @@ pub enum ReferenceError {
     Unlike {
         /// What the earlier run has.
         found: String,
-        /// What is needed.
+        /// The kind that this run has.
         expected: String,
     },
 }

@@ -7,8 +7,6 @@
 //! centre. Another ray tells whether the point is seen at the second instant. Before a rolling shutter an instant is
 //! another time for each row: a point is followed to the time of the row on which it lands.
 
-use std::sync::Arc;
-
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -20,7 +18,7 @@ use super::options::ReferenceOptions;
 use super::posed::{Body, BodyPose, CameraPose, World};
 use super::trace::{SPHERE, SamplePoint, Target, Tracer};
 use super::traverse::Hit;
-use crate::options::PixelFilter;
+use crate::options::{Look, PixelFilter};
 use crate::scene::Scene;
 use crate::time::FrameNumber;
 
@@ -55,7 +53,10 @@ pub fn flows(
     pairs: &[[f64; 2]],
     options: &ReferenceOptions,
 ) -> Result<Vec<Flow>, ReferenceError> {
-    let options = ReferenceOptions { filter: PixelFilter::Point, aovs: Vec::new(), ..options.clone() };
+    let options = ReferenceOptions {
+        look: Look { filter: PixelFilter::Point, aovs: Vec::new(), ..options.look.clone() },
+        ..options.clone()
+    };
     let (frame, scene) = options.enter(scene, frame.into())?;
     let scene = &*scene;
     let world = World::new(scene, frame, &options)?;
@@ -290,7 +291,7 @@ impl<'w, 'a> Follower<'w, 'a> {
             let i = hit.surfel as usize;
             normal += body.surfels.normal[i].as_dvec3() * w;
             let place =
-                |body: &Body<'_>, elapsed| body.object.model.paths().exact_place(body.surfels.position[i], i, elapsed);
+                |body: &Body<'_>, elapsed| body.object.shape.paths().exact_place(body.surfels.position[i], i, elapsed);
             shift += (place(later, elapsed) - place(body, point.target?.elapsed)) * w;
         }
         let shift = if weight > 0.0 { shift / weight } else { shift };
@@ -310,7 +311,7 @@ impl<'w, 'a> Follower<'w, 'a> {
             return None;
         }
         let film = world.film(p);
-        let both = world.options.two_sided || later.object.two_sided;
+        let both = world.options.look.two_sided || later.object.two_sided;
         film.iter().all(|c| c.is_finite()).then_some((film, depth, side[0] == side[1], both))
     }
 }
@@ -325,11 +326,11 @@ fn camera_at(world: &World<'_>, body: &Body<'_>, time: f64) -> CameraPose {
 fn at_time<'w, 'a>(world: &'w World<'a>, body: &'w Body<'a>, time: f64) -> Option<(&'w Body<'a>, BodyPose)> {
     let same = |other: &&Body<'_>| {
         std::ptr::eq(*other, body)
-            || body.object.window.is_some()
+            || body.object.piece().is_some()
                 && other.object.name == body.object.name
-                && Arc::ptr_eq(other.object.model.surfels(), body.object.model.surfels())
+                && std::ptr::eq(other.surfels, body.surfels)
     };
     let shown = |time: f64| world.bodies.iter().filter(same).find_map(|body| Some((body, body.pose_at(time)?)));
-    let ends = |body: &Body<'_>| body.object.window.is_some_and(|[_, to]| to == time);
+    let ends = |body: &Body<'_>| body.object.piece().is_some_and(|piece| piece.window[1] == time);
     shown(time).or_else(|| if world.bodies.iter().filter(same).any(ends) { shown(time.next_down()) } else { None })
 }

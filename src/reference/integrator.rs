@@ -34,7 +34,7 @@ pub struct Step {
 }
 
 /// Receives the progress of a run. It is called from several threads.
-pub type Progress<'a> = &'a (dyn Fn(Step) + Sync);
+pub type StepListener<'a> = &'a (dyn Fn(Step) + Sync);
 
 /// Edge of a tile, pixels. The samples of a tile are traced together.
 const TILE: usize = 4;
@@ -50,7 +50,7 @@ pub(super) struct Integrator<'w, 'a> {
     frame: f64,
     /// First pixel of the window.
     origin: [u32; 2],
-    /// What is behind the window.
+    /// The picture behind the window.
     backdrop: &'w Backdrop,
     /// Ends the sampling without a result.
     pub stop: Option<&'w Stop>,
@@ -74,12 +74,12 @@ impl<'w, 'a> Integrator<'w, 'a> {
     }
 
     /// Brings every pixel of the window to `end` samples.
-    pub(super) fn add(&self, sums: &mut Sums, end: u64, error: Option<f64>, progress: Progress<'_>) {
+    pub(super) fn add(&self, sums: &mut Sums, end: u64, error: Option<f64>, progress: StepListener<'_>) {
         let options = self.world.options;
         let each = SCRAMBLINGS as u64;
         let (first, last) = (sums.samples / each, end / each);
-        let points = Points::new(options.sampler, options.seed, first, last, options.samples / each);
-        let planes = FilmPlanes::of(&options.aovs);
+        let points = Points::new(options.sampler, options.look.seed, first, last, options.samples / each);
+        let planes = FilmPlanes::of(&options.look.aovs);
         let strip = TILE * sums.width as usize;
         let strips = (sums.height as usize).div_ceil(TILE);
         let mut extras: Vec<&mut [f64]> = if sums.planes == 0 {
@@ -183,7 +183,7 @@ impl<'w, 'a> Integrator<'w, 'a> {
 
     /// Film point (pixels) and scene time (frames) of a point of the unit cube.
     pub(super) fn sample_point(&self, pixel: [u32; 2], [u, v, share]: [f64; 3]) -> SamplePoint {
-        let [u, v] = match self.world.options.filter {
+        let [u, v] = match self.world.options.look.filter {
             PixelFilter::Box => [u, v],
             PixelFilter::Point => [0.5, 0.5],
             PixelFilter::Gaussian { sigma } => gaussian_offset([u, v]).map(|offset| 0.5 + sigma * offset),
@@ -217,7 +217,7 @@ struct TileSamples {
     order: Vec<u32>,
     /// End of each stratum of times in `order`.
     ends: Vec<u32>,
-    /// Of a group of samples: points, and what is seen of surfaces and then of all.
+    /// A group of samples: points, and what is seen of surfaces and then of all.
     points: Vec<SamplePoint>,
     surfaces: Surfaces,
 }

@@ -23,12 +23,12 @@ pub(super) struct Layer {
 /// What a group of rays sees of surfaces.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Surfaces {
-    /// Of each ray its limit T of opaque surfaces (docs/math.md, eq. 5); infinite where there are none.
+    /// For each ray its limit T of opaque surfaces (docs/math.md, eq. 5); infinite where there are none.
     pub limits: Vec<f64>,
-    /// Of each ray what it sees of opaque surfaces.
+    /// For each ray what it sees of opaque surfaces.
     pub opaque: Vec<Option<Seen>>,
     layers: Vec<Layer>,
-    /// Of each ray the end of its layers.
+    /// For each ray the end of its layers.
     ends: Vec<usize>,
     /// Rays with more layers than are taken, since it was last reset.
     pub cut: u64,

@@ -5,8 +5,8 @@ use std::borrow::Cow;
 use super::error::ReferenceError;
 use super::sampler::{MOST_SAMPLES, SCRAMBLINGS, Sampler};
 use crate::film::Aov;
-use crate::limits;
-use crate::options::{PixelFilter, Shading};
+use crate::limits::Invalid;
+use crate::options::{Look, RenderOptions};
 use crate::scene::Scene;
 use crate::time::FrameNumber;
 
@@ -22,42 +22,30 @@ pub struct ReferenceOptions {
     pub error: Option<f64>,
     /// The way positions and times are chosen.
     pub sampler: Sampler,
-    /// How positions are spread about the pixel's centre.
-    pub filter: PixelFilter,
-    /// The place of shading: at surfels, or at the averaged surface.
-    pub shading: Shading,
-    /// Show back faces, with their normals turned to the viewer, of all objects.
-    pub two_sided: bool,
-    /// Depth tolerance of all objects, world units, >= 0. It overrides the scene's.
-    pub epsilon: Option<f64>,
-    /// Seed of positions and times.
-    pub seed: u64,
-    /// Extra channels in the order of [`Aov::ALL`], each at most once.
-    pub aovs: Vec<Aov>,
+    /// What the picture has in common with those of the renderer: filter, shading, sides, tolerance, seed and extra
+    /// channels.
+    pub look: Look,
 }
 
 impl Default for ReferenceOptions {
     fn default() -> Self {
-        Self {
-            samples: 1024,
-            error: None,
-            sampler: Sampler::Sobol,
-            filter: PixelFilter::Box,
-            shading: Shading::Phong,
-            two_sided: false,
-            epsilon: None,
-            seed: 1,
-            aovs: Vec::new(),
-        }
+        Self { samples: 1024, error: None, sampler: Sampler::Sobol, look: Look::default() }
     }
 }
 
 impl ReferenceOptions {
+    /// The reference that pictures of the renderer with these options are compared with: the same look, `samples` of a
+    /// pixel ([`Self::samples`]).
+    pub fn like(options: &RenderOptions, samples: u64) -> Self {
+        Self { samples, look: options.look.clone(), ..Self::default() }
+    }
+
     /// Checks whether a reference can be made with these options.
     ///
     /// # Errors
-    /// The number of samples does not suit the scramblings, or the sampler cannot stop at an error.
-    pub const fn check(&self) -> Result<(), ReferenceError> {
+    /// The number of samples does not suit the scramblings, or the sampler cannot stop at an error. The look is not
+    /// valid, or asks for [`Aov::Object`].
+    pub fn check(&self) -> Result<(), ReferenceError> {
         let samples = self.samples;
         if samples > MOST_SAMPLES {
             return Err(ReferenceError::TooMany { samples });
@@ -67,6 +55,15 @@ impl ReferenceOptions {
         }
         if self.error.is_some() && !self.sampler.is_progressive() {
             return Err(ReferenceError::Fixed);
+        }
+        self.check_look()
+    }
+
+    fn check_look(&self) -> Result<(), ReferenceError> {
+        self.look.check().map_err(|e| e.within("options.look"))?;
+        if self.look.aovs.contains(&Aov::Object) {
+            let expected = format!("channels of a reference: {}, error", Aov::ALL.map(Aov::name).join(", "));
+            return Err(Invalid::new("options.look.aovs", Aov::Object.name(), expected).into());
         }
         Ok(())
     }
@@ -78,10 +75,7 @@ impl ReferenceOptions {
         frame: FrameNumber,
     ) -> Result<(FrameNumber, Cow<'a, Scene>), ReferenceError> {
         scene.check()?;
-        self.filter.check()?;
-        if let Some(epsilon) = self.epsilon {
-            limits::EPSILON.check("epsilon", epsilon)?;
-        }
+        self.check_look()?;
         if !frame.get().is_finite() {
             return Err(ReferenceError::Frame { frame });
         }

@@ -16,11 +16,11 @@ use crate::environment::Environment;
 use crate::film::{Backdrop, Background};
 use crate::math::{focal_length, norm};
 use crate::model::paths::{Elapsed, elapsed};
-use crate::model::{Gaussians, Material, Optics, Surfels};
+use crate::model::{Gaussians, Material, Surfels};
 use crate::options::PixelFilter;
 use crate::sampling::gaussian_offset;
 use crate::scene::pose::{ObjectPoser, camera_from_world};
-use crate::scene::{Capture, Light, Object, Scene, Sphere};
+use crate::scene::{Drawing, Light, Object, Scene, Shape, Sphere, SurfelModel};
 use crate::shading::ShadingLight;
 use crate::time::FrameNumber;
 
@@ -84,9 +84,9 @@ pub(super) struct Volume<'a> {
     pub gaussians: &'a Gaussians,
 }
 
-/// The shape of an object that rays can hit.
+/// What rays can hit of an object.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Shape {
+pub(super) enum Form {
     /// A model: the number of its hierarchy.
     Model(usize),
     /// A capture: the number of its tree.
@@ -102,7 +102,9 @@ pub(super) enum Shape {
 pub(super) struct Body<'a> {
     pub object: &'a Object,
     pub surfels: &'a Surfels,
-    pub shape: Shape,
+    pub form: Form,
+    /// How its Gaussians are drawn.
+    pub drawing: Drawing,
     /// Light passes through its surfels.
     pub see_through: bool,
     /// Units of time of its paths in a shutter.
@@ -153,39 +155,43 @@ impl<'a> World<'a> {
         let exposure = scene.shutter.whole_exposure(number);
         let travelled = |object: &Object| exposure.map(|time| object.travelled(scene.frames.rate, number, time));
         let alike = |a: &Object, b: &Object| {
-            let (paths, others) = (a.model.own_paths(), b.model.own_paths());
-            Arc::ptr_eq(a.model.surfels(), b.model.surfels())
+            let (paths, others) = (
+                a.shape.surfels().and_then(SurfelModel::own_paths),
+                b.shape.surfels().and_then(SurfelModel::own_paths),
+            );
+            Arc::ptr_eq(a.shape.surfels_or_none(), b.shape.surfels_or_none())
                 && paths.map(Arc::as_ptr) == others.map(Arc::as_ptr)
-                && (a.model.paths().is_empty() || travelled(a) == travelled(b))
+                && (a.shape.paths().is_empty() || travelled(a) == travelled(b))
         };
         let (mut shown, mut volumes): (Vec<Shown<'_>>, Vec<Shown<'_>>) = Default::default();
         let bodies: Vec<Body<'a>> = scene
             .objects
             .iter()
             .map(|object| {
-                let surfels: &Surfels = &object.model;
-                let shape = match object.sphere {
-                    Some(sphere) => Shape::Sphere(sphere),
-                    None if let Some(gaussians) = object.model.gaussians() => match gaussians.optics {
-                        Optics::Alpha => Shape::Gaussians(tree_of(&mut shown, gaussians, &object.capture)),
-                        Optics::Extinction { .. } => Shape::Volume(tree_of(&mut volumes, gaussians, &object.capture)),
-                    },
-                    None if surfels.is_empty() => Shape::Nothing,
-                    None => Shape::Model(distinct.iter().position(|other| alike(other, object)).unwrap_or_else(|| {
-                        distinct.push(object);
-                        distinct.len() - 1
-                    })),
+                let drawing = object.drawing().unwrap_or_default();
+                let form = match &object.shape {
+                    Shape::Sphere(sphere) => Form::Sphere(*sphere),
+                    Shape::Gaussians { model, .. } => Form::Gaussians(tree_of(&mut shown, model.gaussians(), drawing)),
+                    Shape::Volume(model) => Form::Volume(tree_of(&mut volumes, model.gaussians(), drawing)),
+                    Shape::Surfels { model, .. } if !model.surfels().is_empty() => {
+                        Form::Model(distinct.iter().position(|other| alike(other, object)).unwrap_or_else(|| {
+                            distinct.push(object);
+                            distinct.len() - 1
+                        }))
+                    }
+                    Shape::Surfels { .. } | Shape::Sequence { .. } => Form::Nothing,
                 };
-                Body::new(scene, object, shape, number, options)
+                Body::new(scene, object, form, number, options)
             })
             .collect();
-        let build = |object: &Object| Bvh::new(&object.model, &object.model.paths(), travelled(object));
+        let build =
+            |object: &Object| Bvh::new(object.shape.surfels_or_none(), &object.shape.paths(), travelled(object));
         let models = distinct.into_par_iter().map(build).collect();
-        let trees = shown.into_iter().map(|(g, capture)| Tree::new(g, capture, |i| Kernel::of(g, capture, i)));
+        let trees = shown.into_iter().map(|(g, drawing)| Tree::new(g, &drawing, |i| Kernel::of(g, &drawing, i)));
         let trees = trees.collect::<Result<Vec<_>, _>>()?;
         let captures = bodies.iter().enumerate().filter_map(|(body, of)| Transparent::of(body, of, &trees)).collect();
         let volume_trees =
-            volumes.into_iter().map(|(g, capture)| Tree::new(g, capture, |i| VolumeKernel::of(g, capture, i)));
+            volumes.into_iter().map(|(g, drawing)| Tree::new(g, &drawing, |i| VolumeKernel::of(g, &drawing, i)));
         let volume_trees = volume_trees.collect::<Result<_, _>>()?;
         let volumes = bodies.iter().enumerate().filter_map(|(body, of)| Volume::of(body, of)).collect();
         let frame_camera = CameraPose::new(&camera_from_world(scene, number));
@@ -231,7 +237,7 @@ impl<'a> World<'a> {
             // The golden ratio spreads the times of neighbouring places evenly.
             let share = (0.5 + f64::from(i) * 0.618_033_988_749_894_9).fract();
             let time = self.time(frame, pixel, self.scene.shutter.weight.time_of(share));
-            let film = match self.options.filter {
+            let film = match self.options.look.filter {
                 PixelFilter::Box => offset,
                 PixelFilter::Point => [0.5; 2],
                 PixelFilter::Gaussian { sigma } => gaussian_offset(offset).map(|offset| 0.5 + sigma * offset),
@@ -290,7 +296,7 @@ impl<'a> World<'a> {
 
     /// Surfels of the distinct models.
     pub(super) fn surfels(&self) -> u64 {
-        let of_model = |m| self.bodies.iter().find(|b| matches!(b.shape, Shape::Model(n) if n == m));
+        let of_model = |m| self.bodies.iter().find(|b| matches!(b.form, Form::Model(n) if n == m));
         (0..self.models.len()).filter_map(of_model).map(|body| body.surfels.len() as u64).sum()
     }
 
@@ -326,9 +332,9 @@ impl<'a> World<'a> {
 
 impl<'a> Transparent<'a> {
     fn of(body: usize, of: &Body<'a>, trees: &[Tree<Kernel>]) -> Option<Self> {
-        let Shape::Gaussians(tree) = of.shape else { return None };
-        let gaussians: &'a Gaussians = of.object.model.gaussians()?;
-        let antialias = of.object.capture.antialias.unwrap_or(gaussians.antialiased);
+        let Form::Gaussians(tree) = of.form else { return None };
+        let gaussians: &'a Gaussians = of.object.shape.gaussians()?.gaussians();
+        let antialias = of.drawing.antialias.unwrap_or(gaussians.antialiased);
         let reach = trees[tree].kernels().iter().map(|kernel| kernel.reach).fold(0.0, f64::max);
         Some(Self { body, tree, gaussians, antialias, reach })
     }
@@ -336,21 +342,21 @@ impl<'a> Transparent<'a> {
 
 impl<'a> Volume<'a> {
     fn of(body: usize, of: &Body<'a>) -> Option<Self> {
-        let Shape::Volume(tree) = of.shape else { return None };
-        Some(Self { body, tree, gaussians: of.object.model.gaussians()? })
+        let Form::Volume(tree) = of.form else { return None };
+        Some(Self { body, tree, gaussians: of.object.shape.gaussians()?.gaussians() })
     }
 }
 
 /// Gaussians, and how they are shown.
-type Shown<'a> = (&'a Gaussians, &'a Capture);
+type Shown<'a> = (&'a Gaussians, Drawing);
 
 /// The number of the tree of Gaussians that are shown in this way.
-fn tree_of<'a>(shown: &mut Vec<Shown<'a>>, gaussians: &'a Gaussians, capture: &'a Capture) -> usize {
+fn tree_of<'a>(shown: &mut Vec<Shown<'a>>, gaussians: &'a Gaussians, drawing: Drawing) -> usize {
     let same = |&(other, its): &Shown<'_>| {
-        std::ptr::eq(other, gaussians) && (its.opacity, its.crop) == (capture.opacity, capture.crop)
+        std::ptr::eq(other, gaussians) && (its.opacity, its.crop) == (drawing.opacity, drawing.crop)
     };
     shown.iter().position(same).unwrap_or_else(|| {
-        shown.push((gaussians, capture));
+        shown.push((gaussians, drawing));
         shown.len() - 1
     })
 }
@@ -363,12 +369,13 @@ impl CameraPose {
 }
 
 impl<'a> Body<'a> {
-    fn new(scene: &'a Scene, object: &'a Object, shape: Shape, number: f64, options: &ReferenceOptions) -> Self {
+    fn new(scene: &'a Scene, object: &'a Object, form: Form, number: f64, options: &ReferenceOptions) -> Self {
         let mut body = Self {
             object,
-            surfels: &object.model,
-            shape,
-            see_through: matches!(shape, Shape::Model(_)) && object.is_see_through(),
+            surfels: object.shape.surfels_or_none(),
+            form,
+            drawing: object.drawing().unwrap_or_default(),
+            see_through: matches!(form, Form::Model(_)) && object.is_see_through(),
             pace: if object.blur {
                 (scene.shutter.close - scene.shutter.open) * object.time_units(scene.frames.rate)
             } else {
@@ -378,7 +385,7 @@ impl<'a> Body<'a> {
             rate: scene.frames.rate,
             poser: ObjectPoser::new(scene, object),
             fixed: None,
-            epsilon: options.epsilon.or(object.epsilon),
+            epsilon: options.look.epsilon.or(object.epsilon),
         };
         // Motions by formula keep lengths; keyframes of the scale do not. Without such keyframes the tolerance is
         // constant.
@@ -388,7 +395,7 @@ impl<'a> Body<'a> {
         if body.poser.is_fixed() || !object.blur {
             body.fixed = body.pose(number);
             if body.fixed.is_none() {
-                body.shape = Shape::Nothing;
+                body.form = Form::Nothing;
             }
         }
         body
@@ -402,7 +409,7 @@ impl<'a> Body<'a> {
 
     /// Factors on the columns of the paths of its surfels at scene time `time` (frames).
     pub(super) fn elapsed(&self, time: f64) -> Elapsed<f64> {
-        let moves = !self.object.model.paths().is_empty();
+        let moves = !self.object.shape.paths().is_empty();
         if moves { elapsed(self.object.travelled(self.rate, self.number, time)) } else { [0.0; 3] }
     }
 
@@ -435,7 +442,7 @@ impl<'a> Body<'a> {
         }
         let model_from_world = DMat3::from_cols(bc, ca, ab).transpose() * (1.0 / det);
         let epsilon =
-            self.epsilon.unwrap_or_else(|| f64::from(self.object.model.median_radius()) * libm::cbrt(det.abs()));
+            self.epsilon.unwrap_or_else(|| f64::from(self.object.shape.median_radius()) * libm::cbrt(det.abs()));
         Some(BodyPose { world_from_model, model_from_world, epsilon })
     }
 

@@ -10,7 +10,7 @@ use super::gaussians::veil::{Taken, Veil};
 use super::integrator::Integrator;
 use super::layers::Surfaces;
 use super::options::ReferenceOptions;
-use super::posed::{Shape, World};
+use super::posed::{Form, World};
 use super::sampler::{Points, SCRAMBLINGS};
 use super::sums::{Sums, mean};
 use super::trace::{Surface, Tracer};
@@ -146,7 +146,7 @@ pub fn probe(
     let hits = sums.hits(at);
     let sample = sample.map(|number| {
         let (k, each) = (number / SCRAMBLINGS as u64, samples / SCRAMBLINGS as u64);
-        let points = Points::new(options.sampler, options.seed, k, k + 1, each);
+        let points = Points::new(options.sampler, options.look.seed, k, k + 1, each);
         let of_pixel = points.pixel(integrator.number(pixel));
         let scrambling = of_pixel.scrambling((number % SCRAMBLINGS as u64) as usize);
         let (film, time) = integrator.sample_point(pixel, scrambling.at(k));
@@ -176,7 +176,7 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
         let layer = layer.filter(|_| body.see_through);
         hits.push(ProbedHit {
             object: body.object.name.clone(),
-            surfel: (!matches!(body.shape, Shape::Sphere(_))).then_some(hit.surfel),
+            surfel: (!matches!(body.form, Form::Sphere(_))).then_some(hit.surfel),
             depth: hit.depth,
             uv: [hit.u, hit.v],
             weight: hit.weight(),

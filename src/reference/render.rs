@@ -4,13 +4,13 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use super::error::ReferenceError;
-use super::integrator::{Integrator, Progress};
+use super::integrator::{Integrator, Step, StepListener};
 use super::options::{ROUND, ReferenceOptions};
 use super::posed::World;
 use super::sums::Sums;
 use crate::film::Picture;
 use crate::scene::Scene;
-use crate::stop::Stop;
+use crate::stop::{Done, Progress, Stop};
 use crate::time::FrameNumber;
 
 /// A finished reference.
@@ -49,6 +49,48 @@ pub struct Stats {
     pub trace: Duration,
 }
 
+/// Makes the reference picture of one frame.
+///
+/// ```
+/// use splatblur::reference::{self, ReferenceOptions};
+/// use splatblur::{RenderOptions, Scene};
+///
+/// let scene = Scene::open("scenes/blinker_fence.xml").size(16, 12).load()?;
+/// let options = RenderOptions::default();
+/// let truth = reference::picture(&scene, 0, &ReferenceOptions::like(&options, 16))?;
+/// assert_eq!(truth.width, 16);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// The scene or the options are not valid, or do not go together.
+pub fn picture(
+    scene: &Scene,
+    frame: impl Into<FrameNumber>,
+    options: &ReferenceOptions,
+) -> Result<Picture, ReferenceError> {
+    Ok(render(scene, frame, options, None, &|_| ())?.picture)
+}
+
+/// As [`picture`], but tells `progress` how far it is, and ends with [`ReferenceError::Stopped`] soon after `stop` is
+/// set.
+///
+/// # Errors
+/// As [`picture`], or it was stopped.
+pub fn picture_until(
+    scene: &Scene,
+    frame: impl Into<FrameNumber>,
+    options: &ReferenceOptions,
+    progress: &Progress,
+    stop: &Stop,
+) -> Result<Picture, ReferenceError> {
+    let tell = |step: Step| {
+        let rounds = if options.error.is_some() { step.samples / ROUND } else { 0 };
+        progress.tell(Done { round: rounds + 1, share: step.share });
+    };
+    Ok(render_until(scene, frame, options, None, (&tell, Some(stop)))?.picture)
+}
+
 /// Makes the reference of one frame. It starts from the beginning, or from the sums of an `earlier` run with the same
 /// scene and options (except `samples` and `error`). If that run has as many samples as this one needs, none are added.
 ///
@@ -59,7 +101,7 @@ pub fn render(
     frame: impl Into<FrameNumber>,
     options: &ReferenceOptions,
     earlier: Option<Sums>,
-    progress: Progress<'_>,
+    progress: StepListener<'_>,
 ) -> Result<Reference, ReferenceError> {
     render_until(scene, frame, options, earlier, (progress, None))
 }
@@ -73,7 +115,7 @@ pub fn render_until(
     frame: impl Into<FrameNumber>,
     options: &ReferenceOptions,
     earlier: Option<Sums>,
-    (progress, stop): (Progress<'_>, Option<&Stop>),
+    (progress, stop): (StepListener<'_>, Option<&Stop>),
 ) -> Result<Reference, ReferenceError> {
     options.check()?;
     let (frame, scene) = options.enter(scene, frame.into())?;
@@ -84,8 +126,8 @@ pub fn render_until(
     let samples = options.samples;
     let size = [scene.image.width, scene.image.height];
     let mut sums = match earlier {
-        Some(sums) => sums.like(size, &options.aovs)?,
-        None => Sums::new(size, &options.aovs)?,
+        Some(sums) => sums.like(size, &options.look.aovs)?,
+        None => Sums::new(size, &options.look.aovs)?,
     };
     let start = Instant::now();
     let world = World::new(scene, frame, options)?;
@@ -126,5 +168,5 @@ pub fn render_until(
         build,
         trace: start.elapsed(),
     };
-    Ok(Reference { picture: sums.develop(&options.aovs, &backdrop), sums, stats })
+    Ok(Reference { picture: sums.develop(&options.look.aovs, &backdrop), sums, stats })
 }

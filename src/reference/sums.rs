@@ -206,12 +206,14 @@ impl Sums {
     }
 
     /// Mean standard error over all pixels and over r, g, b and coverage.
+    #[doc(hidden)]
     pub fn mean_error(&self, backdrop: &Backdrop) -> f64 {
         self.mean_error_of(backdrop, Half::All)
     }
 
     /// [`Self::mean_error`] of the even scramblings alone, to decide when to stop. The odd scramblings then know
     /// nothing of the decision.
+    #[doc(hidden)]
     pub fn mean_error_of_even(&self, backdrop: &Backdrop) -> f64 {
         self.mean_error_of(backdrop, Half::Even)
     }

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::boxes::PACKET;
 use super::cull::{Candidates, ObjectCones};
-use super::posed::{Body, BodyPose, CameraPose, Shape, World};
+use super::posed::{Body, BodyPose, CameraPose, Form, World};
 use super::traverse::{Found, Hit, LEAST_EPSILON, ModelRay, Waiting, traverse};
 use crate::film::Aov;
 use crate::model::Material;
@@ -60,7 +60,7 @@ pub(super) struct Tracer<'w, 'a> {
     world: &'w World<'a>,
     /// The hits of each lane.
     pub found: Vec<Found>,
-    views: Vec<View>,
+    views: Vec<LaneView>,
     /// The objects of each lane. An entry has meaning only if the lane hits the object.
     targets: Vec<Option<Target>>,
     rays: Vec<ModelRay>,
@@ -70,7 +70,7 @@ pub(super) struct Tracer<'w, 'a> {
 
 /// The view of a lane's sample.
 #[derive(Clone, Copy, Debug)]
-struct View {
+struct LaneView {
     camera: CameraPose,
     /// Direction of depth 1 in camera space.
     direction: DVec3,
@@ -99,7 +99,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
     pub(super) fn hits(&mut self, points: &[SamplePoint], candidates: &Candidates, cones: &ObjectCones) {
         let world = self.world;
         self.views.clear();
-        self.views.extend(points.iter().map(|&(film, time)| View {
+        self.views.extend(points.iter().map(|&(film, time)| LaneView {
             camera: world.camera(time),
             direction: world.direction(film),
             time,
@@ -137,19 +137,19 @@ impl<'w, 'a> Tracer<'w, 'a> {
                     near: world.scene.camera.near,
                     // An infinite tolerance lowers no limit.
                     epsilon: if see_through { f64::INFINITY } else { pose.epsilon },
-                    two_sided: world.options.two_sided || body.object.two_sided,
+                    two_sided: world.options.look.two_sided || body.object.two_sided,
                     object: number as u32,
                     lane,
                     elapsed,
                 });
                 self.targets[lane * world.bodies.len() + number] = Some(Target { pose, eye, direction, elapsed });
             }
-            match body.shape {
-                Shape::Model(model) => traverse(&world.models[model], &self.rays, &mut self.found, &mut self.stack),
-                Shape::Sphere(sphere) => {
+            match body.form {
+                Form::Model(model) => traverse(&world.models[model], &self.rays, &mut self.found, &mut self.stack),
+                Form::Sphere(sphere) => {
                     self.rays.iter().for_each(|ray| intersect_sphere(&sphere, ray, &mut self.found[ray.lane]));
                 }
-                Shape::Gaussians(_) | Shape::Volume(_) | Shape::Nothing => {}
+                Form::Gaussians(_) | Form::Volume(_) | Form::Nothing => {}
             }
         }
     }
@@ -175,7 +175,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
             return None;
         }
         hits.sort_unstable_by_key(|hit| (hit.object, hit.surfel));
-        let View { camera, direction, time } = self.views[lane];
+        let LaneView { camera, direction, time } = self.views[lane];
         let direction = camera.world_from_camera * direction;
         if !self.world.fixed_lights() {
             self.world.lights(camera.eye, &mut self.lights);
@@ -187,7 +187,7 @@ impl<'w, 'a> Tracer<'w, 'a> {
             let Some(target) = self.target(lane, hit) else { continue };
             let surface = Surface::of(body, target, hit);
             let w = hit.weight();
-            let c = match self.world.options.shading {
+            let c = match self.world.options.look.shading {
                 Shading::Phong => surface.colour,
                 Shading::Gouraud => {
                     let position = (surface.centre(target) - target.eye).as_vec3();
@@ -206,13 +206,13 @@ impl<'w, 'a> Tracer<'w, 'a> {
             for (sum, value) in material.iter_mut().zip([ambient, diffuse, specular, shininess]) {
                 *sum += w * f64::from(value);
             }
-            if self.world.options.aovs.contains(&Aov::Velocity) {
+            if self.world.options.look.aovs.contains(&Aov::Velocity) {
                 velocity += w * self.velocity(body, target, &surface, time);
             }
         }
         let over = 1.0 / weight;
         let (mut colour, normal, depth) = (colour * over, normal.normalize_or_zero(), depth * over);
-        if self.world.options.shading == Shading::Phong {
+        if self.world.options.look.shading == Shading::Phong {
             let [ambient, diffuse, specular, shininess] = material.map(|sum| (sum * over) as f32);
             let material = Material { ambient, diffuse, specular, shininess };
             let position = (direction * depth).as_vec3();
@@ -290,13 +290,13 @@ impl Surface {
     pub(super) fn of(body: &Body<'_>, target: &Target, hit: &Hit) -> Self {
         let pose = &target.pose;
         let mut own_velocity = DVec3::ZERO;
-        let (colour, normal, model) = if let Shape::Sphere(sphere) = body.shape {
+        let (colour, normal, model) = if let Form::Sphere(sphere) = body.form {
             let point = target.eye + target.direction * hit.depth - pose.world_from_model.translation;
             let point = pose.model_from_world * point;
             (sphere.colour, point, point)
         } else {
             let i = hit.surfel as usize;
-            let paths = body.object.model.paths();
+            let paths = body.object.shape.paths();
             own_velocity = paths.velocity(i, target.elapsed.map(|factor| factor as f32)).as_dvec3() * body.pace;
             let place = paths.exact_place(body.surfels.position[i], i, target.elapsed);
             (body.surfels.colour[i], body.surfels.normal[i].as_dvec3(), place)

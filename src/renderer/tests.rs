@@ -5,10 +5,10 @@ use std::path::Path;
 use super::*;
 use crate::model::{LoadOptions, load};
 use crate::options::{BlurMode, Prefilter};
-use crate::scene::{Model, Object, Sphere};
+use crate::scene::{Object, Shape, Sphere};
 
 fn scene() -> Scene {
-    let mut scene = Scene::new([Object::new(Model::default())]);
+    let mut scene = Scene::new([Object::new(Shape::default())]);
     (scene.image.width, scene.image.height) = (8, 6);
     scene
 }
@@ -64,8 +64,8 @@ fn the_meter_counts_all_steps() {
 #[test]
 fn a_model_takes_its_memory_once() {
     let loaded = load(Path::new("scenes/models/swarm.1.ply"), &LoadOptions::default(), &|_, _| {}).unwrap();
-    let model = Model::from(loaded.surfels);
-    let scene = Scene::new([Object::new(model.clone()), Object::new(model.clone())]);
+    let model = Arc::new(loaded.surfels);
+    let scene = Scene::new([Object::new(Arc::clone(&model)), Object::new(Arc::clone(&model))]);
     let frame = Frame::new(&scene, 0, BlurMode::supersample(1), &RenderOptions::default());
     // Position, two axes, normal and colour of each surfel.
     assert!(frame.model_bytes >= 60 * model.len() as u64, "{} for {}", frame.model_bytes, model.len());
@@ -82,7 +82,7 @@ fn a_sequence_ends_with_its_first_error() {
     };
     refused(&scene(), 1, "RenderOptions::memory");
     let mut ideal = Object::new(crate::model::Surfels::default());
-    ideal.sphere = Some(Sphere { radius: 1.0, colour: glam::Vec3::ONE });
+    ideal.shape = Sphere { radius: 1.0, colour: glam::Vec3::ONE }.into();
     refused(&Scene::new([ideal]), 1 << 30, "ideal sphere");
     assert_eq!(numbers(&mut renderer, &scene(), &RenderOptions::default()).len(), 3);
 }

@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-use super::model::Model;
-use super::values::{Object, PointMotion, Scene};
+use super::shape::{PointMotion, Shape};
+use super::values::{Object, Scene};
 use crate::model::{ModelError, VelocityUnit};
 
 impl Scene {
@@ -13,7 +13,7 @@ impl Scene {
     /// # Errors
     /// A file cannot be read, or does not go with the one beside it.
     pub(crate) fn at_frame(&self, number: f64) -> Result<Cow<'_, Self>, ModelError> {
-        if self.objects.iter().all(|object| object.sequence.is_none()) {
+        if !self.objects.iter().any(|object| matches!(object.shape, Shape::Sequence { .. })) {
             return Ok(Cow::Borrowed(self));
         }
         let mut objects = Vec::new();
@@ -28,28 +28,18 @@ impl Scene {
     /// # Errors
     /// A file cannot be read, or does not go with the one beside it.
     pub(super) fn parts(&self, object: &Object, number: f64) -> Result<Vec<Object>, ModelError> {
-        let Some(sequence) = &object.sequence else { return Ok(vec![object.clone()]) };
+        let Shape::Sequence { files, unit } = &object.shape else { return Ok(vec![object.clone()]) };
         // The picture of mode `still` is that of the frame's number.
         let [first, last] = self.shutter.whole_exposure(number);
         let [early, late] = self.shutter.readout.delays().map(|delay| number + delay);
         let exposure = [first.min(early).min(number), last.max(late).max(number)];
         let range = if object.blur { exposure } else { [number; 2] };
-        let pieces = sequence.pieces(object.points.unit, self.frames.rate, range)?;
-        let mut parts: Vec<Object> = pieces
-            .into_iter()
-            .map(|piece| Object {
-                model: piece.model,
-                points: PointMotion { unit: Some(VelocityUnit::Frame), at: Some(piece.at) },
-                window: Some(piece.window),
-                sequence: None,
-                is_part: true,
-                ..object.clone()
-            })
-            .collect();
-        match parts.first_mut() {
-            Some(first) => first.is_part = object.is_part,
-            None => parts.push(Object { model: Model::default(), sequence: None, ..object.clone() }),
+        let pieces = files.pieces(*unit, self.frames.rate, range)?;
+        let shaped = |shape: Shape| Object { shape, ..object.clone() };
+        if pieces.is_empty() {
+            return Ok(vec![shaped(Shape::default())]);
         }
-        Ok(parts)
+        let points = |at: f64| PointMotion { unit: Some(VelocityUnit::Frame), at: Some(at) };
+        Ok(pieces.into_iter().map(|(model, at)| shaped(Shape::Surfels { model, points: points(at) })).collect())
     }
 }

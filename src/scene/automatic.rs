@@ -3,11 +3,12 @@
 
 use glam::DVec3;
 
+use super::model::SurfelModel;
 use super::pose::object_pose;
+use super::shape::Shape;
 use super::values::{AnimationBinding, Camera, FrameRange, ImageSettings, Light, Object, Scene};
 use crate::files::Seen;
 use crate::math::Bounds;
-use crate::model::Optics;
 use crate::time::Shutter;
 
 /// Frames a second where neither the scene nor an animation says it: film.
@@ -59,7 +60,7 @@ impl Camera {
     }
 }
 
-/// What is said about the frames of a scene.
+/// The words of a scene file about its frames.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct GivenFrames {
     pub(crate) first: Option<i64>,
@@ -92,8 +93,8 @@ pub(crate) fn frames(
 
 /// The frames at which the files of all sequences are shown.
 fn of_sequences(objects: &[Object]) -> Option<[i64; 2]> {
-    let frames = objects.iter().filter_map(|object| object.sequence.as_ref()).map(|sequence| {
-        let spec = sequence.spec();
+    let specs = objects.iter().filter_map(|object| object.shape.sequence()).map(|files| files.spec());
+    let frames = specs.map(|spec| {
         let [first, last] = [spec.first, spec.last].map(|number| spec.frame_of(number).clamp(-1e9, 1e9));
         [first.ceil() as i64, last.floor() as i64]
     });
@@ -140,7 +141,7 @@ pub(crate) fn lights() -> Vec<Light> {
     ]
 }
 
-/// What is said about a camera.
+/// The words of a scene file about its camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GivenCamera {
     pub(crate) eye: Option<DVec3>,
@@ -164,8 +165,7 @@ impl Default for GivenCamera {
 fn upwards(scene: &Scene) -> DVec3 {
     let is_upside_down = |object: &Object| {
         let pose = object_pose(scene, object, scene.frames.first as f64).world_from_model;
-        object.model.gaussians().is_some_and(|g| g.optics == Optics::Alpha)
-            && pose.transform_vector3(DVec3::NEG_Y).y < 0.0
+        matches!(object.shape, Shape::Gaussians { .. }) && pose.transform_vector3(DVec3::NEG_Y).y < 0.0
     };
     let all = !scene.objects.is_empty() && scene.objects.iter().all(is_upside_down);
     if all { DVec3::NEG_Y } else { DVec3::Y }
@@ -173,7 +173,8 @@ fn upwards(scene: &Scene) -> DVec3 {
 
 /// From what it looks at to the eye, and to the right and upwards in its image: unit vectors.
 fn direction(scene: &Scene, up: DVec3) -> [DVec3; 3] {
-    let all = !scene.objects.is_empty() && scene.objects.iter().all(|object| object.model.is_mesh());
+    let all = !scene.objects.is_empty()
+        && scene.objects.iter().all(|object| object.shape.surfels().is_some_and(SurfelModel::is_mesh));
     let out = if all { ABOVE_RIGHT.normalize() } else { DVec3::Z };
     // Where the camera looks along `up` it is refused anyway.
     let right = up.cross(out).normalize_or(DVec3::X);
@@ -220,7 +221,7 @@ fn swept_bounds(scene: &Scene) -> Bounds {
     let mut all = Bounds::default();
     for only_visible in [true, false] {
         for object in &scene.objects {
-            if object.core().is_empty() {
+            if object.shape.core().is_empty() {
                 continue;
             }
             for i in 0..=if object.is_fixed() { 0 } else { steps } {
@@ -231,7 +232,7 @@ fn swept_bounds(scene: &Scene) -> Bounds {
                     continue;
                 }
                 let m = pose.world_from_model;
-                let radius = f64::from(object.model.median_radius()) * libm::cbrt(m.determinant().abs());
+                let radius = f64::from(object.shape.median_radius()) * libm::cbrt(m.determinant().abs());
                 for corner in bounds.corners() {
                     let p = m.transform_point3(corner);
                     if p.is_finite() {
@@ -338,7 +339,7 @@ mod tests {
                 let time = f64::from(i) / 4.0;
                 let pose = object_pose(&scene, &scene.objects[0], time);
                 let view = camera_from_world(&scene, time) * pose.world_from_model;
-                for corner in scene.objects[0].bounds().corners() {
+                for corner in scene.objects[0].shape.bounds().corners() {
                     let p = view.transform_point3(corner);
                     assert!(-p.z > scene.camera.near, "{p} {:?}", scene.camera);
                     widest = widest.max(p.x.abs() / (-p.z * tan * aspect));

@@ -1,13 +1,15 @@
 //! Whether a scene can be rendered: every number within the bounds that scene files have ([`crate::limits`]).
 //!
-//! This costs next to nothing beside a frame: what an array holds was looked at when its [`Model`](super::Model) was
+//! This costs next to nothing beside a frame: what an array holds was looked at when its [`Shape`](super::Shape) was
 //! made.
 
-use super::values::{Camera, Capture, FrameRange, ImageSettings, Light, Motion, Object, Scene, Sphere};
+use super::model::GaussianModel;
+use super::shape::{Capture, PointMotion, Shape, Sphere};
+use super::values::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene};
 use crate::environment::Environment;
 use crate::limits::{self, Invalid, Range};
 use crate::math::Trs;
-use crate::model::Material;
+use crate::model::{Material, Optics};
 
 impl Scene {
     /// Checks all numbers. A renderer does it by itself.
@@ -126,15 +128,10 @@ fn check_environment(environment: &Environment) -> Result<(), Invalid> {
 
 impl Object {
     fn check(&self) -> Result<(), Invalid> {
-        if let Some(flaw) = self.model.flaw() {
-            return Err(flaw.clone().within("model"));
-        }
+        self.shape.check().map_err(|e| e.within("shape"))?;
         check_placement(&self.transform).map_err(|e| e.within("transform"))?;
         check_placement(&self.place).map_err(|e| e.within("place"))?;
         check_motions(&self.motions)?;
-        if let Some(at) = self.points.at {
-            limits::FRAME.check("points.at", at)?;
-        }
         if let Some(material) = &self.material {
             check_material(*material).map_err(|e| e.within("material"))?;
         }
@@ -143,11 +140,33 @@ impl Object {
         if let Some(epsilon) = self.epsilon {
             limits::EPSILON.check("epsilon", epsilon)?;
         }
-        if let Some(Sphere { radius, colour }) = self.sphere {
-            limits::LENGTH.check("sphere.radius", radius)?;
-            limits::LIGHT.check_all("sphere.colour", colour.as_dvec3())?;
+        Ok(())
+    }
+}
+
+impl Shape {
+    fn check(&self) -> Result<(), Invalid> {
+        if let Some(flaw) = self.flaw() {
+            return Err(flaw.clone().within("model"));
         }
-        self.capture.check().map_err(|e| e.within("capture"))
+        match self {
+            Self::Surfels { points: PointMotion { at: Some(at), .. }, .. } => limits::FRAME.check("points.at", *at),
+            Self::Gaussians { model, .. } if model.gaussians().optics != Optics::Alpha => {
+                Err(optics("a volume", "a capture"))
+            }
+            Self::Volume(model) if model.gaussians().optics == Optics::Alpha => Err(optics("a capture", "a volume")),
+            Self::Gaussians { model, capture } => {
+                let most = Capture::MOST_HARMONICS.into();
+                limits::check_count("capture.harmonics", capture.harmonics.into(), &(0..=most))?;
+                model.check().map_err(|e| e.within("model"))
+            }
+            Self::Volume(model) => model.check().map_err(|e| e.within("model")),
+            Self::Sphere(Sphere { radius, colour }) => {
+                limits::LENGTH.check("sphere.radius", *radius)?;
+                limits::LIGHT.check_all("sphere.colour", colour.as_dvec3())
+            }
+            Self::Surfels { .. } | Self::Sequence { .. } => Ok(()),
+        }
     }
 }
 
@@ -173,10 +192,13 @@ fn check_material(material: Material) -> Result<(), Invalid> {
     Ok(())
 }
 
-impl Capture {
+/// Gaussians in a shape of the other kind.
+fn optics(found: &str, expected: &str) -> Invalid {
+    Invalid::new("model.optics", format_args!("those of {found}"), format!("those of {expected}"))
+}
+
+impl GaussianModel {
     fn check(&self) -> Result<(), Invalid> {
-        limits::UNIT.check("opacity", self.opacity)?;
-        limits::check_count("harmonics", self.harmonics.into(), &(0..=Self::MOST_HARMONICS.into()))?;
         if let Some([min, max]) = self.crop {
             limits::COORDINATE.check_all("crop[0]", min)?;
             limits::COORDINATE.check_all("crop[1]", max)?;

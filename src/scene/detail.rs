@@ -22,7 +22,7 @@ const POSES: i64 = 16;
 /// The poses are those of up to 16 frames spread evenly over the scene's frames, the first and the last among them, at
 /// mid-exposure. The nearest place is that of the object's box. A camera within the box looks from `near`.
 pub(crate) fn wanted_spacing(scene: &Scene, object: &Object) -> Option<f64> {
-    let bounds = object.bounds();
+    let bounds = object.shape.bounds();
     if bounds.is_empty() {
         return None;
     }

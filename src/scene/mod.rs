@@ -4,20 +4,24 @@ mod at_frame;
 mod automatic;
 mod check;
 mod detail;
+mod gaussians;
 mod model;
 pub mod pose;
+mod poses;
 mod sequence;
+mod shape;
 mod sight;
 mod unseen;
 mod values;
 
 pub(crate) use self::automatic::{GivenCamera, GivenFrames, RATE, camera, frames, lights};
 pub(crate) use self::detail::{SURFELS, wanted_spacing};
-pub use self::model::Model;
+pub use self::model::{GaussianModel, SurfelModel};
 pub(crate) use self::sequence::Opened;
 pub use self::sequence::{Pattern, Sequence, SequenceSpec};
+pub use self::shape::{Capture, PointMotion, Shape, Sphere};
 pub(crate) use self::sight::camera_enters;
 pub use self::unseen::{Unseen, why_unseen};
 pub use self::values::{
-    AnimationBinding, Camera, Capture, FrameRange, ImageSettings, Light, Motion, Object, PointMotion, Scene, Sphere,
+    AnimationBinding, Camera, Drawing, FrameRange, ImageSettings, Light, Motion, Object, Scene, Source,
 };

@@ -1,60 +1,102 @@
-//! What an object shows, with what is derived from it once.
+//! Surfels and Gaussians as an object shows them, with what is derived from them once.
 
-use std::ops::Deref;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::limits::Invalid;
 use crate::math::Bounds;
 use crate::model::paths::{Elapsed, OwnPaths, Paths};
-use crate::model::{Gaussians, Loaded, Optics, Surfels};
+use crate::model::{Gaussians, Optics, Surfels};
 
-/// The surfels that an object shows, or the Gaussians of a capture or a volume. Copies share them: a clone costs
-/// nothing.
-///
-/// It gives access to everything of its [`Surfels`], which are none for a capture; what is derived from both (median
-/// radius, boxes) is computed once. To change a model, make a new one.
-#[derive(Clone, Debug, Default)]
-pub struct Model {
-    surfels: Arc<Surfels>,
-    own_paths: Option<Arc<OwnPaths>>,
-    gaussians: Option<Arc<Gaussians>>,
-    median_radius: f32,
+/// The surfels of a shape without any.
+pub(super) static NO_SURFELS: LazyLock<Arc<Surfels>> = LazyLock::new(Arc::default);
+
+/// Surfels, with what is derived from them once: median radius, boxes. Copies share the surfels: a clone costs nothing.
+/// To change a model, make a new one.
+#[derive(Clone, Debug)]
+pub struct SurfelModel {
+    pub(super) surfels: Arc<Surfels>,
+    /// The part of a sequence that they are.
+    piece: Option<Piece>,
+    pub(super) median_radius: f32,
     least_opacity: f32,
-    bounds: Bounds,
-    core: Bounds,
+    pub(super) bounds: Bounds,
     /// Boxes around the columns of the paths.
     rates: [Bounds; 3],
     mesh: bool,
-    /// What is wrong with the columns of a program, so that it cannot be rendered.
-    flaw: Option<Arc<Invalid>>,
+    /// A fault in the columns that a program made: the model cannot be rendered.
+    pub(super) flaw: Option<Arc<Invalid>>,
 }
 
-impl Model {
+/// The part of a sequence that surfels are.
+#[derive(Clone, Debug)]
+pub(crate) struct Piece {
+    /// Paths in place of the surfels' own.
+    pub(crate) paths: Arc<OwnPaths>,
+    /// Frames from the first of which on, and before the second of which, they are there.
+    pub(crate) window: [f64; 2],
+    /// The first one that a frame shows of its object. The others follow it.
+    pub(crate) is_first: bool,
+}
+
+impl Default for SurfelModel {
+    fn default() -> Self {
+        Self::bare(Arc::clone(&NO_SURFELS), None)
+    }
+}
+
+impl SurfelModel {
+    /// Surfels from which nothing is derived.
+    fn bare(surfels: Arc<Surfels>, flaw: Option<Arc<Invalid>>) -> Self {
+        Self {
+            surfels,
+            piece: None,
+            median_radius: 0.0,
+            least_opacity: 0.0,
+            bounds: Bounds::default(),
+            rates: Default::default(),
+            mesh: false,
+            flaw,
+        }
+    }
+
+    /// A model of surfels that are known to be right.
+    pub(crate) fn checked(surfels: Arc<Surfels>) -> Self {
+        let (median_radius, bounds) = (surfels.median_radius(), surfels.bounds());
+        let (least_opacity, rates) = (surfels.least_opacity(), surfels.paths().bounds());
+        Self { median_radius, least_opacity, bounds, rates, ..Self::bare(surfels, None) }
+    }
+
+    /// The same surfels; `mesh`: they were sampled from a mesh.
+    pub(super) fn of_mesh(self, mesh: bool) -> Self {
+        Self { mesh, ..self }
+    }
+
     /// The shared surfels.
     pub fn surfels(&self) -> &Arc<Surfels> {
         &self.surfels
     }
 
-    /// The shared Gaussians of a capture or a volume; `None` for surfels.
-    pub fn gaussians(&self) -> Option<&Arc<Gaussians>> {
-        self.gaussians.as_ref()
-    }
-
-    /// How its surfels move by themselves.
+    /// How the surfels move by themselves.
+    #[doc(hidden)]
     pub fn paths(&self) -> Paths<'_> {
-        self.own_paths.as_ref().map_or_else(|| self.surfels.paths(), |own| own.paths())
+        self.piece.as_ref().map_or_else(|| self.surfels.paths(), |piece| piece.paths.paths())
     }
 
-    /// The same surfels on other paths.
-    pub(crate) fn with_paths(&self, paths: Arc<OwnPaths>) -> Self {
-        Self { rates: paths.paths().bounds(), own_paths: Some(paths), ..self.clone() }
+    /// The same surfels as a part of a sequence.
+    pub(crate) fn with_piece(&self, piece: Piece) -> Self {
+        Self { rates: piece.paths.paths().bounds(), piece: Some(piece), ..self.clone() }
+    }
+
+    /// The part of a sequence that they are.
+    pub(crate) fn piece(&self) -> Option<&Piece> {
+        self.piece.as_ref()
     }
 
     /// Paths that are not the surfels' own.
     pub(crate) fn own_paths(&self) -> Option<&Arc<OwnPaths>> {
-        self.own_paths.as_ref()
+        self.piece.as_ref().map(|piece| &piece.paths)
     }
 
     /// Box around the centres after the points moved by themselves; it may be larger than needed. Model space.
@@ -66,51 +108,17 @@ impl Model {
         })
     }
 
-    /// Why it cannot be rendered; `None` if it can.
-    pub(crate) fn flaw(&self) -> Option<&Invalid> {
-        self.flaw.as_deref()
-    }
-
-    /// A model of surfels that are known to be right.
-    pub(crate) fn of_surfels(surfels: Arc<Surfels>) -> Self {
-        let (median_radius, bounds) = (surfels.median_radius(), surfels.bounds());
-        let (least_opacity, rates) = (surfels.least_opacity(), surfels.paths().bounds());
-        Self { surfels, median_radius, least_opacity, bounds, core: bounds, rates, ..Self::default() }
-    }
-
-    /// A model of Gaussians that are known to be right.
-    fn of_gaussians(gaussians: Arc<Gaussians>) -> Self {
-        let bounds: Bounds = gaussians.position.iter().map(|p| p.as_dvec3()).collect();
-        let mut radii: Vec<f32> = gaussians.sigma.iter().map(|sigma| 2.0 * sigma.max_element()).collect();
-        let middle = radii.len() / 2;
-        let median_radius =
-            if radii.is_empty() { 0.0 } else { *radii.select_nth_unstable_by(middle, f32::total_cmp).1 };
-        let core = core(&gaussians, bounds);
-        Self { gaussians: Some(gaussians), median_radius, least_opacity: 1.0, bounds, core, ..Self::default() }
-    }
-
-    /// True for the kernels of a volume.
-    pub fn is_volume(&self) -> bool {
-        self.gaussians.as_ref().is_some_and(|gaussians| gaussians.optics != Optics::Alpha)
-    }
-
     /// True for surfels that were sampled from a mesh when it was loaded.
     pub fn is_mesh(&self) -> bool {
         self.mesh
     }
 
-    /// Number of surfels or Gaussians.
-    pub fn elements(&self) -> usize {
-        self.gaussians.as_ref().map_or(self.surfels.len(), |gaussians| gaussians.len())
-    }
-
-    /// Median of the cut-off radii, or of twice the largest standard deviations of Gaussians, model space; 0 for a
-    /// model that has none.
+    /// Median of the cut-off radii, model space; 0 for a model without surfels.
     pub fn median_radius(&self) -> f32 {
         self.median_radius
     }
 
-    /// The least opacity of surfels; 1 for a model without any.
+    /// The least opacity of surfels; 1 for a model without any opacities.
     pub fn least_opacity(&self) -> f32 {
         self.least_opacity
     }
@@ -119,59 +127,70 @@ impl Model {
     pub fn bounds(&self) -> Bounds {
         self.bounds
     }
+}
 
-    /// Box around what a viewer looks at, model space: for surfels that of [`Self::bounds`]. Captures have stray
-    /// Gaussians far away, so the outermost 2 % on each side do not count.
+/// Gaussians of a capture or kernels of a volume, which of them show, and what is derived from them once. Copies share
+/// the Gaussians: a clone costs nothing.
+#[derive(Clone, Debug)]
+pub struct GaussianModel {
+    pub(super) gaussians: Arc<Gaussians>,
+    /// Gaussians with centres outside this box are left out, model space; both corners belong to it.
+    pub crop: Option<[DVec3; 2]>,
+    /// The colour of all, linear Rec.709, in place of their own.
+    #[doc(hidden)]
+    pub flat: Option<Vec3>,
+    pub(super) median_radius: f32,
+    pub(super) bounds: Bounds,
+    core: Bounds,
+    /// A fault in the columns that a program made: the model cannot be rendered.
+    pub(super) flaw: Option<Arc<Invalid>>,
+}
+
+impl GaussianModel {
+    /// Gaussians from which nothing is derived.
+    fn bare(gaussians: Arc<Gaussians>, flaw: Option<Arc<Invalid>>) -> Self {
+        let (bounds, core) = Default::default();
+        Self { gaussians, crop: None, flat: None, median_radius: 0.0, bounds, core, flaw }
+    }
+
+    /// A model of Gaussians that are known to be right.
+    pub(super) fn checked(gaussians: Arc<Gaussians>) -> Self {
+        let bounds: Bounds = gaussians.position.iter().map(|p| p.as_dvec3()).collect();
+        let mut radii: Vec<f32> = gaussians.sigma.iter().map(|sigma| 2.0 * sigma.max_element()).collect();
+        let middle = radii.len() / 2;
+        let median_radius =
+            if radii.is_empty() { 0.0 } else { *radii.select_nth_unstable_by(middle, f32::total_cmp).1 };
+        let core = core(&gaussians, bounds);
+        Self { median_radius, bounds, core, ..Self::bare(gaussians, None) }
+    }
+
+    /// The shared Gaussians.
+    pub fn gaussians(&self) -> &Arc<Gaussians> {
+        &self.gaussians
+    }
+
+    /// Median of twice the largest standard deviations, model space; 0 for a model without Gaussians.
+    pub fn median_radius(&self) -> f32 {
+        self.median_radius
+    }
+
+    /// Box around the centres that show, model space; empty for a model without any.
+    pub fn bounds(&self) -> Bounds {
+        self.cropped(self.bounds)
+    }
+
+    /// Box around what a viewer looks at, model space. Captures have stray Gaussians far away, so the outermost 2 % on
+    /// each side do not count.
     pub fn core(&self) -> Bounds {
-        self.core
+        self.cropped(self.core)
+    }
+
+    fn cropped(&self, bounds: Bounds) -> Bounds {
+        self.crop.map_or(bounds, |[min, max]| Bounds { min: bounds.min.max(min), max: bounds.max.min(max) })
     }
 }
 
-impl From<Surfels> for Model {
-    fn from(surfels: Surfels) -> Self {
-        Arc::new(surfels).into()
-    }
-}
-
-impl From<Arc<Surfels>> for Model {
-    /// Columns that do not go together, or hold what cannot be drawn, are an error when the model is rendered.
-    fn from(surfels: Arc<Surfels>) -> Self {
-        match surfels.check() {
-            Ok(()) => Self::of_surfels(surfels),
-            // Nothing can be derived from them.
-            Err(flaw) => Self { surfels, flaw: Some(Arc::new(flaw)), ..Self::default() },
-        }
-    }
-}
-
-impl From<Gaussians> for Model {
-    fn from(gaussians: Gaussians) -> Self {
-        Arc::new(gaussians).into()
-    }
-}
-
-impl From<Arc<Gaussians>> for Model {
-    /// As from surfels.
-    fn from(gaussians: Arc<Gaussians>) -> Self {
-        match gaussians.check() {
-            Ok(()) => Self::of_gaussians(gaussians),
-            Err(flaw) => Self { gaussians: Some(gaussians), flaw: Some(Arc::new(flaw)), ..Self::default() },
-        }
-    }
-}
-
-impl From<Loaded> for Model {
-    /// Surfels are sorted along a curve through space.
-    fn from(loaded: Loaded) -> Self {
-        if let Some(gaussians) = loaded.gaussians {
-            return Self::of_gaussians(Arc::new(gaussians));
-        }
-        let mesh = loaded.mesh.is_some();
-        Self { mesh, ..Self::of_surfels(Arc::new(loaded.surfels.spatially_ordered())) }
-    }
-}
-
-/// [`Model::core`] of Gaussians with `bounds`. Volumes have no strays.
+/// [`GaussianModel::core`] of Gaussians with `bounds`. Volumes have no strays.
 fn core(gaussians: &Gaussians, bounds: Bounds) -> Bounds {
     let last = gaussians.len().saturating_sub(1);
     if last / 50 == 0 || gaussians.optics != Optics::Alpha {
@@ -186,10 +205,35 @@ fn core(gaussians: &Gaussians, bounds: Bounds) -> Bounds {
     Bounds { min: DVec3::new(x[0], y[0], z[0]), max: DVec3::new(x[1], y[1], z[1]) }
 }
 
-impl Deref for Model {
-    type Target = Surfels;
+impl From<Arc<Surfels>> for SurfelModel {
+    /// Columns that do not go together, or hold what cannot be drawn, are an error when the model is rendered.
+    fn from(surfels: Arc<Surfels>) -> Self {
+        match surfels.check() {
+            Ok(()) => Self::checked(surfels),
+            // Nothing can be derived from them.
+            Err(flaw) => Self::bare(surfels, Some(Arc::new(flaw))),
+        }
+    }
+}
 
-    fn deref(&self) -> &Surfels {
-        &self.surfels
+impl From<Surfels> for SurfelModel {
+    fn from(surfels: Surfels) -> Self {
+        Arc::new(surfels).into()
+    }
+}
+
+impl From<Arc<Gaussians>> for GaussianModel {
+    /// Columns that do not go together, or hold what cannot be drawn, are an error when the model is rendered.
+    fn from(gaussians: Arc<Gaussians>) -> Self {
+        match gaussians.check() {
+            Ok(()) => Self::checked(gaussians),
+            Err(flaw) => Self::bare(gaussians, Some(Arc::new(flaw))),
+        }
+    }
+}
+
+impl From<Gaussians> for GaussianModel {
+    fn from(gaussians: Gaussians) -> Self {
+        Arc::new(gaussians).into()
     }
 }

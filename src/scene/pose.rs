@@ -188,7 +188,12 @@ pub fn jumps(scene: &Scene, from: f64, to: f64) -> Vec<f64> {
 
 /// Scene times within (`from`, `to`), frames, at which objects that blur begin or cease to be there, rising.
 pub fn seams(scene: &Scene, from: f64, to: f64) -> Vec<f64> {
-    let windows = scene.objects.iter().filter(|object| object.blur).filter_map(|object| object.window).flatten();
+    let windows = scene
+        .objects
+        .iter()
+        .filter(|object| object.blur)
+        .filter_map(|object| object.piece())
+        .flat_map(|piece| piece.window);
     let mut times: Vec<f64> = windows.filter(|&time| from < time && time < to).collect();
     times.sort_by(f64::total_cmp);
     times.dedup();

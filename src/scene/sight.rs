@@ -13,10 +13,10 @@ const MOST_POSES: usize = 200_000;
 /// The box is that of the surfels' centres, grown by the median radius. Times are four a frame, within a total for all
 /// objects of the scene that stays under a second.
 pub(crate) fn camera_enters(scene: &Scene, object: &Object) -> bool {
-    if object.bounds().is_empty() {
+    if object.shape.bounds().is_empty() {
         return false;
     }
-    let margin = DVec3::splat(f64::from(object.model.median_radius()));
+    let margin = DVec3::splat(f64::from(object.shape.median_radius()));
     let [from, _] = scene.shutter.whole_exposure(scene.frames.first as f64);
     let [_, to] = scene.shutter.whole_exposure(scene.frames.last as f64);
     let most = (MOST_POSES / scene.objects.len().max(1)).clamp(8, 2000);

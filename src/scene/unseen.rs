@@ -9,6 +9,7 @@ use std::fmt;
 use glam::{DMat4, DVec2, DVec3};
 
 use super::pose::{camera_from_world, object_pose};
+use super::shape::Shape;
 use super::values::{Object, Scene};
 use crate::model::paths::elapsed;
 use crate::time::FrameNumber;
@@ -72,19 +73,19 @@ impl fmt::Display for Unseen {
 /// the image all the same.
 pub fn why_unseen(scene: &Scene, object: &Object, frame: FrameNumber, drawn: bool) -> Unseen {
     let number = frame.get();
-    if let Some(sequence) = &object.sequence {
+    if let Shape::Sequence { files, .. } = &object.shape {
         let [from, to] = scene.shutter.whole_exposure(number);
-        if !sequence.spec().has_files(from, to) {
+        if !files.spec().has_files(from, to) {
             return Unseen::NoFile;
         }
-        let empty = |parts: &[Object]| parts.iter().all(|part| part.bounds().is_empty());
+        let empty = |parts: &[Object]| parts.iter().all(|part| part.shape.bounds().is_empty());
         return match scene.parts(object, number) {
             Ok(parts) if !empty(&parts) => of_parts(scene, &parts, number, drawn),
             // A file that cannot be read has ended the rendering before.
             Ok(_) | Err(_) => Unseen::EmptyFrame,
         };
     }
-    if object.bounds().is_empty() {
+    if object.shape.bounds().is_empty() {
         return Unseen::Empty;
     }
     of_parts(scene, std::slice::from_ref(object), number, drawn)
@@ -98,7 +99,7 @@ struct Places {
     nearer: usize,
     outside: usize,
     inside: usize,
-    /// Of those inside: how many show their front, and how many are of things larger than a pixel.
+    /// Places inside that show a front, and those of things larger than a pixel.
     fronts: usize,
     large: usize,
 }
@@ -120,7 +121,7 @@ fn of_parts(scene: &Scene, parts: &[Object], number: f64, drawn: bool) -> Unseen
             }
         }
     }
-    places.cause(parts.iter().any(|part| part.two_sided || part.model.gaussians().is_some()), drawn)
+    places.cause(parts.iter().any(|part| part.two_sided || part.shape.gaussians().is_some()), drawn)
 }
 
 impl Places {
@@ -173,8 +174,8 @@ impl<'a> Instant<'a> {
             scene,
             camera_from_model: pose.visible.then_some(camera_from_model),
             eye: camera_from_model.inverse().transform_point3(DVec3::ZERO),
-            radius: f64::from(part.model.median_radius()) * scale,
-            extent: part.bounds().size().length() * scale,
+            radius: f64::from(part.shape.median_radius()) * scale,
+            extent: part.shape.bounds().size().length() * scale,
             travelled: part.travelled(scene.frames.rate, number, time),
             rows,
         }
@@ -183,20 +184,23 @@ impl<'a> Instant<'a> {
     /// Counts where points of a part are, evenly among all: `most` of them, or the corners of a box where there are no
     /// points.
     fn count(&self, part: &Object, most: usize, places: &mut Places) {
-        let model = &part.model;
-        let every = model.elements().div_ceil(most).max(1);
-        if let Some(gaussians) = model.gaussians() {
-            let bounds = part.bounds();
-            let cropped = |p: &DVec3| p.cmpge(bounds.min).all() && p.cmple(bounds.max).all();
-            let shown = gaussians.position.iter().step_by(every).map(|p| p.as_dvec3()).filter(cropped);
-            shown.for_each(|p| self.place(p, None, places));
-        } else if model.is_empty() {
-            part.bounds().corners().into_iter().for_each(|p| self.place(p, None, places));
-        } else {
-            let (paths, elapsed) = (model.paths(), elapsed(self.travelled));
-            for i in (0..model.len()).step_by(every) {
-                let place = model.origin + paths.exact_place(model.position[i], i, elapsed);
-                self.place(place, Some(model.normal[i].as_dvec3()), places);
+        let bounds = part.shape.bounds();
+        let every = part.shape.elements().div_ceil(most).max(1);
+        match &part.shape {
+            Shape::Gaussians { model, .. } | Shape::Volume(model) => {
+                let cropped = |p: &DVec3| p.cmpge(bounds.min).all() && p.cmple(bounds.max).all();
+                let shown = model.gaussians().position.iter().step_by(every).map(|p| p.as_dvec3()).filter(cropped);
+                shown.for_each(|p| self.place(p, None, places));
+            }
+            Shape::Surfels { model, .. } if !model.surfels().is_empty() => {
+                let (surfels, paths, elapsed) = (model.surfels(), model.paths(), elapsed(self.travelled));
+                for i in (0..surfels.len()).step_by(every) {
+                    let place = surfels.origin + paths.exact_place(surfels.position[i], i, elapsed);
+                    self.place(place, Some(surfels.normal[i].as_dvec3()), places);
+                }
+            }
+            Shape::Surfels { .. } | Shape::Sequence { .. } | Shape::Sphere(_) => {
+                bounds.corners().into_iter().for_each(|p| self.place(p, None, places));
             }
         }
     }

@@ -1,21 +1,20 @@
 //! A scene as plain values: what the renderer sees.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::model::Model;
-use super::sequence::Sequence;
+use super::model::{GaussianModel, Piece, SurfelModel};
+use super::shape::{Capture, Shape};
 use crate::anim::{Interpolation, NodeMotion};
 use crate::environment::Environment;
 use crate::files::Seen;
 use crate::math::{Bounds, Trs};
 use crate::model::paths::elapsed;
-use crate::model::{self, Cloud, ColourSpace, Kind, Material, MeshOptions, ModelError, VelocityUnit, VolumeOptions};
+use crate::model::{self, Cloud, LoadOptions, Material, ModelError, VelocityUnit};
 use crate::time::Shutter;
 
-/// What is rendered: objects, lights and a camera, with the image, the frames and the shutter.
+/// Objects, lights and a camera, with the image, the frames and the shutter: all that is rendered.
 ///
 /// `Scene::load` reads a scene file; [`Scene::new`] takes objects made in code and fills in the same defaults as a
 /// file. All fields may be changed afterwards.
@@ -54,11 +53,15 @@ impl Scene {
     /// each instant; nothing has that.
     pub(crate) fn capture_before_panorama(&self) -> Option<&Object> {
         self.panorama()?;
-        self.objects.iter().find(|object| object.model.gaussians().is_some_and(|gaussians| !gaussians.linear))
+        self.objects.iter().find(|object| object.shape.gaussians().is_some_and(|model| !model.gaussians().linear))
     }
 }
 
 /// Size and background of the image.
+///
+/// A size that is set after loading leaves the camera and the surfels of meshes as they are. The picture then shows the
+/// same height, with the same field of view, and more or less at the sides; meshes may be too coarse for it.
+/// [`Scene::open`](Scene::open) takes the size before, as `--size` does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImageSettings {
     /// Width in pixels, >= 1.
@@ -195,50 +198,29 @@ pub enum Motion {
     },
 }
 
-/// How the points of a model move by themselves: p(t) = p + v t + a t^2/2, with the model's velocities v and
-/// accelerations a.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PointMotion {
-    /// Unit of time of velocities and accelerations; `None`: that of the model.
-    pub unit: Option<VelocityUnit>,
-    /// Frame at which the points are where the model has them. `None`: each frame is, so t is 0 at the frame's number.
-    pub at: Option<f64>,
+/// Where a model came from and how it was read: what is needed to write the object back into a scene file. Renderers do
+/// not look at it.
+#[derive(Clone, Debug, Default)]
+pub struct Source {
+    /// Model file; empty for a model made in code.
+    pub path: PathBuf,
+    /// How the file was read (already applied to the shape).
+    pub options: LoadOptions,
 }
 
-/// A model in the scene, with its place and motion.
+/// A shape in the scene, with its place, motion and look.
 ///
-/// A point of the model moves by itself (`points`). Then it goes through `transform`, the animation, the motions in
-/// their order, and `place`: `world_from_model` = place * motions (the last one leftmost) * animation * transform.
+/// A point of the model moves by itself ([`PointMotion`](super::PointMotion)). Then it goes through `transform`, the
+/// animation, the motions in their order, and `place`: `world_from_model` = place * motions (the last one leftmost) *
+/// animation * transform.
 #[derive(Clone, Debug)]
 pub struct Object {
     /// Name, unique in the scene.
     pub name: String,
-    /// Model file; empty for a model made in code.
-    pub model_path: PathBuf,
-    /// The surfels; shared by objects with the same model and options.
-    pub model: Model,
-    /// What the model is drawn as, forced by the scene (already applied to `model`).
-    pub kind: Option<Kind>,
-    /// How a capture is drawn; of it, `opacity` and `crop` hold for volumes too. It means nothing for surfels.
-    pub capture: Capture,
-    /// How a volume became kernels (already applied to `model`); it means nothing for other models.
-    pub volume: VolumeOptions,
-    /// The node of a glTF file that `model` is; `None`: its whole scene.
-    pub node: Option<String>,
-    /// How a mesh became surfels (already applied to `model`); it means nothing for other models.
-    pub mesh: MeshOptions,
-    /// Factor on the model's radii, > 0 (already applied to `model`).
-    pub radius_scale: f64,
-    /// Colour space forced by the scene (already applied to `model`).
-    pub colour_space: Option<ColourSpace>,
-    /// How its points move by themselves.
-    pub points: PointMotion,
-    /// Point files of many frames, in place of `model`.
-    pub sequence: Option<Arc<Sequence>>,
-    /// Frames from the first of which on, and before the second of which, it is there; `None`: always.
-    pub(crate) window: Option<[f64; 2]>,
-    /// It shows another part of the object before it.
-    pub(crate) is_part: bool,
+    /// What it is made of. Objects of the same model and options share it.
+    pub shape: Shape,
+    /// Where the shape came from.
+    pub source: Source,
     /// Before motion.
     pub transform: Trs,
     /// Keyframed motion.
@@ -247,11 +229,11 @@ pub struct Object {
     pub motions: Vec<Motion>,
     /// After motion.
     pub place: Trs,
-    /// The whole object's material; `None`: the model's own, else the default.
+    /// The whole object's material; `None`: the model's own, else the default. Captures and volumes have none.
     pub material: Option<Material>,
-    /// Factor on the opacities of surfels, in [0, 1].
+    /// Factor on the opacities of all surfels, Gaussians or kernels, in [0, 1].
     pub opacity: f64,
-    /// Share of the environment's radiance that its surfels mirror, in [0, 1].
+    /// Share of the environment's radiance that its surface mirrors, in [0, 1].
     pub reflection: f64,
     /// Depth tolerance of the visibility rule, world units; `None`: the median cut-off radius times the object's scale.
     pub epsilon: Option<f64>,
@@ -259,34 +241,21 @@ pub struct Object {
     pub blur: bool,
     /// True: back faces show, with their normals turned to the viewer.
     pub two_sided: bool,
-    /// An ideal sphere instead of the model. Only the reference shows it; the renderer refuses it.
-    pub sphere: Option<Sphere>,
 }
 
 impl Object {
-    /// An object that shows `model`: surfels, shared surfels, or the [`Model`] of another object.
+    /// An object of this shape: surfels, Gaussians, an ideal sphere, or the [`Shape`] of another object.
     ///
     /// It has no name ([`Scene::new`] gives it one), stands where its model does, does not move, and has its model's
     /// material. Renderers are faster where neighbours in the model are neighbours in space
     /// ([`Surfels::spatially_ordered`]).
     ///
     /// [`Surfels::spatially_ordered`]: crate::model::Surfels::spatially_ordered
-    pub fn new(model: impl Into<Model>) -> Self {
-        let model = model.into();
+    pub fn new(shape: impl Into<Shape>) -> Self {
+        let shape = shape.into();
         Self {
             name: String::new(),
-            model_path: PathBuf::new(),
-            kind: None,
-            capture: Capture::default(),
-            volume: VolumeOptions::default(),
-            node: None,
-            mesh: MeshOptions::default(),
-            radius_scale: 1.0,
-            colour_space: None,
-            points: PointMotion::default(),
-            sequence: None,
-            window: None,
-            is_part: false,
+            source: Source::default(),
             transform: Trs::default(),
             animation: None,
             motions: Vec::new(),
@@ -296,9 +265,8 @@ impl Object {
             reflection: 0.0,
             epsilon: None,
             blur: true,
-            two_sided: model.two_sided,
-            sphere: None,
-            model,
+            two_sided: shape.two_sided(),
+            shape,
         }
     }
 
@@ -311,69 +279,56 @@ impl Object {
     /// The file cannot be read, or is not a valid model with at least one point.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
         let path = path.as_ref();
-        let loaded = model::load(path, &model::LoadOptions::default(), &|_, _| {})?;
-        Ok(Self { model_path: path.to_owned(), ..Self::new(Model::from(loaded)) })
+        let loaded = model::load(path, &LoadOptions::default(), &|_, _| {})?;
+        let source = Source { path: path.to_owned(), ..Source::default() };
+        Ok(Self { source, ..Self::new(loaded) })
     }
 
-    /// An object of points: missing normals and radii are estimated, and the points sorted along a curve through space.
+    /// An object of points as a file has them, with colours as `colour_storage` says: missing normals and radii are
+    /// estimated, and the points sorted along a curve through space.
     ///
     /// # Errors
     /// The cloud has no point that can be drawn, or a column that is neither empty nor as long as `position`.
-    pub fn from_cloud(cloud: Cloud) -> Result<Self, ModelError> {
+    pub(crate) fn from_cloud(cloud: Cloud) -> Result<Self, ModelError> {
         cloud.check()?;
-        let (surfels, _) = model::complete(cloud, &model::LoadOptions::default(), &|_, _| {})?;
+        let (surfels, _) = model::complete(cloud, &LoadOptions::default(), &|_, _| {})?;
         Ok(Self::new(surfels.spatially_ordered()))
     }
 
-    /// Box around the centres of surfels, Gaussians or kernels, or around the ideal sphere, in model space;
-    /// empty for a model without any.
-    pub fn bounds(&self) -> Bounds {
-        match self.sphere {
-            Some(Sphere { radius, .. }) => [DVec3::splat(-radius), DVec3::splat(radius)].into_iter().collect(),
-            None if let Some(sequence) = &self.sequence => sequence.bounds(),
-            None => self.cropped(self.model.bounds()),
-        }
-    }
-
-    /// Box around what a viewer looks at, in model space: that of [`Self::bounds`] without the strays of a capture.
-    pub fn core(&self) -> Bounds {
-        if self.sphere.is_some() || self.sequence.is_some() { self.bounds() } else { self.cropped(self.model.core()) }
-    }
-
-    /// [`Self::bounds`] after its points moved by themselves to their places at scene time `time` (frames).
+    /// [`Shape::bounds`] after its points moved by themselves to their places at scene time `time` (frames).
     pub(crate) fn bounds_at(&self, rate: f64, time: f64) -> Bounds {
-        if self.points.at.is_none() || self.model.paths().is_empty() {
+        match self.travelling() {
+            Some(model) => model.bounds_after(elapsed(self.travelled(rate, time, time))),
             // They are near the model's places in each frame.
-            return self.bounds();
+            None => self.shape.bounds(),
         }
-        self.model.bounds_after(elapsed(self.travelled(rate, time, time)))
     }
 
-    /// [`Self::core`] after its points moved, as [`Self::bounds_at`] has them.
+    /// [`Shape::core`] after its points moved, as [`Self::bounds_at`] has them.
     pub(crate) fn core_at(&self, rate: f64, time: f64) -> Bounds {
-        let moved = self.points.at.is_some() && !self.model.paths().is_empty();
-        if moved { self.bounds_at(rate, time) } else { self.core() }
+        if self.travelling().is_some() { self.bounds_at(rate, time) } else { self.shape.core() }
     }
 
-    fn cropped(&self, bounds: Bounds) -> Bounds {
-        match self.capture.crop {
-            Some([min, max]) if self.model.gaussians().is_some() => {
-                Bounds { min: bounds.min.max(min), max: bounds.max.min(max) }
-            }
-            _ => bounds,
+    /// Surfels that move by themselves from frame to frame.
+    fn travelling(&self) -> Option<&SurfelModel> {
+        match &self.shape {
+            Shape::Surfels { model, points } if points.at.is_some() && !model.paths().is_empty() => Some(model),
+            _ => None,
         }
     }
 
     /// The time that its points travelled at scene time `time` of frame `number` (both in frames), in the unit of their
     /// velocities.
     pub(crate) fn travelled(&self, rate: f64, number: f64, time: f64) -> f64 {
-        let frames = if self.blur { time } else { number } - self.points.at.unwrap_or(number);
+        let Shape::Surfels { points, .. } = &self.shape else { return 0.0 };
+        let frames = if self.blur { time } else { number } - points.at.unwrap_or(number);
         frames * self.time_units(rate)
     }
 
-    /// Units of time of its velocities in a frame, at `rate` frames per second.
+    /// Units of time of the velocities of its points in a frame, at `rate` frames per second.
     pub(crate) fn time_units(&self, rate: f64) -> f64 {
-        match self.points.unit.unwrap_or(self.model.velocity_unit) {
+        let Shape::Surfels { model, points } = &self.shape else { return 1.0 / rate };
+        match points.unit.unwrap_or(model.surfels().velocity_unit) {
             VelocityUnit::Second => 1.0 / rate,
             VelocityUnit::Frame => 1.0,
         }
@@ -384,56 +339,65 @@ impl Object {
     pub fn is_see_through(&self) -> bool {
         /// Less would be seen in 8 bits.
         const OPAQUE: f64 = 254.0 / 255.0;
-        !self.model.is_empty() && self.opacity * f64::from(self.model.least_opacity()) < OPAQUE
+        let model = self.shape.surfels().filter(|model| !model.surfels().is_empty());
+        model.is_some_and(|model| self.opacity * f64::from(model.least_opacity()) < OPAQUE)
+    }
+
+    /// How its Gaussians are drawn; `None` for other shapes.
+    pub(crate) fn drawing(&self) -> Option<Drawing> {
+        let opacity = self.opacity;
+        match &self.shape {
+            Shape::Gaussians { model: GaussianModel { crop, flat, .. }, capture: Capture { harmonics, antialias } } => {
+                Some(Drawing { opacity, harmonics: *harmonics, crop: *crop, antialias: *antialias, flat: *flat })
+            }
+            Shape::Volume(GaussianModel { crop, flat, .. }) => {
+                Some(Drawing { opacity, crop: *crop, flat: *flat, ..Drawing::default() })
+            }
+            Shape::Surfels { .. } | Shape::Sequence { .. } | Shape::Sphere(_) => None,
+        }
+    }
+
+    /// The part of a sequence that it shows in this frame.
+    pub(crate) fn piece(&self) -> Option<&Piece> {
+        self.shape.surfels()?.piece()
+    }
+
+    /// Does it show another part of the object before it?
+    pub(crate) fn is_part(&self) -> bool {
+        self.piece().is_some_and(|piece| !piece.is_first)
     }
 
     /// Is it there at scene time `time` (frames)?
     pub(crate) fn exists(&self, time: f64) -> bool {
-        self.window.is_none_or(|[from, to]| from <= time && time < to)
+        self.piece().is_none_or(|Piece { window: [from, to], .. }| *from <= time && time < *to)
     }
 
     /// True if no animation and no motion moves the object, and its points do not travel from frame to frame.
     pub fn is_fixed(&self) -> bool {
-        let travels = self.points.at.is_some() && !self.model.paths().is_empty() || self.sequence.is_some();
-        let travels = travels || self.window.is_some();
-        self.animation.is_none() && self.motions.is_empty() && !travels
+        let is_sequence = self.piece().is_some() || matches!(self.shape, Shape::Sequence { .. });
+        self.animation.is_none() && self.motions.is_empty() && self.travelling().is_none() && !is_sequence
     }
 }
 
-/// How the Gaussians of a capture are drawn.
+/// How Gaussians of a capture or kernels of a volume are drawn: all that an object says of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Capture {
+pub struct Drawing {
     /// Factor on all opacities, in [0, 1].
     pub opacity: f64,
     /// Highest degree of harmonics that colours have, as far as the capture has them.
     pub harmonics: u8,
-    /// Gaussians with centres outside this box are left out, model space; both corners belong to it.
+    /// The box of the centres that show, model space; both corners belong to it. `None`: all show.
     pub crop: Option<[DVec3; 2]>,
     /// Whether a Gaussian that is widened by the filter loses opacity; `None`: as the file says.
     pub antialias: Option<bool>,
-    /// The colour of all, in place of their own.
-    #[doc(hidden)]
+    /// The colour of all, linear Rec.709, in place of their own.
     pub flat: Option<Vec3>,
 }
 
-impl Capture {
-    /// The highest degree of harmonics.
-    pub const MOST_HARMONICS: u8 = 3;
-}
-
-impl Default for Capture {
+impl Default for Drawing {
     fn default() -> Self {
-        Self { opacity: 1.0, harmonics: Self::MOST_HARMONICS, crop: None, antialias: None, flat: None }
+        Self { opacity: 1.0, harmonics: Capture::MOST_HARMONICS, crop: None, antialias: None, flat: None }
     }
-}
-
-/// The thesis's ideal sphere (B.2.4), about the model's origin.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sphere {
-    /// Radius, model space, > 0.
-    pub radius: f64,
-    /// Colour, linear Rec.709.
-    pub colour: Vec3,
 }
 
 #[cfg(test)]
@@ -442,6 +406,7 @@ mod tests {
 
     use super::*;
     use crate::model::generate;
+    use crate::scene::Sphere;
 
     #[test]
     fn a_cloud_and_its_file_make_the_same_object() {
@@ -452,10 +417,11 @@ mod tests {
         std::fs::write(&path, bytes).unwrap();
         let loaded = Object::load(&path).unwrap();
         let made = Object::from_cloud(generate::fence()).unwrap();
-        assert_eq!(loaded.model_path, path);
-        assert_eq!(loaded.model.position, made.model.position);
-        assert_eq!(loaded.model.median_radius(), made.model.surfels().median_radius());
-        assert_eq!(loaded.bounds(), made.model.surfels().bounds());
+        assert_eq!(loaded.source.path, path);
+        let [from_file, from_code] = [&loaded, &made].map(|object| object.shape.surfels().unwrap());
+        assert_eq!(from_file.surfels().position, from_code.surfels().position);
+        assert_eq!(from_file.median_radius(), from_code.surfels().median_radius());
+        assert_eq!(loaded.shape.bounds(), from_code.surfels().bounds());
         assert!(Object::from_cloud(Cloud::default()).is_err());
         assert!(Object::load(directory.path().join("none.ply")).is_err());
     }
@@ -463,15 +429,15 @@ mod tests {
     #[test]
     fn a_model_is_shared_by_objects() {
         let first = Object::from_cloud(generate::fence()).unwrap();
-        let second = Object::new(first.model.clone());
-        assert!(Arc::ptr_eq(first.model.surfels(), second.model.surfels()));
+        let second = Object::new(first.shape.clone());
+        let [first, second] = [&first, &second].map(|object| object.shape.surfels().unwrap().surfels());
+        assert!(Arc::ptr_eq(first, second));
     }
 
     #[test]
     fn the_box_of_an_ideal_sphere_is_its_own() {
-        let mut object = Object::new(Model::default());
-        assert!(object.bounds().is_empty());
-        object.sphere = Some(Sphere { radius: 2.0, colour: Vec3::ONE });
-        assert_eq!(object.bounds().size(), DVec3::splat(4.0));
+        assert!(Shape::default().bounds().is_empty());
+        let sphere = Shape::from(Sphere { radius: 2.0, colour: Vec3::ONE });
+        assert_eq!(sphere.bounds().size(), DVec3::splat(4.0));
     }
 }

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::check::selected;
 use super::dom::{Element, FileRef, Source};
 use super::error::{SceneError, quoted};
-use super::schema::{Absent, AttributeSchema, ElementSchema, Kind, element as schema_of};
+use super::schema::{Absent, AttributeSchema, ElementSchema, ValueKind, element as schema_of};
 use crate::limits::{self, Range};
 use crate::model::Spacing;
 
@@ -19,7 +19,7 @@ pub(super) struct Part<'a> {
 
 /// Stands for a row that the schema lacks.
 static NO_ROW: AttributeSchema =
-    AttributeSchema { name: "?", kind: Kind::Text, default: Absent::Required, only: &[], meaning: "" };
+    AttributeSchema { name: "?", kind: ValueKind::Text, default: Absent::Required, only: &[], meaning: "" };
 
 impl<'a> Part<'a> {
     pub(super) fn new(source: &'a Source, element: &'a Element, name: &'static str) -> Self {
@@ -47,7 +47,7 @@ impl<'a> Part<'a> {
     }
 
     /// Reads a value with `f`, which gives `None` for one that is not right.
-    fn parse<T>(&self, name: &str, f: impl FnOnce(&str, Kind) -> Option<T>) -> Result<Option<T>, SceneError> {
+    fn parse<T>(&self, name: &str, f: impl FnOnce(&str, ValueKind) -> Option<T>) -> Result<Option<T>, SceneError> {
         let (value, row) = self.value(name)?;
         let Some(value) = value else { return Ok(None) };
         f(value, row.kind).map(Some).ok_or_else(|| self.bad(name, &quoted(value), row.kind.to_string()))
@@ -59,7 +59,7 @@ impl<'a> Part<'a> {
 
     pub(super) fn optional_number(&self, name: &str) -> Result<Option<f64>, SceneError> {
         self.parse(name, |value, kind| match kind {
-            Kind::Number(range) => number(value, range),
+            ValueKind::Number(range) => number(value, range),
             _ => None,
         })
     }
@@ -71,8 +71,8 @@ impl<'a> Part<'a> {
     /// A number, infinite where the word says so.
     pub(super) fn divisor(&self, name: &str) -> Result<f64, SceneError> {
         let divisor = self.parse(name, |value, kind| match kind {
-            Kind::Divisor(_) if value == "infinite" => Some(f64::INFINITY),
-            Kind::Divisor(range) => number(value, range),
+            ValueKind::Divisor(_) if value == "infinite" => Some(f64::INFINITY),
+            ValueKind::Divisor(range) => number(value, range),
             _ => None,
         })?;
         Ok(divisor.unwrap_or(1.0))
@@ -81,8 +81,8 @@ impl<'a> Part<'a> {
     /// The spacing of a mesh's surfels.
     pub(super) fn spacing(&self, name: &str) -> Result<Spacing, SceneError> {
         let spacing = self.parse(name, |value, kind| match kind {
-            Kind::Spacing(_) if value == "none" => Some(Spacing::None),
-            Kind::Spacing(range) => number(value, range).map(Spacing::Of),
+            ValueKind::Spacing(_) if value == "none" => Some(Spacing::None),
+            ValueKind::Spacing(range) => number(value, range).map(Spacing::Of),
             _ => None,
         })?;
         Ok(spacing.unwrap_or(Spacing::Auto))
@@ -98,7 +98,7 @@ impl<'a> Part<'a> {
 
     pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, SceneError> {
         self.parse(name, |value, kind| match kind {
-            Kind::Integer(lo, hi) => value.parse().ok().filter(|i| (lo..=hi).contains(i)),
+            ValueKind::Integer(lo, hi) => value.parse().ok().filter(|i| (lo..=hi).contains(i)),
             _ => None,
         })
     }
@@ -113,7 +113,7 @@ impl<'a> Part<'a> {
 
     pub(super) fn choice(&self, name: &str) -> Result<Option<String>, SceneError> {
         self.parse(name, |value, kind| match kind {
-            Kind::Choice(words) => words.contains(&value).then(|| value.to_owned()),
+            ValueKind::Choice(words) => words.contains(&value).then(|| value.to_owned()),
             _ => None,
         })
     }
@@ -145,23 +145,23 @@ fn number(text: &str, range: Range) -> Option<f64> {
 }
 
 /// Three numbers between blanks, or one that stands for all where the kind is a scale.
-fn vector(text: &str, kind: Kind) -> Option<DVec3> {
+fn vector(text: &str, kind: ValueKind) -> Option<DVec3> {
     let range = match kind {
-        Kind::Vector(range) => range,
-        Kind::Direction => limits::COORDINATE,
-        Kind::Scale => Range(-limits::SCALE.1, limits::SCALE.1),
+        ValueKind::Vector(range) => range,
+        ValueKind::Direction => limits::COORDINATE,
+        ValueKind::Scale => Range(-limits::SCALE.1, limits::SCALE.1),
         _ => return None,
     };
     let mut numbers = text.split_ascii_whitespace().map(|word| number(word, range));
     let x = numbers.next()??;
     let v = match (numbers.next(), numbers.next(), numbers.next()) {
-        (None, None, None) if matches!(kind, Kind::Scale) => DVec3::splat(x),
+        (None, None, None) if matches!(kind, ValueKind::Scale) => DVec3::splat(x),
         (Some(y), Some(z), None) => DVec3::new(x, y?, z?),
         _ => return None,
     };
     let right = match kind {
-        Kind::Direction => limits::is_direction(v),
-        Kind::Scale => limits::is_scale(v),
+        ValueKind::Direction => limits::is_direction(v),
+        ValueKind::Scale => limits::is_scale(v),
         _ => true,
     };
     right.then_some(v)

@@ -3,7 +3,7 @@
 
 use super::dom::{Element, Source};
 use super::error::{SceneError, quoted};
-use super::schema::{Absent, ElementSchema, Kind, Occurs, element as schema_of, list};
+use super::schema::{Absent, ElementSchema, Occurs, ValueKind, element as schema_of, list};
 use super::xml::{DASHES, is_dashes};
 
 /// Most notes about unknown words; a count stands for the rest.
@@ -116,7 +116,7 @@ impl Checker<'_> {
                 return Err(self.inapplicable(given.at, schema, selector, selected));
             }
             if let Some(row) = schema.row(selector, "")
-                && let Kind::Choice(words) = row.kind
+                && let ValueKind::Choice(words) = row.kind
                 && !words.contains(&selected)
             {
                 return Err(SceneError::BadValue {

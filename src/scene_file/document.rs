@@ -14,7 +14,7 @@ use crate::model::{
     self, ColourSpace, Kind, Material, MeshOptions, Stop, TransferFunction, VelocityUnit, VolumeOptions,
 };
 use crate::scene::{
-    Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, Pattern, PointMotion, SequenceSpec, Sphere,
+    Capture, GivenCamera, GivenFrames, ImageSettings, Light, Motion, Object, Pattern, PointMotion, SequenceSpec, Sphere,
 };
 use crate::time::{Anchor, Direction, Readout, Shutter, Weight};
 
@@ -88,12 +88,52 @@ pub(super) struct ObjectSpec {
     pub(super) animation: Option<AnimationSpec>,
     pub(super) motions: Vec<Motion>,
     pub(super) place: Trs,
-    pub(super) material: Option<Material>,
+    pub(super) material: MaterialSpec,
+    pub(super) gaussians: GaussiansSpec,
+}
+
+/// What `<material>` says.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MaterialSpec {
+    /// `None`: those of the model's file.
+    coefficients: Option<Material>,
     /// Factor on the opacities of surfels.
-    pub(super) opacity: f64,
+    opacity: f64,
     /// Share of the environment that surfels mirror.
-    pub(super) reflection: f64,
+    reflection: f64,
+}
+
+impl MaterialSpec {
+    /// What means nothing for captures and volumes, in words.
+    pub(super) const OF_SURFELS: &str = "`opacity` and `reflection` of <material>";
+
+    /// Is any of that said?
+    pub(super) fn is_of_surfels(&self) -> bool {
+        self.opacity != 1.0 || self.reflection != 0.0
+    }
+
+    /// Makes an object look like that.
+    pub(super) fn put_on(&self, object: &mut Object) {
+        object.material = self.coefficients;
+        object.opacity = self.opacity;
+        object.reflection = self.reflection;
+    }
+}
+
+/// How Gaussians of a capture or kernels of a volume are drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct GaussiansSpec {
+    /// Factor on their opacities.
+    pub(super) opacity: f64,
     pub(super) capture: Capture,
+    /// The box of those that show, model space.
+    pub(super) crop: Option<[DVec3; 2]>,
+}
+
+impl Default for GaussiansSpec {
+    fn default() -> Self {
+        Self { opacity: 1.0, capture: Capture::default(), crop: None }
+    }
 }
 
 /// Reads a checked tree.
@@ -280,7 +320,6 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
         "linear" => ColourSpace::Linear,
         _ => ColourSpace::Srgb,
     });
-    let surface = inside("material");
     let kind = model.choice("kind")?.map(|word| match word.as_str() {
         "surfels" => Kind::Surfels,
         "volume" => Kind::Volume,
@@ -317,14 +356,12 @@ fn object(part: &Part<'_>, name: String) -> Result<ObjectSpec, SceneError> {
             mesh,
             node: model.text("node")?,
         },
-        capture: capture(&model)?,
+        gaussians: gaussians(&model)?,
         transform: placement(&inside("transform"))?,
         animation: animation(part)?,
         motions: motions(part)?,
         place: placement(&inside("place"))?,
-        material: material(&surface, part.element.child("material").is_some())?,
-        opacity: surface.number("opacity")?,
-        reflection: surface.number("reflection")?,
+        material: material(&inside("material"), part.element.child("material").is_some())?,
     })
 }
 
@@ -373,7 +410,7 @@ fn transfer(source: &Source, element: &Element) -> Result<TransferFunction, Scen
     })
 }
 
-fn capture(part: &Part<'_>) -> Result<Capture, SceneError> {
+fn gaussians(part: &Part<'_>) -> Result<GaussiansSpec, SceneError> {
     let (min, max) = (part.optional_vector("cropMin")?, part.optional_vector("cropMax")?);
     if let (Some(min), Some(max)) = (min, max)
         && !min.cmple(max).all()
@@ -381,12 +418,13 @@ fn capture(part: &Part<'_>) -> Result<Capture, SceneError> {
         return Err(part.bad("cropMax", &max, format!("at least `cropMin`, {min}")));
     }
     let crop = [min.unwrap_or(DVec3::splat(-FAR)), max.unwrap_or(DVec3::splat(FAR))];
-    Ok(Capture {
+    Ok(GaussiansSpec {
         opacity: part.number("opacity")?,
-        harmonics: part.integer("shDegree")?.unwrap_or(Capture::MOST_HARMONICS.into()) as u8,
+        capture: Capture {
+            harmonics: part.integer("shDegree")?.unwrap_or(Capture::MOST_HARMONICS.into()) as u8,
+            antialias: part.optional_boolean("antialias")?,
+        },
         crop: (min.is_some() || max.is_some()).then_some(crop),
-        antialias: part.optional_boolean("antialias")?,
-        flat: None,
     })
 }
 
@@ -434,18 +472,22 @@ fn placement(part: &Part<'_>) -> Result<Trs, SceneError> {
     Ok(Trs { translate, rotate, scale, order: RotateOrder::Xyz })
 }
 
-/// The coefficients of a `<material>`. One that says nothing but an opacity or a reflection leaves those of the model's
-/// file.
-fn material(part: &Part<'_>, is_there: bool) -> Result<Option<Material>, SceneError> {
+/// A `<material>`. One that says nothing but an opacity or a reflection leaves the coefficients of the model's file.
+fn material(part: &Part<'_>, is_there: bool) -> Result<MaterialSpec, SceneError> {
     let number = |name| part.number(name).map(|x| x as f32);
-    let material = Material {
+    let coefficients = Material {
         ambient: number("ambient")?,
         diffuse: number("diffuse")?,
         specular: number("specular")?,
         shininess: number("shininess")?,
     };
-    let given = ["ambient", "diffuse", "specular", "shininess"].into_iter().any(|name| part.given(name));
-    Ok((is_there && (given || !(part.given("opacity") || part.given("reflection")))).then_some(material))
+    let given = |names: &[&str]| names.iter().any(|name| part.given(name));
+    let replaces = given(&["ambient", "diffuse", "specular", "shininess"]) || !given(&["opacity", "reflection"]);
+    Ok(MaterialSpec {
+        coefficients: (is_there && replaces).then_some(coefficients),
+        opacity: part.number("opacity")?,
+        reflection: part.number("reflection")?,
+    })
 }
 
 /// `v` at length 1. A vector whose length is 1 up to rounding stays as it is, so that a written scene loads back.

@@ -8,6 +8,7 @@ use crate::anim::AnimError;
 use crate::environment::NotLatLong;
 use crate::files::Changed;
 use crate::image::ImageError;
+use crate::limits::Invalid;
 use crate::model::ModelError;
 
 /// A place in a scene file.
@@ -31,6 +32,9 @@ impl fmt::Display for Location {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneError {
+    /// The size that was asked for is out of its bounds.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
     /// The file could not be read.
     #[error("cannot read scene {}", path.display())]
     Read {
@@ -44,7 +48,7 @@ pub enum SceneError {
     NotAFile {
         /// The path.
         path: PathBuf,
-        /// What is there.
+        /// The text that was found.
         found: &'static str,
     },
     /// The file changes while it is read.

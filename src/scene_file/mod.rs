@@ -9,6 +9,7 @@ mod check;
 mod document;
 mod dom;
 mod error;
+mod opening;
 mod paths;
 mod play;
 mod resolve;
@@ -25,6 +26,7 @@ use crate::model::{self, ModelError, Progress};
 use crate::scene::{Camera, Object, Scene};
 
 pub use self::error::{EnvironmentError, Location, SceneError};
+pub use self::opening::Opening;
 pub use self::play::{NoPlay, Play, play};
 pub use self::write::{camera_line, to_xml};
 
@@ -44,7 +46,7 @@ pub struct LoadOptions<'a> {
 
 /// A scene, and what a user should know about its reading.
 #[derive(Clone, Debug)]
-pub struct Loaded {
+pub struct LoadedScene {
     /// The scene.
     pub scene: Scene,
     /// Normals or radii estimated, unknown words skipped, the automatic camera: one line each.
@@ -53,7 +55,8 @@ pub struct Loaded {
 
 impl Scene {
     /// Reads a scene file (XML, docs/scene-format.md) with the models and animations that it names, and fills in every
-    /// default.
+    /// default. [`Scene::open`] also takes a size for the image; a size that is set afterwards is not the same
+    /// ([`ImageSettings`](crate::scene::ImageSettings)).
     ///
     /// # Errors
     /// The scene, or a file that it names, cannot be read or is not valid. The message says where, what was found
@@ -67,9 +70,9 @@ impl Scene {
 ///
 /// # Errors
 /// The scene, or a file that it names, cannot be read or is not valid.
-pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, SceneError> {
+pub fn load(path: &Path, options: &LoadOptions<'_>) -> Result<LoadedScene, SceneError> {
     let (loaded, files) = files::listed(|| load_scene(path, options));
-    loaded.map(|(scene, notes)| Loaded { scene: Scene { files, ..scene }, notes })
+    loaded.map(|(scene, notes)| LoadedScene { scene: Scene { files, ..scene }, notes })
 }
 
 fn load_scene(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<String>), SceneError> {
@@ -92,9 +95,9 @@ fn load_scene(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<Stri
 ///
 /// # Errors
 /// The file cannot be read, or is not a valid model with at least one point.
-pub fn load_model(path: &Path, options: &LoadOptions<'_>) -> Result<Loaded, ModelError> {
+pub fn load_model(path: &Path, options: &LoadOptions<'_>) -> Result<LoadedScene, ModelError> {
     let (loaded, files) = files::listed(|| load_alone(path, options));
-    loaded.map(|(scene, notes)| Loaded { scene: Scene { files, ..scene }, notes })
+    loaded.map(|(scene, notes)| LoadedScene { scene: Scene { files, ..scene }, notes })
 }
 
 fn load_alone(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<String>), ModelError> {
@@ -104,8 +107,8 @@ fn load_alone(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<Stri
     let mut notes: Vec<String> = loaded.notes.iter().map(|note| format!("{}: {note}", path.display())).collect();
     let mesh = loaded.mesh.clone();
     let mut object = Object::new(loaded);
-    path.clone_into(&mut object.model_path);
-    let model = object.model.clone();
+    path.clone_into(&mut object.source.path);
+    let shape = object.shape.clone();
     let mut scene = Scene::new([object]);
     if let Some((width, height)) = options.size {
         (scene.image.width, scene.image.height) = (width, height);
@@ -113,7 +116,7 @@ fn load_alone(path: &Path, options: &LoadOptions<'_>) -> Result<(Scene, Vec<Stri
     }
     if let Some(source) = mesh {
         notes.clear();
-        let mesh = resolve::SampledMesh { path: path.to_owned(), source, model, is_coarse: true };
+        let mesh = resolve::SampledMesh { path: path.to_owned(), source, shape, is_coarse: true };
         resolve::refine(&mut scene, &mesh, 1, &mut notes);
     }
     scene.name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::write::{camera_line, escaped, number};
-use crate::anim::{AnimError, GltfAnimation, Loaded, open};
+use crate::anim::{AnimError, AnimationFile, GltfAnimation, open};
 use crate::files::{self, Changed};
 use crate::gltf::Nodes;
 use crate::math::Bounds;
@@ -33,7 +33,7 @@ pub struct Play {
     pub files: Vec<(PathBuf, PathBuf)>,
     /// Number of objects.
     pub objects: usize,
-    /// What is not drawn.
+    /// Notes on parts that are not drawn.
     pub notes: Vec<String>,
 }
 
@@ -63,7 +63,7 @@ pub fn play(path: &Path) -> Result<Play, NoPlay> {
 }
 
 fn play_once(path: &Path) -> Result<Play, NoPlay> {
-    let Loaded::Gltf(animation) = open(path)? else { return Err(NoPlay::NoTriangles(path.to_owned())) };
+    let AnimationFile::Gltf(animation) = open(path)? else { return Err(NoPlay::NoTriangles(path.to_owned())) };
     let bytes =
         files::read(path, u64::MAX).map_err(|why| ModelError::Read { path: path.to_owned(), source: why.into() })?;
     let invalid = |why| ModelError::Invalid { path: path.to_owned(), why };

@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
-use super::document::{AnimationSpec, CameraSpec, Document, EnvironmentSpec, ObjectSpec, ShapeSpec};
+use super::document::{
+    AnimationSpec, CameraSpec, Document, EnvironmentSpec, GaussiansSpec, MaterialSpec, ObjectSpec, ShapeSpec,
+};
 use super::dom::{FileRef, Source};
 use super::error::{EnvironmentError, SceneError, quoted};
 use super::paths::Finder;
@@ -17,8 +19,8 @@ use crate::files::Seen;
 use crate::image;
 use crate::model::{self, MeshOptions, MeshSource, ReadFile, Spacing};
 use crate::scene::{
-    self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Model, Object, Opened, PointMotion, Scene,
-    Sequence, SequenceSpec,
+    self, AnimationBinding, Camera, Capture, FrameRange, GivenCamera, Object, Opened, PointMotion, Scene, Sequence,
+    SequenceSpec, Shape,
 };
 
 /// Reads all files of a document and fills in what it leaves out; the scene, and notes on it.
@@ -35,7 +37,7 @@ pub(super) fn resolve(
         options,
         notes,
         found: HashMap::new(),
-        models: HashMap::new(),
+        shapes: HashMap::new(),
         variants: HashMap::new(),
         meshes: Vec::new(),
         sampled: 0,
@@ -110,7 +112,7 @@ fn drop_answered(scene: &Scene, notes: &mut Vec<String>) {
 /// Drops the notes that normals point inward where both sides show, or where the camera stands inside.
 fn drop_rooms(scene: &Scene, notes: &mut Vec<String>) {
     for object in &scene.objects {
-        let begin = format!("{}: {}", object.model_path.display(), model::INWARD);
+        let begin = format!("{}: {}", object.source.path.display(), model::INWARD);
         let told = notes.iter().any(|note| note.starts_with(&begin));
         if told && (object.two_sided || scene::camera_enters(scene, object)) {
             notes.retain(|note| !note.starts_with(&begin));
@@ -144,7 +146,7 @@ fn look_through(scene: &mut Scene, lens: &Intrinsics, size_given: bool, says_fov
 pub(super) struct SampledMesh {
     pub(super) path: PathBuf,
     pub(super) source: MeshSource,
-    pub(super) model: Model,
+    pub(super) shape: Shape,
     /// The scene decides its spacing. Until then it has few surfels, which show its size.
     pub(super) is_coarse: bool,
 }
@@ -152,7 +154,10 @@ pub(super) struct SampledMesh {
 /// Samples one of `meshes` meshes again, as finely as the objects that show it need. Many meshes share what a scene may
 /// hold.
 pub(super) fn refine(scene: &mut Scene, coarse: &SampledMesh, meshes: usize, notes: &mut Vec<String>) {
-    let shows = |object: &Object| Arc::ptr_eq(object.model.surfels(), coarse.model.surfels());
+    let shows = |object: &Object| {
+        let shown = object.shape.surfels().zip(coarse.shape.surfels());
+        shown.is_some_and(|(a, b)| Arc::ptr_eq(a.surfels(), b.surfels()))
+    };
     let wanted = scene.objects.iter().filter(|object| shows(object));
     let wanted = wanted.filter_map(|object| scene::wanted_spacing(scene, object)).reduce(f64::min);
     // An object that is never seen stays coarse.
@@ -160,14 +165,21 @@ pub(super) fn refine(scene: &mut Scene, coarse: &SampledMesh, meshes: usize, not
     let surfels = scene::SURFELS.map(|count| count.min(SHARED_SURFELS / meshes as f64));
     let Some(loaded) = coarse.source.resampled(wanted, surfels) else { return };
     notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", coarse.path.display())));
-    let model = Model::from(loaded);
-    scene.objects.iter_mut().filter(|object| shows(object)).for_each(|object| object.model = model.clone());
+    let fine = Shape::from(loaded);
+    let Some(fine) = fine.surfels() else { return };
+    for object in scene.objects.iter_mut().filter(|object| shows(object)) {
+        if let Shape::Surfels { model, .. } = &mut object.shape {
+            model.clone_from(fine);
+        }
+    }
 }
 
 /// Shows both sides of objects that the camera stands within, where their fronts were estimated to be outside and the
 /// scene does not say what shows.
 fn show_insides(scene: &mut Scene, sides_given: &[bool], notes: &mut Vec<String>) {
-    let estimated = |object: &Object| object.model.signs_estimated && !object.two_sided;
+    let estimated = |object: &Object| {
+        object.shape.surfels().is_some_and(|model| model.surfels().signs_estimated) && !object.two_sided
+    };
     let entered: Vec<usize> = (0..scene.objects.len())
         .filter(|&i| !sides_given[i] && estimated(&scene.objects[i]) && scene::camera_enters(scene, &scene.objects[i]))
         .collect();
@@ -232,70 +244,71 @@ struct Files<'a> {
     notes: Vec<String>,
     /// By the text that names them: the path, and the one name of the file.
     found: HashMap<String, (PathBuf, PathBuf)>,
-    models: HashMap<ModelKey, Model>,
+    shapes: HashMap<ModelKey, Shape>,
     /// How often each file, or a node of it, was read as a model.
     variants: HashMap<(PathBuf, Option<String>), usize>,
     /// All that were sampled. Files with the same mesh share one.
     meshes: Vec<SampledMesh>,
     /// Surfels of all meshes so far.
     sampled: u64,
-    animations: HashMap<PathBuf, Arc<anim::Loaded>>,
+    animations: HashMap<PathBuf, Arc<anim::AnimationFile>>,
     /// The camera is to be found: boxes around all objects are needed.
     automatic: bool,
     /// Where the first animation is named, and its file's rate.
     rate: Option<(usize, f64)>,
 }
 
+/// A shape as an object draws it.
+fn as_said(mut shape: Shape, spec: &ObjectSpec) -> Shape {
+    let GaussiansSpec { opacity: _, capture: said, crop } = spec.gaussians;
+    match &mut shape {
+        Shape::Surfels { points, .. } => *points = spec.points,
+        Shape::Gaussians { model, capture } => (model.crop, *capture) = (crop, said),
+        Shape::Volume(model) => model.crop = crop,
+        Shape::Sequence { .. } | Shape::Sphere(_) => {}
+    }
+    shape
+}
+
 impl Files<'_> {
     fn object(&mut self, spec: ObjectSpec) -> Result<Object, SceneError> {
         let animation = spec.animation.as_ref().map(|a| self.bind(a)).transpose()?;
-        let (mut sphere, mut sequence, mut two_sided) = (None, None, false);
-        let (model_path, model) = match &spec.shape {
+        let (path, shape, two_sided) = match &spec.shape {
             ShapeSpec::Model(file) => {
                 let (path, canonical) = self.find(file)?;
-                let model = self.model(file, &spec.options, &path, canonical)?;
-                self.note_idle(&spec, &model);
-                (path, model)
+                let shape = self.model(file, &spec.options, &path, canonical)?;
+                self.note_idle(&spec, &shape);
+                let two_sided = shape.two_sided();
+                (path, as_said(shape, &spec), two_sided)
             }
             ShapeSpec::Sequence(files, first) => {
-                let opened = self.sequence(files, first, &spec)?;
-                let path = opened.sequence.spec().pattern.to_string();
-                (sequence, two_sided) = (Some(opened.sequence), opened.two_sided);
-                (PathBuf::from(path), Model::default())
+                let Opened { sequence: files, two_sided, .. } = self.sequence(files, first, &spec)?;
+                let path = PathBuf::from(files.spec().pattern.to_string());
+                (path, Shape::Sequence { files, unit: spec.points.unit }, two_sided)
             }
-            ShapeSpec::Sphere(given) => {
-                sphere = Some(*given);
-                self.note_idle(&spec, &Model::default());
-                (PathBuf::new(), Model::default())
+            ShapeSpec::Sphere(sphere) => {
+                let shape = Shape::Sphere(*sphere);
+                self.note_idle(&spec, &shape);
+                (PathBuf::new(), shape, false)
             }
         };
-        Ok(Object {
+        let mut object = Object {
             name: spec.name,
-            model_path,
-            kind: spec.options.kind,
-            capture: spec.capture,
-            volume: spec.options.volume,
-            node: spec.options.node,
-            points: spec.points,
-            sequence,
-            window: None,
-            is_part: false,
-            mesh: spec.options.mesh,
-            two_sided: spec.two_sided.unwrap_or(model.two_sided || two_sided),
-            model,
-            radius_scale: spec.options.radius_scale,
-            colour_space: spec.options.colour_space,
+            source: scene::Source { path, options: spec.options },
+            two_sided: spec.two_sided.unwrap_or(two_sided),
             transform: spec.transform,
             animation,
             motions: spec.motions,
             place: spec.place,
-            material: spec.material,
-            opacity: spec.opacity,
-            reflection: spec.reflection,
             epsilon: spec.epsilon,
             blur: spec.blur,
-            sphere,
-        })
+            ..Object::new(shape)
+        };
+        spec.material.put_on(&mut object);
+        if object.shape.gaussians().is_some() {
+            object.opacity = spec.gaussians.opacity;
+        }
+        Ok(object)
     }
 
     /// The files of a sequence, of which `first` is the first one.
@@ -335,30 +348,30 @@ impl Files<'_> {
     }
 
     /// Notes what is said about an object and means nothing for its model.
-    fn note_idle(&mut self, spec: &ObjectSpec, model: &Model) {
-        let capture = spec.capture;
-        let volume_only = capture.harmonics != Capture::MOST_HARMONICS || capture.antialias.is_some();
-        let (is_capture, is_volume) = (model.gaussians().is_some() && !model.is_volume(), model.is_volume());
+    fn note_idle(&mut self, spec: &ObjectSpec, shape: &Shape) {
+        let said = spec.gaussians;
+        let is_capture = matches!(shape, Shape::Gaussians { .. });
+        let is_volume = matches!(shape, Shape::Volume(_));
         let mut note = |what: &str| {
             self.notes.push(format!("object {}: {what} nothing here", quoted(&spec.name)));
         };
-        if !is_capture && !is_volume && capture != Capture::default() {
+        if !is_capture && !is_volume && said != GaussiansSpec::default() {
             note(
                 "`opacity`, `shDegree`, `cropMin`, `cropMax` and `antialias` are for captures drawn as Gaussians, all \
                  but `shDegree` and `antialias` for volumes too, and mean",
             );
         }
-        if is_volume && volume_only {
+        if is_volume && said.capture != Capture::default() {
             note("`shDegree` and `antialias` are for captures drawn as Gaussians, and mean");
         }
-        if spec.points != PointMotion::default() && model.paths().is_empty() {
+        if spec.points != PointMotion::default() && shape.paths().is_empty() {
             note("`velocityUnit` and `at` are for surfels with velocities, and mean");
         }
         if !is_volume && spec.options.volume != model::VolumeOptions::default() {
             note("`kernel`, `flatten`, `lit` and <transferFunction> are for volumes, and mean");
         }
-        if (is_capture || is_volume) && (spec.opacity != 1.0 || spec.reflection != 0.0) {
-            note("`opacity` and `reflection` of <material> are for surfels, and mean");
+        if (is_capture || is_volume) && spec.material.is_of_surfels() {
+            note(&format!("{} are for surfels, and mean", MaterialSpec::OF_SURFELS));
         }
     }
 
@@ -379,10 +392,10 @@ impl Files<'_> {
         options: &model::LoadOptions,
         path: &Path,
         canonical: PathBuf,
-    ) -> Result<Model, SceneError> {
+    ) -> Result<Shape, SceneError> {
         let key = (canonical, format!("{options:?}"));
-        if let Some(model) = self.models.get(&key) {
-            return Ok(model.clone());
+        if let Some(shape) = self.shapes.get(&key) {
+            return Ok(shape.clone());
         }
         // Each node of a file is another model, and no larger than its part of the file.
         let variants = self.variants.entry((key.0.clone(), options.node.clone())).or_default();
@@ -408,10 +421,11 @@ impl Files<'_> {
             ReadFile::Mesh(mesh) => {
                 let same = |known: &&SampledMesh| known.is_coarse == is_auto && known.source.is_of(&mesh, &options);
                 if let Some(known) = self.meshes.iter().find(same) {
-                    let (path, first, model) = (path.display(), known.path.display(), known.model.clone());
+                    let (path, first) = (path.display(), known.path.display());
                     self.notes.push(format!("{path}: the same mesh as {first}, and sampled once for both"));
-                    self.models.insert(key, model.clone());
-                    return Ok(model);
+                    let shape = known.shape.clone();
+                    self.shapes.insert(key, shape.clone());
+                    return Ok(shape);
                 }
                 model::sample_mesh(mesh, &options, path, progress).map_err(refuse)?
             }
@@ -431,12 +445,12 @@ impl Files<'_> {
         if mesh.is_none() || !is_auto {
             self.notes.extend(loaded.notes.iter().map(|note| format!("{}: {note}", path.display())));
         }
-        let model = Model::from(loaded);
+        let shape = Shape::from(loaded);
         if let Some(source) = mesh {
-            self.meshes.push(SampledMesh { path: path.to_owned(), source, model: model.clone(), is_coarse: is_auto });
+            self.meshes.push(SampledMesh { path: path.to_owned(), source, shape: shape.clone(), is_coarse: is_auto });
         }
-        self.models.insert(key, model.clone());
-        Ok(model)
+        self.shapes.insert(key, shape.clone());
+        Ok(shape)
     }
 
     /// The poses of a tracked camera, and its lens. `rate`: the scene's, frames per second, where it says one.
@@ -464,8 +478,8 @@ impl Files<'_> {
         } else {
             let animation = Arc::new(anim::open(&path).map_err(refuse)?);
             let notes = match &*animation {
-                anim::Loaded::Maya(animation) => &animation.notes,
-                anim::Loaded::Gltf(animation) => &animation.notes,
+                anim::AnimationFile::Maya(animation) => &animation.notes,
+                anim::AnimationFile::Gltf(animation) => &animation.notes,
             };
             self.notes.extend(notes.iter().map(|note| format!("{}: {note}", path.display())));
             self.animations.insert(key, Arc::clone(&animation));
@@ -475,14 +489,14 @@ impl Files<'_> {
             self.notes.push(format!("{}: {what} nothing here", source.locate(spec.file.at)));
         };
         let (rate, node) = match &*animation {
-            anim::Loaded::Maya(animation) => {
+            anim::AnimationFile::Maya(animation) => {
                 if spec.fps.is_some() || spec.looped.is_some() {
                     idle("`fps` and `loop` are for glTF files, and mean");
                 }
                 let node = animation.node(spec.node.as_deref()).map_err(refuse)?;
                 (animation.rate, NodeMotion::from(Arc::clone(node)))
             }
-            anim::Loaded::Gltf(animation) => {
+            anim::AnimationFile::Gltf(animation) => {
                 if spec.says_between {
                     idle("`interpolation` is for Maya files, and means");
                 }

@@ -50,7 +50,7 @@ impl Occurs {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AttributeSchema {
     pub(super) name: &'static str,
-    pub(super) kind: Kind,
+    pub(super) kind: ValueKind,
     pub(super) default: Absent,
     /// Values of the selector that it applies to; empty: all.
     pub(super) only: &'static [&'static str],
@@ -60,7 +60,7 @@ pub(super) struct AttributeSchema {
 
 /// What a value may be.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Kind {
+pub(super) enum ValueKind {
     /// Text, not empty, without control characters.
     Text,
     Boolean,
@@ -89,10 +89,10 @@ pub(super) enum Absent {
 }
 
 const MOST_NUMBER: i64 = 1_000_000_000;
-const FRAME: Kind = Kind::Integer(-limits::MOST_FRAME, limits::MOST_FRAME);
-const PIXELS: Kind = Kind::Integer(*limits::SIDE.start() as i64, *limits::SIDE.end() as i64);
+const FRAME: ValueKind = ValueKind::Integer(-limits::MOST_FRAME, limits::MOST_FRAME);
+const PIXELS: ValueKind = ValueKind::Integer(*limits::SIDE.start() as i64, *limits::SIDE.end() as i64);
 
-impl std::fmt::Display for Kind {
+impl std::fmt::Display for ValueKind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Text => f.write_str("text without control characters"),
@@ -112,7 +112,7 @@ impl std::fmt::Display for Kind {
     }
 }
 
-const fn row(name: &'static str, kind: Kind, default: Absent, meaning: &'static str) -> AttributeSchema {
+const fn row(name: &'static str, kind: ValueKind, default: Absent, meaning: &'static str) -> AttributeSchema {
     AttributeSchema { name, kind, default, only: &[], meaning }
 }
 
@@ -125,9 +125,9 @@ const fn child(name: &'static str, occurs: Occurs) -> Child {
 }
 
 const PLACEMENT: &[AttributeSchema] = &[
-    row("translate", Kind::Vector(COORDINATE), Absent::Value("0 0 0"), "translation, scene units; applied last"),
-    row("rotate", Kind::Vector(DEGREES), Absent::Value("0 0 0"), "rotation about x, then y, then z, degrees"),
-    row("scale", Kind::Scale, Absent::Value("1"), "scale along the axes; applied first"),
+    row("translate", ValueKind::Vector(COORDINATE), Absent::Value("0 0 0"), "translation, scene units; applied last"),
+    row("rotate", ValueKind::Vector(DEGREES), Absent::Value("0 0 0"), "rotation about x, then y, then z, degrees"),
+    row("scale", ValueKind::Scale, Absent::Value("1"), "scale along the axes; applied first"),
 ];
 
 use Absent::{Auto, Required, Value};
@@ -157,8 +157,8 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         attributes: &[
             row("width", PIXELS, Value("1024"), "width, pixels"),
             row("height", PIXELS, Value("768"), "height, pixels"),
-            row("background", Kind::Vector(LIGHT), Value("0 0 0"), "background, linear red green blue"),
-            row("transparent", Kind::Boolean, Value("false"), "leave the background out and keep alpha"),
+            row("background", ValueKind::Vector(LIGHT), Value("0 0 0"), "background, linear red green blue"),
+            row("transparent", ValueKind::Boolean, Value("false"), "leave the background out and keep alpha"),
         ],
         children: &[],
     },
@@ -171,7 +171,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row("last", FRAME, Auto("the last key of the animations, see below"), "last frame, included"),
             row(
                 "rate",
-                Kind::Number(limits::RATE),
+                ValueKind::Number(limits::RATE),
                 Auto("that of the first animation file, else 24"),
                 "frames per second",
             ),
@@ -183,46 +183,46 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: None,
         selector: Some("weight"),
         attributes: &[
-            row("open", Kind::Number(limits::SHUTTER), Value("-0.25"), "opening, frames after the frame number"),
-            row("close", Kind::Number(limits::SHUTTER), Value("0.25"), "closing, likewise; after `open`"),
+            row("open", ValueKind::Number(limits::SHUTTER), Value("-0.25"), "opening, frames after the frame number"),
+            row("close", ValueKind::Number(limits::SHUTTER), Value("0.25"), "closing, likewise; after `open`"),
             row(
                 "weight",
-                Kind::Choice(&["box", "tent", "ramp", "exponential", "one-minus-exponential", "gaussian"]),
+                ValueKind::Choice(&["box", "tent", "ramp", "exponential", "one-minus-exponential", "gaussian"]),
                 Value("box"),
                 "time weight; not with a <curve>",
             ),
             only(
                 &["ramp", "exponential"],
-                row("centre", Kind::Number(UNIT), Value("1"), "time of the peak, 0 at `open`, 1 at `close`"),
+                row("centre", ValueKind::Number(UNIT), Value("1"), "time of the peak, 0 at `open`, 1 at `close`"),
             ),
             only(
                 &["gaussian"],
-                row("centre", Kind::Number(UNIT), Value("0.5"), "time of the peak, 0 at `open`, 1 at `close`"),
+                row("centre", ValueKind::Number(UNIT), Value("0.5"), "time of the peak, 0 at `open`, 1 at `close`"),
             ),
             only(
                 &["one-minus-exponential"],
-                row("centre", Kind::Number(UNIT), Value("1"), "time at which it is 0, 0 at `open`, 1 at `close`"),
+                row("centre", ValueKind::Number(UNIT), Value("1"), "time at which it is 0, 0 at `open`, 1 at `close`"),
             ),
-            only(&["exponential"], row("rate", Kind::Number(limits::STEEPNESS), Value("3"), "decay per shutter")),
+            only(&["exponential"], row("rate", ValueKind::Number(limits::STEEPNESS), Value("3"), "decay per shutter")),
             only(
                 &["gaussian"],
-                row("width", Kind::Number(limits::STEEPNESS), Value("0.2"), "standard deviation, shutters"),
+                row("width", ValueKind::Number(limits::STEEPNESS), Value("0.2"), "standard deviation, shutters"),
             ),
             row(
                 "readout",
-                Kind::Number(limits::READOUT),
+                ValueKind::Number(limits::READOUT),
                 Value("0"),
                 "rolling shutter: frames from the exposure of the first edge of the image to that of the last one",
             ),
             row(
                 "direction",
-                Kind::Choice(&["down", "up", "right", "left"]),
+                ValueKind::Choice(&["down", "up", "right", "left"]),
                 Value("down"),
                 "where the read-out goes; down: the top row is exposed first",
             ),
             row(
                 "anchor",
-                Kind::Choice(&["middle", "first"]),
+                ValueKind::Choice(&["middle", "first"]),
                 Value("middle"),
                 "what is exposed from `open` to `close`: the middle of the image, or the first edge",
             ),
@@ -241,8 +241,8 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: None,
         selector: None,
         attributes: &[
-            row("time", Kind::Number(UNIT), Required, "0 at `open`, 1 at `close`; after the point before"),
-            row("weight", Kind::Number(LIGHT), Required, "weight there, linear in between; not all 0"),
+            row("time", ValueKind::Number(UNIT), Required, "0 at `open`, 1 at `close`; after the point before"),
+            row("weight", ValueKind::Number(LIGHT), Required, "weight there, linear in between; not all 0"),
         ],
         children: &[],
     },
@@ -253,19 +253,19 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         attributes: &[
             row(
                 "eye",
-                Kind::Vector(COORDINATE),
+                ValueKind::Vector(COORDINATE),
                 Auto("in front (+z) of `at`, of meshes alone above right; all objects in view"),
                 "eye point",
             ),
-            row("at", Kind::Vector(COORDINATE), Auto("middle of the box round all motion"), "point looked at"),
+            row("at", ValueKind::Vector(COORDINATE), Auto("middle of the box round all motion"), "point looked at"),
             row(
                 "up",
-                Kind::Direction,
+                ValueKind::Direction,
                 Auto("0 1 0; 0 -1 0 where all objects are captures as they are"),
                 "up direction, not along the view",
             ),
-            row("fovy", Kind::Number(limits::FOVY), Value("40"), "vertical field of view, degrees"),
-            row("near", Kind::Number(limits::LENGTH), Value("0.01"), "nearest visible depth, scene units"),
+            row("fovy", ValueKind::Number(limits::FOVY), Value("40"), "vertical field of view, degrees"),
+            row("near", ValueKind::Number(limits::LENGTH), Value("0.01"), "nearest visible depth, scene units"),
         ],
         children: &[child("animation", AtMostOne), child("track", AtMostOne), child("motion", Any)],
     },
@@ -274,12 +274,12 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: Some("the path of a file of camera poses"),
         selector: None,
         attributes: &[
-            row("format", Kind::Choice(&TrackFormat::WORDS), Required, "program that wrote it"),
-            row("start", Kind::Number(limits::FRAME), Value("0"), "frame of the first pose"),
-            row("positions", Kind::Choice(&["catmull-rom", "linear"]), Value("catmull-rom"), "between poses"),
+            row("format", ValueKind::Choice(&TrackFormat::WORDS), Required, "program that wrote it"),
+            row("start", ValueKind::Number(limits::FRAME), Value("0"), "frame of the first pose"),
+            row("positions", ValueKind::Choice(&["catmull-rom", "linear"]), Value("catmull-rom"), "between poses"),
             row(
                 "distortion",
-                Kind::Choice(&["refuse", "ignore"]),
+                ValueKind::Choice(&["refuse", "ignore"]),
                 Value("refuse"),
                 "what to do with a lens that has it",
             ),
@@ -291,14 +291,14 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: None,
         selector: Some("type"),
         attributes: &[
-            row("type", Kind::Choice(&["directional", "point", "ambient"]), Required, "kind of light"),
+            row("type", ValueKind::Choice(&["directional", "point", "ambient"]), Required, "kind of light"),
             only(
                 &["directional"],
-                row("direction", Kind::Direction, Value("-0.5 -1 -0.8"), "direction in which the light travels"),
+                row("direction", ValueKind::Direction, Value("-0.5 -1 -0.8"), "direction in which the light travels"),
             ),
-            only(&["point"], row("position", Kind::Vector(COORDINATE), Required, "position, scene units")),
-            row("colour", Kind::Vector(LIGHT), Value("1 1 1"), "linear red green blue"),
-            row("intensity", Kind::Number(INTENSITY), Value("1"), "factor on `colour`"),
+            only(&["point"], row("position", ValueKind::Vector(COORDINATE), Required, "position, scene units")),
+            row("colour", ValueKind::Vector(LIGHT), Value("1 1 1"), "linear red green blue"),
+            row("intensity", ValueKind::Number(INTENSITY), Value("1"), "factor on `colour`"),
         ],
         children: &[],
     },
@@ -307,9 +307,9 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: Some("the path of an EXR or PNG picture of all directions"),
         selector: None,
         attributes: &[
-            row("intensity", Kind::Number(INTENSITY), Value("1"), "factor on its radiance"),
-            row("rotation", Kind::Number(DEGREES), Value("0"), "rotation about +y, degrees"),
-            row("background", Kind::Boolean, Value("false"), "true: it shows where nothing else does"),
+            row("intensity", ValueKind::Number(INTENSITY), Value("1"), "factor on its radiance"),
+            row("rotation", ValueKind::Number(DEGREES), Value("0"), "rotation about +y, degrees"),
+            row("background", ValueKind::Boolean, Value("false"), "true: it shows where nothing else does"),
         ],
         children: &[],
     },
@@ -318,29 +318,29 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: None,
         selector: None,
         attributes: &[
-            row("name", Kind::Text, Auto("object1, object2, ... in document order"), "unique name"),
-            row("blur", Kind::Boolean, Value("true"), "false: posed, with the camera, at the frame number"),
+            row("name", ValueKind::Text, Auto("object1, object2, ... in document order"), "unique name"),
+            row("blur", ValueKind::Boolean, Value("true"), "false: posed, with the camera, at the frame number"),
             row(
                 "twoSided",
-                Kind::Boolean,
+                ValueKind::Boolean,
                 Auto("by what is known of the sides, see above"),
                 "true: back faces show, with their normals turned to the viewer",
             ),
             row(
                 "epsilon",
-                Kind::Number(limits::EPSILON),
+                ValueKind::Number(limits::EPSILON),
                 Auto("median radius times the object's scale"),
                 "depth tolerance of visibility, scene units",
             ),
             row(
                 "velocityUnit",
-                Kind::Choice(&["second", "frame"]),
+                ValueKind::Choice(&["second", "frame"]),
                 Auto("by the file"),
                 "unit of time of the velocities and accelerations of points",
             ),
             row(
                 "at",
-                Kind::Number(limits::FRAME),
+                ValueKind::Number(limits::FRAME),
                 Auto("each frame's own number"),
                 "frame at which points with velocities are where the file has them",
             ),
@@ -361,72 +361,92 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: Some("the path of a model file; none with `sequence`"),
         selector: None,
         attributes: &[
-            row("radiusScale", Kind::Number(limits::RADIUS_SCALE), Value("1"), "factor on all radii"),
+            row("radiusScale", ValueKind::Number(limits::RADIUS_SCALE), Value("1"), "factor on all radii"),
             row(
                 "colourSpace",
-                Kind::Choice(&["srgb", "linear"]),
+                ValueKind::Choice(&["srgb", "linear"]),
                 Auto("srgb for integer colours and captures, linear for floats"),
                 "colour space of the file's colours",
             ),
             row(
                 "kind",
-                Kind::Choice(&["surfels", "gaussians", "volume"]),
+                ValueKind::Choice(&["surfels", "gaussians", "volume"]),
                 Auto("gaussians for captures, volume for volumes, else surfels"),
                 "what is drawn: opaque discs, a capture's transparent Gaussians, or a volume's kernels",
             ),
             row(
                 "spacing",
-                Kind::Spacing(Range(1e-18, 1e18)),
+                ValueKind::Spacing(Range(1e-18, 1e18)),
                 Auto("by the size of a pixel, see above"),
                 "distance of the rays that sample a mesh, model units; none: its vertices are points",
             ),
-            row("sequence", Kind::Text, Auto("none"), "names of point files, as cache.%04d.ply, in place of the text"),
+            row(
+                "sequence",
+                ValueKind::Text,
+                Auto("none"),
+                "names of point files, as cache.%04d.ply, in place of the text",
+            ),
             row(
                 "first",
-                Kind::Integer(-MOST_NUMBER, MOST_NUMBER),
+                ValueKind::Integer(-MOST_NUMBER, MOST_NUMBER),
                 Auto("needed by a sequence"),
                 "number of its first file",
             ),
             row(
                 "last",
-                Kind::Integer(-MOST_NUMBER, MOST_NUMBER),
+                ValueKind::Integer(-MOST_NUMBER, MOST_NUMBER),
                 Auto("needed by a sequence"),
                 "number of its last file",
             ),
-            row("offset", Kind::Number(Range(-1e9, 1e9)), Auto("0"), "frame at which file 0 of a sequence is shown"),
-            row("rate", Kind::Number(Range(1e-6, 1e6)), Auto("1"), "files of a sequence per frame"),
-            row("reduce", Kind::Boolean, Value("true"), "false: a mesh is sampled along three axes and not along one"),
+            row(
+                "offset",
+                ValueKind::Number(Range(-1e9, 1e9)),
+                Auto("0"),
+                "frame at which file 0 of a sequence is shown",
+            ),
+            row("rate", ValueKind::Number(Range(1e-6, 1e6)), Auto("1"), "files of a sequence per frame"),
+            row(
+                "reduce",
+                ValueKind::Boolean,
+                Value("true"),
+                "false: a mesh is sampled along three axes and not along one",
+            ),
             row(
                 "kernel",
-                Kind::Number(Range(0.01, 100.0)),
+                ValueKind::Number(Range(0.01, 100.0)),
                 Value("0.6"),
                 "standard deviation of a volume's kernels, spacings or radii",
             ),
             row(
                 "flatten",
-                Kind::Divisor(Range(1.0, 1e9)),
+                ValueKind::Divisor(Range(1.0, 1e9)),
                 Value("1"),
                 "divisor of a volume's standard deviation along the gradient",
             ),
             row(
                 "node",
-                Kind::Text,
+                ValueKind::Text,
                 Auto("the whole scene of the file"),
                 "node of a glTF file whose mesh is drawn, in the node's own space",
             ),
-            row("lit", Kind::Boolean, Value("false"), "true: lights shade a volume, with gradients as normals"),
-            row("opacity", Kind::Number(UNIT), Value("1"), "factor on the opacities of a capture or a volume"),
-            row("shDegree", Kind::Integer(0, 3), Value("3"), "highest degree of a capture's harmonics that is used"),
+            row("lit", ValueKind::Boolean, Value("false"), "true: lights shade a volume, with gradients as normals"),
+            row("opacity", ValueKind::Number(UNIT), Value("1"), "factor on the opacities of a capture or a volume"),
+            row(
+                "shDegree",
+                ValueKind::Integer(0, 3),
+                Value("3"),
+                "highest degree of a capture's harmonics that is used",
+            ),
             row(
                 "cropMin",
-                Kind::Vector(COORDINATE),
+                ValueKind::Vector(COORDINATE),
                 Auto("none"),
                 "least x, y, z of the centres of a capture or a volume that are drawn",
             ),
-            row("cropMax", Kind::Vector(COORDINATE), Auto("none"), "greatest x, y, z, likewise"),
+            row("cropMax", ValueKind::Vector(COORDINATE), Auto("none"), "greatest x, y, z, likewise"),
             row(
                 "antialias",
-                Kind::Boolean,
+                ValueKind::Boolean,
                 Auto("by the file"),
                 "true: Gaussians of a capture that the filter widens lose opacity",
             ),
@@ -438,8 +458,8 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: None,
         selector: None,
         attributes: &[
-            row("radius", Kind::Number(limits::LENGTH), Value("1"), "radius, scene units"),
-            row("colour", Kind::Vector(LIGHT), Value("1 1 1"), "linear red green blue"),
+            row("radius", ValueKind::Number(limits::LENGTH), Value("1"), "radius, scene units"),
+            row("colour", ValueKind::Vector(LIGHT), Value("1 1 1"), "linear red green blue"),
         ],
         children: &[],
     },
@@ -448,10 +468,15 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: Some("the path of an animation file"),
         selector: None,
         attributes: &[
-            row("interpolation", Kind::Choice(&["maya", "linear", "spline"]), Value("maya"), "between the keys"),
-            row("node", Kind::Text, Auto("the first that the file moves"), "node of the file, by name"),
-            row("fps", Kind::Number(limits::RATE), Auto("24"), "frames per second of a glTF file, which has seconds"),
-            row("loop", Kind::Boolean, Value("false"), "true: a glTF file's animation repeats for ever"),
+            row("interpolation", ValueKind::Choice(&["maya", "linear", "spline"]), Value("maya"), "between the keys"),
+            row("node", ValueKind::Text, Auto("the first that the file moves"), "node of the file, by name"),
+            row(
+                "fps",
+                ValueKind::Number(limits::RATE),
+                Auto("24"),
+                "frames per second of a glTF file, which has seconds",
+            ),
+            row("loop", ValueKind::Boolean, Value("false"), "true: a glTF file's animation repeats for ever"),
         ],
         children: &[],
     },
@@ -460,11 +485,11 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: None,
         selector: Some("type"),
         attributes: &[
-            row("type", Kind::Choice(&["linear", "rotation"]), Required, "kind of motion"),
-            only(&["linear"], row("velocity", Kind::Vector(COORDINATE), Required, "scene units per frame")),
-            only(&["rotation"], row("axis", Kind::Direction, Required, "axis, right-handed")),
-            only(&["rotation"], row("degreesPerFrame", Kind::Number(DEGREES), Required, "degrees per frame")),
-            only(&["rotation"], row("centre", Kind::Vector(COORDINATE), Value("0 0 0"), "a point on the axis")),
+            row("type", ValueKind::Choice(&["linear", "rotation"]), Required, "kind of motion"),
+            only(&["linear"], row("velocity", ValueKind::Vector(COORDINATE), Required, "scene units per frame")),
+            only(&["rotation"], row("axis", ValueKind::Direction, Required, "axis, right-handed")),
+            only(&["rotation"], row("degreesPerFrame", ValueKind::Number(DEGREES), Required, "degrees per frame")),
+            only(&["rotation"], row("centre", ValueKind::Vector(COORDINATE), Value("0 0 0"), "a point on the axis")),
         ],
         children: &[],
     },
@@ -475,12 +500,12 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: None,
         selector: None,
         attributes: &[
-            row("ambient", Kind::Number(LIGHT), Value("1"), "ambient coefficient"),
-            row("diffuse", Kind::Number(LIGHT), Value("1"), "diffuse coefficient"),
-            row("specular", Kind::Number(LIGHT), Value("0.1"), "specular coefficient"),
-            row("shininess", Kind::Number(LIGHT), Value("30"), "specular exponent"),
-            row("opacity", Kind::Number(UNIT), Value("1"), "factor on the opacities of surfels"),
-            row("reflection", Kind::Number(UNIT), Value("0"), "share of the environment that surfels mirror"),
+            row("ambient", ValueKind::Number(LIGHT), Value("1"), "ambient coefficient"),
+            row("diffuse", ValueKind::Number(LIGHT), Value("1"), "diffuse coefficient"),
+            row("specular", ValueKind::Number(LIGHT), Value("0.1"), "specular coefficient"),
+            row("shininess", ValueKind::Number(LIGHT), Value("30"), "specular exponent"),
+            row("opacity", ValueKind::Number(UNIT), Value("1"), "factor on the opacities of surfels"),
+            row("reflection", ValueKind::Number(UNIT), Value("0"), "share of the environment that surfels mirror"),
         ],
         children: &[],
     },
@@ -496,11 +521,16 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
         text: None,
         selector: None,
         attributes: &[
-            row("value", Kind::Number(COORDINATE), Required, "value of the volume; more than that of the stop before"),
-            row("colour", Kind::Vector(LIGHT), Value("1 1 1"), "colour there, linear red green blue"),
+            row(
+                "value",
+                ValueKind::Number(COORDINATE),
+                Required,
+                "value of the volume; more than that of the stop before",
+            ),
+            row("colour", ValueKind::Vector(LIGHT), Value("1 1 1"), "colour there, linear red green blue"),
             row(
                 "opacity",
-                Kind::Number(Range(0.0, crate::model::MOST_EXTINCTION)),
+                ValueKind::Number(Range(0.0, crate::model::MOST_EXTINCTION)),
                 Required,
                 "extinction there, per scene unit",
             ),

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::mpsc;
 use std::time::Duration;
 
-use super::schema::{ELEMENTS, Kind};
+use super::schema::{ELEMENTS, ValueKind};
 use super::{LoadOptions, load};
 use crate::anim::TrackFormat;
 
@@ -43,7 +43,7 @@ fn nothing_of_a_scene_waits_for_a_pipe() {
     }
     let mut tried = 0;
     for schema in ELEMENTS {
-        let attributes = schema.attributes.iter().filter(|attribute| matches!(attribute.kind, Kind::Text));
+        let attributes = schema.attributes.iter().filter(|attribute| matches!(attribute.kind, ValueKind::Text));
         let paths = attributes.map(|attribute| attribute.name).filter(|name| !NO_PATHS.contains(&(schema.name, name)));
         for attribute in paths.map(Some).chain(schema.text.map(|_| None)) {
             for scene in scenes(schema.name, attribute) {

@@ -13,8 +13,10 @@ use super::xml::is_xml;
 use crate::anim::{Interpolation, NodeMotion, TrackOptions};
 use crate::limits::{LIGHT, MOST_INTENSITY};
 use crate::math::Trs;
-use crate::model::{ColourSpace, Kind, MeshOptions, Spacing, TransferFunction, VelocityUnit, VolumeOptions};
-use crate::scene::{AnimationBinding, Camera, Capture, Light, Motion, Object, Scene};
+use crate::model::{
+    ColourSpace, Kind, LoadOptions, MeshOptions, Spacing, TransferFunction, VelocityUnit, VolumeOptions,
+};
+use crate::scene::{AnimationBinding, Camera, Drawing, Light, Motion, Object, PointMotion, Scene, Shape};
 use crate::time::{Shutter, Weight};
 
 /// The scene as UTF-8 XML; paths are written relative to the directory `relative_to`, where the file is to stand.
@@ -158,14 +160,19 @@ impl Xml {
         let mut attributes = vec![("name", object.name.clone()), ("blur", object.blur.to_string())];
         attributes.push(("twoSided", object.two_sided.to_string()));
         attributes.extend(object.epsilon.map(|e| ("epsilon", number(e))));
-        attributes.extend(object.points.unit.map(|unit| {
+        let points = match &object.shape {
+            Shape::Surfels { points, .. } => *points,
+            Shape::Sequence { unit, .. } => PointMotion { unit: *unit, at: None },
+            Shape::Gaussians { .. } | Shape::Volume(_) | Shape::Sphere(_) => PointMotion::default(),
+        };
+        attributes.extend(points.unit.map(|unit| {
             let word = match unit {
                 VelocityUnit::Second => "second",
                 VelocityUnit::Frame => "frame",
             };
             ("velocityUnit", word.to_owned())
         }));
-        attributes.extend(object.points.at.map(|at| ("at", number(at))));
+        attributes.extend(points.at.map(|at| ("at", number(at))));
         self.open(1, "object", &attributes);
         self.0.push_str(">\n");
         self.shape(object, base);
@@ -184,32 +191,34 @@ impl Xml {
             ]
         });
         // With its opacity and reflection alone it leaves the coefficients of the model's file.
-        if coefficients.is_some() || object.opacity != 1.0 || object.reflection != 0.0 {
+        let opacity = if object.shape.gaussians().is_some() { 1.0 } else { object.opacity };
+        if coefficients.is_some() || opacity != 1.0 || object.reflection != 0.0 {
             let mut attributes: Vec<_> = coefficients.into_iter().flatten().collect();
-            attributes.extend([("opacity", number(object.opacity)), ("reflection", number(object.reflection))]);
+            attributes.extend([("opacity", number(opacity)), ("reflection", number(object.reflection))]);
             self.line(2, "material", &attributes);
         }
-        if let Some(transfer) = &object.volume.transfer {
+        if let Some(transfer) = &object.source.options.volume.transfer {
             self.transfer(transfer);
         }
         self.0.push_str("  </object>\n");
     }
 
     fn shape(&mut self, object: &Object, base: &Path) {
-        if let Some(sphere) = &object.sphere {
+        if let Shape::Sphere(sphere) = &object.shape {
             let Vec3 { x, y, z } = sphere.colour;
             let attributes = [("radius", number(sphere.radius)), ("colour", format!("{x} {y} {z}"))];
             return self.line(2, "sphere", &attributes);
         }
-        let mut attributes = vec![("radiusScale", number(object.radius_scale))];
-        attributes.extend(object.colour_space.map(|c| {
+        let LoadOptions { kind, radius_scale, colour_space, volume, mesh, node } = &object.source.options;
+        let mut attributes = vec![("radiusScale", number(*radius_scale))];
+        attributes.extend(colour_space.map(|c| {
             let word = match c {
                 ColourSpace::Srgb => "srgb",
                 ColourSpace::Linear => "linear",
             };
             ("colourSpace", word.to_owned())
         }));
-        attributes.extend(object.kind.map(|kind| {
+        attributes.extend(kind.map(|kind| {
             let word = match kind {
                 Kind::Surfels => "surfels",
                 Kind::Gaussians => "gaussians",
@@ -217,34 +226,33 @@ impl Xml {
             };
             ("kind", word.to_owned())
         }));
-        if object.mesh != MeshOptions::default() {
-            let spacing = match object.mesh.spacing {
+        if *mesh != MeshOptions::default() {
+            let spacing = match mesh.spacing {
                 // A number of surfels has no place in a scene file.
                 Spacing::Auto | Spacing::Surfels(_) => None,
                 Spacing::Of(spacing) => Some(number(spacing)),
                 Spacing::None => Some("none".to_owned()),
             };
             attributes.extend(spacing.map(|spacing| ("spacing", spacing)));
-            attributes.push(("reduce", object.mesh.reduce.to_string()));
+            attributes.push(("reduce", mesh.reduce.to_string()));
         }
-        let VolumeOptions { transfer: _, kernel, flatten, lit } = &object.volume;
-        if object.model.is_volume() || object.volume != VolumeOptions::default() {
+        let VolumeOptions { transfer: _, kernel, flatten, lit } = volume;
+        if matches!(object.shape, Shape::Volume(_)) || *volume != VolumeOptions::default() {
             let flatten = if flatten.is_infinite() { "infinite".to_owned() } else { number(*flatten) };
             attributes.extend([("kernel", number(*kernel)), ("flatten", flatten), ("lit", lit.to_string())]);
         }
-        attributes.extend(object.node.clone().map(|node| ("node", node)));
-        if object.model.gaussians().is_some() {
-            let Capture { opacity, harmonics, crop, antialias, flat: _ } = object.capture;
+        attributes.extend(node.clone().map(|node| ("node", node)));
+        if let Some(Drawing { opacity, harmonics, crop, antialias, flat: _ }) = object.drawing() {
             attributes.extend([("opacity", number(opacity)), ("shDegree", harmonics.to_string())]);
             if let Some([min, max]) = crop {
                 attributes.extend([("cropMin", vector(min)), ("cropMax", vector(max))]);
             }
             attributes.extend(antialias.map(|on| ("antialias", on.to_string())));
         }
-        let Some(sequence) = &object.sequence else {
-            return self.file(2, "pointModel", &attributes, &relative(&object.model_path, base));
+        let Shape::Sequence { files, .. } = &object.shape else {
+            return self.file(2, "pointModel", &attributes, &relative(&object.source.path, base));
         };
-        let spec = sequence.spec();
+        let spec = files.spec();
         let first = relative(&spec.pattern.path(spec.first), base);
         let pattern = spec.pattern.at(spec.first, Path::new(&first)).unwrap_or_else(|| spec.pattern.clone());
         attributes.extend([("sequence", pattern.to_string()), ("first", spec.first.to_string())]);

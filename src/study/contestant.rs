@@ -39,7 +39,7 @@ pub enum ContestantError {
     InList {
         /// The text of the one.
         mode: String,
-        /// What is wrong.
+        /// The fault.
         what: Box<Self>,
     },
     /// One is there twice.
@@ -411,7 +411,7 @@ mod tests {
     }
 
     proptest! {
-        /// What is written is read as the same.
+        /// A written entry is read as the same.
         #[test]
         fn entries_read_back(entry in any_entry()) {
             prop_assert_eq!(entry.to_string().parse::<Entry>(), Ok(entry));

@@ -53,7 +53,7 @@ pub enum StudyError {
     Frame {
         /// The frame.
         frame: FrameNumber,
-        /// What is wrong.
+        /// The fault.
         source: Box<Self>,
     },
     /// Something is wrong in a mode.
@@ -61,7 +61,7 @@ pub enum StudyError {
     Mode {
         /// The mode.
         mode: String,
-        /// What is wrong.
+        /// The fault.
         source: Box<Self>,
     },
     /// SSIM has a window of a fixed size.

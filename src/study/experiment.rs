@@ -13,7 +13,7 @@ use crate::image;
 use crate::options::PixelFilter;
 use crate::time::FrameNumber;
 
-/// What is compared, and how.
+/// The pictures that are compared, and how.
 #[derive(Clone, Debug)]
 pub struct Experiment {
     /// Who takes part, each once.
@@ -35,7 +35,7 @@ pub enum Progress<'a> {
     At {
         /// Number of the step.
         step: u64,
-        /// What is being done.
+        /// The work under way.
         what: &'a str,
         /// Finished share.
         share: f32,
@@ -228,7 +228,7 @@ impl Experiment {
     /// The settings that all modes share, and the reference's.
     fn scene(&self, trial: &mut Trial<'_>) -> Result<SceneStudy, StudyError> {
         let own = |value: Option<f64>| value.map_or_else(|| "the scene's".to_owned(), |e| e.to_string());
-        let judge = trial.settings_of_judge(self.reference, trial.options().filter)?;
+        let judge = trial.settings_of_judge(self.reference, trial.options().look.filter)?;
         let of_modes = self.filters(trial).into_iter().map(|filter| filter.to_string()).collect::<Vec<_>>();
         let options = trial.options();
         let mut settings = judge.in_words();
@@ -237,7 +237,7 @@ impl Experiment {
         settings.insert(0, ("scene file", trial.path().display().to_string()));
         settings.push(("seed of references among the modes", trial.seed_of_others().to_string()));
         settings.push(("filters of the modes, each with a reference of its own", of_modes.join(", ")));
-        settings.push(("epsilon of the modes", own(options.epsilon)));
+        settings.push(("epsilon of the modes", own(options.look.epsilon)));
         settings.push(("epsilon of the reference", own(None)));
         let scene = trial.scene();
         Ok(SceneStudy {

@@ -75,10 +75,10 @@ pub struct Settings {
     rate: f64,
     backend: String,
     mode: String,
-    /// Of references.
+    /// Samples of a reference.
     #[serde(skip_serializing_if = "Option::is_none")]
     samples: Option<u64>,
-    /// Of references.
+    /// Sampler of a reference.
     #[serde(skip_serializing_if = "Option::is_none")]
     sampler: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -86,7 +86,7 @@ pub struct Settings {
     width: u32,
     height: u32,
     shutter: [f64; 2],
-    /// Of rolling shutters.
+    /// Read-out of a rolling shutter.
     #[serde(skip_serializing_if = "Option::is_none")]
     readout: Option<String>,
     weight: String,
@@ -101,7 +101,7 @@ pub struct Settings {
     aovs: Vec<&'static str>,
     format: &'static str,
     bits: u32,
-    /// Of EXR files.
+    /// Compression of an EXR file.
     #[serde(skip_serializing_if = "Option::is_none")]
     compression: Option<&'static str>,
     inputs: Vec<Input>,
@@ -118,7 +118,7 @@ struct Input {
 }
 
 impl Provenance {
-    /// Of a scene that was loaded from `path`. Reads the files that it names again, for their checksums.
+    /// The provenance of a scene that was loaded from `path`. Reads the files that it names again, for their checksums.
     ///
     /// # Errors
     /// One of these files cannot be read.
@@ -173,13 +173,13 @@ impl Provenance {
             backend: backend.to_owned(),
             mode: options.quality.to_string(),
             reconstruct: options.reconstruct.then_some("along"),
-            filter: options.filter.to_string(),
+            filter: options.look.filter.to_string(),
             prefilter: options.prefilter.to_string(),
-            shading: options.shading.to_string(),
-            two_sided: options.two_sided,
-            epsilon: options.epsilon,
-            seed: options.seed,
-            aovs: options.aovs.iter().map(|aov| aov.name()).collect(),
+            shading: options.look.shading.to_string(),
+            two_sided: options.look.two_sided,
+            epsilon: options.look.epsilon,
+            seed: options.look.seed,
+            aovs: options.look.aovs.iter().map(|aov| aov.name()).collect(),
             ..self.in_format(format)
         })
     }
@@ -203,13 +203,13 @@ impl Provenance {
                 Sampler::Jittered { density } => format!("jittered:{density}"),
                 Sampler::Random => "random".to_owned(),
             }),
-            filter: options.filter.to_string(),
+            filter: options.look.filter.to_string(),
             prefilter: Prefilter::None.to_string(),
-            shading: options.shading.to_string(),
-            two_sided: options.two_sided,
-            epsilon: options.epsilon,
-            seed: options.seed,
-            aovs: options.aovs.iter().map(|aov| aov.name()).collect(),
+            shading: options.look.shading.to_string(),
+            two_sided: options.look.two_sided,
+            epsilon: options.look.epsilon,
+            seed: options.look.seed,
+            aovs: options.look.aovs.iter().map(|aov| aov.name()).collect(),
             ..self.in_format(format)
         })
     }
@@ -277,8 +277,9 @@ impl Settings {
 
 /// The files that a scene names, each once, without those of sequences. They have no stamp.
 fn named(scene: &Scene) -> BTreeMap<&PathBuf, Option<Stamp>> {
-    let models = scene.objects.iter().filter(|object| object.sphere.is_none() && object.sequence.is_none());
-    let models = models.map(|object| &object.model_path);
+    let models =
+        scene.objects.iter().filter(|object| object.shape.surfels().is_some() || object.shape.gaussians().is_some());
+    let models = models.map(|object| &object.source.path);
     let animations = scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path);
     let environment = scene.environment.as_ref().map(|environment| &environment.path);
     let camera = scene.camera.animation.as_ref().map(|a| &a.path);
@@ -289,7 +290,7 @@ fn named(scene: &Scene) -> BTreeMap<&PathBuf, Option<Stamp>> {
 /// as textures. The scene file counts by what it says.
 fn inputs(scene: &Scene, path: &Path) -> Result<Vec<Input>, ProvenanceError> {
     let mut files = named(scene);
-    let sequences = || scene.objects.iter().filter_map(|object| object.sequence.as_ref()).map(|s| s.spec());
+    let sequences = || scene.objects.iter().filter_map(|object| object.shape.sequence()).map(|files| files.spec());
     let firsts: Vec<PathBuf> = sequences().map(|spec| spec.pattern.path(spec.first)).collect();
     // What is missing, or is a pipe, had no say in the scene.
     let others = scene.files.iter().filter(|(file, stamp)| *file != path && !firsts.contains(file) && stamp.is_some());

@@ -33,7 +33,7 @@ pub struct Store<'a> {
 #[derive(Serialize, Deserialize)]
 struct Record {
     settings: String,
-    /// Of the picture's file: a damaged one is rendered again.
+    /// Checksum of the picture's file: a damaged one is rendered again.
     crc32: u32,
     seconds: Vec<f64>,
 }

@@ -11,7 +11,7 @@ use crate::compare::{Comparison, Metric};
 use crate::film::{Aov, Picture};
 use crate::image::Format;
 use crate::model::{LoadOptions, load};
-use crate::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use crate::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions};
 use crate::reference::ReferenceOptions;
 use crate::renderer::{Device, Renderer};
 use crate::scene::{Motion, Object, Scene};
@@ -151,7 +151,7 @@ fn settings_tell_pictures_apart() {
     assert_ne!(judge, of(&mut trial, "reference:16"), "they have other seeds");
     let provenance = Provenance::of(&scene(), Path::new(SCENE)).unwrap();
     let with = |aovs: Vec<Aov>| {
-        let options = ReferenceOptions { aovs, ..ReferenceOptions::default() };
+        let options = ReferenceOptions { look: Look { aovs, ..Look::default() }, ..ReferenceOptions::default() };
         provenance.traced(&options, 16, Format::EXR).unwrap().of_frame(3).unwrap()
     };
     assert_ne!(with(Vec::new()), with(vec![Aov::Depth]));
@@ -169,9 +169,8 @@ fn moments_divide_the_shutter() {
     let moments = trial_of(scene.clone(), &opened).moments(3.into()).unwrap();
     let options = RenderOptions {
         quality: BlurMode::supersample(1).into(),
-        filter: PixelFilter::Point,
-        aovs: vec![Aov::Velocity],
         prefilter: Prefilter::Approx,
+        look: Look { filter: PixelFilter::Point, aovs: vec![Aov::Velocity], ..Look::default() },
         ..RenderOptions::default()
     };
     let whole = Renderer::open(Device::Cpu).unwrap().render(&scene, 3, &options).unwrap().picture;

@@ -10,7 +10,7 @@ use super::provenance::{Provenance, Settings};
 use super::report::STRATA;
 use crate::film::{Aov, Picture};
 use crate::image::Format;
-use crate::options::{BlurMode, PixelFilter, Prefilter, Quality, RenderOptions};
+use crate::options::{BlurMode, Look, PixelFilter, Prefilter, Quality, RenderOptions};
 use crate::reference::{self, ReferenceOptions};
 use crate::renderer::Renderer;
 use crate::scene::Scene;
@@ -38,7 +38,7 @@ pub struct Trial<'a> {
     scene: Scene,
     path: PathBuf,
     options: RenderOptions,
-    /// Of all modes that ask for none; `None`: the one that suits each.
+    /// Prefilter of all modes that ask for none; `None`: the one that suits each.
     prefilter: Option<Prefilter>,
     backends: Backends<'a>,
     /// Once it was needed.
@@ -151,17 +151,17 @@ impl<'a> Trial<'a> {
         frame: FrameNumber,
         share: Share<'_>,
     ) -> Result<Shot, StudyError> {
-        self.trace(&self.tracing(samples, filter, self.options.seed), frame, share)
+        self.trace(&self.tracing(samples, filter, self.options.look.seed), frame, share)
     }
 
     /// The prefilter of all modes that ask for none, in words.
     pub(super) fn prefilter(&self) -> String {
-        self.prefilter.map_or_else(|| "ewa where it suits the mode, else approx".to_owned(), |one| one.to_string())
+        self.prefilter.unwrap_or_default().to_string()
     }
 
     /// The pixel filter of a mode, and of the reference that judges it.
     pub fn filter_of(&self, filters: Filters) -> PixelFilter {
-        filters.filter.unwrap_or(self.options.filter)
+        filters.filter.unwrap_or(self.options.look.filter)
     }
 
     /// The pixel filters of these modes, each once, in order.
@@ -177,7 +177,7 @@ impl<'a> Trial<'a> {
 
     /// `reference` where the reference has the pixel filter of all modes; else with the filter, as modes say it.
     pub fn name_of_judge(&self, filter: PixelFilter) -> String {
-        let filters = Filters { filter: Some(filter).filter(|f| *f != self.options.filter), prefilter: None };
+        let filters = Filters { filter: Some(filter).filter(|f| *f != self.options.look.filter), prefilter: None };
         format!("reference{filters}")
     }
 
@@ -186,11 +186,9 @@ impl<'a> Trial<'a> {
     /// # Errors
     /// The CPU cannot be opened or cannot render the frame.
     pub fn moments(&mut self, frame: FrameNumber) -> Result<Vec<Picture>, StudyError> {
-        let options = RenderOptions {
-            filter: PixelFilter::Point,
-            prefilter: Prefilter::None,
-            ..self.splatting(BlurMode::supersample(1).into(), Filters::default(), vec![Aov::Depth, Aov::Velocity])
-        };
+        let mode = BlurMode::supersample(1).into();
+        let filters = Filters { filter: Some(PixelFilter::Point), prefilter: Some(Prefilter::None) };
+        let options = self.splatting(mode, filters, vec![Aov::Depth, Aov::Velocity]);
         let Shutter { open, close, .. } = self.scene.shutter;
         let part = (close - open) / f64::from(STRATA);
         let mut scene = self.scene.clone();
@@ -221,7 +219,7 @@ impl<'a> Trial<'a> {
 
     /// The settings of the reference with this pixel filter that judges the others.
     pub(super) fn settings_of_judge(&mut self, samples: u64, filter: PixelFilter) -> Result<Settings, StudyError> {
-        let options = self.tracing(samples, filter, self.options.seed);
+        let options = self.tracing(samples, filter, self.options.look.seed);
         Ok(self.provenance()?.traced(&options, samples, Format::EXR)?)
     }
 
@@ -235,7 +233,7 @@ impl<'a> Trial<'a> {
 
     /// The seed of references that take part.
     pub fn seed_of_others(&self) -> u64 {
-        self.options.seed.wrapping_add(OTHER_SEED)
+        self.options.look.seed.wrapping_add(OTHER_SEED)
     }
 
     fn provenance(&mut self) -> Result<&Provenance, StudyError> {
@@ -249,14 +247,20 @@ impl<'a> Trial<'a> {
     /// Options of splatting.
     fn splatting(&self, quality: Quality, filters: Filters, aovs: Vec<Aov>) -> RenderOptions {
         let filter = self.filter_of(filters);
-        let prefilter = filters.prefilter.or(self.prefilter).unwrap_or(Prefilter::suited(quality));
-        RenderOptions { quality, filter, prefilter, aovs, reconstruct: false, ..self.options.clone() }
+        let prefilter = filters.prefilter.or(self.prefilter).unwrap_or_default();
+        RenderOptions {
+            quality,
+            prefilter,
+            reconstruct: false,
+            look: Look { filter, aovs, ..self.options.look.clone() },
+            ..self.options.clone()
+        }
     }
 
-    /// Options of references.
+    /// Options of references. They have the scene's own tolerance, whatever the modes have.
     fn tracing(&self, samples: u64, filter: PixelFilter, seed: u64) -> ReferenceOptions {
-        let RenderOptions { shading, two_sided, .. } = self.options;
-        ReferenceOptions { samples, filter, shading, two_sided, seed, ..ReferenceOptions::default() }
+        let look = Look { filter, seed, epsilon: None, aovs: Vec::new(), ..self.options.look.clone() };
+        ReferenceOptions { samples, look, ..ReferenceOptions::default() }
     }
 
     /// Splats the trial's scene, or another.

@@ -47,7 +47,7 @@ impl Direction {
     }
 }
 
-/// What is exposed at the shutter's own times.
+/// The row that is exposed at the shutter's own times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Anchor {
     /// The middle of the image.
@@ -78,7 +78,7 @@ pub struct Readout {
     pub duration: f64,
     /// Where the read-out goes.
     pub direction: Direction,
-    /// What is exposed at the shutter's own times.
+    /// The row that is exposed at the shutter's own times.
     pub anchor: Anchor,
 }
 

@@ -38,7 +38,7 @@ impl CameraAt {
         Self { eye: eye.into(), at: (eye + ahead * depth).into(), up: up.into(), fovy }
     }
 
-    /// What is wrong with it.
+    /// The fault of this camera; `None`: it can look.
     pub(super) fn fault(&self) -> Option<String> {
         let [eye, at, up] = self.vectors();
         let ahead = at - eye;
@@ -74,7 +74,7 @@ fn middle(scene: &Scene) -> DVec3 {
     let mut sum = DVec3::ZERO;
     let mut count = 0.0;
     for object in &scene.objects {
-        let bounds = object.core();
+        let bounds = object.shape.core();
         let centre = 0.5 * (bounds.min + bounds.max);
         if centre.is_finite() {
             let matrix = object.place.matrix() * object.transform.matrix();

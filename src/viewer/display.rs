@@ -5,7 +5,8 @@
 
 use std::f32::consts::TAU;
 
-use png::{BitDepth, ColorType, Compression, Encoder, EncodingError, Filter};
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder as _, ImageResult};
 use rayon::prelude::*;
 
 use crate::film::{Aov, Layer, Picture};
@@ -20,22 +21,16 @@ pub(super) struct Shown {
 }
 
 /// Shows the colours of a picture, or one of its layers. A layer that the picture does not have gives its colours.
-pub(super) fn show(picture: &Picture, buffer: Option<Aov>) -> Result<Shown, EncodingError> {
+pub(super) fn show(picture: &Picture, buffer: Option<Aov>) -> ImageResult<Shown> {
     let layer = buffer.and_then(|aov| picture.layers.iter().find(|layer| layer.aov == aov));
     let (codes, range) = layer.map_or_else(|| (colours(picture), None), false_colours);
     Ok(Shown { png: encode(picture, &codes)?, range })
 }
 
-fn encode(picture: &Picture, codes: &[u8]) -> Result<Vec<u8>, EncodingError> {
+fn encode(picture: &Picture, codes: &[u8]) -> ImageResult<Vec<u8>> {
     let mut png = Vec::with_capacity(codes.len() / 4);
-    let mut encoder = Encoder::new(&mut png, picture.width, picture.height);
-    encoder.set_color(ColorType::Rgb);
-    encoder.set_depth(BitDepth::Eight);
-    encoder.set_compression(Compression::Fast);
-    encoder.set_filter(Filter::Up);
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(codes)?;
-    writer.finish()?;
+    let encoder = PngEncoder::new_with_quality(&mut png, CompressionType::Fast, FilterType::Up);
+    encoder.write_image(codes, picture.width, picture.height, ExtendedColorType::Rgb8)?;
     Ok(png)
 }
 
@@ -112,12 +107,13 @@ mod tests {
         Picture { width: 2, height: 1, rgba: vec![[0.0, 0.5, 1.0, 1.0], [2.0, -1.0, 0.2, 1.0]], layers }
     }
 
+    fn decoded(png: &[u8]) -> Vec<u8> {
+        image::load_from_memory(png).unwrap().into_rgb8().into_raw()
+    }
+
     fn codes(picture: &Picture, buffer: Option<Aov>) -> (Vec<u8>, Option<[f32; 2]>) {
         let shown = show(picture, buffer).unwrap();
-        let mut reader = png::Decoder::new(std::io::Cursor::new(shown.png)).read_info().unwrap();
-        let mut data = vec![0; reader.output_buffer_size().unwrap()];
-        reader.next_frame(&mut data).unwrap();
-        (data, shown.range)
+        (decoded(&shown.png), shown.range)
     }
 
     #[test]
@@ -129,10 +125,7 @@ mod tests {
             crate::image::Format::Png { bits: crate::image::Bits::Eight, alpha: false },
             "",
         );
-        let mut reader = png::Decoder::new(std::io::Cursor::new(file.unwrap())).read_info().unwrap();
-        let mut data = vec![0; reader.output_buffer_size().unwrap()];
-        reader.next_frame(&mut data).unwrap();
-        assert_eq!(shown, data);
+        assert_eq!(shown, decoded(&file.unwrap()));
     }
 
     #[test]

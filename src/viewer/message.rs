@@ -18,8 +18,8 @@ pub(super) enum Message {
     },
     /// Write a file.
     Save {
-        /// What is in it.
-        what: Kind,
+        /// The kind of file.
+        what: SavedKind,
     },
     /// Make a movie of the scene's frames as they are seen now, or stop the one under way.
     Movie {
@@ -31,7 +31,7 @@ pub(super) enum Message {
 /// What a page can save.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Kind {
+pub(super) enum SavedKind {
     Png,
     Exr,
     Scene,
@@ -101,7 +101,7 @@ pub(super) struct Header {
     pub(super) seconds: f64,
     /// Stated error: of mode auto its estimate, of a reference its mean standard error.
     pub(super) error: Option<f64>,
-    /// What is to be known of it, in a sentence.
+    /// A sentence on the picture.
     pub(super) note: Option<String>,
     pub(super) buffer: &'static str,
     /// Least and greatest value of the layer.
@@ -113,7 +113,7 @@ pub(super) struct Header {
     pub(super) curve: Vec<f64>,
 }
 
-/// What is sent to a page.
+/// A message to a page.
 #[derive(Clone, Debug)]
 pub(super) enum Sent {
     Text(String),

@@ -57,7 +57,7 @@ pub(super) struct Pace {
     pictures: u32,
 }
 
-/// What is known of a scale.
+/// The seconds that are known of a scale.
 #[derive(Clone, Copy, Debug)]
 struct Known {
     /// Seconds to encode, send and show a picture.

@@ -5,9 +5,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 
-use super::message::Kind;
+use super::message::SavedKind;
 use super::shared::{Known, Shared};
-use super::view::Look;
+use super::view::PageLook;
 use crate::files;
 use crate::film::Picture;
 use crate::image::{self, Bits, Format};
@@ -34,9 +34,9 @@ const NUMBERS: std::ops::RangeInclusive<u32> = 1..=9999;
 pub(super) fn save(
     shared: &Shared,
     known: &Known,
-    look: &Look,
+    look: &PageLook,
     finished: &Finished,
-    what: Kind,
+    what: SavedKind,
 ) -> Result<PathBuf, String> {
     let scene = known.scene();
     let out = folder(shared, scene)?;
@@ -46,15 +46,15 @@ pub(super) fn save(
         told(&out, shared, || files::create_with(paths(&out, stem, extension), write))
     };
     let format = match what {
-        Kind::Scene => {
+        SavedKind::Scene => {
             let text = scene_file::to_xml(&look.changed(scene), &out);
             return create(&scene.name, "xml", text.as_bytes());
         }
-        Kind::Png if look.buffer.is_some() => {
+        SavedKind::Png if look.buffer.is_some() => {
             return Err("PNG holds colour and alpha only: save layers as EXR".to_owned());
         }
-        Kind::Png => Format::Png { bits: Bits::Eight, alpha: finished.scene.image.transparent },
-        Kind::Exr => Format::EXR,
+        SavedKind::Png => Format::Png { bits: Bits::Eight, alpha: finished.scene.image.transparent },
+        SavedKind::Exr => Format::EXR,
     };
     let Finished { picture, scene, options, backend, comment } = finished;
     let settings = Provenance::of(scene, &shared.setup.path).and_then(|provenance| {

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::renderer::Device;
 use crate::scene::Scene;
-use crate::scene_file::Loaded;
+use crate::scene_file::LoadedScene;
 
 /// Pages at a time.
 const MOST_PAGES: usize = 8;
@@ -30,7 +30,7 @@ pub struct Setup {
 
 /// A scene that was read.
 pub(super) struct Known {
-    pub(super) loaded: Loaded,
+    pub(super) loaded: LoadedScene,
     /// It was made of a model file.
     pub(super) of_model: bool,
 }

@@ -27,7 +27,7 @@ pub(super) struct Done {
     pub(super) compared: bool,
 }
 
-/// What is made next.
+/// The picture that is made next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Task {
     /// A quick picture, smaller than the window where it must be.
@@ -42,7 +42,7 @@ pub(super) enum Task {
     Compare,
 }
 
-/// What is made next; `None`: nothing. `moving`: the view changes all the time. `split`: there is another side.
+/// The next task; `None`: nothing. `moving`: the view changes all the time. `split`: there is another side.
 pub(super) fn next(moving: bool, split: bool, done: Done) -> Option<Task> {
     let Some(whole) = done.quick else { return Some(Task::Quick) };
     let both = done.first == Outcome::Finished && matches!(done.second, Outcome::Part | Outcome::Finished);

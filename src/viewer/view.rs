@@ -4,7 +4,7 @@ use serde::Deserialize;
 
 use super::camera::CameraAt;
 use crate::film::Aov;
-use crate::options::{BlurMode, ErrorTarget, Prefilter, Quality, RenderOptions, Shading};
+use crate::options::{self, BlurMode, ErrorTarget, Prefilter, Quality, RenderOptions, Shading};
 use crate::renderer::Device;
 use crate::scene::{Camera, Scene};
 use crate::time::{FrameNumber, Readout, Shutter, Weight};
@@ -55,7 +55,7 @@ struct AskedShutter {
 
 /// All that both sides of a picture share. Equal looks have equal pictures.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Look {
+pub(super) struct PageLook {
     pub(super) size: [u32; 2],
     pub(super) frame: FrameNumber,
     camera: Option<CameraAt>,
@@ -84,15 +84,15 @@ pub(super) enum Other {
 
 /// A view that was checked.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct View {
+pub(super) struct PageView {
     pub(super) serial: u64,
     pub(super) moving: bool,
-    pub(super) look: Look,
+    pub(super) look: PageLook,
     pub(super) quality: Quality,
     pub(super) other: Option<Other>,
 }
 
-impl View {
+impl PageView {
     /// Does it ask for the same pictures?
     pub(super) fn shows_as(&self, other: &Self) -> bool {
         self.look == other.look && self.quality == other.quality && self.other == other.other
@@ -101,7 +101,7 @@ impl View {
 
 impl Asked {
     /// The view, or what is wrong with it in one line.
-    pub(super) fn check(self) -> Result<View, String> {
+    pub(super) fn check(self) -> Result<PageView, String> {
         let Self { width, height, frame, .. } = self;
         let pixels = u64::from(width) * u64::from(height);
         if width == 0 || height == 0 || width.max(height) > LONGEST || pixels > MOST_PIXELS {
@@ -113,7 +113,7 @@ impl Asked {
         if let Some(fault) = self.camera.as_ref().and_then(CameraAt::fault) {
             return Err(fault);
         }
-        let look = Look {
+        let look = PageLook {
             size: [width, height],
             frame: FrameNumber::from(frame),
             camera: self.camera,
@@ -129,7 +129,7 @@ impl Asked {
             Some(mode) => Some(Other::Mode(mode.parse().map_err(in_words("split"))?)),
         };
         let quality = self.mode.parse().map_err(in_words("mode"))?;
-        Ok(View { serial: self.serial, moving: self.moving, look, quality, other })
+        Ok(PageView { serial: self.serial, moving: self.moving, look, quality, other })
     }
 }
 
@@ -173,7 +173,7 @@ impl AskedShutter {
     }
 }
 
-impl Look {
+impl PageLook {
     /// The scene as it is looked at, at `size` pixels. `of_model`: the scene is a model file, and its camera is chosen
     /// for the size of the image.
     pub(super) fn scene(&self, scene: &Scene, of_model: bool, [width, height]: [u32; 2]) -> Scene {
@@ -203,11 +203,14 @@ impl Look {
     pub(super) fn options(&self, quality: Quality, memory: u64) -> RenderOptions {
         RenderOptions {
             quality,
-            prefilter: self.prefilter.unwrap_or(Prefilter::suited(quality)),
-            shading: self.shading,
+            prefilter: self.prefilter.unwrap_or_default(),
             memory,
-            // Only mode auto estimates an error.
-            aovs: self.buffer.into_iter().filter(|&aov| aov != Aov::Error || is_auto(quality)).collect(),
+            look: options::Look {
+                shading: self.shading,
+                // Only mode auto estimates an error.
+                aovs: self.buffer.into_iter().filter(|&aov| aov != Aov::Error || is_auto(quality)).collect(),
+                ..options::Look::default()
+            },
             ..RenderOptions::default()
         }
     }

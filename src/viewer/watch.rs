@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use super::shared::{Known, Shared};
 use crate::files::{Seen, Stamp};
 use crate::scene::Object;
-use crate::scene_file::Loaded;
+use crate::scene_file::LoadedScene;
 
 /// Time between two looks at the files.
 const LOOK: Duration = Duration::from_millis(250);
@@ -17,7 +17,7 @@ const AGAIN: Duration = Duration::from_secs(3);
 
 impl Shared {
     /// Reads the scene with `load`, and again whenever a file changes. Does not return.
-    pub(super) fn watch(&self, load: &mut dyn FnMut() -> Result<Loaded, String>) -> ! {
+    pub(super) fn watch(&self, load: &mut dyn FnMut() -> Result<LoadedScene, String>) -> ! {
         let mut seen = now([&self.setup.path]);
         loop {
             // Before reading: what changes meanwhile is read again.
@@ -26,7 +26,7 @@ impl Shared {
             let end = match load() {
                 Ok(loaded) => {
                     seen = files_of(&loaded, &seen);
-                    let only = |object: &Object| object.model_path == self.setup.path;
+                    let only = |object: &Object| object.source.path == self.setup.path;
                     let of_model = matches!(&loaded.scene.objects[..], [object] if only(object));
                     let known = Arc::new(Known { loaded, of_model });
                     self.change(|state| (state.scene, state.broken, state.loading) = (Some(known), None, false));
@@ -65,9 +65,9 @@ fn now<'a>(files: impl IntoIterator<Item = &'a PathBuf>) -> Seen {
 
 /// The files of a scene: those that were read, as they were then, those of its sequences, and those of `before` that
 /// are missing now. An editor may put a file aside and write it anew.
-fn files_of(loaded: &Loaded, before: &Seen) -> Seen {
+fn files_of(loaded: &LoadedScene, before: &Seen) -> Seen {
     let mut files = loaded.scene.files.clone();
-    for sequence in loaded.scene.objects.iter().filter_map(|object| object.sequence.as_ref()) {
+    for sequence in loaded.scene.objects.iter().filter_map(|object| object.shape.sequence()) {
         let spec = sequence.spec();
         for path in (spec.first..=spec.last).map(|number| spec.pattern.path(number)) {
             // What was read counts as it was then.

@@ -267,7 +267,7 @@ proptest! {
         status(&[&report[..], &[&limit, &folder]].concat());
     }
 
-    /// What is damaged in the store is rendered again: the figures are those of the first run.
+    /// Damaged parts of the store are rendered again: the figures are those of the first run.
     #[test]
     fn a_damaged_store(which in any::<Index>(), damage in damage()) {
         let (finished, figures_of_first) = report();

@@ -13,6 +13,7 @@ mod environments;
 mod gpu;
 mod hostile_input;
 mod input;
+mod licences;
 mod meshes;
 mod messages;
 mod movie;

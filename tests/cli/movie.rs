@@ -14,13 +14,13 @@ use image::AnimationDecoder as _;
 use splatblur::image as pictures;
 
 /// A folder with a scene of 24 frames: a plate of many colours that moves, 31 x 17 pixels.
-struct Place {
+struct PlateFolder {
     dir: tempfile::TempDir,
 }
 
 const SIZE: (usize, usize) = (31, 17);
 
-impl Place {
+impl PlateFolder {
     fn new() -> Self {
         Self::with("<frames first=\"1\" last=\"24\"/>", "background=\"0.1 0.2 0.3\"")
     }
@@ -125,7 +125,7 @@ fn read_y4m(bytes: &[u8]) -> (String, Vec<Vec<u8>>) {
 
 #[test]
 fn y4m_has_count_rate_and_pixels() {
-    let place = Place::with("<frames first=\"1\" last=\"24\" rate=\"29.97\"/>", "background=\"0.1 0.2 0.3\"");
+    let place = PlateFolder::with("<frames first=\"1\" last=\"24\" rate=\"29.97\"/>", "background=\"0.1 0.2 0.3\"");
     let output = place.render("--movie films/a.y4m");
     let said = String::from_utf8(output.stdout).unwrap();
     assert!(said.ends_with("movie: films/a.y4m, 30000/1001 frames a second\n"), "{said}");
@@ -143,7 +143,7 @@ fn y4m_has_count_rate_and_pixels() {
 
 #[test]
 fn gif_has_count_rate_and_pixels() {
-    let place = Place::new();
+    let place = PlateFolder::new();
     // Larger: of few pixels the palette learns little.
     place.render("--movie a.gif --size 93x51");
     let file = std::io::BufReader::new(std::fs::File::open(place.path("a.gif")).unwrap());
@@ -171,7 +171,7 @@ fn gif_has_count_rate_and_pixels() {
 /// A movie of pictures that are there already is the movie of pictures that are rendered, and so is one without.
 #[test]
 fn a_movie_is_the_same_with_pictures_of_an_earlier_run_and_without() {
-    let place = Place::new();
+    let place = PlateFolder::new();
     let bytes = |name: &str| std::fs::read(place.path(name)).unwrap();
     place.render("--movie a.y4m");
     place.render("--movie b.y4m --no-frames --out none");
@@ -195,7 +195,7 @@ fn a_movie_is_the_same_with_pictures_of_an_earlier_run_and_without() {
 
 #[test]
 fn mistakes_are_told_in_one_line_before_rendering() {
-    let place = Place::new();
+    let place = PlateFolder::new();
     for (line, why) in [
         ("--out a.mp4", "and a.mp4 names a movie: use `splatblur render --movie a.mp4`"),
         ("--out a.MOV", "names a movie"),
@@ -217,7 +217,7 @@ fn mistakes_are_told_in_one_line_before_rendering() {
     let said = refusal(&place.command("--movie b.gif --no-frames --quiet").output().unwrap());
     assert!(said.contains("cannot write b.gif: it is a directory, expected a regular file or none"), "{said}");
     assert_eq!(place.names("."), ["b.gif", "plate.xml", "plate.xyz"]);
-    let fast = Place::with("<frames first=\"1\" last=\"24\" rate=\"60\"/>", "");
+    let fast = PlateFolder::with("<frames first=\"1\" last=\"24\" rate=\"60\"/>", "");
     let said = refusal(&fast.command("--movie a.gif --no-frames --quiet").output().unwrap());
     assert!(said.contains("GIF has 0.01 to 50 frames a second, not 60"), "{said}");
     let mut model = Command::new(env!("CARGO_BIN_EXE_splatblur"));
@@ -229,7 +229,7 @@ fn mistakes_are_told_in_one_line_before_rendering() {
 /// Angles and times are shutters in frames.
 #[test]
 fn shutters_are_angles_and_times() {
-    let place = Place::with("<frames first=\"1\" last=\"1\" rate=\"25\"/>", "");
+    let place = PlateFolder::with("<frames first=\"1\" last=\"1\" rate=\"25\"/>", "");
     let shutter = |words: &str| {
         let report = place.render(&format!("--json {words}")).stdout;
         let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
@@ -244,7 +244,7 @@ fn shutters_are_angles_and_times() {
 /// Alpha is in MOV alone.
 #[test]
 fn transparent_scenes_lie_over_black() {
-    let place = Place::of_plate(0.1, "<frames first=\"1\" last=\"24\"/>", "background=\"0 0 0\"");
+    let place = PlateFolder::of_plate(0.1, "<frames first=\"1\" last=\"24\"/>", "background=\"0 0 0\"");
     place.render("--movie opaque.y4m --no-frames");
     let output = place.render("--movie clear.y4m --no-frames --transparent");
     let said = String::from_utf8(output.stderr).unwrap();
@@ -267,7 +267,7 @@ fn signal(child: &Child, name: &str) {
 
 /// An ffmpeg that writes its process number, and what it reads into its output. With `STAYS` it does not end when there
 /// are no more frames.
-fn slow_ffmpeg(place: &Place) -> PathBuf {
+fn slow_ffmpeg(place: &PlateFolder) -> PathBuf {
     let tools = place.path("tools");
     let script = "#!/bin/sh\ncase \"$*\" in *-encoders*) echo ' V libx264 prores_ks'; exit 0;; esac\n\
                   echo $$ > \"$PID_FILE\"\n[ -z \"$STAYS\" ] && exec cat > /dev/fd/1\ncat > /dev/fd/1\nsleep 90\n";
@@ -295,7 +295,7 @@ fn with_tools(tools: &Path) -> std::ffi::OsString {
 fn nothing_half_is_left() {
     for name in ["-INT", "-TERM", "-KILL"] {
         for movie in ["a.y4m", "a.gif", "a.mp4"] {
-            let place = Place::with("<frames first=\"1\" last=\"9999\"/>", "background=\"0.1 0.2 0.3\"");
+            let place = PlateFolder::with("<frames first=\"1\" last=\"9999\"/>", "background=\"0.1 0.2 0.3\"");
             let (tools, pid) = (slow_ffmpeg(&place), place.path("pid"));
             std::fs::create_dir(place.path("films")).unwrap();
             std::fs::write(place.path("films").join(movie), "old").unwrap();
@@ -330,7 +330,7 @@ fn nothing_half_is_left() {
 /// What ffmpeg complains about last is told, and the program does not wait for what has ended.
 #[test]
 fn a_failing_ffmpeg_is_told() {
-    let place = Place::new();
+    let place = PlateFolder::new();
     let tools = place.path("tools");
     let list = "#!/bin/sh\ncase \"$*\" in *-encoders*) echo ' V libx264'; exit 0;; esac\n";
     for end in ["head -c 100 > /dev/null", "cat > /dev/null"] {
@@ -382,7 +382,7 @@ fn mp4_is_what_players_expect() {
     if !has_ffmpeg("mp4_is_what_players_expect") {
         return;
     }
-    let place = Place::new();
+    let place = PlateFolder::new();
     place.render("--movie a.mp4");
     let stream = probe(&place.path("a.mp4"));
     for (key, value) in [
@@ -414,7 +414,7 @@ fn mov_keeps_alpha() {
     if !has_ffmpeg("mov_keeps_alpha") {
         return;
     }
-    let place = Place::of_plate(0.1, "<frames first=\"1\" last=\"24\"/>", "transparent=\"true\"");
+    let place = PlateFolder::of_plate(0.1, "<frames first=\"1\" last=\"24\"/>", "transparent=\"true\"");
     place.render("--movie a.mov");
     let stream = probe(&place.path("a.mov"));
     for (key, value) in [
@@ -456,7 +456,7 @@ fn ffmpeg_reads_y4m_and_gif() {
     if !has_ffmpeg("ffmpeg_reads_y4m_and_gif") {
         return;
     }
-    let place = Place::new();
+    let place = PlateFolder::new();
     place.render("--movie a.y4m --size 93x51");
     place.render("--resume --movie a.gif --size 93x51");
     let codes = place.codes();

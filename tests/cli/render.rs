@@ -111,7 +111,7 @@ fn bad_values_are_refused_in_one_line() {
         (&["--weight", "ramp:centre=7"], "0 to 1"),
         (&["--weight", "hat"], "tent"),
         (&["--filter", "sinc"], "box, point"),
-        (&["--prefilter", "blur"], "approx, ewa, none"),
+        (&["--prefilter", "blur"], "approx, ewa, none, auto"),
         (&["--shading", "flat"], "phong, gouraud"),
         (&["--epsilon", "-1"], "0 to 1e30"),
         (&["--epsilon", "1e40"], "0 to 1e30"),
@@ -534,8 +534,8 @@ fn a_bare_render_has_the_defaults_of_the_library() {
     let report = Fixture::new().json(&["--frames", "2"]);
     let settings = &report["settings"];
     assert_eq!(settings["mode"], options.quality.to_string());
-    assert_eq!(settings["filter"], options.filter.to_string());
+    assert_eq!(settings["filter"], options.look.filter.to_string());
     assert_eq!(settings["prefilter"], options.prefilter.to_string());
-    assert_eq!(settings["shading"], options.shading.to_string());
-    assert_eq!(settings["seed"], options.seed);
+    assert_eq!(settings["shading"], options.look.shading.to_string());
+    assert_eq!(settings["seed"], options.look.seed);
 }

@@ -101,7 +101,8 @@ fn names_of_columns_decide() {
         let text = format!("x,y,z,vx,vy,vz\n0,0,0,{speed},0,0\n1,0,0,{speed},0,0\n0,1,0,{speed},0,0\n");
         let found = noted("a.xyz", text, line);
         assert_eq!(found.velocity, [Vec3::X * speed as f32; 3]);
-        assert_eq!(found.colour, [Vec3::ONE; 3]);
+        // None of their own: the grey of surfaces without colours.
+        assert_eq!(found.colour, [Vec3::splat(0.3); 3]);
     }
     // A comment names columns, too; the name of the file does not count.
     for text in ["# x y z vx vy vz\n0 0 0 1 0 0\n1 0 0 1 0 0\n", "//X;Y;Z;VX;VY;VZ\n0;0;0;1;0;0\n1;0;0;1;0;0\n"] {

@@ -9,7 +9,7 @@ use rand_pcg::Pcg64Mcg;
 pub(crate) struct Dice(Pcg64Mcg);
 
 impl Dice {
-    /// Those of run `number` under a seed.
+    /// The random numbers of run `number` under a seed.
     pub(crate) fn new(seed: u64, number: u64) -> Self {
         Self(Pcg64Mcg::seed_from_u64(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ number))
     }

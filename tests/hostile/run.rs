@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Aov;
-use splatblur::options::{Quality, RenderOptions};
+use splatblur::options::{Look, Quality, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use splatblur::{image, scene_file};
@@ -28,7 +28,7 @@ pub(crate) enum Outcome {
     Rendered,
 }
 
-/// What is planted in a run, to see that it is found.
+/// Plants a fault in a run, to see that it is found.
 pub(crate) fn plant(kind: &str) -> Result<Outcome, String> {
     match kind {
         "panic" => panic!("planted"),
@@ -130,7 +130,7 @@ fn refused(error: &anyhow::Error) -> Result<Outcome, String> {
 fn render(scene: &Scene, dice: &mut Dice) -> Result<Outcome, String> {
     let quality: Quality = dice.pick(&MODES).parse().map_err(|error| format!("{error:?}"))?;
     let aovs = if dice.once_in(4) { vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity] } else { Vec::new() };
-    let options = RenderOptions { quality, aovs, ..RenderOptions::default() };
+    let options = RenderOptions { quality, look: Look { aovs, ..Look::default() }, ..RenderOptions::default() };
     let frame = scene.frames.first + dice.below(2) as i64;
     let rendered = match render_frame(&mut Cpu::default(), scene, frame, &options) {
         Ok(rendered) => rendered,

@@ -67,7 +67,10 @@ const OBJ: &str = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvt 0 0\nv
     usemtl a\nf 1/1/1 2/2/1 3/3/1 4/4/1\nusemtl b\nf 1//1 3//1 4//1\n";
 const MTL: &str = "newmtl a\nKd 0.8 0.7 0.6\nd 0.9\nmap_Kd -s 2 2 1 -o 0.1 0.2 texture\nnewmtl b\nKd 0.1 0.2 0.3\n";
 
-/// Every part that a scene can have, with the least of numbers that take long.
+/// Every attribute that a scene file can have.
+const EVERYTHING: &str = include_str!("../data/scenes/everything.xml");
+
+/// Every part that a scene can have, with the least of numbers that take long. The material is that of [`EVERYTHING`].
 const SCENE: &str = r#"<scene>
   <image width="24" height="16" background="0.1 0.2 0.3"/>
   <frames first="0" last="3" rate="25"/>
@@ -84,7 +87,7 @@ const SCENE: &str = r#"<scene>
     <animation interpolation="spline">motion.anim</animation>
     <motion type="rotation" axis="1 2 3" degreesPerFrame="-12.345" centre="0.1 0.2 0.3"/>
     <place translate="0.1 0.2 0.3" rotate="10 20 30" scale="-1 2 0.3"/>
-    <material ambient="0.2" diffuse="0.6" specular="0.4" shininess="20.5" opacity="0.75" reflection="0.3"/>
+    <material/>
   </object>
   <object><pointModel kernel="0.9" flatten="1.5" lit="true">grid.nrrd</pointModel>
     <transferFunction><stop value="-1e-3" opacity="0"/><stop value="0.1" colour="1 0.3 0.007" opacity="12.5"/>
@@ -166,7 +169,9 @@ pub(crate) fn seeds() -> Vec<Vec<Seed>> {
     groups.push(pictures.iter().map(environment).collect());
     groups.push(corpus("anim").into_iter().map(|(name, bytes)| animated(&name, bytes)).collect());
     groups.push(tracks());
-    let mut scenes = vec![Seed::new("scene", Way::Scene, scene_files(SCENE.as_bytes().to_vec()), 0)];
+    let material = EVERYTHING.lines().find(|line| line.contains("<material")).expect("a material");
+    let scene = SCENE.replace("    <material/>", material);
+    let mut scenes = vec![Seed::new("scene", Way::Scene, scene_files(scene.into_bytes()), 0)];
     scenes.extend(corpus("scene").into_iter().map(|(name, bytes)| Seed::new(name, Way::Scene, scene_files(bytes), 0)));
     groups.push(scenes);
     let scene = scene_around("<camera eye=\"0 0 3\" at=\"0 0 0\"/>", "").into_bytes();

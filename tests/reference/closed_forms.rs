@@ -13,18 +13,19 @@ use crate::support::{UNLIT, object, round_surfels, scene};
 use glam::{DVec3, Vec3};
 use splatblur::film::Aov;
 use splatblur::model::Surfels;
-use splatblur::options::PixelFilter;
+use splatblur::options::{Look, PixelFilter};
 use splatblur::reference::{Reference, ReferenceOptions, render};
 use splatblur::scene::{Light, Motion, Object, Scene, Sphere};
 use splatblur::time::Weight;
 
 const SAMPLES: u64 = 4096;
 
-/// What is expected of a pixel: premultiplied r, g, b, and alpha; `None`: not compared.
+/// The value that a pixel must have: premultiplied r, g, b, and alpha; `None`: not compared.
 pub(crate) type Expected<'a> = &'a dyn Fn(usize, usize) -> Option<[f64; 4]>;
 
 pub(crate) fn reference(scene: &Scene, filter: PixelFilter) -> Reference {
-    let options = ReferenceOptions { samples: SAMPLES, filter, ..ReferenceOptions::default() };
+    let options =
+        ReferenceOptions { samples: SAMPLES, look: Look { filter, ..Look::default() }, ..ReferenceOptions::default() };
     render(scene, 0, &options, None, &|_| ()).expect("valid options")
 }
 
@@ -70,7 +71,7 @@ pub(crate) fn statistics(reference: &Reference, expected: Expected<'_>) -> Stati
     }
 }
 
-/// The demands of issue 3.
+/// The demands on a reference.
 fn check(name: &str, reference: &Reference, expected: Expected<'_>) {
     let s = statistics(reference, expected);
     println!("{name}: {} z, rms {:.3}, {:.3} % within 4 SE, mean SE {:.2e}", s.count, s.rms, 100.0 * s.within, s.error);
@@ -80,12 +81,16 @@ fn check(name: &str, reference: &Reference, expected: Expected<'_>) {
     assert!(s.count > 500, "{name}: {} values compared", s.count);
 }
 
-/// A truth image; alpha is a colour channel over the object's colour where one object is alone.
-fn check_file(name: &str, mut scene: Scene, alpha: Option<f64>, counts: impl Fn(f64, f64) -> bool) {
+/// A truth image; alpha is a colour channel over the object's colour where one object is alone. `all`: with each weight
+/// and filter; else with each once, where a picture takes long.
+fn check_file(name: &str, mut scene: Scene, alpha: Option<f64>, all: bool, counts: impl Fn(f64, f64) -> bool) {
     scene.image.transparent = true;
     for (word, weight) in [("box", Weight::Box), ("ramp", Weight::Ramp { centre: 1.0 })] {
         scene.shutter.weight = weight;
         for (filter_word, filter) in [("box", PixelFilter::Box), ("point", PixelFilter::Point)] {
+            if !all && (word == "box") != (filter_word == "box") {
+                continue;
+            }
             let name = format!("{name}_{word}_{filter_word}");
             let image = truth(&name);
             check(&name, &reference(&scene, filter), &|x, y| {
@@ -100,17 +105,17 @@ fn check_file(name: &str, mut scene: Scene, alpha: Option<f64>, counts: impl Fn(
 
 #[test]
 fn disc_images() {
-    check_file("disc", disc(), Some(f64::from(0.9_f32)), |_, _| true);
+    check_file("disc", disc(), Some(f64::from(0.9_f32)), true, |_, _| true);
 }
 
 #[test]
 fn edge_images() {
-    check_file("edge", edge(), Some(f64::from(0.3_f32)), |_, _| true);
+    check_file("edge", edge(), Some(f64::from(0.3_f32)), true, |_, _| true);
 }
 
 #[test]
 fn spin_images() {
-    check_file("spin", spin_of(0.08), None, |x, y| (4.0..=20.0).contains(&(x - 31.4).hypot(y - 33.2)));
+    check_file("spin", spin_of(0.08), None, false, |x, y| (4.0..=20.0).contains(&(x - 31.4).hypot(y - 33.2)));
 }
 
 /// An unlit object with motions.
@@ -155,7 +160,7 @@ fn edges_at_constant_speed() {
     const RADIUS: f64 = 2500.0;
     const FROM: f64 = 12.3;
     const TRAVEL: f64 = 40.0;
-    /// Of the Gaussian pixel filter.
+    /// Standard deviation of the Gaussian pixel filter, pixels.
     const SIGMA: f64 = 0.7;
     let px = DEPTH / FOCAL;
     let model = round_surfels([(DVec3::ZERO, DVec3::Z, RADIUS, Vec3::new(0.25, 0.5, 1.0))]);
@@ -202,7 +207,7 @@ fn a_dot_is_a_picture_of_the_gaussian() {
     const RADIUS: f64 = 1.0;
     let px = DEPTH / FOCAL;
     let mut dot = moving(Surfels::default(), Vec::new());
-    dot.sphere = Some(Sphere { radius: RADIUS * px, colour: Vec3::ONE });
+    dot.shape = Sphere { radius: RADIUS * px, colour: Vec3::ONE }.into();
     // In the middle of a tile of 4 x 4 pixels: others see it all the same.
     dot.transform.translate = DVec3::new(2.0 * px, 2.0 * px, -DEPTH);
     let scene = transparent(vec![dot]);

@@ -14,7 +14,7 @@ const SIZE: [u32; 2] = [64, 48];
 /// 24 / tan(20 degrees), pixels.
 const FOCAL: f64 = 65.939_458_066_911_9;
 const DEPTH: f64 = 4.0;
-/// What is asked for, pixels. Seen: at most 3.6e-6, where a motion of 74 pixels is rounded to f32.
+/// The bound, pixels. Seen: at most 3.6e-6, where a motion of 74 pixels is rounded to f32.
 const CLOSE: f64 = 1e-3;
 
 /// Direction of depth 1 through the middle of a pixel, before a camera that looks along -z.
@@ -140,7 +140,7 @@ fn of_points_that_move_by_themselves() {
     model.velocity_unit = VelocityUnit::Frame;
     let mut points = object(model);
     points.transform.translate = DVec3::new(0.0, 0.0, -DEPTH);
-    points.points = PointMotion { unit: None, at: Some(0.0) };
+    *points.shape.points_mut().unwrap() = PointMotion { unit: None, at: Some(0.0) };
     let place = |t: f64| velocity.as_dvec3() * t + acceleration.as_dvec3() * (t * t / 2.0);
     for (pair, depth) in [([0.0, 1.0], DEPTH), ([0.5, 1.0], DEPTH - place(0.5).z)] {
         check("velocity and acceleration", &moving(points.clone(), Vec::new()), pair, |x, y| {
@@ -154,7 +154,7 @@ fn of_points_that_move_by_themselves() {
 fn of_a_ball_that_turns() {
     const RADIUS: f64 = 1.0;
     let mut ball = plane(DEPTH);
-    ball.sphere = Some(Sphere { radius: RADIUS, colour: Vec3::splat(0.5) });
+    ball.shape = Sphere { radius: RADIUS, colour: Vec3::splat(0.5) }.into();
     let centre = DVec3::new(0.0, 0.0, -DEPTH);
     let scene = moving(ball, vec![Motion::Rotation { axis: DVec3::Y, per_frame: 0.8, centre }]);
     let met = |x: u32, y: u32| {

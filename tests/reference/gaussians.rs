@@ -7,13 +7,13 @@ use std::path::Path;
 
 use glam::{DMat3, DVec2, DVec3, Quat, Vec3};
 use splatblur::film::Aov;
-use splatblur::image;
 use splatblur::model::{Format, Gaussians, parse_capture};
 use splatblur::options::PixelFilter;
 use splatblur::reference::{ReferenceOptions, Sample, probe, render};
 use splatblur::sampling::hash;
 use splatblur::scene::pose::{camera_from_world, object_pose};
-use splatblur::scene::{Motion, Object, Scene};
+use splatblur::scene::{Motion, Object, Scene, Shape};
+use splatblur::{Look, image};
 
 use crate::closed_forms::{reference, statistics};
 use crate::parts::assert_parts_and_threads_change_nothing;
@@ -44,7 +44,11 @@ fn the_guitar_is_the_exact_picture() {
     scene.camera.up = DVec3::NEG_Y;
     scene.camera.near = 0.2;
     scene.image.transparent = true;
-    let options = ReferenceOptions { samples: 16, filter: PixelFilter::Point, ..ReferenceOptions::default() };
+    let options = ReferenceOptions {
+        samples: 16,
+        look: Look { filter: PixelFilter::Point, ..Look::default() },
+        ..ReferenceOptions::default()
+    };
     let made = render(&scene, 0, &options, None, &|_| ()).unwrap();
     let found: Vec<[f64; 4]> = made.picture.rgba.iter().map(|pixel| coded(pixel.map(f64::from))).collect();
     let found = psnr(&found, &want);
@@ -73,7 +77,7 @@ struct Ball {
 impl Ball {
     fn object(&self) -> Object {
         let mut object = Object::new(cloud(&[(DVec3::ZERO, Vec3::splat(self.sigma), self.opacity)], self.linear));
-        object.capture.flat = Some(self.colour);
+        object.shape.gaussians_mut().unwrap().flat = Some(self.colour);
         object.transform.translate = self.from;
         object.motions = vec![Motion::Linear { velocity: self.velocity }];
         object
@@ -252,8 +256,11 @@ fn aovs_are_weighted_by_shares() {
         let scenery = Scenery { balls: vec![one], wall, background: DVec3::ZERO, transparent: true };
         let options = ReferenceOptions {
             samples: 4096,
-            filter: PixelFilter::Point,
-            aovs: vec![Aov::Depth, Aov::Normal, Aov::Velocity],
+            look: Look {
+                filter: PixelFilter::Point,
+                aovs: vec![Aov::Depth, Aov::Normal, Aov::Velocity],
+                ..Look::default()
+            },
             ..ReferenceOptions::default()
         };
         let picture = render(&scenery.scene(), 0, &options, None, &|_| ()).unwrap().picture;
@@ -311,16 +318,17 @@ fn busy_scene(size: [u32; 2], count: u32) -> Scene {
     first.name = "first".into();
     first.transform.scale = DVec3::new(1.0, -1.3, 0.6);
     first.transform.rotate = DVec3::new(0.4, 0.2, -1.0);
-    first.capture.opacity = 0.7;
+    first.opacity = 0.7;
     first.motions = vec![
         Motion::Rotation { axis: DVec3::new(0.6, 0.0, 0.8), per_frame: 1.3, centre: DVec3::new(0.2, 0.1, 0.0) },
         Motion::Linear { velocity: DVec3::new(0.2, -0.3, 0.5) },
     ];
     let mut second = Object::new(random(count, true));
     second.name = "second".into();
-    second.capture.crop = Some([DVec3::new(-0.5, -2.0, -3.0), DVec3::new(2.0, 0.6, 1.5)]);
-    second.capture.harmonics = 2;
-    let mut third = Object::new(second.model.clone());
+    second.shape.gaussians_mut().unwrap().crop = Some([DVec3::new(-0.5, -2.0, -3.0), DVec3::new(2.0, 0.6, 1.5)]);
+    let Shape::Gaussians { capture, .. } = &mut second.shape else { panic!("no capture") };
+    capture.harmonics = 2;
+    let mut third = Object::new(second.shape.gaussians().unwrap().gaussians().clone());
     third.name = "third".into();
     third.blur = false;
     third.transform.translate = DVec3::new(0.3, -0.4, -1.0);
@@ -346,7 +354,8 @@ fn brute(scene: &Scene, sample: &Sample, opaque: Option<DVec3>) -> (DVec3, Vec<u
     let focal = 0.5 * height / (0.5 * scene.camera.fovy).tan();
     let mut met = Vec::new();
     for (number, object) in scene.objects.iter().enumerate() {
-        let Some(gaussians) = object.model.gaussians() else { continue };
+        let Shape::Gaussians { model: drawn, capture } = &object.shape else { continue };
+        let gaussians = drawn.gaussians();
         let time = if object.blur { sample.time } else { 0.0 };
         let view = camera_from_world(scene, time);
         let world = object_pose(scene, object, time).world_from_model;
@@ -356,8 +365,7 @@ fn brute(scene: &Scene, sample: &Sample, opaque: Option<DVec3>) -> (DVec3, Vec<u
             let model = gaussians.position[i].as_dvec3();
             let centre = place.transform_point3(model);
             let depth = -centre.z;
-            let inside =
-                object.capture.crop.is_none_or(|[low, high]| model.cmpge(low).all() && model.cmple(high).all());
+            let inside = drawn.crop.is_none_or(|[low, high]| model.cmpge(low).all() && model.cmple(high).all());
             if depth < near || depth > sample.limit || !inside {
                 continue;
             }
@@ -374,16 +382,16 @@ fn brute(scene: &Scene, sample: &Sample, opaque: Option<DVec3>) -> (DVec3, Vec<u
             let film = DVec2::new(sample.film[0] - 0.5 * width, 0.5 * height - sample.film[1]);
             let d = film - focal * DVec2::new(centre.x, centre.y) / depth;
             let q = ((yy + 0.3) * d.x * d.x - 2.0 * xy * d.x * d.y + (xx + 0.3) * d.y * d.y) / determinant;
-            let mut opacity = f64::from(gaussians.opacity[i]) * object.capture.opacity;
+            let mut opacity = f64::from(gaussians.opacity[i]) * object.opacity;
             if gaussians.antialiased {
                 opacity *= ((xx * yy - xy * xy).max(0.0) / determinant).sqrt();
             }
             let alpha = (opacity * (-0.5 * q).exp()).min(0.99);
             if alpha >= 1.0 / 255.0 {
                 let mut shown = Gaussians::clone(gaussians);
-                if object.capture.harmonics < shown.degree {
+                if capture.harmonics < shown.degree {
                     let each = shown.harmonics_each();
-                    let used = (usize::from(object.capture.harmonics) + 1).pow(2) - 1;
+                    let used = (usize::from(capture.harmonics) + 1).pow(2) - 1;
                     shown.harmonics[i * each + used..(i + 1) * each].fill(Vec3::ZERO);
                 }
                 let c = colour(&shown, i, (model - eye).normalize());
@@ -407,7 +415,7 @@ fn brute(scene: &Scene, sample: &Sample, opaque: Option<DVec3>) -> (DVec3, Vec<u
 fn pixels_match_brute_force() {
     let scene = busy_scene([14, 10], 300);
     let mut bare = scene.clone();
-    bare.objects.retain(|object| object.model.gaussians().is_none());
+    bare.objects.retain(|object| object.shape.gaussians().is_none());
     let options = ReferenceOptions { samples: 16, ..ReferenceOptions::default() };
     let picture = render(&scene, 0, &options, None, &|_| ()).unwrap().picture;
     let (mut met, mut walls) = (0, 0);

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "tests may stop")]
 
 use splatblur::film::{Aov, Picture};
+use splatblur::options::Look;
 use splatblur::reference::{Reference, ReferenceOptions, Sums, render};
 use splatblur::scene::Scene;
 
@@ -16,7 +17,11 @@ pub(crate) fn bits(picture: &Picture) -> Vec<u32> {
 /// whole one.
 pub(crate) fn assert_parts_and_threads_change_nothing(scene: &Scene) -> [Reference; 2] {
     let run = |samples: u64, threads: usize, sums: Option<Sums>| {
-        let options = ReferenceOptions { samples, aovs: Aov::ALL.to_vec(), ..ReferenceOptions::default() };
+        let options = ReferenceOptions {
+            samples,
+            look: Look { aovs: Aov::ALL.to_vec(), ..Look::default() },
+            ..ReferenceOptions::default()
+        };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| render(scene, 0, &options, sums, &|_| ()).unwrap())
     };

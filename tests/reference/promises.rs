@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use splatblur::film::Aov;
 use splatblur::model::{Material, Surfels};
-use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions, Shading};
+use splatblur::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions, Shading};
 use splatblur::reference::{
     ROUND, Reference, ReferenceError, ReferenceOptions, Sampler, Sums, probe, render as reference_of,
 };
@@ -57,7 +57,7 @@ fn busy_scene(size: u32) -> Scene {
 fn bytes_do_not_depend_on_threads() {
     let scene = busy_scene(48);
     for sampler in [Sampler::Sobol, Sampler::Random, Sampler::Jittered { density: 4 }] {
-        let options = ReferenceOptions { sampler, aovs: Aov::ALL.to_vec(), ..with(32) };
+        let options = ReferenceOptions { sampler, look: Look { aovs: Aov::ALL.to_vec(), ..with(32).look }, ..with(32) };
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
             pool.install(|| reference(&scene, &options))
@@ -74,7 +74,11 @@ fn bytes_do_not_depend_on_threads() {
 fn runs_in_parts_are_the_same() {
     let scene = busy_scene(40);
     for sampler in [Sampler::Sobol, Sampler::Random] {
-        let options = |samples| ReferenceOptions { sampler, aovs: Aov::ALL.to_vec(), ..with(samples) };
+        let options = |samples| ReferenceOptions {
+            sampler,
+            look: Look { aovs: Aov::ALL.to_vec(), ..with(samples).look },
+            ..with(samples)
+        };
         let whole = reference(&scene, &options(80));
         let mut sums: Option<Sums> = None;
         for samples in [16, 48, 80] {
@@ -122,6 +126,14 @@ fn stops_below_the_error() {
     assert!(bits(&reference(&scene, &with(made.stats.samples)).picture) == bits(&made.picture));
 }
 
+/// The layer of errors is there once, and the same, whether it is asked for or not.
+#[test]
+fn has_one_layer_of_errors() {
+    let scene = sphere_scene(100, 8, false);
+    let asked = ReferenceOptions { look: Look { aovs: vec![Aov::Error], ..Look::default() }, ..with(16) };
+    assert_eq!(reference(&scene, &asked).picture, reference(&scene, &with(16)).picture);
+}
+
 #[test]
 fn refuses_what_cannot_be() {
     let scene = sphere_scene(100, 8, false);
@@ -137,8 +149,12 @@ fn refuses_what_cannot_be() {
     let sums = || Some(reference(&scene, &with(16)).sums);
     assert!(matches!(fails(&jittered, sums()), ReferenceError::Fixed));
     assert!(matches!(fails(&ReferenceOptions { error: Some(0.1), ..jittered }, None), ReferenceError::Fixed));
-    let other = ReferenceOptions { aovs: vec![Aov::Depth], ..with(32) };
+    let other = ReferenceOptions { look: Look { aovs: vec![Aov::Depth], ..with(32).look }, ..with(32) };
     assert!(matches!(fails(&other, sums()), ReferenceError::Unlike { .. }));
+    for aovs in [vec![Aov::Object], vec![Aov::Velocity, Aov::Depth]] {
+        let refused = fails(&ReferenceOptions { look: Look { aovs, ..Look::default() }, ..with(16) }, None);
+        assert!(refused.to_string().contains("options.look.aovs"), "{refused}");
+    }
     assert!(matches!(probe(&scene, 0, &with(16), [8, 0], None), Err(ReferenceError::NoPixel { .. })));
     assert!(matches!(probe(&scene, 0, &with(16), [0, 0], Some(16)), Err(ReferenceError::NoSample { .. })));
 }
@@ -181,9 +197,10 @@ fn samples_match_brute_force() {
         let m = splatblur::scene::pose::object_pose(&scene, object, sample.time).world_from_model;
         let [eye, direction] = sample.ray;
         let mut hits = Vec::new();
-        for i in 0..object.model.len() {
-            let c = m.transform_point3(object.model.position[i].as_dvec3()) - eye;
-            let [u, v] = [&object.model.axis_u, &object.model.axis_v].map(|a| m.transform_vector3(a[i].as_dvec3()));
+        let model = object.shape.surfels().unwrap().surfels();
+        for i in 0..model.len() {
+            let c = m.transform_point3(model.position[i].as_dvec3()) - eye;
+            let [u, v] = [&model.axis_u, &model.axis_v].map(|a| m.transform_vector3(a[i].as_dvec3()));
             let system = glam::DMat3::from_cols(direction, -u, -v);
             if system.determinant() == 0.0 {
                 continue;
@@ -192,7 +209,7 @@ fn samples_match_brute_force() {
             // Mirrored by the scale: the front is where u x v points in model space.
             let front = system.determinant() * m.determinant() < 0.0;
             if depth >= 0.1 && a * a + b * b <= 1.0 && (front || two_sided) {
-                hits.push((depth, (-2.0 * (a * a + b * b)).exp(), object.model.colour[i].as_dvec3()));
+                hits.push((depth, (-2.0 * (a * a + b * b)).exp(), model.colour[i].as_dvec3()));
             }
         }
         let limit = hits.iter().map(|h| h.0 + EPSILON).fold(f64::INFINITY, f64::min);
@@ -203,7 +220,7 @@ fn samples_match_brute_force() {
     };
     let pixels: Vec<(u32, u32)> = (0..16).flat_map(|y| (0..24).map(move |x| (x, y))).collect();
     for two_sided in [false, true] {
-        let options = ReferenceOptions { two_sided, ..with(16) };
+        let options = ReferenceOptions { look: Look { two_sided, ..with(16).look }, ..with(16) };
         let hits: usize = pixels
             .par_iter()
             .map(|&(x, y)| {
@@ -234,16 +251,17 @@ fn supersampling_converges_to_it() {
     scene.image.transparent = true;
     for (shading, filter) in [(Shading::Phong, PixelFilter::Box), (Shading::Gouraud, PixelFilter::Point)] {
         let aovs = Aov::ALL.to_vec();
-        let made = reference(&scene, &ReferenceOptions { shading, filter, aovs: aovs.clone(), ..with(1024) });
+        let made = reference(
+            &scene,
+            &ReferenceOptions { look: Look { shading, filter, aovs: aovs.clone(), ..with(1024).look }, ..with(1024) },
+        );
         let splatted = |samples| {
             let mode = BlurMode::supersample(samples);
             let aovs = aovs.clone();
             let options = RenderOptions {
                 quality: mode.into(),
-                shading,
-                filter,
                 prefilter: Prefilter::None,
-                aovs,
+                look: Look { shading, filter, aovs, ..Look::default() },
                 ..Default::default()
             };
             render(&scene, &options)
@@ -287,7 +305,16 @@ fn samplers_rank_as_they_should() {
     let mut scene = busy_scene(40);
     scene.image.transparent = true;
     let traced = |sampler, samples, seed| {
-        reference(&scene, &ReferenceOptions { sampler, samples, seed, ..ReferenceOptions::default() }).picture
+        reference(
+            &scene,
+            &ReferenceOptions {
+                sampler,
+                samples,
+                look: Look { seed, ..Look::default() },
+                ..ReferenceOptions::default()
+            },
+        )
+        .picture
     };
     let truth = traced(Sampler::Sobol, 4096, 99);
     let error = |sampler, samples| rms(&traced(sampler, samples, 1), &truth);

@@ -11,12 +11,12 @@ use std::sync::Arc;
 use crate::support::{UNLIT, object, scene, sphere_scene};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
-use splatblur::anim;
 use splatblur::model::{Material, Surfels};
 use splatblur::options::Shading;
 use splatblur::reference::{ReferenceError, ReferenceOptions, SCRAMBLINGS, Sample, Sampler, Sums, probe, render};
 use splatblur::scene::pose::{camera_from_world, object_pose};
-use splatblur::scene::{AnimationBinding, Light, Motion, Object, Scene, Sphere};
+use splatblur::scene::{AnimationBinding, Light, Motion, Object, Scene, Shape, Sphere};
+use splatblur::{Look, anim};
 
 const FRAME: i64 = 12;
 const SIZE: [u32; 2] = [12, 8];
@@ -46,7 +46,7 @@ fn cloud(n: u32) -> Surfels {
 
 fn ideal(radius: f64, colour: Vec3) -> Object {
     let mut object = object(Surfels::default());
-    object.sphere = Some(Sphere { radius, colour });
+    object.shape = Sphere { radius, colour }.into();
     object.epsilon = Some(0.2);
     object
 }
@@ -126,11 +126,12 @@ fn hits(scene: &Scene, options: &ReferenceOptions, sample: &Sample) -> (Vec<Hit>
             &[DVec3::X, DVec3::Y, DVec3::Z].map(|e| m.transform_vector3(e).to_array()).concat().try_into().unwrap(),
         );
         let of_normal = |n: DVec3| (linear.inverse().transpose() * n).normalize();
-        let two_sided = object.two_sided || options.two_sided;
+        let two_sided = object.two_sided || options.look.two_sided;
         let scale = linear.determinant().abs().cbrt();
-        let epsilon = options.epsilon.or(object.epsilon).unwrap_or(f64::from(object.model.median_radius()) * scale);
+        let epsilon =
+            options.look.epsilon.or(object.epsilon).unwrap_or(f64::from(object.shape.median_radius()) * scale);
         let numbers = |m: Material| [m.ambient, m.diffuse, m.specular, m.shininess].map(f64::from);
-        if let Some(Sphere { radius, colour }) = object.sphere {
+        if let Shape::Sphere(Sphere { radius, colour }) = object.shape {
             // |M^-1 (eye + s d - c)| = radius
             let (o, d) = (linear.inverse() * (eye - m.transform_point3(DVec3::ZERO)), linear.inverse() * direction);
             let (a, b, c) = (d.dot(d), o.dot(d), o.dot(o) - radius * radius);
@@ -145,7 +146,7 @@ fn hits(scene: &Scene, options: &ReferenceOptions, sample: &Sample) -> (Vec<Hit>
             }
             continue;
         }
-        let model = &object.model;
+        let model = object.shape.surfels().unwrap().surfels();
         for i in 0..model.len() {
             let centre = m.transform_point3(model.origin + model.position[i].as_dvec3()) - eye;
             let [u, v] = [&model.axis_u, &model.axis_v].map(|a| linear * a[i].as_dvec3());
@@ -197,8 +198,8 @@ fn samples_follow_the_rule() {
     let base = ReferenceOptions { samples: 16, ..ReferenceOptions::default() };
     for options in [
         base.clone(),
-        ReferenceOptions { shading: Shading::Gouraud, ..base.clone() },
-        ReferenceOptions { epsilon: Some(0.3), two_sided: true, ..base.clone() },
+        ReferenceOptions { look: Look { shading: Shading::Gouraud, ..base.look.clone() }, ..base.clone() },
+        ReferenceOptions { look: Look { epsilon: Some(0.3), two_sided: true, ..base.look.clone() }, ..base.clone() },
     ] {
         let pixels: Vec<[u32; 2]> = (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| [x, y])).collect();
         let blended: usize = pixels
@@ -224,7 +225,7 @@ fn samples_follow_the_rule() {
                     |value: &dyn Fn(&Hit) -> DVec3| hits.iter().map(|h| h.weight * value(h)).sum::<DVec3>() / weight;
                 let depth = mean(&|h| DVec3::splat(h.depth)).x;
                 let normal = mean(&|h| h.normal).normalize();
-                let colour = match options.shading {
+                let colour = match options.look.shading {
                     Shading::Phong => {
                         let (a, b) =
                             (mean(&|h| DVec3::from_slice(&h.material)), mean(&|h| DVec3::splat(h.material[3])).x);

@@ -6,7 +6,7 @@
 use glam::{DVec3, Quat, Vec3};
 use splatblur::film::Aov;
 use splatblur::model::Gaussians;
-use splatblur::options::PixelFilter;
+use splatblur::options::{Look, PixelFilter};
 use splatblur::reference::{ReferenceOptions, Sample, probe, render};
 use splatblur::scene::{Motion, Object, Scene};
 
@@ -150,7 +150,7 @@ fn a_layer_is_as_thick_as_epsilon() {
             let at = z + 0.125 * epsilon;
             if third {
                 let mut plane = plane(at, GREEN, 0.5);
-                (plane.epsilon, plane.model) = (Some(0.2 * epsilon), plane.model.clone());
+                (plane.epsilon, plane.shape) = (Some(0.2 * epsilon), plane.shape.clone());
                 objects.push(plane);
             }
             for sample in samples(&before_camera(objects)) {
@@ -206,7 +206,8 @@ fn edge_on_layers_do_no_harm() {
             assert!((seen - want).length() < EXACT && sample.coverage == 1.0, "{tilt}: {seen}");
         }
         for filter in [PixelFilter::Point, PixelFilter::Box] {
-            let options = ReferenceOptions { samples: 256, filter, ..Default::default() };
+            let options =
+                ReferenceOptions { samples: 256, look: Look { filter, ..Look::default() }, ..Default::default() };
             let picture = render(&scene, 0, &options, None, &|_| ()).unwrap().picture;
             let mean = picture.rgba.iter().map(|pixel| pixel[0]).sum::<f32>() / picture.rgba.len() as f32;
             assert!(picture.rgba.iter().flatten().all(|value| value.is_finite()), "{tilt}");
@@ -233,7 +234,7 @@ fn backs_and_what_is_near_are_left_out() {
     }
 }
 
-/// What is behind an opaque surface is hidden, and what is before it is not, also within its tolerance.
+/// Things behind an opaque surface are hidden, and things before it are not, also within its tolerance.
 #[test]
 fn opaque_surfaces_hide_what_is_behind() {
     let (near, far) = (plane(3.0, RED, 0.5), plane(5.0, BLUE, 0.5));
@@ -273,7 +274,7 @@ fn gaussian(depth: f64, opacity: f32, colour: Vec3, linear: bool) -> Object {
         ..Gaussians::default()
     });
     object.transform.translate.z = -depth;
-    object.capture.flat = Some(colour);
+    object.shape.gaussians_mut().unwrap().flat = Some(colour);
     object
 }
 
@@ -329,8 +330,8 @@ fn nearly_opaque_is_opaque() {
 /// Turning glass before an opaque ball, with a capture among them.
 fn busy_scene() -> Scene {
     let mut glass = object(sphere(3000));
-    glass.model = {
-        let mut model = (**glass.model.surfels()).clone();
+    glass.shape = {
+        let mut model = (**glass.shape.surfels().unwrap().surfels()).clone();
         model.opacity = (0..model.len()).map(|i| [0.2, 0.5, 0.9][i % 3]).collect();
         model.into()
     };

@@ -10,6 +10,7 @@ use std::f64::consts::TAU;
 use glam::{DMat3, DVec2, DVec3, Quat, Vec3};
 use splatblur::film::Aov;
 use splatblur::model::{Gaussians, Material, Optics};
+use splatblur::options::Look;
 use splatblur::reference::{ReferenceOptions, Sample, probe, render};
 use splatblur::sampling::hash;
 use splatblur::scene::pose::{camera_from_world, object_pose};
@@ -156,7 +157,8 @@ fn kernels_at_one_place_are_mixed_by_mass() {
 fn integrate(scene: &Scene, sample: &Sample, end: f64, surfaces: &[(f64, DVec3, f64)]) -> (DVec3, f64, f64) {
     let mut lines: Vec<(f64, f64, f64, DVec3)> = Vec::new();
     for object in &scene.objects {
-        let Some(gaussians) = object.model.gaussians() else { continue };
+        let Some(shown) = object.shape.gaussians() else { continue };
+        let gaussians = shown.gaussians();
         let time = if object.blur { sample.time } else { 0.0 };
         let model = (camera_from_world(scene, time) * object_pose(scene, object, time).world_from_model).inverse();
         let height = f64::from(scene.image.height);
@@ -166,7 +168,7 @@ fn integrate(scene: &Scene, sample: &Sample, end: f64, surfaces: &[(f64, DVec3, 
         let (eye, d) = (model.transform_point3(DVec3::ZERO), model.transform_vector3(camera));
         for i in 0..gaussians.len() {
             let centre = gaussians.position[i].as_dvec3();
-            if object.capture.crop.is_some_and(|[low, high]| !centre.cmpge(low).all() || !centre.cmple(high).all()) {
+            if shown.crop.is_some_and(|[low, high]| !centre.cmpge(low).all() || !centre.cmple(high).all()) {
                 continue;
             }
             let axes = DMat3::from_quat(gaussians.rotation[i].as_dquat().normalize());
@@ -175,7 +177,7 @@ fn integrate(scene: &Scene, sample: &Sample, end: f64, surfaces: &[(f64, DVec3, 
             let [e, d] = [eye - centre, d].map(|v| axes.transpose() * v / sigma);
             let (a, b) = (d.length_squared(), e.dot(d));
             let q = (e - d * (b / a)).length_squared();
-            let density = f64::from(gaussians.opacity[i]) * object.capture.opacity * camera.length()
+            let density = f64::from(gaussians.opacity[i]) * object.opacity * camera.length()
                 / (TAU.powf(1.5) * sigma.element_product());
             let c = 0.5 + 0.5 / std::f64::consts::PI.sqrt() * gaussians.base[i].as_dvec3();
             lines.push((-b / a, 1.0 / a.sqrt(), density * (-0.5 * q).exp(), c));
@@ -236,13 +238,13 @@ fn busy(count: u32) -> Scene {
     first.name = "first".into();
     first.transform.scale = DVec3::new(1.0, -1.3, 0.6);
     first.transform.rotate = DVec3::new(0.4, 0.2, -1.0);
-    first.capture.opacity = 0.7;
+    first.opacity = 0.7;
     first.motions = vec![
         Motion::Rotation { axis: DVec3::new(0.6, 0.0, 0.8), per_frame: 1.3, centre: DVec3::new(0.2, 0.1, 0.0) },
         Motion::Linear { velocity: DVec3::new(0.2, -0.3, 0.5) },
     ];
     second.name = "second".into();
-    second.capture.crop = Some([DVec3::new(-0.5, -2.0, -3.0), DVec3::new(2.0, 0.6, 1.5)]);
+    second.shape.gaussians_mut().unwrap().crop = Some([DVec3::new(-0.5, -2.0, -3.0), DVec3::new(2.0, 0.6, 1.5)]);
     second.blur = false;
     second.transform.translate = DVec3::new(0.3, -0.4, -1.0);
     second.motions = vec![Motion::Linear { velocity: DVec3::new(5.0, 0.0, 0.0) }];
@@ -545,7 +547,10 @@ fn aovs_are_weighted_by_light() {
     let mut scene = before_camera(vec![cloud]);
     (scene.shutter.open, scene.shutter.close) = (0.0, 0.001);
     let aovs = vec![Aov::Depth, Aov::Normal, Aov::Velocity];
-    let picture = render(&scene, 0, &ReferenceOptions { aovs, ..few() }, None, &|_| ()).unwrap().picture;
+    let picture =
+        render(&scene, 0, &ReferenceOptions { look: Look { aovs, ..Look::default() }, ..few() }, None, &|_| ())
+            .unwrap()
+            .picture;
     let focal = 0.5 * f64::from(SIZE[1]) / (0.5 * scene.camera.fovy).tan();
     let (mut compared, d) = (0, -centre.z);
     for (i, _) in picture.rgba.iter().enumerate().filter(|(_, pixel)| pixel[3] > 0.01) {

@@ -13,7 +13,7 @@ use splatblur::compare::encode;
 use splatblur::film::{Aov, Picture};
 use splatblur::frame::Frame;
 use splatblur::options::{
-    BlurMode, ErrorTarget, Interleave, Lattice, PixelFilter, Prefilter, Quality, RenderOptions, Shading,
+    BlurMode, ErrorTarget, Interleave, Lattice, Look, PixelFilter, Prefilter, Quality, RenderOptions, Shading,
 };
 use splatblur::plan::{Exposure, Group, PositionExposure, RasterExposure, TimeSample};
 use splatblur::reference::{self, ReferenceOptions};
@@ -44,10 +44,8 @@ fn options(target: ErrorTarget, filter: PixelFilter) -> RenderOptions {
     let (prefilter, shading) = (Prefilter::None, Shading::Gouraud);
     RenderOptions {
         quality: Quality::Error(target),
-        filter,
         prefilter,
-        shading,
-        epsilon: Some(0.03),
+        look: Look { filter, shading, epsilon: Some(0.03), ..Look::default() },
         ..RenderOptions::default()
     }
 }
@@ -80,9 +78,7 @@ fn the_stated_error_is_the_true_one() {
         let truths = [1, 2].map(|seed| {
             let options = ReferenceOptions {
                 samples: 128,
-                seed,
-                filter,
-                shading: Shading::Gouraud,
+                look: Look { seed, filter, shading: Shading::Gouraud, ..Look::default() },
                 ..ReferenceOptions::default()
             };
             reference::render(&scene, 0, &options, None, &|_| ()).unwrap().picture
@@ -109,8 +105,11 @@ fn the_stated_error_holds_with_every_lattice() {
     scene.objects.iter_mut().for_each(|object| object.epsilon = Some(0.03));
     let filter = PixelFilter::Box;
     let truths = [1, 2].map(|seed| {
-        let options =
-            ReferenceOptions { samples: 128, seed, filter, shading: Shading::Gouraud, ..ReferenceOptions::default() };
+        let options = ReferenceOptions {
+            samples: 128,
+            look: Look { seed, filter, shading: Shading::Gouraud, ..Look::default() },
+            ..ReferenceOptions::default()
+        };
         reference::render(&scene, 0, &options, None, &|_| ()).unwrap().picture
     });
     for (interleave, stride) in [(Interleave::None, 1), (Interleave::Two, 2), (Interleave::Four, 4)] {
@@ -152,11 +151,14 @@ fn near_either(made: &Picture, fine: &Picture, coarse: &Picture) -> (usize, f32)
 #[test]
 fn refinement_keeps_earlier_samples() {
     let scene = balls();
-    let options = |target, filter| RenderOptions { aovs: Aov::ALL.to_vec(), ..options(target, filter) };
+    let options = |target, filter| RenderOptions {
+        look: Look { aovs: Aov::ALL.to_vec(), ..options(target, filter).look },
+        ..options(target, filter)
+    };
     let target = ErrorTarget { error: 1e-4, samples_max: 12, pixel_samples: 1, ..ErrorTarget::default() };
     let made = render(&scene, &options(target, PixelFilter::Point));
     let achieved = made.stats.achieved.unwrap();
-    assert_eq!((achieved.samples, achieved.most_samples, achieved.interleave), (12, 12, 1));
+    assert_eq!((achieved.samples, achieved.most_samples, achieved.interleave), (4, 12, 1));
     let target = ErrorTarget { samples_max: 75, ..target };
     let made = render(&scene, &options(target, PixelFilter::Point));
     let achieved = made.stats.achieved.unwrap();
@@ -233,11 +235,12 @@ fn what_does_not_move_costs_its_sub_pixel_positions() {
         ..options(with_error(0.5), PixelFilter::Box)
     };
     let once = render(&scene, &once).stats.splats;
-    let target = ErrorTarget { pixel_samples: 6, ..with_error(0.5) };
+    let target = ErrorTarget { pixel_samples: 8, ..with_error(0.5) };
     let made = render(&scene, &options(target, PixelFilter::Box)).stats;
-    assert_eq!(made.achieved.unwrap().samples, 6);
+    // Half of them at a loose target, and twice those, as nothing moves.
+    assert_eq!(made.achieved.unwrap().samples, 8);
     // A few more or less: small splats come and go with the position.
-    assert!(made.splats.abs_diff(6 * once) * 10 < 6 * once, "{} and {once}", made.splats);
+    assert!(made.splats.abs_diff(8 * once) * 10 < 8 * once, "{} and {once}", made.splats);
     let made = render(&scene, &options(with_error(0.01), PixelFilter::Point)).stats;
     assert_eq!((made.splats, made.achieved.unwrap().error), (2 * once, 0.0));
 }
@@ -290,7 +293,10 @@ fn least_memory(backend: &mut dyn Backend, options: &RenderOptions) -> u64 {
 /// Beside the picture that is made, mode auto keeps three: the halves, and the other new one.
 fn counts_its_pictures(backend: &mut dyn Backend) {
     let aovs = vec![Aov::Depth];
-    let options = RenderOptions { aovs, ..options(with_error(0.5), PixelFilter::Point) };
+    let options = RenderOptions {
+        look: Look { aovs, ..options(with_error(0.5), PixelFilter::Point).look },
+        ..options(with_error(0.5), PixelFilter::Point)
+    };
     let one = least_memory(backend, &RenderOptions { quality: BlurMode::supersample(2).into(), ..options.clone() });
     let held = least_memory(backend, &options) - one;
     let pictures = 3 * 160 * 128 * 5 * 4;
@@ -307,7 +313,10 @@ fn memory_is_that_of_all_pictures() {
 fn layers_say_what_was_done() {
     let scene = balls();
     let aovs = Aov::LAYERS.to_vec();
-    let options = RenderOptions { aovs, ..options(with_error(0.05), PixelFilter::Box) };
+    let options = RenderOptions {
+        look: Look { aovs, ..options(with_error(0.05), PixelFilter::Box).look },
+        ..options(with_error(0.05), PixelFilter::Box)
+    };
     let made = render(&scene, &options);
     let achieved = made.stats.achieved.unwrap();
     let names: Vec<Aov> = made.picture.layers.iter().map(|layer| layer.aov).collect();
@@ -319,7 +328,11 @@ fn layers_say_what_was_done() {
     let squares: f64 = plane(Aov::Error).iter().map(|&e| f64::from(e).powi(2)).sum();
     let mean = (squares / plane(Aov::Error).len() as f64).sqrt();
     assert!((mean / achieved.error - 1.0).abs() < 1e-5, "{mean} and {}", achieved.error);
-    let fine = RenderOptions { quality: BlurMode::supersample(256).into(), aovs: Aov::ALL.to_vec(), ..options };
+    let fine = RenderOptions {
+        quality: BlurMode::supersample(256).into(),
+        look: Look { aovs: Aov::ALL.to_vec(), ..options.look },
+        ..options
+    };
     let fine = render(&scene, &fine).picture;
     for (aov, most) in [(Aov::Alpha, 0.05), (Aov::Depth, 0.05), (Aov::Normal, 0.1)] {
         let other = &fine.layers.iter().find(|layer| layer.aov == aov).unwrap().planes[0];
@@ -349,12 +362,16 @@ fn memory_on_the_gpu_is_that_of_all_pictures() {
 
 #[cfg(feature = "gpu")]
 #[test]
+#[ignore = "deep: whole pictures"]
 fn the_gpu_takes_the_same_decisions() {
     let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_gpu_takes_the_same_decisions") else { return };
     let mut scene = balls();
     (scene.image.width, scene.image.height) = (80, 64);
     for filter in [PixelFilter::Point, PixelFilter::Box] {
-        let options = RenderOptions { aovs: Aov::LAYERS.to_vec(), ..options(with_error(0.05), filter) };
+        let options = RenderOptions {
+            look: Look { aovs: Aov::LAYERS.to_vec(), ..options(with_error(0.05), filter).look },
+            ..options(with_error(0.05), filter)
+        };
         let (cpu, gpu) = (render(&scene, &options), render_frame(&mut gpu, &scene, 0, &options).unwrap());
         let (a, b) = (cpu.stats.achieved.unwrap(), gpu.stats.achieved.unwrap());
         assert!(a.refined > 0 && (a.samples, a.most_samples, a.refined) == (b.samples, b.most_samples, b.refined));

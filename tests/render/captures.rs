@@ -11,10 +11,10 @@ use splatblur::film::{Aov, Picture};
 use splatblur::image;
 use splatblur::math::srgb;
 use splatblur::model::{Gaussians, Surfels};
-use splatblur::options::{BlurMode, ErrorTarget, Interleave, PixelFilter, Quality, RenderOptions, Times};
-use splatblur::scene::{Camera, Capture, Motion, Object, Scene};
+use splatblur::options::{BlurMode, ErrorTarget, Interleave, Look, PixelFilter, Quality, RenderOptions, Times};
+use splatblur::scene::{Camera, Motion, Object, Scene, Shape};
 
-use crate::support::gaussians::{View, picture, psnr};
+use crate::support::gaussians::{CaptureCamera, picture, psnr};
 use crate::support::{Random, UNLIT, object, render, round_surfels, scene};
 
 fn root() -> &'static Path {
@@ -22,7 +22,11 @@ fn root() -> &'static Path {
 }
 
 fn with(mode: BlurMode) -> RenderOptions {
-    RenderOptions { quality: mode.into(), filter: PixelFilter::Point, ..RenderOptions::default() }
+    RenderOptions {
+        quality: mode.into(),
+        look: Look { filter: PixelFilter::Point, ..Look::default() },
+        ..RenderOptions::default()
+    }
 }
 
 fn still() -> RenderOptions {
@@ -117,7 +121,7 @@ fn random_captures_are_the_definition() {
     ] {
         let capture = random_capture(seed, count, degree);
         let (eye, at) = (DVec3::from(eye), DVec3::new(0.1, 0.0, 0.2));
-        let want = picture(&capture, &View { eye, at, size: [97, 71] });
+        let want = picture(&capture, &CaptureCamera { eye, at, size: [97, 71] });
         let scene = seen(vec![Object::new(capture)], [97, 71], eye, at);
         let found = psnr(&coded(&render(&scene, &still())), &want);
         println!("degree {degree}: {found:.1} dB");
@@ -355,7 +359,10 @@ fn memory_and_threads_change_no_byte() {
             times: Times::default(),
         },
     ] {
-        let options = RenderOptions { aovs: AOVS.to_vec(), filter: PixelFilter::Box, ..with(mode) };
+        let options = RenderOptions {
+            look: Look { aovs: AOVS.to_vec(), filter: PixelFilter::Box, ..with(mode).look },
+            ..with(mode)
+        };
         let whole =
             splatblur::renderer::render_frame(&mut splatblur::backend::cpu::Cpu::default(), &scene, 0, &options);
         let (want, splats) = whole.map(|whole| (whole.picture, whole.stats.splats)).unwrap();
@@ -398,27 +405,30 @@ fn a_lattice_shows_the_same_still_scene() {
 fn an_object_may_fade_lose_harmonics_and_be_cropped() {
     let capture = Arc::new(random_capture(31, 300, 3));
     let (eye, at, size) = (DVec3::new(0.5, -1.0, -3.0), DVec3::ZERO, [61, 47]);
-    let shown = |how: Capture| {
+    let shown = |how: &dyn Fn(&mut Object)| {
         let mut object = Object::new(Arc::clone(&capture));
-        object.capture = how;
+        how(&mut object);
         coded(&render(&seen(vec![object], size, eye, at), &still()))
     };
     let defined = |change: &dyn Fn(&mut Gaussians)| {
         let mut changed = (*capture).clone();
         change(&mut changed);
-        picture(&changed, &View { eye, at, size: size.map(|pixels| pixels as usize) })
+        picture(&changed, &CaptureCamera { eye, at, size: size.map(|pixels| pixels as usize) })
     };
-    let faded = shown(Capture { opacity: 0.4, ..Capture::default() });
+    let faded = shown(&|object| object.opacity = 0.4);
     let want = defined(&|capture| capture.opacity.iter_mut().for_each(|opacity| *opacity *= 0.4));
     assert!(psnr(&faded, &want) > 85.0, "{}", psnr(&faded, &want));
-    let plain = shown(Capture { harmonics: 1, ..Capture::default() });
+    let plain = shown(&|object| {
+        let Shape::Gaussians { capture, .. } = &mut object.shape else { panic!("no capture") };
+        capture.harmonics = 1;
+    });
     let want = defined(&|capture| {
         let each = capture.harmonics_each();
         capture.harmonics.iter_mut().enumerate().filter(|(i, _)| i % each >= 3).for_each(|(_, h)| *h = Vec3::ZERO);
     });
     assert!(psnr(&plain, &want) > 85.0, "{}", psnr(&plain, &want));
     let (low, high) = (DVec3::new(-0.5, -2.0, -0.75), DVec3::new(0.8, 0.3, 2.0));
-    let cropped = shown(Capture { crop: Some([low, high]), ..Capture::default() });
+    let cropped = shown(&|object| object.shape.gaussians_mut().unwrap().crop = Some([low, high]));
     let want = defined(&|capture| {
         for (position, opacity) in capture.position.iter().zip(&mut capture.opacity) {
             let p = position.as_dvec3();
@@ -435,7 +445,8 @@ fn an_object_may_fade_lose_harmonics_and_be_cropped() {
 fn an_antialiased_gaussian_keeps_its_weight() {
     let sigma = 0.004;
     let mut object = Object::new(one(Vec3::ZERO, sigma as f32, 0.9, Vec3::ONE));
-    object.capture.antialias = Some(true);
+    let Shape::Gaussians { capture, .. } = &mut object.shape else { panic!("no capture") };
+    capture.antialias = Some(true);
     let scene = seen(vec![object], [9, 9], DVec3::new(0.0, 0.0, -1.0), DVec3::ZERO);
     let variance = (sigma * 4.5 / 25_f64.to_radians().tan()).powi(2);
     let want = 0.9 * variance / (variance + 0.3);
@@ -451,7 +462,10 @@ fn layers_are_means_by_what_is_seen() {
     let mut object = Object::new(both(&near, &far));
     object.motions = vec![Motion::Linear { velocity: DVec3::new(0.08, 0.0, 0.0) }];
     let scene = seen(vec![object], [9, 9], DVec3::new(0.0, 0.0, -4.0), DVec3::ZERO);
-    let options = RenderOptions { aovs: AOVS.to_vec(), ..with(BlurMode::supersample(2)) };
+    let options = RenderOptions {
+        look: Look { aovs: AOVS.to_vec(), ..with(BlurMode::supersample(2)).look },
+        ..with(BlurMode::supersample(2))
+    };
     let picture = render(&scene, &options);
     let value = |aov: Aov, channel: usize| {
         let layer = picture.layers.iter().find(|layer| layer.aov == aov).unwrap();
@@ -498,7 +512,7 @@ fn each_pixel_knows_its_object() {
     let left = Object::new(one(Vec3::new(-0.5, 0.0, 0.0), 0.2, 0.9, Vec3::ZERO));
     let right = Object::new(one(Vec3::new(0.5, 0.0, 0.5), 0.2, 0.9, Vec3::ONE));
     let scene = seen(vec![left, right], [33, 9], DVec3::new(0.0, 0.0, -2.0), DVec3::ZERO);
-    let options = RenderOptions { aovs: vec![Aov::Object], ..still() };
+    let options = RenderOptions { look: Look { aovs: vec![Aov::Object], ..still().look }, ..still() };
     let picture = render(&scene, &options);
     let indices = &picture.layers[0].planes[0][4 * 33..5 * 33];
 
@@ -532,7 +546,7 @@ fn extreme_gaussians_are_drawn_or_left_out() {
         object.motions = vec![Motion::Rotation { axis: DVec3::Y, per_frame: 3.0, centre: DVec3::ZERO }];
         let scene = seen(vec![object], [40, 30], DVec3::new(0.5, -1.0, -3.0), DVec3::ZERO);
         for mode in [BlurMode::supersample(3), "bucket:2x2".parse().unwrap()] {
-            let options = RenderOptions { aovs: AOVS.to_vec(), ..with(mode) };
+            let options = RenderOptions { look: Look { aovs: AOVS.to_vec(), ..with(mode).look }, ..with(mode) };
             let picture = render(&scene, &options);
             assert!(picture.rgba.iter().flatten().all(|value| value.is_finite()), "scale {scale}, {mode}");
             for layer in picture.layers.iter().filter(|layer| layer.aov != Aov::Depth) {
@@ -555,7 +569,8 @@ fn positions_lie_where_the_filter_has_them() {
             // Towards the eye: the centre stays in the middle.
             object.motions = vec![Motion::Linear { velocity: DVec3::new(0.0, 0.0, -along) }];
             let scene = seen(vec![object], [17, 17], DVec3::new(0.0, 0.0, -2.0), DVec3::ZERO);
-            let options = RenderOptions { filter: PixelFilter::Box, seed: 1, ..with(mode) };
+            let options =
+                RenderOptions { look: Look { filter: PixelFilter::Box, seed: 1, ..with(mode).look }, ..with(mode) };
             let picture = render(&scene, &options);
             for (x, y) in (0..17_u32).flat_map(|y| (0..17_u32).map(move |x| (x, y))) {
                 let alpha = |&[dx, dy]: &[f32; 2]| {
@@ -598,7 +613,7 @@ fn a_bucket_shows_what_is_before_a_card_though_it_comes_late() {
 fn layers_hold_surfels_behind_captures() {
     let objects = vec![veil(-1.0, false), card(Vec3::ONE)];
     let scene = seen(objects, [17, 17], DVec3::new(0.0, 0.0, -4.0), DVec3::ZERO);
-    let picture = render(&scene, &RenderOptions { aovs: AOVS.to_vec(), ..still() });
+    let picture = render(&scene, &RenderOptions { look: Look { aovs: AOVS.to_vec(), ..still().look }, ..still() });
     let value = |aov: Aov, channel: usize| {
         let layer = picture.layers.iter().find(|layer| layer.aov == aov).unwrap();
         f64::from(layer.planes[channel][17 * 8 + 8])

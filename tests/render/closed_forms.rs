@@ -6,7 +6,7 @@
 use crate::support::closed_forms::{SIZE, disc, edge, spin, truth};
 use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
-use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use splatblur::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use splatblur::time::Weight;
@@ -19,7 +19,7 @@ fn candidates(test: &str) -> Vec<Candidate> {
 
 #[cfg(feature = "gpu")]
 fn gpu(test: &str) -> Option<Candidate> {
-    crate::support::gpu::gpu_or_skip(test).map(|gpu| Candidate { backend: Box::new(gpu), samples: 256 })
+    crate::support::gpu::gpu_or_skip(test).map(|gpu| Candidate { backend: Box::new(gpu), samples: 128 })
 }
 
 #[cfg(not(feature = "gpu"))]
@@ -59,8 +59,8 @@ fn error(
     };
     let options = RenderOptions {
         quality: BlurMode::supersample(candidate.samples).into(),
-        filter: if filter == "box" { PixelFilter::Box } else { PixelFilter::Point },
         prefilter: Prefilter::None,
+        look: Look { filter: if filter == "box" { PixelFilter::Box } else { PixelFilter::Point }, ..Look::default() },
         ..RenderOptions::default()
     };
     let picture = render_frame(&mut *candidate.backend, &scene, 0, &options).expect("the frame fits").picture;

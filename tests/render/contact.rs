@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::encode;
 use splatblur::model::Material;
-use splatblur::options::{BlurMode, RenderOptions};
+use splatblur::options::{BlurMode, Look, RenderOptions};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Light, Scene};
@@ -41,7 +41,11 @@ fn ball_on_a_floor() -> Scene {
 /// display value. Low-pass discs move an outline by up to sqrt 2 pixels.
 fn brighter(options: &RenderOptions) -> Vec<f32> {
     let scene = ball_on_a_floor();
-    let traced = ReferenceOptions { samples: 256, shading: options.shading, ..ReferenceOptions::default() };
+    let traced = ReferenceOptions {
+        samples: 256,
+        look: Look { shading: options.look.shading, ..Look::default() },
+        ..ReferenceOptions::default()
+    };
     let truth = reference::render(&scene, 0, &traced, None, &|_| ()).unwrap().picture;
     let shown = render_frame(&mut Cpu::default(), &scene, 0, options).unwrap().picture;
     let [shown, truth] = [shown, truth].map(|picture| encode(&picture)[0].clone());

@@ -4,7 +4,7 @@
 
 use glam::DVec3;
 use splatblur::backend::cpu::Cpu;
-use splatblur::dataset::{By, Content, DatasetError, Layout, Made, Noise, Recipe, Role, frame};
+use splatblur::dataset::{By, DatasetError, FileContents, Layout, Made, Noise, Recipe, Role, frame};
 use splatblur::film::Picture;
 use splatblur::image::{Format, Response};
 use splatblur::math::srgb;
@@ -36,7 +36,7 @@ fn recipe(by: By, sharp: u32) -> Recipe {
 }
 
 /// All files of frame 0.
-fn made(scene: &Scene, recipe: &Recipe) -> (Made, Vec<(Role, Content)>) {
+fn made(scene: &Scene, recipe: &Recipe) -> (Made, Vec<(Role, FileContents)>) {
     let mut files = Vec::new();
     let made = frame::<DatasetError>(&mut Cpu::default(), scene, 0.into(), recipe, 1, |file, content| {
         files.push((file.role, content));
@@ -45,15 +45,15 @@ fn made(scene: &Scene, recipe: &Recipe) -> (Made, Vec<(Role, Content)>) {
     (made.unwrap(), files)
 }
 
-fn picture(files: &[(Role, Content)], role: Role) -> &Picture {
+fn picture(files: &[(Role, FileContents)], role: Role) -> &Picture {
     match files.iter().find(|(of, _)| *of == role) {
-        Some((_, Content::Picture(picture, ..))) => picture,
+        Some((_, FileContents::Picture(picture, ..))) => picture,
         other => panic!("{role:?}: {other:?}"),
     }
 }
 
 /// The sum of the sharp pictures with their weights.
-fn mean(scene: &Scene, recipe: &Recipe, files: &[(Role, Content)]) -> Vec<[f64; 3]> {
+fn mean(scene: &Scene, recipe: &Recipe, files: &[(Role, FileContents)]) -> Vec<[f64; 3]> {
     let mut sum = vec![[0.0; 3]; (scene.image.width * scene.image.height) as usize];
     for (i, weight) in recipe.weights(&scene.shutter.weight).into_iter().enumerate() {
         for (sum, pixel) in sum.iter_mut().zip(&picture(files, Role::Sharp(i)).rgba) {
@@ -63,8 +63,8 @@ fn mean(scene: &Scene, recipe: &Recipe, files: &[(Role, Content)]) -> Vec<[f64; 
     sum
 }
 
-/// Of the reference: the mean difference in standard errors. The sharp pictures have errors of their own, which their
-/// mean makes small.
+/// Compares with the reference: the mean difference in standard errors. The sharp pictures have errors of their own,
+/// which their mean makes small.
 #[test]
 fn the_mean_of_sharp_pictures_is_the_blurred_one_of_the_reference() {
     for weight in [Weight::Box, Weight::Ramp { centre: 1.0 }] {
@@ -73,7 +73,7 @@ fn the_mean_of_sharp_pictures_is_the_blurred_one_of_the_reference() {
         let (of_frame, files) = made(&scene, &recipe);
         let mean = mean(&scene, &recipe, &files);
         let blurred = &picture(&files, Role::Blur).rgba;
-        let Some((_, Content::Planes(_, errors, _))) = files.iter().find(|(role, _)| *role == Role::Error) else {
+        let Some((_, FileContents::Planes(_, errors, _))) = files.iter().find(|(role, _)| *role == Role::Error) else {
             panic!("no error")
         };
         let (mut squares, mut count, mut worst) = (0.0, 0, 0.0_f64);
@@ -98,7 +98,7 @@ fn the_mean_of_sharp_pictures_is_the_blurred_one_of_the_reference() {
 const RMS: f64 = 1.5;
 const WORST: f64 = 8.0;
 
-/// Of mode auto: root mean square of display values, against the error that it states.
+/// Compares with mode auto: root mean square of display values, against the error that it states.
 #[test]
 fn the_mean_of_sharp_pictures_is_the_blurred_one_within_the_stated_error() {
     let scene = scene(Weight::Box);

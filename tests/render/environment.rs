@@ -11,7 +11,9 @@ use splatblur::compare::flip;
 use splatblur::environment::{Environment, LatLong};
 use splatblur::film::Picture;
 use splatblur::model::{Gaussians, Material};
-use splatblur::options::{BlurMode, ErrorTarget, PixelFilter, Prefilter, Quality, RenderOptions, Shading, SweptKernel};
+use splatblur::options::{
+    BlurMode, ErrorTarget, Look, PixelFilter, Prefilter, Quality, RenderOptions, Shading, SweptKernel,
+};
 use splatblur::reference::{self, ReferenceError, ReferenceOptions};
 use splatblur::renderer::{Device, Renderer, render_frame};
 use splatblur::scene::{Motion, Object, Scene, Sphere};
@@ -99,7 +101,12 @@ fn mirror(environment: Environment) -> Scene {
 }
 
 fn options(quality: impl Into<Quality>, prefilter: Prefilter) -> RenderOptions {
-    RenderOptions { quality: quality.into(), filter: PixelFilter::Box, prefilter, ..RenderOptions::default() }
+    RenderOptions {
+        quality: quality.into(),
+        prefilter,
+        look: Look { filter: PixelFilter::Box, ..Look::default() },
+        ..RenderOptions::default()
+    }
 }
 
 fn picture(scene: &Scene, options: &RenderOptions) -> Picture {
@@ -136,7 +143,10 @@ fn a_ball_mirrors_its_surroundings() {
         println!("{mode}, {prefilter}: {difference:.5}");
         assert!(difference < most, "{mode}, {prefilter}: {difference}");
     }
-    let gouraud = RenderOptions { shading: Shading::Gouraud, ..options(BlurMode::supersample(16), Prefilter::None) };
+    let gouraud = RenderOptions {
+        look: Look { shading: Shading::Gouraud, ..options(BlurMode::supersample(16), Prefilter::None).look },
+        ..options(BlurMode::supersample(16), Prefilter::None)
+    };
     let difference = mean_difference(&picture(&scene, &gouraud), &want);
     assert!(difference < 0.003, "gouraud: {difference}");
     let swept = picture(&scene, &options(volumetric(1), Prefilter::Ewa));
@@ -147,10 +157,11 @@ fn a_ball_mirrors_its_surroundings() {
 #[test]
 fn the_reference_mirrors_too() {
     let mut scene = mirror(environment(cells(30.0), 512));
-    scene.objects[0].sphere = Some(Sphere { radius: 1.0, colour: Vec3::ONE });
+    scene.objects[0].shape = Sphere { radius: 1.0, colour: Vec3::ONE }.into();
     let want = exact_ball(16, cells(30.0));
     for shading in [Shading::Phong, Shading::Gouraud] {
-        let options = ReferenceOptions { samples: 256, shading, ..ReferenceOptions::default() };
+        let options =
+            ReferenceOptions { samples: 256, look: Look { shading, ..Look::default() }, ..ReferenceOptions::default() };
         let got = reference::render(&scene, 0, &options, None, &|_| ()).unwrap().picture;
         let difference = mean_difference(&got, &want);
         println!("{shading}: {difference:.5}");

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
 use splatblur::model::Surfels;
-use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use splatblur::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Object, Scene};
@@ -38,11 +38,13 @@ pub(crate) fn before_nothing(objects: Vec<Object>) -> Scene {
     scene
 }
 
+/// A picture at as many sub-pixel positions, whatever is at rest.
 fn filtered(scene: &Scene, samples: u32, filter: PixelFilter) -> Picture {
+    let mode = format!("supersample:{samples}+pixel-samples={samples}").parse::<BlurMode>().unwrap();
     let options = RenderOptions {
-        quality: BlurMode::supersample(samples).into(),
+        quality: mode.into(),
         prefilter: Prefilter::Ewa,
-        filter,
+        look: Look { filter, ..Look::default() },
         ..RenderOptions::default()
     };
     render_frame(&mut Cpu::default(), scene, 0, &options).unwrap().picture

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Picture;
 use splatblur::options::{
-    BlurMode, KernelShape, Normalise, PixelFilter, Prefilter, RenderOptions, SweptKernel, TemporalAlpha,
+    BlurMode, KernelShape, Look, Normalise, PixelFilter, Prefilter, RenderOptions, SweptKernel, TemporalAlpha,
 };
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Motion, Object, Scene};
@@ -29,7 +29,12 @@ fn swept(intervals: u32, positions: Option<u32>) -> BlurMode {
 }
 
 fn rendered(scene: &Scene, mode: BlurMode, filter: PixelFilter) -> Picture {
-    let options = RenderOptions { quality: mode.into(), prefilter: Prefilter::Ewa, filter, ..RenderOptions::default() };
+    let options = RenderOptions {
+        quality: mode.into(),
+        prefilter: Prefilter::Ewa,
+        look: Look { filter, ..Look::default() },
+        ..RenderOptions::default()
+    };
     render_frame(&mut Cpu::default(), scene, 0, &options).unwrap().picture
 }
 

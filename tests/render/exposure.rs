@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::model::Material;
 use splatblur::options::{
-    BlurMode, Interleave, KernelShape, Normalise, PixelFilter, Prefilter, RenderOptions, SweptKernel, Times,
+    BlurMode, Interleave, KernelShape, Look, Normalise, PixelFilter, Prefilter, RenderOptions, SweptKernel, Times,
 };
 use splatblur::scene::{AnimationBinding, Light, Motion, Scene};
 use splatblur::time::Weight;
@@ -38,7 +38,8 @@ fn random_times_have_the_variance_of_their_kind() {
             BlurMode::Bucket { buckets: 4, samples: 2, pixel_samples: Some(2), interleave: Interleave::None, times },
         ] {
             let alpha = |seed| {
-                let options = RenderOptions { seed, aovs: vec![Aov::Alpha], ..exact(mode) };
+                let options =
+                    RenderOptions { look: Look { seed, aovs: vec![Aov::Alpha], ..exact(mode).look }, ..exact(mode) };
                 f64::from(render(&scene, &options).layers[0].planes[0][32 * 64 + 32])
             };
             let alphas: Vec<f64> = (0..seeds).map(alpha).collect();
@@ -81,9 +82,8 @@ fn all_modes() -> impl Iterator<Item = BlurMode> {
 fn exact(mode: BlurMode) -> RenderOptions {
     RenderOptions {
         quality: mode.into(),
-        filter: PixelFilter::Point,
         prefilter: Prefilter::None,
-        aovs: vec![Aov::Alpha, Aov::Depth, Aov::Velocity],
+        look: Look { filter: PixelFilter::Point, aovs: vec![Aov::Alpha, Aov::Depth, Aov::Velocity], ..Look::default() },
         ..RenderOptions::default()
     }
 }
@@ -390,7 +390,10 @@ fn pixel_samples_approach_the_box_filter() {
                 times: Times::Even,
             }
         };
-        let picture = render(&edge(), &RenderOptions { filter: PixelFilter::Box, ..exact(mode) });
+        let picture = render(
+            &edge(),
+            &RenderOptions { look: Look { filter: PixelFilter::Box, ..exact(mode).look }, ..exact(mode) },
+        );
         let pairs = plane(&picture, Aov::Alpha, 0).iter().zip(&truth);
         pairs.map(|(alpha, want)| (alpha - want[1] / 0.7).abs()).fold(0.0, f32::max)
     };
@@ -405,8 +408,8 @@ fn pixel_samples_approach_the_box_filter() {
     }
 }
 
-/// What is hidden at a time covers all the same, as does what hides it: one depth test for many times takes nothing
-/// from alpha, and leaves no colour out.
+/// A surface that is hidden at a time covers all the same, as does what hides it: one depth test for many times takes
+/// nothing from alpha, and leaves no colour out.
 #[test]
 fn coverage_does_not_depend_on_the_depth_test() {
     let mut scene = unlit_sphere();

@@ -6,13 +6,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use glam::{DVec2, DVec3, Vec3};
 use splatblur::film::Aov;
-use splatblur::model::{Cloud, Gaussians, Material, Surfels};
+use splatblur::model::{Gaussians, Material, Optics, Surfels, SurfelsBuilder, VelocityUnit};
 use splatblur::options::{
-    BlurMode, ErrorTarget, Interleave, KernelWeight, Overlap, PixelFilter, Quality, RenderOptions, SourceSamples,
+    BlurMode, ErrorTarget, Interleave, KernelWeight, Look, Overlap, PixelFilter, Quality, RenderOptions, SourceSamples,
     SweptKernel, Times,
 };
 use splatblur::reference::{self, ReferenceError, ReferenceOptions};
-use splatblur::scene::{Light, Motion, Object, Scene, Sphere};
+use splatblur::scene::{Capture, GaussianModel, Light, Motion, Object, Scene, Shape, Sphere};
 use splatblur::time::Weight;
 use splatblur::{BackendError, Device, Environment, LatLong, Renderer};
 
@@ -96,17 +96,30 @@ const REFUSED: &[(&str, Change)] = &[
     ("objects[0].motions[1].axis", |s, _| {
         s.objects[0].motions.push(Motion::Rotation { axis: DVec3::ZERO, per_frame: 1.0, centre: DVec3::ZERO });
     }),
-    ("objects[0].points.at", |s, _| s.objects[0].points.at = Some(f64::NAN)),
+    ("objects[0].shape.points.at", |s, _| s.objects[0].shape.points_mut().unwrap().at = Some(f64::NAN)),
     ("objects[0].material.shininess", |s, _| {
         s.objects[0].material = Some(Material { shininess: f32::NAN, ..Material::default() });
     }),
     ("objects[0].opacity", |s, _| s.objects[0].opacity = f64::NAN),
     ("objects[0].reflection", |s, _| s.objects[0].reflection = 2.0),
     ("objects[0].epsilon", |s, _| s.objects[0].epsilon = Some(f64::NAN)),
-    ("objects[0].sphere.radius", |s, _| s.objects[0].sphere = Some(Sphere { radius: 0.0, colour: Vec3::ONE })),
-    ("objects[0].capture.opacity", |s, _| s.objects[0].capture.opacity = f64::NAN),
-    ("objects[0].capture.harmonics", |s, _| s.objects[0].capture.harmonics = 4),
-    ("objects[0].capture.crop[1]", |s, _| s.objects[0].capture.crop = Some([DVec3::ONE, DVec3::ZERO])),
+    ("objects[0].shape.sphere.radius", |s, _| s.objects[0].shape = Sphere { radius: 0.0, colour: Vec3::ONE }.into()),
+    ("objects[0].shape.capture.harmonics", |s, _| {
+        let capture = Capture { harmonics: 4, ..Capture::default() };
+        s.objects[0].shape = Shape::Gaussians { model: Gaussians::default().into(), capture };
+    }),
+    ("objects[0].shape.model.optics", |s, _| {
+        s.objects[0].shape = Shape::Volume(Gaussians::default().into());
+    }),
+    ("objects[0].shape.model.optics", |s, _| {
+        let gaussians = Gaussians { optics: Optics::Extinction { layer: 1.0 }, ..Gaussians::default() };
+        s.objects[0].shape = Shape::Gaussians { model: gaussians.into(), capture: Capture::default() };
+    }),
+    ("objects[0].shape.model.crop[1]", |s, _| {
+        let mut model = GaussianModel::from(Gaussians::default());
+        model.crop = Some([DVec3::ONE, DVec3::ZERO]);
+        s.objects[0].shape = model.into();
+    }),
 ];
 
 /// What concerns a renderer alone.
@@ -136,10 +149,11 @@ const REFUSED_OPTIONS: &[(&str, Change)] = &[
     ("options.quality.samples_max", |_, o| {
         o.quality = ErrorTarget { samples_max: 0, ..ErrorTarget::default() }.into();
     }),
-    ("options.filter.sigma", |_, o| o.filter = PixelFilter::Gaussian { sigma: 1e9 }),
-    ("options.filter.sigma", |_, o| o.filter = PixelFilter::Gaussian { sigma: f64::NAN }),
-    ("options.epsilon", |_, o| o.epsilon = Some(f64::NAN)),
-    ("options.aovs", |_, o| o.aovs = vec![Aov::Depth, Aov::Depth]),
+    ("options.look.filter.sigma", |_, o| o.look.filter = PixelFilter::Gaussian { sigma: 1e9 }),
+    ("options.look.filter.sigma", |_, o| o.look.filter = PixelFilter::Gaussian { sigma: f64::NAN }),
+    ("options.look.epsilon", |_, o| o.look.epsilon = Some(f64::NAN)),
+    ("options.look.aovs", |_, o| o.look.aovs = vec![Aov::Depth, Aov::Depth]),
+    ("options.look.aovs", |_, o| o.look.aovs = vec![Aov::Velocity, Aov::Depth]),
 ];
 
 const fn volumetric(intervals: u32, swept: SweptKernel) -> Quality {
@@ -181,12 +195,16 @@ fn the_reference_refuses_the_same_scenes() {
             assert_eq!(invalid.field, *field, "{number}: {invalid}");
         }
     }
-    let wide = ReferenceOptions { filter: PixelFilter::Gaussian { sigma: 1e9 }, ..options };
+    let wide =
+        ReferenceOptions { look: Look { filter: PixelFilter::Gaussian { sigma: 1e9 }, ..options.look }, ..options };
     assert!(matches!(reference::render(&scene(), 1, &wide, None, &|_| ()), Err(ReferenceError::Invalid(_))));
 }
 
 /// Breaks a model.
 type Flaw<T> = fn(&mut T);
+
+/// Gives a builder a column.
+type Extend = fn(SurfelsBuilder) -> SurfelsBuilder;
 
 /// A column that is too short, too long, or holds what cannot be drawn.
 #[test]
@@ -214,29 +232,27 @@ fn columns_of_models_are_checked() {
         flaw(&mut surfels);
         let made = catch_unwind(|| Scene::new([Object::new(surfels)])).unwrap_or_else(|_| panic!("{field}: panic"));
         let error = rendered(&Scene { objects: made.objects, ..scene() }, &options()).unwrap_err().to_string();
-        assert!(error.starts_with(&format!("`objects[0].model.{field}` is ")), "{field}: {error}");
+        assert!(error.starts_with(&format!("`objects[0].shape.model.{field}` is ")), "{field}: {error}");
     }
-    let clouds: [(&str, Flaw<Cloud>); 9] = [
-        ("normal", |c| c.normal = vec![Vec3::Z]),
-        ("radius", |c| c.radius = vec![1.0]),
-        ("axes", |c| c.axes = vec![[Vec3::X, Vec3::Y]]),
-        ("colour", |c| c.colour = vec![Vec3::ONE]),
-        ("opacity", |c| c.opacity = vec![1.0]),
-        ("material", |c| c.material = vec![Material::default()]),
-        ("velocity", |c| c.velocity = vec![Vec3::X]),
-        ("acceleration", |c| c.acceleration = vec![Vec3::X]),
-        ("id", |c| c.id = vec![1]),
+    let columns: [(&str, Extend); 9] = [
+        ("normal", |s| s.normals([Vec3::Z])),
+        ("radius", |s| s.radii([1.0])),
+        ("axes", |s| s.axes([[Vec3::X, Vec3::Y]])),
+        ("colour", |s| s.colours([Vec3::ONE])),
+        ("opacity", |s| s.opacities([1.0])),
+        ("material", |s| s.materials([Material::default()])),
+        ("velocity", |s| s.velocities([Vec3::X], VelocityUnit::Frame)),
+        ("acceleration", |s| s.accelerations([Vec3::X])),
+        ("id", |s| s.identities([1])),
     ];
-    for (field, flaw) in clouds {
-        let mut cloud = Cloud { position: vec![DVec3::ZERO, DVec3::X, DVec3::Y], ..Cloud::default() };
-        flaw(&mut cloud);
-        let error = Object::from_cloud(cloud).unwrap_err().to_string();
+    for (field, with) in columns {
+        let error = with(Surfels::builder([DVec3::ZERO, DVec3::X, DVec3::Y])).build().unwrap_err().to_string();
         assert_eq!(error, format!("`{field}` is 1 entries long, expected 3 entries, as many as `position`"));
     }
     let gaussians = Gaussians { position: vec![Vec3::ZERO], ..Gaussians::default() };
     let made = Scene { objects: vec![Object::new(gaussians)], ..scene() };
     let error = rendered(&made, &options()).unwrap_err().to_string();
-    assert!(error.starts_with("`objects[0].model.sigma` is 0 entries long"), "{error}");
+    assert!(error.starts_with("`objects[0].shape.model.sigma` is 0 entries long"), "{error}");
 }
 
 /// Counts that are within their bounds, and whose time samples alone need more than the memory that they may take.
@@ -385,10 +401,10 @@ impl Seeded {
             29 => object.opacity = self.number(),
             30 => object.reflection = self.number(),
             31 => object.epsilon = Some(self.number()),
-            32 => object.points.at = Some(self.number()),
+            32 => object.shape.points_mut().unwrap().at = Some(self.number()),
             33 => options.quality = self.quality(),
-            34 => options.filter = PixelFilter::Gaussian { sigma: self.number() },
-            _ => options.epsilon = Some(self.number()),
+            34 => options.look.filter = PixelFilter::Gaussian { sigma: self.number() },
+            _ => options.look.epsilon = Some(self.number()),
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::support::{UNLIT, object, render, round_surfels, scene, sphere_scene};
 use glam::{DVec3, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::options::{
-    BlurMode, Interleave, Normalise, Overlap, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel,
+    BlurMode, Interleave, Look, Normalise, Overlap, PixelFilter, Prefilter, RenderOptions, Shading, SweptKernel,
     TemporalAlpha, Times,
 };
 use splatblur::scene::{Motion, Scene};
@@ -22,8 +22,8 @@ fn volumetric(intervals: u32) -> BlurMode {
 fn options(mode: BlurMode) -> RenderOptions {
     RenderOptions {
         quality: mode.into(),
-        aovs: Aov::ALL[..4].to_vec(),
         prefilter: Prefilter::None,
+        look: Look { aovs: Aov::ALL[..4].to_vec(), ..Look::default() },
         ..RenderOptions::default()
     }
 }
@@ -43,7 +43,10 @@ fn without_motion_a_tube_is_the_splat() {
     for (surfels, size) in [(3_000, 200), (100_000, 100)] {
         let scene = sphere_scene(surfels, size, false);
         let with = |mode| {
-            let options = RenderOptions { filter: PixelFilter::Point, shading: Shading::Gouraud, ..options(mode) };
+            let options = RenderOptions {
+                look: Look { filter: PixelFilter::Point, shading: Shading::Gouraud, ..options(mode).look },
+                ..options(mode)
+            };
             render(&scene, &options)
         };
         let worst = difference(&with(BlurMode::Still { pixel_samples: 1 }), &with(volumetric(3)));
@@ -61,7 +64,10 @@ fn an_edge_shows_nothing() {
     scene.image.transparent = true;
     for mode in [volumetric(3), BlurMode::supersample(3)] {
         for two_sided in [false, true] {
-            let options = RenderOptions { two_sided, filter: PixelFilter::Point, ..options(mode) };
+            let options = RenderOptions {
+                look: Look { two_sided, filter: PixelFilter::Point, ..options(mode).look },
+                ..options(mode)
+            };
             assert!(render(&scene, &options).rgba.iter().all(|pixel| pixel[3] == 0.0), "{mode} {two_sided}");
         }
     }
@@ -84,8 +90,15 @@ fn static_objects_show_where_they_are() {
         let mut scene = scene(vec![moving(z, 1.5), still.clone()], [120, 60], DVec3::new(0.0, 0.0, 4.0), 25.0);
         scene.lights = support::default_lights();
         let with = |mode| {
-            let point = RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(mode) };
-            render(&scene, &RenderOptions { shading: Shading::Gouraud, aovs: Vec::new(), ..point })
+            let point = RenderOptions {
+                prefilter: Prefilter::None,
+                look: Look { filter: PixelFilter::Point, ..options(mode).look },
+                ..options(mode)
+            };
+            render(
+                &scene,
+                &RenderOptions { look: Look { shading: Shading::Gouraud, aovs: Vec::new(), ..point.look }, ..point },
+            )
         };
         let (one, want) = (with(volumetric(1)), with(BlurMode::supersample(512)));
         let off: Vec<f32> = values(&one).iter().zip(values(&want)).map(|(a, b)| (a - b).abs()).collect();
@@ -109,9 +122,8 @@ fn alpha_error(mut scene: Scene, name: &str, weight: &str, colour: [f32; 3], mod
     };
     let options = RenderOptions {
         quality: mode.into(),
-        filter: PixelFilter::Point,
         prefilter: Prefilter::None,
-        aovs: vec![Aov::Alpha],
+        look: Look { filter: PixelFilter::Point, aovs: vec![Aov::Alpha], ..options(mode).look },
         ..options(mode)
     };
     let picture = render(&scene, &options);
@@ -157,7 +169,11 @@ fn colours_of_a_turning_disc() {
         for mode in [bucket, volumetric(16)] {
             let mut scene = spin_of(0.4);
             scene.shutter.weight = a.clone();
-            let options = RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(mode) };
+            let options = RenderOptions {
+                prefilter: Prefilter::None,
+                look: Look { filter: PixelFilter::Point, ..options(mode).look },
+                ..options(mode)
+            };
             let picture = render(&scene, &options);
             let (mut sum, mut count, mut worst, mut bare) = (0.0, 0, 0.0_f64, 0.0_f32);
             for (i, (got, want)) in picture.rgba.iter().zip(&truth).enumerate() {
@@ -205,8 +221,11 @@ fn alpha_is_the_share_of_the_exposure() {
             let half = 0.5;
             let reach = (half / spacing).floor() * spacing;
             let scene = passing(half, spacing, 3.0);
-            let options =
-                RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(volumetric(n)) };
+            let options = RenderOptions {
+                prefilter: Prefilter::None,
+                look: Look { filter: PixelFilter::Point, ..options(volumetric(n)).look },
+                ..options(volumetric(n))
+            };
             let picture = render(&scene, &options);
             let alpha = f64::from(picture.layers[0].planes[0][32 * 65 + 32]);
             // Centres reach `reach` to both sides, discs 1.5 spacings further; in row 0 of the grid a disc's rim is at
@@ -227,8 +246,14 @@ fn overlap_makes_kernels_longer_not_heavier() {
     let alpha = |intervals, overlap| {
         let swept = SweptKernel { overlap: Overlap(overlap), ..SweptKernel::default() };
         let mode = BlurMode::Volumetric { intervals, pixel_samples: None, swept };
-        let picture =
-            render(&scene, &RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(mode) });
+        let picture = render(
+            &scene,
+            &RenderOptions {
+                prefilter: Prefilter::None,
+                look: Look { filter: PixelFilter::Point, ..options(mode).look },
+                ..options(mode)
+            },
+        );
         f64::from(picture.layers[0].planes[0][32 * 65 + 32])
     };
     for overlap in [0.5, 0.75, 1.0, 2.0, 4.0] {
@@ -251,8 +276,11 @@ fn what_comes_nearer_than_the_near_plane_ends_there() {
     scene.objects[0].motions = vec![Motion::Linear { velocity: DVec3::new(0.0, 0.0, 1.4) }];
     scene.camera.near = 0.5;
     for n in [1, 3] {
-        let options =
-            RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(volumetric(n)) };
+        let options = RenderOptions {
+            prefilter: Prefilter::None,
+            look: Look { filter: PixelFilter::Point, ..options(volumetric(n)).look },
+            ..options(volumetric(n))
+        };
         let alpha = f64::from(render(&scene, &options).layers[0].planes[0][32 * 65 + 32]);
         // Half a moment, as the end is rounded.
         assert!((alpha - 1.0 / 1.4).abs() <= 0.5 / f64::from(32 * n) + 1e-6, "N = {n}: {alpha}");
@@ -274,8 +302,11 @@ fn dense_and_sparse_count_by_time() {
     let mut scene = passing(0.1, 0.05, 0.0);
     scene.objects = vec![half(0.1, 0.1, -0.6, Vec3::X), half(0.02, 0.08, 0.0, Vec3::Y)];
     for n in [1, 2] {
-        let options =
-            RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(volumetric(n)) };
+        let options = RenderOptions {
+            prefilter: Prefilter::None,
+            look: Look { filter: PixelFilter::Point, ..options(volumetric(n)).look },
+            ..options(volumetric(n))
+        };
         let [red, green, ..] = render(&scene, &options).rgba[32 * 65 + 32];
         // Discs reach from -.65 to .05 and from -.07 to .67, with 3 and 50 over each point; where they overlap both are
         // seen. Measured: .436 and .495; kernels weigh by the mean normalisation of their model, whose rims have a part
@@ -292,14 +323,17 @@ fn dense_and_sparse_count_by_time() {
 fn what_moves_along_behind_stays_hidden() {
     let mut scene = passing(0.4, 0.05, 3.0);
     let mut behind = passing(0.2, 0.05, 3.0).objects.remove(0);
-    let mut red = splatblur::model::Surfels::clone(&behind.model);
+    let mut red = splatblur::model::Surfels::clone(behind.shape.surfels().unwrap().surfels());
     red.colour.fill(Vec3::X);
-    behind.model = red.into();
+    behind.shape = red.into();
     behind.transform.translate = DVec3::new(0.0, 0.0, -0.3);
     scene.objects.push(behind);
     for n in [1, 2, 5] {
-        let options =
-            RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(volumetric(n)) };
+        let options = RenderOptions {
+            prefilter: Prefilter::None,
+            look: Look { filter: PixelFilter::Point, ..options(volumetric(n)).look },
+            ..options(volumetric(n))
+        };
         for (i, [r, g, _, _]) in render(&scene, &options).rgba.iter().enumerate() {
             // White; of what is hidden 2^-24 is left.
             assert!((r - g).abs() < 1e-5, "N = {n}, pixel {} {}: {r} {g}", i % 65, i / 65);
@@ -316,7 +350,11 @@ fn a_line_stands_for_its_arc() {
     scene.objects[0].motions =
         vec![Motion::Rotation { axis, per_frame: 40_f64.to_radians(), centre: DVec3::new(0.0, -2.0, 0.0) }];
     let height = |mode| {
-        let options = RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(mode) };
+        let options = RenderOptions {
+            prefilter: Prefilter::None,
+            look: Look { filter: PixelFilter::Point, ..options(mode).look },
+            ..options(mode)
+        };
         let alpha = &render(&scene, &options).layers[0].planes[0];
         let moment: f64 = alpha.iter().enumerate().map(|(i, alpha)| f64::from(*alpha) * (i / 65) as f64).sum();
         moment / alpha.iter().map(|alpha| f64::from(*alpha)).sum::<f64>()
@@ -333,8 +371,11 @@ fn a_line_stands_for_its_arc() {
 fn nothing_tears_on_rotation() {
     for n in [3, 5, 8] {
         let scene = spin_of(0.8);
-        let options =
-            RenderOptions { prefilter: Prefilter::None, filter: PixelFilter::Point, ..options(volumetric(n)) };
+        let options = RenderOptions {
+            prefilter: Prefilter::None,
+            look: Look { filter: PixelFilter::Point, ..options(volumetric(n)).look },
+            ..options(volumetric(n))
+        };
         let alpha = &render(&scene, &options).layers[0].planes[0];
         // 200 degrees in n intervals: lines come as near to the centre as (2 + cos(100 / n degrees))/3 of the radius,
         // 21.3.
@@ -371,7 +412,11 @@ fn random_sphere(n: usize, seed: u64, cover: f64) -> Scene {
 #[test]
 fn density_does_not_show() {
     let alpha = |scene: &Scene, mode| {
-        let options = RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..options(mode) };
+        let options = RenderOptions {
+            prefilter: Prefilter::None,
+            look: Look { filter: PixelFilter::Point, ..options(mode).look },
+            ..options(mode)
+        };
         render(scene, &options).layers[0].planes[0].clone()
     };
     for (density, seed) in [(1, 11), (2, 12), (4, 13)] {
@@ -415,7 +460,10 @@ fn busy() -> Scene {
 fn many_intervals_are_supersampling() {
     let scene = busy();
     let with = |mode| {
-        let options = RenderOptions { filter: PixelFilter::Point, shading: Shading::Gouraud, ..options(mode) };
+        let options = RenderOptions {
+            look: Look { filter: PixelFilter::Point, shading: Shading::Gouraud, ..options(mode).look },
+            ..options(mode)
+        };
         render(&scene, &options)
     };
     let (swept, many) = (with(volumetric(64)), with(BlurMode::supersample(512)));
@@ -441,7 +489,10 @@ fn what_does_not_blur_stays_sharp() {
     let mut scene = busy();
     scene.objects.iter_mut().for_each(|object| object.blur = false);
     let with = |mode| {
-        let options = RenderOptions { filter: PixelFilter::Point, shading: Shading::Gouraud, ..options(mode) };
+        let options = RenderOptions {
+            look: Look { filter: PixelFilter::Point, shading: Shading::Gouraud, ..options(mode).look },
+            ..options(mode)
+        };
         render(&scene, &options)
     };
     let worst = difference(&with(BlurMode::Still { pixel_samples: 1 }), &with(volumetric(3)));
@@ -453,7 +504,10 @@ fn variants_differ_as_they_say() {
     let scene = busy();
     let with = |intervals, swept| {
         let mode = BlurMode::Volumetric { intervals, pixel_samples: None, swept };
-        render(&scene, &RenderOptions { filter: PixelFilter::Point, ..options(mode) })
+        render(
+            &scene,
+            &RenderOptions { look: Look { filter: PixelFilter::Point, ..options(mode).look }, ..options(mode) },
+        )
     };
     let default = SweptKernel::default();
     let once = SweptKernel { normalise: Normalise::Once, ..default };
@@ -474,7 +528,7 @@ fn variants_differ_as_they_say() {
 #[test]
 fn bytes_depend_on_neither_threads_nor_memory() {
     let scene = busy();
-    let models = scene.objects[0].model.bytes();
+    let models = scene.objects[0].shape.surfels().unwrap().surfels().bytes();
     let with = |threads: usize, memory: u64| -> Vec<u32> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
         let options = RenderOptions { memory, ..options(volumetric(3)) };

@@ -11,11 +11,11 @@ use glam::{DQuat, DVec2, DVec3, EulerRot};
 use splatblur::Scene;
 use splatblur::backend::cpu::Cpu;
 use splatblur::compare::flip;
-use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use splatblur::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions};
 use splatblur::renderer::render_frame;
 
 use crate::support::Random;
-use crate::support::triangles::{Image, Paint, Triangles, View, blob, cube_sphere, png};
+use crate::support::triangles::{Image, Paint, TriangleCamera, Triangles, blob, cube_sphere, png};
 
 const SIZE: [u32; 2] = [200, 150];
 const FOVY: f64 = 40.0;
@@ -33,7 +33,7 @@ fn model(name: &str) -> PathBuf {
 }
 
 /// A scene file for a view of a model in the same folder, without light and shade.
-fn scene_of(folder: &Path, file: &str, view: &View) -> Scene {
+fn scene_of(folder: &Path, file: &str, view: &TriangleCamera) -> Scene {
     let [x, y, z] = [view.eye, view.at, view.up].map(|v| format!("{} {} {}", v.x, v.y, v.z));
     let text = format!(
         concat!(
@@ -53,7 +53,7 @@ fn scene_of(folder: &Path, file: &str, view: &View) -> Scene {
 /// Three distances with the most that FLIP may be there: with full EWA and, far away, without a prefilter.
 fn errors(name: &str, folder: &Path, file: &str, truth: &Triangles, views: [(&str, DVec3, DVec3, f64); 3]) {
     for (label, eye, at, most) in views {
-        let view = View { eye, at, up: DVec3::Y, fovy: FOVY, size: SIZE };
+        let view = TriangleCamera { eye, at, up: DVec3::Y, fovy: FOVY, size: SIZE };
         // Few pixels show a far model, and each of them many texels.
         let traced = truth.picture(&view, if label == "far" { 16 } else { 8 }, BACKGROUND);
         let scene = scene_of(folder, file, &view);
@@ -63,10 +63,18 @@ fn errors(name: &str, folder: &Path, file: &str, truth: &Triangles, views: [(&st
                 continue;
             }
             let quality = BlurMode::supersample(64).into();
-            let options = RenderOptions { quality, filter: PixelFilter::Box, prefilter, ..RenderOptions::default() };
+            let options = RenderOptions {
+                quality,
+                prefilter,
+                look: Look { filter: PixelFilter::Box, ..Look::default() },
+                ..RenderOptions::default()
+            };
             let shown = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap().picture;
             let error = flip::mean(&shown, &traced).unwrap();
-            println!("{name}, {label}, prefilter {word}: {} surfels, FLIP {error:.4}", scene.objects[0].model.len());
+            println!(
+                "{name}, {label}, prefilter {word}: {} surfels, FLIP {error:.4}",
+                scene.objects[0].shape.elements()
+            );
             assert!(error <= most, "{name}, {label}, prefilter {word}: FLIP {error}");
         }
     }
@@ -100,6 +108,7 @@ fn a_box_is_that_of_its_triangles() {
 }
 
 #[test]
+#[ignore = "deep: fine meshes"]
 fn a_truck_is_that_of_its_triangles() {
     let folder = copied(&["CesiumMilkTruck.glb"]);
     let truth = Triangles::of_glb(&model("CesiumMilkTruck.glb"));
@@ -153,6 +162,7 @@ fn patches(random: &mut Random, size: u32) -> image::RgbImage {
 
 /// Nothing is fitted to this mesh: its shape and its texture are random.
 #[test]
+#[ignore = "deep: fine meshes"]
 fn a_random_blob_is_that_of_its_triangles() {
     let folder = tempfile::tempdir().unwrap();
     let mut random = Random(2000);
@@ -183,6 +193,7 @@ fn a_random_blob_is_that_of_its_triangles() {
 /// edges was chosen with this mesh in view. Near the eye the texture has an edge at every few pixels, and surfels
 /// that are half a pixel apart blur it. Measured: .0111.
 #[test]
+#[ignore = "deep: fine meshes"]
 fn a_random_heap_of_boxes_is_that_of_its_triangles() {
     let folder = tempfile::tempdir().unwrap();
     let mut random = Random(11);
@@ -231,7 +242,7 @@ fn the_tracer_knows_a_square() {
     );
     // Four of eight rows, and as many columns.
     let eye = DVec3::new(0.0, 0.0, 2.0);
-    let view = View { eye, at: DVec3::ZERO, up: DVec3::Y, fovy: 90.0, size: [16, 8] };
+    let view = TriangleCamera { eye, at: DVec3::ZERO, up: DVec3::Y, fovy: 90.0, size: [16, 8] };
     let picture = truth.picture(&view, 32, DVec3::splat(0.25));
     let at = |x: usize, y: usize| picture.rgba[y * 16 + x];
     for (x, y) in [(5, 4), (10, 3), (8, 1), (8, 6)] {

@@ -11,7 +11,7 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::compare::flip;
 use splatblur::film::Picture;
 use splatblur::model::{MIPMAP_LEVELS, MIPMAP_SIGMA, Surfels};
-use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use splatblur::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Camera, Object, Scene};
 
@@ -184,8 +184,12 @@ impl Board {
 
 fn picture(scene: &Scene, samples: u32, prefilter: Prefilter) -> Picture {
     let mode = if samples == 1 { BlurMode::Still { pixel_samples: 1 } } else { BlurMode::supersample(samples) };
-    let options =
-        RenderOptions { quality: mode.into(), filter: PixelFilter::Box, prefilter, ..RenderOptions::default() };
+    let options = RenderOptions {
+        quality: mode.into(),
+        prefilter,
+        look: Look { filter: PixelFilter::Box, ..Look::default() },
+        ..RenderOptions::default()
+    };
     render_frame(&mut Cpu::default(), scene, 0, &options).unwrap().picture
 }
 

@@ -7,14 +7,19 @@ use crate::support::{UNLIT, object, render, round_surfels, scene, sphere_scene};
 use glam::{DVec3, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::model::Surfels;
-use splatblur::options::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading, Times};
+use splatblur::options::{BlurMode, Interleave, Look, PixelFilter, Prefilter, RenderOptions, Shading, Times};
 use splatblur::scene::{Light, Motion, Scene};
 use splatblur::time::Weight;
 
 /// With all layers that should agree between modes.
 fn options(mode: BlurMode) -> RenderOptions {
     let aovs = vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity];
-    RenderOptions { quality: mode.into(), aovs, prefilter: Prefilter::Approx, ..RenderOptions::default() }
+    RenderOptions {
+        quality: mode.into(),
+        prefilter: Prefilter::Approx,
+        look: Look { aovs, ..Look::default() },
+        ..RenderOptions::default()
+    }
 }
 
 const fn bucket(buckets: u32, samples: u32) -> BlurMode {
@@ -51,7 +56,9 @@ fn busy() -> Scene {
 fn buckets_of_one_sample_equal_supersampling() {
     let scene = busy();
     for shading in [Shading::Phong, Shading::Gouraud] {
-        let with = |mode| values(&render(&scene, &RenderOptions { shading, ..options(mode) }));
+        let with = |mode| {
+            values(&render(&scene, &RenderOptions { look: Look { shading, ..options(mode).look }, ..options(mode) }))
+        };
         assert!(with(bucket(6, 1)) == with(BlurMode::supersample(6)), "{shading:?}");
     }
 }
@@ -60,7 +67,8 @@ fn buckets_of_one_sample_equal_supersampling() {
 fn without_motion_all_modes_show_the_same() {
     let mut scene = busy();
     scene.objects[0].motions.clear();
-    let point = |mode| RenderOptions { filter: PixelFilter::Point, ..options(mode) };
+    let point =
+        |mode| RenderOptions { look: Look { filter: PixelFilter::Point, ..options(mode).look }, ..options(mode) };
     let still = render(&scene, &point(BlurMode::Still { pixel_samples: 1 }));
     for mode in [
         bucket(3, 4),
@@ -87,7 +95,14 @@ fn an_interleaved_class_is_supersampling_at_its_own_times() {
     for (prefilter, interleave) in [(Prefilter::None, Interleave::Two), (Prefilter::Approx, Interleave::Four)] {
         let mut scene = busy();
         let with = |scene: &Scene, mode| {
-            render(scene, &RenderOptions { filter: PixelFilter::Point, prefilter, ..options(mode) })
+            render(
+                scene,
+                &RenderOptions {
+                    prefilter,
+                    look: Look { filter: PixelFilter::Point, ..options(mode).look },
+                    ..options(mode)
+                },
+            )
         };
         let samples = 3;
         let picture = with(&scene, BlurMode::interleaved(samples, interleave));
@@ -139,7 +154,11 @@ fn alpha_of_buckets_meets_the_closed_forms() {
                 interleave: Interleave::None,
                 times: Times::Even,
             };
-            let options = RenderOptions { filter: filtered, prefilter: Prefilter::None, ..options(mode) };
+            let options = RenderOptions {
+                prefilter: Prefilter::None,
+                look: Look { filter: filtered, ..options(mode).look },
+                ..options(mode)
+            };
             let picture = render(&scene, &options);
             let truth = truth(&format!("{name}_{weight}_{filter}"));
             let errors = picture.layers[0].planes[0].iter().zip(&truth).map(|(a, t)| (a - t[1] / colour[1]).abs());
@@ -162,7 +181,10 @@ fn one_bucket_hides_what_the_mover_passes() {
     let mut scene = scene(vec![front, back], [64, 64], DVec3::new(0.0, 0.0, 4.0), 40.0);
     (scene.shutter.open, scene.shutter.close, scene.shutter.weight) = (-0.5, 0.5, Weight::Box);
     let centre = |mode| {
-        let picture = render(&scene, &RenderOptions { filter: PixelFilter::Point, ..options(mode) });
+        let picture = render(
+            &scene,
+            &RenderOptions { look: Look { filter: PixelFilter::Point, ..options(mode).look }, ..options(mode) },
+        );
         picture.rgba[32 * 64 + 32]
     };
     // The patch is 1 wide and passes 2 units: it covers the centre half of the time.
@@ -185,7 +207,13 @@ fn samples_of_a_bucket_count_by_their_weights() {
     mover.motions = vec![Motion::Linear { velocity: DVec3::new(-1.0, 0.0, 0.0) }];
     let mut scene = scene(vec![mover], [33, 33], DVec3::new(0.0, 0.0, 4.0), 40.0);
     scene.shutter.weight = Weight::Ramp { centre: 1.0 };
-    let picture = render(&scene, &RenderOptions { filter: PixelFilter::Point, ..options(bucket(1, 32)) });
+    let picture = render(
+        &scene,
+        &RenderOptions {
+            look: Look { filter: PixelFilter::Point, ..options(bucket(1, 32)).look },
+            ..options(bucket(1, 32))
+        },
+    );
     let [red, green, _, alpha] = picture.rgba[16 * 33 + 16];
     // The ramp gives 1/4 to the first half of the exposure; the blend at the border lasts about a sample.
     assert!((red - 0.25).abs() < 0.03 && (green - 0.75).abs() < 0.03 && (alpha - 1.0).abs() < 1e-5, "{red} {green}");
@@ -207,7 +235,7 @@ fn interleaved_samples_lie_within_their_pixels() {
 #[test]
 fn bytes_of_buckets_and_interleaving_depend_on_neither_threads_nor_memory() {
     let scene = busy();
-    let models = scene.objects.iter().map(|object| object.model.bytes()).sum::<u64>();
+    let models = scene.objects.iter().map(|object| object.shape.surfels().unwrap().surfels().bytes()).sum::<u64>();
     let mode = BlurMode::Bucket {
         buckets: 2,
         samples: 3,
@@ -253,7 +281,10 @@ fn the_samples_layer_counts_time_samples() {
             18.0,
         ),
     ] {
-        let picture = render(&scene, &RenderOptions { aovs: vec![Aov::Samples], ..options(mode) });
+        let picture = render(
+            &scene,
+            &RenderOptions { look: Look { aovs: vec![Aov::Samples], ..options(mode).look }, ..options(mode) },
+        );
         let layer = picture.layers.last().unwrap();
         assert!(layer.aov == Aov::Samples && layer.planes[0].iter().all(|&n| n == want), "{mode}");
     }

@@ -11,7 +11,7 @@ use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Aov;
 use splatblur::model::Surfels;
-use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use splatblur::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions};
 
 const SIZE: [u32; 2] = [97, 61];
 const FOVY: f64 = 50.0;
@@ -31,7 +31,7 @@ struct Oracle {
     eye: DVec3,
     low_pass: bool,
     two_sided: bool,
-    /// Of the sample position from the pixel's centre.
+    /// Offset of the sample position from the pixel's centre.
     offset: [f32; 2],
 }
 
@@ -144,10 +144,8 @@ fn compare(seed: u64, prefilter: Prefilter, two_sided: bool, offset: [f32; 2]) -
     scene.image.transparent = true;
     let options = RenderOptions {
         quality: BlurMode::Still { pixel_samples: 1 }.into(),
-        filter: PixelFilter::Point,
         prefilter,
-        two_sided,
-        aovs: vec![Aov::Depth],
+        look: Look { filter: PixelFilter::Point, two_sided, aovs: vec![Aov::Depth], ..Look::default() },
         ..RenderOptions::default()
     };
     let mut frame = posed(&scene, 0, &options);

@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::model::Surfels;
-use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use splatblur::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use splatblur::scene_file;
@@ -166,14 +166,13 @@ fn holes_of(whole: &Scene, frames: &[i64]) -> Vec<String> {
         let mut scene = Scene { objects: vec![object.clone()], ..whole.clone() };
         scene.image.transparent = true;
         let size = object.place.scale * object.transform.scale;
-        let epsilon = f64::from(object.model.median_radius()) * size.element_product().abs().cbrt();
+        let epsilon = f64::from(object.shape.median_radius()) * size.element_product().abs().cbrt();
         for &frame in frames {
             for prefilter in [Prefilter::None, Prefilter::Approx] {
                 let options = RenderOptions {
                     quality: BlurMode::Still { pixel_samples: 1 }.into(),
-                    filter: PixelFilter::Point,
                     prefilter,
-                    aovs: vec![Aov::Depth],
+                    look: Look { filter: PixelFilter::Point, aovs: vec![Aov::Depth], ..Look::default() },
                     ..RenderOptions::default()
                 };
                 let holes = holes(&render(&scene, frame, &options), epsilon);
@@ -208,9 +207,9 @@ fn shipped_models_have_no_holes() {
 #[test]
 fn thin_surfels_leave_holes() {
     let mut scene = shipped("spin");
-    let mut thin = Surfels::clone(&scene.objects[0].model);
+    let mut thin = Surfels::clone(scene.objects[0].shape.surfels().unwrap().surfels());
     thin.axis_u.iter_mut().chain(&mut thin.axis_v).for_each(|axis| *axis *= 0.55);
-    scene.objects[0].model = thin.into();
+    scene.objects[0].shape = thin.into();
     assert!(!holes_of(&scene, &[1]).is_empty());
 }
 

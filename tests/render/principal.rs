@@ -6,7 +6,7 @@ use glam::DVec2;
 use splatblur::backend::cpu::Cpu;
 use splatblur::environment::{Environment, LatLong};
 use splatblur::film::Picture;
-use splatblur::options::{BlurMode, Prefilter, RenderOptions, Shading};
+use splatblur::options::{BlurMode, Look, Prefilter, RenderOptions, Shading};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
@@ -57,7 +57,7 @@ fn a_shifted_camera_sees_a_window_of_a_larger_picture() {
         let options = RenderOptions {
             quality: mode.parse::<BlurMode>().unwrap().into(),
             prefilter,
-            shading,
+            look: Look { shading, ..Look::default() },
             ..RenderOptions::default()
         };
         let of = |scene: &Scene| render_frame(&mut Cpu::default(), scene, 0, &options).unwrap().picture;

@@ -6,22 +6,26 @@ use crate::support::{UNLIT, default_lights, object, render, round_surfels, scene
 use glam::{DVec3, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::model::{Material, Surfels};
-use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions, Shading};
+use splatblur::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions, Shading};
 use splatblur::scene::{Light, Motion, Object, Scene};
 use splatblur::time::Weight;
 
 fn still() -> RenderOptions {
     RenderOptions {
         quality: BlurMode::Still { pixel_samples: 1 }.into(),
-        filter: PixelFilter::Point,
         prefilter: Prefilter::Approx,
+        look: Look { filter: PixelFilter::Point, ..Look::default() },
         ..RenderOptions::default()
     }
 }
 
 /// Pixel centres and object-space kernels alone: what closed forms of coverage speak of.
 fn exact(samples: u32) -> RenderOptions {
-    RenderOptions { filter: PixelFilter::Point, prefilter: Prefilter::None, ..supersample(samples) }
+    RenderOptions {
+        prefilter: Prefilter::None,
+        look: Look { filter: PixelFilter::Point, ..supersample(samples).look },
+        ..supersample(samples)
+    }
 }
 
 fn supersample(samples: u32) -> RenderOptions {
@@ -79,7 +83,8 @@ fn busy_scene() -> Scene {
 fn bytes_depend_on_neither_threads_nor_memory_nor_the_run() {
     let scene = busy_scene();
     for shading in [Shading::Phong, Shading::Gouraud] {
-        let options = RenderOptions { shading, aovs: Aov::ALL.to_vec(), ..supersample(5) };
+        let options =
+            RenderOptions { look: Look { shading, aovs: Aov::ALL.to_vec(), ..supersample(5).look }, ..supersample(5) };
         let with = |threads: usize, memory: u64| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
             let options = RenderOptions { memory, ..options.clone() };
@@ -88,7 +93,7 @@ fn bytes_depend_on_neither_threads_nor_memory_nor_the_run() {
         let plenty = with(1, 1 << 30);
         assert!(plenty == with(1, 1 << 30), "second run");
         assert!(plenty == with(2, 1 << 30), "2 threads");
-        let models = scene.objects.iter().map(|object| object.model.bytes()).sum::<u64>();
+        let models = scene.objects.iter().map(|object| object.shape.surfels().unwrap().surfels().bytes()).sum::<u64>();
         assert!(plenty == with(3, models + 12_000_000), "3 threads, waves");
         assert!(plenty == with(2, models + 7_650_000), "2 threads, waves and bands");
     }
@@ -108,7 +113,10 @@ fn too_little_memory_is_an_error_that_says_what_is_needed() {
 fn without_motion_supersampling_equals_still() {
     let scene = sphere_scene(20_000, 96, false);
     let once = render(&scene, &still());
-    let many = render(&scene, &RenderOptions { filter: PixelFilter::Point, ..supersample(7) });
+    let many = render(
+        &scene,
+        &RenderOptions { look: Look { filter: PixelFilter::Point, ..supersample(7).look }, ..supersample(7) },
+    );
     for (a, b) in once.rgba.iter().flatten().zip(many.rgba.iter().flatten()) {
         assert!((a - b).abs() < 1e-5, "{a} {b}");
     }
@@ -154,7 +162,11 @@ fn near_hides_far_and_epsilon_blends() {
     for objects in [vec![at(0.0, red), at(-0.5, blue)], vec![at(-0.5, blue), at(0.0, red)]] {
         let scene = scene(objects, [9, 9], DVec3::new(0.0, 0.0, 4.0), 20.0);
         assert_eq!(pixel(&render(&scene, &still()), 4, 4), [1.0, 0.0, 0.0, 1.0]);
-        let blended = pixel(&render(&scene, &RenderOptions { epsilon: Some(1.0), ..still() }), 4, 4);
+        let blended = pixel(
+            &render(&scene, &RenderOptions { look: Look { epsilon: Some(1.0), ..still().look }, ..still() }),
+            4,
+            4,
+        );
         assert!(blended[0] > 0.3 && blended[2] > 0.3, "{blended:?}");
     }
 }
@@ -168,7 +180,11 @@ fn back_faces_are_culled_unless_two_sided() {
     scene.lights = vec![Light::Directional { direction: -DVec3::Z, colour: DVec3::ONE }];
     assert_eq!(pixel(&render(&scene, &still()), 4, 4)[0], 0.0);
     for shading in [Shading::Phong, Shading::Gouraud] {
-        let shown = pixel(&render(&scene, &RenderOptions { two_sided: true, shading, ..still() }), 4, 4);
+        let shown = pixel(
+            &render(&scene, &RenderOptions { look: Look { two_sided: true, shading, ..still().look }, ..still() }),
+            4,
+            4,
+        );
         assert!((shown[0] - 1.0).abs() < 1e-5, "the normal turns to the viewer: {shown:?}");
     }
 }
@@ -189,7 +205,7 @@ fn light_comes_from_where_the_scene_says() {
     scene.lights = vec![Light::Directional { direction: DVec3::new(-1.0, -1.0, -1.0).normalize(), colour: DVec3::ONE }];
     scene.objects[0].material = Some(Material { ambient: 0.0, diffuse: 1.0, specular: 0.0, shininess: 1.0 });
     for shading in [Shading::Phong, Shading::Gouraud] {
-        let picture = render(&scene, &RenderOptions { shading, ..still() });
+        let picture = render(&scene, &RenderOptions { look: Look { shading, ..still().look }, ..still() });
         let light = |x, y| pixel(&picture, x, y)[0];
         // Light travels to -x, -y, -z: it comes from the upper right.
         assert!(light(84, 44) > 4.0 * light(44, 84).max(0.02), "{} {}", light(84, 44), light(44, 84));
@@ -205,7 +221,8 @@ fn phong_and_gouraud_agree_on_flat_surfaces() {
     scene.lights = default_lights();
     scene.lights.push(Light::Point { position: DVec3::new(0.5, 0.5, 1.5), colour: DVec3::splat(1.5) });
     let phong = render(&scene, &still());
-    let gouraud = render(&scene, &RenderOptions { shading: Shading::Gouraud, ..still() });
+    let gouraud =
+        render(&scene, &RenderOptions { look: Look { shading: Shading::Gouraud, ..still().look }, ..still() });
     for (a, b) in phong.rgba.iter().flatten().zip(gouraud.rgba.iter().flatten()) {
         assert!((a - b).abs() < 2e-3, "{a} {b}");
     }
@@ -220,7 +237,8 @@ fn aovs_hold_depth_normal_velocity_and_alpha() {
     scene.shutter.open = -0.5;
     scene.shutter.close = 0.5;
     scene.image.background = DVec3::ONE;
-    let options = RenderOptions { aovs: Aov::ALL.to_vec(), prefilter: Prefilter::None, ..still() };
+    let options =
+        RenderOptions { prefilter: Prefilter::None, look: Look { aovs: Aov::ALL.to_vec(), ..still().look }, ..still() };
     let picture = render(&scene, &options);
     let f = 32.5 / 20_f64.to_radians().tan();
     for (x, y) in [(32_u32, 32_u32), (20, 40), (45, 10)] {
@@ -248,7 +266,7 @@ fn aovs_hold_depth_normal_velocity_and_alpha() {
 #[test]
 fn aovs_of_the_background_are_infinity_and_zero() {
     let scene = scene(vec![unlit(patch(0.1, 0.05, Vec3::ONE))], [65, 65], DVec3::new(0.0, 0.0, 4.0), 40.0);
-    let picture = render(&scene, &RenderOptions { aovs: Aov::ALL.to_vec(), ..still() });
+    let picture = render(&scene, &RenderOptions { look: Look { aovs: Aov::ALL.to_vec(), ..still().look }, ..still() });
     assert_eq!(plane(&picture, Aov::Depth, 0)[0], f32::INFINITY);
     assert_eq!(plane(&picture, Aov::Normal, 2)[0], 0.0);
     assert_eq!(plane(&picture, Aov::Velocity, 0)[0], 0.0);
@@ -274,7 +292,10 @@ fn the_background_is_composited_once() {
 fn objects_without_blur_stay_sharp() {
     let mut scene = sphere_scene(20_000, 96, true);
     scene.objects[0].blur = false;
-    let sharp = render(&scene, &RenderOptions { filter: PixelFilter::Point, ..supersample(6) });
+    let sharp = render(
+        &scene,
+        &RenderOptions { look: Look { filter: PixelFilter::Point, ..supersample(6).look }, ..supersample(6) },
+    );
     let frozen = render(&scene, &still());
     for (a, b) in sharp.rgba.iter().flatten().zip(frozen.rgba.iter().flatten()) {
         assert!((a - b).abs() < 1e-5, "{a} {b}");
@@ -345,10 +366,10 @@ fn recentred_models_stay_in_place() {
     let plain = sphere_scene(5_000, 64, true);
     let mut recentred = plain.clone();
     let shift = Vec3::new(0.5, -0.25, 2.0);
-    let mut model = Surfels::clone(&recentred.objects[0].model);
+    let mut model = Surfels::clone(recentred.objects[0].shape.surfels().unwrap().surfels());
     model.position.iter_mut().for_each(|p| *p -= shift);
     model.origin = shift.as_dvec3();
-    recentred.objects[0].model = model.into();
+    recentred.objects[0].shape = model.into();
     let (a, b) = (render(&plain, &supersample(3)), render(&recentred, &supersample(3)));
     let off = a.rgba.iter().flatten().zip(b.rgba.iter().flatten()).filter(|(a, b)| (*a - *b).abs() > 1e-3).count();
     assert!(off < 20, "{off} channels differ by more than rounding at rims");

@@ -7,7 +7,7 @@ use splatblur::backend::BackendError;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::model::VelocityUnit;
-use splatblur::options::{BlurMode, ErrorTarget, PixelFilter, Prefilter, Quality, RenderOptions, Shading};
+use splatblur::options::{BlurMode, ErrorTarget, Look, PixelFilter, Prefilter, Quality, RenderOptions, Shading};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Light, Motion, Scene};
@@ -33,7 +33,11 @@ fn render(scene: &Scene, options: &RenderOptions) -> Picture {
 
 fn traced(scene: &Scene, samples: u64) -> Picture {
     let aovs = vec![Aov::Error];
-    let options = ReferenceOptions { samples, filter: PixelFilter::Box, aovs, ..ReferenceOptions::default() };
+    let options = ReferenceOptions {
+        samples,
+        look: Look { filter: PixelFilter::Box, aovs, ..Look::default() },
+        ..ReferenceOptions::default()
+    };
     reference::render(scene, 0, &options, None, &|_| ()).unwrap().picture
 }
 
@@ -264,7 +268,10 @@ fn what_rests_has_no_seams() {
     rolling.shutter.readout = readout("0.9");
     for prefilter in [Prefilter::None, Prefilter::Approx, Prefilter::Ewa] {
         for shading in [Shading::Phong, Shading::Gouraud] {
-            let options = RenderOptions { shading, ..options(mode("supersample:4"), prefilter) };
+            let options = RenderOptions {
+                look: Look { shading, ..options(mode("supersample:4"), prefilter).look },
+                ..options(mode("supersample:4"), prefilter)
+            };
             let (a, b) = (render(&scene, &options), render(&rolling, &options));
             // The small one turns in the lower left.
             let rests = |i: usize| i % 96 > 40 || i / 96 < 60;
@@ -308,7 +315,10 @@ fn the_gpu_rolls_as_the_cpu_does() {
         }
         (scene.image.width, scene.image.height) = (64, 64);
         scene.objects[0].opacity = opacity;
-        let options = RenderOptions { aovs: vec![Aov::Normal, Aov::Depth], ..options(quality, prefilter) };
+        let options = RenderOptions {
+            look: Look { aovs: vec![Aov::Depth, Aov::Normal], ..options(quality, prefilter).look },
+            ..options(quality, prefilter)
+        };
         let host = render(&scene, &options);
         let device = render_frame(&mut gpu, &scene, 0, &options).unwrap().picture;
         let values = |picture: &Picture| -> Vec<f32> {

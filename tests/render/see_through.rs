@@ -8,7 +8,7 @@ use splatblur::compare::flip;
 use splatblur::film::{Aov, Picture};
 use splatblur::model::{Gaussians, Surfels};
 use splatblur::options::{
-    BlurMode, ErrorTarget, Interleave, PixelFilter, Prefilter, Quality, RenderOptions, SweptKernel, Times,
+    BlurMode, ErrorTarget, Interleave, Look, PixelFilter, Prefilter, Quality, RenderOptions, SweptKernel, Times,
 };
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
@@ -41,7 +41,12 @@ fn bucket(buckets: u32, samples: u32) -> BlurMode {
 }
 
 fn with(quality: impl Into<Quality>, prefilter: Prefilter) -> RenderOptions {
-    RenderOptions { quality: quality.into(), filter: PixelFilter::Point, prefilter, ..RenderOptions::default() }
+    RenderOptions {
+        quality: quality.into(),
+        prefilter,
+        look: Look { filter: PixelFilter::Point, ..Look::default() },
+        ..RenderOptions::default()
+    }
 }
 
 const STILL: BlurMode = BlurMode::Still { pixel_samples: 1 };
@@ -169,9 +174,9 @@ fn surfels_that_are_nearly_opaque_need_no_order() {
     assert!(plane(0.5, 253.9 / 255.0, RED).is_see_through());
     assert_shows(&view(vec![almost, plane(0.0, 0.5, BLUE)]), &with(STILL, Prefilter::Ewa), &[(1.0, RED)], "almost");
     let mut column = plane(0.5, 0.5, RED);
-    let mut surfels = (**column.model.surfels()).clone();
+    let mut surfels = (**column.shape.surfels().unwrap().surfels()).clone();
     surfels.opacity = vec![0.5; surfels.len()];
-    column.model = surfels.into();
+    column.shape = surfels.into();
     assert_shows(&view(vec![column]), &with(STILL, Prefilter::Ewa), &[(0.25, RED)], "a column and a factor");
 }
 
@@ -223,7 +228,10 @@ fn layers_of_the_picture_are_means_by_what_is_seen() {
     let mut near = plane(0.5, 0.3, RED);
     near.motions = vec![Motion::Linear { velocity: DVec3::new(0.2, 0.0, 0.0) }];
     let scene = view(vec![near, plane(-0.5, 0.6, BLUE)]);
-    let options = RenderOptions { aovs: AOVS.to_vec(), ..with(BlurMode::supersample(2), Prefilter::Ewa) };
+    let options = RenderOptions {
+        look: Look { aovs: AOVS.to_vec(), ..with(BlurMode::supersample(2), Prefilter::Ewa).look },
+        ..with(BlurMode::supersample(2), Prefilter::Ewa)
+    };
     let picture = render(&scene, &options);
     let value = |aov: Aov, channel: usize| {
         let layer = picture.layers.iter().find(|layer| layer.aov == aov).unwrap();
@@ -255,7 +263,10 @@ fn memory_and_threads_change_no_byte() {
     let mut scene = view(vec![ball, veil(0.2, RED), plane(-1.5, 0.7, BLUE), plane(-0.3, 1.0, RED)]);
     (scene.image.width, scene.image.height) = (90, 70);
     for mode in [BlurMode::supersample(3), BlurMode::interleaved(2, Interleave::Two), bucket(2, 2)] {
-        let options = RenderOptions { aovs: AOVS.to_vec(), filter: PixelFilter::Box, ..with(mode, Prefilter::Ewa) };
+        let options = RenderOptions {
+            look: Look { aovs: AOVS.to_vec(), filter: PixelFilter::Box, ..with(mode, Prefilter::Ewa).look },
+            ..with(mode, Prefilter::Ewa)
+        };
         let whole = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap();
         for threads in [1, 3] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -301,7 +312,10 @@ fn balls_of_glass_are_those_of_the_reference() {
     let options = ReferenceOptions { samples: 256, ..ReferenceOptions::default() };
     let want = reference::render(&scene, 0, &options, None, &|_| ()).unwrap().picture;
     for prefilter in [Prefilter::None, Prefilter::Ewa] {
-        let options = RenderOptions { filter: PixelFilter::Box, ..with(BlurMode::supersample(32), prefilter) };
+        let options = RenderOptions {
+            look: Look { filter: PixelFilter::Box, ..with(BlurMode::supersample(32), prefilter).look },
+            ..with(BlurMode::supersample(32), prefilter)
+        };
         let flip = flip::mean(&render(&scene, &options), &want).unwrap();
         println!("{prefilter:?}: FLIP {flip:.4}");
         assert!(flip < 0.01, "{prefilter:?}: FLIP {flip:.4}");

@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::model::{Surfels, VelocityUnit, write_bin, write_ply};
-use splatblur::options::{BlurMode, PixelFilter, Prefilter, RenderOptions, Shading};
+use splatblur::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions, Shading};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::{Device, Renderer, render_frame};
 use splatblur::scene::{Scene, Unseen, why_unseen};
@@ -98,7 +98,7 @@ fn one_motion_in_three_ways_is_one_picture() {
     let model = ball();
     let mut truth = scene_of(std::slice::from_ref(&model), "").1;
     truth.objects[0] = object(model.clone());
-    truth.objects[0].points.at = Some(0.0);
+    truth.objects[0].shape.points_mut().unwrap().at = Some(0.0);
     let with_ids = Surfels { id: (0..model.len() as i64).map(|i| 3 * i - 100).collect(), ..model.clone() };
     let times = [1.0, 2.0, 3.0, 4.0];
     let by_id: Vec<_> = times.iter().map(|&t| shuffled(&at(&with_ids, t), 5 + t as u64)).collect();
@@ -211,12 +211,15 @@ fn order_and_format_change_nothing() {
     let model = ball();
     let files: Vec<Surfels> = [1.0, 2.0, 3.0, 4.0].iter().map(|&t| at(&model, t)).collect();
     let (dir, scene) = scene_of(&files, "");
-    let options = RenderOptions { aovs: vec![Aov::Alpha, Aov::Object], ..options("supersample:6", Prefilter::Ewa) };
+    let options = RenderOptions {
+        look: Look { aovs: vec![Aov::Alpha, Aov::Object], ..options("supersample:6", Prefilter::Ewa).look },
+        ..options("supersample:6", Prefilter::Ewa)
+    };
     let up: Vec<Picture> = [1, 2, 3, 4].map(|frame| render(&scene, frame, &options)).into();
     let down: Vec<Picture> = [4, 3, 2, 1].map(|frame| render(&scene, frame, &options)).into();
     assert!(up.iter().eq(down.iter().rev()));
     let mut renderer = Renderer::open(Device::Cpu).unwrap();
-    let plain = RenderOptions { aovs: Vec::new(), ..options.clone() };
+    let plain = RenderOptions { look: Look { aovs: Vec::new(), ..options.look.clone() }, ..options.clone() };
     let all: Vec<_> = renderer.render_sequence(&scene, 1..=4, &plain).map(|r| r.unwrap().1.picture).collect();
     assert!(all.iter().zip(&up).all(|(a, b)| a.rgba == b.rgba));
     // One object, however many parts it has in a frame.
@@ -253,9 +256,16 @@ fn the_reference_shows_the_same_sequence() {
     }
     let (_dir, mut scene) = scene_of(&files, "");
     scene.objects[0].two_sided = true;
-    let traced = ReferenceOptions { samples: 512, filter: PixelFilter::Box, ..ReferenceOptions::default() };
+    let traced = ReferenceOptions {
+        samples: 512,
+        look: Look { filter: PixelFilter::Box, ..Look::default() },
+        ..ReferenceOptions::default()
+    };
     let truth = reference::render(&scene, 2, &traced, None, &|_| ()).unwrap().picture;
-    let splatted = RenderOptions { shading: Shading::Phong, ..options("supersample:64", Prefilter::None) };
+    let splatted = RenderOptions {
+        look: Look { shading: Shading::Phong, ..options("supersample:64", Prefilter::None).look },
+        ..options("supersample:64", Prefilter::None)
+    };
     let error = rms(&render(&scene, 2, &splatted), &truth);
     println!("{error:.4}");
     assert!(error < 0.012, "{error}");

@@ -10,7 +10,7 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::frame::{Blocks, Frame};
 use splatblur::options::{
-    BlurMode, Interleave, KernelShape, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SourceSamples,
+    BlurMode, Interleave, KernelShape, Look, Normalise, PixelFilter, Prefilter, RenderOptions, Shading, SourceSamples,
     SweptKernel, TemporalAlpha, Times,
 };
 use splatblur::plan::{Published, Step};
@@ -41,10 +41,8 @@ fn options(mode: BlurMode) -> RenderOptions {
     let aovs = Aov::ALL.to_vec();
     RenderOptions {
         quality: mode.into(),
-        filter,
-        aovs,
-        epsilon: Some(0.03),
         prefilter: Prefilter::None,
+        look: Look { filter, aovs, epsilon: Some(0.03), ..Look::default() },
         ..RenderOptions::default()
     }
 }
@@ -105,14 +103,14 @@ fn looks_as_if_splatted_each_time(backend: &mut dyn Backend, rest: Rest, shading
     let scene = through();
     for (mode, prefilter) in modes().into_iter().flat_map(|mode| [(mode, Prefilter::None), (mode, Prefilter::Ewa)]) {
         for &shading in shadings {
-            let options = RenderOptions { shading, prefilter, ..options(mode) };
+            let options = RenderOptions { prefilter, look: Look { shading, ..options(mode).look }, ..options(mode) };
             let frame = posed(&scene, 0, &options);
             let of_static: Vec<bool> = frame.objects.iter().map(|object| object.is_static).collect();
             let all = matches!(mode, BlurMode::Still { .. });
             assert_eq!(of_static, [all, true, all]);
             let mut repeated = frame.clone();
             repeated.objects.iter_mut().for_each(|object| object.is_static = false);
-            repeated.plan_again();
+            repeated.plan_steps();
             let ((shared, fewer), (repeated, more)) = (splat(backend, &frame), splat(backend, &repeated));
             assert!(rest == Rest::SplattedEachTime || fewer * 2 < more, "{mode}: {fewer} of {more} splats");
             // Sums of up to about 100 terms in another order, and quotients of two of them.
@@ -217,7 +215,7 @@ fn what_moves_is_not_held() {
 fn renders_only_wanted_blocks(backend: &mut dyn Backend) {
     let scene = through();
     for mode in [BlurMode::supersample(4), BlurMode::interleaved(3, Interleave::Two)] {
-        let options = RenderOptions { aovs: Vec::new(), ..options(mode) };
+        let options = RenderOptions { look: Look { aovs: Vec::new(), ..options(mode).look }, ..options(mode) };
         let mut frame = posed(&scene, 0, &options);
         frame.background.transparent = true;
         let (whole, _) = splat(backend, &frame);
@@ -291,7 +289,7 @@ mod gpu {
         let scene = through();
         for mode in modes().into_iter().chain(swept_modes()) {
             for shading in [Shading::Phong, Shading::Gouraud] {
-                let options = RenderOptions { shading, ..options(mode) };
+                let options = RenderOptions { look: Look { shading, ..options(mode).look }, ..options(mode) };
                 let frame = posed(&scene, 0, &options);
                 let ((want, splats), (got, of_gpu)) = (splat(&mut Cpu::default(), &frame), splat(&mut gpu, &frame));
                 let differences = differences(&got, &want);

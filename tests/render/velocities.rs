@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::{Aov, Picture};
 use splatblur::model::{Surfels, VelocityUnit};
-use splatblur::options::{BlurMode, ErrorTarget, PixelFilter, Prefilter, Quality, RenderOptions, Shading};
+use splatblur::options::{BlurMode, ErrorTarget, Look, PixelFilter, Prefilter, Quality, RenderOptions, Shading};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::{Light, Motion, Scene};
@@ -30,7 +30,7 @@ fn ball(velocity: DVec3, acceleration: DVec3, motions: Vec<Motion>) -> Scene {
 
 fn options(quality: Quality, prefilter: Prefilter, shading: Shading) -> RenderOptions {
     let aovs = vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity];
-    RenderOptions { quality, prefilter, shading, aovs, ..RenderOptions::default() }
+    RenderOptions { quality, prefilter, look: Look { shading, aovs, ..Look::default() }, ..RenderOptions::default() }
 }
 
 fn mode(text: &str) -> Quality {
@@ -85,8 +85,11 @@ fn points_with_velocities_move_as_their_object_would() {
 fn reference_of(scene: &Scene, samples: u64) -> Picture {
     let options = ReferenceOptions {
         samples,
-        filter: PixelFilter::Box,
-        aovs: vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity],
+        look: Look {
+            filter: PixelFilter::Box,
+            aovs: vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity],
+            ..Look::default()
+        },
         ..ReferenceOptions::default()
     };
     reference::render(scene, 0, &options, None, &|_| ()).unwrap().picture
@@ -95,10 +98,11 @@ fn reference_of(scene: &Scene, samples: u64) -> Picture {
 #[test]
 fn the_reference_moves_points_as_their_object() {
     let turn = Motion::Rotation { axis: DVec3::Y, per_frame: 0.4, centre: DVec3::new(0.2, 0.0, 0.1) };
-    let by_points = ball(VELOCITY, DVec3::ZERO, vec![turn]);
+    let mut by_points = ball(VELOCITY, DVec3::ZERO, vec![turn]);
     // In the world the velocity turns with the object, so only what comes before the turn is the same.
     let mut by_motion = ball(DVec3::ZERO, DVec3::ZERO, vec![Motion::Linear { velocity: VELOCITY }, turn]);
-    by_motion.objects[0].points = by_points.objects[0].points;
+    let points = *by_points.objects[0].shape.points_mut().unwrap();
+    *by_motion.objects[0].shape.points_mut().unwrap() = points;
     let (a, b) = (reference_of(&by_points, 32), reference_of(&by_motion, 32));
     let (worst, mean) = differing(&a, &b, 1e-4);
     println!("reference: {worst} differ, mean {mean:.1e}");
@@ -172,14 +176,14 @@ fn the_velocity_layer_has_velocities_of_points() {
 #[test]
 fn points_travel_from_the_frame_they_are_given_at() {
     let mut travelled = ball(VELOCITY, DVec3::new(0.0, -0.2, 0.0), Vec::new());
-    travelled.objects[0].points.at = Some(1.0);
+    travelled.objects[0].shape.points_mut().unwrap().at = Some(1.0);
     let mut moved = ball(DVec3::ZERO, DVec3::ZERO, Vec::new());
     let still = options(mode("still:4"), Prefilter::Ewa, Shading::Phong);
-    let still = RenderOptions { aovs: Vec::new(), ..still };
+    let still = RenderOptions { look: Look { aovs: Vec::new(), ..still.look }, ..still };
     for (frame, unit, rate) in
         [(3, VelocityUnit::Frame, 24.0), (-1, VelocityUnit::Frame, 24.0), (5, VelocityUnit::Second, 4.0)]
     {
-        travelled.objects[0].points.unit = Some(unit);
+        travelled.objects[0].shape.points_mut().unwrap().unit = Some(unit);
         travelled.frames.rate = rate;
         let frames = f64::from(frame) - 1.0;
         let t = if unit == VelocityUnit::Second { frames / rate } else { frames };
@@ -194,7 +198,7 @@ fn points_travel_from_the_frame_they_are_given_at() {
 fn burst(seed: u64) -> Scene {
     let mut random = Random(seed);
     let mut scene = ball(VELOCITY, DVec3::Y, Vec::new());
-    let mut model: Surfels = scene.objects[0].model.surfels().as_ref().clone();
+    let mut model: Surfels = scene.objects[0].shape.surfels().unwrap().surfels().as_ref().clone();
     for i in 0..model.len() {
         let out = model.position[i].as_dvec3();
         model.velocity[i] = (out * random.within(0.0, 0.3) + random.direction() * 0.02).as_vec3();

@@ -11,11 +11,13 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::compare::flip;
 use splatblur::film::{Aov, Picture};
 use splatblur::model::{self, Gaussians, Kind, LoadOptions, Optics, Stop, TransferFunction, VolumeOptions};
-use splatblur::options::{BlurMode, ErrorTarget, Interleave, PixelFilter, Prefilter, Quality, RenderOptions, Times};
+use splatblur::options::{
+    BlurMode, ErrorTarget, Interleave, Look, PixelFilter, Prefilter, Quality, RenderOptions, Times,
+};
 use splatblur::renderer::render_frame;
-use splatblur::scene::{Camera, Model, Motion, Object, Scene};
+use splatblur::scene::{Camera, Motion, Object, Scene};
 
-use crate::support::volumes::{View, picture, pixel as support_pixel};
+use crate::support::volumes::{VolumeCamera, picture, pixel as support_pixel};
 use crate::support::{render, scene};
 
 const FOVY: f64 = 40.0;
@@ -25,13 +27,13 @@ const LAYER: f32 = 1.25;
 fn unfiltered() -> RenderOptions {
     RenderOptions {
         quality: BlurMode::Still { pixel_samples: 1 }.into(),
-        filter: PixelFilter::Point,
         prefilter: Prefilter::None,
+        look: Look { filter: PixelFilter::Point, ..Look::default() },
         ..RenderOptions::default()
     }
 }
 
-fn seen(objects: Vec<Object>, view: &View) -> Scene {
+fn seen(objects: Vec<Object>, view: &VolumeCamera) -> Scene {
     let mut scene = scene(objects, view.size, view.eye, view.fovy);
     scene.camera = Camera { fovy: view.fovy.to_radians(), ..Camera::new(view.eye, view.at) };
     scene.image.transparent = true;
@@ -105,7 +107,7 @@ fn a_kernel_is_its_integral_along_rays() {
         let mut kernel = kernels(0.0, 0.1, std::iter::once((position, 0.02, Vec3::new(0.9, 0.4, 0.2))));
         kernel.sigma[0] = sigma;
         kernel.rotation[0] = turn;
-        let view = View { eye: DVec3::new(0.0, 0.0, 8.0), at: DVec3::ZERO, fovy: FOVY, size: [160, 120] };
+        let view = VolumeCamera { eye: DVec3::new(0.0, 0.0, 8.0), at: DVec3::ZERO, fovy: FOVY, size: [160, 120] };
         let want = picture(&kernel, &view);
         let largest = want.iter().map(|pixel| pixel[3]).fold(0.0, f64::max);
         assert!(largest > 0.3, "{largest}");
@@ -121,7 +123,7 @@ fn a_kernel_is_its_integral_along_rays() {
 fn a_kernel_that_is_small_to_the_eye_is_exact() {
     for position in [Vec3::ZERO, Vec3::new(6.0, -4.0, 3.0)] {
         let kernel = kernels(0.05, 0.1, std::iter::once((position, 0.02, Vec3::new(0.9, 0.4, 0.2))));
-        let view = View { eye: DVec3::new(0.0, 0.0, 50.0), at: DVec3::ZERO, fovy: FOVY, size: [1600, 1200] };
+        let view = VolumeCamera { eye: DVec3::new(0.0, 0.0, 50.0), at: DVec3::ZERO, fovy: FOVY, size: [1600, 1200] };
         let found = render(&seen(vec![Object::new(kernel.clone())], &view), &unfiltered());
         let focal = 600.0 / (FOVY.to_radians() / 2.0).tan();
         let depth = 50.0 - f64::from(position.z);
@@ -159,7 +161,7 @@ fn volumes_near_the_eye_are_the_marched_ones() {
     for (name, field) in fields() {
         let volume = grid(32, 0.6, LAYER, field);
         for eye in NEAR {
-            let view = View { eye, at: DVec3::ZERO, fovy: FOVY, size: [96, 72] };
+            let view = VolumeCamera { eye, at: DVec3::ZERO, fovy: FOVY, size: [96, 72] };
             let want = picture(&volume, &view);
             let found = render(&seen(vec![Object::new(volume.clone())], &view), &unfiltered());
             assert_near(&format!("{name} from {eye}"), &found, &want, [0.01, 0.01]);
@@ -184,11 +186,15 @@ fn reduced(picture: &[[f64; 4]], width: usize, n: usize) -> Vec<[f64; 4]> {
 fn volumes_far_away_are_filtered() {
     for (name, field) in fields() {
         let volume = grid(32, 0.6, LAYER, field);
-        let view = View { eye: FAR, at: DVec3::ZERO, fovy: FOVY, size: [128, 96] };
+        let view = VolumeCamera { eye: FAR, at: DVec3::ZERO, fovy: FOVY, size: [128, 96] };
         let want = reduced(&picture(&volume, &view), 128, 4);
-        let coarse = View { size: [32, 24], ..view };
+        let coarse = VolumeCamera { size: [32, 24], ..view };
         let scene = seen(vec![Object::new(volume)], &coarse);
-        let filtered = RenderOptions { prefilter: Prefilter::Ewa, filter: PixelFilter::Box, ..unfiltered() };
+        let filtered = RenderOptions {
+            prefilter: Prefilter::Ewa,
+            look: Look { filter: PixelFilter::Box, ..unfiltered().look },
+            ..unfiltered()
+        };
         let error = |options: &RenderOptions| {
             let found = render(&scene, options);
             flip::mean(&found, &truth(&found, &want)).unwrap()
@@ -232,17 +238,25 @@ fn a_zebra_is_smooth_with_the_filter_and_aliased_without() {
         let mut card = Object::new(zebra(cells));
         card.transform.rotate.x = -1.2;
         let scene_of = |size: [u32; 2]| {
-            let view = View { eye: DVec3::new(0.0, 0.0, 6.0), at: DVec3::ZERO, fovy: 30.0, size };
+            let view = VolumeCamera { eye: DVec3::new(0.0, 0.0, 6.0), at: DVec3::ZERO, fovy: 30.0, size };
             let mut scene = seen(vec![card.clone()], &view);
             scene.image.transparent = false;
             scene.image.background = DVec3::splat(0.3);
             scene
         };
         let still = |pixel_samples| BlurMode::Still { pixel_samples }.into();
-        let truth = RenderOptions { quality: still(256), filter: PixelFilter::Box, ..unfiltered() };
+        let truth = RenderOptions {
+            quality: still(256),
+            look: Look { filter: PixelFilter::Box, ..unfiltered().look },
+            ..unfiltered()
+        };
         let truth = render(&scene_of([64, 48]), &truth);
         let error = |prefilter| {
-            let options = RenderOptions { filter: PixelFilter::Box, prefilter, ..unfiltered() };
+            let options = RenderOptions {
+                prefilter,
+                look: Look { filter: PixelFilter::Box, ..unfiltered().look },
+                ..unfiltered()
+            };
             flip::mean(&render(&scene_of([64, 48]), &options), &truth).unwrap()
         };
         let (none, ewa) = (error(Prefilter::None), error(Prefilter::Ewa));
@@ -275,9 +289,13 @@ fn flattened_kernels_are_surface_splats() {
     let mut card = crate::support::object(surfels);
     card.material = Some(crate::support::UNLIT);
     card.two_sided = true;
-    let options = RenderOptions { prefilter: Prefilter::Ewa, filter: PixelFilter::Box, ..unfiltered() };
+    let options = RenderOptions {
+        prefilter: Prefilter::Ewa,
+        look: Look { filter: PixelFilter::Box, ..unfiltered().look },
+        ..unfiltered()
+    };
     for tilt in [0.0, 0.9] {
-        let view = View { eye: DVec3::new(0.0, 0.0, 6.0), at: DVec3::ZERO, fovy: 30.0, size: [96, 72] };
+        let view = VolumeCamera { eye: DVec3::new(0.0, 0.0, 6.0), at: DVec3::ZERO, fovy: 30.0, size: [96, 72] };
         let shown = |mut object: Object| {
             object.transform.rotate.x = tilt;
             render(&seen(vec![object], &view), &options)
@@ -319,7 +337,7 @@ fn mixed(size: [u32; 2]) -> Scene {
     glass.transform.scale = DVec3::splat(0.5);
     glass.two_sided = true;
     glass.opacity = 0.4;
-    let view = View { eye: DVec3::new(0.5, 1.5, 4.0), at: DVec3::ZERO, fovy: FOVY, size };
+    let view = VolumeCamera { eye: DVec3::new(0.5, 1.5, 4.0), at: DVec3::ZERO, fovy: FOVY, size };
     seen(vec![smoke, resting, Object::new(capture), solid, glass], &view)
 }
 
@@ -339,8 +357,8 @@ fn memory_and_threads_change_no_byte() {
     let scene = mixed([90, 70]);
     for mode in modes() {
         let options = RenderOptions {
-            aovs: vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity],
             quality: mode.into(),
+            look: Look { aovs: vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity], ..Look::default() },
             ..RenderOptions::default()
         };
         let whole = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap();
@@ -399,7 +417,7 @@ fn grids_of_all_kinds_and_samples_show_the_same_field() {
         let transfer = TransferFunction::new(vec![stop(1.0, 0.0), stop(201.0, 8.0)]).unwrap();
         let volume = VolumeOptions { transfer: Some(Arc::new(transfer)), ..VolumeOptions::default() };
         let options = LoadOptions { volume, kind: Some(Kind::Volume), ..LoadOptions::default() };
-        Object::new(Model::from(model::load(&path, &options, &|_, _| {}).unwrap()))
+        Object::new(model::load(&path, &options, &|_, _| {}).unwrap())
     };
     let grid = |name: &str, [nx, ny, nz]: [usize; 3]| {
         let spacing = [nx, ny, nz].map(|n| 2.0 / n as f64);
@@ -437,7 +455,7 @@ fn grids_of_all_kinds_and_samples_show_the_same_field() {
         let rows = inside.iter().flat_map(|p| [p.x, p.y, p.z, field(*p), r]).flat_map(|v| (v as f32).to_le_bytes());
         load("samples.ply", &[header.into_bytes(), rows.collect()].concat())
     };
-    let view = View { eye: DVec3::new(1.0, 1.2, 3.0), at: DVec3::ZERO, fovy: FOVY, size: [96, 72] };
+    let view = VolumeCamera { eye: DVec3::new(1.0, 1.2, 3.0), at: DVec3::ZERO, fovy: FOVY, size: [96, 72] };
     let shown = |object: Object| render(&seen(vec![object], &view), &unfiltered());
     let want = shown(regular);
     assert!(want.rgba.iter().any(|pixel| pixel[3] > 0.9));

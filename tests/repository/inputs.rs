@@ -1,17 +1,26 @@
 //! One place opens files to read them (`src/files/`), so that none is forgotten: it refuses pipes, and sees changes.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+use crate::sources;
 
 use crate::source::{paths, tokens};
 
 /// Ends of paths that open a file, or give its bytes.
-const READS: [[&str; 2]; 4] = [["File", "open"], ["fs", "read"], ["fs", "read_to_string"], ["fs", "copy"]];
+const READS: [[&str; 2]; 6] = [
+    ["File", "open"],
+    ["fs", "read"],
+    ["fs", "read_to_string"],
+    ["fs", "copy"],
+    ["image", "open"],
+    ["ImageReader", "open"],
+];
 
 /// Crates and words that do it in their own way.
 const WORDS: [&str; 4] = ["Mmap", "MmapOptions", "memmap2", "from_file"];
 
-/// What is wrong with a file, a line each.
+/// The faults of a file, a line each.
 fn faults(name: &str, source: &str) -> Vec<String> {
     let tokens = tokens(source);
     let mut found = Vec::new();
@@ -30,17 +39,6 @@ fn faults(name: &str, source: &str) -> Vec<String> {
         }
     }
     found
-}
-
-fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            sources(&path, found);
-        } else if path.extension().is_some_and(|ending| ending == "rs") {
-            found.push(path);
-        }
-    }
 }
 
 #[test]
@@ -69,6 +67,8 @@ fn all_ways_to_read_are_seen() {
         "fn a() { File::open(p) }",
         "use std::fs; fn a() { fs::copy(a, b) }",
         "fn a() { OpenOptions::new().read(true).open(p) }",
+        "fn a() { image::open(p) }",
+        "use image::ImageReader; fn a() { ImageReader::open(p) }",
         "use memmap2::Mmap;",
         "fn a() { exr::read().from_file(p) }",
     ] {

@@ -19,7 +19,7 @@ const WANTED: [&str; 9] = [
     "tests/support/gpu.rs",
 ];
 
-/// What is for the repository alone, or large.
+/// Files that are for the repository alone, or large.
 const UNWANTED: [&str; 6] = [".ci/", ".github/", "docs/images/", "docs/measurements/", "fuzz/", "tests/render/"];
 
 #[test]

@@ -150,3 +150,23 @@ fn absolute(line: &str, folder: &str) -> bool {
         before.is_none_or(|c| !(c.is_alphanumeric() || "._-/*}~$)".contains(c)))
     })
 }
+
+/// A doc comment names its noun: these words open none.
+const WITHOUT_A_NOUN: [&str; 4] = ["Of ", "That of ", "Those of ", "What is "];
+
+#[test]
+fn a_doc_comment_names_its_noun() {
+    let mut found = Vec::new();
+    for (name, text) in files().into_iter().filter(|(name, _)| Path::new(name).extension().is_some_and(|e| e == "rs")) {
+        let mut inside = false;
+        for (line, number) in text.lines().zip(1..) {
+            let comment = line.trim_start().strip_prefix("///").or_else(|| line.trim_start().strip_prefix("//!"));
+            let opens = comment.filter(|_| !inside).map_or("", str::trim_start);
+            if WITHOUT_A_NOUN.iter().any(|words| opens.starts_with(words)) {
+                found.push(format!("{name}:{number}: {opens}"));
+            }
+            inside = comment.is_some();
+        }
+    }
+    judge(&found, "doc comments without a noun");
+}

@@ -7,10 +7,10 @@ use std::fs;
 
 use glam::{DMat4, DVec3};
 use splatblur::scene::pose::camera_from_world;
-use splatblur::scene_file::{LoadOptions, Loaded, load, to_xml};
+use splatblur::scene_file::{LoadOptions, LoadedScene, load, to_xml};
 
 /// A scene of one model, `m.xyz` with these points.
-fn loaded(points: &str, camera: &str, object: &str) -> Loaded {
+fn loaded(points: &str, camera: &str, object: &str) -> LoadedScene {
     let dir = tempfile::tempdir().unwrap();
     fs::write(dir.path().join("m.xyz"), points).unwrap();
     let text = format!("<scene>{camera}<object {object}><pointModel>m.xyz</pointModel></object></scene>");
@@ -76,7 +76,7 @@ fn room() -> String {
 #[test]
 fn a_camera_within_a_closed_cloud_sees_both_sides() {
     let shown = |camera: &str, object: &str| {
-        let Loaded { scene, notes, .. } = loaded(&room(), camera, object);
+        let LoadedScene { scene, notes, .. } = loaded(&room(), camera, object);
         (scene.objects[0].two_sided, notes.iter().any(|note| note.contains("the camera stands within its box")))
     };
     let inside = "<camera eye='0 0 1' at='0 0 0'/>";

@@ -6,10 +6,10 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use splatblur::image;
 use splatblur::model::{self, Format, Kind, parse_capture};
-use splatblur::scene::{Capture, Object, Scene};
+use splatblur::scene::{Capture, Object, Scene, Shape};
 use splatblur::scene_file;
 
-use crate::support::gaussians::{View, picture, psnr};
+use crate::support::gaussians::{CaptureCamera, picture, psnr};
 
 /// Positions, sizes, turns, opacities and colours of the plain PLY are what the picture was made of. The code that made
 /// it is not ours, and neither splatter nor reference has a part in this test.
@@ -23,7 +23,7 @@ fn the_guitar_makes_the_exact_picture() {
     let truth = image::read(&root.join("tests/data/truth/captures/guitar_0.exr")).unwrap();
     let want: Vec<[f64; 4]> = truth.rgba.iter().map(|pixel| pixel.map(f64::from)).collect();
     let size = [truth.width as usize, truth.height as usize];
-    let view = View { eye: DVec3::new(0.0, -2.0, 6.0), at: DVec3::new(0.0, -2.0, 0.0), size };
+    let view = CaptureCamera { eye: DVec3::new(0.0, -2.0, 6.0), at: DVec3::new(0.0, -2.0, 0.0), size };
     let found = psnr(&picture(&guitar, &view), &want);
     println!("{found:.1} dB");
     assert!(found >= 80.0, "{found:.1} dB");
@@ -35,12 +35,12 @@ fn a_capture_alone_is_seen_upright() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let path = root.join("tests/data/models/guitar_3dgs.ply");
     let scene = scene_file::load_model(&path, &scene_file::LoadOptions::default()).unwrap().scene;
-    assert!(scene.objects[0].model.gaussians().is_some() && scene.objects[0].model.surfels().is_empty());
+    assert!(matches!(scene.objects[0].shape, Shape::Gaussians { .. }));
     assert_eq!(scene.camera.up, DVec3::NEG_Y);
     let away = scene.camera.eye - scene.camera.at;
     assert!(away.z > 0.0 && away.truncate().length() < 1e-9, "{away}");
     // The guitar is 4.4 high; the core leaves out its outermost 2 %.
-    let size = scene.objects[0].core().size();
+    let size = scene.objects[0].shape.core().size();
     assert!((4.0..4.3).contains(&size.y), "{size}");
     // What stands the other way up is seen as all else is.
     let mut turned = scene.objects[0].clone();
@@ -62,20 +62,24 @@ fn a_scene_says_how_a_capture_is_drawn() {
         scene_file::load(&path, &scene_file::LoadOptions::default())
     };
     let plain = load("").unwrap().scene;
-    assert_eq!((plain.objects[0].kind, plain.objects[0].capture), (None, Capture::default()));
+    let drawn = |scene: &Scene| {
+        let Shape::Gaussians { model, capture } = &scene.objects[0].shape else { panic!("no capture") };
+        (scene.objects[0].source.options.kind, scene.objects[0].opacity, *capture, model.crop)
+    };
+    assert_eq!(drawn(&plain), (None, 1.0, Capture::default(), None));
     let given = "kind='gaussians' opacity='0.25' shDegree='2' cropMin='-1 -3 -1' antialias='true' colourSpace='linear'";
     let scene = load(given).unwrap().scene;
-    let capture = scene.objects[0].capture;
-    assert_eq!((capture.opacity, capture.harmonics, capture.antialias), (0.25, 2, Some(true)));
-    assert_eq!(capture.crop.unwrap(), [DVec3::new(-1.0, -3.0, -1.0), DVec3::splat(1e30)]);
-    assert!(scene.objects[0].model.gaussians().unwrap().linear);
-    assert_eq!(scene.objects[0].bounds().min.y, -3.0);
+    let crop = [DVec3::new(-1.0, -3.0, -1.0), DVec3::splat(1e30)];
+    let capture = Capture { harmonics: 2, antialias: Some(true) };
+    assert_eq!(drawn(&scene), (Some(Kind::Gaussians), 0.25, capture, Some(crop)));
+    assert!(scene.objects[0].shape.gaussians().unwrap().gaussians().linear);
+    assert_eq!(scene.objects[0].shape.bounds().min.y, -3.0);
     fs::write(&path, scene_file::to_xml(&scene, directory.path())).unwrap();
     let again = scene_file::load(&path, &scene_file::LoadOptions::default()).unwrap().scene;
-    assert_eq!((again.objects[0].kind, again.objects[0].capture), (Some(Kind::Gaussians), capture));
+    assert_eq!(drawn(&again), drawn(&scene));
 
     let surfels = load("kind='surfels' opacity='0.5'").unwrap();
-    assert!(surfels.scene.objects[0].model.gaussians().is_none() && surfels.scene.objects[0].model.len() > 10_000);
+    assert!(surfels.scene.objects[0].shape.surfels().unwrap().surfels().len() > 10_000);
     assert!(surfels.notes.iter().any(|note| note.contains("mean nothing here")), "{:?}", surfels.notes);
     let refused = load("cropMin='0 0 0' cropMax='1 -1 1'").map(|_| ()).unwrap_err().to_string();
     assert!(refused.contains("`cropMax`") && refused.contains("at least `cropMin`"), "{refused}");

@@ -4,10 +4,10 @@
 
 use std::fmt::Write as _;
 
-use splatblur::model::{LoadOptions, Loaded, MeshOptions, Spacing, Surfels, load};
+use splatblur::model::{LoadOptions, LoadedModel, MeshOptions, Spacing, Surfels, load};
 
 /// Reads bytes as a model under this name.
-fn read(name: &str, bytes: &[u8], spacing: Spacing) -> Loaded {
+fn read(name: &str, bytes: &[u8], spacing: Spacing) -> LoadedModel {
     let place = tempfile::tempdir().unwrap();
     let path = place.path().join(name);
     std::fs::write(&path, bytes).unwrap();
@@ -15,7 +15,7 @@ fn read(name: &str, bytes: &[u8], spacing: Spacing) -> Loaded {
     load(&path, &LoadOptions { mesh, ..LoadOptions::default() }, &|_, _| {}).unwrap()
 }
 
-fn sampled(obj: &str) -> Loaded {
+fn sampled(obj: &str) -> LoadedModel {
     read("m.obj", obj.as_bytes(), Spacing::Of(0.02))
 }
 
@@ -24,7 +24,7 @@ fn drawn(s: &Surfels) -> (&[splatblur::glam::Vec3], &[splatblur::glam::Vec3], &[
     (&s.position, &s.axis_u, &s.colour, s.two_sided)
 }
 
-fn merged(loaded: &Loaded) -> Option<&str> {
+fn merged(loaded: &LoadedModel) -> Option<&str> {
     loaded.notes.iter().map(String::as_str).find(|note| note.starts_with("merged what coincides"))
 }
 

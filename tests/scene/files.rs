@@ -12,8 +12,8 @@ use proptest::prelude::*;
 use splatblur::anim::Interpolation;
 use splatblur::film::Picture;
 use splatblur::model::VelocityUnit;
-use splatblur::scene::{Light, Motion, PointMotion, Scene};
-use splatblur::scene_file::{LoadOptions, Loaded, SceneError, load, to_xml, validate};
+use splatblur::scene::{Light, Motion, Object, PointMotion, Scene, Shape};
+use splatblur::scene_file::{LoadOptions, LoadedScene, SceneError, load, to_xml, validate};
 use splatblur::time::Weight;
 
 const MODEL: &str = include_str!("../data/scenes/m.ply");
@@ -48,11 +48,11 @@ impl Dir {
         self.0.path().join(name)
     }
 
-    fn load_with(&self, options: &LoadOptions<'_>) -> Result<Loaded, SceneError> {
+    fn load_with(&self, options: &LoadOptions<'_>) -> Result<LoadedScene, SceneError> {
         load(&self.path("scene.xml"), options)
     }
 
-    fn load(&self) -> Result<Loaded, SceneError> {
+    fn load(&self) -> Result<LoadedScene, SceneError> {
         self.load_with(&LoadOptions::default())
     }
 
@@ -63,7 +63,7 @@ impl Dir {
     }
 }
 
-fn loaded(scene: impl AsRef<[u8]>) -> Loaded {
+fn loaded(scene: impl AsRef<[u8]>) -> LoadedScene {
     let dir = Dir::new(scene);
     dir.load().unwrap_or_else(|e| panic!("{}", dir.words(e)))
 }
@@ -84,6 +84,12 @@ fn refused(scene: impl AsRef<[u8]>, words: &str) {
 }
 
 /// The unit and the frame of points that move by themselves are kept, and said to mean nothing for others.
+/// How the surfels of an object move by themselves.
+fn shown_points(object: &Object) -> PointMotion {
+    let Shape::Surfels { points, .. } = object.shape else { panic!("no surfels") };
+    points
+}
+
 #[test]
 fn the_motion_of_points_is_read_and_written() {
     let of = |attributes: &str| {
@@ -96,12 +102,12 @@ fn the_motion_of_points_is_read_and_written() {
     let dir = of("velocityUnit='frame' at='-2.5'");
     let scene = dir.load().unwrap().scene;
     let points = PointMotion { unit: Some(VelocityUnit::Frame), at: Some(-2.5) };
-    assert_eq!(scene.objects[0].points, points);
-    assert_eq!(scene.objects[0].model.velocity, [Vec3::X, Vec3::Y]);
+    assert_eq!(shown_points(&scene.objects[0]), points);
+    assert_eq!(scene.objects[0].shape.surfels().unwrap().surfels().velocity, [Vec3::X, Vec3::Y]);
     dir.add("scene.xml", to_xml(&scene, dir.0.path()));
-    assert_eq!(dir.load().unwrap().scene.objects[0].points, points);
+    assert_eq!(shown_points(&dir.load().unwrap().scene.objects[0]), points);
     let default = of("").load().unwrap();
-    assert_eq!(default.scene.objects[0].points, PointMotion::default());
+    assert_eq!(shown_points(&default.scene.objects[0]), PointMotion::default());
     assert!(default.notes.iter().all(|note| !note.contains("velocit")), "{:?}", default.notes);
     let idle = loaded("<scene><object at='1'><pointModel>m.ply</pointModel></object></scene>").notes;
     let note = "object `object1`: `velocityUnit` and `at` are for surfels with velocities, and mean nothing here";
@@ -164,7 +170,7 @@ fn the_figure_of_wolf_2008_loads_unchanged() {
     assert_eq!(scene.objects.len(), 3);
     let santa = &scene.objects[1];
     assert_eq!(santa.name, "object2");
-    assert_eq!(santa.model_path, dir.path("scenes/models/santa.sfl"));
+    assert_eq!(santa.source.path, dir.path("scenes/models/santa.sfl"));
     let animation = santa.animation.as_ref().unwrap();
     assert_eq!(animation.path, dir.path("scenes/animations/bouncing.anim"));
     assert_eq!(animation.interpolation, Interpolation::Maya);
@@ -182,7 +188,7 @@ fn latin_1_is_read_in_paths_and_comments() {
     for name in ["thrown", "bouncing", "rolling"] {
         dir.add(&format!("scenes/animations/{name}.anim"), ANIM);
     }
-    assert_eq!(dir.load().unwrap().scene.objects[2].model_path, dir.path("scenes/models/igéa à.sfl"));
+    assert_eq!(dir.load().unwrap().scene.objects[2].source.path, dir.path("scenes/models/igéa à.sfl"));
 }
 
 #[test]
@@ -198,7 +204,7 @@ fn byte_order_marks_win() {
 
 #[test]
 fn defaults_are_those_of_the_document() {
-    let Loaded { scene: s, notes, .. } = loaded(scene("", ""));
+    let LoadedScene { scene: s, notes, .. } = loaded(scene("", ""));
     assert_eq!((s.image.width, s.image.height, s.image.transparent), (1024, 768, false));
     assert_eq!((s.frames.first, s.frames.last, s.frames.rate), (0, 0, 24.0));
     assert_eq!((s.shutter.open, s.shutter.close, &s.shutter.weight), (-0.25, 0.25, &Weight::Box));
@@ -207,7 +213,9 @@ fn defaults_are_those_of_the_document() {
     assert!((d - direction).length() < 1e-15 && colour == DVec3::splat(0.9));
     assert_eq!(s.lights[1..], [Light::Ambient { colour: DVec3::splat(0.3) }]);
     let o = &s.objects[0];
-    assert!(o.blur && !o.two_sided && o.epsilon.is_none() && o.material.is_none() && o.radius_scale == 1.0);
+    assert!(
+        o.blur && !o.two_sided && o.epsilon.is_none() && o.material.is_none() && o.source.options.radius_scale == 1.0
+    );
     assert_eq!(notes.iter().filter(|n| n.contains("<camera eye=")).count(), 1, "{notes:?}");
     // Motion by formula: a second of film.
     let s = loaded(scene("", "<motion type='linear' velocity='1 0 0'/>")).scene;
@@ -229,7 +237,7 @@ fn every_value_arrives() {
         Light::Point { position: DVec3::new(1.0, 2.0, 3.0), colour: DVec3::new(1e6, 0.3, 0.0) * 1_048_576.0 }
     );
     let [_, _, triangle] = s.objects.as_slice() else { panic!("{} objects", s.objects.len()) };
-    assert_eq!(triangle.node.as_deref(), Some("a \"b\" & c"));
+    assert_eq!(triangle.source.options.node.as_deref(), Some("a \"b\" & c"));
     // A quarter of a unit in half a second, over and over. The scene's own frame rate goes before `fps`.
     let moved = splatblur::scene::pose::object_pose(&s, triangle, 20.0).world_from_model.w_axis.x;
     assert!((moved - 0.5 * (20.0 / 29.97 - 0.5)).abs() < 1e-6, "{moved}");
@@ -237,7 +245,7 @@ fn every_value_arrives() {
     assert!(chain.contains("fps: 12.5") && chain.contains("looped: true"), "{chain}");
     let o = &s.objects[0];
     assert_eq!(o.name, "a <b> & \"c\" é");
-    assert_eq!((o.blur, o.two_sided, o.epsilon, o.radius_scale), (false, true, Some(0.0125), 2.25));
+    assert_eq!((o.blur, o.two_sided, o.epsilon, o.source.options.radius_scale), (false, true, Some(0.0125), 2.25));
     assert_eq!(o.transform.scale, DVec3::splat(1.7));
     assert_eq!(o.transform.rotate.y, -std::f64::consts::FRAC_PI_2);
     assert_eq!(o.motions[1], Motion::Linear { velocity: DVec3::new(0.0, 0.0, 0.1) });
@@ -250,8 +258,9 @@ fn every_value_arrives() {
     assert!((e.rotation.to_degrees() + 33.3).abs() < 1e-12 && o.reflection == 0.3);
     // PNG holds coded values.
     assert!((e.map().pixels()[1][0] - 0.002_428).abs() < 1e-5, "{:?}", e.map().pixels()[1]);
-    assert_eq!((o.opacity, o.volume.kernel, o.volume.flatten, o.volume.lit), (0.75, 0.7, 2.5, true));
-    let stops = o.volume.transfer.as_ref().unwrap().stops().to_vec();
+    let volume = &o.source.options.volume;
+    assert_eq!((o.opacity, volume.kernel, volume.flatten, volume.lit), (0.75, 0.7, 2.5, true));
+    let stops = volume.transfer.as_ref().unwrap().stops().to_vec();
     assert_eq!(stops.len(), 2);
     assert_eq!((stops[0].value, stops[0].colour, stops[0].opacity), (-1e-3, glam::Vec3::ONE, 0.0));
     assert_eq!(stops[1].colour, glam::Vec3::new(1.0, 0.3, 0.007));
@@ -276,8 +285,9 @@ fn models_named_alike_are_loaded_once() {
         |attributes: &str, path: &str| format!("<object><pointModel {attributes}>{path}</pointModel></object>");
     let all = [object("", "m.ply"), object("", "./m.ply"), object("radiusScale='2'", "m.ply")].concat();
     let objects = loaded(format!("<scene>{all}</scene>")).scene.objects;
-    assert!(Arc::ptr_eq(objects[0].model.surfels(), objects[1].model.surfels()));
-    assert!(!Arc::ptr_eq(objects[0].model.surfels(), objects[2].model.surfels()));
+    let surfels = |i: usize| objects[i].shape.surfels().unwrap().surfels();
+    assert!(Arc::ptr_eq(surfels(0), surfels(1)));
+    assert!(!Arc::ptr_eq(surfels(0), surfels(2)));
 }
 
 /// A material that says its opacity alone leaves the coefficients of the file, and comes back so.
@@ -355,7 +365,7 @@ fn paths_are_written_for_the_new_place() {
 #[test]
 fn the_automatic_camera_can_be_pasted() {
     let dir = Dir::new(scene("", "<motion type='linear' velocity='0.37 0 0'/>"));
-    let Loaded { scene: first, notes, .. } = dir.load().unwrap();
+    let LoadedScene { scene: first, notes, .. } = dir.load().unwrap();
     let note = notes.iter().find(|n| n.contains("<camera")).unwrap();
     let line = &note[note.find("<camera").unwrap()..];
     dir.add("scene.xml", scene(line, "<motion type='linear' velocity='0.37 0 0'/>"));
@@ -380,7 +390,7 @@ fn the_automatic_camera_sees_everything() {
         for frame in s.frames.first..=s.frames.last {
             let pose = splatblur::scene::pose::object_pose(&s, object, frame as f64);
             let view = splatblur::scene::pose::camera_from_world(&s, frame as f64) * pose.world_from_model;
-            for corner in object.bounds().corners().into_iter().filter(|c| c.is_finite()) {
+            for corner in object.shape.bounds().corners().into_iter().filter(|c| c.is_finite()) {
                 let p = view.transform_point3(corner);
                 let depth = -p.z;
                 assert!(depth > camera.near && p.y.abs() < depth * tan && p.x.abs() < depth * tan * aspect, "{p}");
@@ -395,8 +405,8 @@ fn the_automatic_camera_sees_everything() {
 fn paths_are_found_in_any_case_with_a_note() {
     let dir = Dir::new("<scene><object><pointModel>\n Models\\M.PLY </pointModel></object></scene>");
     dir.add("models/m.ply", MODEL);
-    let Loaded { scene, notes, .. } = dir.load().unwrap();
-    assert_eq!(scene.objects[0].model_path, dir.path("models/m.ply"));
+    let LoadedScene { scene, notes, .. } = dir.load().unwrap();
+    assert_eq!(scene.objects[0].source.path, dir.path("models/m.ply"));
     assert!(notes[0].contains("scene.xml:2:2: no file `Models\\M.PLY`, took "), "{notes:?}");
 }
 
@@ -495,7 +505,7 @@ fn lenient_turns_exactly_the_unknown_into_notes() {
     let lenient = LoadOptions { lenient: true, ..LoadOptions::default() };
     let text = scene("<sky><cloud/>rain</sky>", "<place translat='1 2 3' scale='2'/>");
     let dir = Dir::new(&text);
-    let Loaded { scene: s, notes, .. } = dir.load_with(&lenient).unwrap();
+    let LoadedScene { scene: s, notes, .. } = dir.load_with(&lenient).unwrap();
     assert_eq!(s.objects[0].place.scale, DVec3::splat(2.0));
     let notes: Vec<_> = notes.iter().filter(|n| n.ends_with("; ignored")).collect();
     assert_eq!(notes.len(), 2, "{notes:?}");
@@ -757,7 +767,7 @@ fn crowds_are_quick() {
     let object = "<object><pointModel>M.ply</pointModel><animation>a.anim</animation></object>";
     let dir = Dir::new(format!("<scene>{}</scene>", object.repeat(13_000)));
     let start = Instant::now();
-    let Loaded { scene, notes, .. } = dir.load().unwrap();
+    let LoadedScene { scene, notes, .. } = dir.load().unwrap();
     assert!(start.elapsed() < Duration::from_secs(2), "{:?}", start.elapsed());
     assert_eq!(scene.objects.len(), 13_000);
     assert!(notes.len() < 10, "{}", notes.len());
@@ -890,14 +900,15 @@ fn an_animated_camera_is_rigid() {
 fn an_ideal_sphere_takes_the_place_of_a_model() {
     let text =
         "<scene><object><sphere radius='2.5' colour='0.1 0.2 0.3'/><transform translate='1 2 3'/></object></scene>";
-    let Loaded { scene, .. } = loaded(text);
+    let LoadedScene { scene, .. } = loaded(text);
     let object = &scene.objects[0];
-    let sphere = object.sphere.expect("a sphere");
+    let Shape::Sphere(sphere) = object.shape else { panic!("no sphere") };
     assert_eq!((sphere.radius, sphere.colour.to_array()), (2.5, [0.1, 0.2, 0.3]));
-    assert!(object.model.is_empty());
-    assert_eq!(object.bounds().size(), DVec3::splat(5.0));
+    assert_eq!(object.shape.elements(), 0);
+    assert_eq!(object.shape.bounds().size(), DVec3::splat(5.0));
     let again = loaded(to_xml(&scene, Path::new(""))).scene;
-    assert_eq!(again.objects[0].sphere, object.sphere);
+    let Shape::Sphere(same) = again.objects[0].shape else { panic!("no sphere") };
+    assert_eq!(same, sphere);
     assert_eq!(to_xml(&again, Path::new("")), to_xml(&scene, Path::new("")));
     let mut cpu = splatblur::backend::cpu::Cpu::default();
     let error = splatblur::renderer::render_frame(&mut cpu, &scene, 0, &splatblur::options::RenderOptions::default())

@@ -80,7 +80,7 @@ fn read_mesh(path: &Path) -> anyhow::Result<()> {
     let columns = [mesh.normal.len(), mesh.uv.len(), mesh.colour.len()];
     assert!(columns.iter().all(|n| [0, mesh.position.len()].contains(n)), "{columns:?}");
     if format != model::Format::Obj
-        && let anim::Loaded::Gltf(animation) = anim::open(path)?
+        && let anim::AnimationFile::Gltf(animation) = anim::open(path)?
     {
         for looped in [false, true] {
             let chain = animation.bind(None, 24.0, looped)?;

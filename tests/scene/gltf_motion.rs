@@ -19,8 +19,8 @@ use crate::support;
 
 fn open(path: &Path) -> Result<GltfAnimation, String> {
     match anim::open(path).map_err(|why| why.to_string())? {
-        anim::Loaded::Gltf(animation) => Ok(animation),
-        anim::Loaded::Maya(_) => panic!("{} is no .anim", path.display()),
+        anim::AnimationFile::Gltf(animation) => Ok(animation),
+        anim::AnimationFile::Maya(_) => panic!("{} is no .anim", path.display()),
     }
 }
 
@@ -283,7 +283,7 @@ fn bounds_hold_the_node_at_every_time() {
 }
 
 /// A scene of `truck.glb` in a folder, with surfels for its wheels.
-fn scene(body: &str) -> Result<scene_file::Loaded, String> {
+fn scene(body: &str) -> Result<scene_file::LoadedScene, String> {
     let folder = tempfile::tempdir().unwrap();
     fs::copy(data("CesiumMilkTruck.glb"), folder.path().join("truck.glb")).unwrap();
     fs::copy(data("tiny_full.sfl"), folder.path().join("a.sfl")).unwrap();

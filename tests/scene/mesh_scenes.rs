@@ -119,7 +119,7 @@ fn at_distance(distance: f64, size: [u32; 2]) -> (usize, f64) {
     );
     fs::write(folder.path().join("scene.xml"), text).unwrap();
     let scene = Scene::load(folder.path().join("scene.xml")).unwrap();
-    let surfels = &scene.objects[0].model;
+    let surfels = &scene.objects[0].shape.surfels().unwrap().surfels().clone();
     (surfels.len(), (0..surfels.len()).map(|i| f64::from(surfels.radius(i))).fold(0.0, f64::max))
 }
 
@@ -152,12 +152,17 @@ fn the_size_that_is_asked_for_decides_the_spacing() {
     let small = scene_file::LoadOptions { size: Some((200, 150)), ..scene_file::LoadOptions::default() };
     let scene = scene_file::load(&folder.path().join("scene.xml"), &small).unwrap().scene;
     assert_eq!((scene.image.width, scene.image.height), (200, 150));
-    assert_eq!(scene.objects[0].model.len(), at_distance(4.0, [200, 150]).0);
+    assert_eq!(scene.objects[0].shape.elements(), at_distance(4.0, [200, 150]).0);
     // A model alone, too, whose camera then suits the shape of the image.
     let path = folder.path().join("box.glb");
     let radii = [(256, 192), (128, 96)].map(|size| {
         let options = scene_file::LoadOptions { size: Some(size), ..scene_file::LoadOptions::default() };
-        let surfels = &scene_file::load_model(&path, &options).unwrap().scene.objects[0].model;
+        let surfels = &scene_file::load_model(&path, &options).unwrap().scene.objects[0]
+            .shape
+            .surfels()
+            .unwrap()
+            .surfels()
+            .clone();
         (0..surfels.len()).map(|i| f64::from(surfels.radius(i))).fold(0.0, f64::max)
     });
     // Twice the rows.
@@ -289,7 +294,7 @@ fn files_with_the_same_mesh_share_its_surfels() {
     let path = folder.path().join("scene.xml");
     fs::write(&path, format!("<scene><camera eye='0.5 0.5 9' at='0.5 0.5 0'/>{body}</scene>")).unwrap();
     let loaded = scene_file::load(&path, &scene_file::LoadOptions::default()).unwrap();
-    let shown = |i: usize| loaded.scene.objects[i].model.surfels();
+    let shown = |i: usize| loaded.scene.objects[i].shape.surfels().unwrap().surfels();
     let shares = |i: usize, j: usize| std::sync::Arc::ptr_eq(shown(i), shown(j));
     let sharing: Vec<[usize; 2]> =
         (0..6).flat_map(|i| (0..i).map(move |j| [j, i])).filter(|&[j, i]| shares(i, j)).collect();

@@ -9,13 +9,13 @@ use glam::{DMat2, DMat3, DQuat, DVec2, DVec3, Vec2, Vec3};
 use splatblur::film::{Aov, Picture};
 use splatblur::math::srgb;
 use splatblur::model::mesh::{Mesh, MeshMaterial, Texture, Triangle, Wrap};
-use splatblur::model::{self, LoadOptions, Loaded, MeshOptions, ModelError, Spacing, Surfels};
-use splatblur::options::{BlurMode, RenderOptions};
+use splatblur::model::{self, LoadOptions, LoadedModel, MeshOptions, ModelError, Spacing, Surfels};
+use splatblur::options::{BlurMode, Look, RenderOptions};
 use splatblur::scene::Camera;
 
 use crate::support;
 use crate::support::Random;
-use crate::support::triangles::{Triangles, View, blob, cube_sphere};
+use crate::support::triangles::{TriangleCamera, Triangles, blob, cube_sphere};
 
 fn mesh(position: Vec<DVec3>, corners: &[[u32; 3]]) -> Mesh {
     Mesh {
@@ -93,7 +93,7 @@ fn sphere(n: u32, bump: impl Fn(DVec3) -> f64) -> Mesh {
     mesh(position, &corners)
 }
 
-fn sampled(mesh: &Mesh, spacing: Spacing, reduce: bool) -> Loaded {
+fn sampled(mesh: &Mesh, spacing: Spacing, reduce: bool) -> LoadedModel {
     let options = LoadOptions { mesh: MeshOptions { spacing, reduce }, ..LoadOptions::default() };
     model::sample_mesh(mesh.clone(), &options, Path::new("made in code"), &|_, _| {})
         .unwrap_or_else(|error| unreachable!("{error}"))
@@ -535,12 +535,16 @@ fn closed_meshes_have_no_holes_from_26_sides() {
             let direction = DVec3::from([place % 3 - 1, place / 3 % 3 - 1, place / 9 - 1].map(f64::from));
             let eye = direction.normalize() * 4.0;
             let up = if direction.truncate() == DVec2::ZERO { DVec3::Y } else { DVec3::Z };
-            let view = View { eye, at: DVec3::ZERO, up, fovy: 40.0, size: [size, size] };
+            let view = TriangleCamera { eye, at: DVec3::ZERO, up, fovy: 40.0, size: [size, size] };
             let mut scene = support::scene(vec![object.clone()], [size, size], eye, view.fovy);
             scene.image.transparent = true;
             scene.camera = Camera { up, fovy: scene.camera.fovy, ..Camera::new(eye, DVec3::ZERO) };
             let quality = BlurMode::Still { pixel_samples: 1 }.into();
-            let options = RenderOptions { quality, aovs: vec![Aov::Depth], ..RenderOptions::default() };
+            let options = RenderOptions {
+                quality,
+                look: Look { aovs: vec![Aov::Depth], ..Look::default() },
+                ..RenderOptions::default()
+            };
             let picture = support::render(&scene, &options);
             for [x, y, alpha, depth] in within(&truth.depths(&view), &picture) {
                 assert!(alpha > 0.9999, "{name}, from {direction}, pixel {x} {y}: alpha {alpha}");

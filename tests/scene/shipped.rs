@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use splatblur::environment;
 use splatblur::image;
-use splatblur::model::generate_volume::{self, Shape, Storage};
+use splatblur::model::generate_volume::{self, FieldShape, Storage};
 use splatblur::model::{Cloud, generate};
 use splatblur::scene_file;
 
@@ -47,7 +47,7 @@ fn generated_models_are_what_the_generator_writes() {
         assert_shipped(&format!("swarm.{number}.ply"), &generate::swarm(number));
     }
     let mut smoke = Vec::new();
-    generate_volume::write(Shape::Torus, 64, Storage::Uint8, &mut smoke).unwrap();
+    generate_volume::write(FieldShape::Torus, 64, Storage::Uint8, &mut smoke).unwrap();
     assert!(fs::read(scenes().join("models/smoke.nrrd")).unwrap() == smoke, "smoke.nrrd is not what is generated");
     // Half floats, with their rounding.
     let studio = image::read(&scenes().join("models/studio.exr")).unwrap();

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use glam::{DVec3, Vec3};
 use splatblur::model::{self, Gaussians, Kind, LoadOptions, ModelError, Optics, VolumeOptions};
-use splatblur::scene::{Capture, Object, Scene};
+use splatblur::scene::{Object, Scene, Shape};
 use splatblur::scene_file::{self, SceneError, to_xml};
 
 /// A directory with `grid.nrrd`, 4 x 3 x 2 values from 0 to 23, and `samples.ply`.
@@ -31,7 +31,7 @@ impl Dir {
         self.0.path().join(name)
     }
 
-    fn load(&self, name: &str, options: &LoadOptions) -> Result<model::Loaded, ModelError> {
+    fn load(&self, name: &str, options: &LoadOptions) -> Result<model::LoadedModel, ModelError> {
         model::load(&self.path(name), options, &|_, _| {})
     }
 
@@ -39,12 +39,12 @@ impl Dir {
         self.load(name, options).unwrap().gaussians.unwrap()
     }
 
-    fn scene(&self, text: &str) -> Result<scene_file::Loaded, SceneError> {
+    fn scene(&self, text: &str) -> Result<scene_file::LoadedScene, SceneError> {
         fs::write(self.path("scene.xml"), text).unwrap();
         scene_file::load(&self.path("scene.xml"), &scene_file::LoadOptions::default())
     }
 
-    fn object(&self, attributes: &str, inside: &str) -> Result<scene_file::Loaded, SceneError> {
+    fn object(&self, attributes: &str, inside: &str) -> Result<scene_file::LoadedScene, SceneError> {
         self.scene(&format!("<scene><object><pointModel {attributes}>grid.nrrd</pointModel>{inside}</object></scene>"))
     }
 }
@@ -71,10 +71,10 @@ fn a_grid_is_a_model() {
     assert!(note.contains("no transfer function") && note.contains("from 0 at 0 to 2.5 at 23"), "{note}");
 
     let object = Object::load(dir.path("grid.nrrd")).unwrap();
-    assert!(object.model.is_volume() && object.model.is_empty() && !object.is_see_through());
+    assert!(matches!(object.shape, Shape::Volume(_)) && !object.is_see_through());
     // All of it counts, and +y is up.
-    assert_eq!(object.core(), object.bounds());
-    assert_eq!(object.bounds().max, DVec3::new(1.5, 2.0, 2.0));
+    assert_eq!(object.shape.core(), object.shape.bounds());
+    assert_eq!(object.shape.bounds().max, DVec3::new(1.5, 2.0, 2.0));
     assert_eq!(Scene::new([object]).camera.up, DVec3::Y);
 }
 
@@ -100,28 +100,30 @@ fn what_the_options_say_is_done() {
 fn a_scene_says_how_a_volume_is_drawn() {
     let dir = Dir::new();
     let scene = dir.object("", "").unwrap().scene;
-    assert_eq!((scene.objects[0].kind, &scene.objects[0].volume), (None, &VolumeOptions::default()));
+    let source = &scene.objects[0].source;
+    assert_eq!((source.options.kind, &source.options.volume), (None, &VolumeOptions::default()));
     let given = "kind='volume' kernel='0.8' flatten='infinite' lit='true' opacity='0.5' cropMin='0 0 1'";
     let inside = format!("{RAMP}<material diffuse='0.5'/>");
     let loaded = dir.object(given, &inside).unwrap();
     assert!(!loaded.notes.iter().any(|note| note.contains("mean nothing")), "{:?}", loaded.notes);
     let object = &loaded.scene.objects[0];
-    let VolumeOptions { transfer, kernel, flatten, lit } = &object.volume;
-    assert_eq!((object.kind, *kernel, *flatten, *lit), (Some(Kind::Volume), 0.8, f64::INFINITY, true));
+    let VolumeOptions { transfer, kernel, flatten, lit } = &object.source.options.volume;
+    assert_eq!((object.source.options.kind, *kernel, *flatten, *lit), (Some(Kind::Volume), 0.8, f64::INFINITY, true));
     let (colour, extinction) = transfer.as_ref().unwrap().at(10.0);
     assert_eq!((colour, extinction), (Vec3::new(0.5, 0.25, 0.5), 5.0));
-    assert_eq!((object.capture.opacity, object.bounds().min.z), (0.5, 1.0));
-    assert!(!object.model.gaussians().unwrap().normal.is_empty());
+    assert_eq!((object.opacity, object.shape.bounds().min.z), (0.5, 1.0));
+    assert!(!object.shape.gaussians().unwrap().gaussians().normal.is_empty());
 
     for (given, inside) in [(given, inside.as_str()), ("flatten='2.5'", ""), ("", RAMP), ("radiusScale='1.5'", "")] {
         let first = dir.object(given, inside).unwrap().scene;
         let xml = to_xml(&first, dir.0.path());
         let second = dir.scene(&xml).unwrap().scene;
         assert_eq!(
-            (&first.objects[0].volume, first.objects[0].kind),
-            (&second.objects[0].volume, second.objects[0].kind)
+            (&first.objects[0].source.options.volume, first.objects[0].source.options.kind),
+            (&second.objects[0].source.options.volume, second.objects[0].source.options.kind)
         );
-        assert_eq!(first.objects[0].model.gaussians(), second.objects[0].model.gaussians());
+        let gaussians = |scene: &Scene| scene.objects[0].shape.gaussians().unwrap().gaussians().clone();
+        assert_eq!(gaussians(&first), gaussians(&second));
         assert_eq!(to_xml(&second, dir.0.path()), xml);
     }
 }
@@ -147,7 +149,8 @@ fn volumes_named_alike_are_loaded_once() {
     let text: String = all.iter().map(|(attributes, inside)| object(attributes, inside)).collect();
     let objects = dir.scene(&format!("<scene>{text}</scene>")).unwrap().scene.objects;
     let same = |a: usize, b: usize| {
-        std::sync::Arc::ptr_eq(objects[a].model.gaussians().unwrap(), objects[b].model.gaussians().unwrap())
+        let [a, b] = [a, b].map(|i: usize| objects[i].shape.gaussians().unwrap().gaussians());
+        std::sync::Arc::ptr_eq(a, b)
     };
     let shared: Vec<(usize, usize)> =
         (0..8).flat_map(|a| (0..a).map(move |b| (b, a))).filter(|(a, b)| same(*a, *b)).collect();
@@ -157,12 +160,12 @@ fn volumes_named_alike_are_loaded_once() {
 #[test]
 fn what_means_nothing_is_noted() {
     let dir = Dir::new();
-    let noted = |loaded: Result<scene_file::Loaded, SceneError>, part: &str| {
+    let noted = |loaded: Result<scene_file::LoadedScene, SceneError>, part: &str| {
         let notes = loaded.unwrap().notes;
         assert!(notes.iter().any(|n| n.contains(part) && n.ends_with(" nothing here")), "{part}: {notes:?}");
     };
     noted(dir.object("shDegree='1'", ""), "`shDegree` and `antialias`");
-    noted(dir.object("", "<material opacity='0.5'/>"), "`opacity` and `reflection` of <material> are for surfels");
+    noted(dir.object("", "<material opacity='0.5'/>"), " of <material> are for surfels");
     fs::write(dir.path("grid.nrrd"), SAMPLES).unwrap();
     noted(dir.object("kind='surfels' lit='true'", ""), "`kernel`, `flatten`, `lit` and <transferFunction>");
     noted(dir.object("kind='surfels'", RAMP), "`kernel`, `flatten`, `lit` and <transferFunction>");
@@ -226,6 +229,6 @@ fn points_with_densities_and_radii_are_a_volume() {
 fn defaults_of_captures_are_kept_out_of_volumes() {
     let dir = Dir::new();
     let object = dir.object("", "").unwrap().scene.objects[0].clone();
-    assert_eq!(object.capture, Capture::default());
-    assert_eq!((object.opacity, object.material), (1.0, None));
+    let Shape::Volume(model) = &object.shape else { panic!("no volume") };
+    assert_eq!((model.crop, object.opacity, object.material), (None, 1.0, None));
 }

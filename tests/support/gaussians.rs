@@ -5,7 +5,7 @@ use glam::{DMat3, DVec2, DVec3};
 use splatblur::model::Gaussians;
 
 /// A camera of captures: y is down in the model.
-pub struct View {
+pub struct CaptureCamera {
     pub eye: DVec3,
     pub at: DVec3,
     /// Width and height, pixels.
@@ -20,7 +20,7 @@ const NEAR: f64 = 0.2;
 const DILATION: f64 = 0.3;
 
 /// The capture before black: coded red, green and blue, premultiplied, and alpha, row by row.
-pub fn picture(gaussians: &Gaussians, view: &View) -> Vec<[f64; 4]> {
+pub fn picture(gaussians: &Gaussians, view: &CaptureCamera) -> Vec<[f64; 4]> {
     let [width, height] = view.size;
     let forward = (view.at - view.eye).normalize();
     let right = forward.cross(DVec3::NEG_Y).normalize();

@@ -20,8 +20,7 @@ pub fn approaches_the_ideal_sphere<const N: usize>(counts: [usize; N], size: u32
     };
     let colour = Vec3::new(0.8, 0.6, 0.4);
     let mut ideal = base(1);
-    ideal.objects[0].model = Surfels::default().into();
-    ideal.objects[0].sphere = Some(Sphere { radius: 1.0, colour });
+    ideal.objects[0].shape = Sphere { radius: 1.0, colour }.into();
     let options = ReferenceOptions { samples: 256, ..ReferenceOptions::default() };
     let traced =
         |scene: &Scene| -> Picture { render(scene, 0, &options, None, &|_| ()).expect("valid options").picture };
@@ -30,9 +29,10 @@ pub fn approaches_the_ideal_sphere<const N: usize>(counts: [usize; N], size: u32
     let mut before = f64::INFINITY;
     counts.map(|n| {
         let mut scene = base(n);
-        let mut model = Surfels::clone(&scene.objects[0].model);
+        let surfels = scene.objects[0].shape.surfels().expect("a sphere of surfels").surfels();
+        let mut model = Surfels::clone(surfels);
         model.colour.fill(colour);
-        scene.objects[0].model = model.into();
+        scene.objects[0].shape = model.into();
         let difference = rms(&traced(&scene), &ideal);
         println!("{n} surfels: rms difference {difference:.2e}");
         assert!(difference < 0.6 * before, "{n}: {difference:.2e} after {before:.2e}");

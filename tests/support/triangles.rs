@@ -12,7 +12,7 @@ use super::Random;
 
 /// A pinhole camera.
 #[derive(Clone, Copy, Debug)]
-pub struct View {
+pub struct TriangleCamera {
     pub eye: DVec3,
     pub at: DVec3,
     pub up: DVec3,
@@ -22,7 +22,7 @@ pub struct View {
     pub size: [u32; 2],
 }
 
-impl View {
+impl TriangleCamera {
     /// The direction through a point of the film, pixels. Its part along the view is 1 long, so that a ray's parameter
     /// is the depth.
     fn direction(&self, [x, y]: [f64; 2]) -> DVec3 {
@@ -42,7 +42,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// Of rows from the top, red, green and blue in sRGB.
+    /// A texture of rows from the top, red, green and blue in sRGB.
     pub fn new(size: [u32; 2], texels: impl Iterator<Item = [u8; 3]>) -> Self {
         let linear = |byte: u8| {
             let x = f64::from(byte) / 255.0;
@@ -190,7 +190,7 @@ impl Triangles {
     }
 
     /// The mesh before a background: `side` x `side` rays a pixel, each at a random place of its part of the pixel.
-    pub fn picture(&self, view: &View, side: u32, background: DVec3) -> Picture {
+    pub fn picture(&self, view: &TriangleCamera, side: u32, background: DVec3) -> Picture {
         use rayon::prelude::*;
         let [width, height] = view.size;
         let rgba = (0..width * height).into_par_iter().map(|pixel| {
@@ -208,7 +208,7 @@ impl Triangles {
     }
 
     /// The depths of 3 x 3 rays in each pixel, where they meet anything.
-    pub fn depths(&self, view: &View) -> Vec<[Option<f64>; 9]> {
+    pub fn depths(&self, view: &TriangleCamera) -> Vec<[Option<f64>; 9]> {
         use rayon::prelude::*;
         let [width, height] = view.size;
         let ray = |pixel: u32, part: u32| {

@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 use splatblur::model::Gaussians;
 
 /// A pinhole camera; y is up.
-pub struct View {
+pub struct VolumeCamera {
     pub eye: DVec3,
     pub at: DVec3,
     /// Vertical angle of view, degrees.
@@ -17,7 +17,7 @@ pub struct View {
 /// Kernels farther from a ray than this many standard deviations do not count.
 const REACH: f64 = 7.0;
 
-impl View {
+impl VolumeCamera {
     /// Unit direction through a point of the film, pixels.
     fn direction(&self, [x, y]: [f64; 2]) -> DVec3 {
         let [width, height] = self.size.map(f64::from);
@@ -39,14 +39,14 @@ struct OnRay {
 }
 
 /// The volume before black at the centre of each pixel: premultiplied linear red, green and blue, and alpha.
-pub fn picture(gaussians: &Gaussians, view: &View) -> Vec<[f64; 4]> {
+pub fn picture(gaussians: &Gaussians, view: &VolumeCamera) -> Vec<[f64; 4]> {
     let [width, height] = view.size;
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
     pixels.map(|at| pixel(gaussians, view, at)).collect()
 }
 
 /// The same at the centre of one pixel.
-pub fn pixel(gaussians: &Gaussians, view: &View, at: [u32; 2]) -> [f64; 4] {
+pub fn pixel(gaussians: &Gaussians, view: &VolumeCamera, at: [u32; 2]) -> [f64; 4] {
     march(gaussians, view.eye, view.direction(at.map(|p| f64::from(p) + 0.5)))
 }
 

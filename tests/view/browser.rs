@@ -36,6 +36,7 @@ impl Browser {
 
 #[allow(clippy::too_many_lines, reason = "a session in its order")]
 #[test]
+#[ignore = "deep: a browser"]
 fn a_session() {
     let Some(mut browser) = browser_or_skip("a_session") else { return };
     let dir = tempfile::tempdir().unwrap();
@@ -175,6 +176,7 @@ fn a_session() {
 }
 
 #[test]
+#[ignore = "deep: a browser"]
 fn a_movie_is_saved_and_stopped() {
     let Some(mut browser) = browser_or_skip("a_movie_is_saved_and_stopped") else { return };
     let dir = tempfile::tempdir().unwrap();
@@ -203,6 +205,7 @@ fn a_movie_is_saved_and_stopped() {
 
 /// Everything that a mouse can do has a key, and the help names it.
 #[test]
+#[ignore = "deep: a browser"]
 fn every_control_has_a_key() {
     let Some(mut browser) = browser_or_skip("every_control_has_a_key") else { return };
     let dir = tempfile::tempdir().unwrap();
@@ -257,6 +260,7 @@ fn every_control_has_a_key() {
 /// The page fits its window, on screens with any number of pixels to a point. `VIEW_SCREENSHOTS` keeps what it looks
 /// like.
 #[test]
+#[ignore = "deep: a browser"]
 fn the_page_fits_its_window() {
     let Some(mut browser) = browser_or_skip("the_page_fits_its_window") else { return };
     let scene = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/three_objects.xml");

@@ -15,7 +15,7 @@ impl Page {
         self.say(&json!({ "type": "movie", "format": format }));
     }
 
-    /// What is told until the movie is no longer under way.
+    /// The messages until the movie is no longer under way.
     fn filmed(&mut self) -> Vec<Value> {
         let mut told = Vec::new();
         loop {

@@ -269,7 +269,7 @@ impl Lens {
     }
 }
 
-/// What is wrong in a file, and where.
+/// A fault of a file, and where it is.
 #[derive(Debug)]
 struct Fault {
     /// Empty, or the place with a colon and a blank behind it.

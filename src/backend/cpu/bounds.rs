@@ -3,8 +3,8 @@
 use glam::Vec3;
 
 /// Slack of screen bounds, pixels plus a share of the size: they must not be too small by rounding.
-const SLACK: f32 = 1e-3;
-const SLACK_SHARE: f32 = 1e-5;
+pub(in crate::backend) const SLACK: f32 = 1e-3;
+pub(in crate::backend) const SLACK_SHARE: f32 = 1e-5;
 
 /// Ends of the ellipse along one axis, relative to the projected centre and widened to the low-pass disc: the roots of
 /// d22 k^2 - 2 d02 k + d00 = 0 for d22 < 0. `inverse22`: 1 / d22. It comes first, as products of lengths may be too
@@ -46,13 +46,13 @@ pub(super) fn whole(x: f32) -> u16 {
 }
 
 /// Rounding of a coordinate of a disc, as a share of the coordinates that it is made of.
-const ROUNDING: f32 = 8.0 * f32::EPSILON;
+pub(in crate::backend) const ROUNDING: f32 = 8.0 * f32::EPSILON;
 
 /// Half the side of the regular octagon about a circle of radius 1: its corners are (+-1, +-this) and (+-this, +-1).
-const HALF_SIDE: f32 = 0.414_213_57;
+pub(in crate::backend) const HALF_SIDE: f32 = 0.414_213_57;
 
 /// Corners of that octagon, in order.
-const OCTAGON: [[f32; 2]; 8] = [
+pub(in crate::backend) const OCTAGON: [[f32; 2]; 8] = [
     [1.0, -HALF_SIDE],
     [1.0, HALF_SIDE],
     [HALF_SIDE, 1.0],

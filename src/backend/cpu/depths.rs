@@ -1,7 +1,7 @@
 //! How far behind the nearest surface a kernel still belongs to it (docs/math.md, section 4).
 
 /// Smallest depth tolerance, as a share of the depth: 4 units in the last place.
-const LEAST_EPSILON: f32 = 4.0 * f32::EPSILON;
+pub(in crate::backend) const LEAST_EPSILON: f32 = 4.0 * f32::EPSILON;
 
 /// What of the camera the pass needs, and the depth tolerance of the splats' object.
 #[derive(Clone, Copy, Debug)]

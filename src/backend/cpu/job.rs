@@ -11,7 +11,7 @@ pub(in crate::backend) struct Job<'a, S, O> {
     /// The splats of `chunks`.
     pub binned: &'a [Binned<S>],
     pub tile: TileRect,
-    /// Of the tile in its band.
+    /// Number of the tile in its band.
     pub index: usize,
     pub buffers: &'a mut TileBuffers,
     pub scratch: &'a mut Vec<u32>,

@@ -17,7 +17,7 @@ pub(in crate::backend) struct Strip {
 }
 
 impl Strip {
-    /// That of a raster; `None` without a rolling shutter.
+    /// The strip of a raster; `None` without a rolling shutter.
     pub(in crate::backend) fn of(raster: &Raster) -> Option<Self> {
         let axis = raster.readout?;
         let half = 0.5 * raster.size[axis] as f32;
@@ -51,10 +51,10 @@ pub(in crate::backend) struct Landing {
 
 /// Least speed of rows over a centre, as a share of the read-out's. What keeps pace with the read-out would be seen by
 /// all rows.
-const LEAST_SPEED: f32 = 1.0 / 256.0;
+pub(in crate::backend) const LEAST_SPEED: f32 = 1.0 / 256.0;
 
 impl Landing {
-    /// That of a centre (x, y, depth, in homogeneous pixel coordinates) with this motion from the middle to the last
+    /// Where a centre (x, y, depth, homogeneous pixel coordinates) lands with this motion from the middle to the last
     /// row. `AXIS` is the strip's, which the compiler knows, so that loops over surfels become vectors.
     #[inline(always)]
     pub(in crate::backend) fn new<const AXIS: usize>(strip: &Strip, centre: [f32; 3], motion: [f32; 3]) -> Self {

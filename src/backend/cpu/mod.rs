@@ -7,12 +7,12 @@
 
 pub(super) mod attribute;
 pub(super) mod bin;
-mod bounds;
+pub(super) mod bounds;
 pub(super) mod chunk;
 pub(super) mod clocks;
 pub(super) mod depths;
 pub(super) mod job;
-mod land;
+pub(super) mod land;
 mod memory;
 mod mirror;
 pub(super) mod paint;
@@ -184,7 +184,7 @@ impl Cpu {
                 let mut fixed = Fixed::default();
                 for position in &raster.positions {
                     let (planes, channels, clusters, clocks) = (&planes, &channels, &clusters[..], &clocks);
-                    let place = Place { frame, position, band, planes, channels, clusters, clocks };
+                    let place = BandPosition { frame, position, band, planes, channels, clusters, clocks };
                     let (memory, meter, stop) = (&mut self.memory, &*self.meter, &*self.stop);
                     let fixed = &mut fixed;
                     Executor { place, budget: &budget, memory, film, meter, stop, offsets, fixed }.run();
@@ -204,7 +204,7 @@ impl Cpu {
 
 /// Executes the steps of one sample position in one band.
 struct Executor<'a> {
-    place: Place<'a>,
+    place: BandPosition<'a>,
     budget: &'a Budget,
     memory: &'a mut Memory,
     /// The band's part of the raster's film.
@@ -213,7 +213,7 @@ struct Executor<'a> {
     stop: &'a Stop,
     /// Least and greatest offset of the raster's sample positions, raster pixels.
     offsets: [[f32; 2]; 2],
-    /// What is transparent and static in the band.
+    /// Transparent splats that are static in the band.
     fixed: &'a mut Fixed,
 }
 
@@ -229,7 +229,7 @@ fn of_group<'a>(frame: &Frame, opaque: &'a mut Vec<TileFilm>, film: &'a mut [Til
 
 /// One sample position in one band.
 #[derive(Clone, Copy)]
-struct Place<'a> {
+struct BandPosition<'a> {
     frame: &'a Frame,
     position: &'a Position,
     band: Band,
@@ -239,7 +239,7 @@ struct Place<'a> {
     clocks: &'a Clocks,
 }
 
-impl<'a> Place<'a> {
+impl<'a> BandPosition<'a> {
     /// Group `group` of the position, in `band`.
     fn scope(self, group: usize, band: Band) -> Scope<'a> {
         let Self { frame, position, planes, channels, clusters, clocks, .. } = self;

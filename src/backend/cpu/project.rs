@@ -25,7 +25,7 @@ const _: () = assert!(RUN.is_multiple_of(LANES));
 
 /// What `project` needs beside the surfels.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::backend) struct View<'a> {
+pub(in crate::backend) struct SurfelView<'a> {
     pub object: &'a PosedObject,
     /// As [`PosedObject::eyes`].
     pub eyes: [Vec3; 2],
@@ -49,7 +49,7 @@ pub(in crate::backend) struct View<'a> {
     pub clusters: Option<&'a Clusters>,
 }
 
-impl View<'_> {
+impl SurfelView<'_> {
     /// The strip that is read out while the object moves; `None` where it rests, or all pixels are exposed at once.
     pub(in crate::backend) fn strip(&self) -> Option<Strip> {
         Strip::of(&self.raster).filter(|_| self.object.moves)
@@ -76,7 +76,7 @@ impl View<'_> {
     }
 }
 
-/// What is known of a surfel beside its splat. All but `reference` is about the projected centre, in homogeneous pixel
+/// Numbers of a surfel beside its splat. All but `reference` are about the projected centre, in homogeneous pixel
 /// coordinates.
 #[derive(Clone, Copy)]
 pub(in crate::backend) struct Projected {
@@ -125,12 +125,17 @@ impl Sink for Vec<Splat> {
 dispatch! {
     /// Appends the splats of `surfels[range]` that may touch the wanted pixels, in surfel order.
     pub(in crate::backend) fn project(
-        view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Splat>,
+        view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Splat>,
     ) = project_body
 }
 
 #[inline(always)]
-pub(in crate::backend) fn project_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut impl Sink) {
+pub(in crate::backend) fn project_body(
+    view: &SurfelView<'_>,
+    surfels: &Surfels,
+    range: Range<usize>,
+    out: &mut impl Sink,
+) {
     let strip = view.strip();
     let mut run = Run::default();
     let mut first = range.start;
@@ -183,7 +188,7 @@ impl Run {
 
     /// Moves the positions along the paths of the surfels.
     #[inline(always)]
-    fn travel(&mut self, view: &View<'_>, range: Range<usize>) {
+    fn travel(&mut self, view: &SurfelView<'_>, range: Range<usize>) {
         add_rates(&mut self.position, view, range.clone(), view.object.elapsed);
         if view.raster.readout.is_some() && !view.paths.is_empty() {
             self.advance = [[0.0; RUN]; 3];
@@ -194,7 +199,7 @@ impl Run {
 
 /// Adds to points what surfels travel by themselves: the columns of their paths times `factors`.
 #[inline(always)]
-fn add_rates(points: &mut [[f32; RUN]; 3], view: &View<'_>, range: Range<usize>, factors: Elapsed<f32>) {
+fn add_rates(points: &mut [[f32; RUN]; 3], view: &SurfelView<'_>, range: Range<usize>, factors: Elapsed<f32>) {
     for (column, factor) in view.paths.columns.iter().zip(factors) {
         let Some(rates) = column.get(range.clone()) else { continue };
         for (l, rate) in rates.iter().enumerate() {
@@ -217,7 +222,7 @@ fn split(points: &[Vec3], [x, y, z]: &mut [[f32; RUN]; 3]) {
 
 /// `n` surfels, from surfel `first` of the run on; `surfel` is the index of that one in the model.
 #[inline(always)]
-fn project_lanes<S: Sink>(view: &View<'_>, run: &Run, first: usize, n: usize, surfel: u32, out: &mut S) {
+fn project_lanes<S: Sink>(view: &SurfelView<'_>, run: &Run, first: usize, n: usize, surfel: u32, out: &mut S) {
     let (position, axis_u, axis_v) =
         (lanes(&run.position, first), lanes(&run.axis_u, first), lanes(&run.axis_v, first));
     if !view.two_sided && !view.object.moves && all_face_away(view.object.eye, &position, &axis_u, &axis_v) {
@@ -228,7 +233,7 @@ fn project_lanes<S: Sink>(view: &View<'_>, run: &Run, first: usize, n: usize, su
         u: transform(&view.object.screen_from_model, Vec3::ZERO, &axis_u),
         v: transform(&view.object.screen_from_model, Vec3::ZERO, &axis_v),
     };
-    let mut shape = Shape::default();
+    let mut shape = SplatLanes::default();
     let mut of_sink = S::Lanes::default();
     for l in 0..LANES {
         let projected = project_lane::<1>(view, &posed, l, None, &mut shape);
@@ -241,7 +246,7 @@ fn project_lanes<S: Sink>(view: &View<'_>, run: &Run, first: usize, n: usize, su
 /// it lands.
 #[inline(always)]
 fn project_landing<const AXIS: usize, S: Sink>(
-    view: &View<'_>,
+    view: &SurfelView<'_>,
     strip: &Strip,
     run: &Run,
     first: usize,
@@ -267,7 +272,7 @@ fn project_landing<const AXIS: usize, S: Sink>(
         transform(&object.motion_from_model, Vec3::ZERO, &axis_v),
     ];
     let advance = transform(&object.centre_from_model, Vec3::ZERO, &lanes(&run.advance, first));
-    let mut shape = Shape::default();
+    let mut shape = SplatLanes::default();
     let mut of_sink = S::Lanes::default();
     for l in 0..LANES {
         let of = |m: &[Lanes; 3]| [m[0][l], m[1][l], m[2][l]];
@@ -288,9 +293,9 @@ fn project_landing<const AXIS: usize, S: Sink>(
 /// Hands those of `n` lanes on that show anything.
 #[inline(always)]
 fn push_lanes<S: Sink>(
-    view: &View<'_>,
+    view: &SurfelView<'_>,
     posed: &PosedLanes,
-    shape: &Shape,
+    shape: &SplatLanes,
     of_sink: &S::Lanes,
     n: usize,
     surfel: u32,
@@ -371,13 +376,16 @@ fn all_face_away(eye: Vec3, p: &[Lanes; 3], u: &[Lanes; 3], v: &[Lanes; 3]) -> b
     may_face == 0
 }
 
-const CULLED: u32 = 0;
-const ORDINARY: u32 = 1;
-const CROSSING: u32 = 2;
+/// No splat is made of the surfel.
+pub(in crate::backend) const CULLED: u32 = 0;
+/// The surfel lies before the camera plane.
+pub(in crate::backend) const ORDINARY: u32 = 1;
+/// The surfel reaches the camera plane.
+pub(in crate::backend) const CROSSING: u32 = 2;
 
 /// The splats of `LANES` surfels, field by field.
 #[derive(Default)]
-struct Shape {
+struct SplatLanes {
     kind: [u32; LANES],
     reference: [Lanes; 2],
     inverse_depth: [Lanes; 3],
@@ -393,11 +401,11 @@ struct Shape {
 /// T = [u v centre] (Sigg et al. 2006; docs/math.md): exact in perspective.
 #[inline(always)]
 fn project_lane<const AXIS: usize>(
-    view: &View<'_>,
+    view: &SurfelView<'_>,
     posed: &PosedLanes,
     l: usize,
     landing: Option<&Landing>,
-    shape: &mut Shape,
+    shape: &mut SplatLanes,
 ) -> Projected {
     let depth = posed.centre[2][l];
     let inverse = 1.0 / depth;
@@ -479,7 +487,7 @@ fn project_lane<const AXIS: usize>(
 }
 
 #[inline(always)]
-fn ordinary(shape: &Shape, l: usize, bounds: [u16; 4], surfel: u32) -> Splat {
+fn ordinary(shape: &SplatLanes, l: usize, bounds: [u16; 4], surfel: u32) -> Splat {
     let three = |form: &[Lanes; 3]| [form[0][l], form[1][l], form[2][l]];
     Splat {
         reference: [shape.reference[0][l], shape.reference[1][l]],
@@ -496,7 +504,7 @@ fn ordinary(shape: &Shape, l: usize, bounds: [u16; 4], surfel: u32) -> Splat {
 /// A splat that crosses the camera plane. It is bounded by the part of its disc beyond `near`, and pixels are counted
 /// from the camera's axis.
 #[inline(never)]
-fn push_crossing(view: &View<'_>, posed: &PosedLanes, l: usize, surfel: u32, out: &mut impl Sink) {
+fn push_crossing(view: &SurfelView<'_>, posed: &PosedLanes, l: usize, surfel: u32, out: &mut impl Sink) {
     let column = |m: &[Lanes; 3]| Vec3::new(m[0][l], m[1][l], m[2][l]);
     let (c, u, v) = (column(&posed.centre), column(&posed.u), column(&posed.v));
     let normal = u.cross(v);
@@ -521,7 +529,7 @@ fn push_crossing(view: &View<'_>, posed: &PosedLanes, l: usize, surfel: u32, out
 }
 
 /// Bounds of a disc that crosses the camera plane; `None` where it shows on no wanted pixel.
-fn crossing_bounds(view: &View<'_>, disc: &Disc) -> Option<[u16; 4]> {
+fn crossing_bounds(view: &SurfelView<'_>, disc: &Disc) -> Option<[u16; 4]> {
     let [x0, x1, y0, y1] = view.pixels.to_array();
     let origin = [0, 1].map(|i| view.raster.axis[i] - view.raster.offset[i]);
     let wanted = [[x0, x1], [y0, y1]];

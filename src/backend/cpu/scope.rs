@@ -10,7 +10,7 @@ use super::chunk::Chunk;
 use super::clocks::Clocks;
 use super::depths::Depths;
 use super::land::Strip;
-use super::project::View;
+use super::project::SurfelView;
 use super::resolve::Resolve;
 use super::tile_buffers::TileBuffers;
 use super::tiles::Band;
@@ -26,21 +26,21 @@ use crate::options::Prefilter;
 #[derive(Clone, Copy)]
 pub(in crate::backend) struct Scope<'a> {
     pub frame: &'a Frame,
-    /// Of the sample position.
+    /// The raster of the sample position.
     pub raster: &'a Raster,
     pub group: &'a PosedGroup,
     pub band: Band,
     pub planes: &'a FilmPlanes,
     pub channels: &'a Channels,
-    /// Of each object; empty where they are not known.
+    /// One for each object; empty where they are not known.
     pub clusters: &'a [Arc<Clusters>],
     pub clocks: &'a Clocks,
 }
 
 impl Scope<'_> {
     /// What `project` and `sweep` need for one chunk.
-    pub(in crate::backend) fn view(&self, chunk: &Chunk) -> View<'_> {
-        View {
+    pub(in crate::backend) fn view(&self, chunk: &Chunk) -> SurfelView<'_> {
+        SurfelView {
             object: &self.group.samples[chunk.sample].objects[chunk.object],
             eyes: self.group.samples[chunk.sample].objects[chunk.object].eyes(),
             raster: *self.raster,

@@ -13,7 +13,7 @@ pub(in crate::backend) struct TileBuffers {
     pub group_coverage: GroupCoverage,
     /// When kernels in motion cover; empty where there are none.
     pub coverage_mask: CoverageMask,
-    /// What is visible of kernels in motion; empty where there are none.
+    /// The visibility of kernels in motion; empty where there are none.
     pub slices: Slices,
     /// Depths and sums of kernels at instants.
     pub paint: PaintBuffers,
@@ -21,7 +21,7 @@ pub(in crate::backend) struct TileBuffers {
     pub peel: PeelBuffers,
 }
 
-/// What is visible of kernels in motion in each slice of the interval: for each of `TILE` rows, for each slice,
+/// The visibility of kernels in motion in each slice of the interval: for each of `TILE` rows, for each slice,
 /// `STRIDE` floats.
 #[derive(Clone, Debug, Default)]
 pub(in crate::backend) struct Slices {

@@ -21,7 +21,13 @@ use crate::shading::{ShadingLight, lobes, mirrored, towards_point};
 /// What the longer axis of a pixel's image on the surface counts in the variance of the filter of its texture; the
 /// shorter axis has the rest. With 1 lines that run to the horizon vanish, with less the rows near it alias
 /// (docs/measurements/meshes.md).
-const OF_LONGER: f32 = 0.7;
+pub(in crate::backend) const OF_LONGER: f32 = 0.7;
+
+/// Variance of the filter of level 0 of a texture, squares of a surfel's cut-off radius.
+pub(in crate::backend) const TEXTURE_VARIANCE: f32 = MIPMAP_SIGMA * MIPMAP_SIGMA;
+
+/// Variance of the last level of a texture, in those of level 0.
+pub(in crate::backend) const MOST_VARIANCE: f32 = (1 << (2 * MIPMAP_LEVELS)) as f32;
 
 /// Where values come from: an object at a time sample.
 #[derive(Clone, Copy, Debug)]
@@ -263,8 +269,6 @@ fn of_texture(surfels: &Surfels, i: usize, variance: f32) -> Vec3 {
 /// surfel's centre has no image, being nearer than `near`.
 #[inline(always)]
 fn texture_variance(surfels: &Surfels, paths: &Paths<'_>, i: usize, shown: &Shown<'_>) -> f32 {
-    /// Variance of the last level.
-    const MOST: f32 = (1 << (2 * MIPMAP_LEVELS)) as f32;
     let posed = shown.posed;
     let c = posed.screen_from_model * paths.place(surfels.position[i], i, posed.elapsed) + posed.screen_origin;
     let (u, v) = (posed.screen_from_model * surfels.axis_u[i], posed.screen_from_model * surfels.axis_v[i]);
@@ -280,9 +284,9 @@ fn texture_variance(surfels: &Surfels, paths: &Paths<'_>, i: usize, shown: &Show
     let longer = half + (if root > 0.0 { root } else { 0.0 }).sqrt();
     // On the surface the pixel is longest along the shorter axis of the image.
     let of_pixel = OF_LONGER * (longer / product) + (1.0 - OF_LONGER) / longer;
-    let variance = shown.footprint * shown.footprint * of_pixel * (1.0 / (MIPMAP_SIGMA * MIPMAP_SIGMA));
+    let variance = shown.footprint * shown.footprint * of_pixel * (1.0 / TEXTURE_VARIANCE);
     let variance = if variance > 1.0 && c.z >= shown.near { variance } else { 1.0 };
-    if variance < MOST { variance } else { MOST }
+    if variance < MOST_VARIANCE { variance } else { MOST_VARIANCE }
 }
 
 /// Screen velocity of a surfel's centre, raster pixels per shutter: the derivative of (x, y) = (X, Y) / depth. 0 where

@@ -6,14 +6,13 @@ use super::batches::segments;
 use super::buffers::Buffers;
 use super::captures;
 use super::constants::{
-    ewa_resolve_constants, resolve_constants, slice_constants, swept_constants, swept_resolve_constants,
-    value_constants,
+    paint_resolve_constants, slice_constants, swept_constants, swept_resolve_constants, value_constants,
 };
 use super::device::Device;
 use super::layout::{CAPTURE_STRIDES, DIGIT_BITS, UNIFORM_STRIDE};
 use super::models::ModelBuffer;
 use super::prepared::Prepared;
-use super::programs::{Constants, Pipelines, Program, Slot};
+use super::programs::{Constants, Kernel, Pipelines, Program, Slot};
 use super::timestamps::Marks;
 use super::{DeviceState, Gpu};
 use crate::backend::BackendError;
@@ -235,7 +234,7 @@ impl Binder<'_> {
             Slot::Histogram => &b.histogram,
             Slot::DigitTotals => &b.digit_totals,
             Slot::Thresholds => &b.thresholds,
-            Slot::WrittenValues | Slot::Values => &b.values,
+            Slot::Values => &b.values,
             Slot::Sums => &b.sums,
             // These are bound surfel buffer by surfel buffer and band by band.
             Slot::Film | Slot::Geometry | Slot::Looks => &b.film,
@@ -349,8 +348,10 @@ impl Binder<'_> {
                 SurfelPrograms::Published(map, self.published_programs(prepared, kernel, emitted)?)
             }
             Some(kernel) => SurfelPrograms::Sweep(self.swept_programs(prepared, kernel, emitted)?),
-            None if frame.has_filtered_kernels() => SurfelPrograms::Paint(self.filtered_programs(prepared, emitted)?),
-            None => SurfelPrograms::Paint(self.disc_programs(prepared, emitted)?),
+            None => {
+                let kernel = (Kernel::of(frame.prefilter), &prepared.channels);
+                SurfelPrograms::Paint(self.paint_programs(prepared, kernel, false, emitted)?)
+            }
         };
         let see_through = match prepared.see_through {
             Some(ref channels) => Some(self.see_through_programs(prepared, channels, emitted)?),
@@ -377,11 +378,9 @@ impl Binder<'_> {
         let Prepared { frame, channels, planes, .. } = prepared;
         let constants = match frame.swept {
             Some(kernel) => swept_resolve_constants(frame, kernel, channels, planes),
-            None if frame.has_filtered_kernels() => ewa_resolve_constants(frame, channels, planes),
-            None => resolve_constants(frame, channels, planes),
+            None => paint_resolve_constants(frame, channels, planes),
         };
         let program = match frame.swept.map(|kernel| kernel.normalise) {
-            None if frame.has_filtered_kernels() => Program::EwaResolve,
             None => Program::Resolve,
             Some(Normalise::Interval) => Program::SweptResolve,
             Some(Normalise::Once) => Program::Pool,
@@ -430,10 +429,10 @@ impl Binder<'_> {
         let none = Constants::new();
         Ok(MapPrograms {
             lists: ListPrograms {
-                project: self.of_surfels(Program::Project, &none, &prepared.surfel_buffers)?,
+                project: self.of_surfels(Program::Project(Kernel::Disc), &none, &prepared.surfel_buffers)?,
                 emit: self.program(Program::BinEmit, &none, emitted, &[])?,
             },
-            visibility: self.program(Program::Visibility, &none, 1, &[])?,
+            visibility: self.program(Program::Visibility(Kernel::Disc), &none, 1, &[])?,
             store: self.program(Program::StoreMap, &none, 0, &[])?,
         })
     }

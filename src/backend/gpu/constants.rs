@@ -1,13 +1,13 @@
 //! Values of the `override` constants of programs: what the frame needs, where channels and planes are.
 
 use super::memory::DeviceChannels;
-use super::programs::Constants;
+use super::programs::{Constants, Kernel};
 use crate::film::{Blending, FilmPlanes};
 use crate::frame::Frame;
 use crate::options::{KernelShape, KernelWeight, Shading, SweptKernel, TemporalAlpha};
 use crate::plan::LAYERS;
 
-/// The channels of sums.
+/// The channels of sums (`shaders/common/channels.wgsl`).
 pub(super) fn sum_constants(channels: &DeviceChannels) -> Constants {
     let at = |channel: Option<usize>| channel.unwrap_or(0) as u32;
     let shared = &channels.shared;
@@ -17,8 +17,11 @@ pub(super) fn sum_constants(channels: &DeviceChannels) -> Constants {
         ("VELOCITY", at(shared.velocity)),
         ("MATERIAL", at(shared.material)),
         ("REFLECTION", at(shared.reflection)),
+        ("OPACITY", at(channels.opacity)),
         ("SAMPLE_COVERAGE", at(channels.sample_coverage)),
+        ("PEAK", at(channels.peak)),
         ("CHANNELS", channels.count as u32),
+        ("LAYERS", channels.layers as u32),
         ("VALUES", channels.values),
     ]
 }
@@ -36,57 +39,29 @@ fn face(frame: &Frame) -> (&'static str, u32) {
     ("FACE", frame.surroundings.as_ref().map_or(0, |surroundings| surroundings.cube.face() as u32))
 }
 
-/// The layers of full EWA.
-fn layers(channels: &DeviceChannels) -> [(&'static str, u32); 2] {
-    [("LAYERS", channels.layers as u32), ("PEAK", channels.peak.unwrap_or(0) as u32)]
+/// How the depths of a tile lie (`shaders/common/depths.wgsl`). `peels`: layers are peeled off.
+pub(super) fn depth_constants(kernel: Kernel, peels: bool) -> Constants {
+    vec![("FILTERED", u32::from(kernel.is_filtered())), ("PEEL", u32::from(peels))]
 }
 
-/// For pass `attribute` of full EWA.
-pub(super) fn ewa_constants(channels: &DeviceChannels) -> Constants {
-    let mut constants = sum_constants(channels);
-    constants.extend(layers(channels));
-    constants
-}
-
-/// The channel of opacities, and that layers are peeled off.
-fn of_peel(channels: &DeviceChannels) -> [(&'static str, u32); 2] {
-    [("OPACITY", channels.opacity.unwrap_or(0) as u32), ("PEEL", 1)]
-}
-
-/// For `splat_values` of see-through surfels.
-pub(super) fn peel_value_constants(frame: &Frame, channels: &DeviceChannels) -> Constants {
-    let mut constants = value_constants(frame, channels);
-    constants.extend(of_peel(channels).into_iter().take(1));
-    constants
-}
-
-/// For pass `attribute` of see-through surfels.
-pub(super) fn peel_constants(channels: &DeviceChannels) -> Constants {
-    let mut constants = ewa_constants(channels);
-    constants.extend(of_peel(channels));
+/// For pass `resolve` of kernels at instants.
+pub(super) fn paint_resolve_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
+    let mut constants = resolve_constants(frame, channels, planes);
+    constants.extend(depth_constants(Kernel::of(frame.prefilter), false));
     constants
 }
 
 /// For the programs that make layers of what is peeled off. The films of layers have a plane more.
-pub(super) fn peel_resolve_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
+pub(super) fn peel_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
     let mut constants = resolve_constants(frame, channels, &FilmPlanes { count: planes.count + 1, ..*planes });
-    constants.extend(layers(channels));
-    constants.extend(of_peel(channels));
+    constants.extend(depth_constants(Kernel::Filtered, true));
     constants.extend([("APRONS", u32::from(frame.has_filtered_kernels())), ("MOST_LAYERS", u32::from(LAYERS))]);
-    constants
-}
-
-/// For pass `resolve` of full EWA.
-pub(super) fn ewa_resolve_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
-    let mut constants = resolve_constants(frame, channels, planes);
-    constants.extend(layers(channels));
     constants
 }
 
 /// For pass `attribute` of kernels in motion.
 pub(super) fn swept_constants(frame: &Frame, swept: SweptKernel, channels: &DeviceChannels) -> Constants {
     let mut constants = sum_constants(channels);
-    constants.retain(|(name, _)| !["MATERIAL", "REFLECTION", "SAMPLE_COVERAGE"].contains(name));
     constants.push(("SUM", u32::from(swept.alpha == TemporalAlpha::Sum)));
     if swept.is_published() {
         constants.push(("LINE", u32::from(swept.weight == KernelWeight::Line)));
@@ -103,11 +78,10 @@ pub(super) fn slice_constants(frame: &Frame) -> Constants {
     vec![("SLICES", frame.slices().max(1))]
 }
 
-/// For pass `resolve`.
-pub(super) fn resolve_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
+/// For passes `resolve`: channels, and where the planes of films are.
+fn resolve_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
     let at = |plane: Option<usize>| plane.unwrap_or(0) as u32;
     let mut constants = sum_constants(channels);
-    constants.retain(|(name, _)| *name != "VALUES");
     constants.extend([
         ("PHONG", u32::from(frame.shading == Shading::Phong)),
         ("DEPTH_PLANE", at(planes.depth)),
@@ -138,7 +112,7 @@ pub(super) fn composite_constants(frame: &Frame, channels: &DeviceChannels, plan
     let mut constants = channels_of_composite(frame, channels, planes);
     constants.extend([
         ("OWN", channels.composite.own as u32),
-        ("APRONS", u32::from(frame.has_filtered_kernels())),
+        ("FILTERED", u32::from(frame.has_filtered_kernels())),
         ("OPEN", at(channels.composite.open)),
         ("NEXT", at(channels.composite.next)),
         ("MOST_LAYERS", u32::from(LAYERS)),

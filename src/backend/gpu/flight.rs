@@ -1,4 +1,4 @@
-//! Frames under way: what the host needs to develop the film once the device is done.
+//! Submissions: what the host needs to develop the film of a frame once the device is done.
 
 use wgpu::{Buffer, BufferUsages, MapMode, PollType, SubmissionIndex};
 

@@ -15,7 +15,7 @@ use crate::plan::PosedInterval;
 
 /// One sample position in one band.
 #[derive(Clone, Copy)]
-pub(in crate::backend) struct Place<'a> {
+pub(in crate::backend) struct JobPlace<'a> {
     pub prepared: &'a Prepared<'a>,
     pub programs: &'a BoundPrograms,
     pub position: &'a Position,
@@ -29,7 +29,7 @@ pub(in crate::backend) struct Place<'a> {
 /// One group of a place, for one step.
 #[derive(Clone, Copy)]
 pub(in crate::backend) struct Job<'a> {
-    pub place: Place<'a>,
+    pub place: JobPlace<'a>,
     pub group: &'a PosedGroup,
     /// Is it of see-through surfels?
     pub see_through: bool,
@@ -45,7 +45,7 @@ pub(in crate::backend) struct Job<'a> {
     pub slope: f32,
 }
 
-impl<'a> Place<'a> {
+impl<'a> JobPlace<'a> {
     /// The band's pixels.
     pub(in crate::backend) fn area(&self) -> Area {
         self.prepared.schedule.rasters[self.raster].area(self.band)
@@ -59,9 +59,9 @@ impl<'a> Place<'a> {
         Job { place: self, group, see_through: false, low_pass: true, area, map, has_opaque: false, slope: 0.0 }
     }
 
-    /// The same for filtered kernels. Its pixels are those of the band and of the apron around it; its tiles are the
+    /// The same for kernels at instants. Its pixels are those of the band and of the apron around it; its tiles are the
     /// band's.
-    pub(in crate::backend) fn filtered_job(self, group: usize, see_through: bool) -> Job<'a> {
+    pub(in crate::backend) fn paint_job(self, group: usize, see_through: bool) -> Job<'a> {
         let (job, raster) = (self.job(group), self.raster(see_through));
         let pixels = job.area.pixels.widened(raster.apron() as i32, raster.size);
         Job { area: Area { pixels, ..job.area }, see_through, low_pass: !see_through, ..job }

@@ -68,6 +68,21 @@ pub(in crate::backend) struct View {
 pub(in crate::backend) const OPAQUE_SURFELS: u32 = 1;
 pub(in crate::backend) const SEE_THROUGH_SURFELS: u32 = 2;
 
+/// Kinds of [`Light`], the w of its vector. All others are point lights.
+pub(in crate::backend) const AMBIENT: f32 = 0.0;
+pub(in crate::backend) const DIRECTIONAL: f32 = 1.0;
+
+/// Bits of [`CaptureSegment::flags`]: the capture is drawn as it was trained with antialiasing.
+pub(in crate::backend) const FLAG_ANTIALIAS: u32 = 1;
+/// Linear colours are encoded.
+pub(in crate::backend) const FLAG_ENCODE: u32 = 2;
+/// The Gaussians are those of a volume.
+pub(in crate::backend) const FLAG_VOLUME: u32 = 4;
+/// The volume has normals, and is lit.
+pub(in crate::backend) const FLAG_LIT: u32 = 8;
+/// The layers of a volume stay those of the last projection.
+pub(in crate::backend) const FLAG_KEEP_LAYER: u32 = 16;
+
 /// Some surfels of one surfel buffer, posed at one time sample; or only the weight of a sample.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -290,8 +305,8 @@ pub(in crate::backend) fn lights(samples: &[PosedSample]) -> Vec<Light> {
 
 fn light(light: &ShadingLight) -> Light {
     let (vector, kind, colour) = match *light {
-        ShadingLight::Ambient { colour } => (Vec3::ZERO, 0.0, colour),
-        ShadingLight::Directional { towards, colour } => (towards, 1.0, colour),
+        ShadingLight::Ambient { colour } => (Vec3::ZERO, AMBIENT, colour),
+        ShadingLight::Directional { towards, colour } => (towards, DIRECTIONAL, colour),
         ShadingLight::Point { position, colour } => (position, 2.0, colour),
     };
     Light { vector: vector.extend(kind).to_array(), colour: colour.extend(0.0).to_array() }

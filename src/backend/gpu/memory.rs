@@ -17,6 +17,8 @@ pub(in crate::backend) const ENTRIES_PER_SLOT: u64 = 3;
 const ENTRY_BYTES: u64 = 17;
 /// Bytes of a tile of the map beside its start: the map and thresholds.
 const MAP_TILE_BYTES: u64 = 2 * 4 * TILE_PIXELS + 4;
+/// Planes of the coverage mask of kernels in motion that are not published.
+pub(in crate::backend) const MASKS: u64 = 5;
 /// Bytes of a plane of a tile's coverage mask.
 const MASK_BYTES: u64 = 4 * TILE_PIXELS;
 /// Bytes of a tile's thresholds.
@@ -30,8 +32,8 @@ const GAUSSIAN_BYTES: u64 = size_of::<DeviceGaussian>() as u64 + 4;
 /// Layers of full EWA: before the nearest disc of a pixel, at it, at the next one, and behind that.
 const EWA_LAYERS: usize = 4;
 
-/// Bytes of the depths of a tile under full EWA, as `shaders/common/ewa.wgsl` has them: of the tile and its apron, in
-/// quads, then three more planes of the tile.
+/// Bytes of the depths of a tile under full EWA, as `shaders/common/depths.wgsl` has them: of the tile and its apron,
+/// in quads, then three more planes of the tile.
 pub(in crate::backend) fn ewa_depth_bytes(apron: usize) -> u64 {
     let row = 4 + 2 * (apron as u64).div_ceil(4);
     16 * (row * (u64::from(TILE) + 2 * apron as u64)) + 3 * THRESHOLD_BYTES
@@ -65,7 +67,7 @@ pub(in crate::backend) struct DeviceChannels {
     pub composite: CompositeChannels,
 }
 
-/// Channels of a composite of what is transparent. All are 0 where nothing is.
+/// Channels of the composite of captures, volumes and layers. All are 0 in a frame without them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::backend) struct CompositeChannels {
     /// Those that splats have: transmittance, colour, then depth, then velocity.
@@ -110,7 +112,7 @@ impl DeviceChannels {
         Self::with(frame, Channels::of(frame), if frame.has_filtered_kernels() { EWA_LAYERS } else { 1 })
     }
 
-    /// Those of see-through surfels; `None` where there are none.
+    /// The channels of see-through surfels; `None` where there are none.
     pub(in crate::backend) fn see_through(frame: &Frame) -> Option<Self> {
         frame.has_see_through().then(|| Self::with(frame, Channels::of(frame).with_opacity(), PEEL_LAYERS))
     }
@@ -259,7 +261,7 @@ impl Schedule {
         let mask_bytes = MASK_BYTES
             * match frame.swept {
                 Some(kernel) if kernel.is_published() => 3,
-                Some(_) => 5,
+                Some(_) => MASKS,
                 None => 0,
             };
         let opaque_bytes = if frame.blending.is_some() { 4 * TILE_PIXELS * planes.count as u64 } else { 0 };

@@ -46,7 +46,8 @@ use crate::stop::Stop;
 pub struct Gpu {
     pub(super) state: DeviceState,
     clusters: ClusterStore,
-    /// Frames that were begun, in order.
+    /// Submissions that are not read back, in order. They are no second queue of frames, but what the device needs to
+    /// give back the film of each frame in `FrameQueue`.
     flights: VecDeque<Flight>,
     landings: Vec<Landing>,
     /// Most bytes of a buffer that a program can bind.

@@ -5,64 +5,49 @@ use wgpu::ComputePass;
 
 use super::batches::Batch;
 use super::bind::{Binder, ListPrograms, PaintPrograms};
-use super::constants::{ewa_constants, sum_constants, value_constants};
+use super::constants::{depth_constants, sum_constants, value_constants};
 use super::job::{Job, StepWork, dispatch, of_segments};
 use super::memory::DeviceChannels;
 use super::prepared::Prepared;
-use super::programs::{Constants, Program};
+use super::programs::{Kernel, Program, Slot};
 use super::timestamps::Stage;
 use crate::backend::BackendError;
 use crate::layout::{EwaSplat, Splat};
 use crate::plan::PaintPass;
 
-/// Size of a filtered splat in splats.
-pub(super) const PARTS: (&str, u32) = ("SPLATS", (size_of::<EwaSplat>() / size_of::<Splat>()) as u32);
-
 impl Binder<'_> {
-    /// Binds the programs of discs, with low-pass discs or without. New lists go to the sort's buffers other than
-    /// `emitted`.
-    pub(super) fn disc_programs(
+    /// Binds the programs of kernels whose channels are `channels`. `peels`: layers are peeled off them, and their
+    /// depths are in a buffer of their own. New lists go to the sort's buffers other than `emitted`.
+    pub(super) fn paint_programs(
         &mut self,
         prepared: &Prepared<'_>,
+        (kernel, channels): (Kernel, &DeviceChannels),
+        peels: bool,
         emitted: usize,
     ) -> Result<PaintPrograms, BackendError> {
-        let Prepared { frame, channels, surfel_buffers, .. } = prepared;
-        let none = Constants::new();
-        let values = value_constants(frame, channels);
+        let Prepared { frame, surfel_buffers, .. } = prepared;
+        let depths = if peels { &self.buffers.peeled } else { &self.buffers.thresholds };
+        let depths = [(Slot::Thresholds, depths.as_entire_buffer_binding())];
+        let of_depths = depth_constants(kernel, peels);
+        // Flags are in the first part, and the bounds of lists in the last.
+        let parts =
+            ("SPLATS", if kernel.is_filtered() { size_of::<EwaSplat>() / size_of::<Splat>() } else { 1 } as u32);
+        let mut values = value_constants(frame, channels);
+        values.push(parts);
+        let mut sums = sum_constants(channels);
+        sums.extend(&of_depths);
+        let second =
+            channels.is_layered().then(|| self.program(Program::Second, &of_depths, 1, &depths)).transpose()?;
         Ok(PaintPrograms {
             lists: ListPrograms {
-                project: self.of_surfels(Program::Project, &none, surfel_buffers)?,
-                emit: self.program(Program::BinEmit, &none, emitted, &[])?,
+                project: self.of_surfels(Program::Project(kernel), &of_depths, surfel_buffers)?,
+                emit: self.program(Program::BinEmit, &vec![parts, ("PART", parts.1 - 1)], emitted, &[])?,
             },
             // The sorted lists are in the first buffers.
-            visibility: self.program(Program::Visibility, &none, 1, &[])?,
-            second: None,
-            splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
-            attribute: self.program(Program::SumAttributes, &sum_constants(channels), 1, &[])?,
-        })
-    }
-
-    /// Binds the programs of filtered kernels. New lists go to the sort's buffers other than `emitted`.
-    pub(super) fn filtered_programs(
-        &mut self,
-        prepared: &Prepared<'_>,
-        emitted: usize,
-    ) -> Result<PaintPrograms, BackendError> {
-        let Prepared { frame, channels, surfel_buffers, .. } = prepared;
-        let none = Constants::new();
-        // Flags are those of the disc, which comes first.
-        let mut values = value_constants(frame, channels);
-        values.push(PARTS);
-        let second = channels.is_layered().then(|| self.program(Program::EwaSecond, &none, 1, &[])).transpose()?;
-        Ok(PaintPrograms {
-            lists: ListPrograms {
-                project: self.of_surfels(Program::EwaProject, &none, surfel_buffers)?,
-                emit: self.program(Program::BinEmit, &vec![PARTS, ("PART", 1)], emitted, &[])?,
-            },
-            visibility: self.program(Program::EwaVisibility, &none, 1, &[])?,
+            visibility: self.program(Program::Visibility(kernel), &of_depths, 1, &depths)?,
             second,
             splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
-            attribute: self.program(Program::EwaAttribute, &ewa_constants(channels), 1, &[])?,
+            attribute: self.program(Program::Attribute(kernel), &sums, 1, &depths)?,
         })
     }
 }

@@ -6,6 +6,7 @@ use wgpu::{BindGroupLayout, BindingType, BufferBindingType, ShaderStages};
 
 use super::device::Device;
 use crate::backend::BackendError;
+use crate::options::Prefilter;
 
 /// Names of the buffers that programs bind. The number is the binding in group 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -28,7 +29,6 @@ pub(in crate::backend) enum Slot {
     SortedKeys = 15,
     SortedList = 16,
     Thresholds = 17,
-    WrittenValues = 18,
     Values = 19,
     Sums = 20,
     Film = 21,
@@ -46,10 +46,21 @@ pub(in crate::backend) enum Slot {
     Environment = 37,
 }
 
+/// A kind of kernels at instants: what is stored of one, and how it weighs (`shaders/paint/kernel.wgsl`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(in crate::backend) enum Kernel {
+    /// A disc.
+    Disc,
+    /// A disc with a low-pass disc on the screen, as published.
+    LowPass,
+    /// A disc that the filter of full EWA widens.
+    Filtered,
+}
+
 /// A compute program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::backend) enum Program {
-    Project,
+    Project(Kernel),
     BinReduce,
     BinScan,
     BinEmit,
@@ -57,9 +68,10 @@ pub(in crate::backend) enum Program {
     SortScan,
     SortScatter,
     BinStarts,
-    Visibility,
+    Visibility(Kernel),
+    Second,
     SplatValues,
-    SumAttributes,
+    Attribute(Kernel),
     Resolve,
     Sweep,
     SweptVisibility,
@@ -70,11 +82,6 @@ pub(in crate::backend) enum Program {
     StoreMap,
     PublishedSweep,
     PublishedAttribute,
-    EwaProject,
-    EwaVisibility,
-    EwaSecond,
-    EwaAttribute,
-    EwaResolve,
     GaussianProject,
     Gather,
     Composite,
@@ -89,29 +96,63 @@ macro_rules! wgsl {
     ($($file:literal),+ $(,)?) => { concat!($(include_str!(concat!("../../../shaders/", $file)), "\n"),+) };
 }
 
+const DISC: &str = wgsl!("paint/unfiltered.wgsl", "paint/disc.wgsl");
+const LOW_PASS: &str = wgsl!("paint/unfiltered.wgsl", "published/low_pass.wgsl");
+const FILTERED: &str = wgsl!("paint/filtered.wgsl");
 const PROJECT: &str = wgsl!(
     "common/types.wgsl",
+    "common/fast.wgsl",
     "common/wanted.wgsl",
     "common/bounds.wgsl",
     "common/paths.wgsl",
     "common/land.wgsl",
     "common/posed.wgsl",
-    "project.wgsl",
+    "common/hit.wgsl",
+    "common/depths.wgsl",
+    "paint/kernel.wgsl",
+    "paint/project.wgsl",
 );
 const BIN: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/scan.wgsl", "bin.wgsl");
-const VISIBILITY: &str = wgsl!("common/types.wgsl", "common/wanted.wgsl", "common/hit.wgsl", "visibility.wgsl");
+const VISIBILITY: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/wanted.wgsl",
+    "common/hit.wgsl",
+    "common/list.wgsl",
+    "common/depths.wgsl",
+    "paint/kernel.wgsl",
+    "paint/visibility.wgsl",
+);
+const VALUES: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/channels.wgsl",
+    "common/shading.wgsl",
+    "common/environment.wgsl",
+    "common/paths.wgsl",
+    "values.wgsl",
+);
 const ATTRIBUTE: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
-    "common/shading.wgsl",
-    "common/environment.wgsl",
+    "common/channels.wgsl",
     "common/hit.wgsl",
     "common/list.wgsl",
-    "common/paths.wgsl",
-    "attribute.wgsl",
+    "common/depths.wgsl",
+    "paint/kernel.wgsl",
+    "paint/sums.wgsl",
+    "paint/attribute.wgsl",
 );
-const RESOLVE: &str =
-    wgsl!("common/types.wgsl", "common/fast.wgsl", "common/shading.wgsl", "common/environment.wgsl", "resolve.wgsl");
+const RESOLVE: &str = wgsl!(
+    "common/types.wgsl",
+    "common/fast.wgsl",
+    "common/channels.wgsl",
+    "common/shading.wgsl",
+    "common/environment.wgsl",
+    "common/depths.wgsl",
+    "resolve.wgsl",
+    "paint/resolve.wgsl",
+);
 const SWEEP: &str = wgsl!(
     "common/types.wgsl",
     "common/wanted.wgsl",
@@ -140,6 +181,7 @@ const SWEPT_ATTRIBUTE: &str = wgsl!(
     "common/sweep.wgsl",
     "common/ray.wgsl",
     "common/list.wgsl",
+    "common/channels.wgsl",
     "swept/sums.wgsl",
     "swept/attribute.wgsl",
 );
@@ -162,6 +204,7 @@ const PUBLISHED_ATTRIBUTE: &str = wgsl!(
     "common/sweep.wgsl",
     "common/ray.wgsl",
     "common/list.wgsl",
+    "common/channels.wgsl",
     "swept/sums.wgsl",
     "published/attribute.wgsl",
 );
@@ -170,49 +213,10 @@ const SWEPT_RESOLVE: &str = wgsl!(
     "common/fast.wgsl",
     "common/shading.wgsl",
     "common/environment.wgsl",
+    "common/channels.wgsl",
     "resolve.wgsl",
-    "swept/resolve.wgsl"
+    "swept/resolve.wgsl",
 );
-const EWA_PROJECT: &str = wgsl!(
-    "common/types.wgsl",
-    "common/wanted.wgsl",
-    "common/bounds.wgsl",
-    "common/paths.wgsl",
-    "common/land.wgsl",
-    "common/posed.wgsl",
-    "common/ewa.wgsl",
-    "ewa/project.wgsl",
-);
-const EWA_VISIBILITY: &str = wgsl!(
-    "common/types.wgsl",
-    "common/wanted.wgsl",
-    "common/hit.wgsl",
-    "common/list.wgsl",
-    "common/ewa.wgsl",
-    "ewa/visibility.wgsl",
-);
-const EWA_ATTRIBUTE: &str = wgsl!(
-    "common/types.wgsl",
-    "common/fast.wgsl",
-    "common/shading.wgsl",
-    "common/environment.wgsl",
-    "common/hit.wgsl",
-    "common/list.wgsl",
-    "common/ewa.wgsl",
-    "common/paths.wgsl",
-    "attribute.wgsl",
-    "ewa/attribute.wgsl",
-);
-const EWA_RESOLVE: &str = wgsl!(
-    "common/types.wgsl",
-    "common/fast.wgsl",
-    "common/shading.wgsl",
-    "common/environment.wgsl",
-    "common/ewa.wgsl",
-    "resolve.wgsl",
-    "ewa/resolve.wgsl",
-);
-
 const GAUSSIAN_PROJECT: &str = wgsl!(
     "common/types.wgsl",
     "common/fast.wgsl",
@@ -237,7 +241,7 @@ const COMPOSITE: &str = wgsl!(
     "common/wanted.wgsl",
     "common/hit.wgsl",
     "common/list.wgsl",
-    "common/ewa.wgsl",
+    "common/depths.wgsl",
     "common/gaussian.wgsl",
     "common/srgb.wgsl",
     "transparent/composite.wgsl",
@@ -255,19 +259,48 @@ const PEEL: &str = wgsl!(
     "common/fast.wgsl",
     "common/shading.wgsl",
     "common/environment.wgsl",
-    "common/ewa.wgsl",
+    "common/channels.wgsl",
+    "common/depths.wgsl",
     "common/wanted.wgsl",
     "resolve.wgsl",
     "transparent/peel.wgsl",
 );
+
+impl Kernel {
+    /// The kernels at instants of a frame.
+    pub(in crate::backend) const fn of(prefilter: Prefilter) -> Self {
+        match prefilter {
+            // A frame has chosen.
+            Prefilter::None | Prefilter::Auto => Self::Disc,
+            Prefilter::Approx => Self::LowPass,
+            Prefilter::Ewa => Self::Filtered,
+        }
+    }
+
+    /// Does a filter widen it? Then tiles have an apron, and programs the constant `FILTERED`.
+    pub(in crate::backend) const fn is_filtered(self) -> bool {
+        matches!(self, Self::Filtered)
+    }
+
+    /// The text of a stored kernel: its type, and functions of it.
+    const fn wgsl(self) -> &'static str {
+        match self {
+            Self::Disc => DISC,
+            Self::LowPass => LOW_PASS,
+            Self::Filtered => FILTERED,
+        }
+    }
+}
 
 /// The buffers that a program only reads, and those that it writes.
 type Buffers = (&'static [Slot], &'static [Slot]);
 
 impl Program {
     #[cfg(test)]
-    pub(in crate::backend) const ALL: [Self; 33] = [
-        Self::Project,
+    pub(in crate::backend) const ALL: [Self; 35] = [
+        Self::Project(Kernel::Disc),
+        Self::Project(Kernel::LowPass),
+        Self::Project(Kernel::Filtered),
         Self::BinReduce,
         Self::BinScan,
         Self::BinEmit,
@@ -275,9 +308,14 @@ impl Program {
         Self::SortScan,
         Self::SortScatter,
         Self::BinStarts,
-        Self::Visibility,
+        Self::Visibility(Kernel::Disc),
+        Self::Visibility(Kernel::LowPass),
+        Self::Visibility(Kernel::Filtered),
+        Self::Second,
         Self::SplatValues,
-        Self::SumAttributes,
+        Self::Attribute(Kernel::Disc),
+        Self::Attribute(Kernel::LowPass),
+        Self::Attribute(Kernel::Filtered),
         Self::Resolve,
         Self::Sweep,
         Self::StoreMap,
@@ -288,11 +326,6 @@ impl Program {
         Self::SweptResolve,
         Self::Pool,
         Self::Finish,
-        Self::EwaProject,
-        Self::EwaVisibility,
-        Self::EwaSecond,
-        Self::EwaAttribute,
-        Self::EwaResolve,
         Self::GaussianProject,
         Self::Gather,
         Self::Composite,
@@ -302,9 +335,19 @@ impl Program {
         Self::PeelLeftOut,
     ];
 
-    pub(in crate::backend) const fn wgsl(self) -> &'static str {
+    /// The text of a program; that of its kernel comes first.
+    pub(in crate::backend) fn wgsl(self) -> String {
+        let kernel = match self {
+            Self::Project(kernel) | Self::Visibility(kernel) | Self::Attribute(kernel) => kernel.wgsl(),
+            Self::Second => Kernel::Filtered.wgsl(),
+            _ => "",
+        };
+        [kernel, self.own_wgsl()].concat()
+    }
+
+    const fn own_wgsl(self) -> &'static str {
         match self {
-            Self::Project => PROJECT,
+            Self::Project(_) => PROJECT,
             Self::BinReduce
             | Self::BinScan
             | Self::BinEmit
@@ -312,18 +355,15 @@ impl Program {
             | Self::SortCount
             | Self::SortScan
             | Self::SortScatter => BIN,
-            Self::Visibility => VISIBILITY,
-            Self::SplatValues | Self::SumAttributes => ATTRIBUTE,
+            Self::Visibility(_) | Self::Second => VISIBILITY,
+            Self::SplatValues => VALUES,
+            Self::Attribute(_) => ATTRIBUTE,
             Self::Resolve => RESOLVE,
             Self::Sweep => SWEEP,
             Self::StoreMap => MAP,
             Self::SweptVisibility => SWEPT_VISIBILITY,
             Self::SweptAttribute => SWEPT_ATTRIBUTE,
             Self::SweptResolve | Self::Pool | Self::Finish => SWEPT_RESOLVE,
-            Self::EwaProject => EWA_PROJECT,
-            Self::EwaVisibility | Self::EwaSecond => EWA_VISIBILITY,
-            Self::EwaAttribute => EWA_ATTRIBUTE,
-            Self::EwaResolve => EWA_RESOLVE,
             Self::PublishedSweep => PUBLISHED_SWEEP,
             Self::PublishedAttribute => PUBLISHED_ATTRIBUTE,
             Self::GaussianProject => GAUSSIAN_PROJECT,
@@ -336,7 +376,7 @@ impl Program {
 
     pub(in crate::backend) const fn entry(self) -> &'static str {
         match self {
-            Self::Project => "project",
+            Self::Project(_) => "project",
             Self::BinReduce => "bin_reduce",
             Self::BinScan => "bin_scan",
             Self::BinEmit => "bin_emit",
@@ -344,9 +384,10 @@ impl Program {
             Self::SortScan => "sort_scan",
             Self::SortScatter => "sort_scatter",
             Self::BinStarts => "bin_starts",
-            Self::Visibility => "visibility",
+            Self::Visibility(_) => "visibility",
+            Self::Second => "second",
             Self::SplatValues => "splat_values",
-            Self::SumAttributes => "sum_attributes",
+            Self::Attribute(_) => "sum_attributes",
             Self::Resolve => "resolve",
             Self::Sweep => "sweep",
             Self::StoreMap => "store_map",
@@ -355,11 +396,6 @@ impl Program {
             Self::SweptResolve => "swept_resolve",
             Self::Pool => "pool",
             Self::Finish => "finish",
-            Self::EwaProject => "ewa_project",
-            Self::EwaVisibility => "ewa_visibility",
-            Self::EwaSecond => "ewa_second",
-            Self::EwaAttribute => "ewa_attribute",
-            Self::EwaResolve => "ewa_resolve",
             Self::PublishedSweep => "published_sweep",
             Self::PublishedAttribute => "published_attribute",
             Self::GaussianProject => "gaussian_project",
@@ -376,12 +412,10 @@ impl Program {
         use Slot::{
             CoverageMask, DigitTotals, Environment, Film, Gaussians, Geometry, Histogram, Keys, Layers, Lights, List,
             Looks, Map, Moments, Opaque, Order, Partials, Peeled, Segments, SortedKeys, SortedList, Splats, Starts,
-            Status, Sums, Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals, WrittenValues,
+            Status, Sums, Thresholds, Totals, Touched, Travels, Values, Wanted, Wide, WrittenTotals,
         };
         match self {
-            Self::Project | Self::Sweep | Self::EwaProject | Self::PublishedSweep => {
-                (&[Geometry, Travels, Wanted], &[Splats, Touched])
-            }
+            Self::Project(_) | Self::Sweep | Self::PublishedSweep => (&[Geometry, Travels, Wanted], &[Splats, Touched]),
             Self::BinReduce => (&[Touched], &[Partials]),
             Self::BinScan => (&[], &[Partials, WrittenTotals, Status]),
             Self::BinEmit => (&[Splats, Touched, Totals, Wanted], &[Partials, Keys, List, Wide]),
@@ -389,14 +423,10 @@ impl Program {
             Self::SortScan => (&[Totals], &[Histogram, DigitTotals]),
             Self::SortScatter => (&[Totals, SortedKeys, SortedList], &[Histogram, DigitTotals, Keys, List]),
             Self::BinStarts => (&[Totals, SortedKeys], &[Starts]),
-            Self::Visibility | Self::EwaVisibility | Self::EwaSecond => {
-                (&[Segments, Splats, List, Wide, Starts, Wanted], &[Thresholds])
-            }
-            Self::SplatValues => (&[Geometry, Looks, Travels, Lights, Splats, Touched, Environment], &[WrittenValues]),
-            Self::SumAttributes | Self::EwaAttribute => {
-                (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums])
-            }
-            Self::Resolve | Self::EwaResolve => (&[Lights, Thresholds, Sums, Environment], &[Film]),
+            Self::Visibility(_) | Self::Second => (&[Segments, Splats, List, Wide, Starts, Wanted], &[Thresholds]),
+            Self::SplatValues => (&[Geometry, Looks, Travels, Lights, Splats, Touched, Environment], &[Values]),
+            Self::Attribute(_) => (&[Segments, Splats, List, Wide, Starts, Thresholds, Values], &[Sums]),
+            Self::Resolve => (&[Lights, Thresholds, Sums, Environment], &[Film]),
             Self::StoreMap => (&[Thresholds], &[Map]),
             Self::SweptVisibility => (&[Segments, Splats, List, Wide, Starts], &[Map]),
             Self::SweptAttribute | Self::PublishedAttribute => {
@@ -419,10 +449,9 @@ impl Program {
     pub(in crate::backend) const fn has_segment(self) -> bool {
         matches!(
             self,
-            Self::Project
+            Self::Project(_)
                 | Self::Sweep
                 | Self::SplatValues
-                | Self::EwaProject
                 | Self::PublishedSweep
                 | Self::GaussianProject
                 | Self::TransparentResolve
@@ -469,12 +498,12 @@ impl Pipelines {
     #[cfg(not(test))]
     #[allow(clippy::unused_self, reason = "tests replace text")]
     fn source(&self, program: Program) -> String {
-        program.wgsl().to_owned()
+        program.wgsl()
     }
 
     #[cfg(test)]
     fn source(&self, program: Program) -> String {
-        self.replaced.iter().fold(program.wgsl().to_owned(), |source, (from, to)| source.replacen(from, to, 1))
+        self.replaced.iter().fold(program.wgsl(), |source, (from, to)| source.replacen(from, to, 1))
     }
 
     pub(in crate::backend) fn get(

@@ -4,7 +4,7 @@
 use wgpu::ComputePassDescriptor;
 
 use super::bind::SurfelPrograms;
-use super::job::{Job, Place, dispatch};
+use super::job::{Job, JobPlace, dispatch};
 use super::layout::{OPAQUE_SURFELS, SEE_THROUGH_SURFELS};
 use super::paint::PaintStep;
 use super::prepared::Prepared;
@@ -35,7 +35,7 @@ impl Gpu {
                     continue;
                 }
                 for position in &of_raster.positions {
-                    let place = Place { prepared, programs: &programs, position, raster, band, film };
+                    let place = JobPlace { prepared, programs: &programs, position, raster, band, film };
                     self.state.execute(place, marks)?;
                 }
             }
@@ -46,17 +46,13 @@ impl Gpu {
 
 impl DeviceState {
     /// Records and submits the steps of one sample position in one band.
-    fn execute(&self, place: Place<'_>, marks: &mut Marks) -> Result<(), BackendError> {
+    fn execute(&self, place: JobPlace<'_>, marks: &mut Marks) -> Result<(), BackendError> {
         let (mut has_opaque, mut has_layers) = (false, false);
         for step in &place.position.steps {
             match *step {
                 Step::Paint { group, .. } | Step::Published { group, part: Published::Instant } => {
                     self.clear_opaque(place);
-                    let job = if place.prepared.frame.has_filtered_kernels() {
-                        place.filtered_job(group, false)
-                    } else {
-                        place.job(group)
-                    };
+                    let job = place.paint_job(group, false);
                     let SurfelPrograms::Paint(programs) = &place.programs.surfels else { return Err(self.unbound()) };
                     let passes = PaintPass::order(programs.second.is_some());
                     has_opaque = self.run(&PaintStep { job, programs }, passes, marks);
@@ -104,7 +100,7 @@ impl DeviceState {
     }
 
     /// Empties the opaque picture, where something transparent is laid over it.
-    fn clear_opaque(&self, place: Place<'_>) {
+    fn clear_opaque(&self, place: JobPlace<'_>) {
         if place.prepared.frame.blending.is_some() {
             let mut encoder = self.encoder();
             encoder.clear_buffer(&self.buffers.opaque, 0, None);

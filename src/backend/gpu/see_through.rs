@@ -7,13 +7,12 @@ use wgpu::ComputePass;
 
 use super::DeviceState;
 use super::batches::Batch;
-use super::bind::{Binder, ListPrograms, PaintPrograms, SeeThroughPrograms};
-use super::constants::{peel_constants, peel_resolve_constants, peel_value_constants};
-use super::job::{Job, Place, StepWork, dispatch, of_segments};
+use super::bind::{Binder, ListPrograms, SeeThroughPrograms};
+use super::constants::peel_constants;
+use super::job::{Job, JobPlace, StepWork, dispatch, of_segments};
 use super::memory::DeviceChannels;
-use super::paint::PARTS;
 use super::prepared::Prepared;
-use super::programs::{Constants, Program, Slot};
+use super::programs::{Kernel, Program, Slot};
 use super::timestamps::{Marks, Stage};
 use crate::backend::BackendError;
 use crate::plan::LayerPass;
@@ -27,28 +26,12 @@ impl Binder<'_> {
         channels: &DeviceChannels,
         emitted: usize,
     ) -> Result<SeeThroughPrograms, BackendError> {
-        let Prepared { frame, planes, surfel_buffers, .. } = prepared;
-        let buffers = self.buffers;
-        let depths = [(Slot::Thresholds, buffers.peeled.as_entire_buffer_binding())];
-        let film = [(Slot::Film, buffers.layers.as_entire_buffer_binding())];
-        let peel = vec![("PEEL", 1)];
-        let mut values = peel_value_constants(frame, channels);
-        values.push(PARTS);
-        let of_layers = peel_resolve_constants(frame, channels, planes);
-        // Without groups of splats before the band nobody asks which pixels are solid.
-        let second = channels.is_layered().then(|| self.program(Program::EwaSecond, &peel, 1, &depths)).transpose()?;
+        let film = [(Slot::Film, self.buffers.layers.as_entire_buffer_binding())];
+        let of_layers = peel_constants(prepared.frame, channels, &prepared.planes);
         Ok(SeeThroughPrograms {
             start: self.program(Program::PeelStart, &of_layers, 1, &film)?,
-            paint: PaintPrograms {
-                lists: ListPrograms {
-                    project: self.of_surfels(Program::EwaProject, &Constants::new(), surfel_buffers)?,
-                    emit: self.program(Program::BinEmit, &vec![PARTS, ("PART", 1)], emitted, &[])?,
-                },
-                visibility: self.program(Program::EwaVisibility, &peel, 1, &depths)?,
-                second,
-                splat_values: self.of_surfels(Program::SplatValues, &values, surfel_buffers)?,
-                attribute: self.program(Program::EwaAttribute, &peel_constants(channels), 1, &depths)?,
-            },
+            // Without groups of splats before the band nobody asks which pixels are solid.
+            paint: self.paint_programs(prepared, (Kernel::Filtered, channels), true, emitted)?,
             resolve: self.program(Program::PeelResolve, &of_layers, 1, &film)?,
             left_out: self.program(Program::PeelLeftOut, &of_layers, 1, &[])?,
         })
@@ -59,13 +42,13 @@ impl DeviceState {
     /// Peels off the layers of see-through surfels of a group. False if it has none.
     pub(in crate::backend) fn see_through(
         &self,
-        place: Place<'_>,
+        place: JobPlace<'_>,
         group: usize,
         has_opaque: bool,
         marks: &mut Marks,
     ) -> bool {
         let Some(programs) = place.programs.see_through.as_ref() else { return false };
-        let job = Job { has_opaque, ..place.filtered_job(group, true) };
+        let job = Job { has_opaque, ..place.paint_job(group, true) };
         let in_one_batch = place.batches(&job).len() == 1;
         let step = SeeThroughStep { job, programs, in_one_batch };
         self.run(&step, &LayerPass::order(programs.paint.second.is_some()), marks)

@@ -16,10 +16,10 @@ use super::DeviceState;
 use super::bind::{Binder, BoundProgram, TransparentPrograms};
 use super::captures::{Run, runs, segment_at};
 use super::constants::{composite_constants, transparent_resolve_constants};
-use super::job::{Place, dispatch, group_scale, view_offset};
+use super::job::{JobPlace, dispatch, group_scale, view_offset};
 use super::layout::{
-    CaptureSegment, DIGIT_BITS, DeviceBackground, DeviceGaussian, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, coefficients,
-    lights, rows,
+    CaptureSegment, DIGIT_BITS, DeviceBackground, DeviceGaussian, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER,
+    FLAG_LIT, FLAG_VOLUME, UNIFORM_STRIDE, View, WORKGROUP_ITEMS, coefficients, lights, rows,
 };
 use super::prepared::Prepared;
 use super::programs::{Constants, Program, Slot};
@@ -73,18 +73,26 @@ impl Binder<'_> {
 }
 
 /// What a run's Gaussians are posed by at a sample. `keeps_layers`: their layers stay those of the last projection.
-fn segment(place: &Place<'_>, group: &PosedGroup, sample: usize, run: &Run, keeps_layers: bool) -> CaptureSegment {
+fn segment(place: &JobPlace<'_>, group: &PosedGroup, sample: usize, run: &Run, keeps_layers: bool) -> CaptureSegment {
     let (frame, raster) = (place.prepared.frame, &place.position.raster);
     let object = &frame.objects[run.object];
     let posed = &group.samples[sample].objects[run.object];
-    let capture = &object.capture;
+    let drawing = &object.drawing;
     let Some(gaussians) = &object.gaussians else { return CaptureSegment::zeroed() };
-    let degree = usize::from(capture.harmonics.min(gaussians.degree));
-    let [low, high] = capture.crop.map_or([Vec3::MIN, Vec3::MAX], |crop| crop.map(DVec3::as_vec3));
+    let degree = usize::from(drawing.harmonics.min(gaussians.degree));
+    let [low, high] = drawing.crop.map_or([Vec3::MIN, Vec3::MAX], |crop| crop.map(DVec3::as_vec3));
     let stride = frame.stride as f32;
-    let antialias = capture.antialias.unwrap_or(gaussians.antialiased);
+    let antialias = drawing.antialias.unwrap_or(gaussians.antialiased);
     let encode = gaussians.linear && frame.blending == Some(Blending::Coded);
     let (volume, lit) = (object.is_volume(), !gaussians.normal.is_empty());
+    let flags = [
+        (antialias, FLAG_ANTIALIAS),
+        (encode, FLAG_ENCODE),
+        (volume, FLAG_VOLUME),
+        (lit, FLAG_LIT),
+        (keeps_layers, FLAG_KEEP_LAYER),
+    ];
+    let flags = flags.into_iter().filter(|(is_set, _)| *is_set).map(|(_, flag)| flag).sum();
     let lights = group.samples[sample].lights.len();
     CaptureSegment {
         screen: rows(&posed.screen_from_model, posed.screen_origin),
@@ -96,17 +104,14 @@ fn segment(place: &Place<'_>, group: &PosedGroup, sample: usize, run: &Run, keep
         near: if posed.visible { posed.near } else { f32::MAX },
         field: [0, 1].map(|i| FIELD * 0.5 * frame.size[i] as f32 / stride),
         dilation: if volume { raster.variance(frame.prefilter) } else { DILATION / (stride * stride) },
-        opacity: capture.opacity as f32,
+        opacity: drawing.opacity as f32,
         low: low.extend(0.0).to_array(),
         high: high.extend(0.0).to_array(),
-        tint: capture.flat.map_or([0.0; 4], |flat| flat.extend(1.0).to_array()),
+        tint: drawing.flat.map_or([0.0; 4], |flat| flat.extend(1.0).to_array()),
         first_slot: run.first_slot,
         count: run.count,
         first_index: run.first_index,
-        flags: [antialias, encode, volume, lit, keeps_layers]
-            .into_iter()
-            .rev()
-            .fold(0, |flags, flag| flags << 1 | u32::from(flag)),
+        flags,
         harmonics_each: gaussians.harmonics_each() as u32,
         harmonics_used: ((degree + 1).pow(2) - 1) as u32,
         area: posed.screen_from_model.determinant().abs() * (LOG2_E / TAU),
@@ -140,7 +145,7 @@ fn backdrop(frame: &Frame) -> DeviceBackground {
 
 /// Step `Composite` of one group.
 pub(in crate::backend) struct TransparentStep<'a> {
-    place: Place<'a>,
+    place: JobPlace<'a>,
     group: &'a PosedGroup,
     programs: &'a TransparentPrograms,
     /// Which surfels there are, as [`View::surfels`] has it.
@@ -152,7 +157,7 @@ pub(in crate::backend) struct TransparentStep<'a> {
 
 impl<'a> TransparentStep<'a> {
     pub(in crate::backend) fn new(
-        place: Place<'a>,
+        place: JobPlace<'a>,
         group: usize,
         programs: &'a TransparentPrograms,
         surfels: u32,
@@ -312,7 +317,7 @@ impl super::Gpu {
         let band = prepared.schedule.bands(0).next().unwrap();
         let position = &frame.rasters[0].positions[0];
         let place =
-            Place { prepared: &prepared, programs: &programs, position, raster: 0, band, film: &programs.film[0] };
+            JobPlace { prepared: &prepared, programs: &programs, position, raster: 0, band, film: &programs.film[0] };
         let step = TransparentStep::new(place, 0, programs.transparent.as_ref().unwrap(), 0);
         step.upload(&self.state, 0, 0);
         let mut encoder = self.state.encoder();

@@ -6,8 +6,8 @@ use super::cases::{Case, ball, object, scene, surroundings};
 use crate::film::Aov;
 use crate::math::random::Random;
 use crate::model::{Gaussians, Material, Optics};
-use crate::options::{BlurMode, Interleave, PixelFilter, Prefilter, RenderOptions, Shading, Times};
-use crate::scene::{Light, Motion, Object, Scene};
+use crate::options::{BlurMode, Interleave, Look, PixelFilter, Prefilter, RenderOptions, Shading, Times};
+use crate::scene::{Capture, Light, Motion, Object, Scene, Shape};
 
 /// `n` Gaussians of all sizes in a cube; some are as wide as an image, and some too faint to show.
 fn cloud(n: usize, seed: u64, degree: u8, linear: bool) -> Gaussians {
@@ -128,12 +128,13 @@ pub(super) fn many() -> Case {
 pub(super) fn captures() -> Vec<Case> {
     let options = |mode: BlurMode| RenderOptions {
         quality: mode.into(),
-        aovs: Aov::ALL.to_vec(),
         prefilter: Prefilter::Approx,
+        look: Look { aovs: Aov::ALL.to_vec(), ..Look::default() },
         ..RenderOptions::default()
     };
-    let point = |mode| RenderOptions { filter: PixelFilter::Point, ..options(mode) };
-    let plain = |mode| RenderOptions { aovs: Vec::new(), ..options(mode) };
+    let point =
+        |mode| RenderOptions { look: Look { filter: PixelFilter::Point, ..options(mode).look }, ..options(mode) };
+    let plain = |mode| RenderOptions { look: Look { aovs: Vec::new(), ..options(mode).look }, ..options(mode) };
     let still = BlurMode::Still { pixel_samples: 2 };
     let bucket = BlurMode::Bucket {
         buckets: 2,
@@ -152,13 +153,13 @@ pub(super) fn captures() -> Vec<Case> {
     let mut linear_behind_nothing = linear.clone();
     linear_behind_nothing.image.transparent = true;
     let mut alone = coded.clone();
-    alone.objects.retain(|object| object.model.gaussians().is_some());
+    alone.objects.retain(|object| object.shape.gaussians().is_some());
     let mut drawn = coded.clone();
-    drawn.objects[1].capture.opacity = 0.6;
-    drawn.objects[1].capture.harmonics = 1;
-    drawn.objects[1].capture.crop = Some([DVec3::new(-0.5, -0.8, -0.9), DVec3::new(0.9, 0.7, 0.6)]);
-    drawn.objects[1].capture.antialias = Some(true);
-    drawn.objects[2].capture.flat = Some(Vec3::new(0.9, 0.2, 0.4));
+    drawn.objects[1].opacity = 0.6;
+    let Shape::Gaussians { model, capture } = &mut drawn.objects[1].shape else { panic!("no capture") };
+    *capture = Capture { harmonics: 1, antialias: Some(true) };
+    model.crop = Some([DVec3::new(-0.5, -0.8, -0.9), DVec3::new(0.9, 0.7, 0.6)]);
+    drawn.objects[2].shape.gaussians_mut().unwrap().flat = Some(Vec3::new(0.9, 0.2, 0.4));
     let mut ties = mixed(layer(200, 7), layer(200, 8), [70, 45]);
     ties.objects[2].motions = vec![Motion::Linear { velocity: DVec3::new(0.2, 0.1, 0.0) }];
     ties.objects[2].transform.translate.z = -0.4;
@@ -180,7 +181,7 @@ pub(super) fn captures() -> Vec<Case> {
     lit.objects[1].material = Some(Material { specular: 0.6, shininess: 2.0, ..Material::default() });
     let linear_lit = mixed(volume(300, 13, 0.1, true), volume(300, 14, 0.2, true), [70, 45]);
     let mut dense = foggy.clone();
-    dense.objects[1].capture.opacity = 1e16;
+    dense.objects[1].opacity = 1e16;
     // Kernels around the eye, as wide as they are far.
     let mut near_eye = volume(60, 15, 0.3, false);
     near_eye.sigma.iter_mut().for_each(|sigma| *sigma *= 8.0);
@@ -198,7 +199,11 @@ pub(super) fn captures() -> Vec<Case> {
         case("interleaved", &coded, options(BlurMode::interleaved(2, Interleave::Two))),
         case("alone", &alone, options(BlurMode::supersample(2))),
         case("plain", &coded, plain(BlurMode::supersample(2))),
-        case("depth", &coded, RenderOptions { aovs: vec![Aov::Depth], ..options(still) }),
+        case(
+            "depth",
+            &coded,
+            RenderOptions { look: Look { aovs: vec![Aov::Depth], ..options(still).look }, ..options(still) },
+        ),
         case("drawn", &drawn, options(still)),
         case("ties", &ties, point(BlurMode::supersample(2))),
         case("near", &near, options(still)),
@@ -214,7 +219,11 @@ pub(super) fn captures() -> Vec<Case> {
         case("volume, ewa", &foggy, RenderOptions { prefilter: Prefilter::Ewa, ..options(still) }),
         case("lit volume", &lit, options(BlurMode::supersample(2))),
         case("lit volume, interleaved", &linear_lit, plain(BlurMode::interleaved(2, Interleave::Two))),
-        case("lit volume, depth", &linear_lit, RenderOptions { aovs: vec![Aov::Depth], ..options(bucket) }),
+        case(
+            "lit volume, depth",
+            &linear_lit,
+            RenderOptions { look: Look { aovs: vec![Aov::Depth], ..options(bucket).look }, ..options(bucket) },
+        ),
         case("dense", &dense, options(still)),
         case("wide volume", &wide, options(still)),
         case("glass", &with_glass(&coded), options(BlurMode::supersample(2))),
@@ -223,9 +232,21 @@ pub(super) fn captures() -> Vec<Case> {
         case("glass, bucket", &with_glass(&coded), options(bucket)),
         case("glass, ewa, bucket", &with_glass(&coded), RenderOptions { prefilter: Prefilter::Ewa, ..options(bucket) }),
         case("glass, interleaved", &with_glass(&coded), plain(BlurMode::interleaved(2, Interleave::Two))),
-        case("glass, gouraud", &with_glass(&linear), RenderOptions { shading: Shading::Gouraud, ..plain(still) }),
-        case("glass, depth", &with_glass(&linear), RenderOptions { aovs: vec![Aov::Depth], ..options(still) }),
-        case("glass, normal", &with_glass(&linear), RenderOptions { aovs: vec![Aov::Normal], ..options(still) }),
+        case(
+            "glass, gouraud",
+            &with_glass(&linear),
+            RenderOptions { look: Look { shading: Shading::Gouraud, ..plain(still).look }, ..plain(still) },
+        ),
+        case(
+            "glass, depth",
+            &with_glass(&linear),
+            RenderOptions { look: Look { aovs: vec![Aov::Depth], ..options(still).look }, ..options(still) },
+        ),
+        case(
+            "glass, normal",
+            &with_glass(&linear),
+            RenderOptions { look: Look { aovs: vec![Aov::Normal], ..options(still).look }, ..options(still) },
+        ),
         case("glass, fog", &with_glass(&foggy), options(BlurMode::supersample(2))),
         case("glass, fog, bucket", &with_glass(&lit), point(bucket)),
         case("glass, large", &with_glass(&large), options(bucket)),

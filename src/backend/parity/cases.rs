@@ -10,10 +10,10 @@ use crate::frame::{Blocks, Frame};
 use crate::math::random::Random;
 use crate::model::{Material, Surfels};
 use crate::options::{
-    BlurMode, Interleave, KernelShape, KernelWeight, Normalise, Overlap, PixelFilter, Prefilter, Quality,
+    BlurMode, Interleave, KernelShape, KernelWeight, Look, Normalise, Overlap, PixelFilter, Prefilter, Quality,
     RenderOptions, Shading, SourceSamples, SweptKernel, TemporalAlpha, Times,
 };
-use crate::scene::{Camera, FrameRange, ImageSettings, Light, Model, Motion, Object, Scene};
+use crate::scene::{Camera, FrameRange, ImageSettings, Light, Motion, Object, Scene, Shape, SurfelModel};
 use crate::time::{Shutter, Weight};
 
 /// A scene and how it is rendered.
@@ -75,8 +75,8 @@ pub(super) fn ball(n: usize, seed: u64, materials: bool) -> Surfels {
     surfels
 }
 
-/// What is hard on a projection: edge-on, near and around the camera, huge, tiny, far away, not numbers.
-fn hard() -> Model {
+/// Surfels that are hard on a projection: edge-on, near and around the camera, huge, tiny, far away, not numbers.
+fn hard() -> SurfelModel {
     let mut surfels = Surfels::default();
     let mut add = |position: Vec3, u: Vec3, v: Vec3| {
         surfels.position.push(position);
@@ -105,10 +105,10 @@ fn hard() -> Model {
     add(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
     add(Vec3::new(-0.4, 0.1, 0.0), 0.2 * x, -0.2 * y); // from behind
     // Programs that make such a model are told so; passes must stand it.
-    Model::of_surfels(Arc::new(surfels))
+    SurfelModel::checked(Arc::new(surfels))
 }
 
-pub(super) fn object(model: impl Into<Model>, at: DVec3) -> Object {
+pub(super) fn object(model: impl Into<Shape>, at: DVec3) -> Object {
     let mut object = Object::new(model);
     object.transform.translate = at;
     object
@@ -163,8 +163,8 @@ pub(super) fn surroundings() -> Environment {
 pub(super) fn all() -> Vec<Case> {
     let options = |mode: BlurMode| RenderOptions {
         quality: mode.into(),
-        aovs: Aov::ALL.to_vec(),
         prefilter: Prefilter::Approx,
+        look: Look { aovs: Aov::ALL.to_vec(), ..Look::default() },
         ..RenderOptions::default()
     };
     let bucket = |interleave| BlurMode::Bucket {
@@ -192,7 +192,10 @@ pub(super) fn all() -> Vec<Case> {
         scene
     };
     // With a tolerance that lets splats hide some static splats of a pixel, and not all.
-    let point = |mode| RenderOptions { filter: PixelFilter::Point, epsilon: Some(0.4), ..options(mode) };
+    let point = |mode| RenderOptions {
+        look: Look { filter: PixelFilter::Point, epsilon: Some(0.4), ..options(mode).look },
+        ..options(mode)
+    };
     let case = |name, scene, options| Case { name, scene, options, in_part: false };
     let in_part = |name, scene, options| Case { in_part: true, ..case(name, scene, options) };
     vec![
@@ -202,12 +205,19 @@ pub(super) fn all() -> Vec<Case> {
         case(
             "gouraud",
             two_balls([70, 45]),
-            RenderOptions { shading: Shading::Gouraud, aovs: Vec::new(), ..options(BlurMode::supersample(2)) },
+            RenderOptions {
+                look: Look { shading: Shading::Gouraud, aovs: Vec::new(), ..options(BlurMode::supersample(2)).look },
+                ..options(BlurMode::supersample(2))
+            },
         ),
         case(
             "plain",
             mirrored,
-            RenderOptions { prefilter: Prefilter::None, aovs: Vec::new(), ..options(BlurMode::supersample(2)) },
+            RenderOptions {
+                prefilter: Prefilter::None,
+                look: Look { aovs: Vec::new(), ..options(BlurMode::supersample(2)).look },
+                ..options(BlurMode::supersample(2))
+            },
         ),
         case("hard", scene(vec![object(hard(), DVec3::ZERO)], [150, 140]), options(BlurMode::supersample(2))),
         case("hard, two-sided", seen_twice.clone(), options(bucket(Interleave::None))),
@@ -251,8 +261,8 @@ pub(super) fn swept() -> Vec<Case> {
     near.camera.near = 2.7;
     let options = |swept: SweptKernel| RenderOptions {
         quality: BlurMode::Volumetric { intervals: 2, pixel_samples: None, swept }.into(),
-        aovs: Aov::ALL.to_vec(),
         prefilter: if swept.is_published() { Prefilter::Approx } else { Prefilter::None },
+        look: Look { aovs: Aov::ALL.to_vec(), ..Look::default() },
         ..RenderOptions::default()
     };
     let tube = SweptKernel::default();
@@ -266,7 +276,7 @@ pub(super) fn swept() -> Vec<Case> {
         case("hard", &moving, options(tube)),
         case("near", &near, options(tube)),
         case("near ellipsoid", &near, options(ellipsoid)),
-        case("plain", &fast, RenderOptions { aovs: Vec::new(), ..options(tube) }),
+        case("plain", &fast, RenderOptions { look: Look { aovs: Vec::new(), ..options(tube).look }, ..options(tube) }),
         case("sum", &fast, options(SweptKernel { alpha: TemporalAlpha::Sum, ..tube })),
         case("once", &fast, options(SweptKernel { normalise: Normalise::Once, ..tube })),
         case("ellipsoid", &fast, options(ellipsoid)),

@@ -137,6 +137,7 @@ static MUTANTS: [Mutant; 30] = [
 ];
 
 #[test]
+#[ignore = "deep: broken programs"]
 fn broken_filtered_sweeps_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_filtered_sweeps_are_noticed") else { return };
     let cases = filtered();
@@ -147,6 +148,7 @@ fn broken_filtered_sweeps_are_noticed() {
 
 /// Whole images, and the same with small buffers.
 #[test]
+#[ignore = "deep: whole pictures"]
 fn filtered_images_look_the_same() {
     let Some(mut gpu) = gpu_or_skip("filtered_images_look_the_same") else { return };
     let cases = filtered();

@@ -7,7 +7,7 @@ use super::slots::Slots;
 use super::splat_twins::{Context, Posed, SplatTwins, Sums, whole};
 use crate::backend::gpu::batches::Batch;
 use crate::backend::gpu::bind::{BoundPrograms, SurfelPrograms};
-use crate::backend::gpu::job::{Job, Place, StepWork};
+use crate::backend::gpu::job::{Job, JobPlace, StepWork};
 use crate::backend::gpu::layout::{Segment, TILE};
 use crate::backend::gpu::paint::PaintStep;
 use crate::backend::gpu::prepared::Prepared;
@@ -93,19 +93,16 @@ impl<'a> Harness<'a> {
         Some(harness)
     }
 
-    fn place(&self) -> Place<'_> {
+    fn place(&self) -> JobPlace<'_> {
         let position = &self.frame.rasters[0].positions[0];
         let (prepared, programs, band) = (&self.prepared, &self.programs, self.band);
-        Place { prepared, programs, position, raster: 0, band, film: &programs.film[0] }
+        JobPlace { prepared, programs, position, raster: 0, band, film: &programs.film[0] }
     }
 
     /// The group, on the band or on the map around it.
     fn job(&self, on_map: bool) -> Job<'_> {
         let place = self.place();
-        if self.frame.has_filtered_kernels() {
-            return place.filtered_job(0, false);
-        }
-        let Some(interval) = self.swept else { return place.job(0) };
+        let Some(interval) = self.swept else { return place.paint_job(0, false) };
         let job = place.sweep_job(0, &interval);
         if on_map { Job { area: job.map, low_pass: false, ..job } } else { job }
     }

@@ -41,7 +41,7 @@ pub(super) fn named<'a>(cases: &'a [Case], name: &str) -> &'a Case {
     cases.iter().find(|case| case.name == name).unwrap_or_else(|| panic!("there is no case {name}"))
 }
 
-static MUTANTS: [Mutant; 51] = [
+static MUTANTS: [Mutant; 53] = [
     ([("(1.0 - OF_LONGER) / longer", "OF_LONGER / longer")], "supersample"),
     ([("looks[to - 2u], looks[to - 1u]", "looks[to - 1u], looks[to - 1u]")], "far"),
     ([("of_finer *= 0.25", "of_finer *= 0.26")], "far"),
@@ -54,23 +54,23 @@ static MUTANTS: [Mutant; 51] = [
     ([("sorted_keys[middle] < id.x", "sorted_keys[middle] <= id.x")], "supersample"),
     ([("(sorted_keys[first + i] >> SHIFT)", "(sorted_keys[first + i] >> 1u)")], "hard"),
     ([("at.y += 1u", "at.y += 0u")], "hard"),
-    ([("depth + epsilon, covers", "depth, covers")], "supersample"),
-    ([("max(vec4<f32>(tolerance)", "min(vec4<f32>(tolerance)")], "supersample"),
+    ([("met.depth + met.tolerance, met.covers", "met.depth, met.covers")], "supersample"),
+    ([("max(vec4<f32>(epsilon)", "min(vec4<f32>(epsilon)")], "supersample"),
     ([("next += AT_ONCE", "next += 2u * AT_ONCE")], "supersample"),
     ([("min(AT_ONCE, end - next)", "min(AT_ONCE, end - next - 1u)")], "supersample"),
     ([("before = i / RUN * RUN", "before = i / RUN * RUN + 1u")], "supersample"),
     ([("place += entries", "place += 0u * entries")], "supersample"),
     ([("column + 3u >= bounds.x", "column >= bounds.x")], "supersample"),
-    ([("(depth <= limit)", "(depth <= limit + 1.0)")], "supersample"),
+    ([("(seen.depth <= quad.first)", "(seen.depth <= quad.first + 1.0)")], "supersample"),
     ([("0.0005294794", "0.0005394794")], "supersample"),
-    ([("unshared * share, passes", "unshared, passes")], "bucket"),
+    ([("seen.weight * segments[segment_index].share", "seen.weight")], "bucket"),
     ([("normal = -normal", "normal = normal")], "supersample"),
     ([("(rate.x - p.x * over * rate.z)", "(rate.x - p.x * over)")], "supersample"),
     ([("2.0 * nl * nv - lv", "2.0 * nl * nv + lv")], "supersample"),
     ([("2.0 * (length - 0.72)", "1.5 * (length - 0.72)")], "supersample"),
-    ([("threshold < NONE", "threshold <= NONE")], "supersample"),
+    ([("first < NONE), view.weight", "first <= NONE), view.weight")], "supersample"),
     ([("* min((*sum).sample_coverage, vec4<f32>(1.0))", "* (*sum).sample_coverage")], "bucket"),
-    ([("share = sums[sum_at + (SAMPLE_COVERAGE + 1u)", "share = sums[sum_at + (SAMPLE_COVERAGE + 0u)")], "bucket"),
+    ([("Share(sums[sum_at + (SAMPLE_COVERAGE + 1u)", "Share(sums[sum_at + (SAMPLE_COVERAGE + 0u)")], "bucket"),
     (
         [("(*sum).static_coverage = (*sum).sample_coverage", "(*sum).static_coverage = 0.0 * (*sum).sample_coverage")],
         "bucket",
@@ -79,6 +79,8 @@ static MUTANTS: [Mutant; 51] = [
         [("(*sum).sample_coverage = (*sum).static_coverage", "(*sum).sample_coverage = 0.0 * (*sum).static_coverage")],
         "bucket",
     ),
+    ([("min(r2d, r3d)", "r3d")], "supersample"),
+    ([("at.scaled_r2 * (depth * depth), vec4", "at.scaled_r2 * depth, vec4")], "plain"),
     // Of what surfaces mirror.
     ([("twice * n - eye", "twice * n + eye")], "supersample"),
     ([("0.5 * (view.pixel * view.pixel)", "0.05 * (view.pixel * view.pixel)")], "supersample"),
@@ -90,7 +92,7 @@ static MUTANTS: [Mutant; 51] = [
     ([("has_sums && sums[at] > 0.0", "has_sums")], "supersample"),
     ([("var reflection = view.environment.w", "var reflection = 0.0")], "plain"),
     ([("pixel * pixel) * segment.normal[1].w", "pixel * pixel)")], "gouraud"),
-    ([("thresholds[at] = vec4<f32>(UNWANTED)", "thresholds[at] = vec4<f32>(NONE)")], "in part"),
+    ([("thresholds[depths_at + i] = vec4<f32>(UNWANTED)", "thresholds[depths_at + i] = vec4<f32>(NONE)")], "in part"),
     ([("!is_wide && is_wanted(vec2<u32>(x, y))", "!is_wide")], "in part"),
     ([("if is_wide && is_wanted_block", "if !is_wide && is_wanted_block")], "in part, hard"),
     // Of strips that are read out.
@@ -104,6 +106,7 @@ static MUTANTS: [Mutant; 51] = [
 ];
 
 #[test]
+#[ignore = "deep: broken programs"]
 fn broken_programs_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_programs_are_noticed") else { return };
     let cases = cases::all();
@@ -131,6 +134,7 @@ static ROUNDED: [(&str, &str); 15] = [
 
 /// The other side of the tolerance: what a device may do passes.
 #[test]
+#[ignore = "deep: other programs"]
 fn programs_that_round_otherwise_pass() {
     let Some(mut gpu) = gpu_or_skip("programs_that_round_otherwise_pass") else { return };
     gpu.state.pipelines = gpu.state.pipelines.with(&ROUNDED);

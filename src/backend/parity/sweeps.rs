@@ -203,6 +203,7 @@ static MUTANTS: [Mutant; 25] = [
 ];
 
 #[test]
+#[ignore = "deep: broken programs"]
 fn broken_swept_programs_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_swept_programs_are_noticed") else { return };
     let cases = published();
@@ -216,6 +217,7 @@ pub(super) fn values(picture: &Picture) -> Vec<f32> {
 
 /// Whole images. On the software device pixels differ by rounding alone, except where a rounded value decides.
 #[test]
+#[ignore = "deep: whole pictures"]
 fn swept_images_look_the_same() {
     let Some(mut gpu) = gpu_or_skip("swept_images_look_the_same") else { return };
     for case in cases::swept() {
@@ -243,6 +245,7 @@ fn swept_images_look_the_same() {
 }
 
 #[test]
+#[ignore = "deep: small buffers"]
 fn small_buffers_change_no_swept_image() {
     let Some(mut roomy) = gpu_or_skip("small_buffers_change_no_swept_image") else { return };
     same_with_small_buffers(&mut roomy, &cases::swept());

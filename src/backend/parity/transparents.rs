@@ -9,7 +9,7 @@ use super::mutants::{Mutant, all_are_noticed, named};
 use super::sweeps::values;
 use crate::backend::cpu::Cpu;
 use crate::backend::cpu::transparent::project::{Projected, project};
-use crate::backend::cpu::transparent::view::View;
+use crate::backend::cpu::transparent::view::GaussianView;
 use crate::backend::gpu::Gpu;
 use crate::backend::gpu::layout::DeviceGaussian;
 use crate::backend::{Backend, BackendError};
@@ -57,7 +57,7 @@ fn check_project(gpu: &mut Gpu, name: &str, frame: &Frame) -> Result<usize, Stri
     let (mut first, mut tally) = (0_usize, Tally::default());
     for (object, posed) in frame.objects.iter().zip(&sample.objects) {
         let Some(gaussians) = &object.gaussians else { continue };
-        let view = View {
+        let view = GaussianView {
             object,
             sample,
             posed,
@@ -123,6 +123,7 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
 }
 
 #[test]
+#[ignore = "deep: whole pictures"]
 fn captures_look_the_same() {
     let Some(mut gpu) = gpu_or_skip("captures_look_the_same") else { return };
     for case in captures() {
@@ -132,6 +133,7 @@ fn captures_look_the_same() {
 
 /// Mode auto wants some blocks, several times.
 #[test]
+#[ignore = "deep: whole pictures"]
 fn captures_look_the_same_in_mode_auto() {
     let Some(mut gpu) = gpu_or_skip("captures_look_the_same_in_mode_auto") else { return };
     let mut refined = false;
@@ -150,6 +152,7 @@ fn captures_look_the_same_in_mode_auto() {
 
 /// Slabs of depth, bands of the image, and lists that grow change nothing.
 #[test]
+#[ignore = "deep: small buffers"]
 fn small_buffers_change_no_capture() {
     let Some(mut roomy) = gpu_or_skip("small_buffers_change_no_capture") else { return };
     // See-through surfels go through all batches for each of their layers, which takes long.
@@ -160,20 +163,26 @@ fn small_buffers_change_no_capture() {
     let wanted: Vec<Picture> = cases.iter().map(|case| picture(&mut roomy, case)).collect();
     let (mut slabs, mut bands) = (roomy.beside(), roomy.beside());
     (slabs.most_slots, bands.most_bytes) = (100, 160 << 10);
-    for (case, want) in cases.iter().zip(wanted) {
-        assert_eq!(picture(&mut slabs, case), want, "{}: slabs of 100", case.name);
-        assert_eq!(picture(&mut bands, case), want, "{}: bindings of 160 KiB", case.name);
-        let mut small = roomy.beside();
-        (small.first_entries, small.most_entries) = (1, 900);
-        let before = small.most_slots;
-        assert_eq!(picture(&mut small, case), want, "{}: lists of 900 entries", case.name);
-        let few = ["one pixel", "aside", "wide volume", "volume, in part"].contains(&case.name);
-        assert!(small.most_slots < before || few, "{}: no slab was split", case.name);
+    for (number, (case, want)) in cases.iter().zip(wanted).enumerate() {
+        // A case takes up to ten seconds in each kind of small buffers, so the cases take turns.
+        match number % 3 {
+            0 => assert_eq!(picture(&mut slabs, case), want, "{}: slabs of 100", case.name),
+            1 => assert_eq!(picture(&mut bands, case), want, "{}: bindings of 160 KiB", case.name),
+            _ => {
+                let mut small = roomy.beside();
+                (small.first_entries, small.most_entries) = (1, 900);
+                let before = small.most_slots;
+                assert_eq!(picture(&mut small, case), want, "{}: lists of 900 entries", case.name);
+                let few = ["one pixel", "aside", "wide volume", "volume, in part"].contains(&case.name);
+                assert!(small.most_slots < before || few, "{}: no slab was split", case.name);
+            }
+        }
     }
 }
 
 /// Slabs that forget those before them are noticed.
 #[test]
+#[ignore = "deep: broken programs"]
 fn broken_slabs_are_noticed() {
     static SLABS: [Mutant; 6] = [
         (
@@ -336,7 +345,7 @@ static MUTANTS: [Mutant; 139] = [
     ([("film[film_at + plane * TILE_PIXELS] = 0.0", "film[film_at + plane * TILE_PIXELS] += 0.0")], "glass"),
     ([("var coverage = 1.0;", "var coverage = 0.9;")], "glass, ewa"),
     ([("TILE_PIXELS] * view.opaque_scale;\n        } else", "TILE_PIXELS];\n        } else")], "glass, bucket"),
-    ([("let covered = is_band && depth < NONE", "let covered = false")], "glass, ewa"),
+    ([("is_band && depth < NONE", "false")], "glass, ewa"),
     ([("(weight + abs(sums[peak_at + TILE_PIXELS]))", "(weight + sums[peak_at + TILE_PIXELS])")], "glass, ewa"),
     ([("put(&cover, coverage, opacity) / before", "coverage")], "glass"),
     ([("peeled[state_at + 1u] += 1.0", "peeled[state_at + 1u] += 0.0")], "glass"),
@@ -378,7 +387,10 @@ static MUTANTS: [Mutant; 139] = [
     ([("exponent >= vec4<f32>(-LOG2_FAINTEST)", "exponent >= vec4<f32>(-6.0)")], "still"),
     ([("reaches & (through >= vec4<f32>(OPAQUE))", "reaches & (through >= vec4<f32>(0.2))")], "still"),
     ([("vec4<f32>(splat.depth) <= (*quad).limit", "(*quad).limit > vec4<f32>(0.0)")], "still"),
-    ([("threshold_place(place.xy)];\n        } else {", "0u];\n        } else {")], "ewa"),
+    (
+        [("limit = thresholds[depths_of(index) + threshold_place(place.xy)]", "limit = thresholds[depths_of(index)]")],
+        "ewa",
+    ),
     ([("share * splat.velocity.y", "share * splat.velocity.x")], "still"),
     ([("(*sum).depth += share * splat.depth", "(*sum).depth += splat.depth")], "depth"),
     // Pass `resolve`.
@@ -398,6 +410,7 @@ static MUTANTS: [Mutant; 139] = [
 ];
 
 #[test]
+#[ignore = "deep: broken programs"]
 fn broken_programs_of_captures_are_noticed() {
     let Some(mut gpu) = gpu_or_skip("broken_programs_of_captures_are_noticed") else { return };
     let cases = captures();

@@ -16,20 +16,20 @@ use splatblur::backend::{Achieved, Meter};
 use splatblur::dataset::{self, By, DatasetError, Layout, MOST_SHARP, Made, Noise, Recipe, TRANSFORMS};
 use splatblur::files;
 use splatblur::image::{self, Bits, Exr, Format, ImageError, Precision, Response};
-use splatblur::options::{BlurMode, Prefilter, Quality, RenderOptions};
+use splatblur::options::{BlurMode, Quality, RenderOptions};
 use splatblur::reference::ReferenceOptions;
 use splatblur::renderer::Renderer;
 use splatblur::scene::Scene;
-use splatblur::scene_file::Loaded;
+use splatblur::scene_file::LoadedScene;
 use splatblur::study::provenance::{PROGRAM, Provenance, Settings};
 use splatblur::study::reference_samples;
 
 use self::replay::Recorded;
-use super::backend::{Place, Wanted};
+use super::backend::{BackendArgs, Wanted};
 use super::common::{
     MODES, Overrides, Running, Sampling, Splatting, Surfaces, frames_of, open_directory, stop_on_interrupt,
 };
-use super::frames::{self, Frames};
+use super::frames::{self, FrameList};
 use super::output::{print, print_json, say};
 use super::progress::Rendering;
 use super::render::blur::Blur;
@@ -81,7 +81,7 @@ pub(super) struct Dataset {
         help = frames::HELP,
         help_heading = "Output"
     )]
-    frames: Option<Frames>,
+    frames: Option<FrameList>,
     /// Where files lie: as nerfstudio loads them, or in the folders of the GOPRO dataset.
     #[arg(
         long,
@@ -152,7 +152,7 @@ pub(super) struct Dataset {
     #[command(flatten)]
     splatting: Splatting,
     #[command(flatten)]
-    place: Place,
+    place: BackendArgs,
     #[command(flatten)]
     running: Running,
 }
@@ -212,7 +212,7 @@ impl Dataset {
         if let By::Splatting(options) = &mut recipe.by {
             options.memory = self.splatting.limit.memory(backend, self.running.quiet);
         }
-        let Loaded { scene, notes, .. } = self.running.load(path, &choices.overrides, &pool)?;
+        let LoadedScene { scene, notes, .. } = self.running.load(path, &choices.overrides, &pool)?;
         if let Format::Png { alpha, .. } = &mut recipe.format {
             *alpha = scene.image.transparent;
         }
@@ -297,11 +297,7 @@ impl Dataset {
         if let Some(samples) = self.reference {
             return Ok(By::Tracing(ReferenceOptions {
                 samples,
-                filter: self.sampling.filter,
-                shading: self.surfaces.shading,
-                two_sided: self.surfaces.two_sided,
-                epsilon: self.surfaces.epsilon,
-                seed: self.sampling.seed,
+                look: self.surfaces.look(&self.sampling, Vec::new()),
                 ..ReferenceOptions::default()
             }));
         }
@@ -311,12 +307,8 @@ impl Dataset {
         }
         Ok(By::Splatting(RenderOptions {
             quality,
-            filter: self.sampling.filter,
-            prefilter: self.splatting.prefilter.unwrap_or(Prefilter::suited(quality)),
-            shading: self.surfaces.shading,
-            two_sided: self.surfaces.two_sided,
-            epsilon: self.surfaces.epsilon,
-            seed: self.sampling.seed,
+            prefilter: self.splatting.prefilter.unwrap_or_default(),
+            look: self.surfaces.look(&self.sampling, Vec::new()),
             ..RenderOptions::default()
         }))
     }
@@ -386,7 +378,7 @@ impl Output<'_> {
     /// Makes and writes a frame. `gate` is held while a file is being written.
     fn frame(&self, renderer: &mut Renderer, gate: &Mutex<()>, frame: FrameNumber) -> Result<FrameReport, FrameError> {
         let start = Instant::now();
-        let write = |file: &dataset::File, content: dataset::Content| {
+        let write = |file: &dataset::File, content: dataset::FileContents| {
             let settings = self.settings_of(&file.path, frame)?;
             let path = self.directory.join(&file.path);
             let folder = path.parent().unwrap_or(self.directory);
@@ -403,7 +395,7 @@ impl Output<'_> {
 }
 
 /// Frames, size, mode, pictures: one line.
-fn headline(scene: &Scene, frames: &Frames, recipe: &Recipe, place: &str) -> String {
+fn headline(scene: &Scene, frames: &FrameList, recipe: &Recipe, place: &str) -> String {
     let (by, place) = match &recipe.by {
         By::Splatting(options) => (format!("mode {}", options.quality), place.to_owned()),
         By::Tracing(options) => (format!("{} samples a pixel", options.samples), "the reference".to_owned()),

@@ -38,7 +38,7 @@ pub(super) struct Recorded {
     /// The scene file, as it was named.
     pub(super) scene: String,
     arguments: Vec<String>,
-    /// Of an earlier run: its program, its backend and the hash of its settings.
+    /// An earlier run's program, backend and hash of settings.
     earlier: Option<(String, String, String)>,
 }
 
@@ -134,7 +134,7 @@ impl Recorded {
         }
     }
 
-    /// What is recorded of a run with these settings; refused where an earlier run had others.
+    /// The record of a run with these settings; refused where an earlier run had others.
     pub(super) fn origin(&self, settings: &Settings, backend: &str, recipe: &Recipe) -> anyhow::Result<Origin> {
         let hash = settings.hash();
         if let Some((program, _, earlier)) = &self.earlier

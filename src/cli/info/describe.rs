@@ -11,7 +11,7 @@ use splatblur::gltf::{AnimationEntry, NodeEntry, Nodes};
 use splatblur::math::{Bounds, Trs};
 use splatblur::model::mesh::{Mesh, Texture};
 use splatblur::model::{self, Gaussians, Material, Optics, Surfels, VelocityUnit, VolumeFacts};
-use splatblur::scene::{AnimationBinding, Camera, Light, Model, Motion, Object};
+use splatblur::scene::{AnimationBinding, Camera, GaussianModel, Light, Motion, Object, Shape};
 use splatblur::scene_file;
 
 fn object(pairs: Vec<(&str, Value)>) -> Value {
@@ -33,7 +33,7 @@ fn single(value: f32) -> Value {
 }
 
 /// A scene with all that it names.
-pub(super) fn scene(loaded: &scene_file::Loaded) -> Value {
+pub(super) fn scene(loaded: &scene_file::LoadedScene) -> Value {
     let s = &loaded.scene;
     let mut pairs = vec![
         ("kind", json!("scene")),
@@ -102,32 +102,37 @@ fn light(l: &Light) -> Value {
 fn scene_object(o: &Object) -> Value {
     let mut pairs = vec![
         ("name", json!(o.name)),
-        ("path", json!(o.model_path.to_string_lossy())),
-        ("radius_scale", json!(o.radius_scale)),
+        ("path", json!(o.source.path.to_string_lossy())),
+        ("radius_scale", json!(o.source.options.radius_scale)),
         ("blur", json!(o.blur)),
         ("two_sided", json!(o.two_sided)),
         ("epsilon", o.epsilon.map_or_else(|| json!("median radius"), |e| json!(e))),
         ("transform", trs(&o.transform)),
         ("place", trs(&o.place)),
     ];
-    if !o.model.paths().is_empty() {
-        pairs.push(("points_at", o.points.at.map_or_else(|| json!("each frame"), |at| json!(at))));
+    match &o.shape {
+        Shape::Surfels { model: surfels, points } => {
+            if !surfels.paths().is_empty() {
+                pairs.push(("points_at", points.at.map_or_else(|| json!("each frame"), |at| json!(at))));
+            }
+            pairs.push(("model", model(surfels.surfels())));
+        }
+        Shape::Gaussians { model, .. } => pairs.push(("model", capture(model.gaussians()))),
+        Shape::Volume(model) => pairs.push(("model", volume(model.gaussians(), None))),
+        Shape::Sequence { files, .. } => {
+            let spec = files.spec();
+            let frames = [spec.first, spec.last].map(|number| tidy(spec.frame_of(number)));
+            pairs.push(("files", json!({ "first": spec.first, "last": spec.last, "frames": frames })));
+        }
+        Shape::Sphere(_) => pairs.push(("model", model(&Surfels::default()))),
     }
-    if o.sequence.is_none() {
-        pairs.push(("model", o.model.gaussians().map_or_else(|| model(&o.model), |gaussians| capture(gaussians))));
-    }
-    if let Some(sequence) = &o.sequence {
-        let spec = sequence.spec();
-        let frames = [spec.first, spec.last].map(|number| tidy(spec.frame_of(number)));
-        pairs.push(("files", json!({ "first": spec.first, "last": spec.last, "frames": frames })));
-    }
-    if let Some(space) = o.colour_space {
+    if let Some(space) = o.source.options.colour_space {
         pairs.push(("colour_space", json!(format!("{space:?}").to_lowercase())));
     }
     if let Some(animation) = &o.animation {
         pairs.push(("animation", binding(animation)));
     }
-    if let Some(node) = &o.node {
+    if let Some(node) = &o.source.options.node {
         pairs.push(("node", json!(node)));
     }
     if !o.motions.is_empty() {
@@ -197,7 +202,7 @@ fn trs(t: &Trs) -> Value {
 }
 
 /// A model file.
-pub(super) fn model_file(loaded: &model::Loaded) -> Value {
+pub(super) fn model_file(loaded: &model::LoadedModel) -> Value {
     let inside = match (&loaded.gaussians, &loaded.volume) {
         (Some(gaussians), Some(facts)) => volume(gaussians, Some(facts)),
         (Some(gaussians), None) => capture(gaussians),
@@ -256,7 +261,7 @@ pub(super) fn mesh(m: &Mesh, nodes: &Nodes) -> Value {
 
 /// Kernels of a volume, and what they were made of where that is known.
 fn volume(g: &Gaussians, facts: Option<&VolumeFacts>) -> Value {
-    let model = Model::from(g.clone());
+    let model = GaussianModel::from(g.clone());
     let Bounds { min, max } = model.bounds();
     let mut pairs = vec![("kernels", json!(g.len()))];
     if let Some(facts) = facts {
@@ -280,7 +285,7 @@ fn capture(g: &Gaussians) -> Value {
     if g.optics != Optics::Alpha {
         return volume(g, None);
     }
-    let model = Model::from(g.clone());
+    let model = GaussianModel::from(g.clone());
     let turned = g.turned.map(|turn| format!("; those of the file were turned by {turn}"));
     let box_of = |Bounds { min, max }: Bounds| json!({ "min": vector(min), "max": vector(max) });
     object(vec![
@@ -512,7 +517,7 @@ mod tests {
 
     #[test]
     fn a_model_is_counted_and_measured() {
-        let loaded = model::Loaded {
+        let loaded = model::LoadedModel {
             surfels: square(),
             gaussians: None,
             volume: None,
@@ -530,8 +535,13 @@ mod tests {
         assert!(text.contains("  sides: fronts show\n"), "{text}");
         assert!(text.contains("  bounds: min 10 0 0, max 11 1 0\n"), "{text}");
         assert!(text.ends_with("note: normals estimated\n"), "{text}");
-        let empty =
-            model::Loaded { surfels: Surfels::default(), gaussians: None, volume: None, mesh: None, notes: Vec::new() };
+        let empty = model::LoadedModel {
+            surfels: Surfels::default(),
+            gaussians: None,
+            volume: None,
+            mesh: None,
+            notes: Vec::new(),
+        };
         assert_eq!(model_file(&empty)["model"]["surfels"], 0);
     }
 

@@ -81,7 +81,7 @@ const MAX_LINES: f64 = 1e7;
 
 /// What a file holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum InputKind {
     Scene,
     Animation,
     Image,
@@ -93,17 +93,17 @@ impl Info {
         let Some(file) = self.file.as_deref() else { return adapters::list(self.json) };
         let head = head(file).with_context(|| format!("cannot read {}", file.display()))?;
         let kind = kind(&head, file);
-        if self.xml && kind != Kind::Scene {
+        if self.xml && kind != InputKind::Scene {
             bail!("--xml is for scenes; {} is none", file.display());
         }
-        if self.csv && kind != Kind::Animation {
+        if self.csv && kind != InputKind::Animation {
             bail!("--csv is for animations; {} is none", file.display());
         }
         match kind {
-            Kind::Scene => self.scene(file),
-            Kind::Animation => self.animation(file),
-            Kind::Image => self.image(file),
-            Kind::Model => self.model(file),
+            InputKind::Scene => self.scene(file),
+            InputKind::Animation => self.animation(file),
+            InputKind::Image => self.image(file),
+            InputKind::Model => self.model(file),
         }
     }
 
@@ -187,23 +187,23 @@ pub(super) fn head(path: &Path) -> anyhow::Result<Vec<u8>> {
 }
 
 /// By content, then by the ending; whatever else is taken for a model, whose loader knows several formats.
-pub(super) fn kind(head: &[u8], path: &Path) -> Kind {
+pub(super) fn kind(head: &[u8], path: &Path) -> InputKind {
     let text = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
     let utf16_xml = head.starts_with(b"\xff\xfe<\0") || head.starts_with(b"\xfe\xff\0<");
     if text.starts_with(b"<") || utf16_xml {
-        Kind::Scene
+        InputKind::Scene
     } else if text.starts_with(b"animVersion") {
-        Kind::Animation
+        InputKind::Animation
     } else if head.starts_with(b"\x89PNG") || head.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
-        Kind::Image
+        InputKind::Image
     } else if text.starts_with(b"ply") {
-        Kind::Model
+        InputKind::Model
     } else {
         match path.extension().unwrap_or_default().to_ascii_lowercase().to_str() {
-            Some("xml") => Kind::Scene,
-            Some("anim") => Kind::Animation,
-            Some("png" | "exr") => Kind::Image,
-            _ => Kind::Model,
+            Some("xml") => InputKind::Scene,
+            Some("anim") => InputKind::Animation,
+            Some("png" | "exr") => InputKind::Image,
+            _ => InputKind::Model,
         }
     }
 }
@@ -215,14 +215,14 @@ mod tests {
     #[test]
     fn kinds() {
         let kind = |head: &[u8], name: &str| kind(head, Path::new(name));
-        assert_eq!(kind(b"<?xml", "a.anim"), Kind::Scene);
-        assert_eq!(kind(b"\xef\xbb\xbf\r\n <scene>", "a"), Kind::Scene);
-        assert_eq!(kind(b"\nanimVersion 1.1;", "a.txt"), Kind::Animation);
-        assert_eq!(kind(b"// a comment", "a.ANIM"), Kind::Animation);
-        assert_eq!(kind(b"\x89PNG\r\n", "a.ply"), Kind::Image);
-        assert_eq!(kind(b"ply\n", "a.xml"), Kind::Model);
-        assert_eq!(kind(b"", "a.xml"), Kind::Scene);
-        assert_eq!(kind(b"v 0 0 0", "a.obj"), Kind::Model);
-        assert_eq!(kind(b"0 0 0\n", "a.xyz"), Kind::Model);
+        assert_eq!(kind(b"<?xml", "a.anim"), InputKind::Scene);
+        assert_eq!(kind(b"\xef\xbb\xbf\r\n <scene>", "a"), InputKind::Scene);
+        assert_eq!(kind(b"\nanimVersion 1.1;", "a.txt"), InputKind::Animation);
+        assert_eq!(kind(b"// a comment", "a.ANIM"), InputKind::Animation);
+        assert_eq!(kind(b"\x89PNG\r\n", "a.ply"), InputKind::Image);
+        assert_eq!(kind(b"ply\n", "a.xml"), InputKind::Model);
+        assert_eq!(kind(b"", "a.xml"), InputKind::Scene);
+        assert_eq!(kind(b"v 0 0 0", "a.obj"), InputKind::Model);
+        assert_eq!(kind(b"0 0 0\n", "a.xyz"), InputKind::Model);
     }
 }

@@ -22,7 +22,7 @@ pub(super) struct Report<'a> {
     pub(super) load_seconds: f64,
     pub(super) seconds: f64,
     pub(super) notes: &'a [String],
-    /// Of the layer `object`: index to name.
+    /// Names of the layer `object`, by index.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) objects: Option<BTreeMap<usize, &'a str>>,
     pub(super) movie: Option<&'a Path>,
@@ -45,7 +45,7 @@ pub(super) struct FrameReport<'a> {
     /// What mode auto reached.
     #[serde(skip_serializing_if = "Option::is_none")]
     auto: Option<Achieved>,
-    /// Of all threads, on the CPU.
+    /// CPU seconds of all threads; on the CPU alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     cpu_seconds: Option<PassSeconds>,
     /// On a GPU, as far as it measures them.
@@ -84,13 +84,13 @@ impl PixelCounts {
 #[derive(Serialize)]
 struct PassSeconds {
     project: f64,
-    /// Of captures.
+    /// Seconds for captures.
     sort: f64,
     /// On the CPU a part of `project`, but for captures.
     bin: f64,
     visibility: f64,
     attribute: f64,
-    /// Of captures.
+    /// Seconds for captures.
     composite: f64,
     resolve: f64,
     total: f64,

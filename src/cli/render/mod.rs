@@ -19,10 +19,10 @@ use splatblur::backend::{Achieved, Meter};
 use splatblur::files;
 use splatblur::film::Aov;
 use splatblur::image::{Bits, Format};
-use splatblur::movie::{Kind, Movie, Rate, Shape};
-use splatblur::options::{Prefilter, Quality, RenderOptions};
+use splatblur::movie::{Movie, MovieKind, MovieShape, Rate};
+use splatblur::options::{Quality, RenderOptions};
 use splatblur::plan::LAYERS;
-use splatblur::renderer::{self, Rendered, Renderer};
+use splatblur::renderer::{FrameQueue, Renderer};
 use splatblur::scene::Scene;
 use splatblur::study::provenance::{PROGRAM, Provenance};
 
@@ -31,15 +31,15 @@ use self::json::{FrameReport, Report};
 use self::movie::Sources;
 use self::nothing::Nothing;
 pub(super) use self::sequence::file_name;
-use self::sequence::{Finished, Sequence};
-use super::backend::Place;
+use self::sequence::{Finished, Rendering, Sequence};
+use super::backend::BackendArgs;
 use super::common::{
     Images, MODES, Overrides, Ready, Running, Sampling, Splatting, Surfaces, open_directory, stop_on_interrupt,
     stop_with_a_line,
 };
-use super::frames::Frames;
+use super::frames::FrameList;
 use super::output::{print, print_json, say};
-use super::progress::Rendering;
+use super::progress;
 use super::values;
 use super::words::with_flags;
 
@@ -95,14 +95,14 @@ pub(super) struct Render {
         value_parser = values::movie(),
         help_heading = "Output"
     )]
-    movie: Option<(PathBuf, Kind)>,
+    movie: Option<(PathBuf, MovieKind)>,
     /// Make the movie alone, and write no pictures.
     #[arg(long, requires = "movie", conflicts_with = "aov", help_heading = "Output")]
     no_frames: bool,
 
     #[command(flatten)]
     blur: Blur,
-    /// What is done to the finished image. along: a 1-2-1 filter along the mean motion, where that is longer than 4
+    /// A filter on the finished image. along: a 1-2-1 filter along the mean motion, where that is longer than 4
     /// pixels, which evens out the pattern of interleaving.
     #[arg(
         long,
@@ -122,7 +122,7 @@ pub(super) struct Render {
     #[command(flatten)]
     splatting: Splatting,
     #[command(flatten)]
-    place: Place,
+    place: BackendArgs,
     #[command(flatten)]
     running: Running,
 }
@@ -171,18 +171,16 @@ impl Render {
         };
         let meter = Arc::new(Meter::default());
         renderer.watch(Arc::clone(&meter));
-        let several_renderings = matches!(options.quality, Quality::Error(_)) || options.aovs.contains(&Aov::Object);
-        let progress = Rendering::new(frames.count(), meter, several_renderings, self.running.quiet);
-        let mut under_way = renderer::Frames::new(renderer.backend(), &scene, &options)?;
+        let several_renderings =
+            matches!(options.quality, Quality::Error(_)) || options.look.aovs.contains(&Aov::Object);
+        let progress = progress::Rendering::new(frames.count(), meter, several_renderings, self.running.quiet);
+        let queue = FrameQueue::new(renderer.backend(), &scene, &options)?;
         let mut nothing = Nothing::new(&scene);
         let (finished, film) = sequence.run(
             film,
             |frame| Ok(settings.of_frame(frame)?),
-            |frame| {
-                let rendered = pool.install(|| step(&mut under_way, frame))?;
-                nothing.look(rendered.as_ref());
-                Ok(rendered)
-            },
+            Rendering { queue, pool: &pool },
+            |frame, rendered| nothing.look(frame, rendered),
             |done| progress.finished(done.rendered.is_none()),
         )?;
         drop(progress);
@@ -223,7 +221,7 @@ impl Render {
                 load_seconds,
                 seconds,
                 notes: &notes,
-                objects: options.aovs.contains(&Aov::Object).then(|| names_of_objects(&scene)),
+                objects: options.look.aovs.contains(&Aov::Object).then(|| names_of_objects(&scene)),
                 movie: self.movie.as_ref().map(|(path, _)| &**path),
                 ffmpeg: movie.ffmpeg().filter(|_| !self.no_frames),
                 settings: &settings,
@@ -236,7 +234,7 @@ impl Render {
     fn film(
         &self,
         scene: &Scene,
-        frames: &Frames,
+        frames: &FrameList,
         format: Format,
         notes: &mut Vec<String>,
     ) -> anyhow::Result<Option<Movie>> {
@@ -289,21 +287,16 @@ impl Render {
         }
         Ok(RenderOptions {
             quality,
-            filter: self.sampling.filter,
-            prefilter: self.splatting.prefilter.unwrap_or(Prefilter::suited(quality)),
-            shading: self.surfaces.shading,
-            two_sided: self.surfaces.two_sided,
-            epsilon: self.surfaces.epsilon,
-            seed: self.sampling.seed,
+            prefilter: self.splatting.prefilter.unwrap_or_default(),
             reconstruct: self.reconstruct,
-            aovs,
+            look: self.surfaces.look(&self.sampling, aovs),
             ..RenderOptions::default()
         })
     }
 }
 
 /// Begins a movie of frames.
-fn begin(path: &Path, kind: Kind, frames: &Frames, scene: &Scene, bits: Bits) -> anyhow::Result<Movie> {
+fn begin(path: &Path, kind: MovieKind, frames: &FrameList, scene: &Scene, bits: Bits) -> anyhow::Result<Movie> {
     if !frames.ascend() {
         anyhow::bail!(
             "--movie needs --frames in ascending order: a movie shows them in the order in which they are made"
@@ -316,7 +309,7 @@ fn begin(path: &Path, kind: Kind, frames: &Frames, scene: &Scene, bits: Bits) ->
     let directory = path.parent().filter(|directory| !directory.as_os_str().is_empty());
     open_directory(directory.unwrap_or(Path::new(".")))?;
     let (width, height, rate) = (scene.image.width, scene.image.height, Rate::of(scene.frames.rate));
-    Ok(Movie::begin(path, kind, Shape { width, height, rate, bits })?)
+    Ok(Movie::begin(path, kind, MovieShape { width, height, rate, bits })?)
 }
 
 /// Says where more layers of see-through surfels lie one behind the other than are drawn.
@@ -336,19 +329,8 @@ fn names_of_objects(scene: &Scene) -> BTreeMap<usize, &str> {
     (1..).zip(scene.objects.iter().map(|object| object.name.as_str())).collect()
 }
 
-/// Begins a frame or, without one, finishes one that was begun.
-fn step(
-    under_way: &mut renderer::Frames<'_>,
-    frame: Option<FrameNumber>,
-) -> anyhow::Result<Option<(FrameNumber, Rendered)>> {
-    match frame {
-        Some(number) => under_way.begin(number).with_context(|| format!("frame {number}")),
-        None => Ok(under_way.finish()?),
-    }
-}
-
 /// Backend, size, mode, frames: one line.
-fn headline(scene: &Scene, frames: &Frames, options: &RenderOptions, place: &str) -> String {
+fn headline(scene: &Scene, frames: &FrameList, options: &RenderOptions, place: &str) -> String {
     format!(
         "{}: {}, {} x {} pixels, mode {}, on {place}",
         scene.name,

@@ -3,17 +3,17 @@
 use std::path::Path;
 
 use splatblur::image::Format;
-use splatblur::movie::{Kind, Rate, encoding};
+use splatblur::movie::{MovieKind, Rate, encoding};
 
 use super::sequence::file_name;
-use crate::cli::frames::Frames;
+use crate::cli::frames::FrameList;
 
 /// Pictures that a movie can be made of: what the line depends on.
 pub(super) struct Sources<'a> {
     pub(super) directory: &'a Path,
     pub(super) stem: &'a str,
     pub(super) format: Format,
-    pub(super) frames: &'a Frames,
+    pub(super) frames: &'a FrameList,
     pub(super) rate: f64,
     pub(super) size: (u32, u32),
     pub(super) transparent: bool,
@@ -42,7 +42,7 @@ impl Sources<'_> {
         let movie =
             |extension: &str| quoted(&self.directory.join(format!("{}.{extension}", self.stem)).to_string_lossy());
         // H.264 has no alpha.
-        let kind = if self.transparent { Kind::Mov } else { Kind::Mp4 };
+        let kind = if self.transparent { MovieKind::Mov } else { MovieKind::Mp4 };
         // Options begin with a minus; paths must not.
         let plain = |word: String| if word.starts_with('-') { word } else { quoted(&word) };
         let words: Vec<_> = encoding(kind, [self.size.0, self.size.1]).into_iter().map(plain).collect();
@@ -80,11 +80,11 @@ mod tests {
     use super::*;
     use crate::cli::frames::frames;
 
-    fn range(first: i64, last: i64) -> Frames {
-        Frames::range(first, last).unwrap()
+    fn range(first: i64, last: i64) -> FrameList {
+        FrameList::range(first, last).unwrap()
     }
 
-    fn movie<'a>(directory: &'a str, format: Format, frames: &'a Frames, size: (u32, u32)) -> Sources<'a> {
+    fn movie<'a>(directory: &'a str, format: Format, frames: &'a FrameList, size: (u32, u32)) -> Sources<'a> {
         let directory = Path::new(directory);
         Sources { directory, stem: "spin", format, frames, rate: 29.97, size, transparent: false }
     }

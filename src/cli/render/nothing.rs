@@ -20,9 +20,11 @@ impl<'a> Nothing<'a> {
         Self { scene, first: None, has_shown: false }
     }
 
-    /// Looks at a frame, if there is one.
-    pub(super) fn look(&mut self, frame: Option<&(FrameNumber, Rendered)>) {
-        let Some((number, rendered)) = frame.filter(|_| !self.has_shown) else { return };
+    /// Looks at a frame.
+    pub(super) fn look(&mut self, number: FrameNumber, rendered: &Rendered) {
+        if self.has_shown {
+            return;
+        }
         let image = &self.scene.image;
         let background = if image.transparent { [0.0; 4] } else { image.background.as_vec3().extend(1.0).to_array() };
         let is_background = |pixel: &[f32; 4]| {
@@ -32,7 +34,7 @@ impl<'a> Nothing<'a> {
         if drawn && !rendered.picture.rgba.iter().all(is_background) {
             self.has_shown = true;
         } else if self.first.is_none() {
-            self.first = Some((*number, drawn));
+            self.first = Some((number, drawn));
         }
     }
 

@@ -1,18 +1,18 @@
 //! Frames to files: each is written while later ones render; finished ones may be skipped.
 
-use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Instant;
 
+use rayon::ThreadPool;
 use splatblur::FrameNumber;
 use splatblur::files::Nameless;
 use splatblur::film::Picture;
 use splatblur::image::{self, Format};
 use splatblur::movie::Movie;
-use splatblur::renderer::{Rendered, Stats};
+use splatblur::renderer::{FinishedFrame, FrameError, FrameQueue, Rendered, Stats};
 
-use crate::cli::frames::Frames;
+use crate::cli::frames::FrameList;
 use crate::cli::words::with_flags;
 
 /// `<stem>.<frame, 4 digits>.<ext>`; longer where the number is, negative with a minus before its four digits, which is
@@ -23,7 +23,7 @@ pub(in crate::cli) fn file_name(stem: &str, frame: FrameNumber, format: Format) 
 
 /// What to write, and where.
 pub(super) struct Sequence<'a> {
-    pub(super) frames: &'a Frames,
+    pub(super) frames: &'a FrameList,
     pub(super) directory: &'a Path,
     pub(super) stem: &'a str,
     pub(super) format: Format,
@@ -64,59 +64,57 @@ enum Page {
 #[error("the writer has stopped")]
 struct WriterStopped;
 
-/// A frame that was not handed out yet.
-struct Waiting {
-    frame: FrameNumber,
+/// What becomes of a frame.
+pub(super) struct Target {
     path: PathBuf,
-    /// `None`: an earlier run made it.
-    settings: Option<String>,
+    settings: String,
 }
 
-/// Frames that were not handed out, and the wall time since the last that was rendered.
-struct Rendering<'a, R, F> {
-    render: R,
-    finished: F,
+/// Where frames are rendered.
+pub(super) struct Rendering<'a> {
+    pub(super) queue: FrameQueue<'a, Target>,
+    pub(super) pool: &'a ThreadPool,
+}
+
+impl<'a> Rendering<'a> {
+    /// Lets the queue work in the pool; adds the time that this takes to `seconds`.
+    fn work<O: Send>(
+        &mut self,
+        seconds: &mut f64,
+        work: impl FnOnce(&mut FrameQueue<'a, Target>) -> Result<O, FrameError> + Send,
+    ) -> Result<O, FrameError> {
+        let start = Instant::now();
+        let done = self.pool.install(|| work(&mut self.queue));
+        *seconds += start.elapsed().as_secs_f64();
+        done
+    }
+}
+
+/// Where frames go that leave the queue.
+struct HandOut<'a, S, F> {
     pages: &'a mpsc::SyncSender<Page>,
     writes: bool,
-    waiting: VecDeque<Waiting>,
+    seen: S,
+    finished: F,
+    /// Wall time since the last frame that was rendered.
     seconds: f64,
     list: Vec<Finished>,
 }
 
-impl<R, F> Rendering<'_, R, F>
-where
-    R: FnMut(Option<FrameNumber>) -> anyhow::Result<Option<(FrameNumber, Rendered)>>,
-    F: Fn(&Finished),
-{
-    /// Begins `frame`, or finishes one that was begun; hands out what is ready then. False: nothing is under way.
-    fn step(&mut self, frame: Option<FrameNumber>) -> anyhow::Result<bool> {
-        let start = Instant::now();
-        let rendered = (self.render)(frame);
-        self.seconds += start.elapsed().as_secs_f64();
-        let Some((number, Rendered { picture, stats })) = rendered? else { return Ok(false) };
-        while let Some(Waiting { frame, path, settings }) = self.waiting.pop_front() {
-            if let Some(settings) = settings.filter(|_| frame == number) {
+impl<S: FnMut(FrameNumber, &Rendered), F: Fn(&Finished)> HandOut<'_, S, F> {
+    fn hand_out(&mut self, done: FinishedFrame<Target>) -> anyhow::Result<()> {
+        let FinishedFrame { number: frame, tag: Target { path, settings }, rendered } = done;
+        let (done, page) = match rendered {
+            None => (Finished { frame, path: Some(path.clone()), rendered: None }, Page::There(path)),
+            Some(rendered) => {
+                (self.seen)(frame, &rendered);
+                let Rendered { picture, stats } = rendered;
                 let rendered = Some((std::mem::take(&mut self.seconds), stats));
                 let comment = stats.achieved.map(|achieved| with_flags(&achieved.to_string()));
                 let done = Finished { frame, path: self.writes.then(|| path.clone()), rendered };
-                self.hand_out(done, Page::Rendered { path, picture, settings, comment })?;
-                break;
+                (done, Page::Rendered { path, picture, settings, comment })
             }
-        }
-        self.pass_on()?;
-        Ok(true)
-    }
-
-    /// Hands out the frames of an earlier run that none under way comes before.
-    fn pass_on(&mut self) -> anyhow::Result<()> {
-        while let Some(there) = self.waiting.pop_front_if(|waiting| waiting.settings.is_none()) {
-            let done = Finished { frame: there.frame, path: Some(there.path.clone()), rendered: None };
-            self.hand_out(done, Page::There(there.path))?;
-        }
-        Ok(())
-    }
-
-    fn hand_out(&mut self, done: Finished, page: Page) -> anyhow::Result<()> {
+        };
         self.pages.send(page).map_err(|_| WriterStopped)?;
         (self.finished)(&done);
         self.list.push(done);
@@ -125,24 +123,23 @@ where
 }
 
 impl Sequence<'_> {
-    /// Renders and writes all frames in order, into the movie too; stops at the first error. `render` begins a frame,
-    /// and may hand one out that was begun before; without a number it finishes the next of those. `finished` hears of
-    /// each rendered or skipped frame. Returns them, and the finished movie, which has no name yet.
+    /// Renders and writes all frames in order, into the movie too; stops at the first error. `seen` is shown each frame
+    /// that was rendered, and `finished` hears of each that was rendered or skipped. Returns them, and the finished
+    /// movie, which has no name yet.
     pub(super) fn run(
         &self,
         movie: Option<Movie>,
         settings: impl Fn(FrameNumber) -> anyhow::Result<String>,
-        render: impl FnMut(Option<FrameNumber>) -> anyhow::Result<Option<(FrameNumber, Rendered)>>,
+        rendering: Rendering<'_>,
+        seen: impl FnMut(FrameNumber, &Rendered),
         finished: impl Fn(&Finished),
     ) -> anyhow::Result<(Vec<Finished>, Option<Nameless>)> {
         std::thread::scope(|scope| {
             // No buffer: at most one picture waits while one is written and one rendered.
             let (pages, received) = mpsc::sync_channel(0);
             let writer = scope.spawn(move || self.write_all(&received, movie));
-            let (writes, waiting) = (self.writes, VecDeque::new());
-            let rendering =
-                Rendering { render, finished, pages: &pages, writes, waiting, seconds: 0.0, list: Vec::new() };
-            let rendered = self.render_all(rendering, settings);
+            let out = HandOut { pages: &pages, writes: self.writes, seen, finished, seconds: 0.0, list: Vec::new() };
+            let rendered = self.render_all(rendering, out, settings);
             drop(pages);
             let written = match writer.join() {
                 Ok(written) => written?,
@@ -152,35 +149,44 @@ impl Sequence<'_> {
         })
     }
 
-    fn render_all<R, F>(
+    fn render_all(
         &self,
-        mut rendering: Rendering<'_, R, F>,
+        mut rendering: Rendering<'_>,
+        mut out: HandOut<'_, impl FnMut(FrameNumber, &Rendered), impl Fn(&Finished)>,
         settings: impl Fn(FrameNumber) -> anyhow::Result<String>,
-    ) -> anyhow::Result<Vec<Finished>>
-    where
-        R: FnMut(Option<FrameNumber>) -> anyhow::Result<Option<(FrameNumber, Rendered)>>,
-        F: Fn(&Finished),
-    {
+    ) -> anyhow::Result<Vec<Finished>> {
         let all = self.frames.all().iter().try_for_each(|&frame| {
             let path = self.directory.join(file_name(self.stem, frame, self.format));
             let settings = settings(frame)?;
             let same = || image::read_settings(&path).is_some_and(|found| found == settings);
             let is_there = self.resume && same() && image::is_whole(&path);
-            rendering.waiting.push_back(Waiting { frame, path, settings: (!is_there).then_some(settings) });
-            if is_there { rendering.pass_on() } else { rendering.step(Some(frame)).map(drop) }
+            let target = Target { path, settings };
+            if is_there {
+                rendering.queue.pass(frame, target);
+            } else {
+                rendering.work(&mut out.seconds, |queue| queue.begin(frame, target))?;
+            }
+            while let Some(done) = rendering.work(&mut out.seconds, FrameQueue::ready)? {
+                out.hand_out(done)?;
+            }
+            Ok(())
         });
         // Frames that were begun before an error are finished all the same.
         let rest = loop {
-            match rendering.step(None) {
-                Ok(true) => {}
-                Ok(false) => break Ok(()),
-                Err(error) => break Err(error),
+            match rendering.work(&mut out.seconds, FrameQueue::finish) {
+                Ok(Some(done)) => {
+                    if let Err(error) = out.hand_out(done) {
+                        break Err(error);
+                    }
+                }
+                Ok(None) => break Ok(()),
+                Err(error) => break Err(error.into()),
             }
         };
         match all.and(rest) {
             // The writer says why it stopped.
             Err(error) if !error.is::<WriterStopped>() => Err(error),
-            _ => Ok(rendering.list),
+            _ => Ok(out.list),
         }
     }
 
@@ -216,13 +222,64 @@ impl Sequence<'_> {
 #[cfg(test)]
 mod tests {
     use std::cell::RefCell;
+    use std::collections::VecDeque;
+    use std::sync::Arc;
 
+    use splatblur::backend::{Backend, BackendError};
+    use splatblur::frame::Frame;
     use splatblur::image::Bits;
-    use splatblur::movie::{Kind, Rate, Shape};
+    use splatblur::movie::{MovieKind, MovieShape, Rate};
+    use splatblur::options::{BlurMode, RenderOptions};
+    use splatblur::scene::{Object, Scene, Shape};
+    use splatblur::stop::Stop;
 
     use super::*;
 
     const PNG: Format = Format::Png { bits: Bits::Eight, alpha: false };
+
+    /// Has two frames under way. Its pictures have one grey pixel, a quarter of the light for each frame's number.
+    #[derive(Default)]
+    struct Fake {
+        under_way: VecDeque<f64>,
+        /// The frames that it was asked for.
+        asked: Vec<f64>,
+    }
+
+    impl Backend for Fake {
+        fn describe(&self) -> String {
+            "fake".to_owned()
+        }
+
+        fn in_flight(&self) -> usize {
+            2
+        }
+
+        fn begin(&mut self, frame: Frame) -> Result<(), BackendError> {
+            let number = frame.all_samples().next().unwrap().time;
+            self.asked.push(number);
+            self.under_way.push_back(number);
+            assert!(self.under_way.len() <= 2);
+            Ok(())
+        }
+
+        fn finish(&mut self) -> Result<Option<Rendered>, BackendError> {
+            Ok(self.under_way.pop_front().map(|number| {
+                let grey = number as f32 / 4.0;
+                let picture = Picture { width: 1, height: 1, rgba: vec![[grey, grey, grey, 1.0]], layers: Vec::new() };
+                Rendered { picture, stats: Stats::default() }
+            }))
+        }
+
+        fn heed(&mut self, _stop: Arc<Stop>) {}
+
+        fn stop(&self) -> Arc<Stop> {
+            Arc::default()
+        }
+
+        fn render(&mut self, _frame: Frame) -> Result<Rendered, BackendError> {
+            panic!("frames go through the queue")
+        }
+    }
 
     /// Runs frames 1..3 with a fake renderer; returns the frames that it was asked for.
     fn run(directory: &Path, resume: bool, settings: &str) -> anyhow::Result<Vec<f64>> {
@@ -236,32 +293,28 @@ mod tests {
         movie: Option<Movie>,
     ) -> anyhow::Result<(Vec<f64>, Option<Nameless>)> {
         let gate = Mutex::new(());
-        let frames = Frames::range(1, 3).unwrap();
+        let frames = FrameList::range(1, 3).unwrap();
         let sequence =
             Sequence { frames: &frames, directory, stem: "a", format: PNG, resume, writes: true, gate: &gate };
-        let asked = RefCell::new(Vec::new());
-        let waiting = RefCell::new(VecDeque::new());
+        let mut scene = Scene::new([Object::new(Shape::default())]);
+        (scene.image.width, scene.image.height) = (1, 1);
+        let options =
+            RenderOptions { quality: BlurMode::Still { pixel_samples: 1 }.into(), ..RenderOptions::default() };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let mut fake = Fake::default();
+        let seen = RefCell::new(Vec::new());
         let (list, movie) = sequence.run(
             movie,
             |frame| Ok(format!("{settings} {frame}")),
-            |frame| {
-                // Two under way.
-                asked.borrow_mut().extend(frame);
-                waiting.borrow_mut().extend(frame);
-                if frame.is_some() && waiting.borrow().len() < 2 {
-                    return Ok(None);
-                }
-                let Some(number) = waiting.borrow_mut().pop_front() else { return Ok(None) };
-                let grey = number.get() as f32 / 4.0;
-                let picture = Picture { width: 1, height: 1, rgba: vec![[grey, grey, grey, 1.0]], layers: Vec::new() };
-                Ok(Some((number, Rendered { picture, stats: Stats::default() })))
-            },
+            Rendering { queue: FrameQueue::new(&mut fake, &scene, &options)?, pool: &pool },
+            |frame, _| seen.borrow_mut().push(frame.get()),
             |_| (),
         )?;
         assert_eq!(list.iter().map(|f| f.frame.get()).collect::<Vec<_>>(), [1.0, 2.0, 3.0]);
-        let rendered: Vec<_> = list.iter().filter(|f| f.rendered.is_some()).map(|f| f.frame).collect();
-        assert_eq!(rendered, *asked.borrow());
-        Ok((rendered.into_iter().map(FrameNumber::get).collect(), movie))
+        let rendered: Vec<_> = list.iter().filter(|f| f.rendered.is_some()).map(|f| f.frame.get()).collect();
+        assert_eq!(rendered, fake.asked);
+        assert_eq!(rendered, *seen.borrow());
+        Ok((rendered, movie))
     }
 
     #[test]
@@ -304,8 +357,8 @@ mod tests {
     fn a_movie_has_the_frames_in_their_order() {
         let dir = tempfile::tempdir().unwrap();
         let make = |resume| {
-            let shape = Shape { width: 1, height: 1, rate: Rate::of(24.0), bits: Bits::Eight };
-            let movie = Movie::begin(&dir.path().join("a.y4m"), Kind::Y4m, shape).unwrap();
+            let shape = MovieShape { width: 1, height: 1, rate: Rate::of(24.0), bits: Bits::Eight };
+            let movie = Movie::begin(&dir.path().join("a.y4m"), MovieKind::Y4m, shape).unwrap();
             let (asked, file) = run_with(dir.path(), resume, "x", Some(movie)).unwrap();
             let path = dir.path().join("a.y4m");
             file.unwrap().replace(&path).unwrap();

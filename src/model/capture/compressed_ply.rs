@@ -9,7 +9,7 @@ use super::smallest_three;
 use super::{Gaussian, Gaussians, MOST_HARMONICS, SH_C0, harmonics_of};
 use crate::model::error::ParseError;
 use crate::model::ply_body::{Body, within};
-use crate::model::ply_header::{Element, Header, Kind, Scalar};
+use crate::model::ply_header::{Element, Header, PropertyKind, Scalar};
 
 /// Gaussians of a chunk.
 const CHUNK: usize = 256;
@@ -105,8 +105,8 @@ fn place_of(element: &Element, name: &str, scalar: Scalar) -> Result<usize, Pars
     let fault = |found: String| ParseError::line(element.line, found, wanted.clone());
     let place = place(element, name).ok_or_else(|| fault(format!("element `{}` without {name}", element.name)))?;
     match element.properties.get(place).map(|property| property.kind) {
-        Some(Kind::Scalar(found)) if found == scalar => Ok(place),
-        Some(Kind::Scalar(found)) => Err(fault(format!("{name} of type {}", found.name()))),
+        Some(PropertyKind::Scalar(found)) if found == scalar => Ok(place),
+        Some(PropertyKind::Scalar(found)) => Err(fault(format!("{name} of type {}", found.name()))),
         _ => Err(fault(format!("a list {name}"))),
     }
 }
@@ -116,8 +116,8 @@ fn read_record(body: &mut Body<'_>, element: &Element, row: usize, values: &mut 
     values.clear();
     for property in &element.properties {
         let value = match property.kind {
-            Kind::Scalar(scalar) => body.scalar(scalar),
-            list @ Kind::List { .. } => body.skip(list).map(|()| 0.0),
+            PropertyKind::Scalar(scalar) => body.scalar(scalar),
+            list @ PropertyKind::List { .. } => body.skip(list).map(|()| 0.0),
         };
         values.push(value.map_err(|e| within(e, element, row, &property.name))?);
     }

@@ -7,7 +7,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use serde_json::Value;
 
 use super::{Gaussian, Gaussians, MOST_DEGREE, MOST_HARMONICS, allowance};
-use crate::gltf::{Column, GltfError, GltfFile, Primitive, Shape, Tree, named, wrong};
+use crate::gltf::{Column, GltfError, GltfFile, Primitive, Tree, ValueShape, named, wrong};
 use crate::model::error::{ParseError, quote};
 
 /// The extension of primitives that are Gaussians, and the prefix of their attributes.
@@ -70,11 +70,11 @@ struct Part<'a> {
     harmonics: Vec<Column<'a>>,
     degree: u8,
     linear: bool,
-    place: Place,
+    place: MeshPose,
 }
 
 /// From a mesh to the common frame.
-struct Place {
+struct MeshPose {
     affine: DAffine3,
     rotation: DQuat,
     scale: f64,
@@ -101,7 +101,7 @@ impl<'a> Reader<'a> {
                     other += 1;
                     continue;
                 };
-                let place = Place::new(affine).map_err(|found| {
+                let place = MeshPose::new(affine).map_err(|found| {
                     wrong(format!("node {node}, {found}"), "rotation, translation and one scale for all axes")
                 })?;
                 unsaid += usize::from(extension.get("colorSpace").is_none());
@@ -128,7 +128,7 @@ impl<'a> Reader<'a> {
         &self,
         primitive: &Primitive,
         extension: &Value,
-        place: Place,
+        place: MeshPose,
         notes: &mut Vec<String>,
     ) -> Result<Part<'a>, GltfError> {
         if let Some(inner) = extension.get("extensions").and_then(Value::as_object) {
@@ -143,12 +143,12 @@ impl<'a> Reader<'a> {
         let space = one_of(extension, "colorSpace", &["srgb_rec709_display", "lin_rec709_display"])?;
         let column = |name: &str, shape| self.attribute(primitive, name, shape);
         let own = |name: &str, shape| self.attribute(primitive, &format!("{EXTENSION}:{name}"), shape);
-        let position = column("POSITION", Shape::Vec3)?;
+        let position = column("POSITION", ValueShape::Vec3)?;
         let mut part = Part {
-            rotation: own("ROTATION", Shape::Vec4)?,
-            scale: own("SCALE", Shape::Vec3)?,
-            opacity: own("OPACITY", Shape::Scalar)?,
-            base: own("SH_DEGREE_0_COEF_0", Shape::Vec3)?,
+            rotation: own("ROTATION", ValueShape::Vec4)?,
+            scale: own("SCALE", ValueShape::Vec3)?,
+            opacity: own("OPACITY", ValueShape::Scalar)?,
+            base: own("SH_DEGREE_0_COEF_0", ValueShape::Vec3)?,
             harmonics: Vec::new(),
             degree: 0,
             linear: space == Some("lin_rec709_display"),
@@ -166,7 +166,7 @@ impl<'a> Reader<'a> {
                 break;
             }
             for name in names {
-                part.harmonics.push(self.attribute(primitive, &name, Shape::Vec3)?);
+                part.harmonics.push(self.attribute(primitive, &name, ValueShape::Vec3)?);
             }
             part.degree = degree;
         }
@@ -185,7 +185,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The column of an attribute.
-    fn attribute(&self, primitive: &Primitive, name: &str, shape: Shape) -> Result<Column<'a>, GltfError> {
+    fn attribute(&self, primitive: &Primitive, name: &str, shape: ValueShape) -> Result<Column<'a>, GltfError> {
         let Some(&index) = primitive.attributes.get(name) else {
             return Err(wrong(format!("Gaussians without `{name}`"), "this attribute"));
         };
@@ -193,7 +193,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-impl Place {
+impl MeshPose {
     /// Takes a transform apart; the error says what Gaussians cannot follow.
     fn new(affine: DAffine3) -> Result<Self, &'static str> {
         // From x left, y up, z front to x right, y down, z front.

@@ -142,7 +142,9 @@ impl Gaussians {
         let is_sigma = |sigma: Vec3| flaw::is_place(sigma) && sigma.min_element() >= 0.0;
         flaw::each("sigma", &self.sigma, is_sigma, "numbers from 0 to 1e18")?;
         flaw::each("rotation", &self.rotation, |q| (q.length_squared() - 1.0).abs() < 0.01, "a unit quaternion")?;
-        flaw::each("opacity", &self.opacity, |opacity| opacity.is_finite() && opacity >= 0.0, "at least 0")?;
+        let most = if self.optics == Optics::Alpha { 1.0 } else { f32::MAX };
+        let expected = format!("a number from 0 to {most}");
+        flaw::each("opacity", &self.opacity, |opacity| (0.0..=most).contains(&opacity), &expected)?;
         flaw::each("normal", &self.normal, flaw::is_normal, "a vector of length at most 1")?;
         flaw::each("base", &self.base, flaw::is_place, flaw::PLACE)?;
         flaw::each("harmonics", &self.harmonics, flaw::is_place, flaw::PLACE)
@@ -170,8 +172,9 @@ impl Gaussians {
         0.5 + SH_C0 * self.base[index]
     }
 
-    /// The coefficient of degree 0 that gives a colour, up to rounding.
-    pub(super) fn base_of(colour: Vec3) -> Vec3 {
+    /// The coefficient of degree 0 ([`Self::base`]) that gives a colour, up to rounding. The colour is in the space of
+    /// the capture, which [`Self::linear`] names.
+    pub fn base_of(colour: Vec3) -> Vec3 {
         (colour - 0.5) / SH_C0
     }
 

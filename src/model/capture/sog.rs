@@ -6,13 +6,15 @@
 use std::io::{Cursor, Read};
 
 use glam::Vec3;
-use image_webp::WebPDecoder;
+use image::codecs::webp::WebPDecoder;
+use image::{ImageDecoder as _, ImageError};
 use serde::Deserialize;
 use serde_json::Value;
 use zip::ZipArchive;
 
 use super::smallest_three;
 use super::{Gaussian, Gaussians, MOST_HARMONICS, harmonics_of};
+use crate::files;
 use crate::model::error::{ParseError, quote};
 
 /// Largest `meta.json` that is read, bytes. Real ones have a few tens of thousands.
@@ -216,6 +218,22 @@ impl Harmonics {
     }
 }
 
+/// Has a WebP file lossy colours, a chunk `VP8 ` among its chunks? `image` does not say.
+fn is_lossy(webp: &[u8]) -> bool {
+    /// Bytes before the first chunk.
+    const HEAD: usize = 12;
+    let mut rest = webp.get(HEAD..).unwrap_or_default();
+    while let Some((&[a, b, c, d, length @ ..], after)) = rest.split_first_chunk::<8>() {
+        if &[a, b, c, d] == b"VP8 " {
+            return true;
+        }
+        // Chunks begin at even places.
+        let length = (u32::from_le_bytes(length) as usize).saturating_add(1) & !1;
+        rest = after.get(length..).unwrap_or_default();
+    }
+    false
+}
+
 /// Pixels of 8 bits, row by row.
 struct Picture {
     channels: usize,
@@ -287,8 +305,9 @@ impl<'a> Archive<'a> {
         // Compressed pixels are hardly larger than plain ones; the rest is for what else the container may hold.
         let (at, content) = self.entry(name, 8 * most + SPARE_PIXELS)?;
         let fault = |found: String, expected: String| ParseError::byte(at, format!("{found} in {shown}"), expected);
-        let damaged = |e| fault(format!("damaged WebP ({e})"), "a lossless WebP picture".to_owned());
-        let mut decoder = WebPDecoder::new(Cursor::new(content)).map_err(damaged)?;
+        let damaged =
+            |e: ImageError| fault(format!("damaged WebP ({})", files::cause(&e)), "a lossless WebP picture".to_owned());
+        let decoder = WebPDecoder::new(Cursor::new(&content)).map_err(damaged)?;
         let (width, height) = decoder.dimensions();
         let size = [width as usize, height as usize];
         let found = || format!("{width} x {height} pixels");
@@ -296,12 +315,11 @@ impl<'a> Archive<'a> {
             return Err(fault(found(), format!("at most {most} pixels")));
         }
         check(size).map_err(|expected| fault(found(), expected))?;
-        if decoder.is_animated() || decoder.is_lossy() {
+        if decoder.has_animation() || is_lossy(&content) {
             return Err(fault("lossy or animated WebP".to_owned(), "a lossless WebP picture".to_owned()));
         }
-        let channels = if decoder.has_alpha() { 4 } else { 3 };
+        let channels = usize::from(decoder.color_type().channel_count());
         let mut values = vec![0; size[0] * size[1] * channels];
-        decoder.set_memory_limit(values.len() + SPARE_PIXELS);
         decoder.read_image(&mut values).map_err(damaged)?;
         Ok(Picture { channels, values })
     }

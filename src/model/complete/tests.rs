@@ -71,7 +71,7 @@ fn one_two_and_three_bare_points() {
         assert!(notes[0].starts_with(&start) && notes[0].ends_with("both sides show"), "{}", notes[0]);
         assert!(surfels.two_sided && surfels.signs_estimated);
         assert_eq!(notes[1], format!("radii of all {n} points estimated from {} neighbours", n - 1));
-        assert_eq!(notes[2], "no colours: white");
+        assert_eq!(notes[2], "no colours: grey");
     }
 }
 
@@ -120,7 +120,7 @@ fn ellipses_keep_their_axes_and_give_a_missing_normal() {
     given.axes = vec![[Vec3::X, 2.0 * Vec3::Y], [2.0 * Vec3::Y, Vec3::X], [Vec3::Y, 3.0 * Vec3::X]];
     let (surfels, notes) = done(given);
     assert_sound(&surfels);
-    assert_eq!(notes, ["no colours: white"]);
+    assert_eq!(notes, ["no colours: grey"]);
     assert_eq!((surfels.axis_u[0], surfels.axis_v[0]), (Vec3::X, 2.0 * Vec3::Y));
     assert_eq!((surfels.axis_u[1], surfels.axis_v[1]), (Vec3::X, 2.0 * Vec3::Y), "swapped to agree with the normal");
     assert_eq!(surfels.normal[2], -Vec3::Z);

@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::edges::{Edges, INSET};
-use super::facets::{Shape, shadow};
+use super::facets::{TriangleShape, shadow};
 
 /// No point is farther from a grid, spacings.
 const GRID: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -21,7 +21,7 @@ const CROWD: usize = 64;
 pub(super) struct Band {
     /// Distance of the coarse rays, model units.
     coarse: f64,
-    /// That of the fine ones, coarse spacings; 1 without any.
+    /// Distance of the fine rays, coarse spacings; 1 without any.
     ratio: f64,
     segments: Vec<[DVec3; 2]>,
     /// Edges that are near a cell, by cells.
@@ -104,7 +104,7 @@ impl Band {
     }
 
     /// The sharp edges that may be near a triangle.
-    pub(super) fn near(&self, shape: &Shape) -> Vec<[DVec3; 2]> {
+    pub(super) fn near(&self, shape: &TriangleShape) -> Vec<[DVec3; 2]> {
         if self.cells.is_empty() {
             return Vec::new();
         }
@@ -191,7 +191,7 @@ pub(super) struct Spans {
 }
 
 impl Spans {
-    /// Those of one triangle, near which there are edges.
+    /// The spans of one triangle, near which there are edges.
     pub(super) fn new(near: &[[DVec3; 2]], fine: bool, band: &Band, axis: usize) -> Self {
         let radius = if fine { reach(band.ratio) / band.ratio } else { coarse_from(band.ratio) };
         Self::around(near, band.spacing(fine), axis, radius, fine)

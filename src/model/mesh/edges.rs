@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::facets::{Facets, Hit, Shape, shadow};
+use super::facets::{Facets, Hit, TriangleShape, shadow};
 use super::{Mesh, Triangle};
 
 /// Distance from a sharp edge that a surfel keeps, spacings, as its shadow shows it. The disc still covers the edge, .8
@@ -59,7 +59,7 @@ impl Edges {
     }
 
     /// The hit, moved straight away from the sharp edges of its triangle. Between two of them it comes to the middle.
-    pub(super) fn moved(&self, hit: Hit, shape: &Shape, spacing: f64) -> Hit {
+    pub(super) fn moved(&self, hit: Hit, shape: &TriangleShape, spacing: f64) -> Hit {
         let sharp = self.sharp[hit.triangle as usize];
         if sharp == 0 {
             return hit;

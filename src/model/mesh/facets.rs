@@ -34,7 +34,7 @@ pub(super) fn shadow(p: DVec3, axis: usize) -> DVec2 {
 
 /// A triangle, relative to [`Facets::origin`].
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shape {
+pub(super) struct TriangleShape {
     pub(super) corner: [DVec3; 3],
     /// Along the normal by the winding; its length is twice the area.
     pub(super) across: DVec3,
@@ -42,7 +42,7 @@ pub(super) struct Shape {
     pub(super) longest: f64,
 }
 
-impl Shape {
+impl TriangleShape {
     fn new(corner: [DVec3; 3]) -> Self {
         let [a, b, c] = corner;
         let longest = [b - a, c - b, a - c].map(DVec3::length).into_iter().fold(0.0, f64::max);
@@ -115,7 +115,7 @@ impl<'a> Facets<'a> {
                 let corner = mesh.triangles[i as usize].corners.map(|v| mesh.position[v as usize]);
                 // NaN fails the comparisons.
                 let near = corner.iter().all(|p| p.abs().cmple(DVec3::splat(MAX_COORDINATE)).all());
-                let shape = Shape::new(corner);
+                let shape = TriangleShape::new(corner);
                 near && shape.height() > FLAT * shape.longest
             })
             .collect();
@@ -131,8 +131,10 @@ impl<'a> Facets<'a> {
         Self { mesh, origin: bounds.centre(), size: bounds.size(), kept, repeated, welded }
     }
 
-    pub(super) fn shape(&self, triangle: u32) -> Shape {
-        Shape::new(self.mesh.triangles[triangle as usize].corners.map(|v| self.mesh.position[v as usize] - self.origin))
+    pub(super) fn shape(&self, triangle: u32) -> TriangleShape {
+        TriangleShape::new(
+            self.mesh.triangles[triangle as usize].corners.map(|v| self.mesh.position[v as usize] - self.origin),
+        )
     }
 
     /// True if an edge belongs to one triangle alone.

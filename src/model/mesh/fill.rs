@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::band::Band;
 use super::edges::Edges;
-use super::facets::{Facets, Hit, Shape};
+use super::facets::{Facets, Hit, TriangleShape};
 
 /// Part of a disc within which a tested point must lie. The rest is for the points between tested ones.
 const NEAR: f64 = 0.8;
@@ -40,7 +40,7 @@ struct Disc {
 }
 
 impl Disc {
-    fn new(at: DVec3, shape: &Shape, spacing: f64) -> Self {
+    fn new(at: DVec3, shape: &TriangleShape, spacing: f64) -> Self {
         Self { at, spacing, face: shape.across.normalize().as_vec3(), axis: shape.axis() }
     }
 
@@ -138,7 +138,7 @@ fn middle(facets: &Facets<'_>, part: &[u32], spacing: f64) -> Extra {
 
 /// Points of a triangle that rays may miss: its corners, steps along its edges, and steps along the middle where it is
 /// thin.
-fn candidates(triangle: u32, shape: &Shape, spacing: f64) -> impl Iterator<Item = Hit> + use<> {
+fn candidates(triangle: u32, shape: &TriangleShape, spacing: f64) -> impl Iterator<Item = Hit> + use<> {
     let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
     let lengths = [0, 1, 2].map(|k| shape.corner[k].distance(shape.corner[(k + 1) % 3]));
     let on_edges = (0..3).flat_map(move |k| {

@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use super::gltf_material::Materials;
 use super::{Mesh, Triangle};
-use crate::gltf::{Column, GltfError, GltfFile, Nodes, Primitive, Shape, Tree, find_beside, inline, named, wrong};
+use crate::gltf::{Column, GltfError, GltfFile, Nodes, Primitive, Tree, ValueShape, find_beside, inline, named, wrong};
 use crate::math::Bounds;
 use crate::model::tidy;
 
@@ -132,7 +132,7 @@ struct Reader<'a> {
     file: &'a GltfFile<'a>,
     mesh: Mesh,
     materials: Materials<'a>,
-    /// What is ignored, and how often.
+    /// Parts that are ignored, and how often.
     notes: BTreeMap<Cow<'static, str>, usize>,
     /// Whether any vertex has a normal, texture coordinates, a colour.
     columns: [bool; 3],
@@ -157,7 +157,7 @@ struct Columns<'a> {
     position: Column<'a>,
     normal: Option<Column<'a>>,
     uv: Option<Column<'a>>,
-    colour: Option<(Column<'a>, Shape)>,
+    colour: Option<(Column<'a>, ValueShape)>,
 }
 
 impl<'a> Reader<'a> {
@@ -208,7 +208,8 @@ impl<'a> Reader<'a> {
             self.note(format!("textures of primitives without their coordinates, TEXCOORD_{set}"), 1);
         }
         let material = self.materials.index(primitive.material, textured, &mut self.mesh)?;
-        let indices = primitive.indices.map(|index| self.file.column(index, Shape::Scalar, "indices")).transpose()?;
+        let indices =
+            primitive.indices.map(|index| self.file.column(index, ValueShape::Scalar, "indices")).transpose()?;
         if indices.as_ref().is_some_and(|indices| !indices.counts()) {
             return Err(wrong("indices that are signed, normalised or floats", "whole numbers from 0"));
         }
@@ -255,16 +256,16 @@ impl<'a> Reader<'a> {
         let file = self.file;
         let attribute = |name: &str| primitive.attributes.get(name).copied();
         let column =
-            |name: &str, shape: Shape| attribute(name).map(|index| file.column(index, shape, name)).transpose();
+            |name: &str, shape: ValueShape| attribute(name).map(|index| file.column(index, shape, name)).transpose();
         let uv = format!("TEXCOORD_{}", self.materials.uv_set(primitive.material).unwrap_or(0));
         let colour = attribute("COLOR_0").map(|index| -> Result<_, GltfError> {
-            let shape = if file.shape(index)? == Shape::Vec3 { Shape::Vec3 } else { Shape::Vec4 };
+            let shape = if file.shape(index)? == ValueShape::Vec3 { ValueShape::Vec3 } else { ValueShape::Vec4 };
             Ok((file.column(index, shape, "COLOR_0")?, shape))
         });
         let columns = Columns {
-            position: file.column(position, Shape::Vec3, "POSITION")?,
-            normal: column("NORMAL", Shape::Vec3)?,
-            uv: column(&uv, Shape::Vec2)?,
+            position: file.column(position, ValueShape::Vec3, "POSITION")?,
+            normal: column("NORMAL", ValueShape::Vec3)?,
+            uv: column(&uv, ValueShape::Vec2)?,
             colour: colour.transpose()?,
         };
         let count = columns.position.count;
@@ -305,7 +306,7 @@ impl<'a> Reader<'a> {
         let at = columns.uv.as_ref().map_or(DVec2::ZERO, |column| uv(DVec2::from_array(column.get(row)))).as_vec2();
         self.mesh.uv.push(if at.is_finite() { at } else { Vec2::ZERO });
         let colour = columns.colour.as_ref().map(|(column, shape)| match shape {
-            Shape::Vec3 => Vec3::from_array(column.get(row).map(|c| c as f32)).extend(1.0),
+            ValueShape::Vec3 => Vec3::from_array(column.get(row).map(|c| c as f32)).extend(1.0),
             _ => Vec4::from_array(column.get(row).map(|c| c as f32)),
         });
         let colour = colour.filter(|colour| colour.is_finite()).unwrap_or(Vec4::ONE);

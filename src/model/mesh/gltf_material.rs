@@ -22,7 +22,7 @@ pub(super) struct Materials<'a> {
     known: HashMap<(Option<usize>, bool), u32>,
     /// Index in the mesh, by what the image is and what lies beyond its edge.
     textures: HashMap<(Source<'a>, [Wrap; 2]), Option<u32>>,
-    /// What is not drawn, and how many materials have it.
+    /// Features that are not drawn, and how many materials have them.
     ignored: BTreeMap<String, usize>,
     notes: Vec<String>,
     budget: Budget,

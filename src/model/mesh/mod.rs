@@ -1,7 +1,8 @@
 //! Triangle meshes with textures, before they are sampled to surfels.
 //!
 //! Readers give a [`Mesh`] in the space of the model. Nothing of it is filtered or reduced yet. Data flow: `gltf` with
-//! `gltf_material`, `obj` with `mtl` and `polygon`, `of_cloud` (bytes to a mesh), and `texture` (images to texels).
+//! `gltf_material`, `obj` with `mtl` and `polygon`, `of_cloud` (bytes to a mesh), `smooth` (normals where there are
+//! none), and `texture` (images to texels).
 //! Sampling makes surfels of it: `facets` (triangles with an area, and how they hang together) -> `edges` (which are
 //! sharp) -> `spacing` (how many surfels) -> `band` (where they are finer) -> `raster` (hits of rays) -> `piles` (those
 //! that coincide) -> `fill` (what rays miss) -> `paint` (normals, colours, and textures by `pyramid`) -> `sample` (all
@@ -22,6 +23,7 @@ pub(super) mod polygon;
 mod pyramid;
 mod raster;
 mod sample;
+mod smooth;
 mod spacing;
 mod texture;
 

@@ -86,7 +86,7 @@ impl<'a> Library<'a> {
                     self.library(&bytes).map_err(|found| format!("{}, {found}", quote(name.as_bytes())))?;
                 }
                 Some(Err(why)) => self.note(format!("material library {} {why}", quote(name.as_bytes()))),
-                None => self.note(format!("material library {} is missing; drawn white", quote(name.as_bytes()))),
+                None => self.note(format!("material library {} is missing; drawn grey", quote(name.as_bytes()))),
             }
         }
         mesh.notes.append(&mut self.notes);

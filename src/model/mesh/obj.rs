@@ -11,8 +11,10 @@ use glam::{DVec3, Vec2, Vec3};
 
 use super::mtl::Library;
 use super::polygon::{fan, fans, triangulate};
+use super::smooth::smooth;
 use super::{Mesh, MeshMaterial, Triangle};
 use crate::math::srgb;
+use crate::model::cloud::PLAIN;
 use crate::model::error::{ParseError, quote};
 use crate::model::obj::{numbers, statements};
 
@@ -61,7 +63,7 @@ struct Reader<'a> {
     normal: Vec<Vec3>,
     /// Vertices of the mesh, by what they are made of.
     known: HashMap<Corner, u32>,
-    /// That of the faces that follow.
+    /// Material of the faces that follow.
     material: u32,
     /// Whether any vertex has a normal, texture coordinates, a colour.
     columns: [bool; 3],
@@ -108,7 +110,7 @@ impl Reader<'_> {
                     Ok(None) => {
                         if self.mesh.notes.len() < MOST_NOTES {
                             let shown = quote(name.as_bytes());
-                            let note = format!("line {line}: no material {shown}; drawn white");
+                            let note = format!("line {line}: no material {shown}; drawn grey");
                             self.mesh.notes.push(note);
                         }
                         0
@@ -209,6 +211,11 @@ impl Reader<'_> {
     fn finish(self) -> Mesh {
         let Self { mut mesh, library, columns, ignored, concave, bare, .. } = self;
         mesh.keep(columns);
+        if !columns[2] {
+            // The material of faces that name none.
+            mesh.materials[0].colour = Vec3::splat(PLAIN).extend(1.0);
+        }
+        smooth(&mut mesh);
         library.finish(&mut mesh);
         if ignored > 0 {
             mesh.notes.push(format!("ignored: lines, points and curves ({ignored})"));

@@ -2,9 +2,10 @@
 
 use glam::{Vec3, Vec4};
 
+use super::smooth::smooth;
 use super::{AlphaMode, Mesh, MeshMaterial, Triangle};
 use crate::math::srgb;
-use crate::model::cloud::{Cloud, ColourStorage};
+use crate::model::cloud::{Cloud, ColourStorage, PLAIN};
 use crate::model::options::ColourSpace;
 use crate::model::tidy::clamp_colours;
 
@@ -27,17 +28,26 @@ pub(crate) fn of_cloud(mut cloud: Cloud, triangles: Vec<[u32; 3]>, space: Option
     };
     let mut notes = cloud.notes;
     if cloud.colour.is_empty() {
-        notes.push("no colours: white".to_owned());
+        notes.push("no colours: grey".to_owned());
     }
     let alpha = if opacity.is_empty() { AlphaMode::Opaque } else { AlphaMode::Blend };
-    Mesh {
+    let grey = Vec3::splat(PLAIN).extend(1.0);
+    let colour_of_all = if cloud.colour.is_empty() { grey } else { Vec4::ONE };
+    let mut mesh = Mesh {
         normal: cloud.normal.into_iter().map(|n| n.try_normalize().unwrap_or(Vec3::ZERO)).collect(),
         colour: (0..if coloured { cloud.position.len() } else { 0 }).map(colour).collect(),
         position: cloud.position,
         uv: Vec::new(),
         triangles: triangles.into_iter().map(|corners| Triangle { corners, material: 0 }).collect(),
-        materials: vec![MeshMaterial { alpha, two_sided: cloud.two_sided, ..MeshMaterial::default() }],
+        materials: vec![MeshMaterial {
+            colour: colour_of_all,
+            alpha,
+            two_sided: cloud.two_sided,
+            ..MeshMaterial::default()
+        }],
         textures: Vec::new(),
         notes,
-    }
+    };
+    smooth(&mut mesh);
+    mesh
 }

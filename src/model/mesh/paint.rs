@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3, Vec3, Vec4};
 
-use super::facets::{Facets, Hit, Shape};
+use super::facets::{Facets, Hit, TriangleShape};
 use super::pyramid::{Footprint, Pyramid};
 use super::{AlphaMode, Mesh};
 use crate::model::surfels::{MIPMAP_LEVELS, MIPMAP_SIGMA};
@@ -110,7 +110,7 @@ impl<'a> Palette<'a> {
     /// The affine map from the triangle's shadow to its texture makes an ellipse of a circle. With the edges
     /// E = (e1, e2) of the shadow and their texture coordinates F = (f1, f2), a Gaussian of variance s^2 gets the
     /// covariance s^2 F (E^T E)^-1 F^T.
-    fn stencil(&self, index: usize, corners: [usize; 3], shape: &Shape, radius: f64) -> Stencil<'_> {
+    fn stencil(&self, index: usize, corners: [usize; 3], shape: &TriangleShape, radius: f64) -> Stencil<'_> {
         let pyramid = &self.pyramids[index];
         let size = pyramid.texels();
         let uv = corners.map(|v| {

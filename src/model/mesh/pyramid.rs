@@ -59,7 +59,7 @@ struct Side {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Footprint {
     level: usize,
-    /// Of the exponent 1/2 (A dx^2 + 2 B dx dy + C dy^2), in cells. It is 0 along a side of one cell that repeats.
+    /// A, B and C of the exponent 1/2 (A dx^2 + 2 B dx dy + C dy^2), in cells; 0 along a side of one cell that repeats.
     conic: [f64; 3],
     /// Half the sides of the ellipse's box, cells.
     reach: DVec2,
@@ -223,11 +223,11 @@ impl<'a> Pyramid<'a> {
 struct Gauss {
     sum: Vec4,
     weights: f32,
-    /// Of the next cell.
+    /// Weight of the next cell.
     weight: f32,
-    /// Of its weight to that of the one after it.
+    /// Ratio of the weight of the cell after it to its own.
     ratio: f32,
-    /// Of the next ratio to this one.
+    /// Ratio of the next ratio to this one.
     shrink: f32,
 }
 

@@ -9,7 +9,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::band::{Band, Spans};
-use super::facets::{Facets, Hit, Shape, shadow};
+use super::facets::{Facets, Hit, TriangleShape, shadow};
 
 /// A hit on an edge, which the triangle beyond it may have found too.
 #[derive(Clone, Copy)]
@@ -126,7 +126,7 @@ struct Grid {
 
 impl Grid {
     /// The corners of a triangle as the rays see them, which are at whole numbers.
-    fn places(self, shape: &Shape) -> [DVec2; 3] {
+    fn places(self, shape: &TriangleShape) -> [DVec2; 3] {
         shape.corner.map(|corner| shadow(corner, self.axis) / self.spacing - 0.5)
     }
 }
@@ -150,7 +150,7 @@ pub(super) fn count(facets: &Facets<'_>, band: &Band, reach: f64, reduce: bool) 
 }
 
 /// Adds the hits of one triangle: those within the spans, if there are any.
-fn scan(triangle: u32, shape: &Shape, grid: Grid, spans: Option<Spans>, out: &mut Found) {
+fn scan(triangle: u32, shape: &TriangleShape, grid: Grid, spans: Option<Spans>, out: &mut Found) {
     let Grid { axis, fine, .. } = grid;
     let p = grid.places(shape);
     let (e, f) = (p[1] - p[0], p[2] - p[0]);
@@ -178,7 +178,7 @@ struct Row {
     to: f64,
     /// An edge lies in the row.
     along: bool,
-    /// What is wanted of it.
+    /// The part of the row that is wanted.
     span: [f64; 2],
 }
 
@@ -192,7 +192,7 @@ impl Row {
 }
 
 /// Visits the rows of a triangle within the spans.
-fn rows(shape: &Shape, grid: Grid, mut spans: Option<Spans>, mut visit: impl FnMut(&Row)) {
+fn rows(shape: &TriangleShape, grid: Grid, mut spans: Option<Spans>, mut visit: impl FnMut(&Row)) {
     let p = grid.places(shape);
     if (p[1] - p[0]).perp_dot(p[2] - p[0]) == 0.0 {
         return;

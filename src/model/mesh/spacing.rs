@@ -35,7 +35,7 @@ pub(super) struct Counted<'a> {
     pub(super) edges: &'a Edges,
     /// See [`raster::hits`].
     pub(super) reduce: bool,
-    /// Of each usable triangle: spacings are tried by the dozen.
+    /// Size of each usable triangle: spacings are tried by the dozen.
     sizes: Vec<Size>,
 }
 

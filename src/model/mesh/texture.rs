@@ -1,12 +1,18 @@
 //! Images of textures: PNG, JPEG and WebP to texels.
 //!
-//! The JPEG decoder is the crate `zune-jpeg`, without its vector features: it needs no other crate but its own core.
+//! JPEG is decoded by `zune-jpeg` and not by `image`, which wraps it: that one asks it to be lenient. A file that was
+//! cut short would end in grey, and colours of a printer would become wrong ones.
 
 use std::io::Cursor;
 
-use png::{BitDepth, Decoder, Limits, Transformations};
+use image::codecs::png::PngDecoder;
+use image::{DynamicImage, ImageDecoder, ImageError, ImageResult, Limits};
 
 use super::{Texture, Wrap};
+use crate::files;
+
+/// Most bytes that stand beside the pixels of a PNG.
+const MOST_BESIDE: u64 = 1 << 26;
 
 /// Widest and highest image, texels.
 const MOST_SIZE: u32 = 16_384;
@@ -36,8 +42,9 @@ impl Budget {
         self.0 = self.0.saturating_add(MOST_TEXELS_A_BYTE * bytes as u64);
     }
 
-    /// Refuses what a header promises before memory is taken for it.
-    fn take(&mut self, width: u64, height: u64) -> Result<[u32; 2], String> {
+    /// The number of texels that a header promises, refused before memory is taken for them if it is too large.
+    fn check(&self, [width, height]: [u32; 2]) -> Result<u64, String> {
+        let [width, height] = [width, height].map(u64::from);
         let most = u64::from(MOST_SIZE);
         if !(1..=most).contains(&width) || !(1..=most).contains(&height) {
             return Err(format!("{width} x {height} texels, expected 1 to {MOST_SIZE} each"));
@@ -46,8 +53,13 @@ impl Budget {
         if width * height > limit {
             return Err(format!("{width} x {height} texels, expected at most {limit} for files of this size"));
         }
-        self.0 -= width * height;
-        Ok([width as u32, height as u32])
+        Ok(width * height)
+    }
+
+    /// Has less by the texels of an image.
+    fn take(&mut self, size: [u32; 2]) -> Result<(), String> {
+        self.0 -= self.check(size)?;
+        Ok(())
     }
 }
 
@@ -89,37 +101,27 @@ pub(super) fn decode(bytes: &[u8], wrap: [Wrap; 2], budget: &mut Budget) -> Resu
 type Texels = ([u32; 2], Vec<[u8; 4]>);
 
 fn decode_png(bytes: &[u8], budget: &mut Budget) -> Result<Texels, String> {
-    let refused = |e: png::DecodingError| format!("damage: {e}");
-    // The header is checked by us; the limit is for what stands beside the pixels.
-    let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), Limits { bytes: 1 << 26 });
-    // Palettes become colours, transparent colours alpha, and fewer bits than 8 become 8.
-    decoder.set_transformations(Transformations::EXPAND);
-    let (width, height) = decoder.read_header_info().map_err(refused)?.size();
-    let size = budget.take(width.into(), height.into())?;
-    let mut reader = decoder.read_info().map_err(refused)?;
-    let (colour, depth) = reader.output_color_type();
-    let channels = colour.samples();
-    let length = reader.output_buffer_size().ok_or("too many pixels")?;
-    let mut data = vec![0; length];
-    reader.next_frame(&mut data).map_err(refused)?;
-    if depth == BitDepth::Sixteen {
-        // Rounded: 65535 = 257 x 255.
-        let narrow = |v: &[u8]| ((u32::from(u16::from_be_bytes([v[0], v[1]])) + 128) / 257) as u8;
-        data = data.chunks_exact(2).map(narrow).collect();
+    // The size has a fixed place. `image` reads on before it tells it.
+    let side = |at: usize| Some(u32::from_be_bytes(*bytes.get(at..)?.first_chunk()?));
+    if let (Some(width), Some(height)) = (side(16), side(20)) {
+        budget.check([width, height])?;
     }
-    Ok((size, texels(&data, channels)))
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(MOST_BESIDE);
+    decoded(PngDecoder::with_limits(Cursor::new(bytes), limits), budget)
 }
 
-/// Codes of 1 (grey), 2 (grey, alpha), 3 or 4 channels as texels.
-fn texels(codes: &[u8], channels: usize) -> Vec<[u8; 4]> {
-    let texel = |v: &[u8]| match *v {
-        [l] => [l, l, l, 255],
-        [l, a] => [l, l, l, a],
-        [r, g, b] => [r, g, b, 255],
-        [r, g, b, a, ..] => [r, g, b, a],
-        [] => [0; 4],
-    };
-    codes.chunks_exact(channels.max(1)).map(texel).collect()
+/// The texels of an image, once there is room for what its header promises. Those of 16 bits are rounded to 8.
+fn decoded(decoder: ImageResult<impl ImageDecoder>, budget: &mut Budget) -> Result<Texels, String> {
+    let damage = |e: ImageError| format!("damage: {}", files::cause(&e));
+    let decoder = decoder.map_err(damage)?;
+    let size = <[u32; 2]>::from(decoder.dimensions());
+    budget.take(size)?;
+    Ok((size, texels(DynamicImage::from_decoder(decoder).map_err(damage)?)))
+}
+
+fn texels(image: DynamicImage) -> Vec<[u8; 4]> {
+    image.into_rgba8().pixels().map(|pixel| pixel.0).collect()
 }
 
 #[cfg(not(feature = "formats"))]
@@ -134,6 +136,7 @@ fn webp(_: &[u8], _: &mut Budget) -> Result<Texels, NoTexture> {
 
 #[cfg(feature = "formats")]
 fn jpeg(bytes: &[u8], budget: &mut Budget) -> Result<Texels, NoTexture> {
+    use image::{GrayImage, RgbImage};
     use zune_jpeg::JpegDecoder;
     use zune_jpeg::zune_core::bytestream::ZCursor;
     use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -148,34 +151,30 @@ fn jpeg(bytes: &[u8], budget: &mut Budget) -> Result<Texels, NoTexture> {
     let damaged = |e: zune_jpeg::errors::DecodeErrors| broken(one_line(format!("damage: {e:?}")));
     decoder.decode_headers().map_err(damaged)?;
     let (width, height) = decoder.dimensions().ok_or_else(|| broken("no size".to_owned()))?;
-    let size = budget.take(width as u64, height as u64).map_err(broken)?;
-    let channels = match decoder.input_colorspace() {
+    let size = [width as u32, height as u32];
+    budget.take(size).map_err(broken)?;
+    let is_grey = match decoder.input_colorspace() {
         Some(ColorSpace::CMYK | ColorSpace::YCCK) => {
             return Err(broken("the colours of a printer (CMYK), expected red, green and blue, or grey".to_owned()));
         }
-        Some(ColorSpace::Luma) => 1,
-        _ => 3,
+        space => space == Some(ColorSpace::Luma),
     };
-    let space = if channels == 1 { ColorSpace::Luma } else { ColorSpace::RGB };
+    let space = if is_grey { ColorSpace::Luma } else { ColorSpace::RGB };
     let options = (*decoder.options()).jpeg_set_out_colorspace(space);
     decoder.set_options(options);
     let data = decoder.decode().map_err(damaged)?;
-    if data.len() != width * height * channels {
-        return Err(broken(format!("{} of {} values", data.len(), width * height * channels)));
-    }
-    Ok((size, texels(&data, channels)))
+    let length = data.len();
+    let image = if is_grey {
+        GrayImage::from_raw(size[0], size[1], data).map(DynamicImage::from)
+    } else {
+        RgbImage::from_raw(size[0], size[1], data).map(DynamicImage::from)
+    };
+    let image = image.ok_or_else(|| broken(format!("{length} values for {width} x {height} texels")))?;
+    Ok((size, texels(image)))
 }
 
 #[cfg(feature = "formats")]
 fn webp(bytes: &[u8], budget: &mut Budget) -> Result<Texels, NoTexture> {
-    let broken = |why: String| NoTexture::Broken(format!("a WebP with {why}"));
-    let damaged = |e: image_webp::DecodingError| broken(format!("damage: {e}"));
-    let mut decoder = image_webp::WebPDecoder::new(Cursor::new(bytes)).map_err(damaged)?;
-    decoder.set_memory_limit(1 << 30);
-    let (width, height) = decoder.dimensions();
-    let size = budget.take(width.into(), height.into()).map_err(broken)?;
-    let length = decoder.output_buffer_size().ok_or_else(|| broken("too many pixels".to_owned()))?;
-    let mut data = vec![0; length];
-    decoder.read_image(&mut data).map_err(damaged)?;
-    Ok((size, texels(&data, if decoder.has_alpha() { 4 } else { 3 })))
+    let decoder = image::codecs::webp::WebPDecoder::new(Cursor::new(bytes));
+    decoded(decoder, budget).map_err(|why| NoTexture::Broken(format!("a WebP with {why}")))
 }

@@ -10,8 +10,8 @@ use crate::model::options::Progress;
 /// Neighbours that a gradient is fitted to: about two shells of a cubic lattice.
 const NEAREST: usize = 16;
 
-/// What is added to the matrix of the fit, as a share of its trace. Where all neighbours lie in a plane, the gradient
-/// then lies in it too.
+/// The number that is added to the fit's matrix, as a share of its trace. Where all neighbours lie in a plane, the
+/// gradient then lies in it too.
 const DAMPING: f64 = 1e-9;
 
 /// Gradients of the densities, per model unit: the plane through a sample that fits its nearest neighbours best, by

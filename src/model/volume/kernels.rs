@@ -71,7 +71,7 @@ pub(in crate::model) fn of_grid(
     let shown = grid.values.par_chunks(1 << 16).map(|values| values.iter().filter(|v| mass(**v) > 0.0).count()).sum();
     check(shown, most)?;
 
-    let shape = Shape::of_grid(grid, options.kernel * scale);
+    let shape = KernelAxes::of_grid(grid, options.kernel * scale);
     let plain = shape.plain();
     let columns = |k: usize| {
         let mut made = Columns::default();
@@ -130,7 +130,7 @@ pub(in crate::model) fn of_samples(
     let mut columns = Columns::default();
     for i in shown {
         let sigma = options.kernel * scale * f64::from(samples.radius[i]);
-        let shape = Shape { axes: DMat3::from_diagonal(DVec3::splat(sigma)) };
+        let shape = KernelAxes { axes: DMat3::from_diagonal(DVec3::splat(sigma)) };
         let normal = gradients.get(i).map_or(DVec3::ZERO, |gradient| normal(*gradient));
         let (sigma, rotation) = shape.flattened(normal, options.flatten).unwrap_or_else(|| shape.plain());
         columns.push(samples.position[i], sigma, rotation, mass(i), look(i).0);
@@ -213,12 +213,12 @@ impl Columns {
 
 /// The shape of a kernel: its covariance is `axes` times its transpose.
 #[derive(Clone, Copy)]
-struct Shape {
+struct KernelAxes {
     /// Columns: standard deviations along directions at right angles, model units.
     axes: DMat3,
 }
 
-impl Shape {
+impl KernelAxes {
     fn of_grid(grid: &Grid, kernel: f64) -> Self {
         Self { axes: grid.steps * kernel }
     }

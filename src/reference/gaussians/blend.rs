@@ -16,8 +16,8 @@ pub(in crate::reference) struct Blend {
 impl Blend {
     /// Coded as soon as one capture has coded colours.
     pub(in crate::reference) fn of(scene: &Scene) -> Self {
-        let mut captures = scene.objects.iter().filter_map(|object| object.model.gaussians());
-        let space = if captures.any(|capture| !capture.linear) { Blending::Coded } else { Blending::Linear };
+        let mut captures = scene.objects.iter().filter_map(|object| object.shape.gaussians());
+        let space = if captures.any(|model| !model.gaussians().linear) { Blending::Coded } else { Blending::Linear };
         let background = Background { colour: scene.image.background, transparent: scene.image.transparent };
         Self { space, background }
     }

@@ -3,16 +3,16 @@
 use glam::DVec3;
 
 use crate::model::Gaussians;
-use crate::scene::Capture;
+use crate::scene::Drawing;
 
 /// Colour of Gaussian `index` seen from `eye` (model space), in the space of the capture: max(0, 0.5 + sum of harmonics
 /// of the direction from the eye to the centre), or the one colour that the object has for all.
-pub(in crate::reference) fn colour(gaussians: &Gaussians, capture: &Capture, index: usize, eye: DVec3) -> DVec3 {
-    if let Some(flat) = capture.flat {
+pub(in crate::reference) fn colour(gaussians: &Gaussians, drawing: &Drawing, index: usize, eye: DVec3) -> DVec3 {
+    if let Some(flat) = drawing.flat {
         return flat.as_dvec3();
     }
     let mut sum = DVec3::splat(0.5) + C0 * gaussians.base[index].as_dvec3();
-    let degree = usize::from(capture.harmonics.min(gaussians.degree));
+    let degree = usize::from(drawing.harmonics.min(gaussians.degree));
     if degree > 0 {
         let each = gaussians.harmonics_each();
         let own = &gaussians.harmonics[index * each..][..(degree + 1) * (degree + 1) - 1];

@@ -6,7 +6,7 @@ use crate::reference::posed::{BodyPose, CameraPose};
 
 /// A model before the camera, and a ray in the model.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::reference) struct Place {
+pub(in crate::reference) struct ModelPlace {
     /// Rows of the transform from the model to the camera: right, down, forward.
     pub rows: [DVec3; 3],
     /// Place of the model's origin: right, down, forward.
@@ -17,7 +17,7 @@ pub(in crate::reference) struct Place {
     pub direction: DVec3,
 }
 
-impl Place {
+impl ModelPlace {
     /// `direction` is that of the ray in camera space, of depth 1.
     pub(in crate::reference) fn new(pose: &BodyPose, camera: &CameraPose, direction: DVec3) -> Self {
         let axes = camera.world_from_camera;

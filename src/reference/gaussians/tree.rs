@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::beam::Beam;
 use crate::model::Gaussians;
 use crate::reference::error::ReferenceError;
-use crate::scene::Capture;
+use crate::scene::Drawing;
 
 /// Least alpha that shows.
 pub(in crate::reference) const LEAST_ALPHA: f64 = 1.0 / 255.0;
@@ -30,7 +30,7 @@ pub(in crate::reference) trait Placed: Copy + Send + Sync {
 #[derive(Clone, Copy, Debug)]
 pub(in crate::reference) struct Kernel {
     pub centre: Vec3,
-    /// Number in the capture.
+    /// Number in the drawing.
     pub index: u32,
     /// Covariance in model space: xx, xy, xz, yy, yz, zz.
     pub covariance: [f64; 6],
@@ -68,7 +68,7 @@ impl<K: Placed> Tree<K> {
     /// The tree does not fit into memory.
     pub(in crate::reference) fn new(
         gaussians: &Gaussians,
-        capture: &Capture,
+        drawing: &Drawing,
         of: impl Fn(u32) -> Option<K> + Sync,
     ) -> Result<Self, ReferenceError> {
         let count = gaussians.len();
@@ -78,7 +78,7 @@ impl<K: Placed> Tree<K> {
         if !fits || u32::try_from(count).is_err() {
             return Err(ReferenceError::Gaussians { count });
         }
-        let inside = |p: DVec3| capture.crop.is_none_or(|[low, high]| p.cmpge(low).all() && p.cmple(high).all());
+        let inside = |p: DVec3| drawing.crop.is_none_or(|[low, high]| p.cmpge(low).all() && p.cmple(high).all());
         let seen: Vec<u32> = (0..count as u32)
             .into_par_iter()
             .filter(|&index| inside(gaussians.position[index as usize].as_dvec3()) && of(index).is_some())
@@ -143,12 +143,12 @@ impl Placed for Kernel {
 
 impl Kernel {
     /// Gaussian `index` of a capture; `None` where it is too faint, or not finite.
-    pub(in crate::reference) fn of(gaussians: &Gaussians, capture: &Capture, index: u32) -> Option<Self> {
+    pub(in crate::reference) fn of(gaussians: &Gaussians, drawing: &Drawing, index: u32) -> Option<Self> {
         let i = index as usize;
         let sigma = gaussians.sigma[i].as_dvec3();
         let axes = DMat3::from_quat(gaussians.rotation[i].as_dquat().normalize()) * DMat3::from_diagonal(sigma);
         let s = axes * axes.transpose();
-        let opacity = f64::from(gaussians.opacity[i]) * capture.opacity;
+        let opacity = f64::from(gaussians.opacity[i]) * drawing.opacity;
         // A little more than the exact reach: alpha itself is compared where the Gaussian is seen.
         let reach = 2.0 * libm::log(opacity / LEAST_ALPHA) + 1e-9;
         let kernel = Self {

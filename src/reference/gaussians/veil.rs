@@ -11,7 +11,7 @@ use glam::{DMat4, DVec3};
 
 use super::beam::{Beam, BeamRay};
 use super::colour::colour;
-use super::place::Place;
+use super::place::ModelPlace;
 use super::sight::{BATCH, Batch, Seen as SeenBatch, Sight, look};
 use super::tree::LEAST_ALPHA;
 use crate::film::Aov;
@@ -58,8 +58,8 @@ pub(in crate::reference) struct Taken {
 pub(in crate::reference) struct Veil<'w, 'a> {
     world: &'w World<'a>,
     rays: Vec<Ray>,
-    /// Of each ray its view of each capture; `None` where the object is hidden.
-    views: Vec<Option<View>>,
+    /// For each ray its view of each capture; `None` where the object is hidden.
+    views: Vec<Option<CaptureView>>,
     list: Vec<Candidate>,
     stack: Vec<(u32, u32)>,
     batch: Batch,
@@ -86,9 +86,9 @@ struct Ray {
 
 /// How a ray sees the object of one capture.
 #[derive(Clone, Copy, Debug)]
-struct View {
+struct CaptureView {
     sight: Sight,
-    place: Place,
+    place: ModelPlace,
     near: f64,
     beam: BeamRay,
     /// Change of the model's place relative to the camera, per shutter; made when it is asked for.
@@ -175,7 +175,7 @@ impl<'w, 'a> Veil<'w, 'a> {
             self.views.extend(world.captures.iter().map(|capture| {
                 let body = &world.bodies[capture.body];
                 let camera = if body.object.blur { &camera } else { &world.frame_camera };
-                View::new(world, capture.body, capture.reach, camera, film, time)
+                CaptureView::new(world, capture.body, capture.reach, camera, film, time)
             }));
         }
     }
@@ -293,7 +293,7 @@ impl<'w, 'a> Veil<'w, 'a> {
         let world = self.world;
         let capture = &world.captures[hit.capture as usize];
         let body = &world.bodies[capture.body];
-        let (gaussians, options) = (capture.gaussians, &body.object.capture);
+        let (gaussians, options) = (capture.gaussians, &body.drawing);
         let at = number * world.captures.len() + hit.capture as usize;
         let (ray, Some(view)) = (&mut self.rays[number], &mut self.views[at]) else { return };
         let transmittance = ray.sum.transmittance;
@@ -304,7 +304,7 @@ impl<'w, 'a> Veil<'w, 'a> {
             taken.push(Taken { capture, index, depth, alpha, transmittance, colour: own });
         }
         let mut part = Seen { colour: world.blend.of_capture(own, gaussians.linear), depth, ..Seen::NOTHING };
-        if body.object.blur && world.options.aovs.contains(&Aov::Velocity) {
+        if body.object.blur && world.options.look.aovs.contains(&Aov::Velocity) {
             let rate = *view.rate.get_or_insert_with(|| object_velocity(world.scene, body.object, ray.time));
             let centre = gaussians.position[hit.index as usize].as_dvec3();
             part.velocity = world.focal * view.place.velocity(centre, &rate);
@@ -313,10 +313,10 @@ impl<'w, 'a> Veil<'w, 'a> {
     }
 }
 
-impl View {
+impl CaptureView {
     fn new(world: &World<'_>, body: usize, reach: f64, camera: &CameraPose, film: [f64; 2], time: f64) -> Option<Self> {
         let pose = world.bodies[body].pose_at(time)?;
-        let place = Place::new(&pose, camera, world.direction(film));
+        let place = ModelPlace::new(&pose, camera, world.direction(film));
         let linear = pose.world_from_model.matrix3;
         let size = world.size.map(f64::from);
         let half = size.map(|pixels| 0.5 * pixels / world.focal);

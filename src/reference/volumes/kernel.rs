@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3, Vec3};
 
 use crate::model::Gaussians;
 use crate::reference::gaussians::tree::Placed;
-use crate::scene::Capture;
+use crate::scene::Drawing;
 
 /// Standard deviations from its centre within which a kernel counts. Beyond it has 1.5e-8 of its peak.
 pub(super) const REACH: f64 = 6.0;
@@ -40,7 +40,7 @@ impl Placed for Kernel {
 impl Kernel {
     /// Kernel `index` of a volume. `None` where it has no mass, where it is a line or a point, which no ray meets, or
     /// where it is not finite.
-    pub(in crate::reference) fn of(gaussians: &Gaussians, capture: &Capture, index: u32) -> Option<Self> {
+    pub(in crate::reference) fn of(gaussians: &Gaussians, drawing: &Drawing, index: u32) -> Option<Self> {
         let i = index as usize;
         let axes = DMat3::from_quat(gaussians.rotation[i].as_dquat().normalize());
         let [x, y, z] = gaussians.sigma[i].as_dvec3().abs().to_array();
@@ -54,7 +54,7 @@ impl Kernel {
             covariance: with(DVec3::new(x * x, y * y, z * z)),
             adjugate: with(DVec3::new(y * y * z * z, x * x * z * z, x * x * y * y)),
             root: x * y * z,
-            mass: f64::from(gaussians.opacity[i]) * capture.opacity,
+            mass: f64::from(gaussians.opacity[i]) * drawing.opacity,
             radius: REACH * x.max(y).max(z),
         };
         let is_flat_at_most = kernel.adjugate.iter().any(|value| *value != 0.0);

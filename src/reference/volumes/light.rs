@@ -5,15 +5,15 @@ use glam::{DMat4, DVec3};
 use super::kernel::Kernel;
 use crate::math::srgb;
 use crate::reference::gaussians::colour::colour;
-use crate::reference::gaussians::place::Place;
+use crate::reference::gaussians::place::ModelPlace;
 use crate::reference::posed::{BodyPose, Volume, World};
 use crate::shading::{ShadingLight, shade};
 
 /// How a ray sees a volume.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View {
+pub(super) struct VolumeView {
     pub pose: BodyPose,
-    pub place: Place,
+    pub place: ModelPlace,
     /// The eye in the world.
     pub eye: DVec3,
     /// Length of the ray in the world for a depth of 1.
@@ -34,9 +34,15 @@ pub(super) struct Lights {
 
 impl Lights {
     /// Linear light of a kernel: its own colour, or that which lights give it where the volume has normals.
-    pub(super) fn colour(&mut self, world: &World<'_>, volume: &Volume<'_>, kernel: &Kernel, view: &View) -> DVec3 {
+    pub(super) fn colour(
+        &mut self,
+        world: &World<'_>,
+        volume: &Volume<'_>,
+        kernel: &Kernel,
+        view: &VolumeView,
+    ) -> DVec3 {
         let (body, gaussians, index) = (&world.bodies[volume.body], volume.gaussians, kernel.index as usize);
-        let own = colour(gaussians, &body.object.capture, index, view.place.eye);
+        let own = colour(gaussians, &body.drawing, index, view.place.eye);
         let own = if gaussians.linear { own } else { own.map(srgb::linear) };
         let Some(&normal) = gaussians.normal.get(index) else { return own };
         if self.eye != Some(view.eye) {

@@ -9,12 +9,12 @@ use glam::{DVec2, DVec3};
 use super::block::{Block, Line, PANELS};
 use super::buckets::Buckets;
 use super::kernel::REACH;
-use super::light::{Lights, View};
+use super::light::{Lights, VolumeView};
 use super::line::{Along, BATCH, Batch, look};
 use crate::film::Aov;
 use crate::reference::composite::Composite;
 use crate::reference::gaussians::beam::{Beam, BeamRay};
-use crate::reference::gaussians::place::Place;
+use crate::reference::gaussians::place::ModelPlace;
 use crate::reference::posed::World;
 use crate::reference::trace::{SamplePoint, Seen};
 use crate::scene::pose::object_velocity;
@@ -43,8 +43,8 @@ const OVER_ROOT: f64 = 0.398_942_280_401_432_7;
 #[derive(Debug)]
 pub(in crate::reference) struct March<'w, 'a> {
     world: &'w World<'a>,
-    /// Of each ray its view of each volume; `None` where the object is hidden.
-    views: Vec<Option<View>>,
+    /// For each ray its view of each volume; `None` where the object is hidden.
+    views: Vec<Option<VolumeView>>,
     /// Kernels that any ray may meet, of volume after volume; how many batches have some.
     batches: Vec<Batch>,
     used: usize,
@@ -102,7 +102,7 @@ impl<'w, 'a> March<'w, 'a> {
             active: Vec::new(),
             sheets: Vec::new(),
             passed: 0,
-            block: Block::new(world.options.aovs.contains(&Aov::Velocity)),
+            block: Block::new(world.options.look.aovs.contains(&Aov::Velocity)),
             buckets: Buckets::default(),
         };
         Self {
@@ -128,8 +128,8 @@ impl<'w, 'a> March<'w, 'a> {
                 let camera = if body.object.blur { &camera } else { &world.frame_camera };
                 let pose = body.pose_at(time)?;
                 let direction = world.direction(film);
-                let (place, length) = (Place::new(&pose, camera, direction), direction.length());
-                Some(View { pose, place, eye: camera.eye, length, time, rate: None })
+                let (place, length) = (ModelPlace::new(&pose, camera, direction), direction.length());
+                Some(VolumeView { pose, place, eye: camera.eye, length, time, rate: None })
             }));
         }
         let far = ends.fold(0.0, f64::max);
@@ -172,7 +172,7 @@ impl<'w, 'a> March<'w, 'a> {
             let body = &world.bodies[volume.body];
             let gaussians = volume.gaussians;
             let fixed = body.is_fixed() && world.camera_of(body).is_some();
-            let plain = gaussians.normal.is_empty() && (gaussians.degree == 0 || body.object.capture.flat.is_some());
+            let plain = gaussians.normal.is_empty() && (gaussians.degree == 0 || body.drawing.flat.is_some());
             let view = self.views.iter().skip(number).step_by(world.volumes.len()).flatten().next();
             if let Some(view) = view.filter(|_| fixed || plain) {
                 for batch in &mut self.batches[first..self.used] {

@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 use rayon::prelude::*;
 
 use crate::model::{self, Kind, ModelError, Spacing};
-use crate::scene::Model;
+use crate::scene::SurfelModel;
 
 /// Names of files that differ in a number, as in `cache.%04d.ply`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,7 +61,7 @@ impl fmt::Display for Pattern {
 #[derive(Debug)]
 pub(super) struct File {
     /// The surfels; none for an empty file.
-    pub(super) model: Model,
+    pub(super) model: SurfelModel,
     /// The points in the order of their identities.
     pub(super) by_id: Vec<u32>,
     /// The identities are numbers of rows: the file has none.
@@ -165,7 +165,7 @@ fn read(path: &Path, options: &model::LoadOptions) -> Result<(File, Vec<String>)
     let loaded = match model::load(path, options, &|_, _| {}) {
         // Nothing is there in this frame. A file without bytes is a failed write, and stays an error.
         Err(ModelError::NoPointsIn { dropped, .. }) => {
-            let file = File { model: Model::default(), by_id: Vec::new(), rows: false, points: 0 };
+            let file = File { model: SurfelModel::default(), by_id: Vec::new(), rows: false, points: 0 };
             let why = (!dropped.is_empty()).then(|| format!("an empty frame, without usable points{dropped}"));
             return Ok((file, why.into_iter().collect()));
         }

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use self::files::Files;
 pub use self::files::Pattern;
-use super::model::Model;
+use super::model::{Piece, SurfelModel};
 use crate::math::Bounds;
 use crate::model::{self, ModelError, VelocityUnit};
 
@@ -77,18 +77,7 @@ pub struct Sequence {
     bounds: Bounds,
 }
 
-/// The points of one file over a part of the time.
-#[derive(Clone, Debug)]
-pub(crate) struct Piece {
-    /// The points, with their paths per frame.
-    pub(crate) model: Model,
-    /// The frame at which they are where the file has them.
-    pub(crate) at: f64,
-    /// The frames from the first of which on, and before the second of which, they are shown.
-    pub(crate) window: [f64; 2],
-}
-
-/// What is known of a sequence before any frame is rendered.
+/// A sequence before any frame is rendered.
 #[derive(Debug)]
 pub(crate) struct Opened {
     pub(crate) sequence: Arc<Sequence>,
@@ -126,11 +115,11 @@ impl Sequence {
             }
             let (file, notes) = sequence.files.read(number)?;
             if sequence.bounds.is_empty() {
-                opened.two_sided = file.model.two_sided;
+                opened.two_sided = file.model.surfels().two_sided;
                 opened.notes = notes;
             }
             sequence.bounds.merge(&file.model.bounds());
-            if number == first && first < last && file.rows && file.model.velocity.is_empty() {
+            if number == first && first < last && file.rows && file.model.surfels().velocity.is_empty() {
                 let (next, _) = sequence.files.read(first + 1)?;
                 opened.notes.extend(rows::in_another_order(&file, &next));
                 sequence.files.keep([(first, file), (first + 1, next)]);
@@ -149,8 +138,9 @@ impl Sequence {
         self.bounds
     }
 
-    /// What is shown from `from` to `to` (frames) by a scene of `rate` frames per second. `unit`: of velocities, in
-    /// place of the files' own.
+    /// The points that show from `from` to `to` (frames) in a scene of `rate` frames per second: of one file each, with
+    /// paths per frame, and the frame at which they are where the file has them. `unit`: of velocities, in place of the
+    /// files' own.
     ///
     /// # Errors
     /// A file cannot be read, or says nothing of how its points become those beside it.
@@ -159,7 +149,7 @@ impl Sequence {
         unit: Option<VelocityUnit>,
         rate: f64,
         [from, to]: [f64; 2],
-    ) -> Result<Vec<Piece>, ModelError> {
+    ) -> Result<Vec<(SurfelModel, f64)>, ModelError> {
         let spec = &self.spec;
         let shown = spec.shown(from, to);
         let count = shown.end().saturating_sub(*shown.start()).saturating_add(1);
@@ -187,13 +177,14 @@ impl Sequence {
             let Some(file) = files.get(&number).filter(|file| file.points > 0) else { continue };
             let side = side_of(number, side);
             let beside = files.get(&(number + side)).map(Arc::as_ref);
-            let unit = unit.unwrap_or(file.model.velocity_unit);
+            let unit = unit.unwrap_or(file.model.surfels().velocity_unit);
             let per_frame = if unit == VelocityUnit::Second { 1.0 / rate } else { 1.0 };
             let paths = pieces::paths(file, beside, side as f64 / spec.rate, per_frame).map_err(|points| {
                 let path = |number| spec.pattern.path(number);
                 ModelError::Unmatched { path: path(number), beside: path(number + side), points }
             })?;
-            out.push(Piece { model: file.model.with_paths(paths), at: spec.frame_of(number), window });
+            let piece = Piece { paths, window, is_first: out.is_empty() };
+            out.push((file.model.with_piece(piece), spec.frame_of(number)));
         }
         Ok(out)
     }

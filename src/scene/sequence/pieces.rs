@@ -26,7 +26,7 @@ pub(super) fn paths(
     step: f64,
     per_frame: f64,
 ) -> Result<Arc<OwnPaths>, [usize; 2]> {
-    let model = &file.model;
+    let (model, surfels) = (&file.model, file.model.surfels());
     let own = model.paths();
     let rates = [per_frame, per_frame * per_frame];
     let of_file = |i: usize| [0, 1].map(|c| own.columns[c].get(i).map_or(DVec3::ZERO, |r| r.as_dvec3() * rates[c]));
@@ -41,8 +41,9 @@ pub(super) fn paths(
         let Some((beside, partner)) = beside.zip(partners.get(i).copied().flatten()) else {
             return [velocity, acceleration, DVec3::ZERO];
         };
-        let (other, partner) = (&beside.model, partner as usize);
-        let way = (other.origin - model.origin) + (other.position[partner].as_dvec3() - model.position[i].as_dvec3());
+        let (other, partner) = (beside.model.surfels(), partner as usize);
+        let way =
+            (other.origin - surfels.origin) + (other.position[partner].as_dvec3() - surfels.position[i].as_dvec3());
         if !moves || other.paths().is_empty() {
             return [way / step, DVec3::ZERO, DVec3::ZERO];
         }
@@ -50,7 +51,7 @@ pub(super) fn paths(
         let (m0, m1) = (velocity * step, theirs * step);
         [velocity, (way * 3.0 - m0 * 2.0 - m1) * (2.0 / (step * step)), (m0 + m1 - way * 2.0) * (6.0 / step.powi(3))]
     };
-    let mut columns = [0; 3].map(|_| vec![Vec3::ZERO; model.len()]);
+    let mut columns = [0; 3].map(|_| vec![Vec3::ZERO; surfels.len()]);
     let [first, second, third] = &mut columns;
     let chunks = first.par_chunks_mut(CHUNK).zip(second.par_chunks_mut(CHUNK)).zip(third.par_chunks_mut(CHUNK));
     chunks.enumerate().for_each(|(chunk, ((first, second), third))| {
@@ -77,11 +78,12 @@ fn partners(file: &File, beside: &File) -> Vec<Option<u32>> {
         return Vec::new();
     }
     let mut partners = vec![None; file.points];
+    let (ids, other_ids) = (&file.model.surfels().id, &beside.model.surfels().id);
     let mut others = beside.by_id.iter().peekable();
     for &i in &file.by_id {
-        let id = file.model.id[i as usize];
-        while others.next_if(|&&other| beside.model.id[other as usize] < id).is_some() {}
-        let same = others.next_if(|&&other| beside.model.id[other as usize] == id);
+        let id = ids[i as usize];
+        while others.next_if(|&&other| other_ids[other as usize] < id).is_some() {}
+        let same = others.next_if(|&&other| other_ids[other as usize] == id);
         partners[i as usize] = same.copied();
     }
     if file.rows && !rows_agree(file, beside, &partners) { Vec::new() } else { partners }
@@ -89,7 +91,7 @@ fn partners(file: &File, beside: &File) -> Vec<Option<u32>> {
 
 /// Do rows stand for the same points? Where there are velocities, most points must lie about where these lead.
 fn rows_agree(file: &File, beside: &File, partners: &[Option<u32>]) -> bool {
-    let (model, other) = (&file.model, &beside.model);
+    let (model, other) = (file.model.surfels(), beside.model.surfels());
     if model.velocity.is_empty() || other.velocity.is_empty() {
         return true;
     }

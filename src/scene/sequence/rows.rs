@@ -25,8 +25,9 @@ pub(super) fn in_another_order(file: &File, beside: &File) -> Option<String> {
     }
     let step = file.points.div_ceil(POINTS);
     let of = |file: &File| -> Vec<DVec3> {
+        let surfels = file.model.surfels();
         let rows = file.by_id.iter().step_by(step);
-        rows.map(|&i| file.model.origin + file.model.position[i as usize].as_dvec3()).collect()
+        rows.map(|&i| surfels.origin + surfels.position[i as usize].as_dvec3()).collect()
     };
     let (here, there) = (of(file), of(beside));
     let whole = here.iter().copied().collect::<Bounds>().size().length();

@@ -36,7 +36,7 @@ impl Floor {
         Ok(Some(Self { rmse, flip: flip::mean(&noisy, reference)? }))
     }
 
-    /// Of a sequence: the root of the mean square, and the mean.
+    /// The floor of a sequence: the root of the mean square, and the mean.
     pub fn pooled(floors: impl ExactSizeIterator<Item = Self>) -> Self {
         let n = floors.len().max(1) as f64;
         let (squares, flips) = floors.fold((0.0, 0.0), |(s, f), floor| (s + floor.rmse.powi(2), f + floor.flip));

@@ -5,7 +5,7 @@ use crate::compare::encode;
 use crate::film::Picture;
 use crate::study::sheet::{Canvas, Colour, SheetError};
 
-/// What is not finite.
+/// Colour of values that are not finite.
 const BAD: Colour = [255, 0, 255];
 
 /// Display values of the picture minus those of the reference, mean of r, g, b: red where the picture is too bright,

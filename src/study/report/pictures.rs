@@ -1,5 +1,7 @@
 //! The pictures of the page.
 
+use base64::engine::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use maud::{Markup, html};
 
 use super::figures::Study;
@@ -109,25 +111,11 @@ fn flip_stops() -> String {
 }
 
 fn image(canvas: &Canvas, caption: &str, crop: bool) -> Result<Markup, SheetError> {
-    let data = format!("data:image/png;base64,{}", base64(&canvas.png()?));
+    let data = format!("data:image/png;base64,{}", STANDARD.encode(canvas.png()?));
     Ok(html! {
         figure {
             img class=[crop.then_some("crop")] src=(data) width=(canvas.width()) height=(canvas.height()) alt=(caption);
             figcaption { (caption) }
         }
     })
-}
-
-/// RFC 4648, with padding.
-pub(super) fn base64(bytes: &[u8]) -> String {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word = chunk.iter().fold(0_u32, |word, &b| word << 8 | u32::from(b)) << (8 * (3 - chunk.len()));
-        for i in 0..4 {
-            let letter = LETTERS[(word >> (18 - 6 * i) & 63) as usize];
-            out.push(if i <= chunk.len() { char::from(letter) } else { '=' });
-        }
-    }
-    out
 }

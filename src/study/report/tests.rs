@@ -1,5 +1,4 @@
 use super::page::page;
-use super::pictures::base64;
 use super::*;
 use crate::compare::{Comparison, Metric};
 use crate::film::{Aov, Layer, Picture};
@@ -125,16 +124,6 @@ fn times_have_a_median() {
     assert_eq!(Times::of(&[3.0, 1.0, 2.0]), Times { median: 2.0, least: 1.0, most: 3.0 });
     assert_eq!(Times::of(&[4.0, 1.0]).median, 2.5);
     assert_eq!(Times::of(&[]), Times::default());
-}
-
-#[test]
-fn base64_of_known_texts() {
-    // RFC 4648, section 10.
-    for (text, code) in
-        [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg=="), ("foobar", "Zm9vYmFy")]
-    {
-        assert_eq!(base64(text.as_bytes()), code);
-    }
 }
 
 #[test]

@@ -18,7 +18,7 @@ use super::sheet::{self, Canvas, Layout, Panel};
 use crate::compare::{flip, gamma_rmse};
 use crate::film::{Aov, Picture};
 use crate::options::{
-    BlurMode, KernelShape, KernelWeight, Normalise, Overlap, PixelFilter, Prefilter, RenderOptions, SweptKernel,
+    BlurMode, KernelShape, KernelWeight, Look, Normalise, Overlap, PixelFilter, Prefilter, RenderOptions, SweptKernel,
     TemporalAlpha,
 };
 use crate::renderer::Renderer;
@@ -106,10 +106,13 @@ impl Thesis {
     fn options(&self, mode: BlurMode) -> RenderOptions {
         RenderOptions {
             quality: mode.into(),
-            // The thesis samples pixel centres, with the approximate prefilter (4.2.3).
-            filter: PixelFilter::Point,
             prefilter: Prefilter::Approx,
             memory: self.memory,
+            look: Look {
+                // The thesis samples pixel centres, with the approximate prefilter (4.2.3).
+                filter: PixelFilter::Point,
+                ..Look::default()
+            },
             ..RenderOptions::default()
         }
     }
@@ -121,7 +124,9 @@ impl Thesis {
 
     /// A picture with its alpha, for measurements of kernels: without a prefilter, which would widen them.
     fn bare(&self, renderer: &mut Renderer, scene: &Scene, mode: BlurMode) -> Result<Picture, StudyError> {
-        let options = RenderOptions { prefilter: Prefilter::None, aovs: vec![Aov::Alpha], ..self.options(mode) };
+        let options = self.options(mode);
+        let look = Look { aovs: vec![Aov::Alpha], ..options.look };
+        let options = RenderOptions { prefilter: Prefilter::None, look, ..options };
         Ok(renderer.render(scene, 0, &options)?.picture)
     }
 
@@ -183,7 +188,7 @@ impl Thesis {
         errors: &mut String,
     ) -> Result<(), StudyError> {
         let scene = &figure.scene;
-        let surfels: usize = scene.objects.iter().map(|object| object.model.position.len()).sum();
+        let surfels: usize = scene.objects.iter().map(|object| object.shape.elements()).sum();
         let mut made = Vec::new();
         for (letter, samples, kernels, mode) in cells() {
             let (seconds, picture) = self.timed(renderer, scene, mode)?;

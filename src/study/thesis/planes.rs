@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn surfels_of_the_horizon_are_as_the_paper_says() {
         let scene = horizon([300, 225], 1, false).unwrap();
-        assert_eq!(scene.objects[0].model.position.len(), 65_536);
-        assert_eq!(horizon([64, 48], 200, true).unwrap().objects[0].model.position.len(), 18 * 18);
+        assert_eq!(scene.objects[0].shape.elements(), 65_536);
+        assert_eq!(horizon([64, 48], 200, true).unwrap().objects[0].shape.elements(), 18 * 18);
     }
 }

@@ -7,7 +7,7 @@ use super::planes::{self, Plate};
 use super::{Thesis, alpha, write_sheet};
 use crate::compare::{flip, gamma_rmse};
 use crate::film::{Aov, Picture};
-use crate::options::{BlurMode, PixelFilter, Prefilter, RenderOptions};
+use crate::options::{BlurMode, Look, PixelFilter, Prefilter, RenderOptions};
 use crate::reference::{self, ReferenceOptions};
 use crate::renderer::Renderer;
 use crate::scene::Scene;
@@ -59,15 +59,16 @@ impl Thesis {
     fn contest(&self, renderer: &mut Renderer, scene: &Scene) -> Result<Vec<(String, Picture)>, StudyError> {
         let mut pictures = Vec::new();
         for (name, prefilter, pixel_samples, filter) in CONTESTANTS {
-            let options = RenderOptions {
-                prefilter,
-                filter,
-                aovs: vec![Aov::Alpha],
-                ..self.options(BlurMode::Still { pixel_samples })
-            };
+            let options = self.options(BlurMode::Still { pixel_samples });
+            let look = Look { filter, aovs: vec![Aov::Alpha], ..options.look };
+            let options = RenderOptions { prefilter, look, ..options };
             pictures.push((name.to_owned(), renderer.render(scene, 0, &options)?.picture));
         }
-        let options = ReferenceOptions { samples: RAYS, aovs: vec![Aov::Alpha], ..ReferenceOptions::default() };
+        let options = ReferenceOptions {
+            samples: RAYS,
+            look: Look { aovs: vec![Aov::Alpha], ..Look::default() },
+            ..ReferenceOptions::default()
+        };
         let truth = reference::render(scene, 0, &options, None, &|_| {})?;
         pictures.push(("reference".to_owned(), truth.picture));
         Ok(pictures)

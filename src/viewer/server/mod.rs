@@ -20,7 +20,7 @@ use self::token::Token;
 use super::error::ViewerError;
 use super::session::Page;
 use super::shared::{Listener, Setup, Shared};
-use crate::scene_file::Loaded;
+use crate::scene_file::LoadedScene;
 
 /// Connections whose request is being read. The oldest goes when one more comes.
 const MOST_WAITING: usize = 32;
@@ -67,7 +67,7 @@ impl Viewer {
     }
 
     /// Serves pages, and reads the scene with `load` now and whenever one of its files changes. Does not return.
-    pub fn run(self, mut load: impl FnMut() -> Result<Loaded, String>) -> ! {
+    pub fn run(self, mut load: impl FnMut() -> Result<LoadedScene, String>) -> ! {
         let Self { shared, listener, token, .. } = self;
         let server = Arc::new(Server { shared: Arc::clone(&shared), token, waiting: Mutex::default() });
         thread::spawn(move || server.accept(&listener));

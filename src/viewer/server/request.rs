@@ -23,7 +23,7 @@ const FILES: [(&str, &str, &str); 6] = [
     ("canvas.js", "text/javascript; charset=utf-8", include_str!("../page/canvas.js")),
 ];
 
-/// What is asked for.
+/// The resource that is asked for.
 #[derive(Debug, PartialEq)]
 pub(super) enum Resource {
     /// A file of the page.
@@ -150,7 +150,7 @@ impl Request {
         Some(Ok(request))
     }
 
-    /// What is asked for at the address `own` of this computer, if it may be had.
+    /// The resource that is asked for at the address `own` of this computer, if it may be had.
     pub(super) fn resource(&self, token: &Token, own: IpAddr) -> Result<Resource, Refused> {
         let host = self.host.as_deref().filter(|host| is_here(host, own)).ok_or(Refused::Host)?;
         let own = |origin: &String| origin.strip_prefix("http://") == Some(host);

@@ -5,6 +5,9 @@ use std::fs::OpenOptions;
 use std::io::{self, Write as _};
 use std::path::Path;
 
+use rand::TryRng as _;
+use rand::rngs::SysRng;
+
 use super::super::error::ViewerError;
 use crate::files::{self, InputError};
 
@@ -22,11 +25,11 @@ impl Token {
     /// A new one.
     pub(super) fn new() -> Result<Self, ViewerError> {
         let mut bytes = [0; BYTES];
-        getrandom::fill(&mut bytes).map_err(|why| ViewerError::Random { what: why.to_string() })?;
+        SysRng.try_fill_bytes(&mut bytes).map_err(|why| ViewerError::Random { what: why.to_string() })?;
         Ok(Self(format!("{:032x}", u128::from_be_bytes(bytes))))
     }
 
-    /// That of a file. Where the file is missing it is made, for this user alone.
+    /// The token of a file. Where the file is missing it is made, for this user alone.
     pub(super) fn of_file(path: &Path) -> Result<Self, ViewerError> {
         let failed = |source| ViewerError::TokenFile { path: path.to_owned(), source };
         match files::read(path, MOST_BYTES) {

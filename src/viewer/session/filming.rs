@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use super::super::save;
 use super::super::shared::{Known, Shared};
-use super::super::view::{Look, View};
+use super::super::view::{PageLook, PageView};
 use super::studio::{Ended, Studio};
 use crate::image::Bits;
-use crate::movie::{Kind, Movie, MovieError, Rate, Shape};
+use crate::movie::{Movie, MovieError, MovieKind, MovieShape, Rate};
 use crate::options::Quality;
 use crate::renderer::Device;
 use crate::time::FrameNumber;
@@ -16,10 +16,10 @@ use crate::time::FrameNumber;
 /// A movie under way: the scene and the view are those of its begin.
 pub(super) struct Filming {
     known: Arc<Known>,
-    look: Look,
+    look: PageLook,
     quality: Quality,
     out: PathBuf,
-    kind: Kind,
+    kind: MovieKind,
     movie: Movie,
     next: i64,
 }
@@ -38,14 +38,14 @@ fn chain(error: &dyn std::error::Error) -> String {
 
 impl Filming {
     /// Begins a movie of what `view` shows; the error is one line.
-    pub(super) fn begin(shared: &Shared, known: &Arc<Known>, view: &View, kind: Kind) -> Result<Self, String> {
+    pub(super) fn begin(shared: &Shared, known: &Arc<Known>, view: &PageView, kind: MovieKind) -> Result<Self, String> {
         if view.look.buffer.is_some() {
             return Err("a movie holds colour only: take the buffer colour".to_owned());
         }
         let scene = known.scene();
         let out = save::folder(shared, scene)?;
         let [width, height] = view.look.size;
-        let shape = Shape { width, height, rate: Rate::of(scene.frames.rate), bits: Bits::Sixteen };
+        let shape = MovieShape { width, height, rate: Rate::of(scene.frames.rate), bits: Bits::Sixteen };
         // The name is found at the end; the disk is that of its folder.
         let movie = Movie::begin(&out.join(&scene.name), kind, shape).map_err(|why| chain(&why))?;
         let (look, quality, next) = (view.look.clone(), view.quality, scene.frames.first);

@@ -4,9 +4,9 @@ use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use super::super::message::{Kind, Message};
+use super::super::message::{Message, SavedKind};
 use super::super::shared::Listener;
-use super::super::view::View;
+use super::super::view::PageView;
 use crate::movie;
 use crate::stop::Stop;
 
@@ -24,11 +24,11 @@ pub(in super::super) struct Page {
     pub(super) stop: Arc<Stop>,
 }
 
-/// What is in the box.
+/// The contents of the box.
 #[derive(Default)]
 pub(super) struct Held {
-    pub(super) view: Option<View>,
-    pub(super) saves: VecDeque<Kind>,
+    pub(super) view: Option<PageView>,
+    pub(super) saves: VecDeque<SavedKind>,
     /// A movie that is to be made, or the end of the one under way.
     pub(super) movie: Option<Wish>,
     pub(super) refusals: VecDeque<String>,
@@ -38,7 +38,7 @@ pub(super) struct Held {
     pub(super) compared: Option<(u64, Result<Errors, String>)>,
     /// The scene is another, or cannot be read, or there is another page.
     pub(super) has_news: bool,
-    /// What is under way may be stopped by a newer view.
+    /// The picture under way may be stopped by a newer view.
     may_stop: bool,
     closed: bool,
 }
@@ -46,7 +46,7 @@ pub(super) struct Held {
 /// What the page wants of a movie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Wish {
-    Make(movie::Kind),
+    Make(movie::MovieKind),
     Stop,
 }
 
@@ -54,7 +54,7 @@ pub(super) enum Wish {
 pub(super) struct Errors {
     pub(super) flip: f64,
     pub(super) rmse: f64,
-    /// Of the reference.
+    /// Samples of the reference.
     pub(super) samples: Option<u64>,
 }
 
@@ -137,7 +137,7 @@ impl Page {
 }
 
 /// The format of movies with this extension.
-fn movie_kind(extension: &str) -> Result<movie::Kind, String> {
-    let known = movie::Kind::ALL.into_iter().find(|kind| kind.extension() == extension);
+fn movie_kind(extension: &str) -> Result<movie::MovieKind, String> {
+    let known = movie::MovieKind::ALL.into_iter().find(|kind| kind.extension() == extension);
     known.ok_or_else(|| format!("there are no movies as .{extension}: expected mp4, mov, y4m or gif"))
 }

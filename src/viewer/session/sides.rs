@@ -6,7 +6,7 @@ use std::thread;
 use super::super::save::Finished;
 use super::super::shared::Shared;
 use super::super::stage::{Done, Outcome};
-use super::super::view::{Look, Other, View};
+use super::super::view::{Other, PageLook, PageView};
 use super::page::{Errors, Page};
 use crate::compare::{Comparison, Metric};
 use crate::film::Picture;
@@ -17,13 +17,13 @@ use crate::reference::Sums;
 #[derive(Default)]
 pub(super) struct Sides {
     /// What `done` is about.
-    pub(super) look: Option<Look>,
+    pub(super) look: Option<PageLook>,
     quality: Option<Quality>,
     other: Option<Other>,
     pub(super) done: Done,
     pub(super) first: Option<Finished>,
     second: Option<Arc<Picture>>,
-    /// Those of the reference.
+    /// Sums of the reference.
     pub(super) sums: Option<Sums>,
     /// Number of the comparison that is of use, and whether one is under way. It has a thread of its own, since it
     /// cannot be stopped.
@@ -33,7 +33,7 @@ pub(super) struct Sides {
 
 impl Sides {
     /// Keeps of what was made only what is part of `view`.
-    pub(super) fn keep(&mut self, view: &View) {
+    pub(super) fn keep(&mut self, view: &PageView) {
         if self.look.as_ref() != Some(&view.look) {
             self.done = Done::default();
             self.first = None;

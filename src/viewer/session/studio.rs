@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::super::shared::Shared;
-use super::super::view::Look;
+use super::super::view::PageLook;
 use crate::backend::{BackendError, Rendered};
 use crate::film::Picture;
 use crate::options::RenderOptions;
@@ -75,7 +75,7 @@ impl<'a> Studio<'a> {
     pub(super) fn render(
         &mut self,
         scene: &Scene,
-        look: &Look,
+        look: &PageLook,
         options: &RenderOptions,
     ) -> Result<(Rendered, Duration), Ended> {
         let Some((_, renderer)) = &mut self.renderer else { return Err(Ended::Stopped) };
@@ -88,7 +88,7 @@ impl<'a> Studio<'a> {
     pub(super) fn trace(
         &self,
         scene: &Scene,
-        look: &Look,
+        look: &PageLook,
         options: &ReferenceOptions,
         earlier: Option<Sums>,
     ) -> Result<(Reference, Duration), Ended> {

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::super::camera::CameraAt;
 use super::super::message::{AboutScene, Header};
 use super::super::shared::Known;
-use super::super::view::View;
+use super::super::view::PageView;
 use crate::film::Aov;
 use crate::scene::Scene;
 use crate::scene_file;
@@ -28,7 +28,7 @@ pub(super) fn about(known: &Known, modes: &'static str) -> AboutScene {
         close: scene.shutter.close,
         weight: scene.shutter.weight.to_string(),
         readout: scene.shutter.readout.to_string(),
-        surfels: scene.objects.iter().map(|object| object.model.elements() as u64).sum(),
+        surfels: scene.objects.iter().map(|object| object.shape.elements() as u64).sum(),
         objects: scene.objects.len(),
         notes: known.loaded.notes.clone(),
         modes,
@@ -37,7 +37,7 @@ pub(super) fn about(known: &Known, modes: &'static str) -> AboutScene {
 }
 
 /// The header of a picture of `scene` that took `time` on `backend`. Its maker fills in the rest.
-pub(super) fn header(view: &View, scene: &Scene, side: &'static str, backend: String, time: Duration) -> Header {
+pub(super) fn header(view: &PageView, scene: &Scene, side: &'static str, backend: String, time: Duration) -> Header {
     let camera = CameraAt::of(scene, view.look.frame.get());
     let mut alone = scene.camera.clone();
     camera.place(&mut alone);

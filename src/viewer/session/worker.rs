@@ -4,12 +4,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::super::display::show;
-use super::super::message::{Header, Kind, Sent, Told};
+use super::super::message::{Header, SavedKind, Sent, Told};
 use super::super::pace::{Level, Pace};
 use super::super::save::{Finished, save};
 use super::super::shared::{Known, Shared};
 use super::super::stage::{Done, Outcome, Task, next};
-use super::super::view::{Other, View};
+use super::super::view::{Other, PageView};
 use super::filming::Filming;
 use super::page::{Errors, Held, Page, Wish};
 use super::sides::Sides;
@@ -17,7 +17,7 @@ use super::studio::{Ended, Studio};
 use super::words::{about, header};
 use crate::film::{Aov, Picture};
 use crate::movie;
-use crate::options::Quality;
+use crate::options::{Look, Quality};
 use crate::reference::{ReferenceOptions, SCRAMBLINGS, Sums};
 use crate::renderer::Device;
 
@@ -48,12 +48,12 @@ pub(in super::super) struct Worker<'a> {
 enum Job {
     News,
     Refuse(String),
-    Save(Kind),
+    Save(SavedKind),
     Compared(u64, Errors),
-    Render(Task, Box<View>),
+    Render(Task, Box<PageView>),
     Rest(u64),
     /// A movie is to be begun, of a view if there is one, or ended.
-    Movie(Wish, Option<Box<View>>),
+    Movie(Wish, Option<Box<PageView>>),
     /// The next frame of the movie.
     Film,
 }
@@ -107,7 +107,7 @@ impl<'a> Worker<'a> {
         (self.send)(Told::Refused { message: (self.shared.setup.words)(why) }.sent())
     }
 
-    /// What is to be done with what the box holds, and whether a newer view may stop it.
+    /// The job for what the box holds, and whether a newer view may stop it.
     fn job(&mut self, held: &mut Held) -> Option<(Job, bool)> {
         let job = Self::word(held).or_else(|| self.work(held))?;
         let may_stop = matches!(job, Job::Film) || matches!(job, Job::Render(task, _) if task != Task::Quick);
@@ -125,7 +125,7 @@ impl<'a> Worker<'a> {
         held.refusals.pop_front().map(Job::Refuse)
     }
 
-    /// What is made, once the page has shown all that was sent.
+    /// The next job, once the page has shown all that was sent.
     fn work(&mut self, held: &mut Held) -> Option<Job> {
         let (shown, heard) = held.shown;
         if shown < self.sent {
@@ -162,7 +162,7 @@ impl<'a> Worker<'a> {
         }
     }
 
-    fn begin_movie(&mut self, kind: movie::Kind, view: Option<&View>) -> bool {
+    fn begin_movie(&mut self, kind: movie::MovieKind, view: Option<&PageView>) -> bool {
         if self.filming.is_some() {
             return self.refuse("a movie is under way already");
         }
@@ -225,7 +225,7 @@ impl<'a> Worker<'a> {
         told
     }
 
-    fn save(&self, kind: Kind) -> bool {
+    fn save(&self, kind: SavedKind) -> bool {
         let (Some(known), Some(look), Some(finished)) = (&self.known, &self.sides.look, &self.sides.first) else {
             return true;
         };
@@ -235,7 +235,7 @@ impl<'a> Worker<'a> {
         }
     }
 
-    fn render(&mut self, task: Task, view: &View) -> bool {
+    fn render(&mut self, task: Task, view: &PageView) -> bool {
         let Some(known) = self.known.clone() else { return true };
         let made = match task {
             Task::Quick | Task::Whole => self.quick(task, view, &known),
@@ -274,7 +274,7 @@ impl<'a> Worker<'a> {
         Ok(())
     }
 
-    fn quick(&mut self, task: Task, view: &View, known: &Known) -> Result<bool, Ended> {
+    fn quick(&mut self, task: Task, view: &PageView, known: &Known) -> Result<bool, Ended> {
         let begin = Instant::now();
         self.open(&view.look.device)?;
         let level = self.pace.level();
@@ -292,7 +292,7 @@ impl<'a> Worker<'a> {
         Ok(told)
     }
 
-    fn first(&mut self, view: &View, known: &Known) -> Result<bool, Ended> {
+    fn first(&mut self, view: &PageView, known: &Known) -> Result<bool, Ended> {
         self.open(&view.look.device)?;
         let scene = view.look.scene(known.scene(), known.of_model, view.look.size);
         let options = view.look.options(view.quality, self.studio.memory());
@@ -304,7 +304,7 @@ impl<'a> Worker<'a> {
         header.error = rendered.stats.achieved.map(|achieved| achieved.error);
         let comment = rendered.stats.achieved.map(|achieved| (self.shared.setup.words)(&achieved.to_string()));
         header.note.clone_from(&comment);
-        if view.look.buffer == Some(Aov::Error) && options.aovs.is_empty() {
+        if view.look.buffer == Some(Aov::Error) && options.look.aovs.is_empty() {
             header.note = Some("buffer error is for mode auto, which estimates it, and for the reference".to_owned());
         }
         let told = self.picture(header, &rendered.picture, view.look.buffer)?;
@@ -313,7 +313,7 @@ impl<'a> Worker<'a> {
         Ok(told)
     }
 
-    fn second(&mut self, view: &View, quality: Quality, known: &Known) -> Result<bool, Ended> {
+    fn second(&mut self, view: &PageView, quality: Quality, known: &Known) -> Result<bool, Ended> {
         self.open(&view.look.device)?;
         let scene = view.look.scene(known.scene(), known.of_model, view.look.size);
         let options = view.look.options(quality, self.studio.memory());
@@ -328,13 +328,16 @@ impl<'a> Worker<'a> {
     }
 
     /// The reference with twice the samples.
-    fn reference(&mut self, view: &View, known: &Known) -> Result<bool, Ended> {
+    fn reference(&mut self, view: &PageView, known: &Known) -> Result<bool, Ended> {
         let scene = view.look.scene(known.scene(), known.of_model, view.look.size);
         let before = self.sides.sums.as_ref().map_or(0, Sums::samples);
         let options = ReferenceOptions {
             samples: (2 * before).clamp(SCRAMBLINGS as u64, MOST_SAMPLES),
-            shading: view.look.shading,
-            aovs: view.look.buffer.into_iter().filter(|&aov| aov != Aov::Error).collect(),
+            look: Look {
+                shading: view.look.shading,
+                aovs: view.look.buffer.into_iter().filter(|&aov| aov != Aov::Error).collect(),
+                ..Look::default()
+            },
             ..ReferenceOptions::default()
         };
         // Lost where it is stopped: then the view is another anyway.

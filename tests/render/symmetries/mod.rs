@@ -124,7 +124,7 @@ fn mirrored_models(scene: &Scene, signs: DVec3) -> Scene {
         // The axis of a rotation is a pseudo-vector.
         let turned = signs * signs.element_product();
         object.transform.rotate *= turned;
-        let mut model = Surfels::clone(&before.model);
+        let mut model = Surfels::clone(before.shape.surfels().unwrap().surfels());
         let signs32 = signs.as_vec3();
         model.origin *= signs;
         for column in [&mut model.position, &mut model.axis_u, &mut model.axis_v, &mut model.normal] {
@@ -134,7 +134,7 @@ fn mirrored_models(scene: &Scene, signs: DVec3) -> Scene {
         }
         // Axes keep their sense: u x v lies on the normal's side.
         std::mem::swap(&mut model.axis_u, &mut model.axis_v);
-        object.model = model.into();
+        object.shape = model.into();
         for motion in &mut object.motions {
             match motion {
                 Motion::Linear { velocity } => *velocity *= signs,
@@ -152,14 +152,14 @@ fn mirrored_models(scene: &Scene, signs: DVec3) -> Scene {
 fn in_unit(scene: &Scene, unit: f64) -> Scene {
     let mut scene = scene.clone();
     for object in &mut scene.objects {
-        let mut model = Surfels::clone(&object.model);
+        let mut model = Surfels::clone(object.shape.surfels().unwrap().surfels());
         model.origin *= unit;
         for column in [&mut model.position, &mut model.axis_u, &mut model.axis_v] {
             for length in column.iter_mut() {
                 *length *= unit as f32;
             }
         }
-        object.model = model.into();
+        object.shape = model.into();
         object.transform.translate *= unit;
         for motion in &mut object.motions {
             match motion {

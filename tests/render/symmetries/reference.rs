@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use splatblur::film::{Aov, Picture};
+use splatblur::options::Look;
 use splatblur::reference::{ReferenceOptions, render};
 use splatblur::scene::Scene;
 
@@ -10,7 +11,8 @@ use super::*;
 /// A reference with its standard errors, and with another seed for each.
 fn traced(scene: &Scene, samples: u64, seed: u64) -> Picture {
     let aovs = vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity];
-    let options = ReferenceOptions { samples, seed, aovs, ..ReferenceOptions::default() };
+    let options =
+        ReferenceOptions { samples, look: Look { seed, aovs, ..Look::default() }, ..ReferenceOptions::default() };
     render(scene, 0, &options, None, &|_| ()).expect("valid options").picture
 }
 

@@ -5,7 +5,7 @@ use splatblur::backend::Backend;
 use splatblur::backend::cpu::Cpu;
 use splatblur::film::Aov;
 use splatblur::options::{
-    BlurMode, Interleave, KernelShape, KernelWeight, PixelFilter, Prefilter, RenderOptions, SweptKernel, Times,
+    BlurMode, Interleave, KernelShape, KernelWeight, Look, PixelFilter, Prefilter, RenderOptions, SweptKernel, Times,
 };
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
@@ -73,7 +73,12 @@ fn with(backend: &mut dyn Backend, scene: &Scene, mode: BlurMode, filter: PixelF
     // has those points elsewhere: measured, pictures differ by up to .0078, in motion or not.
     let sweeps = mode.swept().is_some_and(|kernel| kernel.weight == KernelWeight::Integral);
     let prefilter = if sweeps { Prefilter::None } else { Prefilter::Approx };
-    let options = RenderOptions { quality: mode.into(), filter, aovs, prefilter, ..RenderOptions::default() };
+    let options = RenderOptions {
+        quality: mode.into(),
+        prefilter,
+        look: Look { filter, aovs, ..Look::default() },
+        ..RenderOptions::default()
+    };
     let picture = render_frame(backend, scene, 0, &options).expect("the frame fits").picture;
     let full = picture.rgba.iter().filter(|p| p[3] == 1.0).count();
     assert!(full > 100 && full < PIXELS / 2, "{mode}: {full} pixels are covered");
@@ -174,7 +179,12 @@ fn the_unit_of_length_does_not_matter() {
                 let mut rendered = |unit: f64| {
                     let aovs = vec![Aov::Alpha, Aov::Depth, Aov::Normal, Aov::Velocity];
                     let quality = mode.into();
-                    let options = RenderOptions { quality, aovs, prefilter, ..RenderOptions::default() };
+                    let options = RenderOptions {
+                        quality,
+                        prefilter,
+                        look: Look { aovs, ..Look::default() },
+                        ..RenderOptions::default()
+                    };
                     let mut picture = render_frame(&mut *backend, &in_unit(&scene, unit), 0, &options).unwrap().picture;
                     let depth = picture.layers.iter_mut().find(|layer| layer.aov == Aov::Depth).unwrap();
                     depth.planes[0].iter_mut().for_each(|depth| *depth /= unit as f32);

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
-use splatblur::model::generate_volume::{self, Shape, Storage};
+use splatblur::model::generate_volume::{self, FieldShape, Storage};
 use splatblur::model::{Format, Grid, Parsed, parse};
 
 use super::support::refused;
@@ -405,9 +405,9 @@ fn known_by_its_first_bytes() {
 fn generated_volumes_are_their_formulas() {
     for (shape, storage, tolerance) in [
         // Half a step of a byte, and half a step of a float below 1.
-        (Shape::Torus, Storage::Uint8, 0.5 / 255.0 + 1e-7),
-        (Shape::Sphere, Storage::Float, 3e-8),
-        (Shape::Zebra, Storage::Float, 3e-8),
+        (FieldShape::Torus, Storage::Uint8, 0.5 / 255.0 + 1e-7),
+        (FieldShape::Sphere, Storage::Float, 3e-8),
+        (FieldShape::Zebra, Storage::Float, 3e-8),
     ] {
         let mut file = Vec::new();
         generate_volume::write(shape, 20, storage, &mut file).unwrap();
@@ -419,12 +419,12 @@ fn generated_volumes_are_their_formulas() {
             let p = read.origin + read.steps * DVec3::new((i % 20) as f64, (i / 20 % 20) as f64, (i / 400) as f64);
             assert!(p.abs().max_element() < 0.951);
             let expected = match shape {
-                Shape::Torus => {
+                FieldShape::Torus => {
                     let d = ((p.x.hypot(p.z) - 0.6).powi(2) + p.y * p.y).sqrt();
                     (-(d / 0.2).powi(2)).exp()
                 }
-                Shape::Sphere => (0.5 + (0.7 - p.length()) / 0.1).clamp(0.0, 1.0),
-                Shape::Zebra => {
+                FieldShape::Sphere => (0.5 + (0.7 - p.length()) / 0.1).clamp(0.0, 1.0),
+                FieldShape::Zebra => {
                     (0.5 + (0.7 - p.length()) / 0.1).clamp(0.0, 1.0)
                         * (0.5 + 0.5 * (10.0 * std::f64::consts::PI * p.y).cos())
                 }

@@ -5,7 +5,8 @@ use std::io::{Cursor, Write as _};
 use std::time::{Duration, Instant};
 
 use glam::{Quat, Vec3};
-use image_webp::{ColorType, WebPEncoder};
+use image::ExtendedColorType;
+use image::codecs::webp::WebPEncoder;
 use serde_json::{Value, json};
 use splatblur::model::{Format, Gaussians, parse_capture};
 use zip::write::SimpleFileOptions;
@@ -17,7 +18,7 @@ fn webp(width: u32, height: u32, pixels: &[[u8; 4]]) -> Vec<u8> {
     let mut data: Vec<u8> = pixels.as_flattened().to_vec();
     data.resize((4 * width * height) as usize, 77);
     let mut bytes = Vec::new();
-    WebPEncoder::new(&mut bytes).encode(&data, width, height, ColorType::Rgba8).unwrap();
+    WebPEncoder::new_lossless(&mut bytes).encode(&data, width, height, ExtendedColorType::Rgba8).unwrap();
     bytes
 }
 
@@ -158,7 +159,7 @@ fn harmonics_from_the_palette() {
 fn pictures_without_alpha() {
     let mut rgb = Vec::new();
     let pixels = [0_u8, 255, 51, 255, 0, 51, 51, 51, 51, 0, 0, 0];
-    WebPEncoder::new(&mut rgb).encode(&pixels, 2, 2, ColorType::Rgb8).unwrap();
+    WebPEncoder::new_lossless(&mut rgb).encode(&pixels, 2, 2, ExtendedColorType::Rgb8).unwrap();
     let sog = Sog::new().file("low.webp", rgb.clone()).file("high.webp", rgb);
     assert_eq!(capture(&sog.bytes()), capture(&Sog::new().bytes()));
 }
@@ -183,9 +184,14 @@ fn what_is_refused() {
     without.meta.as_object_mut().unwrap().remove("sh0");
     // The head of a lossy picture, 2 by 2.
     let lossy = b"RIFF\x16\0\0\0WEBPVP8 \x0a\0\0\0\x10\0\0\x9d\x01\x2a\x02\0\x02\0".to_vec();
+    // The head of one with transparency, 2 by 2, whose chunk of alpha has an odd length.
+    let extended = b"RIFF\x34\0\0\0WEBPVP8X\x0a\0\0\0\x10\0\0\0\x01\0\0\x01\0\0ALPH\x03\0\0\0\0\0\0\0\
+        VP8 \x0a\0\0\0\x10\0\0\x9d\x01\x2a\x02\0\x02\0"
+        .to_vec();
     let sh = |pointer: &str, value: Value| Sog::with_harmonics(1).set(pointer, value);
     for (sog, expected) in [
         (Sog::new().file("low.webp", lossy), "found lossy or animated WebP in `low.webp`, expected a lossless WebP"),
+        (Sog::new().file("low.webp", extended), "found lossy or animated WebP in `low.webp`, expected a lossless WebP"),
         (older, "found an older SOG, whose meta.json has no version, expected version 2: convert it first"),
         (Sog::new().set("/version", json!(3)), "found SOG version `3`, expected 2 (in meta.json)"),
         (Sog::new().set("/version", json!("2")), "found SOG version `\\\"2\\\"`"),

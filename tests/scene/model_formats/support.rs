@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use splatblur::model::{Cloud, Format, LoadOptions, Loaded, ModelError, ParseError, Parsed, Surfels, load, parse};
+use splatblur::model::{Cloud, Format, LoadOptions, LoadedModel, ModelError, ParseError, Parsed, Surfels, load, parse};
 
 /// A file of tests/data/models.
 pub(crate) fn data(name: &str) -> PathBuf {
@@ -36,7 +36,7 @@ pub(crate) fn surfels(bytes: &[u8]) -> Result<Surfels, ParseError> {
 }
 
 /// Loads bytes through a file of this name.
-pub(crate) fn load_as(name: &str, bytes: &[u8]) -> Result<Loaded, ModelError> {
+pub(crate) fn load_as(name: &str, bytes: &[u8]) -> Result<LoadedModel, ModelError> {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(name);
     std::fs::write(&path, bytes).unwrap();

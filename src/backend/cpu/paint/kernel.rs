@@ -10,7 +10,7 @@ use super::resolve;
 use super::share::Shares;
 use crate::backend::cpu::bin::Tiled;
 use crate::backend::cpu::patch::{Hit, Patch};
-use crate::backend::cpu::project::{self, View};
+use crate::backend::cpu::project::{self, SurfelView};
 use crate::backend::cpu::resolve::{Resolve, TileFilm};
 use crate::backend::cpu::tiles::TileRect;
 use crate::backend::cpu::values::Faced;
@@ -26,7 +26,7 @@ pub(in crate::backend) trait Kernel: Tiled + Faced + Wasteful + Copy + Send + Sy
     const FILTERED: bool;
 
     /// Appends the splats of `surfels[range]` that may touch `view.pixels` or the apron around them, in surfel order.
-    fn project(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Self>);
+    fn project(view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Self>);
 
     /// The disc, which alone covers and hides.
     fn disc(&self) -> &Splat;
@@ -62,7 +62,7 @@ pub(in crate::backend) trait Kernel: Tiled + Faced + Wasteful + Copy + Send + Sy
     }
 }
 
-/// What is the same for all rays of a raster.
+/// The numbers that all rays of a raster share.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::backend) struct Sight {
     /// 1 / near.
@@ -103,7 +103,7 @@ pub(in crate::backend) struct Seen {
 impl Kernel for Splat {
     const FILTERED: bool = false;
 
-    fn project(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Self>) {
+    fn project(view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Self>) {
         project::project(view, surfels, range, out);
     }
 
@@ -136,10 +136,10 @@ impl Kernel for Splat {
 impl Kernel for EwaSplat {
     const FILTERED: bool = true;
 
-    fn project(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Self>) {
+    fn project(view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Self>) {
         let (pixels, apron) = (view.pixels, view.raster.apron());
         let guarded: PixelRect = pixels.widened(apron as i32, view.raster.size);
-        let view = View { margin: apron as f32, pixels: guarded, ..*view };
+        let view = SurfelView { margin: apron as f32, pixels: guarded, ..*view };
         let shares = Shares::of(surfels);
         project(&view, surfels, range, &mut Filtered { sigma: view.raster.sigma, pixels, guarded, shares, out });
     }

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::share::Shares;
 use crate::backend::cpu::bounds::{pixel_range, whole};
-use crate::backend::cpu::project::{LANES, Projected, Sink, View, project_body};
+use crate::backend::cpu::project::{LANES, Projected, Sink, SurfelView, project_body};
 use crate::frame::PixelRect;
 use crate::layout::{EwaSplat, Splat};
 use crate::math::simd::dispatch;
@@ -30,7 +30,7 @@ pub(super) struct Filtered<'a> {
 dispatch! {
     /// Appends the splats of `surfels[range]` that may touch the wanted pixels or their apron, in surfel order.
     pub(super) fn project(
-        view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Filtered<'_>,
+        view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Filtered<'_>,
     ) = project_body
 }
 
@@ -126,8 +126,8 @@ impl Sink for Filtered<'_> {
     }
 }
 
-/// Ends of the filtered kernel along one axis, of those of its disc; `affine`: the square of its extent without
-/// perspective (docs/math.md, section 3).
+/// The ends of the filtered kernel along one axis, from the ends of its disc. `affine`: the square of its extent
+/// without perspective (docs/math.md, section 3).
 #[inline(always)]
 fn filtered_extent((low, high): (f32, f32), affine: f32, sigma: f32) -> (f32, f32) {
     let reach = 2.0 * sigma;

@@ -17,7 +17,7 @@ pub(in crate::backend::cpu) struct Share {
 }
 
 impl<'a> Shares<'a> {
-    /// Those of `surfels`, computed unless they are known.
+    /// The shares of `surfels`, computed unless they are known.
     pub(in crate::backend::cpu) fn of(surfels: &'a Surfels) -> Self {
         Self { factors: surfels.normalisation(), mean: surfels.mean_normalisation() }
     }
@@ -26,7 +26,7 @@ impl<'a> Shares<'a> {
     #[cfg(test)]
     pub(in crate::backend::cpu) const ONE: Self = Self { factors: &[], mean: 1.0 };
 
-    /// That of one surfel.
+    /// The share of one surfel.
     #[inline(always)]
     pub(in crate::backend::cpu) fn at(&self, surfel: usize) -> Share {
         Share { factor: self.factors.get(surfel).copied().unwrap_or(1.0), mean: self.mean }

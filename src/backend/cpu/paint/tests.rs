@@ -4,7 +4,7 @@ use glam::{DMat2, DVec2, DVec3, Mat3, Vec3};
 
 use super::project::{Filtered, project};
 use super::share::Shares;
-use crate::backend::cpu::project::View;
+use crate::backend::cpu::project::SurfelView;
 use crate::frame::{PixelRect, PosedObject, Raster};
 use crate::layout::EwaSplat;
 use crate::math::random::Random;
@@ -66,7 +66,7 @@ fn splat(focal: f64, centre: DVec3, [u, v]: [DVec3; 2], sigma: f64) -> Option<Ew
         offset: [0.0; 2],
     };
     let pixels = PixelRect::of_image([SIZE; 2]);
-    let view = View {
+    let view = SurfelView {
         object: &object,
         eyes: object.eyes(),
         raster,

@@ -58,7 +58,7 @@ fn posed(
     }
 }
 
-/// Of 64 x 64 pixels.
+/// A raster of 64 x 64 pixels.
 fn raster() -> Raster {
     Raster {
         size: [64; 2],
@@ -76,8 +76,8 @@ fn raster() -> Raster {
 }
 
 /// All of the raster.
-fn view_of(object: &PosedObject) -> View<'_> {
-    View {
+fn view_of(object: &PosedObject) -> SurfelView<'_> {
+    SurfelView {
         object,
         eyes: object.eyes(),
         raster: raster(),
@@ -116,8 +116,8 @@ fn clusters_that_are_left_out_hold_nothing() {
         let k = Mat3::from_diagonal(Vec3::new(90.0, -90.0, -1.0));
         let (screen_from_model, screen_origin) = (k * linear, k * origin);
         let object = posed(screen_from_model, screen_origin, linear, origin, handedness);
-        let whole = View { low_pass: case % 2 == 0, two_sided: case % 5 == 0, ..view_of(&object) };
-        let view = View { clusters: Some(&clusters), ..whole };
+        let whole = SurfelView { low_pass: case % 2 == 0, two_sided: case % 5 == 0, ..view_of(&object) };
+        let view = SurfelView { clusters: Some(&clusters), ..whole };
         let (mut want, mut got) = (Vec::new(), Vec::new());
         project(&whole, &ball, 0..ball.len(), &mut want);
         project(&view, &ball, 0..ball.len(), &mut got);
@@ -152,7 +152,7 @@ fn discs_at_the_camera_plane_are_bounded_by_what_they_show() {
     let object = posed(k, Vec3::ZERO, Mat3::IDENTITY, Vec3::ZERO, 1.0);
     let raster = raster();
     for margin in [0.0, 2.0] {
-        let view = View { near: NEAR as f32, margin, two_sided: true, ..view_of(&object) };
+        let view = SurfelView { near: NEAR as f32, margin, two_sided: true, ..view_of(&object) };
         let mut splats = Vec::new();
         project(&view, &surfels, 0..DISCS, &mut splats);
         let mut bounds = vec![None; DISCS];

@@ -10,7 +10,7 @@ use crate::backend::Waste;
 use crate::backend::cpu::bin::{Binned, Tiled};
 use crate::backend::cpu::paint::{self, Kernel, PaintBuffers, Seen, Sight};
 use crate::backend::cpu::patch::Patch;
-use crate::backend::cpu::project::{self, Projected, Sink, View};
+use crate::backend::cpu::project::{self, Projected, Sink, SurfelView};
 use crate::backend::cpu::resolve::{Resolve, TileFilm};
 use crate::backend::cpu::tiles::TileRect;
 use crate::backend::cpu::values::Faced;
@@ -59,7 +59,7 @@ impl Sink for Vec<LowPassSplat> {
 
 dispatch! {
     fn project(
-        view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<LowPassSplat>,
+        view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<LowPassSplat>,
     ) = project::project_body
 }
 
@@ -67,8 +67,8 @@ impl Kernel for LowPassSplat {
     /// The disc on the screen weighs where the kernel does not cover, but makes no layers.
     const FILTERED: bool = false;
 
-    fn project(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Self>) {
-        project(&View { low_pass: true, ..*view }, surfels, range, out);
+    fn project(view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<Self>) {
+        project(&SurfelView { low_pass: true, ..*view }, surfels, range, out);
     }
 
     #[inline(always)]

@@ -7,7 +7,7 @@ mod coverage;
 mod low_pass;
 pub(in crate::backend) mod map;
 mod map_group;
-pub(in crate::backend::cpu) mod ray;
+pub(in crate::backend) mod ray;
 mod resolve;
 mod sweep_group;
 mod waste;

@@ -4,6 +4,7 @@
 use crate::backend::cpu::swept::ray::{beyond_near, reciprocal};
 use crate::backend::cpu::tiles::LANES;
 use crate::layout::{FLAG_LOW_PASS, SweptSplat};
+use crate::math::fast;
 use crate::math::sweep::{Path, Sweep, chord_intensity, line_weight, moments};
 
 /// How kernels are met.
@@ -57,7 +58,7 @@ pub(in crate::backend::cpu) struct Lanes {
     pub covers: [u32; LANES],
 }
 
-/// What is the same for all rays of a splat.
+/// The numbers that all rays of a splat share.
 pub(in crate::backend::cpu) struct Ray {
     near: f32,
     /// (1 + k tau) / w is the depth at tau.
@@ -182,16 +183,16 @@ fn cut([first, last]: [f32; 2], part: u32, parts: u32) -> [f32; 2] {
     [first + part as f32 * step, first + (part + 1) as f32 * step]
 }
 
+/// A pixel number that is as good as infinite.
+pub(in crate::backend) const FAR: f32 = 1e6;
+
 /// Index of the pixel whose sample is nearest `offset` from `reference`, and that sample's own offset.
 #[inline(always)]
 fn nearest_sample(offset: f32, reference: f32) -> (i32, f32) {
-    /// Adding it leaves the nearest integer in the low mantissa bits (a saturating cast would block vector code).
-    const ROUND: f32 = 12_582_912.0; // 1.5 * 2^23
-    const FAR: f32 = 1e6;
     let index = offset + reference - 0.5;
     let index = if index > -FAR { index } else { -FAR };
     let index = if index < FAR { index } else { FAR };
-    let shifted = index + ROUND;
-    let whole = shifted - ROUND;
-    (shifted.to_bits().wrapping_sub(ROUND.to_bits()) as i32, whole + 0.5 - reference)
+    let shifted = index + fast::ROUND;
+    let whole = shifted - fast::ROUND;
+    (shifted.to_bits().wrapping_sub(fast::ROUND.to_bits()) as i32, whole + 0.5 - reference)
 }

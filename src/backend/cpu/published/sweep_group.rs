@@ -8,7 +8,7 @@ use super::map::Map;
 use crate::backend::cpu::bin::Binned;
 use crate::backend::cpu::chunk::Chunk;
 use crate::backend::cpu::job::Job;
-use crate::backend::cpu::project::View;
+use crate::backend::cpu::project::SurfelView;
 use crate::backend::cpu::resolve::TileFilm;
 use crate::backend::cpu::scope::Scope;
 use crate::backend::cpu::swept::{Exposure, add_to_film, project};
@@ -87,7 +87,7 @@ impl TileWork for PublishedSweepGroup<'_> {
             let Binned { splats, filters, .. } = &mut *binned;
             splats.clear();
             filters.clear();
-            let view = View { low_pass: self.scope.low_pass() > 0.0, ..self.scope.view(chunk) };
+            let view = SurfelView { low_pass: self.scope.low_pass() > 0.0, ..self.scope.view(chunk) };
             project::project_published(&view, surfels, chunk.surfels.clone(), splats);
             binned.bin();
             self.scope.add_values(chunk, binned);

@@ -31,7 +31,7 @@ pub(in crate::backend) struct Swept<'a> {
 /// Share of its weight that a hidden kernel has. It is nothing beside a visible kernel's weight. Without it a pixel
 /// would have no colour where all kernels that cover it are hidden between the times, or at the source pixels, that are
 /// looked at.
-pub(in crate::backend::cpu) const HIDDEN: f32 = 1.0 / (1 << 24) as f32;
+pub(in crate::backend) const HIDDEN: f32 = 1.0 / (1 << 24) as f32;
 
 dispatch! {
     /// Adds the swept splats that `list` names, and their filtered kernels, to `sums` and `coverage_mask`.
@@ -115,7 +115,7 @@ pub(super) struct Pair {
     near: f32,
     /// Forms of the filtered kernel: inverse depth, u, v, and the rates of u and v.
     forms: [[f32; 3]; 5],
-    /// Of the filtered kernel, then of the disc: (1 + k tau) / w is the depth at tau; 1 / k, or as good as infinite.
+    /// For the filtered kernel, then for the disc: (1 + k tau) / w is the depth at tau; 1 / k, or as good as infinite.
     k: [f32; 2],
     inverse_k: [f32; 2],
     /// Depth of the centre at tau = 0, and its change to tau = 1.
@@ -239,8 +239,8 @@ impl Pair {
 }
 
 impl Lanes {
-    /// Weighs the filtered kernel by the slices in which it is visible. Where it is hidden it loses its weight, but
-    /// covers, as the surface before it covers. `sum`: the coverage is the sum of visible weights.
+    /// Weighs the filtered kernel by the slices in which it is visible. A hidden kernel loses its weight and keeps its
+    /// coverage, because the surface before it covers as much. `sum`: the coverage is the sum of visible weights.
     #[inline(always)]
     fn show(&mut self, slices: &Slices, sum: bool, y: usize, x: usize) {
         let count = slices.count;

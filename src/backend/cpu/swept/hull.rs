@@ -3,7 +3,7 @@
 use crate::layout::{FLAG_CROSSING, SweptSplat};
 
 /// Slack against rounding, pixels.
-const SLACK: f32 = 1e-2;
+pub(in crate::backend) const HULL_SLACK: f32 = 1e-2;
 
 /// The boxes around a kernel at times between its ends: box(t) = (1 - t) box(0) + t box(1), t in [0, 1]. Their union is
 /// the convex hull of the boxes at the ends, and holds the kernel.
@@ -55,14 +55,14 @@ impl Hull {
                 }
             }
         };
-        cut(last + SLACK - self.from[2], self.change[2], self.inverse[0]);
-        cut(self.from[3] - (first - SLACK), -self.change[3], -self.inverse[1]);
+        cut(last + HULL_SLACK - self.from[2], self.change[2], self.inverse[0]);
+        cut(self.from[3] - (first - HULL_SLACK), -self.change[3], -self.inverse[1]);
         if !(meets && start <= end) {
             return [1, 0];
         }
         let at = |side: usize, time: f32| self.from[side] + time * self.change[side];
-        let low = at(0, start).min(at(0, end)) - SLACK;
-        let high = at(1, start).max(at(1, end)) + SLACK;
+        let low = at(0, start).min(at(0, end)) - HULL_SLACK;
+        let high = at(1, start).max(at(1, end)) + HULL_SLACK;
         let [x0, x1] = self.columns;
         [(low.ceil() as i32).max(x0), (high.floor() as i32).min(x1)]
     }

@@ -2,11 +2,11 @@
 
 pub(in crate::backend) mod attribute;
 mod filter;
-mod hull;
+pub(in crate::backend) mod hull;
 mod posed;
 pub(in crate::backend) mod project;
 pub(in crate::backend::cpu) mod ray;
-mod resolve;
+pub(in crate::backend) mod resolve;
 pub(in crate::backend) mod slices;
 mod sweep_group;
 #[cfg(test)]

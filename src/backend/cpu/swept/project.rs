@@ -10,9 +10,9 @@ use glam::Vec3;
 
 use super::filter::{Filter, Filtered};
 use super::posed::{Posed, forms};
-use crate::backend::cpu::bounds::{Disc, extent, index_range, is_outside};
+use crate::backend::cpu::bounds::{Disc, SLACK_SHARE, extent, index_range, is_outside};
 use crate::backend::cpu::paint::share::Shares;
-use crate::backend::cpu::project::View;
+use crate::backend::cpu::project::SurfelView;
 use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS, SweptFilter, SweptSplat};
 use crate::math::simd::dispatch;
 use crate::model::Surfels;
@@ -21,7 +21,7 @@ dispatch! {
     /// Appends the swept splats of `surfels[range]` that may touch the wanted pixels, in surfel order, and the filtered
     /// kernel of each. `ellipsoid`: kernels sweep the ellipsoid instead of the tube.
     pub(in crate::backend) fn project(
-        view: &View<'_>, ellipsoid: bool, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>,
+        view: &SurfelView<'_>, ellipsoid: bool, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>,
         filters: &mut Vec<SweptFilter>,
     ) = project_body
 }
@@ -29,19 +29,19 @@ dispatch! {
 dispatch! {
     /// As [`project`], of published kernels: ellipsoids without a filter.
     pub(in crate::backend) fn project_published(
-        view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>,
+        view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>,
     ) = project_published_body
 }
 
 #[inline(always)]
-fn project_published_body(view: &View<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>) {
+fn project_published_body(view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>, out: &mut Vec<SweptSplat>) {
     let sweep = |posed: &Posed, i: usize| sweep(view, true, posed, i as u32, None);
     out.extend(all_posed(view, surfels, range).filter_map(|(i, posed)| sweep(&posed, i)).map(|(splat, _)| splat));
 }
 
 #[inline(always)]
 fn project_body(
-    view: &View<'_>,
+    view: &SurfelView<'_>,
     ellipsoid: bool,
     surfels: &Surfels,
     range: Range<usize>,
@@ -59,7 +59,7 @@ fn project_body(
 }
 
 #[inline(always)]
-fn all_posed(view: &View<'_>, surfels: &Surfels, range: Range<usize>) -> impl Iterator<Item = (usize, Posed)> {
+fn all_posed(view: &SurfelView<'_>, surfels: &Surfels, range: Range<usize>) -> impl Iterator<Item = (usize, Posed)> {
     let object = view.object;
     range.map(move |i| {
         let place = view.paths.place(surfels.position[i], i, object.elapsed);
@@ -78,7 +78,7 @@ fn all_posed(view: &View<'_>, surfels: &Surfels, range: Range<usize>) -> impl It
 /// at mid-interval, or nowhere touches the wanted pixels.
 #[inline(always)]
 pub(super) fn sweep(
-    view: &View<'_>,
+    view: &SurfelView<'_>,
     ellipsoid: bool,
     posed: &Posed,
     surfel: u32,
@@ -143,7 +143,7 @@ pub(super) fn sweep(
 /// Boxes at both ends, as [`end`] has them, and one box about the whole kernel. `low_pass`: radius of its low-pass
 /// disc.
 #[inline(always)]
-fn boxes(view: &View<'_>, ellipsoid: bool, posed: &Posed, low_pass: f32) -> ([[f32; 4]; 2], [f32; 4]) {
+fn boxes(view: &SurfelView<'_>, ellipsoid: bool, posed: &Posed, low_pass: f32) -> ([[f32; 4]; 2], [f32; 4]) {
     let &Posed { centre, motion, u, v } = posed;
     let depth_extent2 = u.z * u.z + v.z * v.z;
     let depths = [centre.z - motion.z, centre.z + motion.z];
@@ -182,7 +182,7 @@ fn boxes(view: &View<'_>, ellipsoid: bool, posed: &Posed, low_pass: f32) -> ([[f
 /// Pixel columns and rows that bound the kernel and its low-pass disc when its centre is `centre`: the dual conic of
 /// the ellipse, as for a splat that does not move. `low_pass` is the disc's radius there.
 #[inline(always)]
-fn end(view: &View<'_>, centre: Vec3, u: Vec3, v: Vec3, low_pass: f32) -> [f32; 4] {
+fn end(view: &SurfelView<'_>, centre: Vec3, u: Vec3, v: Vec3, low_pass: f32) -> [f32; 4] {
     let inverse = 1.0 / centre.z;
     let d22 = u.z * u.z + v.z * v.z - centre.z * centre.z;
     let inverse22 = 1.0 / d22;
@@ -208,17 +208,15 @@ fn about(a: &[f32; 4], b: &[f32; 4]) -> [f32; 4] {
 
 /// First and last wanted pixel of a box; none where the first is after the last, or a NaN.
 #[inline(always)]
-fn within(view: &View<'_>, hull: [f32; 4]) -> [f32; 4] {
+fn within(view: &SurfelView<'_>, hull: [f32; 4]) -> [f32; 4] {
     let low = |a: f32, b: f32| if a < b { a } else { b };
     let high = |a: f32, b: f32| if a > b { a } else { b };
     let [x0, x1, y0, y1] = view.pixels.to_array().map(|pixel| pixel as f32);
     [high(hull[0].ceil(), x0), low(hull[1].floor(), x1), high(hull[2].ceil(), y0), low(hull[3].floor(), y1)]
 }
 
-/// Slack of clipped boxes, as a share of the distance from the axis.
-const SLACK_SHARE: f32 = 1e-5;
 /// Boxes wider than that, in pixels, would be too coarse to number pixels.
-const REACH: f32 = 1e9;
+pub(in crate::backend) const REACH: f32 = 1e9;
 
 /// Pixel columns and rows, as [`end`] has them, that bound at both ends the part of a kernel beyond `near`. Where an
 /// end comes nearer, its box holds the places at which the kernel passes `near`. `disc`: radius of the low-pass disc in
@@ -227,7 +225,7 @@ const REACH: f32 = 1e9;
 /// The tube lies within the hull of the parallelograms around its ends. What `near` leaves of a hull of points is the
 /// hull of the points beyond, and of the places where lines between two points pass `near`.
 #[inline(never)]
-fn clipped(view: &View<'_>, posed: &Posed, disc: f32) -> Option<[[f32; 4]; 2]> {
+fn clipped(view: &SurfelView<'_>, posed: &Posed, disc: f32) -> Option<[[f32; 4]; 2]> {
     let &Posed { centre, motion, u, v } = posed;
     let corners = [centre - motion, centre + motion].map(|at| {
         let of_disc = |x: f32, y: f32| Vec3::new(at.x + x, at.y + y, at.z);
@@ -276,7 +274,7 @@ fn clipped(view: &View<'_>, posed: &Posed, disc: f32) -> Option<[[f32; 4]; 2]> {
 /// A kernel that crosses the camera plane. Pixels are counted from the camera's axis. Where no boxes bound it, its
 /// bounds are all wanted pixels.
 #[inline(never)]
-fn crossing(view: &View<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
+fn crossing(view: &SurfelView<'_>, posed: &Posed, surfel: u32) -> Option<SweptSplat> {
     let &Posed { centre, motion, u, v } = posed;
     let normal = u.cross(v);
     let det = normal.dot(centre);

@@ -27,7 +27,7 @@ pub(super) struct Lanes {
     pub covers: [u32; LANES],
 }
 
-/// What is the same for all rays of a splat.
+/// The numbers that all rays of a splat share.
 pub(super) struct Ray {
     near: f32,
     /// (1 + k tau) / w is the depth at tau.

@@ -25,7 +25,7 @@ pub(in crate::backend) struct Exposure<'a> {
 
 /// By how much sums of weights on a surface may be off from 1, over the square of the mean peak of the kernels. The
 /// filter evens out small kernels, which are many.
-const NOISE: f32 = 2.0;
+pub(in crate::backend) const NOISE: f32 = 2.0;
 
 dispatch! {
     /// The share of the exposure that each pixel of a tile is covered for, `TILE` rows of `STRIDE`.

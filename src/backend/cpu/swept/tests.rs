@@ -7,7 +7,7 @@ use super::hull::Hull;
 use super::posed::Posed;
 use super::project::sweep;
 use crate::backend::cpu::paint::share::Share;
-use crate::backend::cpu::project::View;
+use crate::backend::cpu::project::SurfelView;
 use crate::backend::cpu::published::ray as published;
 use crate::frame::{PixelRect, PosedObject, Raster};
 use crate::layout::{SweptFilter, SweptSplat};
@@ -75,7 +75,7 @@ impl Disc {
             pixel: 0.0,
             offset: [0.0; 2],
         };
-        let view = View {
+        let view = SurfelView {
             object: &object,
             eyes: object.eyes(),
             raster,
@@ -210,7 +210,7 @@ fn splats_are_the_moving_discs() {
 }
 
 impl Disc {
-    /// Of the kernel filtered at `tau`, as full EWA filters one at an instant (docs/math.md, eq. 4a and 4b, with all of
+    /// The kernel filtered at `tau`, as full EWA filters one at an instant (docs/math.md, eq. 4a and 4b, with all of
     /// q in perspective): the share of the squared radius, q / 4, at pixel (x, y), and the peak.
     fn filtered_by_instants(&self, x: u32, y: u32, tau: f64, sigma: f64) -> [f64; 2] {
         let at = self.centre + tau * self.motion;

@@ -10,7 +10,7 @@ use crate::film::FilmPlanes;
 use crate::math::{fast, srgb};
 
 /// A pixel whose transmittance is below this takes no more.
-pub(super) const OPAQUE: f32 = 1e-4;
+pub(in crate::backend) const OPAQUE: f32 = 1e-4;
 
 /// Runs of `LANES` pixels in a row of a tile.
 pub(super) const RUNS: usize = TILE / LANES;
@@ -46,9 +46,9 @@ pub(super) const COLOUR: usize = 1;
 pub(super) const DEPTH: usize = 4;
 const VELOCITY: usize = DEPTH + 1;
 
-/// What is composited into a tile.
+/// All that is composited into a tile.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Content<'a> {
+pub(super) struct TileContent<'a> {
     pub depth: bool,
     pub velocity: bool,
     pub volumes: bool,
@@ -81,7 +81,7 @@ impl Composite {
     pub(super) const BYTES: u64 = (TILE * STRIDE * Self::MOST_FLOATS * size_of::<f32>()) as u64;
 
     /// Empties it for `content`.
-    pub(super) fn start(&mut self, content: &Content<'_>, tile: &TileRect) {
+    pub(super) fn start(&mut self, content: &TileContent<'_>, tile: &TileRect) {
         let own = match (content.depth, content.velocity) {
             (_, true) => VELOCITY + 2,
             (true, false) => VELOCITY,
@@ -131,7 +131,7 @@ impl Composite {
         COLOUR
     }
 
-    /// That of depth, if it has one.
+    /// The channel of depth, if it has one.
     pub(super) fn depth(&self) -> Option<usize> {
         (self.own_channels() > DEPTH).then_some(DEPTH)
     }

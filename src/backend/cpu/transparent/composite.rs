@@ -13,7 +13,7 @@ use crate::math::fast;
 use crate::math::simd::dispatch;
 
 /// Largest alpha of a splat (Kerbl et al. 2023, their program).
-const MOST_ALPHA: f32 = 0.99;
+pub(in crate::backend) const MOST_ALPHA: f32 = 0.99;
 
 /// Splats of one tile that are composited together.
 #[derive(Debug, Default)]
@@ -48,7 +48,7 @@ impl Batch {
 
 /// A tile and where its pixels are sampled.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place<'a> {
+pub(super) struct SampledTile<'a> {
     pub tile: &'a TileRect,
     /// Offset of the sample position from the pixels' centres, raster pixels.
     pub offset: [f32; 2],
@@ -59,11 +59,11 @@ pub(super) struct Place<'a> {
 
 dispatch! {
     /// Composites the splats of `batch` behind what is there. Says whether any pixel can take more.
-    pub(super) fn composite(batch: &Batch, place: &Place<'_>, out: &mut Composite) -> bool = composite_body
+    pub(super) fn composite(batch: &Batch, place: &SampledTile<'_>, out: &mut Composite) -> bool = composite_body
 }
 
 #[inline(always)]
-fn composite_body(batch: &Batch, place: &Place<'_>, out: &mut Composite) -> bool {
+fn composite_body(batch: &Batch, place: &SampledTile<'_>, out: &mut Composite) -> bool {
     let surfels = !out.limit.is_empty();
     match (out.own_channels(), surfels, out.open.is_empty()) {
         (4, false, true) => all::<4, false, false>(batch, place, out),
@@ -89,7 +89,7 @@ fn composite_body(batch: &Batch, place: &Place<'_>, out: &mut Composite) -> bool
 #[inline(always)]
 fn all<const CHANNELS: usize, const SURFELS: bool, const VOLUMES: bool>(
     batch: &Batch,
-    place: &Place<'_>,
+    place: &SampledTile<'_>,
     out: &mut Composite,
 ) {
     for (index, splat) in batch.splats.iter().enumerate() {
@@ -110,7 +110,7 @@ type Lanes = [f32; LANES];
 fn one<const CHANNELS: usize, const SURFELS: bool, const VOLUMES: bool, const VOLUME: bool>(
     splat: &GaussianSplat,
     velocity: [f32; 2],
-    place: &Place<'_>,
+    place: &SampledTile<'_>,
     out: &mut Composite,
 ) {
     let [left, top] = place.tile.origin;

@@ -3,20 +3,20 @@
 use glam::Vec3;
 
 use super::harmonics;
-use super::view::View;
+use super::view::GaussianView;
 use crate::film::Blending;
 use crate::math::srgb;
 use crate::model::{Gaussians, Material};
 use crate::shading::shade;
 
 /// In the numbers of the image.
-pub(super) fn colour(view: &View<'_>, gaussians: &Gaussians, index: usize) -> [f32; 3] {
-    let capture = &view.object.capture;
-    if let Some(flat) = capture.flat {
+pub(super) fn colour(view: &GaussianView<'_>, gaussians: &Gaussians, index: usize) -> [f32; 3] {
+    let drawing = &view.object.drawing;
+    if let Some(flat) = drawing.flat {
         return flat.to_array();
     }
     let direction = || (gaussians.position[index] - view.posed.eye).normalize_or_zero();
-    let own = gaussians.colour(index) + harmonics::sum(gaussians, index, capture.harmonics, direction);
+    let own = gaussians.colour(index) + harmonics::sum(gaussians, index, drawing.harmonics, direction);
     let own = own.max(Vec3::ZERO);
     let own = gaussians.normal.get(index).map_or(own, |&normal| lit(view, own, normal, gaussians.position[index]));
     let own = own.to_array();
@@ -25,7 +25,7 @@ pub(super) fn colour(view: &View<'_>, gaussians: &Gaussians, index: usize) -> [f
 
 /// `colour` lit once for the whole kernel, with the normal on the side of the eye (Zwicker et al. 2002, sections 4.2
 /// and 7.1). Ambient light alone reaches what has no normal.
-fn lit(view: &View<'_>, colour: Vec3, normal: Vec3, position: Vec3) -> Vec3 {
+fn lit(view: &GaussianView<'_>, colour: Vec3, normal: Vec3, position: Vec3) -> Vec3 {
     let posed = view.posed;
     let material = view.object.material.unwrap_or_default();
     let position = posed.world_from_model * position + posed.world_origin;

@@ -4,8 +4,8 @@
 //! What is static is projected, sorted and listed once for all sample positions of a band. A tile merges it with what
 //! moves. Where splats do not fit into memory, they pass in slabs of depth, the nearest first.
 
-mod accumulators;
-mod composite;
+pub(in crate::backend) mod accumulators;
+pub(in crate::backend) mod composite;
 mod emission;
 mod harmonics;
 pub(in crate::backend) mod project;
@@ -20,15 +20,15 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use self::accumulators::{Composite, Content, Surfels};
-use self::composite::{Batch, Place, composite, waste};
+use self::accumulators::{Composite, Surfels, TileContent};
+use self::composite::{Batch, SampledTile, composite, waste};
 use self::project::{Projected, project};
 use self::resolve::{Over, resolve};
 pub(in crate::backend) use self::see_through::SeeThroughGroup;
 use self::see_through::cover::PeelBuffers;
 use self::slabs::{Slab, retain, slabs};
 use self::sorted::{CHUNK, Listed, Lists, Order, Walk, lists};
-use self::view::View;
+use self::view::GaussianView;
 use super::resolve::TileFilm;
 use super::scope::Scope;
 use crate::film::{Aov, Blending};
@@ -238,7 +238,7 @@ impl TransparentGroup<'_> {
         let Some(gaussians) = &object.gaussians else { return };
         let offsets = if object.is_static { self.offsets } else { [scope.raster.offset; 2] };
         let posed = &scope.group.samples[sample].objects[run.object];
-        let view = View {
+        let view = GaussianView {
             object,
             sample: &scope.group.samples[sample],
             posed,
@@ -342,9 +342,9 @@ impl TransparentGroup<'_> {
         let surfels = Surfels { layers, threshold: &opaque.threshold, planes: scope.planes, coded };
         if pass.first {
             let (depth, velocity) = (scope.planes.depth.is_some(), self.velocity());
-            out.start(&Content { depth, velocity, volumes: self.scope.frame.has_volumes(), surfels }, &tile);
+            out.start(&TileContent { depth, velocity, volumes: self.scope.frame.has_volumes(), surfels }, &tile);
         }
-        let place = Place { tile: &tile, offset: scope.raster.offset, rising: !self.several(), surfels };
+        let place = SampledTile { tile: &tile, offset: scope.raster.offset, rising: !self.several(), surfels };
         let any = sets.map(|set| set.reaches(index));
         let mut walks = sets.map(|set| set.walk(&tile, index));
         let mut batch = Batch::default();

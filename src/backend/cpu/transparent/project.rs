@@ -8,7 +8,7 @@ use std::ops::Range;
 use glam::{DVec3, Vec3};
 
 use super::emission;
-use super::view::View;
+use super::view::GaussianView;
 use crate::backend::cpu::bounds::{pixel_range, whole};
 use crate::backend::cpu::land::{Landing, Strip};
 use crate::backend::cpu::project::transform;
@@ -23,7 +23,7 @@ const LANES: usize = 16;
 type Lanes = [f32; LANES];
 
 /// What turns a power of e with the factor 1/2 into one of 2.
-const HALF_LOG2_E: f32 = 0.5 * std::f32::consts::LOG2_E;
+pub(in crate::backend) const HALF_LOG2_E: f32 = 0.5 * std::f32::consts::LOG2_E;
 
 /// Variance by which the filter widens a Gaussian, pixels^2 of the image (Kerbl et al. 2023, their program).
 const DILATION: f32 = 0.3;
@@ -38,6 +38,8 @@ const FIELD: f32 = 1.3;
 pub(in crate::backend) const FAINTEST_DEPTH: f32 = -13.0;
 /// log2 of the largest optical depth of a kernel, likewise: a float still holds what it lets through next to its rim.
 pub(in crate::backend) const MOST_DEPTH: f32 = 40.0;
+/// Most that the factor of perspective on a volume's kernel differs from 1: beyond, the series says nothing.
+pub(in crate::backend) const MOST_BEND: f32 = 0.5;
 /// A volume's kernel keeps at least these powers of 1/2 below its centre: two standard deviations.
 pub(in crate::backend) const LEAST_REACH: f32 = 2.0 * std::f32::consts::LOG2_E;
 
@@ -76,11 +78,16 @@ impl Projected {
 pub(in crate::backend) const NOWHERE: [u16; 4] = [1, 0, 1, 0];
 
 /// The splats of `range`.
-pub(in crate::backend) fn project(view: &View<'_>, gaussians: &Gaussians, range: Range<usize>, out: &mut Projected) {
+pub(in crate::backend) fn project(
+    view: &GaussianView<'_>,
+    gaussians: &Gaussians,
+    range: Range<usize>,
+    out: &mut Projected,
+) {
     out.clear(range.len(), view.velocity);
     for first in range.clone().step_by(LANES) {
         let n = (range.end - first).min(LANES);
-        let mut shape = Shape::default();
+        let mut shape = KernelLanes::default();
         project_lanes(view, gaussians, first, n, &mut shape);
         let mut shown = if view.all { (1 << n) - 1 } else { shape.seen & ((1 << n) - 1) };
         while shown != 0 {
@@ -93,7 +100,7 @@ pub(in crate::backend) fn project(view: &View<'_>, gaussians: &Gaussians, range:
 
 /// The splats of `LANES` Gaussians, field by field.
 #[derive(Default)]
-struct Shape {
+struct KernelLanes {
     x: Lanes,
     y: Lanes,
     along: Lanes,
@@ -106,7 +113,14 @@ struct Shape {
     seen: u32,
 }
 
-fn push(view: &View<'_>, gaussians: &Gaussians, index: usize, l: usize, shape: &Shape, out: &mut Projected) {
+fn push(
+    view: &GaussianView<'_>,
+    gaussians: &Gaussians,
+    index: usize,
+    l: usize,
+    shape: &KernelLanes,
+    out: &mut Projected,
+) {
     let bounds = [shape.bounds[0][l], shape.bounds[1][l], shape.bounds[2][l], shape.bounds[3][l]];
     let seen = shape.seen >> l & 1 == 1 && wants(view, bounds);
     if !seen && !view.all {
@@ -134,13 +148,13 @@ fn push(view: &View<'_>, gaussians: &Gaussians, index: usize, l: usize, shape: &
 }
 
 /// Does what has these bounds touch a block that is wanted?
-fn wants(view: &View<'_>, bounds: [u16; 4]) -> bool {
+fn wants(view: &GaussianView<'_>, bounds: [u16; 4]) -> bool {
     let Some(blocks) = view.wanted else { return true };
     blocks.touch(view.raster.first, bounds.map(usize::from))
 }
 
 /// Screen velocity of a centre, pixels of the image per shutter: the derivative of (x, y) = (X, Y) / depth.
-fn velocity(view: &View<'_>, position: Vec3) -> [f32; 2] {
+fn velocity(view: &GaussianView<'_>, position: Vec3) -> [f32; 2] {
     let posed = view.posed;
     let p = posed.screen_from_model * position + posed.screen_origin;
     let rate = posed.screen_rate * position + posed.screen_origin_rate;
@@ -150,13 +164,13 @@ fn velocity(view: &View<'_>, position: Vec3) -> [f32; 2] {
 
 dispatch! {
     /// `n` Gaussians, from `first` on.
-    fn project_lanes(view: &View<'_>, gaussians: &Gaussians, first: usize, n: usize, shape: &mut Shape) =
+    fn project_lanes(view: &GaussianView<'_>, gaussians: &Gaussians, first: usize, n: usize, shape: &mut KernelLanes) =
         project_lanes_body
 }
 
 #[inline(always)]
 #[allow(clippy::too_many_lines, reason = "one loop over lanes, which a call would keep from becoming vectors")]
-fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: usize, shape: &mut Shape) {
+fn project_lanes_body(view: &GaussianView<'_>, gaussians: &Gaussians, first: usize, n: usize, shape: &mut KernelLanes) {
     let mut position = [[0.0; LANES]; 3];
     let mut sigma = [[0.0; LANES]; 3];
     let mut turn = [[0.0; LANES]; 4];
@@ -172,10 +186,10 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
     }
     opacity[..n].copy_from_slice(&gaussians.opacity[first..][..n]);
 
-    let capture = &view.object.capture;
-    let factor = capture.opacity as f32;
-    let antialias = capture.antialias.unwrap_or(gaussians.antialiased);
-    let [low, high] = capture.crop.map_or([Vec3::NEG_INFINITY, Vec3::INFINITY], |crop| crop.map(DVec3::as_vec3));
+    let drawing = &view.object.drawing;
+    let factor = drawing.opacity as f32;
+    let antialias = drawing.antialias.unwrap_or(gaussians.antialiased);
+    let [low, high] = drawing.crop.map_or([Vec3::NEG_INFINITY, Vec3::INFINITY], |crop| crop.map(DVec3::as_vec3));
     let strip = Strip::of(&view.raster).filter(|_| view.posed.moves);
     let (mut centre, mut motion) =
         (transform(&view.posed.screen_from_model, view.posed.screen_origin, &position), [[0.0; LANES]; 3]);
@@ -312,14 +326,11 @@ fn project_lanes_body(view: &View<'_>, gaussians: &Gaussians, first: usize, n: u
 struct Bend {
     /// Factor on the integral over the screen.
     mass: f32,
-    /// Of the mean place on the screen, pixels.
+    /// Shift of the mean place on the screen, pixels.
     shift: [f32; 2],
 }
 
 impl Bend {
-    /// Most that the factor differs from 1: beyond, the series says nothing.
-    const MOST: f32 = 0.5;
-
     /// `u`, `v`: the image of the axes, pixels; `e`: their depths over that of the centre, which is at `place`.
     /// `longer2`: square of the length of the ray over its depth.
     #[inline(always)]
@@ -337,7 +348,7 @@ impl Bend {
             shift[1] += v[k] * (across - 3.0 * e[k]);
         }
         let size = if mass > 0.0 { mass } else { -mass };
-        let trust = if size > Self::MOST { Self::MOST / size } else { 1.0 };
+        let trust = if size > MOST_BEND { MOST_BEND / size } else { 1.0 };
         Self { mass: 1.0 + mass * trust, shift: shift.map(|shift| shift * trust) }
     }
 }

@@ -39,7 +39,7 @@ impl Order {
     /// Bytes of one splat.
     pub(super) const BYTES: usize = 2 * size_of::<Rank>();
 
-    /// That of all splats of `chunks`.
+    /// The order of all splats of `chunks`.
     pub(super) fn of(chunks: &[Projected]) -> Self {
         let ranks = |(chunk, projected): (usize, &Projected)| -> Vec<Rank> {
             let place = |i: usize| (chunk * CHUNK + i) as u64;

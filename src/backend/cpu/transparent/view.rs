@@ -5,7 +5,7 @@ use crate::frame::{Blocks, FrameObject, PixelRect, PosedObject, PosedSample, Ras
 
 /// What `project` needs beside the Gaussians.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::backend) struct View<'a> {
+pub(in crate::backend) struct GaussianView<'a> {
     pub object: &'a FrameObject,
     pub sample: &'a PosedSample,
     pub posed: &'a PosedObject,

@@ -7,7 +7,7 @@ use super::super::accumulators::OPAQUE;
 use crate::backend::cpu::paint::buffers::APRON_STRIDE;
 use crate::backend::cpu::tiles::{LANES, STRIDE, TILE, TileRect, lanes};
 
-/// What is peeled off one tile.
+/// The layers that are peeled off one tile.
 #[derive(Clone, Debug, Default)]
 pub(in crate::backend) struct PeelBuffers {
     pub(super) cover: Cover,

@@ -1,26 +1,22 @@
-// Pass `attribute` of full EWA (program `ewa_attribute`): weighted sums of the attributes of splats, in four layers by
-// depth. Solid pixels, and groups of several samples, have the band alone. What is peeled off has the first two, and no
-// splats but those from the floor to T.
-// Twin: src/backend/cpu/paint/attribute.rs.  Math: docs/math.md, section 3.
+// Pass `attribute` (program `sum_attributes`): sums the attributes of the splats that pass the depth test, with their
+// weights. Filtered kernels have four layers by depth; solid pixels, groups of several samples, and kernels without a
+// filter have the band alone. What is peeled off has the first two, and no splats but those from the floor to T.
+// Twin: src/backend/cpu/paint/attribute.rs.  Math: docs/math.md, eq. 6, and section 3.
 //   in   splats, list, starts, wide, thresholds, values
 //        segments  sample and tolerance of a splat, its weight and share
-//   out  sums      for each tile, for each layer, the channels of sum_attributes; then the sum of weight times peak,
-//                  the sum of weights that is negative for backs, and the number of discs of the last layer that cover
-//                  the pixel. Groups of several samples have the channels of their coverage instead
+//   out  sums      for each tile, for each layer, for each channel, its quads: weight, colour, then what else
+//                  common/channels.wgsl has, where it is wanted
 // One workgroup per tile, one invocation per quad of pixels. A first walk over the list adds the band, a second one the
 // other layers where there are any. Sums stay in registers, in list order.
 
-// `splats` of attribute.wgsl, for this program.
-@group(1) @binding(4) var<storage, read> filtered_splats: array<EwaSplat>;
-
-// Number of layers.
-override LAYERS: u32 = 1u;
-// Places of the layers: before the nearest disc that covers the pixel by more than the tolerance, at it, at the next
-// one, and behind that. Where there is one layer alone it is the band, at place 0.
-const FRONT: u32 = 0u;
-const BAND: u32 = 1u;
-const SECOND: u32 = 2u;
-const REST: u32 = 3u;
+@group(1) @binding(2) var<storage, read> segments: array<Segment>;
+@group(1) @binding(4) var<storage, read> splats: array<Kernel>;
+@group(1) @binding(10) var<storage, read> list: array<u32>;
+@group(1) @binding(11) var<storage, read> wide: array<u32>;
+@group(1) @binding(12) var<storage, read> starts: array<u32>;
+@group(1) @binding(17) var<storage, read> thresholds: array<vec4<f32>>;
+@group(1) @binding(19) var<storage, read> values: array<f32>;
+@group(1) @binding(20) var<storage, read_write> sums: array<vec4<f32>>;
 
 // What the splats of a quad are held against.
 struct Quad {
@@ -36,7 +32,7 @@ struct Quad {
 }
 
 @compute @workgroup_size(4, 16)
-fn ewa_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) place: vec3<u32>) {
+fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) place: vec3<u32>) {
     let index = tile.y * view.tiles.x + tile.x;
     let in_tile = place.y * 4u + place.x;
     var quad: Quad;
@@ -90,45 +86,9 @@ fn ewa_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocati
     }
 }
 
-// A filtered splat on the rays through a quad.
-struct Seen {
-    weight: vec4<f32>,
-    // Of its plane; of its centre where the ray misses the plane.
-    depth: vec4<f32>,
-    // True where the disc covers the pixel.
-    disc: vec4<bool>,
-}
-
-fn form(c: vec2<f32>, at: Hit) -> vec4<f32> {
-    return c.x * at.x + c.y * at.y;
-}
-
-fn see(splat: EwaSplat, quad: Quad) -> Seen {
-    let at = hit(splat.disc, quad.column, quad.row);
-    let within = in_columns(unpack(splat.filtered_bounds), quad.column);
-    let one = vec4<f32>(1.0);
-    let in_view = (at.inverse_depth > vec4<f32>(0.0)) & (at.inverse_depth <= vec4<f32>(view.most_inverse_depth));
-    let plane_depth = 1.0 / at.inverse_depth;
-    let u = form(splat.u, at);
-    let v = form(splat.v, at);
-    let px = form(vec2<f32>(splat.p[0], splat.p[1]), at);
-    let py = form(vec2<f32>(splat.p[1], splat.p[2]), at);
-    let nearer = 1.0 - form(splat.shrink, at);
-    let over = 1.0 / nearer;
-    let quarter_variance = 0.25 * view.sigma * view.sigma;
-    var r2 = (u * u + v * v) * (over * over) + quarter_variance * (px * px + py * py);
-    var shown = nearer > vec4<f32>(0.0);
-    if splat.crossing != 0u {
-        r2 = at.scaled_r2 * (plane_depth * plane_depth);
-        shown = at.inside & in_view;
-    }
-    let hits = shown & (r2 <= one) & within;
-    let weight = splat.weight * kernel(select(one, r2, r2 < one));
-    var seen = Seen(
-        select(vec4<f32>(0.0), weight, hits),
-        select(vec4<f32>(splat.disc.centre_depth), plane_depth, in_view),
-        at.inside & in_view & within,
-    );
+// A kernel on the rays through a quad. Where layers are peeled off it is nothing outside the current one.
+fn see_in_layer(splat: Kernel, quad: Quad) -> Seen {
+    var seen = see(splat, quad.column, quad.row);
     if PEEL {
         let in_layer = (seen.depth > quad.floor) & (seen.depth <= quad.ceiling);
         seen.weight = select(vec4<f32>(0.0), seen.weight, in_layer);
@@ -152,10 +112,10 @@ fn place_of(seen: Seen, epsilon: f32, quad: Quad) -> Place {
 
 // Adds a splat to the sums of the band. True if another layer has it, too.
 fn add_to_band(band: ptr<function, Sums>, slot: u32, quad: Quad) -> bool {
-    if !touches(unpack(filtered_splats[slot].filtered_bounds), quad.column, quad.row) { return false; }
-    let splat = filtered_splats[slot];
-    let segment_index = splat.disc.flags >> 1u;
-    let seen = see(splat, quad);
+    if !touches(weight_bounds(splats[slot]), quad.column, quad.row) { return false; }
+    let splat = splats[slot];
+    let segment_index = disc_of(splat).flags >> 1u;
+    let seen = see_in_layer(splat, quad);
     let zero = vec4<f32>(0.0);
     if SAMPLE_COVERAGE != 0u {
         let its_turn = segments[segment_index].flags >> 3u;
@@ -175,10 +135,10 @@ fn add_to_band(band: ptr<function, Sums>, slot: u32, quad: Quad) -> bool {
 fn add_to_others(
     front: ptr<function, Sums>, second: ptr<function, Sums>, rest: ptr<function, Sums>, slot: u32, quad: Quad,
 ) {
-    if !touches(unpack(filtered_splats[slot].filtered_bounds), quad.column, quad.row) { return; }
-    let splat = filtered_splats[slot];
-    let seen = see(splat, quad);
-    let place = place_of(seen, segments[splat.disc.flags >> 1u].epsilon, quad);
+    if !touches(weight_bounds(splats[slot]), quad.column, quad.row) { return; }
+    let splat = splats[slot];
+    let seen = see_in_layer(splat, quad);
+    let place = place_of(seen, segments[disc_of(splat).flags >> 1u].epsilon, quad);
     let behind = quad.open & !place.before & !place.in_band;
     let next = behind & (seen.depth <= quad.second);
     let last = behind & !next;
@@ -189,11 +149,13 @@ fn add_to_others(
 }
 
 // Adds a splat to the sums of a layer in the pixels of which that layer `takes` it.
-fn add_to_layer(sum: ptr<function, Sums>, slot: u32, splat: EwaSplat, seen: Seen, takes: vec4<bool>) {
+fn add_to_layer(sum: ptr<function, Sums>, slot: u32, splat: Kernel, seen: Seen, takes: vec4<bool>) {
     let zero = vec4<f32>(0.0);
     let weight = select(zero, seen.weight, takes);
     if !any(weight > zero) { return; }
     add_values(sum, slot, weight, select(zero, seen.depth, weight > zero));
-    (*sum).peak += weight * splat.peak;
-    (*sum).side += weight * select(1.0, -1.0, (splat.disc.flags & FLAG_BACK) != 0u);
+    if PEAK != 0u {
+        (*sum).peak += weight * peak_of(splat);
+        (*sum).side += weight * select(1.0, -1.0, (disc_of(splat).flags & FLAG_BACK) != 0u);
+    }
 }

@@ -1,32 +1,21 @@
-// Kernels that full EWA filters, and what is known of the depths of a tile.
-// Twins: src/layout.rs (EwaSplat), which says what the forms mean; a test compares the layouts.
-// src/backend/cpu/paint/buffers.rs.
+// What is known of the depths of a tile.
+// Twin: src/backend/cpu/paint/buffers.rs.
 
-struct EwaSplat {
-    disc: Splat,
-    u: vec2<f32>,
-    v: vec2<f32>,
-    shrink: vec2<f32>,
-    p: array<f32, 3>,
-    peak: f32,
-    weight: f32,
-    crossing: u32,
-    listed_bounds: vec2<u32>,
-    filtered_bounds: vec2<u32>,
-}
-
+// Does a filter widen kernels? Without it tiles have no apron, and nothing is known of their depths but T.
+override FILTERED: bool = false;
 // Are layers of see-through surfels peeled off? Twin: `floor` and `ceiling` of the same files.
 override PEEL: bool = false;
 
-// The depths of a tile are quads: T of the tile and its apron, row by row; then, for the tile alone, the tolerance of
-// the disc that T is of; the second threshold, UNWANTED where the pixel is solid; and the rim: 1 where there is a pixel
-// within the apron that no disc covers, else 0.
+// The depths of a tile are quads: T of the tile and its apron, row by row. With a filter there follow, for the tile
+// alone, the tolerance of the disc that T is of; the second threshold, UNWANTED where the pixel is solid; and the rim:
+// 1 where there is a pixel within the apron that no disc covers, else 0.
 // Where layers are peeled off, there follow the floor, up to which all was peeled off, of the tile and its apron; for
 // the tile alone the ceiling, T of opaque surfels, and the three planes of its cover; and the state: 1 while there is
 // more to peel off, else 0; and the number of the layer.
 
 // Pixels around a tile within which the low-pass filter reaches.
 fn apron() -> u32 {
+    if !FILTERED { return 0u; }
     return u32(ceil(2.0 * view.sigma));
 }
 
@@ -47,7 +36,7 @@ fn guarded_quads() -> u32 {
 
 // Quads of the depths of a tile of opaque surfels.
 fn opaque_depth_quads() -> u32 {
-    return guarded_quads() + 3u * TILE_QUADS;
+    return guarded_quads() + select(0u, 3u * TILE_QUADS, FILTERED);
 }
 
 // Quads of the depths of a tile.
@@ -96,8 +85,8 @@ fn threshold_place(quad: vec2<u32>) -> u32 {
 }
 
 // Smallest depth tolerance as a share of the depth: 4 units in the last place.
-const LEAST_TOLERANCE: f32 = 4.0 * EPSILON;
+const LEAST_EPSILON: f32 = 4.0 * EPSILON;
 
 fn tolerance_at(depth: vec4<f32>, epsilon: f32) -> vec4<f32> {
-    return max(vec4<f32>(epsilon), LEAST_TOLERANCE * depth);
+    return max(vec4<f32>(epsilon), LEAST_EPSILON * depth);
 }

@@ -1,23 +1,27 @@
-// Pass `visibility` of full EWA (program `ewa_visibility`): T(x, t) of discs, for each tile and the apron around it.
-// Pass `second` (program `ewa_second`): the same minimum over the discs behind T; and which pixels are solid, or near a
+// Pass `visibility`: T(x, t) = min over discs covering x of (depth + epsilon), per pixel; with a filter for each tile
+// and the apron around it.
+// Pass `second`, of filtered kernels: the same minimum over the discs behind T; and which pixels are solid, or near a
 // rim.
-// Twin: src/backend/cpu/paint/visibility.rs.  Math: docs/math.md, section 3.
-//   in   splats, list, starts, wide   output of `ewa_project` and `bin`
+// Twin: src/backend/cpu/paint/visibility.rs.  Math: docs/math.md, eq. 5, and section 3.
+//   in   splats, list, starts, wide   output of `project` and `bin`
 //        segments                     epsilon of a splat's object
-//   in and out  thresholds   depths of each tile, as common/ewa.wgsl has them
+//   in and out  thresholds   depths of each tile, as common/depths.wgsl has them; T is NONE where no disc covers the
+//                            pixel, and all is UNWANTED in tiles that are not wanted
 // Of a layer that is peeled off, discs behind the floor alone count, and there is no second threshold.
 // One workgroup per tile, one invocation per quad of pixels. A tile knows its apron from its own list, so it reads no
-// other tile. The order of splats does not change a minimum.
+// other tile. The order of splats does not change a minimum, so batches may come one after the other. A device waits
+// long for each entry of a list; so the invocations of a tile read one entry each, and then walk over what all have
+// read.
 
 @group(1) @binding(2) var<storage, read> segments: array<Segment>;
-@group(1) @binding(4) var<storage, read> splats: array<EwaSplat>;
+@group(1) @binding(4) var<storage, read> splats: array<Kernel>;
 @group(1) @binding(10) var<storage, read> list: array<u32>;
 @group(1) @binding(11) var<storage, read> wide: array<u32>;
 @group(1) @binding(12) var<storage, read> starts: array<u32>;
 @group(1) @binding(17) var<storage, read_write> thresholds: array<vec4<f32>>;
 
-// Invocations of a tile: enough for the tile and an apron of two pixels at once.
-const INVOCATIONS: u32 = 128u;
+// Invocations of a tile: enough for the tile, and with a filter for an apron of two pixels at once.
+override INVOCATIONS: u32 = select(64u, 128u, FILTERED);
 // Discs that are read at once, and the epsilons of their objects.
 const AT_ONCE: u32 = 64u;
 var<workgroup> discs_read: array<Splat, AT_ONCE>;
@@ -33,8 +37,8 @@ struct Depths {
 // Is there more to peel off the tile?
 var<workgroup> live: u32;
 
-@compute @workgroup_size(128)
-fn ewa_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+@compute @workgroup_size(INVOCATIONS)
+fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let index = tile.y * view.tiles.x + tile.x;
     let place = vec2<u32>(tile.x, view.first_tile_row + tile.y);
     let depths_at = depths_of(index);
@@ -52,6 +56,7 @@ fn ewa_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
     let first = starts[index];
     let end = starts[index + 1u];
     let wide_splats = starts[view.tiles.x * view.tiles.y + 1u];
+    if view.resumes != 0u && first == end && wide_splats == 0u { return; }
     for (var before = 0u; before < quads; before += INVOCATIONS) {
         let i = before + lane;
         let in_row = i % row_quads();
@@ -70,12 +75,12 @@ fn ewa_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
         }
         if view.resumes != 0u && i < quads {
             depths.threshold = thresholds[depths_at + i];
-            if is_own { depths.epsilon = thresholds[epsilon_at]; }
+            if FILTERED && is_own { depths.epsilon = thresholds[epsilon_at]; }
         }
         for (var next = first; next < end; next += AT_ONCE) {
             let count = min(AT_ONCE, end - next);
             if lane < count {
-                let disc = splats[list[next + lane]].disc;
+                let disc = disc_of(splats[list[next + lane]]);
                 discs_read[lane] = disc;
                 epsilons_read[lane] = segments[disc.flags >> 1u].epsilon;
             }
@@ -88,13 +93,13 @@ fn ewa_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
             workgroupBarrier();
         }
         for (var k = 0u; k < wide_splats; k += 1u) {
-            if touches(unpack(splats[wide[k]].disc.bounds), column, row) {
-                let disc = splats[wide[k]].disc;
+            if touches(unpack(disc_of(splats[wide[k]]).bounds), column, row) {
+                let disc = disc_of(splats[wide[k]]);
                 depths = lowered(depths, disc, segments[disc.flags >> 1u].epsilon, column, row);
             }
         }
         if i < quads { thresholds[depths_at + i] = depths.threshold; }
-        if is_own { thresholds[epsilon_at] = depths.epsilon; }
+        if FILTERED && is_own { thresholds[epsilon_at] = depths.epsilon; }
     }
 }
 
@@ -108,9 +113,7 @@ struct Met {
 fn meet(disc: Splat, epsilon: f32, column: u32, row: u32) -> Met {
     let at = hit(disc, column, row);
     let depth = 1.0 / at.inverse_depth;
-    let in_view = at.inverse_depth <= vec4<f32>(view.most_inverse_depth);
-    let covers = at.inside & in_view & in_columns(unpack(disc.bounds), column);
-    return Met(covers, depth, tolerance_at(depth, epsilon));
+    return Met(covers(disc, at, column), depth, tolerance_at(depth, epsilon));
 }
 
 // The depths, lowered by a disc of an object with tolerance `epsilon`.
@@ -132,7 +135,7 @@ const OUTSIDE: f32 = -1.0;
 var<workgroup> inverse_depths: array<f32, EDGE * EDGE>;
 
 @compute @workgroup_size(4, 16)
-fn ewa_second(
+fn second(
     @builtin(workgroup_id) tile: vec3<u32>,
     @builtin(local_invocation_id) quad: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
@@ -227,8 +230,8 @@ fn behind(index: u32, lowest: vec4<f32>, first: vec4<f32>, column: u32, row: u32
     var walk = walk_of(index);
     while has_next(walk) {
         let slot = next_slot(&walk);
-        if !touches(unpack(splats[slot].disc.bounds), column, row) { continue; }
-        let disc = splats[slot].disc;
+        if !touches(unpack(disc_of(splats[slot]).bounds), column, row) { continue; }
+        let disc = disc_of(splats[slot]);
         let met = meet(disc, segments[disc.flags >> 1u].epsilon, column, row);
         let candidate = met.depth + met.tolerance;
         second = select(second, candidate, met.covers & (met.depth > first) & (candidate < second));

@@ -1,40 +1,46 @@
-// Pass `project` of full EWA (program `ewa_project`): turns surfels into splats, each convolved with the low-pass
-// filter of the sample grid.
-// Twin: src/backend/cpu/paint/project.rs.  Math: docs/math.md, section 3.
-//   in   segment, travels   as in project.wgsl
-//        geometry  columns of the surfel buffer: positions, axes u, axes v, normalisation; then the mean of the last
-//   out  splats, touched    as in project.wgsl
-// One invocation per surfel. `view.pixels` are those of the band and of the apron around it, as far as the image goes.
+// Pass `project`: turns surfels into splats; poses, projects, bounds and culls them, and convolves each with the
+// low-pass filter of the sample grid where there is one.
+// Twins: src/backend/cpu/project.rs, paint/project.rs.  Math: docs/math.md, sections 2 and 3.
+//   in   segment   the surfels and their pose
+//        travels   the pose of the surfels' centres
+//        geometry  columns of the surfel buffer: positions, axes u, axes v; with a filter normalisation, then the mean
+//                  of the last
+//   out  splats    one for each slot; unwritten where culled
+//        touched   number of wanted tiles that the splat touches; 0 if culled; WIDE if more than WIDEST
+// One invocation per surfel. The slot is the surfel's place in the batch, so nothing is compacted and the order stays.
+// `view.pixels` are those of the band and of the apron around it, as far as the image goes.
 
-@group(1) @binding(4) var<storage, read_write> splats: array<EwaSplat>;
+@group(1) @binding(4) var<storage, read_write> splats: array<Kernel>;
 @group(1) @binding(5) var<storage, read_write> touched: array<u32>;
 
 @compute @workgroup_size(256)
-fn ewa_project(@builtin(global_invocation_id) id: vec3<u32>) {
+fn project(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= segment.surfels { return; }
     let slot = segment.first_slot + id.x;
     touched[slot] = 0u;
     let surfel = posed(id.x, f32(apron()));
     if surfel.kind == CULLED { return; }
-    // The twin lists splats beyond the band, too, and nobody reads those lists.
-    let band = band_rows();
-    let bounds = surfel.bounds;
-    let rows = vec2<i32>(bounds.zw);
-    if rows.x > band.y || rows.y < band.x { return; }
-    let listed = vec4<u32>(bounds.xy, vec2<u32>(clamp(rows, band.xx, band.yy)));
-    let columns = travels[segment.index].columns;
-    let factor = geometry[columns * segment.buffer_surfels + segment.first_surfel + id.x];
-    let mean = geometry[(columns + 1u) * segment.buffer_surfels];
+    var listed = surfel.bounds;
     var splat: EwaSplat;
     splat.disc = surfel.splat;
-    splat.disc.bounds = pack(bounds);
-    splat.peak = 1.0;
-    splat.weight = mean;
-    splat.listed_bounds = pack(listed);
-    splat.filtered_bounds = pack(bounds);
-    splat.crossing = 1u;
-    if surfel.splat.centre_depth > 0.0 && !filter_kernel(&splat, surfel, factor, mean, band) { return; }
-    splats[slot] = splat;
+    splat.disc.bounds = pack(surfel.bounds);
+    if FILTERED {
+        // The twin lists splats beyond the band, too, and nobody reads those lists.
+        let band = band_rows();
+        let rows = vec2<i32>(surfel.bounds.zw);
+        if rows.x > band.y || rows.y < band.x { return; }
+        listed = vec4<u32>(surfel.bounds.xy, vec2<u32>(clamp(rows, band.xx, band.yy)));
+        let columns = travels[segment.index].columns;
+        let factor = geometry[columns * segment.buffer_surfels + segment.first_surfel + id.x];
+        let mean = geometry[(columns + 1u) * segment.buffer_surfels];
+        splat.peak = 1.0;
+        splat.weight = mean;
+        splat.listed_bounds = pack(listed);
+        splat.filtered_bounds = pack(surfel.bounds);
+        splat.crossing = 1u;
+        if surfel.splat.centre_depth > 0.0 && !filter_kernel(&splat, surfel, factor, mean, band) { return; }
+    }
+    splats[slot] = kernel_of(splat);
     touched[slot] = tiles_in(listed);
 }
 
@@ -94,7 +100,7 @@ fn filter_kernel(
     return true;
 }
 
-// Ends of the filtered kernel along one axis, of those of its disc; `affine`: the square of its extent without
+// The ends of the filtered kernel along one axis, from the ends of its disc. `affine`: the square of its extent without
 // perspective (docs/math.md, section 3).
 fn filtered_extent(ends: vec2<f32>, affine: f32) -> vec2<f32> {
     let reach = 2.0 * view.sigma;

@@ -1,0 +1,187 @@
+//! Price and error of a picture of each shipped scene, as a table.
+//!
+//! `cargo run --release --example table_scenes [-- scene=NAME] [mode=MODE] [prefilter=none|approx|ewa] [truth=SAMPLES]`
+//!
+//! Two frames of each scene at 480 x 270, by default in mode auto as `render` makes them. All seconds are of one
+//! processor: of passes as the CPU backend counts them, and of the whole frame. FLIP is at 67 pixels a degree, over the
+//! blocks of 32 x 32 pixels that something covers; *worst* is the mean of the worst twentieth of them. *RMSE* is that
+//! of the display values in the worst block. *Uniform* is the cheapest number of plain time samples (8, 12, .. 128,
+//! with the prefilter `none` or `ewa`) with no more of *worst* and *RMSE*, and the frame's seconds over its seconds.
+//! *Noise* are *FLIP* and *worst* for two references of other seeds: errors below twice that are not judged, and stand
+//! in brackets. The last two columns are the cheapest reference (16, 32, .. samples) that is as near to the truth, in
+//! the mean and in the worst blocks, and its seconds without its tree.
+//!
+//! The truth has 1024 samples (`truth=`), from an earlier run where there is one (`target/tables`). The first run takes
+//! long, because it traces two references of each frame.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a generator may stop, and prints its tables")]
+
+mod support;
+
+use std::time::Instant;
+
+use splatblur::backend::cpu::Cpu;
+use splatblur::backend::{Backend, Rendered, Stats};
+use splatblur::compare::flip;
+use splatblur::film::{Aov, Picture};
+use splatblur::options::{BlurMode, Look, Prefilter, RenderOptions};
+use splatblur::reference::{self, ReferenceOptions};
+use splatblur::renderer::render_frame;
+use splatblur::scene::Scene;
+
+use support::Arguments;
+use support::blocks::{EDGE, means, worst_block, worst_twentieth};
+use support::scenes::{kept, names_of_shipped, shipped, two_frames};
+
+/// For FLIP.
+const PIXELS_PER_DEGREE: f64 = 67.0;
+/// Numbers of plain time samples.
+const UNIFORM: [u32; 9] = [8, 12, 16, 24, 32, 48, 64, 96, 128];
+/// Most samples of a reference that is as near to the truth as a picture.
+const MOST: u64 = 256;
+
+fn main() {
+    let asked = Arguments::read(&[], &["scene", "mode", "prefilter", "truth"]);
+    let mut options = RenderOptions::default();
+    if let Some(mode) = asked.value("mode") {
+        options.quality = mode.parse::<BlurMode>().unwrap().into();
+    }
+    if let Some(prefilter) = asked.value("prefilter") {
+        options.prefilter = prefilter.parse().unwrap();
+    }
+    let samples = asked.value("truth").map_or(1024, |samples| samples.parse().unwrap());
+    println!(concat!(
+        "| scene | project | visibility | attribute | composite | resolve | frame, s | splats, M | ns a splat | ",
+        "ns a covered pixel | waste | samples | FLIP | worst | RMSE | uniform | noise | reference | its s |"
+    ));
+    println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|---:|---:|---:|---|---|---:|---:|");
+    let mut names = names_of_shipped();
+    names.push("four_meshes".to_owned());
+    // Then the clock is that of the processor.
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    for name in names.iter().filter(|name| asked.scene(name)) {
+        let scene = shipped(name);
+        for frame in two_frames(&scene) {
+            let truths = [77, 78].map(|seed| truth(&scene, frame, &options, samples, seed));
+            one.install(|| row(&scene, frame, &options, &truths));
+        }
+    }
+}
+
+/// A reference with its alpha.
+fn truth(scene: &Scene, frame: i64, options: &RenderOptions, samples: u64, seed: u64) -> Picture {
+    kept(&format!("{}_{frame}_scenes_{seed}_{samples}", scene.name), || {
+        let asked = ReferenceOptions::like(options, samples);
+        let look = Look { seed, aovs: vec![Aov::Alpha], ..asked.look };
+        reference::picture(scene, frame, &ReferenceOptions { look, ..asked }).unwrap()
+    })
+}
+
+fn row(scene: &Scene, frame: i64, options: &RenderOptions, truths: &[Picture; 2]) {
+    let (rendered, seconds) = timed(scene, frame, options);
+    let stats = rendered.stats;
+    let counted = counted(scene, frame, options);
+    let [truth, other] = truths;
+    let covered = covered_blocks(truth);
+    let error = |picture: &Picture, truth: &Picture| {
+        judged(&flip::map_at(picture, truth, PIXELS_PER_DEGREE).unwrap(), picture.width as usize, &covered)
+    };
+    let (found, noise) = (error(&rendered.picture, truth), error(other, truth));
+    let shown =
+        |i: usize| if found[i] < 2.0 * noise[i] { format!("({:.4})", found[i]) } else { format!("{:.4}", found[i]) };
+    let (reference, its) = as_near(scene, frame, options, &|picture| {
+        let reached = error(picture, truth);
+        reached[0] <= found[0] && reached[1] <= found[1]
+    });
+    let rmse = worst_block(&rendered.picture, truth, EDGE);
+    let is_as_good =
+        |picture: &Picture| error(picture, truth)[1] <= found[1] && worst_block(picture, truth, EDGE) <= rmse;
+    let uniform = cheapest_uniform(scene, frame, options, &is_as_good, seconds);
+    let by =
+        stats.achieved.map_or_else(|| stats.samples.to_string(), |a| format!("{} to {}", a.samples, a.most_samples));
+    let each = |count: u64| if count == 0 { "-".to_owned() } else { format!("{:.0}", 1e9 * seconds / count as f64) };
+    let times =
+        [stats.project + stats.sort + stats.bin, stats.visibility, stats.attribute, stats.composite, stats.resolve];
+    let mut cells = vec![format!("*{}* {frame}", scene.name)];
+    cells.extend(times.map(|time| format!("{:.3}", time.as_secs_f64())));
+    cells.extend([format!("{seconds:.3}"), format!("{:.2}", stats.splats as f64 * 1e-6)]);
+    cells.push(each(stats.splats));
+    cells.push(each(counted.waste.attribute.covered + counted.waste.composite.covered));
+    cells.push(counted.waste.attribute.waste().map_or_else(|| "-".to_owned(), |waste| format!("{waste:.1}")));
+    cells.extend([
+        by,
+        shown(0),
+        shown(1),
+        format!("{rmse:.4}"),
+        uniform,
+        format!("{:.4} / {:.4}", noise[0], noise[1]),
+        reference,
+        its,
+    ]);
+    println!("| {} |", cells.join(" | "));
+}
+
+/// The cheapest plain time samples that are as good, and how many times their seconds `seconds` are.
+fn cheapest_uniform(
+    scene: &Scene,
+    frame: i64,
+    options: &RenderOptions,
+    is_as_good: &dyn Fn(&Picture) -> bool,
+    seconds: f64,
+) -> String {
+    let first = |prefilter: Prefilter| {
+        UNIFORM.into_iter().find_map(|samples| {
+            let options =
+                RenderOptions { quality: BlurMode::supersample(samples).into(), prefilter, ..options.clone() };
+            let (rendered, its) = timed(scene, frame, &options);
+            is_as_good(&rendered.picture).then(|| (its, format!("{samples} {prefilter}")))
+        })
+    };
+    let cheapest = [Prefilter::None, Prefilter::Ewa].into_iter().filter_map(first).min_by(|a, b| a.0.total_cmp(&b.0));
+    cheapest.map_or_else(|| "above 128".to_owned(), |(its, by)| format!("{by}: {:.2}", seconds / its))
+}
+
+/// A frame, and the seconds that it takes after another one of the same scene.
+fn timed(scene: &Scene, frame: i64, options: &RenderOptions) -> (Rendered, f64) {
+    let mut cpu = Cpu::default();
+    let mut render = || {
+        let start = Instant::now();
+        let rendered = render_frame(&mut cpu, scene, frame, options).unwrap();
+        (rendered, start.elapsed().as_secs_f64())
+    };
+    render();
+    render()
+}
+
+/// The same frame once more, with what bounds of splats waste. Counting takes time, so it is not timed.
+fn counted(scene: &Scene, frame: i64, options: &RenderOptions) -> Stats {
+    let mut cpu = Cpu::default();
+    cpu.count_waste();
+    render_frame(&mut cpu, scene, frame, options).unwrap().stats
+}
+
+/// Samples and seconds of the cheapest reference that is near enough.
+fn as_near(scene: &Scene, frame: i64, options: &RenderOptions, near: &dyn Fn(&Picture) -> bool) -> (String, String) {
+    let mut samples = 16;
+    while samples <= MOST {
+        let made = reference::render(scene, frame, &ReferenceOptions::like(options, samples), None, &|_| ()).unwrap();
+        if near(&made.picture) {
+            return (samples.to_string(), format!("{:.2}", made.stats.trace.as_secs_f64()));
+        }
+        samples *= 2;
+    }
+    (format!("above {MOST}"), "-".to_owned())
+}
+
+/// The blocks that something covers.
+fn covered_blocks(truth: &Picture) -> Vec<bool> {
+    let alpha = &truth.layers.iter().find(|layer| layer.aov == Aov::Alpha).unwrap().planes[0];
+    means(alpha, truth.width as usize).iter().map(|&mean| mean > 0.0).collect()
+}
+
+/// Mean of a map over the covered blocks, and over the worst twentieth of them.
+fn judged(map: &[f32], width: usize, covered: &[bool]) -> [f64; 2] {
+    let all = means(map, width).into_iter().zip(covered);
+    let judged: Vec<f64> = all.filter(|(_, covered)| **covered).map(|(mean, _)| mean).collect();
+    [judged.iter().sum::<f64>() / judged.len().max(1) as f64, worst_twentieth(judged)]
+}

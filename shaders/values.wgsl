@@ -1,0 +1,155 @@
+// The first program of passes `attribute`: the values of the splats that `project` made.
+// Twin: src/backend/cpu/values.rs.  Math: docs/math.md, section 5.
+//   in   segment, travels, geometry, looks, lights, environment
+//        splats    in which their flags are
+//        touched
+//   out  values    for each slot: colour, then normal, velocity, material, reflection and opacity where wanted
+// One invocation per surfel of a segment.
+
+@group(0) @binding(1) var<uniform> segment: Segment;
+@group(1) @binding(0) var<storage, read> geometry: array<f32>;
+@group(1) @binding(1) var<storage, read> looks: array<f32>;
+@group(1) @binding(3) var<storage, read> lights: array<Light>;
+@group(1) @binding(4) var<storage, read> splats: array<Splat>;
+@group(1) @binding(5) var<storage, read> touched: array<u32>;
+@group(1) @binding(19) var<storage, read_write> values: array<f32>;
+@group(1) @binding(23) var<storage, read> travels: array<Travel>;
+
+override GOURAUD: bool = false;
+// Size of a slot's content in splats, and the part of it that has the flags.
+override SPLATS: u32 = 1u;
+override PART: u32 = 0u;
+
+@compute @workgroup_size(256)
+fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= segment.surfels { return; }
+    let slot = segment.first_slot + id.x;
+    if touched[slot] == 0u { return; }
+    let surfel = segment.first_surfel + id.x;
+    let at = 3u * surfel;
+    let column = 3u * segment.buffer_surfels;
+    var normal = vec3<f32>(looks[at], looks[at + 1u], looks[at + 2u]);
+    var turned_normal = apply_linear(segment.normal, normal);
+    let place = splats[SPLATS * slot + PART].reference;
+    if view.strip != 0.0 && splats[SPLATS * slot + PART].centre_depth > 0.0 {
+        // When the row is read out on which the centre lands.
+        let half = abs(view.strip);
+        let time = clamp((select(place.x, place.y, view.strip > 0.0) - half) / half, -1.0, 1.0);
+        turned_normal += time * apply_linear(travels[segment.index].turn, normal);
+    }
+    normal = unit(turned_normal);
+    if (splats[SPLATS * slot + PART].flags & FLAG_BACK) != 0u {
+        normal = -normal;
+    }
+    var colour = vec3<f32>(looks[column + at], looks[column + at + 1u], looks[column + at + 2u]);
+    let mipmap = u32(segment.normal[2].w) * segment.buffer_surfels;
+    if mipmap > 0u { colour = of_texture(colour, mipmap + 3u * MIPMAP_LEVELS * surfel, texture_variance(at, column)); }
+    var material = segment.material;
+    if (segment.flags & 2u) != 0u {
+        let m = 2u * column + 4u * surfel;
+        material = vec4<f32>(looks[m], looks[m + 1u], looks[m + 2u], looks[m + 3u]);
+    }
+    let position = placed(at);
+    if GOURAUD {
+        let world = apply(segment.world, position);
+        let eye = unit(-world);
+        colour = shade(segment.first_light, view.lights, material, colour, normal, world, eye);
+        if FACE != 0u && segment.normal[1].w > 0.0 {
+            let pixel = view.pixel / view.focal;
+            colour += surroundings(mirrored(normal, eye), pixel * pixel) * segment.normal[1].w;
+        }
+    }
+    var next = slot * VALUES;
+    values[next] = colour.x;
+    values[next + 1u] = colour.y;
+    values[next + 2u] = colour.z;
+    next += 3u;
+    if NORMAL != 0u {
+        values[next] = normal.x;
+        values[next + 1u] = normal.y;
+        values[next + 2u] = normal.z;
+        next += 3u;
+    }
+    if VELOCITY != 0u {
+        // The derivative of (x, y) = (X, Y) / depth, in pixels of the image. It is 0 where the centre has no image.
+        let p = apply(segment.screen, position);
+        let own = apply_linear(segment.screen, own_velocity(at) * travels[segment.index].pace);
+        let rate = apply(segment.rate, position) + own;
+        var velocity = vec2<f32>(0.0);
+        if p.z >= view.near {
+            let over = 1.0 / p.z;
+            velocity = vec2<f32>((rate.x - p.x * over * rate.z) * over, (rate.y - p.y * over * rate.z) * over);
+        }
+        values[next] = velocity.x * view.stride;
+        values[next + 1u] = velocity.y * view.stride;
+        next += 2u;
+    }
+    if MATERIAL != 0u {
+        values[next] = material.x;
+        values[next + 1u] = material.y;
+        values[next + 2u] = material.z;
+        values[next + 3u] = material.w;
+        next += 4u;
+    }
+    if REFLECTION != 0u {
+        values[next] = segment.normal[1].w;
+        next += 1u;
+    }
+    if OPACITY != 0u {
+        let before = select(6u, 10u, (segment.flags & 2u) != 0u) * segment.buffer_surfels;
+        var own = 1.0;
+        if (segment.flags & 4u) != 0u { own = looks[before + surfel]; }
+        values[next] = segment.normal[0].w * own;
+    }
+}
+
+// Standard deviation of the filter of level 0 of a texture, a share of a surfel's cut-off radius; and its variance.
+const MIPMAP_SIGMA: f32 = 0.288675;
+const TEXTURE_VARIANCE: f32 = MIPMAP_SIGMA * MIPMAP_SIGMA;
+// Levels above 0, and the variance of the last one in those of level 0.
+const MIPMAP_LEVELS: u32 = 4u;
+const MOST_VARIANCE: f32 = 256.0;
+// What the longer axis of a pixel's image on the surface counts in the variance of the filter of its texture.
+const OF_LONGER: f32 = 0.7;
+
+// The colour of a texture under a Gaussian of `variance`, in those of level 0: from 1 to `MOST_VARIANCE`. It is linear
+// in the variance between two levels. `finest` is level 0; the others are at `levels`.
+fn of_texture(finest: vec3<f32>, levels: u32, variance: f32) -> vec3<f32> {
+    var finer = 0u;
+    var of_finer = variance;
+    while finer + 1u < MIPMAP_LEVELS && of_finer >= 4.0 {
+        of_finer *= 0.25;
+        finer += 1u;
+    }
+    let to = levels + 3u * finer;
+    var from_colour = finest;
+    if finer > 0u { from_colour = vec3<f32>(looks[to - 3u], looks[to - 2u], looks[to - 1u]); }
+    let to_colour = vec3<f32>(looks[to], looks[to + 1u], looks[to + 2u]);
+    return from_colour + (to_colour - from_colour) * ((of_finer - 1.0) * (1.0 / 3.0));
+}
+
+// The variance of the filter of a surfel's texture, in those of level 0. `at`: where the surfel's position is.
+// Twin: texture_variance of src/backend/cpu/values.rs.
+fn texture_variance(at: u32, column: u32) -> f32 {
+    let c = apply(segment.screen, placed(at));
+    let at_u = at + column;
+    let u = apply_linear(segment.screen, vec3<f32>(geometry[at_u], geometry[at_u + 1u], geometry[at_u + 2u]));
+    let at_v = at_u + column;
+    let v = apply_linear(segment.screen, vec3<f32>(geometry[at_v], geometry[at_v + 1u], geometry[at_v + 2u]));
+    let over = 1.0 / c.z;
+    let x = c.x * over;
+    let y = c.y * over;
+    let ux = (u.x - x * u.z) * over;
+    let uy = (u.y - y * u.z) * over;
+    let vx = (v.x - x * v.z) * over;
+    let vy = (v.y - y * v.z) * over;
+    let area = ux * vy - uy * vx;
+    let half = 0.5 * (ux * ux + uy * uy + vx * vx + vy * vy);
+    let product = area * area;
+    let longer = half + sqrt(max(half * half - product, 0.0));
+    let of_pixel = OF_LONGER * (longer / product) + (1.0 - OF_LONGER) / longer;
+    let variance = view.footprint * view.footprint * of_pixel * (1.0 / TEXTURE_VARIANCE);
+    if !(variance > 1.0) || c.z < view.near { return 1.0; }
+    return min(variance, MOST_VARIANCE);
+}
+

@@ -1,0 +1,178 @@
+//! Constants have the same value on both sides.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::f32::consts::SQRT_2;
+use std::mem::offset_of;
+
+use naga::{Expression, Handle, Literal, Module};
+
+use super::{defined, module};
+use crate::backend::cpu::bounds::{HALF_SIDE, OCTAGON, ROUNDING, SLACK, SLACK_SHARE};
+use crate::backend::cpu::depths::LEAST_EPSILON;
+use crate::backend::cpu::land::LEAST_SPEED;
+use crate::backend::cpu::paint::buffers::Layer;
+use crate::backend::cpu::project::{CROSSING, CULLED, ORDINARY};
+use crate::backend::cpu::published::ray::FAR;
+use crate::backend::cpu::swept::attribute::HIDDEN;
+use crate::backend::cpu::swept::hull::HULL_SLACK;
+use crate::backend::cpu::swept::project::REACH;
+use crate::backend::cpu::swept::resolve::NOISE;
+use crate::backend::cpu::transparent::accumulators::OPAQUE;
+use crate::backend::cpu::transparent::composite::MOST_ALPHA;
+use crate::backend::cpu::transparent::project::{
+    FAINTEST, FAINTEST_DEPTH, HALF_LOG2_E, LEAST_REACH, MOST_BEND, MOST_DEPTH,
+};
+use crate::backend::cpu::values::{MOST_VARIANCE, OF_LONGER, TEXTURE_VARIANCE};
+use crate::backend::gpu::layout::{
+    AMBIENT, DIGIT_BITS, DIRECTIONAL, FLAG_ANTIALIAS, FLAG_ENCODE, FLAG_KEEP_LAYER, FLAG_LIT, FLAG_VOLUME,
+    OPAQUE_SURFELS, SEE_THROUGH_SURFELS, Status, TILE, WIDEST, WORKGROUP_ITEMS,
+};
+use crate::backend::gpu::memory::MASKS;
+use crate::backend::gpu::programs::Program;
+use crate::environment::cube::{DEVIATION, LAST_FACE};
+use crate::frame::Blocks;
+use crate::layout::{FLAG_BACK, FLAG_CROSSING, FLAG_LOW_PASS};
+use crate::math::fast::ROUND;
+use crate::math::sweep::{ELLIPSOID_PEAK, HALF_SQRT_PI, LINE_PEAK, SQRT_HALF_PI, UNMOVED};
+use crate::model::{MIPMAP_LEVELS, MIPMAP_SIGMA};
+
+/// The bits of a constant, number by number.
+type Bits = Vec<u32>;
+
+fn float(value: f32) -> Bits {
+    vec![value.to_bits()]
+}
+
+fn whole(value: impl TryInto<u32>) -> Bits {
+    vec![value.try_into().ok().unwrap()]
+}
+
+/// Facts that programs and the host share: the name in WGSL, and the value of the host.
+fn shared() -> Vec<(&'static str, Bits)> {
+    let of_status = |offset: usize| whole(offset / size_of::<u32>());
+    vec![
+        ("AMBIENT", float(AMBIENT)),
+        ("BAND", whole(Layer::Band as u32)),
+        ("BLOCK", whole(Blocks::EDGE)),
+        ("CROSSING", whole(CROSSING)),
+        ("CULLED", whole(CULLED)),
+        ("DEVIATION", float(DEVIATION)),
+        ("DIGITS", whole(1_u32 << DIGIT_BITS)),
+        ("DIRECTIONAL", float(DIRECTIONAL)),
+        ("ELLIPSOID_PEAK", float(ELLIPSOID_PEAK)),
+        ("EPSILON", float(f32::EPSILON)),
+        ("FAINTEST_DEPTH", float(FAINTEST_DEPTH)),
+        ("FAR", float(FAR)),
+        ("FLAG_ANTIALIAS", whole(FLAG_ANTIALIAS)),
+        ("FLAG_BACK", whole(FLAG_BACK)),
+        ("FLAG_CROSSING", whole(FLAG_CROSSING)),
+        ("FLAG_ENCODE", whole(FLAG_ENCODE)),
+        ("FLAG_KEEP_LAYER", whole(FLAG_KEEP_LAYER)),
+        ("FLAG_LIT", whole(FLAG_LIT)),
+        ("FLAG_LOW_PASS", whole(FLAG_LOW_PASS)),
+        ("FLAG_VOLUME", whole(FLAG_VOLUME)),
+        ("FRONT", whole(Layer::Front as u32)),
+        ("HALF_LOG2_E", float(HALF_LOG2_E)),
+        ("HALF_SIDE", float(HALF_SIDE)),
+        ("HALF_SQRT_PI", float(HALF_SQRT_PI)),
+        ("HIDDEN", float(HIDDEN)),
+        ("HULL_SLACK", float(HULL_SLACK)),
+        ("LAST_FACE", whole(LAST_FACE)),
+        ("LEAST_EPSILON", float(LEAST_EPSILON)),
+        ("LEAST_NORMAL", float(f32::MIN_POSITIVE)),
+        ("LEAST_REACH", float(LEAST_REACH)),
+        ("LEAST_SPEED", float(LEAST_SPEED)),
+        ("LEFT_OUT_HIGH", of_status(offset_of!(Status, left_out_high))),
+        ("LEFT_OUT_LOW", of_status(offset_of!(Status, left_out_low))),
+        ("LINE_PEAK", float(LINE_PEAK)),
+        ("LOG2_FAINTEST", float(FAINTEST.log2())),
+        ("MASKS", whole(MASKS)),
+        ("MIPMAP_LEVELS", whole(MIPMAP_LEVELS)),
+        ("MIPMAP_SIGMA", float(MIPMAP_SIGMA)),
+        ("MOST_ALPHA", float(MOST_ALPHA)),
+        ("MOST_BEND", float(MOST_BEND)),
+        ("MOST_DEPTH", float(MOST_DEPTH)),
+        ("MOST_VARIANCE", float(MOST_VARIANCE)),
+        ("NOISE", float(NOISE)),
+        ("OCTAGON", OCTAGON.as_flattened().iter().map(|number| number.to_bits()).collect()),
+        ("OF_LONGER", float(OF_LONGER)),
+        ("OPAQUE", float(OPAQUE)),
+        ("OPAQUE_SURFELS", whole(OPAQUE_SURFELS)),
+        ("ORDINARY", whole(ORDINARY)),
+        ("REACH", float(REACH)),
+        ("REST", whole(Layer::Rest as u32)),
+        ("ROUND", float(ROUND)),
+        ("ROUNDING", float(ROUNDING)),
+        ("SECOND", whole(Layer::Second as u32)),
+        ("SEE_THROUGH_SURFELS", whole(SEE_THROUGH_SURFELS)),
+        // The bits of flags above all that kernels in motion have.
+        ("SEGMENT_SHIFT", whole((FLAG_BACK | FLAG_LOW_PASS | FLAG_CROSSING).trailing_ones())),
+        ("SLACK", float(SLACK)),
+        ("SLACK_SHARE", float(SLACK_SHARE)),
+        ("SQRT_2", float(SQRT_2)),
+        ("SQRT_HALF_PI", float(SQRT_HALF_PI)),
+        ("TEXTURE_VARIANCE", float(TEXTURE_VARIANCE)),
+        ("TILE", whole(TILE)),
+        ("TILE_PIXELS", whole(TILE * TILE)),
+        ("TILE_QUADS", whole(TILE * TILE / 4)),
+        ("UNMOVED", float(UNMOVED)),
+        ("WIDEST", whole(WIDEST)),
+        ("WORKGROUP_ITEMS", whole(WORKGROUP_ITEMS)),
+    ]
+}
+
+/// Constants that stand in WGSL alone, each with the reason.
+const OF_DEVICE: [(&str, &str); 10] = [
+    ("AT_ONCE", "how a workgroup shares its memory; the CPU reads discs one by one"),
+    ("EDGE", "stride of a tile and its apron in workgroup memory; the CPU's tiles are larger"),
+    ("MOST_LAYER", "the last float that a cast holds; casts saturate on the CPU"),
+    ("NONE", "stands for infinity, which WGSL does not promise; the host has infinity"),
+    ("NO_LANDING", "the CPU has no branch that would need it: it lands all surfels of a vector"),
+    ("OUTSIDE", "mark in workgroup memory"),
+    ("RUN", "how a workgroup counts entries of a list; the CPU sorts them"),
+    ("RUNS", "likewise"),
+    ("UNWANTED", "mark in thresholds; the CPU skips pixels that are not wanted"),
+    ("WIDE", "mark of pass `bin` for its own programs"),
+];
+
+/// The constants of a program, by name.
+fn constants(module: &Module) -> BTreeMap<String, Bits> {
+    let named = module.constants.iter().filter_map(|(_, constant)| Some((constant.name.clone()?, constant.init)));
+    named.map(|(name, init)| (name, bits(module, init))).collect()
+}
+
+fn bits(module: &Module, expression: Handle<Expression>) -> Bits {
+    match &module.global_expressions[expression] {
+        Expression::Literal(Literal::F32(value)) => float(*value),
+        Expression::Literal(Literal::U32(value)) => vec![*value],
+        Expression::Compose { components, .. } => components.iter().flat_map(|&part| bits(module, part)).collect(),
+        // As many as the vector has.
+        Expression::Splat { size, value } => (0..*size as u32).flat_map(|_| bits(module, *value)).collect(),
+        Expression::Constant(constant) => bits(module, module.constants[*constant].init),
+        other => panic!("a constant of a kind that this test does not know: {other:?}"),
+    }
+}
+
+#[test]
+fn constants_are_the_hosts() {
+    let mut rest: BTreeMap<&str, Bits> = shared().into_iter().collect();
+    assert_eq!(rest.len(), shared().len(), "a name stands twice");
+    let mut found: BTreeMap<String, Bits> = BTreeMap::new();
+    for program in Program::ALL {
+        for (name, bits) in constants(&module(program)) {
+            let before = found.insert(name.clone(), bits.clone());
+            assert!(before.is_none_or(|before| before == bits), "{name} has two values in WGSL");
+        }
+    }
+    let names: BTreeSet<String> = found.keys().cloned().collect();
+    assert_eq!(names, defined("const"), "constants of programs, and those of all files");
+    for (name, bits) in &found {
+        let of_device = OF_DEVICE.iter().any(|(of_device, _)| of_device == name);
+        match rest.remove(name.as_str()) {
+            Some(hosts) => assert_eq!((*bits == hosts, of_device), (true, false), "{name}: {bits:x?}, {hosts:x?}"),
+            None => assert!(of_device, "{name}: pair it with the host's value, or say why it has none"),
+        }
+    }
+    assert!(rest.is_empty(), "no program has {:?}", rest.keys());
+    assert!(OF_DEVICE.iter().all(|(name, _)| found.contains_key(*name)), "a constant is listed that is gone");
+}

@@ -1,0 +1,149 @@
+//! The filters of a sample position: of kernels, of textures, and of what surfaces mirror.
+
+use super::minified::is_minified;
+use super::raster::{Raster, low_pass_radius};
+use crate::options::{KernelWeight, PixelFilter, Prefilter, RenderOptions, SweptKernel};
+use crate::plan::Exposure;
+use crate::scene::Scene;
+use crate::time::FrameNumber;
+
+/// Variance of a pixel's square, pixels^2.
+const SQUARE: f64 = 1.0 / 12.0;
+/// Variance of a Gaussian that has the variance of a pixel's square after its cut at two standard deviations.
+const CUT_SQUARE: f64 = 0.121;
+
+/// The filters of each sample position of a raster.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Filters {
+    /// As `Raster::sigma`.
+    pub sigma: f32,
+    /// As `Raster::footprint`.
+    pub footprint: f32,
+    /// As `Raster::pixel`.
+    pub pixel: f32,
+    /// Factor on the offsets that the pixel filter draws.
+    pub spread: f32,
+}
+
+impl Filters {
+    /// The filters of one of `positions` sub-pixel positions, on a raster with this stride. `swept`: the kernel that
+    /// the frame's steps sweep, if any.
+    pub(super) fn new(options: &RenderOptions, swept: Option<SweptKernel>, positions: usize, stride: u32) -> Self {
+        let (sigma, spread) = kernel_filter(options, swept, positions, stride);
+        let share_of_square = ((SQUARE / positions as f64).sqrt() / f64::from(stride)) as f32;
+        Self {
+            sigma,
+            footprint: texture_filter(options, swept, positions, stride),
+            pixel: if sigma > 0.0 { sigma } else { share_of_square },
+            spread,
+        }
+    }
+}
+
+/// Fewest sub-pixel positions that need no prefilter (docs/measurements/prefilter.md).
+const ENOUGH_POSITIONS: usize = 4;
+
+/// The prefilter of a frame that `exposure` samples: the one that is asked for, or the one that [`Prefilter::Auto`]
+/// stands for.
+pub(super) fn prefilter(
+    scene: &Scene,
+    number: FrameNumber,
+    exposure: &Exposure,
+    swept: Option<SweptKernel>,
+    options: &RenderOptions,
+) -> Prefilter {
+    if options.prefilter != Prefilter::Auto {
+        return options.prefilter;
+    }
+    if swept.is_some_and(|kernel| kernel.weight != KernelWeight::Integral) {
+        return Prefilter::Approx;
+    }
+    let positions = exposure.rasters.iter().map(|raster| raster.positions_of_picture).min().unwrap_or(1);
+    // Pixel centres are no positions within the pixel.
+    let enough = positions >= ENOUGH_POSITIONS && options.look.filter != PixelFilter::Point;
+    if enough && !is_minified(scene, number, positions) { Prefilter::None } else { Prefilter::Ewa }
+}
+
+/// Is the approximate filter a Gaussian as wide as its disc? Only instants and published kernels have the disc.
+fn widens_by_gaussian(options: &RenderOptions, swept: Option<SweptKernel>) -> bool {
+    options.prefilter == Prefilter::Approx && swept.is_some_and(|kernel| !kernel.is_published())
+}
+
+/// The filter of kernels at one of `positions` sub-pixel positions: its standard deviation, raster pixels (0 without
+/// full EWA), and the factor on the offsets of the positions.
+///
+/// The pixel filter has two parts, one in the kernels and one in the offsets, whose variances add up. All positions
+/// together make one filter of the sample grid, so the kernels of each have 1 / `positions` of its variance. The
+/// variance of a pixel's square is 1/12 pixel^2; the cut of kernels at two standard deviations takes a part of it, for
+/// which [`CUT_SQUARE`] makes up. With a Gaussian the offsets have the other 1 - 1 / `positions`: at one position the
+/// kernels have the whole filter, as in classical EWA (Zwicker et al. 2002, section 6.2). With `point` all positions
+/// are pixel centres, and the kernels have the filter of `gaussian:1`.
+fn kernel_filter(options: &RenderOptions, swept: Option<SweptKernel>, positions: usize, stride: u32) -> (f32, f32) {
+    if widens_by_gaussian(options, swept) {
+        return (0.5 * low_pass_radius(stride), 1.0);
+    }
+    if options.prefilter != Prefilter::Ewa {
+        return (0.0, 1.0);
+    }
+    let share = 1.0 / positions as f64;
+    let (variance, spread) = match options.look.filter {
+        PixelFilter::Box => (CUT_SQUARE * share, 1.0),
+        PixelFilter::Point => (1.0, 1.0),
+        PixelFilter::Gaussian { sigma } => (sigma * sigma * share, (1.0 - share).sqrt()),
+    };
+    ((variance.sqrt() / f64::from(stride)) as f32, spread as f32)
+}
+
+/// Standard deviation of the filter of textures at one of `positions` sub-pixel positions, raster pixels.
+///
+/// At one position it is that of a pixel's square. The error of more positions falls faster than the part of the square
+/// that each has. The filter follows: its variance falls by `positions`^-1.5. The disc of the approximate filter leaves
+/// a third of it. Full EWA filters textures together with kernels (docs/measurements/meshes.md).
+fn texture_filter(options: &RenderOptions, swept: Option<SweptKernel>, positions: usize, stride: u32) -> f32 {
+    let variance = match options.prefilter {
+        _ if widens_by_gaussian(options, swept) => 0.0,
+        Prefilter::Ewa => 0.0,
+        Prefilter::Approx => SQUARE / 3.0,
+        Prefilter::None | Prefilter::Auto => SQUARE,
+    };
+    let positions = positions as f64;
+    ((variance / (positions * positions.sqrt())).sqrt() / f64::from(stride)) as f32
+}
+
+impl Raster {
+    /// The same raster with these filters.
+    pub(super) fn with_filters(self, filters: &Filters) -> Self {
+        Self { sigma: filters.sigma, footprint: filters.footprint, pixel: filters.pixel, ..self }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests may stop")]
+mod tests {
+    use super::*;
+    use crate::frame::Frame;
+    use crate::options::{BlurMode, Look};
+
+    #[test]
+    fn the_prefilter_is_chosen_by_positions_and_by_splats() {
+        for (name, mode, filter, wanted) in [
+            ("crossing", "supersample:3", PixelFilter::Box, Prefilter::Ewa),
+            ("crossing", "supersample:8", PixelFilter::Box, Prefilter::None),
+            ("crossing", "supersample:8", PixelFilter::Point, Prefilter::Ewa),
+            ("checkerboard", "supersample:8", PixelFilter::Box, Prefilter::Ewa),
+            ("checkerboard", "supersample:64", PixelFilter::Box, Prefilter::None),
+            ("static", "supersample:16", PixelFilter::Box, Prefilter::None),
+            ("crossing", "volumetric:3+published", PixelFilter::Box, Prefilter::Approx),
+        ] {
+            let scene = Scene::open(format!("scenes/{name}.xml")).size(480, 270).load().unwrap();
+            let mode: BlurMode = mode.parse().unwrap();
+            let asked = |prefilter| {
+                let look = Look { filter, ..Look::default() };
+                let options = RenderOptions { prefilter, look, ..RenderOptions::default() };
+                Frame::new(&scene, scene.frames.first, mode, &options).prefilter
+            };
+            assert_eq!(asked(Prefilter::Auto), wanted, "{name}, {mode}, {filter}");
+            assert_eq!(asked(Prefilter::None), Prefilter::None);
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! The frames under way: the one queue of frames between those that were asked for and those that were handed out.
+
+use std::collections::VecDeque;
+
+use super::{check, check_values, finite, posed, render_frame};
+use crate::backend::{Backend, BackendError, Rendered};
+use crate::film::Aov;
+use crate::options::{Quality, RenderOptions};
+use crate::scene::Scene;
+use crate::time::FrameNumber;
+
+/// Frames of a scene that are rendered one after the other, and leave in the order in which they came.
+///
+/// A caller gives a frame ([`begin`](Self::begin) or [`pass`](Self::pass)), then takes what must leave before the next
+/// one ([`ready`](Self::ready)). At the end it takes the rest ([`finish`](Self::finish)). So the backend has as many
+/// frames under way as it allows ([`Backend::in_flight`]), and at most one picture waits. Each frame has a `tag`, which
+/// comes back with it.
+///
+/// A frame that fails is not in the queue any more; those before and after it are.
+pub struct FrameQueue<'a, T> {
+    backend: &'a mut dyn Backend,
+    scene: &'a Scene,
+    options: &'a RenderOptions,
+    waiting: VecDeque<Waiting<T>>,
+}
+
+/// A frame that leaves the queue.
+#[derive(Debug)]
+pub struct FinishedFrame<T> {
+    /// Its number.
+    pub number: FrameNumber,
+    /// What was given with it.
+    pub tag: T,
+    /// `None`: it was passed, not begun.
+    pub rendered: Option<Rendered>,
+}
+
+/// Why a frame was not rendered.
+#[derive(Debug, thiserror::Error)]
+#[error("frame {number}")]
+pub struct FrameError {
+    /// The frame.
+    pub number: FrameNumber,
+    /// The cause.
+    #[source]
+    pub cause: BackendError,
+}
+
+/// A frame in the queue.
+struct Waiting<T> {
+    number: FrameNumber,
+    tag: T,
+    state: State,
+}
+
+enum State {
+    /// The backend works on it.
+    UnderWay,
+    /// It is rendered, or need not be.
+    Done(Option<Box<Rendered>>),
+}
+
+impl<'a, T> FrameQueue<'a, T> {
+    /// An empty queue. `backend` must have no frames under way.
+    ///
+    /// # Errors
+    /// The scene or the options hold what the renderer refuses.
+    pub fn new(
+        backend: &'a mut dyn Backend,
+        scene: &'a Scene,
+        options: &'a RenderOptions,
+    ) -> Result<Self, BackendError> {
+        check_values(scene, options)?;
+        check(scene, options)?;
+        Ok(Self { backend, scene, options, waiting: VecDeque::new() })
+    }
+
+    /// Begins frame `number`. It is rendered at once where it takes several steps that wait for each other: mode auto,
+    /// the layer `object`, and a filter of the finished image.
+    ///
+    /// # Errors
+    /// The number is not finite, the backend cannot render the frame within its limits, or it was stopped.
+    pub fn begin(&mut self, number: impl Into<FrameNumber>, tag: T) -> Result<(), FrameError> {
+        let number = number.into();
+        let state = self.try_begin(number).map_err(|cause| FrameError { number, cause })?;
+        self.waiting.push_back(Waiting { number, tag, state });
+        Ok(())
+    }
+
+    /// Takes a frame that need not be rendered. It leaves in its turn.
+    pub fn pass(&mut self, number: impl Into<FrameNumber>, tag: T) {
+        self.waiting.push_back(Waiting { number: number.into(), tag, state: State::Done(None) });
+    }
+
+    /// Hands out the next frame if nothing is left to do for it, or if the backend takes no more frames before it is
+    /// finished. `None`: there is room for another frame.
+    ///
+    /// # Errors
+    /// As of [`finish`](Self::finish).
+    pub fn ready(&mut self) -> Result<Option<FinishedFrame<T>>, FrameError> {
+        let under_way = |waiting: &&Waiting<T>| matches!(waiting.state, State::UnderWay);
+        let is_done = self.waiting.front().is_some_and(|next| !under_way(&next));
+        let is_full = self.waiting.iter().filter(under_way).count() >= self.backend.in_flight();
+        if is_done || is_full { self.finish() } else { Ok(None) }
+    }
+
+    /// Hands out the next frame, and waits for it. `None`: no frames are left.
+    ///
+    /// # Errors
+    /// The backend cannot render the frame within its limits, or the device failed.
+    pub fn finish(&mut self) -> Result<Option<FinishedFrame<T>>, FrameError> {
+        let Some(Waiting { number, tag, state }) = self.waiting.pop_front() else { return Ok(None) };
+        let rendered = match state {
+            State::Done(rendered) => rendered.map(|rendered| *rendered),
+            State::UnderWay => self.backend.finish().map_err(|cause| FrameError { number, cause })?,
+        };
+        Ok(Some(FinishedFrame { number, tag, rendered }))
+    }
+
+    fn try_begin(&mut self, number: FrameNumber) -> Result<State, BackendError> {
+        let options = self.options;
+        let mode = match options.quality {
+            Quality::Mode(mode) if !options.reconstruct && !options.look.aovs.contains(&Aov::Object) => mode,
+            _ => {
+                let rendered = render_frame(self.backend, self.scene, number, options)?;
+                return Ok(State::Done(Some(Box::new(rendered))));
+            }
+        };
+        let scene = self.scene.at_frame(finite(number)?.get())?;
+        check(&scene, options)?;
+        let frame = posed(self.backend, &scene, number, mode, options)?;
+        self.backend.begin(frame)?;
+        Ok(State::UnderWay)
+    }
+}
+
+impl<T> Drop for FrameQueue<'_, T> {
+    /// Finishes what is under way, so that the backend can begin something else.
+    fn drop(&mut self) {
+        while !matches!(self.finish(), Ok(None)) {}
+    }
+}
+
+/// [`Renderer::render_sequence`](super::Renderer::render_sequence).
+pub(super) struct Sequence<'a, N> {
+    /// `None` after the end.
+    queue: Option<FrameQueue<'a, ()>>,
+    /// Those that are not begun.
+    numbers: N,
+    /// What comes after the frames that are under way.
+    failed: Option<BackendError>,
+}
+
+impl<'a, N> Sequence<'a, N> {
+    pub(super) fn new(queue: Result<FrameQueue<'a, ()>, BackendError>, numbers: N) -> Self {
+        match queue {
+            Ok(queue) => Self { queue: Some(queue), numbers, failed: None },
+            Err(error) => Self { queue: None, numbers, failed: Some(error) },
+        }
+    }
+}
+
+impl<N: Iterator<Item: Into<FrameNumber>>> Sequence<'_, N> {
+    /// The next frame; `None` after the last, or where one failed and those before it were handed out.
+    fn step(&mut self) -> Result<Option<FinishedFrame<()>>, FrameError> {
+        let Some(queue) = &mut self.queue else { return Ok(None) };
+        while self.failed.is_none() {
+            if let Some(done) = queue.ready()? {
+                return Ok(Some(done));
+            }
+            let Some(number) = self.numbers.next() else { break };
+            if let Err(error) = queue.begin(number, ()) {
+                self.failed = Some(error.cause);
+            }
+        }
+        queue.finish()
+    }
+}
+
+impl<N: Iterator<Item: Into<FrameNumber>>> Iterator for Sequence<'_, N> {
+    type Item = Result<(FrameNumber, Rendered), BackendError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let done = self.step();
+        if let Ok(Some(FinishedFrame { number, rendered: Some(rendered), .. })) = done {
+            return Some(Ok((number, rendered)));
+        }
+        self.queue = None;
+        let error = done.err().map(|error| error.cause);
+        // The earlier frame's error comes first.
+        error.or(self.failed.take()).map(Err)
+    }
+}

@@ -1,0 +1,265 @@
+//! What an object is made of, with what is derived from it once.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use super::model::{GaussianModel, NO_SURFELS, SurfelModel};
+use super::sequence::Sequence;
+use crate::limits::Invalid;
+use crate::math::Bounds;
+use crate::model::paths::Paths;
+use crate::model::{Gaussians, LoadedModel, Optics, Surfels, VelocityUnit};
+
+/// What an object is made of: exactly one of these.
+#[derive(Clone, Debug)]
+pub enum Shape {
+    /// Discs and ellipses that cover a surface.
+    Surfels {
+        /// The surfels.
+        model: SurfelModel,
+        /// How they move by themselves.
+        points: PointMotion,
+    },
+    /// A capture: Gaussians with opacities and colours.
+    Gaussians {
+        /// The Gaussians.
+        model: GaussianModel,
+        /// How they are drawn.
+        capture: Capture,
+    },
+    /// A volume, as kernels that absorb and emit.
+    Volume(GaussianModel),
+    /// Point files of many frames.
+    Sequence {
+        /// The files.
+        files: Arc<Sequence>,
+        /// Unit of time of the files' velocities; `None`: as each file says.
+        unit: Option<VelocityUnit>,
+    },
+    /// An ideal sphere. Only the reference shows it; a renderer refuses it.
+    Sphere(Sphere),
+}
+
+impl Shape {
+    /// The surfels; `None` for other shapes.
+    pub fn surfels(&self) -> Option<&SurfelModel> {
+        match self {
+            Self::Surfels { model, .. } => Some(model),
+            Self::Gaussians { .. } | Self::Volume(_) | Self::Sequence { .. } | Self::Sphere(_) => None,
+        }
+    }
+
+    /// The surfels; empty ones for other shapes.
+    pub(crate) fn surfels_or_none(&self) -> &Arc<Surfels> {
+        self.surfels().map_or(&NO_SURFELS, |model| &model.surfels)
+    }
+
+    /// The Gaussians of a capture or the kernels of a volume; `None` for other shapes.
+    pub fn gaussians(&self) -> Option<&GaussianModel> {
+        match self {
+            Self::Gaussians { model, .. } | Self::Volume(model) => Some(model),
+            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere(_) => None,
+        }
+    }
+
+    /// The same, to be changed.
+    pub fn gaussians_mut(&mut self) -> Option<&mut GaussianModel> {
+        match self {
+            Self::Gaussians { model, .. } | Self::Volume(model) => Some(model),
+            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere(_) => None,
+        }
+    }
+
+    /// The files of a sequence; `None` for other shapes.
+    pub fn sequence(&self) -> Option<&Arc<Sequence>> {
+        match self {
+            Self::Sequence { files, .. } => Some(files),
+            Self::Surfels { .. } | Self::Gaussians { .. } | Self::Volume(_) | Self::Sphere(_) => None,
+        }
+    }
+
+    /// How surfels move by themselves; `None` for other shapes.
+    pub fn points_mut(&mut self) -> Option<&mut PointMotion> {
+        match self {
+            Self::Surfels { points, .. } => Some(points),
+            Self::Gaussians { .. } | Self::Volume(_) | Self::Sequence { .. } | Self::Sphere(_) => None,
+        }
+    }
+
+    /// Number of surfels, Gaussians or kernels; 0 for a sequence and for a sphere.
+    pub fn elements(&self) -> usize {
+        self.positions().len()
+    }
+
+    /// Centres of surfels, Gaussians or kernels, relative to [`Self::origin`]; none for other shapes.
+    pub(crate) fn positions(&self) -> &[Vec3] {
+        match self {
+            Self::Surfels { model, .. } => &model.surfels.position,
+            Self::Gaussians { model, .. } | Self::Volume(model) => &model.gaussians.position,
+            Self::Sequence { .. } | Self::Sphere(_) => &[],
+        }
+    }
+
+    /// The point of model space that positions are relative to.
+    pub(crate) fn origin(&self) -> DVec3 {
+        self.surfels_or_none().origin
+    }
+
+    /// How surfels move by themselves; no paths for other shapes.
+    pub(crate) fn paths(&self) -> Paths<'_> {
+        self.surfels().map_or_else(|| NO_SURFELS.paths(), SurfelModel::paths)
+    }
+
+    /// Do both sides show where nobody says it?
+    pub fn two_sided(&self) -> bool {
+        self.surfels().is_some_and(|model| model.surfels.two_sided)
+    }
+
+    /// Median of the cut-off radii, or of twice the largest standard deviations of Gaussians, model space; 0 for a
+    /// shape that has none.
+    pub fn median_radius(&self) -> f32 {
+        match self {
+            Self::Surfels { model, .. } => model.median_radius,
+            Self::Gaussians { model, .. } | Self::Volume(model) => model.median_radius,
+            Self::Sequence { .. } | Self::Sphere(_) => 0.0,
+        }
+    }
+
+    /// Box around the centres of surfels, Gaussians or kernels, or around the ideal sphere, in model space;
+    /// empty for a shape without any.
+    pub fn bounds(&self) -> Bounds {
+        match self {
+            Self::Surfels { model, .. } => model.bounds,
+            Self::Gaussians { model, .. } | Self::Volume(model) => model.bounds(),
+            Self::Sequence { files, .. } => files.bounds(),
+            Self::Sphere(sphere) => sphere.bounds(),
+        }
+    }
+
+    /// Box around what a viewer looks at, model space: [`Self::bounds`] without the strays of a capture.
+    pub fn core(&self) -> Bounds {
+        match self {
+            Self::Gaussians { model, .. } | Self::Volume(model) => model.core(),
+            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere(_) => self.bounds(),
+        }
+    }
+
+    /// Why it cannot be rendered; `None` if it can.
+    pub(crate) fn flaw(&self) -> Option<&Invalid> {
+        match self {
+            Self::Surfels { model, .. } => model.flaw.as_deref(),
+            Self::Gaussians { model, .. } | Self::Volume(model) => model.flaw.as_deref(),
+            Self::Sequence { .. } | Self::Sphere(_) => None,
+        }
+    }
+}
+
+impl Default for Shape {
+    /// No surfels.
+    fn default() -> Self {
+        SurfelModel::default().into()
+    }
+}
+
+/// How the points of a model move by themselves: p(t) = p + v t + a t^2/2, with the model's velocities v and
+/// accelerations a.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PointMotion {
+    /// Unit of time of velocities and accelerations; `None`: that of the model.
+    pub unit: Option<VelocityUnit>,
+    /// Frame at which the points are where the model has them. `None`: each frame is, so t is 0 at the frame's number.
+    pub at: Option<f64>,
+}
+
+/// How the Gaussians of a capture are drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Capture {
+    /// Highest degree of harmonics that colours have, as far as the capture has them.
+    pub harmonics: u8,
+    /// Whether a Gaussian that is widened by the filter loses opacity; `None`: as the file says.
+    pub antialias: Option<bool>,
+}
+
+impl Capture {
+    /// The highest degree of harmonics.
+    pub const MOST_HARMONICS: u8 = 3;
+}
+
+impl Default for Capture {
+    fn default() -> Self {
+        Self { harmonics: Self::MOST_HARMONICS, antialias: None }
+    }
+}
+
+/// The thesis's ideal sphere (B.2.4), about the model's origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sphere {
+    /// Radius, model space, > 0.
+    pub radius: f64,
+    /// Colour, linear Rec.709.
+    pub colour: Vec3,
+}
+
+impl Sphere {
+    fn bounds(&self) -> Bounds {
+        [DVec3::splat(-self.radius), DVec3::splat(self.radius)].into_iter().collect()
+    }
+}
+
+impl From<SurfelModel> for Shape {
+    fn from(model: SurfelModel) -> Self {
+        Self::Surfels { model, points: PointMotion::default() }
+    }
+}
+
+impl From<Arc<Surfels>> for Shape {
+    fn from(surfels: Arc<Surfels>) -> Self {
+        SurfelModel::from(surfels).into()
+    }
+}
+
+impl From<Surfels> for Shape {
+    fn from(surfels: Surfels) -> Self {
+        SurfelModel::from(surfels).into()
+    }
+}
+
+impl From<GaussianModel> for Shape {
+    /// A capture or a volume, as the optics of the Gaussians say.
+    fn from(model: GaussianModel) -> Self {
+        match model.gaussians.optics {
+            Optics::Alpha => Self::Gaussians { model, capture: Capture::default() },
+            Optics::Extinction { .. } => Self::Volume(model),
+        }
+    }
+}
+
+impl From<Arc<Gaussians>> for Shape {
+    fn from(gaussians: Arc<Gaussians>) -> Self {
+        GaussianModel::from(gaussians).into()
+    }
+}
+
+impl From<Gaussians> for Shape {
+    fn from(gaussians: Gaussians) -> Self {
+        GaussianModel::from(gaussians).into()
+    }
+}
+
+impl From<Sphere> for Shape {
+    fn from(sphere: Sphere) -> Self {
+        Self::Sphere(sphere)
+    }
+}
+
+impl From<LoadedModel> for Shape {
+    /// Surfels are sorted along a curve through space.
+    fn from(loaded: LoadedModel) -> Self {
+        if let Some(gaussians) = loaded.gaussians {
+            return GaussianModel::checked(Arc::new(gaussians)).into();
+        }
+        let mesh = loaded.mesh.is_some();
+        SurfelModel::checked(Arc::new(loaded.surfels.spatially_ordered())).of_mesh(mesh).into()
+    }
+}
