@@ -413,14 +413,14 @@ fn brute(scene: &Scene, sample: &Sample, opaque: Option<DVec3>) -> (DVec3, Vec<u
 /// Every sample of a small image, against all Gaussians one by one: nothing is missed, whatever moves.
 #[test]
 fn pixels_match_brute_force() {
-    let scene = busy_scene([14, 10], 300);
+    let scene = busy_scene([10, 8], 300);
     let mut bare = scene.clone();
     bare.objects.retain(|object| object.shape.gaussians().is_none());
     let options = ReferenceOptions { samples: 16, ..ReferenceOptions::default() };
     let picture = render(&scene, 0, &options, None, &|_| ()).unwrap().picture;
     let (mut met, mut walls) = (0, 0);
     for (at, pixel) in picture.rgba.iter().enumerate() {
-        let place = [at as u32 % 14, at as u32 / 14];
+        let place = [at as u32 % 10, at as u32 / 10];
         let mut sum = DVec3::ZERO;
         for i in 0..16 {
             let sample = probe(&bare, 0, &options, place, Some(i)).unwrap().sample.unwrap();
@@ -439,7 +439,7 @@ fn pixels_match_brute_force() {
         assert!((got - sum).abs().max_element() < 2e-5, "pixel {place:?}: {got}, brute force {sum}");
     }
     println!("{met} Gaussians met, {walls} samples with a wall");
-    assert!(met > 20_000 && walls > 100, "{met}, {walls}");
+    assert!(met > 10_000 && walls > 50, "{met}, {walls}");
 }
 
 #[test]

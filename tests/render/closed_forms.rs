@@ -19,7 +19,7 @@ fn candidates(test: &str) -> Vec<Candidate> {
 
 #[cfg(feature = "gpu")]
 fn gpu(test: &str) -> Option<Candidate> {
-    crate::support::gpu::gpu_or_skip(test).map(|gpu| Candidate { backend: Box::new(gpu), samples: 128 })
+    crate::support::gpu::gpu_or_skip(test).map(|gpu| Candidate { backend: Box::new(gpu), samples: 64 })
 }
 
 #[cfg(not(feature = "gpu"))]

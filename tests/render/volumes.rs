@@ -161,7 +161,7 @@ fn volumes_near_the_eye_are_the_marched_ones() {
     for (name, field) in fields() {
         let volume = grid(32, 0.6, LAYER, field);
         for eye in NEAR {
-            let view = VolumeCamera { eye, at: DVec3::ZERO, fovy: FOVY, size: [96, 72] };
+            let view = VolumeCamera { eye, at: DVec3::ZERO, fovy: FOVY, size: [64, 48] };
             let want = picture(&volume, &view);
             let found = render(&seen(vec![Object::new(volume.clone())], &view), &unfiltered());
             assert_near(&format!("{name} from {eye}"), &found, &want, [0.01, 0.01]);

@@ -243,6 +243,10 @@ fn two_halves_of_an_exposure_are_the_whole() {
     };
     for (name, mut backend) in backends("two_halves_of_an_exposure_are_the_whole") {
         for (i, (half, mode)) in modes(1).into_iter().zip(modes(2)).enumerate() {
+            // One mode of each kind is enough where each takes long.
+            if name != "cpu" && i % 2 == 0 {
+                continue;
+            }
             let (weight, halves) = &halved()[i % 3];
             let mut scene = filmed(random_scene(SEEDS[i % 2]));
             scene.shutter.weight = weight.clone();

@@ -1,0 +1,29 @@
+//! Every shader is part of a program.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() { walk(&path, found) } else { found.push(path) }
+    }
+}
+
+/// A file that no program names is dead, and yet it looks as if it did something.
+#[test]
+fn programs_have_every_shader() {
+    let programs = fs::read_to_string(root().join("src/backend/gpu/programs.rs")).unwrap();
+    let shaders = root().join("shaders");
+    let mut files = Vec::new();
+    walk(&shaders, &mut files);
+    assert!(files.len() > 30, "{}", files.len());
+    for file in files {
+        let name = file.strip_prefix(&shaders).unwrap().to_string_lossy().replace('\\', "/");
+        assert!(programs.contains(&format!("\"{name}\"")), "shaders/{name} is in no program");
+    }
+}
