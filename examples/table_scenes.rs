@@ -1,8 +1,9 @@
-//! Price and error of a picture of each shipped scene, as a table.
+//! Price and error of a picture of each shipped scene, as tables.
 //!
-//! `cargo run --release --example table_scenes [-- scene=NAME] [mode=MODE] [prefilter=none|approx|ewa] [truth=SAMPLES]`
+//! `cargo run --release --example table_scenes [-- TABLE... [scene=NAME] [mode=MODE] [prefilter=none|approx|ewa]
+//! [truth=SAMPLES]]`
 //!
-//! Two frames of each scene at 480 x 270, by default in mode auto as `render` makes them. All seconds are of one
+//! Table `prices`: two frames of each scene at 480 x 270, by default in mode auto as `render` makes them. All seconds are of one
 //! processor: of passes as the CPU backend counts them, and of the whole frame. FLIP is at 67 pixels a degree, over the
 //! blocks of 32 x 32 pixels that something covers; *worst* is the mean of the worst twentieth of them. *RMSE* is that
 //! of the display values in the worst block. *Uniform* is the cheapest number of plain time samples (8, 12, .. 128,
@@ -10,6 +11,8 @@
 //! *Noise* are *FLIP* and *worst* for two references of other seeds: errors below twice that are not judged, and stand
 //! in brackets. The last two columns are the cheapest reference (16, 32, .. samples) that is as near to the truth, in
 //! the mean and in the worst blocks, and its seconds without its tree.
+//!
+//! Table `modes`: FLIP, *worst* and seconds of the first of these frames in each blur mode.
 //!
 //! The truth has 1024 samples (`truth=`), from an earlier run where there is one (`target/tables`). The first run takes
 //! long, because it traces two references of each frame.
@@ -21,10 +24,10 @@ mod support;
 use std::time::Instant;
 
 use splatblur::backend::cpu::Cpu;
-use splatblur::backend::{Backend, Rendered, Stats};
+use splatblur::backend::{Backend, BackendError, Rendered, Stats};
 use splatblur::compare::flip;
 use splatblur::film::{Aov, Picture};
-use splatblur::options::{BlurMode, Look, Prefilter, RenderOptions};
+use splatblur::options::{BlurMode, ErrorTarget, Look, Prefilter, Quality, RenderOptions};
 use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
@@ -41,7 +44,7 @@ const UNIFORM: [u32; 9] = [8, 12, 16, 24, 32, 48, 64, 96, 128];
 const MOST: u64 = 256;
 
 fn main() {
-    let asked = Arguments::read(&[], &["scene", "mode", "prefilter", "truth"]);
+    let asked = Arguments::read(&["prices", "modes"], &["scene", "mode", "prefilter", "truth"]);
     let mut options = RenderOptions::default();
     if let Some(mode) = asked.value("mode") {
         options.quality = mode.parse::<BlurMode>().unwrap().into();
@@ -50,22 +53,61 @@ fn main() {
         options.prefilter = prefilter.parse().unwrap();
     }
     let samples = asked.value("truth").map_or(1024, |samples| samples.parse().unwrap());
-    println!(concat!(
-        "| scene | project | visibility | attribute | composite | resolve | frame, s | splats, M | ns a splat | ",
-        "ns a covered pixel | waste | samples | FLIP | worst | RMSE | uniform | noise | reference | its s |"
-    ));
-    println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|---:|---:|---:|---|---|---:|---:|");
     let mut names = names_of_shipped();
     names.push("four_meshes".to_owned());
+    names.retain(|name| asked.scene(name));
     // Then the clock is that of the processor.
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    for name in names.iter().filter(|name| asked.scene(name)) {
-        let scene = shipped(name);
-        for frame in two_frames(&scene) {
-            let truths = [77, 78].map(|seed| truth(&scene, frame, &options, samples, seed));
-            one.install(|| row(&scene, frame, &options, &truths));
+    if asked.table("prices") {
+        println!(concat!(
+            "| scene | project | visibility | attribute | composite | resolve | frame, s | splats, M | ns a splat | ",
+            "ns a covered pixel | waste | samples | FLIP | worst | RMSE | uniform | noise | reference | its s |"
+        ));
+        println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|---:|---:|---:|---|---|---:|---:|");
+        for scene in names.iter().map(|name| shipped(name)) {
+            for frame in two_frames(&scene) {
+                let truths = [77, 78].map(|seed| truth(&scene, frame, &options, samples, seed));
+                one.install(|| row(&scene, frame, &options, &truths));
+            }
         }
     }
+    if asked.table("modes") {
+        let modes = modes();
+        println!("| scene | {} |", modes.each_ref().map(|(name, _)| *name).join(" | "));
+        println!("|---|{}", "---|".repeat(modes.len()));
+        for scene in names.iter().map(|name| shipped(name)) {
+            let frame = two_frames(&scene)[0];
+            let truth = truth(&scene, frame, &options, samples, 77);
+            let covered = covered_blocks(&truth);
+            let cell = |(_, quality): &(&str, Quality)| {
+                let options = RenderOptions { quality: *quality, ..options.clone() };
+                let Ok((rendered, seconds)) = one.install(|| timed(&scene, frame, &options)) else { return "-".into() };
+                let map = flip::map_at(&rendered.picture, &truth, PIXELS_PER_DEGREE).unwrap();
+                let [mean, worst] = judged(&map, truth.width as usize, &covered);
+                format!("{mean:.4} {worst:.3} {seconds:.2}")
+            };
+            println!("| *{}* {frame} | {} |", scene.name, modes.each_ref().map(cell).join(" | "));
+        }
+    }
+}
+
+/// The blur modes that are held side by side.
+fn modes() -> [(&'static str, Quality); 11] {
+    let error = |error: f64| Quality::from(ErrorTarget { error, ..ErrorTarget::default() });
+    let mode = |name: &'static str| (name, name.parse::<BlurMode>().unwrap().into());
+    [
+        ("draft", error(2.0 * ErrorTarget::GOOD)),
+        ("good", error(ErrorTarget::GOOD)),
+        ("final", error(0.5 * ErrorTarget::GOOD)),
+        mode("supersample:8"),
+        mode("supersample:16"),
+        mode("supersample:32"),
+        mode("supersample:8+interleave=2"),
+        mode("bucket:8x4"),
+        mode("volumetric:1"),
+        mode("volumetric:3"),
+        mode("volumetric:10"),
+    ]
 }
 
 /// A reference with its alpha.
@@ -78,7 +120,7 @@ fn truth(scene: &Scene, frame: i64, options: &RenderOptions, samples: u64, seed:
 }
 
 fn row(scene: &Scene, frame: i64, options: &RenderOptions, truths: &[Picture; 2]) {
-    let (rendered, seconds) = timed(scene, frame, options);
+    let (rendered, seconds) = timed(scene, frame, options).unwrap();
     let stats = rendered.stats;
     let counted = counted(scene, frame, options);
     let [truth, other] = truths;
@@ -133,7 +175,7 @@ fn cheapest_uniform(
         UNIFORM.into_iter().find_map(|samples| {
             let options =
                 RenderOptions { quality: BlurMode::supersample(samples).into(), prefilter, ..options.clone() };
-            let (rendered, its) = timed(scene, frame, &options);
+            let (rendered, its) = timed(scene, frame, &options).unwrap();
             is_as_good(&rendered.picture).then(|| (its, format!("{samples} {prefilter}")))
         })
     };
@@ -142,14 +184,14 @@ fn cheapest_uniform(
 }
 
 /// A frame, and the seconds that it takes after another one of the same scene.
-fn timed(scene: &Scene, frame: i64, options: &RenderOptions) -> (Rendered, f64) {
+fn timed(scene: &Scene, frame: i64, options: &RenderOptions) -> Result<(Rendered, f64), BackendError> {
     let mut cpu = Cpu::default();
     let mut render = || {
         let start = Instant::now();
-        let rendered = render_frame(&mut cpu, scene, frame, options).unwrap();
-        (rendered, start.elapsed().as_secs_f64())
+        let rendered = render_frame(&mut cpu, scene, frame, options)?;
+        Ok((rendered, start.elapsed().as_secs_f64()))
     };
-    render();
+    render()?;
     render()
 }
 
