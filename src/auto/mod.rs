@@ -76,7 +76,7 @@ pub fn render(
     let strata = Strata::new(scene, number, samples, target.samples_max);
     let samples = strata.count();
     // Samples of unequal shares would give the positions unequal shares.
-    let positions = if positions > 1 && strata.has_jumps() { samples } else { positions.min(samples) };
+    let positions = if positions > 1 && strata.has_jumps() { samples } else { shared(positions, samples) };
     let first = Round { scene, number, options, interleave, strata: &strata, factor: 1, positions };
     let edge = Blocks::EDGE * interleave.stride() as usize;
     let background = Background { colour: scene.image.background, transparent: scene.image.transparent };
@@ -183,6 +183,15 @@ fn positions(target: &ErrorTarget) -> u32 {
     ((f64::from(target.pixel_samples) * finer).round() as u32).next_multiple_of(4)
 }
 
+/// Sub-pixel positions that `samples` share: at least `least`, a multiple of four, and all with equally many samples. A
+/// position with more samples than others would count for more. Position 1 is the pixel's centre.
+fn shared(least: u32, samples: u32) -> u32 {
+    if least == 1 {
+        return 1;
+    }
+    (least..samples).find(|positions| positions % 4 == 0 && samples.is_multiple_of(*positions)).unwrap_or(samples)
+}
+
 /// Samples of the first round for a longest path of `path_length` pixels.
 fn first_samples(path_length: f64, target: &ErrorTarget) -> u32 {
     let at_good = (SAMPLES * path_length.powf(BY_PATH)).max(LEAST);
@@ -199,4 +208,20 @@ fn spread(errors: &Errors, edge: usize, [width, height]: [u32; 2], value: &dyn F
     let (columns, rows) = (width as usize, height as usize);
     let pixels = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));
     pixels.map(|[x, y]| value(y / edge * errors.width + x / edge)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_have_equally_many_samples() {
+        for (least, samples, wanted) in
+            [(8, 8, 8), (8, 12, 12), (8, 16, 8), (8, 20, 20), (8, 24, 8), (8, 48, 8), (16, 40, 20), (16, 96, 16)]
+        {
+            assert_eq!(shared(least, samples), wanted, "{least}, {samples}");
+        }
+        // The pixel's centre, and parts of an exposure that left no choice.
+        assert_eq!([shared(1, 24), shared(8, 6), shared(24, 24)], [1, 6, 24]);
+    }
 }
