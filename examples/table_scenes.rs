@@ -3,19 +3,19 @@
 //! `cargo run --release --example table_scenes [-- TABLE... [scene=NAME] [mode=MODE] [prefilter=none|approx|ewa]
 //! [truth=SAMPLES]]`
 //!
-//! Table `prices`: two frames of each scene at 480 x 270, by default in mode auto as `render` makes them. All seconds are of one
-//! processor: of passes as the CPU backend counts them, and of the whole frame. FLIP is at 67 pixels a degree, over the
-//! blocks of 32 x 32 pixels that something covers; *worst* is the mean of the worst twentieth of them. *RMSE* is that
-//! of the display values in the worst block. *Uniform* is the cheapest number of plain time samples (8, 12, .. 128,
-//! with the prefilter `none` or `ewa`) with no more of *worst* and *RMSE*, and the frame's seconds over its seconds.
-//! *Noise* are *FLIP* and *worst* for two references of other seeds: errors below twice that are not judged, and stand
-//! in brackets. The last two columns are the cheapest reference (16, 32, .. samples) that is as near to the truth, in
-//! the mean and in the worst blocks, and its seconds without its tree.
+//! Table `prices`: two frames of each scene at 480 x 270, by default in mode auto as `render` makes them. All seconds
+//! are of one processor: of passes as the CPU backend counts them, and of the whole frame. FLIP is at 67 pixels a
+//! degree, over the blocks of 32 x 32 pixels that something covers; *worst* is the mean of the worst twentieth of
+//! them. *RMSE* is that of the display values in the worst block. *Uniform* is the cheapest number of plain time
+//! samples (8, 12, .. 128, with the prefilter `none` or `ewa`) with no more of *worst* and *RMSE*, and the frame's
+//! seconds over its seconds. *Noise* are *FLIP* and *worst* for two references of other seeds: errors below twice that
+//! are not judged, and stand in brackets. The last two columns are the cheapest reference (16, 32, .. samples) that is
+//! as near to the truth, in the mean and in the worst blocks, and its seconds without its tree.
 //!
 //! Table `modes`: FLIP, *worst* and seconds of the first of these frames in each blur mode.
 //!
-//! The truth has 1024 samples (`truth=`), from an earlier run where there is one (`target/tables`). The first run takes
-//! long, because it traces two references of each frame.
+//! The truth has 1024 samples (`truth=`), from an earlier run where there is one (`target/tables`). The first run
+//! takes long, because it traces two references of each frame.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a generator may stop, and prints its tables")]
 

@@ -226,16 +226,17 @@ fn a_short_appearance_is_seen_and_stated() {
     }
 }
 
-/// A ball that bounces while the shutter is open passes each place twice. Both half buffers see it fall and rise, so what
-/// must be refined is.
+/// A ball that bounces while the shutter is open passes each place twice. Both half buffers see it fall and rise, so
+/// what must be refined is.
 #[test]
 fn motion_that_turns_is_stated() {
     for turn in [0.0, -0.2, 0.35] {
         let mut scene = balls();
         let curve = format!(
             "animVersion 1.1;\nmayaVersion 2008;\ntimeUnit film;\nlinearUnit cm;\nangularUnit deg;\nstartTime -1;\n\
-             endTime 1;\nanim translate.translateY translateY ball 0 1 0;\nanimData {{\n input time;\n output linear;\n \
-             weighted 0;\n preInfinity constant;\n postInfinity constant;\n keys {{\n -1 2 linear linear 1 1 0;\n \
+             endTime 1;\nanim translate.translateY translateY ball 0 1 0;\nanimData {{\n input time;\n \
+             output linear;\n weighted 0;\n preInfinity constant;\n postInfinity constant;\n keys {{\n \
+             -1 2 linear linear 1 1 0;\n \
              {turn} -0.2 linear linear 1 1 0;\n 1 2 linear linear 1 1 0;\n }}\n}}\n"
         );
         let animation = anim::parse(curve.as_bytes(), Path::new("bounce.anim")).unwrap();
