@@ -47,10 +47,9 @@ impl Round<'_> {
         StratumPlace { fine: scaled.fract(), shift: scaled as u32 }
     }
 
-    /// Does stratum `index` belong to half buffer `half`, and has no coarser round sampled it?
-    fn is_fresh(&self, place: &StratumPlace, index: u32, half: u32) -> bool {
-        let reused = self.factor > 1 && index % self.factor == place.shift;
-        self.half_of(index) == half && !reused
+    /// Has a coarser round sampled stratum `index`?
+    fn is_reused(&self, place: &StratumPlace, index: u32) -> bool {
+        self.factor > 1 && index % self.factor == place.shift
     }
 
     /// The half buffer of stratum `index`. Of four strata the outer two belong to one, so that each half buffer is its
@@ -69,25 +68,31 @@ impl Round<'_> {
         Exposure { stride: self.interleave.stride(), rasters: self.interleave.phases().map(raster).collect() }
     }
 
-    /// The sample positions of half buffer `half`, and how many both halves have together.
+    /// The sample positions of half buffer `half`, and how many the picture has.
+    ///
+    /// The new samples of both halves, in order of time, take positions in turn, as plain samples do. So the positions
+    /// of each round cover the pixel and the exposure evenly (docs/measurements/scenes.md).
     fn positions(&self, phase: [u32; 2], half: u32) -> (Vec<PositionExposure>, usize) {
         let Self { scene, number, options, interleave, .. } = *self;
         let place = self.place(phase);
         let strata = self.strata.samples(&scene.shutter, self.factor, place.fine);
-        let fresh = (0..).zip(strata).filter(|(index, _)| self.is_fresh(&place, *index, half));
-        let fresh: Vec<(u32, (f64, f64))> = fresh.collect();
-        let total: f64 = fresh.iter().map(|(_, (_, weight))| weight).sum();
+        let fresh = (0..).zip(strata).filter(|(index, _)| !self.is_reused(&place, *index)).enumerate();
+        let of_half = fresh.filter(|(_, (index, _))| self.half_of(*index) == half);
+        let of_half: Vec<(usize, (f64, f64))> = of_half.map(|(rank, (_, sample))| (rank, sample)).collect();
+        let total: f64 = of_half.iter().map(|(_, (_, weight))| weight).sum();
         let seed = interleave.seed_of(phase, options.look.seed);
-        let offsets = options.look.filter.offsets(self.positions * self.factor, seed);
+        let fresh_positions = self.positions * (self.factor - 1).max(1);
+        let offsets = options.look.filter.offsets(fresh_positions, seed);
         let mut positions: BTreeMap<usize, PositionExposure> = BTreeMap::new();
-        for (index, (t, weight)) in fresh {
-            let place = position_of((index - index % 2 + half) as usize, offsets.len());
+        for (rank, (t, weight)) in of_half {
+            let place = rank % offsets.len();
             let weight = if total > 0.0 { weight / total } else { 0.0 };
             let sample = TimeSample { time: scene.shutter.frame_time(number.get(), t), weight };
             let position = || PositionExposure { offset: offsets[place], groups: Vec::new() };
             positions.entry(place).or_insert_with(position).groups.push(Group { samples: vec![sample], sweep: None });
         }
-        (positions.into_values().collect(), offsets.len())
+        let of_picture = if offsets.len() > 1 { self.positions * self.factor } else { 1 };
+        (positions.into_values().collect(), of_picture as usize)
     }
 
     /// Renders the new samples of half buffer `half` in the wanted blocks.
@@ -162,20 +167,6 @@ impl HalfBuffers {
         backend.recycle(odd);
         mean
     }
-}
-
-/// Which of `count` positions (an even number, or 1) sample `index` takes.
-///
-/// Four consecutive positions lie in different quarters of the pixel, the first two and the last two on diagonals. Four
-/// consecutive samples take four such positions, one half buffer one diagonal and one the other, in an order
-/// that changes from four to four. So both half buffers cover the pixel evenly, and so does every part of the exposure.
-const fn position_of(index: usize, count: usize) -> usize {
-    const OF_SAMPLE: [usize; 4] = [0, 2, 1, 3];
-    const TURN: [usize; 4] = [0, 2, 1, 3];
-    let index = index % count;
-    let four = index / 4;
-    // Two may be left over.
-    if 4 * four + 4 > count { index } else { 4 * four + (OF_SAMPLE[index % 4] ^ TURN[four % 4]) }
 }
 
 /// Bytes of a picture of `frame`.
@@ -343,32 +334,34 @@ mod tests {
         }
     }
 
-    /// Each position is taken once; four samples in turn lie in four quarters of the pixel, and both half buffers
-    /// have their mean near its middle.
+    /// Both half buffers together have the positions of plain samples, in the same order of time, in each round.
     #[test]
-    fn positions_cover_the_pixel_in_each_half_buffer_and_in_each_part() {
-        for count in [4_usize, 6, 8, 16, 24, 48] {
-            let offsets = pixel_offsets(count as u32, 1);
-            let taken: Vec<[f32; 2]> = (0..count).map(|index| offsets[position_of(index, count)]).collect();
-            let mut places: Vec<usize> = (0..count).map(|index| position_of(index, count)).collect();
-            places.sort_unstable();
-            assert!(places.into_iter().eq(0..count), "{count}");
-            for half in [0, 1] {
-                for axis in [0, 1] {
-                    let of_half: Vec<f32> = taken.iter().skip(half).step_by(2).map(|offset| offset[axis]).collect();
-                    let mean = of_half.iter().sum::<f32>() / of_half.len() as f32;
-                    // Measured: at most 1.5 distances of neighbours (48 positions).
-                    assert!(mean.abs() < 2.0 / count as f32, "{count}, half {half}, axis {axis}: {mean}");
+    fn positions_are_those_of_plain_samples() {
+        let options = RenderOptions::default();
+        let scene = scene(Weight::Box);
+        for (samples, shared, factor) in [(8, 8, 1), (16, 8, 1), (12, 12, 3), (16, 8, 3), (8, 8, 45)] {
+            let strata = Strata::new(&scene, 0.into(), samples, 256);
+            let round = Round {
+                scene: &scene,
+                number: 0.into(),
+                options: &options,
+                interleave: Interleave::None,
+                strata: &strata,
+                factor,
+                positions: shared,
+            };
+            let mut taken: Vec<(f64, [f32; 2])> = Vec::new();
+            for exposure in [0, 1].map(|half| round.exposure(half)) {
+                assert_eq!(exposure.rasters[0].positions_of_picture, (shared * factor) as usize);
+                for position in &exposure.rasters[0].positions {
+                    taken.extend(position.groups.iter().map(|group| (group.samples[0].time, position.offset)));
                 }
             }
-            if count.is_power_of_two() {
-                for four in taken.chunks(4) {
-                    let mut quarters: Vec<[bool; 2]> = four.iter().map(|offset| offset.map(|v| v < 0.0)).collect();
-                    quarters.sort_unstable();
-                    quarters.dedup();
-                    assert_eq!(quarters.len(), 4, "{count}: {four:?}");
-                }
-            }
+            taken.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let wanted = pixel_offsets(shared * (factor - 1).max(1), options.look.seed);
+            assert_eq!(taken.len(), (samples * (factor - 1).max(1)) as usize);
+            let offsets = taken.iter().map(|(_, offset)| offset);
+            assert!(offsets.zip(wanted.iter().cycle()).all(|(a, b)| a == b), "{samples} at {shared} x {factor}");
         }
     }
 }
