@@ -25,7 +25,7 @@ pub(super) struct Round<'a> {
     pub strata: &'a Strata,
     /// Odd.
     pub factor: u32,
-    /// Sub-pixel positions that share the samples of the first round, even; or 1: the pixel's centre.
+    /// Sub-pixel positions that share the samples of the first round, each with equally many; 1: the pixel's centre.
     pub positions: u32,
 }
 
@@ -258,6 +258,17 @@ mod tests {
         scene
     }
 
+    /// A round of frame 0 in which `strata` share `positions`.
+    fn round<'a>(
+        scene: &'a Scene,
+        options: &'a RenderOptions,
+        interleave: Interleave,
+        strata: &'a Strata,
+        (positions, factor): (u32, u32),
+    ) -> Round<'a> {
+        Round { scene, number: 0.into(), options, interleave, strata, factor, positions }
+    }
+
     /// The first samples and those of a finer round are those of so many times as many: none is lost, none comes twice,
     /// and both half buffers have as many.
     #[test]
@@ -270,15 +281,7 @@ mod tests {
         ] {
             let scene = scene(weight);
             let strata = Strata::new(&scene, 0.into(), 12, 256);
-            let round = |factor| Round {
-                scene: &scene,
-                number: 0.into(),
-                options: &options,
-                interleave,
-                strata: &strata,
-                factor,
-                positions: 12,
-            };
+            let round = |factor| round(&scene, &options, interleave, &strata, (12, factor));
             let times = |round: Round<'_>, half: u32, class: usize| -> Vec<f64> {
                 let exposure = round.exposure(half);
                 let positions = exposure.rasters[class].positions.iter();
@@ -308,18 +311,9 @@ mod tests {
         let scene = scene(Weight::Box);
         for (samples, factor) in [(4, 1), (8, 1), (20, 1), (12, 3), (8, 45)] {
             let strata = Strata::new(&scene, 0.into(), samples, 1 << 12);
-            let (interleave, positions) = (Interleave::None, samples);
-            let of_factor = |factor| Round {
-                scene: &scene,
-                number: 0.into(),
-                options: &options,
-                interleave,
-                strata: &strata,
-                factor,
-                positions,
-            };
+            let round = round(&scene, &options, Interleave::None, &strata, (samples, factor));
             let times = |half: u32| -> Vec<f64> {
-                let exposure = of_factor(factor).exposure(half);
+                let exposure = round.exposure(half);
                 let mut times: Vec<f64> = exposure.groups().map(|group| group.samples[0].time).collect();
                 times.sort_by(f64::total_cmp);
                 times
@@ -341,15 +335,7 @@ mod tests {
         let scene = scene(Weight::Box);
         for (samples, shared, factor) in [(8, 8, 1), (16, 8, 1), (12, 12, 3), (16, 8, 3), (8, 8, 45)] {
             let strata = Strata::new(&scene, 0.into(), samples, 256);
-            let round = Round {
-                scene: &scene,
-                number: 0.into(),
-                options: &options,
-                interleave: Interleave::None,
-                strata: &strata,
-                factor,
-                positions: shared,
-            };
+            let round = round(&scene, &options, Interleave::None, &strata, (shared, factor));
             let mut taken: Vec<(f64, [f32; 2])> = Vec::new();
             for exposure in [0, 1].map(|half| round.exposure(half)) {
                 assert_eq!(exposure.rasters[0].positions_of_picture, (shared * factor) as usize);

@@ -15,7 +15,7 @@ use self::half_buffers::{HalfBuffers, Round};
 use self::strata::Strata;
 use crate::backend::{Achieved, Backend, BackendError, Rendered, Stats};
 use crate::film::{Aov, Backdrop, Background, Layer};
-use crate::frame::{Blocks, Panorama, STATIC_PATH, shows_much_rest};
+use crate::frame::{Blocks, Panorama, STATIC_PATH, shared_positions, shows_much_rest};
 use crate::options::{ErrorTarget, Interleave, Lattice, PixelFilter, RenderOptions};
 use crate::scene::Scene;
 use crate::time::FrameNumber;
@@ -183,13 +183,9 @@ fn positions(target: &ErrorTarget) -> u32 {
     ((f64::from(target.pixel_samples) * finer).round() as u32).next_multiple_of(4)
 }
 
-/// Sub-pixel positions that `samples` share: at least `least`, a multiple of four, and all with equally many samples. A
-/// position with more samples than others would count for more. Position 1 is the pixel's centre.
+/// Sub-pixel positions that the `samples` of the first round share, at least `least`. Position 1 is the pixel's centre.
 fn shared(least: u32, samples: u32) -> u32 {
-    if least == 1 {
-        return 1;
-    }
-    (least..samples).find(|positions| positions % 4 == 0 && samples.is_multiple_of(*positions)).unwrap_or(samples)
+    if least == 1 { 1 } else { shared_positions(least, samples, 4).unwrap_or(samples) }
 }
 
 /// Samples of the first round for a longest path of `path_length` pixels.

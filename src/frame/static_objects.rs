@@ -36,11 +36,17 @@ pub(super) fn with_positions(scene: &Scene, mode: BlurMode) -> BlurMode {
         BlurMode::Supersample { samples, pixel_samples: None, interleave, times } if shows_much_rest(scene) => {
             // As more samples are asked for, what is static converges, too.
             let least = SHARED_POSITIONS.max(samples.div_ceil(MOST_SHARING));
-            let pixel_samples = (least..samples).find(|positions| samples.is_multiple_of(*positions));
+            let pixel_samples = shared_positions(least, samples, 1);
             BlurMode::Supersample { samples, pixel_samples, interleave, times }
         }
         _ => mode,
     }
+}
+
+/// The fewest sub-pixel positions that `samples` share: `least` or a multiple of `step` more, fewer than the samples,
+/// and all with equally many of them. A position with more samples than others would count for more.
+pub fn shared_positions(least: u32, samples: u32, step: usize) -> Option<u32> {
+    (least..samples).step_by(step).find(|positions| samples.is_multiple_of(*positions))
 }
 
 /// Does something move while much of the image is static, so that time samples should share sub-pixel positions?

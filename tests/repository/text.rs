@@ -40,7 +40,8 @@ fn files() -> Vec<(String, String)> {
     paths.into_iter().filter_map(text).collect()
 }
 
-fn walk(folder: &Path, paths: &mut Vec<PathBuf>) {
+/// Adds the files below a folder.
+pub(super) fn walk(folder: &Path, paths: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).into_iter().flatten() {
         let path = entry.unwrap().path();
         if path.is_dir() {
