@@ -19,13 +19,15 @@ const GAIN: f64 = 0.92;
 /// The same with a lattice, whose classes sample their strata off the middles.
 const GAIN_OF_LATTICE: f64 = 1.08;
 /// The same where strata are so short that sub-pixel positions decide, whose error is more like that of random ones.
-const GAIN_OF_SHORT_STRATA: f64 = 1.1;
+const GAIN_OF_SHORT_STRATA: f64 = 0.95;
+/// The same where nothing moves, and each sample is seen from a position of its own.
+const GAIN_OF_REST: f64 = 0.75;
+/// Longest path of a surfel within a stratum where nothing moves, pixels.
+const REST: f64 = 0.03;
 /// The same at pixel centres, where there are no such positions.
 const GAIN_OF_CENTRES: f64 = 0.62;
 /// Longest path of a surfel within such a stratum, pixels.
 const SHORT_STRATA: f64 = 2.0;
-/// Factor on these where a block was refined: what made it need more samples makes its error fall more slowly too.
-const REFINED: f64 = 1.08;
 /// FLIP of the image over that of the half difference, in the median of scenes, where both were means over pixels.
 const SEEN_GAIN: f64 = 0.74;
 /// The same with a lattice, which the eye blurs, and where strata are so short that the mean is far better than either
@@ -33,7 +35,7 @@ const SEEN_GAIN: f64 = 0.74;
 const SEEN_GAIN_OF_FINE_STRATA: f64 = 0.42;
 /// Longest path of a surfel within a stratum, pixels, where the strata are so short. Where nothing moves by more than
 /// the smaller number, sub-pixel positions decide.
-const FINE_STRATA: Range<f64> = 1.5..4.5;
+const FINE_STRATA: Range<f64> = REST..4.5;
 /// Exponent by which a person judges a difference of colours (`compare::flip`: Andersson et al. 2020).
 const SEEN: f32 = 0.7;
 /// FLIP of a grey difference d of display values is about this times d^0.7, where d is small: 0.95 (100 d)^0.7 over
@@ -107,10 +109,11 @@ impl<'a> Errors<'a> {
         let is_fine = interleave != Interleave::None || FINE_STRATA.contains(&step);
         let seen_gain = if is_fine { SEEN_GAIN_OF_FINE_STRATA } else { SEEN_GAIN };
         let [width, height] = [width, height].map(|pixels| (pixels as usize).div_ceil(edge));
-        let gain = match (interleave, step < SHORT_STRATA, filter) {
-            (Interleave::None, true, PixelFilter::Point) => GAIN_OF_CENTRES,
-            (Interleave::None, true, _) => GAIN_OF_SHORT_STRATA,
-            (Interleave::None, false, _) => GAIN,
+        let gain = match (interleave, step, filter) {
+            (Interleave::None, ..SHORT_STRATA, PixelFilter::Point) => GAIN_OF_CENTRES,
+            (Interleave::None, ..REST, _) => GAIN_OF_REST,
+            (Interleave::None, ..SHORT_STRATA, _) => GAIN_OF_SHORT_STRATA,
+            (Interleave::None, ..) => GAIN,
             _ => GAIN_OF_LATTICE,
         };
         let blocks = vec![BlockError::default(); width * height];
@@ -158,10 +161,9 @@ impl<'a> Errors<'a> {
         let seen = if factors.is_none() { self.seen(&difference, width) } else { vec![0.0; halves.len()] };
         for (i, ((half, pixels), seen)) in halves.into_iter().zip(seen).enumerate() {
             let values = 3.0 * f64::from(pixels.max(1));
-            let gain = if factors.is_some_and(|factors| factors[i] > 1) { REFINED * self.gain } else { self.gain };
             let reaches =
                 if factors.is_none() { reaches(&difference, width, self.edge, i, self.width) } else { [false; 4] };
-            self.blocks[i] = BlockError { half: half / (4.0 * values), seen, pixels, gain, reaches };
+            self.blocks[i] = BlockError { half: half / (4.0 * values), seen, pixels, gain: self.gain, reaches };
         }
     }
 
@@ -239,36 +241,46 @@ fn block_sums(width: usize, edge: usize, of: &[Vec3], value: impl Fn(Vec3) -> f6
 
 /// Difference of the display values of each pixel.
 fn differences(a: &Picture, b: &Picture, backdrop: &Backdrop) -> Vec<Vec3> {
-    let difference = |(i, (a, b))| {
-        // Most pixels of a static background are equal.
+    let width = a.width as usize;
+    let rows = a.rgba.par_chunks(width).zip(b.rgba.par_chunks(width)).enumerate();
+    let of_row = |(y, (a, b)): (usize, (&[[f32; 4]], &[[f32; 4]]))| -> Vec<Vec3> {
+        // Most rows of a static background are equal.
         if a == b {
-            return Vec3::ZERO;
+            return vec![Vec3::ZERO; width];
         }
-        let behind = backdrop.at(i).as_vec3();
-        shown(a, behind) - shown(b, behind)
+        let [a, b] = [a, b].map(|row| shown(row, y * width, backdrop));
+        a.chunks_exact(3).zip(b.chunks_exact(3)).map(|(a, b)| Vec3::from_slice(a) - Vec3::from_slice(b)).collect()
     };
-    a.rgba.par_iter().zip(&b.rgba).enumerate().map(difference).collect()
+    rows.flat_map_iter(of_row).collect()
 }
 
 /// What the eye blurs: a binomial of five taps, near the contrast sensitivity of luminance at 67 pixels a degree.
 fn blurred(values: &[Vec3], width: usize) -> Vec<Vec3> {
     const TAPS: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
-    let tap = |of: &[Vec3], at: usize, step: usize, place: usize, count: usize| {
-        let taps = TAPS.iter().zip(0_usize..).map(|(&weight, i)| {
-            let moved = (place + i).saturating_sub(2).min(count - 1);
-            weight * of[at + moved * step - place * step]
-        });
-        taps.fold(Vec3::ZERO, |sum, v| sum + v)
+    // Pixels beyond the border are those at the border.
+    let along = |row: &[Vec3]| -> Vec<Vec3> {
+        let (first, last) = (row[0], row[row.len() - 1]);
+        let padded: Vec<Vec3> = [&[first; 2], row, &[last; 2]].concat();
+        padded.windows(5).map(|taps| taps.iter().zip(TAPS).map(|(&value, tap)| tap * value).sum()).collect()
     };
-    let height = values.len() / width.max(1);
-    let along: Vec<Vec3> = (0..values.len()).into_par_iter().map(|at| tap(values, at, 1, at % width, width)).collect();
-    (0..values.len()).into_par_iter().map(|at| tap(&along, at, width, at / width, height)).collect()
+    let rows: Vec<Vec<Vec3>> = values.par_chunks(width).map(along).collect();
+    let across = |y: usize| -> Vec<Vec3> {
+        let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|i| &rows[(y + i).saturating_sub(2).min(rows.len() - 1)][..width]);
+        let [p, q, r, ..] = TAPS;
+        (0..width).map(|x| p * (a[x] + e[x]) + q * (b[x] + d[x]) + r * c[x]).collect()
+    };
+    (0..rows.len()).into_par_iter().flat_map_iter(across).collect()
 }
 
-/// Display value of a pixel over the background.
-fn shown(&[r, g, b, alpha]: &[f32; 4], background: Vec3) -> Vec3 {
-    let colour = over([r, g, b], 1.0 - alpha, background.to_array());
-    Vec3::from_array(colour.map(|value| srgb::from_linear_nearly(value.clamp(0.0, 1.0))))
+/// Display values, three a pixel, of a row over the background. `first`: number of its first pixel.
+fn shown(row: &[[f32; 4]], first: usize, backdrop: &Backdrop) -> Vec<f32> {
+    let colours = row
+        .iter()
+        .zip(first..)
+        .flat_map(|(&[r, g, b, alpha], at)| over([r, g, b], 1.0 - alpha, backdrop.at(at).as_vec3().to_array()));
+    let mut values: Vec<f32> = colours.collect();
+    srgb::encode_nearly(&mut values);
+    values
 }
 
 #[cfg(test)]

@@ -65,14 +65,13 @@ pub fn render(
         Lattice::Auto if target.error >= LOOSE && step >= WIDE_STEP => Interleave::Two,
         Lattice::Auto => Interleave::None,
     };
-    let positions = match options.look.filter {
-        PixelFilter::Point => 1,
+    let (positions, samples) = match options.look.filter {
+        PixelFilter::Point => (1, if moves { moving_samples } else { 2 }),
         // Each sample sees a position of its own.
-        _ if !moves => STILL * positions(&target),
-        _ if shows_much_rest(scene) => positions(&target),
-        _ => moving_samples,
+        _ if !moves => (STILL * positions(&target), STILL * positions(&target)),
+        _ if shows_much_rest(scene) => sharing(moving_samples, &target),
+        _ => (moving_samples, moving_samples),
     };
-    let samples = if moves { moving_samples } else { positions.next_multiple_of(2) };
     let strata = Strata::new(scene, number, samples, target.samples_max);
     let samples = strata.count();
     // Samples of unequal shares would give the positions unequal shares.
@@ -85,6 +84,7 @@ pub fn render(
     let mut stats = Stats::default();
     let mut half_buffers = HalfBuffers::render(backend, &first, None, &mut stats)?;
     let size = [scene.image.width, scene.image.height];
+    let step = path_length / f64::from(samples);
     let mut errors = Errors::new(size, edge, &backdrop, interleave, step, options.look.filter);
     let looser = target.error / ErrorTarget::GOOD;
     let flip = FLIP * if looser > 1.0 { looser.powi(2) } else { looser };
@@ -183,6 +183,19 @@ fn positions(target: &ErrorTarget) -> u32 {
     ((f64::from(target.pixel_samples) * finer).round() as u32).next_multiple_of(4)
 }
 
+/// Sub-pixel positions, and samples that share them: at least `samples`, and equally many at each position. A sample
+/// more costs only what moves, while a position more costs what rests.
+fn sharing(samples: u32, target: &ErrorTarget) -> (u32, u32) {
+    let positions = positions(target);
+    let even = samples.next_multiple_of(positions);
+    (positions, if fits(even, target) { even } else { samples })
+}
+
+/// Is there room for a finer round after a first one of `samples`?
+fn fits(samples: u32, target: &ErrorTarget) -> bool {
+    samples.saturating_mul(FACTORS[0]) <= target.samples_max
+}
+
 /// Sub-pixel positions that the `samples` of the first round share, at least `least`. Position 1 is the pixel's centre.
 fn shared(least: u32, samples: u32) -> u32 {
     if least == 1 { 1 } else { shared_positions(least, samples, 4).unwrap_or(samples) }
@@ -193,9 +206,7 @@ fn first_samples(path_length: f64, target: &ErrorTarget) -> u32 {
     let at_good = (SAMPLES * path_length.powf(BY_PATH)).max(LEAST);
     let needed = at_good * (ErrorTarget::GOOD / target.error).powf(BY_ERROR);
     let enough = FIRST.into_iter().find(|&samples| f64::from(samples) >= needed);
-    // Room for a finer round.
-    let fits = |samples: &u32| samples.saturating_mul(FACTORS[0]) <= target.samples_max;
-    let most = FIRST.into_iter().rfind(fits).unwrap_or(FIRST[0]);
+    let most = FIRST.into_iter().rfind(|&samples| fits(samples, target)).unwrap_or(FIRST[0]);
     enough.unwrap_or(FIRST[FIRST.len() - 1]).min(most)
 }
 

@@ -1,6 +1,6 @@
 //! Path lengths of surfels and Gaussians on the screen.
 
-use glam::{DMat4, DVec2, Vec3};
+use glam::{DMat4, Mat4, Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::math::focal_length;
@@ -38,33 +38,34 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber, delay: f64, mo
     if !object.blur {
         return 0.0;
     }
-    let [width, height] = [scene.image.width, scene.image.height].map(f64::from);
-    let focal = focal_length(height, scene.camera.fovy);
+    let focal = focal_length(f64::from(scene.image.height), scene.camera.fovy) as f32;
+    let [width, height] = [scene.image.width, scene.image.height].map(|pixels| pixels as f32);
+    let near = scene.camera.near as f32;
     let paths = object.shape.paths();
+    let origin = object.shape.origin();
     let poses = (0..=INTERVALS).map(|i| {
         let time = scene.shutter.frame_time(number.get(), f64::from(i) / f64::from(INTERVALS)) + delay;
         let pose = object_pose(scene, object, time);
         let travelled = if paths.is_empty() { 0.0 } else { object.travelled(scene.frames.rate, number.get(), time) };
         let elapsed = elapsed(travelled).map(|factor| factor as f32);
-        pose.visible.then(|| (camera_from_world(scene, time) * pose.world_from_model, elapsed))
+        // In single precision, whose errors are far below a pixel.
+        let camera_from_model = || camera_from_world(scene, time) * pose.world_from_model;
+        pose.visible.then(|| ((camera_from_model() * DMat4::from_translation(origin)).as_mat4(), elapsed))
     });
-    let poses: Vec<Option<(DMat4, Elapsed<f32>)>> = poses.collect();
+    let poses: Vec<Option<(Mat4, Elapsed<f32>)>> = poses.collect();
     if poses.iter().all(|pose| *pose == poses[0]) {
         return 0.0;
     }
     let step = object.shape.elements().div_ceil(most).max(1);
-    let origin = object.shape.origin();
-    let axis = scene.camera.shift * DVec2::new(width, height);
+    let axis = scene.camera.shift.as_vec2() * Vec2::new(width, height);
     // y is up here, and down in the image.
-    let on_image = |p: DVec2| (p.x + axis.x).abs() <= 0.5 * width && (axis.y - p.y).abs() <= 0.5 * height;
+    let on_image = |p: Vec2| (p.x + axis.x).abs() <= 0.5 * width && (axis.y - p.y).abs() <= 0.5 * height;
     let length_of = |index: usize, position: Vec3| {
-        let mut length = 0.0;
-        let mut last: Option<DVec2> = None;
+        let mut length = 0.0_f32;
+        let mut last: Option<Vec2> = None;
         for pose in &poses {
-            let p = pose.map(|(pose, elapsed)| {
-                pose.transform_point3(paths.place(position, index, elapsed).as_dvec3() + origin)
-            });
-            let here = p.filter(|p| -p.z >= scene.camera.near).map(|p| p.truncate() * (focal / -p.z));
+            let p = pose.map(|(pose, elapsed)| pose.transform_point3(paths.place(position, index, elapsed)));
+            let here = p.filter(|p| -p.z >= near).map(|p| p.truncate() * (focal / -p.z));
             if let (Some(from), Some(to)) = (last, here)
                 && (on_image(from) || on_image(to))
             {
@@ -75,5 +76,5 @@ fn of_object(scene: &Scene, object: &Object, number: FrameNumber, delay: f64, mo
         length
     };
     let positions = object.shape.positions().iter().enumerate().step_by(step);
-    positions.map(|(index, &position)| length_of(index, position)).fold(0.0, f64::max)
+    positions.map(|(index, &position)| length_of(index, position)).fold(0.0, f32::max).into()
 }

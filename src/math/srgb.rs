@@ -53,7 +53,7 @@ pub fn encode(values: &mut [f32], top: f32) {
     for values in values.chunks_mut(nearly.len()) {
         let nearly = &mut nearly[..values.len()];
         nearly.copy_from_slice(values);
-        curve(nearly, top);
+        curve(nearly, top, 0.5);
         for (value, nearly) in values.iter_mut().zip(nearly) {
             let (low, high) = ((*nearly - SLACK * top) as u32, (*nearly + SLACK * top) as u32);
             *value = if low == high { low } else { nearest_code(from_linear(*value), top) } as f32;
@@ -61,17 +61,23 @@ pub fn encode(values: &mut [f32], top: f32) {
     }
 }
 
+/// Replaces linear light by its sRGB-encoded value. Values are clipped to [0, 1]; NaN becomes 0. Absolute error below
+/// 1e-6.
+pub fn encode_nearly(values: &mut [f32]) {
+    curve(values, 1.0, 0.0);
+}
+
 dispatch! {
-    /// The codes by the fast curve, before rounding.
-    fn curve(values: &mut [f32], top: f32) = curve_body
+    /// The fast curve from `add` to `top + add`.
+    fn curve(values: &mut [f32], top: f32, add: f32) = curve_body
 }
 
 #[inline(always)]
-fn curve_body(values: &mut [f32], top: f32) {
+fn curve_body(values: &mut [f32], top: f32, add: f32) {
     for value in values {
         let clipped = if *value > 0.0 { *value } else { 0.0 };
         let clipped = if clipped < 1.0 { clipped } else { 1.0 };
-        *value = from_linear_nearly(clipped) * top + 0.5;
+        *value = from_linear_nearly(clipped) * top + add;
     }
 }
 
@@ -100,6 +106,14 @@ mod tests {
             .map(|l| (from_linear_nearly(l) - from_linear(l)).abs())
             .fold(0.0, f32::max);
         assert!(worst < 1e-6, "{worst}");
+    }
+
+    #[test]
+    fn many_values_are_encoded_as_one_is() {
+        let mut values = [-1.0, 0.0, 0.001, 0.2, 0.7, 1.0, 3.0, f32::NAN];
+        let wanted = values.map(|value: f32| if value > 0.0 { from_linear_nearly(value.min(1.0)) } else { 0.0 });
+        encode_nearly(&mut values);
+        assert!(values.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-7), "{values:?}, not {wanted:?}");
     }
 
     #[test]
