@@ -3,7 +3,8 @@
 //   in   segment, travels, geometry, looks, lights, environment
 //        splats    in which their flags are
 //        touched
-//   out  values    for each slot: colour, then normal, velocity, material, reflection and opacity where wanted
+//   out  values    for each slot: colour, then normal, velocity, material, reflection, opacity and tolerance where
+//                  wanted
 // One invocation per surfel of a segment.
 
 @group(0) @binding(1) var<uniform> segment: Segment;
@@ -101,6 +102,7 @@ fn splat_values(@builtin(global_invocation_id) id: vec3<u32>) {
         if (segment.flags & 4u) != 0u { own = looks[before + surfel]; }
         values[next] = segment.normal[0].w * own;
     }
+    if TOLERANCE != 0u { values[slot * VALUES + TOLERANCE] = segment.epsilon; }
 }
 
 // Standard deviation of the filter of level 0 of a texture, a share of a surfel's cut-off radius; and its variance.

@@ -205,9 +205,9 @@ impl Step {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PaintPass {
     /// T(x, t) of each pixel: the least depth of the discs that cover it, plus their tolerance. With a filter also
-    /// around the pixels that are wanted.
+    /// around the pixels that are wanted. Where objects have several tolerances, the least depth alone, too.
     Visibility,
-    /// The same least depth over the discs behind T; and which pixels are solid.
+    /// The same least depth over the discs behind the limits of their objects; and which pixels are solid.
     Second,
     /// Weighted sums of the attributes of the splats that pass the depth test: of one layer, or of four by depth.
     Attribute,

@@ -15,6 +15,8 @@ override SAMPLE_COVERAGE: u32 = 0u;
 // First of three channels of pixels with several layers: weight times peak, weights that are negative for backs, and
 // discs that cover.
 override PEAK: u32 = 0u;
+// Place of the tolerance among the values of a splat: kernels in motion alone have it, where objects have several.
+override TOLERANCE: u32 = 0u;
 // Number of channels of a layer, number of layers, and number of floats of a splat in `values`.
 override CHANNELS: u32 = 4u;
 override LAYERS: u32 = 1u;

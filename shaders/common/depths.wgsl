@@ -3,6 +3,9 @@
 
 // Does a filter widen kernels? Without it tiles have no apron, and nothing is known of their depths but T.
 override FILTERED: bool = false;
+// Do opaque objects have several tolerances? Then the depth of the nearest disc is kept, too. Twin: `nearest` of the
+// same file.
+override NEAREST: bool = false;
 // Are layers of see-through surfels peeled off? Twin: `floor` and `ceiling` of the same files.
 override PEEL: bool = false;
 
@@ -12,6 +15,7 @@ override PEEL: bool = false;
 // Where layers are peeled off, there follow the floor, up to which all was peeled off, of the tile and its apron; for
 // the tile alone the ceiling, T of opaque surfels, and the three planes of its cover; and the state: 1 while there is
 // more to peel off, else 0; and the number of the layer.
+// Behind the depths of all tiles lie, tile by tile, those of the nearest discs, NONE where no disc covers.
 
 // Pixels around a tile within which the low-pass filter reaches.
 fn apron() -> u32 {
@@ -48,6 +52,11 @@ fn depth_quads() -> u32 {
 // First quad of tile `index`.
 fn depths_of(index: u32) -> u32 {
     return index * depth_quads();
+}
+
+// First quad of the nearest depths of tile `index`.
+fn nearest_of(index: u32) -> u32 {
+    return view.tiles.x * view.tiles.y * depth_quads() + index * TILE_QUADS;
 }
 
 // Places of the first quads of the planes of the tile alone, counted from the tile's first quad.
@@ -89,4 +98,10 @@ const LEAST_EPSILON: f32 = 4.0 * EPSILON;
 
 fn tolerance_at(depth: vec4<f32>, epsilon: f32) -> vec4<f32> {
     return max(vec4<f32>(epsilon), LEAST_EPSILON * depth);
+}
+
+// The depth up to which splats with this tolerance show, where T is `first` and the nearest disc at `nearest`.
+fn limit_of(tolerance: vec4<f32>, first: vec4<f32>, nearest: vec4<f32>) -> vec4<f32> {
+    if !NEAREST { return first; }
+    return min(first, nearest + tolerance);
 }

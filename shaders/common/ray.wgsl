@@ -4,6 +4,16 @@
 
 // Number of slices of the interval; 1 where kernels have none.
 override SLICES: u32 = 1u;
+// Do objects have several tolerances? Then the depth of the nearest kernel is kept for each slice, too.
+override NEAREST: bool = false;
+
+// Smallest depth tolerance as a share of the depth: 4 units in the last place.
+const LEAST_EPSILON: f32 = 4.0 * EPSILON;
+
+// The tolerance, at `depth`, of a kernel of an object with tolerance `epsilon`.
+fn tolerance_at(depth: f32, epsilon: f32) -> f32 {
+    return max(epsilon, LEAST_EPSILON * depth);
+}
 
 // Margin of hulls against rounding, pixels.
 const HULL_SLACK: f32 = 1e-2;
@@ -63,4 +73,9 @@ fn slice_times(slice: u32) -> vec3<f32> {
 // Place in `map` of the first slice of pixel `at` of tile `index`. Slices are TILE_PIXELS apart.
 fn slices_of(index: u32, at: u32) -> u32 {
     return index * SLICES * TILE_PIXELS + at;
+}
+
+// The same of the nearest depths, which lie behind the thresholds of all tiles.
+fn nearest_of(index: u32, at: u32) -> u32 {
+    return slices_of(view.tiles.x * view.tiles.y + index, at);
 }

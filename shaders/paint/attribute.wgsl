@@ -25,6 +25,8 @@ struct Quad {
     // T and the threshold behind it; UNWANTED where the pixel is solid.
     first: vec4<f32>,
     second: vec4<f32>,
+    // Depth of the nearest disc, where objects have limits of their own.
+    nearest: vec4<f32>,
     open: vec4<bool>,
     // Between these lies what is peeled off.
     floor: vec4<f32>,
@@ -45,6 +47,7 @@ fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
         quad.ceiling = min(quad.first, thresholds[depths_of(index) + ceiling_place() + in_tile]);
     }
     if all(quad.first == vec4<f32>(UNWANTED)) { return; }
+    if NEAREST { quad.nearest = thresholds[nearest_of(index) + in_tile]; }
     quad.second = vec4<f32>(UNWANTED);
     if LAYERS > 1u {
         quad.second = thresholds[depths_of(index) + second_place() + in_tile];
@@ -106,8 +109,9 @@ struct Place {
 
 fn place_of(seen: Seen, epsilon: f32, quad: Quad) -> Place {
     let tolerance = tolerance_at(seen.depth, epsilon);
-    let before = quad.open & (seen.depth < quad.first - 2.0 * tolerance) & !seen.disc;
-    return Place(before, !before & (seen.depth <= quad.first));
+    let limit = limit_of(tolerance, quad.first, quad.nearest);
+    let before = quad.open & (seen.depth < limit - 2.0 * tolerance) & !seen.disc;
+    return Place(before, !before & (seen.depth <= limit));
 }
 
 // Adds a splat to the sums of the band. True if another layer has it, too.
@@ -122,7 +126,9 @@ fn add_to_band(band: ptr<function, Sums>, slot: u32, quad: Quad) -> bool {
         if its_turn != (*band).turn { turn(band, its_turn); }
         // A hidden splat covers the pixel, too: what hides it covers it.
         (*band).sample_coverage += select(seen.weight, vec4<f32>(1.0), seen.disc);
-        let weight = select(zero, seen.weight * segments[segment_index].share, seen.depth <= quad.first);
+        let tolerance = tolerance_at(seen.depth, segments[segment_index].epsilon);
+        let shows = seen.depth <= limit_of(tolerance, quad.first, quad.nearest);
+        let weight = select(zero, seen.weight * segments[segment_index].share, shows);
         if any(weight > zero) { add_values(band, slot, weight, select(zero, seen.depth, weight > zero)); }
         return false;
     }

@@ -1,7 +1,7 @@
 // Pass `visibility`: T(x, t) = min over discs covering x of (depth + epsilon), per pixel; with a filter for each tile
-// and the apron around it.
-// Pass `second`, of filtered kernels: the same minimum over the discs behind T; and which pixels are solid, or near a
-// rim.
+// and the apron around it. Where objects have several tolerances, the least depth of the tile's pixels, too.
+// Pass `second`, of filtered kernels: the same minimum over the discs behind the limits of their objects; and which
+// pixels are solid, or near a rim.
 // Twin: src/backend/cpu/paint/visibility.rs.  Math: docs/math.md, eq. 5, and section 3.
 //   in   splats, list, starts, wide   output of `project` and `bin`
 //        segments                     epsilon of a splat's object
@@ -27,10 +27,12 @@ const AT_ONCE: u32 = 64u;
 var<workgroup> discs_read: array<Splat, AT_ONCE>;
 var<workgroup> epsilons_read: array<f32, AT_ONCE>;
 
-// T of a quad, and the tolerances of the discs that it is of. Only discs behind the floor count.
+// T of a quad, the tolerances of the discs that it is of, and the depths of the nearest discs. Only discs behind the
+// floor count.
 struct Depths {
     threshold: vec4<f32>,
     epsilon: vec4<f32>,
+    nearest: vec4<f32>,
     floor: vec4<f32>,
 }
 
@@ -66,7 +68,8 @@ fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_
         let row = place.y * TILE + quad.y;
         let is_own = i < quads && quad.x < 4u && quad.y < TILE;
         let epsilon_at = depths_at + epsilon_place() + quad.y * 4u + quad.x;
-        var depths = Depths(vec4<f32>(NONE), vec4<f32>(0.0), vec4<f32>(0.0));
+        let nearest_at = nearest_of(index) + quad.y * 4u + quad.x;
+        var depths = Depths(vec4<f32>(NONE), vec4<f32>(0.0), vec4<f32>(NONE), vec4<f32>(0.0));
         if PEEL && i < quads {
             // The layer before it reached to its T.
             let floor_at = depths_at + floor_place() + i;
@@ -76,6 +79,7 @@ fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_
         if view.resumes != 0u && i < quads {
             depths.threshold = thresholds[depths_at + i];
             if FILTERED && is_own { depths.epsilon = thresholds[epsilon_at]; }
+            if NEAREST && is_own { depths.nearest = thresholds[nearest_at]; }
         }
         for (var next = first; next < end; next += AT_ONCE) {
             let count = min(AT_ONCE, end - next);
@@ -100,6 +104,7 @@ fn visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_
         }
         if i < quads { thresholds[depths_at + i] = depths.threshold; }
         if FILTERED && is_own { thresholds[epsilon_at] = depths.epsilon; }
+        if NEAREST && is_own { thresholds[nearest_at] = depths.nearest; }
     }
 }
 
@@ -122,9 +127,12 @@ fn lowered(depths: Depths, disc: Splat, epsilon: f32, column: u32, row: u32) -> 
     if PEEL { met.covers = met.covers & (met.depth > depths.floor); }
     let candidate = select(vec4<f32>(NONE), met.depth + met.tolerance, met.covers);
     let lower = candidate < depths.threshold;
+    var nearest = depths.nearest;
+    if NEAREST { nearest = min(nearest, select(vec4<f32>(NONE), met.depth, met.covers)); }
     return Depths(
         select(depths.threshold, candidate, lower),
         select(depths.epsilon, met.tolerance, lower),
+        nearest,
         depths.floor,
     );
 }
@@ -171,7 +179,10 @@ fn second(
         second = thresholds[second_at];
     }
     if !PEEL && any(second > vec4<f32>(UNWANTED)) {
-        second = behind(index, second, thresholds[depths_at + threshold_place(quad.xy)], column, row);
+        let first = thresholds[depths_at + threshold_place(quad.xy)];
+        var nearest = first;
+        if NEAREST { nearest = thresholds[nearest_of(index) + lane]; }
+        second = behind(index, second, first, nearest, column, row);
     }
     thresholds[second_at] = second;
 }
@@ -224,8 +235,10 @@ fn bends(middle_at: u32, step: u32, most: f32) -> bool {
     return before != OUTSIDE && behind != OUTSIDE && bend > most;
 }
 
-// The second thresholds, lowered by the discs behind T.
-fn behind(index: u32, lowest: vec4<f32>, first: vec4<f32>, column: u32, row: u32) -> vec4<f32> {
+// The second thresholds, lowered by the discs behind the limits of their objects.
+fn behind(
+    index: u32, lowest: vec4<f32>, first: vec4<f32>, nearest: vec4<f32>, column: u32, row: u32,
+) -> vec4<f32> {
     var second = lowest;
     var walk = walk_of(index);
     while has_next(walk) {
@@ -234,7 +247,8 @@ fn behind(index: u32, lowest: vec4<f32>, first: vec4<f32>, column: u32, row: u32
         let disc = disc_of(splats[slot]);
         let met = meet(disc, segments[disc.flags >> 1u].epsilon, column, row);
         let candidate = met.depth + met.tolerance;
-        second = select(second, candidate, met.covers & (met.depth > first) & (candidate < second));
+        let limit = limit_of(met.tolerance, first, nearest);
+        second = select(second, candidate, met.covers & (met.depth > limit) & (candidate < second));
     }
     return second;
 }

@@ -2,7 +2,8 @@
 // deep. Where the filter is zero, each filtered kernel is its disc.
 // Twins: src/backend/cpu/swept/attribute.rs and hull.rs, ray.rs, slices.rs.  Math: docs/math.md, section 7.
 //   in   splats, list, starts, wide, values   as in sums.wgsl
-//        map       the thresholds of slices
+//        map       the thresholds of slices; behind those of all tiles, where objects have several tolerances, their
+//                  least depths
 //   out  sums             as in sums.wgsl
 //        coverage_mask    for each tile, its pixels: times at which discs cover, and at which filtered kernels do (a
 //                         bit for each 32nd of the interval); the sum of the weights of what covers, visible or hidden,
@@ -35,9 +36,9 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
     }
 
     var walk = walk_of(index);
-    let slices = slices_of(index, at);
+    let place = SlicePlaces(slices_of(index, at), nearest_of(index, at));
     while has_next(walk) {
-        add_filtered(&sum, &peak_and_side, next_slot(&walk), pixel, slices);
+        add_filtered(&sum, &peak_and_side, next_slot(&walk), pixel, place);
     }
 
     store_sums(sum_at, sum);
@@ -48,9 +49,19 @@ fn swept_attribute(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invoca
     coverage_mask[mask_at + 4u * TILE_PIXELS] = bitcast<u32>(peak_and_side.y);
 }
 
+// Places in `map` of the first slice of a pixel: of its thresholds and of its least depths.
+struct SlicePlaces {
+    thresholds: u32,
+    nearest: u32,
+}
+
 // Adds a kernel to the sums.
 fn add_filtered(
-    sum: ptr<function, Sums>, peak_and_side: ptr<function, vec2<f32>>, slot: u32, pixel: vec2<u32>, slices: u32,
+    sum: ptr<function, Sums>,
+    peak_and_side: ptr<function, vec2<f32>>,
+    slot: u32,
+    pixel: vec2<u32>,
+    slices: SlicePlaces,
 ) {
     let bounds = unpack(splats[slot].bounds);
     if pixel.x < bounds.x || pixel.x > bounds.y || pixel.y < bounds.z || pixel.y > bounds.w { return; }
@@ -117,7 +128,7 @@ fn add_filtered(
     var loose = coverage * in_tube;
     if SUM { loose = 0.0; }
     if met.span.x < met.span.y {
-        let part = shown_in(met, slices);
+        let part = shown_in(met, slot, slices);
         let share = min(weight, most) * select(HIDDEN, part, part > 0.0);
         if SUM && part > 0.0 { loose = weight * part; }
         add_values(sum, slot, share, met.depth);
@@ -145,7 +156,7 @@ struct Met {
 }
 
 // The share of that time for which the kernel is visible: it is tested in each slice that it touches.
-fn shown_in(met: Met, slices: u32) -> f32 {
+fn shown_in(met: Met, slot: u32, slices: SlicePlaces) -> f32 {
     var time = 0.0;
     let ends = slices_in(met.span);
     for (var slice = ends.x; slice <= ends.y; slice += 1u) {
@@ -153,7 +164,12 @@ fn shown_in(met: Met, slices: u32) -> f32 {
         let first = max(met.span.x, times.x);
         let last = min(met.span.y, times.z);
         let depth = met.plane.x + times.y * met.plane.y;
-        if first < last && depth <= map[slices + slice * TILE_PIXELS] { time += last - first; }
+        var limit = map[slices.thresholds + slice * TILE_PIXELS];
+        if NEAREST {
+            let tolerance = tolerance_at(depth, values[slot * VALUES + TOLERANCE]);
+            limit = min(limit, map[slices.nearest + slice * TILE_PIXELS] + tolerance);
+        }
+        if first < last && depth <= limit { time += last - first; }
     }
     return time / (met.span.y - met.span.x);
 }

@@ -1,9 +1,10 @@
-// Pass `visibility` for kernels in motion: the depth threshold of each slice of the interval.
+// Pass `visibility` for kernels in motion: the depth threshold of each slice of the interval, and its least depth where
+// objects have several tolerances.
 // Twin: src/backend/cpu/swept/slices.rs.  Math: docs/math.md, section 7.
 //   in   splats, list, starts, wide   output of `sweep` and `bin`
 //        segments  epsilon of a kernel's object
 //   in and out  map   for each tile, for each slice, its pixels: thresholds, NONE where nothing covers the middle of
-//                  the slice
+//                  the slice; behind those of all tiles the least depths, likewise
 // One workgroup per tile, one invocation per pixel. The order of kernels does not change a minimum.
 
 @group(1) @binding(2) var<storage, read> segments: array<Segment>;
@@ -13,28 +14,27 @@
 @group(1) @binding(12) var<storage, read> starts: array<u32>;
 @group(1) @binding(24) var<storage, read_write> map: array<f32>;
 
-// Smallest depth tolerance as a share of the depth: 4 units in the last place.
-const LEAST_EPSILON: f32 = 4.0 * EPSILON;
-
 @compute @workgroup_size(16, 16)
 fn swept_visibility(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) in_tile: vec3<u32>) {
     let index = tile.y * view.tiles.x + tile.x;
     let pixel = vec2<u32>(tile.x, view.first_tile_row + tile.y) * TILE + in_tile.xy;
     let at = in_tile.y * TILE + in_tile.x;
     let slices = slices_of(index, at);
+    let nearest = nearest_of(index, at);
     if view.resumes == 0u {
         for (var slice = 0u; slice < SLICES; slice += 1u) {
             map[slices + slice * TILE_PIXELS] = NONE;
+            if NEAREST { map[nearest + slice * TILE_PIXELS] = NONE; }
         }
     }
     var walk = walk_of(index);
     while has_next(walk) {
-        lower(next_slot(&walk), pixel, slices);
+        lower(next_slot(&walk), pixel, slices, nearest);
     }
 }
 
-// Lowers the thresholds of the slices whose middle a kernel covers.
-fn lower(slot: u32, pixel: vec2<u32>, slices: u32) {
+// Lowers the thresholds, and the nearest depths, of the slices whose middle a kernel covers.
+fn lower(slot: u32, pixel: vec2<u32>, slices: u32, nearest: u32) {
     let bounds = unpack(splats[slot].bounds);
     if pixel.x < bounds.x || pixel.x > bounds.y || pixel.y < bounds.z || pixel.y > bounds.w { return; }
     let place = vec2<f32>(pixel);
@@ -60,7 +60,11 @@ fn lower(slot: u32, pixel: vec2<u32>, slices: u32) {
         if span.x < middle && middle < span.y {
             let depth = plane.x + middle * plane.y;
             let at = slices + slice * TILE_PIXELS;
-            map[at] = min(map[at], depth + max(epsilon, LEAST_EPSILON * depth));
+            map[at] = min(map[at], depth + tolerance_at(depth, epsilon));
+            if NEAREST {
+                let nearest_at = nearest + slice * TILE_PIXELS;
+                map[nearest_at] = min(map[nearest_at], depth);
+            }
         }
     }
 }

@@ -70,6 +70,9 @@ pub struct Frame {
     pub rasters: Vec<PosedRaster>,
     /// The blocks of the image that are rendered; the others stay empty. `None`: all.
     pub wanted: Option<Blocks>,
+    /// Do opaque objects have different depth tolerances? Then each has a limit of its own, for which the depth of the
+    /// nearest disc is kept, too (docs/math.md, eq. 5). Published kernels have one limit all the same.
+    pub keeps_nearest: bool,
 }
 
 /// A raster and its sample positions.
@@ -161,7 +164,7 @@ impl Frame {
         model_bytes(scene)
     }
 
-    /// Gives each position its steps; again after objects or samples were changed.
+    /// Gives each position its steps, and finds what they keep; again after objects or samples were changed.
     pub fn plan_steps(&mut self) {
         let scenery = Scenery {
             has_rest: self.has_static() && self.has_one_view(),
@@ -179,6 +182,18 @@ impl Frame {
                 last.steps.push(Step::Finish);
             }
         }
+        let has_own_limits = self.steps().any(|step| matches!(step, Step::Paint { .. } | Step::Sweep { .. }));
+        self.keeps_nearest = has_own_limits && self.groups().any(|group| self.has_several_tolerances(group));
+    }
+
+    /// Whether the opaque surfels that a group shows have several tolerances. Those that differ by rounding are one:
+    /// an object that turns has not the same to the bit at all times.
+    fn has_several_tolerances(&self, group: &PosedGroup) -> bool {
+        let posed = group.samples.iter().flat_map(|sample| self.objects.iter().zip(&sample.objects));
+        let shows = |object: &FrameObject| !object.surfels.is_empty() && !object.see_through;
+        let tolerances = posed.filter(|(object, posed)| shows(object) && posed.visible).map(|(_, posed)| posed.epsilon);
+        let [least, most] = tolerances.fold([f32::INFINITY, 0.0], |[least, most], own| [least.min(own), most.max(own)]);
+        most > least * (1.0 + 4.0 * f32::EPSILON)
     }
 
     /// What the film is developed over.

@@ -71,6 +71,7 @@ impl Frame {
             objects,
             rasters,
             wanted: None,
+            keeps_nearest: false,
         };
         frame.plan_steps();
         frame

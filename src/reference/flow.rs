@@ -176,17 +176,23 @@ impl<'w, 'a> Follower<'w, 'a> {
         let film = pixel.map(|c| f64::from(c) + 0.5);
         let from = self.at(film, first);
         self.trace(from);
-        let (landed, depth, faces, two_sided) = {
+        let ((landed, depth, faces, two_sided), body) = {
             let hits: Vec<Hit> = self.hits().copied().collect();
             let point = self.point(from, &hits)?;
-            self.land_at(&point, from, second)?
+            (self.land_at(&point, from, second)?, &self.world.bodies[point.body])
         };
         let to = self.at(landed, second);
         let motion = [0, 1].map(|axis| landed[axis] - film[axis]);
         let inside = (0..2).all(|axis| (0.0..f64::from(self.world.size[axis])).contains(&landed[axis]));
         let visible = inside && (faces || two_sided) && {
             self.trace(to);
-            let before = self.events.iter().filter(|event| event.limit < depth);
+            // Opaque surfaces hide it behind the limit of its own object.
+            let epsilon = at_time(self.world, body, to.1).map_or(0.0, |(_, pose)| pose.epsilon);
+            let limit = |event: &&Event| match event.what {
+                What::Opaque => self.tracer.limit(0, epsilon, depth),
+                What::Layer(..) | What::Gaussian(..) => event.limit,
+            };
+            let before = self.events.iter().filter(|event| limit(event) < depth);
             before.map(|event| 1.0 - event.opacity).product::<f64>() >= SEEN
         };
         Some(Followed { motion, visible })

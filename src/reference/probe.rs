@@ -28,8 +28,7 @@ pub struct Sample {
     pub time: f64,
     /// Eye and direction (of depth 1) of the ray, world space.
     pub ray: [DVec3; 2],
-    /// T of the visibility rule (docs/math.md, eq. 5): the greatest depth that contributes. Infinite where nothing
-    /// opaque is hit.
+    /// T of the visibility rule (docs/math.md, eq. 5): nothing deeper contributes. Infinite where nothing opaque is hit.
     pub limit: f64,
     /// Surfels on the ray, nearest first. All that contribute are there, and others that were met on the way; farther
     /// ones may be missing.
@@ -59,7 +58,8 @@ pub struct ProbedHit {
     pub weight: f64,
     /// Depth tolerance of its object, world units.
     pub epsilon: f64,
-    /// True if the surfel contributes: its depth is at most T, and a see-through surfel has a layer.
+    /// True if the surfel contributes: its depth is at most T and, if it is opaque, within its own tolerance of the
+    /// nearest opaque one; a see-through surfel has a layer.
     pub admitted: bool,
     /// Layer of a see-through surfel, 1 the nearest; `None` for an opaque one, and behind the last layer.
     pub layer: Option<usize>,
@@ -181,7 +181,7 @@ fn look(world: &World<'_>, tracer: &mut Tracer<'_, '_>, number: u64, film: [f64;
             uv: [hit.u, hit.v],
             weight: hit.weight(),
             epsilon: target.pose.epsilon,
-            admitted: if body.see_through { layer.is_some() } else { hit.depth <= limit },
+            admitted: if body.see_through { layer.is_some() } else { tracer.shows(0, hit) },
             layer: layer.map(|layer| layer + 1),
             opacity: if body.see_through { body.opacity(hit.surfel as usize) } else { 1.0 },
             back: hit.back,

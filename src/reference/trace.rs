@@ -1,7 +1,8 @@
 //! Traces samples: from a film point and a time to what is seen there (docs/math.md, eq. 4 to 7).
 //!
 //! T = min over the surfels of all objects on the ray of (depth + epsilon); colour = sum(w c) / sum(w) over the surfels
-//! with depth <= T. The sums are taken in the order of objects and surfels, so they do not depend on the hierarchy.
+//! with depth <= T, and no farther behind the nearest one than the epsilon of their own object. The sums are taken in
+//! the order of objects and surfels, so they do not depend on the hierarchy.
 //! Opaque surfels set T; see-through ones before it are found afterwards, for `layers`.
 
 use glam::{DVec2, DVec3, Vec3};
@@ -106,6 +107,10 @@ impl<'w, 'a> Tracer<'w, 'a> {
         }));
         self.found.iter_mut().for_each(Found::clear);
         self.meet(candidates, cones, false);
+        // A ray meets its nearest surfel whatever the order: no limit is before it.
+        for found in &mut self.found {
+            found.nearest = found.hits.iter().map(|hit| hit.depth).fold(f64::INFINITY, f64::min);
+        }
         if world.bodies.iter().any(|body| body.see_through) {
             let swap = |found: &mut Found| std::mem::swap(&mut found.hits, &mut found.see_through);
             self.found.iter_mut().for_each(swap);
@@ -159,11 +164,24 @@ impl<'w, 'a> Tracer<'w, 'a> {
         self.targets[lane * self.world.bodies.len() + hit.object as usize].as_ref()
     }
 
-    /// What a lane sees of opaque surfaces: the weighted mean of its hits up to T, shaded (docs/math.md, eq. 6 and 7).
+    /// The depth up to which an opaque object with this tolerance shows on the ray of a lane, for what lies at `depth`
+    /// (docs/math.md, eq. 5).
+    pub(super) fn limit(&self, lane: usize, epsilon: f64, depth: f64) -> f64 {
+        let Found { limit, nearest, .. } = self.found[lane];
+        limit.min(nearest + epsilon.max(LEAST_EPSILON * depth))
+    }
+
+    /// Does an opaque hit of a lane contribute?
+    pub(super) fn shows(&self, lane: usize, hit: &Hit) -> bool {
+        let epsilon = self.target(lane, hit).map_or(0.0, |target| target.pose.epsilon);
+        hit.depth <= self.limit(lane, epsilon, hit.depth)
+    }
+
+    /// What a lane sees of opaque surfaces: the weighted mean of its hits that show, shaded (docs/math.md, eq. 6 and
+    /// 7).
     pub(super) fn seen(&mut self, lane: usize) -> Option<Seen> {
-        let limit = self.found[lane].limit;
         let mut hits = std::mem::take(&mut self.found[lane].hits);
-        hits.retain(|hit| hit.depth <= limit);
+        hits.retain(|hit| self.shows(lane, hit));
         let seen = self.surface(lane, &mut hits);
         self.found[lane].hits = hits;
         seen

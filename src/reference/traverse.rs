@@ -60,6 +60,8 @@ pub(super) struct Found {
     pub see_through: Vec<Hit>,
     /// T of the visibility rule so far (docs/math.md, eq. 5): the least depth + epsilon.
     pub limit: f64,
+    /// Depth of the nearest opaque hit, once all are found; infinite without one.
+    pub nearest: f64,
 }
 
 impl Found {
@@ -68,6 +70,7 @@ impl Found {
         self.hits.clear();
         self.see_through.clear();
         self.limit = f64::INFINITY;
+        self.nearest = f64::INFINITY;
     }
 }
 

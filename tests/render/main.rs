@@ -29,6 +29,7 @@ mod see_through;
 mod sequences;
 mod static_objects;
 mod symmetries;
+mod tolerances;
 mod velocities;
 mod volumes;
 mod waste;

@@ -17,4 +17,12 @@ impl Depths {
         let least = LEAST_EPSILON * depth;
         if self.epsilon > least { self.epsilon } else { least }
     }
+
+    /// The depth up to which a splat at `depth` shows, where T is `first` and the depth of the nearest disc `nearest`
+    /// (docs/math.md, eq. 5).
+    #[inline(always)]
+    pub(in crate::backend) fn limit(self, depth: f32, first: f32, nearest: f32) -> f32 {
+        let own = nearest + self.tolerance(depth);
+        if own < first { own } else { first }
+    }
 }

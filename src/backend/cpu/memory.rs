@@ -42,7 +42,9 @@ impl Budget {
             frame.picture_bytes + all_tiles * TileFilm::bytes(planes.count) + 2 * pixels * 4 * planes.count as u64;
         // What the tiles of some rows need together, for as many rows as the bands shall have.
         let swept = frame.swept.is_some();
-        let slices = swept.then(|| frame.slices() as usize);
+        // Each slice has a threshold, and the depth of the nearest kernel where that is kept.
+        let planes_of_slice = 1 + usize::from(frame.keeps_nearest);
+        let slices = swept.then(|| planes_of_slice * frame.slices() as usize);
         let guard = frame.guard();
         let see_through = frame.has_see_through();
         // See-through surfels have a channel more, their opacity.
@@ -54,9 +56,10 @@ impl Budget {
             let tiles = band.len() as u64;
             let guarded = guard.map_or(0, |guard| band.guarded(guard).len() as u64);
             // Tiles of the map have fewer buffers, but there are more of them.
-            let of_map = guarded * PaintBuffers::bytes(1, false);
+            let of_map = guarded * PaintBuffers::bytes(1, false, false);
             let of_tile = TileBuffers::bytes(most_channels, samples, slices);
-            let own = of_tile + if swept { 0 } else { PaintBuffers::bytes(most_channels, filtered) };
+            let own =
+                of_tile + if swept { 0 } else { PaintBuffers::bytes(most_channels, filtered, frame.keeps_nearest) };
             let own = guarded * Map::bytes(1) + of_map.max(tiles * own);
             let own = own + if frame.blending.is_some() { tiles * transparent::bytes_of_tile(planes.count) } else { 0 };
             let own = own + if see_through { tiles * transparent::bytes_of_layers(planes.count) } else { 0 };

@@ -29,6 +29,8 @@ pub(in crate::backend) struct Slices {
     pub count: usize,
     /// Greatest visible depth, +inf where nothing covers.
     pub threshold: Vec<f32>,
+    /// Depth of the nearest kernel, likewise; empty where all objects have one tolerance.
+    pub nearest: Vec<f32>,
 }
 
 /// When kernels in motion cover, one bit each 32nd of the interval: `TILE` rows of `STRIDE`.
@@ -99,12 +101,16 @@ impl TileBuffers {
         }
     }
 
-    /// For `count` slices of an interval.
-    pub(in crate::backend) fn start_slices(&mut self, count: usize) {
-        let Slices { count: slices, threshold } = &mut self.slices;
-        *slices = count;
-        threshold.clear();
-        threshold.resize(TILE * count * STRIDE, f32::INFINITY);
+    /// For `count` slices of an interval. `nearest`: with the depth of the nearest kernel.
+    pub(in crate::backend) fn start_slices(&mut self, count: usize, nearest: bool) {
+        let floats = TILE * count * STRIDE;
+        self.slices.count = count;
+        for (plane, floats) in
+            [(&mut self.slices.threshold, floats), (&mut self.slices.nearest, if nearest { floats } else { 0 })]
+        {
+            plane.clear();
+            plane.resize(floats, f32::INFINITY);
+        }
     }
 
     /// For kernels in motion.
@@ -120,8 +126,8 @@ impl TileBuffers {
         }
     }
 
-    /// Bytes of a tile's buffers beside those of kernels at instants, for groups of `samples` samples. `slices`: those
-    /// of kernels in motion, if there are any.
+    /// Bytes of a tile's buffers beside those of kernels at instants, for groups of `samples` samples. `slices`: planes
+    /// of the slices of kernels in motion, if there are any.
     pub(in crate::backend) const fn bytes(channels: usize, samples: usize, slices: Option<usize>) -> u64 {
         let group_coverage = if samples > 1 { 3 } else { 0 };
         let swept = match slices {

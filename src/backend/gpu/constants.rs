@@ -20,6 +20,7 @@ pub(super) fn sum_constants(channels: &DeviceChannels) -> Constants {
         ("OPACITY", at(channels.opacity)),
         ("SAMPLE_COVERAGE", at(channels.sample_coverage)),
         ("PEAK", at(channels.peak)),
+        ("TOLERANCE", at(channels.tolerance)),
         ("CHANNELS", channels.count as u32),
         ("LAYERS", channels.layers as u32),
         ("VALUES", channels.values),
@@ -39,22 +40,28 @@ fn face(frame: &Frame) -> (&'static str, u32) {
     ("FACE", frame.surroundings.as_ref().map_or(0, |surroundings| surroundings.cube.face() as u32))
 }
 
-/// How the depths of a tile lie (`shaders/common/depths.wgsl`). `peels`: layers are peeled off.
-pub(super) fn depth_constants(kernel: Kernel, peels: bool) -> Constants {
-    vec![("FILTERED", u32::from(kernel.is_filtered())), ("PEEL", u32::from(peels))]
+/// How the depths of a tile lie (`shaders/common/depths.wgsl`). `peels`: layers are peeled off, which have one limit
+/// for all objects.
+pub(super) fn depth_constants(frame: &Frame, kernel: Kernel, peels: bool) -> Constants {
+    let keeps_nearest = frame.keeps_nearest && !peels;
+    vec![
+        ("FILTERED", u32::from(kernel.is_filtered())),
+        ("NEAREST", u32::from(keeps_nearest)),
+        ("PEEL", u32::from(peels)),
+    ]
 }
 
 /// For pass `resolve` of kernels at instants.
 pub(super) fn paint_resolve_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
     let mut constants = resolve_constants(frame, channels, planes);
-    constants.extend(depth_constants(Kernel::of(frame.prefilter), false));
+    constants.extend(depth_constants(frame, Kernel::of(frame.prefilter), false));
     constants
 }
 
 /// For the programs that make layers of what is peeled off. The films of layers have a plane more.
 pub(super) fn peel_constants(frame: &Frame, channels: &DeviceChannels, planes: &FilmPlanes) -> Constants {
     let mut constants = resolve_constants(frame, channels, &FilmPlanes { count: planes.count + 1, ..*planes });
-    constants.extend(depth_constants(Kernel::Filtered, true));
+    constants.extend(depth_constants(frame, Kernel::Filtered, true));
     constants.extend([("APRONS", u32::from(frame.has_filtered_kernels())), ("MOST_LAYERS", u32::from(LAYERS))]);
     constants
 }
@@ -75,7 +82,7 @@ pub(super) fn swept_constants(frame: &Frame, swept: SweptKernel, channels: &Devi
 
 /// For pass `visibility` of kernels in motion.
 pub(super) fn slice_constants(frame: &Frame) -> Constants {
-    vec![("SLICES", frame.slices().max(1))]
+    vec![("SLICES", frame.slices().max(1)), ("NEAREST", u32::from(frame.keeps_nearest))]
 }
 
 /// For passes `resolve`: channels, and where the planes of films are.

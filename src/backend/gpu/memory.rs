@@ -59,6 +59,9 @@ pub(in crate::backend) struct DeviceChannels {
     pub sample_coverage: Option<usize>,
     /// Channel of opacities, of see-through surfels alone.
     pub opacity: Option<usize>,
+    /// Place of the tolerance among the values of a splat, where kernels in motion have several: `attribute` has no room
+    /// for the segments.
+    pub tolerance: Option<usize>,
     /// First of three channels of full EWA: weight times peak, weights that are negative for backs, and discs.
     pub peak: Option<usize>,
     pub count: usize,
@@ -123,10 +126,12 @@ impl DeviceChannels {
         let layered = layers > 1 && !several;
         // The weight and depth are no values of a splat.
         let values = shared.count - 1 - usize::from(shared.depth.is_some());
+        let tolerance = (frame.keeps_nearest && frame.swept.is_some()).then_some(values);
         Self {
             shared,
-            values: values as u32,
+            values: (values + usize::from(tolerance.is_some())) as u32,
             opacity: shared.opacity,
+            tolerance,
             sample_coverage: several.then_some(shared.count),
             peak: layered.then_some(shared.count),
             count: shared.count + if several || layered { 3 } else { 0 },
@@ -223,7 +228,7 @@ pub(in crate::backend) struct Schedule {
     pub most_entries: u64,
     /// Bytes of a tile's coverage mask; 0 without kernels in motion.
     pub mask_bytes: u64,
-    /// Bytes of a tile's thresholds of slices; 0 where there are none.
+    /// Bytes of a tile's thresholds of slices, and of their nearest depths; 0 where there are none.
     pub slice_bytes: u64,
     /// Gaussians of all captures and volumes.
     pub gaussians: u64,
@@ -273,10 +278,12 @@ impl Schedule {
             None => (0, 0),
         };
         let (gaussians, gaussian_bytes) = gaussians(frame);
-        let slice_bytes = THRESHOLD_BYTES * u64::from(frame.slices());
+        // Where it is kept, the depth of the nearest disc is a plane like that of the thresholds.
+        let (nearest_bytes, planes_of_slice) = if frame.keeps_nearest { (THRESHOLD_BYTES, 2) } else { (0, 1) };
+        let slice_bytes = planes_of_slice * THRESHOLD_BYTES * u64::from(frame.slices());
         let apron = frame.positions().map(|position| position.raster.apron()).max().unwrap_or(0);
         let filtered = frame.has_filtered_kernels();
-        let depth_bytes = if filtered { ewa_depth_bytes(apron) } else { THRESHOLD_BYTES };
+        let depth_bytes = nearest_bytes + if filtered { ewa_depth_bytes(apron) } else { THRESHOLD_BYTES };
         let tile_bytes = {
             let own = depth_bytes + 4 * TILE_PIXELS * sums as u64 + 4 + mask_bytes + peeled_bytes + layer_bytes;
             own + opaque_bytes + slice_bytes

@@ -28,7 +28,7 @@ impl Binder<'_> {
         let Prepared { frame, surfel_buffers, .. } = prepared;
         let depths = if peels { &self.buffers.peeled } else { &self.buffers.thresholds };
         let depths = [(Slot::Thresholds, depths.as_entire_buffer_binding())];
-        let of_depths = depth_constants(kernel, peels);
+        let of_depths = depth_constants(frame, kernel, peels);
         // Flags are in the first part, and the bounds of lists in the last.
         let parts =
             ("SPLATS", if kernel.is_filtered() { size_of::<EwaSplat>() / size_of::<Splat>() } else { 1 } as u32);

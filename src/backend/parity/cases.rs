@@ -150,6 +150,22 @@ fn two_balls(size: [u32; 2]) -> Scene {
     scene
 }
 
+/// Three moving balls, one in the other, nearer to each other than the tolerance of the outer one alone.
+fn nested(size: [u32; 2]) -> Scene {
+    let shell = |n: usize, radius: f64, epsilon: f64, turns: f64| {
+        let mut shell = object(ball(n, n as u64, false), DVec3::new(0.0, 0.0, -1.0));
+        shell.transform.scale = DVec3::splat(radius);
+        shell.motions = vec![
+            Motion::Rotation { axis: DVec3::Y, per_frame: turns, centre: DVec3::ZERO },
+            Motion::Linear { velocity: DVec3::new(0.2, 0.1, 0.1) },
+        ];
+        shell.epsilon = Some(epsilon);
+        shell
+    };
+    // The outer one has holes.
+    scene(vec![shell(200, 1.0, 0.3, 0.2), shell(900, 0.94, 0.02, -0.3), shell(600, 0.88, 0.1, 0.1)], size)
+}
+
 /// A noisy environment.
 pub(super) fn surroundings() -> Environment {
     let mut random = Random(40);
@@ -196,6 +212,7 @@ pub(super) fn all() -> Vec<Case> {
         look: Look { filter: PixelFilter::Point, epsilon: Some(0.4), ..options(mode).look },
         ..options(mode)
     };
+    let unfiltered = |mode| RenderOptions { prefilter: Prefilter::None, ..options(mode) };
     let case = |name, scene, options| Case { name, scene, options, in_part: false };
     let in_part = |name, scene, options| Case { in_part: true, ..case(name, scene, options) };
     vec![
@@ -228,6 +245,8 @@ pub(super) fn all() -> Vec<Case> {
         case("one pixel", two_balls([1, 1]), options(BlurMode::supersample(1))),
         case("rolling", rolling("0.8"), options(BlurMode::supersample(2))),
         in_part("rolling, in part", rolling("0.8,left"), point(BlurMode::supersample(2))),
+        case("tolerances", nested([70, 45]), unfiltered(BlurMode::supersample(2))),
+        case("tolerances, bucket", nested([70, 45]), unfiltered(bucket(Interleave::None))),
         // Surfels are much smaller than pixels: all levels of their texture.
         case(
             "far",
@@ -288,5 +307,6 @@ pub(super) fn swept() -> Vec<Case> {
         case("overlap", &fast, options(SweptKernel { overlap: Overlap(0.8), ..tube })),
         case("published", &fast, options(SweptKernel::PUBLISHED)),
         case("one pixel", &two_balls([1, 1]), options(tube)),
+        case("tolerances", &nested([70, 45]), options(tube)),
     ]
 }

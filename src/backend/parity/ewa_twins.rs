@@ -55,7 +55,7 @@ impl EwaTwins<'_> {
             .map(|posed| touches(posed.splats.iter().map(|splat| splat.listed_bounds), tile.tile, self.edge))
             .collect();
         let mut buffers = TileBuffers::default();
-        buffers.paint.clear_depths(true);
+        buffers.paint.clear_depths(true, scope.frame.keeps_nearest);
         for (Posed { chunk, splats }, list) in posed.iter().zip(&lists) {
             visibility::visibility(splats, list, scope.depths(chunk), &guarded, true, &mut buffers.paint);
         }
@@ -105,6 +105,13 @@ impl EwaTwins<'_> {
         let tile = rect(&self.scope().band, tile, self.edge);
         let (_, [left, top]) = with_apron(&tile, self.scope().raster.apron(), self.scope().raster.size);
         take_rows(&of.buffers.paint.epsilon[top * APRON_STRIDE + left..], APRON_STRIDE, self.edge)
+    }
+
+    /// Depths of the nearest discs, `edge` x `edge`.
+    pub(super) fn nearest(&self, of: &EwaTile, tile: [usize; 2]) -> Vec<f32> {
+        let tile = rect(&self.scope().band, tile, self.edge);
+        let (_, [left, top]) = with_apron(&tile, self.scope().raster.apron(), self.scope().raster.size);
+        take_rows(&of.buffers.paint.nearest[top * APRON_STRIDE + left..], APRON_STRIDE, self.edge)
     }
 
     /// The threshold behind T, `edge` x `edge`: `None` where a pixel is solid.

@@ -85,7 +85,15 @@ impl Both<'_> {
             depths.extend(rim.zip(&inside).map(in_image));
             depths
         };
-        self.tiles.iter().zip(&self.host).flat_map(of_tile).collect()
+        let nearest = |(&tile, host): (&[usize; 2], &Option<EwaTile>)| match host {
+            Some(host) => self.twins.nearest(host, tile).into_iter().map(|t| t.min(NONE)).collect(),
+            None => vec![f32::NAN; PIXELS],
+        };
+        let mut depths: Vec<f32> = self.tiles.iter().zip(&self.host).flat_map(of_tile).collect();
+        if self.harness.frame.keeps_nearest {
+            depths.extend(self.tiles.iter().zip(&self.host).flat_map(nearest));
+        }
+        depths
     }
 
     /// Against the depths on the device; `seconds`: those behind T and the rim, else all others.
@@ -95,7 +103,9 @@ impl Both<'_> {
         let floats = self.depth_floats();
         let mut tally = Tally::default();
         for (i, (got, want)) in got.iter().zip(&want).enumerate() {
-            if want.is_nan() || (i % floats >= floats - 2 * PIXELS) != seconds {
+            // The nearest depths are behind those of all tiles.
+            let is_second = i < self.tiles.len() * floats && i % floats >= floats - 2 * PIXELS;
+            if want.is_nan() || is_second != seconds {
                 continue;
             }
             // Which pixels are solid is decided, and not rounded.
@@ -244,7 +254,7 @@ fn ewa_passes_agree() {
     assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
 }
 
-static MUTANTS: [Mutant; 44] = [
+static MUTANTS: [Mutant; 48] = [
     // Pass `project`.
     (
         [("let wider = vec2<f32>(-margin, margin);\n    let columns", "let wider = vec2<f32>(0.0);\n    let columns")],
@@ -276,12 +286,19 @@ static MUTANTS: [Mutant; 44] = [
     ([("inverse_depths[y * EDGE + x] == 0.0", "inverse_depths[y * EDGE + x] == 7.0")], "supersample"),
     ([("4.0 * epsilon * (middle * middle)", "0.4 * epsilon * (middle * middle)")], "supersample"),
     ([("bends(middle_at, down - distance, most)", "false")], "wide"),
-    ([("(met.depth > first)", "(met.depth < first)")], "supersample"),
+    ([("(met.depth > limit)", "(met.depth < limit)")], "supersample"),
     // Pass `attribute`.
     ([("splat.weight * kernel(", "kernel(")], "supersample"),
     ([("(over * over) + quarter", "over + quarter")], "supersample"),
     ([("splat.p[1], splat.p[2]", "splat.p[0], splat.p[2]")], "supersample"),
-    ([("quad.first - 2.0 * tolerance", "quad.first - tolerance")], "supersample"),
+    ([("limit - 2.0 * tolerance", "limit - tolerance")], "supersample"),
+    ([("min(first, nearest + tolerance)", "first")], "tolerances"),
+    (
+        [("min(nearest, select(vec4<f32>(NONE), met.depth", "min(nearest, select(nearest, met.depth + 0.1")],
+        "tolerances",
+    ),
+    ([("depth_quads() + index * TILE_QUADS", "depth_quads()")], "tolerances"),
+    ([("limit_of(met.tolerance, first, nearest)", "first")], "tolerances"),
     ([("next = behind & (seen.depth <= quad.second)", "next = behind")], "supersample"),
     ([("weight * peak_of(splat)", "weight")], "supersample"),
     (

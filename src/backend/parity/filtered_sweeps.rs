@@ -68,7 +68,10 @@ fn check(gpu: &mut Gpu, case: &Case) -> Result<(), String> {
     let filters: Vec<Vec<SweptFilter>> =
         both.iter().map(|posed| posed.splats.iter().map(|both| both.filtered).collect()).collect();
     let slices: Vec<_> = on_band.iter().map(|&tile| twins.visibility(&kernels, tile)).collect();
-    let thresholds: Vec<f32> = slices.iter().flat_map(|slices| flat(slices)).collect();
+    // The nearest depths are behind the thresholds of all tiles.
+    let count = interval.slices as usize;
+    let part = |part: usize| slices.iter().flat_map(move |slices| slices.chunks(count).nth(part).map_or(vec![], flat));
+    let thresholds: Vec<f32> = part(0).chain(part(1)).collect();
     slots.feed_splats(&harness);
     slots.feed_lists(&harness);
     let pass = Pass::Sweep(SweepPass::Visibility);
@@ -103,7 +106,7 @@ fn filtered_sweeps_agree() {
     }
 }
 
-static MUTANTS: [Mutant; 30] = [
+static MUTANTS: [Mutant; 33] = [
     ([("let area = 0.25 * (jux * jvy - juy * jvx)", "let area = 0.25 * (jux * jvy + juy * jvx)")], "tube"),
     ([("let l1 = 4.0 * xy * over0", "let l1 = 0.0")], "tube"),
     ([("let xy = 0.25 * (jux * juy + jvx * jvy)", "let xy = 0.25 * (jux * juy)")], "tube"),
@@ -128,11 +131,14 @@ static MUTANTS: [Mutant; 30] = [
     ([("0.5 * (sum + abs(side))", "0.5 * (sum + side)")], "tube"),
     ([("weight / noise", "weight")], "fast"),
     ([("if view.sigma == 0.0", "if view.sigma < 0.0")], "without filter"),
-    ([("depth + max(epsilon,", "depth + max(0.0,")], "tube"),
+    ([("return max(epsilon, LEAST_EPSILON * depth)", "return LEAST_EPSILON * depth")], "tube"),
+    ([("values[slot * VALUES + TOLERANCE])", "0.0)")], "tolerances"),
+    ([("min(limit, map[slices.nearest", "max(limit, map[slices.nearest")], "tolerances"),
+    ([("min(map[nearest_at], depth)", "depth")], "tolerances"),
     ([("span.x < middle && middle < span.y", "span.x < middle")], "fast"),
     ([("begin + 0.5 * step", "begin")], "fast"),
     ([("plane.x + middle * plane.y", "plane.x")], "fast"),
-    ([("depth <= map[slices + slice * TILE_PIXELS]", "depth <= map[slices]")], "fast"),
+    ([("map[slices.thresholds + slice * TILE_PIXELS]", "map[slices.thresholds]")], "fast"),
     ([("1.0 - (1.0 - large) * (1.0 - large)", "large")], "fast"),
 ];
 

@@ -63,9 +63,18 @@ pub(super) struct Host {
     pub slots: Slots<Splat>,
     /// By tile, `TILE` x `TILE` each.
     pub thresholds: Vec<Vec<f32>>,
+    /// Depths of the nearest discs, likewise; empty where they are not kept.
+    pub nearest: Vec<Vec<f32>>,
     pub sums: Vec<Sums>,
     /// By tile, by plane.
     pub film: Vec<Vec<Vec<f32>>>,
+}
+
+impl Host {
+    /// The depths of all tiles as the device has them: thresholds, then the depths of the nearest discs.
+    pub(super) fn depths(&self) -> impl Iterator<Item = f32> {
+        self.thresholds.iter().chain(&self.nearest).flatten().copied()
+    }
 }
 
 impl<'a> Harness<'a> {
@@ -128,18 +137,20 @@ impl<'a> Harness<'a> {
         };
         let with_segment = |splat: &Splat, segment| Splat { flags: splat.flags | segment << 1, ..*splat };
         let slots = Slots::new(&self.batch, &tiles, splats_of, with_segment, |tile| self.wants(tile));
-        let threshold = |&tile: &[usize; 2]| {
-            if self.wants(tile) { twins.visibility(&posed, tile) } else { vec![UNWANTED; PIXELS] }
+        let kept = if self.frame.keeps_nearest { PIXELS } else { 0 };
+        let depths = |&tile: &[usize; 2]| {
+            let unwanted = || (vec![UNWANTED; PIXELS], vec![UNWANTED; kept]);
+            if self.wants(tile) { twins.visibility(&posed, tile) } else { unwanted() }
         };
-        let thresholds: Vec<_> = self.tiles().iter().map(threshold).collect();
+        let (thresholds, nearest): (Vec<_>, Vec<_>) = self.tiles().iter().map(depths).unzip();
         // Hidden splats cover too: none in a tile that is not wanted.
         let of_tile = |tile| if self.wants(tile) { &posed[..] } else { &[] };
-        let sums: Vec<_> =
-            self.tiles().iter().zip(&thresholds).map(|(&tile, t)| twins.attribute(of_tile(tile), tile, t)).collect();
+        let tiles_and_depths = self.tiles().into_iter().zip(thresholds.iter().zip(&nearest));
+        let sums: Vec<_> = tiles_and_depths.map(|(tile, (t, n))| twins.attribute(of_tile(tile), tile, t, n)).collect();
         let film =
             self.tiles().into_iter().zip(thresholds.iter().zip(&sums)).map(|(tile, (t, s))| twins.resolve(tile, t, s));
         let film = film.collect();
-        Host { posed, slots, thresholds, sums, film }
+        Host { posed, slots, thresholds, nearest, sums, film }
     }
 
     /// Writes what the passes before `pass` make, and spoils what it will write.
@@ -163,8 +174,8 @@ impl<'a> Harness<'a> {
         if pass == Pass::Splat(PaintPass::Visibility) {
             return;
         }
-        let thresholds: Vec<f32> = host.thresholds.iter().flatten().map(|&t| t.min(NONE)).collect();
-        self.write(&buffers.thresholds, &thresholds);
+        let depths: Vec<f32> = host.depths().map(|t| t.min(NONE)).collect();
+        self.write(&buffers.thresholds, &depths);
         if pass == Pass::Splat(PaintPass::Attribute) {
             return;
         }

@@ -41,7 +41,7 @@ pub(super) fn named<'a>(cases: &'a [Case], name: &str) -> &'a Case {
     cases.iter().find(|case| case.name == name).unwrap_or_else(|| panic!("there is no case {name}"))
 }
 
-static MUTANTS: [Mutant; 53] = [
+static MUTANTS: [Mutant; 56] = [
     ([("(1.0 - OF_LONGER) / longer", "OF_LONGER / longer")], "supersample"),
     ([("looks[to - 2u], looks[to - 1u]", "looks[to - 1u], looks[to - 1u]")], "far"),
     ([("of_finer *= 0.25", "of_finer *= 0.26")], "far"),
@@ -61,7 +61,10 @@ static MUTANTS: [Mutant; 53] = [
     ([("before = i / RUN * RUN", "before = i / RUN * RUN + 1u")], "supersample"),
     ([("place += entries", "place += 0u * entries")], "supersample"),
     ([("column + 3u >= bounds.x", "column >= bounds.x")], "supersample"),
-    ([("(seen.depth <= quad.first)", "(seen.depth <= quad.first + 1.0)")], "supersample"),
+    ([("(seen.depth <= limit)", "(seen.depth <= limit + 1.0)")], "supersample"),
+    ([("min(first, nearest + tolerance)", "first")], "tolerances"),
+    ([("min(first, nearest + tolerance)", "min(first, nearest + 2.0 * tolerance)")], "tolerances, bucket"),
+    ([("thresholds[nearest_at] = depths.nearest", "thresholds[nearest_at] = depths.threshold")], "tolerances"),
     ([("0.0005294794", "0.0005394794")], "supersample"),
     ([("seen.weight * segments[segment_index].share", "seen.weight")], "bucket"),
     ([("normal = -normal", "normal = normal")], "supersample"),

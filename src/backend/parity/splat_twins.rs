@@ -124,20 +124,24 @@ impl SplatTwins<'_> {
         touches(posed.splats.iter().map(|splat| splat.bounds), tile, self.edge)
     }
 
-    /// Thresholds of a tile, `edge` x `edge`.
-    pub(super) fn visibility(&self, posed: &[Posed], tile: [usize; 2]) -> Vec<f32> {
+    /// Thresholds of a tile, and the depths of the nearest discs where they are kept: `edge` x `edge`.
+    pub(super) fn visibility(&self, posed: &[Posed], tile: [usize; 2]) -> (Vec<f32>, Vec<f32>) {
         let mut buffers = TileBuffers::default();
-        buffers.paint.clear_depths(false);
+        buffers.paint.clear_depths(false, self.scope.frame.keeps_nearest);
         let rect = rect(&self.scope.band, tile, self.edge);
         for posed in posed {
             let (list, depths) = (self.list(posed, tile), self.scope.depths(&posed.chunk));
             visibility(&posed.splats, &list, depths, &rect, false, &mut buffers.paint);
         }
-        take_rows(&buffers.paint.threshold, APRON_STRIDE, self.edge)
+        let plane = |plane: &[f32]| match plane {
+            [] => Vec::new(),
+            _ => take_rows(plane, APRON_STRIDE, self.edge),
+        };
+        (plane(&buffers.paint.threshold), plane(&buffers.paint.nearest))
     }
 
-    pub(super) fn attribute(&self, posed: &[Posed], tile: [usize; 2], thresholds: &[f32]) -> Sums {
-        let mut buffers = self.with_thresholds(thresholds);
+    pub(super) fn attribute(&self, posed: &[Posed], tile: [usize; 2], thresholds: &[f32], nearest: &[f32]) -> Sums {
+        let mut buffers = self.with_depths(thresholds, nearest);
         let rect = rect(&self.scope.band, tile, self.edge);
         let sight = Sight::new(self.scope.frame.near, self.scope.raster);
         for posed in posed {
@@ -179,7 +183,7 @@ impl SplatTwins<'_> {
 
     /// Film of a tile after the group alone: plane by plane, `edge` x `edge`.
     pub(super) fn resolve(&self, tile: [usize; 2], thresholds: &[f32], sums: &Sums) -> Vec<Vec<f32>> {
-        let mut buffers = self.with_thresholds(thresholds);
+        let mut buffers = self.with_depths(thresholds, &[]);
         let row = buffers.paint.row;
         for (c, channel) in sums.channels.iter().enumerate() {
             put_rows(channel, &mut buffers.paint.sums[Layer::Band as usize][c * STRIDE..], row, self.edge);
@@ -193,11 +197,12 @@ impl SplatTwins<'_> {
         (0..scope.planes.count).map(|p| take_rows(&film.values[p * TILE * TILE..], TILE, self.edge)).collect()
     }
 
-    /// Buffers with these thresholds and no sums.
-    fn with_thresholds(&self, thresholds: &[f32]) -> TileBuffers {
+    /// Buffers with these depths and no sums.
+    fn with_depths(&self, thresholds: &[f32], nearest: &[f32]) -> TileBuffers {
         let mut buffers = TileBuffers::default();
-        buffers.paint.clear_depths(false);
+        buffers.paint.clear_depths(false, !nearest.is_empty());
         put_rows(thresholds, &mut buffers.paint.threshold, APRON_STRIDE, self.edge);
+        put_rows(nearest, &mut buffers.paint.nearest, APRON_STRIDE, self.edge);
         buffers.paint.clear_sums(self.scope.channels.count, false);
         buffers.clear_coverage(self.scope.group.samples.len());
         buffers

@@ -49,7 +49,7 @@ impl MapTwins<'_> {
     /// Thresholds of a tile of the map.
     pub(super) fn visibility(&self, splats: &[Posed], tile: [usize; 2]) -> Vec<f32> {
         let mut buffers = TileBuffers::default();
-        buffers.paint.clear_depths(false);
+        buffers.paint.clear_depths(false, false);
         let rect = rect(&self.group.scope.band, tile, self.edge);
         for Posed { chunk, splats } in splats {
             let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
@@ -61,7 +61,7 @@ impl MapTwins<'_> {
     /// A tile of the map.
     pub(super) fn store(&self, tile: [usize; 2], thresholds: &[f32]) -> Vec<f32> {
         let mut buffers = TileBuffers::default();
-        buffers.paint.clear_depths(false);
+        buffers.paint.clear_depths(false, false);
         put_rows(thresholds, &mut buffers.paint.threshold, APRON_STRIDE, self.edge);
         let mut out: MapTile = [f32::INFINITY; TILE * TILE];
         map::store(&rect(&self.group.scope.band, tile, self.edge), &buffers.paint.threshold, &mut out);
@@ -161,22 +161,23 @@ impl SweepTwins<'_> {
         whole_chunks(self.scope()).into_iter().map(kernels_of).collect()
     }
 
-    /// Thresholds of a tile, slice by slice.
+    /// Thresholds of a tile, slice by slice; then the nearest depths, where they are kept.
     pub(super) fn visibility(&self, kernels: &[Posed<SweptSplat>], tile: [usize; 2]) -> Vec<Vec<f32>> {
         let count = self.group.interval.slices as usize;
         let mut buffers = TileBuffers::default();
-        buffers.start_slices(count);
+        buffers.start_slices(count, self.scope().frame.keeps_nearest);
         let rect = rect(&self.scope().band, tile, self.edge);
         for Posed { chunk, splats } in kernels {
             let list = touches(splats.iter().map(|splat| splat.bounds), tile, self.edge);
             slices::visibility(splats, &list, self.scope().depths(chunk), &rect, &mut buffers.slices);
         }
-        let slice = |i: usize| take_rows(&buffers.slices.threshold[i * STRIDE..], count * STRIDE, self.edge);
-        (0..count).map(slice).collect()
+        let planes = [&buffers.slices.threshold, &buffers.slices.nearest].into_iter().filter(|plane| !plane.is_empty());
+        let slice = |plane: &[f32], i: usize| take_rows(&plane[i * STRIDE..], count * STRIDE, self.edge);
+        planes.flat_map(|plane| (0..count).map(move |i| slice(plane, i))).collect()
     }
 
-    /// Sums of a tile of the image, of which `slices` are the thresholds of slices. `filters`: the filtered kernels of
-    /// each of `kernels`.
+    /// Sums of a tile of the image, of which `slices` are those of [`Self::visibility`]. `filters`: the filtered kernels
+    /// of each of `kernels`.
     pub(super) fn attribute(
         &self,
         kernels: &[Posed<SweptSplat>],
@@ -188,9 +189,13 @@ impl SweepTwins<'_> {
         let mut buffers = TileBuffers::default();
         buffers.clear_sums(channels);
         buffers.clear_coverage_mask(true);
-        buffers.start_slices(slices.len());
-        for (i, slice) in slices.iter().enumerate() {
-            put_rows(slice, &mut buffers.slices.threshold[i * STRIDE..], slices.len() * STRIDE, self.edge);
+        let count = self.group.interval.slices as usize;
+        buffers.start_slices(count, slices.len() > count);
+        let planes = [&mut buffers.slices.threshold, &mut buffers.slices.nearest];
+        for (plane, slices) in planes.into_iter().zip(slices.chunks(count)) {
+            for (i, slice) in slices.iter().enumerate() {
+                put_rows(slice, &mut plane[i * STRIDE..], count * STRIDE, self.edge);
+            }
         }
         let rect = rect(&self.scope().band, tile, self.edge);
         for (Posed { chunk, splats }, filters) in kernels.iter().zip(filters) {

@@ -26,14 +26,14 @@ pub(in crate::backend) struct Filter<'a> {
 }
 
 impl Filter<'_> {
-    /// The layer of a splat at `depth`, where T is `first` and the threshold behind it `second`; `None` where it is
-    /// hidden. `covers`: whether its disc covers the pixel.
+    /// The layer of a splat at `depth`, where its object shows up to `limit` and the threshold behind is `second`;
+    /// `None` where it is hidden. `covers`: whether its disc covers the pixel.
     #[inline(always)]
-    fn layer(&self, depth: f32, first: f32, second: f32, open: bool, covers: bool) -> Option<Layer> {
-        let before = depth < first - 2.0 * self.depths.tolerance(depth);
+    fn layer(&self, depth: f32, limit: f32, second: f32, open: bool, covers: bool) -> Option<Layer> {
+        let before = depth < limit - 2.0 * self.depths.tolerance(depth);
         if open && before && !covers {
             Some(Layer::Front)
-        } else if depth <= first {
+        } else if depth <= limit {
             Some(Layer::Band)
         } else if !open {
             None
@@ -63,7 +63,7 @@ fn attribute_body<K: Kernel>(
     buffers: &mut PaintBuffers,
     sample_coverage: &mut [f32],
 ) {
-    let peels = !buffers.floor.is_empty();
+    let (peels, nearest) = (!buffers.floor.is_empty(), !buffers.nearest.is_empty());
     for &index in list {
         let splat = &splats[index as usize];
         let Some(touched) = Touched::within(splat.weight_bounds(), tile) else { continue };
@@ -71,27 +71,38 @@ fn attribute_body<K: Kernel>(
         let narrow = touched.is_narrow() && touched.is_high();
         // By constant, since a choice in the loop over lanes would keep it from becoming vectors.
         macro_rules! add {
-            ($w:expr, $crossing:expr, $peels:expr) => {
-                add_splat::<K, $w, $crossing, $peels>(splat, &touched, values, filter, tile, buffers, sample_coverage)
+            ($w:expr, $crossing:expr, $nearest:expr, $peels:expr) => {
+                add_splat::<K, $w, $crossing, $nearest, $peels>(
+                    splat,
+                    &touched,
+                    values,
+                    filter,
+                    tile,
+                    buffers,
+                    sample_coverage,
+                )
             };
         }
-        match (narrow, splat.is_crossing(), K::FILTERED && peels) {
-            (true, false, false) => add!(NARROW, false, false),
-            (false, false, false) => add!(LANES, false, false),
-            (_, true, false) => add!(LANES, true, false),
-            (true, false, true) => add!(NARROW, false, true),
-            (false, false, true) => add!(LANES, false, true),
-            (_, true, true) => add!(LANES, true, true),
+        match (narrow, splat.is_crossing(), nearest, K::FILTERED && peels) {
+            (true, false, false, false) => add!(NARROW, false, false, false),
+            (false, false, false, false) => add!(LANES, false, false, false),
+            (_, true, false, false) => add!(LANES, true, false, false),
+            (true, false, true, false) => add!(NARROW, false, true, false),
+            (false, false, true, false) => add!(LANES, false, true, false),
+            (_, true, true, false) => add!(LANES, true, true, false),
+            (true, false, _, true) => add!(NARROW, false, false, true),
+            (false, false, _, true) => add!(LANES, false, false, true),
+            (_, true, _, true) => add!(LANES, true, false, true),
         }
     }
 }
 
 type Lanes = [f32; LANES];
 
-/// Adds one splat, a patch of `W` columns at a time. `PEELS`: one layer is peeled off, from the floor to T. What lies
-/// behind has other layers.
+/// Adds one splat, a patch of `W` columns at a time. `NEAREST`: its object has a limit of its own. `PEELS`: one layer is
+/// peeled off, from the floor to T. What lies behind has other layers.
 #[inline(always)]
-fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const PEELS: bool>(
+fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: bool, const PEELS: bool>(
     splat: &K,
     touched: &Touched,
     values: &[f32],
@@ -108,31 +119,35 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const PEELS: bool>
         let mut x = touched.x0;
         while x <= touched.x1 {
             let patch = Patch::<W>::new(touched, tile, x, y);
-            let limit = patch::load::<W>(&buffers.threshold[filter.start + y * APRON_STRIDE + x..], APRON_STRIDE);
-            let at = y * row + x;
-            let mut open = 0;
-            for line in 0..if K::FILTERED { LANES / W } else { 0 } {
-                let bits = buffers.open.get(y + line).map_or(0, |bits| bits >> x) & ((1 << W) - 1);
-                open |= bits << (line * W);
+            let apron_at = filter.start + y * APRON_STRIDE + x;
+            let first = patch::load::<W>(&buffers.threshold[apron_at..], APRON_STRIDE);
+            let mut nearest = [0.0; LANES];
+            if NEAREST {
+                nearest = patch::load::<W>(&buffers.nearest[apron_at..], APRON_STRIDE);
             }
+            let limit_of = |depth: f32, l: usize| {
+                if NEAREST { filter.depths.limit(depth, first[l], nearest[l]) } else { first[l] }
+            };
+            let at = y * row + x;
+            let open = if K::FILTERED { open_pixels::<W>(&buffers.open, x, y) } else { 0 };
             let mut weights = [0.0_f32; LANES];
             let mut depths = [0.0_f32; LANES];
             let mut discs = [0.0_f32; LANES];
             let (mut floor, mut ceiling) = ([0.0; LANES], [f32::INFINITY; LANES]);
             if PEELS {
-                floor = patch::load::<W>(&buffers.floor[filter.start + y * APRON_STRIDE + x..], APRON_STRIDE);
+                floor = patch::load::<W>(&buffers.floor[apron_at..], APRON_STRIDE);
                 if !filter.ceiling.is_empty() {
                     ceiling = patch::load::<W>(&filter.ceiling[y * STRIDE + x..], STRIDE);
                 }
             }
             let in_layer =
-                |depth: f32, l: usize| !PEELS || (depth > floor[l]) & (depth <= limit[l]) & (depth <= ceiling[l]);
+                |depth: f32, l: usize| !PEELS || (depth > floor[l]) & (depth <= first[l]) & (depth <= ceiling[l]);
             let has_coverage = !sample_coverage.is_empty();
             if open == 0 && !has_coverage {
                 // Most pixels are solid, and all without a filter. Nobody asks for discs there.
                 for l in 0..LANES {
                     let seen = splat.see::<W, CROSSING>(&patch, l, &sight);
-                    let shows = (seen.depth <= limit[l]) & in_layer(seen.depth, l);
+                    let shows = (seen.depth <= limit_of(seen.depth, l)) & in_layer(seen.depth, l);
                     weights[l] = if shows { seen.weight } else { 0.0 };
                     depths[l] = seen.depth;
                 }
@@ -165,7 +180,8 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const PEELS: bool>
                 (0..LANES).for_each(|l| weights[l] *= filter.attributes.share);
             }
             if open == 0 {
-                (0..LANES).for_each(|l| weights[l] = if depths[l] <= limit[l] { weights[l] } else { 0.0 });
+                (0..LANES)
+                    .for_each(|l| weights[l] = if depths[l] <= limit_of(depths[l], l) { weights[l] } else { 0.0 });
                 let out = &mut buffers.sums[Layer::Band as usize][at..];
                 add_layer::<K, W>(out, row, splat, values, filter, (&weights, &depths), false);
             } else {
@@ -173,7 +189,8 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const PEELS: bool>
                 let mut of_layer = [[0.0_f32; LANES]; 4];
                 let mut any = [false; 4];
                 for l in 0..LANES {
-                    let layer = filter.layer(depths[l], limit[l], next[l], open >> l & 1 != 0, discs[l] != 0.0);
+                    let limit = limit_of(depths[l], l);
+                    let layer = filter.layer(depths[l], limit, next[l], open >> l & 1 != 0, discs[l] != 0.0);
                     if let Some(layer) = layer {
                         of_layer[layer as usize][l] = weights[l];
                         any[layer as usize] |= weights[l] > 0.0;
@@ -195,6 +212,17 @@ fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const PEELS: bool>
         }
         y += LANES / W;
     }
+}
+
+/// A bit for each lane of the patch at (x, y) whose pixel is not solid; `open` has them row by row.
+#[inline(always)]
+fn open_pixels<const W: usize>(open: &[u32], x: usize, y: usize) -> u32 {
+    let mut pixels = 0;
+    for line in 0..LANES / W {
+        let bits = open.get(y + line).map_or(0, |bits| bits >> x) & ((1 << W) - 1);
+        pixels |= bits << (line * W);
+    }
+    pixels
 }
 
 /// Adds the values of one splat to the sums of a layer that start at `out`, in rows `row` apart. `shown`: weights and

@@ -41,6 +41,8 @@ pub(in crate::backend) struct PaintBuffers {
     /// T(x, t), +inf where no disc covers, and the tolerance of the disc that it is of: with an apron.
     pub threshold: Vec<f32>,
     pub epsilon: Vec<f32>,
+    /// Depth of the nearest disc, +inf where no disc covers: with an apron; empty where all objects have one tolerance.
+    pub nearest: Vec<f32>,
     /// Depths up to which all was peeled off: only what lies behind counts. With an apron; empty where nothing was.
     pub floor: Vec<f32>,
     /// The same minimum over the discs behind T: `ROWS` rows of `STRIDE`.
@@ -59,17 +61,19 @@ pub(in crate::backend) struct PaintBuffers {
 }
 
 impl PaintBuffers {
-    /// Bytes of one tile's buffers, with a filter or without.
-    pub(in crate::backend) const fn bytes(channels: usize, filtered: bool) -> u64 {
+    /// Bytes of one tile's buffers, with a filter or without. `nearest`: with the depth of the nearest disc.
+    pub(in crate::backend) const fn bytes(channels: usize, filtered: bool, nearest: bool) -> u64 {
         let (planes, depths) = if filtered { (4 * (channels + EXTRA) + 1, 3) } else { (channels, 1) };
+        let depths = depths + nearest as usize;
         ((planes * ROWS * STRIDE + depths * APRON_ROWS * APRON_STRIDE + 2 * TILE) * size_of::<f32>()) as u64
     }
 
-    pub(in crate::backend) fn clear_depths(&mut self, filtered: bool) {
+    pub(in crate::backend) fn clear_depths(&mut self, filtered: bool, nearest: bool) {
         let with_apron = APRON_ROWS * APRON_STRIDE;
         for (plane, floats, value) in [
             (&mut self.threshold, with_apron, f32::INFINITY),
             (&mut self.epsilon, if filtered { with_apron } else { 0 }, 0.0),
+            (&mut self.nearest, if nearest { with_apron } else { 0 }, f32::INFINITY),
             (&mut self.second, if filtered { ROWS * STRIDE } else { 0 }, f32::INFINITY),
         ] {
             plane.clear();

@@ -82,7 +82,7 @@ impl<'a, K: Kernel> PaintGroup<'a, K> {
     fn lower(&self, job: &mut Job<'_, K, Painted<'_>>) {
         let start = Instant::now();
         if job.first {
-            job.buffers.paint.clear_depths(K::FILTERED);
+            job.buffers.paint.clear_depths(K::FILTERED, self.scope.frame.keeps_nearest);
             job.buffers.paint.floor.clear();
             job.buffers.paint.moves = false;
         }

@@ -1,6 +1,7 @@
 //! Pass `visibility`: T(x, t) = min over discs covering x of (depth + epsilon), per pixel (Wolf 2008, 4.1.1;
-//! docs/math.md, section 4). Pass `second`, of filtered kernels: the same minimum over the discs behind T, and which
-//! pixels are solid (docs/math.md, section 3).
+//! docs/math.md, section 4); and the least depth alone, where objects have several tolerances. Pass `second`, of
+//! filtered kernels: the same minimum over the discs behind the limits of their objects, and which pixels are solid
+//! (docs/math.md, section 3).
 //!
 //! In: splats of a tile's list. Out: the tile's depths. Order-free (minima).
 
@@ -29,25 +30,34 @@ fn visibility_body<K: Kernel>(
     tolerances: bool,
     buffers: &mut PaintBuffers,
 ) {
-    let behind = !buffers.floor.is_empty();
+    let (behind, nearest) = (!buffers.floor.is_empty(), !buffers.nearest.is_empty());
     for &index in list {
         let splat = splats[index as usize].disc();
         let Some(touched) = Touched::within(splat.bounds, rect) else { continue };
-        // Only a filter asks for tolerances, and for what lies behind a floor.
-        match (touched.is_narrow(), K::FILTERED && tolerances, K::FILTERED && behind) {
-            (true, false, false) => lower::<NARROW, false, false>(splat, &touched, depths, rect, buffers),
-            (false, false, false) => lower::<LANES, false, false>(splat, &touched, depths, rect, buffers),
-            (true, true, false) => lower::<NARROW, true, false>(splat, &touched, depths, rect, buffers),
-            (false, true, false) => lower::<LANES, true, false>(splat, &touched, depths, rect, buffers),
-            (true, _, true) => lower::<NARROW, true, true>(splat, &touched, depths, rect, buffers),
-            (false, _, true) => lower::<LANES, true, true>(splat, &touched, depths, rect, buffers),
+        macro_rules! lower {
+            ($w:expr, $tolerances:expr, $nearest:expr, $behind:expr) => {
+                lower::<$w, $tolerances, $nearest, $behind>(splat, &touched, depths, rect, buffers)
+            };
+        }
+        // Only a filter asks for tolerances, and for what lies behind a floor: there nothing has a limit of its own.
+        match (touched.is_narrow(), K::FILTERED && tolerances, nearest, K::FILTERED && behind) {
+            (true, false, false, false) => lower!(NARROW, false, false, false),
+            (false, false, false, false) => lower!(LANES, false, false, false),
+            (true, true, false, false) => lower!(NARROW, true, false, false),
+            (false, true, false, false) => lower!(LANES, true, false, false),
+            (true, false, true, false) => lower!(NARROW, false, true, false),
+            (false, false, true, false) => lower!(LANES, false, true, false),
+            (true, true, true, false) => lower!(NARROW, true, true, false),
+            (false, true, true, false) => lower!(LANES, true, true, false),
+            (true, _, _, true) => lower!(NARROW, true, false, true),
+            (false, _, _, true) => lower!(LANES, true, false, true),
         }
     }
 }
 
-/// `BEHIND`: only discs behind the floor count.
+/// `NEAREST`: lowers the least depths, too. `BEHIND`: only discs behind the floor count.
 #[inline(always)]
-fn lower<const W: usize, const TOLERANCES: bool, const BEHIND: bool>(
+fn lower<const W: usize, const TOLERANCES: bool, const NEAREST: bool, const BEHIND: bool>(
     splat: &Splat,
     touched: &Touched,
     depths: Depths,
@@ -66,6 +76,10 @@ fn lower<const W: usize, const TOLERANCES: bool, const BEHIND: bool>(
             if TOLERANCES {
                 epsilon = patch::load::<W>(&buffers.epsilon[at..], APRON_STRIDE);
             }
+            let mut nearest = [0.0; LANES];
+            if NEAREST {
+                nearest = patch::load::<W>(&buffers.nearest[at..], APRON_STRIDE);
+            }
             let mut floor = [0.0; LANES];
             if BEHIND {
                 floor = patch::load::<W>(&buffers.floor[at..], APRON_STRIDE);
@@ -81,10 +95,17 @@ fn lower<const W: usize, const TOLERANCES: bool, const BEHIND: bool>(
                     epsilon[l] = if candidate < threshold[l] { tolerance } else { epsilon[l] };
                 }
                 threshold[l] = if candidate < threshold[l] { candidate } else { threshold[l] };
+                if NEAREST {
+                    let candidate = if covers { depth } else { f32::INFINITY };
+                    nearest[l] = if candidate < nearest[l] { candidate } else { nearest[l] };
+                }
             }
             patch::store::<W>(&mut buffers.threshold[at..], APRON_STRIDE, &threshold);
             if TOLERANCES {
                 patch::store::<W>(&mut buffers.epsilon[at..], APRON_STRIDE, &epsilon);
+            }
+            if NEAREST {
+                patch::store::<W>(&mut buffers.nearest[at..], APRON_STRIDE, &nearest);
             }
             x += W;
         }
@@ -108,6 +129,23 @@ fn second_body<K: Kernel>(
     start: usize,
     buffers: &mut PaintBuffers,
 ) {
+    if buffers.nearest.is_empty() {
+        lower_second::<K, false>(splats, list, depths, tile, start, buffers);
+    } else {
+        lower_second::<K, true>(splats, list, depths, tile, start, buffers);
+    }
+}
+
+/// `NEAREST`: each object has a limit of its own.
+#[inline(always)]
+fn lower_second<K: Kernel, const NEAREST: bool>(
+    splats: &[K],
+    list: &[u32],
+    depths: Depths,
+    tile: &TileRect,
+    start: usize,
+    buffers: &mut PaintBuffers,
+) {
     let most_inverse_depth = 1.0 / depths.near;
     for &index in list {
         let splat = splats[index as usize].disc();
@@ -124,14 +162,20 @@ fn second_body<K: Kernel>(
                     continue;
                 }
                 let patch = Patch::<LANES>::new(&touched, tile, x, y);
-                let first = patch::load::<LANES>(&buffers.threshold[start + y * APRON_STRIDE + x..], APRON_STRIDE);
+                let at = start + y * APRON_STRIDE + x;
+                let first = patch::load::<LANES>(&buffers.threshold[at..], APRON_STRIDE);
+                let mut nearest = [0.0; LANES];
+                if NEAREST {
+                    nearest = patch::load::<LANES>(&buffers.nearest[at..], APRON_STRIDE);
+                }
                 let mut out = patch::load::<LANES>(&buffers.second[y * STRIDE + x..], STRIDE);
                 for l in 0..LANES {
                     let hit = patch.at(splat, l);
                     let depth = 1.0 / hit.inverse_depth;
                     let covers = hit.inside & (hit.inverse_depth <= most_inverse_depth) & hit.wanted;
                     let candidate = depth + depths.tolerance(depth);
-                    let lower = covers & (depth > first[l]) & (candidate < out[l]);
+                    let limit = if NEAREST { depths.limit(depth, first[l], nearest[l]) } else { first[l] };
+                    let lower = covers & (depth > limit) & (candidate < out[l]);
                     out[l] = if lower { candidate } else { out[l] };
                 }
                 patch::store::<LANES>(&mut buffers.second[y * STRIDE + x..], STRIDE, &out);

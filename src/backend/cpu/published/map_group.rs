@@ -45,7 +45,7 @@ impl TileWork for MapGroup<'_> {
         match pass {
             MapPass::Visibility => {
                 if job.first {
-                    buffers.clear_depths(false);
+                    buffers.clear_depths(false, false);
                     buffers.floor.clear();
                 }
                 for (chunk, binned) in job.chunks.iter().zip(job.binned) {

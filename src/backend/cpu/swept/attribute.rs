@@ -9,6 +9,7 @@ use super::hull::Hull;
 use super::ray::{Lanes, beyond_near, reciprocal};
 use super::slices::{covered, times};
 use crate::backend::cpu::attribute::{Attributes, add};
+use crate::backend::cpu::depths::Depths;
 use crate::backend::cpu::tile_buffers::{CoverageMask, Slices};
 use crate::backend::cpu::tiles::{LANES, STRIDE, TileRect};
 use crate::layout::{FLAG_BACK, SweptFilter, SweptSplat};
@@ -19,7 +20,7 @@ use crate::math::sweep::{Path, Sweep, ellipsoid_weight, moments, tube_weight};
 #[derive(Clone, Copy, Debug)]
 pub(in crate::backend) struct Swept<'a> {
     pub attributes: Attributes<'a>,
-    pub near: f32,
+    pub depths: Depths,
     /// Do kernels sweep the ellipsoid instead of the tube?
     pub ellipsoid: bool,
     /// Change of the time weight from the middle of the interval to its end, over its mean.
@@ -51,15 +52,21 @@ fn attribute_body(
     sums: &mut [f32],
     coverage_mask: &mut CoverageMask,
 ) {
-    if swept.ellipsoid {
-        add_all::<true>(kernels, list, swept, tile, slices, sums, coverage_mask);
-    } else {
-        add_all::<false>(kernels, list, swept, tile, slices, sums, coverage_mask);
+    macro_rules! add_all {
+        ($ellipsoid:expr, $nearest:expr) => {
+            add_all::<$ellipsoid, $nearest>(kernels, list, swept, tile, slices, sums, coverage_mask)
+        };
+    }
+    match (swept.ellipsoid, !slices.nearest.is_empty()) {
+        (false, false) => add_all!(false, false),
+        (false, true) => add_all!(false, true),
+        (true, false) => add_all!(true, false),
+        (true, true) => add_all!(true, true),
     }
 }
 
 #[inline(always)]
-fn add_all<const ELLIPSOID: bool>(
+fn add_all<const ELLIPSOID: bool, const NEAREST: bool>(
     (splats, filters): (&[SweptSplat], &[SweptFilter]),
     list: &[u32],
     swept: &Swept<'_>,
@@ -73,7 +80,7 @@ fn add_all<const ELLIPSOID: bool>(
     let [left, top] = tile.corner;
     for &index in list {
         let splat = &splats[index as usize];
-        let pair = Pair::of(splat, &filters[index as usize], swept.near);
+        let pair = Pair::of(splat, &filters[index as usize], swept.depths.near);
         let values = attributes.of(index);
         let hull = Hull::of(splat);
         let [_, _, y0, y1] = splat.bounds.map(i32::from);
@@ -92,7 +99,7 @@ fn add_all<const ELLIPSOID: bool>(
                     pair.meet::<ELLIPSOID>(splat, swept.slope, place, x1 as f32, &mut lanes, l);
                 }
                 if lanes.covers != [0; LANES] {
-                    lanes.show(slices, swept.sum, y, x);
+                    lanes.show::<NEAREST>(slices, swept, y, x);
                     pair.mark(&lanes, swept.sum, y * STRIDE + x, coverage_mask);
                     for (value, plane) in values.iter().zip(out.chunks_exact_mut(STRIDE)) {
                         add(&mut plane[x..], &lanes.weight, *value);
@@ -240,16 +247,18 @@ impl Pair {
 
 impl Lanes {
     /// Weighs the filtered kernel by the slices in which it is visible. A hidden kernel loses its weight and keeps its
-    /// coverage, because the surface before it covers as much. `sum`: the coverage is the sum of visible weights.
+    /// coverage, because the surface before it covers as much.
     #[inline(always)]
-    fn show(&mut self, slices: &Slices, sum: bool, y: usize, x: usize) {
+    fn show<const NEAREST: bool>(&mut self, slices: &Slices, swept: &Swept<'_>, y: usize, x: usize) {
         let count = slices.count;
         let mut shown = [0.0_f32; LANES];
         let [from, to] = covered(count, &self.first, &self.last);
         for slice in from..=to {
             let at = (y * count + slice) * STRIDE + x;
-            let Some(limit) = slices.threshold.get(at..).and_then(<[f32]>::first_chunk::<LANES>) else { break };
-            let share = self.visible(times(count, slice), limit);
+            let planes = [&slices.threshold, if NEAREST { &slices.nearest } else { &slices.threshold }];
+            let planes = planes.map(|plane| plane.get(at..).and_then(<[f32]>::first_chunk::<LANES>));
+            let [Some(first), Some(nearest)] = planes else { break };
+            let share = self.visible::<NEAREST>(times(count, slice), swept.depths, first, nearest);
             for l in 0..LANES {
                 shown[l] += share[l];
             }
@@ -263,7 +272,7 @@ impl Lanes {
             let share = share * if passes { part } else { HIDDEN };
             // A tube that is met beside the ellipsoid covers, and gives a colour where there is no other.
             self.weight[l] = if covers { share } else { self.loose[l] * HIDDEN };
-            if sum {
+            if swept.sum {
                 self.loose[l] = if passes { weight * part } else { 0.0 };
             }
         }

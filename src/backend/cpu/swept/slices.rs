@@ -1,8 +1,8 @@
 //! Slices of an interval: what of the kernels in motion is visible at a pixel, slice by slice (docs/math.md, section
 //! 7).
 //!
-//! Pass `visibility`: the depth threshold of each slice at each pixel. In: swept splats of a tile's list. Out: the
-//! tile's thresholds. Order-free (a minimum).
+//! Pass `visibility`: the depth threshold of each slice at each pixel, and the least depth where objects have several
+//! tolerances. In: swept splats of a tile's list. Out: the tile's thresholds. Order-free (minima).
 
 use super::hull::Hull;
 use super::ray::{Lanes, Ray};
@@ -43,6 +43,22 @@ dispatch! {
 
 #[inline(always)]
 fn visibility_body(splats: &[SweptSplat], list: &[u32], depths: Depths, tile: &TileRect, slices: &mut Slices) {
+    if slices.nearest.is_empty() {
+        lower::<false>(splats, list, depths, tile, slices);
+    } else {
+        lower::<true>(splats, list, depths, tile, slices);
+    }
+}
+
+/// `NEAREST`: lowers the least depths, too.
+#[inline(always)]
+fn lower<const NEAREST: bool>(
+    splats: &[SweptSplat],
+    list: &[u32],
+    depths: Depths,
+    tile: &TileRect,
+    slices: &mut Slices,
+) {
     let count = slices.count;
     let [left, top] = tile.corner;
     for &index in list {
@@ -54,7 +70,9 @@ fn visibility_body(splats: &[SweptSplat], list: &[u32], depths: Depths, tile: &T
             let [x0, x1] = hull.columns(row as f32, row as f32);
             let (x0, x1) = (x0.max(left), x1.min(left + tile.width as i32 - 1));
             let y = (row - top) as usize;
-            let out = &mut slices.threshold[y * count * STRIDE..][..count * STRIDE];
+            let row_of = |y: usize| y * count * STRIDE..(y + 1) * count * STRIDE;
+            let out = &mut slices.threshold[row_of(y)];
+            let nearest = if NEAREST { &mut slices.nearest[row_of(y)] } else { &mut [][..] };
             let mut pixel = x0;
             while pixel <= x1 {
                 let x = (pixel - left) as usize;
@@ -79,6 +97,17 @@ fn visibility_body(splats: &[SweptSplat], list: &[u32], depths: Depths, tile: &T
                         let candidate = if covers { candidate } else { f32::INFINITY };
                         out[l] = if candidate < out[l] { candidate } else { out[l] };
                     }
+                    if NEAREST
+                        && let Some(out) = nearest.get_mut(slice * STRIDE + x..)
+                        && let Some(out) = out.first_chunk_mut::<LANES>()
+                    {
+                        for l in 0..LANES {
+                            let depth = plane[0][l] + middle * plane[1][l];
+                            let covers = (first[l] < middle) & (middle < last[l]);
+                            let candidate = if covers { depth } else { f32::INFINITY };
+                            out[l] = if candidate < out[l] { candidate } else { out[l] };
+                        }
+                    }
                 }
                 pixel += LANES as i32;
             }
@@ -87,16 +116,24 @@ fn visibility_body(splats: &[SweptSplat], list: &[u32], depths: Depths, tile: &T
 }
 
 impl Lanes {
-    /// How long each lane's kernel is visible during a slice, in tau.
+    /// How long each lane's kernel is visible during a slice, in tau. `first`: T of the slice. `NEAREST`: the kernel's
+    /// object has a limit of its own; `nearest`: the least depth of the slice.
     #[inline(always)]
-    pub(super) fn visible(&self, [begin, middle, end]: [f32; 3], limit: &[f32; LANES]) -> [f32; LANES] {
+    pub(super) fn visible<const NEAREST: bool>(
+        &self,
+        [begin, middle, end]: [f32; 3],
+        depths: Depths,
+        first: &[f32; LANES],
+        nearest: &[f32; LANES],
+    ) -> [f32; LANES] {
         let mut out = [0.0; LANES];
         for l in 0..LANES {
-            let first = if self.first[l] > begin { self.first[l] } else { begin };
-            let last = if self.last[l] < end { self.last[l] } else { end };
+            let from = if self.first[l] > begin { self.first[l] } else { begin };
+            let to = if self.last[l] < end { self.last[l] } else { end };
             let depth = self.plane[0][l] + middle * self.plane[1][l];
-            let passes = (first < last) & (depth <= limit[l]) & (self.covers[l] != 0);
-            out[l] = if passes { last - first } else { 0.0 };
+            let limit = if NEAREST { depths.limit(depth, first[l], nearest[l]) } else { first[l] };
+            let passes = (from < to) & (depth <= limit) & (self.covers[l] != 0);
+            out[l] = if passes { to - from } else { 0.0 };
         }
         out
     }

@@ -34,7 +34,7 @@ impl SweepGroup<'_> {
     pub(in crate::backend) fn swept<'b>(&'b self, chunk: &Chunk, values: &'b [f32]) -> Swept<'b> {
         Swept {
             attributes: self.scope.attributes(chunk, values),
-            near: self.scope.frame.near,
+            depths: self.scope.depths(chunk),
             ellipsoid: self.ellipsoid(),
             slope: self.interval.slope,
             sum: self.sums_weights(),
@@ -48,7 +48,7 @@ impl SweepGroup<'_> {
     /// Pass `visibility` of one tile.
     fn lower(&self, job: &mut Job<'_, SweptSplat, TileFilm>) {
         if job.first {
-            job.buffers.start_slices(self.interval.slices as usize);
+            job.buffers.start_slices(self.interval.slices as usize, self.scope.frame.keeps_nearest);
         }
         for (chunk, binned) in job.chunks.iter().zip(job.binned) {
             let list = binned.list(&job.tile, job.scratch);

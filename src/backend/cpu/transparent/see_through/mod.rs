@@ -109,12 +109,12 @@ impl SeeThroughGroup<'_> {
     fn lower(&self, layer: u8, job: &mut Job<'_, EwaSplat, Vec<TileFilm>>) {
         let (scope, buffers) = (&self.scope, &mut job.buffers.paint);
         if job.first && layer == 0 {
-            buffers.clear_depths(true);
+            buffers.clear_depths(true, false);
             buffers.floor.clear();
             buffers.floor.resize(buffers.threshold.len(), 0.0);
         } else if job.first {
             std::mem::swap(&mut buffers.threshold, &mut buffers.floor);
-            buffers.clear_depths(true);
+            buffers.clear_depths(true, false);
         }
         let tolerances = scope.group.samples.len() == 1 && self.paint().tolerance_of_all().is_none();
         let (rect, _) = with_apron(&job.tile, scope.raster.apron(), scope.raster.size);
