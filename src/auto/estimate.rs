@@ -18,24 +18,27 @@ use crate::options::{Interleave, PixelFilter};
 const GAIN: f64 = 0.92;
 /// The same with a lattice, whose classes sample their strata off the middles.
 const GAIN_OF_LATTICE: f64 = 1.08;
+/// The same where strata are long.
+const GAIN_OF_LONG_STRATA: f64 = 1.02;
 /// The same where strata are so short that sub-pixel positions decide, whose error is more like that of random ones.
 const GAIN_OF_SHORT_STRATA: f64 = 0.95;
 /// The same where nothing moves, and each sample is seen from a position of its own.
-const GAIN_OF_REST: f64 = 0.75;
-/// Longest path of a surfel within a stratum where nothing moves, pixels.
-const REST: f64 = 0.03;
+const GAIN_OF_REST: f64 = 1.05;
 /// The same at pixel centres, where there are no such positions.
 const GAIN_OF_CENTRES: f64 = 0.62;
-/// Longest path of a surfel within such a stratum, pixels.
+/// Factor on these where a block was refined: what made it need more samples makes its error fall more slowly too.
+const REFINED: f64 = 1.08;
+/// Longest path of a surfel within a stratum where nothing moves, pixels.
+const REST: f64 = 0.03;
+/// The same within a short stratum.
 const SHORT_STRATA: f64 = 2.0;
+/// The same within a stratum that is not long.
+const FINE_STRATA: f64 = 4.5;
 /// FLIP of the image over that of the half difference, in the median of scenes, where both were means over pixels.
 const SEEN_GAIN: f64 = 0.74;
-/// The same with a lattice, which the eye blurs, and where strata are so short that the mean is far better than either
-/// half.
+/// The same with a lattice, which the eye blurs, and where something moves and strata are so short that the mean is far
+/// better than either half.
 const SEEN_GAIN_OF_FINE_STRATA: f64 = 0.42;
-/// Longest path of a surfel within a stratum, pixels, where the strata are so short. Where nothing moves by more than
-/// the smaller number, sub-pixel positions decide.
-const FINE_STRATA: Range<f64> = REST..4.5;
 /// Exponent by which a person judges a difference of colours (`compare::flip`: Andersson et al. 2020).
 const SEEN: f32 = 0.7;
 /// FLIP of a grey difference d of display values is about this times d^0.7, where d is small: 0.95 (100 d)^0.7 over
@@ -106,14 +109,15 @@ impl<'a> Errors<'a> {
         step: f64,
         filter: PixelFilter,
     ) -> Self {
-        let is_fine = interleave != Interleave::None || FINE_STRATA.contains(&step);
+        let is_fine = interleave != Interleave::None || (REST..FINE_STRATA).contains(&step);
         let seen_gain = if is_fine { SEEN_GAIN_OF_FINE_STRATA } else { SEEN_GAIN };
         let [width, height] = [width, height].map(|pixels| (pixels as usize).div_ceil(edge));
         let gain = match (interleave, step, filter) {
             (Interleave::None, ..SHORT_STRATA, PixelFilter::Point) => GAIN_OF_CENTRES,
             (Interleave::None, ..REST, _) => GAIN_OF_REST,
             (Interleave::None, ..SHORT_STRATA, _) => GAIN_OF_SHORT_STRATA,
-            (Interleave::None, ..) => GAIN,
+            (Interleave::None, ..FINE_STRATA, _) => GAIN,
+            (Interleave::None, ..) => GAIN_OF_LONG_STRATA,
             _ => GAIN_OF_LATTICE,
         };
         let blocks = vec![BlockError::default(); width * height];
@@ -161,9 +165,10 @@ impl<'a> Errors<'a> {
         let seen = if factors.is_none() { self.seen(&difference, width) } else { vec![0.0; halves.len()] };
         for (i, ((half, pixels), seen)) in halves.into_iter().zip(seen).enumerate() {
             let values = 3.0 * f64::from(pixels.max(1));
+            let gain = if factors.is_some_and(|factors| factors[i] > 1) { REFINED * self.gain } else { self.gain };
             let reaches =
                 if factors.is_none() { reaches(&difference, width, self.edge, i, self.width) } else { [false; 4] };
-            self.blocks[i] = BlockError { half: half / (4.0 * values), seen, pixels, gain: self.gain, reaches };
+            self.blocks[i] = BlockError { half: half / (4.0 * values), seen, pixels, gain, reaches };
         }
     }
 
