@@ -215,7 +215,8 @@ fn samples_follow_the_rule() {
                     "{place}"
                 );
                 let limit = hits.iter().map(|h| h.depth + h.epsilon).fold(f64::INFINITY, f64::min);
-                hits.retain(|h| h.depth <= limit);
+                let nearest = hits.iter().map(|h| h.depth).fold(f64::INFINITY, f64::min);
+                hits.retain(|h| h.depth <= limit && h.depth <= nearest + h.epsilon);
                 assert!((sample.limit - limit).abs() < 1e-9, "{place}: T {}, not {limit}", sample.limit);
                 let admitted: Vec<_> = sample.hits.iter().filter(|hit| hit.admitted).collect();
                 assert_eq!(admitted.len(), hits.len(), "{place}");
