@@ -46,8 +46,8 @@ fn sum_attributes(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocat
         quad.floor = thresholds[depths_of(index) + floor_place() + threshold_place(place.xy)];
         quad.ceiling = min(quad.first, thresholds[depths_of(index) + ceiling_place() + in_tile]);
     }
-    if all(quad.first == vec4<f32>(UNWANTED)) { return; }
     if NEAREST { quad.nearest = thresholds[nearest_of(index) + in_tile]; }
+    if all(quad.first == vec4<f32>(UNWANTED)) { return; }
     quad.second = vec4<f32>(UNWANTED);
     if LAYERS > 1u {
         quad.second = thresholds[depths_of(index) + second_place() + in_tile];

@@ -248,15 +248,15 @@ fn block_sums(width: usize, edge: usize, of: &[Vec3], value: impl Fn(Vec3) -> f6
 fn differences(a: &Picture, b: &Picture, backdrop: &Backdrop) -> Vec<Vec3> {
     let width = a.width as usize;
     let rows = a.rgba.par_chunks(width).zip(b.rgba.par_chunks(width)).enumerate();
-    let of_row = |(y, (a, b)): (usize, (&[[f32; 4]], &[[f32; 4]]))| -> Vec<Vec3> {
+    let differences = rows.flat_map_iter(|(y, (a, b))| -> Vec<Vec3> {
         // Most rows of a static background are equal.
         if a == b {
             return vec![Vec3::ZERO; width];
         }
         let [a, b] = [a, b].map(|row| shown(row, y * width, backdrop));
         a.chunks_exact(3).zip(b.chunks_exact(3)).map(|(a, b)| Vec3::from_slice(a) - Vec3::from_slice(b)).collect()
-    };
-    rows.flat_map_iter(of_row).collect()
+    });
+    differences.collect()
 }
 
 /// What the eye blurs: a binomial of five taps, near the contrast sensitivity of luminance at 67 pixels a degree.

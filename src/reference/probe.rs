@@ -28,7 +28,7 @@ pub struct Sample {
     pub time: f64,
     /// Eye and direction (of depth 1) of the ray, world space.
     pub ray: [DVec3; 2],
-    /// T of the visibility rule (docs/math.md, eq. 5): nothing deeper contributes. Infinite where nothing opaque is hit.
+    /// T of the visibility rule (docs/math.md, eq. 5): nothing deeper contributes. Infinite without an opaque hit.
     pub limit: f64,
     /// Surfels on the ray, nearest first. All that contribute are there, and others that were met on the way; farther
     /// ones may be missing.

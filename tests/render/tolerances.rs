@@ -38,7 +38,7 @@ fn before_nothing(objects: Vec<Object>) -> Scene {
     scene
 }
 
-/// What is before the camera, and the colour that all pixels have.
+/// Names, objects before the camera, and the colour that all pixels have.
 fn closed_forms() -> Vec<(&'static str, Vec<Object>, [f32; 3])> {
     const COARSE: f64 = 0.5;
     const FINE: f64 = 0.01;

@@ -59,8 +59,8 @@ pub(in crate::backend) struct DeviceChannels {
     pub sample_coverage: Option<usize>,
     /// Channel of opacities, of see-through surfels alone.
     pub opacity: Option<usize>,
-    /// Place of the tolerance among the values of a splat, where kernels in motion have several: `attribute` has no room
-    /// for the segments.
+    /// Place of the tolerance among the values of a splat, where kernels in motion have several: `attribute` has no
+    /// room for the segments.
     pub tolerance: Option<usize>,
     /// First of three channels of full EWA: weight times peak, weights that are negative for backs, and discs.
     pub peak: Option<usize>,

@@ -176,8 +176,8 @@ impl SweepTwins<'_> {
         planes.flat_map(|plane| (0..count).map(move |i| slice(plane, i))).collect()
     }
 
-    /// Sums of a tile of the image, of which `slices` are those of [`Self::visibility`]. `filters`: the filtered kernels
-    /// of each of `kernels`.
+    /// Sums of a tile of the image, of which `slices` are those of [`Self::visibility`]. `filters`: the filtered
+    /// kernels of each of `kernels`.
     pub(super) fn attribute(
         &self,
         kernels: &[Posed<SweptSplat>],

@@ -99,7 +99,7 @@ fn attribute_body<K: Kernel>(
 
 type Lanes = [f32; LANES];
 
-/// Adds one splat, a patch of `W` columns at a time. `NEAREST`: its object has a limit of its own. `PEELS`: one layer is
+/// Adds one splat, a patch of `W` columns at a time. `NEAREST`: its object has its own limit. `PEELS`: one layer is
 /// peeled off, from the floor to T. What lies behind has other layers.
 #[inline(always)]
 fn add_splat<K: Kernel, const W: usize, const CROSSING: bool, const NEAREST: bool, const PEELS: bool>(
