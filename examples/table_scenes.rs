@@ -46,6 +46,8 @@ use support::scenes::{converged, kept, names_of_shipped, shipped, two_frames};
 const PIXELS_PER_DEGREE: f64 = 67.0;
 /// Numbers of plain time samples.
 const UNIFORM: [u32; 9] = [8, 12, 16, 24, 32, 48, 64, 96, 128];
+/// Most of them in table `plain`.
+const MOST_PLAIN: u32 = 64;
 /// Most samples of a reference that is as near to the truth as a picture.
 const MOST: u64 = 256;
 
@@ -188,6 +190,7 @@ fn row(scene: &Scene, frame: i64, options: &RenderOptions, truths: &[Picture; 2]
     println!("| {} |", cells.join(" | "));
 }
 
+/// A row of table `plain`.
 fn plain_row(scene: &Scene, frame: i64, options: &RenderOptions, truth: &Picture) {
     let (rendered, seconds) = timed(scene, frame, options).unwrap();
     // Covered is what differs from the picture's corner.
@@ -203,7 +206,7 @@ fn plain_row(scene: &Scene, frame: i64, options: &RenderOptions, truth: &Picture
         let reached = error(picture);
         reached[1] <= found[1] && reached[2] <= found[2]
     };
-    let uniform = cheapest_uniform(scene, frame, options, 64, &is_as_good, seconds);
+    let uniform = cheapest_uniform(scene, frame, options, MOST_PLAIN, &is_as_good, seconds);
     let by = rendered
         .stats
         .achieved
