@@ -21,12 +21,13 @@ const GAIN_OF_LATTICE: f64 = 1.08;
 /// The same where strata are long.
 const GAIN_OF_LONG_STRATA: f64 = 1.02;
 /// The same where strata are so short that sub-pixel positions decide, whose error is more like that of random ones.
-const GAIN_OF_SHORT_STRATA: f64 = 0.95;
+const GAIN_OF_SHORT_STRATA: f64 = 0.98;
 /// The same where nothing moves, and each sample is seen from a position of its own.
 const GAIN_OF_REST: f64 = 1.05;
 /// The same at pixel centres, where there are no such positions.
 const GAIN_OF_CENTRES: f64 = 0.62;
-/// Factor on these where a block was refined: what made it need more samples makes its error fall more slowly too.
+/// Factor on these for each round that refined a block: what made it need more samples makes its error fall more slowly
+/// too.
 const REFINED: f64 = 1.08;
 /// Longest path of a surfel within a stratum where nothing moves, pixels.
 const REST: f64 = 0.03;
@@ -156,18 +157,18 @@ impl<'a> Errors<'a> {
         if pixels > 0.0 { (sum / pixels).sqrt() } else { 0.0 }
     }
 
-    /// Measures half buffers. `factors`: by which the samples of each block have grown since the first round. After
-    /// that, what is seen decides nothing more, and is not measured.
-    pub(super) fn measure(&mut self, buffers: &HalfBuffers, factors: Option<&[u32]>) {
+    /// Measures half buffers. `refined`: how many rounds refined each block; `None` after the first round. Later, what is
+    /// seen decides nothing more, and is not measured.
+    pub(super) fn measure(&mut self, buffers: &HalfBuffers, refined: Option<&[i32]>) {
         let [even, odd] = buffers.pictures();
         let (width, difference) = (even.width as usize, differences(even, odd, self.backdrop));
         let halves = block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()));
-        let seen = if factors.is_none() { self.seen(&difference, width) } else { vec![0.0; halves.len()] };
+        let seen = if refined.is_none() { self.seen(&difference, width) } else { vec![0.0; halves.len()] };
         for (i, ((half, pixels), seen)) in halves.into_iter().zip(seen).enumerate() {
             let values = 3.0 * f64::from(pixels.max(1));
-            let gain = if factors.is_some_and(|factors| factors[i] > 1) { REFINED * self.gain } else { self.gain };
+            let gain = refined.map_or(1.0, |refined| REFINED.powi(refined[i])) * self.gain;
             let reaches =
-                if factors.is_none() { reaches(&difference, width, self.edge, i, self.width) } else { [false; 4] };
+                if refined.is_none() { reaches(&difference, width, self.edge, i, self.width) } else { [false; 4] };
             self.blocks[i] = BlockError { half: half / (4.0 * values), seen, pixels, gain, reaches };
         }
     }

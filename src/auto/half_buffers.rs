@@ -14,18 +14,21 @@ use crate::plan::{Exposure, Group, PositionExposure, RasterExposure, TimeSample}
 use crate::scene::Scene;
 use crate::time::FrameNumber;
 
-/// The time samples that one round of a frame adds. Each stratum of the frame is divided by `factor`; the round samples
-/// those that the first round has not sampled. The first round has `factor` 1 and samples all.
+/// The time samples that one round of a frame adds. Each stratum of the rounds before it is divided by `factor`; the
+/// round samples those that they have not sampled. The first round has `factor` 1 and samples all.
 #[derive(Clone, Copy)]
 pub(super) struct Round<'a> {
     pub scene: &'a Scene,
     pub number: FrameNumber,
     pub options: &'a RenderOptions,
     pub interleave: Interleave,
+    /// Those of the rounds before; of the first round, its own.
     pub strata: &'a Strata,
+    /// By what the rounds before divided the strata of the first; odd.
+    pub coarse: u32,
     /// Odd.
     pub factor: u32,
-    /// Sub-pixel positions that share the samples of the first round, each with equally many; 1: the pixel's centre.
+    /// Sub-pixel positions that share the samples of the rounds before, each with equally many; 1: the pixel's centre.
     pub positions: u32,
 }
 
@@ -38,11 +41,12 @@ struct StratumPlace {
 }
 
 impl Round<'_> {
-    /// Class c of a lattice with stride S samples its strata at (2c + 1) / 2S^2. With an odd factor, each coarse sample
-    /// lies at such a place of a fine stratum.
+    /// Class c of a lattice with stride S samples the first strata at (2c + 1) / 2S^2. With an odd factor, each coarse
+    /// sample lies at such a place of a fine stratum.
     fn place(&self, phase: [u32; 2]) -> StratumPlace {
         let classes = f64::from(self.interleave.stride().pow(2));
-        let coarse = (f64::from(self.interleave.order(phase)) + 0.5) / classes;
+        let first = (f64::from(self.interleave.order(phase)) + 0.5) / classes;
+        let coarse = (f64::from(self.coarse) * first).fract();
         let scaled = f64::from(self.factor) * coarse;
         StratumPlace { fine: scaled.fract(), shift: scaled as u32 }
     }
@@ -266,7 +270,7 @@ mod tests {
         strata: &'a Strata,
         (positions, factor): (u32, u32),
     ) -> Round<'a> {
-        Round { scene, number: 0.into(), options, interleave, strata, factor, positions }
+        Round { scene, number: 0.into(), options, interleave, strata, coarse: 1, factor, positions }
     }
 
     /// The first samples and those of a finer round are those of so many times as many: none is lost, none comes twice,
@@ -299,6 +303,47 @@ mod tests {
                 for (time, (wanted, _)) in all.iter().zip(direct) {
                     assert!((time - wanted).abs() < 1e-12, "{interleave:?}, class {class}: {time} for {wanted}");
                 }
+            }
+        }
+    }
+
+    /// A third round adds to two the samples that they lack of so many times as many.
+    #[test]
+    fn a_third_round_samples_what_two_have_left() {
+        let options = RenderOptions::default();
+        let scene = scene(Weight::Ramp { centre: 1.0 });
+        for interleave in [Interleave::None, Interleave::Two] {
+            let strata = Strata::new(&scene, 0.into(), 8, 1 << 12);
+            let first = round(&scene, &options, interleave, &strata, (8, 1));
+            let divided = strata.divided(3);
+            let rounds = [
+                first,
+                Round { factor: 3, ..first },
+                Round { strata: &divided, coarse: 3, factor: 5, positions: 24, ..first },
+            ];
+            for (class, phase) in interleave.phases().enumerate() {
+                let of_round = |round: &Round<'_>| -> Vec<(f64, [u32; 2])> {
+                    let halves = [0, 1].map(|half| round.exposure(half).rasters.swap_remove(class).positions);
+                    assert_eq!(halves[0].len(), halves[1].len());
+                    let positions = halves.into_iter().flatten();
+                    let times = positions.flat_map(|position| {
+                        let offset = position.offset.map(f32::to_bits);
+                        position.groups.into_iter().map(move |group| (group.samples[0].time, offset))
+                    });
+                    times.collect()
+                };
+                let mut all: Vec<(f64, [u32; 2])> = rounds.iter().flat_map(of_round).collect();
+                all.sort_by(|a, b| a.0.total_cmp(&b.0));
+                let place = Round { factor: 15, ..first }.place(phase).fine;
+                let direct = strata.samples(&scene.shutter, 15, place);
+                assert_eq!(all.len(), direct.len());
+                for ((time, _), (wanted, _)) in all.iter().zip(direct) {
+                    assert!((time - wanted).abs() < 1e-12, "{interleave:?}, class {class}: {time} for {wanted}");
+                }
+                // Of 120 samples no more than a few see the same place.
+                all.sort_by_key(|(_, offset)| *offset);
+                all.dedup_by_key(|(_, offset)| *offset);
+                assert!(all.len() >= 110, "{} places", all.len());
             }
         }
     }

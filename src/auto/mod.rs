@@ -2,7 +2,8 @@
 //!
 //! A frame is rendered into two half buffers: each has half of the time samples. Their mean is the image, and
 //! half their difference estimates its error. Blocks whose error is above the target, or whose FLIP would be seen, are
-//! rendered once more, with an odd multiple of the samples. The first samples are reused.
+//! rendered once more, with an odd multiple of the samples, and again while their error stays above it. Earlier samples
+//! are reused.
 
 mod estimate;
 mod half_buffers;
@@ -27,7 +28,7 @@ const LEAST: f64 = 8.0;
 /// Odd multiples of them for a finer round.
 const FACTORS: [u32; 5] = [3, 5, 9, 15, 45];
 /// Samples of the first round at the target `good`: this times the path length, pixels, to the power [`BY_PATH`].
-const SAMPLES: f64 = 1.0;
+const SAMPLES: f64 = 0.9;
 /// See [`SAMPLES`].
 const BY_PATH: f64 = 0.7;
 /// Where nothing moves, samples of the first round for each sub-pixel position of a picture in motion.
@@ -40,6 +41,8 @@ const LOOSE: f64 = 0.02;
 /// Shortest path between two time samples, pixels, for which samples are interleaved. On shorter paths steps hardly
 /// show, but the lattice would.
 const WIDE_STEP: f64 = 11.0;
+/// Error of a block over the target, up to which a round that refined it was enough.
+const SLACK: f64 = 1.1;
 /// Share of its need from which a block takes part in the refinement of its neighbours.
 const NEARLY: f64 = 0.75;
 /// FLIP of stripes and ghosts that a block may have at the target `good`.
@@ -76,7 +79,7 @@ pub fn render(
     let samples = strata.count();
     // Samples of unequal shares would give the positions unequal shares.
     let positions = if positions > 1 && strata.has_jumps() { samples } else { shared(positions, samples) };
-    let first = Round { scene, number, options, interleave, strata: &strata, factor: 1, positions };
+    let first = Round { scene, number, options, interleave, strata: &strata, coarse: 1, factor: 1, positions };
     let edge = Blocks::EDGE * interleave.stride() as usize;
     let background = Background { colour: scene.image.background, transparent: scene.image.transparent };
     let picture = Panorama::of(scene, number, None, options.look.filter).map(|panorama| panorama.picture());
@@ -89,19 +92,16 @@ pub fn render(
     let looser = target.error / ErrorTarget::GOOD;
     let flip = FLIP * if looser > 1.0 { looser.powi(2) } else { looser };
     errors.measure(&half_buffers, None);
-    let factors = factors(&errors, &target, flip, samples);
-    let mut finer: Vec<u32> = factors.iter().copied().filter(|&factor| factor > 1).collect();
-    finer.sort_unstable();
-    finer.dedup();
-    for &factor in &finer {
-        let blocks = Blocks { width: errors.width, wanted: factors.iter().map(|&f| f == factor).collect() };
-        let round = Round { factor, ..first };
-        let fresh = HalfBuffers::render(backend, &round, Some(&blocks), &mut stats)?;
-        half_buffers.refine(&fresh, &round, &blocks);
-        fresh.recycle(backend);
-    }
-    if !finer.is_empty() {
-        errors.measure(&half_buffers, Some(&factors));
+    let mut factors = factors(&errors, &target, flip, samples);
+    let mut finer = factors.clone();
+    let mut rounds = vec![0; factors.len()];
+    // What a round leaves above the target goes on, as far as it may.
+    while finer.iter().any(|&factor| factor > 1) {
+        refine(backend, &first, &finer, &factors, &mut half_buffers, &mut stats, errors.width)?;
+        rounds.iter_mut().zip(&finer).for_each(|(rounds, &factor)| *rounds += i32::from(factor > 1));
+        errors.measure(&half_buffers, Some(&rounds));
+        finer = more(&errors, &target, &factors, samples);
+        factors.iter_mut().zip(&finer).for_each(|(factor, more)| *factor *= more);
     }
     let is_capped = |(block, &factor): (&BlockError, &u32)| {
         block.error() > target.error && samples.saturating_mul(factor * FACTORS[0]) > target.samples_max
@@ -141,6 +141,49 @@ pub fn render(
     }
     picture.layers.extend(layers);
     Ok(Rendered { picture, stats })
+}
+
+/// Renders the blocks whose samples grow once more, by the factors `finer`. `factors`: those since the first round,
+/// `finer` included.
+fn refine(
+    backend: &mut dyn Backend,
+    first: &Round<'_>,
+    finer: &[u32],
+    factors: &[u32],
+    half_buffers: &mut HalfBuffers,
+    stats: &mut Stats,
+    width: usize,
+) -> Result<(), BackendError> {
+    // Blocks of one round have the same factors, before it and in it.
+    let steps: Vec<[u32; 2]> = factors.iter().zip(finer).map(|(&all, &factor)| [all / factor, factor]).collect();
+    let mut rounds: Vec<[u32; 2]> = steps.iter().copied().filter(|[_, factor]| *factor > 1).collect();
+    rounds.sort_unstable();
+    rounds.dedup();
+    for [coarse, factor] in rounds {
+        let blocks = Blocks { width, wanted: steps.iter().map(|&step| step == [coarse, factor]).collect() };
+        let strata = first.strata.divided(coarse);
+        let positions = if first.positions > 1 { first.positions * coarse } else { 1 };
+        let round = Round { strata: &strata, coarse, factor, positions, ..*first };
+        let fresh = HalfBuffers::render(backend, &round, Some(&blocks), stats)?;
+        half_buffers.refine(&fresh, &round, &blocks);
+        fresh.recycle(backend);
+    }
+    Ok(())
+}
+
+/// By which factors samples grow once more in the blocks that were refined and are still above the target. `factors`:
+/// by which they have grown.
+fn more(errors: &Errors, target: &ErrorTarget, factors: &[u32], samples: u32) -> Vec<u32> {
+    let of_block = |(block, &factor): (&BlockError, &u32)| {
+        let over = block.error() / target.error;
+        if factor == 1 || over <= SLACK {
+            return 1;
+        }
+        let allowed = |finer: &u32| samples.saturating_mul(factor).saturating_mul(*finer) <= target.samples_max;
+        let enough = FACTORS.into_iter().find(|&finer| f64::from(finer) >= over).filter(allowed);
+        enough.or_else(|| FACTORS.into_iter().rfind(allowed)).unwrap_or(1)
+    };
+    errors.blocks.iter().zip(factors).map(of_block).collect()
 }
 
 /// For each block, by which factor its samples grow, as far as `samples_max` allows.

@@ -62,6 +62,11 @@ impl Strata {
         self.0.len() > 1
     }
 
+    /// The same, each divided by `factor`.
+    pub(super) fn divided(&self, factor: u32) -> Self {
+        Self(self.0.iter().map(|part| Part { strata: part.strata * factor, ..*part }).collect())
+    }
+
     /// Number of strata.
     pub(super) fn count(&self) -> u32 {
         self.0.iter().map(|part| part.strata).sum()
