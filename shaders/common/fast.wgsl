@@ -42,9 +42,9 @@ fn log_of_two(x: f32) -> f32 {
     return f32(e) + s * p;
 }
 
-// base^exponent for base >= 0 and exponent >= 0; 0^0 = 1.
+// base^exponent for base >= 0 and exponent >= 0; 0^0 = 1. It is at least 2^-90.
 fn power(base: f32, exponent: f32) -> f32 {
-    return power_of_two(exponent * log_of_two(max(base, 1.17549435e-38)));
+    return power_of_two(max(exponent * log_of_two(max(base, 1.17549435e-38)), -90.0));
 }
 
 // (erf(b) - erf(a)) / (b - a) for a and b in [-sqrt 2, sqrt 2]; WGSL has no erf.

@@ -174,24 +174,25 @@ pub(in crate::backend::cpu) fn add_lanes(
             mirror.add(&reflection, &mut colour);
         }
     }
-    let mut add = |plane: usize, value: Option<&Lanes>| {
-        let out = &mut film.values[(plane * TILE + y) * TILE + x..][..LANES];
+    let mut add = |plane: usize, value: &Lanes| {
+        let Some(out) = film.values[(plane * TILE + y) * TILE + x..].first_chunk_mut::<LANES>() else { return };
+        let old = *out;
         for l in 0..LANES {
-            out[l] += weight * (share[l] * value.map_or(1.0, |value| value[l]));
+            out[l] = old[l] + weight * (share[l] * value[l]);
         }
     };
-    add(0, Some(&colour[0]));
-    add(1, Some(&colour[1]));
-    add(2, Some(&colour[2]));
-    add(3, None);
+    add(0, &colour[0]);
+    add(1, &colour[1]);
+    add(2, &colour[2]);
+    add(3, &[1.0; LANES]);
     if let (Some(plane), Some(channel)) = (resolve.planes.depth, channels.depth) {
-        add(plane, Some(&mean(channel)));
+        add(plane, &mean(channel));
     }
     if let (Some(plane), Some(normal)) = (resolve.planes.normal, &normal) {
-        (0..3).for_each(|c| add(plane + c, Some(&normal[c])));
+        (0..3).for_each(|c| add(plane + c, &normal[c]));
     }
     if let (Some(plane), Some(channel)) = (resolve.planes.velocity, channels.velocity) {
-        (0..2).for_each(|c| add(plane + c, Some(&mean(channel + c))));
+        (0..2).for_each(|c| add(plane + c, &mean(channel + c)));
     }
 }
 

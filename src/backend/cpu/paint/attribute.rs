@@ -238,8 +238,17 @@ fn add_layer<K: Kernel, const W: usize>(
     extra: bool,
 ) {
     let (weights, depths) = shown;
-    for (channel, value) in values.iter().enumerate() {
-        add_patch::<W>(&mut out[channel * STRIDE..], row, weights, *value);
+    // Loops of a known length are unrolled: these are the channels of most pictures.
+    match values.len() {
+        7 => add_channels::<W, 7>(out, row, weights, values),
+        8 => add_channels::<W, 8>(out, row, weights, values),
+        11 => add_channels::<W, 11>(out, row, weights, values),
+        12 => add_channels::<W, 12>(out, row, weights, values),
+        _ => {
+            for (channel, value) in values.iter().enumerate() {
+                add_patch::<W>(&mut out[channel * STRIDE..], row, weights, *value);
+            }
+        }
     }
     if let Some(depth) = filter.attributes.channels.depth {
         let mut moments = [0.0; LANES];
@@ -251,5 +260,15 @@ fn add_layer<K: Kernel, const W: usize>(
         let side = if splat.disc().flags & FLAG_BACK == 0 { 1.0 } else { -1.0 };
         add_patch::<W>(&mut out[PEAK * STRIDE..], row, weights, splat.peak());
         add_patch::<W>(&mut out[SIDE * STRIDE..], row, weights, side);
+    }
+}
+
+/// Adds the values of `N` channels.
+#[inline(always)]
+fn add_channels<const W: usize, const N: usize>(out: &mut [f32], row: usize, weights: &Lanes, values: &[f32]) {
+    let Some(values) = values.first_chunk::<N>() else { return };
+    let out = &mut out[..(LANES / W - 1) * row + (N - 1) * STRIDE + W];
+    for (channel, value) in values.iter().enumerate() {
+        add_patch::<W>(&mut out[channel * STRIDE..], row, weights, *value);
     }
 }
