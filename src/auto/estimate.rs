@@ -157,19 +157,28 @@ impl<'a> Errors<'a> {
         if pixels > 0.0 { (sum / pixels).sqrt() } else { 0.0 }
     }
 
-    /// Measures half buffers. `refined`: how many rounds refined each block; `None` after the first round. Later, what is
-    /// seen decides nothing more, and is not measured.
-    pub(super) fn measure(&mut self, buffers: &HalfBuffers, refined: Option<&[i32]>) {
+    /// Measures half buffers after the first round.
+    pub(super) fn measure(&mut self, buffers: &HalfBuffers) {
         let [even, odd] = buffers.pictures();
-        let (width, difference) = (even.width as usize, differences(even, odd, self.backdrop));
+        let (width, difference) = (even.width as usize, differences(even, odd, self.backdrop, self.edge, |_| true));
         let halves = block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()));
-        let seen = if refined.is_none() { self.seen(&difference, width) } else { vec![0.0; halves.len()] };
+        let seen = self.seen(&difference, width);
         for (i, ((half, pixels), seen)) in halves.into_iter().zip(seen).enumerate() {
-            let values = 3.0 * f64::from(pixels.max(1));
-            let gain = refined.map_or(1.0, |refined| REFINED.powi(refined[i])) * self.gain;
-            let reaches =
-                if refined.is_none() { reaches(&difference, width, self.edge, i, self.width) } else { [false; 4] };
-            self.blocks[i] = BlockError { half: half / (4.0 * values), seen, pixels, gain, reaches };
+            let reaches = reaches(&difference, width, self.edge, i, self.width);
+            self.blocks[i] = BlockError { half: half / values(pixels), seen, pixels, gain: self.gain, reaches };
+        }
+    }
+
+    /// Measures again the blocks that a finer round added samples to: those with `finer` above 1. What is seen decides
+    /// nothing more.
+    pub(super) fn measure_again(&mut self, buffers: &HalfBuffers, finer: &[u32]) {
+        let [even, odd] = buffers.pictures();
+        let is_fresh = |block: usize| finer[block] > 1;
+        let (width, difference) = (even.width as usize, differences(even, odd, self.backdrop, self.edge, is_fresh));
+        let halves = block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()));
+        for (i, (half, pixels)) in halves.into_iter().enumerate().filter(|(i, _)| is_fresh(*i)) {
+            self.blocks[i].half = half / values(pixels);
+            self.blocks[i].gain *= REFINED;
         }
     }
 
@@ -245,40 +254,72 @@ fn block_sums(width: usize, edge: usize, of: &[Vec3], value: impl Fn(Vec3) -> f6
     bands.collect()
 }
 
-/// Difference of the display values of each pixel.
-fn differences(a: &Picture, b: &Picture, backdrop: &Backdrop) -> Vec<Vec3> {
+/// Differences of display values are summed over so many, and halved.
+fn values(pixels: u32) -> f64 {
+    4.0 * 3.0 * f64::from(pixels.max(1))
+}
+
+/// Difference of the display values of each pixel in the wanted blocks of `edge` pixels; 0 in the others.
+fn differences(
+    a: &Picture,
+    b: &Picture,
+    backdrop: &Backdrop,
+    edge: usize,
+    wanted: impl Fn(usize) -> bool + Sync,
+) -> Vec<Vec3> {
     let width = a.width as usize;
-    let rows = a.rgba.par_chunks(width).zip(b.rgba.par_chunks(width)).enumerate();
-    let differences = rows.flat_map_iter(|(y, (a, b))| -> Vec<Vec3> {
-        // Most rows of a static background are equal.
-        if a == b {
-            return vec![Vec3::ZERO; width];
+    let mut out = vec![Vec3::ZERO; a.rgba.len()];
+    let rows = out.par_chunks_mut(width).zip(a.rgba.par_chunks(width)).zip(b.rgba.par_chunks(width)).enumerate();
+    rows.for_each(|(y, ((out, a), b))| {
+        let parts = out.chunks_mut(edge).zip(a.chunks(edge)).zip(b.chunks(edge)).enumerate();
+        for (column, ((out, a), b)) in parts {
+            // Most of a static background is equal.
+            if !wanted(y / edge * width.div_ceil(edge) + column) || a == b {
+                continue;
+            }
+            let [a, b] = [a, b].map(|part| shown(part, y * width + column * edge, backdrop));
+            for ((out, a), b) in out.iter_mut().zip(a.chunks_exact(3)).zip(b.chunks_exact(3)) {
+                *out = Vec3::from_slice(a) - Vec3::from_slice(b);
+            }
         }
-        let [a, b] = [a, b].map(|row| shown(row, y * width, backdrop));
-        a.chunks_exact(3).zip(b.chunks_exact(3)).map(|(a, b)| Vec3::from_slice(a) - Vec3::from_slice(b)).collect()
     });
-    differences.collect()
+    out
 }
 
 /// What the eye blurs: a binomial of five taps, near the contrast sensitivity of luminance at 67 pixels a degree.
 fn blurred(values: &[Vec3], width: usize) -> Vec<Vec3> {
     const TAPS: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
-    // Pixels beyond the border are those at the border.
-    let along = |row: &[Vec3]| -> Vec<Vec3> {
-        let (first, last) = (row[0], row[row.len() - 1]);
-        let padded: Vec<Vec3> = [&[first; 2], row, &[last; 2]].concat();
-        padded.windows(5).map(|taps| taps.iter().zip(TAPS).map(|(&value, tap)| tap * value).sum()).collect()
-    };
-    let rows: Vec<Vec<Vec3>> = values.par_chunks(width).map(along).collect();
-    let across = |y: usize| -> Vec<Vec3> {
-        let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|i| &rows[(y + i).saturating_sub(2).min(rows.len() - 1)][..width]);
-        let [p, q, r, ..] = TAPS;
-        (0..width).map(|x| p * (a[x] + e[x]) + q * (b[x] + d[x]) + r * c[x]).collect()
-    };
-    (0..rows.len()).into_par_iter().flat_map_iter(across).collect()
+    // Rows without a difference stay as they are made: 0.
+    let mut along = vec![Vec3::ZERO; values.len()];
+    let rows = along.par_chunks_mut(width).zip(values.par_chunks(width));
+    let differs: Vec<bool> = rows
+        .map(|(out, row)| {
+            let differs = row.iter().any(|&value| value != Vec3::ZERO);
+            if differs {
+                // Pixels beyond the border are those at the border.
+                let padded: Vec<Vec3> = [&[row[0]; 2], row, &[row[width - 1]; 2]].concat();
+                for (out, taps) in out.iter_mut().zip(padded.windows(5)) {
+                    *out = taps.iter().zip(TAPS).map(|(&value, tap)| tap * value).sum();
+                }
+            }
+            differs
+        })
+        .collect();
+    let mut across = vec![Vec3::ZERO; values.len()];
+    across.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
+        let rows = [0, 1, 2, 3, 4].map(|i| (y + i).saturating_sub(2).min(differs.len() - 1));
+        if rows.iter().any(|&row| differs[row]) {
+            let [a, b, c, d, e] = rows.map(|row| &along[row * width..][..width]);
+            let [p, q, r, ..] = TAPS;
+            for (x, out) in out.iter_mut().enumerate() {
+                *out = p * (a[x] + e[x]) + q * (b[x] + d[x]) + r * c[x];
+            }
+        }
+    });
+    across
 }
 
-/// Display values, three a pixel, of a row over the background. `first`: number of its first pixel.
+/// Display values, three a pixel, of a part of a row over the background. `first`: number of its first pixel.
 fn shown(row: &[[f32; 4]], first: usize, backdrop: &Backdrop) -> Vec<f32> {
     let colours = row
         .iter()

@@ -28,7 +28,7 @@ const LEAST: f64 = 8.0;
 /// Odd multiples of them for a finer round.
 const FACTORS: [u32; 5] = [3, 5, 9, 15, 45];
 /// Samples of the first round at the target `good`: this times the path length, pixels, to the power [`BY_PATH`].
-const SAMPLES: f64 = 0.9;
+const SAMPLES: f64 = 1.0;
 /// See [`SAMPLES`].
 const BY_PATH: f64 = 0.7;
 /// Where nothing moves, samples of the first round for each sub-pixel position of a picture in motion.
@@ -91,15 +91,13 @@ pub fn render(
     let mut errors = Errors::new(size, edge, &backdrop, interleave, step, options.look.filter);
     let looser = target.error / ErrorTarget::GOOD;
     let flip = FLIP * if looser > 1.0 { looser.powi(2) } else { looser };
-    errors.measure(&half_buffers, None);
+    errors.measure(&half_buffers);
     let mut factors = factors(&errors, &target, flip, samples);
     let mut finer = factors.clone();
-    let mut rounds = vec![0; factors.len()];
     // What a round leaves above the target goes on, as far as it may.
     while finer.iter().any(|&factor| factor > 1) {
         refine(backend, &first, &finer, &factors, &mut half_buffers, &mut stats, errors.width)?;
-        rounds.iter_mut().zip(&finer).for_each(|(rounds, &factor)| *rounds += i32::from(factor > 1));
-        errors.measure(&half_buffers, Some(&rounds));
+        errors.measure_again(&half_buffers, &finer);
         finer = more(&errors, &target, &factors, samples);
         factors.iter_mut().zip(&finer).for_each(|(factor, more)| *factor *= more);
     }
