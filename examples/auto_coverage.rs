@@ -1,11 +1,12 @@
 //! Does mode auto keep its promises? Stated and true errors on random scenes.
 //!
 //! `cargo run --release --example auto_coverage [-- seed=N] [scenes=N] [prefilter=approx] [kind=plain|hard|captures]
-//! [list=yes]`
+//! [list=yes] [truth=reference]`
 //!
 //! For each target: the share of scenes whose stated error is at least the true one, the median of stated / true, the
 //! share of scenes without a block beyond 1.1 E, and the samples of a pixel. The truth is supersampling with 768
-//! samples and another seed; it is kept in `target/tables`. `list=yes` prints a line a scene.
+//! samples and another seed; it is kept in `target/tables`. `list=yes` prints a line a scene. With `truth=reference`
+//! two ray-traced references of 256 samples judge, whose noise falls out of the mean of (A - R) (A - S).
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a generator may stop, and prints its tables")]
 
@@ -13,15 +14,16 @@ mod support;
 
 use splatblur::backend::Achieved;
 use splatblur::backend::cpu::Cpu;
-use splatblur::compare::gamma_rmse;
+use splatblur::compare::{encode, gamma_rmse};
 use splatblur::film::{Aov, Picture};
 use splatblur::options::{ErrorTarget, Look, Prefilter, Quality, RenderOptions};
+use splatblur::reference::{self, ReferenceOptions};
 use splatblur::renderer::render_frame;
 use splatblur::scene::Scene;
 use support::Arguments;
 use support::blocks::worst_block;
 use support::random_scenes::{Models, random, random_hard, random_with_captures};
-use support::scenes::converged;
+use support::scenes::{converged, kept};
 
 /// Targets: draft, good and final.
 const ERRORS: [f64; 3] = [0.05, 0.025, 0.0125];
@@ -38,7 +40,7 @@ struct Seen {
 }
 
 fn main() {
-    let asked = Arguments::read(&[], &["seed", "scenes", "prefilter", "kind", "list"]);
+    let asked = Arguments::read(&[], &["seed", "scenes", "prefilter", "kind", "list", "truth"]);
     let number = |key: &str, default: u64| asked.value(key).map_or(default, |text| text.parse().unwrap());
     let (seed, scenes) = (number("seed", 1), number("scenes", 200));
     let prefilter: Prefilter = asked.value("prefilter").map_or_else(Prefilter::default, |text| text.parse().unwrap());
@@ -53,9 +55,13 @@ fn main() {
     for index in 0..scenes {
         let scene = of_kind(&models, seed, index);
         let options = RenderOptions { prefilter, ..RenderOptions::default() };
-        let truth = converged(&scene, 0, &options, &prefilter.to_string());
+        let truths = if asked.value("truth") == Some("reference") {
+            [1, 2].map(|seed| traced(&scene, seed)).to_vec()
+        } else {
+            vec![converged(&scene, 0, &options, &prefilter.to_string())]
+        };
         for (error, seen) in ERRORS.into_iter().zip(&mut seen) {
-            let (of_scene, achieved) = look(&mut cpu, &scene, &options, error, &truth);
+            let (of_scene, achieved) = look(&mut cpu, &scene, &options, error, &truths);
             if asked.value("list").is_some() {
                 println!(
                     "{index} E {error}: stated {:.5} true {:.5} ratio {:.2} worst {:.2} samples {:.1} | {:.0} px, \
@@ -106,7 +112,28 @@ fn main() {
     }
 }
 
-fn look(cpu: &mut Cpu, scene: &Scene, options: &RenderOptions, error: f64, truth: &Picture) -> (Seen, Achieved) {
+/// A reference.
+fn traced(scene: &Scene, seed: u64) -> Picture {
+    kept(&format!("{}_0_reference_256_{seed}", scene.name), || {
+        let look = Look { seed, ..Look::default() };
+        let options = ReferenceOptions { samples: 256, look, ..ReferenceOptions::default() };
+        reference::picture(scene, 0, &options).unwrap()
+    })
+}
+
+/// Root mean square of the differences of display values of a picture and the truth. Of two truths each has noise of
+/// its own.
+fn true_error(picture: &Picture, truths: &[Picture]) -> f64 {
+    let [first, second] = truths else { return gamma_rmse(picture, &truths[0]).unwrap() };
+    let (picture, first, second) = (encode(picture), encode(first), encode(second));
+    let channels = picture.iter().zip(&first).zip(&second);
+    let products = channels
+        .flat_map(|((p, a), b)| p.iter().zip(a.iter().zip(b)).map(|(p, (a, b))| f64::from(p - a) * f64::from(p - b)));
+    let (sum, n) = products.fold((0.0, 0_u32), |(sum, n), product| (sum + product, n + 1));
+    (sum.max(0.0) / f64::from(n)).sqrt()
+}
+
+fn look(cpu: &mut Cpu, scene: &Scene, options: &RenderOptions, error: f64, truths: &[Picture]) -> (Seen, Achieved) {
     let quality = Quality::Error(ErrorTarget { error, ..ErrorTarget::default() });
     let options =
         RenderOptions { quality, look: Look { aovs: vec![Aov::Samples], ..options.look.clone() }, ..options.clone() };
@@ -115,8 +142,8 @@ fn look(cpu: &mut Cpu, scene: &Scene, options: &RenderOptions, error: f64, truth
     let samples = &rendered.picture.layers[0].planes[0];
     let seen = Seen {
         stated: achieved.error,
-        truth: gamma_rmse(&rendered.picture, truth).unwrap(),
-        worst: worst_block(&rendered.picture, truth, 32 * achieved.interleave as usize) / error,
+        truth: true_error(&rendered.picture, truths),
+        worst: worst_block(&rendered.picture, &truths[0], 32 * achieved.interleave as usize) / error,
         samples: samples.iter().map(|&n| f64::from(n)).sum::<f64>() / samples.len() as f64,
         splats: rendered.stats.splats,
     };

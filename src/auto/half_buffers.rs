@@ -22,7 +22,7 @@ pub(super) struct Round<'a> {
     pub number: FrameNumber,
     pub options: &'a RenderOptions,
     pub interleave: Interleave,
-    /// Those of the rounds before; of the first round, its own.
+    /// Strata of the rounds before; the first round's own.
     pub strata: &'a Strata,
     /// By what the rounds before divided the strata of the first; odd.
     pub coarse: u32,

@@ -90,7 +90,7 @@ pub fn render(
     let step = path_length / f64::from(samples);
     let mut errors = Errors::new(size, edge, &backdrop, interleave, step, options.look.filter);
     let looser = target.error / ErrorTarget::GOOD;
-    let flip = FLIP * if looser > 1.0 { looser.powi(2) } else { looser };
+    let flip = FLIP * if looser > 1.0 { looser.powi(2) } else { looser.powf(1.5) };
     errors.measure(&half_buffers);
     let mut factors = factors(&errors, &target, flip, samples);
     let mut finer = factors.clone();
