@@ -165,7 +165,7 @@ impl<'a> Errors<'a> {
         let seen = self.seen(&difference, width);
         for (i, ((half, pixels), seen)) in halves.into_iter().zip(seen).enumerate() {
             let reaches = reaches(&difference, width, self.edge, i, self.width);
-            self.blocks[i] = BlockError { half: half / values(pixels), seen, pixels, gain: self.gain, reaches };
+            self.blocks[i] = BlockError { half: half / divisor(pixels), seen, pixels, gain: self.gain, reaches };
         }
     }
 
@@ -177,7 +177,7 @@ impl<'a> Errors<'a> {
         let (width, difference) = (even.width as usize, differences(even, odd, self.backdrop, self.edge, is_fresh));
         let halves = block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()));
         for (i, (half, pixels)) in halves.into_iter().enumerate().filter(|(i, _)| is_fresh(*i)) {
-            self.blocks[i].half = half / values(pixels);
+            self.blocks[i].half = half / divisor(pixels);
             self.blocks[i].gain *= REFINED;
         }
     }
@@ -254,8 +254,8 @@ fn block_sums(width: usize, edge: usize, of: &[Vec3], value: impl Fn(Vec3) -> f6
     bands.collect()
 }
 
-/// Differences of display values are summed over so many, and halved.
-fn values(pixels: u32) -> f64 {
+/// Divisor of a sum of squared differences: three channels a pixel, and four, since half the difference counts.
+fn divisor(pixels: u32) -> f64 {
     4.0 * 3.0 * f64::from(pixels.max(1))
 }
 

@@ -2,8 +2,8 @@
 //!
 //! A frame is rendered into two half buffers: each has half of the time samples. Their mean is the image, and
 //! half their difference estimates its error. Blocks whose error is above the target, or whose FLIP would be seen, are
-//! rendered once more, with an odd multiple of the samples, and again while their error stays above it. Earlier samples
-//! are reused.
+//! rendered once more, with an odd multiple of the samples, and again while their error is more than a tenth above it.
+//! Earlier samples are reused.
 
 mod estimate;
 mod half_buffers;
@@ -41,7 +41,8 @@ const LOOSE: f64 = 0.02;
 /// Shortest path between two time samples, pixels, for which samples are interleaved. On shorter paths steps hardly
 /// show, but the lattice would.
 const WIDE_STEP: f64 = 11.0;
-/// Error of a block over the target, up to which a round that refined it was enough.
+/// Error of a block over the target, up to which a round that refined it was enough. More than the factor by which a
+/// round raises the gain (`estimate`), so that a round which does what it should is enough.
 const SLACK: f64 = 1.1;
 /// Share of its need from which a block takes part in the refinement of its neighbours.
 const NEARLY: f64 = 0.75;
@@ -98,11 +99,16 @@ pub fn render(
     while finer.iter().any(|&factor| factor > 1) {
         refine(backend, &first, &finer, &factors, &mut half_buffers, &mut stats, errors.width)?;
         errors.measure_again(&half_buffers, &finer);
-        finer = more(&errors, &target, &factors, samples);
+        let fits = |samples: u32| {
+            let all = u64::from(samples) * u64::from(interleave.stride().pow(2));
+            BackendError::check_samples(scene, all, options.memory).is_ok()
+        };
+        finer = more(&errors, &target, &factors, samples, fits);
         factors.iter_mut().zip(&finer).for_each(|(factor, more)| *factor *= more);
     }
     let is_capped = |(block, &factor): (&BlockError, &u32)| {
-        block.error() > target.error && samples.saturating_mul(factor * FACTORS[0]) > target.samples_max
+        let slack = if factor > 1 { SLACK } else { 1.0 };
+        block.error() > slack * target.error && samples.saturating_mul(factor * FACTORS[0]) > target.samples_max
     };
     let capped = errors.blocks.iter().zip(&factors).filter(|&block| is_capped(block)).count() as u32;
     let error = errors.root_mean();
@@ -170,14 +176,17 @@ fn refine(
 }
 
 /// By which factors samples grow once more in the blocks that were refined and are still above the target. `factors`:
-/// by which they have grown.
-fn more(errors: &Errors, target: &ErrorTarget, factors: &[u32], samples: u32) -> Vec<u32> {
+/// by which they have grown. `fits`: is there memory for so many samples?
+fn more(errors: &Errors, target: &ErrorTarget, factors: &[u32], samples: u32, fits: impl Fn(u32) -> bool) -> Vec<u32> {
     let of_block = |(block, &factor): (&BlockError, &u32)| {
         let over = block.error() / target.error;
         if factor == 1 || over <= SLACK {
             return 1;
         }
-        let allowed = |finer: &u32| samples.saturating_mul(factor).saturating_mul(*finer) <= target.samples_max;
+        let allowed = |finer: &u32| {
+            let all = samples.saturating_mul(factor).saturating_mul(*finer);
+            all <= target.samples_max && fits(all)
+        };
         let enough = FACTORS.into_iter().find(|&finer| f64::from(finer) >= over).filter(allowed);
         enough.or_else(|| FACTORS.into_iter().rfind(allowed)).unwrap_or(1)
     };

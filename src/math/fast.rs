@@ -116,8 +116,8 @@ pub fn log2(x: f32) -> f32 {
 /// which processors are slow.
 const LEAST_POWER: f32 = -90.0;
 
-/// base^exponent for base >= 0 and exponent >= 0; 0^0 = 1. It is at least 2^-90. Relative error below about
-/// 1e-6 (1 + exponent |log2 base|).
+/// base^exponent for base >= 0 and exponent >= 0; 0^0 = 1. It is at least 2^-90; above, its relative error is
+/// below about 1e-6 (1 + exponent |log2 base|).
 #[inline(always)]
 pub fn pow(base: f32, exponent: f32) -> f32 {
     let base = if base > f32::MIN_POSITIVE { base } else { f32::MIN_POSITIVE };
