@@ -62,7 +62,7 @@ fn errors(name: &str, folder: &Path, file: &str, truth: &Triangles, views: [(&st
             if label != "far" && prefilter == Prefilter::None {
                 continue;
             }
-            let quality = BlurMode::supersample(32).into();
+            let quality = BlurMode::supersample(64).into();
             let options = RenderOptions {
                 quality,
                 prefilter,
