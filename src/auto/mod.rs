@@ -106,9 +106,10 @@ pub fn render(
         finer = more(&errors, &target, &factors, samples, fits);
         factors.iter_mut().zip(&finer).for_each(|(factor, more)| *factor *= more);
     }
+    // All other blocks went on until they were good enough.
     let is_capped = |(block, &factor): (&BlockError, &u32)| {
         let slack = if factor > 1 { SLACK } else { 1.0 };
-        block.error() > slack * target.error && samples.saturating_mul(factor * FACTORS[0]) > target.samples_max
+        block.error() > slack * target.error
     };
     let capped = errors.blocks.iter().zip(&factors).filter(|&block| is_capped(block)).count() as u32;
     let error = errors.root_mean();
@@ -187,20 +188,22 @@ fn more(errors: &Errors, target: &ErrorTarget, factors: &[u32], samples: u32, fi
             let all = samples.saturating_mul(factor).saturating_mul(*finer);
             all <= target.samples_max && fits(all)
         };
-        let enough = FACTORS.into_iter().find(|&finer| f64::from(finer) >= over).filter(allowed);
-        enough.or_else(|| FACTORS.into_iter().rfind(allowed)).unwrap_or(1)
+        enough(over, allowed)
     };
     errors.blocks.iter().zip(factors).map(of_block).collect()
+}
+
+/// The least factor of at least `needed`, or else the largest that is allowed; 1 where none is.
+fn enough(needed: f64, allowed: impl Fn(&u32) -> bool) -> u32 {
+    let enough = FACTORS.into_iter().find(|&factor| f64::from(factor) >= needed);
+    enough.filter(&allowed).or_else(|| FACTORS.into_iter().rfind(&allowed)).unwrap_or(1)
 }
 
 /// For each block, by which factor its samples grow, as far as `samples_max` allows.
 fn factors(errors: &Errors, target: &ErrorTarget, flip: f64, samples: u32) -> Vec<u32> {
     let needed: Vec<f64> = errors.blocks.iter().map(|block| block.needed(target.error, flip)).collect();
     let allowed = |factor: &u32| samples.saturating_mul(*factor) <= target.samples_max;
-    let enough = |needed: f64| {
-        let enough = FACTORS.into_iter().find(|&factor| f64::from(factor) >= needed);
-        enough.filter(allowed).or_else(|| FACTORS.into_iter().rfind(allowed)).unwrap_or(1)
-    };
+    let enough = |needed: f64| enough(needed, allowed);
     let mut factors: Vec<u32> = needed.iter().map(|&needed| if needed > 1.0 { enough(needed) } else { 1 }).collect();
     // What reaches a border may go on in a block that no sample touched.
     let own = factors.clone();
