@@ -16,7 +16,8 @@
 //! seed without a filter, which takes seconds, and shares kernels and tolerance with the pictures. `random=SEED,COUNT`:
 //! of random scenes instead. *Uniform* has up to 64 samples.
 //!
-//! Table `modes`: FLIP, *worst* and seconds of the first of these frames in each blur mode.
+//! Table `modes`: FLIP, *worst* and seconds of the first of these frames in each blur mode. Below it, for each mode, the
+//! geometric means of their ratios to those of `supersample:32` (docs/modes.md), over the scenes that it takes.
 //!
 //! The truth has 1024 samples (`truth=`), from an earlier run where there is one (`target/tables`). The first run
 //! takes long, because it traces two references of each frame.
@@ -48,6 +49,8 @@ const PIXELS_PER_DEGREE: f64 = 67.0;
 const UNIFORM: [u32; 9] = [8, 12, 16, 24, 32, 48, 64, 96, 128];
 /// Most of them in table `plain`.
 const MOST_PLAIN: u32 = 64;
+/// The mode beside which table `modes` puts the others.
+const USUAL: &str = "supersample:32";
 /// Most samples of a reference that is as near to the truth as a picture.
 const MOST: u64 = 256;
 
@@ -102,18 +105,37 @@ fn main() {
         let modes = modes();
         println!("| scene | {} |", modes.each_ref().map(|(name, _)| *name).join(" | "));
         println!("|---|{}", "---|".repeat(modes.len()));
+        let mut all = Vec::new();
         for scene in names.iter().map(|name| shipped(name)) {
             let frame = two_frames(&scene)[0];
             let truth = truth(&scene, frame, &options, samples, 77);
             let covered = covered_blocks(&truth);
-            let cell = |(_, quality): &(&str, Quality)| {
+            let measured = modes.each_ref().map(|(_, quality)| {
                 let options = RenderOptions { quality: *quality, ..options.clone() };
-                let Ok((rendered, seconds)) = one.install(|| timed(&scene, frame, &options)) else { return "-".into() };
+                let (rendered, seconds) = one.install(|| timed(&scene, frame, &options)).ok()?;
                 let map = flip::map_at(&rendered.picture, &truth, PIXELS_PER_DEGREE).unwrap();
                 let [mean, worst] = judged(&map, truth.width as usize, &covered);
-                format!("{mean:.4} {worst:.3} {seconds:.2}")
+                Some([mean, worst, seconds])
+            });
+            let cell = |of: &Option<[f64; 3]>| {
+                of.map_or_else(|| "-".into(), |[mean, worst, seconds]| format!("{mean:.4} {worst:.3} {seconds:.2}"))
             };
-            println!("| *{}* {frame} | {} |", scene.name, modes.each_ref().map(cell).join(" | "));
+            println!("| *{}* {frame} | {} |", scene.name, measured.each_ref().map(cell).join(" | "));
+            all.push(measured);
+        }
+        println!("\n| mode | FLIP | worst | seconds | scenes |\n|---|---:|---:|---:|---:|");
+        let usual = modes.iter().position(|(name, _)| *name == USUAL).unwrap();
+        for (mode, (name, _)) in modes.iter().enumerate() {
+            let ratios: Vec<[f64; 3]> = all
+                .iter()
+                .filter_map(|of| of[mode].zip(of[usual]))
+                .map(|(of, usual)| [0, 1, 2].map(|what| of[what] / usual[what]))
+                .collect();
+            let mean = |what: usize| {
+                let sum: f64 = ratios.iter().map(|of| of[what].ln()).sum();
+                format!("{:.2}", (sum / ratios.len() as f64).exp())
+            };
+            println!("| `{name}` | {} | {} |", [0, 1, 2].map(mean).join(" | "), ratios.len());
         }
     }
 }

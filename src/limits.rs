@@ -93,6 +93,8 @@ pub const SOURCE_SAMPLES: RangeInclusive<u32> = 1..=64;
 pub const OVERLAP: Range = Range(0.1, 4.0);
 /// Error of a block of the image, display values.
 pub const ERROR: Range = Range(1e-4, 1.0);
+/// Brightest light that mode auto compares, white is 1: up to the largest half.
+pub const WHITE: Range = Range(1.0, 65504.0);
 /// Standard deviation of a Gaussian pixel filter, pixels. Wider ones would reach beyond what tiles know of their
 /// neighbours.
 pub const SIGMA: Range = Range(0.25, 4.0);

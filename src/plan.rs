@@ -357,7 +357,11 @@ impl Exposure {
             BlurMode::Volumetric { intervals, pixel_samples, swept } => {
                 let strata = Strata::new(intervals, 1, pixel_samples);
                 let groups = intervals_of(strata, swept, shutter, frame, jumps);
-                Self::uniform(with_offsets(groups, strata.positions, filter, seed))
+                let mut positions = with_offsets(groups, strata.positions, filter, seed);
+                if strata.repeats > 1 {
+                    positions.chunks_mut(strata.repeats as usize).for_each(centre);
+                }
+                Self::uniform(positions)
             }
         }
     }
@@ -487,6 +491,14 @@ fn intervals_of(strata: Strata, kernel: SweptKernel, shutter: &Shutter, frame: f
 fn with_offsets(groups: Vec<Group>, positions: Option<u32>, filter: PixelFilter, seed: u64) -> Vec<PositionExposure> {
     let offsets = filter.offsets(positions.unwrap_or(groups.len() as u32), seed);
     share_out(groups, &offsets)
+}
+
+/// Moves the positions of one interval so that their mean is the pixel's centre: no part of a streak is shifted.
+fn centre(positions: &mut [PositionExposure]) {
+    for axis in 0..2 {
+        let mean = positions.iter().map(|position| position.offset[axis]).sum::<f32>() / positions.len() as f32;
+        positions.iter_mut().for_each(|position| position.offset[axis] -= mean);
+    }
 }
 
 /// Deals `groups`, in order of time, out to positions at `offsets` in turn, so that each position sees the whole

@@ -17,13 +17,13 @@ use crate::options::{Interleave, PixelFilter};
 /// Error of the image over the root of the half difference, which no more than one scene in twenty exceeds.
 const GAIN: f64 = 0.92;
 /// The same with a lattice, whose classes sample their strata off the middles.
-const GAIN_OF_LATTICE: f64 = 1.08;
+const GAIN_OF_LATTICE: f64 = 1.0;
 /// The same where strata are long.
-const GAIN_OF_LONG_STRATA: f64 = 1.02;
+const GAIN_OF_LONG_STRATA: f64 = 0.97;
 /// The same where strata are so short that sub-pixel positions decide, whose error is more like that of random ones.
 const GAIN_OF_SHORT_STRATA: f64 = 0.98;
 /// The same where nothing moves, and each sample is seen from a position of its own.
-const GAIN_OF_REST: f64 = 1.05;
+const GAIN_OF_REST: f64 = 0.98;
 /// The same at pixel centres, where there are no such positions.
 const GAIN_OF_CENTRES: f64 = 0.62;
 /// Factor on these for each round that refined a block: what made it need more samples makes its error fall more slowly
@@ -36,10 +36,10 @@ const SHORT_STRATA: f64 = 2.0;
 /// The same within a stratum that is not long.
 const FINE_STRATA: f64 = 4.5;
 /// FLIP of the image over that of the half difference, in the median of scenes, where both were means over pixels.
-const SEEN_GAIN: f64 = 0.74;
+const SEEN_GAIN: f64 = 0.65;
 /// The same with a lattice, which the eye blurs, and where something moves and strata are so short that the mean is far
 /// better than either half.
-const SEEN_GAIN_OF_FINE_STRATA: f64 = 0.42;
+const SEEN_GAIN_OF_FINE_STRATA: f64 = 0.37;
 /// Exponent by which a person judges a difference of colours (`compare::flip`: Andersson et al. 2020).
 const SEEN: f32 = 0.7;
 /// FLIP of a grey difference d of display values is about this times d^0.7, where d is small: 0.95 (100 d)^0.7 over
@@ -49,6 +49,8 @@ const SEEN_SCALE: f64 = 1.45;
 const WORST_PART: f64 = 0.25;
 /// Pixels from the border of a block within which what differs may go on beyond it.
 const BORDER: usize = 3;
+/// Width of the part of a block, pixels, that is a sliver.
+const SLIVER: usize = 8;
 /// Parts of a block along each axis. The eye sees a small place.
 const PARTS: usize = 2;
 
@@ -65,9 +67,22 @@ pub(super) struct BlockError {
     gain: f64,
     /// Does anything differ near the left, right, upper, lower border?
     reaches: [bool; 4],
+    /// Does nothing differ but near that border?
+    sliver: [bool; 4],
 }
 
 impl BlockError {
+    /// The same block at another exposure: what is worse counts.
+    fn worse(self, other: Self) -> Self {
+        Self {
+            half: self.half.max(other.half),
+            seen: self.seen.max(other.seen),
+            reaches: [0, 1, 2, 3].map(|side: usize| self.reaches[side] || other.reaches[side]),
+            sliver: [0, 1, 2, 3].map(|side: usize| self.sliver[side] && other.sliver[side]),
+            ..self
+        }
+    }
+
     /// Estimated error: root mean square of display values.
     pub(super) fn error(&self) -> f64 {
         self.gain * self.half.sqrt()
@@ -97,11 +112,13 @@ pub(super) struct Errors<'a> {
     /// Gain of blocks that were not refined.
     gain: f64,
     seen_gain: f64,
+    /// Exposures, as factors on light, at which the halves are compared.
+    exposures: Vec<f32>,
 }
 
 impl<'a> Errors<'a> {
     /// Nothing measured yet. `edge`: pixels along the edge of a block. `step`: longest path of a surfel between two
-    /// time samples, pixels.
+    /// time samples, pixels. `white`: the brightest light that is compared.
     pub(super) fn new(
         [width, height]: [u32; 2],
         edge: usize,
@@ -109,6 +126,7 @@ impl<'a> Errors<'a> {
         interleave: Interleave,
         step: f64,
         filter: PixelFilter,
+        white: f64,
     ) -> Self {
         let is_fine = interleave != Interleave::None || (REST..FINE_STRATA).contains(&step);
         let seen_gain = if is_fine { SEEN_GAIN_OF_FINE_STRATA } else { SEEN_GAIN };
@@ -122,7 +140,9 @@ impl<'a> Errors<'a> {
             _ => GAIN_OF_LATTICE,
         };
         let blocks = vec![BlockError::default(); width * height];
-        Self { width, blocks, edge, backdrop, gain, seen_gain }
+        let mut exposures = vec![1.0, (1.0 / white) as f32];
+        exposures.dedup();
+        Self { width, blocks, edge, backdrop, gain, seen_gain, exposures }
     }
 
     /// The blocks that touch block `i`, and itself.
@@ -132,7 +152,8 @@ impl<'a> Errors<'a> {
         rows.flat_map(move |v| (x.saturating_sub(1)..(x + 2).min(width)).map(move |u| v * width + u))
     }
 
-    /// The blocks beside block `i` in which something differs near their common border, where block `i` is all equal.
+    /// The blocks beside block `i` in which something differs near their common border, where nothing else differs in
+    /// block `i`: the mean over a block dilutes a sliver, which would stay as it is beside what is refined.
     pub(super) fn reaching(&self, i: usize) -> impl Iterator<Item = usize> {
         let (x, y, width) = (i % self.width, i / self.width, self.width);
         let height = self.blocks.len() / width;
@@ -142,11 +163,12 @@ impl<'a> Errors<'a> {
             (y + 1 < height, i + width),
             (y > 0, i.wrapping_sub(width)),
         ];
-        let is_equal = self.blocks[i].half == 0.0;
+        // The right border of one block is the left one of the next.
+        let sliver = self.blocks[i].sliver;
         let reaching = beside
             .into_iter()
             .zip(0..)
-            .filter(move |((is_there, j), side)| is_equal && *is_there && self.blocks[*j].reaches[*side]);
+            .filter(move |((is_there, j), side)| *is_there && sliver[side ^ 1] && self.blocks[*j].reaches[*side]);
         reaching.map(|((_, j), _)| j)
     }
 
@@ -157,15 +179,20 @@ impl<'a> Errors<'a> {
         if pixels > 0.0 { (sum / pixels).sqrt() } else { 0.0 }
     }
 
-    /// Measures half buffers after the first round.
+    /// Measures half buffers after the first round. Of several exposures the worst counts.
     pub(super) fn measure(&mut self, buffers: &HalfBuffers) {
         let [even, odd] = buffers.pictures();
-        let (width, difference) = (even.width as usize, differences(even, odd, self.backdrop, self.edge, |_| true));
-        let halves = block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()));
-        let seen = self.seen(&difference, width);
-        for (i, ((half, pixels), seen)) in halves.into_iter().zip(seen).enumerate() {
-            let reaches = reaches(&difference, width, self.edge, i, self.width);
-            self.blocks[i] = BlockError { half: half / divisor(pixels), seen, pixels, gain: self.gain, reaches };
+        let width = even.width as usize;
+        for (n, exposure) in self.exposures.clone().into_iter().enumerate() {
+            let difference = differences(even, odd, self.backdrop, self.edge, exposure, |_| true);
+            let halves = block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()));
+            let seen = self.seen(&difference, width);
+            for (i, ((half, pixels), seen)) in halves.into_iter().zip(seen).enumerate() {
+                let [reaches, sliver] = borders(&difference, width, self.edge, i, self.width);
+                let half = half / divisor(pixels);
+                let measured = BlockError { half, seen, pixels, gain: self.gain, reaches, sliver };
+                self.blocks[i] = if n == 0 { measured } else { self.blocks[i].worse(measured) };
+            }
         }
     }
 
@@ -174,12 +201,15 @@ impl<'a> Errors<'a> {
     pub(super) fn measure_again(&mut self, buffers: &HalfBuffers, finer: &[u32]) {
         let [even, odd] = buffers.pictures();
         let is_fresh = |block: usize| finer[block] > 1;
-        let (width, difference) = (even.width as usize, differences(even, odd, self.backdrop, self.edge, is_fresh));
-        let halves = block_sums(width, self.edge, &difference, |d| f64::from(d.length_squared()));
-        for (i, (half, pixels)) in halves.into_iter().enumerate().filter(|(i, _)| is_fresh(*i)) {
-            self.blocks[i].half = half / divisor(pixels);
-            self.blocks[i].gain *= REFINED;
+        for (n, exposure) in self.exposures.clone().into_iter().enumerate() {
+            let difference = differences(even, odd, self.backdrop, self.edge, exposure, is_fresh);
+            let halves = block_sums(even.width as usize, self.edge, &difference, |d| f64::from(d.length_squared()));
+            for (i, (half, pixels)) in halves.into_iter().enumerate().filter(|(i, _)| is_fresh(*i)) {
+                let before = if n == 0 { 0.0 } else { self.blocks[i].half };
+                self.blocks[i].half = before.max(half / divisor(pixels));
+            }
         }
+        self.blocks.iter_mut().zip(finer).filter(|(_, finer)| **finer > 1).for_each(|(block, _)| block.gain *= REFINED);
     }
 
     /// [`BlockError::seen`] of each block, from the difference of the half buffers.
@@ -198,41 +228,75 @@ impl<'a> Errors<'a> {
 }
 
 /// Does anything differ within [`BORDER`] pixels of the left, right, upper, lower border of block `i` of `edge` pixels?
-fn reaches(difference: &[Vec3], width: usize, edge: usize, i: usize, columns: usize) -> [bool; 4] {
+/// And does nothing differ beyond [`SLIVER`] pixels of it?
+fn borders(difference: &[Vec3], width: usize, edge: usize, i: usize, columns: usize) -> [[bool; 4]; 2] {
     let height = difference.len() / width.max(1);
     let [left, top] = [i % columns * edge, i / columns * edge];
     let [right, bottom] = [(left + edge).min(width), (top + edge).min(height)];
     let any = |xs: Range<usize>, ys: Range<usize>| {
-        ys.into_iter().any(|y| difference[y * width..][xs.clone()].iter().any(|d| *d != Vec3::ZERO))
+        !xs.is_empty() && ys.into_iter().any(|y| difference[y * width..][xs.clone()].iter().any(|d| *d != Vec3::ZERO))
     };
-    [
+    let near = [
         any(left..(left + BORDER).min(right), top..bottom),
         any(right.saturating_sub(BORDER).max(left)..right, top..bottom),
         any(left..right, top..(top + BORDER).min(bottom)),
         any(left..right, bottom.saturating_sub(BORDER).max(top)..bottom),
-    ]
+    ];
+    let beyond = [
+        any(left + SLIVER..right, top..bottom),
+        any(left..right.saturating_sub(SLIVER), top..bottom),
+        any(left..right, top + SLIVER..bottom),
+        any(left..right, top..bottom.saturating_sub(SLIVER)),
+    ];
+    [near, beyond.map(|differs| !differs)]
 }
 
-/// What shows of the half difference in each part of `edge` pixels, row by row: |d|^0.7, d the mean over a column of
-/// the part or over a row of it, and the mean of that over its columns or its rows, whichever is more. Stripes, ghosts
+/// What shows of the half difference in each part of `edge` pixels, row by row: |d|^0.7, d the mean over a line of the
+/// part, and the mean of that over its pixels, for the lines of the direction in which that is most. Stripes, ghosts
 /// and steps stay; noise cancels.
 fn stripes(difference: &[Vec3], width: usize, edge: usize) -> Vec<f64> {
     let of_band = |band: &[Vec3]| -> Vec<f64> {
-        let height = band.len() / width;
-        let of_part = |left: usize| {
-            let columns = left..(left + edge).min(width);
-            let of_column = |x: usize| (0..height).map(|y| band[y * width + x]).fold(Vec3::ZERO, |sum, d| sum + d);
-            let of_row = |y: usize| columns.clone().map(|x| band[y * width + x]).fold(Vec3::ZERO, |sum, d| sum + d);
-            let down: f64 = columns.clone().map(|x| seen_of(of_column(x) * (0.5 / height as f32))).sum();
-            let across: f64 = (0..height).map(|y| seen_of(of_row(y) * (0.5 / columns.len() as f32))).sum();
+        let mut lines = vec![(Vec3::ZERO, 0); 2 * edge];
+        let mut of_part = |left: usize| {
+            let rows = band.chunks(width).map(|row| &row[left..(left + edge).min(width)]);
+            if rows.clone().flatten().all(|d| *d == Vec3::ZERO) {
+                return 0.0;
+            }
+            let along = |&([p, q], from_below): &([usize; 2], bool)| {
+                lines.fill((Vec3::ZERO, 0));
+                for (y, row) in rows.clone().enumerate() {
+                    let first = q * if from_below { edge - 1 - y } else { y };
+                    for (x, d) in row.iter().enumerate() {
+                        let (sum, pixels) = &mut lines[(first + p * x) / 2];
+                        (*sum, *pixels) = (*sum + *d, *pixels + 1);
+                    }
+                }
+                let shown = |&(sum, pixels): &(Vec3, i32)| match pixels {
+                    0 => 0.0,
+                    _ => f64::from(pixels) * seen_of(sum * (0.5 / pixels as f32)),
+                };
+                lines.iter().map(shown).sum::<f64>()
+            };
             // A sliver at the image's border counts by its share of a part.
-            let [down, across] = [down * height as f64, across * columns.len() as f64];
-            down.max(across) / edge.pow(2) as f64
+            DIRECTIONS.iter().map(along).fold(0.0, f64::max) / edge.pow(2) as f64
         };
-        (0..width).step_by(edge).map(of_part).collect()
+        (0..width).step_by(edge).map(&mut of_part).collect()
     };
     difference.par_chunks(width * edge).map(of_band).collect::<Vec<_>>().concat()
 }
+
+/// Lines in eight directions, 18 to 27 degrees apart, so that a stripe runs along one of them, or nearly: pixel x, y
+/// lies on line (p x + q y) / 2. `true`: y counts from below.
+const DIRECTIONS: [([usize; 2], bool); 8] = [
+    ([2, 0], false),
+    ([0, 2], false),
+    ([2, 2], false),
+    ([2, 2], true),
+    ([2, 1], false),
+    ([1, 2], false),
+    ([2, 1], true),
+    ([1, 2], true),
+];
 
 /// Mean over the channels of |d|^0.7.
 fn seen_of(d: Vec3) -> f64 {
@@ -259,12 +323,14 @@ fn divisor(pixels: u32) -> f64 {
     4.0 * 3.0 * f64::from(pixels.max(1))
 }
 
-/// Difference of the display values of each pixel in the wanted blocks of `edge` pixels; 0 in the others.
+/// Difference of the display values of each pixel in the wanted blocks of `edge` pixels; 0 in the others. `exposure`: a
+/// factor on light.
 fn differences(
     a: &Picture,
     b: &Picture,
     backdrop: &Backdrop,
     edge: usize,
+    exposure: f32,
     wanted: impl Fn(usize) -> bool + Sync,
 ) -> Vec<Vec3> {
     let width = a.width as usize;
@@ -277,7 +343,7 @@ fn differences(
             if !wanted(y / edge * width.div_ceil(edge) + column) || a == b {
                 continue;
             }
-            let [a, b] = [a, b].map(|part| shown(part, y * width + column * edge, backdrop));
+            let [a, b] = [a, b].map(|part| shown(part, y * width + column * edge, backdrop, exposure));
             for ((out, a), b) in out.iter_mut().zip(a.chunks_exact(3)).zip(b.chunks_exact(3)) {
                 *out = Vec3::from_slice(a) - Vec3::from_slice(b);
             }
@@ -320,12 +386,12 @@ fn blurred(values: &[Vec3], width: usize) -> Vec<Vec3> {
 }
 
 /// Display values, three a pixel, of a part of a row over the background. `first`: number of its first pixel.
-fn shown(row: &[[f32; 4]], first: usize, backdrop: &Backdrop) -> Vec<f32> {
+fn shown(row: &[[f32; 4]], first: usize, backdrop: &Backdrop, exposure: f32) -> Vec<f32> {
     let colours = row
         .iter()
         .zip(first..)
         .flat_map(|(&[r, g, b, alpha], at)| over([r, g, b], 1.0 - alpha, backdrop.at(at).as_vec3().to_array()));
-    let mut values: Vec<f32> = colours.collect();
+    let mut values: Vec<f32> = colours.map(|light| exposure * light).collect();
     srgb::encode_nearly(&mut values);
     values
 }
@@ -346,23 +412,51 @@ mod tests {
     fn stripes_count_in_full_and_noise_cancels() {
         let sign = |odd: usize| if odd.is_multiple_of(2) { 0.2 } else { -0.2 };
         let seen = 0.1_f64.powf(f64::from(SEEN));
-        for striped in [of(|x, _| sign(x)), of(|_, y| sign(y)), of(|x, _| sign(x / 4)), of(|_, _| 0.2)] {
+        for striped in [of(|x, _| sign(x)), of(|_, y| sign(y)), of(|x, _| sign(x / 4)), of(|x, y| sign(x + y))] {
             assert!((striped / seen - 1.0).abs() < 1e-4, "{striped}, not {seen}");
         }
-        assert_eq!(of(|x, y| sign(x + y)), 0.0);
+        assert!((of(|_, _| 0.2) / seen - 1.0).abs() < 1e-4);
         // A stripe through half the columns is worth half.
         let half = of(|x, _| if x < 8 { sign(x) } else { 0.0 });
         assert!((half / seen - 0.5).abs() < 1e-4, "{half}");
     }
 
-    /// A block of 16 pixels is reached at the borders near which something differs.
+    /// Waves of any direction and of several lengths, with their mean over pixels: rows and columns alone would leave
+    /// .35 of some.
+    #[test]
+    fn oblique_stripes_count() {
+        for length in [6.0_f32, 8.0, 12.0] {
+            for step in 0..24 {
+                let (sin, cos) = (step as f32 * 7.5_f32).to_radians().sin_cos();
+                let wave = |x: usize, y: usize| {
+                    0.2 * (std::f32::consts::TAU * (x as f32 * cos + y as f32 * sin) / length + 0.3).sin()
+                };
+                let pixels = (0..256).map(|at| seen_of(Vec3::splat(0.5 * wave(at % 16, at / 16))));
+                let share = of(wave) / (pixels.sum::<f64>() / 256.0);
+                assert!(share > 0.7, "length {length}, {} degrees: {share}", step as f32 * 7.5);
+            }
+        }
+        // Noise without a direction cancels.
+        let noise = crate::sampling::uniform(256, 7, 0.0);
+        let noise: Vec<f32> = noise.into_iter().map(|v| if v < 0.5 { 0.2 } else { -0.2 }).collect();
+        let left = of(|x, y| noise[16 * y + x]) / 0.1_f64.powf(f64::from(SEEN));
+        assert!(left < 0.42, "{left}");
+    }
+
+    /// A block of 16 pixels is reached at the borders near which something differs, and what is farther from a border
+    /// is no sliver there.
     #[test]
     fn what_differs_near_a_border_reaches_it() {
-        let reached = |x: usize, y: usize, i: usize| {
+        let of = |x: usize, y: usize, i: usize| {
             let mut pixels = vec![Vec3::ZERO; 40 * 32];
             pixels[y * 40 + x] = Vec3::splat(0.1);
-            reaches(&pixels, 40, 16, i, 3)
+            borders(&pixels, 40, 16, i, 3)
         };
+        let reached = |x: usize, y: usize, i: usize| of(x, y, i)[0];
+        assert_eq!(of(16, 7, 1)[1], [true, false, true, false]);
+        assert_eq!(of(31, 8, 1)[1], [false, true, false, true]);
+        assert_eq!(of(0, 0, 1)[1], [true; 4], "nothing differs");
+        assert_eq!(of(39, 24, 5)[1], [true, true, false, true], "a narrow block");
         assert_eq!(reached(16, 8, 1), [true, false, false, false]);
         assert_eq!(reached(29, 8, 1), [false, true, false, false]);
         assert_eq!(reached(24, 2, 1), [false, false, true, false]);

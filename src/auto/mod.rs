@@ -89,7 +89,7 @@ pub fn render(
     let mut half_buffers = HalfBuffers::render(backend, &first, None, &mut stats)?;
     let size = [scene.image.width, scene.image.height];
     let step = path_length / f64::from(samples);
-    let mut errors = Errors::new(size, edge, &backdrop, interleave, step, options.look.filter);
+    let mut errors = Errors::new(size, edge, &backdrop, interleave, step, options.look.filter, target.white);
     let looser = target.error / ErrorTarget::GOOD;
     let flip = FLIP * if looser > 1.0 { looser.powi(2) } else { looser.powf(1.5) };
     errors.measure(&half_buffers);

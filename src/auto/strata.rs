@@ -1,11 +1,11 @@
 //! Strata of the exposure: where time samples lie.
 //!
 //! Each stratum has the same share of its part of the exposure, whatever the weight, so that a finer sampling can reuse
-//! the samples of a coarser one. Parts end where a pose jumps (a step key, a change of visibility): the program knows
-//! these times, and no sample has to find them.
+//! the samples of a coarser one. Parts end where a pose jumps (a step key, a change of visibility), and where points of
+//! a sequence are born or die: the program knows these times, and no sample has to find them.
 
 use crate::scene::Scene;
-use crate::scene::pose::jumps;
+use crate::scene::pose::cuts;
 use crate::time::{FrameNumber, Shutter};
 
 /// A part with a smaller share of the exposure is joined to its neighbour.
@@ -34,8 +34,8 @@ impl Strata {
         let [open, close] = [at(0.0), at(1.0)];
         let share = |time: f64| shutter.weight.integral(0.0, ((time - open) / (close - open)).clamp(0.0, 1.0));
         // Rows that are read out one after the other see a jump at other times of their exposures.
-        let jumps = if shutter.readout.rolls() { Vec::new() } else { jumps(scene, open, close) };
-        let mut cuts: Vec<f64> = jumps.into_iter().map(share).collect();
+        let times = if shutter.readout.rolls() { Vec::new() } else { cuts(scene, open, close) };
+        let mut cuts: Vec<f64> = times.into_iter().map(share).collect();
         cuts.insert(0, 0.0);
         cuts.push(1.0);
         Self::of_parts(&mut cuts, samples, most)

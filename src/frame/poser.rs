@@ -292,8 +292,8 @@ impl Poser<'_> {
     /// Tolerance of the visibility rule and least depth of Gaussians, world units. `scale`: of the model.
     fn depths(&self, object: &Object, scale: f64) -> (f64, f64) {
         let (tolerance, nearest) = match object.shape.gaussians().map(|model| model.gaussians().optics) {
-            None => (object.shape.median_radius(), 0.0),
-            Some(Optics::Alpha) => (object.shape.median_radius(), NEAR_OF_GAUSSIANS),
+            None => (object.shape.tolerance(), 0.0),
+            Some(Optics::Alpha) => (object.shape.tolerance(), NEAR_OF_GAUSSIANS),
             Some(Optics::Extinction { layer }) => (layer, 0.0),
         };
         let epsilon = self.options.look.epsilon.or(object.epsilon).unwrap_or_else(|| f64::from(tolerance) * scale);

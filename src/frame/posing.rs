@@ -11,7 +11,7 @@ use crate::film::Background;
 use crate::math::focal_length;
 use crate::options::{BlurMode, RenderOptions, Shading, SweptKernel};
 use crate::plan::{Exposure, Group, RasterExposure, TimeSample};
-use crate::scene::pose::{jumps, seams};
+use crate::scene::pose::cuts;
 use crate::scene::{Object, Scene};
 use crate::stop::Stop;
 use crate::time::FrameNumber;
@@ -27,10 +27,10 @@ impl Frame {
 
     /// As [`new`](Self::new), but it ends soon after `stop` is set: then the frame lacks samples, and is of no use.
     pub fn until(scene: &Scene, number: FrameNumber, mode: BlurMode, options: &RenderOptions, stop: &Stop) -> Self {
-        let jumps = mode.swept().map_or_else(Vec::new, |_| cuts(scene, number));
+        let [open, close] = [0.0, 1.0].map(|t| scene.shutter.frame_time(number.get(), t));
+        let cuts = mode.swept().map_or_else(Vec::new, |_| cuts(scene, open, close));
         let mode = with_positions(scene, mode);
-        let exposure =
-            Exposure::new(mode, options.look.filter, options.look.seed, &scene.shutter, number.get(), &jumps);
+        let exposure = Exposure::new(mode, options.look.filter, options.look.seed, &scene.shutter, number.get(), &cuts);
         Self::posed(scene, number, &exposure, options, stop)
     }
 
@@ -76,17 +76,6 @@ impl Frame {
         frame.plan_steps();
         frame
     }
-}
-
-/// Scene times at which a pose of frame `number` jumps or its motion has a seam, rising, frames. Intervals are cut
-/// there.
-fn cuts(scene: &Scene, number: FrameNumber) -> Vec<f64> {
-    let [open, close] = [0.0, 1.0].map(|t| scene.shutter.frame_time(number.get(), t));
-    let mut times = jumps(scene, open, close);
-    times.extend(seams(scene, open, close));
-    times.sort_by(f64::total_cmp);
-    times.dedup();
-    times
 }
 
 /// What the rasters of a frame are made from.

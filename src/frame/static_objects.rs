@@ -25,13 +25,18 @@ const SHARED_PART: f64 = 1.0 / 3.0;
 ///
 /// Where much of the image is static, time samples share positions, so that a backend may splat what is static once
 /// for each. All positions have equally many samples. Intervals of tubes see the pixel's middle, so that no part of a
-/// streak is shifted; many intervals before static objects have a position each, as edges at rest need several
-/// (docs/measurements/prefilter.md).
+/// streak is shifted; where much of the image is static there are several positions, as edges at rest need them
+/// (docs/measurements/prefilter.md). Buckets have a position each: the pixel's middle with its filter was behind that
+/// in each scene that was tried (docs/measurements/modes.md).
 pub(super) fn with_positions(scene: &Scene, mode: BlurMode) -> BlurMode {
     match mode {
         BlurMode::Volumetric { intervals, pixel_samples: None, swept } if swept.shape == KernelShape::Tube => {
-            let several = intervals >= SHARED_POSITIONS && shows_much_rest(scene);
-            BlurMode::Volumetric { intervals, pixel_samples: if several { None } else { Some(1) }, swept }
+            let several = all_rests(scene) || shows_much_rest(scene);
+            BlurMode::Volumetric {
+                intervals,
+                pixel_samples: Some(if several { SHARED_POSITIONS.max(intervals) } else { 1 }),
+                swept,
+            }
         }
         BlurMode::Supersample { samples, pixel_samples: None, interleave, times } if shows_much_rest(scene) => {
             // As more samples are asked for, what is static converges, too.
@@ -54,7 +59,12 @@ pub fn shared_positions(least: u32, samples: u32, step: usize) -> Option<u32> {
 pub fn shows_much_rest(scene: &Scene) -> bool {
     let fixed = |object: &&Object| object.is_fixed() && !object.is_see_through() && object.shape.surfels().is_some();
     let area: f64 = scene.objects.iter().filter(fixed).map(|object| area(scene, object)).sum();
-    scene.camera.rests() && area >= SHARED_PART && !scene.objects.iter().all(Object::is_fixed)
+    scene.camera.rests() && area >= SHARED_PART && !all_rests(scene)
+}
+
+/// Does nothing move?
+fn all_rests(scene: &Scene) -> bool {
+    scene.camera.rests() && scene.objects.iter().all(Object::is_fixed)
 }
 
 /// Share of the image within the rectangle around a fixed object's box; all of it where the box reaches the camera.

@@ -44,6 +44,7 @@ mod sides;
 mod store;
 mod surfels;
 mod tidy;
+mod tolerance;
 mod volume;
 mod write_ply;
 mod xyz;

@@ -6,7 +6,7 @@
 use std::fmt;
 
 use super::{Interleave, Lattice, OptionError, SweptKernel, Times};
-use crate::limits::ERROR;
+use crate::limits::{ERROR, WHITE};
 
 /// How motion becomes blur.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,6 +120,9 @@ pub struct ErrorTarget {
     pub pixel_samples: u32,
     /// Which pixels share their times.
     pub interleave: Lattice,
+    /// Brightest light that is compared, white is 1; 1 to 65,504. Where it is more than 1, the error also holds for the
+    /// picture that is exposed so that this light is white.
+    pub white: f64,
 }
 
 impl ErrorTarget {
@@ -129,6 +132,12 @@ impl ErrorTarget {
     pub const GOOD: f64 = 0.025;
     /// FLIP .007 there (docs/measurements/scenes.md).
     pub const FINAL: f64 = 0.0125;
+
+    /// The brightest light that is compared: a number from 1 to 65504.
+    pub(super) fn parse_white(text: &str) -> Result<f64, OptionError> {
+        let number = text.parse().ok().filter(|&white| WHITE.holds(white));
+        number.ok_or_else(|| OptionError::value("a number from 1 to 65504, where white is 1", text))
+    }
 
     /// An error: `draft`, `good`, `final`, or a number from 0.0001 to 1.
     ///
@@ -149,7 +158,7 @@ impl ErrorTarget {
 
 impl Default for ErrorTarget {
     fn default() -> Self {
-        Self { error: Self::GOOD, samples_max: 256, pixel_samples: 8, interleave: Lattice::Auto }
+        Self { error: Self::GOOD, samples_max: 256, pixel_samples: 8, interleave: Lattice::Auto, white: 1.0 }
     }
 }
 
@@ -166,6 +175,9 @@ impl fmt::Display for ErrorTarget {
         }
         if self.interleave != default.interleave {
             write!(f, "+interleave={}", self.interleave)?;
+        }
+        if self.white != default.white {
+            write!(f, "+white={}", self.white)?;
         }
         Ok(())
     }

@@ -32,6 +32,7 @@ impl PixelFilter {
 impl ErrorTarget {
     fn check(self) -> Result<(), Invalid> {
         limits::ERROR.check("error", self.error)?;
+        limits::WHITE.check("white", self.white)?;
         check_count("samples_max", self.samples_max, &limits::SAMPLES_MAX)?;
         check_count("pixel_samples", self.pixel_samples, &limits::COUNT)
     }

@@ -39,7 +39,7 @@ impl ModeName {
     /// The parts that the mode has, by the names of their options. Those of COUNTS come first.
     pub const fn parts(self) -> &'static [&'static str] {
         match self {
-            Self::Auto => &["error", "samples-max", "pixel-samples", "interleave"],
+            Self::Auto => &["error", "samples-max", "pixel-samples", "interleave", "white"],
             Self::Still => &["pixel-samples"],
             Self::Supersample => &["samples", "interleave", "times", "pixel-samples"],
             Self::Bucket => &["buckets", "samples", "interleave", "times", "pixel-samples"],
@@ -73,6 +73,8 @@ pub struct ModeParts {
     pub error: Option<f64>,
     /// Mode auto: most time samples.
     pub samples_max: Option<u32>,
+    /// Mode auto: the brightest light that is compared ([`ErrorTarget::white`]).
+    pub white: Option<f64>,
     /// Mode bucket: number of buckets.
     pub buckets: Option<u32>,
     /// Time samples of supersample, or of each bucket; intervals of volumetric.
@@ -106,6 +108,7 @@ impl ModeParts {
             name,
             error: None,
             samples_max: None,
+            white: None,
             buckets: None,
             samples: None,
             interleave: None,
@@ -126,6 +129,7 @@ impl ModeParts {
         let parts = [
             ("error", self.error.is_some()),
             ("samples-max", self.samples_max.is_some()),
+            ("white", self.white.is_some()),
             ("buckets", self.buckets.is_some()),
             ("samples", self.samples.is_some()),
             ("interleave", self.interleave.is_some()),
@@ -160,6 +164,7 @@ impl ModeParts {
                     samples_max: self.samples_max.unwrap_or(default.samples_max),
                     pixel_samples: self.pixel_samples.unwrap_or(default.pixel_samples),
                     interleave: self.interleave.unwrap_or(default.interleave),
+                    white: self.white.unwrap_or(default.white),
                 }));
             }
             ModeName::Still => BlurMode::Still { pixel_samples: self.pixel_samples.unwrap_or(16) },
@@ -263,6 +268,7 @@ impl ModeParts {
     fn read_value(&mut self, option: &str, value: &str) -> Result<(), OptionError> {
         match option {
             "samples-max" => self.samples_max = Some(samples_max(value)?),
+            "white" => self.white = Some(ErrorTarget::parse_white(value)?),
             "pixel-samples" => self.pixel_samples = Some(count(value)?),
             "interleave" if self.name == ModeName::Auto => self.interleave = Some(value.parse()?),
             "interleave" => self.interleave = Some(Lattice::Fixed(value.parse()?)),

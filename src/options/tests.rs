@@ -118,9 +118,14 @@ fn mistakes_are_explained() {
         ("auto:best", "draft, good, final"),
         ("auto:nan", "draft, good, final"),
         ("auto:0.1+samples-max=3", "4 to 65536"),
+        ("auto:0.1+white=0.5", "1 to 65504"),
+        ("auto:0.1+white=NaN", "1 to 65504"),
         ("supersample:8+times=halton", "`halton` is no choice of times (there are: even, stratified"),
         ("volumetric:3+times=random", "has no option `times`"),
-        ("auto:0.1+times=random", "mode auto has no option `times` (it takes: samples-max, pixel-samples, interleave)"),
+        (
+            "auto:0.1+times=random",
+            "mode auto has no option `times` (it takes: samples-max, pixel-samples, interleave, white)",
+        ),
         ("auto:0.1+interleave=3", "option `interleave`: expected none, auto, 2 or 4, found `3`"),
         ("supersample:8+interleave=auto", "option `interleave`: expected none, 1, 2 or 4, found `auto`"),
     ] {
@@ -271,9 +276,9 @@ pub(crate) fn any_quality() -> impl Strategy<Value = Quality> {
         (count(), count(), swept()).prop_map(|(intervals, pixel, swept)| {
             BlurMode::Volumetric { intervals, pixel_samples: positions(intervals, pixel), swept }.into()
         }),
-        (1e-4..=1.0_f64, 4..=MAX_SAMPLES, count(), lattice()).prop_map(
-            |(error, samples_max, pixel_samples, interleave)| {
-                ErrorTarget { error, samples_max, pixel_samples, interleave }.into()
+        (1e-4..=1.0_f64, 4..=MAX_SAMPLES, count(), lattice(), 1.0..=65504.0_f64).prop_map(
+            |(error, samples_max, pixel_samples, interleave, white)| {
+                ErrorTarget { error, samples_max, pixel_samples, interleave, white }.into()
             }
         ),
     ]

@@ -142,6 +142,26 @@ fn samples_share_out_sub_pixel_positions() {
 }
 
 /// Intervals stay with their samples.
+/// A part of a streak is not shifted, whichever interval shows it.
+#[test]
+fn each_interval_sees_the_pixel_evenly() {
+    let shutter = Shutter::default();
+    let mode = BlurMode::Volumetric { intervals: 3, pixel_samples: Some(8), swept: SweptKernel::default() };
+    for filter in [PixelFilter::Box, PixelFilter::Gaussian { sigma: 1.0 }] {
+        let positions = Exposure::new(mode, filter, 5, &shutter, 2.0, &[]).rasters.remove(0).positions;
+        assert_eq!(positions.len(), 9);
+        for of_interval in positions.chunks(3) {
+            let times: Vec<f64> = of_interval.iter().map(|position| position.groups[0].samples[0].time).collect();
+            assert!(times.iter().all(|time| *time == times[0]), "{times:?}");
+            for axis in 0..2 {
+                let offsets: Vec<f32> = of_interval.iter().map(|position| position.offset[axis]).collect();
+                assert!(offsets.iter().sum::<f32>().abs() < 1e-6, "{offsets:?}");
+                assert!(offsets.iter().any(|offset| offset.abs() > 0.1), "{offsets:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn intervals_share_out_sub_pixel_positions() {
     let shutter = Shutter { open: 0.0, close: 1.0, weight: Weight::Box, ..Shutter::default() };

@@ -441,8 +441,7 @@ impl<'a> Body<'a> {
             return None;
         }
         let model_from_world = DMat3::from_cols(bc, ca, ab).transpose() * (1.0 / det);
-        let epsilon =
-            self.epsilon.unwrap_or_else(|| f64::from(self.object.shape.median_radius()) * libm::cbrt(det.abs()));
+        let epsilon = self.epsilon.unwrap_or_else(|| f64::from(self.object.shape.tolerance()) * libm::cbrt(det.abs()));
         Some(BodyPose { world_from_model, model_from_world, epsilon })
     }
 

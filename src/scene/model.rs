@@ -20,6 +20,7 @@ pub struct SurfelModel {
     /// The part of a sequence that they are.
     piece: Option<Piece>,
     pub(super) median_radius: f32,
+    pub(super) tolerance: f32,
     least_opacity: f32,
     pub(super) bounds: Bounds,
     /// Boxes around the columns of the paths.
@@ -53,6 +54,7 @@ impl SurfelModel {
             surfels,
             piece: None,
             median_radius: 0.0,
+            tolerance: 0.0,
             least_opacity: 0.0,
             bounds: Bounds::default(),
             rates: Default::default(),
@@ -65,7 +67,8 @@ impl SurfelModel {
     pub(crate) fn checked(surfels: Arc<Surfels>) -> Self {
         let (median_radius, bounds) = (surfels.median_radius(), surfels.bounds());
         let (least_opacity, rates) = (surfels.least_opacity(), surfels.paths().bounds());
-        Self { median_radius, least_opacity, bounds, rates, ..Self::bare(surfels, None) }
+        let tolerance = surfels.tolerance();
+        Self { median_radius, tolerance, least_opacity, bounds, rates, ..Self::bare(surfels, None) }
     }
 
     /// The same surfels; `mesh`: they were sampled from a mesh.

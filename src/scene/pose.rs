@@ -186,18 +186,25 @@ pub fn jumps(scene: &Scene, from: f64, to: f64) -> Vec<f64> {
     times
 }
 
-/// Scene times within (`from`, `to`), frames, at which objects that blur begin or cease to be there, rising.
-pub fn seams(scene: &Scene, from: f64, to: f64) -> Vec<f64> {
+/// Scene times within (`from`, `to`), frames, at which a pose jumps or an object that blurs begins or ceases to be
+/// there, rising.
+pub fn cuts(scene: &Scene, from: f64, to: f64) -> Vec<f64> {
+    let mut times = jumps(scene, from, to);
+    times.extend(seams(scene, from, to));
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    times
+}
+
+/// Scene times within (`from`, `to`), frames, at which objects that blur begin or cease to be there.
+fn seams(scene: &Scene, from: f64, to: f64) -> Vec<f64> {
     let windows = scene
         .objects
         .iter()
         .filter(|object| object.blur)
         .filter_map(|object| object.piece())
         .flat_map(|piece| piece.window);
-    let mut times: Vec<f64> = windows.filter(|&time| from < time && time < to).collect();
-    times.sort_by(f64::total_cmp);
-    times.dedup();
-    times
+    windows.filter(|&time| from < time && time < to).collect()
 }
 
 #[cfg(test)]

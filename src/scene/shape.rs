@@ -126,6 +126,15 @@ impl Shape {
         }
     }
 
+    /// Depth tolerance of the visibility rule where nobody chose one, model space ([`Surfels::tolerance`]); of Gaussians
+    /// that with which they lie before surfels.
+    pub fn tolerance(&self) -> f32 {
+        match self {
+            Self::Surfels { model, .. } => model.tolerance,
+            _ => self.median_radius(),
+        }
+    }
+
     /// Box around the centres of surfels, Gaussians or kernels, or around the ideal sphere, in model space;
     /// empty for a shape without any.
     pub fn bounds(&self) -> Bounds {

@@ -329,7 +329,7 @@ pub(super) static ELEMENTS: &[ElementSchema] = &[
             row(
                 "epsilon",
                 ValueKind::Number(limits::EPSILON),
-                Auto("median radius times the object's scale"),
+                Auto("median radius times the object's scale; less where discs are loose (math.md, eq. 5)"),
                 "depth tolerance of visibility, scene units",
             ),
             row(

@@ -128,8 +128,7 @@ fn hits(scene: &Scene, options: &ReferenceOptions, sample: &Sample) -> (Vec<Hit>
         let of_normal = |n: DVec3| (linear.inverse().transpose() * n).normalize();
         let two_sided = object.two_sided || options.look.two_sided;
         let scale = linear.determinant().abs().cbrt();
-        let epsilon =
-            options.look.epsilon.or(object.epsilon).unwrap_or(f64::from(object.shape.median_radius()) * scale);
+        let epsilon = options.look.epsilon.or(object.epsilon).unwrap_or(f64::from(object.shape.tolerance()) * scale);
         let numbers = |m: Material| [m.ambient, m.diffuse, m.specular, m.shininess].map(f64::from);
         if let Shape::Sphere(Sphere { radius, colour }) = object.shape {
             // |M^-1 (eye + s d - c)| = radius

@@ -12,6 +12,7 @@ use splatblur::backend::cpu::Cpu;
 use splatblur::compare::encode;
 use splatblur::film::{Aov, Picture};
 use splatblur::frame::Frame;
+use splatblur::model::Surfels;
 use splatblur::options::{
     BlurMode, ErrorTarget, Interleave, Lattice, Look, PixelFilter, Prefilter, Quality, RenderOptions, Shading,
 };
@@ -95,6 +96,44 @@ fn the_stated_error_is_the_true_one() {
             assert!(stated <= error && stated < last, "{filter:?} {error}: {stated} after {last}");
             last = stated;
         }
+    }
+}
+
+/// Light above white counts where it is asked for: the error holds for the picture as it is, and for the one that is
+/// exposed so that this light is white.
+#[test]
+fn light_above_white_is_stated() {
+    const WHITE: f32 = 8.0;
+    let mut scene = balls();
+    scene.objects.iter_mut().for_each(|object| object.epsilon = Some(0.03));
+    for model in scene.objects.iter_mut() {
+        let mut surfels = Surfels::clone(model.shape.surfels().unwrap().surfels());
+        surfels.colour.iter_mut().for_each(|colour| *colour *= WHITE);
+        model.shape = surfels.into();
+    }
+    let filter = PixelFilter::Box;
+    let truths = [1, 2].map(|seed| {
+        let look = Look { seed, filter, shading: Shading::Gouraud, ..Look::default() };
+        let options = ReferenceOptions { samples: 128, look, ..ReferenceOptions::default() };
+        reference::render(&scene, 0, &options, None, &|_| ()).unwrap().picture
+    });
+    let exposed = |picture: &Picture| {
+        let mut picture = picture.clone();
+        picture.rgba.iter_mut().for_each(|[r, g, b, _]| (*r, *g, *b) = (*r / WHITE, *g / WHITE, *b / WHITE));
+        picture
+    };
+    let darker = truths.each_ref().map(exposed);
+    for error in [0.04, 0.015] {
+        let [as_a_screen, bright] = [1.0, f64::from(WHITE)].map(|white| {
+            let made = render(&scene, &options(ErrorTarget { white, ..with_error(error) }, filter));
+            let errors = [true_error(&made.picture, &truths), true_error(&exposed(&made.picture), &darker)];
+            (made.stats.achieved.unwrap().error, errors)
+        });
+        println!("{error}: {as_a_screen:.4?}, {bright:.4?}");
+        assert!(bright.1.iter().all(|&of| 0.95 * of < bright.0), "{error}: {bright:?}");
+        assert!(bright.0 <= error, "{error}: {bright:?}");
+        // What is above white shows only there.
+        assert!(as_a_screen.0 < bright.0, "{error}: {as_a_screen:?}, {bright:?}");
     }
 }
 

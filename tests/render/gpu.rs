@@ -20,16 +20,15 @@ use splatblur::model::{Format, parse_capture};
 use splatblur::options::{BlurMode, Interleave, Look, PixelFilter, RenderOptions};
 use splatblur::renderer::{FrameQueue, render_frame};
 use splatblur::scene::{Camera, ImageSettings, Object, Scene};
-use splatblur::scene_file;
 
 fn shipped() -> Vec<(String, Scene)> {
     let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     let mut paths: Vec<PathBuf> = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path()).collect();
     paths.retain(|path| path.extension().is_some_and(|e| e == "xml"));
     paths.sort();
+    // Meshes are sampled for this size.
     let load = |path: &PathBuf| {
-        let mut scene = scene_file::load(path, &scene_file::LoadOptions::default()).expect("a shipped scene").scene;
-        (scene.image.width, scene.image.height) = (192, 108);
+        let scene = Scene::open(path).size(192, 108).load().expect("a shipped scene");
         (scene.name.clone(), scene)
     };
     paths.iter().map(load).collect()

@@ -166,7 +166,7 @@ fn holes_of(whole: &Scene, frames: &[i64]) -> Vec<String> {
         let mut scene = Scene { objects: vec![object.clone()], ..whole.clone() };
         scene.image.transparent = true;
         let size = object.place.scale * object.transform.scale;
-        let epsilon = f64::from(object.shape.median_radius()) * size.element_product().abs().cbrt();
+        let epsilon = f64::from(object.shape.tolerance()) * size.element_product().abs().cbrt();
         for &frame in frames {
             for prefilter in [Prefilter::None, Prefilter::Approx] {
                 let options = RenderOptions {

@@ -189,3 +189,92 @@ fn batches_keep_the_nearest_depth() {
         assert!(with(least).unwrap().rgba == plenty.rgba, "{mode}, {prefilter}: {least} bytes");
     }
 }
+
+/// Largest mean over 6 x 6 pixels of how much brighter one picture is than another.
+fn brightest(shown: &Picture, truth: &Picture) -> f32 {
+    let size = SIZE as usize;
+    let more: Vec<f32> = shown.rgba.iter().zip(&truth.rgba).map(|(a, b)| a[1] - b[1]).collect();
+    let corners = (0..size - 6).flat_map(|y| (0..size - 6).map(move |x| (x, y)));
+    let mean = |(x, y): (usize, usize)| (y..y + 6).map(|y| more[size * y + x..][..6].iter().sum::<f32>()).sum::<f32>();
+    corners.map(mean).fold(f32::NEG_INFINITY, f32::max) / 36.0
+}
+
+/// Discs in all directions along two lines: a dark strand a disc's radius before a bright one. By default they hide
+/// each other, as with no tolerance at all; with that of a surface the bright one shines through.
+#[test]
+fn strands_hide_what_is_just_behind_them() {
+    const RADIUS: f64 = 0.03;
+    let strand = |n: u32, across: bool, depth: f64, colour: Vec3| {
+        (0..n).map(move |i| {
+            let [a, b, c] = [12.9898, 78.233, 37.719].map(|rate: f64| (rate * f64::from(i + 1)).sin());
+            let along = 0.4 * (f64::from(i) / f64::from(n) - 0.5);
+            let place = if across {
+                DVec3::new(along, 0.3 * RADIUS * a, -depth)
+            } else {
+                DVec3::new(0.2 * RADIUS * b, along, -depth)
+            };
+            (place, DVec3::new(a, b, c).normalize(), RADIUS, colour)
+        })
+    };
+    let discs = strand(60, true, 0.5, 0.05 * GREEN).chain(strand(60, false, 0.525, GREEN));
+    let mut strands = object(round_surfels(discs).spatially_ordered());
+    (strands.material, strands.two_sided) = (Some(UNLIT), true);
+    let scene = before_nothing(vec![strands]);
+    let traced = |epsilon: Option<f64>| {
+        let look = Look { epsilon, ..Look::default() };
+        let options = ReferenceOptions { samples: 1024, look, ..ReferenceOptions::default() };
+        reference::render(&scene, 0, &options, None, &|_| ()).unwrap().picture
+    };
+    let truth = traced(Some(1e-6));
+    let rendered = |epsilon: Option<f64>| {
+        let look = Look { epsilon, ..Look::default() };
+        let options = RenderOptions { quality: "still:64".parse().unwrap(), look, ..RenderOptions::default() };
+        render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap().picture
+    };
+    let shown = [rendered(None), traced(None), rendered(Some(RADIUS))].map(|picture| brightest(&picture, &truth));
+    println!("by default {:.4}, traced {:.4}; with the tolerance of a surface {:.4}", shown[0], shown[1], shown[2]);
+    assert!(shown[0] < 0.02 && shown[1] < 0.02, "{shown:?}");
+    assert!(shown[2] > 0.05, "the scene shows no leak: {shown:?}");
+}
+
+/// A coarse ball that turns where it touches a coarse bowl: each has one colour, so that nothing may change.
+#[test]
+fn a_coarse_ball_in_a_coarse_bowl_does_not_flicker() {
+    let sphere = |n: u32, radius: f64, side: f64, colour: Vec3| {
+        let spacing = radius * (4.0 * std::f64::consts::PI / f64::from(n)).sqrt();
+        round_surfels((0..n).filter_map(move |i| {
+            let z = 1.0 - (2.0 * f64::from(i) + 1.0) / f64::from(n);
+            let (sin, cos) = (2.399_963_229_728_653 * f64::from(i)).sin_cos();
+            let normal = DVec3::new((1.0 - z * z).sqrt() * cos, z, (1.0 - z * z).sqrt() * sin);
+            (side > 0.0 || z < 0.0).then_some((radius * normal, side * normal, 1.2 * spacing, colour))
+        }))
+    };
+    let most = |epsilon: Option<f64>| {
+        let frames: Vec<Picture> = (0..12)
+            .map(|frame| {
+                let mut ball = object(sphere(400, 0.5, 1.0, RED).spatially_ordered());
+                let bowl = object(sphere(1600, 1.0, -1.0, GREEN).spatially_ordered());
+                ball.place.translate = DVec3::new(0.0, -0.5, 0.0);
+                ball.motions = vec![Motion::Rotation {
+                    axis: DVec3::new(0.6, 0.0, 0.8),
+                    per_frame: 0.05,
+                    centre: DVec3::new(0.0, -0.5, 0.0),
+                }];
+                let mut objects = vec![ball, bowl];
+                for object in &mut objects {
+                    (object.material, object.epsilon) = (Some(UNLIT), epsilon);
+                }
+                let scene = scene(objects, [SIZE; 2], DVec3::new(0.0, -0.4, 2.6), 40.0);
+                let options = RenderOptions { quality: "still:64".parse().unwrap(), ..RenderOptions::default() };
+                render_frame(&mut Cpu::default(), &scene, frame, &options).unwrap().picture
+            })
+            .collect();
+        frames
+            .windows(2)
+            .map(|pair| brightest(&pair[0], &pair[1]).max(brightest(&pair[1], &pair[0])))
+            .fold(0.0, f32::max)
+    };
+    let [by_default, without] = [most(None), most(Some(1e-6))];
+    println!("by default {by_default:.4}, without a tolerance {without:.4}");
+    assert!(by_default < 0.05 && by_default < without, "{by_default}, {without}");
+}

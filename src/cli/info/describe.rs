@@ -106,7 +106,7 @@ fn scene_object(o: &Object) -> Value {
         ("radius_scale", json!(o.source.options.radius_scale)),
         ("blur", json!(o.blur)),
         ("two_sided", json!(o.two_sided)),
-        ("epsilon", o.epsilon.map_or_else(|| json!("median radius"), |e| json!(e))),
+        ("epsilon", o.epsilon.map_or_else(|| json!("tolerance of the model"), |e| json!(e))),
         ("transform", trs(&o.transform)),
         ("place", trs(&o.place)),
     ];
@@ -206,7 +206,7 @@ pub(super) fn model_file(loaded: &model::LoadedModel) -> Value {
     let inside = match (&loaded.gaussians, &loaded.volume) {
         (Some(gaussians), Some(facts)) => volume(gaussians, Some(facts)),
         (Some(gaussians), None) => capture(gaussians),
-        _ => model(&loaded.surfels),
+        _ => model(&loaded.surfels.clone().spatially_ordered()),
     };
     let mut pairs = vec![("kind", json!("model")), ("model", inside)];
     if let Some(mesh) = &loaded.mesh {
@@ -336,6 +336,7 @@ fn model(s: &Surfels) -> Value {
             "radius",
             json!({ "min": single(least), "median": single(s.median_radius()), "max": single(greatest) }),
         ));
+        pairs.push(("tolerance", single(s.tolerance())));
     }
     object(pairs)
 }
