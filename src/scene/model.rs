@@ -71,9 +71,10 @@ impl SurfelModel {
         Self { median_radius, tolerance, least_opacity, bounds, rates, ..Self::bare(surfels, None) }
     }
 
-    /// The same surfels; `mesh`: they were sampled from a mesh.
+    /// The same surfels; `mesh`: they were sampled from a mesh, and are a surface for all its edges and thin parts.
     pub(super) fn of_mesh(self, mesh: bool) -> Self {
-        Self { mesh, ..self }
+        let tolerance = if mesh { self.median_radius } else { self.tolerance };
+        Self { mesh, tolerance, ..self }
     }
 
     /// The shared surfels.

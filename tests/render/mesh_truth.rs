@@ -55,7 +55,7 @@ fn errors(name: &str, folder: &Path, file: &str, truth: &Triangles, views: [(&st
     for (label, eye, at, most) in views {
         let view = TriangleCamera { eye, at, up: DVec3::Y, fovy: FOVY, size: SIZE };
         // Few pixels show a far model, and each of them many texels.
-        let traced = truth.picture(&view, if label == "far" { 16 } else { 8 }, BACKGROUND);
+        let traced = truth.picture(&view, if label == "far" { 12 } else { 8 }, BACKGROUND);
         let scene = scene_of(folder, file, &view);
         for (prefilter, word) in [(Prefilter::None, "none"), (Prefilter::Ewa, "ewa")] {
             // Many surfels take long, and there the two differ by .0009 at most.

@@ -106,7 +106,7 @@ fn scene_object(o: &Object) -> Value {
         ("radius_scale", json!(o.source.options.radius_scale)),
         ("blur", json!(o.blur)),
         ("two_sided", json!(o.two_sided)),
-        ("epsilon", o.epsilon.map_or_else(|| json!("tolerance of the model"), |e| json!(e))),
+        ("epsilon", o.epsilon.map_or_else(|| json!("tolerance"), |e| json!(e))),
         ("transform", trs(&o.transform)),
         ("place", trs(&o.place)),
     ];
@@ -116,6 +116,7 @@ fn scene_object(o: &Object) -> Value {
                 pairs.push(("points_at", points.at.map_or_else(|| json!("each frame"), |at| json!(at))));
             }
             pairs.push(("model", model(surfels.surfels())));
+            pairs.push(("tolerance", single(o.shape.tolerance())));
         }
         Shape::Gaussians { model, .. } => pairs.push(("model", capture(model.gaussians()))),
         Shape::Volume(model) => pairs.push(("model", volume(model.gaussians(), None))),
@@ -206,7 +207,7 @@ pub(super) fn model_file(loaded: &model::LoadedModel) -> Value {
     let inside = match (&loaded.gaussians, &loaded.volume) {
         (Some(gaussians), Some(facts)) => volume(gaussians, Some(facts)),
         (Some(gaussians), None) => capture(gaussians),
-        _ => model(&loaded.surfels.clone().spatially_ordered()),
+        _ => model(&loaded.surfels),
     };
     let mut pairs = vec![("kind", json!("model")), ("model", inside)];
     if let Some(mesh) = &loaded.mesh {
@@ -336,7 +337,6 @@ fn model(s: &Surfels) -> Value {
             "radius",
             json!({ "min": single(least), "median": single(s.median_radius()), "max": single(greatest) }),
         ));
-        pairs.push(("tolerance", single(s.tolerance())));
     }
     object(pairs)
 }
