@@ -4,11 +4,11 @@
 //! use splatblur::{Device, RenderOptions, Renderer, Scene};
 //!
 //! # std::fs::create_dir_all("out")?;
-//! let scene = Scene::open("scenes/blinker_fence.xml").size(160, 120).load()?;
+//! let scene = Scene::open("scenes/swarm.xml").size(160, 120).load()?;
 //! let mut renderer = Renderer::open(Device::Auto)?;
-//! let picture = renderer.render(&scene, 0, &RenderOptions::default())?.picture;
-//! picture.write("out/blinker_fence.0000.png")?;
-//! # assert_eq!(splatblur::Picture::read("out/blinker_fence.0000.png")?.width, 160);
+//! let picture = renderer.render(&scene, 3, &RenderOptions::default())?.picture;
+//! picture.write("out/swarm.0003.png")?;
+//! # assert_eq!(splatblur::Picture::read("out/swarm.0003.png")?.width, 160);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

@@ -45,9 +45,9 @@ pub enum Device {
 /// ```
 /// use splatblur::{Device, RenderOptions, Renderer, Scene};
 ///
-/// let scene = Scene::open("scenes/blinker_fence.xml").size(64, 48).load()?;
+/// let scene = Scene::open("scenes/swarm.xml").size(64, 48).load()?;
 /// let mut renderer = Renderer::open(Device::Cpu)?;
-/// for rendered in renderer.render_sequence(&scene, 0..=1, &RenderOptions::default()) {
+/// for rendered in renderer.render_sequence(&scene, 1..=2, &RenderOptions::default()) {
 ///     let (frame, rendered) = rendered?;
 ///     println!("frame {frame}: {} splats", rendered.stats.splats);
 /// }

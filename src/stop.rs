@@ -10,12 +10,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// use std::sync::Arc;
 /// use splatblur::{BackendError, Device, RenderOptions, Renderer, Scene, Stop};
 ///
-/// let scene = Scene::open("scenes/blinker_fence.xml").size(64, 48).load()?;
+/// let scene = Scene::open("scenes/swarm.xml").size(64, 48).load()?;
 /// let mut renderer = Renderer::open(Device::Cpu)?;
 /// let stop = Arc::new(Stop::default());
 /// renderer.heed(Arc::clone(&stop));
 /// stop.set(); // here; else in another thread
-/// let ended = renderer.render(&scene, 0, &RenderOptions::default());
+/// let ended = renderer.render(&scene, 3, &RenderOptions::default());
 /// assert!(matches!(ended, Err(BackendError::Stopped)));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -54,10 +54,10 @@ pub struct Done {
 /// ```
 /// use splatblur::{Device, Progress, RenderOptions, Renderer, Scene};
 ///
-/// let scene = Scene::open("scenes/blinker_fence.xml").size(64, 48).load()?;
+/// let scene = Scene::open("scenes/swarm.xml").size(64, 48).load()?;
 /// let mut renderer = Renderer::open(Device::Cpu)?;
 /// renderer.tell(Progress::new(|done| println!("round {}: {:.0} %", done.round, 100.0 * done.share)));
-/// renderer.render(&scene, 0, &RenderOptions::default())?;
+/// renderer.render(&scene, 3, &RenderOptions::default())?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone)]

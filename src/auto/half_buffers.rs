@@ -251,8 +251,12 @@ impl Mixed<'_> {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
+    use crate::model::generate;
     use crate::sampling::pixel_offsets;
+    use crate::scene::{Camera, Motion, Object};
     use crate::time::{Shutter, Weight};
 
     fn scene(weight: Weight) -> Scene {
@@ -347,11 +351,23 @@ mod tests {
         }
     }
 
+    /// A chequered ball beside the axis that it turns about: its outline sweeps over the background, and its cells over
+    /// each other.
+    fn turning_ball() -> Scene {
+        let mut ball = Object::from_cloud(generate::sphere(3000)).unwrap();
+        ball.transform.scale = DVec3::splat(0.5);
+        ball.transform.translate = DVec3::new(0.2, 0.0, 0.0);
+        ball.motions.push(Motion::Rotation { axis: DVec3::Z, per_frame: 0.6, centre: DVec3::ZERO });
+        let mut scene = Scene::new([ball]);
+        scene.camera = Camera::new(DVec3::new(0.0, 0.0, 2.0), DVec3::ZERO);
+        (scene.image.width, scene.image.height) = (64, 36);
+        scene
+    }
+
     /// Half buffers that were refined by 3 and then by 5 are those of 15 times the strata, each sample in its half.
     #[test]
     fn refined_twice_is_rendered_at_once() {
-        let mut scene = Scene::load("scenes/spin.xml").unwrap();
-        (scene.image.width, scene.image.height) = (64, 36);
+        let scene = turning_ball();
         let mut options = RenderOptions::default();
         options.look.filter = crate::options::PixelFilter::Point;
         let mut cpu = crate::backend::cpu::Cpu::default();

@@ -120,29 +120,46 @@ impl Raster {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests may stop")]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use crate::frame::Frame;
+    use crate::model::{Cloud, generate};
     use crate::options::{BlurMode, Look};
+    use crate::scene::{Camera, Object};
+
+    /// A model about (0, 0, -7), twice as large, before a camera that looks along y = 0 from above.
+    fn scene(model: Cloud) -> Scene {
+        let mut object = Object::from_cloud(model).unwrap();
+        object.transform.translate = DVec3::new(0.0, 0.0, -7.0);
+        object.transform.scale = DVec3::splat(2.0);
+        let mut scene = Scene::new([object]);
+        scene.camera = Camera::new(DVec3::new(0.0, 0.6, 1.0), DVec3::new(0.0, 0.15, -3.0));
+        scene.camera.fovy = 35_f64.to_radians();
+        (scene.image.width, scene.image.height) = (480, 270);
+        scene
+    }
 
     #[test]
     fn the_prefilter_is_chosen_by_positions_and_by_splats() {
-        for (name, mode, filter, wanted) in [
-            ("crossing", "supersample:3", PixelFilter::Box, Prefilter::Ewa),
-            ("crossing", "supersample:8", PixelFilter::Box, Prefilter::None),
-            ("crossing", "supersample:8", PixelFilter::Point, Prefilter::Ewa),
-            ("checkerboard", "supersample:8", PixelFilter::Box, Prefilter::Ewa),
-            ("checkerboard", "supersample:64", PixelFilter::Box, Prefilter::None),
-            ("static", "supersample:16", PixelFilter::Box, Prefilter::None),
-            ("crossing", "volumetric:3+published", PixelFilter::Box, Prefilter::Approx),
+        // Far splats of the plane lie closer than eight positions of a pixel, and not closer than 64.
+        let [ball, plane] = [generate::ball(), generate::checker_plane()].map(scene);
+        for (scene, mode, filter, wanted) in [
+            (&ball, "supersample:3", PixelFilter::Box, Prefilter::Ewa),
+            (&ball, "supersample:8", PixelFilter::Box, Prefilter::None),
+            (&ball, "supersample:8", PixelFilter::Point, Prefilter::Ewa),
+            (&plane, "supersample:8", PixelFilter::Box, Prefilter::Ewa),
+            (&plane, "supersample:64", PixelFilter::Box, Prefilter::None),
+            (&ball, "volumetric:3+published", PixelFilter::Box, Prefilter::Approx),
         ] {
-            let scene = Scene::open(format!("scenes/{name}.xml")).size(480, 270).load().unwrap();
             let mode: BlurMode = mode.parse().unwrap();
             let asked = |prefilter| {
                 let look = Look { filter, ..Look::default() };
                 let options = RenderOptions { prefilter, look, ..RenderOptions::default() };
-                Frame::new(&scene, scene.frames.first, mode, &options).prefilter
+                Frame::new(scene, scene.frames.first, mode, &options).prefilter
             };
-            assert_eq!(asked(Prefilter::Auto), wanted, "{name}, {mode}, {filter}");
+            let surfels = scene.objects[0].shape.elements();
+            assert_eq!(asked(Prefilter::Auto), wanted, "{surfels} surfels, {mode}, {filter}");
             assert_eq!(asked(Prefilter::None), Prefilter::None);
         }
     }

@@ -55,9 +55,9 @@ pub struct Stats {
 /// use splatblur::reference::{self, ReferenceOptions};
 /// use splatblur::{RenderOptions, Scene};
 ///
-/// let scene = Scene::open("scenes/blinker_fence.xml").size(16, 12).load()?;
+/// let scene = Scene::open("scenes/swarm.xml").size(16, 12).load()?;
 /// let options = RenderOptions::default();
-/// let truth = reference::picture(&scene, 0, &ReferenceOptions::like(&options, 16))?;
+/// let truth = reference::picture(&scene, 3, &ReferenceOptions::like(&options, 16))?;
 /// assert_eq!(truth.width, 16);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

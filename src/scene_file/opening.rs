@@ -21,7 +21,7 @@ impl Scene {
     /// ```
     /// use splatblur::Scene;
     ///
-    /// let scene = Scene::open("scenes/blinker_fence.xml").size(160, 90).load()?;
+    /// let scene = Scene::open("scenes/swarm.xml").size(160, 90).load()?;
     /// assert_eq!((scene.image.width, scene.image.height), (160, 90));
     /// # Ok::<(), splatblur::SceneError>(())
     /// ```

@@ -16,10 +16,10 @@ fn is_manual(name: &str) -> bool {
 }
 
 /// Folders at the root whose files are ours; build folders are not among them.
-const FOLDERS: [&str; 11] =
+pub(super) const FOLDERS: [&str; 11] =
     [".ci", ".github", "animations", "benches", "docs", "examples", "fuzz", "scenes", "shaders", "src", "tests"];
 
-fn root() -> &'static Path {
+pub(super) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 

@@ -7,9 +7,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use splatblur::environment;
+use splatblur::frame::Frame;
 use splatblur::image;
 use splatblur::model::generate_volume::{self, FieldShape, Storage};
 use splatblur::model::{Cloud, generate};
+use splatblur::options::{BlurMode, Prefilter, RenderOptions};
+use splatblur::scene::Scene;
 use splatblur::scene_file;
 
 fn scenes() -> PathBuf {
@@ -103,6 +106,26 @@ fn every_scene_loads_without_a_word_of_doubt() {
             let doubts: Vec<_> = doubts.filter(|note| !note.contains("Tr 1 without `d` is taken as opaque")).collect();
             assert_eq!(doubts, Vec::<&String>::new(), "{name}");
         }
+    }
+}
+
+/// The bounds of what modes see in a scene were set on these.
+#[test]
+fn shipped_scenes_get_the_filter_and_the_positions_that_suit_them() {
+    for (name, frame, prefilter, positions) in [
+        // Its floor is at rest.
+        ("three_objects", 15, Prefilter::None, 8),
+        // Little rests, nothing, all.
+        ("blinker_fence", 0, Prefilter::None, 24),
+        ("crossing", 9, Prefilter::None, 24),
+        ("static", 0, Prefilter::None, 24),
+        // Cells shrink to a pixel.
+        ("checkerboard", 0, Prefilter::Ewa, 24),
+    ] {
+        let scene = Scene::open(scenes().join(name).with_extension("xml")).size(480, 270).load().unwrap();
+        let frame = |samples| Frame::new(&scene, frame, BlurMode::supersample(samples), &RenderOptions::default());
+        assert_eq!(frame(8).prefilter, prefilter, "{name}");
+        assert_eq!(frame(24).rasters[0].positions.len(), positions, "{name}");
     }
 }
 
