@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn the_prefilter_is_chosen_by_positions_and_by_splats() {
-        // Far splats of the plane lie closer than eight positions of a pixel, and not closer than 64.
+        // The far splats of the plane are minified for eight positions, and not for 64.
         let [ball, plane] = [generate::ball(), generate::checker_plane()].map(scene);
         for (scene, mode, filter, wanted) in [
             (&ball, "supersample:3", PixelFilter::Box, Prefilter::Ewa),

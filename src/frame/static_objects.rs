@@ -172,9 +172,9 @@ mod tests {
     use crate::scene::{Camera, Motion, Object};
 
     /// A floor, whose rectangle fills half of the image, and a ball that fills little. `moving`: which of them moves.
-    fn scene(moving: [bool; 2]) -> Scene {
-        let mut scene =
-            Scene::new([generate::floor(), generate::ball()].map(|cloud| Object::from_cloud(cloud).unwrap()));
+    fn scene((name, moving): (&str, [bool; 2])) -> Scene {
+        let objects = [generate::floor(), generate::ball()].map(|cloud| Object::from_cloud(cloud).unwrap());
+        let mut scene = Scene { name: name.to_owned(), ..Scene::new(objects) };
         scene.camera = Camera::new(DVec3::new(0.0, 2.0, 9.0), DVec3::new(0.0, 1.0, 0.0));
         (scene.image.width, scene.image.height) = (480, 270);
         for (object, moves) in scene.objects.iter_mut().zip(moving) {
@@ -185,9 +185,14 @@ mod tests {
 
     #[test]
     fn positions_are_shared_where_much_rests_and_something_moves() {
-        let [much_rests, little_rests, nothing_rests, all_rests] =
-            [[false, true], [true, false], [true, true], [false, false]].map(scene);
-        for (case, (scene, mode, wanted)) in [
+        let [much_rests, little_rests, nothing_rests, all_rests] = [
+            ("much rests", [false, true]),
+            ("little rests", [true, false]),
+            ("nothing rests", [true, true]),
+            ("all rests", [false, false]),
+        ]
+        .map(scene);
+        for (scene, mode, wanted) in [
             (&much_rests, "supersample:24", 8),
             (&much_rests, "supersample:72", 18),
             // No divisor, and what is asked for.
@@ -205,13 +210,10 @@ mod tests {
             (&nothing_rests, "volumetric:3+kernel=ellipsoid", 3),
             (&nothing_rests, "volumetric:3+published", 3),
             (&nothing_rests, "volumetric:3+pixel-samples=3", 3),
-        ]
-        .into_iter()
-        .enumerate()
-        {
+        ] {
             let mode: BlurMode = mode.parse().unwrap();
             let frame = Frame::new(scene, 0, mode, &RenderOptions::default());
-            assert_eq!(frame.rasters[0].positions.len(), wanted, "case {case}, {mode}");
+            assert_eq!(frame.rasters[0].positions.len(), wanted, "{}, {mode}", scene.name);
         }
     }
 }
