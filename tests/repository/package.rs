@@ -1,7 +1,6 @@
 //! The package that `cargo publish` would send: small, and whole enough for its own tests.
 
 use std::fs;
-use std::path::Path;
 use std::process::Command;
 
 use crate::sources;
