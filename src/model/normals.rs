@@ -251,6 +251,10 @@ pub(super) mod tests {
                 prop_assert!((vector.length() - 1.0).abs() < 1e-14);
             }
         }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]
         fn always_unit(points in prop::collection::vec(prop::array::uniform3(-3_i8..3), 1..120)) {

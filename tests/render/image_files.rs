@@ -333,48 +333,73 @@ fn specimens() -> Vec<Vec<u8>> {
     ]
 }
 
-fn read_bytes(bytes: &[u8]) -> Result<Picture, ImageError> {
+/// All are written before one is read: a file is opened when it has been at rest for a while.
+fn read_all(files: &[Vec<u8>]) -> Vec<Result<Picture, ImageError>> {
     let dir = tempfile::tempdir().unwrap();
-    let path: PathBuf = dir.path().join("damaged");
-    std::fs::write(&path, bytes).unwrap();
-    let _ = image::read_settings(&path);
-    image::read(&path)
+    let paths: Vec<PathBuf> = (0..files.len()).map(|number| dir.path().join(format!("damaged-{number}"))).collect();
+    for (path, bytes) in paths.iter().zip(files) {
+        std::fs::write(path, bytes).unwrap();
+    }
+    let read = |path: &PathBuf| {
+        let _ = image::read_settings(path);
+        image::read(path)
+    };
+    paths.iter().map(read).collect()
 }
 
+/// Files of a case: 400 in all.
+const TOGETHER: usize = 20;
+
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 20, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn truncated_files_are_errors(which in 0..3_usize, share in 0.0..1.0_f64) {
-        let bytes = &specimens()[which];
-        let cut = (bytes.len() as f64 * share) as usize;
-        // A PNG whose last chunk alone is cut may still be whole as a picture.
-        if which == 2 || cut + 16 < bytes.len() {
-            prop_assert!(read_bytes(&bytes[..cut]).is_err());
+    fn truncated_files_are_errors(cuts in prop::collection::vec((0..3_usize, 0.0..1.0_f64), TOGETHER)) {
+        let specimens = specimens();
+        let cut = |&(which, share): &(usize, f64)| {
+            let bytes = &specimens[which];
+            bytes[..(bytes.len() as f64 * share) as usize].to_vec()
+        };
+        let files: Vec<Vec<u8>> = cuts.iter().map(cut).collect();
+        for (read, (bytes, &(which, _))) in read_all(&files).iter().zip(files.iter().zip(&cuts)) {
+            // A PNG whose last chunk alone is cut may still be whole as a picture.
+            if which == 2 || bytes.len() + 16 < specimens[which].len() {
+                prop_assert!(read.is_err(), "specimen {}, {} bytes", which, bytes.len());
+            }
         }
     }
 
     #[test]
     fn changed_files_never_panic(
-        which in 0..3_usize,
-        changes in prop::collection::vec((any::<u32>(), any::<u8>()), 1..6),
+        all in prop::collection::vec((0..3_usize, prop::collection::vec((any::<u32>(), any::<u8>()), 1..6)), TOGETHER),
     ) {
-        let mut bytes = specimens()[which].clone();
-        let length = bytes.len();
-        for (at, value) in changes {
-            // Half of the changes hit the header, where lengths and counts are.
-            let at = if at & 1 == 0 { at as usize % length } else { at as usize % 400 };
-            bytes[at] = value;
-        }
-        if let Ok(picture) = read_bytes(&bytes) {
+        let specimens = specimens();
+        let changed = |(which, changes): (usize, Vec<(u32, u8)>)| {
+            let mut bytes = specimens[which].clone();
+            let length = bytes.len();
+            for (at, value) in changes {
+                // Half of the changes hit the header, where lengths and counts are.
+                let at = if at & 1 == 0 { at as usize % length } else { at as usize % 400 };
+                bytes[at] = value;
+            }
+            bytes
+        };
+        let files: Vec<Vec<u8>> = all.into_iter().map(changed).collect();
+        for picture in read_all(&files).into_iter().flatten() {
             prop_assert_eq!(picture.rgba.len(), picture.width as usize * picture.height as usize);
         }
     }
 
     #[test]
-    fn noise_after_a_signature_never_panics(exr in any::<bool>(), noise in prop::collection::vec(any::<u8>(), 0..300)) {
-        let mut bytes = if exr { vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0] } else { b"\x89PNG\r\n\x1a\n".to_vec() };
-        bytes.extend(noise);
-        prop_assert!(read_bytes(&bytes).is_err());
+    fn noise_after_a_signature_never_panics(
+        all in prop::collection::vec((any::<bool>(), prop::collection::vec(any::<u8>(), 0..300)), TOGETHER),
+    ) {
+        let noisy = |(exr, noise): (bool, Vec<u8>)| {
+            let mut bytes = if exr { vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0] } else { b"\x89PNG\r\n\x1a\n".to_vec() };
+            bytes.extend(noise);
+            bytes
+        };
+        let files: Vec<Vec<u8>> = all.into_iter().map(noisy).collect();
+        prop_assert!(read_all(&files).iter().all(Result::is_err));
     }
 }

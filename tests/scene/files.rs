@@ -333,11 +333,20 @@ fn fields(scene: &Scene) -> String {
 
 #[track_caller]
 fn comes_back(dir: &Dir) {
-    let first = dir.load().unwrap().scene;
-    dir.add("scene.xml", to_xml(&first, dir.0.path()));
-    let second = dir.load().unwrap_or_else(|e| panic!("{}", dir.words(e))).scene;
-    assert_eq!(fields(&first), fields(&second));
-    assert_eq!(to_xml(&first, dir.0.path()), to_xml(&second, dir.0.path()));
+    all_come_back(std::slice::from_ref(dir));
+}
+
+/// All are written before one is read: a file is opened when it has been at rest for a while.
+fn all_come_back(dirs: &[Dir]) {
+    let scenes: Vec<Scene> = dirs.iter().map(|dir| dir.load().unwrap().scene).collect();
+    for (dir, first) in dirs.iter().zip(&scenes) {
+        dir.add("scene.xml", to_xml(first, dir.0.path()));
+    }
+    for (dir, first) in dirs.iter().zip(&scenes) {
+        let second = dir.load().unwrap_or_else(|e| panic!("{}", dir.words(e))).scene;
+        assert_eq!(fields(first), fields(&second));
+        assert_eq!(to_xml(first, dir.0.path()), to_xml(&second, dir.0.path()));
+    }
 }
 
 #[test]
@@ -790,9 +799,13 @@ fn crowds_are_quick() {
     );
 }
 
-/// Loads bytes as a scene; panics and slowness are what is tested.
-fn survives(bytes: &[u8]) -> Result<(), TestCaseError> {
-    let dir = Dir::new(bytes);
+/// Loads files as scenes; panics and slowness are what is tested. All are written before one is read.
+fn survive(files: &[Vec<u8>]) -> Result<(), TestCaseError> {
+    let dirs: Vec<Dir> = files.iter().map(Dir::new).collect();
+    dirs.iter().zip(files).try_for_each(|(dir, bytes)| survives(dir, bytes))
+}
+
+fn survives(dir: &Dir, bytes: &[u8]) -> Result<(), TestCaseError> {
     let start = Instant::now();
     let valid = validate(&dir.path("scene.xml"), bytes, false).is_ok();
     for lenient in [false, true] {
@@ -807,49 +820,60 @@ fn survives(bytes: &[u8]) -> Result<(), TestCaseError> {
     Ok(())
 }
 
+/// Files of a case: 300 in all.
+const TOGETHER: usize = 20;
+
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 15, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn random_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
-        survives(&bytes)?;
+    fn random_bytes_are_survived(
+        files in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..400), TOGETHER),
+    ) {
+        survive(&files)?;
     }
 
     #[test]
     fn mutated_scenes_are_survived(
-        edits in prop::collection::vec((0..EVERYTHING.len(), 0..12_usize, prop_oneof![
+        files in prop::collection::vec(prop::collection::vec((0..EVERYTHING.len(), 0..12_usize, prop_oneof![
             prop::collection::vec(any::<u8>(), 0..4),
             prop::sample::select(vec!["<", ">", "\"", "/", "&", "</object>", "<scene>", "1e308", "-0", "NaN", " "])
                 .prop_map(|s| s.as_bytes().to_vec()),
-        ]), 1..4)
+        ]), 1..4), TOGETHER)
     ) {
-        let mut bytes = EVERYTHING.as_bytes().to_vec();
-        for (at, cut, insert) in edits {
-            let at = at.min(bytes.len());
-            bytes.splice(at..(at + cut).min(bytes.len()), insert);
-        }
-        survives(&bytes)?;
+        let mutated = |edits: Vec<(usize, usize, Vec<u8>)>| {
+            let mut bytes = EVERYTHING.as_bytes().to_vec();
+            for (at, cut, insert) in edits {
+                let at = at.min(bytes.len());
+                bytes.splice(at..(at + cut).min(bytes.len()), insert);
+            }
+            bytes
+        };
+        survive(&files.into_iter().map(mutated).collect::<Vec<_>>())?;
     }
 
     #[test]
     fn numbers_come_back_exactly(
-        v in prop::array::uniform3(-1e3..1e3_f64),
-        angles in prop::array::uniform3(-400.0..400.0_f64),
-        fovy in 0.01..179.0_f64,
-        light in prop::array::uniform3(0.0..1e3_f64),
+        all in prop::collection::vec((
+            prop::array::uniform3(-1e3..1e3_f64),
+            prop::array::uniform3(-400.0..400.0_f64),
+            0.01..179.0_f64,
+            prop::array::uniform3(0.0..1e3_f64),
+        ), TOGETHER),
     ) {
-        let [x, y, z] = v;
-        let [a, b, c] = angles;
-        let [r, g, l] = light;
-        let beside = format!(
-            "<camera eye='{x} {y} 1e4' at='{y} {z} 0' fovy='{fovy}'/><light type='directional' direction='{x} {y} 1' \
-             colour='{r} {g} 1' intensity='{l}'/><light type='point' position='{z} {x} {y}' colour='{l} {r} {g}'/>"
-        );
-        let inside = format!(
-            "<transform rotate='{a} {b} {c}' translate='{x} {y} {z}'/><motion type='rotation' axis='{a} {b} {c}' \
-             degreesPerFrame='{a}'/><material diffuse='{r}' specular='{g}'/>"
-        );
-        comes_back(&Dir::new(scene(&beside, &inside)));
+        let written = |([x, y, z], [a, b, c], fovy, [r, g, l]): ([f64; 3], [f64; 3], f64, [f64; 3])| {
+            let beside = format!(
+                "<camera eye='{x} {y} 1e4' at='{y} {z} 0' fovy='{fovy}'/><light type='directional' \
+                 direction='{x} {y} 1' colour='{r} {g} 1' intensity='{l}'/><light type='point' \
+                 position='{z} {x} {y}' colour='{l} {r} {g}'/>"
+            );
+            let inside = format!(
+                "<transform rotate='{a} {b} {c}' translate='{x} {y} {z}'/><motion type='rotation' axis='{a} {b} {c}' \
+                 degreesPerFrame='{a}'/><material diffuse='{r}' specular='{g}'/>"
+            );
+            Dir::new(scene(&beside, &inside))
+        };
+        all_come_back(&all.into_iter().map(written).collect::<Vec<_>>());
     }
 }
 

@@ -78,7 +78,8 @@ fn all_that_is_read_is_listed() {
     names.sort();
     assert_eq!(loaded.scene.files.into_keys().collect::<Vec<_>>(), names);
     // A model alone.
-    let loaded = scene_file::load_model(&place("square.obj"), &LoadOptions::default()).unwrap();
+    let small = LoadOptions { size: Some((8, 6)), ..LoadOptions::default() };
+    let loaded = scene_file::load_model(&place("square.obj"), &small).unwrap();
     assert_eq!(
         loaded.scene.files.into_keys().collect::<Vec<_>>(),
         ["of obj.png", "square.mtl", "square.obj"].map(place)

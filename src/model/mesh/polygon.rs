@@ -219,7 +219,7 @@ mod tests {
     #[test]
     fn outlines_of_trees_of_squares_keep_their_area() {
         let mut random = Pcg64Mcg::seed_from_u64(7);
-        for round in 0..60000 {
+        for round in 0..12_000 {
             let mut ring = vec![[0, 0], [1, 0], [1, 1], [0, 1]];
             let mut cells = vec![[0, 0]];
             let most = 2 + round % 120;
