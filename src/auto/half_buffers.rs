@@ -365,38 +365,45 @@ mod tests {
     }
 
     /// Half buffers that were refined by 3 and then by 5 are those of 15 times the strata, each sample in its half.
-    #[test]
-    fn refined_twice_is_rendered_at_once() {
+    fn refined_twice_as_rendered_at_once(interleave: Interleave) {
         let scene = turning_ball();
         let mut options = RenderOptions::default();
         options.look.filter = crate::options::PixelFilter::Point;
         let mut cpu = crate::backend::cpu::Cpu::default();
-        for interleave in [Interleave::None, Interleave::Two] {
-            let strata = Strata::new(&scene, 8.into(), 4, 1 << 12);
-            let first = Round { number: 8.into(), ..round(&scene, &options, interleave, &strata, (1, 1)) };
-            let mut render =
-                |round: &Round<'_>| HalfBuffers::render(&mut cpu, round, None, &mut Stats::default()).unwrap();
-            let all = Blocks { width: 2, wanted: vec![true; 4] };
-            let mut refined = render(&first);
-            let mut coarse = 1;
-            for factor in [3, 5] {
-                let strata = strata.divided(coarse);
-                let round = Round { strata: &strata, coarse, factor, ..first };
-                let fresh = render(&round);
-                refined.refine(&fresh, &round, &all);
-                coarse *= factor;
-            }
-            let strata = strata.divided(15);
-            let direct = render(&Round { strata: &strata, coarse: 15, ..first });
-            for (refined, direct) in refined.pictures().iter().zip(direct.pictures()) {
-                for (a, b) in refined.rgba.iter().flatten().zip(direct.rgba.iter().flatten()) {
-                    assert!((a - b).abs() < 1e-5, "{interleave:?}: {a} for {b}");
-                }
-            }
-            let [even, odd] = direct.pictures();
-            let differ = even.rgba.iter().zip(&odd.rgba).filter(|(a, b)| a != b).count();
-            assert!(differ > 100, "{differ} pixels differ between the halves");
+        let strata = Strata::new(&scene, 8.into(), 4, 1 << 12);
+        let first = Round { number: 8.into(), ..round(&scene, &options, interleave, &strata, (1, 1)) };
+        let mut render = |round: &Round<'_>| HalfBuffers::render(&mut cpu, round, None, &mut Stats::default()).unwrap();
+        let all = Blocks { width: 2, wanted: vec![true; 4] };
+        let mut refined = render(&first);
+        let mut coarse = 1;
+        for factor in [3, 5] {
+            let strata = strata.divided(coarse);
+            let round = Round { strata: &strata, coarse, factor, ..first };
+            let fresh = render(&round);
+            refined.refine(&fresh, &round, &all);
+            coarse *= factor;
         }
+        let strata = strata.divided(15);
+        let direct = render(&Round { strata: &strata, coarse: 15, ..first });
+        for (refined, direct) in refined.pictures().iter().zip(direct.pictures()) {
+            for (a, b) in refined.rgba.iter().flatten().zip(direct.rgba.iter().flatten()) {
+                assert!((a - b).abs() < 1e-5, "{interleave:?}: {a} for {b}");
+            }
+        }
+        let [even, odd] = direct.pictures();
+        let differ = even.rgba.iter().zip(&odd.rgba).filter(|(a, b)| a != b).count();
+        assert!(differ > 100, "{differ} pixels differ between the halves");
+    }
+
+    #[test]
+    fn refined_twice_is_rendered_at_once() {
+        refined_twice_as_rendered_at_once(Interleave::None);
+    }
+
+    #[test]
+    #[ignore = "deep: whole pictures"]
+    fn refined_twice_is_rendered_at_once_on_a_lattice() {
+        refined_twice_as_rendered_at_once(Interleave::Two);
     }
 
     /// Each half buffer is its own mirror image in time, and the other one's times are none of it: motion that turns at

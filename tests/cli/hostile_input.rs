@@ -268,6 +268,7 @@ proptest! {
     }
 
     /// Damaged parts of the store are rendered again: the figures are those of the first run.
+    // Not deep: the only test of damage to that store.
     #[test]
     fn a_damaged_store(which in any::<Index>(), damage in damage()) {
         let (finished, figures_of_first) = report();

@@ -249,6 +249,7 @@ fn help_teaches() {
 }
 
 /// All tables and pictures of the thesis, small: fifteen cells, and each figure's picture.
+// Not deep: the only test of that command.
 #[test]
 fn the_thesis_is_made_again() {
     let directory = tempfile::tempdir().unwrap();

@@ -83,6 +83,7 @@ fn try_case(case: &Case, lines: &[String], figures: &mut Figures) {
     }
 }
 
+// Not deep: it waits for saves, and takes little of the processor.
 #[test]
 fn what_is_read_is_one_whole_file() {
     let work = tempfile::tempdir().unwrap();

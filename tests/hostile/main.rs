@@ -171,6 +171,7 @@ fn read(log: &Path, found: &mut Found) -> (Option<u64>, bool) {
     (last, open)
 }
 
+// Not deep: the only test of all readers with damaged files.
 #[test]
 fn hostile_inputs_are_refused_or_rendered() {
     let (seed, numbers) = (asked("HOSTILE_SEED").unwrap_or(1), numbers());
@@ -204,6 +205,7 @@ fn hostile_inputs_are_refused_or_rendered() {
 }
 
 /// What a run may do wrong is found, with its number, and the runs behind it are made.
+// Not deep: it waits 20 s for the run that hangs, and takes little of the processor.
 #[test]
 fn what_is_planted_is_found() {
     let planted = [
@@ -223,6 +225,7 @@ fn what_is_planted_is_found() {
 }
 
 /// A seed is read before it is damaged, but for those that are not to be.
+// Not deep: damage to a seed that is refused anyway finds nothing, and nothing else says so.
 #[test]
 fn seeds_are_valid() {
     let runs = Runs::new();

@@ -70,6 +70,7 @@ fn with_error(error: f64) -> ErrorTarget {
     ErrorTarget { error, ..ErrorTarget::default() }
 }
 
+// Not deep: what mode auto promises.
 #[test]
 fn the_stated_error_is_the_true_one() {
     let mut scene = balls();
@@ -137,6 +138,7 @@ fn light_above_white_is_stated() {
 }
 
 /// Whatever the lattice, the stated error is not below the true one.
+// Not deep: what mode auto promises.
 #[test]
 fn the_stated_error_holds_with_every_lattice() {
     let mut scene = balls();
@@ -434,6 +436,7 @@ fn threads_do_not_show() {
 
 #[cfg(feature = "gpu")]
 #[test]
+#[ignore = "deep: small buffers"]
 fn memory_on_the_gpu_is_that_of_all_pictures() {
     let Some(mut gpu) = crate::support::gpu::gpu_or_skip("memory_on_the_gpu_is_that_of_all_pictures") else { return };
     counts_its_pictures(&mut gpu);

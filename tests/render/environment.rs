@@ -170,6 +170,7 @@ fn the_reference_mirrors_too() {
 }
 
 /// One look-up a pixel, as wide as the pixel's image in the ball, against one as narrow as a ray.
+// Not deep: the only test of the filter of what is mirrored.
 #[test]
 fn what_is_finer_than_a_pixel_is_filtered() {
     for degrees in [3.0, 5.0] {

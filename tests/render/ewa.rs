@@ -148,6 +148,7 @@ fn a_tiny_ball_is_a_picture_of_the_gaussian() {
 
 /// A surface of points that lie anyhow, near and far. Seen from near, colours go over into each other as they do
 /// without a filter, which is what the reference has; seen from far, each counts for the area that is its own.
+// Not deep: the only test of points that lie anyhow.
 #[test]
 fn colours_of_points_that_lie_anyhow_are_those_of_the_reference() {
     let mut state = 3_u64;

@@ -409,6 +409,7 @@ fn random_sphere(n: usize, seed: u64, cover: f64) -> Scene {
 /// Issue 5, item 2: the density of a model does not show. Alpha is that of supersampling at the 512 moments of the
 /// intervals, also where random surfels leave holes (between discs that cover each point four times on average 1.8 % of
 /// the area).
+// Not deep: what kernels in motion are for, against the closed form of alpha.
 #[test]
 fn density_does_not_show() {
     let alpha = |scene: &Scene, mode| {
@@ -419,7 +420,7 @@ fn density_does_not_show() {
         };
         render(scene, &options).layers[0].planes[0].clone()
     };
-    for (density, seed) in [(1, 11), (2, 12), (4, 13)] {
+    for (density, seed) in [(1, 11), (4, 13)] {
         for cover in [4.0, 9.0] {
             let scene = random_sphere(1500 * density, seed, cover);
             let swept = alpha(&scene, volumetric(16));

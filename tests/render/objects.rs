@@ -108,6 +108,7 @@ fn qualities() -> Vec<Quality> {
 }
 
 /// The truth is geometry: for how long the square is before the wall.
+// Not deep: the closed form of the layer `object`.
 #[test]
 fn the_object_seen_longest_wins_in_all_modes() {
     let scene = squares();

@@ -46,6 +46,7 @@ fn window(picture: &Picture) -> Picture {
     Picture { width: SMALL[0], height: SMALL[1], rgba: (0..SMALL[1]).flat_map(row).collect(), layers: Vec::new() }
 }
 
+// Not deep: the only test of a shifted camera in pictures.
 #[test]
 fn a_shifted_camera_sees_a_window_of_a_larger_picture() {
     for (mode, prefilter, shading) in [

@@ -83,6 +83,7 @@ fn places(picture: &Picture, axis: usize) -> Vec<f64> {
 }
 
 /// An edge that moves by v pixels a frame leans by v times the read-out over the height, and stays straight.
+// Not deep: the closed form of rolling shutters.
 #[test]
 fn a_moving_edge_leans() {
     for (text, direction, anchor) in [
@@ -94,6 +95,11 @@ fn a_moving_edge_leans() {
         let rolling = readout(text);
         assert_eq!((rolling.direction, rolling.anchor), (direction, anchor));
         let axis = direction.axis();
+        // These two take long: each has one direction of each axis.
+        let (finer, rays) = match direction {
+            Direction::Down | Direction::Left => (true, false),
+            Direction::Up | Direction::Right => (false, true),
+        };
         let scene = moving_edge(rolling);
         // Discs reach 3 spacings beyond the last centres; between them the edge is .02 pixels short.
         let resting = 0.5 * f64::from(PIXELS[1 - axis]) + 0.75;
@@ -116,16 +122,19 @@ fn a_moving_edge_leans() {
             let options = options(mode("supersample:16"), prefilter);
             let wider = if prefilter == Prefilter::Approx { 0.52 } else { 0.0 };
             lean(&format!("{prefilter:?}"), &render(&scene, &options), wider, 0.17);
-            if prefilter == Prefilter::None {
-                let finer = RenderOptions { quality: mode("supersample:64"), ..options };
-                lean("64 samples", &render(&scene, &finer), wider, 0.1);
+            if finer && prefilter == Prefilter::None {
+                let options = RenderOptions { quality: mode("supersample:64"), ..options };
+                lean("64 samples", &render(&scene, &options), wider, 0.1);
             }
         }
-        lean("reference", &traced(&scene, 1024), 0.0, 0.1);
+        if rays {
+            lean("reference", &traced(&scene, 1024), 0.0, 0.1);
+        }
     }
 }
 
 /// Each row is that of a picture which is exposed at once, when the row is.
+// Not deep: it alone looks at single rows.
 #[test]
 fn a_row_is_exposed_at_its_own_time() {
     for (text, prefilter) in [("0.5", Prefilter::None), ("0.9,left", Prefilter::Ewa), ("0.7,up,first", Prefilter::Ewa)]
@@ -137,7 +146,8 @@ fn a_row_is_exposed_at_its_own_time() {
             let scene = make(rolling);
             let picture = render(&scene, &options);
             let size = [picture.width, picture.height];
-            for row in (3..size[axis]).step_by(24) {
+            // One that is read early, and one late.
+            for row in [3_u32, 75] {
                 let mut at_once = make(rolling);
                 at_once.shutter.readout.duration = 0.0;
                 let delay = rolling.delay((f64::from(row) + 0.5) / f64::from(size[axis]));
@@ -204,6 +214,7 @@ fn z_score(splatted: &Picture, truth: &Picture) -> f64 {
 
 /// The splatter is as far from the reference as without a rolling shutter. The reference takes each row's own times.
 #[test]
+#[ignore = "deep: many samples"]
 fn rolling_pictures_are_those_of_the_reference() {
     for (seed, text) in [(1, "0.8"), (2, "0.6,up"), (3, "0.9,left,first")] {
         let z = |text: &str| {
@@ -222,6 +233,7 @@ fn rolling_pictures_are_those_of_the_reference() {
 }
 
 /// Modes that share times, and filters, agree with one another.
+// Not deep: it holds rolling pictures against the reference where the test above is left out.
 #[test]
 fn all_modes_with_samples_roll() {
     let scene = lively(1, readout("0.8"));
@@ -297,19 +309,13 @@ fn volumetric_refuses_a_rolling_shutter() {
     assert_eq!(picture, render(&lively(1, Readout::default()), &options(mode("volumetric:3"), Prefilter::Ewa)));
 }
 
+/// Number of a scene, its read-out, how it is rendered, and the opacity of its first object.
 #[cfg(feature = "gpu")]
-#[test]
-fn the_gpu_rolls_as_the_cpu_does() {
-    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_gpu_rolls_as_the_cpu_does") else { return };
-    let target: Quality = Quality::Error(ErrorTarget { error: 0.01, ..ErrorTarget::default() });
-    for (seed, text, quality, prefilter, opacity) in [
-        (1, "0.8", mode("supersample:2"), Prefilter::None, 1.0),
-        (1, "0.8,up", mode("supersample:2+interleave=2"), Prefilter::Approx, 1.0),
-        (2, "0.6,left", mode("supersample:2"), Prefilter::Ewa, 1.0),
-        (3, "0.9,right", mode("bucket:1x2"), Prefilter::Ewa, 0.5),
-        (1, "0.5", target, Prefilter::Ewa, 1.0),
-        (4, "1,up", mode("supersample:2"), Prefilter::Ewa, 1.0),
-    ] {
+type GpuCase = (u64, &'static str, Quality, Prefilter, f64);
+
+#[cfg(feature = "gpu")]
+fn rolls_as_on_the_cpu(gpu: &mut dyn splatblur::backend::Backend, cases: &[GpuCase]) {
+    for &(seed, text, quality, prefilter, opacity) in cases {
         let mut scene = lively(seed, readout(text));
         if seed == 4 {
             scene = Scene::load("scenes/guitar_flight.xml").unwrap();
@@ -322,7 +328,7 @@ fn the_gpu_rolls_as_the_cpu_does() {
             ..options(quality, prefilter)
         };
         let host = render(&scene, &options);
-        let device = render_frame(&mut gpu, &scene, 0, &options).unwrap().picture;
+        let device = render_frame(gpu, &scene, 0, &options).unwrap().picture;
         let values = |picture: &Picture| -> Vec<f32> {
             let layers = picture.layers.iter().flat_map(|layer| layer.planes.iter().flatten());
             picture.rgba.iter().flatten().chain(layers).copied().collect()
@@ -332,4 +338,28 @@ fn the_gpu_rolls_as_the_cpu_does() {
         println!("scene {seed} {text} {quality} {prefilter:?}: {differing} values differ by more than 1e-3");
         assert!(differing < 20, "scene {seed} {text} {quality} {prefilter:?}: {differing}");
     }
+}
+
+// Not deep: the one picture of a rolling shutter on a GPU.
+#[cfg(feature = "gpu")]
+#[test]
+fn the_gpu_rolls_as_the_cpu_does() {
+    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_gpu_rolls_as_the_cpu_does") else { return };
+    rolls_as_on_the_cpu(&mut gpu, &[(2, "0.6,left", mode("supersample:2"), Prefilter::Ewa, 1.0)]);
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+#[ignore = "deep: whole pictures"]
+fn the_gpu_rolls_as_the_cpu_does_in_all_modes() {
+    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_gpu_rolls_as_the_cpu_does_in_all_modes") else { return };
+    let target: Quality = Quality::Error(ErrorTarget { error: 0.01, ..ErrorTarget::default() });
+    let cases = [
+        (1, "0.8", mode("supersample:2"), Prefilter::None, 1.0),
+        (1, "0.8,up", mode("supersample:2+interleave=2"), Prefilter::Approx, 1.0),
+        (3, "0.9,right", mode("bucket:1x2"), Prefilter::Ewa, 0.5),
+        (1, "0.5", target, Prefilter::Ewa, 1.0),
+        (4, "1,up", mode("supersample:2"), Prefilter::Ewa, 1.0),
+    ];
+    rolls_as_on_the_cpu(&mut gpu, &cases);
 }

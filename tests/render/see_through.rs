@@ -254,6 +254,7 @@ fn bits(picture: &Picture) -> Vec<u32> {
     picture.rgba.iter().flatten().chain(planes).map(|value| value.to_bits()).collect()
 }
 
+// Not deep: no other test makes bands and batches of layers.
 #[test]
 fn memory_and_threads_change_no_byte() {
     let mut ball = crate::support::object(crate::support::sphere(60_000));
@@ -268,14 +269,12 @@ fn memory_and_threads_change_no_byte() {
             ..with(mode, Prefilter::Ewa)
         };
         let whole = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap();
-        for threads in [1, 3] {
+        for (threads, memory) in [(1, 1 << 30), (3, 48 << 20)] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            for memory in [48 << 20, 1 << 30] {
-                let few = RenderOptions { memory, ..options.clone() };
-                let found = pool.install(|| render_frame(&mut Cpu::default(), &scene, 0, &few)).unwrap();
-                assert!(bits(&found.picture) == bits(&whole.picture), "{mode}, {threads} threads, {memory}");
-                println!("{mode}, {threads} threads, {memory}: {} splats", found.stats.splats);
-            }
+            let few = RenderOptions { memory, ..options.clone() };
+            let found = pool.install(|| render_frame(&mut Cpu::default(), &scene, 0, &few)).unwrap();
+            assert!(bits(&found.picture) == bits(&whole.picture), "{mode}, {threads} threads, {memory}");
+            println!("{mode}, {threads} threads, {memory}: {} splats", found.stats.splats);
         }
     }
 }
@@ -323,6 +322,7 @@ fn balls_of_glass_are_those_of_the_reference() {
 }
 
 /// The closed forms above on a GPU: filters, groups of samples, a capture between layers, and what is left out.
+// Not deep: the pictures of layers on a GPU.
 #[cfg(feature = "gpu")]
 #[test]
 fn a_gpu_shows_the_same_layers() {
@@ -330,14 +330,18 @@ fn a_gpu_shows_the_same_layers() {
     let green = Vec3::new(0.2, 0.8, 0.3);
     let objects = || vec![plane(-0.5, 0.6, BLUE), veil(0.0, green), plane(0.5, 0.3, RED)];
     let want = over(&[(0.3, RED), (0.5, green), (0.6, BLUE)]);
-    for prefilter in [Prefilter::None, Prefilter::Approx, Prefilter::Ewa] {
-        for mode in [STILL, BlurMode::supersample(2), bucket(1, 2)] {
-            let rendered = render_frame(&mut gpu, &view(objects()), 0, &with(mode, prefilter)).unwrap();
-            let found = worst(&rendered.picture, want);
-            // As `a_capture_lies_between_layers` has it.
-            assert!(found < 1e-4, "{mode:?}, {prefilter:?}: {found:.1e}");
-            assert_eq!(rendered.stats.left_out, 0);
-        }
+    let modes = [
+        (STILL, Prefilter::Ewa),
+        (STILL, Prefilter::None),
+        (BlurMode::supersample(2), Prefilter::Approx),
+        (bucket(1, 2), Prefilter::Ewa),
+    ];
+    for (mode, prefilter) in modes {
+        let rendered = render_frame(&mut gpu, &view(objects()), 0, &with(mode, prefilter)).unwrap();
+        let found = worst(&rendered.picture, want);
+        // As `a_capture_lies_between_layers` has it.
+        assert!(found < 1e-4, "{mode:?}, {prefilter:?}: {found:.1e}");
+        assert_eq!(rendered.stats.left_out, 0);
     }
     for n in [8, 9_usize] {
         let layers: Vec<(f64, Vec3)> = (0..n).map(|i| (0.15 + 0.02 * i as f64, colour_of(i))).collect();

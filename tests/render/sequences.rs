@@ -93,6 +93,7 @@ fn render(scene: &Scene, frame: i64, options: &RenderOptions) -> Picture {
 
 /// The same motion by identity in shuffled files, by row, and by velocity alone: cubic curves between the files are
 /// exact for accelerations that stay the same, and velocities alone err by a quarter of a frame.
+// Not deep: the only test of all that sequences may say of motion.
 #[test]
 fn one_motion_in_three_ways_is_one_picture() {
     let model = ball();

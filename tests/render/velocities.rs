@@ -53,6 +53,7 @@ fn differing(a: &Picture, b: &Picture, limit: f32) -> (usize, f64) {
 }
 
 /// Velocities of all points are the motion of the object: `<motion>` says the same.
+// Not deep: the only test of points that move in every mode.
 #[test]
 fn points_with_velocities_move_as_their_object_would() {
     let by_points = ball(VELOCITY, DVec3::ZERO, Vec::new());
@@ -116,10 +117,12 @@ fn share_passed(column: f64, [x0, v, a]: [f64; 3]) -> f64 {
     (0..n).filter(|i| passed((f64::from(*i) + 0.5) / f64::from(n))).count() as f64 / f64::from(n)
 }
 
-/// A plate before an orthographic-like camera; its edge stands at column 30 and accelerates to the right.
+/// A plate before an orthographic-like camera; its edge stands at column 30 and accelerates to the right. Row 30
+/// alone is looked at: of 60 rows those below it are left out, and of the plate what is away from it.
 fn accelerating_plate() -> (Scene, [f64; 3], f64) {
+    const ROWS: u32 = 31;
     let spacing = 0.05;
-    let points = (-80..=0).flat_map(|i| (-40..=40).map(move |j| DVec3::new(f64::from(i), f64::from(j), 0.0) * spacing));
+    let points = (-80..=0).flat_map(|i| (-12..=12).map(move |j| DVec3::new(f64::from(i), f64::from(j), 0.0) * spacing));
     let mut plate = round_surfels(points.map(|p| (p, DVec3::Z, 2.0 * spacing, Vec3::ONE)));
     plate.velocity = vec![Vec3::new(0.4, 0.0, 0.0); plate.len()];
     plate.acceleration = vec![Vec3::new(2.4, 0.0, 0.0); plate.len()];
@@ -127,12 +130,14 @@ fn accelerating_plate() -> (Scene, [f64; 3], f64) {
     let mut plate = object(plate);
     plate.material = Some(UNLIT);
     // 20 pixels to a unit: focal length 100, distance 5.
-    let fovy = (2.0 * (30.0_f64 / 100.0).atan()).to_degrees();
-    let scene = scene(vec![plate], [100, 60], DVec3::new(0.0, 0.0, 5.0), fovy);
+    let fovy = (2.0 * (0.5 * f64::from(ROWS) / 100.0).atan()).to_degrees();
+    let mut scene = scene(vec![plate], [100, ROWS], DVec3::new(0.0, 0.0, 5.0), fovy);
+    scene.camera.shift.y = 30.0 / f64::from(ROWS) - 0.5;
     // Discs reach 2 spacings beyond the last centres.
     (scene, [50.0 + 2.0 * 20.0 * spacing, 8.0, 48.0], 20.0)
 }
 
+// Not deep: the closed form of accelerations.
 #[test]
 fn accelerations_are_those_of_the_closed_form() {
     let (scene, edge, _) = accelerating_plate();
@@ -158,6 +163,7 @@ fn accelerations_are_those_of_the_closed_form() {
 }
 
 /// The layer `velocity` of a plate, by both integrators: v + a t at mid-exposure, in pixels per shutter.
+// Not deep: the closed form of that layer.
 #[test]
 fn the_velocity_layer_has_velocities_of_points() {
     let (mut scene, _, pixels) = accelerating_plate();
@@ -173,6 +179,7 @@ fn the_velocity_layer_has_velocities_of_points() {
 }
 
 /// `at` and the unit say where points are in another frame.
+// Not deep: the only test of `at` and of its unit in pictures.
 #[test]
 fn points_travel_from_the_frame_they_are_given_at() {
     let mut travelled = ball(VELOCITY, DVec3::new(0.0, -0.2, 0.0), Vec::new());
@@ -211,6 +218,7 @@ fn burst(seed: u64) -> Scene {
 
 /// Splats and rays share no code that moves points.
 #[test]
+#[ignore = "deep: many samples"]
 fn bursts_look_as_the_reference_has_them() {
     for (seed, text, prefilter, limit) in [
         (1, "supersample:64", Prefilter::None, 0.012),
@@ -229,28 +237,44 @@ fn bursts_look_as_the_reference_has_them() {
 }
 
 #[cfg(feature = "gpu")]
+fn moves_points_as_on_the_cpu(
+    gpu: &mut dyn splatblur::backend::Backend,
+    cases: &[(&str, Prefilter, Shading)],
+    opacity: f64,
+) {
+    for &(text, prefilter, shading) in cases {
+        let mut scene = burst(7);
+        scene.objects[0].opacity = opacity;
+        let options = options(mode(text), prefilter, shading);
+        let host = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap().picture;
+        let device = render_frame(gpu, &scene, 0, &options).unwrap().picture;
+        let (worst, mean) = differing(&host, &device, 1e-3);
+        println!("{text} {prefilter:?} {opacity}: {worst} differ, mean {mean:.1e}");
+        assert!(worst < 200 && mean < 1e-4, "{text} {prefilter:?}: {worst} values differ, mean {mean:e}");
+    }
+}
+
+// Not deep: the pictures of points with velocities on a GPU, at instants and in motion.
+#[cfg(feature = "gpu")]
 #[test]
 fn the_gpu_moves_points_as_the_cpu_does() {
     let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_gpu_moves_points_as_the_cpu_does") else { return };
-    for (text, prefilter, shading) in [
+    let cases =
+        [("supersample:4", Prefilter::Ewa, Shading::Phong), ("volumetric:3", Prefilter::Approx, Shading::Gouraud)];
+    moves_points_as_on_the_cpu(&mut gpu, &cases, 1.0);
+}
+
+#[cfg(feature = "gpu")]
+#[test]
+#[ignore = "deep: whole pictures"]
+fn the_gpu_moves_points_in_all_modes() {
+    let Some(mut gpu) = crate::support::gpu::gpu_or_skip("the_gpu_moves_points_in_all_modes") else { return };
+    let instants = [
         ("supersample:4", Prefilter::None, Shading::Gouraud),
         ("supersample:4", Prefilter::Ewa, Shading::Phong),
         ("bucket:2x2", Prefilter::Approx, Shading::Phong),
-        ("volumetric:3", Prefilter::Approx, Shading::Gouraud),
-        ("volumetric:3", Prefilter::Ewa, Shading::Gouraud),
-    ] {
-        for opacity in [1.0, 0.5] {
-            if opacity < 1.0 && text.starts_with("vol") {
-                continue;
-            }
-            let mut scene = burst(7);
-            scene.objects[0].opacity = opacity;
-            let options = options(mode(text), prefilter, shading);
-            let host = render_frame(&mut Cpu::default(), &scene, 0, &options).unwrap().picture;
-            let device = render_frame(&mut gpu, &scene, 0, &options).unwrap().picture;
-            let (worst, mean) = differing(&host, &device, 1e-3);
-            println!("{text} {prefilter:?} {opacity}: {worst} differ, mean {mean:.1e}");
-            assert!(worst < 200 && mean < 1e-4, "{text} {prefilter:?}: {worst} values differ, mean {mean:e}");
-        }
-    }
+    ];
+    moves_points_as_on_the_cpu(&mut gpu, &[instants[0], instants[2]], 1.0);
+    moves_points_as_on_the_cpu(&mut gpu, &instants, 0.5);
+    moves_points_as_on_the_cpu(&mut gpu, &[("volumetric:3", Prefilter::Ewa, Shading::Gouraud)], 1.0);
 }

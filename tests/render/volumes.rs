@@ -156,16 +156,15 @@ fn fields() -> [(&'static str, Field); 2] {
 }
 
 /// Magnified: a cell is some pixels wide, and the eye is within a cell's hundredfold.
+// Not deep: the truth of volumes that marches along rays.
 #[test]
 fn volumes_near_the_eye_are_the_marched_ones() {
-    for (name, field) in fields() {
+    for ((name, field), eye) in fields().into_iter().zip(NEAR) {
         let volume = grid(32, 0.6, LAYER, field);
-        for eye in NEAR {
-            let view = VolumeCamera { eye, at: DVec3::ZERO, fovy: FOVY, size: [64, 48] };
-            let want = picture(&volume, &view);
-            let found = render(&seen(vec![Object::new(volume.clone())], &view), &unfiltered());
-            assert_near(&format!("{name} from {eye}"), &found, &want, [0.01, 0.01]);
-        }
+        let view = VolumeCamera { eye, at: DVec3::ZERO, fovy: FOVY, size: [64, 48] };
+        let want = picture(&volume, &view);
+        let found = render(&seen(vec![Object::new(volume)], &view), &unfiltered());
+        assert_near(&format!("{name} from {eye}"), &found, &want, [0.01, 0.01]);
     }
 }
 
@@ -183,6 +182,7 @@ fn reduced(picture: &[[f64; 4]], width: usize, n: usize) -> Vec<[f64; 4]> {
 
 /// Minified: a pixel holds some cells. The truth is the mean over its square.
 #[test]
+#[ignore = "deep: many samples"]
 fn volumes_far_away_are_filtered() {
     for (name, field) in fields() {
         let volume = grid(32, 0.6, LAYER, field);
@@ -232,6 +232,7 @@ fn zebra(cells: [usize; 2]) -> Gaussians {
     out
 }
 
+// Not deep: it holds the filter of volumes where the test above is left out.
 #[test]
 fn a_zebra_is_smooth_with_the_filter_and_aliased_without() {
     for cells in [[256, 128], [256, 64]] {
@@ -367,20 +368,19 @@ fn memory_and_threads_change_no_byte() {
         else {
             panic!("{mode}: a byte is enough")
         };
-        for threads in [1, 3] {
+        // More threads need more.
+        for (threads, memory) in [(1, 1 << 30), (3, needed + needed / 2)] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            // More threads need more.
-            for memory in [needed + needed / 2, 1 << 30] {
-                let few = RenderOptions { memory, ..options.clone() };
-                let found = pool.install(|| render_frame(&mut Cpu::default(), &scene, 0, &few)).unwrap();
-                println!("{mode}, {threads} threads, {memory} bytes: {} splats", found.stats.splats);
-                assert!(bits(&found.picture) == bits(&whole.picture), "{mode}, {threads} threads, {memory}");
-            }
+            let few = RenderOptions { memory, ..options.clone() };
+            let found = pool.install(|| render_frame(&mut Cpu::default(), &scene, 0, &few)).unwrap();
+            println!("{mode}, {threads} threads, {memory} bytes: {} splats", found.stats.splats);
+            assert!(bits(&found.picture) == bits(&whole.picture), "{mode}, {threads} threads, {memory}");
         }
     }
 }
 
 /// All modes show the same picture, up to what they sample.
+// Not deep: the only test of volumes in mode auto.
 #[test]
 fn modes_agree_on_volumes_in_motion() {
     let scene = mixed([60, 45]);

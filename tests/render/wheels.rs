@@ -60,6 +60,7 @@ fn standing(picture: &Picture) -> f64 {
 }
 
 /// One spoke spacing within the exposure: a smooth disc.
+// Not deep: a trap for mode auto that no other test has.
 #[test]
 fn spokes_that_move_to_the_next_are_smooth() {
     let scene = turning(1.0);
@@ -75,6 +76,7 @@ fn spokes_that_move_to_the_next_are_smooth() {
 }
 
 /// As many spacings as samples: every sample shows the same, and mode auto says that it would not see it.
+// Not deep: the only test of what mode auto says of turns.
 #[test]
 fn mode_auto_says_that_spokes_may_stand() {
     /// Most samples of a first round that leaves room for one of three times as many within 256.

@@ -125,13 +125,12 @@ fn at_distance(distance: f64, size: [u32; 2]) -> (usize, f64) {
 
 #[test]
 fn a_close_camera_makes_more_surfels() {
-    let found = [100.0, 6.0, 4.0, 2.0, 0.51].map(|distance| at_distance(distance, [200, 150]));
+    let found = [100.0, 6.0, 4.0, 2.0].map(|distance| at_distance(distance, [200, 150]));
     let counts = found.map(|(count, _)| count as f64);
     println!("{counts:?}");
     assert!(counts.is_sorted_by(|a, b| a < b), "{counts:?}");
-    // Least and most.
+    // The least.
     assert!((counts[0] / 2e4 - 1.0).abs() < 0.05, "{counts:?}");
-    assert!((counts[4] / 3e6 - 1.0).abs() < 0.05, "{counts:?}");
     // The front is 3.5 away: a pixel is 2 tan(20 degrees) / 150 times as wide.
     let pixel = 3.5 * 2.0 * 20_f64.to_radians().tan() / 150.0;
     assert!((found[2].1 * 2.25 / pixel - 1.0).abs() < 1e-4, "{found:?}");
@@ -140,6 +139,13 @@ fn a_close_camera_makes_more_surfels() {
     assert!((1.2 * sides..1.77 * sides).contains(&counts[2]), "{counts:?}, {sides}");
     // Twice as many rows, half the spacing.
     assert!((found[2].1 / at_distance(4.0, [400, 300]).1 - 2.0).abs() < 1e-4);
+}
+
+#[test]
+#[ignore = "deep: fine meshes"]
+fn a_camera_that_touches_a_mesh_makes_the_most_surfels() {
+    let (count, _) = at_distance(0.51, [200, 150]);
+    assert!((count as f64 / 3e6 - 1.0).abs() < 0.05, "{count}");
 }
 
 #[test]
@@ -215,7 +221,9 @@ fn pixels_by_colour(scene: &Scene) -> [usize; 8] {
 fn three_sides_of_a_mesh_show_and_of_a_cloud_the_front() {
     let folder = tempfile::tempdir().unwrap();
     let mesh = coloured_cube(folder.path());
-    let mut scene = scene_file::load_model(&mesh, &scene_file::LoadOptions::default()).unwrap().scene;
+    // Twice as fine as the pictures below need.
+    let size = scene_file::LoadOptions { size: Some((320, 240)), ..scene_file::LoadOptions::default() };
+    let mut scene = scene_file::load_model(&mesh, &size).unwrap().scene;
     assert!(scene.camera.automatic);
     (scene.image.width, scene.image.height) = (160, 120);
     scene.objects[0].material = Some(support::UNLIT);
@@ -226,7 +234,8 @@ fn three_sides_of_a_mesh_show_and_of_a_cloud_the_front() {
     assert!([2, 4, 6].iter().all(|&side| counts[side] > 700), "{counts:?}");
     assert_eq!((counts[1], counts[3], counts[5]), (0, 0, 0));
     // All of it shows.
-    let picture = support::render(&scene, &RenderOptions::default());
+    let quality = BlurMode::Still { pixel_samples: 4 }.into();
+    let picture = support::render(&scene, &RenderOptions { quality, ..RenderOptions::default() });
     let edge = |i: usize| [0, 159].contains(&(i % 160)) || [0, 119].contains(&(i / 160));
     assert!((0..picture.rgba.len()).filter(|&i| edge(i)).all(|i| picture.rgba[i][..3] == [0.0; 3]));
     // The same surfels as a cloud.

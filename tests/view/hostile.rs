@@ -198,6 +198,7 @@ fn what_a_page_should_not_say_is_answered_in_a_line() {
     });
 }
 
+// Not deep: it waits for a deadline of 5 s, and takes little of the processor.
 #[test]
 fn half_open_connections_do_not_keep_others_out() {
     beside(|program| {
@@ -227,6 +228,7 @@ fn half_open_connections_do_not_keep_others_out() {
     });
 }
 
+// Not deep: it waits for pages, and takes little of the processor.
 #[test]
 fn a_page_that_never_reads_gets_one_picture_and_holds_nobody_up() {
     beside(|program| {

@@ -162,6 +162,7 @@ mod tests {
 
     /// RMSE in the order of CONTESTANTS: .118, .030, .064, .018 and .076 (lattice); .082, .021, .058, .012 and .055 (at
     /// random).
+    // Not deep: it holds the prefilters against each other.
     #[test]
     fn full_ewa_is_nearest_at_the_horizon() {
         let (thesis, mut renderer) = small();
