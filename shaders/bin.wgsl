@@ -41,7 +41,7 @@ struct Status {
     // Number of splats so far, 64 bits.
     splats_low: u32,
     splats_high: u32,
-    // Of `peel_left_out`.
+    // Pixels with more layers than are peeled, as `peel_left_out` counts them, 64 bits.
     left_out_low: u32,
     left_out_high: u32,
 }

@@ -80,10 +80,10 @@ fn add_pixel(index: u32, tile: vec2<u32>, pixel: vec2<u32>, sum_at: u32, share: 
 fn coverage_of_layer(sum_at: u32, covered: bool) -> f32 {
     let weight = sums[sum_at];
     let peak_at = sum_at + PEAK * TILE_PIXELS;
-    // Of a thin sheet both sides are there; they cover once.
+    // A thin sheet has both sides, which cover once.
     let sum = 0.5 * (weight + abs(sums[peak_at + TILE_PIXELS]));
-    // What filtering leaves of the kernels' peaks, and a share of the rest: where half is left, discs tell outlines
-    // better than sums, which miss what kernels lose towards their rims.
+    // Discs tell outlines better than sums, which miss what kernels lose towards their rims. Where filtering leaves a
+    // share p of the peaks, discs count p + p (1 - p).
     let lost = 1.0 - sums[peak_at] * (1.0 / weight);
     let hard = 1.0 - lost * lost;
     return hard * select(0.0, 1.0, covered) + (1.0 - hard) * min(sum, 1.0);

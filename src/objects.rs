@@ -70,7 +70,7 @@ pub fn add_layer(
         rendered.stats.add(&shares.stats);
         backend.recycle(shares.picture);
     }
-    // Those of the picture alone.
+    // The samples of the picture alone, without those of the mattes.
     rendered.stats.samples = samples;
     let names = scene.objects.iter().filter(|object| !object.is_part()).map(|object| object.name.clone()).collect();
     rendered.picture.layers.push(Layer { aov: Aov::Object, planes: vec![indices], names });

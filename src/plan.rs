@@ -258,13 +258,13 @@ impl CompositePass {
 /// Most layers of see-through surfels at a pixel.
 pub const LAYERS: u8 = 8;
 
-/// A pass of [`Step::Peel`]. Those of a layer have its number, 0 for the nearest.
+/// A pass of [`Step::Peel`]. Passes of a layer have its number, 0 for the nearest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LayerPass {
     /// Nothing is covered yet.
     Start,
-    /// As [`PaintPass::Visibility`], of discs behind all layers before this one. That of number [`LAYERS`] finds what
-    /// [`LayerPass::LeftOut`] counts.
+    /// As [`PaintPass::Visibility`], of discs behind all layers before this one. The pass with number [`LAYERS`] finds
+    /// what [`LayerPass::LeftOut`] counts.
     Visibility(u8),
     /// Finds the pixels that are solid.
     Second(u8),

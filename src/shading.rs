@@ -56,7 +56,8 @@ pub fn mirrored(n: [f32; 3], view: [f32; 3]) -> [f32; 3] {
 /// where one surface curves or its normals are noisy, and that of the mean up to .72, where surfaces meet at a right
 /// angle or sharper; linear between them. A higher range makes smooth models darker than the reference.
 ///
-/// The diffuse term of the mean of two lit normals is the mean of their diffuse terms. That of a unit vector is larger.
+/// The diffuse term of the mean of two lit normals is the mean of their diffuse terms. A unit vector in the same
+/// direction has a larger one.
 #[inline(always)]
 pub fn agreement(length2: f32) -> f32 {
     let length = length2.sqrt();

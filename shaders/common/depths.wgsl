@@ -1,4 +1,4 @@
-// What is known of the depths of a tile.
+// The depths that passes know of a tile.
 // Twin: src/backend/cpu/paint/buffers.rs.
 
 // Does a filter widen kernels? Without it tiles have no apron, and nothing is known of their depths but T.

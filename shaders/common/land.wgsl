@@ -27,12 +27,13 @@ fn reads_out() -> bool {
     return view.strip != 0.0;
 }
 
-// Of a vector: what lies along the read-out, and across it.
+// A vector as its parts along the read-out and across it.
 fn turned(v: vec2<f32>) -> vec2<f32> {
     return select(v.xy, v.yx, view.strip > 0.0);
 }
 
-// That of a centre (x, y, depth, in homogeneous pixel coordinates) with this motion from the middle to the last row.
+// The landing of a centre (x, y, depth, in homogeneous pixel coordinates) with this motion from the middle to the last
+// row.
 fn landing(centre: vec3<f32>, motion: vec3<f32>) -> Landing {
     let half = abs(view.strip);
     let middle = half - turned(view.axis).x + turned(view.offset).x;

@@ -2,7 +2,7 @@
 // the list of wide splats. Twin: the lists of src/backend/cpu/bin.rs, which need no merging.
 // A program that uses this file declares `list`, `wide` and `starts`, the output of `bin`.
 
-// What is left of the two lists.
+// The entries of both lists that are still to come.
 struct Walk {
     next: u32,
     end: u32,

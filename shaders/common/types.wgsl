@@ -66,11 +66,11 @@ struct View {
     // First pixel of the map. Number of tiles in a row of the map, and of rows of tiles.
     map_corner: vec2<i32>,
     map_tiles: vec2<u32>,
-    // Standard deviation of the low-pass filter of full EWA; 0 without it. That of the filter of textures.
+    // Standard deviations of two filters: the low-pass filter of full EWA, 0 without it; that of textures.
     sigma: f32,
     footprint: f32,
-    // Of what is transparent. Place of the first slot in the order of depth. Which surfels there are: bits as below.
-    // What turns sums over the group into means. Not 0 in the last slab of depth.
+    // For step `Composite`: place of the first slot in the order of depth; which surfels there are, in bits as below;
+    // the factor that turns sums over the group into means; not 0 in the last slab of depth.
     first_place: u32,
     surfels: u32,
     opaque_scale: f32,

@@ -1,6 +1,6 @@
 // Pass `attribute` (program `sum_attributes`): sums the attributes of the splats that pass the depth test, with their
 // weights. Filtered kernels have four layers by depth; solid pixels, groups of several samples, and kernels without a
-// filter have the band alone. What is peeled off has the first two, and no splats but those from the floor to T.
+// filter have the band alone. A layer that is peeled off has the first two, and only splats from the floor to T.
 // Twin: src/backend/cpu/paint/attribute.rs.  Math: docs/math.md, eq. 6, and section 3.
 //   in   splats, list, starts, wide, thresholds, values
 //        segments  sample and tolerance of a splat, its weight and share

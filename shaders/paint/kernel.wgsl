@@ -20,7 +20,7 @@ struct EwaSplat {
 // A kernel on the rays through a quad.
 struct Seen {
     weight: vec4<f32>,
-    // Of its plane; of its centre where the ray misses the plane.
+    // Depth of its plane; of its centre where the ray misses the plane.
     depth: vec4<f32>,
     // True where the disc covers the pixel.
     disc: vec4<bool>,

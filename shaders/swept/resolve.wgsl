@@ -40,7 +40,7 @@ fn coverage_of_masks(at: u32) -> f32 {
     if either == 0xffffffffu { most = view.weight; }
     let large = select(1.0, peak / sum, sum > 0.0);
     let hard = 1.0 - (1.0 - large) * (1.0 - large);
-    // Of a thin two-sided sheet the side with the larger sum counts.
+    // A thin two-sided sheet counts with the larger of its sides' sums.
     let weight = view.weight * (0.5 * (sum + abs(side)));
     // The time for which discs cover, as far as the weights may be off by noise.
     let noise = 1.0 + NOISE * (large * large);

@@ -42,7 +42,8 @@ const MOST_ALPHA: f32 = 0.99;
 // A pixel whose transmittance is below this takes no more.
 const OPAQUE: f32 = 1e-4;
 
-// What is in front of a quad, or the open layer of a volume: `through` then holds its optical depth in powers of 1/2.
+// The composite in front of a quad, or the open layer of a volume: `through` then holds its optical depth in powers of
+// 1/2.
 struct Composite {
     through: vec4<f32>,
     red: vec4<f32>,
@@ -81,7 +82,7 @@ fn composite(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_i
     quad.column = tile_place.x * TILE + place.x * 4u;
     quad.row = tile_place.y * TILE + place.y;
     var walk = walk_of(index);
-    // What is still open ends with the last slab.
+    // A layer that is still open ends with the last slab.
     let has_rest = (OPEN != 0u || NEXT != 0u) && view.ends != 0u;
     var sum: Composite;
     var open: Composite;

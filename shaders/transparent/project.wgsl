@@ -51,11 +51,11 @@ struct CaptureSegment {
     // Harmonics that each has, and those that are used: 0, 3, 8 or 15.
     harmonics_each: u32,
     harmonics_used: u32,
-    // Of a volume: area on the raster over that in the model, at depth 1 on the axis, over 2 pi, in powers of 1/2.
-    // Depth of a layer, scene units.
+    // For volumes: area on the raster over that in the model, at depth 1 on the axis, over 2 pi, in powers of 1/2; and
+    // the depth of a layer, scene units.
     area: f32,
     layer: f32,
-    // Of what is lit: as in `Segment`.
+    // For lit kernels: as in `Segment`.
     normal: array<vec4<f32>, 3>,
     world: array<vec4<f32>, 3>,
     material: vec4<f32>,
@@ -223,7 +223,7 @@ const LEAST_NORMAL: f32 = 1.17549435e-38;
 struct Bend {
     // Factor on the integral over the screen.
     mass: f32,
-    // Of the mean place on the screen, pixels.
+    // Shift of the mean place on the screen, pixels.
     shift: vec2<f32>,
 }
 

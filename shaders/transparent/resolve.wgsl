@@ -55,7 +55,7 @@ fn transparent_resolve(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_in
         film[at + c * TILE_PIXELS] += view.weight * seen;
     }
     film[at + 3u * TILE_PIXELS] += view.weight * alpha;
-    // What is opaque shows through what is before it.
+    // Opaque surfels show through what is before them.
     if DEPTH_PLANE != 0u {
         add(at, DEPTH_PLANE, sums[sum_at + 4u * TILE_PIXELS], through);
     }

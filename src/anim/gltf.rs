@@ -90,8 +90,8 @@ impl GltfAnimation {
     /// The motion of a node with all that it hangs below.
     ///
     /// `node` is the name of a node, else the name of the mesh of one, else `#index`; without it the first node that
-    /// has keys. Of several animations the first that moves the chain is used. `fps` is how many frames a second the
-    /// file has; its keys that miss a frame by rounding are on it.
+    /// has keys. If several animations move the chain, the first is used. `fps` is how many frames a second the file
+    /// has; its keys that miss a frame by rounding are on it.
     ///
     /// # Errors
     /// There is no such node, or several are. A node of the chain has keys and a matrix that is no translation,

@@ -104,7 +104,7 @@ impl Track {
                 Between::Step if same => 0.0,
                 Between::Linear if turns => 2.0 * libm::acos(a.dot(b).abs().min(1.0)) / length,
                 Between::Linear => (b - a).length() / length,
-                // Of the Hermite basis, the derivatives are at most 3/2, 1 and 1.
+                // The derivatives of the Hermite basis are at most 3/2, 1 and 1.
                 Between::Cubic if !turns => {
                     1.5 * (b - a).length() / length + self.values[3 * k + 2].length() + self.values[3 * k + 3].length()
                 }

@@ -193,8 +193,8 @@ impl<'a> Errors<'a> {
         }
     }
 
-    /// Measures again the blocks that a finer round added samples to: those with `finer` above 1. What is seen decides
-    /// nothing more.
+    /// Measures again the blocks that a finer round added samples to: those with `finer` above 1. From now on the
+    /// error alone decides, and not what is seen.
     pub(super) fn measure_again(&mut self, buffers: &HalfBuffers, finer: &[u32]) {
         let [even, odd] = buffers.pictures();
         let is_fresh = |block: usize| finer[block] > 1;

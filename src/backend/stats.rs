@@ -28,7 +28,7 @@ pub struct Stats {
     /// [`RenderOptions::memory`]: crate::options::RenderOptions::memory
     pub splats: u64,
     /// Pixels, over all groups of time samples, at which more layers of see-through surfels lie one behind the other
-    /// than are composited ([`LAYERS`](crate::plan::LAYERS)). What is behind them is left out there.
+    /// than are composited ([`LAYERS`](crate::plan::LAYERS)). The farther ones are left out there.
     pub left_out: u64,
     /// Time of `project`. On the CPU: the sum over all threads, `bin` included. On a GPU: by the device's clock.
     pub project: Duration,

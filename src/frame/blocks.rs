@@ -56,7 +56,7 @@ mod tests {
         assert_eq!(found(63), [0..64, 128..140]);
         assert_eq!(found(64), [0..64, 64..128]);
         assert_eq!(Blocks::columns(None, 64, 140, 2).first(), Some(&(0..140)));
-        // What is to the right of the image is not the next row.
+        // A block right of the image is none of the next row.
         assert!(blocks.at(0, 1) && !blocks.at(3, 0) && !blocks.at(0, 2));
         assert_eq!(Blocks::count([140, 70], 2), [3, 2]);
     }

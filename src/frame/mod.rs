@@ -48,7 +48,8 @@ pub struct Frame {
     pub aovs: Vec<Aov>,
     /// What surfaces mirror; `None` where no surface does.
     pub surroundings: Option<Surroundings>,
-    /// The background behind the film. What is transparent is composited over it, instant by instant.
+    /// The background behind the film. Captures, volumes and see-through surfels are composited over it, instant by
+    /// instant.
     pub background: Background,
     /// What replaces the background's colour.
     pub panorama: Option<Panorama>,

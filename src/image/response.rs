@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use crate::math::srgb;
 
-/// The code of a PNG file, as a share of the greatest one, for light from 0 to 1. What is brighter is clipped.
+/// The code of a PNG file, as a share of the greatest one, for light from 0 to 1. Brighter light is clipped.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Response {
     /// The curve of sRGB.

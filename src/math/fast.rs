@@ -112,8 +112,8 @@ pub fn log2(x: f32) -> f32 {
     e as f32 + s * p
 }
 
-/// log2 of the least value of [`pow`]. What is smaller cannot be seen, and its products would be denormal numbers, with
-/// which processors are slow.
+/// log2 of the least value of [`pow`]. Smaller values cannot be seen, and their products would be denormal numbers,
+/// with which processors are slow.
 const LEAST_POWER: f32 = -90.0;
 
 /// base^exponent for base >= 0 and exponent >= 0; 0^0 = 1. It is at least 2^-90; above, its relative error is

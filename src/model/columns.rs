@@ -1,7 +1,8 @@
 //! Which column of a table of points means what: the one list of names that PLY properties and the headers of text
 //! files share.
 //!
-//! Names count in any letter case and order. Of several names for one thing the first that is there is taken.
+//! Names count in any letter case and order. If a file has several names for one thing, the first in the list
+//! is taken.
 //!
 //! | what | names |
 //! |---|---|
@@ -56,7 +57,7 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// Chooses the columns to use. What is shown as grey is a note.
+    /// Chooses the columns to use. A note says which one is shown as grey.
     ///
     /// # Errors
     /// The element has no x, y and z, or colours of several types.

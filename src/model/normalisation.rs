@@ -120,8 +120,8 @@ impl Disc {
     }
 }
 
-/// Greatest distance of a u + b v from 0, a^2 + b^2 <= 1: the greater singular value. That of axes at right angles is
-/// the longer one.
+/// Greatest distance of a u + b v from 0, a^2 + b^2 <= 1: the greater singular value, which for axes at
+/// right angles is the length of the longer one.
 fn reach(u: DVec3, v: DVec3) -> f32 {
     let (uu, vv, uv) = (u.length_squared(), v.length_squared(), u.dot(v));
     ((uu + vv + ((uu - vv) * (uu - vv) + 4.0 * uv * uv).sqrt()) / 2.0).sqrt() as f32

@@ -42,7 +42,7 @@ pub(super) fn estimate(
     neighbours: &Neighbours,
     progress: Progress<'_>,
 ) -> Estimated {
-    // Of several points in one place, the first that has a normal decides.
+    // If several points are in one place, the first that has a normal decides.
     let mut place = vec![Vec3::ZERO; cloud.position.len()];
     for (&n, &i) in normal.iter().zip(&cloud.of) {
         let at = &mut place[i as usize];

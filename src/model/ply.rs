@@ -1,8 +1,8 @@
 //! PLY files: point clouds, surfels, meshes, and Gaussian-splat captures.
 //!
 //! The header (`ply_header`) becomes a list of steps, one for each property. The body (`ply_body`) is then read in one
-//! pass. Names count in any letter case and order, values in any type. Those of points are in `columns`, and what
-//! stands for 1 where they are whole numbers in `ply_scales`. Others are:
+//! pass. Names count in any letter case and order, values in any type. The names for points are in `columns`;
+//! `ply_scales` knows which whole number stands for 1. Others are:
 //!
 //! | what | names |
 //! |---|---|
@@ -203,7 +203,7 @@ struct GaussianColumns {
 
 impl GaussianColumns {
     /// The columns, if the file is a capture. `f_rest` columns count if they are exactly those of a degree from 1 to 4.
-    /// Of degree 4 what lies beyond degree 3 is dropped.
+    /// A file of degree 4 keeps its degrees 1 to 3.
     fn find(finder: &mut Finder<'_>) -> Option<Self> {
         let own = finder.take([
             "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2",

@@ -146,8 +146,8 @@ fn names(bytes: &[u8]) -> Result<Option<(Names, usize)>, ParseError> {
     Ok(None)
 }
 
-/// Lines with words, as (line number, words), from line `first` on. Of the words of a line one more than `most` is
-/// enough to refuse it.
+/// Lines with words, as (line number, words), from line `first` on. A line has at most `most` + 1 words: one more than
+/// `most` is enough to refuse it.
 fn lines(bytes: &[u8], first: u64, most: usize) -> impl Iterator<Item = (u64, Vec<&[u8]>)> {
     Lines::new(bytes, first)
         .map(move |line| (line.number, words(line.text, most)))

@@ -36,7 +36,7 @@ words!(
 );
 
 impl ModeName {
-    /// The parts that the mode has, by the names of their options. Those of COUNTS come first.
+    /// The parts that the mode has, by the names of their options; the parts of COUNTS come first.
     pub const fn parts(self) -> &'static [&'static str] {
         match self {
             Self::Auto => &["error", "samples-max", "pixel-samples", "interleave", "white"],

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::gaussians::blend::Blend;
 use super::trace::Seen;
 
-/// Transmittance at which a ray ends. What is left would change a colour by less than this.
+/// Transmittance at which a ray ends. Surfaces behind would change a colour by less than this.
 pub(super) const OPAQUE: f64 = 1e-6;
 
 /// What a ray has met so far. Colours are in the numbers of the image's blending, and all sums are premultiplied.

@@ -42,8 +42,8 @@ const HALF: f64 = 0.5;
 /// Least transmittance before a point that is seen: half of what a surface may have before it.
 const SEEN: f64 = 0.25;
 
-/// The flows of one frame between pairs of instants: shares of the shutter, 0 where it opens and 1 where it closes. Of
-/// `options` the depth tolerance and the visible sides count.
+/// The flows of one frame between pairs of instants: shares of the shutter, 0 where it opens and 1 where it closes. In
+/// `options` only the depth tolerance and the visible sides count.
 ///
 /// # Errors
 /// The scene holds a volume, which has no surface, or no reference can be made of it.

@@ -140,8 +140,8 @@ impl<'w, 'a> Integrator<'w, 'a> {
         self.world.is_see_through().then(|| Veil::new(self.world))
     }
 
-    /// Fills `tile` with the samples that may hit something. Of each pixel of the tile (corner in the image, size) it
-    /// takes the points `range` of each scrambling. The window is `width` pixels wide.
+    /// Fills `tile` with the samples that may hit something. Each pixel of the tile (corner in the image, size) gets
+    /// the points `range` of each scrambling. The window is `width` pixels wide.
     fn place_tile(
         &self,
         tile: &mut TileSamples,

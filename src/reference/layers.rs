@@ -6,7 +6,7 @@
 use super::trace::{Seen, Tracer};
 use super::traverse::LEAST_EPSILON;
 
-/// Most layers of a ray. What is behind them is left out.
+/// Most layers of a ray. Farther ones are left out.
 pub(super) const MOST_LAYERS: usize = 8;
 
 /// A layer of see-through surfels.

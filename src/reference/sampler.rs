@@ -122,8 +122,8 @@ impl Scrambled<'_> {
     }
 }
 
-/// Side of the grid of positions. Of all sides whose square divides `n`, it is the one nearest to the cube root of `n`,
-/// by ratio.
+/// Side of the grid of positions: among all sides whose square divides `n`, the one nearest to the cube root of `n`, by
+/// ratio.
 fn grid_side(n: u64) -> u64 {
     let root = libm::cbrt(n as f64);
     let off = |side: u64| (side as f64 / root).max(root / side as f64);

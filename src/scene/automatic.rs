@@ -122,7 +122,7 @@ fn range(
         }
         None => (0, if moving { LAST } else { 0 }),
     };
-    // What is given wins; the other end makes room.
+    // The end that is given wins; the other end makes room.
     let (first, last) = match (given.first, given.last) {
         (Some(first), None) => (first, last.max(first)),
         (None, Some(last)) => (first.min(last), last),

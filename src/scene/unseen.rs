@@ -130,7 +130,7 @@ impl Places {
         let all = hidden + behind + nearer + outside + inside;
         let missed = inside == 0 || !drawn && (inside as f64) < IN_VIEW * all as f64;
         if missed {
-            // What is before the camera in part can be turned to.
+            // A camera can turn to a thing of which a part is before it.
             if outside * OUTSIDE >= all {
                 return Unseen::Outside;
             }

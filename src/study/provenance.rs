@@ -292,7 +292,7 @@ fn inputs(scene: &Scene, path: &Path) -> Result<Vec<Input>, ProvenanceError> {
     let mut files = named(scene);
     let sequences = || scene.objects.iter().filter_map(|object| object.shape.sequence()).map(|files| files.spec());
     let firsts: Vec<PathBuf> = sequences().map(|spec| spec.pattern.path(spec.first)).collect();
-    // What is missing, or is a pipe, had no say in the scene.
+    // Files that are missing, and pipes, had no say in the scene.
     let others = scene.files.iter().filter(|(file, stamp)| *file != path && !firsts.contains(file) && stamp.is_some());
     files.extend(others.map(|(file, stamp)| (file, *stamp)));
     let mut inputs = files.into_iter().map(|(path, stamp)| input(path, stamp)).collect::<Result<Vec<_>, _>>()?;

@@ -22,7 +22,7 @@ impl CameraAt {
     /// Largest coordinate, scene units.
     const FAR: f64 = 1e12;
 
-    /// The scene's camera at frame `frame`. Of a camera in motion it looks at the depth of the middle of the objects.
+    /// The scene's camera at frame `frame`. A camera in motion looks at a point as deep as the middle of the objects.
     pub(super) fn of(scene: &Scene, frame: f64) -> Self {
         let Camera { eye, at, up, fovy, .. } = scene.camera;
         let fovy = fovy.to_degrees();

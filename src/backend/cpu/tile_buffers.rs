@@ -38,11 +38,11 @@ pub(in crate::backend) struct Slices {
 pub(in crate::backend) struct CoverageMask {
     /// Object-space kernels.
     pub surface: Vec<u32>,
-    /// Filtered kernels; of published kernels their low-pass discs.
+    /// Filtered kernels; for published kernels their low-pass discs.
     pub low_pass: Vec<u32>,
     /// Sum of the weights of what covers, visible or hidden; where the sum of weights is the coverage, sum of all
-    /// visible weights. Of published kernels: sum of the weights of low-pass discs beyond those of their kernels, or of
-    /// all weights.
+    /// visible weights. For published kernels: sum of the weights of low-pass discs beyond those of their kernels, or
+    /// of all weights.
     pub loose: Vec<f32>,
     /// The same sum of weight times peak, and of weights that are negative for kernels that show their backs; empty for
     /// published kernels.

@@ -33,7 +33,7 @@ pub(in crate::backend) struct Job<'a> {
     pub group: &'a PosedGroup,
     /// Is it of see-through surfels?
     pub see_through: bool,
-    /// May splats have low-pass discs? Those of see-through surfels and of maps have none.
+    /// May splats have low-pass discs? See-through surfels and maps have none.
     pub low_pass: bool,
     /// The pixels that are worked on.
     pub area: Area,

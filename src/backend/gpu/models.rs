@@ -46,12 +46,11 @@ struct Model {
 pub(in crate::backend) struct ModelBuffer {
     /// Which of the model.
     pub surfels: Range<usize>,
-    /// Columns: positions, axes u, axes v, those of the paths; then the normalisation of kernels and its mean, where a
-    /// frame needed them.
-    /// Of Gaussians: positions, standard deviations, rotations, opacities.
+    /// Columns of surfels: positions, axes u, axes v, those of the paths; then the normalisation of kernels and its
+    /// mean, where a frame needed them. Columns of Gaussians: positions, standard deviations, rotations, opacities.
     pub geometry: Buffer,
-    /// Columns: normals, colours, then materials, opacities and mipmaps where the model has them. Of Gaussians:
-    /// colours, harmonics, then normals where they have them.
+    /// Columns of surfels: normals, colours, then materials, opacities and mipmaps where the model has them. Columns of
+    /// Gaussians: colours, harmonics, then normals where they have them.
     pub looks: Buffer,
 }
 

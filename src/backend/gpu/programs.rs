@@ -481,8 +481,8 @@ pub(in crate::backend) struct Layouts {
 }
 
 impl Pipelines {
-    /// Pipelines of programs in which, once in each, the second text of a pair replaces the first. Those of programs
-    /// that stay the same are kept.
+    /// Pipelines of programs in which, once in each, the second text of a pair replaces the first. Programs that stay
+    /// the same keep theirs.
     #[cfg(test)]
     pub(in crate::backend) fn with(&self, replaced: &'static [(&'static str, &'static str)]) -> Self {
         let mut all = Self { replaced, ..self.clone() };

@@ -234,7 +234,7 @@ impl<'a> TransparentStep<'a> {
                 pad(&mut segments);
             }
         }
-        // Of the sort of depths; pass `bin` writes its own.
+        // Totals for the sort of depths; pass `bin` writes its own.
         let totals = [self.slots.div_ceil(WORKGROUP_ITEMS), 1, 1, self.slots];
         let queue = &state.device.queue;
         queue.write_buffer(&state.buffers.views, 0, &views);

@@ -3,9 +3,9 @@
 //! Each pass of the GPU backend is fed the CPU's results of the passes before it, and compared with the CPU's own
 //! (`splats`, `sweeps`, `ewas`, `filtered_sweeps`). The CPU's passes run through the constructors that rendering uses
 //! (`splat_twins`, `sweep_twins`, `ewa_twins`). Splats and lists are compared slot by slot (`slots`), floats with
-//! tolerances (`compare`). What is transparent is compared as whole frames, and Gaussians by the pass that
-//! projects them (`transparents`). The comparison must reject broken programs (`mutants`), and buffers that are too
-//! small must not show (`small_buffers`).
+//! tolerances (`compare`). See-through surfels, captures and volumes are compared as whole frames, and Gaussians by the
+//! pass that projects them (`transparents`). The comparison must reject broken programs (`mutants`), and buffers that
+//! are too small must not show (`small_buffers`).
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr, reason = "tests may stop and report")]
 
 mod captures;

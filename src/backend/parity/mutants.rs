@@ -84,7 +84,7 @@ static MUTANTS: [Mutant; 56] = [
     ),
     ([("min(r2d, r3d)", "r3d")], "supersample"),
     ([("at.scaled_r2 * (depth * depth), vec4", "at.scaled_r2 * depth, vec4")], "plain"),
-    // Of what surfaces mirror.
+    // What surfaces mirror.
     ([("twice * n - eye", "twice * n + eye")], "supersample"),
     ([("0.5 * (view.pixel * view.pixel)", "0.05 * (view.pixel * view.pixel)")], "supersample"),
     ([("f32(1u << (2u * doublings))", "f32(1u << doublings)")], "supersample"),
@@ -98,7 +98,7 @@ static MUTANTS: [Mutant; 56] = [
     ([("thresholds[depths_at + i] = vec4<f32>(UNWANTED)", "thresholds[depths_at + i] = vec4<f32>(NONE)")], "in part"),
     ([("!is_wide && is_wanted(vec2<u32>(x, y))", "!is_wide")], "in part"),
     ([("if is_wide && is_wanted_block", "if !is_wide && is_wanted_block")], "in part, hard"),
-    // Of strips that are read out.
+    // Strips that are read out.
     ([("c += lands.time * motion;", "c += 0.9 * lands.time * motion;")], "rolling"),
     ([("u += lands.time *", "u -= lands.time *")], "rolling"),
     ([("own.y + landing.across * along", "own.y")], "rolling"),

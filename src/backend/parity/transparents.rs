@@ -293,7 +293,7 @@ static MUTANTS: [Mutant; 139] = [
     ([("(xx - 3.0 * yy)", "(xx + 3.0 * yy)")], "supersample"),
     ([("centre.x * over * rate.z", "centre.x * over")], "supersample"),
     ([("rate.y - centre.y", "rate.y + centre.y")], "supersample"),
-    // Of volumes.
+    // Volumes.
     ([("inverse_focal2 = 1.0 / (view.focal * view.focal)", "inverse_focal2 = 1.0 / view.focal")], "volume"),
     ([("segment.area * sqrt(longer2) * (over * over)", "segment.area * sqrt(longer2) * over")], "volume"),
     ([("opacity >= LEAST_NORMAL, is_volume", "opacity * 255.0 > 1.0, is_volume")], "volume"),
@@ -315,7 +315,7 @@ static MUTANTS: [Mutant; 139] = [
     ([("if OPEN != 0u { close_layer(sum, open, reaches); }", "")], "volume"),
     ([("if OPEN != 0u { close_layer(&sum, &open, vec4<bool>(true)); }", "")], "volume"),
     ([("(1.0 - through) / select", "1.0 / select")], "volume"),
-    // Of see-through surfels.
+    // See-through surfels.
     ([("met.covers = met.covers & (met.depth > depths.floor);", "")], "glass"),
     ([("thresholds[floor_at] = thresholds[depths_at + i]", "thresholds[floor_at] = vec4<f32>(0.0)")], "glass"),
     ([("(seen.depth > quad.floor) & ", "")], "glass"),

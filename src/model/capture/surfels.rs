@@ -1,7 +1,7 @@
 //! Captures taken as opaque surfels.
 //!
 //! The surfel has the two larger axes of a Gaussian at two sigma, where our kernel ends. The smallest axis is its
-//! normal, whose sign the file does not say. Of the colour it has the part that is the same from all sides.
+//! normal, whose sign the file does not say. Its colour is the part that is the same from all sides.
 
 use glam::{DMat3, DVec3, Vec3};
 

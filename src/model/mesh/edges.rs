@@ -66,7 +66,7 @@ impl Edges {
         }
         let corner = shape.corner.map(|p| shadow(p, shape.axis()));
         let twice_area = (corner[1] - corner[0]).perp_dot(corner[2] - corner[0]);
-        // Of the weight of each corner.
+        // How the weight of each corner changes along the axes of the shadow.
         let gradient = [0, 1, 2].map(|i| (corner[(i + 2) % 3] - corner[(i + 1) % 3]).perp() / twice_area);
         let [b, c] = hit.weight.map(f64::from);
         let mut weight = [1.0 - b - c, b, c];

@@ -19,7 +19,7 @@ pub(super) struct Facets<'a> {
     pub(super) origin: DVec3,
     /// Edge lengths of that box.
     pub(super) size: DVec3,
-    /// Indices of the usable triangles, rising. Of equal ones it has the first.
+    /// Indices of the usable triangles, rising; only the first of equal ones.
     pub(super) kept: Vec<u32>,
     /// Indices of the usable triangles that are equal to an earlier one, rising.
     pub(super) repeated: Vec<u32>,
@@ -62,8 +62,8 @@ impl TriangleShape {
         (self.corner[0] + self.corner[1] + self.corner[2]) / 3.0
     }
 
-    /// The axis along which the triangle is largest. Of equals it is the first, also where rounding tells them apart,
-    /// so that triangles of one plane agree.
+    /// The axis along which the triangle is largest; the first of equal ones, also where rounding tells them apart, so
+    /// that triangles of one plane agree.
     pub(super) fn axis(&self) -> usize {
         const SAME: f64 = 1.0 + 1e-9;
         let size = self.across.abs();

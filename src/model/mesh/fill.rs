@@ -77,7 +77,7 @@ pub(super) fn extras(facets: &Facets<'_>, edges: &Edges, band: &Band, hits: &[Hi
             let shape = facets.shape(i);
             let near = band.near(&shape);
             let step = band.spacing(!near.is_empty());
-            // What is smaller than the spacing may be crumpled: then any disc will do.
+            // Triangles smaller than the spacing may be crumpled: then any disc will do.
             let faces = shape.height() > spacing;
             candidates(i, &shape, step).map(move |hit| {
                 let at = hit.position(&shape.corner);

@@ -1,7 +1,7 @@
 //! Meshes of glTF files, .glb and .gltf.
 //!
-//! The default scene at rest, in world space, or the mesh of one node in its own space. Of a material the base colour
-//! is kept, with its texture, its opacity, and whether both sides show. What else a file has is a note.
+//! The default scene at rest, in world space, or the mesh of one node in its own space. A material keeps its base
+//! colour, its texture, its opacity, and whether both sides show. Anything else in a file is a note.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;

@@ -2,7 +2,7 @@
 //!
 //! Paths are those of the computer that wrote the file, often with backslashes, drives and `..`. A file is looked for
 //! beside the OBJ under its whole name, then without its first folders, one after another. Nothing outside the OBJ's
-//! folder is opened. What is not found is a note.
+//! folder is opened. A file that is not found is a note.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

@@ -15,7 +15,7 @@ use crate::math::{fast, srgb};
 
 /// Least standard deviation of a filter across its ellipse, cells. Level 0 takes all that no other level may have.
 const FINE: f64 = 1.0;
-/// Standard deviations at which the Gaussian is cut. What is cut off weighs exp(-4.5) = 1.1 %.
+/// Standard deviations at which the Gaussian is cut. The rest weighs exp(-4.5) = 1.1 % of the whole.
 const REACH: f64 = 3.0;
 /// Greatest ratio of the standard deviations along and across an ellipse. A longer one is widened.
 const LONGEST: f64 = 16.0;

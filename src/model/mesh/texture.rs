@@ -111,7 +111,7 @@ fn decode_png(bytes: &[u8], budget: &mut Budget) -> Result<Texels, String> {
     decoded(PngDecoder::with_limits(Cursor::new(bytes), limits), budget)
 }
 
-/// The texels of an image, once there is room for what its header promises. Those of 16 bits are rounded to 8.
+/// The texels of an image, once there is room for what its header promises; 16 bits are rounded to 8.
 fn decoded(decoder: ImageResult<impl ImageDecoder>, budget: &mut Budget) -> Result<Texels, String> {
     let damage = |e: ImageError| format!("damage: {}", files::cause(&e));
     let decoder = decoder.map_err(damage)?;

@@ -173,7 +173,7 @@ fn sides_of_a_thin_sheet_do_not_share() {
     let back = flat(lattice(9), 0.0, Vec3::NEG_Z, 1.0);
     let alone = [front.normalisation(), back.normalisation()].concat();
     assert_eq!(joined(&[&front, &back]).normalisation(), alone);
-    // Those of two layers that face the same way do, unless they lie farther apart than a radius.
+    // Two layers that face the same way do share, unless they lie farther apart than a radius.
     let near = flat(lattice(9), 0.0, Vec3::Z, 1.0);
     let both = joined(&[&front, &near]);
     assert!((area(&both, 40) / area(&front, 40) - 0.5).abs() < 1e-3);

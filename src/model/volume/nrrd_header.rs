@@ -246,8 +246,8 @@ fn spatial(fields: &Fields, sizes: &[usize], directions: Option<&[Option<DVec3>]
 /// Origin and steps along x, y and z by spacings and by the ends of axes.
 ///
 /// A cell of a `cell` axis reaches half a step beyond its sample on both sides, and ends are those of cells. The first
-/// and the last sample of a `node` axis stand at the ends. What is not said is `cell`. An axis without any end has its
-/// first sample at 0.
+/// and the last sample of a `node` axis stand at the ends. An axis that says neither is a `cell` axis. An axis without
+/// any end has its first sample at 0.
 fn straight(
     fields: &Fields,
     axes: usize,

@@ -4,8 +4,8 @@
 //! derivative of the projection at the centre, whose tangents are kept within 1.3 of the half field of view.
 //!
 //! All is multiplied by (z / f)^2. The centre is at (x, y, z) in the camera, and e = z u - (x, y) for the tangents u of
-//! the film point. Of the transform with the rows X, Y and Z, and the tangents s and t of J, the rows a = X - s Z and
-//! b = Y - t Z are left. With d = 0.3 z^2 / f^2, q = e^T (aSa + d, aSb; aSb, bSb + d)^-1 e.
+//! the film point. The transform has the rows X, Y and Z, and J the tangents s and t: together they leave the rows
+//! a = X - s Z and b = Y - t Z. With d = 0.3 z^2 / f^2, q = e^T (aSa + d, aSb; aSb, bSb + d)^-1 e.
 
 use glam::DVec3;
 

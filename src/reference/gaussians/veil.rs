@@ -275,7 +275,7 @@ impl<'w, 'a> Veil<'w, 'a> {
         waiting.drain(..done);
         let ray = &mut self.rays[number];
         if waiting.len() > MANY {
-            // What is still to come can only hide more.
+            // Gaussians that are still to come can only hide more.
             let mut transmittance = ray.sum.transmittance;
             let ends = waiting.iter().position(|hit| {
                 let hidden = transmittance < OPAQUE;

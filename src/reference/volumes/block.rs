@@ -146,7 +146,7 @@ fn fill_body(block: &mut Block, lines: &[Line]) {
         let (c6, c16) = (c4 * c2, c4 * c4 * c4 * c4);
         let r = [r, r * fall, r * c2, r * c2 * fall];
         let mut g = [g, g * r[0], g * r[0] * r[1], g * r[0] * r[1] * r[2]];
-        // Of four steps.
+        // The ratio over four steps.
         let mut ratio = r.map(|r| r * r * (r * r) * c6);
         let [red, green, blue] = line.colour;
         let mut node = first;

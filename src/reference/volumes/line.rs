@@ -1,9 +1,9 @@
 //! Kernels along one ray.
 //!
 //! The ray is e + z d relative to the centre of a kernel; z is camera depth. With the adjugate M = |V| V^-1 and A = d^T
-//! M d the kernel along the ray is a Gaussian of depth with the centre -d^T M e / A and the variance |V| / A. Of its
-//! distance from the ray, in standard deviations, the square is q = c^T V c / A with c = e x d. Neither cancels where
-//! the kernel is thin, and a flat one (|V| = 0) is nothing special.
+//! M d the kernel along the ray is a Gaussian of depth with the centre -d^T M e / A and the variance |V| / A. The
+//! square of its distance from the ray, in standard deviations, is q = c^T V c / A with c = e x d. Neither cancels
+//! where the kernel is thin, and a flat one (|V| = 0) is nothing special.
 
 use glam::DVec3;
 

@@ -200,7 +200,7 @@ impl<'w, 'a> March<'w, 'a> {
         for (at, batch) in self.batches[..self.used].iter().enumerate() {
             let Some(view) = &self.views[number * world.volumes.len() + batch.volume] else { continue };
             look(batch, view.place.eye, view.place.direction, &mut self.along);
-            // Of a kernel that is thin in the world, relative to its radius.
+            // Standard deviation along the ray below which a kernel is thin in the world, relative to its radius.
             let thin = THIN / (REACH * view.place.direction.length());
             let length = view.length * OVER_TAU;
             for i in 0..batch.count {

@@ -18,7 +18,7 @@ pub(super) fn errors(reference: &Picture) -> Option<[&[f32]; 3]> {
 /// Share of the values (pixels times r, g, b) that pass a two-sided z-test against the reference, whose standard error
 /// is taken as at least [`FLOOR`]. Šidák's correction for the number of values: a picture whose every difference is
 /// normal noise of that size has all values passing with a chance of 1 - [`SIGNIFICANCE`]. `None` where the reference
-/// has no such layer or the sizes differ. What is not finite fails.
+/// has no such layer or the sizes differ. Values that are not finite fail.
 pub fn pass_rate(picture: &Picture, reference: &Picture) -> Option<f64> {
     let errors = errors(reference)?;
     let n = picture.rgba.len();

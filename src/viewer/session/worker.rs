@@ -143,7 +143,7 @@ impl<'a> Worker<'a> {
             return Some(Job::Save(kind));
         }
         if let Some((number, compared)) = held.compared.take() {
-            // That of sides that are gone is of no use.
+            // A comparison of sides that are gone is of no use.
             if self.sides.compared(number) {
                 return Some(match compared {
                     Ok(errors) => Job::Compared(view.serial, errors),

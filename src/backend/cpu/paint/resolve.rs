@@ -87,10 +87,10 @@ fn resolve_body(
 /// the kernels' peaks in the mean, and `covered` says whether a disc covers the pixel.
 #[inline(always)]
 pub(in crate::backend) fn coverage(weight: f32, side: f32, peak: f32, covered: bool) -> f32 {
-    // Of a thin sheet both sides are there; they cover once.
+    // A thin sheet has both sides, which cover once.
     let sum = 0.5 * (weight + side.abs());
-    // What is left of the peaks, and a share of the rest: where half is left, discs tell outlines better than sums,
-    // which miss what kernels lose towards their rims.
+    // Discs tell outlines better than sums, which miss what kernels lose towards their rims. Where filtering leaves a
+    // share p of the peaks, discs count p + p (1 - p).
     let lost = 1.0 - peak;
     let hard = 1.0 - lost * lost;
     hard * f32::from(covered) + (1.0 - hard) * if sum < 1.0 { sum } else { 1.0 }

@@ -2,8 +2,8 @@
 //! section 7).
 //!
 //! J is the derivative of pixels by (u, v) at the centre at mid-interval, V = J J^T / 4, and V' = V + sigma^2 I. A disc
-//! with the derivative J', J' J'^T / 4 = V', is the filtered kernel. Of all J' the triangular one is taken: it is
-//! regular for a disc that is edge-on, too.
+//! with the derivative J', J' J'^T / 4 = V', is the filtered kernel. J' is taken triangular: so it is regular for a
+//! disc that is edge-on, too.
 
 use glam::Vec3;
 

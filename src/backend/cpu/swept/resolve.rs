@@ -61,7 +61,7 @@ fn coverage_body(exposure: &Exposure<'_>, coverage_mask: &CoverageMask, out: &mu
             let most = if surface[l] | filtered[l] == u32::MAX { exposure.weight } else { most[l] };
             let large = if sum[l] > 0.0 { peak[l] / sum[l] } else { 1.0 };
             let hard = 1.0 - (1.0 - large) * (1.0 - large);
-            // Of a thin two-sided sheet the side with the larger sum counts.
+            // A thin two-sided sheet counts with the larger of its sides' sums.
             let weight = exposure.weight * (0.5 * (sum[l] + side[l].abs()));
             // The time for which discs cover, as far as the weights may be off by noise.
             let noise = 1.0 + NOISE * (large * large);

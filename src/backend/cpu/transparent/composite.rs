@@ -52,7 +52,7 @@ pub(super) struct SampledTile<'a> {
     pub tile: &'a TileRect,
     /// Offset of the sample position from the pixels' centres, raster pixels.
     pub offset: [f32; 2],
-    /// Do depths rise? Those of a bucket's samples need not: their order is that of its middle.
+    /// Do depths rise? In a bucket they need not: all its samples have the order of its middle.
     pub rising: bool,
     pub surfels: Surfels<'a>,
 }

@@ -128,7 +128,7 @@ impl TransparentGroup<'_> {
         let (still, moves) = (runs(scope, true), runs(scope, false));
         let slabs = slabs(self, &still, &moves, middle);
         let several = self.several();
-        // Of the middle, for all samples.
+        // The order at the middle of the group, for all its samples.
         let mut order = Order::default();
         for sample in 0..samples {
             for (number, slab) in slabs.iter().enumerate() {

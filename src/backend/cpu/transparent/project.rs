@@ -33,8 +33,8 @@ pub(in crate::backend) const FAINTEST: f32 = 255.0;
 /// program): beyond, splats would grow without bounds.
 const FIELD: f32 = 1.3;
 
-/// log2 of the optical depth, in powers of 1/2, below which a volume's kernel is cut. What is cut off goes to what is
-/// left.
+/// log2 of the optical depth, in powers of 1/2, below which a volume's kernel is cut. The rest of the kernel is scaled
+/// up, so that the whole keeps its mass.
 pub(in crate::backend) const FAINTEST_DEPTH: f32 = -13.0;
 /// log2 of the largest optical depth of a kernel, likewise: a float still holds what it lets through next to its rim.
 pub(in crate::backend) const MOST_DEPTH: f32 = 40.0;
@@ -202,7 +202,7 @@ fn project_lanes_body(view: &GaussianView<'_>, gaussians: &Gaussians, first: usi
     let half = [0, 1].map(|i| FIELD * 0.5 * view.size[i] as f32 / view.stride);
     let volume = gaussians.optics != Optics::Alpha;
     let dilation = if volume { view.variance } else { DILATION / (view.stride * view.stride) };
-    // Of a volume: area on the raster over that in the model, at depth 1 on the axis, and over 2 pi in powers of 1/2.
+    // For volumes: area on the raster over that in the model, at depth 1 on the axis, and over 2 pi in powers of 1/2.
     let area = view.posed.screen_from_model.determinant().abs();
     let area = area * (std::f32::consts::LOG2_E / std::f32::consts::TAU);
     let inverse_focal2 = 1.0 / (view.raster.focal * view.raster.focal);

@@ -90,7 +90,7 @@ fn resolve_body(over: &Over<'_>, composite: &Composite, tile: &TileRect, film: &
                 add(c, &seen);
             }
             add(3, &alpha);
-            // What is opaque shows through what is before it.
+            // Opaque surfels show through what is before them.
             let mut mixed = |plane: usize, channel: Option<usize>| {
                 let own = channel.map_or([0.0; LANES], |channel| composite.lanes(channel, [x, y]));
                 let of_opaque = opaque(plane);

@@ -103,7 +103,7 @@ fn flat_kernels_of_uneven_grids() {
         }
         let (before, after) = (covariance(&plain, i), covariance(&flat, i));
         let (s, t) = n.any_orthonormal_pair();
-        // Of about 0.01: rounding of single precision.
+        // Covariances are about 0.01: the bound is rounding of single precision.
         for (a, b) in [(s, s), (s, t), (t, t)] {
             assert!((a.dot(before * b) - a.dot(after * b)).abs() < 1e-8);
         }
