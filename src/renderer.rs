@@ -344,7 +344,7 @@ fn check(scene: &Scene, options: &RenderOptions) -> Result<(), BackendError> {
     if let (true, Quality::Mode(BlurMode::Volumetric { .. })) = (scene.shutter.readout.rolls(), options.quality) {
         return Err(BackendError::RollingShutter);
     }
-    let transparent = |object: &&Object| object.shape.gaussians().is_some() || object.is_see_through();
+    let transparent = |object: &&Object| object.shape.is_composited() || object.is_see_through();
     let transparent = scene.objects.iter().find(transparent);
     if let (Some(object), Quality::Mode(BlurMode::Volumetric { .. })) = (transparent, options.quality) {
         return Err(BackendError::Volumetric { object: object.name.clone() });

@@ -135,8 +135,8 @@ fn motion(object: &Object, poses: &[&PosedObject], stride: u32, near: f32) -> Mo
         return Motion::Rests;
     }
     // Gaussians may be far larger than the box of their centres, and a short path may change their order.
-    if object.shape.gaussians().is_some() || object.shape.bounds().is_empty() {
-        return Motion::Moves;
+    if object.shape.is_composited() || object.shape.bounds().is_empty() {
+        return Movement::Moves;
     }
     let origin = object.shape.origin();
     let is_short = |corner: DVec3| path(poses, (corner - origin).as_vec3(), near) * (stride as f32) < STATIC_PATH;

@@ -71,6 +71,14 @@ impl Shape {
         }
     }
 
+    /// Is it a capture or a volume? Gaussians have no sides. They are sorted by depth and composited.
+    pub(crate) fn is_composited(&self) -> bool {
+        match self {
+            Self::Gaussians { .. } | Self::Volume(_) => true,
+            Self::Surfels { .. } | Self::Sequence { .. } | Self::Sphere(_) => false,
+        }
+    }
+
     /// The files of a sequence; `None` for other shapes.
     pub fn sequence(&self) -> Option<&Arc<Sequence>> {
         match self {

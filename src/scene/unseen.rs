@@ -121,7 +121,7 @@ fn of_parts(scene: &Scene, parts: &[Object], number: f64, drawn: bool) -> Unseen
             }
         }
     }
-    places.cause(parts.iter().any(|part| part.two_sided || part.shape.gaussians().is_some()), drawn)
+    places.cause(parts.iter().any(|part| part.two_sided || part.shape.is_composited()), drawn)
 }
 
 impl Places {

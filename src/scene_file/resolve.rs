@@ -305,7 +305,7 @@ impl Files<'_> {
             ..Object::new(shape)
         };
         spec.material.put_on(&mut object);
-        if object.shape.gaussians().is_some() {
+        if let Shape::Gaussians { .. } | Shape::Volume(_) = object.shape {
             object.opacity = spec.gaussians.opacity;
         }
         Ok(object)

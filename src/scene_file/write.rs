@@ -191,7 +191,11 @@ impl Xml {
             ]
         });
         // With its opacity and reflection alone it leaves the coefficients of the model's file.
-        let opacity = if object.shape.gaussians().is_some() { 1.0 } else { object.opacity };
+        let opacity = match object.shape {
+            // The element of the shape has it.
+            Shape::Gaussians { .. } | Shape::Volume(_) => 1.0,
+            Shape::Surfels { .. } | Shape::Sequence { .. } | Shape::Sphere(_) => object.opacity,
+        };
         if coefficients.is_some() || opacity != 1.0 || object.reflection != 0.0 {
             let mut attributes: Vec<_> = coefficients.into_iter().flatten().collect();
             attributes.extend([("opacity", number(opacity)), ("reflection", number(object.reflection))]);

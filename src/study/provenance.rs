@@ -14,7 +14,7 @@ use crate::files::{self, Changed, InputError, Stamp};
 use crate::image::Format;
 use crate::options::{Prefilter, RenderOptions};
 use crate::reference::{ReferenceOptions, Sampler};
-use crate::scene::{Scene, SequenceSpec};
+use crate::scene::{Object, Scene, SequenceSpec, Shape};
 use crate::scene_file;
 use crate::time::FrameNumber;
 
@@ -277,9 +277,11 @@ impl Settings {
 
 /// The files that a scene names, each once, without those of sequences. They have no stamp.
 fn named(scene: &Scene) -> BTreeMap<&PathBuf, Option<Stamp>> {
-    let models =
-        scene.objects.iter().filter(|object| object.shape.surfels().is_some() || object.shape.gaussians().is_some());
-    let models = models.map(|object| &object.source.path);
+    let is_model = |object: &&Object| match object.shape {
+        Shape::Surfels { .. } | Shape::Gaussians { .. } | Shape::Volume(_) => true,
+        Shape::Sequence { .. } | Shape::Sphere(_) => false,
+    };
+    let models = scene.objects.iter().filter(is_model).map(|object| &object.source.path);
     let animations = scene.objects.iter().filter_map(|object| object.animation.as_ref()).map(|a| &a.path);
     let environment = scene.environment.as_ref().map(|environment| &environment.path);
     let camera = scene.camera.animation.as_ref().map(|a| &a.path);
