@@ -45,49 +45,32 @@ impl Panorama {
     /// is not the background.
     pub fn of(scene: &Scene, number: FrameNumber, at: Option<f64>, filter: PixelFilter) -> Option<Self> {
         let environment = scene.panorama()?;
-        let strata = || {
-            let strata = scene.shutter.strata(if scene.camera.rests() { 1 } else { TIMES }, 0.5);
-            strata.into_iter().map(|(t, weight)| (scene.shutter.frame_time(number.get(), t), weight)).collect()
-        };
-        let times: Vec<(f64, f64)> = at.map_or_else(strata, |time| vec![(time, 1.0)]);
-        let camera = |time: f64, weight: f64| {
-            let camera = camera_from_world(scene, time);
-            (DMat3::from_mat4(camera).transpose().as_mat3(), weight as f32)
-        };
-        let height = scene.image.height;
-        let readout = &scene.shutter.readout;
-        let axis = readout.direction.axis();
-        let pixels = [scene.image.width, height][axis];
-        let delays: Vec<f64> = if readout.rolls() && !scene.camera.rests() {
-            (0..pixels).map(|pixel| readout.delay((f64::from(pixel) + 0.5) / f64::from(pixels))).collect()
-        } else {
-            vec![0.0]
-        };
-        let of_delay = |delay: f64| times.iter().map(|&(time, weight)| camera(time + delay, weight)).collect();
-        let variance = match filter {
-            PixelFilter::Box | PixelFilter::Point => 1.0 / 12.0,
-            PixelFilter::Gaussian { sigma } => (sigma * sigma) as f32,
-        };
-        let focal = focal_length(f64::from(height), scene.camera.fovy);
+        let size = [scene.image.width, scene.image.height];
+        let readout = scene.shutter.readout.direction.axis();
+        let focal = focal_length(f64::from(scene.image.height), scene.camera.fovy);
         // Pixels of the map along an axis of a pixel in the middle of the image.
         let covered = environment.map().width() as f64 / (TAU * focal);
-        let cameras: Vec<Vec<(Mat3, f32)>> = delays.into_iter().map(of_delay).collect();
+        let cameras = cameras(scene, number, at, size[readout]);
         let rests = matches!(cameras.as_slice(), [times] if times.len() == 1);
-        let offsets = match filter {
-            _ if !rests || covered > FEW => Vec::new(),
-            PixelFilter::Box | PixelFilter::Point => PixelFilter::Box.offsets(if covered > 1.0 { 16 } else { 4 }, 0),
-            PixelFilter::Gaussian { .. } => filter.offsets(16, 0),
-        };
         Some(Self {
             environment: environment.clone(),
             surroundings: environment.surroundings(),
             cameras,
-            readout: axis,
-            size: [scene.image.width, height],
-            axis: [0, 1].map(|i| ((0.5 + scene.camera.shift[i]) * f64::from([scene.image.width, height][i])) as f32),
+            readout,
+            size,
+            axis: [0, 1].map(|i| ((0.5 + scene.camera.shift[i]) * f64::from(size[i])) as f32),
             focal: focal as f32,
-            variance,
-            offsets,
+            variance: match filter {
+                PixelFilter::Box | PixelFilter::Point => 1.0 / 12.0,
+                PixelFilter::Gaussian { sigma } => (sigma * sigma) as f32,
+            },
+            offsets: match filter {
+                _ if !rests || covered > FEW => Vec::new(),
+                PixelFilter::Box | PixelFilter::Point => {
+                    PixelFilter::Box.offsets(if covered > 1.0 { 16 } else { 4 }, 0)
+                }
+                PixelFilter::Gaussian { .. } => filter.offsets(16, 0),
+            },
         })
     }
 
@@ -123,6 +106,28 @@ impl Panorama {
         }
         sum
     }
+}
+
+/// [`Panorama::cameras`]: at `at`, or over the exposure; for each of `pixels` that are read out one after another while
+/// the camera moves, else for all at once.
+fn cameras(scene: &Scene, number: FrameNumber, at: Option<f64>, pixels: u32) -> Vec<Vec<(Mat3, f32)>> {
+    let strata = || {
+        let strata = scene.shutter.strata(if scene.camera.rests() { 1 } else { TIMES }, 0.5);
+        strata.into_iter().map(|(t, weight)| (scene.shutter.frame_time(number.get(), t), weight)).collect()
+    };
+    let times: Vec<(f64, f64)> = at.map_or_else(strata, |time| vec![(time, 1.0)]);
+    let camera = |time: f64, weight: f64| {
+        let camera = camera_from_world(scene, time);
+        (DMat3::from_mat4(camera).transpose().as_mat3(), weight as f32)
+    };
+    let readout = &scene.shutter.readout;
+    let delays: Vec<f64> = if readout.rolls() && !scene.camera.rests() {
+        (0..pixels).map(|pixel| readout.delay((f64::from(pixel) + 0.5) / f64::from(pixels))).collect()
+    } else {
+        vec![0.0]
+    };
+    let of_delay = |delay: f64| times.iter().map(|&(time, weight)| camera(time + delay, weight)).collect();
+    delays.into_iter().map(of_delay).collect()
 }
 
 #[cfg(test)]

@@ -215,8 +215,6 @@ impl Poser<'_> {
         let screen = self.screen(camera_from_model);
         let (screen_from_model, screen_origin) = (screen.0.as_mat3(), screen.1.as_vec3());
         let (rate, pace) = self.velocity(object, time);
-        // Rotation of the camera that posed the object: normals and positions stay in world axes.
-        let world_from_camera = DMat3::from_mat4(*camera).transpose();
         let (epsilon, near) = self.depths(object, libm::cbrt(det.abs()));
         PosedObject {
             visible: pose.visible && det != 0.0,
@@ -236,7 +234,7 @@ impl Poser<'_> {
             normal_matrix: normal_matrix(&linear, &linear).as_mat3(),
             normal_motion: Mat3::ZERO,
             world_from_model: linear.as_mat3(),
-            world_origin: (world_from_camera * camera_from_model.w_axis.truncate()).as_vec3(),
+            world_origin: relative_to_eye(camera, camera_from_model).as_vec3(),
             handedness: if det < 0.0 { -1.0 } else { 1.0 },
             epsilon: epsilon as f32,
             near: near as f32,
@@ -338,6 +336,12 @@ fn drift(posed: &PosedObject, p: Vec3, advance: Vec3, near: f64) -> f64 {
     let drift = |end: DVec3| (on_raster(end) - on_raster(centre)).abs().max_element();
     let farther = drift(from).max(drift(to));
     if farther.is_nan() { f64::INFINITY } else { farther }
+}
+
+/// The model's origin relative to the eye, world axes. `camera` posed the object.
+fn relative_to_eye(camera: &DMat4, camera_from_model: &DMat4) -> DVec3 {
+    let world_from_camera = DMat3::from_mat4(*camera).transpose();
+    world_from_camera * camera_from_model.w_axis.truncate()
 }
 
 /// Inverse transpose up to a positive factor, finite for singular matrices: the cofactors, with the determinant's sign.
