@@ -1,4 +1,8 @@
-//! The frames under way: the one queue of frames between those that were asked for and those that were handed out.
+//! The frames under way, from the one that was asked for last to the one that is handed out next, in their order.
+//!
+//! A backend keeps what it needs to finish those that it has begun, in the same order: the CPU at most one picture, the
+//! GPU its submissions (`Gpu::flights`). Frames that mode auto, `object` or a filter of the image renders at once, and
+//! frames that are passed, are in this queue alone.
 
 use std::collections::VecDeque;
 

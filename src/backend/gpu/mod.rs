@@ -46,8 +46,8 @@ use crate::stop::Stop;
 pub struct Gpu {
     pub(super) state: DeviceState,
     clusters: ClusterStore,
-    /// Submissions that are not read back, in order. They are no second queue of frames, but what the device needs to
-    /// give back the film of each frame in `FrameQueue`.
+    /// Submissions that are not read back: the frames that were begun and not finished, in order. `FrameQueue` holds
+    /// their numbers and tags, and the frames that need no submission.
     flights: VecDeque<Flight>,
     landings: Vec<Landing>,
     /// Most bytes of a buffer that a program can bind.
