@@ -1,5 +1,7 @@
 //! The programs of `examples/` that users begin with, at small sizes.
 
+use std::sync::{Arc, Mutex};
+
 #[path = "../../examples/capture_in_memory.rs"]
 mod capture_in_memory;
 #[path = "../../examples/compare_with_reference.rs"]
@@ -10,6 +12,8 @@ mod frame_to_array;
 mod points_in_memory;
 #[path = "../../examples/poses_from_arrays.rs"]
 mod poses_from_arrays;
+#[path = "../../examples/stop_and_progress.rs"]
+mod stop_and_progress;
 
 #[test]
 fn a_frame_becomes_an_array() {
@@ -48,4 +52,19 @@ fn a_capture_is_made_in_memory() {
 fn poses_move_an_object_and_a_camera() {
     let shares = poses_from_arrays::coverage(3, 64, 48).unwrap();
     assert!(shares.len() == 4 && shares[3] > 0.05 && shares.windows(2).all(|pair| pair[1] < pair[0]), "{shares:?}");
+}
+
+/// Half of the first round is done when the frame is stopped.
+#[test]
+fn a_frame_is_stopped_from_another_thread() {
+    assert!(stop_and_progress::render(64, 36, |done| done.share >= 0.5).unwrap().is_none());
+    let told = Arc::new(Mutex::new(Vec::new()));
+    let into = Arc::clone(&told);
+    let picture = stop_and_progress::render(64, 36, move |done| {
+        into.lock().unwrap().push(done);
+        false
+    });
+    assert!(picture.unwrap().is_some_and(|picture| picture.rgba.len() == 64 * 36));
+    let told = told.lock().unwrap();
+    assert!(told.len() > 8 && told.last().is_some_and(|done| done.share == 1.0), "{told:?}");
 }
